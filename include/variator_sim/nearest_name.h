@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace variator_sim {
+
+/// The candidate that is most like `name` (fewest edits: insertion, deletion, substitution, swap of
+/// neighbours; letter case counts half), or an empty string when none is near enough to be meant.
+std::string findNearestName(const std::string& name, const std::vector<std::string>& candidates);
+
+/// " (did you mean 'x'?)" for the nearest candidate, or an empty string.
+std::string suggestName(const std::string& name, const std::vector<std::string>& candidates);
+
+/// "a, b, c", for messages that list what is allowed.
+std::string joinNames(const std::vector<std::string>& names);
+
+}  // namespace variator_sim

@@ -1,0 +1,132 @@
+/// The plain tree that a scene is read from. YAML (offline) and XmlRpc (online) both become one;
+/// the core reads nothing else, so one scene means the same in both worlds.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "variator_sim/errors.h"
+
+namespace variator_sim {
+
+/// A value: nothing, a boolean, an integer, a real number, a text, a list or a dictionary.
+class ParameterTree {
+ public:
+  enum class Kind { kNothing, kBoolean, kInteger, kReal, kText, kList, kDictionary };
+  using List = std::vector<ParameterTree>;
+  /// Sorted by key: XmlRpc keeps no order either.
+  using Dictionary = std::map<std::string, ParameterTree>;
+
+  ParameterTree() = default;
+  static ParameterTree boolean(bool value);
+  static ParameterTree integer(std::int64_t value);
+  static ParameterTree real(double value);
+  static ParameterTree text(std::string value);
+  static ParameterTree list(List values = {});
+  static ParameterTree dictionary(Dictionary values = {});
+
+  Kind kind() const { return kind_; }
+  bool asBoolean() const { return boolean_; }
+  std::int64_t asInteger() const { return integer_; }
+  double asReal() const { return real_; }
+  const std::string& asText() const { return text_; }
+  const List& asList() const { return list_; }
+  const Dictionary& asDictionary() const { return dictionary_; }
+  List& asList() { return list_; }
+  Dictionary& asDictionary() { return dictionary_; }
+
+  /// The value as a user would type it (YAML flow style), for error messages; long ones are cut.
+  std::string toText() const;
+  /// "a number", "a list", …, for error messages.
+  std::string describeKind() const;
+
+ private:
+  Kind kind_ = Kind::kNothing;
+  bool boolean_ = false;
+  std::int64_t integer_ = 0;
+  double real_ = 0.0;
+  std::string text_;
+  List list_;
+  Dictionary dictionary_;
+};
+
+/// Allowed range of a number.
+struct Range {
+  double minimum = -std::numeric_limits<double>::infinity();
+  double maximum = std::numeric_limits<double>::infinity();
+  bool minimum_included = true;
+  bool maximum_included = true;
+
+  static Range any() { return {}; }
+  static Range positive() { return {0.0, std::numeric_limits<double>::infinity(), false, true}; }
+  static Range notNegative() { return {0.0, std::numeric_limits<double>::infinity(), true, true}; }
+  static Range atLeast(double minimum) {
+    return {minimum, std::numeric_limits<double>::infinity(), true, true};
+  }
+  static Range between(double minimum, double maximum) { return {minimum, maximum, true, true}; }
+  bool contains(double value) const;
+  /// "> 0", "from 0 to 1", "any finite number".
+  std::string toText() const;
+};
+
+/// Reads one dictionary of a tree with checks and remembers which keys were asked for, so that
+/// `finish` can refuse the rest. Every failure is a SceneError with the key's full path.
+/// Numbers may be integers, reals, or texts that are numbers ("1e-9"); they must be finite.
+class ParameterReader {
+ public:
+  /// `tree` must outlive the reader and be a dictionary (SceneError otherwise); `path` is the
+  /// dictionary's own path, "" for the root.
+  ParameterReader(const ParameterTree& tree, std::string path);
+
+  const std::string& path() const { return path_; }
+  /// Full path of a key below this dictionary.
+  std::string keyPath(const std::string& key) const;
+  bool has(const std::string& key) const;
+
+  double number(const std::string& key, Range range = Range::any());
+  double number(const std::string& key, Range range, double default_value);
+  int integer(const std::string& key, int minimum, int maximum);
+  int integer(const std::string& key, int minimum, int maximum, int default_value);
+  bool boolean(const std::string& key, bool default_value);
+  std::string text(const std::string& key);
+  std::string text(const std::string& key, const std::string& default_value);
+  /// A formula: a text, or a number taken as its text with full precision.
+  std::string formula(const std::string& key);
+  /// A text out of `allowed`.
+  std::string choice(const std::string& key, const std::vector<std::string>& allowed);
+  std::string choice(const std::string& key, const std::vector<std::string>& allowed,
+                     const std::string& default_value);
+  /// A list of exactly `size` numbers.
+  std::vector<double> numbers(const std::string& key, std::size_t size, Range range = Range::any());
+  /// A list of texts; an absent key or nothing gives an empty list.
+  std::vector<std::string> names(const std::string& key);
+  /// A dictionary of numbers; an absent key gives an empty one.
+  std::map<std::string, double> numberDictionary(const std::string& key);
+  /// A reader of the dictionary at `key`; `finish` it before this one.
+  ParameterReader section(const std::string& key);
+  /// The value at `key` as it is, or nullptr; counts as read.
+  const ParameterTree* raw(const std::string& key);
+
+  /// Converts a value that stands at `path` to a number, with the checks of `number`.
+  static double toNumber(const ParameterTree& value, const std::string& path,
+                         Range range = Range::any());
+
+  /// Counts `key` as read (or as known, for the suggestion when another is misspelt).
+  void allow(const std::string& key) { known_.insert(key); }
+  /// SceneError for the first key of the dictionary that nobody asked for, with the nearest known.
+  void finish() const;
+
+ private:
+  const ParameterTree& require(const std::string& key, const char* what);
+
+  const ParameterTree* tree_;
+  std::string path_;
+  std::set<std::string> known_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,25 @@
+/// Sizes, enumerations and the view of a state that plugins read. Units: SI (rad, s, N m, kg m^2).
+#pragma once
+
+namespace variator_sim {
+
+/// Most shafts s of one drivetrain.
+constexpr int kMaxShafts = 8;
+/// Most constraints k; k < s.
+constexpr int kMaxConstraints = kMaxShafts - 1;
+/// Most commanded inputs u of one drivetrain.
+constexpr int kMaxInputs = 32;
+
+/// The state that torques and constraints are evaluated at. It owns nothing: the arrays belong to
+/// whoever integrates and are valid during the call only.
+struct StateView {
+  double time;             ///< t, s
+  const double* angle;     ///< phi, s values, rad
+  const double* velocity;  ///< omega, s values, rad/s
+  const double*
+      acceleration;          ///< epsilon, s values, rad/s^2 (undefined when a torque is evaluated)
+  const double* input;       ///< u, one value per commanded input of the scene, its own unit
+  const double* input_rate;  ///< u', one value per commanded input, its own unit per second
+};
+
+}  // namespace variator_sim

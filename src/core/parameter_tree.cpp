@@ -1,0 +1,479 @@
+#include "variator_sim/parameter_tree.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "variator_sim/nearest_name.h"
+
+namespace variator_sim {
+namespace {
+
+/// Longer texts of a value are cut in messages.
+constexpr std::size_t kLongestText = 120;
+
+/// Shortest text that reads back as the same double.
+std::string formatNumber(double value) {
+  std::array<char, 32> buffer{};
+  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  return std::string(buffer.data(), result.ptr);
+}
+
+/// As formatNumber, but always a YAML real ("1.0", "1.0e+20", ".inf").
+std::string formatReal(double value) {
+  if (std::isnan(value)) return ".nan";
+  if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
+  std::string text = formatNumber(value);
+  if (text.find('.') == std::string::npos) {
+    text.insert(std::min(text.find('e'), text.size()), ".0");
+  }
+  return text;
+}
+
+/// False unless the whole text is a number. A text too large or too small for a double counts as
+/// infinity or as NaN: neither passes for a finite number.
+bool parseNumber(const std::string& text, double* value) {
+  const char* begin = text.data();
+  const char* const end = begin + text.size();
+  if (text.size() > 1 && *begin == '+' && begin[1] != '-') ++begin;
+  const auto result = std::from_chars(begin, end, *value);
+  if (result.ptr != end || begin == end) return false;
+  if (result.ec == std::errc::result_out_of_range) {
+    *value = std::numeric_limits<double>::quiet_NaN();
+    return true;
+  }
+  return result.ec == std::errc();
+}
+
+/// True when a YAML reader would take the bare text as this text.
+bool isPlainText(const std::string& text) {
+  if (text.empty()) return false;
+  double number = 0.0;
+  if (parseNumber(text, &number) || text.front() == '-' || text.front() == '.') return false;
+  std::string lower;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (std::isalnum(byte) == 0 && std::string("_/.+-*^()").find(c) == std::string::npos) {
+      return false;
+    }
+    lower += static_cast<char>(std::tolower(byte));
+  }
+  if (std::isalnum(static_cast<unsigned char>(text.front())) == 0) return false;
+  for (const char* word : {"true", "false", "yes", "no", "on", "off", "null"}) {
+    if (lower == word) return false;
+  }
+  return std::isdigit(static_cast<unsigned char>(text.front())) == 0;
+}
+
+std::string quote(const std::string& text) {
+  if (isPlainText(text)) return text;
+  const bool has_control = std::any_of(text.begin(), text.end(), [](char c) {
+    return static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
+  });
+  std::string quoted;
+  if (!has_control) {
+    for (const char c : text) quoted += c == '\'' ? std::string("''") : std::string(1, c);
+    return "'" + quoted + "'";
+  }
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (c == '\n') {
+      quoted += "\\n";
+    } else if (c == '\t') {
+      quoted += "\\t";
+    } else if (byte < 0x20 || byte == 0x7f) {
+      std::array<char, 8> escape{};
+      std::snprintf(escape.data(), escape.size(), "\\x%02x", static_cast<unsigned>(byte));
+      quoted += escape.data();
+    } else {
+      if (c == '"' || c == '\\') quoted += '\\';
+      quoted += c;
+    }
+  }
+  return "\"" + quoted + "\"";
+}
+
+/// Appends `tree`, and stops once the text is longer than can be shown.
+void append(const ParameterTree& tree, std::string* text) {
+  if (text->size() > kLongestText) return;
+  switch (tree.kind()) {
+    case ParameterTree::Kind::kNothing:
+      *text += "~";
+      break;
+    case ParameterTree::Kind::kBoolean:
+      *text += tree.asBoolean() ? "true" : "false";
+      break;
+    case ParameterTree::Kind::kInteger:
+      *text += std::to_string(tree.asInteger());
+      break;
+    case ParameterTree::Kind::kReal:
+      *text += formatReal(tree.asReal());
+      break;
+    case ParameterTree::Kind::kText:
+      *text += quote(tree.asText());
+      break;
+    case ParameterTree::Kind::kList: {
+      const char* separator = "";
+      *text += "[";
+      for (const ParameterTree& value : tree.asList()) {
+        *text += separator;
+        append(value, text);
+        if (text->size() > kLongestText) return;
+        separator = ", ";
+      }
+      *text += "]";
+      break;
+    }
+    case ParameterTree::Kind::kDictionary: {
+      const char* separator = "";
+      *text += "{";
+      for (const auto& [key, value] : tree.asDictionary()) {
+        *text += separator + quote(key) + ": ";
+        append(value, text);
+        if (text->size() > kLongestText) return;
+        separator = ", ";
+      }
+      *text += "}";
+      break;
+    }
+  }
+}
+
+/// "got a text: abc", or "got nothing".
+std::string describe(const ParameterTree& value) {
+  if (value.kind() == ParameterTree::Kind::kNothing) return "got nothing";
+  return "got " + value.describeKind() + ": " + value.toText();
+}
+
+std::string elementPath(const std::string& path, std::size_t index) {
+  return path + "[" + std::to_string(index) + "]";
+}
+
+const std::string& requireText(const ParameterTree& value, const std::string& path) {
+  if (value.kind() != ParameterTree::Kind::kText) {
+    throw SceneError(path, "expected a text, " + describe(value));
+  }
+  return value.asText();
+}
+
+const ParameterTree& emptyDictionary() {
+  static const ParameterTree empty = ParameterTree::dictionary();
+  return empty;
+}
+
+}  // namespace
+
+ParameterTree ParameterTree::boolean(bool value) {
+  ParameterTree tree;
+  tree.kind_ = Kind::kBoolean;
+  tree.boolean_ = value;
+  return tree;
+}
+
+ParameterTree ParameterTree::integer(std::int64_t value) {
+  ParameterTree tree;
+  tree.kind_ = Kind::kInteger;
+  tree.integer_ = value;
+  return tree;
+}
+
+ParameterTree ParameterTree::real(double value) {
+  ParameterTree tree;
+  tree.kind_ = Kind::kReal;
+  tree.real_ = value;
+  return tree;
+}
+
+ParameterTree ParameterTree::text(std::string value) {
+  ParameterTree tree;
+  tree.kind_ = Kind::kText;
+  tree.text_ = std::move(value);
+  return tree;
+}
+
+ParameterTree ParameterTree::list(List values) {
+  ParameterTree tree;
+  tree.kind_ = Kind::kList;
+  tree.list_ = std::move(values);
+  return tree;
+}
+
+ParameterTree ParameterTree::dictionary(Dictionary values) {
+  ParameterTree tree;
+  tree.kind_ = Kind::kDictionary;
+  tree.dictionary_ = std::move(values);
+  return tree;
+}
+
+std::string ParameterTree::toText() const {
+  std::string text;
+  append(*this, &text);
+  if (text.size() <= kLongestText) return text;
+  // Not within a UTF-8 character.
+  std::size_t length = kLongestText - 3;
+  while (length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) --length;
+  return text.substr(0, length) + "...";
+}
+
+std::string ParameterTree::describeKind() const {
+  switch (kind_) {
+    case Kind::kNothing:
+      return "nothing";
+    case Kind::kBoolean:
+      return "a boolean";
+    case Kind::kInteger:
+      return "an integer";
+    case Kind::kReal:
+      return "a number";
+    case Kind::kText:
+      return "a text";
+    case Kind::kList:
+      return "a list";
+    case Kind::kDictionary:
+      return "a dictionary";
+  }
+  return "nothing";
+}
+
+bool Range::contains(double value) const {
+  if (!(minimum_included ? value >= minimum : value > minimum)) return false;
+  return maximum_included ? value <= maximum : value < maximum;
+}
+
+std::string Range::toText() const {
+  const bool has_minimum = std::isfinite(minimum);
+  const bool has_maximum = std::isfinite(maximum);
+  if (!has_minimum && !has_maximum) return "any finite number";
+  if (has_minimum && has_maximum && minimum_included && maximum_included) {
+    return "from " + formatNumber(minimum) + " to " + formatNumber(maximum);
+  }
+  std::string text;
+  if (has_minimum) text = (minimum_included ? ">= " : "> ") + formatNumber(minimum);
+  if (has_minimum && has_maximum) text += " and ";
+  if (has_maximum) text += (maximum_included ? "<= " : "< ") + formatNumber(maximum);
+  return text;
+}
+
+ParameterReader::ParameterReader(const ParameterTree& tree, std::string path)
+    : tree_(&tree), path_(std::move(path)) {
+  if (tree.kind() != ParameterTree::Kind::kDictionary) {
+    throw SceneError(path_, "expected a dictionary, " + describe(tree));
+  }
+}
+
+std::string ParameterReader::keyPath(const std::string& key) const {
+  return path_.empty() ? key : path_ + "/" + key;
+}
+
+bool ParameterReader::has(const std::string& key) const {
+  return tree_->asDictionary().count(key) != 0;
+}
+
+const ParameterTree* ParameterReader::raw(const std::string& key) {
+  known_.insert(key);
+  const auto found = tree_->asDictionary().find(key);
+  return found == tree_->asDictionary().end() ? nullptr : &found->second;
+}
+
+const ParameterTree& ParameterReader::require(const std::string& key, const char* what) {
+  const ParameterTree* value = raw(key);
+  if (value != nullptr) return *value;
+  std::vector<std::string> unread;
+  for (const auto& entry : tree_->asDictionary()) {
+    if (known_.count(entry.first) == 0) unread.push_back(entry.first);
+  }
+  const std::string misspelt = findNearestName(key, unread);
+  throw SceneError(
+      keyPath(key),
+      "missing; expected " + std::string(what) +
+          (misspelt.empty() ? "" : " (is '" + misspelt + "' meant for '" + key + "'?)"));
+}
+
+double ParameterReader::toNumber(const ParameterTree& value, const std::string& path, Range range) {
+  double number = 0.0;
+  bool is_number = false;
+  switch (value.kind()) {
+    case ParameterTree::Kind::kInteger:
+      number = static_cast<double>(value.asInteger());
+      is_number = true;
+      break;
+    case ParameterTree::Kind::kReal:
+      number = value.asReal();
+      is_number = true;
+      break;
+    case ParameterTree::Kind::kText:
+      is_number = parseNumber(value.asText(), &number);
+      break;
+    default:
+      break;
+  }
+  const bool any = range.toText() == Range::any().toText();
+  const std::string allowed = any ? "a finite number" : "a number " + range.toText();
+  if (!is_number) throw SceneError(path, "expected " + allowed + ", " + describe(value));
+  if (!std::isfinite(number)) {
+    throw SceneError(path, value.toText() + " is not a finite number; allowed: " + allowed);
+  }
+  if (!range.contains(number)) {
+    throw SceneError(path, value.toText() + " is out of range; allowed: " + allowed);
+  }
+  return number;
+}
+
+double ParameterReader::number(const std::string& key, Range range) {
+  const bool any = range.toText() == Range::any().toText();
+  const std::string what = any ? "a number" : "a number " + range.toText();
+  return toNumber(require(key, what.c_str()), keyPath(key), range);
+}
+
+double ParameterReader::number(const std::string& key, Range range, double default_value) {
+  const ParameterTree* value = raw(key);
+  return value == nullptr ? default_value : toNumber(*value, keyPath(key), range);
+}
+
+int ParameterReader::integer(const std::string& key, int minimum, int maximum) {
+  const std::string what =
+      "an integer from " + std::to_string(minimum) + " to " + std::to_string(maximum);
+  const ParameterTree& value = require(key, what.c_str());
+  double number = 0.0;
+  switch (value.kind()) {
+    case ParameterTree::Kind::kInteger:
+    case ParameterTree::Kind::kReal:
+    case ParameterTree::Kind::kText:
+      number = toNumber(value, keyPath(key));
+      break;
+    default:
+      throw SceneError(keyPath(key), "expected " + what + ", " + describe(value));
+  }
+  if (number != std::floor(number)) {
+    throw SceneError(keyPath(key), value.toText() + " is not an integer; allowed: " + what);
+  }
+  if (!(number >= minimum && number <= maximum)) {
+    throw SceneError(keyPath(key), value.toText() + " is out of range; allowed: " + what);
+  }
+  return static_cast<int>(number);
+}
+
+int ParameterReader::integer(const std::string& key, int minimum, int maximum, int default_value) {
+  return raw(key) == nullptr ? default_value : integer(key, minimum, maximum);
+}
+
+bool ParameterReader::boolean(const std::string& key, bool default_value) {
+  const ParameterTree* value = raw(key);
+  if (value == nullptr) return default_value;
+  if (value->kind() != ParameterTree::Kind::kBoolean) {
+    throw SceneError(keyPath(key), "expected true or false, " + describe(*value));
+  }
+  return value->asBoolean();
+}
+
+std::string ParameterReader::text(const std::string& key) {
+  return requireText(require(key, "a text"), keyPath(key));
+}
+
+std::string ParameterReader::text(const std::string& key, const std::string& default_value) {
+  const ParameterTree* value = raw(key);
+  return value == nullptr ? default_value : requireText(*value, keyPath(key));
+}
+
+std::string ParameterReader::formula(const std::string& key) {
+  const ParameterTree& value = require(key, "a formula (a text or a number)");
+  switch (value.kind()) {
+    case ParameterTree::Kind::kText:
+      return value.asText();
+    case ParameterTree::Kind::kInteger:
+      return std::to_string(value.asInteger());
+    case ParameterTree::Kind::kReal:
+      return formatNumber(toNumber(value, keyPath(key)));
+    default:
+      throw SceneError(keyPath(key), "expected a formula (a text or a number), " + describe(value));
+  }
+}
+
+std::string ParameterReader::choice(const std::string& key,
+                                    const std::vector<std::string>& allowed) {
+  const std::string what = "one of " + joinNames(allowed);
+  const ParameterTree& value = require(key, what.c_str());
+  if (value.kind() != ParameterTree::Kind::kText) {
+    throw SceneError(keyPath(key), "expected " + what + ", " + describe(value));
+  }
+  const std::string& name = value.asText();
+  if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
+    throw SceneError(keyPath(key), "'" + name + "' is not allowed" + suggestName(name, allowed) +
+                                       "; allowed: " + joinNames(allowed));
+  }
+  return name;
+}
+
+std::string ParameterReader::choice(const std::string& key, const std::vector<std::string>& allowed,
+                                    const std::string& default_value) {
+  return raw(key) == nullptr ? default_value : choice(key, allowed);
+}
+
+std::vector<double> ParameterReader::numbers(const std::string& key, std::size_t size,
+                                             Range range) {
+  const std::string what =
+      "a list of " + std::to_string(size) + (size == 1 ? " number" : " numbers");
+  const ParameterTree& value = require(key, what.c_str());
+  if (value.kind() != ParameterTree::Kind::kList) {
+    throw SceneError(keyPath(key), "expected " + what + ", " + describe(value));
+  }
+  const ParameterTree::List& list = value.asList();
+  if (list.size() != size) {
+    throw SceneError(keyPath(key), "expected " + what + ", got " + std::to_string(list.size()) +
+                                       ": " + value.toText());
+  }
+  std::vector<double> numbers;
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    numbers.push_back(toNumber(list[i], elementPath(keyPath(key), i), range));
+  }
+  return numbers;
+}
+
+std::vector<std::string> ParameterReader::names(const std::string& key) {
+  const ParameterTree* value = raw(key);
+  if (value == nullptr || value->kind() == ParameterTree::Kind::kNothing) return {};
+  if (value->kind() != ParameterTree::Kind::kList) {
+    throw SceneError(keyPath(key), "expected a list of names, " + describe(*value));
+  }
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < value->asList().size(); ++i) {
+    names.push_back(requireText(value->asList()[i], elementPath(keyPath(key), i)));
+  }
+  return names;
+}
+
+std::map<std::string, double> ParameterReader::numberDictionary(const std::string& key) {
+  const ParameterTree* value = raw(key);
+  if (value == nullptr || value->kind() == ParameterTree::Kind::kNothing) return {};
+  if (value->kind() != ParameterTree::Kind::kDictionary) {
+    throw SceneError(keyPath(key), "expected a dictionary of numbers, " + describe(*value));
+  }
+  std::map<std::string, double> numbers;
+  for (const auto& [name, number] : value->asDictionary()) {
+    numbers[name] = toNumber(number, keyPath(key) + "/" + name);
+  }
+  return numbers;
+}
+
+ParameterReader ParameterReader::section(const std::string& key) {
+  const ParameterTree& value = require(key, "a dictionary");
+  // A key with nothing behind it is a dictionary whose lines are all commented out.
+  const bool is_empty = value.kind() == ParameterTree::Kind::kNothing;
+  return ParameterReader(is_empty ? emptyDictionary() : value, keyPath(key));
+}
+
+void ParameterReader::finish() const {
+  const std::vector<std::string> known(known_.begin(), known_.end());
+  for (const auto& entry : tree_->asDictionary()) {
+    if (known_.count(entry.first) != 0) continue;
+    throw SceneError(keyPath(entry.first),
+                     "unknown key" + suggestName(entry.first, known) +
+                         "; allowed: " + (known.empty() ? "none" : joinNames(known)));
+  }
+}
+
+}  // namespace variator_sim
