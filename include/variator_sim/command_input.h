@@ -1,0 +1,76 @@
+/// Commanded inputs u(t): how samples that arrive at instants become a function of time with an
+/// exact value and an exact rate (theory: "holds"). Pure data and closed forms; no time is kept.
+#pragma once
+
+#include <limits>
+#include <string>
+
+#include "variator_sim/parameter_tree.h"
+
+namespace variator_sim {
+
+/// What u does between two commands.
+enum class Hold {
+  kZeroOrder,      ///< u = command; u' is an impulse at each command (the jump map)
+  kFirstOrderLag,  ///< tau u' = command - u
+  kRateLimit,      ///< |u'| = rate until u = command
+  kFirstOrderHold  ///< straight line from u to the command over one period
+};
+
+/// What happens when no command has come for `timeout` seconds of simulated time.
+enum class OnTimeout { kHold, kZero };
+
+/// The settings of one commanded input; constant during a run.
+struct CommandInputSettings {
+  std::string topic;  ///< name of the topic the commands arrive on
+  std::string owner;  ///< name of the torque or constraint that reads it
+  Hold hold = Hold::kZeroOrder;
+  double time_constant = 0.0;                                 ///< tau of kFirstOrderLag, s
+  double rate = 0.0;                                          ///< of kRateLimit, unit of u per s
+  double period = 0.0;                                        ///< of kFirstOrderHold, s
+  double initial = 0.0;                                       ///< u before the first command
+  double minimum = -std::numeric_limits<double>::infinity();  ///< commands are clamped
+  double maximum = std::numeric_limits<double>::infinity();
+  double timeout = 0.0;  ///< s of simulated time without a command; 0: never
+  OnTimeout on_timeout = OnTimeout::kHold;
+};
+
+/// Reads topic, hold, time_constant, rate, period, initial, min, max, timeout, on_timeout.
+/// Throws SceneError.
+CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner);
+
+/// u(t) since the last command: one closed form between two events.
+class CommandSignal {
+ public:
+  /// Constant u = `settings.initial`.
+  void reset(const CommandInputSettings& settings);
+
+  /// A command at `time` (already clamped, finite). Returns true when u itself jumps, so that the
+  /// caller must run the jump map (unless nothing has moved yet: then it is the initial value).
+  bool command(const CommandInputSettings& settings, double time, double value);
+
+  /// u at `time`, at or after the last event.
+  double value(double time) const;
+  /// u' at `time`, right-hand limit at an event, left-hand limit at `segmentEnd()`.
+  double rate(double time) const;
+  /// When the current closed form ends (a ramp that arrives), or infinity.
+  double segmentEnd() const { return segment_end_; }
+  /// Moves past `segmentEnd()`: u stays at its target from there.
+  void finishSegment();
+  /// True when u' = 0 for good: the input costs nothing per stage.
+  bool isConstant() const { return form_ == Form::kConstant; }
+  /// What u tends to.
+  double target() const { return target_; }
+
+ private:
+  enum class Form { kConstant, kExponential, kRamp };
+  Form form_ = Form::kConstant;
+  double start_time_ = 0.0;
+  double start_value_ = 0.0;
+  double target_ = 0.0;
+  double slope_ = 0.0;                  ///< of kRamp
+  double inverse_time_constant_ = 0.0;  ///< of kExponential
+  double segment_end_ = std::numeric_limits<double>::infinity();
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,34 @@
+/// Makes torques and constraints from the type names in a scene.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "variator_sim/constraint.h"
+#include "variator_sim/torque.h"
+
+namespace variator_sim {
+
+/// The core asks for components through this interface and so needs no plugin library.
+class ComponentFactory {
+ public:
+  virtual ~ComponentFactory() = default;
+  /// A new, not yet configured component, or nullptr for a type that is not known.
+  /// Throws std::runtime_error when the type is known and cannot be loaded.
+  virtual ConstraintPtr createConstraint(const std::string& type) = 0;
+  virtual TorquePtr createTorque(const std::string& type) = 0;
+  /// All types known, for error messages.
+  virtual std::vector<std::string> constraintTypes() = 0;
+  virtual std::vector<std::string> torqueTypes() = 0;
+};
+
+/// The components this package ships, made without any plugin library ("variator_sim/...").
+class BuiltinComponentFactory : public ComponentFactory {
+ public:
+  ConstraintPtr createConstraint(const std::string& type) override;
+  TorquePtr createTorque(const std::string& type) override;
+  std::vector<std::string> constraintTypes() override;
+  std::vector<std::string> torqueTypes() override;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,50 @@
+/// Applied generalized torques Q(t, phi, omega, u): the base class of torque plugins.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "variator_sim/component_context.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// One torque element. It adds to the applied torque Q of any shafts (positive accelerates) and to
+/// its total rate Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon + dQ/du u'.
+///
+/// Evaluations are const, allocate nothing, take no lock and do not throw: they run in the
+/// real-time loop. A value that does not exist is returned as NaN and stops the motion by name.
+class Torque {
+ public:
+  virtual ~Torque() = default;
+  Torque(const Torque&) = delete;
+  Torque& operator=(const Torque&) = delete;
+
+  /// Reads the parameters. Called once, before any evaluation. Throws SceneError.
+  void configure(ComponentContext& context) {
+    name_ = context.name();
+    doConfigure(context);
+  }
+  /// The element's name in the scene.
+  const std::string& name() const { return name_; }
+
+  /// Q += this element's torques, N m, s values. `state.acceleration` is not to be read.
+  void addTorque(const StateView& state, double* torque) const { doAddTorque(state, torque); }
+  /// Q' += the total rate of this element's torques, N m/s, s values.
+  void addTorqueRate(const StateView& state, double* torque_rate) const {
+    doAddTorqueRate(state, torque_rate);
+  }
+
+ protected:
+  Torque() = default;
+  virtual void doConfigure(ComponentContext& context) = 0;
+  virtual void doAddTorque(const StateView& state, double* torque) const = 0;
+  virtual void doAddTorqueRate(const StateView& state, double* torque_rate) const = 0;
+
+ private:
+  std::string name_;
+};
+
+using TorquePtr = std::shared_ptr<Torque>;
+
+}  // namespace variator_sim

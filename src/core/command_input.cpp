@@ -1,0 +1,213 @@
+#include "variator_sim/command_input.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "variator_sim/nearest_name.h"
+
+namespace variator_sim {
+namespace {
+
+struct HoldName {
+  const char* name;
+  Hold hold;
+  const char* own_key;  ///< the key that this hold alone reads, or nullptr
+};
+
+constexpr std::array<HoldName, 4> kHolds{
+    {{"zero_order", Hold::kZeroOrder, nullptr},
+     {"first_order_lag", Hold::kFirstOrderLag, "time_constant"},
+     {"rate_limit", Hold::kRateLimit, "rate"},
+     {"first_order_hold", Hold::kFirstOrderHold, "period"}}};
+
+/// Private topics that the node publishes itself.
+const std::vector<std::string>& takenTopics() {
+  static const std::vector<std::string> topics{"state", "scene", "status"};
+  return topics;
+}
+
+/// Relative graph name: parts of letters, digits and underscores, joined by single slashes.
+bool isRelativeTopic(const std::string& topic) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  if (topic.empty() || !is_letter(topic.front()) || topic.back() == '/') return false;
+  for (std::size_t i = 0; i < topic.size(); ++i) {
+    const char c = topic[i];
+    if (c == '/' && topic[i - 1] == '/') return false;
+    if (!is_letter(c) && !is_digit(c) && c != '_' && c != '/') return false;
+  }
+  return true;
+}
+
+std::string readTopic(ParameterReader& reader) {
+  std::string topic = reader.text("topic");
+  if (!isRelativeTopic(topic)) {
+    throw SceneError(reader.keyPath("topic"),
+                     "'" + topic +
+                         "' is not a relative topic name; allowed: letters, digits, '_' and single "
+                         "'/' between parts, starting with a letter (no leading '/' or '~': topics "
+                         "are private to the node)");
+  }
+  const std::vector<std::string>& taken = takenTopics();
+  if (std::find(taken.begin(), taken.end(), topic) != taken.end()) {
+    throw SceneError(reader.keyPath("topic"), "'" + topic +
+                                                  "' is a topic of the node itself; allowed: any "
+                                                  "name but " +
+                                                  joinNames(taken));
+  }
+  return topic;
+}
+
+const HoldName& readHold(ParameterReader& reader) {
+  std::vector<std::string> names;
+  names.reserve(kHolds.size());
+  for (const HoldName& hold : kHolds) names.emplace_back(hold.name);
+  const std::string name = reader.choice("hold", names, kHolds[0].name);
+  const auto chosen = std::find_if(kHolds.begin(), kHolds.end(),
+                                   [&](const HoldName& hold) { return name == hold.name; });
+  for (const HoldName& hold : kHolds) {
+    if (hold.own_key == nullptr || hold.hold == chosen->hold) continue;
+    if (reader.has(hold.own_key)) {
+      throw SceneError(reader.keyPath(hold.own_key), "belongs to hold '" + std::string(hold.name) +
+                                                         "', but this input's hold is '" + name +
+                                                         "'");
+    }
+  }
+  return *chosen;
+}
+
+}  // namespace
+
+CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner) {
+  // All known from the start, so that a missing key can be told from a misspelt one.
+  for (const char* key : {"topic", "hold", "time_constant", "rate", "period", "initial", "min",
+                          "max", "timeout", "on_timeout"}) {
+    reader.allow(key);
+  }
+  CommandInputSettings settings;
+  settings.owner = owner;
+  settings.topic = readTopic(reader);
+
+  const HoldName& hold = readHold(reader);
+  settings.hold = hold.hold;
+  switch (hold.hold) {
+    case Hold::kZeroOrder:
+      break;
+    case Hold::kFirstOrderLag:
+      settings.time_constant = reader.number(hold.own_key, Range::positive());
+      break;
+    case Hold::kRateLimit:
+      settings.rate = reader.number(hold.own_key, Range::positive());
+      break;
+    case Hold::kFirstOrderHold:
+      settings.period = reader.number(hold.own_key, Range::positive());
+      break;
+  }
+
+  // The limits are infinite when they are absent; what is written must be finite.
+  if (reader.has("min")) settings.minimum = reader.number("min");
+  if (reader.has("max")) settings.maximum = reader.number("max", Range::atLeast(settings.minimum));
+  const Range limits = Range::between(settings.minimum, settings.maximum);
+  settings.initial = reader.number("initial", Range::any(), 0.0);
+  if (!limits.contains(settings.initial)) {
+    throw SceneError(reader.keyPath("initial"),
+                     ParameterTree::real(settings.initial).toText() +
+                         (reader.has("initial") ? "" : " (the default)") +
+                         " is outside of [min, max]; allowed: a number " + limits.toText());
+  }
+
+  settings.timeout = reader.number("timeout", Range::notNegative(), 0.0);
+  settings.on_timeout = reader.choice("on_timeout", {"hold", "zero"}, "hold") == "zero"
+                            ? OnTimeout::kZero
+                            : OnTimeout::kHold;
+  if (settings.on_timeout == OnTimeout::kZero && !limits.contains(0.0)) {
+    throw SceneError(reader.keyPath("on_timeout"), "'zero' would leave [min, max], a number " +
+                                                       limits.toText() +
+                                                       "; allowed: hold, or limits that contain 0");
+  }
+  return settings;
+}
+
+void CommandSignal::reset(const CommandInputSettings& settings) {
+  *this = CommandSignal();
+  start_value_ = settings.initial;
+  target_ = settings.initial;
+}
+
+bool CommandSignal::command(const CommandInputSettings& settings, double time, double value) {
+  const double present = this->value(time);
+  *this = CommandSignal();
+  start_time_ = time;
+  start_value_ = present;
+  target_ = value;
+  if (value == present) return false;
+
+  double duration = 0.0;
+  switch (settings.hold) {
+    case Hold::kZeroOrder:
+      break;
+    case Hold::kFirstOrderLag:
+      // u = target - (target - start) exp(-(t - start) / tau)
+      form_ = Form::kExponential;
+      inverse_time_constant_ = 1.0 / settings.time_constant;
+      return false;
+    case Hold::kRateLimit:
+      slope_ = value > present ? settings.rate : -settings.rate;
+      duration = (value - present) / slope_;
+      break;
+    case Hold::kFirstOrderHold:
+      slope_ = (value - present) / settings.period;
+      duration = settings.period;
+      break;
+  }
+  if (time + duration > time) {
+    form_ = Form::kRamp;
+    segment_end_ = time + duration;
+    return false;
+  }
+  // A jump; also what is left of a ramp shorter than the resolution of time.
+  finishSegment();
+  return true;
+}
+
+double CommandSignal::value(double time) const {
+  switch (form_) {
+    case Form::kConstant:
+      break;
+    case Form::kExponential: {
+      const double elapsed = (time - start_time_) * inverse_time_constant_;
+      return start_value_ - (target_ - start_value_) * std::expm1(-elapsed);
+    }
+    case Form::kRamp: {
+      if (time >= segment_end_) return target_;
+      const double u = start_value_ + slope_ * (time - start_time_);
+      return slope_ > 0.0 ? std::min(u, target_) : std::max(u, target_);
+    }
+  }
+  return start_value_;
+}
+
+double CommandSignal::rate(double time) const {
+  switch (form_) {
+    case Form::kConstant:
+      break;
+    case Form::kExponential: {
+      const double elapsed = (time - start_time_) * inverse_time_constant_;
+      return (target_ - start_value_) * inverse_time_constant_ * std::exp(-elapsed);
+    }
+    case Form::kRamp:
+      return time <= segment_end_ ? slope_ : 0.0;
+  }
+  return 0.0;
+}
+
+void CommandSignal::finishSegment() {
+  form_ = Form::kConstant;
+  start_value_ = target_;
+  slope_ = 0.0;
+  segment_end_ = std::numeric_limits<double>::infinity();
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,61 @@
+#include "variator_sim/component_context.h"
+
+#include <algorithm>
+
+#include "variator_sim/nearest_name.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+int ComponentContext::indexOf(const std::string& shaft, const std::string& path) const {
+  const auto found = std::find(shaft_names_.begin(), shaft_names_.end(), shaft);
+  if (found == shaft_names_.end()) {
+    throw SceneError(path, "'" + shaft + "' is not a shaft" + suggestName(shaft, shaft_names_) +
+                               "; allowed: " + joinNames(shaft_names_));
+  }
+  return static_cast<int>(found - shaft_names_.begin());
+}
+
+int ComponentContext::readShaft(const std::string& key) {
+  return indexOf(parameters_.text(key), parameters_.keyPath(key));
+}
+
+std::vector<int> ComponentContext::readShafts(const std::string& key, int count) {
+  const std::vector<std::string> names = parameters_.names(key);
+  const std::string path = parameters_.keyPath(key);
+  const std::string expected = "expected a list of " + std::to_string(count) + " different shafts";
+  if (static_cast<int>(names.size()) != count) {
+    throw SceneError(path, expected + ", got " +
+                               (parameters_.has(key) ? "[" + joinNames(names) + "]" : "nothing") +
+                               "; allowed: " + joinNames(shaft_names_));
+  }
+  std::vector<int> shafts;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const int shaft = indexOf(names[i], path + "[" + std::to_string(i) + "]");
+    if (std::find(shafts.begin(), shafts.end(), shaft) != shafts.end()) {
+      throw SceneError(path, expected + ", got '" + names[i] + "' twice");
+    }
+    shafts.push_back(shaft);
+  }
+  return shafts;
+}
+
+int ComponentContext::addInput(const CommandInputSettings& settings) {
+  const std::string path = parameters_.keyPath("topic");
+  for (const CommandInputSettings& other : inputs_) {
+    if (other.topic == settings.topic) {
+      throw SceneError(path, "topic '" + settings.topic + "' is used twice: by '" + other.owner +
+                                 "' and by '" + settings.owner +
+                                 "'; every commanded input needs a topic of its own");
+    }
+  }
+  if (inputs_.size() >= static_cast<std::size_t>(kMaxInputs)) {
+    throw SceneError(path, "topic '" + settings.topic +
+                               "' is one commanded input too many; allowed: " +
+                               std::to_string(kMaxInputs) + " in one scene");
+  }
+  inputs_.push_back(settings);
+  return static_cast<int>(inputs_.size()) - 1;
+}
+
+}  // namespace variator_sim

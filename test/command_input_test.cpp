@@ -1,0 +1,202 @@
+// The holds: closed forms of u and u' against the differential equations they solve, continuity at
+// every event, ends of segments, and when u jumps.
+#include "variator_sim/command_input.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace variator_sim {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+CommandInputSettings makeSettings(Hold hold, double parameter, double initial) {
+  CommandInputSettings settings;
+  settings.hold = hold;
+  settings.time_constant = hold == Hold::kFirstOrderLag ? parameter : 0.0;
+  settings.rate = hold == Hold::kRateLimit ? parameter : 0.0;
+  settings.period = hold == Hold::kFirstOrderHold ? parameter : 0.0;
+  settings.initial = initial;
+  return settings;
+}
+
+TEST(CommandSignal, IsTheInitialValueAfterReset) {
+  for (const Hold hold :
+       {Hold::kZeroOrder, Hold::kFirstOrderLag, Hold::kRateLimit, Hold::kFirstOrderHold}) {
+    const CommandInputSettings settings = makeSettings(hold, 0.5, -3.0);
+    CommandSignal signal;
+    signal.command(settings, 1.0, 8.0);
+    signal.reset(settings);
+    EXPECT_TRUE(signal.isConstant());
+    EXPECT_EQ(signal.target(), -3.0);
+    EXPECT_EQ(signal.segmentEnd(), kInfinity);
+    for (const double t : {0.0, 1.0, 1e6}) {
+      EXPECT_EQ(signal.value(t), -3.0);
+      EXPECT_EQ(signal.rate(t), 0.0);
+    }
+  }
+}
+
+TEST(CommandSignal, ZeroOrderJumps) {
+  const CommandInputSettings settings = makeSettings(Hold::kZeroOrder, 0.0, 1.0);
+  CommandSignal signal;
+  signal.reset(settings);
+  EXPECT_TRUE(signal.command(settings, 2.0, 5.0));
+  EXPECT_TRUE(signal.isConstant());
+  EXPECT_EQ(signal.value(2.0), 5.0);
+  EXPECT_EQ(signal.value(9.0), 5.0);
+  EXPECT_EQ(signal.rate(2.0), 0.0);
+  EXPECT_EQ(signal.target(), 5.0);
+  EXPECT_FALSE(signal.command(settings, 3.0, 5.0)) << "the same value again is no jump";
+  EXPECT_TRUE(signal.command(settings, 4.0, -5.0));
+}
+
+TEST(CommandSignal, FirstOrderLagSolvesItsEquation) {
+  const double tau = 0.2;
+  const CommandInputSettings settings = makeSettings(Hold::kFirstOrderLag, tau, 1.0);
+  CommandSignal signal;
+  signal.reset(settings);
+  EXPECT_FALSE(signal.command(settings, 2.0, 5.0));
+  EXPECT_FALSE(signal.isConstant());
+  EXPECT_EQ(signal.segmentEnd(), kInfinity);
+  EXPECT_EQ(signal.target(), 5.0);
+  EXPECT_EQ(signal.value(2.0), 1.0);
+  EXPECT_DOUBLE_EQ(signal.rate(2.0), 20.0);
+  for (const double t : {2.0, 2.05, 2.2, 3.0, 10.0}) {
+    EXPECT_NEAR(signal.value(t), 5.0 - 4.0 * std::exp(-(t - 2.0) / tau), 4e-15) << t;
+    EXPECT_NEAR(tau * signal.rate(t), 5.0 - signal.value(t), 4e-15) << t;
+  }
+  EXPECT_EQ(signal.value(1e3), 5.0);
+
+  // A new command in between goes on from where u is.
+  const double before = signal.value(2.1);
+  EXPECT_FALSE(signal.command(settings, 2.1, -1.0));
+  EXPECT_EQ(signal.value(2.1), before);
+  EXPECT_DOUBLE_EQ(signal.rate(2.1), (-1.0 - before) / tau);
+  EXPECT_NEAR(signal.value(2.3), -1.0 + (before + 1.0) * std::exp(-1.0), 1e-14);
+}
+
+TEST(CommandSignal, FirstOrderLagKeepsDigitsOfSmallChanges) {
+  const CommandInputSettings settings = makeSettings(Hold::kFirstOrderLag, 1.0, 0.0);
+  CommandSignal signal;
+  signal.reset(settings);
+  signal.command(settings, 0.0, 1.0);
+  EXPECT_DOUBLE_EQ(signal.value(1e-12), 1e-12 - 0.5e-24);
+}
+
+TEST(CommandSignal, RateLimitRampsBothWaysAndArrives) {
+  for (const double sign : {1.0, -1.0}) {
+    const CommandInputSettings settings = makeSettings(Hold::kRateLimit, 4.0, sign);
+    CommandSignal signal;
+    signal.reset(settings);
+    EXPECT_FALSE(signal.command(settings, 2.0, sign * 7.0));
+    EXPECT_FALSE(signal.isConstant());
+    EXPECT_EQ(signal.segmentEnd(), 3.5);
+    EXPECT_EQ(signal.value(2.0), sign);
+    EXPECT_EQ(signal.rate(2.0), sign * 4.0);
+    EXPECT_EQ(signal.value(2.25), sign * 2.0);
+    EXPECT_EQ(signal.rate(2.25), sign * 4.0);
+    EXPECT_EQ(signal.value(3.5), sign * 7.0);
+    EXPECT_EQ(signal.rate(3.5), sign * 4.0) << "left-hand limit at the end";
+    EXPECT_EQ(signal.value(4.0), sign * 7.0) << "never past its target";
+
+    signal.finishSegment();
+    EXPECT_TRUE(signal.isConstant());
+    EXPECT_EQ(signal.segmentEnd(), kInfinity);
+    EXPECT_EQ(signal.value(3.5), sign * 7.0);
+    EXPECT_EQ(signal.rate(3.5), 0.0);
+    EXPECT_EQ(signal.target(), sign * 7.0);
+  }
+}
+
+TEST(CommandSignal, RateLimitTurnsBackWithoutAJump) {
+  const CommandInputSettings settings = makeSettings(Hold::kRateLimit, 2.0, 0.0);
+  CommandSignal signal;
+  signal.reset(settings);
+  signal.command(settings, 0.0, 10.0);
+  EXPECT_FALSE(signal.command(settings, 1.0, -10.0));
+  EXPECT_EQ(signal.value(1.0), 2.0);
+  EXPECT_EQ(signal.rate(1.0), -2.0);
+  EXPECT_EQ(signal.segmentEnd(), 7.0);
+  EXPECT_EQ(signal.value(2.0), 0.0);
+}
+
+TEST(CommandSignal, FirstOrderHoldTakesOnePeriod) {
+  const CommandInputSettings settings = makeSettings(Hold::kFirstOrderHold, 0.5, 1.0);
+  CommandSignal signal;
+  signal.reset(settings);
+  EXPECT_FALSE(signal.command(settings, 2.0, 3.0));
+  EXPECT_EQ(signal.segmentEnd(), 2.5);
+  EXPECT_EQ(signal.value(2.0), 1.0);
+  EXPECT_EQ(signal.value(2.25), 2.0);
+  EXPECT_EQ(signal.rate(2.25), 4.0);
+  EXPECT_EQ(signal.rate(2.5), 4.0);
+  EXPECT_EQ(signal.value(2.5), 3.0);
+  // The next sample comes early: from where u is, over one period again.
+  EXPECT_FALSE(signal.command(settings, 2.25, 0.0));
+  EXPECT_EQ(signal.value(2.25), 2.0);
+  EXPECT_EQ(signal.rate(2.25), -4.0);
+  EXPECT_EQ(signal.segmentEnd(), 2.75);
+  EXPECT_EQ(signal.value(2.5), 1.0);
+}
+
+TEST(CommandSignal, IsContinuousAtTheEndOfARamp) {
+  // Numbers without exact quotients: u may not step by more than the resolution of time explains,
+  // and may never be past its target.
+  for (const Hold hold : {Hold::kRateLimit, Hold::kFirstOrderHold}) {
+    for (int i = 1; i <= 1000; ++i) {
+      const CommandInputSettings settings = makeSettings(hold, 0.3, 0.1);
+      const double target = i % 2 == 0 ? 0.7 : -0.7;
+      CommandSignal signal;
+      signal.reset(settings);
+      signal.command(settings, i / 3.0, target);
+      const double end = signal.segmentEnd();
+      ASSERT_LT(end, kInfinity);
+      const double before = signal.value(std::nextafter(end, 0.0));
+      EXPECT_NEAR(before, target, 4e-16 * end * std::abs(signal.rate(end)) + 1e-15);
+      EXPECT_LE(std::abs(before), 0.7);
+      EXPECT_EQ(signal.value(end), target);
+      signal.finishSegment();
+      EXPECT_EQ(signal.value(end), target);
+    }
+  }
+}
+
+TEST(CommandSignal, StaysConstantWhenTheCommandIsWhereUIs) {
+  for (const Hold hold :
+       {Hold::kZeroOrder, Hold::kFirstOrderLag, Hold::kRateLimit, Hold::kFirstOrderHold}) {
+    const CommandInputSettings settings = makeSettings(hold, 0.5, 3.0);
+    CommandSignal signal;
+    signal.reset(settings);
+    EXPECT_FALSE(signal.command(settings, 1.0, 3.0));
+    EXPECT_TRUE(signal.isConstant());
+    EXPECT_EQ(signal.value(2.0), 3.0);
+    EXPECT_EQ(signal.rate(1.0), 0.0);
+    EXPECT_EQ(signal.segmentEnd(), kInfinity);
+  }
+}
+
+TEST(CommandSignal, ARampShorterThanTheResolutionOfTimeIsAJump) {
+  const CommandInputSettings settings = makeSettings(Hold::kRateLimit, 1e9, 0.0);
+  CommandSignal signal;
+  signal.reset(settings);
+  EXPECT_TRUE(signal.command(settings, 1e6, 1e-3));
+  EXPECT_TRUE(signal.isConstant());
+  EXPECT_EQ(signal.value(1e6), 1e-3);
+  EXPECT_EQ(signal.segmentEnd(), kInfinity);
+}
+
+TEST(CommandSignal, DoesNotClampByItself) {
+  CommandInputSettings settings = makeSettings(Hold::kZeroOrder, 0.0, 0.0);
+  settings.minimum = -1.0;
+  settings.maximum = 1.0;
+  CommandSignal signal;
+  signal.reset(settings);
+  signal.command(settings, 0.0, 5.0);
+  EXPECT_EQ(signal.value(0.0), 5.0);
+}
+
+}  // namespace
+}  // namespace variator_sim
