@@ -1,0 +1,164 @@
+/// Scalar formulas as a graph in which equal subexpressions are one node, and their exact
+/// derivatives. Everything here happens while a scene is loaded; tape.h evaluates.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+namespace variator_sim::expression {
+
+/// A subexpression of one Graph. Copies are free; a node means nothing to another graph.
+struct Node {
+  int index = -1;
+};
+inline bool operator==(Node a, Node b) {
+  return a.index == b.index;
+}
+inline bool operator!=(Node a, Node b) {
+  return a.index != b.index;
+}
+
+enum class Operation : std::uint8_t {
+  kConstant,
+  kVariable,
+  kNegate,
+  kAdd,
+  kSubtract,
+  kMultiply,
+  kDivide,
+  kPower,
+  kSin,
+  kCos,
+  kTan,
+  kAsin,
+  kAcos,
+  kAtan,
+  kAtan2,
+  kSinh,
+  kCosh,
+  kTanh,
+  kExp,
+  kLog,
+  kSqrt,
+  kAbs,
+  kSign,
+  kMin,
+  kMax,
+  kSelect  ///< a <= b ? c : d; written by derivatives only
+};
+
+/// Number of operands: 0 for constants and variables, 4 for kSelect.
+int operandCount(Operation operation);
+
+/// Exponents c that are integers with |c| <= kLargestMultipliedPower become multiplications.
+constexpr int kLargestMultipliedPower = 16;
+/// True when x^exponent is computed by multiplications (and one division when it is negative).
+bool isMultipliedPower(double exponent);
+
+// What run time computes where std:: is not enough. NaN never gets lost: a comparison with NaN has
+// no answer, so its result is NaN.
+/// -1, 0, 1, or NaN.
+double signOf(double x);
+/// The smaller one; NaN when either is NaN (std::min may drop it).
+double minimumOf(double a, double b);
+/// The larger one; NaN when either is NaN.
+double maximumOf(double a, double b);
+/// x^exponent for an exponent that is a constant: x^n = (x^(n/2))^2 for even n, x^(n-1) x for odd
+/// n, x^-n = 1/x^n while isMultipliedPower (at most |n| - 1 rounded products, so a relative error
+/// below |n| units of round-off), std::pow otherwise.
+double powerOf(double x, double exponent);
+/// The value of an operation with `operandCount` operands as run time computes it.
+double evaluateOperation(Operation operation, const double* operands);
+
+/// The graph. Makers return the existing node when the same subexpression was made before, compute
+/// constants as run time would, and simplify; the value of a node made by them is, bit by bit, the
+/// value of the formula as it is written (but for the sign of a zero, which only 1/0 and atan2 can
+/// show). They do not touch 0*x, 0/x and x - x, which are NaN where x is not finite; derivatives,
+/// whose zeros hold everywhere, do. Operands precede their users: their indices are smaller.
+class Graph {
+ public:
+  struct Entry {
+    Operation operation = Operation::kConstant;
+    int operands[4] = {-1, -1, -1, -1};
+    int slot = -1;       ///< of kVariable
+    double value = 0.0;  ///< of kConstant
+  };
+  /// The rate of the variable in a slot, for totalDerivative.
+  using Rate = std::pair<int, Node>;
+
+  Node constant(double value);
+  /// The variable in `slot` (not negative); what a slot means is the caller's business.
+  Node variable(int slot);
+
+  Node negate(Node a);
+  Node add(Node a, Node b);
+  Node subtract(Node a, Node b);
+  Node multiply(Node a, Node b);
+  Node divide(Node a, Node b);
+  Node power(Node base, Node exponent);
+  Node minimum(Node a, Node b) { return make(Operation::kMin, a, b); }
+  Node maximum(Node a, Node b) { return make(Operation::kMax, a, b); }
+  /// left <= right ? yes : no; NaN when left and right cannot be compared.
+  Node select(Node left, Node right, Node yes, Node no);
+  /// Any operation with operands, simplified as by the maker of its name. Unused operands are left
+  /// out: make(Operation::kSin, x).
+  Node make(Operation operation, Node a, Node b = {}, Node c = {}, Node d = {});
+
+  /// The exact partial derivative by the variable in `slot`. Kinks: |x|' = sign(x) x', the
+  /// derivative of sign is 0, that of min and max is the active operand's (the first one's in a
+  /// tie).
+  Node differentiate(Node node, int slot);
+  /// The sum of (partial derivative by slot) times (rate of slot), made in one sweep. Variables
+  /// without a rate are held constant.
+  Node totalDerivative(Node node, const std::vector<Rate>& rates);
+
+  bool isConstant(Node node) const { return entry(node).operation == Operation::kConstant; }
+  /// True for the constants that equal `value`.
+  bool isConstant(Node node, double value) const {
+    return isConstant(node) && entry(node).value == value;
+  }
+  /// The value of a node for which isConstant holds.
+  double constantValue(Node node) const { return entry(node).value; }
+  /// True when the variable in `slot` occurs in `node`.
+  bool dependsOn(Node node, int slot) const;
+  /// True when a constant that is NaN or infinite occurs in `node`.
+  bool hasNonFiniteConstant(Node node) const;
+
+  const Entry& entry(Node node) const { return entries_[static_cast<std::size_t>(node.index)]; }
+  /// Number of nodes; all indices are below it.
+  int size() const { return static_cast<int>(entries_.size()); }
+  /// For every index up to the largest of `nodes`: whether one of `nodes` needs it.
+  std::vector<bool> findReachable(const std::vector<Node>& nodes) const;
+
+ private:
+  struct EntryHash {
+    std::size_t operator()(const Entry& entry) const;
+  };
+  struct EntryEqual {
+    bool operator()(const Entry& a, const Entry& b) const;
+  };
+  /// Derivatives of nodes by index; absent ones are Node{}.
+  using Derivatives = std::vector<Node>;
+
+  Node intern(const Entry& entry);
+  Node internOperation(Operation operation, Node a, Node b = {}, Node c = {}, Node d = {});
+  Node operand(Node node, int position) const { return {entry(node).operands[position]}; }
+  void deriveInto(Node node, const std::vector<Rate>& rates, Derivatives& derivatives);
+  Node deriveOne(Node node, const std::vector<Rate>& rates, const Derivatives& derivatives);
+  Node deriveFunction(Node node, Node da);
+  Node derivePower(Node node, Node da, Node db);
+  // Makers for derivatives. A factor that is zero by the rules of differentiation removes its
+  // product, and constant factors are gathered.
+  Node product(Node a, Node b);
+  Node quotient(Node a, Node b);
+  Node difference(Node a, Node b);
+
+  std::vector<Entry> entries_;
+  std::unordered_map<Entry, int, EntryHash, EntryEqual> index_of_;
+  std::unordered_map<int, Derivatives> partials_;  ///< by slot
+};
+
+}  // namespace variator_sim::expression

@@ -1,0 +1,58 @@
+/// Formulas as text: from the scene to a node of a Graph.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "variator_sim/component_context.h"
+#include "variator_sim/expression/graph.h"
+
+namespace variator_sim::expression {
+
+/// Parentheses and function calls may be this deep.
+constexpr int kMaxNesting = 200;
+
+/// A text that is not a formula. what() says what is wrong, at which column, and shows the place.
+class ExpressionError : public std::runtime_error {
+ public:
+  /// `column` counts characters of `text` from 1.
+  ExpressionError(const std::string& message, const std::string& text, int column);
+  int column() const { return column_; }
+
+ private:
+  int column_;
+};
+
+using SymbolTable = std::map<std::string, Node>;
+/// Says why a name has no meaning here ("the scene has 2 shafts: w1, w2"), or an empty string: then
+/// the nearest name is suggested.
+using NameExplainer = std::function<std::string(const std::string& name)>;
+
+/// The node of `graph` that `text` means. Throws ExpressionError.
+///
+/// From loosest to tightest: + -; * /; unary + -; ^. All are left-associative but ^: a^b^c is
+/// a^(b^c), -a^2 is -(a^2), and 2^-3 is 2^(-3). Names are those of `symbols`, the functions and pi.
+/// Numbers are 1, 1., .5, 1e-9 (2e1 is twenty: a product needs its *). White space means nothing.
+/// A constant part without a finite value (log(-1)) and a division by a constant zero are errors.
+Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
+           const NameExplainer& explain = {});
+
+/// The names of all functions, sorted.
+std::vector<std::string> functionNames();
+/// A letter or underscore, then letters, digits and underscores.
+bool isValidName(const std::string& name);
+
+/// Whether a component's formula may read the accelerations.
+enum class FormulaKind {
+  kConstraint,  ///< t, phi1.., w1.., e1..
+  kTorque       ///< t, phi1.., w1..; e1.. is an error that says why
+};
+
+/// The formula at `key` of a component, with its `parameters` as constants; variables have the
+/// slots of tape.h. Throws SceneError at `key` or at the parameter at fault.
+Node readFormula(ComponentContext& context, const std::string& key, FormulaKind kind, Graph& graph);
+
+}  // namespace variator_sim::expression

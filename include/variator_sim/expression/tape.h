@@ -1,0 +1,75 @@
+/// Formulas at run time: a short program over registers.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "variator_sim/expression/graph.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim::expression {
+
+/// Where a variable comes from.
+enum class Source : std::uint8_t {
+  kTime,
+  kAngle,
+  kVelocity,
+  kAcceleration,
+  kInput,
+  kInputRate,
+  kJerk  ///< for derivations only: a StateView holds none, a Tape refuses it
+};
+
+/// The slot, for Graph::variable, of element `index` (0 for time) of a source.
+constexpr int slotOf(Source source, int index = 0) {
+  return static_cast<int>(source) * 4096 + index;
+}
+constexpr Source sourceOf(int slot) {
+  return static_cast<Source>(slot / 4096);
+}
+constexpr int indexOf(int slot) {
+  return slot % 4096;
+}
+
+/// The program that computes some nodes of a graph: only what they need, and each common
+/// subexpression once. Values are bit by bit those of the formulas as the graph holds them, when
+/// the compiler does not contract a*b + c into one rounding (-ffp-contract=off, or a processor
+/// without such an instruction); powers as in powerOf.
+class Tape {
+ public:
+  Tape() = default;
+  /// Throws std::invalid_argument for a variable that no StateView holds, std::length_error when
+  /// the program would need more than 65536 registers.
+  Tape(const Graph& graph, const std::vector<Node>& outputs);
+
+  int outputCount() const { return static_cast<int>(output_registers_.size()); }
+  /// Number of instructions, for tests and curiosity.
+  int size() const { return program_.empty() ? 0 : static_cast<int>(program_.size()) - 1; }
+
+  /// Writes `outputCount()` values. It reads only those arrays of `state` that occur in the
+  /// formulas, all of them before it writes `outputs`. For the real-time loop: allocates nothing,
+  /// takes no lock, does not throw. One tape is used by one thread at a time: it keeps its
+  /// registers.
+  void evaluate(const StateView& state, double* outputs) const noexcept;
+
+ private:
+  friend class TapeBuilder;
+
+  struct Instruction {
+    std::uint16_t code;
+    std::uint16_t result;
+    std::uint16_t operands[4];  ///< registers; sincos has its second result in operands[1]
+  };
+  struct Load {
+    std::uint16_t to;
+    std::uint8_t source;
+    std::uint16_t index;
+  };
+
+  std::vector<Load> loads_;
+  std::vector<Instruction> program_;  ///< ends with an instruction that returns
+  std::vector<std::uint16_t> output_registers_;
+  mutable std::vector<double> registers_;  ///< the constants are filled in once
+};
+
+}  // namespace variator_sim::expression

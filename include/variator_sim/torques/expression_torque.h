@@ -1,0 +1,27 @@
+#pragma once
+
+#include "variator_sim/expression/tape.h"
+#include "variator_sim/torque.h"
+
+namespace variator_sim {
+
+/// A torque Q(t, phi, omega) on one shaft that the scene states as a formula; its rate is exact.
+///
+/// Keys: `shaft`, `torque` (N m, positive accelerates; names t, phi1.., w1.. and the parameters),
+/// `parameters` (optional dictionary of numbers).
+///
+/// One instance is evaluated by one thread at a time.
+class ExpressionTorque : public Torque {
+ protected:
+  void doConfigure(ComponentContext& context) override;
+  void doAddTorque(const StateView& state, double* torque) const override;
+  void doAddTorqueRate(const StateView& state, double* torque_rate) const override;
+
+ private:
+  int shaft_ = 0;
+  expression::Tape torque_;  ///< Q, N m
+  expression::Tape rate_;    ///< Q', N m/s
+  bool has_rate_ = false;    ///< false: Q' = 0 at every state
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,578 @@
+#include "variator_sim/expression/graph.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+
+namespace variator_sim::expression {
+
+namespace {
+
+std::uint64_t bitsOf(double value) {
+  std::uint64_t bits = 0;
+  std::memcpy(&bits, &value, sizeof bits);
+  return bits;
+}
+
+bool isPowerOfTwo(double value) {
+  int exponent = 0;
+  return std::isnormal(value) && std::abs(std::frexp(value, &exponent)) == 0.5;
+}
+
+bool isCommutative(Operation operation) {
+  return operation == Operation::kAdd || operation == Operation::kMultiply;
+}
+
+}  // namespace
+
+int operandCount(Operation operation) {
+  switch (operation) {
+    case Operation::kConstant:
+    case Operation::kVariable:
+      return 0;
+    case Operation::kAdd:
+    case Operation::kSubtract:
+    case Operation::kMultiply:
+    case Operation::kDivide:
+    case Operation::kPower:
+    case Operation::kAtan2:
+    case Operation::kMin:
+    case Operation::kMax:
+      return 2;
+    case Operation::kSelect:
+      return 4;
+    default:
+      return 1;
+  }
+}
+
+bool isMultipliedPower(double exponent) {
+  return std::abs(exponent) <= kLargestMultipliedPower && exponent == std::trunc(exponent);
+}
+
+double signOf(double x) {
+  return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x == 0.0 ? 0.0 : x;
+}
+
+double minimumOf(double a, double b) {
+  return a <= b ? a : b < a ? b : a + b;
+}
+
+double maximumOf(double a, double b) {
+  return a >= b ? a : b > a ? b : a + b;
+}
+
+double powerOf(double x, double exponent) {
+  if (!isMultipliedPower(exponent)) {
+    return exponent == 0.5 ? std::sqrt(x) : std::pow(x, exponent);
+  }
+  if (exponent < 0.0) {
+    return 1.0 / powerOf(x, -exponent);
+  }
+  const int n = static_cast<int>(exponent);
+  if (n <= 1) {
+    return n == 0 ? 1.0 : x;
+  }
+  if (n % 2 == 1) {
+    return powerOf(x, n - 1) * x;
+  }
+  const int half = n / 2;
+  const double root = powerOf(x, half);
+  return root * root;
+}
+
+double evaluateOperation(Operation operation, const double* operands) {
+  const double a = operands[0];
+  switch (operation) {
+    case Operation::kNegate:
+      return -a;
+    case Operation::kAdd:
+      return a + operands[1];
+    case Operation::kSubtract:
+      return a - operands[1];
+    case Operation::kMultiply:
+      return a * operands[1];
+    case Operation::kDivide:
+      return a / operands[1];
+    case Operation::kPower:
+      return powerOf(a, operands[1]);
+    case Operation::kSin:
+      return std::sin(a);
+    case Operation::kCos:
+      return std::cos(a);
+    case Operation::kTan:
+      return std::tan(a);
+    case Operation::kAsin:
+      return std::asin(a);
+    case Operation::kAcos:
+      return std::acos(a);
+    case Operation::kAtan:
+      return std::atan(a);
+    case Operation::kAtan2:
+      return std::atan2(a, operands[1]);
+    case Operation::kSinh:
+      return std::sinh(a);
+    case Operation::kCosh:
+      return std::cosh(a);
+    case Operation::kTanh:
+      return std::tanh(a);
+    case Operation::kExp:
+      return std::exp(a);
+    case Operation::kLog:
+      return std::log(a);
+    case Operation::kSqrt:
+      return std::sqrt(a);
+    case Operation::kAbs:
+      return std::abs(a);
+    case Operation::kSign:
+      return signOf(a);
+    case Operation::kMin:
+      return minimumOf(a, operands[1]);
+    case Operation::kMax:
+      return maximumOf(a, operands[1]);
+    case Operation::kSelect:
+      return a <= operands[1]  ? operands[2]
+             : a > operands[1] ? operands[3]
+                               : std::numeric_limits<double>::quiet_NaN();
+    case Operation::kConstant:
+    case Operation::kVariable:
+      break;
+  }
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+// ---------------------------------------------------------------------------------- hash-consing
+
+std::size_t Graph::EntryHash::operator()(const Entry& entry) const {
+  // FNV-1a over the fields; the value by its bits, so that 0 and -0 differ and NaN equals itself.
+  std::uint64_t hash = 14695981039346656037ULL;
+  const auto mix = [&hash](std::uint64_t word) {
+    hash = (hash ^ word) * 1099511628211ULL;
+    hash ^= hash >> 29;
+  };
+  mix(static_cast<std::uint64_t>(entry.operation));
+  for (const int operand : entry.operands) {
+    mix(static_cast<std::uint32_t>(operand));
+  }
+  mix(static_cast<std::uint32_t>(entry.slot));
+  mix(bitsOf(entry.value));
+  return static_cast<std::size_t>(hash);
+}
+
+bool Graph::EntryEqual::operator()(const Entry& a, const Entry& b) const {
+  return a.operation == b.operation && std::equal(a.operands, a.operands + 4, b.operands) &&
+         a.slot == b.slot && bitsOf(a.value) == bitsOf(b.value);
+}
+
+Node Graph::intern(const Entry& entry) {
+  const auto [position, is_new] = index_of_.emplace(entry, size());
+  if (is_new) {
+    entries_.push_back(entry);
+  }
+  return {position->second};
+}
+
+Node Graph::internOperation(Operation operation, Node a, Node b, Node c, Node d) {
+  const Node nodes[4] = {a, b, c, d};
+  const int count = operandCount(operation);
+  bool all_constant = true;
+  double values[4] = {};
+  Entry entry;
+  entry.operation = operation;
+  for (int i = 0; i < count; ++i) {
+    entry.operands[i] = nodes[i].index;
+    all_constant = all_constant && isConstant(nodes[i]);
+    values[i] = isConstant(nodes[i]) ? constantValue(nodes[i]) : 0.0;
+  }
+  if (all_constant) {
+    return constant(evaluateOperation(operation, values));
+  }
+  if (isCommutative(operation)) {
+    // One order for both: constants first, then by age.
+    const bool swap =
+        isConstant(a) != isConstant(b) ? isConstant(b) : entry.operands[0] > entry.operands[1];
+    if (swap) {
+      std::swap(entry.operands[0], entry.operands[1]);
+    }
+  }
+  return intern(entry);
+}
+
+Node Graph::constant(double value) {
+  Entry entry;
+  entry.value = value;
+  return intern(entry);
+}
+
+Node Graph::variable(int slot) {
+  Entry entry;
+  entry.operation = Operation::kVariable;
+  entry.slot = slot;
+  return intern(entry);
+}
+
+// ---------------------------------------------------------------------------------------- makers
+// Every rewriting below is exact in floating point (but for the sign of a zero): it moves signs,
+// drops neutral elements, or scales by powers of two.
+
+Node Graph::negate(Node a) {
+  const Operation operation = entry(a).operation;
+  if (operation == Operation::kNegate) {
+    return operand(a, 0);
+  }
+  if (operation == Operation::kSubtract) {
+    return subtract(operand(a, 1), operand(a, 0));
+  }
+  if (operation == Operation::kMultiply && isConstant(operand(a, 0))) {
+    return multiply(constant(-constantValue(operand(a, 0))), operand(a, 1));
+  }
+  if (operation == Operation::kDivide) {
+    if (isConstant(operand(a, 0))) {
+      return divide(constant(-constantValue(operand(a, 0))), operand(a, 1));
+    }
+    if (isConstant(operand(a, 1))) {
+      return divide(operand(a, 0), constant(-constantValue(operand(a, 1))));
+    }
+  }
+  return internOperation(Operation::kNegate, a);
+}
+
+Node Graph::add(Node a, Node b) {
+  if (isConstant(a, 0.0)) {
+    return b;
+  }
+  if (isConstant(b, 0.0)) {
+    return a;
+  }
+  if (a == b) {
+    return multiply(constant(2.0), a);
+  }
+  if (entry(b).operation == Operation::kNegate) {
+    return subtract(a, operand(b, 0));
+  }
+  if (entry(a).operation == Operation::kNegate) {
+    return subtract(b, operand(a, 0));
+  }
+  return internOperation(Operation::kAdd, a, b);
+}
+
+Node Graph::subtract(Node a, Node b) {
+  if (isConstant(b, 0.0)) {
+    return a;
+  }
+  if (isConstant(a, 0.0)) {
+    return negate(b);
+  }
+  if (entry(b).operation == Operation::kNegate) {
+    return add(a, operand(b, 0));
+  }
+  return internOperation(Operation::kSubtract, a, b);
+}
+
+Node Graph::multiply(Node a, Node b) {
+  if (isConstant(b) && !isConstant(a)) {
+    std::swap(a, b);
+  }
+  if (isConstant(a, 1.0)) {
+    return b;
+  }
+  if (isConstant(a, -1.0)) {
+    return negate(b);
+  }
+  const bool a_negated = entry(a).operation == Operation::kNegate;
+  const bool b_negated = entry(b).operation == Operation::kNegate;
+  if (a_negated && b_negated) {
+    return multiply(operand(a, 0), operand(b, 0));
+  }
+  if (b_negated) {
+    return isConstant(a) ? multiply(constant(-constantValue(a)), operand(b, 0))
+                         : negate(multiply(a, operand(b, 0)));
+  }
+  if (a_negated) {
+    return negate(multiply(operand(a, 0), b));
+  }
+  return internOperation(Operation::kMultiply, a, b);
+}
+
+Node Graph::divide(Node a, Node b) {
+  if (isConstant(b)) {
+    const double divisor = constantValue(b);
+    if (divisor == 1.0) {
+      return a;
+    }
+    // x/c becomes x*(1/c) only where 1/c is exact.
+    if (isPowerOfTwo(divisor) && std::isnormal(1.0 / divisor)) {
+      return multiply(constant(1.0 / divisor), a);
+    }
+  }
+  const bool a_negated = entry(a).operation == Operation::kNegate;
+  const bool b_negated = entry(b).operation == Operation::kNegate;
+  if (a_negated && b_negated) {
+    return divide(operand(a, 0), operand(b, 0));
+  }
+  if (a_negated) {
+    return negate(divide(operand(a, 0), b));
+  }
+  if (b_negated) {
+    return negate(divide(a, operand(b, 0)));
+  }
+  return internOperation(Operation::kDivide, a, b);
+}
+
+Node Graph::power(Node base, Node exponent) {
+  if (isConstant(exponent) && !isConstant(base)) {
+    const double c = constantValue(exponent);
+    if (c == 0.0) {
+      return constant(1.0);  // also where the base is 0 or NaN, as std::pow has it
+    }
+    if (c == 0.5) {
+      return internOperation(Operation::kSqrt, base);
+    }
+    if (c == 1.0) {
+      return base;
+    }
+    if (c == -1.0) {
+      return divide(constant(1.0), base);
+    }
+    if (c == 2.0) {
+      return multiply(base, base);
+    }
+  }
+  return internOperation(Operation::kPower, base, exponent);
+}
+
+Node Graph::select(Node left, Node right, Node yes, Node no) {
+  if (yes == no) {
+    return yes;
+  }
+  return internOperation(Operation::kSelect, left, right, yes, no);
+}
+
+Node Graph::make(Operation operation, Node a, Node b, Node c, Node d) {
+  switch (operation) {
+    case Operation::kNegate:
+      return negate(a);
+    case Operation::kAdd:
+      return add(a, b);
+    case Operation::kSubtract:
+      return subtract(a, b);
+    case Operation::kMultiply:
+      return multiply(a, b);
+    case Operation::kDivide:
+      return divide(a, b);
+    case Operation::kPower:
+      return power(a, b);
+    case Operation::kSelect:
+      return select(a, b, c, d);
+    default:
+      return internOperation(operation, a, b, c, d);
+  }
+}
+
+// ----------------------------------------------------------------------------------- derivatives
+
+// A zero here is a derivative that vanishes by the rules, whatever the point: dropping its product
+// keeps the true derivative also where the other factor is infinite or NaN (that point makes the
+// formula itself NaN or infinite). A zero that the user wrote is left to run time by multiply().
+Node Graph::product(Node a, Node b) {
+  if (isConstant(a, 0.0) || isConstant(b, 0.0)) {
+    return constant(0.0);
+  }
+  if (isConstant(b)) {
+    std::swap(a, b);
+  }
+  // c1 (c2 x) = (c1 c2) x: another rounding, of a derivative only.
+  if (isConstant(a) && entry(b).operation == Operation::kMultiply && isConstant(operand(b, 0))) {
+    const double factor = constantValue(a) * constantValue(operand(b, 0));
+    if (std::isnormal(factor)) {
+      return multiply(constant(factor), operand(b, 1));
+    }
+  }
+  return multiply(a, b);
+}
+
+Node Graph::quotient(Node a, Node b) {
+  return isConstant(a, 0.0) ? constant(0.0) : divide(a, b);
+}
+
+Node Graph::difference(Node a, Node b) {
+  return a == b ? constant(0.0) : subtract(a, b);
+}
+
+Node Graph::deriveFunction(Node node, Node da) {
+  if (isConstant(da, 0.0)) {
+    return da;
+  }
+  const Node a = operand(node, 0);
+  const Node one = constant(1.0);
+  switch (entry(node).operation) {
+    case Operation::kSin:  // cos(a) a'
+      return product(make(Operation::kCos, a), da);
+    case Operation::kCos:  // -sin(a) a'
+      return negate(product(make(Operation::kSin, a), da));
+    case Operation::kTan:  // (1 + tan(a)^2) a'
+      return product(add(one, multiply(node, node)), da);
+    case Operation::kAsin:  // a' / sqrt((1 - a)(1 + a)): no cancellation near |a| = 1
+      return quotient(da, make(Operation::kSqrt, multiply(subtract(one, a), add(one, a))));
+    case Operation::kAcos:
+      return negate(quotient(da, make(Operation::kSqrt, multiply(subtract(one, a), add(one, a)))));
+    case Operation::kAtan:  // a' / (1 + a^2)
+      return quotient(da, add(one, multiply(a, a)));
+    case Operation::kSinh:
+      return product(make(Operation::kCosh, a), da);
+    case Operation::kCosh:
+      return product(make(Operation::kSinh, a), da);
+    case Operation::kTanh:  // (1 - tanh(a)^2) a': exact to round-off of 1, and tanh is at hand
+      return product(subtract(one, multiply(node, node)), da);
+    case Operation::kExp:
+      return product(node, da);
+    case Operation::kLog:  // a' / a
+      return quotient(da, a);
+    case Operation::kSqrt:  // a' / (2 sqrt(a))
+      return quotient(product(constant(0.5), da), node);
+    case Operation::kAbs:
+      return product(make(Operation::kSign, a), da);
+    default:  // sign: 0 away from its jump
+      return constant(0.0);
+  }
+}
+
+Node Graph::derivePower(Node node, Node da, Node db) {
+  const Node a = operand(node, 0);
+  const Node b = operand(node, 1);
+  // (a^b)' = b a^(b-1) a' + a^b log(a) b'. Each term only if its derivative is not zero by the
+  // rules: a^c has a derivative also at a <= 0, where log(a) has no value.
+  Node derivative = constant(0.0);
+  if (!isConstant(da, 0.0)) {
+    const Node slope = product(b, power(a, subtract(b, constant(1.0))));
+    derivative = product(slope, da);
+  }
+  if (!isConstant(db, 0.0)) {
+    const Node growth = product(node, make(Operation::kLog, a));
+    derivative = add(derivative, product(growth, db));
+  }
+  return derivative;
+}
+
+Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivatives& derivatives) {
+  const Entry it = entry(node);  // a copy: making nodes moves the entries
+  const auto derivative_of = [&](int position) {
+    return derivatives[static_cast<std::size_t>(it.operands[position])];
+  };
+  const Node a = {it.operands[0]};
+  const Node b = {it.operands[1]};
+  switch (it.operation) {
+    case Operation::kConstant:
+      return constant(0.0);
+    case Operation::kVariable: {
+      Node rate = constant(0.0);
+      for (const Rate& candidate : rates) {
+        if (candidate.first == it.slot) {
+          rate = add(rate, candidate.second);
+        }
+      }
+      return rate;
+    }
+    case Operation::kNegate:
+      return negate(derivative_of(0));
+    case Operation::kAdd:
+      return add(derivative_of(0), derivative_of(1));
+    case Operation::kSubtract:
+      return difference(derivative_of(0), derivative_of(1));
+    case Operation::kMultiply:
+      if (a == b) {
+        return product(constant(2.0), product(a, derivative_of(0)));
+      }
+      return add(product(derivative_of(0), b), product(a, derivative_of(1)));
+    case Operation::kDivide:  // q = a/b: q' = (a' - q b')/b
+      return quotient(difference(derivative_of(0), product(node, derivative_of(1))), b);
+    case Operation::kPower:
+      return derivePower(node, derivative_of(0), derivative_of(1));
+    case Operation::kAtan2:  // (b a' - a b')/(a^2 + b^2)
+      return quotient(difference(product(b, derivative_of(0)), product(a, derivative_of(1))),
+                      add(multiply(a, a), multiply(b, b)));
+    case Operation::kMin:
+      return select(a, b, derivative_of(0), derivative_of(1));
+    case Operation::kMax:
+      return select(b, a, derivative_of(0), derivative_of(1));
+    case Operation::kSelect:
+      return select(a, b, derivative_of(2), derivative_of(3));
+    default:
+      return deriveFunction(node, derivative_of(0));
+  }
+}
+
+std::vector<bool> Graph::findReachable(const std::vector<Node>& nodes) const {
+  int last = -1;
+  for (const Node node : nodes) {
+    last = std::max(last, node.index);
+  }
+  std::vector<bool> reachable(static_cast<std::size_t>(last + 1), false);
+  for (const Node node : nodes) {
+    reachable[static_cast<std::size_t>(node.index)] = true;
+  }
+  // Operands have smaller indices: one sweep, no recursion, however deep the formula is.
+  for (std::size_t i = reachable.size(); i-- > 0;) {
+    if (reachable[i]) {
+      for (int k = 0; k < operandCount(entries_[i].operation); ++k) {
+        reachable[static_cast<std::size_t>(entries_[i].operands[k])] = true;
+      }
+    }
+  }
+  return reachable;
+}
+
+void Graph::deriveInto(Node node, const std::vector<Rate>& rates, Derivatives& derivatives) {
+  const auto count = static_cast<std::size_t>(node.index) + 1;
+  if (derivatives.size() < count) {
+    derivatives.resize(count);
+  }
+  if (derivatives[count - 1].index >= 0) {
+    return;
+  }
+  const std::vector<bool> reachable = findReachable({node});
+  for (std::size_t i = 0; i < count; ++i) {
+    if (reachable[i] && derivatives[i].index < 0) {
+      derivatives[i] = deriveOne({static_cast<int>(i)}, rates, derivatives);
+    }
+  }
+}
+
+Node Graph::differentiate(Node node, int slot) {
+  // Moved out meanwhile: nothing below may see a half-filled table twice.
+  Derivatives derivatives = std::move(partials_[slot]);
+  deriveInto(node, {{slot, constant(1.0)}}, derivatives);
+  const Node derivative = derivatives[static_cast<std::size_t>(node.index)];
+  partials_[slot] = std::move(derivatives);
+  return derivative;
+}
+
+Node Graph::totalDerivative(Node node, const std::vector<Rate>& rates) {
+  Derivatives derivatives;
+  deriveInto(node, rates, derivatives);
+  return derivatives[static_cast<std::size_t>(node.index)];
+}
+
+bool Graph::dependsOn(Node node, int slot) const {
+  const std::vector<bool> reachable = findReachable({node});
+  for (std::size_t i = 0; i < reachable.size(); ++i) {
+    if (reachable[i] && entries_[i].operation == Operation::kVariable && entries_[i].slot == slot) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool Graph::hasNonFiniteConstant(Node node) const {
+  const std::vector<bool> reachable = findReachable({node});
+  for (std::size_t i = 0; i < reachable.size(); ++i) {
+    if (reachable[i] && !std::isfinite(entries_[i].value)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace variator_sim::expression

@@ -1,0 +1,556 @@
+// How the program is made:
+//   1. lower: powers with small integer exponents become multiplications; what no output needs is
+//      left behind;
+//   2. fuse: a sum, product, ... that only one other needs joins it in one instruction. The
+//      roundings stay those of the separate operations;
+//   3. schedule: what the longest remaining chain waits for goes first;
+//   4. allocate: a register is free again after its last reader.
+#include "variator_sim/expression/tape.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+namespace variator_sim::expression {
+
+namespace {
+
+// ------------------------------------------------------------------------------------ instructions
+// The four operations and, made of them, instructions of two and three operations:
+//   pair a o1 b, triad (a o1 b) o2 c in several forms, quad (a o1 b) o2 (c o3 d).
+enum Arithmetic : int { kPlus, kMinus, kTimes, kOver };
+
+constexpr int kForms = 7;  // of a triad: t+c, t-c, c-t, t*c, t/c, c/t, -t
+enum TriadForm : int {
+  kThenPlus,
+  kThenMinus,
+  kFromThen,
+  kThenTimes,
+  kThenOver,
+  kOverThen,
+  kThenNegate
+};
+
+constexpr int kPairBase = 0;
+constexpr int kTriadBase = kPairBase + 4;
+constexpr int kQuadBase = kTriadBase + 4 * kForms;
+constexpr int kFunctionBase = kQuadBase + 4 * 4 * 4;
+
+constexpr int pairCode(int o1) {
+  return kPairBase + o1;
+}
+constexpr int triadCode(int o1, int form) {
+  return kTriadBase + o1 * kForms + form;
+}
+constexpr int quadCode(int o1, int o2, int o3) {
+  return kQuadBase + (o1 * 4 + o2) * 4 + o3;
+}
+
+// Functions: one instruction each. X(name of the Operation, value; A to D are the operands)
+#define VARIATOR_SIM_FUNCTIONS(X) \
+  X(Negate, -A)                   \
+  X(Power, std::pow(A, B))        \
+  X(Sin, std::sin(A))             \
+  X(Cos, std::cos(A))             \
+  X(Tan, std::tan(A))             \
+  X(Asin, std::asin(A))           \
+  X(Acos, std::acos(A))           \
+  X(Atan, std::atan(A))           \
+  X(Atan2, std::atan2(A, B))      \
+  X(Sinh, std::sinh(A))           \
+  X(Cosh, std::cosh(A))           \
+  X(Tanh, std::tanh(A))           \
+  X(Exp, std::exp(A))             \
+  X(Log, std::log(A))             \
+  X(Sqrt, std::sqrt(A))           \
+  X(Abs, std::abs(A))             \
+  X(Sign, signOf(A))              \
+  X(Min, minimumOf(A, B))         \
+  X(Max, maximumOf(A, B))         \
+  X(Select, selectOf(A, B, C, D))
+
+enum FunctionCode : int {
+  kBeforeFunctions = kFunctionBase - 1,
+#define VARIATOR_SIM_CODE(name, value) kCode##name,
+  VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_CODE)
+#undef VARIATOR_SIM_CODE
+      kCodeSinCos,
+  kCodeReturn,
+  kCodeCount
+};
+
+int functionCode(Operation operation) {
+  switch (operation) {
+#define VARIATOR_SIM_CODE(name, value) \
+  case Operation::k##name:             \
+    return kCode##name;
+    VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_CODE)
+#undef VARIATOR_SIM_CODE
+    default:
+      return kCodeReturn;
+  }
+}
+
+/// Which of the four operations, or -1.
+int arithmeticOf(Operation operation) {
+  switch (operation) {
+    case Operation::kAdd:
+      return kPlus;
+    case Operation::kSubtract:
+      return kMinus;
+    case Operation::kMultiply:
+      return kTimes;
+    case Operation::kDivide:
+      return kOver;
+    default:
+      return -1;
+  }
+}
+
+/// Rough time until the result can be read, in units of one addition through memory.
+int latencyOf(int code) {
+  if (code < kTriadBase) {
+    return 2;
+  }
+  if (code < kFunctionBase) {
+    return 3;
+  }
+  switch (code) {
+    case kCodeNegate:
+    case kCodeAbs:
+    case kCodeSign:
+    case kCodeMin:
+    case kCodeMax:
+    case kCodeSelect:
+      return 2;
+    case kCodeSqrt:
+      return 5;
+    default:
+      return 15;
+  }
+}
+
+/// Sine and cosine of one argument; glibc computes both in little more than the time of one, with
+/// the bits of sin() and cos().
+void computeSinCos(double x, double* sine, double* cosine) {
+#if defined(__GLIBC__) && defined(_GNU_SOURCE)
+  ::sincos(x, sine, cosine);
+#else
+  *sine = std::sin(x);
+  *cosine = std::cos(x);
+#endif
+}
+
+double selectOf(double a, double b, double yes, double no) {
+  const double operands[4] = {a, b, yes, no};
+  return evaluateOperation(Operation::kSelect, operands);
+}
+
+}  // namespace
+
+// ------------------------------------------------------------------------------------ compilation
+
+class TapeBuilder {
+ public:
+  TapeBuilder(const Graph& graph, const std::vector<Node>& outputs, Tape& tape) : tape_(tape) {
+    lower(graph, outputs);
+    countUses();
+    fuse();
+    schedule();
+    allocate();
+  }
+
+ private:
+  struct Step {
+    int code = -1;  ///< -1: a constant, a variable, or part of another's instruction
+    int results[2] = {-1, -1};
+    int operands[4] = {-1, -1, -1, -1};
+    int operand_count = 0;
+    int priority = 0;
+  };
+
+  static std::size_t at(int index) { return static_cast<std::size_t>(index); }
+  const Graph::Entry& entry(int index) const { return graph_.entry({index}); }
+  bool isLeaf(int index) const { return operandCount(entry(index).operation) == 0; }
+
+  /// x^n by the same products as powerOf.
+  Node lowerPower(Node base, double exponent) {
+    if (exponent < 0.0) {
+      return graph_.divide(graph_.constant(1.0), lowerPower(base, -exponent));
+    }
+    const int n = static_cast<int>(exponent);
+    if (n <= 1) {
+      return n == 0 ? graph_.constant(1.0) : base;
+    }
+    if (n % 2 == 1) {
+      return graph_.multiply(lowerPower(base, n - 1), base);
+    }
+    const int half = n / 2;
+    const Node root = lowerPower(base, half);
+    return graph_.multiply(root, root);
+  }
+
+  void lower(const Graph& source, const std::vector<Node>& outputs) {
+    const std::vector<bool> reachable = source.findReachable(outputs);
+    std::vector<Node> lowered(reachable.size());
+    for (std::size_t i = 0; i < reachable.size(); ++i) {
+      if (!reachable[i]) {
+        continue;
+      }
+      const Graph::Entry& it = source.entry({static_cast<int>(i)});
+      Node operands[4];
+      for (int k = 0; k < operandCount(it.operation); ++k) {
+        operands[k] = lowered[at(it.operands[k])];
+      }
+      if (it.operation == Operation::kConstant) {
+        lowered[i] = graph_.constant(it.value);
+      } else if (it.operation == Operation::kVariable) {
+        lowered[i] = graph_.variable(it.slot);
+      } else if (it.operation == Operation::kPower && graph_.isConstant(operands[1]) &&
+                 isMultipliedPower(graph_.constantValue(operands[1]))) {
+        lowered[i] = lowerPower(operands[0], graph_.constantValue(operands[1]));
+      } else {
+        lowered[i] = graph_.make(it.operation, operands[0], operands[1], operands[2], operands[3]);
+      }
+    }
+    for (const Node output : outputs) {
+      outputs_.push_back(lowered[at(output.index)]);
+    }
+    needed_ = graph_.findReachable(outputs_);
+  }
+
+  int nodeCount() const { return static_cast<int>(needed_.size()); }
+
+  void countUses() {
+    uses_.assign(needed_.size(), 0);
+    for (int i = 0; i < nodeCount(); ++i) {
+      if (needed_[at(i)]) {
+        for (int k = 0; k < operandCount(entry(i).operation); ++k) {
+          ++uses_[at(entry(i).operands[k])];
+        }
+      }
+    }
+    for (const Node output : outputs_) {
+      ++uses_[at(output.index)];
+    }
+  }
+
+  bool canJoin(int index) const {
+    return uses_[at(index)] == 1 && arithmeticOf(entry(index).operation) >= 0;
+  }
+
+  void setStep(int index, int code, std::initializer_list<int> operands) {
+    Step& step = steps_[at(index)];
+    step.code = code;
+    step.results[0] = index;
+    step.operand_count = 0;
+    for (const int operand : operands) {
+      step.operands[step.operand_count++] = operand;
+    }
+  }
+
+  void fuse() {
+    steps_.resize(needed_.size());
+    std::vector<bool> joined(needed_.size(), false);
+    for (int i = nodeCount() - 1; i >= 0; --i) {
+      if (!needed_[at(i)] || joined[at(i)] || isLeaf(i)) {
+        continue;
+      }
+      const Graph::Entry& it = entry(i);
+      const int a = it.operands[0];
+      const int b = it.operands[1];
+      const int o = arithmeticOf(it.operation);
+      if (o >= 0) {
+        if (canJoin(a) && canJoin(b)) {
+          setStep(i,
+                  quadCode(arithmeticOf(entry(a).operation), o, arithmeticOf(entry(b).operation)),
+                  {entry(a).operands[0], entry(a).operands[1], entry(b).operands[0],
+                   entry(b).operands[1]});
+          joined[at(a)] = joined[at(b)] = true;
+        } else if (canJoin(a)) {
+          constexpr int kFormOf[4] = {kThenPlus, kThenMinus, kThenTimes, kThenOver};
+          setStep(i, triadCode(arithmeticOf(entry(a).operation), kFormOf[o]),
+                  {entry(a).operands[0], entry(a).operands[1], b});
+          joined[at(a)] = true;
+        } else if (canJoin(b)) {
+          constexpr int kFormOf[4] = {kThenPlus, kFromThen, kThenTimes, kOverThen};
+          setStep(i, triadCode(arithmeticOf(entry(b).operation), kFormOf[o]),
+                  {entry(b).operands[0], entry(b).operands[1], a});
+          joined[at(b)] = true;
+        } else {
+          setStep(i, pairCode(o), {a, b});
+        }
+      } else if (it.operation == Operation::kNegate && canJoin(a)) {
+        setStep(i, triadCode(arithmeticOf(entry(a).operation), kThenNegate),
+                {entry(a).operands[0], entry(a).operands[1]});
+        joined[at(a)] = true;
+      } else if (it.operation == Operation::kSelect) {
+        setStep(i, kCodeSelect, {it.operands[0], it.operands[1], it.operands[2], it.operands[3]});
+      } else if (operandCount(it.operation) == 2) {
+        setStep(i, functionCode(it.operation), {a, b});
+      } else {
+        setStep(i, functionCode(it.operation), {a});
+      }
+    }
+    shareSinCos();
+  }
+
+  void shareSinCos() {
+    std::vector<int> sine_of(needed_.size(), -1);
+    std::vector<int> cosine_of(needed_.size(), -1);
+    for (int i = 0; i < nodeCount(); ++i) {
+      if (steps_[at(i)].code == kCodeSin) {
+        sine_of[at(entry(i).operands[0])] = i;
+      } else if (steps_[at(i)].code == kCodeCos) {
+        cosine_of[at(entry(i).operands[0])] = i;
+      }
+    }
+    for (int x = 0; x < nodeCount(); ++x) {
+      if (sine_of[at(x)] >= 0 && cosine_of[at(x)] >= 0) {
+        // One step for both, kept where the earlier one stood: all readers come later.
+        const int first = std::min(sine_of[at(x)], cosine_of[at(x)]);
+        const int second = std::max(sine_of[at(x)], cosine_of[at(x)]);
+        setStep(first, kCodeSinCos, {x});
+        steps_[at(first)].results[0] = sine_of[at(x)];
+        steps_[at(first)].results[1] = cosine_of[at(x)];
+        steps_[at(second)].code = -1;
+      }
+    }
+  }
+
+  /// Longest chain first. A step's priority exceeds that of all its readers, so that sorting by
+  /// priority also puts operands before their readers.
+  void schedule() {
+    std::vector<int> wait(needed_.size(), 0);  // of a node: longest chain behind its result
+    for (int i = nodeCount() - 1; i >= 0; --i) {
+      Step& step = steps_[at(i)];
+      if (step.code < 0) {
+        continue;
+      }
+      int behind = wait[at(step.results[0])];
+      if (step.results[1] >= 0) {
+        behind = std::max(behind, wait[at(step.results[1])]);
+      }
+      step.priority = behind + latencyOf(step.code);
+      for (int k = 0; k < step.operand_count; ++k) {
+        int& before = wait[at(step.operands[k])];
+        before = std::max(before, step.priority);
+      }
+      order_.push_back(i);
+    }
+    std::reverse(order_.begin(), order_.end());
+    std::stable_sort(order_.begin(), order_.end(), [this](int left, int right) {
+      return steps_[at(left)].priority > steps_[at(right)].priority;
+    });
+  }
+
+  int newRegister() {
+    if (!free_registers_.empty()) {
+      const int free_register = free_registers_.back();
+      free_registers_.pop_back();
+      return free_register;
+    }
+    if (tape_.registers_.size() > 0xFFFFU) {
+      throw std::length_error("the formula is too large: more than 65536 values at a time");
+    }
+    tape_.registers_.push_back(0.0);
+    return static_cast<int>(tape_.registers_.size()) - 1;
+  }
+
+  void allocate() {
+    register_of_.assign(needed_.size(), -1);
+    std::vector<int> readers(needed_.size(), 0);
+    for (const int i : order_) {
+      for (int k = 0; k < steps_[at(i)].operand_count; ++k) {
+        ++readers[at(steps_[at(i)].operands[k])];
+      }
+    }
+    for (const Node output : outputs_) {
+      ++readers[at(output.index)];  // never freed
+    }
+    for (int i = 0; i < nodeCount(); ++i) {
+      if (needed_[at(i)] && isLeaf(i)) {
+        allocateLeaf(i, readers);
+      }
+    }
+    for (const int i : order_) {
+      const Step& step = steps_[at(i)];
+      Tape::Instruction instruction = {};
+      instruction.code = static_cast<std::uint16_t>(step.code);
+      for (int k = 0; k < step.operand_count; ++k) {
+        const int operand = step.operands[k];
+        instruction.operands[k] = static_cast<std::uint16_t>(register_of_[at(operand)]);
+        if (--readers[at(operand)] == 0) {
+          free_registers_.push_back(register_of_[at(operand)]);
+        }
+      }
+      // A result may take the register of an operand: every instruction reads before it writes.
+      for (int k = 0; k < 2 && step.results[k] >= 0; ++k) {
+        const int result = newRegister();
+        register_of_[at(step.results[k])] = result;
+        (k == 0 ? instruction.result : instruction.operands[1]) =
+            static_cast<std::uint16_t>(result);
+      }
+      tape_.program_.push_back(instruction);
+    }
+    Tape::Instruction last = {};
+    last.code = kCodeReturn;
+    tape_.program_.push_back(last);
+    for (const Node output : outputs_) {
+      tape_.output_registers_.push_back(static_cast<std::uint16_t>(register_of_[at(output.index)]));
+    }
+  }
+
+  void allocateLeaf(int index, std::vector<int>& readers) {
+    const Graph::Entry& it = entry(index);
+    const int leaf_register = newRegister();
+    register_of_[at(index)] = leaf_register;
+    if (it.operation == Operation::kConstant) {
+      tape_.registers_[at(leaf_register)] = it.value;
+      ++readers[at(index)];  // never freed: filled in once
+      return;
+    }
+    if (it.slot < 0 || sourceOf(it.slot) >= Source::kJerk) {
+      throw std::invalid_argument("a tape reads only what a StateView holds");
+    }
+    Tape::Load load = {};
+    load.to = static_cast<std::uint16_t>(leaf_register);
+    load.source = static_cast<std::uint8_t>(sourceOf(it.slot));
+    load.index = static_cast<std::uint16_t>(indexOf(it.slot));
+    tape_.loads_.push_back(load);
+  }
+
+  Tape& tape_;
+  Graph graph_;  ///< the lowered one
+  std::vector<Node> outputs_;
+  std::vector<bool> needed_;
+  std::vector<int> uses_;
+  std::vector<Step> steps_;
+  std::vector<int> order_;
+  std::vector<int> register_of_;
+  std::vector<int> free_registers_;
+};
+
+Tape::Tape(const Graph& graph, const std::vector<Node>& outputs) {
+  TapeBuilder(graph, outputs, *this);
+}
+
+// ------------------------------------------------------------------------------------- evaluation
+
+// Computed goto, a language extension of GCC and Clang: every instruction jumps to the next one
+// itself, so that the processor predicts each jump by its own history. On the row of a variator
+// (benchmark/expression_benchmark.cpp) a switch in a loop took 12 % longer when evaluations overlap
+// and as long when each waits for the last; on programs of a few instructions it was up to 4 %
+// faster.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpedantic"
+
+#define VARIATOR_SIM_APPLY_0(x, y) ((x) + (y))
+#define VARIATOR_SIM_APPLY_1(x, y) ((x) - (y))
+#define VARIATOR_SIM_APPLY_2(x, y) ((x) * (y))
+#define VARIATOR_SIM_APPLY_3(x, y) ((x) / (y))
+
+// Everything that has a label, in the order of the codes above.
+// clang-format off
+#define VARIATOR_SIM_PAIRS(X) X(0) X(1) X(2) X(3)
+#define VARIATOR_SIM_TRIADS_OF(X, o1)                 \
+  X(o1, 0, t + C) X(o1, 1, t - C) X(o1, 2, C - t)     \
+  X(o1, 3, t * C) X(o1, 4, t / C) X(o1, 5, C / t)     \
+  X(o1, 6, -t)
+#define VARIATOR_SIM_TRIADS(X)                              \
+  VARIATOR_SIM_TRIADS_OF(X, 0) VARIATOR_SIM_TRIADS_OF(X, 1) \
+  VARIATOR_SIM_TRIADS_OF(X, 2) VARIATOR_SIM_TRIADS_OF(X, 3)
+#define VARIATOR_SIM_QUADS_OF(X, o1, o2) X(o1, o2, 0) X(o1, o2, 1) X(o1, o2, 2) X(o1, o2, 3)
+#define VARIATOR_SIM_QUADS_FROM(X, o1)                            \
+  VARIATOR_SIM_QUADS_OF(X, o1, 0) VARIATOR_SIM_QUADS_OF(X, o1, 1) \
+  VARIATOR_SIM_QUADS_OF(X, o1, 2) VARIATOR_SIM_QUADS_OF(X, o1, 3)
+#define VARIATOR_SIM_QUADS(X)                                 \
+  VARIATOR_SIM_QUADS_FROM(X, 0) VARIATOR_SIM_QUADS_FROM(X, 1) \
+  VARIATOR_SIM_QUADS_FROM(X, 2) VARIATOR_SIM_QUADS_FROM(X, 3)
+// clang-format on
+
+#define VARIATOR_SIM_PAIR_LABEL(o1) &&pair_##o1,
+#define VARIATOR_SIM_TRIAD_LABEL(o1, form, value) &&triad_##o1##_##form,
+#define VARIATOR_SIM_QUAD_LABEL(o1, o2, o3) &&quad_##o1##_##o2##_##o3,
+#define VARIATOR_SIM_FUNCTION_LABEL(name, value) &&function_##name,
+
+#define VARIATOR_SIM_NEXT \
+  ++it;                   \
+  goto* kLabels[it->code]
+#define VARIATOR_SIM_PAIR(o1)                      \
+  pair_##o1 : {                                    \
+    r[it->result] = VARIATOR_SIM_APPLY_##o1(A, B); \
+    VARIATOR_SIM_NEXT;                             \
+  }
+#define VARIATOR_SIM_TRIAD(o1, form, value)         \
+  triad_##o1##_##form : {                           \
+    const double t = VARIATOR_SIM_APPLY_##o1(A, B); \
+    r[it->result] = value;                          \
+    VARIATOR_SIM_NEXT;                              \
+  }
+#define VARIATOR_SIM_QUAD(o1, o2, o3)                                                          \
+  quad_##o1##_##o2##_##o3 : {                                                                  \
+    r[it->result] =                                                                            \
+        VARIATOR_SIM_APPLY_##o2(VARIATOR_SIM_APPLY_##o1(A, B), VARIATOR_SIM_APPLY_##o3(C, D)); \
+    VARIATOR_SIM_NEXT;                                                                         \
+  }
+#define VARIATOR_SIM_FUNCTION(name, value) \
+  function_##name : {                      \
+    r[it->result] = value;                 \
+    VARIATOR_SIM_NEXT;                     \
+  }
+#define A r[it->operands[0]]
+#define B r[it->operands[1]]
+#define C r[it->operands[2]]
+#define D r[it->operands[3]]
+
+void Tape::evaluate(const StateView& state, double* outputs) const noexcept {
+  static const void* const kLabels[] = {
+      // clang-format off
+      VARIATOR_SIM_PAIRS(VARIATOR_SIM_PAIR_LABEL)
+      VARIATOR_SIM_TRIADS(VARIATOR_SIM_TRIAD_LABEL)
+      VARIATOR_SIM_QUADS(VARIATOR_SIM_QUAD_LABEL)
+      VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_FUNCTION_LABEL)
+      &&sine_and_cosine,
+      &&finish
+      // clang-format on
+  };
+  static_assert(sizeof kLabels / sizeof kLabels[0] == kCodeCount, "one label per instruction code");
+
+  const double* const sources[] = {&state.time,        state.angle, state.velocity,
+                                   state.acceleration, state.input, state.input_rate};
+  double* const r = registers_.data();
+  for (const Load& load : loads_) {
+    r[load.to] = sources[load.source][load.index];
+  }
+  if (program_.empty()) {
+    return;
+  }
+  const Instruction* it = program_.data();
+  goto* kLabels[it->code];
+
+  // clang-format off
+  VARIATOR_SIM_PAIRS(VARIATOR_SIM_PAIR)
+  VARIATOR_SIM_TRIADS(VARIATOR_SIM_TRIAD)
+  VARIATOR_SIM_QUADS(VARIATOR_SIM_QUAD)
+  VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_FUNCTION)
+  // clang-format on
+
+sine_and_cosine:
+  computeSinCos(A, &r[it->result], &B);
+  VARIATOR_SIM_NEXT;
+
+finish:
+  for (std::size_t i = 0; i < output_registers_.size(); ++i) {
+    outputs[i] = r[output_registers_[i]];
+  }
+}
+
+#undef A
+#undef B
+#undef C
+#undef D
+#pragma GCC diagnostic pop
+
+}  // namespace variator_sim::expression

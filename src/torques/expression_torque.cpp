@@ -1,0 +1,59 @@
+#include "variator_sim/torques/expression_torque.h"
+
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "variator_sim/expression/parser.h"
+
+namespace variator_sim {
+
+using expression::Graph;
+using expression::Node;
+using expression::slotOf;
+using expression::Source;
+using expression::Tape;
+
+void ExpressionTorque::doConfigure(ComponentContext& context) {
+  shaft_ = context.readShaft("shaft");
+  Graph graph;
+  const Node torque = readFormula(context, "torque", expression::FormulaKind::kTorque, graph);
+
+  // Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon
+  std::vector<Graph::Rate> rates = {{slotOf(Source::kTime), graph.constant(1.0)}};
+  for (int i = 0; i < context.shaftCount(); ++i) {
+    rates.emplace_back(slotOf(Source::kAngle, i), graph.variable(slotOf(Source::kVelocity, i)));
+    rates.emplace_back(slotOf(Source::kVelocity, i),
+                       graph.variable(slotOf(Source::kAcceleration, i)));
+  }
+  const Node rate = graph.totalDerivative(torque, rates);
+  if (graph.hasNonFiniteConstant(rate)) {
+    ParameterReader& reader = context.parameters();
+    throw SceneError(reader.keyPath("torque"), "the rate of '" + reader.formula("torque") +
+                                                   "' has a constant part that is not finite");
+  }
+  has_rate_ = !graph.isConstant(rate, 0.0);
+  try {
+    torque_ = Tape(graph, {torque});
+    rate_ = Tape(graph, {rate});
+  } catch (const std::length_error& error) {
+    throw SceneError(context.parameters().keyPath("torque"), error.what());
+  }
+}
+
+void ExpressionTorque::doAddTorque(const StateView& state, double* torque) const {
+  double value = 0.0;
+  torque_.evaluate(state, &value);
+  torque[shaft_] += value;
+}
+
+void ExpressionTorque::doAddTorqueRate(const StateView& state, double* torque_rate) const {
+  if (!has_rate_) {
+    return;
+  }
+  double value = 0.0;
+  rate_.evaluate(state, &value);
+  torque_rate[shaft_] += value;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,340 @@
+// The constraint and the torque that a scene states as formulas: what they compute, and what they
+// say about formulas and parameters that are wrong.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "variator_sim/constraints/expression_constraint.h"
+#include "variator_sim/torques/expression_torque.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+using Dictionary = ParameterTree::Dictionary;
+
+/// Configures a component named "it" from the dictionary at "it" of a scene.
+template <typename Component>
+void configure(Component& component, const Dictionary& dictionary,
+               const std::vector<std::string>& shafts = {"drive", "load"}) {
+  const ParameterTree tree = ParameterTree::dictionary(dictionary);
+  ParameterReader reader(tree, "it");
+  std::vector<CommandInputSettings> inputs;
+  ComponentContext context("it", reader, shafts, inputs);
+  component.configure(context);
+  reader.finish();
+}
+
+Dictionary constraintOf(const std::string& formula, const Dictionary& parameters = {}) {
+  return {{"order", ParameterTree::integer(2)},
+          {"expression", ParameterTree::text(formula)},
+          {"parameters", ParameterTree::dictionary(parameters)}};
+}
+
+Dictionary torqueOf(const std::string& formula, const Dictionary& parameters = {},
+                    const std::string& shaft = "load") {
+  return {{"shaft", ParameterTree::text(shaft)},
+          {"torque", ParameterTree::text(formula)},
+          {"parameters", ParameterTree::dictionary(parameters)}};
+}
+
+template <typename Component>
+SceneError errorOf(const Dictionary& dictionary,
+                   const std::vector<std::string>& shafts = {"drive", "load"}) {
+  Component component;
+  try {
+    configure(component, dictionary, shafts);
+  } catch (const SceneError& error) {
+    return error;
+  }
+  ADD_FAILURE() << "no error";
+  return {"", ""};
+}
+
+void expectError(const SceneError& error, const std::string& path, const std::string& piece) {
+  EXPECT_EQ(error.keyPath(), path) << error.what();
+  EXPECT_NE(std::string(error.what()).find(piece), std::string::npos) << error.what();
+}
+
+/// A state of two shafts with nothing special about it.
+struct State {
+  double angle[2] = {0.7, -0.4};
+  double velocity[2] = {5.0, 2.9};
+  double acceleration[2] = {8.78, 6.02};
+  StateView view = {1.3, angle, velocity, acceleration, nullptr, nullptr};
+};
+
+const char* const kShip =
+    "tau*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2)) + w2-(0.6+0.2*sin(0.7*t))*w1";
+
+// -------------------------------------------------------------------------------------- constraint
+
+TEST(ExpressionConstraint, ComputesTheRowOfAVariator) {
+  ExpressionConstraint constraint;
+  configure(constraint, constraintOf(kShip, {{"tau", ParameterTree::real(0.2)}}));
+  const State s;
+  const double tau = 0.2;
+  const double u = 0.6 + 0.2 * std::sin(0.7 * 1.3);
+  const double u_rate = 0.2 * 0.7 * std::cos(0.7 * 1.3);
+  const double e1 = s.acceleration[0];
+  const double e2 = s.acceleration[1];
+  const double slip_rate = e2 - u * e1;
+  const double stiffening = 1.0 + 0.05 * (e1 * e1 + e2 * e2);
+  const double psi = tau * slip_rate * stiffening + s.velocity[1] - u * s.velocity[0];
+  const double c1 = tau * (-u * stiffening + slip_rate * 0.1 * e1);
+  const double c2 = tau * (stiffening + slip_rate * 0.1 * e2);
+  const double psi_t = -tau * u_rate * e1 * stiffening - u_rate * s.velocity[0];
+  const double c0_expected = psi_t - u * e1 + e2;
+
+  EXPECT_NEAR(constraint.calcResidual(s.view), psi, 1e-14);
+  double C[2] = {kNan, kNan};
+  double c0 = kNan;
+  constraint.calcRow(s.view, C, &c0);
+  EXPECT_NEAR(C[0], c1, 1e-14);
+  EXPECT_NEAR(C[1], c2, 1e-14);
+  EXPECT_NEAR(c0, c0_expected, 1e-14);
+  double C_again[2] = {kNan, kNan};
+  EXPECT_EQ(constraint.calcResidualAndJacobian(s.view, C_again), constraint.calcResidual(s.view));
+  EXPECT_NEAR(C_again[0], c1, 1e-14);
+  EXPECT_NEAR(C_again[1], c2, 1e-14);
+  EXPECT_FALSE(constraint.isLinearInAcceleration());
+  EXPECT_FALSE(constraint.readsInputs());
+
+  // H = d2psi/de2 of tau (e2 - u e1)(1 + 0.05 (e1^2 + e2^2))
+  double H[4] = {kNan, kNan, kNan, kNan};
+  constraint.calcHessian(s.view, H);
+  EXPECT_NEAR(H[0], tau * (-u * 0.2 * e1 + 0.1 * slip_rate), 1e-14);
+  EXPECT_NEAR(H[1], tau * (-u * 0.1 * e2 + 0.1 * e1), 1e-14);
+  EXPECT_EQ(H[1], H[2]);
+  EXPECT_NEAR(H[3], tau * (0.2 * e2 + 0.1 * slip_rate), 1e-14);
+}
+
+/// Exposes the partial derivatives, which the base class composes rows of.
+class OpenConstraint : public ExpressionConstraint {
+ public:
+  ConstraintPartials partials(const StateView& state) const {
+    ConstraintPartials partials;
+    doCalcPartials(state, partials);
+    return partials;
+  }
+};
+
+TEST(ExpressionConstraint, RowIsComposedOfThePartials) {
+  OpenConstraint constraint;
+  configure(constraint, constraintOf("e1*cos(phi1)*t^2 + a*phi2*w1*e2^3 + exp(0.1*w2) + e2*t",
+                                     {{"a", ParameterTree::real(0.3)}}));
+  const State s;
+  const ConstraintPartials p = constraint.partials(s.view);
+  const double t = s.view.time;
+  const double e2 = s.acceleration[1];
+  EXPECT_NEAR(p.time, 2 * t * s.acceleration[0] * std::cos(s.angle[0]) + e2, 1e-13);
+  EXPECT_NEAR(p.angle[0], -s.acceleration[0] * std::sin(s.angle[0]) * t * t, 1e-13);
+  EXPECT_NEAR(p.angle[1], 0.3 * s.velocity[0] * e2 * e2 * e2, 1e-12);
+  EXPECT_NEAR(p.velocity[0], 0.3 * s.angle[1] * e2 * e2 * e2, 1e-12);
+  EXPECT_NEAR(p.velocity[1], 0.1 * std::exp(0.1 * s.velocity[1]), 1e-14);
+  EXPECT_NEAR(p.acceleration[0], std::cos(s.angle[0]) * t * t, 1e-14);
+  EXPECT_NEAR(p.acceleration[1], 0.9 * s.angle[1] * s.velocity[0] * e2 * e2 + t, 1e-12);
+  EXPECT_EQ(p.acceleration[2], 0.0);
+  EXPECT_EQ(p.input[0], 0.0);
+
+  double C[2] = {};
+  double c0 = 0.0;
+  constraint.calcRow(s.view, C, &c0);
+  EXPECT_NEAR(C[0], p.acceleration[0], 1e-13);
+  EXPECT_NEAR(C[1], p.acceleration[1], 1e-13);
+  double c0_composed = p.time;
+  for (int i = 0; i < 2; ++i) {
+    c0_composed += p.angle[i] * s.velocity[i] + p.velocity[i] * s.acceleration[i];
+  }
+  EXPECT_NEAR(c0, c0_composed, 1e-10);
+}
+
+TEST(ExpressionConstraint, KnowsWhenItIsLinearInTheAcceleration) {
+  const auto is_linear = [](const std::string& formula) {
+    ExpressionConstraint constraint;
+    configure(constraint, constraintOf(formula));
+    double H[4] = {kNan, kNan, kNan, kNan};
+    constraint.calcHessian(State().view, H);
+    for (const double entry : H) {
+      EXPECT_TRUE(std::isfinite(entry));
+      EXPECT_TRUE(entry == 0.0 || !constraint.isLinearInAcceleration());
+    }
+    return constraint.isLinearInAcceleration();
+  };
+  EXPECT_TRUE(is_linear("e2 + 0.1*e1"));
+  EXPECT_TRUE(is_linear("0.2*(e2 - sin(t)*e1*w1^2) + w2 - phi1*w1"));
+  EXPECT_TRUE(is_linear("10*w1*e1 + 100*w2*e2 - 3*t"));
+  EXPECT_FALSE(is_linear("e1^2 + e2^2 - 4"));
+  EXPECT_FALSE(is_linear("e1*e2 - 1"));
+  EXPECT_FALSE(is_linear("e1 + w1*sin(e2)"));
+}
+
+TEST(ExpressionConstraint, TakesNumbersAndUnusedParameters) {
+  ExpressionConstraint constraint;
+  configure(constraint, constraintOf("a*e1 - w1", {{"a", ParameterTree::text("1e-3")},
+                                                   {"unused", ParameterTree::integer(4)}}));
+  EXPECT_NEAR(constraint.calcResidual(State().view), 1e-3 * 8.78 - 5.0, 1e-15);
+}
+
+TEST(ExpressionConstraint, RefusesOtherOrders) {
+  for (const int order : {1, 3}) {
+    Dictionary dictionary = constraintOf("e1");
+    dictionary["order"] = ParameterTree::integer(order);
+    expectError(errorOf<ExpressionConstraint>(dictionary), "it/order", "supports");
+    expectError(errorOf<ExpressionConstraint>(dictionary), "it/order",
+                "order 2, not " + std::to_string(order));
+  }
+  Dictionary dictionary = constraintOf("e1");
+  dictionary["order"] = ParameterTree::integer(4);
+  expectError(errorOf<ExpressionConstraint>(dictionary), "it/order", "4");
+}
+
+TEST(ExpressionConstraint, RefusesWhatIsNoConstraintOfOrderTwo) {
+  for (const std::string formula : {"w2 - 0.5*w1", "0*e1 + w1", "5", "e1 - e1"}) {
+    expectError(errorOf<ExpressionConstraint>(constraintOf(formula)), "it/expression",
+                "not of order 2: '" + formula + "'");
+  }
+}
+
+TEST(ExpressionConstraint, NamesWhatIsWrongInTheFormula) {
+  expectError(errorOf<ExpressionConstraint>(constraintOf("e1 + w3")), "it/expression",
+              "unknown name 'w3': the scene has 2 shafts: w1, w2 at column 6");
+  expectError(errorOf<ExpressionConstraint>(constraintOf("e1 + e0")), "it/expression",
+              "the scene has 2 shafts: e1, e2");
+  expectError(errorOf<ExpressionConstraint>(constraintOf("e1 + phi2"), {"only"}), "it/expression",
+              "the scene has 1 shaft: phi1");
+  expectError(errorOf<ExpressionConstraint>(constraintOf("e1 + j1")), "it/expression",
+              "jerks occur in constraints of order 3 only");
+  const SceneError misspelt = errorOf<ExpressionConstraint>(
+      constraintOf("e1 + taw*w1", {{"tau", ParameterTree::real(0.2)}}));
+  expectError(misspelt, "it/expression", "unknown name 'taw' (did you mean 'tau'?)");
+  expectError(misspelt, "it/expression", "\n  e1 + taw*w1\n       ^");
+  expectError(errorOf<ExpressionConstraint>(constraintOf("e1 + log(-1)")), "it/expression",
+              "this constant part is not finite at column 6");
+  expectError(errorOf<ExpressionConstraint>(constraintOf("")), "it/expression", "empty");
+  expectError(
+      errorOf<ExpressionConstraint>(constraintOf("e1 + w1/J", {{"J", ParameterTree::integer(0)}})),
+      "it/expression", "division by zero at column 8");
+}
+
+TEST(ExpressionConstraint, RefusesNamesOfParametersThatMeanSomethingElse) {
+  const auto error = [](const std::string& name) {
+    return errorOf<ExpressionConstraint>(
+        constraintOf("e1 + w1", {{name, ParameterTree::real(1.0)}}));
+  };
+  for (const std::string name : {"t", "w1", "phi2", "e1", "w7", "j1"}) {
+    expectError(error(name), "it/parameters/" + name, "'" + name + "' is the name of a variable");
+  }
+  expectError(error("sin"), "it/parameters/sin", "a function");
+  expectError(error("pi"), "it/parameters/pi", "already the name");
+  expectError(error("a-b"), "it/parameters/a-b", "'a-b' is not a valid name");
+  expectError(error("2a"), "it/parameters/2a", "not a valid name");
+}
+
+TEST(ExpressionConstraint, RefusesAFormulaThatIsTooLarge) {
+  std::string formula = "e1";
+  for (int i = 1; i < 70000; ++i) {
+    formula += "+w1/" + std::to_string(3 + 0.001 * i);
+  }
+  expectError(errorOf<ExpressionConstraint>(constraintOf(formula)), "it/expression", "too large");
+  formula.replace(0, 2, "w2");
+  expectError(errorOf<ExpressionTorque>(torqueOf(formula)), "it/torque", "too large");
+}
+
+TEST(ExpressionConstraint, RefusesMissingAndUnknownKeys) {
+  Dictionary dictionary = constraintOf("e1");
+  dictionary.erase("expression");
+  EXPECT_EQ(errorOf<ExpressionConstraint>(dictionary).keyPath(), "it/expression");
+  dictionary = constraintOf("e1");
+  dictionary["expresion"] = ParameterTree::text("e1");
+  EXPECT_EQ(errorOf<ExpressionConstraint>(dictionary).keyPath(), "it/expresion");
+  dictionary = constraintOf("e1", {{"a", ParameterTree::text("much")}});
+  EXPECT_EQ(errorOf<ExpressionConstraint>(dictionary).keyPath(), "it/parameters/a");
+}
+
+// ------------------------------------------------------------------------------------------ torque
+
+TEST(ExpressionTorque, AddsToItsShaftOnly) {
+  ExpressionTorque torque;
+  configure(torque, torqueOf("-k*w2^2", {{"k", ParameterTree::real(0.02)}}));
+  const State s;
+  double Q[2] = {1.0, 10.0};
+  torque.addTorque(s.view, Q);
+  EXPECT_EQ(Q[0], 1.0);
+  EXPECT_NEAR(Q[1], 10.0 - 0.02 * 2.9 * 2.9, 1e-15);
+  double rate[2] = {1.0, 10.0};
+  torque.addTorqueRate(s.view, rate);
+  EXPECT_EQ(rate[0], 1.0);
+  EXPECT_NEAR(rate[1], 10.0 - 0.04 * 2.9 * 6.02, 1e-14);
+}
+
+TEST(ExpressionTorque, RateIsTheTotalDerivative) {
+  ExpressionTorque torque;
+  configure(torque, torqueOf("12*((50-w1)/50)/(((50-w1)/50)^2+0.04) + t^2*sin(phi2) - w2*phi1", {},
+                             "drive"));
+  State s;
+  double rate[2] = {};
+  torque.addTorqueRate(s.view, rate);
+  // The torque along phi(t) = phi + omega t + epsilon t^2/2, differentiated by differences.
+  const auto along = [&s, &torque](double dt) {
+    State at = s;
+    for (int i = 0; i < 2; ++i) {
+      at.angle[i] += s.velocity[i] * dt + 0.5 * s.acceleration[i] * dt * dt;
+      at.velocity[i] += s.acceleration[i] * dt;
+    }
+    const StateView view = {s.view.time + dt, at.angle, at.velocity, nullptr, nullptr, nullptr};
+    double Q[2] = {};
+    torque.addTorque(view, Q);
+    return Q[0];
+  };
+  const double h = 1e-3;
+  const double expected =
+      (8.0 * (along(h) - along(-h)) - (along(2 * h) - along(-2 * h))) / (12 * h);
+  EXPECT_NEAR(rate[0], expected, 1e-8);
+  EXPECT_GT(std::abs(expected), 1.0);
+  EXPECT_EQ(rate[1], 0.0);
+}
+
+TEST(ExpressionTorque, OfAConstantHasNoRate) {
+  ExpressionTorque torque;
+  configure(torque, torqueOf("-3.5"));
+  const StateView nothing = {kNan, nullptr, nullptr, nullptr, nullptr, nullptr};
+  double Q[2] = {};
+  torque.addTorque(nothing, Q);
+  EXPECT_EQ(Q[1], -3.5);
+  double rate[2] = {0.5, 0.25};
+  torque.addTorqueRate(nothing, rate);
+  EXPECT_EQ(rate[0], 0.5);
+  EXPECT_EQ(rate[1], 0.25);
+}
+
+TEST(ExpressionTorque, PassesOnWhatIsNotANumber) {
+  ExpressionTorque torque;
+  configure(torque, torqueOf("sqrt(w1 - 100)"));
+  double Q[2] = {};
+  torque.addTorque(State().view, Q);
+  EXPECT_TRUE(std::isnan(Q[1]));
+}
+
+TEST(ExpressionTorque, NamesWhatIsWrong) {
+  expectError(errorOf<ExpressionTorque>(torqueOf("-3*e1")), "it/torque",
+              "a torque may depend on t, phi and w only");
+  expectError(errorOf<ExpressionTorque>(torqueOf("w3")), "it/torque",
+              "the scene has 2 shafts: w1, w2");
+  expectError(errorOf<ExpressionTorque>(torqueOf("-k*w2^", {{"k", ParameterTree::real(1.0)}})),
+              "it/torque", "instead of the end at column 7");
+  expectError(errorOf<ExpressionTorque>(torqueOf("w1/0")), "it/torque", "division by zero");
+  expectError(errorOf<ExpressionTorque>(torqueOf("w1", {{"e1", ParameterTree::real(1.0)}})),
+              "it/parameters/e1", "is the name of a variable");
+  EXPECT_EQ(errorOf<ExpressionTorque>(torqueOf("w1", {}, "laod")).keyPath(), "it/shaft");
+  Dictionary dictionary = torqueOf("w1");
+  dictionary.erase("torque");
+  EXPECT_EQ(errorOf<ExpressionTorque>(dictionary).keyPath(), "it/torque");
+}
+
+}  // namespace
+}  // namespace variator_sim
