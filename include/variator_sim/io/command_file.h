@@ -1,0 +1,30 @@
+/// Commands for the offline tool: a CSV with the header `time,topic,value`.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace variator_sim {
+
+/// A command file that cannot be used. what() names file:line, the text and what is expected.
+class CommandFileError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct TimedCommand {
+  double time = 0.0;   ///< s, >= 0
+  std::string topic;   ///< not yet known to exist in the scene
+  double value = 0.0;  ///< unit of the input; may be NaN or infinite: the simulation refuses those
+  int line = 0;        ///< in the file, from 1, for messages
+};
+
+/// The commands in order of time; of equal times in the order of the file. Blank lines and lines
+/// that start with # are skipped. Throws CommandFileError.
+std::vector<TimedCommand> readCommandFile(const std::string& path);
+
+/// As readCommandFile; `source_name` stands for the file in messages.
+std::vector<TimedCommand> readCommandText(const std::string& text, const std::string& source_name);
+
+}  // namespace variator_sim

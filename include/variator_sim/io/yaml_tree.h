@@ -1,0 +1,20 @@
+/// YAML as a parameter tree.
+#pragma once
+
+#include <string>
+
+#include "variator_sim/parameter_tree.h"
+
+namespace variator_sim {
+
+/// Reads one YAML document whose root is a mapping. Plain scalars mean what they mean to rosparam
+/// (YAML 1.1 as PyYAML's safe_load resolves it): `yes` is true, `010` is 8, `1e-9` stays a text,
+/// which the readers take as a number. Quoted scalars are texts. Anchors, aliases and merge keys
+/// (`<<`) work; a key twice in one mapping is an error. Throws SceneError that starts with
+/// "file:line:column".
+ParameterTree readYamlFile(const std::string& path);
+
+/// As readYamlFile; `source_name` stands for the file in messages.
+ParameterTree readYamlText(const std::string& text, const std::string& source_name);
+
+}  // namespace variator_sim

@@ -1,0 +1,69 @@
+/// The model: what is constant during a run. A Scene is complete and valid once it exists.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "variator_sim/command_input.h"
+#include "variator_sim/component_factory.h"
+#include "variator_sim/constraint.h"
+#include "variator_sim/parameter_tree.h"
+#include "variator_sim/torque.h"
+
+namespace variator_sim {
+
+enum class Principle { kGeneralizedGauss };
+const char* toString(Principle principle);
+
+enum class StepperKind { kAuto, kRk4, kDopri5, kFehlberg78 };
+const char* toString(StepperKind kind);
+
+/// How zero-order commands that come at one instant move the accelerations of a nonlinear psi,
+/// where the order matters: each along its own straight line in the order of arrival (the limit of
+/// commands one shortly after the other), or all along one (the limit of common ramps).
+enum class SimultaneousCommands { kInOrder, kTogether };
+const char* toString(SimultaneousCommands rule);
+
+struct SolverSettings {
+  StepperKind stepper = StepperKind::kAuto;
+  double relative_tolerance = 1e-9;
+  double absolute_tolerance = 1e-9;
+  double step = 0.001;           ///< of fixed-step steppers, s
+  double maximum_step = 1.0;     ///< of adaptive steppers, s: no feature narrower is stepped over
+  int maximum_steps = 10000000;  ///< within one advance
+  SimultaneousCommands simultaneous_commands = SimultaneousCommands::kInOrder;
+};
+
+struct InitialConditions {
+  std::vector<double> angle;         ///< rad, s values
+  std::vector<double> velocity;      ///< rad/s, s values
+  std::vector<double> acceleration;  ///< rad/s^2; empty: accelerations of least reaction
+  bool project = false;              ///< move inconsistent values to the nearest consistent ones
+};
+
+struct Scene {
+  std::vector<std::string> shafts;
+  Eigen::MatrixXd inertia;  ///< J, kg m^2, s x s, symmetric positive definite
+  std::vector<TorquePtr> torques;
+  std::vector<ConstraintPtr> constraints;
+  std::vector<CommandInputSettings> inputs;
+  Principle principle = Principle::kGeneralizedGauss;
+  InitialConditions initial;
+  SolverSettings solver;
+  /// The scene as read, node parameters left out: what `~scene` publishes as resolved parameters.
+  ParameterTree resolved;
+
+  int shaftCount() const { return static_cast<int>(shafts.size()); }
+  int constraintCount() const { return static_cast<int>(constraints.size()); }
+  int inputCount() const { return static_cast<int>(inputs.size()); }
+};
+
+/// Keys at the scene's root that the node reads for itself (tick_rate, publish_rate, ...). They may
+/// stand in a scene file and are ignored offline; no shaft, torque or constraint may take them.
+const std::vector<std::string>& nodeKeys();
+
+/// Reads a whole scene. Components are made by `factory`. Throws SceneError on the first fault.
+Scene readScene(const ParameterTree& tree, ComponentFactory& factory);
+
+}  // namespace variator_sim

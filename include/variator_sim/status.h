@@ -1,0 +1,45 @@
+/// Why a motion goes on or has stopped.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace variator_sim {
+
+enum class StopReason : std::uint8_t {
+  kNone,                ///< the motion goes on
+  kSingularConstraint,  ///< C has lost rank: the principle no longer determines the jerk
+  kStepUnderflow,       ///< the step fell below the resolution of time
+  kNonFiniteValue,      ///< a torque or a constraint gave NaN or infinity
+  kStepLimit,           ///< more steps than `solver/maximum_steps` within one advance
+  kJumpFailed,          ///< no state on the constraint is reached by a jump of the inputs
+  kProjectionFailed     ///< Newton's iteration onto the constraint did not converge
+};
+
+/// The name that users see: "SingularConstraint", "StepUnderflow", ...; "" for kNone.
+const char* toString(StopReason reason);
+
+/// What the stepping loop returns: plain data, no allocation.
+struct MotionStatus {
+  StopReason reason = StopReason::kNone;
+  double time = 0.0;     ///< time reached: the last good state stands there, s
+  int constraint = -1;   ///< index of the constraint at fault, or -1
+  int torque = -1;       ///< index of the torque element at fault, or -1
+  double measure = 0.0;  ///< kSingularConstraint: what is left of the rank, relative to its scale
+  bool ok() const { return reason == StopReason::kNone; }
+};
+
+/// Counters since the start or the last reset.
+struct Statistics {
+  std::uint64_t steps = 0;             ///< accepted steps
+  std::uint64_t rejected_steps = 0;    ///< steps repeated because of their error
+  std::uint64_t right_hand_sides = 0;  ///< evaluations of the jerk
+  std::uint64_t projections = 0;       ///< Newton iterations onto psi = 0
+  std::uint64_t jumps = 0;             ///< instants at which inputs jumped
+  std::uint64_t commands_accepted = 0;
+  std::uint64_t commands_clamped = 0;  ///< accepted after clamping to [min, max]
+  std::uint64_t commands_refused = 0;  ///< NaN or infinite
+  std::uint64_t command_timeouts = 0;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,448 @@
+#include "variator_sim/scene.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <exception>
+#include <limits>
+#include <map>
+
+#include "variator_sim/nearest_name.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr std::array<StepperKind, 4> kSteppers{StepperKind::kAuto, StepperKind::kRk4,
+                                               StepperKind::kDopri5, StepperKind::kFehlberg78};
+
+/// Keys at the scene's root that are not names of shafts, torques or constraints.
+const std::vector<std::string>& sceneKeys() {
+  static const std::vector<std::string> keys{
+      "shafts", "inertia_coupling", "torques", "constraints", "principle", "initial", "solver"};
+  return keys;
+}
+
+bool contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::vector<std::string> joined(std::vector<std::string> first,
+                                const std::vector<std::string>& second) {
+  first.insert(first.end(), second.begin(), second.end());
+  return first;
+}
+
+std::string elementPath(const std::string& list, std::size_t index) {
+  return list + "[" + std::to_string(index) + "]";
+}
+
+/// ^[A-Za-z][A-Za-z0-9_]*$
+bool isName(const std::string& name) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  return !name.empty() && is_letter(name.front()) &&
+         std::all_of(name.begin(), name.end(),
+                     [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; });
+}
+
+/// The names that a scene lists.
+struct Lists {
+  std::vector<std::string> shafts;
+  std::vector<std::string> torques;
+  std::vector<std::string> constraints;
+};
+
+/// Valid names, unique together, none of them a key of the scene or of the node.
+void checkNames(const Lists& lists) {
+  std::map<std::string, std::string> listed_in;
+  const auto check = [&](const char* list, const std::vector<std::string>& names) {
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const std::string path = elementPath(list, i);
+      const std::string& name = names[i];
+      if (!isName(name)) {
+        throw SceneError(path, "'" + name +
+                                   "' is not a valid name; allowed: letters, digits and '_', "
+                                   "starting with a letter");
+      }
+      const std::vector<std::string> taken = joined(sceneKeys(), nodeKeys());
+      if (contains(taken, name)) {
+        throw SceneError(path, "'" + name + "' is a key of the " +
+                                   (contains(sceneKeys(), name) ? "scene" : "node") +
+                                   " itself; allowed: any name but " + joinNames(taken));
+      }
+      const auto [other, is_new] = listed_in.emplace(name, list);
+      if (!is_new) {
+        throw SceneError(path,
+                         "'" + name + "' is listed twice" +
+                             (other->second == list ? std::string()
+                                                    : ": in " + other->second + " and in " + list) +
+                             "; allowed: names that differ from those of all shafts, torques "
+                             "and constraints");
+      }
+    }
+  };
+  check("shafts", lists.shafts);
+  check("torques", lists.torques);
+  check("constraints", lists.constraints);
+}
+
+Lists readLists(const ParameterTree& tree, ParameterReader& root) {
+  const std::string shafts_expected =
+      "a list of 1 to " + std::to_string(kMaxShafts) + " names of shafts";
+  if (!root.has("shafts")) {
+    std::vector<std::string> keys;
+    for (const auto& entry : tree.asDictionary()) {
+      if (!contains(sceneKeys(), entry.first)) keys.push_back(entry.first);
+    }
+    const std::string misspelt = findNearestName("shafts", keys);
+    throw SceneError(
+        "shafts",
+        "missing; expected " + shafts_expected +
+            (misspelt.empty() ? std::string() : " (is '" + misspelt + "' meant for 'shafts'?)"));
+  }
+  Lists lists;
+  lists.shafts = root.names("shafts");
+  lists.torques = root.names("torques");
+  lists.constraints = root.names("constraints");
+  if (lists.shafts.empty() || lists.shafts.size() > static_cast<std::size_t>(kMaxShafts)) {
+    throw SceneError("shafts",
+                     std::to_string(lists.shafts.size()) + " shafts; allowed: " + shafts_expected);
+  }
+  checkNames(lists);
+  if (lists.constraints.size() >= lists.shafts.size()) {
+    throw SceneError("constraints",
+                     std::to_string(lists.constraints.size()) + " constraints on " +
+                         std::to_string(lists.shafts.size()) +
+                         " shafts leave nothing to move; allowed: fewer constraints than shafts, "
+                         "here at most " +
+                         std::to_string(lists.shafts.size() - 1));
+  }
+  return lists;
+}
+
+/// Refuses keys at the root that are neither the scene's, nor the node's, nor a listed name. Plain
+/// values come first: a misspelt list would otherwise be blamed on the dictionaries it orders.
+void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& allowed) {
+  const auto is_dictionary = [](const ParameterTree& value) {
+    return value.kind() == ParameterTree::Kind::kDictionary;
+  };
+  for (const bool dictionaries : {false, true}) {
+    for (const auto& [key, value] : tree.asDictionary()) {
+      if (is_dictionary(value) != dictionaries || contains(allowed, key)) continue;
+      throw SceneError(
+          key,
+          "unknown key" + suggestName(key, allowed) +
+              (dictionaries ? "; it is in none of the lists shafts, torques, constraints" : "") +
+              "; allowed: " + joinNames(allowed));
+    }
+  }
+}
+
+double readInertia(ParameterReader& root, const std::string& shaft) {
+  ParameterReader reader = root.section(shaft);
+  reader.allow("inertia");
+  const ParameterTree* value = reader.raw("inertia");
+  if (value != nullptr && value->kind() == ParameterTree::Kind::kDictionary) {
+    throw SceneError(reader.keyPath("inertia"),
+                     value->toText() +
+                         ": an inertia that depends on the angle is not supported by this "
+                         "version; allowed: a number > 0, kg m^2");
+  }
+  const double inertia = reader.number("inertia", Range::positive());
+  reader.finish();
+  return inertia;
+}
+
+/// Off-diagonal terms [[a, b, value], ...].
+void readInertiaCoupling(ParameterReader& root, const std::vector<std::string>& shafts,
+                         Eigen::MatrixXd* J) {
+  const std::string key = "inertia_coupling";
+  const ParameterTree* couplings = root.raw(key);
+  if (couplings == nullptr || couplings->kind() == ParameterTree::Kind::kNothing) return;
+  const std::string expected = "a list of couplings [shaft, shaft, value in kg m^2]";
+  const auto unexpected = [&](const std::string& path, const ParameterTree& value) {
+    return SceneError(
+        path, "expected " + expected + ", got " + value.describeKind() + ": " + value.toText());
+  };
+  if (couplings->kind() != ParameterTree::Kind::kList) throw unexpected(key, *couplings);
+
+  std::vector<std::pair<int, int>> coupled;
+  for (std::size_t n = 0; n < couplings->asList().size(); ++n) {
+    const ParameterTree& coupling = couplings->asList()[n];
+    const std::string path = elementPath(key, n);
+    if (coupling.kind() != ParameterTree::Kind::kList || coupling.asList().size() != 3) {
+      throw unexpected(path, coupling);
+    }
+    std::array<int, 2> pair{};
+    for (std::size_t i = 0; i < 2; ++i) {
+      const ParameterTree& name = coupling.asList()[i];
+      if (name.kind() != ParameterTree::Kind::kText) throw unexpected(path, coupling);
+      const auto found = std::find(shafts.begin(), shafts.end(), name.asText());
+      if (found == shafts.end()) {
+        throw SceneError(elementPath(path, i), "'" + name.asText() + "' is not a shaft" +
+                                                   suggestName(name.asText(), shafts) +
+                                                   "; allowed: " + joinNames(shafts));
+      }
+      pair[i] = static_cast<int>(found - shafts.begin());
+    }
+    if (pair[0] == pair[1]) {
+      throw SceneError(
+          path, coupling.toText() + " couples a shaft with itself; allowed: two different shafts");
+    }
+    const std::pair<int, int> sorted = std::minmax(pair[0], pair[1]);
+    if (std::find(coupled.begin(), coupled.end(), sorted) != coupled.end()) {
+      throw SceneError(path, coupling.toText() +
+                                 " couples these shafts a second time; allowed: every pair once");
+    }
+    coupled.push_back(sorted);
+    const double value =
+        ParameterReader::toNumber(coupling.asList()[2], elementPath(path, 2), Range::any());
+    (*J)(pair[0], pair[1]) = value;
+    (*J)(pair[1], pair[0]) = value;
+  }
+
+  if (Eigen::LLT<Eigen::MatrixXd>(*J).info() != Eigen::Success) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(*J, Eigen::EigenvaluesOnly);
+    throw SceneError(key,
+                     couplings->toText() +
+                         " makes the inertia matrix J indefinite: its smallest eigenvalue is " +
+                         ParameterTree::real(solver.eigenvalues().minCoeff()).toText() +
+                         " kg m^2; allowed: a positive definite J");
+  }
+}
+
+Principle readPrinciple(ParameterReader& root) {
+  const std::string generalized_gauss = toString(Principle::kGeneralizedGauss);
+  const std::string name =
+      root.choice("principle", {generalized_gauss, "gauss"}, generalized_gauss);
+  if (name != generalized_gauss) {
+    throw SceneError("principle", "'" + name + "' is not supported by this version; allowed: " +
+                                      generalized_gauss);
+  }
+  return Principle::kGeneralizedGauss;
+}
+
+SolverSettings readSolver(ParameterReader& root) {
+  SolverSettings settings;
+  if (!root.has("solver")) return settings;
+  ParameterReader reader = root.section("solver");
+  std::vector<std::string> names;
+  names.reserve(kSteppers.size());
+  for (const StepperKind kind : kSteppers) names.emplace_back(toString(kind));
+  const std::string stepper = reader.choice("stepper", names, toString(settings.stepper));
+  settings.stepper = *std::find_if(kSteppers.begin(), kSteppers.end(),
+                                   [&](StepperKind kind) { return stepper == toString(kind); });
+  // Closer than this to round-off a step cannot be controlled.
+  settings.relative_tolerance =
+      reader.number("relative_tolerance", Range::between(1e-14, 0.1), settings.relative_tolerance);
+  settings.absolute_tolerance =
+      reader.number("absolute_tolerance", Range::notNegative(), settings.absolute_tolerance);
+  settings.step = reader.number("step", Range::positive(), settings.step);
+  settings.maximum_step = reader.number("maximum_step", Range::positive(), settings.maximum_step);
+  settings.maximum_steps =
+      reader.integer("maximum_steps", 1, std::numeric_limits<int>::max(), settings.maximum_steps);
+  const std::string in_order = toString(SimultaneousCommands::kInOrder);
+  const std::string together = toString(SimultaneousCommands::kTogether);
+  if (reader.choice("simultaneous_commands", {in_order, together}, in_order) == together) {
+    settings.simultaneous_commands = SimultaneousCommands::kTogether;
+  }
+  reader.finish();
+  return settings;
+}
+
+InitialConditions readInitial(ParameterReader& root, std::size_t shaft_count) {
+  InitialConditions initial;
+  initial.angle.assign(shaft_count, 0.0);
+  initial.velocity.assign(shaft_count, 0.0);
+  if (!root.has("initial")) return initial;
+  ParameterReader reader = root.section("initial");
+  for (const char* key : {"angle", "velocity", "acceleration", "project"}) reader.allow(key);
+  if (reader.has("angle")) initial.angle = reader.numbers("angle", shaft_count);
+  if (reader.has("velocity")) initial.velocity = reader.numbers("velocity", shaft_count);
+  if (reader.has("acceleration")) {
+    initial.acceleration = reader.numbers("acceleration", shaft_count);
+  }
+  initial.project = reader.boolean("project", initial.project);
+  reader.finish();
+  return initial;
+}
+
+/// One kind of component as the scene and the factory know it.
+struct ComponentKind {
+  const char* name;
+  const char* list;
+  std::vector<std::string> types;
+  const char* other_name;
+  const char* other_list;
+  std::vector<std::string> other_types;
+};
+
+[[noreturn]] void throwUnknownType(const ComponentKind& kind, const std::string& path,
+                                   const std::string& type) {
+  if (contains(kind.other_types, type)) {
+    throw SceneError(path, "'" + type + "' is a " + kind.other_name + ", not a " + kind.name +
+                               ": its name belongs in " + kind.other_list + ", not in " +
+                               kind.list + "; allowed: " + joinNames(kind.types));
+  }
+  throw SceneError(path, "'" + type + "' is not a known type of " + kind.name +
+                             suggestName(type, kind.types) +
+                             "; allowed: " + (kind.types.empty() ? "none" : joinNames(kind.types)));
+}
+
+/// `create` makes a component of a type; the rest is the same for torques and constraints.
+template <typename Create>
+auto readComponent(const std::string& name, ParameterReader& root, const ComponentKind& kind,
+                   Create create, Scene* scene) {
+  ParameterReader reader = root.section(name);
+  const std::string type = reader.text("type");
+  decltype(create(type)) component;
+  try {
+    component = create(type);
+  } catch (const std::exception& error) {
+    throw SceneError(reader.keyPath("type"), "'" + type + "' cannot be loaded: " + error.what());
+  }
+  if (component == nullptr) throwUnknownType(kind, reader.keyPath("type"), type);
+
+  ComponentContext context(name, reader, scene->shafts, scene->inputs);
+  try {
+    component->configure(context);
+  } catch (const SceneError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw SceneError(name, "'" + type + "' cannot be configured: " + error.what());
+  }
+  reader.finish();
+  return component;
+}
+
+ParameterTree toTree(const std::vector<std::string>& names) {
+  ParameterTree::List values;
+  for (const std::string& name : names) values.push_back(ParameterTree::text(name));
+  return ParameterTree::list(std::move(values));
+}
+
+ParameterTree toTree(const std::vector<double>& numbers) {
+  ParameterTree::List values;
+  for (const double number : numbers) values.push_back(ParameterTree::real(number));
+  return ParameterTree::list(std::move(values));
+}
+
+/// `tree` without the node's keys and with the defaults that were taken.
+ParameterTree resolve(const ParameterTree& tree, const Lists& lists, const Scene& scene) {
+  ParameterTree::Dictionary root = tree.asDictionary();
+  for (const std::string& key : nodeKeys()) root.erase(key);
+  root["shafts"] = toTree(lists.shafts);
+  root["torques"] = toTree(lists.torques);
+  root["constraints"] = toTree(lists.constraints);
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    root[scene.shafts[static_cast<std::size_t>(i)]] =
+        ParameterTree::dictionary({{"inertia", ParameterTree::real(scene.inertia(i, i))}});
+  }
+  root.emplace("inertia_coupling", ParameterTree::list());
+  root["principle"] = ParameterTree::text(toString(scene.principle));
+
+  ParameterTree::Dictionary initial{{"angle", toTree(scene.initial.angle)},
+                                    {"velocity", toTree(scene.initial.velocity)},
+                                    {"project", ParameterTree::boolean(scene.initial.project)}};
+  if (!scene.initial.acceleration.empty()) {
+    initial["acceleration"] = toTree(scene.initial.acceleration);
+  }
+  root["initial"] = ParameterTree::dictionary(std::move(initial));
+
+  const SolverSettings& solver = scene.solver;
+  root["solver"] = ParameterTree::dictionary(
+      {{"stepper", ParameterTree::text(toString(solver.stepper))},
+       {"relative_tolerance", ParameterTree::real(solver.relative_tolerance)},
+       {"absolute_tolerance", ParameterTree::real(solver.absolute_tolerance)},
+       {"step", ParameterTree::real(solver.step)},
+       {"maximum_step", ParameterTree::real(solver.maximum_step)},
+       {"maximum_steps", ParameterTree::integer(solver.maximum_steps)},
+       {"simultaneous_commands", ParameterTree::text(toString(solver.simultaneous_commands))}});
+  return ParameterTree::dictionary(std::move(root));
+}
+
+}  // namespace
+
+const char* toString(Principle principle) {
+  switch (principle) {
+    case Principle::kGeneralizedGauss:
+      return "generalized_gauss";
+  }
+  return "";
+}
+
+const char* toString(StepperKind kind) {
+  switch (kind) {
+    case StepperKind::kAuto:
+      return "auto";
+    case StepperKind::kRk4:
+      return "rk4";
+    case StepperKind::kDopri5:
+      return "dopri5";
+    case StepperKind::kFehlberg78:
+      return "fehlberg78";
+  }
+  return "";
+}
+
+const char* toString(SimultaneousCommands rule) {
+  switch (rule) {
+    case SimultaneousCommands::kInOrder:
+      return "in_order";
+    case SimultaneousCommands::kTogether:
+      return "together";
+  }
+  return "";
+}
+
+const std::vector<std::string>& nodeKeys() {
+  static const std::vector<std::string> keys{
+      "tick_rate",    "publish_rate",      "real_time_factor",  "publish_clock",
+      "start_paused", "realtime_priority", "verify_derivatives"};
+  return keys;
+}
+
+Scene readScene(const ParameterTree& tree, ComponentFactory& factory) {
+  ParameterReader root(tree, "");
+  for (const std::string& key : joined(sceneKeys(), nodeKeys())) root.allow(key);
+  const Lists lists = readLists(tree, root);
+  const std::vector<std::string> names =
+      joined(joined(lists.shafts, lists.torques), lists.constraints);
+  // A name whose dictionary is missing is told first: the misspelt dictionary is then no riddle.
+  for (const std::string& name : names) root.allow(name);
+  for (const std::string& name : names) {
+    if (!root.has(name)) root.section(name);
+  }
+  checkRootKeys(tree, joined(joined(sceneKeys(), names), nodeKeys()));
+
+  Scene scene;
+  scene.shafts = lists.shafts;
+  scene.inertia = Eigen::MatrixXd::Zero(scene.shaftCount(), scene.shaftCount());
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    scene.inertia(i, i) = readInertia(root, scene.shafts[static_cast<std::size_t>(i)]);
+  }
+  readInertiaCoupling(root, scene.shafts, &scene.inertia);
+  scene.principle = readPrinciple(root);
+  scene.initial = readInitial(root, scene.shafts.size());
+  scene.solver = readSolver(root);
+
+  const ComponentKind torque{"torque",     "torques",     factory.torqueTypes(),
+                             "constraint", "constraints", factory.constraintTypes()};
+  const ComponentKind constraint{torque.other_name, torque.other_list, torque.other_types,
+                                 torque.name,       torque.list,       torque.types};
+  for (const std::string& name : lists.torques) {
+    scene.torques.push_back(readComponent(
+        name, root, torque, [&](const std::string& type) { return factory.createTorque(type); },
+        &scene));
+  }
+  for (const std::string& name : lists.constraints) {
+    scene.constraints.push_back(readComponent(
+        name, root, constraint,
+        [&](const std::string& type) { return factory.createConstraint(type); }, &scene));
+  }
+  scene.resolved = resolve(tree, lists, scene);
+  return scene;
+}
+
+}  // namespace variator_sim

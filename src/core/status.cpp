@@ -1,0 +1,25 @@
+#include "variator_sim/status.h"
+
+namespace variator_sim {
+
+const char* toString(StopReason reason) {
+  switch (reason) {
+    case StopReason::kNone:
+      return "";
+    case StopReason::kSingularConstraint:
+      return "SingularConstraint";
+    case StopReason::kStepUnderflow:
+      return "StepUnderflow";
+    case StopReason::kNonFiniteValue:
+      return "NonFiniteValue";
+    case StopReason::kStepLimit:
+      return "StepLimit";
+    case StopReason::kJumpFailed:
+      return "JumpFailed";
+    case StopReason::kProjectionFailed:
+      return "ProjectionFailed";
+  }
+  return "";
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,92 @@
+#include "variator_sim/io/command_file.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <initializer_list>
+#include <system_error>
+
+#include "text_file.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr const char* kHeader = "time,topic,value";
+
+bool parseNumber(const std::string& text, double* value) {
+  const char* const end = text.data() + text.size();
+  const auto result = std::from_chars(text.data(), end, *value);
+  return result.ec == std::errc() && result.ptr == end && !text.empty();
+}
+
+bool isBlankOrComment(const std::string& line) {
+  return line.find_first_not_of(" \t") == std::string::npos || line.front() == '#';
+}
+
+}  // namespace
+
+std::vector<TimedCommand> readCommandText(const std::string& text, const std::string& source_name) {
+  std::vector<TimedCommand> commands;
+  bool has_header = false;
+  int line_number = 0;
+  const auto error = [&](std::initializer_list<std::string> parts) {
+    std::string message = source_name + ":" + std::to_string(line_number) + ": ";
+    for (const std::string& part : parts) message += part;
+    return CommandFileError(message);
+  };
+
+  std::size_t begin = 0;
+  while (begin < text.size()) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    std::string line = text.substr(begin, end - begin);
+    begin = end + 1;
+    ++line_number;
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (isBlankOrComment(line)) continue;
+    if (!has_header) {
+      if (line != kHeader) {
+        throw error({"'", line, "' is not the header; expected: ", kHeader});
+      }
+      has_header = true;
+      continue;
+    }
+
+    const std::size_t first = line.find(',');
+    const std::size_t second = first == std::string::npos ? first : line.find(',', first + 1);
+    if (second == std::string::npos || line.find(',', second + 1) != std::string::npos) {
+      throw error({"'", line, "' does not have three columns; expected: ", kHeader});
+    }
+    TimedCommand command;
+    command.line = line_number;
+    const std::string time = line.substr(0, first);
+    command.topic = line.substr(first + 1, second - first - 1);
+    const std::string value = line.substr(second + 1);
+    if (!parseNumber(time, &command.time) || !std::isfinite(command.time) || command.time < 0.0) {
+      throw error({"time '", time, "' in '", line, "'; expected: a finite number >= 0, s"});
+    }
+    if (command.topic.empty() || command.topic.find_first_of(" \t") != std::string::npos) {
+      throw error({"topic '", command.topic, "' in '", line,
+                   "'; expected: the topic of a commanded input, without blanks"});
+    }
+    if (!parseNumber(value, &command.value)) {
+      throw error({"value '", value, "' in '", line, "'; expected: a number"});
+    }
+    commands.push_back(std::move(command));
+  }
+  if (!has_header) {
+    ++line_number;
+    throw error({"the file ends before its header; expected: ", kHeader});
+  }
+  std::stable_sort(commands.begin(), commands.end(),
+                   [](const TimedCommand& a, const TimedCommand& b) { return a.time < b.time; });
+  return commands;
+}
+
+std::vector<TimedCommand> readCommandFile(const std::string& path) {
+  std::string text;
+  const std::string failure = readTextFile(path, &text);
+  if (!failure.empty()) throw CommandFileError(path + ":1: cannot be read: " + failure);
+  return readCommandText(text, path);
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,271 @@
+#include "variator_sim/io/yaml_tree.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <regex>
+#include <system_error>
+#include <vector>
+
+#include "text_file.h"
+
+namespace variator_sim {
+namespace {
+
+/// Aliases let a few lines stand for any number of values: both are bounded.
+constexpr int kDeepestNesting = 64;
+constexpr int kMostNodes = 100000;
+/// No number is longer.
+constexpr std::size_t kLongestNumber = 100;
+
+std::string withoutUnderscores(const std::string& text) {
+  std::string digits;
+  for (const char c : text) {
+    if (c != '_') digits += c;
+  }
+  return digits;
+}
+
+/// False unless all of `text` is an integer in `base`.
+bool parseInteger(const std::string& text, int base, std::int64_t* value) {
+  const char* const end = text.data() + text.size();
+  const auto result = std::from_chars(text.data(), end, *value, base);
+  return result.ec == std::errc() && result.ptr == end && !text.empty();
+}
+
+bool parseReal(const std::string& text, double* value) {
+  const char* const end = text.data() + text.size();
+  const auto result = std::from_chars(text.data(), end, *value);
+  return result.ec == std::errc() && result.ptr == end && !text.empty();
+}
+
+/// "1:30.5" = 1 * 60 + 30.5 (YAML 1.1); without a colon a plain number.
+bool parseSexagesimal(const std::string& text, double* value) {
+  *value = 0.0;
+  std::size_t begin = 0;
+  while (begin <= text.size()) {
+    const std::size_t colon = std::min(text.find(':', begin), text.size());
+    double part = 0.0;
+    if (!parseReal(text.substr(begin, colon - begin), &part)) return false;
+    *value = *value * 60.0 + part;
+    begin = colon + 1;
+  }
+  return true;
+}
+
+/// What a plain scalar means. The expressions are those of PyYAML's resolver.
+ParameterTree resolvePlain(const std::string& text) {
+  static const std::regex kNothing("|~|null|Null|NULL");
+  static const std::regex kTrue("yes|Yes|YES|true|True|TRUE|on|On|ON");
+  static const std::regex kFalse("no|No|NO|false|False|FALSE|off|Off|OFF");
+  static const std::regex kReal(
+      "[-+]?[0-9][0-9_]*\\.[0-9_]*([eE][-+][0-9]+)?"
+      "|\\.[0-9][0-9_]*([eE][-+][0-9]+)?"
+      "|[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+\\.[0-9_]*");
+  static const std::regex kInfinity("[-+]?\\.(inf|Inf|INF)");
+  static const std::regex kNan("\\.(nan|NaN|NAN)");
+  static const std::regex kInteger(
+      "[-+]?0b[0-1_]+|[-+]?0[0-7_]+|[-+]?(0|[1-9][0-9_]*)|[-+]?0x[0-9a-fA-F_]+"
+      "|[-+]?[1-9][0-9_]*(:[0-5]?[0-9])+");
+
+  if (text.size() > kLongestNumber) return ParameterTree::text(text);
+  if (std::regex_match(text, kNothing)) return {};
+  if (std::regex_match(text, kTrue)) return ParameterTree::boolean(true);
+  if (std::regex_match(text, kFalse)) return ParameterTree::boolean(false);
+  if (std::regex_match(text, kNan)) {
+    return ParameterTree::real(std::numeric_limits<double>::quiet_NaN());
+  }
+  const bool is_negative = !text.empty() && text.front() == '-';
+  const double sign = is_negative ? -1.0 : 1.0;
+  if (std::regex_match(text, kInfinity)) {
+    return ParameterTree::real(sign * std::numeric_limits<double>::infinity());
+  }
+  const bool is_real = std::regex_match(text, kReal);
+  if (!is_real && !std::regex_match(text, kInteger)) return ParameterTree::text(text);
+
+  const bool has_sign = is_negative || text.front() == '+';
+  const std::string digits = withoutUnderscores(text.substr(has_sign ? 1 : 0));
+  const bool is_sexagesimal = digits.find(':') != std::string::npos;
+  double real = 0.0;
+  if (is_real || is_sexagesimal) {
+    if (!parseSexagesimal(digits, &real)) return ParameterTree::text(text);
+    if (is_real || std::abs(real) > 9e15) return ParameterTree::real(sign * real);
+    return ParameterTree::integer(static_cast<std::int64_t>(sign * real));
+  }
+
+  int base = 10;
+  std::string number = digits;
+  if (digits.size() > 1 && digits.front() == '0') {
+    base = digits[1] == 'x' ? 16 : digits[1] == 'b' ? 2 : 8;
+    number = digits.substr(base == 8 ? 1 : 2);
+  }
+  std::int64_t integer = 0;
+  if (parseInteger((is_negative ? "-" : "") + number, base, &integer)) {
+    return ParameterTree::integer(integer);
+  }
+  // More than 64 bits: a number all the same.
+  if (base == 10 && parseReal(number, &real)) return ParameterTree::real(sign * real);
+  return ParameterTree::text(text);
+}
+
+class Converter {
+ public:
+  explicit Converter(std::string source_name) : source_name_(std::move(source_name)) {}
+
+  SceneError error(const YAML::Mark& mark, const std::string& message) const {
+    std::string place = source_name_;
+    if (!mark.is_null()) {
+      place += ":" + std::to_string(mark.line + 1) + ":" + std::to_string(mark.column + 1);
+    }
+    return SceneError("", place + ": " + message);
+  }
+
+  ParameterTree convert(const YAML::Node& node, int depth) {
+    if (depth > kDeepestNesting) {
+      throw error(node.Mark(), "nested more than " + std::to_string(kDeepestNesting) + " deep");
+    }
+    if (++node_count_ > kMostNodes) {
+      throw error(node.Mark(), "more than " + std::to_string(kMostNodes) + " values");
+    }
+    switch (node.Type()) {
+      case YAML::NodeType::Undefined:
+      case YAML::NodeType::Null:
+        return {};
+      case YAML::NodeType::Scalar:
+        return convertScalar(node);
+      case YAML::NodeType::Sequence: {
+        requireTag(node, "seq");
+        ParameterTree::List values;
+        for (const YAML::Node& value : node) values.push_back(convert(value, depth + 1));
+        return ParameterTree::list(std::move(values));
+      }
+      case YAML::NodeType::Map:
+        return ParameterTree::dictionary(convertMap(node, depth));
+    }
+    return {};
+  }
+
+ private:
+  static constexpr const char* kTagPrefix = "tag:yaml.org,2002:";
+
+  SceneError tagError(const YAML::Node& node) const {
+    return error(node.Mark(), "tag '" + node.Tag() +
+                                  "' is not supported; allowed: none, or one of YAML's own for "
+                                  "this kind of value");
+  }
+
+  void requireTag(const YAML::Node& node, const std::string& name) const {
+    const std::string& tag = node.Tag();
+    if (!tag.empty() && tag != "?" && tag != kTagPrefix + name) throw tagError(node);
+  }
+
+  ParameterTree convertScalar(const YAML::Node& node) const {
+    const std::string& tag = node.Tag();
+    const std::string& text = node.Scalar();
+    if (tag.empty() || tag == "?") return resolvePlain(text);
+    const std::string prefix = kTagPrefix;
+    if (tag == "!" || tag == prefix + "str") return ParameterTree::text(text);
+    ParameterTree value = resolvePlain(text);
+    const ParameterTree::Kind kind = value.kind();
+    if (tag == prefix + "int" && kind == ParameterTree::Kind::kInteger) return value;
+    if (tag == prefix + "bool" && kind == ParameterTree::Kind::kBoolean) return value;
+    if (tag == prefix + "null" && kind == ParameterTree::Kind::kNothing) return value;
+    if (tag == prefix + "float") {
+      if (kind == ParameterTree::Kind::kReal) return value;
+      if (kind == ParameterTree::Kind::kInteger) {
+        return ParameterTree::real(static_cast<double>(value.asInteger()));
+      }
+      double real = 0.0;
+      if (parseReal(text, &real)) return ParameterTree::real(real);
+    }
+    throw tagError(node);
+  }
+
+  ParameterTree::Dictionary convertMap(const YAML::Node& node, int depth) {
+    requireTag(node, "map");
+    ParameterTree::Dictionary own;
+    ParameterTree::Dictionary merged;
+    for (const auto& entry : node) {
+      const YAML::Node& key_node = entry.first;
+      if (key_node.IsScalar() && key_node.Scalar() == "<<" && key_node.Tag() == "?") {
+        merge(entry.second, depth, &merged);
+        continue;
+      }
+      const ParameterTree key = convert(key_node, depth + 1);
+      if (key.kind() != ParameterTree::Kind::kText) {
+        throw error(key_node.Mark(), "expected a key, got " + key.describeKind() + ": " +
+                                         key.toText() + "; a key that is a text needs quotes here");
+      }
+      const bool is_new = own.emplace(key.asText(), convert(entry.second, depth + 1)).second;
+      if (!is_new) {
+        throw error(key_node.Mark(), "key '" + key.asText() + "' stands twice in one mapping");
+      }
+    }
+    // Own keys win over merged ones.
+    own.merge(merged);
+    return own;
+  }
+
+  /// `<<: mapping` or `<<: [mapping, ...]`, of which earlier ones win.
+  void merge(const YAML::Node& node, int depth, ParameterTree::Dictionary* merged) {
+    if (depth > kDeepestNesting) {
+      throw error(node.Mark(), "nested more than " + std::to_string(kDeepestNesting) + " deep");
+    }
+    if (node.IsMap()) {
+      ParameterTree::Dictionary values = convertMap(node, depth + 1);
+      merged->merge(values);
+      return;
+    }
+    if (!node.IsSequence()) {
+      throw error(node.Mark(), "expected a mapping or a list of mappings to merge by '<<'");
+    }
+    for (const YAML::Node& element : node) {
+      if (!element.IsMap()) {
+        throw error(element.Mark(), "expected a mapping to merge by '<<'");
+      }
+      ParameterTree::Dictionary values = convertMap(element, depth + 1);
+      merged->merge(values);
+    }
+  }
+
+  std::string source_name_;
+  int node_count_ = 0;
+};
+
+}  // namespace
+
+ParameterTree readYamlText(const std::string& text, const std::string& source_name) {
+  Converter converter(source_name);
+  try {
+    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
+    if (documents.size() > 1) {
+      throw converter.error(documents[1].Mark(),
+                            "a second document starts here; allowed: one document");
+    }
+    const YAML::Node root = documents.empty() ? YAML::Node() : documents.front();
+    ParameterTree tree = converter.convert(root, 0);
+    if (tree.kind() != ParameterTree::Kind::kDictionary) {
+      YAML::Mark start;
+      throw converter.error(
+          documents.empty() ? start : root.Mark(),
+          "expected a mapping (key: value), got " + tree.describeKind() +
+              (tree.kind() == ParameterTree::Kind::kNothing ? std::string()
+                                                            : ": " + tree.toText()));
+    }
+    return tree;
+  } catch (const YAML::Exception& error) {
+    throw converter.error(error.mark, "not valid YAML: " + error.msg);
+  }
+}
+
+ParameterTree readYamlFile(const std::string& path) {
+  std::string text;
+  const std::string failure = readTextFile(path, &text);
+  if (!failure.empty()) throw SceneError("", path + ":1:1: cannot be read: " + failure);
+  return readYamlText(text, path);
+}
+
+}  // namespace variator_sim

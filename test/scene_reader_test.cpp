@@ -1,0 +1,581 @@
+// Scenes: what is read, what is filled in, and that every fault is refused by its full path, with
+// what is allowed and the nearest valid name.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <stdexcept>
+
+#include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/scene.h"
+#include "variator_sim/torques/commanded_torque.h"
+
+namespace variator_sim {
+namespace {
+
+class FakeConstraint : public Constraint {
+ protected:
+  void doConfigure(ComponentContext& context) override {
+    shafts_ = context.readShafts("shafts", 2);
+    ratio_ = context.parameters().number("ratio", Range::any(), 1.0);
+  }
+  double doCalcResidual(const StateView& state) const override {
+    return state.acceleration[shafts_[0]] - ratio_ * state.acceleration[shafts_[1]];
+  }
+  void doCalcPartials(const StateView& /*state*/, ConstraintPartials& partials) const override {
+    partials.acceleration[shafts_[0]] = 1.0;
+    partials.acceleration[shafts_[1]] = -ratio_;
+  }
+
+ private:
+  std::vector<int> shafts_;
+  double ratio_ = 1.0;
+};
+
+class ThrowingTorque : public Torque {
+ protected:
+  void doConfigure(ComponentContext& /*context*/) override {
+    throw std::runtime_error("no licence found");
+  }
+  void doAddTorque(const StateView& /*state*/, double* /*torque*/) const override {}
+  void doAddTorqueRate(const StateView& /*state*/, double* /*torque_rate*/) const override {}
+};
+
+class FakeFactory : public ComponentFactory {
+ public:
+  ConstraintPtr createConstraint(const std::string& type) override {
+    if (type == "fake/Gear") return std::make_shared<FakeConstraint>();
+    return nullptr;
+  }
+  TorquePtr createTorque(const std::string& type) override {
+    if (type == "fake/Command") return std::make_shared<CommandedTorque>();
+    if (type == "fake/Throwing") return std::make_shared<ThrowingTorque>();
+    if (type == "fake/Broken") throw std::runtime_error("libbroken.so: undefined symbol");
+    return nullptr;
+  }
+  std::vector<std::string> constraintTypes() override { return {"fake/Gear"}; }
+  std::vector<std::string> torqueTypes() override {
+    return {"fake/Broken", "fake/Command", "fake/Throwing"};
+  }
+};
+
+Scene read(const std::string& yaml) {
+  FakeFactory factory;
+  return readScene(readYamlText(yaml, "scene.yaml"), factory);
+}
+
+// Two shafts, a torque and a constraint; cases replace or add lines.
+const char* const kShafts = "shafts: [drive, load]\ndrive: {inertia: 0.8}\nload: {inertia: 2}\n";
+const char* const kMotor =
+    "torques: [motor]\nmotor: {type: fake/Command, shaft: drive, topic: drive_torque}\n";
+const char* const kGear =
+    "constraints: [gear]\ngear: {type: fake/Gear, shafts: [drive, load], ratio: 2}\n";
+
+std::string base() {
+  return std::string(kShafts) + kMotor + kGear;
+}
+std::string withMotor(const std::string& keys) {
+  return std::string(kShafts) + "torques: [motor]\nmotor: {type: fake/Command, " + keys + "}\n";
+}
+
+TEST(SceneReader, ReadsAWholeScene) {
+  const Scene scene = read(base() + R"(
+inertia_coupling: [[load, drive, "5e-2"]]
+principle: generalized_gauss
+initial: {angle: [1, "2"], velocity: [5, 2.5], acceleration: [2.0, 1.0], project: true}
+solver: {stepper: rk4, relative_tolerance: 1e-6, absolute_tolerance: 0, step: 0.01,
+         maximum_step: 0.5, maximum_steps: 1000}
+)");
+  EXPECT_EQ(scene.shafts, (std::vector<std::string>{"drive", "load"}));
+  EXPECT_EQ(scene.shaftCount(), 2);
+  EXPECT_EQ(scene.inertia(0, 0), 0.8);
+  EXPECT_EQ(scene.inertia(1, 1), 2.0);
+  EXPECT_EQ(scene.inertia(0, 1), 0.05);
+  EXPECT_EQ(scene.inertia(1, 0), 0.05);
+  ASSERT_EQ(scene.torques.size(), 1U);
+  EXPECT_EQ(scene.torques[0]->name(), "motor");
+  ASSERT_EQ(scene.constraintCount(), 1);
+  EXPECT_EQ(scene.constraints[0]->name(), "gear");
+  EXPECT_EQ(scene.constraints[0]->shaftCount(), 2);
+  ASSERT_EQ(scene.inputCount(), 1);
+  EXPECT_EQ(scene.inputs[0].topic, "drive_torque");
+  EXPECT_EQ(scene.inputs[0].owner, "motor");
+  EXPECT_EQ(scene.initial.angle, (std::vector<double>{1.0, 2.0}));
+  EXPECT_EQ(scene.initial.velocity, (std::vector<double>{5.0, 2.5}));
+  EXPECT_EQ(scene.initial.acceleration, (std::vector<double>{2.0, 1.0}));
+  EXPECT_TRUE(scene.initial.project);
+  EXPECT_EQ(scene.solver.stepper, StepperKind::kRk4);
+  EXPECT_EQ(scene.solver.relative_tolerance, 1e-6);
+  EXPECT_EQ(scene.solver.absolute_tolerance, 0.0);
+  EXPECT_EQ(scene.solver.step, 0.01);
+  EXPECT_EQ(scene.solver.maximum_step, 0.5);
+  EXPECT_EQ(scene.solver.maximum_steps, 1000);
+}
+
+TEST(SceneReader, FillsInDefaults) {
+  const Scene scene = read("shafts: [wheel]\nwheel: {inertia: 1}\ntick_rate: 500\nsolver:\n");
+  EXPECT_TRUE(scene.torques.empty());
+  EXPECT_TRUE(scene.constraints.empty());
+  EXPECT_TRUE(scene.inputs.empty());
+  EXPECT_EQ(scene.initial.angle, std::vector<double>{0.0});
+  EXPECT_EQ(scene.initial.velocity, std::vector<double>{0.0});
+  EXPECT_TRUE(scene.initial.acceleration.empty());
+  EXPECT_FALSE(scene.initial.project);
+  EXPECT_EQ(scene.principle, Principle::kGeneralizedGauss);
+  EXPECT_EQ(scene.solver.stepper, StepperKind::kAuto);
+  EXPECT_EQ(scene.solver.relative_tolerance, 1e-9);
+  EXPECT_EQ(scene.solver.absolute_tolerance, 1e-9);
+  EXPECT_EQ(scene.solver.step, 0.001);
+}
+
+TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
+  const std::string node_keys =
+      "tick_rate: 500\npublish_rate: 50\nreal_time_factor: 2\npublish_clock: true\n"
+      "start_paused: true\nrealtime_priority: 3\nverify_derivatives: true\n";
+  const Scene scene = read(base() + node_keys);
+  const ParameterTree::Dictionary& root = scene.resolved.asDictionary();
+  for (const std::string& key : nodeKeys()) EXPECT_EQ(root.count(key), 0U) << key;
+  EXPECT_EQ(root.at("principle").asText(), "generalized_gauss");
+  const ParameterTree::Dictionary& solver = root.at("solver").asDictionary();
+  EXPECT_EQ(solver.size(), 7U);
+  EXPECT_EQ(solver.at("simultaneous_commands").asText(), "in_order");
+  EXPECT_EQ(solver.at("stepper").asText(), "auto");
+  EXPECT_EQ(solver.at("relative_tolerance").asReal(), 1e-9);
+  EXPECT_EQ(solver.at("maximum_steps").asInteger(), 10000000);
+  EXPECT_EQ(root.at("initial").toText(),
+            "{angle: [0.0, 0.0], project: false, velocity: [0.0, 0.0]}");
+  EXPECT_EQ(root.at("drive").toText(), "{inertia: 0.8}");
+  EXPECT_EQ(root.at("inertia_coupling").toText(), "[]");
+  EXPECT_EQ(root.at("motor").asDictionary().at("topic").asText(), "drive_torque");
+
+  FakeFactory factory;
+  const Scene again = readScene(scene.resolved, factory);
+  EXPECT_EQ(again.shafts, scene.shafts);
+  EXPECT_EQ(again.inertia, scene.inertia);
+  EXPECT_EQ(again.inputs[0].topic, scene.inputs[0].topic);
+}
+
+TEST(SceneReader, NamesPrinciplesAndSteppersAsTheSceneDoes) {
+  EXPECT_STREQ(toString(Principle::kGeneralizedGauss), "generalized_gauss");
+  for (const char* name : {"auto", "rk4", "dopri5", "fehlberg78"}) {
+    const Scene scene = read(base() + "solver: {stepper: " + name + "}\n");
+    EXPECT_STREQ(toString(scene.solver.stepper), name);
+  }
+}
+
+TEST(CommandedTorque, AddsGainTimesInputToItsShaft) {
+  const Scene scene = read(withMotor("shaft: load, topic: brake, gain: -2"));
+  const double input[] = {3.0};
+  const double input_rate[] = {0.5};
+  const StateView state{0.0, nullptr, nullptr, nullptr, input, input_rate};
+  double torque[] = {1.0, 1.0};
+  double torque_rate[] = {1.0, 1.0};
+  scene.torques[0]->addTorque(state, torque);
+  scene.torques[0]->addTorqueRate(state, torque_rate);
+  EXPECT_EQ(torque[0], 1.0);
+  EXPECT_EQ(torque[1], 1.0 - 6.0);
+  EXPECT_EQ(torque_rate[0], 1.0);
+  EXPECT_EQ(torque_rate[1], 1.0 - 1.0);
+}
+
+struct BadScene {
+  std::string yaml;
+  std::string path;
+  std::vector<std::string> words;
+};
+
+// How a case is shown when it fails.
+void PrintTo(const BadScene& bad, std::ostream* out) {
+  *out << bad.path << " in\n" << bad.yaml;
+}
+
+class BadScenes : public testing::TestWithParam<BadScene> {};
+
+TEST_P(BadScenes, AreRefusedByPathAndWords) {
+  const BadScene& bad = GetParam();
+  try {
+    read(bad.yaml);
+    FAIL() << "accepted";
+  } catch (const SceneError& error) {
+    const std::string message = error.what();
+    EXPECT_EQ(error.keyPath(), bad.path) << message;
+    EXPECT_EQ(message.rfind(bad.path + ": ", 0), 0U) << message;
+    for (const std::string& word : bad.words) {
+      EXPECT_NE(message.find(word), std::string::npos) << "no \"" << word << "\" in: " << message;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Root, BadScenes,
+    testing::Values(
+        BadScene{base() + "solvr: {step: 1}\n", "solvr", {"unknown key", "'solver'", "allowed:"}},
+        BadScene{base() + "principal: gauss\n", "principal", {"unknown key", "'principle'"}},
+        BadScene{base() + "tik_rate: 10\n", "tik_rate", {"unknown key", "'tick_rate'"}},
+        BadScene{base() + "moter: {type: fake/Command}\n",
+                 "moter",
+                 {"'motor'", "in none of the lists shafts, torques, constraints"}},
+        BadScene{std::string(kShafts) + "torqes: [motor]\nmotor: {type: fake/Command}\n",
+                 "torqes",
+                 {"unknown key", "'torques'"}},
+        BadScene{
+            "shaft: [drive]\ndrive: {inertia: 1}\n", "shafts", {"missing", "'shaft'", "1 to 8"}},
+        BadScene{"principle: generalized_gauss\n", "shafts", {"missing", "names"}},
+        BadScene{base() + "principle: gauss\n",
+                 "principle",
+                 {"'gauss'", "not supported by this version", "generalized_gauss"}},
+        BadScene{base() + "principle: generalised_gauss\n",
+                 "principle",
+                 {"'generalised_gauss'", "did you mean 'generalized_gauss'"}}));
+
+INSTANTIATE_TEST_SUITE_P(
+    Names, BadScenes,
+    testing::Values(
+        BadScene{"shafts: []\n", "shafts", {"0 shafts", "1 to 8"}},
+        BadScene{"shafts: drive\n", "shafts", {"a list of names", "a text: drive"}},
+        BadScene{"shafts: [a, b, c, d, e, f, g, h, i]\n", "shafts", {"9 shafts", "1 to 8"}},
+        BadScene{"shafts: [drive, 7]\n", "shafts[1]", {"a text", "an integer: 7"}},
+        BadScene{"shafts: [drive, 1st]\n", "shafts[1]", {"'1st'", "starting with a letter"}},
+        BadScene{"shafts: [drive, a-b]\n", "shafts[1]", {"'a-b'", "letters, digits and '_'"}},
+        BadScene{"shafts: ['']\n", "shafts[0]", {"''", "valid name"}},
+        BadScene{"shafts: [drive, drive]\n", "shafts[1]", {"'drive' is listed twice"}},
+        BadScene{"shafts: [solver]\n", "shafts[0]", {"'solver'", "key of the scene"}},
+        BadScene{"shafts: [tick_rate]\n", "shafts[0]", {"'tick_rate'", "key of the node"}},
+        BadScene{"shafts: [verify_derivatives]\n", "shafts[0]", {"key of the node"}},
+        BadScene{std::string(kShafts) + "torques: [load]\n",
+                 "torques[0]",
+                 {"'load' is listed twice", "in shafts and in torques"}},
+        BadScene{std::string(kShafts) + kMotor + "constraints: [motor]\n",
+                 "constraints[0]",
+                 {"'motor' is listed twice", "in torques and in constraints"}},
+        BadScene{std::string(kShafts) + "constraints: [a, b]\n",
+                 "constraints",
+                 {"2 constraints", "2 shafts", "at most 1"}},
+        BadScene{"shafts: [drive, load]\ndrive: {inertia: 1}\n", "load", {"missing", "dictionary"}},
+        BadScene{"shafts: [drive]\ndirve: {inertia: 1}\n", "drive", {"missing", "'dirve'"}},
+        BadScene{"shafts: [drive]\ndrive: 0.8\n", "drive", {"a dictionary", "a number: 0.8"}},
+        BadScene{std::string(kShafts) + "torques: [motor]\n", "motor", {"missing"}}));
+
+INSTANTIATE_TEST_SUITE_P(
+    Inertia, BadScenes,
+    testing::Values(
+        BadScene{"shafts: [d]\nd: {}\n", "d/inertia", {"missing", "> 0"}},
+        BadScene{"shafts: [d]\nd:\n", "d/inertia", {"missing"}},
+        BadScene{"shafts: [d]\nd: {inertia: 0}\n", "d/inertia", {"0 is out of range", "> 0"}},
+        BadScene{"shafts: [d]\nd: {inertia: -1.5}\n", "d/inertia", {"-1.5", "> 0"}},
+        BadScene{"shafts: [d]\nd: {inertia: .nan}\n", "d/inertia", {".nan", "finite"}},
+        BadScene{"shafts: [d]\nd: {inertia: 1 kg}\n", "d/inertia", {"'1 kg'", "a text", "> 0"}},
+        BadScene{"shafts: [d]\nd: {inertia: true}\n", "d/inertia", {"a boolean: true"}},
+        BadScene{"shafts: [d]\nd: {inertia: {mean: 2.0}}\n",
+                 "d/inertia",
+                 {"mean", "depends on the angle", "not supported by this version"}},
+        BadScene{"shafts: [d]\nd: {inertia: 1, inetria: 2}\n",
+                 "d/inetria",
+                 {"unknown key", "'inertia'"}},
+        BadScene{base() + "inertia_coupling: 5\n", "inertia_coupling", {"a list", "an integer: 5"}},
+        BadScene{base() + "inertia_coupling: [drive, load, 0.1]\n",
+                 "inertia_coupling[0]",
+                 {"[shaft, shaft, value", "drive"}},
+        BadScene{base() + "inertia_coupling: [[drive, load]]\n",
+                 "inertia_coupling[0]",
+                 {"[drive, load]"}},
+        BadScene{
+            base() + "inertia_coupling: [[1, load, 2]]\n", "inertia_coupling[0]", {"[1, load, 2]"}},
+        BadScene{base() + "inertia_coupling: [[drive, laod, 0.1]]\n",
+                 "inertia_coupling[0][1]",
+                 {"'laod'", "'load'", "drive, load"}},
+        BadScene{base() + "inertia_coupling: [[drive, drive, 0.1]]\n",
+                 "inertia_coupling[0]",
+                 {"with itself"}},
+        BadScene{base() + "inertia_coupling: [[drive, load, 0.1], [load, drive, 0.1]]\n",
+                 "inertia_coupling[1]",
+                 {"second time"}},
+        BadScene{base() + "inertia_coupling: [[drive, load, big]]\n",
+                 "inertia_coupling[0][2]",
+                 {"a finite number", "big"}},
+        BadScene{"shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\n"
+                 "inertia_coupling: [[a, b, 3]]\n",
+                 "inertia_coupling",
+                 {"smallest eigenvalue is -2.0", "positive definite"}}));
+
+INSTANTIATE_TEST_SUITE_P(
+    InitialAndSolver, BadScenes,
+    testing::Values(
+        BadScene{base() + "initial: {angel: [0, 0]}\n",
+                 "initial/angel",
+                 {"unknown key", "'angle'", "velocity"}},
+        BadScene{base() + "initial: {angle: [0]}\n", "initial/angle", {"a list of 2", "got 1"}},
+        BadScene{base() + "initial: {velocity: [0, 1, 2]}\n", "initial/velocity", {"list of 2"}},
+        BadScene{base() + "initial: {acceleration: [0, x]}\n",
+                 "initial/acceleration[1]",
+                 {"a finite number", "x"}},
+        BadScene{base() + "initial: {acceleration: [nan, 1]}\n",
+                 "initial/acceleration[0]",
+                 {"nan", "finite"}},
+        BadScene{base() + "initial: {acceleration: 3}\n", "initial/acceleration", {"a list of 2"}},
+        BadScene{base() + "initial: {project: 1}\n", "initial/project", {"true or false", "1"}},
+        BadScene{base() + "initial: [0, 0]\n", "initial", {"a dictionary", "a list: [0, 0]"}},
+        BadScene{base() + "solver: {steper: rk4}\n",
+                 "solver/steper",
+                 {"unknown key (did you mean 'stepper'?)", "allowed: ", "relative_tolerance"}},
+        BadScene{base() + "solver: {stepper: dopri}\n",
+                 "solver/stepper",
+                 {"'dopri'", "did you mean 'dopri5'", "auto, rk4, dopri5, fehlberg78"}},
+        BadScene{base() + "solver: {stepper: 4}\n", "solver/stepper", {"one of auto", "4"}},
+        BadScene{base() + "solver: {relative_tolerance: 0}\n",
+                 "solver/relative_tolerance",
+                 {"0", "from 1e-14 to 0.1"}},
+        BadScene{base() + "solver: {relative_tolerance: 0.2}\n",
+                 "solver/relative_tolerance",
+                 {"0.2", "from 1e-14 to 0.1"}},
+        BadScene{base() + "solver: {absolute_tolerance: -1e-9}\n",
+                 "solver/absolute_tolerance",
+                 {"-1e-9", ">= 0"}},
+        BadScene{base() + "solver: {step: 0}\n", "solver/step", {"> 0"}},
+        BadScene{base() + "solver: {step: .inf}\n", "solver/step", {".inf", "finite"}},
+        BadScene{base() + "solver: {maximum_step: 0}\n", "solver/maximum_step", {"> 0"}},
+        BadScene{base() + "solver: {maximum_steps: 0}\n", "solver/maximum_steps", {"from 1"}},
+        BadScene{base() + "solver: {maximum_steps: 1.5}\n",
+                 "solver/maximum_steps",
+                 {"1.5 is not an integer"}},
+        BadScene{base() + "solver: 3\n", "solver", {"a dictionary"}}));
+
+INSTANTIATE_TEST_SUITE_P(
+    Components, BadScenes,
+    testing::Values(
+        BadScene{std::string(kShafts) + "torques: [m]\nm: {shaft: drive}\n", "m/type", {"missing"}},
+        BadScene{std::string(kShafts) + "torques: [m]\nm: {tpye: fake/Command}\n",
+                 "m/type",
+                 {"missing", "'tpye'"}},
+        BadScene{std::string(kShafts) + "torques: [m]\nm: {type: fake/Comand}\n",
+                 "m/type",
+                 {"'fake/Comand'", "did you mean 'fake/Command'", "fake/Broken, fake/Command"}},
+        BadScene{std::string(kShafts) + "torques: [m]\nm: {type: Command}\n",
+                 "m/type",
+                 {"'Command'", "did you mean 'fake/Command'"}},
+        BadScene{std::string(kShafts) + "torques: [m]\nm: {type: fake/Gear}\n",
+                 "m/type",
+                 {"'fake/Gear' is a constraint, not a torque", "belongs in constraints"}},
+        BadScene{std::string(kShafts) + "constraints: [m]\nm: {type: fake/Command}\n",
+                 "m/type",
+                 {"'fake/Command' is a torque, not a constraint", "belongs in torques"}},
+        BadScene{std::string(kShafts) + "torques: [m]\nm: {type: fake/Broken}\n",
+                 "m/type",
+                 {"'fake/Broken' cannot be loaded", "undefined symbol"}},
+        BadScene{std::string(kShafts) + "torques: [m]\nm: {type: fake/Throwing}\n",
+                 "m",
+                 {"fake/Throwing", "no licence found"}},
+        BadScene{withMotor("shaft: drive, topic: a, gian: 2"),
+                 "motor/gian",
+                 {"unknown key", "'gain'", "time_constant"}},
+        BadScene{withMotor("shaft: driv, topic: a"),
+                 "motor/shaft",
+                 {"'driv' is not a shaft", "did you mean 'drive'", "drive, load"}},
+        BadScene{withMotor("topic: a"), "motor/shaft", {"missing"}},
+        BadScene{withMotor("shaft: drive, topic: a, gain: much"), "motor/gain", {"much"}},
+        BadScene{std::string(kShafts) + "constraints: [g]\ng: {type: fake/Gear, shafts: [drive]}\n",
+                 "g/shafts",
+                 {"2 different shafts", "[drive]"}},
+        BadScene{std::string(kShafts) + "constraints: [g]\ng: {type: fake/Gear}\n",
+                 "g/shafts",
+                 {"2 different shafts", "nothing"}},
+        BadScene{
+            std::string(kShafts) + "constraints: [g]\ng: {type: fake/Gear, shafts: [load, load]}\n",
+            "g/shafts",
+            {"'load' twice"}},
+        BadScene{std::string(kShafts) +
+                     "constraints: [g]\ng: {type: fake/Gear, shafts: [load, diver]}\n",
+                 "g/shafts[1]",
+                 {"'diver'"}},
+        BadScene{std::string(kShafts) + "torques: [one, two]\n"
+                                        "one: {type: fake/Command, shaft: drive, topic: same}\n"
+                                        "two: {type: fake/Command, shaft: load, topic: same}\n",
+                 "two/topic",
+                 {"'same' is used twice", "'one'", "'two'"}}));
+
+INSTANTIATE_TEST_SUITE_P(
+    Inputs, BadScenes,
+    testing::Values(
+        BadScene{withMotor("shaft: drive"), "motor/topic", {"missing"}},
+        BadScene{withMotor("shaft: drive, topic: /a"), "motor/topic", {"'/a'", "private"}},
+        BadScene{withMotor("shaft: drive, topic: ~a"), "motor/topic", {"'~a'"}},
+        BadScene{withMotor("shaft: drive, topic: 1a"), "motor/topic", {"starting with a letter"}},
+        BadScene{withMotor("shaft: drive, topic: a-b"), "motor/topic", {"'a-b'"}},
+        BadScene{withMotor("shaft: drive, topic: a//b"), "motor/topic", {"'a//b'"}},
+        BadScene{withMotor("shaft: drive, topic: a/"), "motor/topic", {"'a/'"}},
+        BadScene{withMotor("shaft: drive, topic: ''"), "motor/topic", {"''"}},
+        BadScene{withMotor("shaft: drive, topic: state"), "motor/topic", {"of the node itself"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: zero_oder"),
+                 "motor/hold",
+                 {"'zero_oder'", "did you mean 'zero_order'", "rate_limit"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: first_order_lag"),
+                 "motor/time_constant",
+                 {"missing", "> 0"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: first_order_lag, tau: 1"),
+                 "motor/time_constant",
+                 {"missing"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: first_order_lag, time_constant: 0"),
+                 "motor/time_constant",
+                 {"> 0"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: rate_limit"), "motor/rate", {"missing"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: rate_limit, rate: -1"),
+                 "motor/rate",
+                 {"-1", "> 0"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: first_order_hold"),
+                 "motor/period",
+                 {"missing"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: first_order_hold, period: 0"),
+                 "motor/period",
+                 {"> 0"}},
+        BadScene{withMotor("shaft: drive, topic: a, time_constant: 1"),
+                 "motor/time_constant",
+                 {"belongs to hold 'first_order_lag'", "'zero_order'"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: first_order_lag, rate: 1"),
+                 "motor/rate",
+                 {"belongs to hold 'rate_limit'", "'first_order_lag'"}},
+        BadScene{withMotor("shaft: drive, topic: a, hold: rate_limit, rate: 1, period: 1"),
+                 "motor/period",
+                 {"belongs to hold 'first_order_hold'", "'rate_limit'"}},
+        BadScene{withMotor("shaft: drive, topic: a, min: 2, max: 1"), "motor/max", {"1", ">= 2"}},
+        BadScene{withMotor("shaft: drive, topic: a, max: .inf"), "motor/max", {".inf", "finite"}},
+        BadScene{withMotor("shaft: drive, topic: a, min: -1, max: 1, initial: 2"),
+                 "motor/initial",
+                 {"2", "from -1 to 1"}},
+        BadScene{
+            withMotor("shaft: drive, topic: a, min: 1"), "motor/initial", {"the default", ">= 1"}},
+        BadScene{withMotor("shaft: drive, topic: a, timeout: -1"), "motor/timeout", {">= 0"}},
+        BadScene{withMotor("shaft: drive, topic: a, on_timeout: hlod"),
+                 "motor/on_timeout",
+                 {"'hlod'", "'hold'", "hold, zero"}},
+        BadScene{withMotor("shaft: drive, topic: a, min: 1, initial: 1, on_timeout: zero"),
+                 "motor/on_timeout",
+                 {"'zero'", ">= 1"}}));
+
+TEST(SceneReader, RefusesARootThatIsNoDictionary) {
+  FakeFactory factory;
+  EXPECT_THROW(readScene(ParameterTree(), factory), SceneError);
+  EXPECT_THROW(readScene(ParameterTree::list(), factory), SceneError);
+}
+
+TEST(SceneReader, ReadsEveryInputSetting) {
+  const auto input = [](const std::string& keys) {
+    return read(withMotor("shaft: drive, topic: arm/torque_1, " + keys)).inputs.at(0);
+  };
+  const CommandInputSettings plain = input("gain: 1");
+  EXPECT_EQ(plain.topic, "arm/torque_1");
+  EXPECT_EQ(plain.hold, Hold::kZeroOrder);
+  EXPECT_EQ(plain.initial, 0.0);
+  EXPECT_EQ(plain.minimum, -std::numeric_limits<double>::infinity());
+  EXPECT_EQ(plain.maximum, std::numeric_limits<double>::infinity());
+  EXPECT_EQ(plain.timeout, 0.0);
+  EXPECT_EQ(plain.on_timeout, OnTimeout::kHold);
+  const CommandInputSettings lag = input(
+      "hold: first_order_lag, time_constant: 0.2, initial: 3, min: -5, max: 5, timeout: 1, "
+      "on_timeout: zero");
+  EXPECT_EQ(lag.hold, Hold::kFirstOrderLag);
+  EXPECT_EQ(lag.time_constant, 0.2);
+  EXPECT_EQ(lag.initial, 3.0);
+  EXPECT_EQ(lag.minimum, -5.0);
+  EXPECT_EQ(lag.maximum, 5.0);
+  EXPECT_EQ(lag.timeout, 1.0);
+  EXPECT_EQ(lag.on_timeout, OnTimeout::kZero);
+  const CommandInputSettings ramp = input("hold: rate_limit, rate: 7");
+  EXPECT_EQ(ramp.hold, Hold::kRateLimit);
+  EXPECT_EQ(ramp.rate, 7.0);
+  const CommandInputSettings line = input("hold: first_order_hold, period: 0.1");
+  EXPECT_EQ(line.hold, Hold::kFirstOrderHold);
+  EXPECT_EQ(line.period, 0.1);
+}
+
+TEST(SceneReader, RefusesOneInputTooMany) {
+  std::string list;
+  std::string dictionaries;
+  for (int i = 0; i <= kMaxInputs; ++i) {
+    const std::string name = "m" + std::to_string(i);
+    list += (i > 0 ? ", " : "") + name;
+    dictionaries += name + ": {type: fake/Command, shaft: drive, topic: " + name + "}\n";
+  }
+  try {
+    read(std::string(kShafts) + "torques: [" + list + "]\n" + dictionaries);
+    FAIL() << "accepted";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.keyPath(), "m32/topic");
+  }
+}
+
+TEST(BuiltinComponents, AreMadeByTheirFullNames) {
+  BuiltinComponentFactory factory;
+  for (const std::string& type : factory.constraintTypes()) {
+    EXPECT_NE(factory.createConstraint(type), nullptr) << type;
+    EXPECT_EQ(factory.createTorque(type), nullptr) << type;
+  }
+  for (const std::string& type : factory.torqueTypes()) {
+    EXPECT_NE(factory.createTorque(type), nullptr) << type;
+    EXPECT_EQ(factory.createConstraint(type), nullptr) << type;
+  }
+  EXPECT_NE(factory.createTorque("variator_sim/CommandedTorque"), nullptr);
+  EXPECT_EQ(factory.createTorque("CommandedTorque"), nullptr);
+}
+
+// psi = epsilon_1^2 epsilon_2 + phi_1^3 + t omega_2 + 2 u_1 with its partial derivatives only.
+class CubicConstraint : public Constraint {
+ protected:
+  void doConfigure(ComponentContext& /*context*/) override {}
+  double doCalcResidual(const StateView& x) const override {
+    const double* e = x.acceleration;
+    return e[0] * e[0] * e[1] + x.angle[0] * x.angle[0] * x.angle[0] + x.time * x.velocity[1] +
+           2.0 * x.input[1];
+  }
+  void doCalcPartials(const StateView& x, ConstraintPartials& partials) const override {
+    partials.time = x.velocity[1];
+    partials.angle[0] = 3.0 * x.angle[0] * x.angle[0];
+    partials.velocity[1] = x.time;
+    partials.acceleration[0] = 2.0 * x.acceleration[0] * x.acceleration[1];
+    partials.acceleration[1] = x.acceleration[0] * x.acceleration[0];
+    partials.input[1] = 2.0;
+  }
+  bool doReadsInputs() const override { return true; }
+};
+
+TEST(ConstraintDefaults, ComposeRowJacobiansAndHessianFromPartials) {
+  CubicConstraint constraint;
+  const ParameterTree none = ParameterTree::dictionary();
+  ParameterReader reader(none, "cubic");
+  const std::vector<std::string> shafts{"a", "b"};
+  std::vector<CommandInputSettings> inputs;
+  ComponentContext context("cubic", reader, shafts, inputs);
+  constraint.configure(context);
+
+  const double angle[] = {2.0, 0.0};
+  const double velocity[] = {3.0, 5.0};
+  const double acceleration[] = {7.0, -11.0};
+  const double input[] = {0.0, 1.5};
+  const double input_rate[] = {1e300, 13.0};
+  const StateView state{0.5, angle, velocity, acceleration, input, input_rate};
+
+  double C[2] = {-1.0, -1.0};
+  EXPECT_EQ(constraint.calcResidualAndJacobian(state, C), 49.0 * -11.0 + 8.0 + 2.5 + 3.0);
+  EXPECT_EQ(C[0], -154.0);
+  EXPECT_EQ(C[1], 49.0);
+
+  double c0 = 0.0;
+  C[0] = C[1] = -1.0;
+  constraint.calcRow(state, C, &c0);
+  EXPECT_EQ(C[0], -154.0);
+  EXPECT_EQ(C[1], 49.0);
+  EXPECT_EQ(c0, 5.0 + 12.0 * 3.0 + 0.5 * -11.0 + 2.0 * 13.0);
+
+  double Cu[2] = {-1.0, -1.0};
+  constraint.calcInputJacobian(state, 2, Cu);
+  EXPECT_EQ(Cu[0], 0.0);
+  EXPECT_EQ(Cu[1], 2.0);
+
+  double H[4] = {};
+  constraint.calcHessian(state, H);
+  EXPECT_NEAR(H[0], -22.0, 1e-8);
+  EXPECT_NEAR(H[1], 14.0, 1e-8);
+  EXPECT_EQ(H[1], H[2]);
+  EXPECT_NEAR(H[3], 0.0, 1e-8);
+}
+
+}  // namespace
+}  // namespace variator_sim

@@ -1,0 +1,35 @@
+/// Scenes for tests, from YAML text or file, with the components this package ships.
+#pragma once
+
+#include <string>
+
+#include "variator_sim/component_factory.h"
+#include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/scene.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim::test {
+
+inline Scene sceneFromText(const std::string& yaml) {
+  BuiltinComponentFactory factory;
+  return readScene(readYamlText(yaml, "test"), factory);
+}
+
+inline Scene sceneFromFile(const std::string& path) {
+  BuiltinComponentFactory factory;
+  return readScene(readYamlFile(path), factory);
+}
+
+/// Both tolerances at once.
+inline Scene withTolerance(Scene scene, double tolerance) {
+  scene.solver.relative_tolerance = tolerance;
+  scene.solver.absolute_tolerance = tolerance;
+  return scene;
+}
+
+inline Scene withStepper(Scene scene, StepperKind stepper) {
+  scene.solver.stepper = stepper;
+  return scene;
+}
+
+}  // namespace variator_sim::test
