@@ -1,0 +1,178 @@
+/// The generalized Gauss principle, solved in its symmetric form.
+///
+/// Among all jerks eta with C eta + c0 = 0 [12] the motion takes the one whose reaction changes
+/// least: minimise 1/2 G^T J^-1 G, G = J eta - Q' (J constant). With the multipliers Lambda,
+///     eta_free = J^-1 Q'
+///     A Lambda = -(c0 + C eta_free),   A = C J^-1 C^T   (k x k, symmetric positive definite)
+///     eta      = eta_free + J^-1 C^T Lambda.
+/// For two shafts this is [12] with [15]; no component of C is ever divided by.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// J and J^-1 of S shafts.
+template <int S>
+class Inertia {
+ public:
+  /// `J` is S x S, symmetric positive definite, kg m^2.
+  explicit Inertia(const Eigen::MatrixXd& J) {
+    const Eigen::MatrixXd inverse = J.llt().solve(Eigen::MatrixXd::Identity(S, S));
+    for (int i = 0; i < S; ++i) {
+      inverse_diagonal_[i] = 1.0 / J(i, i);
+      for (int j = 0; j < S; ++j) {
+        matrix_[i][j] = J(i, j);
+        inverse_[i][j] = 0.5 * (inverse(i, j) + inverse(j, i));
+        if (i != j && J(i, j) != 0.0) diagonal_ = false;
+      }
+    }
+  }
+
+  /// y = J v.
+  void multiply(const double* v, double* y) const {
+    for (int i = 0; i < S; ++i) {
+      double sum = 0.0;
+      for (int j = 0; j < S; ++j) sum += matrix_[i][j] * v[j];
+      y[i] = sum;
+    }
+  }
+  /// y = J^-1 v.
+  void solve(const double* v, double* y) const {
+    if (diagonal_) {
+      for (int i = 0; i < S; ++i) y[i] = inverse_diagonal_[i] * v[i];
+      return;
+    }
+    for (int i = 0; i < S; ++i) {
+      double sum = 0.0;
+      for (int j = 0; j < S; ++j) sum += inverse_[i][j] * v[j];
+      y[i] = sum;
+    }
+  }
+
+ private:
+  double matrix_[S][S];
+  double inverse_[S][S];
+  double inverse_diagonal_[S];
+  bool diagonal_ = true;
+};
+
+/// The linear algebra of k constraints over S shafts: rows of C, B = C J^-1 and A = C B^T as
+/// L D L^T. Everything lies in arrays of fixed size.
+template <int S>
+class ConstraintSolver {
+ public:
+  /// Room for k < S constraints.
+  static constexpr int kMaxRows = S > 1 ? S - 1 : 1;
+  /// Pivots of A below this part of their diagonal entry count as zero: two rows of C then differ
+  /// in direction (in the metric J^-1) by less than 1e-6, and half the digits of eta would be gone.
+  static constexpr double kRankTolerance = 1e-12;
+
+  explicit ConstraintSolver(int k) : k_(k) {}
+  int rowCount() const {
+    if constexpr (S == 1) return 0;
+    // Never more, but the compiler cannot know and would warn of the loops it unrolls.
+    return k_ < kMaxRows ? k_ : kMaxRows;
+  }
+
+  /// Row m of C, S values, to be written before `factor`.
+  double* row(int m) { return C_[m]; }
+  const double* row(int m) const { return C_[m]; }
+  /// Diagonal of A, i.e. the squared length of row m of C in the metric J^-1. Valid after `factor`.
+  double rowLengthSquared(int m) const { return A_diagonal_[m]; }
+  /// After `factor` returned false: the row at which rank is lost, and its pivot over its diagonal
+  /// entry.
+  int singularRow() const { return singular_row_; }
+  double singularMeasure() const { return singular_measure_; }
+
+  /// The smallest pivot of A over its diagonal entry (1 when k < 2: one row is compared with none),
+  /// and its row. Valid after `factor` returned true.
+  double calcSmallestPivot(int* row) const {
+    double smallest = 1.0;
+    *row = -1;
+    for (int m = 1; m < rowCount(); ++m) {
+      if (D_[m] < smallest * A_diagonal_[m]) {
+        smallest = D_[m] / A_diagonal_[m];
+        *row = m;
+      }
+    }
+    return smallest;
+  }
+
+  /// Forms and factors A. False when C has not full rank (or is not finite).
+  bool factor(const Inertia<S>& J) {
+    for (int m = 0; m < rowCount(); ++m) J.solve(C_[m], B_[m]);
+    for (int m = 0; m < rowCount(); ++m) {
+      double diagonal = 0.0;
+      for (int i = 0; i < S; ++i) diagonal += C_[m][i] * B_[m][i];
+      A_diagonal_[m] = diagonal;
+      double pivot = diagonal;
+      for (int n = 0; n < m; ++n) {
+        double entry = 0.0;
+        for (int i = 0; i < S; ++i) entry += C_[m][i] * B_[n][i];
+        for (int p = 0; p < n; ++p) entry -= L_[m][p] * D_[p] * L_[n][p];
+        L_[m][n] = entry / D_[n];
+        pivot -= L_[m][n] * entry;
+      }
+      D_[m] = pivot;
+      if (!(pivot > kRankTolerance * diagonal)) {
+        singular_row_ = m;
+        singular_measure_ = diagonal > 0.0 ? pivot / diagonal : 0.0;
+        return false;
+      }
+    }
+    return true;
+  }
+
+  /// x = A^-1 b, k values each; `x` may be `b`.
+  void solve(const double* b, double* x) const {
+    for (int m = 0; m < rowCount(); ++m) {
+      double value = b[m];
+      for (int n = 0; n < m; ++n) value -= L_[m][n] * x[n];
+      x[m] = value;
+    }
+    for (int m = 0; m < rowCount(); ++m) x[m] /= D_[m];
+    for (int m = rowCount() - 1; m >= 0; --m) {
+      for (int n = m + 1; n < rowCount(); ++n) x[m] -= L_[n][m] * x[n];
+    }
+  }
+
+  /// C v, k values.
+  void multiply(const double* v, double* Cv) const {
+    for (int m = 0; m < rowCount(); ++m) {
+      double sum = 0.0;
+      for (int i = 0; i < S; ++i) sum += C_[m][i] * v[i];
+      Cv[m] = sum;
+    }
+  }
+  /// y += J^-1 C^T Lambda, S values.
+  void addReaction(const double* Lambda, double* y) const {
+    for (int m = 0; m < rowCount(); ++m) {
+      for (int i = 0; i < S; ++i) y[i] += B_[m][i] * Lambda[m];
+    }
+  }
+
+  /// Given eta_free in `eta` (S values) and c0 (k values): the constrained jerk and, when asked
+  /// for, Lambda (k values). Needs `factor`.
+  void constrain(const double* c0, double* eta, double* Lambda) const {
+    multiply(eta, Lambda);
+    for (int m = 0; m < rowCount(); ++m) Lambda[m] = -(c0[m] + Lambda[m]);
+    solve(Lambda, Lambda);
+    addReaction(Lambda, eta);
+  }
+
+ private:
+  int k_;
+  int singular_row_ = -1;
+  double singular_measure_ = 0.0;
+  double C_[kMaxRows][S] = {};
+  double B_[kMaxRows][S] = {};
+  double L_[kMaxRows][kMaxRows] = {};
+  double D_[kMaxRows] = {};
+  double A_diagonal_[kMaxRows] = {};
+};
+
+}  // namespace variator_sim

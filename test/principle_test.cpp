@@ -1,0 +1,228 @@
+// The symmetric solve against four other ways to the same jerk: the full KKT system, the paper's
+// [12] with [15], the null-space form [10], and the stationarity of S1 [16].
+#include "variator_sim/principle.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <random>
+
+namespace variator_sim {
+namespace {
+
+using Matrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+using Vector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
+
+/// One random problem: J, C, c0 and the applied torques' rate.
+struct Problem {
+  Eigen::MatrixXd J;
+  Eigen::MatrixXd C;
+  Eigen::VectorXd c0;
+  Eigen::VectorXd torque_rate;
+};
+
+Problem makeProblem(std::mt19937& random, int s, int k, bool coupled) {
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  Problem problem{Eigen::MatrixXd::Zero(s, s), Eigen::MatrixXd(k, s), Eigen::VectorXd(k),
+                  Eigen::VectorXd(s)};
+  for (int i = 0; i < s; ++i) problem.J(i, i) = std::pow(10.0, uniform(random));
+  if (coupled) {
+    Eigen::MatrixXd half(s, s);
+    for (int i = 0; i < s * s; ++i) half.data()[i] = 0.3 * uniform(random);
+    problem.J += half * half.transpose();
+  }
+  for (int i = 0; i < s * k; ++i) problem.C.data()[i] = 5.0 * uniform(random);
+  for (int m = 0; m < k; ++m) problem.c0(m) = 10.0 * uniform(random);
+  for (int i = 0; i < s; ++i) problem.torque_rate(i) = 10.0 * uniform(random);
+  return problem;
+}
+
+/// eta and Lambda by the code under test.
+template <int S>
+bool solve(const Problem& problem, Vector* eta, Vector* Lambda) {
+  const Inertia<S> inertia(problem.J);
+  const int k = static_cast<int>(problem.C.rows());
+  ConstraintSolver<S> solver(k);
+  for (int m = 0; m < k; ++m) {
+    for (int i = 0; i < S; ++i) solver.row(m)[i] = problem.C(m, i);
+  }
+  if (!solver.factor(inertia)) return false;
+  double jerk[S];
+  double multiplier[ConstraintSolver<S>::kMaxRows];
+  inertia.solve(problem.torque_rate.data(), jerk);
+  solver.constrain(problem.c0.data(), jerk, multiplier);
+  eta->resize(S);
+  Lambda->resize(k);
+  for (int i = 0; i < S; ++i) (*eta)(i) = jerk[i];
+  for (int m = 0; m < k; ++m) (*Lambda)(m) = multiplier[m];
+  return true;
+}
+
+/// [J -C^T; C 0] (eta, Lambda) = (Q', -c0).
+Vector solveKkt(const Problem& problem) {
+  const Eigen::Index s = problem.J.rows();
+  const Eigen::Index k = problem.C.rows();
+  Matrix K = Matrix::Zero(s + k, s + k);
+  Vector b(s + k);
+  K.topLeftCorner(s, s) = problem.J.cast<long double>();
+  K.topRightCorner(s, k) = -problem.C.transpose().cast<long double>();
+  K.bottomLeftCorner(k, s) = problem.C.cast<long double>();
+  b << problem.torque_rate.cast<long double>(), -problem.c0.cast<long double>();
+  return K.fullPivLu().solve(b);
+}
+
+/// A basis h of the jerks with C h = 0, s x (s - k).
+Matrix calcNullSpace(const Problem& problem) {
+  return Matrix(problem.C.cast<long double>()).fullPivLu().kernel();
+}
+
+double calcTolerance(const Problem& problem, const Vector& eta) {
+  // A's condition number amplifies the rounding of the symmetric form.
+  const Eigen::MatrixXd A = problem.C * problem.J.inverse() * problem.C.transpose();
+  const Eigen::VectorXd values = A.selfadjointView<Eigen::Lower>().eigenvalues();
+  const double condition = values.maxCoeff() / values.minCoeff();
+  return 1e-14 * condition * (1.0 + static_cast<double>(eta.cwiseAbs().maxCoeff()));
+}
+
+template <int S>
+void compareAllForms(bool coupled) {
+  std::mt19937 random(20260000 + S + (coupled ? 100 : 0));
+  for (int k = 1; k < S; ++k) {
+    for (int trial = 0; trial < 50; ++trial) {
+      const Problem problem = makeProblem(random, S, k, coupled);
+      Vector eta;
+      Vector Lambda;
+      ASSERT_TRUE(solve<S>(problem, &eta, &Lambda));
+      const double tolerance = calcTolerance(problem, eta);
+      SCOPED_TRACE(testing::Message() << "s = " << S << ", k = " << k << ", trial " << trial);
+
+      const Vector kkt = solveKkt(problem);
+      for (int i = 0; i < S; ++i) ASSERT_NEAR(double(eta(i)), double(kkt(i)), tolerance);
+      const double lambda_scale = 1.0 + double(kkt.tail(k).cwiseAbs().maxCoeff());
+      for (int m = 0; m < k; ++m) {
+        ASSERT_NEAR(double(Lambda(m)), double(kkt(S + m)), tolerance * lambda_scale);
+      }
+
+      // [10]: (J eta - Q') . h = 0 for every h with C h = 0, and the constraint itself [12].
+      const Matrix h = calcNullSpace(problem);
+      const Matrix J = problem.J.cast<long double>();
+      Matrix rows(S, S);
+      Vector right(S);
+      rows.topRows(S - k) = h.transpose() * J;
+      right.head(S - k) = h.transpose() * problem.torque_rate.cast<long double>();
+      rows.bottomRows(k) = problem.C.cast<long double>();
+      right.tail(k) = -problem.c0.cast<long double>();
+      const Vector null_space = rows.fullPivLu().solve(right);
+      for (int i = 0; i < S; ++i) ASSERT_NEAR(double(eta(i)), double(null_space(i)), tolerance);
+
+      // [16]: S1 = eta^T J eta / 2 - Q'^T eta, only evaluated, over eta = particular + h y. S1 is
+      // quadratic in y, so its central differences of unit step are its exact derivatives.
+      const Vector particular = Matrix(problem.C.cast<long double>())
+                                    .fullPivLu()
+                                    .solve(Vector(-problem.c0.cast<long double>()));
+      const Vector rate = problem.torque_rate.cast<long double>();
+      const auto S1 = [&](const Vector& y) {
+        const Vector jerk = particular + h * y;
+        return jerk.dot(J * jerk) / 2 - rate.dot(jerk);
+      };
+      const int l = S - k;
+      Vector gradient(l);
+      Matrix hessian(l, l);
+      const Matrix unit = Matrix::Identity(l, l);
+      for (int a = 0; a < l; ++a) {
+        gradient(a) = (S1(unit.col(a)) - S1(-unit.col(a))) / 2;
+        for (int b = 0; b < l; ++b) {
+          hessian(a, b) = (S1(unit.col(a) + unit.col(b)) - S1(unit.col(a) - unit.col(b)) -
+                           S1(unit.col(b) - unit.col(a)) + S1(-unit.col(a) - unit.col(b))) /
+                          4;
+        }
+      }
+      const Vector stationary = particular - h * hessian.fullPivLu().solve(gradient);
+      for (int i = 0; i < S; ++i) ASSERT_NEAR(double(eta(i)), double(stationary(i)), tolerance);
+    }
+  }
+}
+
+TEST(Principle, AgreesWithAllFormsForDiagonalInertia) {
+  compareAllForms<2>(false);
+  compareAllForms<3>(false);
+  compareAllForms<5>(false);
+  compareAllForms<8>(false);
+}
+
+TEST(Principle, AgreesWithAllFormsForCoupledInertia) {
+  compareAllForms<2>(true);
+  compareAllForms<4>(true);
+  compareAllForms<8>(true);
+}
+
+// [15] multiplied by c2, so that c2 = 0 is a case like any other:
+//   c2 J1 eta1 - c1 J2 eta2 = c2 M1' + c1 M2',   c1 eta1 + c2 eta2 = -c0,
+// with Q1' = M1', Q2' = -M2'.
+void expectEquation15(const Problem& problem) {
+  Vector eta;
+  Vector Lambda;
+  ASSERT_TRUE(solve<2>(problem, &eta, &Lambda));
+  const long double c1 = problem.C(0, 0);
+  const long double c2 = problem.C(0, 1);
+  Matrix rows(2, 2);
+  rows << c2 * problem.J(0, 0), -c1 * problem.J(1, 1), c1, c2;
+  Vector right(2);
+  right << c2 * problem.torque_rate(0) - c1 * problem.torque_rate(1), -problem.c0(0);
+  const Vector paper = rows.fullPivLu().solve(right);
+  const double scale = 1.0 + double(paper.cwiseAbs().maxCoeff());
+  EXPECT_NEAR(double(eta(0)), double(paper(0)), 1e-13 * scale);
+  EXPECT_NEAR(double(eta(1)), double(paper(1)), 1e-13 * scale);
+}
+
+TEST(Principle, IsEquation15ForTwoShafts) {
+  std::mt19937 random(15);
+  for (int trial = 0; trial < 200; ++trial) expectEquation15(makeProblem(random, 2, 1, false));
+}
+
+TEST(Principle, IsRegularWhereC2OrC1IsZero) {
+  std::mt19937 random(16);
+  for (int trial = 0; trial < 50; ++trial) {
+    Problem problem = makeProblem(random, 2, 1, false);
+    problem.C(0, trial % 2) = 0.0;
+    expectEquation15(problem);
+  }
+}
+
+// Multiplying psi by a constant may not change the motion.
+TEST(Principle, DoesNotDependOnTheScaleOfTheConstraint) {
+  std::mt19937 random(17);
+  for (int trial = 0; trial < 20; ++trial) {
+    const Problem problem = makeProblem(random, 4, 2, true);
+    Vector eta;
+    Vector Lambda;
+    ASSERT_TRUE(solve<4>(problem, &eta, &Lambda));
+    for (double scale : {1e-12, 1e12}) {
+      Problem scaled = problem;
+      scaled.C.row(1) *= scale;
+      scaled.c0(1) *= scale;
+      Vector scaled_eta;
+      ASSERT_TRUE(solve<4>(scaled, &scaled_eta, &Lambda));
+      const double tolerance = calcTolerance(problem, eta);
+      for (int i = 0; i < 4; ++i) {
+        EXPECT_NEAR(double(scaled_eta(i)), double(eta(i)), tolerance);
+      }
+    }
+  }
+}
+
+TEST(Principle, RefusesDependentRows) {
+  std::mt19937 random(18);
+  Problem problem = makeProblem(random, 3, 2, false);
+  problem.C.row(1) = -3.0 * problem.C.row(0);
+  Vector eta;
+  Vector Lambda;
+  EXPECT_FALSE(solve<3>(problem, &eta, &Lambda));
+  problem.C.row(1).setZero();
+  EXPECT_FALSE(solve<3>(problem, &eta, &Lambda));
+  problem.C(1, 0) = std::nan("");
+  EXPECT_FALSE(solve<3>(problem, &eta, &Lambda));
+}
+
+}  // namespace
+}  // namespace variator_sim
