@@ -1,0 +1,71 @@
+/// The motion of one scene: steps it, takes commands, gives samples. Knows no wall clock.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "variator_sim/sample.h"
+#include "variator_sim/scene.h"
+#include "variator_sim/status.h"
+
+namespace variator_sim {
+
+class Motion;
+
+enum class CommandResult { kAccepted, kClamped, kRefused };
+
+/// How it is used:
+///     simulation.advanceTo(t);          // the present moves to t
+///     simulation.command(input, value); // takes effect at the present
+///     simulation.sample();              // all columns at the present, after its commands
+/// The motion depends on the scene and on the (time, input, value) of the commands only: neither
+/// where it is sampled nor how its advances are cut changes one bit of it.
+///
+/// Methods marked [loop] allocate nothing, lock nothing and do not throw.
+class Simulation {
+ public:
+  /// Time 0 with consistent initial accelerations. Throws SceneError when the scene's initial
+  /// values contradict its constraints.
+  explicit Simulation(Scene scene);
+  ~Simulation();
+  Simulation(Simulation&&) noexcept;
+  Simulation& operator=(Simulation&&) noexcept;
+
+  const Scene& scene() const;
+
+  /// The present, s. [loop]
+  double time() const;
+
+  /// Moves the present to `time` (not before the present: then nothing happens). When the motion
+  /// stops on the way, the present stays at the last good state and the status says why; from then
+  /// on nothing moves until `reset`. [loop]
+  const MotionStatus& advanceTo(double time);
+
+  /// A command at the present. All commands given at one present take effect when the present is
+  /// next sampled or advanced, by the rule `solver/simultaneous_commands`. NaN and infinity are
+  /// refused, values outside [min, max] clamped; both are counted. A zero-order command at time 0,
+  /// before any advance, sets the initial value. [loop]
+  CommandResult command(int input, double value);
+
+  /// Everything at the present, after its commands. [loop]
+  const Sample& sample();
+
+  /// [loop]
+  const MotionStatus& status() const;
+  const Statistics& statistics() const;
+
+  /// Back to time 0 and the initial state; commands and counters are forgotten. [loop]
+  void reset();
+
+  /// The status as a sentence: reason, time, C, which constraint, last good state. "" while
+  /// running.
+  std::string describeStatus() const;
+
+  /// The stepper in use ("dopri5"): what `auto` came to.
+  const char* stepperName() const;
+
+ private:
+  std::unique_ptr<Motion> motion_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,219 @@
+/// Consistent initial accelerations: those of least reaction, or the user's own, polished.
+#pragma once
+
+#include <Eigen/LU>
+#include <cmath>
+
+#include "drivetrain.h"
+#include "projection.h"
+
+namespace variator_sim {
+
+enum class InitialResult {
+  kConsistent,
+  kInconsistent,  ///< the given accelerations do not satisfy psi = 0 and may not be moved
+  kSingular,      ///< C has lost rank there
+  kNonFinite,     ///< a torque or a constraint is not finite there
+  kNotFound       ///< Newton's iteration found no accelerations with psi = 0
+};
+
+/// Solves for the accelerations at one (t, phi, omega, u). Not for the running loop, but free of
+/// allocation all the same: a command at the first instant calls it anew.
+template <int S>
+class InitialConditionSolver {
+ public:
+  static constexpr int kMaxRows = ConstraintSolver<S>::kMaxRows;
+  /// Accelerations count as consistent when the nearest point of psi = 0 is not further away than
+  /// this, relative to max(1, |epsilon|): what is left of a value printed with ten digits.
+  static constexpr double kConsistent = 1e-9;
+
+  explicit InitialConditionSolver(Drivetrain<S>& drivetrain) : drivetrain_(drivetrain) {}
+
+  /// Accelerations of least reaction: the classical Gauss principle, minimise 1/2 R^T J^-1 R under
+  /// psi = 0. Stationarity, with R = J epsilon - Q:
+  ///     J epsilon - Q - C^T lambda = 0,   psi = 0,
+  /// solved by damped Newton from the free accelerations J^-1 Q.
+  /// `state.acceleration` must point to `epsilon` (S values, written).
+  InitialResult findLeastReaction(const StateView& state, double* epsilon) {
+    double torque[S];
+    double free[S];
+    drivetrain_.calcTorque(state, torque);
+    drivetrain_.inertia().solve(torque, free);
+    for (int i = 0; i < S; ++i) {
+      if (!std::isfinite(free[i])) return InitialResult::kNonFinite;
+      epsilon[i] = free[i];
+    }
+    if (drivetrain_.constraintCount() == 0) return InitialResult::kConsistent;
+    if (newton(state, torque, epsilon)) return InitialResult::kConsistent;
+    // C may vanish at the free accelerations (psi = eps1^2 + eps2^2 - a^2 without torque): start
+    // aside of them, in the direction of each shaft, and keep the least reaction found.
+    double best = std::numeric_limits<double>::infinity();
+    double found[S] = {};
+    double length = 1.0;
+    for (int i = 0; i < S; ++i) length = std::max(length, std::abs(free[i]));
+    for (int i = 0; i < S; ++i) {
+      for (double sign : {1.0, -1.0}) {
+        for (int j = 0; j < S; ++j) epsilon[j] = free[j];
+        epsilon[i] += sign * length;
+        if (!newton(state, torque, epsilon)) continue;
+        double R[S];
+        double acceleration_of_R[S];
+        drivetrain_.inertia().multiply(epsilon, R);
+        for (int j = 0; j < S; ++j) R[j] -= torque[j];
+        drivetrain_.inertia().solve(R, acceleration_of_R);
+        double reaction = 0.0;
+        for (int j = 0; j < S; ++j) reaction += R[j] * acceleration_of_R[j];
+        if (reaction < best * (1.0 - 1e-9)) {
+          best = reaction;
+          for (int j = 0; j < S; ++j) found[j] = epsilon[j];
+        }
+      }
+    }
+    for (int i = 0; i < S; ++i) epsilon[i] = std::isfinite(best) ? found[i] : free[i];
+    if (std::isfinite(best)) return InitialResult::kConsistent;
+    return explain(state, epsilon);
+  }
+
+  /// Takes given accelerations: consistent ones are polished onto psi = 0, inconsistent ones moved
+  /// there only when `may_move`. `nearest` (S values) gets the nearest consistent accelerations.
+  /// `state.acceleration` must point to `epsilon` (S values).
+  InitialResult accept(const StateView& state, bool may_move, double* epsilon, double* nearest) {
+    double scale = 1.0;
+    for (int i = 0; i < S; ++i) {
+      nearest[i] = epsilon[i];
+      scale = std::max(scale, std::abs(epsilon[i]));
+    }
+    StateView moving = state;
+    moving.acceleration = nearest;
+    double moved[S];
+    std::uint64_t iterations = 0;
+    switch (project(drivetrain_, moving, nearest, moved, &iterations)) {
+      case ProjectionResult::kSingular:
+      case ProjectionResult::kDiverged:
+        return explain(state, epsilon);
+      case ProjectionResult::kConverged:
+        break;
+    }
+    double distance = 0.0;
+    for (int i = 0; i < S; ++i) distance = std::max(distance, std::abs(nearest[i] - epsilon[i]));
+    if (!(distance <= kConsistent * scale) && !may_move) return InitialResult::kInconsistent;
+    for (int i = 0; i < S; ++i) epsilon[i] = nearest[i];
+    return InitialResult::kConsistent;
+  }
+
+ private:
+  static constexpr int kMaxSize = S + kMaxRows;
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxSize, kMaxSize>;
+  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxSize, 1>;
+
+  InitialResult explain(const StateView& state, const double* epsilon) {
+    StateView there = state;
+    there.acceleration = epsilon;
+    int torque;
+    int constraint;
+    if (drivetrain_.findNonFinite(there, &torque, &constraint)) return InitialResult::kNonFinite;
+    // On psi = 0 the motion could start but for C; elsewhere there is nowhere to start.
+    double delta[S];
+    if (drivetrain_.calcProjection(there, delta)) return InitialResult::kNotFound;
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      if (drivetrain_.constraint(m).calcResidual(there) != 0.0) return InitialResult::kNotFound;
+    }
+    return InitialResult::kSingular;
+  }
+
+  /// The step (delta epsilon, lambda - lambda_old) of Newton's iteration at (epsilon, lambda).
+  /// False when the matrix is singular or not finite.
+  bool calcStep(const StateView& state, const double* torque, const double* epsilon,
+                const double* lambda, Vector* step) {
+    const int k = drivetrain_.constraintCount();
+    const int n = S + k;
+    //  [ J - sum lambda_m d2psi_m   -C^T ] [d epsilon]     [ J epsilon - Q - C^T lambda ]
+    //  [ C                           0   ] [d lambda ] = - [ psi                        ]
+    Matrix K = Matrix::Zero(n, n);
+    Vector F = Vector::Zero(n);
+    double unit[S];
+    double column[S];
+    for (int j = 0; j < S; ++j) {
+      for (int i = 0; i < S; ++i) unit[i] = i == j ? 1.0 : 0.0;
+      drivetrain_.inertia().multiply(unit, column);
+      for (int i = 0; i < S; ++i) {
+        K(i, j) = column[i];
+        F(i) += column[i] * epsilon[j];
+      }
+    }
+    for (int i = 0; i < S; ++i) F(i) -= torque[i];
+    for (int m = 0; m < k; ++m) {
+      double C[S];
+      double H[S * S];
+      F(S + m) = drivetrain_.constraint(m).calcResidualAndJacobian(state, C);
+      drivetrain_.constraint(m).calcHessian(state, H);
+      for (int i = 0; i < S; ++i) {
+        K(S + m, i) = C[i];
+        K(i, S + m) = -C[i];
+        F(i) -= C[i] * lambda[m];
+        for (int j = 0; j < S; ++j) K(i, j) -= lambda[m] * H[i * S + j];
+      }
+    }
+    if (!K.allFinite() || !F.allFinite()) return false;
+    // Scaling every row by its largest entry makes the pivoting blind to the units of psi.
+    for (int i = 0; i < n; ++i) {
+      const double largest = K.row(i).cwiseAbs().maxCoeff();
+      if (largest == 0.0) return false;
+      K.row(i) /= largest;
+      F(i) /= largest;
+    }
+    *step = -K.partialPivLu().solve(F);
+    return step->allFinite();
+  }
+
+  static double calcLength(const Vector& step) { return step.head(S).cwiseAbs().maxCoeff(); }
+
+  bool newton(const StateView& given, const double* torque, double* epsilon) {
+    const int k = drivetrain_.constraintCount();
+    StateView state = given;
+    state.acceleration = epsilon;
+    double lambda[kMaxRows] = {};
+    Vector step;
+    if (!calcStep(state, torque, epsilon, lambda, &step)) return false;
+    for (int iteration = 0; iteration < 200; ++iteration) {
+      const double length = calcLength(step);
+      // Natural monotonicity (Deuflhard): the next step, which does not depend on how the equations
+      // are scaled, must be shorter; halve otherwise.
+      double fraction = 1.0;
+      double epsilon_old[S];
+      double lambda_old[kMaxRows];
+      for (int i = 0; i < S; ++i) epsilon_old[i] = epsilon[i];
+      for (int m = 0; m < k; ++m) lambda_old[m] = lambda[m];
+      Vector next;
+      bool shorter = false;
+      for (int halving = 0; halving < 40 && !shorter; ++halving, fraction *= 0.5) {
+        for (int i = 0; i < S; ++i) epsilon[i] = epsilon_old[i] + fraction * step(i);
+        for (int m = 0; m < k; ++m) lambda[m] = lambda_old[m] + fraction * step(S + m);
+        if (!calcStep(state, torque, epsilon, lambda, &next)) continue;
+        shorter = calcLength(next) <= (1.0 - 0.25 * fraction) * length || isSmall(next, epsilon);
+      }
+      if (!shorter) return false;
+      if (isSmall(next, epsilon)) {
+        // The last correction is below what can be told apart; make it, and polish psi alone.
+        for (int i = 0; i < S; ++i) epsilon[i] += next(i);
+        double moved[S];
+        std::uint64_t iterations = 0;
+        return project(drivetrain_, state, epsilon, moved, &iterations) ==
+               ProjectionResult::kConverged;
+      }
+      step = next;
+    }
+    return false;
+  }
+
+  static bool isSmall(const Vector& step, const double* epsilon) {
+    double scale = 0.0;
+    for (int i = 0; i < S; ++i) scale = std::max(scale, std::abs(epsilon[i]));
+    // Quadratic convergence: the step after one of 1e-9 is lost in rounding.
+    return calcLength(step) <= 1e-9 * scale || calcLength(step) <= 1e-290;
+  }
+
+  Drivetrain<S>& drivetrain_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,32 @@
+/// The motion of one scene, whatever its number of shafts: what Simulation holds.
+#pragma once
+
+#include <memory>
+
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+
+/// See Simulation for what each method promises.
+class Motion {
+ public:
+  virtual ~Motion() = default;
+  virtual const Scene& scene() const = 0;
+  virtual double time() const = 0;
+  virtual const MotionStatus& advanceTo(double time) = 0;
+  virtual CommandResult command(int input, double value) = 0;
+  virtual const Sample& sample() = 0;
+  virtual const MotionStatus& status() const = 0;
+  virtual const Statistics& statistics() const = 0;
+  virtual void reset() = 0;
+  virtual const char* stepperName() const = 0;
+  /// Row m of C at the present, s values; for messages.
+  virtual void calcConstraintRow(int m, double* C) = 0;
+};
+
+/// The motion of a scene of 1 to 4 and of 5 to 8 shafts: two translation units share the work of
+/// compiling one source for every size.
+std::unique_ptr<Motion> makeSmallMotion(Scene scene);
+std::unique_ptr<Motion> makeLargeMotion(Scene scene);
+
+}  // namespace variator_sim

@@ -1,0 +1,651 @@
+/// The motion of a scene of S shafts: steps, rejects, projects, jumps, samples.
+///
+/// The integrator runs freely ahead of the present, by steps of its own choice: `base` to `front`
+/// is its last step and the present lies in it. Samples are taken from inside that step and
+/// commands cut it, so that nobody's sampling rate, tick or advance changes one bit of the motion.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+#include "drivetrain.h"
+#include "initial_conditions.h"
+#include "jump.h"
+#include "motion.h"
+#include "projection.h"
+#include "step_control.h"
+#include "stepper.h"
+
+namespace variator_sim {
+
+template <int S>
+class MotionOf final : public Motion {
+ public:
+  explicit MotionOf(Scene scene)
+      : scene_(std::move(scene)),
+        drivetrain_(scene_),
+        initial_solver_(drivetrain_),
+        jump_map_(drivetrain_),
+        stepper_(makeStepper<State, Drivetrain<S>>(scene_.solver)),
+        inner_stepper_(makeStepper<State, Drivetrain<S>>(scene_.solver)),
+        control_(std::max(1, stepper_->errorOrder())) {
+    startOver();
+    if (initial_result_ == InitialResult::kInconsistent ||
+        initial_result_ == InitialResult::kNotFound) {
+      throwInitialError();
+    }
+  }
+
+  const Scene& scene() const override { return scene_; }
+  double time() const override { return time_; }
+  const MotionStatus& status() const override { return status_; }
+  const char* stepperName() const override { return stepper_->name(); }
+  void reset() override { startOver(); }
+
+  const Statistics& statistics() const override {
+    statistics_.right_hand_sides = drivetrain_.rightHandSides();
+    return statistics_;
+  }
+
+  const MotionStatus& advanceTo(double time) override {
+    if (!(time > time_)) return status_;
+    applyPending();
+    advanced_ = true;
+    // Commands that fail to come in time act on their own; they are events of the motion.
+    for (double timeout = nextTimeout(); status_.ok() && timeout <= time; timeout = nextTimeout()) {
+      moveTo(timeout);
+      if (status_.ok()) applyTimeouts();
+      if (timeout < time) applyPending();
+    }
+    moveTo(time);
+    return status_;
+  }
+
+  CommandResult command(int input, double value) override {
+    const CommandInputSettings& settings = scene_.inputs[input];
+    if (!std::isfinite(value)) {
+      ++statistics_.commands_refused;
+      return CommandResult::kRefused;
+    }
+    const double clamped = std::min(settings.maximum, std::max(settings.minimum, value));
+    stage(input, clamped);
+    last_command_time_[input] = time_;
+    ++statistics_.commands_accepted;
+    if (clamped == value) return CommandResult::kAccepted;
+    ++statistics_.commands_clamped;
+    return CommandResult::kClamped;
+  }
+
+  const Sample& sample() override {
+    if (status_.ok()) applyPending();
+    if (!sample_valid_) {
+      State x = front_.x;
+      if (time_ != front_.time) sampleInside(x);
+      drivetrain_.calcSample(time_, x, &sample_);
+      sample_valid_ = true;
+    }
+    return sample_;
+  }
+
+  void calcConstraintRow(int m, double* C) override {
+    double c0;
+    drivetrain_.constraint(m).calcRow(drivetrain_.view(front_.time, front_.x.data()), C, &c0);
+  }
+
+ private:
+  using State = typename Drivetrain<S>::State;
+  /// A state of the motion and its derivative.
+  struct Node {
+    double time = 0.0;
+    State x{};
+    State dxdt{};
+  };
+  static constexpr double kNever = std::numeric_limits<double>::infinity();
+  static double* accelerations(State& x) { return x.data() + 2 * S; }
+
+  // --- start -----------------------------------------------------------------------------------
+  void startOver() {
+    status_ = MotionStatus{};
+    statistics_ = Statistics{};
+    time_ = 0.0;
+    advanced_ = false;
+    pending_count_ = 0;
+    std::fill(std::begin(last_command_time_), std::end(last_command_time_), kNever);
+    drivetrain_.resetInputs();
+    std::fill(std::begin(row_reference_), std::end(row_reference_), 0.0);
+    start();
+  }
+
+  /// The state at time 0 with the inputs as they are.
+  void start() {
+    front_ = Node{};
+    for (int i = 0; i < S; ++i) {
+      front_.x[i] = scene_.initial.angle[i];
+      front_.x[S + i] = scene_.initial.velocity[i];
+    }
+    double* epsilon = accelerations(front_.x);
+    const bool given = !scene_.initial.acceleration.empty();
+    if (given) {
+      std::copy(scene_.initial.acceleration.begin(), scene_.initial.acceleration.end(), epsilon);
+    }
+    const StateView state = drivetrain_.view(0.0, front_.x.data());
+    initial_result_ = given
+                          ? initial_solver_.accept(state, scene_.initial.project, epsilon, nearest_)
+                          : initial_solver_.findLeastReaction(state, epsilon);
+    sample_valid_ = false;
+    base_ = front_;
+    switch (initial_result_) {
+      case InitialResult::kConsistent:
+        restart();
+        break;
+      case InitialResult::kSingular:
+        stop(StopReason::kSingularConstraint);
+        status_.constraint = std::max(0, drivetrain_.solver().singularRow());
+        break;
+      case InitialResult::kNonFinite:
+        stop(StopReason::kNonFiniteValue);
+        drivetrain_.findNonFinite(state, &status_.torque, &status_.constraint);
+        break;
+      case InitialResult::kInconsistent:
+      case InitialResult::kNotFound:
+        stop(StopReason::kProjectionFailed);
+        break;
+    }
+  }
+
+  /// The front is a new beginning (start, command, end of an input's segment): derivative, step.
+  void restart() {
+    base_ = front_;
+    drivetrain_.refreshInputs(front_.time);
+    drivetrain_(front_.x, front_.dxdt, front_.time);
+    for (double value : front_.dxdt) {
+      if (!std::isfinite(value)) {
+        explainStop();
+        return;
+      }
+    }
+    noteRows();
+    base_ = front_;
+    control_.reset();
+    restart_time_ = front_.time;
+    fixed_steps_ = 0;
+    if (stepper_->errorOrder() > 0) next_step_ = chooseFirstStep();
+  }
+
+  /// A first step from the sizes of x, x' and the change of x' over a small Euler step
+  /// (Hairer, Norsett, Wanner: Solving ODE I, II.4).
+  double chooseFirstStep() {
+    const SolverSettings& solver = scene_.solver;
+    const auto size = [&](const State& v) {
+      double largest = 0.0;
+      for (std::size_t i = 0; i < v.size(); ++i) {
+        const double allowance =
+            solver.absolute_tolerance + solver.relative_tolerance * std::abs(front_.x[i]) + 1e-300;
+        largest = std::max(largest, std::abs(v[i]) / allowance);
+      }
+      return largest;
+    };
+    const double d0 = size(front_.x);
+    const double d1 = size(front_.dxdt);
+    double h0 = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01 * d0 / d1;
+    h0 = std::min(h0, solver.maximum_step);
+    State x1;
+    State change;
+    for (std::size_t i = 0; i < x1.size(); ++i) x1[i] = front_.x[i] + h0 * front_.dxdt[i];
+    drivetrain_(x1, change, front_.time + h0);
+    for (std::size_t i = 0; i < x1.size(); ++i) change[i] -= front_.dxdt[i];
+    const double d2 = size(change) / h0;
+    const double largest = std::max(d1, d2);
+    double h1 = largest <= 1e-15 ? std::max(1e-6, h0 * 1e-3)
+                                 : std::pow(0.01 / largest, 1.0 / stepper_->errorOrder());
+    if (!std::isfinite(h1)) h1 = 1e-3 * h0;  // the Euler step left the domain
+    return std::min({100.0 * h0, h1, solver.maximum_step});
+  }
+
+  // --- free stepping ---------------------------------------------------------------------------
+  /// Brings the present to `time`.
+  void moveTo(double time) {
+    if (!status_.ok()) return;
+    for (int steps = 0; front_.time < time; ++steps) {
+      if (steps == scene_.solver.maximum_steps) stop(StopReason::kStepLimit);
+      if (!status_.ok() || !step()) {
+        time_ = front_.time;
+        sample_valid_ = false;
+        status_.time = time_;
+        return;
+      }
+    }
+    time_ = time;
+    sample_valid_ = false;
+  }
+
+  /// One accepted step from the front. False when the motion stopped.
+  bool step() {
+    if (drivetrain_.inputSegmentEnd() <= front_.time) {
+      drivetrain_.finishInputSegments(front_.time);
+      restart();
+      if (!status_.ok()) return false;
+    }
+    base_ = front_;
+    return stepper_->errorOrder() > 0 ? stepAdaptively() : stepFixed();
+  }
+
+  bool stepAdaptively() {
+    const SolverSettings& solver = scene_.solver;
+    const double segment_end = drivetrain_.inputSegmentEnd();
+    bool rejected = false;
+    double h = std::min(next_step_, solver.maximum_step);
+    while (true) {
+      // Up to the end of an input's segment at the most, and not leaving a sliver before it.
+      const bool last_of_segment = base_.time + 1.01 * h >= segment_end;
+      const double end = last_of_segment ? segment_end : base_.time + h;
+      const double taken = last_of_segment ? segment_end - base_.time : h;
+      if (!(taken > kResolution * std::abs(base_.time)) || !(taken > 1e-290)) {
+        explainStop();
+        return false;
+      }
+      State error;
+      stepper_->step(drivetrain_, base_.x, base_.dxdt, base_.time, taken, front_.x, dxdt_new_,
+                     error);
+      double norm = calcErrorNorm(error, base_.x, front_.x, solver.absolute_tolerance,
+                                  solver.relative_tolerance);
+      if (norm <= 1.0) norm = std::max(norm, projectFront(end));
+      if (norm <= 1.0) {
+        front_.time = end;
+        ++statistics_.steps;
+        double factor = control_.growth(norm);
+        if (rejected) factor = std::min(1.0, factor);
+        // A step cut short by a segment's end says nothing about the next one's size.
+        next_step_ = last_of_segment ? std::max(h, taken * factor) : taken * factor;
+        if (finishStep()) return true;
+        if (!status_.ok()) return false;
+        norm = std::numeric_limits<double>::quiet_NaN();
+      }
+      ++statistics_.rejected_steps;
+      rejected = true;
+      h = taken * control_.shrink(norm);
+      front_ = base_;
+    }
+  }
+
+  bool stepFixed() {
+    // Multiples of the step, not sums of it: no rounding piles up.
+    double end = restart_time_ + static_cast<double>(fixed_steps_ + 1) * scene_.solver.step;
+    end = std::min(end, drivetrain_.inputSegmentEnd());
+    if (!(end > base_.time)) {
+      stop(StopReason::kStepUnderflow);
+      return false;
+    }
+    State error;
+    stepper_->step(drivetrain_, base_.x, base_.dxdt, base_.time, end - base_.time, front_.x,
+                   dxdt_new_, error);
+    const double moved = projectFront(end);
+    if (!std::isfinite(moved)) {
+      front_ = base_;
+      explainStop();
+      return false;
+    }
+    front_.time = end;
+    ++fixed_steps_;
+    ++statistics_.steps;
+    if (finishStep()) return true;
+    if (status_.ok()) {
+      front_ = base_;
+      explainStop();
+    }
+    return false;
+  }
+
+  /// Projects front_.x, which stands at `end`; the size of the move in units of the tolerance (an
+  /// error measure that is independent of the stepper's), or NaN when it failed.
+  double projectFront(double end) {
+    for (double value : front_.x) {
+      if (!std::isfinite(value)) return std::numeric_limits<double>::quiet_NaN();
+    }
+    if (drivetrain_.constraintCount() == 0) return 0.0;
+    double* epsilon = accelerations(front_.x);
+    std::array<double, S> moved;
+    if (project(drivetrain_, drivetrain_.view(end, front_.x.data()), epsilon, moved.data(),
+                &statistics_.projections) != ProjectionResult::kConverged) {
+      return std::numeric_limits<double>::quiet_NaN();
+    }
+    double norm = 0.0;
+    for (int i = 0; i < S; ++i) {
+      const double allowance = scene_.solver.absolute_tolerance +
+                               scene_.solver.relative_tolerance * std::abs(epsilon[i]) + 1e-300;
+      norm = std::max(norm, moved[i] / allowance);
+    }
+    return norm;
+  }
+
+  /// Derivative at the new front and the check of C. False when the front is no good: then either
+  /// the motion has stopped or the step is to be repeated shorter.
+  bool finishStep() {
+    drivetrain_(front_.x, front_.dxdt, front_.time);
+    for (int i = 2 * S; i < 3 * S; ++i) {
+      if (!std::isfinite(front_.dxdt[i])) return false;
+    }
+    return noteRows();
+  }
+
+  /// Compares the rows of C with the longest that each has been. False, and the motion stopped,
+  /// when one has vanished.
+  bool noteRows() {
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      const double length_squared = drivetrain_.solver().rowLengthSquared(m);
+      row_reference_[m] = std::max(row_reference_[m], length_squared);
+      if (length_squared <= kVanished * kVanished * row_reference_[m]) {
+        stop(StopReason::kSingularConstraint);
+        status_.constraint = m;
+        status_.measure = std::sqrt(length_squared / row_reference_[m]);
+        return false;
+      }
+    }
+    return true;
+  }
+
+  /// Stops at the front, where no step however short succeeds, and finds out why.
+  void explainStop() {
+    stop(StopReason::kStepUnderflow);
+    StateView state = drivetrain_.view(front_.time, front_.x.data());
+    if (drivetrain_.findNonFinite(state, &status_.torque, &status_.constraint)) {
+      status_.reason = StopReason::kNonFiniteValue;
+      return;
+    }
+    double eta[S];
+    double Lambda[ConstraintSolver<S>::kMaxRows];
+    if (!drivetrain_.calcJerk(state, eta, Lambda)) {
+      status_.reason = StopReason::kSingularConstraint;
+      status_.constraint = drivetrain_.solver().singularRow();
+      status_.measure = drivetrain_.solver().singularMeasure();
+      return;
+    }
+    // The step underflows before the rank is lost outright: eta grows without bound near there.
+    const double pivot = drivetrain_.solver().calcSmallestPivot(&status_.constraint);
+    if (pivot < 1e-9) {
+      status_.reason = StopReason::kSingularConstraint;
+      status_.measure = pivot;
+      return;
+    }
+    status_.constraint = -1;
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      // Where C goes to zero like sqrt(t* - t) the step underflows first, at C ~ 1e-8.
+      const double left =
+          std::sqrt(drivetrain_.solver().rowLengthSquared(m) / std::max(row_reference_[m], 1e-300));
+      if (left < 1e-5) {
+        status_.reason = StopReason::kSingularConstraint;
+        status_.constraint = m;
+        status_.measure = left;
+        return;
+      }
+    }
+    // Just ahead of the front: does a component leave its domain there?
+    for (double h = 1e-14 * std::max(1.0, std::abs(front_.time)); h < 1e-2; h *= 10.0) {
+      State ahead;
+      for (std::size_t i = 0; i < ahead.size(); ++i) {
+        ahead[i] = front_.x[i] + h * front_.dxdt[i];
+        if (!std::isfinite(ahead[i])) return;
+      }
+      state = drivetrain_.view(front_.time + h, ahead.data());
+      if (drivetrain_.findNonFinite(state, &status_.torque, &status_.constraint)) {
+        status_.reason = StopReason::kNonFiniteValue;
+        return;
+      }
+    }
+  }
+
+  void stop(StopReason reason) {
+    status_.reason = reason;
+    status_.time = front_.time;
+  }
+
+  // --- inside the last step --------------------------------------------------------------------
+  /// x at the present, by dense output where the stepper has it.
+  void sampleInside(State& x) {
+    if (time_ == base_.time) {
+      x = base_.x;
+      return;
+    }
+    if (stepper_->hasDenseOutput()) {
+      stepper_->interpolate(time_, base_.x, base_.dxdt, base_.time, dxdt_new_, front_.time, x);
+      std::array<double, S> moved;
+      if (project(drivetrain_, drivetrain_.view(time_, x.data()), accelerations(x), moved.data(),
+                  &statistics_.projections) == ProjectionResult::kConverged) {
+        return;
+      }
+    }
+    Node node;
+    reachPresent(&node);
+    x = node.x;
+  }
+
+  /// Steps from the base to the present, which lies inside the last step, to the full order and
+  /// with the full error control: what the motion continues from after a command.
+  void reachPresent(Node* node) {
+    const SolverSettings& solver = scene_.solver;
+    *node = base_;
+    double h = time_ - base_.time;
+    while (node->time < time_ && h > 0.0) {
+      const bool last = node->time + h >= time_;
+      const double end = last ? time_ : node->time + h;
+      State error;
+      State dxdt_end;
+      const Node start = *node;
+      inner_stepper_->step(drivetrain_, start.x, start.dxdt, start.time, end - start.time, node->x,
+                           dxdt_end, error);
+      double norm = calcErrorNorm(error, start.x, node->x, solver.absolute_tolerance,
+                                  solver.relative_tolerance);
+      std::array<double, S> moved;
+      if (norm <= 1.0 &&
+          project(drivetrain_, drivetrain_.view(end, node->x.data()), accelerations(node->x),
+                  moved.data(), &statistics_.projections) == ProjectionResult::kConverged) {
+        node->time = end;
+        if (!last) drivetrain_(node->x, node->dxdt, end);
+      } else {
+        *node = start;
+        h *= 0.5;  // rare: a shorter step than an accepted one is nearly always better
+      }
+    }
+  }
+
+  // --- commands --------------------------------------------------------------------------------
+  /// Keeps the order of arrival; a command that follows its own input's last one replaces it.
+  void stage(int input, double value) {
+    sample_valid_ = false;
+    if (pending_count_ > 0 && pending_[pending_count_ - 1].input == input) {
+      pending_[pending_count_ - 1].value = value;
+      return;
+    }
+    if (pending_count_ == kMaxPending) {
+      // More than any controller sends in one instant: an earlier one of the same input gives way
+      // (there is one, since there are fewer inputs than places).
+      const auto end = pending_ + pending_count_;
+      const auto same = [&](const Pending& p) { return p.input == input; };
+      auto victim = std::find_if(pending_, end, same);
+      if (victim == end) victim = pending_;
+      std::move(victim + 1, end, victim);
+      --pending_count_;
+    }
+    pending_[pending_count_++] = {input, value};
+  }
+
+  double nextTimeout() const {
+    double next = kNever;
+    for (int i = 0; i < drivetrain_.inputCount(); ++i) {
+      const double timeout = scene_.inputs[i].timeout;
+      if (timeout > 0.0 && last_command_time_[i] != kNever) {
+        next = std::min(next, last_command_time_[i] + timeout);
+      }
+    }
+    return next;
+  }
+
+  /// The inputs whose command is overdue at the present.
+  void applyTimeouts() {
+    for (int i = 0; i < drivetrain_.inputCount(); ++i) {
+      const CommandInputSettings& settings = scene_.inputs[i];
+      if (settings.timeout <= 0.0 || last_command_time_[i] == kNever) continue;
+      if (last_command_time_[i] + settings.timeout > time_) continue;
+      last_command_time_[i] = kNever;
+      ++statistics_.command_timeouts;
+      if (settings.on_timeout == OnTimeout::kZero) {
+        stage(i, std::min(settings.maximum, std::max(settings.minimum, 0.0)));
+      }
+    }
+  }
+
+  /// All pending commands take effect at the present, together.
+  void applyPending() {
+    if (pending_count_ == 0 || !status_.ok()) return;
+    const int count = std::exchange(pending_count_, 0);
+    if (!advanced_) {
+      applyInitialCommands(count);
+      return;
+    }
+    bool changed = false;
+    for (int p = 0; p < count; ++p) {
+      changed = changed || drivetrain_.signal(pending_[p].input).target() != pending_[p].value;
+    }
+    if (!changed) return;  // the motion goes on as if nothing had come
+
+    Node present = front_;
+    if (time_ != front_.time) reachPresent(&present);
+    drivetrain_.refreshInputs(time_);
+    front_ = present;
+    front_.time = time_;
+    base_ = front_;
+    sample_valid_ = false;
+    const bool together = scene_.solver.simultaneous_commands == SimultaneousCommands::kTogether;
+    double u0[kMaxInputs];
+    bool jumps = false;
+    copyInputs(u0);
+    drivetrain_.saveSignals();
+    for (int p = 0; p < count; ++p) {
+      const int input = pending_[p].input;
+      CommandSignal& signal = drivetrain_.signal(input);
+      if (signal.target() == pending_[p].value) continue;
+      jumps = signal.command(scene_.inputs[input], time_, pending_[p].value) || jumps;
+      if (together && p + 1 < count) continue;
+      if (jumps && !jump(u0)) {
+        front_ = base_;  // the last good state: before the first of these commands
+        drivetrain_.restoreSignals(time_);
+        return;
+      }
+      copyInputs(u0);
+      jumps = false;
+    }
+    restart();
+  }
+
+  void copyInputs(double* u) const {
+    std::copy(drivetrain_.inputs(), drivetrain_.inputs() + drivetrain_.inputCount(), u);
+  }
+
+  /// The jump map at the front, from the inputs u0 to those that the signals now have. False when
+  /// the motion stopped.
+  bool jump(const double* u0) {
+    ++statistics_.jumps;
+    drivetrain_.refreshInputs(time_);
+    double u1[kMaxInputs];
+    copyInputs(u1);
+    const MotionStatus result =
+        jump_map_.apply(time_, front_.x.data(), front_.x.data() + S, u0, u1, scene_.solver,
+                        accelerations(front_.x), &statistics_.projections);
+    if (result.ok()) return true;
+    status_ = result;
+    status_.time = front_.time;
+    return false;
+  }
+
+  /// Commands before the first instant: a zero-order one is the initial value, no jump, so the
+  /// accelerations of least reaction are those with it; the others set targets.
+  void applyInitialCommands(int count) {
+    for (int p = 0; p < count; ++p) {
+      const int input = pending_[p].input;
+      drivetrain_.signal(input).command(scene_.inputs[input], 0.0, pending_[p].value);
+    }
+    drivetrain_.refreshInputs(0.0);
+    start();
+  }
+
+  // --- messages --------------------------------------------------------------------------------
+  [[noreturn]] void throwInitialError() {
+    std::ostringstream text;
+    text.precision(17);
+    const StateView state = drivetrain_.view(0.0, front_.x.data());
+    if (initial_result_ == InitialResult::kInconsistent) {
+      text << "[";
+      for (int i = 0; i < S; ++i) text << (i ? ", " : "") << scene_.initial.acceleration[i];
+      text << "] does not satisfy the constraints:";
+      std::array<double, 3 * S> given = front_.x;
+      std::copy(scene_.initial.acceleration.begin(), scene_.initial.acceleration.end(),
+                given.begin() + 2 * S);
+      const StateView there = drivetrain_.view(0.0, given.data());
+      for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+        text << (m ? "," : "") << " residual of '" << drivetrain_.constraint(m).name()
+             << "' = " << drivetrain_.constraint(m).calcResidual(there);
+      }
+      text << "; the nearest consistent accelerations are [";
+      for (int i = 0; i < S; ++i) text << (i ? ", " : "") << nearest_[i];
+      text << "] (write these, or set 'initial/project: true' to start there)";
+      throw SceneError("initial/acceleration", text.str());
+    }
+    if (scene_.initial.acceleration.empty()) {
+      text << "no accelerations of least reaction that satisfy the constraints were found from the "
+              "free accelerations; give 'initial/acceleration' (residuals there:";
+    } else {
+      text << "no consistent accelerations were found near those given (residuals there:";
+    }
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      text << (m ? "," : "") << " '" << drivetrain_.constraint(m).name()
+           << "' = " << drivetrain_.constraint(m).calcResidual(state);
+    }
+    text << ")";
+    throw SceneError("initial/acceleration", text.str());
+  }
+
+  /// Relative to the time reached: shorter steps no longer change the time reliably.
+  static constexpr double kResolution = 4.0 * std::numeric_limits<double>::epsilon();
+  /// A row of C shorter than this part of the longest it has been counts as zero.
+  static constexpr double kVanished = 1e-10;
+
+  Scene scene_;
+  Drivetrain<S> drivetrain_;
+  InitialConditionSolver<S> initial_solver_;
+  JumpMap<S> jump_map_;
+  std::unique_ptr<Stepper<State, Drivetrain<S>>> stepper_;
+  std::unique_ptr<Stepper<State, Drivetrain<S>>> inner_stepper_;  // keeps stepper_'s stages whole
+  StepControl control_;
+
+  MotionStatus status_;
+  mutable Statistics statistics_;
+  InitialResult initial_result_ = InitialResult::kConsistent;
+  double nearest_[S] = {};
+
+  double time_ = 0.0;  // the present
+  Node base_;          // where the last step began
+  Node front_;         // where it ended
+  State dxdt_new_{};   // the stepper's own derivative at the front, before the projection
+  double next_step_ = 0.0;
+  double restart_time_ = 0.0;  // fixed steps count from here
+  std::uint64_t fixed_steps_ = 0;
+  double row_reference_[ConstraintSolver<S>::kMaxRows] = {};
+
+  struct Pending {
+    int input;
+    double value;
+  };
+  static constexpr int kMaxPending = 2 * kMaxInputs;
+  Pending pending_[kMaxPending];
+  int pending_count_ = 0;
+  double last_command_time_[kMaxInputs];
+  bool advanced_ = false;
+
+  Sample sample_;
+  bool sample_valid_ = false;
+};
+
+}  // namespace variator_sim

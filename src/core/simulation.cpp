@@ -1,0 +1,114 @@
+#include "variator_sim/simulation.h"
+
+#include <sstream>
+#include <utility>
+
+#include "motion.h"
+
+namespace variator_sim {
+
+namespace {
+
+std::unique_ptr<Motion> makeMotion(Scene scene) {
+  if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
+    throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
+  }
+  return scene.shaftCount() <= 4 ? makeSmallMotion(std::move(scene))
+                                 : makeLargeMotion(std::move(scene));
+}
+
+void writeVector(std::ostream& out, const double* values, int count) {
+  out << "[";
+  for (int i = 0; i < count; ++i) out << (i ? ", " : "") << values[i];
+  out << "]";
+}
+
+const char* explain(StopReason reason) {
+  switch (reason) {
+    case StopReason::kNone:
+      return "";
+    case StopReason::kSingularConstraint:
+      return "the derivatives of the constraints by the accelerations have lost rank, so the "
+             "principle no longer determines the jerk";
+    case StopReason::kStepUnderflow:
+      return "the step fell below the resolution of time: the motion changes ever faster here";
+    case StopReason::kNonFiniteValue:
+      return "a value is NaN or infinite here or just ahead";
+    case StopReason::kStepLimit:
+      return "more steps than 'solver/maximum_steps' in one advance";
+    case StopReason::kJumpFailed:
+      return "the jump of the commands leads to no state on the constraints";
+    case StopReason::kProjectionFailed:
+      return "no accelerations that satisfy the constraints were found";
+  }
+  return "";
+}
+
+}  // namespace
+
+Simulation::Simulation(Scene scene) : motion_(makeMotion(std::move(scene))) {}
+Simulation::~Simulation() = default;
+Simulation::Simulation(Simulation&&) noexcept = default;
+Simulation& Simulation::operator=(Simulation&&) noexcept = default;
+
+const Scene& Simulation::scene() const {
+  return motion_->scene();
+}
+double Simulation::time() const {
+  return motion_->time();
+}
+const MotionStatus& Simulation::advanceTo(double time) {
+  return motion_->advanceTo(time);
+}
+CommandResult Simulation::command(int input, double value) {
+  return motion_->command(input, value);
+}
+const Sample& Simulation::sample() {
+  return motion_->sample();
+}
+const MotionStatus& Simulation::status() const {
+  return motion_->status();
+}
+const Statistics& Simulation::statistics() const {
+  return motion_->statistics();
+}
+void Simulation::reset() {
+  motion_->reset();
+}
+const char* Simulation::stepperName() const {
+  return motion_->stepperName();
+}
+
+std::string Simulation::describeStatus() const {
+  const MotionStatus& status = motion_->status();
+  if (status.ok()) return "";
+  const Scene& scene = motion_->scene();
+  std::ostringstream text;
+  text.precision(17);
+  text << toString(status.reason) << " at t = " << status.time << " s: " << explain(status.reason);
+  if (status.torque >= 0) {
+    text << "; torque '" << scene.torques[static_cast<std::size_t>(status.torque)]->name() << "'";
+  }
+  if (status.constraint >= 0) {
+    text << "; constraint '"
+         << scene.constraints[static_cast<std::size_t>(status.constraint)]->name() << "'";
+    double C[kMaxShafts] = {};
+    motion_->calcConstraintRow(status.constraint, C);
+    text << ", its C = ";
+    writeVector(text, C, scene.shaftCount());
+  }
+  if (status.reason == StopReason::kSingularConstraint) {
+    text << " (" << status.measure << " of its scale)";
+  }
+  const Sample& sample = motion_->sample();
+  text << "; last good state: angle = ";
+  writeVector(text, sample.angle, scene.shaftCount());
+  text << " rad, velocity = ";
+  writeVector(text, sample.velocity, scene.shaftCount());
+  text << " rad/s, acceleration = ";
+  writeVector(text, sample.acceleration, scene.shaftCount());
+  text << " rad/s^2";
+  return text.str();
+}
+
+}  // namespace variator_sim

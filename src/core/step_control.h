@@ -1,0 +1,58 @@
+/// Step sizes from error estimates.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+namespace variator_sim {
+
+/// Largest |error_i| over its allowance absolute + relative max(|x_i|, |x_new_i|); NaN when any
+/// error or value is NaN. A step is good at most 1. (Boost.Odeint's own check drops NaN in max().)
+template <class State>
+double calcErrorNorm(const State& error, const State& x, const State& x_new, double absolute,
+                     double relative) {
+  double norm = 0.0;
+  double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
+  for (std::size_t i = 0; i < error.size(); ++i) {
+    const double size = std::max(std::abs(x[i]), std::abs(x_new[i]));
+    const double scaled = std::abs(error[i]) / (absolute + relative * size + 1e-300);
+    norm = std::max(norm, scaled);
+    poison += 0.0 * (x_new[i] + error[i]);
+  }
+  return norm + poison;
+}
+
+/// Chooses the next step from the error norms of this one and the last accepted one: a
+/// proportional-integral rule (Hairer, Norsett, Wanner: Solving ODE I, IV.2 (2.43c)), which damps
+/// the oscillation between accepting and rejecting where stability, not accuracy, limits the step.
+class StepControl {
+ public:
+  /// `order` p: the error estimate is of order h^p.
+  explicit StepControl(int order) : order_(order) {}
+
+  void reset() { previous_norm_ = 1e-4; }
+  /// Factor for the step after one with error `norm` <= 1.
+  double growth(double norm) {
+    constexpr double kBeta = 0.04;
+    const double alpha = 1.0 / order_ - 0.75 * kBeta;
+    norm = std::max(norm, 1e-10);
+    double factor = kSafety * std::pow(norm, -alpha) * std::pow(previous_norm_, kBeta);
+    previous_norm_ = std::max(norm, 1e-4);
+    return std::min(kMaxGrowth, std::max(kMaxShrink, factor));
+  }
+  /// Factor for a new try after one with error `norm` > 1 or NaN.
+  double shrink(double norm) const {
+    if (!std::isfinite(norm)) return kBlindShrink;
+    return std::max(kMaxShrink, std::min(0.9, kSafety * std::pow(norm, -1.0 / order_)));
+  }
+
+ private:
+  static constexpr double kSafety = 0.9;
+  static constexpr double kMaxGrowth = 5.0;
+  static constexpr double kMaxShrink = 0.2;
+  static constexpr double kBlindShrink = 0.25;  // nothing is known but that the step was too long
+  int order_;
+  double previous_norm_ = 1e-4;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,107 @@
+// After set-up the running loop allocates nothing: steps, commands, jumps, samples, stops, resets.
+// malloc itself is counted, so that Eigen's and the C library's own calls are seen too.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+
+#include "support/scenes.h"
+
+namespace {
+std::atomic<long> allocations{0};
+}
+
+extern "C" {
+void* __libc_malloc(std::size_t size);                 // NOLINT
+void* __libc_calloc(std::size_t n, std::size_t size);  // NOLINT
+void* __libc_realloc(void* block, std::size_t size);   // NOLINT
+
+void* malloc(std::size_t size) {
+  ++allocations;
+  return __libc_malloc(size);
+}
+void* calloc(std::size_t n, std::size_t size) {
+  ++allocations;
+  return __libc_calloc(n, size);
+}
+void* realloc(void* block, std::size_t size) {
+  ++allocations;
+  return __libc_realloc(block, size);
+}
+}
+
+namespace variator_sim {
+namespace {
+
+const char* const kScene = R"yaml(
+shafts: [drive, middle, load]
+drive: {inertia: 0.5}
+middle: {inertia: 0.3}
+load: {inertia: 1.2}
+inertia_coupling: [[drive, middle, 0.05]]
+torques: [engine, brake, throttle, friction]
+engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: drive_torque, hold: zero_order}
+brake: {type: variator_sim/CommandedTorque, shaft: load, topic: load_torque, hold: first_order_lag, time_constant: 0.05}
+throttle: {type: variator_sim/CommandedTorque, shaft: middle, topic: throttle, hold: rate_limit, rate: 3}
+friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w3-0.1*tanh(w2)"}
+constraints: [variator, gear]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "0.5*(e3-0.8*e1)+0.01*(e1^2+e1*e3)+w3-0.8*w1"}
+gear: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e2-0.5*e1"}
+initial: {velocity: [10.0, 5.0, 8.0]}
+)yaml";
+
+TEST(Allocation, CounterCounts) {
+  const long before = allocations;
+  // The string is longer than any small-string buffer.
+  const std::string text(1000, 'x');
+  EXPECT_GT(allocations, before) << text.size();
+}
+
+class Allocation : public testing::TestWithParam<StepperKind> {};
+
+TEST_P(Allocation, NoneInTheRunningLoop) {
+  Simulation simulation(test::withStepper(test::sceneFromText(kScene), GetParam()));
+  const long before = allocations;
+  double sum = 0.0;
+  for (int round = 0; round < 2; ++round) {
+    simulation.command(0, 2.0);  // before the first instant: new initial accelerations
+    for (int n = 1; n <= 400; ++n) {
+      simulation.advanceTo(n / 200.0);
+      if (n % 20 == 0) {
+        simulation.command(0, 10.0 * std::sin(0.1 * n));  // jumps, nonlinear
+        simulation.command(1, n);
+        simulation.command(2, -0.01 * n);
+      }
+      if (n % 50 == 1) simulation.command(0, std::nan(""));
+      sum += simulation.sample().acceleration[0];
+    }
+    simulation.reset();
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_TRUE(std::isfinite(sum));
+}
+
+INSTANTIATE_TEST_SUITE_P(Steppers, Allocation,
+                         testing::Values(StepperKind::kRk4, StepperKind::kDopri5,
+                                         StepperKind::kFehlberg78),
+                         [](const auto& test) { return std::string(toString(test.param)); });
+
+TEST(Allocation, NoneWhenAMotionStops) {
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive]
+drive: {inertia: 1}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "w1^2"}
+initial: {velocity: [1]}
+)yaml"));
+  const long before = allocations;
+  simulation.advanceTo(2.0);
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_FALSE(simulation.status().ok());
+}
+
+}  // namespace
+}  // namespace variator_sim

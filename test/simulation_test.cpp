@@ -1,0 +1,401 @@
+// What Simulation promises beside the physics: samples do not change the motion, commands act
+// together and exactly in time, every stop has a name, bad values are refused.
+#include "variator_sim/simulation.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <random>
+#include <string>
+
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+const char* const kTwoCommands = R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.5}
+load: {inertia: 1.2}
+torques: [engine, brake, friction]
+engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: drive_torque, hold: zero_order}
+brake: {type: variator_sim/CommandedTorque, shaft: load, topic: load_torque, hold: first_order_lag,
+        time_constant: 0.05, gain: -1, min: -20, max: 20}
+friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w2"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"}
+initial: {velocity: [10.0, 8.0]}
+)yaml";
+
+bool sameBytes(const Sample& a, const Sample& b) {
+  return std::memcmp(&a, &b, sizeof a) == 0;
+}
+
+/// The final sample of a run with fixed commands, cut into advances and sampled as asked.
+Sample run(StepperKind stepper, int advances_per_second, int sample_every) {
+  Simulation simulation(test::withStepper(test::sceneFromText(kTwoCommands), stepper));
+  const auto reach = [&](double from, double to) {
+    const int first = static_cast<int>(from * advances_per_second) + 1;
+    for (int n = first; n < to * advances_per_second; ++n) {
+      simulation.advanceTo(static_cast<double>(n) / advances_per_second);
+      if (sample_every > 0 && n % sample_every == 0) simulation.sample();
+    }
+    simulation.advanceTo(to);
+  };
+  simulation.command(0, 4.0);
+  reach(0.0, 0.25);
+  simulation.command(1, 2.0);
+  simulation.command(0, 5.0);
+  reach(0.25, 0.5);
+  simulation.command(0, 9.0);
+  reach(0.5, 1.25);
+  simulation.command(0, -3.0);
+  simulation.command(1, 7.0);
+  reach(1.25, 2.0);
+  EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  return simulation.sample();
+}
+
+TEST(Simulation, SamplingAndCuttingNeverChangeTheMotion) {
+  for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kRk4}) {
+    const Sample once = run(stepper, 4, 0);
+    for (int advances : {10, 64, 1000}) {
+      for (int every : {0, 1, 7}) {
+        EXPECT_TRUE(sameBytes(once, run(stepper, advances, every)))
+            << toString(stepper) << ", " << advances << " advances per second";
+      }
+    }
+  }
+}
+
+TEST(Simulation, ResetRepeatsTheMotionToTheByte) {
+  Simulation simulation(test::sceneFromText(kTwoCommands));
+  const auto play = [&] {
+    simulation.command(0, 3.0);
+    simulation.advanceTo(0.3);
+    simulation.command(0, -4.0);
+    simulation.command(1, 1.0);
+    simulation.advanceTo(1.0);
+    return simulation.sample();
+  };
+  const Sample first = play();
+  simulation.reset();
+  EXPECT_EQ(simulation.time(), 0.0);
+  EXPECT_EQ(simulation.statistics().steps, 0u);
+  EXPECT_EQ(simulation.sample().applied_torque[0], 0.0);
+  EXPECT_TRUE(sameBytes(first, play()));
+}
+
+// Samples inside a step are as good as those at its ends.
+TEST(Simulation, SamplesInsideStepsAreWithinTheTolerance) {
+  for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78}) {
+    const Scene scene = test::sceneFromText(kTwoCommands);
+    Simulation coarse(test::withStepper(test::withTolerance(scene, 1e-6), stepper));
+    Simulation fine(test::withTolerance(scene, 1e-12));
+    coarse.command(0, 4.0);
+    fine.command(0, 4.0);
+    for (int n = 1; n <= 300; ++n) {
+      coarse.advanceTo(0.01 * n);
+      fine.advanceTo(0.01 * n);
+      const Sample a = coarse.sample();
+      const Sample b = fine.sample();
+      for (int i = 0; i < 2; ++i) {
+        ASSERT_NEAR(a.velocity[i], b.velocity[i], 2e-5) << n;
+        ASSERT_NEAR(a.acceleration[i], b.acceleration[i], 2e-5) << n;
+      }
+      ASSERT_NEAR(a.residual[0], 0.0, 1e-12);
+    }
+    EXPECT_LT(coarse.statistics().steps, 150u);  // so most samples were inside steps
+  }
+}
+
+TEST(Simulation, CommandsAreRefusedClampedAndCounted) {
+  Simulation simulation(test::sceneFromText(kTwoCommands));
+  simulation.advanceTo(0.1);
+  EXPECT_EQ(simulation.command(0, std::nan("")), CommandResult::kRefused);
+  EXPECT_EQ(simulation.command(0, HUGE_VAL), CommandResult::kRefused);
+  EXPECT_EQ(simulation.command(1, 1e6), CommandResult::kClamped);
+  EXPECT_EQ(simulation.command(0, 1.0), CommandResult::kAccepted);
+  const Sample& sample = simulation.sample();
+  EXPECT_EQ(sample.applied_torque[0], 1.0);
+  EXPECT_EQ(simulation.statistics().commands_refused, 2u);
+  EXPECT_EQ(simulation.statistics().commands_clamped, 1u);
+  EXPECT_EQ(simulation.statistics().commands_accepted, 2u);
+  // the lag tends to the clamped value
+  simulation.advanceTo(5.0);
+  const Sample& later = simulation.sample();
+  EXPECT_NEAR(later.applied_torque[1], -20.0 - 0.3 * later.velocity[1], 1e-9);
+}
+
+TEST(Simulation, AZeroOrderCommandAtTimeZeroIsTheInitialValue) {
+  Simulation simulation(test::sceneFromText(kTwoCommands));
+  const Sample without = simulation.sample();
+  simulation.command(0, 4.0);
+  simulation.command(1, 3.0);  // lagged: its torque starts at `initial`
+  const Sample with = simulation.sample();
+  EXPECT_EQ(simulation.statistics().jumps, 0u);
+  EXPECT_EQ(with.applied_torque[0], 4.0);
+  EXPECT_EQ(with.applied_torque[1], without.applied_torque[1]);
+  EXPECT_NE(with.acceleration[0], without.acceleration[0]);
+  EXPECT_NEAR(with.residual[0], 0.0, 1e-14);
+  // least reaction: R = C^T lambda
+  const double c1 = -0.4 + 0.01 * (2.0 * with.acceleration[0] + with.acceleration[1]);
+  const double c2 = 0.5 + 0.01 * with.acceleration[0];
+  EXPECT_NEAR(c2 * with.reaction_torque[0] - c1 * with.reaction_torque[1], 0.0, 1e-12);
+}
+
+TEST(Simulation, ARepeatedCommandChangesNothing) {
+  Simulation plain(test::sceneFromText(kTwoCommands));
+  Simulation repeated(test::sceneFromText(kTwoCommands));
+  plain.command(0, 4.0);
+  repeated.command(0, 4.0);
+  plain.advanceTo(1.0);
+  for (int n = 1; n <= 100; ++n) {
+    repeated.advanceTo(n / 100.0);
+    repeated.command(0, 4.0);
+  }
+  EXPECT_TRUE(sameBytes(plain.sample(), repeated.sample()));
+  EXPECT_EQ(plain.statistics().steps, repeated.statistics().steps);
+}
+
+TEST(Simulation, AnOverdueCommandIsZeroedAtItsInstant) {
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive]
+drive: {inertia: 2.0}
+torques: [motor]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, timeout: 0.5, on_timeout: zero}
+)yaml"));
+  simulation.advanceTo(1.0);
+  EXPECT_EQ(simulation.statistics().command_timeouts, 0u);  // no command yet, nothing overdue
+  simulation.command(0, 4.0);
+  simulation.advanceTo(1.25);
+  EXPECT_EQ(simulation.sample().applied_torque[0], 4.0);
+  simulation.advanceTo(3.0);
+  EXPECT_EQ(simulation.sample().applied_torque[0], 0.0);
+  EXPECT_NEAR(simulation.sample().velocity[0], 4.0 / 2.0 * 0.5, 1e-12);
+  EXPECT_EQ(simulation.statistics().command_timeouts, 1u);
+}
+
+TEST(Simulation, ATorqueOfTimeAloneIsSeenByEveryStepper) {
+  // eta = Q'(t) / J is a pure quadrature, for which Fehlberg's error estimate vanishes.
+  for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78}) {
+    for (double tolerance : {1e-6, 1e-9, 1e-12}) {
+      Simulation simulation(test::withStepper(test::withTolerance(test::sceneFromText(R"yaml(
+shafts: [drive]
+drive: {inertia: 0.01}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "sin(100*t)"}
+)yaml"),
+                                                                  tolerance),
+                                              stepper));
+      for (int n = 1; n <= 20; ++n) {
+        const double t = 0.37 * n;
+        simulation.advanceTo(t);
+        const Sample& s = simulation.sample();
+        // the accelerations reach 100, so 100 times the tolerance is what is asked of them
+        ASSERT_NEAR(s.acceleration[0], 100.0 * std::sin(100.0 * t), 1e4 * tolerance + 1e-10)
+            << toString(stepper) << ", tolerance " << tolerance;
+        ASSERT_NEAR(s.velocity[0], 1.0 - std::cos(100.0 * t), 1e4 * tolerance + 1e-10)
+            << toString(stepper) << ", tolerance " << tolerance;
+      }
+    }
+  }
+}
+
+// --- starts -----------------------------------------------------------------------------------
+std::string startScene(const std::string& initial, const std::string& torque = "1") {
+  return R"yaml(
+shafts: [drive, load]
+drive: {inertia: 1.5}
+load: {inertia: 1.5}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: ")yaml" +
+         torque + R"yaml("}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2+e2^2-4"}
+initial: )yaml" +
+         initial + "\n";
+}
+
+TEST(InitialConditions, InconsistentOnesNameResidualAndNearest) {
+  try {
+    Simulation simulation(test::sceneFromText(startScene("{acceleration: [1.2, 1.7]}")));
+    FAIL() << "accepted";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.keyPath(), "initial/acceleration");
+    const std::string text = error.what();
+    EXPECT_NE(text.find("'variator' = 0.33"), std::string::npos) << text;
+    EXPECT_NE(text.find("[1.153"), std::string::npos) << text;  // 2 (1.2, 1.7) / |(1.2, 1.7)|
+    EXPECT_NE(text.find("initial/project"), std::string::npos) << text;
+  }
+}
+
+TEST(InitialConditions, ProjectMovesToTheNearest) {
+  Simulation simulation(
+      test::sceneFromText(startScene("{acceleration: [1.2, 1.7], project: true}")));
+  const double length = std::hypot(1.2, 1.7);
+  EXPECT_NEAR(simulation.sample().acceleration[0], 2.4 / length, 1e-14);
+  EXPECT_NEAR(simulation.sample().acceleration[1], 3.4 / length, 1e-14);
+}
+
+TEST(InitialConditions, AGivenReactionIsData) {
+  // psi = 0 holds but R is not in range(C^T): no error, and R is kept.
+  Simulation simulation(test::sceneFromText(startScene("{acceleration: [0, 2]}")));
+  EXPECT_EQ(simulation.sample().reaction_torque[0], -1.0);
+  EXPECT_EQ(simulation.sample().reaction_torque[1], 3.0);
+}
+
+TEST(InitialConditions, LeastReactionIsStationaryAndLeast) {
+  Simulation simulation(test::sceneFromText(startScene("{velocity: [1, 1]}", "30")));
+  const Sample& s = simulation.sample();
+  // free acceleration (20, 0): the nearest point of the circle is (2, 0)
+  EXPECT_NEAR(s.acceleration[0], 2.0, 1e-14);
+  EXPECT_NEAR(s.acceleration[1], 0.0, 1e-14);
+}
+
+TEST(InitialConditions, LeastReactionIsFoundFromASingularStart) {
+  // Without torque the free accelerations are 0, where C = 0: any point of the circle will do.
+  Simulation simulation(test::sceneFromText(startScene("{velocity: [1, 1]}", "0")));
+  ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  EXPECT_NEAR(std::hypot(simulation.sample().acceleration[0], simulation.sample().acceleration[1]),
+              2.0, 1e-13);
+}
+
+TEST(InitialConditions, ImpossibleOnesAreAnError) {
+  EXPECT_THROW(Simulation(test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 1}
+load: {inertia: 1}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2+e2^2+4"}
+)yaml")),
+               SceneError);
+}
+
+// --- stops ------------------------------------------------------------------------------------
+TEST(Stops, AVanishingConstraintIsNamed) {
+  // c = 2 (eps1 - 1 + t) goes to zero while psi forces it to: psi = (eps1 - 1 + t)^2 + t - 0.5
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 1}
+load: {inertia: 1}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "(e1-1)^2+t-0.5"}
+initial: {acceleration: [1.7071067811865475, 0]}
+)yaml"));
+  const MotionStatus& status = simulation.advanceTo(2.0);
+  EXPECT_EQ(status.reason, StopReason::kSingularConstraint);
+  EXPECT_EQ(status.constraint, 0);
+  EXPECT_NEAR(status.time, 0.5, 1e-6);
+  EXPECT_EQ(simulation.time(), status.time);
+  const std::string text = simulation.describeStatus();
+  EXPECT_NE(text.find("SingularConstraint"), std::string::npos);
+  EXPECT_NE(text.find("'variator'"), std::string::npos);
+  EXPECT_TRUE(std::isfinite(simulation.sample().acceleration[0]));
+  // stopped until reset
+  simulation.advanceTo(3.0);
+  EXPECT_EQ(simulation.time(), status.time);
+  simulation.reset();
+  EXPECT_TRUE(simulation.status().ok());
+  EXPECT_TRUE(simulation.advanceTo(0.1).ok());
+}
+
+TEST(Stops, ASingularStartIsNamed) {
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 1}
+load: {inertia: 1}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1*e2"}
+initial: {acceleration: [0, 0]}
+)yaml"));
+  EXPECT_EQ(simulation.status().reason, StopReason::kSingularConstraint);
+  EXPECT_EQ(simulation.time(), 0.0);
+}
+
+TEST(Stops, ConstraintsThatBecomeDependentAreNamed) {
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [a, b, c]
+a: {inertia: 1}
+b: {inertia: 1}
+c: {inertia: 1}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1+t"}
+constraints: [first, second]
+first: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1+e2-w1"}
+second: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1+e2+(1-t)*e3+w2"}
+initial: {velocity: [1, 1, 1]}
+)yaml"));
+  const MotionStatus& status = simulation.advanceTo(2.0);
+  EXPECT_EQ(status.reason, StopReason::kSingularConstraint) << simulation.describeStatus();
+  EXPECT_EQ(status.constraint, 1);
+  EXPECT_NEAR(status.time, 1.0, 1e-3);
+}
+
+TEST(Stops, AnEscapeInFiniteTimeIsNamed) {
+  // J eps = w^2: w = 1 / (1 - t)
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive]
+drive: {inertia: 1}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "w1^2"}
+initial: {velocity: [1]}
+)yaml"));
+  ASSERT_TRUE(simulation.advanceTo(0.9).ok());
+  EXPECT_NEAR(simulation.sample().velocity[0], 10.0, 1e-6);
+  const MotionStatus& status = simulation.advanceTo(2.0);
+  EXPECT_EQ(status.reason, StopReason::kStepUnderflow);
+  EXPECT_NEAR(status.time, 1.0, 1e-6);
+}
+
+TEST(Stops, AValueThatLeavesItsDomainIsNamed) {
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 1}
+load: {inertia: 1}
+torques: [motor, odd]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-1"}
+odd: {type: variator_sim/ExpressionTorque, shaft: load, torque: "sqrt(w1)"}
+initial: {velocity: [1, 0]}
+)yaml"));
+  const MotionStatus& status = simulation.advanceTo(2.0);
+  EXPECT_EQ(status.reason, StopReason::kNonFiniteValue);
+  EXPECT_EQ(status.torque, 1);
+  EXPECT_NEAR(status.time, 1.0, 1e-5);
+  EXPECT_NE(simulation.describeStatus().find("'odd'"), std::string::npos);
+}
+
+TEST(Stops, TooManyStepsAreNamed) {
+  Scene scene = test::sceneFromText(kTwoCommands);
+  scene.solver.maximum_steps = 5;
+  Simulation simulation(std::move(scene));
+  EXPECT_EQ(simulation.advanceTo(100.0).reason, StopReason::kStepLimit);
+  EXPECT_EQ(simulation.statistics().steps, 5u);
+}
+
+TEST(Stops, AJumpThatLeavesTheConstraintIsNamed) {
+  // psi = eps1^2 - eps2^3 has a cusp at 0, where C = 0; a braking torque on shaft 2 leads into it.
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 1}
+load: {inertia: 1}
+torques: [brake]
+brake: {type: variator_sim/CommandedTorque, shaft: load, topic: torque}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2-e2^3"}
+initial: {acceleration: [1, 1]}
+)yaml"));
+  simulation.advanceTo(0.1);
+  simulation.command(0, -10.0);
+  simulation.sample();
+  EXPECT_EQ(simulation.status().reason, StopReason::kSingularConstraint)
+      << simulation.describeStatus();
+  EXPECT_NE(simulation.describeStatus().find("'variator'"), std::string::npos);
+  // the last good state is the one before the jump
+  EXPECT_NEAR(simulation.sample().acceleration[0], 1.0, 1e-12);
+}
+
+}  // namespace
+}  // namespace variator_sim
