@@ -48,7 +48,7 @@ bool solve(const Problem& problem, Vector* eta, Vector* Lambda) {
   }
   if (!solver.factor(inertia)) return false;
   double jerk[S];
-  double multiplier[ConstraintSolver<S>::kMaxRows];
+  double multiplier[ConstraintSolver<S>::kMaxRows] = {};
   inertia.solve(problem.torque_rate.data(), jerk);
   solver.constrain(problem.c0.data(), jerk, multiplier);
   eta->resize(S);
