@@ -1,0 +1,88 @@
+#include "tools/offline_run.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "variator_sim/nearest_name.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+int findInput(const TimedCommand& command, const Scene& scene, const std::string& path) {
+  std::vector<std::string> topics;
+  for (const CommandInputSettings& input : scene.inputs) {
+    if (input.topic == command.topic) return static_cast<int>(topics.size());
+    topics.push_back(input.topic);
+  }
+  const std::string allowed = topics.empty() ? "this scene takes no commands"
+                                             : "the scene's topics are " + joinNames(topics);
+  throw CommandFileError(path + ":" + std::to_string(command.line) + ": unknown topic '" +
+                         command.topic + "'" + suggestName(command.topic, topics) + "; " + allowed);
+}
+
+}  // namespace
+
+std::vector<InputCommand> resolveCommands(const std::vector<TimedCommand>& commands,
+                                          const Scene& scene, const std::string& path) {
+  std::vector<InputCommand> resolved;
+  resolved.reserve(commands.size());
+  for (const TimedCommand& command : commands) {
+    resolved.push_back(
+        {command.time, findInput(command, scene, path), command.value, command.line});
+  }
+  return resolved;
+}
+
+OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
+                       std::vector<InputCommand> commands, double duration)
+    : simulation_(simulation),
+      times_(std::move(times)),
+      commands_(std::move(commands)),
+      duration_(duration) {
+  const auto first_ignored =
+      std::find_if(commands_.begin(), commands_.end(),
+                   [duration](const InputCommand& command) { return command.time > duration; });
+  ignored_count_ = static_cast<std::size_t>(commands_.end() - first_ignored);
+  commands_.erase(first_ignored, commands_.end());
+}
+
+bool OfflineRun::reach(double time) {
+  return time <= simulation_.time() || simulation_.advanceTo(time).ok();
+}
+
+void OfflineRun::applyCommands() {
+  while (next_command_ < commands_.size() && commands_[next_command_].time <= simulation_.time()) {
+    const InputCommand& command = commands_[next_command_++];
+    if (simulation_.command(command.input, command.value) == CommandResult::kRefused &&
+        ++refused_count_ == 1) {
+      first_refused_line_ = command.line;
+    }
+  }
+}
+
+bool OfflineRun::advanceBlock(double span, const volatile std::sig_atomic_t* interrupted,
+                              std::vector<Sample>& samples) {
+  samples.clear();
+  const double block_end = simulation_.time() + span;
+  while (samples.size() < kBlockSize && *interrupted == 0) {
+    const double command_time =
+        next_command_ < commands_.size() ? commands_[next_command_].time : kNever;
+    const double next = std::min({times_.current(), command_time, duration_});
+    if (next > block_end) return reach(block_end);
+    if (!reach(next)) return false;
+    applyCommands();
+    if (times_.current() <= next) {
+      const Sample& sample = simulation_.sample();
+      if (!simulation_.status().ok()) return false;  // a jump that leads nowhere
+      samples.push_back(sample);
+      times_.next();
+    } else if (next >= duration_) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,62 @@
+/// Drives a Simulation through its commands and sample times, block by block.
+#pragma once
+
+#include <csignal>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tools/sample_times.h"
+#include "variator_sim/io/command_file.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+
+/// A command whose topic has been found in the scene.
+struct InputCommand {
+  double time;   ///< s
+  int input;     ///< index into Scene::inputs
+  double value;  ///< the input's own unit
+  int line;      ///< where it stands in its file
+};
+
+/// Finds each command's input by its topic. Throws CommandFileError with the nearest topic.
+std::vector<InputCommand> resolveCommands(const std::vector<TimedCommand>& commands,
+                                          const Scene& scene, const std::string& path);
+
+class OfflineRun {
+ public:
+  /// `commands` must be sorted by time; those after `duration` are left out.
+  OfflineRun(Simulation& simulation, SampleTimes times, std::vector<InputCommand> commands,
+             double duration);
+
+  /// Moves on until `samples` (emptied first) holds kBlockSize samples, the present has moved by
+  /// `span` seconds, `*interrupted` is not 0, the end is reached or the motion stops. False when
+  /// there is nothing left to do.
+  bool advanceBlock(double span, const volatile std::sig_atomic_t* interrupted,
+                    std::vector<Sample>& samples);
+
+  /// Commands refused because they are NaN or infinite, and the line of the first.
+  std::uint64_t refusedCount() const { return refused_count_; }
+  int firstRefusedLine() const { return first_refused_line_; }
+  /// Commands after the end of the run.
+  std::size_t ignoredCount() const { return ignored_count_; }
+
+  static constexpr std::size_t kBlockSize = 256;
+
+ private:
+  bool reach(double time);
+  void applyCommands();
+
+  Simulation& simulation_;
+  SampleTimes times_;
+  std::vector<InputCommand> commands_;
+  double duration_;
+  std::size_t next_command_ = 0;
+  std::size_t ignored_count_ = 0;
+  std::uint64_t refused_count_ = 0;
+  int first_refused_line_ = 0;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,64 @@
+/// The instants at which an offline run is sampled.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <utility>
+#include <vector>
+
+namespace variator_sim {
+
+/// A walk over ascending instants; it never holds a rate's instants in memory.
+class SampleTimes {
+ public:
+  /// k / rate for k = 0, 1, ... below `duration`, then `duration` itself.
+  static SampleTimes atRate(double rate, double duration) {
+    SampleTimes times;
+    times.rate_ = rate;
+    times.duration_ = duration;
+    times.takeMultiple();
+    return times;
+  }
+  /// These instants, which must be ascending.
+  static SampleTimes at(std::vector<double> instants) {
+    SampleTimes times;
+    times.instants_ = std::move(instants);
+    times.takeInstant();
+    return times;
+  }
+
+  /// The instant to sample next; infinity after the last.
+  double current() const { return current_; }
+  void next() {
+    if (rate_ == 0.0) {
+      takeInstant();
+    } else if (current_ >= duration_) {
+      current_ = kNever;
+    } else {
+      ++index_;
+      takeMultiple();
+    }
+  }
+
+ private:
+  static constexpr double kNever = std::numeric_limits<double>::infinity();
+
+  SampleTimes() = default;
+
+  void takeInstant() { current_ = index_ < instants_.size() ? instants_[index_++] : kNever; }
+
+  // A division: k / 100 is the double nearest to the decimal that a user would write, k * 0.01 is
+  // not.
+  void takeMultiple() {
+    const double instant = static_cast<double>(index_) / rate_;
+    current_ = instant < duration_ ? instant : duration_;
+  }
+
+  double rate_ = 0.0;
+  double duration_ = 0.0;
+  std::vector<double> instants_;
+  std::uint64_t index_ = 0;
+  double current_ = kNever;
+};
+
+}  // namespace variator_sim

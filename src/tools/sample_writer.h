@@ -1,0 +1,48 @@
+/// Where the samples of an offline run go.
+#pragma once
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "variator_sim/sample.h"
+#include "variator_sim/scene.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+
+/// The output cannot be written; what() names it and the system's reason.
+class OutputError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// Whoever read our output has gone (`simulate ... | head`): nobody wants the rest.
+class OutputClosed : public OutputError {
+ public:
+  using OutputError::OutputError;
+};
+
+class SampleWriter {
+ public:
+  virtual ~SampleWriter() = default;
+  SampleWriter(const SampleWriter&) = delete;
+  SampleWriter& operator=(const SampleWriter&) = delete;
+
+  /// Writes the samples, in order. Throws OutputError.
+  virtual void write(const std::vector<Sample>& samples) = 0;
+  /// Completes the output. Called once, after the last `write`. Throws OutputError.
+  virtual void close() = 0;
+
+ protected:
+  SampleWriter() = default;
+};
+
+/// CSV into a file, or to standard output when `path` is empty. Throws OutputError.
+std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Scene& scene);
+
+/// A bag with the topics `state`, `joint_states` and, once, `scene`. Throws OutputError.
+std::unique_ptr<SampleWriter> makeBagWriter(const std::string& path, const Simulation& simulation);
+
+}  // namespace variator_sim

@@ -1,0 +1,198 @@
+/// The offline tool: a scene, commands from a file, samples into CSV or a bag. No ROS master.
+
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "ros/plugin_loader.h"
+#include "tools/offline_run.h"
+#include "tools/progress_bar.h"
+#include "tools/sample_writer.h"
+#include "tools/simulate_options.h"
+#include "variator_sim/errors.h"
+#include "variator_sim/io/command_file.h"
+#include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+namespace {
+
+enum ExitStatus { kSuccess = 0, kStopped = 1, kBadUsage = 2, kBadOutput = 3, kSignalBase = 128 };
+
+volatile std::sig_atomic_t g_signal = 0;
+
+void rememberSignal(int signal) {
+  g_signal = signal;
+}
+
+void installSignalHandlers() {
+  struct sigaction action = {};
+  action.sa_handler = rememberSignal;
+  action.sa_flags = static_cast<int>(SA_RESETHAND);  // the second Ctrl-C ends us at once
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+  // A reader that goes away is an error of write(), not the end of this program.
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+double secondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// Wall time, s. The simulation's has no output in it.
+struct WallTimes {
+  double simulation = 0.0;
+  double output = 0.0;
+};
+
+void printStatistics(const Simulation& simulation, const WallTimes& wall, std::uint64_t samples) {
+  const Statistics& counts = simulation.statistics();
+  const auto print = [](const char* name, std::uint64_t count) {
+    std::fprintf(stderr, "%s: %llu\n", name, static_cast<unsigned long long>(count));
+  };
+  std::fprintf(stderr, "stepper: %s\n", simulation.stepperName());
+  print("steps", counts.steps);
+  print("rejected steps", counts.rejected_steps);
+  print("right-hand sides", counts.right_hand_sides);
+  print("projections", counts.projections);
+  print("jumps", counts.jumps);
+  print("commands accepted", counts.commands_accepted);
+  print("commands clamped", counts.commands_clamped);
+  print("commands refused", counts.commands_refused);
+  print("samples", samples);
+  std::fprintf(stderr, "simulated time: %.6g s\n", simulation.time());
+  std::fprintf(stderr, "wall time: %.6g s\n", wall.simulation);
+  std::fprintf(stderr, "output wall time: %.6g s\n", wall.output);
+  std::fprintf(stderr, "times real time: %.6g\n",
+               wall.simulation > 0.0 ? simulation.time() / wall.simulation : 0.0);
+}
+
+std::vector<InputCommand> readCommands(const SimulateOptions& options, const Scene& scene) {
+  if (options.commands_path.empty()) return {};
+  return resolveCommands(readCommandFile(options.commands_path), scene, options.commands_path);
+}
+
+Simulation loadSimulation(const std::string& path) {
+  const ParameterTree tree = readYamlFile(path);
+  PluginlibComponentFactory factory;
+  try {
+    return Simulation(readScene(tree, factory));
+  } catch (const SceneError& error) {
+    throw SceneError("", path + ": " + error.what());
+  }
+}
+
+/// Runs to the end, a stop, a signal or a closed output.
+int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
+        const SimulateOptions& options) {
+  using Clock = std::chrono::steady_clock;
+  // Blocks last long enough for their two readings of the clock not to matter, and are short enough
+  // for a progress bar to move and for Ctrl-C to be heard.
+  constexpr double kShortBlock = 0.01;  // s
+  constexpr double kLongBlock = 0.1;    // s
+
+  const bool samples_on_terminal = options.output_path.empty() && ::isatty(STDOUT_FILENO) == 1;
+  ProgressBar progress(options.duration, samples_on_terminal);
+  WallTimes wall;
+  std::uint64_t sample_count = 0;
+  std::vector<Sample> samples;
+  samples.reserve(OfflineRun::kBlockSize);
+  double span = options.duration / 64.0;
+  int exit_status = kSuccess;
+  try {
+    bool more = true;
+    while (more && g_signal == 0) {
+      const Clock::time_point start = Clock::now();
+      more = offline_run.advanceBlock(span, &g_signal, samples);
+      const double block_time = secondsSince(start);
+      wall.simulation += block_time;
+      if (block_time < kShortBlock) span *= 2.0;
+      if (block_time > kLongBlock) span *= 0.5;
+
+      const Clock::time_point output_start = Clock::now();
+      if (!samples.empty()) writer.write(samples);
+      wall.output += secondsSince(output_start);
+      sample_count += samples.size();
+      progress.update(simulation.time());
+    }
+    const Clock::time_point output_start = Clock::now();
+    writer.close();
+    wall.output += secondsSince(output_start);
+  } catch (const OutputClosed&) {
+    // As intended by whoever closed it.
+  } catch (const OutputError& error) {
+    progress.clear();
+    std::fprintf(stderr, "simulate: %s\n", error.what());
+    exit_status = kBadOutput;
+  }
+  progress.clear();
+
+  if (offline_run.refusedCount() > 0) {
+    std::fprintf(stderr, "simulate: warning: %llu commands refused, not finite; the first: %s:%d\n",
+                 static_cast<unsigned long long>(offline_run.refusedCount()),
+                 options.commands_path.c_str(), offline_run.firstRefusedLine());
+  }
+  if (!simulation.status().ok()) {
+    std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
+    if (exit_status == kSuccess) exit_status = kStopped;
+  } else if (g_signal != 0) {
+    std::fprintf(stderr, "simulate: interrupted at %.6g s\n", simulation.time());
+    exit_status = kSignalBase + g_signal;
+  }
+  if (options.stats) printStatistics(simulation, wall, sample_count);
+  return exit_status;
+}
+
+int runSimulate(const std::vector<std::string>& words) {
+  const SimulateOptions options = parseSimulateOptions(words);
+  if (options.help) {
+    std::fputs(simulateHelp(), stdout);
+    return kSuccess;
+  }
+  Simulation simulation = loadSimulation(options.scene_path);
+  OfflineRun offline_run(simulation,
+                         options.has_times ? SampleTimes::at(options.times)
+                                           : SampleTimes::atRate(options.rate, options.duration),
+                         readCommands(options, simulation.scene()), options.duration);
+  if (offline_run.ignoredCount() > 0) {
+    std::fprintf(stderr,
+                 "simulate: note: %zu commands lie after the end (%.6g s) and are ignored\n",
+                 offline_run.ignoredCount(), options.duration);
+  }
+  const std::unique_ptr<SampleWriter> writer =
+      options.format == OutputFormat::kBag ? makeBagWriter(options.output_path, simulation)
+                                           : makeCsvWriter(options.output_path, simulation.scene());
+  return run(simulation, offline_run, *writer, options);
+}
+
+}  // namespace
+}  // namespace variator_sim
+
+int main(int argc, char** argv) {
+  using namespace variator_sim;
+  installSignalHandlers();
+  try {
+    return runSimulate({argv + 1, argv + argc});
+  } catch (const UsageError& error) {
+    std::fprintf(stderr, "simulate: %s\nTry: simulate --help\n", error.what());
+    return kBadUsage;
+  } catch (const SceneError& error) {
+    std::fprintf(stderr, "simulate: %s\n", error.what());
+    return kBadUsage;
+  } catch (const OutputClosed&) {
+    return kSuccess;
+  } catch (const OutputError& error) {
+    std::fprintf(stderr, "simulate: %s\n", error.what());
+    return kBadOutput;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "simulate: %s\n", error.what());
+    return kBadUsage;
+  }
+}

@@ -1,0 +1,175 @@
+#include "tools/simulate_options.h"
+
+#include <charconv>
+#include <cmath>
+
+#include "variator_sim/nearest_name.h"
+
+namespace variator_sim {
+namespace {
+
+const std::vector<std::string>& optionNames() {
+  static const std::vector<std::string> names = {"--duration", "--rate",  "--times", "--commands",
+                                                 "--output",   "--stats", "--help"};
+  return names;
+}
+
+double readNumber(const std::string& option, const std::string& word) {
+  double value = 0.0;
+  const char* end = word.data() + word.size();
+  const auto [rest, error] = std::from_chars(word.data(), end, value);
+  if (error != std::errc() || rest != end || !std::isfinite(value)) {
+    throw UsageError(option + ": '" + word + "' is not a finite number");
+  }
+  return value;
+}
+
+std::vector<double> readTimes(const std::string& word) {
+  std::vector<double> times;
+  std::size_t begin = 0;
+  while (true) {
+    const std::size_t comma = word.find(',', begin);
+    const double time = readNumber("--times", word.substr(begin, comma - begin));
+    if (time < 0.0) throw UsageError("--times: '" + word + "' holds a time below 0 s");
+    if (!times.empty() && time < times.back()) {
+      throw UsageError("--times: '" + word + "' is not in ascending order");
+    }
+    times.push_back(time);
+    if (comma == std::string::npos) return times;
+    begin = comma + 1;
+  }
+}
+
+bool endsWith(const std::string& text, const std::string& ending) {
+  return text.size() >= ending.size() &&
+         text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
+}
+
+OutputFormat formatOf(const std::string& path) {
+  if (path.empty() || endsWith(path, ".csv")) return OutputFormat::kCsv;
+  if (endsWith(path, ".bag")) return OutputFormat::kBag;
+  throw UsageError("--output: '" + path + "' ends neither with .csv nor with .bag");
+}
+
+/// Walks through the words; an option's value is the next word or stands behind an equals sign.
+class Words {
+ public:
+  explicit Words(const std::vector<std::string>& words) : words_(words) {}
+
+  bool next() {
+    if (index_ == words_.size()) return false;
+    name_ = words_[index_++];
+    has_value_ = false;
+    const std::size_t equals = name_.find('=');
+    if (isOption() && equals != std::string::npos) {
+      value_ = name_.substr(equals + 1);
+      name_.resize(equals);
+      has_value_ = true;
+    }
+    return true;
+  }
+  bool isOption() const { return name_.size() > 1 && name_.front() == '-'; }
+  const std::string& name() const { return name_; }
+  const std::string& value() {
+    if (!has_value_) {
+      if (index_ == words_.size()) throw UsageError(name_ + " needs a value");
+      value_ = words_[index_++];
+      has_value_ = true;
+    }
+    return value_;
+  }
+  void refuseValue() const {
+    if (has_value_) throw UsageError(name_ + " takes no value");
+  }
+
+ private:
+  const std::vector<std::string>& words_;
+  std::size_t index_ = 0;
+  std::string name_;
+  std::string value_;
+  bool has_value_ = false;
+};
+
+}  // namespace
+
+SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
+  SimulateOptions options;
+  bool has_duration = false;
+  bool has_rate = false;
+  Words word(words);
+  while (word.next()) {
+    const std::string& name = word.name();
+    if (name == "--help" || name == "-h") {
+      options.help = true;
+      return options;
+    }
+    if (name == "--duration") {
+      options.duration = readNumber(name, word.value());
+      if (options.duration < 0.0) throw UsageError("--duration: must be at least 0 s");
+      has_duration = true;
+    } else if (name == "--rate") {
+      options.rate = readNumber(name, word.value());
+      if (options.rate <= 0.0) throw UsageError("--rate: must be above 0 Hz");
+      has_rate = true;
+    } else if (name == "--times") {
+      options.times = readTimes(word.value());
+      options.has_times = true;
+    } else if (name == "--commands") {
+      options.commands_path = word.value();
+    } else if (name == "--output") {
+      options.output_path = word.value() == "-" ? "" : word.value();
+    } else if (name == "--stats") {
+      word.refuseValue();
+      options.stats = true;
+    } else if (word.isOption()) {
+      throw UsageError("unknown option '" + name + "'" + suggestName(name, optionNames()));
+    } else if (options.scene_path.empty()) {
+      options.scene_path = name;
+    } else {
+      throw UsageError("'" + name + "' is one word too many: the scene is '" + options.scene_path +
+                       "'");
+    }
+  }
+  if (options.scene_path.empty()) throw UsageError("no scene given");
+  if (options.has_times && has_rate) {
+    throw UsageError("--rate and --times exclude each other");
+  }
+  if (!has_duration) {
+    if (!options.has_times) throw UsageError("--duration is missing");
+    options.duration = options.times.back();
+  }
+  if (options.has_times && options.times.back() > options.duration) {
+    throw UsageError("--times: the last one lies after the --duration");
+  }
+  options.format = formatOf(options.output_path);
+  return options;
+}
+
+const char* simulateHelp() {
+  return R"(Simulates a drivetrain without a ROS master, as fast as it can.
+
+usage: simulate SCENE.yaml --duration S [options]
+
+  SCENE.yaml              the drivetrain
+  --duration S            simulated time, s; may be left out with --times
+  --rate HZ               samples per second (default 100); the end itself is sampled too
+  --times T1,T2,...       sample at these instants instead, s, ascending
+  --commands FILE.csv     commands to play, header time,topic,value
+  --output FILE.csv|.bag  where the samples go (default: standard output, as CSV)
+  --stats                 print counters and times to standard error
+  --help                  this text
+
+A sample at the instant of a command shows the state after it. A bag holds the topics `state`
+(variator_sim/DrivetrainState), `joint_states` (sensor_msgs/JointState) and `scene`
+(variator_sim/SceneInfo), stamped with simulated time.
+
+Exit status: 0 the end was reached, or the reader of standard output went away
+             1 the motion stopped: reason, time and last good state are on standard error
+             2 bad usage, scene or command file
+             3 the output could not be written
+             130 interrupted by Ctrl-C
+In every case the samples up to then are written.
+)";
+}
+
+}  // namespace variator_sim

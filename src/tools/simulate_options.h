@@ -1,0 +1,37 @@
+/// The command line of `simulate`.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace variator_sim {
+
+/// A command line that cannot be followed; what() says which word and what is allowed.
+class UsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+enum class OutputFormat { kCsv, kBag };
+
+struct SimulateOptions {
+  bool help = false;
+  std::string scene_path;
+  double duration = 0.0;      ///< s
+  double rate = 100.0;        ///< samples per second; unused when `times` are given
+  bool has_times = false;     ///< `times` replace the rate
+  std::vector<double> times;  ///< s, ascending, the last one at most `duration`
+  std::string commands_path;  ///< empty: no commands
+  std::string output_path;    ///< empty: standard output
+  OutputFormat format = OutputFormat::kCsv;
+  bool stats = false;
+};
+
+/// Reads the words after the program's name. Throws UsageError.
+SimulateOptions parseSimulateOptions(const std::vector<std::string>& words);
+
+/// The whole text of --help.
+const char* simulateHelp();
+
+}  // namespace variator_sim

@@ -1,0 +1,279 @@
+#!/usr/bin/python3
+"""The offline tool as its users see it: files, streams, exit statuses."""
+
+import os
+import pathlib
+import pty
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+import rosbag
+import roslib.packages
+import rosunit
+
+PACKAGE = "variator_sim"
+FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
+SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
+SHIP = str(FOLDER / "config/ship.yaml")
+RATIO_STEPS = str(FOLDER / "config/ratio_steps.yaml")
+
+QUANTITIES = ["angle", "velocity", "acceleration", "applied_torque", "reaction_torque",
+              "reaction_torque_rate"]
+SHIP_HEADER = (["time"] + [f"{shaft}/{quantity}" for shaft in ("drive", "load")
+                           for quantity in QUANTITIES]
+               + ["variator/residual", "variator/multiplier"])
+
+# The torque has no value after 1 s.
+STOPPING_SCENE = """
+shafts: [drive]
+drive: {inertia: 1.0}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "sqrt(1 - t)"}
+"""
+
+
+def parse(text):
+    """Header and rows of a CSV text; the rows as floats."""
+    lines = text.splitlines()
+    return lines[0].split(","), [[float(word) for word in line.split(",")] for line in lines[1:]]
+
+
+class SimulateTest(unittest.TestCase):
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        # Nobody is there: the tool needs no master.
+        self.environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1")
+
+    def write(self, name, text):
+        path = self.folder / name
+        path.write_text(text, encoding="utf-8")
+        return str(path)
+
+    def simulate(self, *arguments, **options):
+        options.setdefault("stdout", subprocess.PIPE)
+        return subprocess.run([SIMULATE, *arguments], stderr=subprocess.PIPE, text=True,
+                              env=self.environment, timeout=60, check=False, **options)
+
+    def samples(self, *arguments):
+        result = self.simulate(*arguments)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return parse(result.stdout)
+
+    def check_refused(self, arguments, *words):
+        result = self.simulate(*arguments)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertEqual(result.stdout, "")
+        for word in words:
+            self.assertIn(word, result.stderr)
+
+    def test_help(self):
+        result = self.simulate("--help")
+        self.assertEqual(result.returncode, 0)
+        self.assertIn("--duration", result.stdout)
+        self.assertEqual(result.stderr, "")
+
+    def test_header_and_times_at_a_rate(self):
+        header, rows = self.samples(SHIP, "--duration", "1", "--rate", "10")
+        self.assertEqual(header, SHIP_HEADER)
+        self.assertEqual([row[0] for row in rows], [k / 10 for k in range(11)])
+        self.assertTrue(all(len(row) == len(header) for row in rows))
+
+    def test_rate_is_100_by_default(self):
+        _, rows = self.samples(SHIP, "--duration", "0.07")
+        self.assertEqual([row[0] for row in rows], [k / 100 for k in range(8)])
+
+    def test_the_end_is_sampled(self):
+        _, rows = self.samples(SHIP, "--duration", "0.25", "--rate=10")
+        self.assertEqual([row[0] for row in rows], [0, 0.1, 0.2, 0.25])
+        _, rows = self.samples(SHIP, "--duration", "0")
+        self.assertEqual([row[0] for row in rows], [0])
+
+    def test_given_times(self):
+        _, rows = self.samples(SHIP, "--times", "0,0.125,0.5")
+        self.assertEqual([row[0] for row in rows], [0, 0.125, 0.5])
+        _, later = self.samples(SHIP, "--times", "0.125,0.5", "--duration", "2")
+        self.assertEqual(later, rows[1:])
+
+    def test_the_motion_does_not_depend_on_the_samples(self):
+        dense = self.simulate(SHIP, "--duration", "5", "--rate", "1000").stdout.splitlines()
+        sparse = self.simulate(SHIP, "--times", "0,1.5,5").stdout.splitlines()
+        self.assertEqual(len(sparse), 4)
+        self.assertLess(set(sparse), set(dense))
+
+    def test_bad_usage(self):
+        self.check_refused([], "no scene", "--help")
+        self.check_refused([SHIP], "--duration is missing")
+        self.check_refused([SHIP, "--duration"], "--duration needs a value")
+        self.check_refused([SHIP, "--duration", "abc"], "'abc'")
+        self.check_refused([SHIP, "--duration", "nan"], "'nan'")
+        self.check_refused([SHIP, "--duration", "-1"], "at least 0")
+        self.check_refused([SHIP, "--duration", "1", "--rate", "0"], "above 0")
+        self.check_refused([SHIP, "--duration", "1", "--times", "0,2"], "after the --duration")
+        self.check_refused([SHIP, "--times", "1,0.5"], "ascending")
+        self.check_refused([SHIP, "--times", "0,,1"], "--times")
+        self.check_refused([SHIP, "--times", "-1,0"], "below 0")
+        self.check_refused([SHIP, "--times", "1", "--rate", "5"], "exclude each other")
+        self.check_refused([SHIP, "--duratoin", "1"], "did you mean '--duration'")
+        self.check_refused([SHIP, SHIP, "--duration", "1"], "one word too many")
+        self.check_refused([SHIP, "--duration", "1", "--output", "a.txt"], ".csv", ".bag")
+        self.check_refused([SHIP, "--duration", "1", "--stats=1"], "takes no value")
+
+    def test_bad_scene(self):
+        self.check_refused(["/nowhere.yaml", "--duration", "1"], "/nowhere.yaml")
+        scene = self.write("scene.yaml", STOPPING_SCENE.replace("inertia: 1.0", "inertia: -1"))
+        self.check_refused([scene, "--duration", "1"], "scene.yaml: drive/inertia", "-1")
+        scene = self.write("scene.yaml", STOPPING_SCENE.replace("inertia: 1.0", "inertai: 1"))
+        self.check_refused([scene, "--duration", "1"], "'inertai'", "'inertia'")
+
+    def test_a_zero_order_command_jumps_at_its_sample(self):
+        commands = self.write("commands.csv", "time,topic,value\n0,drive_torque,4\n"
+                                              "0.5,drive_torque,9\n0.5,load_torque,5\n")
+        header, rows = self.samples(RATIO_STEPS, "--times", "0,0.499,0.5", "--commands", commands)
+        column = header.index("drive/applied_torque")
+        self.assertEqual([row[column] for row in rows], [4, 4, 9])
+        residual = header.index("variator/residual")
+        self.assertTrue(all(abs(row[residual]) < 1e-8 for row in rows))
+
+    def test_commands_act_between_samples(self):
+        commands = self.write("commands.csv", "time,topic,value\n0.3,drive_torque,9\n")
+        header, with_command = self.samples(RATIO_STEPS, "--times", "0,1", "--commands", commands)
+        _, without = self.samples(RATIO_STEPS, "--times", "0,1")
+        column = header.index("drive/velocity")
+        self.assertEqual(with_command[0], without[0])
+        self.assertGreater(with_command[1][column], without[1][column] + 1.0)
+
+    def test_unknown_topic(self):
+        commands = self.write("commands.csv", "time,topic,value\n0,drive_torqe,4\n")
+        self.check_refused([RATIO_STEPS, "--duration", "1", "--commands", commands],
+                           "commands.csv:2", "'drive_torqe'", "did you mean 'drive_torque'")
+        circle = str(FOLDER / "config/acceleration_circle.yaml")
+        self.check_refused([circle, "--duration", "1", "--commands", commands], "no commands")
+
+    def test_bad_command_file(self):
+        commands = self.write("commands.csv", "time,topic,value\n0,drive_torque,much\n")
+        self.check_refused([RATIO_STEPS, "--duration", "1", "--commands", commands],
+                           "commands.csv:2", "much")
+
+    def test_commands_after_the_end_are_ignored_with_a_note(self):
+        commands = self.write("commands.csv", "time,topic,value\n0.5,drive_torque,1\n"
+                                              "7,drive_torque,4\n8,drive_torque,5\n")
+        result = self.simulate(RATIO_STEPS, "--duration", "1", "--commands", commands, "--stats")
+        self.assertEqual(result.returncode, 0)
+        self.assertIn("2 commands lie after the end", result.stderr)
+        self.assertIn("commands accepted: 1\n", result.stderr)
+
+    def test_commands_that_are_not_finite_are_refused_with_one_warning(self):
+        good = self.write("good.csv", "time,topic,value\n0.2,drive_torque,3\n")
+        bad = self.write("bad.csv", "time,topic,value\n0.1,drive_torque,nan\n"
+                                    "0.2,drive_torque,3\n0.3,drive_torque,-inf\n")
+        expected = self.simulate(RATIO_STEPS, "--duration", "1", "--commands", good)
+        result = self.simulate(RATIO_STEPS, "--duration", "1", "--commands", bad, "--stats")
+        self.assertEqual(result.returncode, 0)
+        self.assertEqual(result.stdout, expected.stdout)
+        self.assertEqual(result.stderr.count("warning"), 1)
+        self.assertIn("2 commands refused", result.stderr)
+        self.assertIn("bad.csv:2", result.stderr)
+        self.assertIn("commands refused: 2\n", result.stderr)
+
+    def test_a_stopped_motion_keeps_its_samples(self):
+        scene = self.write("scene.yaml", STOPPING_SCENE)
+        output = self.folder / "out.csv"
+        result = self.simulate(scene, "--duration", "2", "--rate", "10", "--output", str(output))
+        self.assertEqual(result.returncode, 1, result.stderr)
+        self.assertIn("NonFiniteValue", result.stderr)
+        _, rows = parse(output.read_text(encoding="utf-8"))
+        self.assertGreaterEqual(len(rows), 9)
+        self.assertEqual([row[0] for row in rows], [k / 10 for k in range(len(rows))])
+
+    def test_stats(self):
+        result = self.simulate(SHIP, "--duration", "10", "--stats")
+        stats = dict(line.split(": ") for line in result.stderr.splitlines())
+        self.assertEqual(stats["samples"], "1001")
+        self.assertEqual(stats["simulated time"], "10 s")
+        self.assertGreater(int(stats["steps"]), 10)
+        self.assertGreater(int(stats["right-hand sides"]), int(stats["steps"]))
+        self.assertEqual(stats["commands refused"], "0")
+        self.assertGreater(float(stats["times real time"]), 1.0)
+        self.assertGreater(float(stats["wall time"].split()[0]), 0.0)
+        for name in ("stepper", "rejected steps", "projections", "jumps", "commands clamped",
+                     "output wall time"):
+            self.assertIn(name, stats)
+
+    def test_bag_equals_csv(self):
+        path = str(self.folder / "out.bag")
+        result = self.simulate(SHIP, "--duration", "1.005", "--rate", "10", "--output", path)
+        self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
+        header, rows = self.samples(SHIP, "--duration", "1.005", "--rate", "10")
+        with rosbag.Bag(path) as bag:
+            scenes = [message for _, message, _ in bag.read_messages("scene")]
+            states = [message for _, message, _ in bag.read_messages("state")]
+            joints = [message for _, message, _ in bag.read_messages("joint_states")]
+        self.assertEqual([scene.shafts for scene in scenes], [["drive", "load"]])
+        self.assertEqual(len(states), len(rows))
+        self.assertEqual(len(joints), len(rows))
+        for row, state, joint in zip(rows, states, joints):
+            values = [state.time]
+            for i in range(2):
+                values += [getattr(state, quantity)[i] for quantity in QUANTITIES]
+            values += [state.residual[0], state.multiplier[0]]
+            self.assertEqual(values, row)
+            self.assertEqual(state.header.stamp.to_nsec(), round(row[0] * 1e9))
+            self.assertEqual(joint.header.stamp, state.header.stamp)
+            self.assertEqual(joint.name, ["drive", "load"])
+            self.assertEqual(list(joint.velocity), [row[header.index("drive/velocity")],
+                                                    row[header.index("load/velocity")]])
+
+    def test_a_reader_that_goes_away_ends_the_run_quietly(self):
+        with subprocess.Popen([SIMULATE, SHIP, "--duration", "1e9"], stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, env=self.environment) as process:
+            process.stdout.readline()
+            process.stdout.close()
+            self.assertEqual(process.wait(timeout=30), 0)
+            self.assertEqual(process.stderr.read(), b"")
+
+    def test_output_that_cannot_be_written(self):
+        for name in ("nowhere/out.csv", "nowhere/out.bag"):
+            result = self.simulate(SHIP, "--duration", "1", "--output", str(self.folder / name))
+            self.assertEqual(result.returncode, 3, result.stderr)
+            self.assertIn("nowhere", result.stderr)
+        with open("/dev/full", "w", encoding="utf-8") as full:
+            result = self.simulate(SHIP, "--duration", "1", stdout=full)
+        self.assertEqual(result.returncode, 3)
+        self.assertIn("No space left", result.stderr)
+
+    def test_interrupt_keeps_the_samples_and_a_terminal_shows_progress(self):
+        output = self.folder / "out.csv"
+        terminal, end = pty.openpty()
+        with subprocess.Popen([SIMULATE, SHIP, "--duration", "1e9", "--rate", "0.1",
+                               "--output", str(output)], stderr=end,
+                              env=self.environment) as process:
+            os.close(end)
+            shown = b""
+            deadline = time.monotonic() + 30
+            while b"times real time" not in shown and time.monotonic() < deadline:
+                shown += os.read(terminal, 4096)
+            process.send_signal(signal.SIGINT)
+            self.assertEqual(process.wait(timeout=30), 130)
+        while True:
+            try:
+                shown += os.read(terminal, 4096)
+            except OSError:  # a terminal that no one writes to any more
+                break
+        os.close(terminal)
+        self.assertIn(b" left", shown)
+        self.assertIn(b"\r\x1b[Ksimulate: interrupted at ", shown)
+        text = output.read_text(encoding="utf-8")
+        self.assertEqual(text[-1], "\n")
+        header, rows = parse(text)
+        self.assertGreater(len(rows), 100)
+        self.assertEqual(len(rows[-1]), len(header))
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "simulate_test", SimulateTest)
