@@ -1,0 +1,25 @@
+/// Registers the built-in components with pluginlib: the only file that does, so that the files of
+/// the components know no plugin library.
+#include <pluginlib/class_list_macros.hpp>
+
+#include "variator_sim/constraints/expression_constraint.h"
+#include "variator_sim/torques/commanded_torque.h"
+#include "variator_sim/torques/cutting_torque.h"
+#include "variator_sim/torques/diesel_engine.h"
+#include "variator_sim/torques/elastic_coupling.h"
+#include "variator_sim/torques/expression_torque.h"
+#include "variator_sim/torques/friction.h"
+#include "variator_sim/torques/motor_curve.h"
+#include "variator_sim/torques/propeller.h"
+#include "variator_sim/torques/vehicle_resistance.h"
+
+PLUGINLIB_EXPORT_CLASS(variator_sim::ExpressionConstraint, variator_sim::Constraint)
+PLUGINLIB_EXPORT_CLASS(variator_sim::CommandedTorque, variator_sim::Torque)
+PLUGINLIB_EXPORT_CLASS(variator_sim::CuttingTorque, variator_sim::Torque)
+PLUGINLIB_EXPORT_CLASS(variator_sim::DieselEngine, variator_sim::Torque)
+PLUGINLIB_EXPORT_CLASS(variator_sim::ElasticCoupling, variator_sim::Torque)
+PLUGINLIB_EXPORT_CLASS(variator_sim::ExpressionTorque, variator_sim::Torque)
+PLUGINLIB_EXPORT_CLASS(variator_sim::Friction, variator_sim::Torque)
+PLUGINLIB_EXPORT_CLASS(variator_sim::MotorCurve, variator_sim::Torque)
+PLUGINLIB_EXPORT_CLASS(variator_sim::Propeller, variator_sim::Torque)
+PLUGINLIB_EXPORT_CLASS(variator_sim::VehicleResistance, variator_sim::Torque)

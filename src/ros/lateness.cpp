@@ -1,0 +1,70 @@
+#include "ros/lateness.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace variator_sim {
+
+// Bin of x >= 4: octave o = floor(log2 x), then the two bits after the leading one, so
+// bin = 4 (o - 1) + those two bits. Below 4 ns every value has its own bin.
+int LatenessHistogram::binOf(std::int64_t lateness) {
+  if (lateness < kBinsPerOctave) return static_cast<int>(std::max<std::int64_t>(lateness, 0));
+  const auto value = static_cast<std::uint64_t>(lateness);
+  const int octave = 63 - __builtin_clzll(value);
+  const int part = static_cast<int>((value >> (octave - 2)) & 3U);
+  return std::min(kBinsPerOctave * (octave - 1) + part, kBins - 1);
+}
+
+std::int64_t LatenessHistogram::upperEdge(int bin) {
+  if (bin < kBinsPerOctave) return bin;
+  const int octave = bin / kBinsPerOctave + 1;
+  const std::int64_t part = bin % kBinsPerOctave;
+  return ((kBinsPerOctave + part + 1) << (octave - 2)) - 1;
+}
+
+void LatenessHistogram::add(std::int64_t lateness) {
+  ++bins_[static_cast<std::size_t>(binOf(lateness))];
+  ++count_;
+  max_ = std::max(max_, lateness);
+}
+
+void LatenessHistogram::clear() {
+  bins_.fill(0);
+  count_ = 0;
+  max_ = 0;
+}
+
+void LatenessHistogram::merge(const LatenessHistogram& other) {
+  for (std::size_t i = 0; i < bins_.size(); ++i) bins_[i] += other.bins_[i];
+  count_ += other.count_;
+  max_ = std::max(max_, other.max_);
+}
+
+std::int64_t LatenessHistogram::quantile(double fraction) const {
+  if (count_ == 0) return 0;
+  const double wanted = std::max(1.0, std::ceil(fraction * static_cast<double>(count_)));
+  double seen = 0.0;
+  for (int bin = 0; bin < kBins; ++bin) {
+    seen += bins_[static_cast<std::size_t>(bin)];
+    if (seen >= wanted) return std::min(upperEdge(bin), max_);
+  }
+  return max_;
+}
+
+void LatenessWindow::nextSlice() {
+  current_ = (current_ + 1) % kSlices;
+  slices_[static_cast<std::size_t>(current_)].clear();
+}
+
+void LatenessWindow::clear() {
+  for (LatenessHistogram& slice : slices_) slice.clear();
+  current_ = 0;
+}
+
+LatenessHistogram LatenessWindow::total() const {
+  LatenessHistogram sum;
+  for (const LatenessHistogram& slice : slices_) sum.merge(slice);
+  return sum;
+}
+
+}  // namespace variator_sim

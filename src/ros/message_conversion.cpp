@@ -1,0 +1,88 @@
+#include "ros/message_conversion.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "ros/yaml_text.h"
+
+namespace variator_sim {
+namespace {
+
+void copy(const double* from, std::vector<double>& to) {
+  std::copy(from, from + to.size(), to.begin());
+}
+
+}  // namespace
+
+ros::Time toStamp(std::int64_t nanoseconds) {
+  constexpr std::int64_t kSecond = 1000000000;
+  const std::int64_t seconds = nanoseconds / kSecond;
+  if (seconds > std::numeric_limits<std::uint32_t>::max()) return ros::TIME_MAX;
+  return ros::Time(static_cast<std::uint32_t>(seconds),
+                   static_cast<std::uint32_t>(nanoseconds % kSecond));
+}
+
+void prepareState(const Scene& scene, DrivetrainState& message) {
+  const std::size_t shafts = scene.shafts.size();
+  for (std::vector<double>* values :
+       {&message.angle, &message.velocity, &message.acceleration, &message.applied_torque,
+        &message.reaction_torque, &message.reaction_torque_rate}) {
+    values->assign(shafts, 0.0);
+  }
+  message.residual.assign(scene.constraints.size(), 0.0);
+  message.multiplier.assign(scene.constraints.size(), 0.0);
+}
+
+void fillState(const Sample& sample, double time, DrivetrainState& message) {
+  message.time = time;
+  copy(sample.angle, message.angle);
+  copy(sample.velocity, message.velocity);
+  copy(sample.acceleration, message.acceleration);
+  copy(sample.applied_torque, message.applied_torque);
+  copy(sample.reaction_torque, message.reaction_torque);
+  copy(sample.reaction_torque_rate, message.reaction_torque_rate);
+  copy(sample.residual, message.residual);
+  copy(sample.multiplier, message.multiplier);
+}
+
+void prepareJointState(const Scene& scene, sensor_msgs::JointState& message) {
+  message.name = scene.shafts;
+  message.position.assign(scene.shafts.size(), 0.0);
+  message.velocity.assign(scene.shafts.size(), 0.0);
+  message.effort.assign(scene.shafts.size(), 0.0);
+}
+
+void fillJointState(const Sample& sample, sensor_msgs::JointState& message) {
+  copy(sample.angle, message.position);
+  copy(sample.velocity, message.velocity);
+  copy(sample.applied_torque, message.effort);
+}
+
+SceneInfo toSceneInfo(const Simulation& simulation) {
+  const Scene& scene = simulation.scene();
+  SceneInfo message;
+  message.shafts = scene.shafts;
+  for (const TorquePtr& torque : scene.torques) message.torques.push_back(torque->name());
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    message.constraints.push_back(constraint->name());
+  }
+  for (const CommandInputSettings& input : scene.inputs) message.inputs.push_back(input.topic);
+  message.principle = toString(scene.principle);
+  message.stepper = simulation.stepperName();
+  message.parameters = toYaml(scene.resolved);
+  return message;
+}
+
+void fillStatistics(const Statistics& statistics, SimulationStatus& message) {
+  message.steps = statistics.steps;
+  message.rejected_steps = statistics.rejected_steps;
+  message.right_hand_sides = statistics.right_hand_sides;
+  message.projections = statistics.projections;
+  message.jumps = statistics.jumps;
+  message.commands_accepted = statistics.commands_accepted;
+  message.commands_clamped = statistics.commands_clamped;
+  message.commands_refused = statistics.commands_refused;
+  message.command_timeouts = statistics.command_timeouts;
+}
+
+}  // namespace variator_sim

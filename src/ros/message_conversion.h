@@ -1,0 +1,36 @@
+/// Samples, counters and scenes as messages: the one place where both are known.
+#pragma once
+
+#include <sensor_msgs/JointState.h>
+#include <variator_sim/DrivetrainState.h>
+#include <variator_sim/SceneInfo.h>
+#include <variator_sim/SimulationStatus.h>
+
+#include <cstdint>
+
+#include "variator_sim/sample.h"
+#include "variator_sim/simulation.h"
+#include "variator_sim/status.h"
+
+namespace variator_sim {
+
+/// Simulated time, ns >= 0, as a stamp (saturates at the last second that a stamp can hold).
+ros::Time toStamp(std::int64_t nanoseconds);
+
+/// Gives the message its array sizes, once; `fillState` then allocates nothing.
+void prepareState(const Scene& scene, DrivetrainState& message);
+/// All but the header. `time` is the message's simulated time, s (sample.time counts from the last
+/// reset).
+void fillState(const Sample& sample, double time, DrivetrainState& message);
+
+/// Joint names and array sizes, once.
+void prepareJointState(const Scene& scene, sensor_msgs::JointState& message);
+/// All but the header: position, velocity, effort (the applied torque).
+void fillJointState(const Sample& sample, sensor_msgs::JointState& message);
+
+SceneInfo toSceneInfo(const Simulation& simulation);
+
+/// The counters that the simulation itself keeps.
+void fillStatistics(const Statistics& statistics, SimulationStatus& message);
+
+}  // namespace variator_sim

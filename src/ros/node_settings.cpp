@@ -1,0 +1,52 @@
+#include "ros/node_settings.h"
+
+#include <algorithm>
+
+namespace variator_sim {
+namespace {
+
+// Slow enough for anybody, and far from the ends of 64-bit nanoseconds.
+constexpr double kSlowestTickRate = 1e-3;
+constexpr double kFastestTickRate = 1e5;
+constexpr double kSmallestRealTimeFactor = 1e-3;
+constexpr double kGreatestRealTimeFactor = 1e6;
+
+}  // namespace
+
+NodeSettings readNodeSettings(const ParameterTree& tree) {
+  NodeSettings settings;
+  ParameterReader reader(tree, "");
+
+  settings.tick_rate = reader.number(
+      "tick_rate", Range::between(kSlowestTickRate, kFastestTickRate), settings.tick_rate);
+
+  settings.publish_rate = reader.number("publish_rate", Range::positive(),
+                                        std::min(settings.publish_rate, settings.tick_rate));
+  if (settings.publish_rate > settings.tick_rate) {
+    throw SceneError("publish_rate", ParameterTree::real(settings.publish_rate).toText() +
+                                         " Hz is above tick_rate (" +
+                                         ParameterTree::real(settings.tick_rate).toText() +
+                                         " Hz); states are taken at ticks only");
+  }
+
+  settings.real_time_factor = reader.number(
+      "real_time_factor", Range::between(0.0, kGreatestRealTimeFactor), settings.real_time_factor);
+  if (settings.real_time_factor > 0.0 && settings.real_time_factor < kSmallestRealTimeFactor) {
+    throw SceneError("real_time_factor", ParameterTree::real(settings.real_time_factor).toText() +
+                                             " is not allowed: 0 (unpaced) or from 0.001 to 1e6");
+  }
+
+  settings.publish_clock = reader.boolean("publish_clock", settings.publish_clock);
+  if (settings.publish_clock) {
+    throw SceneError("publish_clock",
+                     "true is not available in this version, which publishes no /clock; remove the "
+                     "key or set it to false");
+  }
+
+  settings.start_paused = reader.boolean("start_paused", settings.start_paused);
+  settings.realtime_priority =
+      reader.integer("realtime_priority", 0, 99, settings.realtime_priority);
+  return settings;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,21 @@
+/// The node's own parameters, beside the scene.
+#pragma once
+
+#include "variator_sim/parameter_tree.h"
+
+namespace variator_sim {
+
+/// Complete and valid once read.
+struct NodeSettings {
+  double tick_rate = 1000.0;      ///< ticks per simulated s
+  double publish_rate = 100.0;    ///< states per wall s, at most tick_rate
+  double real_time_factor = 1.0;  ///< simulated s per wall s; 0: as fast as it can
+  bool publish_clock = false;     ///< not available yet
+  bool start_paused = false;
+  int realtime_priority = 0;  ///< SCHED_FIFO priority of the stepping thread, 0: off
+};
+
+/// Reads them from the same tree as the scene; all of them stand in nodeKeys(). Throws SceneError.
+NodeSettings readNodeSettings(const ParameterTree& tree);
+
+}  // namespace variator_sim

@@ -1,0 +1,97 @@
+#include "ros/plugin_loader.h"
+
+#include <algorithm>
+#include <pluginlib/class_loader.hpp>
+#include <stdexcept>
+#include <utility>
+
+namespace variator_sim {
+namespace {
+
+constexpr const char* kPackage = "variator_sim";
+
+/// One pluginlib loader, made when it is first needed: making it searches all packages.
+template <class Base>
+class LazyLoader {
+ public:
+  explicit LazyLoader(const char* base_class) : base_class_(base_class) {}
+
+  std::shared_ptr<Base> create(const std::string& type) {
+    // Our own types are all built in: a name in our namespace that is not one of them is misspelt.
+    const bool ours = type.rfind(std::string(kPackage) + "/", 0) == 0;
+    try {
+      pluginlib::ClassLoader<Base>& found = loader();
+      if (!found.isClassAvailable(type)) return nullptr;
+      return wrap(found.createSharedInstance(type));
+    } catch (const pluginlib::PluginlibException& exception) {
+      if (ours) return nullptr;
+      throw std::runtime_error(exception.what());
+    } catch (const std::runtime_error& exception) {
+      if (ours) return nullptr;
+      throw;
+    }
+  }
+
+  void appendTypes(std::vector<std::string>& types) {
+    try {
+      for (const std::string& type : loader().getDeclaredClasses()) {
+        if (std::find(types.begin(), types.end(), type) == types.end()) types.push_back(type);
+      }
+    } catch (const std::runtime_error&) {
+      // Packages cannot be searched: the built-in types are all there is to list.
+    }
+  }
+
+ private:
+  pluginlib::ClassLoader<Base>& loader() {
+    if (!loader_) loader_ = std::make_shared<pluginlib::ClassLoader<Base>>(kPackage, base_class_);
+    return *loader_;
+  }
+
+  /// The component first, then the loader: its code lies in the library that the loader holds.
+  std::shared_ptr<Base> wrap(std::shared_ptr<Base> component) {
+    Base* const raw = component.get();
+    return std::shared_ptr<Base>(
+        raw, [component = std::move(component), loader = loader_](Base*) mutable {
+          component.reset();
+          loader.reset();
+        });
+  }
+
+  const char* base_class_;
+  std::shared_ptr<pluginlib::ClassLoader<Base>> loader_;
+};
+
+}  // namespace
+
+struct PluginlibComponentFactory::Loaders {
+  LazyLoader<Constraint> constraints{"variator_sim::Constraint"};
+  LazyLoader<Torque> torques{"variator_sim::Torque"};
+};
+
+PluginlibComponentFactory::PluginlibComponentFactory() : loaders_(std::make_unique<Loaders>()) {}
+PluginlibComponentFactory::~PluginlibComponentFactory() = default;
+
+ConstraintPtr PluginlibComponentFactory::createConstraint(const std::string& type) {
+  if (ConstraintPtr constraint = builtin_.createConstraint(type)) return constraint;
+  return loaders_->constraints.create(type);
+}
+
+TorquePtr PluginlibComponentFactory::createTorque(const std::string& type) {
+  if (TorquePtr torque = builtin_.createTorque(type)) return torque;
+  return loaders_->torques.create(type);
+}
+
+std::vector<std::string> PluginlibComponentFactory::constraintTypes() {
+  std::vector<std::string> types = builtin_.constraintTypes();
+  loaders_->constraints.appendTypes(types);
+  return types;
+}
+
+std::vector<std::string> PluginlibComponentFactory::torqueTypes() {
+  std::vector<std::string> types = builtin_.torqueTypes();
+  loaders_->torques.appendTypes(types);
+  return types;
+}
+
+}  // namespace variator_sim

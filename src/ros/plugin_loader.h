@@ -1,0 +1,35 @@
+/// Components out of shared libraries of any package, by pluginlib.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "variator_sim/component_factory.h"
+
+namespace variator_sim {
+
+/// Makes the built-in types without looking for any plugin. Any other type is looked up among the
+/// plugins that packages export for variator_sim::Constraint and variator_sim::Torque; only then
+/// are packages searched. Needs no ROS master. A component keeps its library loaded as long as it
+/// lives, also after this factory is gone. Not thread-safe.
+class PluginlibComponentFactory : public ComponentFactory {
+ public:
+  PluginlibComponentFactory();
+  ~PluginlibComponentFactory() override;
+
+  /// nullptr for an unknown type. Throws std::runtime_error, with pluginlib's reason, when the type
+  /// is exported but its library cannot be loaded, or when packages cannot be searched at all.
+  ConstraintPtr createConstraint(const std::string& type) override;
+  TorquePtr createTorque(const std::string& type) override;
+  /// Built-in types and those that packages export (searches them).
+  std::vector<std::string> constraintTypes() override;
+  std::vector<std::string> torqueTypes() override;
+
+ private:
+  struct Loaders;
+  BuiltinComponentFactory builtin_;
+  std::unique_ptr<Loaders> loaders_;
+};
+
+}  // namespace variator_sim

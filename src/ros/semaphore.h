@@ -1,0 +1,50 @@
+/// Waking another thread without a lock.
+#pragma once
+
+#include <semaphore.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <ctime>
+
+namespace variator_sim {
+
+/// A POSIX semaphore: the one who posts never waits.
+class Semaphore {
+ public:
+  Semaphore() { sem_init(&semaphore_, 0, 0); }
+  ~Semaphore() { sem_destroy(&semaphore_); }
+  Semaphore(const Semaphore&) = delete;
+  Semaphore& operator=(const Semaphore&) = delete;
+
+  /// [loop]
+  void post() { sem_post(&semaphore_); }
+
+  void wait() {
+    while (sem_wait(&semaphore_) != 0 && errno == EINTR) {
+    }
+  }
+
+  /// Until posted or until `deadline`, ns on CLOCK_MONOTONIC. True when posted.
+  bool waitUntil(std::int64_t deadline) {
+    timespec time{};
+    time.tv_sec = static_cast<time_t>(deadline / 1000000000);
+    time.tv_nsec = static_cast<long>(deadline % 1000000000);
+    int result = 0;
+    do {
+      result = sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &time);
+    } while (result != 0 && errno == EINTR);
+    return result == 0;
+  }
+
+  /// Forgets all posts so far.
+  void drain() {
+    while (sem_trywait(&semaphore_) == 0) {
+    }
+  }
+
+ private:
+  sem_t semaphore_;
+};
+
+}  // namespace variator_sim

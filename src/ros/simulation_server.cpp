@@ -1,0 +1,342 @@
+#include "ros/simulation_server.h"
+
+#include <pthread.h>
+#include <sched.h>
+
+#include <algorithm>
+#include <boost/function.hpp>
+#include <cmath>
+#include <cstring>
+#include <set>
+#include <utility>
+
+#include "variator_sim/nearest_name.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr double kLongestStep = 1e6;               // s
+constexpr std::int64_t kStatusPeriod = 100000000;  // ns: 10 Hz
+constexpr double kLogPeriod = 1.0;                 // s between two log lines of one kind
+constexpr std::uint32_t kCommandQueue = 1000;      // messages
+constexpr std::uint32_t kStateQueue = 100;         // messages
+
+double toSeconds(std::int64_t nanoseconds) {
+  return static_cast<double>(nanoseconds) / 1e9;
+}
+
+/// Topics of the node's own: a command topic of this name would feed the node its own messages.
+const std::vector<std::string>& ownTopics() {
+  static const std::vector<std::string> kTopics = {"state", "scene", "status"};
+  return kTopics;
+}
+
+void checkTopic(const CommandInputSettings& input) {
+  const std::string key = input.owner + "/topic";
+  std::string error;
+  if (!ros::names::validate(input.topic, error)) {
+    throw SceneError(key, "'" + input.topic + "' is not a ROS name: " + error);
+  }
+  for (const std::string& own : ownTopics()) {
+    if (input.topic == own) {
+      throw SceneError(key, "'" + own +
+                                "' is published by this node; commands need a topic of "
+                                "another name");
+    }
+  }
+}
+
+std::uint8_t toMessage(RunState state) {
+  switch (state) {
+    case RunState::kRunning:
+      return SimulationStatus::RUNNING;
+    case RunState::kPaused:
+      return SimulationStatus::PAUSED;
+    case RunState::kSleeping:
+      return SimulationStatus::SLEEPING;
+    case RunState::kStopped:
+      return SimulationStatus::STOPPED;
+  }
+  return SimulationStatus::STOPPED;
+}
+
+std::vector<std::string> topicsOf(const std::vector<CommandInputSettings>& inputs) {
+  std::vector<std::string> topics;
+  topics.reserve(inputs.size());
+  for (const CommandInputSettings& input : inputs) topics.push_back(input.topic);
+  return topics;
+}
+
+DrivetrainState makeState(const Scene& scene) {
+  DrivetrainState message;
+  prepareState(scene, message);
+  return message;
+}
+
+sensor_msgs::JointState makeJointState(const Scene& scene) {
+  sensor_msgs::JointState message;
+  prepareJointState(scene, message);
+  return message;
+}
+
+/// ROS runs as an ordinary user: a priority that is not permitted is a warning.
+void setRealTimePriority(std::thread& thread, int priority) {
+  sched_param parameters{};
+  parameters.sched_priority = priority;
+  const int error = pthread_setschedparam(thread.native_handle(), SCHED_FIFO, &parameters);
+  if (error != 0) {
+    ROS_WARN(
+        "realtime_priority %d is not permitted (%s): going on without it. It needs root, or an "
+        "rtprio limit in /etc/security/limits.conf.",
+        priority, std::strerror(error));
+  }
+}
+
+}  // namespace
+
+SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
+                                   const ros::NodeHandle& private_handle, Simulation simulation,
+                                   const NodeSettings& settings)
+    : public_handle_(public_handle),
+      private_handle_(private_handle),
+      inputs_(simulation.scene().inputs),
+      topics_(topicsOf(inputs_)),
+      scene_message_(toSceneInfo(simulation)),
+      state_message_(makeState(simulation.scene())),
+      joint_message_(makeJointState(simulation.scene())),
+      step_message_(makeState(simulation.scene())),
+      loop_(std::move(simulation), settings, clock_) {
+  for (const CommandInputSettings& input : inputs_) checkTopic(input);
+  public_handle_.setCallbackQueue(&callback_queue_);
+  private_handle_.setCallbackQueue(&callback_queue_);
+  advertiseTopics();
+  subscribeToCommands();
+  advertiseServices();
+  startThreads(settings);
+}
+
+SimulationServer::~SimulationServer() {
+  stopping_.store(true);
+  loop_.stop();
+  spinner_->stop();
+  stepping_thread_.join();
+  publishing_thread_.join();
+}
+
+void SimulationServer::advertiseTopics() {
+  // A new subscriber of states is served from the next tick on, without anybody polling.
+  const ros::SubscriberStatusCallback refresh = [this](const ros::SingleSubscriberPublisher&) {
+    refreshDemand();
+  };
+  state_publisher_ =
+      private_handle_.advertise<DrivetrainState>("state", kStateQueue, refresh, refresh);
+  joint_publisher_ = public_handle_.advertise<sensor_msgs::JointState>("joint_states", kStateQueue,
+                                                                       refresh, refresh);
+  scene_publisher_ = private_handle_.advertise<SceneInfo>("scene", 1, /*latch=*/true);
+  status_publisher_ = private_handle_.advertise<SimulationStatus>("status", 10);
+  scene_publisher_.publish(scene_message_);
+}
+
+void SimulationServer::subscribeToCommands() {
+  for (std::size_t i = 0; i < inputs_.size(); ++i) {
+    const int input = static_cast<int>(i);
+    const boost::function<void(const std_msgs::Float64ConstPtr&)> receive =
+        [this, input](const std_msgs::Float64ConstPtr& message) {
+          loop_.command({input, message->data});
+        };
+    command_subscribers_.push_back(private_handle_.subscribe<std_msgs::Float64>(
+        inputs_[i].topic, kCommandQueue, receive, ros::VoidConstPtr(),
+        ros::TransportHints().tcpNoDelay()));
+  }
+}
+
+void SimulationServer::advertiseServices() {
+  const auto trigger = [this](const char* name, RequestKind kind) {
+    using Callback =
+        boost::function<bool(std_srvs::Trigger::Request&, std_srvs::Trigger::Response&)>;
+    const Callback answer = [this, kind](std_srvs::Trigger::Request&,
+                                         std_srvs::Trigger::Response& response) {
+      answerTrigger(kind, response);
+      return true;
+    };
+    services_.push_back(private_handle_.advertiseService(name, answer));
+  };
+  trigger("pause", RequestKind::kPause);
+  trigger("resume", RequestKind::kResume);
+  trigger("reset", RequestKind::kReset);
+  trigger("reset_time", RequestKind::kResetTime);
+  const boost::function<bool(Step::Request&, Step::Response&)> step =
+      [this](Step::Request& request, Step::Response& response) {
+        answerStep(request, response);
+        return true;
+      };
+  services_.push_back(private_handle_.advertiseService("step", step));
+}
+
+void SimulationServer::startThreads(const NodeSettings& settings) {
+  spinner_ = std::make_unique<ros::AsyncSpinner>(1, &callback_queue_);
+  publishing_thread_ = std::thread([this] { runPublishing(); });
+  stepping_thread_ = std::thread([this] { loop_.run(); });
+  if (settings.realtime_priority > 0) {
+    setRealTimePriority(stepping_thread_, settings.realtime_priority);
+  }
+  spinner_->start();
+}
+
+void SimulationServer::refreshDemand() {
+  loop_.setSamplesWanted(state_publisher_.getNumSubscribers() > 0 ||
+                         joint_publisher_.getNumSubscribers() > 0);
+}
+
+void SimulationServer::answerTrigger(RequestKind kind, std_srvs::Trigger::Response& response) {
+  LoopRequest request;
+  request.kind = kind;
+  const LoopAnswer answer = loop_.submit(request);
+  response.success = answer.result == RequestResult::kDone;
+  if (answer.result == RequestResult::kStopped) {
+    response.message = "the motion has stopped; call ~reset first. " + answer.message;
+  } else if (answer.result == RequestResult::kShutDown) {
+    response.message = "the node is shutting down";
+  }
+}
+
+std::string SimulationServer::readStepRequest(const Step::Request& message,
+                                              LoopRequest& request) const {
+  request.kind = RequestKind::kStep;
+  const std::string duration = ParameterTree::real(message.duration).toText();
+  if (!std::isfinite(message.duration) || message.duration <= 0.0 ||
+      message.duration > kLongestStep) {
+    return "duration is " + duration + " s; it must be above 0 and at most 1e6 s";
+  }
+  request.duration = std::llround(message.duration * 1e9);
+  if (request.duration == 0) {
+    return "duration is " + duration + " s; simulated time is kept in whole nanoseconds";
+  }
+  if (message.command_topics.size() != message.command_values.size()) {
+    return "command_topics has " + std::to_string(message.command_topics.size()) +
+           " entries and command_values " + std::to_string(message.command_values.size());
+  }
+  std::set<int> seen;
+  for (std::size_t i = 0; i < message.command_topics.size(); ++i) {
+    const std::string& topic = message.command_topics[i];
+    const auto found = std::find(topics_.begin(), topics_.end(), topic);
+    if (found == topics_.end()) {
+      return "command topic '" + topic + "' is not in the scene" + suggestName(topic, topics_) +
+             (topics_.empty() ? "; it has none" : "; it has: " + joinNames(topics_));
+    }
+    const int input = static_cast<int>(found - topics_.begin());
+    if (!seen.insert(input).second) return "command topic '" + topic + "' is given twice";
+    const double value = message.command_values[i];
+    if (!std::isfinite(value)) {
+      return "the command for '" + topic + "' is " + ParameterTree::real(value).toText() +
+             "; it must be finite";
+    }
+    request.commands[static_cast<std::size_t>(request.command_count++)] = {input, value};
+  }
+  return "";
+}
+
+void SimulationServer::answerStep(const Step::Request& message, Step::Response& response) {
+  LoopRequest request;
+  response.success = false;
+  response.message = readStepRequest(message, request);
+  if (!response.message.empty()) return;
+  const LoopAnswer answer = loop_.submit(request);
+  switch (answer.result) {
+    case RequestResult::kDone:
+      response.success = true;
+      break;
+    case RequestResult::kNotPaused:
+      response.message = "the simulation is running: pause first (~pause), then ~step";
+      return;
+    case RequestResult::kStopped:
+      response.message = "the motion has stopped; ~reset brings it back. " + answer.message;
+      break;
+    case RequestResult::kTimeExhausted:
+      response.message = "simulated time has come to the end of its range; call ~reset_time";
+      return;
+    case RequestResult::kShutDown:
+      response.message = "the node is shutting down";
+      return;
+  }
+  // The stamp is simulated time, so that the whole answer is the same on every run.
+  step_message_.header.stamp = toStamp(answer.sample.time);
+  fillState(answer.sample.sample, toSeconds(answer.sample.time), step_message_);
+  response.state = step_message_;
+}
+
+void SimulationServer::runPublishing() {
+  std::int64_t next_status = clock_.now();
+  while (!stopping_.load(std::memory_order_relaxed)) {
+    loop_.waitForNews(next_status);
+    publishSamples();
+    logRefusedCommands();
+    LoopSnapshot snapshot;
+    bool state_changed = false;
+    while (loop_.popSnapshot(snapshot)) {
+      snapshot_ = snapshot;
+      if (!snapshot.state_changed) continue;
+      state_changed = true;
+      publishStatus();
+      if (snapshot.state == RunState::kStopped) {
+        ROS_ERROR("The motion has stopped; ~reset brings it back. %s", snapshot.message.data());
+      }
+    }
+    const std::int64_t now = clock_.now();
+    if (now >= next_status) {
+      if (!state_changed) publishStatus();
+      refreshDemand();
+      next_status = now + kStatusPeriod;
+    }
+  }
+}
+
+void SimulationServer::publishSamples() {
+  TimedSample timed;
+  while (loop_.popSample(timed)) {
+    // The stepping thread reads no ROS time: the age of the sample is known on the pacing clock.
+    const ros::Duration age = ros::Duration().fromNSec(clock_.now() - timed.wall_time);
+    const ros::Time now = ros::Time::now();
+    const ros::Time stamp = now.toSec() > age.toSec() ? now - age : now;
+    state_message_.header.stamp = stamp;
+    fillState(timed.sample, toSeconds(timed.time), state_message_);
+    state_publisher_.publish(state_message_);
+    if (joint_publisher_.getNumSubscribers() > 0) {
+      joint_message_.header.stamp = stamp;
+      fillJointState(timed.sample, joint_message_);
+      joint_publisher_.publish(joint_message_);
+    }
+  }
+}
+
+void SimulationServer::publishStatus() {
+  if (status_publisher_.getNumSubscribers() == 0) return;
+  SimulationStatus& message = status_message_;
+  message.header.stamp = ros::Time::now();
+  message.state = toMessage(snapshot_.state);
+  message.stop_reason = toString(snapshot_.reason);
+  message.message = snapshot_.message.data();
+  message.time = toSeconds(snapshot_.time);
+  message.real_time_factor = snapshot_.real_time_factor;
+  message.ticks = snapshot_.pacing.ticks;
+  message.overruns = snapshot_.pacing.overruns;
+  message.lateness_p50 = toSeconds(snapshot_.lateness_p50);
+  message.lateness_p99 = toSeconds(snapshot_.lateness_p99);
+  message.lateness_max = toSeconds(snapshot_.lateness_max);
+  message.lost_wall_time = toSeconds(snapshot_.pacing.lost_time);
+  fillStatistics(snapshot_.statistics, message);
+  message.commands_dropped = loop_.droppedCommands();
+  message.samples_dropped = loop_.droppedSamples();
+  status_publisher_.publish(message);
+}
+
+void SimulationServer::logRefusedCommands() {
+  InputCommand command;
+  while (loop_.popRefusedCommand(command)) {
+    ROS_WARN_THROTTLE(
+        kLogPeriod, "Refused %g on %s: commands must be finite.", command.value,
+        command_subscribers_[static_cast<std::size_t>(command.input)].getTopic().c_str());
+  }
+}
+
+}  // namespace variator_sim

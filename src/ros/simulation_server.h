@@ -1,0 +1,99 @@
+/// A simulation as a ROS node: the topics and services around one SteppingLoop.
+#pragma once
+
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+#include <std_msgs/Float64.h>
+#include <std_srvs/Trigger.h>
+#include <variator_sim/Step.h>
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "ros/message_conversion.h"
+#include "ros/node_settings.h"
+#include "ros/pacer.h"
+#include "ros/stepping_loop.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+
+/// Three threads, each with its own part of the data:
+///
+///     callbacks --- commands (queue), one request at a time ---> stepping
+///     stepping  --- samples, snapshots, refused commands ------> publishing
+///
+/// The stepping thread runs the SteppingLoop and calls nothing of ROS, so neither a slow subscriber
+/// nor a full socket delays a step. Callbacks have their own queue and one thread: the node's
+/// global queue is not used.
+class SimulationServer {
+ public:
+  /// Advertises, subscribes and starts the threads. `public_handle` is for joint_states,
+  /// `private_handle` for everything else. Throws SceneError when the topic of a command cannot be
+  /// subscribed to.
+  SimulationServer(const ros::NodeHandle& public_handle, const ros::NodeHandle& private_handle,
+                   Simulation simulation, const NodeSettings& settings);
+  /// Ends the threads; a request under way is answered with a refusal.
+  ~SimulationServer();
+  SimulationServer(const SimulationServer&) = delete;
+  SimulationServer& operator=(const SimulationServer&) = delete;
+
+ private:
+  void advertiseTopics();
+  void subscribeToCommands();
+  void advertiseServices();
+  void startThreads(const NodeSettings& settings);
+
+  // Callback thread.
+  void refreshDemand();
+  void answerTrigger(RequestKind kind, std_srvs::Trigger::Response& response);
+  void answerStep(const Step::Request& request, Step::Response& response);
+  /// Checks all of the request before anything changes; why it is refused, or "".
+  std::string readStepRequest(const Step::Request& message, LoopRequest& request) const;
+
+  // Publishing thread.
+  void runPublishing();
+  void publishSamples();
+  void publishStatus();
+  void logRefusedCommands();
+
+  ros::NodeHandle public_handle_;
+  ros::NodeHandle private_handle_;
+  ros::CallbackQueue callback_queue_;
+
+  // Constant after construction.
+  std::vector<CommandInputSettings> inputs_;
+  std::vector<std::string> topics_;  ///< of the inputs, as in the scene
+  SceneInfo scene_message_;
+
+  // Publishing thread.
+  DrivetrainState state_message_;
+  sensor_msgs::JointState joint_message_;
+  SimulationStatus status_message_;
+  LoopSnapshot snapshot_;
+
+  // Callback thread.
+  DrivetrainState step_message_;
+
+  SteadyClock clock_;
+  SteppingLoop loop_;
+  std::atomic<bool> stopping_{false};
+
+  // Publishers may be used by any thread.
+  ros::Publisher state_publisher_;
+  ros::Publisher joint_publisher_;
+  ros::Publisher scene_publisher_;
+  ros::Publisher status_publisher_;
+
+  std::vector<ros::Subscriber> command_subscribers_;
+  std::vector<ros::ServiceServer> services_;
+  std::unique_ptr<ros::AsyncSpinner> spinner_;
+
+  std::thread stepping_thread_;
+  std::thread publishing_thread_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,193 @@
+/// The thread that steps, and its mailboxes. It knows nothing of ROS.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <boost/lockfree/spsc_queue.hpp>
+#include <cstdint>
+#include <string>
+
+#include "ros/lateness.h"
+#include "ros/node_settings.h"
+#include "ros/pacer.h"
+#include "ros/sample_ring.h"
+#include "ros/semaphore.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+
+enum class RunState : std::uint8_t { kRunning, kPaused, kSleeping, kStopped };
+
+/// A command on its way to an input of the scene.
+struct InputCommand {
+  int input = 0;
+  double value = 0.0;
+};
+
+/// A sample with its times.
+struct TimedSample {
+  Sample sample;
+  std::int64_t time = 0;       ///< simulated ns since the start or the last reset of time
+  std::int64_t wall_time = 0;  ///< ns on the pacing clock
+};
+
+/// What the loop tells about itself.
+struct LoopSnapshot {
+  RunState state = RunState::kRunning;
+  bool state_changed = false;  ///< to be published at once
+  StopReason reason = StopReason::kNone;
+  std::int64_t time = 0;  ///< simulated ns, as in TimedSample
+  double real_time_factor = 0.0;
+  Pacer::Counters pacing;
+  std::int64_t lateness_p50 = 0;  ///< ns, as the next two
+  std::int64_t lateness_p99 = 0;
+  std::int64_t lateness_max = 0;
+  Statistics statistics;
+  std::array<char, 1024> message{};  ///< why the motion stopped, a C string
+};
+
+enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep };
+enum class RequestResult {
+  kDone,
+  kNotPaused,      ///< kStep only
+  kStopped,        ///< the motion has stopped: the answer's message says why
+  kTimeExhausted,  ///< simulated time would leave 64-bit nanoseconds
+  kShutDown        ///< the loop has ended
+};
+
+struct LoopRequest {
+  RequestKind kind = RequestKind::kPause;
+  std::int64_t duration = 0;  ///< of kStep, ns > 0
+  int command_count = 0;      ///< of kStep
+  std::array<InputCommand, kMaxInputs> commands{};
+};
+
+struct LoopAnswer {
+  RequestResult result = RequestResult::kDone;
+  TimedSample sample;   ///< of kStep, also when the motion stopped on the way
+  std::string message;  ///< of kStopped
+};
+
+/// Owns the Simulation and advances it tick by tick in `run`, which one thread calls. Per tick that
+/// thread takes no lock and allocates nothing; it hands over samples and takes commands through
+/// wait-free queues, and wakes others by semaphores.
+///
+/// Simulated time is kept in whole nanoseconds. Tick n after an anchor (start, resume, reset)
+/// stands at round(n 1e9 / tick_rate) ns after it, and a time in s is the quotient ns / 1e9: the
+/// double nearest to the decimal that a user would write, so `simulate` can be given the same
+/// instants. After a reset the scene's own time starts at 0 again, while the time of samples goes
+/// on from an offset.
+///
+/// A command takes effect at the first tick after its arrival; while paused, at the present.
+class SteppingLoop {
+ public:
+  /// `clock` must outlive the loop.
+  SteppingLoop(Simulation simulation, const NodeSettings& settings, PacingClock& clock);
+
+  /// @name For the thread that steps
+  /// @{
+  /// Returns after `stop`.
+  void run();
+  /// @}
+
+  /// @name For one thread that commands
+  /// @{
+  /// Wait-free. A full queue drops the command and counts that.
+  void command(const InputCommand& command);
+  /// Hands the request over and waits until the stepping thread has served it.
+  LoopAnswer submit(const LoopRequest& request);
+  /// @}
+
+  /// @name For one thread that publishes
+  /// @{
+  bool popSample(TimedSample& sample) { return samples_.pop(sample); }
+  bool popSnapshot(LoopSnapshot& snapshot) { return snapshots_.pop(snapshot); }
+  /// A command that was refused for being NaN or infinite.
+  bool popRefusedCommand(InputCommand& command) { return refused_commands_.pop(command); }
+  /// Sleeps until there may be something to pop, or until `deadline` (ns on CLOCK_MONOTONIC).
+  void waitForNews(std::int64_t deadline) { news_.waitUntil(deadline); }
+  std::uint64_t droppedSamples() const { return samples_.dropped(); }
+  /// @}
+
+  /// @name For any thread
+  /// @{
+  std::uint64_t droppedCommands() const {
+    return dropped_commands_.load(std::memory_order_relaxed);
+  }
+  /// Whether anybody wants samples at publish_rate.
+  void setSamplesWanted(bool wanted) { samples_wanted_.store(wanted, std::memory_order_relaxed); }
+  /// Ends `run`; requests from then on, and one under way, are answered with kShutDown.
+  void stop();
+  /// @}
+
+ private:
+  static constexpr std::int64_t kSliceLength = 100000000;  ///< of the windows, ns
+
+  bool isStopping() const { return stopping_.load(std::memory_order_relaxed); }
+  bool isIdle() const { return paused_ || !simulation_.status().ok(); }
+  RunState state() const;
+  void tick();
+  void waitWhileIdle();
+  void serveRequest();
+  void serveStep();
+  void resetMotion(bool reset_time);
+  void applyCommands();
+  void applyCommand(const InputCommand& command);
+  /// Ticks and deadlines count from the present.
+  void anchor();
+  bool isSampleDue();
+  /// After anything that may have ended the motion: true when it has just stopped.
+  bool noticeStop();
+  TimedSample takeSample();
+  void pushSample();
+  void pushSnapshot(bool state_changed);
+  void endSlice();
+  /// Simulated ns of the simulation's present, offset included.
+  std::int64_t sampleTime();
+
+  // Shared.
+  boost::lockfree::spsc_queue<InputCommand, boost::lockfree::capacity<4096>> commands_;
+  boost::lockfree::spsc_queue<InputCommand, boost::lockfree::capacity<64>> refused_commands_;
+  SampleRing<TimedSample, 256> samples_;
+  SampleRing<LoopSnapshot, 16> snapshots_;
+  LoopRequest request_;  ///< the submitter's until posted, the stepping thread's until answered
+  LoopAnswer answer_;
+  std::atomic<bool> request_posted_{false};
+  std::atomic<bool> stopping_{false};
+  std::atomic<int> idle_{0};  ///< not 0: a command has to wake the stepping thread
+  std::atomic<bool> samples_wanted_{false};
+  std::atomic<std::uint64_t> dropped_commands_{0};
+  Semaphore wake_;
+  Semaphore news_;
+  Semaphore answered_;
+
+  // The stepping thread's own.
+  PacingClock& clock_;
+  Pacer pacer_;
+  Simulation simulation_;
+  double tick_rate_;
+  double publish_rate_;
+  double ticks_per_sample_;  ///< paced only
+  bool paused_;
+  bool stop_noticed_ = false;
+  std::int64_t offset_ = 0;            ///< sample time minus the scene's time, ns
+  std::int64_t present_ = 0;           ///< the scene's time, ns
+  std::int64_t anchor_ = 0;            ///< the scene's time at tick 0, ns
+  std::int64_t tick_ = 0;              ///< ticks since the anchor
+  std::int64_t due_samples_ = 0;       ///< since the anchor
+  std::int64_t next_sample_tick_ = 0;  ///< paced only
+  std::int64_t next_sample_wall_ = 0;  ///< unpaced only, ns on the pacing clock
+
+  /// Where the last slices of the windows began: a ring.
+  struct SliceStart {
+    std::int64_t wall_time = 0;
+    std::int64_t time = 0;
+  };
+  std::array<SliceStart, LatenessWindow::kSlices> slice_starts_{};
+  std::int64_t slice_count_ = 0;
+  std::int64_t slice_end_ = 0;
+  double real_time_factor_ = 0.0;
+  LatenessWindow lateness_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,201 @@
+// The node's parts that need no master: parameters, their text, plugins.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <pluginlib/class_loader.hpp>
+#include <string>
+#include <vector>
+
+#include "ros/message_conversion.h"
+#include "ros/node_settings.h"
+#include "ros/plugin_loader.h"
+#include "ros/xmlrpc_tree.h"
+#include "ros/yaml_text.h"
+#include "support/scenes.h"
+#include "variator_sim/constraint.h"
+#include "variator_sim/torque.h"
+
+namespace variator_sim {
+namespace {
+
+bool equal(const ParameterTree& a, const ParameterTree& b) {
+  if (a.kind() != b.kind()) return false;
+  switch (a.kind()) {
+    case ParameterTree::Kind::kNothing:
+      return true;
+    case ParameterTree::Kind::kBoolean:
+      return a.asBoolean() == b.asBoolean();
+    case ParameterTree::Kind::kInteger:
+      return a.asInteger() == b.asInteger();
+    case ParameterTree::Kind::kReal:
+      return a.asReal() == b.asReal();
+    case ParameterTree::Kind::kText:
+      return a.asText() == b.asText();
+    case ParameterTree::Kind::kList:
+      if (a.asList().size() != b.asList().size()) return false;
+      for (std::size_t i = 0; i < a.asList().size(); ++i) {
+        if (!equal(a.asList()[i], b.asList()[i])) return false;
+      }
+      return true;
+    case ParameterTree::Kind::kDictionary:
+      if (a.asDictionary().size() != b.asDictionary().size()) return false;
+      for (const auto& [key, value] : a.asDictionary()) {
+        const auto other = b.asDictionary().find(key);
+        if (other == b.asDictionary().end() || !equal(value, other->second)) return false;
+      }
+      return true;
+  }
+  return false;
+}
+
+template <class Action>
+std::string messageOf(Action action) {
+  try {
+    action();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return "nothing was thrown";
+}
+
+TEST(YamlText, ReadsBackToTheSameTree) {
+  using Tree = ParameterTree;
+  const Tree tree = Tree::dictionary(
+      {{"reals", Tree::list({Tree::real(0.1), Tree::real(1.0), Tree::real(-1e-9), Tree::real(1e300),
+                             Tree::real(5e-324), Tree::real(2.0 / 3.0), Tree::real(1e22)})},
+       {"integers", Tree::list({Tree::integer(0), Tree::integer(-7), Tree::integer(1LL << 40)})},
+       {"texts",
+        Tree::list({Tree::text("plain"), Tree::text(""), Tree::text("yes"), Tree::text("Null"),
+                    Tree::text("1e-9"), Tree::text("tau*(e2 - u*e1): #x"), Tree::text("a\"b\\c\n"),
+                    Tree::text("variator_sim/ExpressionTorque"), Tree::text("~"), Tree::text("- a"),
+                    Tree::text("\xc3\xa9")})},
+       {"flags", Tree::list({Tree::boolean(true), Tree::boolean(false)})},
+       {"n", Tree::integer(1)},
+       {"nothing", Tree()},
+       {"nested",
+        Tree::list({Tree::dictionary({{"a", Tree::list({Tree::list({Tree::integer(1)})})}}),
+                    Tree::dictionary({{"b c", Tree::dictionary({{"d", Tree::real(1.5)}})}})})},
+       {"empty_list", Tree::list()},
+       {"empty_dictionary", Tree::dictionary()}});
+  const std::string text = toYaml(tree);
+  EXPECT_TRUE(equal(readYamlText(text, "test"), tree)) << text;
+  EXPECT_EQ(toYaml(Tree::dictionary()), "{}\n");
+}
+
+TEST(XmlRpcTree, KeepsKindsAndValues) {
+  XmlRpc::XmlRpcValue value;
+  value["integer"] = 3;
+  value["real"] = 0.1;
+  value["text"] = std::string("1e-9");
+  value["flag"] = true;
+  value["list"][0] = 1;
+  value["list"][1] = 2.5;
+  value["part"]["deep"] = std::string("x");
+  using Tree = ParameterTree;
+  const Tree expected = Tree::dictionary({{"integer", Tree::integer(3)},
+                                          {"real", Tree::real(0.1)},
+                                          {"text", Tree::text("1e-9")},
+                                          {"flag", Tree::boolean(true)},
+                                          {"list", Tree::list({Tree::integer(1), Tree::real(2.5)})},
+                                          {"part", Tree::dictionary({{"deep", Tree::text("x")}})}});
+  EXPECT_TRUE(equal(toParameterTree(value), expected)) << toYaml(toParameterTree(value));
+  EXPECT_EQ(toParameterTree(XmlRpc::XmlRpcValue()).kind(), ParameterTree::Kind::kDictionary);
+}
+
+TEST(XmlRpcTree, RefusesBinaryDataByItsPath) {
+  char data[] = "abc";
+  XmlRpc::XmlRpcValue value;
+  value["motor"]["table"][0] = 1;
+  value["motor"]["table"][1] = XmlRpc::XmlRpcValue(data, 3);
+  EXPECT_EQ(messageOf([&] { toParameterTree(value); }).rfind("motor/table[1]: ", 0), 0u);
+}
+
+NodeSettings settingsFrom(const std::string& yaml) {
+  return readNodeSettings(readYamlText(yaml, "test"));
+}
+
+TEST(NodeSettings, HaveDefaults) {
+  const NodeSettings settings = settingsFrom("shafts: [a]\nsomething: else");
+  EXPECT_EQ(settings.tick_rate, 1000.0);
+  EXPECT_EQ(settings.publish_rate, 100.0);
+  EXPECT_EQ(settings.real_time_factor, 1.0);
+  EXPECT_FALSE(settings.publish_clock);
+  EXPECT_FALSE(settings.start_paused);
+  EXPECT_EQ(settings.realtime_priority, 0);
+  // The default follows a tick rate below it.
+  EXPECT_EQ(settingsFrom("tick_rate: 20").publish_rate, 20.0);
+}
+
+TEST(NodeSettings, TakeAllValues) {
+  const NodeSettings settings = settingsFrom(
+      "{tick_rate: '5e3', publish_rate: 5000, real_time_factor: 0, publish_clock: false, "
+      "start_paused: true, realtime_priority: 80}");
+  EXPECT_EQ(settings.tick_rate, 5000.0);
+  EXPECT_EQ(settings.publish_rate, 5000.0);
+  EXPECT_EQ(settings.real_time_factor, 0.0);
+  EXPECT_TRUE(settings.start_paused);
+  EXPECT_EQ(settings.realtime_priority, 80);
+}
+
+TEST(NodeSettings, NameTheKeyThatIsWrong) {
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"tick_rate: 0", "tick_rate: "},
+      {"tick_rate: -10", "tick_rate: "},
+      {"tick_rate: 100001", "tick_rate: "},
+      {"tick_rate: .nan", "tick_rate: "},
+      {"tick_rate: fast", "tick_rate: "},
+      {"publish_rate: 0", "publish_rate: "},
+      {"publish_rate: 1001", "publish_rate: "},
+      {"{tick_rate: 50, publish_rate: 51}", "publish_rate: "},
+      {"real_time_factor: -1", "real_time_factor: "},
+      {"real_time_factor: 1e-5", "real_time_factor: "},
+      {"real_time_factor: .inf", "real_time_factor: "},
+      {"publish_clock: true", "publish_clock: "},
+      {"publish_clock: 3", "publish_clock: "},
+      {"start_paused: perhaps", "start_paused: "},
+      {"realtime_priority: 100", "realtime_priority: "},
+      {"realtime_priority: -1", "realtime_priority: "},
+      {"realtime_priority: 1.5", "realtime_priority: "}};
+  for (const auto& [yaml, start] : cases) {
+    const std::string message = messageOf([&, text = yaml] { settingsFrom(text); });
+    EXPECT_EQ(message.rfind(start, 0), 0u) << yaml << " gave: " << message;
+  }
+}
+
+TEST(MessageConversion, StampsAreExactAndSaturate) {
+  EXPECT_EQ(toStamp(0), ros::Time(0, 0));
+  EXPECT_EQ(toStamp(3000000), ros::Time(0, 3000000));
+  EXPECT_EQ(toStamp(7000000001), ros::Time(7, 1));
+  EXPECT_EQ(toStamp(std::numeric_limits<std::int64_t>::max()), ros::TIME_MAX);
+}
+
+TEST(PluginLoader, BuiltInTypesAreExportedUnderTheirNames) {
+  BuiltinComponentFactory builtin;
+  pluginlib::ClassLoader<Constraint> constraints("variator_sim", "variator_sim::Constraint");
+  for (const std::string& type : builtin.constraintTypes()) {
+    ASSERT_TRUE(constraints.isClassAvailable(type)) << type;
+    EXPECT_TRUE(constraints.createSharedInstance(type)) << type;
+  }
+  pluginlib::ClassLoader<Torque> torques("variator_sim", "variator_sim::Torque");
+  for (const std::string& type : builtin.torqueTypes()) {
+    ASSERT_TRUE(torques.isClassAvailable(type)) << type;
+    EXPECT_TRUE(torques.createSharedInstance(type)) << type;
+  }
+}
+
+TEST(PluginLoader, UnknownTypesAreNobodys) {
+  PluginlibComponentFactory factory;
+  EXPECT_EQ(factory.createConstraint("variator_sim/ExpresionConstraint"), nullptr);
+  EXPECT_EQ(factory.createTorque("no_such_package/Torque"), nullptr);
+  EXPECT_NE(factory.createConstraint("variator_sim/ExpressionConstraint"), nullptr);
+  EXPECT_EQ(factory.constraintTypes().size(), BuiltinComponentFactory().constraintTypes().size());
+}
+
+}  // namespace
+}  // namespace variator_sim
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}

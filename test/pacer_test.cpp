@@ -1,0 +1,262 @@
+// Pacing with a clock that the test moves: nothing here sleeps.
+#include "ros/pacer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <thread>
+#include <vector>
+
+#include "ros/lateness.h"
+#include "ros/sample_ring.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr std::int64_t kMillisecond = 1000000;
+
+/// Sleeping takes no time but moves the clock; each sleep ends `oversleep` late.
+class ManualClock : public PacingClock {
+ public:
+  std::int64_t now() override { return now_; }
+  void sleepUntil(std::int64_t deadline) override {
+    ++sleeps_;
+    longest_sleep_ = std::max(longest_sleep_, deadline - now_);
+    now_ = std::max(now_, deadline) + oversleep_;
+  }
+  void pass(std::int64_t duration) { now_ += duration; }
+
+  std::int64_t now_ = 5000 * kMillisecond;
+  std::int64_t oversleep_ = 0;
+  std::int64_t longest_sleep_ = 0;
+  int sleeps_ = 0;
+};
+
+void waitForTick(Pacer& pacer) {
+  while (!pacer.waitForTick()) {
+  }
+}
+
+TEST(Pacer, TicksStandAtAbsoluteDeadlines) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e9 / 3.0);
+  pacer.anchor();
+  const std::int64_t start = clock.now();
+  for (std::int64_t n = 1; n <= 3000; ++n) {
+    waitForTick(pacer);
+    // n / 3 s, rounded to whole ns: nothing adds up.
+    ASSERT_EQ(pacer.tickStart() - start, (n * 1000000000 + 1) / 3) << n;
+  }
+  EXPECT_EQ(pacer.counters().ticks, 3000u);
+  EXPECT_EQ(pacer.counters().overruns, 0u);
+  EXPECT_LE(clock.longest_sleep_, Pacer::kLongestSleep);
+}
+
+TEST(Pacer, LateWakingDelaysNoLaterTick) {
+  ManualClock clock;
+  clock.oversleep_ = 130000;
+  Pacer pacer(clock, 1e6);
+  pacer.anchor();
+  const std::int64_t start = clock.now();
+  for (int n = 1; n <= 1000; ++n) {
+    waitForTick(pacer);
+    ASSERT_EQ(pacer.tickStart() - start, n * kMillisecond + 130000);
+    ASSERT_EQ(pacer.lateness(), 130000);
+  }
+  EXPECT_EQ(pacer.counters().overruns, 0u);
+}
+
+TEST(Pacer, CatchesUpAfterAStallWithoutSleeping) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e6);
+  pacer.anchor();
+  const std::int64_t start = clock.now();
+  waitForTick(pacer);
+  clock.pass(10 * kMillisecond);
+  const int sleeps = clock.sleeps_;
+  // Ticks 2 to 11 are due at 2 to 11 ms and begin at 11 ms: the first eight are overruns.
+  for (int n = 2; n <= 11; ++n) waitForTick(pacer);
+  EXPECT_EQ(clock.sleeps_, sleeps);
+  EXPECT_EQ(pacer.counters().overruns, 8u);
+  EXPECT_EQ(pacer.counters().lost_time, 0);
+  waitForTick(pacer);
+  EXPECT_EQ(pacer.tickStart() - start, 12 * kMillisecond);
+  EXPECT_EQ(pacer.lateness(), 0);
+}
+
+TEST(Pacer, GivesUpWallTimeInsteadOfALongBurst) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e6);
+  pacer.anchor();
+  waitForTick(pacer);
+  clock.pass(10000 * kMillisecond);
+  const std::int64_t resumed = clock.now();
+  waitForTick(pacer);
+  EXPECT_EQ(pacer.lateness(), 9999 * kMillisecond);
+  EXPECT_EQ(pacer.counters().lost_time, 9999 * kMillisecond);
+  EXPECT_EQ(pacer.counters().overruns, 1u);
+  for (int n = 1; n <= 100; ++n) {
+    waitForTick(pacer);
+    ASSERT_EQ(pacer.tickStart() - resumed, n * kMillisecond);
+  }
+  EXPECT_EQ(pacer.counters().overruns, 1u);
+  EXPECT_EQ(pacer.counters().ticks, 102u);
+}
+
+TEST(Pacer, TicksTooHeavyForTheirRateFallBehindBounded) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e6);
+  pacer.anchor();
+  for (int n = 0; n < 10000; ++n) {
+    waitForTick(pacer);
+    clock.pass(2 * kMillisecond);
+    ASSERT_LE(pacer.lateness(), Pacer::kMostBehind + 2 * kMillisecond);
+  }
+  EXPECT_GT(pacer.counters().lost_time, 9000 * kMillisecond);
+}
+
+TEST(Pacer, ANewPeriodCountsFromNow) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e6);
+  pacer.anchor();
+  for (int n = 0; n < 5000; ++n) waitForTick(pacer);
+  const std::int64_t start = clock.now();
+  pacer.setPeriod(1e5);
+  for (int n = 1; n <= 100; ++n) {
+    waitForTick(pacer);
+    ASSERT_EQ(pacer.tickStart() - start, n * 100000);
+  }
+  EXPECT_EQ(pacer.counters().overruns, 0u);
+}
+
+TEST(Pacer, UnpacedNeverSleeps) {
+  ManualClock clock;
+  Pacer pacer(clock, 0.0);
+  pacer.anchor();
+  for (int n = 0; n < 1000; ++n) {
+    ASSERT_TRUE(pacer.waitForTick());
+    clock.pass(3 * kMillisecond);
+  }
+  EXPECT_EQ(clock.sleeps_, 0);
+  EXPECT_EQ(pacer.counters().ticks, 1000u);
+  EXPECT_EQ(pacer.counters().overruns, 0u);
+}
+
+TEST(Pacer, ASlowTickIsWaitedForInShortSleeps) {
+  ManualClock clock;
+  Pacer pacer(clock, 10e9);
+  pacer.anchor();
+  int calls = 1;
+  while (!pacer.waitForTick()) ++calls;
+  EXPECT_EQ(calls, 500);
+  EXPECT_EQ(pacer.lateness(), 0);
+}
+
+TEST(LatenessHistogram, QuantilesAreKnownToTheirBin) {
+  LatenessHistogram histogram;
+  EXPECT_EQ(histogram.quantile(0.5), 0);
+  for (std::int64_t i = 1; i <= 100000; ++i) histogram.add(i);
+  for (const double fraction : {0.01, 0.1, 0.5, 0.9, 0.99, 0.999}) {
+    const double exact = fraction * 100000.0;
+    const auto quantile = static_cast<double>(histogram.quantile(fraction));
+    EXPECT_GE(quantile, exact) << fraction;
+    EXPECT_LE(quantile, 1.25 * exact) << fraction;
+  }
+  EXPECT_EQ(histogram.quantile(1.0), 100000);
+  EXPECT_EQ(histogram.max(), 100000);
+}
+
+TEST(LatenessHistogram, TakesAnyValue) {
+  for (const std::int64_t value :
+       {std::int64_t{0}, std::int64_t{1}, std::int64_t{3}, std::int64_t{4}, std::int64_t{7},
+        std::int64_t{8}, std::int64_t{1} << 39, std::int64_t{1} << 50, INT64_MAX}) {
+    LatenessHistogram histogram;
+    histogram.add(value);
+    histogram.add(value);
+    EXPECT_LE(histogram.quantile(0.5), value);
+    EXPECT_EQ(histogram.quantile(1.0), std::min(value, histogram.quantile(1.0)));
+    EXPECT_EQ(histogram.max(), value);
+  }
+}
+
+TEST(LatenessWindow, ForgetsWhatIsOlderThanItsSlices) {
+  LatenessWindow window;
+  window.add(1000000);
+  for (int i = 0; i < LatenessWindow::kSlices - 1; ++i) {
+    window.nextSlice();
+    window.add(10);
+    EXPECT_EQ(window.total().max(), 1000000);
+  }
+  window.nextSlice();
+  EXPECT_EQ(window.total().max(), 10);
+  EXPECT_EQ(window.total().count(), static_cast<std::uint64_t>(LatenessWindow::kSlices - 1));
+}
+
+struct Entry {
+  std::uint64_t number = 0;
+  std::uint64_t copies[20] = {};
+};
+
+Entry entryOf(std::uint64_t number) {
+  Entry entry;
+  entry.number = number;
+  std::fill(std::begin(entry.copies), std::end(entry.copies), number);
+  return entry;
+}
+
+TEST(SampleRing, GivesEntriesInOrder) {
+  SampleRing<Entry, 8> ring;
+  Entry entry;
+  EXPECT_FALSE(ring.pop(entry));
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    ring.push(entryOf(2 * i));
+    ring.push(entryOf(2 * i + 1));
+    ASSERT_TRUE(ring.pop(entry));
+    ASSERT_EQ(entry.number, 2 * i);
+    ASSERT_TRUE(ring.pop(entry));
+    ASSERT_EQ(entry.number, 2 * i + 1);
+    ASSERT_FALSE(ring.pop(entry));
+  }
+  EXPECT_EQ(ring.dropped(), 0u);
+}
+
+TEST(SampleRing, DropsAndCountsTheOldest) {
+  SampleRing<Entry, 8> ring;
+  for (std::uint64_t i = 0; i < 100; ++i) ring.push(entryOf(i));
+  Entry entry;
+  for (std::uint64_t i = 92; i < 100; ++i) {
+    ASSERT_TRUE(ring.pop(entry));
+    EXPECT_EQ(entry.number, i);
+  }
+  EXPECT_FALSE(ring.pop(entry));
+  EXPECT_EQ(ring.dropped(), 92u);
+}
+
+TEST(SampleRing, NeverShowsATornEntry) {
+  constexpr std::uint64_t kEntries = 200000;
+  SampleRing<Entry, 4> ring;
+  std::thread producer([&] {
+    for (std::uint64_t i = 1; i <= kEntries; ++i) ring.push(entryOf(i));
+  });
+  std::uint64_t last = 0;
+  std::uint64_t seen = 0;
+  Entry entry;
+  while (last < kEntries) {
+    if (!ring.pop(entry)) continue;
+    ASSERT_GT(entry.number, last);
+    for (const std::uint64_t copy : entry.copies) ASSERT_EQ(copy, entry.number);
+    last = entry.number;
+    ++seen;
+  }
+  producer.join();
+  EXPECT_EQ(seen + ring.dropped(), kEntries);
+}
+
+}  // namespace
+}  // namespace variator_sim
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}
