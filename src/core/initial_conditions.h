@@ -57,12 +57,12 @@ class InitialConditionSolver {
         epsilon[i] += sign * length;
         if (!newton(state, torque, epsilon)) continue;
         double R[S];
-        double acceleration_of_R[S];
+        double reaction_acceleration[S];
         drivetrain_.inertia().multiply(epsilon, R);
         for (int j = 0; j < S; ++j) R[j] -= torque[j];
-        drivetrain_.inertia().solve(R, acceleration_of_R);
+        drivetrain_.inertia().solve(R, reaction_acceleration);
         double reaction = 0.0;
-        for (int j = 0; j < S; ++j) reaction += R[j] * acceleration_of_R[j];
+        for (int j = 0; j < S; ++j) reaction += R[j] * reaction_acceleration[j];
         if (reaction < best * (1.0 - 1e-9)) {
           best = reaction;
           for (int j = 0; j < S; ++j) found[j] = epsilon[j];

@@ -383,7 +383,8 @@ class MotionOf final : public Motion {
       }
     }
     // Just ahead of the front: does a component leave its domain there?
-    for (double h = 1e-14 * std::max(1.0, std::abs(front_.time)); h < 1e-2; h *= 10.0) {
+    double h = 1e-14 * std::max(1.0, std::abs(front_.time));
+    for (int decade = 0; decade < 12; ++decade, h *= 10.0) {
       State ahead;
       for (std::size_t i = 0; i < ahead.size(); ++i) {
         ahead[i] = front_.x[i] + h * front_.dxdt[i];

@@ -272,28 +272,32 @@ InitialConditions readInitial(ParameterReader& root, std::size_t shaft_count) {
 struct ComponentKind {
   const char* name;
   const char* list;
-  std::vector<std::string> types;
-  const char* other_name;
-  const char* other_list;
-  std::vector<std::string> other_types;
+  /// Asked for only when a message needs them: a factory may have to search for plugins.
+  std::vector<std::string> (ComponentFactory::*types)();
 };
+constexpr ComponentKind kTorqueKind{"torque", "torques", &ComponentFactory::torqueTypes};
+constexpr ComponentKind kConstraintKind{"constraint", "constraints",
+                                        &ComponentFactory::constraintTypes};
 
-[[noreturn]] void throwUnknownType(const ComponentKind& kind, const std::string& path,
+[[noreturn]] void throwUnknownType(const ComponentKind& kind, const ComponentKind& other,
+                                   ComponentFactory& factory, const std::string& path,
                                    const std::string& type) {
-  if (contains(kind.other_types, type)) {
-    throw SceneError(path, "'" + type + "' is a " + kind.other_name + ", not a " + kind.name +
-                               ": its name belongs in " + kind.other_list + ", not in " +
-                               kind.list + "; allowed: " + joinNames(kind.types));
+  const std::vector<std::string> types = (factory.*kind.types)();
+  if (contains((factory.*other.types)(), type)) {
+    throw SceneError(path, "'" + type + "' is a " + other.name + ", not a " + kind.name +
+                               ": its name belongs in " + other.list + ", not in " + kind.list +
+                               "; allowed: " + joinNames(types));
   }
   throw SceneError(path, "'" + type + "' is not a known type of " + kind.name +
-                             suggestName(type, kind.types) +
-                             "; allowed: " + (kind.types.empty() ? "none" : joinNames(kind.types)));
+                             suggestName(type, types) +
+                             "; allowed: " + (types.empty() ? "none" : joinNames(types)));
 }
 
 /// `create` makes a component of a type; the rest is the same for torques and constraints.
 template <typename Create>
 auto readComponent(const std::string& name, ParameterReader& root, const ComponentKind& kind,
-                   Create create, Scene* scene) {
+                   const ComponentKind& other, ComponentFactory& factory, Create create,
+                   Scene* scene) {
   ParameterReader reader = root.section(name);
   const std::string type = reader.text("type");
   decltype(create(type)) component;
@@ -302,7 +306,9 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   } catch (const std::exception& error) {
     throw SceneError(reader.keyPath("type"), "'" + type + "' cannot be loaded: " + error.what());
   }
-  if (component == nullptr) throwUnknownType(kind, reader.keyPath("type"), type);
+  if (component == nullptr) {
+    throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
+  }
 
   ComponentContext context(name, reader, scene->shafts, scene->inputs);
   try {
@@ -427,18 +433,14 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory) {
   scene.initial = readInitial(root, scene.shafts.size());
   scene.solver = readSolver(root);
 
-  const ComponentKind torque{"torque",     "torques",     factory.torqueTypes(),
-                             "constraint", "constraints", factory.constraintTypes()};
-  const ComponentKind constraint{torque.other_name, torque.other_list, torque.other_types,
-                                 torque.name,       torque.list,       torque.types};
   for (const std::string& name : lists.torques) {
     scene.torques.push_back(readComponent(
-        name, root, torque, [&](const std::string& type) { return factory.createTorque(type); },
-        &scene));
+        name, root, kTorqueKind, kConstraintKind, factory,
+        [&](const std::string& type) { return factory.createTorque(type); }, &scene));
   }
   for (const std::string& name : lists.constraints) {
     scene.constraints.push_back(readComponent(
-        name, root, constraint,
+        name, root, kConstraintKind, kTorqueKind, factory,
         [&](const std::string& type) { return factory.createConstraint(type); }, &scene));
   }
   scene.resolved = resolve(tree, lists, scene);

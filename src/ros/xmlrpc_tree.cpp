@@ -20,7 +20,9 @@ ParameterTree convert(XmlRpc::XmlRpcValue& value, const std::string& path) {
     case XmlRpc::XmlRpcValue::TypeArray: {
       ParameterTree::List list;
       for (int i = 0; i < value.size(); ++i) {
-        list.push_back(convert(value[i], path + "[" + std::to_string(i) + "]"));
+        std::string element = path;
+        element.append("[").append(std::to_string(i)).append("]");
+        list.push_back(convert(value[i], element));
       }
       return ParameterTree::list(std::move(list));
     }
