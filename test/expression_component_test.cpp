@@ -180,17 +180,20 @@ TEST(ExpressionConstraint, TakesNumbersAndUnusedParameters) {
   EXPECT_NEAR(constraint.calcResidual(State().view), 1e-3 * 8.78 - 5.0, 1e-15);
 }
 
-TEST(ExpressionConstraint, RefusesOtherOrders) {
-  for (const int order : {1, 3}) {
-    Dictionary dictionary = constraintOf("e1");
+TEST(ExpressionConstraint, RefusesWhatIsNotOfItsOrder) {
+  const auto with_order = [](const std::string& formula, int order) {
+    Dictionary dictionary = constraintOf(formula);
     dictionary["order"] = ParameterTree::integer(order);
-    expectError(errorOf<ExpressionConstraint>(dictionary), "it/order", "supports");
-    expectError(errorOf<ExpressionConstraint>(dictionary), "it/order",
-                "order 2, not " + std::to_string(order));
-  }
-  Dictionary dictionary = constraintOf("e1");
-  dictionary["order"] = ParameterTree::integer(4);
-  expectError(errorOf<ExpressionConstraint>(dictionary), "it/order", "4");
+    return errorOf<ExpressionConstraint>(dictionary);
+  };
+  expectError(with_order("e1", 4), "it/order", "4");
+  expectError(with_order("e1-w2", 1), "it/expression", "order 1 may depend on t, phi and w");
+  expectError(with_order("phi1-phi2", 1), "it/expression", "does not depend on a velocity");
+  expectError(with_order("j1-e2", 2), "it/expression", "order 3 only");
+  expectError(with_order("e1-e2", 3), "it/expression", "does not depend on a jerk");
+  expectError(with_order("j1*j2-1", 3), "it/expression", "not linear in j");
+  expectError(with_order("sin(j1)", 3), "it/expression", "not linear in j1");
+  expectError(with_order("j3", 3), "it/expression", "j1, j2");
 }
 
 TEST(ExpressionConstraint, RefusesWhatIsNoConstraintOfOrderTwo) {

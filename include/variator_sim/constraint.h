@@ -19,12 +19,18 @@ struct ConstraintPartials {
   double input[kMaxInputs] = {};         ///< dpsi/du of commanded inputs
 };
 
-/// One second-order constraint psi(t, phi, omega, epsilon, u) = 0 [11]. The motion obeys its
-/// derivative C eta + c0 = 0 [12], with
-///     C = dpsi/depsilon,   c0 = dpsi/dt + dpsi/dphi omega + dpsi/domega epsilon + dpsi/du u'.
+/// One constraint, of order 1, 2 or 3:
+///     order 1   f(t, phi, omega, u) = 0             (kinematic variators)
+///     order 2   psi(t, phi, omega, epsilon, u) = 0  [11]
+///     order 3   C eta + c0 = 0, given directly      [1]
+/// The motion obeys its third-order form C eta + c0 = 0 [12]: psi differentiated once, f twice. All
+/// forms of one constraint have the same C: df/domega = df'/depsilon = df''/deta.
 ///
-/// A plugin writes psi and its partial derivatives; from them the row of C and c0 are composed
-/// here. A plugin that can do it in fewer operations overrides doCalcRow as well.
+/// A plugin of order 2 writes psi and its partial derivatives; from them are composed here
+///     C = dpsi/depsilon,   c0 = dpsi/dt + dpsi/dphi omega + dpsi/domega epsilon + dpsi/du u'.
+/// A plugin that can do it in fewer operations overrides doCalcRow as well. A plugin of order 1
+/// writes f and its partial derivatives and must override doCalcRow, which needs second
+/// derivatives; one of order 3 needs doCalcRow only.
 ///
 /// Evaluations are const, allocate nothing, take no lock and do not throw: they run in the
 /// real-time loop. A value that does not exist is returned as NaN and stops the motion by name.
@@ -45,9 +51,18 @@ class Constraint {
   /// Number of shafts s of the scene.
   int shaftCount() const { return shaft_count_; }
 
-  /// psi, in the constraint's own unit.
+  /// 1, 2 or 3.
+  int order() const { return doOrder(); }
+
+  /// What is to be zero: f (order 1) or psi (order 2), in the constraint's own unit. Not for order
+  /// 3, whose residual C eta + c0 needs the jerk.
   double calcResidual(const StateView& state) const { return doCalcResidual(state); }
-  /// psi and C = dpsi/depsilon (s values, all written).
+  /// Order 1 only: f and C = df/domega (s values, all written).
+  double calcVelocityResidualAndJacobian(const StateView& state, double* C) const {
+    return doCalcVelocityResidualAndJacobian(state, C);
+  }
+  /// Orders 1 and 2: the second-order form, f' or psi, and its C = d/depsilon (s values, all
+  /// written).
   double calcResidualAndJacobian(const StateView& state, double* C) const {
     return doCalcResidualAndJacobian(state, C);
   }
@@ -57,8 +72,13 @@ class Constraint {
   void calcInputJacobian(const StateView& state, int input_count, double* Cu) const {
     doCalcInputJacobian(state, input_count, Cu);
   }
-  /// d2psi/depsilon2 (s x s values, row by row, all written). It only steers Newton's iteration for
-  /// the accelerations of least reaction, never the motion; not for the real-time loop.
+  /// The parts of dC/dt = D + H eta: D (s values) and H = dC/depsilon (s x s values, row by row),
+  /// all written. Only the classical Gauss principle asks for them.
+  void calcJacobianRate(const StateView& state, double* D, double* H) const {
+    doCalcJacobianRate(state, D, H);
+  }
+  /// H = dC/depsilon (s x s values, row by row, all written): for psi its second derivatives. It
+  /// steers Newton's iteration for the accelerations of least reaction.
   void calcHessian(const StateView& state, double* H) const { doCalcHessian(state, H); }
   /// True when C does not depend on epsilon: a jump is then one exact linear projection.
   bool isLinearInAcceleration() const { return doIsLinearInAcceleration(); }
@@ -68,15 +88,20 @@ class Constraint {
  protected:
   Constraint() = default;
   virtual void doConfigure(ComponentContext& context) = 0;
+  virtual int doOrder() const { return 2; }
   virtual double doCalcResidual(const StateView& state) const = 0;
-  /// Adds nothing to entries that are zero: `partials` arrives zeroed.
+  /// Partial derivatives of f or psi. Adds nothing to entries that are zero: `partials` arrives
+  /// zeroed.
   virtual void doCalcPartials(const StateView& state, ConstraintPartials& partials) const = 0;
 
+  virtual double doCalcVelocityResidualAndJacobian(const StateView& state, double* C) const;
   virtual double doCalcResidualAndJacobian(const StateView& state, double* C) const;
   virtual void doCalcRow(const StateView& state, double* C, double* c0) const;
   virtual void doCalcInputJacobian(const StateView& state, int input_count, double* Cu) const;
   /// By default central differences of C.
   virtual void doCalcHessian(const StateView& state, double* H) const;
+  /// By default central differences of C along the motion, and doCalcHessian.
+  virtual void doCalcJacobianRate(const StateView& state, double* D, double* H) const;
   virtual bool doIsLinearInAcceleration() const { return false; }
   virtual bool doReadsInputs() const { return false; }
 

@@ -14,21 +14,61 @@ using expression::slotOf;
 using expression::Source;
 using expression::Tape;
 
+namespace {
+
+/// What a constraint of some order is differentiated by to give C, as messages name it.
+struct Highest {
+  Source source;
+  const char* name;
+};
+
+expression::FormulaKind kindOf(int order) {
+  switch (order) {
+    case 1:
+      return expression::FormulaKind::kOrder1;
+    case 2:
+      return expression::FormulaKind::kOrder2;
+    default:
+      return expression::FormulaKind::kOrder3;
+  }
+}
+
+Highest highestOf(int order) {
+  switch (order) {
+    case 1:
+      return {Source::kVelocity, "a velocity (w1.. of the shafts)"};
+    case 2:
+      return {Source::kAcceleration, "an acceleration (e1.. of the shafts)"};
+    default:
+      return {Source::kJerk, "a jerk (j1.. of the shafts)"};
+  }
+}
+
+}  // namespace
+
 void ExpressionConstraint::doConfigure(ComponentContext& context) {
   ParameterReader& reader = context.parameters();
-  const int order = reader.integer("order", 1, 3);
-  if (order != 2) {
-    throw SceneError(reader.keyPath("order"),
-                     "this version supports constraints of order 2, not " + std::to_string(order));
-  }
+  order_ = reader.integer("order", 1, 3);
   Graph graph;
-  const Node psi = readFormula(context, "expression", expression::FormulaKind::kConstraint, graph);
+  const Node given = readFormula(context, "expression", kindOf(order_), graph);
   const std::string path = reader.keyPath("expression");
+  const std::string text = reader.formula("expression");
   const int s = context.shaftCount();
   const auto size = static_cast<std::size_t>(s);
+  const auto is_zero = [&graph](Node node) { return graph.isConstant(node, 0.0); };
 
-  // c0 = dpsi/dt + dpsi/dphi omega + dpsi/domega epsilon [12]: the total derivative with phi' =
-  // omega, omega' = epsilon, and epsilon held (its rate is multiplied by C).
+  // C: the derivatives by the highest rates that occur.
+  const Highest highest = highestOf(order_);
+  std::vector<Node> C;
+  C.reserve(size);
+  for (int i = 0; i < s; ++i) C.push_back(graph.differentiate(given, slotOf(highest.source, i)));
+  if (std::all_of(C.begin(), C.end(), is_zero)) {
+    throw SceneError(path, "the constraint is not of order " + std::to_string(order_) + ": '" +
+                               text + "' does not depend on " + highest.name);
+  }
+
+  // Total derivatives with phi' = omega and omega' = epsilon; epsilon is held, as its rate is
+  // multiplied by C.
   std::vector<Graph::Rate> rates = {{slotOf(Source::kTime), graph.constant(1.0)}};
   std::vector<int> slots = {slotOf(Source::kTime)};
   for (int i = 0; i < s; ++i) {
@@ -38,56 +78,74 @@ void ExpressionConstraint::doConfigure(ComponentContext& context) {
     slots.insert(slots.end(), {slotOf(Source::kAngle, i), slotOf(Source::kVelocity, i),
                                slotOf(Source::kAcceleration, i)});
   }
-  std::vector<Node> C;
-  C.reserve(size);
-  for (int i = 0; i < s; ++i) {
-    C.push_back(graph.differentiate(psi, slotOf(Source::kAcceleration, i)));
+
+  // The second-order form: f' = C epsilon + ... for order 1, psi itself for order 2.
+  const Node second = order_ == 1 ? graph.totalDerivative(given, rates) : given;
+  // c0 of the third-order form [12].
+  Node c0;
+  if (order_ < 3) {
+    c0 = graph.totalDerivative(second, rates);
+  } else {
+    for (const Node entry : C) {
+      for (int j = 0; j < s; ++j) {
+        if (graph.dependsOn(entry, slotOf(Source::kJerk, j))) {
+          throw SceneError(path, "'" + text + "' is not linear in j" + std::to_string(j + 1) +
+                                     "; a constraint of order 3 is C(t, phi, w, e) j + c0 = 0");
+        }
+      }
+    }
+    // Linear in the jerks: c0 is the formula's value with all of them 0.
+    c0 = readFormula(context, "expression", expression::FormulaKind::kOrder3WithoutJerks, graph);
   }
-  const auto is_zero = [&graph](Node node) { return graph.isConstant(node, 0.0); };
-  if (std::all_of(C.begin(), C.end(), is_zero)) {
-    throw SceneError(path, "the constraint is not of order 2: '" + reader.formula("expression") +
-                               "' does not depend on an acceleration (e1.. of the shafts)");
-  }
-  const Node c0 = graph.totalDerivative(psi, rates);
+
   std::vector<Node> partials;
-  for (const int slot : slots) {
-    const Node partial = graph.differentiate(psi, slot);
-    if (!is_zero(partial)) {
-      partials.push_back(partial);
-      partial_slots_.push_back(slot);
+  if (order_ < 3) {
+    for (const int slot : slots) {
+      const Node partial = graph.differentiate(given, slot);
+      if (!is_zero(partial)) {
+        partials.push_back(partial);
+        partial_slots_.push_back(slot);
+      }
     }
   }
-  std::vector<Node> hessian(size * size);
-  for (std::size_t i = 0; i < size; ++i) {
-    for (std::size_t j = i; j < size; ++j) {
-      const Node second =
-          graph.differentiate(C[i], slotOf(Source::kAcceleration, static_cast<int>(j)));
-      hessian[i * size + j] = second;
-      hessian[j * size + i] = second;
+  // dC/dt = D + H eta
+  std::vector<Node> jacobian_rate;
+  std::vector<Node> hessian;
+  for (const Node entry : C) {
+    jacobian_rate.push_back(graph.totalDerivative(entry, rates));
+    for (int j = 0; j < s; ++j) {
+      hessian.push_back(graph.differentiate(entry, slotOf(Source::kAcceleration, j)));
     }
   }
+  jacobian_rate.insert(jacobian_rate.end(), hessian.begin(), hessian.end());
   is_linear_ = std::all_of(hessian.begin(), hessian.end(), is_zero);
 
   std::vector<Node> checked = partials;
   checked.push_back(c0);
-  checked.insert(checked.end(), hessian.begin(), hessian.end());
+  checked.insert(checked.end(), jacobian_rate.begin(), jacobian_rate.end());
   for (const Node node : checked) {
     if (graph.hasNonFiniteConstant(node)) {
-      throw SceneError(path, "a derivative of '" + reader.formula("expression") +
-                                 "' has a constant part that is not finite");
+      throw SceneError(path,
+                       "a derivative of '" + text + "' has a constant part that is not finite");
     }
   }
 
-  std::vector<Node> residual_and_jacobian = {psi};
-  residual_and_jacobian.insert(residual_and_jacobian.end(), C.begin(), C.end());
+  const auto with_C = [&C](Node first) {
+    std::vector<Node> nodes = {first};
+    nodes.insert(nodes.end(), C.begin(), C.end());
+    return nodes;
+  };
   std::vector<Node> row = C;
   row.push_back(c0);
   try {
-    residual_ = Tape(graph, {psi});
-    residual_and_jacobian_ = Tape(graph, residual_and_jacobian);
     row_ = Tape(graph, row);
-    partials_ = Tape(graph, partials);
     hessian_ = Tape(graph, hessian);
+    jacobian_rate_ = Tape(graph, jacobian_rate);
+    if (order_ == 3) return;
+    residual_ = Tape(graph, {given});
+    residual_and_jacobian_ = Tape(graph, with_C(second));
+    partials_ = Tape(graph, partials);
+    if (order_ == 1) velocity_level_ = Tape(graph, with_C(given));
   } catch (const std::length_error& error) {
     throw SceneError(path, error.what());
   }
@@ -97,6 +155,14 @@ double ExpressionConstraint::doCalcResidual(const StateView& state) const {
   double psi = 0.0;
   residual_.evaluate(state, &psi);
   return psi;
+}
+
+double ExpressionConstraint::doCalcVelocityResidualAndJacobian(const StateView& state,
+                                                               double* C) const {
+  double values[1 + kMaxShafts];
+  velocity_level_.evaluate(state, values);
+  std::copy(values + 1, values + 1 + shaftCount(), C);
+  return values[0];
 }
 
 double ExpressionConstraint::doCalcResidualAndJacobian(const StateView& state, double* C) const {
@@ -138,6 +204,13 @@ void ExpressionConstraint::doCalcPartials(const StateView& state,
 
 void ExpressionConstraint::doCalcHessian(const StateView& state, double* H) const {
   hessian_.evaluate(state, H);
+}
+
+void ExpressionConstraint::doCalcJacobianRate(const StateView& state, double* D, double* H) const {
+  double values[kMaxShafts * (1 + kMaxShafts)];
+  jacobian_rate_.evaluate(state, values);
+  std::copy(values, values + shaftCount(), D);
+  std::copy(values + shaftCount(), values + shaftCount() * (1 + shaftCount()), H);
 }
 
 }  // namespace variator_sim

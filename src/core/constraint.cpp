@@ -6,11 +6,46 @@
 
 namespace variator_sim {
 
+namespace {
+
+/// C of any order, by the cheapest form that gives it.
+void calcJacobian(const Constraint& constraint, const StateView& state, double* C) {
+  double c0;
+  if (constraint.order() == 3) {
+    constraint.calcRow(state, C, &c0);
+  } else {
+    constraint.calcResidualAndJacobian(state, C);
+  }
+}
+
+}  // namespace
+
+double Constraint::doCalcVelocityResidualAndJacobian(const StateView& state, double* C) const {
+  ConstraintPartials partials;
+  doCalcPartials(state, partials);
+  std::copy_n(partials.velocity, shaft_count_, C);
+  return doCalcResidual(state);
+}
+
 double Constraint::doCalcResidualAndJacobian(const StateView& state, double* C) const {
   ConstraintPartials partials;
   doCalcPartials(state, partials);
-  std::copy_n(partials.acceleration, shaft_count_, C);
-  return doCalcResidual(state);
+  if (order() == 2) {
+    std::copy_n(partials.acceleration, shaft_count_, C);
+    return doCalcResidual(state);
+  }
+  // f' = df/dt + df/dphi omega + df/domega epsilon + df/du u'
+  double sum = partials.time;
+  for (int i = 0; i < shaft_count_; ++i) {
+    C[i] = partials.velocity[i];
+    sum += partials.angle[i] * state.velocity[i] + partials.velocity[i] * state.acceleration[i];
+  }
+  if (readsInputs()) {
+    for (int i = 0; i < kMaxInputs; ++i) {
+      if (partials.input[i] != 0.0) sum += partials.input[i] * state.input_rate[i];
+    }
+  }
+  return sum;
 }
 
 void Constraint::doCalcRow(const StateView& state, double* C, double* c0) const {
@@ -55,12 +90,13 @@ void Constraint::doCalcHessian(const StateView& state, double* H) const {
     double C_above[kMaxShafts];
     double C_below[kMaxShafts];
     acceleration[j] = above;
-    calcResidualAndJacobian(shifted, C_above);
+    calcJacobian(*this, shifted, C_above);
     acceleration[j] = below;
-    calcResidualAndJacobian(shifted, C_below);
+    calcJacobian(*this, shifted, C_below);
     acceleration[j] = state.acceleration[j];
     for (int i = 0; i < s; ++i) H[i * s + j] = (C_above[i] - C_below[i]) / (above - below);
   }
+  if (order() == 3) return;
   // Second derivatives are symmetric; their differences only nearly so.
   for (int i = 0; i < s; ++i) {
     for (int j = 0; j < i; ++j) {
@@ -69,6 +105,38 @@ void Constraint::doCalcHessian(const StateView& state, double* H) const {
       H[j * s + i] = mean;
     }
   }
+}
+
+void Constraint::doCalcJacobianRate(const StateView& state, double* D, double* H) const {
+  doCalcHessian(state, H);
+  // D = (C(t + h, phi + h omega, omega + h epsilon, u + h u') - C(t - h, ...)) / 2h, epsilon held
+  const int s = shaft_count_;
+  double scale = 1.0;
+  for (int i = 0; i < s; ++i) {
+    scale = std::max({scale, std::abs(state.velocity[i]), std::abs(state.acceleration[i])});
+  }
+  const double h = std::cbrt(std::numeric_limits<double>::epsilon()) / scale;
+  double C[2][kMaxShafts];
+  for (int side = 0; side < 2; ++side) {
+    const double step = side == 0 ? -h : h;
+    double angle[kMaxShafts];
+    double velocity[kMaxShafts];
+    double input[kMaxInputs] = {};
+    for (int i = 0; i < s; ++i) {
+      angle[i] = state.angle[i] + step * state.velocity[i];
+      velocity[i] = state.velocity[i] + step * state.acceleration[i];
+    }
+    StateView shifted = state;
+    shifted.time += step;
+    shifted.angle = angle;
+    shifted.velocity = velocity;
+    if (readsInputs()) {
+      for (int i = 0; i < kMaxInputs; ++i) input[i] = state.input[i] + step * state.input_rate[i];
+      shifted.input = input;
+    }
+    calcJacobian(*this, shifted, C[side]);
+  }
+  for (int i = 0; i < s; ++i) D[i] = (C[1][i] - C[0][i]) / (2.0 * h);
 }
 
 }  // namespace variator_sim

@@ -417,13 +417,17 @@ std::string listNumbered(const std::string& prefix, int count) {
 
 /// Why a numbered name means nothing in a scene of `shaft_count` shafts, or an empty string.
 std::string explainName(const std::string& name, int shaft_count, FormulaKind kind) {
-  if (isNumbered(name, "j")) {
+  const bool order3 = kind == FormulaKind::kOrder3 || kind == FormulaKind::kOrder3WithoutJerks;
+  if (isNumbered(name, "j") && !order3) {
     return "jerks occur in constraints of order 3 only";
+  }
+  if (kind == FormulaKind::kOrder1 && isNumbered(name, "e")) {
+    return "a constraint of order 1 may depend on t, phi and w only";
   }
   if (kind == FormulaKind::kTorque && isNumbered(name, "e")) {
     return "a torque may depend on t, phi and w only (with e its rate would need the jerk)";
   }
-  for (const char* prefix : {"phi", "w", "e"}) {
+  for (const char* prefix : {"phi", "w", "e", "j"}) {
     if (isNumbered(name, prefix)) {
       return "the scene has " + std::to_string(shaft_count) +
              (shaft_count == 1 ? " shaft: " : " shafts: ") + listNumbered(prefix, shaft_count);
@@ -494,8 +498,13 @@ Node readFormula(ComponentContext& context, const std::string& key, FormulaKind 
     const std::string number_text = std::to_string(i + 1);
     symbols["phi" + number_text] = graph.variable(slotOf(Source::kAngle, i));
     symbols["w" + number_text] = graph.variable(slotOf(Source::kVelocity, i));
-    if (kind == FormulaKind::kConstraint) {
+    if (kind != FormulaKind::kTorque && kind != FormulaKind::kOrder1) {
       symbols["e" + number_text] = graph.variable(slotOf(Source::kAcceleration, i));
+    }
+    if (kind == FormulaKind::kOrder3) {
+      symbols["j" + number_text] = graph.variable(slotOf(Source::kJerk, i));
+    } else if (kind == FormulaKind::kOrder3WithoutJerks) {
+      symbols["j" + number_text] = graph.constant(0.0);
     }
   }
   for (const auto& [parameter, value] : parameters) {

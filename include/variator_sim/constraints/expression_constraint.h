@@ -7,31 +7,37 @@
 
 namespace variator_sim {
 
-/// A constraint psi(t, phi, omega, epsilon) = 0 of order 2 that the scene states as a formula; its
-/// derivatives are exact.
+/// A constraint that the scene states as a formula; its derivatives are exact.
 ///
-/// Keys: `order` (2), `expression` (psi, in its own unit; names t, phi1.., w1.., e1.. and the
-/// parameters), `parameters` (optional dictionary of numbers). psi must depend on an acceleration.
+/// Keys: `order` (1, 2 or 3), `expression` (f, psi or C eta + c0, in its own unit; names t, phi1..,
+/// w1.., from order 2 on e1.., in order 3 j1.. linearly, and the parameters), `parameters`
+/// (optional dictionary of numbers). It must depend on its highest derivatives: w, e or j.
 ///
 /// One instance is evaluated by one thread at a time.
 class ExpressionConstraint : public Constraint {
  protected:
   void doConfigure(ComponentContext& context) override;
+  int doOrder() const override { return order_; }
   double doCalcResidual(const StateView& state) const override;
+  double doCalcVelocityResidualAndJacobian(const StateView& state, double* C) const override;
   double doCalcResidualAndJacobian(const StateView& state, double* C) const override;
   void doCalcRow(const StateView& state, double* C, double* c0) const override;
   void doCalcPartials(const StateView& state, ConstraintPartials& partials) const override;
   void doCalcHessian(const StateView& state, double* H) const override;
+  void doCalcJacobianRate(const StateView& state, double* D, double* H) const override;
   bool doIsLinearInAcceleration() const override { return is_linear_; }
 
  private:
   // One program per question: none computes more than it is asked for.
-  expression::Tape residual_;               ///< psi
-  expression::Tape residual_and_jacobian_;  ///< psi, then C
+  expression::Tape residual_;               ///< f or psi
+  expression::Tape velocity_level_;         ///< f, then C
+  expression::Tape residual_and_jacobian_;  ///< f' or psi, then C
   expression::Tape row_;                    ///< C, then c0
   expression::Tape partials_;               ///< those of partial_slots_
-  expression::Tape hessian_;                ///< s x s
+  expression::Tape hessian_;                ///< H = dC/depsilon, s x s
+  expression::Tape jacobian_rate_;          ///< D, then H
   std::vector<int> partial_slots_;          ///< variables by which psi has a derivative
+  int order_ = 2;
   bool is_linear_ = false;
 };
 

@@ -45,10 +45,13 @@ std::vector<std::string> functionNames();
 /// A letter or underscore, then letters, digits and underscores.
 bool isValidName(const std::string& name);
 
-/// Whether a component's formula may read the accelerations.
+/// Which variables a component's formula may read.
 enum class FormulaKind {
-  kConstraint,  ///< t, phi1.., w1.., e1..
-  kTorque       ///< t, phi1.., w1..; e1.. is an error that says why
+  kTorque,             ///< t, phi1.., w1..; e1.. is an error that says why
+  kOrder1,             ///< t, phi1.., w1..
+  kOrder2,             ///< t, phi1.., w1.., e1..
+  kOrder3,             ///< t, phi1.., w1.., e1.., j1..
+  kOrder3WithoutJerks  ///< the same with all of j1.. being 0
 };
 
 /// The formula at `key` of a component, with its `parameters` as constants; variables have the
