@@ -1,64 +1,18 @@
 /// The generalized Gauss principle, solved in its symmetric form.
 ///
 /// Among all jerks eta with C eta + c0 = 0 [12] the motion takes the one whose reaction changes
-/// least: minimise 1/2 G^T J^-1 G, G = J eta - Q' (J constant). With the multipliers Lambda,
-///     eta_free = J^-1 Q'
+/// least: minimise 1/2 G^T J^-1 G, G = J eta + g (for constant J, g = -Q'). With the multipliers
+/// Lambda,
+///     eta_free = -J^-1 g
 ///     A Lambda = -(c0 + C eta_free),   A = C J^-1 C^T   (k x k, symmetric positive definite)
 ///     eta      = eta_free + J^-1 C^T Lambda.
 /// For two shafts this is [12] with [15]; no component of C is ever divided by.
 #pragma once
 
-#include <Eigen/Cholesky>
-#include <Eigen/Core>
-
+#include "variator_sim/inertia.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
-
-/// J and J^-1 of S shafts.
-template <int S>
-class Inertia {
- public:
-  /// `J` is S x S, symmetric positive definite, kg m^2.
-  explicit Inertia(const Eigen::MatrixXd& J) {
-    const Eigen::MatrixXd inverse = J.llt().solve(Eigen::MatrixXd::Identity(S, S));
-    for (int i = 0; i < S; ++i) {
-      inverse_diagonal_[i] = 1.0 / J(i, i);
-      for (int j = 0; j < S; ++j) {
-        matrix_[i][j] = J(i, j);
-        inverse_[i][j] = 0.5 * (inverse(i, j) + inverse(j, i));
-        if (i != j && J(i, j) != 0.0) diagonal_ = false;
-      }
-    }
-  }
-
-  /// y = J v.
-  void multiply(const double* v, double* y) const {
-    for (int i = 0; i < S; ++i) {
-      double sum = 0.0;
-      for (int j = 0; j < S; ++j) sum += matrix_[i][j] * v[j];
-      y[i] = sum;
-    }
-  }
-  /// y = J^-1 v.
-  void solve(const double* v, double* y) const {
-    if (diagonal_) {
-      for (int i = 0; i < S; ++i) y[i] = inverse_diagonal_[i] * v[i];
-      return;
-    }
-    for (int i = 0; i < S; ++i) {
-      double sum = 0.0;
-      for (int j = 0; j < S; ++j) sum += inverse_[i][j] * v[j];
-      y[i] = sum;
-    }
-  }
-
- private:
-  double matrix_[S][S];
-  double inverse_[S][S];
-  double inverse_diagonal_[S];
-  bool diagonal_ = true;
-};
 
 /// The linear algebra of k constraints over S shafts: rows of C, B = C J^-1 and A = C B^T as
 /// L D L^T. Everything lies in arrays of fixed size.

@@ -8,12 +8,16 @@
 #include "variator_sim/command_input.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/constraint.h"
+#include "variator_sim/inertia.h"
 #include "variator_sim/parameter_tree.h"
 #include "variator_sim/torque.h"
 
 namespace variator_sim {
 
-enum class Principle { kGeneralizedGauss };
+enum class Principle {
+  kGeneralizedGauss,  ///< the reaction changes least: R' = C^T Lambda
+  kGauss              ///< the reaction is least: R = C^T lambda
+};
 const char* toString(Principle principle);
 
 enum class StepperKind { kAuto, kRk4, kDopri5, kFehlberg78 };
@@ -44,7 +48,11 @@ struct InitialConditions {
 
 struct Scene {
   std::vector<std::string> shafts;
-  Eigen::MatrixXd inertia;  ///< J, kg m^2, s x s, symmetric positive definite
+  /// J, kg m^2, s x s, symmetric; where a shaft has harmonics its entry is the mean. Positive
+  /// definite at every angle.
+  Eigen::MatrixXd inertia;
+  /// What each shaft's inertia adds with its angle: s lists, or none when all are constant.
+  std::vector<std::vector<InertiaHarmonic>> inertia_harmonics;
   std::vector<TorquePtr> torques;
   std::vector<ConstraintPtr> constraints;
   std::vector<CommandInputSettings> inputs;

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <exception>
 #include <limits>
 #include <map>
@@ -139,24 +140,91 @@ void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& al
   }
 }
 
-double readInertia(ParameterReader& root, const std::string& shaft) {
+struct ShaftInertia {
+  double mean = 0.0;
+  std::vector<InertiaHarmonic> harmonics;
+};
+
+double calcInertia(const ShaftInertia& inertia, double angle) {
+  double value = inertia.mean;
+  for (const InertiaHarmonic& harmonic : inertia.harmonics) {
+    value += harmonic.cosine * std::cos(harmonic.order * angle) +
+             harmonic.sine * std::sin(harmonic.order * angle);
+  }
+  return value;
+}
+
+/// The least inertia over all angles: the best of a fine grid, refined by golden sections.
+double calcLeastInertia(const ShaftInertia& inertia) {
+  int highest = 1;
+  for (const InertiaHarmonic& harmonic : inertia.harmonics) {
+    highest = std::max(highest, harmonic.order);
+  }
+  const int points = 64 * highest;
+  const double spacing = 2.0 * 3.14159265358979323846 / points;
+  double best = 0.0;
+  for (int n = 0; n < points; ++n) {
+    if (calcInertia(inertia, n * spacing) < calcInertia(inertia, best)) best = n * spacing;
+  }
+  double low = best - spacing;
+  double high = best + spacing;
+  constexpr double kGolden = 0.6180339887498949;
+  for (int n = 0; n < 60; ++n) {
+    const double left = high - kGolden * (high - low);
+    const double right = low + kGolden * (high - low);
+    (calcInertia(inertia, left) < calcInertia(inertia, right) ? high : low) =
+        calcInertia(inertia, left) < calcInertia(inertia, right) ? right : left;
+  }
+  return std::min(calcInertia(inertia, best), calcInertia(inertia, 0.5 * (low + high)));
+}
+
+/// `inertia`: a number, or {mean, harmonics: [{order, cos, sin}, ...]}; positive at every angle.
+ShaftInertia readInertia(ParameterReader& root, const std::string& shaft) {
   ParameterReader reader = root.section(shaft);
   reader.allow("inertia");
+  ShaftInertia inertia;
   const ParameterTree* value = reader.raw("inertia");
-  if (value != nullptr && value->kind() == ParameterTree::Kind::kDictionary) {
-    throw SceneError(reader.keyPath("inertia"),
-                     value->toText() +
-                         ": an inertia that depends on the angle is not supported by this "
-                         "version; allowed: a number > 0, kg m^2");
+  if (value == nullptr || value->kind() != ParameterTree::Kind::kDictionary) {
+    inertia.mean = reader.number("inertia", Range::positive());
+    reader.finish();
+    return inertia;
   }
-  const double inertia = reader.number("inertia", Range::positive());
+  ParameterReader parts = reader.section("inertia");
+  for (const char* key : {"mean", "harmonics"}) parts.allow(key);
+  inertia.mean = parts.number("mean", Range::positive());
+  const ParameterTree* harmonics = parts.raw("harmonics");
+  if (harmonics != nullptr && harmonics->kind() != ParameterTree::Kind::kNothing) {
+    if (harmonics->kind() != ParameterTree::Kind::kList) {
+      throw SceneError(parts.keyPath("harmonics"), "expected a list of {order, cos, sin}, got " +
+                                                       harmonics->describeKind() + ": " +
+                                                       harmonics->toText());
+    }
+    for (std::size_t n = 0; n < harmonics->asList().size(); ++n) {
+      ParameterReader entry(harmonics->asList()[n], elementPath(parts.keyPath("harmonics"), n));
+      for (const char* key : {"order", "cos", "sin"}) entry.allow(key);
+      InertiaHarmonic harmonic;
+      harmonic.order = entry.integer("order", 1, 1000);
+      harmonic.cosine = entry.number("cos", Range::any(), 0.0);
+      harmonic.sine = entry.number("sin", Range::any(), 0.0);
+      entry.finish();
+      inertia.harmonics.push_back(harmonic);
+    }
+  }
+  parts.finish();
   reader.finish();
+  const double least = calcLeastInertia(inertia);
+  if (!(least > 0.0)) {
+    throw SceneError(reader.keyPath("inertia"),
+                     value->toText() + " falls to " + ParameterTree::real(least).toText() +
+                         " kg m^2 at some angle; allowed: > 0 at every angle");
+  }
   return inertia;
 }
 
-/// Off-diagonal terms [[a, b, value], ...].
+/// Off-diagonal terms [[a, b, value], ...]. `least` holds the least inertia of every shaft: J is
+/// positive definite at every angle when it is with these on its diagonal.
 void readInertiaCoupling(ParameterReader& root, const std::vector<std::string>& shafts,
-                         Eigen::MatrixXd* J) {
+                         const Eigen::VectorXd& least, Eigen::MatrixXd* J) {
   const std::string key = "inertia_coupling";
   const ParameterTree* couplings = root.raw(key);
   if (couplings == nullptr || couplings->kind() == ParameterTree::Kind::kNothing) return;
@@ -202,8 +270,10 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<std::string>& 
     (*J)(pair[1], pair[0]) = value;
   }
 
-  if (Eigen::LLT<Eigen::MatrixXd>(*J).info() != Eigen::Success) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(*J, Eigen::EigenvaluesOnly);
+  Eigen::MatrixXd smallest = *J;
+  smallest.diagonal() = least;
+  if (Eigen::LLT<Eigen::MatrixXd>(smallest).info() != Eigen::Success) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(smallest, Eigen::EigenvaluesOnly);
     throw SceneError(key,
                      couplings->toText() +
                          " makes the inertia matrix J indefinite: its smallest eigenvalue is " +
@@ -214,13 +284,10 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<std::string>& 
 
 Principle readPrinciple(ParameterReader& root) {
   const std::string generalized_gauss = toString(Principle::kGeneralizedGauss);
-  const std::string name =
-      root.choice("principle", {generalized_gauss, "gauss"}, generalized_gauss);
-  if (name != generalized_gauss) {
-    throw SceneError("principle", "'" + name + "' is not supported by this version; allowed: " +
-                                      generalized_gauss);
-  }
-  return Principle::kGeneralizedGauss;
+  const std::string gauss = toString(Principle::kGauss);
+  return root.choice("principle", {generalized_gauss, gauss}, generalized_gauss) == gauss
+             ? Principle::kGauss
+             : Principle::kGeneralizedGauss;
 }
 
 SolverSettings readSolver(ParameterReader& root) {
@@ -342,7 +409,9 @@ ParameterTree resolve(const ParameterTree& tree, const Lists& lists, const Scene
   root["torques"] = toTree(lists.torques);
   root["constraints"] = toTree(lists.constraints);
   for (int i = 0; i < scene.shaftCount(); ++i) {
-    root[scene.shafts[static_cast<std::size_t>(i)]] =
+    const auto n = static_cast<std::size_t>(i);
+    if (!scene.inertia_harmonics.empty() && !scene.inertia_harmonics[n].empty()) continue;
+    root[scene.shafts[n]] =
         ParameterTree::dictionary({{"inertia", ParameterTree::real(scene.inertia(i, i))}});
   }
   root.emplace("inertia_coupling", ParameterTree::list());
@@ -374,6 +443,8 @@ const char* toString(Principle principle) {
   switch (principle) {
     case Principle::kGeneralizedGauss:
       return "generalized_gauss";
+    case Principle::kGauss:
+      return "gauss";
   }
   return "";
 }
@@ -425,10 +496,17 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory) {
   Scene scene;
   scene.shafts = lists.shafts;
   scene.inertia = Eigen::MatrixXd::Zero(scene.shaftCount(), scene.shaftCount());
+  Eigen::VectorXd least(scene.shaftCount());
+  bool constant = true;
   for (int i = 0; i < scene.shaftCount(); ++i) {
-    scene.inertia(i, i) = readInertia(root, scene.shafts[static_cast<std::size_t>(i)]);
+    ShaftInertia inertia = readInertia(root, scene.shafts[static_cast<std::size_t>(i)]);
+    scene.inertia(i, i) = inertia.mean;
+    least(i) = calcLeastInertia(inertia);
+    constant = constant && inertia.harmonics.empty();
+    scene.inertia_harmonics.push_back(std::move(inertia.harmonics));
   }
-  readInertiaCoupling(root, scene.shafts, &scene.inertia);
+  if (constant) scene.inertia_harmonics.clear();
+  readInertiaCoupling(root, scene.shafts, least, &scene.inertia);
   scene.principle = readPrinciple(root);
   scene.initial = readInitial(root, scene.shafts.size());
   scene.solver = readSolver(root);
