@@ -84,6 +84,36 @@ TEST_P(Allocation, NoneInTheRunningLoop) {
   EXPECT_TRUE(std::isfinite(sum));
 }
 
+/// All principles and orders, nonlinear, with an inertia that depends on the angle.
+TEST(Allocation, NoneUnderAnyPrinciple) {
+  for (const std::string principle : {"generalized_gauss", "gauss"}) {
+    for (const std::string last : {"order: 2, expression: \"e3-0.5*e2+0.01*e3^2+w3-0.5*w2\"",
+                                   "order: 3, expression: \"j3-0.5*j2+0.01*e3*j3+e3-0.5*e2\""}) {
+      Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [crank, middle, load]
+crank: {inertia: {mean: 0.5, harmonics: [{order: 2, cos: 0.1}]}}
+middle: {inertia: 0.3}
+load: {inertia: 1.2}
+torques: [engine, friction]
+engine: {type: variator_sim/CommandedTorque, shaft: crank, topic: drive_torque, hold: zero_order}
+friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w3"}
+constraints: [belt, last]
+belt: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(0.8+0.1*sin(t))*w1"}
+initial: {velocity: [10.0, 8.0, 4.0], project: true}
+principle: )yaml" + principle + "\nlast: {type: variator_sim/ExpressionConstraint, " +
+                                                last + "}\n"));
+      const long before = allocations;
+      for (int n = 1; n <= 200; ++n) {
+        simulation.advanceTo(n / 200.0);
+        if (n % 20 == 0) simulation.command(0, std::sin(0.1 * n));
+        simulation.sample();
+      }
+      EXPECT_EQ(allocations - before, 0) << principle << ", " << last;
+      EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Steppers, Allocation,
                          testing::Values(StepperKind::kRk4, StepperKind::kDopri5,
                                          StepperKind::kFehlberg78),

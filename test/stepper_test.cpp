@@ -7,14 +7,14 @@
 #include <cmath>
 #include <vector>
 
-#include "drivetrain.h"
+#include "generalized_gauss.h"
 #include "step_control.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
 namespace {
 
-using State = Drivetrain<2>::State;
+using State = GeneralizedGauss<2>::State;
 
 const char* const kShip = R"yaml(
 shafts: [drive, load]
@@ -53,10 +53,10 @@ constexpr double kEnd = 4.0;
 
 /// Equal steps to kEnd, no projection.
 Result integrate(const Scene& scene, StepperKind kind, int steps) {
-  Drivetrain<2> drivetrain(scene);
+  GeneralizedGauss<2> drivetrain(scene);
   SolverSettings settings;
   settings.stepper = kind;
-  const auto stepper = makeStepper<State, Drivetrain<2>>(settings);
+  const auto stepper = makeStepper<State, GeneralizedGauss<2>>(settings);
   Result result;
   result.x = initialState(scene);
   for (int n = 0; n < steps; ++n) {
@@ -113,7 +113,7 @@ TEST(StepperErrorEstimate, HasTheOrderThatStepControlAssumes) {
   for (StepperKind kind : {StepperKind::kDopri5, StepperKind::kFehlberg78}) {
     SolverSettings settings;
     settings.stepper = kind;
-    const int order = makeStepper<State, Drivetrain<2>>(settings)->errorOrder();
+    const int order = makeStepper<State, GeneralizedGauss<2>>(settings)->errorOrder();
     const int steps = kind == StepperKind::kDopri5 ? 256 : 48;
     const double coarse = integrate(scene, kind, steps).worst_estimate;
     const double fine = integrate(scene, kind, 2 * steps).worst_estimate;
@@ -127,9 +127,9 @@ TEST(DenseOutput, Dopri5HasOrder5InOneStep) {
   const State start = initialState(scene);
   std::vector<double> errors;
   for (double h : {0.04, 0.02, 0.01}) {
-    Drivetrain<2> drivetrain(scene);
-    Dopri5Stepper<State, Drivetrain<2>> dopri5;
-    Fehlberg78Stepper<State, Drivetrain<2>> fehlberg78;
+    GeneralizedGauss<2> drivetrain(scene);
+    Dopri5Stepper<State, GeneralizedGauss<2>> dopri5;
+    Fehlberg78Stepper<State, GeneralizedGauss<2>> fehlberg78;
     State dxdt;
     State next;
     State dxdt_next;

@@ -1,7 +1,8 @@
-/// The drivetrain as a system of ordinary differential equations: x = (phi, omega, epsilon),
-/// x' = (omega, epsilon, eta), with eta from the principle.
+/// One scene of S shafts, evaluated: torques, inertia, constraints, inputs. What is integrated, and
+/// by which principle, is the systems' matter (generalized_gauss.h, classical_gauss.h).
 #pragma once
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,21 +16,26 @@
 
 namespace variator_sim {
 
-/// Evaluates one scene of S shafts. The scene is constant; the inputs' current closed forms and the
-/// counters are the only things that change. All evaluations are [loop].
+/// The scene is constant; the inputs' current closed forms, the inertia at the last angle asked for
+/// and the counters are the only things that change. All evaluations are [loop].
 template <int S>
 class Drivetrain {
  public:
   static constexpr int kShafts = S;
   static constexpr int kMaxRows = ConstraintSolver<S>::kMaxRows;
-  /// (phi, omega, epsilon), S values each.
-  using State = std::array<double, 3 * S>;
 
   explicit Drivetrain(const Scene& scene)
-      : scene_(scene), inertia_(scene.inertia), solver_(scene.constraintCount()) {
+      : scene_(scene),
+        inertia_(scene.inertia, scene.inertia_harmonics),
+        solver_(scene.constraintCount()),
+        velocity_solver_(countOrders(scene, 1)),
+        acceleration_solver_(countOrders(scene, 2)) {
     for (const TorquePtr& torque : scene.torques) torques_.push_back(torque.get());
     for (const ConstraintPtr& constraint : scene.constraints) {
+      const int m = static_cast<int>(constraints_.size());
       constraints_.push_back(constraint.get());
+      if (constraint->order() == 1) velocity_rows_.push_back(m);
+      if (constraint->order() <= 2) acceleration_rows_.push_back(m);
     }
     signals_.resize(scene.inputs.size());
     saved_signals_.resize(scene.inputs.size());
@@ -43,6 +49,13 @@ class Drivetrain {
   const Constraint& constraint(int m) const { return *constraints_[m]; }
   const ConstraintSolver<S>& solver() const { return solver_; }
   std::uint64_t rightHandSides() const { return right_hand_sides_; }
+  /// True when some constraint is of order 1 (its velocities are projected too).
+  bool hasVelocityRows() const { return !velocity_rows_.empty(); }
+  /// True when some constraint is of order 1 or 2.
+  bool hasAccelerationRows() const { return !acceleration_rows_.empty(); }
+  const std::vector<int>& velocityRows() const { return velocity_rows_; }
+  const std::vector<int>& accelerationRows() const { return acceleration_rows_; }
+  bool hasOrder3() const { return static_cast<int>(acceleration_rows_.size()) < constraintCount(); }
 
   // --- inputs ----------------------------------------------------------------------------------
   void resetInputs() {
@@ -83,88 +96,100 @@ class Drivetrain {
   }
 
   // --- evaluations -----------------------------------------------------------------------------
-  /// The view at (t, x) with the inputs at t.
-  StateView view(double t, const double* x) {
+  /// u and u' at t.
+  void evaluateInputs(double t) {
     for (int i : varying_) {
       input_[i] = signals_[i].value(t);
       input_rate_[i] = signals_[i].rate(t);
     }
-    return {t, x, x + S, x + 2 * S, input_, input_rate_};
+  }
+  /// A view of (t, phi, omega, epsilon) with the inputs at t; J is brought to phi.
+  StateView view(double t, const double* phi, const double* omega, const double* epsilon) {
+    evaluateInputs(t);
+    if (!inertia_.isConstant()) inertia_.update(phi);
+    return {t, phi, omega, epsilon, input_, input_rate_};
   }
 
-  /// eta at `state` and Lambda (kMaxRows values). False where C has lost rank; eta is NaN then.
-  bool calcJerk(const StateView& state, double* eta, double* Lambda) {
-    ++right_hand_sides_;
-    // Q' (total rate), then eta_free = J^-1 Q'
-    double torque_rate[S] = {};
-    for (const Torque* torque : torques_) torque->addTorqueRate(state, torque_rate);
-    inertia_.solve(torque_rate, eta);
-    if (constraintCount() == 0) return true;
-    // C eta + c0 = 0 [12]
-    double c0[kMaxRows];
-    for (int m = 0; m < constraintCount(); ++m) {
-      constraint(m).calcRow(state, solver_.row(m), &c0[m]);
-    }
-    if (!solver_.factor(inertia_)) {
-      for (int i = 0; i < S; ++i) eta[i] = std::numeric_limits<double>::quiet_NaN();
-      return false;
-    }
-    solver_.constrain(c0, eta, Lambda);
-    return true;
-  }
-
-  /// x' at (t, x): the system as Boost.Odeint calls it.
-  void operator()(const State& x, State& dxdt, double t) {
-    for (int i = 0; i < 2 * S; ++i) dxdt[i] = x[S + i];
-    double Lambda[kMaxRows];
-    calcJerk(view(t, x.data()), &dxdt[2 * S], Lambda);
-  }
+  void countRightHandSide() { ++right_hand_sides_; }
 
   /// Applied torque Q at `state`, N m, S values.
   void calcTorque(const StateView& state, double* torque) const {
     for (int i = 0; i < S; ++i) torque[i] = 0.0;
     for (const Torque* element : torques_) element->addTorque(state, torque);
   }
-
-  /// Everything that is published, at (t, x). False where C has lost rank.
-  bool calcSample(double t, const State& x, Sample* sample) {
-    const StateView state = view(t, x.data());
-    sample->time = t;
-    for (int i = 0; i < S; ++i) {
-      sample->angle[i] = x[i];
-      sample->velocity[i] = x[S + i];
-      sample->acceleration[i] = x[2 * S + i];
-    }
-    // R = J epsilon - Q
-    calcTorque(state, sample->applied_torque);
-    inertia_.multiply(state.acceleration, sample->reaction_torque);
-    for (int i = 0; i < S; ++i) sample->reaction_torque[i] -= sample->applied_torque[i];
-    // R' = C^T Lambda
-    double eta[S];
-    const bool regular = calcJerk(state, eta, sample->multiplier);
-    for (int i = 0; i < S; ++i) sample->reaction_torque_rate[i] = 0.0;
-    for (int m = 0; m < constraintCount(); ++m) {
-      const double* C = solver_.row(m);
-      for (int i = 0; i < S; ++i) sample->reaction_torque_rate[i] += C[i] * sample->multiplier[m];
-      sample->residual[m] = constraint(m).calcResidual(state);
-    }
-    return regular;
+  /// Its total rate Q', N m/s, S values.
+  void calcTorqueRate(const StateView& state, double* torque_rate) const {
+    for (int i = 0; i < S; ++i) torque_rate[i] = 0.0;
+    for (const Torque* element : torques_) element->addTorqueRate(state, torque_rate);
   }
 
-  /// One step of Newton's iteration onto psi = 0 in the metric J:
-  ///     delta epsilon = -J^-1 C^T A^-1 psi.
-  /// Writes delta (S values). False where C has lost rank.
-  bool calcProjection(const StateView& state, double* delta) {
-    double psi[kMaxRows];
-    for (int m = 0; m < constraintCount(); ++m) {
-      psi[m] = constraint(m).calcResidualAndJacobian(state, solver_.row(m));
+  /// Q - n, the torque that J epsilon would balance without reaction; n = 1/2 J' omega^2.
+  void calcFreeTorque(const StateView& state, double* torque) const {
+    calcTorque(state, torque);
+    if (inertia_.isConstant()) return;
+    for (int i = 0; i < S; ++i) {
+      torque[i] -= 0.5 * inertia_.first(i) * state.velocity[i] * state.velocity[i];
     }
-    if (!solver_.factor(inertia_)) return false;
-    for (int m = 0; m < constraintCount(); ++m) psi[m] = -psi[m];
-    solver_.solve(psi, psi);
-    for (int i = 0; i < S; ++i) delta[i] = 0.0;
-    solver_.addReaction(psi, delta);
-    return true;
+  }
+  /// (Q - n - J epsilon)' + J eta = Q' - J' omega epsilon - n', with n' = 1/2 J'' omega^3 +
+  /// J' omega epsilon: the rate of R is J eta minus this.
+  void calcFreeTorqueRate(const StateView& state, double* rate) const {
+    calcTorqueRate(state, rate);
+    if (inertia_.isConstant()) return;
+    for (int i = 0; i < S; ++i) {
+      const double w = state.velocity[i];
+      rate[i] -= 2.0 * inertia_.first(i) * w * state.acceleration[i] +
+                 0.5 * inertia_.second(i) * w * w * w;
+    }
+  }
+  /// R = J epsilon + n - Q, S values, given Q.
+  void calcReaction(const StateView& state, const double* torque, double* reaction) const {
+    inertia_.multiply(state.acceleration, reaction);
+    for (int i = 0; i < S; ++i) reaction[i] -= torque[i];
+    if (inertia_.isConstant()) return;
+    for (int i = 0; i < S; ++i) {
+      reaction[i] += 0.5 * inertia_.first(i) * state.velocity[i] * state.velocity[i];
+    }
+  }
+  /// Gamma^rho_{i i} R_rho omega_i = 1/2 J_i' omega_i (J^-1 R)_i: what R' has beyond its covariant
+  /// form G [6]. Only where the inertia depends on the angle.
+  void calcConnection(const StateView& state, const double* reaction, double* connection) const {
+    inertia_.solve(reaction, connection);
+    for (int i = 0; i < S; ++i) connection[i] *= 0.5 * inertia_.first(i) * state.velocity[i];
+  }
+
+  /// Rows of C and c0 of all constraints, factored. False where C has lost rank.
+  bool calcRows(const StateView& state, double* c0) {
+    for (int m = 0; m < constraintCount(); ++m) {
+      constraint(m).calcRow(state, solver_.row(m), &c0[m]);
+    }
+    return solver_.factor(inertia_);
+  }
+
+  /// One step of Newton's iteration onto f = 0 (orders 1) by the velocities, in the metric J:
+  ///     delta omega = -J^-1 C^T A^-1 f.
+  /// Writes delta (S values). False where C has lost rank.
+  bool calcVelocityProjection(const StateView& state, double* delta) {
+    return calcCorrection(velocity_rows_, &velocity_solver_, delta, [&](int m, double* C) {
+      return constraint(m).calcVelocityResidualAndJacobian(state, C);
+    });
+  }
+  /// The same onto psi = 0 or f' = 0 (orders 2 and 1) by the accelerations.
+  bool calcAccelerationProjection(const StateView& state, double* delta) {
+    return calcCorrection(acceleration_rows_, &acceleration_solver_, delta, [&](int m, double* C) {
+      return constraint(m).calcResidualAndJacobian(state, C);
+    });
+  }
+  /// Squared length of row r of accelerationRows() in the last acceleration projection.
+  double accelerationRowLengthSquared(int r) const {
+    return acceleration_solver_.rowLengthSquared(r);
+  }
+  /// The constraint at which the last projection lost rank.
+  int singularVelocityConstraint() const {
+    return rowOf(velocity_rows_, velocity_solver_.singularRow());
+  }
+  int singularAccelerationConstraint() const {
+    return rowOf(acceleration_rows_, acceleration_solver_.singularRow());
   }
 
   /// d epsilon / d theta of the jump map at `state`, whose inputs stand at theta:
@@ -176,11 +201,17 @@ class Drivetrain {
     if (constraintCount() == 0) return true;
     double c0[kMaxRows] = {};
     for (int m = 0; m < constraintCount(); ++m) {
-      constraint(m).calcResidualAndJacobian(state, solver_.row(m));
+      double unused;
+      const Constraint& row = constraint(m);
+      if (row.order() == 3) {
+        row.calcRow(state, solver_.row(m), &unused);
+      } else {
+        row.calcResidualAndJacobian(state, solver_.row(m));
+      }
       c0[m] = 0.0;
-      if (constraint(m).readsInputs()) {
+      if (row.readsInputs()) {
         double Cu[kMaxInputs];
-        constraint(m).calcInputJacobian(state, inputCount(), Cu);
+        row.calcInputJacobian(state, inputCount(), Cu);
         for (int i = 0; i < inputCount(); ++i) c0[m] += Cu[i] * input_jump[i];
       }
     }
@@ -188,9 +219,79 @@ class Drivetrain {
       for (int i = 0; i < S; ++i) rate[i] = std::numeric_limits<double>::quiet_NaN();
       return false;
     }
-    double Lambda[kMaxRows];
+    double Lambda[kMaxRows] = {};
     solver_.constrain(c0, rate, Lambda);
     return true;
+  }
+
+  /// The jerk that keeps R = C^T lambda, i.e. the derivative of J epsilon + n - Q = C^T lambda:
+  ///     (J - sum lambda_m H_m) eta - C^T lambda' = free torque rate + sum lambda_m D_m,
+  ///     C eta + c0 = 0,   dC/dt = D + H eta        [17, 18].
+  /// `lambda` (k values) is given; eta and the reaction rate R' = J eta - free torque rate are
+  /// written (S values each). False when the system is singular.
+  bool calcFormalJerk(const StateView& state, const double* lambda, double* eta,
+                      double* reaction_rate) {
+    double rate[S];
+    calcFreeTorqueRate(state, rate);
+    double right[S];
+    double c0[kMaxRows] = {};
+    double H[kMaxRows * S * S];
+    std::copy(rate, rate + S, right);
+    for (int m = 0; m < constraintCount(); ++m) {
+      double D[S];
+      constraint(m).calcRow(state, solver_.row(m), &c0[m]);
+      constraint(m).calcJacobianRate(state, D, H + m * S * S);
+      for (int i = 0; i < S; ++i) right[i] += lambda[m] * D[i];
+    }
+    if (!solveFormal(lambda, H, right, c0, eta)) return false;
+    inertia_.multiply(eta, reaction_rate);
+    for (int i = 0; i < S; ++i) reaction_rate[i] -= rate[i];
+    return true;
+  }
+
+  /// d epsilon / d theta of a jump along which R stays C^T lambda:
+  ///     (J - sum lambda_m H_m) d_epsilon - C^T d_lambda = Delta_Q,  C d_epsilon + dpsi/du Delta_u
+  ///     = 0.
+  /// False when the system is singular; the rate is NaN then.
+  bool calcFormalJumpRate(const StateView& state, const double* torque_jump,
+                          const double* input_jump, double* rate) {
+    if (!calcJumpRate(state, torque_jump, input_jump, rate)) return false;
+    double torque[S];
+    double reaction[S];
+    double lambda[kMaxRows] = {};
+    double H[kMaxRows * S * S];
+    double c0[kMaxRows] = {};
+    calcTorque(state, torque);
+    calcReaction(state, torque, reaction);
+    calcMultipliers(reaction, lambda);
+    for (int m = 0; m < constraintCount(); ++m) {
+      constraint(m).calcHessian(state, H + m * S * S);
+      // calcJumpRate has just made C d_epsilon = -dpsi/du Delta_u.
+      for (int i = 0; i < S; ++i) c0[m] -= solver_.row(m)[i] * rate[i];
+    }
+    if (solveFormal(lambda, H, torque_jump, c0, rate)) return true;
+    for (int i = 0; i < S; ++i) rate[i] = std::numeric_limits<double>::quiet_NaN();
+    return false;
+  }
+
+  /// lambda (k values) of the part of `reaction` in range(C^T): A lambda = C J^-1 R. Needs
+  /// calcRows.
+  void calcMultipliers(const double* reaction, double* lambda) const {
+    double accelerations[S];
+    inertia_.solve(reaction, accelerations);
+    solver_.multiply(accelerations, lambda);
+    solver_.solve(lambda, lambda);
+  }
+
+  /// What is left of f, psi, or C eta + c0.
+  double calcResidual(int m, const StateView& state, const double* eta) const {
+    const Constraint& row = constraint(m);
+    if (row.order() < 3) return row.calcResidual(state);
+    double C[S];
+    double c0;
+    row.calcRow(state, C, &c0);
+    for (int i = 0; i < S; ++i) c0 += C[i] * eta[i];
+    return c0;
   }
 
   /// Which component gives a value that is not finite at `state` (first torques, then constraints),
@@ -214,7 +315,8 @@ class Drivetrain {
       double C[S];
       double c0;
       constraint(m).calcRow(state, C, &c0);
-      bool finite = std::isfinite(c0) && std::isfinite(constraint(m).calcResidual(state));
+      bool finite = std::isfinite(c0) && (constraint(m).order() == 3 ||
+                                          std::isfinite(constraint(m).calcResidual(state)));
       for (int i = 0; i < S; ++i) finite = finite && std::isfinite(C[i]);
       if (!finite) {
         *row = m;
@@ -225,11 +327,75 @@ class Drivetrain {
   }
 
  private:
+  static int countOrders(const Scene& scene, int highest) {
+    int count = 0;
+    for (const ConstraintPtr& constraint : scene.constraints) {
+      if (constraint->order() <= highest) ++count;
+    }
+    return count;
+  }
+  static int rowOf(const std::vector<int>& rows, int row) {
+    return row < 0 ? -1 : rows[static_cast<std::size_t>(row)];
+  }
+
+  /// (J - sum lambda_m H_m) x - C^T y = right, C x = -c0, with the rows of C in solver_. Writes x.
+  bool solveFormal(const double* lambda, const double* H, const double* right, const double* c0,
+                   double* x) const {
+    constexpr int kMaxSize = S + kMaxRows;
+    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxSize, kMaxSize>;
+    using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxSize, 1>;
+    const int k = constraintCount();
+    Matrix K = Matrix::Zero(S + k, S + k);
+    Vector b = Vector::Zero(S + k);
+    for (int i = 0; i < S; ++i) {
+      b(i) = right[i];
+      for (int j = 0; j < S; ++j) K(i, j) = inertia_.entry(i, j);
+    }
+    for (int m = 0; m < k; ++m) {
+      b(S + m) = -c0[m];
+      for (int i = 0; i < S; ++i) {
+        K(S + m, i) = solver_.row(m)[i];
+        K(i, S + m) = -solver_.row(m)[i];
+        for (int j = 0; j < S; ++j) K(i, j) -= lambda[m] * H[(m * S + i) * S + j];
+      }
+    }
+    if (!K.allFinite() || !b.allFinite()) return false;
+    // Scaling every row by its largest entry makes the pivoting blind to the units of psi.
+    for (int i = 0; i < S + k; ++i) {
+      const double largest = K.row(i).cwiseAbs().maxCoeff();
+      if (largest == 0.0) return false;
+      K.row(i) /= largest;
+      b(i) /= largest;
+    }
+    const Vector solution = K.partialPivLu().solve(b);
+    if (!solution.allFinite()) return false;
+    for (int i = 0; i < S; ++i) x[i] = solution(i);
+    return true;
+  }
+
+  /// -J^-1 C^T A^-1 residual over some constraints; `evaluate(m, C)` gives residual and row.
+  template <class Evaluate>
+  bool calcCorrection(const std::vector<int>& rows, ConstraintSolver<S>* solver, double* delta,
+                      Evaluate evaluate) {
+    double residual[kMaxRows] = {};
+    for (int r = 0; r < solver->rowCount(); ++r) residual[r] = evaluate(rows[r], solver->row(r));
+    if (!solver->factor(inertia_)) return false;
+    for (int r = 0; r < solver->rowCount(); ++r) residual[r] = -residual[r];
+    solver->solve(residual, residual);
+    for (int i = 0; i < S; ++i) delta[i] = 0.0;
+    solver->addReaction(residual, delta);
+    return true;
+  }
+
   const Scene& scene_;
   Inertia<S> inertia_;
-  ConstraintSolver<S> solver_;
+  ConstraintSolver<S> solver_;               // all constraints
+  ConstraintSolver<S> velocity_solver_;      // those of order 1
+  ConstraintSolver<S> acceleration_solver_;  // those of order 1 and 2
   std::vector<const Torque*> torques_;
   std::vector<const Constraint*> constraints_;
+  std::vector<int> velocity_rows_;
+  std::vector<int> acceleration_rows_;
   std::vector<CommandSignal> signals_;
   std::vector<CommandSignal> saved_signals_;
   std::vector<int> varying_;  // indices of the inputs that are not constant; capacity is reserved

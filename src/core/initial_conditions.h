@@ -1,4 +1,5 @@
-/// Consistent initial accelerations: those of least reaction, or the user's own, polished.
+/// Consistent initial values, and the accelerations of least reaction: the classical Gauss
+/// principle at one instant.
 #pragma once
 
 #include <Eigen/LU>
@@ -29,22 +30,44 @@ class InitialConditionSolver {
 
   explicit InitialConditionSolver(Drivetrain<S>& drivetrain) : drivetrain_(drivetrain) {}
 
+  /// Takes given velocities: consistent ones are polished onto f = 0 (constraints of order 1),
+  /// inconsistent ones moved there only when `may_move`. `nearest` (S values) gets the nearest
+  /// consistent velocities. `state.velocity` must point to `omega` (S values).
+  InitialResult acceptVelocities(const StateView& state, bool may_move, double* omega,
+                                 double* nearest) {
+    std::copy(omega, omega + S, nearest);
+    StateView moving = state;
+    moving.velocity = nearest;
+    double moved[S];
+    std::uint64_t iterations = 0;
+    switch (projectVelocities(drivetrain_, moving, nearest, moved, &iterations)) {
+      case ProjectionResult::kSingular:
+        return InitialResult::kSingular;
+      case ProjectionResult::kDiverged:
+        return InitialResult::kNotFound;
+      case ProjectionResult::kConverged:
+        break;
+    }
+    return acceptNearest(may_move, omega, nearest);
+  }
+
   /// Accelerations of least reaction: the classical Gauss principle, minimise 1/2 R^T J^-1 R under
-  /// psi = 0. Stationarity, with R = J epsilon - Q:
-  ///     J epsilon - Q - C^T lambda = 0,   psi = 0,
-  /// solved by damped Newton from the free accelerations J^-1 Q.
+  /// psi = 0. Stationarity, with R = J epsilon + n - Q:
+  ///     J epsilon + n - Q - C^T lambda = 0,   psi = 0,
+  /// solved by damped Newton from the free accelerations J^-1 (Q - n).
   /// `state.acceleration` must point to `epsilon` (S values, written).
   InitialResult findLeastReaction(const StateView& state, double* epsilon) {
     double torque[S];
     double free[S];
-    drivetrain_.calcTorque(state, torque);
+    drivetrain_.calcFreeTorque(state, torque);
     drivetrain_.inertia().solve(torque, free);
     for (int i = 0; i < S; ++i) {
       if (!std::isfinite(free[i])) return InitialResult::kNonFinite;
       epsilon[i] = free[i];
     }
-    if (drivetrain_.constraintCount() == 0) return InitialResult::kConsistent;
-    if (newton(state, torque, epsilon)) return InitialResult::kConsistent;
+    if (!drivetrain_.hasAccelerationRows()) return InitialResult::kConsistent;
+    double lambda[kMaxRows] = {};
+    if (newton(state, torque, epsilon, lambda)) return InitialResult::kConsistent;
     // C may vanish at the free accelerations (psi = eps1^2 + eps2^2 - a^2 without torque): start
     // aside of them, in the direction of each shaft, and keep the least reaction found.
     double best = std::numeric_limits<double>::infinity();
@@ -55,7 +78,8 @@ class InitialConditionSolver {
       for (double sign : {1.0, -1.0}) {
         for (int j = 0; j < S; ++j) epsilon[j] = free[j];
         epsilon[i] += sign * length;
-        if (!newton(state, torque, epsilon)) continue;
+        std::fill(lambda, lambda + kMaxRows, 0.0);
+        if (!newton(state, torque, epsilon, lambda)) continue;
         double R[S];
         double reaction_acceleration[S];
         drivetrain_.inertia().multiply(epsilon, R);
@@ -74,34 +98,48 @@ class InitialConditionSolver {
     return explain(state, epsilon);
   }
 
+  /// Newton's iteration for the accelerations of least reaction and their multipliers from those
+  /// given in `epsilon` (S values) and `lambda` (one per row of accelerationRows()); `torque` is
+  /// Q - n. False when it does not converge.
+  bool solveLeastReaction(const StateView& state, const double* torque, double* epsilon,
+                          double* lambda) {
+    return newton(state, torque, epsilon, lambda);
+  }
+
   /// Takes given accelerations: consistent ones are polished onto psi = 0, inconsistent ones moved
   /// there only when `may_move`. `nearest` (S values) gets the nearest consistent accelerations.
   /// `state.acceleration` must point to `epsilon` (S values).
-  InitialResult accept(const StateView& state, bool may_move, double* epsilon, double* nearest) {
-    double scale = 1.0;
-    for (int i = 0; i < S; ++i) {
-      nearest[i] = epsilon[i];
-      scale = std::max(scale, std::abs(epsilon[i]));
-    }
+  InitialResult acceptAccelerations(const StateView& state, bool may_move, double* epsilon,
+                                    double* nearest) {
+    std::copy(epsilon, epsilon + S, nearest);
     StateView moving = state;
     moving.acceleration = nearest;
     double moved[S];
     std::uint64_t iterations = 0;
-    switch (project(drivetrain_, moving, nearest, moved, &iterations)) {
+    switch (projectAccelerations(drivetrain_, moving, nearest, moved, &iterations)) {
       case ProjectionResult::kSingular:
       case ProjectionResult::kDiverged:
         return explain(state, epsilon);
       case ProjectionResult::kConverged:
         break;
     }
-    double distance = 0.0;
-    for (int i = 0; i < S; ++i) distance = std::max(distance, std::abs(nearest[i] - epsilon[i]));
-    if (!(distance <= kConsistent * scale) && !may_move) return InitialResult::kInconsistent;
-    for (int i = 0; i < S; ++i) epsilon[i] = nearest[i];
-    return InitialResult::kConsistent;
+    return acceptNearest(may_move, epsilon, nearest);
   }
 
  private:
+  /// `values` become `nearest` when these are as near as consistent values print, or `may_move`.
+  static InitialResult acceptNearest(bool may_move, double* values, const double* nearest) {
+    double scale = 1.0;
+    double distance = 0.0;
+    for (int i = 0; i < S; ++i) {
+      scale = std::max(scale, std::abs(values[i]));
+      distance = std::max(distance, std::abs(nearest[i] - values[i]));
+    }
+    if (!(distance <= kConsistent * scale) && !may_move) return InitialResult::kInconsistent;
+    std::copy(nearest, nearest + S, values);
+    return InitialResult::kConsistent;
+  }
+
   static constexpr int kMaxSize = S + kMaxRows;
   using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxSize, kMaxSize>;
   using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxSize, 1>;
@@ -114,9 +152,12 @@ class InitialConditionSolver {
     if (drivetrain_.findNonFinite(there, &torque, &constraint)) return InitialResult::kNonFinite;
     // On psi = 0 the motion could start but for C; elsewhere there is nowhere to start.
     double delta[S];
-    if (drivetrain_.calcProjection(there, delta)) return InitialResult::kNotFound;
-    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-      if (drivetrain_.constraint(m).calcResidual(there) != 0.0) return InitialResult::kNotFound;
+    if (drivetrain_.calcAccelerationProjection(there, delta)) return InitialResult::kNotFound;
+    for (int m : drivetrain_.accelerationRows()) {
+      double C[S];
+      if (drivetrain_.constraint(m).calcResidualAndJacobian(there, C) != 0.0) {
+        return InitialResult::kNotFound;
+      }
     }
     return InitialResult::kSingular;
   }
@@ -125,10 +166,11 @@ class InitialConditionSolver {
   /// False when the matrix is singular or not finite.
   bool calcStep(const StateView& state, const double* torque, const double* epsilon,
                 const double* lambda, Vector* step) {
-    const int k = drivetrain_.constraintCount();
+    const std::vector<int>& rows = drivetrain_.accelerationRows();
+    const int k = static_cast<int>(rows.size());
     const int n = S + k;
-    //  [ J - sum lambda_m d2psi_m   -C^T ] [d epsilon]     [ J epsilon - Q - C^T lambda ]
-    //  [ C                           0   ] [d lambda ] = - [ psi                        ]
+    //  [ J - sum lambda_m H_m   -C^T ] [d epsilon]     [ J epsilon + n - Q - C^T lambda ]
+    //  [ C                       0   ] [d lambda ] = - [ psi                            ]
     Matrix K = Matrix::Zero(n, n);
     Vector F = Vector::Zero(n);
     double unit[S];
@@ -145,8 +187,9 @@ class InitialConditionSolver {
     for (int m = 0; m < k; ++m) {
       double C[S];
       double H[S * S];
-      F(S + m) = drivetrain_.constraint(m).calcResidualAndJacobian(state, C);
-      drivetrain_.constraint(m).calcHessian(state, H);
+      const Constraint& constraint = drivetrain_.constraint(rows[m]);
+      F(S + m) = constraint.calcResidualAndJacobian(state, C);
+      constraint.calcHessian(state, H);
       for (int i = 0; i < S; ++i) {
         K(S + m, i) = C[i];
         K(i, S + m) = -C[i];
@@ -168,13 +211,20 @@ class InitialConditionSolver {
 
   static double calcLength(const Vector& step) { return step.head(S).cwiseAbs().maxCoeff(); }
 
-  bool newton(const StateView& given, const double* torque, double* epsilon) {
-    const int k = drivetrain_.constraintCount();
+  bool newton(const StateView& given, const double* torque, double* epsilon, double* lambda) {
+    const int k = static_cast<int>(drivetrain_.accelerationRows().size());
     StateView state = given;
     state.acceleration = epsilon;
-    double lambda[kMaxRows] = {};
     Vector step;
     if (!calcStep(state, torque, epsilon, lambda, &step)) return false;
+    // Near equilibrium epsilon is the small difference of large terms; this is what they round to.
+    double free[S];
+    drivetrain_.inertia().solve(torque, free);
+    double rounding = 1e-290;
+    for (int i = 0; i < S; ++i) {
+      rounding =
+          std::max(rounding, 64.0 * std::numeric_limits<double>::epsilon() * std::abs(free[i]));
+    }
     for (int iteration = 0; iteration < 200; ++iteration) {
       const double length = calcLength(step);
       // Natural monotonicity (Deuflhard): the next step, which does not depend on how the equations
@@ -190,15 +240,17 @@ class InitialConditionSolver {
         for (int i = 0; i < S; ++i) epsilon[i] = epsilon_old[i] + fraction * step(i);
         for (int m = 0; m < k; ++m) lambda[m] = lambda_old[m] + fraction * step(S + m);
         if (!calcStep(state, torque, epsilon, lambda, &next)) continue;
-        shorter = calcLength(next) <= (1.0 - 0.25 * fraction) * length || isSmall(next, epsilon);
+        shorter = calcLength(next) <= (1.0 - 0.25 * fraction) * length ||
+                  isSmall(next, epsilon, rounding);
       }
       if (!shorter) return false;
-      if (isSmall(next, epsilon)) {
+      if (isSmall(next, epsilon, rounding)) {
         // The last correction is below what can be told apart; make it, and polish psi alone.
         for (int i = 0; i < S; ++i) epsilon[i] += next(i);
+        for (int m = 0; m < k; ++m) lambda[m] += next(S + m);
         double moved[S];
         std::uint64_t iterations = 0;
-        return project(drivetrain_, state, epsilon, moved, &iterations) ==
+        return projectAccelerations(drivetrain_, state, epsilon, moved, &iterations) ==
                ProjectionResult::kConverged;
       }
       step = next;
@@ -206,11 +258,11 @@ class InitialConditionSolver {
     return false;
   }
 
-  static bool isSmall(const Vector& step, const double* epsilon) {
+  static bool isSmall(const Vector& step, const double* epsilon, double rounding) {
     double scale = 0.0;
     for (int i = 0; i < S; ++i) scale = std::max(scale, std::abs(epsilon[i]));
     // Quadratic convergence: the step after one of 1e-9 is lost in rounding.
-    return calcLength(step) <= 1e-9 * scale || calcLength(step) <= 1e-290;
+    return calcLength(step) <= std::max(1e-9 * scale, rounding);
   }
 
   Drivetrain<S>& drivetrain_;

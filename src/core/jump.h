@@ -22,7 +22,10 @@ namespace variator_sim {
 template <int S>
 class JumpMap {
  public:
-  explicit JumpMap(Drivetrain<S>& drivetrain) : drivetrain_(drivetrain), path_(drivetrain) {
+  /// `keeps_reaction_in_range`: R stays C^T lambda along the jump (the formal equations [18])
+  /// instead of changing by C^T Lambda. The same wherever C does not depend on epsilon.
+  explicit JumpMap(Drivetrain<S>& drivetrain, bool keeps_reaction_in_range = false)
+      : drivetrain_(drivetrain), path_(drivetrain, keeps_reaction_in_range) {
     for (int m = 0; m < drivetrain.constraintCount(); ++m) {
       const Constraint& constraint = drivetrain.constraint(m);
       straight_ = straight_ && constraint.isLinearInAcceleration() && !constraint.readsInputs();
@@ -54,7 +57,7 @@ class JumpMap {
   /// d epsilon / d theta as a system that Boost.Odeint can step.
   class Path {
    public:
-    explicit Path(Drivetrain<S>& drivetrain) : drivetrain_(drivetrain) {}
+    Path(Drivetrain<S>& drivetrain, bool formal) : drivetrain_(drivetrain), formal_(formal) {}
     void begin(double t, const double* phi, const double* omega, const double* u0,
                const double* u1) {
       state_ = {t, phi, omega, nullptr, input_, zero_rate_};
@@ -76,11 +79,16 @@ class JumpMap {
       return state;
     }
     void operator()(const Vector& e, Vector& rate, double theta) {
-      drivetrain_.calcJumpRate(at(theta, e.data()), torque_jump_, jump_, rate.data());
+      if (formal_) {
+        drivetrain_.calcFormalJumpRate(at(theta, e.data()), torque_jump_, jump_, rate.data());
+      } else {
+        drivetrain_.calcJumpRate(at(theta, e.data()), torque_jump_, jump_, rate.data());
+      }
     }
 
    private:
     Drivetrain<S>& drivetrain_;
+    bool formal_;
     StateView state_{};
     double start_[kMaxInputs] = {};
     double jump_[kMaxInputs] = {};
@@ -117,8 +125,8 @@ class JumpMap {
       stepper_.step(path_, e, rate, theta, h, e_new, rate_new, error);
       double norm = calcErrorNorm(error, e, e_new, absolute, relative);
       if (norm <= 1.0) {
-        const auto projected = project(drivetrain_, path_.at(theta + h, e_new.data()), e_new.data(),
-                                       moved.data(), projections);
+        const auto projected = projectAccelerations(drivetrain_, path_.at(theta + h, e_new.data()),
+                                                    e_new.data(), moved.data(), projections);
         // What the projection had to move is a second, independent measure of the error.
         norm = projected == ProjectionResult::kConverged
                    ? std::max(norm, calcErrorNorm(moved, e, e_new, absolute, relative))
@@ -150,8 +158,9 @@ class JumpMap {
       return status;
     }
     status.reason = StopReason::kJumpFailed;
-    double delta[S];
-    if (!drivetrain_.calcProjection(state, delta)) {
+    Vector rate;
+    const double nothing[kMaxInputs > S ? kMaxInputs : S] = {};
+    if (!drivetrain_.calcJumpRate(state, nothing, nothing, rate.data())) {
       status.reason = StopReason::kSingularConstraint;
       status.constraint = drivetrain_.solver().singularRow();
       status.measure = drivetrain_.solver().singularMeasure();

@@ -1,17 +1,17 @@
-#include "motion_of.h"
+#include "make_motion.h"
 
 namespace variator_sim {
 
 std::unique_ptr<Motion> makeLargeMotion(Scene scene) {
   switch (scene.shaftCount()) {
     case 5:
-      return std::make_unique<MotionOf<5>>(std::move(scene));
+      return makeMotion<5>(std::move(scene));
     case 6:
-      return std::make_unique<MotionOf<6>>(std::move(scene));
+      return makeMotion<6>(std::move(scene));
     case 7:
-      return std::make_unique<MotionOf<7>>(std::move(scene));
+      return makeMotion<7>(std::move(scene));
     case 8:
-      return std::make_unique<MotionOf<8>>(std::move(scene));
+      return makeMotion<8>(std::move(scene));
     default:
       return nullptr;
   }

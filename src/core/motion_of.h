@@ -1,4 +1,4 @@
-/// The motion of a scene of S shafts: steps, rejects, projects, jumps, samples.
+/// The motion of a scene by one system of equations: steps, rejects, projects, jumps, samples.
 ///
 /// The integrator runs freely ahead of the present, by steps of its own choice: `base` to `front`
 /// is its last step and the present lies in it. Samples are taken from inside that step and
@@ -13,7 +13,6 @@
 
 #include "drivetrain.h"
 #include "initial_conditions.h"
-#include "jump.h"
 #include "motion.h"
 #include "projection.h"
 #include "step_control.h"
@@ -21,16 +20,16 @@
 
 namespace variator_sim {
 
-template <int S>
+/// `System` is GeneralizedGauss, ClassicalGauss or FormalGauss of some number of shafts.
+template <class System>
 class MotionOf final : public Motion {
  public:
   explicit MotionOf(Scene scene)
       : scene_(std::move(scene)),
-        drivetrain_(scene_),
-        initial_solver_(drivetrain_),
-        jump_map_(drivetrain_),
-        stepper_(makeStepper<State, Drivetrain<S>>(scene_.solver)),
-        inner_stepper_(makeStepper<State, Drivetrain<S>>(scene_.solver)),
+        system_(scene_),
+        drivetrain_(system_.drivetrain()),
+        stepper_(makeStepper<State, System>(scene_.solver)),
+        inner_stepper_(makeStepper<State, System>(scene_.solver)),
         control_(std::max(1, stepper_->errorOrder())) {
     startOver();
     if (initial_result_ == InitialResult::kInconsistent ||
@@ -84,7 +83,7 @@ class MotionOf final : public Motion {
     if (!sample_valid_) {
       State x = front_.x;
       if (time_ != front_.time) sampleInside(x);
-      drivetrain_.calcSample(time_, x, &sample_);
+      system_.calcSample(time_, x, &sample_);
       sample_valid_ = true;
     }
     return sample_;
@@ -92,11 +91,12 @@ class MotionOf final : public Motion {
 
   void calcConstraintRow(int m, double* C) override {
     double c0;
-    drivetrain_.constraint(m).calcRow(drivetrain_.view(front_.time, front_.x.data()), C, &c0);
+    drivetrain_.constraint(m).calcRow(system_.view(front_.time, front_.x), C, &c0);
   }
 
  private:
-  using State = typename Drivetrain<S>::State;
+  static constexpr int S = System::kShafts;
+  using State = typename System::State;
   /// A state of the motion and its derivative.
   struct Node {
     double time = 0.0;
@@ -104,7 +104,6 @@ class MotionOf final : public Motion {
     State dxdt{};
   };
   static constexpr double kNever = std::numeric_limits<double>::infinity();
-  static double* accelerations(State& x) { return x.data() + 2 * S; }
 
   // --- start -----------------------------------------------------------------------------------
   void startOver() {
@@ -122,19 +121,7 @@ class MotionOf final : public Motion {
   /// The state at time 0 with the inputs as they are.
   void start() {
     front_ = Node{};
-    for (int i = 0; i < S; ++i) {
-      front_.x[i] = scene_.initial.angle[i];
-      front_.x[S + i] = scene_.initial.velocity[i];
-    }
-    double* epsilon = accelerations(front_.x);
-    const bool given = !scene_.initial.acceleration.empty();
-    if (given) {
-      std::copy(scene_.initial.acceleration.begin(), scene_.initial.acceleration.end(), epsilon);
-    }
-    const StateView state = drivetrain_.view(0.0, front_.x.data());
-    initial_result_ = given
-                          ? initial_solver_.accept(state, scene_.initial.project, epsilon, nearest_)
-                          : initial_solver_.findLeastReaction(state, epsilon);
+    initial_result_ = system_.start(front_.x, nearest_, &velocities_at_fault_);
     sample_valid_ = false;
     base_ = front_;
     switch (initial_result_) {
@@ -147,7 +134,8 @@ class MotionOf final : public Motion {
         break;
       case InitialResult::kNonFinite:
         stop(StopReason::kNonFiniteValue);
-        drivetrain_.findNonFinite(state, &status_.torque, &status_.constraint);
+        drivetrain_.findNonFinite(system_.view(0.0, front_.x), &status_.torque,
+                                  &status_.constraint);
         break;
       case InitialResult::kInconsistent:
       case InitialResult::kNotFound:
@@ -160,7 +148,7 @@ class MotionOf final : public Motion {
   void restart() {
     base_ = front_;
     drivetrain_.refreshInputs(front_.time);
-    drivetrain_(front_.x, front_.dxdt, front_.time);
+    system_(front_.x, front_.dxdt, front_.time);
     for (double value : front_.dxdt) {
       if (!std::isfinite(value)) {
         explainStop();
@@ -195,7 +183,8 @@ class MotionOf final : public Motion {
     State x1;
     State change;
     for (std::size_t i = 0; i < x1.size(); ++i) x1[i] = front_.x[i] + h0 * front_.dxdt[i];
-    drivetrain_(x1, change, front_.time + h0);
+    system_.noteBase(front_.time, front_.x, front_.dxdt);
+    system_(x1, change, front_.time + h0);
     for (std::size_t i = 0; i < x1.size(); ++i) change[i] -= front_.dxdt[i];
     const double d2 = size(change) / h0;
     const double largest = std::max(d1, d2);
@@ -230,6 +219,7 @@ class MotionOf final : public Motion {
       if (!status_.ok()) return false;
     }
     base_ = front_;
+    system_.noteBase(base_.time, base_.x, base_.dxdt);
     return stepper_->errorOrder() > 0 ? stepAdaptively() : stepFixed();
   }
 
@@ -248,8 +238,7 @@ class MotionOf final : public Motion {
         return false;
       }
       State error;
-      stepper_->step(drivetrain_, base_.x, base_.dxdt, base_.time, taken, front_.x, dxdt_new_,
-                     error);
+      stepper_->step(system_, base_.x, base_.dxdt, base_.time, taken, front_.x, dxdt_new_, error);
       double norm = calcErrorNorm(error, base_.x, front_.x, solver.absolute_tolerance,
                                   solver.relative_tolerance);
       if (norm <= 1.0) norm = std::max(norm, projectFront(end));
@@ -280,8 +269,8 @@ class MotionOf final : public Motion {
       return false;
     }
     State error;
-    stepper_->step(drivetrain_, base_.x, base_.dxdt, base_.time, end - base_.time, front_.x,
-                   dxdt_new_, error);
+    stepper_->step(system_, base_.x, base_.dxdt, base_.time, end - base_.time, front_.x, dxdt_new_,
+                   error);
     const double moved = projectFront(end);
     if (!std::isfinite(moved)) {
       front_ = base_;
@@ -306,27 +295,21 @@ class MotionOf final : public Motion {
       if (!std::isfinite(value)) return std::numeric_limits<double>::quiet_NaN();
     }
     if (drivetrain_.constraintCount() == 0) return 0.0;
-    double* epsilon = accelerations(front_.x);
-    std::array<double, S> moved;
-    if (project(drivetrain_, drivetrain_.view(end, front_.x.data()), epsilon, moved.data(),
-                &statistics_.projections) != ProjectionResult::kConverged) {
+    State moved;
+    if (system_.project(end, front_.x, moved, &statistics_.projections) !=
+        ProjectionResult::kConverged) {
       return std::numeric_limits<double>::quiet_NaN();
     }
-    double norm = 0.0;
-    for (int i = 0; i < S; ++i) {
-      const double allowance = scene_.solver.absolute_tolerance +
-                               scene_.solver.relative_tolerance * std::abs(epsilon[i]) + 1e-300;
-      norm = std::max(norm, moved[i] / allowance);
-    }
-    return norm;
+    return calcErrorNorm(moved, base_.x, front_.x, scene_.solver.absolute_tolerance,
+                         scene_.solver.relative_tolerance);
   }
 
   /// Derivative at the new front and the check of C. False when the front is no good: then either
   /// the motion has stopped or the step is to be repeated shorter.
   bool finishStep() {
-    drivetrain_(front_.x, front_.dxdt, front_.time);
-    for (int i = 2 * S; i < 3 * S; ++i) {
-      if (!std::isfinite(front_.dxdt[i])) return false;
+    system_(front_.x, front_.dxdt, front_.time);
+    for (double value : front_.dxdt) {
+      if (!std::isfinite(value)) return false;
     }
     return noteRows();
   }
@@ -335,7 +318,7 @@ class MotionOf final : public Motion {
   /// when one has vanished.
   bool noteRows() {
     for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-      const double length_squared = drivetrain_.solver().rowLengthSquared(m);
+      const double length_squared = system_.rowLengthSquared(m);
       row_reference_[m] = std::max(row_reference_[m], length_squared);
       if (length_squared <= kVanished * kVanished * row_reference_[m]) {
         stop(StopReason::kSingularConstraint);
@@ -350,14 +333,22 @@ class MotionOf final : public Motion {
   /// Stops at the front, where no step however short succeeds, and finds out why.
   void explainStop() {
     stop(StopReason::kStepUnderflow);
-    StateView state = drivetrain_.view(front_.time, front_.x.data());
+    StateView state = system_.view(front_.time, front_.x);
+    // Under the classical principle the accelerations are solved for, and may not exist.
+    static constexpr double kZeros[S] = {};
+    bool solved = true;
+    for (int i = 0; i < S; ++i) solved = solved && std::isfinite(state.acceleration[i]);
+    if (!solved) state.acceleration = kZeros;
     if (drivetrain_.findNonFinite(state, &status_.torque, &status_.constraint)) {
       status_.reason = StopReason::kNonFiniteValue;
       return;
     }
-    double eta[S];
-    double Lambda[ConstraintSolver<S>::kMaxRows];
-    if (!drivetrain_.calcJerk(state, eta, Lambda)) {
+    if (!solved) {
+      status_.reason = StopReason::kProjectionFailed;
+      return;
+    }
+    double c0[Drivetrain<S>::kMaxRows] = {};
+    if (!drivetrain_.calcRows(state, c0)) {
       status_.reason = StopReason::kSingularConstraint;
       status_.constraint = drivetrain_.solver().singularRow();
       status_.measure = drivetrain_.solver().singularMeasure();
@@ -390,8 +381,8 @@ class MotionOf final : public Motion {
         ahead[i] = front_.x[i] + h * front_.dxdt[i];
         if (!std::isfinite(ahead[i])) return;
       }
-      state = drivetrain_.view(front_.time + h, ahead.data());
-      if (drivetrain_.findNonFinite(state, &status_.torque, &status_.constraint)) {
+      if (drivetrain_.findNonFinite(system_.view(front_.time + h, ahead), &status_.torque,
+                                    &status_.constraint)) {
         status_.reason = StopReason::kNonFiniteValue;
         return;
       }
@@ -412,9 +403,9 @@ class MotionOf final : public Motion {
     }
     if (stepper_->hasDenseOutput()) {
       stepper_->interpolate(time_, base_.x, base_.dxdt, base_.time, dxdt_new_, front_.time, x);
-      std::array<double, S> moved;
-      if (project(drivetrain_, drivetrain_.view(time_, x.data()), accelerations(x), moved.data(),
-                  &statistics_.projections) == ProjectionResult::kConverged) {
+      State moved;
+      if (system_.project(time_, x, moved, &statistics_.projections) ==
+          ProjectionResult::kConverged) {
         return;
       }
     }
@@ -435,16 +426,15 @@ class MotionOf final : public Motion {
       State error;
       State dxdt_end;
       const Node start = *node;
-      inner_stepper_->step(drivetrain_, start.x, start.dxdt, start.time, end - start.time, node->x,
+      inner_stepper_->step(system_, start.x, start.dxdt, start.time, end - start.time, node->x,
                            dxdt_end, error);
       double norm = calcErrorNorm(error, start.x, node->x, solver.absolute_tolerance,
                                   solver.relative_tolerance);
-      std::array<double, S> moved;
-      if (norm <= 1.0 &&
-          project(drivetrain_, drivetrain_.view(end, node->x.data()), accelerations(node->x),
-                  moved.data(), &statistics_.projections) == ProjectionResult::kConverged) {
+      State moved;
+      if (norm <= 1.0 && system_.project(end, node->x, moved, &statistics_.projections) ==
+                             ProjectionResult::kConverged) {
         node->time = end;
-        if (!last) drivetrain_(node->x, node->dxdt, end);
+        if (!last) system_(node->x, node->dxdt, end);
       } else {
         *node = start;
         h *= 0.5;  // rare: a shorter step than an accepted one is nearly always better
@@ -552,9 +542,7 @@ class MotionOf final : public Motion {
     drivetrain_.refreshInputs(time_);
     double u1[kMaxInputs];
     copyInputs(u1);
-    const MotionStatus result =
-        jump_map_.apply(time_, front_.x.data(), front_.x.data() + S, u0, u1, scene_.solver,
-                        accelerations(front_.x), &statistics_.projections);
+    const MotionStatus result = system_.jump(time_, front_.x, u0, u1, &statistics_.projections);
     if (result.ok()) return true;
     status_ = result;
     status_.time = front_.time;
@@ -573,39 +561,55 @@ class MotionOf final : public Motion {
   }
 
   // --- messages --------------------------------------------------------------------------------
+  void writeResiduals(std::ostream& text, const StateView& state) const {
+    const std::vector<int>& rows =
+        velocities_at_fault_ ? drivetrain_.velocityRows() : drivetrain_.accelerationRows();
+    const char* separator = "";
+    for (int m : rows) {
+      double C[S];
+      const Constraint& constraint = drivetrain_.constraint(m);
+      text << separator << " residual of '" << constraint.name() << "' = "
+           << (velocities_at_fault_ ? constraint.calcResidual(state)
+                                    : constraint.calcResidualAndJacobian(state, C));
+      separator = ",";
+    }
+  }
+
   [[noreturn]] void throwInitialError() {
+    const InitialConditions& initial = scene_.initial;
+    const std::string what = velocities_at_fault_ ? "velocities" : "accelerations";
+    const std::string key = velocities_at_fault_ ? "initial/velocity" : "initial/acceleration";
+    const std::vector<double>& given =
+        velocities_at_fault_ ? initial.velocity : initial.acceleration;
     std::ostringstream text;
     text.precision(17);
-    const StateView state = drivetrain_.view(0.0, front_.x.data());
-    if (initial_result_ == InitialResult::kInconsistent) {
+    const auto write = [&](const double* values) {
       text << "[";
-      for (int i = 0; i < S; ++i) text << (i ? ", " : "") << scene_.initial.acceleration[i];
-      text << "] does not satisfy the constraints:";
-      std::array<double, 3 * S> given = front_.x;
-      std::copy(scene_.initial.acceleration.begin(), scene_.initial.acceleration.end(),
-                given.begin() + 2 * S);
-      const StateView there = drivetrain_.view(0.0, given.data());
-      for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-        text << (m ? "," : "") << " residual of '" << drivetrain_.constraint(m).name()
-             << "' = " << drivetrain_.constraint(m).calcResidual(there);
-      }
-      text << "; the nearest consistent accelerations are [";
-      for (int i = 0; i < S; ++i) text << (i ? ", " : "") << nearest_[i];
-      text << "] (write these, or set 'initial/project: true' to start there)";
-      throw SceneError("initial/acceleration", text.str());
+      for (int i = 0; i < S; ++i) text << (i ? ", " : "") << values[i];
+      text << "]";
+    };
+    const StateView state = system_.view(0.0, front_.x);
+    if (initial_result_ != InitialResult::kInconsistent) {
+      text << "no " << what << " that satisfy the constraints were found ";
+      text << (given.empty() ? "from the free accelerations; give 'initial/acceleration' (there:"
+                             : "near those given (there:");
+      writeResiduals(text, state);
+      text << ")";
+      throw SceneError(key, text.str());
     }
-    if (scene_.initial.acceleration.empty()) {
-      text << "no accelerations of least reaction that satisfy the constraints were found from the "
-              "free accelerations; give 'initial/acceleration' (residuals there:";
+    write(given.data());
+    StateView there = state;
+    (velocities_at_fault_ ? there.velocity : there.acceleration) = given.data();
+    if (scene_.principle == Principle::kGauss && !velocities_at_fault_) {
+      text << " is not what the principle 'gauss' gives:";
     } else {
-      text << "no consistent accelerations were found near those given (residuals there:";
+      text << " does not satisfy the constraints:";
     }
-    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-      text << (m ? "," : "") << " '" << drivetrain_.constraint(m).name()
-           << "' = " << drivetrain_.constraint(m).calcResidual(state);
-    }
-    text << ")";
-    throw SceneError("initial/acceleration", text.str());
+    writeResiduals(text, there);
+    text << "; the nearest consistent " << what << " are ";
+    write(nearest_);
+    text << " (write these, or set 'initial/project: true' to start there)";
+    throw SceneError(key, text.str());
   }
 
   /// Relative to the time reached: shorter steps no longer change the time reliably.
@@ -614,16 +618,16 @@ class MotionOf final : public Motion {
   static constexpr double kVanished = 1e-10;
 
   Scene scene_;
-  Drivetrain<S> drivetrain_;
-  InitialConditionSolver<S> initial_solver_;
-  JumpMap<S> jump_map_;
-  std::unique_ptr<Stepper<State, Drivetrain<S>>> stepper_;
-  std::unique_ptr<Stepper<State, Drivetrain<S>>> inner_stepper_;  // keeps stepper_'s stages whole
+  System system_;
+  Drivetrain<S>& drivetrain_;  // the system's
+  std::unique_ptr<Stepper<State, System>> stepper_;
+  std::unique_ptr<Stepper<State, System>> inner_stepper_;  // keeps stepper_'s stages whole
   StepControl control_;
 
   MotionStatus status_;
   mutable Statistics statistics_;
   InitialResult initial_result_ = InitialResult::kConsistent;
+  bool velocities_at_fault_ = false;
   double nearest_[S] = {};
 
   double time_ = 0.0;  // the present

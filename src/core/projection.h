@@ -1,9 +1,11 @@
-/// Projection of the accelerations onto psi = 0 in the metric of the inertia.
+/// Projection onto the constraints in the metric of the inertia.
 ///
 /// psi' = 0 alone lets psi drift with the integrator's error. Newton's iteration
 ///     delta epsilon = -J^-1 C^T A^-1 psi
 /// moves epsilon along range(J^-1 C^T) only: the part of the reaction that the constraint cannot
-/// change stays as it is, and for constant C the invariant R(t) - R(0) in range(C^T) survives.
+/// change stays as it is, and for constant C the invariant R(t) - R(0) in range(C^T) survives. A
+/// constraint of order 1 is kept twice, f = 0 by the velocities and then f' = 0 by the
+/// accelerations.
 #pragma once
 
 #include <algorithm>
@@ -16,37 +18,36 @@ namespace variator_sim {
 enum class ProjectionResult {
   kConverged,
   kSingular,  ///< C lost rank
-  kDiverged   ///< Newton's iteration did not converge, or psi is not finite
+  kDiverged   ///< Newton's iteration did not converge, or a residual is not finite
 };
 
-/// Projects the accelerations `epsilon` (S values, in place); the rest of `state` is fixed and
-/// `state.acceleration` must point to `epsilon`. `moved` gets |delta_i| summed over the iterations
-/// (S values), `iterations` is increased by those done.
-template <int S>
-ProjectionResult project(Drivetrain<S>& drivetrain, const StateView& state, double* epsilon,
-                         double* moved, std::uint64_t* iterations) {
+/// Newton's iteration on `values` (S values, in place): `correct(delta)` writes one correction at
+/// the present values and returns false where C has lost rank. `moved` gets |delta_i| summed over
+/// the iterations (S values), `iterations` is increased by those done.
+template <int S, class Correct>
+ProjectionResult iterateProjection(Correct correct, double* values, double* moved,
+                                   std::uint64_t* iterations) {
   for (int i = 0; i < S; ++i) moved[i] = 0.0;
-  if (drivetrain.constraintCount() == 0) return ProjectionResult::kConverged;
   constexpr int kMaxIterations = 25;
-  // Newton converges quadratically: after a correction of 1e-8 of epsilon's size the next one would
-  // be lost in rounding (1e-16), so it is not made.
+  // Newton converges quadratically: after a correction of 1e-8 of the values' size the next one
+  // would be lost in rounding (1e-16), so it is not made.
   constexpr double kEnough = 1e-8;
   double previous = std::numeric_limits<double>::infinity();
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     double delta[S];
-    if (!drivetrain.calcProjection(state, delta)) return ProjectionResult::kSingular;
+    if (!correct(delta)) return ProjectionResult::kSingular;
     ++*iterations;
     double size = 0.0;
     double length = 0.0;
     for (int i = 0; i < S; ++i) {
-      epsilon[i] += delta[i];
+      values[i] += delta[i];
       moved[i] += std::abs(delta[i]);
       size = std::max(size, std::abs(delta[i]));
-      length = std::max(length, std::abs(epsilon[i]));
+      length = std::max(length, std::abs(values[i]));
     }
     if (!std::isfinite(size) || !std::isfinite(length)) return ProjectionResult::kDiverged;
     if (size <= kEnough * length || size == 0.0) return ProjectionResult::kConverged;
-    // Rounding can keep the corrections from shrinking below kEnough when epsilon itself is tiny.
+    // Rounding can keep the corrections from shrinking below kEnough when the values are tiny.
     if (iteration > 2 && size >= 0.5 * previous) {
       return size <= 1e-6 * (length + 1.0) ? ProjectionResult::kConverged
                                            : ProjectionResult::kDiverged;
@@ -54,6 +55,34 @@ ProjectionResult project(Drivetrain<S>& drivetrain, const StateView& state, doub
     previous = size;
   }
   return ProjectionResult::kDiverged;
+}
+
+/// Projects the velocities onto f = 0 of the constraints of order 1. `state.velocity` must point to
+/// `omega` (S values, in place); the rest is fixed.
+template <int S>
+ProjectionResult projectVelocities(Drivetrain<S>& drivetrain, const StateView& state, double* omega,
+                                   double* moved, std::uint64_t* iterations) {
+  if (!drivetrain.hasVelocityRows()) {
+    for (int i = 0; i < S; ++i) moved[i] = 0.0;
+    return ProjectionResult::kConverged;
+  }
+  return iterateProjection<S>(
+      [&](double* delta) { return drivetrain.calcVelocityProjection(state, delta); }, omega, moved,
+      iterations);
+}
+
+/// Projects the accelerations onto psi = 0 (order 2) and f' = 0 (order 1). `state.acceleration`
+/// must point to `epsilon` (S values, in place); the rest is fixed.
+template <int S>
+ProjectionResult projectAccelerations(Drivetrain<S>& drivetrain, const StateView& state,
+                                      double* epsilon, double* moved, std::uint64_t* iterations) {
+  if (!drivetrain.hasAccelerationRows()) {
+    for (int i = 0; i < S; ++i) moved[i] = 0.0;
+    return ProjectionResult::kConverged;
+  }
+  return iterateProjection<S>(
+      [&](double* delta) { return drivetrain.calcAccelerationProjection(state, delta); }, epsilon,
+      moved, iterations);
 }
 
 }  // namespace variator_sim

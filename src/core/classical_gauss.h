@@ -1,0 +1,315 @@
+/// The systems of the classical Gauss principle: the reaction itself is least, R = C^T lambda.
+///
+/// Up to order 2 the accelerations follow from t, phi and omega, so the state is x = (phi, omega)
+/// and no torque is asked for its rate, but where R' is published. With a constraint of order 3 the
+/// same condition is equation [18]: its derivative gives the jerk, and x = (phi, omega, epsilon).
+#pragma once
+
+#include <array>
+
+#include "drivetrain.h"
+#include "initial_conditions.h"
+#include "jump.h"
+#include "projection.h"
+#include "variator_sim/sample.h"
+
+namespace variator_sim {
+
+/// Constraints of order 1 and 2. See GeneralizedGauss for what each method means.
+template <int S>
+class ClassicalGauss {
+ public:
+  static constexpr int kShafts = S;
+  using State = std::array<double, 2 * S>;
+
+  explicit ClassicalGauss(const Scene& scene)
+      : scene_(scene), drivetrain_(scene), initial_solver_(drivetrain_) {
+    for (const ConstraintPtr& constraint : scene.constraints) {
+      linear_ = linear_ && (constraint->order() == 1 || constraint->isLinearInAcceleration());
+    }
+  }
+
+  Drivetrain<S>& drivetrain() { return drivetrain_; }
+  double rowLengthSquared(int m) const { return drivetrain_.accelerationRowLengthSquared(m); }
+
+  /// The view of (t, x) with the accelerations that the principle gives there.
+  StateView view(double t, const State& x) {
+    const StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
+    calcAccelerations(state);
+    return state;
+  }
+
+  void operator()(const State& x, State& dxdt, double t) {
+    drivetrain_.countRightHandSide();
+    view(t, x);
+    for (int i = 0; i < S; ++i) {
+      dxdt[i] = x[S + i];
+      dxdt[S + i] = epsilon_[i];
+    }
+  }
+
+  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) {
+    moved.fill(0.0);
+    if (!drivetrain_.hasVelocityRows()) return ProjectionResult::kConverged;
+    const StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
+    return projectVelocities(drivetrain_, state, x.data() + S, moved.data() + S, iterations);
+  }
+
+  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) {
+    std::copy(scene_.initial.angle.begin(), scene_.initial.angle.end(), x.begin());
+    std::copy(scene_.initial.velocity.begin(), scene_.initial.velocity.end(), x.begin() + S);
+    const StateView state = drivetrain_.view(0.0, x.data(), x.data() + S, epsilon_);
+    const InitialResult velocities =
+        initial_solver_.acceptVelocities(state, scene_.initial.project, x.data() + S, nearest);
+    *velocities_at_fault = velocities != InitialResult::kConsistent;
+    if (*velocities_at_fault) return velocities;
+    const InitialResult result = initial_solver_.findLeastReaction(state, epsilon_);
+    std::copy(epsilon_, epsilon_ + S, guess_);
+    std::copy(epsilon_, epsilon_ + S, nearest);
+    noteMultipliers(state);
+    if (result != InitialResult::kConsistent || scene_.initial.acceleration.empty() ||
+        scene_.initial.project) {
+      return result;
+    }
+    // The accelerations are no data here; given ones may only say what follows anyway.
+    for (int i = 0; i < S; ++i) {
+      const double given = scene_.initial.acceleration[i];
+      if (std::abs(given - epsilon_[i]) > 1e-6 * std::max(1.0, std::abs(given))) {
+        return InitialResult::kInconsistent;
+      }
+    }
+    return result;
+  }
+
+  /// The accelerations follow from the inputs: simply solve again.
+  MotionStatus jump(double t, State& x, const double* /*u0*/, const double* /*u1*/,
+                    std::uint64_t* /*projections*/) {
+    MotionStatus status;
+    const StateView state = view(t, x);
+    for (int i = 0; i < S; ++i) {
+      if (std::isfinite(state.acceleration[i])) continue;
+      status.reason = StopReason::kJumpFailed;
+    }
+    if (status.ok()) {
+      std::copy(epsilon_, epsilon_ + S, guess_);
+      noteMultipliers(state);
+    }
+    return status;
+  }
+
+  /// Newton's iteration starts from the accelerations at the beginning of the step, whoever asks
+  /// and in whatever order: samples may not change the motion.
+  void noteBase(double t, const State& x, const State& dxdt) {
+    if (linear_) return;
+    std::copy(dxdt.begin() + S, dxdt.end(), guess_);
+    noteMultipliers(drivetrain_.view(t, x.data(), x.data() + S, guess_));
+  }
+
+  bool calcSample(double t, const State& x, Sample* sample) {
+    const StateView state = view(t, x);
+    sample->time = t;
+    std::copy(x.begin(), x.begin() + S, sample->angle);
+    std::copy(x.begin() + S, x.end(), sample->velocity);
+    std::copy(epsilon_, epsilon_ + S, sample->acceleration);
+    // R = J epsilon + n - Q = C^T lambda
+    drivetrain_.calcTorque(state, sample->applied_torque);
+    drivetrain_.calcReaction(state, sample->applied_torque, sample->reaction_torque);
+    std::fill(sample->reaction_torque_rate, sample->reaction_torque_rate + S, 0.0);
+    if (drivetrain_.constraintCount() == 0) return true;
+    double c0[Drivetrain<S>::kMaxRows] = {};
+    if (!drivetrain_.calcRows(state, c0)) return false;
+    drivetrain_.calcMultipliers(sample->reaction_torque, sample->multiplier);
+    double eta[S];
+    const bool regular =
+        drivetrain_.calcFormalJerk(state, sample->multiplier, eta, sample->reaction_torque_rate);
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      sample->residual[m] = drivetrain_.calcResidual(m, state, eta);
+    }
+    return regular;
+  }
+
+ private:
+  /// lambda_guess_ of the reaction at `state`.
+  void noteMultipliers(const StateView& state) {
+    double torque[S];
+    double reaction[S];
+    double c0[Drivetrain<S>::kMaxRows] = {};
+    drivetrain_.calcTorque(state, torque);
+    drivetrain_.calcReaction(state, torque, reaction);
+    if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda_guess_);
+  }
+
+  /// epsilon_ at `state`, whose accelerations point there; NaN where there are none.
+  void calcAccelerations(const StateView& state) {
+    double torque[S];
+    drivetrain_.calcFreeTorque(state, torque);
+    if (linear_) {
+      // psi = C epsilon + b: with epsilon = 0 the projection's residual is b, and
+      // A lambda = -(b + C epsilon_free) is one correction from the free accelerations.
+      drivetrain_.inertia().solve(torque, epsilon_);
+      if (drivetrain_.constraintCount() == 0) return;
+      double delta[S];
+      if (drivetrain_.calcAccelerationProjection(state, delta)) {
+        for (int i = 0; i < S; ++i) epsilon_[i] += delta[i];
+        return;
+      }
+    } else {
+      // With the multipliers of the same place: from others the iteration may take another branch.
+      double lambda[Drivetrain<S>::kMaxRows];
+      std::copy(guess_, guess_ + S, epsilon_);
+      std::copy(lambda_guess_, lambda_guess_ + Drivetrain<S>::kMaxRows, lambda);
+      if (initial_solver_.solveLeastReaction(state, torque, epsilon_, lambda)) return;
+    }
+    std::fill(epsilon_, epsilon_ + S, std::numeric_limits<double>::quiet_NaN());
+  }
+
+  const Scene& scene_;
+  Drivetrain<S> drivetrain_;
+  InitialConditionSolver<S> initial_solver_;
+  bool linear_ = true;
+  double epsilon_[S] = {};
+  double guess_[S] = {};
+  double lambda_guess_[Drivetrain<S>::kMaxRows] = {};
+};
+
+/// With constraints of order 3, equation [18]: J epsilon + n - Q = C^T lambda differentiated,
+/// beside C eta + c0 = 0. The minimum of nothing, but what a user may want to compare.
+template <int S>
+class FormalGauss {
+ public:
+  static constexpr int kShafts = S;
+  using State = std::array<double, 3 * S>;
+
+  explicit FormalGauss(const Scene& scene)
+      : scene_(scene),
+        drivetrain_(scene),
+        initial_solver_(drivetrain_),
+        jump_map_(drivetrain_, true) {}
+
+  Drivetrain<S>& drivetrain() { return drivetrain_; }
+  double rowLengthSquared(int m) const { return drivetrain_.solver().rowLengthSquared(m); }
+
+  StateView view(double t, const State& x) {
+    return drivetrain_.view(t, x.data(), x.data() + S, x.data() + 2 * S);
+  }
+
+  void operator()(const State& x, State& dxdt, double t) {
+    drivetrain_.countRightHandSide();
+    for (int i = 0; i < 2 * S; ++i) dxdt[i] = x[S + i];
+    double torque[S];
+    double reaction[S];
+    double lambda[Drivetrain<S>::kMaxRows] = {};
+    double reaction_rate[S];
+    calcJerk(view(t, x), torque, reaction, lambda, &dxdt[2 * S], reaction_rate);
+  }
+
+  /// Orders 1 and 2 as ever; then the reaction back into range(C^T), from which it drifts.
+  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) {
+    moved.fill(0.0);
+    const StateView state = view(t, x);
+    double* epsilon = x.data() + 2 * S;
+    ProjectionResult result =
+        projectVelocities(drivetrain_, state, x.data() + S, moved.data() + S, iterations);
+    if (result != ProjectionResult::kConverged) return result;
+    result = projectAccelerations(drivetrain_, state, epsilon, moved.data() + 2 * S, iterations);
+    if (result != ProjectionResult::kConverged) return result;
+    if (!calcReactionInRange(state, epsilon, moved.data() + 2 * S)) {
+      return ProjectionResult::kSingular;
+    }
+    return ProjectionResult::kConverged;
+  }
+
+  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) {
+    x.fill(0.0);
+    std::copy(scene_.initial.angle.begin(), scene_.initial.angle.end(), x.begin());
+    std::copy(scene_.initial.velocity.begin(), scene_.initial.velocity.end(), x.begin() + S);
+    const StateView state = view(0.0, x);
+    double* epsilon = x.data() + 2 * S;
+    const InitialResult velocities =
+        initial_solver_.acceptVelocities(state, scene_.initial.project, x.data() + S, nearest);
+    *velocities_at_fault = velocities != InitialResult::kConsistent;
+    if (*velocities_at_fault) return velocities;
+    const std::vector<double>& given = scene_.initial.acceleration;
+    if (given.empty()) return initial_solver_.findLeastReaction(state, epsilon);
+    std::copy(given.begin(), given.end(), epsilon);
+    const InitialResult accelerations =
+        initial_solver_.acceptAccelerations(state, scene_.initial.project, epsilon, nearest);
+    if (accelerations != InitialResult::kConsistent) return accelerations;
+    // The initial reaction must lie in range(C^T).
+    double moved[S] = {};
+    if (!calcReactionInRange(state, epsilon, moved)) return InitialResult::kSingular;
+    std::copy(epsilon, epsilon + S, nearest);
+    for (int i = 0; i < S; ++i) {
+      if (!(moved[i] <= 1e-9 * std::max(1.0, std::abs(epsilon[i]))) && !scene_.initial.project) {
+        return InitialResult::kInconsistent;
+      }
+    }
+    return InitialResult::kConsistent;
+  }
+
+  MotionStatus jump(double t, State& x, const double* u0, const double* u1,
+                    std::uint64_t* projections) {
+    view(t, x);
+    return jump_map_.apply(t, x.data(), x.data() + S, u0, u1, scene_.solver, x.data() + 2 * S,
+                           projections);
+  }
+
+  void noteBase(double /*t*/, const State& /*x*/, const State& /*dxdt*/) {}
+
+  bool calcSample(double t, const State& x, Sample* sample) {
+    const StateView state = view(t, x);
+    sample->time = t;
+    std::copy(x.begin(), x.begin() + S, sample->angle);
+    std::copy(x.begin() + S, x.begin() + 2 * S, sample->velocity);
+    std::copy(x.begin() + 2 * S, x.end(), sample->acceleration);
+    double eta[S];
+    const bool regular = calcJerk(state, sample->applied_torque, sample->reaction_torque,
+                                  sample->multiplier, eta, sample->reaction_torque_rate);
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      sample->residual[m] = drivetrain_.calcResidual(m, state, eta);
+    }
+    return regular;
+  }
+
+ private:
+  bool calcJerk(const StateView& state, double* torque, double* reaction, double* lambda,
+                double* eta, double* reaction_rate) {
+    drivetrain_.calcTorque(state, torque);
+    drivetrain_.calcReaction(state, torque, reaction);
+    double c0[Drivetrain<S>::kMaxRows] = {};
+    if (drivetrain_.calcRows(state, c0)) {
+      drivetrain_.calcMultipliers(reaction, lambda);
+      if (drivetrain_.calcFormalJerk(state, lambda, eta, reaction_rate)) return true;
+    }
+    std::fill(eta, eta + S, std::numeric_limits<double>::quiet_NaN());
+    return false;
+  }
+
+  /// epsilon = J^-1 (Q - n + C^T lambda) with the lambda of the part of R in range(C^T).
+  bool calcReactionInRange(const StateView& state, double* epsilon, double* moved) {
+    double torque[S];
+    double reaction[S];
+    double lambda[Drivetrain<S>::kMaxRows] = {};
+    double c0[Drivetrain<S>::kMaxRows] = {};
+    drivetrain_.calcTorque(state, torque);
+    drivetrain_.calcReaction(state, torque, reaction);
+    if (!drivetrain_.calcRows(state, c0)) return false;
+    drivetrain_.calcMultipliers(reaction, lambda);
+    double in_range[S];
+    drivetrain_.calcFreeTorque(state, torque);
+    drivetrain_.inertia().solve(torque, in_range);
+    drivetrain_.solver().addReaction(lambda, in_range);
+    for (int i = 0; i < S; ++i) {
+      moved[i] += std::abs(in_range[i] - epsilon[i]);
+      epsilon[i] = in_range[i];
+    }
+    return true;
+  }
+
+  const Scene& scene_;
+  Drivetrain<S> drivetrain_;
+  InitialConditionSolver<S> initial_solver_;
+  JumpMap<S> jump_map_;
+};
+
+}  // namespace variator_sim
