@@ -4,7 +4,14 @@
 #include "variator_sim/component_factory.h"
 #include "variator_sim/constraints/expression_constraint.h"
 #include "variator_sim/torques/commanded_torque.h"
+#include "variator_sim/torques/cutting_torque.h"
+#include "variator_sim/torques/diesel_engine.h"
+#include "variator_sim/torques/elastic_coupling.h"
 #include "variator_sim/torques/expression_torque.h"
+#include "variator_sim/torques/friction.h"
+#include "variator_sim/torques/motor_curve.h"
+#include "variator_sim/torques/propeller.h"
+#include "variator_sim/torques/vehicle_resistance.h"
 
 namespace variator_sim {
 namespace {
@@ -20,11 +27,20 @@ const std::array<Maker<ConstraintPtr>, 1> kConstraints{{
      []() -> ConstraintPtr { return std::make_shared<ExpressionConstraint>(); }},
 }};
 
-const std::array<Maker<TorquePtr>, 2> kTorques{{
+const std::array<Maker<TorquePtr>, 9> kTorques{{
     {"variator_sim/CommandedTorque",
      []() -> TorquePtr { return std::make_shared<CommandedTorque>(); }},
+    {"variator_sim/CuttingTorque", []() -> TorquePtr { return std::make_shared<CuttingTorque>(); }},
+    {"variator_sim/DieselEngine", []() -> TorquePtr { return std::make_shared<DieselEngine>(); }},
+    {"variator_sim/ElasticCoupling",
+     []() -> TorquePtr { return std::make_shared<ElasticCoupling>(); }},
     {"variator_sim/ExpressionTorque",
      []() -> TorquePtr { return std::make_shared<ExpressionTorque>(); }},
+    {"variator_sim/Friction", []() -> TorquePtr { return std::make_shared<Friction>(); }},
+    {"variator_sim/MotorCurve", []() -> TorquePtr { return std::make_shared<MotorCurve>(); }},
+    {"variator_sim/Propeller", []() -> TorquePtr { return std::make_shared<Propeller>(); }},
+    {"variator_sim/VehicleResistance",
+     []() -> TorquePtr { return std::make_shared<VehicleResistance>(); }},
 }};
 
 template <typename Makers>

@@ -1,0 +1,66 @@
+/// Tables: a smooth function of one variable through given points.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "variator_sim/parameter_tree.h"
+
+namespace variator_sim {
+
+/// y(x) through points (x_k, y_k), x_k strictly increasing and spaced as one likes; two times
+/// continuously differentiable for every real x, the ends included: a torque law that reads it has
+/// a rate with a continuous derivative.
+///
+/// Between two points a polynomial of degree five with the values y_k, the slopes s_k and the
+/// second derivatives q_k at both (boost::math::interpolators::quintic_hermite). With h the width
+/// of an interval, d = (y_{k+1} - y_k) / h its slope, l and r the intervals left and right of point
+/// k:
+///     s_k = (h_r d_l + h_l d_r) / (h_l + h_r)   (the parabola through three points), limited to
+///           0 <= s_k <= 5/4 min(d_l, d_r) where y rises; 0 where d_l d_r <= 0
+///     q_k = 2 (d_r - d_l) / (h_l + h_r), limited in each neighbouring interval to what keeps the
+///           polynomial's Bezier points in order: where y rises, from the left end of an interval
+///           -4 s_k/h <= q_k <= (10 d - 8 s_k)/h, from its right end the mirror image
+/// and both mirrored where y falls. So y is monotone between two points wherever the data are: it
+/// overshoots nowhere, and a table of positive values stays positive. Parabolas (away from the
+/// ends, the vertex and sharp bends) and straight lines are met exactly. After Dougherty, Edelman,
+/// Hyman: Nonnegativity-, monotonicity-, or convexity-preserving cubic and quintic Hermite
+/// interpolation, Mathematics of Computation 52 (1989) 471-494.
+///
+/// Beyond the ends:
+///     kConstant  the first and the last value; y levels off (s = q = 0) at both ends
+///     kLinear    the straight lines through the first two and through the last two points
+class Table {
+ public:
+  enum class Beyond { kConstant, kLinear };
+  /// A list of numbers in a scene.
+  struct Column {
+    const char* key;
+    Range range;
+  };
+
+  /// y = 0.
+  Table() = default;
+  /// Reads two lists of equally many numbers, two at least, x strictly increasing.
+  /// Throws SceneError.
+  static Table read(ParameterReader& reader, const Column& x, const Column& y, Beyond beyond);
+
+  /// Evaluations allocate nothing and do not throw; NaN gives NaN. [loop]
+  double value(double x) const;      ///< y
+  double slope(double x) const;      ///< dy/dx
+  double curvature(double x) const;  ///< d2y/dx2
+
+ private:
+  struct Curve;
+  struct End {
+    double x = 0.0;
+    double y = 0.0;
+    double slope = 0.0;
+  };
+
+  std::shared_ptr<const Curve> curve_;  ///< between first_.x and last_.x
+  End first_;
+  End last_;
+};
+
+}  // namespace variator_sim
