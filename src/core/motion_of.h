@@ -241,7 +241,7 @@ class MotionOf final : public Motion {
       stepper_->step(system_, base_.x, base_.dxdt, base_.time, taken, front_.x, dxdt_new_, error);
       double norm = calcErrorNorm(error, base_.x, front_.x, solver.absolute_tolerance,
                                   solver.relative_tolerance);
-      if (norm <= 1.0) norm = std::max(norm, projectFront(end));
+      if (norm <= 1.0) norm = std::max(norm, projectEnd(*stepper_, base_.x, end, front_.x));
       if (norm <= 1.0) {
         front_.time = end;
         ++statistics_.steps;
@@ -271,7 +271,7 @@ class MotionOf final : public Motion {
     State error;
     stepper_->step(system_, base_.x, base_.dxdt, base_.time, end - base_.time, front_.x, dxdt_new_,
                    error);
-    const double moved = projectFront(end);
+    const double moved = projectEnd(*stepper_, base_.x, end, front_.x);
     if (!std::isfinite(moved)) {
       front_ = base_;
       explainStop();
@@ -288,26 +288,36 @@ class MotionOf final : public Motion {
     return false;
   }
 
-  /// Projects front_.x, which stands at `end`; the size of the move in units of the tolerance (an
-  /// error measure that is independent of the stepper's), or NaN when it failed.
-  double projectFront(double end) {
-    for (double value : front_.x) {
-      if (!std::isfinite(value)) return std::numeric_limits<double>::quiet_NaN();
+  /// Projects x, to which `stepper` has gone from x_old and which stands at `end`, if the stepper
+  /// has not done so; the size of the move in units of the tolerance (an error measure that is
+  /// independent of the stepper's), or NaN when it failed.
+  double projectEnd(const Stepper<State, System>& stepper, const State& x_old, double end,
+                    State& x) {
+    if (!stepper.projects()) {
+      for (double value : x) {
+        if (!std::isfinite(value)) return std::numeric_limits<double>::quiet_NaN();
+      }
     }
     if (drivetrain_.constraintCount() == 0) return 0.0;
-    State moved;
-    if (system_.project(end, front_.x, moved, &statistics_.projections) !=
-        ProjectionResult::kConverged) {
+    StepProjection<State> own;
+    if (!stepper.projects()) own.result = system_.project(end, x, own.moved, &own.iterations);
+    const StepProjection<State>& projection = stepper.projects() ? stepper.projection() : own;
+    statistics_.projections += projection.iterations;
+    if (projection.result != ProjectionResult::kConverged) {
       return std::numeric_limits<double>::quiet_NaN();
     }
-    return calcErrorNorm(moved, base_.x, front_.x, scene_.solver.absolute_tolerance,
+    return calcErrorNorm(projection.moved, x_old, x, scene_.solver.absolute_tolerance,
                          scene_.solver.relative_tolerance);
   }
 
   /// Derivative at the new front and the check of C. False when the front is no good: then either
   /// the motion has stopped or the step is to be repeated shorter.
   bool finishStep() {
-    system_(front_.x, front_.dxdt, front_.time);
+    if (stepper_->projects()) {
+      front_.dxdt = dxdt_new_;
+    } else {
+      system_(front_.x, front_.dxdt, front_.time);
+    }
     for (double value : front_.dxdt) {
       if (!std::isfinite(value)) return false;
     }
@@ -410,36 +420,44 @@ class MotionOf final : public Motion {
       }
     }
     Node node;
-    reachPresent(&node);
-    x = node.x;
+    x = reachPresent(&node) ? node.x : base_.x;
   }
 
   /// Steps from the base to the present, which lies inside the last step, to the full order and
   /// with the full error control: what the motion continues from after a command.
-  void reachPresent(Node* node) {
+  /// False, and the motion stopped at the base, in the odd case that no step however short
+  /// succeeds.
+  bool reachPresent(Node* node) {
     const SolverSettings& solver = scene_.solver;
     *node = base_;
     double h = time_ - base_.time;
-    while (node->time < time_ && h > 0.0) {
+    while (node->time < time_) {
       const bool last = node->time + h >= time_;
       const double end = last ? time_ : node->time + h;
-      State error;
-      State dxdt_end;
       const Node start = *node;
+      if (!(end > start.time)) {
+        front_ = base_;
+        explainStop();
+        time_ = base_.time;
+        return false;
+      }
+      State error;
       inner_stepper_->step(system_, start.x, start.dxdt, start.time, end - start.time, node->x,
-                           dxdt_end, error);
+                           node->dxdt, error);
       double norm = calcErrorNorm(error, start.x, node->x, solver.absolute_tolerance,
                                   solver.relative_tolerance);
-      State moved;
-      if (norm <= 1.0 && system_.project(end, node->x, moved, &statistics_.projections) ==
-                             ProjectionResult::kConverged) {
+      if (norm <= 1.0) {
+        norm = std::max(norm, projectEnd(*inner_stepper_, start.x, end, node->x));
+      }
+      if (norm <= 1.0 || (solver.stepper == StepperKind::kRk4 && std::isfinite(norm))) {
         node->time = end;
-        if (!last) system_(node->x, node->dxdt, end);
+        if (!last && !inner_stepper_->projects()) system_(node->x, node->dxdt, end);
       } else {
         *node = start;
-        h *= 0.5;  // rare: a shorter step than an accepted one is nearly always better
+        h = 0.5 * (end - start.time);  // rare: a shorter step is nearly always better
       }
     }
+    return true;
   }
 
   // --- commands --------------------------------------------------------------------------------
@@ -503,7 +521,7 @@ class MotionOf final : public Motion {
     if (!changed) return;  // the motion goes on as if nothing had come
 
     Node present = front_;
-    if (time_ != front_.time) reachPresent(&present);
+    if (time_ != front_.time && !reachPresent(&present)) return;
     drivetrain_.refreshInputs(time_);
     front_ = present;
     front_.time = time_;

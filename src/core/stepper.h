@@ -12,12 +12,23 @@
 #include <boost/numeric/odeint/stepper/runge_kutta_fehlberg78.hpp>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 
+#include "projection.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
+
+/// What a stepper that projects its result found.
+template <class State>
+struct StepProjection {
+  ProjectionResult result = ProjectionResult::kConverged;
+  State moved{};  ///< by how much, per component
+  std::uint64_t iterations = 0;
+};
 
 /// Steps x' = system(t, x). `System` is called as system(x, dxdt, t).
 template <class State, class System>
@@ -28,10 +39,12 @@ class Stepper {
   virtual const char* name() const = 0;
   /// p of the error estimate h^p, which the step-size control rests on; 0: none, fixed steps.
   virtual int errorOrder() const = 0;
-  /// True when `step` leaves x'(t + h, x_new) in dxdt_new (first same as last).
-  virtual bool firstSameAsLast() const { return false; }
+  /// True when `step` projects x_new onto the constraints itself and leaves x' there in dxdt_new
+  /// (first same as last); `projection` then tells how that went.
+  virtual bool projects() const { return false; }
+  virtual const StepProjection<State>& projection() const { return projection_; }
   /// One step from (t, x, dxdt) by h: x_new, `error` (estimated local error, per component) and,
-  /// if firstSameAsLast, dxdt_new. [loop]
+  /// if it projects, dxdt_new. [loop]
   virtual void step(System& system, const State& x, const State& dxdt, double t, double h,
                     State& x_new, State& dxdt_new, State& error) = 0;
   /// True when `interpolate` gives the motion inside the last step to the order of its error
@@ -41,6 +54,9 @@ class Stepper {
   virtual void interpolate(double /*time*/, const State& /*x_old*/, const State& /*dxdt_old*/,
                            double /*t_old*/, const State& /*dxdt_new*/, double /*t_new*/,
                            State& /*x*/) {}
+
+ protected:
+  StepProjection<State> projection_;
 };
 
 /// Classical Runge-Kutta of order 4 with fixed steps.
@@ -62,15 +78,21 @@ class Rk4Stepper final : public Stepper<State, System> {
 };
 
 /// Dormand and Prince 5(4) with its dense output of order 4 (J. Comput. Appl. Math. 6, 1980).
+///
+/// Its last stage stands at the end of the step and is the first of the next one. The end is
+/// projected before that stage is taken, so the next step starts from the derivative at the
+/// projected state without another evaluation, and what a projection keeps is kept to round-off.
 template <class State, class System>
 class Dopri5Stepper final : public Stepper<State, System> {
  public:
   const char* name() const override { return "dopri5"; }
   int errorOrder() const override { return 5; }
-  bool firstSameAsLast() const override { return true; }
+  bool projects() const override { return true; }
   void step(System& system, const State& x, const State& dxdt, double t, double h, State& x_new,
             State& dxdt_new, State& error) override {
-    scheme_.do_step(std::ref(system), x, dxdt, t, x_new, dxdt_new, h, error);
+    End end{system, this->projection_, State{}, 0};
+    scheme_.do_step(std::ref(end), x, dxdt, t, x_new, dxdt_new, h, error);
+    x_new = end.x;
   }
   bool hasDenseOutput() const override { return true; }
   void interpolate(double time, const State& x_old, const State& dxdt_old, double t_old,
@@ -79,6 +101,27 @@ class Dopri5Stepper final : public Stepper<State, System> {
   }
 
  private:
+  /// The system, with the last stage taken at the projected end.
+  struct End {
+    System& system;
+    StepProjection<State>& projection;
+    State x;
+    int stage;
+    void operator()(const State& stage_x, State& dxdt, double t) {
+      if (++stage < 6) {
+        system(stage_x, dxdt, t);
+        return;
+      }
+      x = stage_x;
+      projection.iterations = 0;
+      projection.result = system.project(t, x, projection.moved, &projection.iterations);
+      if (projection.result == ProjectionResult::kConverged) {
+        system(x, dxdt, t);
+      } else {
+        dxdt.fill(std::numeric_limits<double>::quiet_NaN());
+      }
+    }
+  };
   boost::numeric::odeint::runge_kutta_dopri5<State, double, State, double,
                                              boost::numeric::odeint::array_algebra>
       scheme_;
