@@ -1,6 +1,7 @@
 #include "tools/offline_run.h"
 
 #include <algorithm>
+#include <chrono>
 #include <limits>
 
 #include "variator_sim/nearest_name.h"
@@ -62,6 +63,15 @@ void OfflineRun::applyCommands() {
   }
 }
 
+const Sample& OfflineRun::sample() {
+  if (!measures_sampling_) return simulation_.sample();
+  const auto start = std::chrono::steady_clock::now();
+  const Sample& taken = simulation_.sample();
+  sampling_seconds_ +=
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return taken;
+}
+
 bool OfflineRun::advanceBlock(double span, const volatile std::sig_atomic_t* interrupted,
                               std::vector<Sample>& samples) {
   samples.clear();
@@ -74,9 +84,9 @@ bool OfflineRun::advanceBlock(double span, const volatile std::sig_atomic_t* int
     if (!reach(next)) return false;
     applyCommands();
     if (times_.current() <= next) {
-      const Sample& sample = simulation_.sample();
+      const Sample& taken = sample();
       if (!simulation_.status().ok()) return false;  // a jump that leads nowhere
-      samples.push_back(sample);
+      samples.push_back(taken);
       times_.next();
     } else if (next >= duration_) {
       return false;

@@ -43,11 +43,17 @@ class OfflineRun {
   /// Commands after the end of the run.
   std::size_t ignoredCount() const { return ignored_count_; }
 
+  /// Wall time spent on samples so far, s; measured only after `measureSampling`, as a stopwatch
+  /// costs a tenth of a sample.
+  void measureSampling() { measures_sampling_ = true; }
+  double samplingSeconds() const { return sampling_seconds_; }
+
   static constexpr std::size_t kBlockSize = 256;
 
  private:
   bool reach(double time);
   void applyCommands();
+  const Sample& sample();
 
   Simulation& simulation_;
   SampleTimes times_;
@@ -57,6 +63,8 @@ class OfflineRun {
   std::size_t ignored_count_ = 0;
   std::uint64_t refused_count_ = 0;
   int first_refused_line_ = 0;
+  bool measures_sampling_ = false;
+  double sampling_seconds_ = 0.0;
 };
 
 }  // namespace variator_sim
