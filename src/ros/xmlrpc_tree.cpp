@@ -29,7 +29,10 @@ ParameterTree convert(XmlRpc::XmlRpcValue& value, const std::string& path) {
     case XmlRpc::XmlRpcValue::TypeStruct: {
       ParameterTree::Dictionary dictionary;
       for (auto& [key, entry] : value) {
-        dictionary.emplace(key, convert(entry, path.empty() ? key : path + "/" + key));
+        std::string entry_path = path;
+        if (!path.empty()) entry_path.append("/");
+        entry_path.append(key);
+        dictionary.emplace(key, convert(entry, entry_path));
       }
       return ParameterTree::dictionary(std::move(dictionary));
     }
