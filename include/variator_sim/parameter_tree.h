@@ -55,6 +55,9 @@ class ParameterTree {
   Dictionary dictionary_;
 };
 
+/// The shortest text that reads back as the same number, for messages.
+std::string formatNumber(double value);
+
 /// Allowed range of a number.
 struct Range {
   double minimum = -std::numeric_limits<double>::infinity();

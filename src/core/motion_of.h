@@ -587,8 +587,8 @@ class MotionOf final : public Motion {
       double C[S];
       const Constraint& constraint = drivetrain_.constraint(m);
       text << separator << " residual of '" << constraint.name() << "' = "
-           << (velocities_at_fault_ ? constraint.calcResidual(state)
-                                    : constraint.calcResidualAndJacobian(state, C));
+           << formatNumber(velocities_at_fault_ ? constraint.calcResidual(state)
+                                                : constraint.calcResidualAndJacobian(state, C));
       separator = ",";
     }
   }
@@ -600,10 +600,9 @@ class MotionOf final : public Motion {
     const std::vector<double>& given =
         velocities_at_fault_ ? initial.velocity : initial.acceleration;
     std::ostringstream text;
-    text.precision(17);
     const auto write = [&](const double* values) {
       text << "[";
-      for (int i = 0; i < S; ++i) text << (i ? ", " : "") << values[i];
+      for (int i = 0; i < S; ++i) text << (i ? ", " : "") << formatNumber(values[i]);
       text << "]";
     };
     const StateView state = system_.view(0.0, front_.x);

@@ -11,17 +11,16 @@
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
-namespace {
-
-/// Longer texts of a value are cut in messages.
-constexpr std::size_t kLongestText = 120;
-
-/// Shortest text that reads back as the same double.
 std::string formatNumber(double value) {
   std::array<char, 32> buffer{};
   const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
   return std::string(buffer.data(), result.ptr);
 }
+
+namespace {
+
+/// Longer texts of a value are cut in messages.
+constexpr std::size_t kLongestText = 120;
 
 /// As formatNumber, but always a YAML real ("1.0", "1.0e+20", ".inf").
 std::string formatReal(double value) {

@@ -19,7 +19,7 @@ std::unique_ptr<Motion> makeMotion(Scene scene) {
 
 void writeVector(std::ostream& out, const double* values, int count) {
   out << "[";
-  for (int i = 0; i < count; ++i) out << (i ? ", " : "") << values[i];
+  for (int i = 0; i < count; ++i) out << (i ? ", " : "") << formatNumber(values[i]);
   out << "]";
 }
 
@@ -84,8 +84,8 @@ std::string Simulation::describeStatus() const {
   if (status.ok()) return "";
   const Scene& scene = motion_->scene();
   std::ostringstream text;
-  text.precision(17);
-  text << toString(status.reason) << " at t = " << status.time << " s: " << explain(status.reason);
+  text << toString(status.reason) << " at t = " << formatNumber(status.time)
+       << " s: " << explain(status.reason);
   if (status.torque >= 0) {
     text << "; torque '" << scene.torques[static_cast<std::size_t>(status.torque)]->name() << "'";
   }
