@@ -140,7 +140,7 @@ TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
   EXPECT_EQ(solver.at("simultaneous_commands").asText(), "in_order");
   EXPECT_EQ(solver.at("stepper").asText(), "auto");
   EXPECT_EQ(solver.at("relative_tolerance").asReal(), 1e-9);
-  EXPECT_EQ(solver.at("maximum_steps").asInteger(), 10000000);
+  EXPECT_EQ(solver.at("maximum_steps").asInteger(), 1000000);
   EXPECT_EQ(root.at("initial").toText(),
             "{angle: [0.0, 0.0], project: false, velocity: [0.0, 0.0]}");
   EXPECT_EQ(root.at("drive").toText(), "{inertia: 0.8}");
@@ -238,7 +238,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"shafts: [drive, drive]\n", "shafts[1]", {"'drive' is listed twice"}},
         BadScene{"shafts: [solver]\n", "shafts[0]", {"'solver'", "key of the scene"}},
         BadScene{"shafts: [tick_rate]\n", "shafts[0]", {"'tick_rate'", "key of the node"}},
-        BadScene{"shafts: [verify_derivatives]\n", "shafts[0]", {"key of the node"}},
+        BadScene{"shafts: [verify_derivatives]\n", "shafts[0]", {"key of the scene"}},
         BadScene{std::string(kShafts) + "torques: [load]\n",
                  "torques[0]",
                  {"'load' is listed twice", "in shafts and in torques"}},

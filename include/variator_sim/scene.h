@@ -33,9 +33,9 @@ struct SolverSettings {
   StepperKind stepper = StepperKind::kAuto;
   double relative_tolerance = 1e-9;
   double absolute_tolerance = 1e-9;
-  double step = 0.001;           ///< of fixed-step steppers, s
-  double maximum_step = 1.0;     ///< of adaptive steppers, s: no feature narrower is stepped over
-  int maximum_steps = 10000000;  ///< within one advance
+  double step = 0.001;          ///< of fixed-step steppers, s
+  double maximum_step = 1.0;    ///< of adaptive steppers, s: no feature narrower is stepped over
+  int maximum_steps = 1000000;  ///< within one second of simulated time
   SimultaneousCommands simultaneous_commands = SimultaneousCommands::kInOrder;
 };
 

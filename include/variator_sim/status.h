@@ -11,7 +11,7 @@ enum class StopReason : std::uint8_t {
   kSingularConstraint,  ///< C has lost rank: the principle no longer determines the jerk
   kStepUnderflow,       ///< the step fell below the resolution of time
   kNonFiniteValue,      ///< a torque or a constraint gave NaN or infinity
-  kStepLimit,           ///< more steps than `solver/maximum_steps` within one advance
+  kStepLimit,           ///< more steps than `solver/maximum_steps` within one simulated second
   kJumpFailed,          ///< no state on the constraint is reached by a jump of the inputs
   kProjectionFailed     ///< Newton's iteration onto the constraint did not converge
 };

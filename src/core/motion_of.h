@@ -111,6 +111,8 @@ class MotionOf final : public Motion {
     statistics_ = Statistics{};
     time_ = 0.0;
     advanced_ = false;
+    step_window_start_ = 0.0;
+    steps_in_window_ = 0;
     pending_count_ = 0;
     std::fill(std::begin(last_command_time_), std::end(last_command_time_), kNever);
     drivetrain_.resetInputs();
@@ -198,9 +200,8 @@ class MotionOf final : public Motion {
   /// Brings the present to `time`.
   void moveTo(double time) {
     if (!status_.ok()) return;
-    for (int steps = 0; front_.time < time; ++steps) {
-      if (steps == scene_.solver.maximum_steps) stop(StopReason::kStepLimit);
-      if (!status_.ok() || !step()) {
+    while (front_.time < time) {
+      if (!countStep() || !step()) {
         time_ = front_.time;
         sample_valid_ = false;
         status_.time = time_;
@@ -209,6 +210,21 @@ class MotionOf final : public Motion {
     }
     time_ = time;
     sample_valid_ = false;
+  }
+
+  /// The limit of steps is one per simulated time and not per advance: how a motion is cut may not
+  /// change it.
+  bool countStep() {
+    if (front_.time - step_window_start_ >= 1.0) {
+      step_window_start_ = front_.time;
+      steps_in_window_ = 0;
+    }
+    if (steps_in_window_ < scene_.solver.maximum_steps) {
+      ++steps_in_window_;
+      return true;
+    }
+    stop(StopReason::kStepLimit);
+    return false;
   }
 
   /// One accepted step from the front. False when the motion stopped.
@@ -652,6 +668,8 @@ class MotionOf final : public Motion {
   Node front_;         // where it ended
   State dxdt_new_{};   // the stepper's own derivative at the front, before the projection
   double next_step_ = 0.0;
+  double step_window_start_ = 0.0;
+  int steps_in_window_ = 0;
   double restart_time_ = 0.0;  // fixed steps count from here
   std::uint64_t fixed_steps_ = 0;
   double row_reference_[ConstraintSolver<S>::kMaxRows] = {};

@@ -35,7 +35,7 @@ const char* explain(StopReason reason) {
     case StopReason::kNonFiniteValue:
       return "a value is NaN or infinite here or just ahead";
     case StopReason::kStepLimit:
-      return "more steps than 'solver/maximum_steps' in one advance";
+      return "more steps than 'solver/maximum_steps' within one simulated second";
     case StopReason::kJumpFailed:
       return "the jump of the commands leads to no state on the constraints";
     case StopReason::kProjectionFailed:
