@@ -263,6 +263,33 @@ TEST(InitialConditions, LeastReactionIsFoundFromASingularStart) {
               2.0, 1e-13);
 }
 
+TEST(InitialConditions, LeastReactionIsFoundFarFromTheFreeAccelerations) {
+  // An elastic coupling's torque alone would give the light shaft 600 rad/s^2, where the cubic psi
+  // is steep; plain Newton from there goes astray.
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [input, screw]
+input: {inertia: 10}
+screw: {inertia: 400}
+torques: [coupling, propeller]
+coupling: {type: variator_sim/ExpressionTorque, shaft: input, torque: 6000}
+propeller: {type: variator_sim/ExpressionTorque, shaft: screw, torque: "-6000+t"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "0.5*(e2-0.22*e1)*(1+0.02*(e1^2+e2^2))+w2-0.22*w1"}
+initial: {velocity: [60, 12.4]}
+)yaml"));
+  ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  const Sample& s = simulation.sample();
+  EXPECT_NEAR(s.residual[0], 0.0, 1e-12);
+  // R = C^T lambda
+  const double e1 = s.acceleration[0];
+  const double e2 = s.acceleration[1];
+  const double g = 1 + 0.02 * (e1 * e1 + e2 * e2);
+  const double C1 = 0.5 * (-0.22 * g + (e2 - 0.22 * e1) * 0.04 * e1);
+  const double C2 = 0.5 * (g + (e2 - 0.22 * e1) * 0.04 * e2);
+  EXPECT_NEAR((C2 * s.reaction_torque[0] - C1 * s.reaction_torque[1]) / 6000.0, 0.0, 1e-12);
+}
+
 TEST(InitialConditions, ImpossibleOnesAreAnError) {
   EXPECT_THROW(Simulation(test::sceneFromText(R"yaml(
 shafts: [drive, load]

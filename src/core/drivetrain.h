@@ -180,6 +180,16 @@ class Drivetrain {
       return constraint(m).calcResidualAndJacobian(state, C);
     });
   }
+  /// The least-reaction accelerations of the second-order forms linearised at `state`:
+  ///     free - J^-1 C^T A^-1 (psi + C (free - epsilon)),
+  /// as the correction to `free` (S values each). False where C has lost rank.
+  bool calcLinearizedReaction(const StateView& state, const double* free, double* delta) {
+    return calcCorrection(acceleration_rows_, &acceleration_solver_, delta, [&](int m, double* C) {
+      double residual = constraint(m).calcResidualAndJacobian(state, C);
+      for (int i = 0; i < S; ++i) residual += C[i] * (free[i] - state.acceleration[i]);
+      return residual;
+    });
+  }
   /// Squared length of row r of accelerationRows() in the last acceleration projection.
   double accelerationRowLengthSquared(int r) const {
     return acceleration_solver_.rowLengthSquared(r);

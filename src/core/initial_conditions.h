@@ -68,6 +68,12 @@ class InitialConditionSolver {
     if (!drivetrain_.hasAccelerationRows()) return InitialResult::kConsistent;
     double lambda[kMaxRows] = {};
     if (newton(state, torque, epsilon, lambda)) return InitialResult::kConsistent;
+    // Far from psi = 0 Newton's iteration may lead away; damped steps to the solution of the
+    // linearised constraints come near first.
+    for (int i = 0; i < S; ++i) epsilon[i] = free[i];
+    approach(state, free, epsilon);
+    std::fill(lambda, lambda + kMaxRows, 0.0);
+    if (newton(state, torque, epsilon, lambda)) return InitialResult::kConsistent;
     // C may vanish at the free accelerations (psi = eps1^2 + eps2^2 - a^2 without torque): start
     // aside of them, in the direction of each shaft, and keep the least reaction found.
     double best = std::numeric_limits<double>::infinity();
@@ -256,6 +262,20 @@ class InitialConditionSolver {
       step = next;
     }
     return false;
+  }
+
+  /// Up to 100 half steps towards the least reaction of the linearised constraints, from `epsilon`.
+  void approach(const StateView& given, const double* free, double* epsilon) {
+    StateView state = given;
+    state.acceleration = epsilon;
+    for (int iteration = 0; iteration < 100; ++iteration) {
+      double delta[S];
+      if (!drivetrain_.calcLinearizedReaction(state, free, delta)) return;
+      for (int i = 0; i < S; ++i) {
+        if (!std::isfinite(delta[i])) return;
+        epsilon[i] += 0.5 * (free[i] + delta[i] - epsilon[i]);
+      }
+    }
   }
 
   static bool isSmall(const Vector& step, const double* epsilon, double rounding) {

@@ -359,20 +359,8 @@ class MotionOf final : public Motion {
   /// Stops at the front, where no step however short succeeds, and finds out why.
   void explainStop() {
     stop(StopReason::kStepUnderflow);
-    StateView state = system_.view(front_.time, front_.x);
-    // Under the classical principle the accelerations are solved for, and may not exist.
-    static constexpr double kZeros[S] = {};
-    bool solved = true;
-    for (int i = 0; i < S; ++i) solved = solved && std::isfinite(state.acceleration[i]);
-    if (!solved) state.acceleration = kZeros;
-    if (drivetrain_.findNonFinite(state, &status_.torque, &status_.constraint)) {
-      status_.reason = StopReason::kNonFiniteValue;
-      return;
-    }
-    if (!solved) {
-      status_.reason = StopReason::kProjectionFailed;
-      return;
-    }
+    if (nameBadValue(front_.time, front_.x)) return;
+    const StateView state = system_.view(front_.time, front_.x);
     double c0[Drivetrain<S>::kMaxRows] = {};
     if (!drivetrain_.calcRows(state, c0)) {
       status_.reason = StopReason::kSingularConstraint;
@@ -407,12 +395,24 @@ class MotionOf final : public Motion {
         ahead[i] = front_.x[i] + h * front_.dxdt[i];
         if (!std::isfinite(ahead[i])) return;
       }
-      if (drivetrain_.findNonFinite(system_.view(front_.time + h, ahead), &status_.torque,
-                                    &status_.constraint)) {
-        status_.reason = StopReason::kNonFiniteValue;
-        return;
-      }
+      if (nameBadValue(front_.time + h, ahead)) return;
     }
+  }
+
+  /// Names a value that is not finite at (t, x) in the status: a torque, a constraint, or, under
+  /// the classical principle, accelerations that do not exist. False when there is none.
+  bool nameBadValue(double t, const State& x) {
+    static constexpr double kZeros[S] = {};
+    StateView state = system_.view(t, x);
+    bool solved = true;
+    for (int i = 0; i < S; ++i) solved = solved && std::isfinite(state.acceleration[i]);
+    if (!solved) state.acceleration = kZeros;
+    if (drivetrain_.findNonFinite(state, &status_.torque, &status_.constraint)) {
+      status_.reason = StopReason::kNonFiniteValue;
+      return true;
+    }
+    if (!solved) status_.reason = StopReason::kProjectionFailed;
+    return !solved;
   }
 
   void stop(StopReason reason) {
