@@ -90,7 +90,7 @@ class ScenesTest(unittest.TestCase):
             print(output)
 
     def test_every_shipped_scene_starts(self):
-        files = sorted(glob.glob(os.path.join(PACKAGE, 'config', '*.yaml')))
+        files = sorted(glob.glob(os.path.join(PACKAGE, 'config', '**', '*.yaml'), recursive=True))
         self.assertTrue(files)
         simulate = roslib.packages.find_node('variator_sim', 'simulate')[0]
         for file in files:

@@ -1,0 +1,122 @@
+#!/usr/bin/python3
+"""Every application scene runs its duty cycle of 60 s: no stop, small residuals, plausible motion."""
+
+import csv
+import io
+import os
+import pathlib
+import subprocess
+import unittest
+
+import roslib.packages
+import rosunit
+
+PACKAGE = "variator_sim"
+FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
+SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
+SCENES = FOLDER / "config/applications"
+SECONDS = 60
+
+
+class ApplicationsTest(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        cls.runs = {}
+
+    def samples(self, name):
+        """Samples of the scene with its commands, ten a second, as columns of floats."""
+        if name not in self.runs:
+            result = subprocess.run(
+                [SIMULATE, SCENES / f"{name}.yaml", "--duration", str(SECONDS), "--rate", "10",
+                 "--commands", SCENES / f"{name}.csv"],
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=100, check=False,
+                env=dict(os.environ, ROS_MASTER_URI="http://localhost:1"))
+            self.assertEqual(result.returncode, 0, result.stderr)
+            rows = list(csv.DictReader(io.StringIO(result.stdout)))
+            self.runs[name] = {key: [float(row[key]) for row in rows] for key in rows[0]}
+        return self.runs[name]
+
+    def check_between(self, values, lowest, highest):
+        self.assertGreaterEqual(min(values), lowest)
+        self.assertLessEqual(max(values), highest)
+
+    def test_every_scene_has_commands_and_a_launch_file(self):
+        names = {path.stem for path in SCENES.glob("*.yaml")}
+        self.assertEqual(names, {"starting_system", "ship_power_unit", "diesel_locomotive",
+                                 "machine_tool", "vbelt_vehicle"})
+        for name in names:
+            self.assertTrue((SCENES / f"{name}.csv").exists(), name)
+            self.assertTrue((FOLDER / f"launch/{name}.launch").exists(), name)
+
+    def test_every_scene_runs_to_its_end_on_its_constraint(self):
+        for path in sorted(SCENES.glob("*.yaml")):
+            with self.subTest(scene=path.stem):
+                run = self.samples(path.stem)
+                self.assertEqual(run["time"][-1], SECONDS)
+                shafts = [key for key in run if key.endswith("/velocity")]
+                self.assertGreaterEqual(len(shafts), 2)
+                for key in shafts:
+                    self.assertGreater(max(run[key]) - min(run[key]), 1.0, key)
+                    self.assertGreater(run[key.replace("velocity", "angle")][-1], 100.0, key)
+                for key in run:
+                    if key.endswith("/residual"):
+                        # Against speeds up to 400 rad/s and 1/s of a ratio.
+                        self.check_between(run[key], -1e-10, 1e-10)
+
+    def test_starting_system_follows_the_imposed_jerk(self):
+        run = self.samples("starting_system")
+        speed = dict(zip(run["time"], run["motor/velocity"]))
+        self.assertAlmostEqual(speed[1.5], 0.0, delta=1e-5)
+        # 155 rad/s = (jerk T / 2) (14 s); half of it in the middle of the start
+        self.assertAlmostEqual(speed[11.0], 77.5, delta=1e-5)
+        self.assertAlmostEqual(speed[30.0], 155.0, delta=1e-5)
+        self.assertAlmostEqual(speed[60.0], 0.0, delta=1e-4)
+        self.check_between(run["motor/reaction_torque"], -1000.0, 1000.0)
+        self.check_between(run["fan/velocity"], -0.01, 156.0)
+        # C = (1, 0): nothing acts on the fan but the coupling
+        self.check_between(run["fan/reaction_torque"], -1e-3, 1e-3)
+
+    def test_ship_runs_in_the_engines_range_with_a_few_percent_of_creep(self):
+        run = self.samples("ship_power_unit")
+        self.check_between(run["engine/velocity"], 50.0, 110.0)
+        self.check_between(run["screw/applied_torque"], -40e3, -4e3)
+        slip = [1.0 - screw / (0.22 * shaft)
+                for screw, shaft in zip(run["screw/velocity"][20:], run["input/velocity"][20:])]
+        self.check_between(slip, 0.005, 0.04)
+        self.check_between(run["engine/reaction_torque"], -0.01, 0.01)
+
+    def test_locomotive_accelerates_like_a_train(self):
+        run = self.samples("diesel_locomotive")
+        radius = 0.525
+        pulling = [radius * a for t, a in zip(run["time"], run["axle/acceleration"]) if 3 < t < 51]
+        self.check_between(pulling, 0.1, 0.33)
+        self.check_between(run["engine/velocity"], 70.0, 85.0)
+        # below the adhesion of 120 t
+        self.check_between(run["axle/reaction_torque"], -1.0, 0.2 * 120e3 * 9.81 * radius)
+        # a variator without loss
+        for driving, driven, w1, w2 in zip(run["engine/reaction_torque"],
+                                           run["axle/reaction_torque"],
+                                           run["engine/velocity"], run["axle/velocity"]):
+            self.assertAlmostEqual(driving * w1 + driven * w2, 0.0, delta=1e-3)
+
+    def test_spindle_dips_by_a_few_percent_under_the_cut(self):
+        run = self.samples("machine_tool")
+        motor = dict(zip(run["time"], run["motor/velocity"]))
+        self.check_between([motor[16.0] / motor[14.0]], 0.92, 0.99)
+        spindle = dict(zip(run["time"], run["spindle/velocity"]))
+        self.assertAlmostEqual(spindle[41.9] / motor[41.9], 0.205 / 0.75, delta=1e-3)
+        self.check_between(run["motor/applied_torque"], -20.0, 70.0)
+        self.assertAlmostEqual(spindle[60.0], 0.0, delta=1e-3)
+
+    def test_car_gathers_speed_and_the_ratio_follows_the_engine(self):
+        run = self.samples("vbelt_vehicle")
+        metres = 0.27 / 4.0
+        self.check_between([metres * w for w in run["pulley/velocity"]], 5.0, 28.0)
+        self.check_between([metres * a for a in run["pulley/acceleration"]], -0.5, 1.2)
+        for w1, w2 in zip(run["engine/velocity"], run["pulley/velocity"]):
+            self.assertAlmostEqual(w2, w1 * (0.5 + 0.5 * w1**2 / (220.0**2 + w1**2)), delta=1e-9)
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "applications_test", ApplicationsTest)
