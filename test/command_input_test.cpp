@@ -15,7 +15,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 CommandInputSettings makeSettings(Hold hold, double parameter, double initial) {
   CommandInputSettings settings;
   settings.hold = hold;
-  settings.time_constant = hold == Hold::kFirstOrderLag ? parameter : 0.0;
+  settings.time_constant =
+      hold == Hold::kFirstOrderLag || hold == Hold::kSecondOrderLag ? parameter : 0.0;
   settings.rate = hold == Hold::kRateLimit ? parameter : 0.0;
   settings.period = hold == Hold::kFirstOrderHold ? parameter : 0.0;
   settings.initial = initial;
@@ -23,8 +24,8 @@ CommandInputSettings makeSettings(Hold hold, double parameter, double initial) {
 }
 
 TEST(CommandSignal, IsTheInitialValueAfterReset) {
-  for (const Hold hold :
-       {Hold::kZeroOrder, Hold::kFirstOrderLag, Hold::kRateLimit, Hold::kFirstOrderHold}) {
+  for (const Hold hold : {Hold::kZeroOrder, Hold::kFirstOrderLag, Hold::kRateLimit,
+                          Hold::kFirstOrderHold, Hold::kSecondOrderLag}) {
     const CommandInputSettings settings = makeSettings(hold, 0.5, -3.0);
     CommandSignal signal;
     signal.command(settings, 1.0, 8.0);
@@ -76,6 +77,48 @@ TEST(CommandSignal, FirstOrderLagSolvesItsEquation) {
   EXPECT_EQ(signal.value(2.1), before);
   EXPECT_DOUBLE_EQ(signal.rate(2.1), (-1.0 - before) / tau);
   EXPECT_NEAR(signal.value(2.3), -1.0 + (before + 1.0) * std::exp(-1.0), 1e-14);
+}
+
+TEST(CommandSignal, SecondOrderLagSolvesItsEquationAndKeepsItsRate) {
+  const double tau = 0.2;
+  const CommandInputSettings settings = makeSettings(Hold::kSecondOrderLag, tau, 1.0);
+  CommandSignal signal;
+  signal.reset(settings);
+  EXPECT_EQ(signal.secondRate(1.0), 0.0);
+  EXPECT_FALSE(signal.command(settings, 2.0, 5.0));
+  EXPECT_FALSE(signal.isConstant());
+  EXPECT_EQ(signal.segmentEnd(), kInfinity);
+  EXPECT_EQ(signal.value(2.0), 1.0);
+  EXPECT_EQ(signal.rate(2.0), 0.0);
+  EXPECT_DOUBLE_EQ(signal.secondRate(2.0), 4.0 / (tau * tau));
+  const auto expectEquation = [&](double t, double command) {
+    // (tau d/dt + 1)^2 u = tau^2 u'' + 2 tau u' + u
+    EXPECT_NEAR(tau * tau * signal.secondRate(t) + 2.0 * tau * signal.rate(t) + signal.value(t),
+                command, 1e-14)
+        << t;
+    const double h = 1e-4;
+    EXPECT_NEAR(signal.rate(t), (signal.value(t + h) - signal.value(t - h)) / (2.0 * h), 1e-5) << t;
+    EXPECT_NEAR(signal.secondRate(t), (signal.rate(t + h) - signal.rate(t - h)) / (2.0 * h), 1e-4)
+        << t;
+  };
+  for (const double t : {2.01, 2.05, 2.2, 3.0, 10.0}) expectEquation(t, 5.0);
+  EXPECT_NEAR(signal.value(2.2), 5.0 - 4.0 * 2.0 * std::exp(-1.0), 1e-14);
+  EXPECT_EQ(signal.value(1e3), 5.0);
+
+  // A new command in between goes on from where u and u' are.
+  const double before = signal.value(2.1);
+  const double rate_before = signal.rate(2.1);
+  EXPECT_FALSE(signal.command(settings, 2.1, -1.0));
+  EXPECT_EQ(signal.value(2.1), before);
+  EXPECT_NEAR(signal.rate(2.1), rate_before, 1e-14);
+  for (const double t : {2.11, 2.3, 3.0}) expectEquation(t, -1.0);
+
+  // A command to where u just passes through is none to stay there.
+  const double passing = signal.value(2.3);
+  EXPECT_FALSE(signal.command(settings, 2.3, passing));
+  EXPECT_FALSE(signal.isConstant());
+  EXPECT_LT(signal.rate(2.3), -1.0);
+  for (const double t : {2.35, 2.6}) expectEquation(t, passing);
 }
 
 TEST(CommandSignal, FirstOrderLagKeepsDigitsOfSmallChanges) {
@@ -165,8 +208,8 @@ TEST(CommandSignal, IsContinuousAtTheEndOfARamp) {
 }
 
 TEST(CommandSignal, StaysConstantWhenTheCommandIsWhereUIs) {
-  for (const Hold hold :
-       {Hold::kZeroOrder, Hold::kFirstOrderLag, Hold::kRateLimit, Hold::kFirstOrderHold}) {
+  for (const Hold hold : {Hold::kZeroOrder, Hold::kFirstOrderLag, Hold::kRateLimit,
+                          Hold::kFirstOrderHold, Hold::kSecondOrderLag}) {
     const CommandInputSettings settings = makeSettings(hold, 0.5, 3.0);
     CommandSignal signal;
     signal.reset(settings);

@@ -11,10 +11,11 @@ namespace variator_sim {
 
 /// What u does between two commands.
 enum class Hold {
-  kZeroOrder,      ///< u = command; u' is an impulse at each command (the jump map)
-  kFirstOrderLag,  ///< tau u' = command - u
-  kRateLimit,      ///< |u'| = rate until u = command
-  kFirstOrderHold  ///< straight line from u to the command over one period
+  kZeroOrder,       ///< u = command; u' is an impulse at each command (the jump map)
+  kFirstOrderLag,   ///< tau u' = command - u
+  kRateLimit,       ///< |u'| = rate until u = command
+  kFirstOrderHold,  ///< straight line from u to the command over one period
+  kSecondOrderLag   ///< (tau d/dt + 1)^2 u = command, critically damped: u and u' are continuous
 };
 
 /// What happens when no command has come for `timeout` seconds of simulated time.
@@ -25,7 +26,7 @@ struct CommandInputSettings {
   std::string topic;  ///< name of the topic the commands arrive on
   std::string owner;  ///< name of the torque or constraint that reads it
   Hold hold = Hold::kZeroOrder;
-  double time_constant = 0.0;                                 ///< tau of kFirstOrderLag, s
+  double time_constant = 0.0;                                 ///< tau of the lags, s
   double rate = 0.0;                                          ///< of kRateLimit, unit of u per s
   double period = 0.0;                                        ///< of kFirstOrderHold, s
   double initial = 0.0;                                       ///< u before the first command
@@ -53,6 +54,8 @@ class CommandSignal {
   double value(double time) const;
   /// u' at `time`, right-hand limit at an event, left-hand limit at `segmentEnd()`.
   double rate(double time) const;
+  /// u'' at `time` where it exists between two commands: of kSecondOrderLag; 0 otherwise.
+  double secondRate(double time) const;
   /// When the current closed form ends (a ramp that arrives), or infinity.
   double segmentEnd() const { return segment_end_; }
   /// Moves past `segmentEnd()`: u stays at its target from there.
@@ -63,13 +66,14 @@ class CommandSignal {
   double target() const { return target_; }
 
  private:
-  enum class Form { kConstant, kExponential, kRamp };
+  enum class Form { kConstant, kExponential, kRamp, kCritical };
   Form form_ = Form::kConstant;
   double start_time_ = 0.0;
   double start_value_ = 0.0;
   double target_ = 0.0;
   double slope_ = 0.0;                  ///< of kRamp
-  double inverse_time_constant_ = 0.0;  ///< of kExponential
+  double inverse_time_constant_ = 0.0;  ///< of kExponential and kCritical
+  double linear_ = 0.0;                 ///< of kCritical: b of u = target + (a + b x) exp(-x)
   double segment_end_ = std::numeric_limits<double>::infinity();
 };
 

@@ -20,6 +20,10 @@ struct StateView {
       acceleration;          ///< epsilon, s values, rad/s^2 (undefined when a torque is evaluated)
   const double* input;       ///< u, one value per commanded input of the scene, its own unit
   const double* input_rate;  ///< u', one value per commanded input, its own unit per second
+  /// u'', one value per commanded input, its own unit per second squared: of inputs with
+  /// `second_order_lag`; 0 for all others, whose u' is not differentiable at a command. Only a
+  /// constraint of order 1 needs it. Null where nobody may ask.
+  const double* input_second_rate = nullptr;
 };
 
 }  // namespace variator_sim

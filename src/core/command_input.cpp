@@ -16,11 +16,12 @@ struct HoldName {
   const char* own_key;  ///< the key that this hold alone reads, or nullptr
 };
 
-constexpr std::array<HoldName, 4> kHolds{
+constexpr std::array<HoldName, 5> kHolds{
     {{"zero_order", Hold::kZeroOrder, nullptr},
      {"first_order_lag", Hold::kFirstOrderLag, "time_constant"},
      {"rate_limit", Hold::kRateLimit, "rate"},
-     {"first_order_hold", Hold::kFirstOrderHold, "period"}}};
+     {"first_order_hold", Hold::kFirstOrderHold, "period"},
+     {"second_order_lag", Hold::kSecondOrderLag, "time_constant"}}};
 
 /// Private topics that the node publishes itself.
 const std::vector<std::string>& takenTopics() {
@@ -69,7 +70,8 @@ const HoldName& readHold(ParameterReader& reader) {
                                    [&](const HoldName& hold) { return name == hold.name; });
   for (const HoldName& hold : kHolds) {
     if (hold.own_key == nullptr || hold.hold == chosen->hold) continue;
-    if (reader.has(hold.own_key)) {
+    const bool shared = chosen->own_key != nullptr && std::string(hold.own_key) == chosen->own_key;
+    if (!shared && reader.has(hold.own_key)) {
       throw SceneError(reader.keyPath(hold.own_key), "belongs to hold '" + std::string(hold.name) +
                                                          "', but this input's hold is '" + name +
                                                          "'");
@@ -96,6 +98,7 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
     case Hold::kZeroOrder:
       break;
     case Hold::kFirstOrderLag:
+    case Hold::kSecondOrderLag:
       settings.time_constant = reader.number(hold.own_key, Range::positive());
       break;
     case Hold::kRateLimit:
@@ -138,15 +141,26 @@ void CommandSignal::reset(const CommandInputSettings& settings) {
 
 bool CommandSignal::command(const CommandInputSettings& settings, double time, double value) {
   const double present = this->value(time);
+  const double present_rate = this->rate(time);
   *this = CommandSignal();
   start_time_ = time;
   start_value_ = present;
   target_ = value;
+  if (settings.hold == Hold::kSecondOrderLag) {
+    // u = target + (a + b x) exp(-x), x = (t - start) / tau, with u and u' as they are at x = 0:
+    // a = u - target, b = a + tau u'
+    if (value == present && present_rate == 0.0) return false;
+    form_ = Form::kCritical;
+    inverse_time_constant_ = 1.0 / settings.time_constant;
+    linear_ = present - value + settings.time_constant * present_rate;
+    return false;
+  }
   if (value == present) return false;
 
   double duration = 0.0;
   switch (settings.hold) {
     case Hold::kZeroOrder:
+    case Hold::kSecondOrderLag:
       break;
     case Hold::kFirstOrderLag:
       // u = target - (target - start) exp(-(t - start) / tau)
@@ -180,6 +194,10 @@ double CommandSignal::value(double time) const {
       const double elapsed = (time - start_time_) * inverse_time_constant_;
       return start_value_ - (target_ - start_value_) * std::expm1(-elapsed);
     }
+    case Form::kCritical: {
+      const double x = (time - start_time_) * inverse_time_constant_;
+      return start_value_ + (start_value_ - target_) * std::expm1(-x) + linear_ * x * std::exp(-x);
+    }
     case Form::kRamp: {
       if (time >= segment_end_) return target_;
       const double u = start_value_ + slope_ * (time - start_time_);
@@ -197,10 +215,23 @@ double CommandSignal::rate(double time) const {
       const double elapsed = (time - start_time_) * inverse_time_constant_;
       return (target_ - start_value_) * inverse_time_constant_ * std::exp(-elapsed);
     }
+    case Form::kCritical: {
+      const double x = (time - start_time_) * inverse_time_constant_;
+      const double a = start_value_ - target_;
+      return (linear_ - a - linear_ * x) * inverse_time_constant_ * std::exp(-x);
+    }
     case Form::kRamp:
       return time <= segment_end_ ? slope_ : 0.0;
   }
   return 0.0;
+}
+
+double CommandSignal::secondRate(double time) const {
+  if (form_ != Form::kCritical) return 0.0;
+  const double x = (time - start_time_) * inverse_time_constant_;
+  const double a = start_value_ - target_;
+  return (a - 2.0 * linear_ + linear_ * x) * inverse_time_constant_ * inverse_time_constant_ *
+         std::exp(-x);
 }
 
 void CommandSignal::finishSegment() {

@@ -35,6 +35,8 @@ class Drivetrain {
       const int m = static_cast<int>(constraints_.size());
       constraints_.push_back(constraint.get());
       if (constraint->order() == 1) velocity_rows_.push_back(m);
+      needs_second_rate_ =
+          needs_second_rate_ || (constraint->order() == 1 && constraint->readsInputs());
       if (constraint->order() <= 2) acceleration_rows_.push_back(m);
     }
     signals_.resize(scene.inputs.size());
@@ -65,6 +67,8 @@ class Drivetrain {
   }
   CommandSignal& signal(int input) { return signals_[input]; }
   const double* inputs() const { return input_; }
+  const double* inputRates() const { return input_rate_; }
+  const double* inputSecondRates() const { return input_second_rate_; }
   /// Remembers all signals, and goes back to them at `time`.
   void saveSignals() { std::copy(signals_.begin(), signals_.end(), saved_signals_.begin()); }
   void restoreSignals(double time) {
@@ -78,6 +82,7 @@ class Drivetrain {
     for (std::size_t i = 0; i < signals_.size(); ++i) {
       input_[i] = signals_[i].value(time);
       input_rate_[i] = signals_[i].rate(time);
+      input_second_rate_[i] = signals_[i].secondRate(time);
       if (!signals_[i].isConstant()) varying_.push_back(static_cast<int>(i));
     }
   }
@@ -101,13 +106,14 @@ class Drivetrain {
     for (int i : varying_) {
       input_[i] = signals_[i].value(t);
       input_rate_[i] = signals_[i].rate(t);
+      if (needs_second_rate_) input_second_rate_[i] = signals_[i].secondRate(t);
     }
   }
   /// A view of (t, phi, omega, epsilon) with the inputs at t; J is brought to phi.
   StateView view(double t, const double* phi, const double* omega, const double* epsilon) {
     evaluateInputs(t);
     if (!inertia_.isConstant()) inertia_.update(phi);
-    return {t, phi, omega, epsilon, input_, input_rate_};
+    return {t, phi, omega, epsilon, input_, input_rate_, input_second_rate_};
   }
 
   void countRightHandSide() { ++right_hand_sides_; }
@@ -411,6 +417,8 @@ class Drivetrain {
   std::vector<int> varying_;  // indices of the inputs that are not constant; capacity is reserved
   double input_[kMaxInputs] = {};
   double input_rate_[kMaxInputs] = {};
+  double input_second_rate_[kMaxInputs] = {};
+  bool needs_second_rate_ = false;  ///< some constraint of order 1 reads an input
   std::uint64_t right_hand_sides_ = 0;
 };
 

@@ -60,7 +60,10 @@ class JumpMap {
     Path(Drivetrain<S>& drivetrain, bool formal) : drivetrain_(drivetrain), formal_(formal) {}
     void begin(double t, const double* phi, const double* omega, const double* u0,
                const double* u1) {
-      state_ = {t, phi, omega, nullptr, input_, zero_rate_};
+      // The rates are those of the inputs that do not jump: f' of a constraint of order 1 reads the
+      // rates of its own.
+      state_ = {
+          t, phi, omega, nullptr, input_, drivetrain_.inputRates(), drivetrain_.inputSecondRates()};
       const int n = drivetrain_.inputCount();
       double before[S];
       for (int i = 0; i < n; ++i) {
@@ -93,7 +96,6 @@ class JumpMap {
     double start_[kMaxInputs] = {};
     double jump_[kMaxInputs] = {};
     double input_[kMaxInputs] = {};
-    double zero_rate_[kMaxInputs] = {};
     double torque_jump_[S] = {};
   };
 
