@@ -72,6 +72,11 @@ class Constraint {
   void calcInputJacobian(const StateView& state, int input_count, double* Cu) const {
     doCalcInputJacobian(state, input_count, Cu);
   }
+  /// Orders 1 and 2: the partial derivatives of f or psi, all of them.
+  void calcPartials(const StateView& state, ConstraintPartials& partials) const {
+    partials = {};
+    doCalcPartials(state, partials);
+  }
   /// The parts of dC/dt = D + H eta: D (s values) and H = dC/depsilon (s x s values, row by row),
   /// all written. Only the classical Gauss principle asks for them.
   void calcJacobianRate(const StateView& state, double* D, double* H) const {

@@ -9,6 +9,7 @@
 #include <limits>
 #include <map>
 
+#include "derivative_check.h"
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/types.h"
 
@@ -20,8 +21,9 @@ constexpr std::array<StepperKind, 4> kSteppers{StepperKind::kAuto, StepperKind::
 
 /// Keys at the scene's root that are not names of shafts, torques or constraints.
 const std::vector<std::string>& sceneKeys() {
-  static const std::vector<std::string> keys{
-      "shafts", "inertia_coupling", "torques", "constraints", "principle", "initial", "solver"};
+  static const std::vector<std::string> keys{"shafts",      "inertia_coupling",  "torques",
+                                             "constraints", "principle",         "initial",
+                                             "solver",      "verify_derivatives"};
   return keys;
 }
 
@@ -389,6 +391,21 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   return component;
 }
 
+/// A constraint of order 1 is differentiated twice, and its inputs with it: a jump of u or u' would
+/// need an impulse.
+void checkInputsOfOrder1(const Scene& scene) {
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    if (constraint->order() != 1) continue;
+    for (const CommandInputSettings& input : scene.inputs) {
+      if (input.owner != constraint->name() || input.hold == Hold::kSecondOrderLag) continue;
+      throw SceneError(constraint->name(),
+                       "the input of topic '" + input.topic +
+                           "' belongs to a constraint of order 1, which takes inputs with two "
+                           "derivatives only; allowed: hold second_order_lag");
+    }
+  }
+}
+
 ParameterTree toTree(const std::vector<std::string>& names) {
   ParameterTree::List values;
   for (const std::string& name : names) values.push_back(ParameterTree::text(name));
@@ -402,7 +419,8 @@ ParameterTree toTree(const std::vector<double>& numbers) {
 }
 
 /// `tree` without the node's keys and with the defaults that were taken.
-ParameterTree resolve(const ParameterTree& tree, const Lists& lists, const Scene& scene) {
+ParameterTree resolve(const ParameterTree& tree, const Lists& lists, const Scene& scene,
+                      bool verify_derivatives) {
   ParameterTree::Dictionary root = tree.asDictionary();
   for (const std::string& key : nodeKeys()) root.erase(key);
   root["shafts"] = toTree(lists.shafts);
@@ -415,6 +433,7 @@ ParameterTree resolve(const ParameterTree& tree, const Lists& lists, const Scene
         ParameterTree::dictionary({{"inertia", ParameterTree::real(scene.inertia(i, i))}});
   }
   root.emplace("inertia_coupling", ParameterTree::list());
+  root["verify_derivatives"] = ParameterTree::boolean(verify_derivatives);
   root["principle"] = ParameterTree::text(toString(scene.principle));
 
   ParameterTree::Dictionary initial{{"angle", toTree(scene.initial.angle)},
@@ -474,9 +493,8 @@ const char* toString(SimultaneousCommands rule) {
 }
 
 const std::vector<std::string>& nodeKeys() {
-  static const std::vector<std::string> keys{
-      "tick_rate",    "publish_rate",      "real_time_factor",  "publish_clock",
-      "start_paused", "realtime_priority", "verify_derivatives"};
+  static const std::vector<std::string> keys{"tick_rate",     "publish_rate", "real_time_factor",
+                                             "publish_clock", "start_paused", "realtime_priority"};
   return keys;
 }
 
@@ -521,7 +539,10 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory) {
         name, root, kConstraintKind, kTorqueKind, factory,
         [&](const std::string& type) { return factory.createConstraint(type); }, &scene));
   }
-  scene.resolved = resolve(tree, lists, scene);
+  checkInputsOfOrder1(scene);
+  const bool verify_derivatives = root.boolean("verify_derivatives", true);
+  if (verify_derivatives) verifyDerivatives(scene);
+  scene.resolved = resolve(tree, lists, scene, verify_derivatives);
   return scene;
 }
 

@@ -1,0 +1,19 @@
+/// The derivatives that plugins state, against their own psi and Q.
+#pragma once
+
+#include "variator_sim/scene.h"
+
+namespace variator_sim {
+
+/// Compares, at a few states near the scene's start, every derivative that a constraint or a torque
+/// states with differences of its own function: the partial derivatives of f and psi, C in all its
+/// forms, f', c0, dC/depsilon, dC/dt and dQ/dt. Throws SceneError at the first that does not fit,
+/// with both values and the state.
+///
+/// Differences are noisy and blind at kinks, so a derivative is refused only where they are beyond
+/// doubt: they converge as the step shrinks, they agree from both sides, and what they converge to
+/// is not what is stated; and all that at a second state nearby as well. States where something is
+/// not finite are left out.
+void verifyDerivatives(const Scene& scene);
+
+}  // namespace variator_sim
