@@ -2,7 +2,15 @@
 #include <memory>
 
 #include "variator_sim/component_factory.h"
+#include "variator_sim/constraints/acceleration_magnitude.h"
 #include "variator_sim/constraints/expression_constraint.h"
+#include "variator_sim/constraints/imposed_jerk.h"
+#include "variator_sim/constraints/jerk_limit.h"
+#include "variator_sim/constraints/kinematic_ratio.h"
+#include "variator_sim/constraints/power_flow.h"
+#include "variator_sim/constraints/slip_ratio.h"
+#include "variator_sim/constraints/traction_curve.h"
+#include "variator_sim/constraints/v_belt_ratio.h"
 #include "variator_sim/torques/commanded_torque.h"
 #include "variator_sim/torques/cutting_torque.h"
 #include "variator_sim/torques/diesel_engine.h"
@@ -22,9 +30,20 @@ struct Maker {
   Pointer (*make)();
 };
 
-const std::array<Maker<ConstraintPtr>, 1> kConstraints{{
+const std::array<Maker<ConstraintPtr>, 9> kConstraints{{
+    {"variator_sim/AccelerationMagnitude",
+     []() -> ConstraintPtr { return std::make_shared<AccelerationMagnitude>(); }},
     {"variator_sim/ExpressionConstraint",
      []() -> ConstraintPtr { return std::make_shared<ExpressionConstraint>(); }},
+    {"variator_sim/ImposedJerk", []() -> ConstraintPtr { return std::make_shared<ImposedJerk>(); }},
+    {"variator_sim/JerkLimit", []() -> ConstraintPtr { return std::make_shared<JerkLimit>(); }},
+    {"variator_sim/KinematicRatio",
+     []() -> ConstraintPtr { return std::make_shared<KinematicRatio>(); }},
+    {"variator_sim/PowerFlow", []() -> ConstraintPtr { return std::make_shared<PowerFlow>(); }},
+    {"variator_sim/SlipRatio", []() -> ConstraintPtr { return std::make_shared<SlipRatio>(); }},
+    {"variator_sim/TractionCurve",
+     []() -> ConstraintPtr { return std::make_shared<TractionCurve>(); }},
+    {"variator_sim/VBeltRatio", []() -> ConstraintPtr { return std::make_shared<VBeltRatio>(); }},
 }};
 
 const std::array<Maker<TorquePtr>, 9> kTorques{{

@@ -1,0 +1,683 @@
+// The ready-made constraints against the same formulas typed into a scene, in rows and in motion;
+// jumps of a commanded ratio against fast ramps; faults of their keys; that the documentation's
+// examples are read; and that a wrong derivative is caught at load, a right one with kinks not.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "support/scenes.h"
+#include "variator_sim/constraints/automatic_constraint.h"
+#include "variator_sim/table.h"
+
+// Sanitizers bring a malloc of their own, which cannot be counted.
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define VARIATOR_SIM_COUNTS_ALLOCATIONS
+namespace {
+std::atomic<long> allocations{0};
+}
+
+extern "C" {
+void* __libc_malloc(std::size_t size);  // NOLINT
+
+void* malloc(std::size_t size) {
+  ++allocations;
+  return __libc_malloc(size);
+}
+}
+#endif
+
+namespace variator_sim {
+namespace {
+
+/// Two shafts, a motor, a propeller, one constraint `it`.
+std::string sceneText(const std::string& constraint, const std::string& rest = "") {
+  return "shafts: [drive, load]\ndrive: {inertia: 0.8}\nload: {inertia: 2}\n"
+         "torques: [motor, propeller, command]\n"
+         "motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "
+         "\"12*((50-w1)/50)/(((50-w1)/50)^2+0.04)\"}\n"
+         "propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: \"-0.02*w2^2\"}\n"
+         "command: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}\n"
+         "constraints: [it]\nit: {type: variator_sim/" +
+         constraint + "}\n" + rest;
+}
+
+Scene sceneOf(const std::string& constraint, const std::string& rest = "") {
+  return test::withTolerance(test::sceneFromText(sceneText(constraint, rest)), 1e-11);
+}
+
+struct Twin {
+  const char* plugin;
+  const char* formula;
+};
+
+const Twin kTwins[] = {
+    {"KinematicRatio, shafts: [drive, load], ratio: 0.6", "order: 1, expression: \"w2-0.6*w1\""},
+    {"KinematicRatio, shafts: [load, drive], ratio: 0.6", "order: 1, expression: \"w1-0.6*w2\""},
+    {"VBeltRatio, shafts: [drive, load], ratio_low: 0.4, ratio_high: 1.3, speed: 4, width: 0.7, "
+     "load: 3, load_torque: 11",
+     "order: 1, expression: \"w2-(0.4+0.45*(1+tanh(((w1/4)^2-1-3/11)/0.7)))*w1\""},
+    {"SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6",
+     "order: 2, expression: \"0.2*(e2-0.6*e1)+w2-0.6*w1\""},
+    {"SlipRatio, shafts: [load, drive], time_constant: 0.2, ratio: 0.6",
+     "order: 2, expression: \"0.2*(e1-0.6*e2)+w1-0.6*w2\""},
+    {"AccelerationMagnitude, shafts: [drive, load], magnitude: 2",
+     "order: 2, expression: \"e1^2+e2^2-4\""},
+    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], power: 30",
+     "order: 2, expression: \"0.8*w1*e1+2*w2*e2-30\""},
+    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], efficiency: 0.8, smoothing_power: 3",
+     "order: 2, expression: \"2*w2*e2+(1.25+0.8)/2*0.8*w1*e1+(1.25-0.8)/2*(sqrt((0.8*w1*e1)^2+9)-"
+     "3)\""},
+    {"TractionCurve, shafts: [drive, load], ratio: 0.6, inertia: 2, nominal_torque: 20, "
+     "nominal_slip: 0.05, sharpness: 1.5, load: 1, load_square: 0.02",
+     "order: 2, expression: "
+     "\"w2-0.6*w1*(1-0.05/sinh(1.5)*sinh((2*e2+1+0.02*w2^3/sqrt(w2^2+0.01))*1.5/20))\""},
+    {"ImposedJerk, shaft: load, jerk: 1.5", "order: 3, expression: \"j2-1.5\""},
+    {"JerkLimit, shaft: load, limit: 4, time_constant: 0.3, acceleration: 2",
+     "order: 3, expression: \"j2-4*tanh((2-e2)/1.2)\""},
+};
+
+TEST(Plugins, HaveTheRowsOfTheirFormulas) {
+  for (const Twin& twin : kTwins) {
+    SCOPED_TRACE(twin.plugin);
+    const Scene a = sceneOf(twin.plugin);
+    const Scene b = sceneOf(std::string("ExpressionConstraint, ") + twin.formula);
+    const Constraint& plugin = *a.constraints[0];
+    const Constraint& formula = *b.constraints[0];
+    ASSERT_EQ(plugin.order(), formula.order());
+    EXPECT_EQ(plugin.isLinearInAcceleration(), formula.isLinearInAcceleration());
+    for (int n = 0; n < 5; ++n) {
+      const double angle[] = {0.2 * n, 1.0 - n};
+      const double velocity[] = {4.0 + 0.7 * n, 3.1 - 0.9 * n};
+      const double acceleration[] = {1.3 - n, 0.4 + 0.8 * n};
+      const double input[] = {0.0};
+      const StateView x{0.3 * n, angle, velocity, acceleration, input, input, input};
+      double C[2][2];
+      double c0[2];
+      plugin.calcRow(x, C[0], &c0[0]);
+      formula.calcRow(x, C[1], &c0[1]);
+      const auto expectC = [&](const char* what) {
+        for (int i = 0; i < 2; ++i) {
+          EXPECT_NEAR(C[0][i], C[1][i], 1e-12 * std::max(1.0, std::abs(C[1][i]))) << what;
+        }
+      };
+      expectC("row");
+      EXPECT_NEAR(c0[0], c0[1], 1e-12 * std::max(1.0, std::abs(c0[1])));
+      if (plugin.order() == 3) continue;
+      EXPECT_NEAR(plugin.calcResidual(x), formula.calcResidual(x), 1e-12);
+      EXPECT_NEAR(plugin.calcResidualAndJacobian(x, C[0]), formula.calcResidualAndJacobian(x, C[1]),
+                  1e-12);
+      expectC("second-order form");
+    }
+  }
+}
+
+#ifdef VARIATOR_SIM_COUNTS_ALLOCATIONS
+TEST(Plugins, AllocateNothing) {
+  for (const Twin& twin : kTwins) {
+    SCOPED_TRACE(twin.plugin);
+    const Scene scene = sceneOf(twin.plugin);
+    const Constraint& plugin = *scene.constraints[0];
+    const double values[] = {1.0, 2.0};
+    const StateView x{0.3, values, values, values, values, values, values};
+    double C[2];
+    double H[4];
+    double c0 = 0.0;
+    ConstraintPartials partials;
+    const long before = allocations;
+    plugin.calcRow(x, C, &c0);
+    plugin.calcResidual(x);
+    if (plugin.order() < 3) plugin.calcResidualAndJacobian(x, C);
+    if (plugin.order() == 1) plugin.calcVelocityResidualAndJacobian(x, C);
+    plugin.calcPartials(x, partials);
+    plugin.calcInputJacobian(x, 1, &c0);
+    plugin.calcJacobianRate(x, C, H);
+    plugin.calcHessian(x, H);
+    EXPECT_EQ(allocations, before);
+  }
+}
+#endif
+
+TEST(Plugins, MoveAsTheirFormulas) {
+  for (const Twin& twin : kTwins) {
+    for (const char* principle : {"generalized_gauss", "gauss"}) {
+      SCOPED_TRACE(std::string(twin.plugin) + ' ' + principle);
+      const std::string rest =
+          std::string("principle: ") + principle + "\ninitial: {velocity: [5, 3], project: true}\n";
+      Simulation plugin(sceneOf(twin.plugin, rest));
+      Simulation formula(sceneOf(std::string("ExpressionConstraint, ") + twin.formula, rest));
+      for (int n = 1; n <= 5; ++n) {
+        const double t = 0.2 * n;
+        ASSERT_TRUE(plugin.advanceTo(t).ok()) << plugin.describeStatus();
+        ASSERT_TRUE(formula.advanceTo(t).ok()) << formula.describeStatus();
+        const Sample& a = plugin.sample();
+        const Sample& b = formula.sample();
+        for (int i = 0; i < 2; ++i) {
+          ASSERT_NEAR(a.velocity[i], b.velocity[i], 1e-8);
+          ASSERT_NEAR(a.acceleration[i], b.acceleration[i], 1e-8);
+          ASSERT_NEAR(a.reaction_torque_rate[i], b.reaction_torque_rate[i], 1e-6);
+        }
+      }
+    }
+  }
+}
+
+// c0 = -(2 i' eps_a + i'' omega_a) of an imposed ratio, by table and by command.
+TEST(Plugins, AnImposedRatioEntersWithItsTwoDerivatives) {
+  const Scene table = sceneOf(
+      "KinematicRatio, shafts: [drive, load], ratio: {times: [0, 2, 5], values: [0.4, 0.8, 0.6]}");
+  const ParameterTree tree = readYamlText("x: [0, 2, 5]\ny: [0.4, 0.8, 0.6]", "test");
+  ParameterReader reader(tree, "");
+  const Table curve =
+      Table::read(reader, {"x", Range::any()}, {"y", Range::any()}, Table::Beyond::kConstant);
+  const Scene commanded = sceneOf(
+      "KinematicRatio, shafts: [drive, load], ratio: {topic: ratio, hold: second_order_lag, "
+      "time_constant: 0.3, initial: 0.6}");
+  const double angle[] = {0.0, 0.0};
+  const double velocity[] = {4.0, 3.1};
+  const double acceleration[] = {1.3, 0.4};
+  for (const double t : {-1.0, 0.5, 1.9, 3.0, 7.0}) {
+    const double input[] = {0.0, 0.7 + 0.1 * t};
+    const double input_rate[] = {0.0, 0.2};
+    const double input_second_rate[] = {0.0, -0.9};
+    const StateView x{t, angle, velocity, acceleration, input, input_rate, input_second_rate};
+    double C[2];
+    double c0;
+    table.constraints[0]->calcRow(x, C, &c0);
+    EXPECT_NEAR(C[0], -curve.value(t), 1e-14);
+    EXPECT_NEAR(c0, -(2.0 * curve.slope(t) * 1.3 + curve.curvature(t) * 4.0), 1e-12);
+    commanded.constraints[0]->calcRow(x, C, &c0);
+    EXPECT_NEAR(C[0], -input[1], 1e-14);
+    EXPECT_NEAR(c0, -(2.0 * 0.2 * 1.3 + -0.9 * 4.0), 1e-12);
+    double Cu[2] = {7.0, 7.0};
+    commanded.constraints[0]->calcInputJacobian(x, 2, Cu);
+    EXPECT_EQ(Cu[0], 0.0);
+    EXPECT_NEAR(Cu[1], -4.0, 1e-14);
+  }
+}
+
+int inputOf(const Simulation& simulation, const std::string& topic) {
+  const auto& inputs = simulation.scene().inputs;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    if (inputs[i].topic == topic) return static_cast<int>(i);
+  }
+  ADD_FAILURE() << topic;
+  return -1;
+}
+
+// A ratio commanded through a lag of second order is i(t) written down; a torque may jump
+// meanwhile.
+TEST(Plugins, ACommandedKinematicRatioIsTheRatioOfItsClosedForm) {
+  const std::string start = "initial: {velocity: [5, 3], acceleration: [4, 2.4]}\n";
+  Simulation commanded(sceneOf(
+      "KinematicRatio, shafts: [drive, load], ratio: {topic: ratio, hold: second_order_lag, "
+      "time_constant: 0.3, initial: 0.6}",
+      start));
+  Simulation written(sceneOf(
+      "ExpressionConstraint, order: 1, expression: \"w2-(0.9-0.3*(1+t/0.3)*exp(-t/0.3))*w1\"",
+      start));
+  commanded.command(inputOf(commanded, "ratio"), 0.9);
+  for (int n = 0; n <= 20; ++n) {
+    const double t = 0.1 * n;
+    ASSERT_TRUE(commanded.advanceTo(t).ok()) << commanded.describeStatus();
+    ASSERT_TRUE(written.advanceTo(t).ok()) << written.describeStatus();
+    if (n == 3 || n == 7) {
+      commanded.command(inputOf(commanded, "torque"), 5.0 * n);
+      written.command(inputOf(written, "torque"), 5.0 * n);
+    }
+    const Sample& a = commanded.sample();
+    const Sample& b = written.sample();
+    for (int i = 0; i < 2; ++i) {
+      ASSERT_NEAR(a.velocity[i], b.velocity[i], 1e-8) << t;
+      ASSERT_NEAR(a.acceleration[i], b.acceleration[i], 1e-8) << t;
+      ASSERT_NEAR(a.reaction_torque[i], b.reaction_torque[i], 1e-7) << t;
+    }
+  }
+}
+
+std::array<double, 2> accelerationAfterRatioStep(const std::string& hold, double duration,
+                                                 const char* plugin) {
+  Simulation simulation(
+      sceneOf(std::string(plugin) + "ratio: {topic: ratio, " + hold + ", initial: 0.6}",
+              "initial: {velocity: [5, 3]}\n"));
+  EXPECT_TRUE(simulation.advanceTo(0.5).ok()) << simulation.describeStatus();
+  simulation.command(inputOf(simulation, "ratio"), 0.9);
+  EXPECT_TRUE(simulation.advanceTo(0.5 + duration).ok()) << simulation.describeStatus();
+  EXPECT_NEAR(simulation.sample().residual[0], 0.0, 1e-9);
+  return {simulation.sample().acceleration[0], simulation.sample().acceleration[1]};
+}
+
+TEST(Plugins, AJumpOfACommandedRatioIsTheLimitOfRamps) {
+  for (const char* plugin : {"SlipRatio, shafts: [drive, load], time_constant: 0.2, ",
+                             "TractionCurve, shafts: [drive, load], inertia: 2, nominal_torque: "
+                             "60, nominal_slip: 0.5, load_square: 0.02, "}) {
+    SCOPED_TRACE(plugin);
+    const auto jumped = accelerationAfterRatioStep("hold: zero_order", 0.0, plugin);
+    double previous = 0.0;
+    for (const double h : {1e-3, 1e-4}) {
+      const auto ramped = accelerationAfterRatioStep(
+          "hold: rate_limit, rate: " + std::to_string(0.3 / h), h, plugin);
+      const double gap = std::hypot(ramped[0] - jumped[0], ramped[1] - jumped[1]);
+      EXPECT_LT(gap, 1e3 * h);
+      if (previous > 0.0) {
+        EXPECT_NEAR(gap / previous, 0.1, 0.02) << "first order in h";
+      }
+      previous = gap;
+    }
+    const auto before = accelerationAfterRatioStep("hold: rate_limit, rate: 1e-9", 0.0, plugin);
+    EXPECT_GT(std::abs(jumped[1] - before[1]), 0.1) << "nothing jumped";
+  }
+}
+
+double kineticEnergy(const Sample& s) {
+  return 0.5 * (0.8 * s.velocity[0] * s.velocity[0] + 2.0 * s.velocity[1] * s.velocity[1]);
+}
+
+TEST(Plugins, PowerFlowKeepsTheEnergyAccount) {
+  Simulation imposed(
+      sceneOf("PowerFlow, shafts: [drive, load], inertias: [0.8, 2], power: "
+              "{topic: power, initial: 30}",
+              "initial: {velocity: [5, 3]}\n"));
+  const double start = kineticEnergy(imposed.sample());
+  ASSERT_TRUE(imposed.advanceTo(1.0).ok());
+  EXPECT_NEAR(kineticEnergy(imposed.sample()), start + 30.0, 1e-8);
+  imposed.command(inputOf(imposed, "power"), -10.0);
+  ASSERT_TRUE(imposed.advanceTo(2.0).ok()) << imposed.describeStatus();
+  EXPECT_NEAR(kineticEnergy(imposed.sample()), start + 20.0, 1e-8);
+
+  for (const double e1 : {-2.0, 2.0}) {  // from drive to load, and back
+    const double e2 = e1 < 0.0 ? -0.8 * 0.8 * 5.0 * e1 / 6.0 : -0.8 * 5.0 * e1 / 0.8 / 6.0;
+    Simulation flow(sceneOf(
+        "PowerFlow, shafts: [drive, load], inertias: [0.8, 2], efficiency: 0.8, smoothing_power: "
+        "1e-6",
+        "initial: {project: true, velocity: [5, 3], acceleration: [" + std::to_string(e1) + ", " +
+            std::to_string(e2) + "]}\n"));
+    const Sample before = flow.sample();
+    ASSERT_TRUE(flow.advanceTo(0.01).ok()) << flow.describeStatus();
+    const Sample& after = flow.sample();
+    const auto gained = [&](int i, double J) {
+      return 0.5 * J *
+             (after.velocity[i] * after.velocity[i] - before.velocity[i] * before.velocity[i]);
+    };
+    const double drive = gained(0, 0.8);
+    const double load = gained(1, 2.0);
+    EXPECT_GT(drive * e1, 0.0) << "the power flows the wrong way";
+    EXPECT_NEAR(drive < 0.0 ? load / -drive : drive / -load, 0.8, 1e-5);
+  }
+}
+
+TEST(Plugins, AStartByImposedJerkEndsAtItsSpeed) {
+  Simulation simulation(
+      sceneOf("ImposedJerk, shaft: load, velocity_change: 20, duration: 4, start: 0.5",
+              "initial: {velocity: [5, 3], acceleration: [1, 0]}\n"));
+  ASSERT_TRUE(simulation.advanceTo(0.5).ok());
+  EXPECT_NEAR(simulation.sample().velocity[1], 3.0, 1e-10);
+  ASSERT_TRUE(simulation.advanceTo(2.5).ok());
+  EXPECT_NEAR(simulation.sample().velocity[1], 13.0, 1e-7);
+  EXPECT_NEAR(simulation.sample().acceleration[1], 10.0, 1e-7);
+  ASSERT_TRUE(simulation.advanceTo(6.0).ok());
+  EXPECT_NEAR(simulation.sample().velocity[1], 23.0, 1e-7);
+  EXPECT_NEAR(simulation.sample().acceleration[1], 0.0, 1e-7);
+}
+
+TEST(Plugins, AJerkLimitFollowsAStepOfItsTarget) {
+  Simulation simulation(
+      sceneOf("JerkLimit, shaft: load, limit: 10, time_constant: 0.05, acceleration: {topic: "
+              "target, initial: 0}",
+              "initial: {velocity: [5, 3], acceleration: [1, 0]}\n"));
+  simulation.advanceTo(0.1);
+  simulation.command(inputOf(simulation, "target"), 5.0);
+  EXPECT_NEAR(simulation.sample().acceleration[1], 0.0, 1e-12) << "the acceleration jumped";
+  simulation.advanceTo(0.3);
+  EXPECT_NEAR(simulation.sample().acceleration[1], 2.0, 1e-3);
+  simulation.advanceTo(2.0);
+  EXPECT_NEAR(simulation.sample().acceleration[1], 5.0, 1e-6);
+}
+
+// ------------------------------------------------------------------------------------------- keys
+
+struct Fault {
+  const char* constraint;
+  const char* path;
+  const char* words;
+};
+
+TEST(Plugins, RefuseFaultsByPath) {
+  const Fault faults[] = {
+      {"KinematicRatio, shafts: [drive, load], ratio: {topic: r, hold: zero_order}",
+       "it/ratio/hold", "second_order_lag"},
+      {"KinematicRatio, shafts: [drive, load], ratio: {topic: r}", "it/ratio/hold", "order 1"},
+      {"KinematicRatio, shafts: [drive, load], ratio: {topic: r, hold: second_order_lag}",
+       "it/ratio/time_constant", "missing"},
+      {"KinematicRatio, shafts: [drive, load], ratio: {topic: r, hold: second_order_lag, "
+       "time_constant: 1, rate: 2}",
+       "it/ratio/rate", "rate_limit"},
+      {"KinematicRatio, shafts: [drive, load], ratio: {topic: torque, hold: second_order_lag, "
+       "time_constant: 1}",
+       "it/ratio/topic", "used twice"},
+      {"KinematicRatio, shafts: [drive, load]", "it/ratio", "missing"},
+      {"KinematicRatio, shafts: [drive, load], ratio: [1, 2]", "it/ratio", "expected a number"},
+      {"KinematicRatio, shafts: [drive, load], ratio: {times: [1, 0], values: [1, 1]}",
+       "it/ratio/times[1]", "increas"},
+      {"KinematicRatio, shafts: [drive, lod], ratio: 1", "it/shafts[1]", "load"},
+      {"VBeltRatio, shafts: [drive, load], ratio_low: 1, ratio_high: 1, speed: 3", "it/ratio_high",
+       "> 1"},
+      {"VBeltRatio, shafts: [drive, load], ratio_low: 1, ratio_high: 2, speed: 3, load_torque: 1",
+       "it/load_torque", "'load'"},
+      {"VBeltRatio, shafts: [drive, load], ratio_low: 1, ratio_high: 2, speed: 3, load: {topic: "
+       "l, hold: rate_limit, rate: 1}, load_torque: 1",
+       "it/load/hold", "second_order_lag"},
+      {"SlipRatio, shafts: [drive, load], time_constant: 0, ratio: 1", "it/time_constant", "> 0"},
+      {"SlipRatio, shafts: [drive, load], time_constnt: 1, ratio: 1", "it/time_constant",
+       "time_constnt"},
+      {"TractionCurve, shafts: [drive, load], ratio: 1, inertia: 1, nominal_torque: 1, "
+       "nominal_slip: 1",
+       "it/nominal_slip", "1"},
+      {"PowerFlow, shafts: [drive, load], inertias: [1, 2], power: 1, efficiency: 0.5", "it/power",
+       "one of them"},
+      {"PowerFlow, shafts: [drive, load], inertias: [1, 2], power: 1, smoothing_power: 0.5",
+       "it/smoothing_power", "efficiency"},
+      {"PowerFlow, shafts: [drive, load], inertias: [1, 2], efficiency: 1.5", "it/efficiency", "1"},
+      {"AccelerationMagnitude, shafts: [drive, load], magnitude: -1", "it/magnitude", "> 0"},
+      {"ImposedJerk, shaft: load, jerk: 1, velocity_change: 2, duration: 1", "it/jerk",
+       "one of them"},
+      {"ImposedJerk, shaft: load, jerk: 1, start: 2", "it/start", "velocity_change"},
+      {"JerkLimit, shaft: load, limit: 1, time_constant: 1", "it/acceleration", "missing"},
+  };
+  for (const Fault& fault : faults) {
+    SCOPED_TRACE(fault.constraint);
+    try {
+      sceneOf(fault.constraint);
+      ADD_FAILURE() << "accepted";
+    } catch (const SceneError& error) {
+      EXPECT_EQ(error.keyPath(), fault.path) << error.what();
+      EXPECT_NE(std::string(error.what()).find(fault.words), std::string::npos) << error.what();
+    }
+  }
+}
+
+// ---------------------------------------------------------------------------------- documentation
+
+std::string readDocumentation() {
+  std::ifstream file(std::string(VARIATOR_SIM_TEST_DIR) + "/../doc/constraints.md");
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+std::vector<std::string> readExamples() {
+  std::vector<std::string> examples;
+  std::stringstream documentation(readDocumentation());
+  bool inside = false;
+  for (std::string line; std::getline(documentation, line);) {
+    if (line.rfind("```", 0) == 0) {
+      inside = !inside && line == "```yaml";
+      if (inside) examples.emplace_back();
+    } else if (inside) {
+      examples.back() += line + '\n';
+    }
+  }
+  return examples;
+}
+
+std::set<std::string> documentedKeys(const std::string& type) {
+  std::set<std::string> keys;
+  std::stringstream documentation(readDocumentation());
+  bool in_section = false;
+  for (std::string line; std::getline(documentation, line);) {
+    if (line.rfind("## ", 0) == 0) in_section = line == "## " + type;
+    if (!in_section || line.rfind("| `", 0) != 0) continue;
+    keys.insert(line.substr(3, line.find('`', 3) - 3));
+  }
+  return keys;
+}
+
+TEST(Documentation, ExamplesAreReadRunAndEveryKeyIsThere) {
+  std::set<std::string> types{"variator_sim/ExpressionConstraint"};
+  BuiltinComponentFactory factory;
+  for (const std::string& example : readExamples()) {
+    SCOPED_TRACE(example);
+    const ParameterTree parsed = readYamlText(example, "doc/constraints.md");
+    const auto& [name, dictionary] = *parsed.asDictionary().begin();
+    const std::string text =
+        "shafts: [drive, load]\ndrive: {inertia: 0.8}\nload: {inertia: 2}\n"
+        "initial: {velocity: [5, 3], project: true}\n"
+        "torques: [motor]\nmotor: {type: variator_sim/ExpressionTorque, "
+        "shaft: drive, torque: \"5-0.1*w1\"}\nconstraints: [" +
+        name + "]\n" + example;
+    ParameterTree tree = readYamlText(text, "doc/constraints.md");
+    Simulation simulation(readScene(tree, factory));
+    EXPECT_TRUE(simulation.advanceTo(0.5).ok()) << simulation.describeStatus();
+
+    ParameterTree& element = tree.asDictionary().at(name);
+    const std::string type = element.asDictionary().at("type").asText();
+    types.insert(type);
+    element.asDictionary()["unknown_key"] = ParameterTree::integer(1);
+    try {
+      readScene(tree, factory);
+      ADD_FAILURE() << "accepted";
+    } catch (const SceneError& error) {
+      const std::string message = error.what();
+      const std::set<std::string> documented = documentedKeys(type.substr(type.find('/') + 1));
+      std::stringstream names(message.substr(message.find("allowed: ") + 9));
+      for (std::string key; std::getline(names, key, ',');) {
+        key.erase(0, key.find_first_not_of(' '));
+        if (key != "type") {
+          EXPECT_EQ(documented.count(key), 1U) << key;
+        }
+      }
+    }
+  }
+  const std::vector<std::string> all = factory.constraintTypes();
+  EXPECT_EQ(types, std::set<std::string>(all.begin(), all.end()));
+}
+
+// ----------------------------------------------------------------------------- verify_derivatives
+
+enum class Seed {
+  kNothing,
+  kPartial,
+  kPartialOfTime,
+  kInput,
+  kRow,
+  kRowC,
+  kResidual,
+  kLinear,
+  kHessian,
+  kRate
+};
+
+/// psi = 0.2 e2 (1 + e1^2) - 0.6 w1 sin(t) + w2 + 2 u, with one seeded fault.
+class Faulty : public Constraint {
+ public:
+  explicit Faulty(Seed seed) : seed_(seed) {}
+
+ protected:
+  void doConfigure(ComponentContext& context) override {
+    CommandInputSettings input;
+    input.owner = context.name();
+    input.topic = "u";
+    input_ = context.addInput(input);
+  }
+  bool doReadsInputs() const override { return true; }
+  bool doIsLinearInAcceleration() const override { return seed_ == Seed::kLinear; }
+  double doCalcResidual(const StateView& x) const override {
+    const double* e = x.acceleration;
+    return 0.2 * e[1] * (1 + e[0] * e[0]) - 0.6 * x.velocity[0] * std::sin(x.time) + x.velocity[1] +
+           2 * x.input[input_];
+  }
+  void doCalcPartials(const StateView& x, ConstraintPartials& p) const override {
+    const double* e = x.acceleration;
+    p.time = -0.6 * x.velocity[0] * std::cos(x.time) * (seed_ == Seed::kPartialOfTime ? -1 : 1);
+    p.velocity[0] = -0.6 * std::sin(x.time);
+    p.velocity[1] = 1;
+    p.acceleration[0] = 0.4 * e[1] * e[0];
+    p.acceleration[1] = 0.2 * (1 + e[0] * e[0]) * (seed_ == Seed::kPartial ? 1.001 : 1);
+    p.input[input_] = seed_ == Seed::kInput ? 0 : 2;
+  }
+  void doCalcRow(const StateView& x, double* C, double* c0) const override {
+    Constraint::doCalcRow(x, C, c0);
+    if (seed_ == Seed::kRow) *c0 += 0.1;
+    if (seed_ == Seed::kRowC) C[1] *= 1.001;
+  }
+  double doCalcResidualAndJacobian(const StateView& x, double* C) const override {
+    return Constraint::doCalcResidualAndJacobian(x, C) + (seed_ == Seed::kResidual ? 1e-3 : 0);
+  }
+  void doCalcHessian(const StateView& x, double* H) const override {
+    Constraint::doCalcHessian(x, H);
+    if (seed_ == Seed::kHessian) H[3] = 1.0;
+  }
+  void doCalcJacobianRate(const StateView& x, double* D, double* H) const override {
+    Constraint::doCalcJacobianRate(x, D, H);
+    if (seed_ == Seed::kRate) D[0] += 1.0;
+  }
+
+ private:
+  Seed seed_;
+  int input_ = 0;
+};
+
+class FaultyTorque : public Torque {
+ protected:
+  void doConfigure(ComponentContext& /*context*/) override {}
+  void doAddTorque(const StateView& x, double* torque) const override {
+    torque[1] -= 0.02 * x.velocity[1] * x.velocity[1];
+  }
+  void doAddTorqueRate(const StateView& /*x*/, double* /*rate*/) const override {}  // forgotten
+};
+
+class FirstOrderWithInput : public AutomaticConstraint<FirstOrderWithInput, 1, 2, 1> {
+ public:
+  template <class T>
+  T residual(const GenericState<T>& x) const {
+    return x.velocity[1] - x.input[0] * x.velocity[0];
+  }
+
+ protected:
+  void doConfigure(ComponentContext& context) override {
+    useInput(0, context.addInput(readCommandInput(context.parameters(), context.name())));
+  }
+};
+
+class SeededFactory : public BuiltinComponentFactory {
+ public:
+  explicit SeededFactory(Seed seed) : seed_(seed) {}
+  ConstraintPtr createConstraint(const std::string& type) override {
+    if (type == "test/Faulty") return std::make_shared<Faulty>(seed_);
+    if (type == "test/First") return std::make_shared<FirstOrderWithInput>();
+    return BuiltinComponentFactory::createConstraint(type);
+  }
+  TorquePtr createTorque(const std::string& type) override {
+    if (type == "test/Faulty") return std::make_shared<FaultyTorque>();
+    return BuiltinComponentFactory::createTorque(type);
+  }
+
+ private:
+  Seed seed_;
+};
+
+const char* const kSeeded =
+    "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: [it]\nit: {type: "
+    "test/Faulty}\ninitial: {velocity: [5, 3]}\n";
+
+std::string messageOf(const std::string& yaml, Seed seed) {
+  SeededFactory factory(seed);
+  try {
+    readScene(readYamlText(yaml, "test"), factory);
+  } catch (const SceneError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(VerifyDerivatives, CatchesASeededFaultAndNamesIt) {
+  EXPECT_EQ(messageOf(kSeeded, Seed::kNothing), "");
+  const std::pair<Seed, const char*> seeds[] = {
+      {Seed::kPartial, "d psi/d e2 of"},
+      {Seed::kPartialOfTime, "d psi/d t of"},
+      {Seed::kInput, "d psi/d the input 'u' of"},
+      {Seed::kRow, "c0 of"},
+      {Seed::kRowC, "C2 of calcRow of"},
+      {Seed::kResidual, "psi of calcResidualAndJacobian of"},
+      {Seed::kLinear, "d C1/d e1 (isLinearInAcceleration) of"},
+      {Seed::kHessian, "d C2/d e2 of"},
+      {Seed::kRate, "d C1/dt (calcJacobianRate) of"},
+  };
+  for (const auto& [seed, words] : seeds) {
+    const std::string message = messageOf(kSeeded, seed);
+    EXPECT_NE(message.find(words), std::string::npos) << words << " not in: " << message;
+    EXPECT_NE(message.find("constraint 'it'"), std::string::npos) << message;
+    EXPECT_NE(message.find("acceleration = ["), std::string::npos) << message;
+    EXPECT_EQ(messageOf(std::string(kSeeded) + "verify_derivatives: false\n", seed), "");
+  }
+}
+
+TEST(VerifyDerivatives, CatchesAForgottenTorqueRate) {
+  const std::string scene =
+      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [it]\nit: {type: test/Faulty}\n"
+      "initial: {velocity: [5, 3], acceleration: [1, 1]}\n";
+  const std::string message = messageOf(scene, Seed::kNothing);
+  EXPECT_NE(message.find("dQ/dt of shaft 'b' of torque 'it' is stated as 0"), std::string::npos)
+      << message;
+  EXPECT_EQ(messageOf(scene + "verify_derivatives: false\n", Seed::kNothing), "");
+}
+
+TEST(VerifyDerivatives, IsABoolean) {
+  EXPECT_NE(messageOf(std::string(kSeeded) + "verify_derivatives: 3\n", Seed::kNothing)
+                .find("verify_derivatives"),
+            std::string::npos);
+}
+
+TEST(VerifyDerivatives, DoesNotCryAtKinksSteepsAndPoles) {
+  const char* const torques[] = {
+      "abs(w1)*w1-abs(w2)",
+      "max(w1, 0)+min(w2, w1)+sign(w1)",
+      "sign(w1-5)*w1",
+      "100*tanh(w1/1e-6)",
+      "100*tanh(w1/1e-9)",
+      "100*tanh((w1-5)/1e-8)",
+      "1e8*(w1-w2)+sin(1e5*t)",
+      "sqrt(w1)+log(w2)",
+      "sqrt(abs(w1))",
+      "1/w1",
+      "1e12+w1",
+      "1e-12*w1^3",
+      "exp(50*t)",
+      "(w1-5)^2*1e-3+1e9*(phi1-phi2)",
+      "abs(abs(w1-5)-1e-3)",
+      "max(min(w1,1e-4),-1e-4)",
+      "w1^3*cos(20*phi1)",
+  };
+  for (const char* torque : torques) {
+    for (const char* start : {"[0, 0]", "[5, 3]", "[1e-4, 0]", "[300, -200]"}) {
+      const std::string scene =
+          "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [it]\n"
+          "it: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+          std::string(torque) + "\"}\nconstraints: [psi]\npsi: {type: " +
+          "variator_sim/ExpressionConstraint, order: 2, expression: \"e2-0.5*e1+1e-3*(" + torque +
+          ")\"}\ninitial: {velocity: " + start + ", acceleration: [3, 1]}\n";
+      EXPECT_EQ(messageOf(scene, Seed::kNothing), "") << torque << start;
+    }
+  }
+}
+
+TEST(VerifyDerivatives, AnInputOfOrder1NeedsTwoDerivativesInEveryPlugin) {
+  const std::string scene =
+      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: [it]\nit: {type: "
+      "test/First, topic: u, ";
+  EXPECT_NE(messageOf(scene + "hold: first_order_lag, time_constant: 1}\n", Seed::kNothing)
+                .find("second_order_lag"),
+            std::string::npos);
+  EXPECT_EQ(messageOf(scene + "hold: second_order_lag, time_constant: 1}\n", Seed::kNothing), "");
+}
+
+}  // namespace
+}  // namespace variator_sim
