@@ -220,6 +220,10 @@ TEST(Principles, GaussSolvesNonlinearConstraintsToRoundOff) {
     ASSERT_NEAR(C2 * s.reaction_torque[0] - C1 * s.reaction_torque[1], 0.0, 1e-11);
     ASSERT_NEAR(s.reaction_torque[0], C1 * s.multiplier[0], 1e-11);
   }
+  // warm-started: two iterations and a check per evaluation, or nearly so
+  EXPECT_GT(simulation.statistics().newton_iterations, simulation.statistics().right_hand_sides);
+  EXPECT_LT(simulation.statistics().newton_iterations,
+            6 * simulation.statistics().right_hand_sides);
 }
 
 // [18] on a constraint of order 3: R stays in range(C^T) while C eta + c0 = 0; the generalized

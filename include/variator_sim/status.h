@@ -31,11 +31,12 @@ struct MotionStatus {
 
 /// Counters since the start or the last reset.
 struct Statistics {
-  std::uint64_t steps = 0;             ///< accepted steps
-  std::uint64_t rejected_steps = 0;    ///< steps repeated because of their error
-  std::uint64_t right_hand_sides = 0;  ///< evaluations of the jerk
-  std::uint64_t projections = 0;       ///< Newton iterations onto psi = 0
-  std::uint64_t jumps = 0;             ///< instants at which inputs jumped
+  std::uint64_t steps = 0;              ///< accepted steps
+  std::uint64_t rejected_steps = 0;     ///< steps repeated because of their error
+  std::uint64_t right_hand_sides = 0;   ///< evaluations of the jerk
+  std::uint64_t projections = 0;        ///< Newton iterations onto psi = 0
+  std::uint64_t newton_iterations = 0;  ///< for accelerations of least reaction, nonlinear psi
+  std::uint64_t jumps = 0;              ///< instants at which inputs jumped
   std::uint64_t commands_accepted = 0;
   std::uint64_t commands_clamped = 0;  ///< accepted after clamping to [min, max]
   std::uint64_t commands_refused = 0;  ///< NaN or infinite

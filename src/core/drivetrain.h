@@ -64,6 +64,7 @@ class Drivetrain {
     for (std::size_t i = 0; i < signals_.size(); ++i) signals_[i].reset(scene_.inputs[i]);
     refreshInputs(0.0);
     right_hand_sides_ = 0;
+    newton_iterations_ = 0;
   }
   CommandSignal& signal(int input) { return signals_[input]; }
   const double* inputs() const { return input_; }
@@ -117,6 +118,9 @@ class Drivetrain {
   }
 
   void countRightHandSide() { ++right_hand_sides_; }
+  /// A step of Newton's iteration for the accelerations of least reaction.
+  void countNewtonIteration() { ++newton_iterations_; }
+  std::uint64_t newtonIterations() const { return newton_iterations_; }
 
   /// Applied torque Q at `state`, N m, S values.
   void calcTorque(const StateView& state, double* torque) const {
@@ -420,6 +424,7 @@ class Drivetrain {
   double input_second_rate_[kMaxInputs] = {};
   bool needs_second_rate_ = false;  ///< some constraint of order 1 reads an input
   std::uint64_t right_hand_sides_ = 0;
+  std::uint64_t newton_iterations_ = 0;
 };
 
 }  // namespace variator_sim

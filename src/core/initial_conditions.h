@@ -172,6 +172,7 @@ class InitialConditionSolver {
   /// False when the matrix is singular or not finite.
   bool calcStep(const StateView& state, const double* torque, const double* epsilon,
                 const double* lambda, Vector* step) {
+    drivetrain_.countNewtonIteration();
     const std::vector<int>& rows = drivetrain_.accelerationRows();
     const int k = static_cast<int>(rows.size());
     const int n = S + k;

@@ -46,6 +46,7 @@ class MotionOf final : public Motion {
 
   const Statistics& statistics() const override {
     statistics_.right_hand_sides = drivetrain_.rightHandSides();
+    statistics_.newton_iterations = drivetrain_.newtonIterations();
     return statistics_;
   }
 

@@ -63,6 +63,7 @@ void printStatistics(const Simulation& simulation, const WallTimes& wall, std::u
   print("rejected steps", counts.rejected_steps);
   print("right-hand sides", counts.right_hand_sides);
   print("projections", counts.projections);
+  print("Newton iterations", counts.newton_iterations);
   print("jumps", counts.jumps);
   print("commands accepted", counts.commands_accepted);
   print("commands clamped", counts.commands_clamped);
