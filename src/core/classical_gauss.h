@@ -7,15 +7,15 @@
 
 #include <array>
 
+#include "acceleration_system.h"
 #include "drivetrain.h"
 #include "initial_conditions.h"
-#include "jump.h"
 #include "projection.h"
 #include "variator_sim/sample.h"
 
 namespace variator_sim {
 
-/// Constraints of order 1 and 2. See GeneralizedGauss for what each method means.
+/// Constraints of order 1 and 2. See AccelerationSystem for what each method means.
 template <int S>
 class ClassicalGauss {
  public:
@@ -175,44 +175,32 @@ class ClassicalGauss {
 /// With constraints of order 3, equation [18]: J epsilon + n - Q = C^T lambda differentiated,
 /// beside C eta + c0 = 0. The minimum of nothing, but what a user may want to compare.
 template <int S>
-class FormalGauss {
+class FormalGauss : public AccelerationSystem<S> {
+  using Base = AccelerationSystem<S>;
+  using Base::drivetrain_;
+  using Base::scene_;
+
  public:
-  static constexpr int kShafts = S;
-  using State = std::array<double, 3 * S>;
+  using typename Base::State;
 
-  explicit FormalGauss(const Scene& scene)
-      : scene_(scene),
-        drivetrain_(scene),
-        initial_solver_(drivetrain_),
-        jump_map_(drivetrain_, true) {}
-
-  Drivetrain<S>& drivetrain() { return drivetrain_; }
-  double rowLengthSquared(int m) const { return drivetrain_.solver().rowLengthSquared(m); }
-
-  StateView view(double t, const State& x) {
-    return drivetrain_.view(t, x.data(), x.data() + S, x.data() + 2 * S);
-  }
+  explicit FormalGauss(const Scene& scene) : Base(scene, true) {}
 
   void operator()(const State& x, State& dxdt, double t) {
     drivetrain_.countRightHandSide();
-    for (int i = 0; i < 2 * S; ++i) dxdt[i] = x[S + i];
+    this->copyRates(x, dxdt);
     double torque[S];
     double reaction[S];
     double lambda[Drivetrain<S>::kMaxRows] = {};
     double reaction_rate[S];
-    calcJerk(view(t, x), torque, reaction, lambda, &dxdt[2 * S], reaction_rate);
+    calcJerk(this->view(t, x), torque, reaction, lambda, &dxdt[2 * S], reaction_rate);
   }
 
   /// Orders 1 and 2 as ever; then the reaction back into range(C^T), from which it drifts.
   ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) {
-    moved.fill(0.0);
-    const StateView state = view(t, x);
+    const ProjectionResult result = Base::project(t, x, moved, iterations);
+    if (result != ProjectionResult::kConverged) return result;
+    const StateView state = this->view(t, x);
     double* epsilon = x.data() + 2 * S;
-    ProjectionResult result =
-        projectVelocities(drivetrain_, state, x.data() + S, moved.data() + S, iterations);
-    if (result != ProjectionResult::kConverged) return result;
-    result = projectAccelerations(drivetrain_, state, epsilon, moved.data() + 2 * S, iterations);
-    if (result != ProjectionResult::kConverged) return result;
     if (!calcReactionInRange(state, epsilon, moved.data() + 2 * S)) {
       return ProjectionResult::kSingular;
     }
@@ -220,21 +208,10 @@ class FormalGauss {
   }
 
   InitialResult start(State& x, double* nearest, bool* velocities_at_fault) {
-    x.fill(0.0);
-    std::copy(scene_.initial.angle.begin(), scene_.initial.angle.end(), x.begin());
-    std::copy(scene_.initial.velocity.begin(), scene_.initial.velocity.end(), x.begin() + S);
-    const StateView state = view(0.0, x);
+    const InitialResult result = Base::start(x, nearest, velocities_at_fault);
+    if (result != InitialResult::kConsistent || scene_.initial.acceleration.empty()) return result;
+    const StateView state = this->view(0.0, x);
     double* epsilon = x.data() + 2 * S;
-    const InitialResult velocities =
-        initial_solver_.acceptVelocities(state, scene_.initial.project, x.data() + S, nearest);
-    *velocities_at_fault = velocities != InitialResult::kConsistent;
-    if (*velocities_at_fault) return velocities;
-    const std::vector<double>& given = scene_.initial.acceleration;
-    if (given.empty()) return initial_solver_.findLeastReaction(state, epsilon);
-    std::copy(given.begin(), given.end(), epsilon);
-    const InitialResult accelerations =
-        initial_solver_.acceptAccelerations(state, scene_.initial.project, epsilon, nearest);
-    if (accelerations != InitialResult::kConsistent) return accelerations;
     // The initial reaction must lie in range(C^T).
     double moved[S] = {};
     if (!calcReactionInRange(state, epsilon, moved)) return InitialResult::kSingular;
@@ -247,27 +224,13 @@ class FormalGauss {
     return InitialResult::kConsistent;
   }
 
-  MotionStatus jump(double t, State& x, const double* u0, const double* u1,
-                    std::uint64_t* projections) {
-    view(t, x);
-    return jump_map_.apply(t, x.data(), x.data() + S, u0, u1, scene_.solver, x.data() + 2 * S,
-                           projections);
-  }
-
-  void noteBase(double /*t*/, const State& /*x*/, const State& /*dxdt*/) {}
-
   bool calcSample(double t, const State& x, Sample* sample) {
-    const StateView state = view(t, x);
-    sample->time = t;
-    std::copy(x.begin(), x.begin() + S, sample->angle);
-    std::copy(x.begin() + S, x.begin() + 2 * S, sample->velocity);
-    std::copy(x.begin() + 2 * S, x.end(), sample->acceleration);
+    const StateView state = this->view(t, x);
+    this->copyState(t, x, sample);
     double eta[S];
     const bool regular = calcJerk(state, sample->applied_torque, sample->reaction_torque,
                                   sample->multiplier, eta, sample->reaction_torque_rate);
-    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-      sample->residual[m] = drivetrain_.calcResidual(m, state, eta);
-    }
+    this->calcResiduals(state, eta, sample);
     return regular;
   }
 
@@ -305,11 +268,6 @@ class FormalGauss {
     }
     return true;
   }
-
-  const Scene& scene_;
-  Drivetrain<S> drivetrain_;
-  InitialConditionSolver<S> initial_solver_;
-  JumpMap<S> jump_map_;
 };
 
 }  // namespace variator_sim

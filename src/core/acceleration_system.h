@@ -1,0 +1,102 @@
+/// What the systems share whose state has accelerations: x = (phi, omega, epsilon).
+#pragma once
+
+#include <algorithm>
+#include <array>
+
+#include "drivetrain.h"
+#include "initial_conditions.h"
+#include "jump.h"
+#include "projection.h"
+#include "variator_sim/sample.h"
+
+namespace variator_sim {
+
+/// A system, as the motion (motion_of.h) asks for it: its state, its derivative, how the state is
+/// projected, started, moved by a jump of the inputs, and sampled. The derivative and the sample
+/// are the derived classes'. All but `start` are [loop].
+template <int S>
+class AccelerationSystem {
+ public:
+  static constexpr int kShafts = S;
+  using State = std::array<double, 3 * S>;
+
+  Drivetrain<S>& drivetrain() { return drivetrain_; }
+  /// Squared length of row m of C, in the metric J^-1, at the last derivative taken.
+  double rowLengthSquared(int m) const { return drivetrain_.solver().rowLengthSquared(m); }
+
+  /// The view of (t, x); the accelerations are part of the state.
+  StateView view(double t, const State& x) {
+    return drivetrain_.view(t, x.data(), x.data() + S, x.data() + 2 * S);
+  }
+
+  /// Projects x, which stands at t, onto the constraints; `moved` gets by how much.
+  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) {
+    moved.fill(0.0);
+    const StateView state = view(t, x);
+    const ProjectionResult result =
+        projectVelocities(drivetrain_, state, x.data() + S, moved.data() + S, iterations);
+    if (result != ProjectionResult::kConverged) return result;
+    return projectAccelerations(drivetrain_, state, x.data() + 2 * S, moved.data() + 2 * S,
+                                iterations);
+  }
+
+  /// The state at time 0 with the inputs as they are. `nearest` gets the nearest consistent
+  /// accelerations, or velocities where the result says so (S values).
+  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) {
+    const InitialConditions& initial = scene_.initial;
+    x.fill(0.0);
+    std::copy(initial.angle.begin(), initial.angle.end(), x.begin());
+    std::copy(initial.velocity.begin(), initial.velocity.end(), x.begin() + S);
+    std::copy(initial.acceleration.begin(), initial.acceleration.end(), x.begin() + 2 * S);
+    const StateView state = view(0.0, x);
+    double* epsilon = x.data() + 2 * S;
+    const InitialResult velocities =
+        initial_solver_.acceptVelocities(state, initial.project, x.data() + S, nearest);
+    *velocities_at_fault = velocities != InitialResult::kConsistent;
+    if (*velocities_at_fault) return velocities;
+    if (initial.acceleration.empty()) return initial_solver_.findLeastReaction(state, epsilon);
+    return initial_solver_.acceptAccelerations(state, initial.project, epsilon, nearest);
+  }
+
+  /// What a jump of the inputs from u0 to u1 at t does to x. On failure x is unchanged.
+  MotionStatus jump(double t, State& x, const double* u0, const double* u1,
+                    std::uint64_t* projections) {
+    view(t, x);  // brings J to phi
+    return jump_map_.apply(t, x.data(), x.data() + S, u0, u1, scene_.solver, x.data() + 2 * S,
+                           projections);
+  }
+
+  /// A step begins at (t, x), where the derivative is dxdt: what iterations may start from.
+  void noteBase(double /*t*/, const State& /*x*/, const State& /*dxdt*/) {}
+
+ protected:
+  AccelerationSystem(const Scene& scene, bool keeps_reaction_in_range)
+      : scene_(scene),
+        drivetrain_(scene),
+        initial_solver_(drivetrain_),
+        jump_map_(drivetrain_, keeps_reaction_in_range) {}
+
+  /// phi' = omega, omega' = epsilon.
+  static void copyRates(const State& x, State& dxdt) {
+    std::copy(x.begin() + S, x.end(), dxdt.begin());
+  }
+  static void copyState(double t, const State& x, Sample* sample) {
+    sample->time = t;
+    std::copy(x.begin(), x.begin() + S, sample->angle);
+    std::copy(x.begin() + S, x.begin() + 2 * S, sample->velocity);
+    std::copy(x.begin() + 2 * S, x.end(), sample->acceleration);
+  }
+  void calcResiduals(const StateView& state, const double* eta, Sample* sample) const {
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      sample->residual[m] = drivetrain_.calcResidual(m, state, eta);
+    }
+  }
+
+  const Scene& scene_;
+  Drivetrain<S> drivetrain_;
+  InitialConditionSolver<S> initial_solver_;
+  JumpMap<S> jump_map_;
+};
+
+}  // namespace variator_sim
