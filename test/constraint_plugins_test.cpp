@@ -14,26 +14,10 @@
 #include <string>
 #include <vector>
 
+#include "support/count_allocations.h"
 #include "support/scenes.h"
 #include "variator_sim/constraints/automatic_constraint.h"
 #include "variator_sim/table.h"
-
-// Sanitizers bring a malloc of their own, which cannot be counted.
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define VARIATOR_SIM_COUNTS_ALLOCATIONS
-namespace {
-std::atomic<long> allocations{0};
-}
-
-extern "C" {
-void* __libc_malloc(std::size_t size);  // NOLINT
-
-void* malloc(std::size_t size) {
-  ++allocations;
-  return __libc_malloc(size);
-}
-}
-#endif
 
 namespace variator_sim {
 namespace {

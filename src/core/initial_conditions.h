@@ -67,13 +67,13 @@ class InitialConditionSolver {
     }
     if (!drivetrain_.hasAccelerationRows()) return InitialResult::kConsistent;
     double lambda[kMaxRows] = {};
-    if (newton(state, torque, epsilon, lambda)) return InitialResult::kConsistent;
+    if (solveLeastReaction(state, torque, epsilon, lambda)) return InitialResult::kConsistent;
     // Far from psi = 0 Newton's iteration may lead away; damped steps to the solution of the
     // linearised constraints come near first.
     for (int i = 0; i < S; ++i) epsilon[i] = free[i];
     approach(state, free, epsilon);
     std::fill(lambda, lambda + kMaxRows, 0.0);
-    if (newton(state, torque, epsilon, lambda)) return InitialResult::kConsistent;
+    if (solveLeastReaction(state, torque, epsilon, lambda)) return InitialResult::kConsistent;
     // C may vanish at the free accelerations (psi = eps1^2 + eps2^2 - a^2 without torque): start
     // aside of them, in the direction of each shaft, and keep the least reaction found.
     double best = std::numeric_limits<double>::infinity();
@@ -85,7 +85,7 @@ class InitialConditionSolver {
         for (int j = 0; j < S; ++j) epsilon[j] = free[j];
         epsilon[i] += sign * length;
         std::fill(lambda, lambda + kMaxRows, 0.0);
-        if (!newton(state, torque, epsilon, lambda)) continue;
+        if (!solveLeastReaction(state, torque, epsilon, lambda)) continue;
         double R[S];
         double reaction_acceleration[S];
         drivetrain_.inertia().multiply(epsilon, R);
@@ -107,9 +107,52 @@ class InitialConditionSolver {
   /// Newton's iteration for the accelerations of least reaction and their multipliers from those
   /// given in `epsilon` (S values) and `lambda` (one per row of accelerationRows()); `torque` is
   /// Q - n. False when it does not converge.
-  bool solveLeastReaction(const StateView& state, const double* torque, double* epsilon,
+  bool solveLeastReaction(const StateView& given, const double* torque, double* epsilon,
                           double* lambda) {
-    return newton(state, torque, epsilon, lambda);
+    const int k = static_cast<int>(drivetrain_.accelerationRows().size());
+    StateView state = given;
+    state.acceleration = epsilon;
+    Vector step;
+    if (!calcStep(state, torque, epsilon, lambda, &step)) return false;
+    // Near equilibrium epsilon is the small difference of large terms; this is what they round to.
+    double free[S];
+    drivetrain_.inertia().solve(torque, free);
+    double rounding = 1e-290;
+    for (int i = 0; i < S; ++i) {
+      rounding =
+          std::max(rounding, 64.0 * std::numeric_limits<double>::epsilon() * std::abs(free[i]));
+    }
+    for (int iteration = 0; iteration < 200; ++iteration) {
+      const double length = calcLength(step);
+      // Natural monotonicity (Deuflhard): the next step, which does not depend on how the equations
+      // are scaled, must be shorter; halve otherwise.
+      double fraction = 1.0;
+      double epsilon_old[S];
+      double lambda_old[kMaxRows];
+      for (int i = 0; i < S; ++i) epsilon_old[i] = epsilon[i];
+      for (int m = 0; m < k; ++m) lambda_old[m] = lambda[m];
+      Vector next;
+      bool shorter = false;
+      for (int halving = 0; halving < 40 && !shorter; ++halving, fraction *= 0.5) {
+        for (int i = 0; i < S; ++i) epsilon[i] = epsilon_old[i] + fraction * step(i);
+        for (int m = 0; m < k; ++m) lambda[m] = lambda_old[m] + fraction * step(S + m);
+        if (!calcStep(state, torque, epsilon, lambda, &next)) continue;
+        shorter = calcLength(next) <= (1.0 - 0.25 * fraction) * length ||
+                  isSmall(next, epsilon, rounding);
+      }
+      if (!shorter) return false;
+      if (isSmall(next, epsilon, rounding)) {
+        // The last correction is below what can be told apart; make it, and polish psi alone.
+        for (int i = 0; i < S; ++i) epsilon[i] += next(i);
+        for (int m = 0; m < k; ++m) lambda[m] += next(S + m);
+        double moved[S];
+        std::uint64_t iterations = 0;
+        return projectAccelerations(drivetrain_, state, epsilon, moved, &iterations) ==
+               ProjectionResult::kConverged;
+      }
+      step = next;
+    }
+    return false;
   }
 
   /// Takes given accelerations: consistent ones are polished onto psi = 0, inconsistent ones moved
@@ -217,53 +260,6 @@ class InitialConditionSolver {
   }
 
   static double calcLength(const Vector& step) { return step.head(S).cwiseAbs().maxCoeff(); }
-
-  bool newton(const StateView& given, const double* torque, double* epsilon, double* lambda) {
-    const int k = static_cast<int>(drivetrain_.accelerationRows().size());
-    StateView state = given;
-    state.acceleration = epsilon;
-    Vector step;
-    if (!calcStep(state, torque, epsilon, lambda, &step)) return false;
-    // Near equilibrium epsilon is the small difference of large terms; this is what they round to.
-    double free[S];
-    drivetrain_.inertia().solve(torque, free);
-    double rounding = 1e-290;
-    for (int i = 0; i < S; ++i) {
-      rounding =
-          std::max(rounding, 64.0 * std::numeric_limits<double>::epsilon() * std::abs(free[i]));
-    }
-    for (int iteration = 0; iteration < 200; ++iteration) {
-      const double length = calcLength(step);
-      // Natural monotonicity (Deuflhard): the next step, which does not depend on how the equations
-      // are scaled, must be shorter; halve otherwise.
-      double fraction = 1.0;
-      double epsilon_old[S];
-      double lambda_old[kMaxRows];
-      for (int i = 0; i < S; ++i) epsilon_old[i] = epsilon[i];
-      for (int m = 0; m < k; ++m) lambda_old[m] = lambda[m];
-      Vector next;
-      bool shorter = false;
-      for (int halving = 0; halving < 40 && !shorter; ++halving, fraction *= 0.5) {
-        for (int i = 0; i < S; ++i) epsilon[i] = epsilon_old[i] + fraction * step(i);
-        for (int m = 0; m < k; ++m) lambda[m] = lambda_old[m] + fraction * step(S + m);
-        if (!calcStep(state, torque, epsilon, lambda, &next)) continue;
-        shorter = calcLength(next) <= (1.0 - 0.25 * fraction) * length ||
-                  isSmall(next, epsilon, rounding);
-      }
-      if (!shorter) return false;
-      if (isSmall(next, epsilon, rounding)) {
-        // The last correction is below what can be told apart; make it, and polish psi alone.
-        for (int i = 0; i < S; ++i) epsilon[i] += next(i);
-        for (int m = 0; m < k; ++m) lambda[m] += next(S + m);
-        double moved[S];
-        std::uint64_t iterations = 0;
-        return projectAccelerations(drivetrain_, state, epsilon, moved, &iterations) ==
-               ProjectionResult::kConverged;
-      }
-      step = next;
-    }
-    return false;
-  }
 
   /// Up to 100 half steps towards the least reaction of the linearised constraints, from `epsilon`.
   void approach(const StateView& given, const double* free, double* epsilon) {
