@@ -85,6 +85,15 @@ class Constraint {
   /// H = dC/depsilon (s x s values, row by row, all written): for psi its second derivatives. It
   /// steers Newton's iteration for the accelerations of least reaction.
   void calcHessian(const StateView& state, double* H) const { doCalcHessian(state, H); }
+  /// d(C, c0)/d(phi, omega, epsilon): 3s directions, the first s by the angles; all written.
+  /// dC_i/dx_q to dC[q * s + i], dc0/dx_q to dc0[q]. Only stiff steppers ask for it.
+  void calcRowDerivatives(const StateView& state, double* dC, double* dc0) const {
+    doCalcRowDerivatives(state, dC, dc0);
+  }
+  /// What f or psi and its derivatives depend on.
+  Dependence dependence() const { return doDependence(); }
+  /// True when C is the same at every state: it is factored once.
+  bool hasConstantJacobian() const { return doHasConstantJacobian(); }
   /// True when C does not depend on epsilon: a jump is then one exact linear projection.
   bool isLinearInAcceleration() const { return doIsLinearInAcceleration(); }
   /// True when psi reads a commanded input.
@@ -107,6 +116,10 @@ class Constraint {
   virtual void doCalcHessian(const StateView& state, double* H) const;
   /// By default central differences of C along the motion, and doCalcHessian.
   virtual void doCalcJacobianRate(const StateView& state, double* D, double* H) const;
+  /// By default central differences of doCalcRow.
+  virtual void doCalcRowDerivatives(const StateView& state, double* dC, double* dc0) const;
+  virtual Dependence doDependence() const { return {}; }
+  virtual bool doHasConstantJacobian() const { return false; }
   virtual bool doIsLinearInAcceleration() const { return false; }
   virtual bool doReadsInputs() const { return false; }
 

@@ -23,10 +23,13 @@ class Torque {
   /// Reads the parameters. Called once, before any evaluation. Throws SceneError.
   void configure(ComponentContext& context) {
     name_ = context.name();
+    shaft_count_ = context.shaftCount();
     doConfigure(context);
   }
   /// The element's name in the scene.
   const std::string& name() const { return name_; }
+  /// Number of shafts s of the scene.
+  int shaftCount() const { return shaft_count_; }
 
   /// Q += this element's torques, N m, s values. `state.acceleration` is not to be read.
   void addTorque(const StateView& state, double* torque) const { doAddTorque(state, torque); }
@@ -34,15 +37,29 @@ class Torque {
   void addTorqueRate(const StateView& state, double* torque_rate) const {
     doAddTorqueRate(state, torque_rate);
   }
+  /// dQ'/d(phi, omega, epsilon): 3s directions of s values each, the first s by the angles. Adds
+  /// dQ'_i/dx_q to derivatives[q * s + i]. Only stiff steppers ask for it.
+  void addTorqueRateDerivatives(const StateView& state, double* derivatives) const {
+    doAddTorqueRateDerivatives(state, derivatives);
+  }
+  /// What Q and what Q' depend on. An elastic coupling's torque depends on the angles, its rate
+  /// does not.
+  Dependence torqueDependence() const { return doTorqueDependence(); }
+  Dependence rateDependence() const { return doRateDependence(); }
 
  protected:
   Torque() = default;
   virtual void doConfigure(ComponentContext& context) = 0;
   virtual void doAddTorque(const StateView& state, double* torque) const = 0;
   virtual void doAddTorqueRate(const StateView& state, double* torque_rate) const = 0;
+  /// By default central differences of doAddTorqueRate.
+  virtual void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const;
+  virtual Dependence doTorqueDependence() const { return {}; }
+  virtual Dependence doRateDependence() const { return {}; }
 
  private:
   std::string name_;
+  int shaft_count_ = 0;
 };
 
 using TorquePtr = std::shared_ptr<Torque>;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "central_difference.h"
+
 namespace variator_sim {
 
 namespace {
@@ -137,6 +139,20 @@ void Constraint::doCalcJacobianRate(const StateView& state, double* D, double* H
     calcJacobian(*this, shifted, C[side]);
   }
   for (int i = 0; i < s; ++i) D[i] = (C[1][i] - C[0][i]) / (2.0 * h);
+}
+
+void Constraint::doCalcRowDerivatives(const StateView& state, double* dC, double* dc0) const {
+  const int s = shaft_count_;
+  forEachShift(state, s, [&](int q, const StateView& above, const StateView& below, double width) {
+    double C_above[kMaxShafts];
+    double C_below[kMaxShafts];
+    double c0_above;
+    double c0_below;
+    doCalcRow(above, C_above, &c0_above);
+    doCalcRow(below, C_below, &c0_below);
+    for (int i = 0; i < s; ++i) dC[q * s + i] = (C_above[i] - C_below[i]) / width;
+    dc0[q] = (c0_above - c0_below) / width;
+  });
 }
 
 }  // namespace variator_sim

@@ -1,0 +1,40 @@
+/// Central differences by the state: what plugins without derivatives of their own fall back to.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// For each of the 3s directions of (phi, omega, epsilon): calls use(q, above, below, width) with
+/// views shifted by half the width to both sides. [loop]
+template <class Use>
+void forEachShift(const StateView& state, int shaft_count, Use use) {
+  const double relative_step = std::cbrt(std::numeric_limits<double>::epsilon());
+  double above[kMaxShafts];
+  double below[kMaxShafts];
+  for (int part = 0; part < 3; ++part) {
+    const double* StateView::*member = part == 0   ? &StateView::angle
+                                       : part == 1 ? &StateView::velocity
+                                                   : &StateView::acceleration;
+    const double* values = state.*member;
+    std::copy_n(values, shaft_count, above);
+    std::copy_n(values, shaft_count, below);
+    StateView view_above = state;
+    StateView view_below = state;
+    view_above.*member = above;
+    view_below.*member = below;
+    for (int i = 0; i < shaft_count; ++i) {
+      const double step = relative_step * std::max(1.0, std::abs(values[i]));
+      above[i] = values[i] + step;
+      below[i] = values[i] - step;
+      use(part * shaft_count + i, view_above, view_below, above[i] - below[i]);
+      above[i] = below[i] = values[i];
+    }
+  }
+}
+
+}  // namespace variator_sim
