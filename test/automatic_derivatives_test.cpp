@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "support/derivatives_by_state.h"
 #include "variator_sim/constraints/automatic_constraint.h"
 #include "variator_sim/constraints/expression_constraint.h"
 
@@ -101,9 +102,15 @@ TEST(AutomaticDerivatives, OfEveryFunctionAreThoseOfTheFunction) {
     curve.first = 2.0;
     curve.second = 5.0;
     curve.gradient[0] = 1.0;
+    // along x + t + s at s = 0: the third derivative
+    Dual<1, Curve<1>> third(x);
+    third.value.first = 1.0;
+    third.value.gradient[0] = 1.0;
+    third.derivative[0].value = 1.0;
     const auto duals = Everything::all(dual);
     const auto nesteds = Everything::all(nested);
     const auto curves = Everything::all(curve);
+    const auto thirds = Everything::all(third);
     const auto plain = Everything::all(Dual<0>(x));
     ASSERT_EQ(duals.size(), value.size());
     for (std::size_t n = 0; n < value.size(); ++n) {
@@ -124,6 +131,14 @@ TEST(AutomaticDerivatives, OfEveryFunctionAreThoseOfTheFunction) {
       EXPECT_NEAR(curves[n].first, 2.0 * first, 1e-12 * scale);
       EXPECT_NEAR(curves[n].second, 5.0 * first + 4.0 * second, 1e-8 * scale);
       EXPECT_NEAR(curves[n].gradient[0], first, 1e-12 * scale);
+      const auto at = [&](int k) { return allWide(x + 1e-3L * k)[n]; };
+      const auto expected_third = static_cast<double>(
+          (at(-3) - 8 * at(-2) + 13 * at(-1) - 13 * at(1) + 8 * at(2) - at(3)) / 8e-9L);
+      EXPECT_NEAR(thirds[n].derivative[0].value, first, 1e-12 * scale);
+      EXPECT_NEAR(thirds[n].derivative[0].first, second, 1e-9 * scale);
+      EXPECT_NEAR(thirds[n].derivative[0].gradient[0], second, 1e-9 * scale);
+      EXPECT_NEAR(thirds[n].derivative[0].second, expected_third,
+                  1e-7 * std::max(scale, std::abs(expected_third)));
     }
   }
 }
@@ -135,6 +150,13 @@ TEST(AutomaticDerivatives, PowersExistAtZeroAndKinksGiveNoNan) {
   EXPECT_EQ(pow(zero, 1.0).derivative[0], 1.0);
   EXPECT_EQ(pow(zero, 2.0).derivative[0], 0.0);
   EXPECT_EQ(abs(zero).derivative[0], 0.0);
+  Dual<1, Curve<1>> third(0.0);
+  third.value.first = 1.0;
+  third.derivative[0].value = 1.0;
+  EXPECT_EQ(pow(third, 0.0).derivative[0].second, 0.0);
+  EXPECT_EQ(pow(third, 1.0).derivative[0].second, 0.0);
+  EXPECT_EQ(pow(third, 2.0).derivative[0].second, 0.0);
+  EXPECT_EQ(pow(third, 3.0).derivative[0].second, 6.0);
 }
 
 TEST(AutomaticDerivatives, ComposeTakesAFunctionKnownAtAPoint) {
@@ -146,6 +168,14 @@ TEST(AutomaticDerivatives, ComposeTakesAFunctionKnownAtAPoint) {
   const auto composed = compose(x, std::sin(0.4), std::cos(0.4), -std::sin(0.4));
   EXPECT_EQ(composed.second, direct.second);
   EXPECT_EQ(composed.gradient[0], direct.gradient[0]);
+  const double g[] = {std::sin(0.4), std::cos(0.4), -std::sin(0.4)};
+  EXPECT_EQ(compose(x, g).second, direct.second);
+
+  Dual<1, Curve<1>> y(0.4);
+  y.value.first = 2.0;
+  y.derivative[0].value = 1.0;
+  EXPECT_EQ(compose(y, g[0], g[1], g[2], -g[1]).derivative[0].second, sin(y).derivative[0].second);
+  EXPECT_TRUE(std::isnan(compose(y, g).derivative[0].second)) << "a third derivative of nothing";
 }
 
 // ---------------------------------------------------------------------------------- constraints
@@ -214,6 +244,12 @@ void expectSame() {
   symbolic.calcJacobianRate(x, D[1], H[1]);
   expectEqual(D[0], D[1], 3, "D");
   expectEqual(H[0], H[1], 9, "H beside D");
+  double dC[2][27];
+  double dc0[2][9];
+  automatic.calcRowDerivatives(x, dC[0], dc0[0]);
+  symbolic.calcRowDerivatives(x, dC[1], dc0[1]);
+  expectEqual(dC[0], dC[1], 27, "dC");
+  for (int q = 0; q < 9; ++q) EXPECT_NEAR(dc0[0][q], dc0[1][q], 1e-12) << "dc0 " << q;
   if (Order == 3) return;
   EXPECT_NEAR(automatic.calcResidual(x), symbolic.calcResidual(x), 1e-14);
   EXPECT_NEAR(automatic.calcResidualAndJacobian(x, C[0]), symbolic.calcResidualAndJacobian(x, C[1]),
@@ -241,6 +277,39 @@ TEST(AutomaticConstraint, IsTheFormulaOfOrder2) {
 }
 TEST(AutomaticConstraint, IsTheFormulaOfOrder3) {
   expectSame<3>();
+}
+
+/// f = w2 - sin(w1) phi1, sin with or without its third derivative.
+class Composed : public AutomaticConstraint<Composed, 1> {
+ public:
+  explicit Composed(bool knows_third) : knows_third_(knows_third) {}
+  template <class T>
+  T residual(const GenericState<T>& x) const {
+    const double w = realPart(x.velocity[0]);
+    const T sine =
+        knows_third_ ? compose(x.velocity[0], std::sin(w), std::cos(w), -std::sin(w), -std::cos(w))
+                     : compose(x.velocity[0], std::sin(w), std::cos(w), -std::sin(w));
+    return x.velocity[1] - sine * x.angle[0];
+  }
+
+ protected:
+  void doConfigure(ComponentContext& /*context*/) override {}
+
+ private:
+  bool knows_third_;
+};
+
+TEST(AutomaticConstraint, TakesDifferencesWhereAThirdDerivativeIsMissing) {
+  Composed exact(true);
+  Composed differences(false);
+  configure(exact, ParameterTree::dictionary());
+  configure(differences, ParameterTree::dictionary());
+  const double angle[] = {0.3, 7.0, -0.8};
+  const double velocity[] = {1.7, 7.0, -2.1};
+  const double acceleration[] = {0.6, 7.0, 1.4};
+  const StateView x{0.9, angle, velocity, acceleration, nullptr, nullptr};
+  test::expectRowDerivatives(exact, x, 1e-2, 1e-12);
+  test::expectRowDerivatives(differences, x, 1e-2, 1e-8);
 }
 
 class Wrong : public AutomaticConstraint<Wrong> {

@@ -1,6 +1,7 @@
 // The ready-made constraints against the same formulas typed into a scene, in rows and in motion;
-// jumps of a commanded ratio against fast ramps; faults of their keys; that the documentation's
-// examples are read; and that a wrong derivative is caught at load, a right one with kinks not.
+// jumps of a commanded ratio against fast ramps; derivatives of the rows by the state and what they
+// depend on; faults of their keys; that the documentation's examples are read; and that a wrong
+// derivative or statement is caught at load, a right one with kinks not.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -15,6 +16,7 @@
 #include <vector>
 
 #include "support/count_allocations.h"
+#include "support/derivatives_by_state.h"
 #include "support/scenes.h"
 #include "variator_sim/constraints/automatic_constraint.h"
 #include "variator_sim/table.h"
@@ -95,6 +97,16 @@ TEST(Plugins, HaveTheRowsOfTheirFormulas) {
       };
       expectC("row");
       EXPECT_NEAR(c0[0], c0[1], 1e-12 * std::max(1.0, std::abs(c0[1])));
+      double dC[2][12];
+      double dc0[2][6];
+      plugin.calcRowDerivatives(x, dC[0], dc0[0]);
+      formula.calcRowDerivatives(x, dC[1], dc0[1]);
+      for (int i = 0; i < 12; ++i) {
+        EXPECT_NEAR(dC[0][i], dC[1][i], 1e-12 * std::max(1.0, std::abs(dC[1][i]))) << i;
+      }
+      for (int i = 0; i < 6; ++i) {
+        EXPECT_NEAR(dc0[0][i], dc0[1][i], 1e-12 * std::max(1.0, std::abs(dc0[1][i]))) << i;
+      }
       if (plugin.order() == 3) continue;
       EXPECT_NEAR(plugin.calcResidual(x), formula.calcResidual(x), 1e-12);
       EXPECT_NEAR(plugin.calcResidualAndJacobian(x, C[0]), formula.calcResidualAndJacobian(x, C[1]),
@@ -125,10 +137,97 @@ TEST(Plugins, AllocateNothing) {
     plugin.calcInputJacobian(x, 1, &c0);
     plugin.calcJacobianRate(x, C, H);
     plugin.calcHessian(x, H);
+    double dC[12];
+    double dc0[6];
+    plugin.calcRowDerivatives(x, dC, dc0);
     EXPECT_EQ(allocations, before);
   }
 }
 #endif
+
+/// A ready-made constraint in one of its forms, and what it states.
+struct Statement {
+  const char* plugin;
+  bool time;
+  bool constant_C;
+};
+
+const char* const kImposed = "ImposedJerk, shaft: load, velocity_change: 20, duration: 4, start: 0";
+
+const Statement kStatements[] = {
+    {"KinematicRatio, shafts: [load, drive], ratio: 0.6", false, true},
+    {"KinematicRatio, shafts: [drive, load], ratio: {times: [-1, 2, 5], values: [0.4, 0.8, 0.6]}",
+     true, false},
+    {"KinematicRatio, shafts: [drive, load], ratio: {topic: u, hold: second_order_lag, "
+     "time_constant: 0.3}",
+     false, false},
+    {"VBeltRatio, shafts: [drive, load], ratio_low: 0.4, ratio_high: 1.3, speed: 4, width: 0.7",
+     false, false},
+    {"VBeltRatio, shafts: [load, drive], ratio_low: 0.4, ratio_high: 1.3, speed: 4, width: 0.7, "
+     "load: {times: [-1, 2, 5], values: [4, 8, 6]}, load_torque: 11",
+     true, false},
+    {"VBeltRatio, shafts: [drive, load], ratio_low: 0.4, ratio_high: 1.3, speed: 4, width: 0.7, "
+     "load: {topic: u, hold: second_order_lag, time_constant: 0.3}, load_torque: 11",
+     false, false},
+    {"SlipRatio, shafts: [load, drive], time_constant: 0.2, ratio: 0.6", false, true},
+    {"SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: {times: [-1, 2, 5], values: "
+     "[0.4, 0.8, 0.6]}",
+     true, false},
+    {"SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: {topic: u}", false, false},
+    {"AccelerationMagnitude, shafts: [drive, load], magnitude: 2", false, false},
+    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], power: 30", false, false},
+    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], power: {times: [-1, 2, 5], values: "
+     "[4, 8, 6]}",
+     true, false},
+    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], power: {topic: u}", false, false},
+    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], efficiency: 0.8, smoothing_power: 3",
+     false, false},
+    {"TractionCurve, shafts: [load, drive], ratio: 0.6, inertia: 2, nominal_torque: 20, "
+     "nominal_slip: 0.05, sharpness: 1.5, load: 1, load_square: 0.02, regularization_speed: 2",
+     false, false},
+    {"TractionCurve, shafts: [drive, load], ratio: {topic: u}, inertia: 2, nominal_torque: 20, "
+     "nominal_slip: 0.05, load: {times: [-1, 2, 5], values: [4, 8, 6]}",
+     true, false},
+    {"TractionCurve, shafts: [drive, load], ratio: {times: [-1, 2, 5], values: [0.4, 0.8, 0.6]}, "
+     "inertia: 2, nominal_torque: 20, nominal_slip: 0.05, load: {topic: u}",
+     true, false},
+    {"ImposedJerk, shaft: load, jerk: 1.5", false, true},
+    {"ImposedJerk, shaft: drive, jerk: {topic: u}", false, true},
+    {"ImposedJerk, shaft: load, jerk: {times: [-1, 2, 5], values: [0, 5, 0]}", true, true},
+    {kImposed, true, true},
+    {"JerkLimit, shaft: load, limit: 4, time_constant: 0.3, acceleration: 2", false, true},
+    {"JerkLimit, shaft: drive, limit: 4, time_constant: 0.3, acceleration: {topic: u}", false,
+     true},
+    {"JerkLimit, shaft: load, limit: 4, time_constant: 0.3, acceleration: {times: [-1, 2, 5], "
+     "values: [0, 5, 0]}",
+     true, true},
+};
+
+TEST(Plugins, HaveTheDerivativesOfTheirRowsAndDependOnWhatTheyState) {
+  std::set<std::string> types{"variator_sim/ExpressionConstraint"};
+  for (const Statement& statement : kStatements) {
+    SCOPED_TRACE(statement.plugin);
+    const std::string plugin = statement.plugin;
+    types.insert("variator_sim/" + plugin.substr(0, plugin.find(',')));
+    const Scene scene = sceneOf(plugin);
+    const Constraint& it = *scene.constraints[0];
+    EXPECT_EQ(it.dependence().time, statement.time);
+    EXPECT_FALSE(it.dependence().angle);
+    EXPECT_EQ(it.hasConstantJacobian(), statement.constant_C);
+    for (int n = 0; n < 5; ++n) {
+      const double angle[] = {0.2 * n, 1.0 - n};
+      const double velocity[] = {4.0 + 0.7 * n, 3.1 - 0.9 * n};
+      const double acceleration[] = {1.3 - n, 0.4 + 0.8 * n};
+      const double input[] = {0.0, 0.7};
+      const double rate[] = {0.0, 0.3 - n};
+      const double second[] = {0.0, 1.1};
+      const StateView x{0.2 + 0.3 * n, angle, velocity, acceleration, input, rate, second};
+      test::expectRowDerivatives(it, x);
+    }
+  }
+  const std::vector<std::string> all = BuiltinComponentFactory().constraintTypes();
+  EXPECT_EQ(types, std::set<std::string>(all.begin(), all.end()));
+}
 
 TEST(Plugins, MoveAsTheirFormulas) {
   for (const Twin& twin : kTwins) {
@@ -178,6 +277,11 @@ TEST(Plugins, AnImposedRatioEntersWithItsTwoDerivatives) {
     table.constraints[0]->calcRow(x, C, &c0);
     EXPECT_NEAR(C[0], -curve.value(t), 1e-14);
     EXPECT_NEAR(c0, -(2.0 * curve.slope(t) * 1.3 + curve.curvature(t) * 4.0), 1e-12);
+    double dC[12];
+    double dc0[6];
+    table.constraints[0]->calcRowDerivatives(x, dC, dc0);
+    EXPECT_NEAR(dc0[2], -curve.curvature(t), 1e-15) << "by omega_a";
+    EXPECT_NEAR(dc0[4], -2.0 * curve.slope(t), 1e-15) << "by epsilon_a";
     commanded.constraints[0]->calcRow(x, C, &c0);
     EXPECT_NEAR(C[0], -input[1], 1e-14);
     EXPECT_NEAR(c0, -(2.0 * 0.2 * 1.3 + -0.9 * 4.0), 1e-12);
@@ -476,10 +580,16 @@ enum class Seed {
   kResidual,
   kLinear,
   kHessian,
-  kRate
+  kRate,
+  kRowByState,
+  kRateOfRowByState,
+  kUnwritten,
+  kNoTime,
+  kNoAngle,
+  kConstant
 };
 
-/// psi = 0.2 e2 (1 + e1^2) - 0.6 w1 sin(t) + w2 + 2 u, with one seeded fault.
+/// psi = 0.2 e2 (1 + e1^2) - 0.6 w1 sin(t) + w2 + 2 u + sin(phi2), with one seeded fault.
 class Faulty : public Constraint {
  public:
   explicit Faulty(Seed seed) : seed_(seed) {}
@@ -496,11 +606,12 @@ class Faulty : public Constraint {
   double doCalcResidual(const StateView& x) const override {
     const double* e = x.acceleration;
     return 0.2 * e[1] * (1 + e[0] * e[0]) - 0.6 * x.velocity[0] * std::sin(x.time) + x.velocity[1] +
-           2 * x.input[input_];
+           2 * x.input[input_] + std::sin(x.angle[1]);
   }
   void doCalcPartials(const StateView& x, ConstraintPartials& p) const override {
     const double* e = x.acceleration;
     p.time = -0.6 * x.velocity[0] * std::cos(x.time) * (seed_ == Seed::kPartialOfTime ? -1 : 1);
+    p.angle[1] = std::cos(x.angle[1]);
     p.velocity[0] = -0.6 * std::sin(x.time);
     p.velocity[1] = 1;
     p.acceleration[0] = 0.4 * e[1] * e[0];
@@ -523,19 +634,55 @@ class Faulty : public Constraint {
     Constraint::doCalcJacobianRate(x, D, H);
     if (seed_ == Seed::kRate) D[0] += 1.0;
   }
+  void doCalcRowDerivatives(const StateView& x, double* dC, double* dc0) const override {
+    const double unwritten = dC[0];
+    Constraint::doCalcRowDerivatives(x, dC, dc0);
+    if (seed_ == Seed::kUnwritten) dC[0] = unwritten;
+    if (seed_ == Seed::kRowByState) dC[5 * 2 + 0] *= 1.001;  // dC1/de2 = 0.4 e1
+    if (seed_ == Seed::kRateOfRowByState) dc0[3] += 1e-3;    // dc0/dw2 = cos(phi2)
+  }
+  Dependence doDependence() const override {
+    return {seed_ != Seed::kNoTime, seed_ != Seed::kNoAngle};
+  }
+  bool doHasConstantJacobian() const override { return seed_ == Seed::kConstant; }
 
  private:
   Seed seed_;
   int input_ = 0;
 };
 
+/// Q2 = -0.02 w2^2 - 3 sin(phi2) + cos(t), with one seeded fault.
 class FaultyTorque : public Torque {
+ public:
+  enum class Fault { kNothing, kRate, kRateByState, kTime, kAngle, kRateTime, kRateAngle };
+  explicit FaultyTorque(Fault fault) : fault_(fault) {}
+
  protected:
   void doConfigure(ComponentContext& /*context*/) override {}
   void doAddTorque(const StateView& x, double* torque) const override {
-    torque[1] -= 0.02 * x.velocity[1] * x.velocity[1];
+    torque[1] +=
+        -0.02 * x.velocity[1] * x.velocity[1] - 3 * std::sin(x.angle[1]) + std::cos(x.time);
   }
-  void doAddTorqueRate(const StateView& /*x*/, double* /*rate*/) const override {}  // forgotten
+  void doAddTorqueRate(const StateView& x, double* rate) const override {
+    if (fault_ == Fault::kRate) return;  // forgotten
+    rate[1] += -0.04 * x.velocity[1] * x.acceleration[1] -
+               3 * std::cos(x.angle[1]) * x.velocity[1] - std::sin(x.time);
+  }
+  void doAddTorqueRateDerivatives(const StateView& x, double* derivatives) const override {
+    const double w = x.velocity[1];
+    derivatives[1 * 2 + 1] += 3 * std::sin(x.angle[1]) * w;
+    derivatives[3 * 2 + 1] -= 0.04 * x.acceleration[1] + 3 * std::cos(x.angle[1]);
+    derivatives[5 * 2 + 1] -= 0.04 * w * (fault_ == Fault::kRateByState ? 1.001 : 1);
+  }
+  Dependence doTorqueDependence() const override {
+    return {fault_ != Fault::kTime, fault_ != Fault::kAngle};
+  }
+  Dependence doRateDependence() const override {
+    return {fault_ != Fault::kRateTime, fault_ != Fault::kRateAngle};
+  }
+
+ private:
+  Fault fault_;
 };
 
 class FirstOrderWithInput : public AutomaticConstraint<FirstOrderWithInput, 1, 2, 1> {
@@ -554,26 +701,29 @@ class FirstOrderWithInput : public AutomaticConstraint<FirstOrderWithInput, 1, 2
 class SeededFactory : public BuiltinComponentFactory {
  public:
   explicit SeededFactory(Seed seed) : seed_(seed) {}
+  explicit SeededFactory(FaultyTorque::Fault fault) : fault_(fault) {}
   ConstraintPtr createConstraint(const std::string& type) override {
     if (type == "test/Faulty") return std::make_shared<Faulty>(seed_);
     if (type == "test/First") return std::make_shared<FirstOrderWithInput>();
     return BuiltinComponentFactory::createConstraint(type);
   }
   TorquePtr createTorque(const std::string& type) override {
-    if (type == "test/Faulty") return std::make_shared<FaultyTorque>();
+    if (type == "test/Faulty") return std::make_shared<FaultyTorque>(fault_);
     return BuiltinComponentFactory::createTorque(type);
   }
 
  private:
-  Seed seed_;
+  Seed seed_ = Seed::kNothing;
+  FaultyTorque::Fault fault_ = FaultyTorque::Fault::kNothing;
 };
 
 const char* const kSeeded =
     "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: [it]\nit: {type: "
     "test/Faulty}\ninitial: {velocity: [5, 3]}\n";
 
-std::string messageOf(const std::string& yaml, Seed seed) {
-  SeededFactory factory(seed);
+template <class Seeded>
+std::string messageOf(const std::string& yaml, Seeded fault) {
+  SeededFactory factory(fault);
   try {
     readScene(readYamlText(yaml, "test"), factory);
   } catch (const SceneError& error) {
@@ -594,6 +744,15 @@ TEST(VerifyDerivatives, CatchesASeededFaultAndNamesIt) {
       {Seed::kLinear, "d C1/d e1 (isLinearInAcceleration) of"},
       {Seed::kHessian, "d C2/d e2 of"},
       {Seed::kRate, "d C1/dt (calcJacobianRate) of"},
+      {Seed::kRowByState, "d C1/d e2 (calcRowDerivatives) of"},
+      {Seed::kRateOfRowByState, "d c0/d w2 (calcRowDerivatives) of"},
+      {Seed::kUnwritten, "d C1/d phi1 (calcRowDerivatives) of constraint 'it' is not written"},
+      {Seed::kNoTime,
+       "of constraint 'it' is stated not to depend on the time (dependence), but it is"},
+      {Seed::kNoAngle,
+       "of constraint 'it' is stated not to depend on the angles (dependence), but it is"},
+      {Seed::kConstant,
+       "C1 of constraint 'it' is stated to be constant (hasConstantJacobian), but it is"},
   };
   for (const auto& [seed, words] : seeds) {
     const std::string message = messageOf(kSeeded, seed);
@@ -604,14 +763,75 @@ TEST(VerifyDerivatives, CatchesASeededFaultAndNamesIt) {
   }
 }
 
-TEST(VerifyDerivatives, CatchesAForgottenTorqueRate) {
+TEST(VerifyDerivatives, CatchesAFaultOfATorque) {
   const std::string scene =
       "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [it]\nit: {type: test/Faulty}\n"
       "initial: {velocity: [5, 3], acceleration: [1, 1]}\n";
-  const std::string message = messageOf(scene, Seed::kNothing);
-  EXPECT_NE(message.find("dQ/dt of shaft 'b' of torque 'it' is stated as 0"), std::string::npos)
-      << message;
-  EXPECT_EQ(messageOf(scene + "verify_derivatives: false\n", Seed::kNothing), "");
+  EXPECT_EQ(messageOf(scene, FaultyTorque::Fault::kNothing), "");
+  const std::pair<FaultyTorque::Fault, const char*> faults[] = {
+      {FaultyTorque::Fault::kRate, "dQ/dt of shaft 'b' of torque 'it' is stated as 0"},
+      {FaultyTorque::Fault::kRateByState,
+       "d Q'/d e2 of shaft 'b' (addTorqueRateDerivatives) of torque 'it' is stated as -0.12"},
+      {FaultyTorque::Fault::kTime,
+       "Q of shaft 'b' of torque 'it' is stated not to depend on the time (torqueDependence), but "
+       "it is"},
+      {FaultyTorque::Fault::kAngle,
+       "Q of shaft 'b' of torque 'it' is stated not to depend on the angles"},
+      {FaultyTorque::Fault::kRateTime,
+       "dQ/dt of shaft 'b' of torque 'it' is stated not to depend on the time (rateDependence)"},
+      {FaultyTorque::Fault::kRateAngle,
+       "dQ/dt of shaft 'b' of torque 'it' is stated not to depend on the angles"},
+  };
+  for (const auto& [fault, words] : faults) {
+    const std::string message = messageOf(scene, fault);
+    EXPECT_NE(message.find(words), std::string::npos) << words << " not in: " << message;
+    EXPECT_EQ(messageOf(scene + "verify_derivatives: false\n", fault), "");
+  }
+}
+
+/// psi = e2 - e1 + sin(1e5 w1): differences of one step miss its second derivative everywhere.
+class Wavy : public Constraint {
+ protected:
+  void doConfigure(ComponentContext& /*context*/) override {}
+  double doCalcResidual(const StateView& x) const override {
+    return x.acceleration[1] - x.acceleration[0] + std::sin(1e5 * x.velocity[0]);
+  }
+  void doCalcPartials(const StateView& x, ConstraintPartials& p) const override {
+    p.velocity[0] = 1e5 * std::cos(1e5 * x.velocity[0]);
+    p.acceleration[0] = -1.0;
+    p.acceleration[1] = 1.0;
+  }
+};
+
+/// The same that states what the default gives, but for rounding.
+class WavyStatement : public Wavy {
+ protected:
+  void doCalcRowDerivatives(const StateView& x, double* dC, double* dc0) const override {
+    Constraint::doCalcRowDerivatives(x, dC, dc0);
+    dc0[2] *= 1.0 + 1e-14;  // by w1
+  }
+};
+
+TEST(VerifyDerivatives, LeavesTheDefaultDifferencesAlone) {
+  class Factory : public BuiltinComponentFactory {
+   public:
+    ConstraintPtr createConstraint(const std::string& type) override {
+      if (type == "test/Wavy") return std::make_shared<Wavy>();
+      return std::make_shared<WavyStatement>();
+    }
+  };
+  const auto load = [](const std::string& type) {
+    Factory factory;
+    readScene(readYamlText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: "
+                           "[it]\nit: {type: test/" +
+                               type +
+                               "}\ninitial: {velocity: [5, 3], acceleration: [1, 1], project: "
+                               "true}\n",
+                           "test"),
+              factory);
+  };
+  EXPECT_NO_THROW(load("Wavy"));
+  EXPECT_THROW(load("WavyStatement"), SceneError);
 }
 
 TEST(VerifyDerivatives, IsABoolean) {

@@ -2,11 +2,13 @@
 // say about formulas and parameters that are wrong.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
 #include <vector>
 
+#include "support/derivatives_by_state.h"
 #include "variator_sim/constraints/expression_constraint.h"
 #include "variator_sim/torques/expression_torque.h"
 
@@ -173,6 +175,79 @@ TEST(ExpressionConstraint, KnowsWhenItIsLinearInTheAcceleration) {
   EXPECT_FALSE(is_linear("e1 + w1*sin(e2)"));
 }
 
+/// A formula, and what is stated of it.
+struct Statement {
+  int order;
+  const char* formula;
+  Dependence dependence;
+  bool constant_C;
+};
+
+const Statement kStatements[] = {
+    {1, "w2-0.6*w1", {false, false}, true},
+    {1, "w2-0.6*w1+sin(phi1)*w3", {false, true}, false},
+    {1, "w2-0.6*w1+sin(2*t)+phi3^2", {true, true}, true},
+    {1, "w2-(0.4+0.45*(1+tanh((w1/4)^2-1)))*w1+exp(0.3*sin(t)*phi1)", {true, true}, false},
+    {2, kShip, {true, false}, false},
+    {2, "0.2*(e2-0.6*e1)+w2-0.6*w1", {false, false}, true},
+    {2, "e1^2+e3^2-4", {false, false}, false},
+    {2, "3*e2+w1*w2*cos(phi3)-phi1*w3^2", {false, true}, true},
+    {2, "e1*cos(phi1)*t^2+phi2*w1*e2^3+exp(0.1*w2)+e2*t/(1+e3^2)", {true, true}, false},
+    {3, "j2-4*tanh((2-e2)/1.2)", {false, false}, true},
+    {3, "j2-sin(t)*j1", {true, false}, false},
+    {3, "e1*e2*j1+cos(w3)*j3+e3^2*phi1*w1", {false, true}, false},
+};
+
+TEST(ExpressionConstraint, HasTheDerivativesOfItsRowAndDependsOnWhatItReads) {
+  const std::vector<std::string> shafts{"a", "b", "c"};
+  for (const Statement& statement : kStatements) {
+    SCOPED_TRACE(statement.formula);
+    ExpressionConstraint constraint;
+    Dictionary dictionary = constraintOf(statement.formula, {{"tau", ParameterTree::real(0.2)}});
+    dictionary["order"] = ParameterTree::integer(statement.order);
+    configure(constraint, dictionary, shafts);
+    EXPECT_EQ(constraint.dependence().time, statement.dependence.time);
+    EXPECT_EQ(constraint.dependence().angle, statement.dependence.angle);
+    EXPECT_EQ(constraint.hasConstantJacobian(), statement.constant_C);
+    for (int n = 0; n < 4; ++n) {
+      const double angle[] = {0.2 * n, 1.0 - n, 0.7};
+      const double velocity[] = {2.0 + 0.7 * n, 3.1 - 0.9 * n, -1.3};
+      const double acceleration[] = {1.3 - n, 0.4 + 0.8 * n, 0.9};
+      const StateView x{0.3 * n, angle, velocity, acceleration, nullptr, nullptr};
+      test::expectRowDerivatives(constraint, x);
+    }
+  }
+}
+
+/// Tells what the formula makes from Constraint's differences.
+class WithDefaults : public ExpressionConstraint {
+ public:
+  bool isDefaultAt(const StateView& x) const {
+    double dC[2][12];
+    double dc0[2][6];
+    doCalcRowDerivatives(x, dC[0], dc0[0]);
+    Constraint::doCalcRowDerivatives(x, dC[1], dc0[1]);
+    return std::equal(dC[0], dC[0] + 12, dC[1]) && std::equal(dc0[0], dc0[0] + 6, dc0[1]);
+  }
+};
+
+TEST(ExpressionConstraint, TakesDifferencesOfAFormulaTooLargeToDifferentiateThreeTimes) {
+  for (const int terms : {20, 1000}) {
+    std::string formula = "w2-0.6*w1";
+    for (int i = 1; i <= terms; ++i) {
+      const std::string a = std::to_string(1.0 + 1e-4 * i);
+      formula += "+1e-4*sin(" + a + "*w1)*cos(" + a + "*phi1*w2)";
+    }
+    WithDefaults constraint;
+    Dictionary dictionary = constraintOf(formula);
+    dictionary["order"] = ParameterTree::integer(1);
+    configure(constraint, dictionary);
+    const State s;
+    EXPECT_EQ(constraint.isDefaultAt(s.view), terms > 100);
+    test::expectRowDerivatives(constraint, s.view, 3e-3, terms > 100 ? 1e-7 : 1e-10);
+  }
+}
+
 TEST(ExpressionConstraint, TakesNumbersAndUnusedParameters) {
   ExpressionConstraint constraint;
   configure(constraint, constraintOf("a*e1 - w1", {{"a", ParameterTree::text("1e-3")},
@@ -300,6 +375,32 @@ TEST(ExpressionTorque, RateIsTheTotalDerivative) {
   EXPECT_NEAR(rate[0], expected, 1e-8);
   EXPECT_GT(std::abs(expected), 1.0);
   EXPECT_EQ(rate[1], 0.0);
+}
+
+TEST(ExpressionTorque, HasTheDerivativesOfItsRateAndDependsOnWhatItReads) {
+  struct Formula {
+    const char* text;
+    Dependence torque;
+    Dependence rate;
+  };
+  const Formula formulas[] = {
+      {"-3.5", {false, false}, {false, false}},
+      {"2*t", {true, false}, {false, false}},
+      {"-40*(phi1-phi2)-3*w2", {false, true}, {false, false}},
+      {"-0.02*w2^2", {false, false}, {false, false}},
+      {"t^2*sin(phi2)-w2*phi1", {true, true}, {true, true}},
+      {"12*((50-w1)/50)/(((50-w1)/50)^2+0.04)*tanh(t)", {true, false}, {true, false}},
+  };
+  for (const Formula& formula : formulas) {
+    SCOPED_TRACE(formula.text);
+    ExpressionTorque torque;
+    configure(torque, torqueOf(formula.text));
+    EXPECT_EQ(torque.torqueDependence().time, formula.torque.time);
+    EXPECT_EQ(torque.torqueDependence().angle, formula.torque.angle);
+    EXPECT_EQ(torque.rateDependence().time, formula.rate.time);
+    EXPECT_EQ(torque.rateDependence().angle, formula.rate.angle);
+    test::expectRateDerivatives(torque, State().view);
+  }
 }
 
 TEST(ExpressionTorque, OfAConstantHasNoRate) {

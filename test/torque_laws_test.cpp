@@ -1,6 +1,7 @@
 // The torque laws: values against closed forms, rates against differences of those forms and of the
-// torque itself along a motion, what happens at rest, at the ends of tables and far away, every
-// fault of their keys, and that the documentation's examples are read.
+// torque itself along a motion, the derivatives of the rates by the state and what they depend on,
+// what happens at rest, at the ends of tables and far away, every fault of their keys, and that the
+// documentation's examples are read.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -17,6 +18,7 @@
 #include <vector>
 
 #include "support/count_allocations.h"
+#include "support/derivatives_by_state.h"
 #include "support/scenes.h"
 #include "variator_sim/table.h"
 
@@ -1315,6 +1317,106 @@ TEST(Documentation, ExamplesRunTogether) {
 // ------------------------------------------------------------------------------------- all
 // elements
 
+/// An element, and what it states of Q and Q'.
+struct Statement {
+  const char* element;
+  Dependence torque;
+  Dependence rate;
+};
+
+constexpr Dependence kNothing{false, false};
+constexpr Dependence kTime{true, false};
+constexpr Dependence kAngle{false, true};
+constexpr Dependence kBoth{true, true};
+
+const Statement kStatements[] = {
+    {"CommandedTorque, shaft: load, topic: u, gain: 3", kNothing, kNothing},
+    {"CuttingTorque, shaft: drive, torque: 30, begin: 1, ramp: 2, end: 4, regularization_speed: 30",
+     kTime, kTime},
+    {"CuttingTorque, shaft: load, torque: 30, begin: 1, ramp: 2, end: 4, regularization_speed: 30, "
+     "tooth_passing: {teeth: 4, amplitude: 0.3, phase: 0.2}",
+     kBoth, kBoth},
+    {"DieselEngine, shaft: drive, full_load: {speed: [20, 30, 45, 60], torque: [10, 60, 80, 0]}, "
+     "rack: 0.4",
+     kNothing, kNothing},
+    {"DieselEngine, shaft: load, full_load: {speed: [-60, -45, -30, 0], torque: [10, 60, 80, 0]}, "
+     "rack: {topic: u}, friction: {constant: 4, linear: 0.1, regularization_speed: 40}, "
+     "idle_governor: {speed: 20, band: 70}",
+     kNothing, kNothing},
+    {"ElasticCoupling, shafts: [drive, load], stiffness: 40, damping: 3, ratio: -1.7", kAngle,
+     kNothing},
+    {"ElasticCoupling, shafts: [load, drive], stiffness: 40", kAngle, kNothing},
+    {"ExpressionTorque, shaft: load, torque: \"sin(phi1-2*phi2)*w1-0.02*w2^2\"", kAngle, kAngle},
+    {"ExpressionTorque, shaft: drive, torque: \"4*phi1-0.02*w1^3\"", kAngle, kNothing},
+    {"ExpressionTorque, shaft: drive, torque: \"3*t-0.02*w1^3\"", kTime, kNothing},
+    {"Friction, shaft: load, coulomb: 3, static: 7, stribeck_speed: 25, viscous: 0.2, "
+     "regularization_speed: 30",
+     kNothing, kNothing},
+    {"Friction, shafts: [load, drive], ratio: 0.6, coulomb: 3, static: 7, stribeck_speed: 25, "
+     "viscous: 0.2, regularization_speed: 30",
+     kNothing, kNothing},
+    {"Friction, shafts: [drive, load], coulomb: 3, regularization_speed: 30", kNothing, kNothing},
+    {"MotorCurve, shaft: drive, characteristic: kloss, breakdown_torque: 30, synchronous_speed: "
+     "50, critical_slip: 0.2",
+     kNothing, kNothing},
+    {"MotorCurve, shaft: load, direction: -1, characteristic: kloss, breakdown_torque: 30, "
+     "synchronous_speed: 50, critical_slip: 0.2, command: {topic: u}",
+     kNothing, kNothing},
+    {"MotorCurve, shaft: load, direction: -1, characteristic: table, command: {topic: u}, table: "
+     "{speed: [0, 30, 45, 60], torque: [10, 60, 80, 0]}",
+     kNothing, kNothing},
+    {"MotorCurve, shaft: load, direction: -1, characteristic: dc, stall_torque: 12, no_load_speed: "
+     "250, command: {topic: u}",
+     kNothing, kNothing},
+    {"MotorCurve, shaft: load, direction: -1, characteristic: dc, torque_constant: 0.12, "
+     "resistance: 0.5, voltage: {topic: u}",
+     kNothing, kNothing},
+    {"Propeller, shaft: load, coefficient: 0.02", kNothing, kNothing},
+    {"Propeller, shaft: load, torque_coefficient: 0.05, diameter: 0.3, advance: {speed: 4, slope: "
+     "0.04}, regularization_speed: 20",
+     kNothing, kNothing},
+    {"VehicleResistance, shaft: load, law: davis, wheel_radius: 0.5, ratio: -2, constant: 100, "
+     "linear: 3, quadratic: 2, regularization_speed: 8",
+     kNothing, kNothing},
+    {"VehicleResistance, shaft: drive, law: road, wheel_radius: 0.3, mass: 30, "
+     "rolling_coefficient: 0.1, drag_area: 0.6, regularization_speed: 8, grade: {time: [0, 1.9, "
+     "3.1, 6], grade: [0, 0.4, -0.3, 0]}",
+     kTime, kTime},
+};
+
+TEST(Laws, HaveTheDerivativesOfTheirRatesAndDependOnWhatTheyState) {
+  std::set<std::string> types;
+  for (const Statement& statement : kStatements) {
+    SCOPED_TRACE(statement.element);
+    const std::string element = statement.element;
+    const std::string type = "variator_sim/" + element.substr(0, element.find(','));
+    types.insert(type);
+    const TorquePtr torque = torqueOf(element);
+    EXPECT_EQ(torque->torqueDependence().time, statement.torque.time);
+    EXPECT_EQ(torque->torqueDependence().angle, statement.torque.angle);
+    EXPECT_EQ(torque->rateDependence().time, statement.rate.time);
+    EXPECT_EQ(torque->rateDependence().angle, statement.rate.angle);
+    double largest = 0.0;
+    for (int n = 0; n < 4; ++n) {
+      // Away from the points of tables and the ends of ramps: pieces of polynomials meet there.
+      const double time = std::array<double, 4>{2.2, 2.7, 3.7, 4.6}[static_cast<std::size_t>(n)];
+      const double angle[] = {0.3 * n, 1.0 - 0.7 * n};
+      const double velocity[] = {43.1 - 6.1 * n, -37.3 + 9.2 * n};
+      const double acceleration[] = {5.1 - 4.0 * n, 3.3 - 2.0 * n};
+      const double input[] = {0.6};
+      const double rate[] = {0.4 - n};
+      const StateView x{time, angle, velocity, acceleration, input, rate, nullptr};
+      test::expectRateDerivatives(*torque, x, 1e-2, 1e-11);
+      double derivatives[12] = {};
+      torque->addTorqueRateDerivatives(x, derivatives);
+      for (const double value : derivatives) largest = std::max(largest, std::abs(value));
+    }
+    EXPECT_EQ(largest > 1e-3, type != "variator_sim/CommandedTorque") << largest;
+  }
+  const std::vector<std::string> all = BuiltinComponentFactory().torqueTypes();
+  EXPECT_EQ(types, std::set<std::string>(all.begin(), all.end()));
+}
+
 /// All elements of the documentation at extreme states, but for those that others cover.
 TEST(Laws, AreFiniteFarAway) {
   const Scene scene = sceneOfExamples(readExamples());
@@ -1333,6 +1435,11 @@ TEST(Laws, AreFiniteFarAway) {
         EXPECT_TRUE(std::isfinite(Q[0]) && std::isfinite(Q[1])) << torque->name() << " at " << w;
         EXPECT_TRUE(std::isfinite(rate[0]) && std::isfinite(rate[1]))
             << torque->name() << " at " << w;
+        double derivatives[12] = {};
+        torque->addTorqueRateDerivatives(state, derivatives);
+        for (const double value : derivatives) {
+          EXPECT_TRUE(std::isfinite(value)) << torque->name() << " at " << w;
+        }
       }
     }
   }
@@ -1370,6 +1477,8 @@ TEST(Laws, AllocateNothing) {
     for (const TorquePtr& torque : scene.torques) {
       torque->addTorque(state, sum);
       torque->addTorqueRate(state, sum);
+      double derivatives[12] = {};
+      torque->addTorqueRateDerivatives(state, derivatives);
     }
   }
   EXPECT_EQ(allocations - before, 0);

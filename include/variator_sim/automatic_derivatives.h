@@ -3,7 +3,8 @@
 /// A formula written once as a template, `template <class T> T f(const T& x)`, gives with
 ///     Dual<N>           f and its derivatives in N directions,
 ///     Dual<N, Dual<M>>  second derivatives too,
-///     Curve<N>          f, its first and second derivative along a curve, and its gradient.
+///     Curve<N>          f, its first and second derivative along a curve, and its gradient,
+///     Dual<N, Curve<M>> the derivatives of all that: third derivatives of f.
 /// Everything lies on the stack and every loop has a length known to the compiler. `Dual<0>` is a
 /// plain number for which, as for the others, sin, abs, max, ... are found without naming a
 /// namespace.
@@ -11,11 +12,13 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 #include <type_traits>
 
 namespace variator_sim {
 
-/// A value and its derivatives in N directions; S is double, or a Dual for second derivatives.
+/// A value and its derivatives in N directions; S is double, or a Dual or a Curve for higher
+/// derivatives.
 template <int N, class S = double>
 struct Dual {
   S value;
@@ -181,13 +184,19 @@ std::enable_if_t<IsAutomatic<T>::value, double> realPart(const T& x) {
   return realPart(x.value);
 }
 
-/// g(x) for a function g of one variable, of which only `g[0..2]` = g, g', g'' at the value of x
-/// are known: a table, a library's function.
-inline double compose(double /*x*/, const double* g) {
+/// True for numbers that ask a function of one variable for its third derivative.
+template <class T>
+struct NeedsThird : std::false_type {};
+template <int N, int M>
+struct NeedsThird<Dual<N, Curve<M>>> : std::true_type {};
+
+/// g(x) for a function g of one variable with `g[0..3]` = g, g', g'', g''' at the value of x; of
+/// them are read as many as x carries derivatives.
+inline double chain(double /*x*/, const double* g) {
   return g[0];
 }
 template <int N>
-Curve<N> compose(const Curve<N>& x, const double* g) {
+Curve<N> chain(const Curve<N>& x, const double* g) {
   Curve<N> y;
   y.value = g[0];
   y.first = g[1] * x.first;
@@ -196,108 +205,134 @@ Curve<N> compose(const Curve<N>& x, const double* g) {
   return y;
 }
 template <int N, class S>
-Dual<N, S> compose(const Dual<N, S>& x, const double* g) {
+Dual<N, S> chain(const Dual<N, S>& x, const double* g) {
   Dual<N, S> y;
-  y.value = compose(x.value, g);
-  const S slope = compose(x.value, g + 1);
+  y.value = chain(x.value, g);
+  const S slope = chain(x.value, g + 1);
   for (std::size_t i = 0; i < N; ++i) y.derivative[i] = slope * x.derivative[i];
   return y;
 }
+
+/// g(x) for a function g of one variable, of which only the value and derivatives at the value of x
+/// are known: a table, a library's function. Without the third derivative what is made of it is
+/// NaN; AutomaticConstraint takes differences instead.
 template <class T>
-Automatic<T> compose(const T& x, double value, double slope, double curvature) {
-  const double g[] = {value, slope, curvature};
-  return compose(x, g);
+Automatic<T> compose(const T& x, double value, double slope, double curvature,
+                     double third = std::numeric_limits<double>::quiet_NaN()) {
+  const double g[] = {value, slope, curvature, third};
+  return chain(x, g);
+}
+/// The same with `g[0..2]` = g, g', g''.
+inline double compose(double /*x*/, const double* g) {
+  return g[0];
+}
+template <class T>
+Automatic<T> compose(const T& x, const double* g) {
+  return compose(x, g[0], g[1], g[2]);
 }
 
 template <class T>
 Automatic<T> sin(const T& x) {
   const double v = realPart(x);
   const double s = std::sin(v);
-  return compose(x, s, std::cos(v), -s);
+  const double c = std::cos(v);
+  return compose(x, s, c, -s, -c);
 }
 template <class T>
 Automatic<T> cos(const T& x) {
   const double v = realPart(x);
   const double c = std::cos(v);
-  return compose(x, c, -std::sin(v), -c);
+  const double s = std::sin(v);
+  return compose(x, c, -s, -c, s);
 }
 template <class T>
 Automatic<T> tan(const T& x) {
   const double v = std::tan(realPart(x));
   const double slope = 1.0 + v * v;
-  return compose(x, v, slope, 2.0 * v * slope);
+  return compose(x, v, slope, 2.0 * v * slope, 2.0 * slope * (1.0 + 3.0 * v * v));
 }
 template <class T>
 Automatic<T> asin(const T& x) {
   const double v = realPart(x);
   const double slope = 1.0 / std::sqrt(1.0 - v * v);
-  return compose(x, std::asin(v), slope, v * slope * slope * slope);
+  const double cube = slope * slope * slope;
+  return compose(x, std::asin(v), slope, v * cube, cube * (1.0 + 3.0 * v * v * slope * slope));
 }
 template <class T>
 Automatic<T> acos(const T& x) {
   const double v = realPart(x);
   const double slope = -1.0 / std::sqrt(1.0 - v * v);
-  return compose(x, std::acos(v), slope, v * slope * slope * slope);
+  const double cube = slope * slope * slope;
+  return compose(x, std::acos(v), slope, v * cube, cube * (1.0 + 3.0 * v * v * slope * slope));
 }
 template <class T>
 Automatic<T> atan(const T& x) {
   const double v = realPart(x);
   const double slope = 1.0 / (1.0 + v * v);
-  return compose(x, std::atan(v), slope, -2.0 * v * slope * slope);
+  return compose(x, std::atan(v), slope, -2.0 * v * slope * slope,
+                 slope * slope * slope * (6.0 * v * v - 2.0));
 }
 template <class T>
 Automatic<T> sinh(const T& x) {
   const double v = realPart(x);
   const double s = std::sinh(v);
-  return compose(x, s, std::cosh(v), s);
+  const double c = std::cosh(v);
+  return compose(x, s, c, s, c);
 }
 template <class T>
 Automatic<T> cosh(const T& x) {
   const double v = realPart(x);
   const double c = std::cosh(v);
-  return compose(x, c, std::sinh(v), c);
+  const double s = std::sinh(v);
+  return compose(x, c, s, c, s);
 }
 template <class T>
 Automatic<T> tanh(const T& x) {
   const double h = std::tanh(realPart(x));
   const double slope = 1.0 - h * h;
-  return compose(x, h, slope, -2.0 * h * slope);
+  return compose(x, h, slope, -2.0 * h * slope, 2.0 * slope * (3.0 * h * h - 1.0));
 }
 template <class T>
 Automatic<T> exp(const T& x) {
   const double v = std::exp(realPart(x));
-  return compose(x, v, v, v);
+  return compose(x, v, v, v, v);
 }
 template <class T>
 Automatic<T> expm1(const T& x) {
   const double v = realPart(x);
   const double slope = std::exp(v);
-  return compose(x, std::expm1(v), slope, slope);
+  return compose(x, std::expm1(v), slope, slope, slope);
 }
 template <class T>
 Automatic<T> log(const T& x) {
   const double v = realPart(x);
-  return compose(x, std::log(v), 1.0 / v, -1.0 / (v * v));
+  return compose(x, std::log(v), 1.0 / v, -1.0 / (v * v), 2.0 / (v * v * v));
 }
 template <class T>
 Automatic<T> log1p(const T& x) {
   const double v = realPart(x);
   const double slope = 1.0 / (1.0 + v);
-  return compose(x, std::log1p(v), slope, -slope * slope);
+  return compose(x, std::log1p(v), slope, -slope * slope, 2.0 * slope * slope * slope);
 }
 template <class T>
 Automatic<T> sqrt(const T& x) {
   const double v = realPart(x);
   const double root = std::sqrt(v);
-  return compose(x, root, 0.5 / root, -0.25 / (v * root));
+  return compose(x, root, 0.5 / root, -0.25 / (v * root), 0.375 / (v * v * root));
 }
-/// x^p for a constant p; x^0, x^1 and x^2 have their derivatives at x = 0 too.
+/// x^p for a constant p; x^0, x^1, x^2 and x^3 have their derivatives at x = 0 too.
 template <class T>
 Automatic<T> pow(const T& x, double p) {
   const double v = realPart(x);
   const double slope = p == 0.0 ? 0.0 : p * std::pow(v, p - 1.0);
   const double curvature = p == 0.0 || p == 1.0 ? 0.0 : p * (p - 1.0) * std::pow(v, p - 2.0);
-  return compose(x, std::pow(v, p), slope, curvature);
+  double third = 0.0;
+  if constexpr (NeedsThird<T>::value) {  // no fourth power for those that do not read it
+    if (p != 0.0 && p != 1.0 && p != 2.0) {
+      third = p * (p - 1.0) * (p - 2.0) * std::pow(v, p - 3.0);
+    }
+  }
+  return compose(x, std::pow(v, p), slope, curvature, third);
 }
 /// x^y for x > 0.
 template <class T>
@@ -308,7 +343,7 @@ Automatic<T> pow(const T& x, const T& y) {
 template <class T>
 Automatic<T> abs(const T& x) {
   const double v = realPart(x);
-  return compose(x, std::abs(v), v > 0.0 ? 1.0 : (v < 0.0 ? -1.0 : 0.0), 0.0);
+  return compose(x, std::abs(v), v > 0.0 ? 1.0 : (v < 0.0 ? -1.0 : 0.0), 0.0, 0.0);
 }
 template <class T>
 Automatic<T> atan2(const T& y, const T& x) {

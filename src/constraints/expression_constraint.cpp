@@ -141,14 +141,21 @@ void ExpressionConstraint::doConfigure(ComponentContext& context) {
     row_ = Tape(graph, row);
     hessian_ = Tape(graph, hessian);
     jacobian_rate_ = Tape(graph, jacobian_rate);
-    if (order_ == 3) return;
-    residual_ = Tape(graph, {given});
-    residual_and_jacobian_ = Tape(graph, with_C(second));
-    partials_ = Tape(graph, partials);
+    if (order_ < 3) {
+      residual_ = Tape(graph, {given});
+      residual_and_jacobian_ = Tape(graph, with_C(second));
+      partials_ = Tape(graph, partials);
+    }
     if (order_ == 1) velocity_level_ = Tape(graph, with_C(given));
   } catch (const std::length_error& error) {
     throw SceneError(path, error.what());
   }
+
+  // No derivative reads what the formula itself does not.
+  dependence_ = expression::dependenceOf(graph, given, s);
+  has_constant_jacobian_ =
+      std::all_of(C.begin(), C.end(), [&graph](Node entry) { return graph.isConstant(entry); });
+  row_derivatives_ = expression::StateDerivatives::of(graph, row, s);
 }
 
 double ExpressionConstraint::doCalcResidual(const StateView& state) const {
@@ -204,6 +211,19 @@ void ExpressionConstraint::doCalcPartials(const StateView& state,
 
 void ExpressionConstraint::doCalcHessian(const StateView& state, double* H) const {
   hessian_.evaluate(state, H);
+}
+
+void ExpressionConstraint::doCalcRowDerivatives(const StateView& state, double* dC,
+                                                double* dc0) const {
+  if (!row_derivatives_) {
+    Constraint::doCalcRowDerivatives(state, dC, dc0);
+    return;
+  }
+  const int s = shaftCount();
+  std::fill_n(dC, 3 * s * s, 0.0);
+  std::fill_n(dc0, 3 * s, 0.0);
+  row_derivatives_->evaluate(
+      state, [&](int of, int by, double value) { (of < s ? dC[by * s + of] : dc0[by]) = value; });
 }
 
 void ExpressionConstraint::doCalcJacobianRate(const StateView& state, double* D, double* H) const {

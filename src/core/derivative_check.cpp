@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "central_difference.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
@@ -204,10 +205,22 @@ std::string describe(const Scene& scene, const Point& p) {
 
 /// What does not fit.
 struct Mismatch {
-  std::string derivative;
-  double stated;
-  double found;
+  std::string what;
+  std::string claim;   ///< what is stated of it, and what its values say
+  std::string remedy;  ///< what to correct
 };
+
+Mismatch wrongDerivative(const std::string& derivative, double stated, double found) {
+  return {derivative, "is stated as " + number(stated) + ", but its values say " + number(found),
+          "the derivative"};
+}
+
+/// Something that a state decides.
+struct Quantity {
+  std::string name;
+  double value;
+};
+using Quantities = std::vector<Quantity>;
 
 /// Every comparison of one component at one point; the first mismatch.
 class Comparison {
@@ -228,6 +241,17 @@ class Comparison {
               return Q[i];
             });
     }
+    checkRateDerivatives(torque);
+    checkDependence(torque.torqueDependence(), "torqueDependence", [&](const StateView& x) {
+      double Q[kMaxShafts] = {};
+      torque.addTorque(x, Q);
+      return ofShafts("Q", Q);
+    });
+    checkDependence(torque.rateDependence(), "rateDependence", [&](const StateView& x) {
+      double Q_rate[kMaxShafts] = {};
+      torque.addTorqueRate(x, Q_rate);
+      return ofShafts("dQ/dt", Q_rate);
+    });
   }
 
   void checkConstraint(const Constraint& constraint) {
@@ -237,6 +261,20 @@ class Comparison {
       checkForms(constraint);
     }
     checkJacobianRates(constraint);
+    checkRowDerivatives(constraint);
+    const auto row = [&](const StateView& x) { return rowOf(constraint, x); };
+    checkDependence(constraint.dependence(), "dependence", [&](const StateView& x) {
+      Quantities all = row(x);
+      double unused[kMaxShafts];
+      if (order == 1) {
+        all.push_back({"f", constraint.calcResidual(x)});
+        all.push_back({"f'", constraint.calcResidualAndJacobian(x, unused)});
+      } else if (order == 2) {
+        all.push_back({"psi", constraint.calcResidual(x)});
+      }
+      return all;
+    });
+    if (constraint.hasConstantJacobian()) checkConstantJacobian(row);
   }
 
  private:
@@ -254,13 +292,13 @@ class Comparison {
     // A direction as long as the speeds are is left in a step as much shorter.
     const double scale = 1.0 / std::max(1.0, largestEntry(direction));
     const std::optional<double> found = findDisagreement(of_step, stated, scale, slack);
-    if (found) mismatch_ = Mismatch{name, stated, *found};
+    if (found) mismatch_ = wrongDerivative(name, stated, *found);
   }
   /// Two evaluations of the same thing.
   void same(double stated, double value, double scale, const std::string& name) {
     if (mismatch_ || !std::isfinite(stated) || !std::isfinite(value)) return;
     if (std::abs(stated - value) > 1e-7 * std::max({scale, std::abs(stated), std::abs(value)})) {
-      mismatch_ = Mismatch{name, stated, value};
+      mismatch_ = wrongDerivative(name, stated, value);
     }
   }
 
@@ -285,7 +323,7 @@ class Comparison {
         };
         const std::optional<double> found =
             findDisagreement(of_step, stated, length, kRounding * largest);
-        if (found) mismatch_ = Mismatch{d + name, stated, *found};
+        if (found) mismatch_ = wrongDerivative(d + name, stated, *found);
       }
       entry = 0.0;
     };
@@ -385,6 +423,170 @@ class Comparison {
     }
   }
 
+  /// One value per shaft.
+  Quantities ofShafts(const std::string& name, const double* values) const {
+    Quantities all;
+    for (int i = 0; i < scene_.shaftCount(); ++i) {
+      all.push_back({name + " of shaft '" + scene_.shafts[at(i)] + "'", values[i]});
+    }
+    return all;
+  }
+  /// C, then c0.
+  Quantities rowOf(const Constraint& constraint, const StateView& x) const {
+    double C[kMaxShafts] = {};
+    double c0 = 0.0;
+    constraint.calcRow(x, C, &c0);
+    Quantities all;
+    for (int i = 0; i < scene_.shaftCount(); ++i) {
+      all.push_back({"C" + std::to_string(i + 1), C[i]});
+    }
+    all.push_back({"c0", c0});
+    return all;
+  }
+
+  /// dQ'/d(phi, omega, epsilon).
+  void checkRateDerivatives(const Torque& torque) {
+    const int s = scene_.shaftCount();
+    double stated[3 * kMaxShafts * kMaxShafts] = {};
+    torque.addTorqueRateDerivatives(point_.view(), stated);
+    for (int i = 0; i < s; ++i) {
+      std::array<double, 3 * kMaxShafts> by_state{};
+      for (int q = 0; q < 3 * s; ++q) by_state[at(q)] = stated[q * s + i];
+      checkByState(by_state, "d Q'/d ",
+                   " of shaft '" + scene_.shafts[at(i)] + "' (addTorqueRateDerivatives)",
+                   [&](const StateView& x) {
+                     double Q_rate[kMaxShafts] = {};
+                     torque.addTorqueRate(x, Q_rate);
+                     return Q_rate[i];
+                   });
+    }
+  }
+
+  /// d(C, c0)/d(phi, omega, epsilon).
+  void checkRowDerivatives(const Constraint& constraint) {
+    const int s = scene_.shaftCount();
+    // What is left unwritten differs between the two.
+    double dC[2][3 * kMaxShafts * kMaxShafts];
+    double dc0[2][3 * kMaxShafts];
+    for (int n = 0; n < 2; ++n) {
+      std::fill_n(dC[n], 3 * s * s, static_cast<double>(n));
+      std::fill_n(dc0[n], 3 * s, static_cast<double>(n));
+      constraint.calcRowDerivatives(point_.view(), dC[n], dc0[n]);
+    }
+    for (int i = 0; i <= s; ++i) {
+      const std::string name = i < s ? "C" + std::to_string(i + 1) : "c0";
+      std::array<double, 3 * kMaxShafts> by_state{};
+      for (int q = 0; q < 3 * s; ++q) {
+        const double* first = i < s ? &dC[0][q * s + i] : &dc0[0][q];
+        const double* second = i < s ? &dC[1][q * s + i] : &dc0[1][q];
+        by_state[at(q)] = *first;
+        if (!mismatch_ && isDifferent(*first, *second)) {
+          mismatch_ = Mismatch{"d " + name + "/d " + nameOf(q) + " (calcRowDerivatives)",
+                               "is not written", "that: all entries are to be"};
+        }
+      }
+      checkByState(by_state, "d " + name + "/d ", " (calcRowDerivatives)", [&](const StateView& x) {
+        double C[kMaxShafts] = {};
+        double c0 = 0.0;
+        constraint.calcRow(x, C, &c0);
+        return i < s ? C[i] : c0;
+      });
+    }
+  }
+
+  /// `stated` derivatives of `function` in the 3s directions of the state.
+  template <class Function>
+  void checkByState(const std::array<double, 3 * kMaxShafts>& stated, const std::string& before,
+                    const std::string& after, Function function) {
+    const int s = scene_.shaftCount();
+    std::array<double, 3 * kMaxShafts> differences{};
+    forEachShift(point_.view(), s,
+                 [&](int q, const StateView& above, const StateView& below, double width) {
+                   differences[at(q)] = (function(above) - function(below)) / width;
+                 });
+    double largest = std::abs(function(point_.view()));
+    for (const double value : stated) largest = std::max(largest, std::abs(value));
+    for (int q = 0; q < 3 * s; ++q) {
+      // The default is no statement.
+      if (!isDifferent(stated[at(q)], differences[at(q)])) continue;
+      Point direction;
+      auto& part = q < s       ? direction.angle
+                   : q < 2 * s ? direction.velocity
+                               : direction.acceleration;
+      part[at(q % s)] = 1.0;
+      along(direction, stated[at(q)], before + nameOf(q) + after, kRounding * largest, function);
+    }
+  }
+
+  /// phi1, .., w1, .., e1, ..
+  std::string nameOf(int q) const {
+    const int s = scene_.shaftCount();
+    return (q < s ? "phi" : q < 2 * s ? "w" : "e") + std::to_string(q % s + 1);
+  }
+
+  static bool isDifferent(double a, double b) {
+    return !(a == b || (std::isnan(a) && std::isnan(b)));
+  }
+
+  /// Whether what is stated not to matter leaves `quantities` as they are, to the bit.
+  template <class Function>
+  void checkDependence(Dependence stated, const std::string& method, Function quantities) {
+    if (mismatch_ || (stated.time && stated.angle)) return;
+    const Quantities here = quantities(point_.view());
+    const auto compare = [&](const Point& other, const char* variable) {
+      const Quantities there = quantities(other.view());
+      for (std::size_t i = 0; i < here.size() && !mismatch_; ++i) {
+        if (!isDifferent(here[i].value, there[i].value)) continue;
+        mismatch_ = Mismatch{here[i].name,
+                             std::string("is stated not to depend on the ") + variable + " (" +
+                                 method + "), but it is " + number(there[i].value) + " at {" +
+                                 describe(scene_, other) + "} and " + number(here[i].value),
+                             "the statement"};
+      }
+    };
+    // From the scale of tables over time to that of teeth; no whole turns.
+    for (const double shift : {0.73, 3.7, 29.0, 410.0, 0.1, 1e-3}) {
+      if (!stated.time) {
+        Point later = point_;
+        later.time += shift;
+        compare(later, "time");
+      }
+      if (!stated.angle) {
+        Point turned = point_;
+        // Each by another amount: differences of angles change too.
+        for (int i = 0; i < scene_.shaftCount(); ++i)
+          turned.angle[at(i)] += shift * (1.0 + 0.37 * i);
+        compare(turned, "angles");
+      }
+    }
+  }
+
+  /// C, of the `row`, at this state and at others, near and far.
+  template <class Function>
+  void checkConstantJacobian(Function row) {
+    const Quantities here = row(point_.view());
+    double largest = 0.0;
+    for (int i = 0; i < scene_.shaftCount(); ++i) {
+      largest = std::max(largest, std::abs(here[at(i)].value));
+    }
+    Random random;
+    for (const double by : {0.3, 3.0, 30.0, 1e-3}) {
+      const Point other = shaken(scene_, point_, by, random);
+      const Quantities there = row(other.view());
+      for (int i = 0; i < scene_.shaftCount() && !mismatch_; ++i) {
+        const double a = here[at(i)].value;
+        const double b = there[at(i)].value;
+        // What rounds differently is constant all the same.
+        if (!std::isfinite(a - b) || std::abs(a - b) <= 1e-12 * largest) continue;
+        mismatch_ =
+            Mismatch{here[at(i)].name,
+                     "is stated to be constant (hasConstantJacobian), but it is " + number(b) +
+                         " at {" + describe(scene_, other) + "} and " + number(a),
+                     "the statement"};
+      }
+    }
+  }
+
   const Scene& scene_;
   const Point& point_;
   std::optional<Mismatch> mismatch_;
@@ -405,12 +607,10 @@ void verify(const Scene& scene, const Component& component, const char* kind, Ch
     check(there, component);
     if (!there.mismatch()) continue;
     const Mismatch& mismatch = *here.mismatch();
-    throw SceneError(component.name(),
-                     mismatch.derivative + " of " + kind + " '" + component.name() +
-                         "' is stated as " + number(mismatch.stated) + ", but its values say " +
-                         number(mismatch.found) + ", at " + describe(scene, point) +
-                         "; correct the derivative, or load it unchecked with "
-                         "verify_derivatives: false");
+    throw SceneError(component.name(), mismatch.what + " of " + kind + " '" + component.name() +
+                                           "' " + mismatch.claim + ", at " +
+                                           describe(scene, point) + "; correct " + mismatch.remedy +
+                                           ", or load it unchecked with verify_derivatives: false");
   }
 }
 

@@ -7,13 +7,18 @@ namespace variator_sim {
 
 /// Compares, at a few states near the scene's start, every derivative that a constraint or a torque
 /// states with differences of its own function: the partial derivatives of f and psi, C in all its
-/// forms, f', c0, dC/depsilon, dC/dt and dQ/dt. Throws SceneError at the first that does not fit,
-/// with both values and the state.
+/// forms, f', c0, dC/depsilon, dC/dt, dQ/dt, and the derivatives of C, c0 and Q' by the state.
+/// Throws SceneError at the first that does not fit, with both values and the state.
+///
+/// So it does where a component states that something does not depend on the time or the angles
+/// (Dependence), or that C is constant, and evaluations say otherwise. What does not read the time
+/// has the same bits at any time.
 ///
 /// Differences are noisy and blind at kinks, so a derivative is refused only where they are beyond
 /// doubt: they converge as the step shrinks, they agree from both sides, and what they converge to
 /// is not what is stated; and all that at a second state nearby as well. States where something is
-/// not finite are left out.
+/// not finite are left out, and so are the derivatives by the state that Constraint and Torque make
+/// by default: they are differences themselves, of one step.
 void verifyDerivatives(const Scene& scene);
 
 }  // namespace variator_sim

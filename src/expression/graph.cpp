@@ -565,8 +565,8 @@ bool Graph::dependsOn(Node node, int slot) const {
   return false;
 }
 
-bool Graph::hasNonFiniteConstant(Node node) const {
-  const std::vector<bool> reachable = findReachable({node});
+bool Graph::hasNonFiniteConstant(const std::vector<Node>& nodes) const {
+  const std::vector<bool> reachable = findReachable(nodes);
   for (std::size_t i = 0; i < reachable.size(); ++i) {
     if (reachable[i] && !std::isfinite(entries_[i].value)) {
       return true;

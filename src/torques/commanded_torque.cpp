@@ -18,4 +18,7 @@ void CommandedTorque::doAddTorqueRate(const StateView& state, double* torque_rat
   torque_rate[shaft_] += gain_ * state.input_rate[input_];
 }
 
+void CommandedTorque::doAddTorqueRateDerivatives(const StateView& /*state*/,
+                                                 double* /*derivatives*/) const {}
+
 }  // namespace variator_sim

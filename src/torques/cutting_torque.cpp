@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "rate_derivatives.h"
 #include "smooth.h"
 
 namespace variator_sim {
@@ -41,8 +42,8 @@ void CuttingTorque::doAddTorque(const StateView& state, double* torque) const {
 }
 
 void CuttingTorque::doAddTorqueRate(const StateView& state, double* torque_rate) const {
-  const ValueAndSlope entry = smoothStep((state.time - begin_) * ramp_scale_);
-  const ValueAndSlope exit = smoothStep((state.time - end_) * ramp_scale_);
+  const SmoothValue entry = smoothStep((state.time - begin_) * ramp_scale_);
+  const SmoothValue exit = smoothStep((state.time - end_) * ramp_scale_);
   const double E = entry.value - exit.value;
   if (E == 0.0) return;  // E' is 0 there too
   const double E_rate = (entry.slope - exit.slope) * ramp_scale_;
@@ -54,9 +55,40 @@ void CuttingTorque::doAddTorqueRate(const StateView& state, double* torque_rate)
     P += amplitude_ * std::sin(tooth_angle);
     P_rate = amplitude_ * teeth_ * std::cos(tooth_angle) * w;
   }
-  const ValueAndSlope s = smoothSign(w * sign_scale_);
+  const SmoothValue s = smoothSign(w * sign_scale_);
   torque_rate[shaft_] -= torque_ * ((E_rate * P + E * P_rate) * s.value +
                                     E * P * s.slope * sign_scale_ * state.acceleration[shaft_]);
+}
+
+void CuttingTorque::doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const {
+  const SmoothValue entry = smoothStep((state.time - begin_) * ramp_scale_);
+  const SmoothValue exit = smoothStep((state.time - end_) * ramp_scale_);
+  const double E = entry.value - exit.value;
+  if (E == 0.0) return;
+  const double E_rate = (entry.slope - exit.slope) * ramp_scale_;
+  const double w = state.velocity[shaft_];
+  double P = 1.0;
+  double P_slope = 0.0;
+  double P_curvature = 0.0;
+  if (teeth_ > 0.0) {
+    const double tooth_angle = teeth_ * state.angle[shaft_] + phase_;
+    const double sine = amplitude_ * std::sin(tooth_angle);
+    P += sine;
+    P_slope = amplitude_ * teeth_ * std::cos(tooth_angle);
+    P_curvature = -teeth_ * teeth_ * sine;
+  }
+  // Q' = -T ((E' P + E dP/dphi w) s + E P ds/dw epsilon)
+  const SmoothValue s = smoothSign(w * sign_scale_);
+  const double s_slope = s.slope * sign_scale_;
+  const double s_curvature = s.curvature * sign_scale_ * sign_scale_;
+  const double epsilon = state.acceleration[shaft_];
+  RateDerivatives d(derivatives, shaftCount());
+  d.byAngle(shaft_, shaft_) -= torque_ * ((E_rate * P_slope + E * P_curvature * w) * s.value +
+                                          E * P_slope * s_slope * epsilon);
+  d.byVelocity(shaft_, shaft_) -=
+      torque_ * (E * P_slope * s.value + (E_rate * P + E * P_slope * w) * s_slope +
+                 E * P * s_curvature * epsilon);
+  d.byAcceleration(shaft_, shaft_) -= torque_ * E * P * s_slope;
 }
 
 }  // namespace variator_sim

@@ -1,5 +1,6 @@
 #include "variator_sim/torques/diesel_engine.h"
 
+#include "rate_derivatives.h"
 #include "smooth.h"
 
 namespace variator_sim {
@@ -57,7 +58,7 @@ void DieselEngine::doAddTorqueRate(const StateView& state, double* torque_rate) 
   double r = u;
   double r_rate = rack_.rate(state);
   if (has_governor_) {
-    const ValueAndSlope S = smoothStep((w - governor_begin_) * governor_scale_);
+    const SmoothValue S = smoothStep((w - governor_begin_) * governor_scale_);
     r = 1.0 - (1.0 - u) * S.value;
     r_rate = r_rate * S.value - (1.0 - u) * S.slope * governor_scale_ * epsilon;
   }
@@ -68,6 +69,31 @@ void DieselEngine::doAddTorqueRate(const StateView& state, double* torque_rate) 
   // Looked up for a rack that moves only.
   if (r_rate != 0.0) rate += r_rate * full_load_.value(w);
   torque_rate[shaft_] += rate;
+}
+
+void DieselEngine::doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const {
+  const double w = state.velocity[shaft_];
+  const double epsilon = state.acceleration[shaft_];
+  // r = 1 - (1 - u) S(w) and its derivatives by w and by t alone; S = 1 without governor
+  SmoothValue S{1.0, 0.0, 0.0};
+  if (has_governor_) S = smoothStep((w - governor_begin_) * governor_scale_);
+  const double closed = 1.0 - rack_.value(state);
+  const double r = 1.0 - closed * S.value;
+  const double r_slope = -closed * S.slope * governor_scale_;
+  const double r_curvature = -closed * S.curvature * governor_scale_ * governor_scale_;
+  const double r_rate = rack_.rate(state) * S.value;
+  const double r_rate_slope = rack_.rate(state) * S.slope * governor_scale_;
+  const SmoothValue sign = smoothSign(w * friction_scale_);
+  const double F_slope = friction_constant_ * friction_scale_ * sign.slope + friction_linear_;
+  const double F_curvature =
+      friction_constant_ * friction_scale_ * friction_scale_ * sign.curvature;
+  const SmoothValue T{full_load_.value(w), full_load_.slope(w), full_load_.curvature(w)};
+  // Q' = r_t T + (r T)_w epsilon - F_w epsilon
+  RateDerivatives d(derivatives, shaftCount());
+  d.byVelocity(shaft_, shaft_) +=
+      r_rate_slope * T.value + r_rate * T.slope +
+      (r_curvature * T.value + 2.0 * r_slope * T.slope + r * T.curvature - F_curvature) * epsilon;
+  d.byAcceleration(shaft_, shaft_) += r_slope * T.value + r * T.slope - F_slope;
 }
 
 }  // namespace variator_sim

@@ -1,7 +1,9 @@
 #include "variator_sim/torques/elastic_coupling.h"
 
+#include <utility>
 #include <vector>
 
+#include "rate_derivatives.h"
 #include "ratio.h"
 
 namespace variator_sim {
@@ -31,6 +33,18 @@ void ElasticCoupling::doAddTorqueRate(const StateView& state, double* torque_rat
                         damping_ * (state.acceleration[a_] - ratio_ * state.acceleration[b_]);
   torque_rate[a_] -= T_rate;
   torque_rate[b_] += ratio_ * T_rate;
+}
+
+void ElasticCoupling::doAddTorqueRateDerivatives(const StateView& /*state*/,
+                                                 double* derivatives) const {
+  // Q_a' = -T', Q_b' = i T'; T' depends on x_a - i x_b
+  RateDerivatives d(derivatives, shaftCount());
+  for (const auto& [by, factor] : {std::pair(a_, 1.0), std::pair(b_, -ratio_)}) {
+    d.byVelocity(by, a_) -= factor * stiffness_;
+    d.byVelocity(by, b_) += factor * ratio_ * stiffness_;
+    d.byAcceleration(by, a_) -= factor * damping_;
+    d.byAcceleration(by, b_) += factor * ratio_ * damping_;
+  }
 }
 
 }  // namespace variator_sim

@@ -39,6 +39,9 @@ void ExpressionTorque::doConfigure(ComponentContext& context) {
   } catch (const std::length_error& error) {
     throw SceneError(context.parameters().keyPath("torque"), error.what());
   }
+  torque_dependence_ = expression::dependenceOf(graph, torque, context.shaftCount());
+  rate_dependence_ = expression::dependenceOf(graph, rate, context.shaftCount());
+  rate_derivatives_ = expression::StateDerivatives::of(graph, {rate}, context.shaftCount());
 }
 
 void ExpressionTorque::doAddTorque(const StateView& state, double* torque) const {
@@ -54,6 +57,17 @@ void ExpressionTorque::doAddTorqueRate(const StateView& state, double* torque_ra
   double value = 0.0;
   rate_.evaluate(state, &value);
   torque_rate[shaft_] += value;
+}
+
+void ExpressionTorque::doAddTorqueRateDerivatives(const StateView& state,
+                                                  double* derivatives) const {
+  if (!rate_derivatives_) {
+    Torque::doAddTorqueRateDerivatives(state, derivatives);
+    return;
+  }
+  rate_derivatives_->evaluate(state, [&](int /*of*/, int by, double value) {
+    derivatives[by * shaftCount() + shaft_] += value;
+  });
 }
 
 }  // namespace variator_sim

@@ -1,8 +1,10 @@
 #include "variator_sim/torques/friction.h"
 
 #include <cmath>
+#include <utility>
 #include <vector>
 
+#include "rate_derivatives.h"
 #include "ratio.h"
 #include "smooth.h"
 
@@ -65,11 +67,43 @@ void Friction::doAddTorqueRate(const StateView& state, double* torque_rate) cons
     level += bump;
     level_slope = -2.0 * x * stribeck_scale_ * bump;
   }
-  const ValueAndSlope sign = smoothSign(w * sign_scale_);
+  const SmoothValue sign = smoothSign(w * sign_scale_);
   const double T_rate =
       (level_slope * sign.value + level * sign.slope * sign_scale_ + viscous_) * w_rate;
   torque_rate[a_] -= T_rate;
   if (b_ >= 0) torque_rate[b_] += ratio_ * T_rate;
+}
+
+void Friction::doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const {
+  double w = state.velocity[a_];
+  double w_rate = state.acceleration[a_];
+  if (b_ >= 0) {
+    w -= ratio_ * state.velocity[b_];
+    w_rate -= ratio_ * state.acceleration[b_];
+  }
+  SmoothValue level{coulomb_, 0.0, 0.0};
+  if (excess_ > 0.0) {
+    const double x = w * stribeck_scale_;
+    const double bump = excess_ * std::exp(-x * x);
+    const double slope = -2.0 * x * stribeck_scale_ * bump;
+    level = {coulomb_ + bump, slope, -2.0 * stribeck_scale_ * (stribeck_scale_ * bump + x * slope)};
+  }
+  const SmoothValue sign = smoothSign(w * sign_scale_);
+  const double sign_slope = sign.slope * sign_scale_;
+  const double sign_curvature = sign.curvature * sign_scale_ * sign_scale_;
+  const double T_slope = level.slope * sign.value + level.value * sign_slope + viscous_;
+  const double T_curvature =
+      level.curvature * sign.value + 2.0 * level.slope * sign_slope + level.value * sign_curvature;
+  // Q_a' = -T', Q_b' = i T'; T' = T_slope w'
+  RateDerivatives d(derivatives, shaftCount());
+  for (const auto& [by, factor] : {std::pair(a_, 1.0), std::pair(b_, -ratio_)}) {
+    if (by < 0) continue;
+    d.byVelocity(by, a_) -= factor * T_curvature * w_rate;
+    d.byAcceleration(by, a_) -= factor * T_slope;
+    if (b_ < 0) continue;
+    d.byVelocity(by, b_) += factor * ratio_ * T_curvature * w_rate;
+    d.byAcceleration(by, b_) += factor * ratio_ * T_slope;
+  }
 }
 
 }  // namespace variator_sim

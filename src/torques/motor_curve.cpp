@@ -3,6 +3,8 @@
 #include <cmath>
 #include <string>
 
+#include "rate_derivatives.h"
+
 namespace variator_sim {
 namespace {
 
@@ -130,6 +132,41 @@ void MotorCurve::doAddTorqueRate(const StateView& state, double* torque_rate) co
       break;
   }
   torque_rate[shaft_] += direction_ * M_rate;
+}
+
+void MotorCurve::doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const {
+  const double w = direction_ * state.velocity[shaft_];
+  const double u = input_.value(state);
+  const double u_rate = input_.rate(state);
+  double by_w = 0.0;       // of (u M)'
+  double by_w_rate = 0.0;  // the same by w'
+  const auto set = [&](double slope, double curvature) {
+    by_w = u_rate * slope + u * curvature * direction_ * state.acceleration[shaft_];
+    by_w_rate = u * slope;
+  };
+  switch (characteristic_) {
+    case Characteristic::kKloss: {
+      // d2M/dw2 = 2 M_k 2 x (x^2 - 3)/(1 + x^2)^3 (dx/dw)^2
+      const double x = slip_at_rest_ - slip_slope_ * w;
+      const double factor = 1.0 / (1.0 + x * x);
+      set(-peak_ * slip_slope_ * (2.0 * factor - 1.0) * factor,
+          peak_ * slip_slope_ * slip_slope_ * 2.0 * x * factor * factor * (1.0 - 4.0 * factor));
+      break;
+    }
+    case Characteristic::kTable:
+      set(table_.slope(w), table_.curvature(w));
+      break;
+    case Characteristic::kLine:
+      set(-damping_, 0.0);
+      break;
+    case Characteristic::kCircuit:
+      by_w_rate = -damping_;
+      break;
+  }
+  // w = d omega and Q' = d (u M)': the signs cancel, d^2 = 1
+  RateDerivatives d(derivatives, shaftCount());
+  d.byVelocity(shaft_, shaft_) += by_w;
+  d.byAcceleration(shaft_, shaft_) += by_w_rate;
 }
 
 }  // namespace variator_sim

@@ -2,6 +2,7 @@
 
 #include <boost/math/constants/constants.hpp>
 
+#include "rate_derivatives.h"
 #include "smooth.h"
 
 namespace variator_sim {
@@ -41,16 +42,27 @@ void Propeller::doConfigure(ComponentContext& context) {
 void Propeller::doAddTorque(const StateView& state, double* torque) const {
   // Q = -(k w - m) a(w)
   const double w = state.velocity[shaft_];
-  const ValueAndSlope a = smoothMagnitude(w, regularization_speed_);
+  const SmoothValue a = smoothMagnitude(w, regularization_speed_);
   torque[shaft_] -= (quadratic_ * w - bilinear_) * a.value;
 }
 
 void Propeller::doAddTorqueRate(const StateView& state, double* torque_rate) const {
   // Q' = -(k a(w) + (k w - m) a'(w)) epsilon
   const double w = state.velocity[shaft_];
-  const ValueAndSlope a = smoothMagnitude(w, regularization_speed_);
+  const SmoothValue a = smoothMagnitude(w, regularization_speed_);
   torque_rate[shaft_] -=
       (quadratic_ * a.value + (quadratic_ * w - bilinear_) * a.slope) * state.acceleration[shaft_];
+}
+
+void Propeller::doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const {
+  // Q' = -(k a(w) + (k w - m) a'(w)) epsilon
+  const double w = state.velocity[shaft_];
+  const SmoothValue a = smoothMagnitude(w, regularization_speed_);
+  const double linear = quadratic_ * w - bilinear_;
+  RateDerivatives d(derivatives, shaftCount());
+  d.byVelocity(shaft_, shaft_) -=
+      (2.0 * quadratic_ * a.slope + linear * a.curvature) * state.acceleration[shaft_];
+  d.byAcceleration(shaft_, shaft_) -= quadratic_ * a.value + linear * a.slope;
 }
 
 }  // namespace variator_sim

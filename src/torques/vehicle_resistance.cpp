@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include "rate_derivatives.h"
 #include "ratio.h"
 #include "smooth.h"
 
@@ -76,7 +77,7 @@ void VehicleResistance::doAddTorque(const StateView& state, double* torque) cons
 
 void VehicleResistance::doAddTorqueRate(const StateView& state, double* torque_rate) const {
   const double v = radius_ * state.velocity[shaft_];
-  const ValueAndSlope s = smoothSign(v * sign_scale_);
+  const SmoothValue s = smoothSign(v * sign_scale_);
   double cosine = cosine_;
   double F_rate = 0.0;
   if (grade_varies_) {
@@ -91,6 +92,30 @@ void VehicleResistance::doAddTorqueRate(const StateView& state, double* torque_r
       2.0 * quadratic_ * v * s.value + linear_;
   F_rate += F_slope * radius_ * state.acceleration[shaft_];
   torque_rate[shaft_] -= radius_ * F_rate;
+}
+
+void VehicleResistance::doAddTorqueRateDerivatives(const StateView& state,
+                                                   double* derivatives) const {
+  const double v = radius_ * state.velocity[shaft_];
+  const SmoothValue s = smoothSign(v * sign_scale_);
+  const double s_slope = s.slope * sign_scale_;
+  const double s_curvature = s.curvature * sign_scale_ * sign_scale_;
+  double cosine = cosine_;
+  double by_v = 0.0;  // of F'
+  if (grade_varies_) {
+    const double grade = grade_.value(state.time);
+    cosine = 1.0 / std::sqrt(1.0 + grade * grade);
+    by_v = -rolling_ * grade * s_slope * grade_.slope(state.time) * cosine * cosine * cosine;
+  }
+  const double level = constant_ + rolling_ * cosine + quadratic_ * v * v;
+  const double F_slope = level * s_slope + 2.0 * quadratic_ * v * s.value + linear_;
+  const double F_curvature =
+      level * s_curvature + 4.0 * quadratic_ * v * s_slope + 2.0 * quadratic_ * s.value;
+  by_v += F_curvature * radius_ * state.acceleration[shaft_];
+  // Q' = -rho F', v = rho omega
+  RateDerivatives d(derivatives, shaftCount());
+  d.byVelocity(shaft_, shaft_) -= radius_ * radius_ * by_v;
+  d.byAcceleration(shaft_, shaft_) -= radius_ * radius_ * F_slope;
 }
 
 }  // namespace variator_sim

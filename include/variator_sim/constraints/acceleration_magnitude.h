@@ -21,6 +21,7 @@ class AccelerationMagnitude : public AutomaticConstraint<AccelerationMagnitude> 
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  Dependence doDependence() const override { return {false, false}; }
 
  private:
   double magnitude_ = 1.0;  ///< a, rad/s^2

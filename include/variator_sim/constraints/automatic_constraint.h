@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <vector>
@@ -53,7 +54,11 @@ struct GenericState {
 /// Order 2 is asked for C and c0 together: one evaluation with Shafts + 1 directions, the
 /// accelerations and the motion itself. Order 1 needs f'' along the motion, t + d,
 /// phi + omega d + epsilon d^2/2, omega + epsilon d: one evaluation with Curve, of which C is the
-/// gradient.
+/// gradient. Derivatives of C and c0 by the state (stiff steppers) are one evaluation of the same
+/// numbers within a Dual of 3 Shafts directions.
+///
+/// To be overridden besides, for speed: doDependence, doHasConstantJacobian,
+/// doIsLinearInAcceleration.
 template <class Derived, int Order = 2, int Shafts = 2, int Inputs = 0>
 class AutomaticConstraint : public Constraint {
   static_assert(Order >= 1 && Order <= 3, "the order of a constraint is 1, 2 or 3");
@@ -210,6 +215,60 @@ class AutomaticConstraint : public Constraint {
     if constexpr (Order > 1) scatterHessian(psi, H);
   }
 
+  /// Outer directions: phi, omega, epsilon of the formula's shafts. Inner ones as in doCalcRow, so
+  /// that what the motion makes of the state depends on the state: phi' = omega, omega' = epsilon.
+  void doCalcRowDerivatives(const StateView& state, double* dC, double* dc0) const final {
+    if constexpr (Order == 1) {
+      using T = Dual<3 * Shafts, Curve<Shafts>>;
+      const T f = evaluate<T>(state, [&](T& x, Part part, int i) {
+        x.value.first = rateOf(state, part, i);
+        x.value.second = secondRateOf(state, part, i);
+        if (part == Part::kAngle) {
+          x.derivative[at(i)].value = 1.0;
+          x.derivative[at(Shafts + i)].first = 1.0;
+          x.derivative[at(2 * Shafts + i)].second = 1.0;
+        } else if (part == Part::kVelocity) {
+          x.value.gradient[at(i)] = 1.0;
+          x.derivative[at(Shafts + i)].value = 1.0;
+          x.derivative[at(2 * Shafts + i)].first = 1.0;
+        }
+      });
+      for (const Curve<Shafts>& by_one : f.derivative) {
+        if (std::isfinite(by_one.second)) continue;
+        // `compose` without a third derivative, or a state at which there is none
+        Constraint::doCalcRowDerivatives(state, dC, dc0);
+        return;
+      }
+      scatterRowDerivatives(
+          f, [](const Curve<Shafts>& by_one) { return by_one.gradient; },
+          [](const Curve<Shafts>& by_one) { return by_one.second; }, dC, dc0);
+    } else if constexpr (Order == 2) {
+      using T = Dual<3 * Shafts, Dual<Shafts + 1>>;
+      const T psi = evaluate<T>(state, [&](T& x, Part part, int i) {
+        if (part == Part::kAcceleration) {
+          x.value.derivative[at(i)] = 1.0;
+        } else {
+          x.value.derivative[Shafts] = rateOf(state, part, i);
+        }
+        seedState(x, part, i);
+        if (part == Part::kAngle) x.derivative[at(Shafts + i)].derivative[Shafts] = 1.0;
+        if (part == Part::kVelocity) x.derivative[at(2 * Shafts + i)].derivative[Shafts] = 1.0;
+      });
+      scatterRowDerivatives(
+          psi, [](const Dual<Shafts + 1>& by_one) { return by_one.derivative; },
+          [](const Dual<Shafts + 1>& by_one) { return by_one.derivative[Shafts]; }, dC, dc0);
+    } else {
+      using T = Dual<3 * Shafts, Dual<Shafts>>;
+      const T row = evaluate<T>(state, [](T& x, Part part, int i) {
+        if (part == Part::kJerk) x.value.derivative[at(i)] = 1.0;
+        seedState(x, part, i);
+      });
+      scatterRowDerivatives(
+          row, [](const Dual<Shafts>& by_one) { return by_one.derivative; },
+          [](const Dual<Shafts>& by_one) { return by_one.value; }, dC, dc0);
+    }
+  }
+
  private:
   enum class Part { kTime, kAngle, kVelocity, kAcceleration, kJerk, kInput };
   /// What the highest derivatives of the formula are, by which it gives C.
@@ -283,6 +342,14 @@ class AutomaticConstraint : public Constraint {
     if (part == Part::kAcceleration) x.derivative[at(i)].value = 1.0;
   }
 
+  /// Outer directions: phi, omega, epsilon.
+  template <class T>
+  static void seedState(T& x, Part part, int i) {
+    if (part == Part::kAngle) x.derivative[at(i)].value = 1.0;
+    if (part == Part::kVelocity) x.derivative[at(Shafts + i)].value = 1.0;
+    if (part == Part::kAcceleration) x.derivative[at(2 * Shafts + i)].value = 1.0;
+  }
+
   template <class Derivatives>
   void scatter(const Derivatives& local, double* C) const {
     std::fill_n(C, shaftCount(), 0.0);
@@ -293,6 +360,24 @@ class AutomaticConstraint : public Constraint {
     for (int i = 0; i < Shafts; ++i) {
       for (int j = 0; j < Shafts; ++j) {
         H[shaft(i) * shaftCount() + shaft(j)] = psi.derivative[at(j)].derivative[at(i)];
+      }
+    }
+  }
+
+  /// `C_of` and `c0_of` take the derivatives of C and c0 by one entry of the state from those of
+  /// the formula.
+  template <class T, class COf, class C0Of>
+  void scatterRowDerivatives(const T& formula, COf C_of, C0Of c0_of, double* dC,
+                             double* dc0) const {
+    const int s = shaftCount();
+    std::fill_n(dC, 3 * s * s, 0.0);
+    std::fill_n(dc0, 3 * s, 0.0);
+    for (int part = 0; part < 3; ++part) {
+      for (int j = 0; j < Shafts; ++j) {
+        const auto& by_one = formula.derivative[at(part * Shafts + j)];
+        const int q = part * s + shaft(j);
+        for (int i = 0; i < Shafts; ++i) dC[q * s + shaft(i)] = C_of(by_one)[at(i)];
+        dc0[q] = c0_of(by_one);
       }
     }
   }

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "variator_sim/constraint.h"
+#include "variator_sim/expression/state_derivatives.h"
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim {
@@ -12,6 +14,9 @@ namespace variator_sim {
 /// Keys: `order` (1, 2 or 3), `expression` (f, psi or C eta + c0, in its own unit; names t, phi1..,
 /// w1.., from order 2 on e1.., in order 3 j1.. linearly, and the parameters), `parameters`
 /// (optional dictionary of numbers). It must depend on its highest derivatives: w, e or j.
+///
+/// A formula too large for the exact derivatives of C and c0 by the state (state_derivatives.h)
+/// keeps Constraint's central differences for them; everything else is exact all the same.
 ///
 /// One instance is evaluated by one thread at a time.
 class ExpressionConstraint : public Constraint {
@@ -25,6 +30,9 @@ class ExpressionConstraint : public Constraint {
   void doCalcPartials(const StateView& state, ConstraintPartials& partials) const override;
   void doCalcHessian(const StateView& state, double* H) const override;
   void doCalcJacobianRate(const StateView& state, double* D, double* H) const override;
+  void doCalcRowDerivatives(const StateView& state, double* dC, double* dc0) const override;
+  Dependence doDependence() const override { return dependence_; }
+  bool doHasConstantJacobian() const override { return has_constant_jacobian_; }
   bool doIsLinearInAcceleration() const override { return is_linear_; }
 
  private:
@@ -36,8 +44,12 @@ class ExpressionConstraint : public Constraint {
   expression::Tape partials_;               ///< those of partial_slots_
   expression::Tape hessian_;                ///< H = dC/depsilon, s x s
   expression::Tape jacobian_rate_;          ///< D, then H
-  std::vector<int> partial_slots_;          ///< variables by which psi has a derivative
+  /// Of C, then c0; empty when the formula is too large.
+  std::optional<expression::StateDerivatives> row_derivatives_;
+  std::vector<int> partial_slots_;  ///< variables by which psi has a derivative
   int order_ = 2;
+  Dependence dependence_;
+  bool has_constant_jacobian_ = false;
   bool is_linear_ = false;
 };
 

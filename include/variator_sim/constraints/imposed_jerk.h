@@ -28,6 +28,8 @@ class ImposedJerk : public AutomaticConstraint<ImposedJerk, 3, 1, 1> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  Dependence doDependence() const override { return {duration_ > 0.0 || jerk_.readsTime(), false}; }
+  bool doHasConstantJacobian() const override { return true; }
   bool doIsLinearInAcceleration() const override { return true; }
 
  private:

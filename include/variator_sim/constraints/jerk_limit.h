@@ -22,6 +22,8 @@ class JerkLimit : public AutomaticConstraint<JerkLimit, 3, 1, 1> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  Dependence doDependence() const override { return {acceleration_.readsTime(), false}; }
+  bool doHasConstantJacobian() const override { return true; }
   bool doIsLinearInAcceleration() const override { return true; }
 
  private:

@@ -20,6 +20,8 @@ class KinematicRatio : public AutomaticConstraint<KinematicRatio, 1, 2, 1> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  Dependence doDependence() const override { return {ratio_.readsTime(), false}; }
+  bool doHasConstantJacobian() const override { return ratio_.isConstant(); }
 
  private:
   TimeValue ratio_;

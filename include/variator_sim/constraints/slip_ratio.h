@@ -23,6 +23,8 @@ class SlipRatio : public AutomaticConstraint<SlipRatio, 2, 2, 1> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  Dependence doDependence() const override { return {ratio_.readsTime(), false}; }
+  bool doHasConstantJacobian() const override { return ratio_.isConstant(); }
   bool doIsLinearInAcceleration() const override { return true; }
 
  private:

@@ -40,7 +40,8 @@ class TimeValue {
         break;
       case Form::kTable: {
         const double t = realPart(x.time);
-        return compose(x.time, table_.value(t), table_.slope(t), table_.curvature(t));
+        // The third derivative meets only derivatives of t by the state, which are 0.
+        return compose(x.time, table_.value(t), table_.slope(t), table_.curvature(t), 0.0);
       }
       case Form::kCommanded:
         return x.input[slot_];
@@ -50,6 +51,10 @@ class TimeValue {
 
   /// Index of the commanded input in the scene; -1 when it is none.
   int input() const { return input_; }
+  /// True when it is a function of time; a commanded input is none.
+  bool readsTime() const { return form_ == Form::kTable; }
+  /// True when it never changes.
+  bool isConstant() const { return form_ == Form::kConstant; }
 
  private:
   enum class Form { kConstant, kTable, kCommanded };

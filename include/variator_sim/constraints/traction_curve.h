@@ -38,6 +38,9 @@ class TractionCurve : public AutomaticConstraint<TractionCurve, 2, 2, 2> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  Dependence doDependence() const override {
+    return {ratio_.readsTime() || load_.readsTime(), false};
+  }
 
  private:
   TimeValue ratio_;                    ///< i

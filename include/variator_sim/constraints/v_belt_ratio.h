@@ -31,6 +31,7 @@ class VBeltRatio : public AutomaticConstraint<VBeltRatio, 1, 2, 1> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  Dependence doDependence() const override { return {load_.readsTime(), false}; }
 
  private:
   double ratio_low_ = 1.0;    ///< i_1

@@ -124,8 +124,11 @@ class Graph {
   double constantValue(Node node) const { return entry(node).value; }
   /// True when the variable in `slot` occurs in `node`.
   bool dependsOn(Node node, int slot) const;
-  /// True when a constant that is NaN or infinite occurs in `node`.
-  bool hasNonFiniteConstant(Node node) const;
+  /// True when a constant that is NaN or infinite occurs in one of `nodes`.
+  bool hasNonFiniteConstant(const std::vector<Node>& nodes) const;
+  bool hasNonFiniteConstant(Node node) const {
+    return hasNonFiniteConstant(std::vector<Node>{node});
+  }
 
   const Entry& entry(Node node) const { return entries_[static_cast<std::size_t>(node.index)]; }
   /// Number of nodes; all indices are below it.

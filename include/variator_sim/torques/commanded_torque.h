@@ -14,6 +14,9 @@ class CommandedTorque : public Torque {
   void doConfigure(ComponentContext& context) override;
   void doAddTorque(const StateView& state, double* torque) const override;
   void doAddTorqueRate(const StateView& state, double* torque_rate) const override;
+  void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
+  Dependence doTorqueDependence() const override { return {false, false}; }
+  Dependence doRateDependence() const override { return {false, false}; }
 
  private:
   int shaft_ = 0;

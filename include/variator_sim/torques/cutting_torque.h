@@ -25,6 +25,9 @@ class CuttingTorque : public Torque {
   void doConfigure(ComponentContext& context) override;
   void doAddTorque(const StateView& state, double* torque) const override;
   void doAddTorqueRate(const StateView& state, double* torque_rate) const override;
+  void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
+  Dependence doTorqueDependence() const override { return {true, teeth_ > 0.0}; }
+  Dependence doRateDependence() const override { return {true, teeth_ > 0.0}; }
 
  private:
   int shaft_ = 0;

@@ -22,6 +22,9 @@ class ElasticCoupling : public Torque {
   void doConfigure(ComponentContext& context) override;
   void doAddTorque(const StateView& state, double* torque) const override;
   void doAddTorqueRate(const StateView& state, double* torque_rate) const override;
+  void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
+  Dependence doTorqueDependence() const override { return {false, true}; }
+  Dependence doRateDependence() const override { return {false, false}; }
 
  private:
   int a_ = 0;

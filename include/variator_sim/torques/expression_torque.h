@@ -1,5 +1,8 @@
 #pragma once
 
+#include <optional>
+
+#include "variator_sim/expression/state_derivatives.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/torque.h"
 
@@ -10,18 +13,28 @@ namespace variator_sim {
 /// Keys: `shaft`, `torque` (N m, positive accelerates; names t, phi1.., w1.. and the parameters),
 /// `parameters` (optional dictionary of numbers).
 ///
+/// A formula too large for the exact derivatives of the rate by the state (state_derivatives.h)
+/// keeps Torque's central differences for them.
+///
 /// One instance is evaluated by one thread at a time.
 class ExpressionTorque : public Torque {
  protected:
   void doConfigure(ComponentContext& context) override;
   void doAddTorque(const StateView& state, double* torque) const override;
   void doAddTorqueRate(const StateView& state, double* torque_rate) const override;
+  void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
+  Dependence doTorqueDependence() const override { return torque_dependence_; }
+  Dependence doRateDependence() const override { return rate_dependence_; }
 
  private:
   int shaft_ = 0;
   expression::Tape torque_;  ///< Q, N m
   expression::Tape rate_;    ///< Q', N m/s
   bool has_rate_ = false;    ///< false: Q' = 0 at every state
+  /// Of Q'; empty when the formula is too large.
+  std::optional<expression::StateDerivatives> rate_derivatives_;
+  Dependence torque_dependence_;
+  Dependence rate_dependence_;
 };
 
 }  // namespace variator_sim

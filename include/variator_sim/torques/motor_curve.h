@@ -38,6 +38,9 @@ class MotorCurve : public Torque {
   void doConfigure(ComponentContext& context) override;
   void doAddTorque(const StateView& state, double* torque) const override;
   void doAddTorqueRate(const StateView& state, double* torque_rate) const override;
+  void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
+  Dependence doTorqueDependence() const override { return {false, false}; }
+  Dependence doRateDependence() const override { return {false, false}; }
 
  private:
   enum class Characteristic { kKloss, kTable, kLine, kCircuit };

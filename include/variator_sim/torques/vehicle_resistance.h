@@ -34,6 +34,9 @@ class VehicleResistance : public Torque {
   void doConfigure(ComponentContext& context) override;
   void doAddTorque(const StateView& state, double* torque) const override;
   void doAddTorqueRate(const StateView& state, double* torque_rate) const override;
+  void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
+  Dependence doTorqueDependence() const override { return {grade_varies_, false}; }
+  Dependence doRateDependence() const override { return {grade_varies_, false}; }
 
  private:
   void readGrade(ParameterReader& parameters);

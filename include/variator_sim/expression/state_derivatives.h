@@ -1,0 +1,78 @@
+/// Derivatives of formulas by the whole state, and what they depend on.
+#pragma once
+
+#include <optional>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "variator_sim/expression/tape.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim::expression {
+
+/// Which of time and angles occur in `node`, in a scene of `shaft_count` shafts.
+inline Dependence dependenceOf(const Graph& graph, Node node, int shaft_count) {
+  Dependence dependence{graph.dependsOn(node, slotOf(Source::kTime)), false};
+  for (int i = 0; i < shaft_count; ++i) {
+    dependence.angle = dependence.angle || graph.dependsOn(node, slotOf(Source::kAngle, i));
+  }
+  return dependence;
+}
+
+/// The exact derivatives of some nodes by (phi, omega, epsilon), 3s directions q, the first s by
+/// the angles. Entries that are zero by the rules of differentiation are neither stored nor
+/// computed.
+class StateDerivatives {
+ public:
+  /// Derivatives are made until the graph has grown by this many nodes: what they add to a scene's
+  /// loading stays well below a second, one evaluation below a millisecond.
+  static constexpr int kMostNodes = 100000;
+
+  /// The derivatives of at most kMaxShafts + 1 `nodes`; nothing when they are too large to be made
+  /// (kMostNodes, or the limit of Tape) or have a constant part that is not finite.
+  static std::optional<StateDerivatives> of(Graph& graph, const std::vector<Node>& nodes,
+                                            int shaft_count);
+
+  /// Calls use(n, q, d node_n / d x_q) for each entry that is not zero everywhere. [loop]
+  template <class Use>
+  void evaluate(const StateView& state, Use use) const {
+    double values[3 * kMaxShafts * (kMaxShafts + 1)];
+    tape_.evaluate(state, values);
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+      use(entries_[i].first, entries_[i].second, values[i]);
+    }
+  }
+
+ private:
+  Tape tape_;
+  std::vector<std::pair<int, int>> entries_;  ///< (n, q) of each output of the tape
+};
+
+inline std::optional<StateDerivatives> StateDerivatives::of(Graph& graph,
+                                                            const std::vector<Node>& nodes,
+                                                            int shaft_count) {
+  StateDerivatives made;
+  std::vector<Node> outputs;
+  const int most = graph.size() + kMostNodes;
+  const Source parts[] = {Source::kAngle, Source::kVelocity, Source::kAcceleration};
+  for (int q = 0; q < 3 * shaft_count; ++q) {
+    const int slot = slotOf(parts[q / shaft_count], q % shaft_count);
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+      const Node derivative = graph.differentiate(nodes[n], slot);
+      if (graph.size() > most) return std::nullopt;
+      if (graph.isConstant(derivative, 0.0)) continue;
+      outputs.push_back(derivative);
+      made.entries_.emplace_back(static_cast<int>(n), q);
+    }
+  }
+  if (graph.hasNonFiniteConstant(outputs)) return std::nullopt;
+  try {
+    made.tape_ = Tape(graph, outputs);
+  } catch (const std::length_error&) {
+    return std::nullopt;
+  }
+  return made;
+}
+
+}  // namespace variator_sim::expression
