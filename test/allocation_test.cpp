@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
 #include <string>
 
@@ -123,8 +124,11 @@ principle: )yaml" + principle + "\nlast: {type: variator_sim/ExpressionConstrain
 }
 
 INSTANTIATE_TEST_SUITE_P(Steppers, Allocation,
-                         testing::Values(StepperKind::kRk4, StepperKind::kDopri5,
-                                         StepperKind::kFehlberg78),
+                         testing::Values(StepperKind::kAuto, StepperKind::kRk4,
+                                         StepperKind::kDopri5, StepperKind::kDop853,
+                                         StepperKind::kFehlberg78, StepperKind::kRosenbrock4,
+                                         StepperKind::kRadau5, StepperKind::kDopri5Fixed,
+                                         StepperKind::kRosenbrock4Fixed, StepperKind::kRadau5Fixed),
                          [](const auto& test) { return std::string(toString(test.param)); });
 
 TEST(Allocation, NoneWhenAMotionStops) {
@@ -139,6 +143,112 @@ initial: {velocity: [1]}
   simulation.advanceTo(2.0);
   EXPECT_EQ(allocations - before, 0);
   EXPECT_FALSE(simulation.status().ok());
+}
+
+/// Stiff through its slip time constant; `last` are more lines.
+Scene stiffScene(const std::string& last = "") {
+  return test::withTolerance(test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor, friction]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order}
+friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w2-0.1*tanh(w1)"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "1e-5*(e2-(0.6+0.2*sin(0.7*t))*e1)+w2-(0.6+0.2*sin(0.7*t))*w1"}
+initial: {velocity: [5, 3]}
+)yaml" + last),
+                             1e-6);
+}
+
+// The change from the explicit to the implicit stepper included.
+TEST(Allocation, NoneOnAStiffScene) {
+  for (StepperKind stepper :
+       {StepperKind::kAuto, StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+    Simulation simulation(test::withStepper(stiffScene(), stepper));
+    const long before = allocations;
+    double sum = 0.0;
+    for (int round = 0; round < 2; ++round) {
+      for (int n = 1; n <= 200; ++n) {
+        simulation.advanceTo(n / 100.0);
+        if (n % 50 == 0) simulation.command(0, 0.1 * n);
+        sum += simulation.sample().acceleration[0];
+        sum += static_cast<double>(simulation.statistics().implicit_steps);
+      }
+      if (round == 0) simulation.reset();
+    }
+    EXPECT_EQ(allocations - before, 0) << toString(stepper);
+    EXPECT_TRUE(std::isfinite(sum));
+    EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+    EXPECT_GT(simulation.statistics().implicit_steps, 0u);
+    if (stepper == StepperKind::kAuto) {
+      EXPECT_GE(simulation.statistics().stepper_switches, 1u);
+    }
+  }
+}
+
+// Implicit steps under the other principle, whose linearization is made of differences, and with
+// more than one constraint and a full inertia.
+TEST(Allocation, NoneInImplicitStepsOfAnyScene) {
+  const Scene scenes[] = {stiffScene("principle: gauss\n"), test::sceneFromText(kScene)};
+  for (const Scene& scene : scenes) {
+    for (StepperKind stepper : {StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+      Simulation simulation(test::withStepper(test::withTolerance(scene, 1e-5), stepper));
+      simulation.command(0, 2.0);
+      const long before = allocations;
+      for (int n = 1; n <= 20; ++n) {
+        simulation.advanceTo(n / 20.0);
+        simulation.sample();
+      }
+      EXPECT_EQ(allocations - before, 0) << toString(stepper);
+      EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+    }
+  }
+}
+
+TEST(Allocation, NoneFallingAsleepAndWaking) {
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor, friction]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order}
+friction: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-0.5*w1"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2-0.6*e1)+w2-0.6*w1"}
+)yaml"));
+  const long before = allocations;
+  double sum = 0.0;
+  bool slept = true;
+  for (int round = 1; round <= 3; ++round) {
+    simulation.command(0, round);
+    simulation.advanceTo(500.0 * round - 250.0);
+    slept = slept && simulation.isSleeping();
+    sum += simulation.sample().angle[0];
+    simulation.advanceTo(500.0 * round);
+    sum += simulation.sample().angle[0];
+  }
+  const std::uint64_t sleeps = simulation.statistics().sleeps;
+  simulation.reset();
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_TRUE(slept);
+  EXPECT_EQ(sleeps, 3u);
+  EXPECT_TRUE(std::isfinite(sum));
+}
+
+TEST(Allocation, NoneSamplingInsideStepsOfHighOrder) {
+  Simulation simulation(test::withStepper(test::sceneFromText(kScene), StepperKind::kDop853));
+  simulation.command(0, 2.0);
+  const long before = allocations;
+  double sum = 0.0;
+  for (int n = 1; n <= 2000; ++n) {
+    simulation.advanceTo(n / 1000.0);
+    sum += simulation.sample().acceleration[0];
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_TRUE(std::isfinite(sum));
+  EXPECT_LT(simulation.statistics().steps, 1000u);  // most samples were inside steps
 }
 
 }  // namespace

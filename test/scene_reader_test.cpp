@@ -136,7 +136,8 @@ TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
   for (const std::string& key : nodeKeys()) EXPECT_EQ(root.count(key), 0U) << key;
   EXPECT_EQ(root.at("principle").asText(), "generalized_gauss");
   const ParameterTree::Dictionary& solver = root.at("solver").asDictionary();
-  EXPECT_EQ(solver.size(), 7U);
+  EXPECT_EQ(solver.size(), 8U);
+  EXPECT_TRUE(solver.at("sleep").asBoolean());
   EXPECT_EQ(solver.at("simultaneous_commands").asText(), "in_order");
   EXPECT_EQ(solver.at("stepper").asText(), "auto");
   EXPECT_EQ(solver.at("relative_tolerance").asReal(), 1e-9);
@@ -156,10 +157,45 @@ TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
 
 TEST(SceneReader, NamesPrinciplesAndSteppersAsTheSceneDoes) {
   EXPECT_STREQ(toString(Principle::kGeneralizedGauss), "generalized_gauss");
-  for (const char* name : {"auto", "rk4", "dopri5", "fehlberg78"}) {
+  for (const char* name : {"auto", "rk4", "dopri5", "dop853", "fehlberg78", "rosenbrock4", "radau5",
+                           "dopri5_fixed", "rosenbrock4_fixed", "radau5_fixed"}) {
     const Scene scene = read(base() + "solver: {stepper: " + name + "}\n");
     EXPECT_STREQ(toString(scene.solver.stepper), name);
+    EXPECT_EQ(scene.resolved.asDictionary().at("solver").asDictionary().at("stepper").asText(),
+              name);
   }
+}
+
+TEST(SceneReader, KnowsWhichSteppersHaveFixedSteps) {
+  for (StepperKind kind : {StepperKind::kRk4, StepperKind::kDopri5Fixed,
+                           StepperKind::kRosenbrock4Fixed, StepperKind::kRadau5Fixed}) {
+    EXPECT_TRUE(isFixedStep(kind)) << toString(kind);
+  }
+  for (StepperKind kind :
+       {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
+        StepperKind::kRosenbrock4, StepperKind::kRadau5}) {
+    EXPECT_FALSE(isFixedStep(kind)) << toString(kind);
+  }
+}
+
+TEST(SceneReader, ReadsWhetherAMotionMaySleep) {
+  EXPECT_TRUE(read(base()).solver.sleep);
+  EXPECT_TRUE(read(base() + "solver: {sleep: true}\n").solver.sleep);
+  const Scene scene = read(base() + "solver: {sleep: false}\n");
+  EXPECT_FALSE(scene.solver.sleep);
+  const ParameterTree::Dictionary& solver =
+      scene.resolved.asDictionary().at("solver").asDictionary();
+  EXPECT_FALSE(solver.at("sleep").asBoolean());
+  FakeFactory factory;
+  EXPECT_FALSE(readScene(scene.resolved, factory).solver.sleep);
+}
+
+// The skips are no keys of a scene.
+TEST(SceneReader, LeavesTheSkipsToCode) {
+  const SolverSettings settings = read(base()).solver;
+  EXPECT_TRUE(settings.specialize);
+  EXPECT_TRUE(settings.skip_angles);
+  EXPECT_TRUE(settings.factor_once);
 }
 
 TEST(CommandedTorque, AddsGainTimesInputToItsShaft) {
@@ -332,7 +368,26 @@ INSTANTIATE_TEST_SUITE_P(
                  {"unknown key (did you mean 'stepper'?)", "allowed: ", "relative_tolerance"}},
         BadScene{base() + "solver: {stepper: dopri}\n",
                  "solver/stepper",
-                 {"'dopri'", "did you mean 'dopri5'", "auto, rk4, dopri5, fehlberg78"}},
+                 {"'dopri'", "did you mean 'dopri5'",
+                  "auto, rk4, dopri5, dop853, fehlberg78, rosenbrock4, dopri5_fixed, "
+                  "rosenbrock4_fixed, radau5, radau5_fixed"}},
+        BadScene{base() + "solver: {stepper: rosenbrock}\n",
+                 "solver/stepper",
+                 {"'rosenbrock'", "did you mean 'rosenbrock4'", "rosenbrock4_fixed"}},
+        BadScene{base() + "solver: {stepper: radau}\n",
+                 "solver/stepper",
+                 {"'radau'", "did you mean 'radau5'"}},
+        BadScene{base() + "solver: {stepper: rk4_fixed}\n",
+                 "solver/stepper",
+                 {"'rk4_fixed' is not allowed", "allowed: auto, rk4,"}},
+        BadScene{base() + "solver: {sleep: 1}\n", "solver/sleep", {"true or false", "1"}},
+        BadScene{base() + "solver: {sleep: sometimes}\n",
+                 "solver/sleep",
+                 {"true or false", "sometimes"}},
+        BadScene{base() + "solver: {sleeps: true}\n",
+                 "solver/sleeps",
+                 {"unknown key (did you mean 'sleep'?)"}},
+        BadScene{base() + "solver: {skip_angles: false}\n", "solver/skip_angles", {"unknown key"}},
         BadScene{base() + "solver: {stepper: 4}\n", "solver/stepper", {"one of auto", "4"}},
         BadScene{base() + "solver: {relative_tolerance: 0}\n",
                  "solver/relative_tolerance",

@@ -56,7 +56,7 @@ class CommandSignal {
   double rate(double time) const;
   /// u'' at `time` where it exists between two commands: of kSecondOrderLag; 0 otherwise.
   double secondRate(double time) const;
-  /// When the current closed form ends (a ramp that arrives), or infinity.
+  /// When the current closed form ends (a ramp or a lag that arrives), or infinity.
   double segmentEnd() const { return segment_end_; }
   /// Moves past `segmentEnd()`: u stays at its target from there.
   void finishSegment();

@@ -18,9 +18,12 @@ struct InertiaHarmonic {
 /// J: diagonal entries mean_i + harmonics of phi_i, constant off-diagonal entries. With
 /// T = 1/2 omega^T J omega the inertial torque beside J epsilon is
 ///     n_i = d/dt dT/domega_i - dT/dphi_i - (J epsilon)_i = 1/2 J_i'(phi_i) omega_i^2.
-template <int S>
+///
+/// `Simple`: known to be constant and diagonal when compiled; nothing asks again while running.
+template <int S, bool Simple = false>
 class Inertia {
  public:
+  static constexpr bool kSimple = Simple;
   /// `mean`: S x S, symmetric positive definite at every angle, kg m^2; `harmonics`: one list per
   /// shaft, or none at all.
   explicit Inertia(const Eigen::MatrixXd& mean,
@@ -37,7 +40,8 @@ class Inertia {
   }
 
   /// True when J is the same at every angle: nothing below depends on `update` then.
-  bool isConstant() const { return constant_; }
+  bool isConstant() const { return Simple || constant_; }
+  bool isDiagonal() const { return Simple || diagonal_; }
 
   /// J, dJ/dphi and d2J/dphi2 at the angles `phi` (S values, rad).
   void update(const double* phi) {
@@ -65,6 +69,10 @@ class Inertia {
 
   /// y = J v.
   void multiply(const double* v, double* y) const {
+    if constexpr (Simple) {
+      for (int i = 0; i < S; ++i) y[i] = matrix_(i, i) * v[i];
+      return;
+    }
     for (int i = 0; i < S; ++i) {
       double sum = 0.0;
       for (int j = 0; j < S; ++j) sum += matrix_(i, j) * v[j];
@@ -73,7 +81,7 @@ class Inertia {
   }
   /// y = J^-1 v.
   void solve(const double* v, double* y) const {
-    if (diagonal_) {
+    if (isDiagonal()) {
       for (int i = 0; i < S; ++i) y[i] = inverse_diagonal_[i] * v[i];
       return;
     }
@@ -83,6 +91,8 @@ class Inertia {
       y[i] = sum;
     }
   }
+  /// 1 / J_i of a diagonal J.
+  double inverse(int i) const { return inverse_diagonal_[i]; }
   double entry(int i, int j) const { return matrix_(i, j); }
   /// dJ_i/dphi_i, kg m^2/rad, and the second derivative, kg m^2/rad^2.
   double first(int i) const { return first_[i]; }

@@ -14,13 +14,16 @@
 
 namespace variator_sim {
 
+/// The number of constraints is not known when compiled.
+constexpr int kAnyRows = -1;
+
 /// The linear algebra of k constraints over S shafts: rows of C, B = C J^-1 and A = C B^T as
 /// L D L^T. Everything lies in arrays of fixed size.
-template <int S>
+template <int S, int K = kAnyRows>
 class ConstraintSolver {
  public:
-  /// Room for k < S constraints.
-  static constexpr int kMaxRows = S > 1 ? S - 1 : 1;
+  /// Room for K, or for any k < S constraints.
+  static constexpr int kMaxRows = K > 0 ? K : (S > 1 && K != 0 ? S - 1 : 1);
   /// Pivots of A below this part of their diagonal entry count as zero: two rows of C then differ
   /// in direction (in the metric J^-1) by less than 1e-6, and half the digits of eta would be gone.
   static constexpr double kRankTolerance = 1e-12;
@@ -28,6 +31,7 @@ class ConstraintSolver {
   explicit ConstraintSolver(int k) : k_(k) {}
   int rowCount() const {
     if constexpr (S == 1) return 0;
+    if constexpr (K != kAnyRows) return K;
     // Never more, but the compiler cannot know and would warn of the loops it unrolls.
     return k_ < kMaxRows ? k_ : kMaxRows;
   }
@@ -37,6 +41,8 @@ class ConstraintSolver {
   const double* row(int m) const { return C_[m]; }
   /// Diagonal of A, i.e. the squared length of row m of C in the metric J^-1. Valid after `factor`.
   double rowLengthSquared(int m) const { return A_diagonal_[m]; }
+  /// Notes it where A was made elsewhere.
+  void noteLengthSquared(int m, double length_squared) { A_diagonal_[m] = length_squared; }
   /// After `factor` returned false: the row at which rank is lost, and its pivot over its diagonal
   /// entry.
   int singularRow() const { return singular_row_; }
@@ -56,28 +62,35 @@ class ConstraintSolver {
     return smallest;
   }
 
+  /// True when the last `factor` succeeded.
+  bool isFactored() const { return is_factored_; }
   /// Forms and factors A. False when C has not full rank (or is not finite).
-  bool factor(const Inertia<S>& J) {
+  template <class InertiaType>
+  bool factor(const InertiaType& J) {
+    is_factored_ = false;
     for (int m = 0; m < rowCount(); ++m) J.solve(C_[m], B_[m]);
     for (int m = 0; m < rowCount(); ++m) {
-      double diagonal = 0.0;
-      for (int i = 0; i < S; ++i) diagonal += C_[m][i] * B_[m][i];
+      // Sums begin with their first term: adding it to 0.0 would be an operation of its own.
+      double diagonal = C_[m][0] * B_[m][0];
+      for (int i = 1; i < S; ++i) diagonal += C_[m][i] * B_[m][i];
       A_diagonal_[m] = diagonal;
       double pivot = diagonal;
       for (int n = 0; n < m; ++n) {
-        double entry = 0.0;
-        for (int i = 0; i < S; ++i) entry += C_[m][i] * B_[n][i];
+        double entry = C_[m][0] * B_[n][0];
+        for (int i = 1; i < S; ++i) entry += C_[m][i] * B_[n][i];
         for (int p = 0; p < n; ++p) entry -= L_[m][p] * D_[p] * L_[n][p];
-        L_[m][n] = entry / D_[n];
+        L_[m][n] = entry * inverse_D_[n];
         pivot -= L_[m][n] * entry;
       }
       D_[m] = pivot;
+      inverse_D_[m] = 1.0 / pivot;  // begun here, done when the solution needs it
       if (!(pivot > kRankTolerance * diagonal)) {
         singular_row_ = m;
         singular_measure_ = diagonal > 0.0 ? pivot / diagonal : 0.0;
         return false;
       }
     }
+    is_factored_ = true;
     return true;
   }
 
@@ -88,7 +101,7 @@ class ConstraintSolver {
       for (int n = 0; n < m; ++n) value -= L_[m][n] * x[n];
       x[m] = value;
     }
-    for (int m = 0; m < rowCount(); ++m) x[m] /= D_[m];
+    for (int m = 0; m < rowCount(); ++m) x[m] *= inverse_D_[m];
     for (int m = rowCount() - 1; m >= 0; --m) {
       for (int n = m + 1; n < rowCount(); ++n) x[m] -= L_[n][m] * x[n];
     }
@@ -97,8 +110,8 @@ class ConstraintSolver {
   /// C v, k values.
   void multiply(const double* v, double* Cv) const {
     for (int m = 0; m < rowCount(); ++m) {
-      double sum = 0.0;
-      for (int i = 0; i < S; ++i) sum += C_[m][i] * v[i];
+      double sum = C_[m][0] * v[0];
+      for (int i = 1; i < S; ++i) sum += C_[m][i] * v[i];
       Cv[m] = sum;
     }
   }
@@ -120,12 +133,14 @@ class ConstraintSolver {
 
  private:
   int k_;
+  bool is_factored_ = false;
   int singular_row_ = -1;
   double singular_measure_ = 0.0;
   double C_[kMaxRows][S] = {};
   double B_[kMaxRows][S] = {};
   double L_[kMaxRows][kMaxRows] = {};
   double D_[kMaxRows] = {};
+  double inverse_D_[kMaxRows] = {};
   double A_diagonal_[kMaxRows] = {};
 };
 

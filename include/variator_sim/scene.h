@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -20,7 +21,20 @@ enum class Principle {
 };
 const char* toString(Principle principle);
 
-enum class StepperKind { kAuto, kRk4, kDopri5, kFehlberg78 };
+enum class StepperKind {
+  kAuto,
+  kRk4,
+  kDopri5,
+  kDop853,
+  kFehlberg78,
+  kRosenbrock4,
+  kRadau5,
+  kDopri5Fixed,
+  kRosenbrock4Fixed,
+  kRadau5Fixed
+};
+/// True for steppers that take steps of `solver/step`, whatever their error.
+bool isFixedStep(StepperKind kind);
 const char* toString(StepperKind kind);
 
 /// How zero-order commands that come at one instant move the accelerations of a nonlinear psi,
@@ -36,6 +50,12 @@ struct SolverSettings {
   double step = 0.001;          ///< of fixed-step steppers, s
   double maximum_step = 1.0;    ///< of adaptive steppers, s: no feature narrower is stepped over
   int maximum_steps = 1000000;  ///< within one second of simulated time
+  /// What the skip table of doc/benchmarks.md turns off to measure it. No keys of a scene: the
+  /// motion is the same without them, but for rounding.
+  bool specialize = true;   ///< code made for two shafts and one constraint
+  bool skip_angles = true;  ///< no stages of angles that nothing reads
+  bool factor_once = true;  ///< one factorization where C and J are constant
+  bool sleep = true;        ///< stop stepping at rest (motion_of.h), until a command comes
   SimultaneousCommands simultaneous_commands = SimultaneousCommands::kInOrder;
 };
 
@@ -64,6 +84,11 @@ struct Scene {
 
   int shaftCount() const { return static_cast<int>(shafts.size()); }
   int constraintCount() const { return static_cast<int>(constraints.size()); }
+  /// True when some constraint is of order 3.
+  bool hasOrder3() const {
+    return std::any_of(constraints.begin(), constraints.end(),
+                       [](const ConstraintPtr& constraint) { return constraint->order() == 3; });
+  }
   int inputCount() const { return static_cast<int>(inputs.size()); }
 };
 

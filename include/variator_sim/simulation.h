@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
@@ -61,8 +62,16 @@ class Simulation {
   /// running.
   std::string describeStatus() const;
 
-  /// The stepper in use ("dopri5"): what `auto` came to.
+  /// The stepper in use ("dop853"): what `auto` came to.
   const char* stepperName() const;
+  /// The same as a sentence with its reasons, e.g. "auto: dop853, as the relative tolerance is at
+  /// most 1e-05; radau5 when a step is limited by stability".
+  std::string describeStepper() const;
+  /// What the scene does not need and so is not computed, e.g. "stages of the angles".
+  std::vector<std::string> skips() const;
+
+  /// True while the motion is at rest and not stepped: a command wakes it. [loop]
+  bool isSleeping() const;
 
  private:
   std::unique_ptr<Motion> motion_;

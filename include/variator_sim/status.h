@@ -36,6 +36,10 @@ struct Statistics {
   std::uint64_t right_hand_sides = 0;   ///< evaluations of the jerk
   std::uint64_t projections = 0;        ///< Newton iterations onto psi = 0
   std::uint64_t newton_iterations = 0;  ///< for accelerations of least reaction, nonlinear psi
+  std::uint64_t implicit_steps = 0;     ///< of the accepted steps, those by an implicit stepper
+  std::uint64_t stepper_switches = 0;   ///< changes of stepper by `auto`
+  std::uint64_t sleeps = 0;             ///< times that the motion came to rest
+  double largest_error_estimate = 0.0;  ///< of fixed steps, in units of the tolerance
   std::uint64_t jumps = 0;              ///< instants at which inputs jumped
   std::uint64_t commands_accepted = 0;
   std::uint64_t commands_clamped = 0;  ///< accepted after clamping to [min, max]

@@ -7,6 +7,7 @@
 #include "drivetrain.h"
 #include "initial_conditions.h"
 #include "jump.h"
+#include "linearization.h"
 #include "projection.h"
 #include "variator_sim/sample.h"
 
@@ -15,13 +16,21 @@ namespace variator_sim {
 /// A system, as the motion (motion_of.h) asks for it: its state, its derivative, how the state is
 /// projected, started, moved by a jump of the inputs, and sampled. The derivative and the sample
 /// are the derived classes'. All but `start` are [loop].
-template <int S>
+template <class Shape>
 class AccelerationSystem {
  public:
-  static constexpr int kShafts = S;
+  static constexpr int kShafts = Shape::kShafts;
+  static constexpr int S = kShafts;
+  using DrivetrainType = Drivetrain<Shape>;
+  static constexpr int kMaxRows = DrivetrainType::kMaxRows;
+  /// True when the number of constraints is known when compiled.
+  static constexpr bool kHasRows = Shape::kRows != kAnyRows;
   using State = std::array<double, 3 * S>;
+  using LinearizationType = Linearization<S, 3>;
 
-  Drivetrain<S>& drivetrain() { return drivetrain_; }
+  Drivetrain<Shape>& drivetrain() { return drivetrain_; }
+  bool readsAngles() const { return drivetrain_.readsAngles(); }
+  bool readsTime() const { return drivetrain_.readsTime(); }
   /// Squared length of row m of C, in the metric J^-1, at the last derivative taken.
   double rowLengthSquared(int m) const { return drivetrain_.solver().rowLengthSquared(m); }
 
@@ -39,6 +48,19 @@ class AccelerationSystem {
     if (result != ProjectionResult::kConverged) return result;
     return projectAccelerations(drivetrain_, state, x.data() + 2 * S, moved.data() + 2 * S,
                                 iterations);
+  }
+
+  /// The same for a state that an implicit step of size h has reached: see calcStiffProjection.
+  ProjectionResult projectStiffly(double t, double h, State& x, State& moved,
+                                  std::uint64_t* iterations) {
+    if (drivetrain_.hasVelocityRows() || !drivetrain_.hasAccelerationRows()) {
+      return project(t, x, moved, iterations);
+    }
+    moved.fill(0.0);
+    const StateView state = view(t, x);
+    return iterateProjection<2 * S>(
+        [&](double* delta) { return drivetrain_.calcStiffProjection(state, h, delta); },
+        x.data() + S, moved.data() + S, iterations);
   }
 
   /// The state at time 0 with the inputs as they are. `nearest` gets the nearest consistent
@@ -63,8 +85,7 @@ class AccelerationSystem {
   MotionStatus jump(double t, State& x, const double* u0, const double* u1,
                     std::uint64_t* projections) {
     view(t, x);  // brings J to phi
-    return jump_map_.apply(t, x.data(), x.data() + S, u0, u1, scene_.solver, x.data() + 2 * S,
-                           projections);
+    return jump_map_.apply(t, x.data(), x.data() + S, u0, u1, x.data() + 2 * S, projections);
   }
 
   /// A step begins at (t, x), where the derivative is dxdt: what iterations may start from.
@@ -75,11 +96,12 @@ class AccelerationSystem {
       : scene_(scene),
         drivetrain_(scene),
         initial_solver_(drivetrain_),
-        jump_map_(drivetrain_, keeps_reaction_in_range) {}
+        jump_map_(drivetrain_, scene.solver, keeps_reaction_in_range) {}
 
   /// phi' = omega, omega' = epsilon.
   static void copyRates(const State& x, State& dxdt) {
-    std::copy(x.begin() + S, x.end(), dxdt.begin());
+    // A loop, for the copy of a few numbers not to become a call of memmove.
+    for (std::size_t n = 0; n < 2 * S; ++n) dxdt[n] = x[n + S];
   }
   static void copyState(double t, const State& x, Sample* sample) {
     sample->time = t;
@@ -94,9 +116,9 @@ class AccelerationSystem {
   }
 
   const Scene& scene_;
-  Drivetrain<S> drivetrain_;
-  InitialConditionSolver<S> initial_solver_;
-  JumpMap<S> jump_map_;
+  Drivetrain<Shape> drivetrain_;
+  InitialConditionSolver<Shape> initial_solver_;
+  JumpMap<Shape> jump_map_;
 };
 
 }  // namespace variator_sim

@@ -10,17 +10,24 @@
 #include "acceleration_system.h"
 #include "drivetrain.h"
 #include "initial_conditions.h"
+#include "linearization.h"
 #include "projection.h"
 #include "variator_sim/sample.h"
 
 namespace variator_sim {
 
 /// Constraints of order 1 and 2. See AccelerationSystem for what each method means.
-template <int S>
+template <class Shape>
 class ClassicalGauss {
  public:
-  static constexpr int kShafts = S;
+  static constexpr int kShafts = Shape::kShafts;
+  static constexpr int S = kShafts;
+  using DrivetrainType = Drivetrain<Shape>;
+  static constexpr int kMaxRows = DrivetrainType::kMaxRows;
+  /// True when the number of constraints is known when compiled.
+  static constexpr bool kHasRows = Shape::kRows != kAnyRows;
   using State = std::array<double, 2 * S>;
+  using LinearizationType = Linearization<S, 2>;
 
   explicit ClassicalGauss(const Scene& scene)
       : scene_(scene), drivetrain_(scene), initial_solver_(drivetrain_) {
@@ -29,7 +36,9 @@ class ClassicalGauss {
     }
   }
 
-  Drivetrain<S>& drivetrain() { return drivetrain_; }
+  Drivetrain<Shape>& drivetrain() { return drivetrain_; }
+  bool readsAngles() const { return drivetrain_.readsAngles(); }
+  bool readsTime() const { return drivetrain_.readsTime(); }
   double rowLengthSquared(int m) const { return drivetrain_.accelerationRowLengthSquared(m); }
 
   /// The view of (t, x) with the accelerations that the principle gives there.
@@ -39,7 +48,7 @@ class ClassicalGauss {
     return state;
   }
 
-  void operator()(const State& x, State& dxdt, double t) {
+  [[gnu::noinline]] void operator()(const State& x, State& dxdt, double t) {
     drivetrain_.countRightHandSide();
     view(t, x);
     for (int i = 0; i < S; ++i) {
@@ -48,6 +57,30 @@ class ClassicalGauss {
     }
   }
 
+  void calcLinearization(double t, const State& x, LinearizationType& linearization) {
+    linearizeByDifferences(*this, t, x, readsAngles(), linearization);
+  }
+
+  bool keepsConstraintsInStages() const { return false; }
+  /// What implicit steps solve: M x' - f = 0 in its last S rows, `rate` the last rows of x'; here
+  /// x' itself.
+  void calcStageResidual(double t, const State& x, const double* rate,
+                         const LinearizationType& /*linearization*/, double* residual) {
+    State dxdt;
+    (*this)(x, dxdt, t);
+    for (std::size_t i = 0; i < S; ++i) residual[i] = rate[i] - dxdt[dxdt.size() - S + i];
+  }
+  /// Its derivatives at x, whose derivative is dxdt.
+  void calcStageLinearization(double t, const State& x, const State& /*dxdt*/,
+                              LinearizationType& linearization) {
+    linearization.mass().setIdentity();
+    calcLinearization(t, x, linearization);
+  }
+
+  ProjectionResult projectStiffly(double t, double /*h*/, State& x, State& moved,
+                                  std::uint64_t* iterations) {
+    return project(t, x, moved, iterations);
+  }
   ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) {
     moved.fill(0.0);
     if (!drivetrain_.hasVelocityRows()) return ProjectionResult::kConverged;
@@ -116,7 +149,7 @@ class ClassicalGauss {
     drivetrain_.calcReaction(state, sample->applied_torque, sample->reaction_torque);
     std::fill(sample->reaction_torque_rate, sample->reaction_torque_rate + S, 0.0);
     if (drivetrain_.constraintCount() == 0) return true;
-    double c0[Drivetrain<S>::kMaxRows] = {};
+    double c0[Drivetrain<Shape>::kMaxRows] = {};
     if (!drivetrain_.calcRows(state, c0)) return false;
     drivetrain_.calcMultipliers(sample->reaction_torque, sample->multiplier);
     double eta[S];
@@ -133,7 +166,7 @@ class ClassicalGauss {
   void noteMultipliers(const StateView& state) {
     double torque[S];
     double reaction[S];
-    double c0[Drivetrain<S>::kMaxRows] = {};
+    double c0[Drivetrain<Shape>::kMaxRows] = {};
     drivetrain_.calcTorque(state, torque);
     drivetrain_.calcReaction(state, torque, reaction);
     if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda_guess_);
@@ -155,29 +188,30 @@ class ClassicalGauss {
       }
     } else {
       // With the multipliers of the same place: from others the iteration may take another branch.
-      double lambda[Drivetrain<S>::kMaxRows];
+      double lambda[Drivetrain<Shape>::kMaxRows];
       std::copy(guess_, guess_ + S, epsilon_);
-      std::copy(lambda_guess_, lambda_guess_ + Drivetrain<S>::kMaxRows, lambda);
+      std::copy(lambda_guess_, lambda_guess_ + Drivetrain<Shape>::kMaxRows, lambda);
       if (initial_solver_.solveLeastReaction(state, torque, epsilon_, lambda)) return;
     }
     std::fill(epsilon_, epsilon_ + S, std::numeric_limits<double>::quiet_NaN());
   }
 
   const Scene& scene_;
-  Drivetrain<S> drivetrain_;
-  InitialConditionSolver<S> initial_solver_;
+  Drivetrain<Shape> drivetrain_;
+  InitialConditionSolver<Shape> initial_solver_;
   bool linear_ = true;
   double epsilon_[S] = {};
   double guess_[S] = {};
-  double lambda_guess_[Drivetrain<S>::kMaxRows] = {};
+  double lambda_guess_[Drivetrain<Shape>::kMaxRows] = {};
 };
 
 /// With constraints of order 3, equation [18]: J epsilon + n - Q = C^T lambda differentiated,
 /// beside C eta + c0 = 0. The minimum of nothing, but what a user may want to compare.
-template <int S>
-class FormalGauss : public AccelerationSystem<S> {
-  using Base = AccelerationSystem<S>;
+template <class Shape>
+class FormalGauss : public AccelerationSystem<Shape> {
+  using Base = AccelerationSystem<Shape>;
   using Base::drivetrain_;
+  using Base::S;
   using Base::scene_;
 
  public:
@@ -185,16 +219,40 @@ class FormalGauss : public AccelerationSystem<S> {
 
   explicit FormalGauss(const Scene& scene) : Base(scene, true) {}
 
-  void operator()(const State& x, State& dxdt, double t) {
+  [[gnu::noinline]] void operator()(const State& x, State& dxdt, double t) {
     drivetrain_.countRightHandSide();
     this->copyRates(x, dxdt);
     double torque[S];
     double reaction[S];
-    double lambda[Drivetrain<S>::kMaxRows] = {};
+    double lambda[Drivetrain<Shape>::kMaxRows] = {};
     double reaction_rate[S];
     calcJerk(this->view(t, x), torque, reaction, lambda, &dxdt[2 * S], reaction_rate);
   }
 
+  void calcLinearization(double t, const State& x, Linearization<S, 3>& linearization) {
+    linearizeByDifferences(*this, t, x, this->readsAngles(), linearization);
+  }
+
+  bool keepsConstraintsInStages() const { return false; }
+  /// What implicit steps solve: M x' - f = 0 in its last S rows, `rate` the last rows of x'; here
+  /// x' itself.
+  void calcStageResidual(double t, const State& x, const double* rate,
+                         const Linearization<S, 3>& /*linearization*/, double* residual) {
+    State dxdt;
+    (*this)(x, dxdt, t);
+    for (std::size_t i = 0; i < S; ++i) residual[i] = rate[i] - dxdt[dxdt.size() - S + i];
+  }
+  /// Its derivatives at x, whose derivative is dxdt.
+  void calcStageLinearization(double t, const State& x, const State& /*dxdt*/,
+                              Linearization<S, 3>& linearization) {
+    linearization.mass().setIdentity();
+    calcLinearization(t, x, linearization);
+  }
+
+  ProjectionResult projectStiffly(double t, double /*h*/, State& x, State& moved,
+                                  std::uint64_t* iterations) {
+    return project(t, x, moved, iterations);
+  }
   /// Orders 1 and 2 as ever; then the reaction back into range(C^T), from which it drifts.
   ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) {
     const ProjectionResult result = Base::project(t, x, moved, iterations);
@@ -239,7 +297,7 @@ class FormalGauss : public AccelerationSystem<S> {
                 double* eta, double* reaction_rate) {
     drivetrain_.calcTorque(state, torque);
     drivetrain_.calcReaction(state, torque, reaction);
-    double c0[Drivetrain<S>::kMaxRows] = {};
+    double c0[Drivetrain<Shape>::kMaxRows] = {};
     if (drivetrain_.calcRows(state, c0)) {
       drivetrain_.calcMultipliers(reaction, lambda);
       if (drivetrain_.calcFormalJerk(state, lambda, eta, reaction_rate)) return true;
@@ -252,8 +310,8 @@ class FormalGauss : public AccelerationSystem<S> {
   bool calcReactionInRange(const StateView& state, double* epsilon, double* moved) {
     double torque[S];
     double reaction[S];
-    double lambda[Drivetrain<S>::kMaxRows] = {};
-    double c0[Drivetrain<S>::kMaxRows] = {};
+    double lambda[Drivetrain<Shape>::kMaxRows] = {};
+    double c0[Drivetrain<Shape>::kMaxRows] = {};
     drivetrain_.calcTorque(state, torque);
     drivetrain_.calcReaction(state, torque, reaction);
     if (!drivetrain_.calcRows(state, c0)) return false;

@@ -23,6 +23,9 @@ constexpr std::array<HoldName, 5> kHolds{
      {"first_order_hold", Hold::kFirstOrderHold, "period"},
      {"second_order_lag", Hold::kSecondOrderLag, "time_constant"}}};
 
+/// Time constants after which a lag has arrived: exp(-50) of the way is less than any rounding.
+constexpr double kSettled = 50.0;
+
 /// Private topics that the node publishes itself.
 const std::vector<std::string>& takenTopics() {
   static const std::vector<std::string> topics{"state", "scene", "status"};
@@ -153,6 +156,7 @@ bool CommandSignal::command(const CommandInputSettings& settings, double time, d
     form_ = Form::kCritical;
     inverse_time_constant_ = 1.0 / settings.time_constant;
     linear_ = present - value + settings.time_constant * present_rate;
+    segment_end_ = time + kSettled * settings.time_constant;
     return false;
   }
   if (value == present) return false;
@@ -166,6 +170,7 @@ bool CommandSignal::command(const CommandInputSettings& settings, double time, d
       // u = target - (target - start) exp(-(t - start) / tau)
       form_ = Form::kExponential;
       inverse_time_constant_ = 1.0 / settings.time_constant;
+      segment_end_ = time + kSettled * settings.time_constant;
       return false;
     case Hold::kRateLimit:
       slope_ = value > present ? settings.rate : -settings.rate;

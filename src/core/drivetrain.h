@@ -1,7 +1,8 @@
-/// One scene of S shafts, evaluated: torques, inertia, constraints, inputs. What is integrated, and
+/// One scene, evaluated: torques, inertia, constraints, inputs. What is integrated, and
 /// by which principle, is the systems' matter (generalized_gauss.h, classical_gauss.h).
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -10,7 +11,7 @@
 #include <limits>
 #include <vector>
 
-#include "variator_sim/principle.h"
+#include "shape.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
 
@@ -18,11 +19,12 @@ namespace variator_sim {
 
 /// The scene is constant; the inputs' current closed forms, the inertia at the last angle asked for
 /// and the counters are the only things that change. All evaluations are [loop].
-template <int S>
+template <class Shape>
 class Drivetrain {
  public:
-  static constexpr int kShafts = S;
-  static constexpr int kMaxRows = ConstraintSolver<S>::kMaxRows;
+  static constexpr int S = Shape::kShafts;
+  using RowSolver = ConstraintSolver<S, Shape::kRows>;
+  static constexpr int kMaxRows = RowSolver::kMaxRows;
 
   explicit Drivetrain(const Scene& scene)
       : scene_(scene),
@@ -30,13 +32,24 @@ class Drivetrain {
         solver_(scene.constraintCount()),
         velocity_solver_(countOrders(scene, 1)),
         acceleration_solver_(countOrders(scene, 2)) {
-    for (const TorquePtr& torque : scene.torques) torques_.push_back(torque.get());
+    const bool rates = scene.principle == Principle::kGeneralizedGauss;
+    reads_.time = false;
+    reads_.angle = !inertia_.isConstant() || !scene.solver.skip_angles;
+    for (const TorquePtr& torque : scene.torques) {
+      torques_.push_back(torque.get());
+      if (rates) note(torque->rateDependence());
+      if (!rates || scene.hasOrder3()) note(torque->torqueDependence());
+    }
+    has_constant_rows_ = inertia_.isConstant() && scene.solver.factor_once;
     for (const ConstraintPtr& constraint : scene.constraints) {
       const int m = static_cast<int>(constraints_.size());
       constraints_.push_back(constraint.get());
+      note(constraint->dependence());
+      has_constant_rows_ = has_constant_rows_ && constraint->hasConstantJacobian();
       if (constraint->order() == 1) velocity_rows_.push_back(m);
       needs_second_rate_ =
           needs_second_rate_ || (constraint->order() == 1 && constraint->readsInputs());
+      keeps_constraints_in_stages_ = keeps_constraints_in_stages_ && constraint->order() == 2;
       if (constraint->order() <= 2) acceleration_rows_.push_back(m);
     }
     signals_.resize(scene.inputs.size());
@@ -45,11 +58,11 @@ class Drivetrain {
     resetInputs();
   }
 
-  const Inertia<S>& inertia() const { return inertia_; }
+  const typename Shape::InertiaType& inertia() const { return inertia_; }
   int constraintCount() const { return solver_.rowCount(); }
   int inputCount() const { return static_cast<int>(signals_.size()); }
   const Constraint& constraint(int m) const { return *constraints_[m]; }
-  const ConstraintSolver<S>& solver() const { return solver_; }
+  const RowSolver& solver() const { return solver_; }
   std::uint64_t rightHandSides() const { return right_hand_sides_; }
   /// True when some constraint is of order 1 (its velocities are projected too).
   bool hasVelocityRows() const { return !velocity_rows_.empty(); }
@@ -58,6 +71,15 @@ class Drivetrain {
   const std::vector<int>& velocityRows() const { return velocity_rows_; }
   const std::vector<int>& accelerationRows() const { return acceleration_rows_; }
   bool hasOrder3() const { return static_cast<int>(acceleration_rows_.size()) < constraintCount(); }
+
+  // --- what need not be computed (decided once, at load) ---
+  /// True when a derivative of the state depends on an angle; the angles are a quadrature
+  /// otherwise.
+  bool readsAngles() const { return reads_.angle; }
+  /// True when a derivative of the state depends on the time, be it through an input that moves.
+  bool readsTime() const { return reads_.time || !varying_.empty(); }
+  /// True when C and J are the same at every state: A is factored once.
+  bool hasConstantRows() const { return has_constant_rows_; }
 
   // --- inputs ----------------------------------------------------------------------------------
   void resetInputs() {
@@ -104,6 +126,9 @@ class Drivetrain {
   // --- evaluations -----------------------------------------------------------------------------
   /// u and u' at t.
   void evaluateInputs(double t) {
+    if (!varying_.empty()) moveInputs(t);
+  }
+  [[gnu::noinline]] void moveInputs(double t) {
     for (int i : varying_) {
       input_[i] = signals_[i].value(t);
       input_rate_[i] = signals_[i].rate(t);
@@ -115,6 +140,45 @@ class Drivetrain {
     evaluateInputs(t);
     if (!inertia_.isConstant()) inertia_.update(phi);
     return {t, phi, omega, epsilon, input_, input_rate_, input_second_rate_};
+  }
+
+  /// The jerk of a scene with one constraint and a simple inertia at x = (phi, omega, epsilon), the
+  /// formulas of principle.h in local variables: this is where most runs spend their time, and
+  /// every number that goes through the solver's memory waits there. Torques before the row, whose
+  /// result is needed last. False, and nothing done, where A is not positive.
+  bool calcJerkOfOneRow(double t, const double* x, double* eta) {
+    ++right_hand_sides_;
+    evaluateInputs(t);
+    view_.time = t;
+    view_.angle = x;
+    view_.velocity = x + S;
+    view_.acceleration = x + 2 * S;
+    double rate[S];
+    calcTorqueRate(view_, rate);
+    double C[S];
+    double c0;
+    constraints_[0]->calcRow(view_, C, &c0);
+    // B = C J^-1, A = B C^T, eta_free = J^-1 Q'
+    double B[S];
+    double free[S];
+    for (int i = 0; i < S; ++i) {
+      B[i] = C[i] * inertia_.inverse(i);
+      free[i] = rate[i] * inertia_.inverse(i);
+    }
+    double A = B[0] * C[0];
+    double right = C[0] * free[0];
+    for (int i = 1; i < S; ++i) {
+      A += B[i] * C[i];
+      right += C[i] * free[i];
+    }
+    if (!(A > 0.0)) {
+      --right_hand_sides_;
+      return false;
+    }
+    const double Lambda = -(c0 + right) / A;
+    for (int i = 0; i < S; ++i) eta[i] = free[i] + B[i] * Lambda;
+    solver_.noteLengthSquared(0, A);
+    return true;
   }
 
   void countRightHandSide() { ++right_hand_sides_; }
@@ -173,7 +237,7 @@ class Drivetrain {
     for (int m = 0; m < constraintCount(); ++m) {
       constraint(m).calcRow(state, solver_.row(m), &c0[m]);
     }
-    return solver_.factor(inertia_);
+    return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(inertia_);
   }
 
   /// One step of Newton's iteration onto f = 0 (orders 1) by the velocities, in the metric J:
@@ -190,6 +254,191 @@ class Drivetrain {
       return constraint(m).calcResidualAndJacobian(state, C);
     });
   }
+  /// One step of Newton's iteration onto psi = 0 by velocities and accelerations together, for
+  /// scenes without constraints of order 1. Where psi changes much more with a velocity than with
+  /// an acceleration (a short slip time constant tau), accelerations alone would have to make up
+  /// for every rounding of the velocities, 1/tau times as large. Among all (delta omega, delta
+  /// epsilon) that lead to the linearised psi = 0 this takes the least
+  ///     delta_omega^T J delta_omega / h^2 + delta_epsilon^T J delta_epsilon,
+  /// h the step: delta epsilon = -J^-1 C^T l, delta omega = -h^2 J^-1 B^T l, B = dpsi/domega,
+  ///     (C J^-1 C^T + h^2 B J^-1 B^T) l = psi.
+  /// Writes `delta`: S velocities, then S accelerations. False where the matrix is singular.
+  bool calcStiffProjection(const StateView& state, double h, double* delta) {
+    constexpr int kMax = kMaxRows;
+    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMax, kMax>;
+    using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMax, 1>;
+    const int k = static_cast<int>(acceleration_rows_.size());
+    double rows[kMax][2 * S];      // (B, C)
+    double weighted[kMax][2 * S];  // (h^2 B J^-1, C J^-1)
+    double scale[kMax] = {};
+    Vector l(k);
+    for (int r = 0; r < k; ++r) {
+      const Constraint& constraint = *constraints_[acceleration_rows_[r]];
+      ConstraintPartials partials;
+      constraint.calcPartials(state, partials);
+      std::copy_n(partials.velocity, S, rows[r]);
+      std::copy_n(partials.acceleration, S, rows[r] + S);
+      inertia_.solve(rows[r], weighted[r]);
+      inertia_.solve(rows[r] + S, weighted[r] + S);
+      double length = 0.0;
+      for (int i = 0; i < S; ++i) weighted[r][i] *= h * h;
+      for (int i = 0; i < 2 * S; ++i) length += rows[r][i] * weighted[r][i];
+      // Rows of length 1 make the matrix blind to the units of psi.
+      scale[r] = 1.0 / std::sqrt(length);
+      l(r) = constraint.calcResidual(state) * scale[r];
+    }
+    if (k == 1) {
+      if (!std::isfinite(scale[0])) return false;
+    } else {
+      Matrix A(k, k);
+      for (int r = 0; r < k; ++r) {
+        for (int n = 0; n < k; ++n) {
+          double entry = 0.0;
+          for (int i = 0; i < 2 * S; ++i) entry += rows[r][i] * weighted[n][i];
+          A(r, n) = entry * scale[r] * scale[n];
+        }
+      }
+      if (!A.allFinite()) return false;
+      const Eigen::LDLT<Matrix> factors(A);
+      if (!(factors.vectorD().minCoeff() > RowSolver::kRankTolerance)) return false;
+      l = factors.solve(l).eval();
+    }
+    for (int i = 0; i < 2 * S; ++i) {
+      delta[i] = 0.0;
+      for (int r = 0; r < k; ++r) delta[i] -= weighted[r][i] * scale[r] * l(r);
+    }
+    return true;
+  }
+
+  /// True when implicit steps may keep psi = 0 in their stages instead of C eta + c0 = 0: all
+  /// constraints are of order 2 and the inertia is constant.
+  bool canKeepConstraintsInStages() const {
+    return keeps_constraints_in_stages_ && inertia_.isConstant() && constraintCount() > 0;
+  }
+
+  /// The motion as an implicit equation, free of the 1/tau of a stiff constraint: with D =
+  /// J^-1 C^T A^-1 and the projector P = I - D C onto the jerks that C leaves free,
+  ///     residual = P0 P (eta - eta_free) + D0 psi
+  /// is zero where eta obeys the principle and psi = 0. P0 and D0 are P and D at the beginning of
+  /// the step (S x S; S values per constraint): P and D themselves turn with C, and 1/tau or 1/h
+  /// times the turn would spill the one part over into the other. False where C has lost rank.
+  template <class Matrix>
+  bool calcStageResidual(const StateView& state, const double* eta, const Matrix& P0,
+                         const Matrix& D0, double* residual) {
+    double rate[S];
+    double v[S];
+    calcFreeTorqueRate(state, rate);
+    inertia_.solve(rate, v);
+    for (int i = 0; i < S; ++i) v[i] = eta[i] - v[i];
+    double psi[kMaxRows] = {};
+    const double zeros[kMaxRows] = {};
+    for (int m = 0; m < constraintCount(); ++m) {
+      psi[m] = constraint(m).calcResidualAndJacobian(state, solver_.row(m));
+    }
+    if (!solver_.factor(inertia_)) return false;
+    double l[kMaxRows] = {};
+    solver_.constrain(zeros, v, l);  // P (eta - eta_free)
+    for (int i = 0; i < S; ++i) {
+      residual[i] = 0.0;
+      for (int j = 0; j < S; ++j) residual[i] += P0(i, j) * v[j];
+      for (int m = 0; m < constraintCount(); ++m) residual[i] += D0(i, m) * psi[m];
+    }
+    return true;
+  }
+
+  /// Its derivatives where it is zero and the multipliers are `Lambda`: by eta, P (`mass`), and by
+  /// (phi, omega, epsilon), 3S directions of S values,
+  ///     -P J^-1 (Q'_q + C_q^T Lambda) + D psi_q;   and D (`pull`).
+  template <class Matrix>
+  void calcStageDerivatives(const StateView& state, const double* Lambda, Matrix& mass,
+                            Matrix& pull, double* derivatives) {
+    constexpr int kDirections = 3 * S;
+    double rates[kDirections * S] = {};
+    double psi_q[kDirections][kMaxRows] = {};
+    for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, rates);
+    for (int m = 0; m < constraintCount(); ++m) {
+      double dC[kDirections * S];
+      double dc0[kDirections];
+      ConstraintPartials partials;
+      constraint(m).calcRowDerivatives(state, dC, dc0);
+      constraint(m).calcPartials(state, partials);
+      for (int j = 0; j < S; ++j) {
+        psi_q[j][m] = partials.angle[j];
+        psi_q[S + j][m] = partials.velocity[j];
+        psi_q[2 * S + j][m] = partials.acceleration[j];
+        solver_.row(m)[j] = partials.acceleration[j];
+      }
+      for (int n = 0; n < kDirections * S; ++n) rates[n] += dC[n] * Lambda[m];
+    }
+    if (!solver_.factor(inertia_)) {
+      mass.fill(std::numeric_limits<double>::quiet_NaN());
+      return;
+    }
+    // x + D (y - C x), the part of x that C leaves free and D y
+    const auto combine = [&](double* x, const double* y) {
+      double l[kMaxRows] = {};
+      solver_.multiply(x, l);
+      for (int m = 0; m < constraintCount(); ++m) l[m] = y[m] - l[m];
+      solver_.solve(l, l);
+      solver_.addReaction(l, x);
+    };
+    const double zeros[kMaxRows] = {};
+    for (int j = 0; j < S; ++j) {
+      double column[S] = {};
+      column[j] = 1.0;
+      combine(column, zeros);
+      for (int i = 0; i < S; ++i) mass(i, j) = column[i];
+    }
+    for (int m = 0; m < constraintCount(); ++m) {
+      double column[S] = {};
+      double unit[kMaxRows] = {};
+      unit[m] = 1.0;
+      combine(column, unit);
+      for (int i = 0; i < S; ++i) pull(i, m) = column[i];
+    }
+    for (int q = 0; q < kDirections; ++q) {
+      double* column = derivatives + q * S;
+      inertia_.solve(rates + q * S, column);
+      for (int i = 0; i < S; ++i) column[i] = -column[i];
+      combine(column, psi_q[q]);
+    }
+  }
+
+  /// d eta/d(phi, omega, epsilon) at `state`, where the jerk is `eta` and the multipliers `Lambda`,
+  /// for a constant inertia: 3S directions of S values each. Differentiating
+  ///     J eta - C^T Lambda = Q',   C eta = -c0
+  /// in direction q gives the same system with other right sides,
+  ///     J eta_q - C^T Lambda_q = Q'_q + C_q^T Lambda,   C eta_q = -(c0_q + C_q eta).
+  /// Needs calcRows at `state`.
+  void calcJerkDerivatives(const StateView& state, const double* eta, const double* Lambda,
+                           double* derivatives) const {
+    constexpr int kDirections = 3 * S;
+    std::fill_n(derivatives, kDirections * S, 0.0);
+    for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, derivatives);
+    double right[kDirections][kMaxRows] = {};
+    for (int m = 0; m < constraintCount(); ++m) {
+      double dC[kDirections * S];
+      double dc0[kDirections];
+      constraint(m).calcRowDerivatives(state, dC, dc0);
+      for (int q = 0; q < kDirections; ++q) {
+        double sum = dc0[q];
+        for (int i = 0; i < S; ++i) {
+          sum += dC[q * S + i] * eta[i];
+          derivatives[q * S + i] += dC[q * S + i] * Lambda[m];
+        }
+        right[q][m] = sum;
+      }
+    }
+    for (int q = 0; q < kDirections; ++q) {
+      double rate[S];
+      std::copy_n(derivatives + q * S, S, rate);
+      double* eta_q = derivatives + q * S;
+      inertia_.solve(rate, eta_q);
+      double Lambda_q[kMaxRows] = {};
+      if (constraintCount() > 0) solver_.constrain(right[q], eta_q, Lambda_q);
+    }
+  }
+
   /// The least-reaction accelerations of the second-order forms linearised at `state`:
   ///     free - J^-1 C^T A^-1 (psi + C (free - epsilon)),
   /// as the correction to `free` (S values each). False where C has lost rank.
@@ -354,6 +603,10 @@ class Drivetrain {
     }
     return count;
   }
+  void note(const Dependence& dependence) {
+    reads_.time = reads_.time || dependence.time;
+    reads_.angle = reads_.angle || dependence.angle;
+  }
   static int rowOf(const std::vector<int>& rows, int row) {
     return row < 0 ? -1 : rows[static_cast<std::size_t>(row)];
   }
@@ -394,12 +647,14 @@ class Drivetrain {
   }
 
   /// -J^-1 C^T A^-1 residual over some constraints; `evaluate(m, C)` gives residual and row.
-  template <class Evaluate>
-  bool calcCorrection(const std::vector<int>& rows, ConstraintSolver<S>* solver, double* delta,
+  template <class Solver, class Evaluate>
+  bool calcCorrection(const std::vector<int>& rows, Solver* solver, double* delta,
                       Evaluate evaluate) {
     double residual[kMaxRows] = {};
     for (int r = 0; r < solver->rowCount(); ++r) residual[r] = evaluate(rows[r], solver->row(r));
-    if (!solver->factor(inertia_)) return false;
+    if (!solver->isFactored() || !has_constant_rows_) {
+      if (!solver->factor(inertia_)) return false;
+    }
     for (int r = 0; r < solver->rowCount(); ++r) residual[r] = -residual[r];
     solver->solve(residual, residual);
     for (int i = 0; i < S; ++i) delta[i] = 0.0;
@@ -408,8 +663,8 @@ class Drivetrain {
   }
 
   const Scene& scene_;
-  Inertia<S> inertia_;
-  ConstraintSolver<S> solver_;               // all constraints
+  typename Shape::InertiaType inertia_;
+  RowSolver solver_;                         // all constraints
   ConstraintSolver<S> velocity_solver_;      // those of order 1
   ConstraintSolver<S> acceleration_solver_;  // those of order 1 and 2
   std::vector<const Torque*> torques_;
@@ -422,6 +677,11 @@ class Drivetrain {
   double input_[kMaxInputs] = {};
   double input_rate_[kMaxInputs] = {};
   double input_second_rate_[kMaxInputs] = {};
+  Dependence reads_{false, false};
+  bool has_constant_rows_ = false;
+  bool keeps_constraints_in_stages_ = true;
+  /// Of calcJerkOfOneRow: what never changes of it is written once.
+  StateView view_{0.0, nullptr, nullptr, nullptr, input_, input_rate_, input_second_rate_};
   bool needs_second_rate_ = false;  ///< some constraint of order 1 reads an input
   std::uint64_t right_hand_sides_ = 0;
   std::uint64_t newton_iterations_ = 0;

@@ -20,15 +20,16 @@ enum class InitialResult {
 
 /// Solves for the accelerations at one (t, phi, omega, u). Not for the running loop, but free of
 /// allocation all the same: a command at the first instant calls it anew.
-template <int S>
+template <class Shape>
 class InitialConditionSolver {
  public:
-  static constexpr int kMaxRows = ConstraintSolver<S>::kMaxRows;
+  static constexpr int S = Shape::kShafts;
+  static constexpr int kMaxRows = Drivetrain<Shape>::kMaxRows;
   /// Accelerations count as consistent when the nearest point of psi = 0 is not further away than
   /// this, relative to max(1, |epsilon|): what is left of a value printed with ten digits.
   static constexpr double kConsistent = 1e-9;
 
-  explicit InitialConditionSolver(Drivetrain<S>& drivetrain) : drivetrain_(drivetrain) {}
+  explicit InitialConditionSolver(Drivetrain<Shape>& drivetrain) : drivetrain_(drivetrain) {}
 
   /// Takes given velocities: consistent ones are polished onto f = 0 (constraints of order 1),
   /// inconsistent ones moved there only when `may_move`. `nearest` (S values) gets the nearest
@@ -282,7 +283,7 @@ class InitialConditionSolver {
     return calcLength(step) <= std::max(1e-9 * scale, rounding);
   }
 
-  Drivetrain<S>& drivetrain_;
+  Drivetrain<Shape>& drivetrain_;
 };
 
 }  // namespace variator_sim

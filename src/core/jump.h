@@ -12,20 +12,28 @@
 #include <cmath>
 
 #include "drivetrain.h"
+#include "explicit_stepper.h"
 #include "projection.h"
 #include "step_control.h"
-#include "stepper.h"
 #include "variator_sim/status.h"
 
 namespace variator_sim {
 
-template <int S>
+template <class Shape>
 class JumpMap {
+  static constexpr int S = Shape::kShafts;
+
  public:
   /// `keeps_reaction_in_range`: R stays C^T lambda along the jump (the formal equations [18])
   /// instead of changing by C^T Lambda. The same wherever C does not depend on epsilon.
-  explicit JumpMap(Drivetrain<S>& drivetrain, bool keeps_reaction_in_range = false)
-      : drivetrain_(drivetrain), path_(drivetrain, keeps_reaction_in_range) {
+  JumpMap(Drivetrain<Shape>& drivetrain, const SolverSettings& settings,
+          bool keeps_reaction_in_range)
+      : drivetrain_(drivetrain),
+        path_(drivetrain, keeps_reaction_in_range),
+        // A jump's error stays for good and adds to those of all other jumps: a tenth.
+        tolerance_{0.1 * settings.absolute_tolerance,
+                   std::max(0.1 * settings.relative_tolerance, 1e-14)},
+        stepper_(tolerance_) {
     for (int m = 0; m < drivetrain.constraintCount(); ++m) {
       const Constraint& constraint = drivetrain.constraint(m);
       straight_ = straight_ && constraint.isLinearInAcceleration() && !constraint.readsInputs();
@@ -35,8 +43,7 @@ class JumpMap {
   /// Moves `epsilon` (S values) from inputs u0 to u1 (inputCount values) at fixed (t, phi, omega).
   /// On failure `epsilon` is unchanged and the status says why, its time excepted. [loop]
   MotionStatus apply(double t, const double* phi, const double* omega, const double* u0,
-                     const double* u1, const SolverSettings& settings, double* epsilon,
-                     std::uint64_t* projections) {
+                     const double* u1, double* epsilon, std::uint64_t* projections) {
     path_.begin(t, phi, omega, u0, u1);
     Vector e;
     std::copy(epsilon, epsilon + S, e.begin());
@@ -45,8 +52,7 @@ class JumpMap {
     for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
       row_reference_[m] = drivetrain_.solver().rowLengthSquared(m);
     }
-    const MotionStatus status =
-        straight_ ? stepStraight(e, rate) : integrate(settings, e, rate, projections);
+    const MotionStatus status = straight_ ? stepStraight(e, rate) : integrate(e, rate, projections);
     if (status.ok()) std::copy(e.begin(), e.end(), epsilon);
     return status;
   }
@@ -57,7 +63,8 @@ class JumpMap {
   /// d epsilon / d theta as a system that Boost.Odeint can step.
   class Path {
    public:
-    Path(Drivetrain<S>& drivetrain, bool formal) : drivetrain_(drivetrain), formal_(formal) {}
+    using State = Vector;
+    Path(Drivetrain<Shape>& drivetrain, bool formal) : drivetrain_(drivetrain), formal_(formal) {}
     void begin(double t, const double* phi, const double* omega, const double* u0,
                const double* u1) {
       // The rates are those of the inputs that do not jump: f' of a constraint of order 1 reads the
@@ -81,7 +88,7 @@ class JumpMap {
       state.acceleration = e;
       return state;
     }
-    void operator()(const Vector& e, Vector& rate, double theta) {
+    [[gnu::noinline]] void operator()(const Vector& e, Vector& rate, double theta) {
       if (formal_) {
         drivetrain_.calcFormalJumpRate(at(theta, e.data()), torque_jump_, jump_, rate.data());
       } else {
@@ -90,7 +97,7 @@ class JumpMap {
     }
 
    private:
-    Drivetrain<S>& drivetrain_;
+    Drivetrain<Shape>& drivetrain_;
     bool formal_;
     StateView state_{};
     double start_[kMaxInputs] = {};
@@ -107,11 +114,7 @@ class JumpMap {
     return {};
   }
 
-  MotionStatus integrate(const SolverSettings& settings, Vector& e, Vector& rate,
-                         std::uint64_t* projections) {
-    // A jump's error stays for good and adds to those of all other jumps: a tenth of the tolerance.
-    const double relative = std::max(0.1 * settings.relative_tolerance, 1e-14);
-    const double absolute = 0.1 * settings.absolute_tolerance;
+  MotionStatus integrate(Vector& e, Vector& rate, std::uint64_t* projections) {
     constexpr int kMaxSteps = 100000;
     StepControl control(stepper_.errorOrder());
     control.reset();
@@ -122,16 +125,14 @@ class JumpMap {
       h = std::min(h, 1.0 - theta);
       Vector e_new;
       Vector rate_new;
-      Vector error;
       Vector moved;
-      stepper_.step(path_, e, rate, theta, h, e_new, rate_new, error);
-      double norm = calcErrorNorm(error, e, e_new, absolute, relative);
+      double norm = stepper_.step(path_, {theta, e, rate}, h, e_new, rate_new);
       if (norm <= 1.0) {
         const auto projected = projectAccelerations(drivetrain_, path_.at(theta + h, e_new.data()),
                                                     e_new.data(), moved.data(), projections);
         // What the projection had to move is a second, independent measure of the error.
         norm = projected == ProjectionResult::kConverged
-                   ? std::max(norm, calcErrorNorm(moved, e, e_new, absolute, relative))
+                   ? std::max(norm, calcErrorNorm(moved, e, e_new, tolerance_))
                    : std::numeric_limits<double>::quiet_NaN();
       }
       if (norm <= 1.0) {
@@ -183,11 +184,12 @@ class JumpMap {
   /// like a root of the distance, and the step underflows first.
   static constexpr double kNearlyVanished = 1e-4;
 
-  Drivetrain<S>& drivetrain_;
+  Drivetrain<Shape>& drivetrain_;
   Path path_;
-  Fehlberg78Stepper<Vector, Path> stepper_;
+  Tolerance tolerance_;
+  ExplicitStepper<Dop853Tableau, Path, 0> stepper_;
   bool straight_ = true;
-  double row_reference_[ConstraintSolver<S>::kMaxRows] = {};
+  double row_reference_[Drivetrain<Shape>::kMaxRows] = {};
 };
 
 }  // namespace variator_sim

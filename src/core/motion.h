@@ -2,6 +2,8 @@
 #pragma once
 
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "variator_sim/simulation.h"
 
@@ -20,13 +22,16 @@ class Motion {
   virtual const Statistics& statistics() const = 0;
   virtual void reset() = 0;
   virtual const char* stepperName() const = 0;
+  virtual std::string describeStepper() const = 0;
+  virtual std::vector<std::string> skips() const = 0;
+  virtual bool isSleeping() const = 0;
   /// Row m of C at the present, s values; for messages.
   virtual void calcConstraintRow(int m, double* C) = 0;
 };
 
-/// The motion of a scene of 1 to 4 and of 5 to 8 shafts: two translation units share the work of
-/// compiling one source for every size.
-std::unique_ptr<Motion> makeSmallMotion(Scene scene);
-std::unique_ptr<Motion> makeLargeMotion(Scene scene);
+/// The motion of a scene of S shafts. Defined in make_motion.h and compiled once for each size, in
+/// motion_1.cpp to motion_8.cpp, so that a build does the sizes side by side.
+template <int S>
+std::unique_ptr<Motion> makeMotion(Scene scene);
 
 }  // namespace variator_sim

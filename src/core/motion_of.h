@@ -9,14 +9,18 @@
 #include <array>
 #include <cmath>
 #include <sstream>
+#include <string>
+#include <tuple>
 #include <utility>
+#include <vector>
 
 #include "drivetrain.h"
 #include "initial_conditions.h"
 #include "motion.h"
 #include "projection.h"
+#include "rest.h"
 #include "step_control.h"
-#include "stepper.h"
+#include "stepper_choice.h"
 
 namespace variator_sim {
 
@@ -28,9 +32,10 @@ class MotionOf final : public Motion {
       : scene_(std::move(scene)),
         system_(scene_),
         drivetrain_(system_.drivetrain()),
-        stepper_(makeStepper<State, System>(scene_.solver)),
-        inner_stepper_(makeStepper<State, System>(scene_.solver)),
-        control_(std::max(1, stepper_->errorOrder())) {
+        choice_(scene_.solver, system_.readsAngles()),
+        stepper_(&choice_.stepper()),
+        tolerance_{scene_.solver.absolute_tolerance, scene_.solver.relative_tolerance},
+        control_(1) {
     startOver();
     if (initial_result_ == InitialResult::kInconsistent ||
         initial_result_ == InitialResult::kNotFound) {
@@ -41,12 +46,35 @@ class MotionOf final : public Motion {
   const Scene& scene() const override { return scene_; }
   double time() const override { return time_; }
   const MotionStatus& status() const override { return status_; }
-  const char* stepperName() const override { return stepper_->name(); }
+  const char* stepperName() const override { return choice_.stepper().name(); }
+  std::string describeStepper() const override { return choice_.describe(); }
+  std::vector<std::string> skips() const override {
+    std::vector<std::string> skips;
+    if (!system_.readsAngles()) skips.emplace_back("stages of the angles: nothing reads them");
+    if (drivetrain_.hasConstantRows() && drivetrain_.constraintCount() > 0) {
+      skips.emplace_back("factorizations but the first: C and J are constant");
+    }
+    if (drivetrain_.inertia().isConstant()) {
+      skips.emplace_back("inertial torques and connection: J is constant");
+    }
+    if (std::tuple_size<State>::value == 2 * S) {
+      skips.emplace_back("torque rates and stepped accelerations: the principle gives them");
+    }
+    if (!drivetrain_.readsTime()) {
+      skips.emplace_back(scene_.solver.sleep
+                             ? "everything at rest, until a command: no explicit time"
+                             : "derivatives by time: no explicit time");
+    }
+    if (System::kHasRows) skips.emplace_back("loops over shafts and constraints: two and one");
+    return skips;
+  }
+  bool isSleeping() const override { return sleeping_; }
   void reset() override { startOver(); }
 
   const Statistics& statistics() const override {
     statistics_.right_hand_sides = drivetrain_.rightHandSides();
     statistics_.newton_iterations = drivetrain_.newtonIterations();
+    statistics_.stepper_switches = choice_.switches();
     return statistics_;
   }
 
@@ -83,7 +111,11 @@ class MotionOf final : public Motion {
     if (status_.ok()) applyPending();
     if (!sample_valid_) {
       State x = front_.x;
-      if (time_ != front_.time) sampleInside(x);
+      if (sleeping_) {
+        calcRest(x);
+      } else if (time_ != front_.time) {
+        sampleInside(x);
+      }
       system_.calcSample(time_, x, &sample_);
       sample_valid_ = true;
     }
@@ -98,12 +130,7 @@ class MotionOf final : public Motion {
  private:
   static constexpr int S = System::kShafts;
   using State = typename System::State;
-  /// A state of the motion and its derivative.
-  struct Node {
-    double time = 0.0;
-    State x{};
-    State dxdt{};
-  };
+  using Node = StepNode<State>;
   static constexpr double kNever = std::numeric_limits<double>::infinity();
 
   // --- start -----------------------------------------------------------------------------------
@@ -116,6 +143,7 @@ class MotionOf final : public Motion {
     steps_in_window_ = 0;
     pending_count_ = 0;
     std::fill(std::begin(last_command_time_), std::end(last_command_time_), kNever);
+    choice_.reset();
     drivetrain_.resetInputs();
     std::fill(std::begin(row_reference_), std::end(row_reference_), 0.0);
     start();
@@ -149,6 +177,11 @@ class MotionOf final : public Motion {
 
   /// The front is a new beginning (start, command, end of an input's segment): derivative, step.
   void restart() {
+    sleeping_ = false;
+    rest_.reset();
+    choice_.restart();
+    stepper_ = &choice_.stepper();
+    control_.setOrder(std::max(1, stepper_->errorOrder()));
     base_ = front_;
     drivetrain_.refreshInputs(front_.time);
     system_(front_.x, front_.dxdt, front_.time);
@@ -163,7 +196,7 @@ class MotionOf final : public Motion {
     control_.reset();
     restart_time_ = front_.time;
     fixed_steps_ = 0;
-    if (stepper_->errorOrder() > 0) next_step_ = chooseFirstStep();
+    if (!choice_.isFixed()) next_step_ = chooseFirstStep();
   }
 
   /// A first step from the sizes of x, x' and the change of x' over a small Euler step
@@ -201,7 +234,7 @@ class MotionOf final : public Motion {
   /// Brings the present to `time`.
   void moveTo(double time) {
     if (!status_.ok()) return;
-    while (front_.time < time) {
+    while (front_.time < time && !sleeping_) {
       if (!countStep() || !step()) {
         time_ = front_.time;
         sample_valid_ = false;
@@ -237,13 +270,15 @@ class MotionOf final : public Motion {
     }
     base_ = front_;
     system_.noteBase(base_.time, base_.x, base_.dxdt);
-    return stepper_->errorOrder() > 0 ? stepAdaptively() : stepFixed();
+    stepper_ = &choice_.stepper();
+    return choice_.isFixed() ? stepFixed() : stepAdaptively();
   }
 
   bool stepAdaptively() {
     const SolverSettings& solver = scene_.solver;
     const double segment_end = drivetrain_.inputSegmentEnd();
     bool rejected = false;
+    int rejections = 0;
     double h = std::min(next_step_, solver.maximum_step);
     while (true) {
       // Up to the end of an input's segment at the most, and not leaving a sliver before it.
@@ -254,11 +289,8 @@ class MotionOf final : public Motion {
         explainStop();
         return false;
       }
-      State error;
-      stepper_->step(system_, base_.x, base_.dxdt, base_.time, taken, front_.x, dxdt_new_, error);
-      double norm = calcErrorNorm(error, base_.x, front_.x, solver.absolute_tolerance,
-                                  solver.relative_tolerance);
-      if (norm <= 1.0) norm = std::max(norm, projectEnd(*stepper_, base_.x, end, front_.x));
+      double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
+      if (norm <= 1.0) norm = std::max(norm, projectEnd(*stepper_, base_.x, end, taken, front_.x));
       if (norm <= 1.0) {
         front_.time = end;
         ++statistics_.steps;
@@ -266,7 +298,10 @@ class MotionOf final : public Motion {
         if (rejected) factor = std::min(1.0, factor);
         // A step cut short by a segment's end says nothing about the next one's size.
         next_step_ = last_of_segment ? std::max(h, taken * factor) : taken * factor;
-        if (finishStep()) return true;
+        if (finishStep()) {
+          lookAhead();
+          return true;
+        }
         if (!status_.ok()) return false;
         norm = std::numeric_limits<double>::quiet_NaN();
       }
@@ -274,6 +309,11 @@ class MotionOf final : public Motion {
       rejected = true;
       h = taken * control_.shrink(norm);
       front_ = base_;
+      if (++rejections == kHopeless && choice_.giveUpExplicit()) {
+        stepper_ = &choice_.stepper();
+        control_.setOrder(stepper_->errorOrder());
+        control_.reset();
+      }
     }
   }
 
@@ -285,11 +325,9 @@ class MotionOf final : public Motion {
       stop(StopReason::kStepUnderflow);
       return false;
     }
-    State error;
-    stepper_->step(system_, base_.x, base_.dxdt, base_.time, end - base_.time, front_.x, dxdt_new_,
-                   error);
-    const double moved = projectEnd(*stepper_, base_.x, end, front_.x);
-    if (!std::isfinite(moved)) {
+    const double norm = stepper_->step(system_, base_, end - base_.time, front_.x, dxdt_new_);
+    const double moved = projectEnd(*stepper_, base_.x, end, end - base_.time, front_.x);
+    if (!std::isfinite(norm) || !std::isfinite(moved)) {
       front_ = base_;
       explainStop();
       return false;
@@ -297,6 +335,8 @@ class MotionOf final : public Motion {
     front_.time = end;
     ++fixed_steps_;
     ++statistics_.steps;
+    statistics_.largest_error_estimate =
+        std::max({statistics_.largest_error_estimate, norm, moved});
     if (finishStep()) return true;
     if (status_.ok()) {
       front_ = base_;
@@ -305,10 +345,10 @@ class MotionOf final : public Motion {
     return false;
   }
 
-  /// Projects x, to which `stepper` has gone from x_old and which stands at `end`, if the stepper
-  /// has not done so; the size of the move in units of the tolerance (an error measure that is
-  /// independent of the stepper's), or NaN when it failed.
-  double projectEnd(const Stepper<State, System>& stepper, const State& x_old, double end,
+  /// Projects x, to which `stepper` has gone from x_old by h and which stands at `end`, if the
+  /// stepper has not done so; the size of the move in units of the tolerance (an error measure that
+  /// is independent of the stepper's), or NaN when it failed.
+  double projectEnd(const Stepper<System>& stepper, const State& x_old, double end, double h,
                     State& x) {
     if (!stepper.projects()) {
       for (double value : x) {
@@ -317,14 +357,19 @@ class MotionOf final : public Motion {
     }
     if (drivetrain_.constraintCount() == 0) return 0.0;
     StepProjection<State> own;
-    if (!stepper.projects()) own.result = system_.project(end, x, own.moved, &own.iterations);
+    if (stepper.isImplicit()) {
+      own.result = system_.projectStiffly(end, h, x, own.moved, &own.iterations);
+    } else if (!stepper.projects()) {
+      own.result = system_.project(end, x, own.moved, &own.iterations);
+    }
     const StepProjection<State>& projection = stepper.projects() ? stepper.projection() : own;
     statistics_.projections += projection.iterations;
     if (projection.result != ProjectionResult::kConverged) {
       return std::numeric_limits<double>::quiet_NaN();
     }
-    return calcErrorNorm(projection.moved, x_old, x, scene_.solver.absolute_tolerance,
-                         scene_.solver.relative_tolerance);
+    // Stages that hold psi = 0 themselves leave rounding to the projection, no error.
+    if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) return 0.0;
+    return calcErrorNorm(projection.moved, x_old, x, tolerance_);
   }
 
   /// Derivative at the new front and the check of C. False when the front is no good: then either
@@ -339,6 +384,37 @@ class MotionOf final : public Motion {
       if (!std::isfinite(value)) return false;
     }
     return noteRows();
+  }
+
+  /// After an accepted step of adaptive size: another stepper for the next one? at rest?
+  void lookAhead() {
+    if (stepper_->isImplicit()) ++statistics_.implicit_steps;
+    if (!drivetrain_.readsTime() && scene_.solver.sleep) {
+      // Angles that nothing reads go on at constant speed.
+      double rate = 0.0;
+      for (std::size_t n = system_.readsAngles() ? 0 : S; n < front_.x.size(); ++n) {
+        rate = std::max(rate, std::abs(front_.dxdt[n]) / tolerance_.of(front_.x[n]));
+      }
+      if (rest_.noteStep(front_.time, rate)) {
+        sleeping_ = true;
+        ++statistics_.sleeps;
+        return;
+      }
+    }
+    if (!choice_.isAutomatic()) return;
+    const double limit =
+        std::min(scene_.solver.maximum_step, drivetrain_.inputSegmentEnd() - front_.time);
+    if (choice_.reconsider(system_, front_, limit, &next_step_)) {
+      control_.setOrder(choice_.stepper().errorOrder());
+      control_.reset();
+    }
+  }
+
+  /// x of a motion at rest at the present: the front's, angles gone on at constant speed.
+  void calcRest(State& x) const {
+    x = front_.x;
+    if (system_.readsAngles()) return;
+    for (std::size_t n = 0; n < S; ++n) x[n] += (time_ - front_.time) * front_.x[S + n];
   }
 
   /// Compares the rows of C with the longest that each has been. False, and the motion stopped,
@@ -362,7 +438,7 @@ class MotionOf final : public Motion {
     stop(StopReason::kStepUnderflow);
     if (nameBadValue(front_.time, front_.x)) return;
     const StateView state = system_.view(front_.time, front_.x);
-    double c0[Drivetrain<S>::kMaxRows] = {};
+    double c0[System::kMaxRows] = {};
     if (!drivetrain_.calcRows(state, c0)) {
       status_.reason = StopReason::kSingularConstraint;
       status_.constraint = drivetrain_.solver().singularRow();
@@ -429,12 +505,14 @@ class MotionOf final : public Motion {
       return;
     }
     if (stepper_->hasDenseOutput()) {
-      stepper_->interpolate(time_, base_.x, base_.dxdt, base_.time, dxdt_new_, front_.time, x);
+      stepper_->interpolate(system_, time_, base_, front_, x);
       State moved;
-      if (system_.project(time_, x, moved, &statistics_.projections) ==
-          ProjectionResult::kConverged) {
-        return;
-      }
+      const double h = front_.time - base_.time;
+      const ProjectionResult result =
+          stepper_->isImplicit()
+              ? system_.projectStiffly(time_, h, x, moved, &statistics_.projections)
+              : system_.project(time_, x, moved, &statistics_.projections);
+      if (result == ProjectionResult::kConverged) return;
     }
     Node node;
     x = reachPresent(&node) ? node.x : base_.x;
@@ -445,7 +523,12 @@ class MotionOf final : public Motion {
   /// False, and the motion stopped at the base, in the odd case that no step however short
   /// succeeds.
   bool reachPresent(Node* node) {
-    const SolverSettings& solver = scene_.solver;
+    if (sleeping_) {
+      node->time = time_;
+      calcRest(node->x);
+      return true;
+    }
+    Stepper<System>& stepper = choice_.innerOf(*stepper_);
     *node = base_;
     double h = time_ - base_.time;
     while (node->time < time_) {
@@ -458,17 +541,14 @@ class MotionOf final : public Motion {
         time_ = base_.time;
         return false;
       }
-      State error;
-      inner_stepper_->step(system_, start.x, start.dxdt, start.time, end - start.time, node->x,
-                           node->dxdt, error);
-      double norm = calcErrorNorm(error, start.x, node->x, solver.absolute_tolerance,
-                                  solver.relative_tolerance);
-      if (norm <= 1.0) {
-        norm = std::max(norm, projectEnd(*inner_stepper_, start.x, end, node->x));
+      double norm = stepper.step(system_, start, end - start.time, node->x, node->dxdt);
+      if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
+        const double moved = projectEnd(stepper, start.x, end, end - start.time, node->x);
+        norm = std::isfinite(moved) ? std::max(norm, moved) : moved;
       }
-      if (norm <= 1.0 || (solver.stepper == StepperKind::kRk4 && std::isfinite(norm))) {
+      if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
         node->time = end;
-        if (!last && !inner_stepper_->projects()) system_(node->x, node->dxdt, end);
+        if (!last && !stepper.projects()) system_(node->x, node->dxdt, end);
       } else {
         *node = start;
         h = 0.5 * (end - start.time);  // rare: a shorter step is nearly always better
@@ -646,6 +726,8 @@ class MotionOf final : public Motion {
     throw SceneError(key, text.str());
   }
 
+  /// So many rejections of one step make `auto` try implicitly.
+  static constexpr int kHopeless = 6;
   /// Relative to the time reached: shorter steps no longer change the time reliably.
   static constexpr double kResolution = 4.0 * std::numeric_limits<double>::epsilon();
   /// A row of C shorter than this part of the longest it has been counts as zero.
@@ -653,10 +735,13 @@ class MotionOf final : public Motion {
 
   Scene scene_;
   System system_;
-  Drivetrain<S>& drivetrain_;  // the system's
-  std::unique_ptr<Stepper<State, System>> stepper_;
-  std::unique_ptr<Stepper<State, System>> inner_stepper_;  // keeps stepper_'s stages whole
+  typename System::DrivetrainType& drivetrain_;  // the system's
+  StepperChoice<System> choice_;
+  Stepper<System>* stepper_;  // that made the last step
+  Tolerance tolerance_;
   StepControl control_;
+  RestWatch rest_;
+  bool sleeping_ = false;
 
   MotionStatus status_;
   mutable Statistics statistics_;
@@ -673,7 +758,7 @@ class MotionOf final : public Motion {
   int steps_in_window_ = 0;
   double restart_time_ = 0.0;  // fixed steps count from here
   std::uint64_t fixed_steps_ = 0;
-  double row_reference_[ConstraintSolver<S>::kMaxRows] = {};
+  double row_reference_[System::kMaxRows] = {};
 
   struct Pending {
     int input;

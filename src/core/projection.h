@@ -59,28 +59,28 @@ ProjectionResult iterateProjection(Correct correct, double* values, double* move
 
 /// Projects the velocities onto f = 0 of the constraints of order 1. `state.velocity` must point to
 /// `omega` (S values, in place); the rest is fixed.
-template <int S>
-ProjectionResult projectVelocities(Drivetrain<S>& drivetrain, const StateView& state, double* omega,
-                                   double* moved, std::uint64_t* iterations) {
+template <class Shape>
+ProjectionResult projectVelocities(Drivetrain<Shape>& drivetrain, const StateView& state,
+                                   double* omega, double* moved, std::uint64_t* iterations) {
   if (!drivetrain.hasVelocityRows()) {
-    for (int i = 0; i < S; ++i) moved[i] = 0.0;
+    for (int i = 0; i < Shape::kShafts; ++i) moved[i] = 0.0;
     return ProjectionResult::kConverged;
   }
-  return iterateProjection<S>(
+  return iterateProjection<Shape::kShafts>(
       [&](double* delta) { return drivetrain.calcVelocityProjection(state, delta); }, omega, moved,
       iterations);
 }
 
 /// Projects the accelerations onto psi = 0 (order 2) and f' = 0 (order 1). `state.acceleration`
 /// must point to `epsilon` (S values, in place); the rest is fixed.
-template <int S>
-ProjectionResult projectAccelerations(Drivetrain<S>& drivetrain, const StateView& state,
+template <class Shape>
+ProjectionResult projectAccelerations(Drivetrain<Shape>& drivetrain, const StateView& state,
                                       double* epsilon, double* moved, std::uint64_t* iterations) {
   if (!drivetrain.hasAccelerationRows()) {
-    for (int i = 0; i < S; ++i) moved[i] = 0.0;
+    for (int i = 0; i < Shape::kShafts; ++i) moved[i] = 0.0;
     return ProjectionResult::kConverged;
   }
-  return iterateProjection<S>(
+  return iterateProjection<Shape::kShafts>(
       [&](double* delta) { return drivetrain.calcAccelerationProjection(state, delta); }, epsilon,
       moved, iterations);
 }

@@ -16,8 +16,12 @@
 namespace variator_sim {
 namespace {
 
-constexpr std::array<StepperKind, 4> kSteppers{StepperKind::kAuto, StepperKind::kRk4,
-                                               StepperKind::kDopri5, StepperKind::kFehlberg78};
+constexpr std::array<StepperKind, 10> kSteppers{
+    StepperKind::kAuto,        StepperKind::kRk4,
+    StepperKind::kDopri5,      StepperKind::kDop853,
+    StepperKind::kFehlberg78,  StepperKind::kRosenbrock4,
+    StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
+    StepperKind::kRadau5,      StepperKind::kRadau5Fixed};
 
 /// Keys at the scene's root that are not names of shafts, torques or constraints.
 const std::vector<std::string>& sceneKeys() {
@@ -311,6 +315,7 @@ SolverSettings readSolver(ParameterReader& root) {
   settings.maximum_step = reader.number("maximum_step", Range::positive(), settings.maximum_step);
   settings.maximum_steps =
       reader.integer("maximum_steps", 1, std::numeric_limits<int>::max(), settings.maximum_steps);
+  settings.sleep = reader.boolean("sleep", settings.sleep);
   const std::string in_order = toString(SimultaneousCommands::kInOrder);
   const std::string together = toString(SimultaneousCommands::kTogether);
   if (reader.choice("simultaneous_commands", {in_order, together}, in_order) == together) {
@@ -452,6 +457,7 @@ ParameterTree resolve(const ParameterTree& tree, const Lists& lists, const Scene
        {"step", ParameterTree::real(solver.step)},
        {"maximum_step", ParameterTree::real(solver.maximum_step)},
        {"maximum_steps", ParameterTree::integer(solver.maximum_steps)},
+       {"sleep", ParameterTree::boolean(solver.sleep)},
        {"simultaneous_commands", ParameterTree::text(toString(solver.simultaneous_commands))}});
   return ParameterTree::dictionary(std::move(root));
 }
@@ -476,10 +482,27 @@ const char* toString(StepperKind kind) {
       return "rk4";
     case StepperKind::kDopri5:
       return "dopri5";
+    case StepperKind::kDop853:
+      return "dop853";
     case StepperKind::kFehlberg78:
       return "fehlberg78";
+    case StepperKind::kRosenbrock4:
+      return "rosenbrock4";
+    case StepperKind::kDopri5Fixed:
+      return "dopri5_fixed";
+    case StepperKind::kRosenbrock4Fixed:
+      return "rosenbrock4_fixed";
+    case StepperKind::kRadau5:
+      return "radau5";
+    case StepperKind::kRadau5Fixed:
+      return "radau5_fixed";
   }
   return "";
+}
+
+bool isFixedStep(StepperKind kind) {
+  return kind == StepperKind::kRk4 || kind == StepperKind::kDopri5Fixed ||
+         kind == StepperKind::kRosenbrock4Fixed || kind == StepperKind::kRadau5Fixed;
 }
 
 const char* toString(SimultaneousCommands rule) {

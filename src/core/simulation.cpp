@@ -9,12 +9,28 @@ namespace variator_sim {
 
 namespace {
 
-std::unique_ptr<Motion> makeMotion(Scene scene) {
+std::unique_ptr<Motion> makeMotionOfSize(Scene scene) {
   if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
-  return scene.shaftCount() <= 4 ? makeSmallMotion(std::move(scene))
-                                 : makeLargeMotion(std::move(scene));
+  switch (scene.shaftCount()) {
+    case 1:
+      return makeMotion<1>(std::move(scene));
+    case 2:
+      return makeMotion<2>(std::move(scene));
+    case 3:
+      return makeMotion<3>(std::move(scene));
+    case 4:
+      return makeMotion<4>(std::move(scene));
+    case 5:
+      return makeMotion<5>(std::move(scene));
+    case 6:
+      return makeMotion<6>(std::move(scene));
+    case 7:
+      return makeMotion<7>(std::move(scene));
+    default:
+      return makeMotion<8>(std::move(scene));
+  }
 }
 
 void writeVector(std::ostream& out, const double* values, int count) {
@@ -46,7 +62,7 @@ const char* explain(StopReason reason) {
 
 }  // namespace
 
-Simulation::Simulation(Scene scene) : motion_(makeMotion(std::move(scene))) {}
+Simulation::Simulation(Scene scene) : motion_(makeMotionOfSize(std::move(scene))) {}
 Simulation::~Simulation() = default;
 Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
@@ -77,6 +93,15 @@ void Simulation::reset() {
 }
 const char* Simulation::stepperName() const {
   return motion_->stepperName();
+}
+std::string Simulation::describeStepper() const {
+  return motion_->describeStepper();
+}
+std::vector<std::string> Simulation::skips() const {
+  return motion_->skips();
+}
+bool Simulation::isSleeping() const {
+  return motion_->isSleeping();
 }
 
 std::string Simulation::describeStatus() const {

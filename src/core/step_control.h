@@ -6,17 +6,23 @@
 
 namespace variator_sim {
 
-/// Largest |error_i| over its allowance absolute + relative max(|x_i|, |x_new_i|); NaN when any
-/// error or value is NaN. A step is good at most 1. (Boost.Odeint's own check drops NaN in max().)
+/// What an error may be: absolute + relative |x|.
+struct Tolerance {
+  double absolute;
+  double relative;
+  double of(double x) const { return absolute + relative * std::abs(x) + 1e-300; }
+  double of(double x, double x_new) const { return of(std::max(std::abs(x), std::abs(x_new))); }
+};
+
+/// Largest |error_i| over its allowance at the larger of |x_i| and |x_new_i|; NaN when any error or
+/// value is NaN. A step is good at most 1. (Boost.Odeint's own check drops NaN in max().)
 template <class State>
-double calcErrorNorm(const State& error, const State& x, const State& x_new, double absolute,
-                     double relative) {
+double calcErrorNorm(const State& error, const State& x, const State& x_new,
+                     const Tolerance& tolerance) {
   double norm = 0.0;
   double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
   for (std::size_t i = 0; i < error.size(); ++i) {
-    const double size = std::max(std::abs(x[i]), std::abs(x_new[i]));
-    const double scaled = std::abs(error[i]) / (absolute + relative * size + 1e-300);
-    norm = std::max(norm, scaled);
+    norm = std::max(norm, std::abs(error[i]) / tolerance.of(x[i], x_new[i]));
     poison += 0.0 * (x_new[i] + error[i]);
   }
   return norm + poison;
@@ -29,6 +35,8 @@ class StepControl {
  public:
   /// `order` p: the error estimate is of order h^p.
   explicit StepControl(int order) : order_(order) {}
+  /// Another estimate's order.
+  void setOrder(int order) { order_ = order; }
 
   void reset() { previous_norm_ = 1e-4; }
   /// Factor for the step after one with error `norm` <= 1.
@@ -36,7 +44,11 @@ class StepControl {
     constexpr double kBeta = 0.04;
     const double alpha = 1.0 / order_ - 0.75 * kBeta;
     norm = std::max(norm, 1e-10);
-    double factor = kSafety * std::pow(norm, -alpha) * std::pow(previous_norm_, kBeta);
+    // No step needs to be known to more than seven digits.
+    const float exponent =
+        static_cast<float>(kBeta) * std::log2(static_cast<float>(previous_norm_)) -
+        static_cast<float>(alpha) * std::log2(static_cast<float>(norm));
+    const double factor = kSafety * static_cast<double>(std::exp2(exponent));
     previous_norm_ = std::max(norm, 1e-4);
     return std::min(kMaxGrowth, std::max(kMaxShrink, factor));
   }

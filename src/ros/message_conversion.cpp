@@ -68,7 +68,8 @@ SceneInfo toSceneInfo(const Simulation& simulation) {
   }
   for (const CommandInputSettings& input : scene.inputs) message.inputs.push_back(input.topic);
   message.principle = toString(scene.principle);
-  message.stepper = simulation.stepperName();
+  message.stepper = simulation.describeStepper();
+  message.skips = simulation.skips();
   message.parameters = toYaml(scene.resolved);
   return message;
 }

@@ -239,7 +239,8 @@ void SteppingLoop::anchor() {
 
 RunState SteppingLoop::state() const {
   if (!simulation_.status().ok()) return RunState::kStopped;
-  return paused_ ? RunState::kPaused : RunState::kRunning;
+  if (paused_) return RunState::kPaused;
+  return simulation_.isSleeping() ? RunState::kSleeping : RunState::kRunning;
 }
 
 bool SteppingLoop::noticeStop() {
@@ -295,7 +296,8 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   snapshot.state_changed = state_changed;
   snapshot.reason = simulation_.status().reason;
   snapshot.time = sampleTime();
-  if (snapshot.state == RunState::kRunning) snapshot.real_time_factor = real_time_factor_;
+  if (snapshot.state == RunState::kRunning || snapshot.state == RunState::kSleeping)
+    snapshot.real_time_factor = real_time_factor_;
   snapshot.pacing = pacer_.counters();
   const LatenessHistogram window = lateness_.total();
   snapshot.lateness_p50 = window.quantile(0.5);

@@ -58,13 +58,22 @@ void printStatistics(const Simulation& simulation, const WallTimes& wall, std::u
   const auto print = [](const char* name, std::uint64_t count) {
     std::fprintf(stderr, "%s: %llu\n", name, static_cast<unsigned long long>(count));
   };
-  std::fprintf(stderr, "stepper: %s\n", simulation.stepperName());
+  std::fprintf(stderr, "stepper: %s\n", simulation.describeStepper().c_str());
+  for (const std::string& skip : simulation.skips()) {
+    std::fprintf(stderr, "not computed: %s\n", skip.c_str());
+  }
   print("steps", counts.steps);
+  if (counts.implicit_steps > 0) print("implicit steps", counts.implicit_steps);
+  if (isFixedStep(simulation.scene().solver.stepper)) {
+    std::fprintf(stderr, "largest error estimate: %.6g of the tolerance\n",
+                 counts.largest_error_estimate);
+  }
   print("rejected steps", counts.rejected_steps);
   print("right-hand sides", counts.right_hand_sides);
   print("projections", counts.projections);
   print("Newton iterations", counts.newton_iterations);
   print("jumps", counts.jumps);
+  if (counts.sleeps > 0) print("times come to rest", counts.sleeps);
   print("commands accepted", counts.commands_accepted);
   print("commands clamped", counts.commands_clamped);
   print("commands refused", counts.commands_refused);

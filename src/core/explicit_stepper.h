@@ -1,0 +1,243 @@
+/// Explicit Runge-Kutta steps: one kernel for every tableau.
+///
+/// The stages of the angles are left out where nothing reads angles: they are a quadrature then,
+/// taken once at the end of the step. Sums are unrolled when compiled and coefficients that are
+/// zero cost nothing.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <tuple>
+#include <utility>
+
+#include "stepper.h"
+#include "tableaus.h"
+
+namespace variator_sim {
+
+/// `kFirst`: the first component that the stages need, 0 or the number of angles.
+template <class Tableau, class System, std::size_t kFirst>
+class ExplicitStepper final : public Stepper<System> {
+ public:
+  using State = typename System::State;
+  using Node = StepNode<State>;
+
+  explicit ExplicitStepper(Tolerance tolerance) : Stepper<System>(tolerance) {}
+
+  const char* name() const override { return Tableau::kName; }
+  int errorOrder() const override { return Tableau::kErrorOrder; }
+  double work() const override { return Tableau::kStages; }
+  bool projects() const override { return Tableau::kEndsInStage; }
+  bool hasDenseOutput() const override { return true; }
+
+  double step(System& system, const Node& from, double h, State& x_new, State& dxdt_new) override {
+    from_ = &from;
+    h_ = h;
+    is_prepared_ = false;
+    k_[0] = from.dxdt;
+    y_ = from.x;
+    takeStages(system, std::make_index_sequence<Tableau::kStages - 1>{});
+    combineEnd(std::make_index_sequence<Tableau::kStages>{}, x_new);
+    if constexpr (!Tableau::kEndsInStage) {
+      return calcError(from.x, x_new);
+    } else {
+      if (!takeEndStage(system, from.time + h, x_new, dxdt_new)) {
+        return std::numeric_limits<double>::quiet_NaN();
+      }
+      return calcError(from.x, x_new, dxdt_new);
+    }
+  }
+
+  double stiffness(const State& x_new, const State& dxdt_new) const override {
+    // |h lambda| from the two derivatives at the end of the step (Solving ODE II, IV.2).
+    const State& slope = k_[Tableau::kStages - 1];
+    double distance = 0.0;
+    double change = 0.0;
+    for (std::size_t n = kFirst; n < kSize; ++n) {
+      const double allowance = this->tolerance_.of(x_new[n]);
+      distance = std::max(distance, std::abs(x_new[n] - y_[n]) / allowance);
+      change = std::max(change, std::abs(dxdt_new[n] - slope[n]) / allowance);
+    }
+    return distance > 0.0 ? h_ * change / distance / Tableau::kStabilityBound : 0.0;
+  }
+
+  void interpolate(System& system, double time, const Node& from, const Node& to,
+                   State& x) override {
+    if (!is_prepared_) prepare(system, from, to);
+    const double theta = (time - from.time) / (to.time - from.time);
+    if constexpr (Tableau::kExtraStages == 0) {
+      evaluate(from, theta, x);
+    } else {
+      for (std::size_t n = 0; n < kSize; ++n) {
+        double sum = 0.0;
+        for (std::size_t p = 8; p-- > 0;) sum = (sum + refined_[p][n]) * theta;
+        x[n] = from.x[n] + sum;
+      }
+    }
+  }
+
+ private:
+  static constexpr std::size_t kSize = std::tuple_size<State>::value;
+  static constexpr std::size_t kTerms = Tableau::kExtraStages == 0 ? 4 : 7;
+
+  using Terms = std::make_index_sequence<Tableau::kStages>;
+
+  /// sum_j coefficient[j] k_j of component n; a coefficient that is zero is no operation.
+  template <const auto& kCoefficients, std::size_t... J>
+  double sumStages(std::size_t n, std::index_sequence<J...>) const {
+    double sum = 0.0;
+    ((kCoefficients[J] != 0.0 ? void(sum += kCoefficients[J] * k_[J][n]) : void()), ...);
+    return sum;
+  }
+  /// x_new = x + h sum_j b_j k_j.
+  template <std::size_t... J>
+  void combineEnd(std::index_sequence<J...> terms, State& x_new) const {
+    for (std::size_t n = 0; n < kSize; ++n) {
+      x_new[n] = from_->x[n] + h_ * sumStages<Tableau::b>(n, terms);
+    }
+  }
+  /// y = x + h sum_j a_ij k_j, j < i.
+  template <std::size_t I, std::size_t... J>
+  void combineStage(std::index_sequence<J...>) {
+    for (std::size_t n = kFirst; n < kSize; ++n) {
+      double sum = 0.0;
+      ((Tableau::a[I][J] != 0.0 ? void(sum += Tableau::a[I][J] * k_[J][n]) : void()), ...);
+      y_[n] = from_->x[n] + h_ * sum;
+    }
+  }
+  template <std::size_t I>
+  void takeStage(System& system) {
+    combineStage<I>(std::make_index_sequence<I>{});
+    system(y_, k_[I], from_->time + Tableau::c[I] * h_);
+  }
+  template <std::size_t... I>
+  void takeStages(System& system, std::index_sequence<I...>) {
+    (takeStage<I + 1>(system), ...);
+  }
+
+  /// The stage at the projected end of the step. False when the projection failed.
+  bool takeEndStage(System& system, double t, State& x_new, State& dxdt_new) {
+    StepProjection<State>& projection = this->projection_;
+    projection.iterations = 0;
+    for (std::size_t n = 0; n < kSize; ++n) {
+      if (!std::isfinite(x_new[n])) return false;
+    }
+    projection.result = system.project(t, x_new, projection.moved, &projection.iterations);
+    if (projection.result != ProjectionResult::kConverged) return false;
+    system(x_new, dxdt_new, t);
+    return true;
+  }
+
+  /// The error of a scheme with one estimate, e = h sum_j e_j k_j, in units of the tolerance.
+  double calcError(const State& x, const State& x_new, const State& dxdt_new) const {
+    double largest = 0.0;
+    double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
+    for (std::size_t n = 0; n < kSize; ++n) {
+      const double error =
+          h_ * (sumStages<Tableau::e>(n, Terms{}) + Tableau::e[Tableau::kStages] * dxdt_new[n]);
+      largest = std::max(largest, std::abs(error) / this->tolerance_.of(x[n], x_new[n]));
+      poison += 0.0 * (error + x_new[n]);
+    }
+    return largest + poison;
+  }
+
+  /// Of one with two estimates, e5 of order h^6 and e3 of order h^4: |e5|^2 / sqrt(|e5|^2 +
+  /// |e3|^2 / 100), which is of order h^8 (Solving ODE I, II.10).
+  double calcError(const State& x, const State& x_new) const {
+    double size5 = 0.0;
+    double size3 = 0.0;
+    double poison = 0.0;
+    for (std::size_t n = 0; n < kSize; ++n) {
+      const double scale = h_ / this->tolerance_.of(x[n], x_new[n]);
+      size5 = std::max(size5, std::abs(scale * sumStages<Tableau::e5>(n, Terms{})));
+      size3 = std::max(size3, std::abs(scale * sumStages<Tableau::e3>(n, Terms{})));
+      poison += 0.0 * x_new[n];
+    }
+    if (!(size5 > 0.0)) return poison;
+    return size5 * size5 / std::sqrt(size5 * size5 + 0.01 * size3 * size3) + poison;
+  }
+
+  /// The scheme's own dense output.
+  void evaluate(const Node& from, double theta, State& x) const {
+    const double rest = 1.0 - theta;
+    for (std::size_t n = 0; n < kSize; ++n) {
+      // Horner's rule in theta and 1 - theta in turn
+      double sum = 0.0;
+      for (std::size_t p = kTerms; p-- > 0;)
+        sum = (sum + term_[p][n]) * (p % 2 == 0 ? theta : rest);
+      x[n] = from.x[n] + sum;
+    }
+  }
+
+  /// The dense output of order 7 of DOP853 is worse than its steps of order 8 by up to some hundred
+  /// times (measured: test/stepper_test.cpp). Five more derivatives taken on it, which err by one
+  /// order of h less than it does once integrated, give a polynomial of order 8: the one of degree
+  /// 8 through both ends with the slopes there and at the five points.
+  void refine(System& system, const Node& from, const Node& to, double h) {
+    std::array<State, 7> slope;
+    slope[0] = from.dxdt;
+    slope[6] = to.dxdt;
+    for (std::size_t i = 0; i < 5; ++i) {
+      evaluate(from, Tableau::refined_c[i], y_);
+      system(y_, slope[i + 1], from.time + Tableau::refined_c[i] * h);
+    }
+    for (std::size_t n = 0; n < kSize; ++n) {
+      const double change = to.x[n] - from.x[n];
+      for (std::size_t p = 0; p < 8; ++p) {
+        double sum = 0.0;
+        for (std::size_t i = 0; i < 7; ++i) sum += Tableau::refined_slope[p][i] * slope[i][n];
+        refined_[p][n] = h * sum + Tableau::refined_change[p] * change;
+      }
+    }
+  }
+
+  /// The terms of the dense output between the two ends of the last step.
+  void prepare(System& system, const Node& from, const Node& to) {
+    const double h = to.time - from.time;
+    for (std::size_t n = 0; n < kSize; ++n) {
+      const double change = to.x[n] - from.x[n];
+      term_[0][n] = change;
+      term_[1][n] = h * from.dxdt[n] - change;
+      term_[2][n] = 2.0 * change - h * (to.dxdt[n] + from.dxdt[n]);
+    }
+    if constexpr (Tableau::kExtraStages == 0) {
+      for (std::size_t n = 0; n < kSize; ++n) {
+        term_[3][n] =
+            h * (sumStages<Tableau::d>(n, Terms{}) + Tableau::d[Tableau::kStages] * to.dxdt[n]);
+      }
+    } else {
+      from_ = &from;
+      h_ = h;
+      k_[Tableau::kStages] = to.dxdt;
+      y_ = from.x;
+      takeStage<Tableau::kStages + 1>(system);
+      takeStage<Tableau::kStages + 2>(system);
+      takeStage<Tableau::kStages + 3>(system);
+      prepareHighTerms(h, std::make_index_sequence<Tableau::kStages + 4>{});
+      refine(system, from, to, h);
+    }
+    is_prepared_ = true;
+  }
+  template <std::size_t... J>
+  void prepareHighTerms(double h, std::index_sequence<J...> all) {
+    for (std::size_t n = 0; n < kSize; ++n) {
+      term_[3][n] = h * sumStages<Tableau::d0>(n, all);
+      term_[4][n] = h * sumStages<Tableau::d1>(n, all);
+      term_[5][n] = h * sumStages<Tableau::d2>(n, all);
+      term_[6][n] = h * sumStages<Tableau::d3>(n, all);
+    }
+  }
+
+  const Node* from_ = nullptr;
+  double h_ = 0.0;
+  State y_;
+  std::array<State, Tableau::kStages + (Tableau::kExtraStages == 0 ? 1 : 4)> k_;
+  std::array<State, kTerms> term_;
+  std::array<State, Tableau::kExtraStages == 0 ? 0 : 8> refined_;
+  bool is_prepared_ = false;
+};
+
+}  // namespace variator_sim

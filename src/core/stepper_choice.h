@@ -1,0 +1,195 @@
+/// Which stepper makes the next step: the one that the scene names, or `auto`.
+///
+/// The rule of `auto`:
+/// - It starts explicitly: dop853 where the relative tolerance is at most kHighOrderBelow, dopri5
+///   above.
+/// - After kSuspicions steps that stability and not accuracy limited (|h lambda| at the bound of
+/// the
+///   scheme, as Hairer's codes estimate it) it tries one implicit step from the same state. When
+///   the step sizes that the two error estimates allow say that radau5 gets further for the
+///   same work, it goes on with that.
+/// - A step that the explicit stepper has to repeat kHopeless times (motion_of.h) goes to radau5 as
+///   well.
+/// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
+///   one explicit step in the same way, and goes back when that gets further.
+/// All of it depends on the motion only, so it repeats to the bit.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <sstream>
+#include <string>
+
+#include "make_stepper.h"
+
+namespace variator_sim {
+
+template <class System>
+class StepperChoice {
+ public:
+  using Node = StepNode<typename System::State>;
+
+  StepperChoice(const SolverSettings& settings, bool reads_angles)
+      : automatic_(settings.stepper == StepperKind::kAuto),
+        fixed_(isFixedStep(settings.stepper)),
+        relative_tolerance_(settings.relative_tolerance) {
+    const Tolerance tolerance{settings.absolute_tolerance, settings.relative_tolerance};
+    const auto make = [&](StepperKind kind) {
+      return Pair{makeStepper<System>(kind, tolerance, reads_angles),
+                  makeStepper<System>(kind, tolerance, reads_angles)};
+    };
+    if (!automatic_) {
+      first_ = make(settings.stepper);
+    } else {
+      first_ = make(settings.relative_tolerance <= kHighOrderBelow ? StepperKind::kDop853
+                                                                   : StepperKind::kDopri5);
+      implicit_ = make(StepperKind::kRadau5);
+    }
+    reset();
+  }
+
+  bool isAutomatic() const { return automatic_; }
+  /// True when steps have the size that the scene gives, whatever their error.
+  bool isFixed() const { return fixed_; }
+  /// Makes the steps.
+  Stepper<System>& stepper() { return *active_->outer; }
+  /// One of the same kind as `stepper`, for steps aside that leave its dense output whole.
+  Stepper<System>& innerOf(const Stepper<System>& stepper) {
+    return &stepper == first_.outer.get() ? *first_.inner : *implicit_.inner;
+  }
+  const Stepper<System>& stepper() const { return *active_->outer; }
+  std::uint64_t switches() const { return switches_; }
+  /// What steps, and why.
+  std::string describe() const {
+    if (!automatic_) return std::string(stepper().name()) + ", as the scene says";
+    std::ostringstream text;
+    text << "auto: ";
+    if (active_ == &first_) {
+      text << first_.outer->name() << ", as the relative tolerance is "
+           << (relative_tolerance_ <= kHighOrderBelow ? "at most " : "above ") << kHighOrderBelow
+           << "; " << implicit_.outer->name() << " when stability limits its steps";
+    } else {
+      text << implicit_.outer->name() << ", as stability limited the steps of "
+           << first_.outer->name();
+    }
+    if (switches_ > 0) text << " (changed " << switches_ << (switches_ == 1 ? " time)" : " times)");
+    return text.str();
+  }
+
+  /// Back to the first stepper: the start of a motion.
+  void reset() {
+    active_ = &first_;
+    switches_ = 0;
+    trial_interval_ = kFirstTrial;
+    restart();
+  }
+  /// The motion begins anew at some state.
+  void restart() {
+    suspicions_ = 0;
+    quiet_ = 0;
+    steps_since_trial_ = 0;
+    for (Pair* pair : {&first_, &implicit_}) {
+      if (!pair->outer) continue;
+      pair->outer->restart();
+      pair->inner->restart();
+    }
+  }
+
+  /// The explicit stepper gets nowhere: true when the implicit one takes over.
+  bool giveUpExplicit() {
+    if (!automatic_ || active_ != &first_) return false;
+    active_ = &implicit_;
+    ++switches_;
+    suspicions_ = quiet_ = steps_since_trial_ = 0;
+    return true;
+  }
+
+  /// After an accepted step to `node`, the next one to be of size `h`: true when the stepper was
+  /// changed, `h` then being its step. [loop]
+  bool reconsider(System& system, const Node& node, double limit, double* h) {
+    return active_ == &first_ ? considerImplicit(system, node, limit, h)
+                              : considerExplicit(system, node, limit, h);
+  }
+
+ private:
+  struct Pair {
+    std::unique_ptr<Stepper<System>> outer;
+    std::unique_ptr<Stepper<System>> inner;
+  };
+
+  bool considerImplicit(System& system, const Node& node, double limit, double* h) {
+    if (active_->outer->stiffness(node.x, node.dxdt) <= 1.0) {
+      // A few steps below the bound between others above it clear nobody.
+      if (++quiet_ >= kQuiet) suspicions_ = quiet_ = 0;
+      return false;
+    }
+    quiet_ = 0;
+    if (++suspicions_ < wait_) return false;
+    suspicions_ = 0;
+    const double reached = tryStep(system, *implicit_.outer, node, std::min(limit, 10.0 * *h));
+    return change(&implicit_, reached, h);
+  }
+
+  bool considerExplicit(System& system, const Node& node, double limit, double* h) {
+    if (++steps_since_trial_ < trial_interval_) return false;
+    steps_since_trial_ = 0;
+    const double reached = tryStep(system, *first_.outer, node, std::min(limit, *h));
+    if (change(&first_, reached, h)) return true;
+    trial_interval_ = std::min(2 * trial_interval_, kLastTrial);
+    return false;
+  }
+
+  /// The step that `stepper` could make from `node`, judged by one of size h; 0 when none.
+  static double tryStep(System& system, Stepper<System>& stepper, const Node& node, double h) {
+    typename System::State x;
+    typename System::State dxdt;
+    for (int attempt = 0; attempt < 3; ++attempt, h *= 0.1) {
+      const double norm = stepper.step(system, node, h, x, dxdt);
+      if (!std::isfinite(norm)) continue;
+      const double factor = 0.9 * std::pow(std::max(norm, 1e-10), -1.0 / stepper.errorOrder());
+      if (factor >= 0.1 || attempt == 2) return h * std::min(5.0, factor);
+    }
+    return 0.0;
+  }
+
+  bool change(Pair* other, double reached, double* h) {
+    const double now = *h / active_->outer->work();
+    const double then = reached / other->outer->work();
+    if (!(then > kAdvantage * now)) {
+      if (other == &implicit_) wait_ = std::min(2 * wait_, kLastTrial);
+      return false;
+    }
+    active_ = other;
+    *h = reached;
+    ++switches_;
+    suspicions_ = quiet_ = steps_since_trial_ = 0;
+    wait_ = kSuspicions;
+    return true;
+  }
+
+  /// At higher accuracy than this dop853 needs fewer evaluations than dopri5.
+  static constexpr double kHighOrderBelow = 1e-5;
+  static constexpr int kSuspicions = 15;
+  static constexpr int kQuiet = 6;
+  static constexpr int kFirstTrial = 25;
+  static constexpr int kLastTrial = 1000;
+  /// Work is known roughly only, and a change costs a few short steps.
+  static constexpr double kAdvantage = 1.2;
+
+  bool automatic_;
+  bool fixed_;
+  double relative_tolerance_;
+  Pair first_;     // the one named, or the explicit one
+  Pair implicit_;  // of `auto` only
+  Pair* active_ = nullptr;
+  std::uint64_t switches_ = 0;
+  int suspicions_ = 0;
+  int quiet_ = 0;
+  int wait_ = kSuspicions;
+  int steps_since_trial_ = 0;
+  int trial_interval_ = kFirstTrial;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,263 @@
+// What a motion leaves out because nothing needs it - stages of angles, factorizations, sizes
+// looked up while running - changes nothing of it but rounding.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <ostream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr double kTolerance = 1e-11;
+constexpr double kEnd = 2.0;
+
+struct SkipScene {
+  const char* name;
+  const char* yaml;
+  bool reads_angles;
+};
+
+// How a scene is shown when it fails.
+void PrintTo(const SkipScene& scene, std::ostream* out) {
+  *out << scene.name;
+}
+
+const SkipScene kScenes[] = {
+    {"Ship", R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor, propeller]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "12*((50-w1)/50)/(((50-w1)/50)^2+0.04)"}
+propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2)) + w2-(0.6+0.2*sin(0.7*t))*w1"}
+initial: {velocity: [5.0, 2.0]}
+)yaml",
+     false},
+    {"ConstantSlip", R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor, propeller]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: first_order_lag, time_constant: 0.3, initial: 2}
+propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2+sin(t)"}
+constraints: [variator]
+variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6}
+initial: {velocity: [5.0, 2.0]}
+)yaml",
+     false},
+    {"CommandedSlip", R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [propeller]
+propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2+sin(t)"}
+constraints: [variator]
+variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.2,
+           ratio: {topic: ratio, initial: 0.6}}
+initial: {velocity: [5.0, 2.0]}
+)yaml",
+     false},
+    {"FourShaftsTwoConstraints", R"yaml(
+shafts: [a, b, c, d]
+a: {inertia: 0.8}
+b: {inertia: 0.5}
+c: {inertia: 2.0}
+d: {inertia: 1.1}
+inertia_coupling: [[a, b, 0.1]]
+torques: [motor, friction, spring]
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "5*sin(3*t)-0.1*w1"}
+friction: {type: variator_sim/ExpressionTorque, shaft: d, torque: "-0.3*w4-0.1*tanh(w3)"}
+spring: {type: variator_sim/ElasticCoupling, shafts: [b, c], stiffness: 30, damping: 1}
+constraints: [one, two]
+one: {type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.2, ratio: 0.6}
+two: {type: variator_sim/SlipRatio, shafts: [c, d], time_constant: 0.4, ratio: -1.5}
+initial: {velocity: [5.0, 3.0, 2.0, -3.0]}
+)yaml",
+     false},
+    {"ElasticCouplingUnderGauss", R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [coupling, motor]
+coupling: {type: variator_sim/ElasticCoupling, shafts: [drive, load], stiffness: 60, damping: 2}
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "3+sin(2*t)-0.2*w1"}
+principle: gauss
+initial: {angle: [0.1, 0], velocity: [5.0, 2.0]}
+)yaml",
+     true},
+    {"CrankInertia", R"yaml(
+shafts: [engine, load]
+engine: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.15}, {order: 2, cos: 0.05, sin: 0.02}]}}
+load: {inertia: 3.0}
+torques: [motor, drag]
+motor: {type: variator_sim/ExpressionTorque, shaft: engine, torque: "25-0.4*w1"}
+drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.03*w2^2"}
+constraints: [variator]
+variator: {type: variator_sim/SlipRatio, shafts: [engine, load], time_constant: 0.4, ratio: 0.7}
+initial: {velocity: [10.0, 7.0]}
+)yaml",
+     true},
+    {"OrderOne", R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.3}
+load: {inertia: 1.1}
+torques: [motor, drag]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "20-0.5*w1"}
+drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-2-0.01*w2^2"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(0.5+0.1*t)*w1"}
+initial: {velocity: [4.0, 2.0]}
+)yaml",
+     false},
+    {"ConstantOrderOneUnderGauss", R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.3}
+load: {inertia: 1.1}
+torques: [motor, drag]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "20-0.5*w1"}
+drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-2-0.01*w2^2"}
+principle: gauss
+constraints: [gear]
+gear: {type: variator_sim/KinematicRatio, shafts: [drive, load], ratio: 0.5}
+initial: {velocity: [4.0, 2.0]}
+)yaml",
+     false},
+    {"TorqueThatReadsTheAngle", R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor, cam]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "6*sin(2*phi1)-0.3*w1"}
+cam: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-2*cos(phi2-phi1)-0.1*w2"}
+constraints: [variator]
+variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6}
+initial: {velocity: [5.0, 2.0]}
+)yaml",
+     true},
+    {"ConstraintThatReadsTheAngle", R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "6-0.3*w1"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "0.2*(e2-(0.6+0.1*sin(phi1))*e1)+w2-(0.6+0.1*sin(phi1))*w1"}
+initial: {velocity: [5.0, 3.0]}
+)yaml",
+     true},
+};
+
+struct Result {
+  std::vector<Sample> samples;  // inside steps too
+  Statistics statistics;
+};
+
+Result run(Scene scene) {
+  Simulation simulation(std::move(scene));
+  Result result;
+  for (int n = 1; n <= 20; ++n) {
+    simulation.advanceTo(kEnd * n / 20.0);
+    if (n == 10 && simulation.scene().inputCount() > 0) simulation.command(0, 0.7);
+    result.samples.push_back(simulation.sample());
+  }
+  EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  result.statistics = simulation.statistics();
+  return result;
+}
+
+void expectSameMotion(const Result& a, const Result& b, double tolerance) {
+  ASSERT_EQ(a.samples.size(), b.samples.size());
+  for (std::size_t n = 0; n < a.samples.size(); ++n) {
+    const auto near = [&](const double* x, const double* y, const char* what) {
+      double scale = 1.0;
+      for (int i = 0; i < kMaxShafts; ++i) scale = std::max(scale, std::abs(y[i]));
+      for (int i = 0; i < kMaxShafts; ++i) {
+        EXPECT_NEAR(x[i], y[i], tolerance * scale) << what << " " << i << ", sample " << n;
+      }
+    };
+    near(a.samples[n].angle, b.samples[n].angle, "angle");
+    near(a.samples[n].velocity, b.samples[n].velocity, "velocity");
+    near(a.samples[n].acceleration, b.samples[n].acceleration, "acceleration");
+    near(a.samples[n].reaction_torque, b.samples[n].reaction_torque, "reaction");
+  }
+}
+
+class Skips : public testing::TestWithParam<SkipScene> {
+ protected:
+  Scene scene(StepperKind stepper, double tolerance = kTolerance) const {
+    return test::withStepper(test::withTolerance(test::sceneFromText(GetParam().yaml), tolerance),
+                             stepper);
+  }
+};
+
+TEST_P(Skips, ChangeNothingButRounding) {
+  for (StepperKind stepper :
+       {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kRadau5}) {
+    const bool is_implicit = stepper == StepperKind::kRadau5;
+    const double tolerance = is_implicit ? 1e-8 : kTolerance;
+    const Result all = run(scene(stepper, tolerance));
+    for (bool SolverSettings::*skip : {&SolverSettings::specialize, &SolverSettings::skip_angles,
+                                       &SolverSettings::factor_once}) {
+      Scene without = scene(stepper, tolerance);
+      without.solver.*skip = false;
+      const Result result = run(std::move(without));
+      SCOPED_TRACE(std::string(toString(stepper)) + " without " +
+                   (skip == &SolverSettings::specialize    ? "specialize"
+                    : skip == &SolverSettings::skip_angles ? "skip_angles"
+                                                           : "factor_once"));
+      // of implicit steps the number of Newton's iterations may differ, by less than the tolerance
+      expectSameMotion(result, all, is_implicit ? tolerance : 1e-10);
+      if (is_implicit) continue;
+      // no step more or less, and no evaluation
+      EXPECT_EQ(result.statistics.steps, all.statistics.steps);
+      EXPECT_EQ(result.statistics.rejected_steps, all.statistics.rejected_steps);
+      EXPECT_EQ(result.statistics.right_hand_sides, all.statistics.right_hand_sides);
+      EXPECT_EQ(result.statistics.jumps, all.statistics.jumps);
+    }
+  }
+}
+
+// fehlberg78 skips no angles.
+TEST_P(Skips, LeaveTheMotionRight) {
+  const Result exact = run(scene(StepperKind::kFehlberg78, 1e-12));
+  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853}) {
+    SCOPED_TRACE(toString(stepper));
+    expectSameMotion(run(scene(stepper)), exact, 1e-8);
+  }
+  for (StepperKind stepper : {StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+    SCOPED_TRACE(toString(stepper));
+    expectSameMotion(run(scene(stepper, 1e-7)), exact, 1e-4);
+  }
+}
+
+// The table above has scenes of both kinds: where angles are read, the motion from other angles is
+// another one.
+TEST_P(Skips, KnowWhetherAnglesAreRead) {
+  Scene turned = scene(StepperKind::kDop853);
+  for (double& angle : turned.initial.angle) angle += 0.5;
+  if (GetParam().reads_angles) turned.initial.angle[1] += 0.4;  // couplings feel this one only
+  const Sample a = run(scene(StepperKind::kDop853)).samples.back();
+  const Sample b = run(std::move(turned)).samples.back();
+  const double change = std::abs(a.velocity[0] - b.velocity[0]);
+  if (GetParam().reads_angles) {
+    EXPECT_GT(change, 1e-4);
+  } else {
+    EXPECT_LT(change, 1e-8);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, Skips, testing::ValuesIn(kScenes),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+}  // namespace
+}  // namespace variator_sim

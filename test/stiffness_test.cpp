@@ -1,0 +1,479 @@
+// Stiff constraints, psi = tau (eps2 - u eps1) + omega2 - u omega1 with tau down to 1e-8 s: every
+// implicit stepper gets through them at its tolerance, `auto` finds them by itself, and the
+// linearization that implicit steps rest on is exact.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <cstdio>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "generalized_gauss.h"
+#include "linearization.h"
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+std::string number(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.17g", value);
+  return text;
+}
+
+constexpr double kEnd = 3.0;
+
+/// A motor drives a propeller through a variator that slips with the time constant tau.
+Scene slipScene(double tau, const std::string& ratio = "(0.6+0.2*sin(0.7*t))") {
+  return test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor, propeller]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "12*((50-w1)/50)/(((50-w1)/50)^2+0.04)"}
+propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "tau*(e2-)yaml" +
+                             ratio + "*e1)+w2-" + ratio + "*w1\", parameters: {tau: " +
+                             number(tau) + "}}\ninitial: {velocity: [5, 3]}\n");
+}
+
+struct Result {
+  MotionStatus status;
+  Sample sample;
+  Statistics statistics;
+};
+
+Result run(const Scene& scene, StepperKind stepper, double tolerance, double end = kEnd) {
+  Simulation simulation(test::withStepper(test::withTolerance(scene, tolerance), stepper));
+  Result result;
+  result.status = simulation.advanceTo(end);
+  EXPECT_TRUE(result.status.ok()) << simulation.describeStatus();
+  result.sample = simulation.sample();
+  result.statistics = simulation.statistics();
+  return result;
+}
+
+/// Largest difference of the states of two shafts, in units of tolerance (1 + |x|).
+double distance(const Sample& a, const Sample& b, double tolerance) {
+  double largest = 0.0;
+  const auto note = [&](double x, double y) {
+    const double error = std::abs(x - y) / (tolerance * (1.0 + std::abs(y)));
+    largest = error <= largest ? largest : error;  // NaN is kept
+  };
+  for (int i = 0; i < 2; ++i) {
+    note(a.angle[i], b.angle[i]);
+    note(a.velocity[i], b.velocity[i]);
+    note(a.acceleration[i], b.acceleration[i]);
+  }
+  return largest;
+}
+
+// --- accuracy ---------------------------------------------------------------------------------
+class StiffSlip : public testing::TestWithParam<int> {
+ protected:
+  double tau() const { return std::pow(10.0, -GetParam()); }
+};
+
+TEST_P(StiffSlip, IsFollowedToTheTolerance) {
+  const Scene scene = slipScene(tau());
+  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kRadau5}) {
+    const bool is_mild = GetParam() <= 3;
+    const StepperKind other = is_mild                         ? StepperKind::kDop853
+                              : stepper == StepperKind::kAuto ? StepperKind::kRadau5
+                                                              : StepperKind::kAuto;
+    const Result reference = run(scene, other, is_mild ? 1e-12 : 1e-10);
+    for (double tolerance : {1e-4, 1e-6, 1e-8}) {
+      const Result result = run(scene, stepper, tolerance);
+      ASSERT_TRUE(result.status.ok());
+      ASSERT_EQ(result.sample.time, kEnd);
+      EXPECT_LT(distance(result.sample, reference.sample, tolerance), 100.0)
+          << toString(stepper) << " at " << tolerance;
+      EXPECT_NEAR(result.sample.residual[0], 0.0, 1e-11);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Tau, StiffSlip, testing::Range(1, 9),
+                         [](const auto& test) { return "1em" + std::to_string(test.param); });
+
+// --- auto -------------------------------------------------------------------------------------
+TEST(Auto, NeedsNoMoreStepsTheShorterTheTimeConstant) {
+  const Result mild = run(slipScene(1e-4), StepperKind::kAuto, 1e-6);
+  for (double tau : {1e-5, 1e-6, 1e-7, 1e-8}) {
+    const Result stiff = run(slipScene(tau), StepperKind::kAuto, 1e-6);
+    EXPECT_LE(stiff.statistics.steps, 2 * mild.statistics.steps) << tau;
+    EXPECT_LE(stiff.statistics.right_hand_sides, 2 * mild.statistics.right_hand_sides) << tau;
+  }
+}
+
+TEST(Auto, SwitchesToTheImplicitStepperWhereAConstraintIsStiff) {
+  for (double tolerance : {1e-4, 1e-6, 1e-8}) {
+    for (double tau : {1e-4, 1e-5, 1e-6, 1e-7, 1e-8}) {
+      Simulation simulation(test::withTolerance(slipScene(tau), tolerance));
+      ASSERT_TRUE(simulation.advanceTo(kEnd).ok()) << simulation.describeStatus();
+      const Statistics& statistics = simulation.statistics();
+      EXPECT_GE(statistics.stepper_switches, 1u) << tau << " at " << tolerance;
+      EXPECT_GT(statistics.implicit_steps, 0u) << tau << " at " << tolerance;
+      EXPECT_LE(statistics.implicit_steps, statistics.steps);
+      EXPECT_STREQ(simulation.stepperName(), "radau5") << tau << " at " << tolerance;
+      simulation.reset();
+      EXPECT_EQ(simulation.statistics().stepper_switches, 0u);
+      EXPECT_EQ(simulation.statistics().implicit_steps, 0u);
+      EXPECT_STRNE(simulation.stepperName(), "radau5");
+    }
+  }
+}
+
+TEST(Auto, StaysExplicitOnASmoothMotion) {
+  const Scene scene =
+      test::sceneFromFile(std::string(VARIATOR_SIM_TEST_DIR) + "/cases/slip_ship/scene.yaml");
+  for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10, 1e-12}) {
+    const Result result = run(scene, StepperKind::kAuto, tolerance, 10.0);
+    EXPECT_EQ(result.statistics.stepper_switches, 0u) << tolerance;
+    EXPECT_EQ(result.statistics.implicit_steps, 0u) << tolerance;
+  }
+}
+
+TEST(Auto, NamesTheStepperThatItStartsWith) {
+  const Scene scene = slipScene(0.1);
+  EXPECT_STREQ(Simulation(test::withTolerance(scene, 1e-4)).stepperName(), "dopri5");
+  EXPECT_STREQ(Simulation(test::withTolerance(scene, 1e-8)).stepperName(), "dop853");
+}
+
+// How a motion is cut and sampled changes no bit of it, across a change of stepper too.
+TEST(Auto, ChangesItsStepperWhereverItIsSampled) {
+  const Scene scene = test::withTolerance(slipScene(1e-5), 1e-6);
+  const auto play = [&](int advances, bool samples) {
+    Simulation simulation(scene);
+    for (int n = 1; n <= advances; ++n) {
+      simulation.advanceTo(0.5 * n / advances);
+      if (samples) simulation.sample();
+    }
+    EXPECT_GE(simulation.statistics().stepper_switches, 1u);
+    return simulation.sample();
+  };
+  const Sample once = play(1, false);
+  for (const Sample& cut : {play(64, false), play(64, true), play(512, true)}) {
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_EQ(cut.angle[i], once.angle[i]);
+      EXPECT_EQ(cut.velocity[i], once.velocity[i]);
+      EXPECT_EQ(cut.acceleration[i], once.acceleration[i]);
+    }
+  }
+}
+
+// --- the transient ----------------------------------------------------------------------------
+// Slip relaxation: with constant u the slip is (omega_2 - u omega_1)(0) exp(-t / tau), whatever the
+// torques.
+TEST(SlipRelaxation, DecaysExponentiallyHoweverShortTheTimeConstant) {
+  constexpr double kTolerance = 1e-8;
+  for (StepperKind stepper : {StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+    for (double tau : {1e-2, 1e-4, 1e-6}) {
+      Scene scene = test::withTolerance(slipScene(tau, "0.5"), kTolerance);
+      Simulation simulation(test::withStepper(std::move(scene), stepper));
+      // 3 - 0.5 * 5 = 0.5 rad/s at the start
+      for (double part : {0.3, 1.0, 2.0, 5.0, 10.0, 40.0, 1000.0}) {
+        ASSERT_TRUE(simulation.advanceTo(part * tau).ok()) << simulation.describeStatus();
+        const Sample& s = simulation.sample();
+        const double slip = 0.5 * std::exp(-part);
+        EXPECT_NEAR(s.velocity[1] - 0.5 * s.velocity[0], slip, 50.0 * kTolerance)
+            << toString(stepper) << ", tau " << tau << ", " << part << " tau";
+        // its rate, as exactly as the slip itself is known relative to its start
+        EXPECT_NEAR(tau * (s.acceleration[1] - 0.5 * s.acceleration[0]), -slip, 50.0 * kTolerance)
+            << toString(stepper) << ", tau " << tau << ", " << part << " tau";
+      }
+      ASSERT_TRUE(simulation.advanceTo(kEnd).ok()) << simulation.describeStatus();
+      const Sample& s = simulation.sample();
+      EXPECT_NEAR(s.velocity[1] - 0.5 * s.velocity[0],
+                  kEnd < 40.0 * tau ? 0.5 * std::exp(-kEnd / tau) : 0.0, 50.0 * kTolerance);
+    }
+  }
+}
+
+// --- the exact Jacobian -----------------------------------------------------------------------
+const char* const kThreeShafts = R"yaml(
+shafts: [drive, middle, load]
+drive: {inertia: 0.5}
+middle: {inertia: 0.3}
+load: {inertia: 1.2}
+inertia_coupling: [[drive, middle, 0.05], [middle, load, -0.1]]
+torques: [engine, spring, friction]
+engine: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "5*sin(phi1+0.3*t)-0.2*w1^2"}
+spring: {type: variator_sim/ExpressionTorque, shaft: middle, torque: "-2*phi2*w3"}
+friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w3-0.1*tanh(w2)"}
+constraints: [variator, gear]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "0.5*(e3-(0.8+0.1*sin(t))*e1)+0.01*(e1^2+e1*e3)+w3-0.8*w1"}
+gear: {type: variator_sim/ExpressionConstraint, order: 2,
+       expression: "e2-(0.5+0.1*cos(phi1))*e1+0.1*w2*w3"}
+initial: {angle: [0.3, -0.2, 0.1], velocity: [10.0, 5.0, 8.0]}
+)yaml";
+
+template <int S>
+using System = GeneralizedGauss<Shape<S>>;
+template <int S>
+using State = std::array<double, 3 * S>;
+
+/// The state of a scene's motion at t: on its constraint.
+template <int S>
+State<S> stateAt(const Scene& scene, double t) {
+  Simulation simulation(test::withTolerance(scene, 1e-12));
+  simulation.advanceTo(t);
+  EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  const Sample& sample = simulation.sample();
+  State<S> x;
+  for (std::size_t i = 0; i < S; ++i) {
+    x[i] = sample.angle[i];
+    x[S + i] = sample.velocity[i];
+    x[2 * S + i] = sample.acceleration[i];
+  }
+  return x;
+}
+
+template <int S, int L>
+void expectNear(const Linearization<S, L>& a, const Linearization<S, L>& b, double tolerance) {
+  for (int l = 0; l < L; ++l) {
+    const double scale = 1.0 + b.block(l).cwiseAbs().maxCoeff();
+    EXPECT_LT((a.block(l) - b.block(l)).cwiseAbs().maxCoeff(), tolerance * scale)
+        << "block " << l << "\n"
+        << a.block(l) << "\nis not\n"
+        << b.block(l);
+  }
+}
+
+template <int S>
+void expectExactLinearization(const Scene& scene) {
+  System<S> system(scene);
+  for (double t : {0.0, 0.4, 1.7}) {
+    SCOPED_TRACE(t);
+    const State<S> x = stateAt<S>(scene, t);
+    Linearization<S, 3> exact;
+    Linearization<S, 3> difference;
+    system.calcLinearization(t, x, exact);
+    linearizeByDifferences(system, t, x, true, difference);
+    expectNear(exact, difference, 1e-7);
+    EXPECT_TRUE(exact.mass().isIdentity(0.0));
+  }
+}
+
+/// residual(x, eta) of the stages by differences around a point where it is zero.
+template <int S>
+void expectExactStageLinearization(const Scene& scene) {
+  System<S> system(scene);
+  ASSERT_TRUE(system.keepsConstraintsInStages());
+  for (double t : {0.0, 0.4, 1.7}) {
+    SCOPED_TRACE(t);
+    const State<S> x = stateAt<S>(scene, t);
+    State<S> dxdt;
+    system(x, dxdt, t);
+    double eta[S];
+    std::copy(dxdt.end() - S, dxdt.end(), eta);
+    Linearization<S, 3> exact;
+    system.calcStageLinearization(t, x, dxdt, exact);
+
+    double residual[S];
+    system.calcStageResidual(t, x, eta, exact, residual);
+    for (int i = 0; i < S; ++i) EXPECT_NEAR(residual[i], 0.0, 1e-10);
+
+    Linearization<S, 3> difference;
+    const auto column = [&](const State<S>& above, const State<S>& below, const double* eta_above,
+                            const double* eta_below, double width) {
+      double upper[S];
+      double lower[S];
+      system.calcStageResidual(t, above, eta_above, exact, upper);
+      system.calcStageResidual(t, below, eta_below, exact, lower);
+      Eigen::Matrix<double, S, 1> result;
+      for (int i = 0; i < S; ++i) result(i) = (upper[i] - lower[i]) / width;
+      return result;
+    };
+    constexpr double kStep = 1e-5;
+    for (int q = 0; q < 3 * S; ++q) {
+      State<S> above = x;
+      State<S> below = x;
+      const auto n = static_cast<std::size_t>(q);
+      const double step = kStep * std::max(1.0, std::abs(x[n]));
+      above[n] += step;
+      below[n] -= step;
+      // what is solved is mass k - sum E k_l, so the blocks are minus the residual's derivatives
+      difference.block(q / S).col(q % S) = -column(above, below, eta, eta, above[n] - below[n]);
+    }
+    for (int j = 0; j < S; ++j) {
+      double above[S];
+      double below[S];
+      std::copy_n(eta, S, above);
+      std::copy_n(eta, S, below);
+      above[j] += 1.0;
+      below[j] -= 1.0;
+      difference.mass().col(j) = column(x, x, above, below, 2.0);
+    }
+    expectNear(exact, difference, 1e-6);
+    EXPECT_LT((exact.mass() - difference.mass()).cwiseAbs().maxCoeff(), 1e-10);
+    // P is a projector
+    EXPECT_LT((exact.mass() * exact.mass() - exact.mass()).cwiseAbs().maxCoeff(), 1e-12);
+  }
+}
+
+Scene shipScene() {
+  return test::sceneFromFile(std::string(VARIATOR_SIM_TEST_DIR) + "/cases/slip_ship/scene.yaml");
+}
+
+TEST(ExactJacobian, OfTheShipIsThatOfDifferences) {
+  expectExactLinearization<2>(shipScene());
+}
+TEST(ExactJacobian, OfThreeCoupledShaftsIsThatOfDifferences) {
+  expectExactLinearization<3>(test::sceneFromText(kThreeShafts));
+}
+TEST(ExactJacobian, OfTheShipsStagesIsThatOfDifferences) {
+  expectExactStageLinearization<2>(shipScene());
+}
+TEST(ExactJacobian, OfThreeCoupledShaftsStagesIsThatOfDifferences) {
+  expectExactStageLinearization<3>(test::sceneFromText(kThreeShafts));
+}
+
+/// (M/g - dx'/dx) k = r of a random matrix by the S x S system and by the whole one.
+template <class Scalar, int S, int L>
+void expectDenseSolution(Scalar g, bool with_mass) {
+  constexpr int kSize = S * L;
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> part(-1.0, 1.0);
+  for (int round = 0; round < 20; ++round) {
+    Linearization<S, L> linearization;
+    Eigen::Matrix<Scalar, kSize, kSize> dense = Eigen::Matrix<Scalar, kSize, kSize>::Zero();
+    for (int l = 0; l + 1 < L; ++l) {
+      for (int i = 0; i < S; ++i) {
+        dense(S * l + i, S * l + i) = 1.0 / g;
+        dense(S * l + i, S * (l + 1) + i) = -1.0;
+      }
+    }
+    if (with_mass) {
+      for (int n = 0; n < S * S; ++n) linearization.mass()(n / S, n % S) = part(random);
+      linearization.mass().diagonal().array() += 2.0;
+    }
+    dense.template bottomRightCorner<S, S>() = linearization.mass().template cast<Scalar>() / g;
+    for (int l = 0; l < L; ++l) {
+      for (int n = 0; n < S * S; ++n) linearization.block(l)(n / S, n % S) = 5.0 * part(random);
+      dense.template block<S, S>(S * (L - 1), S * l) -=
+          linearization.block(l).template cast<Scalar>();
+    }
+    std::array<Scalar, kSize> r;
+    Eigen::Matrix<Scalar, kSize, 1> right;
+    for (std::size_t n = 0; n < kSize; ++n) {
+      if constexpr (std::is_same_v<Scalar, double>) {
+        r[n] = part(random);
+      } else {
+        r[n] = {part(random), part(random)};
+      }
+      right(static_cast<int>(n)) = r[n];
+    }
+    if constexpr (std::is_same_v<Scalar, double>) {
+      ASSERT_TRUE(linearization.factor(g));
+      linearization.solve(r);
+    } else {
+      ASSERT_TRUE(linearization.factorComplex(g));
+      linearization.solveComplex(r);
+    }
+    const Eigen::Matrix<Scalar, kSize, 1> exact = dense.fullPivLu().solve(right);
+    const double scale = exact.cwiseAbs().maxCoeff();
+    for (std::size_t n = 0; n < kSize; ++n) {
+      EXPECT_LT(std::abs(r[n] - exact(static_cast<int>(n))), 1e-10 * scale) << S << ", " << L;
+    }
+  }
+}
+
+template <int S, int L>
+void expectDenseSolutions() {
+  for (bool with_mass : {false, true}) {
+    for (double g : {1e-3, 0.05, 0.3}) {
+      expectDenseSolution<double, S, L>(g, with_mass);
+      expectDenseSolution<std::complex<double>, S, L>({g, -0.7 * g}, with_mass);
+    }
+  }
+}
+
+TEST(Linearization, SolvesTheWholeSystemByItsLastRows) {
+  expectDenseSolutions<2, 2>();
+  expectDenseSolutions<2, 3>();
+  expectDenseSolutions<3, 2>();
+  expectDenseSolutions<3, 3>();
+  expectDenseSolutions<6, 3>();  // beyond the size up to which it takes inverses
+}
+
+TEST(Linearization, RefusesAMatrixThatIsNotFinite) {
+  Linearization<2, 3> linearization;
+  for (int l = 0; l < 3; ++l) linearization.block(l).setZero();
+  EXPECT_TRUE(linearization.factor(0.1));
+  linearization.block(1)(0, 1) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(linearization.factor(0.1));
+  EXPECT_FALSE(linearization.factorComplex({0.1, 0.1}));
+}
+
+// --- fixed steps ------------------------------------------------------------------------------
+TEST(FixedSteps, AreAsManyAsTheDurationHolds) {
+  const Scene scene = slipScene(0.1);
+  for (StepperKind stepper : {StepperKind::kRk4, StepperKind::kDopri5Fixed,
+                              StepperKind::kRosenbrock4Fixed, StepperKind::kRadau5Fixed}) {
+    for (double step : {0.1, 0.01, 0.001}) {
+      Scene fixed = test::withStepper(test::withTolerance(scene, 1e-6), stepper);
+      fixed.solver.step = step;
+      Simulation simulation(std::move(fixed));
+      ASSERT_TRUE(simulation.advanceTo(2.0).ok()) << simulation.describeStatus();
+      const Statistics& statistics = simulation.statistics();
+      EXPECT_EQ(statistics.steps, static_cast<std::uint64_t>(std::lround(2.0 / step)))
+          << toString(stepper) << ", " << step;
+      EXPECT_EQ(statistics.rejected_steps, 0u);
+      EXPECT_EQ(statistics.stepper_switches, 0u);
+      EXPECT_GT(statistics.largest_error_estimate, 0.0) << toString(stepper) << ", " << step;
+      simulation.reset();
+      EXPECT_EQ(simulation.statistics().largest_error_estimate, 0.0);
+    }
+  }
+}
+
+TEST(FixedSteps, ReportAnEstimateThatFallsWithTheStep) {
+  const Scene scene = shipScene();
+  for (StepperKind stepper :
+       {StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed, StepperKind::kRadau5Fixed}) {
+    double previous = 0.0;
+    for (double step : {0.04, 0.02, 0.01}) {
+      Scene fixed = test::withStepper(test::withTolerance(scene, 1e-9), stepper);
+      fixed.solver.step = step;
+      Simulation simulation(std::move(fixed));
+      ASSERT_TRUE(simulation.advanceTo(2.0).ok()) << simulation.describeStatus();
+      const double estimate = simulation.statistics().largest_error_estimate;
+      if (previous > 0.0) {
+        EXPECT_LT(estimate, previous / 8.0) << toString(stepper) << ", " << step;
+      }
+      previous = estimate;
+    }
+  }
+  const Result adaptive = run(scene, StepperKind::kDopri5, 1e-9);
+  EXPECT_EQ(adaptive.statistics.largest_error_estimate, 0.0);  // of fixed steps only
+}
+
+// Steps 1e4 times as long as tau.
+TEST(FixedSteps, ByRadauAreStableWhereRungeKuttaIsNot) {
+  const Scene scene = slipScene(1e-6);
+  const Result reference = run(scene, StepperKind::kRadau5, 1e-9);
+  const auto follow = [&](StepperKind stepper) {
+    Scene fixed = test::withStepper(test::withTolerance(scene, 1e-6), stepper);
+    fixed.solver.step = 0.01;
+    Simulation simulation(std::move(fixed));
+    const bool arrived = simulation.advanceTo(kEnd).ok();
+    if (!arrived) return std::numeric_limits<double>::infinity();
+    return distance(simulation.sample(), reference.sample, 1.0);
+  };
+  EXPECT_LT(follow(StepperKind::kRadau5Fixed), 1e-3);
+  EXPECT_GT(follow(StepperKind::kRk4), 1.0);
+  EXPECT_GT(follow(StepperKind::kDopri5Fixed), 1.0);
+}
+
+}  // namespace
+}  // namespace variator_sim
