@@ -1,0 +1,695 @@
+// What one right-hand side costs, how that grows with the scene, what each skip saves.
+//
+// Alone: Google Benchmark over the right-hand sides. With --output: the rows of the tables of
+// doc/benchmarks.md, which says what each of them means. There the variants of a table run in turn,
+// in short blocks, because a processor's clock changes from one moment to the next: only ratios
+// within a round can be compared.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "generalized_gauss.h"
+#include "peers/method.h"
+#include "variator_sim/component_factory.h"
+#include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/simulation.h"
+
+#ifndef VARIATOR_SIM_BENCHMARK_FLAGS
+#define VARIATOR_SIM_BENCHMARK_FLAGS "unknown"
+#endif
+
+namespace variator_sim::benchmark {
+namespace {
+
+// --- compiled components: what a user's own plugins look like --------------------------------
+
+/// 12 s/(s^2 + 0.04), s = (50 - w)/50, on `shaft`.
+class KlossTorque : public Torque {
+  void doConfigure(ComponentContext& context) override { shaft_ = context.readShaft("shaft"); }
+  void doAddTorque(const StateView& x, double* torque) const override {
+    torque[shaft_] += kMotor.torque(x.velocity[shaft_]);
+  }
+  void doAddTorqueRate(const StateView& x, double* rate) const override {
+    rate[shaft_] += kMotor.torqueRate(x.velocity[shaft_], x.acceleration[shaft_]);
+  }
+  Dependence doTorqueDependence() const override { return {false, false}; }
+  Dependence doRateDependence() const override { return {false, false}; }
+
+  static constexpr KlossMotor<double> kMotor = Ship<double>::kMotor;
+  int shaft_ = 0;
+};
+
+/// -0.02 w^2 on `shaft`.
+class SquareTorque : public Torque {
+  void doConfigure(ComponentContext& context) override { shaft_ = context.readShaft("shaft"); }
+  void doAddTorque(const StateView& x, double* torque) const override {
+    torque[shaft_] -= 0.02 * (x.velocity[shaft_] * x.velocity[shaft_]);
+  }
+  void doAddTorqueRate(const StateView& x, double* rate) const override {
+    rate[shaft_] -= 0.04 * (x.velocity[shaft_] * x.acceleration[shaft_]);
+  }
+  Dependence doTorqueDependence() const override { return {false, false}; }
+  Dependence doRateDependence() const override { return {false, false}; }
+
+  int shaft_ = 0;
+};
+
+/// The ship's variator; its row is the hand-written scene's.
+class ShipVariator : public Constraint {
+  void doConfigure(ComponentContext& /*context*/) override {}
+  double doCalcResidual(const StateView& x) const override {
+    double psi;
+    Ship<double>::residual(x.time, x.angle, x.velocity, x.acceleration, &psi);
+    return psi;
+  }
+  double doCalcResidualAndJacobian(const StateView& x, double* C) const override {
+    double c0;
+    doCalcRow(x, C, &c0);
+    return doCalcResidual(x);
+  }
+  void doCalcRow(const StateView& x, double* C, double* c0) const override {
+    double row[1][2];
+    Ship<double>::row(x.time, x.angle, x.velocity, x.acceleration, row, c0);
+    C[0] = row[0][0];
+    C[1] = row[0][1];
+  }
+  void doCalcPartials(const StateView& x, ConstraintPartials& partials) const override {
+    double c0;
+    doCalcRow(x, partials.acceleration, &c0);
+    const double* w = x.velocity;
+    const double* e = x.acceleration;
+    const double u = 0.6 + 0.2 * std::sin(0.7 * x.time);
+    partials.velocity[0] = -u;
+    partials.velocity[1] = 1.0;
+    const double g = 0.2 + 0.01 * (e[0] * e[0] + e[1] * e[1]);
+    partials.time = -0.14 * std::cos(0.7 * x.time) * (g * e[0] + w[0]);
+  }
+  Dependence doDependence() const override { return {true, false}; }
+};
+
+/// 0.2 (e_b - 0.6 e_a)(1 + 0.05 (e_a^2 + e_b^2)) + w_b - 0.6 w_a on `shafts` [a, b].
+class BentVariator : public Constraint {
+  void doConfigure(ComponentContext& context) override {
+    const std::vector<int> shafts = context.readShafts("shafts", 2);
+    a_ = shafts[0];
+    b_ = shafts[1];
+  }
+  double doCalcResidual(const StateView& x) const override {
+    const double ea = x.acceleration[a_];
+    const double eb = x.acceleration[b_];
+    return (eb - 0.6 * ea) * (0.2 + 0.01 * (ea * ea + eb * eb)) + x.velocity[b_] -
+           0.6 * x.velocity[a_];
+  }
+  double doCalcResidualAndJacobian(const StateView& x, double* C) const override {
+    double c0;
+    doCalcRow(x, C, &c0);
+    return doCalcResidual(x);
+  }
+  void doCalcRow(const StateView& x, double* C, double* c0) const override {
+    const double ea = x.acceleration[a_];
+    const double eb = x.acceleration[b_];
+    const double slip = eb - 0.6 * ea;
+    const double g = 0.2 + 0.01 * (ea * ea + eb * eb);
+    const double bend = 0.02 * slip;
+    std::fill_n(C, shaftCount(), 0.0);
+    C[a_] = bend * ea - 0.6 * g;
+    C[b_] = bend * eb + g;
+    *c0 = slip;
+  }
+  void doCalcPartials(const StateView& x, ConstraintPartials& partials) const override {
+    double c0;
+    doCalcRow(x, partials.acceleration, &c0);
+    partials.velocity[a_] = -0.6;
+    partials.velocity[b_] = 1.0;
+  }
+  Dependence doDependence() const override { return {false, false}; }
+
+  int a_ = 0;
+  int b_ = 1;
+};
+
+class Factory : public BuiltinComponentFactory {
+ public:
+  ConstraintPtr createConstraint(const std::string& type) override {
+    if (type == "benchmark/ShipVariator") return std::make_shared<ShipVariator>();
+    if (type == "benchmark/BentVariator") return std::make_shared<BentVariator>();
+    return BuiltinComponentFactory::createConstraint(type);
+  }
+  TorquePtr createTorque(const std::string& type) override {
+    if (type == "benchmark/KlossTorque") return std::make_shared<KlossTorque>();
+    if (type == "benchmark/SquareTorque") return std::make_shared<SquareTorque>();
+    return BuiltinComponentFactory::createTorque(type);
+  }
+};
+
+// --- scenes ----------------------------------------------------------------------------------
+
+Scene read(const std::string& text) {
+  Factory factory;
+  return readScene(readYamlText(text, "scene"), factory);
+}
+
+std::string number(int value) {
+  return std::to_string(value);
+}
+
+enum class Form { kFormulas, kCompiled };
+
+const char* toString(Form form) {
+  return form == Form::kFormulas ? "formulas" : "compiled";
+}
+
+/// A motor of Kloss's characteristic, or a load of the speed's square, on shaft `i` (from 1).
+std::string torqueText(int i, Form form) {
+  const bool is_motor = i % 2 == 1;
+  const std::string w = "w" + number(i);
+  std::string text = "q" + number(i) + ": {shaft: s" + number(i) + ", type: ";
+  if (form == Form::kCompiled) {
+    return text + (is_motor ? "benchmark/KlossTorque}\n" : "benchmark/SquareTorque}\n");
+  }
+  const std::string slip = "((50-" + w + ")/50)";
+  return text + "variator_sim/ExpressionTorque, torque: \"" +
+         (is_motor ? "12*" + slip + "/(" + slip + "^2+0.04)" : "-0.02*" + w + "^2") + "\"}\n";
+}
+
+/// `shafts` shafts of such torques; `constraints` lines for the constraints c1, c2, ...;
+/// `harmonics` behind every mean inertia.
+std::string sceneText(int shafts, Form torques, const std::vector<std::string>& constraints,
+                      const std::string& harmonics = "") {
+  std::string names;
+  std::string torque_names;
+  std::string constraint_names;
+  std::string velocities;
+  std::string body;
+  double velocity = 5.0;
+  for (int i = 1; i <= shafts; ++i) {
+    const std::string separator = i > 1 ? ", " : "";
+    const std::string mean = i % 2 == 1 ? "0.8" : "2.0";
+    names += separator + "s" + number(i);
+    torque_names += separator + "q" + number(i);
+    velocities += separator + std::to_string(velocity);
+    velocity *= 0.5;
+    body += "s" + number(i) + ": {inertia: " +
+            (harmonics.empty() ? mean : "{mean: " + mean + ", harmonics: " + harmonics + "}") +
+            "}\n" + torqueText(i, torques);
+  }
+  for (std::size_t m = 0; m < constraints.size(); ++m) {
+    const std::string name = "c" + std::to_string(m + 1);
+    constraint_names += (m > 0 ? ", " : "") + name;
+    body += name + ": {" + constraints[m] + "}\n";
+  }
+  return "shafts: [" + names + "]\ntorques: [" + torque_names + "]\nconstraints: [" +
+         constraint_names + "]\ninitial: {velocity: [" + velocities + "], project: true}\n" + body;
+}
+
+std::string shipText(Form torques, Form constraint, const std::string& harmonics = "") {
+  const std::string row = constraint == Form::kCompiled
+                              ? "type: benchmark/ShipVariator"
+                              : "type: variator_sim/ExpressionConstraint, order: 2, expression: "
+                                "\"0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2)) + "
+                                "w2-(0.6+0.2*sin(0.7*t))*w1\"";
+  return sceneText(2, torques, {row}, harmonics);
+}
+
+/// Constraints between neighbouring shafts: `line(a, b)` for each pair.
+template <class Line>
+std::vector<std::string> between(int count, Line line) {
+  std::vector<std::string> lines;
+  for (int m = 1; m <= count; ++m) lines.push_back(line(number(m), number(m + 1)));
+  return lines;
+}
+
+std::string bentText(int shafts, int constraints, Form form) {
+  return sceneText(shafts, form, between(constraints, [&](const auto& a, const auto& b) {
+                     if (form == Form::kCompiled) {
+                       return "type: benchmark/BentVariator, shafts: [s" + a + ", s" + b + "]";
+                     }
+                     return "type: variator_sim/ExpressionConstraint, order: 2, expression: "
+                            "\"0.2*(e" +
+                            b + "-0.6*e" + a + ")*(1+0.05*(e" + a + "^2+e" + b + "^2)) + w" + b +
+                            "-0.6*w" + a + "\"";
+                   }));
+}
+
+std::string slipText(int shafts, int constraints, Form torques, const std::string& ratio) {
+  return sceneText(shafts, torques, between(constraints, [&](const auto& a, const auto& b) {
+                     return "type: variator_sim/SlipRatio, shafts: [s" + a + ", s" + b +
+                            "], time_constant: 0.2, ratio: " + ratio;
+                   }));
+}
+/// A ratio that changes all the time, so that C is factored at every evaluation.
+const char* const kTable = "{times: [0, 50, 100], values: [0.4, 0.7, 0.5]}";
+
+// --- right-hand sides ------------------------------------------------------------------------
+
+/// Evaluates a right-hand side so many times, each at a state that the last result has moved, as
+/// the stages of a step do.
+using Kernel = std::function<void(int)>;
+
+template <class State, class RightHandSide>
+void evaluateInChain(const State& start, int count, RightHandSide&& evaluate) {
+  State x = start;
+  State dxdt{};
+  double t = 1.0;
+  for (int n = 0; n < count; ++n) {
+    evaluate(x, dxdt, t);
+    for (std::size_t i = 0; i < x.size(); ++i) x[i] = start[i] + 1e-5 * dxdt[i];
+    t += 1e-6;
+  }
+  ::benchmark::DoNotOptimize(x);
+}
+
+/// The ship as somebody would write it for this one scene, constants known to the compiler.
+[[gnu::noinline]] void calcShipByHand(const std::array<double, 6>& x, std::array<double, 6>& dxdt,
+                                      double t) {
+  calcDerivative(Ship<double>({}), t, x.data(), dxdt.data());
+}
+
+Kernel makeHandKernel() {
+  std::array<double, 6> start{};
+  Ship<double>::initial(start.data());
+  return [start](int count) { evaluateInChain(start, count, calcShipByHand); };
+}
+
+template <class System>
+Kernel makeKernel(const std::string& text) {
+  struct Owner {
+    explicit Owner(Scene read_scene) : scene(std::move(read_scene)), system(scene) {}
+    Scene scene;
+    System system;
+  };
+  auto owner = std::make_shared<Owner>(read(text));
+  typename System::State start{};
+  double nearest[System::kShafts] = {};
+  bool velocities_at_fault = false;
+  if (owner->system.start(start, nearest, &velocities_at_fault) != InitialResult::kConsistent) {
+    throw std::runtime_error("a scene of the benchmark has no start");
+  }
+  return [owner, start](int count) {
+    evaluateInChain(start, count,
+                    [&](const auto& x, auto& dxdt, double t) { owner->system(x, dxdt, t); });
+  };
+}
+
+/// By the shape that makeMotion takes for the scene's size.
+Kernel makeKernelOfSize(int shafts, int constraints, const std::string& text) {
+  switch (shafts) {
+    case 2:
+      return constraints == 1 ? makeKernel<GeneralizedGauss<Shape<2, 1, true>>>(text)
+                              : makeKernel<GeneralizedGauss<Shape<2>>>(text);
+    case 3:
+      return makeKernel<GeneralizedGauss<Shape<3>>>(text);
+    case 4:
+      return makeKernel<GeneralizedGauss<Shape<4>>>(text);
+    case 5:
+      return makeKernel<GeneralizedGauss<Shape<5>>>(text);
+    case 6:
+      return makeKernel<GeneralizedGauss<Shape<6>>>(text);
+    case 7:
+      return makeKernel<GeneralizedGauss<Shape<7>>>(text);
+    default:
+      return makeKernel<GeneralizedGauss<Shape<8>>>(text);
+  }
+}
+
+struct NamedKernel {
+  std::string scene;
+  std::string variant;
+  Kernel kernel;
+};
+
+std::vector<NamedKernel> makeShipKernels() {
+  using Known = GeneralizedGauss<Shape<2, 1, true>>;
+  using ByShafts = GeneralizedGauss<Shape<2>>;
+  const std::string compiled = shipText(Form::kCompiled, Form::kCompiled);
+  const std::string formulas = shipText(Form::kFormulas, Form::kFormulas);
+  return {{"ship", "by hand", makeHandKernel()},
+          {"ship", "compiled", makeKernel<Known>(compiled)},
+          {"ship", "compiled, shafts known", makeKernel<ByShafts>(compiled)},
+          {"ship", "formulas", makeKernel<Known>(formulas)},
+          {"ship", "formulas, shafts known", makeKernel<ByShafts>(formulas)}};
+}
+
+std::vector<NamedKernel> makeScalingKernels() {
+  std::vector<NamedKernel> kernels;
+  for (int s = 2; s <= kMaxShafts; ++s) {
+    for (int k = 1; k < s && k <= 4; ++k) {
+      const std::string size = number(s) + " " + number(k);
+      for (const Form form : {Form::kCompiled, Form::kFormulas}) {
+        kernels.push_back({size, toString(form), makeKernelOfSize(s, k, bentText(s, k, form))});
+      }
+      kernels.push_back(
+          {size, "SlipRatio", makeKernelOfSize(s, k, slipText(s, k, Form::kCompiled, kTable))});
+    }
+  }
+  const std::string compiled = bentText(2, 1, Form::kCompiled);
+  kernels.push_back(
+      {"2 1", "compiled, shafts known", makeKernel<GeneralizedGauss<Shape<2>>>(compiled)});
+  return kernels;
+}
+
+// --- motions with and without a skip ---------------------------------------------------------
+
+/// One way to run a scene; `run` does it once.
+struct Variant {
+  std::string name;
+  std::unique_ptr<Simulation> simulation;
+  std::function<void(Simulation&)> run;
+};
+
+/// Two ways with the same motion, the one that saves second.
+struct Comparison {
+  std::string skip;
+  std::string scene;
+  double seconds;  ///< simulated by one run
+  Variant variants[2];
+};
+
+constexpr double kEnd = 20.0;  ///< s
+
+void runFromStart(Simulation& simulation) {
+  simulation.reset();
+  simulation.advanceTo(kEnd);
+}
+void runWithSamples(Simulation& simulation) {
+  simulation.reset();
+  for (int n = 1; n <= 100 * static_cast<int>(kEnd); ++n) {
+    simulation.advanceTo(0.01 * n);
+    ::benchmark::DoNotOptimize(simulation.sample().time);
+  }
+}
+/// From where the last run ended.
+void runLong(Simulation& simulation) {
+  simulation.advanceTo(simulation.time() + 1e5);
+}
+void runTicks(Simulation& simulation) {
+  const double start = simulation.time();
+  for (int n = 1; n <= 100000; ++n) simulation.advanceTo(start + 1e-3 * n);
+}
+
+using Change = std::function<void(Scene&)>;
+
+std::unique_ptr<Simulation> makeSimulation(const std::string& text, const Change& change) {
+  Scene scene = read(text);
+  change(scene);
+  return std::make_unique<Simulation>(std::move(scene));
+}
+
+Comparison compare(const std::string& skip, const std::string& scene, const std::string& text,
+                   const Change& without, const Change& with) {
+  return {skip,
+          scene,
+          kEnd,
+          {{"without", makeSimulation(text, without), runFromStart},
+           {"with", makeSimulation(text, with), runFromStart}}};
+}
+
+std::vector<Comparison> makeComparisons() {
+  std::vector<Comparison> list;
+  const std::string ship = shipText(Form::kFormulas, Form::kFormulas);
+  const std::string compiled_ship = shipText(Form::kCompiled, Form::kCompiled);
+  const auto add = [&](const char* skip, const std::string& name, const std::string& text,
+                       bool SolverSettings::*flag, bool specialize = true) {
+    for (const double tolerance : {1e-4, 1e-9}) {
+      const auto set = [=](bool on) {
+        return [=](Scene& scene) {
+          scene.solver.specialize = specialize;
+          scene.solver.*flag = on;
+          scene.solver.relative_tolerance = scene.solver.absolute_tolerance = tolerance;
+        };
+      };
+      list.push_back(compare(skip, name + (tolerance > 1e-5 ? ", 1e-4" : ", 1e-9"), text,
+                             set(false), set(true)));
+    }
+  };
+  add("factored once", "2 shafts, 1 SlipRatio", slipText(2, 1, Form::kCompiled, "0.6"),
+      &SolverSettings::factor_once);
+  add("factored once", "8 shafts, 4 SlipRatio", slipText(8, 4, Form::kCompiled, "0.6"),
+      &SolverSettings::factor_once);
+  add("angles not stepped", "ship, compiled", compiled_ship, &SolverSettings::skip_angles);
+  add("angles not stepped", "8 shafts, 4 variators", bentText(8, 4, Form::kCompiled),
+      &SolverSettings::skip_angles);
+  add("shape (2, 1) compiled", "ship, compiled", compiled_ship, &SolverSettings::specialize);
+  add("shape (2, 1) compiled", "ship, formulas", ship, &SolverSettings::specialize);
+
+  // A harmonic of amplitude 0: J is evaluated and inverted everywhere, and stays the same.
+  for (const double tolerance : {1e-4, 1e-9}) {
+    const auto set = [=](Scene& scene) {
+      scene.solver.specialize = scene.solver.skip_angles = false;
+      scene.solver.relative_tolerance = scene.solver.absolute_tolerance = tolerance;
+    };
+    const std::string name = tolerance > 1e-5 ? ", 1e-4" : ", 1e-9";
+    Comparison comparison =
+        compare("constant inertia", "ship, compiled" + name,
+                shipText(Form::kCompiled, Form::kCompiled, "[{order: 1, cos: 0}]"), set, set);
+    comparison.variants[1].simulation = makeSimulation(compiled_ship, set);
+    list.push_back(std::move(comparison));
+  }
+
+  for (const Form form : {Form::kCompiled, Form::kFormulas}) {
+    const std::string text =
+        sceneText(2, form, {"type: variator_sim/KinematicRatio, shafts: [s1, s2], ratio: 0.5"});
+    list.push_back(compare(
+        "no acceleration state", std::string("constant ratio, ") + toString(form), text,
+        [](Scene& scene) { scene.principle = Principle::kGeneralizedGauss; },
+        [](Scene& scene) { scene.principle = Principle::kGauss; }));
+  }
+
+  // What 100 samples per second cost: the same stepper without and with them.
+  for (const StepperKind kind :
+       {StepperKind::kFehlberg78, StepperKind::kDop853, StepperKind::kDopri5}) {
+    const auto set = [=](Scene& scene) { scene.solver.stepper = kind; };
+    Comparison comparison =
+        compare("dense output", std::string("ship, compiled, ") + variator_sim::toString(kind),
+                compiled_ship, set, set);
+    comparison.variants[0].name = "100 samples/s";
+    comparison.variants[0].run = runWithSamples;
+    comparison.variants[1].name = "no samples";
+    list.push_back(std::move(comparison));
+  }
+  return list;
+}
+
+/// A scene at rest, advanced on.
+std::vector<Comparison> makeRests() {
+  std::vector<Comparison> list;
+  for (const bool ticks : {false, true}) {
+    Comparison comparison = compare(
+        "sleep", ticks ? "at rest, advanced by 1 ms" : "at rest, advanced by 1e5 s",
+        slipText(2, 1, Form::kCompiled, "0.6"), [](Scene& scene) { scene.solver.sleep = false; },
+        [](Scene& scene) { scene.solver.sleep = true; });
+    comparison.seconds = ticks ? 100.0 : 1e5;
+    for (Variant& variant : comparison.variants) {
+      variant.run = ticks ? runTicks : runLong;
+      variant.simulation->advanceTo(1000.0);
+      const bool should_sleep = variant.name == "with";
+      if (variant.simulation->isSleeping() != should_sleep) {
+        throw std::runtime_error("the scene at rest does not sleep as it should");
+      }
+    }
+    list.push_back(std::move(comparison));
+  }
+  return list;
+}
+
+/// The largest relative difference of the two variants' states.
+double calcDifference(Comparison& comparison) {
+  const Sample& a = comparison.variants[0].simulation->sample();
+  const Sample& b = comparison.variants[1].simulation->sample();
+  const auto compare_values = [](double p, double q) {
+    return std::abs(p - q) / std::max(1.0, std::abs(p));
+  };
+  double largest = 0.0;
+  for (int i = 0; i < comparison.variants[0].simulation->scene().shaftCount(); ++i) {
+    largest = std::max({largest, compare_values(a.angle[i], b.angle[i]),
+                        compare_values(a.velocity[i], b.velocity[i]),
+                        compare_values(a.acceleration[i], b.acceleration[i])});
+  }
+  return largest;
+}
+
+// --- measuring -------------------------------------------------------------------------------
+
+struct Times {
+  double median = 0.0;   ///< s per block
+  double minimum = 0.0;  ///< s per block
+};
+
+double calcMedian(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// All blocks in turn, `rounds` times, after one round that is not counted.
+std::vector<Times> measureInTurn(const std::vector<std::function<void()>>& blocks, int rounds) {
+  using Clock = std::chrono::steady_clock;
+  std::vector<std::vector<double>> seconds(blocks.size());
+  for (int round = -1; round < rounds; ++round) {
+    for (std::size_t n = 0; n < blocks.size(); ++n) {
+      const auto start = Clock::now();
+      blocks[n]();
+      if (round >= 0) seconds[n].push_back(secondsSince(start));
+    }
+  }
+  std::vector<Times> times;
+  for (const std::vector<double>& list : seconds) {
+    times.push_back({calcMedian(list), *std::min_element(list.begin(), list.end())});
+  }
+  return times;
+}
+
+struct Options {
+  std::string output;
+  std::string commit = "unknown";
+  bool quick = false;
+};
+
+void printHead(std::ostream& out, const Options& options) {
+  std::ifstream file("/proc/cpuinfo");
+  std::string processor = "unknown";
+  for (std::string line; std::getline(file, line);) {
+    if (line.rfind("model name", 0) != 0) continue;
+    processor = line.substr(line.find(':') + 2);
+    break;
+  }
+  char date[32];
+  const std::time_t now = std::time(nullptr);
+  std::strftime(date, sizeof(date), "%Y-%m-%d", std::gmtime(&now));
+  out << "# processor: " << processor << '\n'
+      << "# cores: " << std::thread::hardware_concurrency() << '\n'
+      << "# compiler: g++ " << __VERSION__ << ", " << VARIATOR_SIM_BENCHMARK_FLAGS << '\n'
+      << "# date: " << date << '\n'
+      << "# commit: " << options.commit << '\n'
+      << "# run: " << (options.quick ? "quick" : "full") << '\n'
+      << "table,scene,variant,unit,median,minimum,steps,difference\n";
+}
+
+/// One line of the output. `steps` and `difference`: "" where they mean nothing.
+void printRow(std::ostream& out, const std::string& table, const std::string& scene,
+              const std::string& variant, const char* unit, const Times& times, double scale,
+              const std::string& steps = "", const std::string& difference = "") {
+  char numbers[64];
+  std::snprintf(numbers, sizeof(numbers), "%.6g,%.6g", times.median * scale, times.minimum * scale);
+  out << "\"" << table << "\",\"" << scene << "\",\"" << variant << "\"," << unit << ',' << numbers
+      << ',' << steps << ',' << difference << '\n';
+}
+
+void measureKernels(const std::string& table, const std::vector<NamedKernel>& kernels, int count,
+                    int rounds, std::ostream& out) {
+  std::vector<std::function<void()>> blocks;
+  for (const NamedKernel& entry : kernels) {
+    blocks.push_back([&entry, count] { entry.kernel(count); });
+  }
+  const std::vector<Times> times = measureInTurn(blocks, rounds);
+  for (std::size_t n = 0; n < kernels.size(); ++n) {
+    printRow(out, table, kernels[n].scene, kernels[n].variant, "ns", times[n], 1e9 / count);
+  }
+}
+
+void measureComparisons(std::vector<Comparison> comparisons, int rounds, std::ostream& out) {
+  std::vector<std::function<void()>> blocks;
+  for (Comparison& comparison : comparisons) {
+    for (Variant& variant : comparison.variants) {
+      blocks.push_back([&variant] { variant.run(*variant.simulation); });
+    }
+  }
+  const std::vector<Times> times = measureInTurn(blocks, rounds);
+  for (std::size_t n = 0; n < comparisons.size(); ++n) {
+    Comparison& comparison = comparisons[n];
+    char difference[32];
+    std::snprintf(difference, sizeof(difference), "%.1e", calcDifference(comparison));
+    for (std::size_t v = 0; v < 2; ++v) {
+      const Variant& variant = comparison.variants[v];
+      if (!variant.simulation->status().ok()) {
+        throw std::runtime_error(variant.simulation->describeStatus());
+      }
+      // A motion that goes on and on counts all its runs' steps.
+      const bool restarts = comparison.skip != "sleep";
+      printRow(out, comparison.skip, comparison.scene, variant.name, "us/s", times[2 * n + v],
+               1e6 / comparison.seconds,
+               restarts ? std::to_string(variant.simulation->statistics().steps) : "", difference);
+    }
+  }
+}
+
+int measure(const Options& options) {
+  std::ofstream out(options.output);
+  if (!out) throw std::runtime_error(options.output + " cannot be written");
+  printHead(out, options);
+  const int rounds = options.quick ? 40 : 200;
+  measureKernels("ship", makeShipKernels(), 20000, rounds, out);
+  measureKernels("scaling", makeScalingKernels(), 1000, rounds, out);
+  measureComparisons(makeComparisons(), rounds / 2, out);
+  measureComparisons(makeRests(), options.quick ? 3 : 11, out);
+  return 0;
+}
+
+void registerKernels() {
+  std::vector<NamedKernel> kernels = makeShipKernels();
+  for (NamedKernel& entry : makeScalingKernels()) kernels.push_back(std::move(entry));
+  for (const NamedKernel& entry : kernels) {
+    ::benchmark::RegisterBenchmark((entry.scene + "/" + entry.variant).c_str(),
+                                   [kernel = entry.kernel](::benchmark::State& state) {
+                                     constexpr int kBatch = 1000;
+                                     while (state.KeepRunningBatch(kBatch)) kernel(kBatch);
+                                   });
+  }
+}
+
+/// False on bad usage. Options of Google Benchmark are left for it.
+bool readOptions(int argc, char** argv, Options* options) {
+  const std::map<std::string, std::string*> texts = {{"--output", &options->output},
+                                                     {"--commit", &options->commit}};
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const auto text = texts.find(argument);
+    if (argument == "--quick") {
+      options->quick = true;
+    } else if (text != texts.end() && i + 1 < argc) {
+      *text->second = argv[++i];
+    } else if (argument.rfind("--benchmark_", 0) != 0) {
+      std::cerr << "kernel_benchmark: '" << argument << "' is not an option or lacks its value\n";
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+}  // namespace variator_sim::benchmark
+
+int main(int argc, char** argv) {
+  using namespace variator_sim::benchmark;  // NOLINT(google-build-using-namespace)
+  Options options;
+  if (!readOptions(argc, argv, &options)) {
+    std::cerr << "Usage: kernel_benchmark [--benchmark_filter=TEXT ...]\n"
+                 "       kernel_benchmark --output FILE.csv [--quick] [--commit TEXT]\n";
+    return 2;
+  }
+  try {
+    if (!options.output.empty()) return measure(options);
+    registerKernels();
+    ::benchmark::Initialize(&argc, argv);
+    ::benchmark::RunSpecifiedBenchmarks();
+    return 0;
+  } catch (const std::exception& error) {
+    std::cerr << "kernel_benchmark: " << error.what() << '\n';
+    return 1;
+  }
+}

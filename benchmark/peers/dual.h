@@ -1,0 +1,88 @@
+/// Forward derivatives of scenes.h's functions: exact Jacobians for implicit peers and references.
+#pragma once
+
+#include <array>
+#include <cmath>
+
+namespace variator_sim::benchmark {
+
+/// A value and its derivatives with respect to N variables.
+template <class T, int N>
+struct Dual {
+  T value{};
+  std::array<T, N> derivative{};
+
+  Dual() = default;
+  Dual(T v) : value(v) {}  // NOLINT(google-explicit-constructor): constants of formulas
+  static Dual variable(T v, int index, T rate = T(1)) {
+    Dual x(v);
+    x.derivative[static_cast<std::size_t>(index)] = rate;
+    return x;
+  }
+
+  /// f(x) with f' = slope.
+  Dual chain(T v, T slope) const {
+    Dual y(v);
+    for (std::size_t i = 0; i < N; ++i) y.derivative[i] = slope * derivative[i];
+    return y;
+  }
+  Dual operator-() const { return chain(-value, T(-1)); }
+  Dual& operator+=(const Dual& b) {
+    value += b.value;
+    for (std::size_t i = 0; i < N; ++i) derivative[i] += b.derivative[i];
+    return *this;
+  }
+  Dual& operator-=(const Dual& b) {
+    value -= b.value;
+    for (std::size_t i = 0; i < N; ++i) derivative[i] -= b.derivative[i];
+    return *this;
+  }
+  Dual& operator+=(T b) {
+    value += b;
+    return *this;
+  }
+  Dual& operator-=(T b) {
+    value -= b;
+    return *this;
+  }
+
+  friend Dual operator+(Dual a, const Dual& b) { return a += b; }
+  friend Dual operator-(Dual a, const Dual& b) { return a -= b; }
+  friend Dual operator+(Dual a, T b) { return a += b; }
+  friend Dual operator+(T a, Dual b) { return b += a; }
+  friend Dual operator-(Dual a, T b) { return a -= b; }
+  friend Dual operator-(T a, const Dual& b) { return -b + a; }
+  friend Dual operator*(const Dual& a, T b) { return a.chain(a.value * b, b); }
+  friend Dual operator*(T a, const Dual& b) { return b * a; }
+  friend Dual operator*(const Dual& a, const Dual& b) {
+    Dual y(a.value * b.value);
+    for (std::size_t i = 0; i < N; ++i) {
+      y.derivative[i] = a.derivative[i] * b.value + a.value * b.derivative[i];
+    }
+    return y;
+  }
+  friend Dual operator/(const Dual& a, T b) { return a * (T(1) / b); }
+  friend Dual operator/(const Dual& a, const Dual& b) {
+    const T inverse = T(1) / b.value;
+    Dual y(a.value * inverse);
+    for (std::size_t i = 0; i < N; ++i) {
+      y.derivative[i] = (a.derivative[i] - y.value * b.derivative[i]) * inverse;
+    }
+    return y;
+  }
+  friend Dual operator/(T a, const Dual& b) { return Dual(a) / b; }
+  friend Dual sin(const Dual& a) { return a.chain(std::sin(a.value), std::cos(a.value)); }
+  friend Dual cos(const Dual& a) { return a.chain(std::cos(a.value), -std::sin(a.value)); }
+};
+
+/// The type of a formula's constants: a dual number's would carry derivatives that are all zero.
+template <class R>
+struct ConstantOf {
+  using Type = R;
+};
+template <class T, int N>
+struct ConstantOf<Dual<T, N>> {
+  using Type = T;
+};
+
+}  // namespace variator_sim::benchmark
