@@ -61,7 +61,7 @@ TEST(CommandSignal, FirstOrderLagSolvesItsEquation) {
   signal.reset(settings);
   EXPECT_FALSE(signal.command(settings, 2.0, 5.0));
   EXPECT_FALSE(signal.isConstant());
-  EXPECT_EQ(signal.segmentEnd(), kInfinity);
+  EXPECT_EQ(signal.segmentEnd(), 2.0 + 50.0 * settings.time_constant);  // arrived, to the last bit
   EXPECT_EQ(signal.target(), 5.0);
   EXPECT_EQ(signal.value(2.0), 1.0);
   EXPECT_DOUBLE_EQ(signal.rate(2.0), 20.0);
@@ -87,7 +87,7 @@ TEST(CommandSignal, SecondOrderLagSolvesItsEquationAndKeepsItsRate) {
   EXPECT_EQ(signal.secondRate(1.0), 0.0);
   EXPECT_FALSE(signal.command(settings, 2.0, 5.0));
   EXPECT_FALSE(signal.isConstant());
-  EXPECT_EQ(signal.segmentEnd(), kInfinity);
+  EXPECT_EQ(signal.segmentEnd(), 2.0 + 50.0 * settings.time_constant);
   EXPECT_EQ(signal.value(2.0), 1.0);
   EXPECT_EQ(signal.rate(2.0), 0.0);
   EXPECT_DOUBLE_EQ(signal.secondRate(2.0), 4.0 / (tau * tau));

@@ -248,8 +248,9 @@ initial: {velocity: [5, 2], acceleration: [1, 0], project: true}
   };
   const double start = invariant(simulation.sample());
   ASSERT_GT(std::abs(start), 0.1);  // the initial reaction is not in range(C^T)
-  // Implicit stages end where Newton's iteration ends, a small part of the tolerance away.
-  const double bound = GetParam() == StepperKind::kRadau5 ? 1e-3 * 1e-5 : 1e-12;
+  // Implicit stages end where Newton's iteration ends, a small part of the tolerance away; the
+  // polynomial of dop853's dense output has weights that magnify rounding.
+  const double bound = GetParam() == StepperKind::kRadau5 ? 1e-2 * 1e-5 : 1e-11;
   for (int k = 1; k <= 50; ++k) {
     ASSERT_TRUE(simulation.advanceTo(0.1 * k).ok()) << simulation.describeStatus();
     if (k % 10 == 0) simulation.command(0, k % 20 == 0 ? 3.0 : 8.0);

@@ -201,7 +201,7 @@ class SimulateTest(unittest.TestCase):
         self.assertEqual(stats["commands refused"], "0")
         self.assertGreater(float(stats["times real time"]), 1.0)
         self.assertGreater(float(stats["wall time"].split()[0]), 0.0)
-        for name in ("stepper", "rejected steps", "projections", "jumps", "commands clamped",
+        for name in ("stepper", "not computed", "rejected steps", "projections", "jumps", "commands clamped",
                      "output wall time"):
             self.assertIn(name, stats)
 

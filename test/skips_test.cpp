@@ -218,6 +218,13 @@ TEST_P(Skips, ChangeNothingButRounding) {
       // of implicit steps the number of Newton's iterations may differ, by less than the tolerance
       expectSameMotion(result, all, is_implicit ? tolerance : 1e-10);
       if (is_implicit) continue;
+      // Rounding differs in specialized code, and may tip the acceptance of a step.
+      if (skip == &SolverSettings::specialize) {
+        EXPECT_NEAR(static_cast<double>(result.statistics.steps),
+                    static_cast<double>(all.statistics.steps),
+                    2.0 + 0.02 * static_cast<double>(all.statistics.steps));
+        continue;
+      }
       // no step more or less, and no evaluation
       EXPECT_EQ(result.statistics.steps, all.statistics.steps);
       EXPECT_EQ(result.statistics.rejected_steps, all.statistics.rejected_steps);

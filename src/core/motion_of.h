@@ -50,22 +50,21 @@ class MotionOf final : public Motion {
   std::string describeStepper() const override { return choice_.describe(); }
   std::vector<std::string> skips() const override {
     std::vector<std::string> skips;
-    if (!system_.readsAngles()) skips.emplace_back("stages of the angles: nothing reads them");
+    if (!system_.readsAngles()) skips.emplace_back("stages of the angles (nothing reads them)");
     if (drivetrain_.hasConstantRows() && drivetrain_.constraintCount() > 0) {
-      skips.emplace_back("factorizations but the first: C and J are constant");
+      skips.emplace_back("factorizations but the first (C and J are constant)");
     }
     if (drivetrain_.inertia().isConstant()) {
-      skips.emplace_back("inertial torques and connection: J is constant");
+      skips.emplace_back("inertial torques and connection (J is constant)");
     }
     if (std::tuple_size<State>::value == 2 * S) {
-      skips.emplace_back("torque rates and stepped accelerations: the principle gives them");
+      skips.emplace_back("torque rates and stepped accelerations (the principle gives them)");
     }
     if (!drivetrain_.readsTime()) {
-      skips.emplace_back(scene_.solver.sleep
-                             ? "everything at rest, until a command: no explicit time"
-                             : "derivatives by time: no explicit time");
+      skips.emplace_back(scene_.solver.sleep ? "anything at rest until a command (no explicit time)"
+                                             : "derivatives by time (no explicit time)");
     }
-    if (System::kHasRows) skips.emplace_back("loops over shafts and constraints: two and one");
+    if (System::kHasRows) skips.emplace_back("loops over shafts and constraints (two and one)");
     return skips;
   }
   bool isSleeping() const override { return sleeping_; }

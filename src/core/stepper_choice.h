@@ -63,9 +63,9 @@ class StepperChoice {
   std::uint64_t switches() const { return switches_; }
   /// What steps, and why.
   std::string describe() const {
-    if (!automatic_) return std::string(stepper().name()) + ", as the scene says";
+    if (!automatic_) return std::string(stepper().name()) + " (as the scene says)";
     std::ostringstream text;
-    text << "auto: ";
+    text << "auto (";
     if (active_ == &first_) {
       text << first_.outer->name() << ", as the relative tolerance is "
            << (relative_tolerance_ <= kHighOrderBelow ? "at most " : "above ") << kHighOrderBelow
@@ -74,7 +74,8 @@ class StepperChoice {
       text << implicit_.outer->name() << ", as stability limited the steps of "
            << first_.outer->name();
     }
-    if (switches_ > 0) text << " (changed " << switches_ << (switches_ == 1 ? " time)" : " times)");
+    if (switches_ > 0) text << "; changed " << switches_ << (switches_ == 1 ? " time" : " times");
+    text << ")";
     return text.str();
   }
 

@@ -59,9 +59,9 @@ void printStatistics(const Simulation& simulation, const WallTimes& wall, std::u
     std::fprintf(stderr, "%s: %llu\n", name, static_cast<unsigned long long>(count));
   };
   std::fprintf(stderr, "stepper: %s\n", simulation.describeStepper().c_str());
-  for (const std::string& skip : simulation.skips()) {
-    std::fprintf(stderr, "not computed: %s\n", skip.c_str());
-  }
+  std::string skips;
+  for (const std::string& skip : simulation.skips()) skips += (skips.empty() ? "" : "; ") + skip;
+  std::fprintf(stderr, "not computed: %s\n", skips.empty() ? "-" : skips.c_str());
   print("steps", counts.steps);
   if (counts.implicit_steps > 0) print("implicit steps", counts.implicit_steps);
   if (isFixedStep(simulation.scene().solver.stepper)) {
