@@ -121,49 +121,69 @@ class StepperChoice {
   };
 
   bool considerImplicit(System& system, const Node& node, double limit, double* h) {
-    if (active_->outer->stiffness(node.x, node.dxdt) <= 1.0) {
+    const double stiffness = active_->outer->stiffness(node.x, node.dxdt);
+    if (stiffness <= kMildly) {
       // A few steps below the bound between others above it clear nobody.
       if (++quiet_ >= kQuiet) suspicions_ = quiet_ = 0;
       return false;
     }
     quiet_ = 0;
-    if (++suspicions_ < wait_) return false;
+    suspicions_ += stiffness > 1.0 ? kStrong : 1;
+    if (suspicions_ < wait_) return false;
     suspicions_ = 0;
-    const double reached = tryStep(system, *implicit_.outer, node, std::min(limit, 10.0 * *h));
-    return change(&implicit_, reached, h);
+    // The fast components of an explicit run carry an error of the tolerance's size, which an
+    // implicit step damps and its error estimate sees: one step to damp it, the next one counts.
+    Node damped = node;
+    typename System::State unused;
+    const double first = std::min(limit, *h);
+    if (!std::isfinite(implicit_.outer->step(system, node, first, damped.x, unused))) return false;
+    damped.time += first;
+    system(damped.x, damped.dxdt, damped.time);
+    const double next = std::min(limit - first, 10.0 * *h);
+    const double reached = next > 0.0 ? tryStep(system, *implicit_.outer, damped, next) : 0.0;
+    return change(&implicit_, reached, *h);  // h stays: it grows within a few steps
   }
 
   bool considerExplicit(System& system, const Node& node, double limit, double* h) {
     if (++steps_since_trial_ < trial_interval_) return false;
     steps_since_trial_ = 0;
     const double reached = tryStep(system, *first_.outer, node, std::min(limit, *h));
-    if (change(&first_, reached, h)) return true;
+    if (change(&first_, reached, *h)) {
+      *h = reached;
+      return true;
+    }
     trial_interval_ = std::min(2 * trial_interval_, kLastTrial);
     return false;
   }
 
-  /// The step that `stepper` could make from `node`, judged by one of size h; 0 when none.
+  /// The step that `stepper` could make from `node`: tried from h on, shorter until its error
+  /// estimate accepts it; 0 when none of a few is.
   static double tryStep(System& system, Stepper<System>& stepper, const Node& node, double h) {
     typename System::State x;
     typename System::State dxdt;
-    for (int attempt = 0; attempt < 3; ++attempt, h *= 0.1) {
+    for (int attempt = 0; attempt < 4; ++attempt) {
       const double norm = stepper.step(system, node, h, x, dxdt);
-      if (!std::isfinite(norm)) continue;
+      if (!std::isfinite(norm)) {
+        h *= 0.1;
+        continue;
+      }
       const double factor = 0.9 * std::pow(std::max(norm, 1e-10), -1.0 / stepper.errorOrder());
-      if (factor >= 0.1 || attempt == 2) return h * std::min(5.0, factor);
+      if (norm <= 1.0) return h * std::min(5.0, factor);
+      h *= std::max(0.1, factor);
     }
     return 0.0;
   }
 
-  bool change(Pair* other, double reached, double* h) {
-    const double now = *h / active_->outer->work();
+  /// Goes over to `other`, which could make steps of size `reached`, when that is better than `h`
+  /// by the one in use.
+  bool change(Pair* other, double reached, double h) {
+    const double now = h / active_->outer->work();
     const double then = reached / other->outer->work();
     if (!(then > kAdvantage * now)) {
-      if (other == &implicit_) wait_ = std::min(2 * wait_, kLastTrial);
+      if (other == &implicit_) wait_ = std::min(2 * wait_, kStrong * kLastTrial);
       return false;
     }
     active_ = other;
-    *h = reached;
     ++switches_;
     suspicions_ = quiet_ = steps_since_trial_ = 0;
     wait_ = kSuspicions;
@@ -172,7 +192,11 @@ class StepperChoice {
 
   /// At higher accuracy than this dop853 needs fewer evaluations than dopri5.
   static constexpr double kHighOrderBelow = 1e-5;
-  static constexpr int kSuspicions = 15;
+  /// |h lambda| over its bound: above 1 a step counts kStrong times, above kMildly once (at tight
+  /// tolerances a fast component limits steps well below the bound, by its rounding).
+  static constexpr double kMildly = 0.25;
+  static constexpr int kStrong = 8;
+  static constexpr int kSuspicions = 40;
   static constexpr int kQuiet = 6;
   static constexpr int kFirstTrial = 25;
   static constexpr int kLastTrial = 1000;
