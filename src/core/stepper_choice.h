@@ -3,11 +3,10 @@
 /// The rule of `auto`:
 /// - It starts explicitly: dop853 where the relative tolerance is at most kHighOrderBelow, dopri5
 ///   above.
-/// - After kSuspicions steps that stability and not accuracy limited (|h lambda| at the bound of
-/// the
-///   scheme, as Hairer's codes estimate it) it tries one implicit step from the same state. When
-///   the step sizes that the two error estimates allow say that radau5 gets further for the
-///   same work, it goes on with that.
+/// - After five steps that stability and not accuracy limited (|h lambda| at the bound of the
+///   scheme, as Hairer's codes estimate it), or forty at a quarter of the bound, it tries implicit
+///   steps from the same state. When the step sizes that the two error estimates allow say that
+///   radau5 gets further for the same work, it goes on with that; else it waits twice as long.
 /// - A step that the explicit stepper has to repeat kHopeless times (motion_of.h) goes to radau5 as
 ///   well.
 /// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
