@@ -79,11 +79,11 @@ class ConstraintSolver {
         double entry = C_[m][0] * B_[n][0];
         for (int i = 1; i < S; ++i) entry += C_[m][i] * B_[n][i];
         for (int p = 0; p < n; ++p) entry -= L_[m][p] * D_[p] * L_[n][p];
-        L_[m][n] = entry * inverse_D_[n];
+        L_[m][n] = entry * D_inverse_[n];
         pivot -= L_[m][n] * entry;
       }
       D_[m] = pivot;
-      inverse_D_[m] = 1.0 / pivot;  // begun here, done when the solution needs it
+      D_inverse_[m] = 1.0 / pivot;  // begun here, done when the solution needs it
       if (!(pivot > kRankTolerance * diagonal)) {
         singular_row_ = m;
         singular_measure_ = diagonal > 0.0 ? pivot / diagonal : 0.0;
@@ -101,7 +101,7 @@ class ConstraintSolver {
       for (int n = 0; n < m; ++n) value -= L_[m][n] * x[n];
       x[m] = value;
     }
-    for (int m = 0; m < rowCount(); ++m) x[m] *= inverse_D_[m];
+    for (int m = 0; m < rowCount(); ++m) x[m] *= D_inverse_[m];
     for (int m = rowCount() - 1; m >= 0; --m) {
       for (int n = m + 1; n < rowCount(); ++n) x[m] -= L_[n][m] * x[n];
     }
@@ -140,7 +140,7 @@ class ConstraintSolver {
   double B_[kMaxRows][S] = {};
   double L_[kMaxRows][kMaxRows] = {};
   double D_[kMaxRows] = {};
-  double inverse_D_[kMaxRows] = {};
+  double D_inverse_[kMaxRows] = {};
   double A_diagonal_[kMaxRows] = {};
 };
 

@@ -498,7 +498,7 @@ class Comparison {
   template <class Function>
   void checkByState(const std::array<double, 3 * kMaxShafts>& stated, const std::string& before,
                     const std::string& after, Function function) {
-    const int s = scene_.shaftCount();
+    const int s = std::max(1, scene_.shaftCount());
     std::array<double, 3 * kMaxShafts> differences{};
     forEachShift(point_.view(), s,
                  [&](int q, const StateView& above, const StateView& below, double width) {
@@ -514,13 +514,16 @@ class Comparison {
                    : q < 2 * s ? direction.velocity
                                : direction.acceleration;
       part[at(q % s)] = 1.0;
-      along(direction, stated[at(q)], before + nameOf(q) + after, kRounding * largest, function);
+      std::string name = before;
+      name += nameOf(q);
+      name += after;
+      along(direction, stated[at(q)], name, kRounding * largest, function);
     }
   }
 
   /// phi1, .., w1, .., e1, ..
   std::string nameOf(int q) const {
-    const int s = scene_.shaftCount();
+    const int s = std::max(1, scene_.shaftCount());
     return (q < s ? "phi" : q < 2 * s ? "w" : "e") + std::to_string(q % s + 1);
   }
 

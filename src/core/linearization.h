@@ -109,6 +109,7 @@ template <class System, int S, int L>
 void linearizeByDifferences(System& system, double t, const typename System::State& x,
                             bool reads_angles, Linearization<S, L>& linearization) {
   const double relative_step = std::cbrt(std::numeric_limits<double>::epsilon());
+  constexpr std::size_t kShafts = S;
   typename System::State shifted = x;
   typename System::State above;
   typename System::State below;
@@ -118,7 +119,7 @@ void linearizeByDifferences(System& system, double t, const typename System::Sta
       continue;
     }
     for (int j = 0; j < S; ++j) {
-      const auto n = static_cast<std::size_t>(S * l + j);
+      const std::size_t n = kShafts * static_cast<std::size_t>(l) + static_cast<std::size_t>(j);
       const double step = relative_step * std::max(1.0, std::abs(x[n]));
       shifted[n] = x[n] + step;
       const double upper = shifted[n];
@@ -128,7 +129,7 @@ void linearizeByDifferences(System& system, double t, const typename System::Sta
       system(shifted, below, t);
       shifted[n] = x[n];
       for (int i = 0; i < S; ++i) {
-        const auto row = static_cast<std::size_t>(S * (L - 1) + i);
+        const std::size_t row = kShafts * (L - 1) + static_cast<std::size_t>(i);
         linearization.block(l)(i, j) = (above[row] - below[row]) / width;
       }
     }
