@@ -122,6 +122,7 @@ TEST(NodeSettings, HaveDefaults) {
   EXPECT_EQ(settings.real_time_factor, 1.0);
   EXPECT_FALSE(settings.publish_clock);
   EXPECT_FALSE(settings.start_paused);
+  EXPECT_FALSE(settings.lock_memory);
   EXPECT_EQ(settings.realtime_priority, 0);
   // The default follows a tick rate below it.
   EXPECT_EQ(settingsFrom("tick_rate: 20").publish_rate, 20.0);
@@ -129,8 +130,10 @@ TEST(NodeSettings, HaveDefaults) {
 
 TEST(NodeSettings, TakeAllValues) {
   const NodeSettings settings = settingsFrom(
-      "{tick_rate: '5e3', publish_rate: 5000, real_time_factor: 0, publish_clock: false, "
-      "start_paused: true, realtime_priority: 80}");
+      "{tick_rate: '5e3', publish_rate: 5000, real_time_factor: 0, publish_clock: true, "
+      "start_paused: true, realtime_priority: 80, lock_memory: true}");
+  EXPECT_TRUE(settings.publish_clock);
+  EXPECT_TRUE(settings.lock_memory);
   EXPECT_EQ(settings.tick_rate, 5000.0);
   EXPECT_EQ(settings.publish_rate, 5000.0);
   EXPECT_EQ(settings.real_time_factor, 0.0);
@@ -151,8 +154,8 @@ TEST(NodeSettings, NameTheKeyThatIsWrong) {
       {"real_time_factor: -1", "real_time_factor: "},
       {"real_time_factor: 1e-5", "real_time_factor: "},
       {"real_time_factor: .inf", "real_time_factor: "},
-      {"publish_clock: true", "publish_clock: "},
       {"publish_clock: 3", "publish_clock: "},
+      {"lock_memory: 1", "lock_memory: "},
       {"start_paused: perhaps", "start_paused: "},
       {"realtime_priority: 100", "realtime_priority: "},
       {"realtime_priority: -1", "realtime_priority: "},

@@ -25,6 +25,8 @@ class ManualClock : public PacingClock {
     longest_sleep_ = std::max(longest_sleep_, deadline - now_);
     now_ = std::max(now_, deadline) + oversleep_;
   }
+  void waitUntil(std::int64_t deadline) override { sleepUntil(deadline); }
+  void wake() override {}
   void pass(std::int64_t duration) { now_ += duration; }
 
   std::int64_t now_ = 5000 * kMillisecond;
@@ -128,6 +130,43 @@ TEST(Pacer, ANewPeriodCountsFromNow) {
     ASSERT_EQ(pacer.tickStart() - start, n * 100000);
   }
   EXPECT_EQ(pacer.counters().overruns, 0u);
+}
+
+// What was late when the period changed is not made up for, and not hidden either.
+TEST(Pacer, ANewPeriodCountsTheBacklogAsLost) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e6);
+  pacer.anchor();
+  waitForTick(pacer);
+  clock.pass(100 * kMillisecond);
+  pacer.setPeriod(1e5);
+  EXPECT_EQ(pacer.counters().lost_time, 99 * kMillisecond);
+  const std::int64_t start = clock.now();
+  waitForTick(pacer);
+  EXPECT_EQ(pacer.tickStart() - start, 100000);
+}
+
+TEST(Pacer, PassesOverTicksAndKeepsTheirGrid) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e9 / 3.0);
+  pacer.anchor();
+  const std::int64_t start = clock.now();
+  EXPECT_EQ(pacer.lastDueTick(), 0);
+  for (std::int64_t n = 1; n < 3000; n += 7) {
+    // Exactly when it is due, and 1 ns before.
+    clock.now_ = start + (n * 1000000000 + 1) / 3;
+    ASSERT_EQ(pacer.dueTime(n), clock.now_);
+    ASSERT_EQ(pacer.lastDueTick(), n);
+    clock.pass(-1);
+    ASSERT_EQ(pacer.lastDueTick(), n - 1);
+    pacer.passOver(n - 1);
+    waitForTick(pacer);
+    ASSERT_EQ(pacer.tick(), n);
+    ASSERT_EQ(pacer.lateness(), 0);
+  }
+  EXPECT_EQ(pacer.counters().ticks, 429u);
+  clock.now_ = start - 1;
+  EXPECT_LT(pacer.lastDueTick(), 0);
 }
 
 TEST(Pacer, UnpacedNeverSleeps) {

@@ -130,7 +130,7 @@ TEST(SceneReader, FillsInDefaults) {
 TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
   const std::string node_keys =
       "tick_rate: 500\npublish_rate: 50\nreal_time_factor: 2\npublish_clock: true\n"
-      "start_paused: true\nrealtime_priority: 3\nverify_derivatives: true\n";
+      "start_paused: true\nrealtime_priority: 3\nlock_memory: true\nverify_derivatives: true\n";
   const Scene scene = read(base() + node_keys);
   const ParameterTree::Dictionary& root = scene.resolved.asDictionary();
   for (const std::string& key : nodeKeys()) EXPECT_EQ(root.count(key), 0U) << key;

@@ -6,10 +6,17 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <functional>
 #include <limits>
+#include <map>
+#include <memory>
 #include <new>
+#include <thread>
+#include <utility>
+#include <vector>
 
 #include "support/scenes.h"
 
@@ -72,12 +79,97 @@ class ScriptedClock : public PacingClock {
     now_ = std::max(now_, deadline);
     if (on_sleep_) on_sleep_(++sleeps_);
   }
+  void waitUntil(std::int64_t deadline) override { sleepUntil(deadline); }
+  void wake() override {}
   std::function<void(int)> on_sleep_;
 
  private:
   std::int64_t now_ = 1000000000;
   int sleeps_ = 0;
 };
+
+/// Time passes only in sleeps and waits, and stops on its way at the events given before.
+class EventClock : public PacingClock {
+ public:
+  /// `action` at `time`, ns since the start, later than those before; in the stepping thread.
+  void at(std::int64_t time, std::function<void()> action) {
+    events_.push_back({kStart + time, std::move(action)});
+  }
+  /// As `at`, for requests: they wait for the stepping thread, so another one makes them.
+  void submitAt(std::int64_t time, SteppingLoop& loop, RequestKind kind) {
+    at(time, [this, &loop, kind] {
+      woken_ = false;
+      submitters_.emplace_back([&loop, kind] {
+        LoopRequest request;
+        request.kind = kind;
+        EXPECT_EQ(loop.submit(request).result, RequestResult::kDone);
+      });
+      while (!woken_) std::this_thread::yield();
+    });
+  }
+  /// When all is over.
+  void join() {
+    for (std::thread& thread : submitters_) thread.join();
+  }
+
+  std::int64_t now() override { return now_; }
+  void sleepUntil(std::int64_t deadline) override {
+    ++sleeps_;
+    pass(deadline, /*can_wake=*/false);
+  }
+  void waitUntil(std::int64_t deadline) override {
+    ++waits_;
+    pass(deadline, /*can_wake=*/true);
+  }
+  void wake() override { woken_ = true; }
+
+  int sleeps_ = 0;
+  int waits_ = 0;
+  static constexpr std::int64_t kStart = 1000000000;
+
+ private:
+  struct Event {
+    std::int64_t time;
+    std::function<void()> action;
+  };
+  void pass(std::int64_t deadline, bool can_wake) {
+    for (;;) {
+      if (can_wake && woken_.exchange(false)) return;
+      if (next_ == events_.size() || events_[next_].time > deadline) break;
+      now_ = std::max(now_, events_[next_].time);
+      events_[next_++].action();
+    }
+    ASSERT_NE(deadline, kForever) << "nobody will ever wake the loop";
+    now_ = std::max(now_, deadline);
+  }
+
+  std::int64_t now_ = kStart;
+  std::vector<Event> events_;
+  std::size_t next_ = 0;
+  std::atomic<bool> woken_{false};
+  std::vector<std::thread> submitters_;
+};
+
+/// At rest from its start until it is driven.
+constexpr const char* kRestingScene = R"(
+shafts: [drive, load]
+drive: {inertia: 0.5}
+load: {inertia: 1.2}
+torques: [engine, friction]
+engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: drive_torque}
+friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-9.0*w2"}
+constraints: [variator]
+variator:
+  type: variator_sim/ExpressionConstraint
+  order: 2
+  expression: "0.05*(e2-0.8*e1)+w2-0.8*w1"
+)";
+
+constexpr std::int64_t kMs = 1000000;
+
+bool sameBits(const Sample& a, const Sample& b) {
+  return std::memcmp(&a, &b, sizeof(Sample)) == 0;
+}
 
 TEST(SteppingLoop, AllocatesNothingPerTick) {
   ScriptedClock clock;
@@ -143,6 +235,302 @@ TEST(SteppingLoop, TellsItsRealTimeFactorAndLateness) {
   EXPECT_NEAR(snapshot.real_time_factor, 4.0, 1e-3);
   EXPECT_EQ(snapshot.pacing.overruns, 0u);
   EXPECT_EQ(snapshot.lateness_max, 0);
+}
+
+// --- at rest ----------------------------------------------------------------------------------
+/// What is to come of commands at their ticks, and what has come, compared sample by sample.
+void expectSamplesAsOffline(SteppingLoop& loop, const std::map<std::int64_t, double>& commands,
+                            std::int64_t interval, std::int64_t end) {
+  Simulation offline(test::sceneFromText(kRestingScene));
+  TimedSample timed;
+  ASSERT_TRUE(loop.popSample(timed));
+  ASSERT_EQ(timed.time, 0);
+  auto command = commands.begin();
+  for (std::int64_t time = interval; time <= end; time += interval) {
+    for (; command != commands.end() && command->first <= time; ++command) {
+      offline.advanceTo(static_cast<double>(command->first) / 1e9);
+      offline.command(0, command->second);
+    }
+    offline.advanceTo(static_cast<double>(time) / 1e9);
+    ASSERT_TRUE(loop.popSample(timed));
+    ASSERT_EQ(timed.time, time);
+    ASSERT_EQ(timed.clock_time - EventClock::kStart, time);
+    ASSERT_TRUE(sameBits(timed.sample, offline.sample())) << time;
+  }
+  EXPECT_FALSE(loop.popSample(timed)) << timed.time;
+}
+
+// A command in the middle of a rest acts at the tick after it, as if every tick had been made; and
+// the motion that comes to rest again is the same, too.
+TEST(SteppingLoop, ARestChangesNeitherTicksNorSamples) {
+  EventClock clock;
+  NodeSettings settings;
+  SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
+  loop.setSamplesWanted(true);
+  clock.at(501 * kMs + 400000, [&] { loop.command({0, 3.0}); });
+  clock.at(520 * kMs + 1, [&] { loop.command({0, 0.0}); });
+  clock.at(2455 * kMs + 1, [&] { loop.stop(); });
+  loop.run();
+  expectSamplesAsOffline(loop, {{502 * kMs, 3.0}, {521 * kMs, 0.0}}, 10 * kMs, 2450 * kMs);
+}
+
+TEST(SteppingLoop, ARestIsOneWaitPerSampleOrStatus) {
+  for (const bool wanted : {false, true}) {
+    EventClock clock;
+    NodeSettings settings;
+    SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
+    loop.setSamplesWanted(wanted);
+    clock.at(10005 * kMs, [&] { loop.stop(); });
+    loop.run();
+    // 10 Hz of status, or 100 Hz of states, for 10 s; the first tick notices the rest.
+    EXPECT_LE(clock.waits_, wanted ? 1003 : 103);
+    EXPECT_LE(clock.sleeps_, 2);
+    LoopSnapshot snapshot;
+    int count = 0;
+    while (loop.popSnapshot(snapshot)) ++count;
+    EXPECT_EQ(snapshot.state, RunState::kSleeping);
+    EXPECT_GE(snapshot.time, 9900 * kMs);
+    EXPECT_NEAR(snapshot.real_time_factor, 1.0, 1e-2);
+    EXPECT_EQ(snapshot.pacing.overruns, 0u);
+    EXPECT_EQ(count, 16);  // the ring is full
+  }
+}
+
+// Whoever comes while the motion rests gets the samples that are due from then on.
+TEST(SteppingLoop, ANewSubscriberIsServedDuringARest) {
+  EventClock clock;
+  NodeSettings settings;
+  SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
+  clock.at(321 * kMs, [&] { loop.setSamplesWanted(true); });
+  clock.at(345 * kMs, [&] { loop.stop(); });
+  loop.run();
+  TimedSample timed;
+  ASSERT_TRUE(loop.popSample(timed));  // the start
+  for (const std::int64_t time : {330 * kMs, 340 * kMs}) {
+    ASSERT_TRUE(loop.popSample(timed));
+    EXPECT_EQ(timed.time, time);
+  }
+  EXPECT_FALSE(loop.popSample(timed));
+}
+
+// A pause at an instant within a rest stops time at the last tick before it.
+TEST(SteppingLoop, APauseDuringARestFindsThePresent) {
+  EventClock clock;
+  NodeSettings settings;
+  SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
+  clock.submitAt(777 * kMs + 700000, loop, RequestKind::kPause);
+  clock.submitAt(900 * kMs, loop, RequestKind::kResume);
+  clock.at(901 * kMs + 1, [&] { loop.setSamplesWanted(true); });
+  clock.at(911 * kMs, [&] { loop.stop(); });
+  loop.run();
+  clock.join();
+  TimedSample timed;
+  ASSERT_TRUE(loop.popSample(timed));  // the start
+  ASSERT_TRUE(loop.popSample(timed));
+  EXPECT_EQ(timed.time, 777 * kMs);
+  ASSERT_TRUE(loop.popSample(timed));
+  EXPECT_EQ(timed.time, 787 * kMs);
+  EXPECT_EQ(timed.clock_time - EventClock::kStart, 910 * kMs);
+}
+
+// --- another speed ----------------------------------------------------------------------------
+TEST(SteppingLoop, ANewRealTimeFactorMakesNeitherBurstNorStall) {
+  EventClock clock;
+  NodeSettings settings;
+  settings.publish_rate = 1000.0;
+  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
+  loop.setSamplesWanted(true);
+  std::vector<TimedSample> samples;
+  const auto collect = [&] {
+    TimedSample timed;
+    while (loop.popSample(timed)) samples.push_back(timed);
+  };
+  const std::int64_t change = 100 * kMs + 300000;
+  const std::int64_t back = 150 * kMs + 100000;
+  clock.at(change, [&] {
+    collect();
+    loop.setRealTimeFactor(0.25);
+  });
+  clock.at(back, [&] {
+    collect();
+    loop.setRealTimeFactor(1.0);
+  });
+  clock.at(200 * kMs, [&] {
+    collect();
+    loop.stop();
+  });
+  loop.run();
+  // Every tick has its sample: each is one tick after the one before, at its time on the clock.
+  ASSERT_GT(samples.size(), 150u);
+  for (std::size_t i = 1; i < samples.size(); ++i) {
+    ASSERT_EQ(samples[i].time - samples[i - 1].time, 1 * kMs);
+    const std::int64_t start = samples[i - 1].clock_time - EventClock::kStart;
+    const std::int64_t waited = samples[i].clock_time - samples[i - 1].clock_time;
+    const bool slow = start > change + 1 * kMs && start < back - 4 * kMs;
+    const bool changing = start > change - 1 * kMs && start < back + 4 * kMs && !slow;
+    if (changing) {
+      // The tick under way comes at its old time; the next one a whole new period after the change.
+      EXPECT_GE(waited, 1 * kMs) << start;
+      EXPECT_LE(waited, 4 * kMs + 1 * kMs) << start;
+    } else {
+      EXPECT_EQ(waited, slow ? 4 * kMs : 1 * kMs) << start;
+    }
+  }
+  LoopSnapshot snapshot;
+  while (loop.popSnapshot(snapshot)) {
+  }
+  EXPECT_EQ(snapshot.pacing.overruns, 0u);
+  EXPECT_EQ(snapshot.pacing.lost_time, 0);
+}
+
+TEST(SteppingLoop, ANewPublishRateCountsFromNow) {
+  EventClock clock;
+  NodeSettings settings;
+  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
+  loop.setSamplesWanted(true);
+  clock.at(95 * kMs + 1, [&] { loop.setPublishRate(200.0); });
+  clock.at(117 * kMs, [&] { loop.stop(); });
+  loop.run();
+  std::vector<std::int64_t> times;
+  TimedSample timed;
+  while (loop.popSample(timed)) times.push_back(timed.time / kMs);
+  EXPECT_EQ(times,
+            (std::vector<std::int64_t>{0, 10, 20, 30, 40, 50, 60, 70, 80, 90, 101, 106, 111, 116}));
+}
+
+// --- a clock of others ------------------------------------------------------------------------
+/// A loop on a clock that the test sets, in a thread of its own.
+class FollowedClockTest : public testing::Test {
+ protected:
+  void start(const char* scene) {
+    loop_ =
+        std::make_unique<SteppingLoop>(Simulation(test::sceneFromText(scene)), settings_, clock_);
+    loop_->setSamplesWanted(true);
+    thread_ = std::thread([this] { loop_->run(); });
+  }
+  void TearDown() override {
+    loop_->stop();
+    thread_.join();
+  }
+
+  template <class Pop, class Value, class Condition>
+  bool waitFor(Pop pop, Value& value, Condition condition) {
+    const std::int64_t end = steady_.now() + 20000 * kMs;
+    while (steady_.now() < end) {
+      while (pop(value)) {
+        if (condition(value)) return true;
+      }
+      loop_->waitForNews(steady_.now() + 20 * kMs);
+    }
+    return false;
+  }
+  /// The next sample in the queue, waited for.
+  TimedSample nextSample() {
+    TimedSample timed;
+    EXPECT_TRUE(waitFor([this](TimedSample& t) { return loop_->popSample(t); }, timed,
+                        [](const TimedSample&) { return true; }));
+    return timed;
+  }
+  template <class Condition>
+  LoopSnapshot waitForSnapshot(Condition condition) {
+    LoopSnapshot snapshot;
+    EXPECT_TRUE(
+        waitFor([this](LoopSnapshot& s) { return loop_->popSnapshot(s); }, snapshot, condition));
+    return snapshot;
+  }
+  /// The clock's first time, and the loop has met it.
+  void startClock(std::int64_t time) {
+    waitForSnapshot([](const LoopSnapshot& s) { return s.waiting_for_clock; });
+    clock_.set(time);
+    waitForSnapshot([](const LoopSnapshot& s) { return !s.waiting_for_clock; });
+  }
+
+  static constexpr std::int64_t kSecond = 1000 * kMs;
+  SteadyClock steady_;
+  FollowedClock clock_;
+  NodeSettings settings_;
+  std::unique_ptr<SteppingLoop> loop_;
+  std::thread thread_;
+};
+
+/// The motion goes on, or rests.
+class FollowedClockSceneTest : public FollowedClockTest,
+                               public testing::WithParamInterface<const char*> {};
+
+TEST_P(FollowedClockSceneTest, WaitsForATimeAndKeepsToIt) {
+  start(GetParam());
+  EXPECT_EQ(nextSample().time, 0);
+  EXPECT_FALSE(clock_.set(0));
+  startClock(100 * kSecond);
+  // Steps of the clock of any size; between two of them time stands.
+  std::int64_t shown = 0;
+  for (const std::int64_t time : {3, 12, 20, 21, 470, 2000}) {
+    clock_.set(100 * kSecond + time * kMs);
+    while (shown + 10 <= time) {
+      shown += 10;
+      const TimedSample timed = nextSample();
+      ASSERT_EQ(timed.time, shown * kMs);
+      ASSERT_EQ(timed.clock_time, 100 * kSecond + shown * kMs);
+    }
+  }
+  EXPECT_EQ(loop_->droppedSamples(), 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, FollowedClockSceneTest, testing::Values(kScene, kRestingScene));
+
+TEST_F(FollowedClockTest, StartsAnewWhenTheClockJumpsBack) {
+  start(kScene);
+  nextSample();
+  startClock(100 * kSecond);
+  clock_.set(100 * kSecond + 30 * kMs);
+  for (const std::int64_t time : {10, 20, 30}) EXPECT_EQ(nextSample().time, time * kMs);
+  EXPECT_TRUE(clock_.set(50 * kSecond));
+  EXPECT_EQ(nextSample().time, 0);
+  clock_.set(50 * kSecond + 10 * kMs);
+  const TimedSample timed = nextSample();
+  EXPECT_EQ(timed.time, 10 * kMs);
+  EXPECT_EQ(timed.clock_time, 50 * kSecond + 10 * kMs);
+  Simulation offline(test::sceneFromText(kScene));
+  offline.advanceTo(0.01);
+  EXPECT_TRUE(sameBits(timed.sample, offline.sample()));
+  // Also to a time of 0.
+  EXPECT_TRUE(clock_.set(0));
+  EXPECT_EQ(nextSample().time, 0);
+  clock_.set(10 * kMs);
+  EXPECT_EQ(nextSample().time, 10 * kMs);
+}
+
+// A jump ahead is made in ticks up to 10 s; a longer one is counted, not made and not hidden.
+TEST_F(FollowedClockTest, CountsAJumpAheadThatIsTooLong) {
+  settings_.publish_rate = 1000.0;
+  start(kScene);
+  nextSample();
+  startClock(100 * kSecond);
+  clock_.set(3700 * kSecond);
+  EXPECT_EQ(nextSample().time, 1 * kMs);
+  // Ticks count from the jump on.
+  for (const std::int64_t time : {1, 2}) {
+    clock_.set(3700 * kSecond + time * kMs);
+    const TimedSample timed = nextSample();
+    EXPECT_EQ(timed.time, (time + 1) * kMs);
+    EXPECT_EQ(timed.clock_time, 3700 * kSecond + time * kMs);
+  }
+  loop_->submit(LoopRequest{});  // a pause: a snapshot
+  const LoopSnapshot snapshot =
+      waitForSnapshot([](const LoopSnapshot& s) { return s.state == RunState::kPaused; });
+  EXPECT_EQ(snapshot.pacing.lost_time, 3600 * kSecond - 1 * kMs);
+  EXPECT_EQ(snapshot.pacing.overruns, 0u);
+}
+
+TEST_F(FollowedClockTest, StepsWithoutAClock) {
+  settings_.start_paused = true;
+  start(kScene);
+  LoopRequest step;
+  step.kind = RequestKind::kStep;
+  step.duration = 5 * kMs;
+  const LoopAnswer answer = loop_->submit(step);
+  EXPECT_EQ(answer.result, RequestResult::kDone);
+  EXPECT_EQ(answer.sample.time, 5 * kMs);
 }
 
 }  // namespace

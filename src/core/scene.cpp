@@ -517,7 +517,8 @@ const char* toString(SimultaneousCommands rule) {
 
 const std::vector<std::string>& nodeKeys() {
   static const std::vector<std::string> keys{"tick_rate",     "publish_rate", "real_time_factor",
-                                             "publish_clock", "start_paused", "realtime_priority"};
+                                             "publish_clock", "start_paused", "realtime_priority",
+                                             "lock_memory"};
   return keys;
 }
 

@@ -13,6 +13,13 @@ constexpr double kGreatestRealTimeFactor = 1e6;
 
 }  // namespace
 
+std::string findFaultOfRealTimeFactor(double factor) {
+  if (factor == 0.0 || (factor >= kSmallestRealTimeFactor && factor <= kGreatestRealTimeFactor)) {
+    return "";
+  }
+  return " is not allowed: 0 (unpaced) or from 0.001 to 1e6";
+}
+
 NodeSettings readNodeSettings(const ParameterTree& tree) {
   NodeSettings settings;
   ParameterReader reader(tree, "");
@@ -31,21 +38,17 @@ NodeSettings readNodeSettings(const ParameterTree& tree) {
 
   settings.real_time_factor = reader.number(
       "real_time_factor", Range::between(0.0, kGreatestRealTimeFactor), settings.real_time_factor);
-  if (settings.real_time_factor > 0.0 && settings.real_time_factor < kSmallestRealTimeFactor) {
-    throw SceneError("real_time_factor", ParameterTree::real(settings.real_time_factor).toText() +
-                                             " is not allowed: 0 (unpaced) or from 0.001 to 1e6");
+  const std::string fault = findFaultOfRealTimeFactor(settings.real_time_factor);
+  if (!fault.empty()) {
+    throw SceneError("real_time_factor",
+                     ParameterTree::real(settings.real_time_factor).toText() + fault);
   }
 
   settings.publish_clock = reader.boolean("publish_clock", settings.publish_clock);
-  if (settings.publish_clock) {
-    throw SceneError("publish_clock",
-                     "true is not available in this version, which publishes no /clock; remove the "
-                     "key or set it to false");
-  }
-
   settings.start_paused = reader.boolean("start_paused", settings.start_paused);
   settings.realtime_priority =
       reader.integer("realtime_priority", 0, 99, settings.realtime_priority);
+  settings.lock_memory = reader.boolean("lock_memory", settings.lock_memory);
   return settings;
 }
 

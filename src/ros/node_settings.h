@@ -1,6 +1,8 @@
 /// The node's own parameters, beside the scene.
 #pragma once
 
+#include <string>
+
 #include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
@@ -10,10 +12,14 @@ struct NodeSettings {
   double tick_rate = 1000.0;      ///< ticks per simulated s
   double publish_rate = 100.0;    ///< states per wall s, at most tick_rate
   double real_time_factor = 1.0;  ///< simulated s per wall s; 0: as fast as it can
-  bool publish_clock = false;     ///< not available yet
+  bool publish_clock = false;     ///< own /clock: publish simulated time on it
   bool start_paused = false;
   int realtime_priority = 0;  ///< SCHED_FIFO priority of the stepping thread, 0: off
+  bool lock_memory = false;   ///< keep the process in memory
 };
+
+/// What is wrong with a real-time factor, as the end of a sentence about it, or "".
+std::string findFaultOfRealTimeFactor(double factor);
 
 /// Reads them from the same tree as the scene; all of them stand in nodeKeys(). Throws SceneError.
 NodeSettings readNodeSettings(const ParameterTree& tree);

@@ -1,31 +1,9 @@
 #include "ros/pacer.h"
 
-#include <sys/prctl.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <ctime>
 
 namespace variator_sim {
-
-void SteadyClock::prepareThread() {
-  prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
-}
-
-std::int64_t SteadyClock::now() {
-  timespec time{};
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return static_cast<std::int64_t>(time.tv_sec) * 1000000000 + time.tv_nsec;
-}
-
-void SteadyClock::sleepUntil(std::int64_t deadline) {
-  timespec time{};
-  time.tv_sec = static_cast<time_t>(deadline / 1000000000);
-  time.tv_nsec = static_cast<long>(deadline % 1000000000);
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr) == EINTR) {
-  }
-}
 
 Pacer::Pacer(PacingClock& clock, double period) : clock_(clock), period_(period) {}
 
@@ -35,37 +13,59 @@ void Pacer::anchor() {
 }
 
 void Pacer::setPeriod(double period) {
+  if (isPaced() && !clock_.isFollowed()) {
+    counters_.lost_time += std::max<std::int64_t>(0, clock_.now() - dueTime(tick_ + 1));
+  }
   period_ = period;
   anchor();
 }
 
-std::int64_t Pacer::deadline() const {
-  return anchor_ + std::llround(static_cast<double>(tick_ + 1) * period_);
+std::int64_t Pacer::dueTime(std::int64_t n) const {
+  return anchor_ + std::llround(static_cast<double>(n) * period_);
+}
+
+std::int64_t Pacer::lastDueTick() const {
+  const std::int64_t now = clock_.now();
+  auto n = static_cast<std::int64_t>(std::floor(static_cast<double>(now - anchor_) / period_));
+  // The quotient is rounded, and so are due times.
+  while (dueTime(n) > now) --n;
+  while (dueTime(n + 1) <= now) ++n;
+  return n;
+}
+
+void Pacer::passOver(std::int64_t n) {
+  tick_ = n;
+  tick_due_ = dueTime(n);
 }
 
 bool Pacer::waitForTick() {
   std::int64_t now = clock_.now();
   if (!isPaced()) {
     tick_start_ = now;
+    tick_due_ = now;
     lateness_ = 0;
     ++tick_;
     ++counters_.ticks;
     return true;
   }
-  const std::int64_t due = deadline();
+  const std::int64_t due = dueTime(tick_ + 1);
   if (now < due) {
     clock_.sleepUntil(std::min(due, now + kLongestSleep));
     now = clock_.now();
     if (now < due) return false;
   }
   tick_start_ = now;
-  lateness_ = now - due;
+  tick_due_ = due;
   ++tick_;
   ++counters_.ticks;
-  if (static_cast<double>(lateness_) > period_) ++counters_.overruns;
-  if (lateness_ > kMostBehind) {
-    anchor_ += lateness_;
-    counters_.lost_time += lateness_;
+  const std::int64_t behind = now - due;
+  if (!clock_.isFollowed()) {
+    lateness_ = behind;
+    if (static_cast<double>(behind) > period_) ++counters_.overruns;
+  }
+  if (behind > (clock_.isFollowed() ? kMostBehindFollowed : kMostBehind)) {
+    anchor_ += behind;
+    counters_.lost_time += behind;
   }
   return true;
 }

@@ -15,11 +15,14 @@
 namespace variator_sim {
 namespace {
 
-constexpr double kLongestStep = 1e6;               // s
-constexpr std::int64_t kStatusPeriod = 100000000;  // ns: 10 Hz
-constexpr double kLogPeriod = 1.0;                 // s between two log lines of one kind
-constexpr std::uint32_t kCommandQueue = 1000;      // messages
-constexpr std::uint32_t kStateQueue = 100;         // messages
+constexpr double kLongestStep = 1e6;                 // s
+constexpr std::int64_t kStatusPeriod = 100000000;    // ns: 10 Hz
+constexpr std::uint32_t kCommandQueue = 1000;        // messages
+constexpr std::uint32_t kStateQueue = 100;           // messages
+constexpr std::uint32_t kClockQueue = 100;           // messages
+constexpr std::int64_t kClockPatience = 5000000000;  // ns: then the log tells what is waited for
+/// A /clock that has shown nothing new for so long stands, ns.
+constexpr std::int64_t kClockPause = 1000000000;
 
 double toSeconds(std::int64_t nanoseconds) {
   return static_cast<double>(nanoseconds) / 1e9;
@@ -79,6 +82,11 @@ sensor_msgs::JointState makeJointState(const Scene& scene) {
   return message;
 }
 
+ClockRole roleFor(const NodeSettings& settings) {
+  if (settings.publish_clock) return ClockRole::kOwner;
+  return ros::Time::isSystemTime() ? ClockRole::kWall : ClockRole::kFollower;
+}
+
 /// ROS runs as an ordinary user: a priority that is not permitted is a warning.
 void setRealTimePriority(std::thread& thread, int priority) {
   sched_param parameters{};
@@ -102,16 +110,25 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
       inputs_(simulation.scene().inputs),
       topics_(topicsOf(inputs_)),
       scene_message_(toSceneInfo(simulation)),
+      role_(roleFor(settings)),
       state_message_(makeState(simulation.scene())),
       joint_message_(makeJointState(simulation.scene())),
       step_message_(makeState(simulation.scene())),
-      loop_(std::move(simulation), settings, clock_) {
+      loop_(std::move(simulation), settings,
+            role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)
+                                          : steady_clock_) {
   for (const CommandInputSettings& input : inputs_) checkTopic(input);
   public_handle_.setCallbackQueue(&callback_queue_);
   private_handle_.setCallbackQueue(&callback_queue_);
   advertiseTopics();
   subscribeToCommands();
   advertiseServices();
+  setUpClock();
+  if (role_ == ClockRole::kFollower && settings.real_time_factor != 1.0) {
+    ROS_WARN(
+        "%s: real_time_factor %g is left aside: /use_sim_time is true, so /clock sets the pace",
+        private_handle_.getNamespace().c_str(), settings.real_time_factor);
+  }
   startThreads(settings);
 }
 
@@ -150,6 +167,46 @@ void SimulationServer::subscribeToCommands() {
   }
 }
 
+void SimulationServer::setUpClock() {
+  const std::string& name = private_handle_.getNamespace();
+  if (role_ == ClockRole::kOwner) {
+    // Whoever subscribes while time stands still has to learn what time it is.
+    const ros::SubscriberStatusCallback greet = [this](const ros::SingleSubscriberPublisher&) {
+      refreshDemand();
+      clock_requested_.store(true);
+      loop_.postNews();
+    };
+    const ros::SubscriberStatusCallback refresh = [this](const ros::SingleSubscriberPublisher&) {
+      refreshDemand();
+    };
+    clock_publisher_ =
+        public_handle_.advertise<rosgraph_msgs::Clock>("/clock", kClockQueue, greet, refresh);
+    if (ros::Time::isSystemTime()) {
+      ROS_WARN(
+          "%s: publish_clock is true, but /use_sim_time is not: other nodes stay on the wall "
+          "clock. "
+          "Set /use_sim_time before they start.",
+          name.c_str());
+    }
+  } else if (role_ == ClockRole::kFollower) {
+    const boost::function<void(const rosgraph_msgs::ClockConstPtr&)> receive =
+        [this](const rosgraph_msgs::ClockConstPtr& message) {
+          receiveClock(static_cast<std::int64_t>(message->clock.toNSec()));
+        };
+    clock_subscriber_ = public_handle_.subscribe<rosgraph_msgs::Clock>(
+        "/clock", kClockQueue, receive, ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+    ROS_INFO("%s: /use_sim_time is true: simulated time follows /clock", name.c_str());
+  }
+}
+
+void SimulationServer::receiveClock(std::int64_t time) {
+  const std::int64_t before = followed_clock_.now();
+  if (followed_clock_.set(time)) {
+    ROS_WARN("%s: /clock has jumped back from %.3f s to %.3f s: the motion starts anew",
+             private_handle_.getNamespace().c_str(), toSeconds(before), toSeconds(time));
+  }
+}
+
 void SimulationServer::advertiseServices() {
   const auto trigger = [this](const char* name, RequestKind kind) {
     using Callback =
@@ -185,7 +242,8 @@ void SimulationServer::startThreads(const NodeSettings& settings) {
 
 void SimulationServer::refreshDemand() {
   loop_.setSamplesWanted(state_publisher_.getNumSubscribers() > 0 ||
-                         joint_publisher_.getNumSubscribers() > 0);
+                         joint_publisher_.getNumSubscribers() > 0 ||
+                         clock_publisher_.getNumSubscribers() > 0);
 }
 
 void SimulationServer::answerTrigger(RequestKind kind, std_srvs::Trigger::Response& response) {
@@ -266,10 +324,12 @@ void SimulationServer::answerStep(const Step::Request& message, Step::Response& 
 }
 
 void SimulationServer::runPublishing() {
-  std::int64_t next_status = clock_.now();
+  started_at_ = steady_clock_.now();
+  std::int64_t next_status = started_at_;
   while (!stopping_.load(std::memory_order_relaxed)) {
     loop_.waitForNews(next_status);
     publishSamples();
+    if (clock_requested_.exchange(false)) publishClock();
     logRefusedCommands();
     LoopSnapshot snapshot;
     bool state_changed = false;
@@ -279,28 +339,43 @@ void SimulationServer::runPublishing() {
       state_changed = true;
       publishStatus();
       if (snapshot.state == RunState::kStopped) {
-        ROS_ERROR("The motion has stopped; ~reset brings it back. %s", snapshot.message.data());
+        ROS_ERROR("%s: the motion has stopped; ~reset brings it back. %s",
+                  private_handle_.getNamespace().c_str(), snapshot.message.data());
       }
     }
-    const std::int64_t now = clock_.now();
+    const std::int64_t now = steady_clock_.now();
     if (now >= next_status) {
       if (!state_changed) publishStatus();
       refreshDemand();
+      logTimeTrouble(now);
       next_status = now + kStatusPeriod;
     }
   }
 }
 
+ros::Time SimulationServer::stampOf(const TimedSample& timed) {
+  if (role_ == ClockRole::kOwner) return toStamp(timed.time);
+  if (role_ == ClockRole::kFollower) return toStamp(timed.clock_time);
+  // The stepping thread reads no ROS time: the age of the sample is known on the pacing clock.
+  const ros::Duration age = ros::Duration().fromNSec(steady_clock_.now() - timed.clock_time);
+  const ros::Time now = ros::Time::now();
+  return now.toSec() > age.toSec() ? now - age : now;
+}
+
 void SimulationServer::publishSamples() {
   TimedSample timed;
   while (loop_.popSample(timed)) {
-    // The stepping thread reads no ROS time: the age of the sample is known on the pacing clock.
-    const ros::Duration age = ros::Duration().fromNSec(clock_.now() - timed.wall_time);
-    const ros::Time now = ros::Time::now();
-    const ros::Time stamp = now.toSec() > age.toSec() ? now - age : now;
-    state_message_.header.stamp = stamp;
-    fillState(timed.sample, toSeconds(timed.time), state_message_);
-    state_publisher_.publish(state_message_);
+    if (role_ == ClockRole::kOwner) {
+      // Before the messages that are stamped with it.
+      published_time_ = timed.time;
+      publishClock();
+    }
+    const ros::Time stamp = stampOf(timed);
+    if (state_publisher_.getNumSubscribers() > 0) {
+      state_message_.header.stamp = stamp;
+      fillState(timed.sample, toSeconds(timed.time), state_message_);
+      state_publisher_.publish(state_message_);
+    }
     if (joint_publisher_.getNumSubscribers() > 0) {
       joint_message_.header.stamp = stamp;
       fillJointState(timed.sample, joint_message_);
@@ -309,15 +384,24 @@ void SimulationServer::publishSamples() {
   }
 }
 
+void SimulationServer::publishClock() {
+  if (clock_publisher_.getNumSubscribers() == 0) return;
+  rosgraph_msgs::Clock message;
+  message.clock = toStamp(published_time_);
+  clock_publisher_.publish(message);
+}
+
 void SimulationServer::publishStatus() {
   if (status_publisher_.getNumSubscribers() == 0) return;
   SimulationStatus& message = status_message_;
-  message.header.stamp = ros::Time::now();
+  message.header.stamp = role_ == ClockRole::kOwner ? toStamp(snapshot_.time) : ros::Time::now();
   message.state = toMessage(snapshot_.state);
   message.stop_reason = toString(snapshot_.reason);
   message.message = snapshot_.message.data();
   message.time = toSeconds(snapshot_.time);
-  message.real_time_factor = snapshot_.real_time_factor;
+  const bool clock_stands = role_ == ClockRole::kFollower &&
+                            steady_clock_.now() - followed_clock_.lastSetting() > kClockPause;
+  message.real_time_factor = clock_stands ? 0.0 : snapshot_.real_time_factor;
   message.ticks = snapshot_.pacing.ticks;
   message.overruns = snapshot_.pacing.overruns;
   message.lateness_p50 = toSeconds(snapshot_.lateness_p50);
@@ -330,12 +414,26 @@ void SimulationServer::publishStatus() {
   status_publisher_.publish(message);
 }
 
+void SimulationServer::logTimeTrouble(std::int64_t now) {
+  const char* const name = private_handle_.getNamespace().c_str();
+  if (snapshot_.waiting_for_clock && !waiting_told_ && now - started_at_ > kClockPatience) {
+    waiting_told_ = true;
+    ROS_WARN("%s: waiting for /clock: /use_sim_time is true, and no time has come yet", name);
+  }
+  const std::int64_t lost = snapshot_.pacing.lost_time;
+  if (lost > lost_time_ && lost_time_log_.passes(now)) {
+    ROS_WARN("%s: fell behind its clock for good by %.3f s (%.3f s in all); nothing was skipped",
+             name, toSeconds(lost - lost_time_), toSeconds(lost));
+    lost_time_ = lost;
+  }
+}
+
 void SimulationServer::logRefusedCommands() {
   InputCommand command;
   while (loop_.popRefusedCommand(command)) {
-    ROS_WARN_THROTTLE(
-        kLogPeriod, "Refused %g on %s: commands must be finite.", command.value,
-        command_subscribers_[static_cast<std::size_t>(command.input)].getTopic().c_str());
+    if (!refused_log_.passes(steady_clock_.now())) continue;
+    ROS_WARN("Refused %g on %s: commands must be finite.", command.value,
+             command_subscribers_[static_cast<std::size_t>(command.input)].getTopic().c_str());
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
+#include <rosgraph_msgs/Clock.h>
 #include <std_msgs/Float64.h>
 #include <std_srvs/Trigger.h>
 #include <variator_sim/Step.h>
@@ -15,11 +16,32 @@
 
 #include "ros/message_conversion.h"
 #include "ros/node_settings.h"
-#include "ros/pacer.h"
+#include "ros/pacing_clock.h"
 #include "ros/stepping_loop.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
+
+/// Where ticks and stamps come from.
+enum class ClockRole {
+  kWall,      ///< ticks by the wall clock, stamps by ROS time
+  kFollower,  ///< /use_sim_time: ticks and stamps by /clock
+  kOwner      ///< publish_clock: ticks by the wall clock, stamps by simulated time, told on /clock
+};
+
+/// Lets a line of one kind into the log once in a while.
+class LogThrottle {
+ public:
+  /// `now` in ns.
+  bool passes(std::int64_t now) {
+    if (now < next_) return false;
+    next_ = now + 1000000000;
+    return true;
+  }
+
+ private:
+  std::int64_t next_ = 0;
+};
 
 /// Three threads, each with its own part of the data:
 ///
@@ -44,11 +66,13 @@ class SimulationServer {
  private:
   void advertiseTopics();
   void subscribeToCommands();
+  void setUpClock();
   void advertiseServices();
   void startThreads(const NodeSettings& settings);
 
   // Callback thread.
   void refreshDemand();
+  void receiveClock(std::int64_t time);
   void answerTrigger(RequestKind kind, std_srvs::Trigger::Response& response);
   void answerStep(const Step::Request& request, Step::Response& response);
   /// Checks all of the request before anything changes; why it is refused, or "".
@@ -57,7 +81,10 @@ class SimulationServer {
   // Publishing thread.
   void runPublishing();
   void publishSamples();
+  ros::Time stampOf(const TimedSample& timed);
+  void publishClock();
   void publishStatus();
+  void logTimeTrouble(std::int64_t now);
   void logRefusedCommands();
 
   ros::NodeHandle public_handle_;
@@ -68,18 +95,27 @@ class SimulationServer {
   std::vector<CommandInputSettings> inputs_;
   std::vector<std::string> topics_;  ///< of the inputs, as in the scene
   SceneInfo scene_message_;
+  ClockRole role_;
 
   // Publishing thread.
   DrivetrainState state_message_;
   sensor_msgs::JointState joint_message_;
   SimulationStatus status_message_;
   LoopSnapshot snapshot_;
+  std::int64_t published_time_ = 0;  ///< simulated, ns: what /clock says
+  std::int64_t lost_time_ = 0;       ///< ns, as far as it was logged
+  LogThrottle refused_log_;
+  LogThrottle lost_time_log_;
+  bool waiting_told_ = false;
+  std::int64_t started_at_ = 0;  ///< ns on the steady clock
 
   // Callback thread.
   DrivetrainState step_message_;
 
-  SteadyClock clock_;
+  SteadyClock steady_clock_;
+  FollowedClock followed_clock_;
   SteppingLoop loop_;
+  std::atomic<bool> clock_requested_{false};  ///< somebody has just subscribed to /clock
   std::atomic<bool> stopping_{false};
 
   // Publishers may be used by any thread.
@@ -87,8 +123,10 @@ class SimulationServer {
   ros::Publisher joint_publisher_;
   ros::Publisher scene_publisher_;
   ros::Publisher status_publisher_;
+  ros::Publisher clock_publisher_;
 
   std::vector<ros::Subscriber> command_subscribers_;
+  ros::Subscriber clock_subscriber_;
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<ros::AsyncSpinner> spinner_;
 

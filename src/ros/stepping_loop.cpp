@@ -19,29 +19,52 @@ double toSeconds(std::int64_t nanoseconds) {
   return static_cast<double>(nanoseconds) / kNanosecondsPerSecond;
 }
 
-double wallPeriod(const NodeSettings& settings) {
-  if (settings.real_time_factor == 0.0) return 0.0;
-  return kNanosecondsPerSecond / (settings.tick_rate * settings.real_time_factor);
+/// ns between two ticks; 0: unpaced.
+double periodOf(double tick_rate, double real_time_factor) {
+  return real_time_factor == 0.0 ? 0.0 : kNanosecondsPerSecond / (tick_rate * real_time_factor);
 }
 
 }  // namespace
 
 SteppingLoop::SteppingLoop(Simulation simulation, const NodeSettings& settings, PacingClock& clock)
-    : clock_(clock),
-      pacer_(clock, wallPeriod(settings)),
+    : wanted_factor_(clock.isFollowed() ? 1.0 : settings.real_time_factor),
+      wanted_publish_rate_(settings.publish_rate),
+      clock_(clock),
+      pacer_(clock, periodOf(settings.tick_rate, wanted_factor_)),
       simulation_(std::move(simulation)),
       tick_rate_(settings.tick_rate),
+      real_time_factor_(wanted_factor_),
       publish_rate_(settings.publish_rate),
-      // publish_rate counts wall time: what goes over the wire does not grow with the speed.
-      ticks_per_sample_(
-          std::max(1.0, settings.tick_rate * settings.real_time_factor / settings.publish_rate)),
-      paused_(settings.start_paused) {}
+      ticks_per_sample_(1.0),
+      paused_(settings.start_paused) {
+  applyPeriod();
+}
 
 void SteppingLoop::command(const InputCommand& command) {
   if (!commands_.push(command)) dropped_commands_.fetch_add(1, std::memory_order_relaxed);
-  // Read-modify-write on both sides: either this one comes first and the stepping thread sees the
-  // command before it sleeps, or it comes second and sees that there is somebody to wake.
-  if (idle_.fetch_add(0, std::memory_order_acq_rel) != 0) wake_.post();
+  wakeIfIdle();
+}
+
+void SteppingLoop::wakeIfIdle() {
+  // Read-modify-write on both sides: either this one comes first and the stepping thread sees what
+  // came before it waits, or it comes second and sees that there is somebody to wake.
+  if (idle_.fetch_add(0, std::memory_order_acq_rel) != 0) clock_.wake();
+}
+
+void SteppingLoop::setSamplesWanted(bool wanted) {
+  if (samples_wanted_.exchange(wanted, std::memory_order_relaxed) != wanted) wakeIfIdle();
+}
+
+void SteppingLoop::setRealTimeFactor(double factor) {
+  wanted_factor_.store(factor, std::memory_order_relaxed);
+  settings_changed_.store(true, std::memory_order_release);
+  clock_.wake();
+}
+
+void SteppingLoop::setPublishRate(double rate) {
+  wanted_publish_rate_.store(rate, std::memory_order_relaxed);
+  settings_changed_.store(true, std::memory_order_release);
+  clock_.wake();
 }
 
 LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
@@ -50,7 +73,7 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
   if (isStopping()) return shut_down;
   request_ = request;
   request_posted_.store(true, std::memory_order_release);
-  wake_.post();
+  clock_.wake();
   // run() answers a last request before it returns, but one that comes later would wait forever.
   for (;;) {
     timespec now{};
@@ -66,22 +89,30 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
 
 void SteppingLoop::stop() {
   stopping_.store(true);
-  wake_.post();
+  clock_.wake();
   news_.post();
 }
 
 void SteppingLoop::run() {
   clock_.prepareThread();
+  clock_started_ = clock_.hasStarted();
+  jumps_back_ = clock_.jumpsBack();
+  anchor();
   pushSample();
   pushSnapshot(true);
-  anchor();
   while (!isStopping()) {
+    noticeClock();
+    if (settings_changed_.load(std::memory_order_relaxed)) applySettings();
     if (request_posted_.load(std::memory_order_acquire)) serveRequest();
     if (isIdle()) {
       waitWhileIdle();
-    } else if (pacer_.waitForTick()) {
-      tick();
+      continue;
     }
+    if (pacer_.isPaced() && simulation_.isSleeping()) {
+      passOverRest();
+      if (isCalled()) continue;
+    }
+    if (pacer_.waitForTick()) tick();
   }
   if (request_posted_.load(std::memory_order_acquire)) {
     answer_.result = RequestResult::kShutDown;
@@ -90,25 +121,85 @@ void SteppingLoop::run() {
   }
 }
 
+bool SteppingLoop::isCalled() const {
+  return request_posted_.load(std::memory_order_acquire) ||
+         settings_changed_.load(std::memory_order_relaxed) || isStopping() ||
+         clock_.jumpsBack() != jumps_back_;
+}
+
+void SteppingLoop::noticeClock() {
+  if (!clock_started_ && clock_.hasStarted()) {
+    clock_started_ = true;
+    anchor();
+    pushSnapshot(true);
+  }
+  const std::uint64_t jumps_back = clock_.jumpsBack();
+  if (jumps_back == jumps_back_) return;
+  jumps_back_ = jumps_back;
+  resetMotion(/*reset_time=*/true);
+  if (!noticeStop()) pushSnapshot(true);
+}
+
+void SteppingLoop::applySettings() {
+  settings_changed_.exchange(false, std::memory_order_acquire);
+  if (!clock_.isFollowed()) real_time_factor_ = wanted_factor_.load(std::memory_order_relaxed);
+  publish_rate_ = wanted_publish_rate_.load(std::memory_order_relaxed);
+  pacer_.setPeriod(periodOf(tick_rate_, real_time_factor_));
+  applyPeriod();
+  anchor();
+}
+
+void SteppingLoop::applyPeriod() {
+  // publish_rate counts wall time: what goes over the wire does not grow with the speed.
+  ticks_per_sample_ = std::max(1.0, tick_rate_ * real_time_factor_ / publish_rate_);
+}
+
 void SteppingLoop::tick() {
-  ++tick_;
-  present_ =
-      anchor_ + std::llround(static_cast<double>(tick_) * kNanosecondsPerSecond / tick_rate_);
-  simulation_.advanceTo(toSeconds(present_));
+  moveToTick();
   if (noticeStop()) return;
   // Commands that arrived since the last tick take effect now: never before they were given.
   applyCommands();
   if (isSampleDue() && samples_wanted_.load(std::memory_order_relaxed)) pushSample();
-  if (pacer_.isPaced()) lateness_.add(pacer_.lateness());
-  if (pacer_.tickStart() >= slice_end_) endSlice();
+  if (pacer_.isPaced() && !clock_.isFollowed()) lateness_.add(pacer_.lateness());
+  const std::int64_t now = clock_.isFollowed() ? clock_.wallTime() : pacer_.tickStart();
+  if (now >= slice_end_) endSlice(now);
+}
+
+void SteppingLoop::moveToTick() {
+  const auto tick = static_cast<double>(pacer_.tick());
+  present_ = anchor_ + std::llround(tick * kNanosecondsPerSecond / tick_rate_);
+  moment_ = pacer_.isPaced() ? pacer_.tickDue() : pacer_.tickStart();
+  simulation_.advanceTo(toSeconds(present_));
+}
+
+void SteppingLoop::passOverRest() {
+  idle_.exchange(1, std::memory_order_acq_rel);
+  // Status is told ten times a second, samples when they are due.
+  const double ticks_per_slice = std::ceil(static_cast<double>(kSliceLength) / pacer_.period());
+  std::int64_t needed =
+      pacer_.tick() + std::max<std::int64_t>(1, static_cast<std::int64_t>(ticks_per_slice));
+  if (samples_wanted_.load(std::memory_order_relaxed)) {
+    needed = std::min(needed, next_sample_tick_);
+  }
+  const bool can_wait = needed > pacer_.tick() + 1;
+  // What came before the flag was set has woken nobody.
+  if (can_wait && commands_.read_available() == 0 && !isCalled()) {
+    clock_.waitUntil(pacer_.dueTime(needed));
+  }
+  idle_.store(0, std::memory_order_relaxed);
+  if (!can_wait) return;
+  const std::int64_t last = std::min(needed - 1, pacer_.lastDueTick());
+  if (last <= pacer_.tick()) return;
+  pacer_.passOver(last);
+  moveToTick();
+  passOverSamples();
+  noticeStop();
 }
 
 bool SteppingLoop::isSampleDue() {
   if (pacer_.isPaced()) {
-    // Sample m is due at tick round(m ticks_per_sample): no rounding error adds up.
-    if (tick_ < next_sample_tick_) return false;
-    ++due_samples_;
-    next_sample_tick_ = std::llround(static_cast<double>(due_samples_ + 1) * ticks_per_sample_);
+    if (pacer_.tick() < next_sample_tick_) return false;
+    passOverSamples();
     return true;
   }
   if (pacer_.tickStart() < next_sample_wall_) return false;
@@ -117,12 +208,22 @@ bool SteppingLoop::isSampleDue() {
   return true;
 }
 
+void SteppingLoop::passOverSamples() {
+  while (next_sample_tick_ <= pacer_.tick()) {
+    ++due_samples_;
+    // Sample m is due at tick round(m ticks_per_sample): no rounding error adds up.
+    next_sample_tick_ = std::llround(static_cast<double>(due_samples_ + 1) * ticks_per_sample_);
+  }
+}
+
 void SteppingLoop::waitWhileIdle() {
   idle_.exchange(1, std::memory_order_acq_rel);
   // A command that came before the flag was set has woken nobody. Requests always do.
-  if (commands_.read_available() == 0) wake_.wait();
+  if (commands_.read_available() == 0 && !isCalled() && clock_started_ == clock_.hasStarted()) {
+    clock_.waitUntil(PacingClock::kForever);
+  }
   idle_.store(0, std::memory_order_relaxed);
-  if (request_posted_.load(std::memory_order_acquire)) return;
+  if (isCalled()) return;
   if (commands_.read_available() > 0) {
     // They count and are refused now; what they move shows in the next sample.
     applyCommands();
@@ -218,23 +319,23 @@ void SteppingLoop::resetMotion(bool reset_time) {
   present_ = 0;
   simulation_.reset();
   stop_noticed_ = false;
-  pushSample();
   anchor();
+  pushSample();
 }
 
 void SteppingLoop::anchor() {
   anchor_ = present_;
-  tick_ = 0;
   due_samples_ = 0;
   next_sample_tick_ = std::llround(ticks_per_sample_);
   pacer_.anchor();
-  const std::int64_t now = clock_.now();
-  next_sample_wall_ = now;
+  moment_ = clock_.now();
+  next_sample_wall_ = moment_;
   lateness_.clear();
   slice_count_ = 0;
+  const std::int64_t now = clock_.wallTime();
   slice_starts_[0] = {now, present_};
   slice_end_ = now + kSliceLength;
-  real_time_factor_ = 0.0;
+  measured_factor_ = 0.0;
 }
 
 RunState SteppingLoop::state() const {
@@ -262,7 +363,8 @@ TimedSample SteppingLoop::takeSample() {
   TimedSample timed;
   timed.sample = simulation_.sample();
   timed.time = sampleTime();
-  timed.wall_time = clock_.now();
+  std::copy(std::begin(timed.sample.residual), std::end(timed.sample.residual), residual_.begin());
+  timed.clock_time = clock_.isFollowed() ? moment_ : clock_.now();
   return timed;
 }
 
@@ -273,19 +375,22 @@ void SteppingLoop::pushSample() {
   noticeStop();
 }
 
-void SteppingLoop::endSlice() {
-  const std::int64_t now = pacer_.tickStart();
+void SteppingLoop::endSlice(std::int64_t now) {
   ++slice_count_;
   constexpr std::int64_t kSlices = LatenessWindow::kSlices;
   // The oldest start still known: of the slice kSlices before this one, or the anchor's.
   const std::int64_t oldest = std::max<std::int64_t>(0, slice_count_ - kSlices);
   const SliceStart& start = slice_starts_[static_cast<std::size_t>(oldest % kSlices)];
   if (now > start.wall_time) {
-    real_time_factor_ =
+    measured_factor_ =
         static_cast<double>(present_ - start.time) / static_cast<double>(now - start.wall_time);
   }
   slice_starts_[static_cast<std::size_t>(slice_count_ % kSlices)] = {now, present_};
   slice_end_ = std::max(slice_end_ + kSliceLength, now);
+  // Sampling, like a command, may make inputs jump, and a jump can fail.
+  const Sample& sample = simulation_.sample();
+  std::copy(std::begin(sample.residual), std::end(sample.residual), residual_.begin());
+  if (noticeStop()) return;
   pushSnapshot(false);
   lateness_.nextSlice();
 }
@@ -297,7 +402,10 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   snapshot.reason = simulation_.status().reason;
   snapshot.time = sampleTime();
   if (snapshot.state == RunState::kRunning || snapshot.state == RunState::kSleeping)
-    snapshot.real_time_factor = real_time_factor_;
+    snapshot.real_time_factor = measured_factor_;
+  snapshot.wanted_factor = clock_.isFollowed() ? 0.0 : real_time_factor_;
+  snapshot.waiting_for_clock = !clock_started_;
+  snapshot.residual = residual_;
   snapshot.pacing = pacer_.counters();
   const LatenessHistogram window = lateness_.total();
   snapshot.lateness_p50 = window.quantile(0.5);

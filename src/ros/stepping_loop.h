@@ -27,8 +27,9 @@ struct InputCommand {
 /// A sample with its times.
 struct TimedSample {
   Sample sample;
-  std::int64_t time = 0;       ///< simulated ns since the start or the last reset of time
-  std::int64_t wall_time = 0;  ///< ns on the pacing clock
+  std::int64_t time = 0;        ///< simulated ns since the start or the last reset of time
+  std::int64_t clock_time = 0;  ///< when it was taken, ns on the pacing clock; on a followed clock,
+                                ///< which moves by steps, when its tick was due
 };
 
 /// What the loop tells about itself.
@@ -36,14 +37,17 @@ struct LoopSnapshot {
   RunState state = RunState::kRunning;
   bool state_changed = false;  ///< to be published at once
   StopReason reason = StopReason::kNone;
-  std::int64_t time = 0;  ///< simulated ns, as in TimedSample
-  double real_time_factor = 0.0;
+  bool waiting_for_clock = false;  ///< a followed clock has shown no time yet
+  std::int64_t time = 0;           ///< simulated ns, as in TimedSample
+  double real_time_factor = 0.0;   ///< measured
+  double wanted_factor = 0.0;      ///< 0: unpaced, or a clock is followed
   Pacer::Counters pacing;
   std::int64_t lateness_p50 = 0;  ///< ns, as the next two
   std::int64_t lateness_p99 = 0;
   std::int64_t lateness_max = 0;
   Statistics statistics;
-  std::array<char, 1024> message{};  ///< why the motion stopped, a C string
+  std::array<double, kMaxConstraints> residual{};  ///< when last sampled: about ten times a second
+  std::array<char, 1024> message{};                ///< why the motion stopped, a C string
 };
 
 enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep };
@@ -79,6 +83,14 @@ struct LoopAnswer {
 /// on from an offset.
 ///
 /// A command takes effect at the first tick after its arrival; while paused, at the present.
+///
+/// While the motion sleeps nobody needs ticks but those with a sample or a status: the thread waits
+/// for the next of these, or until it is woken, and the ticks between are passed over. What a tick
+/// of a sleeping motion does to it is move the present, so times, samples and commands are those of
+/// a loop that makes every tick.
+///
+/// On a followed clock the first tick waits until the clock has started, simulated time stands
+/// while the clock does, and a jump back is a reset of motion and time.
 class SteppingLoop {
  public:
   /// `clock` must outlive the loop.
@@ -115,18 +127,33 @@ class SteppingLoop {
     return dropped_commands_.load(std::memory_order_relaxed);
   }
   /// Whether anybody wants samples at publish_rate.
-  void setSamplesWanted(bool wanted) { samples_wanted_.store(wanted, std::memory_order_relaxed); }
+  void setSamplesWanted(bool wanted);
   /// Ends `run`; requests from then on, and one under way, are answered with kShutDown.
   void stop();
+  /// Simulated s per s of the clock, >= 0 (0: unpaced), from the present on: deadlines count anew,
+  /// so neither a burst nor a stall comes of it. Nothing on a followed clock, which sets the pace.
+  void setRealTimeFactor(double factor);
+  /// States per s of the clock, > 0 and at most the tick rate.
+  void setPublishRate(double rate);
+  /// Wakes the thread that publishes.
+  void postNews() { news_.post(); }
   /// @}
 
  private:
   static constexpr std::int64_t kSliceLength = 100000000;  ///< of the windows, ns
 
   bool isStopping() const { return stopping_.load(std::memory_order_relaxed); }
-  bool isIdle() const { return paused_ || !simulation_.status().ok(); }
+  bool isIdle() const { return paused_ || !clock_started_ || !simulation_.status().ok(); }
+  bool isCalled() const;
+  void wakeIfIdle();
+  void noticeClock();
+  void applySettings();
+  void applyPeriod();
   RunState state() const;
   void tick();
+  void moveToTick();
+  /// At rest: waits until a tick is needed and passes over those before it.
+  void passOverRest();
   void waitWhileIdle();
   void serveRequest();
   void serveStep();
@@ -136,12 +163,13 @@ class SteppingLoop {
   /// Ticks and deadlines count from the present.
   void anchor();
   bool isSampleDue();
+  void passOverSamples();
   /// After anything that may have ended the motion: true when it has just stopped.
   bool noticeStop();
   TimedSample takeSample();
   void pushSample();
   void pushSnapshot(bool state_changed);
-  void endSlice();
+  void endSlice(std::int64_t now);
   /// Simulated ns of the simulation's present, offset included.
   std::int64_t sampleTime();
 
@@ -156,8 +184,10 @@ class SteppingLoop {
   std::atomic<bool> stopping_{false};
   std::atomic<int> idle_{0};  ///< not 0: a command has to wake the stepping thread
   std::atomic<bool> samples_wanted_{false};
+  std::atomic<bool> settings_changed_{false};
+  std::atomic<double> wanted_factor_;
+  std::atomic<double> wanted_publish_rate_;
   std::atomic<std::uint64_t> dropped_commands_{0};
-  Semaphore wake_;
   Semaphore news_;
   Semaphore answered_;
 
@@ -166,27 +196,31 @@ class SteppingLoop {
   Pacer pacer_;
   Simulation simulation_;
   double tick_rate_;
+  double real_time_factor_;
   double publish_rate_;
   double ticks_per_sample_;  ///< paced only
   bool paused_;
+  bool clock_started_ = false;
+  std::uint64_t jumps_back_ = 0;  ///< of the clock, those served
   bool stop_noticed_ = false;
   std::int64_t offset_ = 0;            ///< sample time minus the scene's time, ns
   std::int64_t present_ = 0;           ///< the scene's time, ns
   std::int64_t anchor_ = 0;            ///< the scene's time at tick 0, ns
-  std::int64_t tick_ = 0;              ///< ticks since the anchor
+  std::int64_t moment_ = 0;            ///< when the last tick was due, ns on the clock
   std::int64_t due_samples_ = 0;       ///< since the anchor
   std::int64_t next_sample_tick_ = 0;  ///< paced only
   std::int64_t next_sample_wall_ = 0;  ///< unpaced only, ns on the pacing clock
 
   /// Where the last slices of the windows began: a ring.
   struct SliceStart {
-    std::int64_t wall_time = 0;
-    std::int64_t time = 0;
+    std::int64_t wall_time = 0;  ///< ns
+    std::int64_t time = 0;       ///< the scene's, ns
   };
   std::array<SliceStart, LatenessWindow::kSlices> slice_starts_{};
   std::int64_t slice_count_ = 0;
   std::int64_t slice_end_ = 0;
-  double real_time_factor_ = 0.0;
+  double measured_factor_ = 0.0;
+  std::array<double, kMaxConstraints> residual_{};
   LatenessWindow lateness_;
 };
 

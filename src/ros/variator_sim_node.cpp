@@ -25,14 +25,6 @@ variator_sim::ParameterTree readParameters(const std::string& name_space) {
   return variator_sim::toParameterTree(value);
 }
 
-void warnOfSimulatedTime() {
-  if (!ros::Time::isSystemTime()) {
-    ROS_WARN(
-        "/use_sim_time is true, but this version does not follow /clock: it paces on the wall "
-        "clock. Stamps are taken from /clock.");
-  }
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -41,7 +33,6 @@ int main(int argc, char** argv) {
   const ros::NodeHandle public_handle;
   const ros::NodeHandle private_handle("~");
   const std::string& name_space = private_handle.getNamespace();
-  warnOfSimulatedTime();
   try {
     const ParameterTree tree = readParameters(name_space);
     const NodeSettings settings = readNodeSettings(tree);

@@ -1,0 +1,55 @@
+#include "ros/pacing_clock.h"
+
+#include <sys/prctl.h>
+
+#include <cerrno>
+#include <ctime>
+
+namespace variator_sim {
+
+void SteadyClock::prepareThread() {
+  prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
+}
+
+std::int64_t SteadyClock::now() {
+  timespec time{};
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return static_cast<std::int64_t>(time.tv_sec) * 1000000000 + time.tv_nsec;
+}
+
+void SteadyClock::sleepUntil(std::int64_t deadline) {
+  timespec time{};
+  time.tv_sec = static_cast<time_t>(deadline / 1000000000);
+  time.tv_nsec = static_cast<long>(deadline % 1000000000);
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr) == EINTR) {
+  }
+}
+
+void SteadyClock::waitUntil(std::int64_t deadline) {
+  if (deadline == kForever) {
+    woken_.wait();
+  } else {
+    woken_.waitUntil(deadline);
+  }
+}
+
+bool FollowedClock::set(std::int64_t time) {
+  last_setting_.store(steady_.now(), std::memory_order_relaxed);
+  const bool started = started_.load(std::memory_order_relaxed);
+  if (!started && time == 0) return false;
+  const bool jumped_back = started && time < time_.load();
+  time_.store(time);
+  // Whoever sees the jump sees the time after it, too.
+  if (jumped_back) jumps_back_.fetch_add(1, std::memory_order_release);
+  if (!started) started_.store(true, std::memory_order_release);
+  if (jumped_back || !started || time >= awaited_.load()) woken_.post();
+  return jumped_back;
+}
+
+void FollowedClock::waitUntil(std::int64_t deadline) {
+  awaited_.store(deadline);
+  if (time_.load() < deadline || !hasStarted()) woken_.wait();
+  awaited_.store(kForever);
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,85 @@
+/// The clocks that ticks are paced by.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <limits>
+
+#include "ros/semaphore.h"
+
+namespace variator_sim {
+
+/// A clock and waiting on it. Times are ns since an instant of the clock's own. The stepping thread
+/// calls these methods; `wake` is for any thread.
+class PacingClock {
+ public:
+  static constexpr std::int64_t kForever = std::numeric_limits<std::int64_t>::max();
+
+  virtual ~PacingClock() = default;
+  /// Called once by the thread that paces, before its first sleep.
+  virtual void prepareThread() {}
+  virtual std::int64_t now() = 0;
+  /// For the short sleep before a tick, as exact as can be: returns at `deadline` or soon after; at
+  /// once when it has passed. May return earlier.
+  virtual void sleepUntil(std::int64_t deadline) = 0;
+  /// For long waits (deadline may be kForever): `wake` ends them, also one that comes before.
+  /// May return earlier.
+  virtual void waitUntil(std::int64_t deadline) = 0;
+  virtual void wake() = 0;
+
+  /// False until the clock has shown its first time.
+  virtual bool hasStarted() { return true; }
+  /// How often it has jumped back.
+  virtual std::uint64_t jumpsBack() { return 0; }
+  /// True when others move this clock: by steps, at any speed, with pauses.
+  virtual bool isFollowed() const { return false; }
+  /// ns of wall time, for rates.
+  virtual std::int64_t wallTime() { return now(); }
+};
+
+/// CLOCK_MONOTONIC. Sleeps by clock_nanosleep to an absolute deadline, with a timer slack of 1 us
+/// instead of Linux's 50 us.
+class SteadyClock : public PacingClock {
+ public:
+  void prepareThread() override;
+  std::int64_t now() override;
+  void sleepUntil(std::int64_t deadline) override;
+  void waitUntil(std::int64_t deadline) override;
+  void wake() override { woken_.post(); }
+
+ private:
+  Semaphore woken_;
+};
+
+/// A clock that another thread sets, such as one that receives /clock. Waiting threads are woken
+/// when the time they wait for has come; while nobody sets the clock they wait.
+class FollowedClock : public PacingClock {
+ public:
+  /// One thread sets. A time of 0 before any other means that there is no time yet. True when the
+  /// clock has jumped back.
+  bool set(std::int64_t time);
+  /// ns on CLOCK_MONOTONIC when `set` was last called; 0 before. For any thread.
+  std::int64_t lastSetting() const { return last_setting_.load(std::memory_order_relaxed); }
+
+  std::int64_t now() override { return time_.load(); }
+  void sleepUntil(std::int64_t deadline) override { waitUntil(deadline); }
+  void waitUntil(std::int64_t deadline) override;
+  void wake() override { woken_.post(); }
+  bool hasStarted() override { return started_.load(std::memory_order_acquire); }
+  std::uint64_t jumpsBack() override { return jumps_back_.load(std::memory_order_acquire); }
+  bool isFollowed() const override { return true; }
+  std::int64_t wallTime() override { return steady_.now(); }
+
+ private:
+  SteadyClock steady_;
+  Semaphore woken_;
+  // Sequentially consistent: either the setter sees what is waited for, or the waiter sees the time
+  // that was set.
+  std::atomic<std::int64_t> time_{0};
+  std::atomic<std::int64_t> awaited_{kForever};
+  std::atomic<std::uint64_t> jumps_back_{0};
+  std::atomic<bool> started_{false};
+  std::atomic<std::int64_t> last_setting_{0};
+};
+
+}  // namespace variator_sim
