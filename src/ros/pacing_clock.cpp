@@ -34,7 +34,6 @@ void SteadyClock::waitUntil(std::int64_t deadline) {
 }
 
 bool FollowedClock::set(std::int64_t time) {
-  last_setting_.store(steady_.now(), std::memory_order_relaxed);
   const bool started = started_.load(std::memory_order_relaxed);
   if (!started && time == 0) return false;
   const bool jumped_back = started && time < time_.load();
@@ -48,7 +47,11 @@ bool FollowedClock::set(std::int64_t time) {
 
 void FollowedClock::waitUntil(std::int64_t deadline) {
   awaited_.store(deadline);
-  if (time_.load() < deadline || !hasStarted()) woken_.wait();
+  if (deadline == kForever) {
+    woken_.wait();
+  } else if (time_.load() < deadline) {
+    woken_.waitUntil(steady_.now() + kLongestWait);
+  }
   awaited_.store(kForever);
 }
 

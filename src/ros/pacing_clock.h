@@ -52,14 +52,15 @@ class SteadyClock : public PacingClock {
 };
 
 /// A clock that another thread sets, such as one that receives /clock. Waiting threads are woken
-/// when the time they wait for has come; while nobody sets the clock they wait.
+/// when the time they wait for has come; while nobody sets the clock they wait, and return now and
+/// then (kLongestWait) unless they wait forever.
 class FollowedClock : public PacingClock {
  public:
   /// One thread sets. A time of 0 before any other means that there is no time yet. True when the
   /// clock has jumped back.
   bool set(std::int64_t time);
-  /// ns on CLOCK_MONOTONIC when `set` was last called; 0 before. For any thread.
-  std::int64_t lastSetting() const { return last_setting_.load(std::memory_order_relaxed); }
+
+  static constexpr std::int64_t kLongestWait = 100000000;  ///< ns of wall time
 
   std::int64_t now() override { return time_.load(); }
   void sleepUntil(std::int64_t deadline) override { waitUntil(deadline); }
@@ -79,7 +80,6 @@ class FollowedClock : public PacingClock {
   std::atomic<std::int64_t> awaited_{kForever};
   std::atomic<std::uint64_t> jumps_back_{0};
   std::atomic<bool> started_{false};
-  std::atomic<std::int64_t> last_setting_{0};
 };
 
 }  // namespace variator_sim

@@ -21,8 +21,6 @@ constexpr std::uint32_t kCommandQueue = 1000;        // messages
 constexpr std::uint32_t kStateQueue = 100;           // messages
 constexpr std::uint32_t kClockQueue = 100;           // messages
 constexpr std::int64_t kClockPatience = 5000000000;  // ns: then the log tells what is waited for
-/// A /clock that has shown nothing new for so long stands, ns.
-constexpr std::int64_t kClockPause = 1000000000;
 
 double toSeconds(std::int64_t nanoseconds) {
   return static_cast<double>(nanoseconds) / 1e9;
@@ -399,9 +397,7 @@ void SimulationServer::publishStatus() {
   message.stop_reason = toString(snapshot_.reason);
   message.message = snapshot_.message.data();
   message.time = toSeconds(snapshot_.time);
-  const bool clock_stands = role_ == ClockRole::kFollower &&
-                            steady_clock_.now() - followed_clock_.lastSetting() > kClockPause;
-  message.real_time_factor = clock_stands ? 0.0 : snapshot_.real_time_factor;
+  message.real_time_factor = snapshot_.real_time_factor;
   message.ticks = snapshot_.pacing.ticks;
   message.overruns = snapshot_.pacing.overruns;
   message.lateness_p50 = toSeconds(snapshot_.lateness_p50);

@@ -104,6 +104,7 @@ void SteppingLoop::run() {
     noticeClock();
     if (settings_changed_.load(std::memory_order_relaxed)) applySettings();
     if (request_posted_.load(std::memory_order_acquire)) serveRequest();
+    if (clock_.isFollowed() && !isIdle()) endSliceIfDue(clock_.wallTime());
     if (isIdle()) {
       waitWhileIdle();
       continue;
@@ -160,9 +161,10 @@ void SteppingLoop::tick() {
   // Commands that arrived since the last tick take effect now: never before they were given.
   applyCommands();
   if (isSampleDue() && samples_wanted_.load(std::memory_order_relaxed)) pushSample();
-  if (pacer_.isPaced() && !clock_.isFollowed()) lateness_.add(pacer_.lateness());
-  const std::int64_t now = clock_.isFollowed() ? clock_.wallTime() : pacer_.tickStart();
-  if (now >= slice_end_) endSlice(now);
+  // A followed clock may stand, so there slices end without ticks.
+  if (clock_.isFollowed()) return;
+  if (pacer_.isPaced()) lateness_.add(pacer_.lateness());
+  endSliceIfDue(pacer_.tickStart());
 }
 
 void SteppingLoop::moveToTick() {
@@ -375,7 +377,8 @@ void SteppingLoop::pushSample() {
   noticeStop();
 }
 
-void SteppingLoop::endSlice(std::int64_t now) {
+void SteppingLoop::endSliceIfDue(std::int64_t now) {
+  if (now < slice_end_) return;
   ++slice_count_;
   constexpr std::int64_t kSlices = LatenessWindow::kSlices;
   // The oldest start still known: of the slice kSlices before this one, or the anchor's.

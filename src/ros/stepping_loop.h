@@ -169,7 +169,7 @@ class SteppingLoop {
   TimedSample takeSample();
   void pushSample();
   void pushSnapshot(bool state_changed);
-  void endSlice(std::int64_t now);
+  void endSliceIfDue(std::int64_t now);
   /// Simulated ns of the simulation's present, offset included.
   std::int64_t sampleTime();
 
