@@ -1,25 +1,24 @@
 #include "ros/simulation_server.h"
 
-#include <pthread.h>
-#include <sched.h>
-
 #include <algorithm>
 #include <boost/function.hpp>
+#include <boost/make_shared.hpp>
 #include <cmath>
-#include <cstring>
 #include <set>
 #include <utility>
 
+#include "ros/real_time.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {
 
-constexpr double kLongestStep = 1e6;                 // s
-constexpr std::int64_t kStatusPeriod = 100000000;    // ns: 10 Hz
-constexpr std::uint32_t kCommandQueue = 1000;        // messages
-constexpr std::uint32_t kStateQueue = 100;           // messages
-constexpr std::uint32_t kClockQueue = 100;           // messages
+constexpr double kLongestStep = 1e6;                     // s
+constexpr std::int64_t kStatusPeriod = 100000000;        // ns: 10 Hz
+constexpr std::int64_t kDiagnosticsPeriod = 1000000000;  // ns: 1 Hz
+constexpr std::uint32_t kCommandQueue = 1000;            // messages
+constexpr std::uint32_t kStateQueue = 100;               // messages
+constexpr std::uint32_t kClockQueue = 100;               // messages
 constexpr std::int64_t kClockPatience = 5000000000;  // ns: then the log tells what is waited for
 
 double toSeconds(std::int64_t nanoseconds) {
@@ -28,7 +27,8 @@ double toSeconds(std::int64_t nanoseconds) {
 
 /// Topics of the node's own: a command topic of this name would feed the node its own messages.
 const std::vector<std::string>& ownTopics() {
-  static const std::vector<std::string> kTopics = {"state", "scene", "status"};
+  static const std::vector<std::string> kTopics = {"state", "scene", "status",
+                                                   "parameter_descriptions", "parameter_updates"};
   return kTopics;
 }
 
@@ -85,39 +85,33 @@ ClockRole roleFor(const NodeSettings& settings) {
   return ros::Time::isSystemTime() ? ClockRole::kWall : ClockRole::kFollower;
 }
 
-/// ROS runs as an ordinary user: a priority that is not permitted is a warning.
-void setRealTimePriority(std::thread& thread, int priority) {
-  sched_param parameters{};
-  parameters.sched_priority = priority;
-  const int error = pthread_setschedparam(thread.native_handle(), SCHED_FIFO, &parameters);
-  if (error != 0) {
-    ROS_WARN(
-        "realtime_priority %d is not permitted (%s): going on without it. It needs root, or an "
-        "rtprio limit in /etc/security/limits.conf.",
-        priority, std::strerror(error));
-  }
+/// Callbacks of handles made from this one come in the queue.
+ros::NodeHandle withQueue(ros::NodeHandle handle, ros::CallbackQueue& queue) {
+  handle.setCallbackQueue(&queue);
+  return handle;
 }
 
 }  // namespace
 
 SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
                                    const ros::NodeHandle& private_handle, Simulation simulation,
-                                   const NodeSettings& settings)
-    : public_handle_(public_handle),
-      private_handle_(private_handle),
+                                   const NodeSettings& settings, Sharing sharing)
+    : public_handle_(withQueue(public_handle, callback_queue_)),
+      private_handle_(withQueue(private_handle, callback_queue_)),
       inputs_(simulation.scene().inputs),
       topics_(topicsOf(inputs_)),
       scene_message_(toSceneInfo(simulation)),
       role_(roleFor(settings)),
+      sharing_(sharing),
       state_message_(makeState(simulation.scene())),
       joint_message_(makeJointState(simulation.scene())),
       step_message_(makeState(simulation.scene())),
       loop_(std::move(simulation), settings,
             role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)
-                                          : steady_clock_) {
+                                          : steady_clock_),
+      diagnostics_(public_handle_, private_handle_, scene_message_.constraints),
+      live_settings_(private_handle_, settings, role_ == ClockRole::kFollower, loop_) {
   for (const CommandInputSettings& input : inputs_) checkTopic(input);
-  public_handle_.setCallbackQueue(&callback_queue_);
-  private_handle_.setCallbackQueue(&callback_queue_);
   advertiseTopics();
   subscribeToCommands();
   advertiseServices();
@@ -229,12 +223,18 @@ void SimulationServer::advertiseServices() {
 }
 
 void SimulationServer::startThreads(const NodeSettings& settings) {
+  const auto warn = [this](const std::string& refusal) {
+    if (!refusal.empty()) {
+      ROS_WARN("%s: %s", private_handle_.getNamespace().c_str(), refusal.c_str());
+    }
+  };
   spinner_ = std::make_unique<ros::AsyncSpinner>(1, &callback_queue_);
   publishing_thread_ = std::thread([this] { runPublishing(); });
   stepping_thread_ = std::thread([this] { loop_.run(); });
   if (settings.realtime_priority > 0) {
-    setRealTimePriority(stepping_thread_, settings.realtime_priority);
+    warn(setRealTimePriority(stepping_thread_, settings.realtime_priority));
   }
+  if (settings.lock_memory) warn(lockMemory());
   spinner_->start();
 }
 
@@ -324,6 +324,7 @@ void SimulationServer::answerStep(const Step::Request& message, Step::Response& 
 void SimulationServer::runPublishing() {
   started_at_ = steady_clock_.now();
   std::int64_t next_status = started_at_;
+  std::int64_t next_diagnostics = started_at_ + kDiagnosticsPeriod;
   while (!stopping_.load(std::memory_order_relaxed)) {
     loop_.waitForNews(next_status);
     publishSamples();
@@ -348,6 +349,10 @@ void SimulationServer::runPublishing() {
       logTimeTrouble(now);
       next_status = now + kStatusPeriod;
     }
+    if (now >= next_diagnostics) {
+      diagnostics_.update(snapshot_, loop_.droppedCommands(), loop_.droppedSamples());
+      next_diagnostics = now + kDiagnosticsPeriod;
+    }
   }
 }
 
@@ -358,6 +363,15 @@ ros::Time SimulationServer::stampOf(const TimedSample& timed) {
   const ros::Duration age = ros::Duration().fromNSec(steady_clock_.now() - timed.clock_time);
   const ros::Time now = ros::Time::now();
   return now.toSec() > age.toSec() ? now - age : now;
+}
+
+template <class Message>
+void SimulationServer::publish(const ros::Publisher& publisher, const Message& message) const {
+  if (sharing_ == Sharing::kMessages) {
+    publisher.publish(boost::make_shared<const Message>(message));
+  } else {
+    publisher.publish(message);
+  }
 }
 
 void SimulationServer::publishSamples() {
@@ -372,12 +386,12 @@ void SimulationServer::publishSamples() {
     if (state_publisher_.getNumSubscribers() > 0) {
       state_message_.header.stamp = stamp;
       fillState(timed.sample, toSeconds(timed.time), state_message_);
-      state_publisher_.publish(state_message_);
+      publish(state_publisher_, state_message_);
     }
     if (joint_publisher_.getNumSubscribers() > 0) {
       joint_message_.header.stamp = stamp;
       fillJointState(timed.sample, joint_message_);
-      joint_publisher_.publish(joint_message_);
+      publish(joint_publisher_, joint_message_);
     }
   }
 }
@@ -407,7 +421,7 @@ void SimulationServer::publishStatus() {
   fillStatistics(snapshot_.statistics, message);
   message.commands_dropped = loop_.droppedCommands();
   message.samples_dropped = loop_.droppedSamples();
-  status_publisher_.publish(message);
+  publish(status_publisher_, message);
 }
 
 void SimulationServer::logTimeTrouble(std::int64_t now) {

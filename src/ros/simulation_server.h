@@ -14,6 +14,8 @@
 #include <thread>
 #include <vector>
 
+#include "ros/diagnostics.h"
+#include "ros/live_settings.h"
 #include "ros/message_conversion.h"
 #include "ros/node_settings.h"
 #include "ros/pacing_clock.h"
@@ -28,6 +30,10 @@ enum class ClockRole {
   kFollower,  ///< /use_sim_time: ticks and stamps by /clock
   kOwner      ///< publish_clock: ticks by the wall clock, stamps by simulated time, told on /clock
 };
+
+/// Whether messages are handed to subscribers in the same process as they are. Then each message is
+/// a new one; otherwise one is filled again and again.
+enum class Sharing { kNothing, kMessages };
 
 /// Lets a line of one kind into the log once in a while.
 class LogThrottle {
@@ -57,7 +63,7 @@ class SimulationServer {
   /// `private_handle` for everything else. Throws SceneError when the topic of a command cannot be
   /// subscribed to.
   SimulationServer(const ros::NodeHandle& public_handle, const ros::NodeHandle& private_handle,
-                   Simulation simulation, const NodeSettings& settings);
+                   Simulation simulation, const NodeSettings& settings, Sharing sharing);
   /// Ends the threads; a request under way is answered with a refusal.
   ~SimulationServer();
   SimulationServer(const SimulationServer&) = delete;
@@ -83,19 +89,22 @@ class SimulationServer {
   void publishSamples();
   ros::Time stampOf(const TimedSample& timed);
   void publishClock();
+  template <class Message>
+  void publish(const ros::Publisher& publisher, const Message& message) const;
   void publishStatus();
   void logTimeTrouble(std::int64_t now);
   void logRefusedCommands();
 
+  ros::CallbackQueue callback_queue_;
   ros::NodeHandle public_handle_;
   ros::NodeHandle private_handle_;
-  ros::CallbackQueue callback_queue_;
 
   // Constant after construction.
   std::vector<CommandInputSettings> inputs_;
   std::vector<std::string> topics_;  ///< of the inputs, as in the scene
   SceneInfo scene_message_;
   ClockRole role_;
+  Sharing sharing_;
 
   // Publishing thread.
   DrivetrainState state_message_;
@@ -124,9 +133,11 @@ class SimulationServer {
   ros::Publisher scene_publisher_;
   ros::Publisher status_publisher_;
   ros::Publisher clock_publisher_;
+  Diagnostics diagnostics_;
 
   std::vector<ros::Subscriber> command_subscribers_;
   ros::Subscriber clock_subscriber_;
+  LiveSettings live_settings_;
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<ros::AsyncSpinner> spinner_;
 

@@ -1,0 +1,33 @@
+/// The simulation's health on /diagnostics (REP 107).
+#pragma once
+
+#include <ros/node_handle.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "ros/health.h"
+
+namespace variator_sim {
+
+/// For one thread, after construction.
+class Diagnostics {
+ public:
+  /// `constraints`: their names, for the residuals.
+  Diagnostics(const ros::NodeHandle& public_handle, const ros::NodeHandle& private_handle,
+              std::vector<std::string> constraints);
+  ~Diagnostics();
+
+  /// To be called once a second: what has happened since the last call is judged, and published
+  /// when somebody subscribes to /diagnostics.
+  void update(const LoopSnapshot& snapshot, std::uint64_t commands_dropped,
+              std::uint64_t samples_dropped);
+
+ private:
+  class Publisher;
+  std::unique_ptr<Publisher> publisher_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,64 @@
+#include "ros/health.h"
+
+#include <cstdio>
+
+namespace variator_sim {
+namespace {
+
+/// What has been added; a reset begins at 0.
+std::uint64_t added(std::uint64_t now, std::uint64_t before) {
+  return now >= before ? now - before : now;
+}
+
+const char* nameOf(RunState state) {
+  switch (state) {
+    case RunState::kRunning:
+      return "running";
+    case RunState::kPaused:
+      return "paused";
+    case RunState::kSleeping:
+      return "sleeping: at rest until a command";
+    case RunState::kStopped:
+      return "stopped";
+  }
+  return "";
+}
+
+}  // namespace
+
+Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
+                   const HealthCounts& before) {
+  if (snapshot.state == RunState::kStopped) {
+    return {HealthLevel::kError, std::string("stopped: ") + toString(snapshot.reason)};
+  }
+  std::string wrong;
+  const auto blame = [&wrong](const std::string& what) {
+    wrong += (wrong.empty() ? "" : "; ") + what;
+  };
+  const auto blameCount = [&blame](std::uint64_t count, const char* what) {
+    if (count > 0) blame(std::to_string(count) + what);
+  };
+  if (snapshot.waiting_for_clock) blame("waiting for /clock");
+  if (now.lost_time > before.lost_time) blame("fell behind its clock for good");
+  const std::uint64_t overruns = added(now.overruns, before.overruns);
+  const std::uint64_t ticks = added(now.ticks, before.ticks);
+  if (static_cast<double>(overruns) > kManyOverruns * static_cast<double>(ticks)) {
+    blame(std::to_string(overruns) + " of " + std::to_string(ticks) + " ticks overran");
+  }
+  // 0 is not measured yet.
+  if (snapshot.real_time_factor > 0.0 &&
+      snapshot.real_time_factor < kSlow * snapshot.wanted_factor) {
+    char text[96];
+    std::snprintf(text, sizeof(text), "real-time factor %.3g instead of %.3g",
+                  snapshot.real_time_factor, snapshot.wanted_factor);
+    blame(text);
+  }
+  blameCount(added(now.commands_refused, before.commands_refused), " commands refused");
+  blameCount(added(now.command_timeouts, before.command_timeouts), " inputs without a command");
+  blameCount(added(now.commands_dropped, before.commands_dropped), " commands dropped");
+  blameCount(added(now.samples_dropped, before.samples_dropped), " samples dropped");
+  if (!wrong.empty()) return {HealthLevel::kWarn, wrong};
+  return {HealthLevel::kOk, nameOf(snapshot.state)};
+}
+
+}  // namespace variator_sim

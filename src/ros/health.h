@@ -1,0 +1,41 @@
+/// Whether a simulation is well: the rule behind its diagnostics. Knows nothing of ROS.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "ros/stepping_loop.h"
+
+namespace variator_sim {
+
+enum class HealthLevel : std::uint8_t { kOk, kWarn, kError };
+
+struct Health {
+  HealthLevel level = HealthLevel::kOk;
+  std::string summary;  ///< what is wrong, or the state
+};
+
+/// What has happened since the node's start, or the last reset, whichever each count is from.
+struct HealthCounts {
+  std::uint64_t ticks = 0;
+  std::uint64_t overruns = 0;
+  std::int64_t lost_time = 0;  ///< ns
+  std::uint64_t commands_refused = 0;
+  std::uint64_t command_timeouts = 0;
+  std::uint64_t commands_dropped = 0;
+  std::uint64_t samples_dropped = 0;
+};
+
+/// More than this part of the ticks being overruns is not well.
+constexpr double kManyOverruns = 0.01;
+/// A real-time factor below this part of the one wanted is not well.
+constexpr double kSlow = 0.9;
+
+/// ERROR: the motion has stopped. WARN: since `before` commands were refused, dropped or overdue,
+/// samples were dropped, deadlines were moved, or more than kManyOverruns of the ticks were
+/// overruns; or the real-time factor is below kSlow of the one wanted; or /clock is waited for. OK:
+/// everything else, a pause and a sleep included.
+Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
+                   const HealthCounts& before);
+
+}  // namespace variator_sim

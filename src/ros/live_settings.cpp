@@ -1,0 +1,76 @@
+#include "ros/live_settings.h"
+
+#include <dynamic_reconfigure/server.h>
+#include <variator_sim/VariatorSimConfig.h>
+
+#include <string>
+
+namespace variator_sim {
+
+class LiveSettings::Server {
+ public:
+  Server(const ros::NodeHandle& handle, const NodeSettings& settings, bool follows_clock,
+         SteppingLoop& loop)
+      : name_(handle.getNamespace()),
+        follows_clock_(follows_clock),
+        tick_rate_(settings.tick_rate),
+        loop_(loop),
+        server_(handle) {
+    in_force_.real_time_factor = settings.real_time_factor;
+    in_force_.publish_rate = settings.publish_rate;
+    // The server calls back at once, with what it made of the parameters: it is told better.
+    server_.setCallback([this](VariatorSimConfig& config, std::uint32_t) {
+      if (is_set_up_) {
+        change(config);
+      } else {
+        config.real_time_factor = in_force_.real_time_factor;
+        config.publish_rate = in_force_.publish_rate;
+        is_set_up_ = true;
+      }
+    });
+  }
+
+ private:
+  void change(VariatorSimConfig& config) {
+    if (config.real_time_factor != in_force_.real_time_factor) {
+      std::string fault = findFaultOfRealTimeFactor(config.real_time_factor);
+      if (fault.empty() && follows_clock_) {
+        fault = " is left aside: /use_sim_time is true, so /clock sets the pace";
+      }
+      if (fault.empty()) {
+        loop_.setRealTimeFactor(config.real_time_factor);
+      } else {
+        ROS_WARN("%s: real_time_factor %g%s; it stays %g", name_.c_str(), config.real_time_factor,
+                 fault.c_str(), in_force_.real_time_factor);
+        config.real_time_factor = in_force_.real_time_factor;
+      }
+    }
+    if (config.publish_rate != in_force_.publish_rate) {
+      if (config.publish_rate > 0.0 && config.publish_rate <= tick_rate_) {
+        loop_.setPublishRate(config.publish_rate);
+      } else {
+        ROS_WARN(
+            "%s: publish_rate %g Hz is not allowed: above 0 and at most tick_rate (%g Hz); it "
+            "stays %g Hz",
+            name_.c_str(), config.publish_rate, tick_rate_, in_force_.publish_rate);
+        config.publish_rate = in_force_.publish_rate;
+      }
+    }
+    in_force_ = config;
+  }
+
+  std::string name_;
+  bool follows_clock_;
+  double tick_rate_;
+  SteppingLoop& loop_;
+  bool is_set_up_ = false;
+  VariatorSimConfig in_force_;
+  dynamic_reconfigure::Server<VariatorSimConfig> server_;
+};
+
+LiveSettings::LiveSettings(const ros::NodeHandle& handle, const NodeSettings& settings,
+                           bool follows_clock, SteppingLoop& loop)
+    : server_(std::make_unique<Server>(handle, settings, follows_clock, loop)) {}
+LiveSettings::~LiveSettings() = default;
+
+}  // namespace variator_sim

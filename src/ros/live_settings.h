@@ -1,0 +1,28 @@
+/// What can be changed while the node runs, by dynamic_reconfigure.
+#pragma once
+
+#include <ros/node_handle.h>
+
+#include <memory>
+
+#include "ros/node_settings.h"
+#include "ros/stepping_loop.h"
+
+namespace variator_sim {
+
+/// Serves `real_time_factor` and `publish_rate`. A value that is not allowed is refused with a
+/// warning, and what is in force stays. Its service is called in the thread that serves the node
+/// handle's callback queue.
+class LiveSettings {
+ public:
+  /// `handle` is the private one. `follows_clock`: the pace is not ours to change.
+  LiveSettings(const ros::NodeHandle& handle, const NodeSettings& settings, bool follows_clock,
+               SteppingLoop& loop);
+  ~LiveSettings();
+
+ private:
+  class Server;
+  std::unique_ptr<Server> server_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,43 @@
+#include "ros/server_from_parameters.h"
+
+#include <stdexcept>
+#include <string>
+
+#include "ros/plugin_loader.h"
+#include "ros/xmlrpc_tree.h"
+#include "variator_sim/scene.h"
+
+namespace variator_sim {
+namespace {
+
+ParameterTree readParameters(const ros::NodeHandle& private_handle) {
+  XmlRpc::XmlRpcValue value;
+  if (!private_handle.getParam(private_handle.getNamespace(), value)) {
+    throw SceneError("",
+                     "no parameters are set here; load a scene first, e.g. roslaunch variator_sim "
+                     "variator_sim.launch scene:=FILE.yaml");
+  }
+  return toParameterTree(value);
+}
+
+}  // namespace
+
+std::unique_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle& public_handle,
+                                                           const ros::NodeHandle& private_handle,
+                                                           Sharing sharing) {
+  const std::string& name_space = private_handle.getNamespace();
+  try {
+    const ParameterTree tree = readParameters(private_handle);
+    const NodeSettings settings = readNodeSettings(tree);
+    PluginlibComponentFactory factory;
+    return std::make_unique<SimulationServer>(
+        public_handle, private_handle, Simulation(readScene(tree, factory)), settings, sharing);
+  } catch (const SceneError& error) {
+    const char* separator = error.keyPath().empty() ? ": " : "/";
+    throw std::runtime_error(name_space + separator + error.what());
+  } catch (const std::exception& error) {
+    throw std::runtime_error(name_space + ": " + error.what());
+  }
+}
+
+}  // namespace variator_sim

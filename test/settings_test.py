@@ -1,0 +1,243 @@
+#!/usr/bin/python3
+"""Settings that change while the node runs, its diagnostics, timeouts of commands, and what it asks
+of Linux."""
+
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import unittest
+
+import dynamic_reconfigure.client
+import roslib.packages
+import rosparam
+import rospkg
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import Float64
+from variator_sim.msg import SimulationStatus
+
+from support.node_client import PATIENCE, Listener, NodeClient, wait_for
+
+PACKAGE = pathlib.Path(rospkg.RosPack().get_path('variator_sim'))
+STEPS = str(PACKAGE / 'test/cases/torque_steps/scene.yaml')
+SCHED_FIFO = 1
+
+
+class LiveSettingsTest(unittest.TestCase):
+
+    def setUp(self):
+        self.node = NodeClient('live')
+        self.client = dynamic_reconfigure.client.Client('/live', timeout=PATIENCE)
+        self.addCleanup(self.node.close)
+        self.addCleanup(self.client.close)
+
+    def change(self, **settings):
+        return self.client.update_configuration(settings)
+
+    def intervals(self):
+        """ms of simulated time between states; nothing may be skipped."""
+        times = [round(state.time * 1e9) for state in self.node.states.all()]
+        self.assertTrue(all(time % 1000000 == 0 for time in times))
+        return [(b - a) // 1000000 for a, b in zip(times, times[1:])]
+
+    def test_real_time_factor_changes_without_burst_or_stall(self):
+        self.assertEqual(self.change()['real_time_factor'], 1.0)
+        self.assertEqual(self.change(real_time_factor=4.0)['real_time_factor'], 4.0)
+        self.assertEqual(rospy.get_param('/live/real_time_factor'), 4.0)
+        self.node.status.wait_new(lambda s: s.real_time_factor > 2.0, 'a faster simulation')
+        # States come every 10 ms of wall time: 10 ticks at first, then 40. Where the factor changes
+        # they are counted anew, so one interval may be anything up to the sum.
+        intervals = self.intervals()
+        change = next(i for i, interval in enumerate(intervals) if interval not in (0, 10))
+        self.assertLess(intervals[change], 51)
+        self.assertTrue(all(interval == 40 for interval in intervals[change + 1:]), intervals)
+        self.assertEqual(self.change(real_time_factor=1.0)['real_time_factor'], 1.0)
+        self.node.status.wait_new(lambda s: s.real_time_factor < 2.0, 'a slower simulation')
+        self.assertEqual(self.node.status.all()[-1].state, SimulationStatus.RUNNING)
+
+    def test_publish_rate_changes(self):
+        self.assertEqual(self.change(publish_rate=50.0)['publish_rate'], 50.0)
+        self.node.states.forget()
+        wait_for(lambda: len(self.node.states.all()) > 12, 'states')
+        self.assertEqual(self.intervals()[-10:], [20] * 10)
+        self.change(publish_rate=100.0)
+
+    def test_values_that_are_not_allowed_change_nothing(self):
+        before = self.change()
+        for name, value in (('real_time_factor', 1e-4), ('publish_rate', 1001.0)):
+            after = self.change(**{name: value})
+            self.assertEqual(after[name], before[name])
+            self.assertEqual(rospy.get_param('/live/' + name), before[name])
+
+
+class DiagnosticsTest(unittest.TestCase):
+
+    def setUp(self):
+        self.diagnostics = Listener('/diagnostics', DiagnosticArray).connect()
+        self.addCleanup(self.diagnostics.close)
+
+    def wait_for_status(self, node, condition, what):
+        def matches(array):
+            return any(status.name == f'{node}: simulation' and condition(status)
+                       for status in array.status)
+        array = self.diagnostics.wait_new(matches, what)
+        return next(s for s in array.status if s.name == f'{node}: simulation' and condition(s))
+
+    def test_levels_tell_how_the_simulation_fares(self):
+        node = NodeClient('live', states=False)
+        self.addCleanup(node.close)
+        node.trigger('pause')
+        status = self.wait_for_status('live', lambda s: s.message == 'paused', 'a pause')
+        self.assertEqual(status.level, DiagnosticStatus.OK)
+        self.assertEqual(status.hardware_id, 'none')
+        values = {pair.key: pair.value for pair in status.values}
+        for key in ('real-time factor', 'ticks', 'overruns', 'lateness p50 (us)',
+                    'lateness p99 (us)', 'lateness max (us)', 'lost wall time (s)',
+                    'commands clamped', 'commands refused', 'command timeouts', 'samples dropped',
+                    'residual of variator', 'stop reason'):
+            self.assertIn(key, values)
+        self.assertLess(abs(float(values['residual of variator'])), 1e-6)
+
+        torque = rospy.Publisher('/live/drive_torque', Float64, queue_size=10)
+        self.addCleanup(torque.unregister)
+        wait_for(lambda: torque.get_num_connections() > 0, 'the node')
+        torque.publish(Float64(float('nan')))
+        status = self.wait_for_status('live', lambda s: 'refused' in s.message, 'a refusal')
+        self.assertEqual(status.level, DiagnosticStatus.WARN)
+        # It is about the last second: then all is well again.
+        self.wait_for_status('live', lambda s: s.level == DiagnosticStatus.OK, 'well-being')
+        node.trigger('resume')
+
+    def test_a_stopped_motion_is_an_error(self):
+        node = NodeClient('stopping', states=False)
+        self.addCleanup(node.close)
+        node.trigger('resume')
+        status = self.wait_for_status('stopping', lambda s: s.level == DiagnosticStatus.ERROR,
+                                      'an error')
+        self.assertEqual(status.message, 'stopped: NonFiniteValue')
+        self.assertEqual({pair.key: pair.value for pair in status.values}['stop reason'],
+                         'NonFiniteValue')
+
+
+class TimeoutsTest(unittest.TestCase):
+    """Commands are overdue 0.05 s of simulated time after the tick that took them."""
+
+    def setUp(self):
+        self.node = NodeClient('overdue')
+        self.addCleanup(self.node.close)
+        self.node.trigger('pause')
+        self.node.trigger('reset_time')
+
+    def test_in_lockstep(self):
+        answer = self.node.step(0.001, [('kept', 3.0), ('zeroed', 2.0)])
+        self.assertEqual(tuple(answer.state.applied_torque), (3.0, 2.0))
+        answer = self.node.step(0.048)
+        self.assertEqual(tuple(answer.state.applied_torque), (3.0, 2.0))
+        self.node.status.wait_new(lambda s: s.command_timeouts == 0)
+        answer = self.node.step(0.001)
+        self.assertEqual(tuple(answer.state.applied_torque), (3.0, 0.0))
+        self.node.status.wait_new(lambda s: s.command_timeouts == 2, 'two timeouts')
+        # One is told once; a command ends it.
+        answer = self.node.step(1.0)
+        self.assertEqual(tuple(answer.state.applied_torque), (3.0, 0.0))
+        answer = self.node.step(0.04, [('zeroed', 1.0)])
+        self.assertEqual(tuple(answer.state.applied_torque), (3.0, 1.0))
+        self.node.status.wait_new(lambda s: s.command_timeouts == 2, 'two timeouts')
+
+    def test_while_running_the_tick_of_receipt_counts(self):
+        publishers = [rospy.Publisher('/overdue/' + topic, Float64, queue_size=10)
+                      for topic in ('kept', 'zeroed')]
+        for publisher in publishers:
+            self.addCleanup(publisher.unregister)
+            wait_for(lambda p=publisher: p.get_num_connections() > 0, 'the node')
+        self.node.trigger('resume')
+        wait_for(lambda: len(self.node.states.all()) > 20, 'states')
+        for publisher in publishers:
+            publisher.publish(Float64(2.0))
+        self.node.status.wait_new(lambda s: s.command_timeouts == 2, 'two timeouts')
+        self.node.trigger('pause')
+        status = self.node.wait_for_state(SimulationStatus.PAUSED)
+        self.assertEqual(status.commands_accepted, 2)
+        last = self.node.states.wait(lambda m: m.time == status.time, 'the last state')
+        self.assertEqual(tuple(last.applied_torque), (2.0, 0.0))
+        # Every tick has a state: from the one that took the command to the timeout, 50 of them (51
+        # where the sum of the two times is rounded up).
+        times = [state.time for state in self.node.states.all() if state.applied_torque[1] == 2.0]
+        first = round(times[0] * 1e3)
+        self.assertEqual(times, [tick / 1e3 for tick in range(first, first + 52)
+                                 if tick / 1e3 < times[0] + 0.05])
+
+
+class RealTimeTest(unittest.TestCase):
+
+    def start(self, name, prefix=()):
+        rosparam.upload_params('/' + name, {**rosparam.load_file(STEPS)[0][0],
+                                            'realtime_priority': 40, 'lock_memory': True})
+        program = roslib.packages.find_node('variator_sim', 'variator_sim_node')[0]
+        node = subprocess.Popen([*prefix, program, '__name:=' + name], stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, text=True,
+                                env=dict(os.environ, ROSCONSOLE_STDOUT_LINE_BUFFERED='1'))
+        self.addCleanup(node.kill)
+        client = NodeClient(name, states=False)
+        self.addCleanup(client.close)
+        client.status.wait_new(lambda s: s.ticks > 100, 'ticks')
+        return node
+
+    def stop(self, node):
+        """What the node has said; it has to end well."""
+        node.send_signal(signal.SIGINT)
+        output, _ = node.communicate(timeout=PATIENCE)
+        self.assertEqual(node.returncode, 0, output)
+        return output
+
+    def fifo_threads(self, node):
+        """The priorities of the threads under SCHED_FIFO."""
+        priorities = []
+        for task in pathlib.Path(f'/proc/{node.pid}/task').iterdir():
+            fields = (task / 'stat').read_text(encoding='utf-8').rpartition(')')[2].split()
+            if int(fields[38]) == SCHED_FIFO:
+                priorities.append(int(fields[37]))
+        return priorities
+
+    def locked_memory(self, node):
+        """kB"""
+        status = pathlib.Path(f'/proc/{node.pid}/status').read_text(encoding='utf-8')
+        return int(next(line for line in status.splitlines() if line.startswith('VmLck:')).split()[1])
+
+    @unittest.skipIf(os.geteuid() != 0, 'needs root')
+    def test_both_are_given_to_root(self):
+        if subprocess.run(['chrt', '-f', '40', 'true'], check=False,
+                          stderr=subprocess.DEVNULL).returncode != 0:
+            self.skipTest('the kernel gives no real-time priority here')
+        node = self.start('permitted')
+        self.assertEqual(self.fifo_threads(node), [40])
+        self.assertGreater(self.locked_memory(node), 1000)
+        self.assertNotIn('not permitted', self.stop(node))
+
+    def test_a_refusal_is_a_warning(self):
+        prefix = ['prlimit', '--memlock=65536:65536', '--rtprio=0:0']
+        if os.geteuid() == 0:
+            prefix += ['setpriv', '--bounding-set=-sys_nice,-ipc_lock']
+        node = self.start('refused', prefix)
+        self.assertEqual(self.fifo_threads(node), [])
+        self.assertEqual(self.locked_memory(node), 0)
+        output = self.stop(node)
+        self.assertIn('realtime_priority 40 is not permitted', output)
+        self.assertIn('lock_memory is not permitted', output)
+        self.assertIn('/etc/security/limits.conf', output)
+
+
+class SettingsSuite(unittest.TestSuite):
+    """All of the above, for rostest."""
+
+    def __init__(self):
+        super().__init__(unittest.defaultTestLoader.loadTestsFromTestCase(case)
+                         for case in (LiveSettingsTest, DiagnosticsTest, TimeoutsTest, RealTimeTest))
+
+
+if __name__ == '__main__':
+    rospy.init_node('settings_test')
+    rostest.rosrun('variator_sim', 'settings_test', 'settings_test.SettingsSuite', sys.argv)
