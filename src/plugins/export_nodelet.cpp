@@ -1,0 +1,7 @@
+/// Registers the nodelet with pluginlib, apart from the components: who wants these needs no
+/// nodelets.
+#include <pluginlib/class_list_macros.hpp>
+
+#include "ros/variator_nodelet.h"
+
+PLUGINLIB_EXPORT_CLASS(variator_sim::VariatorNodelet, nodelet::Nodelet)
