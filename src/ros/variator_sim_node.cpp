@@ -1,6 +1,7 @@
 /// One scene, read from the node's private parameters, as a ROS node.
 #include <ros/ros.h>
 
+#include <csignal>
 #include <exception>
 
 #include "ros/server_from_parameters.h"
@@ -14,6 +15,8 @@ constexpr int kBadScene = 2;
 int main(int argc, char** argv) {
   using namespace variator_sim;
   ros::init(argc, argv, "variator");
+  // roscpp ends well on SIGINT only.
+  std::signal(SIGTERM, [](int) { ros::requestShutdown(); });
   const ros::NodeHandle public_handle;
   const ros::NodeHandle private_handle("~");
   try {

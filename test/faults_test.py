@@ -1,0 +1,205 @@
+#!/usr/bin/python3
+"""What the node does when others fail: its master, its subscribers, itself. Starts a master of its
+own on a free port."""
+
+import os
+import pathlib
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import unittest
+import xmlrpc.client
+
+with socket.socket() as probe:
+    probe.bind(('127.0.0.1', 0))
+    PORT = probe.getsockname()[1]
+# rospy reads it when it is imported.
+os.environ['ROS_MASTER_URI'] = f'http://127.0.0.1:{PORT}'
+os.environ['ROS_IP'] = '127.0.0.1'
+os.environ.pop('ROS_HOSTNAME', None)
+
+# pylint: disable=wrong-import-position
+import roslib.packages
+import rosgraph
+import rosparam
+import rospkg
+import rospy
+import rosunit
+from std_msgs.msg import Float64
+from variator_sim.msg import SimulationStatus
+
+from support.node_client import PATIENCE, NodeClient, wait_for
+
+PACKAGE = pathlib.Path(rospkg.RosPack().get_path('variator_sim'))
+STEPS = str(PACKAGE / 'test/cases/torque_steps/scene.yaml')
+PROGRAM = roslib.packages.find_node('variator_sim', 'variator_sim_node')[0]
+
+
+def master_answers():
+    try:
+        rosgraph.Master('/faults_test').getPid()
+        return True
+    except (OSError, rosgraph.MasterException):
+        return False
+
+
+def start_master():
+    master = subprocess.Popen(['rosmaster', '--core', '-p', str(PORT)], stdout=subprocess.DEVNULL,
+                              stderr=subprocess.DEVNULL)
+    wait_for(master_answers, 'the master')
+    return master
+
+
+def upload(name, **settings):
+    rosparam.upload_params('/' + name, {**rosparam.load_file(STEPS)[0][0], **settings})
+
+
+def resident_memory(process):
+    """kB"""
+    status = pathlib.Path(f'/proc/{process.pid}/status').read_text(encoding='utf-8')
+    return int(next(line for line in status.splitlines() if line.startswith('VmRSS:')).split()[1])
+
+
+class FaultsTest(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        cls.master = start_master()
+        rospy.init_node('faults_test')
+
+    @classmethod
+    def tearDownClass(cls):
+        rospy.signal_shutdown('done')
+        cls.master.kill()
+        cls.master.wait()
+
+    def start(self, name, **settings):
+        upload(name, **settings)
+        node = subprocess.Popen([PROGRAM, '__name:=' + name], stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, text=True)
+        self.addCleanup(node.stdout.close)
+        self.addCleanup(node.wait)
+        self.addCleanup(node.kill)
+        return node
+
+    def client(self, name, **options):
+        client = NodeClient(name, **options)
+        self.addCleanup(client.close)
+        return client
+
+    def expect_good_end(self, node, order):
+        node.send_signal(order)
+        output, _ = node.communicate(timeout=PATIENCE)
+        self.assertEqual(node.returncode, 0, output)
+        self.assertEqual(output, '')
+
+    def test_orders_to_end_end_well(self):
+        for order in (signal.SIGINT, signal.SIGTERM):
+            for start_paused in (False, True):
+                with self.subTest(order=order, start_paused=start_paused):
+                    node = self.start('ending', start_paused=start_paused)
+                    client = self.client('ending')
+                    client.close()
+                    self.expect_good_end(node, order)
+
+    def subscriber(self, topic):
+        """A process that reads the topic; it has received something when this returns."""
+        program = ('import rospy, sys\n'
+                   'from variator_sim.msg import DrivetrainState\n'
+                   "rospy.init_node('subscriber', anonymous=True, disable_signals=True)\n"
+                   'def tell(message): print(message.header.seq, flush=True)\n'
+                   f"rospy.Subscriber('{topic}', DrivetrainState, tell)\n"
+                   'rospy.spin()\n')
+        process = subprocess.Popen([sys.executable, '-c', program], stdout=subprocess.PIPE)
+        self.addCleanup(process.stdout.close)
+        self.addCleanup(process.wait)
+        self.addCleanup(process.kill)
+        self.assertNotEqual(process.stdout.readline(), b'')
+        return process
+
+    def test_subscribers_that_vanish_delay_no_tick(self):
+        # 10000 messages of 0.4 kB a second: what piles up shows.
+        node = self.start('watched', tick_rate=10000, publish_rate=10000)
+        client = self.client('watched', states=False)
+        killed, stopped = (self.subscriber('/watched/state') for _ in range(2))
+        killed.kill()
+        stopped.send_signal(signal.SIGSTOP)
+        start = client.status.wait_new()
+        # Queues and sockets fill within the first second.
+        before = client.status.wait_new(lambda s: s.time > start.time + 1.0, 'a second')
+        memory = resident_memory(node)
+        seen = len(client.status.all())
+        after = client.status.wait_new(lambda s: s.time > before.time + 3.0, 'three seconds')
+        self.assertLess(resident_memory(node) - memory, 4096)
+        for status in client.status.all()[seen:]:
+            self.assertEqual(status.state, SimulationStatus.RUNNING)
+            # Half of the ticks begin within a period: nothing holds them up.
+            self.assertLess(status.lateness_p50, 1e-3)
+        # Every tick was made: simulated time is the number of ticks.
+        self.assertEqual(round((after.time - before.time) * 10000), after.ticks - before.ticks)
+        stopped.send_signal(signal.SIGCONT)
+        stopped.kill()
+        self.expect_good_end(node, signal.SIGINT)
+
+    def test_a_killed_node_is_respawned(self):
+        with tempfile.TemporaryDirectory() as folder:
+            launch = pathlib.Path(folder, 'respawn.launch')
+            launch.write_text(
+                '<launch><node pkg="variator_sim" type="variator_sim_node" name="reborn"'
+                ' respawn="true" clear_params="true">'
+                f'<rosparam command="load" file="{STEPS}"/></node></launch>', encoding='utf-8')
+            roslaunch = subprocess.Popen(['roslaunch', str(launch)], stdout=subprocess.PIPE,
+                                         stderr=subprocess.STDOUT, text=True)
+            try:
+                client = self.client('reborn')
+                before = client.status.wait_new(lambda s: s.time > 0.5, 'half a second')
+                pid = self.pid_of('reborn')
+                os.kill(pid, signal.SIGKILL)
+                # Subscribers find the new one by themselves; it starts from the scene.
+                client.status.wait_new(lambda s: s.time < before.time, 'a new start')
+                client.status.wait_new(lambda s: s.state == SimulationStatus.RUNNING and s.ticks > 100,
+                                       'ticks')
+                self.assertNotEqual(self.pid_of('reborn'), pid)
+                client.states.wait_new()
+            finally:
+                roslaunch.send_signal(signal.SIGINT)
+                output, _ = roslaunch.communicate(timeout=PATIENCE)
+            self.assertIn('exit code -9', output)
+
+    def pid_of(self, name):
+        uri = rosgraph.Master('/faults_test').lookupNode('/' + name)
+        with xmlrpc.client.ServerProxy(uri) as node:
+            return node.getPid('/faults_test')[2]
+
+    # The last one: what this process has registered does not survive it either.
+    def test_zz_a_master_that_dies_is_not_missed_by_whoever_is_connected(self):
+        node = self.start('orphan')
+        client = self.client('orphan')
+        torque = rospy.Publisher('/orphan/drive_torque', Float64, queue_size=10)
+        wait_for(lambda: torque.get_num_connections() > 0, 'the node')
+        self.assertIn('running', client.step(0.1).message)  # the connection stays
+
+        def expect_life(command):
+            start = client.status.wait_new()
+            client.status.wait_new(lambda s: s.time > start.time + 0.5, 'half a second')
+            torque.publish(Float64(command))
+            client.states.wait_new(lambda m: m.applied_torque[0] == command, 'the command')
+            self.assertIn('running', client.step(0.1).message)
+
+        FaultsTest.master.kill()
+        FaultsTest.master.wait()
+        expect_life(7.0)
+        FaultsTest.master = start_master()
+        expect_life(8.0)
+        # Ending well does not need a master either.
+        FaultsTest.master.kill()
+        FaultsTest.master.wait()
+        node.send_signal(signal.SIGTERM)
+        output, _ = node.communicate(timeout=PATIENCE)
+        self.assertEqual(node.returncode, 0, output)
+
+
+if __name__ == '__main__':
+    rosunit.unitrun('variator_sim', 'faults_test', FaultsTest)
