@@ -152,6 +152,9 @@ class FaultsTest(unittest.TestCase):
                 f'<rosparam command="load" file="{STEPS}"/></node></launch>', encoding='utf-8')
             roslaunch = subprocess.Popen(['roslaunch', str(launch)], stdout=subprocess.PIPE,
                                          stderr=subprocess.STDOUT, text=True)
+            self.addCleanup(roslaunch.stdout.close)
+            self.addCleanup(roslaunch.wait)
+            self.addCleanup(roslaunch.kill)
             try:
                 client = self.client('reborn')
                 before = client.status.wait_new(lambda s: s.time > 0.5, 'half a second')

@@ -98,6 +98,7 @@ class EventClock : public PacingClock {
   /// As `at`, for requests: they wait for the stepping thread, so another one makes them.
   void submitAt(std::int64_t time, SteppingLoop& loop, RequestKind kind) {
     at(time, [this, &loop, kind] {
+      join();  // the one before has its answer
       woken_ = false;
       submitters_.emplace_back([&loop, kind] {
         LoopRequest request;
@@ -110,6 +111,7 @@ class EventClock : public PacingClock {
   /// When all is over.
   void join() {
     for (std::thread& thread : submitters_) thread.join();
+    submitters_.clear();
   }
 
   std::int64_t now() override { return now_; }
@@ -297,6 +299,25 @@ TEST(SteppingLoop, ARestIsOneWaitPerSampleOrStatus) {
 }
 
 // Whoever comes while the motion rests gets the samples that are due from then on.
+TEST(SteppingLoop, AllocatesNothingAtRest) {
+  EventClock clock;
+  NodeSettings settings;
+  SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
+  clock.at(100 * kMs, [&] { counting = true; });
+  clock.at(1500 * kMs, [&] { loop.setSamplesWanted(true); });
+  clock.at(2500 * kMs, [&] { loop.command({0, 1.0}); });
+  clock.at(2510 * kMs, [&] { loop.command({0, 0.0}); });
+  clock.at(2700 * kMs, [&] { loop.setRealTimeFactor(2.0); });
+  clock.at(2800 * kMs, [&] { loop.setPublishRate(500.0); });
+  clock.at(5000 * kMs, [&] {
+    counting = false;
+    loop.stop();
+  });
+  allocations = 0;
+  loop.run();
+  EXPECT_EQ(allocations.load(), 0);
+}
+
 TEST(SteppingLoop, ANewSubscriberIsServedDuringARest) {
   EventClock clock;
   NodeSettings settings;
@@ -520,6 +541,29 @@ TEST_F(FollowedClockTest, CountsAJumpAheadThatIsTooLong) {
       waitForSnapshot([](const LoopSnapshot& s) { return s.state == RunState::kPaused; });
   EXPECT_EQ(snapshot.pacing.lost_time, 3600 * kSecond - 1 * kMs);
   EXPECT_EQ(snapshot.pacing.overruns, 0u);
+}
+
+// The ticks stay where they are on the clock; only samples are counted anew.
+TEST_F(FollowedClockTest, ANewPublishRateMovesNoTick) {
+  start(kScene);
+  nextSample();
+  startClock(100 * kSecond);
+  clock_.set(100 * kSecond + 10 * kMs + 700000);
+  EXPECT_EQ(nextSample().time, 10 * kMs);
+  loop_->setRealTimeFactor(3.0);  // not ours to change
+  loop_->setPublishRate(1000.0);
+  loop_->submit(LoopRequest{});  // a pause: served after the settings
+  LoopRequest resume;
+  resume.kind = RequestKind::kResume;
+  loop_->submit(resume);
+  EXPECT_EQ(nextSample().time, 10 * kMs);  // of the pause
+  // Ticks count from the resume, which found the clock at 10.7 ms.
+  clock_.set(100 * kSecond + 14 * kMs);
+  for (const std::int64_t time : {11, 12, 13}) {
+    const TimedSample timed = nextSample();
+    EXPECT_EQ(timed.time, time * kMs);
+    EXPECT_EQ(timed.clock_time, 100 * kSecond + (time * kMs) + 700000);
+  }
 }
 
 TEST_F(FollowedClockTest, StepsWithoutAClock) {

@@ -5,7 +5,8 @@
 
 namespace variator_sim {
 
-Pacer::Pacer(PacingClock& clock, double period) : clock_(clock), period_(period) {}
+Pacer::Pacer(PacingClock& clock, double period)
+    : clock_(clock), followed_(clock.isFollowed()), period_(period) {}
 
 void Pacer::anchor() {
   anchor_ = clock_.now();
@@ -13,7 +14,7 @@ void Pacer::anchor() {
 }
 
 void Pacer::setPeriod(double period) {
-  if (isPaced() && !clock_.isFollowed()) {
+  if (isPaced() && !followed_) {
     counters_.lost_time += std::max<std::int64_t>(0, clock_.now() - dueTime(tick_ + 1));
   }
   period_ = period;
@@ -59,11 +60,11 @@ bool Pacer::waitForTick() {
   ++tick_;
   ++counters_.ticks;
   const std::int64_t behind = now - due;
-  if (!clock_.isFollowed()) {
+  if (!followed_) {
     lateness_ = behind;
     if (static_cast<double>(behind) > period_) ++counters_.overruns;
   }
-  if (behind > (clock_.isFollowed() ? kMostBehindFollowed : kMostBehind)) {
+  if (behind > (followed_ ? kMostBehindFollowed : kMostBehind)) {
     anchor_ += behind;
     counters_.lost_time += behind;
   }

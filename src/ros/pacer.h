@@ -74,6 +74,7 @@ class Pacer {
 
  private:
   PacingClock& clock_;
+  bool followed_;
   double period_;
   std::int64_t anchor_ = 0;
   std::int64_t tick_ = 0;

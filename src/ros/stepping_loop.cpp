@@ -30,6 +30,7 @@ SteppingLoop::SteppingLoop(Simulation simulation, const NodeSettings& settings, 
     : wanted_factor_(clock.isFollowed() ? 1.0 : settings.real_time_factor),
       wanted_publish_rate_(settings.publish_rate),
       clock_(clock),
+      followed_(clock.isFollowed()),
       pacer_(clock, periodOf(settings.tick_rate, wanted_factor_)),
       simulation_(std::move(simulation)),
       tick_rate_(settings.tick_rate),
@@ -101,10 +102,10 @@ void SteppingLoop::run() {
   pushSample();
   pushSnapshot(true);
   while (!isStopping()) {
-    noticeClock();
+    if (followed_) noticeClock();
     if (settings_changed_.load(std::memory_order_relaxed)) applySettings();
     if (request_posted_.load(std::memory_order_acquire)) serveRequest();
-    if (clock_.isFollowed() && !isIdle()) endSliceIfDue(clock_.wallTime());
+    if (followed_ && !isIdle()) endSliceIfDue(clock_.wallTime());
     if (isIdle()) {
       waitWhileIdle();
       continue;
@@ -125,7 +126,7 @@ void SteppingLoop::run() {
 bool SteppingLoop::isCalled() const {
   return request_posted_.load(std::memory_order_acquire) ||
          settings_changed_.load(std::memory_order_relaxed) || isStopping() ||
-         clock_.jumpsBack() != jumps_back_;
+         (followed_ && clock_.jumpsBack() != jumps_back_);
 }
 
 void SteppingLoop::noticeClock() {
@@ -143,11 +144,19 @@ void SteppingLoop::noticeClock() {
 
 void SteppingLoop::applySettings() {
   settings_changed_.exchange(false, std::memory_order_acquire);
-  if (!clock_.isFollowed()) real_time_factor_ = wanted_factor_.load(std::memory_order_relaxed);
   publish_rate_ = wanted_publish_rate_.load(std::memory_order_relaxed);
-  pacer_.setPeriod(periodOf(tick_rate_, real_time_factor_));
+  const double factor = wanted_factor_.load(std::memory_order_relaxed);
+  const bool new_pace = factor != real_time_factor_ && !followed_;
+  if (new_pace) {
+    real_time_factor_ = factor;
+    pacer_.setPeriod(periodOf(tick_rate_, factor));
+  }
   applyPeriod();
-  anchor();
+  if (new_pace) {
+    anchor();
+  } else {
+    countSamplesFromHere();
+  }
 }
 
 void SteppingLoop::applyPeriod() {
@@ -162,7 +171,7 @@ void SteppingLoop::tick() {
   applyCommands();
   if (isSampleDue() && samples_wanted_.load(std::memory_order_relaxed)) pushSample();
   // A followed clock may stand, so there slices end without ticks.
-  if (clock_.isFollowed()) return;
+  if (followed_) return;
   if (pacer_.isPaced()) lateness_.add(pacer_.lateness());
   endSliceIfDue(pacer_.tickStart());
 }
@@ -214,8 +223,16 @@ void SteppingLoop::passOverSamples() {
   while (next_sample_tick_ <= pacer_.tick()) {
     ++due_samples_;
     // Sample m is due at tick round(m ticks_per_sample): no rounding error adds up.
-    next_sample_tick_ = std::llround(static_cast<double>(due_samples_ + 1) * ticks_per_sample_);
+    next_sample_tick_ =
+        sample_base_ + std::llround(static_cast<double>(due_samples_ + 1) * ticks_per_sample_);
   }
+}
+
+void SteppingLoop::countSamplesFromHere() {
+  sample_base_ = pacer_.tick();
+  due_samples_ = 0;
+  next_sample_tick_ = sample_base_ + std::llround(ticks_per_sample_);
+  next_sample_wall_ = clock_.now();
 }
 
 void SteppingLoop::waitWhileIdle() {
@@ -327,11 +344,9 @@ void SteppingLoop::resetMotion(bool reset_time) {
 
 void SteppingLoop::anchor() {
   anchor_ = present_;
-  due_samples_ = 0;
-  next_sample_tick_ = std::llround(ticks_per_sample_);
   pacer_.anchor();
+  countSamplesFromHere();
   moment_ = clock_.now();
-  next_sample_wall_ = moment_;
   lateness_.clear();
   slice_count_ = 0;
   const std::int64_t now = clock_.wallTime();
@@ -366,7 +381,7 @@ TimedSample SteppingLoop::takeSample() {
   timed.sample = simulation_.sample();
   timed.time = sampleTime();
   std::copy(std::begin(timed.sample.residual), std::end(timed.sample.residual), residual_.begin());
-  timed.clock_time = clock_.isFollowed() ? moment_ : clock_.now();
+  timed.clock_time = followed_ ? moment_ : clock_.now();
   return timed;
 }
 
@@ -406,7 +421,7 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   snapshot.time = sampleTime();
   if (snapshot.state == RunState::kRunning || snapshot.state == RunState::kSleeping)
     snapshot.real_time_factor = measured_factor_;
-  snapshot.wanted_factor = clock_.isFollowed() ? 0.0 : real_time_factor_;
+  snapshot.wanted_factor = followed_ ? 0.0 : real_time_factor_;
   snapshot.waiting_for_clock = !clock_started_;
   snapshot.residual = residual_;
   snapshot.pacing = pacer_.counters();

@@ -164,6 +164,7 @@ class SteppingLoop {
   void anchor();
   bool isSampleDue();
   void passOverSamples();
+  void countSamplesFromHere();
   /// After anything that may have ended the motion: true when it has just stopped.
   bool noticeStop();
   TimedSample takeSample();
@@ -193,6 +194,7 @@ class SteppingLoop {
 
   // The stepping thread's own.
   PacingClock& clock_;
+  bool followed_;
   Pacer pacer_;
   Simulation simulation_;
   double tick_rate_;
@@ -207,7 +209,8 @@ class SteppingLoop {
   std::int64_t present_ = 0;           ///< the scene's time, ns
   std::int64_t anchor_ = 0;            ///< the scene's time at tick 0, ns
   std::int64_t moment_ = 0;            ///< when the last tick was due, ns on the clock
-  std::int64_t due_samples_ = 0;       ///< since the anchor
+  std::int64_t sample_base_ = 0;       ///< the tick that samples are counted from
+  std::int64_t due_samples_ = 0;       ///< since then
   std::int64_t next_sample_tick_ = 0;  ///< paced only
   std::int64_t next_sample_wall_ = 0;  ///< unpaced only, ns on the pacing clock
 
