@@ -200,7 +200,7 @@ TEST(LatenessHistogram, QuantilesAreKnownToTheirBin) {
     const double exact = fraction * 100000.0;
     const auto quantile = static_cast<double>(histogram.quantile(fraction));
     EXPECT_GE(quantile, exact) << fraction;
-    EXPECT_LE(quantile, 1.25 * exact) << fraction;
+    EXPECT_LE(quantile, 1.032 * exact) << fraction;
   }
   EXPECT_EQ(histogram.quantile(1.0), 100000);
   EXPECT_EQ(histogram.max(), 100000);

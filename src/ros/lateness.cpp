@@ -5,21 +5,21 @@
 
 namespace variator_sim {
 
-// Bin of x >= 4: octave o = floor(log2 x), then the two bits after the leading one, so
-// bin = 4 (o - 1) + those two bits. Below 4 ns every value has its own bin.
+// Bin of x >= 32: octave o = floor(log2 x), then the five bits after the leading one, so
+// bin = 32 (o - 4) + those bits. Below 32 ns every value has its own bin.
 int LatenessHistogram::binOf(std::int64_t lateness) {
   if (lateness < kBinsPerOctave) return static_cast<int>(std::max<std::int64_t>(lateness, 0));
   const auto value = static_cast<std::uint64_t>(lateness);
   const int octave = 63 - __builtin_clzll(value);
-  const int part = static_cast<int>((value >> (octave - 2)) & 3U);
-  return std::min(kBinsPerOctave * (octave - 1) + part, kBins - 1);
+  const int part = static_cast<int>((value >> (octave - kPartBits)) % kBinsPerOctave);
+  return std::min(kBinsPerOctave * (octave - kPartBits + 1) + part, kBins - 1);
 }
 
 std::int64_t LatenessHistogram::upperEdge(int bin) {
   if (bin < kBinsPerOctave) return bin;
-  const int octave = bin / kBinsPerOctave + 1;
+  const int octave = bin / kBinsPerOctave + kPartBits - 1;
   const std::int64_t part = bin % kBinsPerOctave;
-  return ((kBinsPerOctave + part + 1) << (octave - 2)) - 1;
+  return ((kBinsPerOctave + part + 1) << (octave - kPartBits)) - 1;
 }
 
 void LatenessHistogram::add(std::int64_t lateness) {
