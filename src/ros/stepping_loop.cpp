@@ -348,6 +348,7 @@ void SteppingLoop::anchor() {
   countSamplesFromHere();
   moment_ = clock_.now();
   lateness_.clear();
+  lateness_p50_ = lateness_p99_ = lateness_max_ = 0;
   slice_count_ = 0;
   const std::int64_t now = clock_.wallTime();
   slice_starts_[0] = {now, present_};
@@ -405,6 +406,10 @@ void SteppingLoop::endSliceIfDue(std::int64_t now) {
   }
   slice_starts_[static_cast<std::size_t>(slice_count_ % kSlices)] = {now, present_};
   slice_end_ = std::max(slice_end_ + kSliceLength, now);
+  const LatenessHistogram window = lateness_.total();
+  lateness_p50_ = window.quantile(0.5);
+  lateness_p99_ = window.quantile(0.99);
+  lateness_max_ = window.max();
   // Sampling, like a command, may make inputs jump, and a jump can fail.
   const Sample& sample = simulation_.sample();
   std::copy(std::begin(sample.residual), std::end(sample.residual), residual_.begin());
@@ -425,10 +430,9 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   snapshot.waiting_for_clock = !clock_started_;
   snapshot.residual = residual_;
   snapshot.pacing = pacer_.counters();
-  const LatenessHistogram window = lateness_.total();
-  snapshot.lateness_p50 = window.quantile(0.5);
-  snapshot.lateness_p99 = window.quantile(0.99);
-  snapshot.lateness_max = window.max();
+  snapshot.lateness_p50 = lateness_p50_;
+  snapshot.lateness_p99 = lateness_p99_;
+  snapshot.lateness_max = lateness_max_;
   snapshot.statistics = simulation_.statistics();
   if (snapshot.state == RunState::kStopped) {
     // The motion is over: this allocates, and nobody is waiting for a tick.

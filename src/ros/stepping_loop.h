@@ -225,6 +225,10 @@ class SteppingLoop {
   double measured_factor_ = 0.0;
   std::array<double, kMaxConstraints> residual_{};
   LatenessWindow lateness_;
+  // Of that window at the end of the last slice, ns.
+  std::int64_t lateness_p50_ = 0;
+  std::int64_t lateness_p99_ = 0;
+  std::int64_t lateness_max_ = 0;
 };
 
 }  // namespace variator_sim
