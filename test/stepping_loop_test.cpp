@@ -577,6 +577,53 @@ TEST_F(FollowedClockTest, StepsWithoutAClock) {
   EXPECT_EQ(answer.sample.time, 5 * kMs);
 }
 
+// While paused the simulation is lent to the submitting thread, otherwise the stepping thread
+// serves: in whatever order these meet, no step and no command is lost or taken twice.
+TEST(SteppingLoop, ServesRequestsFromWhicheverThread) {
+  SteadyClock clock;
+  NodeSettings settings;
+  settings.start_paused = true;
+  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
+  std::thread stepping([&loop] { loop.run(); });
+  std::int64_t time = 0;
+  std::uint64_t commands = 0;
+  for (int round = 0; round < 100; ++round) {
+    for (int i = 0; i < 5; ++i) {
+      // Wakes the thread that waits, so that the step meets it at any point of its way.
+      loop.command({0, 1.0});
+      LoopRequest step;
+      step.kind = RequestKind::kStep;
+      step.duration = 1000000;
+      step.command_count = 1;
+      step.commands[0] = {0, 0.5 * i};
+      commands += 2;
+      const LoopAnswer answer = loop.submit(step);
+      ASSERT_EQ(answer.result, RequestResult::kDone);
+      time += step.duration;
+      ASSERT_EQ(answer.sample.time, time);
+      ASSERT_EQ(answer.sample.sample.applied_torque[0], 0.5 * i);
+    }
+    LoopRequest request;
+    request.kind = RequestKind::kResume;
+    ASSERT_EQ(loop.submit(request).result, RequestResult::kDone);
+    request.kind = RequestKind::kPause;
+    ASSERT_EQ(loop.submit(request).result, RequestResult::kDone);
+    LoopSnapshot snapshot;
+    while (loop.popSnapshot(snapshot)) {
+    }
+    ASSERT_EQ(snapshot.state, RunState::kPaused);
+    ASSERT_EQ(snapshot.statistics.commands_accepted, commands);
+    ASSERT_GE(snapshot.time, time);
+    time = snapshot.time;
+  }
+  loop.stop();
+  stepping.join();
+  LoopRequest late;
+  late.kind = RequestKind::kStep;
+  late.duration = 1;
+  EXPECT_EQ(loop.submit(late).result, RequestResult::kShutDown);
+}
+
 }  // namespace
 }  // namespace variator_sim
 

@@ -1,8 +1,10 @@
 #include "ros/stepping_loop.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
+#include <thread>
 #include <utility>
 
 namespace variator_sim {
@@ -72,6 +74,7 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
   LoopAnswer shut_down;
   shut_down.result = RequestResult::kShutDown;
   if (isStopping()) return shut_down;
+  if (LoopAnswer answer; serveWhileIdle(request, answer)) return answer;
   request_ = request;
   request_posted_.store(true, std::memory_order_release);
   clock_.wake();
@@ -88,6 +91,19 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
   }
 }
 
+bool SteppingLoop::serveWhileIdle(const LoopRequest& request, LoopAnswer& answer) {
+  int waiting = kWaiting;
+  if (!idle_.compare_exchange_strong(waiting, kLent, std::memory_order_acq_rel)) return false;
+  noticeChanges();
+  request_ = request;
+  serveRequest();
+  answer = answer_;
+  const bool idle = isIdle();
+  idle_.store(kWaiting, std::memory_order_release);
+  if (!idle) clock_.wake();
+  return true;
+}
+
 void SteppingLoop::stop() {
   stopping_.store(true);
   clock_.wake();
@@ -102,9 +118,12 @@ void SteppingLoop::run() {
   pushSample();
   pushSnapshot(true);
   while (!isStopping()) {
-    if (followed_) noticeClock();
-    if (settings_changed_.load(std::memory_order_relaxed)) applySettings();
-    if (request_posted_.load(std::memory_order_acquire)) serveRequest();
+    noticeChanges();
+    if (request_posted_.load(std::memory_order_acquire)) {
+      serveRequest();
+      request_posted_.store(false, std::memory_order_release);
+      answered_.post();
+    }
     if (followed_ && !isIdle()) endSliceIfDue(clock_.wallTime());
     if (isIdle()) {
       waitWhileIdle();
@@ -127,6 +146,11 @@ bool SteppingLoop::isCalled() const {
   return request_posted_.load(std::memory_order_acquire) ||
          settings_changed_.load(std::memory_order_relaxed) || isStopping() ||
          (followed_ && clock_.jumpsBack() != jumps_back_);
+}
+
+void SteppingLoop::noticeChanges() {
+  if (followed_) noticeClock();
+  if (settings_changed_.load(std::memory_order_relaxed)) applySettings();
 }
 
 void SteppingLoop::noticeClock() {
@@ -184,7 +208,7 @@ void SteppingLoop::moveToTick() {
 }
 
 void SteppingLoop::passOverRest() {
-  idle_.exchange(1, std::memory_order_acq_rel);
+  idle_.exchange(kResting, std::memory_order_acq_rel);
   // Status is told ten times a second, samples when they are due.
   const double ticks_per_slice = std::ceil(static_cast<double>(kSliceLength) / pacer_.period());
   std::int64_t needed =
@@ -197,7 +221,7 @@ void SteppingLoop::passOverRest() {
   if (can_wait && commands_.read_available() == 0 && !isCalled()) {
     clock_.waitUntil(pacer_.dueTime(needed));
   }
-  idle_.store(0, std::memory_order_relaxed);
+  idle_.store(kAwake, std::memory_order_relaxed);
   if (!can_wait) return;
   const std::int64_t last = std::min(needed - 1, pacer_.lastDueTick());
   if (last <= pacer_.tick()) return;
@@ -236,12 +260,20 @@ void SteppingLoop::countSamplesFromHere() {
 }
 
 void SteppingLoop::waitWhileIdle() {
-  idle_.exchange(1, std::memory_order_acq_rel);
-  // A command that came before the flag was set has woken nobody. Requests always do.
+  idle_.exchange(kResting, std::memory_order_acq_rel);
+  // What came before the flag was set has woken nobody.
   if (commands_.read_available() == 0 && !isCalled() && clock_started_ == clock_.hasStarted()) {
+    idle_.store(kWaiting, std::memory_order_release);
     clock_.waitUntil(PacingClock::kForever);
+    // Whoever has borrowed the simulation meanwhile gives it back; nothing is late while idle.
+    int waiting = kWaiting;
+    while (!idle_.compare_exchange_strong(waiting, kAwake, std::memory_order_acq_rel)) {
+      waiting = kWaiting;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  } else {
+    idle_.store(kAwake, std::memory_order_relaxed);
   }
-  idle_.store(0, std::memory_order_relaxed);
   if (isCalled()) return;
   if (commands_.read_available() > 0) {
     // They count and are refused now; what they move shows in the next sample.
@@ -293,8 +325,6 @@ void SteppingLoop::serveRequest() {
     answer_.message = simulation_.describeStatus();
   }
   pushSnapshot(!stop_told && (state() != before || reset));
-  request_posted_.store(false, std::memory_order_release);
-  answered_.post();
 }
 
 void SteppingLoop::serveStep() {
@@ -325,7 +355,7 @@ void SteppingLoop::serveStep() {
   }
   answer_.sample = takeSample();
   // A stop is told, with its sample, by noticeStop.
-  if (simulation_.status().ok()) {
+  if (simulation_.status().ok() && samples_wanted_.load(std::memory_order_relaxed)) {
     samples_.push(answer_.sample);
     news_.post();
   }

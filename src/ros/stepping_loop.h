@@ -142,10 +142,14 @@ class SteppingLoop {
  private:
   static constexpr std::int64_t kSliceLength = 100000000;  ///< of the windows, ns
 
+  enum Idleness : int { kAwake, kResting, kWaiting, kLent };
+
   bool isStopping() const { return stopping_.load(std::memory_order_relaxed); }
   bool isIdle() const { return paused_ || !clock_started_ || !simulation_.status().ok(); }
   bool isCalled() const;
   void wakeIfIdle();
+  /// What others have asked for without waiting: another time, other settings.
+  void noticeChanges();
   void noticeClock();
   void applySettings();
   void applyPeriod();
@@ -156,6 +160,9 @@ class SteppingLoop {
   void passOverRest();
   void waitWhileIdle();
   void serveRequest();
+  /// On the submitter's thread, while the stepping thread waits for something to do: false when it
+  /// does not wait. Spares a controller in lockstep two changes of thread per step.
+  bool serveWhileIdle(const LoopRequest& request, LoopAnswer& answer);
   void serveStep();
   void resetMotion(bool reset_time);
   void applyCommands();
@@ -183,7 +190,9 @@ class SteppingLoop {
   LoopAnswer answer_;
   std::atomic<bool> request_posted_{false};
   std::atomic<bool> stopping_{false};
-  std::atomic<int> idle_{0};  ///< not 0: a command has to wake the stepping thread
+  /// Not kAwake: a command has to wake the stepping thread. Whoever moves it from kWaiting to kLent
+  /// owns all that is the stepping thread's, until he moves it back.
+  std::atomic<int> idle_{kAwake};
   std::atomic<bool> samples_wanted_{false};
   std::atomic<bool> settings_changed_{false};
   std::atomic<double> wanted_factor_;
