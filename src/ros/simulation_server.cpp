@@ -127,7 +127,8 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
 SimulationServer::~SimulationServer() {
   stopping_.store(true);
   loop_.stop();
-  spinner_->stop();
+  callback_queue_.disable();
+  callback_thread_.join();
   stepping_thread_.join();
   publishing_thread_.join();
 }
@@ -228,14 +229,21 @@ void SimulationServer::startThreads(const NodeSettings& settings) {
       ROS_WARN("%s: %s", private_handle_.getNamespace().c_str(), refusal.c_str());
     }
   };
-  spinner_ = std::make_unique<ros::AsyncSpinner>(1, &callback_queue_);
   publishing_thread_ = std::thread([this] { runPublishing(); });
   stepping_thread_ = std::thread([this] { loop_.run(); });
   if (settings.realtime_priority > 0) {
     warn(setRealTimePriority(stepping_thread_, settings.realtime_priority));
   }
   if (settings.lock_memory) warn(lockMemory());
-  spinner_->start();
+  callback_thread_ = std::thread([this] { runCallbacks(); });
+}
+
+void SimulationServer::runCallbacks() {
+  // A callback wakes the queue, and so does its end. ros::AsyncSpinner would look ten times a
+  // second.
+  while (!stopping_.load(std::memory_order_relaxed)) {
+    callback_queue_.callAvailable(ros::WallDuration(1.0));
+  }
 }
 
 void SimulationServer::refreshDemand() {

@@ -9,7 +9,6 @@
 #include <variator_sim/Step.h>
 
 #include <atomic>
-#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -77,6 +76,7 @@ class SimulationServer {
   void startThreads(const NodeSettings& settings);
 
   // Callback thread.
+  void runCallbacks();
   void refreshDemand();
   void receiveClock(std::int64_t time);
   void answerTrigger(RequestKind kind, std_srvs::Trigger::Response& response);
@@ -139,8 +139,8 @@ class SimulationServer {
   ros::Subscriber clock_subscriber_;
   LiveSettings live_settings_;
   std::vector<ros::ServiceServer> services_;
-  std::unique_ptr<ros::AsyncSpinner> spinner_;
 
+  std::thread callback_thread_;
   std::thread stepping_thread_;
   std::thread publishing_thread_;
 };

@@ -1,4 +1,5 @@
 /// One scene, read from the node's private parameters, as a ROS node.
+#include <ros/callback_queue.h>
 #include <ros/ros.h>
 
 #include <csignal>
@@ -9,6 +10,14 @@
 namespace {
 
 constexpr int kBadScene = 2;
+
+/// ros::waitForShutdown looks 20 times a second; the end of the global queue wakes us at once.
+void waitForShutdown() {
+  while (ros::ok() && !ros::isShuttingDown()) {
+    ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(1.0));
+  }
+  ros::waitForShutdown();  // until it is complete
+}
 
 }  // namespace
 
@@ -21,7 +30,7 @@ int main(int argc, char** argv) {
   const ros::NodeHandle private_handle("~");
   try {
     const auto server = makeServerFromParameters(public_handle, private_handle, Sharing::kNothing);
-    ros::waitForShutdown();
+    waitForShutdown();
   } catch (const std::exception& error) {
     ROS_FATAL("%s", error.what());
     return kBadScene;
