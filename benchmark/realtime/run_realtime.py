@@ -360,6 +360,12 @@ def spawn_nodelets(session, names, core):
     return [manager]
 
 
+def run_on(cores):
+    """All threads of this process, and the children to come."""
+    for thread in os.listdir("/proc/self/task"):
+        os.sched_setaffinity(int(thread), cores)
+
+
 def drivetrains(session):
     """Many drivetrains on one core, in one nodelet manager, against as many loops in one process.
 
@@ -367,7 +373,7 @@ def drivetrains(session):
     """
     everywhere = os.sched_getaffinity(0)
     core = max(everywhere)
-    os.sched_setaffinity(0, everywhere - {core} or everywhere)  # we listen to the status of all
+    run_on(everywhere - {core} or everywhere)  # we listen to the status of all
     try:
         names = [f"drivetrain_{i:02d}" for i in range(DRIVETRAINS)]
         if has_nodelet():
@@ -411,7 +417,7 @@ def drivetrains(session):
         for log in logs.values():
             log.close()
     finally:
-        os.sched_setaffinity(0, everywhere)
+        run_on(everywhere)
 
 
 def flood(session):
@@ -524,7 +530,7 @@ def main():
         try:
             session.start_master()
             for row in arguments.rows.split(","):
-                print(f"{row}: {ROWS[row].__doc__}", flush=True)
+                print(f"{row}: {ROWS[row].__doc__.splitlines()[0]}", flush=True)
                 try:
                     ROWS[row](session)
                 except Failure as failure:
