@@ -524,6 +524,7 @@ def main():
     # Killed politely, we still stop what we have started.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     lines = head(arguments)
+    write(arguments.output, lines, [])
     status = 0
     with tempfile.TemporaryDirectory(prefix="variator_realtime_") as folder:
         session = Session(arguments, pathlib.Path(folder))
@@ -537,9 +538,10 @@ def main():
                     print(f"run_realtime.py: {row}: {failure}", file=sys.stderr)
                     status = 1
                 session.stop_all()
+                # An interrupted run leaves what it has.
+                write(arguments.output, lines, session.rows)
         finally:
             session.close()
-    write(arguments.output, lines, session.rows)
     return status
 
 
