@@ -41,6 +41,8 @@ int main(int argc, char** argv) {
     publisher.publish(command);
     ++sent;
   }
+  // What is still in the queue leaves first.
+  ros::WallDuration(0.5).sleep();
   std::printf("%ld\n", sent);
   return 0;
 }
