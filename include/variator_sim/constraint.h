@@ -98,6 +98,13 @@ class Constraint {
   bool isLinearInAcceleration() const { return doIsLinearInAcceleration(); }
   /// True when psi reads a commanded input.
   bool readsInputs() const { return doReadsInputs(); }
+  /// How many switches this law has: continuous functions of the state that are zero where f, psi
+  /// or c0 has a kink (abs, min, max; the points of a table). A step of controlled size ends where
+  /// one of them changes its sign: the error estimate of a step that runs over a kink knows little
+  /// of it.
+  int switchCount() const { return doSwitchCount(); }
+  /// Their values, switchCount() of them, all written.
+  void calcSwitches(const StateView& state, double* values) const { doCalcSwitches(state, values); }
 
  protected:
   Constraint() = default;
@@ -122,6 +129,8 @@ class Constraint {
   virtual bool doHasConstantJacobian() const { return false; }
   virtual bool doIsLinearInAcceleration() const { return false; }
   virtual bool doReadsInputs() const { return false; }
+  virtual int doSwitchCount() const { return 0; }
+  virtual void doCalcSwitches(const StateView& /*state*/, double* /*values*/) const {}
 
  private:
   std::string name_;

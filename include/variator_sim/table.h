@@ -49,6 +49,9 @@ class Table {
   double value(double x) const;      ///< y
   double slope(double x) const;      ///< dy/dx
   double curvature(double x) const;  ///< d2y/dx2
+  /// The distance of x from the nearest point, its sign alternating from one interval to the next:
+  /// continuous, and zero at the points, where the third derivative jumps.
+  double switchValue(double x) const;
 
  private:
   struct Curve;
@@ -61,6 +64,7 @@ class Table {
   std::shared_ptr<const Curve> curve_;  ///< between first_.x and last_.x
   End first_;
   End last_;
+  std::shared_ptr<const std::vector<double>> points_;  ///< x_k
 };
 
 }  // namespace variator_sim

@@ -46,6 +46,12 @@ class Torque {
   /// does not.
   Dependence torqueDependence() const { return doTorqueDependence(); }
   Dependence rateDependence() const { return doRateDependence(); }
+  /// How many switches this law has: continuous functions of the state that are zero where Q or Q'
+  /// has a kink (abs, min, max; the points of a table). A step of controlled size ends where one of
+  /// them changes its sign: the error estimate of a step that runs over a kink knows little of it.
+  int switchCount() const { return doSwitchCount(); }
+  /// Their values, switchCount() of them, all written.
+  void calcSwitches(const StateView& state, double* values) const { doCalcSwitches(state, values); }
 
  protected:
   Torque() = default;
@@ -56,6 +62,8 @@ class Torque {
   virtual void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const;
   virtual Dependence doTorqueDependence() const { return {}; }
   virtual Dependence doRateDependence() const { return {}; }
+  virtual int doSwitchCount() const { return 0; }
+  virtual void doCalcSwitches(const StateView& /*state*/, double* /*values*/) const {}
 
  private:
   std::string name_;

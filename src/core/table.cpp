@@ -108,6 +108,7 @@ Table Table::read(ParameterReader& reader, const Column& x_column, const Column&
   Table table;
   table.first_ = {x.front(), y.front(), at.s.front()};
   table.last_ = {x.back(), y.back(), at.s.back()};
+  table.points_ = std::make_shared<const Numbers>(x);
   table.curve_ =
       std::make_shared<Curve>(std::move(x), std::move(y), std::move(at.s), std::move(at.q));
   return table;
@@ -126,6 +127,15 @@ double Table::slope(double x) const {
   if (x >= last_.x) return last_.slope;
   if (x <= first_.x) return first_.slope;
   return std::isnan(x) ? x : curve_->prime(x);
+}
+
+double Table::switchValue(double x) const {
+  if (!points_) return 1.0;
+  const auto after = std::upper_bound(points_->begin(), points_->end(), x);
+  const double left = after == points_->begin() ? HUGE_VAL : x - *(after - 1);
+  const double right = after == points_->end() ? HUGE_VAL : *after - x;
+  const double distance = std::min(left, right);
+  return (after - points_->begin()) % 2 == 0 ? distance : -distance;
 }
 
 double Table::curvature(double x) const {

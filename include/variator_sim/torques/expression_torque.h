@@ -24,13 +24,18 @@ class ExpressionTorque : public Torque {
   void doAddTorqueRate(const StateView& state, double* torque_rate) const override;
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return torque_dependence_; }
+  int doSwitchCount() const override { return switches_.outputCount(); }
+  void doCalcSwitches(const StateView& state, double* values) const override {
+    switches_.evaluate(state, values);
+  }
   Dependence doRateDependence() const override { return rate_dependence_; }
 
  private:
   int shaft_ = 0;
   expression::Tape torque_;  ///< Q, N m
   expression::Tape rate_;    ///< Q', N m/s
-  bool has_rate_ = false;    ///< false: Q' = 0 at every state
+  expression::Tape switches_;
+  bool has_rate_ = false;  ///< false: Q' = 0 at every state
   /// Of Q'; empty when the formula is too large.
   std::optional<expression::StateDerivatives> rate_derivatives_;
   Dependence torque_dependence_;

@@ -32,6 +32,10 @@ class Propeller : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, false}; }
   Dependence doRateDependence() const override { return {false, false}; }
+  int doSwitchCount() const override { return regularization_speed_ > 0.0 ? 0 : 1; }
+  void doCalcSwitches(const StateView& state, double* values) const override {
+    values[0] = state.velocity[shaft_];
+  }
 
  private:
   int shaft_ = 0;
