@@ -68,6 +68,7 @@ class ConstraintSolver {
   template <class InertiaType>
   bool factor(const InertiaType& J) {
     is_factored_ = false;
+    is_ill_ = false;
     for (int m = 0; m < rowCount(); ++m) J.solve(C_[m], B_[m]);
     for (int m = 0; m < rowCount(); ++m) {
       // Sums begin with their first term: adding it to 0.0 would be an operation of its own.
@@ -89,6 +90,7 @@ class ConstraintSolver {
         singular_measure_ = diagonal > 0.0 ? pivot / diagonal : 0.0;
         return false;
       }
+      is_ill_ = is_ill_ || pivot < kIll * diagonal;
     }
     is_factored_ = true;
     return true;
@@ -129,10 +131,31 @@ class ConstraintSolver {
     for (int m = 0; m < rowCount(); ++m) Lambda[m] = -(c0[m] + Lambda[m]);
     solve(Lambda, Lambda);
     addReaction(Lambda, eta);
+    if (is_ill_) refine(c0, eta, Lambda);
   }
+  /// True when rows are so nearly dependent that A^-1 has lost digits that C has: one solution is
+  /// then only an approximation.
+  bool isIll() const { return is_ill_; }
 
  private:
+  /// A = C J^-1 C^T has the square of C's condition. What is left of C eta + c0 is known to C's own
+  /// precision, so solving for it again gives back what the square has cost.
+  void refine(const double* c0, double* eta, double* Lambda) const {
+    for (int round = 0; round < 3; ++round) {
+      double rest[kMaxRows] = {};
+      multiply(eta, rest);
+      for (int m = 0; m < rowCount(); ++m) rest[m] = -(c0[m] + rest[m]);
+      solve(rest, rest);
+      addReaction(rest, eta);
+      for (int m = 0; m < rowCount(); ++m) Lambda[m] += rest[m];
+    }
+  }
+
+  /// A pivot of this part of its diagonal entry costs six digits.
+  static constexpr double kIll = 1e-6;
+
   int k_;
+  bool is_ill_ = false;
   bool is_factored_ = false;
   int singular_row_ = -1;
   double singular_measure_ = 0.0;
