@@ -15,7 +15,9 @@ struct SmoothValue {
 /// The sign of x with the width 1: tanh x.
 inline SmoothValue smoothSign(double x) {
   const double value = std::tanh(x);
-  const double slope = (1.0 - value) * (1.0 + value);
+  // 1/cosh^2 x; 1 - tanh^2 x would lose all its digits where tanh is nearly 1.
+  const double tail = std::exp(-2.0 * std::abs(x));
+  const double slope = 4.0 * tail / ((1.0 + tail) * (1.0 + tail));
   return {value, slope, -2.0 * value * slope};
 }
 
