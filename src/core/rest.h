@@ -8,9 +8,10 @@
 namespace variator_sim {
 
 /// Watches the largest rate |x'| of a motion in units of its tolerance per second. Rates that fall
-/// to a kFall-th within a time T, and stay below it for as long again (a slow oscillation's rate
-/// falls only while its acceleration passes zero), fall about like exp(-t ln kFall / T), and what
-/// is left of the motion is at most
+/// to a kFall-th within a time T, stay below it for as long again (a slow oscillation's rate falls
+/// only while its acceleration passes zero), and go on falling (a fast transient may end in a slow
+/// motion that goes on), fall about like exp(-t ln kFall / T), and what is left of the motion is at
+/// most
 ///     rate T / ln kFall.
 /// Below kLeft (of the tolerance) the motion is at rest: the state stays as it is. The bound holds
 /// as long as rates do not grow again, which an autonomous scene near a stable equilibrium does not
@@ -18,6 +19,9 @@ namespace variator_sim {
 /// anew.
 class RestWatch {
  public:
+  /// What is left of a motion is counted over `horizon` s at least: behind what settles fast
+  /// something slow may go on.
+  explicit RestWatch(double horizon = 0.0) : horizon_(horizon) {}
   void reset() {
     start_rate_ = 0.0;
     steps_ = 0;
@@ -37,12 +41,14 @@ class RestWatch {
     if (!fallen_) {
       fallen_ = true;
       fall_time_ = time - start_time_;
+      fall_rate_ = rate;
     }
     // stays there as long again
     if (time - start_time_ < 2.0 * fall_time_ || steps_ < kSteps) return false;
-    const double left = rate * fall_time_ / std::log(kFall);
+    const bool goes_on = rate * kGoesOn <= fall_rate_;
+    const double left = rate * std::max(fall_time_, horizon_) / std::log(kFall);
     begin(time, rate);
-    return left <= kLeft;
+    return goes_on && left <= kLeft;
   }
 
   /// A tenth of the error allowed.
@@ -56,11 +62,14 @@ class RestWatch {
     fallen_ = false;
   }
   static constexpr double kFall = 16.0;
-  static constexpr int kSteps = 4;  // a moment's low of an oscillation is not rest
+  static constexpr double kGoesOn = 4.0;  // an exponential's would fall by kFall once more
+  static constexpr int kSteps = 4;        // a moment's low of an oscillation is not rest
+  double horizon_;
   double start_time_ = 0.0;
   double start_rate_ = 0.0;
   bool fallen_ = false;
   double fall_time_ = 0.0;
+  double fall_rate_ = 0.0;
   int steps_ = 0;
 };
 

@@ -9,6 +9,9 @@
 ///   radau5 gets further for the same work, it goes on with that; else it waits twice as long.
 /// - A step that the explicit stepper has to repeat kHopeless times (motion_of.h) goes to radau5 as
 ///   well.
+/// - Near rest (kSettling steps in a row that stability limits and that change the state by some
+///   tolerances only) it goes to radau5 without a trial, and back at the next command: the error of
+///   explicit steps at the bound of stability would keep the motion from ever coming to rest.
 /// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
 ///   one explicit step in the same way, and goes back when that gets further.
 /// All of it depends on the motion only, so it repeats to the bit.
@@ -71,7 +74,7 @@ class StepperChoice {
            << "; " << implicit_.outer->name() << " when stability limits its steps";
     } else {
       text << implicit_.outer->name() << ", as stability limited the steps of "
-           << first_.outer->name();
+           << first_.outer->name() << (settled_ ? " near rest" : "");
     }
     if (switches_ > 0) text << "; changed " << switches_ << (switches_ == 1 ? " time" : " times");
     text << ")";
@@ -83,10 +86,14 @@ class StepperChoice {
     active_ = &first_;
     switches_ = 0;
     trial_interval_ = kFirstTrial;
+    wait_ = kSuspicions;
     restart();
   }
   /// The motion begins anew at some state.
   void restart() {
+    if (settled_) active_ = &first_;
+    settled_ = false;
+    settling_ = 0;
     suspicions_ = 0;
     quiet_ = 0;
     steps_since_trial_ = 0;
@@ -104,6 +111,18 @@ class StepperChoice {
     ++switches_;
     suspicions_ = quiet_ = steps_since_trial_ = 0;
     return true;
+  }
+
+  /// After an accepted step to `node` of a motion that may come to rest, in which x changed by
+  /// `change` tolerances: true when the implicit stepper takes over to let it settle. [loop]
+  bool settle(const Node& node, double change) {
+    if (!automatic_ || active_ != &first_) return false;
+    const bool near_rest =
+        change <= kNearRest && active_->outer->stiffness(node.x, node.dxdt) > kMildly;
+    settling_ = near_rest ? settling_ + 1 : 0;
+    if (settling_ < kSettling) return false;
+    settled_ = giveUpExplicit();
+    return settled_;
   }
 
   /// After an accepted step to `node`, the next one to be of size `h`: true when the stepper was
@@ -197,6 +216,9 @@ class StepperChoice {
   static constexpr int kStrong = 8;
   static constexpr int kSuspicions = 40;
   static constexpr int kQuiet = 6;
+  /// Changes of x per step, in tolerances, that are near rest, and so many steps of them.
+  static constexpr double kNearRest = 100.0;
+  static constexpr int kSettling = 10;
   static constexpr int kFirstTrial = 25;
   static constexpr int kLastTrial = 1000;
   /// Work is known roughly only, and a change costs a few short steps.
@@ -211,6 +233,8 @@ class StepperChoice {
   std::uint64_t switches_ = 0;
   int suspicions_ = 0;
   int quiet_ = 0;
+  bool settled_ = false;
+  int settling_ = 0;
   int wait_ = kSuspicions;
   int steps_since_trial_ = 0;
   int trial_interval_ = kFirstTrial;
