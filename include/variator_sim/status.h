@@ -11,6 +11,7 @@ enum class StopReason : std::uint8_t {
   kSingularConstraint,  ///< C has lost rank: the principle no longer determines the jerk
   kStepUnderflow,       ///< the step fell below the resolution of time
   kNonFiniteValue,      ///< a torque or a constraint gave NaN or infinity
+  kStepTooLarge,        ///< the estimated error of one fixed step is a large part of the state
   kStepLimit,           ///< more steps than `solver/maximum_steps` within one simulated second
   kJumpFailed,          ///< no state on the constraint is reached by a jump of the inputs
   kProjectionFailed     ///< Newton's iteration onto the constraint did not converge
@@ -25,7 +26,8 @@ struct MotionStatus {
   double time = 0.0;     ///< time reached: the last good state stands there, s
   int constraint = -1;   ///< index of the constraint at fault, or -1
   int torque = -1;       ///< index of the torque element at fault, or -1
-  double measure = 0.0;  ///< kSingularConstraint: what is left of the rank, relative to its scale
+  double measure = 0.0;  ///< kSingularConstraint: what is left of the rank, relative to its scale;
+                         ///< kStepTooLarge: the step's estimated error, relative to the state
   bool ok() const { return reason == StopReason::kNone; }
 };
 
@@ -38,6 +40,7 @@ struct Statistics {
   std::uint64_t newton_iterations = 0;  ///< for accelerations of least reaction, nonlinear psi
   std::uint64_t implicit_steps = 0;     ///< of the accepted steps, those by an implicit stepper
   std::uint64_t stepper_switches = 0;   ///< changes of stepper by `auto`
+  std::uint64_t kinks = 0;              ///< steps that ended where a law has a kink
   std::uint64_t sleeps = 0;             ///< times that the motion came to rest
   double largest_error_estimate = 0.0;  ///< of fixed steps, in units of the tolerance
   std::uint64_t jumps = 0;              ///< instants at which inputs jumped

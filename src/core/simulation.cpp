@@ -50,6 +50,9 @@ const char* explain(StopReason reason) {
       return "the step fell below the resolution of time: the motion changes ever faster here";
     case StopReason::kNonFiniteValue:
       return "a value is NaN or infinite here or just ahead";
+    case StopReason::kStepTooLarge:
+      return "the estimated error of one fixed step is a large part of the state: 'solver/step' is "
+             "too large for this motion";
     case StopReason::kStepLimit:
       return "more steps than 'solver/maximum_steps' within one simulated second";
     case StopReason::kJumpFailed:
@@ -124,6 +127,10 @@ std::string Simulation::describeStatus() const {
   }
   if (status.reason == StopReason::kSingularConstraint) {
     text << " (" << status.measure << " of its scale)";
+  }
+  if (status.reason == StopReason::kStepTooLarge) {
+    text << " (the error is " << status.measure << " of it, 'solver/step' "
+         << formatNumber(scene.solver.step) << " s)";
   }
   const Sample& sample = motion_->sample();
   text << "; last good state: angle = ";

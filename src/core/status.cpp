@@ -12,6 +12,8 @@ const char* toString(StopReason reason) {
       return "StepUnderflow";
     case StopReason::kNonFiniteValue:
       return "NonFiniteValue";
+    case StopReason::kStepTooLarge:
+      return "StepTooLarge";
     case StopReason::kStepLimit:
       return "StepLimit";
     case StopReason::kJumpFailed:

@@ -90,6 +90,18 @@ void printStatistics(const Simulation& simulation, const WallTimes& wall, std::u
   std::fprintf(stderr, "times real time with samples: %.6g\n", speed(wall.simulation));
 }
 
+/// Fixed steps have no tolerance to keep: whoever asked for them hears when they are crude.
+void warnOfCrudeSteps(const Simulation& simulation) {
+  constexpr double kCrude = 1e-3;
+  const SolverSettings& solver = simulation.scene().solver;
+  const double part = simulation.statistics().largest_error_estimate * solver.relative_tolerance;
+  if (!(part > kCrude)) return;
+  std::fprintf(stderr,
+               "simulate: warning: fixed steps of %.6g s are crude: the largest estimated error of "
+               "one step is %.2g of the state; lower 'solver/step'\n",
+               solver.step, part);
+}
+
 std::vector<InputCommand> readCommands(const SimulateOptions& options, const Scene& scene) {
   if (options.commands_path.empty()) return {};
   return resolveCommands(readCommandFile(options.commands_path), scene, options.commands_path);
@@ -156,6 +168,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
                  static_cast<unsigned long long>(offline_run.refusedCount()),
                  options.commands_path.c_str(), offline_run.firstRefusedLine());
   }
+  warnOfCrudeSteps(simulation);
   if (!simulation.status().ok()) {
     std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
     if (exit_status == kSuccess) exit_status = kStopped;
