@@ -258,12 +258,37 @@ TEST(InitialConditions, LeastReactionIsStationaryAndLeast) {
   EXPECT_NEAR(s.acceleration[1], 0.0, 1e-14);
 }
 
+TEST(InitialConditions, LeastReactionThatIsNotUniqueIsAnError) {
+  // Without torque the free accelerations are 0, where C = 0, and all points of the circle have the
+  // same reaction: each would be the start of another motion.
+  try {
+    Simulation(test::sceneFromText(startScene("{velocity: [1, 1]}", "0")));
+    FAIL() << "no error";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.keyPath(), "initial/acceleration");
+    EXPECT_NE(std::string(error.what()).find("more than one has the least reaction"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
 TEST(InitialConditions, LeastReactionIsFoundFromASingularStart) {
-  // Without torque the free accelerations are 0, where C = 0: any point of the circle will do.
-  Simulation simulation(test::sceneFromText(startScene("{velocity: [1, 1]}", "0")));
+  // J = diag(1, 2): without torque C = 0 at the free accelerations, and of the points of
+  // 4 eps1^2 + eps2^2 = 4 those with eps1 = 1 or -1 have the least reaction; the quadratic term
+  // decides between them.
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 1}
+load: {inertia: 2}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "4*e1^2+e2^2+0.1*e1^3-4"}
+)yaml"));
   ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
-  EXPECT_NEAR(std::hypot(simulation.sample().acceleration[0], simulation.sample().acceleration[1]),
-              2.0, 1e-13);
+  const double e1 = simulation.sample().acceleration[0];
+  EXPECT_NEAR(4.0 * e1 * e1 + 0.1 * e1 * e1 * e1, 4.0, 1e-12);
+  EXPECT_GT(e1, 0.0);
+  EXPECT_NEAR(simulation.sample().acceleration[1], 0.0, 1e-12);
 }
 
 TEST(InitialConditions, LeastReactionIsFoundFarFromTheFreeAccelerations) {

@@ -258,7 +258,7 @@ void expectExactLinearization(const Scene& scene) {
     Linearization<S, 3> exact;
     Linearization<S, 3> difference;
     system.calcLinearization(t, x, exact);
-    linearizeByDifferences(system, t, x, true, difference);
+    linearizeByDifferences(system, t, x, true, 1.0, difference);
     expectNear(exact, difference, 1e-7);
     EXPECT_TRUE(exact.mass().isIdentity(0.0));
   }

@@ -1,4 +1,6 @@
-/// The model: what is constant during a run. A Scene is complete and valid once it exists.
+/// The model: what is constant during a run. A Scene is complete and valid once it exists. Copies
+/// share its components, and components may keep scratch memory: what is simulated in several
+/// threads at once is read once for each.
 #pragma once
 
 #include <Eigen/Core>

@@ -25,6 +25,7 @@ class AccelerationSystem {
   static constexpr int kMaxRows = DrivetrainType::kMaxRows;
   /// True when the number of constraints is known when compiled.
   static constexpr bool kHasRows = Shape::kRows != kAnyRows;
+  static constexpr bool kIntegratesTorque = true;
   using State = std::array<double, 3 * S>;
   using LinearizationType = Linearization<S, 3>;
 
@@ -33,6 +34,8 @@ class AccelerationSystem {
   bool readsTime() const { return drivetrain_.readsTime(); }
   /// Squared length of row m of C, in the metric J^-1, at the last derivative taken.
   double rowLengthSquared(int m) const { return drivetrain_.solver().rowLengthSquared(m); }
+  /// Row m of C there, S values.
+  const double* row(int m) const { return drivetrain_.solver().row(m); }
 
   /// The view of (t, x); the accelerations are part of the state.
   StateView view(double t, const State& x) {
@@ -51,8 +54,8 @@ class AccelerationSystem {
   }
 
   /// The same for a state that an implicit step of size h has reached: see calcStiffProjection.
-  ProjectionResult projectStiffly(double t, double h, State& x, State& moved,
-                                  std::uint64_t* iterations) {
+  ProjectionResult projectStiffly(double t, double h, const State& /*slope*/, State& x,
+                                  State& moved, std::uint64_t* iterations) {
     if (drivetrain_.hasVelocityRows() || !drivetrain_.hasAccelerationRows()) {
       return project(t, x, moved, iterations);
     }
@@ -86,6 +89,15 @@ class AccelerationSystem {
                     std::uint64_t* projections) {
     view(t, x);  // brings J to phi
     return jump_map_.apply(t, x.data(), x.data() + S, u0, u1, x.data() + 2 * S, projections);
+  }
+
+  /// Q' at the last derivative taken, N m/s, S values.
+  const double* torqueRate() const { return drivetrain_.torqueRate(); }
+  /// Q' at (t, x), where x need not satisfy the constraints.
+  const double* calcTorqueRate(double t, const State& x) {
+    double rate[S];
+    drivetrain_.calcTorqueRate(view(t, x), rate);
+    return drivetrain_.torqueRate();
   }
 
   /// A step begins at (t, x), where the derivative is dxdt: what iterations may start from.

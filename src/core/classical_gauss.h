@@ -40,6 +40,7 @@ class ClassicalGauss {
   bool readsAngles() const { return drivetrain_.readsAngles(); }
   bool readsTime() const { return drivetrain_.readsTime(); }
   double rowLengthSquared(int m) const { return drivetrain_.accelerationRowLengthSquared(m); }
+  const double* row(int m) const { return drivetrain_.accelerationRow(m); }
 
   /// The view of (t, x) with the accelerations that the principle gives there.
   StateView view(double t, const State& x) {
@@ -58,28 +59,79 @@ class ClassicalGauss {
   }
 
   void calcLinearization(double t, const State& x, LinearizationType& linearization) {
-    linearizeByDifferences(*this, t, x, readsAngles(), linearization);
+    linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);
   }
 
-  bool keepsConstraintsInStages() const { return false; }
-  /// What implicit steps solve: M x' - f = 0 in its last S rows, `rate` the last rows of x'; here
-  /// x' itself.
+  /// See Drivetrain::calcAccelerationResidual; only where psi is linear in the accelerations, so
+  /// that its form does not depend on them.
+  bool keepsConstraintsInStages() const {
+    return linear_ && drivetrain_.canKeepConstraintsInStages();
+  }
+  /// What implicit steps solve: M x' - f = 0 in its last S rows, `rate` the last rows of x', the
+  /// accelerations.
   void calcStageResidual(double t, const State& x, const double* rate,
-                         const LinearizationType& /*linearization*/, double* residual) {
+                         const LinearizationType& linearization, double* residual) {
+    if (keepsConstraintsInStages()) {
+      drivetrain_.countRightHandSide();
+      const StateView state = drivetrain_.view(t, x.data(), x.data() + S, rate);
+      if (!drivetrain_.calcAccelerationResidual(state, linearization.projector(),
+                                                linearization.pull(), residual)) {
+        std::fill(residual, residual + S, std::numeric_limits<double>::quiet_NaN());
+      }
+      return;
+    }
     State dxdt;
     (*this)(x, dxdt, t);
     for (std::size_t i = 0; i < S; ++i) residual[i] = rate[i] - dxdt[dxdt.size() - S + i];
   }
   /// Its derivatives at x, whose derivative is dxdt.
-  void calcStageLinearization(double t, const State& x, const State& /*dxdt*/,
+  void calcStageLinearization(double t, const State& x, const State& dxdt,
                               LinearizationType& linearization) {
     linearization.mass().setIdentity();
-    calcLinearization(t, x, linearization);
+    if (!keepsConstraintsInStages()) {
+      calcLinearization(t, x, linearization);
+      return;
+    }
+    const StateView state = drivetrain_.view(t, x.data(), x.data() + S, dxdt.data() + S);
+    double torque[S];
+    double reaction[S];
+    double c0[Drivetrain<Shape>::kMaxRows] = {};
+    double lambda[Drivetrain<Shape>::kMaxRows] = {};
+    drivetrain_.calcTorque(state, torque);
+    drivetrain_.calcReaction(state, torque, reaction);
+    if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda);
+    double derivatives[2 * S * S];
+    drivetrain_.calcAccelerationDerivatives(state, lambda, linearization.projector(),
+                                            linearization.pull(), derivatives);
+    for (int i = 0; i < S; ++i) {
+      for (int q = 0; q < 2 * S; ++q) {
+        linearization.block(q / S)(i, q % S) = -derivatives[q * S + i];
+      }
+    }
   }
 
-  ProjectionResult projectStiffly(double t, double /*h*/, State& x, State& moved,
+  /// The accelerations follow from the velocities, with 1/tau of a stiff constraint between them.
+  /// An implicit step knows both, by its own `slope`: the velocities move by the little that makes
+  /// psi = 0 with it.
+  ProjectionResult projectStiffly(double t, double h, const State& slope, State& x, State& moved,
                                   std::uint64_t* iterations) {
-    return project(t, x, moved, iterations);
+    if (!keepsConstraintsInStages()) return project(t, x, moved, iterations);
+    double both[2 * S];  // velocities, accelerations
+    double change[2 * S] = {};
+    for (int i = 0; i < S; ++i) {
+      both[i] = x[S + i];
+      both[S + i] = slope[S + i];
+    }
+    const StateView state = drivetrain_.view(t, x.data(), both, both + S);
+    const ProjectionResult result = iterateProjection<2 * S>(
+        [&](double* delta) { return drivetrain_.calcStiffProjection(state, h, delta); }, both,
+        change, iterations);
+    moved.fill(0.0);
+    for (int i = 0; i < S; ++i) {
+      x[S + i] = both[i];
+      moved[S + i] = change[i];
+    }
+    return result;
   }
   ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) {
     moved.fill(0.0);
@@ -181,11 +233,15 @@ class ClassicalGauss {
       // A lambda = -(b + C epsilon_free) is one correction from the free accelerations.
       drivetrain_.inertia().solve(torque, epsilon_);
       if (drivetrain_.constraintCount() == 0) return;
+      // (Nearly dependent rows take a few, as in ConstraintSolver::refine.)
       double delta[S];
-      if (drivetrain_.calcAccelerationProjection(state, delta)) {
-        for (int i = 0; i < S; ++i) epsilon_[i] += delta[i];
-        return;
+      bool solved = drivetrain_.calcAccelerationProjection(state, delta);
+      for (int i = 0; i < S && solved; ++i) epsilon_[i] += delta[i];
+      for (int round = 0; round < 3 && solved && drivetrain_.areAccelerationRowsIll(); ++round) {
+        solved = drivetrain_.calcAccelerationProjection(state, delta);
+        for (int i = 0; i < S && solved; ++i) epsilon_[i] += delta[i];
       }
+      if (solved) return;
     } else {
       // With the multipliers of the same place: from others the iteration may take another branch.
       double lambda[Drivetrain<Shape>::kMaxRows];
@@ -230,7 +286,8 @@ class FormalGauss : public AccelerationSystem<Shape> {
   }
 
   void calcLinearization(double t, const State& x, Linearization<S, 3>& linearization) {
-    linearizeByDifferences(*this, t, x, this->readsAngles(), linearization);
+    linearizeByDifferences(*this, t, x, this->readsAngles(), drivetrain_.naturalSize(),
+                           linearization);
   }
 
   bool keepsConstraintsInStages() const { return false; }
@@ -249,8 +306,8 @@ class FormalGauss : public AccelerationSystem<Shape> {
     calcLinearization(t, x, linearization);
   }
 
-  ProjectionResult projectStiffly(double t, double /*h*/, State& x, State& moved,
-                                  std::uint64_t* iterations) {
+  ProjectionResult projectStiffly(double t, double /*h*/, const State& /*slope*/, State& x,
+                                  State& moved, std::uint64_t* iterations) {
     return project(t, x, moved, iterations);
   }
   /// Orders 1 and 2 as ever; then the reaction back into range(C^T), from which it drifts.

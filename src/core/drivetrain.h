@@ -11,6 +11,7 @@
 #include <limits>
 #include <vector>
 
+#include "central_difference.h"
 #include "shape.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
@@ -52,6 +53,10 @@ class Drivetrain {
       keeps_constraints_in_stages_ = keeps_constraints_in_stages_ && constraint->order() == 2;
       if (constraint->order() <= 2) acceleration_rows_.push_back(m);
     }
+    for (const TorquePtr& torque : scene.torques) switch_count_ += torque->switchCount();
+    for (const ConstraintPtr& constraint : scene.constraints) {
+      switch_count_ += constraint->switchCount();
+    }
     signals_.resize(scene.inputs.size());
     saved_signals_.resize(scene.inputs.size());
     varying_.reserve(scene.inputs.size());
@@ -59,6 +64,10 @@ class Drivetrain {
   }
 
   const typename Shape::InertiaType& inertia() const { return inertia_; }
+  /// What a value of the state is small against, by the tolerances.
+  double naturalSize() const {
+    return scene_.solver.absolute_tolerance / scene_.solver.relative_tolerance;
+  }
   int constraintCount() const { return solver_.rowCount(); }
   int inputCount() const { return static_cast<int>(signals_.size()); }
   const Constraint& constraint(int m) const { return *constraints_[m]; }
@@ -177,8 +186,23 @@ class Drivetrain {
     }
     const double Lambda = -(c0 + right) / A;
     for (int i = 0; i < S; ++i) eta[i] = free[i] + B[i] * Lambda;
+    std::copy_n(C, S, solver_.row(0));
     solver_.noteLengthSquared(0, A);
     return true;
+  }
+
+  /// How many switches the components have.
+  int switchCount() const { return switch_count_; }
+  /// Their values at `state`, switchCount() of them.
+  void calcSwitches(const StateView& state, double* values) const {
+    for (const Torque* torque : torques_) {
+      torque->calcSwitches(state, values);
+      values += torque->switchCount();
+    }
+    for (const Constraint* constraint : constraints_) {
+      constraint->calcSwitches(state, values);
+      values += constraint->switchCount();
+    }
   }
 
   void countRightHandSide() { ++right_hand_sides_; }
@@ -195,7 +219,11 @@ class Drivetrain {
   void calcTorqueRate(const StateView& state, double* torque_rate) const {
     for (int i = 0; i < S; ++i) torque_rate[i] = 0.0;
     for (const Torque* element : torques_) element->addTorqueRate(state, torque_rate);
+    for (int i = 0; i < S; ++i) torque_rate_[i] = torque_rate[i];
   }
+  /// What calcTorqueRate came to last, at the last derivative of a state, say.
+  const double* torqueRate() const { return torque_rate_; }
+  bool hasTorques() const { return !torques_.empty(); }
 
   /// Q - n, the torque that J epsilon would balance without reaction; n = 1/2 J' omega^2.
   void calcFreeTorque(const StateView& state, double* torque) const {
@@ -215,6 +243,18 @@ class Drivetrain {
       rate[i] -= 2.0 * inertia_.first(i) * w * state.acceleration[i] +
                  0.5 * inertia_.second(i) * w * w * w;
     }
+  }
+  /// -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'.
+  void calcCovariantTorqueRate(const StateView& state, double* rate) const {
+    calcFreeTorqueRate(state, rate);
+    if (inertia_.isConstant()) return;
+    double torque[S];
+    double reaction[S];
+    double connection[S];
+    calcTorque(state, torque);
+    calcReaction(state, torque, reaction);
+    calcConnection(state, reaction, connection);
+    for (int i = 0; i < S; ++i) rate[i] += connection[i];
   }
   /// R = J epsilon + n - Q, S values, given Q.
   void calcReaction(const StateView& state, const double* torque, double* reaction) const {
@@ -254,6 +294,8 @@ class Drivetrain {
       return constraint(m).calcResidualAndJacobian(state, C);
     });
   }
+  /// True when the last one was by nearly dependent rows.
+  bool areAccelerationRowsIll() const { return acceleration_solver_.isIll(); }
   /// One step of Newton's iteration onto psi = 0 by velocities and accelerations together, for
   /// scenes without constraints of order 1. Where psi changes much more with a velocity than with
   /// an acceleration (a short slip time constant tau), accelerations alone would have to make up
@@ -311,9 +353,9 @@ class Drivetrain {
   }
 
   /// True when implicit steps may keep psi = 0 in their stages instead of C eta + c0 = 0: all
-  /// constraints are of order 2 and the inertia is constant.
+  /// constraints are of order 2.
   bool canKeepConstraintsInStages() const {
-    return keeps_constraints_in_stages_ && inertia_.isConstant() && constraintCount() > 0;
+    return keeps_constraints_in_stages_ && constraintCount() > 0;
   }
 
   /// The motion as an implicit equation, free of the 1/tau of a stiff constraint: with D =
@@ -327,81 +369,64 @@ class Drivetrain {
                          const Matrix& D0, double* residual) {
     double rate[S];
     double v[S];
-    calcFreeTorqueRate(state, rate);
+    calcCovariantTorqueRate(state, rate);
     inertia_.solve(rate, v);
     for (int i = 0; i < S; ++i) v[i] = eta[i] - v[i];
-    double psi[kMaxRows] = {};
-    const double zeros[kMaxRows] = {};
-    for (int m = 0; m < constraintCount(); ++m) {
-      psi[m] = constraint(m).calcResidualAndJacobian(state, solver_.row(m));
-    }
-    if (!solver_.factor(inertia_)) return false;
-    double l[kMaxRows] = {};
-    solver_.constrain(zeros, v, l);  // P (eta - eta_free)
-    for (int i = 0; i < S; ++i) {
-      residual[i] = 0.0;
-      for (int j = 0; j < S; ++j) residual[i] += P0(i, j) * v[j];
-      for (int m = 0; m < constraintCount(); ++m) residual[i] += D0(i, m) * psi[m];
-    }
-    return true;
+    return projectResidual(state, P0, D0, v, residual);
   }
 
-  /// Its derivatives where it is zero and the multipliers are `Lambda`: by eta, P (`mass`), and by
-  /// (phi, omega, epsilon), 3S directions of S values,
+  /// Its derivatives where it is zero and the multipliers are `Lambda`: by eta, P (`projector`),
+  /// and by (phi, omega, epsilon), 3S directions of S values,
   ///     -P J^-1 (Q'_q + C_q^T Lambda) + D psi_q;   and D (`pull`).
+  /// How J changes with the angles is left out: it is never stiff, and the derivatives steer
+  /// Newton's iteration only.
   template <class Matrix>
-  void calcStageDerivatives(const StateView& state, const double* Lambda, Matrix& mass,
+  void calcStageDerivatives(const StateView& state, const double* Lambda, Matrix& projector,
                             Matrix& pull, double* derivatives) {
     constexpr int kDirections = 3 * S;
     double rates[kDirections * S] = {};
     double psi_q[kDirections][kMaxRows] = {};
     for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, rates);
-    for (int m = 0; m < constraintCount(); ++m) {
-      double dC[kDirections * S];
-      double dc0[kDirections];
-      ConstraintPartials partials;
-      constraint(m).calcRowDerivatives(state, dC, dc0);
-      constraint(m).calcPartials(state, partials);
-      for (int j = 0; j < S; ++j) {
-        psi_q[j][m] = partials.angle[j];
-        psi_q[S + j][m] = partials.velocity[j];
-        psi_q[2 * S + j][m] = partials.acceleration[j];
-        solver_.row(m)[j] = partials.acceleration[j];
-      }
-      for (int n = 0; n < kDirections * S; ++n) rates[n] += dC[n] * Lambda[m];
-    }
-    if (!solver_.factor(inertia_)) {
-      mass.fill(std::numeric_limits<double>::quiet_NaN());
-      return;
-    }
-    // x + D (y - C x), the part of x that C leaves free and D y
-    const auto combine = [&](double* x, const double* y) {
-      double l[kMaxRows] = {};
-      solver_.multiply(x, l);
-      for (int m = 0; m < constraintCount(); ++m) l[m] = y[m] - l[m];
-      solver_.solve(l, l);
-      solver_.addReaction(l, x);
-    };
-    const double zeros[kMaxRows] = {};
-    for (int j = 0; j < S; ++j) {
-      double column[S] = {};
-      column[j] = 1.0;
-      combine(column, zeros);
-      for (int i = 0; i < S; ++i) mass(i, j) = column[i];
-    }
-    for (int m = 0; m < constraintCount(); ++m) {
-      double column[S] = {};
-      double unit[kMaxRows] = {};
-      unit[m] = 1.0;
-      combine(column, unit);
-      for (int i = 0; i < S; ++i) pull(i, m) = column[i];
-    }
-    for (int q = 0; q < kDirections; ++q) {
-      double* column = derivatives + q * S;
-      inertia_.solve(rates + q * S, column);
-      for (int i = 0; i < S; ++i) column[i] = -column[i];
-      combine(column, psi_q[q]);
-    }
+    addRowDerivatives(state, Lambda, rates, psi_q);
+    calcProjected(rates, psi_q, projector, pull, derivatives);
+  }
+
+  /// The same one order lower, for the classical principle with constraints linear in epsilon: the
+  /// stages' unknown is epsilon itself,
+  ///     residual = P0 P (epsilon - epsilon_free) + D0 psi(t, phi, omega, epsilon),
+  /// free of the 1/tau that epsilon(t, phi, omega) has in it.
+  template <class Matrix>
+  bool calcAccelerationResidual(const StateView& state, const Matrix& P0, const Matrix& D0,
+                                double* residual) {
+    double torque[S];
+    double v[S];
+    calcFreeTorque(state, torque);
+    inertia_.solve(torque, v);
+    for (int i = 0; i < S; ++i) v[i] = state.acceleration[i] - v[i];
+    return projectResidual(state, P0, D0, v, residual);
+  }
+  /// Its derivatives by (phi, omega), 2S directions of S values, where it is zero and the
+  /// multipliers are `lambda`: -P J^-1 (Q_q + C_q^T lambda) + D psi_q. That by epsilon is
+  /// P + D C = I.
+  template <class Matrix>
+  void calcAccelerationDerivatives(const StateView& state, const double* lambda, Matrix& projector,
+                                   Matrix& pull, double* derivatives) {
+    constexpr int kDirections = 2 * S;
+    double torques[3 * S * S] = {};
+    double psi_q[3 * S][kMaxRows] = {};
+    forEachShift(state, S,
+                 [&](int q, const StateView& above, const StateView& below, double width) {
+                   if (q >= kDirections) return;
+                   double upper[S];
+                   double lower[S];
+                   calcTorque(above, upper);
+                   calcTorque(below, lower);
+                   for (int i = 0; i < S; ++i) torques[q * S + i] = (upper[i] - lower[i]) / width;
+                 });
+    addRowDerivatives(state, lambda, torques, psi_q);
+    double all[3 * S * S];
+    calcProjected(torques, psi_q, projector, pull, all);
+    std::copy_n(all, kDirections * S, derivatives);
   }
 
   /// d eta/d(phi, omega, epsilon) at `state`, where the jerk is `eta` and the multipliers `Lambda`,
@@ -453,6 +478,7 @@ class Drivetrain {
   double accelerationRowLengthSquared(int r) const {
     return acceleration_solver_.rowLengthSquared(r);
   }
+  const double* accelerationRow(int r) const { return acceleration_solver_.row(r); }
   /// The constraint at which the last projection lost rank.
   int singularVelocityConstraint() const {
     return rowOf(velocity_rows_, velocity_solver_.singularRow());
@@ -596,6 +622,84 @@ class Drivetrain {
   }
 
  private:
+  /// C_q^T Lambda onto `rates` and psi_q, in all 3S directions; C into the solver's rows.
+  void addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
+                         double (*psi_q)[kMaxRows]) {
+    constexpr int kDirections = 3 * S;
+    for (int m = 0; m < constraintCount(); ++m) {
+      double dC[kDirections * S];
+      double dc0[kDirections];
+      ConstraintPartials partials;
+      constraint(m).calcRowDerivatives(state, dC, dc0);
+      constraint(m).calcPartials(state, partials);
+      for (int j = 0; j < S; ++j) {
+        psi_q[j][m] = partials.angle[j];
+        psi_q[S + j][m] = partials.velocity[j];
+        psi_q[2 * S + j][m] = partials.acceleration[j];
+        solver_.row(m)[j] = partials.acceleration[j];
+      }
+      for (int n = 0; n < kDirections * S; ++n) rates[n] += dC[n] * Lambda[m];
+    }
+  }
+  /// P0 P v + D0 psi at `state`. False where C has lost rank.
+  template <class Matrix>
+  bool projectResidual(const StateView& state, const Matrix& P0, const Matrix& D0, double* v,
+                       double* residual) {
+    double psi[kMaxRows] = {};
+    const double zeros[kMaxRows] = {};
+    for (int m = 0; m < constraintCount(); ++m) {
+      psi[m] = constraint(m).calcResidualAndJacobian(state, solver_.row(m));
+    }
+    if (!solver_.factor(inertia_)) return false;
+    double l[kMaxRows] = {};
+    solver_.constrain(zeros, v, l);
+    for (int i = 0; i < S; ++i) {
+      residual[i] = 0.0;
+      for (int j = 0; j < S; ++j) residual[i] += P0(i, j) * v[j];
+      for (int m = 0; m < constraintCount(); ++m) residual[i] += D0(i, m) * psi[m];
+    }
+    return true;
+  }
+  /// P and D of the solver's rows, and -P J^-1 rates_q + D psi_q in all 3S directions. P is NaN
+  /// where C has lost rank.
+  template <class Matrix>
+  void calcProjected(const double* rates, const double (*psi_q)[kMaxRows], Matrix& projector,
+                     Matrix& pull, double* derivatives) {
+    constexpr int kDirections = 3 * S;
+    if (!solver_.factor(inertia_)) {
+      projector.fill(std::numeric_limits<double>::quiet_NaN());
+      return;
+    }
+    // x + D (y - C x), the part of x that C leaves free and D y
+    const auto combine = [&](double* x, const double* y) {
+      double l[kMaxRows] = {};
+      solver_.multiply(x, l);
+      for (int m = 0; m < constraintCount(); ++m) l[m] = y[m] - l[m];
+      solver_.solve(l, l);
+      solver_.addReaction(l, x);
+    };
+    const double zeros[kMaxRows] = {};
+    for (int j = 0; j < S; ++j) {
+      double column[S] = {};
+      column[j] = 1.0;
+      combine(column, zeros);
+      for (int i = 0; i < S; ++i) projector(i, j) = column[i];
+    }
+    for (int m = 0; m < constraintCount(); ++m) {
+      double column[S] = {};
+      double unit[kMaxRows] = {};
+      unit[m] = 1.0;
+      combine(column, unit);
+      for (int i = 0; i < S; ++i) pull(i, m) = column[i];
+    }
+    for (int q = 0; q < kDirections; ++q) {
+      double* column = derivatives + q * S;
+      inertia_.solve(rates + q * S, column);
+      for (int i = 0; i < S; ++i) column[i] = -column[i];
+      combine(column, psi_q[q]);
+    }
+  }
+
   static int countOrders(const Scene& scene, int highest) {
     int count = 0;
     for (const ConstraintPtr& constraint : scene.constraints) {
@@ -678,6 +782,8 @@ class Drivetrain {
   double input_rate_[kMaxInputs] = {};
   double input_second_rate_[kMaxInputs] = {};
   Dependence reads_{false, false};
+  int switch_count_ = 0;
+  mutable double torque_rate_[S] = {};
   bool has_constant_rows_ = false;
   bool keeps_constraints_in_stages_ = true;
   /// Of calcJerkOfOneRow: what never changes of it is written once.

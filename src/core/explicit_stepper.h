@@ -32,6 +32,7 @@ class ExplicitStepper final : public Stepper<System> {
   double work() const override { return Tableau::kStages; }
   bool projects() const override { return Tableau::kEndsInStage; }
   bool hasDenseOutput() const override { return true; }
+  bool checksDenseOutput() const override { return Tableau::kExtraStages > 0; }
 
   double step(System& system, const Node& from, double h, State& x_new, State& dxdt_new) override {
     from_ = &from;
@@ -51,6 +52,14 @@ class ExplicitStepper final : public Stepper<System> {
     }
   }
 
+  void calcTorqueGain(System& /*system*/, const Node& from, const Node& to,
+                      TorqueGain<State>& gain) override {
+    torque_rates_[0] = from.torque_rate;
+    for (std::size_t i = 0; i < torque_rates_.size(); ++i) {
+      gain.add(to.time - from.time, Tableau::b[i], torque_rates_[i].data());
+    }
+  }
+
   double stiffness(const State& x_new, const State& dxdt_new) const override {
     // |h lambda| from the two derivatives at the end of the step (Solving ODE II, IV.2).
     const State& slope = k_[Tableau::kStages - 1];
@@ -64,9 +73,10 @@ class ExplicitStepper final : public Stepper<System> {
     return distance > 0.0 ? h_ * change / distance / Tableau::kStabilityBound : 0.0;
   }
 
-  void interpolate(System& system, double time, const Node& from, const Node& to,
+  bool interpolate(System& system, double time, const Node& from, const Node& to,
                    State& x) override {
     if (!is_prepared_) prepare(system, from, to);
+    if (!is_trusted_) return false;
     const double theta = (time - from.time) / (to.time - from.time);
     if constexpr (Tableau::kExtraStages == 0) {
       evaluate(from, theta, x);
@@ -77,11 +87,16 @@ class ExplicitStepper final : public Stepper<System> {
         x[n] = from.x[n] + sum;
       }
     }
+    return true;
   }
 
  private:
   static constexpr std::size_t kSize = std::tuple_size<State>::value;
   static constexpr std::size_t kTerms = Tableau::kExtraStages == 0 ? 4 : 7;
+  /// x = (phi, omega), under the classical principle.
+  static constexpr bool followsAccelerations() {
+    return !kIntegratesTorque<System> && kSize % 2 == 0;
+  }
 
   using Terms = std::make_index_sequence<Tableau::kStages>;
 
@@ -112,6 +127,9 @@ class ExplicitStepper final : public Stepper<System> {
   void takeStage(System& system) {
     combineStage<I>(std::make_index_sequence<I>{});
     system(y_, k_[I], from_->time + Tableau::c[I] * h_);
+    if constexpr (kIntegratesTorque<System> && I < Tableau::kStages) {
+      std::copy_n(system.torqueRate(), torque_rates_[I].size(), torque_rates_[I].begin());
+    }
   }
   template <std::size_t... I>
   void takeStages(System& system, std::index_sequence<I...>) {
@@ -132,12 +150,13 @@ class ExplicitStepper final : public Stepper<System> {
   }
 
   /// The error of a scheme with one estimate, e = h sum_j e_j k_j, in units of the tolerance.
-  double calcError(const State& x, const State& x_new, const State& dxdt_new) const {
+  double calcError(const State& x, const State& x_new, const State& dxdt_new) {
     double largest = 0.0;
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
     for (std::size_t n = 0; n < kSize; ++n) {
       const double error =
           h_ * (sumStages<Tableau::e>(n, Terms{}) + Tableau::e[Tableau::kStages] * dxdt_new[n]);
+      this->error_[n] = error;
       largest = std::max(largest, std::abs(error) / this->tolerance_.of(x[n], x_new[n]));
       poison += 0.0 * (error + x_new[n]);
     }
@@ -146,18 +165,22 @@ class ExplicitStepper final : public Stepper<System> {
 
   /// Of one with two estimates, e5 of order h^6 and e3 of order h^4: |e5|^2 / sqrt(|e5|^2 +
   /// |e3|^2 / 100), which is of order h^8 (Solving ODE I, II.10).
-  double calcError(const State& x, const State& x_new) const {
+  double calcError(const State& x, const State& x_new) {
     double size5 = 0.0;
     double size3 = 0.0;
     double poison = 0.0;
     for (std::size_t n = 0; n < kSize; ++n) {
       const double scale = h_ / this->tolerance_.of(x[n], x_new[n]);
-      size5 = std::max(size5, std::abs(scale * sumStages<Tableau::e5>(n, Terms{})));
+      const double e5 = sumStages<Tableau::e5>(n, Terms{});
+      this->error_[n] = h_ * e5;
+      size5 = std::max(size5, std::abs(scale * e5));
       size3 = std::max(size3, std::abs(scale * sumStages<Tableau::e3>(n, Terms{})));
       poison += 0.0 * x_new[n];
     }
     if (!(size5 > 0.0)) return poison;
-    return size5 * size5 / std::sqrt(size5 * size5 + 0.01 * size3 * size3) + poison;
+    const double part = size5 / std::sqrt(size5 * size5 + 0.01 * size3 * size3);
+    for (double& error : this->error_) error *= part;
+    return size5 * part + poison;
   }
 
   /// The scheme's own dense output.
@@ -194,6 +217,40 @@ class ExplicitStepper final : public Stepper<System> {
     }
   }
 
+  /// The largest defect h |p' - f(t, p)| of the finer dense output p, in units of the tolerance, at
+  /// points between those it was made from: what p errs by is about the integral of that. Where a
+  /// step is as long as its fastest component allows, its end may be right and its inside not.
+  double calcDefect(System& system, const Node& from, const Node& to, double h) {
+    double largest = 0.0;
+    State slope;
+    for (double theta : Tableau::probes) {
+      for (std::size_t n = 0; n < kSize; ++n) {
+        double sum = 0.0;
+        double rate = 0.0;
+        for (std::size_t p = 8; p-- > 0;) {
+          sum = (sum + refined_[p][n]) * theta;
+          rate = rate * theta + static_cast<double>(p + 1) * refined_[p][n];
+        }
+        y_[n] = from.x[n] + sum;
+        k_[Tableau::kStages][n] = rate;
+      }
+      system(y_, slope, from.time + theta * h);
+      for (std::size_t n = kFirst; n < kSize; ++n) {
+        const double defect = std::abs(k_[Tableau::kStages][n] - h * slope[n]) /
+                              this->tolerance_.of(from.x[n], to.x[n]);
+        if (!(defect <= largest)) largest = defect;  // keeps a NaN
+        if (defect != defect) return defect;
+        // Accelerations that are no state are published as f(t, p).
+        if constexpr (followsAccelerations()) {
+          if (n < kSize / 2) continue;
+          const double error = std::abs(k_[Tableau::kStages][n] / h - slope[n]);
+          largest = std::max(largest, error / this->tolerance_.of(slope[n]));
+        }
+      }
+    }
+    return largest;
+  }
+
   /// The terms of the dense output between the two ends of the last step.
   void prepare(System& system, const Node& from, const Node& to) {
     const double h = to.time - from.time;
@@ -218,6 +275,7 @@ class ExplicitStepper final : public Stepper<System> {
       takeStage<Tableau::kStages + 3>(system);
       prepareHighTerms(h, std::make_index_sequence<Tableau::kStages + 4>{});
       refine(system, from, to, h);
+      is_trusted_ = calcDefect(system, from, to, h) <= kTrusted;
     }
     is_prepared_ = true;
   }
@@ -231,13 +289,18 @@ class ExplicitStepper final : public Stepper<System> {
     }
   }
 
+  /// Tolerances that the defect of a dense output may be.
+  static constexpr double kTrusted = 10.0;
+
   const Node* from_ = nullptr;
   double h_ = 0.0;
   State y_;
   std::array<State, Tableau::kStages + (Tableau::kExtraStages == 0 ? 1 : 4)> k_;
   std::array<State, kTerms> term_;
+  std::array<typename Node::Torque, Tableau::kStages> torque_rates_{};
   std::array<State, Tableau::kExtraStages == 0 ? 0 : 8> refined_;
   bool is_prepared_ = false;
+  bool is_trusted_ = true;
 };
 
 }  // namespace variator_sim

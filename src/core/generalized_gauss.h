@@ -37,16 +37,7 @@ class GeneralizedGauss : public AccelerationSystem<Shape> {
     const bool regular = drivetrain_.constraintCount() == 0 || drivetrain_.calcRows(state, c0);
     // -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'
     double rate[S];
-    drivetrain_.calcFreeTorqueRate(state, rate);
-    if (!drivetrain_.inertia().isConstant()) {
-      double torque[S];
-      double reaction[S];
-      double connection[S];
-      drivetrain_.calcTorque(state, torque);
-      drivetrain_.calcReaction(state, torque, reaction);
-      drivetrain_.calcConnection(state, reaction, connection);
-      for (int i = 0; i < S; ++i) rate[i] += connection[i];
-    }
+    drivetrain_.calcCovariantTorqueRate(state, rate);
     drivetrain_.inertia().solve(rate, eta);
     if (drivetrain_.constraintCount() == 0) return true;
     if (!regular) {
@@ -60,7 +51,8 @@ class GeneralizedGauss : public AccelerationSystem<Shape> {
   /// d(x')/dx at (t, x), exact where the inertia is constant.
   void calcLinearization(double t, const State& x, Linearization<S, 3>& linearization) {
     if (!drivetrain_.inertia().isConstant()) {
-      linearizeByDifferences(*this, t, x, this->readsAngles(), linearization);
+      linearizeByDifferences(*this, t, x, this->readsAngles(), drivetrain_.naturalSize(),
+                             linearization);
       return;
     }
     const StateView state = this->view(t, x);
@@ -87,7 +79,7 @@ class GeneralizedGauss : public AccelerationSystem<Shape> {
       return;
     }
     drivetrain_.countRightHandSide();
-    if (!drivetrain_.calcStageResidual(this->view(t, x), eta, linearization.mass(),
+    if (!drivetrain_.calcStageResidual(this->view(t, x), eta, linearization.projector(),
                                        linearization.pull(), residual)) {
       std::fill(residual, residual + S, std::numeric_limits<double>::quiet_NaN());
     }
@@ -105,8 +97,9 @@ class GeneralizedGauss : public AccelerationSystem<Shape> {
     double Lambda[Drivetrain<Shape>::kMaxRows] = {};
     calcJerk(state, eta, Lambda);
     double derivatives[3 * S * S];
-    drivetrain_.calcStageDerivatives(state, Lambda, linearization.mass(), linearization.pull(),
+    drivetrain_.calcStageDerivatives(state, Lambda, linearization.projector(), linearization.pull(),
                                      derivatives);
+    linearization.mass() = linearization.projector();
     for (int i = 0; i < S; ++i) {
       for (int q = 0; q < 3 * S; ++q) {
         linearization.block(q / S)(i, q % S) = -derivatives[q * S + i];

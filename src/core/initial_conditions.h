@@ -15,7 +15,8 @@ enum class InitialResult {
   kInconsistent,  ///< the given accelerations do not satisfy psi = 0 and may not be moved
   kSingular,      ///< C has lost rank there
   kNonFinite,     ///< a torque or a constraint is not finite there
-  kNotFound       ///< Newton's iteration found no accelerations with psi = 0
+  kNotFound,      ///< Newton's iteration found no accelerations with psi = 0
+  kNotUnique      ///< several accelerations have the same least reaction
 };
 
 /// Solves for the accelerations at one (t, phi, omega, u). Not for the running loop, but free of
@@ -79,6 +80,7 @@ class InitialConditionSolver {
     // aside of them, in the direction of each shaft, and keep the least reaction found.
     double best = std::numeric_limits<double>::infinity();
     double found[S] = {};
+    bool unique = true;
     double length = 1.0;
     for (int i = 0; i < S; ++i) length = std::max(length, std::abs(free[i]));
     for (int i = 0; i < S; ++i) {
@@ -96,11 +98,17 @@ class InitialConditionSolver {
         for (int j = 0; j < S; ++j) reaction += R[j] * reaction_acceleration[j];
         if (reaction < best * (1.0 - 1e-9)) {
           best = reaction;
+          unique = true;
           for (int j = 0; j < S; ++j) found[j] = epsilon[j];
+        } else if (reaction <= best * (1.0 + 1e-9)) {
+          for (int j = 0; j < S; ++j) {
+            unique = unique && std::abs(epsilon[j] - found[j]) <= 1e-6 * length;
+          }
         }
       }
     }
     for (int i = 0; i < S; ++i) epsilon[i] = std::isfinite(best) ? found[i] : free[i];
+    if (!unique) return InitialResult::kNotUnique;
     if (std::isfinite(best)) return InitialResult::kConsistent;
     return explain(state, epsilon);
   }

@@ -132,7 +132,7 @@ class JumpMap {
                                                     e_new.data(), moved.data(), projections);
         // What the projection had to move is a second, independent measure of the error.
         norm = projected == ProjectionResult::kConverged
-                   ? std::max(norm, calcErrorNorm(moved, e, e_new, tolerance_))
+                   ? worseOf(norm, calcErrorNorm(moved, e, e_new, tolerance_))
                    : std::numeric_limits<double>::quiet_NaN();
       }
       if (norm <= 1.0) {

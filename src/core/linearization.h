@@ -33,6 +33,9 @@ class Linearization {
   Matrix& mass() { return mass_; }
   const Matrix& mass() const { return mass_; }
 
+  /// P of Drivetrain::calcStageResidual where the linearization was made.
+  Matrix& projector() { return projector_; }
+  const Matrix& projector() const { return projector_; }
   /// D of Drivetrain::calcStageResidual where the linearization was made: column m is what psi_m
   /// pulls the accelerations back along.
   Matrix& pull() { return pull_; }
@@ -97,6 +100,7 @@ class Linearization {
   };
 
   Matrix mass_ = Matrix::Identity();
+  Matrix projector_ = Matrix::Identity();
   Matrix pull_ = Matrix::Zero();
   Blocks E_;
   Solver<double> real_;
@@ -104,10 +108,12 @@ class Linearization {
 };
 
 /// Writes the blocks of `linearization` by central differences of `system`, for systems that have
-/// no derivatives of their own. Without `reads_angles` the first block is zero.
+/// no derivatives of their own. Without `reads_angles` the first block is zero. Values below
+/// `natural_size`, the ratio of absolute and relative tolerance, are shifted as if they had it.
 template <class System, int S, int L>
 void linearizeByDifferences(System& system, double t, const typename System::State& x,
-                            bool reads_angles, Linearization<S, L>& linearization) {
+                            bool reads_angles, double natural_size,
+                            Linearization<S, L>& linearization) {
   const double relative_step = std::cbrt(std::numeric_limits<double>::epsilon());
   constexpr std::size_t kShafts = S;
   typename System::State shifted = x;
@@ -120,7 +126,17 @@ void linearizeByDifferences(System& system, double t, const typename System::Sta
     }
     for (int j = 0; j < S; ++j) {
       const std::size_t n = kShafts * static_cast<std::size_t>(l) + static_cast<std::size_t>(j);
-      const double step = relative_step * std::max(1.0, std::abs(x[n]));
+      double size = std::max(natural_size, std::abs(x[n]));
+      if (size == 0.0) {
+        // as large as what the other shafts have
+        for (std::size_t i = 0; i < kShafts; ++i) {
+          size = std::max(size, std::abs(x[kShafts * static_cast<std::size_t>(l) + i]));
+        }
+        if (size == 0.0) size = 1.0;
+      }
+      // Laws know angles by their sine and cosine.
+      if (l == 0) size = std::min(size, 1.0);
+      const double step = relative_step * size;
       shifted[n] = x[n] + step;
       const double upper = shifted[n];
       system(shifted, above, t);

@@ -21,6 +21,7 @@
 #include "rest.h"
 #include "step_control.h"
 #include "stepper_choice.h"
+#include "switch_search.h"
 
 namespace variator_sim {
 
@@ -35,10 +36,13 @@ class MotionOf final : public Motion {
         choice_(scene_.solver, system_.readsAngles()),
         stepper_(&choice_.stepper()),
         tolerance_{scene_.solver.absolute_tolerance, scene_.solver.relative_tolerance},
-        control_(1) {
+        control_(1),
+        rest_(scene_.solver.maximum_step) {
+    switches_.setCount(drivetrain_.switchCount());
     startOver();
     if (initial_result_ == InitialResult::kInconsistent ||
-        initial_result_ == InitialResult::kNotFound) {
+        initial_result_ == InitialResult::kNotFound ||
+        initial_result_ == InitialResult::kNotUnique) {
       throwInitialError();
     }
   }
@@ -79,16 +83,15 @@ class MotionOf final : public Motion {
 
   const MotionStatus& advanceTo(double time) override {
     if (!(time > time_)) return status_;
-    applyPending();
-    advanced_ = true;
-    // Commands that fail to come in time act on their own; they are events of the motion.
-    for (double timeout = nextTimeout(); status_.ok() && timeout <= time; timeout = nextTimeout()) {
-      moveTo(timeout);
-      if (status_.ok()) applyTimeouts();
-      if (timeout < time) applyPending();
+    try {
+      return advance(time);
+    } catch (...) {
+      // Plugins do not throw; one that does leaves a motion that can go on from its last step.
+      base_ = front_ = safe_;
+      time_ = front_.time;
+      restart();
+      throw;
     }
-    moveTo(time);
-    return status_;
   }
 
   CommandResult command(int input, double value) override {
@@ -116,6 +119,13 @@ class MotionOf final : public Motion {
         sampleInside(x);
       }
       system_.calcSample(time_, x, &sample_);
+      // A law that fails once is asked again; a value that does not exist ends the motion.
+      if (!isSampleFinite()) system_.calcSample(time_, x, &sample_);
+      if (!isSampleFinite() && status_.ok()) {
+        stop(StopReason::kNonFiniteValue);
+        nameBadValue(time_, x);
+        status_.time = time_;
+      }
       sample_valid_ = true;
     }
     return sample_;
@@ -131,6 +141,28 @@ class MotionOf final : public Motion {
   using State = typename System::State;
   using Node = StepNode<State>;
   static constexpr double kNever = std::numeric_limits<double>::infinity();
+
+  bool isSampleFinite() const {
+    double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
+    for (int i = 0; i < S; ++i) {
+      poison += 0.0 * (sample_.angle[i] + sample_.velocity[i] + sample_.acceleration[i] +
+                       sample_.applied_torque[i] + sample_.reaction_torque[i]);
+    }
+    return poison == 0.0;
+  }
+
+  const MotionStatus& advance(double time) {
+    applyPending();
+    advanced_ = true;
+    // Commands that fail to come in time act on their own; they are events of the motion.
+    for (double timeout = nextTimeout(); status_.ok() && timeout <= time; timeout = nextTimeout()) {
+      moveTo(timeout);
+      if (status_.ok()) applyTimeouts();
+      if (timeout < time) applyPending();
+    }
+    moveTo(time);
+    return status_;
+  }
 
   // --- start -----------------------------------------------------------------------------------
   void startOver() {
@@ -169,6 +201,7 @@ class MotionOf final : public Motion {
         break;
       case InitialResult::kInconsistent:
       case InitialResult::kNotFound:
+      case InitialResult::kNotUnique:
         stop(StopReason::kProjectionFailed);
         break;
     }
@@ -177,6 +210,7 @@ class MotionOf final : public Motion {
   /// The front is a new beginning (start, command, end of an input's segment): derivative, step.
   void restart() {
     sleeping_ = false;
+    hopped_ = false;
     rest_.reset();
     choice_.restart();
     stepper_ = &choice_.stepper();
@@ -190,8 +224,18 @@ class MotionOf final : public Motion {
         return;
       }
     }
+    noteTorqueRate();
+    if constexpr (kIntegratesTorque<System>) {
+      drivetrain_.calcTorque(system_.view(front_.time, front_.x), front_.torque.data());
+    }
     noteRows();
     base_ = front_;
+    safe_ = front_;
+    if (!switches_.isEmpty()) {
+      calcSwitches();
+      switches_.moveBase();
+      switches_.beginStep(0.0);
+    }
     control_.reset();
     restart_time_ = front_.time;
     fixed_steps_ = 0;
@@ -226,6 +270,8 @@ class MotionOf final : public Motion {
     double h1 = largest <= 1e-15 ? std::max(1e-6, h0 * 1e-3)
                                  : std::pow(0.01 / largest, 1.0 / stepper_->errorOrder());
     if (!std::isfinite(h1)) h1 = 1e-3 * h0;  // the Euler step left the domain
+    // Without an absolute tolerance nothing that starts from 0 is ever slow enough: let it try.
+    h1 = std::max(h1, 1e-6 * h0);
     return std::min({100.0 * h0, h1, solver.maximum_step});
   }
 
@@ -268,6 +314,7 @@ class MotionOf final : public Motion {
       if (!status_.ok()) return false;
     }
     base_ = front_;
+    safe_ = front_;
     system_.noteBase(base_.time, base_.x, base_.dxdt);
     stepper_ = &choice_.stepper();
     return choice_.isFixed() ? stepFixed() : stepAdaptively();
@@ -279,9 +326,16 @@ class MotionOf final : public Motion {
     bool rejected = false;
     int rejections = 0;
     double h = std::min(next_step_, solver.maximum_step);
+    double usual = 0.0;  // the step that would have been made but for a kink
+    const double hop = switches_.hop();
+    switches_.beginStep(kKinkResolution * solver.relative_tolerance);
+    hopped_ = hop > 0.0 && hopOverKink(hop);
+    if (hopped_) return true;
+    if (!status_.ok()) return false;
     while (true) {
       // Up to the end of an input's segment at the most, and not leaving a sliver before it.
-      const bool last_of_segment = base_.time + 1.01 * h >= segment_end;
+      const double reach = switches_.hasMet() ? h : 1.01 * h;
+      const bool last_of_segment = base_.time + reach >= segment_end;
       const double end = last_of_segment ? segment_end : base_.time + h;
       const double taken = last_of_segment ? segment_end - base_.time : h;
       if (!(taken > kResolution * std::abs(base_.time)) || !(taken > 1e-290)) {
@@ -289,15 +343,30 @@ class MotionOf final : public Motion {
         return false;
       }
       double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
-      if (norm <= 1.0) norm = std::max(norm, projectEnd(*stepper_, base_.x, end, taken, front_.x));
+      if (norm <= 1.0) norm = worseOf(norm, projectEnd(*stepper_, base_.x, end, taken, front_.x));
+      if (norm <= 1.0) norm = worseOf(norm, checkTorque(end));
+      if (norm <= 1.0) norm = worseOf(norm, checkAccelerations(*stepper_, end, front_.x));
+      if (norm <= 1.0 && !switches_.isEmpty()) {
+        front_.time = end;
+        calcSwitches();
+        usual = std::max(usual, taken);
+        const double smallest = 2.0 * kResolution * std::abs(base_.time);
+        if (switches_.note(taken, smallest, &h) == SwitchSearch::Verdict::kRepeat) {
+          ++statistics_.rejected_steps;
+          front_ = base_;
+          continue;
+        }
+      }
       if (norm <= 1.0) {
         front_.time = end;
         ++statistics_.steps;
         double factor = control_.growth(norm);
         if (rejected) factor = std::min(1.0, factor);
-        // A step cut short by a segment's end says nothing about the next one's size.
+        // A step cut short by a segment's end or a kink says nothing about the next one's size.
         next_step_ = last_of_segment ? std::max(h, taken * factor) : taken * factor;
+        if (usual > taken) next_step_ = std::max(next_step_, usual);
         if (finishStep()) {
+          if (!switches_.isEmpty()) switches_.moveBase();
           lookAhead();
           return true;
         }
@@ -305,15 +374,60 @@ class MotionOf final : public Motion {
         norm = std::numeric_limits<double>::quiet_NaN();
       }
       ++statistics_.rejected_steps;
+      // A kink within the step is reason enough for its error: up to there, then.
+      if (!switches_.isEmpty() && std::isfinite(norm)) {
+        front_.time = end;
+        calcSwitches();
+        front_ = base_;
+        const double smallest = 2.0 * kResolution * std::abs(base_.time);
+        if (switches_.noteRejected(taken, smallest, &h)) continue;
+      }
       rejected = true;
       h = taken * control_.shrink(norm);
       front_ = base_;
+      // A kink that is too far for one step: another one will meet it.
+      switches_.beginStep(kKinkResolution * solver.relative_tolerance);
       if (++rejections == kHopeless && choice_.giveUpExplicit()) {
         stepper_ = &choice_.stepper();
         control_.setOrder(stepper_->errorOrder());
         control_.reset();
       }
     }
+  }
+
+  /// A step over a kink, to the front of which the last step went: so short (kKinkResolution) that
+  /// x' from before it will do, and that no stepper has to make stages on both sides of it. False,
+  /// and nothing done, when x' changes too much for that.
+  bool hopOverKink(double length) {
+    const double end = base_.time + length;
+    if (end >= drivetrain_.inputSegmentEnd()) return false;
+    for (std::size_t n = 0; n < front_.x.size(); ++n) {
+      front_.x[n] = base_.x[n] + length * base_.dxdt[n];
+    }
+    State moved{};
+    const ProjectionResult projected =
+        system_.project(end, front_.x, moved, &statistics_.projections);
+    State change;
+    system_(front_.x, dxdt_new_, end);
+    for (std::size_t n = 0; n < change.size(); ++n) {
+      change[n] = length * (dxdt_new_[n] - base_.dxdt[n]) + moved[n];
+    }
+    const double norm = calcErrorNorm(change, base_.x, front_.x, tolerance_);
+    if (projected == ProjectionResult::kConverged && norm <= 1.0) {
+      front_.time = end;
+      if (finishStep()) {
+        if constexpr (kIntegratesTorque<System>) {
+          drivetrain_.calcTorque(system_.view(end, front_.x), front_.torque.data());
+        }
+        calcSwitches();
+        switches_.moveBase();
+        ++statistics_.steps;
+        ++statistics_.kinks;
+        return true;
+      }
+    }
+    front_ = base_;
+    return false;
   }
 
   bool stepFixed() {
@@ -331,16 +445,27 @@ class MotionOf final : public Motion {
       explainStop();
       return false;
     }
-    front_.time = end;
+    const double unaccounted =
+        worseOf(checkTorque(end), checkAccelerations(*stepper_, end, front_.x));
     ++fixed_steps_;
     ++statistics_.steps;
-    statistics_.largest_error_estimate =
-        std::max({statistics_.largest_error_estimate, norm, moved});
-    if (finishStep()) return true;
-    if (status_.ok()) {
-      front_ = base_;
-      explainStop();
+    if (!finishStep()) {
+      if (status_.ok()) {
+        front_ = base_;
+        explainStop();
+      }
+      return false;
     }
+    const double estimate = worseOf(worseOf(norm, moved),
+                                    worseOf(unaccounted, stepper_->estimateFromEnd(base_, front_)));
+    statistics_.largest_error_estimate = std::max(statistics_.largest_error_estimate, estimate);
+    // The tolerance is no bound for steps of fixed size; but a step whose error is a part of the
+    // state itself describes nothing any more.
+    const double part = estimate * scene_.solver.relative_tolerance;
+    if (part <= kCrudest) return true;  // not when NaN
+    front_ = base_;
+    stop(StopReason::kStepTooLarge);
+    status_.measure = part;
     return false;
   }
 
@@ -357,7 +482,7 @@ class MotionOf final : public Motion {
     if (drivetrain_.constraintCount() == 0) return 0.0;
     StepProjection<State> own;
     if (stepper.isImplicit()) {
-      own.result = system_.projectStiffly(end, h, x, own.moved, &own.iterations);
+      own.result = projectStiffly(stepper, end, h, x, own);
     } else if (!stepper.projects()) {
       own.result = system_.project(end, x, own.moved, &own.iterations);
     }
@@ -371,6 +496,25 @@ class MotionOf final : public Motion {
     return calcErrorNorm(projection.moved, x_old, x, tolerance_);
   }
 
+  ProjectionResult projectStiffly(const Stepper<System>& stepper, double end, double h, State& x,
+                                  StepProjection<State>& projection) {
+    Node from;
+    Node to;
+    from.time = end - h;
+    to.time = end;
+    State slope{};
+    if (stepper.keepsConstraints()) stepper.calcSlope(end, from, to, slope);
+    return projectStiffly(stepper, end, h, slope, x, projection.moved, &projection.iterations);
+  }
+  ProjectionResult projectStiffly(const Stepper<System>& stepper, double t, double h,
+                                  const State& slope, State& x, State& moved,
+                                  std::uint64_t* iterations) {
+    // Accelerations that are no state are the slope's; without one there is nothing stiff to do.
+    return kIntegratesTorque<System> || stepper.keepsConstraints()
+               ? system_.projectStiffly(t, h, slope, x, moved, iterations)
+               : system_.project(t, x, moved, iterations);
+  }
+
   /// Derivative at the new front and the check of C. False when the front is no good: then either
   /// the motion has stopped or the step is to be repeated shorter.
   bool finishStep() {
@@ -382,6 +526,7 @@ class MotionOf final : public Motion {
     for (double value : front_.dxdt) {
       if (!std::isfinite(value)) return false;
     }
+    noteTorqueRate();
     return noteRows();
   }
 
@@ -399,6 +544,11 @@ class MotionOf final : public Motion {
         ++statistics_.sleeps;
         return;
       }
+      if (choice_.settle(front_, rate * (front_.time - base_.time))) {
+        control_.setOrder(choice_.stepper().errorOrder());
+        control_.reset();
+        return;
+      }
     }
     if (!choice_.isAutomatic()) return;
     const double limit =
@@ -407,6 +557,92 @@ class MotionOf final : public Motion {
       control_.setOrder(choice_.stepper().errorOrder());
       control_.reset();
     }
+  }
+
+  /// The state has the accelerations, and so the applied torque enters by its rate alone: a step
+  /// that passes over a narrow layer (dry friction around standstill) or a kink may know nothing of
+  /// it. But Q itself is known at both ends, and
+  ///     d = Q(end) - Q(base) - h sum b_i Q'_i
+  /// is what the stages have not seen of it: an error J^-1 d of the accelerations. Its size in
+  /// units of the tolerance; 0 where the torque is no rate's integral. Sets Q at the front.
+  ///
+  /// Where Q' answers to the accelerations many times within a step (stiff friction, under an
+  /// implicit step) an error of the tolerance's size in those is as many times larger in d.
+  double checkTorque(double end) {
+    front_.time = end;
+    if constexpr (kIntegratesTorque<System>) {
+      if (!drivetrain_.hasTorques()) return 0.0;
+      drivetrain_.calcTorque(system_.view(end, front_.x), front_.torque.data());
+      TorqueGain<State> gain;
+      stepper_->calcTorqueGain(system_, base_, front_, gain);
+      const double h = end - base_.time;
+      double largest = 0.0;
+      for (std::size_t i = 0; i < S; ++i) {
+        const double inertia =
+            drivetrain_.inertia().entry(static_cast<int>(i), static_cast<int>(i));
+        const double size = std::max(std::abs(front_.torque[i]), std::abs(base_.torque[i]));
+        const double rounding = 32.0 * std::numeric_limits<double>::epsilon() *
+                                (size + (h + std::abs(end)) * gain.largest_rate[i]);
+        const double d = std::abs(front_.torque[i] - base_.torque[i] - gain.change[i]) - rounding;
+        const double epsilon =
+            std::max(std::abs(front_.x[2 * S + i]), std::abs(base_.x[2 * S + i]));
+        const double allowed = inertia * tolerance_.of(epsilon);
+        const double answer = h * gain.largest_rate[i] / (inertia * (epsilon + allowed));
+        const double norm = d / (std::max(allowed, tolerance_.relative * size) * (1.0 + answer));
+        if (!(norm <= largest)) largest = norm;
+        if (norm != norm) return norm;
+      }
+      return largest;
+    }
+    return 0.0;
+  }
+  /// Where the accelerations are no part of the state but follow from it: what the error of x at
+  /// `end` makes of them, in units of the tolerance. (Short time constants make it large.) What
+  /// rounding of x alone would make counts for nothing. An implicit step that holds psi = 0 in its
+  /// stages has accelerations of its own, and x fits them.
+  double checkAccelerations(const Stepper<System>& stepper, double end, const State& x) {
+    if constexpr (!kIntegratesTorque<System>) {
+      if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) return 0.0;
+      const State& error = stepper.error();
+      State there;
+      State here;
+      State beside;
+      for (std::size_t n = 0; n < x.size(); ++n) beside[n] = x[n] + error[n];
+      system_(beside, there, end);
+      system_(x, here, end);
+      double norm = 0.0;
+      for (std::size_t n = S; n < x.size(); ++n) {
+        const double part = std::abs(there[n] - here[n]) / tolerance_.of(here[n]);
+        if (!(part <= norm)) norm = part;
+        if (part != part) return part;
+      }
+      if (norm <= 1.0) return norm;
+      constexpr double kUlps = 16.0 * std::numeric_limits<double>::epsilon();
+      for (std::size_t n = 0; n < x.size(); ++n) {
+        beside[n] = x[n] + std::copysign(kUlps * x[n], error[n]);
+      }
+      State rounded;
+      system_(beside, rounded, end);
+      norm = 0.0;
+      for (std::size_t n = S; n < x.size(); ++n) {
+        const double part = kCaution *
+                            (std::abs(there[n] - here[n]) - std::abs(rounded[n] - here[n])) /
+                            tolerance_.of(here[n]);
+        norm = worseOf(norm, part);
+      }
+      return norm;
+    }
+    return 0.0;
+  }
+  void noteTorqueRate() {
+    if constexpr (kIntegratesTorque<System>) {
+      std::copy_n(system_.torqueRate(), front_.torque_rate.size(), front_.torque_rate.begin());
+    }
+  }
+
+  /// The switches at the front.
+  void calcSwitches() {
+    drivetrain_.calcSwitches(system_.view(front_.time, front_.x), switches_.trial());
   }
 
   /// x of a motion at rest at the present: the front's, angles gone on at constant speed.
@@ -429,7 +665,25 @@ class MotionOf final : public Motion {
         return false;
       }
     }
-    return true;
+    return drivetrain_.hasConstantRows() || !haveRowsTurned();
+  }
+
+  /// True when a row of C has turned by more than 90 degrees (in the metric J^-1) since the base:
+  /// no step that follows C does that, but one that passes over a zero of C does, and on the other
+  /// side the motion is not determined. Keeps the rows of the front otherwise.
+  bool haveRowsTurned() {
+    double turned[S];
+    bool is_start = base_.time == front_.time;
+    for (int m = 0; m < drivetrain_.constraintCount() && !is_start; ++m) {
+      drivetrain_.inertia().solve(system_.row(m), turned);
+      double product = 0.0;
+      for (int i = 0; i < S; ++i) product += row_before_[m][i] * turned[i];
+      if (!(product > 0.0)) return true;
+    }
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      std::copy_n(system_.row(m), S, row_before_[m]);
+    }
+    return false;
   }
 
   /// Stops at the front, where no step however short succeeds, and finds out why.
@@ -497,19 +751,25 @@ class MotionOf final : public Motion {
   }
 
   // --- inside the last step --------------------------------------------------------------------
+  bool isDenseOutputGood() const {
+    if (!stepper_->hasDenseOutput()) return false;
+    // Where accelerations follow from the state, an error of it may be large for them.
+    return kIntegratesTorque<System> || stepper_->checksDenseOutput();
+  }
   /// x at the present, by dense output where the stepper has it.
   void sampleInside(State& x) {
-    if (time_ == base_.time) {
+    if (time_ == base_.time || hopped_) {
       x = base_.x;
       return;
     }
-    if (stepper_->hasDenseOutput()) {
-      stepper_->interpolate(system_, time_, base_, front_, x);
+    if (isDenseOutputGood() && stepper_->interpolate(system_, time_, base_, front_, x)) {
       State moved;
+      State slope{};
+      if (stepper_->keepsConstraints()) stepper_->calcSlope(time_, base_, front_, slope);
       const double h = front_.time - base_.time;
       const ProjectionResult result =
           stepper_->isImplicit()
-              ? system_.projectStiffly(time_, h, x, moved, &statistics_.projections)
+              ? projectStiffly(*stepper_, time_, h, slope, x, moved, &statistics_.projections)
               : system_.project(time_, x, moved, &statistics_.projections);
       if (result == ProjectionResult::kConverged) return;
     }
@@ -529,30 +789,43 @@ class MotionOf final : public Motion {
     }
     Stepper<System>& stepper = choice_.innerOf(*stepper_);
     *node = base_;
+    if (hopped_) {
+      node->time = time_;
+      return true;
+    }
     double h = time_ - base_.time;
-    while (node->time < time_) {
+    int steps = 0;
+    while (time_ - node->time > kResolution * std::abs(time_)) {
+      if (++steps > scene_.solver.maximum_steps) {
+        stop(StopReason::kStepLimit);
+        status_.time = time_ = node->time;
+        return false;
+      }
       const bool last = node->time + h >= time_;
       const double end = last ? time_ : node->time + h;
       const Node start = *node;
       if (!(end > start.time)) {
-        front_ = base_;
+        base_ = front_ = start;
         explainStop();
-        time_ = base_.time;
+        time_ = start.time;
         return false;
       }
       double norm = stepper.step(system_, start, end - start.time, node->x, node->dxdt);
       if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
         const double moved = projectEnd(stepper, start.x, end, end - start.time, node->x);
-        norm = std::isfinite(moved) ? std::max(norm, moved) : moved;
+        norm = worseOf(norm, moved);
       }
+      if (norm <= 1.0) norm = worseOf(norm, checkAccelerations(stepper, end, node->x));
       if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
         node->time = end;
         if (!last && !stepper.projects()) system_(node->x, node->dxdt, end);
+        h *= 2.0;
       } else {
         *node = start;
         h = 0.5 * (end - start.time);  // rare: a shorter step is nearly always better
       }
     }
+    node->time = time_;
     return true;
   }
 
@@ -702,6 +975,11 @@ class MotionOf final : public Motion {
       text << "]";
     };
     const StateView state = system_.view(0.0, front_.x);
+    if (initial_result_ == InitialResult::kNotUnique) {
+      text << "more than one has the least reaction, and they lead to different motions, e.g. ";
+      write(front_.x.data() + front_.x.size() - S);
+      throw SceneError(key, text.str() + "; give 'initial/acceleration'");
+    }
     if (initial_result_ != InitialResult::kInconsistent) {
       text << "no " << what << " that satisfy the constraints were found ";
       text << (given.empty() ? "from the free accelerations; give 'initial/acceleration' (there:"
@@ -725,8 +1003,15 @@ class MotionOf final : public Motion {
     throw SceneError(key, text.str());
   }
 
+  /// Error of one fixed step, relative to the state (and to absolute / relative tolerance where
+  /// that is larger), above which the motion stops.
+  static constexpr double kCrudest = 0.1;
   /// So many rejections of one step make `auto` try implicitly.
   static constexpr int kHopeless = 6;
+  /// Component by component an estimated error may be some times too small.
+  static constexpr double kCaution = 4.0;
+  /// A step ends past a kink by this part of the tolerance and of its length at most.
+  static constexpr double kKinkResolution = 0.1;
   /// Relative to the time reached: shorter steps no longer change the time reliably.
   static constexpr double kResolution = 4.0 * std::numeric_limits<double>::epsilon();
   /// A row of C shorter than this part of the longest it has been counts as zero.
@@ -740,6 +1025,8 @@ class MotionOf final : public Motion {
   Tolerance tolerance_;
   StepControl control_;
   RestWatch rest_;
+  SwitchSearch switches_;
+  bool hopped_ = false;  // the last step was a hop over a kink
   bool sleeping_ = false;
 
   MotionStatus status_;
@@ -751,6 +1038,7 @@ class MotionOf final : public Motion {
   double time_ = 0.0;  // the present
   Node base_;          // where the last step began
   Node front_;         // where it ended
+  Node safe_;          // the front before the step that is being made
   State dxdt_new_{};   // the stepper's own derivative at the front, before the projection
   double next_step_ = 0.0;
   double step_window_start_ = 0.0;
@@ -758,6 +1046,7 @@ class MotionOf final : public Motion {
   double restart_time_ = 0.0;  // fixed steps count from here
   std::uint64_t fixed_steps_ = 0;
   double row_reference_[System::kMaxRows] = {};
+  double row_before_[System::kMaxRows][S] = {};  // C at the last front
 
   struct Pending {
     int input;

@@ -39,13 +39,15 @@ ProjectionResult iterateProjection(Correct correct, double* values, double* move
     ++*iterations;
     double size = 0.0;
     double length = 0.0;
+    double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
     for (int i = 0; i < S; ++i) {
       values[i] += delta[i];
+      poison += 0.0 * values[i];
       moved[i] += std::abs(delta[i]);
       size = std::max(size, std::abs(delta[i]));
       length = std::max(length, std::abs(values[i]));
     }
-    if (!std::isfinite(size) || !std::isfinite(length)) return ProjectionResult::kDiverged;
+    if (poison != 0.0) return ProjectionResult::kDiverged;
     if (size <= kEnough * length || size == 0.0) return ProjectionResult::kConverged;
     // Rounding can keep the corrections from shrinking below kEnough when the values are tiny.
     if (iteration > 2 && size >= 0.5 * previous) {

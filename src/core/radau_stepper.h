@@ -63,6 +63,7 @@ class RadauStepper final : public Stepper<System> {
       return kNaN;
     }
     noteRounding(system, from, h);
+    noteLimits(system, from);
     predictStages(from, h);
     polynomial_end_ = kNaN;
     if (!findStages(system, from, h)) return kNaN;
@@ -79,13 +80,24 @@ class RadauStepper final : public Stepper<System> {
     return calcError(system, from, h, x_new, is_repeated);
   }
 
-  void interpolate(System& /*system*/, double time, const Node& from, const Node& to,
+  void calcSlope(double time, const Node& from, const Node& to, State& slope) const override {
+    const double h = to.time - from.time;
+    const double theta = (time - from.time) / h;
+    for (std::size_t n = 0; n < kSize; ++n) {
+      slope[n] = (polynomial_[0][n] +
+                  theta * (2.0 * polynomial_[1][n] + theta * 3.0 * polynomial_[2][n])) /
+                 h;
+    }
+  }
+
+  bool interpolate(System& /*system*/, double time, const Node& from, const Node& to,
                    State& x) override {
     const double theta = (time - from.time) / (to.time - from.time);
     for (std::size_t n = 0; n < kSize; ++n) {
       x[n] = from.x[n] +
              theta * (polynomial_[0][n] + theta * (polynomial_[1][n] + theta * polynomial_[2][n]));
     }
+    return true;
   }
 
  private:
@@ -160,8 +172,8 @@ class RadauStepper final : public Stepper<System> {
         double sum = std::abs(real_part[n]) + std::abs(complex_part[n].real()) +
                      std::abs(complex_part[n].imag());
         // rounding is no reason to go on
-        size = std::max(size,
-                        sum / (this->tolerance_.of(from.x[n]) + rounding_[n] / newton_tolerance_));
+        const double allowed = std::min(this->tolerance_.of(from.x[n]), limit_[n]);
+        size = std::max(size, sum / (allowed + rounding_[n] / newton_tolerance_));
         size += 0.0 * sum;  // NaN and infinity stay
         for (std::size_t i = 0; i < 3; ++i) {
           Z_[i][n] = kT[i][0] * W_[0][n] + kT[i][1] * W_[1][n] + kT[i][2] * W_[2][n];
@@ -213,6 +225,7 @@ class RadauStepper final : public Stepper<System> {
       linearization_.solve(error);
       norm = calcNorm(error, from.x, x_new);
     }
+    this->error_ = error;
     return norm;
   }
 
@@ -225,10 +238,32 @@ class RadauStepper final : public Stepper<System> {
     if (!system.keepsConstraintsInStages()) return;
     constexpr double kUlps = 64.0 * std::numeric_limits<double>::epsilon();
     const auto& by_velocity = linearization_.block(1);
+    // The last rows are the accelerations, or the velocities: h times as much.
+    const double scale = kSize == 3 * kShafts ? 1.0 : h;
     for (std::size_t i = 0; i < kShafts; ++i) {
       for (std::size_t j = 0; j < kShafts; ++j) {
         const double slope = std::abs(by_velocity(static_cast<int>(i), static_cast<int>(j)));
-        rounding_[kLast + i] += kUlps * std::abs(from.x[kShafts + j]) * std::min(slope, 1.0 / h);
+        rounding_[kLast + i] +=
+            scale * kUlps * std::abs(from.x[kShafts + j]) * std::min(slope, 1.0 / h);
+      }
+    }
+  }
+  /// Accelerations that are no state follow from it: errors of the velocities may be so large only
+  /// that the accelerations keep their tolerance.
+  void noteLimits(const System& system, const Node& from) {
+    limit_.fill(std::numeric_limits<double>::infinity());
+    if (kSize == 3 * kShafts) return;
+    // Along what psi pulls, the accelerations are those of the stages.
+    Eigen::Matrix<double, System::kShafts, System::kShafts> by_velocity = linearization_.block(1);
+    if (system.keepsConstraintsInStages()) by_velocity = linearization_.projector() * by_velocity;
+    for (std::size_t i = 0; i < kShafts; ++i) {
+      const double allowed = this->tolerance_.of(from.dxdt[kLast + i]);
+      for (std::size_t j = 0; j < kShafts; ++j) {
+        const double slope = std::abs(by_velocity(static_cast<int>(i), static_cast<int>(j)));
+        limit_[kLast + j] = std::min(limit_[kLast + j], 0.25 * allowed / slope);
+        rounding_[kLast + j] =
+            std::max(rounding_[kLast + j],
+                     16.0 * std::numeric_limits<double>::epsilon() * std::abs(from.x[kLast + j]));
       }
     }
   }
@@ -236,8 +271,9 @@ class RadauStepper final : public Stepper<System> {
     double norm = 0.0;
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
     for (std::size_t n = 0; n < kSize; ++n) {
-      norm =
-          std::max(norm, std::abs(error[n]) / (this->tolerance_.of(x[n], x_new[n]) + rounding_[n]));
+      norm = std::max(
+          norm, std::abs(error[n]) /
+                    (std::min(this->tolerance_.of(x[n], x_new[n]), limit_[n]) + rounding_[n]));
       poison += 0.0 * (error[n] + x_new[n]);
     }
     return norm + poison;
@@ -283,6 +319,7 @@ class RadauStepper final : public Stepper<System> {
   double matrix_time_ = std::numeric_limits<double>::quiet_NaN();
   State matrix_x_{};
   State rounding_{};
+  State limit_{};
   std::array<State, 3> Z_{};
   std::array<State, 3> W_{};
   std::array<State, 3> polynomial_{};

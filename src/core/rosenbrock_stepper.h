@@ -104,13 +104,14 @@ class RosenbrockStepper final : public Stepper<System> {
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
     for (std::size_t n = 0; n < kSize; ++n) {
       x_new[n] = y[n] + error[n];
+      this->error_[n] = error[n];
       largest = std::max(largest, std::abs(error[n]) / this->tolerance_.of(x[n], x_new[n]));
       poison += 0.0 * (error[n] + x_new[n]);
     }
     return largest + poison;
   }
 
-  void interpolate(System& /*system*/, double time, const Node& from, const Node& to,
+  bool interpolate(System& /*system*/, double time, const Node& from, const Node& to,
                    State& x) override {
     if (!is_prepared_) {
       for (std::size_t n = 0; n < kSize; ++n) {
@@ -126,6 +127,7 @@ class RosenbrockStepper final : public Stepper<System> {
     for (std::size_t n = 0; n < kSize; ++n) {
       x[n] = from.x[n] * rest + theta * (to.x[n] + rest * (third_[n] + theta * fourth_[n]));
     }
+    return true;
   }
 
  private:
@@ -138,15 +140,19 @@ class RosenbrockStepper final : public Stepper<System> {
       time_derivative_.fill(0.0);
       return;
     }
-    constexpr double kPart = 1.0 / 8192.0;  // truncation and rounding are both about 1e-9 here
-    const double before = from.time - kPart * h;
-    const double after = from.time + kPart * h;
-    State slope_before;
-    State slope_after;
-    system(from.x, slope_before, before);
-    system(from.x, slope_after, after);
+    // Forward, into the step: behind it there may be a kink. Truncation and rounding are both about
+    // 1e-9 here.
+    constexpr double kPart = 1.0 / 8192.0;
+    const double near = from.time + kPart * h;
+    const double far = from.time + 2.0 * kPart * h;
+    State slope_near;
+    State slope_far;
+    system(from.x, slope_near, near);
+    system(from.x, slope_far, far);
     for (std::size_t n = 0; n < kSize; ++n) {
-      time_derivative_[n] = (slope_after[n] - slope_before[n]) / (after - before);
+      const double first = (slope_near[n] - from.dxdt[n]) / (near - from.time);
+      const double second = (slope_far[n] - slope_near[n]) / (far - near);
+      time_derivative_[n] = 1.5 * first - 0.5 * second;
     }
   }
 

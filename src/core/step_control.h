@@ -28,6 +28,11 @@ double calcErrorNorm(const State& error, const State& x, const State& x_new,
   return norm + poison;
 }
 
+/// The larger of two error norms; NaN when either is (std::max may drop it).
+inline double worseOf(double a, double b) {
+  return a >= b ? a : (b >= a ? b : a + b);
+}
+
 /// Chooses the next step from the error norms of this one and the last accepted one: a
 /// proportional-integral rule (Hairer, Norsett, Wanner: Solving ODE I, IV.2 (2.43c)), which damps
 /// the oscillation between accepting and rejecting where stability, not accuracy, limits the step.
