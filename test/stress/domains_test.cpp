@@ -1,0 +1,490 @@
+/// Motions that leave the domain of their formulas, escape in finite time or turn back, and plugins
+/// that fail now and then.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "stress/hazard.h"
+#include "stress/methods.h"
+
+namespace variator_sim::test {
+namespace {
+
+const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
+
+std::vector<double> tolerances() {
+  return isLongForm() ? std::vector<double>{1e-3, 1e-5, 1e-7, 1e-9, 1e-11}
+                      : std::vector<double>{1e-5, 1e-9};
+}
+
+std::string oneShaft(const std::string& principle, const std::string& torque, double w0,
+                     const std::string& more = "") {
+  return "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
+         "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+         torque + "\"}\nconstraints: []\nprinciple: " + principle + "\ninitial: {velocity: [" +
+         plainly(w0) + "]" + more + "}\n";
+}
+
+// --- finite escape time --------------------------------------------------------------------------
+
+/// J w' = k w^n escapes at T = J w0^(1-n) / (k (n-1)): w = w0 (1 - t/T)^(-1/(n-1)). A sample near T
+/// magnifies an error of T: the growth of w' over w is 1/((n-1)(T - t)).
+TEST(Domains, FiniteEscape) {
+  Hazard hazard("domains", "finite escape time", "w^1.5 to w^5, k = 1e-3 to 1e3, to T (1 - 1e-6)");
+  const std::vector<double> powers =
+      isLongForm() ? std::vector<double>{1.5, 2, 2.5, 3, 4, 5} : std::vector<double>{1.5, 2, 4};
+  const std::vector<double> factors = isLongForm()
+                                          ? std::vector<double>{1e-3, 1e-2, 0.1, 1, 10, 100, 1e3}
+                                          : std::vector<double>{1e-2, 1, 1e3};
+  for (const char* principle : kPrinciples) {
+    for (double n : powers) {
+      for (double k : factors) {
+        const double w0 = 1.3;
+        const double J = 1.5;
+        const double T = J * std::pow(w0, 1.0 - n) / (k * (n - 1.0));
+        const Scene plain =
+            sceneFromText(oneShaft(principle, exactly(k) + "*w1^" + exactly(n), w0));
+        // One instant a run: each is judged by its own growth.
+        for (double part : {0.3, 0.9, 0.99, 0.9999, 0.999999, 1.5}) {
+          const std::vector<double> times = {part * T};
+          for (StepperKind stepper : kAdaptiveSteppers) {
+            for (double tolerance : tolerances()) {
+              const Scene scene = withSolver(plain, stepper, tolerance);
+              const test::Run run = play(scene, times);
+              const std::string label = std::string(principle) + " " + text(k) + " w^" + text(n) +
+                                        " to " + text(part) + " T " + describe(stepper, tolerance);
+              // So near that T itself is not known well enough: nothing is asked there.
+              if (part < 1.0 && kAllowed * tolerance * n > 1.0 - part) continue;
+              if (part > 1.0) {
+                hazard.stopped(run.reason, label);
+                EXPECT_LE(run.end, T * (1.0 + kAllowed * tolerance)) << label;
+                EXPECT_GE(run.end, T * (1.0 - kAllowed * tolerance) - 1e-3 * T) << label;
+                continue;
+              }
+              const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
+                sample.velocity[0] = w0 * std::pow(1.0 - t / T, -1.0 / (n - 1.0));
+                sample.acceleration[0] = k * std::pow(sample.velocity[0], n) / J;
+              });
+              // A relative error d of w at any time moves T by (n - 1)(T - t) d or less, and that
+              // comes back as d n/(1 - part) in w' at the most (errors of earlier steps weigh
+              // less).
+              hazard.compare(run, exact, scene, label, kAllowed * n / (1.0 - part));
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+// --- turning points ------------------------------------------------------------------------------
+
+/// Under `gauss` a constraint (e1 - f)^2 + ... that folds: e2 = sqrt(1 - e1^2) as a circle, with a
+/// torque that rotates: the accelerations go round (no fold for the principle). And a true fold:
+/// e1^3 - 3 e1 + p t = 0 in one acceleration: at t* = 2/p the branch that starts at e1 = -... ends.
+TEST(Domains, TurningPoint) {
+  Hazard hazard("domains", "branch that turns back", "psi = e1^3 - 3 e1 - p t, p = 1e-3 to 1e3");
+  // From e1 = 0: e1^3 - 3 e1 = p t... e1 falls to -1 at p t = 2 and there is no way on.
+  const auto branch = [](double x) {  // of e^3 - 3 e = x, |x| <= 2, the middle one
+    return -2.0 * std::sin(std::asin(0.5 * x) / 3.0);
+  };
+  const std::vector<double> speeds = isLongForm()
+                                         ? std::vector<double>{1e-3, 1e-2, 0.1, 1, 10, 100, 1e3}
+                                         : std::vector<double>{1e-3, 1, 1e3};
+  for (const char* principle : kPrinciples) {
+    for (double p : speeds) {
+      const double end = 2.0 / p;
+      const Scene plain = sceneFromText(
+          "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: []\nconstraints: [k]\n"
+          "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1^3-3*e1-" +
+          exactly(p) + "*t\"}\nprinciple: " + principle + "\ninitial: {acceleration: [0, 0]}\n");
+      for (double part : {0.5, 0.9, 0.999, 1.5}) {
+        const std::vector<double> times = evenly(part * end, 8);
+        for (StepperKind stepper : kAdaptiveSteppers) {
+          for (double tolerance : tolerances()) {
+            Scene scene = withSolver(plain, stepper, tolerance);
+            scene.solver.maximum_steps = 20000;  // none of these needs so many in a second
+            const test::Run run = play(scene, times);
+            const std::string label = std::string(principle) + " p = " + text(p) + " to " +
+                                      text(part) + " of it " + describe(stepper, tolerance);
+            const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
+              if (t >= end) return;
+              sample.acceleration[0] = branch(p * t);
+              sample.velocity[0] = integrate([&](double x) { return branch(p * x); }, 0.0, t, 400);
+            });
+            if (part < 1.0) {
+              // psi is kept, so e1 is no worse than rounding makes it.
+              hazard.compare(run, exact, scene, label);
+              continue;
+            }
+            test::Run before = run;
+            while (!before.samples.empty() && before.samples.back().time >= end) {
+              before.samples.pop_back();
+            }
+            hazard.judge(calcDifference(before, exact, 2, tolerance, tolerance), label);
+            hazard.stopped(run.reason, label);
+            // Where psi turns back like a square, e1 is a tolerance off where t is its square off.
+            EXPECT_LE(run.end, end * (1.0 + 1e-9 + tolerance * tolerance))
+                << label << ": " << run.message;
+            EXPECT_GE(run.end, 0.99 * end) << label << ": " << run.message;
+          }
+        }
+      }
+    }
+  }
+}
+
+// --- leaving the domain --------------------------------------------------------------------------
+
+/// psi or a torque as a function of t that ends at T = 1: e1 = f(t) or J e1 = f(t).
+TEST(Domains, RootsLogsAndPoles) {
+  Hazard hazard("domains", "roots, logs and poles in psi and torques",
+                "13 functions that end at a time");
+  struct Case {
+    const char* formula;        ///< of t; T is 0.817
+    double (*value)(double t);  ///< the same
+    bool bounded;               ///< no infinity comes near
+  };
+  static constexpr double T = 0.817;
+  const Case cases[] = {
+      {"sqrt(0.817-t)", [](double t) { return std::sqrt(T - t); }, true},
+      {"(0.817-t)^1.5", [](double t) { return std::pow(T - t, 1.5); }, true},
+      {"(0.817-t)^2.5", [](double t) { return std::pow(T - t, 2.5); }, true},
+      {"(0.817-t)^4.5", [](double t) { return std::pow(T - t, 4.5); }, true},
+      {"(0.817-t)^8.5", [](double t) { return std::pow(T - t, 8.5); }, true},
+      {"log(0.817-t)", [](double t) { return std::log(T - t); }, false},
+      {"(0.817-t)*log(0.817-t)", [](double t) { return (T - t) * std::log(T - t); }, true},
+      {"(0.817-t)^3*log(0.817-t)", [](double t) { return std::pow(T - t, 3) * std::log(T - t); },
+       true},
+      {"asin(t/0.817)", [](double t) { return std::asin(t / T); }, true},
+      {"1/(0.817-t)", [](double t) { return 1.0 / (T - t); }, false},
+      {"0.01/(0.817-t)^2", [](double t) { return 0.01 / ((T - t) * (T - t)); }, false},
+      {"0.1/sqrt(0.817-t)", [](double t) { return 0.1 / std::sqrt(T - t); }, false},
+      {"tan(1.5707963267948966*t/0.817)",
+       [](double t) { return std::tan(1.5707963267948966 * t / T); }, false},
+  };
+  const std::vector<double> times = {0.2, 0.4, 0.6, 0.7, 0.8, 0.81, 0.9, 1.2};
+  for (const char* principle : kPrinciples) {
+    for (const Case& function : cases) {
+      for (int place = 0; place < 3; ++place) {
+        // As a torque of a free shaft, as psi that imposes e1, as the coefficient of another row.
+        const std::string f = function.formula;
+        const std::string torque = place == 0 ? "1.5*(" + f + ")" : "0";
+        const std::string psi = place == 0   ? "e2-cos(t)"
+                                : place == 1 ? "e1-(" + f + ")"
+                                             : "(3+t)*(e1-(" + f + "))";
+        const double before = function.value(0.0);
+        const Scene plain = sceneFromText(
+            "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
+            "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+            torque + "\"}\nconstraints: [k]\n" +
+            "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"" + psi +
+            "\"}\nprinciple: " + principle + "\ninitial: {acceleration: [" + plainly(before) +
+            (place == 0 ? ", 1" : ", 0") + "]}\n");
+        const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
+          if (t >= T) return;
+          sample.acceleration[0] = function.value(t);
+          sample.velocity[0] = integrate(function.value, 0.0, t, 2000);
+          if (place == 0) {
+            sample.acceleration[1] = std::cos(t);
+            sample.velocity[1] = std::sin(t);
+          }
+        });
+        for (StepperKind stepper : kAdaptiveSteppers) {
+          for (double tolerance : tolerances()) {
+            const Scene scene = withSolver(plain, stepper, tolerance);
+            const test::Run run = play(scene, times);
+            const std::string label = std::string(principle) + " " +
+                                      (place == 0 ? "torque " + torque : psi) + " " +
+                                      describe(stepper, tolerance);
+            test::Run known = run;
+            while (!known.samples.empty() && known.samples.back().time >= T) {
+              known.samples.pop_back();
+            }
+            hazard.judge(calcDifference(known, exact, 2, tolerance, tolerance), label);
+            hazard.stopped(run.reason, label);
+            EXPECT_LE(run.end, T * (1.0 + 1e-12)) << label << ": " << run.message;
+            EXPECT_GE(run.end, 0.81) << label << ": " << run.message;
+          }
+        }
+      }
+    }
+  }
+}
+
+/// A pole that is stepped across has finite values on both sides: 1/(T - t) for t > T.
+TEST(Domains, PolesAreNotSteppedAcross) {
+  Hazard hazard("domains", "poles with finite values behind",
+                "strength 1e-9 to 1, orders 1 to 3 of the pole");
+  const double T = 0.817;
+  const std::vector<double> times = {0.4, 0.8, 0.9, 1.2};
+  for (const char* principle : kPrinciples) {
+    for (int decade = -9; decade <= 0; decade += sizeOf(3, 1)) {
+      for (int order = 1; order <= 3; ++order) {
+        const double c = std::pow(10.0, decade);
+        const std::string f = exactly(c) + "/(0.817-t)^" + std::to_string(order);
+        const Scene plain = sceneFromText(oneShaft(principle, "1.5*" + f, 0.0));
+        for (StepperKind stepper : kAdaptiveSteppers) {
+          for (double tolerance : tolerances()) {
+            Scene scene = withSolver(plain, stepper, tolerance);
+            // A pulse of a formula in t is seen where it is wider than solver/maximum_step
+            // (doc/scene.md): wherever this one is 100 tolerances of the acceleration high.
+            const double width = 2.0 * std::pow(c / (kAllowed * tolerance), 1.0 / order);
+            if (width < sizeOf(0.3, 0.01)) continue;
+            scene.solver.maximum_step = std::min(1.0, 0.2 * width);
+            const test::Run run = play(scene, times);
+            const std::string label =
+                std::string(principle) + " " + f + " " + describe(stepper, tolerance);
+            // A pole that has moved no velocity by a tolerance within one step cannot be seen; what
+            // it did is then judged: the principal value (order 1), or nothing at all.
+            if (run.reason == StopReason::kNone) {
+              const double t = 1.2;
+              const double part =
+                  order == 1 ? c * std::log(T / (t - T)) : std::numeric_limits<double>::quiet_NaN();
+              const test::Run& end = run;
+              const double error = std::abs(end.samples.back().velocity[0] - part) /
+                                   (tolerance * (1.0 + std::abs(part)));
+              hazard.judge(error, label + " (it did not stop)");
+              continue;
+            }
+            hazard.stopped(run.reason, label);
+            EXPECT_LE(run.end, T * (1.0 + 1e-9)) << label << ": " << run.message;
+          }
+        }
+      }
+    }
+  }
+}
+
+// --- plugins that fail now and then --------------------------------------------------------------
+
+/// What a failing component does at each n-th evaluation of one of its functions.
+struct Fault {
+  enum class Kind { kNan, kInfinity, kThrow } kind = Kind::kNan;
+  int period = 0;  ///< 0: never
+  int once = 0;    ///< the call that fails, if once only
+  int calls = 0;
+
+  bool strikes() {
+    ++calls;
+    return once > 0 ? calls == once : period > 0 && calls % period == 0;
+  }
+  double value() {
+    if (kind == Kind::kThrow) throw std::runtime_error("the plugin has thrown");
+    return kind == Kind::kNan ? std::numeric_limits<double>::quiet_NaN()
+                              : std::numeric_limits<double>::infinity();
+  }
+};
+
+/// -k w |w| on shaft 1 and a cosine, with faults in Q and in Q'.
+class FaultyTorque : public Torque {
+ public:
+  FaultyTorque(Fault* torque, Fault* rate) : torque_(torque), rate_(rate) {}
+
+ private:
+  void doConfigure(ComponentContext& /*context*/) override {}
+  void doAddTorque(const StateView& x, double* torque) const override {
+    torque[0] += 2.0 * std::cos(3.0 * x.time) - 0.4 * x.velocity[0];
+    if (torque_->strikes()) torque[0] = torque_->value();
+  }
+  void doAddTorqueRate(const StateView& x, double* rate) const override {
+    rate[0] += -6.0 * std::sin(3.0 * x.time) - 0.4 * x.acceleration[0];
+    if (rate_->strikes()) rate[0] = rate_->value();
+  }
+  Fault* torque_;
+  Fault* rate_;
+};
+
+/// 0.3 (e2 - 0.6 e1) + w2 - 0.6 w1, with faults in psi and in its derivatives.
+class FaultyConstraint : public Constraint {
+ public:
+  FaultyConstraint(Fault* residual, Fault* partials) : residual_(residual), partials_(partials) {}
+
+ private:
+  void doConfigure(ComponentContext& /*context*/) override {}
+  double doCalcResidual(const StateView& x) const override {
+    if (residual_->strikes()) return residual_->value();
+    return 0.3 * (x.acceleration[1] - 0.6 * x.acceleration[0]) + x.velocity[1] -
+           0.6 * x.velocity[0];
+  }
+  void doCalcPartials(const StateView& /*x*/, ConstraintPartials& p) const override {
+    p.velocity[0] = -0.6;
+    p.velocity[1] = 1.0;
+    p.acceleration[0] = -0.18;
+    p.acceleration[1] = partials_->strikes() ? partials_->value() : 0.3;
+  }
+  bool doIsLinearInAcceleration() const override { return true; }
+  Fault* residual_;
+  Fault* partials_;
+};
+
+class FaultyFactory : public BuiltinComponentFactory {
+ public:
+  ConstraintPtr createConstraint(const std::string& type) override {
+    if (type == "test/Faulty") return std::make_shared<FaultyConstraint>(&faults[2], &faults[3]);
+    return BuiltinComponentFactory::createConstraint(type);
+  }
+  TorquePtr createTorque(const std::string& type) override {
+    if (type == "test/Faulty") return std::make_shared<FaultyTorque>(&faults[0], &faults[1]);
+    return BuiltinComponentFactory::createTorque(type);
+  }
+  Fault faults[4];  ///< of Q, Q', psi, its derivatives
+};
+
+const char* const kFaultNames[] = {"torque", "torque rate", "residual", "partials"};
+
+Scene faultyScene(FaultyFactory& factory, const std::string& principle) {
+  return readScene(
+      readYamlText("shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
+                   "q: {type: test/Faulty}\nconstraints: [k]\nk: {type: test/Faulty}\n"
+                   "verify_derivatives: false\nprinciple: " +
+                       principle + "\ninitial: {velocity: [1, 0.6]}\n",
+                   "test"),
+      factory);
+}
+
+/// NaN or infinity, once or once in so many calls: survived by a shorter step, or a stop by name;
+/// never in the motion, nor in a sample. `plans`: (period, call that fails if once only).
+void sweepFaults(Hazard& hazard, const std::vector<std::pair<int, int>>& plans) {
+  const std::vector<double> times = evenly(3.0, 30);
+  for (const char* principle : kPrinciples) {
+    FaultyFactory sound;
+    const test::Run reference =
+        play(withSolver(faultyScene(sound, principle), StepperKind::kDop853, 1e-12), times);
+    ASSERT_EQ(reference.samples.size(), times.size()) << reference.message;
+    for (int place = 0; place < 4; ++place) {
+      for (const Fault::Kind kind : {Fault::Kind::kNan, Fault::Kind::kInfinity}) {
+        for (StepperKind stepper : kAdaptiveSteppers) {
+          for (double tolerance : tolerances()) {
+            for (const auto& [period, once] : plans) {
+              FaultyFactory factory;
+              Scene scene = withSolver(faultyScene(factory, principle), stepper, tolerance);
+              factory.faults[place].kind = kind;
+              factory.faults[place].period = period;
+              factory.faults[place].once = once;
+              factory.faults[place].calls = 0;
+              const test::Run run = play(scene, times);
+              const std::string label =
+                  std::string(principle) + " " + (kind == Fault::Kind::kNan ? "NaN" : "infinity") +
+                  " of the " + kFaultNames[place] +
+                  (once > 0 ? " at call " + std::to_string(once)
+                            : " at each " + std::to_string(period) + "th call") +
+                  " " + describe(stepper, tolerance);
+              hazard.compare(run, reference, scene, label);
+              for (const Sample& sample : run.samples) {
+                // Applied torques and reactions of a sample may be the fault's own, as they are
+                // evaluated for it; the state may not.
+                EXPECT_TRUE(std::isfinite(sample.angle[0]) && std::isfinite(sample.angle[1]))
+                    << label;
+              }
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(Domains, PluginsThatReturnNan) {
+  Hazard hazard("domains", "plugins that return NaN or infinity",
+                "once, at call 1 to 3000, or each 100th to 1000th call");
+  std::vector<std::pair<int, int>> plans;
+  for (int period : {100, 333, 1000}) plans.emplace_back(period, 0);
+  const int step = sizeOf(97, 7);
+  for (int once = 1; once < sizeOf(800, 3000); once += step) plans.emplace_back(0, once);
+  sweepFaults(hazard, plans);
+}
+
+/// So often that hardly a step succeeds.
+TEST(Domains, PluginsThatReturnNanOften) {
+  Hazard hazard("domains", "plugins that return NaN or infinity often", "each 7th to 60th call");
+  sweepFaults(hazard, {{7, 0}, {13, 0}, {31, 0}, {60, 0}});
+}
+
+/// Plugins must not throw; one that does gets its exception out of the call of the simulation. This
+/// states what happens then: the simulation is left whole enough to be reset, and runs right again.
+TEST(Domains, PluginsThatThrow) {
+  Hazard hazard("domains", "plugins that throw", "once, at call 1 to 3000");
+  const std::vector<double> times = evenly(3.0, 30);
+  int thrown = 0;
+  for (const char* principle : kPrinciples) {
+    FaultyFactory sound;
+    const test::Run reference =
+        play(withSolver(faultyScene(sound, principle), StepperKind::kDop853, 1e-12), times);
+    for (int place = 0; place < 4; ++place) {
+      for (StepperKind stepper : kAdaptiveSteppers) {
+        for (int once = 1; once < sizeOf(800, 3000); once += sizeOf(157, 13)) {
+          const std::string label = std::string(principle) + " " + kFaultNames[place] + ", call " +
+                                    std::to_string(once) + " " + toString(stepper);
+          FaultyFactory factory;
+          const Scene scene = withSolver(faultyScene(factory, principle), stepper, 1e-7);
+          factory.faults[place].kind = Fault::Kind::kThrow;
+          factory.faults[place].once = once;
+          factory.faults[place].calls = 0;
+          std::unique_ptr<Simulation> simulation;
+          try {
+            simulation = std::make_unique<Simulation>(scene);
+          } catch (const std::runtime_error&) {
+            ++thrown;
+            hazard.named("exception at the start", label);
+            continue;
+          }
+          const auto advance = [&](test::Run& run) {
+            for (double time : times) {
+              simulation->advanceTo(time);
+              const Sample sample = simulation->sample();
+              if (!simulation->status().ok()) break;
+              run.samples.push_back(sample);
+            }
+            run.reason = simulation->status().reason;
+          };
+          test::Run first;
+          try {
+            advance(first);
+            hazard.compare(first, reference, scene, label + " (not thrown)");
+            continue;
+          } catch (const std::runtime_error&) {
+            ++thrown;
+          }
+          // What came before the throw is right ...
+          hazard.judge(calcDifference(first, reference, 2, 1e-7, 1e-7),
+                       label + " before the throw");
+          // ... and so is what comes if one goes on, or the motion has stopped by name ...
+          test::Run second = first;
+          try {
+            std::vector<double> rest(
+                times.begin() + static_cast<std::ptrdiff_t>(first.samples.size()), times.end());
+            for (double time : rest) {
+              simulation->advanceTo(time);
+              const Sample sample = simulation->sample();
+              if (!simulation->status().ok()) break;
+              second.samples.push_back(sample);
+            }
+            second.reason = simulation->status().reason;
+            hazard.compare(second, reference, scene, label + " gone on");
+          } catch (const std::runtime_error&) {
+            ADD_FAILURE() << label << ": thrown twice";
+          }
+          // ... and after a reset.
+          simulation->reset();
+          test::Run third;
+          advance(third);
+          hazard.compare(third, reference, scene, label + " after a reset");
+          EXPECT_EQ(third.samples.size(), times.size()) << label;
+        }
+      }
+    }
+  }
+  EXPECT_GT(thrown, 100);
+}
+
+}  // namespace
+}  // namespace variator_sim::test

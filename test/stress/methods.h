@@ -1,0 +1,73 @@
+/// The steppers that the stress tests sweep over, and small helpers for scenes, references and
+/// labels.
+#pragma once
+
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "stress/hazard.h"
+#include "support/scenes.h"
+
+namespace variator_sim::test {
+
+/// All steppers that choose their steps themselves.
+constexpr StepperKind kAdaptiveSteppers[] = {StepperKind::kAuto,   StepperKind::kDopri5,
+                                             StepperKind::kDop853, StepperKind::kFehlberg78,
+                                             StepperKind::kRadau5, StepperKind::kRosenbrock4};
+
+inline Scene withSolver(Scene scene, StepperKind stepper, double tolerance) {
+  return withTolerance(withStepper(std::move(scene), stepper), tolerance);
+}
+
+inline std::string describe(StepperKind stepper, double tolerance) {
+  return std::string(toString(stepper)) + " at " + text(tolerance);
+}
+
+/// A number in full precision, in parentheses: for formulas.
+inline std::string exactly(double value) {
+  char buffer[40];
+  std::snprintf(buffer, sizeof buffer, "(%.17g)", value);
+  return buffer;
+}
+/// The same without parentheses: for keys.
+inline std::string plainly(double value) {
+  char buffer[40];
+  std::snprintf(buffer, sizeof buffer, "%.17g", value);
+  return buffer;
+}
+
+/// A motion known at every instant: `write(t, sample)` fills velocities and accelerations.
+template <class Write>
+Run tabulate(const std::vector<double>& times, Write write) {
+  Run run;
+  for (double time : times) {
+    Sample sample;
+    sample.time = time;
+    write(time, sample);
+    run.samples.push_back(sample);
+  }
+  if (!times.empty()) run.end = times.back();
+  return run;
+}
+
+/// The integral of f from a to b: `panels` times Gauss' rule of five points, good to rounding for
+/// the smooth functions it is used on.
+template <class Function>
+double integrate(Function f, double a, double b, int panels = 64) {
+  static constexpr double kPoints[] = {-0.90617984593866399280, -0.53846931010568309104, 0.0,
+                                       0.53846931010568309104, 0.90617984593866399280};
+  static constexpr double kWeights[] = {0.23692688505618908751, 0.47862867049936646804,
+                                        0.56888888888888888889, 0.47862867049936646804,
+                                        0.23692688505618908751};
+  const double half = 0.5 * (b - a) / panels;
+  double sum = 0.0;
+  for (int panel = 0; panel < panels; ++panel) {
+    const double middle = a + (2 * panel + 1) * half;
+    for (int i = 0; i < 5; ++i) sum += kWeights[i] * f(middle + half * kPoints[i]);
+  }
+  return sum * half;
+}
+
+}  // namespace variator_sim::test

@@ -1,0 +1,681 @@
+// Starts: off the constraints, at and near points where C loses rank, and at rest, where ratios of
+// speeds are undefined. Either the motion from the nearest consistent start follows, or the start
+// is refused or stopped by name.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "stress/hazard.h"
+#include "stress/known_motion.h"
+
+namespace variator_sim::test {
+namespace {
+
+constexpr double kEnd = 2.0;
+
+std::vector<double> tolerances() {
+  return isLongForm() ? std::vector<double>{1e-4, 1e-6, 1e-8, 1e-10}
+                      : std::vector<double>{1e-5, 1e-9};
+}
+
+std::string list(const std::vector<double>& values) {
+  std::string line = "[";
+  for (std::size_t i = 0; i < values.size(); ++i) line += (i ? ", " : "") + yamlText(values[i]);
+  return line + "]";
+}
+
+// --- off the constraints ----------------------------------------------------------------------
+// A start that is aside of a consistent one by `distance` along J^-1 C^T has that one as the
+// nearest: with initial/project it is where the motion begins, without it is refused unless the
+// distance is what printing in ten digits leaves.
+TEST(Starts, OffAPlaneOfAccelerationsOrVelocities) {
+  Hazard hazard("starts", "distance from the constraint, linear", "1e-15 .. 1e6");
+  const std::vector<double> times = evenly(kEnd, 6);
+  for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+    for (int order : {1, 2}) {
+      // under gauss accelerations are no data
+      if (principle == Principle::kGauss && order == 2) continue;
+      for (double coupling : {0.0, 0.5}) {
+        KnownMotion motion;
+        motion.principle = principle;
+        motion.order = order;
+        motion.coupling = coupling;
+        const auto exact = motion.exact(times);
+        const Scene consistent = motion.scene();
+        const Sample start = motion.at(0.0);
+        const double det = motion.inertia[0] * motion.inertia[1] - coupling * coupling;
+        const double u = motion.ratio;
+        const double d[2] = {(-u * motion.inertia[1] - coupling) / det,
+                             (u * coupling + motion.inertia[0]) / det};
+        for (int decade = -15; decade <= 6; decade += sizeOf(3, 1)) {
+          for (double sign : {1.0, -1.0}) {
+            const double distance = sign * std::pow(10.0, decade);
+            for (bool project : {true, false}) {
+              Scene scene = consistent;
+              scene.initial.project = project;
+              std::vector<double>& values =
+                  order == 1 ? scene.initial.velocity : scene.initial.acceleration;
+              const double* right = order == 1 ? start.velocity : start.acceleration;
+              for (int i = 0; i < 2; ++i) {
+                values[static_cast<std::size_t>(i)] = right[i] + distance * d[i];
+              }
+              for (StepperKind stepper : adaptiveSteppers()) {
+                for (double tolerance : tolerances()) {
+                  const Scene asked = withMethod(scene, stepper, tolerance);
+                  const std::string label = motion.label() + ", off by " + text(distance) +
+                                            (project ? ", projected, " : ", ") +
+                                            methodLabel(stepper, tolerance);
+                  const test::Run run = play(asked, times);
+                  // Moving a start that nobody allowed to move is another motion than the one asked
+                  // for.
+                  if (!project && std::abs(distance) > 1e-7 && run.reason == StopReason::kNone) {
+                    hazard.judge(std::numeric_limits<double>::infinity(), label + " (accepted)");
+                    continue;
+                  }
+                  // What can be projected, is: velocities of size 5 and a distance of 1e6 leave
+                  // roundings of 1e6.
+                  const double rounding =
+                      std::abs(distance) * std::numeric_limits<double>::epsilon() / tolerance;
+                  hazard.compare(run, exact, asked, label, kAllowed * (1.0 + rounding),
+                                 Columns::kAll);
+                  if (project) {
+                    EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
+                  }
+                }
+              }
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+/// psi = eps1^2 + eps2^2 - a^2 with J1 = J2 = J, M1' = m (doc/theory.md), from the angle
+/// atan2(eps2, eps1) of the accelerations.
+struct AccelerationCircle {
+  static constexpr double kRadius = 2.0;
+  static constexpr double kJ = 1.5;
+  static constexpr double kRate = 3.0;
+  static Sample at(double direction, double t) {
+    const double kappa = kRate / (kRadius * kJ);
+    const double z0 = std::atanh(std::cos(direction));
+    const double z = kappa * t + z0;
+    const double side = std::sin(direction) < 0.0 ? -1.0 : 1.0;
+    const auto gd = [](double x) { return 2.0 * std::atan(std::tanh(0.5 * x)); };
+    Sample sample;
+    sample.time = t;
+    sample.acceleration[0] = kRadius * std::tanh(z);
+    sample.acceleration[1] = side * kRadius / std::cosh(z);
+    sample.velocity[0] = kRadius / kappa * (std::log(std::cosh(z)) - std::log(std::cosh(z0)));
+    sample.velocity[1] = side * kRadius / kappa * (gd(z) - gd(z0));
+    return sample;
+  }
+  static std::string yaml(const std::string& start) {
+    return "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 1.5}\ntorques: [m]\n"
+           "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*t\"}\n"
+           "constraints: [c]\n"
+           "c: {type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 2}\n" +
+           start;
+  }
+};
+
+// On a circle the nearest point is that in the same direction. At its centre there is none.
+TEST(Starts, OffACircleOfAccelerations) {
+  Hazard hazard("starts", "distance from the constraint, a circle", "0 and 1e-12 .. 1e12 radii");
+  const std::vector<double> times = evenly(kEnd, 6);
+  for (int decade = -12; decade <= 12; decade += sizeOf(3, 1)) {
+    for (double direction : {0.3, 1.5, 2.9, -1.0, -2.2}) {
+      const double radius = AccelerationCircle::kRadius * std::pow(10.0, decade);
+      const Scene scene = sceneFromText(AccelerationCircle::yaml(
+          "initial: {acceleration: " +
+          list({radius * std::cos(direction), radius * std::sin(direction)}) +
+          ", project: true}\n"));
+      const auto exact =
+          tabulate(times, [&](double t) { return AccelerationCircle::at(direction, t); });
+      for (StepperKind stepper : adaptiveSteppers()) {
+        for (double tolerance : tolerances()) {
+          const Scene asked = withMethod(scene, stepper, tolerance);
+          hazard.compare(play(asked, times), exact, asked,
+                         "direction " + text(direction) + ", radius " + text(radius) + ", " +
+                             methodLabel(stepper, tolerance));
+        }
+      }
+    }
+  }
+  for (bool project : {false, true}) {
+    const Scene scene = sceneFromText(
+        AccelerationCircle::yaml(std::string("initial: {acceleration: [0, 0], project: ") +
+                                 (project ? "true" : "false") + "}\n"));
+    for (StepperKind stepper : adaptiveSteppers()) {
+      const test::Run run = play(withMethod(scene, stepper, 1e-8), times);
+      hazard.stopped(run.reason, std::string("the centre, ") + toString(stepper));
+    }
+  }
+}
+
+// --- where C has lost rank --------------------------------------------------------------------
+TEST(Starts, ExactlyAtSingularPoints) {
+  Hazard hazard("starts", "exactly at singular points", "C = 0, equal rows");
+  struct Place {
+    const char* name;
+    const char* constraints;  ///< formulas, `;` between
+    int order;
+    const char* initial;
+  };
+  const Place places[] = {
+      {"power at rest", "w1*e1+2*w2*e2", 2, ""},
+      {"power at rest, with a rate", "w1*e1+2*w2*e2-1", 2, ""},
+      {"energy at rest", "w1^2+w2^2", 1, ""},
+      {"third order at rest", "w1*j1+w2*j2", 3, ", acceleration: [0, 0, 0]"},
+      {"third order at rest, inhomogeneous", "w1*j1+w2*j2+e1-e2", 3, ", acceleration: [1, 1, 0]"},
+      {"factor phi1 at 0", "phi1*(e1-0.5*e2)", 2, ""},
+      {"factor phi1 at 0, in motion", "phi1*(e1-0.5*e2)", 2, ", velocity: [1, 2, 0]"},
+      {"factor phi1 at 0, order 1", "phi1*(w1-0.5*w2)", 1, ", velocity: [1, 2, 0]"},
+      {"factor phi1 at 0, order 3", "phi1*(j1-0.5*j2)", 3, ", acceleration: [1, 2, 0]"},
+      {"factor t", "t*(e1-0.5*e2)", 2, ""},
+      {"factor t squared", "t^2*(e1-0.5*e2)", 2, ""},
+      {"equal rows", "e1-0.5*e2;e1-0.5*e2", 2, ""},
+      {"equal rows in other units", "e1-0.5*e2;1e6*(e1-0.5*e2)", 2, ""},
+      {"equal rows, order 1", "w1-0.5*w2;2*w1-w2", 1, ""},
+      {"equal rows, order 3", "j1-0.5*j2;2*j1-j2", 3, ""},
+      {"rows that are equal at the start", "e1-0.5*e2;e1-0.5*e2+phi1*e3", 2, ""},
+      {"rows that contradict", "e1-0.5*e2;e1-0.5*e2-1", 2, ""},
+      {"rows that contradict, order 1", "w1-0.5*w2;w1-0.5*w2-1", 1, ""},
+  };
+  for (const Place& place : places) {
+    std::string names;
+    std::string lines;
+    std::string formulas = place.constraints;
+    int count = 0;
+    while (!formulas.empty()) {
+      const std::size_t end = std::min(formulas.find(';'), formulas.size());
+      const std::string name = "k" + std::to_string(++count);
+      names += (names.empty() ? "" : ", ") + name;
+      lines += name +
+               ": {type: variator_sim/ExpressionConstraint, order: " + std::to_string(place.order) +
+               ", expression: \"" + formulas.substr(0, end) + "\"}\n";
+      formulas.erase(0, end + 1);
+    }
+    for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+      for (bool project : {false, true}) {
+        const Scene scene = sceneFromText(
+            "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 2}\nc: {inertia: 0.5}\n"
+            "torques: [q]\nq: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\n"
+            "constraints: [" +
+            names + "]\n" + lines + "principle: " + toString(principle) +
+            "\ninitial: {project: " + (project ? "true" : "false") + place.initial + "}\n");
+        for (StepperKind stepper : adaptiveSteppers()) {
+          const test::Run run = play(withMethod(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
+          const std::string label = std::string(place.name) + ", " + toString(principle) +
+                                    (project ? ", projected, " : ", ") + toString(stepper);
+          hazard.stopped(run.reason, label);
+          EXPECT_FALSE(run.message.empty()) << label;
+          EXPECT_EQ(run.end, 0.0) << label;
+        }
+      }
+    }
+  }
+}
+
+// A power of a constraint has C = 0 wherever it holds. Whoever finds the motion all the same finds
+// that of the gear.
+TEST(Starts, OnAPowerOfAConstraint) {
+  Hazard hazard("starts", "powers of psi: C = 0 all the way", "psi^2, psi^3");
+  const std::vector<double> times = evenly(kEnd, 6);
+  for (const char* psi : {"(e1-0.5*e2)^2", "(e1-0.5*e2)^3"}) {
+    for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+      for (const char* start : {"[1, 2]", "[1, 2.5]", "[0, 0]"}) {
+        for (bool project : {false, true}) {
+          const double e1 = 3.0 / 9.0;
+          const Scene scene = sceneFromText(
+              std::string("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
+                          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\n"
+                          "constraints: [k]\n"
+                          "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"") +
+              psi + "\"}\nprinciple: " + toString(principle) + "\ninitial: {acceleration: " +
+              start + ", project: " + (project ? "true" : "false") + "}\n");
+          const auto exact = tabulate(times, [&](double t) {
+            Sample sample;
+            sample.time = t;
+            for (int i = 0; i < 2; ++i) {
+              sample.angle[i] = 0.5 * (i + 1) * e1 * t * t;
+              sample.velocity[i] = (i + 1) * e1 * t;
+              sample.acceleration[i] = (i + 1) * e1;
+            }
+            return sample;
+          });
+          for (StepperKind stepper : adaptiveSteppers()) {
+            const Scene asked = withMethod(scene, stepper, 1e-8);
+            hazard.compare(play(asked, times), exact, asked,
+                           std::string(psi) + ", " + toString(principle) + ", from " + start +
+                               (project ? ", projected, " : ", ") + toString(stepper),
+                           kAllowed, Columns::kAll);
+          }
+        }
+      }
+    }
+  }
+}
+
+// Without a torque, all accelerations on a circle have the same reaction: there is no least one to
+// start from.
+TEST(Starts, AtRestWithManyLeastReactions) {
+  Hazard hazard("starts", "least reaction not unique", "circles of accelerations");
+  for (const char* inertia : {"1.5", "1", "3"}) {
+    for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+      const Scene scene = sceneFromText(
+          std::string("shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: ") + inertia +
+          "}\ntorques: []\nconstraints: [c]\n"
+          "c: {type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 2}\n"
+          "principle: " +
+          toString(principle) + "\n");
+      for (StepperKind stepper : adaptiveSteppers()) {
+        const test::Run run = play(withMethod(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
+        hazard.stopped(run.reason, std::string("inertias 1.5 and ") + inertia + ", " +
+                                       toString(principle) + ", " + toString(stepper));
+      }
+    }
+  }
+}
+
+// A constraint's formula may be as small as it likes at the start: where C is not zero the motion
+// is that of the gear.
+TEST(Starts, NearSingularPoints) {
+  Hazard hazard("starts", "near singular points: C to its later size", "1e-1 .. 1e-15");
+  const std::vector<double> times = evenly(kEnd, 6);
+  for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+    for (int order : {1, 2, 3}) {
+      for (int decade = 1; decade <= 15; decade += sizeOf(2, 1)) {
+        for (double sign : {1.0, -1.0}) {
+          // with -1 the factor goes through zero on the way
+          const double start = sign * std::pow(10.0, -decade);
+          // w2 = 2 w1 = 2 + 2 * 3 t / (1 + 4 * 2), all of the torque on the first shaft
+          const double e1 = 3.0 / 9.0;
+          const Scene scene = sceneFromText(
+              "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
+              "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\nconstraints: [k]\n"
+              "k: {type: variator_sim/ExpressionConstraint, order: " +
+              std::to_string(order) + ", expression: \"phi1*(" +
+              (order == 1   ? "w1-0.5*w2"
+               : order == 2 ? "e1-0.5*e2"
+                            : "j1-0.5*j2") +
+              ")\"}\nprinciple: " + toString(principle) +
+              "\ninitial: {angle: " + list({start, 0.0}) + ", velocity: [1, 2]" +
+              (order == 3 ? ", acceleration: " + list({e1, 2.0 * e1}) : "") + "}\n");
+          const auto exact = tabulate(times, [&](double t) {
+            Sample sample;
+            sample.time = t;
+            sample.angle[0] = start + t + 0.5 * e1 * t * t;
+            sample.velocity[0] = 1.0 + e1 * t;
+            sample.acceleration[0] = e1;
+            sample.angle[1] = 2.0 * (sample.angle[0] - start);
+            sample.velocity[1] = 2.0 * sample.velocity[0];
+            sample.acceleration[1] = 2.0 * e1;
+            return sample;
+          });
+          for (StepperKind stepper : adaptiveSteppers()) {
+            for (double tolerance : tolerances()) {
+              const Scene asked = withMethod(scene, stepper, tolerance);
+              hazard.compare(play(asked, times), exact, asked,
+                             "order " + std::to_string(order) + ", " + toString(principle) +
+                                 ", phi1 from " + text(start) + ", " +
+                                 methodLabel(stepper, tolerance),
+                             kAllowed, Columns::kAll);
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+// Two constraints whose rows differ by a small part: the gear e1 : e2 : e3 = 1 : 2 : 1/2 for every
+// part but 0. All numbers of the formulas are powers of two, so that they say exactly that.
+TEST(Starts, NearlyDependentRows) {
+  Hazard hazard("starts", "rows of C apart by", "2^-1 .. 2^-60, and 0");
+  const std::vector<double> times = evenly(kEnd, 6);
+  const double inertia = 1.0 + 4.0 * 2.0 + 0.25 * 0.5;
+  for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+    for (int order : {1, 2, 3}) {
+      const std::string letter = order == 1 ? "w" : order == 2 ? "e" : "j";
+      for (int exponent = sizeOf(3, 1); exponent <= 60; exponent += sizeOf(4, 1)) {
+        const double part = std::ldexp(1.0, -exponent);
+        const std::string first = letter + "1-0.5*" + letter + "2";
+        const std::string second =
+            first + "+" + exactText(part) + "*(" + letter + "3-0.25*" + letter + "2)";
+        const double e1 = 3.0 / inertia;
+        const Scene scene = sceneFromText(
+            "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 2}\nc: {inertia: 0.5}\n"
+            "torques: [q]\nq: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
+            "\"3*cos(t)\"}\nconstraints: [k, l]\n"
+            "k: {type: variator_sim/ExpressionConstraint, order: " +
+            std::to_string(order) + ", expression: \"" + first +
+            "\"}\nl: {type: variator_sim/ExpressionConstraint, order: " + std::to_string(order) +
+            ", expression: \"" + second + "\"}\nprinciple: " + toString(principle) +
+            "\ninitial: {velocity: [0, 0, 0]" +
+            (order == 3 ? ", acceleration: " + list({e1, 2.0 * e1, 0.5 * e1}) : "") + "}\n");
+        const double gear[3] = {1.0, 2.0, 0.5};
+        const auto exact = tabulate(times, [&](double t) {
+          Sample sample;
+          sample.time = t;
+          for (int i = 0; i < 3; ++i) {
+            sample.angle[i] = gear[i] * e1 * (1.0 - std::cos(t));
+            sample.velocity[i] = gear[i] * e1 * std::sin(t);
+            sample.acceleration[i] = gear[i] * e1 * std::cos(t);
+          }
+          return sample;
+        });
+        for (StepperKind stepper : adaptiveSteppers()) {
+          for (double tolerance : tolerances()) {
+            const Scene asked = withMethod(scene, stepper, tolerance);
+            hazard.compare(play(asked, times), exact, asked,
+                           "order " + std::to_string(order) + ", " + toString(principle) + ", 2^-" +
+                               std::to_string(exponent) + ", " + methodLabel(stepper, tolerance),
+                           kAllowed, Columns::kAll);
+          }
+        }
+      }
+    }
+  }
+}
+
+// --- at rest ----------------------------------------------------------------------------------
+/// Two shafts at rest, J = 0.8 and 2; `torques` and `constraint` are lines of YAML.
+std::string restScene(const std::string& names, const std::string& torques,
+                      const std::string& constraint, Principle principle) {
+  return "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\ntorques: [" + names + "]\n" +
+         torques + "constraints: [v]\nv: " + constraint + "\nprinciple: " + toString(principle) +
+         "\n";
+}
+
+std::string formula(int order, const std::string& expression) {
+  return "{type: variator_sim/ExpressionConstraint, order: " + std::to_string(order) +
+         ", expression: \"" + expression + "\"}";
+}
+
+// Slip is zero at rest, so every variator is the gear w2 = w1 / 2 there.
+TEST(Starts, AtRestUnderAMotor) {
+  Hazard hazard("starts", "at rest: a motor sets in", "every order, torque 1e-9 .. 1e9 N m");
+  const std::vector<double> times = evenly(kEnd, 6);
+  const std::string constraints[] = {
+      formula(1, "w2-0.5*w1"),
+      formula(2, "0.2*(e2-0.5*e1)+w2-0.5*w1"),
+      formula(3, "0.04*(j2-0.5*j1)+0.4*(e2-0.5*e1)+w2-0.5*w1"),
+      formula(2, "0.2*(e2-0.5*e1)*(1+0.01*(w1^2+w2^2))+w2-0.5*w1"),
+      "{type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.1, ratio: 0.5}",
+      "{type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.5}",
+  };
+  for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+    for (const std::string& constraint : constraints) {
+      for (int decade = -9; decade <= 9; decade += sizeOf(6, 3)) {
+        const double torque = std::pow(10.0, decade);
+        const double e1 = torque / (0.8 + 0.25 * 2.0);
+        const bool is_third = constraint.find("order: 3") != std::string::npos;
+        Scene scene = sceneFromText(restScene(
+            "m",
+            "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: " + yamlText(torque) +
+                "}\n" + (is_third ? "initial: {acceleration: " + list({e1, 0.5 * e1}) + "}\n" : ""),
+            constraint, principle));
+        scene.solver.maximum_steps = 2000;
+        const auto exact = tabulate(times, [&](double t) {
+          Sample sample;
+          sample.time = t;
+          sample.angle[0] = 0.5 * e1 * t * t;
+          sample.velocity[0] = e1 * t;
+          sample.acceleration[0] = e1;
+          sample.angle[1] = 0.5 * sample.angle[0];
+          sample.velocity[1] = 0.5 * sample.velocity[0];
+          sample.acceleration[1] = 0.5 * e1;
+          return sample;
+        });
+        for (StepperKind stepper : adaptiveSteppers()) {
+          for (double tolerance : tolerances()) {
+            for (bool relative_only : {false, true}) {
+              Scene asked = withMethod(scene, stepper, tolerance);
+              if (relative_only) asked.solver.absolute_tolerance = 0.0;
+              hazard.compare(play(asked, times), exact, asked,
+                             std::string(toString(principle)) + ", " + constraint.substr(0, 80) +
+                                 ", torque " + text(torque) + ", " +
+                                 methodLabel(stepper, tolerance) +
+                                 (relative_only ? " relative" : ""),
+                             kAllowed, Columns::kAll);
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+// Nothing acts, nothing moves, for however long; then a command comes, at whatever time.
+TEST(Starts, AtRestUntilACommand) {
+  Hazard hazard("starts", "at rest until a command at", "1e-6 .. 1e6 s");
+  for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+    for (int order : {1, 2, 3}) {
+      for (bool sleep : {true, false}) {
+        for (int decade = -6; decade <= (sleep ? 6 : 2); decade += sizeOf(3, 1)) {
+          const double begin = std::pow(10.0, decade);
+          Scene scene = sceneFromText(
+              restScene("m", "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u}\n",
+                        formula(order, order == 1   ? "w2-0.5*w1"
+                                       : order == 2 ? "0.2*(e2-0.5*e1)+w2-0.5*w1"
+                                                    : "0.04*(j2-0.5*j1)+0.4*(e2-0.5*e1)+w2-0.5*w1"),
+                        principle));
+          scene.solver.sleep = sleep;
+          std::vector<double> times = {0.5 * begin, begin};
+          for (double later : {0.1, 1.0, 2.0}) times.push_back(begin + later);
+          // R jumps by C^T Lambda alone, so accelerations jump to those of the gear at every order.
+          const double e1 = 4.0 / (0.8 + 0.25 * 2.0);
+          const auto exact = tabulate(times, [&](double t) {
+            Sample sample;
+            sample.time = t;
+            const double since = t - begin;
+            if (since < 0.0) return sample;
+            sample.angle[0] = 0.5 * e1 * since * since;
+            sample.velocity[0] = e1 * since;
+            sample.acceleration[0] = e1;
+            sample.angle[1] = 0.5 * sample.angle[0];
+            sample.velocity[1] = 0.5 * sample.velocity[0];
+            sample.acceleration[1] = 0.5 * e1;
+            return sample;
+          });
+          for (StepperKind stepper : adaptiveSteppers()) {
+            for (double tolerance : tolerances()) {
+              const Scene asked = withMethod(scene, stepper, tolerance);
+              // begin + later is rounded in the 16th digit
+              const double rounding =
+                  begin * std::numeric_limits<double>::epsilon() / tolerance * 4.0;
+              hazard.compare(play(asked, times, {{begin, 0, 4.0}}), exact, asked,
+                             "order " + std::to_string(order) + ", " + toString(principle) +
+                                 ", at " + text(begin) + (sleep ? ", " : ", no sleep, ") +
+                                 methodLabel(stepper, tolerance),
+                             kAllowed * (1.0 + rounding), Columns::kAll);
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+// Laws that are not defined at rest.
+TEST(Starts, AtRestWithUndefinedRatios) {
+  Hazard hazard("starts", "at rest: laws undefined there", "0/0, 1/0, infinite slopes, C = 0");
+  struct Law {
+    const char* name;
+    std::string torque;
+    std::string constraint;
+    /// Continuous at rest, though its derivatives are not: gauss, which needs none, has a motion.
+    bool is_continuous = false;
+  };
+  const std::string constant = "{type: variator_sim/ExpressionTorque, shaft: a, torque: 3}";
+  const auto torque = [](const std::string& expression) {
+    return "{type: variator_sim/ExpressionTorque, shaft: a, torque: \"" + expression + "\"}";
+  };
+  const std::string slip = formula(2, "0.2*(e2-0.5*e1)+w2-0.5*w1");
+  const Law laws[] = {
+      {"ratio of order 1", constant, formula(1, "w2/w1-0.5")},
+      {"ratio of order 2", constant, formula(2, "0.2*(e2-0.5*e1)+w2/w1-0.5")},
+      {"ratio of accelerations", torque("0*t"), formula(2, "e2/e1-0.5")},
+      {"ratio in the time constant", constant, formula(2, "(0.2+w2/w1)*(e2-0.5*e1)+w2-0.5*w1")},
+      {"logarithm of a ratio", constant, formula(2, "e2-0.5*e1+log(w2/w1)")},
+      {"root of the speed", constant, formula(2, "e2-0.5*e1+sqrt(w2)-sqrt(w1)"), true},
+      {"length of the velocities", constant, formula(2, "e2-0.5*e1+0.1*sqrt(w1^2+w2^2)"), true},
+      {"power over speed", torque("100/w1"), slip},
+      {"root of the energy", torque("-sqrt(0.8*w1^2+2*w2^2)"), slip, true},
+      {"traction curve", constant,
+       "{type: variator_sim/TractionCurve, shafts: [a, b], ratio: 0.6, inertia: 2, "
+       "nominal_torque: 20, nominal_slip: 0.03}"},
+      {"power flow", constant,
+       "{type: variator_sim/PowerFlow, shafts: [a, b], inertias: [0.8, 2.0], power: 10}"},
+      {"power flow, efficiency", constant,
+       "{type: variator_sim/PowerFlow, shafts: [a, b], inertias: [0.8, 2.0], efficiency: 0.9, "
+       "smoothing_power: 1}"},
+  };
+  for (const Law& law : laws) {
+    for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+      for (bool project : {false, true}) {
+        std::string yaml = restScene("m", "m: " + law.torque + "\n", law.constraint, principle);
+        if (project) yaml += "initial: {project: true}\n";
+        const Scene scene = sceneFromText(yaml);
+        for (StepperKind stepper : adaptiveSteppers()) {
+          const test::Run run = play(withMethod(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
+          const std::string label =
+              std::string(law.name) + ", " + toString(principle) + ", " + toString(stepper);
+          if (law.is_continuous && principle == Principle::kGauss) {
+            const StepperKind other =
+                stepper == StepperKind::kDop853 ? StepperKind::kDopri5 : StepperKind::kDop853;
+            const std::vector<double> times = {0.0, 0.1, 1.0};
+            hazard.compare(run, play(withMethod(scene, other, 1e-12), times),
+                           withMethod(scene, stepper, 1e-8), label, kAllowed, Columns::kAll);
+            continue;
+          }
+          hazard.stopped(run.reason, label);
+          EXPECT_TRUE(run.samples.empty()) << label;
+        }
+      }
+    }
+  }
+}
+
+// psi = e2 - e1/2 + the direction of (w1, w2), which under gauss has a value at rest, 0, but is
+// another one everywhere around: the motion starts straight in the direction that it keeps.
+TEST(Starts, AtRestWithADirection) {
+  Hazard hazard("starts", "at rest: direction of the velocities", "gauss");
+  double e1 = 1.0;
+  // J1 e1 + J2 e2 / 2 = 3, e2 = e1/2 - atan2(e2, e1)
+  double low = 0.0;
+  double high = 10.0;
+  for (int n = 0; n < 200; ++n) {
+    e1 = 0.5 * (low + high);
+    const double e2 = 3.0 - 0.8 * e1;
+    (e2 - 0.5 * e1 + std::atan2(e2, e1) > 0.0 ? low : high) = e1;
+  }
+  const double accelerations[2] = {e1, 3.0 - 0.8 * e1};
+  const std::vector<double> times = evenly(kEnd, 6);
+  const auto exact = tabulate(times, [&](double t) {
+    Sample sample;
+    sample.time = t;
+    for (int i = 0; i < 2; ++i) {
+      sample.angle[i] = 0.5 * accelerations[i] * t * t;
+      sample.velocity[i] = accelerations[i] * t;
+      sample.acceleration[i] = accelerations[i];
+    }
+    return sample;
+  });
+  for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+    const Scene scene = sceneFromText(
+        restScene("m", "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\n",
+                  formula(2, "e2-0.5*e1+atan2(w2,w1)"), principle));
+    for (StepperKind stepper : adaptiveSteppers()) {
+      for (double tolerance : tolerances()) {
+        const Scene asked = withMethod(scene, stepper, tolerance);
+        hazard.compare(play(asked, times), exact, asked,
+                       std::string(toString(principle)) + ", " + methodLabel(stepper, tolerance),
+                       kAllowed, Columns::kAll);
+      }
+    }
+  }
+}
+
+// Laws that are defined at rest, by each stepper against dop853 and radau5 at a tolerance a
+// thousand times tighter.
+TEST(Starts, AtRestWithEveryLaw) {
+  Hazard hazard("starts", "at rest: every shipped law", "two methods, 1e-3 of the tolerance");
+  const std::string motors[] = {
+      "{type: variator_sim/MotorCurve, shaft: a, characteristic: kloss, breakdown_torque: 30, "
+      "synchronous_speed: 50, critical_slip: 0.2}",
+      "{type: variator_sim/MotorCurve, shaft: a, characteristic: dc, stall_torque: 12, "
+      "no_load_speed: 250}",
+      "{type: variator_sim/MotorCurve, shaft: a, characteristic: table, table: {speed: [0, 20, 40, "
+      "48, 50], torque: [20, 22, 30, 18, 0], beyond: linear}}",
+      "{type: variator_sim/DieselEngine, shaft: a, full_load: {speed: [0, 30, 60, 80, 105, 115], "
+      "torque: [0, 5, 9.5, 11, 10.5, 0]}, rack: {topic: rack, hold: first_order_lag, "
+      "time_constant: 0.4, initial: 0.2}, friction: {constant: 0.3, linear: 0.004}, "
+      "idle_governor: {speed: 40, band: 8}}"};
+  const std::string loads[] = {
+      "{type: variator_sim/Propeller, shaft: b, coefficient: 0.02}",
+      "{type: variator_sim/Propeller, shaft: b, torque_coefficient: 0.0035, diameter: 0.3, "
+      "density: "
+      "1025, advance: {speed: 4, slope: 0.03}, regularization_speed: 0.5}",
+      "{type: variator_sim/Friction, shaft: b, coulomb: 1, static: 1.5, stribeck_speed: 0.3, "
+      "viscous: 0.1, regularization_speed: 0.05}",
+      "{type: variator_sim/VehicleResistance, shaft: b, law: davis, wheel_radius: 0.05, ratio: "
+      "4.5, "
+      "constant: 9, linear: 2.5, quadratic: 0.28, mass: 9}",
+      "{type: variator_sim/CuttingTorque, shaft: b, torque: 2, begin: 0.5, ramp: 0.5, end: 12}"};
+  const std::string constraints[] = {
+      "{type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.2, ratio: 0.6}",
+      "{type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.6}",
+      "{type: variator_sim/VBeltRatio, shafts: [a, b], ratio_low: 0.4, ratio_high: 1.3, speed: 30}",
+      "{type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 6}",
+      "{type: variator_sim/JerkLimit, shaft: b, limit: 4, time_constant: 0.2, acceleration: 3}"};
+  const std::vector<double> times = evenly(3.0, 6);
+  const auto play_at = [&](const Scene& scene, StepperKind stepper, double tolerance) {
+    return play(withMethod(scene, stepper, tolerance), times);
+  };
+  for (const std::string& motor : motors) {
+    for (const std::string& load : loads) {
+      for (const std::string& constraint : constraints) {
+        for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+          const std::string name = motor.substr(20, 10) + " " + load.substr(20, 10) + " " +
+                                   constraint.substr(20, 12) + " " + toString(principle);
+          Scene scene = sceneFromText(
+              restScene("m, l", "m: " + motor + "\nl: " + load + "\n", constraint, principle));
+          scene.solver.maximum_steps = 20000;
+          for (double tolerance : {1e-6, 1e-8}) {
+            if (!isLongForm() && tolerance < 1e-6) continue;
+            const test::Run explicitly = play_at(scene, StepperKind::kDop853, 1e-3 * tolerance);
+            const test::Run implicitly = play_at(scene, StepperKind::kRadau5, 1e-3 * tolerance);
+            for (StepperKind stepper : adaptiveSteppers()) {
+              const test::Run& reference =
+                  stepper == StepperKind::kRadau5 || stepper == StepperKind::kRosenbrock4
+                      ? explicitly
+                      : implicitly;
+              const test::Run run = play_at(scene, stepper, tolerance);
+              const std::string label = name + ", " + methodLabel(stepper, tolerance);
+              // Where the motion ends it ends for all: one that goes on beyond a reference that
+              // stopped for good is wrong.
+              if (run.reason == StopReason::kNone && reference.reason != StopReason::kNone &&
+                  reference.reason != StopReason::kStepLimit) {
+                hazard.judge(std::numeric_limits<double>::infinity(),
+                             label + " goes on beyond: " + reference.message);
+                continue;
+              }
+              hazard.compare(run, reference, withMethod(scene, stepper, tolerance), label, kAllowed,
+                             Columns::kAll);
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace variator_sim::test
