@@ -87,7 +87,7 @@ TEST(RestWatch, AMomentsLowIsNotRest) {
 
 // A stiff coupling settles within 1e-5 s, and the shafts go on accelerating.
 TEST(RestWatch, ASlowMotionAfterAFastTransientIsNotRest) {
-  RestWatch watch;
+  RestWatch watch(1.0);
   watch.reset();
   for (int n = 0; n < 10000; ++n) {
     const double t = 1e-6 * n;

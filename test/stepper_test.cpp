@@ -130,7 +130,8 @@ TEST(StepperErrorEstimate, HasTheOrderThatStepControlAssumes) {
 double worstInside(StepperKind kind, double h) {
   const Scene scene = test::sceneFromText(kShip);
   System drivetrain(scene);
-  const auto stepper = makeStepper<System>(kind, kUnit, true);
+  // A tolerance so loose that the stepper trusts its dense output, whatever its error.
+  const auto stepper = makeStepper<System>(kind, Tolerance{1e9, 0.0}, true);
   const auto exact = makeStepper<System>(StepperKind::kFehlberg78, kUnit, true);
   Node from{0.0, initialState(scene), {}};
   drivetrain(from.x, from.dxdt, 0.0);
@@ -142,7 +143,7 @@ double worstInside(StepperKind kind, double h) {
     State inside;
     State reference;
     State unused;
-    stepper->interpolate(drivetrain, part * h, from, to, inside);
+    EXPECT_TRUE(stepper->interpolate(drivetrain, part * h, from, to, inside));
     // eight short steps of order 8
     Node node = from;
     for (int n = 1; n <= 8; ++n) {

@@ -344,8 +344,10 @@ class MotionOf final : public Motion {
       }
       double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
       if (norm <= 1.0) norm = worseOf(norm, projectEnd(*stepper_, base_.x, end, taken, front_.x));
-      if (norm <= 1.0) norm = worseOf(norm, checkTorque(end));
-      if (norm <= 1.0) norm = worseOf(norm, checkAccelerations(*stepper_, end, front_.x));
+      // These decide whether the step is good. They may keep the next one from growing, but not
+      // make it shorter: what rounding leaves in them does not fall with the step.
+      if (norm <= 1.0) norm = worseOfCheck(norm, checkTorque(end));
+      if (norm <= 1.0) norm = worseOfCheck(norm, checkAccelerations(*stepper_, end, front_.x));
       if (norm <= 1.0 && !switches_.isEmpty()) {
         front_.time = end;
         calcSwitches();
@@ -559,12 +561,22 @@ class MotionOf final : public Motion {
     }
   }
 
+  /// The larger one of `norm` and a check; of one that is passed only so much counts that steps
+  /// stay about as long as they are.
+  static double worseOfCheck(double norm, double check) {
+    constexpr double kSteady = 0.2;
+    return worseOf(norm, check <= 1.0 ? std::min(check, kSteady) : check);
+  }
+
   /// The state has the accelerations, and so the applied torque enters by its rate alone: a step
   /// that passes over a narrow layer (dry friction around standstill) or a kink may know nothing of
   /// it. But Q itself is known at both ends, and
   ///     d = Q(end) - Q(base) - h sum b_i Q'_i
   /// is what the stages have not seen of it: an error J^-1 d of the accelerations. Its size in
   /// units of the tolerance; 0 where the torque is no rate's integral. Sets Q at the front.
+  ///
+  /// What rounding of the angles and velocities makes of Q counts for nothing: a hard coupling
+  /// between shafts that have turned many times makes it large.
   ///
   /// Where Q' answers to the accelerations many times within a step (stiff friction, under an
   /// implicit step) an error of the tolerance's size in those is as many times larger in d.
@@ -575,15 +587,42 @@ class MotionOf final : public Motion {
       drivetrain_.calcTorque(system_.view(end, front_.x), front_.torque.data());
       TorqueGain<State> gain;
       stepper_->calcTorqueGain(system_, base_, front_, gain);
-      const double h = end - base_.time;
+      const double strict = judgeTorque(gain, nullptr);
+      if (strict <= 1.0 || strict != strict) return strict;
+      std::array<double, S> uncertain{};
+      addUncertainTorque(end, uncertain);
+      return judgeTorque(gain, uncertain.data());
+    }
+    return 0.0;
+  }
+  /// Adds what rounding of each angle and velocity at the front makes of Q.
+  void addUncertainTorque(double end, std::array<double, S>& uncertain) {
+    if constexpr (kIntegratesTorque<System>) {
+      constexpr double kUlps = 16.0 * std::numeric_limits<double>::epsilon();
+      State shifted = front_.x;
+      double torque[S];
+      for (std::size_t n = 0; n < 2 * S; ++n) {
+        shifted[n] = front_.x[n] * (1.0 + kUlps);
+        drivetrain_.calcTorque(system_.view(end, shifted), torque);
+        shifted[n] = front_.x[n];
+        for (std::size_t i = 0; i < S; ++i) uncertain[i] += std::abs(torque[i] - front_.torque[i]);
+      }
+      system_.view(end, front_.x);
+    }
+  }
+  /// The size of d, see checkTorque; `uncertain` (S values, or none) is left aside.
+  double judgeTorque(const TorqueGain<State>& gain, const double* uncertain) const {
+    if constexpr (kIntegratesTorque<System>) {
+      const double h = front_.time - base_.time;
       double largest = 0.0;
       for (std::size_t i = 0; i < S; ++i) {
         const double inertia =
             drivetrain_.inertia().entry(static_cast<int>(i), static_cast<int>(i));
         const double size = std::max(std::abs(front_.torque[i]), std::abs(base_.torque[i]));
         const double rounding = 32.0 * std::numeric_limits<double>::epsilon() *
-                                (size + (h + std::abs(end)) * gain.largest_rate[i]);
-        const double d = std::abs(front_.torque[i] - base_.torque[i] - gain.change[i]) - rounding;
+                                (size + (h + std::abs(front_.time)) * gain.largest_rate[i]);
+        const double ignored = rounding + (uncertain == nullptr ? 0.0 : uncertain[i]);
+        const double d = std::abs(front_.torque[i] - base_.torque[i] - gain.change[i]) - ignored;
         const double epsilon =
             std::max(std::abs(front_.x[2 * S + i]), std::abs(base_.x[2 * S + i]));
         const double allowed = inertia * tolerance_.of(epsilon);
@@ -612,7 +651,7 @@ class MotionOf final : public Motion {
       system_(x, here, end);
       double norm = 0.0;
       for (std::size_t n = S; n < x.size(); ++n) {
-        const double part = std::abs(there[n] - here[n]) / tolerance_.of(here[n]);
+        const double part = kCaution * std::abs(there[n] - here[n]) / tolerance_.of(here[n]);
         if (!(part <= norm)) norm = part;
         if (part != part) return part;
       }

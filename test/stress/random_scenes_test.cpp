@@ -2,6 +2,7 @@
 // stop by name. What was once wrong is kept in the folder kept.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 #include <cstdio>
@@ -13,7 +14,6 @@
 
 #include "stress/random_scene.h"
 #include "support/scenes.h"
-#include "variator_sim/io/command_file.h"
 
 namespace variator_sim::test {
 namespace {
@@ -53,8 +53,8 @@ TEST(RandomScene, ALooserToleranceThanSaidIsFound) {
   const std::vector<double> times = evenly(2.0, 16);
   Scene tight = withTolerance(scene, 1e-12);
   tight.solver.stepper = StepperKind::kFehlberg78;
-  const Run reference = play(tight, times);
-  const Run loose = play(withTolerance(scene, 1e-4), times);
+  const test::Run reference = play(tight, times);
+  const test::Run loose = play(withTolerance(scene, 1e-4), times);
   EXPECT_GT(calcDifference(loose, reference, scene.shaftCount(), 1e-9, 1e-9, Columns::kAll),
             kAllowed);
   EXPECT_LT(calcDifference(loose, reference, scene.shaftCount(), 1e-4, 1e-4, Columns::kAll),
