@@ -106,8 +106,8 @@ class SteppingLoop {
   /// @{
   /// Wait-free. A full queue drops the command and counts that.
   void command(const InputCommand& command);
-  /// Hands the request over and waits until the stepping thread has served it; serves it itself when
-  /// that thread has nothing to do.
+  /// Hands the request over and waits until the stepping thread has served it; serves it itself
+  /// when that thread has nothing to do.
   LoopAnswer submit(const LoopRequest& request);
   /// @}
 
