@@ -86,9 +86,14 @@ Hazard::~Hazard() {
   for (const auto& [name, count] : stops_) {
     stops += (stops.empty() ? "" : " ") + name + ":" + std::to_string(count);
   }
+  // Semicolons separate the fields.
+  const auto field = [](std::string words) {
+    std::replace(words.begin(), words.end(), ';', ',');
+    return words + ';';
+  };
   std::ofstream(path, std::ios::app)
-      << hazard_ << ';' << sweep_ << ';' << range_ << ';' << runs_ << ';' << text(worst_error_)
-      << ';' << worst_label_ << ';' << stops << ';' << wrong_ << '\n';
+      << field(hazard_) << field(sweep_) << field(range_) << runs_ << ';' << text(worst_error_)
+      << ';' << text(worst_) << ';' << field(worst_label_) << field(stops) << wrong_ << '\n';
 }
 
 void Hazard::judge(double error, const std::string& label, double allowed) {
