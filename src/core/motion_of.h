@@ -87,7 +87,7 @@ class MotionOf final : public Motion {
       return advance(time);
     } catch (...) {
       // Plugins do not throw; one that does leaves a motion that can go on from its last step.
-      base_ = front_ = safe_;
+      front_ = base_;
       time_ = front_.time;
       restart();
       throw;
@@ -225,12 +225,9 @@ class MotionOf final : public Motion {
       }
     }
     noteTorqueRate();
-    if constexpr (kIntegratesTorque<System>) {
-      drivetrain_.calcTorque(system_.view(front_.time, front_.x), front_.torque.data());
-    }
+    noteTorque();
     noteRows();
     base_ = front_;
-    safe_ = front_;
     if (!switches_.isEmpty()) {
       calcSwitches();
       switches_.moveBase();
@@ -314,7 +311,6 @@ class MotionOf final : public Motion {
       if (!status_.ok()) return false;
     }
     base_ = front_;
-    safe_ = front_;
     system_.noteBase(base_.time, base_.x, base_.dxdt);
     stepper_ = &choice_.stepper();
     return choice_.isFixed() ? stepFixed() : stepAdaptively();
@@ -418,9 +414,7 @@ class MotionOf final : public Motion {
     if (projected == ProjectionResult::kConverged && norm <= 1.0) {
       front_.time = end;
       if (finishStep()) {
-        if constexpr (kIntegratesTorque<System>) {
-          drivetrain_.calcTorque(system_.view(end, front_.x), front_.torque.data());
-        }
+        noteTorque();
         calcSwitches();
         switches_.moveBase();
         ++statistics_.steps;
@@ -584,7 +578,7 @@ class MotionOf final : public Motion {
     front_.time = end;
     if constexpr (kIntegratesTorque<System>) {
       if (!drivetrain_.hasTorques()) return 0.0;
-      drivetrain_.calcTorque(system_.view(end, front_.x), front_.torque.data());
+      noteTorque();
       TorqueGain<State> gain;
       stepper_->calcTorqueGain(system_, base_, front_, gain);
       const double strict = judgeTorque(gain, nullptr);
@@ -628,8 +622,7 @@ class MotionOf final : public Motion {
         const double allowed = inertia * tolerance_.of(epsilon);
         const double answer = h * gain.largest_rate[i] / (inertia * (epsilon + allowed));
         const double norm = d / (std::max(allowed, tolerance_.relative * size) * (1.0 + answer));
-        if (!(norm <= largest)) largest = norm;
-        if (norm != norm) return norm;
+        largest = worseOf(largest, norm);
       }
       return largest;
     }
@@ -652,8 +645,7 @@ class MotionOf final : public Motion {
       double norm = 0.0;
       for (std::size_t n = S; n < x.size(); ++n) {
         const double part = kCaution * std::abs(there[n] - here[n]) / tolerance_.of(here[n]);
-        if (!(part <= norm)) norm = part;
-        if (part != part) return part;
+        norm = worseOf(norm, part);
       }
       if (norm <= 1.0) return norm;
       constexpr double kUlps = 16.0 * std::numeric_limits<double>::epsilon();
@@ -673,6 +665,13 @@ class MotionOf final : public Motion {
     }
     return 0.0;
   }
+  /// Q at the front.
+  void noteTorque() {
+    if constexpr (kIntegratesTorque<System>) {
+      drivetrain_.calcTorque(system_.view(front_.time, front_.x), front_.torque.data());
+    }
+  }
+  /// Q' there, which the last derivative has left.
   void noteTorqueRate() {
     if constexpr (kIntegratesTorque<System>) {
       std::copy_n(system_.torqueRate(), front_.torque_rate.size(), front_.torque_rate.begin());
@@ -1077,7 +1076,6 @@ class MotionOf final : public Motion {
   double time_ = 0.0;  // the present
   Node base_;          // where the last step began
   Node front_;         // where it ended
-  Node safe_;          // the front before the step that is being made
   State dxdt_new_{};   // the stepper's own derivative at the front, before the projection
   double next_step_ = 0.0;
   double step_window_start_ = 0.0;

@@ -98,10 +98,13 @@ class SwitchSearch {
  private:
   bool crosses(const std::vector<double>& values) const {
     for (std::size_t i = 0; i < base_.size(); ++i) {
-      // A switch that starts at zero has no side yet. (Signs, as products may underflow.)
-      if ((base_[i] > 0.0 && values[i] < 0.0) || (base_[i] < 0.0 && values[i] > 0.0)) return true;
+      if (crosses(i, values[i])) return true;
     }
     return false;
+  }
+  /// A switch that starts at zero has no side yet. (Signs, as products may underflow.)
+  bool crosses(std::size_t i, double value) const {
+    return (base_[i] > 0.0 && value < 0.0) || (base_[i] < 0.0 && value > 0.0);
   }
   static void halve(std::vector<double>& values) {
     for (double& value : values) value *= 0.5;
@@ -110,9 +113,7 @@ class SwitchSearch {
     const double width = beyond_length_ - clear_length_;
     double part = 1.0;  // of the bracket: the first root
     for (std::size_t i = 0; i < base_.size(); ++i) {
-      const bool crossed =
-          (base_[i] > 0.0 && beyond_[i] < 0.0) || (base_[i] < 0.0 && beyond_[i] > 0.0);
-      if (crossed) part = std::min(part, clear_[i] / (clear_[i] - beyond_[i]));
+      if (crosses(i, beyond_[i])) part = std::min(part, clear_[i] / (clear_[i] - beyond_[i]));
     }
     if (!(part >= 0.0)) part = 0.5;
     // Never so near an end that nothing is gained should the root lie elsewhere.
