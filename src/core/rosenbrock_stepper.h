@@ -141,10 +141,13 @@ class RosenbrockStepper final : public Stepper<System> {
       return;
     }
     // Forward, into the step: behind it there may be a kink. Truncation and rounding are both about
-    // 1e-9 here.
+    // 1e-9 here. Steps of a few roundings of the time (to a sample just behind a command) have no
+    // such parts; what lies a little further will do for them.
     constexpr double kPart = 1.0 / 8192.0;
-    const double near = from.time + kPart * h;
-    const double far = from.time + 2.0 * kPart * h;
+    constexpr double kLeast = 1024.0 * std::numeric_limits<double>::epsilon();
+    const double width = std::max(kPart * h, kLeast * std::abs(from.time));
+    const double near = from.time + width;
+    const double far = from.time + 2.0 * width;
     State slope_near;
     State slope_far;
     system(from.x, slope_near, near);
