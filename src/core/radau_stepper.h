@@ -185,7 +185,10 @@ class RadauStepper final : public Stepper<System> {
         // A prediction this good needs no second look.
         if (size <= 1e-3 * newton_tolerance_) return true;
       } else {
-        const double rate = size / previous;
+        double rate = size / previous;
+        // The first correction of stages that start from nothing is mostly the predictor that they
+        // lack: the rate that it leads to says too little of the next one.
+        if (iteration == 1) rate = std::max(rate, kFirstRate);
         if (rate >= 0.99) return size <= newton_tolerance_;
         if (rate / (1.0 - rate) * size <= newton_tolerance_) return true;
         // The first rate still has the error of the prediction in it.
@@ -314,6 +317,7 @@ class RadauStepper final : public Stepper<System> {
       {10.048809399827415562, -25.629591447076639387, 15.580782047249223824},
       {-1.3821427331607488958, 10.296258113743306053, -8.9141153805825571577},
       {0.33333333333333333333, -2.6666666666666666667, 3.3333333333333333333}};
+  static constexpr double kFirstRate = 0.01;
   typename System::LinearizationType linearization_;
   double newton_tolerance_;
   double matrix_time_ = std::numeric_limits<double>::quiet_NaN();
