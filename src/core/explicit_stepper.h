@@ -160,7 +160,28 @@ class ExplicitStepper final : public Stepper<System> {
       largest = std::max(largest, std::abs(error) / this->tolerance_.of(x[n], x_new[n]));
       poison += 0.0 * (error + x_new[n]);
     }
+    // Where the torques themselves are integrated nothing else looks at the step (checkTorque).
+    if constexpr (!kIntegratesTorque<System>) {
+      if (largest <= 1.0 && !isResolved(x, x_new, dxdt_new)) largest = kUnresolved;
+    }
     return largest + poison;
+  }
+
+  /// False where the slopes vary so wildly over a step that its error estimate, one number, may be
+  /// small by chance, as on both sides of a pole: where the term of degree 4 of the motion (that of
+  /// the dense output, of order h^4) is more than half a step with the largest slope, and counts.
+  bool isResolved(const State& x, const State& x_new, const State& dxdt_new) const {
+    for (std::size_t n = 0; n < kSize; ++n) {
+      const double last = Tableau::d[Tableau::kStages] * dxdt_new[n];
+      const double term = std::abs(h_ * (sumStages<Tableau::d>(n, Terms{}) + last));
+      if (!(term > 10.0 * this->tolerance_.of(x[n], x_new[n]))) continue;
+      double steepest = std::abs(dxdt_new[n]);
+      for (std::size_t j = 0; j < Tableau::kStages; ++j) {
+        if (Tableau::d[j] != 0.0) steepest = std::max(steepest, std::abs(k_[j][n]));
+      }
+      if (term > 0.5 * h_ * steepest) return false;
+    }
+    return true;
   }
 
   /// Of one with two estimates, e5 of order h^6 and e3 of order h^4: |e5|^2 / sqrt(|e5|^2 +
@@ -289,6 +310,8 @@ class ExplicitStepper final : public Stepper<System> {
     }
   }
 
+  /// What stands for the error of a step that is too long to have one.
+  static constexpr double kUnresolved = 4.0;
   /// Tolerances that the defect of a dense output may be.
   static constexpr double kTrusted = 10.0;
 
