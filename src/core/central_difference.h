@@ -10,9 +10,11 @@
 namespace variator_sim {
 
 /// For each of the 3s directions of (phi, omega, epsilon): calls use(q, above, below, width) with
-/// views shifted by half the width to both sides. [loop]
+/// views shifted by half the width to both sides: in parts of a value, or of `natural_size` where
+/// that is larger. Angles are never shifted by more than parts of 1: laws know them by their sine
+/// and cosine. [loop]
 template <class Use>
-void forEachShift(const StateView& state, int shaft_count, Use use) {
+void forEachShift(const StateView& state, int shaft_count, Use use, double natural_size = 1.0) {
   const double relative_step = std::cbrt(std::numeric_limits<double>::epsilon());
   double above[kMaxShafts];
   double below[kMaxShafts];
@@ -28,7 +30,10 @@ void forEachShift(const StateView& state, int shaft_count, Use use) {
     view_above.*member = above;
     view_below.*member = below;
     for (int i = 0; i < shaft_count; ++i) {
-      const double step = relative_step * std::max(1.0, std::abs(values[i]));
+      double size = std::max(natural_size, std::abs(values[i]));
+      if (part == 0 && size > 1.0) size = 1.0;
+      if (size == 0.0) size = 1.0;
+      const double step = relative_step * size;
       above[i] = values[i] + step;
       below[i] = values[i] - step;
       use(part * shaft_count + i, view_above, view_below, above[i] - below[i]);
