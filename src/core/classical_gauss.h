@@ -372,14 +372,11 @@ class FormalGauss : public AccelerationSystem<Shape> {
     drivetrain_.calcTorque(state, torque);
     drivetrain_.calcReaction(state, torque, reaction);
     if (!drivetrain_.calcRows(state, c0)) return false;
-    drivetrain_.calcMultipliers(reaction, lambda);
-    double in_range[S];
-    drivetrain_.calcFreeTorque(state, torque);
-    drivetrain_.inertia().solve(torque, in_range);
-    drivetrain_.solver().addReaction(lambda, in_range);
+    double rest[S];
+    drivetrain_.calcOutOfRange(reaction, lambda, rest);
     for (int i = 0; i < S; ++i) {
-      moved[i] += std::abs(in_range[i] - epsilon[i]);
-      epsilon[i] = in_range[i];
+      moved[i] += std::abs(rest[i]);
+      epsilon[i] += rest[i];
     }
     return true;
   }

@@ -414,15 +414,16 @@ class Drivetrain {
     constexpr int kDirections = 2 * S;
     double torques[3 * S * S] = {};
     double psi_q[3 * S][kMaxRows] = {};
-    forEachShift(state, S,
-                 [&](int q, const StateView& above, const StateView& below, double width) {
-                   if (q >= kDirections) return;
-                   double upper[S];
-                   double lower[S];
-                   calcTorque(above, upper);
-                   calcTorque(below, lower);
-                   for (int i = 0; i < S; ++i) torques[q * S + i] = (upper[i] - lower[i]) / width;
-                 });
+    const auto differentiate = [&](int q, const StateView& above, const StateView& below,
+                                   double width) {
+      if (q >= kDirections) return;
+      double upper[S];
+      double lower[S];
+      calcTorque(above, upper);
+      calcTorque(below, lower);
+      for (int i = 0; i < S; ++i) torques[q * S + i] = (upper[i] - lower[i]) / width;
+    };
+    forEachShift(state, S, differentiate, naturalSize());
     addRowDerivatives(state, lambda, torques, psi_q);
     double all[3 * S * S];
     calcProjected(torques, psi_q, projector, pull, all);
@@ -572,10 +573,16 @@ class Drivetrain {
   /// lambda (k values) of the part of `reaction` in range(C^T): A lambda = C J^-1 R. Needs
   /// calcRows.
   void calcMultipliers(const double* reaction, double* lambda) const {
-    double accelerations[S];
-    inertia_.solve(reaction, accelerations);
-    solver_.multiply(accelerations, lambda);
-    solver_.solve(lambda, lambda);
+    double rest[S];
+    calcOutOfRange(reaction, lambda, rest);
+  }
+  /// The same, and `rest` = J^-1 (C^T lambda - R) (S values): by so much do accelerations change
+  /// for R to lie in range(C^T). C rest = 0.
+  void calcOutOfRange(const double* reaction, double* lambda, double* rest) const {
+    constexpr double kZeros[kMaxRows] = {};
+    inertia_.solve(reaction, rest);
+    for (int i = 0; i < S; ++i) rest[i] = -rest[i];
+    solver_.constrain(kZeros, rest, lambda);
   }
 
   /// What is left of f, psi, or C eta + c0.
@@ -744,7 +751,14 @@ class Drivetrain {
       K.row(i) /= largest;
       b(i) /= largest;
     }
-    const Vector solution = K.partialPivLu().solve(b);
+    const Eigen::PartialPivLU<Matrix> factors(K);
+    Vector solution = factors.solve(b);
+    // y is as large as rows of C are near to each other, and what rounding of the factors makes of
+    // the zeros in K meets it: that is given back by solving for what is left.
+    for (int round = 0; round < 2; ++round) {
+      const Vector rest = b - K * solution;
+      solution += factors.solve(rest);
+    }
     if (!solution.allFinite()) return false;
     for (int i = 0; i < S; ++i) x[i] = solution(i);
     return true;
