@@ -12,6 +12,7 @@ enum class StopReason : std::uint8_t {
   kStepUnderflow,       ///< the step fell below the resolution of time
   kNonFiniteValue,      ///< a torque or a constraint gave NaN or infinity
   kStepTooLarge,        ///< the estimated error of one fixed step is a large part of the state
+  kToleranceTooSmall,   ///< rounding of the state alone moves the accelerations by more
   kStepLimit,           ///< more steps than `solver/maximum_steps` within one simulated second
   kJumpFailed,          ///< no state on the constraint is reached by a jump of the inputs
   kProjectionFailed     ///< Newton's iteration onto the constraint did not converge
@@ -27,7 +28,8 @@ struct MotionStatus {
   int constraint = -1;   ///< index of the constraint at fault, or -1
   int torque = -1;       ///< index of the torque element at fault, or -1
   double measure = 0.0;  ///< kSingularConstraint: what is left of the rank, relative to its scale;
-                         ///< kStepTooLarge: the step's estimated error, relative to the state
+                         ///< kStepTooLarge: the step's estimated error, relative to the state;
+                         ///< kToleranceTooSmall: what rounding makes, in tolerances
   bool ok() const { return reason == StopReason::kNone; }
 };
 

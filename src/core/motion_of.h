@@ -62,7 +62,8 @@ class MotionOf final : public Motion {
       skips.emplace_back("inertial torques and connection (J is constant)");
     }
     if (std::tuple_size<State>::value == 2 * S) {
-      skips.emplace_back("torque rates and stepped accelerations (the principle gives them)");
+      skips.emplace_back(
+          "torque rates in the stages and stepped accelerations (the principle gives them)");
     }
     if (!drivetrain_.readsTime()) {
       skips.emplace_back(scene_.solver.sleep ? "anything at rest until a command (no explicit time)"
@@ -177,7 +178,21 @@ class MotionOf final : public Motion {
     choice_.reset();
     drivetrain_.resetInputs();
     std::fill(std::begin(row_reference_), std::end(row_reference_), 0.0);
+    std::fill(std::begin(largest_acceleration_), std::end(largest_acceleration_), 0.0);
+    if (knows_start_) {
+      // The accelerations of least reaction are the same every time; commands come later.
+      front_ = Node{};
+      front_.x = start_;
+      initial_result_ = InitialResult::kConsistent;
+      sample_valid_ = false;
+      restart();
+      return;
+    }
     start();
+    // (Where accelerations are no part of the state, a start also leaves guesses of them.)
+    knows_start_ =
+        kIntegratesTorque<System> && initial_result_ == InitialResult::kConsistent && status_.ok();
+    start_ = front_.x;
   }
 
   /// The state at time 0 with the inputs as they are.
@@ -226,6 +241,9 @@ class MotionOf final : public Motion {
     }
     noteTorqueRate();
     noteTorque();
+    noteAccelerations();
+    front_torque_time_ = std::numeric_limits<double>::quiet_NaN();  // inputs may have jumped
+    isTorqueFollowed();
     noteRows();
     base_ = front_;
     if (!switches_.isEmpty()) {
@@ -343,7 +361,10 @@ class MotionOf final : public Motion {
       // These decide whether the step is good. They may keep the next one from growing, but not
       // make it shorter: what rounding leaves in them does not fall with the step.
       if (norm <= 1.0) norm = worseOfCheck(norm, checkTorque(end));
-      if (norm <= 1.0) norm = worseOfCheck(norm, checkAccelerations(*stepper_, end, front_.x));
+      if (norm <= 1.0) {
+        norm = worseOfCheck(norm, checkAccelerations(*stepper_, base_, end, front_.x));
+        if (isToleranceLost()) return false;
+      }
       if (norm <= 1.0 && !switches_.isEmpty()) {
         front_.time = end;
         calcSwitches();
@@ -442,7 +463,7 @@ class MotionOf final : public Motion {
       return false;
     }
     const double unaccounted =
-        worseOf(checkTorque(end), checkAccelerations(*stepper_, end, front_.x));
+        worseOf(checkTorque(end), checkAccelerations(*stepper_, base_, end, front_.x));
     ++fixed_steps_;
     ++statistics_.steps;
     if (!finishStep()) {
@@ -523,6 +544,8 @@ class MotionOf final : public Motion {
       if (!std::isfinite(value)) return false;
     }
     noteTorqueRate();
+    noteAccelerations();
+    if (!isTorqueFollowed()) return false;
     return noteRows();
   }
 
@@ -558,7 +581,7 @@ class MotionOf final : public Motion {
   /// The larger one of `norm` and a check; of one that is passed only so much counts that steps
   /// stay about as long as they are.
   static double worseOfCheck(double norm, double check) {
-    constexpr double kSteady = 0.2;
+    constexpr double kSteady = 0.1;  // StepControl makes it a step no shorter, at every order
     return worseOf(norm, check <= 1.0 ? std::min(check, kSteady) : check);
   }
 
@@ -630,40 +653,88 @@ class MotionOf final : public Motion {
   }
   /// Where the accelerations are no part of the state but follow from it: what the error of x at
   /// `end` makes of them, in units of the tolerance. (Short time constants make it large.) What
-  /// rounding of x alone would make counts for nothing. An implicit step that holds psi = 0 in its
-  /// stages has accelerations of its own, and x fits them.
-  double checkAccelerations(const Stepper<System>& stepper, double end, const State& x) {
+  /// rounding of x alone would make counts for nothing here: shorter steps do not help. It is left
+  /// in `unattainable_`.
+  ///
+  /// Implicit stages that hold psi = 0 have errors along that, and so has x once it is projected.
+  double checkAccelerations(const Stepper<System>& stepper, const Node& from, double end,
+                            const State& x) {
     if constexpr (!kIntegratesTorque<System>) {
-      if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) return 0.0;
+      constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
+      unattainable_ = 0.0;
       const State& error = stepper.error();
-      State there;
       State here;
+      system_(x, here, end);
+      // Roundings of different sign and size, lest those of two angles cancel in their difference.
+      const auto round = [&](State& y) {
+        constexpr double kGolden = 0.6180339887498949;
+        for (std::size_t n = 0; n < y.size(); ++n) {
+          const double turn = kGolden * static_cast<double>(n + 1);
+          const double size = 0.5 + turn - std::floor(turn);
+          y[n] += (n % 2 == 0 ? kUlps : -kUlps) * size * x[n];
+        }
+      };
+      const auto calcChange = [&](const State& y, State& change) {
+        system_(y, change, end);
+        for (std::size_t n = S; n < x.size(); ++n) change[n] = std::abs(change[n] - here[n]);
+      };
       State beside;
       for (std::size_t n = 0; n < x.size(); ++n) beside[n] = x[n] + error[n];
-      system_(beside, there, end);
-      system_(x, here, end);
-      double norm = 0.0;
-      for (std::size_t n = S; n < x.size(); ++n) {
-        const double part = kCaution * std::abs(there[n] - here[n]) / tolerance_.of(here[n]);
-        norm = worseOf(norm, part);
+      if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) {
+        StepProjection<State> projection;
+        projection.result = projectStiffly(stepper, end, end - from.time, beside, projection);
+        if (projection.result != ProjectionResult::kConverged) {
+          return std::numeric_limits<double>::quiet_NaN();
+        }
       }
-      if (norm <= 1.0) return norm;
-      constexpr double kUlps = 16.0 * std::numeric_limits<double>::epsilon();
-      for (std::size_t n = 0; n < x.size(); ++n) {
-        beside[n] = x[n] + std::copysign(kUlps * x[n], error[n]);
-      }
-      State rounded;
-      system_(beside, rounded, end);
-      norm = 0.0;
+      round(beside);
+      State change;
+      calcChange(beside, change);
+      const double h = end - from.time;
+      const double stability =
+          !stepper.isImplicit() && isUnstable(h, x, beside, change) ? kUnstable : 0.0;
+      double norm = stability;
       for (std::size_t n = S; n < x.size(); ++n) {
-        const double part = kCaution *
-                            (std::abs(there[n] - here[n]) - std::abs(rounded[n] - here[n])) /
-                            tolerance_.of(here[n]);
+        norm = worseOf(norm, kCaution * change[n] / tolerance_.of(here[n]));
+      }
+      if (norm <= 1.0) return norm;  // the usual case: rounding included
+      State rounded = x;
+      State uncertain;
+      round(rounded);
+      calcChange(rounded, uncertain);
+      norm = stability;
+      for (std::size_t n = S; n < x.size(); ++n) {
+        const double part = kCaution * (change[n] - uncertain[n]) / tolerance_.of(here[n]);
         norm = worseOf(norm, part);
+        const double largest = std::max(largest_acceleration_[n - S], std::abs(here[n]));
+        unattainable_ = worseOf(unattainable_, uncertain[n] / tolerance_.of(largest));
       }
       return norm;
     }
     return 0.0;
+  }
+  /// True when accelerations answer to a change of the state (from x to `beside`, by `change`) so
+  /// strongly that no explicit step of size h is stable. Its stages may know nothing of it where a
+  /// motion lies exactly on a stiff constraint's slow one; the next rounding would grow without
+  /// bound.
+  static bool isUnstable(double h, const State& x, const State& beside, const State& change) {
+    double moved = 0.0;
+    double answer = 0.0;
+    for (std::size_t n = 0; n < S; ++n) {
+      moved = std::max({moved, std::abs(beside[n] - x[n]) / h, std::abs(beside[S + n] - x[S + n])});
+      answer = std::max(answer, h * change[S + n]);
+    }
+    return answer > kMostStable * moved;
+  }
+  /// True, and the motion stopped at the base, when the accelerations that follow from the state
+  /// are not known to kAttainable tolerances any more, whatever the steps.
+  bool isToleranceLost() {
+    if (!(unattainable_ > kAttainable)) return false;
+    const double measure = unattainable_;
+    front_ = base_;
+    explainStop(StopReason::kToleranceTooSmall);
+    if (status_.reason == StopReason::kToleranceTooSmall) status_.measure = measure;
+    return true;
   }
   /// Q at the front.
   void noteTorque() {
@@ -675,6 +746,47 @@ class MotionOf final : public Motion {
   void noteTorqueRate() {
     if constexpr (kIntegratesTorque<System>) {
       std::copy_n(system_.torqueRate(), front_.torque_rate.size(), front_.torque_rate.begin());
+    }
+  }
+
+  /// The counterpart of checkTorque where the torques make the accelerations themselves: an
+  /// explicit step of controlled size may not pass over a narrow layer of Q. Its ends tell: false
+  /// where Q changes by much that the rates there (trapezoidal rule) do not explain, and a velocity
+  /// could err by that. Keeps Q and Q' of the front otherwise.
+  bool isTorqueFollowed() {
+    if constexpr (!kIntegratesTorque<System>) {
+      if (!drivetrain_.hasTorques() || stepper_->isImplicit() || choice_.isFixed()) return true;
+      double torque[S];
+      double rate[S];
+      const StateView state = drivetrain_.view(front_.time, front_.x.data(), front_.x.data() + S,
+                                               front_.dxdt.data() + S);
+      drivetrain_.calcTorque(state, torque);
+      drivetrain_.calcTorqueRate(state, rate);
+      const double h = front_.time - base_.time;
+      for (std::size_t i = 0; i < S && front_torque_time_ == base_.time; ++i) {
+        const double d =
+            std::abs(torque[i] - front_torque_[i] - 0.5 * h * (rate[i] + front_rate_[i]));
+        const double inertia =
+            drivetrain_.inertia().entry(static_cast<int>(i), static_cast<int>(i));
+        if (h * d <= kUnseen * inertia * tolerance_.of(front_.x[S + i])) continue;
+        if (d > 0.5 * h * std::max(std::abs(rate[i]), std::abs(front_rate_[i]))) return false;
+      }
+      std::copy_n(torque, S, front_torque_);
+      std::copy_n(rate, S, front_rate_);
+      front_torque_time_ = front_.time;
+    }
+    return true;
+  }
+
+  /// How large accelerations that follow from the state have been lately: what a transient has left
+  /// long ago says nothing of now, but they may well be zero for a moment.
+  void noteAccelerations() {
+    if constexpr (!kIntegratesTorque<System>) {
+      const double memory = scene_.solver.absolute_tolerance > 0.0 ? 0.9 : 1.0;
+      for (std::size_t i = 0; i < S; ++i) {
+        double& largest = largest_acceleration_[i];
+        largest = std::max(memory * largest, std::abs(front_.dxdt[S + i]));
+      }
     }
   }
 
@@ -724,9 +836,10 @@ class MotionOf final : public Motion {
     return false;
   }
 
-  /// Stops at the front, where no step however short succeeds, and finds out why.
-  void explainStop() {
-    stop(StopReason::kStepUnderflow);
+  /// Stops at the front, where no step however short succeeds, and finds out why; `otherwise` is
+  /// the reason where nothing more is found.
+  void explainStop(StopReason otherwise = StopReason::kStepUnderflow) {
+    stop(otherwise);
     if (nameBadValue(front_.time, front_.x)) return;
     const StateView state = system_.view(front_.time, front_.x);
     double c0[System::kMaxRows] = {};
@@ -853,7 +966,9 @@ class MotionOf final : public Motion {
         const double moved = projectEnd(stepper, start.x, end, end - start.time, node->x);
         norm = worseOf(norm, moved);
       }
-      if (norm <= 1.0) norm = worseOf(norm, checkAccelerations(stepper, end, node->x));
+      if (norm <= 1.0) {
+        norm = worseOf(norm, checkAccelerations(stepper, start, end, node->x));
+      }
       if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
         node->time = end;
         if (!last && !stepper.projects()) system_(node->x, node->dxdt, end);
@@ -1046,6 +1161,15 @@ class MotionOf final : public Motion {
   static constexpr double kCrudest = 0.1;
   /// So many rejections of one step make `auto` try implicitly.
   static constexpr int kHopeless = 6;
+  /// What four roundings of the state may make of accelerations that follow from it, in tolerances.
+  /// (Errors of a step up to that are ignored, and some of them add up.)
+  static constexpr double kAttainable = 5.0;
+  /// The |h lambda| (h^2 times a stiffness) of explicit steps is some ten at most.
+  static constexpr double kMostStable = 100.0;
+  /// What stands for the error of a step beyond that.
+  static constexpr double kUnstable = 4.0;
+  /// Tolerances of a velocity that may go unexplained by the rates of Q at a step's ends.
+  static constexpr double kUnseen = 30.0;
   /// Component by component an estimated error may be some times too small.
   static constexpr double kCaution = 4.0;
   /// A step ends past a kink by this part of the tolerance and of its length at most.
@@ -1066,6 +1190,8 @@ class MotionOf final : public Motion {
   SwitchSearch switches_;
   bool hopped_ = false;  // the last step was a hop over a kink
   bool sleeping_ = false;
+  bool knows_start_ = false;
+  State start_{};  // at time 0, with the inputs as the scene has them
 
   MotionStatus status_;
   mutable Statistics statistics_;
@@ -1082,6 +1208,11 @@ class MotionOf final : public Motion {
   int steps_in_window_ = 0;
   double restart_time_ = 0.0;  // fixed steps count from here
   std::uint64_t fixed_steps_ = 0;
+  double unattainable_ = 0.0;            // see checkAccelerations
+  double largest_acceleration_[S] = {};  // up to the front, where they follow from the state
+  double front_torque_time_ = 0.0;       // see isTorqueFollowed
+  double front_torque_[S] = {};
+  double front_rate_[S] = {};
   double row_reference_[System::kMaxRows] = {};
   double row_before_[System::kMaxRows][S] = {};  // C at the last front
 

@@ -53,6 +53,10 @@ const char* explain(StopReason reason) {
     case StopReason::kStepTooLarge:
       return "the estimated error of one fixed step is a large part of the state: 'solver/step' is "
              "too large for this motion";
+    case StopReason::kToleranceTooSmall:
+      return "the accelerations follow so steeply from the state that rounding alone moves them by "
+             "more than the tolerance: a larger 'solver/relative_tolerance' or, where the scene "
+             "allows it, 'principle: generalized_gauss', which integrates them";
     case StopReason::kStepLimit:
       return "more steps than 'solver/maximum_steps' within one simulated second";
     case StopReason::kJumpFailed:
@@ -131,6 +135,9 @@ std::string Simulation::describeStatus() const {
   if (status.reason == StopReason::kStepTooLarge) {
     text << " (the error is " << status.measure << " of it, 'solver/step' "
          << formatNumber(scene.solver.step) << " s)";
+  }
+  if (status.reason == StopReason::kToleranceTooSmall) {
+    text << " (4 roundings of the state make " << status.measure << " tolerances)";
   }
   const Sample& sample = motion_->sample();
   text << "; last good state: angle = ";

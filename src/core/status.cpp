@@ -14,6 +14,8 @@ const char* toString(StopReason reason) {
       return "NonFiniteValue";
     case StopReason::kStepTooLarge:
       return "StepTooLarge";
+    case StopReason::kToleranceTooSmall:
+      return "ToleranceTooSmall";
     case StopReason::kStepLimit:
       return "StepLimit";
     case StopReason::kJumpFailed:
