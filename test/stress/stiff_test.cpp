@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -112,7 +113,14 @@ TEST(Stiffness, TransientOfAStiffVariator) {
               const Scene asked = withMethod(scene, stepper, tolerance);
               const std::string label = motion.label() + ", " + methodLabel(stepper, tolerance);
               const auto run = play(asked, times);
-              compareApart(hazard, accelerations, run, exact, asked, label);
+              // Where accelerations are a state of slip / tau at first, one rounding of that stays
+              // in the part that C leaves free, and velocities go on by it.
+              const double rounding = principle == Principle::kGauss
+                                          ? 0.0
+                                          : std::numeric_limits<double>::epsilon() * motion.slip /
+                                                tau * kEnd / tolerance;
+              const double allowed = kAllowed + rounding;
+              compareApart(hazard, accelerations, run, exact, asked, label, allowed);
               if (run.samples.size() <= early.size() || times.size() == early.size()) continue;
               test::Run later;
               test::Run exact_later;
@@ -123,7 +131,7 @@ TEST(Stiffness, TransientOfAStiffVariator) {
               // Steps in the transient may err by tolerance * slip / tau in an acceleration. That
               // is along J^-1 (-u, 1), as C is constant, and decays like the slip itself.
               compareApart(hazard, accelerations, later, exact_later, asked,
-                           label + ", after the transient");
+                           label + ", after the transient", allowed);
             }
           }
         }
@@ -290,11 +298,20 @@ TEST(Stiffness, ElasticCoupling) {
           for (StepperKind stepper : adaptiveSteppers()) {
             for (double tolerance : tolerances()) {
               const Scene asked = withMethod(scene, stepper, tolerance);
+              double allowed = kAllowed * growth;
+              // Rosenbrock's methods lose an order there too.
+              if (stepper == StepperKind::kRosenbrock4 && damping_ratio > 1.0) allowed *= 5.0;
+              // Accelerations that are a state and are projected onto those of the torques know
+              // these to the rounding of the angles, of size 1 (doc/stability.md).
+              if (order == 3 && principle == Principle::kGauss) {
+                allowed +=
+                    64.0 * std::numeric_limits<double>::epsilon() * drive.stiffness / tolerance;
+              }
               compareApart(hazard, accelerations, play(asked, times), exact, asked,
                            "order " + std::to_string(order) + ", " + toString(principle) +
                                ", stiffness " + text(drive.stiffness) + ", damping ratio " +
                                text(damping_ratio) + ", " + methodLabel(stepper, tolerance),
-                           kAllowed * growth);
+                           allowed);
             }
           }
         }
