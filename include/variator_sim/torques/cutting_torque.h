@@ -28,6 +28,14 @@ class CuttingTorque : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {true, teeth_ > 0.0}; }
   Dependence doRateDependence() const override { return {true, teeth_ > 0.0}; }
+  // The third derivative of E jumps at the ends of both ramps.
+  int doSwitchCount() const override { return 4; }
+  void doCalcSwitches(const StateView& state, double* values) const override {
+    values[0] = (state.time - begin_) * ramp_scale_;
+    values[1] = values[0] - 1.0;
+    values[2] = (state.time - end_) * ramp_scale_;
+    values[3] = values[2] - 1.0;
+  }
 
  private:
   int shaft_ = 0;
