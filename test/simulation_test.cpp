@@ -8,6 +8,7 @@
 #include <cstring>
 #include <random>
 #include <string>
+#include <utility>
 
 #include "support/scenes.h"
 
@@ -387,6 +388,31 @@ initial: {velocity: [1, 1, 1]}
   EXPECT_EQ(status.reason, StopReason::kSingularConstraint) << simulation.describeStatus();
   EXPECT_EQ(status.constraint, 1);
   EXPECT_NEAR(status.time, 1.0, 1e-3);
+}
+
+// The torque of the coupling is 1e8 N m/rad times a difference of angles: what one rounding of
+// these makes of the accelerations that follow from it is more than 1e-11 of them.
+TEST(Stops, AToleranceBelowWhatRoundingLeavesIsNamed) {
+  const auto play = [](const std::string& principle) {
+    Simulation simulation(test::withTolerance(test::sceneFromText(R"yaml(
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [coupling, motor]
+coupling: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: 1.0e8, damping: 1.0e4}
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "3*cos(t)"}
+constraints: []
+initial: {angle: [1.0, 1.0], velocity: [2.0, 2.0]}
+principle: )yaml" + principle + "\n"),
+                                              1e-11));
+    simulation.advanceTo(0.1);
+    return std::make_pair(simulation.status().reason, simulation.describeStatus());
+  };
+  const auto [reason, text] = play("gauss");
+  EXPECT_EQ(reason, StopReason::kToleranceTooSmall) << text;
+  EXPECT_NE(text.find("ToleranceTooSmall at t = "), std::string::npos) << text;
+  EXPECT_NE(text.find("'principle: generalized_gauss'"), std::string::npos) << text;
+  EXPECT_EQ(play("generalized_gauss").first, StopReason::kNone);
 }
 
 TEST(Stops, AnEscapeInFiniteTimeIsNamed) {
