@@ -9,13 +9,23 @@
 
 namespace variator_sim {
 
+/// By how much value i of `values` (`count` of them) is shifted to each side: by a part of itself,
+/// or of `natural_size` where that is larger, or, at zero, of the largest among them. Angles are
+/// never shifted by more than that part of 1: laws know them by their sine and cosine. [loop]
+inline double calcShift(const double* values, int count, int i, bool are_angles,
+                        double natural_size) {
+  double size = std::max(natural_size, std::abs(values[i]));
+  if (size == 0.0) {
+    for (int j = 0; j < count; ++j) size = std::max(size, std::abs(values[j]));
+  }
+  if (size == 0.0 || (are_angles && size > 1.0)) size = 1.0;
+  return std::cbrt(std::numeric_limits<double>::epsilon()) * size;
+}
+
 /// For each of the 3s directions of (phi, omega, epsilon): calls use(q, above, below, width) with
-/// views shifted by half the width to both sides: in parts of a value, or of `natural_size` where
-/// that is larger. Angles are never shifted by more than parts of 1: laws know them by their sine
-/// and cosine. [loop]
+/// views shifted by half the width to both sides, see calcShift. [loop]
 template <class Use>
 void forEachShift(const StateView& state, int shaft_count, Use use, double natural_size = 1.0) {
-  const double relative_step = std::cbrt(std::numeric_limits<double>::epsilon());
   double above[kMaxShafts];
   double below[kMaxShafts];
   for (int part = 0; part < 3; ++part) {
@@ -30,10 +40,7 @@ void forEachShift(const StateView& state, int shaft_count, Use use, double natur
     view_above.*member = above;
     view_below.*member = below;
     for (int i = 0; i < shaft_count; ++i) {
-      double size = std::max(natural_size, std::abs(values[i]));
-      if (part == 0 && size > 1.0) size = 1.0;
-      if (size == 0.0) size = 1.0;
-      const double step = relative_step * size;
+      const double step = calcShift(values, shaft_count, i, part == 0, natural_size);
       above[i] = values[i] + step;
       below[i] = values[i] - step;
       use(part * shaft_count + i, view_above, view_below, above[i] - below[i]);

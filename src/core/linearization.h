@@ -14,7 +14,8 @@
 #include <cmath>
 #include <complex>
 #include <cstddef>
-#include <limits>
+
+#include "central_difference.h"
 
 namespace variator_sim {
 
@@ -108,13 +109,12 @@ class Linearization {
 };
 
 /// Writes the blocks of `linearization` by central differences of `system`, for systems that have
-/// no derivatives of their own. Without `reads_angles` the first block is zero. Values below
-/// `natural_size`, the ratio of absolute and relative tolerance, are shifted as if they had it.
+/// no derivatives of their own. Without `reads_angles` the first block is zero. `natural_size`, the
+/// ratio of absolute and relative tolerance: see calcShift.
 template <class System, int S, int L>
 void linearizeByDifferences(System& system, double t, const typename System::State& x,
                             bool reads_angles, double natural_size,
                             Linearization<S, L>& linearization) {
-  const double relative_step = std::cbrt(std::numeric_limits<double>::epsilon());
   constexpr std::size_t kShafts = S;
   typename System::State shifted = x;
   typename System::State above;
@@ -126,17 +126,7 @@ void linearizeByDifferences(System& system, double t, const typename System::Sta
     }
     for (int j = 0; j < S; ++j) {
       const std::size_t n = kShafts * static_cast<std::size_t>(l) + static_cast<std::size_t>(j);
-      double size = std::max(natural_size, std::abs(x[n]));
-      if (size == 0.0) {
-        // as large as what the other shafts have
-        for (std::size_t i = 0; i < kShafts; ++i) {
-          size = std::max(size, std::abs(x[kShafts * static_cast<std::size_t>(l) + i]));
-        }
-        if (size == 0.0) size = 1.0;
-      }
-      // Laws know angles by their sine and cosine.
-      if (l == 0) size = std::min(size, 1.0);
-      const double step = relative_step * size;
+      const double step = calcShift(x.data() + l * S, S, j, l == 0, natural_size);
       shifted[n] = x[n] + step;
       const double upper = shifted[n];
       system(shifted, above, t);
