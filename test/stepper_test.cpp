@@ -15,7 +15,7 @@ namespace {
 
 using System = GeneralizedGauss<Shape<2>>;
 using State = System::State;
-using Node = StepNode<State>;
+using Node = StepNode<System>;
 
 /// Error estimates are told in units of this: absolute only.
 constexpr Tolerance kUnit{1e-10, 0.0};

@@ -23,7 +23,7 @@ template <class Tableau, class System, std::size_t kFirst>
 class ExplicitStepper final : public Stepper<System> {
  public:
   using State = typename System::State;
-  using Node = StepNode<State>;
+  using Node = StepNode<System>;
 
   explicit ExplicitStepper(Tolerance tolerance) : Stepper<System>(tolerance) {}
 
@@ -53,7 +53,7 @@ class ExplicitStepper final : public Stepper<System> {
   }
 
   void calcTorqueGain(System& /*system*/, const Node& from, const Node& to,
-                      TorqueGain<State>& gain) override {
+                      TorqueGain<System>& gain) override {
     torque_rates_[0] = from.torque_rate;
     for (std::size_t i = 0; i < torque_rates_.size(); ++i) {
       gain.add(to.time - from.time, Tableau::b[i], torque_rates_[i].data());

@@ -63,6 +63,7 @@ class JumpMap {
   /// d epsilon / d theta as a system that Boost.Odeint can step.
   class Path {
    public:
+    static constexpr int kShafts = S;
     using State = Vector;
     Path(Drivetrain<Shape>& drivetrain, bool formal) : drivetrain_(drivetrain), formal_(formal) {}
     void begin(double t, const double* phi, const double* omega, const double* u0,

@@ -19,6 +19,7 @@
 #include "motion.h"
 #include "projection.h"
 #include "rest.h"
+#include "step_checks.h"
 #include "step_control.h"
 #include "stepper_choice.h"
 #include "switch_search.h"
@@ -36,6 +37,7 @@ class MotionOf final : public Motion {
         choice_(scene_.solver, system_.readsAngles()),
         stepper_(&choice_.stepper()),
         tolerance_{scene_.solver.absolute_tolerance, scene_.solver.relative_tolerance},
+        checks_(system_, tolerance_),
         control_(1),
         rest_(scene_.solver.maximum_step) {
     switches_.setCount(drivetrain_.switchCount());
@@ -140,7 +142,7 @@ class MotionOf final : public Motion {
  private:
   static constexpr int S = System::kShafts;
   using State = typename System::State;
-  using Node = StepNode<State>;
+  using Node = StepNode<System>;
   static constexpr double kNever = std::numeric_limits<double>::infinity();
 
   bool isSampleFinite() const {
@@ -178,7 +180,7 @@ class MotionOf final : public Motion {
     choice_.reset();
     drivetrain_.resetInputs();
     std::fill(std::begin(row_reference_), std::end(row_reference_), 0.0);
-    std::fill(std::begin(largest_acceleration_), std::end(largest_acceleration_), 0.0);
+    checks_.reset();
     if (knows_start_) {
       // The accelerations of least reaction are the same every time; commands come later.
       front_ = Node{};
@@ -239,11 +241,8 @@ class MotionOf final : public Motion {
         return;
       }
     }
-    noteTorqueRate();
-    noteTorque();
-    noteAccelerations();
-    front_torque_time_ = std::numeric_limits<double>::quiet_NaN();  // inputs may have jumped
-    isTorqueFollowed();
+    checks_.noteTorque(front_);
+    checks_.noteAccelerations(front_);
     noteRows();
     base_ = front_;
     if (!switches_.isEmpty()) {
@@ -341,6 +340,7 @@ class MotionOf final : public Motion {
     int rejections = 0;
     double h = std::min(next_step_, solver.maximum_step);
     double usual = 0.0;  // the step that would have been made but for a kink
+    const double shortest = 2.0 * kResolution * std::abs(base_.time);  // that a kink asks for
     const double hop = switches_.hop();
     switches_.beginStep(kKinkResolution * solver.relative_tolerance);
     hopped_ = hop > 0.0 && hopOverKink(hop);
@@ -360,24 +360,22 @@ class MotionOf final : public Motion {
       if (norm <= 1.0) norm = worseOf(norm, projectEnd(*stepper_, base_.x, end, taken, front_.x));
       // These decide whether the step is good. They may keep the next one from growing, but not
       // make it shorter: what rounding leaves in them does not fall with the step.
-      if (norm <= 1.0) norm = worseOfCheck(norm, checkTorque(end));
+      front_.time = end;
+      if (norm <= 1.0) norm = worseOfCheck(norm, checks_.checkTorque(*stepper_, base_, front_));
       if (norm <= 1.0) {
-        norm = worseOfCheck(norm, checkAccelerations(*stepper_, base_, end, front_.x));
-        if (isToleranceLost()) return false;
+        norm = worseOfCheck(norm, checkAccelerations());
+        if (stopWhereToleranceIsLost()) return false;
       }
       if (norm <= 1.0 && !switches_.isEmpty()) {
-        front_.time = end;
         calcSwitches();
         usual = std::max(usual, taken);
-        const double smallest = 2.0 * kResolution * std::abs(base_.time);
-        if (switches_.note(taken, smallest, &h) == SwitchSearch::Verdict::kRepeat) {
+        if (switches_.note(taken, shortest, &h) == SwitchSearch::Verdict::kRepeat) {
           ++statistics_.rejected_steps;
           front_ = base_;
           continue;
         }
       }
       if (norm <= 1.0) {
-        front_.time = end;
         ++statistics_.steps;
         double factor = control_.growth(norm);
         if (rejected) factor = std::min(1.0, factor);
@@ -395,11 +393,9 @@ class MotionOf final : public Motion {
       ++statistics_.rejected_steps;
       // A kink within the step is reason enough for its error: up to there, then.
       if (!switches_.isEmpty() && std::isfinite(norm)) {
-        front_.time = end;
         calcSwitches();
         front_ = base_;
-        const double smallest = 2.0 * kResolution * std::abs(base_.time);
-        if (switches_.noteRejected(taken, smallest, &h)) continue;
+        if (switches_.noteRejected(taken, shortest, &h)) continue;
       }
       rejected = true;
       h = taken * control_.shrink(norm);
@@ -435,7 +431,7 @@ class MotionOf final : public Motion {
     if (projected == ProjectionResult::kConverged && norm <= 1.0) {
       front_.time = end;
       if (finishStep()) {
-        noteTorque();
+        checks_.noteTorque(front_);
         calcSwitches();
         switches_.moveBase();
         ++statistics_.steps;
@@ -462,8 +458,9 @@ class MotionOf final : public Motion {
       explainStop();
       return false;
     }
+    front_.time = end;
     const double unaccounted =
-        worseOf(checkTorque(end), checkAccelerations(*stepper_, base_, end, front_.x));
+        worseOf(checks_.checkTorque(*stepper_, base_, front_), checkAccelerations());
     ++fixed_steps_;
     ++statistics_.steps;
     if (!finishStep()) {
@@ -499,7 +496,7 @@ class MotionOf final : public Motion {
     if (drivetrain_.constraintCount() == 0) return 0.0;
     StepProjection<State> own;
     if (stepper.isImplicit()) {
-      own.result = projectStiffly(stepper, end, h, x, own);
+      own.result = projectStiffly(system_, stepper, end, h, x, own);
     } else if (!stepper.projects()) {
       own.result = system_.project(end, x, own.moved, &own.iterations);
     }
@@ -513,25 +510,6 @@ class MotionOf final : public Motion {
     return calcErrorNorm(projection.moved, x_old, x, tolerance_);
   }
 
-  ProjectionResult projectStiffly(const Stepper<System>& stepper, double end, double h, State& x,
-                                  StepProjection<State>& projection) {
-    Node from;
-    Node to;
-    from.time = end - h;
-    to.time = end;
-    State slope{};
-    if (stepper.keepsConstraints()) stepper.calcSlope(end, from, to, slope);
-    return projectStiffly(stepper, end, h, slope, x, projection.moved, &projection.iterations);
-  }
-  ProjectionResult projectStiffly(const Stepper<System>& stepper, double t, double h,
-                                  const State& slope, State& x, State& moved,
-                                  std::uint64_t* iterations) {
-    // Accelerations that are no state are the slope's; without one there is nothing stiff to do.
-    return kIntegratesTorque<System> || stepper.keepsConstraints()
-               ? system_.projectStiffly(t, h, slope, x, moved, iterations)
-               : system_.project(t, x, moved, iterations);
-  }
-
   /// Derivative at the new front and the check of C. False when the front is no good: then either
   /// the motion has stopped or the step is to be repeated shorter.
   bool finishStep() {
@@ -543,9 +521,9 @@ class MotionOf final : public Motion {
     for (double value : front_.dxdt) {
       if (!std::isfinite(value)) return false;
     }
-    noteTorqueRate();
-    noteAccelerations();
-    if (!isTorqueFollowed()) return false;
+    checks_.noteTorqueRate(front_);
+    checks_.noteAccelerations(front_);
+    if (!choice_.isFixed() && !checks_.isTorqueFollowed(*stepper_, base_, front_)) return false;
     return noteRows();
   }
 
@@ -585,209 +563,19 @@ class MotionOf final : public Motion {
     return worseOf(norm, check <= 1.0 ? std::min(check, kSteady) : check);
   }
 
-  /// The state has the accelerations, and so the applied torque enters by its rate alone: a step
-  /// that passes over a narrow layer (dry friction around standstill) or a kink may know nothing of
-  /// it. But Q itself is known at both ends, and
-  ///     d = Q(end) - Q(base) - h sum b_i Q'_i
-  /// is what the stages have not seen of it: an error J^-1 d of the accelerations. Its size in
-  /// units of the tolerance; 0 where the torque is no rate's integral. Sets Q at the front.
-  ///
-  /// What rounding of the angles and velocities makes of Q counts for nothing: a hard coupling
-  /// between shafts that have turned many times makes it large.
-  ///
-  /// Where Q' answers to the accelerations many times within a step (stiff friction, under an
-  /// implicit step) an error of the tolerance's size in those is as many times larger in d.
-  double checkTorque(double end) {
-    front_.time = end;
-    if constexpr (kIntegratesTorque<System>) {
-      if (!drivetrain_.hasTorques()) return 0.0;
-      noteTorque();
-      TorqueGain<State> gain;
-      stepper_->calcTorqueGain(system_, base_, front_, gain);
-      const double strict = judgeTorque(gain, nullptr);
-      if (strict <= 1.0 || strict != strict) return strict;
-      std::array<double, S> uncertain{};
-      addUncertainTorque(end, uncertain);
-      return judgeTorque(gain, uncertain.data());
-    }
-    return 0.0;
-  }
-  /// Adds what rounding of each angle and velocity at the front makes of Q.
-  void addUncertainTorque(double end, std::array<double, S>& uncertain) {
-    if constexpr (kIntegratesTorque<System>) {
-      constexpr double kUlps = 16.0 * std::numeric_limits<double>::epsilon();
-      State shifted = front_.x;
-      double torque[S];
-      for (std::size_t n = 0; n < 2 * S; ++n) {
-        shifted[n] = front_.x[n] * (1.0 + kUlps);
-        drivetrain_.calcTorque(system_.view(end, shifted), torque);
-        shifted[n] = front_.x[n];
-        for (std::size_t i = 0; i < S; ++i) uncertain[i] += std::abs(torque[i] - front_.torque[i]);
-      }
-      system_.view(end, front_.x);
-    }
-  }
-  /// The size of d, see checkTorque; `uncertain` (S values, or none) is left aside.
-  double judgeTorque(const TorqueGain<State>& gain, const double* uncertain) const {
-    if constexpr (kIntegratesTorque<System>) {
-      const double h = front_.time - base_.time;
-      double largest = 0.0;
-      for (std::size_t i = 0; i < S; ++i) {
-        const double inertia =
-            drivetrain_.inertia().entry(static_cast<int>(i), static_cast<int>(i));
-        const double size = std::max(std::abs(front_.torque[i]), std::abs(base_.torque[i]));
-        const double rounding = 32.0 * std::numeric_limits<double>::epsilon() *
-                                (size + (h + std::abs(front_.time)) * gain.largest_rate[i]);
-        const double ignored = rounding + (uncertain == nullptr ? 0.0 : uncertain[i]);
-        const double d = std::abs(front_.torque[i] - base_.torque[i] - gain.change[i]) - ignored;
-        const double epsilon =
-            std::max(std::abs(front_.x[2 * S + i]), std::abs(base_.x[2 * S + i]));
-        const double allowed = inertia * tolerance_.of(epsilon);
-        const double answer = h * gain.largest_rate[i] / (inertia * (epsilon + allowed));
-        const double norm = d / (std::max(allowed, tolerance_.relative * size) * (1.0 + answer));
-        largest = worseOf(largest, norm);
-      }
-      return largest;
-    }
-    return 0.0;
-  }
-  /// Where the accelerations are no part of the state but follow from it: what the error of x at
-  /// `end` makes of them, in units of the tolerance. (Short time constants make it large.) What
-  /// rounding of x alone would make counts for nothing here: shorter steps do not help. It is left
-  /// in `unattainable_`.
-  ///
-  /// Implicit stages that hold psi = 0 have errors along that, and so has x once it is projected.
-  double checkAccelerations(const Stepper<System>& stepper, const Node& from, double end,
-                            const State& x) {
-    if constexpr (!kIntegratesTorque<System>) {
-      constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
-      unattainable_ = 0.0;
-      const State& error = stepper.error();
-      State here;
-      system_(x, here, end);
-      // Roundings of different sign and size, lest those of two angles cancel in their difference.
-      const auto round = [&](State& y) {
-        constexpr double kGolden = 0.6180339887498949;
-        for (std::size_t n = 0; n < y.size(); ++n) {
-          const double turn = kGolden * static_cast<double>(n + 1);
-          const double size = 0.5 + turn - std::floor(turn);
-          y[n] += (n % 2 == 0 ? kUlps : -kUlps) * size * x[n];
-        }
-      };
-      const auto calcChange = [&](const State& y, State& change) {
-        system_(y, change, end);
-        for (std::size_t n = S; n < x.size(); ++n) change[n] = std::abs(change[n] - here[n]);
-      };
-      State beside;
-      for (std::size_t n = 0; n < x.size(); ++n) beside[n] = x[n] + error[n];
-      if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) {
-        StepProjection<State> projection;
-        projection.result = projectStiffly(stepper, end, end - from.time, beside, projection);
-        if (projection.result != ProjectionResult::kConverged) {
-          return std::numeric_limits<double>::quiet_NaN();
-        }
-      }
-      round(beside);
-      State change;
-      calcChange(beside, change);
-      const double h = end - from.time;
-      const double stability =
-          !stepper.isImplicit() && isUnstable(h, x, beside, change) ? kUnstable : 0.0;
-      double norm = stability;
-      for (std::size_t n = S; n < x.size(); ++n) {
-        norm = worseOf(norm, kCaution * change[n] / tolerance_.of(here[n]));
-      }
-      if (norm <= 1.0) return norm;  // the usual case: rounding included
-      State rounded = x;
-      State uncertain;
-      round(rounded);
-      calcChange(rounded, uncertain);
-      norm = stability;
-      for (std::size_t n = S; n < x.size(); ++n) {
-        const double part = kCaution * (change[n] - uncertain[n]) / tolerance_.of(here[n]);
-        norm = worseOf(norm, part);
-        const double largest = std::max(largest_acceleration_[n - S], std::abs(here[n]));
-        unattainable_ = worseOf(unattainable_, uncertain[n] / tolerance_.of(largest));
-      }
-      return norm;
-    }
-    return 0.0;
-  }
-  /// True when accelerations answer to a change of the state (from x to `beside`, by `change`) so
-  /// strongly that no explicit step of size h is stable. Its stages may know nothing of it where a
-  /// motion lies exactly on a stiff constraint's slow one; the next rounding would grow without
-  /// bound.
-  static bool isUnstable(double h, const State& x, const State& beside, const State& change) {
-    double moved = 0.0;
-    double answer = 0.0;
-    for (std::size_t n = 0; n < S; ++n) {
-      moved = std::max({moved, std::abs(beside[n] - x[n]) / h, std::abs(beside[S + n] - x[S + n])});
-      answer = std::max(answer, h * change[S + n]);
-    }
-    return answer > kMostStable * moved;
+  double checkAccelerations() {
+    const State* dxdt = stepper_->projects() ? &dxdt_new_ : nullptr;
+    return checks_.checkAccelerations(*stepper_, base_, front_.time, front_.x, dxdt);
   }
   /// True, and the motion stopped at the base, when the accelerations that follow from the state
-  /// are not known to kAttainable tolerances any more, whatever the steps.
-  bool isToleranceLost() {
-    if (!(unattainable_ > kAttainable)) return false;
-    const double measure = unattainable_;
+  /// are not known to the tolerance any more.
+  bool stopWhereToleranceIsLost() {
+    if (!checks_.isToleranceLost()) return false;
+    const double measure = checks_.unattainable();
     front_ = base_;
     explainStop(StopReason::kToleranceTooSmall);
     if (status_.reason == StopReason::kToleranceTooSmall) status_.measure = measure;
     return true;
-  }
-  /// Q at the front.
-  void noteTorque() {
-    if constexpr (kIntegratesTorque<System>) {
-      drivetrain_.calcTorque(system_.view(front_.time, front_.x), front_.torque.data());
-    }
-  }
-  /// Q' there, which the last derivative has left.
-  void noteTorqueRate() {
-    if constexpr (kIntegratesTorque<System>) {
-      std::copy_n(system_.torqueRate(), front_.torque_rate.size(), front_.torque_rate.begin());
-    }
-  }
-
-  /// The counterpart of checkTorque where the torques make the accelerations themselves: an
-  /// explicit step of controlled size may not pass over a narrow layer of Q. Its ends tell: false
-  /// where Q changes by much that the rates there (trapezoidal rule) do not explain, and a velocity
-  /// could err by that. Keeps Q and Q' of the front otherwise.
-  bool isTorqueFollowed() {
-    if constexpr (!kIntegratesTorque<System>) {
-      if (!drivetrain_.hasTorques() || stepper_->isImplicit() || choice_.isFixed()) return true;
-      double torque[S];
-      double rate[S];
-      const StateView state = drivetrain_.view(front_.time, front_.x.data(), front_.x.data() + S,
-                                               front_.dxdt.data() + S);
-      drivetrain_.calcTorque(state, torque);
-      drivetrain_.calcTorqueRate(state, rate);
-      const double h = front_.time - base_.time;
-      for (std::size_t i = 0; i < S && front_torque_time_ == base_.time; ++i) {
-        const double d =
-            std::abs(torque[i] - front_torque_[i] - 0.5 * h * (rate[i] + front_rate_[i]));
-        const double inertia =
-            drivetrain_.inertia().entry(static_cast<int>(i), static_cast<int>(i));
-        if (h * d <= kUnseen * inertia * tolerance_.of(front_.x[S + i])) continue;
-        if (d > 0.5 * h * std::max(std::abs(rate[i]), std::abs(front_rate_[i]))) return false;
-      }
-      std::copy_n(torque, S, front_torque_);
-      std::copy_n(rate, S, front_rate_);
-      front_torque_time_ = front_.time;
-    }
-    return true;
-  }
-
-  /// How large accelerations that follow from the state have been lately: what a transient has left
-  /// long ago says nothing of now, but they may well be zero for a moment.
-  void noteAccelerations() {
-    if constexpr (!kIntegratesTorque<System>) {
-      const double memory = scene_.solver.absolute_tolerance > 0.0 ? 0.9 : 1.0;
-      for (std::size_t i = 0; i < S; ++i) {
-        double& largest = largest_acceleration_[i];
-        largest = std::max(memory * largest, std::abs(front_.dxdt[S + i]));
-      }
-    }
   }
 
   /// The switches at the front.
@@ -919,9 +707,9 @@ class MotionOf final : public Motion {
       if (stepper_->keepsConstraints()) stepper_->calcSlope(time_, base_, front_, slope);
       const double h = front_.time - base_.time;
       const ProjectionResult result =
-          stepper_->isImplicit()
-              ? projectStiffly(*stepper_, time_, h, slope, x, moved, &statistics_.projections)
-              : system_.project(time_, x, moved, &statistics_.projections);
+          stepper_->isImplicit() ? projectStiffly(system_, *stepper_, time_, h, slope, x, moved,
+                                                  &statistics_.projections)
+                                 : system_.project(time_, x, moved, &statistics_.projections);
       if (result == ProjectionResult::kConverged) return;
     }
     Node node;
@@ -967,7 +755,8 @@ class MotionOf final : public Motion {
         norm = worseOf(norm, moved);
       }
       if (norm <= 1.0) {
-        norm = worseOf(norm, checkAccelerations(stepper, start, end, node->x));
+        const State* dxdt = stepper.projects() ? &node->dxdt : nullptr;
+        norm = worseOf(norm, checks_.checkAccelerations(stepper, start, end, node->x, dxdt));
       }
       if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
         node->time = end;
@@ -1161,17 +950,6 @@ class MotionOf final : public Motion {
   static constexpr double kCrudest = 0.1;
   /// So many rejections of one step make `auto` try implicitly.
   static constexpr int kHopeless = 6;
-  /// What four roundings of the state may make of accelerations that follow from it, in tolerances.
-  /// (Errors of a step up to that are ignored, and some of them add up.)
-  static constexpr double kAttainable = 5.0;
-  /// The |h lambda| (h^2 times a stiffness) of explicit steps is some ten at most.
-  static constexpr double kMostStable = 100.0;
-  /// What stands for the error of a step beyond that.
-  static constexpr double kUnstable = 4.0;
-  /// Tolerances of a velocity that may go unexplained by the rates of Q at a step's ends.
-  static constexpr double kUnseen = 30.0;
-  /// Component by component an estimated error may be some times too small.
-  static constexpr double kCaution = 4.0;
   /// A step ends past a kink by this part of the tolerance and of its length at most.
   static constexpr double kKinkResolution = 0.1;
   /// Relative to the time reached: shorter steps no longer change the time reliably.
@@ -1185,6 +963,7 @@ class MotionOf final : public Motion {
   StepperChoice<System> choice_;
   Stepper<System>* stepper_;  // that made the last step
   Tolerance tolerance_;
+  StepChecks<System> checks_;
   StepControl control_;
   RestWatch rest_;
   SwitchSearch switches_;
@@ -1208,11 +987,6 @@ class MotionOf final : public Motion {
   int steps_in_window_ = 0;
   double restart_time_ = 0.0;  // fixed steps count from here
   std::uint64_t fixed_steps_ = 0;
-  double unattainable_ = 0.0;            // see checkAccelerations
-  double largest_acceleration_[S] = {};  // up to the front, where they follow from the state
-  double front_torque_time_ = 0.0;       // see isTorqueFollowed
-  double front_torque_[S] = {};
-  double front_rate_[S] = {};
   double row_reference_[System::kMaxRows] = {};
   double row_before_[System::kMaxRows][S] = {};  // C at the last front
 

@@ -28,7 +28,7 @@ template <class System>
 class RadauStepper final : public Stepper<System> {
  public:
   using State = typename System::State;
-  using Node = StepNode<State>;
+  using Node = StepNode<System>;
 
   explicit RadauStepper(Tolerance tolerance) : Stepper<System>(tolerance) {
     constexpr double kEpsilon = std::numeric_limits<double>::epsilon();

@@ -22,7 +22,7 @@ template <class System>
 class RosenbrockStepper final : public Stepper<System> {
  public:
   using State = typename System::State;
-  using Node = StepNode<State>;
+  using Node = StepNode<System>;
 
   explicit RosenbrockStepper(Tolerance tolerance) : Stepper<System>(tolerance) {}
 

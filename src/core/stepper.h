@@ -12,25 +12,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <tuple>
 #include <type_traits>
 
 #include "projection.h"
 #include "step_control.h"
 
 namespace variator_sim {
-
-/// A state of a motion and its derivative.
-template <class State>
-struct StepNode {
-  /// Of (phi, omega, epsilon).
-  using Torque = std::array<double, std::tuple_size<State>::value / 3>;
-  double time = 0.0;
-  State x{};
-  State dxdt{};
-  Torque torque{};       ///< Q there, N m, where the system integrates its rate
-  Torque torque_rate{};  ///< Q' there, N m/s, likewise
-};
 
 /// True for systems that know the applied torque by its rate only: the accelerations are part of
 /// their state, and x' has Q' in it.
@@ -39,11 +26,23 @@ inline constexpr bool kIntegratesTorque = false;
 template <class System>
 inline constexpr bool kIntegratesTorque<System, std::enable_if_t<System::kIntegratesTorque>> = true;
 
+/// A state of a motion and its derivative.
+template <class System>
+struct StepNode {
+  using State = typename System::State;
+  using Torque = std::array<double, static_cast<std::size_t>(System::kShafts)>;
+  double time = 0.0;
+  State x{};
+  State dxdt{};
+  Torque torque{};       ///< Q there, N m, where StepChecks has written it
+  Torque torque_rate{};  ///< Q' there, N m/s, likewise
+};
+
 /// What the torque rates at the stages of a step add up to.
-template <class State>
+template <class System>
 struct TorqueGain {
-  typename StepNode<State>::Torque change{};        ///< h sum b_i Q'_i, N m
-  typename StepNode<State>::Torque largest_rate{};  ///< max |Q'_i|, N m/s
+  typename StepNode<System>::Torque change{};        ///< h sum b_i Q'_i, N m
+  typename StepNode<System>::Torque largest_rate{};  ///< max |Q'_i|, N m/s
   void add(double h, double weight, const double* rate) {
     for (std::size_t i = 0; i < change.size(); ++i) {
       change[i] += h * weight * rate[i];
@@ -65,7 +64,7 @@ template <class System>
 class Stepper {
  public:
   using State = typename System::State;
-  using Node = StepNode<State>;
+  using Node = StepNode<System>;
 
   virtual ~Stepper() = default;
   /// The scheme's name, as in `solver/stepper`.
@@ -99,7 +98,7 @@ class Stepper {
   /// change of Q. By default from the inside of the step, at the points of Radau's quadrature of
   /// order 5. [loop]
   virtual void calcTorqueGain(System& system, const Node& from, const Node& to,
-                              TorqueGain<State>& gain) {
+                              TorqueGain<System>& gain) {
     if constexpr (kIntegratesTorque<System>) {
       constexpr double kPoints[] = {0.15505102572168219, 0.64494897427831781, 1.0};
       constexpr double kWeights[] = {0.37640306270046728, 0.51248582618842162, 1.0 / 9.0};
@@ -147,7 +146,7 @@ struct StageRecorder {
   using State = typename System::State;
   System& system;
   std::array<State, kStages>& stages;
-  std::array<typename StepNode<State>::Torque, kStages>& torque_rates;
+  std::array<typename StepNode<System>::Torque, kStages>& torque_rates;
   std::size_t next = 1;
   void operator()(const State& x, State& dxdt, double t) {
     system(x, dxdt, t);
@@ -167,7 +166,7 @@ template <class System>
 class Rk4Stepper final : public Stepper<System> {
  public:
   using State = typename System::State;
-  using Node = StepNode<State>;
+  using Node = StepNode<System>;
   explicit Rk4Stepper(Tolerance tolerance) : Stepper<System>(tolerance) {}
   const char* name() const override { return "rk4"; }
   int errorOrder() const override { return 0; }
@@ -179,7 +178,7 @@ class Rk4Stepper final : public Stepper<System> {
     return 0.0;
   }
   void calcTorqueGain(System& /*system*/, const Node& from, const Node& to,
-                      TorqueGain<State>& gain) override {
+                      TorqueGain<System>& gain) override {
     constexpr double b[] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
     torque_rates_[0] = from.torque_rate;
     for (std::size_t i = 0; i < 4; ++i) {
@@ -218,7 +217,7 @@ template <class System>
 class Fehlberg78Stepper final : public Stepper<System> {
  public:
   using State = typename System::State;
-  using Node = StepNode<State>;
+  using Node = StepNode<System>;
   explicit Fehlberg78Stepper(Tolerance tolerance) : Stepper<System>(tolerance) {}
   const char* name() const override { return "fehlberg78"; }
   int errorOrder() const override { return 8; }
@@ -253,7 +252,7 @@ class Fehlberg78Stepper final : public Stepper<System> {
     return std::max(size8, kGuard * size5 * reduction) + poison;
   }
   void calcTorqueGain(System& /*system*/, const Node& from, const Node& to,
-                      TorqueGain<State>& gain) override {
+                      TorqueGain<System>& gain) override {
     // 34/105 k6 + 9/35 (k7 + k8) + 9/280 (k9 + k10) + 41/840 (k12 + k13)
     constexpr double b[] = {0.0,          0.0,          0.0,         0.0,         0.0,
                             34.0 / 105.0, 9.0 / 35.0,   9.0 / 35.0,  9.0 / 280.0, 9.0 / 280.0,

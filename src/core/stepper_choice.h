@@ -31,7 +31,7 @@ namespace variator_sim {
 template <class System>
 class StepperChoice {
  public:
-  using Node = StepNode<typename System::State>;
+  using Node = StepNode<System>;
 
   StepperChoice(const SolverSettings& settings, bool reads_angles)
       : automatic_(settings.stepper == StepperKind::kAuto),
