@@ -169,8 +169,13 @@ class StepChecks {
       round(x, beside);
       State change;
       calcChange(end, beside, here, change);
-      const double stability =
-          !stepper.isImplicit() && isUnstable(h, x, beside, change) ? kUnstable : 0.0;
+      double stability = 0.0;
+      if (!stepper.isImplicit()) {
+        if (isUnstable(h, x, beside, change)) stability = kUnstable;
+      } else if (stepper.keepsConstraints() && isOnSlowMotion(h, x, beside, change)) {
+        stability = checkFirstSlope(stepper, from, end);
+        if (!(stability <= 1.0)) return stability;
+      }
       double norm = stability;
       for (std::size_t n = S; n < x.size(); ++n) {
         norm = worseOf(norm, kCaution * change[n] / tolerance_.of(here[n]));
@@ -287,12 +292,45 @@ class StepChecks {
     }
     return answer > kMostStable * moved;
   }
+  /// True when accelerations answer to a change of the velocities (from x to `beside`, by `change`)
+  /// many times within a step of size h: an implicit step then follows a slow motion.
+  static bool isOnSlowMotion(double h, const State& x, const State& beside, const State& change) {
+    double moved = 0.0;
+    double answer = 0.0;
+    for (std::size_t n = S; n < 2 * S; ++n) {
+      moved = std::max(moved, std::abs(beside[n] - x[n]));
+      answer = std::max(answer, h * change[n]);
+    }
+    return answer > kSlow * moved;
+  }
+  /// On the slow motion of something stiff an implicit step leaves velocities of order 5, but their
+  /// slopes, the accelerations, of order 3 only (the component z of index 2; Hairer, Wanner:
+  /// Solving ODE II, VII.4), and its error estimate is of the velocities. How far the slope of its
+  /// polynomial at its beginning is from the accelerations there measures that, one to ten times
+  /// too large.
+  double checkFirstSlope(const Stepper<System>& stepper, const Node& from, double end) const {
+    Node to;
+    to.time = end;
+    State slope;
+    stepper.calcSlope(from.time, from, to, slope);
+    double norm = 0.0;
+    for (std::size_t n = S; n < slope.size(); ++n) {
+      const double part = std::abs(slope[n] - from.dxdt[n]) / tolerance_.of(from.dxdt[n]);
+      norm = worseOf(norm, part / kFirstSlope);
+    }
+    return norm;
+  }
+
   /// See isToleranceLost.
   static constexpr double kAttainable = 5.0;
   /// The |h lambda| (h^2 times a stiffness) of explicit steps is some ten at most.
   static constexpr double kMostStable = 100.0;
   /// What stands for the error of a step beyond that.
   static constexpr double kUnstable = 4.0;
+  /// The |h lambda| above which an implicit step is on a slow motion.
+  static constexpr double kSlow = 10.0;
+  /// Tolerances that the first slope may be off, see checkFirstSlope.
+  static constexpr double kFirstSlope = 30.0;
   /// Tolerances of a velocity that may go unexplained by the rates of Q at a step's ends.
   static constexpr double kUnseen = 30.0;
   /// Component by component an estimated error may be some times too small.
