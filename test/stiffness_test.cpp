@@ -170,6 +170,39 @@ TEST(Auto, ChangesItsStepperWhereverItIsSampled) {
   }
 }
 
+// --- inside steps ------------------------------------------------------------------------------
+// Friction that holds a shaft against a torque that swings: under the classical principle the
+// accelerations follow from a creep of 1e-5 rad/s, and inside implicit steps they are of a lower
+// order than the velocities.
+TEST(Radau, KeepsAccelerationsInsideItsStepsWhereFrictionHolds) {
+  constexpr double kTolerance = 1e-11;
+  Scene scene = test::sceneFromText(R"yaml(
+shafts: [a, b]
+a: {inertia: 1.5}
+b: {inertia: 0.8}
+torques: [m, f]
+m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "2*cos(3*t)"}
+f: {type: variator_sim/Friction, shaft: a, coulomb: 10, regularization_speed: 1e-4}
+constraints: [k]
+k: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e2-0.5*e1"}
+initial: {velocity: [1.0, 0.5]}
+principle: gauss
+)yaml");
+  Scene fine = test::withStepper(test::withTolerance(scene, 1e-12), StepperKind::kDop853);
+  fine.solver.maximum_step = 1e-5;  // 0.6 of the creep's time constant
+  scene = test::withStepper(test::withTolerance(scene, kTolerance), StepperKind::kRadau5);
+  Simulation reference(fine);
+  Simulation simulation(scene);
+  for (int n = 1; n <= 100; ++n) {
+    const double time = 0.025 * n + 0.0037;
+    ASSERT_TRUE(reference.advanceTo(time).ok()) << reference.describeStatus();
+    ASSERT_TRUE(simulation.advanceTo(time).ok()) << simulation.describeStatus();
+    EXPECT_NEAR(simulation.sample().acceleration[0], reference.sample().acceleration[0],
+                100.0 * kTolerance)
+        << time;
+  }
+}
+
 // --- the transient ----------------------------------------------------------------------------
 // Slip relaxation: with constant u the slip is (omega_2 - u omega_1)(0) exp(-t / tau), whatever the
 // torques.
