@@ -148,6 +148,30 @@ TEST(Auto, NamesTheStepperThatItStartsWith) {
   EXPECT_STREQ(Simulation(test::withTolerance(scene, 1e-8)).stepperName(), "dop853");
 }
 
+// With a constant ratio and no slip the motion is the slow one from the first instant: nothing but
+// the Jacobian tells that it is stiff.
+TEST(Auto, BeginsImplicitlyOnAStiffSlowMotion) {
+  for (double tau : {1e-4, 1e-6, 1e-8}) {
+    Simulation simulation(test::withTolerance(slipScene(tau, "0.6"), 1e-6));
+    EXPECT_STREQ(simulation.stepperName(), "radau5") << tau;
+    EXPECT_NE(simulation.describeStepper().find("at the start"), std::string::npos);
+    ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << simulation.describeStatus();
+    const Statistics statistics = simulation.statistics();  // (a sample counts one more)
+    const Sample first = simulation.sample();
+    EXPECT_EQ(statistics.implicit_steps, statistics.steps) << tau;
+    EXPECT_EQ(statistics.stepper_switches, 0u) << tau;
+
+    simulation.reset();
+    EXPECT_STREQ(simulation.stepperName(), "radau5") << tau;
+    ASSERT_TRUE(simulation.advanceTo(1.0).ok());
+    EXPECT_EQ(simulation.statistics().steps, statistics.steps);
+    EXPECT_EQ(simulation.statistics().right_hand_sides, statistics.right_hand_sides);
+    EXPECT_EQ(simulation.sample().acceleration[0], first.acceleration[0]);
+  }
+  EXPECT_STREQ(Simulation(test::withTolerance(slipScene(0.1, "0.6"), 1e-6)).stepperName(),
+               "dop853");
+}
+
 // How a motion is cut and sampled changes no bit of it, across a change of stepper too.
 TEST(Auto, ChangesItsStepperWhereverItIsSampled) {
   const Scene scene = test::withTolerance(slipScene(1e-5), 1e-6);
@@ -168,6 +192,22 @@ TEST(Auto, ChangesItsStepperWhereverItIsSampled) {
       EXPECT_EQ(cut.acceleration[i], once.acceleration[i]);
     }
   }
+}
+
+// x''' = -6000 x'' - 11e6 x' - 6e9 x has the rates 1000, 2000 and 3000 1/s; beside it turns a slow
+// swing.
+TEST(Linearization, KnowsTheFastestRate) {
+  Linearization<2, 3> linearization;
+  for (int l = 0; l < 3; ++l) linearization.block(l).setZero();
+  linearization.block(2)(0, 0) = -6000.0;
+  linearization.block(1)(0, 0) = -11e6;
+  linearization.block(0)(0, 0) = -6e9;
+  linearization.block(1)(1, 1) = -4.0;
+  EXPECT_NEAR(linearization.calcFastestRate(), 3000.0, 30.0);
+  for (int l = 0; l < 3; ++l) linearization.block(l)(0, 0) = 0.0;
+  EXPECT_NEAR(linearization.calcFastestRate(), 2.0, 0.02);  // a pair, +-2i
+  linearization.block(1).setZero();
+  EXPECT_EQ(linearization.calcFastestRate(), 0.0);
 }
 
 // --- inside steps ------------------------------------------------------------------------------

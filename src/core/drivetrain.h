@@ -89,13 +89,17 @@ class Drivetrain {
   bool readsTime() const { return reads_.time || !varying_.empty(); }
   /// True when C and J are the same at every state: A is factored once.
   bool hasConstantRows() const { return has_constant_rows_; }
+  /// Begins to count right-hand sides and Newton's iterations anew.
+  void resetCounts() {
+    right_hand_sides_ = 0;
+    newton_iterations_ = 0;
+  }
 
   // --- inputs ----------------------------------------------------------------------------------
   void resetInputs() {
     for (std::size_t i = 0; i < signals_.size(); ++i) signals_[i].reset(scene_.inputs[i]);
     refreshInputs(0.0);
-    right_hand_sides_ = 0;
-    newton_iterations_ = 0;
+    resetCounts();
   }
   CommandSignal& signal(int input) { return signals_[input]; }
   const double* inputs() const { return input_; }

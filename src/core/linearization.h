@@ -42,6 +42,31 @@ class Linearization {
   Matrix& pull() { return pull_; }
   const Matrix& pull() const { return pull_; }
 
+  /// |lambda| of the fastest component, about (1/s): the spectral radius of dx'/dx, where M is the
+  /// identity, by the growth of its powers.
+  double calcFastestRate() const {
+    constexpr int kIterations = 48;
+    constexpr int kCounted = 24;  // the last ones, once the fastest one prevails
+    State x;
+    for (std::size_t n = 0; n < x.size(); ++n) x[n] = 1.0 / static_cast<double>(n + 1);
+    double log_growth = 0.0;
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
+      const auto part = [&x](std::size_t l) {
+        return Eigen::Map<Eigen::Matrix<double, S, 1>>(x.data() + l * static_cast<std::size_t>(S));
+      };
+      Eigen::Matrix<double, S, 1> last = Eigen::Matrix<double, S, 1>::Zero();
+      for (std::size_t l = 0; l < L; ++l) last += E_[l] * part(l);
+      for (std::size_t l = 0; l + 1 < L; ++l) part(l) = part(l + 1).eval();
+      part(L - 1) = last;
+      double size = 0.0;
+      for (double value : x) size = std::max(size, std::abs(value));
+      if (!(size > 0.0)) return 0.0;
+      for (double& value : x) value /= size;
+      if (iteration >= kIterations - kCounted) log_growth += std::log(size);
+    }
+    return std::exp(log_growth / kCounted);
+  }
+
   /// Prepares solutions with g = h gamma. False when W is singular or not finite.
   bool factor(double g) { return real_.factor(mass_, E_, g); }
   bool factorComplex(Complex g) { return complex_.factor(mass_, E_, g); }

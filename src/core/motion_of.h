@@ -177,7 +177,7 @@ class MotionOf final : public Motion {
     steps_in_window_ = 0;
     pending_count_ = 0;
     std::fill(std::begin(last_command_time_), std::end(last_command_time_), kNever);
-    choice_.reset();
+    choice_.reset(starts_implicitly_);
     drivetrain_.resetInputs();
     std::fill(std::begin(row_reference_), std::end(row_reference_), 0.0);
     checks_.reset();
@@ -205,6 +205,14 @@ class MotionOf final : public Motion {
     base_ = front_;
     switch (initial_result_) {
       case InitialResult::kConsistent:
+        choice_.reset();
+        restart();
+        if (!status_.ok()) break;
+        starts_implicitly_ = choice_.isStiffStart(system_, front_, next_step_);
+        // Once more, and as every later reset does: what was done to find out is no part of the
+        // run.
+        drivetrain_.resetCounts();
+        choice_.reset(starts_implicitly_);
         restart();
         break;
       case InitialResult::kSingular:
@@ -971,6 +979,7 @@ class MotionOf final : public Motion {
   bool sleeping_ = false;
   bool knows_start_ = false;
   State start_{};  // at time 0, with the inputs as the scene has them
+  bool starts_implicitly_ = false;
 
   MotionStatus status_;
   mutable Statistics statistics_;

@@ -3,10 +3,12 @@
 /// The rule of `auto`:
 /// - It starts explicitly: dop853 where the relative tolerance is at most kHighOrderBelow, dopri5
 ///   above.
+/// - At the start of a motion the Jacobian tells the fastest component: where the first step that
+///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau5 begins.
 /// - After five steps that stability and not accuracy limited (|h lambda| at the bound of the
 ///   scheme, as Hairer's codes estimate it), or forty at a quarter of the bound, it tries implicit
 ///   steps from the same state. When the step sizes that the two error estimates allow say that
-///   radau5 gets further for the same work, it goes on with that; else it waits twice as long.
+///   radau5 gets further for the same work, it goes on with that; else it waits four times as long.
 /// - A step that the explicit stepper has to repeat kHopeless times (motion_of.h) goes to radau5 as
 ///   well.
 /// - Near rest (kSettling steps in a row that stability limits and that change the state by some
@@ -74,16 +76,29 @@ class StepperChoice {
            << "; " << implicit_.outer->name() << " when stability limits its steps";
     } else {
       text << implicit_.outer->name() << ", as stability limited the steps of "
-           << first_.outer->name() << (settled_ ? " near rest" : "");
+           << first_.outer->name()
+           << (settled_            ? " near rest"
+               : began_implicitly_ ? " at the start"
+                                   : "");
     }
     if (switches_ > 0) text << "; changed " << switches_ << (switches_ == 1 ? " time" : " times");
     text << ")";
     return text.str();
   }
 
-  /// Back to the first stepper: the start of a motion.
-  void reset() {
-    active_ = &first_;
+  /// True when a motion that starts at `node` with a step of size h is better begun implicitly.
+  bool isStiffStart(System& system, const Node& node, double h) const {
+    if (!automatic_) return false;
+    typename System::LinearizationType linearization;
+    system.calcLinearization(node.time, node.x, linearization);
+    const double rate = linearization.calcFastestRate();
+    return std::isfinite(rate) && h * rate > kStiffStart;
+  }
+
+  /// The start of a motion, with the first stepper or, of `auto`, the implicit one.
+  void reset(bool implicitly = false) {
+    began_implicitly_ = implicitly;
+    active_ = implicitly ? &implicit_ : &first_;
     switches_ = 0;
     trial_interval_ = kFirstTrial;
     wait_ = kSuspicions;
@@ -109,6 +124,7 @@ class StepperChoice {
     if (!automatic_ || active_ != &first_) return false;
     active_ = &implicit_;
     ++switches_;
+    began_implicitly_ = false;
     suspicions_ = quiet_ = steps_since_trial_ = 0;
     return true;
   }
@@ -198,11 +214,12 @@ class StepperChoice {
     const double now = h / active_->outer->work();
     const double then = reached / other->outer->work();
     if (!(then > kAdvantage * now)) {
-      if (other == &implicit_) wait_ = std::min(2 * wait_, kStrong * kLastTrial);
+      if (other == &implicit_) wait_ = std::min(4 * wait_, kStrong * kLastTrial);
       return false;
     }
     active_ = other;
     ++switches_;
+    began_implicitly_ = false;
     suspicions_ = quiet_ = steps_since_trial_ = 0;
     wait_ = kSuspicions;
     return true;
@@ -216,6 +233,7 @@ class StepperChoice {
   static constexpr int kStrong = 8;
   static constexpr int kSuspicions = 40;
   static constexpr int kQuiet = 6;
+  static constexpr double kStiffStart = 20.0;
   /// Changes of x per step, in tolerances, that are near rest, and so many steps of them.
   static constexpr double kNearRest = 100.0;
   static constexpr int kSettling = 10;
@@ -234,6 +252,7 @@ class StepperChoice {
   int suspicions_ = 0;
   int quiet_ = 0;
   bool settled_ = false;
+  bool began_implicitly_ = false;
   int settling_ = 0;
   int wait_ = kSuspicions;
   int steps_since_trial_ = 0;
