@@ -37,7 +37,7 @@ class MotionOf final : public Motion {
         choice_(scene_.solver, system_.readsAngles()),
         stepper_(&choice_.stepper()),
         tolerance_{scene_.solver.absolute_tolerance, scene_.solver.relative_tolerance},
-        checks_(system_, tolerance_),
+        checks_(system_, tolerance_, choice_.isFixed()),
         control_(1),
         rest_(scene_.solver.maximum_step) {
     switches_.setCount(drivetrain_.switchCount());
@@ -531,7 +531,7 @@ class MotionOf final : public Motion {
     }
     checks_.noteTorqueRate(front_);
     checks_.noteAccelerations(front_);
-    if (!choice_.isFixed() && !checks_.isTorqueFollowed(*stepper_, base_, front_)) return false;
+    if (!checks_.isTorqueFollowed(*stepper_, base_, front_)) return false;
     return noteRows();
   }
 

@@ -55,9 +55,12 @@ class StepChecks {
   using State = typename System::State;
   using Node = StepNode<System>;
 
-  /// `system` has to outlive this.
-  StepChecks(System& system, Tolerance tolerance)
-      : system_(system), drivetrain_(system.drivetrain()), tolerance_(tolerance) {}
+  /// `system` has to outlive this. `are_steps_fixed`: errors are told and refuse no step.
+  StepChecks(System& system, Tolerance tolerance, bool are_steps_fixed)
+      : system_(system),
+        drivetrain_(system.drivetrain()),
+        tolerance_(tolerance),
+        are_steps_fixed_(are_steps_fixed) {}
 
   /// Forgets what belongs to a motion.
   void reset() { largest_acceleration_.fill(0.0); }
@@ -123,7 +126,7 @@ class StepChecks {
   /// could err by that. Writes Q and Q' at `to`, whose derivative is known.
   bool isTorqueFollowed(const Stepper<System>& stepper, const Node& from, Node& to) {
     if constexpr (!kIntegratesTorque<System>) {
-      if (!drivetrain_.hasTorques()) return true;
+      if (!drivetrain_.hasTorques() || are_steps_fixed_) return true;
       noteTorque(to);
       if (stepper.isImplicit()) return true;
       const double h = to.time - from.time;
@@ -174,7 +177,8 @@ class StepChecks {
         if (isUnstable(h, x, beside, change)) stability = kUnstable;
       } else if (stepper.keepsConstraints() && isOnSlowMotion(h, x, beside, change)) {
         stability = checkFirstSlope(stepper, from, end);
-        if (!(stability <= 1.0)) return stability;
+        // A step that is refused for it need not be judged further; one of fixed size stays.
+        if (!(stability <= 1.0) && !are_steps_fixed_) return stability;
       }
       double norm = stability;
       for (std::size_t n = S; n < x.size(); ++n) {
@@ -339,6 +343,7 @@ class StepChecks {
   System& system_;
   typename System::DrivetrainType& drivetrain_;  // the system's
   Tolerance tolerance_;
+  bool are_steps_fixed_;
   double unattainable_ = 0.0;
   std::array<double, S> largest_acceleration_{};  // of late, see noteAccelerations
 };
