@@ -182,6 +182,34 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, timeout
   EXPECT_EQ(simulation.statistics().command_timeouts, 1u);
 }
 
+TEST(Simulation, IsQuietUntilTheNextStepACommandOrItsTimeout) {
+  Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [drive]
+drive: {inertia: 2.0}
+torques: [motor, drag]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, timeout: 0.5, on_timeout: zero}
+drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-w1"}
+initial: {velocity: [10]}
+)yaml"));
+  EXPECT_EQ(simulation.quietUntil(), 0.0);  // no step made yet
+  simulation.advanceTo(1.0);
+  const double end = simulation.quietUntil();
+  ASSERT_GT(end, 1.0);
+  const std::uint64_t steps = simulation.statistics().steps;
+  simulation.advanceTo(end);
+  EXPECT_EQ(simulation.statistics().steps, steps);
+  EXPECT_EQ(simulation.quietUntil(), end);
+  simulation.advanceTo(end + 1e-9);
+  EXPECT_EQ(simulation.statistics().steps, steps + 1);
+
+  simulation.advanceTo(end + 0.01);
+  simulation.command(0, 4.0);
+  EXPECT_EQ(simulation.quietUntil(), end + 0.01);
+  simulation.advanceTo(end + 0.5);
+  EXPECT_GT(simulation.quietUntil(), end + 0.5 - 1e-9);
+  EXPECT_LE(simulation.quietUntil(), end + 0.51);
+}
+
 TEST(Simulation, ATorqueOfTimeAloneIsSeenByEveryStepper) {
   // eta = Q'(t) / J is a pure quadrature, for which Fehlberg's error estimate vanishes.
   for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78}) {

@@ -239,6 +239,77 @@ TEST(SteppingLoop, TellsItsRealTimeFactorAndLateness) {
   EXPECT_EQ(snapshot.lateness_max, 0);
 }
 
+// --- ticks inside a step -----------------------------------------------------------------------
+// Ticks that nobody looks at move the present alone. What is asked in between is what it would be
+// if every tick had been made: commands at their ticks, timeouts between two of them, samples.
+TEST(SteppingLoop, TicksInsideAStepChangeNothing) {
+  constexpr const char* kOverdue = R"(
+shafts: [drive]
+drive: {inertia: 2.0}
+torques: [motor, drag]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, timeout: 0.0405, on_timeout: zero}
+drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-0.1*w1"}
+initial: {velocity: [5.0]}
+)";
+  const std::map<int, double> commands{{13, 4.0}, {44, -2.0}, {45, 1.0}, {230, 3.0}};
+  ScriptedClock clock;
+  NodeSettings settings;
+  settings.publish_rate = 10.0;
+  SteppingLoop loop(Simulation(test::sceneFromText(kOverdue)), settings, clock);
+  loop.setSamplesWanted(true);
+  clock.on_sleep_ = [&](int tick) {
+    if (commands.count(tick) > 0) loop.command({0, commands.at(tick)});
+    if (tick == 500) loop.stop();
+  };
+  loop.run();
+
+  Simulation offline(test::sceneFromText(kOverdue));
+  TimedSample timed;
+  ASSERT_TRUE(loop.popSample(timed));
+  for (int tick = 1; tick <= 500; ++tick) {
+    offline.advanceTo(tick / 1000.0);
+    if (commands.count(tick) > 0) offline.command(0, commands.at(tick));
+    if (tick % 100 != 0) continue;
+    ASSERT_TRUE(loop.popSample(timed));
+    ASSERT_EQ(timed.time, tick * kMs);
+    EXPECT_TRUE(sameBits(timed.sample, offline.sample())) << tick;
+  }
+  LoopSnapshot snapshot;
+  while (loop.popSnapshot(snapshot)) {
+  }
+  EXPECT_EQ(offline.statistics().command_timeouts, 2u);
+  EXPECT_EQ(snapshot.statistics.command_timeouts, 2u);
+  EXPECT_EQ(snapshot.statistics.steps, offline.statistics().steps);
+}
+
+// omega' = omega^2 is infinite at 1 s.
+TEST(SteppingLoop, TellsAStopThatNobodyWaitsFor) {
+  constexpr const char* kEscape = R"(
+shafts: [drive]
+drive: {inertia: 1.0}
+torques: [blow]
+blow: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "w1^2"}
+initial: {velocity: [1.0]}
+)";
+  ScriptedClock clock;
+  SteppingLoop loop(Simulation(test::sceneFromText(kEscape)), NodeSettings{}, clock);
+  bool stopped = false;
+  LoopSnapshot snapshot;
+  int last_tick = 0;
+  clock.on_sleep_ = [&](int tick) {
+    while (loop.popSnapshot(snapshot)) stopped = stopped || snapshot.state == RunState::kStopped;
+    if (stopped || tick == 2000) loop.stop();
+    last_tick = tick;
+  };
+  loop.run();
+  Simulation offline(test::sceneFromText(kEscape));
+  offline.advanceTo(2.0);
+  ASSERT_TRUE(stopped);
+  EXPECT_LE(last_tick, 1002);
+  EXPECT_EQ(snapshot.reason, offline.status().reason);
+  EXPECT_EQ(snapshot.time, std::llround(offline.status().time * 1e9));
+}
+
 // --- at rest ----------------------------------------------------------------------------------
 /// What is to come of commands at their ticks, and what has come, compared sample by sample.
 void expectSamplesAsOffline(SteppingLoop& loop, const std::map<std::int64_t, double>& commands,

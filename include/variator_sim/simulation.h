@@ -41,6 +41,10 @@ class Simulation {
   /// stops on the way, the present stays at the last good state and the status says why; from then
   /// on nothing moves until `reset`. [loop]
   const MotionStatus& advanceTo(double time);
+  /// Up to this time, s, advances do nothing but move the present: it lies inside a step already
+  /// made, and no command is pending or overdue. Who does not look at the motion can leave them
+  /// out. [loop]
+  double quietUntil() const;
 
   /// A command at the present. All commands given at one present take effect when the present is
   /// next sampled or advanced, by the rule `solver/simultaneous_commands`. NaN and infinity are

@@ -16,6 +16,7 @@ class Motion {
   virtual const Scene& scene() const = 0;
   virtual double time() const = 0;
   virtual const MotionStatus& advanceTo(double time) = 0;
+  virtual double quietUntil() const = 0;
   virtual CommandResult command(int input, double value) = 0;
   virtual const Sample& sample() = 0;
   virtual const MotionStatus& status() const = 0;

@@ -97,6 +97,11 @@ class MotionOf final : public Motion {
     }
   }
 
+  double quietUntil() const override {
+    if (!status_.ok() || pending_count_ > 0) return time_;
+    return std::max(time_, std::min(front_.time, nextTimeout()));
+  }
+
   CommandResult command(int input, double value) override {
     const CommandInputSettings& settings = scene_.inputs[input];
     if (!std::isfinite(value)) {

@@ -107,6 +107,10 @@ std::string Simulation::describeStepper() const {
 std::vector<std::string> Simulation::skips() const {
   return motion_->skips();
 }
+double Simulation::quietUntil() const {
+  return motion_->quietUntil();
+}
+
 bool Simulation::isSleeping() const {
   return motion_->isSleeping();
 }

@@ -129,7 +129,7 @@ void SteppingLoop::run() {
       waitWhileIdle();
       continue;
     }
-    if (pacer_.isPaced() && simulation_.isSleeping()) {
+    if (pacer_.isPaced() && !isQuiet() && simulation_.isSleeping()) {
       passOverRest();
       if (isCalled()) continue;
     }
@@ -190,10 +190,14 @@ void SteppingLoop::applyPeriod() {
 
 void SteppingLoop::tick() {
   moveToTick();
-  if (noticeStop()) return;
-  // Commands that arrived since the last tick take effect now: never before they were given.
-  applyCommands();
-  if (isSampleDue() && samples_wanted_.load(std::memory_order_relaxed)) pushSample();
+  const bool has_sample = isSampleDue() && samples_wanted_.load(std::memory_order_relaxed);
+  if (!isQuiet() || has_sample || commands_.read_available() > 0) {
+    catchUp();
+    if (noticeStop()) return;
+    // Commands that arrived since the last tick take effect now: never before they were given.
+    applyCommands();
+    if (has_sample) pushSample();
+  }
   // A followed clock may stand, so there slices end without ticks.
   if (followed_) return;
   if (pacer_.isPaced()) lateness_.add(pacer_.lateness());
@@ -204,7 +208,15 @@ void SteppingLoop::moveToTick() {
   const auto tick = static_cast<double>(pacer_.tick());
   present_ = anchor_ + std::llround(tick * kNanosecondsPerSecond / tick_rate_);
   moment_ = pacer_.isPaced() ? pacer_.tickDue() : pacer_.tickStart();
+}
+
+void SteppingLoop::catchUp() {
   simulation_.advanceTo(toSeconds(present_));
+  // Well before the end: what happens there happens at a tick that asks for it.
+  constexpr std::int64_t kMargin = 10;
+  const double end = simulation_.quietUntil() * kNanosecondsPerSecond;
+  quiet_until_ = end < static_cast<double>(kLastInstant) ? static_cast<std::int64_t>(end) - kMargin
+                                                         : kLastInstant;
 }
 
 void SteppingLoop::passOverRest() {
@@ -227,6 +239,7 @@ void SteppingLoop::passOverRest() {
   if (last <= pacer_.tick()) return;
   pacer_.passOver(last);
   moveToTick();
+  catchUp();
   passOverSamples();
   noticeStop();
 }
@@ -288,6 +301,7 @@ void SteppingLoop::applyCommands() {
 }
 
 void SteppingLoop::applyCommand(const InputCommand& command) {
+  quiet_until_ = 0;  // it takes effect at the next advance
   if (simulation_.command(command.input, command.value) == CommandResult::kRefused) {
     refused_commands_.push(command);  // full: counted all the same, only not told
   }
@@ -296,6 +310,7 @@ void SteppingLoop::applyCommand(const InputCommand& command) {
 void SteppingLoop::serveRequest() {
   answer_.result = RequestResult::kDone;
   answer_.message.clear();
+  catchUp();
   const RunState before = state();
   switch (request_.kind) {
     case RequestKind::kPause:
@@ -367,6 +382,7 @@ void SteppingLoop::resetMotion(bool reset_time) {
   offset_ = reset_time ? 0 : sampleTime();
   present_ = 0;
   simulation_.reset();
+  quiet_until_ = 0;
   stop_noticed_ = false;
   anchor();
   pushSample();
@@ -395,6 +411,7 @@ RunState SteppingLoop::state() const {
 bool SteppingLoop::noticeStop() {
   if (stop_noticed_ || simulation_.status().ok()) return false;
   stop_noticed_ = true;
+  quiet_until_ = 0;  // a sample may have ended the motion
   pushSample();
   pushSnapshot(true);
   return true;
@@ -408,6 +425,7 @@ std::int64_t SteppingLoop::sampleTime() {
 }
 
 TimedSample SteppingLoop::takeSample() {
+  catchUp();
   TimedSample timed;
   timed.sample = simulation_.sample();
   timed.time = sampleTime();
@@ -440,6 +458,7 @@ void SteppingLoop::endSliceIfDue(std::int64_t now) {
   lateness_p50_ = window.quantile(0.5);
   lateness_p99_ = window.quantile(0.99);
   lateness_max_ = window.max();
+  catchUp();
   // Sampling, like a command, may make inputs jump, and a jump can fail.
   const Sample& sample = simulation_.sample();
   std::copy(std::begin(sample.residual), std::end(sample.residual), residual_.begin());

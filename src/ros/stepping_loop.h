@@ -84,6 +84,11 @@ struct LoopAnswer {
 ///
 /// A command takes effect at the first tick after its arrival; while paused, at the present.
 ///
+/// A tick whose instant lies inside a step already made moves the present alone: the simulation
+/// follows when a sample, a command or the status asks for it, or the next step is due. What it is
+/// asked is the same, and so are steps, stops and samples; but code and data that have left the
+/// processor's caches since the last tick need not come back for nothing.
+///
 /// While the motion sleeps nobody needs ticks but those with a sample or a status: the thread waits
 /// for the next of these, or until it is woken, and the ticks between are passed over. What a tick
 /// of a sleeping motion does to it is move the present, so times, samples and commands are those of
@@ -146,7 +151,11 @@ class SteppingLoop {
   enum Idleness : int { kAwake, kResting, kWaiting, kLent };
 
   bool isStopping() const { return stopping_.load(std::memory_order_relaxed); }
-  bool isIdle() const { return paused_ || !clock_started_ || !simulation_.status().ok(); }
+  bool isIdle() const {
+    return paused_ || !clock_started_ || (!isQuiet() && !simulation_.status().ok());
+  }
+  /// True while ticks have no need of the simulation, see Simulation::quietUntil.
+  bool isQuiet() const { return present_ < quiet_until_; }
   bool isCalled() const;
   void wakeIfIdle();
   /// What others have asked for without waiting: another time, other settings.
@@ -157,6 +166,8 @@ class SteppingLoop {
   RunState state() const;
   void tick();
   void moveToTick();
+  /// Brings the simulation to the present, which ticks may have moved alone.
+  void catchUp();
   /// At rest: waits until a tick is needed and passes over those before it.
   void passOverRest();
   void waitWhileIdle();
@@ -217,6 +228,7 @@ class SteppingLoop {
   bool stop_noticed_ = false;
   std::int64_t offset_ = 0;            ///< sample time minus the scene's time, ns
   std::int64_t present_ = 0;           ///< the scene's time, ns
+  std::int64_t quiet_until_ = 0;       ///< likewise, see isQuiet
   std::int64_t anchor_ = 0;            ///< the scene's time at tick 0, ns
   std::int64_t moment_ = 0;            ///< when the last tick was due, ns on the clock
   std::int64_t sample_base_ = 0;       ///< the tick that samples are counted from
