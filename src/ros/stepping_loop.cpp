@@ -366,7 +366,7 @@ void SteppingLoop::serveStep() {
       break;
     }
     present_ = std::min(end, present_ + kStepCut);
-    simulation_.advanceTo(toSeconds(present_));
+    catchUp();
   }
   answer_.sample = takeSample();
   // A stop is told, with its sample, by noticeStop.
@@ -425,7 +425,6 @@ std::int64_t SteppingLoop::sampleTime() {
 }
 
 TimedSample SteppingLoop::takeSample() {
-  catchUp();
   TimedSample timed;
   timed.sample = simulation_.sample();
   timed.time = sampleTime();

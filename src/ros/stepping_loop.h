@@ -186,6 +186,7 @@ class SteppingLoop {
   void countSamplesFromHere();
   /// After anything that may have ended the motion: true when it has just stopped.
   bool noticeStop();
+  /// Of the simulation where it is: at the present, for those who have caught up.
   TimedSample takeSample();
   void pushSample();
   void pushSnapshot(bool state_changed);
