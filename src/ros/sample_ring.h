@@ -41,7 +41,7 @@ class SampleRing {
       const std::uint64_t written = written_.load(std::memory_order_acquire);
       if (read_ == written) return false;
       if (written - read_ > kCapacity) {
-        dropped_ += written - read_ - kCapacity;
+        drop(written - read_ - kCapacity);
         read_ = written - kCapacity;
       }
       const std::uint64_t number = read_++;
@@ -56,14 +56,16 @@ class SampleRing {
           return true;
         }
       }
-      ++dropped_;  // overwritten before or while it was copied
+      drop(1);  // overwritten before or while it was copied
     }
   }
 
-  /// Consumer only: entries overwritten unread so far.
-  std::uint64_t dropped() const { return dropped_; }
+  /// Entries overwritten unread so far. For any thread.
+  std::uint64_t dropped() const { return dropped_.load(std::memory_order_relaxed); }
 
  private:
+  void drop(std::uint64_t count) { dropped_.fetch_add(count, std::memory_order_relaxed); }
+
   static constexpr std::size_t kWords = (sizeof(T) + 7) / 8;
   struct Slot {
     std::atomic<std::uint64_t> mark{0};
@@ -73,7 +75,7 @@ class SampleRing {
   std::array<Slot, kCapacity> slots_{};
   alignas(64) std::atomic<std::uint64_t> written_{0};
   alignas(64) std::uint64_t read_ = 0;
-  std::uint64_t dropped_ = 0;
+  std::atomic<std::uint64_t> dropped_{0};
 };
 
 }  // namespace variator_sim

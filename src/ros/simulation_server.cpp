@@ -126,11 +126,12 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
 
 SimulationServer::~SimulationServer() {
   stopping_.store(true);
+  sample_task_.reset();
   loop_.stop();
   callback_queue_.disable();
   callback_thread_.join();
   stepping_thread_.join();
-  publishing_thread_.join();
+  status_thread_.join();
 }
 
 void SimulationServer::advertiseTopics() {
@@ -167,7 +168,7 @@ void SimulationServer::setUpClock() {
     const ros::SubscriberStatusCallback greet = [this](const ros::SingleSubscriberPublisher&) {
       refreshDemand();
       clock_requested_.store(true);
-      loop_.postNews();
+      loop_.sampleNews().post();
     };
     const ros::SubscriberStatusCallback refresh = [this](const ros::SingleSubscriberPublisher&) {
       refreshDemand();
@@ -229,7 +230,8 @@ void SimulationServer::startThreads(const NodeSettings& settings) {
       ROS_WARN("%s: %s", private_handle_.getNamespace().c_str(), refusal.c_str());
     }
   };
-  publishing_thread_ = std::thread([this] { runPublishing(); });
+  status_thread_ = std::thread([this] { runStatus(); });
+  sample_task_.emplace(loop_.sampleNews(), [this] { publishSamples(); });
   stepping_thread_ = std::thread([this] { loop_.run(); });
   if (settings.realtime_priority > 0) {
     warn(setRealTimePriority(stepping_thread_, settings.realtime_priority));
@@ -329,14 +331,12 @@ void SimulationServer::answerStep(const Step::Request& message, Step::Response& 
   response.state = step_message_;
 }
 
-void SimulationServer::runPublishing() {
+void SimulationServer::runStatus() {
   started_at_ = steady_clock_.now();
   std::int64_t next_status = started_at_;
   std::int64_t next_diagnostics = started_at_ + kDiagnosticsPeriod;
   while (!stopping_.load(std::memory_order_relaxed)) {
     loop_.waitForNews(next_status);
-    publishSamples();
-    if (clock_requested_.exchange(false)) publishClock();
     logRefusedCommands();
     LoopSnapshot snapshot;
     bool state_changed = false;
@@ -402,6 +402,7 @@ void SimulationServer::publishSamples() {
       publish(joint_publisher_, joint_message_);
     }
   }
+  if (clock_requested_.exchange(false)) publishClock();
 }
 
 void SimulationServer::publishClock() {

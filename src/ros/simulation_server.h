@@ -9,6 +9,7 @@
 #include <variator_sim/Step.h>
 
 #include <atomic>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -18,6 +19,7 @@
 #include "ros/message_conversion.h"
 #include "ros/node_settings.h"
 #include "ros/pacing_clock.h"
+#include "ros/poll_thread_task.h"
 #include "ros/stepping_loop.h"
 #include "variator_sim/simulation.h"
 
@@ -48,14 +50,17 @@ class LogThrottle {
   std::int64_t next_ = 0;
 };
 
-/// Three threads, each with its own part of the data:
+/// Four threads, each with its own part of the data:
 ///
 ///     callbacks --- commands (queue), one request at a time ---> stepping
-///     stepping  --- samples, snapshots, refused commands ------> publishing
+///     stepping  --- samples -----------------------------------> poll thread of roscpp
+///     stepping  --- snapshots, refused commands ---------------> status
 ///
 /// The stepping thread runs the SteppingLoop and calls nothing of ROS, so neither a slow subscriber
-/// nor a full socket delays a step. Callbacks have their own queue and one thread: the node's
-/// global queue is not used.
+/// nor a full socket delays a step. Samples are published where sockets are written anyway, which
+/// spares waking one more thread for each; what may take its time, the diagnostics and the log, has
+/// the status thread. Callbacks have their own queue and one thread: the node's global queue is not
+/// used.
 class SimulationServer {
  public:
   /// Advertises, subscribes and starts the threads. `public_handle` is for joint_states,
@@ -84,16 +89,19 @@ class SimulationServer {
   /// Checks all of the request before anything changes; why it is refused, or "".
   std::string readStepRequest(const Step::Request& message, LoopRequest& request) const;
 
-  // Publishing thread.
-  void runPublishing();
+  // Poll thread.
   void publishSamples();
   ros::Time stampOf(const TimedSample& timed);
   void publishClock();
-  template <class Message>
-  void publish(const ros::Publisher& publisher, const Message& message) const;
+
+  // Status thread.
+  void runStatus();
   void publishStatus();
   void logTimeTrouble(std::int64_t now);
   void logRefusedCommands();
+
+  template <class Message>
+  void publish(const ros::Publisher& publisher, const Message& message) const;
 
   ros::CallbackQueue callback_queue_;
   ros::NodeHandle public_handle_;
@@ -106,13 +114,15 @@ class SimulationServer {
   ClockRole role_;
   Sharing sharing_;
 
-  // Publishing thread.
+  // Poll thread.
   DrivetrainState state_message_;
   sensor_msgs::JointState joint_message_;
+  std::int64_t published_time_ = 0;  ///< simulated, ns: what /clock says
+
+  // Status thread.
   SimulationStatus status_message_;
   LoopSnapshot snapshot_;
-  std::int64_t published_time_ = 0;  ///< simulated, ns: what /clock says
-  std::int64_t lost_time_ = 0;       ///< ns, as far as it was logged
+  std::int64_t lost_time_ = 0;  ///< ns, as far as it was logged
   LogThrottle refused_log_;
   LogThrottle lost_time_log_;
   bool waiting_told_ = false;
@@ -142,7 +152,8 @@ class SimulationServer {
 
   std::thread callback_thread_;
   std::thread stepping_thread_;
-  std::thread publishing_thread_;
+  std::thread status_thread_;
+  std::optional<PollThreadTask> sample_task_;
 };
 
 }  // namespace variator_sim

@@ -372,7 +372,7 @@ void SteppingLoop::serveStep() {
   // A stop is told, with its sample, by noticeStop.
   if (simulation_.status().ok() && samples_wanted_.load(std::memory_order_relaxed)) {
     samples_.push(answer_.sample);
-    news_.post();
+    sample_news_.post();
   }
 }
 
@@ -435,7 +435,7 @@ TimedSample SteppingLoop::takeSample() {
 
 void SteppingLoop::pushSample() {
   samples_.push(takeSample());
-  news_.post();
+  sample_news_.post();
   // The jump of commands is carried out by sampling, and can fail.
   noticeStop();
 }

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <string>
 
+#include "ros/event_descriptor.h"
 #include "ros/lateness.h"
 #include "ros/node_settings.h"
 #include "ros/pacer.h"
@@ -116,15 +117,21 @@ class SteppingLoop {
   LoopAnswer submit(const LoopRequest& request);
   /// @}
 
-  /// @name For one thread that publishes
+  /// @name For one thread that publishes samples
   /// @{
   bool popSample(TimedSample& sample) { return samples_.pop(sample); }
+  /// Posted when there is something to pop.
+  EventDescriptor& sampleNews() { return sample_news_; }
+  /// @}
+
+  /// @name For one thread that tells of the loop
+  /// @{
   bool popSnapshot(LoopSnapshot& snapshot) { return snapshots_.pop(snapshot); }
   /// A command that was refused for being NaN or infinite.
   bool popRefusedCommand(InputCommand& command) { return refused_commands_.pop(command); }
-  /// Sleeps until there may be something to pop, or until `deadline` (ns on CLOCK_MONOTONIC).
+  /// Sleeps until the state has changed, or the loop has ended, or until `deadline` (ns on
+  /// CLOCK_MONOTONIC).
   void waitForNews(std::int64_t deadline) { news_.waitUntil(deadline); }
-  std::uint64_t droppedSamples() const { return samples_.dropped(); }
   /// @}
 
   /// @name For any thread
@@ -132,6 +139,7 @@ class SteppingLoop {
   std::uint64_t droppedCommands() const {
     return dropped_commands_.load(std::memory_order_relaxed);
   }
+  std::uint64_t droppedSamples() const { return samples_.dropped(); }
   /// Whether anybody wants samples at publish_rate.
   void setSamplesWanted(bool wanted);
   /// Ends `run`; requests from then on, and one under way, are answered with kShutDown.
@@ -141,8 +149,6 @@ class SteppingLoop {
   void setRealTimeFactor(double factor);
   /// States per s of the clock, > 0 and at most the tick rate.
   void setPublishRate(double rate);
-  /// Wakes the thread that publishes.
-  void postNews() { news_.post(); }
   /// @}
 
  private:
@@ -211,6 +217,7 @@ class SteppingLoop {
   std::atomic<double> wanted_factor_;
   std::atomic<double> wanted_publish_rate_;
   std::atomic<std::uint64_t> dropped_commands_{0};
+  EventDescriptor sample_news_;
   Semaphore news_;
   Semaphore answered_;
 

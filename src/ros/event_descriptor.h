@@ -1,0 +1,42 @@
+/// Waking a thread that polls file descriptors.
+#pragma once
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <system_error>
+
+namespace variator_sim {
+
+/// An eventfd: readable from the first `post` on until `clear`. The one who posts never waits.
+class EventDescriptor {
+ public:
+  /// Throws std::system_error when the process has no descriptor left.
+  EventDescriptor() : descriptor_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
+    if (descriptor_ < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
+  }
+  ~EventDescriptor() { close(descriptor_); }
+  EventDescriptor(const EventDescriptor&) = delete;
+  EventDescriptor& operator=(const EventDescriptor&) = delete;
+
+  int descriptor() const { return descriptor_; }
+
+  /// [loop]
+  void post() {
+    // Fails only when 2^64 - 2 posts wait to be cleared: then it is readable anyhow.
+    const std::uint64_t one = 1;
+    [[maybe_unused]] const ssize_t written = write(descriptor_, &one, sizeof(one));
+  }
+
+  void clear() {
+    std::uint64_t posts = 0;
+    [[maybe_unused]] const ssize_t got = read(descriptor_, &posts, sizeof(posts));
+  }
+
+ private:
+  int descriptor_;
+};
+
+}  // namespace variator_sim
