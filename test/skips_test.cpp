@@ -4,11 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <ostream>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "command_rhythm.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -261,6 +264,100 @@ TEST_P(Skips, KnowWhetherAnglesAreRead) {
   } else {
     EXPECT_LT(change, 1e-8);
   }
+}
+
+const char* const kCommanded = R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor, propeller]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order, initial: 2}
+propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2,
+           expression: "0.2*(e2-0.6*e1)*(1+0.05*(e1^2+e2^2)) + w2-0.6*w1"}
+initial: {velocity: [5.0, 3.0]}
+)yaml";
+
+/// Commands at multiples of `interval` ns, `shift` s later, but for the n-th where `comes(n)` is
+/// false; samples between them.
+template <class Comes>
+Result runCommanded(StepperKind stepper, double tolerance, std::int64_t interval, double shift,
+                    Comes comes) {
+  Simulation simulation(
+      test::withStepper(test::withTolerance(test::sceneFromText(kCommanded), tolerance), stepper));
+  Result result;
+  for (std::int64_t n = 1; n <= 40; ++n) {
+    simulation.advanceTo(static_cast<double>(n * interval) / 1e9 + shift);
+    if (comes(n)) simulation.command(0, 3.0 + 2.0 * std::sin(0.7 * static_cast<double>(n)));
+    simulation.advanceTo(static_cast<double>(n * interval + interval / 3) / 1e9);
+    result.samples.push_back(simulation.sample());
+  }
+  EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  result.statistics = simulation.statistics();
+  return result;
+}
+
+// A step that ends where the next command is expected is not made again up to there. A shift by
+// less than a nanosecond takes commands out of the rhythm, and changes nothing else.
+TEST(CommandRhythm, SparesStepsUpToCommands) {
+  const auto always = [](std::int64_t) { return true; };
+  for (StepperKind stepper :
+       {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78}) {
+    SCOPED_TRACE(toString(stepper));
+    const Result regular = runCommanded(stepper, 1e-9, 1000000, 0.0, always);
+    const Result shifted = runCommanded(stepper, 1e-9, 1000000, 1e-10, always);
+    EXPECT_LT(static_cast<double>(regular.statistics.right_hand_sides),
+              0.8 * static_cast<double>(shifted.statistics.right_hand_sides));
+    EXPECT_EQ(regular.statistics.jumps, shifted.statistics.jumps);
+    expectSameMotion(regular, shifted, 1e-8);
+  }
+}
+
+TEST(CommandRhythm, MayBreakOffAndBeginAgain) {
+  const auto with_gaps = [](std::int64_t n) { return n % 9 != 0 && n / 7 != 3 && n != 31; };
+  for (std::int64_t interval : {1000000, 50000000, 333333333}) {
+    const Result exact = runCommanded(StepperKind::kFehlberg78, 1e-12, interval, 1e-12, with_gaps);
+    for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853,
+                                StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+      SCOPED_TRACE(std::string(toString(stepper)) + " " + std::to_string(interval) + " ns");
+      expectSameMotion(runCommanded(stepper, 1e-8, interval, 0.0, with_gaps), exact, 1e-6);
+    }
+  }
+}
+
+TEST(CommandRhythm, ExpectsAThirdIntervalAfterTwoEqualOnes) {
+  const double never = std::numeric_limits<double>::infinity();
+  CommandRhythm rhythm;
+  const auto next_after = [&](double time) {
+    rhythm.note(time);
+    return rhythm.next();
+  };
+  EXPECT_EQ(next_after(0.001), never);
+  EXPECT_EQ(next_after(0.002), never);
+  EXPECT_EQ(next_after(0.003), 0.004);
+  EXPECT_EQ(next_after(0.003), 0.004);  // two inputs, one instant
+  EXPECT_EQ(next_after(0.004), 0.005);
+  EXPECT_EQ(next_after(0.0047), never);
+  EXPECT_EQ(next_after(0.0054), 0.0061);
+  EXPECT_EQ(next_after(0.0061 + 1e-13), never);  // no whole nanosecond
+  EXPECT_EQ(next_after(0.0068), never);
+  EXPECT_EQ(next_after(0.0075), never);
+  EXPECT_EQ(next_after(0.0082), 0.0089);
+  rhythm.reset();
+  EXPECT_EQ(rhythm.next(), never);
+  EXPECT_EQ(next_after(0.0089), never);
+  // The very double that whole nanoseconds come at, over a day.
+  for (std::int64_t n = 1; n < 86400000; n += 999983) {
+    rhythm.reset();
+    for (std::int64_t k = n; k < n + 3; ++k) rhythm.note(static_cast<double>(k * 1000000) / 1e9);
+    ASSERT_EQ(rhythm.next(), static_cast<double>((n + 3) * 1000000) / 1e9) << n;
+  }
+  // Where doubles are coarser than nanoseconds nothing is expected.
+  rhythm.reset();
+  EXPECT_EQ(next_after(1e7), never);
+  EXPECT_EQ(next_after(1e7 + 1.0), never);
+  EXPECT_EQ(next_after(1e7 + 2.0), never);
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, Skips, testing::ValuesIn(kScenes),

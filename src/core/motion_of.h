@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "command_rhythm.h"
 #include "drivetrain.h"
 #include "initial_conditions.h"
 #include "motion.h"
@@ -181,6 +182,7 @@ class MotionOf final : public Motion {
     step_window_start_ = 0.0;
     steps_in_window_ = 0;
     pending_count_ = 0;
+    rhythm_.reset();
     std::fill(std::begin(last_command_time_), std::end(last_command_time_), kNever);
     choice_.reset(starts_implicitly_);
     drivetrain_.resetInputs();
@@ -348,7 +350,7 @@ class MotionOf final : public Motion {
 
   bool stepAdaptively() {
     const SolverSettings& solver = scene_.solver;
-    const double segment_end = drivetrain_.inputSegmentEnd();
+    const double segment_end = endOfReach();
     bool rejected = false;
     int rejections = 0;
     double h = std::min(next_step_, solver.maximum_step);
@@ -421,6 +423,14 @@ class MotionOf final : public Motion {
         control_.reset();
       }
     }
+  }
+
+  /// Where a step from the base has to end at the latest: the end of an input's segment, or where a
+  /// command is expected.
+  double endOfReach() const {
+    const double segment_end = drivetrain_.inputSegmentEnd();
+    const double expected = rhythm_.next();
+    return expected > base_.time ? std::min(segment_end, expected) : segment_end;
   }
 
   /// A step over a kink, to the front of which the last step went: so short (kKinkResolution) that
@@ -843,6 +853,7 @@ class MotionOf final : public Motion {
       changed = changed || drivetrain_.signal(pending_[p].input).target() != pending_[p].value;
     }
     if (!changed) return;  // the motion goes on as if nothing had come
+    rhythm_.note(time_);
 
     Node present = front_;
     if (time_ != front_.time && !reachPresent(&present)) return;
@@ -980,6 +991,7 @@ class MotionOf final : public Motion {
   StepControl control_;
   RestWatch rest_;
   SwitchSearch switches_;
+  CommandRhythm rhythm_;
   bool hopped_ = false;  // the last step was a hop over a kink
   bool sleeping_ = false;
   bool knows_start_ = false;

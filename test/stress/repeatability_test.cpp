@@ -61,6 +61,18 @@ std::vector<Play> plays() {
     list.push_back({"jumps" + end, motorized("hold: zero_order", nonlinear, principle), steps});
     list.push_back(
         {"jumps, no time" + end, motorized("hold: zero_order", steady, principle), steps});
+    // Steps end where the next one is expected; some come, some do not.
+    list.push_back({"regular jumps" + end,
+                    motorized("hold: zero_order", nonlinear, principle),
+                    {{0.1, 0, 2.0},
+                     {0.2, 0, 7.0},
+                     {0.3, 0, -1.0},
+                     {0.4, 0, 1.0},
+                     {0.6, 0, 4.0},
+                     {0.8, 0, 4.0},
+                     {1.0, 0, 3.0},
+                     {1.2, 0, 2.0},
+                     {1.4, 0, 5.0}}});
     list.push_back({"lag" + end,
                     motorized("hold: first_order_lag, time_constant: 0.01", slip, principle),
                     steps});
