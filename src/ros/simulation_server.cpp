@@ -1,10 +1,10 @@
 #include "ros/simulation_server.h"
 
 #include <algorithm>
+#include <array>
 #include <boost/function.hpp>
 #include <boost/make_shared.hpp>
 #include <cmath>
-#include <set>
 #include <utility>
 
 #include "ros/real_time.h"
@@ -269,20 +269,21 @@ void SimulationServer::answerTrigger(RequestKind kind, std_srvs::Trigger::Respon
 std::string SimulationServer::readStepRequest(const Step::Request& message,
                                               LoopRequest& request) const {
   request.kind = RequestKind::kStep;
-  const std::string duration = ParameterTree::real(message.duration).toText();
+  const auto number = [](double value) { return ParameterTree::real(value).toText(); };
   if (!std::isfinite(message.duration) || message.duration <= 0.0 ||
       message.duration > kLongestStep) {
-    return "duration is " + duration + " s; it must be above 0 and at most 1e6 s";
+    return "duration is " + number(message.duration) + " s; it must be above 0 and at most 1e6 s";
   }
   request.duration = std::llround(message.duration * 1e9);
   if (request.duration == 0) {
-    return "duration is " + duration + " s; simulated time is kept in whole nanoseconds";
+    return "duration is " + number(message.duration) +
+           " s; simulated time is kept in whole nanoseconds";
   }
   if (message.command_topics.size() != message.command_values.size()) {
     return "command_topics has " + std::to_string(message.command_topics.size()) +
            " entries and command_values " + std::to_string(message.command_values.size());
   }
-  std::set<int> seen;
+  std::array<bool, kMaxInputs> seen{};
   for (std::size_t i = 0; i < message.command_topics.size(); ++i) {
     const std::string& topic = message.command_topics[i];
     const auto found = std::find(topics_.begin(), topics_.end(), topic);
@@ -290,14 +291,14 @@ std::string SimulationServer::readStepRequest(const Step::Request& message,
       return "command topic '" + topic + "' is not in the scene" + suggestName(topic, topics_) +
              (topics_.empty() ? "; it has none" : "; it has: " + joinNames(topics_));
     }
-    const int input = static_cast<int>(found - topics_.begin());
-    if (!seen.insert(input).second) return "command topic '" + topic + "' is given twice";
+    const auto input = static_cast<std::size_t>(found - topics_.begin());
+    if (std::exchange(seen[input], true)) return "command topic '" + topic + "' is given twice";
     const double value = message.command_values[i];
     if (!std::isfinite(value)) {
-      return "the command for '" + topic + "' is " + ParameterTree::real(value).toText() +
-             "; it must be finite";
+      return "the command for '" + topic + "' is " + number(value) + "; it must be finite";
     }
-    request.commands[static_cast<std::size_t>(request.command_count++)] = {input, value};
+    request.commands[static_cast<std::size_t>(request.command_count++)] = {static_cast<int>(input),
+                                                                           value};
   }
   return "";
 }
@@ -342,12 +343,14 @@ void SimulationServer::runStatus() {
     bool state_changed = false;
     while (loop_.popSnapshot(snapshot)) {
       snapshot_ = snapshot;
+      while (loop_.popStopMessage(stop_message_)) {
+      }
       if (!snapshot.state_changed) continue;
       state_changed = true;
       publishStatus();
       if (snapshot.state == RunState::kStopped) {
         ROS_ERROR("%s: the motion has stopped; ~reset brings it back. %s",
-                  private_handle_.getNamespace().c_str(), snapshot.message.data());
+                  private_handle_.getNamespace().c_str(), stop_message_.text.data());
       }
     }
     const std::int64_t now = steady_clock_.now();
@@ -418,7 +421,7 @@ void SimulationServer::publishStatus() {
   message.header.stamp = role_ == ClockRole::kOwner ? toStamp(snapshot_.time) : ros::Time::now();
   message.state = toMessage(snapshot_.state);
   message.stop_reason = toString(snapshot_.reason);
-  message.message = snapshot_.message.data();
+  message.message = snapshot_.state == RunState::kStopped ? stop_message_.text.data() : "";
   message.time = toSeconds(snapshot_.time);
   message.real_time_factor = snapshot_.real_time_factor;
   message.ticks = snapshot_.pacing.ticks;

@@ -484,9 +484,10 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   snapshot.statistics = simulation_.statistics();
   if (snapshot.state == RunState::kStopped) {
     // The motion is over: this allocates, and nobody is waiting for a tick.
-    const std::string message = simulation_.describeStatus();
-    const std::size_t size = std::min(message.size(), snapshot.message.size() - 1);
-    std::copy_n(message.begin(), size, snapshot.message.begin());
+    const std::string text = simulation_.describeStatus();
+    StopMessage message;
+    std::copy_n(text.begin(), std::min(text.size(), message.text.size() - 1), message.text.begin());
+    stop_messages_.push(message);
   }
   snapshots_.push(snapshot);
   if (state_changed) news_.post();

@@ -48,7 +48,12 @@ struct LoopSnapshot {
   std::int64_t lateness_max = 0;
   Statistics statistics;
   std::array<double, kMaxConstraints> residual{};  ///< when last sampled: about ten times a second
-  std::array<char, 1024> message{};                ///< why the motion stopped, a C string
+};
+
+/// Why the motion stopped, a C string. Apart from the snapshots, which lockstep makes by the
+/// thousand.
+struct StopMessage {
+  std::array<char, 1024> text{};
 };
 
 enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep };
@@ -127,6 +132,8 @@ class SteppingLoop {
   /// @name For one thread that tells of the loop
   /// @{
   bool popSnapshot(LoopSnapshot& snapshot) { return snapshots_.pop(snapshot); }
+  /// Comes before each snapshot of a stopped motion.
+  bool popStopMessage(StopMessage& message) { return stop_messages_.pop(message); }
   /// A command that was refused for being NaN or infinite.
   bool popRefusedCommand(InputCommand& command) { return refused_commands_.pop(command); }
   /// Sleeps until the state has changed, or the loop has ended, or until `deadline` (ns on
@@ -205,6 +212,7 @@ class SteppingLoop {
   boost::lockfree::spsc_queue<InputCommand, boost::lockfree::capacity<64>> refused_commands_;
   SampleRing<TimedSample, 256> samples_;
   SampleRing<LoopSnapshot, 16> snapshots_;
+  SampleRing<StopMessage, 2> stop_messages_;
   LoopRequest request_;  ///< the submitter's until posted, the stepping thread's until answered
   LoopAnswer answer_;
   std::atomic<bool> request_posted_{false};
