@@ -317,11 +317,11 @@ def latency(session):
 
 
 def step(session):
-    """One ~step of 1 ms against an empty service."""
+    """One ~step of 1 ms against services that do nothing."""
     session.spawn_node("variator", SHIP, start_paused=True)
     session.spawn_peer("trigger_server", name="trigger")
     counts = (4, 500) if session.quick else (20, 1000)
-    names = {"step": "variator", "trigger": "trigger"}
+    names = {"step": "variator", "trigger": "trigger", "idle": "idle"}
     for language, program in (("cpp", session.programs / "realtime/step_probe"),
                               ("python", ROOT / "benchmark/realtime/step_probe.py")):
         add_probe(session, f"step_{language}", run_probe(session, program, *counts), names)
@@ -363,7 +363,8 @@ def spawn_nodelets(session, names, core):
 def run_on(cores):
     """All threads of this process, and the children to come."""
     for thread in os.listdir("/proc/self/task"):
-        os.sched_setaffinity(int(thread), cores)
+        with contextlib.suppress(ProcessLookupError):  # it has ended meanwhile
+            os.sched_setaffinity(int(thread), cores)
 
 
 def drivetrains(session):
@@ -537,9 +538,10 @@ def main():
                 except Failure as failure:
                     print(f"run_realtime.py: {row}: {failure}", file=sys.stderr)
                     status = 1
+                finally:
+                    # An interrupted run leaves what it has.
+                    write(arguments.output, lines, session.rows)
                 session.stop_all()
-                # An interrupted run leaves what it has.
-                write(arguments.output, lines, session.rows)
         finally:
             session.close()
     return status

@@ -1,4 +1,5 @@
-// A controller in lockstep: ~step of 1 ms with a command, beside an empty service, block by block.
+// A controller in lockstep: ~step of 1 ms with a command, beside services that do nothing, an empty
+// one and one with the messages of ~step, block by block.
 // Prints, for each round and service, the median and the 99th percentile of a call (s).
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
@@ -23,6 +24,21 @@ void print(int round, const char* name, std::vector<double>& times) {
   std::fflush(stdout);
 }
 
+/// The times of so many calls, s; the program ends when one fails.
+template <class Call>
+std::vector<double> measure(int calls, const char* name, Call call) {
+  std::vector<double> times;
+  for (int i = 0; i < calls; ++i) {
+    const std::int64_t begin = steadyTime();
+    if (!call()) {
+      std::fprintf(stderr, "step_probe: %s failed\n", name);
+      std::exit(1);
+    }
+    times.push_back(static_cast<double>(steadyTime() - begin) / 1e9);
+  }
+  return times;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -36,39 +52,29 @@ int main(int argc, char** argv) {
   ros::NodeHandle handle;
   ros::service::waitForService("/variator/step");
   ros::service::waitForService("/trigger/trigger");
-  ros::ServiceClient step_client =
-      handle.serviceClient<variator_sim::Step>("/variator/step", /*persistent=*/true);
-  ros::ServiceClient trigger_client =
-      handle.serviceClient<std_srvs::Trigger>("/trigger/trigger", /*persistent=*/true);
+  const bool persistent = true;
+  auto step_client = handle.serviceClient<variator_sim::Step>("/variator/step", persistent);
+  auto idle_client = handle.serviceClient<variator_sim::Step>("/trigger/step", persistent);
+  auto trigger_client = handle.serviceClient<std_srvs::Trigger>("/trigger/trigger", persistent);
   variator_sim::Step step;
   step.request.duration = 0.001;
   step.request.command_topics = {"drive_torque"};
   step.request.command_values = {0.0};
   std_srvs::Trigger trigger;
   long steps = 0;
+  const auto call_step = [&](ros::ServiceClient& client) {
+    step.request.command_values[0] = 20.0 * std::sin(1e-3 * static_cast<double>(steps++));
+    return client.call(step) && step.response.success;
+  };
   for (int round = -1; round < rounds; ++round) {  // the first one warms up
-    std::vector<double> step_times;
-    std::vector<double> trigger_times;
-    for (int i = 0; i < calls; ++i) {
-      step.request.command_values[0] = 20.0 * std::sin(1e-3 * static_cast<double>(steps++));
-      const std::int64_t begin = steadyTime();
-      if (!step_client.call(step) || !step.response.success) {
-        std::fprintf(stderr, "step_probe: ~step failed: %s\n", step.response.message.c_str());
-        return 1;
-      }
-      step_times.push_back(static_cast<double>(steadyTime() - begin) / 1e9);
-    }
-    for (int i = 0; i < calls; ++i) {
-      const std::int64_t begin = steadyTime();
-      if (!trigger_client.call(trigger)) {
-        std::fprintf(stderr, "step_probe: the trigger failed\n");
-        return 1;
-      }
-      trigger_times.push_back(static_cast<double>(steadyTime() - begin) / 1e9);
-    }
+    std::vector<double> times[] = {
+        measure(calls, "~step", [&] { return call_step(step_client); }),
+        measure(calls, "the empty service", [&] { return trigger_client.call(trigger); }),
+        measure(calls, "the service that does nothing", [&] { return call_step(idle_client); })};
     if (round < 0) continue;
-    print(round, "step", step_times);
-    print(round, "trigger", trigger_times);
+    print(round, "step", times[0]);
+    print(round, "trigger", times[1]);
+    print(round, "idle", times[2]);
   }
   return 0;
 }
