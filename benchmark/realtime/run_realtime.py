@@ -414,7 +414,7 @@ def drivetrains(session):
             session.add("drivetrains", name, number, "cpu",
                         1e3 * (end[1] - begin[1]) / (end[0] - begin[0]), "ms/s")
 
-        session.in_turn(peers, 3 if session.quick else 10, 3.5 if session.quick else 8, measure)
+        session.in_turn(peers, 3 if session.quick else 20, 3.5 if session.quick else 4, measure)
         for log in logs.values():
             log.close()
     finally:
