@@ -506,5 +506,35 @@ initial: {acceleration: [1, 1]}
   EXPECT_NEAR(simulation.sample().acceleration[0], 1.0, 1e-12);
 }
 
+// Ends of ramps that are meant for one instant, but a rounding apart, leave no time for a step.
+TEST(Simulation, GoesOnWhereRampsEndTogether) {
+  for (const char* principle : {"generalized_gauss", "gauss"}) {
+    Simulation simulation(test::sceneFromText(
+        std::string("shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\ntorques: [m, n]\n"
+                    "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, "
+                    "hold: first_order_hold, period: 0.1}\n"
+                    "n: {type: variator_sim/CommandedTorque, shaft: b, topic: v, "
+                    "hold: rate_limit, rate: 3}\n"
+                    "constraints: [slip]\n"
+                    "slip: {type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.1, "
+                    "ratio: 0.5}\ninitial: {velocity: [4, 2]}\nprinciple: ") +
+        principle));
+    int apart = 0;
+    for (int k = 1; k <= 100; ++k) {
+      const double begin = 0.001 * k;
+      apart += begin + 0.1 != begin + 0.3 / 3.0;
+      simulation.reset();
+      simulation.advanceTo(begin);
+      simulation.command(0, 1.0);
+      simulation.command(1, 0.3);
+      simulation.advanceTo(begin + 0.3);
+      ASSERT_TRUE(simulation.status().ok()) << begin << ": " << simulation.describeStatus();
+      EXPECT_NEAR(simulation.sample().applied_torque[0], 1.0, 1e-12);
+      EXPECT_NEAR(simulation.sample().applied_torque[1], 0.3, 1e-12);
+    }
+    EXPECT_GT(apart, 10);
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim

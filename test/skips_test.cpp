@@ -326,6 +326,35 @@ TEST(CommandRhythm, MayBreakOffAndBeginAgain) {
   }
 }
 
+// Where a ramp is meant to end, the next command is expected, too; they are a rounding apart.
+TEST(CommandRhythm, GoesWithRamps) {
+  for (const char* principle : {"generalized_gauss", "gauss"}) {
+    for (int period : {1, 3, 7, 10, 33, 70, 100}) {  // ms
+      Scene scene = test::sceneFromText(
+          "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\ntorques: [m]\n"
+          "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, hold: first_order_hold, "
+          "period: " +
+          std::to_string(0.001 * period) +
+          "}\nconstraints: [slip]\n"
+          "slip: {type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.1, ratio: 0.5}\n"
+          "initial: {velocity: [4, 2]}\nprinciple: " +
+          principle);
+      Simulation simulation(std::move(scene));
+      for (int k = 1; k <= 50; ++k) {
+        simulation.reset();
+        for (int m = 0; m < 6; ++m) {
+          simulation.advanceTo((k + m * period) * 1000000 / 1e9);
+          simulation.command(0, std::sin(m + 1.0));
+        }
+        simulation.advanceTo((k + 10 * period) * 1000000 / 1e9);  // here nothing comes
+        ASSERT_TRUE(simulation.status().ok())
+            << k << " ms, period " << period << " ms: " << simulation.describeStatus();
+        EXPECT_NEAR(simulation.sample().applied_torque[0], std::sin(6.0), 1e-12);
+      }
+    }
+  }
+}
+
 TEST(CommandRhythm, ExpectsAThirdIntervalAfterTwoEqualOnes) {
   const double never = std::numeric_limits<double>::infinity();
   CommandRhythm rhythm;

@@ -128,10 +128,10 @@ class Drivetrain {
     for (int i : varying_) end = std::min(end, signals_[i].segmentEnd());
     return end;
   }
-  /// Moves the inputs whose closed form ends at `time` past it.
-  void finishInputSegments(double time) {
+  /// At `time`, moves the inputs whose closed form ends until `latest` past that end.
+  void finishInputSegments(double time, double latest) {
     for (int i : varying_) {
-      if (signal(i).segmentEnd() <= time) signal(i).finishSegment();
+      if (signal(i).segmentEnd() <= latest) signal(i).finishSegment();
     }
     refreshInputs(time);
   }

@@ -337,8 +337,11 @@ class MotionOf final : public Motion {
 
   /// One accepted step from the front. False when the motion stopped.
   bool step() {
-    if (drivetrain_.inputSegmentEnd() <= front_.time) {
-      drivetrain_.finishInputSegments(front_.time);
+    // Two inputs, or an input and a command, may be meant for one instant and be a rounding apart:
+    // no step is so short.
+    const double reached = front_.time + shortestStep(front_.time);
+    if (drivetrain_.inputSegmentEnd() <= reached) {
+      drivetrain_.finishInputSegments(front_.time, reached);
       restart();
       if (!status_.ok()) return false;
     }
@@ -355,7 +358,7 @@ class MotionOf final : public Motion {
     int rejections = 0;
     double h = std::min(next_step_, solver.maximum_step);
     double usual = 0.0;  // the step that would have been made but for a kink
-    const double shortest = 2.0 * kResolution * std::abs(base_.time);  // that a kink asks for
+    const double shortest = 2.0 * shortestStep(base_.time);  // that a kink asks for
     const double hop = switches_.hop();
     switches_.beginStep(kKinkResolution * solver.relative_tolerance);
     hopped_ = hop > 0.0 && hopOverKink(hop);
@@ -367,7 +370,7 @@ class MotionOf final : public Motion {
       const bool last_of_segment = base_.time + reach >= segment_end;
       const double end = last_of_segment ? segment_end : base_.time + h;
       const double taken = last_of_segment ? segment_end - base_.time : h;
-      if (!(taken > kResolution * std::abs(base_.time)) || !(taken > 1e-290)) {
+      if (!(taken > shortestStep(base_.time)) || !(taken > 1e-290)) {
         explainStop();
         return false;
       }
@@ -430,7 +433,9 @@ class MotionOf final : public Motion {
   double endOfReach() const {
     const double segment_end = drivetrain_.inputSegmentEnd();
     const double expected = rhythm_.next();
-    return expected > base_.time ? std::min(segment_end, expected) : segment_end;
+    const double rounding = shortestStep(expected);  // not more than this lies between equals
+    const bool is_ahead = expected - base_.time > rounding;
+    return is_ahead && expected <= segment_end + rounding ? expected : segment_end;
   }
 
   /// A step over a kink, to the front of which the last step went: so short (kKinkResolution) that
@@ -757,7 +762,7 @@ class MotionOf final : public Motion {
     }
     double h = time_ - base_.time;
     int steps = 0;
-    while (time_ - node->time > kResolution * std::abs(time_)) {
+    while (time_ - node->time > shortestStep(time_)) {
       if (++steps > scene_.solver.maximum_steps) {
         stop(StopReason::kStepLimit);
         status_.time = time_ = node->time;
@@ -976,6 +981,8 @@ class MotionOf final : public Motion {
   static constexpr int kHopeless = 6;
   /// A step ends past a kink by this part of the tolerance and of its length at most.
   static constexpr double kKinkResolution = 0.1;
+  /// Steps from `time` are longer than this. [loop]
+  static double shortestStep(double time) { return kResolution * std::abs(time); }
   /// Relative to the time reached: shorter steps no longer change the time reliably.
   static constexpr double kResolution = 4.0 * std::numeric_limits<double>::epsilon();
   /// A row of C shorter than this part of the longest it has been counts as zero.
