@@ -55,9 +55,7 @@ class ExplicitStepper final : public Stepper<System> {
   void calcTorqueGain(System& /*system*/, const Node& from, const Node& to,
                       TorqueGain<System>& gain) override {
     torque_rates_[0] = from.torque_rate;
-    for (std::size_t i = 0; i < torque_rates_.size(); ++i) {
-      gain.add(to.time - from.time, Tableau::b[i], torque_rates_[i].data());
-    }
+    gain.addStages(to.time - from.time, Tableau::b, torque_rates_);
   }
 
   double stiffness(const State& x_new, const State& dxdt_new) const override {

@@ -49,6 +49,12 @@ struct TorqueGain {
       largest_rate[i] = std::max(largest_rate[i], std::abs(rate[i]));
     }
   }
+  /// Of a step of an explicit scheme: its weights b, and Q' at its stages.
+  template <class Weights, std::size_t kStages>
+  void addStages(double h, const Weights& b,
+                 const std::array<typename StepNode<System>::Torque, kStages>& rates) {
+    for (std::size_t i = 0; i < kStages; ++i) add(h, b[i], rates[i].data());
+  }
 };
 
 /// What a stepper that projects its result found.
@@ -181,9 +187,7 @@ class Rk4Stepper final : public Stepper<System> {
                       TorqueGain<System>& gain) override {
     constexpr double b[] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
     torque_rates_[0] = from.torque_rate;
-    for (std::size_t i = 0; i < 4; ++i) {
-      gain.add(to.time - from.time, b[i], torque_rates_[i].data());
-    }
+    gain.addStages(to.time - from.time, b, torque_rates_);
   }
   double estimateFromEnd(const Node& from, const Node& to) const override {
     State error;
@@ -258,9 +262,7 @@ class Fehlberg78Stepper final : public Stepper<System> {
                             34.0 / 105.0, 9.0 / 35.0,   9.0 / 35.0,  9.0 / 280.0, 9.0 / 280.0,
                             0.0,          41.0 / 840.0, 41.0 / 840.0};
     torque_rates_[0] = from.torque_rate;
-    for (std::size_t i = 0; i < 13; ++i) {
-      gain.add(to.time - from.time, b[i], torque_rates_[i].data());
-    }
+    gain.addStages(to.time - from.time, b, torque_rates_);
   }
 
  private:

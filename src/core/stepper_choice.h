@@ -77,9 +77,9 @@ class StepperChoice {
     } else {
       text << implicit_.outer->name() << ", as stability limited the steps of "
            << first_.outer->name()
-           << (settled_            ? " near rest"
-               : began_implicitly_ ? " at the start"
-                                   : "");
+           << (settled_         ? " near rest"
+               : switches_ == 0 ? " at the start"
+                                : "");
     }
     if (switches_ > 0) text << "; changed " << switches_ << (switches_ == 1 ? " time" : " times");
     text << ")";
@@ -97,7 +97,6 @@ class StepperChoice {
 
   /// The start of a motion, with the first stepper or, of `auto`, the implicit one.
   void reset(bool implicitly = false) {
-    began_implicitly_ = implicitly;
     active_ = implicitly ? &implicit_ : &first_;
     switches_ = 0;
     trial_interval_ = kFirstTrial;
@@ -122,10 +121,7 @@ class StepperChoice {
   /// The explicit stepper gets nowhere: true when the implicit one takes over.
   bool giveUpExplicit() {
     if (!automatic_ || active_ != &first_) return false;
-    active_ = &implicit_;
-    ++switches_;
-    began_implicitly_ = false;
-    suspicions_ = quiet_ = steps_since_trial_ = 0;
+    goOverTo(&implicit_);
     return true;
   }
 
@@ -217,12 +213,15 @@ class StepperChoice {
       if (other == &implicit_) wait_ = std::min(4 * wait_, kStrong * kLastTrial);
       return false;
     }
-    active_ = other;
-    ++switches_;
-    began_implicitly_ = false;
-    suspicions_ = quiet_ = steps_since_trial_ = 0;
+    goOverTo(other);
     wait_ = kSuspicions;
     return true;
+  }
+
+  void goOverTo(Pair* other) {
+    active_ = other;
+    ++switches_;
+    suspicions_ = quiet_ = steps_since_trial_ = 0;
   }
 
   /// At higher accuracy than this dop853 needs fewer evaluations than dopri5.
@@ -252,7 +251,6 @@ class StepperChoice {
   int suspicions_ = 0;
   int quiet_ = 0;
   bool settled_ = false;
-  bool began_implicitly_ = false;
   int settling_ = 0;
   int wait_ = kSuspicions;
   int steps_since_trial_ = 0;
