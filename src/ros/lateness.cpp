@@ -15,11 +15,11 @@ int LatenessHistogram::binOf(std::int64_t lateness) {
   return std::min(kBinsPerOctave * (octave - kPartBits + 1) + part, kBins - 1);
 }
 
-std::int64_t LatenessHistogram::upperEdge(int bin) {
+std::int64_t LatenessHistogram::lowerEdge(int bin) {
   if (bin < kBinsPerOctave) return bin;
   const int octave = bin / kBinsPerOctave + kPartBits - 1;
   const std::int64_t part = bin % kBinsPerOctave;
-  return ((kBinsPerOctave + part + 1) << (octave - kPartBits)) - 1;
+  return (kBinsPerOctave + part) << (octave - kPartBits);
 }
 
 void LatenessHistogram::add(std::int64_t lateness) {
@@ -45,8 +45,15 @@ std::int64_t LatenessHistogram::quantile(double fraction) const {
   const double wanted = std::max(1.0, std::ceil(fraction * static_cast<double>(count_)));
   double seen = 0.0;
   for (int bin = 0; bin < kBins; ++bin) {
-    seen += bins_[static_cast<std::size_t>(bin)];
-    if (seen >= wanted) return std::min(upperEdge(bin), max_);
+    const double here = bins_[static_cast<std::size_t>(bin)];
+    if (seen + here < wanted) {
+      seen += here;
+      continue;
+    }
+    // Entry i of n in a bin stands at (i - 1/2) / n of it.
+    const auto width = static_cast<double>(lowerEdge(bin + 1) - lowerEdge(bin));
+    const auto inside = static_cast<std::int64_t>(width * (wanted - seen - 0.5) / here);
+    return std::min(lowerEdge(bin) + inside, max_);
   }
   return max_;
 }

@@ -6,8 +6,8 @@
 
 namespace variator_sim {
 
-/// A histogram of durations in ns: 32 bins per factor of two, so that a quantile is known to 3.1 %;
-/// nothing is allocated. [loop]
+/// A histogram of durations in ns: 32 bins per factor of two, so that a quantile is known to 3.1 %,
+/// and mostly far better; nothing is allocated. [loop]
 class LatenessHistogram {
  public:
   void add(std::int64_t lateness);
@@ -15,8 +15,8 @@ class LatenessHistogram {
   /// Adds all counts of `other`.
   void merge(const LatenessHistogram& other);
   std::uint64_t count() const { return count_; }
-  /// Upper edge of the bin that holds the quantile (0 < fraction <= 1), never above max(); 0 when
-  /// empty. ns.
+  /// The quantile (0 < fraction <= 1), as if the entries of its bin lay evenly there, never above
+  /// max(); 0 when empty. ns.
   std::int64_t quantile(double fraction) const;
   std::int64_t max() const { return max_; }
 
@@ -26,7 +26,8 @@ class LatenessHistogram {
   static constexpr int kBins = (41 - kPartBits) * kBinsPerOctave;  // up to 2^40 ns = 18 minutes
 
   static int binOf(std::int64_t lateness);
-  static std::int64_t upperEdge(int bin);
+  /// The least value of a bin; the next bin's is one above its greatest.
+  static std::int64_t lowerEdge(int bin);
 
   std::array<std::uint32_t, kBins> bins_{};
   std::uint64_t count_ = 0;
