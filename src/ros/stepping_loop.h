@@ -80,7 +80,7 @@ struct LoopAnswer {
 
 /// Owns the Simulation and advances it tick by tick in `run`, which one thread calls. Per tick that
 /// thread takes no lock and allocates nothing; it hands over samples and takes commands through
-/// wait-free queues, and wakes others by semaphores.
+/// wait-free queues, and wakes others by an eventfd (samples) and a semaphore.
 ///
 /// Simulated time is kept in whole nanoseconds. Tick n after an anchor (start, resume, reset)
 /// stands at round(n 1e9 / tick_rate) ns after it, and a time in s is the quotient ns / 1e9: the
