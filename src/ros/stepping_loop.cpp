@@ -371,8 +371,7 @@ void SteppingLoop::serveStep() {
   answer_.sample = takeSample();
   // A stop is told, with its sample, by noticeStop.
   if (simulation_.status().ok() && samples_wanted_.load(std::memory_order_relaxed)) {
-    samples_.push(answer_.sample);
-    sample_news_.post();
+    handOver(answer_.sample);
   }
 }
 
@@ -433,9 +432,13 @@ TimedSample SteppingLoop::takeSample() {
   return timed;
 }
 
-void SteppingLoop::pushSample() {
-  samples_.push(takeSample());
+void SteppingLoop::handOver(const TimedSample& sample) {
+  samples_.push(sample);
   sample_news_.post();
+}
+
+void SteppingLoop::pushSample() {
+  handOver(takeSample());
   // The jump of commands is carried out by sampling, and can fail.
   noticeStop();
 }

@@ -201,6 +201,8 @@ class SteppingLoop {
   bool noticeStop();
   /// Of the simulation where it is: at the present, for those who have caught up.
   TimedSample takeSample();
+  /// To the thread that publishes, which is woken.
+  void handOver(const TimedSample& sample);
   void pushSample();
   void pushSnapshot(bool state_changed);
   void endSliceIfDue(std::int64_t now);
