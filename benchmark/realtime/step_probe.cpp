@@ -52,6 +52,7 @@ int main(int argc, char** argv) {
   ros::NodeHandle handle;
   ros::service::waitForService("/variator/step");
   ros::service::waitForService("/trigger/trigger");
+  ros::service::waitForService("/trigger/step");
   const bool persistent = true;
   auto step_client = handle.serviceClient<variator_sim::Step>("/variator/step", persistent);
   auto idle_client = handle.serviceClient<variator_sim::Step>("/trigger/step", persistent);

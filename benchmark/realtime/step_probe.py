@@ -28,6 +28,7 @@ def main():
     rospy.init_node("step_probe_python", disable_signals=True)
     rospy.wait_for_service("/variator/step")
     rospy.wait_for_service("/trigger/trigger")
+    rospy.wait_for_service("/trigger/step")
     step = rospy.ServiceProxy("/variator/step", Step, persistent=True)
     idle = rospy.ServiceProxy("/trigger/step", Step, persistent=True)
     trigger = rospy.ServiceProxy("/trigger/trigger", Trigger, persistent=True)
