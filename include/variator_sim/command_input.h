@@ -48,7 +48,11 @@ class CommandSignal {
 
   /// A command at `time` (already clamped, finite). Returns true when u itself jumps, so that the
   /// caller must run the jump map (unless nothing has moved yet: then it is the initial value).
-  bool command(const CommandInputSettings& settings, double time, double value);
+  /// Ramps and lags of the first order that are over within `resolution`, s, are jumps.
+  bool command(const CommandInputSettings& settings, double time, double value,
+               double resolution = 0.0);
+  /// Times are counted from `by` seconds later from now on.
+  void moveOrigin(double by);
 
   /// u at `time`, at or after the last event.
   double value(double time) const;

@@ -3,8 +3,10 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "variator_sim/component_context.h"
+#include "variator_sim/guard.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
@@ -98,13 +100,12 @@ class Constraint {
   bool isLinearInAcceleration() const { return doIsLinearInAcceleration(); }
   /// True when psi reads a commanded input.
   bool readsInputs() const { return doReadsInputs(); }
-  /// How many switches this law has: continuous functions of the state that are zero where f, psi
-  /// or c0 has a kink (abs, min, max; the points of a table). A step of controlled size ends where
-  /// one of them changes its sign: the error estimate of a step that runs over a kink knows little
-  /// of it.
-  int switchCount() const { return doSwitchCount(); }
-  /// Their values, switchCount() of them, all written.
-  void calcSwitches(const StateView& state, double* values) const { doCalcSwitches(state, values); }
+  /// Where this law changes its branch, see Guard: a step ends there, for the error estimate of one
+  /// that runs over a kink knows little of it. Asked for once, after `configure`.
+  std::vector<GuardPtr> guards() const;
+  /// The instants, s, at which this law or a derivative of it that counts is not smooth (the points
+  /// of a table over time, say), in any order: steps end there.
+  std::vector<double> instants() const { return doInstants(); }
 
  protected:
   Constraint() = default;
@@ -129,8 +130,16 @@ class Constraint {
   virtual bool doHasConstantJacobian() const { return false; }
   virtual bool doIsLinearInAcceleration() const { return false; }
   virtual bool doReadsInputs() const { return false; }
+  /// How many switches this law has: functions of the state that are zero where f, psi or c0 has a
+  /// kink.
   virtual int doSwitchCount() const { return 0; }
+  /// Their values, doSwitchCount() of them, all written.
   virtual void doCalcSwitches(const StateView& /*state*/, double* /*values*/) const {}
+  /// True when the law itself jumps at the zeros of a switch, and not only a derivative of it.
+  virtual bool doSwitchJumps(int /*index*/) const { return false; }
+  /// Guards beside those of the switches.
+  virtual std::vector<GuardPtr> doGuards() const { return {}; }
+  virtual std::vector<double> doInstants() const { return {}; }
 
  private:
   std::string name_;

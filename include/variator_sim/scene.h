@@ -39,12 +39,6 @@ enum class StepperKind {
 bool isFixedStep(StepperKind kind);
 const char* toString(StepperKind kind);
 
-/// How zero-order commands that come at one instant move the accelerations of a nonlinear psi,
-/// where the order matters: each along its own straight line in the order of arrival (the limit of
-/// commands one shortly after the other), or all along one (the limit of common ramps).
-enum class SimultaneousCommands { kInOrder, kTogether };
-const char* toString(SimultaneousCommands rule);
-
 struct SolverSettings {
   StepperKind stepper = StepperKind::kAuto;
   double relative_tolerance = 1e-9;
@@ -58,7 +52,6 @@ struct SolverSettings {
   bool skip_angles = true;  ///< no stages of angles that nothing reads
   bool factor_once = true;  ///< one factorization where C and J are constant
   bool sleep = true;        ///< stop stepping at rest (motion_of.h), until a command comes
-  SimultaneousCommands simultaneous_commands = SimultaneousCommands::kInOrder;
 };
 
 struct InitialConditions {

@@ -47,7 +47,7 @@ class Simulation {
   double quietUntil() const;
 
   /// A command at the present. All commands given at one present take effect when the present is
-  /// next sampled or advanced, by the rule `solver/simultaneous_commands`. NaN and infinity are
+  /// next sampled or advanced, together: of two to one input the last counts. NaN and infinity are
   /// refused, values outside [min, max] clamped; both are counted. A zero-order command at time 0,
   /// before any advance, sets the initial value. [loop]
   CommandResult command(int input, double value);

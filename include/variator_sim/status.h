@@ -15,7 +15,8 @@ enum class StopReason : std::uint8_t {
   kToleranceTooSmall,   ///< rounding of the state alone moves the accelerations by more
   kStepLimit,           ///< more steps than `solver/maximum_steps` within one simulated second
   kJumpFailed,          ///< no state on the constraint is reached by a jump of the inputs
-  kProjectionFailed     ///< Newton's iteration onto the constraint did not converge
+  kProjectionFailed,    ///< Newton's iteration onto the constraint did not converge
+  kChattering           ///< a law jumps where the motion crosses back at once
 };
 
 /// The name that users see: "SingularConstraint", "StepUnderflow", ...; "" for kNone.
@@ -45,6 +46,8 @@ struct Statistics {
   std::uint64_t kinks = 0;              ///< steps that ended where a law has a kink
   std::uint64_t sleeps = 0;             ///< times that the motion came to rest
   double largest_error_estimate = 0.0;  ///< of fixed steps, in units of the tolerance
+  double largest_rounding = 0.0;        ///< what rounding of the time and the state made of a
+                                        ///< step's end beyond its tolerance, in tolerances
   std::uint64_t jumps = 0;              ///< instants at which inputs jumped
   std::uint64_t commands_accepted = 0;
   std::uint64_t commands_clamped = 0;  ///< accepted after clamping to [min, max]

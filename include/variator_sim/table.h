@@ -49,9 +49,8 @@ class Table {
   double value(double x) const;      ///< y
   double slope(double x) const;      ///< dy/dx
   double curvature(double x) const;  ///< d2y/dx2
-  /// The distance of x from the nearest point, its sign alternating from one interval to the next:
-  /// continuous, and zero at the points, where the third derivative jumps.
-  double switchValue(double x) const;
+  /// The x_k, at which the third derivative jumps; none of a table that was not read.
+  std::vector<double> points() const { return points_ ? *points_ : std::vector<double>{}; }
 
  private:
   struct Curve;

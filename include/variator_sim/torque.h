@@ -3,8 +3,10 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "variator_sim/component_context.h"
+#include "variator_sim/guard.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
@@ -46,12 +48,12 @@ class Torque {
   /// does not.
   Dependence torqueDependence() const { return doTorqueDependence(); }
   Dependence rateDependence() const { return doRateDependence(); }
-  /// How many switches this law has: continuous functions of the state that are zero where Q or Q'
-  /// has a kink (abs, min, max; the points of a table). A step of controlled size ends where one of
-  /// them changes its sign: the error estimate of a step that runs over a kink knows little of it.
-  int switchCount() const { return doSwitchCount(); }
-  /// Their values, switchCount() of them, all written.
-  void calcSwitches(const StateView& state, double* values) const { doCalcSwitches(state, values); }
+  /// Where this law changes its branch, see Guard: a step ends there, for the error estimate of one
+  /// that runs over a kink knows little of it. Asked for once, after `configure`.
+  std::vector<GuardPtr> guards() const;
+  /// The instants, s, at which this law or a derivative of it that counts is not smooth (the points
+  /// of a table over time, say), in any order: steps end there.
+  std::vector<double> instants() const { return doInstants(); }
 
  protected:
   Torque() = default;
@@ -62,8 +64,15 @@ class Torque {
   virtual void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const;
   virtual Dependence doTorqueDependence() const { return {}; }
   virtual Dependence doRateDependence() const { return {}; }
+  /// How many switches this law has: functions of the state that are zero where Q or Q' has a kink.
   virtual int doSwitchCount() const { return 0; }
+  /// Their values, doSwitchCount() of them, all written.
   virtual void doCalcSwitches(const StateView& /*state*/, double* /*values*/) const {}
+  /// True when the law itself jumps at the zeros of a switch, and not only a derivative of it.
+  virtual bool doSwitchJumps(int /*index*/) const { return false; }
+  /// Guards beside those of the switches.
+  virtual std::vector<GuardPtr> doGuards() const { return {}; }
+  virtual std::vector<double> doInstants() const { return {}; }
 
  private:
   std::string name_;

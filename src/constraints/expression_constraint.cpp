@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
-#include "variator_sim/expression/switches.h"
 
 namespace variator_sim {
 
@@ -148,7 +148,7 @@ void ExpressionConstraint::doConfigure(ComponentContext& context) {
       partials_ = Tape(graph, partials);
     }
     if (order_ == 1) velocity_level_ = Tape(graph, with_C(given));
-    switches_ = Tape(graph, expression::findSwitches(graph, order_ < 3 ? with_C(given) : row));
+    guards_ = expression::findGuards(graph, {given});
   } catch (const std::length_error& error) {
     throw SceneError(path, error.what());
   }

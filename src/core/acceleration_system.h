@@ -87,8 +87,73 @@ class AccelerationSystem {
   /// What a jump of the inputs from u0 to u1 at t does to x. On failure x is unchanged.
   MotionStatus jump(double t, State& x, const double* u0, const double* u1,
                     std::uint64_t* projections) {
-    view(t, x);  // brings J to phi
-    return jump_map_.apply(t, x.data(), x.data() + S, u0, u1, x.data() + 2 * S, projections);
+    const StateView state = view(t, x);  // brings J to phi
+    return jump_map_.apply(state.time, x.data(), x.data() + S, u0, u1, x.data() + 2 * S,
+                           projections);
+  }
+  /// What a jump of the applied torque by `torque_jump` (N m, S values) at t does to x.
+  MotionStatus jumpTorque(double t, State& x, const double* torque_jump,
+                          std::uint64_t* projections) {
+    const StateView state = view(t, x);
+    return jump_map_.applyTorque(state.time, x.data(), x.data() + S, torque_jump, x.data() + 2 * S,
+                                 projections);
+  }
+
+  /// Constraints of order 1 have a kink between two nodes that are next to nothing apart: moves the
+  /// accelerations at `to`, which are those at `from`, as f' = 0 asks. False where C loses rank.
+  template <class Node>
+  bool crossKink(const Node& from, Node& to) {
+    double change[S];
+    std::copy_n(from.x.begin() + 2 * S, S, to.x.begin() + 2 * S);
+    if (!drivetrain_.calcKinkJump(view(from.time, from.x), view(to.time, to.x), change)) {
+      return false;
+    }
+    for (int i = 0; i < S; ++i) to.x[2 * S + i] += change[i];
+    return true;
+  }
+
+  /// R' = C^T Lambda: what no C has ever had a part of is a constant of the reaction R, and not the
+  /// integrator's business. It is kept as it is at the start: `noteReaction` there (and wherever a
+  /// motion begins), `noteColumns` after every derivative at the end of a step.
+  template <class Node>
+  void noteReaction(const Node& node) {
+    drivetrain_.calcReaction(view(node.time, node.x), node.torque.data(), reaction_at_start_);
+    const bool is_simple = drivetrain_.inertia().isConstant() && drivetrain_.inertia().isDiagonal();
+    has_neutral_ = !keeps_reaction_in_range_ && (drivetrain_.hasConstantRows() || is_simple);
+    std::fill_n(is_neutral_, S, true);
+    noteColumns();
+  }
+  void noteColumns() {
+    if (!has_neutral_ || drivetrain_.hasConstantRows()) return;
+    has_neutral_ = false;
+    for (int i = 0; i < S; ++i) {
+      for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+        is_neutral_[i] = is_neutral_[i] && row(m)[i] == 0.0;
+      }
+      has_neutral_ = has_neutral_ || is_neutral_[i];
+    }
+  }
+  /// Moves the accelerations of a node, whose torque is known, to where that part of the reaction
+  /// is what it was, along psi = 0. False when there was nothing to do.
+  template <class Node>
+  bool restoreReaction(Node& node) {
+    if (!has_neutral_) return false;
+    double lost[S];  // R less R at the start
+    double change[S];
+    const StateView state = view(node.time, node.x);
+    drivetrain_.calcReaction(state, node.torque.data(), lost);
+    for (int i = 0; i < S; ++i) lost[i] -= reaction_at_start_[i];
+    if (drivetrain_.hasConstantRows()) {
+      double lambda[kMaxRows] = {};
+      if (!drivetrain_.factorOnce(state)) return false;
+      drivetrain_.calcOutOfRange(lost, lambda, change);
+    } else {
+      for (int i = 0; i < S; ++i) {
+        change[i] = is_neutral_[i] ? -lost[i] / drivetrain_.inertia().entry(i, i) : 0.0;
+      }
+    }
+    for (int i = 0; i < S; ++i) node.x[2 * S + i] += change[i];
+    return true;
   }
 
   /// Q' at the last derivative taken, N m/s, S values.
@@ -108,7 +173,8 @@ class AccelerationSystem {
       : scene_(scene),
         drivetrain_(scene),
         initial_solver_(drivetrain_),
-        jump_map_(drivetrain_, scene.solver, keeps_reaction_in_range) {}
+        jump_map_(drivetrain_, scene.solver, keeps_reaction_in_range),
+        keeps_reaction_in_range_(keeps_reaction_in_range) {}
 
   /// phi' = omega, omega' = epsilon.
   static void copyRates(const State& x, State& dxdt) {
@@ -131,6 +197,10 @@ class AccelerationSystem {
   Drivetrain<Shape> drivetrain_;
   InitialConditionSolver<Shape> initial_solver_;
   JumpMap<Shape> jump_map_;
+  bool keeps_reaction_in_range_;
+  bool has_neutral_ = false;
+  bool is_neutral_[S] = {};
+  double reaction_at_start_[S] = {};
 };
 
 }  // namespace variator_sim

@@ -182,6 +182,21 @@ class ClassicalGauss {
     return status;
   }
 
+  /// The accelerations follow from the state: there is nothing to move.
+  template <class Node>
+  bool crossKink(const Node& /*from*/, Node& /*to*/) {
+    return true;
+  }
+
+  /// The reaction follows from the state: nothing of it can drift.
+  template <class Node>
+  void noteReaction(const Node& /*node*/) {}
+  void noteColumns() {}
+  template <class Node>
+  bool restoreReaction(Node& /*node*/) {
+    return false;
+  }
+
   /// Newton's iteration starts from the accelerations at the beginning of the step, whoever asks
   /// and in whatever order: samples may not change the motion.
   void noteBase(double t, const State& x, const State& dxdt) {

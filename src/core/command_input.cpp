@@ -142,7 +142,8 @@ void CommandSignal::reset(const CommandInputSettings& settings) {
   target_ = settings.initial;
 }
 
-bool CommandSignal::command(const CommandInputSettings& settings, double time, double value) {
+bool CommandSignal::command(const CommandInputSettings& settings, double time, double value,
+                            double resolution) {
   const double present = this->value(time);
   const double present_rate = this->rate(time);
   *this = CommandSignal();
@@ -167,6 +168,7 @@ bool CommandSignal::command(const CommandInputSettings& settings, double time, d
     case Hold::kSecondOrderLag:
       break;
     case Hold::kFirstOrderLag:
+      if (kSettled * settings.time_constant <= resolution) break;
       // u = target - (target - start) exp(-(t - start) / tau)
       form_ = Form::kExponential;
       inverse_time_constant_ = 1.0 / settings.time_constant;
@@ -181,7 +183,7 @@ bool CommandSignal::command(const CommandInputSettings& settings, double time, d
       duration = settings.period;
       break;
   }
-  if (time + duration > time) {
+  if (time + duration > time && duration > resolution) {
     form_ = Form::kRamp;
     segment_end_ = time + duration;
     return false;
@@ -237,6 +239,11 @@ double CommandSignal::secondRate(double time) const {
   const double a = start_value_ - target_;
   return (a - 2.0 * linear_ + linear_ * x) * inverse_time_constant_ * inverse_time_constant_ *
          std::exp(-x);
+}
+
+void CommandSignal::moveOrigin(double by) {
+  start_time_ -= by;
+  segment_end_ -= by;
 }
 
 void CommandSignal::finishSegment() {

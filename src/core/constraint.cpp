@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "central_difference.h"
+#include "switch_guard.h"
 
 namespace variator_sim {
 
@@ -153,6 +154,17 @@ void Constraint::doCalcRowDerivatives(const StateView& state, double* dC, double
     for (int i = 0; i < s; ++i) dC[q * s + i] = (C_above[i] - C_below[i]) / width;
     dc0[q] = (c0_above - c0_below) / width;
   });
+}
+
+std::vector<GuardPtr> Constraint::guards() const {
+  std::vector<GuardPtr> guards = doGuards();
+  const int count = doSwitchCount();
+  for (int i = 0; i < count; ++i) {
+    guards.push_back(std::make_shared<SwitchGuard>(
+        [this](const StateView& state, double* values) { doCalcSwitches(state, values); }, count, i,
+        doSwitchJumps(i)));
+  }
+  return guards;
 }
 
 }  // namespace variator_sim

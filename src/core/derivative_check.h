@@ -16,7 +16,9 @@ namespace variator_sim {
 ///
 /// Differences are noisy and blind at kinks, so a derivative is refused only where they are beyond
 /// doubt: they converge as the step shrinks, they agree from both sides, and what they converge to
-/// is not what is stated; and all that at a second state nearby as well. States where something is
+/// is not what is stated; and all that at a second state nearby as well. What rounding leaves where
+/// terms cancel is told by its size: small against what the derivative is at other states, or
+/// against C, the torque, or the torque that moves its shaft. States where something is
 /// not finite are left out, and so are the derivatives by the state that Constraint and Torque make
 /// by default: they are differences themselves, of one step.
 void verifyDerivatives(const Scene& scene);

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "central_difference.h"
@@ -38,6 +39,7 @@ class Drivetrain {
     reads_.angle = !inertia_.isConstant() || !scene.solver.skip_angles;
     for (const TorquePtr& torque : scene.torques) {
       torques_.push_back(torque.get());
+      torques_read_time_ = torques_read_time_ || torque->torqueDependence().time;
       if (rates) note(torque->rateDependence());
       if (!rates || scene.hasOrder3()) note(torque->torqueDependence());
     }
@@ -53,10 +55,13 @@ class Drivetrain {
       keeps_constraints_in_stages_ = keeps_constraints_in_stages_ && constraint->order() == 2;
       if (constraint->order() <= 2) acceleration_rows_.push_back(m);
     }
-    for (const TorquePtr& torque : scene.torques) switch_count_ += torque->switchCount();
-    for (const ConstraintPtr& constraint : scene.constraints) {
-      switch_count_ += constraint->switchCount();
+    for (std::size_t j = 0; j < torques_.size(); ++j) {
+      noteBranches(*torques_[j], {static_cast<int>(j), -1});
     }
+    for (std::size_t m = 0; m < constraints_.size(); ++m) {
+      noteBranches(*constraints_[m], {-1, static_cast<int>(m)});
+    }
+    std::sort(instants_.begin(), instants_.end());
     signals_.resize(scene.inputs.size());
     saved_signals_.resize(scene.inputs.size());
     varying_.reserve(scene.inputs.size());
@@ -111,6 +116,13 @@ class Drivetrain {
     std::copy(saved_signals_.begin(), saved_signals_.end(), signals_.begin());
     refreshInputs(time);
   }
+  /// Times are counted from `by` seconds later from now on; laws are given the sum of both, what
+  /// is counted from and the time.
+  void moveOrigin(double by) {
+    for (CommandSignal& signal : signals_) signal.moveOrigin(by);
+  }
+  void setOrigin(double origin) { origin_ = origin; }
+  double origin() const { return origin_; }
   /// Re-evaluates every u and u' at `time` and finds out which of them vary: to be called after a
   /// signal was changed and before anything is evaluated.
   void refreshInputs(double time) {
@@ -152,7 +164,7 @@ class Drivetrain {
   StateView view(double t, const double* phi, const double* omega, const double* epsilon) {
     evaluateInputs(t);
     if (!inertia_.isConstant()) inertia_.update(phi);
-    return {t, phi, omega, epsilon, input_, input_rate_, input_second_rate_};
+    return {origin_ + t, phi, omega, epsilon, input_, input_rate_, input_second_rate_};
   }
 
   /// The jerk of a scene with one constraint and a simple inertia at x = (phi, omega, epsilon), the
@@ -162,7 +174,7 @@ class Drivetrain {
   bool calcJerkOfOneRow(double t, const double* x, double* eta) {
     ++right_hand_sides_;
     evaluateInputs(t);
-    view_.time = t;
+    view_.time = origin_ + t;
     view_.angle = x;
     view_.velocity = x + S;
     view_.acceleration = x + 2 * S;
@@ -195,18 +207,21 @@ class Drivetrain {
     return true;
   }
 
-  /// How many switches the components have.
-  int switchCount() const { return switch_count_; }
-  /// Their values at `state`, switchCount() of them.
-  void calcSwitches(const StateView& state, double* values) const {
-    for (const Torque* torque : torques_) {
-      torque->calcSwitches(state, values);
-      values += torque->switchCount();
-    }
-    for (const Constraint* constraint : constraints_) {
-      constraint->calcSwitches(state, values);
-      values += constraint->switchCount();
-    }
+  /// Where the components change their branches.
+  const std::vector<GuardPtr>& guards() const { return guards_; }
+  /// Whose guard it is: the index of a torque or of a constraint, the other one -1.
+  struct GuardOwner {
+    int torque;
+    int constraint;
+  };
+  const GuardOwner& guardOwner(int guard) const {
+    return guard_owners_[static_cast<std::size_t>(guard)];
+  }
+  /// The first instant after `time`, s, at which some law is not smooth; infinity when there is
+  /// none.
+  double nextInstant(double time) const {
+    const auto next = std::upper_bound(instants_.begin(), instants_.end(), time);
+    return next == instants_.end() ? std::numeric_limits<double>::infinity() : *next;
   }
 
   void countRightHandSide() { ++right_hand_sides_; }
@@ -225,6 +240,8 @@ class Drivetrain {
     for (const Torque* element : torques_) element->addTorqueRate(state, torque_rate);
     for (int i = 0; i < S; ++i) torque_rate_[i] = torque_rate[i];
   }
+  /// True when Q reads the time itself.
+  bool torquesReadTime() const { return torques_read_time_; }
   /// What calcTorqueRate came to last, at the last derivative of a state, say.
   const double* torqueRate() const { return torque_rate_; }
   bool hasTorques() const { return !torques_.empty(); }
@@ -282,6 +299,12 @@ class Drivetrain {
       constraint(m).calcRow(state, solver_.row(m), &c0[m]);
     }
     return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(inertia_);
+  }
+
+  /// Where C is constant: makes sure that it has been factored. False where it has lost rank.
+  bool factorOnce(const StateView& state) {
+    double c0[kMaxRows] = {};
+    return constraintCount() == 0 || solver_.isFactored() || calcRows(state, c0);
   }
 
   /// One step of Newton's iteration onto f = 0 (orders 1) by the velocities, in the metric J:
@@ -484,6 +507,22 @@ class Drivetrain {
     return acceleration_solver_.rowLengthSquared(r);
   }
   const double* accelerationRow(int r) const { return acceleration_solver_.row(r); }
+  /// What rounding of time, angles, velocities and accelerations at `state` makes of a projection
+  /// onto the constraints: of each velocity and each acceleration (S values each). Residuals are
+  /// evaluated beside the state, some roundings off in each of its parts. Needs the last
+  /// projection's rows. Not cheap; for steps that seem too long.
+  void calcProjectionRounding(const StateView& state, double* velocity, double* acceleration) {
+    std::fill_n(velocity, S, 0.0);
+    std::fill_n(acceleration, S, 0.0);
+    addProjectionRounding(
+        state, velocity_rows_, velocity_solver_, velocity,
+        [&](int m, const StateView& at) { return constraint(m).calcResidual(at); });
+    addProjectionRounding(state, acceleration_rows_, acceleration_solver_, acceleration,
+                          [&](int m, const StateView& at) {
+                            double C[S];
+                            return constraint(m).calcResidualAndJacobian(at, C);
+                          });
+  }
   /// The constraint at which the last projection lost rank.
   int singularVelocityConstraint() const {
     return rowOf(velocity_rows_, velocity_solver_.singularRow());
@@ -521,6 +560,70 @@ class Drivetrain {
     }
     double Lambda[kMaxRows] = {};
     solver_.constrain(c0, rate, Lambda);
+    return true;
+  }
+
+  /// What a kink of constraints of order 1 does to the accelerations: f' is C0 e + b0 `before` it
+  /// and C1 e + b1 `after`. A smooth f would go from the one to the other within next to no time,
+  /// with every weight theta between 0 and 1 on the second, and its large f'' would meet a large
+  /// Lambda:
+  ///     C(theta) = C0 + theta (C1 - C0),   J d_epsilon = C(theta)^T Lambda,
+  ///     C(theta) d_epsilon + (C1 - C0) epsilon + b1 - b0 = 0.
+  /// Writes the change of epsilon (S values); where C is the same on both sides the projection onto
+  /// f' = 0 that follows makes it, and zeros are written. False where C(theta) loses rank.
+  bool calcKinkJump(const StateView& before, const StateView& after, double* change) {
+    double C0[kMaxRows][S];
+    double C1[kMaxRows][S];
+    double gap[kMaxRows] = {};  // f' after less f' before, at the accelerations before
+    const int k = static_cast<int>(acceleration_rows_.size());
+    double largest = 0.0;
+    double turn = 0.0;
+    for (int r = 0; r < k; ++r) {
+      const Constraint& row = constraint(acceleration_rows_[static_cast<std::size_t>(r)]);
+      gap[r] =
+          row.calcResidualAndJacobian(after, C1[r]) - row.calcResidualAndJacobian(before, C0[r]);
+      for (int i = 0; i < S; ++i) {
+        largest = std::max({largest, std::abs(C0[r][i]), std::abs(C1[r][i])});
+        turn = std::max(turn, std::abs(C1[r][i] - C0[r][i]));
+      }
+    }
+    std::fill_n(change, S, 0.0);
+    constexpr double kTurned = 1e-9;
+    if (!(turn > kTurned * largest)) return true;
+    constexpr int kSteps = 200;  // of the classical Runge-Kutta method: nothing here is stiff
+    const auto slope = [&](double theta, const double* e, double* rate) {
+      double right[kMaxRows] = {};
+      for (int r = 0; r < k; ++r) {
+        right[r] = gap[r];
+        double* C = acceleration_solver_.row(r);
+        for (int i = 0; i < S; ++i) {
+          C[i] = C0[r][i] + theta * (C1[r][i] - C0[r][i]);
+          right[r] += (C1[r][i] - C0[r][i]) * e[i];
+        }
+      }
+      if (!acceleration_solver_.factor(inertia_)) return false;
+      double Lambda[kMaxRows] = {};
+      std::fill_n(rate, S, 0.0);
+      acceleration_solver_.constrain(right, rate, Lambda);
+      return true;
+    };
+    for (int n = 0; n < kSteps; ++n) {
+      constexpr double h = 1.0 / kSteps;
+      const double theta = n * h;
+      double k1[S];
+      double k2[S];
+      double k3[S];
+      double k4[S];
+      double e[S];
+      if (!slope(theta, change, k1)) return false;
+      for (int i = 0; i < S; ++i) e[i] = change[i] + 0.5 * h * k1[i];
+      if (!slope(theta + 0.5 * h, e, k2)) return false;
+      for (int i = 0; i < S; ++i) e[i] = change[i] + 0.5 * h * k2[i];
+      if (!slope(theta + 0.5 * h, e, k3)) return false;
+      for (int i = 0; i < S; ++i) e[i] = change[i] + h * k3[i];
+      if (!slope(theta + h, e, k4)) return false;
+      for (int i = 0; i < S; ++i) change[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+    }
     return true;
   }
 
@@ -722,6 +825,15 @@ class Drivetrain {
     reads_.time = reads_.time || dependence.time;
     reads_.angle = reads_.angle || dependence.angle;
   }
+  template <class Law>
+  void noteBranches(const Law& law, GuardOwner owner) {
+    for (GuardPtr& guard : law.guards()) {
+      guards_.push_back(std::move(guard));
+      guard_owners_.push_back(owner);
+    }
+    const std::vector<double> instants = law.instants();
+    instants_.insert(instants_.end(), instants.begin(), instants.end());
+  }
   static int rowOf(const std::vector<int>& rows, int row) {
     return row < 0 ? -1 : rows[static_cast<std::size_t>(row)];
   }
@@ -768,6 +880,40 @@ class Drivetrain {
     return true;
   }
 
+  /// |J^-1 C^T A^-1| times what rounding makes of the residuals of some constraints.
+  template <class Solver, class Evaluate>
+  void addProjectionRounding(const StateView& state, const std::vector<int>& rows,
+                             const Solver& solver, double* rounding, Evaluate evaluate) const {
+    constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
+    for (int r = 0; r < solver.rowCount(); ++r) {
+      const int m = rows[static_cast<std::size_t>(r)];
+      const double here = evaluate(m, state);
+      double noise = kUlps * std::abs(here);
+      StateView beside = state;
+      beside.time = state.time * (1.0 + kUlps);
+      noise += std::abs(evaluate(m, beside) - here);
+      beside.time = state.time;
+      double shifted[S];
+      for (const double* StateView::*part :
+           {&StateView::angle, &StateView::velocity, &StateView::acceleration}) {
+        std::copy_n(state.*part, S, shifted);
+        beside.*part = shifted;
+        for (int i = 0; i < S; ++i) {
+          shifted[i] = (state.*part)[i] * (1.0 + kUlps);
+          noise += std::abs(evaluate(m, beside) - here);
+          shifted[i] = (state.*part)[i];
+        }
+        beside.*part = state.*part;
+      }
+      double l[kMaxRows] = {};
+      double moved[S] = {};
+      l[r] = noise;
+      solver.solve(l, l);
+      solver.addReaction(l, moved);
+      for (int i = 0; i < S; ++i) rounding[i] += std::abs(moved[i]);
+    }
+  }
+
   /// -J^-1 C^T A^-1 residual over some constraints; `evaluate(m, C)` gives residual and row.
   template <class Solver, class Evaluate>
   bool calcCorrection(const std::vector<int>& rows, Solver* solver, double* delta,
@@ -800,13 +946,17 @@ class Drivetrain {
   double input_rate_[kMaxInputs] = {};
   double input_second_rate_[kMaxInputs] = {};
   Dependence reads_{false, false};
-  int switch_count_ = 0;
+  std::vector<GuardPtr> guards_;
+  std::vector<GuardOwner> guard_owners_;
+  std::vector<double> instants_;  // s, sorted
   mutable double torque_rate_[S] = {};
   bool has_constant_rows_ = false;
+  bool torques_read_time_ = false;
   bool keeps_constraints_in_stages_ = true;
   /// Of calcJerkOfOneRow: what never changes of it is written once.
   StateView view_{0.0, nullptr, nullptr, nullptr, input_, input_rate_, input_second_rate_};
   bool needs_second_rate_ = false;  ///< some constraint of order 1 reads an input
+  double origin_ = 0.0;             ///< from which times are counted, s
   std::uint64_t right_hand_sides_ = 0;
   std::uint64_t newton_iterations_ = 0;
 };

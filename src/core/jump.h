@@ -45,6 +45,22 @@ class JumpMap {
   MotionStatus apply(double t, const double* phi, const double* omega, const double* u0,
                      const double* u1, double* epsilon, std::uint64_t* projections) {
     path_.begin(t, phi, omega, u0, u1);
+    return follow(epsilon, projections);
+  }
+  /// The same for a torque that jumps by `torque_jump` (N m, S values) while the inputs stay.
+  /// [loop]
+  MotionStatus applyTorque(double t, const double* phi, const double* omega,
+                           const double* torque_jump, double* epsilon, std::uint64_t* projections) {
+    path_.begin(t, phi, omega, drivetrain_.inputs(), drivetrain_.inputs());
+    path_.setTorqueJump(torque_jump);
+    return follow(epsilon, projections);
+  }
+
+ private:
+  using Vector = std::array<double, S>;
+
+  /// Moves `epsilon` along the path that was begun.
+  MotionStatus follow(double* epsilon, std::uint64_t* projections) {
     Vector e;
     std::copy(epsilon, epsilon + S, e.begin());
     Vector rate;
@@ -56,9 +72,6 @@ class JumpMap {
     if (status.ok()) std::copy(e.begin(), e.end(), epsilon);
     return status;
   }
-
- private:
-  using Vector = std::array<double, S>;
 
   /// d epsilon / d theta as a system that Boost.Odeint can step.
   class Path {
@@ -83,6 +96,7 @@ class JumpMap {
       drivetrain_.calcTorque(state_, torque_jump_);
       for (int i = 0; i < S; ++i) torque_jump_[i] -= before[i];
     }
+    void setTorqueJump(const double* jump) { std::copy_n(jump, S, torque_jump_); }
     StateView at(double theta, const double* e) {
       for (int i = 0; i < drivetrain_.inputCount(); ++i) input_[i] = start_[i] + theta * jump_[i];
       StateView state = state_;

@@ -3,6 +3,9 @@
 /// The integrator runs freely ahead of the present, by steps of its own choice: `base` to `front`
 /// is its last step and the present lies in it. Samples are taken from inside that step and
 /// commands cut it, so that nobody's sampling rate, tick or advance changes one bit of the motion.
+///
+/// Times inside (of nodes, of inputs' closed forms) are counted from the last beginning (start,
+/// command, jump), so that what follows is resolved as finely after 1e7 s as after none.
 #pragma once
 
 #include <algorithm>
@@ -16,14 +19,15 @@
 
 #include "command_rhythm.h"
 #include "drivetrain.h"
+#include "guard_search.h"
 #include "initial_conditions.h"
 #include "motion.h"
 #include "projection.h"
 #include "rest.h"
 #include "step_checks.h"
 #include "step_control.h"
+#include "step_curve.h"
 #include "stepper_choice.h"
-#include "switch_search.h"
 
 namespace variator_sim {
 
@@ -41,7 +45,11 @@ class MotionOf final : public Motion {
         checks_(system_, tolerance_, choice_.isFixed()),
         control_(1),
         rest_(scene_.solver.maximum_step) {
-    switches_.setCount(drivetrain_.switchCount());
+    guards_.setGuards(drivetrain_.guards(),
+                      [this](double time, const double* angle, const double* velocity,
+                             const double* acceleration) {
+                        return drivetrain_.view(relative(time), angle, velocity, acceleration);
+                      });
     startOver();
     if (initial_result_ == InitialResult::kInconsistent ||
         initial_result_ == InitialResult::kNotFound ||
@@ -92,7 +100,7 @@ class MotionOf final : public Motion {
     } catch (...) {
       // Plugins do not throw; one that does leaves a motion that can go on from its last step.
       front_ = base_;
-      time_ = front_.time;
+      time_ = absolute(front_.time);
       restart();
       throw;
     }
@@ -100,7 +108,9 @@ class MotionOf final : public Motion {
 
   double quietUntil() const override {
     if (!status_.ok() || pending_count_ > 0) return time_;
-    return std::max(time_, std::min(front_.time, nextTimeout()));
+    double reached = absolute(front_.time);
+    if (relative(reached) > front_.time) reached = std::nextafter(reached, 0.0);
+    return std::max(time_, std::min(reached, nextTimeout()));
   }
 
   CommandResult command(int input, double value) override {
@@ -124,15 +134,16 @@ class MotionOf final : public Motion {
       State x = front_.x;
       if (sleeping_) {
         calcRest(x);
-      } else if (time_ != front_.time) {
+      } else if (present() != front_.time) {
         sampleInside(x);
       }
-      system_.calcSample(time_, x, &sample_);
+      system_.calcSample(present(), x, &sample_);
       // A law that fails once is asked again; a value that does not exist ends the motion.
-      if (!isSampleFinite()) system_.calcSample(time_, x, &sample_);
+      if (!isSampleFinite()) system_.calcSample(present(), x, &sample_);
+      sample_.time = time_;
       if (!isSampleFinite() && status_.ok()) {
         stop(StopReason::kNonFiniteValue);
-        nameBadValue(time_, x);
+        nameBadValue(present(), x);
         status_.time = time_;
       }
       sample_valid_ = true;
@@ -150,6 +161,19 @@ class MotionOf final : public Motion {
   using State = typename System::State;
   using Node = StepNode<System>;
   static constexpr double kNever = std::numeric_limits<double>::infinity();
+
+  // --- times -----------------------------------------------------------------------------------
+  double absolute(double t) const { return origin_ + t; }
+  double relative(double time) const { return time - origin_; }
+  /// The present as nodes count it.
+  double present() const { return relative(time_); }
+  /// Counts times from `origin` on, s.
+  void moveOrigin(double origin) {
+    const double by = origin - origin_;
+    origin_ = origin;
+    drivetrain_.moveOrigin(by);
+    drivetrain_.setOrigin(origin);
+  }
 
   bool isSampleFinite() const {
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
@@ -188,6 +212,9 @@ class MotionOf final : public Motion {
     drivetrain_.resetInputs();
     std::fill(std::begin(row_reference_), std::end(row_reference_), 0.0);
     checks_.reset();
+    moveOrigin(0.0);
+    crossing_ = Crossing{};
+    last_jump_ = LastJump{};
     if (knows_start_) {
       // The accelerations of least reaction are the same every time; commands come later.
       front_ = Node{};
@@ -243,10 +270,13 @@ class MotionOf final : public Motion {
   void restart() {
     sleeping_ = false;
     hopped_ = false;
+    crossing_ = Crossing{};
     rest_.reset();
     choice_.restart();
     stepper_ = &choice_.stepper();
     control_.setOrder(std::max(1, stepper_->errorOrder()));
+    moveOrigin(absolute(front_.time));
+    front_.time = 0.0;
     base_ = front_;
     drivetrain_.refreshInputs(front_.time);
     system_(front_.x, front_.dxdt, front_.time);
@@ -259,11 +289,11 @@ class MotionOf final : public Motion {
     checks_.noteTorque(front_);
     checks_.noteAccelerations(front_);
     noteRows();
+    if (!advanced_) system_.noteReaction(front_);
     base_ = front_;
-    if (!switches_.isEmpty()) {
-      calcSwitches();
-      switches_.moveBase();
-      switches_.beginStep(0.0);
+    if (!guards_.isEmpty()) {
+      guards_.moveBase(viewOf(front_));
+      meetEdgeAtStart();
     }
     control_.reset();
     restart_time_ = front_.time;
@@ -308,9 +338,9 @@ class MotionOf final : public Motion {
   /// Brings the present to `time`.
   void moveTo(double time) {
     if (!status_.ok()) return;
-    while (front_.time < time && !sleeping_) {
+    while (front_.time < relative(time) && !sleeping_) {
       if (!countStep() || !step()) {
-        time_ = front_.time;
+        time_ = absolute(front_.time);
         sample_valid_ = false;
         status_.time = time_;
         return;
@@ -323,8 +353,8 @@ class MotionOf final : public Motion {
   /// The limit of steps is one per simulated time and not per advance: how a motion is cut may not
   /// change it.
   bool countStep() {
-    if (front_.time - step_window_start_ >= 1.0) {
-      step_window_start_ = front_.time;
+    if (absolute(front_.time) - step_window_start_ >= 1.0) {
+      step_window_start_ = absolute(front_.time);
       steps_in_window_ = 0;
     }
     if (steps_in_window_ < scene_.solver.maximum_steps) {
@@ -341,13 +371,20 @@ class MotionOf final : public Motion {
     // no step is so short.
     const double reached = front_.time + shortestStep(front_.time);
     if (drivetrain_.inputSegmentEnd() <= reached) {
+      double u0[kMaxInputs];
+      copyInputs(u0);
       drivetrain_.finishInputSegments(front_.time, reached);
+      if (haveInputsJumped(u0) && !jump(u0)) return false;
       restart();
       if (!status_.ok()) return false;
     }
     base_ = front_;
     system_.noteBase(base_.time, base_.x, base_.dxdt);
     stepper_ = &choice_.stepper();
+    hopped_ = crossing_.isDueAt(base_.time) && crossEdge();
+    if (hopped_) return true;
+    if (!status_.ok()) return false;
+    crossing_ = Crossing{};
     return choice_.isFixed() ? stepFixed() : stepAdaptively();
   }
 
@@ -356,17 +393,12 @@ class MotionOf final : public Motion {
     const double segment_end = endOfReach();
     bool rejected = false;
     int rejections = 0;
+    int looks = 0;
     double h = std::min(next_step_, solver.maximum_step);
-    double usual = 0.0;  // the step that would have been made but for a kink
-    const double shortest = 2.0 * shortestStep(base_.time);  // that a kink asks for
-    const double hop = switches_.hop();
-    switches_.beginStep(kKinkResolution * solver.relative_tolerance);
-    hopped_ = hop > 0.0 && hopOverKink(hop);
-    if (hopped_) return true;
-    if (!status_.ok()) return false;
+    double usual = 0.0;  // the step that would have been made but for an edge
     while (true) {
       // Up to the end of an input's segment at the most, and not leaving a sliver before it.
-      const double reach = switches_.hasMet() ? h : 1.01 * h;
+      const double reach = looks > 0 ? h : 1.01 * h;
       const bool last_of_segment = base_.time + reach >= segment_end;
       const double end = last_of_segment ? segment_end : base_.time + h;
       const double taken = last_of_segment ? segment_end - base_.time : h;
@@ -375,7 +407,8 @@ class MotionOf final : public Motion {
         return false;
       }
       double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
-      if (norm <= 1.0) norm = worseOf(norm, projectEnd(*stepper_, base_.x, end, taken, front_.x));
+      if (norm <= 1.0)
+        norm = worseOf(norm, projectEnd(*stepper_, base_.x, end, taken, norm, front_.x));
       // These decide whether the step is good. They may keep the next one from growing, but not
       // make it shorter: what rounding leaves in them does not fall with the step.
       front_.time = end;
@@ -384,10 +417,15 @@ class MotionOf final : public Motion {
         norm = worseOfCheck(norm, checkAccelerations());
         if (stopWhereToleranceIsLost()) return false;
       }
-      if (norm <= 1.0 && !switches_.isEmpty()) {
-        calcSwitches();
-        usual = std::max(usual, taken);
-        if (switches_.note(taken, shortest, &h) == SwitchSearch::Verdict::kRepeat) {
+      if (norm <= 1.0 && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
+      if (!guards_.isEmpty() && std::isfinite(norm) && looks < kMostLooks) {
+        // An edge may be the reason for an error that is too large.
+        const Look look = norm <= 1.0 ? lookInside(taken, &h) : lookAtEnd(taken, &h);
+        if (look == Look::kCrossed) return true;
+        if (!status_.ok()) return false;
+        if (look == Look::kShorter) {
+          usual = std::max(usual, taken);
+          ++looks;
           ++statistics_.rejected_steps;
           front_ = base_;
           continue;
@@ -397,11 +435,11 @@ class MotionOf final : public Motion {
         ++statistics_.steps;
         double factor = control_.growth(norm);
         if (rejected) factor = std::min(1.0, factor);
-        // A step cut short by a segment's end or a kink says nothing about the next one's size.
+        // A step cut short by a segment's end or an edge says nothing about the next one's size.
         next_step_ = last_of_segment ? std::max(h, taken * factor) : taken * factor;
         if (usual > taken) next_step_ = std::max(next_step_, usual);
         if (finishStep()) {
-          if (!switches_.isEmpty()) switches_.moveBase();
+          if (!guards_.isEmpty()) guards_.moveBase(viewOf(front_));
           lookAhead();
           return true;
         }
@@ -409,17 +447,10 @@ class MotionOf final : public Motion {
         norm = std::numeric_limits<double>::quiet_NaN();
       }
       ++statistics_.rejected_steps;
-      // A kink within the step is reason enough for its error: up to there, then.
-      if (!switches_.isEmpty() && std::isfinite(norm)) {
-        calcSwitches();
-        front_ = base_;
-        if (switches_.noteRejected(taken, shortest, &h)) continue;
-      }
       rejected = true;
       h = taken * control_.shrink(norm);
       front_ = base_;
-      // A kink that is too far for one step: another one will meet it.
-      switches_.beginStep(kKinkResolution * solver.relative_tolerance);
+      crossing_ = Crossing{};
       if (++rejections == kHopeless && choice_.giveUpExplicit()) {
         stepper_ = &choice_.stepper();
         control_.setOrder(stepper_->errorOrder());
@@ -428,94 +459,354 @@ class MotionOf final : public Motion {
     }
   }
 
-  /// Where a step from the base has to end at the latest: the end of an input's segment, or where a
-  /// command is expected.
+  /// Where a step from the base has to end at the latest: the end of an input's segment, an instant
+  /// at which a law is not smooth, or where a command is expected.
   double endOfReach() const {
-    const double segment_end = drivetrain_.inputSegmentEnd();
+    const double now = absolute(base_.time);
+    const double instant = drivetrain_.nextInstant(now + 2.0 * shortestStep(now));
+    const double segment_end = std::min(drivetrain_.inputSegmentEnd(), relative(instant));
     const double expected = rhythm_.next();
     const double rounding = shortestStep(expected);  // not more than this lies between equals
-    const bool is_ahead = expected - base_.time > rounding;
-    return is_ahead && expected <= segment_end + rounding ? expected : segment_end;
+    const bool is_ahead = expected - now > rounding;
+    return is_ahead && relative(expected) <= segment_end + rounding ? relative(expected)
+                                                                    : segment_end;
   }
 
-  /// A step over a kink, to the front of which the last step went: so short (kKinkResolution) that
-  /// x' from before it will do, and that no stepper has to make stages on both sides of it. False,
-  /// and nothing done, when x' changes too much for that.
-  bool hopOverKink(double length) {
-    const double end = base_.time + length;
-    if (end >= drivetrain_.inputSegmentEnd()) return false;
-    for (std::size_t n = 0; n < front_.x.size(); ++n) {
-      front_.x[n] = base_.x[n] + length * base_.dxdt[n];
+  // --- edges: where a law changes its branch ---------------------------------------------------
+  enum class Look {
+    kClear,    ///< no edge inside
+    kShorter,  ///< the step is to be made again, shorter
+    kCrossed   ///< the edge was at the base: the step went across it, and no further
+  };
+
+  /// The state of a node whose derivative is known.
+  StateView viewOf(const Node& node) {
+    const double* acceleration =
+        kIntegratesTorque<System> ? node.x.data() + node.x.size() - S : node.dxdt.data() + S;
+    return drivetrain_.view(node.time, node.x.data(), node.x.data() + S, acceleration);
+  }
+  CurveEnd curveEnd(const Node& node) const {
+    const double* x = node.x.data();
+    const double* last = node.dxdt.data() + node.dxdt.size() - S;
+    if constexpr (kIntegratesTorque<System>) return {x, x + S, x + 2 * S, last};
+    return {x, x + S, last, nullptr};
+  }
+
+  /// Whether any law leaves its branch within the step of length `taken` from the base to the
+  /// front, whose derivative is known. kShorter: it has to be made again with the length `next`, to
+  /// shortly before the first edge.
+  Look lookInside(double taken, double* next) {
+    // What both ends tell excludes it most often.
+    StateBox box;
+    encloseStep(S, curveEnd(base_), curveEnd(front_), taken, &box);
+    box.time = {absolute(base_.time), absolute(front_.time)};
+    if (guards_.isClear(box)) return keepCrossing();
+    traceStep(taken);
+    Look look = aimAtEdge(taken, next);
+    // The last derivative taken is the front's: its row is looked at.
+    State unused;
+    if (look == Look::kClear) system_(front_.x, unused, front_.time);
+    return look;
+  }
+  /// The same for a step whose error was too large: whether it ended beyond an edge.
+  Look lookAtEnd(double taken, double* next) {
+    for (double value : front_.x) {
+      if (!std::isfinite(value)) return Look::kClear;
     }
-    State moved{};
-    const ProjectionResult projected =
-        system_.project(end, front_.x, moved, &statistics_.projections);
-    State change;
-    system_(front_.x, dxdt_new_, end);
-    for (std::size_t n = 0; n < change.size(); ++n) {
-      change[n] = length * (dxdt_new_[n] - base_.dxdt[n]) + moved[n];
+    system_(front_.x, front_.dxdt, front_.time);
+    if (!guards_.hasAnyLeft(viewOf(front_))) return Look::kClear;
+    // The cubic through both ends tells about where.
+    curve_.begin(absolute(base_.time), taken, S, kIntegratesTorque<System>);
+    for (int n = 0; n < StepCurve::kNodes; ++n) {
+      const double part = StepCurve::node(n);
+      const double rest = 1.0 - part;
+      State x;
+      for (std::size_t m = 0; m < x.size(); ++m) {
+        const double change = front_.x[m] - base_.x[m];
+        const double bend =
+            rest * (taken * base_.dxdt[m] - change) - part * (taken * front_.dxdt[m] - change);
+        x[m] = base_.x[m] + part * (change + rest * bend);
+      }
+      curve_.setNode(n, x.data());
     }
-    const double norm = calcErrorNorm(change, base_.x, front_.x, tolerance_);
-    if (projected == ProjectionResult::kConverged && norm <= 1.0) {
-      front_.time = end;
-      if (finishStep()) {
-        checks_.noteTorque(front_);
-        calcSwitches();
-        switches_.moveBase();
-        ++statistics_.steps;
-        ++statistics_.kinks;
-        return true;
+    curve_.finish();
+    const Look look = aimAtEdge(taken, next);
+    return look == Look::kShorter && *next > 0.9 * taken ? Look::kClear : look;
+  }
+
+  /// The first edge along the curve: crossed where it is at the base, the step to it otherwise.
+  Look aimAtEdge(double taken, double* next) {
+    const double shortest = 2.0 * shortestStep(absolute(base_.time));
+    const double resolution = std::max(kEdgeResolution, shortest / taken);
+    for (int edges = 0; edges < kMostLooks; ++edges) {
+      const GuardFinding finding = guards_.find(curve_, resolution);
+      if (finding.kind == GuardFinding::Kind::kClear) return keepCrossing();
+      crossing_ = Crossing{};
+      if (finding.kind == GuardFinding::Kind::kUnknown) {
+        *next = taken * std::max(finding.clear, 0.1);
+        return Look::kShorter;
+      }
+      crossing_.guard = finding.guard;
+      crossing_.length = (finding.beyond - finding.clear) * taken + shortest;
+      *next = finding.clear * taken;
+      if (*next > std::max(shortest, resolution * taken)) {
+        crossing_.at = base_.time + *next;
+        return Look::kShorter;
+      }
+      crossing_.at = base_.time;
+      crossing_.length += *next;
+      const Node trial = front_;
+      if (crossEdge()) {
+        hopped_ = true;
+        return Look::kCrossed;
+      }
+      if (!status_.ok()) return Look::kClear;
+      // A kink too sharp for that is the error estimate's matter; what follows it is not.
+      front_ = trial;
+      guards_.pass(finding.guard);
+    }
+    return Look::kClear;
+  }
+  /// An edge that was found by a longer step stays the next one only when this one ends there.
+  Look keepCrossing() {
+    if (!crossing_.isDueAt(front_.time)) crossing_ = Crossing{};
+    return Look::kClear;
+  }
+
+  /// The motion inside the step from base to front as polynomials: by the dense output where there
+  /// is one, and else by shorter steps from the base.
+  void traceStep(double taken) {
+    curve_.begin(absolute(base_.time), taken, S, kIntegratesTorque<System>);
+    for (int n = 0; n < StepCurve::kNodes; ++n) {
+      const double time = base_.time + StepCurve::node(n) * taken;
+      State x;
+      if (n == 0) {
+        x = base_.x;
+      } else if (n + 1 == StepCurve::kNodes) {
+        x = front_.x;
+      } else if (!stepper_->hasDenseOutput() ||
+                 !stepper_->interpolate(system_, time, base_, front_, x)) {
+        State unused;
+        choice_.innerOf(*stepper_).step(system_, base_, time - base_.time, x, unused);
+      }
+      curve_.setNode(n, x.data());
+    }
+    curve_.finish();
+  }
+
+  /// The beginning of a motion on the edge of a jump: which of both branches it takes is to be seen
+  /// at once.
+  void meetEdgeAtStart() {
+    for (int i = 0; i < guards_.count(); ++i) {
+      if (guards_.side(i) != Guard::kOnEdge || !guards_.guard(i).jumps()) continue;
+      crossing_.guard = i;
+      crossing_.at = front_.time;
+      crossing_.length = 2.0 * shortestStep(std::max(1.0, std::abs(absolute(front_.time))));
+      return;
+    }
+  }
+
+  /// A step over the edge that lies just ahead of the base, so short that x' from before it will
+  /// do, and that no stepper has to make stages on both sides of it. A torque that jumps there
+  /// moves the accelerations by the jump map. False, and nothing done, when x' changes too much, or
+  /// when the motion stopped.
+  bool crossEdge() {
+    constexpr int kAttempts = 8;
+    const int guard = crossing_.guard;
+    double length = crossing_.length;
+    for (int attempt = 0; attempt < kAttempts; ++attempt, length *= 4.0) {
+      front_ = base_;
+      front_.time = base_.time + length;
+      if (front_.time >= drivetrain_.inputSegmentEnd()) break;
+      for (std::size_t n = 0; n < front_.x.size(); ++n) {
+        front_.x[n] = base_.x[n] + length * base_.dxdt[n];
+      }
+      const StateView state = viewOf(front_);
+      const int branch = guards_.guard(guard).branch(state);
+      if (branch != Guard::kOnEdge && branch != guards_.side(guard)) {
+        return enterBranch(length) && noteCrossing(guard, branch, length);
       }
     }
     front_ = base_;
+    return false;
+  }
+
+  /// The front, where x is about to be that of the other side of an edge: projection, jumps,
+  /// derivative.
+  bool enterBranch(double length) {
+    // What may jump there: a torque or the constraint itself, by `sign`, and the accelerations that
+    // f' = 0 asks for, by a kink of f.
+    bool jumps = false;
+    bool kinks_velocity_row = false;
+    int jumping_row = -1;
+    const StateView there = viewOf(front_);
+    for (int i = 0; i < guards_.count(); ++i) {
+      const int branch = guards_.guard(i).branch(there);
+      if (branch == Guard::kOnEdge || branch == guards_.side(i)) continue;
+      const int row = drivetrain_.guardOwner(i).constraint;
+      const bool jumps_here = guards_.guard(i).jumps();
+      if (row < 0) {
+        jumps = jumps || jumps_here;
+      } else {
+        const int order = drivetrain_.constraint(row).order();
+        kinks_velocity_row = kinks_velocity_row || order == 1;
+        if (jumps_here && order < 3) jumping_row = row;
+      }
+    }
+    if (kinks_velocity_row && !system_.crossKink(base_, front_)) return refuseEdge();
+    State moved{};
+    const ProjectionResult projected =
+        system_.project(front_.time, front_.x, moved, &statistics_.projections);
+    if (projected != ProjectionResult::kConverged) return refuseEdge();
+    if (kinks_velocity_row && kIntegratesTorque<System>) {
+      for (std::size_t n = 2 * S; n < moved.size(); ++n) moved[n] = 0.0;
+    }
+    const double displaced = calcErrorNorm(moved, base_.x, front_.x, tolerance_);
+    if (jumping_row >= 0 && !(displaced <= 1.0)) {
+      front_ = base_;
+      stop(StopReason::kJumpFailed);
+      status_.constraint = jumping_row;
+      return false;
+    }
+    if (jumps && !jumpOverEdge()) return false;
+    State change;
+    system_(front_.x, front_.dxdt, front_.time);
+    for (std::size_t n = 0; n < change.size(); ++n) {
+      change[n] = length * (front_.dxdt[n] - base_.dxdt[n]) + moved[n];
+    }
+    // (A jump of the torque is a jump of accelerations: no change that one has to follow.)
+    const double norm = calcErrorNorm(change, base_.x, front_.x, tolerance_);
+    if (!std::isfinite(norm) || (!jumps && !kinks_velocity_row && norm > 1.0)) return refuseEdge();
+    if (kinks_velocity_row || jumps) choice_.restart();
+    noteRowsAnew();
+    if (!finishStep()) return refuseEdge();
+    checks_.noteTorque(front_);
+    guards_.moveBase(viewOf(front_));
+    ++statistics_.steps;
+    ++statistics_.kinks;
+    crossing_ = Crossing{};
+    return true;
+  }
+  bool refuseEdge() {
+    front_ = base_;
+    return false;
+  }
+
+  /// The jump map from the torque at the base to that at the front.
+  bool jumpOverEdge() {
+    if constexpr (kIntegratesTorque<System>) {
+      double before[S];
+      double torque_jump[S];
+      drivetrain_.calcTorque(system_.view(base_.time, base_.x), before);
+      drivetrain_.calcTorque(system_.view(front_.time, front_.x), torque_jump);
+      for (int i = 0; i < S; ++i) torque_jump[i] -= before[i];
+      // what the torque's own rate has already done of it
+      State still = front_.x;
+      for (int i = 0; i < S; ++i) still[2 * S + i] = base_.x[2 * S + i];
+      const MotionStatus result =
+          system_.jumpTorque(front_.time, still, torque_jump, &statistics_.projections);
+      if (!result.ok()) {
+        front_ = base_;
+        status_ = result;
+        status_.time = absolute(front_.time);
+        return false;
+      }
+      front_.x = still;
+      State moved{};
+      if (system_.project(front_.time, front_.x, moved, &statistics_.projections) !=
+          ProjectionResult::kConverged) {
+        return refuseEdge();
+      }
+    }
+    return true;
+  }
+
+  /// After `guard` was left for `branch` by a step of `length`: false, and the motion stopped, when
+  /// it jumps there and the motion turns back at once.
+  bool noteCrossing(int guard, int branch, double length) {
+    if (!guards_.guard(guard).jumps()) return true;
+    Node ahead = front_;
+    ahead.time += 4.0 * length;
+    for (std::size_t n = 0; n < ahead.x.size(); ++n) {
+      ahead.x[n] += 4.0 * length * front_.dxdt[n];
+    }
+    const int next = guards_.guard(guard).branch(viewOf(ahead));
+    const double now = absolute(front_.time);
+    const bool again = guard == last_jump_.guard &&
+                       now - last_jump_.time <= kAtOnce * (length + last_jump_.length);
+    last_jump_ = {guard, now, length};
+    if ((next == branch || next == Guard::kOnEdge) && !again) return true;
+    front_ = base_;
+    stop(StopReason::kChattering);
+    status_.torque = drivetrain_.guardOwner(guard).torque;
+    status_.constraint = drivetrain_.guardOwner(guard).constraint;
     return false;
   }
 
   bool stepFixed() {
     // Multiples of the step, not sums of it: no rounding piles up.
-    double end = restart_time_ + static_cast<double>(fixed_steps_ + 1) * scene_.solver.step;
-    end = std::min(end, drivetrain_.inputSegmentEnd());
-    if (!(end > base_.time)) {
-      stop(StopReason::kStepUnderflow);
-      return false;
-    }
-    const double norm = stepper_->step(system_, base_, end - base_.time, front_.x, dxdt_new_);
-    const double moved = projectEnd(*stepper_, base_.x, end, end - base_.time, front_.x);
-    if (!std::isfinite(norm) || !std::isfinite(moved)) {
-      front_ = base_;
-      explainStop();
-      return false;
-    }
-    front_.time = end;
-    const double unaccounted =
-        worseOf(checks_.checkTorque(*stepper_, base_, front_), checkAccelerations());
-    ++fixed_steps_;
-    ++statistics_.steps;
-    if (!finishStep()) {
-      if (status_.ok()) {
+    const double grid = restart_time_ + static_cast<double>(fixed_steps_ + 1) * scene_.solver.step;
+    double end = std::min(grid, endOfReach());
+    for (int looks = 0;; ++looks) {
+      if (!(end > base_.time)) {
+        stop(StopReason::kStepUnderflow);
+        return false;
+      }
+      const double taken = end - base_.time;
+      const double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
+      const double moved = projectEnd(*stepper_, base_.x, end, taken, norm, front_.x);
+      if (!std::isfinite(norm) || !std::isfinite(moved)) {
         front_ = base_;
         explainStop();
+        return false;
       }
+      front_.time = end;
+      const double unaccounted =
+          worseOf(checks_.checkTorque(*stepper_, base_, front_), checkAccelerations());
+      const bool differentiated = differentiateFront();
+      if (differentiated && !guards_.isEmpty() && looks < kMostLooks) {
+        double shorter = taken;
+        const Look look = lookInside(taken, &shorter);
+        if (look == Look::kCrossed) return true;
+        if (!status_.ok()) return false;
+        if (look == Look::kShorter) {
+          end = base_.time + shorter;
+          front_ = base_;
+          continue;
+        }
+      }
+      if (end == grid) ++fixed_steps_;
+      ++statistics_.steps;
+      if (!differentiated || !finishStep()) {
+        if (status_.ok()) {
+          front_ = base_;
+          explainStop();
+        }
+        return false;
+      }
+      if (!guards_.isEmpty()) guards_.moveBase(viewOf(front_));
+      const double estimate = worseOf(
+          worseOf(norm, moved), worseOf(unaccounted, stepper_->estimateFromEnd(base_, front_)));
+      statistics_.largest_error_estimate = std::max(statistics_.largest_error_estimate, estimate);
+      // The tolerance is no bound for steps of fixed size; but a step whose error is a part of the
+      // state itself describes nothing any more.
+      const double part = estimate * scene_.solver.relative_tolerance;
+      if (part <= kCrudest) return true;  // not when NaN
+      front_ = base_;
+      stop(StopReason::kStepTooLarge);
+      status_.measure = part;
       return false;
     }
-    const double estimate = worseOf(worseOf(norm, moved),
-                                    worseOf(unaccounted, stepper_->estimateFromEnd(base_, front_)));
-    statistics_.largest_error_estimate = std::max(statistics_.largest_error_estimate, estimate);
-    // The tolerance is no bound for steps of fixed size; but a step whose error is a part of the
-    // state itself describes nothing any more.
-    const double part = estimate * scene_.solver.relative_tolerance;
-    if (part <= kCrudest) return true;  // not when NaN
-    front_ = base_;
-    stop(StopReason::kStepTooLarge);
-    status_.measure = part;
-    return false;
   }
 
   /// Projects x, to which `stepper` has gone from x_old by h and which stands at `end`, if the
   /// stepper has not done so; the size of the move in units of the tolerance (an error measure that
   /// is independent of the stepper's), or NaN when it failed.
+  ///
+  /// What rounding alone makes of it counts for nothing: shorter steps do not help. It is looked at
+  /// where the move is more than a step's own error `estimate`.
   double projectEnd(const Stepper<System>& stepper, const State& x_old, double end, double h,
-                    State& x) {
+                    double estimate, State& x) {
     if (!stepper.projects()) {
       for (double value : x) {
         if (!std::isfinite(value)) return std::numeric_limits<double>::quiet_NaN();
@@ -535,13 +826,38 @@ class MotionOf final : public Motion {
     }
     // Stages that hold psi = 0 themselves leave rounding to the projection, no error.
     if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) return 0.0;
-    return calcErrorNorm(projection.moved, x_old, x, tolerance_);
+    const double norm = calcErrorNorm(projection.moved, x_old, x, tolerance_);
+    if (norm <= kSteady || norm <= estimate) return norm;
+    return discountRounding(end, x_old, x, projection.moved);
   }
 
-  /// Derivative at the new front and the check of C. False when the front is no good: then either
-  /// the motion has stopped or the step is to be repeated shorter.
-  bool finishStep() {
-    if (stepper_->projects()) {
+  /// The size of a move onto the constraints without what rounding makes of it; where that is more
+  /// than the tolerance it is told.
+  double discountRounding(double end, const State& x_old, const State& x, const State& moved) {
+    double velocity[S];
+    double acceleration[S];
+    drivetrain_.calcProjectionRounding(system_.view(end, x), velocity, acceleration);
+    State left = moved;
+    double rounding = 0.0;
+    const auto discount = [&](std::size_t n, double size) {
+      left[n] = std::max(0.0, moved[n] - size);
+      rounding = std::max(rounding, size / tolerance_.of(x[n]));
+    };
+    for (std::size_t i = 0; i < S; ++i) {
+      discount(S + i, velocity[i]);
+      if (kIntegratesTorque<System>) discount(x.size() - S + i, acceleration[i]);
+    }
+    const double norm = calcErrorNorm(left, x_old, x, tolerance_);
+    if (norm <= 1.0 && rounding > 1.0) {
+      statistics_.largest_rounding = std::max(statistics_.largest_rounding, rounding);
+    }
+    return norm;
+  }
+
+  /// x' at the new front. False when it is not finite.
+  bool differentiateFront() {
+    const bool moved = system_.restoreReaction(front_);
+    if (stepper_->projects() && !moved) {
       front_.dxdt = dxdt_new_;
     } else {
       system_(front_.x, front_.dxdt, front_.time);
@@ -549,6 +865,13 @@ class MotionOf final : public Motion {
     for (double value : front_.dxdt) {
       if (!std::isfinite(value)) return false;
     }
+    return true;
+  }
+
+  /// The checks of Q' and C at the new front, whose derivative was the last one taken. False when
+  /// the front is no good: then either the motion has stopped or the step is to be repeated
+  /// shorter.
+  bool finishStep() {
     checks_.noteTorqueRate(front_);
     checks_.noteAccelerations(front_);
     if (!checks_.isTorqueFollowed(*stepper_, base_, front_)) return false;
@@ -587,7 +910,6 @@ class MotionOf final : public Motion {
   /// The larger one of `norm` and a check; of one that is passed only so much counts that steps
   /// stay about as long as they are.
   static double worseOfCheck(double norm, double check) {
-    constexpr double kSteady = 0.1;  // StepControl makes it a step no shorter, at every order
     return worseOf(norm, check <= 1.0 ? std::min(check, kSteady) : check);
   }
 
@@ -606,21 +928,17 @@ class MotionOf final : public Motion {
     return true;
   }
 
-  /// The switches at the front.
-  void calcSwitches() {
-    drivetrain_.calcSwitches(system_.view(front_.time, front_.x), switches_.trial());
-  }
-
   /// x of a motion at rest at the present: the front's, angles gone on at constant speed.
   void calcRest(State& x) const {
     x = front_.x;
     if (system_.readsAngles()) return;
-    for (std::size_t n = 0; n < S; ++n) x[n] += (time_ - front_.time) * front_.x[S + n];
+    for (std::size_t n = 0; n < S; ++n) x[n] += (present() - front_.time) * front_.x[S + n];
   }
 
   /// Compares the rows of C with the longest that each has been. False, and the motion stopped,
   /// when one has vanished.
   bool noteRows() {
+    system_.noteColumns();
     for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
       const double length_squared = system_.rowLengthSquared(m);
       row_reference_[m] = std::max(row_reference_[m], length_squared);
@@ -639,7 +957,7 @@ class MotionOf final : public Motion {
   /// side the motion is not determined. Keeps the rows of the front otherwise.
   bool haveRowsTurned() {
     double turned[S];
-    bool is_start = base_.time == front_.time;
+    const bool is_start = base_.time == front_.time || std::exchange(has_new_rows_, false);
     for (int m = 0; m < drivetrain_.constraintCount() && !is_start; ++m) {
       drivetrain_.inertia().solve(system_.row(m), turned);
       double product = 0.0;
@@ -651,6 +969,9 @@ class MotionOf final : public Motion {
     }
     return false;
   }
+
+  /// The rows of C at the next front are not compared with those before.
+  void noteRowsAnew() { has_new_rows_ = true; }
 
   /// Stops at the front, where no step however short succeeds, and finds out why; `otherwise` is
   /// the reason where nothing more is found.
@@ -714,7 +1035,7 @@ class MotionOf final : public Motion {
 
   void stop(StopReason reason) {
     status_.reason = reason;
-    status_.time = front_.time;
+    status_.time = absolute(front_.time);
   }
 
   // --- inside the last step --------------------------------------------------------------------
@@ -725,19 +1046,20 @@ class MotionOf final : public Motion {
   }
   /// x at the present, by dense output where the stepper has it.
   void sampleInside(State& x) {
-    if (time_ == base_.time || hopped_) {
+    const double now = present();
+    if (now == base_.time || hopped_) {
       x = base_.x;
       return;
     }
-    if (isDenseOutputGood() && stepper_->interpolate(system_, time_, base_, front_, x)) {
+    if (isDenseOutputGood() && stepper_->interpolate(system_, now, base_, front_, x)) {
       State moved;
       State slope{};
-      if (stepper_->keepsConstraints()) stepper_->calcSlope(time_, base_, front_, slope);
+      if (stepper_->keepsConstraints()) stepper_->calcSlope(now, base_, front_, slope);
       const double h = front_.time - base_.time;
       const ProjectionResult result =
-          stepper_->isImplicit() ? projectStiffly(system_, *stepper_, time_, h, slope, x, moved,
+          stepper_->isImplicit() ? projectStiffly(system_, *stepper_, now, h, slope, x, moved,
                                                   &statistics_.projections)
-                                 : system_.project(time_, x, moved, &statistics_.projections);
+                                 : system_.project(now, x, moved, &statistics_.projections);
       if (result == ProjectionResult::kConverged) return;
     }
     Node node;
@@ -749,37 +1071,38 @@ class MotionOf final : public Motion {
   /// False, and the motion stopped at the base, in the odd case that no step however short
   /// succeeds.
   bool reachPresent(Node* node) {
+    const double now = present();
     if (sleeping_) {
-      node->time = time_;
+      node->time = now;
       calcRest(node->x);
       return true;
     }
     Stepper<System>& stepper = choice_.innerOf(*stepper_);
     *node = base_;
     if (hopped_) {
-      node->time = time_;
+      node->time = now;
       return true;
     }
-    double h = time_ - base_.time;
+    double h = now - base_.time;
     int steps = 0;
-    while (time_ - node->time > shortestStep(time_)) {
+    while (now - node->time > shortestStep(now)) {
       if (++steps > scene_.solver.maximum_steps) {
         stop(StopReason::kStepLimit);
-        status_.time = time_ = node->time;
+        status_.time = time_ = absolute(node->time);
         return false;
       }
-      const bool last = node->time + h >= time_;
-      const double end = last ? time_ : node->time + h;
+      const bool last = node->time + h >= now;
+      const double end = last ? now : node->time + h;
       const Node start = *node;
       if (!(end > start.time)) {
         base_ = front_ = start;
         explainStop();
-        time_ = start.time;
+        time_ = absolute(start.time);
         return false;
       }
       double norm = stepper.step(system_, start, end - start.time, node->x, node->dxdt);
       if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
-        const double moved = projectEnd(stepper, start.x, end, end - start.time, node->x);
+        const double moved = projectEnd(stepper, start.x, end, end - start.time, norm, node->x);
         norm = worseOf(norm, moved);
       }
       if (norm <= 1.0) {
@@ -795,27 +1118,18 @@ class MotionOf final : public Motion {
         h = 0.5 * (end - start.time);  // rare: a shorter step is nearly always better
       }
     }
-    node->time = time_;
+    node->time = now;
     return true;
   }
 
   // --- commands --------------------------------------------------------------------------------
-  /// Keeps the order of arrival; a command that follows its own input's last one replaces it.
+  /// Of several commands to one input the last one counts.
   void stage(int input, double value) {
     sample_valid_ = false;
-    if (pending_count_ > 0 && pending_[pending_count_ - 1].input == input) {
-      pending_[pending_count_ - 1].value = value;
+    for (int p = 0; p < pending_count_; ++p) {
+      if (pending_[p].input != input) continue;
+      pending_[p].value = value;
       return;
-    }
-    if (pending_count_ == kMaxPending) {
-      // More than any controller sends in one instant: an earlier one of the same input gives way
-      // (there is one, since there are fewer inputs than places).
-      const auto end = pending_ + pending_count_;
-      const auto same = [&](const Pending& p) { return p.input == input; };
-      auto victim = std::find_if(pending_, end, same);
-      if (victim == end) victim = pending_;
-      std::move(victim + 1, end, victim);
-      --pending_count_;
     }
     pending_[pending_count_++] = {input, value};
   }
@@ -836,7 +1150,8 @@ class MotionOf final : public Motion {
     for (int i = 0; i < drivetrain_.inputCount(); ++i) {
       const CommandInputSettings& settings = scene_.inputs[i];
       if (settings.timeout <= 0.0 || last_command_time_[i] == kNever) continue;
-      if (last_command_time_[i] + settings.timeout > time_) continue;
+      // (Two that are meant for one instant may be a rounding apart.)
+      if (last_command_time_[i] + settings.timeout > time_ + shortestStep(time_)) continue;
       last_command_time_[i] = kNever;
       ++statistics_.command_timeouts;
       if (settings.on_timeout == OnTimeout::kZero) {
@@ -845,7 +1160,8 @@ class MotionOf final : public Motion {
     }
   }
 
-  /// All pending commands take effect at the present, together.
+  /// All pending commands take effect at the present, together: inputs that jump move on the
+  /// straight line between their old and new values, so that no order means anything.
   void applyPending() {
     if (pending_count_ == 0 || !status_.ok()) return;
     const int count = std::exchange(pending_count_, 0);
@@ -860,31 +1176,30 @@ class MotionOf final : public Motion {
     if (!changed) return;  // the motion goes on as if nothing had come
     rhythm_.note(time_);
 
-    Node present = front_;
-    if (time_ != front_.time && !reachPresent(&present)) return;
-    drivetrain_.refreshInputs(time_);
-    front_ = present;
-    front_.time = time_;
+    Node reached = front_;
+    if (present() != front_.time && !reachPresent(&reached)) return;
+    front_ = reached;
+    moveOrigin(time_);
+    front_.time = 0.0;
+    drivetrain_.refreshInputs(front_.time);
     base_ = front_;
     sample_valid_ = false;
-    const bool together = scene_.solver.simultaneous_commands == SimultaneousCommands::kTogether;
     double u0[kMaxInputs];
-    bool jumps = false;
     copyInputs(u0);
     drivetrain_.saveSignals();
+    bool jumps = false;
     for (int p = 0; p < count; ++p) {
       const int input = pending_[p].input;
       CommandSignal& signal = drivetrain_.signal(input);
       if (signal.target() == pending_[p].value) continue;
-      jumps = signal.command(scene_.inputs[input], time_, pending_[p].value) || jumps;
-      if (together && p + 1 < count) continue;
-      if (jumps && !jump(u0)) {
-        front_ = base_;  // the last good state: before the first of these commands
-        drivetrain_.restoreSignals(time_);
-        return;
-      }
-      copyInputs(u0);
-      jumps = false;
+      jumps = signal.command(scene_.inputs[input], front_.time, pending_[p].value,
+                             shortestStep(time_)) ||
+              jumps;
+    }
+    if (jumps && !jump(u0)) {
+      front_ = base_;  // the last good state: before these commands
+      drivetrain_.restoreSignals(front_.time);
+      return;
     }
     restart();
   }
@@ -892,18 +1207,28 @@ class MotionOf final : public Motion {
   void copyInputs(double* u) const {
     std::copy(drivetrain_.inputs(), drivetrain_.inputs() + drivetrain_.inputCount(), u);
   }
+  /// Whether an input is not what it was, beyond rounding.
+  bool haveInputsJumped(const double* u0) const {
+    constexpr double kRounding = 1e-14;
+    for (int i = 0; i < drivetrain_.inputCount(); ++i) {
+      const double u1 = drivetrain_.inputs()[i];
+      if (std::abs(u1 - u0[i]) > kRounding * (std::abs(u1) + std::abs(u0[i]))) return true;
+    }
+    return false;
+  }
 
   /// The jump map at the front, from the inputs u0 to those that the signals now have. False when
   /// the motion stopped.
   bool jump(const double* u0) {
     ++statistics_.jumps;
-    drivetrain_.refreshInputs(time_);
+    drivetrain_.refreshInputs(front_.time);
     double u1[kMaxInputs];
     copyInputs(u1);
-    const MotionStatus result = system_.jump(time_, front_.x, u0, u1, &statistics_.projections);
+    const MotionStatus result =
+        system_.jump(front_.time, front_.x, u0, u1, &statistics_.projections);
     if (result.ok()) return true;
     status_ = result;
-    status_.time = front_.time;
+    status_.time = absolute(front_.time);
     return false;
   }
 
@@ -979,8 +1304,14 @@ class MotionOf final : public Motion {
   static constexpr double kCrudest = 0.1;
   /// So many rejections of one step make `auto` try implicitly.
   static constexpr int kHopeless = 6;
-  /// A step ends past a kink by this part of the tolerance and of its length at most.
-  static constexpr double kKinkResolution = 0.1;
+  /// An error norm that makes StepControl take a step no shorter, at every order.
+  static constexpr double kSteady = 0.1;
+  /// An edge is found to within this part of the step.
+  static constexpr double kEdgeResolution = 1e-14;
+  /// Trial steps that look for an edge from one base.
+  static constexpr int kMostLooks = 100;
+  /// A jump is crossed back at once when that takes so many times what crossing it took.
+  static constexpr double kAtOnce = 100.0;
   /// Steps from `time` are longer than this. [loop]
   static double shortestStep(double time) { return kResolution * std::abs(time); }
   /// Relative to the time reached: shorter steps no longer change the time reliably.
@@ -997,9 +1328,10 @@ class MotionOf final : public Motion {
   StepChecks<System> checks_;
   StepControl control_;
   RestWatch rest_;
-  SwitchSearch switches_;
+  GuardSearch guards_;
+  StepCurve curve_;
   CommandRhythm rhythm_;
-  bool hopped_ = false;  // the last step was a hop over a kink
+  bool hopped_ = false;  // the last step was one over an edge
   bool sleeping_ = false;
   bool knows_start_ = false;
   State start_{};  // at time 0, with the inputs as the scene has them
@@ -1011,10 +1343,11 @@ class MotionOf final : public Motion {
   bool velocities_at_fault_ = false;
   double nearest_[S] = {};
 
-  double time_ = 0.0;  // the present
-  Node base_;          // where the last step began
-  Node front_;         // where it ended
-  State dxdt_new_{};   // the stepper's own derivative at the front, before the projection
+  double time_ = 0.0;    // the present
+  double origin_ = 0.0;  // what times of nodes are counted from
+  Node base_;            // where the last step began
+  Node front_;           // where it ended
+  State dxdt_new_{};     // the stepper's own derivative at the front, before the projection
   double next_step_ = 0.0;
   double step_window_start_ = 0.0;
   int steps_in_window_ = 0;
@@ -1023,12 +1356,28 @@ class MotionOf final : public Motion {
   double row_reference_[System::kMaxRows] = {};
   double row_before_[System::kMaxRows][S] = {};  // C at the last front
 
+  /// The edge that comes next.
+  struct Crossing {
+    int guard = -1;
+    double at = 0.0;      // where the step before it ends
+    double length = 0.0;  // of the step across, s
+    bool isDueAt(double time) const { return guard >= 0 && at == time; }
+  };
+  Crossing crossing_;
+  /// The last edge of a jump that was crossed.
+  struct LastJump {
+    int guard = -1;
+    double time = 0.0;
+    double length = 0.0;
+  };
+  LastJump last_jump_;
+  bool has_new_rows_ = false;
+
   struct Pending {
     int input;
     double value;
   };
-  static constexpr int kMaxPending = 2 * kMaxInputs;
-  Pending pending_[kMaxPending];
+  Pending pending_[kMaxInputs];
   int pending_count_ = 0;
   double last_command_time_[kMaxInputs];
   bool advanced_ = false;

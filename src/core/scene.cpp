@@ -316,11 +316,6 @@ SolverSettings readSolver(ParameterReader& root) {
   settings.maximum_steps =
       reader.integer("maximum_steps", 1, std::numeric_limits<int>::max(), settings.maximum_steps);
   settings.sleep = reader.boolean("sleep", settings.sleep);
-  const std::string in_order = toString(SimultaneousCommands::kInOrder);
-  const std::string together = toString(SimultaneousCommands::kTogether);
-  if (reader.choice("simultaneous_commands", {in_order, together}, in_order) == together) {
-    settings.simultaneous_commands = SimultaneousCommands::kTogether;
-  }
   reader.finish();
   return settings;
 }
@@ -457,8 +452,7 @@ ParameterTree resolve(const ParameterTree& tree, const Lists& lists, const Scene
        {"step", ParameterTree::real(solver.step)},
        {"maximum_step", ParameterTree::real(solver.maximum_step)},
        {"maximum_steps", ParameterTree::integer(solver.maximum_steps)},
-       {"sleep", ParameterTree::boolean(solver.sleep)},
-       {"simultaneous_commands", ParameterTree::text(toString(solver.simultaneous_commands))}});
+       {"sleep", ParameterTree::boolean(solver.sleep)}});
   return ParameterTree::dictionary(std::move(root));
 }
 
@@ -503,16 +497,6 @@ const char* toString(StepperKind kind) {
 bool isFixedStep(StepperKind kind) {
   return kind == StepperKind::kRk4 || kind == StepperKind::kDopri5Fixed ||
          kind == StepperKind::kRosenbrock4Fixed || kind == StepperKind::kRadau5Fixed;
-}
-
-const char* toString(SimultaneousCommands rule) {
-  switch (rule) {
-    case SimultaneousCommands::kInOrder:
-      return "in_order";
-    case SimultaneousCommands::kTogether:
-      return "together";
-  }
-  return "";
 }
 
 const std::vector<std::string>& nodeKeys() {

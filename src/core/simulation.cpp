@@ -60,7 +60,10 @@ const char* explain(StopReason reason) {
     case StopReason::kStepLimit:
       return "more steps than 'solver/maximum_steps' within one simulated second";
     case StopReason::kJumpFailed:
-      return "the jump of the commands leads to no state on the constraints";
+      return "the jump leads to no state on the constraints";
+    case StopReason::kChattering:
+      return "a law jumps where the motion crosses back at once, so neither branch goes on: a "
+             "continuous law helps (tanh(w/0.01) for sign(w), variator_sim/Friction for friction)";
     case StopReason::kProjectionFailed:
       return "no accelerations that satisfy the constraints were found";
   }

@@ -22,6 +22,8 @@ const char* toString(StopReason reason) {
       return "JumpFailed";
     case StopReason::kProjectionFailed:
       return "ProjectionFailed";
+    case StopReason::kChattering:
+      return "Chattering";
   }
   return "";
 }

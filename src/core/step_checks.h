@@ -254,11 +254,13 @@ class StepChecks {
   double judgeTorque(const TorqueGain<System>& gain, const Node& from, const Node& to,
                      const Torque& uncertain, const Torque& answer) const {
     const double h = to.time - from.time;
+    // A law that reads the time itself knows it to a rounding.
+    const double origin = drivetrain_.torquesReadTime() ? std::abs(drivetrain_.origin()) : 0.0;
     double largest = 0.0;
     for (std::size_t i = 0; i < S; ++i) {
       const double size = std::max(std::abs(to.torque[i]), std::abs(from.torque[i]));
       const double rounding = 32.0 * std::numeric_limits<double>::epsilon() *
-                              (size + (h + std::abs(to.time)) * gain.largest_rate[i]);
+                              (size + (h + origin + std::abs(to.time)) * gain.largest_rate[i]);
       const double d = std::abs(to.torque[i] - from.torque[i] - gain.change[i]);
       const double part = (d - rounding - uncertain[i]) / (calcAllowed(from, to, i) + answer[i]);
       largest = worseOf(largest, part);

@@ -129,15 +129,6 @@ double Table::slope(double x) const {
   return std::isnan(x) ? x : curve_->prime(x);
 }
 
-double Table::switchValue(double x) const {
-  if (!points_) return 1.0;
-  const auto after = std::upper_bound(points_->begin(), points_->end(), x);
-  const double left = after == points_->begin() ? HUGE_VAL : x - *(after - 1);
-  const double right = after == points_->end() ? HUGE_VAL : *after - x;
-  const double distance = std::min(left, right);
-  return (after - points_->begin()) % 2 == 0 ? distance : -distance;
-}
-
 double Table::curvature(double x) const {
   if (x >= last_.x || x <= first_.x) return 0.0;
   return std::isnan(x) ? x : curve_->double_prime(x);

@@ -1,6 +1,7 @@
 #include "variator_sim/torque.h"
 
 #include "central_difference.h"
+#include "switch_guard.h"
 
 namespace variator_sim {
 
@@ -13,6 +14,17 @@ void Torque::doAddTorqueRateDerivatives(const StateView& state, double* derivati
     doAddTorqueRate(below, rate_below);
     for (int i = 0; i < s; ++i) derivatives[q * s + i] += (rate_above[i] - rate_below[i]) / width;
   });
+}
+
+std::vector<GuardPtr> Torque::guards() const {
+  std::vector<GuardPtr> guards = doGuards();
+  const int count = doSwitchCount();
+  for (int i = 0; i < count; ++i) {
+    guards.push_back(std::make_shared<SwitchGuard>(
+        [this](const StateView& state, double* values) { doCalcSwitches(state, values); }, count, i,
+        doSwitchJumps(i)));
+  }
+  return guards;
 }
 
 }  // namespace variator_sim

@@ -68,6 +68,10 @@ void printStatistics(const Simulation& simulation, const WallTimes& wall, std::u
     std::fprintf(stderr, "largest error estimate: %.6g of the tolerance\n",
                  counts.largest_error_estimate);
   }
+  if (counts.largest_rounding > 0.0) {
+    std::fprintf(stderr, "rounding: %.3g tolerances (what it makes of a step's end at the most)\n",
+                 counts.largest_rounding);
+  }
   print("rejected steps", counts.rejected_steps);
   print("right-hand sides", counts.right_hand_sides);
   print("projections", counts.projections);

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
-#include "variator_sim/expression/switches.h"
 
 namespace variator_sim {
 
@@ -37,7 +37,7 @@ void ExpressionTorque::doConfigure(ComponentContext& context) {
   try {
     torque_ = Tape(graph, {torque});
     rate_ = Tape(graph, {rate});
-    switches_ = Tape(graph, expression::findSwitches(graph, {torque}));
+    guards_ = expression::findGuards(graph, {torque});
   } catch (const std::length_error& error) {
     throw SceneError(context.parameters().keyPath("torque"), error.what());
   }

@@ -32,10 +32,7 @@ class ExpressionConstraint : public Constraint {
   void doCalcJacobianRate(const StateView& state, double* D, double* H) const override;
   void doCalcRowDerivatives(const StateView& state, double* dC, double* dc0) const override;
   Dependence doDependence() const override { return dependence_; }
-  int doSwitchCount() const override { return switches_.outputCount(); }
-  void doCalcSwitches(const StateView& state, double* values) const override {
-    switches_.evaluate(state, values);
-  }
+  std::vector<GuardPtr> doGuards() const override { return guards_; }
   bool doHasConstantJacobian() const override { return has_constant_jacobian_; }
   bool doIsLinearInAcceleration() const override { return is_linear_; }
 
@@ -48,7 +45,7 @@ class ExpressionConstraint : public Constraint {
   expression::Tape partials_;               ///< those of partial_slots_
   expression::Tape hessian_;                ///< H = dC/depsilon, s x s
   expression::Tape jacobian_rate_;          ///< D, then H
-  expression::Tape switches_;
+  std::vector<GuardPtr> guards_;
   /// Of C, then c0; empty when the formula is too large.
   std::optional<expression::StateDerivatives> row_derivatives_;
   std::vector<int> partial_slots_;  ///< variables by which psi has a derivative

@@ -29,6 +29,10 @@ class ImposedJerk : public AutomaticConstraint<ImposedJerk, 3, 1, 1> {
  protected:
   void doConfigure(ComponentContext& context) override;
   Dependence doDependence() const override { return {duration_ > 0.0 || jerk_.readsTime(), false}; }
+  std::vector<double> doInstants() const override {
+    if (duration_ == 0.0) return jerk_.instants();
+    return {start_, start_ + duration_};
+  }
   bool doHasConstantJacobian() const override { return true; }
   bool doIsLinearInAcceleration() const override { return true; }
 

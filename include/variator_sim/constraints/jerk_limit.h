@@ -22,6 +22,7 @@ class JerkLimit : public AutomaticConstraint<JerkLimit, 3, 1, 1> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  std::vector<double> doInstants() const override { return acceleration_.instants(); }
   Dependence doDependence() const override { return {acceleration_.readsTime(), false}; }
   bool doHasConstantJacobian() const override { return true; }
   bool doIsLinearInAcceleration() const override { return true; }

@@ -24,10 +24,7 @@ class KinematicRatio : public AutomaticConstraint<KinematicRatio, 1, 2, 1> {
   bool doHasConstantJacobian() const override { return ratio_.isConstant(); }
 
   // f'' has the second derivative of the value, which has a kink at the points of a table.
-  int doSwitchCount() const override { return ratio_.switchCount(); }
-  void doCalcSwitches(const StateView& state, double* values) const override {
-    if (ratio_.switchCount() > 0) values[0] = ratio_.switchValue(state.time);
-  }
+  std::vector<double> doInstants() const override { return ratio_.instants(); }
 
  private:
   TimeValue ratio_;

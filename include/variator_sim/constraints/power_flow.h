@@ -33,6 +33,7 @@ class PowerFlow : public AutomaticConstraint<PowerFlow, 2, 2, 1> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  std::vector<double> doInstants() const override { return power_.instants(); }
   Dependence doDependence() const override { return {power_.readsTime(), false}; }
   bool doIsLinearInAcceleration() const override { return imposes_power_; }
 

@@ -23,6 +23,7 @@ class SlipRatio : public AutomaticConstraint<SlipRatio, 2, 2, 1> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  std::vector<double> doInstants() const override { return ratio_.instants(); }
   Dependence doDependence() const override { return {ratio_.readsTime(), false}; }
   bool doHasConstantJacobian() const override { return ratio_.isConstant(); }
   bool doIsLinearInAcceleration() const override { return true; }

@@ -53,10 +53,8 @@ class TimeValue {
   int input() const { return input_; }
   /// True when it is a function of time; a commanded input is none.
   bool readsTime() const { return form_ == Form::kTable; }
-  /// Whether it has points at which its third derivative jumps, and a function of t that changes
-  /// its sign there.
-  int switchCount() const { return form_ == Form::kTable ? 1 : 0; }
-  double switchValue(double t) const { return table_.switchValue(t); }
+  /// The instants, s, at which its third derivative jumps.
+  std::vector<double> instants() const { return table_.points(); }
   /// True when it never changes.
   bool isConstant() const { return form_ == Form::kConstant; }
 

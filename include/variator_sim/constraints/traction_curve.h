@@ -38,6 +38,11 @@ class TractionCurve : public AutomaticConstraint<TractionCurve, 2, 2, 2> {
 
  protected:
   void doConfigure(ComponentContext& context) override;
+  std::vector<double> doInstants() const override {
+    std::vector<double> instants = ratio_.instants();
+    for (const double instant : load_.instants()) instants.push_back(instant);
+    return instants;
+  }
   Dependence doDependence() const override {
     return {ratio_.readsTime() || load_.readsTime(), false};
   }

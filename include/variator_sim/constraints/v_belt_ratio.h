@@ -33,11 +33,7 @@ class VBeltRatio : public AutomaticConstraint<VBeltRatio, 1, 2, 1> {
   void doConfigure(ComponentContext& context) override;
   Dependence doDependence() const override { return {load_.readsTime(), false}; }
 
-  // f'' has the second derivative of the value, which has a kink at the points of a table.
-  int doSwitchCount() const override { return load_.switchCount(); }
-  void doCalcSwitches(const StateView& state, double* values) const override {
-    if (load_.switchCount() > 0) values[0] = load_.switchValue(state.time);
-  }
+  std::vector<double> doInstants() const override { return load_.instants(); }
 
  private:
   double ratio_low_ = 1.0;    ///< i_1

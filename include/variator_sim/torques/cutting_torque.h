@@ -12,7 +12,6 @@ namespace variator_sim {
 ///     Q' = -T (E' P s + E P' omega s + E P s' epsilon)                              N m/s
 /// S(x) = 10 x^3 - 15 x^4 + 6 x^5 between 0 and 1: two times continuously differentiable. The cut
 /// enters from t_b to t_b + h and leaves from t_e to t_e + h; without `end` it does not leave.
-/// An adaptive stepper may step over a cut that is shorter than `solver/maximum_step`.
 ///
 /// Keys: `shaft`, `torque` T >= 0 (N m), `begin` t_b (s), `ramp` h > 0 (s), `end` t_e >= t_b + h
 /// (s, optional), `tooth_passing` (optional): {`teeth` z >= 1 (an integer), `amplitude` a from 0 to
@@ -29,12 +28,9 @@ class CuttingTorque : public Torque {
   Dependence doTorqueDependence() const override { return {true, teeth_ > 0.0}; }
   Dependence doRateDependence() const override { return {true, teeth_ > 0.0}; }
   // The third derivative of E jumps at the ends of both ramps.
-  int doSwitchCount() const override { return 4; }
-  void doCalcSwitches(const StateView& state, double* values) const override {
-    values[0] = (state.time - begin_) * ramp_scale_;
-    values[1] = values[0] - 1.0;
-    values[2] = (state.time - end_) * ramp_scale_;
-    values[3] = values[2] - 1.0;
+  std::vector<double> doInstants() const override {
+    const double ramp = 1.0 / ramp_scale_;
+    return {begin_, begin_ + ramp, end_, end_ + ramp};
   }
 
  private:

@@ -36,6 +36,14 @@ class DieselEngine : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, false}; }
   Dependence doRateDependence() const override { return {false, false}; }
+  std::vector<GuardPtr> doGuards() const override {
+    std::vector<double> speeds = full_load_.points();
+    // the ends of the governor's band
+    if (has_governor_) {
+      speeds.insert(speeds.end(), {governor_begin_, governor_begin_ + 1.0 / governor_scale_});
+    }
+    return {std::make_shared<KnotGuard>(KnotGuard::Part::kVelocity, shaft_, std::move(speeds))};
+  }
 
  private:
   int shaft_ = 0;

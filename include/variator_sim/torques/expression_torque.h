@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "variator_sim/expression/state_derivatives.h"
 #include "variator_sim/expression/tape.h"
@@ -24,17 +25,14 @@ class ExpressionTorque : public Torque {
   void doAddTorqueRate(const StateView& state, double* torque_rate) const override;
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return torque_dependence_; }
-  int doSwitchCount() const override { return switches_.outputCount(); }
-  void doCalcSwitches(const StateView& state, double* values) const override {
-    switches_.evaluate(state, values);
-  }
   Dependence doRateDependence() const override { return rate_dependence_; }
+  std::vector<GuardPtr> doGuards() const override { return guards_; }
 
  private:
   int shaft_ = 0;
   expression::Tape torque_;  ///< Q, N m
   expression::Tape rate_;    ///< Q', N m/s
-  expression::Tape switches_;
+  std::vector<GuardPtr> guards_;
   bool has_rate_ = false;  ///< false: Q' = 0 at every state
   /// Of Q'; empty when the formula is too large.
   std::optional<expression::StateDerivatives> rate_derivatives_;

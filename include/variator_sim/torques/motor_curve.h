@@ -41,6 +41,12 @@ class MotorCurve : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, false}; }
   Dependence doRateDependence() const override { return {false, false}; }
+  std::vector<GuardPtr> doGuards() const override {
+    std::vector<double> speeds = table_.points();
+    if (speeds.empty()) return {};
+    for (double& speed : speeds) speed *= direction_;
+    return {std::make_shared<KnotGuard>(KnotGuard::Part::kVelocity, shaft_, std::move(speeds))};
+  }
 
  private:
   enum class Characteristic { kKloss, kTable, kLine, kCircuit };

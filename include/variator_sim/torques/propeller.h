@@ -32,9 +32,9 @@ class Propeller : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, false}; }
   Dependence doRateDependence() const override { return {false, false}; }
-  int doSwitchCount() const override { return regularization_speed_ > 0.0 ? 0 : 1; }
-  void doCalcSwitches(const StateView& state, double* values) const override {
-    values[0] = state.velocity[shaft_];
+  std::vector<GuardPtr> doGuards() const override {
+    if (regularization_speed_ > 0.0) return {};
+    return {std::make_shared<KnotGuard>(KnotGuard::Part::kVelocity, shaft_, std::vector{0.0})};
   }
 
  private:

@@ -37,11 +37,7 @@ class VehicleResistance : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {grade_varies_, false}; }
   Dependence doRateDependence() const override { return {grade_varies_, false}; }
-  // At the points of the table the third derivative of the grade jumps.
-  int doSwitchCount() const override { return grade_varies_ ? 1 : 0; }
-  void doCalcSwitches(const StateView& state, double* values) const override {
-    if (grade_varies_) values[0] = grade_.switchValue(state.time);
-  }
+  std::vector<double> doInstants() const override { return grade_.points(); }
 
  private:
   void readGrade(ParameterReader& parameters);

@@ -1,0 +1,78 @@
+/// Where a law changes its branch: kinks (abs, min, max), jumps (sign) and the points of tables.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// All numbers from low to high; the ends may be infinite.
+struct Interval {
+  double low = 0.0;
+  double high = 0.0;
+};
+
+/// A set of states: each part anywhere in its interval. Arrays of s entries.
+struct StateBox {
+  Interval time;                      ///< s
+  Interval angle[kMaxShafts];         ///< rad
+  Interval velocity[kMaxShafts];      ///< rad/s
+  Interval acceleration[kMaxShafts];  ///< rad/s^2
+};
+
+/// Tells on which branch of a law a state lies. On one branch the law is smooth; a step ends where
+/// the branch changes, however briefly it does.
+///
+/// Evaluations are const, allocate nothing, take no lock and do not throw.
+class Guard {
+ public:
+  /// Of a state from which no branch can be told: exactly on the edge, or NaN.
+  static constexpr int kOnEdge = -1000000;
+
+  virtual ~Guard() = default;
+  Guard(const Guard&) = delete;
+  Guard& operator=(const Guard&) = delete;
+
+  /// A number that is the same on one branch.
+  virtual int branch(const StateView& state) const = 0;
+  /// False when all of `box` certainly lies on `branch`.
+  virtual bool mayLeave(const StateBox& box, int branch) const = 0;
+  /// True when nothing is known of it but its branch at single states: `mayLeave` is always true.
+  virtual bool isOpaque() const { return false; }
+  /// The signed distance to the edge of an opaque guard, in whatever unit.
+  virtual double distance(const StateView& /*state*/) const { return 0.0; }
+  /// True when it reads the time itself.
+  virtual bool readsTime() const { return true; }
+  /// True when the law itself may jump where the branch changes, and not only a derivative of it.
+  bool jumps() const { return jumps_; }
+
+ protected:
+  explicit Guard(bool jumps) : jumps_(jumps) {}
+
+ private:
+  bool jumps_;
+};
+
+using GuardPtr = std::shared_ptr<const Guard>;
+
+/// The points of a table whose argument is one part of the state: branches are counted from below.
+class KnotGuard final : public Guard {
+ public:
+  enum class Part { kAngle, kVelocity };
+  /// `knots` of part `part` (rad or rad/s) of shaft `shaft`, in any order.
+  KnotGuard(Part part, int shaft, std::vector<double> knots);
+
+  int branch(const StateView& state) const override;
+  bool mayLeave(const StateBox& box, int branch) const override;
+  bool readsTime() const override { return false; }
+
+ private:
+  int count(double x) const;
+  Part part_;
+  int shaft_;
+  std::vector<double> knots_;
+};
+
+}  // namespace variator_sim

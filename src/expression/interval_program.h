@@ -1,0 +1,36 @@
+/// Formulas over intervals.
+#pragma once
+
+#include <vector>
+
+#include "variator_sim/expression/graph.h"
+#include "variator_sim/guard.h"
+
+namespace variator_sim::expression {
+
+/// Encloses one node of a graph over a box of states: natural interval arithmetic (Moore: Interval
+/// Analysis, 1966), whose result holds every value that the formula takes in the box. Rounding is
+/// not directed outwards: it is what the formula's own rounding is.
+class IntervalProgram {
+ public:
+  IntervalProgram() = default;
+  IntervalProgram(const Graph& graph, Node node);
+
+  /// Infinite where nothing is known (outside of a domain, too). One program is used by one thread
+  /// at a time: it keeps its registers. [loop]
+  Interval evaluate(const StateBox& box) const;
+  /// True when the time occurs.
+  bool readsTime() const { return reads_time_; }
+
+ private:
+  struct Step {
+    Operation operation;
+    int slot;
+    int operands[4];
+  };
+  std::vector<Step> steps_;
+  mutable std::vector<Interval> registers_;  ///< one for each step; constants are written once
+  bool reads_time_ = false;
+};
+
+}  // namespace variator_sim::expression
