@@ -136,9 +136,8 @@ TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
   for (const std::string& key : nodeKeys()) EXPECT_EQ(root.count(key), 0U) << key;
   EXPECT_EQ(root.at("principle").asText(), "generalized_gauss");
   const ParameterTree::Dictionary& solver = root.at("solver").asDictionary();
-  EXPECT_EQ(solver.size(), 8U);
+  EXPECT_EQ(solver.size(), 7U);
   EXPECT_TRUE(solver.at("sleep").asBoolean());
-  EXPECT_EQ(solver.at("simultaneous_commands").asText(), "in_order");
   EXPECT_EQ(solver.at("stepper").asText(), "auto");
   EXPECT_EQ(solver.at("relative_tolerance").asReal(), 1e-9);
   EXPECT_EQ(solver.at("maximum_steps").asInteger(), 1000000);

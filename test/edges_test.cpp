@@ -1,0 +1,333 @@
+// What happens inside a step: pulses, jumps of laws, known instants; by every stepper, against
+// motions known in closed form.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+constexpr StepperKind kSteppers[] = {
+    StepperKind::kAuto,        StepperKind::kDopri5,      StepperKind::kDop853,
+    StepperKind::kFehlberg78,  StepperKind::kRadau5,      StepperKind::kRosenbrock4,
+    StepperKind::kRk4,         StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
+    StepperKind::kRadau5Fixed,
+};
+constexpr const char* kPrinciples[] = {"generalized_gauss", "gauss"};
+
+std::string text(double value) {
+  char buffer[40];
+  std::snprintf(buffer, sizeof buffer, "%.17g", value);
+  return buffer;
+}
+
+/// One free shaft of unit inertia under a formula.
+Scene freeShaft(const std::string& torque, StepperKind stepper, const std::string& principle,
+                const std::string& velocity = "0", double step = 0.02) {
+  Scene scene = test::sceneFromText(
+      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
+      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+      torque + "\"}\nprinciple: " + principle + "\ninitial: {velocity: [" + velocity + "]}\n");
+  scene.solver.stepper = stepper;
+  scene.solver.step = step;
+  return scene;
+}
+
+/// What may be lost: fixed steps have no tolerance to keep, but a pulse that is missed is.
+double allowed(StepperKind stepper) {
+  return isFixedStep(stepper) ? 1e-4 : 1e-7;
+}
+
+std::string label(StepperKind stepper, const std::string& what) {
+  return std::string(toString(stepper)) + ", " + what;
+}
+
+// max(0, sin(z t) - c): narrow pulses between which nothing happens. Each gives the impulse
+// (2 cos x - c (pi - 2 x)) / z with sin x = c, symmetric about its middle.
+TEST(InsideOfAStep, PulsesOfTimeAreSeen) {
+  for (const char* principle : kPrinciples) {
+    for (StepperKind stepper : kSteppers) {
+      for (double z : {3.0, 40.0, 400.0}) {
+        for (double c : {0.9, 0.999, 0.999999}) {
+          const double x = std::asin(c);
+          const double impulse = (2.0 * std::cos(x) - c * (kPi - 2.0 * x)) / z;
+          const double size = 1.0 / impulse;  // each pulse changes the speed by 1
+          Simulation simulation(freeShaft(
+              text(size) + "*max(0,sin(" + text(z) + "*t)-" + text(c) + ")", stepper, principle));
+          const int pulses = 5;
+          const double end = 2.0 * kPi * pulses / z;
+          ASSERT_TRUE(simulation.advanceTo(end).ok()) << simulation.describeStatus();
+          double angle = 0.0;
+          for (int n = 0; n < pulses; ++n) angle += end - (0.5 * kPi + 2.0 * kPi * n) / z;
+          const std::string what =
+              label(stepper, std::string(principle) + " z " + text(z) + " c " + text(c));
+          EXPECT_NEAR(simulation.sample().velocity[0], pulses, 100.0 * allowed(stepper)) << what;
+          EXPECT_NEAR(simulation.sample().angle[0], angle, 100.0 * allowed(stepper)) << what;
+        }
+      }
+    }
+  }
+}
+
+// The same of the angle: w^2/2 grows by the integral of the pulse over the angle.
+TEST(InsideOfAStep, PulsesOfAngleAreSeen) {
+  for (const char* principle : kPrinciples) {
+    for (StepperKind stepper : kSteppers) {
+      for (double z : {1.0, 7.0, 30.0}) {
+        for (double c : {0.9, 0.9999}) {
+          const double x = std::asin(c);
+          const double work = (2.0 * std::cos(x) - c * (kPi - 2.0 * x)) / z;
+          const double size = 0.5 / work;  // each pulse gives half a joule
+          Simulation simulation(
+              freeShaft(text(size) + "*max(0,sin(" + text(z) + "*phi1)-" + text(c) + ")", stepper,
+                        principle, "10", 0.001));
+          const double period = 2.0 * kPi / z;
+          for (double time = 0.0; time < 3.0; time += 0.37) {
+            ASSERT_TRUE(simulation.advanceTo(time).ok()) << simulation.describeStatus();
+            const Sample& sample = simulation.sample();
+            const double phase = std::fmod(sample.angle[0], period) / period;
+            if (phase > 0.1 && phase < 0.4) continue;  // within a pulse, perhaps
+            const double pulses = std::floor(sample.angle[0] / period) + (phase >= 0.4 ? 1 : 0);
+            EXPECT_NEAR(sample.velocity[0] * sample.velocity[0], 100.0 + pulses,
+                        (100.0 + pulses) * 10.0 * allowed(stepper))
+                << label(stepper, std::string(principle) + " z " + text(z) + " c " + text(c));
+          }
+        }
+      }
+    }
+  }
+}
+
+// A parabola of the time, and a speed, that dip below an edge for a moment: two crossings in one
+// step. dw/dt = 1 - 2 t until t = 1 brings the speed back to 0 through 1/4 at t = 1/2.
+TEST(InsideOfAStep, ATouchIsTold) {
+  for (StepperKind stepper : kSteppers) {
+    for (double depth : {1e-2, 1e-4, 1e-6}) {
+      // the integral of max(0, d - (t - 3)^2) is 4/3 d^(3/2)
+      const double impulse = 4.0 / 3.0 * depth * std::sqrt(depth);
+      Simulation time(freeShaft(text(1.0 / impulse) + "*max(0," + text(depth) + "-(t-3)^2)",
+                                stepper, "generalized_gauss"));
+      ASSERT_TRUE(time.advanceTo(8.0).ok()) << time.describeStatus();
+      EXPECT_NEAR(time.sample().velocity[0], 1.0, 10.0 * allowed(stepper)) << text(depth);
+
+      // max(0, w - (1/4 - d)) accelerates another shaft: w = t - t^2 there
+      Scene scene = test::sceneFromText(
+          "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [p, q]\n"
+          "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1-2*t\"}\n"
+          "q: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" +
+          text(1.0 / impulse) + "*max(0,w1-(0.25-" + text(depth) + "))\"}\n");
+      scene.solver.stepper = stepper;
+      scene.solver.step = 0.02;
+      Simulation speed(scene);
+      ASSERT_TRUE(speed.advanceTo(1.5).ok()) << speed.describeStatus();
+      EXPECT_NEAR(speed.sample().velocity[1], 1.0, 100.0 * allowed(stepper))
+          << label(stepper, text(depth));
+    }
+  }
+}
+
+// sign of the time and of a speed: the accelerations jump with the torque, and no reaction is left
+// on a free shaft.
+TEST(JumpsOfLaws, MoveTheAccelerations) {
+  for (const char* principle : kPrinciples) {
+    for (StepperKind stepper : kSteppers) {
+      Simulation time(freeShaft("sign(t-1)", stepper, principle, "1"));
+      ASSERT_TRUE(time.advanceTo(3.0).ok()) << time.describeStatus();
+      EXPECT_NEAR(time.sample().velocity[0], 2.0, allowed(stepper)) << toString(stepper);
+      EXPECT_NEAR(time.sample().acceleration[0], 1.0, allowed(stepper));
+      EXPECT_NEAR(time.sample().reaction_torque[0], 0.0, allowed(stepper));
+
+      // braked from 2 rad/s by 15 N m, driven back by 5
+      Simulation speed(freeShaft("-10-5*sign(w1)", stepper, principle, "2"));
+      ASSERT_TRUE(speed.advanceTo(1.0).ok()) << speed.describeStatus();
+      EXPECT_NEAR(speed.sample().velocity[0], -13.0 / 3.0, 10.0 * allowed(stepper));
+      EXPECT_NEAR(speed.sample().reaction_torque[0], 0.0, allowed(stepper)) << toString(stepper);
+
+      // a square wave: back and forth
+      Simulation square(freeShaft("sign(sin(pi*t))", stepper, principle));
+      ASSERT_TRUE(square.advanceTo(7.0).ok()) << square.describeStatus();
+      EXPECT_NEAR(square.sample().velocity[0], 1.0, 10.0 * allowed(stepper)) << toString(stepper);
+    }
+  }
+}
+
+// A jump of the torque on a constraint that is nonlinear in the accelerations does what a command
+// of the same size does at the same instant.
+TEST(JumpsOfLaws, DoWhatCommandsDo) {
+  const std::string rest =
+      "constraints: [k]\n"
+      "k: {type: variator_sim/ExpressionConstraint, order: 2,\n"
+      "    expression: \"0.2*(e2-0.6*e1)*(1+0.05*(e1^2+e2^2))+w2-0.6*w1\"}\n"
+      "initial: {velocity: [3, 1]}\n";
+  const std::string shafts = "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2}\n";
+  Simulation law(test::sceneFromText(
+      shafts +
+      "torques: [q]\n"
+      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"2+6*sign(t-0.7)\"}\n" +
+      rest));
+  Simulation command(test::sceneFromText(
+      shafts +
+      "torques: [c]\n"
+      "c: {type: variator_sim/CommandedTorque, shaft: a, topic: u, initial: -4}\n" +
+      rest));
+  command.advanceTo(0.7);
+  command.command(0, 8.0);
+  ASSERT_TRUE(law.advanceTo(1.3).ok()) << law.describeStatus();
+  ASSERT_TRUE(command.advanceTo(1.3).ok()) << command.describeStatus();
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_NEAR(law.sample().velocity[i], command.sample().velocity[i], 1e-8);
+    EXPECT_NEAR(law.sample().acceleration[i], command.sample().acceleration[i], 1e-7);
+    EXPECT_NEAR(law.sample().reaction_torque[i], command.sample().reaction_torque[i], 1e-7);
+  }
+}
+
+// What is crossed back at once has no motion, and that is said at once and with the law's name.
+TEST(JumpsOfLaws, CrossedBackAtOnceIsChattering) {
+  for (const char* principle : kPrinciples) {
+    for (StepperKind stepper : kSteppers) {
+      for (double drive : {0.0, 1.0, -4.9}) {
+        Simulation stuck(freeShaft(text(drive) + "-5*sign(w1)", stepper, principle, "2"));
+        const MotionStatus& status = stuck.advanceTo(10.0);
+        EXPECT_EQ(status.reason, StopReason::kChattering)
+            << label(stepper, text(drive)) << " " << stuck.describeStatus();
+        EXPECT_NEAR(status.time, 2.0 / (5.0 - drive), 1e-3);
+        EXPECT_NE(stuck.describeStatus().find("torque 'q'"), std::string::npos);
+        EXPECT_LT(stuck.statistics().steps + stuck.statistics().rejected_steps, 5000u);
+      }
+    }
+  }
+  Simulation jerk(test::sceneFromText(
+      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: [v]\n"
+      "v: {type: variator_sim/ExpressionConstraint, order: 3, expression: \"j2-5*sign(1-e2)\"}\n"
+      "initial: {acceleration: [0, 0]}\n"));
+  EXPECT_EQ(jerk.advanceTo(10.0).reason, StopReason::kChattering) << jerk.describeStatus();
+  EXPECT_NEAR(jerk.time(), 0.2, 1e-9);
+  EXPECT_NE(jerk.describeStatus().find("constraint 'v'"), std::string::npos);
+}
+
+// A constraint itself may not jump: there is no motion to the other side.
+TEST(JumpsOfLaws, AConstraintThatJumpsStops) {
+  for (const char* formula : {"e2-0.5*e1-0.3*sign(t-1)", "e2-0.5*e1+w2-0.5*w1-sign(w1-1)"}) {
+    Simulation simulation(test::sceneFromText(
+        std::string("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
+                    "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"2-0.1*w1\"}\n"
+                    "constraints: [v]\n"
+                    "v: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"") +
+        formula + "\"}\n"));
+    EXPECT_EQ(simulation.advanceTo(10.0).reason, StopReason::kJumpFailed)
+        << simulation.describeStatus();
+    EXPECT_NE(simulation.describeStatus().find("constraint 'v'"), std::string::npos);
+    EXPECT_LT(simulation.time(), 5.0);
+  }
+}
+
+// f with a kink, order 1: f' = 0 moves the accelerations, and both principles agree where C keeps
+// its direction in the long run: the reaction jumps along C.
+TEST(KinksOfOrder1, MoveTheAccelerations) {
+  for (StepperKind stepper : kSteppers) {
+    double velocity[2][2];
+    for (int p = 0; p < 2; ++p) {
+      Scene scene = test::sceneFromText(
+          "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
+          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*sin(2*t)-0.1*w1\"}\n"
+          "constraints: [v]\n"
+          "v: {type: variator_sim/ExpressionConstraint, order: 1,\n"
+          "    expression: \"w2-0.5*w1-0.1*abs(t-1)\"}\n"
+          "initial: {velocity: [1, 0.6]}\nprinciple: " +
+          std::string(kPrinciples[p]) + "\n");
+      scene.solver.stepper = stepper;
+      Simulation simulation(scene);
+      ASSERT_TRUE(simulation.advanceTo(2.5).ok())
+          << label(stepper, kPrinciples[p]) << simulation.describeStatus();
+      for (int i = 0; i < 2; ++i) velocity[p][i] = simulation.sample().velocity[i];
+    }
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_NEAR(velocity[0][i], velocity[1][i], allowed(stepper)) << toString(stepper);
+    }
+  }
+}
+
+/// A spring that is met at an angle, in C++; its switch is one number.
+class Stop : public Torque {
+ public:
+  explicit Stop(bool jumps) : jumps_(jumps) {}
+
+ private:
+  void doConfigure(ComponentContext& /*context*/) override {}
+  void doAddTorque(const StateView& x, double* torque) const override {
+    const double depth = x.angle[0] - 1.0;
+    if (depth > 0.0) torque[0] -= jumps_ ? 4.0 : 100.0 * depth;
+  }
+  void doAddTorqueRate(const StateView& x, double* rate) const override {
+    if (!jumps_ && x.angle[0] > 1.0) rate[0] -= 100.0 * x.velocity[0];
+  }
+  int doSwitchCount() const override { return 1; }
+  void doCalcSwitches(const StateView& x, double* values) const override {
+    values[0] = x.angle[0] - 1.0;
+  }
+  bool doSwitchJumps(int /*index*/) const override { return jumps_; }
+  bool jumps_;
+};
+
+// A plugin's switch: met and left within one step, and declared as a jump.
+TEST(SwitchesOfPlugins, AreSeenInsideAStep) {
+  for (const char* principle : kPrinciples) {
+    for (StepperKind stepper : kSteppers) {
+      for (bool jumps : {false, true}) {
+        Scene scene = freeShaft("0*t", stepper, principle, "1");
+        scene.torques.push_back(std::make_shared<Stop>(jumps));
+        scene.solver.step = 0.01;
+        Simulation simulation(std::move(scene));
+        ASSERT_TRUE(simulation.advanceTo(3.0).ok())
+            << label(stepper, principle) << simulation.describeStatus();
+        // It enters at t = 1 with 1 rad/s and leaves with -1: after half a period of 10 rad/s, or
+        // after 1/2 s under -4 N m.
+        const double inside = jumps ? 0.5 : kPi / 10.0;
+        EXPECT_NEAR(simulation.sample().velocity[0], -1.0, 10.0 * allowed(stepper))
+            << label(stepper, principle) << jumps;
+        EXPECT_NEAR(simulation.sample().angle[0], 1.0 - (2.0 - inside), 10.0 * allowed(stepper))
+            << label(stepper, principle) << jumps;
+      }
+    }
+  }
+}
+
+// From rest, where nothing tells of it: an imposed jerk, tables over time; both of their ends are
+// known instants.
+TEST(KnownInstants, EndSteps) {
+  for (StepperKind stepper : kSteppers) {
+    for (double start : {0.3, 3.3, 17.1}) {
+      for (double duration : {0.01, 0.4, 2.3}) {
+        Scene scene = test::sceneFromText(
+            "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\nconstraints: [j]\n"
+            "j: {type: variator_sim/ImposedJerk, shaft: a, velocity_change: 20, duration: " +
+            text(duration) + ", start: " + text(start) + "}\n");
+        scene.solver.stepper = stepper;
+        scene.solver.step = 0.001;
+        Simulation simulation(scene);
+        ASSERT_TRUE(simulation.advanceTo(20.0).ok()) << simulation.describeStatus();
+        EXPECT_NEAR(simulation.sample().velocity[0], 20.0, 200.0 * allowed(stepper))
+            << label(stepper, text(start) + " " + text(duration));
+      }
+    }
+  }
+  // A pulse in a table of jerks: the integral of a quintic is known at its ends by symmetry.
+  for (double width : {0.001, 0.1, 0.7}) {
+    Simulation simulation(test::sceneFromText(
+        "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\nconstraints: [j]\n"
+        "j: {type: variator_sim/ImposedJerk, shaft: a, jerk: {times: [5, " +
+        text(5.0 + width) + ", " + text(5.0 + 2.0 * width) + "], values: [0, 10, 0]}}\n"));
+    ASSERT_TRUE(simulation.advanceTo(8.0).ok()) << simulation.describeStatus();
+    EXPECT_NEAR(simulation.sample().acceleration[0], 10.0 * width, 1e-8) << width;
+  }
+}
+
+}  // namespace
+}  // namespace variator_sim
