@@ -143,6 +143,12 @@ TEST(YamlTree, FaultsNameFileLineAndColumn) {
         BadYaml{"- 1\n- 2\n", "s.yaml:1:1: ", "got a list: [1, 2]"},
         BadYaml{"text\n", "s.yaml:1:1: ", "got a text: text"},
         BadYaml{"a: 1\n---\nb: 2\n", "s.yaml:3:1: ", "second document"},
+        // yaml-cpp's own loop over documents never ends on these.
+        BadYaml{",", "s.yaml:1:1: ", "no value can begin here"},
+        BadYaml{"# scene\n\n  ,n", "s.yaml:3:3: ", "no value can begin here"},
+        BadYaml{"---\n,\n", "s.yaml:2:1: ", "no value can begin here"},
+        BadYaml{"]", "s.yaml:1:1: ", "YAML"},
+        BadYaml{"}", "s.yaml:1:1: ", "YAML"},
         BadYaml{"a: 1\nyes: 2\n", "s.yaml:2:1: ", "got a boolean: true"},
         BadYaml{"a: {1: 2}\n", "s.yaml:1:5: ", "needs quotes"},
         BadYaml{"a: !degrees 90\n", "s.yaml:1:4: ", "'!degrees' is not supported"},

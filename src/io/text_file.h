@@ -2,19 +2,23 @@
 
 #include <cerrno>
 #include <fstream>
+#include <limits>
 #include <string>
 #include <system_error>
 
 namespace variator_sim {
 
-/// Reads a whole file into `text`. Returns "" or why it cannot be read.
-inline std::string readTextFile(const std::string& path, std::string* text) {
+/// Reads a whole file of at most about `most` bytes into `text`. Returns "" or why it cannot be
+/// read.
+inline std::string readTextFile(const std::string& path, std::string* text,
+                                std::size_t most = std::numeric_limits<std::size_t>::max()) {
   errno = 0;
   std::ifstream file(path, std::ios::binary);
   char buffer[4096];
   // A folder opens and fails only when it is read.
   while (file && (file.read(buffer, sizeof(buffer)), file.gcount() > 0)) {
     text->append(buffer, static_cast<std::size_t>(file.gcount()));
+    if (text->size() > most) return "it is longer than " + std::to_string(most) + " bytes";
   }
   if (file.eof() && !file.bad()) return "";
   return errno != 0 ? std::generic_category().message(errno) : "unknown cause";

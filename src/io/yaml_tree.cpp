@@ -1,12 +1,15 @@
 #include "variator_sim/io/yaml_tree.h"
 
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <new>
 #include <regex>
+#include <sstream>
 #include <system_error>
 #include <vector>
 
@@ -18,6 +21,8 @@ namespace {
 /// Aliases let a few lines stand for any number of values: both are bounded.
 constexpr int kDeepestNesting = 64;
 constexpr int kMostNodes = 100000;
+/// A device may have no end.
+constexpr std::size_t kLongestFile = 1U << 24U;
 /// No number is longer.
 constexpr std::size_t kLongestNumber = 100;
 
@@ -123,13 +128,15 @@ class Converter {
     return SceneError("", place + ": " + message);
   }
 
+  SceneError tooManyValues(const YAML::Mark& mark) const {
+    return error(mark, "more than " + std::to_string(kMostNodes) + " values");
+  }
+
   ParameterTree convert(const YAML::Node& node, int depth) {
     if (depth > kDeepestNesting) {
       throw error(node.Mark(), "nested more than " + std::to_string(kDeepestNesting) + " deep");
     }
-    if (++node_count_ > kMostNodes) {
-      throw error(node.Mark(), "more than " + std::to_string(kMostNodes) + " values");
-    }
+    if (++node_count_ > kMostNodes) throw tooManyValues(node.Mark());
     switch (node.Type()) {
       case YAML::NodeType::Undefined:
       case YAML::NodeType::Null:
@@ -235,22 +242,86 @@ class Converter {
   int node_count_ = 0;
 };
 
+/// Hears what a text says before anything is built of it: where its documents and their roots
+/// begin, and that it is of no more than kMostNodes values.
+class Listener : public YAML::EventHandler {
+ public:
+  explicit Listener(const Converter& converter) : converter_(converter) {}
+
+  const YAML::Mark& start() const { return start_; }
+  const YAML::Mark& root() const { return root_; }
+
+  void OnDocumentStart(const YAML::Mark& mark) override {
+    start_ = mark;
+    root_ = YAML::Mark::null_mark();
+  }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark& mark, YAML::anchor_t) override { see(mark); }
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override { see(mark); }
+  void OnScalar(const YAML::Mark& mark, const std::string&, YAML::anchor_t,
+                const std::string&) override {
+    see(mark);
+  }
+  void OnSequenceStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {
+    see(mark);
+  }
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t,
+                  YAML::EmitterStyle::value) override {
+    see(mark);
+  }
+  void OnMapEnd() override {}
+
+ private:
+  void see(const YAML::Mark& mark) {
+    if (root_.is_null()) root_ = mark;
+    if (++value_count_ > kMostNodes) throw converter_.tooManyValues(mark);
+  }
+
+  const Converter& converter_;
+  YAML::Mark start_ = YAML::Mark::null_mark();
+  YAML::Mark root_ = YAML::Mark::null_mark();
+  int value_count_ = 0;
+};
+
+/// The root of the only document of `text`, or nothing where there is none. What can begin no
+/// document (a comma) yaml-cpp takes for an empty one and leaves in place, again and again: so
+/// documents are asked for one by one, and each has to begin behind the last.
+YAML::Node loadOnlyDocument(const std::string& text, const Converter& converter, bool* is_empty) {
+  Listener listener(converter);
+  std::istringstream stream(text);
+  YAML::Parser parser(stream);
+  *is_empty = !parser.HandleNextDocument(listener);
+  if (*is_empty) return {};
+  const auto stuck = [&](const YAML::Mark& mark) {
+    return converter.error(mark, "not valid YAML: no value can begin here");
+  };
+  const YAML::Mark first = listener.start();
+  if (parser.HandleNextDocument(listener)) {
+    const YAML::Mark second = listener.start();
+    if (second.pos == first.pos) throw stuck(second);
+    const YAML::Mark root = listener.root();
+    if (parser.HandleNextDocument(listener) && listener.start().pos == second.pos) {
+      throw stuck(second);
+    }
+    throw converter.error(root, "a second document starts here; allowed: one document");
+  }
+  return YAML::Load(text);
+}
+
 }  // namespace
 
 ParameterTree readYamlText(const std::string& text, const std::string& source_name) {
   Converter converter(source_name);
   try {
-    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
-    if (documents.size() > 1) {
-      throw converter.error(documents[1].Mark(),
-                            "a second document starts here; allowed: one document");
-    }
-    const YAML::Node root = documents.empty() ? YAML::Node() : documents.front();
+    bool is_empty = false;
+    const YAML::Node root = loadOnlyDocument(text, converter, &is_empty);
     ParameterTree tree = converter.convert(root, 0);
     if (tree.kind() != ParameterTree::Kind::kDictionary) {
       YAML::Mark start;
       throw converter.error(
-          documents.empty() ? start : root.Mark(),
+          is_empty ? start : root.Mark(),
           "expected a mapping (key: value), got " + tree.describeKind() +
               (tree.kind() == ParameterTree::Kind::kNothing ? std::string()
                                                             : ": " + tree.toText()));
@@ -258,12 +329,14 @@ ParameterTree readYamlText(const std::string& text, const std::string& source_na
     return tree;
   } catch (const YAML::Exception& error) {
     throw converter.error(error.mark, "not valid YAML: " + error.msg);
+  } catch (const std::bad_alloc&) {
+    throw converter.error(YAML::Mark::null_mark(), "takes more memory than there is");
   }
 }
 
 ParameterTree readYamlFile(const std::string& path) {
   std::string text;
-  const std::string failure = readTextFile(path, &text);
+  const std::string failure = readTextFile(path, &text, kLongestFile);
   if (!failure.empty()) throw SceneError("", path + ":1:1: cannot be read: " + failure);
   return readYamlText(text, path);
 }
