@@ -4,6 +4,7 @@
 import os
 import pathlib
 import pty
+import resource
 import signal
 import subprocess
 import tempfile
@@ -245,6 +246,30 @@ class SimulateTest(unittest.TestCase):
         with open("/dev/full", "w", encoding="utf-8") as full:
             result = self.simulate(SHIP, "--duration", "1", stdout=full)
         self.assertEqual(result.returncode, 3)
+        self.assertIn("No space left", result.stderr)
+
+    def test_a_bag_that_does_not_fit_keeps_what_was_written(self):
+        path = str(self.folder / "out.bag")
+        limit = 1000000
+
+        def limit_files():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+        result = self.simulate(SHIP, "--duration", "1000", "--rate", "1000", "--output", path,
+                               preexec_fn=limit_files)
+        self.assertEqual(result.returncode, 3, result.stderr)
+        self.assertIn("out.bag: ", result.stderr)
+        self.assertIn("File too large", result.stderr)
+        self.assertIn("rosbag reindex", result.stderr)
+        with rosbag.Bag(path, "a", allow_unindexed=True) as bag:
+            for _ in bag.reindex():
+                pass
+            self.assertGreater(bag.get_message_count("state"), 1000)
+            self.assertEqual(bag.get_message_count("scene"), 1)
+        # Nothing fits at all.
+        full = self.folder / "full.bag"
+        full.symlink_to("/dev/full")
+        result = self.simulate(SHIP, "--duration", "1", "--output", str(full))
+        self.assertEqual(result.returncode, 3, result.stderr)
         self.assertIn("No space left", result.stderr)
 
     def test_interrupt_keeps_the_samples_and_a_terminal_shows_progress(self):

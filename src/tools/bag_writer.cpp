@@ -2,8 +2,11 @@
 #include <rosbag/exceptions.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdint>
+#include <memory>
+#include <system_error>
 
 #include "ros/message_conversion.h"
 #include "tools/sample_writer.h"
@@ -18,13 +21,20 @@ ros::Time stampOf(double time) {
 
 class BagWriter : public SampleWriter {
  public:
-  BagWriter(const std::string& path, const Simulation& simulation) try : path_(path) {
-    bag_.open(path, rosbag::bagmode::Write);
+  BagWriter(const std::string& path, const Simulation& simulation) : path_(path) {
     prepareState(simulation.scene(), state_);
     prepareJointState(simulation.scene(), joint_state_);
-    bag_.write("scene", ros::TIME_MIN, toSceneInfo(simulation));
-  } catch (const rosbag::BagException& error) {
-    throw OutputError(path + ": " + error.what());
+    guard([&] {
+      bag_->open(path, rosbag::bagmode::Write);
+      bag_->write("scene", ros::TIME_MIN, toSceneInfo(simulation));
+    });
+  }
+  ~BagWriter() override {
+    try {
+      if (bag_ != nullptr) close();
+    } catch (const OutputError&) {
+      // Somebody is on the way out already, for a reason of its own.
+    }
   }
 
   void write(const std::vector<Sample>& samples) override {
@@ -34,7 +44,7 @@ class BagWriter : public SampleWriter {
   }
 
   void close() override {
-    guard([&] { bag_.close(); });
+    guard([&] { bag_->close(); });
   }
 
  private:
@@ -44,23 +54,39 @@ class BagWriter : public SampleWriter {
     const ros::Time filed = std::max(stamp, ros::TIME_MIN);
     state_.header.stamp = stamp;
     fillState(sample, sample.time, state_);
-    bag_.write("state", filed, state_);
+    bag_->write("state", filed, state_);
     joint_state_.header.stamp = stamp;
     fillJointState(sample, joint_state_);
-    bag_.write("joint_states", filed, joint_state_);
+    bag_->write("joint_states", filed, joint_state_);
   }
 
   template <class Action>
   void guard(Action action) {
+    errno = 0;
     try {
       action();
     } catch (const rosbag::BagException& error) {
-      throw OutputError(path_ + ": " + error.what());
+      // rosbag does not tell the system's reason.
+      const int reason = errno;
+      std::string message = path_ + ": " + error.what();
+      if (reason != 0) message += " (" + std::generic_category().message(reason) + ")";
+      if (abandon()) {
+        message += "; it has no index: `rosbag reindex` makes one for what was written before";
+      }
+      throw OutputError(message);
     }
   }
 
+  /// rosbag closes a bag in its destructor, too, which fails again and ends the program: a bag that
+  /// cannot be completed is never destroyed. True when there is something in its file.
+  bool abandon() {
+    static rosbag::Bag* abandoned = nullptr;
+    abandoned = bag_.release();
+    return abandoned->isOpen() && abandoned->getSize() > 0;
+  }
+
   std::string path_;
-  rosbag::Bag bag_;
+  std::unique_ptr<rosbag::Bag> bag_ = std::make_unique<rosbag::Bag>();  ///< none after a failure
   DrivetrainState state_;
   sensor_msgs::JointState joint_state_;
 };

@@ -40,6 +40,8 @@ void installSignalHandlers() {
   ::sigaction(SIGTERM, &action, nullptr);
   // A reader that goes away is an error of write(), not the end of this program.
   std::signal(SIGPIPE, SIG_IGN);
+  // Neither is a file that may not grow any more (`ulimit -f`).
+  std::signal(SIGXFSZ, SIG_IGN);
 }
 
 double secondsSince(std::chrono::steady_clock::time_point start) {
