@@ -128,6 +128,18 @@ TEST(NodeSettings, HaveDefaults) {
   EXPECT_EQ(settingsFrom("tick_rate: 20").publish_rate, 20.0);
 }
 
+TEST(NodeSettings, BoundsBelongToThem) {
+  const NodeSettings settings = settingsFrom("{tick_rate: 0.001, real_time_factor: 0.001}");
+  EXPECT_EQ(settings.tick_rate, 0.001);
+  EXPECT_EQ(settings.publish_rate, 0.001);
+  EXPECT_EQ(settingsFrom("{tick_rate: 1e5, publish_rate: 0.001}").publish_rate, 0.001);
+  EXPECT_EQ(findFaultOfPublishRate(0.001, 1000.0), "");
+  EXPECT_EQ(findFaultOfPublishRate(1000.0, 1000.0), "");
+  for (const double rate : {0.0, -1.0, 1e-17, 1000.1, std::nan(""), 1e300}) {
+    EXPECT_NE(findFaultOfPublishRate(rate, 1000.0), "") << rate;
+  }
+}
+
 TEST(NodeSettings, TakeAllValues) {
   const NodeSettings settings = settingsFrom(
       "{tick_rate: '5e3', publish_rate: 5000, real_time_factor: 0, publish_clock: true, "
@@ -150,6 +162,11 @@ TEST(NodeSettings, NameTheKeyThatIsWrong) {
       {"tick_rate: fast", "tick_rate: "},
       {"publish_rate: 0", "publish_rate: "},
       {"publish_rate: 1001", "publish_rate: "},
+      {"publish_rate: 1.0e-17", "publish_rate: 1.0e-17 Hz is not allowed: from 0.001 to tick_rate (1000"},
+      {"publish_rate: 0.00099", "publish_rate: "},
+      {"publish_rate: -.inf", "publish_rate: "},
+      {"tick_rate: 0.00099", "tick_rate: "},
+      {"tick_rate: 5.0e-324", "tick_rate: "},
       {"{tick_rate: 50, publish_rate: 51}", "publish_rate: "},
       {"real_time_factor: -1", "real_time_factor: "},
       {"real_time_factor: 1e-5", "real_time_factor: "},

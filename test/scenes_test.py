@@ -119,6 +119,7 @@ class ScenesTest(unittest.TestCase):
             ({'engine/topic': '2 words'}, '/bad/engine/topic: '),
             ({'tick_rate': 0}, '/bad/tick_rate: '),
             ({'publish_rate': 2000}, '/bad/publish_rate: ', 'tick_rate'),
+            ({'publish_rate': 1e-17}, '/bad/publish_rate: ', '0.001'),
             ({'publish_clock': 'perhaps'}, '/bad/publish_clock: '),
             ({'real_time_factor': 0.0001}, '/bad/real_time_factor: ', '0.001'),
         ]

@@ -490,6 +490,24 @@ TEST(SteppingLoop, ANewPublishRateCountsFromNow) {
             (std::vector<std::int64_t>{0, 10, 20, 30, 40, 50, 60, 70, 80, 90, 101, 106, 111, 116}));
 }
 
+// No rate that a caller may think of hangs the loop, whatever the node's parameters allow.
+TEST(SteppingLoop, HardlyAnyPublishingHurtsNobody) {
+  for (const double rate : {1e-9, 1e-17, 1e-300, 5e-324}) {
+    EventClock clock;
+    NodeSettings settings;
+    settings.publish_rate = rate;
+    SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
+    loop.setSamplesWanted(true);
+    clock.at(20 * kMs, [&] { loop.setPublishRate(rate / 2.0); });
+    clock.at(50 * kMs, [&] { loop.stop(); });
+    loop.run();
+    int later = 0;
+    TimedSample timed;
+    while (loop.popSample(timed)) later += timed.time > 0 ? 1 : 0;
+    EXPECT_EQ(later, 0) << rate;
+  }
+}
+
 // --- a clock of others ------------------------------------------------------------------------
 /// A loop on a clock that the test sets, in a thread of its own.
 class FollowedClockTest : public testing::Test {

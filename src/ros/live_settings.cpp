@@ -46,13 +46,12 @@ class LiveSettings::Server {
       }
     }
     if (config.publish_rate != in_force_.publish_rate) {
-      if (config.publish_rate > 0.0 && config.publish_rate <= tick_rate_) {
+      const std::string fault = findFaultOfPublishRate(config.publish_rate, tick_rate_);
+      if (fault.empty()) {
         loop_.setPublishRate(config.publish_rate);
       } else {
-        ROS_WARN(
-            "%s: publish_rate %g Hz is not allowed: above 0 and at most tick_rate (%g Hz); it "
-            "stays %g Hz",
-            name_.c_str(), config.publish_rate, tick_rate_, in_force_.publish_rate);
+        ROS_WARN("%s: publish_rate %g%s; it stays %g Hz", name_.c_str(), config.publish_rate,
+                 fault.c_str(), in_force_.publish_rate);
         config.publish_rate = in_force_.publish_rate;
       }
     }

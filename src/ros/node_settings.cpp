@@ -8,6 +8,7 @@ namespace {
 // Slow enough for anybody, and far from the ends of 64-bit nanoseconds.
 constexpr double kSlowestTickRate = 1e-3;
 constexpr double kFastestTickRate = 1e5;
+constexpr double kSlowestPublishRate = 1e-3;
 constexpr double kSmallestRealTimeFactor = 1e-3;
 constexpr double kGreatestRealTimeFactor = 1e6;
 
@@ -20,6 +21,12 @@ std::string findFaultOfRealTimeFactor(double factor) {
   return " is not allowed: 0 (unpaced) or from 0.001 to 1e6";
 }
 
+std::string findFaultOfPublishRate(double rate, double tick_rate) {
+  if (rate >= kSlowestPublishRate && rate <= tick_rate) return "";
+  return " Hz is not allowed: from 0.001 to tick_rate (" + ParameterTree::real(tick_rate).toText() +
+         " Hz; states are taken at ticks only)";
+}
+
 NodeSettings readNodeSettings(const ParameterTree& tree) {
   NodeSettings settings;
   ParameterReader reader(tree, "");
@@ -27,13 +34,12 @@ NodeSettings readNodeSettings(const ParameterTree& tree) {
   settings.tick_rate = reader.number(
       "tick_rate", Range::between(kSlowestTickRate, kFastestTickRate), settings.tick_rate);
 
-  settings.publish_rate = reader.number("publish_rate", Range::positive(),
+  settings.publish_rate = reader.number("publish_rate", Range::any(),
                                         std::min(settings.publish_rate, settings.tick_rate));
-  if (settings.publish_rate > settings.tick_rate) {
-    throw SceneError("publish_rate", ParameterTree::real(settings.publish_rate).toText() +
-                                         " Hz is above tick_rate (" +
-                                         ParameterTree::real(settings.tick_rate).toText() +
-                                         " Hz); states are taken at ticks only");
+  const std::string rate_fault = findFaultOfPublishRate(settings.publish_rate, settings.tick_rate);
+  if (!rate_fault.empty()) {
+    throw SceneError("publish_rate",
+                     ParameterTree::real(settings.publish_rate).toText() + rate_fault);
   }
 
   settings.real_time_factor = reader.number(

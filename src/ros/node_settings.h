@@ -10,7 +10,7 @@ namespace variator_sim {
 /// Complete and valid once read.
 struct NodeSettings {
   double tick_rate = 1000.0;      ///< ticks per simulated s
-  double publish_rate = 100.0;    ///< states per wall s, at most tick_rate
+  double publish_rate = 100.0;    ///< states per wall s, from 0.001 to tick_rate
   double real_time_factor = 1.0;  ///< simulated s per wall s; 0: as fast as it can
   bool publish_clock = false;     ///< own /clock: publish simulated time on it
   bool start_paused = false;
@@ -20,6 +20,8 @@ struct NodeSettings {
 
 /// What is wrong with a real-time factor, as the end of a sentence about it, or "".
 std::string findFaultOfRealTimeFactor(double factor);
+/// As above, of a publish rate (Hz) beside a tick rate (Hz).
+std::string findFaultOfPublishRate(double rate, double tick_rate);
 
 /// Reads them from the same tree as the scene; all of them stand in nodeKeys(). Throws SceneError.
 NodeSettings readNodeSettings(const ParameterTree& tree);

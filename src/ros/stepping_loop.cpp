@@ -21,6 +21,11 @@ double toSeconds(std::int64_t nanoseconds) {
   return static_cast<double>(nanoseconds) / kNanosecondsPerSecond;
 }
 
+/// The nearest integer, at most kLastInstant: sums of two of them still fit.
+std::int64_t toCount(double value) {
+  return value < static_cast<double>(kLastInstant) ? std::llround(value) : kLastInstant;
+}
+
 /// ns between two ticks; 0: unpaced.
 double periodOf(double tick_rate, double real_time_factor) {
   return real_time_factor == 0.0 ? 0.0 : kNanosecondsPerSecond / (tick_rate * real_time_factor);
@@ -251,7 +256,7 @@ bool SteppingLoop::isSampleDue() {
     return true;
   }
   if (pacer_.tickStart() < next_sample_wall_) return false;
-  const auto interval = static_cast<std::int64_t>(kNanosecondsPerSecond / publish_rate_);
+  const std::int64_t interval = toCount(kNanosecondsPerSecond / publish_rate_);
   next_sample_wall_ = std::max(next_sample_wall_ + interval, pacer_.tickStart());
   return true;
 }
@@ -261,14 +266,14 @@ void SteppingLoop::passOverSamples() {
     ++due_samples_;
     // Sample m is due at tick round(m ticks_per_sample): no rounding error adds up.
     next_sample_tick_ =
-        sample_base_ + std::llround(static_cast<double>(due_samples_ + 1) * ticks_per_sample_);
+        sample_base_ + toCount(static_cast<double>(due_samples_ + 1) * ticks_per_sample_);
   }
 }
 
 void SteppingLoop::countSamplesFromHere() {
   sample_base_ = pacer_.tick();
   due_samples_ = 0;
-  next_sample_tick_ = sample_base_ + std::llround(ticks_per_sample_);
+  next_sample_tick_ = sample_base_ + toCount(ticks_per_sample_);
   next_sample_wall_ = clock_.now();
 }
 
