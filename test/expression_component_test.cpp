@@ -268,6 +268,25 @@ TEST(ExpressionConstraint, RefusesWhatIsNotOfItsOrder) {
   expectError(with_order("e1-e2", 3), "it/expression", "does not depend on a jerk");
   expectError(with_order("j1*j2-1", 3), "it/expression", "not linear in j");
   expectError(with_order("sin(j1)", 3), "it/expression", "not linear in j1");
+  // Linear in pieces is not linear, though a derivative may not show it.
+  for (const char* bent :
+       {"sign(j1)", "abs(j1)", "min(j1, 2)", "max(0, j2-j1)", "sign(e1*j1)", "0.5^j1", "1/(2+j1)",
+        "(j1+e2)^2", "w1*sign(w2+j2)", "j2*(w1-j1)", "atan2(1, j2)"}) {
+    expectError(with_order("j2-0.5*j1-0.5*" + std::string(bent), 3), "it/expression",
+                "not linear in j");
+  }
+  expectError(with_order("j2 - sign(w1)*abs(j1*e1)", 3), "it/expression",
+              "not linear in j1 here (a constraint of order 3 is C(t, phi, w, e) j + c0 = 0) at "
+              "column 15\n  j2 - sign(w1)*abs(j1*e1)\n                ^");
+  expectError(with_order("j2 - max(j1, w1*j2)", 3), "it/expression", "not linear in j1, j2");
+  for (const char* linear :
+       {"sign(w1)*j2 - abs(e1)*j1 - min(w1, w2)", "-(j1 + 2*(j2 - t))/(1 + w1^2)",
+        "j2^1 - pow(j1, 1)", "j1*exp(w2)/sin(t) - (j2 - e2*j1)*max(0, w1)", "j2 - j1^0"}) {
+    ExpressionConstraint constraint;
+    Dictionary dictionary = constraintOf(linear);
+    dictionary["order"] = ParameterTree::integer(3);
+    EXPECT_NO_THROW(configure(constraint, dictionary)) << linear;
+  }
   expectError(with_order("j3", 3), "it/expression", "j1, j2");
 }
 

@@ -93,8 +93,8 @@ using Iterator = std::string::const_iterator;
 class Builder {
  public:
   Builder(const std::string& text, const SymbolTable& symbols, Graph& graph,
-          const NameExplainer& explain)
-      : text_(text), symbols_(symbols), graph_(graph), explain_(explain) {}
+          const NameExplainer& explain, const SymbolTable& linear)
+      : text_(text), symbols_(symbols), graph_(graph), explain_(explain), linear_(linear) {}
 
   Node result() const { return values_.back(); }
 
@@ -195,6 +195,7 @@ class Builder {
     const Node* arguments = values_.data() + call.first_argument;
     const Node value =
         graph_.make(call.function->operation, arguments[0], needed > 1 ? arguments[1] : Node{});
+    if (value != arguments[0] && readsLinear(value)) failNotLinear(call.where, value);
     values_.resize(call.first_argument);
     values_.push_back(checked(value, call.where));
   }
@@ -207,7 +208,14 @@ class Builder {
     if (operation == Operation::kDivide && graph_.isConstant(right, 0.0)) {
       fail(operators_.back(), "division by zero");
     }
-    values_.back() = checked(graph_.make(operation, values_.back(), right), operators_.back());
+    const Node left = values_.back();
+    const Node value = graph_.make(operation, left, right);
+    const bool bends = operation == Operation::kMultiply ? readsLinear(left) && readsLinear(right)
+                       : operation == Operation::kDivide
+                           ? readsLinear(right)
+                           : operation == Operation::kPower && value != left;
+    if (bends && readsLinear(value)) failNotLinear(operators_.back(), value);
+    values_.back() = checked(value, operators_.back());
     operators_.pop_back();
   }
 
@@ -279,6 +287,32 @@ class Builder {
     return static_cast<std::size_t>(where - text_.begin());
   }
 
+  /// Whether one of `linear_` occurs in `node`.
+  bool readsLinear(Node node) {
+    if (linear_.empty()) return false;
+    // Operands precede their users.
+    for (int i = static_cast<int>(reads_linear_.size()); i <= node.index; ++i) {
+      const Graph::Entry& entry = graph_.entry({i});
+      bool reads = std::any_of(linear_.begin(), linear_.end(),
+                               [i](const auto& symbol) { return symbol.second == Node{i}; });
+      for (int k = 0; k < operandCount(entry.operation); ++k) {
+        reads = reads || reads_linear_[static_cast<std::size_t>(entry.operands[k])];
+      }
+      reads_linear_.push_back(reads);
+    }
+    return reads_linear_[static_cast<std::size_t>(node.index)];
+  }
+
+  [[noreturn]] void failNotLinear(Iterator where, Node value) const {
+    std::string names;
+    for (const auto& [name, variable] : linear_) {
+      if (!graph_.dependsOn(value, graph_.entry(variable).slot)) continue;
+      names += (names.empty() ? "" : ", ") + name;
+    }
+    fail(where, "the formula is not linear in " + names +
+                    " here (a constraint of order 3 is C(t, phi, w, e) j + c0 = 0)");
+  }
+
   Node checked(Node value, Iterator where) const {
     if (graph_.isConstant(value) && !std::isfinite(graph_.constantValue(value))) {
       fail(where, "the value of this constant part is not finite");
@@ -308,7 +342,9 @@ class Builder {
   const SymbolTable& symbols_;
   Graph& graph_;
   const NameExplainer& explain_;
+  const SymbolTable& linear_;
 
+  std::vector<bool> reads_linear_;  ///< of the nodes of the graph, as far as asked for
   std::string name_;
   Iterator name_begin_;
   int nesting_ = 0;
@@ -478,8 +514,8 @@ bool isValidName(const std::string& name) {
 }
 
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
-           const NameExplainer& explain) {
-  Builder state(text, symbols, graph, explain);
+           const NameExplainer& explain, const SymbolTable& linear) {
+  Builder state(text, symbols, graph, explain, linear);
   Iterator position = text.begin();
   x3::phrase_parse(position, text.end(), x3::with<grammar::BuilderTag>(state)[grammar::formula],
                    grammar::space);
@@ -493,6 +529,7 @@ Node readFormula(ComponentContext& context, const std::string& key, FormulaKind 
   const std::map<std::string, double> parameters = reader.numberDictionary("parameters");
 
   SymbolTable symbols;
+  SymbolTable jerks;
   symbols["t"] = graph.variable(slotOf(Source::kTime));
   for (int i = 0; i < context.shaftCount(); ++i) {
     const std::string number_text = std::to_string(i + 1);
@@ -502,7 +539,8 @@ Node readFormula(ComponentContext& context, const std::string& key, FormulaKind 
       symbols["e" + number_text] = graph.variable(slotOf(Source::kAcceleration, i));
     }
     if (kind == FormulaKind::kOrder3) {
-      symbols["j" + number_text] = graph.variable(slotOf(Source::kJerk, i));
+      const Node jerk = graph.variable(slotOf(Source::kJerk, i));
+      symbols["j" + number_text] = jerks["j" + number_text] = jerk;
     } else if (kind == FormulaKind::kOrder3WithoutJerks) {
       symbols["j" + number_text] = graph.constant(0.0);
     }
@@ -512,9 +550,10 @@ Node readFormula(ComponentContext& context, const std::string& key, FormulaKind 
     symbols[parameter] = graph.constant(value);
   }
   try {
-    return parse(text, symbols, graph, [&](const std::string& unknown) {
+    const NameExplainer explain = [&](const std::string& unknown) {
       return explainName(unknown, context.shaftCount(), kind);
-    });
+    };
+    return parse(text, symbols, graph, explain, jerks);
   } catch (const ExpressionError& error) {
     throw SceneError(reader.keyPath(key), error.what());
   }

@@ -37,8 +37,10 @@ using NameExplainer = std::function<std::string(const std::string& name)>;
 /// a^(b^c), -a^2 is -(a^2), and 2^-3 is 2^(-3). Names are those of `symbols`, the functions and pi.
 /// Numbers are 1, 1., .5, 1e-9 (2e1 is twenty: a product needs its *). White space means nothing.
 /// A constant part without a finite value (log(-1)) and a division by a constant zero are errors.
+/// So is a function of one of the variables `linear`, a product of two, a power, a division by one:
+/// in them the formula is to be linear as it is written.
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
-           const NameExplainer& explain = {});
+           const NameExplainer& explain = {}, const SymbolTable& linear = {});
 
 /// The names of all functions, sorted.
 std::vector<std::string> functionNames();
@@ -50,7 +52,7 @@ enum class FormulaKind {
   kTorque,             ///< t, phi1.., w1..; e1.. is an error that says why
   kOrder1,             ///< t, phi1.., w1..
   kOrder2,             ///< t, phi1.., w1.., e1..
-  kOrder3,             ///< t, phi1.., w1.., e1.., j1..
+  kOrder3,             ///< t, phi1.., w1.., e1.., and j1.. linearly
   kOrder3WithoutJerks  ///< the same with all of j1.. being 0
 };
 
