@@ -248,6 +248,31 @@ TEST(ExpressionConstraint, TakesDifferencesOfAFormulaTooLargeToDifferentiateThre
   }
 }
 
+// A ratio that is switched by a steep logistic: its exp overflows long before, nearly overflows
+// shortly before, and the row is that of the ratio in force.
+TEST(ExpressionConstraint, HasARowWhereAnExponentialOverflows) {
+  ExpressionConstraint constraint;
+  Dictionary dictionary = constraintOf("w2-w1*(0.4+0.3/(1+exp(-(t-1)*1e6)))");
+  dictionary["order"] = ParameterTree::integer(1);
+  configure(constraint, dictionary);
+  for (const double time : {0.0, 1.0 - 7.096e-4, 1.0 - 7.05e-4, 1.0 - 1e-4, 1.001, 3.0}) {
+    State s;
+    s.view.time = time;
+    const double ratio = time < 1.0 ? 0.4 : 0.7;
+    double C[2] = {};
+    double c0 = 0.0;
+    constraint.calcRow(s.view, C, &c0);
+    EXPECT_NEAR(C[0], -ratio, 1e-14) << time;
+    EXPECT_EQ(C[1], 1.0) << time;
+    EXPECT_NEAR(c0, 0.0, 1e-20) << time;
+    double dC[12];
+    double dc0[6];
+    constraint.calcRowDerivatives(s.view, dC, dc0);
+    for (const double entry : dC) EXPECT_NEAR(entry, 0.0, 1e-20) << time;
+    for (const double entry : dc0) EXPECT_NEAR(entry, 0.0, 1e-20) << time;
+  }
+}
+
 TEST(ExpressionConstraint, TakesNumbersAndUnusedParameters) {
   ExpressionConstraint constraint;
   configure(constraint, constraintOf("a*e1 - w1", {{"a", ParameterTree::text("1e-3")},

@@ -355,6 +355,124 @@ TEST(ExpressionDerivatives, AtKinksAndEdges) {
   EXPECT_TRUE(std::isnan(derivative("abs(x)", kNan)));
 }
 
+// Where exp overflows, and where only its derivative would, derivatives are those of the formula:
+// most of all where that is constant to all digits.
+TEST(ExpressionDerivatives, ExistWhereTheValueDoes) {
+  struct Row {
+    const char* text;  // of u = k (x - 1)
+    Function first;    // by u
+    Function second;
+    double greatest = kInfinity;  // u at which the formula has a value
+  };
+  const auto sech = [](Real u) { return 1 / std::cosh(u); };
+  const auto slope = [sech](Real u) { return sech(u / 2) * sech(u / 2) / 4; };  // of a logistic
+  const auto bend = [slope](Real u) { return -std::tanh(u / 2) * slope(u); };
+  // exp(-u), cut where all is over
+  const auto decay = [](Real u) { return std::exp(-std::min(u, Real{11000})); };
+  const auto logistic = [](Real u) { return 1 / (1 + std::exp(-u)); };
+  const std::vector<Row> rows = {
+      {"1/(1 + exp(u))", [=](Real u) { return -slope(u); }, [=](Real u) { return -bend(u); }},
+      {"1/(1 + exp(-u))", slope, bend},
+      {"1/(1 + 1/exp(u))", slope, bend},
+      {"(exp(u) - 1)/(exp(u) + 1)", [=](Real u) { return 2 * slope(u); },
+       [=](Real u) { return 2 * bend(u); }, 709.7},
+      {"log(1 + exp(u))", logistic, slope, 709.7},
+      {"1/(1 + 10^(u/log(10)))", [=](Real u) { return -slope(u); },
+       [=](Real u) { return -bend(u); }},
+      {"tanh(u)", [=](Real u) { return sech(u) * sech(u); },
+       [=](Real u) { return -2 * std::tanh(u) * sech(u) * sech(u); }},
+      {"1/cosh(u)", [=](Real u) { return -std::tanh(u) * sech(u); },
+       [=](Real u) { return sech(u) * (1 - 2 * sech(u) * sech(u)); }},
+      {"1/cosh(u)^2", [=](Real u) { return -2 * std::tanh(u) * sech(u) * sech(u); },
+       [=](Real u) { return sech(u) * sech(u) * (4 - 6 * sech(u) * sech(u)); }},
+      {"cosh(u)^-2", [=](Real u) { return -2 * std::tanh(u) * sech(u) * sech(u); },
+       [=](Real u) { return sech(u) * sech(u) * (4 - 6 * sech(u) * sech(u)); }},
+      {"sinh(u)/cosh(u)", [=](Real u) { return sech(u) * sech(u); },
+       [=](Real u) { return -2 * std::tanh(u) * sech(u) * sech(u); }, 710.4},
+      {"u/(1 + exp(u))", [=](Real u) { return logistic(-u) - u * slope(u); },
+       [=](Real u) { return -2 * slope(u) - u * bend(u); }},
+      {"1/(1 + exp(u))^2", [=](Real u) { return -2 * logistic(-u) * slope(u); },
+       [=](Real u) { return 2 * slope(u) * slope(u) - 2 * logistic(-u) * bend(u); }},
+      {"(1 + exp(u))^-2", [=](Real u) { return -2 * logistic(-u) * slope(u); },
+       [=](Real u) { return 2 * slope(u) * slope(u) - 2 * logistic(-u) * bend(u); }},
+      {"1/sqrt(1 + exp(u))", [=](Real u) { return -std::sqrt(logistic(-u)) * logistic(u) / 2; },
+       [=](Real u) {
+         return std::sqrt(logistic(-u)) * (logistic(u) * logistic(u) / 4 - slope(u) / 2);
+       }},
+      {"exp(-u^2)", [=](Real u) { return -2 * u * decay(u * u); },
+       [=](Real u) { return (4 * u * u - 2) * decay(u * u); }},
+      {"exp(-exp(u))", [=](Real u) { return u > 10 ? 0 : -std::exp(u) * std::exp(-std::exp(u)); },
+       [=](Real u) {
+         return u > 10 ? 0 : (std::exp(u) - 1) * std::exp(u) * std::exp(-std::exp(u));
+       }},
+      {"atan(exp(u))", [=](Real u) { return sech(u) / 2; },
+       [=](Real u) { return -std::tanh(u) * sech(u) / 2; }},
+      {"atan2(1, exp(u))", [=](Real u) { return -sech(u) / 2; },
+       [=](Real u) { return std::tanh(u) * sech(u) / 2; }},
+      {"tanh(exp(u) - 1)",
+       [=](Real u) { return u > 10 ? 0 : std::exp(u) * std::pow(sech(std::exp(u) - 1), 2.0L); },
+       [=](Real u) {
+         const Real e = u > 10 ? 0 : std::exp(u);
+         return std::pow(sech(e - 1), 2.0L) * (e - 2 * e * e * std::tanh(e - 1));
+       }},
+      {"1/(2 + exp(u) + 1/(1 + exp(u)))",
+       [=](Real u) {
+         return -(std::exp(u) - slope(u)) / std::pow(2 + std::exp(u) + logistic(-u), 2.0L);
+       },
+       nullptr, 5000.0},
+  };
+  constexpr double k = 1e6;
+  for (const Row& row : rows) {
+    Formulas formulas;
+    formulas.symbols["u"] = formulas.read("1e6*(x - 1)");
+    const Node f = formulas.read(row.text);
+    const Node first = formulas.graph.differentiate(f, kX);
+    const Node second = formulas.graph.differentiate(first, kX);
+    const Node third = formulas.graph.differentiate(second, kX);
+    for (const double size : {0.01,  1.0,    9.0,   30.0,  177.0, 178.0, 354.0, 355.0, 356.0,
+                              400.0, 680.0,  690.0, 696.0, 700.0, 705.0, 709.0, 709.7, 709.79,
+                              710.3, 710.48, 711.0, 745.2, 746.0, 1e3,   1e4,   1e6}) {
+      for (const double sign : {-1.0, 1.0}) {
+        const double x = 1.0 + sign * size / k;
+        const double u = k * (x - 1.0);
+        if (u > row.greatest || -u > row.greatest) continue;
+        const std::string where = std::string(row.text) + " at u = " + std::to_string(u);
+        const std::vector<double> values =
+            formulas.evaluate({f, first, second, third}, {x, 0.0, 0.0, 0.0});
+        ASSERT_TRUE(std::isfinite(values[0])) << where;
+        const auto expected = static_cast<double>(row.first(u));
+        EXPECT_NEAR(values[1], k * expected, k * (1e-12 * std::abs(expected) + 1e-15)) << where;
+        if (row.second) {
+          const auto curvature = static_cast<double>(row.second(u));
+          EXPECT_NEAR(values[2], k * k * curvature, k * k * (1e-12 * std::abs(curvature) + 4e-15))
+              << where;
+        }
+        EXPECT_TRUE(std::isfinite(values[3])) << where;
+      }
+    }
+  }
+}
+
+// At a pole a function has a derivative that no limit tells: no value is better than a wrong one.
+TEST(ExpressionDerivatives, AreNotGuessedAtPoles) {
+  for (const char* text : {"1/(1/x)", "atan(1/x)", "1/(1/x + exp(y))", "1/(exp(y)/x)",
+                           "1/(x^-1 + exp(y))", "atan(exp(y)*x^-3)", "tanh(log(x) + exp(y))"}) {
+    Formulas formulas;
+    const Node node = formulas.read(text);
+    EXPECT_TRUE(std::isfinite(formulas.evaluate(node, 0.0, 2.0))) << text;
+    EXPECT_FALSE(std::isfinite(formulas.evaluate(formulas.graph.differentiate(node, kX), 0.0, 2.0)))
+        << text;
+  }
+  // Nor where the limit is still far off when a part overflows.
+  for (const char* text : {"(1 + exp(x))^-0.001", "1/(1 + exp(x))^0.001", "1/log(2 + exp(x))",
+                           "(1 + exp(x))^(0.001*y)"}) {
+    Formulas formulas;
+    const Node derivative = formulas.graph.differentiate(formulas.read(text), kX);
+    EXPECT_FALSE(std::isfinite(formulas.evaluate(derivative, 800.0, -1.0))) << text;
+    EXPECT_TRUE(std::isfinite(formulas.evaluate(derivative, 700.0, -1.0))) << text;
+  }
+}
+
 TEST(ExpressionDerivatives, TotalDerivativeIsTheSumOfPartialsTimesRates) {
   Formulas formulas;
   Graph& graph = formulas.graph;

@@ -21,6 +21,11 @@ bool isPowerOfTwo(double value) {
   return std::isnormal(value) && std::abs(std::frexp(value, &exponent)) == 0.5;
 }
 
+/// Powers that are not near their limit even where their base overflows: 1e308^0.01 is 1200.
+bool isSlowPower(double exponent) {
+  return std::abs(exponent) < 0.1;
+}
+
 bool isCommutative(Operation operation) {
   return operation == Operation::kAdd || operation == Operation::kMultiply;
 }
@@ -40,6 +45,7 @@ int operandCount(Operation operation) {
     case Operation::kAtan2:
     case Operation::kMin:
     case Operation::kMax:
+    case Operation::kWhereFinite:
       return 2;
     case Operation::kSelect:
       return 4;
@@ -62,6 +68,10 @@ double minimumOf(double a, double b) {
 
 double maximumOf(double a, double b) {
   return a >= b ? a : b > a ? b : a + b;
+}
+
+double whereFinite(double a, double value) {
+  return std::isfinite(a) ? value : std::isinf(a) ? 0.0 : a;
 }
 
 double powerOf(double x, double exponent) {
@@ -136,6 +146,8 @@ double evaluateOperation(Operation operation, const double* operands) {
       return a <= operands[1]  ? operands[2]
              : a > operands[1] ? operands[3]
                                : std::numeric_limits<double>::quiet_NaN();
+    case Operation::kWhereFinite:
+      return whereFinite(a, operands[1]);
     case Operation::kConstant:
     case Operation::kVariable:
       break;
@@ -170,6 +182,7 @@ Node Graph::intern(const Entry& entry) {
   const auto [position, is_new] = index_of_.emplace(entry, size());
   if (is_new) {
     entries_.push_back(entry);
+    traits_.push_back(findTraits(entry));
   }
   return {position->second};
 }
@@ -211,6 +224,109 @@ Node Graph::variable(int slot) {
   entry.operation = Operation::kVariable;
   entry.slot = slot;
   return intern(entry);
+}
+
+Graph::Traits Graph::findTraits(const Entry& entry) const {
+  Traits all;   // what holds for each operand
+  Traits some;  // what holds for one of them
+  all.is_positive = all.is_not_negative = true;
+  const int count = operandCount(entry.operation);
+  // Of a select the first two are compared only.
+  for (int i = entry.operation == Operation::kSelect ? 2 : 0; i < count; ++i) {
+    const Traits& operand = traits({entry.operands[i]});
+    all.is_positive = all.is_positive && operand.is_positive;
+    all.is_not_negative = all.is_not_negative && operand.is_not_negative;
+    some.is_positive = some.is_positive || operand.is_positive;
+    some.is_not_negative = some.is_not_negative || operand.is_not_negative;
+    some.has_growth = some.has_growth || operand.has_growth;
+    some.may_overflow = some.may_overflow || operand.may_overflow;
+    some.may_have_pole = some.may_have_pole || operand.may_have_pole;
+  }
+  const auto grow = [&some] {
+    some.has_growth = some.may_overflow = true;
+    some.may_have_pole = false;  // where a pole is an argument, growth outweighs it
+  };
+  Traits& it = some;
+  const bool one_is_positive = some.is_positive;
+  const bool one_is_not_negative = some.is_not_negative;
+  it.is_positive = it.is_not_negative = false;
+  const bool is_square = count == 2 && entry.operands[0] == entry.operands[1];
+  switch (entry.operation) {
+    case Operation::kConstant:
+      it.is_positive = entry.value > 0.0;
+      it.is_not_negative = entry.value >= 0.0;
+      break;
+    case Operation::kAdd:
+      it.is_positive = one_is_positive && all.is_not_negative;
+      it.is_not_negative = all.is_not_negative;
+      break;
+    case Operation::kMultiply:
+      it.is_positive = all.is_positive;
+      it.is_not_negative = all.is_not_negative || is_square;
+      break;
+    case Operation::kDivide: {
+      const Node divisor = {entry.operands[1]};
+      it.is_positive = all.is_positive;
+      it.is_not_negative = all.is_not_negative;
+      if (!traits(divisor).is_positive && !isConstant(divisor)) it.may_have_pole = true;
+      break;
+    }
+    case Operation::kPower: {
+      const Node base = {entry.operands[0]};
+      const Node exponent = {entry.operands[1]};
+      it.is_positive = it.is_not_negative = traits(base).is_positive;
+      if (!isConstant(exponent)) {
+        const bool may_be_zero = !traits(base).is_positive;
+        grow();
+        it.may_have_pole = may_be_zero;
+      } else if (isSlowPower(constantValue(exponent)) ||
+                 (constantValue(exponent) < 0.0 && !traits(base).is_positive)) {
+        it.may_have_pole = true;
+      }
+      break;
+    }
+    case Operation::kExp:
+    case Operation::kCosh:
+      it.is_positive = it.is_not_negative = true;
+      grow();
+      break;
+    case Operation::kSinh:
+      grow();
+      break;
+    case Operation::kSin:
+    case Operation::kCos:
+    case Operation::kAsin:
+    case Operation::kAcos:
+    case Operation::kAtan:
+    case Operation::kAtan2:
+    case Operation::kTanh:
+    case Operation::kSign:
+      it.may_overflow = it.may_have_pole = false;
+      break;
+    case Operation::kLog:
+      it.may_have_pole = true;
+      break;
+    case Operation::kSqrt:
+      it.is_positive = all.is_positive;
+      it.is_not_negative = true;
+      break;
+    case Operation::kAbs:
+      it.is_not_negative = true;
+      it.is_positive = all.is_positive;
+      break;
+    case Operation::kMax:
+      it.is_positive = one_is_positive;
+      it.is_not_negative = one_is_not_negative;
+      break;
+    case Operation::kMin:
+    case Operation::kSelect:
+      it.is_positive = all.is_positive;
+      it.is_not_negative = all.is_not_negative;
+      break;
+    default:  // variables, differences, ..: of any sign
+      break;
+  }
+  return it;
 }
 
 // ---------------------------------------------------------------------------------------- makers
@@ -401,11 +517,38 @@ Node Graph::difference(Node a, Node b) {
   return a == b ? constant(0.0) : subtract(a, b);
 }
 
+Node Graph::whereFinite(Node node, Node value) {
+  return isConstant(value, 0.0) ? value : make(Operation::kWhereFinite, node, value);
+}
+
+// 1/b, atan(b), b^-2, .. with b = 1 + exp(x): where b has overflowed they are at their limit, to
+// all digits, and no x moves them. Not so at a pole: 1/(1/x) is x at 0, too. So nothing is said
+// where b may have one.
+Node Graph::insideLimit(Node node, Node derivative) {
+  const Traits& it = traits(node);
+  return it.may_overflow && !it.may_have_pole ? whereFinite(node, derivative) : derivative;
+}
+
+// A power of two: it rounds nothing. exp(x) x' stays finite as long as exp(x) does, for x' up to
+// 1e30; third derivatives, made in its cube, keep their digits down to 1e-217.
+double Graph::scaleFor(Node node) const {
+  return traits(node).has_growth ? 0x1p-100 : 1.0;
+}
+
 Node Graph::deriveFunction(Node node, Node da) {
   if (isConstant(da, 0.0)) {
     return da;
   }
   const Node a = operand(node, 0);
+  switch (entry(node).operation) {
+    case Operation::kAtan:
+    case Operation::kTanh:
+    case Operation::kExp:
+      da = insideLimit(a, da);
+      break;
+    default:
+      break;
+  }
   const Node one = constant(1.0);
   switch (entry(node).operation) {
     case Operation::kSin:  // cos(a) a'
@@ -445,13 +588,16 @@ Node Graph::derivePower(Node node, Node da, Node db) {
   // (a^b)' = b a^(b-1) a' + a^b log(a) b'. Each term only if its derivative is not zero by the
   // rules: a^c has a derivative also at a <= 0, where log(a) has no value.
   Node derivative = constant(0.0);
+  if (isConstant(b) && !isSlowPower(constantValue(b))) {
+    da = insideLimit(a, da);
+  }
+  db = insideLimit(b, db);
   if (!isConstant(da, 0.0)) {
     const Node slope = product(b, power(a, subtract(b, constant(1.0))));
     derivative = product(slope, da);
   }
   if (!isConstant(db, 0.0)) {
-    const Node growth = product(node, make(Operation::kLog, a));
-    derivative = add(derivative, product(growth, db));
+    derivative = add(derivative, product(node, product(make(Operation::kLog, a), db)));
   }
   return derivative;
 }
@@ -487,12 +633,16 @@ Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivativ
       }
       return add(product(derivative_of(0), b), product(a, derivative_of(1)));
     case Operation::kDivide:  // q = a/b: q' = (a' - q b')/b
-      return quotient(difference(derivative_of(0), product(node, derivative_of(1))), b);
+      return quotient(difference(derivative_of(0), product(node, insideLimit(b, derivative_of(1)))),
+                      b);
     case Operation::kPower:
       return derivePower(node, derivative_of(0), derivative_of(1));
     case Operation::kAtan2:  // (b a' - a b')/(a^2 + b^2)
-      return quotient(difference(product(b, derivative_of(0)), product(a, derivative_of(1))),
+      return quotient(difference(product(b, insideLimit(a, derivative_of(0))),
+                                 product(a, insideLimit(b, derivative_of(1)))),
                       add(multiply(a, a), multiply(b, b)));
+    case Operation::kWhereFinite:
+      return whereFinite(a, derivative_of(1));
     case Operation::kMin:
       return select(a, b, derivative_of(0), derivative_of(1));
     case Operation::kMax:
@@ -541,18 +691,25 @@ void Graph::deriveInto(Node node, const std::vector<Rate>& rates, Derivatives& d
 }
 
 Node Graph::differentiate(Node node, int slot) {
+  const double scale = scaleFor(node);
   // Moved out meanwhile: nothing below may see a half-filled table twice.
-  Derivatives derivatives = std::move(partials_[slot]);
-  deriveInto(node, {{slot, constant(1.0)}}, derivatives);
+  Derivatives derivatives = std::move(partials_[{slot, scale}]);
+  deriveInto(node, {{slot, constant(scale)}}, derivatives);
   const Node derivative = derivatives[static_cast<std::size_t>(node.index)];
-  partials_[slot] = std::move(derivatives);
-  return derivative;
+  partials_[{slot, scale}] = std::move(derivatives);
+  return product(constant(1.0 / scale), derivative);
 }
 
 Node Graph::totalDerivative(Node node, const std::vector<Rate>& rates) {
+  const double scale = scaleFor(node);
+  std::vector<Rate> scaled;
+  scaled.reserve(rates.size());
+  for (const Rate& rate : rates) {
+    scaled.emplace_back(rate.first, product(constant(scale), rate.second));
+  }
   Derivatives derivatives;
-  deriveInto(node, rates, derivatives);
-  return derivatives[static_cast<std::size_t>(node.index)];
+  deriveInto(node, scaled, derivatives);
+  return product(constant(1.0 / scale), derivatives[static_cast<std::size_t>(node.index)]);
 }
 
 bool Graph::dependsOn(Node node, int slot) const {

@@ -48,26 +48,27 @@ constexpr int quadCode(int o1, int o2, int o3) {
 }
 
 // Functions: one instruction each. X(name of the Operation, value; A to D are the operands)
-#define VARIATOR_SIM_FUNCTIONS(X) \
-  X(Negate, -A)                   \
-  X(Power, std::pow(A, B))        \
-  X(Sin, std::sin(A))             \
-  X(Cos, std::cos(A))             \
-  X(Tan, std::tan(A))             \
-  X(Asin, std::asin(A))           \
-  X(Acos, std::acos(A))           \
-  X(Atan, std::atan(A))           \
-  X(Atan2, std::atan2(A, B))      \
-  X(Sinh, std::sinh(A))           \
-  X(Cosh, std::cosh(A))           \
-  X(Tanh, std::tanh(A))           \
-  X(Exp, std::exp(A))             \
-  X(Log, std::log(A))             \
-  X(Sqrt, std::sqrt(A))           \
-  X(Abs, std::abs(A))             \
-  X(Sign, signOf(A))              \
-  X(Min, minimumOf(A, B))         \
-  X(Max, maximumOf(A, B))         \
+#define VARIATOR_SIM_FUNCTIONS(X)   \
+  X(Negate, -A)                     \
+  X(Power, std::pow(A, B))          \
+  X(Sin, std::sin(A))               \
+  X(Cos, std::cos(A))               \
+  X(Tan, std::tan(A))               \
+  X(Asin, std::asin(A))             \
+  X(Acos, std::acos(A))             \
+  X(Atan, std::atan(A))             \
+  X(Atan2, std::atan2(A, B))        \
+  X(Sinh, std::sinh(A))             \
+  X(Cosh, std::cosh(A))             \
+  X(Tanh, std::tanh(A))             \
+  X(Exp, std::exp(A))               \
+  X(Log, std::log(A))               \
+  X(Sqrt, std::sqrt(A))             \
+  X(Abs, std::abs(A))               \
+  X(Sign, signOf(A))                \
+  X(Min, minimumOf(A, B))           \
+  X(Max, maximumOf(A, B))           \
+  X(WhereFinite, whereFinite(A, B)) \
   X(Select, selectOf(A, B, C, D))
 
 enum FunctionCode : int {
@@ -123,6 +124,7 @@ int latencyOf(int code) {
     case kCodeMin:
     case kCodeMax:
     case kCodeSelect:
+    case kCodeWhereFinite:
       return 2;
     case kCodeSqrt:
       return 5;

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -47,7 +48,8 @@ enum class Operation : std::uint8_t {
   kSign,
   kMin,
   kMax,
-  kSelect  ///< a <= b ? c : d; written by derivatives only
+  kSelect,      ///< a <= b ? c : d; written by derivatives only
+  kWhereFinite  ///< b, but 0 where a is infinite and NaN where a is; written by derivatives only
 };
 
 /// Number of operands: 0 for constants and variables, 4 for kSelect.
@@ -66,6 +68,8 @@ double signOf(double x);
 double minimumOf(double a, double b);
 /// The larger one; NaN when either is NaN.
 double maximumOf(double a, double b);
+/// `value` where `a` is finite, 0 where it is infinite, NaN where it is NaN.
+double whereFinite(double a, double value);
 /// x^exponent for an exponent that is a constant: x^n = (x^(n/2))^2 for even n, x^(n-1) x for odd
 /// n, x^-n = 1/x^n while isMultipliedPower (at most |n| - 1 rounded products, so a relative error
 /// below |n| units of round-off), std::pow otherwise.
@@ -110,6 +114,12 @@ class Graph {
   /// The exact partial derivative by the variable in `slot`. Kinks: |x|' = sign(x) x', the
   /// derivative of sign is 0, that of min and max is the active operand's (the first one's in a
   /// tie).
+  ///
+  /// It has a value wherever the formula has one, also where exp, sinh, cosh or c^x in it overflow
+  /// or nearly do. 1/(1 + exp(x)) is 0 there to all digits, and so is its derivative, though its
+  /// parts are inf/inf^2: what goes through an infinite part into a quotient, atan, .. counts
+  /// nothing. And before exp(x) overflows, exp(x) x' may: derivatives of such formulas are made in
+  /// the scale 2^-100.
   Node differentiate(Node node, int slot);
   /// The sum of (partial derivative by slot) times (rate of slot), made in one sweep. Variables
   /// without a rate are held constant.
@@ -137,6 +147,14 @@ class Graph {
   std::vector<bool> findReachable(const std::vector<Node>& nodes) const;
 
  private:
+  /// What the form of a node tells about its value.
+  struct Traits {
+    bool is_positive = false;      ///< > 0 but for underflow
+    bool is_not_negative = false;  ///< >= 0
+    bool has_growth = false;       ///< exp, sinh, cosh or c^x occurs
+    bool may_overflow = false;     ///< because of them
+    bool may_have_pole = false;    ///< may be infinite for another reason
+  };
   struct EntryHash {
     std::size_t operator()(const Entry& entry) const;
   };
@@ -158,10 +176,19 @@ class Graph {
   Node product(Node a, Node b);
   Node quotient(Node a, Node b);
   Node difference(Node a, Node b);
+  /// `derivative`, that of `node`, for a function which has a limit where `node` goes to infinity.
+  Node insideLimit(Node node, Node derivative);
+  Node whereFinite(Node node, Node value);
+
+  Traits findTraits(const Entry& entry) const;
+  const Traits& traits(Node node) const { return traits_[static_cast<std::size_t>(node.index)]; }
+  /// The factor of the derivatives of `node` while they are made.
+  double scaleFor(Node node) const;
 
   std::vector<Entry> entries_;
+  std::vector<Traits> traits_;  ///< of the entries
   std::unordered_map<Entry, int, EntryHash, EntryEqual> index_of_;
-  std::unordered_map<int, Derivatives> partials_;  ///< by slot
+  std::map<std::pair<int, double>, Derivatives> partials_;  ///< by slot and scale
 };
 
 }  // namespace variator_sim::expression
