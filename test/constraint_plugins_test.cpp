@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <memory>
+#include <random>
 #include <set>
 #include <sstream>
 #include <string>
@@ -871,6 +872,127 @@ TEST(VerifyDerivatives, DoesNotCryAtKinksSteepsAndPoles) {
       EXPECT_EQ(messageOf(scene, Seed::kNothing), "") << torque << start;
     }
   }
+}
+
+std::string sceneOf(const std::string& torque, const std::string& constraint,
+                    const std::string& velocity, const std::string& acceleration) {
+  return "shafts: [a, b]\na: {inertia: 0.3}\nb: {inertia: 2}\ntorques: [it]\nit: {type: "
+         "variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+         torque + "\"}\nconstraints: [v]\nv: {type: variator_sim/" + constraint +
+         "}\ninitial: {velocity: " + velocity + ", acceleration: " + acceleration +
+         ", project: true}\n";
+}
+
+// The belt's tanh in every state: at its ends the law is a constant but for its tail.
+TEST(VerifyDerivatives, AcceptsALawWhereverItSaturates) {
+  std::mt19937 random(1);
+  const auto number = [&random](double from, double to) {
+    return std::uniform_real_distribution<double>(from, to)(random);
+  };
+  for (int n = 0; n < 300; ++n) {
+    const double low = number(0.2, 1.0);
+    const double speed = std::pow(10.0, number(-0.5, 2.5));
+    const double width = std::pow(10.0, number(-1.5, 0.5));
+    const double w1 = speed * std::pow(10.0, number(-2.0, 1.2)) * (n % 4 == 0 ? -1.0 : 1.0);
+    const std::string law = "VBeltRatio, shafts: [a, b], ratio_low: " + std::to_string(low) +
+                            ", ratio_high: " + std::to_string(low + number(0.05, 2.0)) +
+                            ", speed: " + std::to_string(speed) +
+                            ", width: " + std::to_string(width);
+    const std::string scene =
+        sceneOf("3-0.1*w1", law, "[" + std::to_string(w1) + ", " + std::to_string(low * w1) + "]",
+                "[0, 0]");
+    ASSERT_EQ(messageOf(scene, Seed::kNothing), "") << scene;
+  }
+}
+
+/// A formula of t, phi, w (and e) at random, `depth` deep.
+std::string randomFormula(std::mt19937& random, int depth, bool has_accelerations) {
+  const auto choose = [&random](int count) {
+    return static_cast<int>(random() % static_cast<unsigned>(count));
+  };
+  const auto number = [&] {
+    const double size = std::pow(10.0, 0.01 * choose(600) - 3.0);
+    return std::to_string(choose(2) == 0 ? size : -size);
+  };
+  if (depth == 0) {
+    const char* const variables[] = {"t", "phi1", "phi2", "w1", "w2", "e1", "e2"};
+    return choose(5) < 3 ? variables[choose(has_accelerations ? 7 : 5)] : number();
+  }
+  const auto part = [&] { return "(" + randomFormula(random, depth - 1, has_accelerations) + ")"; };
+  const auto factor = [&] { return number() + "*" + part(); };
+  switch (choose(16)) {
+    case 0:
+    case 1:
+      return part() + "+" + part();
+    case 2:
+      return part() + "-" + part();
+    case 3:
+    case 4:
+      return part() + "*" + part();
+    case 5:
+      return part() + "/(1+" + part() + "^2)";
+    case 6:
+      return "1/(1+exp(" + factor() + "))";
+    case 7:
+    case 8:
+      return "tanh(" + factor() + ")";
+    case 9:
+      return "sin(" + factor() + ")";
+    case 10:
+      return "atan(" + factor() + ")";
+    case 11:
+      return "exp(-" + part() + "^2)";
+    case 12:
+      return "1/cosh(" + part() + ")";
+    case 13:
+      return "sqrt(1e-4+" + part() + "^2)";
+    case 14:
+      return "log(1+" + part() + "^2)";
+    default:
+      return "max(" + part() + ", abs(" + part() + "))";
+  }
+}
+
+TEST(VerifyDerivatives, AcceptsFormulasAtRandom) {
+  std::mt19937 random(3);
+  int accepted = 0;
+  for (int n = 0; n < 600; ++n) {
+    const int order = 1 + n % 3;
+    const int depth = 1 + n / 3 % 3;
+    const std::string starts[] = {"w2-w1*(0.5+0.1*(", "e2-0.5*e1+3*((", "j2-0.5*j1+0.2*(("};
+    const std::string law = "ExpressionConstraint, order: " + std::to_string(order) +
+                            ", expression: \"" + starts[order - 1] +
+                            randomFormula(random, depth, order > 1) + "))\"";
+    const double size = std::pow(10.0, n % 5 - 2);
+    const std::string velocity =
+        "[" + std::to_string(0.7 * size) + ", " + std::to_string(-0.4 * size) + "]";
+    const std::string scene =
+        sceneOf(randomFormula(random, depth, false), law, velocity, "[3, -7]");
+    const std::string message = messageOf(scene, Seed::kNothing);
+    // exp of a large constant, say, is no formula.
+    EXPECT_EQ(message.find("verify_derivatives"), std::string::npos) << message << "\n" << scene;
+    if (message.empty()) ++accepted;
+  }
+  EXPECT_GT(accepted, 580);
+}
+
+TEST(VerifyDerivatives, AcceptsTheSmallestNumbersAndLargePhases) {
+  const std::string any = "ExpressionConstraint, order: 2, expression: e2-e1";
+  EXPECT_EQ(messageOf(sceneOf("5e-324*w1", any, "[5, 3]", "[1, 1]"), Seed::kNothing), "");
+  EXPECT_EQ(messageOf(sceneOf("1e-310*sin(w1)*w2", any, "[5, 3]", "[1, 1]"), Seed::kNothing), "");
+  for (const char* phase : {"9.0e+18", "-1e15", "7", "1e300"}) {
+    const std::string scene =
+        std::string("shafts: [a]\na: {inertia: 1}\ntorques: [cut]\n") +
+        "cut: {type: variator_sim/CuttingTorque, shaft: a, torque: 42, begin: -5, ramp: 1, "
+        "tooth_passing: {teeth: 4, amplitude: 0.3, phase: " +
+        phase + "}}\ninitial: {velocity: [5]}\n";
+    EXPECT_EQ(messageOf(scene, Seed::kNothing), "") << phase;
+  }
+  // f and its derivatives are denormal numbers: none of its own, but no derivative is wrong.
+  const std::string tiny = "ExpressionConstraint, order: 1, expression: \"5e-324*(w2-0.5*w1)\"";
+  EXPECT_EQ(
+      messageOf(sceneOf("1", tiny, "[2, 1]", "[0, 0]"), Seed::kNothing).find("verify_derivatives"),
+      std::string::npos);
 }
 
 TEST(VerifyDerivatives, AnInputOfOrder1NeedsTwoDerivativesInEveryPlugin) {

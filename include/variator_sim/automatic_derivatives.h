@@ -289,7 +289,9 @@ Automatic<T> cosh(const T& x) {
 template <class T>
 Automatic<T> tanh(const T& x) {
   const double h = std::tanh(realPart(x));
-  const double slope = 1.0 - h * h;
+  // 1/cosh^2; 1 - tanh^2 would lose all its digits where tanh is nearly 1.
+  const double tail = std::exp(-2.0 * std::abs(realPart(x)));
+  const double slope = 4.0 * tail / ((1.0 + tail) * (1.0 + tail));
   return compose(x, h, slope, -2.0 * h * slope, 2.0 * slope * (3.0 * h * h - 1.0));
 }
 template <class T>

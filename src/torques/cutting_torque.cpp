@@ -27,6 +27,8 @@ void CuttingTorque::doConfigure(ComponentContext& context) {
     teeth_ = section.integer("teeth", 1, 10000);
     amplitude_ = section.number("amplitude", Range::between(0.0, 1.0));
     phase_ = section.number("phase", Range::any(), 0.0);
+    // Added to a large phase the angle would be lost in rounding.
+    if (std::abs(phase_) > 4.0) phase_ = std::atan2(std::sin(phase_), std::cos(phase_));
     section.finish();
   }
   sign_scale_ = 1.0 / parameters.number("regularization_speed", Range::positive(), 0.1);
