@@ -162,6 +162,8 @@ Interval evaluateOperation(Operation operation, const Interval& a, const Interva
       return {std::max(a.low, b.low), std::max(a.high, b.high)};
     case Operation::kSelect:
       return select(a, b, c, d);
+    case Operation::kWhereFinite:
+      return {std::min(b.low, 0.0), std::max(b.high, 0.0)};
   }
   return kEverything;
 }
