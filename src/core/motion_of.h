@@ -43,8 +43,7 @@ class MotionOf final : public Motion {
         stepper_(&choice_.stepper()),
         tolerance_{scene_.solver.absolute_tolerance, scene_.solver.relative_tolerance},
         checks_(system_, tolerance_, choice_.isFixed()),
-        control_(1),
-        rest_(scene_.solver.maximum_step) {
+        control_(1) {
     guards_.setGuards(drivetrain_.guards(),
                       [this](double time, const double* angle, const double* velocity,
                              const double* acceleration) {
@@ -133,7 +132,7 @@ class MotionOf final : public Motion {
     if (!sample_valid_) {
       State x = front_.x;
       if (sleeping_) {
-        calcRest(x);
+        calcRest(present(), x);
       } else if (present() != front_.time) {
         sampleInside(x);
       }
@@ -338,8 +337,9 @@ class MotionOf final : public Motion {
   /// Brings the present to `time`.
   void moveTo(double time) {
     if (!status_.ok()) return;
-    while (front_.time < relative(time) && !sleeping_) {
-      if (!countStep() || !step()) {
+    while (front_.time < relative(time)) {
+      if (sleeping_ && relative(time) < sleep_end_) break;
+      if (sleeping_ ? !finishSleep() : !countStep() || !step()) {
         time_ = absolute(front_.time);
         sample_valid_ = false;
         status_.time = time_;
@@ -884,11 +884,13 @@ class MotionOf final : public Motion {
     if (!drivetrain_.readsTime() && scene_.solver.sleep) {
       // Angles that nothing reads go on at constant speed.
       double rate = 0.0;
+      double change = 0.0;
       for (std::size_t n = system_.readsAngles() ? 0 : S; n < front_.x.size(); ++n) {
-        rate = std::max(rate, std::abs(front_.dxdt[n]) / tolerance_.of(front_.x[n]));
+        const double allowed = tolerance_.of(front_.x[n]);
+        rate = std::max(rate, std::abs(front_.dxdt[n]) / allowed);
+        change = std::max(change, std::abs(front_.x[n] - base_.x[n]) / allowed);
       }
-      if (rest_.noteStep(front_.time, rate)) {
-        sleeping_ = true;
+      if ((rate == 0.0 || rest_.noteStep(change)) && fallAsleep()) {
         ++statistics_.sleeps;
         return;
       }
@@ -928,11 +930,36 @@ class MotionOf final : public Motion {
     return true;
   }
 
-  /// x of a motion at rest at the present: the front's, angles gone on at constant speed.
-  void calcRest(State& x) const {
+  /// From the front on nothing is stepped until the end of the term (rest.h). False when that is
+  /// too short to be worth its search.
+  bool fallAsleep() {
+    const double term =
+        rest_.calcTerm(system_, front_.time, front_.x, front_.dxdt, tolerance_, left_at_sleep_end_);
+    sleeping_ = term >= kLeastSleep * scene_.solver.maximum_step;
+    sleep_end_ = front_.time + term;
+    return sleeping_;
+  }
+  /// The front goes to the end of the term; the motion sleeps on from there, or is stepped again.
+  /// False when it stopped.
+  bool finishSleep() {
+    State x;
+    calcRest(sleep_end_, x);
+    front_.time = sleep_end_;
+    front_.x = x;
+    for (std::size_t n = 0; n < x.size(); ++n) x[n] += left_at_sleep_end_[n];
+    State moved{};
+    const ProjectionResult projected =
+        system_.project(front_.time, x, moved, &statistics_.projections);
+    if (projected == ProjectionResult::kConverged) front_.x = x;
+    restart();
+    if (status_.ok()) fallAsleep();
+    return status_.ok();
+  }
+  /// x at `time` of a motion at rest: the front's, angles gone on at constant speed.
+  void calcRest(double time, State& x) const {
     x = front_.x;
     if (system_.readsAngles()) return;
-    for (std::size_t n = 0; n < S; ++n) x[n] += (present() - front_.time) * front_.x[S + n];
+    for (std::size_t n = 0; n < S; ++n) x[n] += (time - front_.time) * front_.x[S + n];
   }
 
   /// Compares the rows of C with the longest that each has been. False, and the motion stopped,
@@ -1074,7 +1101,7 @@ class MotionOf final : public Motion {
     const double now = present();
     if (sleeping_) {
       node->time = now;
-      calcRest(node->x);
+      calcRest(now, node->x);
       return true;
     }
     Stepper<System>& stepper = choice_.innerOf(*stepper_);
@@ -1312,6 +1339,8 @@ class MotionOf final : public Motion {
   static constexpr int kMostLooks = 100;
   /// A jump is crossed back at once when that takes so many times what crossing it took.
   static constexpr double kAtOnce = 100.0;
+  /// The motion sleeps for so many of its longest steps at least.
+  static constexpr double kLeastSleep = 20.0;
   /// Steps from `time` are longer than this. [loop]
   static double shortestStep(double time) { return kResolution * std::abs(time); }
   /// Relative to the time reached: shorter steps no longer change the time reliably.
@@ -1327,12 +1356,14 @@ class MotionOf final : public Motion {
   Tolerance tolerance_;
   StepChecks<System> checks_;
   StepControl control_;
-  RestWatch rest_;
+  Rest<System> rest_;
   GuardSearch guards_;
   StepCurve curve_;
   CommandRhythm rhythm_;
   bool hopped_ = false;  // the last step was one over an edge
   bool sleeping_ = false;
+  double sleep_end_ = 0.0;
+  State left_at_sleep_end_{};  // the deviation c there
   bool knows_start_ = false;
   State start_{};  // at time 0, with the inputs as the scene has them
   bool starts_implicitly_ = false;

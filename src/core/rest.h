@@ -1,76 +1,259 @@
-/// When a motion has come to rest, so that stepping it changes nothing any more.
+/// How long a motion may rest: go on without being stepped, within the tolerance.
+///
+/// An autonomous motion x' = f(x) that is at x0 at the time t0 rests when it is taken to be
+///     X(t0 + t) = x0 + v t,
+/// with v the velocities of angles that nothing reads, and 0 else. The deviation y = x - X begins
+/// with 0 and obeys, as long as it is small,
+///     y' = A y + r,   A = df/dx at x0,   r = f(x0) - v,
+/// so that
+///     y(t) = c(t) = int_0^t exp(A s) ds r.
+/// The angles are part of it: they deviate by the integral of what the velocities do.
+///
+/// Rest has a term, the longest t = h 2^k for which c stays within kLeft of the tolerance. At its
+/// end c is what the motion lacks, the state becomes X + c, and the rest of there is asked anew:
+/// nothing piles up. A transient that is nearly over so comes to its end at once, and leaves a term
+/// that ends only by rounding; slow modes, drifting and swinging, and saddles have short terms.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
+#include <tuple>
+
+#include "linearization.h"
+#include "step_control.h"
 
 namespace variator_sim {
 
-/// Watches the largest rate |x'| of a motion in units of its tolerance per second. Rates that fall
-/// to a kFall-th within a time T, stay below it for as long again (a slow oscillation's rate falls
-/// only while its acceleration passes zero), and go on falling (a fast transient may end in a slow
-/// motion that goes on), fall about like exp(-t ln kFall / T), and what is left of the motion is at
-/// most
-///     rate T / ln kFall.
-/// Below kLeft (of the tolerance) the motion is at rest: the state stays as it is. The bound holds
-/// as long as rates do not grow again, which an autonomous scene near a stable equilibrium does not
-/// make them do (from a saddle they do, slowly at first); rates that rise within the time begin it
-/// anew.
-class RestWatch {
+/// c(t), for t doubled again and again.
+///
+/// With Psi(t) = exp(A t) - 1,
+///     Psi(2t) = 2 Psi + Psi Psi,   c(2t) = 2 c + Psi c.
+/// Without the 1, which is left out, what is slow beside something fast keeps its digits; what is
+/// stable goes to Psi = -1, which doubling keeps. The first t is so short that Taylor's series has
+/// converged.
+template <int S, int L>
+class Deviation {
  public:
-  /// What is left of a motion is counted over `horizon` s at least: behind what settles fast
-  /// something slow may go on.
-  explicit RestWatch(double horizon = 0.0) : horizon_(horizon) {}
-  void reset() {
-    start_rate_ = 0.0;
-    steps_ = 0;
+  static constexpr std::size_t kSize = static_cast<std::size_t>(S * L);
+  using State = std::array<double, kSize>;
+
+  void begin(const Linearization<S, L>& linearization, const State& r) {
+    Matrix G{};  // h (A r)
+    for (std::size_t i = 0; i < kSize - S; ++i) G[i][i + S] = 1.0;
+    for (std::size_t i = 0; i < S; ++i) {
+      for (std::size_t j = 0; j < kSize; ++j) {
+        const auto column = static_cast<int>(j % S);
+        const auto& block = linearization.block(static_cast<int>(j / S));
+        G[kSize - S + i][j] = block(static_cast<int>(i), column);
+      }
+    }
+    double norm = 0.0;
+    for (const Row& row : G) {
+      double sum = 0.0;
+      for (double value : row) sum += std::abs(value);
+      norm = std::max(norm, sum);
+    }
+    // A power of two: rounds nothing.
+    time_ = std::exp2(std::floor(std::log2(kFirst / norm)));
+    for (std::size_t i = 0; i < kSize; ++i) {
+      G[i][kSize] = r[i];
+      for (double& value : G[i]) value *= time_;
+    }
+    r_ = r;
+    // h A + (h A)^2/2! + ... from its end: G (1 + G/2 (1 + G/3 (...)))
+    M_ = G;
+    for (int m = kTerms; m > 1; --m) {
+      for (Row& row : M_) {
+        for (double& value : row) value /= m;
+      }
+      addProduct(G, G);
+    }
   }
-  /// A step ended at `time` with the rate `rate` >= 0 (1/s). True when that is rest.
-  bool noteStep(double time, double rate) {
-    if (rate == 0.0) return true;
-    if (steps_ == 0 || rate > start_rate_) {
-      begin(time, rate);
+  void doubleTime() {
+    Matrix twice = M_;
+    for (Row& row : twice) {
+      for (double& value : row) value *= 2.0;
+    }
+    addProduct(twice, M_);
+    time_ *= 2.0;
+  }
+
+  /// t
+  double time() const { return time_; }
+  /// c(t), component n
+  double operator[](std::size_t n) const { return M_[n][kSize]; }
+  /// y'(t) - y'(0) = Psi r, component n
+  double calcRateChange(std::size_t n) const {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < kSize; ++k) sum += M_[n][k] * r_[k];
+    return sum;
+  }
+
+ private:
+  using Row = std::array<double, kSize + 1>;
+  using Matrix = std::array<Row, kSize>;  // (Psi c)
+
+  /// M = summand + factor M. (The row below (Psi c) is 0.)
+  void addProduct(const Matrix& summand, const Matrix& factor) {
+    Matrix result = summand;
+    for (std::size_t i = 0; i < kSize; ++i) {
+      for (std::size_t k = 0; k < kSize; ++k) {
+        const double part = factor[i][k];
+        if (part == 0.0) continue;
+        for (std::size_t j = 0; j <= kSize; ++j) result[i][j] += part * M_[k][j];
+      }
+    }
+    M_ = result;
+  }
+
+  static constexpr double kFirst = 1.0 / 32.0;  // |A t|: the series errs by kFirst^kTerms / 7!
+  static constexpr int kTerms = 6;
+  Matrix M_;
+  State r_;
+  double time_ = 0.0;
+};
+
+/// When rest is looked for, and how long it lasts.
+template <class System>
+class Rest {
+ public:
+  using State = typename System::State;
+
+  void reset() {
+    quiet_ = 0;
+    needed_ = kQuiet;
+  }
+  /// A step changed x by `change` tolerances at most: true when the term is worth being asked for.
+  /// That costs as much as many steps, so after each time it is done half as often.
+  bool noteStep(double change) {
+    if (!(change <= kLeft)) {
+      quiet_ = 0;
       return false;
     }
-    ++steps_;
-    if (rate * kFall > start_rate_) {
-      fallen_ = false;
-      return false;
+    if (++quiet_ < needed_) return false;
+    quiet_ = 0;
+    needed_ = std::min(2 * needed_, kMostQuiet);
+    return true;
+  }
+
+  /// The term of rest from x at t, where the derivative is dxdt, s; 0 when there is none, infinity
+  /// when all rates are exactly 0. `left` gets c at its end. [loop]
+  double calcTerm(System& system, double t, const State& x, const State& dxdt,
+                  const Tolerance& tolerance, State& left) {
+    State r = dxdt;
+    if (!system.readsAngles()) std::fill_n(r.begin(), S, 0.0);
+    left.fill(0.0);
+    const auto is_zero = [](double value) { return value == 0.0; };
+    if (std::all_of(r.begin(), r.end(), is_zero)) return std::numeric_limits<double>::infinity();
+
+    typename System::LinearizationType linearization;
+    system.calcLinearization(t, x, linearization);
+    for (int l = 0; l < L; ++l) {
+      if (!linearization.block(l).allFinite()) return 0.0;
     }
-    if (!fallen_) {
-      fallen_ = true;
-      fall_time_ = time - start_time_;
-      fall_rate_ = rate;
+    if constexpr (L == 2) {
+      calcRounding(system, t, x, linearization);
+      if (system.readsAngles()) dropRounding(linearization, x, r);
     }
-    // stays there as long again
-    if (time - start_time_ < 2.0 * fall_time_ || steps_ < kSteps) return false;
-    const bool goes_on = rate * kGoesOn <= fall_rate_;
-    const double left = rate * std::max(fall_time_, horizon_) / std::log(kFall);
-    begin(time, rate);
-    return goes_on && left <= kLeft;
+    const double fastest = linearization.calcFastestRate();
+    const double longest = std::min(1.0 / (kNoise * fastest), kForever);  // NaN when fastest is
+    deviation_.begin(linearization, r);
+    if (!(deviation_.time() > 0.0)) return 0.0;
+    double term = 0.0;
+    double last = 0.0;
+    while (deviation_.time() <= longest) {
+      double size = 0.0;
+      for (std::size_t n = 0; n < x.size(); ++n) {
+        const double allowed =
+            tolerance.of(n < S && !system.readsAngles() ? angleAfter(x, n) : x[n]);
+        const double part = std::abs(deviation_[n]) / (allowed + 1e-300);
+        if (!(part <= kLeft)) return term;
+        size = std::max(size, part);
+      }
+      if (!areAccelerationsNear(r, tolerance)) return term;
+      if (term > 0.0 && size > kSteepest * last) return term;
+      term = deviation_.time();
+      last = size;
+      for (std::size_t n = 0; n < left.size(); ++n) left[n] = deviation_[n];
+      deviation_.doubleTime();
+    }
+    return term;
   }
 
   /// A tenth of the error allowed.
   static constexpr double kLeft = 0.1;
 
  private:
-  void begin(double time, double rate) {
-    start_time_ = time;
-    start_rate_ = rate;
-    steps_ = 1;
-    fallen_ = false;
+  static constexpr std::size_t S = System::kShafts;
+  static constexpr int L = static_cast<int>(std::tuple_size<State>::value / S);
+
+  /// Angle n at the end of the time; 0 once it may have passed through there.
+  double angleAfter(const State& x, std::size_t n) const {
+    const double gone = x[S + n] * deviation_.time();
+    if (x[n] * gone >= 0.0) return x[n] + gone;
+    return std::max(0.0, std::abs(x[n]) - std::abs(gone));
   }
-  static constexpr double kFall = 16.0;
-  static constexpr double kGoesOn = 4.0;  // an exponential's would fall by kFall once more
-  static constexpr int kSteps = 4;        // a moment's low of an oscillation is not rest
-  double horizon_;
-  double start_time_ = 0.0;
-  double start_rate_ = 0.0;
-  bool fallen_ = false;
-  double fall_time_ = 0.0;
-  double fall_rate_ = 0.0;
-  int steps_ = 0;
+  /// What rounding makes of the accelerations where they follow from torques that cancel: of Q, R,
+  /// and each of the state's values in them.
+  void calcRounding(System& system, double t, const State& x,
+                    const typename System::LinearizationType& linearization) {
+    auto& drivetrain = system.drivetrain();
+    const StateView state = system.view(t, x);
+    double torque[S];
+    double reaction[S];
+    drivetrain.calcTorque(state, torque);
+    drivetrain.calcReaction(state, torque, reaction);
+    for (std::size_t i = 0; i < S; ++i) {
+      const auto row = static_cast<int>(i);
+      rounding_[i] = (std::abs(torque[i]) + std::abs(reaction[i])) /
+                     std::abs(drivetrain.inertia().entry(row, row));
+      for (std::size_t n = 0; n < x.size(); ++n) {
+        const auto& block = linearization.block(static_cast<int>(n / S));
+        rounding_[i] += std::abs(block(row, static_cast<int>(n % S)) * x[n]);
+      }
+      rounding_[i] *= kUlps * std::numeric_limits<double>::epsilon();
+    }
+  }
+  /// Where angles are read, all velocities end at 0 in rest. Torques that cancel leave a rounding
+  /// that would drive whatever settles slowly, anew in each term: accelerations that rounding alone
+  /// tells from those that the velocities make, at angles of equilibrium, are taken to be these.
+  void dropRounding(const typename System::LinearizationType& linearization, const State& x,
+                    State& r) const {
+    for (std::size_t i = 0; i < S; ++i) {
+      double damping = 0.0;
+      for (std::size_t j = 0; j < S; ++j) {
+        damping += linearization.block(1)(static_cast<int>(i), static_cast<int>(j)) * x[S + j];
+      }
+      if (std::abs(r[S + i] - damping) <= rounding_[i]) r[S + i] = damping;
+    }
+  }
+  /// Accelerations that follow from the state may answer to it strongly. What they answer to its
+  /// rounding counts for nothing.
+  bool areAccelerationsNear(const State& r, const Tolerance& tolerance) const {
+    for (std::size_t i = 0; i < S && L == 2; ++i) {
+      const double change = std::abs(deviation_.calcRateChange(S + i));
+      if (!(change <= kLeft * tolerance.of(r[S + i]) + rounding_[i])) return false;
+    }
+    return true;
+  }
+
+  /// Growth of c while t doubles that is no drift or swing (t^3 grows by 8): an unstable state, or
+  /// one that rounding of A makes look so.
+  static constexpr double kSteepest = 16.0;
+  /// A part of the fastest rate of A that slow ones may err by: A may come from differences.
+  static constexpr double kNoise = 1e-10;
+  static constexpr double kUlps = 4.0;
+  static constexpr double kForever = 1e12;  // s
+  static constexpr int kQuiet = 4;          // steps: a moment's low of an oscillation is not rest
+  static constexpr int kMostQuiet = 1024;
+
+  Deviation<static_cast<int>(S), L> deviation_;
+  std::array<double, S> rounding_{};  // of accelerations, rad/s^2
+  int quiet_ = 0;
+  int needed_ = kQuiet;
 };
 
 }  // namespace variator_sim
