@@ -197,7 +197,9 @@ class ExplicitStepper final : public Stepper<System> {
       poison += 0.0 * x_new[n];
     }
     if (!(size5 > 0.0)) return poison;
-    const double part = size5 / std::sqrt(size5 * size5 + 0.01 * size3 * size3);
+    // By the quotient, as squares of commands that fade away underflow.
+    const double quotient = size3 / size5;
+    const double part = 1.0 / std::sqrt(1.0 + 0.01 * quotient * quotient);
     for (double& error : this->error_) error *= part;
     return size5 * part + poison;
   }
