@@ -250,7 +250,10 @@ class MotionOf final : public Motion {
         break;
       case InitialResult::kSingular:
         stop(StopReason::kSingularConstraint);
-        status_.constraint = std::max(0, drivetrain_.solver().singularRow());
+        status_.constraint = velocities_at_fault_ ? drivetrain_.singularVelocityConstraint()
+                                                  : drivetrain_.singularAccelerationConstraint();
+        // (Of constraints of order 3 only the solver of all of them knows.)
+        if (status_.constraint < 0) status_.constraint = drivetrain_.solver().singularRow();
         break;
       case InitialResult::kNonFinite:
         stop(StopReason::kNonFiniteValue);
