@@ -173,6 +173,12 @@ TEST(ExpressionConstraint, KnowsWhenItIsLinearInTheAcceleration) {
   EXPECT_FALSE(is_linear("e1^2 + e2^2 - 4"));
   EXPECT_FALSE(is_linear("e1*e2 - 1"));
   EXPECT_FALSE(is_linear("e1 + w1*sin(e2)"));
+  // Linear in pieces only, though every second derivative is zero.
+  for (const char* formula : {"e2 - abs(e1)", "e2 + max(e1, w1)", "e1 - min(e2, 3*e1)",
+                              "e2 - e1*sign(e1 - 1)", "e2 + sign(e1)", "e2*sign(e1 + w1) - 1"}) {
+    EXPECT_FALSE(is_linear(formula)) << formula;
+  }
+  EXPECT_TRUE(is_linear("e2 - abs(w1)*e1 + max(t, 1)"));
 }
 
 /// A formula, and what is stated of it.
@@ -278,6 +284,28 @@ TEST(ExpressionConstraint, TakesNumbersAndUnusedParameters) {
   configure(constraint, constraintOf("a*e1 - w1", {{"a", ParameterTree::text("1e-3")},
                                                    {"unused", ParameterTree::integer(4)}}));
   EXPECT_NEAR(constraint.calcResidual(State().view), 1e-3 * 8.78 - 5.0, 1e-15);
+}
+
+TEST(ExpressionConstraint, KnowsItsKinksInTheAccelerations) {
+  State s;
+  ExpressionConstraint constraint;
+  configure(constraint, constraintOf("e2 - abs(e1 - w1) + max(e1, 2*e2) + abs(w1) + sign(e1) + "
+                                     "abs(sign(e2))"));
+  ASSERT_EQ(constraint.kinks().size(), 2U);
+  for (const ConstraintPtr& kink : constraint.kinks()) {
+    double C[2] = {kNan, kNan};
+    const double value = kink->calcResidualAndJacobian(s.view, C);
+    const double e1 = s.view.acceleration[0];
+    const double e2 = s.view.acceleration[1];
+    if (C[1] == 0.0) {
+      EXPECT_EQ(value, e1 - s.view.velocity[0]);
+      EXPECT_EQ(C[0], 1.0);
+    } else {
+      EXPECT_EQ(value, e1 - 2.0 * e2);
+      EXPECT_EQ(C[0], 1.0);
+      EXPECT_EQ(C[1], -2.0);
+    }
+  }
 }
 
 TEST(ExpressionConstraint, RefusesWhatIsNotOfItsOrder) {

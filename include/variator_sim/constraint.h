@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "variator_sim/component_context.h"
@@ -20,6 +21,9 @@ struct ConstraintPartials {
   double acceleration[kMaxShafts] = {};  ///< dpsi/depsilon, the row of C
   double input[kMaxInputs] = {};         ///< dpsi/du of commanded inputs
 };
+
+class Constraint;
+using ConstraintPtr = std::shared_ptr<Constraint>;
 
 /// One constraint, of order 1, 2 or 3:
 ///     order 1   f(t, phi, omega, u) = 0             (kinematic variators)
@@ -98,6 +102,12 @@ class Constraint {
   bool hasConstantJacobian() const { return doHasConstantJacobian(); }
   /// True when C does not depend on epsilon: a jump is then one exact linear projection.
   bool isLinearInAcceleration() const { return doIsLinearInAcceleration(); }
+  /// The accelerations that the second-order form reads otherwise than with constant coefficients,
+  /// bit i for shaft i: the least reaction is looked for over these alone.
+  unsigned nonlinearAccelerations() const { return doNonlinearAccelerations(); }
+  /// Functions of the state at whose zeros psi, though continuous, has a kink in epsilon (abs, min,
+  /// max of accelerations), each as a constraint of order 2. The least reaction may lie there.
+  const std::vector<ConstraintPtr>& kinks() const { return doKinks(); }
   /// True when psi reads a commanded input.
   bool readsInputs() const { return doReadsInputs(); }
   /// Where this law changes its branch, see Guard: a step ends there, for the error estimate of one
@@ -109,6 +119,9 @@ class Constraint {
 
  protected:
   Constraint() = default;
+  /// One that is made by another and not configured.
+  Constraint(std::string name, int shaft_count)
+      : name_(std::move(name)), shaft_count_(shaft_count) {}
   virtual void doConfigure(ComponentContext& context) = 0;
   virtual int doOrder() const { return 2; }
   virtual double doCalcResidual(const StateView& state) const = 0;
@@ -129,6 +142,10 @@ class Constraint {
   virtual Dependence doDependence() const { return {}; }
   virtual bool doHasConstantJacobian() const { return false; }
   virtual bool doIsLinearInAcceleration() const { return false; }
+  /// By default none where psi is linear in them, all otherwise.
+  virtual unsigned doNonlinearAccelerations() const;
+  /// By default none.
+  virtual const std::vector<ConstraintPtr>& doKinks() const;
   virtual bool doReadsInputs() const { return false; }
   /// How many switches this law has: functions of the state that are zero where f, psi or c0 has a
   /// kink.
@@ -145,7 +162,5 @@ class Constraint {
   std::string name_;
   int shaft_count_ = 0;
 };
-
-using ConstraintPtr = std::shared_ptr<Constraint>;
 
 }  // namespace variator_sim

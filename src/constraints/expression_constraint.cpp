@@ -11,6 +11,7 @@ namespace variator_sim {
 
 using expression::Graph;
 using expression::Node;
+using expression::Operation;
 using expression::slotOf;
 using expression::Source;
 using expression::Tape;
@@ -45,6 +46,72 @@ Highest highestOf(int order) {
   }
 }
 
+bool isPiecewise(Operation operation) {
+  return operation == Operation::kAbs || operation == Operation::kMin ||
+         operation == Operation::kMax || operation == Operation::kSign ||
+         operation == Operation::kSelect;
+}
+
+/// For every node of the graph, which of the s variables of `source` it reads, bit i for shaft i.
+std::vector<unsigned> findReads(const Graph& graph, Source source, int s) {
+  std::vector<unsigned> reads(static_cast<std::size_t>(graph.size()), 0U);
+  for (int n = 0; n < graph.size(); ++n) {
+    const Graph::Entry& entry = graph.entry({n});
+    unsigned& mask = reads[static_cast<std::size_t>(n)];
+    if (entry.operation == Operation::kVariable && expression::sourceOf(entry.slot) == source &&
+        expression::indexOf(entry.slot) < s) {
+      mask = 1U << static_cast<unsigned>(expression::indexOf(entry.slot));
+    }
+    // Operands precede their users.
+    for (int p = 0; p < operandCount(entry.operation); ++p) {
+      mask |= reads[static_cast<std::size_t>(entry.operands[p])];
+    }
+  }
+  return reads;
+}
+
+/// What of `reads` abs, min, max and sign in `node` read: there it is linear in pieces at best, for
+/// all that its second derivatives are zero.
+unsigned findPiecewise(const Graph& graph, const std::vector<unsigned>& reads, Node node) {
+  unsigned mask = 0;
+  const std::vector<bool> reachable = graph.findReachable({node});
+  for (std::size_t n = 0; n < reachable.size(); ++n) {
+    if (!reachable[n] || !isPiecewise(graph.entry({static_cast<int>(n)}).operation)) continue;
+    mask |= reads[n];
+  }
+  return mask;
+}
+
+/// More kinks than these in the accelerations are not told apart.
+constexpr std::size_t kMostKinks = 16;
+
+/// The functions at whose zeros `given` has a kink in the accelerations but does not jump.
+std::vector<Node> findKinks(Graph& graph, const std::vector<unsigned>& reads, Node given, int s) {
+  std::vector<Node> kinks;
+  const std::vector<bool> reachable = graph.findReachable({given});
+  for (std::size_t n = 0; n < reachable.size() && kinks.size() < kMostKinks; ++n) {
+    if (!reachable[n] || reads[n] == 0U) continue;
+    const Graph::Entry entry = graph.entry({static_cast<int>(n)});
+    Node found;
+    if (entry.operation == Operation::kAbs) {
+      found = {entry.operands[0]};
+    } else if (entry.operation == Operation::kMin || entry.operation == Operation::kMax) {
+      found = graph.subtract({entry.operands[0]}, {entry.operands[1]});
+    } else {
+      continue;
+    }
+    if (std::find(kinks.begin(), kinks.end(), found) != kinks.end()) continue;
+    // (A kink of what is constant in pieces, as abs(sign(e1)), is none.)
+    bool moves = false;
+    for (int i = 0; i < s; ++i) {
+      const Node slope = graph.differentiate(found, slotOf(Source::kAcceleration, i));
+      moves = moves || !graph.isConstant(slope, 0.0);
+    }
+    if (moves) kinks.push_back(found);
+  }
+  return kinks;
+}
+
 }  // namespace
 
 void ExpressionConstraint::doConfigure(ComponentContext& context) {
@@ -52,9 +119,30 @@ void ExpressionConstraint::doConfigure(ComponentContext& context) {
   order_ = reader.integer("order", 1, 3);
   Graph graph;
   const Node given = readFormula(context, "expression", kindOf(order_), graph);
+  Node without_jerks;
+  if (order_ == 3) {
+    without_jerks =
+        readFormula(context, "expression", expression::FormulaKind::kOrder3WithoutJerks, graph);
+  }
   const std::string path = reader.keyPath("expression");
   const std::string text = reader.formula("expression");
-  const int s = context.shaftCount();
+  build(graph, given, without_jerks, path, text);
+  if (order_ != 2) return;
+  const std::vector<unsigned> reads = findReads(graph, Source::kAcceleration, shaftCount());
+  for (const Node kink : findKinks(graph, reads, given, shaftCount())) {
+    kinks_.push_back(ConstraintPtr(new ExpressionConstraint(*this, graph, kink)));
+  }
+}
+
+ExpressionConstraint::ExpressionConstraint(const ExpressionConstraint& of, Graph& graph,
+                                           Node function)
+    : Constraint(of.name(), of.shaftCount()) {
+  build(graph, function, {}, of.name(), of.name());
+}
+
+void ExpressionConstraint::build(Graph& graph, Node given, Node without_jerks,
+                                 const std::string& path, const std::string& text) {
+  const int s = shaftCount();
   const auto size = static_cast<std::size_t>(s);
   const auto is_zero = [&graph](Node node) { return graph.isConstant(node, 0.0); };
 
@@ -88,7 +176,7 @@ void ExpressionConstraint::doConfigure(ComponentContext& context) {
     c0 = graph.totalDerivative(second, rates);
   } else {
     // Linear in the jerks, which the parser sees to: c0 is the formula's value with all of them 0.
-    c0 = readFormula(context, "expression", expression::FormulaKind::kOrder3WithoutJerks, graph);
+    c0 = without_jerks;
   }
 
   std::vector<Node> partials;
@@ -111,7 +199,17 @@ void ExpressionConstraint::doConfigure(ComponentContext& context) {
     }
   }
   jacobian_rate.insert(jacobian_rate.end(), hessian.begin(), hessian.end());
-  is_linear_ = std::all_of(hessian.begin(), hessian.end(), is_zero);
+  if (order_ > 1) {
+    const std::vector<unsigned> reads = findReads(graph, Source::kAcceleration, s);
+    nonlinear_ = findPiecewise(graph, reads, given);
+    for (int i = 0; i < s; ++i) {
+      bool is_constant = findPiecewise(graph, reads, C[static_cast<std::size_t>(i)]) == 0U;
+      for (int j = 0; j < s; ++j) {
+        is_constant = is_constant && is_zero(hessian[static_cast<std::size_t>(i * s + j)]);
+      }
+      if (!is_constant) nonlinear_ |= 1U << static_cast<unsigned>(i);
+    }
+  }
 
   std::vector<Node> checked = partials;
   checked.push_back(c0);

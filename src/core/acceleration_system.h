@@ -30,6 +30,7 @@ class AccelerationSystem {
   using LinearizationType = Linearization<S, 3>;
 
   Drivetrain<Shape>& drivetrain() { return drivetrain_; }
+  const LeastReactionSearch<Shape>& search() const { return initial_solver_.search(); }
   bool readsAngles() const { return drivetrain_.readsAngles(); }
   bool readsTime() const { return drivetrain_.readsTime(); }
   /// Squared length of row m of C, in the metric J^-1, at the last derivative taken.

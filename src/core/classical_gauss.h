@@ -32,11 +32,12 @@ class ClassicalGauss {
   explicit ClassicalGauss(const Scene& scene)
       : scene_(scene), drivetrain_(scene), initial_solver_(drivetrain_) {
     for (const ConstraintPtr& constraint : scene.constraints) {
-      linear_ = linear_ && (constraint->order() == 1 || constraint->isLinearInAcceleration());
+      linear_ = linear_ && constraint->nonlinearAccelerations() == 0;
     }
   }
 
   Drivetrain<Shape>& drivetrain() { return drivetrain_; }
+  const LeastReactionSearch<Shape>& search() const { return initial_solver_.search(); }
   bool readsAngles() const { return drivetrain_.readsAngles(); }
   bool readsTime() const { return drivetrain_.readsTime(); }
   double rowLengthSquared(int m) const { return drivetrain_.accelerationRowLengthSquared(m); }
@@ -220,8 +221,16 @@ class ClassicalGauss {
     if (!drivetrain_.calcRows(state, c0)) return false;
     drivetrain_.calcMultipliers(sample->reaction_torque, sample->multiplier);
     double eta[S];
-    const bool regular =
-        drivetrain_.calcFormalJerk(state, sample->multiplier, eta, sample->reaction_torque_rate);
+    bool regular = true;
+    if (corner_ == 0) {
+      regular =
+          drivetrain_.calcFormalJerk(state, sample->multiplier, eta, sample->reaction_torque_rate);
+    } else {
+      // In a corner of psi C is not one: the kinks that meet there have multipliers of their own.
+      regular = initial_solver_.solver().calcJerk(state, corner_, multipliers_, eta,
+                                                  sample->reaction_torque_rate);
+      std::copy_n(multipliers_, drivetrain_.constraintCount(), sample->multiplier);
+    }
     for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
       sample->residual[m] = drivetrain_.calcResidual(m, state, eta);
     }
@@ -259,10 +268,12 @@ class ClassicalGauss {
       if (solved) return;
     } else {
       // With the multipliers of the same place: from others the iteration may take another branch.
-      double lambda[Drivetrain<Shape>::kMaxRows];
       std::copy(guess_, guess_ + S, epsilon_);
-      std::copy(lambda_guess_, lambda_guess_ + Drivetrain<Shape>::kMaxRows, lambda);
-      if (initial_solver_.solveLeastReaction(state, torque, epsilon_, lambda)) return;
+      std::fill_n(multipliers_, S, 0.0);
+      std::copy_n(lambda_guess_, kMaxRows, multipliers_);
+      if (initial_solver_.solver().continueFrom(state, torque, epsilon_, multipliers_, &corner_)) {
+        return;
+      }
     }
     std::fill(epsilon_, epsilon_ + S, std::numeric_limits<double>::quiet_NaN());
   }
@@ -274,6 +285,8 @@ class ClassicalGauss {
   double epsilon_[S] = {};
   double guess_[S] = {};
   double lambda_guess_[Drivetrain<Shape>::kMaxRows] = {};
+  double multipliers_[S] = {};  // at epsilon_, where psi is not linear
+  unsigned corner_ = 0;         // the kinks on which epsilon_ lies
 };
 
 /// With constraints of order 3, equation [18]: J epsilon + n - Q = C^T lambda differentiated,

@@ -76,6 +76,15 @@ void Constraint::doCalcInputJacobian(const StateView& state, int input_count, do
   std::copy_n(partials.input, input_count, Cu);
 }
 
+unsigned Constraint::doNonlinearAccelerations() const {
+  return isLinearInAcceleration() ? 0U : (1U << static_cast<unsigned>(shaft_count_)) - 1U;
+}
+
+const std::vector<ConstraintPtr>& Constraint::doKinks() const {
+  static const std::vector<ConstraintPtr> kNone;
+  return kNone;
+}
+
 void Constraint::doCalcHessian(const StateView& state, double* H) const {
   const int s = shaft_count_;
   std::fill_n(H, s * s, 0.0);

@@ -54,6 +54,10 @@ class Drivetrain {
           needs_second_rate_ || (constraint->order() == 1 && constraint->readsInputs());
       keeps_constraints_in_stages_ = keeps_constraints_in_stages_ && constraint->order() == 2;
       if (constraint->order() <= 2) acceleration_rows_.push_back(m);
+      nonlinear_accelerations_ |= constraint->nonlinearAccelerations();
+      for (const ConstraintPtr& kink : constraint->kinks()) {
+        if (kinks_.size() < kMostKinks) kinks_.push_back(kink.get());
+      }
     }
     for (std::size_t j = 0; j < torques_.size(); ++j) {
       noteBranches(*torques_[j], {static_cast<int>(j), -1});
@@ -84,6 +88,11 @@ class Drivetrain {
   bool hasAccelerationRows() const { return !acceleration_rows_.empty(); }
   const std::vector<int>& velocityRows() const { return velocity_rows_; }
   const std::vector<int>& accelerationRows() const { return acceleration_rows_; }
+  /// The accelerations that some constraint is not linear in, bit i for shaft i.
+  unsigned nonlinearAccelerations() const { return nonlinear_accelerations_; }
+  /// Where psi has kinks in epsilon: see Constraint::kinks.
+  static constexpr std::size_t kMostKinks = 16;
+  const std::vector<const Constraint*>& kinks() const { return kinks_; }
   bool hasOrder3() const { return static_cast<int>(acceleration_rows_.size()) < constraintCount(); }
 
   // --- what need not be computed (decided once, at load) ---
@@ -937,6 +946,8 @@ class Drivetrain {
   ConstraintSolver<S> acceleration_solver_;  // those of order 1 and 2
   std::vector<const Torque*> torques_;
   std::vector<const Constraint*> constraints_;
+  std::vector<const Constraint*> kinks_;
+  unsigned nonlinear_accelerations_ = 0;
   std::vector<int> velocity_rows_;
   std::vector<int> acceleration_rows_;
   std::vector<CommandSignal> signals_;

@@ -6,13 +6,21 @@
 ///     C d epsilon / d theta + dpsi/du (u1 - u0) = 0.
 /// Where C depends neither on epsilon nor on an input this is one exact linear projection;
 /// otherwise it is integrated with error control and projected.
+///
+/// Where psi has a kink in epsilon (abs, min, max of accelerations) C jumps. A step ends there, a
+/// hop too short to matter leads over it, and the path goes on with the C of the other side: the
+/// limit of ever less rounded kinks. Where both sides push back to the kink, that limit stays in
+/// the corner; C is not one there, and the jump fails.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "drivetrain.h"
 #include "explicit_stepper.h"
+#include "least_reaction.h"
 #include "projection.h"
 #include "step_control.h"
 #include "variator_sim/status.h"
@@ -33,10 +41,12 @@ class JumpMap {
         // A jump's error stays for good and adds to those of all other jumps: a tenth.
         tolerance_{0.1 * settings.absolute_tolerance,
                    std::max(0.1 * settings.relative_tolerance, 1e-14)},
-        stepper_(tolerance_) {
+        stepper_(tolerance_),
+        consistency_(drivetrain) {
     for (int m = 0; m < drivetrain.constraintCount(); ++m) {
       const Constraint& constraint = drivetrain.constraint(m);
-      straight_ = straight_ && constraint.isLinearInAcceleration() && !constraint.readsInputs();
+      straight_ = straight_ && constraint.isLinearInAcceleration() &&
+                  constraint.nonlinearAccelerations() == 0 && !constraint.readsInputs();
     }
   }
 
@@ -135,36 +145,149 @@ class JumpMap {
     control.reset();
     double theta = 0.0;
     double h = 0.1;
+    double usual = h;  // but for kinks
     bool rejected = false;
+    calcKinks(e, 0.0, kinks_);
+    if (liesOnKink(e) && !hop(&theta, e, rate, kShortest, projections)) return explain(e, theta);
+    // Of steps from here, one of `beyond` passes a kink; those that do not are this much shorter.
+    double beyond = std::numeric_limits<double>::infinity();
     for (int step = 0; step < kMaxSteps; ++step) {
       h = std::min(h, 1.0 - theta);
       Vector e_new;
-      Vector rate_new;
-      Vector moved;
-      double norm = stepper_.step(path_, {theta, e, rate}, h, e_new, rate_new);
-      if (norm <= 1.0) {
-        const auto projected = projectAccelerations(drivetrain_, path_.at(theta + h, e_new.data()),
-                                                    e_new.data(), moved.data(), projections);
-        // What the projection had to move is a second, independent measure of the error.
-        norm = projected == ProjectionResult::kConverged
-                   ? worseOf(norm, calcErrorNorm(moved, e, e_new, tolerance_))
-                   : std::numeric_limits<double>::quiet_NaN();
+      const double norm = tryStep(theta, e, rate, h, e_new, projections);
+      if (norm <= 1.0 && passesKink(e_new, theta + h)) {
+        // Halve the way to the kink; the last step before it is as long as a hop.
+        beyond = h;
+        const double resolution = std::max(kKinkResolution * tolerance_.relative, kShortest);
+        if (beyond > resolution) {
+          h = 0.5 * beyond;
+          continue;
+        }
+        if (!hop(&theta, e, rate, beyond, projections)) return explain(e, theta);
+        if (theta >= 1.0) return finish(e, theta);
+        h = usual;
+        beyond = std::numeric_limits<double>::infinity();
+        rejected = false;
+        control.reset();
+        continue;
       }
       if (norm <= 1.0) {
         theta += h;
         e = e_new;
-        if (theta >= 1.0) return {};
+        if (theta >= 1.0) return finish(e, theta);
+        calcKinks(e, theta, kinks_);
         path_(e, rate, theta);
         const double factor = control.growth(norm);
-        h *= rejected ? std::min(1.0, factor) : factor;
+        beyond -= h;
+        if (!(beyond > kShortest)) beyond = std::numeric_limits<double>::infinity();
+        if (std::isfinite(beyond)) {
+          h = std::max(0.5 * beyond, kShortest);
+        } else {
+          h *= rejected ? std::min(1.0, factor) : factor;
+          usual = h;
+        }
         rejected = false;
       } else {
         h *= control.shrink(norm);
         rejected = true;
-        if (!(h > 1e-14)) return explain(e, theta);
+        if (!(h > kShortest)) return explain(e, theta);
       }
     }
     return explain(e, theta);
+  }
+
+  /// A step of h, projected; its error in units of the tolerance.
+  double tryStep(double theta, const Vector& e, const Vector& rate, double h, Vector& e_new,
+                 std::uint64_t* projections) {
+    Vector rate_new;
+    Vector moved;
+    const double norm = stepper_.step(path_, {theta, e, rate}, h, e_new, rate_new);
+    if (!(norm <= 1.0)) return norm;
+    const auto projected = projectAccelerations(drivetrain_, path_.at(theta + h, e_new.data()),
+                                                e_new.data(), moved.data(), projections);
+    // What the projection had to move is a second, independent measure of the error.
+    return projected == ProjectionResult::kConverged
+               ? worseOf(norm, calcErrorNorm(moved, e, e_new, tolerance_))
+               : std::numeric_limits<double>::quiet_NaN();
+  }
+
+  /// The end, if psi is zero there.
+  MotionStatus finish(const Vector& e, double theta) {
+    if (drivetrain_.hasAccelerationRows() &&
+        !consistency_.isConsistent(path_.at(theta, e.data()))) {
+      return explain(e, theta);
+    }
+    return {};
+  }
+
+  // --- kinks -----------------------------------------------------------------------------------
+  static constexpr std::size_t kMostKinks = Drivetrain<Shape>::kMostKinks;
+
+  void calcKinks(const Vector& e, double theta, double* values) {
+    const auto& kinks = drivetrain_.kinks();
+    if (kinks.empty()) return;
+    const StateView state = path_.at(theta, e.data());
+    for (std::size_t j = 0; j < kinks.size(); ++j) values[j] = kinks[j]->calcResidual(state);
+  }
+  /// True when e_new is on the other side of a kink than the path (kinks_).
+  bool passesKink(const Vector& e_new, double theta) {
+    double values[kMostKinks];
+    calcKinks(e_new, theta, values);
+    for (std::size_t j = 0; j < drivetrain_.kinks().size(); ++j) {
+      if ((kinks_[j] > 0.0 && values[j] < 0.0) || (kinks_[j] < 0.0 && values[j] > 0.0)) return true;
+    }
+    return false;
+  }
+  bool liesOnKink(const Vector& e) const {
+    double size = 0.0;
+    for (double value : e) size = std::max(size, std::abs(value));
+    for (std::size_t j = 0; j < drivetrain_.kinks().size(); ++j) {
+      if (std::abs(kinks_[j]) <= 16.0 * std::numeric_limits<double>::epsilon() * size) return true;
+    }
+    return false;
+  }
+  /// Goes on by `length` with the present rate, over the kinks that are met, and takes the rate
+  /// there. False when that one leads back over a kink.
+  bool hop(double* theta, Vector& e, Vector& rate, double length, std::uint64_t* projections) {
+    Vector there = e;
+    const double end = std::min(1.0, *theta + length);
+    for (double stretch = 2.0; stretch < 1e6; stretch *= 4.0) {
+      // Until rounding does not hide on which side it ends.
+      for (int i = 0; i < S; ++i) there[i] = e[i] + stretch * length * rate[i];
+      if (!liesOnKinkAt(there, end)) break;
+    }
+    Vector moved;
+    if (projectAccelerations(drivetrain_, path_.at(end, there.data()), there.data(), moved.data(),
+                             projections) != ProjectionResult::kConverged) {
+      return false;
+    }
+    Vector rate_there;
+    path_(there, rate_there, end);
+    double ahead_values[kMostKinks];
+    Vector ahead;
+    double size = 0.0;
+    double speed = 0.0;
+    for (int i = 0; i < S; ++i) {
+      if (!std::isfinite(rate_there[i])) return false;
+      size = std::max(size, std::abs(there[i] - e[i]));
+      speed = std::max(speed, std::abs(rate_there[i]));
+    }
+    calcKinks(there, end, kinks_);
+    if (speed > 0.0) {
+      for (int i = 0; i < S; ++i) ahead[i] = there[i] + 4.0 * size / speed * rate_there[i];
+      calcKinks(ahead, end, ahead_values);
+      for (std::size_t j = 0; j < drivetrain_.kinks().size(); ++j) {
+        if (kinks_[j] * ahead_values[j] < 0.0) return false;
+      }
+    }
+    *theta = end;
+    e = there;
+    rate = rate_there;
+    return true;
+  }
+  bool liesOnKinkAt(const Vector& e, double theta) {
+    calcKinks(e, theta, kinks_);
+    return liesOnKink(e);
   }
 
   /// Why the path ends at (theta, e).
@@ -198,12 +321,18 @@ class JumpMap {
   /// A path that ends where C is this part of what it was ends because of it: C goes to zero there
   /// like a root of the distance, and the step underflows first.
   static constexpr double kNearlyVanished = 1e-4;
+  /// No step is shorter.
+  static constexpr double kShortest = 1e-14;
+  /// A hop over a kink is as long as this part of the tolerance.
+  static constexpr double kKinkResolution = 0.1;
 
   Drivetrain<Shape>& drivetrain_;
   Path path_;
   Tolerance tolerance_;
   ExplicitStepper<Dop853Tableau, Path, 0> stepper_;
+  LeastReactionSolver<Shape> consistency_;
   bool straight_ = true;
+  double kinks_[kMostKinks] = {};  // at the path's present place
   double row_reference_[Drivetrain<Shape>::kMaxRows] = {};
 };
 

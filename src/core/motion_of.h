@@ -52,7 +52,8 @@ class MotionOf final : public Motion {
     startOver();
     if (initial_result_ == InitialResult::kInconsistent ||
         initial_result_ == InitialResult::kNotFound ||
-        initial_result_ == InitialResult::kNotUnique) {
+        initial_result_ == InitialResult::kNotUnique ||
+        initial_result_ == InitialResult::kDoubtful) {
       throwInitialError();
     }
   }
@@ -263,6 +264,7 @@ class MotionOf final : public Motion {
       case InitialResult::kInconsistent:
       case InitialResult::kNotFound:
       case InitialResult::kNotUnique:
+      case InitialResult::kDoubtful:
         stop(StopReason::kProjectionFailed);
         break;
     }
@@ -1301,9 +1303,18 @@ class MotionOf final : public Motion {
       text << "]";
     };
     const StateView state = system_.view(0.0, front_.x);
-    if (initial_result_ == InitialResult::kNotUnique) {
-      text << "more than one has the least reaction, and they lead to different motions, e.g. ";
-      write(front_.x.data() + front_.x.size() - S);
+    if (initial_result_ == InitialResult::kNotUnique ||
+        initial_result_ == InitialResult::kDoubtful) {
+      const auto& search = system_.search();
+      text << (initial_result_ == InitialResult::kNotUnique
+                   ? "more than one has the least reaction, and they lead to different motions: "
+                   : "which one has the least reaction is not certain, the constraints have too "
+                     "many like these: ");
+      for (int n = 0; n < search.candidateCount(); ++n) {
+        text << (n > 0 ? ", " : "");
+        write(search.candidate(n).epsilon);
+        text << " with 1/2 R^T J^-1 R = " << formatNumber(search.candidate(n).reaction);
+      }
       throw SceneError(key, text.str() + "; give 'initial/acceleration'");
     }
     if (initial_result_ != InitialResult::kInconsistent) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "variator_sim/constraint.h"
@@ -20,6 +21,9 @@ namespace variator_sim {
 ///
 /// One instance is evaluated by one thread at a time.
 class ExpressionConstraint : public Constraint {
+ public:
+  ExpressionConstraint() = default;
+
  protected:
   void doConfigure(ComponentContext& context) override;
   int doOrder() const override { return order_; }
@@ -34,9 +38,20 @@ class ExpressionConstraint : public Constraint {
   Dependence doDependence() const override { return dependence_; }
   std::vector<GuardPtr> doGuards() const override { return guards_; }
   bool doHasConstantJacobian() const override { return has_constant_jacobian_; }
-  bool doIsLinearInAcceleration() const override { return is_linear_; }
+  bool doIsLinearInAcceleration() const override { return nonlinear_ == 0; }
+  unsigned doNonlinearAccelerations() const override { return nonlinear_; }
+  const std::vector<ConstraintPtr>& doKinks() const override { return kinks_; }
 
  private:
+  /// A kink of the constraint `of`: `function` = 0.
+  ExpressionConstraint(const ExpressionConstraint& of, expression::Graph& graph,
+                       expression::Node function);
+
+  /// Makes the programs of the formula `given`, which stands as `text` at `path`; `without_jerks`
+  /// is its value with all jerks 0 (order 3).
+  void build(expression::Graph& graph, expression::Node given, expression::Node without_jerks,
+             const std::string& path, const std::string& text);
+
   // One program per question: none computes more than it is asked for.
   expression::Tape residual_;               ///< f or psi
   expression::Tape velocity_level_;         ///< f, then C
@@ -52,7 +67,8 @@ class ExpressionConstraint : public Constraint {
   int order_ = 2;
   Dependence dependence_;
   bool has_constant_jacobian_ = false;
-  bool is_linear_ = false;
+  unsigned nonlinear_ = 0;
+  std::vector<ConstraintPtr> kinks_;
 };
 
 }  // namespace variator_sim

@@ -1,0 +1,350 @@
+// The accelerations of least reaction where psi is nonlinear or linear in pieces: at the start the
+// least of all minima, under `gauss` the one that continues the motion, and jumps over kinks.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <limits>
+#include <random>
+#include <string>
+
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+/// Two shafts with constant torques and one constraint of order 2.
+struct TwoShafts {
+  double inertia[2] = {1.0, 2.0};  // kg m^2
+  double torque[2] = {0.0, 0.0};   // N m
+  std::string psi;
+  std::string rest;  // further keys
+
+  std::string text() const {
+    const auto number = [](double value) {
+      char buffer[32];
+      std::snprintf(buffer, sizeof buffer, "%.17g", value);
+      return std::string(buffer);
+    };
+    return "shafts: [a, b]\na: {inertia: " + number(inertia[0]) +
+           "}\nb: {inertia: " + number(inertia[1]) +
+           "}\ntorques: [p, q]\n"
+           "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+           number(torque[0]) +
+           "\"}\nq: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" +
+           number(torque[1]) +
+           "\"}\nconstraints: [v]\nv: {type: variator_sim/ExpressionConstraint, order: 2, "
+           "expression: \"" +
+           psi + "\"}\n" + rest;
+  }
+  /// 1/2 R^T J^-1 R at accelerations (e1, e2), W.
+  double reaction(double e1, double e2) const {
+    const double R1 = inertia[0] * e1 - torque[0];
+    const double R2 = inertia[1] * e2 - torque[1];
+    return 0.5 * (R1 * R1 / inertia[0] + R2 * R2 / inertia[1]);
+  }
+};
+
+std::string messageOf(const std::string& text) {
+  try {
+    Simulation simulation(test::sceneFromText(text));
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.keyPath(), "initial/acceleration");
+    return error.what();
+  }
+  return "accepted";
+}
+
+/// The least of `cost` on [low, high] by brute force.
+double findLeast(const std::function<double(double)>& cost, double low, double high) {
+  double least = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < 8; ++round) {
+    const int parts = round == 0 ? 40000 : 400;
+    double at = low;
+    const double part = (high - low) / parts;
+    for (int n = 0; n <= parts; ++n) {
+      const double value = cost(low + n * part);
+      if (!(value < least)) continue;
+      least = value;
+      at = low + n * part;
+    }
+    low = at - 2.0 * part;
+    high = at + 2.0 * part;
+  }
+  return least;
+}
+
+TEST(LeastReaction, IsTheLeastOfAllMinima) {
+  std::mt19937 random(7);
+  const auto uniform = [&random](double low, double high) {
+    return low + (high - low) * static_cast<double>(random()) / 4294967296.0;
+  };
+  int found = 0;
+  constexpr int kScenes = 240;
+  for (int n = 0; n < kScenes; ++n) {
+    // psi = slope (e2 - ratio e1) + offset + part(e1)
+    TwoShafts scene;
+    for (int i = 0; i < 2; ++i) {
+      scene.inertia[i] = std::pow(10.0, uniform(-1.0, 1.0));
+      scene.torque[i] = uniform(-5.0, 5.0);
+    }
+    const double slope = std::pow(10.0, uniform(-1.0, 0.5));
+    const double ratio = uniform(-1.5, 1.5);
+    const double offset = uniform(-5.0, 5.0);
+    const double size = std::pow(10.0, uniform(-1.5, 1.0));
+    const double place = uniform(-4.0, 4.0);
+    struct Part {
+      std::string text;
+      std::function<double(double)> value;
+    };
+    const Part parts[] = {
+        {"sin(e1)", [](double e) { return std::sin(e); }},
+        {"sin(p*e1)", [&](double e) { return std::sin(place * e); }},
+        {"0.1*e1^3", [](double e) { return 0.1 * e * e * e; }},
+        {"abs(e1)", [](double e) { return std::abs(e); }},
+        {"abs(e1-p)", [&](double e) { return std::abs(e - place); }},
+        {"max(e1,p)-2*min(e1,0)",
+         [&](double e) { return std::max(e, place) - 2.0 * std::min(e, 0.0); }},
+        {"exp(0.3*e1)", [](double e) { return std::exp(0.3 * e); }},
+        {"(e1+p)*(e2-ratio*e1)/size",
+         [&](double) { return std::numeric_limits<double>::quiet_NaN(); }},
+    };
+    const Part& part = parts[n % 8];
+    char values[256];
+    std::snprintf(values, sizeof values,
+                  "slope: %.17g, ratio: %.17g, offset: %.17g, size: %.17g, p: %.17g", slope, ratio,
+                  offset, size, place);
+    std::string text = scene.text();
+    const std::string empty = "expression: \"\"";
+    text.replace(text.find(empty), empty.size(),
+                 "expression: \"slope*(e2-ratio*e1)+offset+size*(" + part.text +
+                     ")\", parameters: {" + values + "}");
+    const auto cost = [&](double e1) {
+      // The product is linear in e2 as well.
+      const double e2 = n % 8 == 7 ? ratio * e1 - offset / (slope + e1 + place)
+                                   : ratio * e1 - (offset + size * part.value(e1)) / slope;
+      return scene.reaction(e1, e2);
+    };
+    const double free = scene.torque[0] / scene.inertia[0];
+    const double reach = std::sqrt(2.0 * cost(free) / scene.inertia[0]);
+    const double least = findLeast(cost, free - reach, free + reach);
+    Simulation simulation(test::sceneFromText(text));
+    const Sample& s = simulation.sample();
+    EXPECT_NEAR(s.residual[0], 0.0, 1e-9 * (1.0 + std::abs(s.acceleration[1]))) << text;
+    const double reaction = scene.reaction(s.acceleration[0], s.acceleration[1]);
+    EXPECT_LE(reaction, least * (1.0 + 1e-8) + 1e-12) << text;
+    if (reaction <= least * (1.0 + 1e-8) + 1e-12) ++found;
+  }
+  EXPECT_EQ(found, kScenes);
+}
+
+TEST(LeastReaction, IsTheLeastOverTwoNonlinearAccelerations) {
+  // psi = e3 - e1 - e2 + sin(2 e1) - 3 cos(e2) + offset, J = 1: many minima over (e1, e2).
+  for (double offset : {-9.0, -4.0, 2.0, 5.0, 11.0}) {
+    const auto reaction = [offset](double e1, double e2) {
+      const double e3 = e1 + e2 - std::sin(2.0 * e1) + 3.0 * std::cos(e2) - offset;
+      return 0.5 * (e1 * e1 + e2 * e2 + e3 * e3);
+    };
+    double least = std::numeric_limits<double>::infinity();
+    const double reach = std::sqrt(2.0 * reaction(0.0, 0.0));
+    for (int n = -600; n <= 600; ++n) {
+      for (int m = -600; m <= 600; ++m) {
+        least = std::min(least, reaction(reach * n / 600.0, reach * m / 600.0));
+      }
+    }
+    Simulation simulation(test::sceneFromText(
+        "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 1}\nc: {inertia: 1}\nconstraints: [v]\n"
+        "v: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
+        "\"e3-e1-e2+sin(2*e1)-3*cos(e2)+d\", parameters: {d: " +
+        std::to_string(offset) + "}}\n"));
+    const Sample& s = simulation.sample();
+    EXPECT_NEAR(s.residual[0], 0.0, 1e-12);
+    EXPECT_LE(reaction(s.acceleration[0], s.acceleration[1]), least) << offset;
+  }
+}
+
+TEST(LeastReaction, ATieNamesItsCandidatesAndTheirReactions) {
+  TwoShafts scene;
+  scene.psi = "e2+3-2*e1^2";
+  const std::string text = messageOf(scene.text());
+  EXPECT_NE(text.find("more than one has the least reaction"), std::string::npos) << text;
+  // e1^2 = (3 + e2) / 2 with the least e1^2 / 2 + e2^2: e2 = -1/8
+  EXPECT_NE(text.find("[1.19895"), std::string::npos) << text;
+  EXPECT_NE(text.find("[-1.19895"), std::string::npos) << text;
+  EXPECT_NE(text.find("1/2 R^T J^-1 R = 0.734375"), std::string::npos) << text;
+  EXPECT_NE(text.find("initial/acceleration"), std::string::npos) << text;
+}
+
+TEST(LeastReaction, TooManyMinimaAreADoubt) {
+  TwoShafts scene;
+  scene.psi = "0.01*e2+sin(1e5*e1)+1.5+0.001*e1";
+  const std::string text = messageOf(scene.text());
+  EXPECT_NE(text.find("is not certain"), std::string::npos) << text;
+  EXPECT_NE(text.find("1/2 R^T J^-1 R = "), std::string::npos) << text;
+  scene.psi = "0.01*e2+sin(2*e1)+1.5+0.001*e1";
+  EXPECT_EQ(messageOf(scene.text()), "accepted");
+}
+
+TEST(LeastReaction, PsiThatJumpsOverZeroIsNoStart) {
+  // No accelerations near e1 = 0 make psi zero but those at the jump itself.
+  TwoShafts scene;
+  scene.psi = "e2-e1+2-3*sign(e1)";
+  EXPECT_NE(messageOf(scene.text()), "accepted");
+  scene.psi = "e1-1+2*sign(e1)";
+  EXPECT_NE(messageOf(scene.text()), "accepted");
+}
+
+// --- linear in pieces ---------------------------------------------------------------------------
+TEST(LeastReaction, FollowsThePiecesOfPsi) {
+  // psi = 0.2 (e2 - 0.6 e1) + w2 - 0.6 w1 + 0.1 |e1|: first on the piece e1 > 0, then in the corner
+  // e1 = 0, where w1 stays and w2 goes on by 0.2 e2 + w2 = 0.6 w1.
+  const std::string text = R"yaml(
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [qa, qb]
+qa: {type: variator_sim/ExpressionTorque, shaft: a, torque: "-0.1*w1"}
+qb: {type: variator_sim/ExpressionTorque, shaft: b, torque: "1-0.3*w2"}
+constraints: [v]
+v: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2-0.6*e1)+w2-0.6*w1+0.1*abs(e1)"}
+initial: {velocity: [1, 1]}
+principle: gauss
+)yaml";
+  Simulation simulation(test::sceneFromText(text));
+  // On the piece e1 > 0: J e = Q + lambda C, C = (-0.02, 0.2)
+  EXPECT_NEAR(simulation.sample().acceleration[0], 0.37 / 1.02, 1e-12);
+  EXPECT_NEAR(simulation.sample().acceleration[1], -1.963725490196078, 1e-12);
+  double w1 = 0.0;
+  double w2 = 0.0;
+  for (double t : {0.6, 1.0, 1.5, 3.0}) {
+    simulation.advanceTo(t);
+    ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+    const Sample& s = simulation.sample();
+    EXPECT_NEAR(s.residual[0], 0.0, 1e-12);
+    if (t == 0.6) {
+      w1 = s.velocity[0];
+      w2 = s.velocity[1];
+      continue;
+    }
+    const double left = (w2 - 0.6 * w1) * std::exp(-(t - 0.6) / 0.2);
+    EXPECT_NEAR(s.acceleration[0], 0.0, 1e-9);
+    EXPECT_NEAR(s.velocity[0], w1, 1e-9);
+    EXPECT_NEAR(s.velocity[1], 0.6 * w1 + left, 1e-8);
+    EXPECT_NEAR(s.acceleration[1], -left / 0.2, 1e-7);
+    // R2 = 2 e2 - 1 + 0.3 w2
+    EXPECT_NEAR(s.reaction_torque_rate[1], 2.0 * left / 0.04 - 0.3 * left / 0.2, 1e-6);
+  }
+}
+
+std::string kinkScene(double slope, const std::string& shaft, const std::string& initial) {
+  return R"yaml(
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [c]
+c: {type: variator_sim/CommandedTorque, shaft: )yaml" +
+         shaft + R"yaml(, topic: m, hold: zero_order, initial: )yaml" + initial + R"yaml(}
+constraints: [v]
+v: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e2-0.6*e1+k*abs(e1)", parameters: {k: )yaml" +
+         std::to_string(slope) + "}}\n";
+}
+
+TEST(JumpMap, PassesKinksOfPsi) {
+  // Above the kink e2 = 0.3 e1, below it e2 = 0.9 e1: a torque dQ on the first shaft moves e1 by
+  // dQ / (1 + 2 slope^2).
+  Simulation simulation(
+      test::sceneFromText(kinkScene(0.3, "a", "1") + "initial: {acceleration: [1, 0.3]}\n"));
+  simulation.advanceTo(0.5);
+  for (double torque : {-6.0, 2.5, -30.0, 1.0}) simulation.command(0, torque), simulation.sample();
+  simulation.advanceTo(0.6);
+  ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  EXPECT_NEAR(simulation.sample().acceleration[0], 1.0, 1e-8);  // there and back
+  simulation.command(0, -6.0);
+  EXPECT_NEAR(simulation.sample().acceleration[0], -(7.0 - 1.18) / 2.62, 1e-8);
+  EXPECT_NEAR(simulation.sample().acceleration[1], -0.9 * (7.0 - 1.18) / 2.62, 1e-8);
+  EXPECT_NEAR(simulation.sample().residual[0], 0.0, 1e-12);
+}
+
+TEST(JumpMap, LeavesAKinkItStartsOn) {
+  for (double torque : {-6.0, 3.0}) {
+    Simulation simulation(test::sceneFromText(kinkScene(0.3, "a", "0")));
+    simulation.advanceTo(0.5);
+    EXPECT_EQ(simulation.sample().acceleration[0], 0.0);
+    simulation.command(0, torque);
+    const double length = torque > 0.0 ? 1.18 : 2.62;
+    EXPECT_NEAR(simulation.sample().acceleration[0], torque / length, 1e-8);
+    ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  }
+}
+
+TEST(JumpMap, FailsInACornerThatBothSidesPushTo) {
+  // e2 = 0.6 e1 - |e1|: the torque lifts e2, and the tip is the highest point.
+  Simulation simulation(test::sceneFromText(kinkScene(1.0, "b", "0")));
+  simulation.advanceTo(0.5);
+  simulation.command(0, 6.0);
+  simulation.advanceTo(0.6);
+  EXPECT_EQ(simulation.status().reason, StopReason::kJumpFailed);
+}
+
+TEST(JumpMap, PassesCommandsThatFadeAway) {
+  // Changes whose squares underflow have errors all the same.
+  for (double exponent : {-100.0, -151.0, -160.0, -200.0, -300.0, -320.0}) {
+    TwoShafts scene;
+    Simulation simulation(test::sceneFromText(R"yaml(
+shafts: [a, b]
+a: {inertia: 0.5}
+b: {inertia: 1.2}
+torques: [c]
+c: {type: variator_sim/CommandedTorque, shaft: a, topic: m, hold: zero_order}
+constraints: [v]
+v: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"}
+initial: {velocity: [10, 8]}
+)yaml"));
+    simulation.advanceTo(0.1);
+    simulation.command(0, std::pow(10.0, exponent));
+    simulation.advanceTo(0.2);
+    simulation.command(0, 0.0);
+    simulation.advanceTo(0.3);
+    EXPECT_TRUE(simulation.status().ok()) << exponent << ": " << simulation.describeStatus();
+  }
+}
+
+TEST(Steppers, GoOnWhereSquaresUnderflow) {
+  for (StepperKind stepper : {StepperKind::kDop853, StepperKind::kDopri5}) {
+    Scene scene = test::sceneFromText(R"yaml(
+shafts: [a]
+a: {inertia: 1}
+torques: [q]
+q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1e-160*sin(t)"}
+solver: {sleep: false}
+)yaml");
+    Simulation simulation(test::withStepper(scene, stepper));
+    simulation.advanceTo(3.0);
+    ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  }
+}
+
+TEST(SingularStart, NamesTheConstraintThatLostRank) {
+  const auto constraintAt = [](const std::string& order, const std::string& x) {
+    return Simulation(test::sceneFromText(
+                          "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 2}\nc: {inertia: 3}\n"
+                          "constraints: [good, bad]\n"
+                          "good: {type: variator_sim/ExpressionConstraint, order: " +
+                          order + ", expression: \"" + x + "2-0.5*" + x +
+                          "1\"}\nbad: {type: variator_sim/ExpressionConstraint, order: " + order +
+                          ", expression: \"t*" + x + "3\"}\nverify_derivatives: false\n" +
+                          (order == "3" ? "initial: {acceleration: [0, 0, 0]}\n" : "")))
+        .status();
+  };
+  const char* highest[] = {"w", "e", "j"};
+  for (int order = 1; order <= 3; ++order) {
+    const MotionStatus status = constraintAt(std::to_string(order), highest[order - 1]);
+    EXPECT_EQ(status.reason, StopReason::kSingularConstraint) << order;
+    EXPECT_EQ(status.constraint, 1) << order;
+  }
+}
+
+}  // namespace
+}  // namespace variator_sim
