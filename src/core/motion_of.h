@@ -214,7 +214,7 @@ class MotionOf final : public Motion {
     checks_.reset();
     moveOrigin(0.0);
     crossing_ = Crossing{};
-    last_jump_ = LastJump{};
+    last_crossing_ = LastCrossing{};
     if (knows_start_) {
       // The accelerations of least reaction are the same every time; commands come later.
       front_ = Node{};
@@ -377,6 +377,7 @@ class MotionOf final : public Motion {
     const double reached = front_.time + shortestStep(front_.time);
     if (drivetrain_.inputSegmentEnd() <= reached) {
       double u0[kMaxInputs];
+      drivetrain_.evaluateInputs(front_.time);  // a sample may have been taken elsewhere
       copyInputs(u0);
       drivetrain_.finishInputSegments(front_.time, reached);
       if (haveInputsJumped(u0) && !jump(u0)) return false;
@@ -727,20 +728,24 @@ class MotionOf final : public Motion {
   }
 
   /// After `guard` was left for `branch` by a step of `length`: false, and the motion stopped, when
-  /// it jumps there and the motion turns back at once.
+  /// the motion turns back at once. What jumps tells so at once; a kink may be touched.
   bool noteCrossing(int guard, int branch, double length) {
-    if (!guards_.guard(guard).jumps()) return true;
-    Node ahead = front_;
-    ahead.time += 4.0 * length;
-    for (std::size_t n = 0; n < ahead.x.size(); ++n) {
-      ahead.x[n] += 4.0 * length * front_.dxdt[n];
-    }
-    const int next = guards_.guard(guard).branch(viewOf(ahead));
+    const bool jumps = guards_.guard(guard).jumps();
     const double now = absolute(front_.time);
-    const bool again = guard == last_jump_.guard &&
-                       now - last_jump_.time <= kAtOnce * (length + last_jump_.length);
-    last_jump_ = {guard, now, length};
-    if ((next == branch || next == Guard::kOnEdge) && !again) return true;
+    const bool at_once = guard == last_crossing_.guard &&
+                         now - last_crossing_.time <= kAtOnce * (length + last_crossing_.length);
+    last_crossing_ = {guard, now, length, at_once ? last_crossing_.count + 1 : 0};
+    bool turns_back = last_crossing_.count >= (jumps ? 1 : kMostTouches);
+    if (jumps && !turns_back) {
+      Node ahead = front_;
+      ahead.time += 4.0 * length;
+      for (std::size_t n = 0; n < ahead.x.size(); ++n) {
+        ahead.x[n] += 4.0 * length * front_.dxdt[n];
+      }
+      const int next = guards_.guard(guard).branch(viewOf(ahead));
+      turns_back = next != branch && next != Guard::kOnEdge;
+    }
+    if (!turns_back) return true;
     front_ = base_;
     stop(StopReason::kChattering);
     status_.torque = drivetrain_.guardOwner(guard).torque;
@@ -921,6 +926,8 @@ class MotionOf final : public Motion {
   }
 
   double checkAccelerations() {
+    // Just before a jump of the torque what lies beside the end may lie behind it.
+    if (crossing_.isDueAt(front_.time) && guards_.guard(crossing_.guard).jumps()) return 0.0;
     const State* dxdt = stepper_->projects() ? &dxdt_new_ : nullptr;
     return checks_.checkAccelerations(*stepper_, base_, front_.time, front_.x, dxdt);
   }
@@ -1351,8 +1358,10 @@ class MotionOf final : public Motion {
   static constexpr double kEdgeResolution = 1e-14;
   /// Trial steps that look for an edge from one base.
   static constexpr int kMostLooks = 100;
-  /// A jump is crossed back at once when that takes so many times what crossing it took.
+  /// An edge is crossed back at once when that takes so many times what crossing it took.
   static constexpr double kAtOnce = 100.0;
+  /// A kink that is crossed so often at once is not merely touched.
+  static constexpr int kMostTouches = 10;
   /// The motion sleeps for so many of its longest steps at least.
   static constexpr double kLeastSleep = 20.0;
   /// Steps from `time` are longer than this. [loop]
@@ -1409,13 +1418,14 @@ class MotionOf final : public Motion {
     bool isDueAt(double time) const { return guard >= 0 && at == time; }
   };
   Crossing crossing_;
-  /// The last edge of a jump that was crossed.
-  struct LastJump {
+  /// The last edge that was crossed.
+  struct LastCrossing {
     int guard = -1;
     double time = 0.0;
     double length = 0.0;
+    int count = 0;  // of crossings of it before, each at once after the other
   };
-  LastJump last_jump_;
+  LastCrossing last_crossing_;
   bool has_new_rows_ = false;
 
   struct Pending {
