@@ -5,6 +5,16 @@
 
 namespace variator_sim {
 
+/// Where the energy of a motion comes from and goes to: kinetic - kinetic at the start = applied +
+/// reactions, and the rate of kinetic is the sum of both powers.
+struct Energy {
+  double kinetic = 0.0;         ///< T = 1/2 omega^T J omega, J
+  double applied = 0.0;         ///< of the applied torques since the start of the motion, J
+  double reactions = 0.0;       ///< of the reactions since then, J
+  double applied_power = 0.0;   ///< sum Q_i omega_i, W
+  double reaction_power = 0.0;  ///< sum R_i omega_i, W
+};
+
 /// Only the first s (shafts) or k (constraints) entries of an array mean something.
 struct Sample {
   double time = 0.0;                             ///< t, s
@@ -16,6 +26,7 @@ struct Sample {
   double reaction_torque_rate[kMaxShafts] = {};  ///< R', N m/s
   double residual[kMaxConstraints] = {};         ///< psi, the constraint's own unit
   double multiplier[kMaxConstraints] = {};       ///< Lambda of R' = C^T Lambda [12, 15]
+  Energy energy;                                 ///< where it is tracked (Simulation::trackEnergy)
 };
 
 }  // namespace variator_sim

@@ -55,6 +55,16 @@ class Simulation {
   /// Everything at the present, after its commands. [loop]
   const Sample& sample();
 
+  /// Whether samples have the energies, and each step's are integrated to about the tolerance of
+  /// the motion, which costs about as much as the step again; otherwise they are estimated from its
+  /// ends. Holds for later steps, through resets: to be set before the first advance by who wants
+  /// the whole motion integrated. Changes no bit of the motion. [loop]
+  void trackEnergy(bool on);
+  /// The energies at the present, after its commands, tracked or not. [loop]
+  Energy energy();
+  /// [loop]
+  EnergyDoubt energyDoubt() const;
+
   /// [loop]
   const MotionStatus& status() const;
   const Statistics& statistics() const;

@@ -34,6 +34,21 @@ struct MotionStatus {
   bool ok() const { return reason == StopReason::kNone; }
 };
 
+/// Whether the reactions have become a source or a sink to reckon with: under `generalized_gauss`,
+/// where C has turned, they may. Counted at the ends of steps and estimated from these, unless
+/// energy is tracked.
+struct EnergyDoubt {
+  double since = -1.0;      ///< s, when they had first brought or taken more than 5 % of
+                            ///< `throughput`; below 0: never
+  double reactions = 0.0;   ///< what they have brought since the start, J; taken: below 0
+  double throughput = 0.0;  ///< integral of sum |Q_i omega_i|: what the applied torques have
+                            ///< brought and taken, J
+  bool exists() const { return since >= 0.0; }
+};
+
+/// The doubt as a sentence with a way out of it; "" when there is none.
+std::string describe(const EnergyDoubt& doubt);
+
 /// Counters since the start or the last reset.
 struct Statistics {
   std::uint64_t steps = 0;              ///< accepted steps

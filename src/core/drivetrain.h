@@ -157,6 +157,16 @@ class Drivetrain {
     refreshInputs(time);
   }
 
+  /// T = 1/2 omega^T J omega, J; brings J to phi.
+  double calcKineticEnergy(const double* phi, const double* omega) {
+    if (!inertia_.isConstant()) inertia_.update(phi);
+    double momentum[S];
+    inertia_.multiply(omega, momentum);
+    double twice = 0.0;
+    for (int i = 0; i < S; ++i) twice += omega[i] * momentum[i];
+    return 0.5 * twice;
+  }
+
   // --- evaluations -----------------------------------------------------------------------------
   /// u and u' at t.
   void evaluateInputs(double t) {

@@ -19,6 +19,9 @@ class Motion {
   virtual double quietUntil() const = 0;
   virtual CommandResult command(int input, double value) = 0;
   virtual const Sample& sample() = 0;
+  virtual void trackEnergy(bool on) = 0;
+  virtual Energy energy() = 0;
+  virtual EnergyDoubt energyDoubt() const = 0;
   virtual const MotionStatus& status() const = 0;
   virtual const Statistics& statistics() const = 0;
   virtual void reset() = 0;

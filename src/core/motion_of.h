@@ -19,6 +19,7 @@
 
 #include "command_rhythm.h"
 #include "drivetrain.h"
+#include "energy.h"
 #include "guard_search.h"
 #include "initial_conditions.h"
 #include "motion.h"
@@ -43,6 +44,7 @@ class MotionOf final : public Motion {
         stepper_(&choice_.stepper()),
         tolerance_{scene_.solver.absolute_tolerance, scene_.solver.relative_tolerance},
         checks_(system_, tolerance_, choice_.isFixed()),
+        energy_(system_, scene_, tolerance_),
         control_(1) {
     guards_.setGuards(drivetrain_.guards(),
                       [this](double time, const double* angle, const double* velocity,
@@ -147,9 +149,21 @@ class MotionOf final : public Motion {
         status_.time = time_;
       }
       sample_valid_ = true;
+      if (energy_.isTracked()) sample_.energy = energy_.calcEnergy(sample_, calcApplied());
     }
     return sample_;
   }
+
+  void trackEnergy(bool on) override {
+    if (on == energy_.isTracked()) return;
+    energy_.track(on);
+    sample_valid_ = false;
+  }
+  Energy energy() override {
+    const Sample& now = sample();
+    return energy_.isTracked() ? now.energy : energy_.calcEnergy(now, calcApplied());
+  }
+  EnergyDoubt energyDoubt() const override { return advanced_ ? energy_.doubt() : EnergyDoubt{}; }
 
   void calcConstraintRow(int m, double* C) override {
     double c0;
@@ -186,6 +200,7 @@ class MotionOf final : public Motion {
 
   const MotionStatus& advance(double time) {
     applyPending();
+    if (!advanced_) energy_.begin(front_, row_before_);
     advanced_ = true;
     // Commands that fail to come in time act on their own; they are events of the motion.
     for (double timeout = nextTimeout(); status_.ok() && timeout <= time; timeout = nextTimeout()) {
@@ -350,6 +365,7 @@ class MotionOf final : public Motion {
         status_.time = time_;
         return;
       }
+      noteEnergy();
     }
     time_ = time;
     sample_valid_ = false;
@@ -954,10 +970,13 @@ class MotionOf final : public Motion {
   /// The front goes to the end of the term; the motion sleeps on from there, or is stepped again.
   /// False when it stopped.
   bool finishSleep() {
-    State x;
-    calcRest(sleep_end_, x);
-    front_.time = sleep_end_;
-    front_.x = x;
+    Node end = front_;
+    end.time = sleep_end_;
+    calcRest(sleep_end_, end.x);
+    cutEnergy(end);
+    front_.time = end.time;
+    front_.x = end.x;
+    State x = end.x;
     for (std::size_t n = 0; n < x.size(); ++n) x[n] += left_at_sleep_end_[n];
     State moved{};
     const ProjectionResult projected =
@@ -1161,6 +1180,57 @@ class MotionOf final : public Motion {
     return true;
   }
 
+  // --- energy ----------------------------------------------------------------------------------
+  /// The step from the base to the front was accepted.
+  void noteEnergy() {
+    if constexpr (!kIntegratesTorque<System>) {
+      // Steps of fixed size have had no need of it.
+      if (choice_.isFixed()) checks_.noteTorque(front_);
+    }
+    energy_.noteStep(base_, front_, row_before_,
+                     [this](double theta, State& x) { calcInside(theta, x); });
+  }
+  /// The motion goes on from `present`, inside the last step or at rest.
+  void cutEnergy(const Node& present) {
+    if (sleeping_) {
+      energy_.cutAtRest(front_, present);
+    } else {
+      energy_.cut(base_, front_, present, [this](double theta, State& x) { calcInside(theta, x); });
+    }
+  }
+  /// The applied energy at the present, J.
+  double calcApplied() {
+    if (!advanced_) energy_.begin(front_, row_before_);
+    if (sleeping_) {
+      State x;
+      calcRest(present(), x);
+      return energy_.calcAppliedAtRest(front_, x);
+    }
+    if (present() == front_.time) return energy_.applied();
+    const double part = (present() - base_.time) / (front_.time - base_.time);
+    return energy_.calcApplied(base_, front_, part,
+                               [this](double theta, State& x) { calcInside(theta, x); });
+  }
+  /// x at base + theta (front - base): within about the tolerance, not projected, and without a
+  /// word in the motion's status.
+  void calcInside(double theta, State& x) {
+    const double h = front_.time - base_.time;
+    if (!hopped_) {
+      if (stepper_->hasDenseOutput() &&
+          stepper_->interpolate(system_, base_.time + theta * h, base_, front_, x)) {
+        return;
+      }
+      // A step that was good is so for a part of it.
+      State unused;
+      if (std::isfinite(choice_.innerOf(*stepper_).step(system_, base_, theta * h, x, unused))) {
+        return;
+      }
+    }
+    for (std::size_t n = 0; n < x.size(); ++n) {
+      x[n] = base_.x[n] + theta * (front_.x[n] - base_.x[n]);
+    }
+  }
+
   // --- commands --------------------------------------------------------------------------------
   /// Of several commands to one input the last one counts.
   void stage(int input, double value) {
@@ -1216,7 +1286,10 @@ class MotionOf final : public Motion {
     rhythm_.note(time_);
 
     Node reached = front_;
-    if (present() != front_.time && !reachPresent(&reached)) return;
+    if (present() != front_.time) {
+      if (!reachPresent(&reached)) return;
+      cutEnergy(reached);
+    }
     front_ = reached;
     moveOrigin(time_);
     front_.time = 0.0;
@@ -1378,6 +1451,7 @@ class MotionOf final : public Motion {
   Stepper<System>* stepper_;  // that made the last step
   Tolerance tolerance_;
   StepChecks<System> checks_;
+  EnergyMeter<System> energy_;
   StepControl control_;
   Rest<System> rest_;
   GuardSearch guards_;

@@ -92,6 +92,15 @@ CommandResult Simulation::command(int input, double value) {
 const Sample& Simulation::sample() {
   return motion_->sample();
 }
+void Simulation::trackEnergy(bool on) {
+  motion_->trackEnergy(on);
+}
+Energy Simulation::energy() {
+  return motion_->energy();
+}
+EnergyDoubt Simulation::energyDoubt() const {
+  return motion_->energyDoubt();
+}
 const MotionStatus& Simulation::status() const {
   return motion_->status();
 }

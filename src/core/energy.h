@@ -1,0 +1,276 @@
+/// Where the energy of a motion comes from and goes to.
+///
+///     T = 1/2 omega^T J omega        T' = sum Q_i omega_i + sum R_i omega_i
+///
+/// for J(phi) too: n, which R = J epsilon + n - Q has in it, is 1/2 J' omega^2. So
+///
+///     applied   = integral of sum Q_i omega_i
+///     reactions = T - T(0) - applied
+///
+/// One quadrature and exact bookkeeping: Q and omega are what a step knows best, while R has the
+/// accelerations, which dense output knows worst, and a quadrature of its own would leave a
+/// remainder that is nobody's.
+///
+/// All of it stands beside the motion: nothing here goes into a step, its size or its error.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "step_control.h"
+#include "stepper.h"
+#include "variator_sim/sample.h"
+#include "variator_sim/scene.h"
+#include "variator_sim/status.h"
+
+namespace variator_sim {
+
+/// The integral of f over [from, to] by the rules of Gauss (3 points) and Kronrod (7, degree 11),
+/// the interval halved up to `depth` times where their difference d says that the latter errs by
+/// more than `tolerance` of the integral of |f|. It errs by about d^2, and by less than
+/// (10 d)^(3/2) where f is less smooth.
+template <class Function>
+double integrate(const Function& f, double from, double to, double tolerance, int depth) {
+  constexpr double kNodes[] = {0.960491268708020283, 0.774596669241483377, 0.434243749346802558};
+  constexpr double kKronrod[] = {0.104656226026467265, 0.268488089868333441, 0.401397414775962223};
+  constexpr double kKronrodCenter = 0.450916538658474142;
+  constexpr double kGauss = 5.0 / 9.0;  // of the second nodes
+  constexpr double kGaussCenter = 8.0 / 9.0;
+  const double center = 0.5 * (from + to);
+  const double half = 0.5 * (to - from);
+  const double middle = f(center);
+  double kronrod = kKronrodCenter * middle;
+  double gauss = kGaussCenter * middle;
+  double size = kKronrodCenter * std::abs(middle);
+  for (int i = 0; i < 3; ++i) {
+    const double left = f(center - half * kNodes[i]);
+    const double right = f(center + half * kNodes[i]);
+    kronrod += kKronrod[i] * (left + right);
+    if (i == 1) gauss += kGauss * (left + right);
+    size += kKronrod[i] * (std::abs(left) + std::abs(right));
+  }
+  const double difference = 10.0 * std::abs(kronrod - gauss);
+  const double error = difference * std::sqrt(difference / size);
+  if (depth == 0 || !(error > tolerance * size)) return half * kronrod;  // when NaN, too
+  return integrate(f, from, center, tolerance, depth - 1) +
+         integrate(f, center, to, tolerance, depth - 1);
+}
+
+/// The energy account of one motion. All are [loop].
+template <class System>
+class EnergyMeter {
+ public:
+  static constexpr int S = System::kShafts;
+  using State = typename System::State;
+  using Node = StepNode<System>;
+  using Row = double[static_cast<std::size_t>(S)];
+
+  /// `system` has to outlive this.
+  EnergyMeter(System& system, const Scene& scene, Tolerance tolerance)
+      : drivetrain_(system.drivetrain()),
+        tolerance_(tolerance),
+        is_watched_(scene.principle == Principle::kGeneralizedGauss &&
+                    !drivetrain_.hasConstantRows() && drivetrain_.constraintCount() > 0) {}
+
+  /// Whether the applied energy of the steps to come is integrated inside each, to about the
+  /// tolerance of the motion, or estimated from their ends.
+  void track(bool on) { is_tracked_ = on; }
+  bool isTracked() const { return is_tracked_; }
+
+  /// The motion begins at `start`, where C has the rows `rows`.
+  void begin(const Node& start, const Row* rows) {
+    start_kinetic_ = calcKinetic(start.x);
+    applied_ = applied_before_ = throughput_ = throughput_before_ = reactions_ = 0.0;
+    doubt_since_ = -1.0;
+    has_turned_ = false;
+    if (!is_watched_) return;
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) calcDirection(rows[m], directions_[m]);
+  }
+
+  /// A step from `from` to `to` was accepted, at whose end C has the rows `rows`; `inside(theta,
+  /// x)` is the state at from + theta (to - from). Q and Q' of both are known.
+  template <class Inside>
+  void noteStep(const Node& from, const Node& to, const Row* rows, const Inside& inside) {
+    const double h = to.time - from.time;
+    const Power begin(from);
+    const Power end(to);
+    applied_before_ = applied_;
+    throughput_before_ = throughput_;
+    throughput_ += 0.5 * h * (begin.through + end.through);
+    applied_ += is_tracked_ ? calcWork(from, to, 1.0, inside) : estimateWork(h, begin, end);
+    if (is_watched_) watch(to, rows);
+  }
+  /// The motion goes on from `present`, to which it has gone in its last step; inputs are still
+  /// those of that step.
+  template <class Inside>
+  void cut(const Node& from, const Node& to, const Node& present, const Inside& inside) {
+    const double h = present.time - from.time;
+    Node end = present;
+    drivetrain_.calcTorque(view(end.time, end.x), end.torque.data());
+    const Power begin(from);
+    const double power = Power(end).value;
+    throughput_ = throughput_before_ + 0.5 * h * (begin.through + Power(end).through);
+    if (is_tracked_) {
+      applied_ = calcApplied(from, to, h / (to.time - from.time), inside);
+      return;
+    }
+    // The rate at the end is not known: of order 3.
+    const double rise = power - begin.value;
+    const double bend = h * begin.rate - rise;
+    applied_ = applied_before_ + 0.5 * h * (begin.value + power) +
+               (std::abs(bend) <= std::abs(begin.value) + std::abs(power) ? h / 6.0 * bend : 0.0);
+  }
+  /// The same of a motion at rest since `from`.
+  void cutAtRest(const Node& from, const Node& present) {
+    applied_ = calcAppliedAtRest(from, present.x);
+  }
+
+  /// The applied energy at the end of the last step, J.
+  double applied() const { return applied_; }
+  /// The same at from + part (to - from) of that step.
+  template <class Inside>
+  double calcApplied(const Node& from, const Node& to, double part, const Inside& inside) {
+    return applied_before_ + calcWork(from, to, part, inside);
+  }
+  /// The same of a motion that came to rest at `from`, with the angles gone on to those of x.
+  double calcAppliedAtRest(const Node& from, const State& x) {
+    double Q[S];
+    drivetrain_.calcTorque(view(from.time, from.x), Q);
+    double work = 0.0;
+    for (std::size_t i = 0; i < S; ++i) work += Q[i] * (x[i] - from.x[i]);
+    return applied_ + work;
+  }
+
+  /// Everything at `sample`, where the applied energy is `applied`.
+  Energy calcEnergy(const Sample& sample, double applied) {
+    Energy energy;
+    energy.kinetic = drivetrain_.calcKineticEnergy(sample.angle, sample.velocity);
+    energy.applied = applied;
+    energy.reactions = energy.kinetic - start_kinetic_ - applied;
+    for (int i = 0; i < S; ++i) {
+      energy.applied_power += sample.applied_torque[i] * sample.velocity[i];
+      energy.reaction_power += sample.reaction_torque[i] * sample.velocity[i];
+    }
+    return energy;
+  }
+  double startKinetic() const { return start_kinetic_; }
+
+  EnergyDoubt doubt() const {
+    EnergyDoubt doubt;
+    doubt.since = doubt_since_;
+    doubt.reactions = reactions_;
+    doubt.throughput = throughput_;
+    return doubt;
+  }
+
+ private:
+  /// sum Q_i omega_i at a node, its rate, and sum |Q_i omega_i|.
+  struct Power {
+    explicit Power(const Node& node) {
+      for (std::size_t i = 0; i < S; ++i) {
+        const double part = node.torque[i] * node.x[S + i];
+        value += part;
+        through += std::abs(part);
+        rate += node.torque_rate[i] * node.x[S + i] + node.torque[i] * node.dxdt[S + i];
+      }
+    }
+    double value = 0.0;
+    double rate = 0.0;
+    double through = 0.0;
+  };
+
+  StateView view(double t, const State& x) {
+    // Torques do not read accelerations.
+    return drivetrain_.view(t, x.data(), x.data() + S, x.data() + S);
+  }
+  double calcKinetic(const State& x) {
+    return drivetrain_.calcKineticEnergy(x.data(), x.data() + S);
+  }
+
+  template <class Inside>
+  double calcWork(const Node& from, const Node& to, double part, const Inside& inside) {
+    const double h = to.time - from.time;
+    const auto power = [&](double theta) {
+      State x;
+      inside(theta, x);
+      double Q[S];
+      drivetrain_.calcTorque(view(from.time + theta * h, x), Q);
+      double sum = 0.0;
+      for (std::size_t i = 0; i < S; ++i) sum += Q[i] * x[S + i];
+      return sum;
+    };
+    return h * integrate(power, 0.0, part, std::max(tolerance_.relative, 1e-13), kHalvings);
+  }
+  /// Trapezoid with end corrections, of order 4; without them where the rates are steeper than a
+  /// step of this size can follow.
+  static double estimateWork(double h, const Power& begin, const Power& end) {
+    const double correction = h / 6.0 * (begin.rate - end.rate);
+    const double largest = std::max(std::abs(begin.value), std::abs(end.value));
+    const double sum = begin.value + end.value;
+    return 0.5 * h * (std::abs(correction) <= largest ? sum + correction : sum);
+  }
+
+  /// Row c of C in coordinates in which J is 1 (but for inertia coupling), as a unit vector.
+  void calcDirection(const double* c, double* direction) const {
+    double square = 0.0;
+    for (int i = 0; i < S; ++i) {
+      direction[i] = c[i] / std::sqrt(drivetrain_.inertia().entry(i, i));
+      square += direction[i] * direction[i];
+    }
+    const double scale = 1.0 / std::sqrt(square);
+    for (int i = 0; i < S; ++i) direction[i] *= scale;
+  }
+  bool haveRowsTurned(const Row* rows) const {
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      double direction[S];
+      calcDirection(rows[m], direction);
+      double cosine = 0.0;
+      for (int i = 0; i < S; ++i) cosine += direction[i] * directions_[m][i];
+      if (1.0 - cosine * cosine > kTurned * kTurned) return true;
+    }
+    return false;
+  }
+  /// Has C turned since the start, and have the reactions brought or taken a part of the energy
+  /// that nobody would leave aside?
+  void watch(const Node& node, const Row* rows) {
+    reactions_ = calcKinetic(node.x) - start_kinetic_ - applied_;
+    if (doubt_since_ >= 0.0) return;
+    if (!has_turned_) has_turned_ = haveRowsTurned(rows);
+    if (!has_turned_ || !(std::abs(reactions_) > kDoubtful * throughput_)) return;
+    // What the tolerance makes of T is nobody's energy.
+    double uncertain = 0.0;
+    for (std::size_t i = 0; i < S; ++i) {
+      const int n = static_cast<int>(i);
+      const double omega = node.x[S + i];
+      uncertain += drivetrain_.inertia().entry(n, n) * std::abs(omega) * tolerance_.of(omega);
+    }
+    if (std::abs(reactions_) > kCertain * uncertain) doubt_since_ = system_.drivetrain().origin() + node.time;
+  }
+
+  /// The reactions' part of the applied energy that is worth a word.
+  static constexpr double kDoubtful = 0.05;
+  /// rad, by which C has turned when it counts as turning.
+  static constexpr double kTurned = 0.01;
+  /// Times that an energy is above what the tolerance makes of it.
+  static constexpr double kCertain = 100.0;
+  static constexpr int kHalvings = 4;
+
+  typename System::DrivetrainType& drivetrain_;  // the system's
+  Tolerance tolerance_;
+  bool is_watched_;
+  bool is_tracked_ = false;
+  double start_kinetic_ = 0.0;   // J
+  double applied_ = 0.0;         // J, at the front
+  double applied_before_ = 0.0;  // J, at the base of the last step
+  double throughput_ = 0.0;      // J, integral of sum |Q_i omega_i|, at the front
+  double throughput_before_ = 0.0;
+  double reactions_ = 0.0;     // J, at the front, where they are watched
+  double doubt_since_ = -1.0;  // s
+  bool has_turned_ = false;
+  double directions_[System::kMaxRows][static_cast<std::size_t>(S)] = {};  // of C at the start
+};
+
+}  // namespace variator_sim
