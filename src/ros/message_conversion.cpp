@@ -45,6 +45,15 @@ void fillState(const Sample& sample, double time, DrivetrainState& message) {
   copy(sample.multiplier, message.multiplier);
 }
 
+void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message) {
+  message.time = time;
+  message.kinetic = energy.kinetic;
+  message.applied = energy.applied;
+  message.reactions = energy.reactions;
+  message.applied_power = energy.applied_power;
+  message.reaction_power = energy.reaction_power;
+}
+
 void prepareJointState(const Scene& scene, sensor_msgs::JointState& message) {
   message.name = scene.shafts;
   message.position.assign(scene.shafts.size(), 0.0);

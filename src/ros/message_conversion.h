@@ -2,6 +2,7 @@
 #pragma once
 
 #include <sensor_msgs/JointState.h>
+#include <variator_sim/DrivetrainEnergy.h>
 #include <variator_sim/DrivetrainState.h>
 #include <variator_sim/SceneInfo.h>
 #include <variator_sim/SimulationStatus.h>
@@ -22,6 +23,9 @@ void prepareState(const Scene& scene, DrivetrainState& message);
 /// All but the header. `time` is the message's simulated time, s (sample.time counts from the last
 /// reset).
 void fillState(const Sample& sample, double time, DrivetrainState& message);
+
+/// All but the header; `time` as in fillState.
+void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message);
 
 /// Joint names and array sizes, once.
 void prepareJointState(const Scene& scene, sensor_msgs::JointState& message);

@@ -21,7 +21,8 @@ ros::Time stampOf(double time) {
 
 class BagWriter : public SampleWriter {
  public:
-  BagWriter(const std::string& path, const Simulation& simulation) : path_(path) {
+  BagWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
+      : path_(path), columns_(columns) {
     prepareState(simulation.scene(), state_);
     prepareJointState(simulation.scene(), joint_state_);
     guard([&] {
@@ -52,12 +53,19 @@ class BagWriter : public SampleWriter {
     const ros::Time stamp = stampOf(sample.time);
     // A bag files nothing under time 0; the message's own stamp keeps it.
     const ros::Time filed = std::max(stamp, ros::TIME_MIN);
-    state_.header.stamp = stamp;
-    fillState(sample, sample.time, state_);
-    bag_->write("state", filed, state_);
-    joint_state_.header.stamp = stamp;
-    fillJointState(sample, joint_state_);
-    bag_->write("joint_states", filed, joint_state_);
+    if (columns_.state) {
+      state_.header.stamp = stamp;
+      fillState(sample, sample.time, state_);
+      bag_->write("state", filed, state_);
+      joint_state_.header.stamp = stamp;
+      fillJointState(sample, joint_state_);
+      bag_->write("joint_states", filed, joint_state_);
+    }
+    if (columns_.energy) {
+      energy_.header.stamp = stamp;
+      fillEnergy(sample.energy, sample.time, energy_);
+      bag_->write("energy", filed, energy_);
+    }
   }
 
   template <class Action>
@@ -86,15 +94,18 @@ class BagWriter : public SampleWriter {
   }
 
   std::string path_;
+  ColumnGroups columns_;
   std::unique_ptr<rosbag::Bag> bag_ = std::make_unique<rosbag::Bag>();  ///< none after a failure
   DrivetrainState state_;
+  DrivetrainEnergy energy_;
   sensor_msgs::JointState joint_state_;
 };
 
 }  // namespace
 
-std::unique_ptr<SampleWriter> makeBagWriter(const std::string& path, const Simulation& simulation) {
-  return std::make_unique<BagWriter>(path, simulation);
+std::unique_ptr<SampleWriter> makeBagWriter(const std::string& path, const Simulation& simulation,
+                                            const ColumnGroups& columns) {
+  return std::make_unique<BagWriter>(path, simulation, columns);
 }
 
 }  // namespace variator_sim

@@ -13,8 +13,7 @@ namespace {
 // The longest double that std::to_chars writes has 24 characters ("-2.2250738585072014e-308").
 constexpr std::size_t kLongestNumber = 24;
 
-std::string makeHeader(const Scene& scene) {
-  std::string header = "time";
+void addStateHeader(const Scene& scene, std::string& header) {
   for (const std::string& shaft : scene.shafts) {
     for (const char* column : {"angle", "velocity", "acceleration", "applied_torque",
                                "reaction_torque", "reaction_torque_rate"}) {
@@ -24,16 +23,25 @@ std::string makeHeader(const Scene& scene) {
   for (const ConstraintPtr& constraint : scene.constraints) {
     header += "," + constraint->name() + "/residual," + constraint->name() + "/multiplier";
   }
+}
+
+std::string makeHeader(const Scene& scene, const ColumnGroups& columns) {
+  std::string header = "time";
+  if (columns.state) addStateHeader(scene, header);
+  if (columns.energy) {
+    header += ",energy/kinetic,energy/applied,energy/reactions,power/applied,power/reactions";
+  }
   return header + "\n";
 }
 
 class CsvWriter : public SampleWriter {
  public:
-  CsvWriter(const std::string& path, const Scene& scene)
+  CsvWriter(const std::string& path, const Scene& scene, const ColumnGroups& columns)
       : name_(path.empty() ? "standard output" : path),
+        columns_(columns),
         shaft_count_(scene.shaftCount()),
         constraint_count_(scene.constraintCount()),
-        column_count_(1 + 6 * scene.shafts.size() + 2 * scene.constraints.size()) {
+        column_count_(1 + 6 * scene.shafts.size() + 2 * scene.constraints.size() + 5) {
     if (path.empty()) {
       file_ = STDOUT_FILENO;
     } else {
@@ -41,7 +49,7 @@ class CsvWriter : public SampleWriter {
       if (file_ < 0) fail();
       owns_file_ = true;
     }
-    const std::string header = makeHeader(scene);
+    const std::string header = makeHeader(scene, columns);
     writeAll(header.data(), header.size());
   }
   ~CsvWriter() override {
@@ -71,6 +79,19 @@ class CsvWriter : public SampleWriter {
 
   char* writeRow(const Sample& sample, char* end) {
     end = writeNumber(sample.time, end);
+    if (columns_.state) end = writeState(sample, end);
+    if (columns_.energy) {
+      const Energy& energy = sample.energy;
+      for (double value : {energy.kinetic, energy.applied, energy.reactions, energy.applied_power,
+                           energy.reaction_power}) {
+        end = writeNumber(value, end);
+      }
+    }
+    end[-1] = '\n';
+    return end;
+  }
+
+  char* writeState(const Sample& sample, char* end) {
     for (int i = 0; i < shaft_count_; ++i) {
       for (const double* column :
            {sample.angle, sample.velocity, sample.acceleration, sample.applied_torque,
@@ -82,7 +103,6 @@ class CsvWriter : public SampleWriter {
       end = writeNumber(sample.residual[i], end);
       end = writeNumber(sample.multiplier[i], end);
     }
-    end[-1] = '\n';
     return end;
   }
 
@@ -106,9 +126,10 @@ class CsvWriter : public SampleWriter {
   }
 
   std::string name_;
+  ColumnGroups columns_;
   int shaft_count_;
   int constraint_count_;
-  std::size_t column_count_;
+  std::size_t column_count_;  // at most
   int file_ = -1;
   bool owns_file_ = false;
   std::vector<char> buffer_;
@@ -116,8 +137,9 @@ class CsvWriter : public SampleWriter {
 
 }  // namespace
 
-std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Scene& scene) {
-  return std::make_unique<CsvWriter>(path, scene);
+std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Scene& scene,
+                                            const ColumnGroups& columns) {
+  return std::make_unique<CsvWriter>(path, scene, columns);
 }
 
 }  // namespace variator_sim

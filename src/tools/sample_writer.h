@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/simulate_options.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/simulation.h"
@@ -40,9 +41,12 @@ class SampleWriter {
 };
 
 /// CSV into a file, or to standard output when `path` is empty. Throws OutputError.
-std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Scene& scene);
+std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Scene& scene,
+                                            const ColumnGroups& columns);
 
-/// A bag with the topics `state`, `joint_states` and, once, `scene`. Throws OutputError.
-std::unique_ptr<SampleWriter> makeBagWriter(const std::string& path, const Simulation& simulation);
+/// A bag with the topics `state`, `joint_states` (of the state), `energy` and, once, `scene`.
+/// Throws OutputError.
+std::unique_ptr<SampleWriter> makeBagWriter(const std::string& path, const Simulation& simulation,
+                                            const ColumnGroups& columns);
 
 }  // namespace variator_sim

@@ -55,7 +55,17 @@ struct WallTimes {
   double output = 0.0;      ///< formatting and writing
 };
 
-void printStatistics(const Simulation& simulation, const WallTimes& wall, std::uint64_t samples) {
+/// What has become of the energy since the start, in three lines.
+void printEnergy(Simulation& simulation, bool is_tracked) {
+  const Energy energy = simulation.energy();
+  const char* const note = is_tracked ? "" : " (estimated; --energy integrates it)";
+  std::fprintf(stderr, "kinetic energy change: %.6g J\n", energy.applied + energy.reactions);
+  std::fprintf(stderr, "energy of the applied torques: %.6g J%s\n", energy.applied, note);
+  std::fprintf(stderr, "energy of the reactions: %.6g J%s\n", energy.reactions, note);
+}
+
+void printStatistics(Simulation& simulation, bool tracks_energy, const WallTimes& wall,
+                     std::uint64_t samples) {
   const Statistics& counts = simulation.statistics();
   const auto print = [](const char* name, std::uint64_t count) {
     std::fprintf(stderr, "%s: %llu\n", name, static_cast<unsigned long long>(count));
@@ -85,6 +95,7 @@ void printStatistics(const Simulation& simulation, const WallTimes& wall, std::u
   print("commands refused", counts.commands_refused);
   print("samples", samples);
   std::fprintf(stderr, "simulated time: %.6g s\n", simulation.time());
+  printEnergy(simulation, tracks_energy);
   const double stepping = wall.simulation - wall.sampling;
   const auto speed = [&](double seconds) {
     return seconds > 0.0 ? simulation.time() / seconds : 0.0;
@@ -106,6 +117,11 @@ void warnOfCrudeSteps(const Simulation& simulation) {
                "simulate: warning: fixed steps of %.6g s are crude: the largest estimated error of "
                "one step is %.2g of the state; lower 'solver/step'\n",
                solver.step, part);
+}
+
+void warnOfReactionEnergy(const Simulation& simulation) {
+  const std::string doubt = describe(simulation.energyDoubt());
+  if (!doubt.empty()) std::fprintf(stderr, "simulate: warning: %s\n", doubt.c_str());
 }
 
 std::vector<InputCommand> readCommands(const SimulateOptions& options, const Scene& scene) {
@@ -175,6 +191,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
                  options.commands_path.c_str(), offline_run.firstRefusedLine());
   }
   warnOfCrudeSteps(simulation);
+  warnOfReactionEnergy(simulation);
   if (!simulation.status().ok()) {
     std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
     if (exit_status == kSuccess) exit_status = kStopped;
@@ -183,7 +200,9 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     exit_status = kSignalBase + g_signal;
   }
   wall.sampling = offline_run.samplingSeconds();
-  if (options.stats) printStatistics(simulation, wall, sample_count);
+  if (options.stats) {
+    printStatistics(simulation, options.columns.energy, wall, sample_count);
+  }
   return exit_status;
 }
 
@@ -194,6 +213,7 @@ int runSimulate(const std::vector<std::string>& words) {
     return kSuccess;
   }
   Simulation simulation = loadSimulation(options.scene_path);
+  simulation.trackEnergy(options.columns.energy);
   OfflineRun offline_run(simulation,
                          options.has_times ? SampleTimes::at(options.times)
                                            : SampleTimes::atRate(options.rate, options.duration),
@@ -204,8 +224,9 @@ int runSimulate(const std::vector<std::string>& words) {
                  offline_run.ignoredCount(), options.duration);
   }
   const std::unique_ptr<SampleWriter> writer =
-      options.format == OutputFormat::kBag ? makeBagWriter(options.output_path, simulation)
-                                           : makeCsvWriter(options.output_path, simulation.scene());
+      options.format == OutputFormat::kBag
+          ? makeBagWriter(options.output_path, simulation, options.columns)
+          : makeCsvWriter(options.output_path, simulation.scene(), options.columns);
   return run(simulation, offline_run, *writer, options);
 }
 

@@ -1,5 +1,6 @@
 #include "tools/simulate_options.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 
@@ -9,9 +10,32 @@ namespace variator_sim {
 namespace {
 
 const std::vector<std::string>& optionNames() {
-  static const std::vector<std::string> names = {"--duration", "--rate",  "--times", "--commands",
-                                                 "--output",   "--stats", "--help"};
+  static const std::vector<std::string> names = {"--duration", "--rate",   "--times",
+                                                 "--commands", "--output", "--columns",
+                                                 "--energy",   "--stats",  "--help"};
   return names;
+}
+
+ColumnGroups readColumns(const std::string& list) {
+  static const std::vector<std::string> kGroups = {"state", "energy"};
+  ColumnGroups columns;
+  bool* const wanted[] = {&columns.state, &columns.energy};
+  for (bool* group : wanted) *group = false;
+  std::size_t begin = 0;
+  while (true) {
+    const std::size_t comma = list.find(',', begin);
+    const std::string name = list.substr(begin, comma - begin);
+    const auto found = std::find(kGroups.begin(), kGroups.end(), name);
+    if (found == kGroups.end()) {
+      throw UsageError("--columns: '" + name + "' is no group of columns" +
+                       suggestName(name, kGroups) + "; allowed: " + joinNames(kGroups));
+    }
+    bool& group = *wanted[found - kGroups.begin()];
+    if (group) throw UsageError("--columns: '" + name + "' is given twice");
+    group = true;
+    if (comma == std::string::npos) return columns;
+    begin = comma + 1;
+  }
 }
 
 double readNumber(const std::string& option, const std::string& word) {
@@ -96,6 +120,7 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   SimulateOptions options;
   bool has_duration = false;
   bool has_rate = false;
+  bool add_energy = false;
   Words word(words);
   while (word.next()) {
     const std::string& name = word.name();
@@ -118,6 +143,11 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
       options.commands_path = word.value();
     } else if (name == "--output") {
       options.output_path = word.value() == "-" ? "" : word.value();
+    } else if (name == "--columns") {
+      options.columns = readColumns(word.value());
+    } else if (name == "--energy") {
+      word.refuseValue();
+      add_energy = true;
     } else if (name == "--stats") {
       word.refuseValue();
       options.stats = true;
@@ -142,6 +172,7 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
     throw UsageError("--times: the last one lies after the --duration");
   }
   options.format = formatOf(options.output_path);
+  options.columns.energy = options.columns.energy || add_energy;
   return options;
 }
 
@@ -156,12 +187,17 @@ usage: simulate SCENE.yaml --duration S [options]
   --times T1,T2,...       sample at these instants instead, s, ascending
   --commands FILE.csv     commands to play, header time,topic,value
   --output FILE.csv|.bag  where the samples go (default: standard output, as CSV)
+  --columns GROUPS        groups of columns beside time, comma between: state (the default),
+                          energy (kinetic energy, energies of the applied torques and of the
+                          reactions since the start, J, and their powers, W)
+  --energy                adds energy to the columns: --columns state,energy
   --stats                 print counters and times to standard error
   --help                  this text
 
 A sample at the instant of a command shows the state after it. A bag holds the topics `state`
 (variator_sim/DrivetrainState), `joint_states` (sensor_msgs/JointState) and `scene`
-(variator_sim/SceneInfo), stamped with simulated time.
+(variator_sim/SceneInfo), with the energy `energy` (variator_sim/DrivetrainEnergy), stamped with
+simulated time.
 
 Exit status: 0 the end was reached, or the reader of standard output went away
              1 the motion stopped: reason, time and last good state are on standard error

@@ -15,6 +15,12 @@ class UsageError : public std::runtime_error {
 
 enum class OutputFormat { kCsv, kBag };
 
+/// The groups of columns (of a bag: topics) that samples are written with, in this order.
+struct ColumnGroups {
+  bool state = true;
+  bool energy = false;
+};
+
 struct SimulateOptions {
   bool help = false;
   std::string scene_path;
@@ -25,6 +31,7 @@ struct SimulateOptions {
   std::string commands_path;  ///< empty: no commands
   std::string output_path;    ///< empty: standard output
   OutputFormat format = OutputFormat::kCsv;
+  ColumnGroups columns;
   bool stats = false;
 };
 
