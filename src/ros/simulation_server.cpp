@@ -27,8 +27,8 @@ double toSeconds(std::int64_t nanoseconds) {
 
 /// Topics of the node's own: a command topic of this name would feed the node its own messages.
 const std::vector<std::string>& ownTopics() {
-  static const std::vector<std::string> kTopics = {"state", "scene", "status",
-                                                   "parameter_descriptions", "parameter_updates"};
+  static const std::vector<std::string> kTopics = {
+      "state", "energy", "scene", "status", "parameter_descriptions", "parameter_updates"};
   return kTopics;
 }
 
@@ -141,6 +141,8 @@ void SimulationServer::advertiseTopics() {
   };
   state_publisher_ =
       private_handle_.advertise<DrivetrainState>("state", kStateQueue, refresh, refresh);
+  energy_publisher_ =
+      private_handle_.advertise<DrivetrainEnergy>("energy", kStateQueue, refresh, refresh);
   joint_publisher_ = public_handle_.advertise<sensor_msgs::JointState>("joint_states", kStateQueue,
                                                                        refresh, refresh);
   scene_publisher_ = private_handle_.advertise<SceneInfo>("scene", 1, /*latch=*/true);
@@ -249,7 +251,9 @@ void SimulationServer::runCallbacks() {
 }
 
 void SimulationServer::refreshDemand() {
-  loop_.setSamplesWanted(state_publisher_.getNumSubscribers() > 0 ||
+  const bool energy_wanted = energy_publisher_.getNumSubscribers() > 0;
+  loop_.setEnergyWanted(energy_wanted);
+  loop_.setSamplesWanted(energy_wanted || state_publisher_.getNumSubscribers() > 0 ||
                          joint_publisher_.getNumSubscribers() > 0 ||
                          clock_publisher_.getNumSubscribers() > 0);
 }
@@ -353,6 +357,7 @@ void SimulationServer::runStatus() {
                   private_handle_.getNamespace().c_str(), stop_message_.text.data());
       }
     }
+    logReactionEnergy();
     const std::int64_t now = steady_clock_.now();
     if (now >= next_status) {
       if (!state_changed) publishStatus();
@@ -398,6 +403,11 @@ void SimulationServer::publishSamples() {
       state_message_.header.stamp = stamp;
       fillState(timed.sample, toSeconds(timed.time), state_message_);
       publish(state_publisher_, state_message_);
+    }
+    if (timed.has_energy && energy_publisher_.getNumSubscribers() > 0) {
+      energy_message_.header.stamp = stamp;
+      fillEnergy(timed.sample.energy, toSeconds(timed.time), energy_message_);
+      publish(energy_publisher_, energy_message_);
     }
     if (joint_publisher_.getNumSubscribers() > 0) {
       joint_message_.header.stamp = stamp;
@@ -448,6 +458,13 @@ void SimulationServer::logTimeTrouble(std::int64_t now) {
              name, toSeconds(lost - lost_time_), toSeconds(lost));
     lost_time_ = lost;
   }
+}
+
+void SimulationServer::logReactionEnergy() {
+  if (reaction_energy_told_ || !snapshot_.energy_doubt.exists()) return;
+  reaction_energy_told_ = true;  // once, also when resets make the same motion again and again
+  ROS_WARN("%s: %s", private_handle_.getNamespace().c_str(),
+           describe(snapshot_.energy_doubt).c_str());
 }
 
 void SimulationServer::logRefusedCommands() {

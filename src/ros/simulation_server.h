@@ -99,6 +99,7 @@ class SimulationServer {
   void publishStatus();
   void logTimeTrouble(std::int64_t now);
   void logRefusedCommands();
+  void logReactionEnergy();
 
   template <class Message>
   void publish(const ros::Publisher& publisher, const Message& message) const;
@@ -116,6 +117,7 @@ class SimulationServer {
 
   // Poll thread.
   DrivetrainState state_message_;
+  DrivetrainEnergy energy_message_;
   sensor_msgs::JointState joint_message_;
   std::int64_t published_time_ = 0;  ///< simulated, ns: what /clock says
 
@@ -127,6 +129,7 @@ class SimulationServer {
   LogThrottle refused_log_;
   LogThrottle lost_time_log_;
   bool waiting_told_ = false;
+  bool reaction_energy_told_ = false;
   std::int64_t started_at_ = 0;  ///< ns on the steady clock
 
   // Callback thread.
@@ -140,6 +143,7 @@ class SimulationServer {
 
   // Publishers may be used by any thread.
   ros::Publisher state_publisher_;
+  ros::Publisher energy_publisher_;
   ros::Publisher joint_publisher_;
   ros::Publisher scene_publisher_;
   ros::Publisher status_publisher_;

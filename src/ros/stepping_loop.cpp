@@ -430,6 +430,8 @@ std::int64_t SteppingLoop::sampleTime() {
 
 TimedSample SteppingLoop::takeSample() {
   TimedSample timed;
+  timed.has_energy = energy_wanted_.load(std::memory_order_relaxed);
+  simulation_.trackEnergy(timed.has_energy);
   timed.sample = simulation_.sample();
   timed.time = sampleTime();
   std::copy(std::begin(timed.sample.residual), std::end(timed.sample.residual), residual_.begin());
@@ -490,6 +492,7 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   snapshot.lateness_p99 = lateness_p99_;
   snapshot.lateness_max = lateness_max_;
   snapshot.statistics = simulation_.statistics();
+  snapshot.energy_doubt = simulation_.energyDoubt();
   if (snapshot.state == RunState::kStopped) {
     // The motion is over: this allocates, and nobody is waiting for a tick.
     const std::string text = simulation_.describeStatus();

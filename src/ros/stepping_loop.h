@@ -31,6 +31,7 @@ struct TimedSample {
   std::int64_t time = 0;        ///< simulated ns since the start or the last reset of time
   std::int64_t clock_time = 0;  ///< when it was taken, ns on the pacing clock; on a followed clock,
                                 ///< which moves by steps, when its tick was due
+  bool has_energy = false;      ///< somebody wanted it when the sample was taken
 };
 
 /// What the loop tells about itself.
@@ -47,6 +48,7 @@ struct LoopSnapshot {
   std::int64_t lateness_p99 = 0;
   std::int64_t lateness_max = 0;
   Statistics statistics;
+  EnergyDoubt energy_doubt;
   std::array<double, kMaxConstraints> residual{};  ///< when last sampled: about ten times a second
 };
 
@@ -149,6 +151,8 @@ class SteppingLoop {
   std::uint64_t droppedSamples() const { return samples_.dropped(); }
   /// Whether anybody wants samples at publish_rate.
   void setSamplesWanted(bool wanted);
+  /// Whether samples are to have the energies.
+  void setEnergyWanted(bool wanted) { energy_wanted_.store(wanted, std::memory_order_relaxed); }
   /// Ends `run`; requests from then on, and one under way, are answered with kShutDown.
   void stop();
   /// Simulated s per s of the clock, >= 0 (0: unpaced), from the present on: deadlines count anew,
@@ -223,6 +227,7 @@ class SteppingLoop {
   /// owns all that is the stepping thread's, until he moves it back.
   std::atomic<int> idle_{kAwake};
   std::atomic<bool> samples_wanted_{false};
+  std::atomic<bool> energy_wanted_{false};
   std::atomic<bool> settings_changed_{false};
   std::atomic<double> wanted_factor_;
   std::atomic<double> wanted_publish_rate_;
