@@ -414,6 +414,11 @@ TEST(EnergyDoubt, IsThereWithoutTrackingAndGoesWithAReset) {
   EXPECT_TRUE(first.exists());
   simulation.reset();
   EXPECT_FALSE(simulation.energyDoubt().exists());
+  // Not before its time, where the integrator may already be.
+  simulation.advanceTo(std::nextafter(first.since, 0.0));
+  EXPECT_FALSE(simulation.energyDoubt().exists());
+  simulation.advanceTo(first.since);
+  EXPECT_TRUE(simulation.energyDoubt().exists());
   simulation.advanceTo(20.0);
   EXPECT_EQ(simulation.energyDoubt().since, first.since);
 }

@@ -163,7 +163,11 @@ class MotionOf final : public Motion {
     const Sample& now = sample();
     return energy_.isTracked() ? now.energy : energy_.calcEnergy(now, calcApplied());
   }
-  EnergyDoubt energyDoubt() const override { return advanced_ ? energy_.doubt() : EnergyDoubt{}; }
+  EnergyDoubt energyDoubt() const override {
+    const EnergyDoubt doubt = energy_.doubt();
+    // The integrator runs ahead of the present.
+    return advanced_ && doubt.since <= time_ ? doubt : EnergyDoubt{};
+  }
 
   void calcConstraintRow(int m, double* C) override {
     double c0;

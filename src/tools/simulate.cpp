@@ -157,6 +157,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   if (options.stats) offline_run.measureSampling();
   double span = options.duration / 64.0;
   int exit_status = kSuccess;
+  bool reader_has_gone = false;
   try {
     bool more = true;
     while (more && g_signal == 0) {
@@ -177,7 +178,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     writer.close();
     wall.output += secondsSince(output_start);
   } catch (const OutputClosed&) {
-    // As intended by whoever closed it.
+    reader_has_gone = true;  // as intended by whoever closed it: quietly
   } catch (const OutputError& error) {
     progress.clear();
     std::fprintf(stderr, "simulate: %s\n", error.what());
@@ -191,7 +192,6 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
                  options.commands_path.c_str(), offline_run.firstRefusedLine());
   }
   warnOfCrudeSteps(simulation);
-  warnOfReactionEnergy(simulation);
   if (!simulation.status().ok()) {
     std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
     if (exit_status == kSuccess) exit_status = kStopped;
@@ -199,6 +199,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     std::fprintf(stderr, "simulate: interrupted at %.6g s\n", simulation.time());
     exit_status = kSignalBase + g_signal;
   }
+  if (!reader_has_gone) warnOfReactionEnergy(simulation);
   wall.sampling = offline_run.samplingSeconds();
   if (options.stats) {
     printStatistics(simulation, options.columns.energy, wall, sample_count);
