@@ -27,6 +27,36 @@ SHIP_HEADER = (["time"] + [f"{shaft}/{quantity}" for shaft in ("drive", "load")
                            for quantity in QUANTITIES]
                + ["variator/residual", "variator/multiplier"])
 
+ENERGY = ["energy/kinetic", "energy/applied", "energy/reactions", "power/applied",
+          "power/reactions"]
+
+# An engine, a centrifugal clutch, a variator whose ratio is commanded, and a car's resistance.
+CAR = """
+shafts: [engine, primary, wheels]
+engine: {inertia: 0.15}     # kg m^2
+primary: {inertia: 0.02}    # kg m^2
+wheels: {inertia: 110.0}    # kg m^2: 1200 kg at 0.3 m
+torques: [motor, clutch_engine, clutch_primary, road]
+motor: {type: variator_sim/ExpressionTorque, shaft: engine, torque: "50 + 0.45*w1 - 0.0008*w1^2"}
+clutch_engine: &clutch
+  type: variator_sim/ExpressionTorque
+  shaft: engine
+  torque: "-k*(1 + tanh((w1 - 130)/20))*w1^2*tanh((w1 - w2)/2)"
+  parameters: {k: 0.004}
+clutch_primary: {<<: *clutch, shaft: primary,
+                 torque: "k*(1 + tanh((w1 - 130)/20))*w1^2*tanh((w1 - w2)/2)"}
+road: {type: variator_sim/VehicleResistance, shaft: wheels, law: road, wheel_radius: 0.3,
+       mass: 1200, rolling_coefficient: 0.012, drag_area: 0.67}
+constraints: [variator]
+variator:
+  type: variator_sim/SlipRatio
+  shafts: [primary, wheels]
+  time_constant: 0.05
+  ratio: {topic: ratio, hold: second_order_lag, time_constant: 1.0, initial: 0.08, min: 0.05, max: 0.5}
+initial: {velocity: [90, 0, 0]}
+"""
+CAR_COMMANDS = "time,topic,value\n2,ratio,0.12\n5,ratio,0.2\n"
+
 # The torque has no value after 1 s.
 STOPPING_SCENE = """
 shafts: [drive]
@@ -124,6 +154,66 @@ class SimulateTest(unittest.TestCase):
         self.check_refused([SHIP, SHIP, "--duration", "1"], "one word too many")
         self.check_refused([SHIP, "--duration", "1", "--output", "a.txt"], ".csv", ".bag")
         self.check_refused([SHIP, "--duration", "1", "--stats=1"], "takes no value")
+        self.check_refused([SHIP, "--duration", "1", "--energy=1"], "takes no value")
+        self.check_refused([SHIP, "--duration", "1", "--columns"], "needs a value")
+        self.check_refused([SHIP, "--duration", "1", "--columns", "state,enrgy"], "'enrgy'",
+                           "did you mean 'energy'", "allowed: state, energy")
+        self.check_refused([SHIP, "--duration", "1", "--columns", "state,"], "''")
+        self.check_refused([SHIP, "--duration", "1", "--columns", "energy,energy"], "twice")
+
+    def test_columns_of_energy_stand_behind_the_others_and_change_none(self):
+        plain = self.simulate(SHIP, "--duration", "3", "--rate", "30").stdout.splitlines()
+        both = self.simulate(SHIP, "--duration", "3", "--rate", "30", "--energy").stdout.splitlines()
+        self.assertEqual([line.rsplit(",", 5)[0] for line in both], plain)
+        self.assertEqual(both[0].split(",")[-5:], ENERGY)
+        for groups in ("state,energy", "energy,state"):
+            result = self.simulate(SHIP, "--duration", "3", "--rate", "30", "--columns", groups)
+            self.assertEqual(result.stdout.splitlines(), both)
+        header, rows = self.samples(SHIP, "--duration", "3", "--rate", "30", "--columns", "energy")
+        self.assertEqual(header, ["time"] + ENERGY)
+        self.assertEqual(rows, [row[:1] + row[-5:] for row in parse("\n".join(both))[1]])
+        kinetic, applied, reactions = (header.index(name) for name in ENERGY[:3])
+        for row in rows:
+            self.assertAlmostEqual(row[kinetic] - rows[0][kinetic], row[applied] + row[reactions],
+                                   delta=1e-9 * row[kinetic])
+
+    def test_a_bag_of_energies(self):
+        path = str(self.folder / "out.bag")
+        arguments = [SHIP, "--duration", "0.5", "--rate", "10", "--columns", "energy"]
+        self.assertEqual(self.simulate(*arguments, "--output", path).returncode, 0)
+        _, rows = self.samples(*arguments)
+        with rosbag.Bag(path) as bag:
+            self.assertEqual(set(bag.get_type_and_topic_info().topics), {"scene", "energy"})
+            energies = [message for _, message, _ in bag.read_messages("energy")]
+        self.assertEqual([[m.time, m.kinetic, m.applied, m.reactions, m.applied_power,
+                           m.reaction_power] for m in energies], rows)
+
+    def test_reactions_that_drive_a_car_are_told_once(self):
+        commands = self.write("commands.csv", CAR_COMMANDS)
+        scene = self.write("car.yaml", CAR)
+        arguments = ["--duration", "11", "--rate", "10", "--commands", commands, "--columns",
+                     "energy"]
+        result = self.simulate(scene, *arguments, "--stats")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(result.stderr.count("warning"), 1, result.stderr)
+        for word in ("generalized_gauss", "fed in", "%", "doc/principles.md", "principle: gauss"):
+            self.assertIn(word, result.stderr)
+        last = parse(result.stdout)[1][-1]
+        self.assertGreater(last[3], 0.05 * last[2])
+        stats = dict(line.split(": ") for line in result.stderr.splitlines()
+                     if not line.startswith("simulate:"))
+        account = [float(stats[name].split()[0]) for name in
+                   ("kinetic energy change", "energy of the applied torques",
+                    "energy of the reactions")]
+        for value, expected in zip(account, (last[2] + last[3], last[2], last[3])):
+            self.assertAlmostEqual(value, expected, delta=1e-5 * abs(expected))
+
+        classical = self.write("classical.yaml", CAR + "principle: gauss\n")
+        result = self.simulate(classical, *arguments)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(result.stderr, "")
+        last = parse(result.stdout)[1][-1]
+        self.assertLess(abs(last[3]), 0.01 * last[2])
 
     def test_bad_scene(self):
         self.check_refused(["/nowhere.yaml", "--duration", "1"], "/nowhere.yaml")
@@ -194,7 +284,8 @@ class SimulateTest(unittest.TestCase):
 
     def test_stats(self):
         result = self.simulate(SHIP, "--duration", "10", "--stats")
-        stats = dict(line.split(": ") for line in result.stderr.splitlines())
+        stats = dict(line.split(": ") for line in result.stderr.splitlines()
+                     if not line.startswith("simulate:"))
         self.assertEqual(stats["samples"], "1001")
         self.assertEqual(stats["simulated time"], "10 s")
         self.assertGreater(int(stats["steps"]), 10)
@@ -203,14 +294,16 @@ class SimulateTest(unittest.TestCase):
         self.assertGreater(float(stats["times real time"]), 1.0)
         self.assertGreater(float(stats["wall time"].split()[0]), 0.0)
         for name in ("stepper", "not computed", "rejected steps", "projections", "jumps", "commands clamped",
-                     "output wall time"):
+                     "output wall time", "kinetic energy change", "energy of the applied torques",
+                     "energy of the reactions"):
             self.assertIn(name, stats)
+        self.assertIn(" J (estimated", stats["energy of the reactions"])
 
     def test_bag_equals_csv(self):
         path = str(self.folder / "out.bag")
-        result = self.simulate(SHIP, "--duration", "1.005", "--rate", "10", "--output", path)
+        result = self.simulate(SHIP, "--duration", "0.905", "--rate", "10", "--output", path)
         self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
-        header, rows = self.samples(SHIP, "--duration", "1.005", "--rate", "10")
+        header, rows = self.samples(SHIP, "--duration", "0.905", "--rate", "10")
         with rosbag.Bag(path) as bag:
             scenes = [message for _, message, _ in bag.read_messages("scene")]
             states = [message for _, message, _ in bag.read_messages("state")]
