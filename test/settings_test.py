@@ -17,7 +17,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Float64
-from variator_sim.msg import SimulationStatus
+from variator_sim.msg import DrivetrainEnergy, SimulationStatus
 
 from support.node_client import PATIENCE, Listener, NodeClient, wait_for
 
@@ -121,6 +121,70 @@ class DiagnosticsTest(unittest.TestCase):
         self.assertEqual(status.message, 'stopped: NonFiniteValue')
         self.assertEqual({pair.key: pair.value for pair in status.values}['stop reason'],
                          'NonFiniteValue')
+
+    def test_reactions_that_bring_energy_are_a_word_until_the_reset(self):
+        node = NodeClient('live', states=False)
+        self.addCleanup(node.close)
+        node.trigger('pause')
+
+        def word(status):
+            return {pair.key: pair.value for pair in status.values}['energy of the reactions']
+        node.trigger('reset')
+        self.wait_for_status('live', lambda s: word(s) == '', 'no word')
+        self.assertTrue(node.step(3.0).success)
+        status = self.wait_for_status('live', word, 'a word')
+        self.assertEqual(status.level, DiagnosticStatus.OK)
+        for part in ('generalized_gauss', '%', 'doc/principles.md'):
+            self.assertIn(part, word(status))
+        node.trigger('reset')
+        self.wait_for_status('live', lambda s: word(s) == '', 'no word')
+        node.trigger('resume')
+
+
+class EnergyTest(unittest.TestCase):
+    KINETIC = 0.5 * (0.5 * 10.0 ** 2 + 1.2 * 8.0 ** 2)  # J, at the start
+
+    def setUp(self):
+        self.node = NodeClient('live', states=False)
+        self.addCleanup(self.node.close)
+        self.node.trigger('pause')
+        self.addCleanup(self.node.trigger, 'resume')
+
+    def listen(self):
+        listener = Listener('/live/energy', DrivetrainEnergy).connect()
+        # The node has taken notice when it tells.
+        wait_for(lambda: self.node.step(1e-3).success and listener.all(), 'energies')
+        return listener
+
+    def run_motion(self):
+        """0.9 s in four steps; the time reached."""
+        for duration, torque in ((0.3, 4.0), (0.1, 9.0), (0.4, 2.0), (0.1, 2.0)):
+            response = self.node.step(duration, [('drive_torque', torque)])
+            self.assertTrue(response.success, response.message)
+        return response.state.time
+
+    def test_energies_count_from_the_start_of_the_motion(self):
+        energies = self.listen()
+        energies.forget()
+        self.node.trigger('reset_time')
+        energies.wait(lambda m: m.time == 0.0, 'the start')
+        end = self.run_motion()
+        last = energies.wait(lambda m: m.time == end, 'the end')
+        self.assertAlmostEqual(last.kinetic - self.KINETIC, last.applied + last.reactions, places=9)
+        self.assertGreater(abs(last.applied), 1.0)
+        self.assertGreater(abs(last.reactions), 0.01)
+        energies.close()
+
+        # Without a subscriber, and with one that comes at the end.
+        self.node.trigger('reset_time')
+        self.assertEqual(self.run_motion(), end)
+        energies = self.listen()
+        self.addCleanup(energies.close)
+        late = energies.all()[0]
+        self.assertAlmostEqual(late.kinetic - self.KINETIC, late.applied + late.reactions, places=9)
+        self.assertAlmostEqual(late.applied, last.applied,
+                               delta=1e-3 * abs(last.applied)
+                               + abs(late.applied_power) * 2.0 * (late.time - end))
 
 
 class TimeoutsTest(unittest.TestCase):
@@ -236,7 +300,8 @@ class SettingsSuite(unittest.TestSuite):
 
     def __init__(self):
         super().__init__(unittest.defaultTestLoader.loadTestsFromTestCase(case)
-                         for case in (LiveSettingsTest, DiagnosticsTest, TimeoutsTest, RealTimeTest))
+                         for case in (LiveSettingsTest, DiagnosticsTest, EnergyTest, TimeoutsTest,
+                                      RealTimeTest))
 
 
 if __name__ == '__main__':

@@ -193,6 +193,61 @@ TEST(SteppingLoop, AllocatesNothingPerTick) {
   EXPECT_EQ(allocations.load(), 0);
 }
 
+/// Runs 3 s with commands, energy being wanted from tick `from` on; the samples that have it.
+std::vector<TimedSample> runForEnergy(int from, LoopSnapshot* snapshot) {
+  ScriptedClock clock;
+  NodeSettings settings;
+  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
+  loop.setSamplesWanted(true);
+  loop.setEnergyWanted(from == 0);
+  std::vector<TimedSample> samples;
+  TimedSample timed;
+  allocations = 0;
+  clock.on_sleep_ = [&](int tick) {
+    counting = false;
+    while (loop.popSample(timed)) {
+      if (timed.has_energy) samples.push_back(timed);
+    }
+    while (loop.popSnapshot(*snapshot)) {
+    }
+    if (tick == from) loop.setEnergyWanted(true);
+    if (tick % 300 == 0) loop.command({0, 0.01 * tick});
+    if (tick == 3000) {
+      loop.stop();
+      return;
+    }
+    counting = tick > 100;
+  };
+  loop.run();
+  counting = false;
+  EXPECT_EQ(allocations.load(), 0);
+  return samples;
+}
+
+TEST(SteppingLoop, EnergyCountsFromTheStartForWhoComesLate) {
+  LoopSnapshot snapshot;
+  const std::vector<TimedSample> all = runForEnergy(0, &snapshot);
+  EXPECT_TRUE(snapshot.energy_doubt.exists());
+  const std::vector<TimedSample> late = runForEnergy(2000, &snapshot);
+  EXPECT_TRUE(snapshot.energy_doubt.exists());
+  ASSERT_GT(all.size(), 290u);
+  ASSERT_GT(late.size(), 90u);
+  ASSERT_LT(late.size(), 110u);
+  const double start = all.front().sample.energy.kinetic;
+  EXPECT_EQ(all.front().time, 0);
+  EXPECT_EQ(all.front().sample.energy.applied, 0.0);
+  for (std::size_t i = 0; i < late.size(); ++i) {
+    const TimedSample& first = all[all.size() - late.size() + i];
+    const Energy& exact = first.sample.energy;
+    const Energy& energy = late[i].sample.energy;
+    ASSERT_EQ(late[i].time, first.time);
+    ASSERT_EQ(energy.kinetic, exact.kinetic);
+    ASSERT_EQ(energy.applied_power, exact.applied_power);
+    ASSERT_NEAR(energy.applied, exact.applied, 1e-4 * std::abs(exact.applied));
+    ASSERT_NEAR(energy.applied + energy.reactions, energy.kinetic - start, 1e-9 * start);
+  }
+}
+
 TEST(SteppingLoop, TakesACommandAtTheNextTickAndShowsItThere) {
   ScriptedClock clock;
   NodeSettings settings;
