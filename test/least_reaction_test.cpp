@@ -177,6 +177,22 @@ TEST(LeastReaction, ATieNamesItsCandidatesAndTheirReactions) {
   EXPECT_NE(text.find("initial/acceleration"), std::string::npos) << text;
 }
 
+TEST(LeastReaction, GivenAccelerationsChooseOneOfATie) {
+  for (const char* principle : {"gauss", "generalized_gauss"}) {
+    for (const char* sign : {"", "-"}) {
+      TwoShafts scene;
+      scene.psi = "e2+3-2*e1^2";
+      scene.rest = std::string("principle: ") + principle + "\ninitial: {acceleration: [" + sign +
+                   "1.1989578808281798, -0.125]}\n";
+      Simulation simulation(test::sceneFromText(scene.text()));
+      ASSERT_TRUE(simulation.status().ok());
+      EXPECT_NEAR(simulation.sample().acceleration[0],
+                  *sign == '-' ? -1.1989578808281798 : 1.1989578808281798, 1e-12);
+      EXPECT_NEAR(simulation.sample().acceleration[1], -0.125, 1e-12);
+    }
+  }
+}
+
 TEST(LeastReaction, TooManyMinimaAreADoubt) {
   TwoShafts scene;
   scene.psi = "0.01*e2+sin(1e5*e1)+1.5+0.001*e1";

@@ -149,7 +149,17 @@ class ClassicalGauss {
         initial_solver_.acceptVelocities(state, scene_.initial.project, x.data() + S, nearest);
     *velocities_at_fault = velocities != InitialResult::kConsistent;
     if (*velocities_at_fault) return velocities;
-    const InitialResult result = initial_solver_.findLeastReaction(state, epsilon_);
+    InitialResult result = initial_solver_.findLeastReaction(state, epsilon_);
+    if (!scene_.initial.acceleration.empty() &&
+        (result == InitialResult::kNotUnique || result == InitialResult::kDoubtful)) {
+      // Those given choose among the stationary ones.
+      std::copy_n(scene_.initial.acceleration.begin(), S, epsilon_);
+      std::copy(epsilon_, epsilon_ + S, guess_);
+      noteMultipliers(state);
+      calcAccelerations(state);
+      if (!std::isfinite(epsilon_[0])) return InitialResult::kNotFound;
+      result = InitialResult::kConsistent;
+    }
     std::copy(epsilon_, epsilon_ + S, guess_);
     std::copy(epsilon_, epsilon_ + S, nearest);
     noteMultipliers(state);

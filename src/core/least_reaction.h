@@ -233,9 +233,18 @@ class LeastReactionSolver {
       }
       return sum;
     };
+    // (Where C vanishes psi is small near by, and zero nowhere near.)
+    const auto isRegular = [&] {
+      bool is_regular = true;
+      for (int r = 0; r < k; ++r) {
+        is_regular =
+            is_regular && drivetrain_.accelerationRowLengthSquared(r) * weight[r] > kVanished;
+      }
+      return is_regular;
+    };
     double left = measure();
     for (int iteration = 0; iteration < 40; ++iteration) {
-      if (isConsistent(state, 1e-3 * kConsistent)) return true;
+      if (isConsistent(state, 1e-3 * kConsistent)) return isRegular();
       if (!drivetrain_.calcAccelerationProjection(state, delta)) return false;
       std::copy_n(epsilon, S, given);
       bool less = false;
@@ -248,7 +257,7 @@ class LeastReactionSolver {
       }
       if (!less) break;
     }
-    return isConsistent(state);
+    return isConsistent(state) && isRegular();
   }
 
   /// True when psi = 0 is as near to `state` as consistent accelerations have it.
@@ -540,6 +549,8 @@ class LeastReactionSolver {
     return calcLength(step) <= std::max(1e-9 * scale, rounding);
   }
 
+  /// A row of C with this part of its squared length has vanished.
+  static constexpr double kVanished = 1e-12;
   /// So far aside of a corner, relative to epsilon, is a side of it looked at.
   static constexpr double kAside = 1e-7;
 
