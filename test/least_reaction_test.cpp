@@ -283,6 +283,24 @@ TEST(JumpMap, PassesKinksOfPsi) {
   EXPECT_NEAR(simulation.sample().residual[0], 0.0, 1e-12);
 }
 
+TEST(JumpMap, PassesCornersOfAnyAngle) {
+  for (double k : {-3.0, -1.0, -0.2, 0.6, 1.0, 2.0, 5.0}) {
+    const double above = 0.6 - k;
+    const double below = 0.6 + k;
+    Simulation simulation(test::sceneFromText(
+        kinkScene(k, "a", "0") + "initial: {acceleration: [1, " + std::to_string(above) + "]}\n"));
+    simulation.advanceTo(0.5);
+    simulation.command(0, -40.0);
+    simulation.advanceTo(0.5);
+    const double left = 40.0 - (1.0 + 2.0 * above * above);  // once e1 = 0 is reached
+    EXPECT_NEAR(
+        simulation.sample().acceleration[0],
+        left > 0.0 ? -left / (1.0 + 2.0 * below * below) : 1.0 - 40.0 / (1.0 + 2.0 * above * above),
+        1e-8)
+        << k << ": " << simulation.describeStatus();
+  }
+}
+
 TEST(JumpMap, LeavesAKinkItStartsOn) {
   for (double torque : {-6.0, 3.0}) {
     Simulation simulation(test::sceneFromText(kinkScene(0.3, "a", "0")));

@@ -249,19 +249,37 @@ class JumpMap {
   /// Goes on by `length` with the present rate, over the kinks that are met, and takes the rate
   /// there. False when that one leads back over a kink.
   bool hop(double* theta, Vector& e, Vector& rate, double length, std::uint64_t* projections) {
-    Vector there = e;
+    const std::size_t count = drivetrain_.kinks().size();
     const double end = std::min(1.0, *theta + length);
-    for (double stretch = 2.0; stretch < 1e6; stretch *= 4.0) {
+    double before[kMostKinks];
+    double beyond[kMostKinks];
+    std::copy_n(kinks_, count, before);
+    Vector there = e;
+    double stretch = 2.0 * length;
+    for (int n = 0; n < 10; ++n, stretch *= 4.0) {
       // Until rounding does not hide on which side it ends.
-      for (int i = 0; i < S; ++i) there[i] = e[i] + stretch * length * rate[i];
+      for (int i = 0; i < S; ++i) there[i] = e[i] + stretch * rate[i];
       if (!liesOnKinkAt(there, end)) break;
+    }
+    std::copy_n(kinks_, count, beyond);
+    Vector rate_there;
+    path_(there, rate_there, end);
+    // To the kink with the rate before it, then with the one behind it.
+    double part = 1.0;
+    for (std::size_t j = 0; j < count; ++j) {
+      if (before[j] * beyond[j] <= 0.0 && before[j] != beyond[j]) {
+        part = std::min(part, before[j] / (before[j] - beyond[j]));
+      }
+    }
+    for (int i = 0; i < S; ++i) {
+      if (!std::isfinite(rate_there[i])) return false;
+      there[i] = e[i] + stretch * (part * rate[i] + (1.0 - part) * rate_there[i]);
     }
     Vector moved;
     if (projectAccelerations(drivetrain_, path_.at(end, there.data()), there.data(), moved.data(),
                              projections) != ProjectionResult::kConverged) {
       return false;
     }
-    Vector rate_there;
     path_(there, rate_there, end);
     double ahead_values[kMostKinks];
     Vector ahead;
@@ -273,10 +291,13 @@ class JumpMap {
       speed = std::max(speed, std::abs(rate_there[i]));
     }
     calcKinks(there, end, kinks_);
+    for (std::size_t j = 0; j < count; ++j) {
+      if (kinks_[j] * beyond[j] < 0.0) return false;
+    }
     if (speed > 0.0) {
       for (int i = 0; i < S; ++i) ahead[i] = there[i] + 4.0 * size / speed * rate_there[i];
       calcKinks(ahead, end, ahead_values);
-      for (std::size_t j = 0; j < drivetrain_.kinks().size(); ++j) {
+      for (std::size_t j = 0; j < count; ++j) {
         if (kinks_[j] * ahead_values[j] < 0.0) return false;
       }
     }

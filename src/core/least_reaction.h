@@ -468,7 +468,7 @@ class LeastReactionSolver {
         for (int q = 0; q < count; ++q) A(r, q) /= length[r] * length[q];
       }
       const Vector nu = A.partialPivLu().solve(right);
-      for (int r = k; r < count; ++r) is_least = is_least && nu(r) >= -10.0 * kAside * size;
+      for (int r = k; r < count; ++r) is_least = is_least && nu(r) >= -0.1 * kAside * size;
     });
     return is_least;
   }
@@ -552,7 +552,7 @@ class LeastReactionSolver {
   /// A row of C with this part of its squared length has vanished.
   static constexpr double kVanished = 1e-12;
   /// So far aside of a corner, relative to epsilon, is a side of it looked at.
-  static constexpr double kAside = 1e-7;
+  static constexpr double kAside = 1e-10;
 
   Drivetrain<Shape>& drivetrain_;
   const Constraint* rows_[S] = {};
