@@ -16,6 +16,9 @@ constexpr int kMostHalvings = 52;
 constexpr int kFewestPoints = 32;
 constexpr int kMostPoints = 1024;
 
+/// Steps for which a guard has to keep its branch to be looked at again.
+constexpr int kMuted = 20;
+
 /// True when the states of `box` cannot be told from each other.
 bool isPoint(const StateBox& box, int shafts) {
   constexpr double kSame = 1e-12;
@@ -36,13 +39,22 @@ void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view) {
   sides_.assign(guards_.size(), Guard::kOnEdge);
   step_sides_ = sides_;
   found_ = sides_;
+  muted_.assign(guards_.size(), 0);
   for (const GuardPtr& guard : guards_) {
     (guard->isOpaque() ? has_opaque_ : has_enclosed_) = true;
   }
 }
 
 void GuardSearch::moveBase(const StateView& state) {
-  for (std::size_t i = 0; i < guards_.size(); ++i) sides_[i] = guards_[i]->branch(state);
+  for (std::size_t i = 0; i < guards_.size(); ++i) {
+    const int branch = guards_[i]->branch(state);
+    if (muted_[i] > 0) muted_[i] = branch == sides_[i] ? muted_[i] - 1 : kMuted;
+    sides_[i] = branch;
+  }
+}
+
+void GuardSearch::mute(int index) {
+  muted_[static_cast<std::size_t>(index)] = kMuted;
 }
 
 void GuardSearch::pass(int index) {
@@ -68,6 +80,7 @@ bool GuardSearch::isClear(const StateBox& box) const {
   if (has_opaque_) return false;
   for (std::size_t n = 0; n < guards_.size(); ++n) {
     const std::size_t i = (last_ + n) % guards_.size();
+    if (muted_[i] > 0) continue;
     if (sides_[i] == Guard::kOnEdge || guards_[i]->mayLeave(box, sides_[i])) {
       last_ = i;
       return false;
@@ -84,6 +97,10 @@ StateView GuardSearch::at(const StepCurve& curve, double part) {
 void GuardSearch::settleSides(const StepCurve& curve, double resolution) {
   step_sides_ = sides_;
   for (std::size_t i = 0; i < guards_.size(); ++i) {
+    if (muted_[i] > 0) {
+      step_sides_[i] = Guard::kOnEdge;
+      continue;
+    }
     for (double part = resolution; step_sides_[i] == Guard::kOnEdge && part <= 1.0; part *= 4.0) {
       step_sides_[i] = guards_[i]->branch(at(curve, part));
     }

@@ -51,6 +51,10 @@ class GuardSearch {
   /// [loop]
   void pass(int index);
 
+  /// A guard along whose edge the motion goes on is left alone until it has kept its branch for
+  /// some steps. [loop]
+  void mute(int index);
+
   /// True when no guard can leave its branch in `box`, which holds all states of the step from the
   /// base. [loop]
   bool isClear(const StateBox& box) const;
@@ -72,6 +76,7 @@ class GuardSearch {
   View view_;
   std::vector<int> sides_;
   std::vector<int> step_sides_;   ///< the same, edges settled
+  std::vector<int> muted_;        ///< steps for which it still has to keep its branch
   std::vector<int> found_;        ///< branches behind the edges that were found last
   mutable std::size_t last_ = 0;  ///< that could not be excluded: looked at first
   bool has_opaque_ = false;

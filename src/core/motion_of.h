@@ -317,6 +317,7 @@ class MotionOf final : public Motion {
     if (!guards_.isEmpty()) {
       guards_.moveBase(viewOf(front_));
       meetEdgeAtStart();
+      if (!advanced_ && !leaveCorner()) return;
     }
     control_.reset();
     restart_time_ = front_.time;
@@ -632,6 +633,76 @@ class MotionOf final : public Motion {
     }
   }
 
+  /// A motion that begins in a corner of psi (a zero of abs(e1), say, where the least reaction
+  /// often lies): C is another one on each of its sides, and the motion takes the side on which its
+  /// own jerk leads away from the corner. False, and the motion stopped, when neither side or
+  /// either does.
+  bool leaveCorner() {
+    if constexpr (kIntegratesTorque<System>) {
+      for (const Constraint* kink : drivetrain_.kinks()) {
+        double G[S];
+        const StateView state = viewOf(front_);
+        const double g = kink->calcResidualAndJacobian(state, G);
+        double size = 0.0;
+        for (int i = 0; i < S; ++i)
+          size += std::abs(G[i]) * (1.0 + std::abs(state.acceleration[i]));
+        if (!(std::abs(g) <= kCorner * size)) continue;
+        bool is_still = true;
+        for (std::size_t n = 2 * S; n < front_.dxdt.size(); ++n) {
+          is_still = is_still && front_.dxdt[n] == 0.0;
+        }
+        if (is_still) continue;
+        int leading = 0;
+        Node best = front_;
+        for (const double side : {1.0, -1.0}) {
+          Node beside = front_;
+          if (moveAside(*kink, G, side * 10.0 * kCorner * size, beside)) {
+            best = beside;
+            ++leading;
+          }
+        }
+        if (leading == 1) {
+          front_ = best;
+          base_ = front_;
+          guards_.moveBase(viewOf(front_));
+          continue;
+        }
+        stop(StopReason::kChattering);
+        for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+          for (const ConstraintPtr& own : drivetrain_.constraint(m).kinks()) {
+            if (own.get() == kink) status_.constraint = m;
+          }
+        }
+        return false;
+      }
+    }
+    return true;
+  }
+  /// Moves the accelerations of a node in a corner to where `kink`, whose gradient is G, has about
+  /// the value `distance`, along psi = 0. False where the jerk there leads back into the corner.
+  bool moveAside(const Constraint& kink, const double* G, double distance, Node& node) {
+    double direction[S];
+    drivetrain_.inertia().solve(G, direction);
+    double slope = 0.0;
+    for (int i = 0; i < S; ++i) slope += G[i] * direction[i];
+    if (!(slope > 0.0)) return false;
+    double* acceleration = node.x.data() + node.x.size() - S;
+    for (int i = 0; i < S; ++i) acceleration[i] += distance / slope * direction[i];
+    State moved{};
+    if (system_.project(node.time, node.x, moved, &statistics_.projections) !=
+        ProjectionResult::kConverged) {
+      return false;
+    }
+    system_(node.x, node.dxdt, node.time);
+    double row[S];
+    double rate;
+    const StateView state = viewOf(node);
+    if (!(kink.calcResidual(state) * distance > 0.0)) return false;
+    kink.calcRow(state, row, &rate);
+    for (int i = 0; i < S; ++i) rate += row[i] * node.dxdt[node.dxdt.size() - S + i];
+    return rate * distance > 0.0;
+  }
+
   /// A step over the edge that lies just ahead of the base, so short that x' from before it will
   /// do, and that no stepper has to make stages on both sides of it. A torque that jumps there
   /// moves the accelerations by the jump map. False, and nothing done, when x' changes too much, or
@@ -755,6 +826,11 @@ class MotionOf final : public Motion {
     const bool at_once = guard == last_crossing_.guard &&
                          now - last_crossing_.time <= kAtOnce * (length + last_crossing_.length);
     last_crossing_ = {guard, now, length, at_once ? last_crossing_.count + 1 : 0};
+    if (!jumps && !kIntegratesTorque<System> && last_crossing_.count >= kMostTouches) {
+      // Accelerations of least reaction may go on in the corner itself (least_reaction.h).
+      guards_.mute(guard);
+      return true;
+    }
     bool turns_back = last_crossing_.count >= (jumps ? 1 : kMostTouches);
     if (jumps && !turns_back) {
       Node ahead = front_;
@@ -954,8 +1030,11 @@ class MotionOf final : public Motion {
   /// True, and the motion stopped at the base, when the accelerations that follow from the state
   /// are not known to the tolerance any more.
   bool stopWhereToleranceIsLost() {
-    if (!checks_.isToleranceLost()) return false;
     const double measure = checks_.unattainable();
+    if (measure > 1.0) {
+      statistics_.largest_rounding = std::max(statistics_.largest_rounding, measure);
+    }
+    if (!checks_.isToleranceLost()) return false;
     front_ = base_;
     explainStop(StopReason::kToleranceTooSmall);
     if (status_.reason == StopReason::kToleranceTooSmall) status_.measure = measure;
@@ -1437,6 +1516,8 @@ class MotionOf final : public Motion {
   static constexpr int kMostLooks = 100;
   /// An edge is crossed back at once when that takes so many times what crossing it took.
   static constexpr double kAtOnce = 100.0;
+  /// Relative to the accelerations: so near to a corner a start lies in it.
+  static constexpr double kCorner = 1e-11;
   /// A kink that is crossed so often at once is not merely touched.
   static constexpr int kMostTouches = 10;
   /// The motion sleeps for so many of its longest steps at least.

@@ -62,8 +62,9 @@ const char* explain(StopReason reason) {
     case StopReason::kJumpFailed:
       return "the jump leads to no state on the constraints";
     case StopReason::kChattering:
-      return "a law jumps where the motion crosses back at once, so neither branch goes on: a "
-             "continuous law helps (tanh(w/0.01) for sign(w), variator_sim/Friction for friction)";
+      return "a law jumps, or bends, where the motion turns back at once, so none of its branches "
+             "goes on: a smooth law helps (tanh(w/0.01) for sign(w), sqrt(x^2+1e-6) for abs(x), "
+             "variator_sim/Friction for dry friction)";
     case StopReason::kProjectionFailed:
       return "no accelerations that satisfy the constraints were found";
   }

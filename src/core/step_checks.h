@@ -328,7 +328,7 @@ class StepChecks {
   }
 
   /// See isToleranceLost.
-  static constexpr double kAttainable = 5.0;
+  static constexpr double kAttainable = 50.0;
   /// The |h lambda| (h^2 times a stiffness) of explicit steps is some ten at most.
   static constexpr double kMostStable = 100.0;
   /// What stands for the error of a step beyond that.
