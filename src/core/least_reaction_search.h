@@ -109,10 +109,10 @@ class LeastReactionSearch {
 
   /// psi on a ray: the soft part v, then the hard one, and their derivatives by t.
   struct Point {
-    double t;
-    double v[kMaxRows];
-    double dv[kMaxRows];
-    bool is_finite;
+    double t = 0.0;
+    double v[kMaxRows] = {};
+    double dv[kMaxRows] = {};
+    bool is_finite = false;
   };
   struct Start {
     double epsilon[S];
