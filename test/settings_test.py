@@ -67,8 +67,7 @@ class LiveSettingsTest(unittest.TestCase):
 
     def test_values_that_are_not_allowed_change_nothing(self):
         before = self.change()
-        for name, value in (('real_time_factor', 1e-4), ('publish_rate', 1001.0),
-                            ('publish_rate', 1e-17)):
+        for name, value in (('real_time_factor', 1e-4), ('publish_rate', 1001.0)):
             after = self.change(**{name: value})
             self.assertEqual(after[name], before[name])
             self.assertEqual(rospy.get_param('/live/' + name), before[name])

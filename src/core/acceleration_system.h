@@ -5,6 +5,7 @@
 #include <array>
 
 #include "drivetrain.h"
+#include "guard_search.h"
 #include "initial_conditions.h"
 #include "jump.h"
 #include "linearization.h"
@@ -105,13 +106,17 @@ class AccelerationSystem {
   template <class Node>
   bool crossKink(const Node& from, Node& to) {
     double change[S];
-    std::copy_n(from.x.begin() + 2 * S, S, to.x.begin() + 2 * S);
-    if (!drivetrain_.calcKinkJump(view(from.time, from.x), view(to.time, to.x), change)) {
+    State there = to.x;
+    std::copy_n(from.x.begin() + 2 * S, S, there.begin() + 2 * S);
+    if (!drivetrain_.calcKinkJump(view(from.time, from.x), view(to.time, there), change)) {
       return false;
     }
     for (int i = 0; i < S; ++i) to.x[2 * S + i] += change[i];
     return true;
   }
+
+  /// (The rate of a torque that jumps is the same on both sides: no stage can go wrong by it.)
+  void watch(JumpWatch* /*watch*/) {}
 
   /// R' = C^T Lambda: what no C has ever had a part of is a constant of the reaction R, and not the
   /// integrator's business. It is kept as it is at the start: `noteReaction` there (and wherever a
@@ -120,12 +125,12 @@ class AccelerationSystem {
   void noteReaction(const Node& node) {
     drivetrain_.calcReaction(view(node.time, node.x), node.torque.data(), reaction_at_start_);
     const bool is_simple = drivetrain_.inertia().isConstant() && drivetrain_.inertia().isDiagonal();
-    has_neutral_ = !keeps_reaction_in_range_ && (drivetrain_.hasConstantRows() || is_simple);
-    std::fill_n(is_neutral_, S, true);
+    has_neutral_ = !keeps_reaction_in_range_ && (drivetrain_.hasConstantJacobian() || is_simple);
+    for (int i = 0; i < S; ++i) is_neutral_[i] = !drivetrain_.readsColumn(i);
     noteColumns();
   }
   void noteColumns() {
-    if (!has_neutral_ || drivetrain_.hasConstantRows()) return;
+    if (!has_neutral_ || drivetrain_.hasConstantJacobian()) return;
     has_neutral_ = false;
     for (int i = 0; i < S; ++i) {
       for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
@@ -135,16 +140,16 @@ class AccelerationSystem {
     }
   }
   /// Moves the accelerations of a node, whose torque is known, to where that part of the reaction
-  /// is what it was, along psi = 0. False when there was nothing to do.
+  /// is what it was, along psi = 0, by `most` tolerances. False when there was nothing to do.
   template <class Node>
-  bool restoreReaction(Node& node) {
+  bool restoreReaction(Node& node, double most) {
     if (!has_neutral_) return false;
     double lost[S];  // R less R at the start
     double change[S];
     const StateView state = view(node.time, node.x);
     drivetrain_.calcReaction(state, node.torque.data(), lost);
     for (int i = 0; i < S; ++i) lost[i] -= reaction_at_start_[i];
-    if (drivetrain_.hasConstantRows()) {
+    if (drivetrain_.hasConstantJacobian()) {
       double lambda[kMaxRows] = {};
       if (!drivetrain_.factorOnce(state)) return false;
       drivetrain_.calcOutOfRange(lost, lambda, change);
@@ -153,7 +158,12 @@ class AccelerationSystem {
         change[i] = is_neutral_[i] ? -lost[i] / drivetrain_.inertia().entry(i, i) : 0.0;
       }
     }
-    for (int i = 0; i < S; ++i) node.x[2 * S + i] += change[i];
+    double largest = 0.0;
+    for (std::size_t i = 0; i < S; ++i) {
+      largest = std::max(largest, std::abs(change[i]) / tolerance_.of(node.x[2 * S + i]));
+    }
+    const double part = largest > most ? most / largest : 1.0;
+    for (int i = 0; i < S; ++i) node.x[2 * S + i] += part * change[i];
     return true;
   }
 
@@ -172,6 +182,7 @@ class AccelerationSystem {
  protected:
   AccelerationSystem(const Scene& scene, bool keeps_reaction_in_range)
       : scene_(scene),
+        tolerance_{scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
         drivetrain_(scene),
         initial_solver_(drivetrain_),
         jump_map_(drivetrain_, scene.solver, keeps_reaction_in_range),
@@ -195,6 +206,7 @@ class AccelerationSystem {
   }
 
   const Scene& scene_;
+  Tolerance tolerance_;
   Drivetrain<Shape> drivetrain_;
   InitialConditionSolver<Shape> initial_solver_;
   JumpMap<Shape> jump_map_;

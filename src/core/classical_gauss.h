@@ -9,6 +9,7 @@
 
 #include "acceleration_system.h"
 #include "drivetrain.h"
+#include "guard_search.h"
 #include "initial_conditions.h"
 #include "linearization.h"
 #include "projection.h"
@@ -52,7 +53,8 @@ class ClassicalGauss {
 
   [[gnu::noinline]] void operator()(const State& x, State& dxdt, double t) {
     drivetrain_.countRightHandSide();
-    view(t, x);
+    const StateView state = view(t, x);
+    if (watch_ != nullptr) watch_->note(state);
     for (int i = 0; i < S; ++i) {
       dxdt[i] = x[S + i];
       dxdt[S + i] = epsilon_[i];
@@ -199,12 +201,15 @@ class ClassicalGauss {
     return true;
   }
 
+  /// Tells `watch` of every state at which the derivative is taken.
+  void watch(JumpWatch* watch) { watch_ = watch; }
+
   /// The reaction follows from the state: nothing of it can drift.
   template <class Node>
   void noteReaction(const Node& /*node*/) {}
   void noteColumns() {}
   template <class Node>
-  bool restoreReaction(Node& /*node*/) {
+  bool restoreReaction(Node& /*node*/, double /*most*/) {
     return false;
   }
 
@@ -290,6 +295,7 @@ class ClassicalGauss {
 
   const Scene& scene_;
   Drivetrain<Shape> drivetrain_;
+  JumpWatch* watch_ = nullptr;
   InitialConditionSolver<Shape> initial_solver_;
   bool linear_ = true;
   double epsilon_[S] = {};

@@ -247,7 +247,8 @@ class EnergyMeter {
       const double omega = node.x[S + i];
       uncertain += drivetrain_.inertia().entry(n, n) * std::abs(omega) * tolerance_.of(omega);
     }
-    if (std::abs(reactions_) > kCertain * uncertain) doubt_since_ = drivetrain_.origin() + node.time;
+    if (std::abs(reactions_) > kCertain * uncertain)
+      doubt_since_ = drivetrain_.origin() + node.time;
   }
 
   /// The reactions' part of the applied energy that is worth a word.

@@ -38,11 +38,15 @@ void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view) {
   view_ = std::move(view);
   sides_.assign(guards_.size(), Guard::kOnEdge);
   step_sides_ = sides_;
-  found_ = sides_;
   muted_.assign(guards_.size(), 0);
   for (const GuardPtr& guard : guards_) {
     (guard->isOpaque() ? has_opaque_ : has_enclosed_) = true;
   }
+}
+
+bool GuardSearch::hasJumps() const {
+  return std::any_of(guards_.begin(), guards_.end(),
+                     [](const GuardPtr& guard) { return guard->jumps(); });
 }
 
 void GuardSearch::moveBase(const StateView& state) {
@@ -55,11 +59,6 @@ void GuardSearch::moveBase(const StateView& state) {
 
 void GuardSearch::mute(int index) {
   muted_[static_cast<std::size_t>(index)] = kMuted;
-}
-
-void GuardSearch::pass(int index) {
-  const auto i = static_cast<std::size_t>(index);
-  sides_[i] = found_[i];
 }
 
 bool GuardSearch::hasLeft(int index, const StateView& state) const {
@@ -157,7 +156,6 @@ GuardFinding GuardSearch::findEnclosed(const StepCurve& curve, double resolution
       if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
       const int branch = guards_[i]->branch(state);
       if (branch == Guard::kOnEdge || branch == step_sides_[i]) continue;
-      found_[i] = branch;
       return {GuardFinding::Kind::kCrossing, clear, end, static_cast<int>(i)};
     }
     clear = end;
@@ -224,7 +222,6 @@ void GuardSearch::findOpaque(int index, const StepCurve& curve, double resolutio
     const double middle = 0.5 * (clear + beyond);
     (distanceAt(index, curve, middle) < 0.0 ? beyond : clear) = middle;
   }
-  found_[static_cast<std::size_t>(index)] = -step_sides_[static_cast<std::size_t>(index)];
   *finding = {GuardFinding::Kind::kCrossing, clear, beyond, index};
 }
 

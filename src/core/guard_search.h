@@ -39,6 +39,8 @@ class GuardSearch {
   int count() const { return static_cast<int>(guards_.size()); }
   const Guard& guard(int index) const { return *guards_[static_cast<std::size_t>(index)]; }
 
+  /// Whether some law itself jumps at an edge.
+  bool hasJumps() const;
   /// The motion stands at `state`: its branches are those of the step to come. [loop]
   void moveBase(const StateView& state);
   /// The branch of a guard at the base; Guard::kOnEdge where none can be told. [loop]
@@ -46,10 +48,6 @@ class GuardSearch {
   /// Whether a guard has left its branch at `state`. [loop]
   bool hasLeft(int index, const StateView& state) const;
   bool hasAnyLeft(const StateView& state) const;
-
-  /// A guard at whose edge the base stands takes the branch that the last search found behind it.
-  /// [loop]
-  void pass(int index);
 
   /// A guard along whose edge the motion goes on is left alone until it has kept its branch for
   /// some steps. [loop]
@@ -77,13 +75,40 @@ class GuardSearch {
   std::vector<int> sides_;
   std::vector<int> step_sides_;   ///< the same, edges settled
   std::vector<int> muted_;        ///< steps for which it still has to keep its branch
-  std::vector<int> found_;        ///< branches behind the edges that were found last
   mutable std::size_t last_ = 0;  ///< that could not be excluded: looked at first
   bool has_opaque_ = false;
   bool has_enclosed_ = false;
   double angle_[kMaxShafts] = {};
   double velocity_[kMaxShafts] = {};
   double acceleration_[kMaxShafts] = {};
+};
+
+/// Watches the stages of a step: whether one of them lies behind a jump that the step, which begins
+/// before it, does not cross.
+class JumpWatch {
+ public:
+  explicit JumpWatch(const GuardSearch& guards) : guards_(guards) {}
+  void begin() {
+    is_on_ = true;
+    has_left_ = false;
+  }
+  /// True when a stage lay behind a jump. [loop]
+  bool end() {
+    is_on_ = false;
+    return has_left_;
+  }
+  /// A stage at `state`. [loop]
+  void note(const StateView& state) {
+    if (!is_on_ || has_left_) return;
+    for (int i = 0; i < guards_.count() && !has_left_; ++i) {
+      has_left_ = guards_.guard(i).jumps() && guards_.hasLeft(i, state);
+    }
+  }
+
+ private:
+  const GuardSearch& guards_;
+  bool is_on_ = false;
+  bool has_left_ = false;
 };
 
 }  // namespace variator_sim

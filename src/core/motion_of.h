@@ -51,6 +51,7 @@ class MotionOf final : public Motion {
                              const double* acceleration) {
                         return drivetrain_.view(relative(time), angle, velocity, acceleration);
                       });
+    if (guards_.hasJumps()) system_.watch(&watch_);
     startOver();
     if (initial_result_ == InitialResult::kInconsistent ||
         initial_result_ == InitialResult::kNotFound ||
@@ -181,16 +182,21 @@ class MotionOf final : public Motion {
   static constexpr double kNever = std::numeric_limits<double>::infinity();
 
   // --- times -----------------------------------------------------------------------------------
-  double absolute(double t) const { return origin_ + t; }
-  double relative(double time) const { return time - origin_; }
+  double absolute(double t) const { return origin_ + (origin_rest_ + t); }
+  double relative(double time) const { return (time - origin_) - origin_rest_; }
   /// The present as nodes count it.
   double present() const { return relative(time_); }
-  /// Counts times from `origin` on, s.
-  void moveOrigin(double origin) {
-    const double by = origin - origin_;
-    origin_ = origin;
-    drivetrain_.moveOrigin(by);
-    drivetrain_.setOrigin(origin);
+  /// Counts times from `t`, as they are counted now, on.
+  void moveOrigin(double t) {
+    // The sum of two doubles and what it rounds off (Knuth: The Art of Computer
+    // Programming, 4.2.2).
+    const double added = origin_rest_ + t;
+    const double sum = origin_ + added;
+    const double part = sum - origin_;
+    origin_rest_ = (origin_ - (sum - part)) + (added - part);
+    origin_ = sum;
+    drivetrain_.moveOrigin(t);
+    drivetrain_.setOrigin(origin_);
   }
 
   bool isSampleFinite() const {
@@ -231,7 +237,8 @@ class MotionOf final : public Motion {
     drivetrain_.resetInputs();
     std::fill(std::begin(row_reference_), std::end(row_reference_), 0.0);
     checks_.reset();
-    moveOrigin(0.0);
+    origin_ = origin_rest_ = 0.0;
+    drivetrain_.setOrigin(0.0);
     crossing_ = Crossing{};
     last_crossing_ = LastCrossing{};
     if (knows_start_) {
@@ -298,7 +305,7 @@ class MotionOf final : public Motion {
     choice_.restart();
     stepper_ = &choice_.stepper();
     control_.setOrder(std::max(1, stepper_->errorOrder()));
-    moveOrigin(absolute(front_.time));
+    moveOrigin(front_.time);
     front_.time = 0.0;
     base_ = front_;
     drivetrain_.refreshInputs(front_.time);
@@ -430,10 +437,13 @@ class MotionOf final : public Motion {
       const double end = last_of_segment ? segment_end : base_.time + h;
       const double taken = last_of_segment ? segment_end - base_.time : h;
       if (!(taken > shortestStep(base_.time)) || !(taken > 1e-290)) {
-        explainStop();
-        return false;
+        hopped_ = guards_.hasJumps() && crossJumpAhead(kAhead * solver.maximum_step);
+        if (!hopped_ && status_.ok()) explainStop();
+        return hopped_;
       }
+      watch_.begin();
       double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
+      const bool stages_left = watch_.end();
       if (norm <= 1.0)
         norm = worseOf(norm, projectEnd(*stepper_, base_.x, end, taken, norm, front_.x));
       // These decide whether the step is good. They may keep the next one from growing, but not
@@ -457,6 +467,8 @@ class MotionOf final : public Motion {
           front_ = base_;
           continue;
         }
+        // A torque that jumps was met by the stages and not by the motion: too long a step.
+        if (stages_left && norm <= 1.0) norm = kStagesLeft;
       }
       if (norm <= 1.0) {
         ++statistics_.steps;
@@ -478,6 +490,12 @@ class MotionOf final : public Motion {
       h = taken * control_.shrink(norm);
       front_ = base_;
       crossing_ = Crossing{};
+      // Where no step however short succeeds, it may be for a jump just ahead that they all feel
+      // (a Jacobian by differences, a stage).
+      if (rejections % kHardPressed == kHardPressed - 1 && guards_.hasJumps()) {
+        hopped_ = crossJumpAhead(kAhead * solver.maximum_step);
+        if (hopped_ || !status_.ok()) return hopped_;
+      }
       if (++rejections == kHopeless && choice_.giveUpExplicit()) {
         stepper_ = &choice_.stepper();
         control_.setOrder(stepper_->errorOrder());
@@ -557,42 +575,42 @@ class MotionOf final : public Motion {
       curve_.setNode(n, x.data());
     }
     curve_.finish();
-    const Look look = aimAtEdge(taken, next);
-    return look == Look::kShorter && *next > 0.9 * taken ? Look::kClear : look;
+    const double refused = *next;
+    const Look look = aimAtEdge(taken, next, false);
+    if (look != Look::kShorter || *next <= 0.9 * taken) return look;
+    *next = refused;
+    return Look::kClear;
   }
 
   /// The first edge along the curve: crossed where it is at the base, the step to it otherwise.
-  Look aimAtEdge(double taken, double* next) {
+  Look aimAtEdge(double taken, double* next, bool may_cross = true) {
     const double shortest = 2.0 * shortestStep(absolute(base_.time));
     const double resolution = std::max(kEdgeResolution, shortest / taken);
-    for (int edges = 0; edges < kMostLooks; ++edges) {
-      const GuardFinding finding = guards_.find(curve_, resolution);
-      if (finding.kind == GuardFinding::Kind::kClear) return keepCrossing();
-      crossing_ = Crossing{};
-      if (finding.kind == GuardFinding::Kind::kUnknown) {
-        *next = taken * std::max(finding.clear, 0.1);
-        return Look::kShorter;
-      }
-      crossing_.guard = finding.guard;
-      crossing_.length = (finding.beyond - finding.clear) * taken + shortest;
-      *next = finding.clear * taken;
-      if (*next > std::max(shortest, resolution * taken)) {
-        crossing_.at = base_.time + *next;
-        return Look::kShorter;
-      }
-      crossing_.at = base_.time;
-      crossing_.length += *next;
-      const Node trial = front_;
-      if (crossEdge()) {
-        hopped_ = true;
-        return Look::kCrossed;
-      }
-      if (!status_.ok()) return Look::kClear;
-      // A kink too sharp for that is the error estimate's matter; what follows it is not.
-      front_ = trial;
-      guards_.pass(finding.guard);
+    const GuardFinding finding = guards_.find(curve_, resolution);
+    if (finding.kind == GuardFinding::Kind::kClear) return keepCrossing();
+    crossing_ = Crossing{};
+    if (finding.kind == GuardFinding::Kind::kUnknown) {
+      *next = taken * std::max(finding.clear, 0.1);
+      return Look::kShorter;
     }
-    return Look::kClear;
+    // The step ends a little before the edge, for no stage to lie behind it.
+    const double margin = kMargin * taken + shortest;
+    crossing_.guard = finding.guard;
+    crossing_.side = guards_.side(finding.guard);
+    crossing_.length = (finding.beyond - finding.clear) * taken + margin + shortest;
+    *next = finding.clear * taken - margin;
+    if (*next > margin) {
+      crossing_.at = base_.time + *next;
+      return Look::kShorter;
+    }
+    crossing_.at = base_.time;
+    crossing_.length += *next;
+    hopped_ = may_cross && crossEdge();
+    if (hopped_) return Look::kCrossed;
+    // It is not there: the curve of so long a step is no good.
+    crossing_ = Crossing{};
+    *next = 0.25 * taken;
+    return Look::kShorter;
   }
   /// An edge that was found by a longer step stays the next one only when this one ends there.
   Look keepCrossing() {
@@ -627,6 +645,7 @@ class MotionOf final : public Motion {
     for (int i = 0; i < guards_.count(); ++i) {
       if (guards_.side(i) != Guard::kOnEdge || !guards_.guard(i).jumps()) continue;
       crossing_.guard = i;
+      crossing_.side = guards_.side(i);
       crossing_.at = front_.time;
       crossing_.length = 2.0 * shortestStep(std::max(1.0, std::abs(absolute(front_.time))));
       return;
@@ -703,34 +722,103 @@ class MotionOf final : public Motion {
     return rate * distance > 0.0;
   }
 
-  /// A step over the edge that lies just ahead of the base, so short that x' from before it will
-  /// do, and that no stepper has to make stages on both sides of it. A torque that jumps there
-  /// moves the accelerations by the jump map. False, and nothing done, when x' changes too much, or
-  /// when the motion stopped.
-  bool crossEdge() {
-    constexpr int kAttempts = 8;
-    const int guard = crossing_.guard;
-    double length = crossing_.length;
-    for (int attempt = 0; attempt < kAttempts; ++attempt, length *= 4.0) {
-      front_ = base_;
-      front_.time = base_.time + length;
-      if (front_.time >= drivetrain_.inputSegmentEnd()) break;
-      for (std::size_t n = 0; n < front_.x.size(); ++n) {
-        front_.x[n] = base_.x[n] + length * base_.dxdt[n];
-      }
-      const StateView state = viewOf(front_);
-      const int branch = guards_.guard(guard).branch(state);
-      if (branch != Guard::kOnEdge && branch != guards_.side(guard)) {
-        return enterBranch(length) && noteCrossing(guard, branch, length);
-      }
+  /// x at a short time after a node, by what is known there: Taylor's series.
+  State goAhead(const Node& from, double length) const {
+    State x = from.x;
+    for (std::size_t n = 0; n < x.size(); ++n) {
+      double change = from.dxdt[n];
+      if (n + S < x.size()) change += 0.5 * length * from.dxdt[n + S];
+      if (n + 2 * S < x.size()) change += length * length / 6.0 * from.dxdt[n + 2 * S];
+      x[n] += length * change;
     }
+    return x;
+  }
+
+  /// A step over the edge that lies just ahead of the base, to as little beyond it as can be told:
+  /// so short that a series from the base will do, and that no stepper makes stages on both sides.
+  /// A torque that bends or jumps there moves the accelerations by the jump map. False, and nothing
+  /// done, when the edge is not there, or when the motion stopped.
+  bool crossEdge() {
+    constexpr int kAttempts = 2;
+    constexpr int kHalvings = 60;
+    constexpr double kDepth = 1e-5;
+    const int guard = crossing_.guard;
+    // The step before may have ended a little beyond it, by the error of its dense output.
+    if (guards_.side(guard) != crossing_.side) return false;
+    int branch = Guard::kOnEdge;
+    const auto isBeyond = [&](double length) {
+      front_.time = base_.time + length;
+      front_.x = goAhead(base_, length);
+      if constexpr (!kIntegratesTorque<System>) front_.dxdt = base_.dxdt;
+      branch = guards_.guard(guard).branch(viewOf(front_));
+      return branch != Guard::kOnEdge && branch != guards_.side(guard);
+    };
+    double beyond = crossing_.length;
+    int attempt = 0;
+    while (!isBeyond(beyond) && ++attempt < kAttempts) beyond *= 4.0;
+    if (attempt == kAttempts || base_.time + beyond >= drivetrain_.inputSegmentEnd()) {
+      front_ = base_;
+      return false;
+    }
+    double before = 0.0;
+    for (int halving = 0; halving < kHalvings; ++halving) {
+      const double middle = 0.5 * (before + beyond);
+      if (!(middle > before && middle < beyond)) break;
+      (isBeyond(middle) ? beyond : before) = middle;
+    }
+    if (before > 0.0 && !isSeriesGood(before)) {
+      front_ = base_;
+      return false;
+    }
+    const double depth = kDepth * beyond + 2.0 * shortestStep(absolute(base_.time));
+    if (!isBeyond(beyond + depth)) isBeyond(beyond);
+    return enterBranch() && noteCrossing(guard, branch, depth);
+  }
+
+  /// Whether the series from the base is good up to `length` from there, still on its branch: the
+  /// rate of the velocities there is what it says, within the tolerance that they make of it.
+  bool isSeriesGood(double length) {
+    const double time = base_.time + length;
+    const State x = goAhead(base_, length);
+    double before[S];
+    double after[S];
+    if constexpr (kIntegratesTorque<System>) {
+      drivetrain_.calcTorque(system_.view(base_.time, base_.x), before);
+      drivetrain_.calcTorque(system_.view(time, x), after);
+      for (std::size_t i = 0; i < S; ++i) before[i] += length * base_.torque_rate[i];
+      for (int i = 0; i < S; ++i)
+        after[i] = (after[i] - before[i]) / drivetrain_.inertia().entry(i, i);
+    } else {
+      State dxdt;
+      system_(x, dxdt, time);
+      for (std::size_t i = 0; i < S; ++i) after[i] = 0.5 * (dxdt[S + i] - base_.dxdt[S + i]);
+    }
+    double largest = 0.0;
+    for (std::size_t i = 0; i < S; ++i) {
+      largest = worseOf(largest, length * std::abs(after[i]) / tolerance_.of(x[S + i]));
+    }
+    return largest <= 1.0;
+  }
+
+  /// The jump that the series from the base meets within `reach`, if any.
+  bool crossJumpAhead(double reach) {
+    Node ahead = base_;
+    ahead.time += reach;
+    ahead.x = goAhead(base_, reach);
+    for (int i = 0; i < guards_.count(); ++i) {
+      if (!guards_.guard(i).jumps() || !guards_.hasLeft(i, viewOf(ahead))) continue;
+      crossing_ = {i, guards_.side(i), base_.time, reach};
+      if (crossEdge()) return true;
+      if (!status_.ok()) return false;
+    }
+    crossing_ = Crossing{};
     front_ = base_;
     return false;
   }
 
   /// The front, where x is about to be that of the other side of an edge: projection, jumps,
   /// derivative.
-  bool enterBranch(double length) {
+  bool enterBranch() {
     // What may jump there: a torque or the constraint itself, by `sign`, and the accelerations that
     // f' = 0 asks for, by a kink of f.
     bool jumps = false;
@@ -765,15 +853,13 @@ class MotionOf final : public Motion {
       status_.constraint = jumping_row;
       return false;
     }
-    if (jumps && !jumpOverEdge()) return false;
-    State change;
+    if (!jumpOverEdge()) return false;
+    checks_.noteTorque(front_);
+    system_.restoreReaction(front_, kAnyway);
     system_(front_.x, front_.dxdt, front_.time);
-    for (std::size_t n = 0; n < change.size(); ++n) {
-      change[n] = length * (front_.dxdt[n] - base_.dxdt[n]) + moved[n];
+    for (double value : front_.dxdt) {
+      if (!std::isfinite(value)) return refuseEdge();
     }
-    // (A jump of the torque is a jump of accelerations: no change that one has to follow.)
-    const double norm = calcErrorNorm(change, base_.x, front_.x, tolerance_);
-    if (!std::isfinite(norm) || (!jumps && !kinks_velocity_row && norm > 1.0)) return refuseEdge();
     if (kinks_velocity_row || jumps) choice_.restart();
     noteRowsAnew();
     if (!finishStep()) return refuseEdge();
@@ -789,26 +875,30 @@ class MotionOf final : public Motion {
     return false;
   }
 
-  /// The jump map from the torque at the base to that at the front.
+  /// The jump map by what the torque at the front is more than its rate at the base tells.
   bool jumpOverEdge() {
     if constexpr (kIntegratesTorque<System>) {
+      const double length = front_.time - base_.time;
       double before[S];
       double torque_jump[S];
+      bool is_any = false;
       drivetrain_.calcTorque(system_.view(base_.time, base_.x), before);
       drivetrain_.calcTorque(system_.view(front_.time, front_.x), torque_jump);
-      for (int i = 0; i < S; ++i) torque_jump[i] -= before[i];
-      // what the torque's own rate has already done of it
-      State still = front_.x;
-      for (int i = 0; i < S; ++i) still[2 * S + i] = base_.x[2 * S + i];
+      for (std::size_t i = 0; i < S; ++i) {
+        torque_jump[i] -= before[i] + length * base_.torque_rate[i];
+        is_any = is_any || std::abs(torque_jump[i]) > 1e-15 * std::abs(before[i]);
+      }
+      if (!is_any) return true;
+      State x = front_.x;
       const MotionStatus result =
-          system_.jumpTorque(front_.time, still, torque_jump, &statistics_.projections);
+          system_.jumpTorque(front_.time, x, torque_jump, &statistics_.projections);
       if (!result.ok()) {
         front_ = base_;
         status_ = result;
         status_.time = absolute(front_.time);
         return false;
       }
-      front_.x = still;
+      front_.x = x;
       State moved{};
       if (system_.project(front_.time, front_.x, moved, &statistics_.projections) !=
           ProjectionResult::kConverged) {
@@ -818,14 +908,15 @@ class MotionOf final : public Motion {
     return true;
   }
 
-  /// After `guard` was left for `branch` by a step of `length`: false, and the motion stopped, when
+  /// After `guard` was left for `branch` by a step: false, and the motion stopped, when
   /// the motion turns back at once. What jumps tells so at once; a kink may be touched.
-  bool noteCrossing(int guard, int branch, double length) {
+  /// `depth`, s: so far beyond the edge did the step go.
+  bool noteCrossing(int guard, int branch, double depth) {
     const bool jumps = guards_.guard(guard).jumps();
     const double now = absolute(front_.time);
     const bool at_once = guard == last_crossing_.guard &&
-                         now - last_crossing_.time <= kAtOnce * (length + last_crossing_.length);
-    last_crossing_ = {guard, now, length, at_once ? last_crossing_.count + 1 : 0};
+                         now - last_crossing_.time <= kAtOnce * (depth + last_crossing_.depth);
+    last_crossing_ = {guard, now, depth, at_once ? last_crossing_.count + 1 : 0};
     if (!jumps && !kIntegratesTorque<System> && last_crossing_.count >= kMostTouches) {
       // Accelerations of least reaction may go on in the corner itself (least_reaction.h).
       guards_.mute(guard);
@@ -834,10 +925,8 @@ class MotionOf final : public Motion {
     bool turns_back = last_crossing_.count >= (jumps ? 1 : kMostTouches);
     if (jumps && !turns_back) {
       Node ahead = front_;
-      ahead.time += 4.0 * length;
-      for (std::size_t n = 0; n < ahead.x.size(); ++n) {
-        ahead.x[n] += 4.0 * length * front_.dxdt[n];
-      }
+      ahead.time += 4.0 * depth;
+      ahead.x = goAhead(front_, 4.0 * depth);
       const int next = guards_.guard(guard).branch(viewOf(ahead));
       turns_back = next != branch && next != Guard::kOnEdge;
     }
@@ -962,7 +1051,7 @@ class MotionOf final : public Motion {
 
   /// x' at the new front. False when it is not finite.
   bool differentiateFront() {
-    const bool moved = system_.restoreReaction(front_);
+    const bool moved = system_.restoreReaction(front_, kLittle);
     if (stepper_->projects() && !moved) {
       front_.dxdt = dxdt_new_;
     } else {
@@ -1188,8 +1277,8 @@ class MotionOf final : public Motion {
   /// x at the present, by dense output where the stepper has it.
   void sampleInside(State& x) {
     const double now = present();
-    if (now == base_.time || hopped_) {
-      x = base_.x;
+    if (hopped_) {
+      x = goAhead(base_, now - base_.time);
       return;
     }
     if (isDenseOutputGood() && stepper_->interpolate(system_, now, base_, front_, x)) {
@@ -1222,6 +1311,7 @@ class MotionOf final : public Motion {
     *node = base_;
     if (hopped_) {
       node->time = now;
+      node->x = goAhead(base_, now - base_.time);
       return true;
     }
     double h = now - base_.time;
@@ -1374,7 +1464,7 @@ class MotionOf final : public Motion {
       cutEnergy(reached);
     }
     front_ = reached;
-    moveOrigin(time_);
+    moveOrigin(present());
     front_.time = 0.0;
     drivetrain_.refreshInputs(front_.time);
     base_ = front_;
@@ -1510,12 +1600,25 @@ class MotionOf final : public Motion {
   static constexpr int kHopeless = 6;
   /// An error norm that makes StepControl take a step no shorter, at every order.
   static constexpr double kSteady = 0.1;
-  /// An edge is found to within this part of the step.
+  /// An edge is found to within this part of the step, and the step made again ends by this part
+  /// before it.
   static constexpr double kEdgeResolution = 1e-14;
+  static constexpr double kMargin = 1e-7;
   /// Trial steps that look for an edge from one base.
   static constexpr int kMostLooks = 100;
-  /// An edge is crossed back at once when that takes so many times what crossing it took.
+  /// An edge is crossed back at once when that takes so many times what going beyond it took.
   static constexpr double kAtOnce = 100.0;
+  /// After so many refusals of a step a jump is looked for, at most so far (of the longest step).
+  static constexpr int kHardPressed = 4;
+  static constexpr double kAhead = 1e-4;
+  /// Tolerances by which accelerations may be moved to restore what no constraint can change of the
+  /// reaction: little by little, for what a step leaves is less than its tolerance, and a torque
+  /// that answers steeply to the velocities is not to make their errors those of the accelerations;
+  /// and where the torque has just changed its branch, as it must be.
+  static constexpr double kLittle = 0.1;
+  static constexpr double kAnyway = std::numeric_limits<double>::infinity();
+  /// What stands for the error of a step with stages on both sides of a jump.
+  static constexpr double kStagesLeft = 100.0;
   /// Relative to the accelerations: so near to a corner a start lies in it.
   static constexpr double kCorner = 1e-11;
   /// A kink that is crossed so often at once is not merely touched.
@@ -1540,6 +1643,7 @@ class MotionOf final : public Motion {
   StepControl control_;
   Rest<System> rest_;
   GuardSearch guards_;
+  JumpWatch watch_{guards_};
   StepCurve curve_;
   CommandRhythm rhythm_;
   bool hopped_ = false;  // the last step was one over an edge
@@ -1556,11 +1660,12 @@ class MotionOf final : public Motion {
   bool velocities_at_fault_ = false;
   double nearest_[S] = {};
 
-  double time_ = 0.0;    // the present
-  double origin_ = 0.0;  // what times of nodes are counted from
-  Node base_;            // where the last step began
-  Node front_;           // where it ended
-  State dxdt_new_{};     // the stepper's own derivative at the front, before the projection
+  double time_ = 0.0;         // the present
+  double origin_ = 0.0;       // what times of nodes are counted from
+  double origin_rest_ = 0.0;  // what a double rounds off that
+  Node base_;                 // where the last step began
+  Node front_;                // where it ended
+  State dxdt_new_{};          // the stepper's own derivative at the front, before the projection
   double next_step_ = 0.0;
   double step_window_start_ = 0.0;
   int steps_in_window_ = 0;
@@ -1572,6 +1677,7 @@ class MotionOf final : public Motion {
   /// The edge that comes next.
   struct Crossing {
     int guard = -1;
+    int side = 0;         // that it leaves
     double at = 0.0;      // where the step before it ends
     double length = 0.0;  // of the step across, s
     bool isDueAt(double time) const { return guard >= 0 && at == time; }
@@ -1581,7 +1687,7 @@ class MotionOf final : public Motion {
   struct LastCrossing {
     int guard = -1;
     double time = 0.0;
-    double length = 0.0;
+    double depth = 0.0;
     int count = 0;  // of crossings of it before, each at once after the other
   };
   LastCrossing last_crossing_;

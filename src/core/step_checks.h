@@ -245,10 +245,33 @@ class StepChecks {
     };
     const double h = to.time - from.time;
     for (std::size_t n = 0; n < 2 * S; ++n) addChange(n, kUlps * to.x[n], uncertain);
+    addTimeNoise(to, uncertain);
     for (std::size_t i = 0; i < S; ++i) {
       addChange(S + i, h * calcAllowed(from, to, i) / inertiaOf(i), answer);
     }
     system_.view(to.time, to.x);
+  }
+  /// What rounding inside the laws' formulas of the time makes of Q (sin(t + 1e8) knows its
+  /// argument to 1e-8): how far Q is from smooth over times that are next to nothing.
+  void addTimeNoise(const Node& to, Torque& uncertain) {
+    if (!drivetrain_.torquesReadTime()) return;
+    constexpr double kSpan = 1e-7;  // s
+    constexpr double kMost = 1e-6;  // of Q
+    double middle[S];
+    double before[S];
+    double after[S];
+    const auto torqueAt = [&](double time, double* torque) {
+      drivetrain_.calcTorque(system_.view(time, to.x), torque);
+    };
+    torqueAt(to.time, middle);
+    for (const double part : {1.0, 0.618, 0.382, 0.236}) {
+      torqueAt(to.time - part * kSpan, before);
+      torqueAt(to.time + part * kSpan, after);
+      for (std::size_t i = 0; i < S; ++i) {
+        const double bend = std::abs(after[i] - 2.0 * middle[i] + before[i]);
+        uncertain[i] = std::max(uncertain[i], std::min(2.0 * bend, kMost * std::abs(middle[i])));
+      }
+    }
   }
   /// The size of d, see checkTorque, when `uncertain` is left aside.
   double judgeTorque(const TorqueGain<System>& gain, const Node& from, const Node& to,
