@@ -20,7 +20,7 @@ namespace {
 /// As withSolver; nothing here needs many steps in a second, and whatever does is told soon.
 Scene withFewSteps(Scene scene, StepperKind stepper, double tolerance) {
   scene = withSolver(std::move(scene), stepper, tolerance);
-  scene.solver.maximum_steps = 50000;
+  scene.solver.maximum_steps = 10000;
   return scene;
 }
 

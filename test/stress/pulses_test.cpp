@@ -21,7 +21,7 @@ namespace {
 /// As withSolver; nothing here needs many steps in a second, and whatever does is told soon.
 Scene withFewSteps(Scene scene, StepperKind stepper, double tolerance) {
   scene = withSolver(std::move(scene), stepper, tolerance);
-  scene.solver.maximum_steps = 50000;
+  scene.solver.maximum_steps = 10000;
   return scene;
 }
 
@@ -211,6 +211,7 @@ TEST(Pulses, OfAngle) {
         const double growth = part < 0.0 ? 1.0 / (1.0 + part * n) : 1.0;
         for (const char* principle : kPrinciples) {
           for (int order : {0, 2}) {
+            if (!isLongForm() && order > 0 && part > 0.0) continue;
             const double J = inertiaOf(order);
             test::Run exact;
             for (std::size_t i = 0; i < middle.size(); ++i) {
@@ -387,10 +388,10 @@ TEST(Tables, OfJerksFromRest) {
           }
           const std::vector<double> times = {0.5 * start, start + 2.0 * n * h + 0.3, 9.0, 12.0};
           const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
-            for (int i = 0; i < n && t > start; ++i) {
-              sample.acceleration[0] += 10.0 * h * kTableArea;
-              sample.velocity[0] += 10.0 * h * kTableArea * (t - start - (2 * i + 1) * h);
-            }
+            if (t <= start) return;
+            // The curvature of a valley between two pulses gives back what that of a top takes.
+            sample.acceleration[0] = 10.0 * h * (n - 1 + kTableArea);
+            sample.velocity[0] = sample.acceleration[0] * (t - start - n * h);
           });
           compareAll(hazard,
                      withPrinciple("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\n"
