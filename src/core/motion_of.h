@@ -742,6 +742,7 @@ class MotionOf final : public Motion {
     constexpr int kAttempts = 2;
     constexpr int kHalvings = 60;
     constexpr double kDepth = 1e-5;
+    constexpr double kShyOfIt = 0.999;
     const int guard = crossing_.guard;
     // The step before may have ended a little beyond it, by the error of its dense output.
     if (guards_.side(guard) != crossing_.side) return false;
@@ -766,7 +767,7 @@ class MotionOf final : public Motion {
       if (!(middle > before && middle < beyond)) break;
       (isBeyond(middle) ? beyond : before) = middle;
     }
-    if (before > 0.0 && !isSeriesGood(before)) {
+    if (before > 0.0 && !isSeriesGood(kShyOfIt * before)) {
       front_ = base_;
       return false;
     }
