@@ -147,8 +147,7 @@ TEST(YamlTree, FaultsNameFileLineAndColumn) {
         BadYaml{",", "s.yaml:1:1: ", "no value can begin here"},
         BadYaml{"# scene\n\n  ,n", "s.yaml:3:3: ", "no value can begin here"},
         BadYaml{"---\n,\n", "s.yaml:2:1: ", "no value can begin here"},
-        BadYaml{"]", "s.yaml:1:1: ", "YAML"},
-        BadYaml{"}", "s.yaml:1:1: ", "YAML"},
+        BadYaml{"]", "s.yaml:1:1: ", "YAML"}, BadYaml{"}", "s.yaml:1:1: ", "YAML"},
         BadYaml{"a: 1\nyes: 2\n", "s.yaml:2:1: ", "got a boolean: true"},
         BadYaml{"a: {1: 2}\n", "s.yaml:1:5: ", "needs quotes"},
         BadYaml{"a: !degrees 90\n", "s.yaml:1:4: ", "'!degrees' is not supported"},
@@ -157,8 +156,7 @@ TEST(YamlTree, FaultsNameFileLineAndColumn) {
         BadYaml{"a: {<<: 1}\n", "s.yaml:1:9: ", "merge"},
         BadYaml{"a: {<<: [1]}\n", "s.yaml:1:10: ", "merge"},
         BadYaml{"a: &a [*a]\n", "s.yaml:1:", "deep"},
-        BadYaml{"a: &a {<<: *a}\n", "s.yaml:1:", "deep"},
-        BadYaml{deep, "s.yaml:1:", "deep"},
+        BadYaml{"a: &a {<<: *a}\n", "s.yaml:1:", "deep"}, BadYaml{deep, "s.yaml:1:", "deep"},
         BadYaml{bombText(), "s.yaml:", "more than 100000 values"}}) {
     try {
       readYamlText(bad.text, "s.yaml");

@@ -66,6 +66,7 @@ class Diagnostics::Publisher {
     status.add("commands dropped", now_.commands_dropped);
     status.add("command timeouts", now_.command_timeouts);
     status.add("samples dropped", now_.samples_dropped);
+    status.add("rounding (tolerances)", snapshot_.statistics.largest_rounding);
     status.add("energy of the reactions", describe(snapshot_.energy_doubt));
     status.add("stop reason", std::string(toString(snapshot_.reason)));
   }

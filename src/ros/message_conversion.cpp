@@ -89,6 +89,7 @@ void fillStatistics(const Statistics& statistics, SimulationStatus& message) {
   message.right_hand_sides = statistics.right_hand_sides;
   message.projections = statistics.projections;
   message.newton_iterations = statistics.newton_iterations;
+  message.largest_rounding = statistics.largest_rounding;
   message.jumps = statistics.jumps;
   message.commands_accepted = statistics.commands_accepted;
   message.commands_clamped = statistics.commands_clamped;
