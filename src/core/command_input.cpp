@@ -150,7 +150,7 @@ bool CommandSignal::command(const CommandInputSettings& settings, double time, d
   start_time_ = time;
   start_value_ = present;
   target_ = value;
-  if (settings.hold == Hold::kSecondOrderLag) {
+  if (settings.hold == Hold::kSecondOrderLag && kSettled * settings.time_constant > resolution) {
     // u = target + (a + b x) exp(-x), x = (t - start) / tau, with u and u' as they are at x = 0:
     // a = u - target, b = a + tau u'
     if (value == present && present_rate == 0.0) return false;

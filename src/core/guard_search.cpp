@@ -155,7 +155,10 @@ GuardFinding GuardSearch::findEnclosed(const StepCurve& curve, double resolution
     for (std::size_t i = 0; i < guards_.size(); ++i) {
       if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
       const int branch = guards_[i]->branch(state);
-      if (branch == Guard::kOnEdge || branch == step_sides_[i]) continue;
+      if (branch == step_sides_[i]) continue;
+      // A step that ends on an edge which it cannot but cross has its end on neither branch.
+      const bool ends_on_edge = end == 1.0 && (guards_[i]->jumps() || guards_[i]->readsTime());
+      if (branch == Guard::kOnEdge && !ends_on_edge) continue;
       return {GuardFinding::Kind::kCrossing, clear, end, static_cast<int>(i)};
     }
     clear = end;

@@ -137,7 +137,7 @@ class MotionOf final : public Motion {
       State x = front_.x;
       if (sleeping_) {
         calcRest(present(), x);
-      } else if (present() != front_.time) {
+      } else if (isInsideStep()) {
         sampleInside(x);
       }
       system_.calcSample(present(), x, &sample_);
@@ -186,6 +186,15 @@ class MotionOf final : public Motion {
   double relative(double time) const { return (time - origin_) - origin_rest_; }
   /// The present as nodes count it.
   double present() const { return relative(time_); }
+  /// True when the present lies within the last step, and not at its end.
+  bool isInsideStep() const { return base_.time < front_.time && present() != front_.time; }
+  /// Counts times from the present on, which is 0 then to the bit.
+  void moveOriginToPresent() {
+    drivetrain_.moveOrigin(present());
+    drivetrain_.setOrigin(time_);
+    origin_ = time_;
+    origin_rest_ = 0.0;
+  }
   /// Counts times from `t`, as they are counted now, on.
   void moveOrigin(double t) {
     // The sum of two doubles and what it rounds off (Knuth: The Art of Computer
@@ -941,7 +950,12 @@ class MotionOf final : public Motion {
 
   bool stepFixed() {
     // Multiples of the step, not sums of it: no rounding piles up.
-    const double grid = restart_time_ + static_cast<double>(fixed_steps_ + 1) * scene_.solver.step;
+    // (A step across an edge may have gone a little beyond the next one.)
+    double grid = base_.time;
+    while (!(grid > base_.time)) {
+      grid = restart_time_ + static_cast<double>(++fixed_steps_) * scene_.solver.step;
+    }
+    --fixed_steps_;
     double end = std::min(grid, endOfReach());
     for (int looks = 0;; ++looks) {
       if (!(end > base_.time)) {
@@ -1380,7 +1394,7 @@ class MotionOf final : public Motion {
       calcRest(present(), x);
       return energy_.calcAppliedAtRest(front_, x);
     }
-    if (present() == front_.time) return energy_.applied();
+    if (!isInsideStep()) return energy_.applied();
     const double part = (present() - base_.time) / (front_.time - base_.time);
     return energy_.calcApplied(base_, front_, part,
                                [this](double theta, State& x) { calcInside(theta, x); });
@@ -1460,12 +1474,12 @@ class MotionOf final : public Motion {
     rhythm_.note(time_);
 
     Node reached = front_;
-    if (present() != front_.time) {
+    if (sleeping_ || isInsideStep()) {
       if (!reachPresent(&reached)) return;
       cutEnergy(reached);
     }
     front_ = reached;
-    moveOrigin(present());
+    moveOriginToPresent();
     front_.time = 0.0;
     drivetrain_.refreshInputs(front_.time);
     base_ = front_;
