@@ -204,9 +204,8 @@ void ExpressionConstraint::build(Graph& graph, Node given, Node without_jerks,
     nonlinear_ = findPiecewise(graph, reads, given);
     for (int i = 0; i < s; ++i) {
       bool is_constant = findPiecewise(graph, reads, C[static_cast<std::size_t>(i)]) == 0U;
-      for (int j = 0; j < s; ++j) {
-        is_constant = is_constant && is_zero(hessian[static_cast<std::size_t>(i * s + j)]);
-      }
+      const auto row = hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
+      is_constant = is_constant && std::all_of(row, row + s, is_zero);
       if (!is_constant) nonlinear_ |= 1U << static_cast<unsigned>(i);
     }
   }

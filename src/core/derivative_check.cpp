@@ -329,7 +329,8 @@ class Comparison {
     const double h = 1e-4 * scale;
     double largest = 0.0;
     for (int n = 0; n < 3 * kStates; ++n) {
-      const double factor = 2.0 * (n / 3 + 1) / kStates;
+      const int state = n / 3;
+      const double factor = 2.0 * (state + 1) / kStates;
       const Point there = scaled(point_, n % 3 == 1 ? 1.0 : factor, n % 3 == 2 ? 1.0 : factor);
       const double difference = (function(moved(there, direction, h).view()) -
                                  function(moved(there, direction, -h).view())) /

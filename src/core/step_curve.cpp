@@ -192,7 +192,8 @@ void StepCurve::begin(double time, double duration, int shafts, bool has_acceler
   duration_ = duration;
   shafts_ = shafts;
   has_accelerations_ = has_accelerations;
-  count_ = static_cast<std::size_t>((has_accelerations ? 3 : 2) * shafts);
+  const std::size_t parts = has_accelerations ? 3 : 2;
+  count_ = parts * static_cast<std::size_t>(shafts);
 }
 
 void StepCurve::setNode(int index, const double* x) {
