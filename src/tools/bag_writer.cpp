@@ -32,7 +32,7 @@ class BagWriter : public SampleWriter {
   }
   ~BagWriter() override {
     try {
-      if (bag_ != nullptr) close();
+      if (bag_ != nullptr) finish();
     } catch (const OutputError&) {
       // Somebody is on the way out already, for a reason of its own.
     }
@@ -44,11 +44,13 @@ class BagWriter : public SampleWriter {
     });
   }
 
-  void close() override {
+  void close() override { finish(); }
+
+ private:
+  void finish() {
     guard([&] { bag_->close(); });
   }
 
- private:
   void writeSample(const Sample& sample) {
     const ros::Time stamp = stampOf(sample.time);
     // A bag files nothing under time 0; the message's own stamp keeps it.
