@@ -157,7 +157,7 @@ GuardFinding GuardSearch::findEnclosed(const StepCurve& curve, double resolution
       const int branch = guards_[i]->branch(state);
       if (branch == step_sides_[i]) continue;
       // A step that ends on an edge which it cannot but cross has its end on neither branch.
-      const bool ends_on_edge = end == 1.0 && (guards_[i]->jumps() || guards_[i]->readsTime());
+      const bool ends_on_edge = end == 1.0 && guards_[i]->jumps();
       if (branch == Guard::kOnEdge && !ends_on_edge) continue;
       return {GuardFinding::Kind::kCrossing, clear, end, static_cast<int>(i)};
     }
