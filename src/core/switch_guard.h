@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -38,5 +39,14 @@ class SwitchGuard final : public Guard {
   std::size_t index_;
   mutable std::vector<double> values_;
 };
+
+/// Adds the guards of `count` switches; `jumps(index)`: whether the law itself jumps at one.
+template <class Jumps>
+void addSwitchGuards(int count, const SwitchGuard::Evaluate& evaluate, Jumps jumps,
+                     std::vector<GuardPtr>& guards) {
+  for (int i = 0; i < count; ++i) {
+    guards.push_back(std::make_shared<SwitchGuard>(evaluate, count, i, jumps(i)));
+  }
+}
 
 }  // namespace variator_sim

@@ -18,12 +18,10 @@ void Torque::doAddTorqueRateDerivatives(const StateView& state, double* derivati
 
 std::vector<GuardPtr> Torque::guards() const {
   std::vector<GuardPtr> guards = doGuards();
-  const int count = doSwitchCount();
-  for (int i = 0; i < count; ++i) {
-    guards.push_back(std::make_shared<SwitchGuard>(
-        [this](const StateView& state, double* values) { doCalcSwitches(state, values); }, count, i,
-        doSwitchJumps(i)));
-  }
+  addSwitchGuards(
+      doSwitchCount(),
+      [this](const StateView& state, double* values) { doCalcSwitches(state, values); },
+      [this](int index) { return doSwitchJumps(index); }, guards);
   return guards;
 }
 
