@@ -271,6 +271,34 @@ TEST(KinksOfOrder1, MoveTheAccelerations) {
   }
 }
 
+// Beside a psi that is curved in the accelerations their way counts, not its ends alone. On the
+// circle e1 = g cos(a), e2 = g sin(a), with e3 = r e2 + d and d going from 0 to D, J = diag(1, 1, J3):
+//     g^2 a'^2 + J3 (r g cos(a) a' + D)^2 is least  =>  (1 / cos(a) + J3 r^2 cos(a)) a' = -J3 r D / g,
+// so that atanh(x) + J3 r^2 x, x = sin(a) = e2 / g, changes by -J3 r D / g.
+TEST(KinksOfOrder1, GoAlongACurvedConstraint) {
+  const double g = 1.5;
+  const double r = 1.2;
+  const double D = 1.6;
+  const double J3 = 2.0;
+  Simulation simulation(test::sceneFromText(
+      "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 1}\nc: {inertia: 2}\n"
+      "constraints: [m, v]\n"
+      "m: {type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 1.5}\n"
+      "v: {type: variator_sim/ExpressionConstraint, order: 1,\n"
+      "    expression: \"w3-1.2*w2-1.6*max(0,t-1)\"}\n"
+      "initial: {acceleration: [1.2, 0.9, 1.08]}\n"));
+  const auto invariant = [&](double e2) {
+    return std::atanh(e2 / g) + J3 * r * r * e2 / g;
+  };
+  ASSERT_TRUE(simulation.advanceTo(1.0 - 1e-7).ok()) << simulation.describeStatus();
+  const double before = simulation.sample().acceleration[1];
+  ASSERT_TRUE(simulation.advanceTo(1.0 + 1e-7).ok()) << simulation.describeStatus();
+  const double* after = simulation.sample().acceleration;
+  EXPECT_NEAR(invariant(after[1]) - invariant(before), -J3 * r * D / g, 1e-5);
+  EXPECT_NEAR(after[2], r * after[1] + D, 1e-6);
+  EXPECT_GT(std::abs(after[1] - before), 0.5);
+}
+
 /// A spring that is met at an angle, in C++; its switch is one number.
 class Stop : public Torque {
  public:

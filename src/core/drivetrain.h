@@ -590,58 +590,62 @@ class Drivetrain {
     return true;
   }
 
-  /// What a kink of constraints of order 1 does to the accelerations: f' is C0 e + b0 `before` it
-  /// and C1 e + b1 `after`. A smooth f would go from the one to the other within next to no time,
-  /// with every weight theta between 0 and 1 on the second, and its large f'' would meet a large
-  /// Lambda:
-  ///     C(theta) = C0 + theta (C1 - C0),   J d_epsilon = C(theta)^T Lambda,
-  ///     C(theta) d_epsilon + (C1 - C0) epsilon + b1 - b0 = 0.
-  /// Writes the change of epsilon (S values); where C is the same on both sides the projection onto
-  /// f' = 0 that follows makes it, and zeros are written. False where C(theta) loses rank.
-  bool calcKinkJump(const StateView& before, const StateView& after, double* change) {
-    double C0[kMaxRows][S];
-    double C1[kMaxRows][S];
-    double gap[kMaxRows] = {};  // f' after less f' before, at the accelerations before
-    const int k = static_cast<int>(acceleration_rows_.size());
-    double largest = 0.0;
-    double turn = 0.0;
-    for (int r = 0; r < k; ++r) {
-      const Constraint& row = constraint(acceleration_rows_[static_cast<std::size_t>(r)]);
-      gap[r] =
-          row.calcResidualAndJacobian(after, C1[r]) - row.calcResidualAndJacobian(before, C0[r]);
-      for (int i = 0; i < S; ++i) {
-        largest = std::max({largest, std::abs(C0[r][i]), std::abs(C1[r][i])});
-        turn = std::max(turn, std::abs(C1[r][i] - C0[r][i]));
-      }
-    }
-    std::fill_n(change, S, 0.0);
-    constexpr double kTurned = 1e-9;
-    if (!(turn > kTurned * largest)) return true;
-    constexpr int kSteps = 200;  // of the classical Runge-Kutta method: nothing here is stiff
-    const auto slope = [&](double theta, const double* e, double* rate) {
-      double right[kMaxRows] = {};
-      for (int r = 0; r < k; ++r) {
-        right[r] = gap[r];
-        double* C = acceleration_solver_.row(r);
-        for (int i = 0; i < S; ++i) {
-          C[i] = C0[r][i] + theta * (C1[r][i] - C0[r][i]);
-          right[r] += (C1[r][i] - C0[r][i]) * e[i];
+  /// What a kink of constraints of order 1 does to the accelerations: f' is f0'(e) = C0 e + b0
+  /// `before` it and f1'(e) = C1 e + b1 `after`. A smooth f would go from the one to the other within
+  /// next to no time, with every weight theta between 0 and 1 on the second, and its large f'' would
+  /// meet a large Lambda, while psi of order 2 stays 0 and order 3 keeps its C:
+  ///     C(theta, e) = (1 - theta) C0(e) + theta C1(e),   J de/dtheta = C^T Lambda,
+  ///     C de/dtheta + f1'(e) - f0'(e) = 0.
+  /// Writes the change of epsilon (S values). False where C loses rank.
+  bool calcKinkJump(StateView before, StateView after, double* change) {
+    const double* begin = after.acceleration;
+    const int k = constraintCount();
+    const auto slope = [&](double theta, const double* moved, double* rate) {
+      double e[S];
+      double C[S];
+      double gap[kMaxRows] = {};
+      for (int i = 0; i < S; ++i) e[i] = begin[i] + moved[i];
+      before.acceleration = after.acceleration = e;
+      for (int m = 0; m < k; ++m) {
+        const Constraint& row = constraint(m);
+        double* mean = solver_.row(m);
+        double unused = 0.0;
+        if (row.order() == 3) {
+          row.calcRow(before, C, &unused);
+          row.calcRow(after, mean, &unused);
+        } else {
+          gap[m] = -row.calcResidualAndJacobian(before, C);
+          gap[m] += row.calcResidualAndJacobian(after, mean);
         }
+        for (int i = 0; i < S; ++i) mean[i] = (1.0 - theta) * C[i] + theta * mean[i];
       }
-      if (!acceleration_solver_.factor(inertia_)) return false;
       double Lambda[kMaxRows] = {};
       std::fill_n(rate, S, 0.0);
-      acceleration_solver_.constrain(right, rate, Lambda);
+      if (!solver_.factor(inertia_)) return false;
+      solver_.constrain(gap, rate, Lambda);
       return true;
     };
-    for (int n = 0; n < kSteps; ++n) {
-      constexpr double h = 1.0 / kSteps;
+    // Of the classical Runge-Kutta method, for nothing here is stiff; where C does not turn one step
+    // is exact.
+    constexpr int kSteps = 200;
+    constexpr double kTurned = 1e-12;
+    double k1[S];
+    double k2[S];
+    double k3[S];
+    double k4[S];
+    double e[S];
+    std::fill_n(change, S, 0.0);
+    if (!slope(0.0, change, k1) || !slope(1.0, k1, k4)) return false;
+    double largest = 0.0;
+    double turn = 0.0;
+    for (int i = 0; i < S; ++i) {
+      largest = std::max(largest, std::abs(k1[i]));
+      turn = std::max(turn, std::abs(k4[i] - k1[i]));
+    }
+    const int steps = turn > kTurned * largest ? kSteps : 1;
+    const double h = 1.0 / steps;
+    for (int n = 0; n < steps; ++n) {
       const double theta = n * h;
-      double k1[S];
-      double k2[S];
-      double k3[S];
-      double k4[S];
-      double e[S];
       if (!slope(theta, change, k1)) return false;
       for (int i = 0; i < S; ++i) e[i] = change[i] + 0.5 * h * k1[i];
       if (!slope(theta + 0.5 * h, e, k2)) return false;
