@@ -115,6 +115,9 @@ class AccelerationSystem {
     return true;
   }
 
+  /// (Accelerations that are integrated do not stay in a corner of psi.)
+  bool isInCorner() const { return false; }
+
   /// (The rate of a torque that jumps is the same on both sides: no stage can go wrong by it.)
   void watch(JumpWatch* /*watch*/) {}
 
@@ -124,8 +127,7 @@ class AccelerationSystem {
   template <class Node>
   void noteReaction(const Node& node) {
     drivetrain_.calcReaction(view(node.time, node.x), node.torque.data(), reaction_at_start_);
-    const bool is_simple = drivetrain_.inertia().isConstant() && drivetrain_.inertia().isDiagonal();
-    has_neutral_ = !keeps_reaction_in_range_ && (drivetrain_.hasConstantJacobian() || is_simple);
+    has_neutral_ = !keeps_reaction_in_range_;
     for (int i = 0; i < S; ++i) is_neutral_[i] = !drivetrain_.readsColumn(i);
     noteColumns();
   }
@@ -149,15 +151,16 @@ class AccelerationSystem {
     const StateView state = view(node.time, node.x);
     drivetrain_.calcReaction(state, node.torque.data(), lost);
     for (int i = 0; i < S; ++i) lost[i] -= reaction_at_start_[i];
+    // J d_epsilon = C^T lambda - lost, C d_epsilon = 0.
+    double lambda[kMaxRows] = {};
     if (drivetrain_.hasConstantJacobian()) {
-      double lambda[kMaxRows] = {};
       if (!drivetrain_.factorOnce(state)) return false;
-      drivetrain_.calcOutOfRange(lost, lambda, change);
     } else {
-      for (int i = 0; i < S; ++i) {
-        change[i] = is_neutral_[i] ? -lost[i] / drivetrain_.inertia().entry(i, i) : 0.0;
-      }
+      double unused[kMaxRows] = {};
+      if (!drivetrain_.calcRows(state, unused)) return false;
+      for (int i = 0; i < S; ++i) lost[i] = is_neutral_[i] ? lost[i] : 0.0;
     }
+    drivetrain_.calcOutOfRange(lost, lambda, change);
     double largest = 0.0;
     for (std::size_t i = 0; i < S; ++i) {
       largest = std::max(largest, std::abs(change[i]) / tolerance_.of(node.x[2 * S + i]));

@@ -201,6 +201,9 @@ class ClassicalGauss {
     return true;
   }
 
+  /// True where the last accelerations lie in a corner of psi.
+  bool isInCorner() const { return corner_ != 0; }
+
   /// Tells `watch` of every state at which the derivative is taken.
   void watch(JumpWatch* watch) { watch_ = watch; }
 

@@ -61,6 +61,22 @@ void GuardSearch::mute(int index) {
   muted_[static_cast<std::size_t>(index)] = kMuted;
 }
 
+void GuardSearch::muteOnEdge(int index, const StateView& state, int shafts) {
+  constexpr double kNear = 1e-10;
+  const auto i = static_cast<std::size_t>(index);
+  if (guards_[i]->jumps() || guards_[i]->isOpaque()) return;
+  StateBox box;
+  box.time = {state.time, state.time};
+  for (int n = 0; n < shafts; ++n) {
+    const double width = kNear * (1.0 + std::abs(state.acceleration[n]));
+    box.angle[n] = {state.angle[n], state.angle[n]};
+    box.velocity[n] = {state.velocity[n], state.velocity[n]};
+    box.acceleration[n] = {state.acceleration[n] - width, state.acceleration[n] + width};
+  }
+  const bool is_on_edge = sides_[i] == Guard::kOnEdge || guards_[i]->mayLeave(box, sides_[i]);
+  if (is_on_edge) muted_[i] = std::max(muted_[i], 1);
+}
+
 bool GuardSearch::hasLeft(int index, const StateView& state) const {
   const auto i = static_cast<std::size_t>(index);
   if (sides_[i] == Guard::kOnEdge) return false;

@@ -52,6 +52,9 @@ class GuardSearch {
   /// A guard along whose edge the motion goes on is left alone until it has kept its branch for
   /// some steps. [loop]
   void mute(int index);
+  /// The same for the next step alone, where the edge lies within rounding of the accelerations at
+  /// `state`. [loop]
+  void muteOnEdge(int index, const StateView& state, int shafts);
 
   /// True when no guard can leave its branch in `box`, which holds all states of the step from the
   /// base. [loop]

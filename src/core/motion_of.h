@@ -331,7 +331,7 @@ class MotionOf final : public Motion {
     if (!advanced_) system_.noteReaction(front_);
     base_ = front_;
     if (!guards_.isEmpty()) {
-      guards_.moveBase(viewOf(front_));
+      moveGuards();
       meetEdgeAtStart();
       if (!advanced_ && !leaveCorner()) return;
     }
@@ -341,6 +341,8 @@ class MotionOf final : public Motion {
     if (!choice_.isFixed()) next_step_ = chooseFirstStep();
   }
 
+  /// Of the step before an edge, at least so much is tried behind it.
+  static constexpr double kLeastRestart = 1e-8;
   /// A first step from the sizes of x, x' and the change of x' over a small Euler step
   /// (Hairer, Norsett, Wanner: Solving ODE I, II.4).
   double chooseFirstStep() {
@@ -424,10 +426,19 @@ class MotionOf final : public Motion {
     base_ = front_;
     system_.noteBase(base_.time, base_.x, base_.dxdt);
     stepper_ = &choice_.stepper();
-    hopped_ = crossing_.isDueAt(base_.time) && crossEdge();
+    const bool is_behind_edge = hopped_;
+    const bool is_due = crossing_.isDueAt(base_.time);
+    hopped_ = is_due && crossEdge();
     if (hopped_) return true;
     if (!status_.ok()) return false;
+    if (is_due) next_step_ = std::min(next_step_, crossing_.otherwise);
     crossing_ = Crossing{};
+    // The step before the edge says nothing about this branch. An implicit one that is much too long
+    // for a swing or for something that grows damps it without its estimate showing anything.
+    if (is_behind_edge && !choice_.isFixed() && stepper_->isImplicit()) {
+      const double first = std::max(chooseFirstStep(), kLeastRestart * next_step_);
+      next_step_ = std::min(next_step_, first);
+    }
     return choice_.isFixed() ? stepFixed() : stepAdaptively();
   }
 
@@ -485,9 +496,10 @@ class MotionOf final : public Motion {
         if (rejected) factor = std::min(1.0, factor);
         // A step cut short by a segment's end or an edge says nothing about the next one's size.
         next_step_ = last_of_segment ? std::max(h, taken * factor) : taken * factor;
+        crossing_.otherwise = next_step_;
         if (usual > taken) next_step_ = std::max(next_step_, usual);
         if (finishStep()) {
-          if (!guards_.isEmpty()) guards_.moveBase(viewOf(front_));
+          if (!guards_.isEmpty()) moveGuards();
           lookAhead();
           return true;
         }
@@ -532,6 +544,17 @@ class MotionOf final : public Motion {
     kShorter,  ///< the step is to be made again, shorter
     kCrossed   ///< the edge was at the base: the step went across it, and no further
   };
+
+  /// The front is where the next step begins. Accelerations of least reaction that go on in a corner
+  /// of psi (least_reaction.h) only seem to leave it, to either side, by rounding.
+  void moveGuards() {
+    const StateView state = viewOf(front_);
+    guards_.moveBase(state);
+    if (!system_.isInCorner()) return;
+    for (int i = 0; i < guards_.count(); ++i) {
+      if (drivetrain_.guardOwner(i).constraint >= 0) guards_.muteOnEdge(i, state, S);
+    }
+  }
 
   /// The state of a node whose derivative is known.
   StateView viewOf(const Node& node) {
@@ -692,7 +715,7 @@ class MotionOf final : public Motion {
         if (leading == 1) {
           front_ = best;
           base_ = front_;
-          guards_.moveBase(viewOf(front_));
+          moveGuards();
           continue;
         }
         stop(StopReason::kChattering);
@@ -749,6 +772,7 @@ class MotionOf final : public Motion {
   /// done, when the edge is not there, or when the motion stopped.
   bool crossEdge() {
     constexpr int kAttempts = 2;
+    constexpr int kMostAttempts = 25;
     constexpr int kHalvings = 60;
     constexpr double kDepth = 1e-5;
     constexpr double kShyOfIt = 0.999;
@@ -756,17 +780,30 @@ class MotionOf final : public Motion {
     // The step before may have ended a little beyond it, by the error of its dense output.
     if (guards_.side(guard) != crossing_.side) return false;
     int branch = Guard::kOnEdge;
+    // Accelerations that the principle gives are known at a state, not along a series. They may go
+    // on in the corner that an edge is for them (least_reaction.h).
+    const int owner = drivetrain_.guardOwner(guard).constraint;
+    const bool follows =
+        !kIntegratesTorque<System> && owner >= 0 && drivetrain_.constraint(owner).order() == 2;
     const auto isBeyond = [&](double length) {
       front_.time = base_.time + length;
       front_.x = goAhead(base_, length);
-      if constexpr (!kIntegratesTorque<System>) front_.dxdt = base_.dxdt;
+      if (follows) {
+        system_(front_.x, front_.dxdt, front_.time);
+        if (system_.isInCorner()) return true;
+      } else if constexpr (!kIntegratesTorque<System>) {
+        front_.dxdt = base_.dxdt;
+      }
       branch = guards_.guard(guard).branch(viewOf(front_));
       return branch != Guard::kOnEdge && branch != guards_.side(guard);
     };
     double beyond = crossing_.length;
     int attempt = 0;
-    while (!isBeyond(beyond) && ++attempt < kAttempts) beyond *= 4.0;
-    if (attempt == kAttempts || base_.time + beyond >= drivetrain_.inputSegmentEnd()) {
+    while (!isBeyond(beyond) && ++attempt < (follows ? kMostAttempts : kAttempts) &&
+           (!follows || isSeriesGood(beyond))) {
+      beyond *= 4.0;
+    }
+    if (!isBeyond(beyond) || base_.time + beyond >= drivetrain_.inputSegmentEnd()) {
       front_ = base_;
       return false;
     }
@@ -781,8 +818,31 @@ class MotionOf final : public Motion {
       return false;
     }
     const double depth = kDepth * beyond + 2.0 * shortestStep(absolute(base_.time));
-    if (!isBeyond(beyond + depth)) isBeyond(beyond);
+    const double reached = isBeyond(beyond + depth) ? beyond + depth : beyond;
+    // A kink bends the accelerations. Where they jump, the least reaction that they followed has
+    // ended there, and the next one is another motion's: as at a fold of a smooth psi.
+    if (follows && haveAccelerationsJumped(isBeyond, before, reached)) {
+      front_ = base_;
+      stop(StopReason::kProjectionFailed);
+      return false;
+    }
+    isBeyond(reached);
     return enterBranch() && noteCrossing(guard, branch, depth);
+  }
+
+  /// Whether the accelerations at two lengths next to each other are not the same. `go` brings the
+  /// front there, with its derivative.
+  template <class Go>
+  bool haveAccelerationsJumped(const Go& go, double before, double beyond) {
+    constexpr double kJump = 1e-5;
+    go(before);
+    const State first = front_.dxdt;
+    go(beyond);
+    for (std::size_t n = first.size() - S; n < first.size(); ++n) {
+      const double size = 1.0 + std::abs(first[n]);
+      if (!(std::abs(front_.dxdt[n] - first[n]) <= kJump * size)) return true;
+    }
+    return false;
   }
 
   /// Whether the series from the base is good up to `length` from there, still on its branch: the
@@ -817,7 +877,10 @@ class MotionOf final : public Motion {
     ahead.x = goAhead(base_, reach);
     for (int i = 0; i < guards_.count(); ++i) {
       if (!guards_.guard(i).jumps() || !guards_.hasLeft(i, viewOf(ahead))) continue;
-      crossing_ = {i, guards_.side(i), base_.time, reach};
+      crossing_.guard = i;
+      crossing_.side = guards_.side(i);
+      crossing_.at = base_.time;
+      crossing_.length = reach;
       if (crossEdge()) return true;
       if (!status_.ok()) return false;
     }
@@ -874,7 +937,7 @@ class MotionOf final : public Motion {
     noteRowsAnew();
     if (!finishStep()) return refuseEdge();
     checks_.noteTorque(front_);
-    guards_.moveBase(viewOf(front_));
+    moveGuards();
     ++statistics_.steps;
     ++statistics_.kinks;
     crossing_ = Crossing{};
@@ -994,7 +1057,7 @@ class MotionOf final : public Motion {
         }
         return false;
       }
-      if (!guards_.isEmpty()) guards_.moveBase(viewOf(front_));
+      if (!guards_.isEmpty()) moveGuards();
       const double estimate = worseOf(
           worseOf(norm, moved), worseOf(unaccounted, stepper_->estimateFromEnd(base_, front_)));
       statistics_.largest_error_estimate = std::max(statistics_.largest_error_estimate, estimate);
@@ -1695,6 +1758,8 @@ class MotionOf final : public Motion {
     int side = 0;         // that it leaves
     double at = 0.0;      // where the step before it ends
     double length = 0.0;  // of the step across, s
+    // the next step where it is not there after all, s
+    double otherwise = std::numeric_limits<double>::infinity();
     bool isDueAt(double time) const { return guard >= 0 && at == time; }
   };
   Crossing crossing_;

@@ -63,7 +63,10 @@ class StepChecks {
         are_steps_fixed_(are_steps_fixed) {}
 
   /// Forgets what belongs to a motion.
-  void reset() { largest_acceleration_.fill(0.0); }
+  void reset() {
+    largest_acceleration_.fill(0.0);
+    largest_torque_.fill(0.0);
+  }
 
   /// Writes Q and Q' of `node`, whose derivative is known and is the last that was taken.
   void noteTorque(Node& node) {
@@ -107,6 +110,9 @@ class StepChecks {
   double checkTorque(Stepper<System>& stepper, const Node& from, Node& to) {
     if constexpr (kIntegratesTorque<System>) {
       if (!drivetrain_.hasTorques()) return 0.0;
+      for (std::size_t i = 0; i < S; ++i) {
+        largest_torque_[i] = std::max(largest_torque_[i], std::abs(from.torque[i]));
+      }
       calcTorque(to);
       TorqueGain<System> gain;
       stepper.calcTorqueGain(system_, from, to, gain);
@@ -256,7 +262,7 @@ class StepChecks {
   void addTimeNoise(const Node& to, Torque& uncertain) {
     if (!drivetrain_.torquesReadTime()) return;
     constexpr double kSpan = 1e-7;  // s
-    constexpr double kMost = 1e-6;  // of Q
+    constexpr double kMost = 1e-6;  // of the largest Q
     double middle[S];
     double before[S];
     double after[S];
@@ -269,7 +275,7 @@ class StepChecks {
       torqueAt(to.time + part * kSpan, after);
       for (std::size_t i = 0; i < S; ++i) {
         const double bend = std::abs(after[i] - 2.0 * middle[i] + before[i]);
-        uncertain[i] = std::max(uncertain[i], std::min(2.0 * bend, kMost * std::abs(middle[i])));
+        uncertain[i] = std::max(uncertain[i], std::min(2.0 * bend, kMost * largest_torque_[i]));
       }
     }
   }
@@ -371,6 +377,7 @@ class StepChecks {
   bool are_steps_fixed_;
   double unattainable_ = 0.0;
   std::array<double, S> largest_acceleration_{};  // of late, see noteAccelerations
+  typename Node::Torque largest_torque_{};        // that a step began with, N m
 };
 
 }  // namespace variator_sim
