@@ -136,8 +136,15 @@ Interval evaluateOperation(Operation operation, const Interval& a, const Interva
       return orEverything({std::acos(a.high), std::acos(a.low)});
     case Operation::kAtan:
       return increasing(a, [](double x) { return std::atan(x); });
-    case Operation::kAtan2:
-      return {-2.0 * kHalfPi, 2.0 * kHalfPi};
+    case Operation::kAtan2: {
+      // Off the cut along the negative second operand the extremes lie in the corners.
+      const bool is_off_cut = a.low > 0.0 || a.high < 0.0 || b.low > 0.0;
+      if (!is_off_cut) return {-2.0 * kHalfPi, 2.0 * kHalfPi};
+      const auto [least, largest] =
+          std::minmax({std::atan2(a.low, b.low), std::atan2(a.low, b.high),
+                       std::atan2(a.high, b.low), std::atan2(a.high, b.high)});
+      return {least, largest};
+    }
     case Operation::kSinh:
       return increasing(a, [](double x) { return std::sinh(x); });
     case Operation::kCosh: {
