@@ -14,13 +14,6 @@
 namespace variator_sim::test {
 namespace {
 
-/// As withSolver; nothing here needs many steps in a second, and whatever does is told soon.
-Scene withFewSteps(Scene scene, StepperKind stepper, double tolerance) {
-  scene = withSolver(std::move(scene), stepper, tolerance);
-  scene.solver.maximum_steps = 10000;
-  return scene;
-}
-
 constexpr double kEps = 2.2e-16;
 const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
 
@@ -115,7 +108,7 @@ TEST(LongLives, ShortRampsAtLateTimes) {
                   // but what the velocity before it has collected.
                   hazard.compare(run, exact, scene, label,
                                  kAllowed + (form == 0 ? 0.0 : 1e-14 * instant / tolerance));
-                  EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
+                  expectNoStop(run, scene, label);
                 }
               }
             }
@@ -164,7 +157,7 @@ TEST(LongLives, TheSameCommandAtAnyTime) {
             const std::string label = std::string(principle) + " " + keys + " " +
                                       std::to_string(form) + " at " + plainly(instant) + " " +
                                       toString(stepper);
-            EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
+            expectNoStop(run, scene, label);
             if (first.samples.empty()) {
               first = run;
               continue;
@@ -186,11 +179,11 @@ TEST(LongLives, TheSameCommandAtAnyTime) {
 /// its value then to that times the frequency.
 TEST(LongLives, FormulasOfALateTime) {
   Hazard hazard("long lives", "sines of a late time in torques and psi",
-                "offsets 0 to 1e8 s, orders 1 and 2");
+                "offsets 0 to 1e7 s, orders 1 and 2");
   const std::vector<double> times = evenly(10.0, 9);
   const std::vector<double> offsets = isLongForm()
-                                          ? std::vector<double>{0, 1e2, 1e4, 5e4, 1e6, 1e7, 1e8}
-                                          : std::vector<double>{0, 5e4, 1e8};
+                                          ? std::vector<double>{0, 1e2, 1e4, 5e4, 1e6, 1e7}
+                                          : std::vector<double>{0, 5e4, 1e7};
   for (const char* principle : kPrinciples) {
     for (double late : offsets) {
       for (double z : {0.7, 6.0}) {
@@ -239,7 +232,7 @@ TEST(LongLives, FormulasOfALateTime) {
                 const double steep = size * std::max(1.0, place == 2 ? z : 1.0 / z);
                 hazard.compare(run, exact, scene, label,
                                kAllowed + 20.0 * rounding * steep / tolerance);
-                EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
+                expectNoStop(run, scene, label);
               }
             }
           }
@@ -253,11 +246,11 @@ TEST(LongLives, FormulasOfALateTime) {
 /// out, early.
 TEST(LongLives, RatiosOfALateTime) {
   Hazard hazard("long lives", "a slip whose ratio is a sine of a late time, at 2000 rad/s",
-                "offsets 1e2 to 1e8 s");
+                "offsets 1e2 to 1e7 s");
   const std::vector<double> times = evenly(10.0, 5);
   const std::vector<double> offsets = isLongForm()
-                                          ? std::vector<double>{1e2, 1e4, 5e4, 1e6, 1e7, 1e8}
-                                          : std::vector<double>{5e4, 1e8};
+                                          ? std::vector<double>{1e2, 1e4, 5e4, 1e6, 1e7}
+                                          : std::vector<double>{5e4, 1e7};
   for (const char* principle : kPrinciples) {
     for (double late : offsets) {
       const auto yaml = [&](const std::string& sine) {
@@ -288,7 +281,7 @@ TEST(LongLives, RatiosOfALateTime) {
           // accelerations; relative to those and to the speeds:
           const double rounding = kEps * 0.7 * late;
           hazard.compare(run, reference, scene, label, kAllowed + 100.0 * rounding / tolerance);
-          EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
+          expectNoStop(run, scene, label);
         }
       }
     }
@@ -354,7 +347,7 @@ TEST(LongLives, NeutralModesDoNotDrift) {
         const double start = form.calc(simulation.sample().reaction_torque);
         const test::Run run = play(scene, times);
         const std::string label = std::string(form.name) + " " + describe(stepper, tolerance);
-        EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
+        expectNoStop(run, scene, label);
         double most = 0.0;
         for (const Sample& sample : run.samples) {
           most = std::max(most, std::abs(form.calc(sample.reaction_torque) - start));

@@ -18,13 +18,6 @@
 namespace variator_sim::test {
 namespace {
 
-/// As withSolver; nothing here needs many steps in a second, and whatever does is told soon.
-Scene withFewSteps(Scene scene, StepperKind stepper, double tolerance) {
-  scene = withSolver(std::move(scene), stepper, tolerance);
-  scene.solver.maximum_steps = 10000;
-  return scene;
-}
-
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kEps = 2.2e-16;
 const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
@@ -116,9 +109,13 @@ std::string withPrinciple(const std::string& yaml, const std::string& principle)
 template <class Allowed>
 void compareAll(Hazard& hazard, const std::string& yaml, const Run& exact,
                 const std::vector<double>& times, const std::string& label, Allowed allowed,
-                Columns columns = Columns::kVelocityAndAcceleration) {
+                Columns columns = Columns::kVelocityAndAcceleration, bool explicit_only = false) {
   const Scene plain = sceneFromText(yaml);
   for (StepperKind stepper : kAdaptiveSteppers) {
+    if (explicit_only &&
+        (stepper == StepperKind::kRadau5 || stepper == StepperKind::kRosenbrock4)) {
+      continue;
+    }
     for (double tolerance : tolerances()) {
       const double most = allowed(tolerance);
       if (!std::isfinite(most)) continue;
@@ -126,7 +123,7 @@ void compareAll(Hazard& hazard, const std::string& yaml, const Run& exact,
       const test::Run run = play(scene, times);
       const std::string full = label + " " + describe(stepper, tolerance);
       hazard.compare(run, exact, scene, full, most, columns);
-      EXPECT_EQ(run.reason, StopReason::kNone) << full << ": " << run.message;
+      expectNoStop(run, scene, full);
     }
   }
 }
@@ -306,11 +303,18 @@ TEST(Pulses, Touches) {
         // An error of x of one tolerance is one of the depth; one as large says nothing. All x are
         // polynomials that every method follows but for rounding; of time there is no error.
         const bool is_time = std::string(touch.name) == "time";
-        compareAll(hazard, yaml, exact, times, label, [&](double tolerance) {
-          if (!is_time && tolerance > 1e-2 * depth) return double(HUGE_VAL);
-          return kAllowed * (is_time ? 1.0 : 1.0 + 1.5 * tolerance / depth / tolerance) +
-                 10.0 * kEps / depth / tolerance;
-        });
+        // Speed and time take the same way, of which enclosures know nothing: right, but slow
+        // (doc/stability.md).
+        const bool is_slow = std::string(touch.name) == "velocity and time";
+        if (is_slow && depth < 1e-7) continue;
+        compareAll(
+            hazard, yaml, exact, times, label,
+            [&](double tolerance) {
+              if (!is_time && tolerance > 1e-2 * depth) return double(HUGE_VAL);
+              return kAllowed * (is_time ? 1.0 : 1.0 + 1.5 * tolerance / depth / tolerance) +
+                     10.0 * kEps / depth / tolerance;
+            },
+            Columns::kVelocityAndAcceleration, is_slow);
       }
     }
   }
@@ -586,9 +590,7 @@ TEST(Pulses, OfPluginsSwitches) {
             // accelerations are as large as pi/inside.
             hazard.compare(run, exact, scene, label,
                            kAllowed * (1.0 + kPi / inside * (jumps ? 0.0 : 1.0)), Columns::kAll);
-            if (stepper == StepperKind::kRadau5) continue;  // see Kinks, AtAnAngle
-            if (stepper == StepperKind::kRosenbrock4 && tolerance < 1e-10) continue;
-            EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
+            expectNoStop(run, scene, label);
           }
         }
       }
