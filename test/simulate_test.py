@@ -30,32 +30,8 @@ SHIP_HEADER = (["time"] + [f"{shaft}/{quantity}" for shaft in ("drive", "load")
 ENERGY = ["energy/kinetic", "energy/applied", "energy/reactions", "power/applied",
           "power/reactions"]
 
-# An engine, a centrifugal clutch, a variator whose ratio is commanded, and a car's resistance.
-CAR = """
-shafts: [engine, primary, wheels]
-engine: {inertia: 0.15}     # kg m^2
-primary: {inertia: 0.02}    # kg m^2
-wheels: {inertia: 110.0}    # kg m^2: 1200 kg at 0.3 m
-torques: [motor, clutch_engine, clutch_primary, road]
-motor: {type: variator_sim/ExpressionTorque, shaft: engine, torque: "50 + 0.45*w1 - 0.0008*w1^2"}
-clutch_engine: &clutch
-  type: variator_sim/ExpressionTorque
-  shaft: engine
-  torque: "-k*(1 + tanh((w1 - 130)/20))*w1^2*tanh((w1 - w2)/2)"
-  parameters: {k: 0.004}
-clutch_primary: {<<: *clutch, shaft: primary,
-                 torque: "k*(1 + tanh((w1 - 130)/20))*w1^2*tanh((w1 - w2)/2)"}
-road: {type: variator_sim/VehicleResistance, shaft: wheels, law: road, wheel_radius: 0.3,
-       mass: 1200, rolling_coefficient: 0.012, drag_area: 0.67}
-constraints: [variator]
-variator:
-  type: variator_sim/SlipRatio
-  shafts: [primary, wheels]
-  time_constant: 0.05
-  ratio: {topic: ratio, hold: second_order_lag, time_constant: 1.0, initial: 0.08, min: 0.05, max: 0.5}
-initial: {velocity: [90, 0, 0]}
-"""
-CAR_COMMANDS = "time,topic,value\n2,ratio,0.12\n5,ratio,0.2\n"
+CAR = FOLDER / "test/scenes/car.yaml"
+CAR_COMMANDS = str(FOLDER / "test/scenes/car.csv")
 
 # The torque has no value after 1 s.
 STOPPING_SCENE = """
@@ -189,9 +165,8 @@ class SimulateTest(unittest.TestCase):
                            m.reaction_power] for m in energies], rows)
 
     def test_reactions_that_drive_a_car_are_told_once(self):
-        commands = self.write("commands.csv", CAR_COMMANDS)
-        scene = self.write("car.yaml", CAR)
-        arguments = ["--duration", "11", "--rate", "10", "--commands", commands, "--columns",
+        commands, scene = CAR_COMMANDS, str(CAR)
+        arguments = ["--duration", "13", "--rate", "10", "--commands", commands, "--columns",
                      "energy"]
         result = self.simulate(scene, *arguments, "--stats")
         self.assertEqual(result.returncode, 0, result.stderr)
@@ -208,7 +183,7 @@ class SimulateTest(unittest.TestCase):
         for value, expected in zip(account, (last[2] + last[3], last[2], last[3])):
             self.assertAlmostEqual(value, expected, delta=1e-5 * abs(expected))
 
-        classical = self.write("classical.yaml", CAR + "principle: gauss\n")
+        classical = self.write("classical.yaml", CAR.read_text() + "principle: gauss\n")
         result = self.simulate(classical, *arguments)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(result.stderr, "")
