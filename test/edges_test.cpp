@@ -275,8 +275,10 @@ TEST(KinksOfOrder1, MoveTheAccelerations) {
 }
 
 // Beside a psi that is curved in the accelerations their way counts, not its ends alone. On the
-// circle e1 = g cos(a), e2 = g sin(a), with e3 = r e2 + d and d going from 0 to D, J = diag(1, 1, J3):
-//     g^2 a'^2 + J3 (r g cos(a) a' + D)^2 is least  =>  (1 / cos(a) + J3 r^2 cos(a)) a' = -J3 r D / g,
+// circle e1 = g cos(a), e2 = g sin(a), with e3 = r e2 + d and d going from 0 to D, J = diag(1, 1,
+// J3):
+//     g^2 a'^2 + J3 (r g cos(a) a' + D)^2 is least  =>  (1 / cos(a) + J3 r^2 cos(a)) a' = -J3 r D /
+//     g,
 // so that atanh(x) + J3 r^2 x, x = sin(a) = e2 / g, changes by -J3 r D / g.
 TEST(KinksOfOrder1, GoAlongACurvedConstraint) {
   const double g = 1.5;
@@ -290,9 +292,7 @@ TEST(KinksOfOrder1, GoAlongACurvedConstraint) {
       "v: {type: variator_sim/ExpressionConstraint, order: 1,\n"
       "    expression: \"w3-1.2*w2-1.6*max(0,t-1)\"}\n"
       "initial: {acceleration: [1.2, 0.9, 1.08]}\n"));
-  const auto invariant = [&](double e2) {
-    return std::atanh(e2 / g) + J3 * r * r * e2 / g;
-  };
+  const auto invariant = [&](double e2) { return std::atanh(e2 / g) + J3 * r * r * e2 / g; };
   ASSERT_TRUE(simulation.advanceTo(1.0 - 1e-7).ok()) << simulation.describeStatus();
   const double before = simulation.sample().acceleration[1];
   ASSERT_TRUE(simulation.advanceTo(1.0 + 1e-7).ok()) << simulation.describeStatus();

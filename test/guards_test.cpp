@@ -1,5 +1,7 @@
 // Guards of formulas: what they tell of a box of states has to hold at every state in it, and may
 // not be so cautious that it says nothing.
+#include "variator_sim/expression/guards.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
 
@@ -38,9 +39,7 @@ struct State {
   double angle[2] = {};
   double velocity[2] = {};
   double acceleration[2] = {};
-  StateView view() const {
-    return {time, angle, velocity, acceleration, nullptr, nullptr};
-  }
+  StateView view() const { return {time, angle, velocity, acceleration, nullptr, nullptr}; }
 };
 
 /// A state anywhere in `box`, on its faces more often than not.

@@ -591,9 +591,9 @@ class Drivetrain {
   }
 
   /// What a kink of constraints of order 1 does to the accelerations: f' is f0'(e) = C0 e + b0
-  /// `before` it and f1'(e) = C1 e + b1 `after`. A smooth f would go from the one to the other within
-  /// next to no time, with every weight theta between 0 and 1 on the second, and its large f'' would
-  /// meet a large Lambda, while psi of order 2 stays 0 and order 3 keeps its C:
+  /// `before` it and f1'(e) = C1 e + b1 `after`. A smooth f would go from the one to the other
+  /// within next to no time, with every weight theta between 0 and 1 on the second, and its large
+  /// f'' would meet a large Lambda, while psi of order 2 stays 0 and order 3 keeps its C:
   ///     C(theta, e) = (1 - theta) C0(e) + theta C1(e),   J de/dtheta = C^T Lambda,
   ///     C de/dtheta + f1'(e) - f0'(e) = 0.
   /// Writes the change of epsilon (S values). False where C loses rank.
@@ -625,8 +625,8 @@ class Drivetrain {
       solver_.constrain(gap, rate, Lambda);
       return true;
     };
-    // Of the classical Runge-Kutta method, for nothing here is stiff; where C does not turn one step
-    // is exact.
+    // Of the classical Runge-Kutta method, for nothing here is stiff; where C does not turn one
+    // step is exact.
     constexpr int kSteps = 200;
     constexpr double kTurned = 1e-12;
     double k1[S];

@@ -433,8 +433,8 @@ class MotionOf final : public Motion {
     if (!status_.ok()) return false;
     if (is_due) next_step_ = std::min(next_step_, crossing_.otherwise);
     crossing_ = Crossing{};
-    // The step before the edge says nothing about this branch. An implicit one that is much too long
-    // for a swing or for something that grows damps it without its estimate showing anything.
+    // The step before the edge says nothing about this branch. An implicit one that is much too
+    // long for a swing or for something that grows damps it without its estimate showing anything.
     if (is_behind_edge && !choice_.isFixed() && stepper_->isImplicit()) {
       const double first = std::max(chooseFirstStep(), kLeastRestart * next_step_);
       next_step_ = std::min(next_step_, first);
@@ -545,8 +545,8 @@ class MotionOf final : public Motion {
     kCrossed   ///< the edge was at the base: the step went across it, and no further
   };
 
-  /// The front is where the next step begins. Accelerations of least reaction that go on in a corner
-  /// of psi (least_reaction.h) only seem to leave it, to either side, by rounding.
+  /// The front is where the next step begins. Accelerations of least reaction that go on in a
+  /// corner of psi (least_reaction.h) only seem to leave it, to either side, by rounding.
   void moveGuards() {
     const StateView state = viewOf(front_);
     guards_.moveBase(state);

@@ -181,9 +181,8 @@ TEST(LongLives, FormulasOfALateTime) {
   Hazard hazard("long lives", "sines of a late time in torques and psi",
                 "offsets 0 to 1e7 s, orders 1 and 2");
   const std::vector<double> times = evenly(10.0, 9);
-  const std::vector<double> offsets = isLongForm()
-                                          ? std::vector<double>{0, 1e2, 1e4, 5e4, 1e6, 1e7}
-                                          : std::vector<double>{0, 5e4, 1e7};
+  const std::vector<double> offsets = isLongForm() ? std::vector<double>{0, 1e2, 1e4, 5e4, 1e6, 1e7}
+                                                   : std::vector<double>{0, 5e4, 1e7};
   for (const char* principle : kPrinciples) {
     for (double late : offsets) {
       for (double z : {0.7, 6.0}) {
@@ -248,9 +247,8 @@ TEST(LongLives, RatiosOfALateTime) {
   Hazard hazard("long lives", "a slip whose ratio is a sine of a late time, at 2000 rad/s",
                 "offsets 1e2 to 1e7 s");
   const std::vector<double> times = evenly(10.0, 5);
-  const std::vector<double> offsets = isLongForm()
-                                          ? std::vector<double>{1e2, 1e4, 5e4, 1e6, 1e7}
-                                          : std::vector<double>{5e4, 1e7};
+  const std::vector<double> offsets =
+      isLongForm() ? std::vector<double>{1e2, 1e4, 5e4, 1e6, 1e7} : std::vector<double>{5e4, 1e7};
   for (const char* principle : kPrinciples) {
     for (double late : offsets) {
       const auto yaml = [&](const std::string& sine) {
