@@ -91,6 +91,10 @@ struct Scene {
 /// stand in a scene file and are ignored offline; no shaft, torque or constraint may take them.
 const std::vector<std::string>& nodeKeys();
 
+/// Private topics that the node publishes itself. No commanded input may take one, offline neither:
+/// the node would read its own messages.
+const std::vector<std::string>& nodeTopics();
+
 /// Reads a whole scene. Components are made by `factory`. Throws SceneError on the first fault.
 Scene readScene(const ParameterTree& tree, ComponentFactory& factory);
 

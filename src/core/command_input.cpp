@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "variator_sim/nearest_name.h"
+#include "variator_sim/scene.h"
 
 namespace variator_sim {
 namespace {
@@ -25,12 +26,6 @@ constexpr std::array<HoldName, 5> kHolds{
 
 /// Time constants after which a lag has arrived: exp(-50) of the way is less than any rounding.
 constexpr double kSettled = 50.0;
-
-/// Private topics that the node publishes itself.
-const std::vector<std::string>& takenTopics() {
-  static const std::vector<std::string> topics{"state", "scene", "status"};
-  return topics;
-}
 
 /// Relative graph name: parts of letters, digits and underscores, joined by single slashes.
 bool isRelativeTopic(const std::string& topic) {
@@ -54,7 +49,7 @@ std::string readTopic(ParameterReader& reader) {
                          "'/' between parts, starting with a letter (no leading '/' or '~': topics "
                          "are private to the node)");
   }
-  const std::vector<std::string>& taken = takenTopics();
+  const std::vector<std::string>& taken = nodeTopics();
   if (std::find(taken.begin(), taken.end(), topic) != taken.end()) {
     throw SceneError(reader.keyPath("topic"), "'" + topic +
                                                   "' is a topic of the node itself; allowed: any "

@@ -506,6 +506,12 @@ const std::vector<std::string>& nodeKeys() {
   return keys;
 }
 
+const std::vector<std::string>& nodeTopics() {
+  static const std::vector<std::string> topics{
+      "state", "energy", "scene", "status", "parameter_descriptions", "parameter_updates"};
+  return topics;
+}
+
 Scene readScene(const ParameterTree& tree, ComponentFactory& factory) {
   ParameterReader root(tree, "");
   for (const std::string& key : joined(sceneKeys(), nodeKeys())) root.allow(key);

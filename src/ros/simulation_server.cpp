@@ -25,25 +25,11 @@ double toSeconds(std::int64_t nanoseconds) {
   return static_cast<double>(nanoseconds) / 1e9;
 }
 
-/// Topics of the node's own: a command topic of this name would feed the node its own messages.
-const std::vector<std::string>& ownTopics() {
-  static const std::vector<std::string> kTopics = {
-      "state", "energy", "scene", "status", "parameter_descriptions", "parameter_updates"};
-  return kTopics;
-}
-
 void checkTopic(const CommandInputSettings& input) {
   const std::string key = input.owner + "/topic";
   std::string error;
   if (!ros::names::validate(input.topic, error)) {
     throw SceneError(key, "'" + input.topic + "' is not a ROS name: " + error);
-  }
-  for (const std::string& own : ownTopics()) {
-    if (input.topic == own) {
-      throw SceneError(key, "'" + own +
-                                "' is published by this node; commands need a topic of "
-                                "another name");
-    }
   }
 }
 

@@ -25,9 +25,9 @@ int findInput(const TimedCommand& command, const Scene& scene, const std::string
 
 }  // namespace
 
-std::vector<InputCommand> resolveCommands(const std::vector<TimedCommand>& commands,
-                                          const Scene& scene, const std::string& path) {
-  std::vector<InputCommand> resolved;
+std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
+                                             const Scene& scene, const std::string& path) {
+  std::vector<ResolvedCommand> resolved;
   resolved.reserve(commands.size());
   for (const TimedCommand& command : commands) {
     resolved.push_back(
@@ -37,14 +37,14 @@ std::vector<InputCommand> resolveCommands(const std::vector<TimedCommand>& comma
 }
 
 OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
-                       std::vector<InputCommand> commands, double duration)
+                       std::vector<ResolvedCommand> commands, double duration)
     : simulation_(simulation),
       times_(std::move(times)),
       commands_(std::move(commands)),
       duration_(duration) {
   const auto first_ignored =
       std::find_if(commands_.begin(), commands_.end(),
-                   [duration](const InputCommand& command) { return command.time > duration; });
+                   [duration](const ResolvedCommand& command) { return command.time > duration; });
   ignored_count_ = static_cast<std::size_t>(commands_.end() - first_ignored);
   commands_.erase(first_ignored, commands_.end());
 }
@@ -55,7 +55,7 @@ bool OfflineRun::reach(double time) {
 
 void OfflineRun::applyCommands() {
   while (next_command_ < commands_.size() && commands_[next_command_].time <= simulation_.time()) {
-    const InputCommand& command = commands_[next_command_++];
+    const ResolvedCommand& command = commands_[next_command_++];
     if (simulation_.command(command.input, command.value) == CommandResult::kRefused &&
         ++refused_count_ == 1) {
       first_refused_line_ = command.line;

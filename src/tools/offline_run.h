@@ -14,7 +14,7 @@
 namespace variator_sim {
 
 /// A command whose topic has been found in the scene.
-struct InputCommand {
+struct ResolvedCommand {
   double time;   ///< s
   int input;     ///< index into Scene::inputs
   double value;  ///< the input's own unit
@@ -22,13 +22,13 @@ struct InputCommand {
 };
 
 /// Finds each command's input by its topic. Throws CommandFileError with the nearest topic.
-std::vector<InputCommand> resolveCommands(const std::vector<TimedCommand>& commands,
-                                          const Scene& scene, const std::string& path);
+std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
+                                             const Scene& scene, const std::string& path);
 
 class OfflineRun {
  public:
   /// `commands` must be sorted by time; those after `duration` are left out.
-  OfflineRun(Simulation& simulation, SampleTimes times, std::vector<InputCommand> commands,
+  OfflineRun(Simulation& simulation, SampleTimes times, std::vector<ResolvedCommand> commands,
              double duration);
 
   /// Moves on until `samples` (emptied first) holds kBlockSize samples, the present has moved by
@@ -57,7 +57,7 @@ class OfflineRun {
 
   Simulation& simulation_;
   SampleTimes times_;
-  std::vector<InputCommand> commands_;
+  std::vector<ResolvedCommand> commands_;
   double duration_;
   std::size_t next_command_ = 0;
   std::size_t ignored_count_ = 0;

@@ -124,7 +124,7 @@ void warnOfReactionEnergy(const Simulation& simulation) {
   if (!doubt.empty()) std::fprintf(stderr, "simulate: warning: %s\n", doubt.c_str());
 }
 
-std::vector<InputCommand> readCommands(const SimulateOptions& options, const Scene& scene) {
+std::vector<ResolvedCommand> readCommands(const SimulateOptions& options, const Scene& scene) {
   if (options.commands_path.empty()) return {};
   return resolveCommands(readCommandFile(options.commands_path), scene, options.commands_path);
 }
