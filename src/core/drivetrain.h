@@ -2,8 +2,6 @@
 /// by which principle, is the systems' matter (generalized_gauss.h, classical_gauss.h).
 #pragma once
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,6 +11,7 @@
 #include <vector>
 
 #include "central_difference.h"
+#include "dense.h"
 #include "shape.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
@@ -361,13 +360,11 @@ class Drivetrain {
   /// Writes `delta`: S velocities, then S accelerations. False where the matrix is singular.
   bool calcStiffProjection(const StateView& state, double h, double* delta) {
     constexpr int kMax = kMaxRows;
-    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMax, kMax>;
-    using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMax, 1>;
     const int k = static_cast<int>(acceleration_rows_.size());
     double rows[kMax][2 * S];      // (B, C)
     double weighted[kMax][2 * S];  // (h^2 B J^-1, C J^-1)
     double scale[kMax] = {};
-    Vector l(k);
+    DenseVector l(k);
     for (int r = 0; r < k; ++r) {
       const Constraint& constraint = *constraints_[acceleration_rows_[r]];
       ConstraintPartials partials;
@@ -386,7 +383,7 @@ class Drivetrain {
     if (k == 1) {
       if (!std::isfinite(scale[0])) return false;
     } else {
-      Matrix A(k, k);
+      DenseMatrix A(k, k);
       for (int r = 0; r < k; ++r) {
         for (int n = 0; n < k; ++n) {
           double entry = 0.0;
@@ -394,10 +391,7 @@ class Drivetrain {
           A(r, n) = entry * scale[r] * scale[n];
         }
       }
-      if (!A.allFinite()) return false;
-      const Eigen::LDLT<Matrix> factors(A);
-      if (!(factors.vectorD().minCoeff() > RowSolver::kRankTolerance)) return false;
-      l = factors.solve(l).eval();
+      if (!solveSymmetric(A, RowSolver::kRankTolerance, &l)) return false;
     }
     for (int i = 0; i < 2 * S; ++i) {
       delta[i] = 0.0;
@@ -901,12 +895,9 @@ class Drivetrain {
   /// (J - sum lambda_m H_m) x - C^T y = right, C x = -c0, with the rows of C in solver_. Writes x.
   bool solveFormal(const double* lambda, const double* H, const double* right, const double* c0,
                    double* x) const {
-    constexpr int kMaxSize = S + kMaxRows;
-    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxSize, kMaxSize>;
-    using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxSize, 1>;
     const int k = constraintCount();
-    Matrix K = Matrix::Zero(S + k, S + k);
-    Vector b = Vector::Zero(S + k);
+    DenseMatrix K = DenseMatrix::Zero(S + k, S + k);
+    DenseVector b = DenseVector::Zero(S + k);
     for (int i = 0; i < S; ++i) {
       b(i) = right[i];
       for (int j = 0; j < S; ++j) K(i, j) = inertia_.entry(i, j);
@@ -919,23 +910,11 @@ class Drivetrain {
         for (int j = 0; j < S; ++j) K(i, j) -= lambda[m] * H[(m * S + i) * S + j];
       }
     }
-    if (!K.allFinite() || !b.allFinite()) return false;
-    // Scaling every row by its largest entry makes the pivoting blind to the units of psi.
-    for (int i = 0; i < S + k; ++i) {
-      const double largest = K.row(i).cwiseAbs().maxCoeff();
-      if (largest == 0.0) return false;
-      K.row(i) /= largest;
-      b(i) /= largest;
-    }
-    const Eigen::PartialPivLU<Matrix> factors(K);
-    Vector solution = factors.solve(b);
     // y is as large as rows of C are near to each other, and what rounding of the factors makes of
     // the zeros in K meets it: that is given back by solving for what is left.
-    for (int round = 0; round < 2; ++round) {
-      const Vector rest = b - K * solution;
-      solution += factors.solve(rest);
-    }
-    if (!solution.allFinite()) return false;
+    constexpr int kRefinements = 2;
+    DenseVector solution;
+    if (!solveScaled(K, b, kRefinements, &solution)) return false;
     for (int i = 0; i < S; ++i) x[i] = solution(i);
     return true;
   }

@@ -3,7 +3,6 @@
 /// that is, of the distance from the free accelerations J^-1 (Q - n) in the metric J.
 #pragma once
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -198,7 +197,7 @@ class LeastReactionSolver {
       }
     }
     Vector solution;
-    if (!solveScaled(K, right, &solution)) return false;
+    if (!solveScaled(K, right, 0, &solution)) return false;
     for (int i = 0; i < S; ++i) eta[i] = solution(i);
     drivetrain_.inertia().multiply(eta, reaction_rate);
     for (int i = 0; i < S; ++i) reaction_rate[i] -= rate[i];
@@ -278,9 +277,8 @@ class LeastReactionSolver {
   static constexpr int kMostKinks = static_cast<int>(Drivetrain<Shape>::kMostKinks);
   /// Of all kinks, so many nearest ones may meet in a corner that is looked at.
   static constexpr int kMostMeeting = 4;
-  static constexpr int kMaxSize = 2 * S;
-  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxSize, kMaxSize>;
-  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxSize, 1>;
+  using Matrix = DenseMatrix;
+  using Vector = DenseVector;
 
   struct Point {
     double epsilon[S];
@@ -403,7 +401,7 @@ class LeastReactionSolver {
         for (int i = 0; i < S; ++i) A(r, q) += G(r, i) * G(q, i);
       }
     }
-    const Vector l = A.partialPivLu().solve(right.head(rows));
+    const Vector l = solveLu(A, right.head(rows));
     for (int i = 0; i < S; ++i) aside[i] = values.epsilon[i];
     for (int r = 0; r < rows; ++r) {
       for (int i = 0; i < S; ++i) aside[i] += G(r, i) * l(r);
@@ -467,7 +465,7 @@ class LeastReactionSolver {
         right(r) /= length[r];
         for (int q = 0; q < count; ++q) A(r, q) /= length[r] * length[q];
       }
-      const Vector nu = A.partialPivLu().solve(right);
+      const Vector nu = solveLu(A, right);
       for (int r = k; r < count; ++r) is_least = is_least && nu(r) >= -0.1 * kAside * size;
     });
     return is_least;
@@ -498,7 +496,8 @@ class LeastReactionSolver {
     //  [ J - sum lambda_m H_m   -C^T ] [d epsilon]     [ J epsilon + n - Q - C^T lambda ]
     //  [ C                       0   ] [d lambda ] = - [ psi                            ]
     Matrix K = Matrix::Zero(n, n);
-    Vector F = Vector::Zero(n);
+    Vector right(n);
+    double force[S] = {};  // J epsilon + n - Q - C^T lambda
     double unit[S];
     double column[S];
     for (int j = 0; j < S; ++j) {
@@ -506,38 +505,24 @@ class LeastReactionSolver {
       drivetrain_.inertia().multiply(unit, column);
       for (int i = 0; i < S; ++i) {
         K(i, j) = column[i];
-        F(i) += column[i] * epsilon[j];
+        force[i] += column[i] * epsilon[j];
       }
     }
-    for (int i = 0; i < S; ++i) F(i) -= torque[i];
+    for (int i = 0; i < S; ++i) force[i] -= torque[i];
     for (int m = 0; m < row_count_; ++m) {
       double C[S];
       double H[S * S];
-      F(S + m) = rows_[m]->calcResidualAndJacobian(state, C);
+      right(S + m) = -rows_[m]->calcResidualAndJacobian(state, C);
       rows_[m]->calcHessian(state, H);
       for (int i = 0; i < S; ++i) {
         K(S + m, i) = C[i];
         K(i, S + m) = -C[i];
-        F(i) -= C[i] * multipliers[m];
+        force[i] -= C[i] * multipliers[m];
         for (int j = 0; j < S; ++j) K(i, j) -= multipliers[m] * H[i * S + j];
       }
     }
-    F = -F;
-    return solveScaled(K, F, step);
-  }
-
-  /// K x = right. False when K is singular or something is not finite.
-  static bool solveScaled(Matrix& K, Vector& right, Vector* x) {
-    if (!K.allFinite() || !right.allFinite()) return false;
-    // Scaling every row by its largest entry makes the pivoting blind to the units of psi.
-    for (int i = 0; i < K.rows(); ++i) {
-      const double largest = K.row(i).cwiseAbs().maxCoeff();
-      if (largest == 0.0) return false;
-      K.row(i) /= largest;
-      right(i) /= largest;
-    }
-    *x = K.partialPivLu().solve(right);
-    return x->allFinite();
+    for (int i = 0; i < S; ++i) right(i) = -force[i];
+    return solveScaled(K, right, 0, step);
   }
 
   static double calcLength(const Vector& step) { return step.head(S).cwiseAbs().maxCoeff(); }

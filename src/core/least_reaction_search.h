@@ -12,7 +12,6 @@
 /// through again until nothing better comes.
 #pragma once
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -104,8 +103,8 @@ class LeastReactionSearch {
   /// Evaluations of psi that one look through the ball may take.
   static constexpr int kMostEvaluations = 40000;
 
-  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, S, S>;
-  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, S, 1>;
+  using Matrix = DenseMatrix;
+  using Vector = DenseVector;
 
   /// psi on a ray: the soft part v, then the hard one, and their derivatives by t.
   struct Point {
@@ -586,7 +585,7 @@ class LeastReactionSearch {
         for (int i = 0; i < S; ++i) A(m, n) += C[n][i] * weighted[i];
       }
     }
-    right = A.partialPivLu().solve(right).eval();
+    right = solveLu(A, right);
     if (!right.allFinite()) return;
     for (int m = 0; m < k && m < S; ++m) multipliers[m] = right(m);
   }

@@ -16,6 +16,7 @@
 #include <cstddef>
 
 #include "central_difference.h"
+#include "dense.h"
 
 namespace variator_sim {
 
@@ -86,7 +87,7 @@ class Linearization {
     using SVector = Eigen::Matrix<Scalar, S, 1>;
     Scalar g{};
     SMatrix inverse;
-    Eigen::PartialPivLU<SMatrix> lu;
+    DenseLu<Scalar> lu;  // of larger ones
 
     bool factor(const Matrix& M, const Blocks& E, Scalar new_g) {
       g = new_g;
@@ -98,7 +99,7 @@ class Linearization {
         inverse = W.inverse();
         return inverse.allFinite();
       } else {
-        lu.compute(W);
+        lu.factor(W.data(), S);
         return true;
       }
     }
@@ -115,7 +116,8 @@ class Linearization {
       if constexpr (S <= 4) {
         k = inverse * right;
       } else {
-        k = lu.solve(right);
+        k = right;
+        lu.solve(k.data());
       }
       part(L - 1) = k;
       for (std::size_t l = L - 1; l-- > 0;) {

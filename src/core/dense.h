@@ -1,0 +1,51 @@
+/// Small dense systems of linear equations, solved in one place: Eigen's decompositions take long
+/// to compile, and every size of a scene needs the same ones. Nothing here allocates.
+#pragma once
+
+#include <Eigen/Core>
+#include <complex>
+#include <memory>
+
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// Rows of the largest system: accelerations and multipliers of a scene, and as many more.
+constexpr int kMaxDense = 2 * kMaxShafts;
+using DenseMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxDense, kMaxDense>;
+using DenseVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDense, 1>;
+
+/// x of A x = b, by LU with partial pivoting. Not finite where A is singular. [loop]
+DenseVector solveLu(const DenseMatrix& A, const DenseVector& b);
+
+/// The same with every row scaled by its largest entry, which makes the pivoting blind to the units
+/// of an equation (A and b are scaled in place), and `refinements` times solved again for what is
+/// left. False where A is singular or anything is not finite. [loop]
+bool solveScaled(DenseMatrix& A, DenseVector& b, int refinements, DenseVector* x);
+
+/// b becomes A^-1 b, A symmetric, by L D L^T. False where an entry of D is not above `least`.
+/// [loop]
+bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b);
+
+/// The factors of a square matrix of up to kMaxShafts rows, to be solved with many times.
+template <class Scalar>
+class DenseLu {
+ public:
+  DenseLu();
+  ~DenseLu();
+  DenseLu(const DenseLu&) = delete;
+  DenseLu& operator=(const DenseLu&) = delete;
+
+  /// Factors the n x n matrix at `A`, column by column. [loop]
+  void factor(const Scalar* A, int n);
+  /// x becomes A^-1 x (n values). [loop]
+  void solve(Scalar* x) const;
+
+ private:
+  struct Factors;
+  std::unique_ptr<Factors> factors_;
+};
+extern template class DenseLu<double>;
+extern template class DenseLu<std::complex<double>>;
+
+}  // namespace variator_sim
