@@ -497,7 +497,10 @@ class MotionOf final : public Motion {
         // A step cut short by a segment's end or an edge says nothing about the next one's size.
         next_step_ = last_of_segment ? std::max(h, taken * factor) : taken * factor;
         crossing_.otherwise = next_step_;
-        if (usual > taken) next_step_ = std::max(next_step_, usual);
+        // (What an implicit step thinks of its error when it is much too long is no guide; where
+        // the torque is integrated, its change is compared.)
+        const bool is_trusted = kIntegratesTorque<System> || !stepper_->isImplicit();
+        if (usual > taken && is_trusted) next_step_ = std::max(next_step_, usual);
         if (finishStep()) {
           if (!guards_.isEmpty()) moveGuards();
           lookAhead();
