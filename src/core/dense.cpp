@@ -1,7 +1,6 @@
 #include "dense.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 namespace variator_sim {
 
@@ -35,27 +34,13 @@ bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b) {
 }
 
 template <class Scalar>
-struct DenseLu<Scalar>::Factors {
-  using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxShafts, kMaxShafts>;
-  using Vector = Eigen::Matrix<Scalar, Eigen::Dynamic, 1, 0, kMaxShafts, 1>;
-  Eigen::PartialPivLU<Matrix> lu;
-  Eigen::Index size = 0;
-};
-
-template <class Scalar>
-DenseLu<Scalar>::DenseLu() : factors_(std::make_unique<Factors>()) {}
-template <class Scalar>
-DenseLu<Scalar>::~DenseLu() = default;
-
-template <class Scalar>
 void DenseLu<Scalar>::factor(const Scalar* A, int n) {
-  factors_->size = n;
-  factors_->lu.compute(Eigen::Map<const typename Factors::Matrix>(A, n, n));
+  lu_.compute(Eigen::Map<const Matrix>(A, n, n));
 }
 template <class Scalar>
 void DenseLu<Scalar>::solve(Scalar* x) const {
-  Eigen::Map<typename Factors::Vector> vector(x, factors_->size);
-  vector = factors_->lu.solve(vector).eval();
+  Eigen::Map<Vector> vector(x, lu_.rows());
+  vector = lu_.solve(vector).eval();
 }
 
 template class DenseLu<double>;

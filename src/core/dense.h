@@ -2,9 +2,8 @@
 /// to compile, and every size of a scene needs the same ones. Nothing here allocates.
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/LU>
 #include <complex>
-#include <memory>
 
 #include "variator_sim/types.h"
 
@@ -31,19 +30,15 @@ bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b);
 template <class Scalar>
 class DenseLu {
  public:
-  DenseLu();
-  ~DenseLu();
-  DenseLu(const DenseLu&) = delete;
-  DenseLu& operator=(const DenseLu&) = delete;
-
   /// Factors the n x n matrix at `A`, column by column. [loop]
   void factor(const Scalar* A, int n);
   /// x becomes A^-1 x (n values). [loop]
   void solve(Scalar* x) const;
 
  private:
-  struct Factors;
-  std::unique_ptr<Factors> factors_;
+  using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxShafts, kMaxShafts>;
+  using Vector = Eigen::Matrix<Scalar, Eigen::Dynamic, 1, 0, kMaxShafts, 1>;
+  Eigen::PartialPivLU<Matrix> lu_;
 };
 extern template class DenseLu<double>;
 extern template class DenseLu<std::complex<double>>;
