@@ -830,7 +830,7 @@ class MotionOf final : public Motion {
       return false;
     }
     isBeyond(reached);
-    return enterBranch() && noteCrossing(guard, branch, depth);
+    return enterBranch(reached - beyond) && noteCrossing(guard, branch, depth);
   }
 
   /// Whether the accelerations at two lengths next to each other are not the same. `go` brings the
@@ -892,9 +892,9 @@ class MotionOf final : public Motion {
     return false;
   }
 
-  /// The front, where x is about to be that of the other side of an edge: projection, jumps,
-  /// derivative.
-  bool enterBranch() {
+  /// The front, where x is about to be that of the other side of an edge, `late` s behind it:
+  /// projection, jumps, derivative.
+  bool enterBranch(double late) {
     // What may jump there: a torque or the constraint itself, by `sign`, and the accelerations that
     // f' = 0 asks for, by a kink of f.
     bool jumps = false;
@@ -929,7 +929,7 @@ class MotionOf final : public Motion {
       status_.constraint = jumping_row;
       return false;
     }
-    if (!jumpOverEdge()) return false;
+    if (!jumpOverEdge(late)) return false;
     checks_.noteTorque(front_);
     system_.restoreReaction(front_, kAnyway);
     system_(front_.x, front_.dxdt, front_.time);
@@ -952,7 +952,7 @@ class MotionOf final : public Motion {
   }
 
   /// The jump map by what the torque at the front is more than its rate at the base tells.
-  bool jumpOverEdge() {
+  bool jumpOverEdge(double late) {
     if constexpr (kIntegratesTorque<System>) {
       const double length = front_.time - base_.time;
       double before[S];
@@ -973,6 +973,12 @@ class MotionOf final : public Motion {
         status_ = result;
         status_.time = absolute(front_.time);
         return false;
+      }
+      // It jumped at the edge itself, and the velocities have changed since.
+      for (std::size_t i = 0; i < S; ++i) {
+        const double change = x[2 * S + i] - front_.x[2 * S + i];
+        x[S + i] += late * change;
+        x[i] += 0.5 * late * late * change;
       }
       front_.x = x;
       State moved{};

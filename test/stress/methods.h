@@ -24,10 +24,11 @@ inline Scene withSolver(Scene scene, StepperKind stepper, double tolerance) {
   return withTolerance(withStepper(std::move(scene), stepper), tolerance);
 }
 
-/// The same where nothing needs many steps in a second, and whatever does is told soon.
+/// The same where nothing needs many steps in a second (but for the long form's 1,000 kinks in
+/// one), and whatever does is told soon.
 inline Scene withFewSteps(Scene scene, StepperKind stepper, double tolerance) {
   scene = withSolver(std::move(scene), stepper, tolerance);
-  scene.solver.maximum_steps = 10000;
+  scene.solver.maximum_steps = isLongForm() ? 200000 : 10000;
   return scene;
 }
 
