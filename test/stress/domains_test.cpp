@@ -18,13 +18,6 @@
 namespace variator_sim::test {
 namespace {
 
-const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
-
-std::vector<double> tolerances() {
-  return isLongForm() ? std::vector<double>{1e-3, 1e-5, 1e-7, 1e-9, 1e-11}
-                      : std::vector<double>{1e-5, 1e-9};
-}
-
 std::string oneShaft(const std::string& principle, const std::string& torque, double w0,
                      const std::string& more = "") {
   return "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
@@ -56,7 +49,7 @@ TEST(Domains, FiniteEscape) {
         for (double part : {0.3, 0.9, 0.99, 0.9999, 0.999999, 1.5}) {
           const std::vector<double> times = {part * T};
           for (StepperKind stepper : kAdaptiveSteppers) {
-            for (double tolerance : tolerances()) {
+            for (double tolerance : sweptTolerances()) {
               const Scene scene = withSolver(plain, stepper, tolerance);
               const test::Run run = play(scene, times);
               const std::string label = std::string(principle) + " " + text(k) + " w^" + text(n) +
@@ -109,7 +102,7 @@ TEST(Domains, TurningPoint) {
       for (double part : {0.5, 0.9, 0.999, 1.5}) {
         const std::vector<double> times = evenly(part * end, 8);
         for (StepperKind stepper : kAdaptiveSteppers) {
-          for (double tolerance : tolerances()) {
+          for (double tolerance : sweptTolerances()) {
             Scene scene = withSolver(plain, stepper, tolerance);
             scene.solver.maximum_steps = 20000;  // none of these needs so many in a second
             const test::Run run = play(scene, times);
@@ -199,7 +192,7 @@ TEST(Domains, RootsLogsAndPoles) {
           }
         });
         for (StepperKind stepper : kAdaptiveSteppers) {
-          for (double tolerance : tolerances()) {
+          for (double tolerance : sweptTolerances()) {
             const Scene scene = withSolver(plain, stepper, tolerance);
             const test::Run run = play(scene, times);
             const std::string label = std::string(principle) + " " +
@@ -233,7 +226,7 @@ TEST(Domains, PolesAreNotSteppedAcross) {
         const std::string f = exactly(c) + "/(0.817-t)^" + std::to_string(order);
         const Scene plain = sceneFromText(oneShaft(principle, "1.5*" + f, 0.0));
         for (StepperKind stepper : kAdaptiveSteppers) {
-          for (double tolerance : tolerances()) {
+          for (double tolerance : sweptTolerances()) {
             Scene scene = withSolver(plain, stepper, tolerance);
             // A pulse of a formula in t is seen where it is wider than solver/maximum_step
             // (doc/scene.md): wherever this one is 100 tolerances of the acceleration high. Under
@@ -366,7 +359,7 @@ void sweepFaults(Hazard& hazard, const std::vector<std::pair<int, int>>& plans) 
     for (int place = 0; place < 4; ++place) {
       for (const Fault::Kind kind : {Fault::Kind::kNan, Fault::Kind::kInfinity}) {
         for (StepperKind stepper : kAdaptiveSteppers) {
-          for (double tolerance : tolerances()) {
+          for (double tolerance : sweptTolerances()) {
             for (const auto& [period, once] : plans) {
               FaultyFactory factory;
               Scene scene = withSolver(faultyScene(factory, principle), stepper, tolerance);

@@ -15,13 +15,6 @@
 namespace variator_sim::test {
 namespace {
 
-const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
-
-std::vector<double> tolerances() {
-  return isLongForm() ? std::vector<double>{1e-3, 1e-5, 1e-7, 1e-9, 1e-11}
-                      : std::vector<double>{1e-5, 1e-9};
-}
-
 /// From weak kinks that no error estimate sees to strong ones.
 std::vector<double> strengths() {
   return isLongForm()
@@ -103,7 +96,7 @@ TEST(Kinks, AtTimes) {
             }
           });
           for (StepperKind stepper : kAdaptiveSteppers) {
-            for (double tolerance : tolerances()) {
+            for (double tolerance : sweptTolerances()) {
               const Scene scene = withSolver(plain, stepper, tolerance);
               const test::Run run = play(scene, times);
               const std::string label = std::string(principle) + " " +
@@ -192,7 +185,7 @@ TEST(Kinks, AtZeroSpeed) {
           // w = drive/damping where the damping is negative grows like exp(-damping t).
           const double growth = std::exp(std::max({0.0, -below.damping, -above.damping}) * 3.0);
           for (StepperKind stepper : kAdaptiveSteppers) {
-            for (double tolerance : tolerances()) {
+            for (double tolerance : sweptTolerances()) {
               const Scene scene = withSolver(plain, stepper, tolerance);
               const test::Run run = play(scene, times);
               const std::string label = std::string(principle) + " " + torque + " order " +
@@ -229,7 +222,7 @@ TEST(Kinks, OfConstraintsAtZeroSpeed) {
           exactly(strength) + "*min(0,w1)\"}\nprinciple: " + principle +
           "\ninitial: {velocity: [-0.9, 0]}\n");
       for (StepperKind stepper : kAdaptiveSteppers) {
-        for (double tolerance : tolerances()) {
+        for (double tolerance : sweptTolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times);
           const std::string label = std::string(principle) + " K = " + text(strength) + " " +
@@ -269,7 +262,7 @@ TEST(Kinks, AtAnAngle) {
           exactly(k) + "*max(0,phi1)\"}\nconstraints: []\nprinciple: " + principle +
           "\ninitial: {angle: [-0.7], velocity: [2]}\n");
       for (StepperKind stepper : kAdaptiveSteppers) {
-        for (double tolerance : tolerances()) {
+        for (double tolerance : sweptTolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times);
           const std::string label =
@@ -306,7 +299,7 @@ void compareWithShortSteps(Hazard& hazard, Hazard& accelerations, const std::str
     const test::Run reference = play(tight, times, commands);
     ASSERT_EQ(reference.samples.size(), times.size()) << label << ": " << reference.message;
     for (StepperKind stepper : kAdaptiveSteppers) {
-      for (double tolerance : tolerances()) {
+      for (double tolerance : sweptTolerances()) {
         const Scene scene = withSolver(plain, stepper, tolerance);
         const test::Run run = play(scene, times, commands);
         const std::string full = label + " " + principle + " " + describe(stepper, tolerance);
@@ -489,7 +482,7 @@ TEST(Kinks, RateLimitsAndClamps) {
         sample.acceleration[0] = u_end - c * w;
       });
       for (StepperKind stepper : kAdaptiveSteppers) {
-        for (double tolerance : tolerances()) {
+        for (double tolerance : sweptTolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times, commands);
           const std::string label =

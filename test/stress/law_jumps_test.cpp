@@ -17,14 +17,6 @@
 namespace variator_sim::test {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kEps = 2.2e-16;
-const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
-
-std::vector<double> tolerances() {
-  return isLongForm() ? std::vector<double>{1e-3, 1e-5, 1e-7, 1e-9, 1e-11}
-                      : std::vector<double>{1e-5, 1e-9};
-}
 std::vector<double> sizes() {
   return isLongForm() ? std::vector<double>{1e-9, 1e-6, 1e-4, 1e-2, 0.1, 0.5, 0.9, 0.999}
                       : std::vector<double>{1e-6, 1e-2, 0.5, 0.999};
@@ -118,7 +110,7 @@ void compareAll(Hazard& hazard, Hazard* free, const std::string& yaml, const Run
   for (const char* principle : kPrinciples) {
     const Scene plain = sceneFromText(yaml + "principle: " + principle + "\n");
     for (StepperKind stepper : kAdaptiveSteppers) {
-      for (double tolerance : tolerances()) {
+      for (double tolerance : sweptTolerances()) {
         const Scene scene = withFewSteps(plain, stepper, tolerance);
         const test::Run run = play(scene, times);
         const std::string full =
@@ -320,7 +312,7 @@ TEST(LawJumps, AreCommandsAtTheirInstants) {
                      "{type: variator_sim/ExpressionTorque, shaft: a, torque: \"" + law + "\"}") +
               end);
           for (StepperKind stepper : kAdaptiveSteppers) {
-            for (double tolerance : tolerances()) {
+            for (double tolerance : sweptTolerances()) {
               const Scene scene = withFewSteps(plain, stepper, tolerance);
               const test::Run run = play(scene, times);
               const std::string label = std::string(principle) + " " + law + " on " + psi + " " +
@@ -401,7 +393,7 @@ TEST(LawJumps, CrossedBackAtOnceStops) {
       if (sliding.name == "order 3" && principle[0] == 'g' && principle[1] == 'a') continue;
       const Scene plain = sceneFromText(sliding.yaml + "principle: " + principle + "\n");
       for (StepperKind stepper : kAdaptiveSteppers) {
-        for (double tolerance : tolerances()) {
+        for (double tolerance : sweptTolerances()) {
           const test::Run run = play(withFewSteps(plain, stepper, tolerance), {sliding.at + 10.0});
           const std::string label =
               sliding.name + " " + principle + " " + describe(stepper, tolerance);
@@ -476,7 +468,7 @@ TEST(KinksOfOrder1, OfASpeedAreLimitsOfSmoothOnes) {
             std::string(principle) + (is_abs ? " abs" : " max") + ", k " + text(k);
         const Scene kinked = sceneFromText(yaml(is_abs ? "abs(w1)" : "max(0,w1)", c0 * w0));
         for (StepperKind stepper : kAdaptiveSteppers) {
-          for (double tolerance : tolerances()) {
+          for (double tolerance : sweptTolerances()) {
             const Scene scene = withFewSteps(kinked, stepper, tolerance);
             hazard.compare(play(scene, times), exact, scene,
                            what + " " + describe(stepper, tolerance), kAllowed * (1.0 + k));
@@ -527,7 +519,7 @@ TEST(KinksOfOrder1, OfTime) {
             "\"}\ninitial: {velocity: [0, " + plainly(is_abs ? K * a : 0.0) +
             "]}\nprinciple: " + principle + "\n");
         for (StepperKind stepper : kAdaptiveSteppers) {
-          for (double tolerance : tolerances()) {
+          for (double tolerance : sweptTolerances()) {
             const Scene scene = withFewSteps(plain, stepper, tolerance);
             const test::Run run = play(scene, times);
             const std::string label = std::string(principle) + (is_abs ? " abs" : " max") + ", K " +

@@ -14,14 +14,6 @@
 namespace variator_sim::test {
 namespace {
 
-constexpr double kEps = 2.2e-16;
-const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
-
-std::vector<double> tolerances() {
-  return isLongForm() ? std::vector<double>{1e-3, 1e-5, 1e-7, 1e-9, 1e-11}
-                      : std::vector<double>{1e-5, 1e-9};
-}
-
 // --- short ramps and lags at late times ----------------------------------------------------------
 
 /// How u gets from 0 to 1 after a command: its value and its integral, x seconds after.
@@ -95,7 +87,7 @@ TEST(LongLives, ShortRampsAtLateTimes) {
               const Scene plain = sceneFromText(commanded(hold.keys, order, w0, reads_time) +
                                                 "principle: " + principle + "\n");
               for (StepperKind stepper : kAdaptiveSteppers) {
-                for (double tolerance : tolerances()) {
+                for (double tolerance : sweptTolerances()) {
                   const Scene scene = withFewSteps(plain, stepper, tolerance);
                   const test::Run run = play(scene, times, {{instant, 0, u}});
                   const std::string label = std::string(principle) + " " + hold.keys + " at " +
@@ -223,7 +215,7 @@ TEST(LongLives, FormulasOfALateTime) {
                 "\"}\ninitial: {velocity: [" + plainly(place == 2 ? at_start : 0.0) +
                 ", 0], project: true}\nprinciple: " + principle + "\n");
             for (StepperKind stepper : kAdaptiveSteppers) {
-              for (double tolerance : tolerances()) {
+              for (double tolerance : sweptTolerances()) {
                 const Scene scene = withFewSteps(plain, stepper, tolerance);
                 const test::Run run = play(scene, times);
                 const std::string label = std::string(principle) + " " + sine + ", place " +
@@ -273,7 +265,7 @@ TEST(LongLives, RatiosOfALateTime) {
       ASSERT_EQ(reference.reason, StopReason::kNone) << reference.message;
       const Scene plain = sceneFromText(yaml("sin(0.7*(t+" + exactly(late) + "))"));
       for (StepperKind stepper : kAdaptiveSteppers) {
-        for (double tolerance : tolerances()) {
+        for (double tolerance : sweptTolerances()) {
           const Scene scene = withFewSteps(plain, stepper, tolerance);
           const test::Run run = play(scene, times);
           const std::string label =

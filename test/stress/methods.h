@@ -20,6 +20,16 @@ constexpr StepperKind kAdaptiveSteppers[] = {StepperKind::kAuto,   StepperKind::
                                              StepperKind::kDop853, StepperKind::kFehlberg78,
                                              StepperKind::kRadau5, StepperKind::kRosenbrock4};
 
+inline constexpr double kPi = 3.14159265358979323846;
+inline constexpr double kEps = 2.2e-16;
+inline constexpr const char* kPrinciples[] = {"generalized_gauss", "gauss"};
+
+/// From the loosest one that is used to the tightest one that doubles allow.
+inline std::vector<double> sweptTolerances() {
+  return isLongForm() ? std::vector<double>{1e-3, 1e-5, 1e-7, 1e-9, 1e-11}
+                      : std::vector<double>{1e-5, 1e-9};
+}
+
 inline Scene withSolver(Scene scene, StepperKind stepper, double tolerance) {
   return withTolerance(withStepper(std::move(scene), stepper), tolerance);
 }

@@ -28,8 +28,6 @@ Scene withFewSteps(Scene scene, StepperKind stepper, double tolerance) {
 /// Differences of order are of rounding; where they turn a step's size they are of a step's error.
 constexpr double kAFew = 5.0;
 
-const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
-
 using Order = std::vector<int>;
 
 Order identity(std::size_t n) {

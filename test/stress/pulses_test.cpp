@@ -18,15 +18,6 @@
 namespace variator_sim::test {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kEps = 2.2e-16;
-const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
-
-std::vector<double> tolerances() {
-  return isLongForm() ? std::vector<double>{1e-3, 1e-5, 1e-7, 1e-9, 1e-11}
-                      : std::vector<double>{1e-5, 1e-9};
-}
-
 /// Of a period of 1.
 std::vector<double> widths() {
   return isLongForm() ? std::vector<double>{1e-1, 3e-2, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7}
@@ -116,7 +107,7 @@ void compareAll(Hazard& hazard, const std::string& yaml, const Run& exact,
         (stepper == StepperKind::kRadau5 || stepper == StepperKind::kRosenbrock4)) {
       continue;
     }
-    for (double tolerance : tolerances()) {
+    for (double tolerance : sweptTolerances()) {
       const double most = allowed(tolerance);
       if (!std::isfinite(most)) continue;
       const Scene scene = withFewSteps(plain, stepper, tolerance);
@@ -585,7 +576,7 @@ TEST(Pulses, OfPluginsSwitches) {
             withPrinciple("shafts: [a]\na: {inertia: 1}\ninitial: {velocity: [1]}\n", principle));
         plain.torques.push_back(std::make_shared<Stop>(at, stiffness, jumps));
         for (StepperKind stepper : kAdaptiveSteppers) {
-          for (double tolerance : tolerances()) {
+          for (double tolerance : sweptTolerances()) {
             const Scene scene = withFewSteps(plain, stepper, tolerance);
             const test::Run run = play(scene, times);
             const std::string label = std::string(principle) + (jumps ? " jump, " : " spring, ") +

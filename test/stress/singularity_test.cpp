@@ -13,8 +13,6 @@
 namespace variator_sim::test {
 namespace {
 
-const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
-
 std::vector<double> tolerances() {
   return isLongForm() ? std::vector<double>{1e-3, 1e-5, 1e-7, 1e-9, 1e-11}
                       : std::vector<double>{1e-5, 1e-8};

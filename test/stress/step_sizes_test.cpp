@@ -13,8 +13,6 @@
 namespace variator_sim::test {
 namespace {
 
-const char* const kPrinciples[] = {"generalized_gauss", "gauss"};
-
 constexpr StepperKind kFixedSteppers[] = {StepperKind::kRk4, StepperKind::kDopri5Fixed,
                                           StepperKind::kRadau5Fixed,
                                           StepperKind::kRosenbrock4Fixed};
