@@ -226,7 +226,8 @@ TEST(LongLives, FormulasOfALateTime) {
                 const double steep = size * std::max(1.0, place == 2 ? z : 1.0 / z);
                 hazard.compare(run, exact, scene, label,
                                kAllowed + 20.0 * rounding * steep / tolerance);
-                expectNoStop(run, scene, label);
+                // (More rounding of a constraint than that may stop it by name.)
+                if (rounding * size < 100.0 * tolerance) expectNoStop(run, scene, label);
               }
             }
           }
