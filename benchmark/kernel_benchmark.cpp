@@ -261,14 +261,14 @@ const char* const kTable = "{times: [0, 50, 100], values: [0.4, 0.7, 0.5]}";
 /// the stages of a step do.
 using Kernel = std::function<void(int)>;
 
-template <class State, class RightHandSide>
-void evaluateInChain(const State& start, int count, RightHandSide&& evaluate) {
-  State x = start;
-  State dxdt{};
+template <class Values, class RightHandSide>
+void evaluateInChain(const Values& start, int count, RightHandSide&& evaluate) {
+  Values x = start;
+  Values dxdt = start;
   double t = 1.0;
   for (int n = 0; n < count; ++n) {
     evaluate(x, dxdt, t);
-    for (std::size_t i = 0; i < x.size(); ++i) x[i] = start[i] + 1e-5 * dxdt[i];
+    for (decltype(x.size()) i = 0; i < x.size(); ++i) x[i] = start[i] + 1e-5 * dxdt[i];
     t += 1e-6;
   }
   ::benchmark::DoNotOptimize(x);
@@ -286,16 +286,18 @@ Kernel makeHandKernel() {
   return [start](int count) { evaluateInChain(start, count, calcShipByHand); };
 }
 
-template <class System>
-Kernel makeKernel(const std::string& text) {
+/// `specialize`: by code for the number of constraints, where there is some.
+Kernel makeKernel(const std::string& text, bool specialize = true) {
   struct Owner {
     explicit Owner(Scene read_scene) : scene(std::move(read_scene)), system(scene) {}
     Scene scene;
-    System system;
+    GeneralizedGauss system;
   };
-  auto owner = std::make_shared<Owner>(read(text));
-  typename System::State start{};
-  double nearest[System::kShafts] = {};
+  Scene scene = read(text);
+  scene.solver.specialize = specialize;
+  auto owner = std::make_shared<Owner>(std::move(scene));
+  State start(owner->system.size());
+  double nearest[kMaxShafts] = {};
   bool velocities_at_fault = false;
   if (owner->system.start(start, nearest, &velocities_at_fault) != InitialResult::kConsistent) {
     throw std::runtime_error("a scene of the benchmark has no start");
@@ -306,27 +308,6 @@ Kernel makeKernel(const std::string& text) {
   };
 }
 
-/// By the shape that makeMotion takes for the scene's size.
-Kernel makeKernelOfSize(int shafts, int constraints, const std::string& text) {
-  switch (shafts) {
-    case 2:
-      return constraints == 1 ? makeKernel<GeneralizedGauss<Shape<2, 1, true>>>(text)
-                              : makeKernel<GeneralizedGauss<Shape<2>>>(text);
-    case 3:
-      return makeKernel<GeneralizedGauss<Shape<3>>>(text);
-    case 4:
-      return makeKernel<GeneralizedGauss<Shape<4>>>(text);
-    case 5:
-      return makeKernel<GeneralizedGauss<Shape<5>>>(text);
-    case 6:
-      return makeKernel<GeneralizedGauss<Shape<6>>>(text);
-    case 7:
-      return makeKernel<GeneralizedGauss<Shape<7>>>(text);
-    default:
-      return makeKernel<GeneralizedGauss<Shape<8>>>(text);
-  }
-}
-
 struct NamedKernel {
   std::string scene;
   std::string variant;
@@ -334,15 +315,13 @@ struct NamedKernel {
 };
 
 std::vector<NamedKernel> makeShipKernels() {
-  using Known = GeneralizedGauss<Shape<2, 1, true>>;
-  using ByShafts = GeneralizedGauss<Shape<2>>;
   const std::string compiled = shipText(Form::kCompiled, Form::kCompiled);
   const std::string formulas = shipText(Form::kFormulas, Form::kFormulas);
   return {{"ship", "by hand", makeHandKernel()},
-          {"ship", "compiled", makeKernel<Known>(compiled)},
-          {"ship", "compiled, shafts known", makeKernel<ByShafts>(compiled)},
-          {"ship", "formulas", makeKernel<Known>(formulas)},
-          {"ship", "formulas, shafts known", makeKernel<ByShafts>(formulas)}};
+          {"ship", "compiled", makeKernel(compiled)},
+          {"ship", "compiled, shafts known", makeKernel(compiled, false)},
+          {"ship", "formulas", makeKernel(formulas)},
+          {"ship", "formulas, shafts known", makeKernel(formulas, false)}};
 }
 
 std::vector<NamedKernel> makeScalingKernels() {
@@ -351,15 +330,13 @@ std::vector<NamedKernel> makeScalingKernels() {
     for (int k = 1; k < s && k <= 4; ++k) {
       const std::string size = number(s) + " " + number(k);
       for (const Form form : {Form::kCompiled, Form::kFormulas}) {
-        kernels.push_back({size, toString(form), makeKernelOfSize(s, k, bentText(s, k, form))});
+        kernels.push_back({size, toString(form), makeKernel(bentText(s, k, form))});
       }
-      kernels.push_back(
-          {size, "SlipRatio", makeKernelOfSize(s, k, slipText(s, k, Form::kCompiled, kTable))});
+      kernels.push_back({size, "SlipRatio", makeKernel(slipText(s, k, Form::kCompiled, kTable))});
     }
   }
   const std::string compiled = bentText(2, 1, Form::kCompiled);
-  kernels.push_back(
-      {"2 1", "compiled, shafts known", makeKernel<GeneralizedGauss<Shape<2>>>(compiled)});
+  kernels.push_back({"2 1", "compiled, shafts known", makeKernel(compiled, false)});
   return kernels;
 }
 

@@ -38,17 +38,17 @@ Problem makeProblem(std::mt19937& random, int s, int k, bool coupled) {
 }
 
 /// eta and Lambda by the code under test.
-template <int S>
 bool solve(const Problem& problem, Vector* eta, Vector* Lambda) {
-  const Inertia<S> inertia(problem.J);
+  const Inertia inertia(problem.J);
+  const int S = inertia.shafts();
   const int k = static_cast<int>(problem.C.rows());
-  ConstraintSolver<S> solver(k);
+  ConstraintSolver solver(S, k);
   for (int m = 0; m < k; ++m) {
     for (int i = 0; i < S; ++i) solver.row(m)[i] = problem.C(m, i);
   }
   if (!solver.factor(inertia)) return false;
-  double jerk[S];
-  double multiplier[ConstraintSolver<S>::kMaxRows] = {};
+  double jerk[kMaxShafts];
+  double multiplier[kMaxRows] = {};
   inertia.solve(problem.torque_rate.data(), jerk);
   solver.constrain(problem.c0.data(), jerk, multiplier);
   eta->resize(S);
@@ -92,7 +92,7 @@ void compareAllForms(bool coupled) {
       const Problem problem = makeProblem(random, S, k, coupled);
       Vector eta;
       Vector Lambda;
-      ASSERT_TRUE(solve<S>(problem, &eta, &Lambda));
+      ASSERT_TRUE(solve(problem, &eta, &Lambda));
       const double tolerance = calcTolerance(problem, eta);
       SCOPED_TRACE(testing::Message() << "s = " << S << ", k = " << k << ", trial " << trial);
 
@@ -162,7 +162,7 @@ TEST(Principle, AgreesWithAllFormsForCoupledInertia) {
 void expectEquation15(const Problem& problem) {
   Vector eta;
   Vector Lambda;
-  ASSERT_TRUE(solve<2>(problem, &eta, &Lambda));
+  ASSERT_TRUE(solve(problem, &eta, &Lambda));
   const long double c1 = problem.C(0, 0);
   const long double c2 = problem.C(0, 1);
   Matrix rows(2, 2);
@@ -196,13 +196,13 @@ TEST(Principle, DoesNotDependOnTheScaleOfTheConstraint) {
     const Problem problem = makeProblem(random, 4, 2, true);
     Vector eta;
     Vector Lambda;
-    ASSERT_TRUE(solve<4>(problem, &eta, &Lambda));
+    ASSERT_TRUE(solve(problem, &eta, &Lambda));
     for (double scale : {1e-12, 1e12}) {
       Problem scaled = problem;
       scaled.C.row(1) *= scale;
       scaled.c0(1) *= scale;
       Vector scaled_eta;
-      ASSERT_TRUE(solve<4>(scaled, &scaled_eta, &Lambda));
+      ASSERT_TRUE(solve(scaled, &scaled_eta, &Lambda));
       const double tolerance = calcTolerance(problem, eta);
       for (int i = 0; i < 4; ++i) {
         EXPECT_NEAR(double(scaled_eta(i)), double(eta(i)), tolerance);
@@ -217,11 +217,11 @@ TEST(Principle, RefusesDependentRows) {
   problem.C.row(1) = -3.0 * problem.C.row(0);
   Vector eta;
   Vector Lambda;
-  EXPECT_FALSE(solve<3>(problem, &eta, &Lambda));
+  EXPECT_FALSE(solve(problem, &eta, &Lambda));
   problem.C.row(1).setZero();
-  EXPECT_FALSE(solve<3>(problem, &eta, &Lambda));
+  EXPECT_FALSE(solve(problem, &eta, &Lambda));
   problem.C(1, 0) = std::nan("");
-  EXPECT_FALSE(solve<3>(problem, &eta, &Lambda));
+  EXPECT_FALSE(solve(problem, &eta, &Lambda));
 }
 
 }  // namespace

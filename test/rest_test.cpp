@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "classical_gauss.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -21,11 +22,12 @@ namespace {
 
 // --- the deviation ----------------------------------------------------------------------------
 /// c at the first t = h 2^k that is `time` or more.
-template <int S, int L>
-Deviation<S, L> deviationAfter(double time, const Linearization<S, L>& linearization,
-                               const typename Deviation<S, L>::State& r) {
-  Deviation<S, L> deviation;
-  deviation.begin(linearization, r);
+Deviation deviationAfter(double time, const Linearization& linearization,
+                         const std::vector<double>& r) {
+  State rates(static_cast<int>(r.size()));
+  std::copy(r.begin(), r.end(), rates.begin());
+  Deviation deviation(rates.size());
+  deviation.begin(linearization, rates);
   while (deviation.time() < time) deviation.doubleTime();
   return deviation;
 }
@@ -35,10 +37,10 @@ TEST(Deviation, OfDecaysIsTheirIntegral) {
   for (double fast : {1e-7, 1e-2, 1e3}) {
     for (double slow : {1e-3, 1.0, 1e6}) {
       for (double time : {1e-9, 1e-3, 1.0, 1e4, 1e10}) {
-        Linearization<2, 2> linearization;
+        Linearization linearization(2, 2);
         linearization.block(0).setZero();
         linearization.block(1) << -1.0 / fast, 0.0, 0.0, -1.0 / slow;
-        const auto c = deviationAfter<2, 2>(time, linearization, {0.0, 0.0, 2.0, -3.0});
+        const auto c = deviationAfter(time, linearization, {0.0, 0.0, 2.0, -3.0});
         const double t = c.time();
         const double left_fast = -fast * std::expm1(-t / fast);
         const double left_slow = -slow * std::expm1(-t / slow);
@@ -55,11 +57,11 @@ TEST(Deviation, OfDecaysIsTheirIntegral) {
 // phi'' = -f^2 phi + a, from rest: c = a/f^2 (1 - cos f t); without f, a t^2/2.
 TEST(Deviation, OfASwingAndOfADrift) {
   for (double f : {0.0, 1e-4, 1.0, 1e4}) {
-    Linearization<1, 2> linearization;
+    Linearization linearization(1, 2);
     linearization.block(0) << -f * f;
     linearization.block(1) << 0.0;
     for (double time : {1e-5, 1e-2, 1.0, 100.0}) {
-      const auto c = deviationAfter<1, 2>(time, linearization, {0.0, 5.0});
+      const auto c = deviationAfter(time, linearization, {0.0, 5.0});
       const double t = c.time();
       const double s = std::sin(0.5 * f * t);
       const double largest = f > 0.0 ? std::min(0.5 * t * t, 2.0 / (f * f)) : 0.5 * t * t;
@@ -73,29 +75,25 @@ TEST(Deviation, OfASwingAndOfADrift) {
 TEST(Deviation, OfASlowModeMadeByFastOnes) {
   constexpr double kFast = 1e6;
   constexpr double kSlow = 1e-3;
-  Linearization<2, 3> linearization;  // generalized_gauss: epsilon' = B epsilon
+  Linearization linearization(2, 3);  // generalized_gauss: epsilon' = B epsilon
   linearization.block(0).setZero();
   linearization.block(1).setZero();
   linearization.block(2) << -kFast - kSlow, kFast, kFast, -kFast - kSlow;
   for (double time : {1.0, 1e3, 1e5, 1e8}) {
-    const auto c = deviationAfter<2, 3>(time, linearization, {0.0, 0.0, 1.0, 3.0, 0.0, 0.0});
+    const auto c = deviationAfter(time, linearization, {0.0, 0.0, 1.0, 3.0, 0.0, 0.0});
     EXPECT_NEAR(c[2] + c[3], 4.0 * c.time(), 1e-6 * c.time());  // epsilon stays: r_eps = 0
-    const auto e = deviationAfter<2, 3>(
-        time, linearization, {0.0, 0.0, 1.0, 3.0, -4.0 * kSlow + 2.0 * kFast, -2.0 * kFast});
+    const auto e = deviationAfter(time, linearization,
+                                  {0.0, 0.0, 1.0, 3.0, -4.0 * kSlow + 2.0 * kFast, -2.0 * kFast});
     const double sum = -4.0 * std::expm1(-kSlow * e.time());
     EXPECT_NEAR(e[4] + e[5], -sum, 1e-4 * sum) << e.time();
   }
 }
 
 // --- how often it is asked for -------------------------------------------------------------------
-struct NoSystem {
-  static constexpr int kShafts = 1;
-  using State = std::array<double, 2>;
-  using LinearizationType = Linearization<1, 2>;
-};
-
 TEST(Rest, IsAskedForLessAndLessOften) {
-  Rest<NoSystem> rest;
+  const Scene scene = test::sceneFromText("shafts: [a]\na: {inertia: 1}\nprinciple: gauss\n");
+  ClassicalGauss system(scene);
+  Rest rest(system);
   rest.reset();
   std::vector<int> asked;
   for (int n = 1; n <= 100; ++n) {

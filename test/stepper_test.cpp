@@ -1,21 +1,20 @@
 // Each stepper's empirical order, its error estimate, the refusal of NaN and the bounds on steps.
+#include "stepper.h"
+
 #include <gtest/gtest.h>
 
-#include <array>
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "generalized_gauss.h"
-#include "make_stepper.h"
 #include "step_control.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
 namespace {
 
-using System = GeneralizedGauss<Shape<2>>;
-using State = System::State;
-using Node = StepNode<System>;
+constexpr int kSize = 6;
 
 /// Error estimates are told in units of this: absolute only.
 constexpr Tolerance kUnit{1e-10, 0.0};
@@ -39,8 +38,8 @@ initial: {velocity: [5.0, 2.0]}
 State initialState(const Scene& scene) {
   Simulation simulation(scene);
   const Sample& sample = simulation.sample();
-  State x;
-  for (std::size_t i = 0; i < 2; ++i) {
+  State x(kSize);
+  for (int i = 0; i < 2; ++i) {
     x[i] = sample.angle[i];
     x[2 + i] = sample.velocity[i];
     x[4 + i] = sample.acceleration[i];
@@ -49,7 +48,7 @@ State initialState(const Scene& scene) {
 }
 
 struct Result {
-  State x;
+  State x{State(kSize)};
   double worst_estimate = 0.0;
 };
 
@@ -57,13 +56,13 @@ constexpr double kEnd = 4.0;
 
 /// Equal steps to kEnd, no projection.
 Result integrate(const Scene& scene, StepperKind kind, int steps) {
-  System drivetrain(scene);
-  const auto stepper = makeStepper<System>(kind, kUnit, true);
+  GeneralizedGauss drivetrain(scene);
+  const auto stepper = makeStepper(kind, drivetrain, kUnit);
   Result result;
   result.x = initialState(scene);
   for (int n = 0; n < steps; ++n) {
-    Node from{kEnd * n / steps, result.x, {}};
-    State dxdt_next;
+    StepNode from(kEnd * n / steps, result.x, State(kSize));
+    State dxdt_next(kSize);
     drivetrain(from.x, from.dxdt, from.time);
     const double error = stepper->step(drivetrain, from, kEnd / steps, result.x, dxdt_next);
     result.worst_estimate = std::max(result.worst_estimate, error);
@@ -73,7 +72,7 @@ Result integrate(const Scene& scene, StepperKind kind, int steps) {
 
 double distance(const State& a, const State& b) {
   double largest = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(a[i] - b[i]));
+  for (int i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(a[i] - b[i]));
   return largest;
 }
 
@@ -116,9 +115,10 @@ TEST(StepperOrder, Radau5) {
 // The estimated local error falls with h^errorOrder.
 TEST(StepperErrorEstimate, HasTheOrderThatStepControlAssumes) {
   const Scene scene = test::sceneFromText(kShip);
+  const GeneralizedGauss drivetrain(scene);
   for (StepperKind kind : {StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kDop853,
                            StepperKind::kRosenbrock4, StepperKind::kRadau5}) {
-    const int order = makeStepper<System>(kind, kUnit, true)->errorOrder();
+    const int order = makeStepper(kind, drivetrain, kUnit)->errorOrder();
     const int steps = order == 8 ? 48 : 256;
     const double coarse = integrate(scene, kind, steps).worst_estimate;
     const double fine = integrate(scene, kind, 2 * steps).worst_estimate;
@@ -129,24 +129,24 @@ TEST(StepperErrorEstimate, HasTheOrderThatStepControlAssumes) {
 /// Largest error of the dense output inside one step of size h from the start.
 double worstInside(StepperKind kind, double h) {
   const Scene scene = test::sceneFromText(kShip);
-  System drivetrain(scene);
+  GeneralizedGauss drivetrain(scene);
   // dop853 gives its dense output where that is good only: a tolerance that lets it.
   const Tolerance tolerance = kind == StepperKind::kDop853 ? Tolerance{1e9, 0.0} : kUnit;
-  const auto stepper = makeStepper<System>(kind, tolerance, true);
-  const auto exact = makeStepper<System>(StepperKind::kFehlberg78, kUnit, true);
-  Node from{0.0, initialState(scene), {}};
+  const auto stepper = makeStepper(kind, drivetrain, tolerance);
+  const auto exact = makeStepper(StepperKind::kFehlberg78, drivetrain, kUnit);
+  StepNode from(0.0, initialState(scene), State(kSize));
   drivetrain(from.x, from.dxdt, 0.0);
-  Node to{h, {}, {}};
+  StepNode to(h, State(kSize), State(kSize));
   stepper->step(drivetrain, from, h, to.x, to.dxdt);
   drivetrain(to.x, to.dxdt, h);
   double worst = 0.0;
   for (double part : {0.1, 0.3, 0.5, 0.7, 0.9}) {
-    State inside;
-    State reference;
-    State unused;
+    State inside(kSize);
+    State reference(kSize);
+    State unused(kSize);
     EXPECT_TRUE(stepper->interpolate(drivetrain, part * h, from, to, inside));
     // eight short steps of order 8
-    Node node = from;
+    StepNode node = from;
     for (int n = 1; n <= 8; ++n) {
       exact->step(drivetrain, node, part * h / 8, reference, unused);
       node.time = part * h * n / 8;
@@ -175,16 +175,22 @@ TEST(DenseOutput, HasTheOrderOfTheErrorEstimate) {
       7.5);
 }
 
+State stateOf(const std::vector<double>& values) {
+  State x(static_cast<int>(values.size()));
+  std::copy(values.begin(), values.end(), x.begin());
+  return x;
+}
+
 TEST(ErrorNorm, IsNanWhenAnythingIsNotFinite) {
-  const std::array<double, 3> fine{1.0, 2.0, 3.0};
-  const std::array<double, 3> small{1e-12, 1e-12, 1e-12};
+  const State fine = stateOf({1.0, 2.0, 3.0});
+  const State small = stateOf({1e-12, 1e-12, 1e-12});
   EXPECT_LT(calcErrorNorm(small, fine, fine, {1e-9, 1e-9}), 1.0);
   for (double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      std::array<double, 3> poisoned = fine;
+    for (int i = 0; i < 3; ++i) {
+      State poisoned = fine;
       poisoned[i] = bad;
       EXPECT_TRUE(std::isnan(calcErrorNorm(small, fine, poisoned, {1e-9, 1e-9})));
-      std::array<double, 3> error = small;
+      State error = small;
       error[i] = bad;
       EXPECT_FALSE(calcErrorNorm(error, fine, fine, {1e-9, 1e-9}) <= 1.0);
     }
@@ -192,8 +198,8 @@ TEST(ErrorNorm, IsNanWhenAnythingIsNotFinite) {
 }
 
 TEST(ErrorNorm, IsTheLargestErrorOverItsAllowance) {
-  const std::array<double, 2> x{0.0, 100.0};
-  const std::array<double, 2> error{2e-6, 1e-4};
+  const State x = stateOf({0.0, 100.0});
+  const State error = stateOf({2e-6, 1e-4});
   // allowances 1e-6 and 1e-6 + 1e-6 * 100
   EXPECT_NEAR(calcErrorNorm(error, x, x, {1e-6, 1e-6}), 2.0, 1e-12);
 }

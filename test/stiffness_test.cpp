@@ -197,7 +197,7 @@ TEST(Auto, ChangesItsStepperWhereverItIsSampled) {
 // x''' = -6000 x'' - 11e6 x' - 6e9 x has the rates 1000, 2000 and 3000 1/s; beside it turns a slow
 // swing.
 TEST(Linearization, KnowsTheFastestRate) {
-  Linearization<2, 3> linearization;
+  Linearization linearization(2, 3);
   for (int l = 0; l < 3; ++l) linearization.block(l).setZero();
   linearization.block(2)(0, 0) = -6000.0;
   linearization.block(1)(0, 0) = -11e6;
@@ -290,20 +290,15 @@ gear: {type: variator_sim/ExpressionConstraint, order: 2,
 initial: {angle: [0.3, -0.2, 0.1], velocity: [10.0, 5.0, 8.0]}
 )yaml";
 
-template <int S>
-using System = GeneralizedGauss<Shape<S>>;
-template <int S>
-using State = std::array<double, 3 * S>;
-
 /// The state of a scene's motion at t: on its constraint.
-template <int S>
-State<S> stateAt(const Scene& scene, double t) {
+State stateAt(const Scene& scene, double t) {
   Simulation simulation(test::withTolerance(scene, 1e-12));
   simulation.advanceTo(t);
   EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
   const Sample& sample = simulation.sample();
-  State<S> x;
-  for (std::size_t i = 0; i < S; ++i) {
+  const int S = scene.shaftCount();
+  State x(3 * S);
+  for (int i = 0; i < S; ++i) {
     x[i] = sample.angle[i];
     x[S + i] = sample.velocity[i];
     x[2 * S + i] = sample.acceleration[i];
@@ -311,9 +306,8 @@ State<S> stateAt(const Scene& scene, double t) {
   return x;
 }
 
-template <int S, int L>
-void expectNear(const Linearization<S, L>& a, const Linearization<S, L>& b, double tolerance) {
-  for (int l = 0; l < L; ++l) {
+void expectNear(const Linearization& a, const Linearization& b, double tolerance) {
+  for (int l = 0; l < a.levels(); ++l) {
     const double scale = 1.0 + b.block(l).cwiseAbs().maxCoeff();
     EXPECT_LT((a.block(l) - b.block(l)).cwiseAbs().maxCoeff(), tolerance * scale)
         << "block " << l << "\n"
@@ -322,14 +316,13 @@ void expectNear(const Linearization<S, L>& a, const Linearization<S, L>& b, doub
   }
 }
 
-template <int S>
 void expectExactLinearization(const Scene& scene) {
-  System<S> system(scene);
+  GeneralizedGauss system(scene);
   for (double t : {0.0, 0.4, 1.7}) {
     SCOPED_TRACE(t);
-    const State<S> x = stateAt<S>(scene, t);
-    Linearization<S, 3> exact;
-    Linearization<S, 3> difference;
+    const State x = stateAt(scene, t);
+    Linearization exact(scene.shaftCount(), 3);
+    Linearization difference(scene.shaftCount(), 3);
     system.calcLinearization(t, x, exact);
     linearizeByDifferences(system, t, x, true, 1.0, difference);
     expectNear(exact, difference, 1e-7);
@@ -338,49 +331,48 @@ void expectExactLinearization(const Scene& scene) {
 }
 
 /// residual(x, eta) of the stages by differences around a point where it is zero.
-template <int S>
 void expectExactStageLinearization(const Scene& scene) {
-  System<S> system(scene);
+  GeneralizedGauss system(scene);
+  const int S = scene.shaftCount();
   ASSERT_TRUE(system.keepsConstraintsInStages());
   for (double t : {0.0, 0.4, 1.7}) {
     SCOPED_TRACE(t);
-    const State<S> x = stateAt<S>(scene, t);
-    State<S> dxdt;
+    const State x = stateAt(scene, t);
+    State dxdt(x.size());
     system(x, dxdt, t);
-    double eta[S];
+    double eta[kMaxShafts];
     std::copy(dxdt.end() - S, dxdt.end(), eta);
-    Linearization<S, 3> exact;
+    Linearization exact(scene.shaftCount(), 3);
     system.calcStageLinearization(t, x, dxdt, exact);
 
-    double residual[S];
+    double residual[kMaxShafts];
     system.calcStageResidual(t, x, eta, exact, residual);
     for (int i = 0; i < S; ++i) EXPECT_NEAR(residual[i], 0.0, 1e-10);
 
-    Linearization<S, 3> difference;
-    const auto column = [&](const State<S>& above, const State<S>& below, const double* eta_above,
+    Linearization difference(scene.shaftCount(), 3);
+    const auto column = [&](const State& above, const State& below, const double* eta_above,
                             const double* eta_below, double width) {
-      double upper[S];
-      double lower[S];
+      double upper[kMaxShafts];
+      double lower[kMaxShafts];
       system.calcStageResidual(t, above, eta_above, exact, upper);
       system.calcStageResidual(t, below, eta_below, exact, lower);
-      Eigen::Matrix<double, S, 1> result;
+      Eigen::VectorXd result(S);
       for (int i = 0; i < S; ++i) result(i) = (upper[i] - lower[i]) / width;
       return result;
     };
     constexpr double kStep = 1e-5;
     for (int q = 0; q < 3 * S; ++q) {
-      State<S> above = x;
-      State<S> below = x;
-      const auto n = static_cast<std::size_t>(q);
-      const double step = kStep * std::max(1.0, std::abs(x[n]));
-      above[n] += step;
-      below[n] -= step;
+      State above = x;
+      State below = x;
+      const double step = kStep * std::max(1.0, std::abs(x[q]));
+      above[q] += step;
+      below[q] -= step;
       // what is solved is mass k - sum E k_l, so the blocks are minus the residual's derivatives
-      difference.block(q / S).col(q % S) = -column(above, below, eta, eta, above[n] - below[n]);
+      difference.block(q / S).col(q % S) = -column(above, below, eta, eta, above[q] - below[q]);
     }
     for (int j = 0; j < S; ++j) {
-      double above[S];
-      double below[S];
+      double above[kMaxShafts];
+      double below[kMaxShafts];
       std::copy_n(eta, S, above);
       std::copy_n(eta, S, below);
       above[j] += 1.0;
@@ -399,16 +391,16 @@ Scene shipScene() {
 }
 
 TEST(ExactJacobian, OfTheShipIsThatOfDifferences) {
-  expectExactLinearization<2>(shipScene());
+  expectExactLinearization(shipScene());
 }
 TEST(ExactJacobian, OfThreeCoupledShaftsIsThatOfDifferences) {
-  expectExactLinearization<3>(test::sceneFromText(kThreeShafts));
+  expectExactLinearization(test::sceneFromText(kThreeShafts));
 }
 TEST(ExactJacobian, OfTheShipsStagesIsThatOfDifferences) {
-  expectExactStageLinearization<2>(shipScene());
+  expectExactStageLinearization(shipScene());
 }
 TEST(ExactJacobian, OfThreeCoupledShaftsStagesIsThatOfDifferences) {
-  expectExactStageLinearization<3>(test::sceneFromText(kThreeShafts));
+  expectExactStageLinearization(test::sceneFromText(kThreeShafts));
 }
 
 /// (M/g - dx'/dx) k = r of a random matrix by the S x S system and by the whole one.
@@ -418,7 +410,7 @@ void expectDenseSolution(Scalar g, bool with_mass) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> part(-1.0, 1.0);
   for (int round = 0; round < 20; ++round) {
-    Linearization<S, L> linearization;
+    Linearization linearization(S, L);
     Eigen::Matrix<Scalar, kSize, kSize> dense = Eigen::Matrix<Scalar, kSize, kSize>::Zero();
     for (int l = 0; l + 1 < L; ++l) {
       for (int i = 0; i < S; ++i) {
@@ -436,27 +428,31 @@ void expectDenseSolution(Scalar g, bool with_mass) {
       dense.template block<S, S>(S * (L - 1), S * l) -=
           linearization.block(l).template cast<Scalar>();
     }
-    std::array<Scalar, kSize> r;
+    Linearization::ComplexState complex_right{};
+    State real_right(kSize);
     Eigen::Matrix<Scalar, kSize, 1> right;
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < kSize; ++n) {
       if constexpr (std::is_same_v<Scalar, double>) {
-        r[n] = part(random);
+        right(n) = real_right[n] = part(random);
       } else {
-        r[n] = {part(random), part(random)};
+        right(n) = {part(random), part(random)};
+        complex_right[static_cast<std::size_t>(n)] = right(n);
       }
-      right(static_cast<int>(n)) = r[n];
     }
+    Eigen::Matrix<Scalar, kSize, 1> solution;
     if constexpr (std::is_same_v<Scalar, double>) {
       ASSERT_TRUE(linearization.factor(g));
-      linearization.solve(r);
+      linearization.solve(real_right);
+      for (int n = 0; n < kSize; ++n) solution(n) = real_right[n];
     } else {
       ASSERT_TRUE(linearization.factorComplex(g));
-      linearization.solveComplex(r);
+      linearization.solveComplex(complex_right);
+      for (int n = 0; n < kSize; ++n) solution(n) = complex_right[static_cast<std::size_t>(n)];
     }
     const Eigen::Matrix<Scalar, kSize, 1> exact = dense.fullPivLu().solve(right);
     const double scale = exact.cwiseAbs().maxCoeff();
-    for (std::size_t n = 0; n < kSize; ++n) {
-      EXPECT_LT(std::abs(r[n] - exact(static_cast<int>(n))), 1e-10 * scale) << S << ", " << L;
+    for (int n = 0; n < kSize; ++n) {
+      EXPECT_LT(std::abs(solution(n) - exact(n)), 1e-10 * scale) << S << ", " << L;
     }
   }
 }
@@ -480,7 +476,7 @@ TEST(Linearization, SolvesTheWholeSystemByItsLastRows) {
 }
 
 TEST(Linearization, RefusesAMatrixThatIsNotFinite) {
-  Linearization<2, 3> linearization;
+  Linearization linearization(2, 3);
   for (int l = 0; l < 3; ++l) linearization.block(l).setZero();
   EXPECT_TRUE(linearization.factor(0.1));
   linearization.block(1)(0, 1) = std::numeric_limits<double>::quiet_NaN();

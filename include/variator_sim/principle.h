@@ -14,27 +14,20 @@
 
 namespace variator_sim {
 
-/// The number of constraints is not known when compiled.
-constexpr int kAnyRows = -1;
+/// Room for the rows of any drivetrain: k < s.
+constexpr int kMaxRows = kMaxConstraints;
 
-/// The linear algebra of k constraints over S shafts: rows of C, B = C J^-1 and A = C B^T as
-/// L D L^T. Everything lies in arrays of fixed size.
-template <int S, int K = kAnyRows>
+/// The linear algebra of k constraints over s shafts: rows of C, B = C J^-1 and A = C B^T as
+/// L D L^T. Everything lies in arrays of fixed size. What most runs spend their time with takes the
+/// number of shafts, as an int or as a constant of its own type, which lets the compiler unroll.
 class ConstraintSolver {
  public:
-  /// Room for K, or for any k < S constraints.
-  static constexpr int kMaxRows = K > 0 ? K : (S > 1 && K != 0 ? S - 1 : 1);
   /// Pivots of A below this part of their diagonal entry count as zero: two rows of C then differ
   /// in direction (in the metric J^-1) by less than 1e-6, and half the digits of eta would be gone.
   static constexpr double kRankTolerance = 1e-12;
 
-  explicit ConstraintSolver(int k) : k_(k) {}
-  int rowCount() const {
-    if constexpr (S == 1) return 0;
-    if constexpr (K != kAnyRows) return K;
-    // Never more, but the compiler cannot know and would warn of the loops it unrolls.
-    return k_ < kMaxRows ? k_ : kMaxRows;
-  }
+  ConstraintSolver(int shafts, int k) : S(shafts), k_(shafts > 1 ? k : 0) {}
+  int rowCount() const { return k_; }
 
   /// Row m of C, S values, to be written before `factor`.
   double* row(int m) { return C_[m]; }
@@ -65,20 +58,21 @@ class ConstraintSolver {
   /// True when the last `factor` succeeded.
   bool isFactored() const { return is_factored_; }
   /// Forms and factors A. False when C has not full rank (or is not finite).
-  template <class InertiaType>
-  bool factor(const InertiaType& J) {
+  bool factor(const Inertia& J) { return factor(S, J); }
+  template <class Count>
+  bool factor(Count shafts, const Inertia& J) {
     is_factored_ = false;
     is_ill_ = false;
-    for (int m = 0; m < rowCount(); ++m) J.solve(C_[m], B_[m]);
+    for (int m = 0; m < rowCount(); ++m) J.solve(shafts, C_[m], B_[m]);
     for (int m = 0; m < rowCount(); ++m) {
       // Sums begin with their first term: adding it to 0.0 would be an operation of its own.
       double diagonal = C_[m][0] * B_[m][0];
-      for (int i = 1; i < S; ++i) diagonal += C_[m][i] * B_[m][i];
+      for (int i = 1; i < shafts; ++i) diagonal += C_[m][i] * B_[m][i];
       A_diagonal_[m] = diagonal;
       double pivot = diagonal;
       for (int n = 0; n < m; ++n) {
         double entry = C_[m][0] * B_[n][0];
-        for (int i = 1; i < S; ++i) entry += C_[m][i] * B_[n][i];
+        for (int i = 1; i < shafts; ++i) entry += C_[m][i] * B_[n][i];
         for (int p = 0; p < n; ++p) entry -= L_[m][p] * D_[p] * L_[n][p];
         L_[m][n] = entry * D_inverse_[n];
         pivot -= L_[m][n] * entry;
@@ -110,27 +104,35 @@ class ConstraintSolver {
   }
 
   /// C v, k values.
-  void multiply(const double* v, double* Cv) const {
+  void multiply(const double* v, double* Cv) const { multiply(S, v, Cv); }
+  template <class Count>
+  void multiply(Count shafts, const double* v, double* Cv) const {
     for (int m = 0; m < rowCount(); ++m) {
       double sum = C_[m][0] * v[0];
-      for (int i = 1; i < S; ++i) sum += C_[m][i] * v[i];
+      for (int i = 1; i < shafts; ++i) sum += C_[m][i] * v[i];
       Cv[m] = sum;
     }
   }
   /// y += J^-1 C^T Lambda, S values.
-  void addReaction(const double* Lambda, double* y) const {
+  void addReaction(const double* Lambda, double* y) const { addReaction(S, Lambda, y); }
+  template <class Count>
+  void addReaction(Count shafts, const double* Lambda, double* y) const {
     for (int m = 0; m < rowCount(); ++m) {
-      for (int i = 0; i < S; ++i) y[i] += B_[m][i] * Lambda[m];
+      for (int i = 0; i < shafts; ++i) y[i] += B_[m][i] * Lambda[m];
     }
   }
 
   /// Given eta_free in `eta` (S values) and c0 (k values): the constrained jerk and, when asked
   /// for, Lambda (k values). Needs `factor`.
   void constrain(const double* c0, double* eta, double* Lambda) const {
-    multiply(eta, Lambda);
+    constrain(S, c0, eta, Lambda);
+  }
+  template <class Count>
+  void constrain(Count shafts, const double* c0, double* eta, double* Lambda) const {
+    multiply(shafts, eta, Lambda);
     for (int m = 0; m < rowCount(); ++m) Lambda[m] = -(c0[m] + Lambda[m]);
     solve(Lambda, Lambda);
-    addReaction(Lambda, eta);
+    addReaction(shafts, Lambda, eta);
     if (is_ill_) refine(c0, eta, Lambda);
   }
   /// True when rows are so nearly dependent that A^-1 has lost digits that C has: one solution is
@@ -154,13 +156,14 @@ class ConstraintSolver {
   /// A pivot of this part of its diagonal entry costs six digits.
   static constexpr double kIll = 1e-6;
 
-  int k_;
+  const int S;  // shafts
+  const int k_;
   bool is_ill_ = false;
   bool is_factored_ = false;
   int singular_row_ = -1;
   double singular_measure_ = 0.0;
-  double C_[kMaxRows][S] = {};
-  double B_[kMaxRows][S] = {};
+  double C_[kMaxRows][kMaxShafts] = {};
+  double B_[kMaxRows][kMaxShafts] = {};
   double L_[kMaxRows][kMaxRows] = {};
   double D_[kMaxRows] = {};
   double D_inverse_[kMaxRows] = {};

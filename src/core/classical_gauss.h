@@ -1,57 +1,40 @@
-/// The systems of the classical Gauss principle: the reaction itself is least, R = C^T lambda.
-///
-/// Up to order 2 the accelerations follow from t, phi and omega, so the state is x = (phi, omega)
-/// and no torque is asked for its rate, but where R' is published. With a constraint of order 3 the
-/// same condition is equation [18]: its derivative gives the jerk, and x = (phi, omega, epsilon).
+/// The system of the classical Gauss principle up to order 2: the reaction itself is least,
+/// R = C^T lambda. The accelerations follow from t, phi and omega, so the state is x = (phi, omega)
+/// and no torque is asked for its rate, but where R' is published. (Order 3: formal_gauss.h.)
 #pragma once
 
-#include <array>
+#include <algorithm>
+#include <cmath>
+#include <limits>
 
-#include "acceleration_system.h"
-#include "drivetrain.h"
 #include "guard_search.h"
-#include "initial_conditions.h"
-#include "linearization.h"
+#include "principle_system.h"
 #include "projection.h"
-#include "variator_sim/sample.h"
 
 namespace variator_sim {
 
 /// Constraints of order 1 and 2. See AccelerationSystem for what each method means.
-template <class Shape>
-class ClassicalGauss {
+class ClassicalGauss final : public PrincipleSystem {
  public:
-  static constexpr int kShafts = Shape::kShafts;
-  static constexpr int S = kShafts;
-  using DrivetrainType = Drivetrain<Shape>;
-  static constexpr int kMaxRows = DrivetrainType::kMaxRows;
-  /// True when the number of constraints is known when compiled.
-  static constexpr bool kHasRows = Shape::kRows != kAnyRows;
-  using State = std::array<double, 2 * S>;
-  using LinearizationType = Linearization<S, 2>;
-
-  explicit ClassicalGauss(const Scene& scene)
-      : scene_(scene), drivetrain_(scene), initial_solver_(drivetrain_) {
+  explicit ClassicalGauss(const Scene& scene) : PrincipleSystem(scene, 2, false) {
     for (const ConstraintPtr& constraint : scene.constraints) {
       linear_ = linear_ && constraint->nonlinearAccelerations() == 0;
     }
   }
 
-  Drivetrain<Shape>& drivetrain() { return drivetrain_; }
-  const LeastReactionSearch<Shape>& search() const { return initial_solver_.search(); }
-  bool readsAngles() const { return drivetrain_.readsAngles(); }
-  bool readsTime() const { return drivetrain_.readsTime(); }
-  double rowLengthSquared(int m) const { return drivetrain_.accelerationRowLengthSquared(m); }
-  const double* row(int m) const { return drivetrain_.accelerationRow(m); }
+  double rowLengthSquared(int m) const override {
+    return drivetrain_.accelerationRowLengthSquared(m);
+  }
+  const double* row(int m) const override { return drivetrain_.accelerationRow(m); }
 
   /// The view of (t, x) with the accelerations that the principle gives there.
-  StateView view(double t, const State& x) {
+  StateView view(double t, const State& x) override {
     const StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
     calcAccelerations(state);
     return state;
   }
 
-  [[gnu::noinline]] void operator()(const State& x, State& dxdt, double t) {
+  void operator()(const State& x, State& dxdt, double t) override {
     drivetrain_.countRightHandSide();
     const StateView state = view(t, x);
     if (watch_ != nullptr) watch_->note(state);
@@ -61,19 +44,19 @@ class ClassicalGauss {
     }
   }
 
-  void calcLinearization(double t, const State& x, LinearizationType& linearization) {
+  void calcLinearization(double t, const State& x, Linearization& linearization) override {
     linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);
   }
 
   /// See Drivetrain::calcAccelerationResidual; only where psi is linear in the accelerations, so
   /// that its form does not depend on them.
-  bool keepsConstraintsInStages() const {
+  bool keepsConstraintsInStages() const override {
     return linear_ && drivetrain_.canKeepConstraintsInStages();
   }
   /// What implicit steps solve: M x' - f = 0 in its last S rows, `rate` the last rows of x', the
   /// accelerations.
   void calcStageResidual(double t, const State& x, const double* rate,
-                         const LinearizationType& linearization, double* residual) {
+                         const Linearization& linearization, double* residual) override {
     if (keepsConstraintsInStages()) {
       drivetrain_.countRightHandSide();
       const StateView state = drivetrain_.view(t, x.data(), x.data() + S, rate);
@@ -83,27 +66,25 @@ class ClassicalGauss {
       }
       return;
     }
-    State dxdt;
-    (*this)(x, dxdt, t);
-    for (std::size_t i = 0; i < S; ++i) residual[i] = rate[i] - dxdt[dxdt.size() - S + i];
+    System::calcStageResidual(t, x, rate, linearization, residual);
   }
   /// Its derivatives at x, whose derivative is dxdt.
   void calcStageLinearization(double t, const State& x, const State& dxdt,
-                              LinearizationType& linearization) {
-    linearization.mass().setIdentity();
+                              Linearization& linearization) override {
     if (!keepsConstraintsInStages()) {
-      calcLinearization(t, x, linearization);
+      System::calcStageLinearization(t, x, dxdt, linearization);
       return;
     }
+    linearization.mass().setIdentity();
     const StateView state = drivetrain_.view(t, x.data(), x.data() + S, dxdt.data() + S);
-    double torque[S];
-    double reaction[S];
-    double c0[Drivetrain<Shape>::kMaxRows] = {};
-    double lambda[Drivetrain<Shape>::kMaxRows] = {};
+    double torque[kMaxShafts];
+    double reaction[kMaxShafts];
+    double c0[kMaxRows] = {};
+    double lambda[kMaxRows] = {};
     drivetrain_.calcTorque(state, torque);
     drivetrain_.calcReaction(state, torque, reaction);
     if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda);
-    double derivatives[2 * S * S];
+    double derivatives[2 * kMaxShafts * kMaxShafts];
     drivetrain_.calcAccelerationDerivatives(state, lambda, linearization.projector(),
                                             linearization.pull(), derivatives);
     for (int i = 0; i < S; ++i) {
@@ -117,18 +98,18 @@ class ClassicalGauss {
   /// An implicit step knows both, by its own `slope`: the velocities move by the little that makes
   /// psi = 0 with it.
   ProjectionResult projectStiffly(double t, double h, const State& slope, State& x, State& moved,
-                                  std::uint64_t* iterations) {
+                                  std::uint64_t* iterations) override {
     if (!keepsConstraintsInStages()) return project(t, x, moved, iterations);
-    double both[2 * S];  // velocities, accelerations
-    double change[2 * S] = {};
+    double both[2 * kMaxShafts];  // velocities, accelerations
+    double change[2 * kMaxShafts] = {};
     for (int i = 0; i < S; ++i) {
       both[i] = x[S + i];
       both[S + i] = slope[S + i];
     }
     const StateView state = drivetrain_.view(t, x.data(), both, both + S);
-    const ProjectionResult result = iterateProjection<2 * S>(
-        [&](double* delta) { return drivetrain_.calcStiffProjection(state, h, delta); }, both,
-        change, iterations);
+    const ProjectionResult result = iterateProjection(
+        2 * S, [&](double* delta) { return drivetrain_.calcStiffProjection(state, h, delta); },
+        both, change, iterations);
     moved.fill(0.0);
     for (int i = 0; i < S; ++i) {
       x[S + i] = both[i];
@@ -136,14 +117,14 @@ class ClassicalGauss {
     }
     return result;
   }
-  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) {
+  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) override {
     moved.fill(0.0);
     if (!drivetrain_.hasVelocityRows()) return ProjectionResult::kConverged;
     const StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
     return projectVelocities(drivetrain_, state, x.data() + S, moved.data() + S, iterations);
   }
 
-  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) {
+  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override {
     std::copy(scene_.initial.angle.begin(), scene_.initial.angle.end(), x.begin());
     std::copy(scene_.initial.velocity.begin(), scene_.initial.velocity.end(), x.begin() + S);
     const StateView state = drivetrain_.view(0.0, x.data(), x.data() + S, epsilon_);
@@ -181,7 +162,7 @@ class ClassicalGauss {
 
   /// The accelerations follow from the inputs: simply solve again.
   MotionStatus jump(double t, State& x, const double* /*u0*/, const double* /*u1*/,
-                    std::uint64_t* /*projections*/) {
+                    std::uint64_t* /*projections*/) override {
     MotionStatus status;
     const StateView state = view(t, x);
     for (int i = 0; i < S; ++i) {
@@ -195,36 +176,19 @@ class ClassicalGauss {
     return status;
   }
 
-  /// The accelerations follow from the state: there is nothing to move.
-  template <class Node>
-  bool crossKink(const Node& /*from*/, Node& /*to*/) {
-    return true;
-  }
+  bool isInCorner() const override { return corner_ != 0; }
 
-  /// True where the last accelerations lie in a corner of psi.
-  bool isInCorner() const { return corner_ != 0; }
-
-  /// Tells `watch` of every state at which the derivative is taken.
-  void watch(JumpWatch* watch) { watch_ = watch; }
-
-  /// The reaction follows from the state: nothing of it can drift.
-  template <class Node>
-  void noteReaction(const Node& /*node*/) {}
-  void noteColumns() {}
-  template <class Node>
-  bool restoreReaction(Node& /*node*/, double /*most*/) {
-    return false;
-  }
+  void watch(JumpWatch* watch) override { watch_ = watch; }
 
   /// Newton's iteration starts from the accelerations at the beginning of the step, whoever asks
   /// and in whatever order: samples may not change the motion.
-  void noteBase(double t, const State& x, const State& dxdt) {
+  void noteBase(double t, const State& x, const State& dxdt) override {
     if (linear_) return;
     std::copy(dxdt.begin() + S, dxdt.end(), guess_);
     noteMultipliers(drivetrain_.view(t, x.data(), x.data() + S, guess_));
   }
 
-  bool calcSample(double t, const State& x, Sample* sample) {
+  bool calcSample(double t, const State& x, Sample* sample) override {
     const StateView state = view(t, x);
     sample->time = t;
     std::copy(x.begin(), x.begin() + S, sample->angle);
@@ -235,10 +199,10 @@ class ClassicalGauss {
     drivetrain_.calcReaction(state, sample->applied_torque, sample->reaction_torque);
     std::fill(sample->reaction_torque_rate, sample->reaction_torque_rate + S, 0.0);
     if (drivetrain_.constraintCount() == 0) return true;
-    double c0[Drivetrain<Shape>::kMaxRows] = {};
+    double c0[kMaxRows] = {};
     if (!drivetrain_.calcRows(state, c0)) return false;
     drivetrain_.calcMultipliers(sample->reaction_torque, sample->multiplier);
-    double eta[S];
+    double eta[kMaxShafts];
     bool regular = true;
     if (corner_ == 0) {
       regular =
@@ -258,9 +222,9 @@ class ClassicalGauss {
  private:
   /// lambda_guess_ of the reaction at `state`.
   void noteMultipliers(const StateView& state) {
-    double torque[S];
-    double reaction[S];
-    double c0[Drivetrain<Shape>::kMaxRows] = {};
+    double torque[kMaxShafts];
+    double reaction[kMaxShafts];
+    double c0[kMaxRows] = {};
     drivetrain_.calcTorque(state, torque);
     drivetrain_.calcReaction(state, torque, reaction);
     if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda_guess_);
@@ -268,7 +232,7 @@ class ClassicalGauss {
 
   /// epsilon_ at `state`, whose accelerations point there; NaN where there are none.
   void calcAccelerations(const StateView& state) {
-    double torque[S];
+    double torque[kMaxShafts];
     drivetrain_.calcFreeTorque(state, torque);
     if (linear_) {
       // psi = C epsilon + b: with epsilon = 0 the projection's residual is b, and
@@ -276,7 +240,7 @@ class ClassicalGauss {
       drivetrain_.inertia().solve(torque, epsilon_);
       if (drivetrain_.constraintCount() == 0) return;
       // (Nearly dependent rows take a few, as in ConstraintSolver::refine.)
-      double delta[S];
+      double delta[kMaxShafts];
       bool solved = drivetrain_.calcAccelerationProjection(state, delta);
       for (int i = 0; i < S && solved; ++i) epsilon_[i] += delta[i];
       for (int round = 0; round < 3 && solved && drivetrain_.areAccelerationRowsIll(); ++round) {
@@ -296,137 +260,13 @@ class ClassicalGauss {
     std::fill(epsilon_, epsilon_ + S, std::numeric_limits<double>::quiet_NaN());
   }
 
-  const Scene& scene_;
-  Drivetrain<Shape> drivetrain_;
   JumpWatch* watch_ = nullptr;
-  InitialConditionSolver<Shape> initial_solver_;
   bool linear_ = true;
-  double epsilon_[S] = {};
-  double guess_[S] = {};
-  double lambda_guess_[Drivetrain<Shape>::kMaxRows] = {};
-  double multipliers_[S] = {};  // at epsilon_, where psi is not linear
-  unsigned corner_ = 0;         // the kinks on which epsilon_ lies
-};
-
-/// With constraints of order 3, equation [18]: J epsilon + n - Q = C^T lambda differentiated,
-/// beside C eta + c0 = 0. The minimum of nothing, but what a user may want to compare.
-template <class Shape>
-class FormalGauss : public AccelerationSystem<Shape> {
-  using Base = AccelerationSystem<Shape>;
-  using Base::drivetrain_;
-  using Base::S;
-  using Base::scene_;
-
- public:
-  using typename Base::State;
-
-  explicit FormalGauss(const Scene& scene) : Base(scene, true) {}
-
-  [[gnu::noinline]] void operator()(const State& x, State& dxdt, double t) {
-    drivetrain_.countRightHandSide();
-    this->copyRates(x, dxdt);
-    double torque[S];
-    double reaction[S];
-    double lambda[Drivetrain<Shape>::kMaxRows] = {};
-    double reaction_rate[S];
-    calcJerk(this->view(t, x), torque, reaction, lambda, &dxdt[2 * S], reaction_rate);
-  }
-
-  void calcLinearization(double t, const State& x, Linearization<S, 3>& linearization) {
-    linearizeByDifferences(*this, t, x, this->readsAngles(), drivetrain_.naturalSize(),
-                           linearization);
-  }
-
-  bool keepsConstraintsInStages() const { return false; }
-  /// What implicit steps solve: M x' - f = 0 in its last S rows, `rate` the last rows of x'; here
-  /// x' itself.
-  void calcStageResidual(double t, const State& x, const double* rate,
-                         const Linearization<S, 3>& /*linearization*/, double* residual) {
-    State dxdt;
-    (*this)(x, dxdt, t);
-    for (std::size_t i = 0; i < S; ++i) residual[i] = rate[i] - dxdt[dxdt.size() - S + i];
-  }
-  /// Its derivatives at x, whose derivative is dxdt.
-  void calcStageLinearization(double t, const State& x, const State& /*dxdt*/,
-                              Linearization<S, 3>& linearization) {
-    linearization.mass().setIdentity();
-    calcLinearization(t, x, linearization);
-  }
-
-  ProjectionResult projectStiffly(double t, double /*h*/, const State& /*slope*/, State& x,
-                                  State& moved, std::uint64_t* iterations) {
-    return project(t, x, moved, iterations);
-  }
-  /// Orders 1 and 2 as ever; then the reaction back into range(C^T), from which it drifts.
-  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) {
-    const ProjectionResult result = Base::project(t, x, moved, iterations);
-    if (result != ProjectionResult::kConverged) return result;
-    const StateView state = this->view(t, x);
-    double* epsilon = x.data() + 2 * S;
-    if (!calcReactionInRange(state, epsilon, moved.data() + 2 * S)) {
-      return ProjectionResult::kSingular;
-    }
-    return ProjectionResult::kConverged;
-  }
-
-  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) {
-    const InitialResult result = Base::start(x, nearest, velocities_at_fault);
-    if (result != InitialResult::kConsistent || scene_.initial.acceleration.empty()) return result;
-    const StateView state = this->view(0.0, x);
-    double* epsilon = x.data() + 2 * S;
-    // The initial reaction must lie in range(C^T).
-    double moved[S] = {};
-    if (!calcReactionInRange(state, epsilon, moved)) return InitialResult::kSingular;
-    std::copy(epsilon, epsilon + S, nearest);
-    for (int i = 0; i < S; ++i) {
-      if (!(moved[i] <= 1e-9 * std::max(1.0, std::abs(epsilon[i]))) && !scene_.initial.project) {
-        return InitialResult::kInconsistent;
-      }
-    }
-    return InitialResult::kConsistent;
-  }
-
-  bool calcSample(double t, const State& x, Sample* sample) {
-    const StateView state = this->view(t, x);
-    this->copyState(t, x, sample);
-    double eta[S];
-    const bool regular = calcJerk(state, sample->applied_torque, sample->reaction_torque,
-                                  sample->multiplier, eta, sample->reaction_torque_rate);
-    this->calcResiduals(state, eta, sample);
-    return regular;
-  }
-
- private:
-  bool calcJerk(const StateView& state, double* torque, double* reaction, double* lambda,
-                double* eta, double* reaction_rate) {
-    drivetrain_.calcTorque(state, torque);
-    drivetrain_.calcReaction(state, torque, reaction);
-    double c0[Drivetrain<Shape>::kMaxRows] = {};
-    if (drivetrain_.calcRows(state, c0)) {
-      drivetrain_.calcMultipliers(reaction, lambda);
-      if (drivetrain_.calcFormalJerk(state, lambda, eta, reaction_rate)) return true;
-    }
-    std::fill(eta, eta + S, std::numeric_limits<double>::quiet_NaN());
-    return false;
-  }
-
-  /// epsilon = J^-1 (Q - n + C^T lambda) with the lambda of the part of R in range(C^T).
-  bool calcReactionInRange(const StateView& state, double* epsilon, double* moved) {
-    double torque[S];
-    double reaction[S];
-    double lambda[Drivetrain<Shape>::kMaxRows] = {};
-    double c0[Drivetrain<Shape>::kMaxRows] = {};
-    drivetrain_.calcTorque(state, torque);
-    drivetrain_.calcReaction(state, torque, reaction);
-    if (!drivetrain_.calcRows(state, c0)) return false;
-    double rest[S];
-    drivetrain_.calcOutOfRange(reaction, lambda, rest);
-    for (int i = 0; i < S; ++i) {
-      moved[i] += std::abs(rest[i]);
-      epsilon[i] += rest[i];
-    }
-    return true;
-  }
+  double epsilon_[kMaxShafts] = {};
+  double guess_[kMaxShafts] = {};
+  double lambda_guess_[kMaxRows] = {};
+  double multipliers_[kMaxShafts] = {};  // at epsilon_, where psi is not linear
+  unsigned corner_ = 0;                  // the kinks on which epsilon_ lies
 };
 
 }  // namespace variator_sim

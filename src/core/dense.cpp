@@ -33,6 +33,18 @@ bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b) {
   return true;
 }
 
+void invertSymmetric(int n, const double (&A)[kMaxShafts][kMaxShafts],
+                     double (&inverse)[kMaxShafts][kMaxShafts]) {
+  DenseMatrix matrix(n, n);
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) matrix(i, j) = A[i][j];
+  }
+  const DenseMatrix whole = matrix.llt().solve(DenseMatrix::Identity(n, n));
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) inverse[i][j] = 0.5 * (whole(i, j) + whole(j, i));
+  }
+}
+
 template <class Scalar>
 void DenseLu<Scalar>::factor(const Scalar* A, int n) {
   lu_.compute(Eigen::Map<const Matrix>(A, n, n));

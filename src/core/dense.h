@@ -14,6 +14,10 @@ constexpr int kMaxDense = 2 * kMaxShafts;
 using DenseMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxDense, kMaxDense>;
 using DenseVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDense, 1>;
 
+/// s x s, and what is as large as that.
+using SquareMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxShafts, kMaxShafts>;
+
 /// x of A x = b, by LU with partial pivoting. Not finite where A is singular. [loop]
 DenseVector solveLu(const DenseMatrix& A, const DenseVector& b);
 
@@ -25,6 +29,10 @@ bool solveScaled(DenseMatrix& A, DenseVector& b, int refinements, DenseVector* x
 /// b becomes A^-1 b, A symmetric, by L D L^T. False where an entry of D is not above `least`.
 /// [loop]
 bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b);
+
+/// The inverse of a symmetric positive definite matrix of n rows, made symmetric itself. [loop]
+void invertSymmetric(int n, const double (&A)[kMaxShafts][kMaxShafts],
+                     double (&inverse)[kMaxShafts][kMaxShafts]);
 
 /// The factors of a square matrix of up to kMaxShafts rows, to be solved with many times.
 template <class Scalar>

@@ -12,7 +12,8 @@
 
 #include "central_difference.h"
 #include "dense.h"
-#include "shape.h"
+#include "state_vector.h"
+#include "variator_sim/principle.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
 
@@ -20,19 +21,15 @@ namespace variator_sim {
 
 /// The scene is constant; the inputs' current closed forms, the inertia at the last angle asked for
 /// and the counters are the only things that change. All evaluations are [loop].
-template <class Shape>
 class Drivetrain {
  public:
-  static constexpr int S = Shape::kShafts;
-  using RowSolver = ConstraintSolver<S, Shape::kRows>;
-  static constexpr int kMaxRows = RowSolver::kMaxRows;
-
   explicit Drivetrain(const Scene& scene)
-      : scene_(scene),
+      : S(scene.shaftCount()),
+        scene_(scene),
         inertia_(scene.inertia, scene.inertia_harmonics),
-        solver_(scene.constraintCount()),
-        velocity_solver_(countOrders(scene, 1)),
-        acceleration_solver_(countOrders(scene, 2)) {
+        solver_(S, scene.constraintCount()),
+        velocity_solver_(S, countOrders(scene, 1)),
+        acceleration_solver_(S, countOrders(scene, 2)) {
     const bool rates = scene.principle == Principle::kGeneralizedGauss;
     reads_.time = false;
     reads_.angle = !inertia_.isConstant() || !scene.solver.skip_angles;
@@ -75,7 +72,8 @@ class Drivetrain {
     resetInputs();
   }
 
-  const typename Shape::InertiaType& inertia() const { return inertia_; }
+  int shafts() const { return S; }
+  const Inertia& inertia() const { return inertia_; }
   /// What a value of the state is small against, by the tolerances.
   double naturalSize() const {
     return scene_.solver.absolute_tolerance / scene_.solver.relative_tolerance;
@@ -83,7 +81,7 @@ class Drivetrain {
   int constraintCount() const { return solver_.rowCount(); }
   int inputCount() const { return static_cast<int>(signals_.size()); }
   const Constraint& constraint(int m) const { return *constraints_[m]; }
-  const RowSolver& solver() const { return solver_; }
+  const ConstraintSolver& solver() const { return solver_; }
   std::uint64_t rightHandSides() const { return right_hand_sides_; }
   /// True when some constraint is of order 1 (its velocities are projected too).
   bool hasVelocityRows() const { return !velocity_rows_.empty(); }
@@ -167,7 +165,7 @@ class Drivetrain {
   /// T = 1/2 omega^T J omega, J; brings J to phi.
   double calcKineticEnergy(const double* phi, const double* omega) {
     if (!inertia_.isConstant()) inertia_.update(phi);
-    double momentum[S];
+    double momentum[kMaxShafts];
     inertia_.multiply(omega, momentum);
     double twice = 0.0;
     for (int i = 0; i < S; ++i) twice += omega[i] * momentum[i];
@@ -197,28 +195,29 @@ class Drivetrain {
   /// formulas of principle.h in local variables: this is where most runs spend their time, and
   /// every number that goes through the solver's memory waits there. Torques before the row, whose
   /// result is needed last. False, and nothing done, where A is not positive.
+  template <int kShafts>
   bool calcJerkOfOneRow(double t, const double* x, double* eta) {
     ++right_hand_sides_;
     evaluateInputs(t);
     view_.time = origin_ + t;
     view_.angle = x;
-    view_.velocity = x + S;
-    view_.acceleration = x + 2 * S;
-    double rate[S];
-    calcTorqueRate(view_, rate);
-    double C[S];
+    view_.velocity = x + kShafts;
+    view_.acceleration = x + 2 * kShafts;
+    double rate[kShafts];
+    calcTorqueRate(std::integral_constant<int, kShafts>{}, view_, rate);
+    double C[kShafts];
     double c0;
     constraints_[0]->calcRow(view_, C, &c0);
     // B = C J^-1, A = B C^T, eta_free = J^-1 Q'
-    double B[S];
-    double free[S];
-    for (int i = 0; i < S; ++i) {
+    double B[kShafts];
+    double free[kShafts];
+    for (int i = 0; i < kShafts; ++i) {
       B[i] = C[i] * inertia_.inverse(i);
       free[i] = rate[i] * inertia_.inverse(i);
     }
     double A = B[0] * C[0];
     double right = C[0] * free[0];
-    for (int i = 1; i < S; ++i) {
+    for (int i = 1; i < kShafts; ++i) {
       A += B[i] * C[i];
       right += C[i] * free[i];
     }
@@ -227,8 +226,8 @@ class Drivetrain {
       return false;
     }
     const double Lambda = -(c0 + right) / A;
-    for (int i = 0; i < S; ++i) eta[i] = free[i] + B[i] * Lambda;
-    std::copy_n(C, S, solver_.row(0));
+    for (int i = 0; i < kShafts; ++i) eta[i] = free[i] + B[i] * Lambda;
+    std::copy_n(C, kShafts, solver_.row(0));
     solver_.noteLengthSquared(0, A);
     return true;
   }
@@ -262,9 +261,13 @@ class Drivetrain {
   }
   /// Its total rate Q', N m/s, S values.
   void calcTorqueRate(const StateView& state, double* torque_rate) const {
-    for (int i = 0; i < S; ++i) torque_rate[i] = 0.0;
+    calcTorqueRate(S, state, torque_rate);
+  }
+  template <class Count>
+  void calcTorqueRate(Count shafts, const StateView& state, double* torque_rate) const {
+    for (int i = 0; i < shafts; ++i) torque_rate[i] = 0.0;
     for (const Torque* element : torques_) element->addTorqueRate(state, torque_rate);
-    for (int i = 0; i < S; ++i) torque_rate_[i] = torque_rate[i];
+    for (int i = 0; i < shafts; ++i) torque_rate_[i] = torque_rate[i];
   }
   /// True when Q reads the time itself.
   bool torquesReadTime() const { return torques_read_time_; }
@@ -283,7 +286,11 @@ class Drivetrain {
   /// (Q - n - J epsilon)' + J eta = Q' - J' omega epsilon - n', with n' = 1/2 J'' omega^3 +
   /// J' omega epsilon: the rate of R is J eta minus this.
   void calcFreeTorqueRate(const StateView& state, double* rate) const {
-    calcTorqueRate(state, rate);
+    calcFreeTorqueRate(S, state, rate);
+  }
+  template <class Count>
+  void calcFreeTorqueRate(Count shafts, const StateView& state, double* rate) const {
+    calcTorqueRate(shafts, state, rate);
     if (inertia_.isConstant()) return;
     for (int i = 0; i < S; ++i) {
       const double w = state.velocity[i];
@@ -293,11 +300,15 @@ class Drivetrain {
   }
   /// -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'.
   void calcCovariantTorqueRate(const StateView& state, double* rate) const {
-    calcFreeTorqueRate(state, rate);
+    calcCovariantTorqueRate(S, state, rate);
+  }
+  template <class Count>
+  void calcCovariantTorqueRate(Count shafts, const StateView& state, double* rate) const {
+    calcFreeTorqueRate(shafts, state, rate);
     if (inertia_.isConstant()) return;
-    double torque[S];
-    double reaction[S];
-    double connection[S];
+    double torque[kMaxShafts];
+    double reaction[kMaxShafts];
+    double connection[kMaxShafts];
     calcTorque(state, torque);
     calcReaction(state, torque, reaction);
     calcConnection(state, reaction, connection);
@@ -320,11 +331,13 @@ class Drivetrain {
   }
 
   /// Rows of C and c0 of all constraints, factored. False where C has lost rank.
-  bool calcRows(const StateView& state, double* c0) {
+  bool calcRows(const StateView& state, double* c0) { return calcRows(S, state, c0); }
+  template <class Count>
+  bool calcRows(Count shafts, const StateView& state, double* c0) {
     for (int m = 0; m < constraintCount(); ++m) {
       constraint(m).calcRow(state, solver_.row(m), &c0[m]);
     }
-    return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(inertia_);
+    return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(shafts, inertia_);
   }
 
   /// Where C is constant: makes sure that it has been factored. False where it has lost rank.
@@ -361,8 +374,8 @@ class Drivetrain {
   bool calcStiffProjection(const StateView& state, double h, double* delta) {
     constexpr int kMax = kMaxRows;
     const int k = static_cast<int>(acceleration_rows_.size());
-    double rows[kMax][2 * S];      // (B, C)
-    double weighted[kMax][2 * S];  // (h^2 B J^-1, C J^-1)
+    double rows[kMax][2 * kMaxShafts];      // (B, C)
+    double weighted[kMax][2 * kMaxShafts];  // (h^2 B J^-1, C J^-1)
     double scale[kMax] = {};
     DenseVector l(k);
     for (int r = 0; r < k; ++r) {
@@ -391,7 +404,7 @@ class Drivetrain {
           A(r, n) = entry * scale[r] * scale[n];
         }
       }
-      if (!solveSymmetric(A, RowSolver::kRankTolerance, &l)) return false;
+      if (!solveSymmetric(A, ConstraintSolver::kRankTolerance, &l)) return false;
     }
     for (int i = 0; i < 2 * S; ++i) {
       delta[i] = 0.0;
@@ -412,11 +425,10 @@ class Drivetrain {
   /// is zero where eta obeys the principle and psi = 0. P0 and D0 are P and D at the beginning of
   /// the step (S x S; S values per constraint): P and D themselves turn with C, and 1/tau or 1/h
   /// times the turn would spill the one part over into the other. False where C has lost rank.
-  template <class Matrix>
-  bool calcStageResidual(const StateView& state, const double* eta, const Matrix& P0,
-                         const Matrix& D0, double* residual) {
-    double rate[S];
-    double v[S];
+  bool calcStageResidual(const StateView& state, const double* eta, const SquareMatrix& P0,
+                         const SquareMatrix& D0, double* residual) {
+    double rate[kMaxShafts];
+    double v[kMaxShafts];
     calcCovariantTorqueRate(state, rate);
     inertia_.solve(rate, v);
     for (int i = 0; i < S; ++i) v[i] = eta[i] - v[i];
@@ -428,12 +440,10 @@ class Drivetrain {
   ///     -P J^-1 (Q'_q + C_q^T Lambda) + D psi_q;   and D (`pull`).
   /// How J changes with the angles is left out: it is never stiff, and the derivatives steer
   /// Newton's iteration only.
-  template <class Matrix>
-  void calcStageDerivatives(const StateView& state, const double* Lambda, Matrix& projector,
-                            Matrix& pull, double* derivatives) {
-    constexpr int kDirections = 3 * S;
-    double rates[kDirections * S] = {};
-    double psi_q[kDirections][kMaxRows] = {};
+  void calcStageDerivatives(const StateView& state, const double* Lambda, SquareMatrix& projector,
+                            SquareMatrix& pull, double* derivatives) {
+    double rates[3 * kMaxShafts * kMaxShafts] = {};
+    double psi_q[3 * kMaxShafts][kMaxRows] = {};
     for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, rates);
     addRowDerivatives(state, Lambda, rates, psi_q);
     calcProjected(rates, psi_q, projector, pull, derivatives);
@@ -443,11 +453,10 @@ class Drivetrain {
   /// stages' unknown is epsilon itself,
   ///     residual = P0 P (epsilon - epsilon_free) + D0 psi(t, phi, omega, epsilon),
   /// free of the 1/tau that epsilon(t, phi, omega) has in it.
-  template <class Matrix>
-  bool calcAccelerationResidual(const StateView& state, const Matrix& P0, const Matrix& D0,
-                                double* residual) {
-    double torque[S];
-    double v[S];
+  bool calcAccelerationResidual(const StateView& state, const SquareMatrix& P0,
+                                const SquareMatrix& D0, double* residual) {
+    double torque[kMaxShafts];
+    double v[kMaxShafts];
     calcFreeTorque(state, torque);
     inertia_.solve(torque, v);
     for (int i = 0; i < S; ++i) v[i] = state.acceleration[i] - v[i];
@@ -456,26 +465,26 @@ class Drivetrain {
   /// Its derivatives by (phi, omega), 2S directions of S values, where it is zero and the
   /// multipliers are `lambda`: -P J^-1 (Q_q + C_q^T lambda) + D psi_q. That by epsilon is
   /// P + D C = I.
-  template <class Matrix>
-  void calcAccelerationDerivatives(const StateView& state, const double* lambda, Matrix& projector,
-                                   Matrix& pull, double* derivatives) {
-    constexpr int kDirections = 2 * S;
-    double torques[3 * S * S] = {};
-    double psi_q[3 * S][kMaxRows] = {};
+  void calcAccelerationDerivatives(const StateView& state, const double* lambda,
+                                   SquareMatrix& projector, SquareMatrix& pull,
+                                   double* derivatives) {
+    const int directions = 2 * S;
+    double torques[3 * kMaxShafts * kMaxShafts] = {};
+    double psi_q[3 * kMaxShafts][kMaxRows] = {};
     const auto differentiate = [&](int q, const StateView& above, const StateView& below,
                                    double width) {
-      if (q >= kDirections) return;
-      double upper[S];
-      double lower[S];
+      if (q >= directions) return;
+      double upper[kMaxShafts];
+      double lower[kMaxShafts];
       calcTorque(above, upper);
       calcTorque(below, lower);
       for (int i = 0; i < S; ++i) torques[q * S + i] = (upper[i] - lower[i]) / width;
     };
     forEachShift(state, S, differentiate, naturalSize());
     addRowDerivatives(state, lambda, torques, psi_q);
-    double all[3 * S * S];
+    double all[3 * kMaxShafts * kMaxShafts];
     calcProjected(torques, psi_q, projector, pull, all);
-    std::copy_n(all, kDirections * S, derivatives);
+    std::copy_n(all, directions * S, derivatives);
   }
 
   /// d eta/d(phi, omega, epsilon) at `state`, where the jerk is `eta` and the multipliers `Lambda`,
@@ -486,15 +495,15 @@ class Drivetrain {
   /// Needs calcRows at `state`.
   void calcJerkDerivatives(const StateView& state, const double* eta, const double* Lambda,
                            double* derivatives) const {
-    constexpr int kDirections = 3 * S;
-    std::fill_n(derivatives, kDirections * S, 0.0);
+    const int directions = 3 * S;
+    std::fill_n(derivatives, directions * S, 0.0);
     for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, derivatives);
-    double right[kDirections][kMaxRows] = {};
+    double right[3 * kMaxShafts][kMaxRows] = {};
     for (int m = 0; m < constraintCount(); ++m) {
-      double dC[kDirections * S];
-      double dc0[kDirections];
+      double dC[3 * kMaxShafts * kMaxShafts];
+      double dc0[3 * kMaxShafts];
       constraint(m).calcRowDerivatives(state, dC, dc0);
-      for (int q = 0; q < kDirections; ++q) {
+      for (int q = 0; q < directions; ++q) {
         double sum = dc0[q];
         for (int i = 0; i < S; ++i) {
           sum += dC[q * S + i] * eta[i];
@@ -503,8 +512,8 @@ class Drivetrain {
         right[q][m] = sum;
       }
     }
-    for (int q = 0; q < kDirections; ++q) {
-      double rate[S];
+    for (int q = 0; q < directions; ++q) {
+      double rate[kMaxShafts];
       std::copy_n(derivatives + q * S, S, rate);
       double* eta_q = derivatives + q * S;
       inertia_.solve(rate, eta_q);
@@ -540,7 +549,7 @@ class Drivetrain {
         [&](int m, const StateView& at) { return constraint(m).calcResidual(at); });
     addProjectionRounding(state, acceleration_rows_, acceleration_solver_, acceleration,
                           [&](int m, const StateView& at) {
-                            double C[S];
+                            double C[kMaxShafts];
                             return constraint(m).calcResidualAndJacobian(at, C);
                           });
   }
@@ -595,8 +604,8 @@ class Drivetrain {
     const double* begin = after.acceleration;
     const int k = constraintCount();
     const auto slope = [&](double theta, const double* moved, double* rate) {
-      double e[S];
-      double C[S];
+      double e[kMaxShafts];
+      double C[kMaxShafts];
       double gap[kMaxRows] = {};
       for (int i = 0; i < S; ++i) e[i] = begin[i] + moved[i];
       before.acceleration = after.acceleration = e;
@@ -623,11 +632,11 @@ class Drivetrain {
     // step is exact.
     constexpr int kSteps = 200;
     constexpr double kTurned = 1e-12;
-    double k1[S];
-    double k2[S];
-    double k3[S];
-    double k4[S];
-    double e[S];
+    double k1[kMaxShafts];
+    double k2[kMaxShafts];
+    double k3[kMaxShafts];
+    double k4[kMaxShafts];
+    double e[kMaxShafts];
     std::fill_n(change, S, 0.0);
     if (!slope(0.0, change, k1) || !slope(1.0, k1, k4)) return false;
     double largest = 0.0;
@@ -659,14 +668,14 @@ class Drivetrain {
   /// written (S values each). False when the system is singular.
   bool calcFormalJerk(const StateView& state, const double* lambda, double* eta,
                       double* reaction_rate) {
-    double rate[S];
+    double rate[kMaxShafts];
     calcFreeTorqueRate(state, rate);
-    double right[S];
+    double right[kMaxShafts];
     double c0[kMaxRows] = {};
-    double H[kMaxRows * S * S];
+    double H[kMaxRows * kMaxShafts * kMaxShafts];
     std::copy(rate, rate + S, right);
     for (int m = 0; m < constraintCount(); ++m) {
-      double D[S];
+      double D[kMaxShafts];
       constraint(m).calcRow(state, solver_.row(m), &c0[m]);
       constraint(m).calcJacobianRate(state, D, H + m * S * S);
       for (int i = 0; i < S; ++i) right[i] += lambda[m] * D[i];
@@ -684,10 +693,10 @@ class Drivetrain {
   bool calcFormalJumpRate(const StateView& state, const double* torque_jump,
                           const double* input_jump, double* rate) {
     if (!calcJumpRate(state, torque_jump, input_jump, rate)) return false;
-    double torque[S];
-    double reaction[S];
+    double torque[kMaxShafts];
+    double reaction[kMaxShafts];
     double lambda[kMaxRows] = {};
-    double H[kMaxRows * S * S];
+    double H[kMaxRows * kMaxShafts * kMaxShafts];
     double c0[kMaxRows] = {};
     calcTorque(state, torque);
     calcReaction(state, torque, reaction);
@@ -705,7 +714,7 @@ class Drivetrain {
   /// lambda (k values) of the part of `reaction` in range(C^T): A lambda = C J^-1 R. Needs
   /// calcRows.
   void calcMultipliers(const double* reaction, double* lambda) const {
-    double rest[S];
+    double rest[kMaxShafts];
     calcOutOfRange(reaction, lambda, rest);
   }
   /// The same, and `rest` = J^-1 (C^T lambda - R) (S values): by so much do accelerations change
@@ -721,7 +730,7 @@ class Drivetrain {
   double calcResidual(int m, const StateView& state, const double* eta) const {
     const Constraint& row = constraint(m);
     if (row.order() < 3) return row.calcResidual(state);
-    double C[S];
+    double C[kMaxShafts];
     double c0;
     row.calcRow(state, C, &c0);
     for (int i = 0; i < S; ++i) c0 += C[i] * eta[i];
@@ -734,8 +743,8 @@ class Drivetrain {
     *torque = -1;
     *row = -1;
     for (std::size_t j = 0; j < torques_.size(); ++j) {
-      double value[S] = {};
-      double rate[S] = {};
+      double value[kMaxShafts] = {};
+      double rate[kMaxShafts] = {};
       torques_[j]->addTorque(state, value);
       torques_[j]->addTorqueRate(state, rate);
       for (int i = 0; i < S; ++i) {
@@ -746,7 +755,7 @@ class Drivetrain {
       }
     }
     for (int m = 0; m < constraintCount(); ++m) {
-      double C[S];
+      double C[kMaxShafts];
       double c0;
       constraint(m).calcRow(state, C, &c0);
       bool finite = std::isfinite(c0) && (constraint(m).order() == 3 ||
@@ -764,10 +773,10 @@ class Drivetrain {
   /// C_q^T Lambda onto `rates` and psi_q, in all 3S directions; C into the solver's rows.
   void addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
                          double (*psi_q)[kMaxRows]) {
-    constexpr int kDirections = 3 * S;
+    const int directions = 3 * S;
     for (int m = 0; m < constraintCount(); ++m) {
-      double dC[kDirections * S];
-      double dc0[kDirections];
+      double dC[3 * kMaxShafts * kMaxShafts];
+      double dc0[3 * kMaxShafts];
       ConstraintPartials partials;
       constraint(m).calcRowDerivatives(state, dC, dc0);
       constraint(m).calcPartials(state, partials);
@@ -777,13 +786,12 @@ class Drivetrain {
         psi_q[2 * S + j][m] = partials.acceleration[j];
         solver_.row(m)[j] = partials.acceleration[j];
       }
-      for (int n = 0; n < kDirections * S; ++n) rates[n] += dC[n] * Lambda[m];
+      for (int n = 0; n < directions * S; ++n) rates[n] += dC[n] * Lambda[m];
     }
   }
   /// P0 P v + D0 psi at `state`. False where C has lost rank.
-  template <class Matrix>
-  bool projectResidual(const StateView& state, const Matrix& P0, const Matrix& D0, double* v,
-                       double* residual) {
+  bool projectResidual(const StateView& state, const SquareMatrix& P0, const SquareMatrix& D0,
+                       double* v, double* residual) {
     double psi[kMaxRows] = {};
     const double zeros[kMaxRows] = {};
     for (int m = 0; m < constraintCount(); ++m) {
@@ -801,10 +809,9 @@ class Drivetrain {
   }
   /// P and D of the solver's rows, and -P J^-1 rates_q + D psi_q in all 3S directions. P is NaN
   /// where C has lost rank.
-  template <class Matrix>
-  void calcProjected(const double* rates, const double (*psi_q)[kMaxRows], Matrix& projector,
-                     Matrix& pull, double* derivatives) {
-    constexpr int kDirections = 3 * S;
+  void calcProjected(const double* rates, const double (*psi_q)[kMaxRows], SquareMatrix& projector,
+                     SquareMatrix& pull, double* derivatives) {
+    const int directions = 3 * S;
     if (!solver_.factor(inertia_)) {
       projector.fill(std::numeric_limits<double>::quiet_NaN());
       return;
@@ -819,19 +826,19 @@ class Drivetrain {
     };
     const double zeros[kMaxRows] = {};
     for (int j = 0; j < S; ++j) {
-      double column[S] = {};
+      double column[kMaxShafts] = {};
       column[j] = 1.0;
       combine(column, zeros);
       for (int i = 0; i < S; ++i) projector(i, j) = column[i];
     }
     for (int m = 0; m < constraintCount(); ++m) {
-      double column[S] = {};
+      double column[kMaxShafts] = {};
       double unit[kMaxRows] = {};
       unit[m] = 1.0;
       combine(column, unit);
       for (int i = 0; i < S; ++i) pull(i, m) = column[i];
     }
-    for (int q = 0; q < kDirections; ++q) {
+    for (int q = 0; q < directions; ++q) {
       double* column = derivatives + q * S;
       inertia_.solve(rates + q * S, column);
       for (int i = 0; i < S; ++i) column[i] = -column[i];
@@ -861,7 +868,7 @@ class Drivetrain {
       return 0.1 + 3.0 * number;
     };
     for (int n = 0; n < kStates; ++n) {
-      double x[3][S];
+      double x[3][kMaxShafts];
       double input[3][kMaxInputs];
       for (auto& part : x) {
         for (double& value : part) value = (n % 2 == 0 ? 1.0 : -1.0) * next();
@@ -872,7 +879,7 @@ class Drivetrain {
       const StateView state{next(), x[0], x[1], x[2], input[0], input[1], input[2]};
       if (!inertia_.isConstant()) inertia_.update(x[0]);
       for (const Constraint* row : constraints_) {
-        double C[S];
+        double C[kMaxShafts];
         double c0;
         row->calcRow(state, C, &c0);
         for (int i = 0; i < S; ++i) reads_column_[i] = reads_column_[i] || C[i] != 0.0;
@@ -920,9 +927,10 @@ class Drivetrain {
   }
 
   /// |J^-1 C^T A^-1| times what rounding makes of the residuals of some constraints.
-  template <class Solver, class Evaluate>
+  template <class Evaluate>
   void addProjectionRounding(const StateView& state, const std::vector<int>& rows,
-                             const Solver& solver, double* rounding, Evaluate evaluate) const {
+                             const ConstraintSolver& solver, double* rounding,
+                             Evaluate evaluate) const {
     constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
     for (int r = 0; r < solver.rowCount(); ++r) {
       const int m = rows[static_cast<std::size_t>(r)];
@@ -942,7 +950,7 @@ class Drivetrain {
       }
       noise += 2.0 * bend;
       beside.time = state.time;
-      double shifted[S];
+      double shifted[kMaxShafts];
       for (const double* StateView::*part :
            {&StateView::angle, &StateView::velocity, &StateView::acceleration}) {
         std::copy_n(state.*part, S, shifted);
@@ -955,7 +963,7 @@ class Drivetrain {
         beside.*part = state.*part;
       }
       double l[kMaxRows] = {};
-      double moved[S] = {};
+      double moved[kMaxShafts] = {};
       l[r] = noise;
       solver.solve(l, l);
       solver.addReaction(l, moved);
@@ -964,8 +972,8 @@ class Drivetrain {
   }
 
   /// -J^-1 C^T A^-1 residual over some constraints; `evaluate(m, C)` gives residual and row.
-  template <class Solver, class Evaluate>
-  bool calcCorrection(const std::vector<int>& rows, Solver* solver, double* delta,
+  template <class Evaluate>
+  bool calcCorrection(const std::vector<int>& rows, ConstraintSolver* solver, double* delta,
                       Evaluate evaluate) {
     double residual[kMaxRows] = {};
     for (int r = 0; r < solver->rowCount(); ++r) residual[r] = evaluate(rows[r], solver->row(r));
@@ -979,11 +987,12 @@ class Drivetrain {
     return true;
   }
 
+  const int S;  // shafts
   const Scene& scene_;
-  typename Shape::InertiaType inertia_;
-  RowSolver solver_;                         // all constraints
-  ConstraintSolver<S> velocity_solver_;      // those of order 1
-  ConstraintSolver<S> acceleration_solver_;  // those of order 1 and 2
+  Inertia inertia_;
+  ConstraintSolver solver_;               // all constraints
+  ConstraintSolver velocity_solver_;      // those of order 1
+  ConstraintSolver acceleration_solver_;  // those of order 1 and 2
   std::vector<const Torque*> torques_;
   std::vector<const Constraint*> constraints_;
   std::vector<const Constraint*> kinks_;
@@ -1000,10 +1009,10 @@ class Drivetrain {
   std::vector<GuardPtr> guards_;
   std::vector<GuardOwner> guard_owners_;
   std::vector<double> instants_;  // s, sorted
-  mutable double torque_rate_[S] = {};
+  mutable double torque_rate_[kMaxShafts] = {};
   bool has_constant_rows_ = false;
   bool has_constant_jacobian_ = false;
-  bool reads_column_[S] = {};
+  bool reads_column_[kMaxShafts] = {};
   bool torques_read_time_ = false;
   bool keeps_constraints_in_stages_ = true;
   /// Of calcJerkOfOneRow: what never changes of it is written once.

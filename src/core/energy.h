@@ -15,11 +15,10 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstddef>
 #include <limits>
 
+#include "principle_system.h"
 #include "step_control.h"
 #include "stepper.h"
 #include "variator_sim/sample.h"
@@ -60,17 +59,14 @@ double integrate(const Function& f, double from, double to, double tolerance, in
 }
 
 /// The energy account of one motion. All are [loop].
-template <class System>
 class EnergyMeter {
  public:
-  static constexpr int S = System::kShafts;
-  using State = typename System::State;
-  using Node = StepNode<System>;
-  using Row = double[static_cast<std::size_t>(S)];
+  using Row = double[kMaxShafts];
 
   /// `system` has to outlive this.
-  EnergyMeter(System& system, const Scene& scene, Tolerance tolerance)
-      : drivetrain_(system.drivetrain()),
+  EnergyMeter(PrincipleSystem& system, const Scene& scene, Tolerance tolerance)
+      : S(system.shafts()),
+        drivetrain_(system.drivetrain()),
         tolerance_(tolerance),
         is_watched_(scene.principle == Principle::kGeneralizedGauss &&
                     !drivetrain_.hasConstantRows() && drivetrain_.constraintCount() > 0) {}
@@ -81,7 +77,7 @@ class EnergyMeter {
   bool isTracked() const { return is_tracked_; }
 
   /// The motion begins at `start`, where C has the rows `rows`.
-  void begin(const Node& start, const Row* rows) {
+  void begin(const StepNode& start, const Row* rows) {
     start_kinetic_ = calcKinetic(start.x);
     applied_ = applied_before_ = throughput_ = throughput_before_ = reactions_ = 0.0;
     doubt_since_ = -1.0;
@@ -93,10 +89,10 @@ class EnergyMeter {
   /// A step from `from` to `to` was accepted, at whose end C has the rows `rows`; `inside(theta,
   /// x)` is the state at from + theta (to - from). Q and Q' of both are known.
   template <class Inside>
-  void noteStep(const Node& from, const Node& to, const Row* rows, const Inside& inside) {
+  void noteStep(const StepNode& from, const StepNode& to, const Row* rows, const Inside& inside) {
     const double h = to.time - from.time;
-    const Power begin(from);
-    const Power end(to);
+    const Power begin = powerOf(from);
+    const Power end = powerOf(to);
     applied_before_ = applied_;
     throughput_before_ = throughput_;
     throughput_ += 0.5 * h * (begin.through + end.through);
@@ -106,13 +102,14 @@ class EnergyMeter {
   /// The motion goes on from `present`, to which it has gone in its last step; inputs are still
   /// those of that step.
   template <class Inside>
-  void cut(const Node& from, const Node& to, const Node& present, const Inside& inside) {
+  void cut(const StepNode& from, const StepNode& to, const StepNode& present,
+           const Inside& inside) {
     const double h = present.time - from.time;
-    Node end = present;
+    StepNode end = present;
     drivetrain_.calcTorque(view(end.time, end.x), end.torque.data());
-    const Power begin(from);
-    const double power = Power(end).value;
-    throughput_ = throughput_before_ + 0.5 * h * (begin.through + Power(end).through);
+    const Power begin = powerOf(from);
+    const double power = powerOf(end).value;
+    throughput_ = throughput_before_ + 0.5 * h * (begin.through + powerOf(end).through);
     if (is_tracked_) {
       applied_ = calcApplied(from, to, h / (to.time - from.time), inside);
       return;
@@ -124,7 +121,7 @@ class EnergyMeter {
                (std::abs(bend) <= std::abs(begin.value) + std::abs(power) ? h / 6.0 * bend : 0.0);
   }
   /// The same of a motion at rest since `from`.
-  void cutAtRest(const Node& from, const Node& present) {
+  void cutAtRest(const StepNode& from, const StepNode& present) {
     applied_ = calcAppliedAtRest(from, present.x);
   }
 
@@ -132,15 +129,15 @@ class EnergyMeter {
   double applied() const { return applied_; }
   /// The same at from + part (to - from) of that step.
   template <class Inside>
-  double calcApplied(const Node& from, const Node& to, double part, const Inside& inside) {
+  double calcApplied(const StepNode& from, const StepNode& to, double part, const Inside& inside) {
     return applied_before_ + calcWork(from, to, part, inside);
   }
   /// The same of a motion that came to rest at `from`, with the angles gone on to those of x.
-  double calcAppliedAtRest(const Node& from, const State& x) {
-    double Q[S];
+  double calcAppliedAtRest(const StepNode& from, const State& x) {
+    double Q[kMaxShafts];
     drivetrain_.calcTorque(view(from.time, from.x), Q);
     double work = 0.0;
-    for (std::size_t i = 0; i < S; ++i) work += Q[i] * (x[i] - from.x[i]);
+    for (int i = 0; i < S; ++i) work += Q[i] * (x[i] - from.x[i]);
     return applied_ + work;
   }
 
@@ -169,18 +166,20 @@ class EnergyMeter {
  private:
   /// sum Q_i omega_i at a node, its rate, and sum |Q_i omega_i|.
   struct Power {
-    explicit Power(const Node& node) {
-      for (std::size_t i = 0; i < S; ++i) {
-        const double part = node.torque[i] * node.x[S + i];
-        value += part;
-        through += std::abs(part);
-        rate += node.torque_rate[i] * node.x[S + i] + node.torque[i] * node.dxdt[S + i];
-      }
-    }
     double value = 0.0;
     double rate = 0.0;
     double through = 0.0;
   };
+  Power powerOf(const StepNode& node) const {
+    Power power;
+    for (int i = 0; i < S; ++i) {
+      const double part = node.torque[i] * node.x[S + i];
+      power.value += part;
+      power.through += std::abs(part);
+      power.rate += node.torque_rate[i] * node.x[S + i] + node.torque[i] * node.dxdt[S + i];
+    }
+    return power;
+  }
 
   StateView view(double t, const State& x) {
     // Torques do not read accelerations.
@@ -191,15 +190,15 @@ class EnergyMeter {
   }
 
   template <class Inside>
-  double calcWork(const Node& from, const Node& to, double part, const Inside& inside) {
+  double calcWork(const StepNode& from, const StepNode& to, double part, const Inside& inside) {
     const double h = to.time - from.time;
     const auto power = [&](double theta) {
-      State x;
+      State x(from.x.size());
       inside(theta, x);
-      double Q[S];
+      double Q[kMaxShafts];
       drivetrain_.calcTorque(view(from.time + theta * h, x), Q);
       double sum = 0.0;
-      for (std::size_t i = 0; i < S; ++i) sum += Q[i] * x[S + i];
+      for (int i = 0; i < S; ++i) sum += Q[i] * x[S + i];
       return sum;
     };
     return h * integrate(power, 0.0, part, std::max(tolerance_.relative, 1e-13), kHalvings);
@@ -225,7 +224,7 @@ class EnergyMeter {
   }
   bool haveRowsTurned(const Row* rows) const {
     for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-      double direction[S];
+      double direction[kMaxShafts];
       calcDirection(rows[m], direction);
       double cosine = 0.0;
       for (int i = 0; i < S; ++i) cosine += direction[i] * directions_[m][i];
@@ -235,17 +234,16 @@ class EnergyMeter {
   }
   /// Has C turned since the start, and have the reactions brought or taken a part of the energy
   /// that nobody would leave aside?
-  void watch(const Node& node, const Row* rows) {
+  void watch(const StepNode& node, const Row* rows) {
     reactions_ = calcKinetic(node.x) - start_kinetic_ - applied_;
     if (doubt_since_ >= 0.0) return;
     if (!has_turned_) has_turned_ = haveRowsTurned(rows);
     if (!has_turned_ || !(std::abs(reactions_) > kDoubtful * throughput_)) return;
     // What the tolerance makes of T is nobody's energy.
     double uncertain = 0.0;
-    for (std::size_t i = 0; i < S; ++i) {
-      const int n = static_cast<int>(i);
+    for (int i = 0; i < S; ++i) {
       const double omega = node.x[S + i];
-      uncertain += drivetrain_.inertia().entry(n, n) * std::abs(omega) * tolerance_.of(omega);
+      uncertain += drivetrain_.inertia().entry(i, i) * std::abs(omega) * tolerance_.of(omega);
     }
     if (std::abs(reactions_) > kCertain * uncertain)
       doubt_since_ = drivetrain_.origin() + node.time;
@@ -259,7 +257,8 @@ class EnergyMeter {
   static constexpr double kCertain = 100.0;
   static constexpr int kHalvings = 4;
 
-  typename System::DrivetrainType& drivetrain_;  // the system's
+  const int S;              // shafts
+  Drivetrain& drivetrain_;  // the system's
   Tolerance tolerance_;
   bool is_watched_;
   bool is_tracked_ = false;
@@ -271,7 +270,7 @@ class EnergyMeter {
   double reactions_ = 0.0;     // J, at the front, where they are watched
   double doubt_since_ = -1.0;  // s
   bool has_turned_ = false;
-  double directions_[System::kMaxRows][static_cast<std::size_t>(S)] = {};  // of C at the start
+  double directions_[kMaxRows][kMaxShafts] = {};  // of C at the start
 };
 
 }  // namespace variator_sim

@@ -23,19 +23,19 @@ enum class InitialResult {
 
 /// Solves for the accelerations at one (t, phi, omega, u). Not for the running loop, but free of
 /// allocation all the same: a command at the first instant calls it anew.
-template <class Shape>
 class InitialConditionSolver {
  public:
-  static constexpr int S = Shape::kShafts;
-  static constexpr int kMaxRows = Drivetrain<Shape>::kMaxRows;
-  static constexpr double kConsistent = LeastReactionSolver<Shape>::kConsistent;
+  static constexpr double kConsistent = LeastReactionSolver::kConsistent;
 
-  explicit InitialConditionSolver(Drivetrain<Shape>& drivetrain)
-      : drivetrain_(drivetrain), solver_(drivetrain), search_(drivetrain, solver_) {}
+  explicit InitialConditionSolver(Drivetrain& drivetrain)
+      : S(drivetrain.shafts()),
+        drivetrain_(drivetrain),
+        solver_(drivetrain),
+        search_(drivetrain, solver_) {}
 
-  LeastReactionSolver<Shape>& solver() { return solver_; }
+  LeastReactionSolver& solver() { return solver_; }
   /// What findLeastReaction came to, with the reactions.
-  const LeastReactionSearch<Shape>& search() const { return search_; }
+  const LeastReactionSearch& search() const { return search_; }
 
   /// Takes given velocities: consistent ones are polished onto f = 0 (constraints of order 1),
   /// inconsistent ones moved there only when `may_move`. `nearest` (S values) gets the nearest
@@ -45,7 +45,7 @@ class InitialConditionSolver {
     std::copy(omega, omega + S, nearest);
     StateView moving = state;
     moving.velocity = nearest;
-    double moved[S];
+    double moved[kMaxShafts];
     std::uint64_t iterations = 0;
     switch (projectVelocities(drivetrain_, moving, nearest, moved, &iterations)) {
       case ProjectionResult::kSingular:
@@ -63,8 +63,8 @@ class InitialConditionSolver {
   /// first one is, for the search to find a better one.
   /// `state.acceleration` must point to `epsilon` (S values, written).
   InitialResult findLeastReaction(const StateView& state, double* epsilon) {
-    double torque[S];
-    double free[S];
+    double torque[kMaxShafts];
+    double free[kMaxShafts];
     search_.forget();
     drivetrain_.calcFreeTorque(state, torque);
     drivetrain_.inertia().solve(torque, free);
@@ -73,7 +73,7 @@ class InitialConditionSolver {
       epsilon[i] = free[i];
     }
     if (!drivetrain_.hasAccelerationRows()) return InitialResult::kConsistent;
-    double multipliers[S] = {};
+    double multipliers[kMaxShafts] = {};
     bool is_found = solver_.solve(state, torque, 0, epsilon, multipliers);
     if (!is_found) {
       // Far from psi = 0 Newton's iteration may lead away; damped steps to the solution of the
@@ -88,7 +88,7 @@ class InitialConditionSolver {
       std::copy_n(free, S, epsilon);
       return explain(state, epsilon);
     }
-    using Verdict = typename LeastReactionSearch<Shape>::Verdict;
+    using Verdict = LeastReactionSearch::Verdict;
     if (is_found) search_.add(epsilon, free);
     const Verdict verdict = search_.find(state, torque, free);
     const bool has_any = search_.candidateCount() > 0;
@@ -122,7 +122,7 @@ class InitialConditionSolver {
 
  private:
   /// `values` become `nearest` when these are as near as consistent values print, or `may_move`.
-  static InitialResult acceptNearest(bool may_move, double* values, const double* nearest) {
+  InitialResult acceptNearest(bool may_move, double* values, const double* nearest) const {
     double scale = 1.0;
     double distance = 0.0;
     for (int i = 0; i < S; ++i) {
@@ -141,10 +141,10 @@ class InitialConditionSolver {
     int constraint;
     if (drivetrain_.findNonFinite(there, &torque, &constraint)) return InitialResult::kNonFinite;
     // On psi = 0 the motion could start but for C; elsewhere there is nowhere to start.
-    double delta[S];
+    double delta[kMaxShafts];
     if (drivetrain_.calcAccelerationProjection(there, delta)) return InitialResult::kNotFound;
     for (int m : drivetrain_.accelerationRows()) {
-      double C[S];
+      double C[kMaxShafts];
       if (drivetrain_.constraint(m).calcResidualAndJacobian(there, C) != 0.0) {
         return InitialResult::kNotFound;
       }
@@ -157,7 +157,7 @@ class InitialConditionSolver {
     StateView state = given;
     state.acceleration = epsilon;
     for (int iteration = 0; iteration < 100; ++iteration) {
-      double delta[S];
+      double delta[kMaxShafts];
       if (!drivetrain_.calcLinearizedReaction(state, free, delta)) return;
       for (int i = 0; i < S; ++i) {
         if (!std::isfinite(delta[i])) return;
@@ -166,9 +166,10 @@ class InitialConditionSolver {
     }
   }
 
-  Drivetrain<Shape>& drivetrain_;
-  LeastReactionSolver<Shape> solver_;
-  LeastReactionSearch<Shape> search_;
+  const int S;  // shafts
+  Drivetrain& drivetrain_;
+  LeastReactionSolver solver_;
+  LeastReactionSearch search_;
 };
 
 }  // namespace variator_sim

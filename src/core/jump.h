@@ -17,31 +17,29 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include "drivetrain.h"
-#include "explicit_stepper.h"
 #include "least_reaction.h"
 #include "projection.h"
 #include "step_control.h"
+#include "stepper.h"
 #include "variator_sim/status.h"
 
 namespace variator_sim {
 
-template <class Shape>
 class JumpMap {
-  static constexpr int S = Shape::kShafts;
-
  public:
   /// `keeps_reaction_in_range`: R stays C^T lambda along the jump (the formal equations [18])
   /// instead of changing by C^T Lambda. The same wherever C does not depend on epsilon.
-  JumpMap(Drivetrain<Shape>& drivetrain, const SolverSettings& settings,
-          bool keeps_reaction_in_range)
-      : drivetrain_(drivetrain),
+  JumpMap(Drivetrain& drivetrain, const SolverSettings& settings, bool keeps_reaction_in_range)
+      : S(drivetrain.shafts()),
+        drivetrain_(drivetrain),
         path_(drivetrain, keeps_reaction_in_range),
         // A jump's error stays for good and adds to those of all other jumps: a tenth.
         tolerance_{0.1 * settings.absolute_tolerance,
                    std::max(0.1 * settings.relative_tolerance, 1e-14)},
-        stepper_(tolerance_),
+        stepper_(makeStepper(StepperKind::kDop853, path_, tolerance_)),
         consistency_(drivetrain) {
     for (int m = 0; m < drivetrain.constraintCount(); ++m) {
       const Constraint& constraint = drivetrain.constraint(m);
@@ -67,13 +65,11 @@ class JumpMap {
   }
 
  private:
-  using Vector = std::array<double, S>;
-
   /// Moves `epsilon` along the path that was begun.
   MotionStatus follow(double* epsilon, std::uint64_t* projections) {
-    Vector e;
+    State e(S);
     std::copy(epsilon, epsilon + S, e.begin());
-    Vector rate;
+    State rate(S);
     path_(e, rate, 0.0);
     for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
       row_reference_[m] = drivetrain_.solver().rowLengthSquared(m);
@@ -83,12 +79,11 @@ class JumpMap {
     return status;
   }
 
-  /// d epsilon / d theta as a system that Boost.Odeint can step.
-  class Path {
+  /// d epsilon / d theta as a system that can be stepped.
+  class Path final : public System {
    public:
-    static constexpr int kShafts = S;
-    using State = Vector;
-    Path(Drivetrain<Shape>& drivetrain, bool formal) : drivetrain_(drivetrain), formal_(formal) {}
+    Path(Drivetrain& drivetrain, bool formal)
+        : System(drivetrain.shafts(), 1, false), drivetrain_(drivetrain), formal_(formal) {}
     void begin(double t, const double* phi, const double* omega, const double* u0,
                const double* u1) {
       // The rates are those of the inputs that do not jump: f' of a constraint of order 1 reads the
@@ -96,7 +91,7 @@ class JumpMap {
       state_ = {
           t, phi, omega, nullptr, input_, drivetrain_.inputRates(), drivetrain_.inputSecondRates()};
       const int n = drivetrain_.inputCount();
-      double before[S];
+      double before[kMaxShafts];
       for (int i = 0; i < n; ++i) {
         start_[i] = input_[i] = u0[i];
         jump_[i] = u1[i] - u0[i];
@@ -113,7 +108,7 @@ class JumpMap {
       state.acceleration = e;
       return state;
     }
-    [[gnu::noinline]] void operator()(const Vector& e, Vector& rate, double theta) {
+    void operator()(const State& e, State& rate, double theta) override {
       if (formal_) {
         drivetrain_.calcFormalJumpRate(at(theta, e.data()), torque_jump_, jump_, rate.data());
       } else {
@@ -122,16 +117,16 @@ class JumpMap {
     }
 
    private:
-    Drivetrain<Shape>& drivetrain_;
+    Drivetrain& drivetrain_;
     bool formal_;
     StateView state_{};
     double start_[kMaxInputs] = {};
     double jump_[kMaxInputs] = {};
     double input_[kMaxInputs] = {};
-    double torque_jump_[S] = {};
+    double torque_jump_[kMaxShafts] = {};
   };
 
-  MotionStatus stepStraight(Vector& e, const Vector& rate) {
+  MotionStatus stepStraight(State& e, const State& rate) {
     for (int i = 0; i < S; ++i) {
       if (!std::isfinite(rate[i])) return explain(e, 0.0);
       e[i] += rate[i];
@@ -139,9 +134,9 @@ class JumpMap {
     return {};
   }
 
-  MotionStatus integrate(Vector& e, Vector& rate, std::uint64_t* projections) {
+  MotionStatus integrate(State& e, State& rate, std::uint64_t* projections) {
     constexpr int kMaxSteps = 100000;
-    StepControl control(stepper_.errorOrder());
+    StepControl control(stepper_->errorOrder());
     control.reset();
     double theta = 0.0;
     double h = 0.1;
@@ -153,7 +148,7 @@ class JumpMap {
     double beyond = std::numeric_limits<double>::infinity();
     for (int step = 0; step < kMaxSteps; ++step) {
       h = std::min(h, 1.0 - theta);
-      Vector e_new;
+      State e_new(S);
       const double norm = tryStep(theta, e, rate, h, e_new, projections);
       if (norm <= 1.0 && passesKink(e_new, theta + h)) {
         // Halve the way to the kink; the last step before it is as long as a hop.
@@ -197,11 +192,11 @@ class JumpMap {
   }
 
   /// A step of h, projected; its error in units of the tolerance.
-  double tryStep(double theta, const Vector& e, const Vector& rate, double h, Vector& e_new,
+  double tryStep(double theta, const State& e, const State& rate, double h, State& e_new,
                  std::uint64_t* projections) {
-    Vector rate_new;
-    Vector moved;
-    const double norm = stepper_.step(path_, {theta, e, rate}, h, e_new, rate_new);
+    State rate_new(S);
+    State moved(S);
+    const double norm = stepper_->step(path_, StepNode(theta, e, rate), h, e_new, rate_new);
     if (!(norm <= 1.0)) return norm;
     const auto projected = projectAccelerations(drivetrain_, path_.at(theta + h, e_new.data()),
                                                 e_new.data(), moved.data(), projections);
@@ -212,7 +207,7 @@ class JumpMap {
   }
 
   /// The end, if psi is zero there.
-  MotionStatus finish(const Vector& e, double theta) {
+  MotionStatus finish(const State& e, double theta) {
     if (drivetrain_.hasAccelerationRows() &&
         !consistency_.isConsistent(path_.at(theta, e.data()))) {
       return explain(e, theta);
@@ -221,16 +216,16 @@ class JumpMap {
   }
 
   // --- kinks -----------------------------------------------------------------------------------
-  static constexpr std::size_t kMostKinks = Drivetrain<Shape>::kMostKinks;
+  static constexpr std::size_t kMostKinks = Drivetrain::kMostKinks;
 
-  void calcKinks(const Vector& e, double theta, double* values) {
+  void calcKinks(const State& e, double theta, double* values) {
     const auto& kinks = drivetrain_.kinks();
     if (kinks.empty()) return;
     const StateView state = path_.at(theta, e.data());
     for (std::size_t j = 0; j < kinks.size(); ++j) values[j] = kinks[j]->calcResidual(state);
   }
   /// True when e_new is on the other side of a kink than the path (kinks_).
-  bool passesKink(const Vector& e_new, double theta) {
+  bool passesKink(const State& e_new, double theta) {
     double values[kMostKinks];
     calcKinks(e_new, theta, values);
     for (std::size_t j = 0; j < drivetrain_.kinks().size(); ++j) {
@@ -238,7 +233,7 @@ class JumpMap {
     }
     return false;
   }
-  bool liesOnKink(const Vector& e) const {
+  bool liesOnKink(const State& e) const {
     double size = 0.0;
     for (double value : e) size = std::max(size, std::abs(value));
     for (std::size_t j = 0; j < drivetrain_.kinks().size(); ++j) {
@@ -248,13 +243,13 @@ class JumpMap {
   }
   /// Goes on by `length` with the present rate, over the kinks that are met, and takes the rate
   /// there. False when that one leads back over a kink.
-  bool hop(double* theta, Vector& e, Vector& rate, double length, std::uint64_t* projections) {
+  bool hop(double* theta, State& e, State& rate, double length, std::uint64_t* projections) {
     const std::size_t count = drivetrain_.kinks().size();
     const double end = std::min(1.0, *theta + length);
     double before[kMostKinks];
     double beyond[kMostKinks];
     std::copy_n(kinks_, count, before);
-    Vector there = e;
+    State there = e;
     double stretch = 2.0 * length;
     for (int n = 0; n < 10; ++n, stretch *= 4.0) {
       // Until rounding does not hide on which side it ends.
@@ -262,7 +257,7 @@ class JumpMap {
       if (!liesOnKinkAt(there, end)) break;
     }
     std::copy_n(kinks_, count, beyond);
-    Vector rate_there;
+    State rate_there(S);
     path_(there, rate_there, end);
     // To the kink with the rate before it, then with the one behind it.
     double part = 1.0;
@@ -275,14 +270,14 @@ class JumpMap {
       if (!std::isfinite(rate_there[i])) return false;
       there[i] = e[i] + stretch * (part * rate[i] + (1.0 - part) * rate_there[i]);
     }
-    Vector moved;
+    State moved(S);
     if (projectAccelerations(drivetrain_, path_.at(end, there.data()), there.data(), moved.data(),
                              projections) != ProjectionResult::kConverged) {
       return false;
     }
     path_(there, rate_there, end);
     double ahead_values[kMostKinks];
-    Vector ahead;
+    State ahead(S);
     double size = 0.0;
     double speed = 0.0;
     for (int i = 0; i < S; ++i) {
@@ -306,13 +301,13 @@ class JumpMap {
     rate = rate_there;
     return true;
   }
-  bool liesOnKinkAt(const Vector& e, double theta) {
+  bool liesOnKinkAt(const State& e, double theta) {
     calcKinks(e, theta, kinks_);
     return liesOnKink(e);
   }
 
   /// Why the path ends at (theta, e).
-  MotionStatus explain(const Vector& e, double theta) {
+  MotionStatus explain(const State& e, double theta) {
     MotionStatus status;
     const StateView state = path_.at(theta, e.data());
     if (drivetrain_.findNonFinite(state, &status.torque, &status.constraint)) {
@@ -320,8 +315,8 @@ class JumpMap {
       return status;
     }
     status.reason = StopReason::kJumpFailed;
-    Vector rate;
-    const double nothing[kMaxInputs > S ? kMaxInputs : S] = {};
+    State rate(S);
+    const double nothing[kMaxInputs > kMaxShafts ? kMaxInputs : kMaxShafts] = {};
     if (!drivetrain_.calcJumpRate(state, nothing, nothing, rate.data())) {
       status.reason = StopReason::kSingularConstraint;
       status.constraint = drivetrain_.solver().singularRow();
@@ -347,14 +342,15 @@ class JumpMap {
   /// A hop over a kink is as long as this part of the tolerance.
   static constexpr double kKinkResolution = 0.1;
 
-  Drivetrain<Shape>& drivetrain_;
+  const int S;  // shafts
+  Drivetrain& drivetrain_;
   Path path_;
   Tolerance tolerance_;
-  ExplicitStepper<Dop853Tableau, Path, 0> stepper_;
-  LeastReactionSolver<Shape> consistency_;
+  std::unique_ptr<Stepper> stepper_;
+  LeastReactionSolver consistency_;
   bool straight_ = true;
   double kinks_[kMostKinks] = {};  // at the path's present place
-  double row_reference_[Drivetrain<Shape>::kMaxRows] = {};
+  double row_reference_[kMaxRows] = {};
 };
 
 }  // namespace variator_sim

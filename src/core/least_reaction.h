@@ -16,16 +16,14 @@ namespace variator_sim {
 /// Where psi is linear in pieces (abs, min, max of accelerations) the nearest point may be a corner
 /// of psi = 0. There some functions are zero beside psi, the kinks (Constraint::kinks): they join
 /// the constraints, with multipliers of their own. A set of kinks is a number, bit j for kink j.
-template <class Shape>
 class LeastReactionSolver {
  public:
-  static constexpr int S = Shape::kShafts;
-  static constexpr int kMaxRows = Drivetrain<Shape>::kMaxRows;
   /// Accelerations count as consistent when the nearest point of psi = 0 is not further away than
   /// this, relative to max(1, |epsilon|): what is left of a value printed with ten digits.
   static constexpr double kConsistent = 1e-9;
 
-  explicit LeastReactionSolver(Drivetrain<Shape>& drivetrain) : drivetrain_(drivetrain) {}
+  explicit LeastReactionSolver(Drivetrain& drivetrain)
+      : S(drivetrain.shafts()), drivetrain_(drivetrain) {}
 
   /// Stationarity under psi = 0 and the kinks of `corner` = 0,
   ///     J epsilon + n - Q - C^T lambda - (d kinks)^T mu = 0,
@@ -41,7 +39,7 @@ class LeastReactionSolver {
     Vector step;
     if (!calcStep(state, torque, epsilon, multipliers, &step)) return false;
     // Near equilibrium epsilon is the small difference of large terms; this is what they round to.
-    double free[S];
+    double free[kMaxShafts];
     drivetrain_.inertia().solve(torque, free);
     double rounding = 1e-290;
     for (int i = 0; i < S; ++i) {
@@ -55,8 +53,8 @@ class LeastReactionSolver {
       // Natural monotonicity (Deuflhard): the next step, which does not depend on how the equations
       // are scaled, must be shorter; halve otherwise.
       double fraction = 1.0;
-      double epsilon_old[S];
-      double multipliers_old[S];
+      double epsilon_old[kMaxShafts];
+      double multipliers_old[kMaxShafts];
       std::copy_n(epsilon, S, epsilon_old);
       std::copy_n(multipliers, row_count_, multipliers_old);
       Vector next;
@@ -76,7 +74,7 @@ class LeastReactionSolver {
         for (int i = 0; i < S; ++i) epsilon[i] += next(i);
         for (int m = 0; m < row_count_; ++m) multipliers[m] += next(S + m);
         if (corner != 0) return true;
-        double moved[S];
+        double moved[kMaxShafts];
         std::uint64_t iterations = 0;
         return projectAccelerations(drivetrain_, state, epsilon, moved, &iterations) ==
                    ProjectionResult::kConverged &&
@@ -94,7 +92,7 @@ class LeastReactionSolver {
     *corner = 0;
     if (drivetrain_.kinks().empty()) return solve(given, torque, 0, epsilon, multipliers);
     Point best{};
-    double guess_multipliers[S];
+    double guess_multipliers[kMaxShafts];
     std::copy_n(epsilon, S, best.epsilon);
     std::copy_n(multipliers, S, guess_multipliers);
     KinkValues before;
@@ -141,7 +139,7 @@ class LeastReactionSolver {
       KinkValues there;
       if (!calcKinks(given, point.epsilon, &there)) return;
       forEachPattern(set, [&](unsigned above) {
-        double aside[S];
+        double aside[kMaxShafts];
         moveAside(there, set, above, aside);
         if (solveFrom(0, aside, &point)) consider();
       });
@@ -157,8 +155,8 @@ class LeastReactionSolver {
     KinkValues values;
     if (!calcKinks(given, epsilon, &values)) return;
     forEachCorner(values, [&](unsigned set) {
-      double corner[S];
-      double multipliers[S] = {};
+      double corner[kMaxShafts];
+      double multipliers[kMaxShafts] = {};
       std::copy_n(epsilon, S, corner);
       if (solve(given, torque, set, corner, multipliers)) found(corner);
     });
@@ -175,16 +173,16 @@ class LeastReactionSolver {
     const int n = S + row_count_;
     Matrix K = Matrix::Zero(n, n);
     Vector right = Vector::Zero(n);
-    double rate[S];
+    double rate[kMaxShafts];
     drivetrain_.calcFreeTorqueRate(state, rate);
     for (int i = 0; i < S; ++i) {
       right(i) = rate[i];
       for (int j = 0; j < S; ++j) K(i, j) = drivetrain_.inertia().entry(i, j);
     }
     for (int m = 0; m < row_count_; ++m) {
-      double C[S];
-      double D[S];
-      double H[S * S];
+      double C[kMaxShafts];
+      double D[kMaxShafts];
+      double H[kMaxShafts * kMaxShafts];
       double c0;
       rows_[m]->calcRow(state, C, &c0);
       rows_[m]->calcJacobianRate(state, D, H);
@@ -206,8 +204,8 @@ class LeastReactionSolver {
 
   /// Moves `epsilon`, to which `state` points, onto psi = 0 near by. False when that fails.
   bool retract(const StateView& state, double* epsilon) {
-    double given[S];
-    double moved[S];
+    double given[kMaxShafts];
+    double moved[kMaxShafts];
     std::uint64_t iterations = 0;
     std::copy_n(epsilon, S, given);
     if (projectAccelerations(drivetrain_, state, epsilon, moved, &iterations) ==
@@ -217,7 +215,7 @@ class LeastReactionSolver {
     }
     // Full steps may run to and fro over a kink or away: only those that make psi less.
     std::copy_n(given, S, epsilon);
-    double delta[S];
+    double delta[kMaxShafts];
     if (!drivetrain_.calcAccelerationProjection(state, delta)) return false;
     double weight[kMaxRows] = {};
     const std::vector<int>& rows = drivetrain_.accelerationRows();
@@ -226,7 +224,7 @@ class LeastReactionSolver {
     const auto measure = [&] {
       double sum = 0.0;
       for (int r = 0; r < k; ++r) {
-        double C[S];
+        double C[kMaxShafts];
         const double psi = drivetrain_.constraint(rows[r]).calcResidualAndJacobian(state, C);
         sum += weight[r] * psi * psi;
       }
@@ -261,7 +259,7 @@ class LeastReactionSolver {
 
   /// True when psi = 0 is as near to `state` as consistent accelerations have it.
   bool isConsistent(const StateView& state, double allowed = kConsistent) {
-    double delta[S];
+    double delta[kMaxShafts];
     if (!drivetrain_.calcAccelerationProjection(state, delta)) return false;
     double scale = 1.0;
     double distance = 0.0;
@@ -274,23 +272,23 @@ class LeastReactionSolver {
   }
 
  private:
-  static constexpr int kMostKinks = static_cast<int>(Drivetrain<Shape>::kMostKinks);
+  static constexpr int kMostKinks = static_cast<int>(Drivetrain::kMostKinks);
   /// Of all kinks, so many nearest ones may meet in a corner that is looked at.
   static constexpr int kMostMeeting = 4;
   using Matrix = DenseMatrix;
   using Vector = DenseVector;
 
   struct Point {
-    double epsilon[S];
-    double multipliers[S];
+    double epsilon[kMaxShafts];
+    double multipliers[kMaxShafts];
     unsigned corner;
   };
   struct KinkValues {
-    double epsilon[S] = {};
+    double epsilon[kMaxShafts] = {};
     int count = 0;
     int nearest[kMostKinks] = {};      ///< kinks, the nearest first
     double distance[kMostKinks] = {};  ///< from epsilon, by kink
-    double gradient[kMostKinks][S] = {};
+    double gradient[kMostKinks][kMaxShafts] = {};
     unsigned sides = 0;  ///< those with a value above 0
     double scale = 0.0;  ///< of epsilon
     /// Those that epsilon lies on.
@@ -342,7 +340,7 @@ class LeastReactionSolver {
       constraint.calcPartials(state, partials);
       double size = std::abs(partials.time * state.time);
       double A = 0.0;
-      double B[S];
+      double B[kMaxShafts];
       drivetrain_.inertia().solve(partials.acceleration, B);
       for (int i = 0; i < S; ++i) {
         size += std::abs(partials.angle[i] * state.angle[i]) +
@@ -415,7 +413,7 @@ class LeastReactionSolver {
   bool isLeastAtCorner(const StateView& given, const double* torque, const Point& point) {
     KinkValues values;
     if (!calcKinks(given, point.epsilon, &values)) return false;
-    double pull[S];  // J^-1 R
+    double pull[kMaxShafts];  // J^-1 R
     drivetrain_.inertia().solve(torque, pull);
     double size = 0.0;
     for (int i = 0; i < S; ++i) {
@@ -427,14 +425,14 @@ class LeastReactionSolver {
     bool is_least = true;
     forEachPattern(point.corner, [&](unsigned above) {
       if (!is_least) return;
-      double aside[S];
+      double aside[kMaxShafts];
       moveAside(values, point.corner, above, aside);
       StateView state = given;
       state.acceleration = aside;
       Matrix normals(S, S);  // columns
       int count = 0;
       for (int m = 0; m < k; ++m) {
-        double C[S];
+        double C[kMaxShafts];
         rowOf(m)->calcResidualAndJacobian(state, C);
         for (int i = 0; i < S; ++i) normals(i, count) = C[i];
         ++count;
@@ -447,10 +445,10 @@ class LeastReactionSolver {
       }
       Matrix A(count, count);
       Vector right(count);
-      double length[S];
+      double length[kMaxShafts];
       for (int r = 0; r < count; ++r) {
-        double column[S];
-        double weighted[S];
+        double column[kMaxShafts];
+        double weighted[kMaxShafts];
         for (int i = 0; i < S; ++i) column[i] = normals(i, r);
         drivetrain_.inertia().solve(column, weighted);
         for (int q = 0; q < count; ++q) {
@@ -497,9 +495,9 @@ class LeastReactionSolver {
     //  [ C                       0   ] [d lambda ] = - [ psi                            ]
     Matrix K = Matrix::Zero(n, n);
     Vector right(n);
-    double force[S] = {};  // J epsilon + n - Q - C^T lambda
-    double unit[S];
-    double column[S];
+    double force[kMaxShafts] = {};  // J epsilon + n - Q - C^T lambda
+    double unit[kMaxShafts];
+    double column[kMaxShafts];
     for (int j = 0; j < S; ++j) {
       for (int i = 0; i < S; ++i) unit[i] = i == j ? 1.0 : 0.0;
       drivetrain_.inertia().multiply(unit, column);
@@ -510,8 +508,8 @@ class LeastReactionSolver {
     }
     for (int i = 0; i < S; ++i) force[i] -= torque[i];
     for (int m = 0; m < row_count_; ++m) {
-      double C[S];
-      double H[S * S];
+      double C[kMaxShafts];
+      double H[kMaxShafts * kMaxShafts];
       right(S + m) = -rows_[m]->calcResidualAndJacobian(state, C);
       rows_[m]->calcHessian(state, H);
       for (int i = 0; i < S; ++i) {
@@ -525,9 +523,9 @@ class LeastReactionSolver {
     return solveScaled(K, right, 0, step);
   }
 
-  static double calcLength(const Vector& step) { return step.head(S).cwiseAbs().maxCoeff(); }
+  double calcLength(const Vector& step) const { return step.head(S).cwiseAbs().maxCoeff(); }
 
-  static bool isSmall(const Vector& step, const double* epsilon, double rounding) {
+  bool isSmall(const Vector& step, const double* epsilon, double rounding) const {
     double scale = 0.0;
     for (int i = 0; i < S; ++i) scale = std::max(scale, std::abs(epsilon[i]));
     // Quadratic convergence: the step after one of 1e-9 is lost in rounding.
@@ -539,8 +537,9 @@ class LeastReactionSolver {
   /// So far aside of a corner, relative to epsilon, is a side of it looked at.
   static constexpr double kAside = 1e-10;
 
-  Drivetrain<Shape>& drivetrain_;
-  const Constraint* rows_[S] = {};
+  const int S;  // shafts
+  Drivetrain& drivetrain_;
+  const Constraint* rows_[kMaxShafts] = {};
   int row_count_ = 0;
 };
 

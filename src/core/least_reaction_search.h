@@ -25,14 +25,11 @@ namespace variator_sim {
 
 /// Not for the running loop, but free of allocation all the same: a command at the first instant
 /// calls it anew.
-template <class Shape>
 class LeastReactionSearch {
  public:
-  static constexpr int S = Shape::kShafts;
-  static constexpr int kMaxRows = Drivetrain<Shape>::kMaxRows;
   /// Accelerations with psi = 0 and the reaction 1/2 R^T J^-1 R there.
   struct Candidate {
-    double epsilon[S];
+    double epsilon[kMaxShafts];
     double reaction;
     bool is_stationary;
   };
@@ -43,8 +40,8 @@ class LeastReactionSearch {
     kNone
   };
 
-  LeastReactionSearch(Drivetrain<Shape>& drivetrain, LeastReactionSolver<Shape>& solver)
-      : drivetrain_(drivetrain), solver_(solver) {}
+  LeastReactionSearch(Drivetrain& drivetrain, LeastReactionSolver& solver)
+      : S(drivetrain.shafts()), drivetrain_(drivetrain), solver_(solver) {}
 
   /// The best ones, the least reaction first.
   int candidateCount() const { return candidate_count_; }
@@ -114,7 +111,7 @@ class LeastReactionSearch {
     bool is_finite = false;
   };
   struct Start {
-    double epsilon[S];
+    double epsilon[kMaxShafts];
     double value;
   };
 
@@ -130,7 +127,7 @@ class LeastReactionSearch {
   bool setUp() {
     const unsigned nonlinear = drivetrain_.nonlinearAccelerations();
     n_ = 0;
-    int which[S];
+    int which[kMaxShafts];
     for (int i = 0; i < S; ++i) {
       if ((nonlinear >> static_cast<unsigned>(i) & 1U) != 0U) which[n_++] = i;
     }
@@ -138,14 +135,14 @@ class LeastReactionSearch {
     Matrix inverse(S, S);
     E_.resize(S, n_);
     for (int j = 0; j < S; ++j) {
-      double unit[S] = {};
-      double column[S];
+      double unit[kMaxShafts] = {};
+      double column[kMaxShafts];
       unit[j] = 1.0;
       drivetrain_.inertia().solve(unit, column);
       for (int i = 0; i < S; ++i) inverse(i, j) = column[i];
     }
     for (int a = 0; a < n_; ++a) {
-      double column[S];
+      double column[kMaxShafts];
       for (int i = 0; i < S; ++i) {
         column[i] = inverse(i, which[a]);
         for (int b = 0; b < a; ++b) column[i] -= E_(i, b) * E_(which[a], b);
@@ -170,8 +167,8 @@ class LeastReactionSearch {
     Matrix C = Matrix::Zero(k, S);  // there
     T_ = Matrix::Identity(k, k);
     for (int m = 0; m < k; ++m) {
-      double epsilon[S];
-      double values[S] = {};
+      double epsilon[kMaxShafts];
+      double values[kMaxShafts] = {};
       std::copy_n(free_, S, epsilon);
       state.acceleration = epsilon;
       for (int attempt = 0; attempt < 8; ++attempt) {
@@ -230,7 +227,7 @@ class LeastReactionSearch {
   // --- along rays ------------------------------------------------------------------------------
   /// The direction of the next ray, of length 1.
   void nextDirection() {
-    double direction[S] = {};
+    double direction[kMaxShafts] = {};
     ++ray_;
     if (n_ == 1) {
       direction[0] = ray_ % 2 == 1 ? 1.0 : -1.0;
@@ -262,14 +259,14 @@ class LeastReactionSearch {
   void evaluate(double t, Point* point) {
     ++evaluations_;
     const int k = rowCount();
-    double epsilon[S];
+    double epsilon[kMaxShafts];
     for (int i = 0; i < S; ++i) epsilon[i] = free_[i] + t * along_[i];
     StateView state = state_;
     state.acceleration = epsilon;
     double psi[kMaxRows] = {};
     double rate[kMaxRows] = {};
     for (int m = 0; m < k; ++m) {
-      double C[S];
+      double C[kMaxShafts];
       psi[m] = row(m).calcResidualAndJacobian(state, C);
       for (int i = 0; i < S; ++i) rate[m] += C[i] * along_[i];
     }
@@ -473,13 +470,13 @@ class LeastReactionSearch {
 
   /// Within `apart` of each other in the metric J.
   bool areNear(const double* a, const double* b, double apart) const {
-    double change[S];
+    double change[kMaxShafts];
     for (int i = 0; i < S; ++i) change[i] = a[i] - b[i];
     return measure(change) <= apart * apart;
   }
   /// |v|^2 in the metric J.
   double measure(const double* v) const {
-    double force[S];
+    double force[kMaxShafts];
     drivetrain_.inertia().multiply(v, force);
     double sum = 0.0;
     for (int i = 0; i < S; ++i) sum += v[i] * force[i];
@@ -499,7 +496,7 @@ class LeastReactionSearch {
   }
 
   double squaredDistance(const double* epsilon) const {
-    double change[S];
+    double change[kMaxShafts];
     for (int i = 0; i < S; ++i) change[i] = epsilon[i] - free_[i];
     return measure(change);
   }
@@ -513,7 +510,7 @@ class LeastReactionSearch {
   /// Along psi = 0 towards the least reaction of the linearised constraints, by steps that lessen
   /// the reaction; then Newton's iteration, and the corners near by.
   void descend(const double* start) {
-    double epsilon[S];
+    double epsilon[kMaxShafts];
     std::copy_n(start, S, epsilon);
     StateView state = state_;
     state.acceleration = epsilon;
@@ -521,8 +518,8 @@ class LeastReactionSearch {
     double value = squaredDistance(epsilon);
     bool is_stuck = false;  // on a kink, maybe
     for (int iteration = 0; iteration < 25; ++iteration) {
-      double delta[S];
-      double old[S];
+      double delta[kMaxShafts];
+      double old[kMaxShafts];
       if (!drivetrain_.calcLinearizedReaction(state, free_, delta)) break;
       double length = 0.0;
       double size = 0.0;
@@ -552,8 +549,8 @@ class LeastReactionSearch {
     }
     if (value > hopeful() && !is_stuck) return;
     // The multipliers that leave the least of R.
-    double multipliers[S] = {};
-    double polished[S];
+    double multipliers[kMaxShafts] = {};
+    double polished[kMaxShafts];
     std::copy_n(epsilon, S, polished);
     calcMultipliers(state, multipliers);
     bool is_polished = false;
@@ -571,12 +568,12 @@ class LeastReactionSearch {
   /// lambda with C^T lambda nearest to R = J (epsilon - f): A lambda = C (epsilon - f).
   void calcMultipliers(const StateView& state, double* multipliers) const {
     const int k = rowCount();
-    double C[kMaxRows][S];
+    double C[kMaxRows][kMaxShafts];
     Matrix A(k, k);
     Vector right(k);
     for (int m = 0; m < k; ++m) row(m).calcResidualAndJacobian(state, C[m]);
     for (int m = 0; m < k; ++m) {
-      double weighted[S];
+      double weighted[kMaxShafts];
       drivetrain_.inertia().solve(C[m], weighted);
       right(m) = 0.0;
       for (int i = 0; i < S; ++i) right(m) += C[m][i] * (state.acceleration[i] - free_[i]);
@@ -653,17 +650,18 @@ class LeastReactionSearch {
   /// Points that are nearer to each other than this, relative to accelerations, are one.
   static constexpr double kSame = 1e-6;
 
-  Drivetrain<Shape>& drivetrain_;
-  LeastReactionSolver<Shape>& solver_;
+  const int S;  // shafts
+  Drivetrain& drivetrain_;
+  LeastReactionSolver& solver_;
   StateView state_{};
   const double* torque_ = nullptr;
   const double* free_ = nullptr;
-  int n_ = 0;             // accelerations that psi is not linear in
-  int soft_ = 0;          // rows that the others can make zero
-  Matrix E_;              // S x n
-  Matrix F_;              // S x k
-  Matrix T_;              // (v, hard) = T psi
-  double along_[S] = {};  // the ray in epsilon
+  int n_ = 0;                      // accelerations that psi is not linear in
+  int soft_ = 0;                   // rows that the others can make zero
+  Matrix E_;                       // S x n
+  Matrix F_;                       // S x k
+  Matrix T_;                       // (v, hard) = T psi
+  double along_[kMaxShafts] = {};  // the ray in epsilon
   std::uint64_t random_ = 20;
   int ray_ = 0;
   int looked_rays_ = 1;

@@ -12,35 +12,30 @@
 #include <cmath>
 
 #include "drivetrain.h"
+#include "projection_result.h"
 
 namespace variator_sim {
 
-enum class ProjectionResult {
-  kConverged,
-  kSingular,  ///< C lost rank
-  kDiverged   ///< Newton's iteration did not converge, or a residual is not finite
-};
-
-/// Newton's iteration on `values` (S values, in place): `correct(delta)` writes one correction at
-/// the present values and returns false where C has lost rank. `moved` gets |delta_i| summed over
-/// the iterations (S values), `iterations` is increased by those done.
-template <int S, class Correct>
-ProjectionResult iterateProjection(Correct correct, double* values, double* moved,
+/// Newton's iteration on `values` (`count` values, in place): `correct(delta)` writes one
+/// correction at the present values and returns false where C has lost rank. `moved` gets |delta_i|
+/// summed over the iterations, `iterations` is increased by those done.
+template <class Correct>
+ProjectionResult iterateProjection(int count, Correct correct, double* values, double* moved,
                                    std::uint64_t* iterations) {
-  for (int i = 0; i < S; ++i) moved[i] = 0.0;
+  for (int i = 0; i < count; ++i) moved[i] = 0.0;
   constexpr int kMaxIterations = 25;
   // Newton converges quadratically: after a correction of 1e-8 of the values' size the next one
   // would be lost in rounding (1e-16), so it is not made.
   constexpr double kEnough = 1e-8;
   double previous = std::numeric_limits<double>::infinity();
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    double delta[S];
+    double delta[2 * kMaxShafts];
     if (!correct(delta)) return ProjectionResult::kSingular;
     ++*iterations;
     double size = 0.0;
     double length = 0.0;
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
-    for (int i = 0; i < S; ++i) {
+    for (int i = 0; i < count; ++i) {
       values[i] += delta[i];
       poison += 0.0 * values[i];
       moved[i] += std::abs(delta[i]);
@@ -61,28 +56,29 @@ ProjectionResult iterateProjection(Correct correct, double* values, double* move
 
 /// Projects the velocities onto f = 0 of the constraints of order 1. `state.velocity` must point to
 /// `omega` (S values, in place); the rest is fixed.
-template <class Shape>
-ProjectionResult projectVelocities(Drivetrain<Shape>& drivetrain, const StateView& state,
-                                   double* omega, double* moved, std::uint64_t* iterations) {
+inline ProjectionResult projectVelocities(Drivetrain& drivetrain, const StateView& state,
+                                          double* omega, double* moved, std::uint64_t* iterations) {
   if (!drivetrain.hasVelocityRows()) {
-    for (int i = 0; i < Shape::kShafts; ++i) moved[i] = 0.0;
+    for (int i = 0; i < drivetrain.shafts(); ++i) moved[i] = 0.0;
     return ProjectionResult::kConverged;
   }
-  return iterateProjection<Shape::kShafts>(
+  return iterateProjection(
+      drivetrain.shafts(),
       [&](double* delta) { return drivetrain.calcVelocityProjection(state, delta); }, omega, moved,
       iterations);
 }
 
 /// Projects the accelerations onto psi = 0 (order 2) and f' = 0 (order 1). `state.acceleration`
 /// must point to `epsilon` (S values, in place); the rest is fixed.
-template <class Shape>
-ProjectionResult projectAccelerations(Drivetrain<Shape>& drivetrain, const StateView& state,
-                                      double* epsilon, double* moved, std::uint64_t* iterations) {
+inline ProjectionResult projectAccelerations(Drivetrain& drivetrain, const StateView& state,
+                                             double* epsilon, double* moved,
+                                             std::uint64_t* iterations) {
   if (!drivetrain.hasAccelerationRows()) {
-    for (int i = 0; i < Shape::kShafts; ++i) moved[i] = 0.0;
+    for (int i = 0; i < drivetrain.shafts(); ++i) moved[i] = 0.0;
     return ProjectionResult::kConverged;
   }
-  return iterateProjection<Shape::kShafts>(
+  return iterateProjection(
+      drivetrain.shafts(),
       [&](double* delta) { return drivetrain.calcAccelerationProjection(state, delta); }, epsilon,
       moved, iterations);
 }

@@ -16,13 +16,11 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstddef>
 #include <limits>
-#include <tuple>
 
 #include "linearization.h"
+#include "principle_system.h"
 #include "step_control.h"
 
 namespace variator_sim {
@@ -34,48 +32,43 @@ namespace variator_sim {
 /// Without the 1, which is left out, what is slow beside something fast keeps its digits; what is
 /// stable goes to Psi = -1, which doubling keeps. The first t is so short that Taylor's series has
 /// converged.
-template <int S, int L>
 class Deviation {
  public:
-  static constexpr std::size_t kSize = static_cast<std::size_t>(S * L);
-  using State = std::array<double, kSize>;
+  explicit Deviation(int size) : size_(size), r_(size) {}
 
-  void begin(const Linearization<S, L>& linearization, const State& r) {
+  void begin(const Linearization& linearization, const State& r) {
+    const int S = linearization.shafts();
     Matrix G{};  // h (A r)
-    for (std::size_t i = 0; i < kSize - S; ++i) G[i][i + S] = 1.0;
-    for (std::size_t i = 0; i < S; ++i) {
-      for (std::size_t j = 0; j < kSize; ++j) {
-        const auto column = static_cast<int>(j % S);
-        const auto& block = linearization.block(static_cast<int>(j / S));
-        G[kSize - S + i][j] = block(static_cast<int>(i), column);
-      }
+    for (int i = 0; i < size_ - S; ++i) G[i][i + S] = 1.0;
+    for (int i = 0; i < S; ++i) {
+      for (int j = 0; j < size_; ++j) G[size_ - S + i][j] = linearization.block(j / S)(i, j % S);
     }
     double norm = 0.0;
-    for (const Row& row : G) {
+    for (int i = 0; i < size_; ++i) {
       double sum = 0.0;
-      for (double value : row) sum += std::abs(value);
+      for (int j = 0; j < size_; ++j) sum += std::abs(G[i][j]);
       norm = std::max(norm, sum);
     }
     // A power of two: rounds nothing.
     time_ = std::exp2(std::floor(std::log2(kFirst / norm)));
-    for (std::size_t i = 0; i < kSize; ++i) {
-      G[i][kSize] = r[i];
-      for (double& value : G[i]) value *= time_;
+    for (int i = 0; i < size_; ++i) {
+      G[i][size_] = r[i];
+      for (int j = 0; j <= size_; ++j) G[i][j] *= time_;
     }
     r_ = r;
     // h A + (h A)^2/2! + ... from its end: G (1 + G/2 (1 + G/3 (...)))
     M_ = G;
     for (int m = kTerms; m > 1; --m) {
-      for (Row& row : M_) {
-        for (double& value : row) value /= m;
+      for (int i = 0; i < size_; ++i) {
+        for (int j = 0; j <= size_; ++j) M_[i][j] /= m;
       }
       addProduct(G, G);
     }
   }
   void doubleTime() {
     Matrix twice = M_;
-    for (Row& row : twice) {
-      for (double& value : row) value *= 2.0;
+    for (int i = 0; i < size_; ++i) {
+      for (int j = 0; j <= size_; ++j) twice[i][j] *= 2.0;
     }
     addProduct(twice, M_);
     time_ *= 2.0;
@@ -84,26 +77,30 @@ class Deviation {
   /// t
   double time() const { return time_; }
   /// c(t), component n
-  double operator[](std::size_t n) const { return M_[n][kSize]; }
+  double operator[](int n) const { return M_[n][size_]; }
   /// y'(t) - y'(0) = Psi r, component n
-  double calcRateChange(std::size_t n) const {
+  double calcRateChange(int n) const {
     double sum = 0.0;
-    for (std::size_t k = 0; k < kSize; ++k) sum += M_[n][k] * r_[k];
+    for (int k = 0; k < size_; ++k) sum += M_[n][k] * r_[k];
     return sum;
   }
 
  private:
-  using Row = std::array<double, kSize + 1>;
-  using Matrix = std::array<Row, kSize>;  // (Psi c)
+  /// (Psi c)
+  struct Matrix {
+    double rows[3 * kMaxShafts][3 * kMaxShafts + 1];
+    double* operator[](int i) { return rows[i]; }
+    const double* operator[](int i) const { return rows[i]; }
+  };
 
   /// M = summand + factor M. (The row below (Psi c) is 0.)
   void addProduct(const Matrix& summand, const Matrix& factor) {
     Matrix result = summand;
-    for (std::size_t i = 0; i < kSize; ++i) {
-      for (std::size_t k = 0; k < kSize; ++k) {
+    for (int i = 0; i < size_; ++i) {
+      for (int k = 0; k < size_; ++k) {
         const double part = factor[i][k];
         if (part == 0.0) continue;
-        for (std::size_t j = 0; j <= kSize; ++j) result[i][j] += part * M_[k][j];
+        for (int j = 0; j <= size_; ++j) result[i][j] += part * M_[k][j];
       }
     }
     M_ = result;
@@ -111,16 +108,22 @@ class Deviation {
 
   static constexpr double kFirst = 1.0 / 32.0;  // |A t|: the series errs by kFirst^kTerms / 7!
   static constexpr int kTerms = 6;
+  const int size_;
   Matrix M_;
   State r_;
   double time_ = 0.0;
 };
 
 /// When rest is looked for, and how long it lasts.
-template <class System>
 class Rest {
  public:
-  using State = typename System::State;
+  explicit Rest(PrincipleSystem& system)
+      : system_(system),
+        S(system.shafts()),
+        L(system.size() / S),
+        linearization_(S, L),
+        deviation_(system.size()),
+        rounding_(S) {}
 
   void reset() {
     quiet_ = 0;
@@ -141,22 +144,22 @@ class Rest {
 
   /// The term of rest from x at t, where the derivative is dxdt, s; 0 when there is none, infinity
   /// when all rates are exactly 0. `left` gets c at its end. [loop]
-  double calcTerm(System& system, double t, const State& x, const State& dxdt,
-                  const Tolerance& tolerance, State& left) {
+  double calcTerm(double t, const State& x, const State& dxdt, const Tolerance& tolerance,
+                  State& left) {
     State r = dxdt;
-    if (!system.readsAngles()) std::fill_n(r.begin(), S, 0.0);
+    if (!system_.readsAngles()) std::fill_n(r.begin(), S, 0.0);
     left.fill(0.0);
     const auto is_zero = [](double value) { return value == 0.0; };
     if (std::all_of(r.begin(), r.end(), is_zero)) return std::numeric_limits<double>::infinity();
 
-    typename System::LinearizationType linearization;
-    system.calcLinearization(t, x, linearization);
+    Linearization& linearization = linearization_;
+    system_.calcLinearization(t, x, linearization);
     for (int l = 0; l < L; ++l) {
       if (!linearization.block(l).allFinite()) return 0.0;
     }
-    if constexpr (L == 2) {
-      calcRounding(system, t, x, linearization);
-      if (system.readsAngles()) dropRounding(linearization, x, r);
+    if (L == 2) {
+      calcRounding(t, x, linearization);
+      if (system_.readsAngles()) dropRounding(linearization, x, r);
     }
     const double fastest = linearization.calcFastestRate();
     const double longest = std::min(1.0 / (kNoise * fastest), kForever);  // NaN when fastest is
@@ -166,9 +169,9 @@ class Rest {
     double last = 0.0;
     while (deviation_.time() <= longest) {
       double size = 0.0;
-      for (std::size_t n = 0; n < x.size(); ++n) {
+      for (int n = 0; n < x.size(); ++n) {
         const double allowed =
-            tolerance.of(n < S && !system.readsAngles() ? angleAfter(x, n) : x[n]);
+            tolerance.of(n < S && !system_.readsAngles() ? angleAfter(x, n) : x[n]);
         const double part = std::abs(deviation_[n]) / (allowed + 1e-300);
         if (!(part <= kLeft)) return term;
         size = std::max(size, part);
@@ -177,7 +180,7 @@ class Rest {
       if (term > 0.0 && size > kSteepest * last) return term;
       term = deviation_.time();
       last = size;
-      for (std::size_t n = 0; n < left.size(); ++n) left[n] = deviation_[n];
+      for (int n = 0; n < left.size(); ++n) left[n] = deviation_[n];
       deviation_.doubleTime();
     }
     return term;
@@ -187,32 +190,28 @@ class Rest {
   static constexpr double kLeft = 0.1;
 
  private:
-  static constexpr std::size_t S = System::kShafts;
-  static constexpr int L = static_cast<int>(std::tuple_size<State>::value / S);
-
   /// Angle n at the end of the time; 0 once it may have passed through there.
-  double angleAfter(const State& x, std::size_t n) const {
+  double angleAfter(const State& x, int n) const {
     const double gone = x[S + n] * deviation_.time();
     if (x[n] * gone >= 0.0) return x[n] + gone;
     return std::max(0.0, std::abs(x[n]) - std::abs(gone));
   }
   /// What rounding makes of the accelerations where they follow from torques that cancel: of Q, R,
   /// and each of the state's values in them.
-  void calcRounding(System& system, double t, const State& x,
-                    const typename System::LinearizationType& linearization) {
-    auto& drivetrain = system.drivetrain();
-    const StateView state = system.view(t, x);
-    double torque[S];
-    double reaction[S];
+  void calcRounding(double t, const State& x, const Linearization& linearization) {
+    Drivetrain& drivetrain = system_.drivetrain();
+    const StateView state = system_.view(t, x);
+    double torque[kMaxShafts];
+    double reaction[kMaxShafts];
     drivetrain.calcTorque(state, torque);
     drivetrain.calcReaction(state, torque, reaction);
-    for (std::size_t i = 0; i < S; ++i) {
-      const auto row = static_cast<int>(i);
+    for (int i = 0; i < S; ++i) {
+      const int row = i;
       rounding_[i] = (std::abs(torque[i]) + std::abs(reaction[i])) /
                      std::abs(drivetrain.inertia().entry(row, row));
-      for (std::size_t n = 0; n < x.size(); ++n) {
-        const auto& block = linearization.block(static_cast<int>(n / S));
-        rounding_[i] += std::abs(block(row, static_cast<int>(n % S)) * x[n]);
+      for (int n = 0; n < x.size(); ++n) {
+        const auto& block = linearization.block(n / S);
+        rounding_[i] += std::abs(block(row, n % S) * x[n]);
       }
       rounding_[i] *= kUlps * std::numeric_limits<double>::epsilon();
     }
@@ -220,12 +219,11 @@ class Rest {
   /// Where angles are read, all velocities end at 0 in rest. Torques that cancel leave a rounding
   /// that would drive whatever settles slowly, anew in each term: accelerations that rounding alone
   /// tells from those that the velocities make, at angles of equilibrium, are taken to be these.
-  void dropRounding(const typename System::LinearizationType& linearization, const State& x,
-                    State& r) const {
-    for (std::size_t i = 0; i < S; ++i) {
+  void dropRounding(const Linearization& linearization, const State& x, State& r) const {
+    for (int i = 0; i < S; ++i) {
       double damping = 0.0;
-      for (std::size_t j = 0; j < S; ++j) {
-        damping += linearization.block(1)(static_cast<int>(i), static_cast<int>(j)) * x[S + j];
+      for (int j = 0; j < S; ++j) {
+        damping += linearization.block(1)(i, j) * x[S + j];
       }
       if (std::abs(r[S + i] - damping) <= rounding_[i]) r[S + i] = damping;
     }
@@ -233,7 +231,7 @@ class Rest {
   /// Accelerations that follow from the state may answer to it strongly. What they answer to its
   /// rounding counts for nothing.
   bool areAccelerationsNear(const State& r, const Tolerance& tolerance) const {
-    for (std::size_t i = 0; i < S && L == 2; ++i) {
+    for (int i = 0; i < S && L == 2; ++i) {
       const double change = std::abs(deviation_.calcRateChange(S + i));
       if (!(change <= kLeft * tolerance.of(r[S + i]) + rounding_[i])) return false;
     }
@@ -250,8 +248,12 @@ class Rest {
   static constexpr int kQuiet = 4;          // steps: a moment's low of an oscillation is not rest
   static constexpr int kMostQuiet = 1024;
 
-  Deviation<static_cast<int>(S), L> deviation_;
-  std::array<double, S> rounding_{};  // of accelerations, rad/s^2
+  PrincipleSystem& system_;
+  const int S;  // shafts
+  const int L;  // levels of the state
+  Linearization linearization_;
+  Deviation deviation_;
+  ShaftVector rounding_;  // of accelerations, rad/s^2
   int quiet_ = 0;
   int needed_ = kQuiet;
 };

@@ -9,28 +9,11 @@ namespace variator_sim {
 
 namespace {
 
-std::unique_ptr<Motion> makeMotionOfSize(Scene scene) {
+std::unique_ptr<Motion> makeMotion(Scene scene) {
   if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
-  switch (scene.shaftCount()) {
-    case 1:
-      return makeMotion<1>(std::move(scene));
-    case 2:
-      return makeMotion<2>(std::move(scene));
-    case 3:
-      return makeMotion<3>(std::move(scene));
-    case 4:
-      return makeMotion<4>(std::move(scene));
-    case 5:
-      return makeMotion<5>(std::move(scene));
-    case 6:
-      return makeMotion<6>(std::move(scene));
-    case 7:
-      return makeMotion<7>(std::move(scene));
-    default:
-      return makeMotion<8>(std::move(scene));
-  }
+  return std::make_unique<Motion>(std::move(scene));
 }
 
 void writeVector(std::ostream& out, const double* values, int count) {
@@ -73,7 +56,7 @@ const char* explain(StopReason reason) {
 
 }  // namespace
 
-Simulation::Simulation(Scene scene) : motion_(makeMotionOfSize(std::move(scene))) {}
+Simulation::Simulation(Scene scene) : motion_(makeMotion(std::move(scene))) {}
 Simulation::~Simulation() = default;
 Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;

@@ -9,11 +9,10 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstddef>
 #include <limits>
 
+#include "principle_system.h"
 #include "projection.h"
 #include "step_control.h"
 #include "stepper.h"
@@ -22,25 +21,22 @@ namespace variator_sim {
 
 /// Projects x, which a step of size h by `stepper` has reached at t, as that stepper's states need
 /// it; `slope` is x' of its polynomial there (of a stepper that keeps constraints).
-template <class System>
-ProjectionResult projectStiffly(System& system, const Stepper<System>& stepper, double t, double h,
-                                const typename System::State& slope, typename System::State& x,
-                                typename System::State& moved, std::uint64_t* iterations) {
+inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& stepper, double t,
+                                       double h, const State& slope, State& x, State& moved,
+                                       std::uint64_t* iterations) {
   // Accelerations that are no state are the slope's; without one there is nothing stiff to do.
-  return kIntegratesTorque<System> || stepper.keepsConstraints()
+  return system.integratesTorque() || stepper.keepsConstraints()
              ? system.projectStiffly(t, h, slope, x, moved, iterations)
              : system.project(t, x, moved, iterations);
 }
 /// The same at the end of the stepper's last step.
-template <class System>
-ProjectionResult projectStiffly(System& system, const Stepper<System>& stepper, double end,
-                                double h, typename System::State& x,
-                                StepProjection<typename System::State>& projection) {
-  StepNode<System> from;
-  StepNode<System> to;
+inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& stepper, double end,
+                                       double h, State& x, StepProjection& projection) {
+  StepNode from(system);
+  StepNode to(system);
   from.time = end - h;
   to.time = end;
-  typename System::State slope{};
+  State slope(x.size());
   if (stepper.keepsConstraints()) stepper.calcSlope(end, from, to, slope);
   return projectStiffly(system, stepper, end, h, slope, x, projection.moved,
                         &projection.iterations);
@@ -48,19 +44,18 @@ ProjectionResult projectStiffly(System& system, const Stepper<System>& stepper, 
 
 /// The checks of the steps of one motion. Norms are in units of the tolerance, and a step is good
 /// at most 1. All are [loop].
-template <class System>
 class StepChecks {
  public:
-  static constexpr int S = System::kShafts;
-  using State = typename System::State;
-  using Node = StepNode<System>;
-
   /// `system` has to outlive this. `are_steps_fixed`: errors are told and refuse no step.
-  StepChecks(System& system, Tolerance tolerance, bool are_steps_fixed)
-      : system_(system),
+  StepChecks(PrincipleSystem& system, Tolerance tolerance, bool are_steps_fixed)
+      : S(system.shafts()),
+        integrates_torque_(system.integratesTorque()),
+        system_(system),
         drivetrain_(system.drivetrain()),
         tolerance_(tolerance),
-        are_steps_fixed_(are_steps_fixed) {}
+        are_steps_fixed_(are_steps_fixed),
+        largest_acceleration_(S),
+        largest_torque_(S) {}
 
   /// Forgets what belongs to a motion.
   void reset() {
@@ -69,25 +64,25 @@ class StepChecks {
   }
 
   /// Writes Q and Q' of `node`, whose derivative is known and is the last that was taken.
-  void noteTorque(Node& node) {
+  void noteTorque(StepNode& node) {
     calcTorque(node);
     noteTorqueRate(node);
-    if constexpr (!kIntegratesTorque<System>) {
+    if (!integrates_torque_) {
       drivetrain_.calcTorqueRate(viewDerived(node), node.torque_rate.data());
     }
   }
   /// Q' alone, where the derivative has it.
-  void noteTorqueRate(Node& node) {
-    if constexpr (kIntegratesTorque<System>) {
+  void noteTorqueRate(StepNode& node) {
+    if (integrates_torque_) {
       std::copy_n(system_.torqueRate(), S, node.torque_rate.begin());
     }
   }
   /// How large accelerations that follow from the state have been lately: what a transient has left
   /// long ago says nothing of now, but they may well be zero for a moment.
-  void noteAccelerations(const Node& node) {
-    if constexpr (!kIntegratesTorque<System>) {
+  void noteAccelerations(const StepNode& node) {
+    if (!integrates_torque_) {
       const double memory = tolerance_.absolute > 0.0 ? 0.9 : 1.0;
-      for (std::size_t i = 0; i < S; ++i) {
+      for (int i = 0; i < S; ++i) {
         double& largest = largest_acceleration_[i];
         largest = std::max(memory * largest, std::abs(node.dxdt[S + i]));
       }
@@ -107,19 +102,19 @@ class StepChecks {
   /// Where Q answers strongly to the velocities (stiff friction, under an implicit step) an error
   /// of the accelerations that is allowed has moved them, over the step, by enough to be many times
   /// larger in d: what it makes of Q is allowed, too.
-  double checkTorque(Stepper<System>& stepper, const Node& from, Node& to) {
-    if constexpr (kIntegratesTorque<System>) {
+  double checkTorque(Stepper& stepper, const StepNode& from, StepNode& to) {
+    if (integrates_torque_) {
       if (!drivetrain_.hasTorques()) return 0.0;
-      for (std::size_t i = 0; i < S; ++i) {
+      for (int i = 0; i < S; ++i) {
         largest_torque_[i] = std::max(largest_torque_[i], std::abs(from.torque[i]));
       }
       calcTorque(to);
-      TorqueGain<System> gain;
+      TorqueGain gain(S);
       stepper.calcTorqueGain(system_, from, to, gain);
-      const double strict = judgeTorque(gain, from, to, Torque{}, Torque{});
+      const double strict = judgeTorque(gain, from, to, ShaftVector(S), ShaftVector(S));
       if (strict <= 1.0 || strict != strict) return strict;
-      Torque uncertain{};
-      Torque answer{};
+      ShaftVector uncertain(S);
+      ShaftVector answer(S);
       calcAnswers(from, to, uncertain, answer);
       return judgeTorque(gain, from, to, uncertain, answer);
     }
@@ -130,13 +125,13 @@ class StepChecks {
   /// explicit step of controlled size may not pass over a narrow layer of Q. Its ends tell: false
   /// where Q changes by much that the rates there (trapezoidal rule) do not explain, and a velocity
   /// could err by that. Writes Q and Q' at `to`, whose derivative is known.
-  bool isTorqueFollowed(const Stepper<System>& stepper, const Node& from, Node& to) {
-    if constexpr (!kIntegratesTorque<System>) {
+  bool isTorqueFollowed(const Stepper& stepper, const StepNode& from, StepNode& to) {
+    if (!integrates_torque_) {
       if (!drivetrain_.hasTorques() || are_steps_fixed_) return true;
       noteTorque(to);
       if (stepper.isImplicit()) return true;
       const double h = to.time - from.time;
-      for (std::size_t i = 0; i < S; ++i) {
+      for (int i = 0; i < S; ++i) {
         const double d = std::abs(to.torque[i] - from.torque[i] -
                                   0.5 * h * (to.torque_rate[i] + from.torque_rate[i]));
         if (h * d <= kUnseen * inertiaOf(i) * tolerance_.of(to.x[S + i])) continue;
@@ -154,29 +149,29 @@ class StepChecks {
   /// `unattainable`. `dxdt` is x' at (end, x) where the stepper knows it, or none.
   ///
   /// Implicit stages that hold psi = 0 have errors along that, and so has x once it is projected.
-  double checkAccelerations(const Stepper<System>& stepper, const Node& from, double end,
+  double checkAccelerations(const Stepper& stepper, const StepNode& from, double end,
                             const State& x, const State* dxdt) {
-    if constexpr (!kIntegratesTorque<System>) {
+    if (!integrates_torque_) {
       unattainable_ = 0.0;
       const double h = end - from.time;
       const State& error = stepper.error();
-      State here;
+      State here(x.size());
       if (dxdt != nullptr) {
         here = *dxdt;
       } else {
         system_(x, here, end);
       }
-      State beside;
-      for (std::size_t n = 0; n < x.size(); ++n) beside[n] = x[n] + error[n];
+      State beside(x.size());
+      for (int n = 0; n < x.size(); ++n) beside[n] = x[n] + error[n];
       if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) {
-        StepProjection<State> projection;
+        StepProjection projection(x.size());
         projection.result = projectStiffly(system_, stepper, end, h, beside, projection);
         if (projection.result != ProjectionResult::kConverged) {
           return std::numeric_limits<double>::quiet_NaN();
         }
       }
       round(x, beside);
-      State change;
+      State change(x.size());
       calcChange(end, beside, here, change);
       double stability = 0.0;
       if (!stepper.isImplicit()) {
@@ -187,16 +182,16 @@ class StepChecks {
         if (!(stability <= 1.0) && !are_steps_fixed_) return stability;
       }
       double norm = stability;
-      for (std::size_t n = S; n < x.size(); ++n) {
+      for (int n = S; n < x.size(); ++n) {
         norm = worseOf(norm, kCaution * change[n] / tolerance_.of(here[n]));
       }
       if (norm <= 1.0) return norm;  // the usual case: rounding included
       State rounded = x;
-      State uncertain;
+      State uncertain(x.size());
       round(x, rounded);
       calcChange(end, rounded, here, uncertain);
       norm = stability;
-      for (std::size_t n = S; n < x.size(); ++n) {
+      for (int n = S; n < x.size(); ++n) {
         const double part = kCaution * (change[n] - uncertain[n]) / tolerance_.of(here[n]);
         norm = worseOf(norm, part);
         const double largest = std::max(largest_acceleration_[n - S], std::abs(here[n]));
@@ -214,58 +209,55 @@ class StepChecks {
   bool isToleranceLost() const { return unattainable_ > kAttainable; }
 
  private:
-  using Torque = typename Node::Torque;
-
   /// The view of a node whose accelerations are known and no state.
-  StateView viewDerived(const Node& node) {
+  StateView viewDerived(const StepNode& node) {
     return drivetrain_.view(node.time, node.x.data(), node.x.data() + S, node.dxdt.data() + S);
   }
-  void calcTorque(Node& node) {
-    if constexpr (kIntegratesTorque<System>) {
+  void calcTorque(StepNode& node) {
+    if (integrates_torque_) {
       drivetrain_.calcTorque(system_.view(node.time, node.x), node.torque.data());
     } else {
       drivetrain_.calcTorque(viewDerived(node), node.torque.data());
     }
   }
-  double inertiaOf(std::size_t i) const {
-    return drivetrain_.inertia().entry(static_cast<int>(i), static_cast<int>(i));
-  }
+  double inertiaOf(int i) const { return drivetrain_.inertia().entry(i, i); }
 
   /// The error of acceleration i that is allowed in a step, times its inertia, N m.
-  double calcAllowed(const Node& from, const Node& to, std::size_t i) const {
+  double calcAllowed(const StepNode& from, const StepNode& to, int i) const {
     const double torque = std::max(std::abs(to.torque[i]), std::abs(from.torque[i]));
     const double epsilon = std::max(std::abs(to.x[2 * S + i]), std::abs(from.x[2 * S + i]));
     return std::max(inertiaOf(i) * tolerance_.of(epsilon), tolerance_.relative * torque);
   }
   /// What rounding of each angle and velocity at `to` makes of Q (`uncertain`, N m), and what the
   /// allowed errors of the accelerations do, by way of the velocities (`answer`, N m).
-  void calcAnswers(const Node& from, const Node& to, Torque& uncertain, Torque& answer) {
+  void calcAnswers(const StepNode& from, const StepNode& to, ShaftVector& uncertain,
+                   ShaftVector& answer) {
     constexpr double kUlps = 16.0 * std::numeric_limits<double>::epsilon();
     State shifted = to.x;
-    double torque[S];
-    const auto addChange = [&](std::size_t n, double shift, Torque& sum) {
+    double torque[kMaxShafts];
+    const auto addChange = [&](int n, double shift, ShaftVector& sum) {
       shifted[n] = to.x[n] + shift;
       drivetrain_.calcTorque(system_.view(to.time, shifted), torque);
       shifted[n] = to.x[n];
-      for (std::size_t i = 0; i < S; ++i) sum[i] += std::abs(torque[i] - to.torque[i]);
+      for (int i = 0; i < S; ++i) sum[i] += std::abs(torque[i] - to.torque[i]);
     };
     const double h = to.time - from.time;
-    for (std::size_t n = 0; n < 2 * S; ++n) addChange(n, kUlps * to.x[n], uncertain);
+    for (int n = 0; n < 2 * S; ++n) addChange(n, kUlps * to.x[n], uncertain);
     addTimeNoise(to, uncertain);
-    for (std::size_t i = 0; i < S; ++i) {
+    for (int i = 0; i < S; ++i) {
       addChange(S + i, h * calcAllowed(from, to, i) / inertiaOf(i), answer);
     }
     system_.view(to.time, to.x);
   }
   /// What rounding inside the laws' formulas of the time makes of Q (sin(t + 1e8) knows its
   /// argument to 1e-8): how far Q is from smooth over times that are next to nothing.
-  void addTimeNoise(const Node& to, Torque& uncertain) {
+  void addTimeNoise(const StepNode& to, ShaftVector& uncertain) {
     if (!drivetrain_.torquesReadTime()) return;
     constexpr double kSpan = 1e-7;  // s
     constexpr double kMost = 1e-6;  // of the largest Q
-    double middle[S];
-    double before[S];
-    double after[S];
+    double middle[kMaxShafts];
+    double before[kMaxShafts];
+    double after[kMaxShafts];
     const auto torqueAt = [&](double time, double* torque) {
       drivetrain_.calcTorque(system_.view(time, to.x), torque);
     };
@@ -273,20 +265,20 @@ class StepChecks {
     for (const double part : {1.0, 0.618, 0.382, 0.236}) {
       torqueAt(to.time - part * kSpan, before);
       torqueAt(to.time + part * kSpan, after);
-      for (std::size_t i = 0; i < S; ++i) {
+      for (int i = 0; i < S; ++i) {
         const double bend = std::abs(after[i] - 2.0 * middle[i] + before[i]);
         uncertain[i] = std::max(uncertain[i], std::min(2.0 * bend, kMost * largest_torque_[i]));
       }
     }
   }
   /// The size of d, see checkTorque, when `uncertain` is left aside.
-  double judgeTorque(const TorqueGain<System>& gain, const Node& from, const Node& to,
-                     const Torque& uncertain, const Torque& answer) const {
+  double judgeTorque(const TorqueGain& gain, const StepNode& from, const StepNode& to,
+                     const ShaftVector& uncertain, const ShaftVector& answer) const {
     const double h = to.time - from.time;
     // A law that reads the time itself knows it to a rounding.
     const double origin = drivetrain_.torquesReadTime() ? std::abs(drivetrain_.origin()) : 0.0;
     double largest = 0.0;
-    for (std::size_t i = 0; i < S; ++i) {
+    for (int i = 0; i < S; ++i) {
       const double size = std::max(std::abs(to.torque[i]), std::abs(from.torque[i]));
       const double rounding = 32.0 * std::numeric_limits<double>::epsilon() *
                               (size + (h + origin + std::abs(to.time)) * gain.largest_rate[i]);
@@ -303,7 +295,7 @@ class StepChecks {
     constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
     constexpr double kGolden = 0.6180339887498949;
     double turn = 0.0;  // n kGolden modulo 1
-    for (std::size_t n = 0; n < y.size(); ++n) {
+    for (int n = 0; n < y.size(); ++n) {
       turn += turn + kGolden < 1.0 ? kGolden : kGolden - 1.0;
       y[n] += (n % 2 == 0 ? kUlps : -kUlps) * (0.5 + turn) * x[n];
     }
@@ -311,17 +303,17 @@ class StepChecks {
   /// |x'(y) - here| of the accelerations.
   void calcChange(double t, const State& y, const State& here, State& change) {
     system_(y, change, t);
-    for (std::size_t n = S; n < y.size(); ++n) change[n] = std::abs(change[n] - here[n]);
+    for (int n = S; n < y.size(); ++n) change[n] = std::abs(change[n] - here[n]);
   }
 
   /// True when accelerations answer to a change of the state (from x to `beside`, by `change`) so
   /// strongly that no explicit step of size h is stable. Its stages may know nothing of it where a
   /// motion lies exactly on a stiff constraint's slow one; the next rounding would grow without
   /// bound.
-  static bool isUnstable(double h, const State& x, const State& beside, const State& change) {
+  bool isUnstable(double h, const State& x, const State& beside, const State& change) const {
     double moved = 0.0;
     double answer = 0.0;
-    for (std::size_t n = 0; n < S; ++n) {
+    for (int n = 0; n < S; ++n) {
       moved = std::max({moved, std::abs(beside[n] - x[n]) / h, std::abs(beside[S + n] - x[S + n])});
       answer = std::max(answer, h * change[S + n]);
     }
@@ -329,10 +321,10 @@ class StepChecks {
   }
   /// True when accelerations answer to a change of the velocities (from x to `beside`, by `change`)
   /// many times within a step of size h: an implicit step then follows a slow motion.
-  static bool isOnSlowMotion(double h, const State& x, const State& beside, const State& change) {
+  bool isOnSlowMotion(double h, const State& x, const State& beside, const State& change) const {
     double moved = 0.0;
     double answer = 0.0;
-    for (std::size_t n = S; n < 2 * S; ++n) {
+    for (int n = S; n < 2 * S; ++n) {
       moved = std::max(moved, std::abs(beside[n] - x[n]));
       answer = std::max(answer, h * change[n]);
     }
@@ -343,13 +335,13 @@ class StepChecks {
   /// Solving ODE II, VII.4), and its error estimate is of the velocities. How far the slope of its
   /// polynomial at its beginning is from the accelerations there measures that, one to ten times
   /// too large.
-  double checkFirstSlope(const Stepper<System>& stepper, const Node& from, double end) const {
-    Node to;
+  double checkFirstSlope(const Stepper& stepper, const StepNode& from, double end) const {
+    StepNode to(system_);
     to.time = end;
-    State slope;
+    State slope(to.x.size());
     stepper.calcSlope(from.time, from, to, slope);
     double norm = 0.0;
-    for (std::size_t n = S; n < slope.size(); ++n) {
+    for (int n = S; n < slope.size(); ++n) {
       const double part = std::abs(slope[n] - from.dxdt[n]) / tolerance_.of(from.dxdt[n]);
       norm = worseOf(norm, part / kFirstSlope);
     }
@@ -371,13 +363,15 @@ class StepChecks {
   /// Component by component an estimated error may be some times too small.
   static constexpr double kCaution = 4.0;
 
-  System& system_;
-  typename System::DrivetrainType& drivetrain_;  // the system's
+  const int S;  // shafts
+  const bool integrates_torque_;
+  PrincipleSystem& system_;
+  Drivetrain& drivetrain_;  // the system's
   Tolerance tolerance_;
   bool are_steps_fixed_;
   double unattainable_ = 0.0;
-  std::array<double, S> largest_acceleration_{};  // of late, see noteAccelerations
-  typename Node::Torque largest_torque_{};        // that a step began with, N m
+  ShaftVector largest_acceleration_;  // of late, see noteAccelerations
+  ShaftVector largest_torque_;        // that a step began with, N m
 };
 
 }  // namespace variator_sim

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "state_vector.h"
+
 namespace variator_sim {
 
 /// What an error may be: absolute + relative |x|.
@@ -16,12 +18,11 @@ struct Tolerance {
 
 /// Largest |error_i| over its allowance at the larger of |x_i| and |x_new_i|; NaN when any error or
 /// value is NaN. A step is good at most 1. (Boost.Odeint's own check drops NaN in max().)
-template <class State>
-double calcErrorNorm(const State& error, const State& x, const State& x_new,
-                     const Tolerance& tolerance) {
+inline double calcErrorNorm(const State& error, const State& x, const State& x_new,
+                            const Tolerance& tolerance) {
   double norm = 0.0;
   double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
-  for (std::size_t i = 0; i < error.size(); ++i) {
+  for (int i = 0; i < error.size(); ++i) {
     norm = std::max(norm, std::abs(error[i]) / tolerance.of(x[i], x_new[i]));
     poison += 0.0 * (x_new[i] + error[i]);
   }

@@ -26,23 +26,19 @@
 #include <sstream>
 #include <string>
 
-#include "make_stepper.h"
+#include "stepper.h"
 
 namespace variator_sim {
 
-template <class System>
 class StepperChoice {
  public:
-  using Node = StepNode<System>;
-
-  StepperChoice(const SolverSettings& settings, bool reads_angles)
+  StepperChoice(const System& system, const SolverSettings& settings)
       : automatic_(settings.stepper == StepperKind::kAuto),
         fixed_(isFixedStep(settings.stepper)),
         relative_tolerance_(settings.relative_tolerance) {
     const Tolerance tolerance{settings.absolute_tolerance, settings.relative_tolerance};
     const auto make = [&](StepperKind kind) {
-      return Pair{makeStepper<System>(kind, tolerance, reads_angles),
-                  makeStepper<System>(kind, tolerance, reads_angles)};
+      return Pair{makeStepper(kind, system, tolerance), makeStepper(kind, system, tolerance)};
     };
     if (!automatic_) {
       first_ = make(settings.stepper);
@@ -58,12 +54,12 @@ class StepperChoice {
   /// True when steps have the size that the scene gives, whatever their error.
   bool isFixed() const { return fixed_; }
   /// Makes the steps.
-  Stepper<System>& stepper() { return *active_->outer; }
+  Stepper& stepper() { return *active_->outer; }
   /// One of the same kind as `stepper`, for steps aside that leave its dense output whole.
-  Stepper<System>& innerOf(const Stepper<System>& stepper) {
+  Stepper& innerOf(const Stepper& stepper) {
     return &stepper == first_.outer.get() ? *first_.inner : *implicit_.inner;
   }
-  const Stepper<System>& stepper() const { return *active_->outer; }
+  const Stepper& stepper() const { return *active_->outer; }
   std::uint64_t switches() const { return switches_; }
   /// What steps, and why.
   std::string describe() const {
@@ -87,9 +83,9 @@ class StepperChoice {
   }
 
   /// True when a motion that starts at `node` with a step of size h is better begun implicitly.
-  bool isStiffStart(System& system, const Node& node, double h) const {
+  bool isStiffStart(System& system, const StepNode& node, double h) const {
     if (!automatic_) return false;
-    typename System::LinearizationType linearization;
+    Linearization linearization(system.shafts(), system.size() / system.shafts());
     system.calcLinearization(node.time, node.x, linearization);
     const double rate = linearization.calcFastestRate();
     return std::isfinite(rate) && h * rate > kStiffStart;
@@ -127,7 +123,7 @@ class StepperChoice {
 
   /// After an accepted step to `node` of a motion that may come to rest, in which x changed by
   /// `change` tolerances: true when the implicit stepper takes over to let it settle. [loop]
-  bool settle(const Node& node, double change) {
+  bool settle(const StepNode& node, double change) {
     if (!automatic_ || active_ != &first_) return false;
     const bool near_rest =
         change <= kNearRest && active_->outer->stiffness(node.x, node.dxdt) > kMildly;
@@ -139,18 +135,18 @@ class StepperChoice {
 
   /// After an accepted step to `node`, the next one to be of size `h`: true when the stepper was
   /// changed, `h` then being its step. [loop]
-  bool reconsider(System& system, const Node& node, double limit, double* h) {
+  bool reconsider(System& system, const StepNode& node, double limit, double* h) {
     return active_ == &first_ ? considerImplicit(system, node, limit, h)
                               : considerExplicit(system, node, limit, h);
   }
 
  private:
   struct Pair {
-    std::unique_ptr<Stepper<System>> outer;
-    std::unique_ptr<Stepper<System>> inner;
+    std::unique_ptr<Stepper> outer;
+    std::unique_ptr<Stepper> inner;
   };
 
-  bool considerImplicit(System& system, const Node& node, double limit, double* h) {
+  bool considerImplicit(System& system, const StepNode& node, double limit, double* h) {
     const double stiffness = active_->outer->stiffness(node.x, node.dxdt);
     if (stiffness <= kMildly) {
       // A few steps below the bound between others above it clear nobody.
@@ -163,8 +159,8 @@ class StepperChoice {
     suspicions_ = 0;
     // The fast components of an explicit run carry an error of the tolerance's size, which an
     // implicit step damps and its error estimate sees: one step to damp it, the next one counts.
-    Node damped = node;
-    typename System::State unused;
+    StepNode damped = node;
+    State unused(system.size());
     const double first = std::min(limit, *h);
     if (!std::isfinite(implicit_.outer->step(system, node, first, damped.x, unused))) return false;
     damped.time += first;
@@ -174,7 +170,7 @@ class StepperChoice {
     return change(&implicit_, reached, *h);  // h stays: it grows within a few steps
   }
 
-  bool considerExplicit(System& system, const Node& node, double limit, double* h) {
+  bool considerExplicit(System& system, const StepNode& node, double limit, double* h) {
     if (++steps_since_trial_ < trial_interval_) return false;
     steps_since_trial_ = 0;
     const double reached = tryStep(system, *first_.outer, node, std::min(limit, *h));
@@ -188,9 +184,9 @@ class StepperChoice {
 
   /// The step that `stepper` could make from `node`: tried from h on, shorter until its error
   /// estimate accepts it; 0 when none of a few is.
-  static double tryStep(System& system, Stepper<System>& stepper, const Node& node, double h) {
-    typename System::State x;
-    typename System::State dxdt;
+  static double tryStep(System& system, Stepper& stepper, const StepNode& node, double h) {
+    State x(system.size());
+    State dxdt(system.size());
     for (int attempt = 0; attempt < 4; ++attempt) {
       const double norm = stepper.step(system, node, h, x, dxdt);
       if (!std::isfinite(norm)) {

@@ -1,16 +1,15 @@
 /// Implicit steps for stiff scenes.
-#pragma once
-
-#include <array>
 #include <cmath>
 #include <complex>
 #include <cstddef>
 #include <limits>
-#include <tuple>
+#include <memory>
+#include <vector>
 
 #include "stepper.h"
 
 namespace variator_sim {
+namespace {
 
 /// Radau IIA of order 5: three stages, L-stable, stiffly accurate; dense output by its collocation
 /// polynomial (Hairer, Wanner: Solving ODE II, IV.8).
@@ -24,13 +23,21 @@ namespace variator_sim {
 /// The stages Z_i = y_i - x, h A x'(y) = Z are found by simplified Newton iterations with the exact
 /// matrix at the beginning of the step, decoupled into one real and one complex system of S x S
 /// (linearization.h) by the eigenvectors T of A^-1.
-template <class System>
-class RadauStepper final : public Stepper<System> {
+class RadauStepper final : public Stepper {
  public:
-  using State = typename System::State;
-  using Node = StepNode<System>;
-
-  explicit RadauStepper(Tolerance tolerance) : Stepper<System>(tolerance) {
+  RadauStepper(const System& system, Tolerance tolerance)
+      : Stepper(system, tolerance),
+        S(system.shafts()),
+        size_(system.size()),
+        last_(size_ - S),
+        linearization_(S, size_ / S),
+        matrix_x_(size_),
+        rounding_(size_),
+        limit_(size_),
+        f_(3, rounding_),
+        Z_(3, rounding_),
+        W_(3, rounding_),
+        polynomial_(3, rounding_) {
     constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
     newton_tolerance_ = std::max(10.0 * kEpsilon / std::max(tolerance.relative, 1e-14),
                                  std::min(0.03, std::sqrt(tolerance.relative)));
@@ -48,7 +55,7 @@ class RadauStepper final : public Stepper<System> {
     polynomial_end_ = std::numeric_limits<double>::quiet_NaN();
   }
 
-  double step(System& system, const Node& from, double h, State& x_new,
+  double step(System& system, const StepNode& from, double h, State& x_new,
               State& /*dxdt_new*/) override {
     constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
     // The matrix belongs to the point, not to the step: a repeated step keeps it.
@@ -69,7 +76,7 @@ class RadauStepper final : public Stepper<System> {
     if (!findStages(system, from, h)) return kNaN;
 
     // The polynomial that takes the values x, x + Z_1, x + Z_2, x + Z_3 at 0, c_1, c_2, 1
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       x_new[n] = from.x[n] + Z_[2][n];
       for (std::size_t p = 0; p < 3; ++p) {
         polynomial_[p][n] = Z_[0][n] * kP[0][p] + Z_[1][n] * kP[1][p] + Z_[2][n] * kP[2][p];
@@ -80,20 +87,21 @@ class RadauStepper final : public Stepper<System> {
     return calcError(system, from, h, x_new, is_repeated);
   }
 
-  void calcSlope(double time, const Node& from, const Node& to, State& slope) const override {
+  void calcSlope(double time, const StepNode& from, const StepNode& to,
+                 State& slope) const override {
     const double h = to.time - from.time;
     const double theta = (time - from.time) / h;
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       slope[n] = (polynomial_[0][n] +
                   theta * (2.0 * polynomial_[1][n] + theta * 3.0 * polynomial_[2][n])) /
                  h;
     }
   }
 
-  bool interpolate(System& /*system*/, double time, const Node& from, const Node& to,
+  bool interpolate(System& /*system*/, double time, const StepNode& from, const StepNode& to,
                    State& x) override {
     const double theta = (time - from.time) / (to.time - from.time);
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       x[n] = from.x[n] +
              theta * (polynomial_[0][n] + theta * (polynomial_[1][n] + theta * polynomial_[2][n]));
     }
@@ -101,13 +109,10 @@ class RadauStepper final : public Stepper<System> {
   }
 
  private:
-  static constexpr std::size_t kSize = std::tuple_size<State>::value;
-  static constexpr std::size_t kShafts = System::kShafts;
-  static constexpr std::size_t kLast = kSize - kShafts;
   using Complex = std::complex<double>;
 
   /// Stages from the polynomial of the last step, where there is one that ends here.
-  void predictStages(const Node& from, double h) {
+  void predictStages(const StepNode& from, double h) {
     if (!(polynomial_end_ == from.time)) {
       for (State& stage : Z_) stage.fill(0.0);
       for (State& stage : W_) stage.fill(0.0);
@@ -115,7 +120,7 @@ class RadauStepper final : public Stepper<System> {
     }
     for (std::size_t i = 0; i < 3; ++i) {
       const double theta = 1.0 + kC[i] * h / polynomial_step_;
-      for (std::size_t n = 0; n < kSize; ++n) {
+      for (int n = 0; n < size_; ++n) {
         const auto at = [&](double s) {
           return s * (polynomial_[0][n] + s * (polynomial_[1][n] + s * polynomial_[2][n]));
         };
@@ -123,56 +128,57 @@ class RadauStepper final : public Stepper<System> {
       }
     }
     for (std::size_t i = 0; i < 3; ++i) {
-      for (std::size_t n = 0; n < kSize; ++n) {
+      for (int n = 0; n < size_; ++n) {
         W_[i][n] = kTI[i][0] * Z_[0][n] + kTI[i][1] * Z_[1][n] + kTI[i][2] * Z_[2][n];
       }
     }
   }
 
   /// Simplified Newton iterations on W = T^-1 Z. False when they do not converge.
-  bool findStages(System& system, const Node& from, double h) {
+  bool findStages(System& system, const StepNode& from, double h) {
     constexpr int kMaxIterations = 10;
     const double real = kRealValue / h;
     const Complex complex = kComplexValue / h;
     double previous = 0.0;
-    State y;
-    std::array<State, 3> f;  // f_l = x_{l+1}; minus the residual in the last rows
+    State y(size_);
     const double inverse = 1.0 / h;
-    State real_part;
-    std::array<Complex, kSize> complex_part;
+    State real_part(size_);
+    Linearization::ComplexState complex_part;
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
       for (std::size_t i = 0; i < 3; ++i) {
-        for (std::size_t n = 0; n < kSize; ++n) y[n] = from.x[n] + Z_[i][n];
-        std::copy(y.begin() + kShafts, y.end(), f[i].begin());
-        double rate[kShafts];
-        for (std::size_t j = 0; j < kShafts; ++j) {
-          const std::size_t n = kLast + j;
+        for (int n = 0; n < size_; ++n) y[n] = from.x[n] + Z_[i][n];
+        std::copy(y.begin() + S, y.end(), f_[i].begin());
+        double rate[kMaxShafts];
+        for (int j = 0; j < S; ++j) {
+          const int n = last_ + j;
           rate[j] = inverse * (kInverse[i][0] * Z_[0][n] + kInverse[i][1] * Z_[1][n] +
                                kInverse[i][2] * Z_[2][n]);
         }
-        double residual[kShafts];
+        double residual[kMaxShafts];
         system.calcStageResidual(from.time + kC[i] * h, y, rate, linearization_, residual);
-        for (std::size_t j = 0; j < kShafts; ++j) f[i][kLast + j] = -residual[j];
+        for (int j = 0; j < S; ++j) f_[i][last_ + j] = -residual[j];
       }
-      for (std::size_t n = 0; n < kSize; ++n) {
-        real_part[n] = kTI[0][0] * f[0][n] + kTI[0][1] * f[1][n] + kTI[0][2] * f[2][n];
-        complex_part[n] = {kTI[1][0] * f[0][n] + kTI[1][1] * f[1][n] + kTI[1][2] * f[2][n],
-                           kTI[2][0] * f[0][n] + kTI[2][1] * f[1][n] + kTI[2][2] * f[2][n]};
-        if (n >= kLast) continue;  // the residual has x' in it
+      for (int n = 0; n < size_; ++n) {
+        real_part[n] = kTI[0][0] * f_[0][n] + kTI[0][1] * f_[1][n] + kTI[0][2] * f_[2][n];
+        complex_part[static_cast<std::size_t>(n)] = {
+            kTI[1][0] * f_[0][n] + kTI[1][1] * f_[1][n] + kTI[1][2] * f_[2][n],
+            kTI[2][0] * f_[0][n] + kTI[2][1] * f_[1][n] + kTI[2][2] * f_[2][n]};
+        if (n >= last_) continue;  // the residual has x' in it
         real_part[n] -= real * W_[0][n];
-        complex_part[n] -= multiply(complex, Complex(W_[1][n], W_[2][n]));
+        complex_part[static_cast<std::size_t>(n)] -= multiply(complex, Complex(W_[1][n], W_[2][n]));
       }
       linearization_.solve(real_part);
       linearization_.solveComplex(complex_part);
       double size = 0.0;
-      for (std::size_t n = 0; n < kSize; ++n) {
+      for (int n = 0; n < size_; ++n) {
+        const Complex change = complex_part[static_cast<std::size_t>(n)];
         W_[0][n] += real_part[n];
-        W_[1][n] += complex_part[n].real();
-        W_[2][n] += complex_part[n].imag();
-        double sum = std::abs(real_part[n]) + std::abs(complex_part[n].real()) +
-                     std::abs(complex_part[n].imag());
+        W_[1][n] += change.real();
+        W_[2][n] += change.imag();
+        const double sum =
+            std::abs(real_part[n]) + std::abs(change.real()) + std::abs(change.imag());
         // rounding is no reason to go on
-        const double allowed = std::min(this->tolerance_.of(from.x[n]), limit_[n]);
+        const double allowed = std::min(tolerance_.of(from.x[n]), limit_[n]);
         size = std::max(size, sum / (allowed + rounding_[n] / newton_tolerance_));
         size += 0.0 * sum;  // NaN and infinity stay
         for (std::size_t i = 0; i < 3; ++i) {
@@ -204,11 +210,11 @@ class RadauStepper final : public Stepper<System> {
 
   /// (I/g - dx'/dx)^-1 (x' + sum e_i Z_i / h) / ..., Hairer's and Wanner's estimate (8.20), once
   /// more filtered at a first step or after a rejection.
-  double calcError(System& system, const Node& from, double h, const State& x_new,
+  double calcError(System& system, const StepNode& from, double h, const State& x_new,
                    bool is_repeated) {
-    State weighted;
-    State error;
-    for (std::size_t n = 0; n < kSize; ++n) {
+    State weighted(size_);
+    State error(size_);
+    for (int n = 0; n < size_; ++n) {
       weighted[n] = (kE[0] * Z_[0][n] + kE[1] * Z_[1][n] + kE[2] * Z_[2][n]) / h;
       error[n] = from.dxdt[n] + weighted[n];
     }
@@ -216,19 +222,19 @@ class RadauStepper final : public Stepper<System> {
     linearization_.solve(error);
     double norm = calcNorm(error, from.x, x_new);
     if (norm > 1.0 || is_repeated) {
-      State x;
-      for (std::size_t n = 0; n < kSize; ++n) x[n] = from.x[n] + error[n];
-      std::copy(x.begin() + kShafts, x.end(), error.begin());
-      double residual[kShafts];
-      const double at_rest[kShafts] = {};
+      State x(size_);
+      for (int n = 0; n < size_; ++n) x[n] = from.x[n] + error[n];
+      std::copy(x.begin() + S, x.end(), error.begin());
+      double residual[kMaxShafts];
+      const double at_rest[kMaxShafts] = {};
       system.calcStageResidual(from.time, x, at_rest, linearization_, residual);
       weighMass(weighted);
-      for (std::size_t j = 0; j < kShafts; ++j) error[kLast + j] = -residual[j];
-      for (std::size_t n = 0; n < kSize; ++n) error[n] += weighted[n];
+      for (int j = 0; j < S; ++j) error[last_ + j] = -residual[j];
+      for (int n = 0; n < size_; ++n) error[n] += weighted[n];
       linearization_.solve(error);
       norm = calcNorm(error, from.x, x_new);
     }
-    this->error_ = error;
+    error_ = error;
     return norm;
   }
 
@@ -236,47 +242,48 @@ class RadauStepper final : public Stepper<System> {
   /// constraint (tau = 1e-8 s) has epsilon = -(omega_2 - u omega_1)/tau, which no arithmetic of
   /// 16 digits can know better than |omega| 1e-16 / tau; steps much longer than tau know it to
   /// |omega| 1e-16 / h.
-  void noteRounding(const System& system, const Node& from, double h) {
+  void noteRounding(const System& system, const StepNode& from, double h) {
     rounding_.fill(0.0);
     if (!system.keepsConstraintsInStages()) return;
     constexpr double kUlps = 64.0 * std::numeric_limits<double>::epsilon();
     const auto& by_velocity = linearization_.block(1);
     // The last rows are the accelerations, or the velocities: h times as much.
-    const double scale = kSize == 3 * kShafts ? 1.0 : h;
-    for (std::size_t i = 0; i < kShafts; ++i) {
-      for (std::size_t j = 0; j < kShafts; ++j) {
-        const double slope = std::abs(by_velocity(static_cast<int>(i), static_cast<int>(j)));
-        rounding_[kLast + i] +=
-            scale * kUlps * std::abs(from.x[kShafts + j]) * std::min(slope, 1.0 / h);
+    const double scale = size_ == 3 * S ? 1.0 : h;
+    for (int i = 0; i < S; ++i) {
+      for (int j = 0; j < S; ++j) {
+        const double slope = std::abs(by_velocity(i, j));
+        rounding_[last_ + i] += scale * kUlps * std::abs(from.x[S + j]) * std::min(slope, 1.0 / h);
       }
     }
   }
   /// Accelerations that are no state follow from it: errors of the velocities may be so large only
   /// that the accelerations keep their tolerance.
-  void noteLimits(const System& system, const Node& from) {
+  void noteLimits(const System& system, const StepNode& from) {
     limit_.fill(std::numeric_limits<double>::infinity());
-    if (kSize == 3 * kShafts) return;
+    if (size_ == 3 * S) return;
     // Along what psi pulls, the accelerations are those of the stages.
-    Eigen::Matrix<double, System::kShafts, System::kShafts> by_velocity = linearization_.block(1);
-    if (system.keepsConstraintsInStages()) by_velocity = linearization_.projector() * by_velocity;
-    for (std::size_t i = 0; i < kShafts; ++i) {
-      const double allowed = this->tolerance_.of(from.dxdt[kLast + i]);
-      for (std::size_t j = 0; j < kShafts; ++j) {
-        const double slope = std::abs(by_velocity(static_cast<int>(i), static_cast<int>(j)));
-        limit_[kLast + j] = std::min(limit_[kLast + j], 0.25 * allowed / slope);
-        rounding_[kLast + j] =
-            std::max(rounding_[kLast + j],
-                     16.0 * std::numeric_limits<double>::epsilon() * std::abs(from.x[kLast + j]));
+    SquareMatrix by_velocity = linearization_.block(1);
+    if (system.keepsConstraintsInStages()) {
+      by_velocity = linearization_.projector().lazyProduct(linearization_.block(1));
+    }
+    for (int i = 0; i < S; ++i) {
+      const double allowed = tolerance_.of(from.dxdt[last_ + i]);
+      for (int j = 0; j < S; ++j) {
+        const double slope = std::abs(by_velocity(i, j));
+        limit_[last_ + j] = std::min(limit_[last_ + j], 0.25 * allowed / slope);
+        rounding_[last_ + j] =
+            std::max(rounding_[last_ + j],
+                     16.0 * std::numeric_limits<double>::epsilon() * std::abs(from.x[last_ + j]));
       }
     }
   }
   double calcNorm(const State& error, const State& x, const State& x_new) const {
     double norm = 0.0;
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
-    for (std::size_t n = 0; n < kSize; ++n) {
-      norm = std::max(
-          norm, std::abs(error[n]) /
-                    (std::min(this->tolerance_.of(x[n], x_new[n]), limit_[n]) + rounding_[n]));
+    for (int n = 0; n < size_; ++n) {
+      norm =
+          std::max(norm, std::abs(error[n]) /
+                             (std::min(tolerance_.of(x[n], x_new[n]), limit_[n]) + rounding_[n]));
       poison += 0.0 * (error[n] + x_new[n]);
     }
     return norm + poison;
@@ -284,9 +291,12 @@ class RadauStepper final : public Stepper<System> {
 
   /// The last rows of r times M.
   void weighMass(State& r) const {
-    const auto last = Eigen::Map<Eigen::Matrix<double, System::kShafts, 1>>(r.data() + kLast);
-    const Eigen::Matrix<double, System::kShafts, 1> weighed = linearization_.mass() * last;
-    std::copy(weighed.data(), weighed.data() + kShafts, r.begin() + kLast);
+    double weighed[kMaxShafts];
+    for (int i = 0; i < S; ++i) {
+      weighed[i] = linearization_.mass()(i, 0) * r[last_];
+      for (int j = 1; j < S; ++j) weighed[i] += linearization_.mass()(i, j) * r[last_ + j];
+    }
+    std::copy_n(weighed, S, r.begin() + last_);
   }
 
   /// Without the checks for infinities of std::complex's operator.
@@ -318,17 +328,28 @@ class RadauStepper final : public Stepper<System> {
       {-1.3821427331607488958, 10.296258113743306053, -8.9141153805825571577},
       {0.33333333333333333333, -2.6666666666666666667, 3.3333333333333333333}};
   static constexpr double kFirstRate = 0.01;
-  typename System::LinearizationType linearization_;
+
+  const int S;  // shafts
+  const int size_;
+  const int last_;  // component of the last S
+  Linearization linearization_;
   double newton_tolerance_;
   double matrix_time_ = std::numeric_limits<double>::quiet_NaN();
-  State matrix_x_{};
-  State rounding_{};
-  State limit_{};
-  std::array<State, 3> Z_{};
-  std::array<State, 3> W_{};
-  std::array<State, 3> polynomial_{};
+  State matrix_x_;
+  State rounding_;
+  State limit_;
+  std::vector<State> f_;  // x_{l+1}; minus the residual in the last rows
+  std::vector<State> Z_;
+  std::vector<State> W_;
+  std::vector<State> polynomial_;
   double polynomial_end_ = std::numeric_limits<double>::quiet_NaN();
   double polynomial_step_ = 0.0;
 };
+
+}  // namespace
+
+std::unique_ptr<Stepper> makeRadau5Stepper(const System& system, Tolerance tolerance) {
+  return std::make_unique<RadauStepper>(system, tolerance);
+}
 
 }  // namespace variator_sim

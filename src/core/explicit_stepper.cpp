@@ -3,29 +3,34 @@
 /// The stages of the angles are left out where nothing reads angles: they are a quadrature then,
 /// taken once at the end of the step. Sums are unrolled when compiled and coefficients that are
 /// zero cost nothing.
-#pragma once
-
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <tuple>
+#include <memory>
 #include <utility>
+#include <vector>
 
 #include "stepper.h"
 #include "tableaus.h"
 
 namespace variator_sim {
+namespace {
 
-/// `kFirst`: the first component that the stages need, 0 or the number of angles.
-template <class Tableau, class System, std::size_t kFirst>
-class ExplicitStepper final : public Stepper<System> {
+template <class Tableau>
+class ExplicitStepper final : public Stepper {
  public:
-  using State = typename System::State;
-  using Node = StepNode<System>;
-
-  explicit ExplicitStepper(Tolerance tolerance) : Stepper<System>(tolerance) {}
+  ExplicitStepper(const System& system, Tolerance tolerance)
+      : Stepper(system, tolerance),
+        size_(system.size()),
+        first_(system.readsAngles() ? 0 : system.shafts()),
+        integrates_torque_(system.integratesTorque()),
+        y_(size_),
+        k_(Tableau::kStages + (Tableau::kExtraStages == 0 ? 1 : 4), y_),
+        term_(kTerms, y_),
+        torque_rates_(Tableau::kStages, ShaftVector(system.shafts())),
+        refined_(Tableau::kExtraStages == 0 ? 0 : 8, y_),
+        slope_(Tableau::kExtraStages == 0 ? 0 : 7, y_) {}
 
   const char* name() const override { return Tableau::kName; }
   int errorOrder() const override { return Tableau::kErrorOrder; }
@@ -34,7 +39,8 @@ class ExplicitStepper final : public Stepper<System> {
   bool hasDenseOutput() const override { return true; }
   bool checksDenseOutput() const override { return Tableau::kExtraStages > 0; }
 
-  double step(System& system, const Node& from, double h, State& x_new, State& dxdt_new) override {
+  double step(System& system, const StepNode& from, double h, State& x_new,
+              State& dxdt_new) override {
     from_ = &from;
     h_ = h;
     is_prepared_ = false;
@@ -52,8 +58,8 @@ class ExplicitStepper final : public Stepper<System> {
     }
   }
 
-  void calcTorqueGain(System& /*system*/, const Node& from, const Node& to,
-                      TorqueGain<System>& gain) override {
+  void calcTorqueGain(System& /*system*/, const StepNode& from, const StepNode& to,
+                      TorqueGain& gain) override {
     torque_rates_[0] = from.torque_rate;
     gain.addStages(to.time - from.time, Tableau::b, torque_rates_);
   }
@@ -63,15 +69,15 @@ class ExplicitStepper final : public Stepper<System> {
     const State& slope = k_[Tableau::kStages - 1];
     double distance = 0.0;
     double change = 0.0;
-    for (std::size_t n = kFirst; n < kSize; ++n) {
-      const double allowance = this->tolerance_.of(x_new[n]);
+    for (int n = first_; n < size_; ++n) {
+      const double allowance = tolerance_.of(x_new[n]);
       distance = std::max(distance, std::abs(x_new[n] - y_[n]) / allowance);
       change = std::max(change, std::abs(dxdt_new[n] - slope[n]) / allowance);
     }
     return distance > 0.0 ? h_ * change / distance / Tableau::kStabilityBound : 0.0;
   }
 
-  bool interpolate(System& system, double time, const Node& from, const Node& to,
+  bool interpolate(System& system, double time, const StepNode& from, const StepNode& to,
                    State& x) override {
     if (!is_prepared_) prepare(system, from, to);
     if (!is_trusted_) return false;
@@ -79,7 +85,7 @@ class ExplicitStepper final : public Stepper<System> {
     if constexpr (Tableau::kExtraStages == 0) {
       evaluate(from, theta, x);
     } else {
-      for (std::size_t n = 0; n < kSize; ++n) {
+      for (int n = 0; n < size_; ++n) {
         double sum = 0.0;
         for (std::size_t p = 8; p-- > 0;) sum = (sum + refined_[p][n]) * theta;
         x[n] = from.x[n] + sum;
@@ -89,18 +95,15 @@ class ExplicitStepper final : public Stepper<System> {
   }
 
  private:
-  static constexpr std::size_t kSize = std::tuple_size<State>::value;
   static constexpr std::size_t kTerms = Tableau::kExtraStages == 0 ? 4 : 7;
   /// x = (phi, omega), under the classical principle.
-  static constexpr bool followsAccelerations() {
-    return !kIntegratesTorque<System> && kSize % 2 == 0;
-  }
+  bool followsAccelerations() const { return !integrates_torque_; }
 
   using Terms = std::make_index_sequence<Tableau::kStages>;
 
   /// sum_j coefficient[j] k_j of component n; a coefficient that is zero is no operation.
   template <const auto& kCoefficients, std::size_t... J>
-  double sumStages(std::size_t n, std::index_sequence<J...>) const {
+  double sumStages(int n, std::index_sequence<J...>) const {
     double sum = 0.0;
     ((kCoefficients[J] != 0.0 ? void(sum += kCoefficients[J] * k_[J][n]) : void()), ...);
     return sum;
@@ -108,14 +111,14 @@ class ExplicitStepper final : public Stepper<System> {
   /// x_new = x + h sum_j b_j k_j.
   template <std::size_t... J>
   void combineEnd(std::index_sequence<J...> terms, State& x_new) const {
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       x_new[n] = from_->x[n] + h_ * sumStages<Tableau::b>(n, terms);
     }
   }
   /// y = x + h sum_j a_ij k_j, j < i.
   template <std::size_t I, std::size_t... J>
   void combineStage(std::index_sequence<J...>) {
-    for (std::size_t n = kFirst; n < kSize; ++n) {
+    for (int n = first_; n < size_; ++n) {
       double sum = 0.0;
       ((Tableau::a[I][J] != 0.0 ? void(sum += Tableau::a[I][J] * k_[J][n]) : void()), ...);
       y_[n] = from_->x[n] + h_ * sum;
@@ -125,8 +128,9 @@ class ExplicitStepper final : public Stepper<System> {
   void takeStage(System& system) {
     combineStage<I>(std::make_index_sequence<I>{});
     system(y_, k_[I], from_->time + Tableau::c[I] * h_);
-    if constexpr (kIntegratesTorque<System> && I < Tableau::kStages) {
-      std::copy_n(system.torqueRate(), torque_rates_[I].size(), torque_rates_[I].begin());
+    if constexpr (I < Tableau::kStages) {
+      if (integrates_torque_)
+        std::copy_n(system.torqueRate(), torque_rates_[I].size(), torque_rates_[I].begin());
     }
   }
   template <std::size_t... I>
@@ -136,9 +140,9 @@ class ExplicitStepper final : public Stepper<System> {
 
   /// The stage at the projected end of the step. False when the projection failed.
   bool takeEndStage(System& system, double t, State& x_new, State& dxdt_new) {
-    StepProjection<State>& projection = this->projection_;
+    StepProjection& projection = projection_;
     projection.iterations = 0;
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       if (!std::isfinite(x_new[n])) return false;
     }
     projection.result = system.project(t, x_new, projection.moved, &projection.iterations);
@@ -151,15 +155,15 @@ class ExplicitStepper final : public Stepper<System> {
   double calcError(const State& x, const State& x_new, const State& dxdt_new) {
     double largest = 0.0;
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       const double error =
           h_ * (sumStages<Tableau::e>(n, Terms{}) + Tableau::e[Tableau::kStages] * dxdt_new[n]);
-      this->error_[n] = error;
-      largest = std::max(largest, std::abs(error) / this->tolerance_.of(x[n], x_new[n]));
+      error_[n] = error;
+      largest = std::max(largest, std::abs(error) / tolerance_.of(x[n], x_new[n]));
       poison += 0.0 * (error + x_new[n]);
     }
     // Where the torques themselves are integrated nothing else looks at the step (checkTorque).
-    if constexpr (!kIntegratesTorque<System>) {
+    if (!integrates_torque_) {
       if (largest <= 1.0 && !isResolved(x, x_new, dxdt_new)) largest = kUnresolved;
     }
     return largest + poison;
@@ -169,10 +173,10 @@ class ExplicitStepper final : public Stepper<System> {
   /// small by chance, as on both sides of a pole: where the term of degree 4 of the motion (that of
   /// the dense output, of order h^4) is more than half a step with the largest slope, and counts.
   bool isResolved(const State& x, const State& x_new, const State& dxdt_new) const {
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       const double last = Tableau::d[Tableau::kStages] * dxdt_new[n];
       const double term = std::abs(h_ * (sumStages<Tableau::d>(n, Terms{}) + last));
-      if (!(term > 10.0 * this->tolerance_.of(x[n], x_new[n]))) continue;
+      if (!(term > 10.0 * tolerance_.of(x[n], x_new[n]))) continue;
       double steepest = std::abs(dxdt_new[n]);
       for (std::size_t j = 0; j < Tableau::kStages; ++j) {
         if (Tableau::d[j] != 0.0) steepest = std::max(steepest, std::abs(k_[j][n]));
@@ -188,10 +192,10 @@ class ExplicitStepper final : public Stepper<System> {
     double size5 = 0.0;
     double size3 = 0.0;
     double poison = 0.0;
-    for (std::size_t n = 0; n < kSize; ++n) {
-      const double scale = h_ / this->tolerance_.of(x[n], x_new[n]);
+    for (int n = 0; n < size_; ++n) {
+      const double scale = h_ / tolerance_.of(x[n], x_new[n]);
       const double e5 = sumStages<Tableau::e5>(n, Terms{});
-      this->error_[n] = h_ * e5;
+      error_[n] = h_ * e5;
       size5 = std::max(size5, std::abs(scale * e5));
       size3 = std::max(size3, std::abs(scale * sumStages<Tableau::e3>(n, Terms{})));
       poison += 0.0 * x_new[n];
@@ -200,14 +204,14 @@ class ExplicitStepper final : public Stepper<System> {
     // By the quotient, as squares of commands that fade away underflow.
     const double quotient = size3 / size5;
     const double part = 1.0 / std::sqrt(1.0 + 0.01 * quotient * quotient);
-    for (double& error : this->error_) error *= part;
+    for (double& error : error_) error *= part;
     return size5 * part + poison;
   }
 
   /// The scheme's own dense output.
-  void evaluate(const Node& from, double theta, State& x) const {
+  void evaluate(const StepNode& from, double theta, State& x) const {
     const double rest = 1.0 - theta;
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       // Horner's rule in theta and 1 - theta in turn
       double sum = 0.0;
       for (std::size_t p = kTerms; p-- > 0;)
@@ -220,15 +224,15 @@ class ExplicitStepper final : public Stepper<System> {
   /// times (measured: test/stepper_test.cpp). Five more derivatives taken on it, which err by one
   /// order of h less than it does once integrated, give a polynomial of order 8: the one of degree
   /// 8 through both ends with the slopes there and at the five points.
-  void refine(System& system, const Node& from, const Node& to, double h) {
-    std::array<State, 7> slope;
+  void refine(System& system, const StepNode& from, const StepNode& to, double h) {
+    std::vector<State>& slope = slope_;
     slope[0] = from.dxdt;
     slope[6] = to.dxdt;
     for (std::size_t i = 0; i < 5; ++i) {
       evaluate(from, Tableau::refined_c[i], y_);
       system(y_, slope[i + 1], from.time + Tableau::refined_c[i] * h);
     }
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       const double change = to.x[n] - from.x[n];
       for (std::size_t p = 0; p < 8; ++p) {
         double sum = 0.0;
@@ -241,11 +245,11 @@ class ExplicitStepper final : public Stepper<System> {
   /// The largest defect h |p' - f(t, p)| of the finer dense output p, in units of the tolerance, at
   /// points between those it was made from: what p errs by is about the integral of that. Where a
   /// step is as long as its fastest component allows, its end may be right and its inside not.
-  double calcDefect(System& system, const Node& from, const Node& to, double h) {
+  double calcDefect(System& system, const StepNode& from, const StepNode& to, double h) {
     double largest = 0.0;
-    State slope;
+    State slope(size_);
     for (double theta : Tableau::probes) {
-      for (std::size_t n = 0; n < kSize; ++n) {
+      for (int n = 0; n < size_; ++n) {
         double sum = 0.0;
         double rate = 0.0;
         for (std::size_t p = 8; p-- > 0;) {
@@ -256,16 +260,16 @@ class ExplicitStepper final : public Stepper<System> {
         k_[Tableau::kStages][n] = rate;
       }
       system(y_, slope, from.time + theta * h);
-      for (std::size_t n = kFirst; n < kSize; ++n) {
-        const double defect = std::abs(k_[Tableau::kStages][n] - h * slope[n]) /
-                              this->tolerance_.of(from.x[n], to.x[n]);
+      for (int n = first_; n < size_; ++n) {
+        const double defect =
+            std::abs(k_[Tableau::kStages][n] - h * slope[n]) / tolerance_.of(from.x[n], to.x[n]);
         if (!(defect <= largest)) largest = defect;  // keeps a NaN
         if (defect != defect) return defect;
         // Accelerations that are no state are published as f(t, p).
-        if constexpr (followsAccelerations()) {
-          if (n < kSize / 2) continue;
+        if (followsAccelerations()) {
+          if (n < size_ / 2) continue;
           const double error = std::abs(k_[Tableau::kStages][n] / h - slope[n]);
-          largest = std::max(largest, error / this->tolerance_.of(slope[n]));
+          largest = std::max(largest, error / tolerance_.of(slope[n]));
         }
       }
     }
@@ -273,16 +277,16 @@ class ExplicitStepper final : public Stepper<System> {
   }
 
   /// The terms of the dense output between the two ends of the last step.
-  void prepare(System& system, const Node& from, const Node& to) {
+  void prepare(System& system, const StepNode& from, const StepNode& to) {
     const double h = to.time - from.time;
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       const double change = to.x[n] - from.x[n];
       term_[0][n] = change;
       term_[1][n] = h * from.dxdt[n] - change;
       term_[2][n] = 2.0 * change - h * (to.dxdt[n] + from.dxdt[n]);
     }
     if constexpr (Tableau::kExtraStages == 0) {
-      for (std::size_t n = 0; n < kSize; ++n) {
+      for (int n = 0; n < size_; ++n) {
         term_[3][n] =
             h * (sumStages<Tableau::d>(n, Terms{}) + Tableau::d[Tableau::kStages] * to.dxdt[n]);
       }
@@ -302,7 +306,7 @@ class ExplicitStepper final : public Stepper<System> {
   }
   template <std::size_t... J>
   void prepareHighTerms(double h, std::index_sequence<J...> all) {
-    for (std::size_t n = 0; n < kSize; ++n) {
+    for (int n = 0; n < size_; ++n) {
       term_[3][n] = h * sumStages<Tableau::d0>(n, all);
       term_[4][n] = h * sumStages<Tableau::d1>(n, all);
       term_[5][n] = h * sumStages<Tableau::d2>(n, all);
@@ -315,15 +319,28 @@ class ExplicitStepper final : public Stepper<System> {
   /// Tolerances that the defect of a dense output may be.
   static constexpr double kTrusted = 10.0;
 
-  const Node* from_ = nullptr;
+  const int size_;
+  const int first_;  // component that the stages need
+  const bool integrates_torque_;
+  const StepNode* from_ = nullptr;
   double h_ = 0.0;
   State y_;
-  std::array<State, Tableau::kStages + (Tableau::kExtraStages == 0 ? 1 : 4)> k_;
-  std::array<State, kTerms> term_;
-  std::array<typename Node::Torque, Tableau::kStages> torque_rates_{};
-  std::array<State, Tableau::kExtraStages == 0 ? 0 : 8> refined_;
+  std::vector<State> k_;
+  std::vector<State> term_;
+  std::vector<ShaftVector> torque_rates_;
+  std::vector<State> refined_;
+  std::vector<State> slope_;  // at the points that `refine` takes
   bool is_prepared_ = false;
   bool is_trusted_ = true;
 };
+
+}  // namespace
+
+std::unique_ptr<Stepper> makeDopri5Stepper(const System& system, Tolerance tolerance) {
+  return std::make_unique<ExplicitStepper<Dopri5Tableau>>(system, tolerance);
+}
+std::unique_ptr<Stepper> makeDop853Stepper(const System& system, Tolerance tolerance) {
+  return std::make_unique<ExplicitStepper<Dop853Tableau>>(system, tolerance);
+}
 
 }  // namespace variator_sim

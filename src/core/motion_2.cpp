@@ -1,7 +1,0 @@
-#include "make_motion.h"
-
-namespace variator_sim {
-
-template std::unique_ptr<Motion> makeMotion<2>(Scene scene);
-
-}  // namespace variator_sim

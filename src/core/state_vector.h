@@ -1,0 +1,60 @@
+/// Vectors of a scene's size, which is known when it is loaded: numbers in place, nothing
+/// allocated.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// Up to `kCapacity` doubles and how many there are. Copies copy just these.
+template <int kCapacity>
+class SmallVector {
+ public:
+  // As containers of the standard library call them.
+  using value_type = double;
+  using iterator = double*;
+  using const_iterator = const double*;
+
+  /// `size` zeros, at most kCapacity.
+  explicit SmallVector(int size) : size_(size) { fill(0.0); }
+  SmallVector(const SmallVector& other) : size_(other.size_) { copy(other); }
+  SmallVector& operator=(const SmallVector& other) {
+    size_ = other.size_;
+    copy(other);
+    return *this;
+  }
+  ~SmallVector() = default;
+
+  int size() const { return size_; }
+  void resize(std::size_t size) { *this = SmallVector(static_cast<int>(size)); }
+  double& operator[](int i) { return values_[i]; }
+  double operator[](int i) const { return values_[i]; }
+  double* data() { return values_; }
+  const double* data() const { return values_; }
+  double* begin() { return values_; }
+  const double* begin() const { return values_; }
+  double* end() { return values_ + size_; }
+  const double* end() const { return values_ + size_; }
+  void fill(double value) { std::fill_n(values_, size_, value); }
+  bool operator==(const SmallVector& other) const {
+    return std::equal(begin(), end(), other.begin(), other.end());
+  }
+  bool operator!=(const SmallVector& other) const { return !(*this == other); }
+
+ private:
+  void copy(const SmallVector& other) {
+    for (int i = 0; i < size_; ++i) values_[i] = other.values_[i];
+  }
+  int size_;
+  double values_[kCapacity];
+};
+
+/// x of a system: (phi, omega, epsilon), or (phi, omega).
+using State = SmallVector<3 * kMaxShafts>;
+/// One value per shaft.
+using ShaftVector = SmallVector<kMaxShafts>;
+
+}  // namespace variator_sim
