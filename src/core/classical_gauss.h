@@ -16,11 +16,7 @@ namespace variator_sim {
 /// Constraints of order 1 and 2. See AccelerationSystem for what each method means.
 class ClassicalGauss final : public PrincipleSystem {
  public:
-  explicit ClassicalGauss(const Scene& scene) : PrincipleSystem(scene, 2, false) {
-    for (const ConstraintPtr& constraint : scene.constraints) {
-      linear_ = linear_ && constraint->nonlinearAccelerations() == 0;
-    }
-  }
+  explicit ClassicalGauss(const Scene& scene);
 
   double rowLengthSquared(int m) const override {
     return drivetrain_.accelerationRowLengthSquared(m);
@@ -28,21 +24,9 @@ class ClassicalGauss final : public PrincipleSystem {
   const double* row(int m) const override { return drivetrain_.accelerationRow(m); }
 
   /// The view of (t, x) with the accelerations that the principle gives there.
-  StateView view(double t, const State& x) override {
-    const StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
-    calcAccelerations(state);
-    return state;
-  }
+  StateView view(double t, const State& x) override;
 
-  void operator()(const State& x, State& dxdt, double t) override {
-    drivetrain_.countRightHandSide();
-    const StateView state = view(t, x);
-    if (watch_ != nullptr) watch_->note(state);
-    for (int i = 0; i < S; ++i) {
-      dxdt[i] = x[S + i];
-      dxdt[S + i] = epsilon_[i];
-    }
-  }
+  void operator()(const State& x, State& dxdt, double t) override;
 
   void calcLinearization(double t, const State& x, Linearization& linearization) override {
     linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);
@@ -56,125 +40,23 @@ class ClassicalGauss final : public PrincipleSystem {
   /// What implicit steps solve: M x' - f = 0 in its last S rows, `rate` the last rows of x', the
   /// accelerations.
   void calcStageResidual(double t, const State& x, const double* rate,
-                         const Linearization& linearization, double* residual) override {
-    if (keepsConstraintsInStages()) {
-      drivetrain_.countRightHandSide();
-      const StateView state = drivetrain_.view(t, x.data(), x.data() + S, rate);
-      if (!drivetrain_.calcAccelerationResidual(state, linearization.projector(),
-                                                linearization.pull(), residual)) {
-        std::fill(residual, residual + S, std::numeric_limits<double>::quiet_NaN());
-      }
-      return;
-    }
-    System::calcStageResidual(t, x, rate, linearization, residual);
-  }
+                         const Linearization& linearization, double* residual) override;
   /// Its derivatives at x, whose derivative is dxdt.
   void calcStageLinearization(double t, const State& x, const State& dxdt,
-                              Linearization& linearization) override {
-    if (!keepsConstraintsInStages()) {
-      System::calcStageLinearization(t, x, dxdt, linearization);
-      return;
-    }
-    linearization.mass().setIdentity();
-    const StateView state = drivetrain_.view(t, x.data(), x.data() + S, dxdt.data() + S);
-    double torque[kMaxShafts];
-    double reaction[kMaxShafts];
-    double c0[kMaxRows] = {};
-    double lambda[kMaxRows] = {};
-    drivetrain_.calcTorque(state, torque);
-    drivetrain_.calcReaction(state, torque, reaction);
-    if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda);
-    double derivatives[2 * kMaxShafts * kMaxShafts];
-    drivetrain_.calcAccelerationDerivatives(state, lambda, linearization.projector(),
-                                            linearization.pull(), derivatives);
-    for (int i = 0; i < S; ++i) {
-      for (int q = 0; q < 2 * S; ++q) {
-        linearization.block(q / S)(i, q % S) = -derivatives[q * S + i];
-      }
-    }
-  }
+                              Linearization& linearization) override;
 
   /// The accelerations follow from the velocities, with 1/tau of a stiff constraint between them.
   /// An implicit step knows both, by its own `slope`: the velocities move by the little that makes
   /// psi = 0 with it.
   ProjectionResult projectStiffly(double t, double h, const State& slope, State& x, State& moved,
-                                  std::uint64_t* iterations) override {
-    if (!keepsConstraintsInStages()) return project(t, x, moved, iterations);
-    double both[2 * kMaxShafts];  // velocities, accelerations
-    double change[2 * kMaxShafts] = {};
-    for (int i = 0; i < S; ++i) {
-      both[i] = x[S + i];
-      both[S + i] = slope[S + i];
-    }
-    const StateView state = drivetrain_.view(t, x.data(), both, both + S);
-    const ProjectionResult result = iterateProjection(
-        2 * S, [&](double* delta) { return drivetrain_.calcStiffProjection(state, h, delta); },
-        both, change, iterations);
-    moved.fill(0.0);
-    for (int i = 0; i < S; ++i) {
-      x[S + i] = both[i];
-      moved[S + i] = change[i];
-    }
-    return result;
-  }
-  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) override {
-    moved.fill(0.0);
-    if (!drivetrain_.hasVelocityRows()) return ProjectionResult::kConverged;
-    const StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
-    return projectVelocities(drivetrain_, state, x.data() + S, moved.data() + S, iterations);
-  }
+                                  std::uint64_t* iterations) override;
+  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) override;
 
-  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override {
-    std::copy(scene_.initial.angle.begin(), scene_.initial.angle.end(), x.begin());
-    std::copy(scene_.initial.velocity.begin(), scene_.initial.velocity.end(), x.begin() + S);
-    const StateView state = drivetrain_.view(0.0, x.data(), x.data() + S, epsilon_);
-    const InitialResult velocities =
-        initial_solver_.acceptVelocities(state, scene_.initial.project, x.data() + S, nearest);
-    *velocities_at_fault = velocities != InitialResult::kConsistent;
-    if (*velocities_at_fault) return velocities;
-    InitialResult result = initial_solver_.findLeastReaction(state, epsilon_);
-    if (!scene_.initial.acceleration.empty() &&
-        (result == InitialResult::kNotUnique || result == InitialResult::kDoubtful)) {
-      // Those given choose among the stationary ones.
-      std::copy_n(scene_.initial.acceleration.begin(), S, epsilon_);
-      std::copy(epsilon_, epsilon_ + S, guess_);
-      noteMultipliers(state);
-      calcAccelerations(state);
-      if (!std::isfinite(epsilon_[0])) return InitialResult::kNotFound;
-      result = InitialResult::kConsistent;
-    }
-    std::copy(epsilon_, epsilon_ + S, guess_);
-    std::copy(epsilon_, epsilon_ + S, nearest);
-    noteMultipliers(state);
-    if (result != InitialResult::kConsistent || scene_.initial.acceleration.empty() ||
-        scene_.initial.project) {
-      return result;
-    }
-    // The accelerations are no data here; given ones may only say what follows anyway.
-    for (int i = 0; i < S; ++i) {
-      const double given = scene_.initial.acceleration[i];
-      if (std::abs(given - epsilon_[i]) > 1e-6 * std::max(1.0, std::abs(given))) {
-        return InitialResult::kInconsistent;
-      }
-    }
-    return result;
-  }
+  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override;
 
   /// The accelerations follow from the inputs: simply solve again.
   MotionStatus jump(double t, State& x, const double* /*u0*/, const double* /*u1*/,
-                    std::uint64_t* /*projections*/) override {
-    MotionStatus status;
-    const StateView state = view(t, x);
-    for (int i = 0; i < S; ++i) {
-      if (std::isfinite(state.acceleration[i])) continue;
-      status.reason = StopReason::kJumpFailed;
-    }
-    if (status.ok()) {
-      std::copy(epsilon_, epsilon_ + S, guess_);
-      noteMultipliers(state);
-    }
-    return status;
-  }
+                    std::uint64_t* /*projections*/) override;
 
   bool isInCorner() const override { return corner_ != 0; }
 
@@ -182,83 +64,16 @@ class ClassicalGauss final : public PrincipleSystem {
 
   /// Newton's iteration starts from the accelerations at the beginning of the step, whoever asks
   /// and in whatever order: samples may not change the motion.
-  void noteBase(double t, const State& x, const State& dxdt) override {
-    if (linear_) return;
-    std::copy(dxdt.begin() + S, dxdt.end(), guess_);
-    noteMultipliers(drivetrain_.view(t, x.data(), x.data() + S, guess_));
-  }
+  void noteBase(double t, const State& x, const State& dxdt) override;
 
-  bool calcSample(double t, const State& x, Sample* sample) override {
-    const StateView state = view(t, x);
-    sample->time = t;
-    std::copy(x.begin(), x.begin() + S, sample->angle);
-    std::copy(x.begin() + S, x.end(), sample->velocity);
-    std::copy(epsilon_, epsilon_ + S, sample->acceleration);
-    // R = J epsilon + n - Q = C^T lambda
-    drivetrain_.calcTorque(state, sample->applied_torque);
-    drivetrain_.calcReaction(state, sample->applied_torque, sample->reaction_torque);
-    std::fill(sample->reaction_torque_rate, sample->reaction_torque_rate + S, 0.0);
-    if (drivetrain_.constraintCount() == 0) return true;
-    double c0[kMaxRows] = {};
-    if (!drivetrain_.calcRows(state, c0)) return false;
-    drivetrain_.calcMultipliers(sample->reaction_torque, sample->multiplier);
-    double eta[kMaxShafts];
-    bool regular = true;
-    if (corner_ == 0) {
-      regular =
-          drivetrain_.calcFormalJerk(state, sample->multiplier, eta, sample->reaction_torque_rate);
-    } else {
-      // In a corner of psi C is not one: the kinks that meet there have multipliers of their own.
-      regular = initial_solver_.solver().calcJerk(state, corner_, multipliers_, eta,
-                                                  sample->reaction_torque_rate);
-      std::copy_n(multipliers_, drivetrain_.constraintCount(), sample->multiplier);
-    }
-    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-      sample->residual[m] = drivetrain_.calcResidual(m, state, eta);
-    }
-    return regular;
-  }
+  bool calcSample(double t, const State& x, Sample* sample) override;
 
  private:
   /// lambda_guess_ of the reaction at `state`.
-  void noteMultipliers(const StateView& state) {
-    double torque[kMaxShafts];
-    double reaction[kMaxShafts];
-    double c0[kMaxRows] = {};
-    drivetrain_.calcTorque(state, torque);
-    drivetrain_.calcReaction(state, torque, reaction);
-    if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda_guess_);
-  }
+  void noteMultipliers(const StateView& state);
 
   /// epsilon_ at `state`, whose accelerations point there; NaN where there are none.
-  void calcAccelerations(const StateView& state) {
-    double torque[kMaxShafts];
-    drivetrain_.calcFreeTorque(state, torque);
-    if (linear_) {
-      // psi = C epsilon + b: with epsilon = 0 the projection's residual is b, and
-      // A lambda = -(b + C epsilon_free) is one correction from the free accelerations.
-      drivetrain_.inertia().solve(torque, epsilon_);
-      if (drivetrain_.constraintCount() == 0) return;
-      // (Nearly dependent rows take a few, as in ConstraintSolver::refine.)
-      double delta[kMaxShafts];
-      bool solved = drivetrain_.calcAccelerationProjection(state, delta);
-      for (int i = 0; i < S && solved; ++i) epsilon_[i] += delta[i];
-      for (int round = 0; round < 3 && solved && drivetrain_.areAccelerationRowsIll(); ++round) {
-        solved = drivetrain_.calcAccelerationProjection(state, delta);
-        for (int i = 0; i < S && solved; ++i) epsilon_[i] += delta[i];
-      }
-      if (solved) return;
-    } else {
-      // With the multipliers of the same place: from others the iteration may take another branch.
-      std::copy(guess_, guess_ + S, epsilon_);
-      std::fill_n(multipliers_, S, 0.0);
-      std::copy_n(lambda_guess_, kMaxRows, multipliers_);
-      if (initial_solver_.solver().continueFrom(state, torque, epsilon_, multipliers_, &corner_)) {
-        return;
-      }
-    }
-    std::fill(epsilon_, epsilon_ + S, std::numeric_limits<double>::quiet_NaN());
-  }
+  void calcAccelerations(const StateView& state);
 
   JumpWatch* watch_ = nullptr;
   bool linear_ = true;

@@ -23,54 +23,7 @@ namespace variator_sim {
 /// and the counters are the only things that change. All evaluations are [loop].
 class Drivetrain {
  public:
-  explicit Drivetrain(const Scene& scene)
-      : S(scene.shaftCount()),
-        scene_(scene),
-        inertia_(scene.inertia, scene.inertia_harmonics),
-        solver_(S, scene.constraintCount()),
-        velocity_solver_(S, countOrders(scene, 1)),
-        acceleration_solver_(S, countOrders(scene, 2)) {
-    const bool rates = scene.principle == Principle::kGeneralizedGauss;
-    reads_.time = false;
-    reads_.angle = !inertia_.isConstant() || !scene.solver.skip_angles;
-    for (const TorquePtr& torque : scene.torques) {
-      torques_.push_back(torque.get());
-      torques_read_time_ = torques_read_time_ || torque->torqueDependence().time;
-      // Q' shows nothing of a jump of Q.
-      if (!torque->guards().empty()) note(torque->torqueDependence());
-      if (rates) note(torque->rateDependence());
-      if (!rates || scene.hasOrder3()) note(torque->torqueDependence());
-    }
-    has_constant_jacobian_ = inertia_.isConstant();
-    for (const ConstraintPtr& constraint : scene.constraints) {
-      const int m = static_cast<int>(constraints_.size());
-      constraints_.push_back(constraint.get());
-      note(constraint->dependence());
-      has_constant_jacobian_ = has_constant_jacobian_ && constraint->hasConstantJacobian();
-      if (constraint->order() == 1) velocity_rows_.push_back(m);
-      needs_second_rate_ =
-          needs_second_rate_ || (constraint->order() == 1 && constraint->readsInputs());
-      keeps_constraints_in_stages_ = keeps_constraints_in_stages_ && constraint->order() == 2;
-      if (constraint->order() <= 2) acceleration_rows_.push_back(m);
-      nonlinear_accelerations_ |= constraint->nonlinearAccelerations();
-      for (const ConstraintPtr& kink : constraint->kinks()) {
-        if (kinks_.size() < kMostKinks) kinks_.push_back(kink.get());
-      }
-    }
-    for (std::size_t j = 0; j < torques_.size(); ++j) {
-      noteBranches(*torques_[j], {static_cast<int>(j), -1});
-    }
-    for (std::size_t m = 0; m < constraints_.size(); ++m) {
-      noteBranches(*constraints_[m], {-1, static_cast<int>(m)});
-    }
-    std::sort(instants_.begin(), instants_.end());
-    has_constant_rows_ = has_constant_jacobian_ && scene.solver.factor_once;
-    findColumns();
-    signals_.resize(scene.inputs.size());
-    saved_signals_.resize(scene.inputs.size());
-    varying_.reserve(scene.inputs.size());
-    resetInputs();
-  }
+  explicit Drivetrain(const Scene& scene);
 
   int shafts() const { return S; }
   const Inertia& inertia() const { return inertia_; }
@@ -109,27 +62,17 @@ class Drivetrain {
   /// False when no constraint reads the highest derivative of shaft i, at some states apart.
   bool readsColumn(int i) const { return reads_column_[i]; }
   /// Begins to count right-hand sides and Newton's iterations anew.
-  void resetCounts() {
-    right_hand_sides_ = 0;
-    newton_iterations_ = 0;
-  }
+  void resetCounts();
 
   // --- inputs ----------------------------------------------------------------------------------
-  void resetInputs() {
-    for (std::size_t i = 0; i < signals_.size(); ++i) signals_[i].reset(scene_.inputs[i]);
-    refreshInputs(0.0);
-    resetCounts();
-  }
+  void resetInputs();
   CommandSignal& signal(int input) { return signals_[input]; }
   const double* inputs() const { return input_; }
   const double* inputRates() const { return input_rate_; }
   const double* inputSecondRates() const { return input_second_rate_; }
   /// Remembers all signals, and goes back to them at `time`.
   void saveSignals() { std::copy(signals_.begin(), signals_.end(), saved_signals_.begin()); }
-  void restoreSignals(double time) {
-    std::copy(saved_signals_.begin(), saved_signals_.end(), signals_.begin());
-    refreshInputs(time);
-  }
+  void restoreSignals(double time);
   /// Times are counted from `by` seconds later from now on; laws are given the sum of both, what
   /// is counted from and the time.
   void moveOrigin(double by) {
@@ -139,38 +82,14 @@ class Drivetrain {
   double origin() const { return origin_; }
   /// Re-evaluates every u and u' at `time` and finds out which of them vary: to be called after a
   /// signal was changed and before anything is evaluated.
-  void refreshInputs(double time) {
-    varying_.clear();
-    for (std::size_t i = 0; i < signals_.size(); ++i) {
-      input_[i] = signals_[i].value(time);
-      input_rate_[i] = signals_[i].rate(time);
-      input_second_rate_[i] = signals_[i].secondRate(time);
-      if (!signals_[i].isConstant()) varying_.push_back(static_cast<int>(i));
-    }
-  }
+  void refreshInputs(double time);
   /// When the first of the inputs' closed forms ends.
-  double inputSegmentEnd() const {
-    double end = std::numeric_limits<double>::infinity();
-    for (int i : varying_) end = std::min(end, signals_[i].segmentEnd());
-    return end;
-  }
+  double inputSegmentEnd() const;
   /// At `time`, moves the inputs whose closed form ends until `latest` past that end.
-  void finishInputSegments(double time, double latest) {
-    for (int i : varying_) {
-      if (signal(i).segmentEnd() <= latest) signal(i).finishSegment();
-    }
-    refreshInputs(time);
-  }
+  void finishInputSegments(double time, double latest);
 
   /// T = 1/2 omega^T J omega, J; brings J to phi.
-  double calcKineticEnergy(const double* phi, const double* omega) {
-    if (!inertia_.isConstant()) inertia_.update(phi);
-    double momentum[kMaxShafts];
-    inertia_.multiply(omega, momentum);
-    double twice = 0.0;
-    for (int i = 0; i < S; ++i) twice += omega[i] * momentum[i];
-    return 0.5 * twice;
-  }
+  double calcKineticEnergy(const double* phi, const double* omega);
 
   // --- evaluations -----------------------------------------------------------------------------
   /// u and u' at t.
@@ -244,10 +163,7 @@ class Drivetrain {
   }
   /// The first instant after `time`, s, at which some law is not smooth; infinity when there is
   /// none.
-  double nextInstant(double time) const {
-    const auto next = std::upper_bound(instants_.begin(), instants_.end(), time);
-    return next == instants_.end() ? std::numeric_limits<double>::infinity() : *next;
-  }
+  double nextInstant(double time) const;
 
   void countRightHandSide() { ++right_hand_sides_; }
   /// A step of Newton's iteration for the accelerations of least reaction.
@@ -255,10 +171,7 @@ class Drivetrain {
   std::uint64_t newtonIterations() const { return newton_iterations_; }
 
   /// Applied torque Q at `state`, N m, S values.
-  void calcTorque(const StateView& state, double* torque) const {
-    for (int i = 0; i < S; ++i) torque[i] = 0.0;
-    for (const Torque* element : torques_) element->addTorque(state, torque);
-  }
+  void calcTorque(const StateView& state, double* torque) const;
   /// Its total rate Q', N m/s, S values.
   void calcTorqueRate(const StateView& state, double* torque_rate) const {
     calcTorqueRate(S, state, torque_rate);
@@ -276,13 +189,7 @@ class Drivetrain {
   bool hasTorques() const { return !torques_.empty(); }
 
   /// Q - n, the torque that J epsilon would balance without reaction; n = 1/2 J' omega^2.
-  void calcFreeTorque(const StateView& state, double* torque) const {
-    calcTorque(state, torque);
-    if (inertia_.isConstant()) return;
-    for (int i = 0; i < S; ++i) {
-      torque[i] -= 0.5 * inertia_.first(i) * state.velocity[i] * state.velocity[i];
-    }
-  }
+  void calcFreeTorque(const StateView& state, double* torque) const;
   /// (Q - n - J epsilon)' + J eta = Q' - J' omega epsilon - n', with n' = 1/2 J'' omega^3 +
   /// J' omega epsilon: the rate of R is J eta minus this.
   void calcFreeTorqueRate(const StateView& state, double* rate) const {
@@ -315,20 +222,10 @@ class Drivetrain {
     for (int i = 0; i < S; ++i) rate[i] += connection[i];
   }
   /// R = J epsilon + n - Q, S values, given Q.
-  void calcReaction(const StateView& state, const double* torque, double* reaction) const {
-    inertia_.multiply(state.acceleration, reaction);
-    for (int i = 0; i < S; ++i) reaction[i] -= torque[i];
-    if (inertia_.isConstant()) return;
-    for (int i = 0; i < S; ++i) {
-      reaction[i] += 0.5 * inertia_.first(i) * state.velocity[i] * state.velocity[i];
-    }
-  }
+  void calcReaction(const StateView& state, const double* torque, double* reaction) const;
   /// Gamma^rho_{i i} R_rho omega_i = 1/2 J_i' omega_i (J^-1 R)_i: what R' has beyond its covariant
   /// form G [6]. Only where the inertia depends on the angle.
-  void calcConnection(const StateView& state, const double* reaction, double* connection) const {
-    inertia_.solve(reaction, connection);
-    for (int i = 0; i < S; ++i) connection[i] *= 0.5 * inertia_.first(i) * state.velocity[i];
-  }
+  void calcConnection(const StateView& state, const double* reaction, double* connection) const;
 
   /// Rows of C and c0 of all constraints, factored. False where C has lost rank.
   bool calcRows(const StateView& state, double* c0) { return calcRows(S, state, c0); }
@@ -341,25 +238,14 @@ class Drivetrain {
   }
 
   /// Where C is constant: makes sure that it has been factored. False where it has lost rank.
-  bool factorOnce(const StateView& state) {
-    double c0[kMaxRows] = {};
-    return constraintCount() == 0 || solver_.isFactored() || calcRows(state, c0);
-  }
+  bool factorOnce(const StateView& state);
 
   /// One step of Newton's iteration onto f = 0 (orders 1) by the velocities, in the metric J:
   ///     delta omega = -J^-1 C^T A^-1 f.
   /// Writes delta (S values). False where C has lost rank.
-  bool calcVelocityProjection(const StateView& state, double* delta) {
-    return calcCorrection(velocity_rows_, &velocity_solver_, delta, [&](int m, double* C) {
-      return constraint(m).calcVelocityResidualAndJacobian(state, C);
-    });
-  }
+  bool calcVelocityProjection(const StateView& state, double* delta);
   /// The same onto psi = 0 or f' = 0 (orders 2 and 1) by the accelerations.
-  bool calcAccelerationProjection(const StateView& state, double* delta) {
-    return calcCorrection(acceleration_rows_, &acceleration_solver_, delta, [&](int m, double* C) {
-      return constraint(m).calcResidualAndJacobian(state, C);
-    });
-  }
+  bool calcAccelerationProjection(const StateView& state, double* delta);
   /// True when the last one was by nearly dependent rows.
   bool areAccelerationRowsIll() const { return acceleration_solver_.isIll(); }
   /// One step of Newton's iteration onto psi = 0 by velocities and accelerations together, for
@@ -371,47 +257,7 @@ class Drivetrain {
   /// h the step: delta epsilon = -J^-1 C^T l, delta omega = -h^2 J^-1 B^T l, B = dpsi/domega,
   ///     (C J^-1 C^T + h^2 B J^-1 B^T) l = psi.
   /// Writes `delta`: S velocities, then S accelerations. False where the matrix is singular.
-  bool calcStiffProjection(const StateView& state, double h, double* delta) {
-    constexpr int kMax = kMaxRows;
-    const int k = static_cast<int>(acceleration_rows_.size());
-    double rows[kMax][2 * kMaxShafts];      // (B, C)
-    double weighted[kMax][2 * kMaxShafts];  // (h^2 B J^-1, C J^-1)
-    double scale[kMax] = {};
-    DenseVector l(k);
-    for (int r = 0; r < k; ++r) {
-      const Constraint& constraint = *constraints_[acceleration_rows_[r]];
-      ConstraintPartials partials;
-      constraint.calcPartials(state, partials);
-      std::copy_n(partials.velocity, S, rows[r]);
-      std::copy_n(partials.acceleration, S, rows[r] + S);
-      inertia_.solve(rows[r], weighted[r]);
-      inertia_.solve(rows[r] + S, weighted[r] + S);
-      double length = 0.0;
-      for (int i = 0; i < S; ++i) weighted[r][i] *= h * h;
-      for (int i = 0; i < 2 * S; ++i) length += rows[r][i] * weighted[r][i];
-      // Rows of length 1 make the matrix blind to the units of psi.
-      scale[r] = 1.0 / std::sqrt(length);
-      l(r) = constraint.calcResidual(state) * scale[r];
-    }
-    if (k == 1) {
-      if (!std::isfinite(scale[0])) return false;
-    } else {
-      DenseMatrix A(k, k);
-      for (int r = 0; r < k; ++r) {
-        for (int n = 0; n < k; ++n) {
-          double entry = 0.0;
-          for (int i = 0; i < 2 * S; ++i) entry += rows[r][i] * weighted[n][i];
-          A(r, n) = entry * scale[r] * scale[n];
-        }
-      }
-      if (!solveSymmetric(A, ConstraintSolver::kRankTolerance, &l)) return false;
-    }
-    for (int i = 0; i < 2 * S; ++i) {
-      delta[i] = 0.0;
-      for (int r = 0; r < k; ++r) delta[i] -= weighted[r][i] * scale[r] * l(r);
-    }
-    return true;
-  }
+  bool calcStiffProjection(const StateView& state, double h, double* delta);
 
   /// True when implicit steps may keep psi = 0 in their stages instead of C eta + c0 = 0: all
   /// constraints are of order 2.
@@ -426,14 +272,7 @@ class Drivetrain {
   /// the step (S x S; S values per constraint): P and D themselves turn with C, and 1/tau or 1/h
   /// times the turn would spill the one part over into the other. False where C has lost rank.
   bool calcStageResidual(const StateView& state, const double* eta, const SquareMatrix& P0,
-                         const SquareMatrix& D0, double* residual) {
-    double rate[kMaxShafts];
-    double v[kMaxShafts];
-    calcCovariantTorqueRate(state, rate);
-    inertia_.solve(rate, v);
-    for (int i = 0; i < S; ++i) v[i] = eta[i] - v[i];
-    return projectResidual(state, P0, D0, v, residual);
-  }
+                         const SquareMatrix& D0, double* residual);
 
   /// Its derivatives where it is zero and the multipliers are `Lambda`: by eta, P (`projector`),
   /// and by (phi, omega, epsilon), 3S directions of S values,
@@ -441,51 +280,20 @@ class Drivetrain {
   /// How J changes with the angles is left out: it is never stiff, and the derivatives steer
   /// Newton's iteration only.
   void calcStageDerivatives(const StateView& state, const double* Lambda, SquareMatrix& projector,
-                            SquareMatrix& pull, double* derivatives) {
-    double rates[3 * kMaxShafts * kMaxShafts] = {};
-    double psi_q[3 * kMaxShafts][kMaxRows] = {};
-    for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, rates);
-    addRowDerivatives(state, Lambda, rates, psi_q);
-    calcProjected(rates, psi_q, projector, pull, derivatives);
-  }
+                            SquareMatrix& pull, double* derivatives);
 
   /// The same one order lower, for the classical principle with constraints linear in epsilon: the
   /// stages' unknown is epsilon itself,
   ///     residual = P0 P (epsilon - epsilon_free) + D0 psi(t, phi, omega, epsilon),
   /// free of the 1/tau that epsilon(t, phi, omega) has in it.
   bool calcAccelerationResidual(const StateView& state, const SquareMatrix& P0,
-                                const SquareMatrix& D0, double* residual) {
-    double torque[kMaxShafts];
-    double v[kMaxShafts];
-    calcFreeTorque(state, torque);
-    inertia_.solve(torque, v);
-    for (int i = 0; i < S; ++i) v[i] = state.acceleration[i] - v[i];
-    return projectResidual(state, P0, D0, v, residual);
-  }
+                                const SquareMatrix& D0, double* residual);
   /// Its derivatives by (phi, omega), 2S directions of S values, where it is zero and the
   /// multipliers are `lambda`: -P J^-1 (Q_q + C_q^T lambda) + D psi_q. That by epsilon is
   /// P + D C = I.
   void calcAccelerationDerivatives(const StateView& state, const double* lambda,
                                    SquareMatrix& projector, SquareMatrix& pull,
-                                   double* derivatives) {
-    const int directions = 2 * S;
-    double torques[3 * kMaxShafts * kMaxShafts] = {};
-    double psi_q[3 * kMaxShafts][kMaxRows] = {};
-    const auto differentiate = [&](int q, const StateView& above, const StateView& below,
-                                   double width) {
-      if (q >= directions) return;
-      double upper[kMaxShafts];
-      double lower[kMaxShafts];
-      calcTorque(above, upper);
-      calcTorque(below, lower);
-      for (int i = 0; i < S; ++i) torques[q * S + i] = (upper[i] - lower[i]) / width;
-    };
-    forEachShift(state, S, differentiate, naturalSize());
-    addRowDerivatives(state, lambda, torques, psi_q);
-    double all[3 * kMaxShafts * kMaxShafts];
-    calcProjected(torques, psi_q, projector, pull, all);
-    std::copy_n(all, directions * S, derivatives);
-  }
+                                   double* derivatives);
 
   /// d eta/d(phi, omega, epsilon) at `state`, where the jerk is `eta` and the multipliers `Lambda`,
   /// for a constant inertia: 3S directions of S values each. Differentiating
@@ -494,44 +302,12 @@ class Drivetrain {
   ///     J eta_q - C^T Lambda_q = Q'_q + C_q^T Lambda,   C eta_q = -(c0_q + C_q eta).
   /// Needs calcRows at `state`.
   void calcJerkDerivatives(const StateView& state, const double* eta, const double* Lambda,
-                           double* derivatives) const {
-    const int directions = 3 * S;
-    std::fill_n(derivatives, directions * S, 0.0);
-    for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, derivatives);
-    double right[3 * kMaxShafts][kMaxRows] = {};
-    for (int m = 0; m < constraintCount(); ++m) {
-      double dC[3 * kMaxShafts * kMaxShafts];
-      double dc0[3 * kMaxShafts];
-      constraint(m).calcRowDerivatives(state, dC, dc0);
-      for (int q = 0; q < directions; ++q) {
-        double sum = dc0[q];
-        for (int i = 0; i < S; ++i) {
-          sum += dC[q * S + i] * eta[i];
-          derivatives[q * S + i] += dC[q * S + i] * Lambda[m];
-        }
-        right[q][m] = sum;
-      }
-    }
-    for (int q = 0; q < directions; ++q) {
-      double rate[kMaxShafts];
-      std::copy_n(derivatives + q * S, S, rate);
-      double* eta_q = derivatives + q * S;
-      inertia_.solve(rate, eta_q);
-      double Lambda_q[kMaxRows] = {};
-      if (constraintCount() > 0) solver_.constrain(right[q], eta_q, Lambda_q);
-    }
-  }
+                           double* derivatives) const;
 
   /// The least-reaction accelerations of the second-order forms linearised at `state`:
   ///     free - J^-1 C^T A^-1 (psi + C (free - epsilon)),
   /// as the correction to `free` (S values each). False where C has lost rank.
-  bool calcLinearizedReaction(const StateView& state, const double* free, double* delta) {
-    return calcCorrection(acceleration_rows_, &acceleration_solver_, delta, [&](int m, double* C) {
-      double residual = constraint(m).calcResidualAndJacobian(state, C);
-      for (int i = 0; i < S; ++i) residual += C[i] * (free[i] - state.acceleration[i]);
-      return residual;
-    });
-  }
+  bool calcLinearizedReaction(const StateView& state, const double* free, double* delta);
   /// Squared length of row r of accelerationRows() in the last acceleration projection.
   double accelerationRowLengthSquared(int r) const {
     return acceleration_solver_.rowLengthSquared(r);
@@ -541,18 +317,7 @@ class Drivetrain {
   /// onto the constraints: of each velocity and each acceleration (S values each). Residuals are
   /// evaluated beside the state, some roundings off in each of its parts. Needs the last
   /// projection's rows. Not cheap; for steps that seem too long.
-  void calcProjectionRounding(const StateView& state, double* velocity, double* acceleration) {
-    std::fill_n(velocity, S, 0.0);
-    std::fill_n(acceleration, S, 0.0);
-    addProjectionRounding(
-        state, velocity_rows_, velocity_solver_, velocity,
-        [&](int m, const StateView& at) { return constraint(m).calcResidual(at); });
-    addProjectionRounding(state, acceleration_rows_, acceleration_solver_, acceleration,
-                          [&](int m, const StateView& at) {
-                            double C[kMaxShafts];
-                            return constraint(m).calcResidualAndJacobian(at, C);
-                          });
-  }
+  void calcProjectionRounding(const StateView& state, double* velocity, double* acceleration);
   /// The constraint at which the last projection lost rank.
   int singularVelocityConstraint() const {
     return rowOf(velocity_rows_, velocity_solver_.singularRow());
@@ -565,33 +330,7 @@ class Drivetrain {
   ///     C d_epsilon + dpsi/du Delta_u = 0,   J d_epsilon = Delta_Q + C^T Lambda.
   /// False where C has lost rank; the rate is NaN then.
   bool calcJumpRate(const StateView& state, const double* torque_jump, const double* input_jump,
-                    double* rate) {
-    inertia_.solve(torque_jump, rate);
-    if (constraintCount() == 0) return true;
-    double c0[kMaxRows] = {};
-    for (int m = 0; m < constraintCount(); ++m) {
-      double unused;
-      const Constraint& row = constraint(m);
-      if (row.order() == 3) {
-        row.calcRow(state, solver_.row(m), &unused);
-      } else {
-        row.calcResidualAndJacobian(state, solver_.row(m));
-      }
-      c0[m] = 0.0;
-      if (row.readsInputs()) {
-        double Cu[kMaxInputs];
-        row.calcInputJacobian(state, inputCount(), Cu);
-        for (int i = 0; i < inputCount(); ++i) c0[m] += Cu[i] * input_jump[i];
-      }
-    }
-    if (!solver_.factor(inertia_)) {
-      for (int i = 0; i < S; ++i) rate[i] = std::numeric_limits<double>::quiet_NaN();
-      return false;
-    }
-    double Lambda[kMaxRows] = {};
-    solver_.constrain(c0, rate, Lambda);
-    return true;
-  }
+                    double* rate);
 
   /// What a kink of constraints of order 1 does to the accelerations: f' is f0'(e) = C0 e + b0
   /// `before` it and f1'(e) = C1 e + b1 `after`. A smooth f would go from the one to the other
@@ -600,66 +339,7 @@ class Drivetrain {
   ///     C(theta, e) = (1 - theta) C0(e) + theta C1(e),   J de/dtheta = C^T Lambda,
   ///     C de/dtheta + f1'(e) - f0'(e) = 0.
   /// Writes the change of epsilon (S values). False where C loses rank.
-  bool calcKinkJump(StateView before, StateView after, double* change) {
-    const double* begin = after.acceleration;
-    const int k = constraintCount();
-    const auto slope = [&](double theta, const double* moved, double* rate) {
-      double e[kMaxShafts];
-      double C[kMaxShafts];
-      double gap[kMaxRows] = {};
-      for (int i = 0; i < S; ++i) e[i] = begin[i] + moved[i];
-      before.acceleration = after.acceleration = e;
-      for (int m = 0; m < k; ++m) {
-        const Constraint& row = constraint(m);
-        double* mean = solver_.row(m);
-        double unused = 0.0;
-        if (row.order() == 3) {
-          row.calcRow(before, C, &unused);
-          row.calcRow(after, mean, &unused);
-        } else {
-          gap[m] = -row.calcResidualAndJacobian(before, C);
-          gap[m] += row.calcResidualAndJacobian(after, mean);
-        }
-        for (int i = 0; i < S; ++i) mean[i] = (1.0 - theta) * C[i] + theta * mean[i];
-      }
-      double Lambda[kMaxRows] = {};
-      std::fill_n(rate, S, 0.0);
-      if (!solver_.factor(inertia_)) return false;
-      solver_.constrain(gap, rate, Lambda);
-      return true;
-    };
-    // Of the classical Runge-Kutta method, for nothing here is stiff; where C does not turn one
-    // step is exact.
-    constexpr int kSteps = 200;
-    constexpr double kTurned = 1e-12;
-    double k1[kMaxShafts];
-    double k2[kMaxShafts];
-    double k3[kMaxShafts];
-    double k4[kMaxShafts];
-    double e[kMaxShafts];
-    std::fill_n(change, S, 0.0);
-    if (!slope(0.0, change, k1) || !slope(1.0, k1, k4)) return false;
-    double largest = 0.0;
-    double turn = 0.0;
-    for (int i = 0; i < S; ++i) {
-      largest = std::max(largest, std::abs(k1[i]));
-      turn = std::max(turn, std::abs(k4[i] - k1[i]));
-    }
-    const int steps = turn > kTurned * largest ? kSteps : 1;
-    const double h = 1.0 / steps;
-    for (int n = 0; n < steps; ++n) {
-      const double theta = n * h;
-      if (!slope(theta, change, k1)) return false;
-      for (int i = 0; i < S; ++i) e[i] = change[i] + 0.5 * h * k1[i];
-      if (!slope(theta + 0.5 * h, e, k2)) return false;
-      for (int i = 0; i < S; ++i) e[i] = change[i] + 0.5 * h * k2[i];
-      if (!slope(theta + 0.5 * h, e, k3)) return false;
-      for (int i = 0; i < S; ++i) e[i] = change[i] + h * k3[i];
-      if (!slope(theta + h, e, k4)) return false;
-      for (int i = 0; i < S; ++i) change[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
-    }
-    return true;
-  }
+  bool calcKinkJump(StateView before, StateView after, double* change);
 
   /// The jerk that keeps R = C^T lambda, i.e. the derivative of J epsilon + n - Q = C^T lambda:
   ///     (J - sum lambda_m H_m) eta - C^T lambda' = free torque rate + sum lambda_m D_m,
@@ -667,225 +347,46 @@ class Drivetrain {
   /// `lambda` (k values) is given; eta and the reaction rate R' = J eta - free torque rate are
   /// written (S values each). False when the system is singular.
   bool calcFormalJerk(const StateView& state, const double* lambda, double* eta,
-                      double* reaction_rate) {
-    double rate[kMaxShafts];
-    calcFreeTorqueRate(state, rate);
-    double right[kMaxShafts];
-    double c0[kMaxRows] = {};
-    double H[kMaxRows * kMaxShafts * kMaxShafts];
-    std::copy(rate, rate + S, right);
-    for (int m = 0; m < constraintCount(); ++m) {
-      double D[kMaxShafts];
-      constraint(m).calcRow(state, solver_.row(m), &c0[m]);
-      constraint(m).calcJacobianRate(state, D, H + m * S * S);
-      for (int i = 0; i < S; ++i) right[i] += lambda[m] * D[i];
-    }
-    if (!solveFormal(lambda, H, right, c0, eta)) return false;
-    inertia_.multiply(eta, reaction_rate);
-    for (int i = 0; i < S; ++i) reaction_rate[i] -= rate[i];
-    return true;
-  }
+                      double* reaction_rate);
 
   /// d epsilon / d theta of a jump along which R stays C^T lambda:
   ///     (J - sum lambda_m H_m) d_epsilon - C^T d_lambda = Delta_Q,  C d_epsilon + dpsi/du Delta_u
   ///     = 0.
   /// False when the system is singular; the rate is NaN then.
   bool calcFormalJumpRate(const StateView& state, const double* torque_jump,
-                          const double* input_jump, double* rate) {
-    if (!calcJumpRate(state, torque_jump, input_jump, rate)) return false;
-    double torque[kMaxShafts];
-    double reaction[kMaxShafts];
-    double lambda[kMaxRows] = {};
-    double H[kMaxRows * kMaxShafts * kMaxShafts];
-    double c0[kMaxRows] = {};
-    calcTorque(state, torque);
-    calcReaction(state, torque, reaction);
-    calcMultipliers(reaction, lambda);
-    for (int m = 0; m < constraintCount(); ++m) {
-      constraint(m).calcHessian(state, H + m * S * S);
-      // calcJumpRate has just made C d_epsilon = -dpsi/du Delta_u.
-      for (int i = 0; i < S; ++i) c0[m] -= solver_.row(m)[i] * rate[i];
-    }
-    if (solveFormal(lambda, H, torque_jump, c0, rate)) return true;
-    for (int i = 0; i < S; ++i) rate[i] = std::numeric_limits<double>::quiet_NaN();
-    return false;
-  }
+                          const double* input_jump, double* rate);
 
   /// lambda (k values) of the part of `reaction` in range(C^T): A lambda = C J^-1 R. Needs
   /// calcRows.
-  void calcMultipliers(const double* reaction, double* lambda) const {
-    double rest[kMaxShafts];
-    calcOutOfRange(reaction, lambda, rest);
-  }
+  void calcMultipliers(const double* reaction, double* lambda) const;
   /// The same, and `rest` = J^-1 (C^T lambda - R) (S values): by so much do accelerations change
   /// for R to lie in range(C^T). C rest = 0.
-  void calcOutOfRange(const double* reaction, double* lambda, double* rest) const {
-    constexpr double kZeros[kMaxRows] = {};
-    inertia_.solve(reaction, rest);
-    for (int i = 0; i < S; ++i) rest[i] = -rest[i];
-    solver_.constrain(kZeros, rest, lambda);
-  }
+  void calcOutOfRange(const double* reaction, double* lambda, double* rest) const;
 
   /// What is left of f, psi, or C eta + c0.
-  double calcResidual(int m, const StateView& state, const double* eta) const {
-    const Constraint& row = constraint(m);
-    if (row.order() < 3) return row.calcResidual(state);
-    double C[kMaxShafts];
-    double c0;
-    row.calcRow(state, C, &c0);
-    for (int i = 0; i < S; ++i) c0 += C[i] * eta[i];
-    return c0;
-  }
+  double calcResidual(int m, const StateView& state, const double* eta) const;
 
   /// Which component gives a value that is not finite at `state` (first torques, then constraints),
   /// for messages. Returns false when all are finite.
-  bool findNonFinite(const StateView& state, int* torque, int* row) const {
-    *torque = -1;
-    *row = -1;
-    for (std::size_t j = 0; j < torques_.size(); ++j) {
-      double value[kMaxShafts] = {};
-      double rate[kMaxShafts] = {};
-      torques_[j]->addTorque(state, value);
-      torques_[j]->addTorqueRate(state, rate);
-      for (int i = 0; i < S; ++i) {
-        if (!std::isfinite(value[i]) || !std::isfinite(rate[i])) {
-          *torque = static_cast<int>(j);
-          return true;
-        }
-      }
-    }
-    for (int m = 0; m < constraintCount(); ++m) {
-      double C[kMaxShafts];
-      double c0;
-      constraint(m).calcRow(state, C, &c0);
-      bool finite = std::isfinite(c0) && (constraint(m).order() == 3 ||
-                                          std::isfinite(constraint(m).calcResidual(state)));
-      for (int i = 0; i < S; ++i) finite = finite && std::isfinite(C[i]);
-      if (!finite) {
-        *row = m;
-        return true;
-      }
-    }
-    return false;
-  }
+  bool findNonFinite(const StateView& state, int* torque, int* row) const;
 
  private:
   /// C_q^T Lambda onto `rates` and psi_q, in all 3S directions; C into the solver's rows.
   void addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
-                         double (*psi_q)[kMaxRows]) {
-    const int directions = 3 * S;
-    for (int m = 0; m < constraintCount(); ++m) {
-      double dC[3 * kMaxShafts * kMaxShafts];
-      double dc0[3 * kMaxShafts];
-      ConstraintPartials partials;
-      constraint(m).calcRowDerivatives(state, dC, dc0);
-      constraint(m).calcPartials(state, partials);
-      for (int j = 0; j < S; ++j) {
-        psi_q[j][m] = partials.angle[j];
-        psi_q[S + j][m] = partials.velocity[j];
-        psi_q[2 * S + j][m] = partials.acceleration[j];
-        solver_.row(m)[j] = partials.acceleration[j];
-      }
-      for (int n = 0; n < directions * S; ++n) rates[n] += dC[n] * Lambda[m];
-    }
-  }
+                         double (*psi_q)[kMaxRows]);
   /// P0 P v + D0 psi at `state`. False where C has lost rank.
   bool projectResidual(const StateView& state, const SquareMatrix& P0, const SquareMatrix& D0,
-                       double* v, double* residual) {
-    double psi[kMaxRows] = {};
-    const double zeros[kMaxRows] = {};
-    for (int m = 0; m < constraintCount(); ++m) {
-      psi[m] = constraint(m).calcResidualAndJacobian(state, solver_.row(m));
-    }
-    if (!solver_.factor(inertia_)) return false;
-    double l[kMaxRows] = {};
-    solver_.constrain(zeros, v, l);
-    for (int i = 0; i < S; ++i) {
-      residual[i] = 0.0;
-      for (int j = 0; j < S; ++j) residual[i] += P0(i, j) * v[j];
-      for (int m = 0; m < constraintCount(); ++m) residual[i] += D0(i, m) * psi[m];
-    }
-    return true;
-  }
+                       double* v, double* residual);
   /// P and D of the solver's rows, and -P J^-1 rates_q + D psi_q in all 3S directions. P is NaN
   /// where C has lost rank.
   void calcProjected(const double* rates, const double (*psi_q)[kMaxRows], SquareMatrix& projector,
-                     SquareMatrix& pull, double* derivatives) {
-    const int directions = 3 * S;
-    if (!solver_.factor(inertia_)) {
-      projector.fill(std::numeric_limits<double>::quiet_NaN());
-      return;
-    }
-    // x + D (y - C x), the part of x that C leaves free and D y
-    const auto combine = [&](double* x, const double* y) {
-      double l[kMaxRows] = {};
-      solver_.multiply(x, l);
-      for (int m = 0; m < constraintCount(); ++m) l[m] = y[m] - l[m];
-      solver_.solve(l, l);
-      solver_.addReaction(l, x);
-    };
-    const double zeros[kMaxRows] = {};
-    for (int j = 0; j < S; ++j) {
-      double column[kMaxShafts] = {};
-      column[j] = 1.0;
-      combine(column, zeros);
-      for (int i = 0; i < S; ++i) projector(i, j) = column[i];
-    }
-    for (int m = 0; m < constraintCount(); ++m) {
-      double column[kMaxShafts] = {};
-      double unit[kMaxRows] = {};
-      unit[m] = 1.0;
-      combine(column, unit);
-      for (int i = 0; i < S; ++i) pull(i, m) = column[i];
-    }
-    for (int q = 0; q < directions; ++q) {
-      double* column = derivatives + q * S;
-      inertia_.solve(rates + q * S, column);
-      for (int i = 0; i < S; ++i) column[i] = -column[i];
-      combine(column, psi_q[q]);
-    }
-  }
+                     SquareMatrix& pull, double* derivatives);
 
-  static int countOrders(const Scene& scene, int highest) {
-    int count = 0;
-    for (const ConstraintPtr& constraint : scene.constraints) {
-      if (constraint->order() <= highest) ++count;
-    }
-    return count;
-  }
-  void note(const Dependence& dependence) {
-    reads_.time = reads_.time || dependence.time;
-    reads_.angle = reads_.angle || dependence.angle;
-  }
+  static int countOrders(const Scene& scene, int highest);
+  void note(const Dependence& dependence);
   /// reads_column_: a component of C that is zero at several states that have nothing in common is
   /// zero everywhere.
-  void findColumns() {
-    constexpr int kStates = 6;
-    double number = 0.5;
-    const auto next = [&number] {  // the golden ratio's multiples modulo 1: evenly spread
-      number += 0.6180339887498949;
-      number -= std::floor(number);
-      return 0.1 + 3.0 * number;
-    };
-    for (int n = 0; n < kStates; ++n) {
-      double x[3][kMaxShafts];
-      double input[3][kMaxInputs];
-      for (auto& part : x) {
-        for (double& value : part) value = (n % 2 == 0 ? 1.0 : -1.0) * next();
-      }
-      for (auto& part : input) {
-        for (double& value : part) value = next();
-      }
-      const StateView state{next(), x[0], x[1], x[2], input[0], input[1], input[2]};
-      if (!inertia_.isConstant()) inertia_.update(x[0]);
-      for (const Constraint* row : constraints_) {
-        double C[kMaxShafts];
-        double c0;
-        row->calcRow(state, C, &c0);
-        for (int i = 0; i < S; ++i) reads_column_[i] = reads_column_[i] || C[i] != 0.0;
-      }
-    }
-  }
+  void findColumns();
   template <class Law>
   void noteBranches(const Law& law, GuardOwner owner) {
     for (GuardPtr& guard : law.guards()) {
@@ -901,30 +402,7 @@ class Drivetrain {
 
   /// (J - sum lambda_m H_m) x - C^T y = right, C x = -c0, with the rows of C in solver_. Writes x.
   bool solveFormal(const double* lambda, const double* H, const double* right, const double* c0,
-                   double* x) const {
-    const int k = constraintCount();
-    DenseMatrix K = DenseMatrix::Zero(S + k, S + k);
-    DenseVector b = DenseVector::Zero(S + k);
-    for (int i = 0; i < S; ++i) {
-      b(i) = right[i];
-      for (int j = 0; j < S; ++j) K(i, j) = inertia_.entry(i, j);
-    }
-    for (int m = 0; m < k; ++m) {
-      b(S + m) = -c0[m];
-      for (int i = 0; i < S; ++i) {
-        K(S + m, i) = solver_.row(m)[i];
-        K(i, S + m) = -solver_.row(m)[i];
-        for (int j = 0; j < S; ++j) K(i, j) -= lambda[m] * H[(m * S + i) * S + j];
-      }
-    }
-    // y is as large as rows of C are near to each other, and what rounding of the factors makes of
-    // the zeros in K meets it: that is given back by solving for what is left.
-    constexpr int kRefinements = 2;
-    DenseVector solution;
-    if (!solveScaled(K, b, kRefinements, &solution)) return false;
-    for (int i = 0; i < S; ++i) x[i] = solution(i);
-    return true;
-  }
+                   double* x) const;
 
   /// |J^-1 C^T A^-1| times what rounding makes of the residuals of some constraints.
   template <class Evaluate>

@@ -77,14 +77,7 @@ class EnergyMeter {
   bool isTracked() const { return is_tracked_; }
 
   /// The motion begins at `start`, where C has the rows `rows`.
-  void begin(const StepNode& start, const Row* rows) {
-    start_kinetic_ = calcKinetic(start.x);
-    applied_ = applied_before_ = throughput_ = throughput_before_ = reactions_ = 0.0;
-    doubt_since_ = -1.0;
-    has_turned_ = false;
-    if (!is_watched_) return;
-    for (int m = 0; m < drivetrain_.constraintCount(); ++m) calcDirection(rows[m], directions_[m]);
-  }
+  void begin(const StepNode& start, const Row* rows);
 
   /// A step from `from` to `to` was accepted, at whose end C has the rows `rows`; `inside(theta,
   /// x)` is the state at from + theta (to - from). Q and Q' of both are known.
@@ -133,35 +126,13 @@ class EnergyMeter {
     return applied_before_ + calcWork(from, to, part, inside);
   }
   /// The same of a motion that came to rest at `from`, with the angles gone on to those of x.
-  double calcAppliedAtRest(const StepNode& from, const State& x) {
-    double Q[kMaxShafts];
-    drivetrain_.calcTorque(view(from.time, from.x), Q);
-    double work = 0.0;
-    for (int i = 0; i < S; ++i) work += Q[i] * (x[i] - from.x[i]);
-    return applied_ + work;
-  }
+  double calcAppliedAtRest(const StepNode& from, const State& x);
 
   /// Everything at `sample`, where the applied energy is `applied`.
-  Energy calcEnergy(const Sample& sample, double applied) {
-    Energy energy;
-    energy.kinetic = drivetrain_.calcKineticEnergy(sample.angle, sample.velocity);
-    energy.applied = applied;
-    energy.reactions = energy.kinetic - start_kinetic_ - applied;
-    for (int i = 0; i < S; ++i) {
-      energy.applied_power += sample.applied_torque[i] * sample.velocity[i];
-      energy.reaction_power += sample.reaction_torque[i] * sample.velocity[i];
-    }
-    return energy;
-  }
+  Energy calcEnergy(const Sample& sample, double applied);
   double startKinetic() const { return start_kinetic_; }
 
-  EnergyDoubt doubt() const {
-    EnergyDoubt doubt;
-    doubt.since = doubt_since_;
-    doubt.reactions = reactions_;
-    doubt.throughput = throughput_;
-    return doubt;
-  }
+  EnergyDoubt doubt() const;
 
  private:
   /// sum Q_i omega_i at a node, its rate, and sum |Q_i omega_i|.
@@ -170,21 +141,9 @@ class EnergyMeter {
     double rate = 0.0;
     double through = 0.0;
   };
-  Power powerOf(const StepNode& node) const {
-    Power power;
-    for (int i = 0; i < S; ++i) {
-      const double part = node.torque[i] * node.x[S + i];
-      power.value += part;
-      power.through += std::abs(part);
-      power.rate += node.torque_rate[i] * node.x[S + i] + node.torque[i] * node.dxdt[S + i];
-    }
-    return power;
-  }
+  Power powerOf(const StepNode& node) const;
 
-  StateView view(double t, const State& x) {
-    // Torques do not read accelerations.
-    return drivetrain_.view(t, x.data(), x.data() + S, x.data() + S);
-  }
+  StateView view(double t, const State& x);
   double calcKinetic(const State& x) {
     return drivetrain_.calcKineticEnergy(x.data(), x.data() + S);
   }
@@ -205,49 +164,14 @@ class EnergyMeter {
   }
   /// Trapezoid with end corrections, of order 4; without them where the rates are steeper than a
   /// step of this size can follow.
-  static double estimateWork(double h, const Power& begin, const Power& end) {
-    const double correction = h / 6.0 * (begin.rate - end.rate);
-    const double largest = std::max(std::abs(begin.value), std::abs(end.value));
-    const double sum = begin.value + end.value;
-    return 0.5 * h * (std::abs(correction) <= largest ? sum + correction : sum);
-  }
+  static double estimateWork(double h, const Power& begin, const Power& end);
 
   /// Row c of C in coordinates in which J is 1 (but for inertia coupling), as a unit vector.
-  void calcDirection(const double* c, double* direction) const {
-    double square = 0.0;
-    for (int i = 0; i < S; ++i) {
-      direction[i] = c[i] / std::sqrt(drivetrain_.inertia().entry(i, i));
-      square += direction[i] * direction[i];
-    }
-    const double scale = 1.0 / std::sqrt(square);
-    for (int i = 0; i < S; ++i) direction[i] *= scale;
-  }
-  bool haveRowsTurned(const Row* rows) const {
-    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-      double direction[kMaxShafts];
-      calcDirection(rows[m], direction);
-      double cosine = 0.0;
-      for (int i = 0; i < S; ++i) cosine += direction[i] * directions_[m][i];
-      if (1.0 - cosine * cosine > kTurned * kTurned) return true;
-    }
-    return false;
-  }
+  void calcDirection(const double* c, double* direction) const;
+  bool haveRowsTurned(const Row* rows) const;
   /// Has C turned since the start, and have the reactions brought or taken a part of the energy
   /// that nobody would leave aside?
-  void watch(const StepNode& node, const Row* rows) {
-    reactions_ = calcKinetic(node.x) - start_kinetic_ - applied_;
-    if (doubt_since_ >= 0.0) return;
-    if (!has_turned_) has_turned_ = haveRowsTurned(rows);
-    if (!has_turned_ || !(std::abs(reactions_) > kDoubtful * throughput_)) return;
-    // What the tolerance makes of T is nobody's energy.
-    double uncertain = 0.0;
-    for (int i = 0; i < S; ++i) {
-      const double omega = node.x[S + i];
-      uncertain += drivetrain_.inertia().entry(i, i) * std::abs(omega) * tolerance_.of(omega);
-    }
-    if (std::abs(reactions_) > kCertain * uncertain)
-      doubt_since_ = drivetrain_.origin() + node.time;
-  }
+  void watch(const StepNode& node, const Row* rows);
 
   /// The reactions' part of the applied energy that is worth a word.
   static constexpr double kDoubtful = 0.05;
