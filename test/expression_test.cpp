@@ -849,6 +849,10 @@ TEST(ExpressionErrors, LongAndDeepTextsEndInAnAnswer) {
     EXPECT_EQ(static_cast<std::size_t>(error.column()),
               kMaxNesting * piece.size() + piece.find('(') + 1);
   }
+  // Parentheses and calls are counted together.
+  const std::string both = "(-max(1,2^";
+  EXPECT_EQ(static_cast<std::size_t>(errorOf(repeat(both, kMany)).column()),
+            kMaxNesting / 2 * both.size() + 1);
   EXPECT_EQ(valueOf(repeat("-", kMany) + "x", 3.0), 3.0);
   EXPECT_EQ(valueOf(repeat("-", kMany + 1) + "x", 3.0), -3.0);
   EXPECT_EQ(valueOf("x" + repeat("^x", kMany), 1.0), 1.0);

@@ -1,10 +1,18 @@
-// The grammar is written with Boost.Spirit X3 and stands in parseGrammar's rules below; the actions
-// build nodes on a stack. Places where an error is possible end in an action that throws, because
-// x3::expectation_failure knows only the name of a rule, not what the user meant.
+// Recursive descent, one function for each rule:
+//   formula  = sum
+//   sum      = product { ( "+" | "-" ) product }
+//   product  = factor { ( "*" | "/" ) factor }
+//   factor   = signs power
+//   signs    = { "+" | "-" }
+//   power    = operand { "^" signs operand }
+//   operand  = number | name | call | "(" sum ")"
+//   call     = name "(" [ sum { "," sum } ] ")"
+//   number   = ( digits [ "." [ digits ] ] | "." digits ) [ ( "e" | "E" ) [ "+" | "-" ] digits ]
+// White space separates tokens and means nothing. Only parentheses recurse, and they are counted:
+// repetitions are loops, so that a long text needs no deep stack.
 #include "variator_sim/expression/parser.h"
 
 #include <algorithm>
-#include <boost/spirit/home/x3.hpp>
 #include <charconv>
 #include <cmath>
 #include <system_error>
@@ -16,8 +24,6 @@
 namespace variator_sim::expression {
 
 namespace {
-
-namespace x3 = boost::spirit::x3;
 
 struct Function {
   const char* name;
@@ -49,6 +55,10 @@ bool isDigit(char c) {
 }
 bool isNameStart(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+}
+
+bool isSpace(char c) {
+  return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\v' || c == '\f';
 }
 
 /// True for the bytes that continue a UTF-8 character.
@@ -87,42 +97,164 @@ std::string showPlace(const std::string& text, int column) {
          std::string(static_cast<std::size_t>(indent), ' ') + "^";
 }
 
-using Iterator = std::string::const_iterator;
-
-/// What the actions of the grammar work on.
-class Builder {
+/// Reads one text. A rule's function takes what the rule describes, makes its nodes and leaves the
+/// position at what comes next; it throws where that is impossible.
+class Parser {
  public:
-  Builder(const std::string& text, const SymbolTable& symbols, Graph& graph,
-          const NameExplainer& explain, const SymbolTable& linear)
+  Parser(const std::string& text, const SymbolTable& symbols, Graph& graph,
+         const NameExplainer& explain, const SymbolTable& linear)
       : text_(text), symbols_(symbols), graph_(graph), explain_(explain), linear_(linear) {}
 
-  Node result() const { return values_.back(); }
-
-  [[noreturn]] void fail(Iterator where, const std::string& message) const {
-    throw ExpressionError(message, text_, columnOf(text_, offsetOf(where)));
+  Node formula() {
+    moveTo(0);
+    const Node value = sum();
+    if (position_ != text_.size()) failOperator();
+    return value;
   }
 
-  /// The piece at `where` as a user would call it: a name, a number or one character in quotes.
-  std::string describe(Iterator where) const {
-    if (where == text_.end()) {
-      return "the end";
-    }
-    Iterator end = where + 1;
-    if (isNameStart(*where)) {
-      end = std::find_if(end, text_.end(), [](char c) { return !isNameStart(c) && !isDigit(c); });
-    } else if (isDigit(*where)) {
-      end = std::find_if(end, text_.end(), [](char c) { return !isDigit(c) && c != '.'; });
-    } else {
-      end = std::find_if(end, text_.end(), [](char c) { return !continuesCharacter(c); });
-    }
-    return "'" + std::string(where, end) + "'";
+ private:
+  // ------------------------------------------------------------------------------------------ text
+  /// To `offset` or, from white space, to the token behind it: the position is never in between.
+  void moveTo(std::size_t offset) {
+    position_ = offset;
+    while (position_ < text_.size() && isSpace(text_[position_])) ++position_;
   }
 
-  // ------------------------------------------------------------------------------------- operands
-  void pushNumber(Iterator begin, Iterator end) {
-    // Spirit's own real numbers may be off by a rounding; std::from_chars is exact.
+  bool isAt(std::size_t offset, char c) const {
+    return offset < text_.size() && text_[offset] == c;
+  }
+  bool isDigitAt(std::size_t offset) const {
+    return offset < text_.size() && isDigit(text_[offset]);
+  }
+
+  bool accept(char c) {
+    if (!isAt(position_, c)) return false;
+    moveTo(position_ + 1);
+    return true;
+  }
+
+  /// The first place from `offset` on at which there is no digit.
+  std::size_t skipDigits(std::size_t offset) const {
+    while (isDigitAt(offset)) ++offset;
+    return offset;
+  }
+
+  /// Where the name that begins at `offset` ends.
+  std::size_t endOfName(std::size_t offset) const {
+    while (offset < text_.size() && (isNameStart(text_[offset]) || isDigit(text_[offset]))) {
+      ++offset;
+    }
+    return offset;
+  }
+
+  bool beginsNumber(std::size_t offset) const {
+    return isDigitAt(offset) || (isAt(offset, '.') && isDigitAt(offset + 1));
+  }
+
+  /// Where the number that begins at `offset` ends.
+  std::size_t endOfNumber(std::size_t offset) const {
+    std::size_t end = skipDigits(offset);
+    if (isAt(end, '.')) end = skipDigits(end + 1);
+    if (isAt(end, 'e') || isAt(end, 'E')) {
+      const bool has_sign = isAt(end + 1, '+') || isAt(end + 1, '-');
+      const std::size_t power = end + (has_sign ? 2 : 1);
+      // Otherwise the letter is no part of the number, and number() says what is wrong with it.
+      if (isDigitAt(power)) end = skipDigits(power);
+    }
+    return end;
+  }
+
+  // ----------------------------------------------------------------------------------------- rules
+  Node sum() {
+    Node value = product();
+    for (;;) {
+      const std::size_t where = position_;
+      if (accept('+')) {
+        value = applyBinary(Operation::kAdd, value, product(), where);
+      } else if (accept('-')) {
+        value = applyBinary(Operation::kSubtract, value, product(), where);
+      } else {
+        return value;
+      }
+    }
+  }
+
+  Node product() {
+    Node value = factor();
+    for (;;) {
+      const std::size_t where = position_;
+      if (accept('*')) {
+        value = applyBinary(Operation::kMultiply, value, factor(), where);
+      } else if (accept('/')) {
+        value = applyBinary(Operation::kDivide, value, factor(), where);
+      } else {
+        return value;
+      }
+    }
+  }
+
+  Node factor() {
+    const bool is_negative = signs();
+    const Node value = power();
+    return is_negative ? graph_.negate(value) : value;
+  }
+
+  /// True when they make negative what they stand before.
+  bool signs() {
+    bool is_negative = false;
+    for (;;) {
+      if (accept('-')) {
+        is_negative = !is_negative;
+      } else if (!accept('+')) {
+        return is_negative;
+      }
+    }
+  }
+
+  /// a ^ +-b ^ +-c: from the right, each sign before its power is used as an exponent.
+  Node power() {
+    struct Exponent {
+      std::size_t where;  ///< its '^'
+      bool is_negative;
+      Node value;
+    };
+    Node base = operand();
+    std::vector<Exponent> exponents;
+    for (std::size_t where = position_; accept('^'); where = position_) {
+      const bool is_negative = signs();
+      exponents.push_back({where, is_negative, operand()});
+    }
+    while (!exponents.empty()) {
+      const Exponent last = exponents.back();
+      exponents.pop_back();
+      const Node exponent = last.is_negative ? graph_.negate(last.value) : last.value;
+      Node& raised = exponents.empty() ? base : exponents.back().value;
+      raised = applyBinary(Operation::kPower, raised, exponent, last.where);
+    }
+    return base;
+  }
+
+  Node operand() {
+    const std::size_t begin = position_;
+    if (beginsNumber(begin)) return number();
+    if (begin < text_.size() && isNameStart(text_[begin])) {
+      const std::size_t end = endOfName(begin);
+      moveTo(end);
+      const std::string name = text_.substr(begin, end - begin);
+      return isAt(position_, '(') ? call(name, begin) : variable(name, begin);
+    }
+    if (!accept('(')) failOperand();
+    beginParenthesis(begin);
+    const Node value = sum();
+    endParenthesis();
+    return value;
+  }
+
+  Node number() {
+    const std::size_t begin = position_;
+    const std::size_t end = endOfNumber(begin);
+    const std::string digits = text_.substr(begin, end - begin);
     double value = 0.0;
-    const std::string digits(begin, end);
     const auto [stop, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
     if (error == std::errc::result_out_of_range) {
       fail(begin, "the number " + digits + " is too large or too small for double precision");
@@ -130,161 +262,79 @@ class Builder {
     if (error != std::errc() || stop != digits.data() + digits.size()) {
       fail(begin, "'" + digits + "' is not a number");
     }
-    if (end != text_.end() && (isNameStart(*end) || *end == '.')) {
+    if (end < text_.size() && (isNameStart(text_[end]) || text_[end] == '.')) {
       fail(end, "unexpected " + describe(end) + " after the number " + digits +
-                    (*end == '.' ? "" : " (a product needs its '*')"));
+                    (text_[end] == '.' ? "" : " (a product needs its '*')"));
     }
-    values_.push_back(graph_.constant(value));
+    moveTo(end);
+    return graph_.constant(value);
   }
 
-  void beginName(Iterator begin, Iterator end) {
-    name_ = std::string(begin, end);
-    name_begin_ = begin;
-  }
-
-  void pushVariable() {
-    const auto symbol = symbols_.find(name_);
-    if (symbol != symbols_.end()) {
-      values_.push_back(symbol->second);
-    } else if (name_ == "pi") {
-      values_.push_back(graph_.constant(kPi));
-    } else if (findFunction(name_) != nullptr) {
-      fail(name_begin_, "the function '" + name_ + "' needs its arguments in parentheses");
-    } else {
-      failUnknown(name_begin_);
+  /// `name` was taken from `where`; it has no arguments.
+  Node variable(const std::string& name, std::size_t where) {
+    const auto symbol = symbols_.find(name);
+    if (symbol != symbols_.end()) return symbol->second;
+    if (name == "pi") return graph_.constant(kPi);
+    if (findFunction(name) != nullptr) {
+      fail(where, "the function '" + name + "' needs its arguments in parentheses");
     }
+    failUnknown(name, where);
   }
 
-  // ---------------------------------------------------------------------- parentheses and
-  // functions
-  void beginParenthesis(Iterator where) {
+  /// `name` was taken from `where`; its arguments come next.
+  Node call(const std::string& name, std::size_t where) {
+    const Function* function = findFunction(name);
+    if (function == nullptr) failUnknownFunction(name, where);
+    const std::size_t opening = position_;
+    accept('(');
+    beginParenthesis(opening);
+    std::vector<Node> arguments;
+    if (!isAt(position_, ')')) {
+      do {
+        arguments.push_back(sum());
+      } while (accept(','));
+    }
+    endParenthesis();
+    return applyFunction(*function, arguments, where);
+  }
+
+  /// Behind a '(' at `where`.
+  void beginParenthesis(std::size_t where) {
     if (++nesting_ > kMaxNesting) {
       fail(where, "nested deeper than " + std::to_string(kMaxNesting) + " levels");
     }
   }
-  void endParenthesis() { --nesting_; }
-
-  void beginCall(Iterator where) {
-    const Function* function = findFunction(name_);
-    if (function == nullptr) {
-      if (symbols_.count(name_) != 0 || name_ == "pi") {
-        fail(name_begin_, "'" + name_ + "' is not a function (a product needs its '*')");
-      }
-      std::string hint = explain_ ? explain_(name_) : "";
-      if (hint.empty()) {
-        hint = "functions are " + joinNames(functionNames());
-      }
-      fail(name_begin_,
-           "unknown function '" + name_ + "'" + suggestName(name_, functionNames()) + "; " + hint);
-    }
-    beginParenthesis(where);
-    calls_.push_back({function, name_begin_, values_.size()});
+  void endParenthesis() {
+    if (!accept(')')) failOperator();
+    --nesting_;
   }
 
-  void endCall() {
-    const Call call = calls_.back();
-    calls_.pop_back();
-    endParenthesis();
-    const std::size_t given = values_.size() - call.first_argument;
-    const auto needed = static_cast<std::size_t>(operandCount(call.function->operation));
-    if (given != needed) {
-      fail(call.where, "the function '" + std::string(call.function->name) + "' takes " +
-                           std::to_string(needed) + (needed == 1 ? " argument" : " arguments") +
-                           ", not " + std::to_string(given));
-    }
-    const Node* arguments = values_.data() + call.first_argument;
-    const Node value =
-        graph_.make(call.function->operation, arguments[0], needed > 1 ? arguments[1] : Node{});
-    if (value != arguments[0] && readsLinear(value)) failNotLinear(call.where, value);
-    values_.resize(call.first_argument);
-    values_.push_back(checked(value, call.where));
-  }
-
-  // ------------------------------------------------------------------------------------- operators
-  void operatorAt(Iterator where) { operators_.push_back(where); }
-  void applyBinary(Operation operation) {
-    const Node right = values_.back();
-    values_.pop_back();
+  // --------------------------------------------------------------------------------------- meaning
+  Node applyBinary(Operation operation, Node left, Node right, std::size_t where) {
     if (operation == Operation::kDivide && graph_.isConstant(right, 0.0)) {
-      fail(operators_.back(), "division by zero");
+      fail(where, "division by zero");
     }
-    const Node left = values_.back();
     const Node value = graph_.make(operation, left, right);
     const bool bends = operation == Operation::kMultiply ? readsLinear(left) && readsLinear(right)
                        : operation == Operation::kDivide
                            ? readsLinear(right)
                            : operation == Operation::kPower && value != left;
-    if (bends && readsLinear(value)) failNotLinear(operators_.back(), value);
-    values_.back() = checked(value, operators_.back());
-    operators_.pop_back();
+    if (bends && readsLinear(value)) failNotLinear(where, value);
+    return checked(value, where);
   }
 
-  void beginSigns() { negative_.push_back(false); }
-  void flipSign() { negative_.back() = !negative_.back(); }
-  void applySign() {
-    if (negative_.back()) {
-      values_.back() = graph_.negate(values_.back());
+  Node applyFunction(const Function& function, const std::vector<Node>& arguments,
+                     std::size_t where) {
+    const auto needed = static_cast<std::size_t>(operandCount(function.operation));
+    if (arguments.size() != needed) {
+      fail(where, "the function '" + std::string(function.name) + "' takes " +
+                      std::to_string(needed) + (needed == 1 ? " argument" : " arguments") +
+                      ", not " + std::to_string(arguments.size()));
     }
-    negative_.pop_back();
-  }
-
-  void beginPower() { powers_.push_back(values_.size()); }
-  /// a ^ +-b ^ +-c: from the right, each sign before its power is used as an exponent.
-  void endPower() {
-    const std::size_t base = powers_.back();
-    powers_.pop_back();
-    while (values_.size() > base + 1) {
-      applySign();
-      applyBinary(Operation::kPower);
-    }
-  }
-
-  // ---------------------------------------------------------------------------------------- errors
-  [[noreturn]] void failOperand(Iterator where) const {
-    const bool after_star =
-        where != text_.begin() && where != text_.end() && *where == '*' && *(where - 1) == '*';
-    if (after_star) {
-      fail(where - 1, "'**' is not an operator here: write '^' for powers");
-    }
-    if (std::all_of(text_.begin(), text_.end(), [](char c) { return isSpace(c); })) {
-      fail(text_.begin(), "the formula is empty");
-    }
-    fail(where, "expected a number, a name or '(' instead of " + describe(where));
-  }
-
-  [[noreturn]] void failOperator(Iterator where) const {
-    const std::string closing = nesting_ > 0 ? "')'" : "the end";
-    if (where != text_.end()) {
-      if (*where == ')' && nesting_ == 0) {
-        fail(where, "')' without its '('");
-      }
-      if (isNameStart(*where) || isDigit(*where) || *where == '(' || *where == '.') {
-        fail(where,
-             "expected an operator before " + describe(where) + " (a product needs its '*')");
-      }
-      if (*where == ',') {
-        fail(where, "',' separates arguments of functions only");
-      }
-      if (*where == '=') {
-        fail(where, "'=' is not an operator: a formula is a value");
-      }
-    }
-    fail(where, "expected an operator or " + closing + " instead of " + describe(where));
-  }
-
-  static bool isSpace(char c) {
-    return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\v' || c == '\f';
-  }
-
- private:
-  struct Call {
-    const Function* function;
-    Iterator where;
-    std::size_t first_argument;
-  };
-
-  std::size_t offsetOf(Iterator where) const {
-    return static_cast<std::size_t>(where - text_.begin());
+    const Node value =
+        graph_.make(function.operation, arguments[0], needed > 1 ? arguments[1] : Node{});
+    if (value != arguments[0] && readsLinear(value)) failNotLinear(where, value);
+    return checked(value, where);
   }
 
   /// Whether one of `linear_` occurs in `node`.
@@ -303,7 +353,95 @@ class Builder {
     return reads_linear_[static_cast<std::size_t>(node.index)];
   }
 
-  [[noreturn]] void failNotLinear(Iterator where, Node value) const {
+  Node checked(Node value, std::size_t where) const {
+    if (graph_.isConstant(value) && !std::isfinite(graph_.constantValue(value))) {
+      fail(where, "the value of this constant part is not finite");
+    }
+    return value;
+  }
+
+  // ---------------------------------------------------------------------------------------- errors
+  [[noreturn]] void fail(std::size_t where, const std::string& message) const {
+    throw ExpressionError(message, text_, columnOf(text_, where));
+  }
+
+  /// The piece at `where` as a user would call it: a name, a number or one character in quotes.
+  std::string describe(std::size_t where) const {
+    if (where == text_.size()) return "the end";
+    std::size_t end = where + 1;
+    if (isNameStart(text_[where])) {
+      end = endOfName(end);
+    } else if (isDigit(text_[where])) {
+      while (isDigitAt(end) || isAt(end, '.')) ++end;
+    } else {
+      while (end < text_.size() && continuesCharacter(text_[end])) ++end;
+    }
+    return "'" + text_.substr(where, end - where) + "'";
+  }
+
+  /// No operand begins here.
+  [[noreturn]] void failOperand() const {
+    if (position_ > 0 && isAt(position_, '*') && isAt(position_ - 1, '*')) {
+      fail(position_ - 1, "'**' is not an operator here: write '^' for powers");
+    }
+    if (std::all_of(text_.begin(), text_.end(), isSpace)) {
+      fail(0, "the formula is empty");
+    }
+    fail(position_, "expected a number, a name or '(' instead of " + describe(position_));
+  }
+
+  /// Behind an operand, what comes next does not continue the formula.
+  [[noreturn]] void failOperator() const {
+    if (position_ != text_.size()) {
+      const char c = text_[position_];
+      if (c == ')' && nesting_ == 0) {
+        fail(position_, "')' without its '('");
+      }
+      if (isNameStart(c) || isDigit(c) || c == '(' || c == '.') {
+        fail(position_,
+             "expected an operator before " + describe(position_) + " (a product needs its '*')");
+      }
+      if (c == ',') {
+        fail(position_, "',' separates arguments of functions only");
+      }
+      if (c == '=') {
+        fail(position_, "'=' is not an operator: a formula is a value");
+      }
+    }
+    const std::string closing = nesting_ > 0 ? "')'" : "the end";
+    fail(position_, "expected an operator or " + closing + " instead of " + describe(position_));
+  }
+
+  [[noreturn]] void failUnknown(const std::string& name, std::size_t where) const {
+    const std::string explanation = explain_ ? explain_(name) : "";
+    if (!explanation.empty()) {
+      fail(where, "unknown name '" + name + "': " + explanation);
+    }
+    std::vector<std::string> names;
+    for (const auto& symbol : symbols_) {
+      names.push_back(symbol.first);
+    }
+    names.emplace_back("pi");
+    const std::string known = joinNames(names);
+    for (const std::string& function : functionNames()) {
+      names.push_back(function);
+    }
+    fail(where, "unknown name '" + name + "'" + suggestName(name, names) + "; known are " + known);
+  }
+
+  [[noreturn]] void failUnknownFunction(const std::string& name, std::size_t where) const {
+    if (symbols_.count(name) != 0 || name == "pi") {
+      fail(where, "'" + name + "' is not a function (a product needs its '*')");
+    }
+    std::string hint = explain_ ? explain_(name) : "";
+    if (hint.empty()) {
+      hint = "functions are " + joinNames(functionNames());
+    }
+    fail(where,
+         "unknown function '" + name + "'" + suggestName(name, functionNames()) + "; " + hint);
+  }
+
+  [[noreturn]] void failNotLinear(std::size_t where, Node value) const {
     std::string names;
     for (const auto& [name, variable] : linear_) {
       if (!graph_.dependsOn(value, graph_.entry(variable).slot)) continue;
@@ -313,125 +451,16 @@ class Builder {
                     " here (a constraint of order 3 is C(t, phi, w, e) j + c0 = 0)");
   }
 
-  Node checked(Node value, Iterator where) const {
-    if (graph_.isConstant(value) && !std::isfinite(graph_.constantValue(value))) {
-      fail(where, "the value of this constant part is not finite");
-    }
-    return value;
-  }
-
-  [[noreturn]] void failUnknown(Iterator where) const {
-    const std::string explanation = explain_ ? explain_(name_) : "";
-    if (!explanation.empty()) {
-      fail(where, "unknown name '" + name_ + "': " + explanation);
-    }
-    std::vector<std::string> names;
-    for (const auto& symbol : symbols_) {
-      names.push_back(symbol.first);
-    }
-    names.emplace_back("pi");
-    const std::string known = joinNames(names);
-    for (const std::string& name : functionNames()) {
-      names.push_back(name);
-    }
-    fail(where,
-         "unknown name '" + name_ + "'" + suggestName(name_, names) + "; known are " + known);
-  }
-
   const std::string& text_;
   const SymbolTable& symbols_;
   Graph& graph_;
   const NameExplainer& explain_;
   const SymbolTable& linear_;
 
-  std::vector<bool> reads_linear_;  ///< of the nodes of the graph, as far as asked for
-  std::string name_;
-  Iterator name_begin_;
+  std::size_t position_ = 0;
   int nesting_ = 0;
-  std::vector<Node> values_;
-  std::vector<Call> calls_;
-  std::vector<Iterator> operators_;
-  std::vector<bool> negative_;
-  std::vector<std::size_t> powers_;
+  std::vector<bool> reads_linear_;  ///< of the nodes of the graph, as far as asked for
 };
-
-// --------------------------------------------------------------------------------------- grammar
-namespace grammar {
-
-// Lower-case names: the rules read as a grammar, and BOOST_SPIRIT_DEFINE wants rule and rule_def.
-// NOLINTBEGIN(readability-identifier-naming)
-
-struct BuilderTag;
-
-/// The state that the actions share.
-template <typename Context>
-Builder& builder(const Context& context) {
-  return x3::get<BuilderTag>(context);
-}
-/// Where an action runs: behind what its parser took.
-template <typename Context>
-Iterator place(const Context& context) {
-  return x3::_where(context).begin();
-}
-
-// Actions of the same shape: a call of a Builder's method.
-const auto kPushNumber = [](auto& context) {
-  builder(context).pushNumber(x3::_attr(context).begin(), x3::_attr(context).end());
-};
-const auto kBeginName = [](auto& context) {
-  builder(context).beginName(x3::_attr(context).begin(), x3::_attr(context).end());
-};
-const auto kPushVariable = [](auto& context) { builder(context).pushVariable(); };
-const auto kBeginParenthesis = [](auto& context) {
-  builder(context).beginParenthesis(place(context) - 1);
-};
-const auto kEndParenthesis = [](auto& context) { builder(context).endParenthesis(); };
-const auto kBeginCall = [](auto& context) { builder(context).beginCall(place(context) - 1); };
-const auto kEndCall = [](auto& context) { builder(context).endCall(); };
-const auto kOperator = [](auto& context) { builder(context).operatorAt(place(context) - 1); };
-const auto kAdd = [](auto& context) { builder(context).applyBinary(Operation::kAdd); };
-const auto kSubtract = [](auto& context) { builder(context).applyBinary(Operation::kSubtract); };
-const auto kMultiply = [](auto& context) { builder(context).applyBinary(Operation::kMultiply); };
-const auto kDivide = [](auto& context) { builder(context).applyBinary(Operation::kDivide); };
-const auto kBeginSigns = [](auto& context) { builder(context).beginSigns(); };
-const auto kFlipSign = [](auto& context) { builder(context).flipSign(); };
-const auto kApplySign = [](auto& context) { builder(context).applySign(); };
-const auto kBeginPower = [](auto& context) { builder(context).beginPower(); };
-const auto kEndPower = [](auto& context) { builder(context).endPower(); };
-const auto kFailOperand = [](auto& context) { builder(context).failOperand(place(context)); };
-const auto kFailOperator = [](auto& context) { builder(context).failOperator(place(context)); };
-
-const x3::rule<class SumRule> sum = "sum";
-
-const auto digits = +x3::char_('0', '9');
-const auto mantissa = digits >> -(x3::lit('.') >> -digits) | x3::lit('.') >> digits;
-const auto exponent = x3::char_("eE") >> -x3::char_("+-") >> digits;
-const auto number = x3::raw[x3::lexeme[mantissa >> -exponent]];
-const auto name_start = x3::char_('a', 'z') | x3::char_('A', 'Z') | x3::char_('_');
-const auto name = x3::raw[x3::lexeme[name_start >> *(name_start | x3::char_('0', '9'))]];
-
-const auto close = x3::lit(')') | x3::eps[kFailOperator];
-const auto arguments = x3::lit(')')[kEndCall] | (sum % ',' >> close >> x3::eps[kEndCall]);
-const auto operand = number[kPushNumber] |
-                     name[kBeginName] >>
-                         (x3::lit('(')[kBeginCall] >> arguments | x3::eps[kPushVariable]) |
-                     x3::lit('(')[kBeginParenthesis] >> sum >> close >> x3::eps[kEndParenthesis] |
-                     x3::eps[kFailOperand];
-const auto signs = x3::eps[kBeginSigns] >> *(x3::lit('+') | x3::lit('-')[kFlipSign]);
-const auto power = x3::eps[kBeginPower] >> operand >>
-                   *(x3::lit('^')[kOperator] >> signs >> operand) >> x3::eps[kEndPower];
-const auto factor = signs >> power >> x3::eps[kApplySign];
-const auto product = factor >> *(x3::lit('*')[kOperator] >> factor >> x3::eps[kMultiply] |
-                                 x3::lit('/')[kOperator] >> factor >> x3::eps[kDivide]);
-const auto sum_def = product >> *(x3::lit('+')[kOperator] >> product >> x3::eps[kAdd] |
-                                  x3::lit('-')[kOperator] >> product >> x3::eps[kSubtract]);
-BOOST_SPIRIT_DEFINE(sum)
-
-const auto formula = sum >> (x3::eoi | x3::eps[kFailOperator]);
-const auto space = x3::char_(" \t\n\r\v\f");
-// NOLINTEND(readability-identifier-naming)
-
-}  // namespace grammar
 
 // ---------------------------------------------------------------------------- formulas of a scene
 
@@ -515,11 +544,7 @@ bool isValidName(const std::string& name) {
 
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
            const NameExplainer& explain, const SymbolTable& linear) {
-  Builder state(text, symbols, graph, explain, linear);
-  Iterator position = text.begin();
-  x3::phrase_parse(position, text.end(), x3::with<grammar::BuilderTag>(state)[grammar::formula],
-                   grammar::space);
-  return state.result();
+  return Parser(text, symbols, graph, explain, linear).formula();
 }
 
 Node readFormula(ComponentContext& context, const std::string& key, FormulaKind kind,
