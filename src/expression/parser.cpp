@@ -18,6 +18,7 @@
 #include <system_error>
 #include <utility>
 
+#include "function_table.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/nearest_name.h"
 
@@ -25,29 +26,7 @@ namespace variator_sim::expression {
 
 namespace {
 
-struct Function {
-  const char* name;
-  Operation operation;
-};
-
-constexpr Function kFunctions[] = {
-    {"abs", Operation::kAbs},   {"acos", Operation::kAcos},   {"asin", Operation::kAsin},
-    {"atan", Operation::kAtan}, {"atan2", Operation::kAtan2}, {"cos", Operation::kCos},
-    {"cosh", Operation::kCosh}, {"exp", Operation::kExp},     {"log", Operation::kLog},
-    {"max", Operation::kMax},   {"min", Operation::kMin},     {"pow", Operation::kPower},
-    {"sign", Operation::kSign}, {"sin", Operation::kSin},     {"sinh", Operation::kSinh},
-    {"sqrt", Operation::kSqrt}, {"tan", Operation::kTan},     {"tanh", Operation::kTanh}};
-
 constexpr double kPi = 3.14159265358979323846;
-
-const Function* findFunction(const std::string& name) {
-  for (const Function& function : kFunctions) {
-    if (name == function.name) {
-      return &function;
-    }
-  }
-  return nullptr;
-}
 
 // std::isalpha and friends depend on the locale.
 bool isDigit(char c) {
@@ -528,14 +507,6 @@ ExpressionError::ExpressionError(const std::string& message, const std::string& 
     : std::runtime_error(message + " at column " + std::to_string(column) +
                          showPlace(text, column)),
       column_(column) {}
-
-std::vector<std::string> functionNames() {
-  std::vector<std::string> names;
-  for (const Function& function : kFunctions) {
-    names.emplace_back(function.name);
-  }
-  return names;
-}
 
 bool isValidName(const std::string& name) {
   return !name.empty() && isNameStart(name.front()) &&

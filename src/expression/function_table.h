@@ -1,0 +1,18 @@
+/// The functions that formulas can call.
+#pragma once
+
+#include <string>
+
+#include "variator_sim/expression/graph.h"
+
+namespace variator_sim::expression {
+
+struct Function {
+  const char* name;
+  Operation operation;
+};
+
+/// The function of that name, or nullptr. parser.h has the list of names.
+const Function* findFunction(const std::string& name);
+
+}  // namespace variator_sim::expression
