@@ -18,6 +18,7 @@
 #include <system_error>
 #include <utility>
 
+#include "characters.h"
 #include "function_table.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/nearest_name.h"
@@ -28,52 +29,12 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-// std::isalpha and friends depend on the locale.
-bool isDigit(char c) {
-  return c >= '0' && c <= '9';
-}
-bool isNameStart(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
-}
-
-bool isSpace(char c) {
-  return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\v' || c == '\f';
-}
-
-/// True for the bytes that continue a UTF-8 character.
-bool continuesCharacter(char c) {
-  return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U;
-}
-
 int columnOf(const std::string& text, std::size_t offset) {
   int column = 1;
   for (std::size_t i = 0; i < std::min(offset, text.size()); ++i) {
     column += continuesCharacter(text[i]) ? 0 : 1;
   }
   return column;
-}
-
-/// Two lines: the text around `column`, cut to fit a terminal, and a caret below it.
-std::string showPlace(const std::string& text, int column) {
-  constexpr int kBefore = 50;
-  constexpr int kAfter = 25;
-  std::string shown;
-  int position = 0;
-  bool cut_before = false;
-  bool cut_after = false;
-  for (const char c : text) {
-    position += continuesCharacter(c) ? 0 : 1;
-    if (position < column - kBefore) {
-      cut_before = true;
-    } else if (position > column + kAfter) {
-      cut_after = true;
-    } else {
-      shown += c == '\n' || c == '\r' || c == '\t' ? ' ' : c;
-    }
-  }
-  const int indent = cut_before ? kBefore + 3 : column - 1;
-  return "\n  " + std::string(cut_before ? "..." : "") + shown + (cut_after ? "..." : "") + "\n  " +
-         std::string(static_cast<std::size_t>(indent), ' ') + "^";
 }
 
 /// Reads one text. A rule's function takes what the rule describes, makes its nodes and leaves the
@@ -502,11 +463,6 @@ void checkParameterName(const std::string& name, const std::string& path) {
 }
 
 }  // namespace
-
-ExpressionError::ExpressionError(const std::string& message, const std::string& text, int column)
-    : std::runtime_error(message + " at column " + std::to_string(column) +
-                         showPlace(text, column)),
-      column_(column) {}
 
 bool isValidName(const std::string& name) {
   return !name.empty() && isNameStart(name.front()) &&

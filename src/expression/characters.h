@@ -1,0 +1,22 @@
+/// What a character of a formula is. std::isalpha and friends depend on the locale.
+#pragma once
+
+namespace variator_sim::expression {
+
+inline bool isDigit(char c) {
+  return c >= '0' && c <= '9';
+}
+inline bool isNameStart(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+}
+
+inline bool isSpace(char c) {
+  return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\v' || c == '\f';
+}
+
+/// True for the bytes that continue a UTF-8 character.
+inline bool continuesCharacter(char c) {
+  return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U;
+}
+
+}  // namespace variator_sim::expression
