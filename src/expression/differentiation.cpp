@@ -1,0 +1,329 @@
+// Derivatives, and what they need to know of growth.
+#include <cmath>
+#include <utility>
+
+#include "variator_sim/expression/graph.h"
+
+namespace variator_sim::expression {
+
+namespace {
+
+/// Powers that are not near their limit even where their base overflows: 1e308^0.01 is 1200.
+bool isSlowPower(double exponent) {
+  return std::abs(exponent) < 0.1;
+}
+
+}  // namespace
+
+// ---------------------------------------------------------------------------------------- traits
+
+// Longer than a screen, as the list of operations is.
+Graph::Traits Graph::findTraits(const Entry& entry) const {
+  Traits all;   // what holds for each operand
+  Traits some;  // what holds for one of them
+  all.is_positive = all.is_not_negative = true;
+  const int count = operandCount(entry.operation);
+  // Of a select the first two are compared only.
+  for (int i = entry.operation == Operation::kSelect ? 2 : 0; i < count; ++i) {
+    const Traits& operand = traits({entry.operands[i]});
+    all.is_positive = all.is_positive && operand.is_positive;
+    all.is_not_negative = all.is_not_negative && operand.is_not_negative;
+    some.is_positive = some.is_positive || operand.is_positive;
+    some.is_not_negative = some.is_not_negative || operand.is_not_negative;
+    some.has_growth = some.has_growth || operand.has_growth;
+    some.may_overflow = some.may_overflow || operand.may_overflow;
+    some.may_have_pole = some.may_have_pole || operand.may_have_pole;
+  }
+  const auto grow = [&some] {
+    some.has_growth = some.may_overflow = true;
+    some.may_have_pole = false;  // where a pole is an argument, growth outweighs it
+  };
+  Traits& it = some;
+  const bool one_is_positive = some.is_positive;
+  const bool one_is_not_negative = some.is_not_negative;
+  it.is_positive = it.is_not_negative = false;
+  const bool is_square = count == 2 && entry.operands[0] == entry.operands[1];
+  switch (entry.operation) {
+    case Operation::kConstant:
+      it.is_positive = entry.value > 0.0;
+      it.is_not_negative = entry.value >= 0.0;
+      break;
+    case Operation::kAdd:
+      it.is_positive = one_is_positive && all.is_not_negative;
+      it.is_not_negative = all.is_not_negative;
+      break;
+    case Operation::kMultiply:
+      it.is_positive = all.is_positive;
+      it.is_not_negative = all.is_not_negative || is_square;
+      break;
+    case Operation::kDivide: {
+      const Node divisor = {entry.operands[1]};
+      it.is_positive = all.is_positive;
+      it.is_not_negative = all.is_not_negative;
+      if (!traits(divisor).is_positive && !isConstant(divisor)) it.may_have_pole = true;
+      break;
+    }
+    case Operation::kPower: {
+      const Node base = {entry.operands[0]};
+      const Node exponent = {entry.operands[1]};
+      it.is_positive = it.is_not_negative = traits(base).is_positive;
+      if (!isConstant(exponent)) {
+        const bool may_be_zero = !traits(base).is_positive;
+        grow();
+        it.may_have_pole = may_be_zero;
+      } else if (isSlowPower(constantValue(exponent)) ||
+                 (constantValue(exponent) < 0.0 && !traits(base).is_positive)) {
+        it.may_have_pole = true;
+      }
+      break;
+    }
+    case Operation::kExp:
+    case Operation::kCosh:
+      it.is_positive = it.is_not_negative = true;
+      grow();
+      break;
+    case Operation::kSinh:
+      grow();
+      break;
+    case Operation::kSin:
+    case Operation::kCos:
+    case Operation::kAsin:
+    case Operation::kAcos:
+    case Operation::kAtan:
+    case Operation::kAtan2:
+    case Operation::kTanh:
+    case Operation::kSign:
+      it.may_overflow = it.may_have_pole = false;
+      break;
+    case Operation::kLog:
+      it.may_have_pole = true;
+      break;
+    case Operation::kSqrt:
+      it.is_positive = all.is_positive;
+      it.is_not_negative = true;
+      break;
+    case Operation::kAbs:
+      it.is_not_negative = true;
+      it.is_positive = all.is_positive;
+      break;
+    case Operation::kMax:
+      it.is_positive = one_is_positive;
+      it.is_not_negative = one_is_not_negative;
+      break;
+    case Operation::kMin:
+    case Operation::kSelect:
+      it.is_positive = all.is_positive;
+      it.is_not_negative = all.is_not_negative;
+      break;
+    default:  // variables, differences, ..: of any sign
+      break;
+  }
+  return it;
+}
+
+// ----------------------------------------------------------------------------------- derivatives
+
+// A zero here is a derivative that vanishes by the rules, whatever the point: dropping its product
+// keeps the true derivative also where the other factor is infinite or NaN (that point makes the
+// formula itself NaN or infinite). A zero that the user wrote is left to run time by multiply().
+Node Graph::product(Node a, Node b) {
+  if (isConstant(a, 0.0) || isConstant(b, 0.0)) {
+    return constant(0.0);
+  }
+  if (isConstant(b)) {
+    std::swap(a, b);
+  }
+  // c1 (c2 x) = (c1 c2) x: another rounding, of a derivative only.
+  if (isConstant(a) && entry(b).operation == Operation::kMultiply && isConstant(operand(b, 0))) {
+    const double factor = constantValue(a) * constantValue(operand(b, 0));
+    if (std::isnormal(factor)) {
+      return multiply(constant(factor), operand(b, 1));
+    }
+  }
+  return multiply(a, b);
+}
+
+Node Graph::quotient(Node a, Node b) {
+  return isConstant(a, 0.0) ? constant(0.0) : divide(a, b);
+}
+
+Node Graph::difference(Node a, Node b) {
+  return a == b ? constant(0.0) : subtract(a, b);
+}
+
+Node Graph::whereFinite(Node node, Node value) {
+  return isConstant(value, 0.0) ? value : make(Operation::kWhereFinite, node, value);
+}
+
+// 1/b, atan(b), b^-2, .. with b = 1 + exp(x): where b has overflowed they are at their limit, to
+// all digits, and no x moves them. Not so at a pole: 1/(1/x) is x at 0, too. So nothing is said
+// where b may have one.
+Node Graph::insideLimit(Node node, Node derivative) {
+  const Traits& it = traits(node);
+  return it.may_overflow && !it.may_have_pole ? whereFinite(node, derivative) : derivative;
+}
+
+// A power of two: it rounds nothing. exp(x) x' stays finite as long as exp(x) does, for x' up to
+// 1e30; third derivatives, made in its cube, keep their digits down to 1e-217.
+double Graph::scaleFor(Node node) const {
+  return traits(node).has_growth ? 0x1p-100 : 1.0;
+}
+
+Node Graph::deriveFunction(Node node, Node da) {
+  if (isConstant(da, 0.0)) {
+    return da;
+  }
+  const Node a = operand(node, 0);
+  switch (entry(node).operation) {
+    case Operation::kAtan:
+    case Operation::kTanh:
+    case Operation::kExp:
+      da = insideLimit(a, da);
+      break;
+    default:
+      break;
+  }
+  const Node one = constant(1.0);
+  switch (entry(node).operation) {
+    case Operation::kSin:  // cos(a) a'
+      return product(make(Operation::kCos, a), da);
+    case Operation::kCos:  // -sin(a) a'
+      return negate(product(make(Operation::kSin, a), da));
+    case Operation::kTan:  // (1 + tan(a)^2) a'
+      return product(add(one, multiply(node, node)), da);
+    case Operation::kAsin:  // a' / sqrt((1 - a)(1 + a)): no cancellation near |a| = 1
+      return quotient(da, make(Operation::kSqrt, multiply(subtract(one, a), add(one, a))));
+    case Operation::kAcos:
+      return negate(quotient(da, make(Operation::kSqrt, multiply(subtract(one, a), add(one, a)))));
+    case Operation::kAtan:  // a' / (1 + a^2)
+      return quotient(da, add(one, multiply(a, a)));
+    case Operation::kSinh:
+      return product(make(Operation::kCosh, a), da);
+    case Operation::kCosh:
+      return product(make(Operation::kSinh, a), da);
+    case Operation::kTanh:  // (1 - tanh(a)^2) a': exact to round-off of 1, and tanh is at hand
+      return product(subtract(one, multiply(node, node)), da);
+    case Operation::kExp:
+      return product(node, da);
+    case Operation::kLog:  // a' / a
+      return quotient(da, a);
+    case Operation::kSqrt:  // a' / (2 sqrt(a))
+      return quotient(product(constant(0.5), da), node);
+    case Operation::kAbs:
+      return product(make(Operation::kSign, a), da);
+    default:  // sign: 0 away from its jump
+      return constant(0.0);
+  }
+}
+
+Node Graph::derivePower(Node node, Node da, Node db) {
+  const Node a = operand(node, 0);
+  const Node b = operand(node, 1);
+  // (a^b)' = b a^(b-1) a' + a^b log(a) b'. Each term only if its derivative is not zero by the
+  // rules: a^c has a derivative also at a <= 0, where log(a) has no value.
+  Node derivative = constant(0.0);
+  if (isConstant(b) && !isSlowPower(constantValue(b))) {
+    da = insideLimit(a, da);
+  }
+  db = insideLimit(b, db);
+  if (!isConstant(da, 0.0)) {
+    const Node slope = product(b, power(a, subtract(b, constant(1.0))));
+    derivative = product(slope, da);
+  }
+  if (!isConstant(db, 0.0)) {
+    derivative = add(derivative, product(node, product(make(Operation::kLog, a), db)));
+  }
+  return derivative;
+}
+
+Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivatives& derivatives) {
+  const Entry it = entry(node);  // a copy: making nodes moves the entries
+  const auto derivative_of = [&](int position) {
+    return derivatives[static_cast<std::size_t>(it.operands[position])];
+  };
+  const Node a = {it.operands[0]};
+  const Node b = {it.operands[1]};
+  switch (it.operation) {
+    case Operation::kConstant:
+      return constant(0.0);
+    case Operation::kVariable: {
+      Node rate = constant(0.0);
+      for (const Rate& candidate : rates) {
+        if (candidate.first == it.slot) {
+          rate = add(rate, candidate.second);
+        }
+      }
+      return rate;
+    }
+    case Operation::kNegate:
+      return negate(derivative_of(0));
+    case Operation::kAdd:
+      return add(derivative_of(0), derivative_of(1));
+    case Operation::kSubtract:
+      return difference(derivative_of(0), derivative_of(1));
+    case Operation::kMultiply:
+      if (a == b) {
+        return product(constant(2.0), product(a, derivative_of(0)));
+      }
+      return add(product(derivative_of(0), b), product(a, derivative_of(1)));
+    case Operation::kDivide:  // q = a/b: q' = (a' - q b')/b
+      return quotient(difference(derivative_of(0), product(node, insideLimit(b, derivative_of(1)))),
+                      b);
+    case Operation::kPower:
+      return derivePower(node, derivative_of(0), derivative_of(1));
+    case Operation::kAtan2:  // (b a' - a b')/(a^2 + b^2)
+      return quotient(difference(product(b, insideLimit(a, derivative_of(0))),
+                                 product(a, insideLimit(b, derivative_of(1)))),
+                      add(multiply(a, a), multiply(b, b)));
+    case Operation::kWhereFinite:
+      return whereFinite(a, derivative_of(1));
+    case Operation::kMin:
+      return select(a, b, derivative_of(0), derivative_of(1));
+    case Operation::kMax:
+      return select(b, a, derivative_of(0), derivative_of(1));
+    case Operation::kSelect:
+      return select(a, b, derivative_of(2), derivative_of(3));
+    default:
+      return deriveFunction(node, derivative_of(0));
+  }
+}
+
+void Graph::deriveInto(Node node, const std::vector<Rate>& rates, Derivatives& derivatives) {
+  const auto count = static_cast<std::size_t>(node.index) + 1;
+  if (derivatives.size() < count) {
+    derivatives.resize(count);
+  }
+  if (derivatives[count - 1].index >= 0) {
+    return;
+  }
+  const std::vector<bool> reachable = findReachable({node});
+  for (std::size_t i = 0; i < count; ++i) {
+    if (reachable[i] && derivatives[i].index < 0) {
+      derivatives[i] = deriveOne({static_cast<int>(i)}, rates, derivatives);
+    }
+  }
+}
+
+Node Graph::differentiate(Node node, int slot) {
+  const double scale = scaleFor(node);
+  // Moved out meanwhile: nothing below may see a half-filled table twice.
+  Derivatives derivatives = std::move(partials_[{slot, scale}]);
+  deriveInto(node, {{slot, constant(scale)}}, derivatives);
+  const Node derivative = derivatives[static_cast<std::size_t>(node.index)];
+  partials_[{slot, scale}] = std::move(derivatives);
+  return product(constant(1.0 / scale), derivative);
+}
+
+Node Graph::totalDerivative(Node node, const std::vector<Rate>& rates) {
+  const double scale = scaleFor(node);
+  std::vector<Rate> scaled;
+  scaled.reserve(rates.size());
+  for (const Rate& rate : rates) {
+    scaled.emplace_back(rate.first, product(constant(scale), rate.second));
+  }
+  Derivatives derivatives;
+  deriveInto(node, scaled, derivatives);
+  return product(constant(1.0 / scale), derivatives[static_cast<std::size_t>(node.index)]);
+}
+
+}  // namespace variator_sim::expression
