@@ -1,4 +1,5 @@
-/// The instructions of a Tape.
+/// The instructions of a Tape: tape_compiler.cpp writes them, tape_interpreter.cpp carries them
+/// out.
 #pragma once
 
 namespace variator_sim::expression {

@@ -5,14 +5,12 @@
 //      roundings stay those of the separate operations;
 //   3. schedule: what the longest remaining chain waits for goes first;
 //   4. allocate: a register is free again after its last reader.
-#include "variator_sim/expression/tape.h"
-
 #include <algorithm>
-#include <array>
-#include <cmath>
+#include <initializer_list>
 #include <stdexcept>
 
 #include "instruction_set.h"
+#include "variator_sim/expression/tape.h"
 
 namespace variator_sim::expression {
 
@@ -70,25 +68,7 @@ int latencyOf(int code) {
   }
 }
 
-/// Sine and cosine of one argument; glibc computes both in little more than the time of one, with
-/// the bits of sin() and cos().
-void computeSinCos(double x, double* sine, double* cosine) {
-#if defined(__GLIBC__) && defined(_GNU_SOURCE)
-  ::sincos(x, sine, cosine);
-#else
-  *sine = std::sin(x);
-  *cosine = std::cos(x);
-#endif
-}
-
-double selectOf(double a, double b, double yes, double no) {
-  const double operands[4] = {a, b, yes, no};
-  return evaluateOperation(Operation::kSelect, operands);
-}
-
 }  // namespace
-
-// ------------------------------------------------------------------------------------ compilation
 
 class TapeBuilder {
  public:
@@ -374,122 +354,5 @@ class TapeBuilder {
 Tape::Tape(const Graph& graph, const std::vector<Node>& outputs) {
   TapeBuilder(graph, outputs, *this);
 }
-
-// ------------------------------------------------------------------------------------- evaluation
-
-// Computed goto, a language extension of GCC and Clang: every instruction jumps to the next one
-// itself, so that the processor predicts each jump by its own history. On the row of a variator
-// (benchmark/expression_benchmark.cpp) a switch in a loop took 12 % longer when evaluations overlap
-// and as long when each waits for the last; on programs of a few instructions it was up to 4 %
-// faster.
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wpedantic"
-
-#define VARIATOR_SIM_APPLY_0(x, y) ((x) + (y))
-#define VARIATOR_SIM_APPLY_1(x, y) ((x) - (y))
-#define VARIATOR_SIM_APPLY_2(x, y) ((x) * (y))
-#define VARIATOR_SIM_APPLY_3(x, y) ((x) / (y))
-
-// Everything that has a label, in the order of the codes above.
-// clang-format off
-#define VARIATOR_SIM_PAIRS(X) X(0) X(1) X(2) X(3)
-#define VARIATOR_SIM_TRIADS_OF(X, o1)                 \
-  X(o1, 0, t + C) X(o1, 1, t - C) X(o1, 2, C - t)     \
-  X(o1, 3, t * C) X(o1, 4, t / C) X(o1, 5, C / t)     \
-  X(o1, 6, -t)
-#define VARIATOR_SIM_TRIADS(X)                              \
-  VARIATOR_SIM_TRIADS_OF(X, 0) VARIATOR_SIM_TRIADS_OF(X, 1) \
-  VARIATOR_SIM_TRIADS_OF(X, 2) VARIATOR_SIM_TRIADS_OF(X, 3)
-#define VARIATOR_SIM_QUADS_OF(X, o1, o2) X(o1, o2, 0) X(o1, o2, 1) X(o1, o2, 2) X(o1, o2, 3)
-#define VARIATOR_SIM_QUADS_FROM(X, o1)                            \
-  VARIATOR_SIM_QUADS_OF(X, o1, 0) VARIATOR_SIM_QUADS_OF(X, o1, 1) \
-  VARIATOR_SIM_QUADS_OF(X, o1, 2) VARIATOR_SIM_QUADS_OF(X, o1, 3)
-#define VARIATOR_SIM_QUADS(X)                                 \
-  VARIATOR_SIM_QUADS_FROM(X, 0) VARIATOR_SIM_QUADS_FROM(X, 1) \
-  VARIATOR_SIM_QUADS_FROM(X, 2) VARIATOR_SIM_QUADS_FROM(X, 3)
-// clang-format on
-
-#define VARIATOR_SIM_PAIR_LABEL(o1) &&pair_##o1,
-#define VARIATOR_SIM_TRIAD_LABEL(o1, form, value) &&triad_##o1##_##form,
-#define VARIATOR_SIM_QUAD_LABEL(o1, o2, o3) &&quad_##o1##_##o2##_##o3,
-#define VARIATOR_SIM_FUNCTION_LABEL(name, value) &&function_##name,
-
-#define VARIATOR_SIM_NEXT \
-  ++it;                   \
-  goto* kLabels[it->code]
-#define VARIATOR_SIM_PAIR(o1)                      \
-  pair_##o1 : {                                    \
-    r[it->result] = VARIATOR_SIM_APPLY_##o1(A, B); \
-    VARIATOR_SIM_NEXT;                             \
-  }
-#define VARIATOR_SIM_TRIAD(o1, form, value)         \
-  triad_##o1##_##form : {                           \
-    const double t = VARIATOR_SIM_APPLY_##o1(A, B); \
-    r[it->result] = value;                          \
-    VARIATOR_SIM_NEXT;                              \
-  }
-#define VARIATOR_SIM_QUAD(o1, o2, o3)                                                          \
-  quad_##o1##_##o2##_##o3 : {                                                                  \
-    r[it->result] =                                                                            \
-        VARIATOR_SIM_APPLY_##o2(VARIATOR_SIM_APPLY_##o1(A, B), VARIATOR_SIM_APPLY_##o3(C, D)); \
-    VARIATOR_SIM_NEXT;                                                                         \
-  }
-#define VARIATOR_SIM_FUNCTION(name, value) \
-  function_##name : {                      \
-    r[it->result] = value;                 \
-    VARIATOR_SIM_NEXT;                     \
-  }
-#define A r[it->operands[0]]
-#define B r[it->operands[1]]
-#define C r[it->operands[2]]
-#define D r[it->operands[3]]
-
-void Tape::evaluate(const StateView& state, double* outputs) const noexcept {
-  static const void* const kLabels[] = {
-      // clang-format off
-      VARIATOR_SIM_PAIRS(VARIATOR_SIM_PAIR_LABEL)
-      VARIATOR_SIM_TRIADS(VARIATOR_SIM_TRIAD_LABEL)
-      VARIATOR_SIM_QUADS(VARIATOR_SIM_QUAD_LABEL)
-      VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_FUNCTION_LABEL)
-      &&sine_and_cosine,
-      &&finish
-      // clang-format on
-  };
-  static_assert(sizeof kLabels / sizeof kLabels[0] == kCodeCount, "one label per instruction code");
-
-  const double* const sources[] = {&state.time,        state.angle, state.velocity,
-                                   state.acceleration, state.input, state.input_rate};
-  double* const r = registers_.data();
-  for (const Load& load : loads_) {
-    r[load.to] = sources[load.source][load.index];
-  }
-  if (program_.empty()) {
-    return;
-  }
-  const Instruction* it = program_.data();
-  goto* kLabels[it->code];
-
-  // clang-format off
-  VARIATOR_SIM_PAIRS(VARIATOR_SIM_PAIR)
-  VARIATOR_SIM_TRIADS(VARIATOR_SIM_TRIAD)
-  VARIATOR_SIM_QUADS(VARIATOR_SIM_QUAD)
-  VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_FUNCTION)
-  // clang-format on
-
-sine_and_cosine:
-  computeSinCos(A, &r[it->result], &B);
-  VARIATOR_SIM_NEXT;
-
-finish:
-  for (std::size_t i = 0; i < output_registers_.size(); ++i) {
-    outputs[i] = r[output_registers_[i]];
-  }
-}
-
-#undef A
-#undef B
-#undef C
-#undef D
-#pragma GCC diagnostic pop
 
 }  // namespace variator_sim::expression
