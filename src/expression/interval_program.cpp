@@ -106,6 +106,7 @@ Interval select(const Interval& left, const Interval& right, const Interval& yes
   return {std::min(yes.low, no.low), std::max(yes.high, no.high)};
 }
 
+// Longer than a screen, as the list of operations is.
 Interval evaluateOperation(Operation operation, const Interval& a, const Interval& b,
                            const Interval& c, const Interval& d) {
   switch (operation) {
