@@ -66,7 +66,7 @@ class Drivetrain {
 
   // --- inputs ----------------------------------------------------------------------------------
   void resetInputs();
-  CommandSignal& signal(int input) { return signals_[input]; }
+  CommandSignal& signal(int input) { return signals_[static_cast<std::size_t>(input)]; }
   const double* inputs() const { return input_; }
   const double* inputRates() const { return input_rate_; }
   const double* inputSecondRates() const { return input_second_rate_; }

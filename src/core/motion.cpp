@@ -3,10 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
-#include <string>
 #include <utility>
-#include <vector>
 
 namespace variator_sim {
 
@@ -14,32 +11,17 @@ Motion::Motion(Scene scene)
     : scene_(std::move(scene)),
       own_system_(makeSystem(scene_)),
       system_(*own_system_),
-      S(system_.shafts()),
-      integrates_torque_(system_.integratesTorque()),
       drivetrain_(system_.drivetrain()),
-      choice_(system_, scene_.solver),
-      stepper_(&choice_.stepper()),
-      tolerance_{scene_.solver.absolute_tolerance, scene_.solver.relative_tolerance},
-      checks_(system_, tolerance_, choice_.isFixed()),
-      energy_(system_, scene_, tolerance_),
-      control_(1),
-      rest_(system_),
-      left_at_sleep_end_(system_.size()),
-      start_(system_.size()),
-      base_(system_),
-      front_(system_),
-      dxdt_new_(system_.size()) {
-  guards_.setGuards(
-      drivetrain_.guards(),
-      [this](double time, const double* angle, const double* velocity, const double* acceleration) {
-        return drivetrain_.view(relative(time), angle, velocity, acceleration);
-      });
-  if (guards_.hasJumps()) system_.watch(&watch_);
-  startOver();
-  if (initial_result_ == InitialResult::kInconsistent ||
-      initial_result_ == InitialResult::kNotFound || initial_result_ == InitialResult::kNotUnique ||
-      initial_result_ == InitialResult::kDoubtful) {
-    throwInitialError();
+      integrator_(system_, scene_),
+      energy_(system_, scene_,
+              {scene_.solver.absolute_tolerance, scene_.solver.relative_tolerance}),
+      commands_(scene_.inputs),
+      start_(system_),
+      first_(system_.size()) {
+  reset();
+  if (start_.result == InitialResult::kInconsistent || start_.result == InitialResult::kNotFound ||
+      start_.result == InitialResult::kNotUnique || start_.result == InitialResult::kDoubtful) {
+    throwInitialError(system_, scene_, start_);
   }
 }
 
@@ -52,7 +34,7 @@ std::vector<std::string> Motion::skips() const {
   if (drivetrain_.inertia().isConstant()) {
     skips.emplace_back("inertial torques and connection (J is constant)");
   }
-  if (system_.size() == 2 * S) {
+  if (!system_.integratesTorque()) {
     skips.emplace_back(
         "torque rates in the stages and stepped accelerations (the principle gives them)");
   }
@@ -60,61 +42,241 @@ std::vector<std::string> Motion::skips() const {
     skips.emplace_back(scene_.solver.sleep ? "anything at rest until a command (no explicit time)"
                                            : "derivatives by time (no explicit time)");
   }
-  if (system_.isSpecialized())
+  if (system_.isSpecialized()) {
     skips.emplace_back("loops over shafts and constraints (two and one)");
+  }
   return skips;
 }
 
-const Statistics& Motion::statistics() const {
-  statistics_.right_hand_sides = drivetrain_.rightHandSides();
-  statistics_.newton_iterations = drivetrain_.newtonIterations();
-  statistics_.stepper_switches = choice_.switches();
-  return statistics_;
+const Statistics& Motion::statistics() {
+  Statistics& statistics = integrator_.statistics();
+  statistics.right_hand_sides = drivetrain_.rightHandSides();
+  statistics.newton_iterations = drivetrain_.newtonIterations();
+  statistics.stepper_switches = integrator_.choice().switches();
+  return statistics;
+}
+
+void Motion::calcConstraintRow(int m, double* C) {
+  const StepNode& front = integrator_.front();
+  double c0;
+  drivetrain_.constraint(m).calcRow(system_.view(front.time, front.x), C, &c0);
+}
+
+// --- start -----------------------------------------------------------------------------------
+
+void Motion::reset() {
+  time_ = 0.0;
+  sample_valid_ = false;
+  commands_.reset();
+  drivetrain_.resetInputs();
+  integrator_.reset();
+  if (knows_first_) {
+    // The accelerations of least reaction are the same every time; commands come later.
+    start_.result = InitialResult::kConsistent;
+    integrator_.beginAt(first_);
+    return;
+  }
+  start();
+  // (Where accelerations are no part of the state, a start also leaves guesses of them.)
+  knows_first_ =
+      system_.integratesTorque() && start_.result == InitialResult::kConsistent && status().ok();
+  first_ = integrator_.front().x;
+}
+
+void Motion::start() {
+  sample_valid_ = false;
+  start_.x.fill(0.0);
+  start_.result = system_.start(start_.x, start_.nearest, &start_.velocities_at_fault);
+  if (start_.result == InitialResult::kConsistent) {
+    integrator_.beginFirstAt(start_.x);
+  } else {
+    integrator_.beginNowhere(start_.x, diagnoseStart(system_, start_));
+  }
+}
+
+// --- the present -----------------------------------------------------------------------------
+
+bool Motion::isInsideStep() const {
+  const double front = integrator_.front().time;
+  return integrator_.base().time < front && present() != front;
 }
 
 const MotionStatus& Motion::advanceTo(double time) {
-  if (!(time > time_)) return status_;
+  if (!(time > time_)) return status();
   try {
     return advance(time);
   } catch (...) {
     // Plugins do not throw; one that does leaves a motion that can go on from its last step.
-    front_ = base_;
-    time_ = absolute(front_.time);
-    restart();
+    integrator_.stepBack();
+    time_ = integrator_.origin().absolute(integrator_.front().time);
+    integrator_.restart();
     throw;
   }
 }
 
-double Motion::quietUntil() const {
-  if (!status_.ok() || pending_count_ > 0) return time_;
-  double reached = absolute(front_.time);
-  if (relative(reached) > front_.time) reached = std::nextafter(reached, 0.0);
-  return std::max(time_, std::min(reached, nextTimeout()));
+const MotionStatus& Motion::advance(double time) {
+  carryOutCommands();
+  if (integrator_.isStart()) energy_.begin(integrator_.front(), integrator_.rows());
+  integrator_.leaveStart();
+  // Commands that fail to come in time act on their own; they are events of the motion.
+  for (double timeout = commands_.nextTimeout(); status().ok() && timeout <= time;
+       timeout = commands_.nextTimeout()) {
+    moveTo(timeout);
+    if (status().ok()) {
+      integrator_.statistics().command_timeouts +=
+          static_cast<std::uint64_t>(commands_.addTimeouts(time_, roundingOf(time_)));
+    }
+    if (timeout < time) carryOutCommands();
+  }
+  moveTo(time);
+  return status();
 }
 
-const Sample& Motion::sample() {
-  if (status_.ok()) applyPending();
-  if (!sample_valid_) {
-    State x = front_.x;
-    if (sleeping_) {
-      calcRest(present(), x);
-    } else if (isInsideStep()) {
-      sampleInside(x);
+void Motion::moveTo(double time) {
+  if (!status().ok()) return;
+  const auto relative = [&] { return integrator_.origin().relative(time); };
+  bool goes_on = true;
+  while (goes_on && integrator_.front().time < relative()) {
+    if (integrator_.isSleeping()) {
+      if (relative() < integrator_.sleepEnd()) break;
+      StepNode end = integrator_.front();
+      end.time = integrator_.sleepEnd();
+      integrator_.calcRest(end.time, end.x);
+      cutEnergy(end);
+      goes_on = integrator_.finishSleep();
+    } else {
+      goes_on = integrator_.step();
     }
-    system_.calcSample(present(), x, &sample_);
-    // A law that fails once is asked again; a value that does not exist ends the motion.
-    if (!isSampleFinite()) system_.calcSample(present(), x, &sample_);
-    sample_.time = time_;
-    if (!isSampleFinite() && status_.ok()) {
-      stop(StopReason::kNonFiniteValue);
-      nameBadValue(present(), x);
-      status_.time = time_;
+    if (goes_on) {
+      energy_.noteStep(integrator_.base(), integrator_.front(), integrator_.rows(),
+                       [this](double theta, State& x) { integrator_.calcInside(theta, x); });
     }
-    sample_valid_ = true;
-    if (energy_.isTracked()) sample_.energy = energy_.calcEnergy(sample_, calcApplied());
   }
+  time_ = goes_on ? time : status().time;
+  sample_valid_ = false;
+}
+
+double Motion::quietUntil() const {
+  if (!status().ok() || !commands_.isEmpty()) return time_;
+  const TimeOrigin& origin = integrator_.origin();
+  const double front = integrator_.front().time;
+  double reached = origin.absolute(front);
+  if (origin.relative(reached) > front) reached = std::nextafter(reached, 0.0);
+  return std::max(time_, std::min(reached, commands_.nextTimeout()));
+}
+
+// --- commands --------------------------------------------------------------------------------
+
+double Motion::roundingOf(double time) {
+  return 4.0 * std::numeric_limits<double>::epsilon() * std::abs(time);
+}
+
+CommandResult Motion::command(int input, double value) {
+  Statistics& statistics = integrator_.statistics();
+  const CommandInputSettings& settings = scene_.inputs[static_cast<std::size_t>(input)];
+  if (!std::isfinite(value)) {
+    ++statistics.commands_refused;
+    return CommandResult::kRefused;
+  }
+  const double clamped = std::min(settings.maximum, std::max(settings.minimum, value));
+  commands_.add(input, clamped, time_);
+  sample_valid_ = false;
+  ++statistics.commands_accepted;
+  if (clamped == value) return CommandResult::kAccepted;
+  ++statistics.commands_clamped;
+  return CommandResult::kClamped;
+}
+
+bool Motion::isAnyCommandNew() const {
+  for (int n = 0; n < commands_.count(); ++n) {
+    if (drivetrain_.signal(commands_[n].input).target() != commands_[n].value) return true;
+  }
+  return false;
+}
+
+void Motion::carryOutCommands() {
+  if (commands_.isEmpty() || !status().ok()) return;
+  if (integrator_.isStart()) {
+    carryOutInitialCommands();
+    return;
+  }
+  const bool is_any_new = isAnyCommandNew();
+  const CommandQueue queue = commands_;
+  commands_.clear();
+  if (!is_any_new) return;  // the motion goes on as if nothing had come
+  integrator_.noteCommand(time_);
+
+  StepNode reached = integrator_.front();
+  if (integrator_.isSleeping() || isInsideStep()) {
+    if (!integrator_.reach(present(), &reached)) {
+      time_ = status().time;
+      return;
+    }
+    cutEnergy(reached);
+  }
+  integrator_.cutAt(time_, reached);
+  sample_valid_ = false;
+  double u0[kMaxInputs];
+  std::copy_n(drivetrain_.inputs(), drivetrain_.inputCount(), u0);
+  drivetrain_.saveSignals();
+  bool jumps = false;
+  for (int n = 0; n < queue.count(); ++n) {
+    const int input = queue[n].input;
+    CommandSignal& signal = drivetrain_.signal(input);
+    if (signal.target() == queue[n].value) continue;
+    jumps = signal.command(scene_.inputs[static_cast<std::size_t>(input)], 0.0, queue[n].value,
+                           roundingOf(time_)) ||
+            jumps;
+  }
+  if (jumps && !integrator_.jump(u0)) {
+    integrator_.stepBack();  // the last good state: before these commands
+    drivetrain_.restoreSignals(0.0);
+    return;
+  }
+  integrator_.restart();
+}
+
+void Motion::carryOutInitialCommands() {
+  for (int n = 0; n < commands_.count(); ++n) {
+    const int input = commands_[n].input;
+    drivetrain_.signal(input).command(scene_.inputs[static_cast<std::size_t>(input)], 0.0,
+                                      commands_[n].value);
+  }
+  commands_.clear();
+  drivetrain_.refreshInputs(0.0);
+  start();
+}
+
+// --- samples ---------------------------------------------------------------------------------
+
+const Sample& Motion::sample() {
+  if (status().ok()) carryOutCommands();
+  if (!sample_valid_) takeSample();
   return sample_;
 }
+
+void Motion::takeSample() {
+  State x(system_.size());
+  if (!integrator_.calcState(present(), x)) time_ = status().time;
+  system_.calcSample(present(), x, &sample_);
+  // A law that fails once is asked again; a value that does not exist ends the motion.
+  if (!isSampleFinite()) system_.calcSample(present(), x, &sample_);
+  sample_.time = time_;
+  if (!isSampleFinite() && status().ok()) integrator_.stopAtBadValue(time_, present(), x);
+  sample_valid_ = true;
+  if (energy_.isTracked()) sample_.energy = energy_.calcEnergy(sample_, calcApplied());
+}
+
+bool Motion::isSampleFinite() const {
+  double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
+  for (int i = 0; i < system_.shafts(); ++i) {
+    poison += 0.0 * (sample_.angle[i] + sample_.velocity[i] + sample_.acceleration[i] +
+                     sample_.applied_torque[i] + sample_.reaction_torque[i]);
+  }
+  return poison == 0.0;
+}
+
+// --- energy ----------------------------------------------------------------------------------
 
 void Motion::trackEnergy(bool on) {
   if (on == energy_.isTracked()) return;
@@ -130,158 +292,31 @@ Energy Motion::energy() {
 EnergyDoubt Motion::energyDoubt() const {
   const EnergyDoubt doubt = energy_.doubt();
   // The integrator runs ahead of the present.
-  return advanced_ && doubt.since <= time_ ? doubt : EnergyDoubt{};
+  return !integrator_.isStart() && doubt.since <= time_ ? doubt : EnergyDoubt{};
 }
 
-void Motion::calcConstraintRow(int m, double* C) {
-  double c0;
-  drivetrain_.constraint(m).calcRow(system_.view(front_.time, front_.x), C, &c0);
-}
-
-void Motion::moveOriginToPresent() {
-  drivetrain_.moveOrigin(present());
-  drivetrain_.setOrigin(time_);
-  origin_ = time_;
-  origin_rest_ = 0.0;
-}
-
-void Motion::moveOrigin(double t) {
-  // The sum of two doubles and what it rounds off (Knuth: The Art of Computer
-  // Programming, 4.2.2).
-  const double added = origin_rest_ + t;
-  const double sum = origin_ + added;
-  const double part = sum - origin_;
-  origin_rest_ = (origin_ - (sum - part)) + (added - part);
-  origin_ = sum;
-  drivetrain_.moveOrigin(t);
-  drivetrain_.setOrigin(origin_);
-}
-
-bool Motion::isSampleFinite() const {
-  double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
-  for (int i = 0; i < S; ++i) {
-    poison += 0.0 * (sample_.angle[i] + sample_.velocity[i] + sample_.acceleration[i] +
-                     sample_.applied_torque[i] + sample_.reaction_torque[i]);
-  }
-  return poison == 0.0;
-}
-
-const MotionStatus& Motion::advance(double time) {
-  applyPending();
-  if (!advanced_) energy_.begin(front_, row_before_);
-  advanced_ = true;
-  // Commands that fail to come in time act on their own; they are events of the motion.
-  for (double timeout = nextTimeout(); status_.ok() && timeout <= time; timeout = nextTimeout()) {
-    moveTo(timeout);
-    if (status_.ok()) applyTimeouts();
-    if (timeout < time) applyPending();
-  }
-  moveTo(time);
-  return status_;
-}
-
-void Motion::moveTo(double time) {
-  if (!status_.ok()) return;
-  while (front_.time < relative(time)) {
-    if (sleeping_ && relative(time) < sleep_end_) break;
-    if (sleeping_ ? !finishSleep() : !countStep() || !step()) {
-      time_ = absolute(front_.time);
-      sample_valid_ = false;
-      status_.time = time_;
-      return;
-    }
-    noteEnergy();
-  }
-  time_ = time;
-  sample_valid_ = false;
-}
-
-bool Motion::countStep() {
-  if (absolute(front_.time) - step_window_start_ >= 1.0) {
-    step_window_start_ = absolute(front_.time);
-    steps_in_window_ = 0;
-  }
-  if (steps_in_window_ < scene_.solver.maximum_steps) {
-    ++steps_in_window_;
-    return true;
-  }
-  stop(StopReason::kStepLimit);
-  return false;
-}
-
-bool Motion::isDenseOutputGood() const {
-  if (!stepper_->hasDenseOutput()) return false;
-  // Where accelerations follow from the state, an error of it may be large for them.
-  return integrates_torque_ || stepper_->checksDenseOutput();
-}
-
-void Motion::sampleInside(State& x) {
-  const double now = present();
-  if (hopped_) {
-    x = goAhead(base_, now - base_.time);
-    return;
-  }
-  if (isDenseOutputGood() && stepper_->interpolate(system_, now, base_, front_, x)) {
-    State moved(system_.size());
-    State slope(system_.size());
-    if (stepper_->keepsConstraints()) stepper_->calcSlope(now, base_, front_, slope);
-    const double h = front_.time - base_.time;
-    const ProjectionResult result =
-        stepper_->isImplicit()
-            ? projectStiffly(system_, *stepper_, now, h, slope, x, moved, &statistics_.projections)
-            : system_.project(now, x, moved, &statistics_.projections);
-    if (result == ProjectionResult::kConverged) return;
-  }
-  StepNode node(system_);
-  x = reachPresent(&node) ? node.x : base_.x;
-}
-
-void Motion::noteEnergy() {
-  if (!integrates_torque_) {
-    // Steps of fixed size have had no need of it.
-    if (choice_.isFixed()) checks_.noteTorque(front_);
-  }
-  energy_.noteStep(base_, front_, row_before_,
-                   [this](double theta, State& x) { calcInside(theta, x); });
-}
-
-void Motion::cutEnergy(const StepNode& present) {
-  if (sleeping_) {
-    energy_.cutAtRest(front_, present);
+void Motion::cutEnergy(const StepNode& node) {
+  if (integrator_.isSleeping()) {
+    energy_.cutAtRest(integrator_.front(), node);
   } else {
-    energy_.cut(base_, front_, present, [this](double theta, State& x) { calcInside(theta, x); });
+    energy_.cut(integrator_.base(), integrator_.front(), node,
+                [this](double theta, State& x) { integrator_.calcInside(theta, x); });
   }
 }
 
 double Motion::calcApplied() {
-  if (!advanced_) energy_.begin(front_, row_before_);
-  if (sleeping_) {
+  const StepNode& base = integrator_.base();
+  const StepNode& front = integrator_.front();
+  if (integrator_.isStart()) energy_.begin(front, integrator_.rows());
+  if (integrator_.isSleeping()) {
     State x(system_.size());
-    calcRest(present(), x);
-    return energy_.calcAppliedAtRest(front_, x);
+    integrator_.calcRest(present(), x);
+    return energy_.calcAppliedAtRest(front, x);
   }
   if (!isInsideStep()) return energy_.applied();
-  const double part = (present() - base_.time) / (front_.time - base_.time);
-  return energy_.calcApplied(base_, front_, part,
-                             [this](double theta, State& x) { calcInside(theta, x); });
-}
-
-void Motion::calcInside(double theta, State& x) {
-  const double h = front_.time - base_.time;
-  if (!hopped_) {
-    if (stepper_->hasDenseOutput() &&
-        stepper_->interpolate(system_, base_.time + theta * h, base_, front_, x)) {
-      return;
-    }
-    // A step that was good is so for a part of it.
-    State unused(system_.size());
-    if (std::isfinite(choice_.innerOf(*stepper_).step(system_, base_, theta * h, x, unused))) {
-      return;
-    }
-  }
-  for (int n = 0; n < x.size(); ++n) {
-    x[n] = base_.x[n] + theta * (front_.x[n] - base_.x[n]);
-  }
+  const double part = (present() - base.time) / (front.time - base.time);
+  return energy_.calcApplied(base, front, part,
+                             [this](double theta, State& x) { integrator_.calcInside(theta, x); });
 }
 
 }  // namespace variator_sim

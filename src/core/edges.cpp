@@ -1,16 +1,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
-#include <string>
-#include <utility>
-#include <vector>
 
-#include "motion.h"
+#include "integrator.h"
 
 namespace variator_sim {
 
-void Motion::moveGuards() {
+void Integrator::moveGuards() {
   const StateView state = viewOf(front_);
   guards_.moveBase(state);
   if (!system_.isInCorner()) return;
@@ -19,20 +15,20 @@ void Motion::moveGuards() {
   }
 }
 
-StateView Motion::viewOf(const StepNode& node) {
+StateView Integrator::viewOf(const StepNode& node) {
   const double* acceleration =
       integrates_torque_ ? node.x.data() + node.x.size() - S : node.dxdt.data() + S;
   return drivetrain_.view(node.time, node.x.data(), node.x.data() + S, acceleration);
 }
 
-CurveEnd Motion::curveEnd(const StepNode& node) const {
+CurveEnd Integrator::curveEnd(const StepNode& node) const {
   const double* x = node.x.data();
   const double* last = node.dxdt.data() + node.dxdt.size() - S;
   if (integrates_torque_) return {x, x + S, x + 2 * S, last};
   return {x, x + S, last, nullptr};
 }
 
-Motion::Look Motion::lookInside(double taken, double* next) {
+Integrator::Look Integrator::lookInside(double taken, double* next) {
   // What both ends tell excludes it most often.
   StateBox box;
   encloseStep(S, curveEnd(base_), curveEnd(front_), taken, &box);
@@ -46,7 +42,7 @@ Motion::Look Motion::lookInside(double taken, double* next) {
   return look;
 }
 
-Motion::Look Motion::lookAtEnd(double taken, double* next) {
+Integrator::Look Integrator::lookAtEnd(double taken, double* next) {
   for (double value : front_.x) {
     if (!std::isfinite(value)) return Look::kClear;
   }
@@ -74,7 +70,7 @@ Motion::Look Motion::lookAtEnd(double taken, double* next) {
   return Look::kClear;
 }
 
-Motion::Look Motion::aimAtEdge(double taken, double* next, bool may_cross) {
+Integrator::Look Integrator::aimAtEdge(double taken, double* next, bool may_cross) {
   const double shortest = 2.0 * shortestStep(absolute(base_.time));
   const double resolution = std::max(kEdgeResolution, shortest / taken);
   const GuardFinding finding = guards_.find(curve_, resolution);
@@ -104,12 +100,12 @@ Motion::Look Motion::aimAtEdge(double taken, double* next, bool may_cross) {
   return Look::kShorter;
 }
 
-Motion::Look Motion::keepCrossing() {
+Integrator::Look Integrator::keepCrossing() {
   if (!crossing_.isDueAt(front_.time)) crossing_ = Crossing{};
   return Look::kClear;
 }
 
-void Motion::traceStep(double taken) {
+void Integrator::traceStep(double taken) {
   curve_.begin(absolute(base_.time), taken, S, integrates_torque_);
   for (int n = 0; n < StepCurve::kNodes; ++n) {
     const double time = base_.time + StepCurve::node(n) * taken;
@@ -128,7 +124,7 @@ void Motion::traceStep(double taken) {
   curve_.finish();
 }
 
-void Motion::meetEdgeAtStart() {
+void Integrator::meetEdgeAtStart() {
   for (int i = 0; i < guards_.count(); ++i) {
     if (guards_.side(i) != Guard::kOnEdge || !guards_.guard(i).jumps()) continue;
     crossing_.guard = i;
@@ -139,7 +135,7 @@ void Motion::meetEdgeAtStart() {
   }
 }
 
-bool Motion::leaveCorner() {
+bool Integrator::leaveCorner() {
   if (integrates_torque_) {
     for (const Constraint* kink : drivetrain_.kinks()) {
       double G[kMaxShafts];
@@ -180,7 +176,8 @@ bool Motion::leaveCorner() {
   return true;
 }
 
-bool Motion::moveAside(const Constraint& kink, const double* G, double distance, StepNode& node) {
+bool Integrator::moveAside(const Constraint& kink, const double* G, double distance,
+                           StepNode& node) {
   double direction[kMaxShafts];
   drivetrain_.inertia().solve(G, direction);
   double slope = 0.0;
@@ -203,7 +200,7 @@ bool Motion::moveAside(const Constraint& kink, const double* G, double distance,
   return rate * distance > 0.0;
 }
 
-State Motion::goAhead(const StepNode& from, double length) const {
+State Integrator::goAhead(const StepNode& from, double length) const {
   State x = from.x;
   for (int n = 0; n < x.size(); ++n) {
     double change = from.dxdt[n];
@@ -214,7 +211,7 @@ State Motion::goAhead(const StepNode& from, double length) const {
   return x;
 }
 
-bool Motion::crossEdge() {
+bool Integrator::crossEdge() {
   constexpr int kAttempts = 2;
   constexpr int kMostAttempts = 25;
   constexpr int kHalvings = 60;
@@ -274,7 +271,7 @@ bool Motion::crossEdge() {
   return enterBranch(reached - beyond) && noteCrossing(guard, branch, depth);
 }
 
-bool Motion::isSeriesGood(double length) {
+bool Integrator::isSeriesGood(double length) {
   const double time = base_.time + length;
   const State x = goAhead(base_, length);
   double before[kMaxShafts];
@@ -297,7 +294,7 @@ bool Motion::isSeriesGood(double length) {
   return largest <= 1.0;
 }
 
-bool Motion::crossJumpAhead(double reach) {
+bool Integrator::crossJumpAhead(double reach) {
   StepNode ahead = base_;
   ahead.time += reach;
   ahead.x = goAhead(base_, reach);
@@ -315,7 +312,7 @@ bool Motion::crossJumpAhead(double reach) {
   return false;
 }
 
-bool Motion::enterBranch(double late) {
+bool Integrator::enterBranch(double late) {
   // What may jump there: a torque or the constraint itself, by `sign`, and the accelerations that
   // f' = 0 asks for, by a kink of f.
   bool jumps = false;
@@ -358,7 +355,7 @@ bool Motion::enterBranch(double late) {
     if (!std::isfinite(value)) return refuseEdge();
   }
   if (kinks_velocity_row || jumps) choice_.restart();
-  noteRowsAnew();
+  rows_.noteAnew();
   if (!finishStep()) return refuseEdge();
   checks_.noteTorque(front_);
   moveGuards();
@@ -368,12 +365,12 @@ bool Motion::enterBranch(double late) {
   return true;
 }
 
-bool Motion::refuseEdge() {
+bool Integrator::refuseEdge() {
   front_ = base_;
   return false;
 }
 
-bool Motion::jumpOverEdge(double late) {
+bool Integrator::jumpOverEdge(double late) {
   if (integrates_torque_) {
     const double length = front_.time - base_.time;
     double before[kMaxShafts];
@@ -411,7 +408,7 @@ bool Motion::jumpOverEdge(double late) {
   return true;
 }
 
-bool Motion::noteCrossing(int guard, int branch, double depth) {
+bool Integrator::noteCrossing(int guard, int branch, double depth) {
   const bool jumps = guards_.guard(guard).jumps();
   const double now = absolute(front_.time);
   const bool at_once = guard == last_crossing_.guard &&

@@ -1,49 +1,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
-#include <string>
-#include <utility>
-#include <vector>
 
-#include "motion.h"
+#include "integrator.h"
 
 namespace variator_sim {
 
-bool Motion::step() {
-  // Two inputs, or an input and a command, may be meant for one instant and be a rounding apart:
-  // no step is so short.
-  const double reached = front_.time + shortestStep(front_.time);
-  if (drivetrain_.inputSegmentEnd() <= reached) {
-    double u0[kMaxInputs];
-    drivetrain_.evaluateInputs(front_.time);  // a sample may have been taken elsewhere
-    copyInputs(u0);
-    drivetrain_.finishInputSegments(front_.time, reached);
-    if (haveInputsJumped(u0) && !jump(u0)) return false;
-    restart();
-    if (!status_.ok()) return false;
-  }
-  base_ = front_;
-  system_.noteBase(base_.time, base_.x, base_.dxdt);
-  stepper_ = &choice_.stepper();
-  const bool is_behind_edge = hopped_;
-  const bool is_due = crossing_.isDueAt(base_.time);
-  hopped_ = is_due && crossEdge();
-  if (hopped_) return true;
-  if (!status_.ok()) return false;
-  if (is_due) next_step_ = std::min(next_step_, crossing_.otherwise);
-  crossing_ = Crossing{};
-  // The step before the edge says nothing about this branch. An implicit one that is much too
-  // long for a swing or for something that grows damps it without its estimate showing anything.
-  if (is_behind_edge && !choice_.isFixed() && stepper_->isImplicit()) {
-    const double first = std::max(chooseFirstStep(), kLeastRestart * next_step_);
-    next_step_ = std::min(next_step_, first);
-  }
-  return choice_.isFixed() ? stepFixed() : stepAdaptively();
-}
-
-bool Motion::stepAdaptively() {
-  const SolverSettings& solver = scene_.solver;
+bool Integrator::stepAdaptively() {
+  const SolverSettings& solver = settings_;
   const double segment_end = endOfReach();
   bool rejected = false;
   int rejections = 0;
@@ -128,12 +92,12 @@ bool Motion::stepAdaptively() {
   }
 }
 
-bool Motion::stepFixed() {
+bool Integrator::stepFixed() {
   // Multiples of the step, not sums of it: no rounding piles up.
   // (A step across an edge may have gone a little beyond the next one.)
   double grid = base_.time;
   while (!(grid > base_.time)) {
-    grid = restart_time_ + static_cast<double>(++fixed_steps_) * scene_.solver.step;
+    grid = restart_time_ + static_cast<double>(++fixed_steps_) * settings_.step;
   }
   --fixed_steps_;
   double end = std::min(grid, endOfReach());
@@ -180,7 +144,7 @@ bool Motion::stepFixed() {
     statistics_.largest_error_estimate = std::max(statistics_.largest_error_estimate, estimate);
     // The tolerance is no bound for steps of fixed size; but a step whose error is a part of the
     // state itself describes nothing any more.
-    const double part = estimate * scene_.solver.relative_tolerance;
+    const double part = estimate * settings_.relative_tolerance;
     if (part <= kCrudest) return true;  // not when NaN
     front_ = base_;
     stop(StopReason::kStepTooLarge);
@@ -189,7 +153,7 @@ bool Motion::stepFixed() {
   }
 }
 
-double Motion::endOfReach() const {
+double Integrator::endOfReach() const {
   const double now = absolute(base_.time);
   const double instant = drivetrain_.nextInstant(now + 2.0 * shortestStep(now));
   const double segment_end = std::min(drivetrain_.inputSegmentEnd(), relative(instant));
@@ -200,61 +164,8 @@ double Motion::endOfReach() const {
                                                                   : segment_end;
 }
 
-bool Motion::reachPresent(StepNode* node) {
-  const double now = present();
-  if (sleeping_) {
-    node->time = now;
-    calcRest(now, node->x);
-    return true;
-  }
-  Stepper& stepper = choice_.innerOf(*stepper_);
-  *node = base_;
-  if (hopped_) {
-    node->time = now;
-    node->x = goAhead(base_, now - base_.time);
-    return true;
-  }
-  double h = now - base_.time;
-  int steps = 0;
-  while (now - node->time > shortestStep(now)) {
-    if (++steps > scene_.solver.maximum_steps) {
-      stop(StopReason::kStepLimit);
-      status_.time = time_ = absolute(node->time);
-      return false;
-    }
-    const bool last = node->time + h >= now;
-    const double end = last ? now : node->time + h;
-    const StepNode start = *node;
-    if (!(end > start.time)) {
-      base_ = front_ = start;
-      explainStop();
-      time_ = absolute(start.time);
-      return false;
-    }
-    double norm = stepper.step(system_, start, end - start.time, node->x, node->dxdt);
-    if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
-      const double moved = projectEnd(stepper, start.x, end, end - start.time, norm, node->x);
-      norm = worseOf(norm, moved);
-    }
-    if (norm <= 1.0) {
-      const State* dxdt = stepper.projects() ? &node->dxdt : nullptr;
-      norm = worseOf(norm, checks_.checkAccelerations(stepper, start, end, node->x, dxdt));
-    }
-    if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
-      node->time = end;
-      if (!last && !stepper.projects()) system_(node->x, node->dxdt, end);
-      h *= 2.0;
-    } else {
-      *node = start;
-      h = 0.5 * (end - start.time);  // rare: a shorter step is nearly always better
-    }
-  }
-  node->time = now;
-  return true;
-}
-
-double Motion::projectEnd(const Stepper& stepper, const State& x_old, double end, double h,
-                          double estimate, State& x) {
+double Integrator::projectEnd(const Stepper& stepper, const State& x_old, double end, double h,
+                              double estimate, State& x) {
   if (!stepper.projects()) {
     for (double value : x) {
       if (!std::isfinite(value)) return std::numeric_limits<double>::quiet_NaN();
@@ -279,8 +190,8 @@ double Motion::projectEnd(const Stepper& stepper, const State& x_old, double end
   return discountRounding(end, x_old, x, projection.moved);
 }
 
-double Motion::discountRounding(double end, const State& x_old, const State& x,
-                                const State& moved) {
+double Integrator::discountRounding(double end, const State& x_old, const State& x,
+                                    const State& moved) {
   double velocity[kMaxShafts];
   double acceleration[kMaxShafts];
   drivetrain_.calcProjectionRounding(system_.view(end, x), velocity, acceleration);
@@ -301,7 +212,7 @@ double Motion::discountRounding(double end, const State& x_old, const State& x,
   return norm;
 }
 
-bool Motion::differentiateFront() {
+bool Integrator::differentiateFront() {
   const bool moved = system_.restoreReaction(front_, kLittle);
   if (stepper_->projects() && !moved) {
     front_.dxdt = dxdt_new_;
@@ -314,110 +225,28 @@ bool Motion::differentiateFront() {
   return true;
 }
 
-bool Motion::finishStep() {
+bool Integrator::finishStep() {
   checks_.noteTorqueRate(front_);
   checks_.noteAccelerations(front_);
   if (!checks_.isTorqueFollowed(*stepper_, base_, front_)) return false;
   return noteRows();
 }
 
-double Motion::checkAccelerations() {
+bool Integrator::noteRows() {
+  const RowWatch::Verdict verdict = rows_.note(base_.time == front_.time);
+  if (verdict == RowWatch::Verdict::kVanished) {
+    stop(StopReason::kSingularConstraint);
+    status_.constraint = rows_.vanished();
+    status_.measure = rows_.measure();
+  }
+  return verdict == RowWatch::Verdict::kGood;
+}
+
+double Integrator::checkAccelerations() {
   // Just before a jump of the torque what lies beside the end may lie behind it.
   if (crossing_.isDueAt(front_.time) && guards_.guard(crossing_.guard).jumps()) return 0.0;
   const State* dxdt = stepper_->projects() ? &dxdt_new_ : nullptr;
   return checks_.checkAccelerations(*stepper_, base_, front_.time, front_.x, dxdt);
-}
-
-bool Motion::noteRows() {
-  system_.noteColumns();
-  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-    const double length_squared = system_.rowLengthSquared(m);
-    row_reference_[m] = std::max(row_reference_[m], length_squared);
-    if (length_squared <= kVanished * kVanished * row_reference_[m]) {
-      stop(StopReason::kSingularConstraint);
-      status_.constraint = m;
-      status_.measure = std::sqrt(length_squared / row_reference_[m]);
-      return false;
-    }
-  }
-  return drivetrain_.hasConstantRows() || !haveRowsTurned();
-}
-
-bool Motion::haveRowsTurned() {
-  double turned[kMaxShafts];
-  const bool is_start = base_.time == front_.time || std::exchange(has_new_rows_, false);
-  for (int m = 0; m < drivetrain_.constraintCount() && !is_start; ++m) {
-    drivetrain_.inertia().solve(system_.row(m), turned);
-    double product = 0.0;
-    for (int i = 0; i < S; ++i) product += row_before_[m][i] * turned[i];
-    if (!(product > 0.0)) return true;
-  }
-  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-    std::copy_n(system_.row(m), S, row_before_[m]);
-  }
-  return false;
-}
-
-void Motion::lookAhead() {
-  if (stepper_->isImplicit()) ++statistics_.implicit_steps;
-  if (!drivetrain_.readsTime() && scene_.solver.sleep) {
-    // Angles that nothing reads go on at constant speed.
-    double rate = 0.0;
-    double change = 0.0;
-    for (int n = system_.readsAngles() ? 0 : S; n < front_.x.size(); ++n) {
-      const double allowed = tolerance_.of(front_.x[n]);
-      rate = std::max(rate, std::abs(front_.dxdt[n]) / allowed);
-      change = std::max(change, std::abs(front_.x[n] - base_.x[n]) / allowed);
-    }
-    if ((rate == 0.0 || rest_.noteStep(change)) && fallAsleep()) {
-      ++statistics_.sleeps;
-      return;
-    }
-    if (choice_.settle(front_, rate * (front_.time - base_.time))) {
-      control_.setOrder(choice_.stepper().errorOrder());
-      control_.reset();
-      return;
-    }
-  }
-  if (!choice_.isAutomatic()) return;
-  const double limit =
-      std::min(scene_.solver.maximum_step, drivetrain_.inputSegmentEnd() - front_.time);
-  if (choice_.reconsider(system_, front_, limit, &next_step_)) {
-    control_.setOrder(choice_.stepper().errorOrder());
-    control_.reset();
-  }
-}
-
-bool Motion::fallAsleep() {
-  const double term =
-      rest_.calcTerm(front_.time, front_.x, front_.dxdt, tolerance_, left_at_sleep_end_);
-  sleeping_ = term >= kLeastSleep * scene_.solver.maximum_step;
-  sleep_end_ = front_.time + term;
-  return sleeping_;
-}
-
-bool Motion::finishSleep() {
-  StepNode end = front_;
-  end.time = sleep_end_;
-  calcRest(sleep_end_, end.x);
-  cutEnergy(end);
-  front_.time = end.time;
-  front_.x = end.x;
-  State x = end.x;
-  for (int n = 0; n < x.size(); ++n) x[n] += left_at_sleep_end_[n];
-  State moved(system_.size());
-  const ProjectionResult projected =
-      system_.project(front_.time, x, moved, &statistics_.projections);
-  if (projected == ProjectionResult::kConverged) front_.x = x;
-  restart();
-  if (status_.ok()) fallAsleep();
-  return status_.ok();
-}
-
-void Motion::calcRest(double time, State& x) const {
-  x = front_.x;
-  if (system_.readsAngles()) return;
-  for (int n = 0; n < S; ++n) x[n] += (time - front_.time) * front_.x[S + n];
 }
 
 }  // namespace variator_sim

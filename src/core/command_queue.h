@@ -1,0 +1,48 @@
+/// Commands between their coming and their taking effect.
+#pragma once
+
+#include <vector>
+
+#include "variator_sim/command_input.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// Those that wait for the present to move, and when inputs are to fall back because none has come.
+/// All are [loop].
+class CommandQueue {
+ public:
+  struct Command {
+    int input;
+    double value;
+  };
+
+  /// `inputs` has to outlive this.
+  explicit CommandQueue(const std::vector<CommandInputSettings>& inputs) : inputs_(inputs) {
+    reset();
+  }
+  void reset();
+
+  /// A command came at `time`, s. Of several to one input the last one counts.
+  void add(int input, double value, double time);
+  bool isEmpty() const { return count_ == 0; }
+  int count() const { return count_; }
+  const Command& operator[](int n) const { return commands_[n]; }
+  void clear() { count_ = 0; }
+
+  /// When the first input is to fall back, s; infinity when none is.
+  double nextTimeout() const;
+  /// Adds what inputs fall back to whose command is overdue at `time`; two that are meant for one
+  /// instant may be `rounding` apart. Returns how many.
+  int addTimeouts(double time, double rounding);
+
+ private:
+  void stage(int input, double value);
+
+  const std::vector<CommandInputSettings>& inputs_;
+  Command commands_[kMaxInputs];
+  int count_ = 0;
+  double last_time_[kMaxInputs];
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,36 @@
+/// What times are counted from.
+#pragma once
+
+namespace variator_sim {
+
+/// Times inside a motion are counted from its last beginning (start, command, jump), so that what
+/// follows is resolved as finely after 1e7 s as after none. The origin is kept to twice a double's
+/// digits.
+class TimeOrigin {
+ public:
+  double absolute(double t) const { return origin_ + (origin_rest_ + t); }
+  double relative(double time) const { return (time - origin_) - origin_rest_; }
+  double time() const { return origin_; }
+
+  /// Times are counted from `time`, which is 0 then to the bit, on.
+  void moveTo(double time) {
+    origin_ = time;
+    origin_rest_ = 0.0;
+  }
+  /// Times are counted from `t`, as they are counted now, on.
+  void moveBy(double t) {
+    // The sum of two doubles and what it rounds off (Knuth: The Art of Computer
+    // Programming, 4.2.2).
+    const double added = origin_rest_ + t;
+    const double sum = origin_ + added;
+    const double part = sum - origin_;
+    origin_rest_ = (origin_ - (sum - part)) + (added - part);
+    origin_ = sum;
+  }
+
+ private:
+  double origin_ = 0.0;
+  double origin_rest_ = 0.0;  // what a double rounds off that
+};
+
+}  // namespace variator_sim
