@@ -1,0 +1,27 @@
+/// The names that a scene lists, and the keys at its root.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "variator_sim/parameter_tree.h"
+
+namespace variator_sim {
+
+/// The names that a scene lists.
+struct SceneNames {
+  std::vector<std::string> shafts;
+  std::vector<std::string> torques;
+  std::vector<std::string> constraints;
+
+  std::vector<std::string> all() const;
+};
+
+/// Reads the lists and refuses what `tree` has at its root beside them, the names in them, and the
+/// keys of the scene and of the node. `root` reads `tree`. Throws SceneError.
+SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root);
+
+/// "list[index]"
+std::string elementPath(const std::string& list, std::size_t index);
+
+}  // namespace variator_sim
