@@ -1,6 +1,5 @@
 #include "derivative_check.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,6 +10,7 @@
 #include <vector>
 
 #include "central_difference.h"
+#include "symmetric_matrix.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
@@ -483,9 +483,8 @@ class Comparison {
     return all;
   }
 
-  /// What accelerates shaft i by 1 rad/s^2 while all others are free, N m. Rounding that is small
-  /// against it moves nothing.
-  double unitTorque(int i) const { return 1.0 / scene_.inertia.inverse()(i, i); }
+  /// Rounding that is small against it moves nothing.
+  double unitTorque(int i) const { return calcFreeDiagonal(scene_.inertia, i); }
 
   /// dQ'/d(phi, omega, epsilon).
   void checkRateDerivatives(const Torque& torque) {

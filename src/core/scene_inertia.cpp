@@ -1,13 +1,12 @@
 #include "scene_inertia.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
 
 #include "scene_names.h"
+#include "symmetric_matrix.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -94,77 +93,85 @@ ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
   return inertia;
 }
 
+const char* const kCouplings = "inertia_coupling";
+
+SceneError unexpectedCoupling(const std::string& path, const ParameterTree& value) {
+  return SceneError(path, "expected a list of couplings [shaft, shaft, value in kg m^2], got " +
+                              value.describeKind() + ": " + value.toText());
+}
+
+/// The two shafts of a coupling [a, b, value], in ascending order.
+std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::string& path,
+                                      const std::vector<std::string>& shafts) {
+  if (coupling.kind() != ParameterTree::Kind::kList || coupling.asList().size() != 3) {
+    throw unexpectedCoupling(path, coupling);
+  }
+  std::array<int, 2> pair{};
+  for (std::size_t i = 0; i < 2; ++i) {
+    const ParameterTree& name = coupling.asList()[i];
+    if (name.kind() != ParameterTree::Kind::kText) throw unexpectedCoupling(path, coupling);
+    const auto found = std::find(shafts.begin(), shafts.end(), name.asText());
+    if (found == shafts.end()) {
+      throw SceneError(elementPath(path, i), "'" + name.asText() + "' is not a shaft" +
+                                                 suggestName(name.asText(), shafts) +
+                                                 "; allowed: " + joinNames(shafts));
+    }
+    pair[i] = static_cast<int>(found - shafts.begin());
+  }
+  if (pair[0] == pair[1]) {
+    throw SceneError(
+        path, coupling.toText() + " couples a shaft with itself; allowed: two different shafts");
+  }
+  return std::minmax(pair[0], pair[1]);
+}
+
 /// Off-diagonal terms [[a, b, value], ...]. `least` holds the least inertia of every shaft: J is
 /// positive definite at every angle when it is with these on its diagonal.
 void readInertiaCoupling(ParameterReader& root, const std::vector<std::string>& shafts,
-                         const Eigen::VectorXd& least, Eigen::MatrixXd* J) {
-  const std::string key = "inertia_coupling";
-  const ParameterTree* couplings = root.raw(key);
+                         const std::vector<double>& least, Eigen::MatrixXd* J) {
+  const ParameterTree* couplings = root.raw(kCouplings);
   if (couplings == nullptr || couplings->kind() == ParameterTree::Kind::kNothing) return;
-  const std::string expected = "a list of couplings [shaft, shaft, value in kg m^2]";
-  const auto unexpected = [&](const std::string& path, const ParameterTree& value) {
-    return SceneError(
-        path, "expected " + expected + ", got " + value.describeKind() + ": " + value.toText());
-  };
-  if (couplings->kind() != ParameterTree::Kind::kList) throw unexpected(key, *couplings);
-
+  if (couplings->kind() != ParameterTree::Kind::kList) {
+    throw unexpectedCoupling(kCouplings, *couplings);
+  }
   std::vector<std::pair<int, int>> coupled;
   for (std::size_t n = 0; n < couplings->asList().size(); ++n) {
     const ParameterTree& coupling = couplings->asList()[n];
-    const std::string path = elementPath(key, n);
-    if (coupling.kind() != ParameterTree::Kind::kList || coupling.asList().size() != 3) {
-      throw unexpected(path, coupling);
-    }
-    std::array<int, 2> pair{};
-    for (std::size_t i = 0; i < 2; ++i) {
-      const ParameterTree& name = coupling.asList()[i];
-      if (name.kind() != ParameterTree::Kind::kText) throw unexpected(path, coupling);
-      const auto found = std::find(shafts.begin(), shafts.end(), name.asText());
-      if (found == shafts.end()) {
-        throw SceneError(elementPath(path, i), "'" + name.asText() + "' is not a shaft" +
-                                                   suggestName(name.asText(), shafts) +
-                                                   "; allowed: " + joinNames(shafts));
-      }
-      pair[i] = static_cast<int>(found - shafts.begin());
-    }
-    if (pair[0] == pair[1]) {
-      throw SceneError(
-          path, coupling.toText() + " couples a shaft with itself; allowed: two different shafts");
-    }
-    const std::pair<int, int> sorted = std::minmax(pair[0], pair[1]);
-    if (std::find(coupled.begin(), coupled.end(), sorted) != coupled.end()) {
+    const std::string path = elementPath(kCouplings, n);
+    const std::pair<int, int> pair = readCoupledShafts(coupling, path, shafts);
+    if (std::find(coupled.begin(), coupled.end(), pair) != coupled.end()) {
       throw SceneError(path, coupling.toText() +
                                  " couples these shafts a second time; allowed: every pair once");
     }
-    coupled.push_back(sorted);
+    coupled.push_back(pair);
     const double value =
         ParameterReader::toNumber(coupling.asList()[2], elementPath(path, 2), Range::any());
-    (*J)(pair[0], pair[1]) = value;
-    (*J)(pair[1], pair[0]) = value;
+    (*J)(pair.first, pair.second) = value;
+    (*J)(pair.second, pair.first) = value;
   }
 
   Eigen::MatrixXd smallest = *J;
-  smallest.diagonal() = least;
-  if (Eigen::LLT<Eigen::MatrixXd>(smallest).info() != Eigen::Success) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(smallest, Eigen::EigenvaluesOnly);
-    throw SceneError(key,
-                     couplings->toText() +
-                         " makes the inertia matrix J indefinite: its smallest eigenvalue is " +
-                         ParameterTree::real(solver.eigenvalues().minCoeff()).toText() +
-                         " kg m^2; allowed: a positive definite J");
+  for (std::size_t i = 0; i < least.size(); ++i) {
+    smallest(static_cast<int>(i), static_cast<int>(i)) = least[i];
   }
+  if (isPositiveDefinite(smallest)) return;
+  throw SceneError(kCouplings,
+                   couplings->toText() +
+                       " makes the inertia matrix J indefinite: its smallest eigenvalue is " +
+                       ParameterTree::real(calcSmallestEigenvalue(smallest)).toText() +
+                       " kg m^2; allowed: a positive definite J");
 }
 
 }  // namespace
 
 void readInertia(ParameterReader& root, Scene* scene) {
   scene->inertia = Eigen::MatrixXd::Zero(scene->shaftCount(), scene->shaftCount());
-  Eigen::VectorXd least(scene->shaftCount());
+  std::vector<double> least;
   bool constant = true;
   for (int i = 0; i < scene->shaftCount(); ++i) {
     ShaftInertia inertia = readShaftInertia(root, scene->shafts[static_cast<std::size_t>(i)]);
     scene->inertia(i, i) = inertia.mean;
-    least(i) = calcLeastInertia(inertia);
+    least.push_back(calcLeastInertia(inertia));
     constant = constant && inertia.harmonics.empty();
     scene->inertia_harmonics.push_back(std::move(inertia.harmonics));
   }
