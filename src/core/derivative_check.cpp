@@ -3,217 +3,22 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
-#include <limits>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "central_difference.h"
+#include "check_point.h"
+#include "stated_derivative.h"
 #include "symmetric_matrix.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
 namespace {
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
-/// One state that owns its arrays.
-struct Point {
-  double time = 0.0;
-  std::array<double, kMaxShafts> angle{};
-  std::array<double, kMaxShafts> velocity{};
-  std::array<double, kMaxShafts> acceleration{};
-  std::array<double, kMaxInputs> input{};
-  std::array<double, kMaxInputs> input_rate{};
-  std::array<double, kMaxInputs> input_second_rate{};
-
-  StateView view() const {
-    return {time,         angle.data(),      velocity.data(),         acceleration.data(),
-            input.data(), input_rate.data(), input_second_rate.data()};
-  }
-};
-
-/// The point plus h times a direction.
-Point moved(const Point& from, const Point& direction, double h) {
-  Point to = from;
-  to.time += h * direction.time;
-  const auto add = [h](auto& values, const auto& rates) {
-    for (std::size_t i = 0; i < values.size(); ++i) values[i] += h * rates[i];
-  };
-  add(to.angle, direction.angle);
-  add(to.velocity, direction.velocity);
-  add(to.acceleration, direction.acceleration);
-  add(to.input, direction.input);
-  add(to.input_rate, direction.input_rate);
-  return to;
-}
-
-/// Time and angles times one factor, velocities and accelerations times another.
-Point scaled(const Point& point, double of_place, double of_motion) {
-  Point to = point;
-  to.time *= of_place;
-  for (double& value : to.angle) value *= of_place;
-  for (double& value : to.velocity) value *= of_motion;
-  for (double& value : to.acceleration) value *= of_motion;
-  return to;
-}
-
-/// d/dt along the motion with the accelerations held.
-Point motionOf(const Point& point) {
-  Point rate;
-  rate.time = 1.0;
-  rate.angle = point.velocity;
-  rate.velocity = point.acceleration;
-  rate.input = point.input_rate;
-  rate.input_rate = point.input_second_rate;
-  return rate;
-}
-
-double largestEntry(const Point& direction) {
-  double largest = std::abs(direction.time);
-  const auto see = [&largest](const auto& values) {
-    for (const double value : values) largest = std::max(largest, std::abs(value));
-  };
-  see(direction.angle);
-  see(direction.velocity);
-  see(direction.acceleration);
-  see(direction.input);
-  see(direction.input_rate);
-  return largest;
-}
-
-/// The derivative of `function` (of a step h) at 0 by differences of order 4, when it is not
-/// `stated` beyond doubt; nothing otherwise. `scale` is a step that matters, `slack` what rounding
-/// may have left in `stated`.
-template <class Function>
-std::optional<double> findDisagreement(Function function, double stated, double scale,
-                                       double slack) {
-  const double here = function(0.0);
-  if (!std::isfinite(stated) || !std::isfinite(here)) return std::nullopt;
-  constexpr int kSteps = 12;
-  constexpr double kTolerance = 1e-5;
-  struct Difference {
-    double central;
-    double margin;  // of rounding in the values
-    double kink;    // right-hand less left-hand derivative
-    double kink_margin;
-  };
-  std::vector<Difference> differences;
-  double h = 0.02 * scale;
-  for (int n = 0; n < kSteps; ++n, h *= 0.25) {
-    const std::array<double, 4> f{function(-2.0 * h), function(-h), function(h), function(2.0 * h)};
-    // Numbers below the least normal one are rounded as it is.
-    double largest = std::max(std::abs(here), std::numeric_limits<double>::min());
-    for (const double value : f) largest = std::max(largest, std::abs(value));
-    if (!std::isfinite(largest)) continue;
-    Difference d{};
-    d.central = (f[0] - 8.0 * f[1] + 8.0 * f[2] - f[3]) / (12.0 * h);
-    d.margin = 8.0 * kEpsilon * largest / h;
-    // one-sided differences of order 2
-    const double right = (-3.0 * here + 4.0 * f[2] - f[3]) / (2.0 * h);
-    const double left = (3.0 * here - 4.0 * f[1] + f[0]) / (2.0 * h);
-    d.kink = right - left;
-    d.kink_margin = d.margin;
-    const double size = std::max(std::abs(stated), std::abs(d.central));
-    if (std::abs(d.central - stated) <= kTolerance * size + slack) return std::nullopt;
-    differences.push_back(d);
-  }
-  // The two consecutive steps that agree best.
-  double best = std::numeric_limits<double>::infinity();
-  std::size_t at = 0;
-  for (std::size_t n = 0; n + 1 < differences.size(); ++n) {
-    const double doubt = std::abs(differences[n].central - differences[n + 1].central) +
-                         differences[n].margin + differences[n + 1].margin;
-    if (doubt < best) {
-      best = doubt;
-      at = n + 1;
-    }
-  }
-  if (!std::isfinite(best)) return std::nullopt;
-  const double value = differences[at].central;
-  const double gap = std::abs(value - stated);
-  const double size = std::max(std::abs(stated), std::abs(value));
-  if (gap <= kTolerance * size + slack + 100.0 * best) return std::nullopt;
-  // Differences across something much narrower than the steps do not settle.
-  if (best > 1e-3 * std::abs(value) && best > 1e-9 * std::abs(stated)) return std::nullopt;
-  // A kink here or within reach of every step: the sides do not tend to each other.
-  double sides = std::numeric_limits<double>::infinity();
-  for (const Difference& d : differences) {
-    sides = std::min(sides, std::abs(d.kink) + d.kink_margin);
-  }
-  if (sides > 0.1 * gap) return std::nullopt;
-  return value;
-}
-
-/// Uniform in [-1, 1], the same numbers on every run and machine.
-class Random {
- public:
-  double operator()() {
-    state_ = state_ * 6364136223846793005ULL + 1442695040888963407ULL;
-    return static_cast<double>(state_ >> 11U) * 0x1p-52 - 1.0;
-  }
-
- private:
-  std::uint64_t state_ = 20240229;
-};
-
-double shaken(double value, double by, Random& random) {
-  return value + by * std::max(1.0, std::abs(value)) * random();
-}
-
-/// `point` with every part moved by up to `by`, relative to its size and at least 1.
-Point shaken(const Scene& scene, const Point& point, double by, Random& random) {
-  Point p = point;
-  p.time = std::abs(shaken(p.time, by, random));
-  for (std::size_t i = 0; i < scene.shafts.size(); ++i) {
-    p.angle[i] = shaken(p.angle[i], by, random);
-    p.velocity[i] = shaken(p.velocity[i], by, random);
-    p.acceleration[i] = shaken(p.acceleration[i], by, random);
-  }
-  for (std::size_t i = 0; i < scene.inputs.size(); ++i) {
-    const CommandInputSettings& settings = scene.inputs[i];
-    p.input[i] = std::clamp(shaken(p.input[i], by, random), settings.minimum, settings.maximum);
-    p.input_rate[i] = shaken(p.input_rate[i], by, random);
-    if (settings.hold == Hold::kSecondOrderLag) {
-      p.input_second_rate[i] = shaken(p.input_second_rate[i], by, random);
-    }
-  }
-  return p;
-}
-
-Point startOf(const Scene& scene) {
-  Point p;
-  std::copy(scene.initial.angle.begin(), scene.initial.angle.end(), p.angle.begin());
-  std::copy(scene.initial.velocity.begin(), scene.initial.velocity.end(), p.velocity.begin());
-  std::copy(scene.initial.acceleration.begin(), scene.initial.acceleration.end(),
-            p.acceleration.begin());
-  for (std::size_t i = 0; i < scene.inputs.size(); ++i) p.input[i] = scene.inputs[i].initial;
-  return p;
-}
-
-std::string number(double value) {
-  return ParameterTree::real(value).toText();
-}
-
-std::string describe(const Scene& scene, const Point& p) {
-  const auto list = [](const auto& values, int count) {
-    std::string text = "[";
-    for (int i = 0; i < count; ++i) {
-      text += (i == 0 ? "" : ", ") + number(values[static_cast<std::size_t>(i)]);
-    }
-    return text + "]";
-  };
-  const int s = scene.shaftCount();
-  std::string text = "t = " + number(p.time) + ", angle = " + list(p.angle, s) +
-                     ", velocity = " + list(p.velocity, s) +
-                     ", acceleration = " + list(p.acceleration, s);
-  if (scene.inputCount() > 0) {
-    text += ", input = " + list(p.input, scene.inputCount()) +
-            ", input rate = " + list(p.input_rate, scene.inputCount());
-  }
-  return text;
-}
+/// What a state decides.
+using StateFunction = std::function<double(const StateView&)>;
 
 /// What does not fit.
 struct Mismatch {
@@ -223,7 +28,8 @@ struct Mismatch {
 };
 
 Mismatch wrongDerivative(const std::string& derivative, double stated, double found) {
-  return {derivative, "is stated as " + number(stated) + ", but its values say " + number(found),
+  return {derivative,
+          "is stated as " + describe(stated) + ", but its values say " + describe(found),
           "the derivative"};
 }
 
@@ -233,16 +39,17 @@ struct Quantity {
   double value;
 };
 using Quantities = std::vector<Quantity>;
+using StateQuantities = std::function<Quantities(const StateView&)>;
 
 /// Every comparison of one component at one point; the first mismatch.
 class Comparison {
  public:
-  Comparison(const Scene& scene, const Point& point) : scene_(scene), point_(point) {}
+  Comparison(const Scene& scene, const CheckPoint& point) : scene_(scene), point_(point) {}
 
   const std::optional<Mismatch>& mismatch() const { return mismatch_; }
 
   void checkTorque(const Torque& torque) {
-    const Point motion = motionOf(point_);
+    const CheckPoint motion = motionOf(point_);
     double rate[kMaxShafts] = {};
     torque.addTorqueRate(point_.view(), rate);
     for (int i = 0; i < scene_.shaftCount(); ++i) {
@@ -298,18 +105,16 @@ class Comparison {
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
   /// `stated` against the derivative of `function` along `direction`.
-  template <class Function>
-  void along(const Point& direction, double stated, const std::string& name, double slack,
-             Function function) {
+  void along(const CheckPoint& direction, double stated, const std::string& name, double slack,
+             const StateFunction& function) {
     // A direction as long as the speeds are is left in a step as much shorter.
     const double scale = 1.0 / std::max(1.0, largestEntry(direction));
     compare(direction, scale, stated, name, slack, function);
   }
 
   /// As above; `scale` is a step that matters.
-  template <class Function>
-  void compare(const Point& direction, double scale, double stated, const std::string& name,
-               double slack, Function function) {
+  void compare(const CheckPoint& direction, double scale, double stated, const std::string& name,
+               double slack, const StateFunction& function) {
     if (mismatch_) return;
     const auto of_step = [&](double h) { return function(moved(point_, direction, h).view()); };
     const std::optional<double> found = findDisagreement(of_step, stated, scale, slack);
@@ -323,15 +128,15 @@ class Comparison {
   /// saturates, 1 - tanh^2 is a few units of rounding: what is made of it is small against this,
   /// and means nothing. So it is looked for with all of the state, its place or its motion scaled
   /// from almost nothing to twice what it is.
-  template <class Function>
-  double naturalSize(const Point& direction, double scale, Function function) const {
+  double naturalSize(const CheckPoint& direction, double scale,
+                     const StateFunction& function) const {
     constexpr int kStates = 30;
     const double h = 1e-4 * scale;
     double largest = 0.0;
     for (int n = 0; n < 3 * kStates; ++n) {
       const int state = n / 3;
       const double factor = 2.0 * (state + 1) / kStates;
-      const Point there = scaled(point_, n % 3 == 1 ? 1.0 : factor, n % 3 == 2 ? 1.0 : factor);
+      const CheckPoint there = scaled(point_, n % 3 == 1 ? 1.0 : factor, n % 3 == 2 ? 1.0 : factor);
       const double difference = (function(moved(there, direction, h).view()) -
                                  function(moved(there, direction, -h).view())) /
                                 (2.0 * h);
@@ -353,7 +158,7 @@ class Comparison {
     const auto residual = [&](const StateView& x) { return constraint.calcResidual(x); };
     ConstraintPartials partials;
     constraint.calcPartials(point_.view(), partials);
-    Point direction;
+    CheckPoint direction;
     double largest = std::abs(partials.time);
     for (int i = 0; i < kMaxShafts; ++i) {
       largest = std::max({largest, std::abs(partials.angle[i]), std::abs(partials.velocity[i]),
@@ -389,7 +194,7 @@ class Comparison {
   void checkForms(const Constraint& constraint) {
     const int s = scene_.shaftCount();
     const StateView x = point_.view();
-    const Point motion = motionOf(point_);
+    const CheckPoint motion = motionOf(point_);
     ConstraintPartials partials;
     constraint.calcPartials(x, partials);
     double C[kMaxShafts] = {};
@@ -427,7 +232,7 @@ class Comparison {
   /// dC/depsilon and dC/dt. The defaults are differences themselves, good to some 1e-9.
   void checkJacobianRates(const Constraint& constraint) {
     const int s = scene_.shaftCount();
-    const Point motion = motionOf(point_);
+    const CheckPoint motion = motionOf(point_);
     double D[kMaxShafts] = {};
     double H[kMaxShafts * kMaxShafts] = {};
     double rate_hessian[kMaxShafts * kMaxShafts] = {};
@@ -449,7 +254,7 @@ class Comparison {
         return C[i];
       };
       for (int j = 0; j < s; ++j) {
-        Point direction;
+        CheckPoint direction;
         direction.acceleration[at(j)] = 1.0;
         const std::string by = name + " e" + std::to_string(j + 1);
         // What is called linear is a promise that the jumps rely on.
@@ -549,9 +354,8 @@ class Comparison {
 
   /// `stated` derivatives of `function` in the 3s directions of the state; its terms are of about
   /// `size`, though they may cancel.
-  template <class Function>
   void checkByState(const std::array<double, 3 * kMaxShafts>& stated, const std::string& before,
-                    const std::string& after, double size, Function function) {
+                    const std::string& after, double size, const StateFunction& function) {
     const int s = std::max(1, scene_.shaftCount());
     std::array<double, 3 * kMaxShafts> differences{};
     forEachShift(point_.view(), s,
@@ -563,7 +367,7 @@ class Comparison {
     for (int q = 0; q < 3 * s; ++q) {
       // The default is no statement.
       if (!isDifferent(stated[at(q)], differences[at(q)])) continue;
-      Point direction;
+      CheckPoint direction;
       auto& part = q < s       ? direction.angle
                    : q < 2 * s ? direction.velocity
                                : direction.acceleration;
@@ -586,30 +390,30 @@ class Comparison {
   }
 
   /// Whether what is stated not to matter leaves `quantities` as they are, to the bit.
-  template <class Function>
-  void checkDependence(Dependence stated, const std::string& method, Function quantities) {
+  void checkDependence(Dependence stated, const std::string& method,
+                       const StateQuantities& quantities) {
     if (mismatch_ || (stated.time && stated.angle)) return;
     const Quantities here = quantities(point_.view());
-    const auto compare = [&](const Point& other, const char* variable) {
+    const auto compare = [&](const CheckPoint& other, const char* variable) {
       const Quantities there = quantities(other.view());
       for (std::size_t i = 0; i < here.size() && !mismatch_; ++i) {
         if (!isDifferent(here[i].value, there[i].value)) continue;
         mismatch_ = Mismatch{here[i].name,
                              std::string("is stated not to depend on the ") + variable + " (" +
-                                 method + "), but it is " + number(there[i].value) + " at {" +
-                                 describe(scene_, other) + "} and " + number(here[i].value),
+                                 method + "), but it is " + describe(there[i].value) + " at {" +
+                                 describe(scene_, other) + "} and " + describe(here[i].value),
                              "the statement"};
       }
     };
     // From the scale of tables over time to that of teeth; no whole turns.
     for (const double shift : {0.73, 3.7, 29.0, 410.0, 0.1, 1e-3}) {
       if (!stated.time) {
-        Point later = point_;
+        CheckPoint later = point_;
         later.time += shift;
         compare(later, "time");
       }
       if (!stated.angle) {
-        Point turned = point_;
+        CheckPoint turned = point_;
         // Each by another amount: differences of angles change too.
         for (int i = 0; i < scene_.shaftCount(); ++i)
           turned.angle[at(i)] += shift * (1.0 + 0.37 * i);
@@ -619,8 +423,7 @@ class Comparison {
   }
 
   /// C, of the `row`, at this state and at others, near and far.
-  template <class Function>
-  void checkConstantJacobian(Function row) {
+  void checkConstantJacobian(const StateQuantities& row) {
     const Quantities here = row(point_.view());
     double largest = 0.0;
     for (int i = 0; i < scene_.shaftCount(); ++i) {
@@ -628,7 +431,7 @@ class Comparison {
     }
     Random random;
     for (const double by : {0.3, 3.0, 30.0, 1e-3}) {
-      const Point other = shaken(scene_, point_, by, random);
+      const CheckPoint other = shaken(scene_, point_, by, random);
       const Quantities there = row(other.view());
       for (int i = 0; i < scene_.shaftCount() && !mismatch_; ++i) {
         const double a = here[at(i)].value;
@@ -637,15 +440,15 @@ class Comparison {
         if (!std::isfinite(a - b) || std::abs(a - b) <= 1e-12 * largest) continue;
         mismatch_ =
             Mismatch{here[at(i)].name,
-                     "is stated to be constant (hasConstantJacobian), but it is " + number(b) +
-                         " at {" + describe(scene_, other) + "} and " + number(a),
+                     "is stated to be constant (hasConstantJacobian), but it is " + describe(b) +
+                         " at {" + describe(scene_, other) + "} and " + describe(a),
                      "the statement"};
       }
     }
   }
 
   const Scene& scene_;
-  const Point& point_;
+  const CheckPoint& point_;
   std::optional<Mismatch> mismatch_;
 };
 
@@ -653,13 +456,13 @@ template <class Component, class Check>
 void verify(const Scene& scene, const Component& component, const char* kind, Check check) {
   constexpr int kPoints = 4;
   Random random;
-  const Point start = startOf(scene);
+  const CheckPoint start = startOf(scene);
   for (int n = 0; n < kPoints; ++n) {
-    const Point point = n == 0 ? start : shaken(scene, start, 0.3, random);
+    const CheckPoint point = n == 0 ? start : shaken(scene, start, 0.3, random);
     Comparison here(scene, point);
     check(here, component);
     if (!here.mismatch()) continue;
-    const Point nearby = shaken(scene, point, 1e-3, random);
+    const CheckPoint nearby = shaken(scene, point, 1e-3, random);
     Comparison there(scene, nearby);
     check(there, component);
     if (!there.mismatch()) continue;

@@ -1,0 +1,58 @@
+/// The states at which the derivatives of a scene's components are checked.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "variator_sim/scene.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// One state that owns its arrays.
+struct CheckPoint {
+  double time = 0.0;
+  std::array<double, kMaxShafts> angle{};
+  std::array<double, kMaxShafts> velocity{};
+  std::array<double, kMaxShafts> acceleration{};
+  std::array<double, kMaxInputs> input{};
+  std::array<double, kMaxInputs> input_rate{};
+  std::array<double, kMaxInputs> input_second_rate{};
+
+  StateView view() const {
+    return {time,         angle.data(),      velocity.data(),         acceleration.data(),
+            input.data(), input_rate.data(), input_second_rate.data()};
+  }
+};
+
+/// The point plus h times a direction.
+CheckPoint moved(const CheckPoint& from, const CheckPoint& direction, double h);
+/// Time and angles times one factor, velocities and accelerations times another.
+CheckPoint scaled(const CheckPoint& point, double of_place, double of_motion);
+/// d/dt along the motion with the accelerations held.
+CheckPoint motionOf(const CheckPoint& point);
+double largestEntry(const CheckPoint& direction);
+
+/// Uniform in [-1, 1], the same numbers on every run and machine.
+class Random {
+ public:
+  double operator()() {
+    state_ = state_ * 6364136223846793005ULL + 1442695040888963407ULL;
+    return static_cast<double>(state_ >> 11U) * 0x1p-52 - 1.0;
+  }
+
+ private:
+  std::uint64_t state_ = 20240229;
+};
+
+/// The scene's initial state.
+CheckPoint startOf(const Scene& scene);
+/// `point` with every part moved by up to `by`, relative to its size and at least 1.
+CheckPoint shaken(const Scene& scene, const CheckPoint& point, double by, Random& random);
+
+/// For messages.
+std::string describe(double value);
+std::string describe(const Scene& scene, const CheckPoint& point);
+
+}  // namespace variator_sim
