@@ -14,6 +14,7 @@
 #include "ros/yaml_text.h"
 #include "support/scenes.h"
 #include "variator_sim/constraint.h"
+#include "variator_sim/node_names.h"
 #include "variator_sim/torque.h"
 
 namespace variator_sim {
@@ -151,6 +152,12 @@ TEST(NodeSettings, TakeAllValues) {
   EXPECT_EQ(settings.real_time_factor, 0.0);
   EXPECT_TRUE(settings.start_paused);
   EXPECT_EQ(settings.realtime_priority, 80);
+}
+
+TEST(NodeSettings, ReadEveryKeyThatTheNodeKeeps) {
+  const std::vector<std::string> keys = nodeNames().keys;
+  EXPECT_EQ(keys.size(), 7U);
+  for (const std::string& key : keys) EXPECT_THROW(settingsFrom(key + ": []"), SceneError) << key;
 }
 
 TEST(NodeSettings, NameTheKeyThatIsWrong) {

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/node_names.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/torques/commanded_torque.h"
 
@@ -60,7 +61,7 @@ class FakeFactory : public ComponentFactory {
 
 Scene read(const std::string& yaml) {
   FakeFactory factory;
-  return readScene(readYamlText(yaml, "scene.yaml"), factory);
+  return readScene(readYamlText(yaml, "scene.yaml"), factory, nodeNames());
 }
 
 // Two shafts, a torque and a constraint; cases replace or add lines.
@@ -133,7 +134,7 @@ TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
       "start_paused: true\nrealtime_priority: 3\nlock_memory: true\nverify_derivatives: true\n";
   const Scene scene = read(base() + node_keys);
   const ParameterTree::Dictionary& root = scene.resolved.asDictionary();
-  for (const std::string& key : nodeKeys()) EXPECT_EQ(root.count(key), 0U) << key;
+  for (const std::string& key : nodeNames().keys) EXPECT_EQ(root.count(key), 0U) << key;
   EXPECT_EQ(root.at("principle").asText(), "generalized_gauss");
   const ParameterTree::Dictionary& solver = root.at("solver").asDictionary();
   EXPECT_EQ(solver.size(), 7U);
@@ -152,6 +153,16 @@ TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
   EXPECT_EQ(again.shafts, scene.shafts);
   EXPECT_EQ(again.inertia, scene.inertia);
   EXPECT_EQ(again.inputs[0].topic, scene.inputs[0].topic);
+}
+
+// The core alone knows no node.
+TEST(SceneReader, KeepsNoNamesButItsOwn) {
+  FakeFactory factory;
+  const auto read_alone = [&factory](const std::string& yaml) {
+    return readScene(readYamlText(yaml, "scene.yaml"), factory);
+  };
+  EXPECT_EQ(read_alone(withMotor("shaft: drive, topic: state")).inputs[0].topic, "state");
+  EXPECT_THROW(read_alone(base() + "tick_rate: 500\n"), SceneError);
 }
 
 TEST(SceneReader, NamesPrinciplesAndSteppersAsTheSceneDoes) {

@@ -23,8 +23,9 @@ enum class OnTimeout { kHold, kZero };
 
 /// The settings of one commanded input; constant during a run.
 struct CommandInputSettings {
-  std::string topic;  ///< name of the topic the commands arrive on
-  std::string owner;  ///< name of the torque or constraint that reads it
+  std::string topic;       ///< name of the topic the commands arrive on
+  std::string topic_path;  ///< where that stands in the scene, for messages; may be empty
+  std::string owner;       ///< name of the torque or constraint that reads it
   Hold hold = Hold::kZeroOrder;
   double time_constant = 0.0;                                 ///< tau of the lags, s
   double rate = 0.0;                                          ///< of kRateLimit, unit of u per s

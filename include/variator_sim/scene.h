@@ -87,15 +87,17 @@ struct Scene {
   int inputCount() const { return static_cast<int>(inputs.size()); }
 };
 
-/// Keys at the scene's root that the node reads for itself (tick_rate, publish_rate, ...). They may
-/// stand in a scene file and are ignored offline; no shaft, torque or constraint may take them.
-const std::vector<std::string>& nodeKeys();
-
-/// Private topics that the node publishes itself. No commanded input may take one, offline neither:
-/// the node would read its own messages.
-const std::vector<std::string>& nodeTopics();
+/// What a program that runs scenes keeps for itself ("the node" in messages).
+struct NodeNames {
+  /// Keys at the scene's root that it reads for itself. They may stand in a scene and mean nothing
+  /// to it; no shaft, torque or constraint may take them.
+  std::vector<std::string> keys;
+  /// Private topics that it publishes itself. No commanded input may take one: the program would
+  /// read its own messages.
+  std::vector<std::string> topics;
+};
 
 /// Reads a whole scene. Components are made by `factory`. Throws SceneError on the first fault.
-Scene readScene(const ParameterTree& tree, ComponentFactory& factory);
+Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const NodeNames& node = {});
 
 }  // namespace variator_sim

@@ -5,9 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include "variator_sim/nearest_name.h"
-#include "variator_sim/scene.h"
-
 namespace variator_sim {
 namespace {
 
@@ -49,13 +46,6 @@ std::string readTopic(ParameterReader& reader) {
                          "'/' between parts, starting with a letter (no leading '/' or '~': topics "
                          "are private to the node)");
   }
-  const std::vector<std::string>& taken = nodeTopics();
-  if (std::find(taken.begin(), taken.end(), topic) != taken.end()) {
-    throw SceneError(reader.keyPath("topic"), "'" + topic +
-                                                  "' is a topic of the node itself; allowed: any "
-                                                  "name but " +
-                                                  joinNames(taken));
-  }
   return topic;
 }
 
@@ -89,6 +79,7 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
   CommandInputSettings settings;
   settings.owner = owner;
   settings.topic = readTopic(reader);
+  settings.topic_path = reader.keyPath("topic");
 
   const HoldName& hold = readHold(reader);
   settings.hold = hold.hold;

@@ -140,6 +140,15 @@ void checkInputsOfOrder1(const Scene& scene) {
   }
 }
 
+void checkTopics(const Scene& scene, const std::vector<std::string>& taken) {
+  for (const CommandInputSettings& input : scene.inputs) {
+    if (std::find(taken.begin(), taken.end(), input.topic) == taken.end()) continue;
+    throw SceneError(input.topic_path.empty() ? input.owner + "/topic" : input.topic_path,
+                     "'" + input.topic + "' is a topic of the node itself; allowed: any name but " +
+                         joinNames(taken));
+  }
+}
+
 ParameterTree toTree(const std::vector<std::string>& names) {
   ParameterTree::List values;
   for (const std::string& name : names) values.push_back(ParameterTree::text(name));
@@ -153,10 +162,11 @@ ParameterTree toTree(const std::vector<double>& numbers) {
 }
 
 /// `tree` without the node's keys and with the defaults that were taken.
-ParameterTree resolve(const ParameterTree& tree, const SceneNames& names, const Scene& scene,
+ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
+                      const std::vector<std::string>& node_keys, const Scene& scene,
                       bool verify_derivatives) {
   ParameterTree::Dictionary root = tree.asDictionary();
-  for (const std::string& key : nodeKeys()) root.erase(key);
+  for (const std::string& key : node_keys) root.erase(key);
   root["shafts"] = toTree(names.shafts);
   root["torques"] = toTree(names.torques);
   root["constraints"] = toTree(names.constraints);
@@ -233,22 +243,9 @@ bool isFixedStep(StepperKind kind) {
          kind == StepperKind::kRosenbrock4Fixed || kind == StepperKind::kRadau5Fixed;
 }
 
-const std::vector<std::string>& nodeKeys() {
-  static const std::vector<std::string> keys{"tick_rate",     "publish_rate", "real_time_factor",
-                                             "publish_clock", "start_paused", "realtime_priority",
-                                             "lock_memory"};
-  return keys;
-}
-
-const std::vector<std::string>& nodeTopics() {
-  static const std::vector<std::string> topics{
-      "state", "energy", "scene", "status", "parameter_descriptions", "parameter_updates"};
-  return topics;
-}
-
-Scene readScene(const ParameterTree& tree, ComponentFactory& factory) {
+Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const NodeNames& node) {
   ParameterReader root(tree, "");
-  const SceneNames names = readSceneNames(tree, root);
+  const SceneNames names = readSceneNames(tree, root, node.keys);
   Scene scene;
   scene.shafts = names.shafts;
   readInertia(root, &scene);
@@ -266,10 +263,11 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory) {
         name, root, kConstraintKind, kTorqueKind, factory,
         [&](const std::string& type) { return factory.createConstraint(type); }, &scene));
   }
+  checkTopics(scene, node.topics);
   checkInputsOfOrder1(scene);
   const bool verify_derivatives = root.boolean("verify_derivatives", true);
   if (verify_derivatives) verifyDerivatives(scene);
-  scene.resolved = resolve(tree, names, scene, verify_derivatives);
+  scene.resolved = resolve(tree, names, node.keys, scene, verify_derivatives);
   return scene;
 }
 

@@ -4,7 +4,6 @@
 #include <map>
 
 #include "variator_sim/nearest_name.h"
-#include "variator_sim/scene.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
@@ -37,7 +36,7 @@ bool isName(const std::string& name) {
 }
 
 /// Valid names, unique together, none of them a key of the scene or of the node.
-void checkNames(const SceneNames& lists) {
+void checkNames(const SceneNames& lists, const std::vector<std::string>& node_keys) {
   std::map<std::string, std::string> listed_in;
   const auto check = [&](const char* list, const std::vector<std::string>& names) {
     for (std::size_t i = 0; i < names.size(); ++i) {
@@ -48,7 +47,7 @@ void checkNames(const SceneNames& lists) {
                                    "' is not a valid name; allowed: letters, digits and '_', "
                                    "starting with a letter");
       }
-      const std::vector<std::string> taken = joined(sceneKeys(), nodeKeys());
+      const std::vector<std::string> taken = joined(sceneKeys(), node_keys);
       if (contains(taken, name)) {
         throw SceneError(path, "'" + name + "' is a key of the " +
                                    (contains(sceneKeys(), name) ? "scene" : "node") +
@@ -70,7 +69,8 @@ void checkNames(const SceneNames& lists) {
   check("constraints", lists.constraints);
 }
 
-SceneNames readLists(const ParameterTree& tree, ParameterReader& root) {
+SceneNames readLists(const ParameterTree& tree, ParameterReader& root,
+                     const std::vector<std::string>& node_keys) {
   const std::string shafts_expected =
       "a list of 1 to " + std::to_string(kMaxShafts) + " names of shafts";
   if (!root.has("shafts")) {
@@ -92,7 +92,7 @@ SceneNames readLists(const ParameterTree& tree, ParameterReader& root) {
     throw SceneError("shafts",
                      std::to_string(lists.shafts.size()) + " shafts; allowed: " + shafts_expected);
   }
-  checkNames(lists);
+  checkNames(lists, node_keys);
   if (lists.constraints.size() >= lists.shafts.size()) {
     throw SceneError("constraints",
                      std::to_string(lists.constraints.size()) + " constraints on " +
@@ -128,16 +128,17 @@ std::vector<std::string> SceneNames::all() const {
   return joined(joined(shafts, torques), constraints);
 }
 
-SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root) {
-  for (const std::string& key : joined(sceneKeys(), nodeKeys())) root.allow(key);
-  SceneNames lists = readLists(tree, root);
+SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
+                          const std::vector<std::string>& node_keys) {
+  for (const std::string& key : joined(sceneKeys(), node_keys)) root.allow(key);
+  SceneNames lists = readLists(tree, root, node_keys);
   const std::vector<std::string> names = lists.all();
   // A name whose dictionary is missing is told first: the misspelt dictionary is then no riddle.
   for (const std::string& name : names) root.allow(name);
   for (const std::string& name : names) {
     if (!root.has(name)) root.section(name);
   }
-  checkRootKeys(tree, joined(joined(sceneKeys(), names), nodeKeys()));
+  checkRootKeys(tree, joined(joined(sceneKeys(), names), node_keys));
   return lists;
 }
 

@@ -19,7 +19,8 @@ struct SceneNames {
 
 /// Reads the lists and refuses what `tree` has at its root beside them, the names in them, and the
 /// keys of the scene and of the node. `root` reads `tree`. Throws SceneError.
-SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root);
+SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
+                          const std::vector<std::string>& node_keys);
 
 /// "list[index]"
 std::string elementPath(const std::string& list, std::size_t index);

@@ -23,7 +23,7 @@ std::string findFaultOfRealTimeFactor(double factor);
 /// As above, of a publish rate (Hz) beside a tick rate (Hz).
 std::string findFaultOfPublishRate(double rate, double tick_rate);
 
-/// Reads them from the same tree as the scene; all of them stand in nodeKeys(). Throws SceneError.
+/// Reads them from the same tree as the scene; all of them stand in nodeNames(). Throws SceneError.
 NodeSettings readNodeSettings(const ParameterTree& tree);
 
 }  // namespace variator_sim

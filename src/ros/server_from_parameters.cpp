@@ -5,6 +5,7 @@
 
 #include "ros/plugin_loader.h"
 #include "ros/xmlrpc_tree.h"
+#include "variator_sim/node_names.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
@@ -30,8 +31,9 @@ std::unique_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     const ParameterTree tree = readParameters(private_handle);
     const NodeSettings settings = readNodeSettings(tree);
     PluginlibComponentFactory factory;
-    return std::make_unique<SimulationServer>(
-        public_handle, private_handle, Simulation(readScene(tree, factory)), settings, sharing);
+    return std::make_unique<SimulationServer>(public_handle, private_handle,
+                                              Simulation(readScene(tree, factory, nodeNames())),
+                                              settings, sharing);
   } catch (const SceneError& error) {
     const char* separator = error.keyPath().empty() ? ": " : "/";
     throw std::runtime_error(name_space + separator + error.what());

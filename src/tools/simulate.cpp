@@ -19,6 +19,7 @@
 #include "variator_sim/errors.h"
 #include "variator_sim/io/command_file.h"
 #include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/node_names.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
@@ -133,7 +134,7 @@ Simulation loadSimulation(const std::string& path) {
   const ParameterTree tree = readYamlFile(path);
   PluginlibComponentFactory factory;
   try {
-    return Simulation(readScene(tree, factory));
+    return Simulation(readScene(tree, factory, nodeNames()));
   } catch (const SceneError& error) {
     throw SceneError("", path + ": " + error.what());
   }

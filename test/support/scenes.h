@@ -5,6 +5,7 @@
 
 #include "variator_sim/component_factory.h"
 #include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/node_names.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/simulation.h"
 
@@ -12,12 +13,12 @@ namespace variator_sim::test {
 
 inline Scene sceneFromText(const std::string& yaml) {
   BuiltinComponentFactory factory;
-  return readScene(readYamlText(yaml, "test"), factory);
+  return readScene(readYamlText(yaml, "test"), factory, nodeNames());
 }
 
 inline Scene sceneFromFile(const std::string& path) {
   BuiltinComponentFactory factory;
-  return readScene(readYamlFile(path), factory);
+  return readScene(readYamlFile(path), factory, nodeNames());
 }
 
 /// Both tolerances at once.
