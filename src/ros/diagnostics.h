@@ -1,14 +1,16 @@
 /// The simulation's health on /diagnostics (REP 107).
 #pragma once
 
-#include <ros/node_handle.h>
-
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "ros/health.h"
+
+namespace ros {
+class NodeHandle;
+}
 
 namespace variator_sim {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "ros/stepping_loop.h"
+#include "ros/loop_messages.h"
 
 namespace variator_sim {
 

@@ -5,6 +5,9 @@
 
 #include <string>
 
+#include "ros/node_settings.h"
+#include "ros/stepping_loop.h"
+
 namespace variator_sim {
 
 class LiveSettings::Server {

@@ -1,14 +1,16 @@
 /// What can be changed while the node runs, by dynamic_reconfigure.
 #pragma once
 
-#include <ros/node_handle.h>
-
 #include <memory>
 
-#include "ros/node_settings.h"
-#include "ros/stepping_loop.h"
+namespace ros {
+class NodeHandle;
+}
 
 namespace variator_sim {
+
+class SteppingLoop;
+struct NodeSettings;
 
 /// Serves `real_time_factor` and `publish_rate`. A value that is not allowed is refused with a
 /// warning, and what is in force stays. Its service is called in the thread that serves the node

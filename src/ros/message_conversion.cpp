@@ -4,6 +4,8 @@
 #include <limits>
 
 #include "ros/yaml_text.h"
+#include "variator_sim/scene.h"
+#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {

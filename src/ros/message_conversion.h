@@ -10,10 +10,12 @@
 #include <cstdint>
 
 #include "variator_sim/sample.h"
-#include "variator_sim/simulation.h"
 #include "variator_sim/status.h"
 
 namespace variator_sim {
+
+class Simulation;
+struct Scene;
 
 /// Simulated time, ns >= 0, as a stamp (saturates at the last second that a stamp can hold).
 ros::Time toStamp(std::int64_t nanoseconds);

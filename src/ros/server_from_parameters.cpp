@@ -4,6 +4,7 @@
 #include <string>
 
 #include "ros/plugin_loader.h"
+#include "ros/simulation_server.h"
 #include "ros/xmlrpc_tree.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/scene.h"
@@ -23,7 +24,7 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
 
 }  // namespace
 
-std::unique_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle& public_handle,
+std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle& public_handle,
                                                            const ros::NodeHandle& private_handle,
                                                            Sharing sharing) {
   const std::string& name_space = private_handle.getNamespace();
@@ -31,7 +32,7 @@ std::unique_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     const ParameterTree tree = readParameters(private_handle);
     const NodeSettings settings = readNodeSettings(tree);
     PluginlibComponentFactory factory;
-    return std::make_unique<SimulationServer>(public_handle, private_handle,
+    return std::make_shared<SimulationServer>(public_handle, private_handle,
                                               Simulation(readScene(tree, factory, nodeNames())),
                                               settings, sharing);
   } catch (const SceneError& error) {

@@ -3,13 +3,21 @@
 
 #include <memory>
 
-#include "ros/simulation_server.h"
+#include "ros/sharing.h"
+
+namespace ros {
+class NodeHandle;
+}
 
 namespace variator_sim {
 
-/// Reads the scene and the node's settings from the private parameters and starts. Throws
-/// std::runtime_error with a message that begins with the parameter's full name.
-std::unique_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle& public_handle,
+class SimulationServer;
+
+/// Reads the scene and the node's settings from the private parameters and starts; what is returned
+/// runs until it is destroyed. Throws std::runtime_error with a message that begins with the
+/// parameter's full name. A shared pointer: whoever holds it needs no more of the server, and its
+/// header with all of roscpp and all messages stays out of programs and nodelets.
+std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle& public_handle,
                                                            const ros::NodeHandle& private_handle,
                                                            Sharing sharing);
 

@@ -20,6 +20,7 @@
 #include "ros/node_settings.h"
 #include "ros/pacing_clock.h"
 #include "ros/poll_thread_task.h"
+#include "ros/sharing.h"
 #include "ros/stepping_loop.h"
 #include "variator_sim/simulation.h"
 
@@ -31,10 +32,6 @@ enum class ClockRole {
   kFollower,  ///< /use_sim_time: ticks and stamps by /clock
   kOwner      ///< publish_clock: ticks by the wall clock, stamps by simulated time, told on /clock
 };
-
-/// Whether messages are handed to subscribers in the same process as they are. Then each message is
-/// a new one; otherwise one is filled again and again.
-enum class Sharing { kNothing, kMessages };
 
 /// Lets a line of one kind into the log once in a while.
 class LogThrottle {

@@ -5,10 +5,10 @@
 #include <atomic>
 #include <boost/lockfree/spsc_queue.hpp>
 #include <cstdint>
-#include <string>
 
 #include "ros/event_descriptor.h"
 #include "ros/lateness.h"
+#include "ros/loop_messages.h"
 #include "ros/node_settings.h"
 #include "ros/pacer.h"
 #include "ros/sample_ring.h"
@@ -16,69 +16,6 @@
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
-
-enum class RunState : std::uint8_t { kRunning, kPaused, kSleeping, kStopped };
-
-/// A command on its way to an input of the scene.
-struct InputCommand {
-  int input = 0;
-  double value = 0.0;
-};
-
-/// A sample with its times.
-struct TimedSample {
-  Sample sample;
-  std::int64_t time = 0;        ///< simulated ns since the start or the last reset of time
-  std::int64_t clock_time = 0;  ///< when it was taken, ns on the pacing clock; on a followed clock,
-                                ///< which moves by steps, when its tick was due
-  bool has_energy = false;      ///< somebody wanted it when the sample was taken
-};
-
-/// What the loop tells about itself.
-struct LoopSnapshot {
-  RunState state = RunState::kRunning;
-  bool state_changed = false;  ///< to be published at once
-  StopReason reason = StopReason::kNone;
-  bool waiting_for_clock = false;  ///< a followed clock has shown no time yet
-  std::int64_t time = 0;           ///< simulated ns, as in TimedSample
-  double real_time_factor = 0.0;   ///< measured
-  double wanted_factor = 0.0;      ///< 0: unpaced, or a clock is followed
-  Pacer::Counters pacing;
-  std::int64_t lateness_p50 = 0;  ///< ns, as the next two
-  std::int64_t lateness_p99 = 0;
-  std::int64_t lateness_max = 0;
-  Statistics statistics;
-  EnergyDoubt energy_doubt;
-  std::array<double, kMaxConstraints> residual{};  ///< when last sampled: about ten times a second
-};
-
-/// Why the motion stopped, a C string. Apart from the snapshots, which lockstep makes by the
-/// thousand.
-struct StopMessage {
-  std::array<char, 1024> text{};
-};
-
-enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep };
-enum class RequestResult {
-  kDone,
-  kNotPaused,      ///< kStep only
-  kStopped,        ///< the motion has stopped: the answer's message says why
-  kTimeExhausted,  ///< simulated time would leave 64-bit nanoseconds
-  kShutDown        ///< the loop has ended
-};
-
-struct LoopRequest {
-  RequestKind kind = RequestKind::kPause;
-  std::int64_t duration = 0;  ///< of kStep, ns > 0
-  int command_count = 0;      ///< of kStep
-  std::array<InputCommand, kMaxInputs> commands{};
-};
-
-struct LoopAnswer {
-  RequestResult result = RequestResult::kDone;
-  TimedSample sample;   ///< of kStep, also when the motion stopped on the way
-  std::string message;  ///< of kStopped
-};
 
 /// Owns the Simulation and advances it tick by tick in `run`, which one thread calls. Per tick that
 /// thread takes no lock and allocates nothing; it hands over samples and takes commands through

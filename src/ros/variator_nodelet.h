@@ -5,9 +5,9 @@
 
 #include <memory>
 
-#include "ros/simulation_server.h"
-
 namespace variator_sim {
+
+class SimulationServer;
 
 /// Has its own threads and callback queue, as the node has: the manager's threads are not used.
 /// Nodelets of the same manager get its messages without a copy.
@@ -17,7 +17,7 @@ class VariatorNodelet : public nodelet::Nodelet {
   /// and goes on.
   void onInit() override;
 
-  std::unique_ptr<SimulationServer> server_;
+  std::shared_ptr<SimulationServer> server_;
 };
 
 }  // namespace variator_sim

@@ -1,6 +1,8 @@
 /// One scene, read from the node's private parameters, as a ROS node.
 #include <ros/callback_queue.h>
-#include <ros/ros.h>
+#include <ros/console.h>
+#include <ros/init.h>
+#include <ros/node_handle.h>
 
 #include <csignal>
 #include <exception>

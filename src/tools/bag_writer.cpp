@@ -10,6 +10,7 @@
 
 #include "ros/message_conversion.h"
 #include "tools/sample_writer.h"
+#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {

@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "tools/sample_writer.h"
+#include "variator_sim/scene.h"
 
 namespace variator_sim {
 namespace {

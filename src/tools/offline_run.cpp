@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "variator_sim/nearest_name.h"
+#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {

@@ -9,9 +9,12 @@
 
 #include "tools/sample_times.h"
 #include "variator_sim/io/command_file.h"
-#include "variator_sim/simulation.h"
+#include "variator_sim/sample.h"
 
 namespace variator_sim {
+
+class Simulation;
+struct Scene;
 
 /// A command whose topic has been found in the scene.
 struct ResolvedCommand {

@@ -8,10 +8,11 @@
 
 #include "tools/simulate_options.h"
 #include "variator_sim/sample.h"
-#include "variator_sim/scene.h"
-#include "variator_sim/simulation.h"
 
 namespace variator_sim {
+
+class Simulation;
+struct Scene;
 
 /// The output cannot be written; what() names it and the system's reason.
 class OutputError : public std::runtime_error {
