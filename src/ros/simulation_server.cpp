@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "ros/nanoseconds.h"
 #include "ros/real_time.h"
 #include "variator_sim/nearest_name.h"
 
@@ -20,10 +21,6 @@ constexpr std::uint32_t kCommandQueue = 1000;            // messages
 constexpr std::uint32_t kStateQueue = 100;               // messages
 constexpr std::uint32_t kClockQueue = 100;               // messages
 constexpr std::int64_t kClockPatience = 5000000000;  // ns: then the log tells what is waited for
-
-double toSeconds(std::int64_t nanoseconds) {
-  return static_cast<double>(nanoseconds) / 1e9;
-}
 
 void checkTopic(const CommandInputSettings& input) {
   const std::string key = input.owner + "/topic";

@@ -3,29 +3,16 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <thread>
 #include <utility>
+
+#include "ros/nanoseconds.h"
 
 namespace variator_sim {
 namespace {
 
-constexpr double kNanosecondsPerSecond = 1e9;
 /// ~step advances in cuts of this length, ns, to see an order to stop; cuts change no bit.
 constexpr std::int64_t kStepCut = 100000000;
-/// Half of what 64 bits hold: 146 years.
-constexpr std::int64_t kLastInstant = std::numeric_limits<std::int64_t>::max() / 2;
-
-/// The double nearest to ns * 1e-9: both operands are exact, one rounding by the division.
-double toSeconds(std::int64_t nanoseconds) {
-  return static_cast<double>(nanoseconds) / kNanosecondsPerSecond;
-}
-
-/// The nearest integer, at most kLastInstant: sums of two of them still fit.
-std::int64_t toCount(double value) {
-  return value < static_cast<double>(kLastInstant) ? std::llround(value) : kLastInstant;
-}
-
 /// ns between two ticks; 0: unpaced.
 double periodOf(double tick_rate, double real_time_factor) {
   return real_time_factor == 0.0 ? 0.0 : kNanosecondsPerSecond / (tick_rate * real_time_factor);
@@ -42,10 +29,8 @@ SteppingLoop::SteppingLoop(Simulation simulation, const NodeSettings& settings, 
       simulation_(std::move(simulation)),
       tick_rate_(settings.tick_rate),
       real_time_factor_(wanted_factor_),
-      publish_rate_(settings.publish_rate),
-      ticks_per_sample_(1.0),
       paused_(settings.start_paused) {
-  applyPeriod();
+  samples_due_.setRate(settings.publish_rate, tick_rate_ * real_time_factor_);
 }
 
 void SteppingLoop::command(const InputCommand& command) {
@@ -173,29 +158,25 @@ void SteppingLoop::noticeClock() {
 
 void SteppingLoop::applySettings() {
   settings_changed_.exchange(false, std::memory_order_acquire);
-  publish_rate_ = wanted_publish_rate_.load(std::memory_order_relaxed);
   const double factor = wanted_factor_.load(std::memory_order_relaxed);
   const bool new_pace = factor != real_time_factor_ && !followed_;
   if (new_pace) {
     real_time_factor_ = factor;
     pacer_.setPeriod(periodOf(tick_rate_, factor));
   }
-  applyPeriod();
+  samples_due_.setRate(wanted_publish_rate_.load(std::memory_order_relaxed),
+                       tick_rate_ * real_time_factor_);
   if (new_pace) {
     anchor();
   } else {
-    countSamplesFromHere();
+    samples_due_.countFrom(pacer_.tick(), clock_.now());
   }
-}
-
-void SteppingLoop::applyPeriod() {
-  // publish_rate counts wall time: what goes over the wire does not grow with the speed.
-  ticks_per_sample_ = std::max(1.0, tick_rate_ * real_time_factor_ / publish_rate_);
 }
 
 void SteppingLoop::tick() {
   moveToTick();
-  const bool has_sample = isSampleDue() && samples_wanted_.load(std::memory_order_relaxed);
+  const bool has_sample =
+      samples_due_.isDue(pacer_) && samples_wanted_.load(std::memory_order_relaxed);
   if (!isQuiet() || has_sample || commands_.read_available() > 0) {
     catchUp();
     if (noticeStop()) return;
@@ -231,7 +212,7 @@ void SteppingLoop::passOverRest() {
   std::int64_t needed =
       pacer_.tick() + std::max<std::int64_t>(1, static_cast<std::int64_t>(ticks_per_slice));
   if (samples_wanted_.load(std::memory_order_relaxed)) {
-    needed = std::min(needed, next_sample_tick_);
+    needed = std::min(needed, samples_due_.nextTick());
   }
   const bool can_wait = needed > pacer_.tick() + 1;
   // What came before the flag was set has woken nobody.
@@ -245,36 +226,8 @@ void SteppingLoop::passOverRest() {
   pacer_.passOver(last);
   moveToTick();
   catchUp();
-  passOverSamples();
+  samples_due_.passOver(pacer_.tick());
   noticeStop();
-}
-
-bool SteppingLoop::isSampleDue() {
-  if (pacer_.isPaced()) {
-    if (pacer_.tick() < next_sample_tick_) return false;
-    passOverSamples();
-    return true;
-  }
-  if (pacer_.tickStart() < next_sample_wall_) return false;
-  const std::int64_t interval = toCount(kNanosecondsPerSecond / publish_rate_);
-  next_sample_wall_ = std::max(next_sample_wall_ + interval, pacer_.tickStart());
-  return true;
-}
-
-void SteppingLoop::passOverSamples() {
-  while (next_sample_tick_ <= pacer_.tick()) {
-    ++due_samples_;
-    // Sample m is due at tick round(m ticks_per_sample): no rounding error adds up.
-    next_sample_tick_ =
-        sample_base_ + toCount(static_cast<double>(due_samples_ + 1) * ticks_per_sample_);
-  }
-}
-
-void SteppingLoop::countSamplesFromHere() {
-  sample_base_ = pacer_.tick();
-  due_samples_ = 0;
-  next_sample_tick_ = sample_base_ + toCount(ticks_per_sample_);
-  next_sample_wall_ = clock_.now();
 }
 
 void SteppingLoop::waitWhileIdle() {
@@ -395,7 +348,7 @@ void SteppingLoop::resetMotion(bool reset_time) {
 void SteppingLoop::anchor() {
   anchor_ = present_;
   pacer_.anchor();
-  countSamplesFromHere();
+  samples_due_.countFrom(pacer_.tick(), clock_.now());
   moment_ = clock_.now();
   lateness_.clear();
   lateness_p50_ = lateness_p99_ = lateness_max_ = 0;

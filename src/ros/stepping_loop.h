@@ -12,6 +12,7 @@
 #include "ros/node_settings.h"
 #include "ros/pacer.h"
 #include "ros/sample_ring.h"
+#include "ros/sample_schedule.h"
 #include "ros/semaphore.h"
 #include "variator_sim/simulation.h"
 
@@ -116,7 +117,6 @@ class SteppingLoop {
   void noticeChanges();
   void noticeClock();
   void applySettings();
-  void applyPeriod();
   RunState state() const;
   void tick();
   void moveToTick();
@@ -135,9 +135,6 @@ class SteppingLoop {
   void applyCommand(const InputCommand& command);
   /// Ticks and deadlines count from the present.
   void anchor();
-  bool isSampleDue();
-  void passOverSamples();
-  void countSamplesFromHere();
   /// After anything that may have ended the motion: true when it has just stopped.
   bool noticeStop();
   /// Of the simulation where it is: at the present, for those who have caught up.
@@ -180,21 +177,16 @@ class SteppingLoop {
   Simulation simulation_;
   double tick_rate_;
   double real_time_factor_;
-  double publish_rate_;
-  double ticks_per_sample_;  ///< paced only
+  SampleSchedule samples_due_;
   bool paused_;
   bool clock_started_ = false;
   std::uint64_t jumps_back_ = 0;  ///< of the clock, those served
   bool stop_noticed_ = false;
-  std::int64_t offset_ = 0;            ///< sample time minus the scene's time, ns
-  std::int64_t present_ = 0;           ///< the scene's time, ns
-  std::int64_t quiet_until_ = 0;       ///< likewise, see isQuiet
-  std::int64_t anchor_ = 0;            ///< the scene's time at tick 0, ns
-  std::int64_t moment_ = 0;            ///< when the last tick was due, ns on the clock
-  std::int64_t sample_base_ = 0;       ///< the tick that samples are counted from
-  std::int64_t due_samples_ = 0;       ///< since then
-  std::int64_t next_sample_tick_ = 0;  ///< paced only
-  std::int64_t next_sample_wall_ = 0;  ///< unpaced only, ns on the pacing clock
+  std::int64_t offset_ = 0;       ///< sample time minus the scene's time, ns
+  std::int64_t present_ = 0;      ///< the scene's time, ns
+  std::int64_t quiet_until_ = 0;  ///< likewise, see isQuiet
+  std::int64_t anchor_ = 0;       ///< the scene's time at tick 0, ns
+  std::int64_t moment_ = 0;       ///< when the last tick was due, ns on the clock
 
   /// Where the last slices of the windows began: a ring.
   struct SliceStart {

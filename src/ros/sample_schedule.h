@@ -1,0 +1,64 @@
+/// Which ticks have a sample.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "ros/nanoseconds.h"
+#include "ros/pacer.h"
+
+namespace variator_sim {
+
+/// Paced, one tick in so many has a sample: publish_rate counts wall time, so what goes over the
+/// wire does not grow with the speed. Unpaced, a tick has one when the last is 1 / publish_rate
+/// ago. [loop]
+class SampleSchedule {
+ public:
+  /// `publish_rate` in Hz; `speed`: ticks per s of the clock, 0 when unpaced. To be followed by
+  /// `countFrom`.
+  void setRate(double publish_rate, double speed) {
+    interval_ = toCount(kNanosecondsPerSecond / publish_rate);
+    ticks_per_sample_ = std::max(1.0, speed / publish_rate);
+  }
+
+  /// Samples are counted from `tick`, which is now, ns on the clock.
+  void countFrom(std::int64_t tick, std::int64_t now) {
+    base_ = tick;
+    count_ = 0;
+    next_tick_ = base_ + toCount(ticks_per_sample_);
+    next_time_ = now;
+  }
+
+  /// Whether the last tick of `pacer` has a sample; to be asked once a tick.
+  bool isDue(const Pacer& pacer) {
+    if (pacer.isPaced()) {
+      if (pacer.tick() < next_tick_) return false;
+      passOver(pacer.tick());
+      return true;
+    }
+    if (pacer.tickStart() < next_time_) return false;
+    next_time_ = std::max(next_time_ + interval_, pacer.tickStart());
+    return true;
+  }
+
+  /// When paced: the next tick with a sample.
+  std::int64_t nextTick() const { return next_tick_; }
+  /// When paced: samples up to `tick` have been taken or are left out.
+  void passOver(std::int64_t tick) {
+    while (next_tick_ <= tick) {
+      ++count_;
+      // Sample m is due at tick round(m ticks_per_sample): no rounding error adds up.
+      next_tick_ = base_ + toCount(static_cast<double>(count_ + 1) * ticks_per_sample_);
+    }
+  }
+
+ private:
+  double ticks_per_sample_ = 1.0;
+  std::int64_t interval_ = 0;   ///< unpaced, ns
+  std::int64_t base_ = 0;       ///< the tick that samples are counted from
+  std::int64_t count_ = 0;      ///< since then
+  std::int64_t next_tick_ = 0;  ///< paced only
+  std::int64_t next_time_ = 0;  ///< unpaced only, ns on the clock
+};
+
+}  // namespace variator_sim
