@@ -1,5 +1,6 @@
 #include "variator_sim/io/yaml_tree.h"
 
+#include <regex.h>
 #include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
@@ -8,8 +9,8 @@
 #include <cmath>
 #include <limits>
 #include <new>
-#include <regex>
 #include <sstream>
+#include <stdexcept>
 #include <system_error>
 #include <vector>
 
@@ -61,35 +62,58 @@ bool parseSexagesimal(const std::string& text, double* value) {
   return true;
 }
 
+/// An extended regular expression of POSIX, for whole texts. (That of the C++ library takes the
+/// compiler longer than the rest of this file.)
+class Pattern {
+ public:
+  explicit Pattern(const std::string& expression) {
+    if (regcomp(&compiled_, ("^(" + expression + ")$").c_str(), REG_EXTENDED | REG_NOSUB) != 0) {
+      throw std::logic_error("not a regular expression: " + expression);
+    }
+  }
+  ~Pattern() { regfree(&compiled_); }
+  Pattern(const Pattern&) = delete;
+  Pattern& operator=(const Pattern&) = delete;
+
+  bool matches(const std::string& text) const {
+    // To regexec a text ends at its first NUL.
+    return text.find('\0') == std::string::npos &&
+           regexec(&compiled_, text.c_str(), 0, nullptr, 0) == 0;
+  }
+
+ private:
+  regex_t compiled_{};
+};
+
 /// What a plain scalar means. The expressions are those of PyYAML's resolver.
 ParameterTree resolvePlain(const std::string& text) {
-  static const std::regex kNothing("|~|null|Null|NULL");
-  static const std::regex kTrue("yes|Yes|YES|true|True|TRUE|on|On|ON");
-  static const std::regex kFalse("no|No|NO|false|False|FALSE|off|Off|OFF");
-  static const std::regex kReal(
+  static const Pattern kNothing("~|null|Null|NULL");
+  static const Pattern kTrue("yes|Yes|YES|true|True|TRUE|on|On|ON");
+  static const Pattern kFalse("no|No|NO|false|False|FALSE|off|Off|OFF");
+  static const Pattern kReal(
       "[-+]?[0-9][0-9_]*\\.[0-9_]*([eE][-+][0-9]+)?"
       "|\\.[0-9][0-9_]*([eE][-+][0-9]+)?"
       "|[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+\\.[0-9_]*");
-  static const std::regex kInfinity("[-+]?\\.(inf|Inf|INF)");
-  static const std::regex kNan("\\.(nan|NaN|NAN)");
-  static const std::regex kInteger(
+  static const Pattern kInfinity("[-+]?\\.(inf|Inf|INF)");
+  static const Pattern kNan("\\.(nan|NaN|NAN)");
+  static const Pattern kInteger(
       "[-+]?0b[0-1_]+|[-+]?0[0-7_]+|[-+]?(0|[1-9][0-9_]*)|[-+]?0x[0-9a-fA-F_]+"
       "|[-+]?[1-9][0-9_]*(:[0-5]?[0-9])+");
 
   if (text.size() > kLongestNumber) return ParameterTree::text(text);
-  if (std::regex_match(text, kNothing)) return {};
-  if (std::regex_match(text, kTrue)) return ParameterTree::boolean(true);
-  if (std::regex_match(text, kFalse)) return ParameterTree::boolean(false);
-  if (std::regex_match(text, kNan)) {
+  if (text.empty() || kNothing.matches(text)) return {};
+  if (kTrue.matches(text)) return ParameterTree::boolean(true);
+  if (kFalse.matches(text)) return ParameterTree::boolean(false);
+  if (kNan.matches(text)) {
     return ParameterTree::real(std::numeric_limits<double>::quiet_NaN());
   }
   const bool is_negative = !text.empty() && text.front() == '-';
   const double sign = is_negative ? -1.0 : 1.0;
-  if (std::regex_match(text, kInfinity)) {
+  if (kInfinity.matches(text)) {
     return ParameterTree::real(sign * std::numeric_limits<double>::infinity());
   }
-  const bool is_real = std::regex_match(text, kReal);
-  if (!is_real && !std::regex_match(text, kInteger)) return ParameterTree::text(text);
+  const bool is_real = kReal.matches(text);
+  if (!is_real && !kInteger.matches(text)) return ParameterTree::text(text);
 
   const bool has_sign = is_negative || text.front() == '+';
   const std::string digits = withoutUnderscores(text.substr(has_sign ? 1 : 0));
