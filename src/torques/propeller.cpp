@@ -1,7 +1,5 @@
 #include "variator_sim/torques/propeller.h"
 
-#include <boost/math/constants/constants.hpp>
-
 #include "rate_derivatives.h"
 #include "smooth.h"
 
@@ -19,7 +17,7 @@ void Propeller::doConfigure(ComponentContext& context) {
     for (const char* key : {"torque_coefficient", "diameter", "density", "advance"}) {
       parameters.allow(key);
     }
-    const double turn = boost::math::constants::two_pi<double>();
+    constexpr double turn = 2.0 * 3.14159265358979323846;
     const double K_Q0 = parameters.number("torque_coefficient", Range::notNegative());
     const double D = parameters.number("diameter", Range::positive());
     const double density = parameters.number("density", Range::positive(), 1025.0);
