@@ -156,5 +156,33 @@ TEST(NeutralModes, DoNotDrift) {
   }
 }
 
+// A free shaft whose inertia depends on its angle: R' = Gamma R omega [6] and
+// J epsilon + 1/2 J' omega^2 = R, so R / sqrt(J) is a constant r, and sqrt(J) omega grows by r t.
+TEST(NeutralModes, OfInertiasThatDependOnTheAngleFollowThem) {
+  Scene scene = test::sceneFromText(
+      "shafts: [a, b]\na: {inertia: {mean: 1.2, harmonics: [{order: 2, cos: 0.3, sin: -0.2}]}}\n"
+      "b: {inertia: {mean: 0.9, harmonics: [{order: 1, cos: 0.1, sin: 0.3}]}}\n"
+      "initial: {angle: [0.3, -0.4], velocity: [2, 5], acceleration: [3, -1]}\n");
+  const auto J = [](int shaft, double phi) {
+    return shaft == 0 ? 1.2 + 0.3 * std::cos(2.0 * phi) - 0.2 * std::sin(2.0 * phi)
+                      : 0.9 + 0.1 * std::cos(phi) + 0.3 * std::sin(phi);
+  };
+  for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kRadau5}) {
+    Simulation simulation(test::withStepper(scene, stepper));
+    const Sample start = simulation.sample();
+    for (double t : {0.1, 0.5, 1.7, 4.0, 9.0}) {
+      ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
+      const Sample& now = simulation.sample();
+      for (int i = 0; i < 2; ++i) {
+        const double r = start.reaction_torque[i] / std::sqrt(J(i, start.angle[i]));
+        const double expected = std::sqrt(J(i, start.angle[i])) * start.velocity[i] + r * t;
+        EXPECT_NEAR(std::sqrt(J(i, now.angle[i])) * now.velocity[i], expected, 2e-7)
+            << toString(stepper) << ", " << t;
+        EXPECT_NEAR(now.reaction_torque[i], r * std::sqrt(J(i, now.angle[i])), 2e-6);
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim

@@ -1,12 +1,23 @@
 /// What the node keeps for itself of a scene's names: it reads its own parameters from the same
-/// tree and publishes beside the scene's topics. For whoever reads scenes that the node reads as
-/// well; the core knows none of these names.
+/// tree and publishes beside the scene's topics.
 #pragma once
 
-#include "variator_sim/scene.h"
+#include <string>
+#include <vector>
 
 namespace variator_sim {
 
+/// What a program that runs scenes keeps for itself ("the node" in messages).
+struct NodeNames {
+  /// Keys at the scene's root that it reads for itself. They may stand in a scene and mean nothing
+  /// to it; no shaft, torque or constraint may take them.
+  std::vector<std::string> keys;
+  /// Private topics that it publishes itself. No commanded input may take one: the program would
+  /// read its own messages.
+  std::vector<std::string> topics;
+};
+
+/// Those of variator_sim_node.
 inline NodeNames nodeNames() {
   return {{"tick_rate", "publish_rate", "real_time_factor", "publish_clock", "start_paused",
            "realtime_priority", "lock_memory"},

@@ -12,6 +12,7 @@
 #include "variator_sim/component_factory.h"
 #include "variator_sim/constraint.h"
 #include "variator_sim/inertia.h"
+#include "variator_sim/node_names.h"
 #include "variator_sim/parameter_tree.h"
 #include "variator_sim/torque.h"
 
@@ -87,17 +88,10 @@ struct Scene {
   int inputCount() const { return static_cast<int>(inputs.size()); }
 };
 
-/// What a program that runs scenes keeps for itself ("the node" in messages).
-struct NodeNames {
-  /// Keys at the scene's root that it reads for itself. They may stand in a scene and mean nothing
-  /// to it; no shaft, torque or constraint may take them.
-  std::vector<std::string> keys;
-  /// Private topics that it publishes itself. No commanded input may take one: the program would
-  /// read its own messages.
-  std::vector<std::string> topics;
-};
-
 /// Reads a whole scene. Components are made by `factory`. Throws SceneError on the first fault.
-Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const NodeNames& node = {});
+/// `node`: names that the program which runs it keeps; a scene is one of variator_sim_node's where
+/// nothing else is said.
+Scene readScene(const ParameterTree& tree, ComponentFactory& factory,
+                const NodeNames& node = nodeNames());
 
 }  // namespace variator_sim

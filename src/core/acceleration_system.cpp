@@ -71,8 +71,12 @@ bool AccelerationSystem::crossKink(const StepNode& from, StepNode& to) {
 }
 
 void AccelerationSystem::noteReaction(const StepNode& node) {
+  const Inertia& inertia = drivetrain_.inertia();
   drivetrain_.calcReaction(view(node.time, node.x), node.torque.data(), reaction_at_start_);
-  has_neutral_ = !keeps_reaction_in_range_;
+  has_neutral_ = !keeps_reaction_in_range_ && (inertia.isConstant() || inertia.isDiagonal());
+  for (int i = 0; i < S && !inertia.isConstant(); ++i) {
+    reaction_at_start_[i] /= std::sqrt(inertia.entry(i, i));
+  }
   for (int i = 0; i < S; ++i) is_neutral_[i] = !drivetrain_.readsColumn(i);
   noteColumns();
 }
@@ -94,7 +98,11 @@ bool AccelerationSystem::restoreReaction(StepNode& node, double most) {
   double change[kMaxShafts];
   const StateView state = view(node.time, node.x);
   drivetrain_.calcReaction(state, node.torque.data(), lost);
-  for (int i = 0; i < S; ++i) lost[i] -= reaction_at_start_[i];
+  const Inertia& inertia = drivetrain_.inertia();
+  for (int i = 0; i < S; ++i) {
+    lost[i] -=
+        reaction_at_start_[i] * (inertia.isConstant() ? 1.0 : std::sqrt(inertia.entry(i, i)));
+  }
   // J d_epsilon = C^T lambda - lost, C d_epsilon = 0.
   double lambda[kMaxRows] = {};
   if (drivetrain_.hasConstantJacobian()) {

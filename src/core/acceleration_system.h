@@ -60,6 +60,9 @@ class AccelerationSystem : public PrincipleSystem {
   bool keeps_reaction_in_range_;
   bool has_neutral_ = false;
   bool is_neutral_[kMaxShafts] = {};
+  /// N m; over the root of the inertia where that depends on the angle: R' = C^T Lambda + Gamma R
+  /// omega [6] is R_i' = 1/2 J_i'/J_i omega_i R_i there, and so R_i / sqrt(J_i) is what stays.
+  /// (Between coupled ones that depend on angles nothing so simple does.)
   double reaction_at_start_[kMaxShafts] = {};
 };
 
