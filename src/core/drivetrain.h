@@ -12,6 +12,7 @@
 
 #include "central_difference.h"
 #include "dense.h"
+#include "shaft_count.h"
 #include "state_vector.h"
 #include "variator_sim/principle.h"
 #include "variator_sim/sample.h"
@@ -374,8 +375,9 @@ class Drivetrain {
   /// C_q^T Lambda onto `rates` and psi_q, in all 3S directions; C into the solver's rows.
   void addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
                          double (*psi_q)[kMaxRows]);
-  /// P0 P v + D0 psi at `state`. False where C has lost rank.
-  bool projectResidual(const StateView& state, const SquareMatrix& P0, const SquareMatrix& D0,
+  /// P0 P v + D0 psi at `state`, P0 and D0 column by column. False where C has lost rank.
+  template <class Count>
+  bool projectResidual(Count shafts, const StateView& state, const double* P0, const double* D0,
                        double* v, double* residual);
   /// P and D of the solver's rows, and -P J^-1 rates_q + D psi_q in all 3S directions. P is NaN
   /// where C has lost rank.
@@ -455,14 +457,16 @@ class Drivetrain {
                       Evaluate evaluate) {
     double residual[kMaxRows] = {};
     for (int r = 0; r < solver->rowCount(); ++r) residual[r] = evaluate(rows[r], solver->row(r));
-    if (!solver->isFactored() || !has_constant_rows_) {
-      if (!solver->factor(inertia_)) return false;
-    }
-    for (int r = 0; r < solver->rowCount(); ++r) residual[r] = -residual[r];
-    solver->solve(residual, residual);
-    for (int i = 0; i < S; ++i) delta[i] = 0.0;
-    solver->addReaction(residual, delta);
-    return true;
+    return withShaftCount(S, [&](auto shafts) {
+      if (!solver->isFactored() || !has_constant_rows_) {
+        if (!solver->factor(shafts, inertia_)) return false;
+      }
+      for (int r = 0; r < solver->rowCount(); ++r) residual[r] = -residual[r];
+      solver->solve(residual, residual);
+      for (int i = 0; i < shafts; ++i) delta[i] = 0.0;
+      solver->addReaction(shafts, residual, delta);
+      return true;
+    });
   }
 
   const int S;  // shafts

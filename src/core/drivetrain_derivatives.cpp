@@ -4,25 +4,49 @@
 
 #include "central_difference.h"
 #include "drivetrain.h"
+#include "shaft_count.h"
 
 namespace variator_sim {
+
+template <class Count>
+bool Drivetrain::projectResidual(Count shafts, const StateView& state, const double* P0,
+                                 const double* D0, double* v, double* residual) {
+  const int k = constraintCount();
+  double psi[kMaxRows];
+  double l[kMaxRows];
+  for (int m = 0; m < k; ++m) {
+    psi[m] = constraint(m).calcResidualAndJacobian(state, solver_.row(m));
+  }
+  if (!solver_.factor(shafts, inertia_)) return false;
+  constexpr double kZeros[kMaxRows] = {};
+  solver_.constrain(shafts, kZeros, v, l);
+  for (int i = 0; i < shafts; ++i) {
+    residual[i] = 0.0;
+    for (int j = 0; j < shafts; ++j) residual[i] += P0[i + j * shafts] * v[j];
+    for (int m = 0; m < k; ++m) residual[i] += D0[i + m * shafts] * psi[m];
+  }
+  return true;
+}
 
 bool Drivetrain::calcStageResidual(const StateView& state, const double* eta,
                                    const SquareMatrix& P0, const SquareMatrix& D0,
                                    double* residual) {
-  double rate[kMaxShafts];
-  double v[kMaxShafts];
-  calcCovariantTorqueRate(state, rate);
-  inertia_.solve(rate, v);
-  for (int i = 0; i < S; ++i) v[i] = eta[i] - v[i];
-  return projectResidual(state, P0, D0, v, residual);
+  return withShaftCount(S, [&](auto shafts) {
+    double rate[kMaxShafts];
+    double v[kMaxShafts];
+    calcCovariantTorqueRate(shafts, state, rate);
+    inertia_.solve(shafts, rate, v);
+    for (int i = 0; i < shafts; ++i) v[i] = eta[i] - v[i];
+    return projectResidual(shafts, state, P0.data(), D0.data(), v, residual);
+  });
 }
 
 void Drivetrain::calcStageDerivatives(const StateView& state, const double* Lambda,
                                       SquareMatrix& projector, SquareMatrix& pull,
                                       double* derivatives) {
-  double rates[3 * kMaxShafts * kMaxShafts] = {};
-  double psi_q[3 * kMaxShafts][kMaxRows] = {};
+  double rates[3 * kMaxShafts * kMaxShafts];
+  double psi_q[3 * kMaxShafts][kMaxRows];
+  std::fill_n(rates, 3 * S * S, 0.0);
   for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, rates);
   addRowDerivatives(state, Lambda, rates, psi_q);
   calcProjected(rates, psi_q, projector, pull, derivatives);
@@ -30,20 +54,23 @@ void Drivetrain::calcStageDerivatives(const StateView& state, const double* Lamb
 
 bool Drivetrain::calcAccelerationResidual(const StateView& state, const SquareMatrix& P0,
                                           const SquareMatrix& D0, double* residual) {
-  double torque[kMaxShafts];
-  double v[kMaxShafts];
-  calcFreeTorque(state, torque);
-  inertia_.solve(torque, v);
-  for (int i = 0; i < S; ++i) v[i] = state.acceleration[i] - v[i];
-  return projectResidual(state, P0, D0, v, residual);
+  return withShaftCount(S, [&](auto shafts) {
+    double torque[kMaxShafts];
+    double v[kMaxShafts];
+    calcFreeTorque(state, torque);
+    inertia_.solve(shafts, torque, v);
+    for (int i = 0; i < shafts; ++i) v[i] = state.acceleration[i] - v[i];
+    return projectResidual(shafts, state, P0.data(), D0.data(), v, residual);
+  });
 }
 
 void Drivetrain::calcAccelerationDerivatives(const StateView& state, const double* lambda,
                                              SquareMatrix& projector, SquareMatrix& pull,
                                              double* derivatives) {
   const int directions = 2 * S;
-  double torques[3 * kMaxShafts * kMaxShafts] = {};
-  double psi_q[3 * kMaxShafts][kMaxRows] = {};
+  double torques[3 * kMaxShafts * kMaxShafts];
+  double psi_q[3 * kMaxShafts][kMaxRows];
+  std::fill_n(torques, 3 * S * S, 0.0);
   const auto differentiate = [&](int q, const StateView& above, const StateView& below,
                                  double width) {
     if (q >= directions) return;
@@ -62,31 +89,33 @@ void Drivetrain::calcAccelerationDerivatives(const StateView& state, const doubl
 
 void Drivetrain::calcJerkDerivatives(const StateView& state, const double* eta,
                                      const double* Lambda, double* derivatives) const {
-  const int directions = 3 * S;
-  std::fill_n(derivatives, directions * S, 0.0);
+  std::fill_n(derivatives, 3 * S * S, 0.0);
   for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, derivatives);
-  double right[3 * kMaxShafts][kMaxRows] = {};
-  for (int m = 0; m < constraintCount(); ++m) {
-    double dC[3 * kMaxShafts * kMaxShafts];
-    double dc0[3 * kMaxShafts];
-    constraint(m).calcRowDerivatives(state, dC, dc0);
-    for (int q = 0; q < directions; ++q) {
-      double sum = dc0[q];
-      for (int i = 0; i < S; ++i) {
-        sum += dC[q * S + i] * eta[i];
-        derivatives[q * S + i] += dC[q * S + i] * Lambda[m];
+  double right[3 * kMaxShafts][kMaxRows];
+  withShaftCount(S, [&](auto shafts) {
+    const int directions = 3 * shafts;
+    for (int m = 0; m < constraintCount(); ++m) {
+      double dC[3 * kMaxShafts * kMaxShafts];
+      double dc0[3 * kMaxShafts];
+      constraint(m).calcRowDerivatives(state, dC, dc0);
+      for (int q = 0; q < directions; ++q) {
+        double sum = dc0[q];
+        for (int i = 0; i < shafts; ++i) {
+          sum += dC[q * shafts + i] * eta[i];
+          derivatives[q * shafts + i] += dC[q * shafts + i] * Lambda[m];
+        }
+        right[q][m] = sum;
       }
-      right[q][m] = sum;
     }
-  }
-  for (int q = 0; q < directions; ++q) {
-    double rate[kMaxShafts];
-    std::copy_n(derivatives + q * S, S, rate);
-    double* eta_q = derivatives + q * S;
-    inertia_.solve(rate, eta_q);
-    double Lambda_q[kMaxRows] = {};
-    if (constraintCount() > 0) solver_.constrain(right[q], eta_q, Lambda_q);
-  }
+    for (int q = 0; q < directions; ++q) {
+      double rate[kMaxShafts];
+      double* eta_q = derivatives + q * shafts;
+      for (int i = 0; i < shafts; ++i) rate[i] = eta_q[i];
+      inertia_.solve(shafts, rate, eta_q);
+      double Lambda_q[kMaxRows];
+      if (constraintCount() > 0) solver_.constrain(shafts, right[q], eta_q, Lambda_q);
+    }
+  });
 }
 
 void Drivetrain::addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
@@ -108,24 +137,6 @@ void Drivetrain::addRowDerivatives(const StateView& state, const double* Lambda,
   }
 }
 
-bool Drivetrain::projectResidual(const StateView& state, const SquareMatrix& P0,
-                                 const SquareMatrix& D0, double* v, double* residual) {
-  double psi[kMaxRows] = {};
-  const double zeros[kMaxRows] = {};
-  for (int m = 0; m < constraintCount(); ++m) {
-    psi[m] = constraint(m).calcResidualAndJacobian(state, solver_.row(m));
-  }
-  if (!solver_.factor(inertia_)) return false;
-  double l[kMaxRows] = {};
-  solver_.constrain(zeros, v, l);
-  for (int i = 0; i < S; ++i) {
-    residual[i] = 0.0;
-    for (int j = 0; j < S; ++j) residual[i] += P0(i, j) * v[j];
-    for (int m = 0; m < constraintCount(); ++m) residual[i] += D0(i, m) * psi[m];
-  }
-  return true;
-}
-
 void Drivetrain::calcProjected(const double* rates, const double (*psi_q)[kMaxRows],
                                SquareMatrix& projector, SquareMatrix& pull, double* derivatives) {
   const int directions = 3 * S;
@@ -133,34 +144,36 @@ void Drivetrain::calcProjected(const double* rates, const double (*psi_q)[kMaxRo
     projector.fill(std::numeric_limits<double>::quiet_NaN());
     return;
   }
-  // x + D (y - C x), the part of x that C leaves free and D y
-  const auto combine = [&](double* x, const double* y) {
-    double l[kMaxRows] = {};
-    solver_.multiply(x, l);
-    for (int m = 0; m < constraintCount(); ++m) l[m] = y[m] - l[m];
-    solver_.solve(l, l);
-    solver_.addReaction(l, x);
-  };
-  const double zeros[kMaxRows] = {};
-  for (int j = 0; j < S; ++j) {
-    double column[kMaxShafts] = {};
-    column[j] = 1.0;
-    combine(column, zeros);
-    for (int i = 0; i < S; ++i) projector(i, j) = column[i];
-  }
-  for (int m = 0; m < constraintCount(); ++m) {
-    double column[kMaxShafts] = {};
-    double unit[kMaxRows] = {};
-    unit[m] = 1.0;
-    combine(column, unit);
-    for (int i = 0; i < S; ++i) pull(i, m) = column[i];
-  }
-  for (int q = 0; q < directions; ++q) {
-    double* column = derivatives + q * S;
-    inertia_.solve(rates + q * S, column);
-    for (int i = 0; i < S; ++i) column[i] = -column[i];
-    combine(column, psi_q[q]);
-  }
+  withShaftCount(S, [&](auto shafts) {
+    // x + D (y - C x), the part of x that C leaves free and D y
+    const auto combine = [&](double* x, const double* y) {
+      double l[kMaxRows] = {};
+      solver_.multiply(shafts, x, l);
+      for (int m = 0; m < constraintCount(); ++m) l[m] = y[m] - l[m];
+      solver_.solve(l, l);
+      solver_.addReaction(shafts, l, x);
+    };
+    const double zeros[kMaxRows] = {};
+    for (int j = 0; j < shafts; ++j) {
+      double column[kMaxShafts] = {};
+      column[j] = 1.0;
+      combine(column, zeros);
+      for (int i = 0; i < shafts; ++i) projector(i, j) = column[i];
+    }
+    for (int m = 0; m < constraintCount(); ++m) {
+      double column[kMaxShafts] = {};
+      double unit[kMaxRows] = {};
+      unit[m] = 1.0;
+      combine(column, unit);
+      for (int i = 0; i < shafts; ++i) pull(i, m) = column[i];
+    }
+    for (int q = 0; q < directions; ++q) {
+      double* column = derivatives + q * shafts;
+      inertia_.solve(shafts, rates + q * shafts, column);
+      for (int i = 0; i < shafts; ++i) column[i] = -column[i];
+      combine(column, psi_q[q]);
+    }
+  });
 }
 
 }  // namespace variator_sim

@@ -4,6 +4,7 @@
 /// taken once at the end of the step. Sums are unrolled when compiled and coefficients that are
 /// zero cost nothing.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -11,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "shaft_count.h"
 #include "stepper.h"
 #include "tableaus.h"
 
@@ -26,10 +28,10 @@ class ExplicitStepper final : public Stepper {
         first_(system.readsAngles() ? 0 : system.shafts()),
         integrates_torque_(system.integratesTorque()),
         y_(size_),
-        k_(Tableau::kStages + (Tableau::kExtraStages == 0 ? 1 : 4), y_),
-        term_(kTerms, y_),
+        k_(makeStates(size_, std::make_index_sequence<kSlopes>{})),
+        term_(makeStates(size_, std::make_index_sequence<kTerms>{})),
         torque_rates_(Tableau::kStages, ShaftVector(system.shafts())),
-        refined_(Tableau::kExtraStages == 0 ? 0 : 8, y_),
+        refined_(makeStates(size_, std::make_index_sequence<kRefined>{})),
         slope_(Tableau::kExtraStages == 0 ? 0 : 7, y_) {}
 
   const char* name() const override { return Tableau::kName; }
@@ -96,6 +98,14 @@ class ExplicitStepper final : public Stepper {
 
  private:
   static constexpr std::size_t kTerms = Tableau::kExtraStages == 0 ? 4 : 7;
+  static constexpr std::size_t kSlopes = Tableau::kStages + (Tableau::kExtraStages == 0 ? 1 : 4);
+  static constexpr std::size_t kRefined = Tableau::kExtraStages == 0 ? 0 : 8;
+  /// In place: the compiler knows then that sums of slopes do not write to them.
+  template <std::size_t... J>
+  static std::array<State, sizeof...(J)> makeStates([[maybe_unused]] int size,
+                                                    std::index_sequence<J...>) {
+    return {(static_cast<void>(J), State(size))...};
+  }
   /// x = (phi, omega), under the classical principle.
   bool followsAccelerations() const { return !integrates_torque_; }
 
@@ -111,26 +121,26 @@ class ExplicitStepper final : public Stepper {
   /// x_new = x + h sum_j b_j k_j.
   template <std::size_t... J>
   void combineEnd(std::index_sequence<J...> terms, State& x_new) const {
-    for (int n = 0; n < size_; ++n) {
-      x_new[n] = from_->x[n] + h_ * sumStages<Tableau::b>(n, terms);
-    }
+    forEachComponent(0, size_,
+                     [&](int n) { x_new[n] = from_->x[n] + h_ * sumStages<Tableau::b>(n, terms); });
   }
   /// y = x + h sum_j a_ij k_j, j < i.
   template <std::size_t I, std::size_t... J>
   void combineStage(std::index_sequence<J...>) {
-    for (int n = first_; n < size_; ++n) {
+    const double* x = from_->x.data();
+    const double h = h_;
+    forEachComponent(first_, size_, [&](int n) {
       double sum = 0.0;
       ((Tableau::a[I][J] != 0.0 ? void(sum += Tableau::a[I][J] * k_[J][n]) : void()), ...);
-      y_[n] = from_->x[n] + h_ * sum;
-    }
+      y_[n] = x[n] + h * sum;
+    });
   }
   template <std::size_t I>
   void takeStage(System& system) {
     combineStage<I>(std::make_index_sequence<I>{});
     system(y_, k_[I], from_->time + Tableau::c[I] * h_);
     if constexpr (I < Tableau::kStages) {
-      if (integrates_torque_)
-        std::copy_n(system.torqueRate(), torque_rates_[I].size(), torque_rates_[I].begin());
+      if (integrates_torque_) torque_rates_[I].assign(system.torqueRate());
     }
   }
   template <std::size_t... I>
@@ -155,13 +165,13 @@ class ExplicitStepper final : public Stepper {
   double calcError(const State& x, const State& x_new, const State& dxdt_new) {
     double largest = 0.0;
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
-    for (int n = 0; n < size_; ++n) {
+    forEachComponent(0, size_, [&](int n) {
       const double error =
           h_ * (sumStages<Tableau::e>(n, Terms{}) + Tableau::e[Tableau::kStages] * dxdt_new[n]);
       error_[n] = error;
       largest = std::max(largest, std::abs(error) / tolerance_.of(x[n], x_new[n]));
       poison += 0.0 * (error + x_new[n]);
-    }
+    });
     // Where the torques themselves are integrated nothing else looks at the step (checkTorque).
     if (!integrates_torque_) {
       if (largest <= 1.0 && !isResolved(x, x_new, dxdt_new)) largest = kUnresolved;
@@ -192,14 +202,14 @@ class ExplicitStepper final : public Stepper {
     double size5 = 0.0;
     double size3 = 0.0;
     double poison = 0.0;
-    for (int n = 0; n < size_; ++n) {
+    forEachComponent(0, size_, [&](int n) {
       const double scale = h_ / tolerance_.of(x[n], x_new[n]);
       const double e5 = sumStages<Tableau::e5>(n, Terms{});
       error_[n] = h_ * e5;
       size5 = std::max(size5, std::abs(scale * e5));
       size3 = std::max(size3, std::abs(scale * sumStages<Tableau::e3>(n, Terms{})));
       poison += 0.0 * x_new[n];
-    }
+    });
     if (!(size5 > 0.0)) return poison;
     // By the quotient, as squares of commands that fade away underflow.
     const double quotient = size3 / size5;
@@ -325,10 +335,10 @@ class ExplicitStepper final : public Stepper {
   const StepNode* from_ = nullptr;
   double h_ = 0.0;
   State y_;
-  std::vector<State> k_;
-  std::vector<State> term_;
+  std::array<State, kSlopes> k_;
+  std::array<State, kTerms> term_;
   std::vector<ShaftVector> torque_rates_;
-  std::vector<State> refined_;
+  std::array<State, kRefined> refined_;
   std::vector<State> slope_;  // at the points that `refine` takes
   bool is_prepared_ = false;
   bool is_trusted_ = true;

@@ -1,6 +1,7 @@
 #include "generalized_gauss.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <type_traits>
 
@@ -16,40 +17,29 @@ bool isSimple(const Inertia& inertia) {
 
 GeneralizedGauss::GeneralizedGauss(const Scene& scene)
     : AccelerationSystem(scene, false),
+      derive_(chooseDerive(S)),
       has_one_row_(S == 2 && scene.constraintCount() == 1 && isSimple(drivetrain_.inertia()) &&
                    scene.solver.specialize) {}
 
-void GeneralizedGauss::operator()(const State& x, State& dxdt, double t) {
-  switch (S) {
-    case 1:
-      return derive<1>(x, dxdt, t);
-    case 2:
-      return derive<2>(x, dxdt, t);
-    case 3:
-      return derive<3>(x, dxdt, t);
-    case 4:
-      return derive<4>(x, dxdt, t);
-    case 5:
-      return derive<5>(x, dxdt, t);
-    case 6:
-      return derive<6>(x, dxdt, t);
-    case 7:
-      return derive<7>(x, dxdt, t);
-    default:
-      return derive<kMaxShafts>(x, dxdt, t);
-  }
+GeneralizedGauss::Derive GeneralizedGauss::chooseDerive(int shafts) {
+  constexpr Derive kBySize[] = {derive<1>, derive<2>, derive<3>, derive<4>,
+                                derive<5>, derive<6>, derive<7>, derive<8>};
+  static_assert(std::size(kBySize) == kMaxShafts);
+  return kBySize[shafts - 1];
 }
 
 template <int kShafts>
-void GeneralizedGauss::derive(const State& x, State& dxdt, double t) {
+void GeneralizedGauss::derive(GeneralizedGauss& self, const State& x, State& dxdt, double t) {
   // phi' = omega, omega' = epsilon
   for (int n = 0; n < 2 * kShafts; ++n) dxdt[n] = x[n + kShafts];
   double* eta = dxdt.data() + 2 * kShafts;
   if constexpr (kShafts == 2) {
-    if (has_one_row_ && drivetrain_.calcJerkOfOneRow<kShafts>(t, x.data(), eta)) return;
+    if (self.has_one_row_ && self.drivetrain_.calcJerkOfOneRow<kShafts>(t, x.data(), eta)) return;
   }
   double Lambda[kMaxRows] = {};
-  calcJerk(std::integral_constant<int, kShafts>{}, view(t, x), eta, Lambda);
+  const StateView state =
+      self.drivetrain_.view(t, x.data(), x.data() + kShafts, x.data() + 2 * kShafts);
+  self.calcJerk(std::integral_constant<int, kShafts>{}, state, eta, Lambda);
 }
 
 template <class Count>

@@ -11,7 +11,7 @@ class GeneralizedGauss final : public AccelerationSystem {
  public:
   explicit GeneralizedGauss(const Scene& scene);
 
-  void operator()(const State& x, State& dxdt, double t) override;
+  void operator()(const State& x, State& dxdt, double t) override { derive_(*this, x, dxdt, t); }
   bool isSpecialized() const override { return has_one_row_; }
 
   /// Exact where the inertia is constant.
@@ -31,12 +31,15 @@ class GeneralizedGauss final : public AccelerationSystem {
  private:
   /// x' by code for a number of shafts that is known when compiled.
   template <int kShafts>
-  void derive(const State& x, State& dxdt, double t);
+  static void derive(GeneralizedGauss& self, const State& x, State& dxdt, double t);
+  using Derive = void (*)(GeneralizedGauss& self, const State& x, State& dxdt, double t);
+  static Derive chooseDerive(int shafts);
   /// eta and Lambda. False, and eta NaN, where C has lost rank. `shafts`: see ConstraintSolver.
   template <class Count>
   bool calcJerk(Count shafts, const StateView& state, double* eta, double* Lambda);
 
-  bool has_one_row_;  // and two shafts, and a constant diagonal inertia: most scenes
+  const Derive derive_;
+  const bool has_one_row_;  // and two shafts, and a constant diagonal inertia: most scenes
 };
 
 }  // namespace variator_sim

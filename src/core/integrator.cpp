@@ -284,8 +284,8 @@ bool Integrator::calcState(double now, State& x) {
   if (isDenseOutputGood() && stepper_->interpolate(system_, now, base_, front_, x)) {
     State moved(system_.size());
     State slope(system_.size());
-    if (stepper_->keepsConstraints()) stepper_->calcSlope(now, base_, front_, slope);
     const double h = front_.time - base_.time;
+    if (stepper_->keepsConstraints()) stepper_->calcSlope((now - base_.time) / h, h, slope);
     const ProjectionResult result =
         stepper_->isImplicit()
             ? projectStiffly(system_, *stepper_, now, h, slope, x, moved, &statistics_.projections)

@@ -48,7 +48,15 @@ double Linearization::calcFastestRate() const {
 // Matrices of up to kInverted rows are inverted, and their size is known when compiled.
 namespace {
 constexpr int kInverted = 4;
+
+/// Without the checks for infinities of std::complex's operator.
+double multiply(double a, double b) {
+  return a * b;
 }
+std::complex<double> multiply(std::complex<double> a, std::complex<double> b) {
+  return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
+}
+}  // namespace
 
 template <int kShafts, class Scalar>
 bool Linearization::factorSized(Factors<Scalar>& factors, Scalar g) {
@@ -75,30 +83,45 @@ bool Linearization::factorSized(Factors<Scalar>& factors, Scalar g) {
 
 template <int kShafts, class Scalar>
 void Linearization::solveSized(const Factors<Scalar>& factors, Scalar* r) const {
-  constexpr int kSize = kShafts > kInverted ? Eigen::Dynamic : kShafts;
-  constexpr int kRoom = kShafts > kInverted ? kMaxShafts : kShafts;
-  using Real = Eigen::Matrix<double, kSize, kSize, 0, kRoom, kRoom>;
-  using Matrix = Eigen::Matrix<Scalar, kSize, kSize, 0, kRoom, kRoom>;
-  using Vector = Eigen::Matrix<Scalar, kSize, 1, 0, kRoom, 1>;
-  const auto part = [&](int l) { return Eigen::Map<Vector>(r + l * S, S); };
+  if (L == 2) return solveLevels<kShafts, 2>(factors, r);
+  return solveLevels<kShafts, 3>(factors, r);
+}
+
+template <int kShafts, int kLevels, class Scalar>
+void Linearization::solveLevels(const Factors<Scalar>& factors, Scalar* r) const {
+  constexpr bool kIsInverted = kShafts <= kInverted;
+  const int s = kIsInverted ? kShafts : S;
+  const Scalar g = factors.g;
+  Scalar* last = r + (kLevels - 1) * s;
   // p_l = g (r_l + p_{l+1}): what k_l is but for its part in k_{L-1}
-  Vector p = Vector::Zero(S);
-  Vector right = part(L - 1);
-  for (int l = L - 1; l-- > 0;) {
-    p = factors.g * (part(l) + p);
-    right += Eigen::Map<const Real>(block(l).data(), S, S) * p;
+  Scalar p[kShafts];
+  Scalar right[kShafts];
+  for (int i = 0; i < s; ++i) p[i] = 0.0;
+  for (int i = 0; i < s; ++i) right[i] = last[i];
+  for (int l = kLevels - 1; l-- > 0;) {
+    const double* E = block(l).data();
+    for (int i = 0; i < s; ++i) p[i] = multiply(g, r[l * s + i] + p[i]);
+    for (int i = 0; i < s; ++i) {
+      Scalar sum = E[i] * p[0];
+      for (int j = 1; j < s; ++j) sum += E[i + j * s] * p[j];
+      right[i] += sum;
+    }
   }
-  Vector k;
-  if constexpr (kShafts <= kInverted) {
-    k = Eigen::Map<const Matrix>(factors.inverse.data(), S, S) * right;
+  if constexpr (kIsInverted) {
+    for (int i = 0; i < s; ++i) {
+      const Scalar* W = factors.inverse.data();
+      Scalar sum = multiply(W[i], right[0]);
+      for (int j = 1; j < s; ++j) {
+        sum += multiply(W[i + j * s], right[j]);
+      }
+      last[i] = sum;
+    }
   } else {
-    k = right;
-    factors.lu.solve(k.data());
+    for (int i = 0; i < s; ++i) last[i] = right[i];
+    factors.lu.solve(last);
   }
-  part(L - 1) = k;
-  for (int l = L - 1; l-- > 0;) {
-    k = factors.g * (part(l) + k);
-    part(l) = k;
+  for (int l = kLevels - 1; l-- > 0;) {
+    for (int i = 0; i < s; ++i) r[l * s + i] = multiply(g, r[l * s + i] + r[(l + 1) * s + i]);
   }
 }
 

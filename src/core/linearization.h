@@ -74,6 +74,8 @@ class Linearization {
   bool factorSized(Factors<Scalar>& factors, Scalar g);
   template <int kShafts, class Scalar>
   void solveSized(const Factors<Scalar>& factors, Scalar* r) const;
+  template <int kShafts, int kLevels, class Scalar>
+  void solveLevels(const Factors<Scalar>& factors, Scalar* r) const;
 
   const int S;  // shafts
   const int L;  // levels

@@ -36,7 +36,7 @@ struct StageRecorder {
     system(x, dxdt, t);
     if (next == stages.size()) return;
     if (system.integratesTorque()) {
-      std::copy_n(system.torqueRate(), torque_rates[next].size(), torque_rates[next].begin());
+      torque_rates[next].assign(system.torqueRate());
     }
     stages[next++] = dxdt;
   }

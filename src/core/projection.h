@@ -13,14 +13,15 @@
 
 #include "drivetrain.h"
 #include "projection_result.h"
+#include "shaft_count.h"
 
 namespace variator_sim {
 
 /// Newton's iteration on `values` (`count` values, in place): `correct(delta)` writes one
 /// correction at the present values and returns false where C has lost rank. `moved` gets |delta_i|
 /// summed over the iterations, `iterations` is increased by those done.
-template <class Correct>
-ProjectionResult iterateProjection(int count, Correct correct, double* values, double* moved,
+template <class Count, class Correct>
+ProjectionResult iterateProjection(Count count, Correct correct, double* values, double* moved,
                                    std::uint64_t* iterations) {
   for (int i = 0; i < count; ++i) moved[i] = 0.0;
   constexpr int kMaxIterations = 25;
@@ -62,10 +63,11 @@ inline ProjectionResult projectVelocities(Drivetrain& drivetrain, const StateVie
     for (int i = 0; i < drivetrain.shafts(); ++i) moved[i] = 0.0;
     return ProjectionResult::kConverged;
   }
-  return iterateProjection(
-      drivetrain.shafts(),
-      [&](double* delta) { return drivetrain.calcVelocityProjection(state, delta); }, omega, moved,
-      iterations);
+  return withShaftCount(drivetrain.shafts(), [&](auto shafts) {
+    return iterateProjection(
+        shafts, [&](double* delta) { return drivetrain.calcVelocityProjection(state, delta); },
+        omega, moved, iterations);
+  });
 }
 
 /// Projects the accelerations onto psi = 0 (order 2) and f' = 0 (order 1). `state.acceleration`
@@ -77,10 +79,11 @@ inline ProjectionResult projectAccelerations(Drivetrain& drivetrain, const State
     for (int i = 0; i < drivetrain.shafts(); ++i) moved[i] = 0.0;
     return ProjectionResult::kConverged;
   }
-  return iterateProjection(
-      drivetrain.shafts(),
-      [&](double* delta) { return drivetrain.calcAccelerationProjection(state, delta); }, epsilon,
-      moved, iterations);
+  return withShaftCount(drivetrain.shafts(), [&](auto shafts) {
+    return iterateProjection(
+        shafts, [&](double* delta) { return drivetrain.calcAccelerationProjection(state, delta); },
+        epsilon, moved, iterations);
+  });
 }
 
 }  // namespace variator_sim

@@ -1,11 +1,12 @@
 /// Implicit steps for stiff scenes.
+#include <array>
 #include <cmath>
 #include <complex>
 #include <cstddef>
 #include <limits>
 #include <memory>
-#include <vector>
 
+#include "shaft_count.h"
 #include "stepper.h"
 
 namespace variator_sim {
@@ -34,10 +35,10 @@ class RadauStepper final : public Stepper {
         matrix_x_(size_),
         rounding_(size_),
         limit_(size_),
-        f_(3, rounding_),
-        Z_(3, rounding_),
-        W_(3, rounding_),
-        polynomial_(3, rounding_) {
+        f_{rounding_, rounding_, rounding_},
+        Z_(f_),
+        W_(f_),
+        polynomial_(f_) {
     constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
     newton_tolerance_ = std::max(10.0 * kEpsilon / std::max(tolerance.relative, 1e-14),
                                  std::min(0.03, std::sqrt(tolerance.relative)));
@@ -87,10 +88,7 @@ class RadauStepper final : public Stepper {
     return calcError(system, from, h, x_new, is_repeated);
   }
 
-  void calcSlope(double time, const StepNode& from, const StepNode& to,
-                 State& slope) const override {
-    const double h = to.time - from.time;
-    const double theta = (time - from.time) / h;
+  void calcSlope(double theta, double h, State& slope) const override {
     for (int n = 0; n < size_; ++n) {
       slope[n] = (polynomial_[0][n] +
                   theta * (2.0 * polynomial_[1][n] + theta * 3.0 * polynomial_[2][n])) /
@@ -143,11 +141,10 @@ class RadauStepper final : public Stepper {
     State y(size_);
     const double inverse = 1.0 / h;
     State real_part(size_);
-    Linearization::ComplexState complex_part;
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
       for (std::size_t i = 0; i < 3; ++i) {
-        for (int n = 0; n < size_; ++n) y[n] = from.x[n] + Z_[i][n];
-        std::copy(y.begin() + S, y.end(), f_[i].begin());
+        forEachComponent(0, size_, [&](int n) { y[n] = from.x[n] + Z_[i][n]; });
+        for (int n = 0; n < last_; ++n) f_[i][n] = y[n + S];
         double rate[kMaxShafts];
         for (int j = 0; j < S; ++j) {
           const int n = last_ + j;
@@ -158,20 +155,21 @@ class RadauStepper final : public Stepper {
         system.calcStageResidual(from.time + kC[i] * h, y, rate, linearization_, residual);
         for (int j = 0; j < S; ++j) f_[i][last_ + j] = -residual[j];
       }
-      for (int n = 0; n < size_; ++n) {
+      forEachComponent(0, size_, [&](int n) {
         real_part[n] = kTI[0][0] * f_[0][n] + kTI[0][1] * f_[1][n] + kTI[0][2] * f_[2][n];
-        complex_part[static_cast<std::size_t>(n)] = {
+        complex_part_[static_cast<std::size_t>(n)] = {
             kTI[1][0] * f_[0][n] + kTI[1][1] * f_[1][n] + kTI[1][2] * f_[2][n],
             kTI[2][0] * f_[0][n] + kTI[2][1] * f_[1][n] + kTI[2][2] * f_[2][n]};
-        if (n >= last_) continue;  // the residual has x' in it
+        if (n >= last_) return;  // the residual has x' in it
         real_part[n] -= real * W_[0][n];
-        complex_part[static_cast<std::size_t>(n)] -= multiply(complex, Complex(W_[1][n], W_[2][n]));
-      }
+        complex_part_[static_cast<std::size_t>(n)] -=
+            multiply(complex, Complex(W_[1][n], W_[2][n]));
+      });
       linearization_.solve(real_part);
-      linearization_.solveComplex(complex_part);
+      linearization_.solveComplex(complex_part_);
       double size = 0.0;
-      for (int n = 0; n < size_; ++n) {
-        const Complex change = complex_part[static_cast<std::size_t>(n)];
+      forEachComponent(0, size_, [&](int n) {
+        const Complex change = complex_part_[static_cast<std::size_t>(n)];
         W_[0][n] += real_part[n];
         W_[1][n] += change.real();
         W_[2][n] += change.imag();
@@ -184,7 +182,7 @@ class RadauStepper final : public Stepper {
         for (std::size_t i = 0; i < 3; ++i) {
           Z_[i][n] = kT[i][0] * W_[0][n] + kT[i][1] * W_[1][n] + kT[i][2] * W_[2][n];
         }
-      }
+      });
       if (!std::isfinite(size)) return false;
       if (size == 0.0) return true;
       if (iteration == 0) {
@@ -333,15 +331,16 @@ class RadauStepper final : public Stepper {
   const int size_;
   const int last_;  // component of the last S
   Linearization linearization_;
+  Linearization::ComplexState complex_part_{};
   double newton_tolerance_;
   double matrix_time_ = std::numeric_limits<double>::quiet_NaN();
   State matrix_x_;
   State rounding_;
   State limit_;
-  std::vector<State> f_;  // x_{l+1}; minus the residual in the last rows
-  std::vector<State> Z_;
-  std::vector<State> W_;
-  std::vector<State> polynomial_;
+  std::array<State, 3> f_;  // x_{l+1}; minus the residual in the last rows
+  std::array<State, 3> Z_;
+  std::array<State, 3> W_;
+  std::array<State, 3> polynomial_;
   double polynomial_end_ = std::numeric_limits<double>::quiet_NaN();
   double polynomial_step_ = 0.0;
 };

@@ -1,11 +1,12 @@
 /// Linearly implicit steps for stiff scenes.
+#include <array>
 #include <boost/numeric/odeint/stepper/rosenbrock4.hpp>
 #include <cmath>
 #include <cstddef>
 #include <limits>
 #include <memory>
-#include <vector>
 
+#include "shaft_count.h"
 #include "stepper.h"
 
 namespace variator_sim {
@@ -26,7 +27,7 @@ class RosenbrockStepper final : public Stepper {
         linearization_(system.shafts(), system.size() / system.shafts()),
         matrix_x_(size_),
         time_derivative_(size_),
-        u_(5, matrix_x_),
+        u_{matrix_x_, matrix_x_, matrix_x_, matrix_x_, matrix_x_},
         third_(size_),
         fourth_(size_) {}
 
@@ -55,53 +56,52 @@ class RosenbrockStepper final : public Stepper {
     const double inverse = 1.0 / h;
     State y(size_);
     State slope(size_);
-    for (int n = 0; n < size_; ++n) {
-      u_[0][n] = from.dxdt[n] + h * k_.d1 * time_derivative_[n];
-    }
+    forEachComponent(0, size_,
+                     [&](int n) { u_[0][n] = from.dxdt[n] + h * k_.d1 * time_derivative_[n]; });
     linearization_.solve(u_[0]);
 
     for (int n = 0; n < size_; ++n) y[n] = x[n] + k_.a21 * u_[0][n];
     system(y, slope, t + k_.c2 * h);
-    for (int n = 0; n < size_; ++n) {
+    forEachComponent(0, size_, [&](int n) {
       u_[1][n] = slope[n] + h * k_.d2 * time_derivative_[n] + inverse * k_.c21 * u_[0][n];
-    }
+    });
     linearization_.solve(u_[1]);
 
     for (int n = 0; n < size_; ++n) y[n] = x[n] + k_.a31 * u_[0][n] + k_.a32 * u_[1][n];
     system(y, slope, t + k_.c3 * h);
-    for (int n = 0; n < size_; ++n) {
+    forEachComponent(0, size_, [&](int n) {
       u_[2][n] = slope[n] + h * k_.d3 * time_derivative_[n] +
                  inverse * (k_.c31 * u_[0][n] + k_.c32 * u_[1][n]);
-    }
+    });
     linearization_.solve(u_[2]);
 
-    for (int n = 0; n < size_; ++n) {
+    forEachComponent(0, size_, [&](int n) {
       y[n] = x[n] + k_.a41 * u_[0][n] + k_.a42 * u_[1][n] + k_.a43 * u_[2][n];
-    }
+    });
     system(y, slope, t + k_.c4 * h);
-    for (int n = 0; n < size_; ++n) {
+    forEachComponent(0, size_, [&](int n) {
       u_[3][n] = slope[n] + h * kD4 * time_derivative_[n] +
                  inverse * (k_.c41 * u_[0][n] + k_.c42 * u_[1][n] + k_.c43 * u_[2][n]);
-    }
+    });
     linearization_.solve(u_[3]);
 
-    for (int n = 0; n < size_; ++n) {
+    forEachComponent(0, size_, [&](int n) {
       y[n] = x[n] + k_.a51 * u_[0][n] + k_.a52 * u_[1][n] + k_.a53 * u_[2][n] + k_.a54 * u_[3][n];
-    }
+    });
     system(y, slope, t + h);
-    for (int n = 0; n < size_; ++n) {
+    forEachComponent(0, size_, [&](int n) {
       u_[4][n] = slope[n] + inverse * (k_.c51 * u_[0][n] + k_.c52 * u_[1][n] + k_.c53 * u_[2][n] +
                                        k_.c54 * u_[3][n]);
-    }
+    });
     linearization_.solve(u_[4]);
 
     for (int n = 0; n < size_; ++n) y[n] += u_[4][n];
     system(y, slope, t + h);
     State error(size_);
-    for (int n = 0; n < size_; ++n) {
+    forEachComponent(0, size_, [&](int n) {
       error[n] = slope[n] + inverse * (k_.c61 * u_[0][n] + k_.c62 * u_[1][n] + k_.c63 * u_[2][n] +
                                        k_.c64 * u_[3][n] + k_.c65 * u_[4][n]);
-    }
+    });
     linearization_.solve(error);
 
     double largest = 0.0;
@@ -170,7 +170,7 @@ class RosenbrockStepper final : public Stepper {
   double matrix_time_ = std::numeric_limits<double>::quiet_NaN();
   State matrix_x_;
   State time_derivative_;
-  std::vector<State> u_;
+  std::array<State, 5> u_;
   State third_;
   State fourth_;
   bool is_prepared_ = false;

@@ -39,6 +39,10 @@ class SmallVector {
   double* end() { return values_ + size_; }
   const double* end() const { return values_ + size_; }
   void fill(double value) { std::fill_n(values_, size_, value); }
+  /// Takes its values from an array of as many.
+  void assign(const double* values) {
+    for (int i = 0; i < size_; ++i) values_[i] = values[i];
+  }
   bool operator==(const SmallVector& other) const {
     return std::equal(begin(), end(), other.begin(), other.end());
   }

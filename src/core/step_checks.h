@@ -32,12 +32,8 @@ inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& s
 /// The same at the end of the stepper's last step.
 inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& stepper, double end,
                                        double h, State& x, StepProjection& projection) {
-  StepNode from(system);
-  StepNode to(system);
-  from.time = end - h;
-  to.time = end;
   State slope(x.size());
-  if (stepper.keepsConstraints()) stepper.calcSlope(end, from, to, slope);
+  if (stepper.keepsConstraints()) stepper.calcSlope(1.0, end - (end - h), slope);
   return projectStiffly(system, stepper, end, h, slope, x, projection.moved,
                         &projection.iterations);
 }

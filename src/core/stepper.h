@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "projection_result.h"
+#include "shaft_count.h"
 #include "state_vector.h"
 #include "step_control.h"
 #include "system.h"
@@ -39,16 +40,22 @@ struct TorqueGain {
   explicit TorqueGain(int shafts) : change(shafts), largest_rate(shafts) {}
   ShaftVector change;        ///< h sum b_i Q'_i, N m
   ShaftVector largest_rate;  ///< max |Q'_i|, N m/s
-  void add(double h, double weight, const double* rate) {
-    for (int i = 0; i < change.size(); ++i) {
-      change[i] += h * weight * rate[i];
-      largest_rate[i] = std::max(largest_rate[i], std::abs(rate[i]));
-    }
-  }
+  void add(double h, double weight, const double* rate) { add(change.size(), h, weight, rate); }
   /// Of a step of an explicit scheme: its weights b, and Q' at its stages.
   template <class Weights>
   void addStages(double h, const Weights& b, const std::vector<ShaftVector>& rates) {
-    for (std::size_t i = 0; i < rates.size(); ++i) add(h, b[i], rates[i].data());
+    withShaftCount(change.size(), [&](auto shafts) {
+      for (std::size_t i = 0; i < rates.size(); ++i) add(shafts, h, b[i], rates[i].data());
+    });
+  }
+
+ private:
+  template <class Count>
+  void add(Count shafts, double h, double weight, const double* rate) {
+    for (int i = 0; i < shafts; ++i) {
+      change[i] += h * weight * rate[i];
+      largest_rate[i] = std::max(largest_rate[i], std::abs(rate[i]));
+    }
   }
 };
 
@@ -126,9 +133,9 @@ class Stepper {
 
   /// True when `interpolate` itself finds out how good it is, x' included.
   virtual bool checksDenseOutput() const { return false; }
-  /// x' of the dense output at `time`, of an implicit stepper that keeps constraints. [loop]
-  virtual void calcSlope(double /*time*/, const StepNode& /*from*/, const StepNode& /*to*/,
-                         State& /*slope*/) const {}
+  /// x' of the dense output at the part `theta` of the last step, of length h, of an implicit
+  /// stepper that keeps constraints. [loop]
+  virtual void calcSlope(double /*theta*/, double /*h*/, State& /*slope*/) const {}
   /// The estimated error of x at the end of the last step, component by component.
   const State& error() const { return error_; }
 
