@@ -159,7 +159,7 @@ TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
 TEST(SceneReader, KeepsNoNamesButItsOwn) {
   FakeFactory factory;
   const auto read_alone = [&factory](const std::string& yaml) {
-    return readScene(readYamlText(yaml, "scene.yaml"), factory);
+    return readScene(readYamlText(yaml, "scene.yaml"), factory, NodeNames{});
   };
   EXPECT_EQ(read_alone(withMotor("shaft: drive, topic: state")).inputs[0].topic, "state");
   EXPECT_THROW(read_alone(base() + "tick_rate: 500\n"), SceneError);
