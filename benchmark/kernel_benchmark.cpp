@@ -23,7 +23,7 @@
 #include <utility>
 #include <vector>
 
-#include "generalized_gauss.h"
+#include "dynamics/generalized_gauss.h"
 #include "peers/method.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/io/yaml_tree.h"

@@ -12,7 +12,8 @@ import rosunit
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
 # Not among them: src/plugins, src/ros and src/tools.
-CORE = ["include", "src/constraints", "src/core", "src/expression", "src/io", "src/torques"]
+CORE = ["include", "src/constraints", "src/dynamics", "src/expression", "src/integrate", "src/io", "src/model",
+        "src/motion", "src/torques"]
 # What a core file may include beside the standard library and the project's own headers.
 ALLOWED = re.compile(r"(Eigen|boost|yaml-cpp)/|[a-z_0-9]+(\.h)?$")
 # The C++ runtime, and nothing else.

@@ -1,6 +1,6 @@
 // Where the energy goes: against closed forms, against a quadrature of the samples' own columns,
 // and that nobody's looking changes the motion or the account.
-#include "energy.h"
+#include "motion/energy.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // Sleeping at rest: how long it may last, what samples are while it lasts, and everything that ends
 // it or forbids it.
-#include "rest.h"
+#include "integrate/rest.h"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "classical_gauss.h"
+#include "dynamics/classical_gauss.h"
 #include "support/scenes.h"
 
 namespace variator_sim {

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "command_rhythm.h"
+#include "integrate/command_rhythm.h"
 #include "support/scenes.h"
 
 namespace variator_sim {

@@ -1,5 +1,5 @@
 // Each stepper's empirical order, its error estimate, the refusal of NaN and the bounds on steps.
-#include "stepper.h"
+#include "integrate/stepper.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <cmath>
 #include <vector>
 
-#include "generalized_gauss.h"
-#include "step_control.h"
+#include "dynamics/generalized_gauss.h"
+#include "integrate/step_control.h"
 #include "support/scenes.h"
 
 namespace variator_sim {

@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "generalized_gauss.h"
-#include "linearization.h"
+#include "dynamics/generalized_gauss.h"
+#include "dynamics/linearization.h"
 #include "support/scenes.h"
 
 namespace variator_sim {

@@ -52,7 +52,7 @@ struct SolverSettings {
   bool specialize = true;   ///< code made for two shafts and one constraint
   bool skip_angles = true;  ///< no stages of angles that nothing reads
   bool factor_once = true;  ///< one factorization where C and J are constant
-  bool sleep = true;        ///< stop stepping at rest (motion_of.h), until a command comes
+  bool sleep = true;        ///< stop stepping at rest (doc/theory.md), until a command comes
 };
 
 struct InitialConditions {

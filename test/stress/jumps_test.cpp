@@ -160,7 +160,7 @@ TEST(Jumps, StepAtEveryTick) {
         for (double tolerance : tolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times, commands);
-          // n jumps, each good to a tenth of a tolerance (src/core/jump.h)
+          // n jumps, each good to a tenth of a tolerance (src/dynamics/jump.h)
           hazard.compare(
               run, exact, scene,
               std::to_string(n) + " steps of " + text(size) + " " + describe(stepper, tolerance),

@@ -166,7 +166,7 @@ TEST(StepSizes, NoAbsoluteTolerance) {
 /// Fixed steps from fine to absurd. They have no error control, so this is the rule: the motion is
 /// right, or it stops by name (StepTooLarge), or statistics().largest_error_estimate tells: the
 /// error at the end is at most kTold times the estimate of the worst step times the number of
-/// steps. rk4 has no estimate of its own but what its end tells (src/core: estimateFromEnd).
+/// steps. rk4 has no estimate of its own but what its end tells (Stepper::estimateFromEnd).
 TEST(StepSizes, FixedSteps) {
   constexpr double kTold = 10.0;
   Hazard hazard("step sizes", "fixed steps", "1e-3 to 10 s");

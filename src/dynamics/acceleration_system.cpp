@@ -1,0 +1,150 @@
+#include "dynamics/acceleration_system.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace variator_sim {
+
+ProjectionResult AccelerationSystem::project(double t, State& x, State& moved,
+                                             std::uint64_t* iterations) {
+  moved.fill(0.0);
+  const StateView state = view(t, x);
+  const ProjectionResult result =
+      projectVelocities(drivetrain_, state, x.data() + S, moved.data() + S, iterations);
+  if (result != ProjectionResult::kConverged) return result;
+  return projectAccelerations(drivetrain_, state, x.data() + 2 * S, moved.data() + 2 * S,
+                              iterations);
+}
+
+ProjectionResult AccelerationSystem::projectStiffly(double t, double h, const State& /*slope*/,
+                                                    State& x, State& moved,
+                                                    std::uint64_t* iterations) {
+  if (drivetrain_.hasVelocityRows() || !drivetrain_.hasAccelerationRows()) {
+    return project(t, x, moved, iterations);
+  }
+  moved.fill(0.0);
+  const StateView state = view(t, x);
+  return iterateProjection(
+      2 * S, [&](double* delta) { return drivetrain_.calcStiffProjection(state, h, delta); },
+      x.data() + S, moved.data() + S, iterations);
+}
+
+InitialResult AccelerationSystem::start(State& x, double* nearest, bool* velocities_at_fault) {
+  const InitialConditions& initial = scene_.initial;
+  x.fill(0.0);
+  std::copy(initial.angle.begin(), initial.angle.end(), x.begin());
+  std::copy(initial.velocity.begin(), initial.velocity.end(), x.begin() + S);
+  std::copy(initial.acceleration.begin(), initial.acceleration.end(), x.begin() + 2 * S);
+  const StateView state = view(0.0, x);
+  double* epsilon = x.data() + 2 * S;
+  const InitialResult velocities =
+      initial_solver_.acceptVelocities(state, initial.project, x.data() + S, nearest);
+  *velocities_at_fault = velocities != InitialResult::kConsistent;
+  if (*velocities_at_fault) return velocities;
+  if (initial.acceleration.empty()) return initial_solver_.findLeastReaction(state, epsilon);
+  return initial_solver_.acceptAccelerations(state, initial.project, epsilon, nearest);
+}
+
+MotionStatus AccelerationSystem::jump(double t, State& x, const double* u0, const double* u1,
+                                      std::uint64_t* projections) {
+  const StateView state = view(t, x);  // brings J to phi
+  return jump_map_.apply(state.time, x.data(), x.data() + S, u0, u1, x.data() + 2 * S, projections);
+}
+
+MotionStatus AccelerationSystem::jumpTorque(double t, State& x, const double* torque_jump,
+                                            std::uint64_t* projections) {
+  const StateView state = view(t, x);
+  return jump_map_.applyTorque(state.time, x.data(), x.data() + S, torque_jump, x.data() + 2 * S,
+                               projections);
+}
+
+bool AccelerationSystem::crossKink(const StepNode& from, StepNode& to) {
+  double change[kMaxShafts];
+  State there = to.x;
+  std::copy_n(from.x.begin() + 2 * S, S, there.begin() + 2 * S);
+  if (!drivetrain_.calcKinkJump(view(from.time, from.x), view(to.time, there), change)) {
+    return false;
+  }
+  for (int i = 0; i < S; ++i) to.x[2 * S + i] += change[i];
+  return true;
+}
+
+void AccelerationSystem::noteReaction(const StepNode& node) {
+  const Inertia& inertia = drivetrain_.inertia();
+  drivetrain_.calcReaction(view(node.time, node.x), node.torque.data(), reaction_at_start_);
+  has_neutral_ = !keeps_reaction_in_range_ && (inertia.isConstant() || inertia.isDiagonal());
+  for (int i = 0; i < S && !inertia.isConstant(); ++i) {
+    reaction_at_start_[i] /= std::sqrt(inertia.entry(i, i));
+  }
+  for (int i = 0; i < S; ++i) is_neutral_[i] = !drivetrain_.readsColumn(i);
+  noteColumns();
+}
+
+void AccelerationSystem::noteColumns() {
+  if (!has_neutral_ || drivetrain_.hasConstantJacobian()) return;
+  has_neutral_ = false;
+  for (int i = 0; i < S; ++i) {
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      is_neutral_[i] = is_neutral_[i] && row(m)[i] == 0.0;
+    }
+    has_neutral_ = has_neutral_ || is_neutral_[i];
+  }
+}
+
+bool AccelerationSystem::restoreReaction(StepNode& node, double most) {
+  if (!has_neutral_) return false;
+  double lost[kMaxShafts];  // R less R at the start
+  double change[kMaxShafts];
+  const StateView state = view(node.time, node.x);
+  drivetrain_.calcReaction(state, node.torque.data(), lost);
+  const Inertia& inertia = drivetrain_.inertia();
+  for (int i = 0; i < S; ++i) {
+    lost[i] -=
+        reaction_at_start_[i] * (inertia.isConstant() ? 1.0 : std::sqrt(inertia.entry(i, i)));
+  }
+  // J d_epsilon = C^T lambda - lost, C d_epsilon = 0.
+  double lambda[kMaxRows] = {};
+  if (drivetrain_.hasConstantJacobian()) {
+    if (!drivetrain_.factorOnce(state)) return false;
+  } else {
+    double unused[kMaxRows] = {};
+    if (!drivetrain_.calcRows(state, unused)) return false;
+    for (int i = 0; i < S; ++i) lost[i] = is_neutral_[i] ? lost[i] : 0.0;
+  }
+  drivetrain_.calcOutOfRange(lost, lambda, change);
+  double largest = 0.0;
+  for (int i = 0; i < S; ++i) {
+    largest = std::max(largest, std::abs(change[i]) / tolerance_.of(node.x[2 * S + i]));
+  }
+  const double part = largest > most ? most / largest : 1.0;
+  for (int i = 0; i < S; ++i) node.x[2 * S + i] += part * change[i];
+  return true;
+}
+
+const double* AccelerationSystem::calcTorqueRate(double t, const State& x) {
+  double rate[kMaxShafts];
+  drivetrain_.calcTorqueRate(view(t, x), rate);
+  return drivetrain_.torqueRate();
+}
+
+void AccelerationSystem::copyRates(const State& x, State& dxdt) const {
+  // A loop, for the copy of a few numbers not to become a call of memmove.
+  for (int n = 0; n < 2 * S; ++n) dxdt[n] = x[n + S];
+}
+
+void AccelerationSystem::copyState(double t, const State& x, Sample* sample) const {
+  sample->time = t;
+  std::copy(x.begin(), x.begin() + S, sample->angle);
+  std::copy(x.begin() + S, x.begin() + 2 * S, sample->velocity);
+  std::copy(x.begin() + 2 * S, x.end(), sample->acceleration);
+}
+
+void AccelerationSystem::calcResiduals(const StateView& state, const double* eta,
+                                       Sample* sample) const {
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    sample->residual[m] = drivetrain_.calcResidual(m, state, eta);
+  }
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,69 @@
+/// What the systems share whose state has accelerations: x = (phi, omega, epsilon).
+#pragma once
+
+#include <algorithm>
+
+#include "dynamics/jump.h"
+#include "dynamics/principle_system.h"
+#include "dynamics/projection.h"
+#include "variator_sim/sample.h"
+
+namespace variator_sim {
+
+/// The derivative and the sample are the derived classes'.
+class AccelerationSystem : public PrincipleSystem {
+ public:
+  double rowLengthSquared(int m) const override { return drivetrain_.solver().rowLengthSquared(m); }
+  const double* row(int m) const override { return drivetrain_.solver().row(m); }
+
+  /// The accelerations are part of the state.
+  StateView view(double t, const State& x) override {
+    return drivetrain_.view(t, x.data(), x.data() + S, x.data() + 2 * S);
+  }
+
+  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) override;
+
+  /// See calcStiffProjection.
+  ProjectionResult projectStiffly(double t, double h, const State& /*slope*/, State& x,
+                                  State& moved, std::uint64_t* iterations) override;
+
+  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override;
+
+  MotionStatus jump(double t, State& x, const double* u0, const double* u1,
+                    std::uint64_t* projections) override;
+  MotionStatus jumpTorque(double t, State& x, const double* torque_jump,
+                          std::uint64_t* projections) override;
+
+  bool crossKink(const StepNode& from, StepNode& to) override;
+
+  void noteReaction(const StepNode& node) override;
+  void noteColumns() override;
+  bool restoreReaction(StepNode& node, double most) override;
+
+  const double* torqueRate() const override { return drivetrain_.torqueRate(); }
+  const double* calcTorqueRate(double t, const State& x) override;
+
+ protected:
+  AccelerationSystem(const Scene& scene, bool keeps_reaction_in_range)
+      : PrincipleSystem(scene, 3, true),
+        tolerance_{scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
+        jump_map_(drivetrain_, scene.solver, keeps_reaction_in_range),
+        keeps_reaction_in_range_(keeps_reaction_in_range) {}
+
+  /// phi' = omega, omega' = epsilon.
+  void copyRates(const State& x, State& dxdt) const;
+  void copyState(double t, const State& x, Sample* sample) const;
+  void calcResiduals(const StateView& state, const double* eta, Sample* sample) const;
+
+  Tolerance tolerance_;
+  JumpMap jump_map_;
+  bool keeps_reaction_in_range_;
+  bool has_neutral_ = false;
+  bool is_neutral_[kMaxShafts] = {};
+  /// N m; over the root of the inertia where that depends on the angle: R' = C^T Lambda + Gamma R
+  /// omega [6] is R_i' = 1/2 J_i'/J_i omega_i R_i there, and so R_i / sqrt(J_i) is what stays.
+  /// (Between coupled ones that depend on angles nothing so simple does.)
+  double reaction_at_start_[kMaxShafts] = {};
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,87 @@
+/// The system of the classical Gauss principle up to order 2: the reaction itself is least,
+/// R = C^T lambda. The accelerations follow from t, phi and omega, so the state is x = (phi, omega)
+/// and no torque is asked for its rate, but where R' is published. (Order 3: formal_gauss.h.)
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dynamics/principle_system.h"
+#include "dynamics/projection.h"
+#include "integrate/guard_search.h"
+
+namespace variator_sim {
+
+/// Constraints of order 1 and 2. See AccelerationSystem for what each method means.
+class ClassicalGauss final : public PrincipleSystem {
+ public:
+  explicit ClassicalGauss(const Scene& scene);
+
+  double rowLengthSquared(int m) const override {
+    return drivetrain_.accelerationRowLengthSquared(m);
+  }
+  const double* row(int m) const override { return drivetrain_.accelerationRow(m); }
+
+  /// The view of (t, x) with the accelerations that the principle gives there.
+  StateView view(double t, const State& x) override;
+
+  void operator()(const State& x, State& dxdt, double t) override;
+
+  void calcLinearization(double t, const State& x, Linearization& linearization) override {
+    linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);
+  }
+
+  /// See Drivetrain::calcAccelerationResidual; only where psi is linear in the accelerations, so
+  /// that its form does not depend on them.
+  bool keepsConstraintsInStages() const override {
+    return linear_ && drivetrain_.canKeepConstraintsInStages();
+  }
+  /// What implicit steps solve: M x' - f = 0 in its last S rows, `rate` the last rows of x', the
+  /// accelerations.
+  void calcStageResidual(double t, const State& x, const double* rate,
+                         const Linearization& linearization, double* residual) override;
+  /// Its derivatives at x, whose derivative is dxdt.
+  void calcStageLinearization(double t, const State& x, const State& dxdt,
+                              Linearization& linearization) override;
+
+  /// The accelerations follow from the velocities, with 1/tau of a stiff constraint between them.
+  /// An implicit step knows both, by its own `slope`: the velocities move by the little that makes
+  /// psi = 0 with it.
+  ProjectionResult projectStiffly(double t, double h, const State& slope, State& x, State& moved,
+                                  std::uint64_t* iterations) override;
+  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) override;
+
+  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override;
+
+  /// The accelerations follow from the inputs: simply solve again.
+  MotionStatus jump(double t, State& x, const double* /*u0*/, const double* /*u1*/,
+                    std::uint64_t* /*projections*/) override;
+
+  bool isInCorner() const override { return corner_ != 0; }
+
+  void watch(JumpWatch* watch) override { watch_ = watch; }
+
+  /// Newton's iteration starts from the accelerations at the beginning of the step, whoever asks
+  /// and in whatever order: samples may not change the motion.
+  void noteBase(double t, const State& x, const State& dxdt) override;
+
+  bool calcSample(double t, const State& x, Sample* sample) override;
+
+ private:
+  /// lambda_guess_ of the reaction at `state`.
+  void noteMultipliers(const StateView& state);
+
+  /// epsilon_ at `state`, whose accelerations point there; NaN where there are none.
+  void calcAccelerations(const StateView& state);
+
+  JumpWatch* watch_ = nullptr;
+  bool linear_ = true;
+  double epsilon_[kMaxShafts] = {};
+  double guess_[kMaxShafts] = {};
+  double lambda_guess_[kMaxRows] = {};
+  double multipliers_[kMaxShafts] = {};  // at epsilon_, where psi is not linear
+  unsigned corner_ = 0;                  // the kinks on which epsilon_ lies
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,61 @@
+#include "dynamics/dense.h"
+
+#include <Eigen/Cholesky>
+
+namespace variator_sim {
+
+DenseVector solveLu(const DenseMatrix& A, const DenseVector& b) {
+  return A.partialPivLu().solve(b);
+}
+
+bool solveScaled(DenseMatrix& A, DenseVector& b, int refinements, DenseVector* x) {
+  if (!A.allFinite() || !b.allFinite()) return false;
+  for (int i = 0; i < A.rows(); ++i) {
+    const double largest = A.row(i).cwiseAbs().maxCoeff();
+    if (largest == 0.0) return false;
+    A.row(i) /= largest;
+    b(i) /= largest;
+  }
+  const Eigen::PartialPivLU<DenseMatrix> factors(A);
+  *x = factors.solve(b);
+  for (int round = 0; round < refinements; ++round) {
+    const DenseVector rest = b - A * *x;
+    *x += factors.solve(rest);
+  }
+  return x->allFinite();
+}
+
+bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b) {
+  if (!A.allFinite()) return false;
+  const Eigen::LDLT<DenseMatrix> factors(A);
+  if (!(factors.vectorD().minCoeff() > least)) return false;
+  *b = factors.solve(*b).eval();
+  return true;
+}
+
+void invertSymmetric(int n, const double (&A)[kMaxShafts][kMaxShafts],
+                     double (&inverse)[kMaxShafts][kMaxShafts]) {
+  DenseMatrix matrix(n, n);
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) matrix(i, j) = A[i][j];
+  }
+  const DenseMatrix whole = matrix.llt().solve(DenseMatrix::Identity(n, n));
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) inverse[i][j] = 0.5 * (whole(i, j) + whole(j, i));
+  }
+}
+
+template <class Scalar>
+void DenseLu<Scalar>::factor(const Scalar* A, int n) {
+  lu_.compute(Eigen::Map<const Matrix>(A, n, n));
+}
+template <class Scalar>
+void DenseLu<Scalar>::solve(Scalar* x) const {
+  Eigen::Map<Vector> vector(x, lu_.rows());
+  vector = lu_.solve(vector).eval();
+}
+
+template class DenseLu<double>;
+template class DenseLu<std::complex<double>>;
+
+}  // namespace variator_sim

@@ -1,0 +1,284 @@
+#include "dynamics/drivetrain.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace variator_sim {
+
+Drivetrain::Drivetrain(const Scene& scene)
+    : S(scene.shaftCount()),
+      scene_(scene),
+      inertia_(scene.inertia, scene.inertia_harmonics),
+      solver_(S, scene.constraintCount()),
+      velocity_solver_(S, countOrders(scene, 1)),
+      acceleration_solver_(S, countOrders(scene, 2)) {
+  const bool rates = scene.principle == Principle::kGeneralizedGauss;
+  reads_.time = false;
+  reads_.angle = !inertia_.isConstant() || !scene.solver.skip_angles;
+  for (const TorquePtr& torque : scene.torques) {
+    torques_.push_back(torque.get());
+    torques_read_time_ = torques_read_time_ || torque->torqueDependence().time;
+    // Q' shows nothing of a jump of Q.
+    if (!torque->guards().empty()) note(torque->torqueDependence());
+    if (rates) note(torque->rateDependence());
+    if (!rates || scene.hasOrder3()) note(torque->torqueDependence());
+  }
+  has_constant_jacobian_ = inertia_.isConstant();
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    const int m = static_cast<int>(constraints_.size());
+    constraints_.push_back(constraint.get());
+    note(constraint->dependence());
+    has_constant_jacobian_ = has_constant_jacobian_ && constraint->hasConstantJacobian();
+    if (constraint->order() == 1) velocity_rows_.push_back(m);
+    needs_second_rate_ =
+        needs_second_rate_ || (constraint->order() == 1 && constraint->readsInputs());
+    keeps_constraints_in_stages_ = keeps_constraints_in_stages_ && constraint->order() == 2;
+    if (constraint->order() <= 2) acceleration_rows_.push_back(m);
+    nonlinear_accelerations_ |= constraint->nonlinearAccelerations();
+    for (const ConstraintPtr& kink : constraint->kinks()) {
+      if (kinks_.size() < kMostKinks) kinks_.push_back(kink.get());
+    }
+  }
+  for (std::size_t j = 0; j < torques_.size(); ++j) {
+    noteBranches(*torques_[j], {static_cast<int>(j), -1});
+  }
+  for (std::size_t m = 0; m < constraints_.size(); ++m) {
+    noteBranches(*constraints_[m], {-1, static_cast<int>(m)});
+  }
+  std::sort(instants_.begin(), instants_.end());
+  has_constant_rows_ = has_constant_jacobian_ && scene.solver.factor_once;
+  findColumns();
+  signals_.resize(scene.inputs.size());
+  saved_signals_.resize(scene.inputs.size());
+  varying_.reserve(scene.inputs.size());
+  resetInputs();
+}
+
+void Drivetrain::resetCounts() {
+  right_hand_sides_ = 0;
+  newton_iterations_ = 0;
+}
+
+void Drivetrain::resetInputs() {
+  for (std::size_t i = 0; i < signals_.size(); ++i) signals_[i].reset(scene_.inputs[i]);
+  refreshInputs(0.0);
+  resetCounts();
+}
+
+void Drivetrain::restoreSignals(double time) {
+  std::copy(saved_signals_.begin(), saved_signals_.end(), signals_.begin());
+  refreshInputs(time);
+}
+
+void Drivetrain::refreshInputs(double time) {
+  varying_.clear();
+  for (std::size_t i = 0; i < signals_.size(); ++i) {
+    input_[i] = signals_[i].value(time);
+    input_rate_[i] = signals_[i].rate(time);
+    input_second_rate_[i] = signals_[i].secondRate(time);
+    if (!signals_[i].isConstant()) varying_.push_back(static_cast<int>(i));
+  }
+}
+
+double Drivetrain::inputSegmentEnd() const {
+  double end = std::numeric_limits<double>::infinity();
+  for (int i : varying_) end = std::min(end, signals_[i].segmentEnd());
+  return end;
+}
+
+void Drivetrain::finishInputSegments(double time, double latest) {
+  for (int i : varying_) {
+    if (signal(i).segmentEnd() <= latest) signal(i).finishSegment();
+  }
+  refreshInputs(time);
+}
+
+double Drivetrain::calcKineticEnergy(const double* phi, const double* omega) {
+  if (!inertia_.isConstant()) inertia_.update(phi);
+  double momentum[kMaxShafts];
+  inertia_.multiply(omega, momentum);
+  double twice = 0.0;
+  for (int i = 0; i < S; ++i) twice += omega[i] * momentum[i];
+  return 0.5 * twice;
+}
+
+double Drivetrain::nextInstant(double time) const {
+  const auto next = std::upper_bound(instants_.begin(), instants_.end(), time);
+  return next == instants_.end() ? std::numeric_limits<double>::infinity() : *next;
+}
+
+void Drivetrain::calcTorque(const StateView& state, double* torque) const {
+  for (int i = 0; i < S; ++i) torque[i] = 0.0;
+  for (const Torque* element : torques_) element->addTorque(state, torque);
+}
+
+void Drivetrain::calcFreeTorque(const StateView& state, double* torque) const {
+  calcTorque(state, torque);
+  if (inertia_.isConstant()) return;
+  for (int i = 0; i < S; ++i) {
+    torque[i] -= 0.5 * inertia_.first(i) * state.velocity[i] * state.velocity[i];
+  }
+}
+
+void Drivetrain::calcReaction(const StateView& state, const double* torque,
+                              double* reaction) const {
+  inertia_.multiply(state.acceleration, reaction);
+  for (int i = 0; i < S; ++i) reaction[i] -= torque[i];
+  if (inertia_.isConstant()) return;
+  for (int i = 0; i < S; ++i) {
+    reaction[i] += 0.5 * inertia_.first(i) * state.velocity[i] * state.velocity[i];
+  }
+}
+
+void Drivetrain::calcConnection(const StateView& state, const double* reaction,
+                                double* connection) const {
+  inertia_.solve(reaction, connection);
+  for (int i = 0; i < S; ++i) connection[i] *= 0.5 * inertia_.first(i) * state.velocity[i];
+}
+
+bool Drivetrain::factorOnce(const StateView& state) {
+  double c0[kMaxRows] = {};
+  return constraintCount() == 0 || solver_.isFactored() || calcRows(state, c0);
+}
+
+bool Drivetrain::calcFormalJerk(const StateView& state, const double* lambda, double* eta,
+                                double* reaction_rate) {
+  double rate[kMaxShafts];
+  calcFreeTorqueRate(state, rate);
+  double right[kMaxShafts];
+  double c0[kMaxRows] = {};
+  double H[kMaxRows * kMaxShafts * kMaxShafts];
+  std::copy(rate, rate + S, right);
+  for (int m = 0; m < constraintCount(); ++m) {
+    double D[kMaxShafts];
+    constraint(m).calcRow(state, solver_.row(m), &c0[m]);
+    constraint(m).calcJacobianRate(state, D, H + m * S * S);
+    for (int i = 0; i < S; ++i) right[i] += lambda[m] * D[i];
+  }
+  if (!solveFormal(lambda, H, right, c0, eta)) return false;
+  inertia_.multiply(eta, reaction_rate);
+  for (int i = 0; i < S; ++i) reaction_rate[i] -= rate[i];
+  return true;
+}
+
+void Drivetrain::calcMultipliers(const double* reaction, double* lambda) const {
+  double rest[kMaxShafts];
+  calcOutOfRange(reaction, lambda, rest);
+}
+
+void Drivetrain::calcOutOfRange(const double* reaction, double* lambda, double* rest) const {
+  constexpr double kZeros[kMaxRows] = {};
+  inertia_.solve(reaction, rest);
+  for (int i = 0; i < S; ++i) rest[i] = -rest[i];
+  solver_.constrain(kZeros, rest, lambda);
+}
+
+double Drivetrain::calcResidual(int m, const StateView& state, const double* eta) const {
+  const Constraint& row = constraint(m);
+  if (row.order() < 3) return row.calcResidual(state);
+  double C[kMaxShafts];
+  double c0;
+  row.calcRow(state, C, &c0);
+  for (int i = 0; i < S; ++i) c0 += C[i] * eta[i];
+  return c0;
+}
+
+bool Drivetrain::findNonFinite(const StateView& state, int* torque, int* row) const {
+  *torque = -1;
+  *row = -1;
+  for (std::size_t j = 0; j < torques_.size(); ++j) {
+    double value[kMaxShafts] = {};
+    double rate[kMaxShafts] = {};
+    torques_[j]->addTorque(state, value);
+    torques_[j]->addTorqueRate(state, rate);
+    for (int i = 0; i < S; ++i) {
+      if (!std::isfinite(value[i]) || !std::isfinite(rate[i])) {
+        *torque = static_cast<int>(j);
+        return true;
+      }
+    }
+  }
+  for (int m = 0; m < constraintCount(); ++m) {
+    double C[kMaxShafts];
+    double c0;
+    constraint(m).calcRow(state, C, &c0);
+    bool finite = std::isfinite(c0) &&
+                  (constraint(m).order() == 3 || std::isfinite(constraint(m).calcResidual(state)));
+    for (int i = 0; i < S; ++i) finite = finite && std::isfinite(C[i]);
+    if (!finite) {
+      *row = m;
+      return true;
+    }
+  }
+  return false;
+}
+
+int Drivetrain::countOrders(const Scene& scene, int highest) {
+  int count = 0;
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    if (constraint->order() <= highest) ++count;
+  }
+  return count;
+}
+
+void Drivetrain::note(const Dependence& dependence) {
+  reads_.time = reads_.time || dependence.time;
+  reads_.angle = reads_.angle || dependence.angle;
+}
+
+void Drivetrain::findColumns() {
+  constexpr int kStates = 6;
+  double number = 0.5;
+  const auto next = [&number] {  // the golden ratio's multiples modulo 1: evenly spread
+    number += 0.6180339887498949;
+    number -= std::floor(number);
+    return 0.1 + 3.0 * number;
+  };
+  for (int n = 0; n < kStates; ++n) {
+    double x[3][kMaxShafts];
+    double input[3][kMaxInputs];
+    for (auto& part : x) {
+      for (double& value : part) value = (n % 2 == 0 ? 1.0 : -1.0) * next();
+    }
+    for (auto& part : input) {
+      for (double& value : part) value = next();
+    }
+    const StateView state{next(), x[0], x[1], x[2], input[0], input[1], input[2]};
+    if (!inertia_.isConstant()) inertia_.update(x[0]);
+    for (const Constraint* row : constraints_) {
+      double C[kMaxShafts];
+      double c0;
+      row->calcRow(state, C, &c0);
+      for (int i = 0; i < S; ++i) reads_column_[i] = reads_column_[i] || C[i] != 0.0;
+    }
+  }
+}
+
+bool Drivetrain::solveFormal(const double* lambda, const double* H, const double* right,
+                             const double* c0, double* x) const {
+  const int k = constraintCount();
+  DenseMatrix K = DenseMatrix::Zero(S + k, S + k);
+  DenseVector b = DenseVector::Zero(S + k);
+  for (int i = 0; i < S; ++i) {
+    b(i) = right[i];
+    for (int j = 0; j < S; ++j) K(i, j) = inertia_.entry(i, j);
+  }
+  for (int m = 0; m < k; ++m) {
+    b(S + m) = -c0[m];
+    for (int i = 0; i < S; ++i) {
+      K(S + m, i) = solver_.row(m)[i];
+      K(i, S + m) = -solver_.row(m)[i];
+      for (int j = 0; j < S; ++j) K(i, j) -= lambda[m] * H[(m * S + i) * S + j];
+    }
+  }
+  // y is as large as rows of C are near to each other, and what rounding of the factors makes of
+  // the zeros in K meets it: that is given back by solving for what is left.
+  constexpr int kRefinements = 2;
+  DenseVector solution;
+  if (!solveScaled(K, b, kRefinements, &solution)) return false;
+  for (int i = 0; i < S; ++i) x[i] = solution(i);
+  return true;
+}
+
+}  // namespace variator_sim

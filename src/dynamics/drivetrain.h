@@ -1,0 +1,508 @@
+/// One scene, evaluated: torques, inertia, constraints, inputs. What is integrated, and
+/// by which principle, is the systems' matter (generalized_gauss.h, classical_gauss.h).
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "dynamics/dense.h"
+#include "dynamics/shaft_count.h"
+#include "dynamics/state_vector.h"
+#include "model/central_difference.h"
+#include "variator_sim/principle.h"
+#include "variator_sim/sample.h"
+#include "variator_sim/scene.h"
+
+namespace variator_sim {
+
+/// The scene is constant; the inputs' current closed forms, the inertia at the last angle asked for
+/// and the counters are the only things that change. All evaluations are [loop].
+class Drivetrain {
+ public:
+  explicit Drivetrain(const Scene& scene);
+
+  int shafts() const { return S; }
+  const Inertia& inertia() const { return inertia_; }
+  /// What a value of the state is small against, by the tolerances.
+  double naturalSize() const {
+    return scene_.solver.absolute_tolerance / scene_.solver.relative_tolerance;
+  }
+  int constraintCount() const { return solver_.rowCount(); }
+  int inputCount() const { return static_cast<int>(signals_.size()); }
+  const Constraint& constraint(int m) const { return *constraints_[m]; }
+  const ConstraintSolver& solver() const { return solver_; }
+  std::uint64_t rightHandSides() const { return right_hand_sides_; }
+  /// True when some constraint is of order 1 (its velocities are projected too).
+  bool hasVelocityRows() const { return !velocity_rows_.empty(); }
+  /// True when some constraint is of order 1 or 2.
+  bool hasAccelerationRows() const { return !acceleration_rows_.empty(); }
+  const std::vector<int>& velocityRows() const { return velocity_rows_; }
+  const std::vector<int>& accelerationRows() const { return acceleration_rows_; }
+  /// The accelerations that some constraint is not linear in, bit i for shaft i.
+  unsigned nonlinearAccelerations() const { return nonlinear_accelerations_; }
+  /// Where psi has kinks in epsilon: see Constraint::kinks.
+  static constexpr std::size_t kMostKinks = 16;
+  const std::vector<const Constraint*>& kinks() const { return kinks_; }
+  bool hasOrder3() const { return static_cast<int>(acceleration_rows_.size()) < constraintCount(); }
+
+  // --- what need not be computed (decided once, at load) ---
+  /// True when a derivative of the state depends on an angle; the angles are a quadrature
+  /// otherwise.
+  bool readsAngles() const { return reads_.angle; }
+  /// True when a derivative of the state depends on the time, be it through an input that moves.
+  bool readsTime() const { return reads_.time || !varying_.empty(); }
+  /// True when C and J are the same at every state: A is factored once.
+  bool hasConstantRows() const { return has_constant_rows_; }
+  /// True when C and J are the same at every state, whether or not that is made use of.
+  bool hasConstantJacobian() const { return has_constant_jacobian_; }
+  /// False when no constraint reads the highest derivative of shaft i, at some states apart.
+  bool readsColumn(int i) const { return reads_column_[i]; }
+  /// Begins to count right-hand sides and Newton's iterations anew.
+  void resetCounts();
+
+  // --- inputs ----------------------------------------------------------------------------------
+  void resetInputs();
+  CommandSignal& signal(int input) { return signals_[static_cast<std::size_t>(input)]; }
+  const double* inputs() const { return input_; }
+  const double* inputRates() const { return input_rate_; }
+  const double* inputSecondRates() const { return input_second_rate_; }
+  /// Remembers all signals, and goes back to them at `time`.
+  void saveSignals() { std::copy(signals_.begin(), signals_.end(), saved_signals_.begin()); }
+  void restoreSignals(double time);
+  /// Times are counted from `by` seconds later from now on; laws are given the sum of both, what
+  /// is counted from and the time.
+  void moveOrigin(double by) {
+    for (CommandSignal& signal : signals_) signal.moveOrigin(by);
+  }
+  void setOrigin(double origin) { origin_ = origin; }
+  double origin() const { return origin_; }
+  /// Re-evaluates every u and u' at `time` and finds out which of them vary: to be called after a
+  /// signal was changed and before anything is evaluated.
+  void refreshInputs(double time);
+  /// When the first of the inputs' closed forms ends.
+  double inputSegmentEnd() const;
+  /// At `time`, moves the inputs whose closed form ends until `latest` past that end.
+  void finishInputSegments(double time, double latest);
+
+  /// T = 1/2 omega^T J omega, J; brings J to phi.
+  double calcKineticEnergy(const double* phi, const double* omega);
+
+  // --- evaluations -----------------------------------------------------------------------------
+  /// u and u' at t.
+  void evaluateInputs(double t) {
+    if (!varying_.empty()) moveInputs(t);
+  }
+  [[gnu::noinline]] void moveInputs(double t) {
+    for (int i : varying_) {
+      input_[i] = signals_[i].value(t);
+      input_rate_[i] = signals_[i].rate(t);
+      if (needs_second_rate_) input_second_rate_[i] = signals_[i].secondRate(t);
+    }
+  }
+  /// A view of (t, phi, omega, epsilon) with the inputs at t; J is brought to phi.
+  StateView view(double t, const double* phi, const double* omega, const double* epsilon) {
+    evaluateInputs(t);
+    if (!inertia_.isConstant()) inertia_.update(phi);
+    return {origin_ + t, phi, omega, epsilon, input_, input_rate_, input_second_rate_};
+  }
+
+  /// The jerk of a scene with one constraint and a simple inertia at x = (phi, omega, epsilon), the
+  /// formulas of principle.h in local variables: this is where most runs spend their time, and
+  /// every number that goes through the solver's memory waits there. Torques before the row, whose
+  /// result is needed last. False, and nothing done, where A is not positive.
+  template <int kShafts>
+  bool calcJerkOfOneRow(double t, const double* x, double* eta) {
+    ++right_hand_sides_;
+    evaluateInputs(t);
+    view_.time = origin_ + t;
+    view_.angle = x;
+    view_.velocity = x + kShafts;
+    view_.acceleration = x + 2 * kShafts;
+    double rate[kShafts];
+    calcTorqueRate(std::integral_constant<int, kShafts>{}, view_, rate);
+    double C[kShafts];
+    double c0;
+    constraints_[0]->calcRow(view_, C, &c0);
+    // B = C J^-1, A = B C^T, eta_free = J^-1 Q'
+    double B[kShafts];
+    double free[kShafts];
+    for (int i = 0; i < kShafts; ++i) {
+      B[i] = C[i] * inertia_.inverse(i);
+      free[i] = rate[i] * inertia_.inverse(i);
+    }
+    double A = B[0] * C[0];
+    double right = C[0] * free[0];
+    for (int i = 1; i < kShafts; ++i) {
+      A += B[i] * C[i];
+      right += C[i] * free[i];
+    }
+    if (!(A > 0.0)) {
+      --right_hand_sides_;
+      return false;
+    }
+    const double Lambda = -(c0 + right) / A;
+    for (int i = 0; i < kShafts; ++i) eta[i] = free[i] + B[i] * Lambda;
+    std::copy_n(C, kShafts, solver_.row(0));
+    solver_.noteLengthSquared(0, A);
+    return true;
+  }
+
+  /// Where the components change their branches.
+  const std::vector<GuardPtr>& guards() const { return guards_; }
+  /// Whose guard it is: the index of a torque or of a constraint, the other one -1.
+  struct GuardOwner {
+    int torque;
+    int constraint;
+  };
+  const GuardOwner& guardOwner(int guard) const {
+    return guard_owners_[static_cast<std::size_t>(guard)];
+  }
+  /// The first instant after `time`, s, at which some law is not smooth; infinity when there is
+  /// none.
+  double nextInstant(double time) const;
+
+  void countRightHandSide() { ++right_hand_sides_; }
+  /// A step of Newton's iteration for the accelerations of least reaction.
+  void countNewtonIteration() { ++newton_iterations_; }
+  std::uint64_t newtonIterations() const { return newton_iterations_; }
+
+  /// Applied torque Q at `state`, N m, S values.
+  void calcTorque(const StateView& state, double* torque) const;
+  /// Its total rate Q', N m/s, S values.
+  void calcTorqueRate(const StateView& state, double* torque_rate) const {
+    calcTorqueRate(S, state, torque_rate);
+  }
+  template <class Count>
+  void calcTorqueRate(Count shafts, const StateView& state, double* torque_rate) const {
+    for (int i = 0; i < shafts; ++i) torque_rate[i] = 0.0;
+    for (const Torque* element : torques_) element->addTorqueRate(state, torque_rate);
+    for (int i = 0; i < shafts; ++i) torque_rate_[i] = torque_rate[i];
+  }
+  /// True when Q reads the time itself.
+  bool torquesReadTime() const { return torques_read_time_; }
+  /// What calcTorqueRate came to last, at the last derivative of a state, say.
+  const double* torqueRate() const { return torque_rate_; }
+  bool hasTorques() const { return !torques_.empty(); }
+
+  /// Q - n, the torque that J epsilon would balance without reaction; n = 1/2 J' omega^2.
+  void calcFreeTorque(const StateView& state, double* torque) const;
+  /// (Q - n - J epsilon)' + J eta = Q' - J' omega epsilon - n', with n' = 1/2 J'' omega^3 +
+  /// J' omega epsilon: the rate of R is J eta minus this.
+  void calcFreeTorqueRate(const StateView& state, double* rate) const {
+    calcFreeTorqueRate(S, state, rate);
+  }
+  template <class Count>
+  void calcFreeTorqueRate(Count shafts, const StateView& state, double* rate) const {
+    calcTorqueRate(shafts, state, rate);
+    if (inertia_.isConstant()) return;
+    for (int i = 0; i < S; ++i) {
+      const double w = state.velocity[i];
+      rate[i] -= 2.0 * inertia_.first(i) * w * state.acceleration[i] +
+                 0.5 * inertia_.second(i) * w * w * w;
+    }
+  }
+  /// -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'.
+  void calcCovariantTorqueRate(const StateView& state, double* rate) const {
+    calcCovariantTorqueRate(S, state, rate);
+  }
+  template <class Count>
+  void calcCovariantTorqueRate(Count shafts, const StateView& state, double* rate) const {
+    calcFreeTorqueRate(shafts, state, rate);
+    if (inertia_.isConstant()) return;
+    double torque[kMaxShafts];
+    double reaction[kMaxShafts];
+    double connection[kMaxShafts];
+    calcTorque(state, torque);
+    calcReaction(state, torque, reaction);
+    calcConnection(state, reaction, connection);
+    for (int i = 0; i < S; ++i) rate[i] += connection[i];
+  }
+  /// R = J epsilon + n - Q, S values, given Q.
+  void calcReaction(const StateView& state, const double* torque, double* reaction) const;
+  /// Gamma^rho_{i i} R_rho omega_i = 1/2 J_i' omega_i (J^-1 R)_i: what R' has beyond its covariant
+  /// form G [6]. Only where the inertia depends on the angle.
+  void calcConnection(const StateView& state, const double* reaction, double* connection) const;
+
+  /// Rows of C and c0 of all constraints, factored. False where C has lost rank.
+  bool calcRows(const StateView& state, double* c0) { return calcRows(S, state, c0); }
+  template <class Count>
+  bool calcRows(Count shafts, const StateView& state, double* c0) {
+    for (int m = 0; m < constraintCount(); ++m) {
+      constraint(m).calcRow(state, solver_.row(m), &c0[m]);
+    }
+    return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(shafts, inertia_);
+  }
+
+  /// Where C is constant: makes sure that it has been factored. False where it has lost rank.
+  bool factorOnce(const StateView& state);
+
+  /// One step of Newton's iteration onto f = 0 (orders 1) by the velocities, in the metric J:
+  ///     delta omega = -J^-1 C^T A^-1 f.
+  /// Writes delta (S values). False where C has lost rank.
+  bool calcVelocityProjection(const StateView& state, double* delta);
+  /// The same onto psi = 0 or f' = 0 (orders 2 and 1) by the accelerations.
+  bool calcAccelerationProjection(const StateView& state, double* delta);
+  /// True when the last one was by nearly dependent rows.
+  bool areAccelerationRowsIll() const { return acceleration_solver_.isIll(); }
+  /// One step of Newton's iteration onto psi = 0 by velocities and accelerations together, for
+  /// scenes without constraints of order 1. Where psi changes much more with a velocity than with
+  /// an acceleration (a short slip time constant tau), accelerations alone would have to make up
+  /// for every rounding of the velocities, 1/tau times as large. Among all (delta omega, delta
+  /// epsilon) that lead to the linearised psi = 0 this takes the least
+  ///     delta_omega^T J delta_omega / h^2 + delta_epsilon^T J delta_epsilon,
+  /// h the step: delta epsilon = -J^-1 C^T l, delta omega = -h^2 J^-1 B^T l, B = dpsi/domega,
+  ///     (C J^-1 C^T + h^2 B J^-1 B^T) l = psi.
+  /// Writes `delta`: S velocities, then S accelerations. False where the matrix is singular.
+  bool calcStiffProjection(const StateView& state, double h, double* delta);
+
+  /// True when implicit steps may keep psi = 0 in their stages instead of C eta + c0 = 0: all
+  /// constraints are of order 2.
+  bool canKeepConstraintsInStages() const {
+    return keeps_constraints_in_stages_ && constraintCount() > 0;
+  }
+
+  /// The motion as an implicit equation, free of the 1/tau of a stiff constraint: with D =
+  /// J^-1 C^T A^-1 and the projector P = I - D C onto the jerks that C leaves free,
+  ///     residual = P0 P (eta - eta_free) + D0 psi
+  /// is zero where eta obeys the principle and psi = 0. P0 and D0 are P and D at the beginning of
+  /// the step (S x S; S values per constraint): P and D themselves turn with C, and 1/tau or 1/h
+  /// times the turn would spill the one part over into the other. False where C has lost rank.
+  bool calcStageResidual(const StateView& state, const double* eta, const SquareMatrix& P0,
+                         const SquareMatrix& D0, double* residual);
+
+  /// Its derivatives where it is zero and the multipliers are `Lambda`: by eta, P (`projector`),
+  /// and by (phi, omega, epsilon), 3S directions of S values,
+  ///     -P J^-1 (Q'_q + C_q^T Lambda) + D psi_q;   and D (`pull`).
+  /// How J changes with the angles is left out: it is never stiff, and the derivatives steer
+  /// Newton's iteration only.
+  void calcStageDerivatives(const StateView& state, const double* Lambda, SquareMatrix& projector,
+                            SquareMatrix& pull, double* derivatives);
+
+  /// The same one order lower, for the classical principle with constraints linear in epsilon: the
+  /// stages' unknown is epsilon itself,
+  ///     residual = P0 P (epsilon - epsilon_free) + D0 psi(t, phi, omega, epsilon),
+  /// free of the 1/tau that epsilon(t, phi, omega) has in it.
+  bool calcAccelerationResidual(const StateView& state, const SquareMatrix& P0,
+                                const SquareMatrix& D0, double* residual);
+  /// Its derivatives by (phi, omega), 2S directions of S values, where it is zero and the
+  /// multipliers are `lambda`: -P J^-1 (Q_q + C_q^T lambda) + D psi_q. That by epsilon is
+  /// P + D C = I.
+  void calcAccelerationDerivatives(const StateView& state, const double* lambda,
+                                   SquareMatrix& projector, SquareMatrix& pull,
+                                   double* derivatives);
+
+  /// d eta/d(phi, omega, epsilon) at `state`, where the jerk is `eta` and the multipliers `Lambda`,
+  /// for a constant inertia: 3S directions of S values each. Differentiating
+  ///     J eta - C^T Lambda = Q',   C eta = -c0
+  /// in direction q gives the same system with other right sides,
+  ///     J eta_q - C^T Lambda_q = Q'_q + C_q^T Lambda,   C eta_q = -(c0_q + C_q eta).
+  /// Needs calcRows at `state`.
+  void calcJerkDerivatives(const StateView& state, const double* eta, const double* Lambda,
+                           double* derivatives) const;
+
+  /// The least-reaction accelerations of the second-order forms linearised at `state`:
+  ///     free - J^-1 C^T A^-1 (psi + C (free - epsilon)),
+  /// as the correction to `free` (S values each). False where C has lost rank.
+  bool calcLinearizedReaction(const StateView& state, const double* free, double* delta);
+  /// Squared length of row r of accelerationRows() in the last acceleration projection.
+  double accelerationRowLengthSquared(int r) const {
+    return acceleration_solver_.rowLengthSquared(r);
+  }
+  const double* accelerationRow(int r) const { return acceleration_solver_.row(r); }
+  /// What rounding of time, angles, velocities and accelerations at `state` makes of a projection
+  /// onto the constraints: of each velocity and each acceleration (S values each). Residuals are
+  /// evaluated beside the state, some roundings off in each of its parts. Needs the last
+  /// projection's rows. Not cheap; for steps that seem too long.
+  void calcProjectionRounding(const StateView& state, double* velocity, double* acceleration);
+  /// The constraint at which the last projection lost rank.
+  int singularVelocityConstraint() const {
+    return rowOf(velocity_rows_, velocity_solver_.singularRow());
+  }
+  int singularAccelerationConstraint() const {
+    return rowOf(acceleration_rows_, acceleration_solver_.singularRow());
+  }
+
+  /// d epsilon / d theta of the jump map at `state`, whose inputs stand at theta:
+  ///     C d_epsilon + dpsi/du Delta_u = 0,   J d_epsilon = Delta_Q + C^T Lambda.
+  /// False where C has lost rank; the rate is NaN then.
+  bool calcJumpRate(const StateView& state, const double* torque_jump, const double* input_jump,
+                    double* rate);
+
+  /// What a kink of constraints of order 1 does to the accelerations: f' is f0'(e) = C0 e + b0
+  /// `before` it and f1'(e) = C1 e + b1 `after`. A smooth f would go from the one to the other
+  /// within next to no time, with every weight theta between 0 and 1 on the second, and its large
+  /// f'' would meet a large Lambda, while psi of order 2 stays 0 and order 3 keeps its C:
+  ///     C(theta, e) = (1 - theta) C0(e) + theta C1(e),   J de/dtheta = C^T Lambda,
+  ///     C de/dtheta + f1'(e) - f0'(e) = 0.
+  /// Writes the change of epsilon (S values). False where C loses rank.
+  bool calcKinkJump(StateView before, StateView after, double* change);
+
+  /// The jerk that keeps R = C^T lambda, i.e. the derivative of J epsilon + n - Q = C^T lambda:
+  ///     (J - sum lambda_m H_m) eta - C^T lambda' = free torque rate + sum lambda_m D_m,
+  ///     C eta + c0 = 0,   dC/dt = D + H eta        [17, 18].
+  /// `lambda` (k values) is given; eta and the reaction rate R' = J eta - free torque rate are
+  /// written (S values each). False when the system is singular.
+  bool calcFormalJerk(const StateView& state, const double* lambda, double* eta,
+                      double* reaction_rate);
+
+  /// d epsilon / d theta of a jump along which R stays C^T lambda:
+  ///     (J - sum lambda_m H_m) d_epsilon - C^T d_lambda = Delta_Q,  C d_epsilon + dpsi/du Delta_u
+  ///     = 0.
+  /// False when the system is singular; the rate is NaN then.
+  bool calcFormalJumpRate(const StateView& state, const double* torque_jump,
+                          const double* input_jump, double* rate);
+
+  /// lambda (k values) of the part of `reaction` in range(C^T): A lambda = C J^-1 R. Needs
+  /// calcRows.
+  void calcMultipliers(const double* reaction, double* lambda) const;
+  /// The same, and `rest` = J^-1 (C^T lambda - R) (S values): by so much do accelerations change
+  /// for R to lie in range(C^T). C rest = 0.
+  void calcOutOfRange(const double* reaction, double* lambda, double* rest) const;
+
+  /// What is left of f, psi, or C eta + c0.
+  double calcResidual(int m, const StateView& state, const double* eta) const;
+
+  /// Which component gives a value that is not finite at `state` (first torques, then constraints),
+  /// for messages. Returns false when all are finite.
+  bool findNonFinite(const StateView& state, int* torque, int* row) const;
+
+ private:
+  /// C_q^T Lambda onto `rates` and psi_q, in all 3S directions; C into the solver's rows.
+  void addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
+                         double (*psi_q)[kMaxRows]);
+  /// P0 P v + D0 psi at `state`, P0 and D0 column by column. False where C has lost rank.
+  template <class Count>
+  bool projectResidual(Count shafts, const StateView& state, const double* P0, const double* D0,
+                       double* v, double* residual);
+  /// P and D of the solver's rows, and -P J^-1 rates_q + D psi_q in all 3S directions. P is NaN
+  /// where C has lost rank.
+  void calcProjected(const double* rates, const double (*psi_q)[kMaxRows], SquareMatrix& projector,
+                     SquareMatrix& pull, double* derivatives);
+
+  static int countOrders(const Scene& scene, int highest);
+  void note(const Dependence& dependence);
+  /// reads_column_: a component of C that is zero at several states that have nothing in common is
+  /// zero everywhere.
+  void findColumns();
+  template <class Law>
+  void noteBranches(const Law& law, GuardOwner owner) {
+    for (GuardPtr& guard : law.guards()) {
+      guards_.push_back(std::move(guard));
+      guard_owners_.push_back(owner);
+    }
+    const std::vector<double> instants = law.instants();
+    instants_.insert(instants_.end(), instants.begin(), instants.end());
+  }
+  static int rowOf(const std::vector<int>& rows, int row) {
+    return row < 0 ? -1 : rows[static_cast<std::size_t>(row)];
+  }
+
+  /// (J - sum lambda_m H_m) x - C^T y = right, C x = -c0, with the rows of C in solver_. Writes x.
+  bool solveFormal(const double* lambda, const double* H, const double* right, const double* c0,
+                   double* x) const;
+
+  /// |J^-1 C^T A^-1| times what rounding makes of the residuals of some constraints.
+  template <class Evaluate>
+  void addProjectionRounding(const StateView& state, const std::vector<int>& rows,
+                             const ConstraintSolver& solver, double* rounding,
+                             Evaluate evaluate) const {
+    constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
+    for (int r = 0; r < solver.rowCount(); ++r) {
+      const int m = rows[static_cast<std::size_t>(r)];
+      const double here = evaluate(m, state);
+      double noise = kUlps * std::abs(here);
+      StateView beside = state;
+      beside.time = state.time * (1.0 + kUlps);
+      noise += std::abs(evaluate(m, beside) - here);
+      // sin(t + 1e8) knows its argument to 1e-8: how far is it from smooth?
+      double bend = 0.0;
+      for (const double part : {1e-7, 6.18e-8, 3.82e-8, 2.36e-8}) {
+        beside.time = state.time + part;
+        double sum = evaluate(m, beside);
+        beside.time = state.time - part;
+        sum += evaluate(m, beside);
+        bend = std::max(bend, std::abs(sum - 2.0 * here));
+      }
+      noise += 2.0 * bend;
+      beside.time = state.time;
+      double shifted[kMaxShafts];
+      for (const double* StateView::*part :
+           {&StateView::angle, &StateView::velocity, &StateView::acceleration}) {
+        std::copy_n(state.*part, S, shifted);
+        beside.*part = shifted;
+        for (int i = 0; i < S; ++i) {
+          shifted[i] = (state.*part)[i] * (1.0 + kUlps);
+          noise += std::abs(evaluate(m, beside) - here);
+          shifted[i] = (state.*part)[i];
+        }
+        beside.*part = state.*part;
+      }
+      double l[kMaxRows] = {};
+      double moved[kMaxShafts] = {};
+      l[r] = noise;
+      solver.solve(l, l);
+      solver.addReaction(l, moved);
+      for (int i = 0; i < S; ++i) rounding[i] += std::abs(moved[i]);
+    }
+  }
+
+  /// -J^-1 C^T A^-1 residual over some constraints; `evaluate(m, C)` gives residual and row.
+  template <class Evaluate>
+  bool calcCorrection(const std::vector<int>& rows, ConstraintSolver* solver, double* delta,
+                      Evaluate evaluate) {
+    double residual[kMaxRows] = {};
+    for (int r = 0; r < solver->rowCount(); ++r) residual[r] = evaluate(rows[r], solver->row(r));
+    return withShaftCount(S, [&](auto shafts) {
+      if (!solver->isFactored() || !has_constant_rows_) {
+        if (!solver->factor(shafts, inertia_)) return false;
+      }
+      for (int r = 0; r < solver->rowCount(); ++r) residual[r] = -residual[r];
+      solver->solve(residual, residual);
+      for (int i = 0; i < shafts; ++i) delta[i] = 0.0;
+      solver->addReaction(shafts, residual, delta);
+      return true;
+    });
+  }
+
+  const int S;  // shafts
+  const Scene& scene_;
+  Inertia inertia_;
+  ConstraintSolver solver_;               // all constraints
+  ConstraintSolver velocity_solver_;      // those of order 1
+  ConstraintSolver acceleration_solver_;  // those of order 1 and 2
+  std::vector<const Torque*> torques_;
+  std::vector<const Constraint*> constraints_;
+  std::vector<const Constraint*> kinks_;
+  unsigned nonlinear_accelerations_ = 0;
+  std::vector<int> velocity_rows_;
+  std::vector<int> acceleration_rows_;
+  std::vector<CommandSignal> signals_;
+  std::vector<CommandSignal> saved_signals_;
+  std::vector<int> varying_;  // indices of the inputs that are not constant; capacity is reserved
+  double input_[kMaxInputs] = {};
+  double input_rate_[kMaxInputs] = {};
+  double input_second_rate_[kMaxInputs] = {};
+  Dependence reads_{false, false};
+  std::vector<GuardPtr> guards_;
+  std::vector<GuardOwner> guard_owners_;
+  std::vector<double> instants_;  // s, sorted
+  mutable double torque_rate_[kMaxShafts] = {};
+  bool has_constant_rows_ = false;
+  bool has_constant_jacobian_ = false;
+  bool reads_column_[kMaxShafts] = {};
+  bool torques_read_time_ = false;
+  bool keeps_constraints_in_stages_ = true;
+  /// Of calcJerkOfOneRow: what never changes of it is written once.
+  StateView view_{0.0, nullptr, nullptr, nullptr, input_, input_rate_, input_second_rate_};
+  bool needs_second_rate_ = false;  ///< some constraint of order 1 reads an input
+  double origin_ = 0.0;             ///< from which times are counted, s
+  std::uint64_t right_hand_sides_ = 0;
+  std::uint64_t newton_iterations_ = 0;
+};
+
+}  // namespace variator_sim

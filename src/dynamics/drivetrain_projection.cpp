@@ -1,0 +1,195 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dynamics/drivetrain.h"
+
+namespace variator_sim {
+
+bool Drivetrain::calcVelocityProjection(const StateView& state, double* delta) {
+  return calcCorrection(velocity_rows_, &velocity_solver_, delta, [&](int m, double* C) {
+    return constraint(m).calcVelocityResidualAndJacobian(state, C);
+  });
+}
+
+bool Drivetrain::calcAccelerationProjection(const StateView& state, double* delta) {
+  return calcCorrection(acceleration_rows_, &acceleration_solver_, delta, [&](int m, double* C) {
+    return constraint(m).calcResidualAndJacobian(state, C);
+  });
+}
+
+bool Drivetrain::calcStiffProjection(const StateView& state, double h, double* delta) {
+  constexpr int kMax = kMaxRows;
+  const int k = static_cast<int>(acceleration_rows_.size());
+  double rows[kMax][2 * kMaxShafts];      // (B, C)
+  double weighted[kMax][2 * kMaxShafts];  // (h^2 B J^-1, C J^-1)
+  double scale[kMax] = {};
+  DenseVector l(k);
+  for (int r = 0; r < k; ++r) {
+    const Constraint& constraint = *constraints_[acceleration_rows_[r]];
+    ConstraintPartials partials;
+    constraint.calcPartials(state, partials);
+    std::copy_n(partials.velocity, S, rows[r]);
+    std::copy_n(partials.acceleration, S, rows[r] + S);
+    inertia_.solve(rows[r], weighted[r]);
+    inertia_.solve(rows[r] + S, weighted[r] + S);
+    double length = 0.0;
+    for (int i = 0; i < S; ++i) weighted[r][i] *= h * h;
+    for (int i = 0; i < 2 * S; ++i) length += rows[r][i] * weighted[r][i];
+    // Rows of length 1 make the matrix blind to the units of psi.
+    scale[r] = 1.0 / std::sqrt(length);
+    l(r) = constraint.calcResidual(state) * scale[r];
+  }
+  if (k == 1) {
+    if (!std::isfinite(scale[0])) return false;
+  } else {
+    DenseMatrix A(k, k);
+    for (int r = 0; r < k; ++r) {
+      for (int n = 0; n < k; ++n) {
+        double entry = 0.0;
+        for (int i = 0; i < 2 * S; ++i) entry += rows[r][i] * weighted[n][i];
+        A(r, n) = entry * scale[r] * scale[n];
+      }
+    }
+    if (!solveSymmetric(A, ConstraintSolver::kRankTolerance, &l)) return false;
+  }
+  for (int i = 0; i < 2 * S; ++i) {
+    delta[i] = 0.0;
+    for (int r = 0; r < k; ++r) delta[i] -= weighted[r][i] * scale[r] * l(r);
+  }
+  return true;
+}
+
+bool Drivetrain::calcLinearizedReaction(const StateView& state, const double* free, double* delta) {
+  return calcCorrection(acceleration_rows_, &acceleration_solver_, delta, [&](int m, double* C) {
+    double residual = constraint(m).calcResidualAndJacobian(state, C);
+    for (int i = 0; i < S; ++i) residual += C[i] * (free[i] - state.acceleration[i]);
+    return residual;
+  });
+}
+
+void Drivetrain::calcProjectionRounding(const StateView& state, double* velocity,
+                                        double* acceleration) {
+  std::fill_n(velocity, S, 0.0);
+  std::fill_n(acceleration, S, 0.0);
+  addProjectionRounding(state, velocity_rows_, velocity_solver_, velocity,
+                        [&](int m, const StateView& at) { return constraint(m).calcResidual(at); });
+  addProjectionRounding(state, acceleration_rows_, acceleration_solver_, acceleration,
+                        [&](int m, const StateView& at) {
+                          double C[kMaxShafts];
+                          return constraint(m).calcResidualAndJacobian(at, C);
+                        });
+}
+
+bool Drivetrain::calcJumpRate(const StateView& state, const double* torque_jump,
+                              const double* input_jump, double* rate) {
+  inertia_.solve(torque_jump, rate);
+  if (constraintCount() == 0) return true;
+  double c0[kMaxRows] = {};
+  for (int m = 0; m < constraintCount(); ++m) {
+    double unused;
+    const Constraint& row = constraint(m);
+    if (row.order() == 3) {
+      row.calcRow(state, solver_.row(m), &unused);
+    } else {
+      row.calcResidualAndJacobian(state, solver_.row(m));
+    }
+    c0[m] = 0.0;
+    if (row.readsInputs()) {
+      double Cu[kMaxInputs];
+      row.calcInputJacobian(state, inputCount(), Cu);
+      for (int i = 0; i < inputCount(); ++i) c0[m] += Cu[i] * input_jump[i];
+    }
+  }
+  if (!solver_.factor(inertia_)) {
+    for (int i = 0; i < S; ++i) rate[i] = std::numeric_limits<double>::quiet_NaN();
+    return false;
+  }
+  double Lambda[kMaxRows] = {};
+  solver_.constrain(c0, rate, Lambda);
+  return true;
+}
+
+bool Drivetrain::calcKinkJump(StateView before, StateView after, double* change) {
+  const double* begin = after.acceleration;
+  const int k = constraintCount();
+  const auto slope = [&](double theta, const double* moved, double* rate) {
+    double e[kMaxShafts];
+    double C[kMaxShafts];
+    double gap[kMaxRows] = {};
+    for (int i = 0; i < S; ++i) e[i] = begin[i] + moved[i];
+    before.acceleration = after.acceleration = e;
+    for (int m = 0; m < k; ++m) {
+      const Constraint& row = constraint(m);
+      double* mean = solver_.row(m);
+      double unused = 0.0;
+      if (row.order() == 3) {
+        row.calcRow(before, C, &unused);
+        row.calcRow(after, mean, &unused);
+      } else {
+        gap[m] = -row.calcResidualAndJacobian(before, C);
+        gap[m] += row.calcResidualAndJacobian(after, mean);
+      }
+      for (int i = 0; i < S; ++i) mean[i] = (1.0 - theta) * C[i] + theta * mean[i];
+    }
+    double Lambda[kMaxRows] = {};
+    std::fill_n(rate, S, 0.0);
+    if (!solver_.factor(inertia_)) return false;
+    solver_.constrain(gap, rate, Lambda);
+    return true;
+  };
+  // Of the classical Runge-Kutta method, for nothing here is stiff; where C does not turn one
+  // step is exact.
+  constexpr int kSteps = 200;
+  constexpr double kTurned = 1e-12;
+  double k1[kMaxShafts];
+  double k2[kMaxShafts];
+  double k3[kMaxShafts];
+  double k4[kMaxShafts];
+  double e[kMaxShafts];
+  std::fill_n(change, S, 0.0);
+  if (!slope(0.0, change, k1) || !slope(1.0, k1, k4)) return false;
+  double largest = 0.0;
+  double turn = 0.0;
+  for (int i = 0; i < S; ++i) {
+    largest = std::max(largest, std::abs(k1[i]));
+    turn = std::max(turn, std::abs(k4[i] - k1[i]));
+  }
+  const int steps = turn > kTurned * largest ? kSteps : 1;
+  const double h = 1.0 / steps;
+  for (int n = 0; n < steps; ++n) {
+    const double theta = n * h;
+    if (!slope(theta, change, k1)) return false;
+    for (int i = 0; i < S; ++i) e[i] = change[i] + 0.5 * h * k1[i];
+    if (!slope(theta + 0.5 * h, e, k2)) return false;
+    for (int i = 0; i < S; ++i) e[i] = change[i] + 0.5 * h * k2[i];
+    if (!slope(theta + 0.5 * h, e, k3)) return false;
+    for (int i = 0; i < S; ++i) e[i] = change[i] + h * k3[i];
+    if (!slope(theta + h, e, k4)) return false;
+    for (int i = 0; i < S; ++i) change[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+  }
+  return true;
+}
+
+bool Drivetrain::calcFormalJumpRate(const StateView& state, const double* torque_jump,
+                                    const double* input_jump, double* rate) {
+  if (!calcJumpRate(state, torque_jump, input_jump, rate)) return false;
+  double torque[kMaxShafts];
+  double reaction[kMaxShafts];
+  double lambda[kMaxRows] = {};
+  double H[kMaxRows * kMaxShafts * kMaxShafts];
+  double c0[kMaxRows] = {};
+  calcTorque(state, torque);
+  calcReaction(state, torque, reaction);
+  calcMultipliers(reaction, lambda);
+  for (int m = 0; m < constraintCount(); ++m) {
+    constraint(m).calcHessian(state, H + m * S * S);
+    // calcJumpRate has just made C d_epsilon = -dpsi/du Delta_u.
+    for (int i = 0; i < S; ++i) c0[m] -= solver_.row(m)[i] * rate[i];
+  }
+  if (solveFormal(lambda, H, torque_jump, c0, rate)) return true;
+  for (int i = 0; i < S; ++i) rate[i] = std::numeric_limits<double>::quiet_NaN();
+  return false;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,44 @@
+/// The classical Gauss principle with constraints of order 3, equation [18]: the derivative of
+/// J epsilon + n - Q = C^T lambda gives the jerk, and x = (phi, omega, epsilon).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dynamics/acceleration_system.h"
+
+namespace variator_sim {
+
+/// With constraints of order 3, equation [18]: J epsilon + n - Q = C^T lambda differentiated,
+/// beside C eta + c0 = 0. The minimum of nothing, but what a user may want to compare.
+class FormalGauss final : public AccelerationSystem {
+ public:
+  explicit FormalGauss(const Scene& scene) : AccelerationSystem(scene, true) {}
+
+  void operator()(const State& x, State& dxdt, double t) override;
+
+  void calcLinearization(double t, const State& x, Linearization& linearization) override {
+    linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);
+  }
+
+  ProjectionResult projectStiffly(double t, double /*h*/, const State& /*slope*/, State& x,
+                                  State& moved, std::uint64_t* iterations) override {
+    return project(t, x, moved, iterations);
+  }
+  /// Orders 1 and 2 as ever; then the reaction back into range(C^T), from which it drifts.
+  ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) override;
+
+  InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override;
+
+  bool calcSample(double t, const State& x, Sample* sample) override;
+
+ private:
+  bool calcJerk(const StateView& state, double* torque, double* reaction, double* lambda,
+                double* eta, double* reaction_rate);
+
+  /// epsilon = J^-1 (Q - n + C^T lambda) with the lambda of the part of R in range(C^T).
+  bool calcReactionInRange(const StateView& state, double* epsilon, double* moved);
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,138 @@
+#include "dynamics/generalized_gauss.h"
+
+#include <algorithm>
+#include <iterator>
+#include <limits>
+#include <type_traits>
+
+namespace variator_sim {
+
+namespace {
+
+bool isSimple(const Inertia& inertia) {
+  return inertia.isConstant() && inertia.isDiagonal();
+}
+
+}  // namespace
+
+GeneralizedGauss::GeneralizedGauss(const Scene& scene)
+    : AccelerationSystem(scene, false),
+      derive_(chooseDerive(S)),
+      has_one_row_(S == 2 && scene.constraintCount() == 1 && isSimple(drivetrain_.inertia()) &&
+                   scene.solver.specialize) {}
+
+GeneralizedGauss::Derive GeneralizedGauss::chooseDerive(int shafts) {
+  constexpr Derive kBySize[] = {derive<1>, derive<2>, derive<3>, derive<4>,
+                                derive<5>, derive<6>, derive<7>, derive<8>};
+  static_assert(std::size(kBySize) == kMaxShafts);
+  return kBySize[shafts - 1];
+}
+
+template <int kShafts>
+void GeneralizedGauss::derive(GeneralizedGauss& self, const State& x, State& dxdt, double t) {
+  // phi' = omega, omega' = epsilon
+  for (int n = 0; n < 2 * kShafts; ++n) dxdt[n] = x[n + kShafts];
+  double* eta = dxdt.data() + 2 * kShafts;
+  if constexpr (kShafts == 2) {
+    if (self.has_one_row_ && self.drivetrain_.calcJerkOfOneRow<kShafts>(t, x.data(), eta)) return;
+  }
+  double Lambda[kMaxRows] = {};
+  const StateView state =
+      self.drivetrain_.view(t, x.data(), x.data() + kShafts, x.data() + 2 * kShafts);
+  self.calcJerk(std::integral_constant<int, kShafts>{}, state, eta, Lambda);
+}
+
+template <class Count>
+bool GeneralizedGauss::calcJerk(Count shafts, const StateView& state, double* eta, double* Lambda) {
+  drivetrain_.countRightHandSide();
+  // Rows first: what takes longest (a sine, the pivot's reciprocal) is under way when the torques
+  // are asked.
+  double c0[kMaxRows] = {};
+  const bool regular =
+      drivetrain_.constraintCount() == 0 || drivetrain_.calcRows(shafts, state, c0);
+  // -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'
+  double rate[kMaxShafts];
+  drivetrain_.calcCovariantTorqueRate(shafts, state, rate);
+  drivetrain_.inertia().solve(shafts, rate, eta);
+  if (drivetrain_.constraintCount() == 0) return true;
+  if (!regular) {
+    for (int i = 0; i < shafts; ++i) eta[i] = std::numeric_limits<double>::quiet_NaN();
+    return false;
+  }
+  drivetrain_.solver().constrain(shafts, c0, eta, Lambda);
+  return true;
+}
+
+void GeneralizedGauss::calcLinearization(double t, const State& x, Linearization& linearization) {
+  if (!drivetrain_.inertia().isConstant()) {
+    linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);
+    return;
+  }
+  const StateView state = view(t, x);
+  double eta[kMaxShafts];
+  double Lambda[kMaxRows] = {};
+  calcJerk(S, state, eta, Lambda);
+  double derivatives[3 * kMaxShafts * kMaxShafts];
+  drivetrain_.calcJerkDerivatives(state, eta, Lambda, derivatives);
+  for (int q = 0; q < 3 * S; ++q) {
+    for (int i = 0; i < S; ++i) linearization.block(q / S)(i, q % S) = derivatives[q * S + i];
+  }
+}
+
+void GeneralizedGauss::calcStageResidual(double t, const State& x, const double* eta,
+                                         const Linearization& linearization, double* residual) {
+  if (!drivetrain_.canKeepConstraintsInStages()) {
+    System::calcStageResidual(t, x, eta, linearization, residual);
+    return;
+  }
+  drivetrain_.countRightHandSide();
+  if (!drivetrain_.calcStageResidual(view(t, x), eta, linearization.projector(),
+                                     linearization.pull(), residual)) {
+    std::fill(residual, residual + S, std::numeric_limits<double>::quiet_NaN());
+  }
+}
+
+void GeneralizedGauss::calcStageLinearization(double t, const State& x, const State& dxdt,
+                                              Linearization& linearization) {
+  if (!drivetrain_.canKeepConstraintsInStages()) {
+    System::calcStageLinearization(t, x, dxdt, linearization);
+    return;
+  }
+  const StateView state = view(t, x);
+  double eta[kMaxShafts];
+  double Lambda[kMaxRows] = {};
+  calcJerk(S, state, eta, Lambda);
+  double derivatives[3 * kMaxShafts * kMaxShafts];
+  drivetrain_.calcStageDerivatives(state, Lambda, linearization.projector(), linearization.pull(),
+                                   derivatives);
+  linearization.mass() = linearization.projector();
+  for (int i = 0; i < S; ++i) {
+    for (int q = 0; q < 3 * S; ++q) {
+      linearization.block(q / S)(i, q % S) = -derivatives[q * S + i];
+    }
+  }
+}
+
+bool GeneralizedGauss::calcSample(double t, const State& x, Sample* sample) {
+  const StateView state = view(t, x);
+  copyState(t, x, sample);
+  // R = J epsilon + n - Q
+  drivetrain_.calcTorque(state, sample->applied_torque);
+  drivetrain_.calcReaction(state, sample->applied_torque, sample->reaction_torque);
+  double eta[kMaxShafts];
+  const bool regular = calcJerk(S, state, eta, sample->multiplier);
+  // R' = C^T Lambda + Gamma R omega [6]
+  double* rate = sample->reaction_torque_rate;
+  std::fill(rate, rate + S, 0.0);
+  if (!drivetrain_.inertia().isConstant()) {
+    drivetrain_.calcConnection(state, sample->reaction_torque, rate);
+  }
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    const double* C = drivetrain_.solver().row(m);
+    for (int i = 0; i < S; ++i) rate[i] += C[i] * sample->multiplier[m];
+  }
+  calcResiduals(state, eta, sample);
+  return regular;
+}
+
+}  // namespace variator_sim

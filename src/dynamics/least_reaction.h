@@ -1,0 +1,168 @@
+/// Accelerations of least reaction at one instant, from a first guess: stationary points of
+///     1/2 R^T J^-1 R,   R = J epsilon + n - Q,   under psi(epsilon) = 0,
+/// that is, of the distance from the free accelerations J^-1 (Q - n) in the metric J.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "dynamics/drivetrain.h"
+#include "dynamics/projection.h"
+
+namespace variator_sim {
+
+/// Where psi is linear in pieces (abs, min, max of accelerations) the nearest point may be a corner
+/// of psi = 0. There some functions are zero beside psi, the kinks (Constraint::kinks): they join
+/// the constraints, with multipliers of their own. A set of kinks is a number, bit j for kink j.
+class LeastReactionSolver {
+ public:
+  /// Accelerations count as consistent when the nearest point of psi = 0 is not further away than
+  /// this, relative to max(1, |epsilon|): what is left of a value printed with ten digits.
+  static constexpr double kConsistent = 1e-9;
+
+  explicit LeastReactionSolver(Drivetrain& drivetrain)
+      : S(drivetrain.shafts()), drivetrain_(drivetrain) {}
+
+  /// Stationarity under psi = 0 and the kinks of `corner` = 0,
+  ///     J epsilon + n - Q - C^T lambda - (d kinks)^T mu = 0,
+  /// by damped Newton from the accelerations in `epsilon` (S values) and the multipliers (S places:
+  /// one per row of accelerationRows(), then one per kink of the corner); `torque` is Q - n. False
+  /// when it does not converge to a point where psi is zero.
+  bool solve(const StateView& given, const double* torque, unsigned corner, double* epsilon,
+             double* multipliers);
+
+  /// The stationary point that continues the one in `epsilon` (S values, a little earlier): on the
+  /// same piece of psi, in the same corner, or the nearest one beyond. `corner` gets its kinks.
+  bool continueFrom(const StateView& given, const double* torque, double* epsilon,
+                    double* multipliers, unsigned* corner);
+
+  /// Calls `found(epsilon)` for every corner that the nearest kinks make, from `epsilon`.
+  template <class Found>
+  void solveCorners(const StateView& given, const double* torque, const double* epsilon,
+                    Found found) {
+    if (drivetrain_.kinks().empty()) return;
+    KinkValues values;
+    if (!calcKinks(given, epsilon, &values)) return;
+    forEachCorner(values, [&](unsigned set) {
+      double corner[kMaxShafts];
+      double multipliers[kMaxShafts] = {};
+      std::copy_n(epsilon, S, corner);
+      if (solve(given, torque, set, corner, multipliers)) found(corner);
+    });
+  }
+
+  /// The jerk that follows the stationary point at `state` in its corner, and R': the derivative of
+  /// J epsilon + n - Q = C^T lambda + (d kinks)^T mu beside that of psi = 0, kinks = 0:
+  ///     (J - sum lambda_m H_m) eta - C^T lambda' = free torque rate + sum lambda_m D_m,
+  ///     C eta + c0 = 0,   dC/dt = D + H eta.
+  bool calcJerk(const StateView& state, unsigned corner, const double* multipliers, double* eta,
+                double* reaction_rate);
+
+  /// Moves `epsilon`, to which `state` points, onto psi = 0 near by. False when that fails.
+  bool retract(const StateView& state, double* epsilon);
+
+  /// True when psi = 0 is as near to `state` as consistent accelerations have it.
+  bool isConsistent(const StateView& state, double allowed = kConsistent);
+
+ private:
+  static constexpr int kMostKinks = static_cast<int>(Drivetrain::kMostKinks);
+  /// Of all kinks, so many nearest ones may meet in a corner that is looked at.
+  static constexpr int kMostMeeting = 4;
+  using Matrix = DenseMatrix;
+  using Vector = DenseVector;
+
+  struct Point {
+    double epsilon[kMaxShafts];
+    double multipliers[kMaxShafts];
+    unsigned corner;
+  };
+  struct KinkValues {
+    double epsilon[kMaxShafts] = {};
+    int count = 0;
+    int nearest[kMostKinks] = {};      ///< kinks, the nearest first
+    double distance[kMostKinks] = {};  ///< from epsilon, by kink
+    double gradient[kMostKinks][kMaxShafts] = {};
+    unsigned sides = 0;  ///< those with a value above 0
+    double scale = 0.0;  ///< of epsilon
+    /// Those that epsilon lies on.
+    unsigned zeros() const {
+      unsigned set = 0;
+      for (int n = 0; n < count; ++n) {
+        if (distance[nearest[n]] <= kConsistent * scale)
+          set |= 1U << static_cast<unsigned>(nearest[n]);
+      }
+      return set;
+    }
+  };
+
+  bool calcKinks(const StateView& given, const double* epsilon, KinkValues* values) const;
+
+  /// By so much may accelerations be off psi = 0 for the rounding of what psi reads: 1/tau times
+  /// that of the velocities where a slip has the short time constant tau, say.
+  double calcRounding(const StateView& state) const;
+
+  /// Calls `visit` with every set of the nearest kinks that leaves at most S equations.
+  template <class Visit>
+  void forEachCorner(const KinkValues& values, Visit visit) const {
+    const int most = std::min(values.count, kMostMeeting);
+    const int room = S - static_cast<int>(drivetrain_.accelerationRows().size());
+    for (unsigned pick = 1; pick < 1U << static_cast<unsigned>(most); ++pick) {
+      unsigned set = 0;
+      int size = 0;
+      for (int n = 0; n < most; ++n) {
+        if ((pick >> static_cast<unsigned>(n) & 1U) == 0U) continue;
+        set |= 1U << static_cast<unsigned>(values.nearest[n]);
+        ++size;
+      }
+      if (size <= room) visit(set);
+    }
+  }
+
+  /// Calls `visit` with every subset of `set`: those of its kinks that a side lies above.
+  template <class Visit>
+  static void forEachPattern(unsigned set, Visit visit) {
+    if (set == 0) return;
+    for (unsigned above = set;; above = (above - 1U) & set) {
+      visit(above);
+      if (above == 0) return;
+    }
+  }
+  /// epsilon, moved off the kinks in `set` by kAside of its size, above those in `above`.
+  void moveAside(const KinkValues& values, unsigned set, unsigned above, double* aside) const;
+
+  /// True when the reaction does not fall from the stationary point in a corner to any of its
+  /// sides: on each one -R lies in the cone of the normals there,
+  ///     R = C^T lambda + sum nu_j n_j,   nu_j >= 0,
+  /// with the C of that side and n_j the derivative of kink j, which leads into it.
+  bool isLeastAtCorner(const StateView& given, const double* torque, const Point& point);
+
+  const Constraint* rowOf(int m) const {
+    return &drivetrain_.constraint(drivetrain_.accelerationRows()[static_cast<std::size_t>(m)]);
+  }
+
+  /// The rows of accelerationRows(), then the kinks of `corner`.
+  void select(unsigned corner);
+
+  /// The step (delta epsilon, delta multipliers) of Newton's iteration at (epsilon, multipliers).
+  /// False when the matrix is singular or not finite.
+  bool calcStep(const StateView& state, const double* torque, const double* epsilon,
+                const double* multipliers, Vector* step);
+
+  double calcLength(const Vector& step) const { return step.head(S).cwiseAbs().maxCoeff(); }
+
+  bool isSmall(const Vector& step, const double* epsilon, double rounding) const;
+
+  /// A row of C with this part of its squared length has vanished.
+  static constexpr double kVanished = 1e-12;
+  /// So far aside of a corner, relative to epsilon, is a side of it looked at.
+  static constexpr double kAside = 1e-10;
+
+  const int S;  // shafts
+  Drivetrain& drivetrain_;
+  const Constraint* rows_[kMaxShafts] = {};
+  int row_count_ = 0;
+};
+
+}  // namespace variator_sim

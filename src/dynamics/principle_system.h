@@ -1,0 +1,93 @@
+/// A drivetrain under a principle, as the integrator (integrator.h) asks for it: beside what steppers
+/// need, how its state is started, moved by jumps and edges, and sampled.
+#pragma once
+
+#include <cstdint>
+
+#include "dynamics/drivetrain.h"
+#include "dynamics/initial_conditions.h"
+#include "dynamics/system.h"
+#include "integrate/guard_search.h"
+#include "integrate/step_control.h"
+#include "integrate/stepper.h"
+#include "variator_sim/sample.h"
+#include "variator_sim/status.h"
+
+namespace variator_sim {
+
+/// All but `start` are [loop].
+class PrincipleSystem : public System {
+ public:
+  Drivetrain& drivetrain() { return drivetrain_; }
+  const LeastReactionSearch& search() const { return initial_solver_.search(); }
+  bool readsAngles() const override { return drivetrain_.readsAngles(); }
+  bool readsTime() const override { return drivetrain_.readsTime(); }
+  /// True when the derivative is made by code for the scene's number of shafts and constraints.
+  virtual bool isSpecialized() const { return false; }
+
+  /// Squared length of row m of C, in the metric J^-1, at the last derivative taken.
+  virtual double rowLengthSquared(int m) const = 0;
+  /// Row m of C there, s values.
+  virtual const double* row(int m) const = 0;
+
+  /// The view of (t, x) with its accelerations.
+  virtual StateView view(double t, const State& x) = 0;
+
+  /// Projects x, which an implicit step of size h has reached at t; `slope` is x' of its polynomial
+  /// there.
+  virtual ProjectionResult projectStiffly(double t, double h, const State& slope, State& x,
+                                          State& moved, std::uint64_t* iterations) = 0;
+
+  /// The state at time 0 with the inputs as they are. `nearest` gets the nearest consistent
+  /// accelerations, or velocities where the result says so (s values).
+  virtual InitialResult start(State& x, double* nearest, bool* velocities_at_fault) = 0;
+
+  /// What a jump of the inputs from u0 to u1 at t does to x. On failure x is unchanged.
+  virtual MotionStatus jump(double t, State& x, const double* u0, const double* u1,
+                            std::uint64_t* projections) = 0;
+  /// What a jump of the applied torque by `torque_jump` (N m, s values) at t does to x, where the
+  /// torque is integrated.
+  virtual MotionStatus jumpTorque(double /*t*/, State& /*x*/, const double* /*torque_jump*/,
+                                  std::uint64_t* /*projections*/) {
+    return {};
+  }
+
+  /// Constraints of order 1 have a kink between two nodes that are next to nothing apart: moves the
+  /// accelerations at `to`, which are those at `from`, as f' = 0 asks. False where C loses rank.
+  virtual bool crossKink(const StepNode& /*from*/, StepNode& /*to*/) { return true; }
+
+  /// True where the last accelerations lie in a corner of psi.
+  virtual bool isInCorner() const { return false; }
+
+  /// Tells `watch` of every state at which the derivative is taken, where a torque that jumps makes
+  /// it another one.
+  virtual void watch(JumpWatch* /*watch*/) {}
+
+  /// R' = C^T Lambda: what no C has ever had a part of is a constant of the reaction R, and not the
+  /// integrator's business. It is kept as it is at the start: `noteReaction` there (and wherever a
+  /// motion begins), `noteColumns` after every derivative at the end of a step.
+  virtual void noteReaction(const StepNode& /*node*/) {}
+  virtual void noteColumns() {}
+  /// Moves the accelerations of a node, whose torque is known, to where that part of the reaction
+  /// is what it was, along psi = 0, by `most` tolerances. False when there was nothing to do.
+  virtual bool restoreReaction(StepNode& /*node*/, double /*most*/) { return false; }
+
+  /// A step begins at (t, x), where the derivative is dxdt: what iterations may start from.
+  virtual void noteBase(double /*t*/, const State& /*x*/, const State& /*dxdt*/) {}
+
+  /// Everything that is published, at (t, x). False where C has lost rank.
+  virtual bool calcSample(double t, const State& x, Sample* sample) = 0;
+
+ protected:
+  PrincipleSystem(const Scene& scene, int levels, bool integrates_torque)
+      : System(scene.shaftCount(), levels, integrates_torque),
+        scene_(scene),
+        drivetrain_(scene),
+        initial_solver_(drivetrain_) {}
+
+  const Scene& scene_;
+  Drivetrain drivetrain_;
+  InitialConditionSolver initial_solver_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,36 @@
+/// Why a motion stops, or cannot start: the only place that finds it out.
+#pragma once
+
+#include "dynamics/principle_system.h"
+#include "integrate/row_watch.h"
+#include "variator_sim/status.h"
+
+namespace variator_sim {
+
+/// What a search for the state at time 0 came to.
+struct Start {
+  explicit Start(const System& system) : x(system.size()) {}
+  State x;
+  InitialResult result = InitialResult::kConsistent;
+  bool velocities_at_fault = false;  ///< those given, and not the accelerations
+  double nearest[kMaxShafts] = {};   ///< consistent ones
+};
+
+/// Finds out why no step from `front`, however short, succeeds, and writes it into `status`, whose
+/// reason stays where nothing is found. [loop]
+void diagnoseStop(PrincipleSystem& system, const StepNode& front, const RowWatch& rows,
+                  MotionStatus* status);
+
+/// Names a value that is not finite at (t, x) in the status: a torque, a constraint, or, under the
+/// classical principle, accelerations that do not exist. False when there is none. [loop]
+bool nameBadValue(PrincipleSystem& system, double t, const State& x, MotionStatus* status);
+
+/// The status of a motion that starts as `start` says. [loop]
+MotionStatus diagnoseStart(PrincipleSystem& system, const Start& start);
+
+/// Throws a SceneError that says what is wrong with initial values which contradict the
+/// constraints, and what would do.
+[[noreturn]] void throwInitialError(PrincipleSystem& system, const Scene& scene,
+                                    const Start& start);
+
+}  // namespace variator_sim

@@ -1,0 +1,247 @@
+#include "integrate/guard_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+namespace variator_sim {
+namespace {
+
+/// Parts of one step that are enclosed at the most.
+constexpr int kMostBoxes = 20000;
+/// Halvings: parts of a step are never shorter than 2^-kMostHalvings.
+constexpr int kMostHalvings = 52;
+/// Points of a step at which an opaque guard is looked at, first and at the most.
+constexpr int kFewestPoints = 32;
+constexpr int kMostPoints = 1024;
+
+/// Steps for which a guard has to keep its branch to be looked at again.
+constexpr int kMuted = 20;
+
+/// True when the states of `box` cannot be told from each other.
+bool isPoint(const StateBox& box, int shafts) {
+  constexpr double kSame = 1e-12;
+  const auto same = [](const Interval& a) {
+    return a.high - a.low <= kSame * (1e-3 + std::max(std::abs(a.low), std::abs(a.high)));
+  };
+  for (int i = 0; i < shafts; ++i) {
+    if (!same(box.angle[i]) || !same(box.velocity[i]) || !same(box.acceleration[i])) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view) {
+  guards_ = std::move(guards);
+  view_ = std::move(view);
+  sides_.assign(guards_.size(), Guard::kOnEdge);
+  step_sides_ = sides_;
+  muted_.assign(guards_.size(), 0);
+  for (const GuardPtr& guard : guards_) {
+    (guard->isOpaque() ? has_opaque_ : has_enclosed_) = true;
+  }
+}
+
+bool GuardSearch::hasJumps() const {
+  return std::any_of(guards_.begin(), guards_.end(),
+                     [](const GuardPtr& guard) { return guard->jumps(); });
+}
+
+void GuardSearch::moveBase(const StateView& state) {
+  for (std::size_t i = 0; i < guards_.size(); ++i) {
+    const int branch = guards_[i]->branch(state);
+    if (muted_[i] > 0) muted_[i] = branch == sides_[i] ? muted_[i] - 1 : kMuted;
+    sides_[i] = branch;
+  }
+}
+
+void GuardSearch::mute(int index) {
+  muted_[static_cast<std::size_t>(index)] = kMuted;
+}
+
+void GuardSearch::muteOnEdge(int index, const StateView& state, int shafts) {
+  constexpr double kNear = 1e-10;
+  const auto i = static_cast<std::size_t>(index);
+  if (guards_[i]->jumps() || guards_[i]->isOpaque()) return;
+  StateBox box;
+  box.time = {state.time, state.time};
+  for (int n = 0; n < shafts; ++n) {
+    const double width = kNear * (1.0 + std::abs(state.acceleration[n]));
+    box.angle[n] = {state.angle[n], state.angle[n]};
+    box.velocity[n] = {state.velocity[n], state.velocity[n]};
+    box.acceleration[n] = {state.acceleration[n] - width, state.acceleration[n] + width};
+  }
+  const bool is_on_edge = sides_[i] == Guard::kOnEdge || guards_[i]->mayLeave(box, sides_[i]);
+  if (is_on_edge) muted_[i] = std::max(muted_[i], 1);
+}
+
+bool GuardSearch::hasLeft(int index, const StateView& state) const {
+  const auto i = static_cast<std::size_t>(index);
+  if (sides_[i] == Guard::kOnEdge) return false;
+  const int branch = guards_[i]->branch(state);
+  return branch != Guard::kOnEdge && branch != sides_[i];
+}
+
+bool GuardSearch::hasAnyLeft(const StateView& state) const {
+  for (int i = 0; i < count(); ++i) {
+    if (hasLeft(i, state)) return true;
+  }
+  return false;
+}
+
+bool GuardSearch::isClear(const StateBox& box) const {
+  if (has_opaque_) return false;
+  for (std::size_t n = 0; n < guards_.size(); ++n) {
+    const std::size_t i = (last_ + n) % guards_.size();
+    if (muted_[i] > 0) continue;
+    if (sides_[i] == Guard::kOnEdge || guards_[i]->mayLeave(box, sides_[i])) {
+      last_ = i;
+      return false;
+    }
+  }
+  return true;
+}
+
+StateView GuardSearch::at(const StepCurve& curve, double part) {
+  curve.evaluate(part, angle_, velocity_, acceleration_);
+  return view_(curve.time() + part * curve.duration(), angle_, velocity_, acceleration_);
+}
+
+void GuardSearch::settleSides(const StepCurve& curve, double resolution) {
+  step_sides_ = sides_;
+  for (std::size_t i = 0; i < guards_.size(); ++i) {
+    if (muted_[i] > 0) {
+      step_sides_[i] = Guard::kOnEdge;
+      continue;
+    }
+    for (double part = resolution; step_sides_[i] == Guard::kOnEdge && part <= 1.0; part *= 4.0) {
+      step_sides_[i] = guards_[i]->branch(at(curve, part));
+    }
+  }
+}
+
+bool GuardSearch::mayLeave(const StateBox& box) const {
+  for (std::size_t n = 0; n < guards_.size(); ++n) {
+    const std::size_t i = (last_ + n) % guards_.size();
+    if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
+    if (guards_[i]->mayLeave(box, step_sides_[i])) {
+      last_ = i;
+      return true;
+    }
+  }
+  return false;
+}
+
+GuardFinding GuardSearch::find(const StepCurve& curve, double resolution) {
+  settleSides(curve, resolution);
+  GuardFinding finding;
+  if (has_enclosed_) finding = findEnclosed(curve, resolution);
+  for (int i = 0; has_opaque_ && i < count(); ++i) {
+    if (guards_[static_cast<std::size_t>(i)]->isOpaque()) {
+      findOpaque(i, curve, resolution, &finding);
+    }
+  }
+  return finding;
+}
+
+GuardFinding GuardSearch::findEnclosed(const StepCurve& curve, double resolution) {
+  double ends[kMostHalvings + 2];  // of the parts still to be looked at, the nearest last
+  int open = 0;
+  ends[open++] = 1.0;
+  double clear = 0.0;
+  for (int boxes = 0; open > 0; ++boxes) {
+    const double end = ends[open - 1];
+    if (boxes == kMostBoxes) return {GuardFinding::Kind::kUnknown, clear, end, -1};
+    StateBox box;
+    curve.enclose(clear, end, &box);
+    if (!mayLeave(box)) {
+      clear = end;
+      --open;
+      continue;
+    }
+    const bool reads_time = guards_[last_]->readsTime();
+    const bool is_short = end - clear <= resolution || open > kMostHalvings;
+    if (!is_short && (reads_time || !isPoint(box, curve.shafts()))) {
+      ends[open++] = 0.5 * (clear + end);
+      continue;
+    }
+    const StateView state = at(curve, end);
+    for (std::size_t i = 0; i < guards_.size(); ++i) {
+      if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
+      const int branch = guards_[i]->branch(state);
+      if (branch == step_sides_[i]) continue;
+      // A step that ends on an edge which it cannot but cross has its end on neither branch.
+      const bool ends_on_edge = end == 1.0 && guards_[i]->jumps();
+      if (branch == Guard::kOnEdge && !ends_on_edge) continue;
+      return {GuardFinding::Kind::kCrossing, clear, end, static_cast<int>(i)};
+    }
+    clear = end;
+    --open;
+  }
+  return {};
+}
+
+double GuardSearch::distanceAt(int index, const StepCurve& curve, double part) {
+  const auto i = static_cast<std::size_t>(index);
+  const double distance = guards_[i]->distance(at(curve, part));
+  return step_sides_[i] > 0 ? distance : -distance;  // positive on the branch of the base
+}
+
+void GuardSearch::findOpaque(int index, const StepCurve& curve, double resolution,
+                             GuardFinding* finding) {
+  if (step_sides_[static_cast<std::size_t>(index)] == Guard::kOnEdge) return;
+  const double limit = finding->clear;  // behind an earlier finding nothing counts
+  double clear = 0.0;
+  double beyond = -1.0;
+  for (int points = kFewestPoints; points <= kMostPoints && beyond < 0.0; points *= 2) {
+    double before[2] = {distanceAt(index, curve, 0.0), 0.0};
+    before[1] = before[0];
+    int turns = 0;
+    for (int n = 1; n <= points && beyond < 0.0; ++n) {
+      const double width = limit / points;
+      const double part = n == points ? limit : n * width;
+      const double here = distanceAt(index, curve, part);
+      if (here < 0.0) {
+        clear = part - width;
+        beyond = part;
+        break;
+      }
+      const bool is_least = n >= 2 && before[1] <= before[0] && before[1] <= here;
+      if (n >= 2 && (before[1] - before[0]) * (here - before[1]) < 0.0) ++turns;
+      if (is_least) {
+        // by thirds around the least of three
+        double low = part - 2.0 * width;
+        double high = part;
+        while (high - low > resolution && beyond < 0.0) {
+          const double third = (high - low) / 3.0;
+          const double left = distanceAt(index, curve, low + third);
+          const double right = distanceAt(index, curve, high - third);
+          if (left < 0.0 || right < 0.0) {
+            clear = part - 2.0 * width;
+            beyond = left < 0.0 ? low + third : high - third;
+          }
+          (left <= right ? high : low) = left <= right ? high - third : low + third;
+        }
+      }
+      before[0] = before[1];
+      before[1] = here;
+    }
+    // A guard that turns only a few times has been seen well enough.
+    if (8 * turns < points) break;
+    if (beyond < 0.0 && 2 * points > kMostPoints) {
+      *finding = {GuardFinding::Kind::kUnknown, 0.25 * limit, limit, -1};
+      return;
+    }
+  }
+  if (beyond < 0.0) return;
+  clear = std::max(clear, 0.0);
+  while (beyond - clear > resolution) {
+    const double middle = 0.5 * (clear + beyond);
+    (distanceAt(index, curve, middle) < 0.0 ? beyond : clear) = middle;
+  }
+  *finding = {GuardFinding::Kind::kCrossing, clear, beyond, index};
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,117 @@
+/// Looks inside a step for the first change of a branch.
+///
+/// Over a part of the step every guard is enclosed (guard.h); where the enclosure stays on its
+/// branch nothing can have happened, however briefly. Other parts are halved, the earlier half
+/// first, until they are as short as the resolution: there the branch at the end decides. So an
+/// even number of crossings is found as well as an odd one. Of a guard that is known at single
+/// states only many of them are looked at, and around every least distance more.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "integrate/step_curve.h"
+#include "variator_sim/guard.h"
+
+namespace variator_sim {
+
+/// What was found in a step; parts of it run from 0 to 1.
+struct GuardFinding {
+  enum class Kind {
+    kClear,     ///< every guard stays on its branch
+    kCrossing,  ///< `guard` leaves it between `clear` and `beyond`
+    kUnknown    ///< too much to look at: nothing is known behind `clear`
+  };
+  Kind kind = Kind::kClear;
+  double clear = 1.0;
+  double beyond = 1.0;
+  int guard = -1;
+};
+
+class GuardSearch {
+ public:
+  /// Brings inputs to a time, for guards that read them.
+  using View = std::function<StateView(double time, const double* angle, const double* velocity,
+                                       const double* acceleration)>;
+
+  void setGuards(std::vector<GuardPtr> guards, View view);
+  bool isEmpty() const { return guards_.empty(); }
+  int count() const { return static_cast<int>(guards_.size()); }
+  const Guard& guard(int index) const { return *guards_[static_cast<std::size_t>(index)]; }
+
+  /// Whether some law itself jumps at an edge.
+  bool hasJumps() const;
+  /// The motion stands at `state`: its branches are those of the step to come. [loop]
+  void moveBase(const StateView& state);
+  /// The branch of a guard at the base; Guard::kOnEdge where none can be told. [loop]
+  int side(int index) const { return sides_[static_cast<std::size_t>(index)]; }
+  /// Whether a guard has left its branch at `state`. [loop]
+  bool hasLeft(int index, const StateView& state) const;
+  bool hasAnyLeft(const StateView& state) const;
+
+  /// A guard along whose edge the motion goes on is left alone until it has kept its branch for
+  /// some steps. [loop]
+  void mute(int index);
+  /// The same for the next step alone, where the edge lies within rounding of the accelerations at
+  /// `state`. [loop]
+  void muteOnEdge(int index, const StateView& state, int shafts);
+
+  /// True when no guard can leave its branch in `box`, which holds all states of the step from the
+  /// base. [loop]
+  bool isClear(const StateBox& box) const;
+  /// The first crossing in a step from the base that went along `curve`; `resolution` is the
+  /// shortest part that can be told from none. [loop]
+  GuardFinding find(const StepCurve& curve, double resolution);
+
+ private:
+  /// The view of the step at `part`.
+  StateView at(const StepCurve& curve, double part);
+  /// Branches of guards that start on an edge: those that they come to first.
+  void settleSides(const StepCurve& curve, double resolution);
+  bool mayLeave(const StateBox& box) const;
+  GuardFinding findEnclosed(const StepCurve& curve, double resolution);
+  void findOpaque(int index, const StepCurve& curve, double resolution, GuardFinding* finding);
+  double distanceAt(int index, const StepCurve& curve, double part);
+
+  std::vector<GuardPtr> guards_;
+  View view_;
+  std::vector<int> sides_;
+  std::vector<int> step_sides_;   ///< the same, edges settled
+  std::vector<int> muted_;        ///< steps for which it still has to keep its branch
+  mutable std::size_t last_ = 0;  ///< that could not be excluded: looked at first
+  bool has_opaque_ = false;
+  bool has_enclosed_ = false;
+  double angle_[kMaxShafts] = {};
+  double velocity_[kMaxShafts] = {};
+  double acceleration_[kMaxShafts] = {};
+};
+
+/// Watches the stages of a step: whether one of them lies behind a jump that the step, which begins
+/// before it, does not cross.
+class JumpWatch {
+ public:
+  explicit JumpWatch(const GuardSearch& guards) : guards_(guards) {}
+  void begin() {
+    is_on_ = true;
+    has_left_ = false;
+  }
+  /// True when a stage lay behind a jump. [loop]
+  bool end() {
+    is_on_ = false;
+    return has_left_;
+  }
+  /// A stage at `state`. [loop]
+  void note(const StateView& state) {
+    if (!is_on_ || has_left_) return;
+    for (int i = 0; i < guards_.count() && !has_left_; ++i) {
+      has_left_ = guards_.guard(i).jumps() && guards_.hasLeft(i, state);
+    }
+  }
+
+ private:
+  const GuardSearch& guards_;
+  bool is_on_ = false;
+  bool has_left_ = false;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,429 @@
+#include "integrate/integrator.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "integrate/diagnosis.h"
+
+namespace variator_sim {
+
+Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
+    : S(system.shafts()),
+      integrates_torque_(system.integratesTorque()),
+      settings_(scene.solver),
+      system_(system),
+      drivetrain_(system.drivetrain()),
+      choice_(system, scene.solver),
+      stepper_(&choice_.stepper()),
+      tolerance_{scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
+      checks_(system, tolerance_, choice_.isFixed()),
+      control_(1),
+      rest_(system),
+      rows_(system),
+      left_at_sleep_end_(system.size()),
+      base_(system),
+      front_(system),
+      dxdt_new_(system.size()) {
+  guards_.setGuards(
+      drivetrain_.guards(),
+      [this](double time, const double* angle, const double* velocity, const double* acceleration) {
+        return drivetrain_.view(relative(time), angle, velocity, acceleration);
+      });
+  if (guards_.hasJumps()) system_.watch(&watch_);
+}
+
+void Integrator::reset() {
+  status_ = MotionStatus{};
+  statistics_ = Statistics{};
+  is_start_ = true;
+  step_window_start_ = 0.0;
+  steps_in_window_ = 0;
+  rhythm_.reset();
+  choice_.reset(starts_implicitly_);
+  rows_.reset();
+  checks_.reset();
+  origin_.moveTo(0.0);
+  drivetrain_.setOrigin(0.0);
+  crossing_ = Crossing{};
+  last_crossing_ = LastCrossing{};
+}
+
+void Integrator::beginAt(const State& x) {
+  front_ = StepNode(system_);
+  front_.x = x;
+  restart();
+}
+
+void Integrator::beginFirstAt(const State& x) {
+  base_ = front_ = StepNode(system_);
+  base_.x = front_.x = x;
+  choice_.reset();
+  restart();
+  if (!status_.ok()) return;
+  starts_implicitly_ = choice_.isStiffStart(system_, front_, next_step_);
+  // Once more, and as every later reset does: what was done to find out is no part of the run.
+  drivetrain_.resetCounts();
+  choice_.reset(starts_implicitly_);
+  restart();
+}
+
+void Integrator::beginNowhere(const State& x, const MotionStatus& status) {
+  base_ = front_ = StepNode(system_);
+  base_.x = front_.x = x;
+  status_ = status;
+}
+
+void Integrator::cutAt(double time, const StepNode& node) {
+  front_ = node;
+  drivetrain_.moveOrigin(relative(time));
+  drivetrain_.setOrigin(time);
+  origin_.moveTo(time);
+  front_.time = 0.0;
+  drivetrain_.refreshInputs(front_.time);
+  base_ = front_;
+}
+
+void Integrator::moveOrigin(double t) {
+  origin_.moveBy(t);
+  drivetrain_.moveOrigin(t);
+  drivetrain_.setOrigin(origin_.time());
+}
+
+void Integrator::restart() {
+  sleeping_ = false;
+  hopped_ = false;
+  crossing_ = Crossing{};
+  rest_.reset();
+  choice_.restart();
+  stepper_ = &choice_.stepper();
+  control_.setOrder(std::max(1, stepper_->errorOrder()));
+  moveOrigin(front_.time);
+  front_.time = 0.0;
+  base_ = front_;
+  drivetrain_.refreshInputs(front_.time);
+  system_(front_.x, front_.dxdt, front_.time);
+  for (double value : front_.dxdt) {
+    if (!std::isfinite(value)) {
+      explainStop();
+      return;
+    }
+  }
+  checks_.noteTorque(front_);
+  checks_.noteAccelerations(front_);
+  noteRows();
+  if (is_start_) system_.noteReaction(front_);
+  base_ = front_;
+  if (!guards_.isEmpty()) {
+    moveGuards();
+    meetEdgeAtStart();
+    if (is_start_ && !leaveCorner()) return;
+  }
+  control_.reset();
+  restart_time_ = front_.time;
+  fixed_steps_ = 0;
+  if (!choice_.isFixed()) next_step_ = chooseFirstStep();
+}
+
+double Integrator::chooseFirstStep() {
+  const SolverSettings& solver = settings_;
+  const auto size = [&](const State& v) {
+    double largest = 0.0;
+    for (int i = 0; i < v.size(); ++i) {
+      const double allowance =
+          solver.absolute_tolerance + solver.relative_tolerance * std::abs(front_.x[i]) + 1e-300;
+      largest = std::max(largest, std::abs(v[i]) / allowance);
+    }
+    return largest;
+  };
+  const double d0 = size(front_.x);
+  const double d1 = size(front_.dxdt);
+  double h0 = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01 * d0 / d1;
+  h0 = std::min(h0, solver.maximum_step);
+  State x1(system_.size());
+  State change(system_.size());
+  for (int i = 0; i < x1.size(); ++i) x1[i] = front_.x[i] + h0 * front_.dxdt[i];
+  system_.noteBase(front_.time, front_.x, front_.dxdt);
+  system_(x1, change, front_.time + h0);
+  for (int i = 0; i < x1.size(); ++i) change[i] -= front_.dxdt[i];
+  const double d2 = size(change) / h0;
+  const double largest = std::max(d1, d2);
+  double h1 = largest <= 1e-15 ? std::max(1e-6, h0 * 1e-3)
+                               : std::pow(0.01 / largest, 1.0 / stepper_->errorOrder());
+  if (!std::isfinite(h1)) h1 = 1e-3 * h0;  // the Euler step left the domain
+  // Without an absolute tolerance nothing that starts from 0 is ever slow enough: let it try.
+  h1 = std::max(h1, 1e-6 * h0);
+  return std::min({100.0 * h0, h1, solver.maximum_step});
+}
+
+bool Integrator::haveInputsJumped(const double* u0) const {
+  constexpr double kRounding = 1e-14;
+  for (int i = 0; i < drivetrain_.inputCount(); ++i) {
+    const double u1 = drivetrain_.inputs()[i];
+    if (std::abs(u1 - u0[i]) > kRounding * (std::abs(u1) + std::abs(u0[i]))) return true;
+  }
+  return false;
+}
+
+bool Integrator::jump(const double* u0) {
+  ++statistics_.jumps;
+  drivetrain_.refreshInputs(front_.time);
+  double u1[kMaxInputs];
+  copyInputs(u1);
+  const MotionStatus result = system_.jump(front_.time, front_.x, u0, u1, &statistics_.projections);
+  if (result.ok()) return true;
+  status_ = result;
+  status_.time = absolute(front_.time);
+  return false;
+}
+
+bool Integrator::step() {
+  if (!countStep() || !finishInputSegments() || !makeStep()) {
+    status_.time = absolute(front_.time);
+    return false;
+  }
+  // Steps of fixed size have had no need of it.
+  if (!integrates_torque_ && choice_.isFixed()) checks_.noteTorque(front_);
+  return true;
+}
+
+bool Integrator::countStep() {
+  if (absolute(front_.time) - step_window_start_ >= 1.0) {
+    step_window_start_ = absolute(front_.time);
+    steps_in_window_ = 0;
+  }
+  if (steps_in_window_ < settings_.maximum_steps) {
+    ++steps_in_window_;
+    return true;
+  }
+  stop(StopReason::kStepLimit);
+  return false;
+}
+
+bool Integrator::finishInputSegments() {
+  // Two inputs, or an input and a command, may be meant for one instant and be a rounding apart:
+  // no step is so short.
+  const double reached = front_.time + shortestStep(front_.time);
+  if (drivetrain_.inputSegmentEnd() <= reached) {
+    double u0[kMaxInputs];
+    drivetrain_.evaluateInputs(front_.time);  // a sample may have been taken elsewhere
+    copyInputs(u0);
+    drivetrain_.finishInputSegments(front_.time, reached);
+    if (haveInputsJumped(u0) && !jump(u0)) return false;
+    restart();
+    if (!status_.ok()) return false;
+  }
+  return true;
+}
+
+bool Integrator::makeStep() {
+  base_ = front_;
+  system_.noteBase(base_.time, base_.x, base_.dxdt);
+  stepper_ = &choice_.stepper();
+  const bool is_behind_edge = hopped_;
+  const bool is_due = crossing_.isDueAt(base_.time);
+  hopped_ = is_due && crossEdge();
+  if (hopped_) return true;
+  if (!status_.ok()) return false;
+  if (is_due) next_step_ = std::min(next_step_, crossing_.otherwise);
+  crossing_ = Crossing{};
+  // The step before the edge says nothing about this branch. An implicit one that is much too
+  // long for a swing or for something that grows damps it without its estimate showing anything.
+  if (is_behind_edge && !choice_.isFixed() && stepper_->isImplicit()) {
+    const double first = std::max(chooseFirstStep(), kLeastRestart * next_step_);
+    next_step_ = std::min(next_step_, first);
+  }
+  return choice_.isFixed() ? stepFixed() : stepAdaptively();
+}
+
+void Integrator::stop(StopReason reason) {
+  status_.reason = reason;
+  status_.time = absolute(front_.time);
+}
+
+void Integrator::explainStop(StopReason otherwise) {
+  stop(otherwise);
+  diagnoseStop(system_, front_, rows_, &status_);
+}
+
+void Integrator::stopAtBadValue(double time, double t, const State& x) {
+  status_.reason = StopReason::kNonFiniteValue;
+  status_.time = time;
+  nameBadValue(system_, t, x, &status_);
+}
+
+bool Integrator::stopWhereToleranceIsLost() {
+  const double measure = checks_.unattainable();
+  if (measure > 1.0) {
+    statistics_.largest_rounding = std::max(statistics_.largest_rounding, measure);
+  }
+  if (!checks_.isToleranceLost()) return false;
+  front_ = base_;
+  explainStop(StopReason::kToleranceTooSmall);
+  if (status_.reason == StopReason::kToleranceTooSmall) status_.measure = measure;
+  return true;
+}
+
+bool Integrator::isDenseOutputGood() const {
+  if (!stepper_->hasDenseOutput()) return false;
+  // Where accelerations follow from the state, an error of it may be large for them.
+  return integrates_torque_ || stepper_->checksDenseOutput();
+}
+
+bool Integrator::calcState(double now, State& x) {
+  x = front_.x;
+  if (sleeping_) {
+    calcRest(now, x);
+    return true;
+  }
+  if (!(base_.time < front_.time) || now == front_.time) return true;
+  if (hopped_) {
+    x = goAhead(base_, now - base_.time);
+    return true;
+  }
+  if (isDenseOutputGood() && stepper_->interpolate(system_, now, base_, front_, x)) {
+    State moved(system_.size());
+    State slope(system_.size());
+    const double h = front_.time - base_.time;
+    if (stepper_->keepsConstraints()) stepper_->calcSlope((now - base_.time) / h, h, slope);
+    const ProjectionResult result =
+        stepper_->isImplicit()
+            ? projectStiffly(system_, *stepper_, now, h, slope, x, moved, &statistics_.projections)
+            : system_.project(now, x, moved, &statistics_.projections);
+    if (result == ProjectionResult::kConverged) return true;
+  }
+  StepNode node(system_);
+  const bool is_reached = reach(now, &node);
+  x = is_reached ? node.x : base_.x;
+  return is_reached;
+}
+
+bool Integrator::reach(double now, StepNode* node) {
+  if (sleeping_) {
+    node->time = now;
+    calcRest(now, node->x);
+    return true;
+  }
+  Stepper& stepper = choice_.innerOf(*stepper_);
+  *node = base_;
+  if (hopped_) {
+    node->time = now;
+    node->x = goAhead(base_, now - base_.time);
+    return true;
+  }
+  double h = now - base_.time;
+  int steps = 0;
+  while (now - node->time > shortestStep(now)) {
+    if (++steps > settings_.maximum_steps) {
+      stop(StopReason::kStepLimit);
+      status_.time = absolute(node->time);
+      return false;
+    }
+    const bool last = node->time + h >= now;
+    const double end = last ? now : node->time + h;
+    const StepNode start = *node;
+    if (!(end > start.time)) {
+      base_ = front_ = start;
+      explainStop();
+      return false;
+    }
+    double norm = stepper.step(system_, start, end - start.time, node->x, node->dxdt);
+    if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
+      const double moved = projectEnd(stepper, start.x, end, end - start.time, norm, node->x);
+      norm = worseOf(norm, moved);
+    }
+    if (norm <= 1.0) {
+      const State* dxdt = stepper.projects() ? &node->dxdt : nullptr;
+      norm = worseOf(norm, checks_.checkAccelerations(stepper, start, end, node->x, dxdt));
+    }
+    if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
+      node->time = end;
+      if (!last && !stepper.projects()) system_(node->x, node->dxdt, end);
+      h *= 2.0;
+    } else {
+      *node = start;
+      h = 0.5 * (end - start.time);  // rare: a shorter step is nearly always better
+    }
+  }
+  node->time = now;
+  return true;
+}
+
+void Integrator::calcInside(double theta, State& x) {
+  const double h = front_.time - base_.time;
+  if (!hopped_) {
+    if (stepper_->hasDenseOutput() &&
+        stepper_->interpolate(system_, base_.time + theta * h, base_, front_, x)) {
+      return;
+    }
+    // A step that was good is so for a part of it.
+    State unused(system_.size());
+    if (std::isfinite(choice_.innerOf(*stepper_).step(system_, base_, theta * h, x, unused))) {
+      return;
+    }
+  }
+  for (int n = 0; n < x.size(); ++n) {
+    x[n] = base_.x[n] + theta * (front_.x[n] - base_.x[n]);
+  }
+}
+
+void Integrator::lookAhead() {
+  if (stepper_->isImplicit()) ++statistics_.implicit_steps;
+  if (!drivetrain_.readsTime() && settings_.sleep) {
+    // Angles that nothing reads go on at constant speed.
+    double rate = 0.0;
+    double change = 0.0;
+    for (int n = system_.readsAngles() ? 0 : S; n < front_.x.size(); ++n) {
+      const double allowed = tolerance_.of(front_.x[n]);
+      rate = std::max(rate, std::abs(front_.dxdt[n]) / allowed);
+      change = std::max(change, std::abs(front_.x[n] - base_.x[n]) / allowed);
+    }
+    if ((rate == 0.0 || rest_.noteStep(change)) && fallAsleep()) {
+      ++statistics_.sleeps;
+      return;
+    }
+    if (choice_.settle(front_, rate * (front_.time - base_.time))) {
+      control_.setOrder(choice_.stepper().errorOrder());
+      control_.reset();
+      return;
+    }
+  }
+  if (!choice_.isAutomatic()) return;
+  const double limit =
+      std::min(settings_.maximum_step, drivetrain_.inputSegmentEnd() - front_.time);
+  if (choice_.reconsider(system_, front_, limit, &next_step_)) {
+    control_.setOrder(choice_.stepper().errorOrder());
+    control_.reset();
+  }
+}
+
+bool Integrator::fallAsleep() {
+  const double term =
+      rest_.calcTerm(front_.time, front_.x, front_.dxdt, tolerance_, left_at_sleep_end_);
+  sleeping_ = term >= kLeastSleep * settings_.maximum_step;
+  sleep_end_ = front_.time + term;
+  return sleeping_;
+}
+
+bool Integrator::finishSleep() {
+  State x(system_.size());
+  calcRest(sleep_end_, x);
+  front_.time = sleep_end_;
+  front_.x = x;
+  for (int n = 0; n < x.size(); ++n) x[n] += left_at_sleep_end_[n];
+  State moved(system_.size());
+  const ProjectionResult projected =
+      system_.project(front_.time, x, moved, &statistics_.projections);
+  if (projected == ProjectionResult::kConverged) front_.x = x;
+  restart();
+  if (status_.ok()) fallAsleep();
+  return status_.ok();
+}
+
+void Integrator::calcRest(double time, State& x) const {
+  x = front_.x;
+  if (system_.readsAngles()) return;
+  for (int n = 0; n < S; ++n) x[n] += (time - front_.time) * front_.x[S + n];
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,373 @@
+/// Steps a motion freely: tries, judges, projects, accepts, crosses edges, rests, starts anew.
+///
+/// One accepted step goes from `base` to `front`:
+///
+///     step:                                          (Integrator::step)
+///       an input's closed form ends here?   jump if it jumps there; a new beginning
+///       an edge of a law is due here?       cross it by a series, jump by what the torque jumps
+///       until a trial step is good:
+///         try      from the base, at most to the end of reach      (Stepper::step)
+///         project  the end onto the constraints                    (projectEnd)
+///         judge    the estimate, the move, what no stage has seen  (StepChecks)
+///         look     inside for edges of laws: the step is to end before the first one
+///         shorter  by the worst of these, or where an edge is
+///       note what the end tells: Q, Q', C (RowWatch); grow the next step
+///       another stepper? (StepperChoice)  at rest? (Rest)
+///
+/// Times inside (of nodes, of inputs' closed forms) are counted from the last beginning.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dynamics/drivetrain.h"
+#include "dynamics/principle_system.h"
+#include "integrate/command_rhythm.h"
+#include "integrate/guard_search.h"
+#include "integrate/rest.h"
+#include "integrate/row_watch.h"
+#include "integrate/step_checks.h"
+#include "integrate/step_control.h"
+#include "integrate/step_curve.h"
+#include "integrate/stepper_choice.h"
+#include "integrate/time_origin.h"
+#include "variator_sim/status.h"
+
+namespace variator_sim {
+
+/// All are [loop].
+class Integrator {
+ public:
+  /// Both have to outlive this.
+  Integrator(PrincipleSystem& system, const Scene& scene);
+
+  /// Where the last step began and ended.
+  const StepNode& base() const { return base_; }
+  const StepNode& front() const { return front_; }
+  const TimeOrigin& origin() const { return origin_; }
+  /// C at the front.
+  const RowWatch::Row* rows() const { return rows_.rows(); }
+  const StepperChoice& choice() const { return choice_; }
+  const MotionStatus& status() const { return status_; }
+  Statistics& statistics() { return statistics_; }
+  const Statistics& statistics() const { return statistics_; }
+
+  // --- beginnings ------------------------------------------------------------------------------
+  /// Forgets everything but what is known of the start.
+  void reset();
+  /// A motion begins with the state x; inputs are as they are.
+  void beginAt(const State& x);
+  /// The same for the first time: with the stepper that suits its start, which later ones have,
+  /// too.
+  void beginFirstAt(const State& x);
+  /// There is no motion for the reason in `status`; x is where it would have begun.
+  void beginNowhere(const State& x, const MotionStatus& status);
+  /// Its first advance: from now on it is no start any more.
+  void leaveStart() { is_start_ = false; }
+  bool isStart() const { return is_start_; }
+  /// The motion goes on from `node`, at the instant `time` (s, from the motion's start): what is
+  /// done to its inputs comes between this and `restart`.
+  void cutAt(double time, const StepNode& node);
+  /// The front is a new beginning (start, command, end of an input's segment): derivative, step.
+  void restart();
+  /// Back to the last good state: the base.
+  void stepBack() { front_ = base_; }
+  /// The jump map at the front, from the inputs u0 to those that the signals now have. False when
+  /// the motion stopped.
+  bool jump(const double* u0);
+  /// A command has come at `time`: steps end where the next one may be expected.
+  void noteCommand(double time) { rhythm_.note(time); }
+
+  // --- steps -----------------------------------------------------------------------------------
+  /// One accepted step from the front. False when the motion stopped.
+  bool step();
+  /// Stops at the instant `time` (s, from the motion's start) for a value that is not finite at
+  /// (t, x).
+  void stopAtBadValue(double time, double t, const State& x);
+
+  // --- rest ------------------------------------------------------------------------------------
+  bool isSleeping() const { return sleeping_; }
+  /// Until when nothing is stepped.
+  double sleepEnd() const { return sleep_end_; }
+  /// The motion sleeps on from the end of its rest, or is stepped again. False when it stopped.
+  bool finishSleep();
+  /// x at `time` of a motion at rest: the front's, angles gone on at constant speed.
+  void calcRest(double time, State& x) const;
+
+  // --- inside the last step --------------------------------------------------------------------
+  /// x at `now`, by dense output where the stepper has it. False where the motion stopped.
+  bool calcState(double now, State& x);
+  /// Steps from the base to `now`, which lies inside the last step, to the full order and with the
+  /// full error control: what the motion continues from after a command. False, and the motion
+  /// stopped, in the odd case that no step however short succeeds.
+  bool reach(double now, StepNode* node);
+  /// x at base + theta (front - base): within about the tolerance, not projected, and without a
+  /// word in the status.
+  void calcInside(double theta, State& x);
+
+ private:
+  static constexpr double kNever = std::numeric_limits<double>::infinity();
+
+  double absolute(double t) const { return origin_.absolute(t); }
+  double relative(double time) const { return origin_.relative(time); }
+  void moveOrigin(double t);
+
+  /// Of the step before an edge, at least so much is tried behind it.
+  static constexpr double kLeastRestart = 1e-8;
+  /// A first step from the sizes of x, x' and the change of x' over a small Euler step
+  /// (Hairer, Norsett, Wanner: Solving ODE I, II.4).
+  double chooseFirstStep();
+
+  /// The limit of steps is one per simulated time and not per advance: how a motion is cut may not
+  /// change it.
+  bool countStep();
+  bool finishInputSegments();
+  bool makeStep();
+  bool stepAdaptively();
+
+  /// Where a step from the base has to end at the latest: the end of an input's segment, an instant
+  /// at which a law is not smooth, or where a command is expected.
+  double endOfReach() const;
+
+  bool stepFixed();
+
+  /// Projects x, to which `stepper` has gone from x_old by h and which stands at `end`, if the
+  /// stepper has not done so; the size of the move in units of the tolerance (an error measure that
+  /// is independent of the stepper's), or NaN when it failed.
+  ///
+  /// What rounding alone makes of it counts for nothing: shorter steps do not help. It is looked at
+  /// where the move is more than a step's own error `estimate`.
+  double projectEnd(const Stepper& stepper, const State& x_old, double end, double h,
+                    double estimate, State& x);
+
+  /// The size of a move onto the constraints without what rounding makes of it; where that is more
+  /// than the tolerance it is told.
+  double discountRounding(double end, const State& x_old, const State& x, const State& moved);
+
+  /// x' at the new front. False when it is not finite.
+  bool differentiateFront();
+
+  /// The checks of Q' and C at the new front, whose derivative was the last one taken. False when
+  /// the front is no good: then either the motion has stopped or the step is to be repeated
+  /// shorter.
+  bool finishStep();
+
+  /// After an accepted step of adaptive size: another stepper for the next one? at rest?
+  void lookAhead();
+
+  /// The larger one of `norm` and a check; of one that is passed only so much counts that steps
+  /// stay about as long as they are.
+  static double worseOfCheck(double norm, double check) {
+    return worseOf(norm, check <= 1.0 ? std::min(check, kSteady) : check);
+  }
+
+  double checkAccelerations();
+  /// True, and the motion stopped at the base, when the accelerations that follow from the state
+  /// are not known to the tolerance any more.
+  bool stopWhereToleranceIsLost();
+
+  /// From the front on nothing is stepped until the end of the term (rest.h). False when that is
+  /// too short to be worth its search.
+  bool fallAsleep();
+  bool isDenseOutputGood() const;
+
+  /// What the rows of C tell at the front. False when it is no good; where one has vanished the
+  /// motion has stopped.
+  bool noteRows();
+
+  void copyInputs(double* u) const {
+    std::copy(drivetrain_.inputs(), drivetrain_.inputs() + drivetrain_.inputCount(), u);
+  }
+  /// Whether an input is not what it was, beyond rounding.
+  bool haveInputsJumped(const double* u0) const;
+
+  // --- edges: where a law changes its branch ---------------------------------------------------
+  enum class Look {
+    kClear,    ///< no edge inside
+    kShorter,  ///< the step is to be made again, shorter
+    kCrossed   ///< the edge was at the base: the step went across it, and no further
+  };
+
+  /// The front is where the next step begins. Accelerations of least reaction that go on in a
+  /// corner of psi (least_reaction.h) only seem to leave it, to either side, by rounding.
+  void moveGuards();
+
+  /// The state of a node whose derivative is known.
+  StateView viewOf(const StepNode& node);
+  CurveEnd curveEnd(const StepNode& node) const;
+
+  /// Whether any law leaves its branch within the step of length `taken` from the base to the
+  /// front, whose derivative is known. kShorter: it has to be made again with the length `next`, to
+  /// shortly before the first edge.
+  Look lookInside(double taken, double* next);
+  /// The same for a step whose error was too large: whether it ended beyond an edge.
+  Look lookAtEnd(double taken, double* next);
+
+  /// The first edge along the curve: crossed where it is at the base, the step to it otherwise.
+  Look aimAtEdge(double taken, double* next, bool may_cross = true);
+  /// An edge that was found by a longer step stays the next one only when this one ends there.
+  Look keepCrossing();
+
+  /// The motion inside the step from base to front as polynomials: by the dense output where there
+  /// is one, and else by shorter steps from the base.
+  void traceStep(double taken);
+
+  /// The beginning of a motion on the edge of a jump: which of both branches it takes is to be seen
+  /// at once.
+  void meetEdgeAtStart();
+
+  /// A motion that begins in a corner of psi (a zero of abs(e1), say, where the least reaction
+  /// often lies): C is another one on each of its sides, and the motion takes the side on which its
+  /// own jerk leads away from the corner. False, and the motion stopped, when neither side or
+  /// either does.
+  bool leaveCorner();
+  /// Moves the accelerations of a node in a corner to where `kink`, whose gradient is G, has about
+  /// the value `distance`, along psi = 0. False where the jerk there leads back into the corner.
+  bool moveAside(const Constraint& kink, const double* G, double distance, StepNode& node);
+
+  /// x at a short time after a node, by what is known there: Taylor's series.
+  State goAhead(const StepNode& from, double length) const;
+
+  /// A step over the edge that lies just ahead of the base, to as little beyond it as can be told:
+  /// so short that a series from the base will do, and that no stepper makes stages on both sides.
+  /// A torque that bends or jumps there moves the accelerations by the jump map. False, and nothing
+  /// done, when the edge is not there, or when the motion stopped.
+  bool crossEdge();
+
+  /// Whether the accelerations at two lengths next to each other are not the same. `go` brings the
+  /// front there, with its derivative.
+  template <class Go>
+  bool haveAccelerationsJumped(const Go& go, double before, double beyond) {
+    constexpr double kJump = 1e-5;
+    go(before);
+    const State first = front_.dxdt;
+    go(beyond);
+    for (int n = first.size() - S; n < first.size(); ++n) {
+      const double size = 1.0 + std::abs(first[n]);
+      if (!(std::abs(front_.dxdt[n] - first[n]) <= kJump * size)) return true;
+    }
+    return false;
+  }
+
+  /// Whether the series from the base is good up to `length` from there, still on its branch: the
+  /// rate of the velocities there is what it says, within the tolerance that they make of it.
+  bool isSeriesGood(double length);
+
+  /// The jump that the series from the base meets within `reach`, if any.
+  bool crossJumpAhead(double reach);
+
+  /// The front, where x is about to be that of the other side of an edge, `late` s behind it:
+  /// projection, jumps, derivative.
+  bool enterBranch(double late);
+  bool refuseEdge();
+
+  /// The jump map by what the torque at the front is more than its rate at the base tells.
+  bool jumpOverEdge(double late);
+
+  /// After `guard` was left for `branch` by a step: false, and the motion stopped, when
+  /// the motion turns back at once. What jumps tells so at once; a kink may be touched.
+  /// `depth`, s: so far beyond the edge did the step go.
+  bool noteCrossing(int guard, int branch, double depth);
+
+  // --- stops -----------------------------------------------------------------------------------
+  void stop(StopReason reason);
+  /// Stops at the front, where no step however short succeeds, and finds out why (diagnosis.h);
+  /// `otherwise` is the reason where nothing more is found.
+  void explainStop(StopReason otherwise = StopReason::kStepUnderflow);
+
+  /// Error of one fixed step, relative to the state (and to absolute / relative tolerance where
+  /// that is larger), above which the motion stops.
+  static constexpr double kCrudest = 0.1;
+  /// So many rejections of one step make `auto` try implicitly.
+  static constexpr int kHopeless = 6;
+  /// An error norm that makes StepControl take a step no shorter, at every order.
+  static constexpr double kSteady = 0.1;
+  /// An edge is found to within this part of the step, and the step made again ends by this part
+  /// before it.
+  static constexpr double kEdgeResolution = 1e-14;
+  static constexpr double kMargin = 1e-7;
+  /// Trial steps that look for an edge from one base.
+  static constexpr int kMostLooks = 100;
+  /// An edge is crossed back at once when that takes so many times what going beyond it took.
+  static constexpr double kAtOnce = 100.0;
+  /// After so many refusals of a step a jump is looked for, at most so far (of the longest step).
+  static constexpr int kHardPressed = 4;
+  static constexpr double kAhead = 1e-4;
+  /// Tolerances by which accelerations may be moved to restore what no constraint can change of the
+  /// reaction: little by little, for what a step leaves is less than its tolerance, and a torque
+  /// that answers steeply to the velocities is not to make their errors those of the accelerations;
+  /// and where the torque has just changed its branch, as it must be.
+  static constexpr double kLittle = 0.1;
+  static constexpr double kAnyway = std::numeric_limits<double>::infinity();
+  /// What stands for the error of a step with stages on both sides of a jump.
+  static constexpr double kStagesLeft = 100.0;
+  /// Relative to the accelerations: so near to a corner a start lies in it.
+  static constexpr double kCorner = 1e-11;
+  /// A kink that is crossed so often at once is not merely touched.
+  static constexpr int kMostTouches = 10;
+  /// The motion sleeps for so many of its longest steps at least.
+  static constexpr double kLeastSleep = 20.0;
+  /// Steps from `time` are longer than this. [loop]
+  static double shortestStep(double time) { return kResolution * std::abs(time); }
+  /// Relative to the time reached: shorter steps no longer change the time reliably.
+  static constexpr double kResolution = 4.0 * std::numeric_limits<double>::epsilon();
+
+  const int S;  // shafts
+  const bool integrates_torque_;
+  const SolverSettings& settings_;
+  PrincipleSystem& system_;
+  Drivetrain& drivetrain_;  // the system's
+  StepperChoice choice_;
+  Stepper* stepper_;  // that made the last step
+  Tolerance tolerance_;
+  StepChecks checks_;
+  StepControl control_;
+  Rest rest_;
+  RowWatch rows_;
+  GuardSearch guards_;
+  JumpWatch watch_{guards_};
+  StepCurve curve_;
+  CommandRhythm rhythm_;
+  TimeOrigin origin_;
+  MotionStatus status_;
+  Statistics statistics_;
+
+  bool is_start_ = true;  // nothing has moved yet
+  bool starts_implicitly_ = false;
+  bool hopped_ = false;  // the last step was one over an edge
+  bool sleeping_ = false;
+  double sleep_end_ = 0.0;
+  State left_at_sleep_end_;  // the deviation c there
+
+  StepNode base_;   // where the last step began
+  StepNode front_;  // where it ended
+  State dxdt_new_;  // the stepper's own derivative at the front, before the projection
+  double next_step_ = 0.0;
+  double step_window_start_ = 0.0;
+  int steps_in_window_ = 0;
+  double restart_time_ = 0.0;  // fixed steps count from here
+  std::uint64_t fixed_steps_ = 0;
+
+  /// The edge that comes next.
+  struct Crossing {
+    int guard = -1;
+    int side = 0;         // that it leaves
+    double at = 0.0;      // where the step before it ends
+    double length = 0.0;  // of the step across, s
+    // the next step where it is not there after all, s
+    double otherwise = std::numeric_limits<double>::infinity();
+    bool isDueAt(double time) const { return guard >= 0 && at == time; }
+  };
+  Crossing crossing_;
+  /// The last edge that was crossed.
+  struct LastCrossing {
+    int guard = -1;
+    double time = 0.0;
+    double depth = 0.0;
+    int count = 0;  // of crossings of it before, each at once after the other
+  };
+  LastCrossing last_crossing_;
+};
+
+}  // namespace variator_sim

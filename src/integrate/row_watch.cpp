@@ -1,0 +1,40 @@
+#include "integrate/row_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace variator_sim {
+
+RowWatch::Verdict RowWatch::note(bool is_start) {
+  system_.noteColumns();
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    const double length_squared = system_.rowLengthSquared(m);
+    reference_[m] = std::max(reference_[m], length_squared);
+    if (length_squared <= kVanished * kVanished * reference_[m]) {
+      vanished_ = m;
+      measure_ = std::sqrt(length_squared / reference_[m]);
+      return Verdict::kVanished;
+    }
+  }
+  if (drivetrain_.hasConstantRows()) return Verdict::kGood;
+  const bool is_comparable = !is_start && !std::exchange(has_new_rows_, false);
+  if (is_comparable && haveTurned()) return Verdict::kTurned;
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    std::copy_n(system_.row(m), S, rows_[m]);
+  }
+  return Verdict::kGood;
+}
+
+bool RowWatch::haveTurned() const {
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    double turned[kMaxShafts];
+    drivetrain_.inertia().solve(system_.row(m), turned);
+    double product = 0.0;
+    for (int i = 0; i < S; ++i) product += rows_[m][i] * turned[i];
+    if (!(product > 0.0)) return true;
+  }
+  return false;
+}
+
+}  // namespace variator_sim

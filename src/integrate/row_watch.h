@@ -1,0 +1,59 @@
+/// The rows of C along a motion: whether one vanishes, or is stepped over where it does.
+#pragma once
+
+#include <algorithm>
+#include <iterator>
+
+#include "dynamics/principle_system.h"
+
+namespace variator_sim {
+
+/// Rows are compared in the metric J^-1. All are [loop].
+class RowWatch {
+ public:
+  enum class Verdict {
+    kGood,
+    kTurned,   ///< by more than 90 degrees since the last ones: the step passed over a zero of C
+    kVanished  ///< `vanished()` has
+  };
+  using Row = double[kMaxShafts];
+
+  explicit RowWatch(PrincipleSystem& system)
+      : S(system.shafts()), system_(system), drivetrain_(system.drivetrain()) {}
+
+  void reset() {
+    std::fill(std::begin(reference_), std::end(reference_), 0.0);
+    has_new_rows_ = false;
+  }
+
+  /// The rows of the last derivative taken, at the end of a step, or where a motion begins
+  /// (`is_start`) and there are none to compare them with.
+  Verdict note(bool is_start);
+  /// The next ones are not compared with those before.
+  void noteAnew() { has_new_rows_ = true; }
+
+  /// The constraint whose row has vanished, and its length as a part of the longest it has been.
+  int vanished() const { return vanished_; }
+  double measure() const { return measure_; }
+  /// Squared length of the longest that row m has been.
+  double reference(int m) const { return reference_[m]; }
+  /// C at the last end of a step.
+  const Row* rows() const { return rows_; }
+
+ private:
+  bool haveTurned() const;
+
+  /// A row of C shorter than this part of the longest it has been counts as zero.
+  static constexpr double kVanished = 1e-10;
+
+  const int S;  // shafts
+  PrincipleSystem& system_;
+  Drivetrain& drivetrain_;  // the system's
+  double reference_[kMaxRows] = {};
+  Row rows_[kMaxRows] = {};
+  bool has_new_rows_ = false;
+  int vanished_ = -1;
+  double measure_ = 0.0;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,171 @@
+/// What must hold of a step beside its error estimate.
+///
+/// An estimate is of the states of the stages. A torque that acts in a narrow layer between two
+/// stages, and accelerations that answer to the least change of the state, are none of its business
+/// and are looked at here. Each principle has one check of either kind: where the state has the
+/// accelerations (kIntegratesTorque) the torque enters by its rate and `checkTorque` looks at its
+/// integral; where they follow from the state `checkAccelerations` asks for their error and
+/// `isTorqueFollowed` for layers.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dynamics/principle_system.h"
+#include "dynamics/projection.h"
+#include "integrate/step_control.h"
+#include "integrate/stepper.h"
+
+namespace variator_sim {
+
+/// Projects x, which a step of size h by `stepper` has reached at t, as that stepper's states need
+/// it; `slope` is x' of its polynomial there (of a stepper that keeps constraints).
+inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& stepper, double t,
+                                       double h, const State& slope, State& x, State& moved,
+                                       std::uint64_t* iterations) {
+  // Accelerations that are no state are the slope's; without one there is nothing stiff to do.
+  return system.integratesTorque() || stepper.keepsConstraints()
+             ? system.projectStiffly(t, h, slope, x, moved, iterations)
+             : system.project(t, x, moved, iterations);
+}
+/// The same at the end of the stepper's last step.
+inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& stepper, double end,
+                                       double h, State& x, StepProjection& projection) {
+  State slope(x.size());
+  if (stepper.keepsConstraints()) stepper.calcSlope(1.0, end - (end - h), slope);
+  return projectStiffly(system, stepper, end, h, slope, x, projection.moved,
+                        &projection.iterations);
+}
+
+/// The checks of the steps of one motion. Norms are in units of the tolerance, and a step is good
+/// at most 1. All are [loop].
+class StepChecks {
+ public:
+  /// `system` has to outlive this. `are_steps_fixed`: errors are told and refuse no step.
+  StepChecks(PrincipleSystem& system, Tolerance tolerance, bool are_steps_fixed)
+      : S(system.shafts()),
+        integrates_torque_(system.integratesTorque()),
+        system_(system),
+        drivetrain_(system.drivetrain()),
+        tolerance_(tolerance),
+        are_steps_fixed_(are_steps_fixed),
+        largest_acceleration_(S),
+        largest_torque_(S) {}
+
+  /// Forgets what belongs to a motion.
+  void reset();
+
+  /// Writes Q and Q' of `node`, whose derivative is known and is the last that was taken.
+  void noteTorque(StepNode& node);
+  /// Q' alone, where the derivative has it.
+  void noteTorqueRate(StepNode& node);
+  /// How large accelerations that follow from the state have been lately: what a transient has left
+  /// long ago says nothing of now, but they may well be zero for a moment.
+  void noteAccelerations(const StepNode& node);
+
+  /// The state has the accelerations, and so the applied torque enters by its rate alone: a step
+  /// that passes over a narrow layer (dry friction around standstill) or a kink may know nothing of
+  /// it. But Q itself is known at both ends, and
+  ///     d = Q(to) - Q(from) - h sum b_i Q'_i
+  /// is what the stages have not seen of it: an error J^-1 d of the accelerations. Its size; 0
+  /// where the torque is no rate's integral. Writes Q at `to`.
+  ///
+  /// What rounding of the angles and velocities makes of Q counts for nothing: a hard coupling
+  /// between shafts that have turned many times makes it large.
+  ///
+  /// Where Q answers strongly to the velocities (stiff friction, under an implicit step) an error
+  /// of the accelerations that is allowed has moved them, over the step, by enough to be many times
+  /// larger in d: what it makes of Q is allowed, too.
+  double checkTorque(Stepper& stepper, const StepNode& from, StepNode& to);
+
+  /// The counterpart of checkTorque where the torques make the accelerations themselves: an
+  /// explicit step of controlled size may not pass over a narrow layer of Q. Its ends tell: false
+  /// where Q changes by much that the rates there (trapezoidal rule) do not explain, and a velocity
+  /// could err by that. Writes Q and Q' at `to`, whose derivative is known.
+  bool isTorqueFollowed(const Stepper& stepper, const StepNode& from, StepNode& to);
+
+  /// Where the accelerations are no part of the state but follow from it: what the error of x at
+  /// the end of the step makes of them. (Short time constants make it large.) What rounding of x
+  /// alone would make counts for nothing here: shorter steps do not help. It is left in
+  /// `unattainable`. `dxdt` is x' at (end, x) where the stepper knows it, or none.
+  ///
+  /// Implicit stages that hold psi = 0 have errors along that, and so has x once it is projected.
+  double checkAccelerations(const Stepper& stepper, const StepNode& from, double end,
+                            const State& x, const State* dxdt);
+  /// What four roundings of the state make of accelerations that follow from it, in tolerances, as
+  /// the last checkAccelerations found it; 0 where it had no need to know.
+  double unattainable() const { return unattainable_; }
+  /// True when that is too much: accelerations are not known to the tolerance, whatever the steps.
+  /// (Errors of a step up to rounding are ignored, and some of them add up.)
+  bool isToleranceLost() const { return unattainable_ > kAttainable; }
+
+ private:
+  /// The view of a node whose accelerations are known and no state.
+  StateView viewDerived(const StepNode& node) {
+    return drivetrain_.view(node.time, node.x.data(), node.x.data() + S, node.dxdt.data() + S);
+  }
+  void calcTorque(StepNode& node);
+  double inertiaOf(int i) const { return drivetrain_.inertia().entry(i, i); }
+
+  /// The error of acceleration i that is allowed in a step, times its inertia, N m.
+  double calcAllowed(const StepNode& from, const StepNode& to, int i) const;
+  /// What rounding of each angle and velocity at `to` makes of Q (`uncertain`, N m), and what the
+  /// allowed errors of the accelerations do, by way of the velocities (`answer`, N m).
+  void calcAnswers(const StepNode& from, const StepNode& to, ShaftVector& uncertain,
+                   ShaftVector& answer);
+  /// What rounding inside the laws' formulas of the time makes of Q (sin(t + 1e8) knows its
+  /// argument to 1e-8): how far Q is from smooth over times that are next to nothing.
+  void addTimeNoise(const StepNode& to, ShaftVector& uncertain);
+  /// The size of d, see checkTorque, when `uncertain` is left aside.
+  double judgeTorque(const TorqueGain& gain, const StepNode& from, const StepNode& to,
+                     const ShaftVector& uncertain, const ShaftVector& answer) const;
+
+  /// Adds some four roundings of x to y: of different sign and size, lest those of two angles
+  /// cancel in their difference.
+  static void round(const State& x, State& y);
+  /// |x'(y) - here| of the accelerations.
+  void calcChange(double t, const State& y, const State& here, State& change);
+
+  /// True when accelerations answer to a change of the state (from x to `beside`, by `change`) so
+  /// strongly that no explicit step of size h is stable. Its stages may know nothing of it where a
+  /// motion lies exactly on a stiff constraint's slow one; the next rounding would grow without
+  /// bound.
+  bool isUnstable(double h, const State& x, const State& beside, const State& change) const;
+  /// True when accelerations answer to a change of the velocities (from x to `beside`, by `change`)
+  /// many times within a step of size h: an implicit step then follows a slow motion.
+  bool isOnSlowMotion(double h, const State& x, const State& beside, const State& change) const;
+  /// On the slow motion of something stiff an implicit step leaves velocities of order 5, but their
+  /// slopes, the accelerations, of order 3 only (the component z of index 2; Hairer, Wanner:
+  /// Solving ODE II, VII.4), and its error estimate is of the velocities. How far the slope of its
+  /// polynomial at its beginning is from the accelerations there measures that, one to ten times
+  /// too large.
+  double checkFirstSlope(const Stepper& stepper, const StepNode& from, double end) const;
+
+  /// See isToleranceLost.
+  static constexpr double kAttainable = 50.0;
+  /// The |h lambda| (h^2 times a stiffness) of explicit steps is some ten at most.
+  static constexpr double kMostStable = 100.0;
+  /// What stands for the error of a step beyond that.
+  static constexpr double kUnstable = 4.0;
+  /// The |h lambda| above which an implicit step is on a slow motion.
+  static constexpr double kSlow = 10.0;
+  /// Tolerances that the first slope may be off, see checkFirstSlope.
+  static constexpr double kFirstSlope = 30.0;
+  /// Tolerances of a velocity that may go unexplained by the rates of Q at a step's ends.
+  static constexpr double kUnseen = 30.0;
+  /// Component by component an estimated error may be some times too small.
+  static constexpr double kCaution = 4.0;
+
+  const int S;  // shafts
+  const bool integrates_torque_;
+  PrincipleSystem& system_;
+  Drivetrain& drivetrain_;  // the system's
+  Tolerance tolerance_;
+  bool are_steps_fixed_;
+  double unattainable_ = 0.0;
+  ShaftVector largest_acceleration_;  // of late, see noteAccelerations
+  ShaftVector largest_torque_;        // that a step began with, N m
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,76 @@
+/// Step sizes from error estimates.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "dynamics/state_vector.h"
+
+namespace variator_sim {
+
+/// What an error may be: absolute + relative |x|.
+struct Tolerance {
+  double absolute;
+  double relative;
+  double of(double x) const { return absolute + relative * std::abs(x) + 1e-300; }
+  double of(double x, double x_new) const { return of(std::max(std::abs(x), std::abs(x_new))); }
+};
+
+/// Largest |error_i| over its allowance at the larger of |x_i| and |x_new_i|; NaN when any error or
+/// value is NaN. A step is good at most 1. (Boost.Odeint's own check drops NaN in max().)
+inline double calcErrorNorm(const State& error, const State& x, const State& x_new,
+                            const Tolerance& tolerance) {
+  double norm = 0.0;
+  double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
+  for (int i = 0; i < error.size(); ++i) {
+    norm = std::max(norm, std::abs(error[i]) / tolerance.of(x[i], x_new[i]));
+    poison += 0.0 * (x_new[i] + error[i]);
+  }
+  return norm + poison;
+}
+
+/// The larger of two error norms; NaN when either is (std::max may drop it).
+inline double worseOf(double a, double b) {
+  return a >= b ? a : (b >= a ? b : a + b);
+}
+
+/// Chooses the next step from the error norms of this one and the last accepted one: a
+/// proportional-integral rule (Hairer, Norsett, Wanner: Solving ODE I, IV.2 (2.43c)), which damps
+/// the oscillation between accepting and rejecting where stability, not accuracy, limits the step.
+class StepControl {
+ public:
+  /// `order` p: the error estimate is of order h^p.
+  explicit StepControl(int order) : order_(order) {}
+  /// Another estimate's order.
+  void setOrder(int order) { order_ = order; }
+
+  void reset() { previous_norm_ = 1e-4; }
+  /// Factor for the step after one with error `norm` <= 1.
+  double growth(double norm) {
+    constexpr double kBeta = 0.04;
+    const double alpha = 1.0 / order_ - 0.75 * kBeta;
+    norm = std::max(norm, 1e-10);
+    // No step needs to be known to more than seven digits.
+    const float exponent =
+        static_cast<float>(kBeta) * std::log2(static_cast<float>(previous_norm_)) -
+        static_cast<float>(alpha) * std::log2(static_cast<float>(norm));
+    const double factor = kSafety * static_cast<double>(std::exp2(exponent));
+    previous_norm_ = std::max(norm, 1e-4);
+    return std::min(kMaxGrowth, std::max(kMaxShrink, factor));
+  }
+  /// Factor for a new try after one with error `norm` > 1 or NaN.
+  double shrink(double norm) const {
+    if (!std::isfinite(norm)) return kBlindShrink;
+    return std::max(kMaxShrink, std::min(0.9, kSafety * std::pow(norm, -1.0 / order_)));
+  }
+
+ private:
+  static constexpr double kSafety = 0.9;
+  static constexpr double kMaxGrowth = 5.0;
+  static constexpr double kMaxShrink = 0.2;
+  static constexpr double kBlindShrink = 0.25;  // nothing is known but that the step was too long
+  int order_;
+  double previous_norm_ = 1e-4;
+};
+
+}  // namespace variator_sim

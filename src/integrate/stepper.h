@@ -1,0 +1,163 @@
+/// Trial steps. A stepper makes one step of given size and says what it thinks its error is; who
+/// accepts, rejects and chooses sizes is the integrator (integrator.h). The controllers of
+/// Boost.Odeint are not used: they accept a step whose error is NaN, and keep the derivative from
+/// before a jump.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "dynamics/projection_result.h"
+#include "dynamics/shaft_count.h"
+#include "dynamics/state_vector.h"
+#include "dynamics/system.h"
+#include "integrate/step_control.h"
+#include "variator_sim/scene.h"
+
+namespace variator_sim {
+
+/// A state of a motion and its derivative.
+struct StepNode {
+  explicit StepNode(const System& system)
+      : x(system.size()),
+        dxdt(system.size()),
+        torque(system.shafts()),
+        torque_rate(system.shafts()) {}
+  StepNode(double t, const State& at, const State& slope)
+      : time(t), x(at), dxdt(slope), torque(0), torque_rate(0) {}
+  double time = 0.0;
+  State x;
+  State dxdt;
+  ShaftVector torque;       ///< Q there, N m, where StepChecks has written it
+  ShaftVector torque_rate;  ///< Q' there, N m/s, likewise
+};
+
+/// What the torque rates at the stages of a step add up to.
+struct TorqueGain {
+  explicit TorqueGain(int shafts) : change(shafts), largest_rate(shafts) {}
+  ShaftVector change;        ///< h sum b_i Q'_i, N m
+  ShaftVector largest_rate;  ///< max |Q'_i|, N m/s
+  void add(double h, double weight, const double* rate) { add(change.size(), h, weight, rate); }
+  /// Of a step of an explicit scheme: its weights b, and Q' at its stages.
+  template <class Weights>
+  void addStages(double h, const Weights& b, const std::vector<ShaftVector>& rates) {
+    withShaftCount(change.size(), [&](auto shafts) {
+      for (std::size_t i = 0; i < rates.size(); ++i) add(shafts, h, b[i], rates[i].data());
+    });
+  }
+
+ private:
+  template <class Count>
+  void add(Count shafts, double h, double weight, const double* rate) {
+    for (int i = 0; i < shafts; ++i) {
+      change[i] += h * weight * rate[i];
+      largest_rate[i] = std::max(largest_rate[i], std::abs(rate[i]));
+    }
+  }
+};
+
+/// What a stepper that projects its result found.
+struct StepProjection {
+  explicit StepProjection(int size) : moved(size) {}
+  ProjectionResult result = ProjectionResult::kConverged;
+  State moved;  ///< by how much, per component
+  std::uint64_t iterations = 0;
+};
+
+/// Steps x' = system(t, x).
+class Stepper {
+ public:
+  virtual ~Stepper() = default;
+  /// The scheme's name, as in `solver/stepper`.
+  virtual const char* name() const = 0;
+  /// p of the error estimate h^p, which the step-size control rests on; 0: none, fixed steps.
+  virtual int errorOrder() const = 0;
+  /// What one step costs, in evaluations of the derivative.
+  virtual double work() const = 0;
+  /// True when `step` projects x_new onto the constraints itself and leaves x' there in dxdt_new
+  /// (first same as last); `projection` then tells how that went.
+  virtual bool projects() const { return false; }
+  virtual const StepProjection& projection() const { return projection_; }
+  /// True for an implicit stepper: states that it makes are projected as `projectStiffly` does.
+  virtual bool isImplicit() const { return false; }
+  /// True when its stages hold psi = 0 where the system can (keepsConstraintsInStages).
+  virtual bool keepsConstraints() const { return false; }
+
+  /// Forgets what belongs to a state: inputs may have changed under it.
+  virtual void restart() {}
+  /// One step by h from `from`, whose derivative is known: x_new and, if it projects, dxdt_new.
+  /// Returns the estimated local error: its largest component in units of the tolerance; NaN when
+  /// any value is. [loop]
+  virtual double step(System& system, const StepNode& from, double h, State& x_new,
+                      State& dxdt_new) = 0;
+
+  /// For a stepper whose `step` has no estimate: the error of its last step, from x' at the end.
+  /// In units of the tolerance; 0 when `step` gave the estimate already. [loop]
+  virtual double estimateFromEnd(const StepNode& /*from*/, const StepNode& /*to*/) const {
+    return 0.0;
+  }
+
+  /// What the last step, which went from `from` to `to` (x' there is not known yet), takes for the
+  /// change of Q. By default from the inside of the step, at the points of Radau's quadrature of
+  /// order 5. [loop]
+  virtual void calcTorqueGain(System& system, const StepNode& from, const StepNode& to,
+                              TorqueGain& gain) {
+    if (system.integratesTorque()) {
+      constexpr double kPoints[] = {0.15505102572168219, 0.64494897427831781, 1.0};
+      constexpr double kWeights[] = {0.37640306270046728, 0.51248582618842162, 1.0 / 9.0};
+      const double h = to.time - from.time;
+      for (int i = 0; i < 3; ++i) {
+        State x = to.x;
+        if (i < 2) interpolate(system, from.time + kPoints[i] * h, from, to, x);
+        gain.add(h, kWeights[i], system.calcTorqueRate(from.time + kPoints[i] * h, x));
+      }
+    }
+  }
+
+  /// |h lambda| of the last step over the bound of the scheme's stability, estimated from x' at its
+  /// end; about 1 where stability, not accuracy, limits the step. 0 when there is no estimate.
+  virtual double stiffness(const State& /*x_new*/, const State& /*dxdt_new*/) const { return 0.0; }
+
+  /// True when `interpolate` gives the motion inside the last step to the order of its error
+  /// estimate.
+  virtual bool hasDenseOutput() const { return false; }
+  /// x at `time` inside the last step made, which went from `from` to `to`. False where that is not
+  /// within the tolerance: a shorter step has to get there. [loop]
+  virtual bool interpolate(System& /*system*/, double /*time*/, const StepNode& /*from*/,
+                           const StepNode& /*to*/, State& /*x*/) {
+    return false;
+  }
+
+  /// True when `interpolate` itself finds out how good it is, x' included.
+  virtual bool checksDenseOutput() const { return false; }
+  /// x' of the dense output at the part `theta` of the last step, of length h, of an implicit
+  /// stepper that keeps constraints. [loop]
+  virtual void calcSlope(double /*theta*/, double /*h*/, State& /*slope*/) const {}
+  /// The estimated error of x at the end of the last step, component by component.
+  const State& error() const { return error_; }
+
+ protected:
+  Stepper(const System& system, Tolerance tolerance)
+      : tolerance_(tolerance), error_(system.size()), projection_(system.size()) {}
+  Tolerance tolerance_;
+  State error_;
+  StepProjection projection_;
+};
+
+/// The stepper of one kind, which is not kAuto, for the states of `system`. Where that reads no
+/// angles the stages of explicit ones leave them out.
+std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tolerance tolerance);
+
+// Those that makeStepper chooses from.
+std::unique_ptr<Stepper> makeRk4Stepper(const System& system, Tolerance tolerance);
+std::unique_ptr<Stepper> makeFehlberg78Stepper(const System& system, Tolerance tolerance);
+std::unique_ptr<Stepper> makeDopri5Stepper(const System& system, Tolerance tolerance);
+std::unique_ptr<Stepper> makeDop853Stepper(const System& system, Tolerance tolerance);
+std::unique_ptr<Stepper> makeRadau5Stepper(const System& system, Tolerance tolerance);
+std::unique_ptr<Stepper> makeRosenbrock4Stepper(const System& system, Tolerance tolerance);
+
+}  // namespace variator_sim

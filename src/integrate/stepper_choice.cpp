@@ -1,0 +1,170 @@
+#include "integrate/stepper_choice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace variator_sim {
+
+StepperChoice::StepperChoice(const System& system, const SolverSettings& settings)
+    : automatic_(settings.stepper == StepperKind::kAuto),
+      fixed_(isFixedStep(settings.stepper)),
+      relative_tolerance_(settings.relative_tolerance) {
+  const Tolerance tolerance{settings.absolute_tolerance, settings.relative_tolerance};
+  const auto make = [&](StepperKind kind) {
+    return Pair{makeStepper(kind, system, tolerance), makeStepper(kind, system, tolerance)};
+  };
+  if (!automatic_) {
+    first_ = make(settings.stepper);
+  } else {
+    first_ = make(settings.relative_tolerance <= kHighOrderBelow ? StepperKind::kDop853
+                                                                 : StepperKind::kDopri5);
+    implicit_ = make(StepperKind::kRadau5);
+  }
+  reset();
+}
+
+std::string StepperChoice::describe() const {
+  if (!automatic_) return std::string(stepper().name()) + " (as the scene says)";
+  std::ostringstream text;
+  text << "auto (";
+  if (active_ == &first_) {
+    text << first_.outer->name() << ", as the relative tolerance is "
+         << (relative_tolerance_ <= kHighOrderBelow ? "at most " : "above ") << kHighOrderBelow
+         << "; " << implicit_.outer->name() << " when stability limits its steps";
+  } else {
+    text << implicit_.outer->name() << ", as stability limited the steps of "
+         << first_.outer->name()
+         << (settled_         ? " near rest"
+             : switches_ == 0 ? " at the start"
+                              : "");
+  }
+  if (switches_ > 0) text << "; changed " << switches_ << (switches_ == 1 ? " time" : " times");
+  text << ")";
+  return text.str();
+}
+
+bool StepperChoice::isStiffStart(System& system, const StepNode& node, double h) const {
+  if (!automatic_) return false;
+  Linearization linearization(system.shafts(), system.size() / system.shafts());
+  system.calcLinearization(node.time, node.x, linearization);
+  const double rate = linearization.calcFastestRate();
+  return std::isfinite(rate) && h * rate > kStiffStart;
+}
+
+void StepperChoice::reset(bool implicitly) {
+  active_ = implicitly ? &implicit_ : &first_;
+  switches_ = 0;
+  trial_interval_ = kFirstTrial;
+  wait_ = kSuspicions;
+  restart();
+}
+
+void StepperChoice::restart() {
+  if (settled_) active_ = &first_;
+  settled_ = false;
+  settling_ = 0;
+  suspicions_ = 0;
+  quiet_ = 0;
+  steps_since_trial_ = 0;
+  for (Pair* pair : {&first_, &implicit_}) {
+    if (!pair->outer) continue;
+    pair->outer->restart();
+    pair->inner->restart();
+  }
+}
+
+bool StepperChoice::giveUpExplicit() {
+  if (!automatic_ || active_ != &first_) return false;
+  goOverTo(&implicit_);
+  return true;
+}
+
+bool StepperChoice::settle(const StepNode& node, double change) {
+  if (!automatic_ || active_ != &first_) return false;
+  const bool near_rest =
+      change <= kNearRest && active_->outer->stiffness(node.x, node.dxdt) > kMildly;
+  settling_ = near_rest ? settling_ + 1 : 0;
+  if (settling_ < kSettling) return false;
+  settled_ = giveUpExplicit();
+  return settled_;
+}
+
+bool StepperChoice::reconsider(System& system, const StepNode& node, double limit, double* h) {
+  return active_ == &first_ ? considerImplicit(system, node, limit, h)
+                            : considerExplicit(system, node, limit, h);
+}
+
+bool StepperChoice::considerImplicit(System& system, const StepNode& node, double limit,
+                                     double* h) {
+  const double stiffness = active_->outer->stiffness(node.x, node.dxdt);
+  if (stiffness <= kMildly) {
+    // A few steps below the bound between others above it clear nobody.
+    if (++quiet_ >= kQuiet) suspicions_ = quiet_ = 0;
+    return false;
+  }
+  quiet_ = 0;
+  suspicions_ += stiffness > 1.0 ? kStrong : 1;
+  if (suspicions_ < wait_) return false;
+  suspicions_ = 0;
+  // The fast components of an explicit run carry an error of the tolerance's size, which an
+  // implicit step damps and its error estimate sees: one step to damp it, the next one counts.
+  StepNode damped = node;
+  State unused(system.size());
+  const double first = std::min(limit, *h);
+  if (!std::isfinite(implicit_.outer->step(system, node, first, damped.x, unused))) return false;
+  damped.time += first;
+  system(damped.x, damped.dxdt, damped.time);
+  const double next = std::min(limit - first, 10.0 * *h);
+  const double reached = next > 0.0 ? tryStep(system, *implicit_.outer, damped, next) : 0.0;
+  return change(&implicit_, reached, *h);  // h stays: it grows within a few steps
+}
+
+bool StepperChoice::considerExplicit(System& system, const StepNode& node, double limit,
+                                     double* h) {
+  if (++steps_since_trial_ < trial_interval_) return false;
+  steps_since_trial_ = 0;
+  const double reached = tryStep(system, *first_.outer, node, std::min(limit, *h));
+  if (change(&first_, reached, *h)) {
+    *h = reached;
+    return true;
+  }
+  trial_interval_ = std::min(2 * trial_interval_, kLastTrial);
+  return false;
+}
+
+double StepperChoice::tryStep(System& system, Stepper& stepper, const StepNode& node, double h) {
+  State x(system.size());
+  State dxdt(system.size());
+  for (int attempt = 0; attempt < 4; ++attempt) {
+    const double norm = stepper.step(system, node, h, x, dxdt);
+    if (!std::isfinite(norm)) {
+      h *= 0.1;
+      continue;
+    }
+    const double factor = 0.9 * std::pow(std::max(norm, 1e-10), -1.0 / stepper.errorOrder());
+    if (norm <= 1.0) return h * std::min(5.0, factor);
+    h *= std::max(0.1, factor);
+  }
+  return 0.0;
+}
+
+bool StepperChoice::change(Pair* other, double reached, double h) {
+  const double now = h / active_->outer->work();
+  const double then = reached / other->outer->work();
+  if (!(then > kAdvantage * now)) {
+    if (other == &implicit_) wait_ = std::min(4 * wait_, kStrong * kLastTrial);
+    return false;
+  }
+  goOverTo(other);
+  wait_ = kSuspicions;
+  return true;
+}
+
+void StepperChoice::goOverTo(Pair* other) {
+  active_ = other;
+  ++switches_;
+  suspicions_ = quiet_ = steps_since_trial_ = 0;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,124 @@
+/// Which stepper makes the next step: the one that the scene names, or `auto`.
+///
+/// The rule of `auto`:
+/// - It starts explicitly: dop853 where the relative tolerance is at most kHighOrderBelow, dopri5
+///   above.
+/// - At the start of a motion the Jacobian tells the fastest component: where the first step that
+///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau5 begins.
+/// - After five steps that stability and not accuracy limited (|h lambda| at the bound of the
+///   scheme, as Hairer's codes estimate it), or forty at a quarter of the bound, it tries implicit
+///   steps from the same state. When the step sizes that the two error estimates allow say that
+///   radau5 gets further for the same work, it goes on with that; else it waits four times as long.
+/// - A step that the explicit stepper has to repeat kHopeless times (integrator.h) goes to radau5
+/// as
+///   well.
+/// - Near rest (kSettling steps in a row that stability limits and that change the state by some
+///   tolerances only) it goes to radau5 without a trial, and back at the next command: the error of
+///   explicit steps at the bound of stability would keep the motion from ever coming to rest.
+/// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
+///   one explicit step in the same way, and goes back when that gets further.
+/// All of it depends on the motion only, so it repeats to the bit.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <sstream>
+#include <string>
+
+#include "integrate/stepper.h"
+
+namespace variator_sim {
+
+class StepperChoice {
+ public:
+  StepperChoice(const System& system, const SolverSettings& settings);
+
+  bool isAutomatic() const { return automatic_; }
+  /// True when steps have the size that the scene gives, whatever their error.
+  bool isFixed() const { return fixed_; }
+  /// Makes the steps.
+  Stepper& stepper() { return *active_->outer; }
+  /// One of the same kind as `stepper`, for steps aside that leave its dense output whole.
+  Stepper& innerOf(const Stepper& stepper) {
+    return &stepper == first_.outer.get() ? *first_.inner : *implicit_.inner;
+  }
+  const Stepper& stepper() const { return *active_->outer; }
+  std::uint64_t switches() const { return switches_; }
+  /// What steps, and why.
+  std::string describe() const;
+
+  /// True when a motion that starts at `node` with a step of size h is better begun implicitly.
+  bool isStiffStart(System& system, const StepNode& node, double h) const;
+
+  /// The start of a motion, with the first stepper or, of `auto`, the implicit one.
+  void reset(bool implicitly = false);
+  /// The motion begins anew at some state.
+  void restart();
+
+  /// The explicit stepper gets nowhere: true when the implicit one takes over.
+  bool giveUpExplicit();
+
+  /// After an accepted step to `node` of a motion that may come to rest, in which x changed by
+  /// `change` tolerances: true when the implicit stepper takes over to let it settle. [loop]
+  bool settle(const StepNode& node, double change);
+
+  /// After an accepted step to `node`, the next one to be of size `h`: true when the stepper was
+  /// changed, `h` then being its step. [loop]
+  bool reconsider(System& system, const StepNode& node, double limit, double* h);
+
+ private:
+  struct Pair {
+    std::unique_ptr<Stepper> outer;
+    std::unique_ptr<Stepper> inner;
+  };
+
+  bool considerImplicit(System& system, const StepNode& node, double limit, double* h);
+
+  bool considerExplicit(System& system, const StepNode& node, double limit, double* h);
+
+  /// The step that `stepper` could make from `node`: tried from h on, shorter until its error
+  /// estimate accepts it; 0 when none of a few is.
+  static double tryStep(System& system, Stepper& stepper, const StepNode& node, double h);
+
+  /// Goes over to `other`, which could make steps of size `reached`, when that is better than `h`
+  /// by the one in use.
+  bool change(Pair* other, double reached, double h);
+
+  void goOverTo(Pair* other);
+
+  /// At higher accuracy than this dop853 needs fewer evaluations than dopri5.
+  static constexpr double kHighOrderBelow = 1e-5;
+  /// |h lambda| over its bound: above 1 a step counts kStrong times, above kMildly once (at tight
+  /// tolerances a fast component limits steps well below the bound, by its rounding).
+  static constexpr double kMildly = 0.25;
+  static constexpr int kStrong = 8;
+  static constexpr int kSuspicions = 40;
+  static constexpr int kQuiet = 6;
+  static constexpr double kStiffStart = 20.0;
+  /// Changes of x per step, in tolerances, that are near rest, and so many steps of them.
+  static constexpr double kNearRest = 100.0;
+  static constexpr int kSettling = 10;
+  static constexpr int kFirstTrial = 25;
+  static constexpr int kLastTrial = 1000;
+  /// Work is known roughly only, and a change costs a few short steps.
+  static constexpr double kAdvantage = 1.2;
+
+  bool automatic_;
+  bool fixed_;
+  double relative_tolerance_;
+  Pair first_;     // the one named, or the explicit one
+  Pair implicit_;  // of `auto` only
+  Pair* active_ = nullptr;
+  std::uint64_t switches_ = 0;
+  int suspicions_ = 0;
+  int quiet_ = 0;
+  bool settled_ = false;
+  int settling_ = 0;
+  int wait_ = kSuspicions;
+  int steps_since_trial_ = 0;
+  int trial_interval_ = kFirstTrial;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,274 @@
+#include "variator_sim/scene.h"
+
+#include <algorithm>
+#include <array>
+#include <exception>
+#include <limits>
+#include <utility>
+
+#include "model/derivative_check.h"
+#include "model/scene_inertia.h"
+#include "model/scene_names.h"
+#include "variator_sim/nearest_name.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr std::array<StepperKind, 10> kSteppers{
+    StepperKind::kAuto,        StepperKind::kRk4,
+    StepperKind::kDopri5,      StepperKind::kDop853,
+    StepperKind::kFehlberg78,  StepperKind::kRosenbrock4,
+    StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
+    StepperKind::kRadau5,      StepperKind::kRadau5Fixed};
+
+Principle readPrinciple(ParameterReader& root) {
+  const std::string generalized_gauss = toString(Principle::kGeneralizedGauss);
+  const std::string gauss = toString(Principle::kGauss);
+  return root.choice("principle", {generalized_gauss, gauss}, generalized_gauss) == gauss
+             ? Principle::kGauss
+             : Principle::kGeneralizedGauss;
+}
+
+SolverSettings readSolver(ParameterReader& root) {
+  SolverSettings settings;
+  if (!root.has("solver")) return settings;
+  ParameterReader reader = root.section("solver");
+  std::vector<std::string> names;
+  names.reserve(kSteppers.size());
+  for (const StepperKind kind : kSteppers) names.emplace_back(toString(kind));
+  const std::string stepper = reader.choice("stepper", names, toString(settings.stepper));
+  settings.stepper = *std::find_if(kSteppers.begin(), kSteppers.end(),
+                                   [&](StepperKind kind) { return stepper == toString(kind); });
+  // Closer than this to round-off a step cannot be controlled.
+  settings.relative_tolerance =
+      reader.number("relative_tolerance", Range::between(1e-14, 0.1), settings.relative_tolerance);
+  settings.absolute_tolerance =
+      reader.number("absolute_tolerance", Range::notNegative(), settings.absolute_tolerance);
+  settings.step = reader.number("step", Range::positive(), settings.step);
+  settings.maximum_step = reader.number("maximum_step", Range::positive(), settings.maximum_step);
+  settings.maximum_steps =
+      reader.integer("maximum_steps", 1, std::numeric_limits<int>::max(), settings.maximum_steps);
+  settings.sleep = reader.boolean("sleep", settings.sleep);
+  reader.finish();
+  return settings;
+}
+
+InitialConditions readInitial(ParameterReader& root, std::size_t shaft_count) {
+  InitialConditions initial;
+  initial.angle.assign(shaft_count, 0.0);
+  initial.velocity.assign(shaft_count, 0.0);
+  if (!root.has("initial")) return initial;
+  ParameterReader reader = root.section("initial");
+  for (const char* key : {"angle", "velocity", "acceleration", "project"}) reader.allow(key);
+  if (reader.has("angle")) initial.angle = reader.numbers("angle", shaft_count);
+  if (reader.has("velocity")) initial.velocity = reader.numbers("velocity", shaft_count);
+  if (reader.has("acceleration")) {
+    initial.acceleration = reader.numbers("acceleration", shaft_count);
+  }
+  initial.project = reader.boolean("project", initial.project);
+  reader.finish();
+  return initial;
+}
+
+/// One kind of component as the scene and the factory know it.
+struct ComponentKind {
+  const char* name;
+  const char* list;
+  /// Asked for only when a message needs them: a factory may have to search for plugins.
+  std::vector<std::string> (ComponentFactory::*types)();
+};
+constexpr ComponentKind kTorqueKind{"torque", "torques", &ComponentFactory::torqueTypes};
+constexpr ComponentKind kConstraintKind{"constraint", "constraints",
+                                        &ComponentFactory::constraintTypes};
+
+[[noreturn]] void throwUnknownType(const ComponentKind& kind, const ComponentKind& other,
+                                   ComponentFactory& factory, const std::string& path,
+                                   const std::string& type) {
+  const std::vector<std::string> types = (factory.*kind.types)();
+  const std::vector<std::string> others = (factory.*other.types)();
+  if (std::find(others.begin(), others.end(), type) != others.end()) {
+    throw SceneError(path, "'" + type + "' is a " + other.name + ", not a " + kind.name +
+                               ": its name belongs in " + other.list + ", not in " + kind.list +
+                               "; allowed: " + joinNames(types));
+  }
+  throw SceneError(path, "'" + type + "' is not a known type of " + kind.name +
+                             suggestName(type, types) +
+                             "; allowed: " + (types.empty() ? "none" : joinNames(types)));
+}
+
+/// `create` makes a component of a type; the rest is the same for torques and constraints.
+template <typename Create>
+auto readComponent(const std::string& name, ParameterReader& root, const ComponentKind& kind,
+                   const ComponentKind& other, ComponentFactory& factory, Create create,
+                   Scene* scene) {
+  ParameterReader reader = root.section(name);
+  const std::string type = reader.text("type");
+  decltype(create(type)) component;
+  try {
+    component = create(type);
+  } catch (const std::exception& error) {
+    throw SceneError(reader.keyPath("type"), "'" + type + "' cannot be loaded: " + error.what());
+  }
+  if (component == nullptr) {
+    throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
+  }
+
+  ComponentContext context(name, reader, scene->shafts, scene->inputs);
+  try {
+    component->configure(context);
+  } catch (const SceneError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw SceneError(name, "'" + type + "' cannot be configured: " + error.what());
+  }
+  reader.finish();
+  return component;
+}
+
+/// A constraint of order 1 is differentiated twice, and its inputs with it: a jump of u or u' would
+/// need an impulse.
+void checkInputsOfOrder1(const Scene& scene) {
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    if (constraint->order() != 1) continue;
+    for (const CommandInputSettings& input : scene.inputs) {
+      if (input.owner != constraint->name() || input.hold == Hold::kSecondOrderLag) continue;
+      throw SceneError(constraint->name(),
+                       "the input of topic '" + input.topic +
+                           "' belongs to a constraint of order 1, which takes inputs with two "
+                           "derivatives only; allowed: hold second_order_lag");
+    }
+  }
+}
+
+void checkTopics(const Scene& scene, const std::vector<std::string>& taken) {
+  for (const CommandInputSettings& input : scene.inputs) {
+    if (std::find(taken.begin(), taken.end(), input.topic) == taken.end()) continue;
+    throw SceneError(input.topic_path.empty() ? input.owner + "/topic" : input.topic_path,
+                     "'" + input.topic + "' is a topic of the node itself; allowed: any name but " +
+                         joinNames(taken));
+  }
+}
+
+ParameterTree toTree(const std::vector<std::string>& names) {
+  ParameterTree::List values;
+  for (const std::string& name : names) values.push_back(ParameterTree::text(name));
+  return ParameterTree::list(std::move(values));
+}
+
+ParameterTree toTree(const std::vector<double>& numbers) {
+  ParameterTree::List values;
+  for (const double number : numbers) values.push_back(ParameterTree::real(number));
+  return ParameterTree::list(std::move(values));
+}
+
+/// `tree` without the node's keys and with the defaults that were taken.
+ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
+                      const std::vector<std::string>& node_keys, const Scene& scene,
+                      bool verify_derivatives) {
+  ParameterTree::Dictionary root = tree.asDictionary();
+  for (const std::string& key : node_keys) root.erase(key);
+  root["shafts"] = toTree(names.shafts);
+  root["torques"] = toTree(names.torques);
+  root["constraints"] = toTree(names.constraints);
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    const auto n = static_cast<std::size_t>(i);
+    if (!scene.inertia_harmonics.empty() && !scene.inertia_harmonics[n].empty()) continue;
+    root[scene.shafts[n]] =
+        ParameterTree::dictionary({{"inertia", ParameterTree::real(scene.inertia(i, i))}});
+  }
+  root.emplace("inertia_coupling", ParameterTree::list());
+  root["verify_derivatives"] = ParameterTree::boolean(verify_derivatives);
+  root["principle"] = ParameterTree::text(toString(scene.principle));
+
+  ParameterTree::Dictionary initial{{"angle", toTree(scene.initial.angle)},
+                                    {"velocity", toTree(scene.initial.velocity)},
+                                    {"project", ParameterTree::boolean(scene.initial.project)}};
+  if (!scene.initial.acceleration.empty()) {
+    initial["acceleration"] = toTree(scene.initial.acceleration);
+  }
+  root["initial"] = ParameterTree::dictionary(std::move(initial));
+
+  const SolverSettings& solver = scene.solver;
+  root["solver"] = ParameterTree::dictionary(
+      {{"stepper", ParameterTree::text(toString(solver.stepper))},
+       {"relative_tolerance", ParameterTree::real(solver.relative_tolerance)},
+       {"absolute_tolerance", ParameterTree::real(solver.absolute_tolerance)},
+       {"step", ParameterTree::real(solver.step)},
+       {"maximum_step", ParameterTree::real(solver.maximum_step)},
+       {"maximum_steps", ParameterTree::integer(solver.maximum_steps)},
+       {"sleep", ParameterTree::boolean(solver.sleep)}});
+  return ParameterTree::dictionary(std::move(root));
+}
+
+}  // namespace
+
+const char* toString(Principle principle) {
+  switch (principle) {
+    case Principle::kGeneralizedGauss:
+      return "generalized_gauss";
+    case Principle::kGauss:
+      return "gauss";
+  }
+  return "";
+}
+
+const char* toString(StepperKind kind) {
+  switch (kind) {
+    case StepperKind::kAuto:
+      return "auto";
+    case StepperKind::kRk4:
+      return "rk4";
+    case StepperKind::kDopri5:
+      return "dopri5";
+    case StepperKind::kDop853:
+      return "dop853";
+    case StepperKind::kFehlberg78:
+      return "fehlberg78";
+    case StepperKind::kRosenbrock4:
+      return "rosenbrock4";
+    case StepperKind::kDopri5Fixed:
+      return "dopri5_fixed";
+    case StepperKind::kRosenbrock4Fixed:
+      return "rosenbrock4_fixed";
+    case StepperKind::kRadau5:
+      return "radau5";
+    case StepperKind::kRadau5Fixed:
+      return "radau5_fixed";
+  }
+  return "";
+}
+
+bool isFixedStep(StepperKind kind) {
+  return kind == StepperKind::kRk4 || kind == StepperKind::kDopri5Fixed ||
+         kind == StepperKind::kRosenbrock4Fixed || kind == StepperKind::kRadau5Fixed;
+}
+
+Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const NodeNames& node) {
+  ParameterReader root(tree, "");
+  const SceneNames names = readSceneNames(tree, root, node.keys);
+  Scene scene;
+  scene.shafts = names.shafts;
+  readInertia(root, &scene);
+  scene.principle = readPrinciple(root);
+  scene.initial = readInitial(root, scene.shafts.size());
+  scene.solver = readSolver(root);
+
+  for (const std::string& name : names.torques) {
+    scene.torques.push_back(readComponent(
+        name, root, kTorqueKind, kConstraintKind, factory,
+        [&](const std::string& type) { return factory.createTorque(type); }, &scene));
+  }
+  for (const std::string& name : names.constraints) {
+    scene.constraints.push_back(readComponent(
+        name, root, kConstraintKind, kTorqueKind, factory,
+        [&](const std::string& type) { return factory.createConstraint(type); }, &scene));
+  }
+  checkTopics(scene, node.topics);
+  checkInputsOfOrder1(scene);
+  const bool verify_derivatives = root.boolean("verify_derivatives", true);
+  if (verify_derivatives) verifyDerivatives(scene);
+  scene.resolved = resolve(tree, names, node.keys, scene, verify_derivatives);
+  return scene;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,182 @@
+#include "model/scene_inertia.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "model/scene_names.h"
+#include "model/symmetric_matrix.h"
+#include "variator_sim/nearest_name.h"
+
+namespace variator_sim {
+namespace {
+
+struct ShaftInertia {
+  double mean = 0.0;
+  std::vector<InertiaHarmonic> harmonics;
+};
+
+double calcInertia(const ShaftInertia& inertia, double angle) {
+  double value = inertia.mean;
+  for (const InertiaHarmonic& harmonic : inertia.harmonics) {
+    value += harmonic.cosine * std::cos(harmonic.order * angle) +
+             harmonic.sine * std::sin(harmonic.order * angle);
+  }
+  return value;
+}
+
+/// The least inertia over all angles: the best of a fine grid, refined by golden sections.
+double calcLeastInertia(const ShaftInertia& inertia) {
+  int highest = 1;
+  for (const InertiaHarmonic& harmonic : inertia.harmonics) {
+    highest = std::max(highest, harmonic.order);
+  }
+  const int points = 64 * highest;
+  const double spacing = 2.0 * 3.14159265358979323846 / points;
+  double best = 0.0;
+  for (int n = 0; n < points; ++n) {
+    if (calcInertia(inertia, n * spacing) < calcInertia(inertia, best)) best = n * spacing;
+  }
+  double low = best - spacing;
+  double high = best + spacing;
+  constexpr double kGolden = 0.6180339887498949;
+  for (int n = 0; n < 60; ++n) {
+    const double left = high - kGolden * (high - low);
+    const double right = low + kGolden * (high - low);
+    (calcInertia(inertia, left) < calcInertia(inertia, right) ? high : low) =
+        calcInertia(inertia, left) < calcInertia(inertia, right) ? right : left;
+  }
+  return std::min(calcInertia(inertia, best), calcInertia(inertia, 0.5 * (low + high)));
+}
+
+/// `inertia`: a number, or {mean, harmonics: [{order, cos, sin}, ...]}; positive at every angle.
+ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
+  ParameterReader reader = root.section(shaft);
+  reader.allow("inertia");
+  ShaftInertia inertia;
+  const ParameterTree* value = reader.raw("inertia");
+  if (value == nullptr || value->kind() != ParameterTree::Kind::kDictionary) {
+    inertia.mean = reader.number("inertia", Range::positive());
+    reader.finish();
+    return inertia;
+  }
+  ParameterReader parts = reader.section("inertia");
+  for (const char* key : {"mean", "harmonics"}) parts.allow(key);
+  inertia.mean = parts.number("mean", Range::positive());
+  const ParameterTree* harmonics = parts.raw("harmonics");
+  if (harmonics != nullptr && harmonics->kind() != ParameterTree::Kind::kNothing) {
+    if (harmonics->kind() != ParameterTree::Kind::kList) {
+      throw SceneError(parts.keyPath("harmonics"), "expected a list of {order, cos, sin}, got " +
+                                                       harmonics->describeKind() + ": " +
+                                                       harmonics->toText());
+    }
+    for (std::size_t n = 0; n < harmonics->asList().size(); ++n) {
+      ParameterReader entry(harmonics->asList()[n], elementPath(parts.keyPath("harmonics"), n));
+      for (const char* key : {"order", "cos", "sin"}) entry.allow(key);
+      InertiaHarmonic harmonic;
+      harmonic.order = entry.integer("order", 1, 1000);
+      harmonic.cosine = entry.number("cos", Range::any(), 0.0);
+      harmonic.sine = entry.number("sin", Range::any(), 0.0);
+      entry.finish();
+      inertia.harmonics.push_back(harmonic);
+    }
+  }
+  parts.finish();
+  reader.finish();
+  const double least = calcLeastInertia(inertia);
+  if (!(least > 0.0)) {
+    throw SceneError(reader.keyPath("inertia"),
+                     value->toText() + " falls to " + ParameterTree::real(least).toText() +
+                         " kg m^2 at some angle; allowed: > 0 at every angle");
+  }
+  return inertia;
+}
+
+const char* const kCouplings = "inertia_coupling";
+
+SceneError unexpectedCoupling(const std::string& path, const ParameterTree& value) {
+  return SceneError(path, "expected a list of couplings [shaft, shaft, value in kg m^2], got " +
+                              value.describeKind() + ": " + value.toText());
+}
+
+/// The two shafts of a coupling [a, b, value], in ascending order.
+std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::string& path,
+                                      const std::vector<std::string>& shafts) {
+  if (coupling.kind() != ParameterTree::Kind::kList || coupling.asList().size() != 3) {
+    throw unexpectedCoupling(path, coupling);
+  }
+  std::array<int, 2> pair{};
+  for (std::size_t i = 0; i < 2; ++i) {
+    const ParameterTree& name = coupling.asList()[i];
+    if (name.kind() != ParameterTree::Kind::kText) throw unexpectedCoupling(path, coupling);
+    const auto found = std::find(shafts.begin(), shafts.end(), name.asText());
+    if (found == shafts.end()) {
+      throw SceneError(elementPath(path, i), "'" + name.asText() + "' is not a shaft" +
+                                                 suggestName(name.asText(), shafts) +
+                                                 "; allowed: " + joinNames(shafts));
+    }
+    pair[i] = static_cast<int>(found - shafts.begin());
+  }
+  if (pair[0] == pair[1]) {
+    throw SceneError(
+        path, coupling.toText() + " couples a shaft with itself; allowed: two different shafts");
+  }
+  return std::minmax(pair[0], pair[1]);
+}
+
+/// Off-diagonal terms [[a, b, value], ...]. `least` holds the least inertia of every shaft: J is
+/// positive definite at every angle when it is with these on its diagonal.
+void readInertiaCoupling(ParameterReader& root, const std::vector<std::string>& shafts,
+                         const std::vector<double>& least, Eigen::MatrixXd* J) {
+  const ParameterTree* couplings = root.raw(kCouplings);
+  if (couplings == nullptr || couplings->kind() == ParameterTree::Kind::kNothing) return;
+  if (couplings->kind() != ParameterTree::Kind::kList) {
+    throw unexpectedCoupling(kCouplings, *couplings);
+  }
+  std::vector<std::pair<int, int>> coupled;
+  for (std::size_t n = 0; n < couplings->asList().size(); ++n) {
+    const ParameterTree& coupling = couplings->asList()[n];
+    const std::string path = elementPath(kCouplings, n);
+    const std::pair<int, int> pair = readCoupledShafts(coupling, path, shafts);
+    if (std::find(coupled.begin(), coupled.end(), pair) != coupled.end()) {
+      throw SceneError(path, coupling.toText() +
+                                 " couples these shafts a second time; allowed: every pair once");
+    }
+    coupled.push_back(pair);
+    const double value =
+        ParameterReader::toNumber(coupling.asList()[2], elementPath(path, 2), Range::any());
+    (*J)(pair.first, pair.second) = value;
+    (*J)(pair.second, pair.first) = value;
+  }
+
+  Eigen::MatrixXd smallest = *J;
+  for (std::size_t i = 0; i < least.size(); ++i) {
+    smallest(static_cast<int>(i), static_cast<int>(i)) = least[i];
+  }
+  if (isPositiveDefinite(smallest)) return;
+  throw SceneError(kCouplings,
+                   couplings->toText() +
+                       " makes the inertia matrix J indefinite: its smallest eigenvalue is " +
+                       ParameterTree::real(calcSmallestEigenvalue(smallest)).toText() +
+                       " kg m^2; allowed: a positive definite J");
+}
+
+}  // namespace
+
+void readInertia(ParameterReader& root, Scene* scene) {
+  scene->inertia = Eigen::MatrixXd::Zero(scene->shaftCount(), scene->shaftCount());
+  std::vector<double> least;
+  bool constant = true;
+  for (int i = 0; i < scene->shaftCount(); ++i) {
+    ShaftInertia inertia = readShaftInertia(root, scene->shafts[static_cast<std::size_t>(i)]);
+    scene->inertia(i, i) = inertia.mean;
+    least.push_back(calcLeastInertia(inertia));
+    constant = constant && inertia.harmonics.empty();
+    scene->inertia_harmonics.push_back(std::move(inertia.harmonics));
+  }
+  if (constant) scene->inertia_harmonics.clear();
+  readInertiaCoupling(root, scene->shafts, least, &scene->inertia);
+}
+
+}  // namespace variator_sim

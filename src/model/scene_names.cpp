@@ -1,0 +1,149 @@
+#include "model/scene_names.h"
+
+#include <algorithm>
+#include <map>
+
+#include "variator_sim/nearest_name.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+namespace {
+
+/// Keys at the scene's root that are not names of shafts, torques or constraints.
+const std::vector<std::string>& sceneKeys() {
+  static const std::vector<std::string> keys{"shafts",      "inertia_coupling",  "torques",
+                                             "constraints", "principle",         "initial",
+                                             "solver",      "verify_derivatives"};
+  return keys;
+}
+
+bool contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::vector<std::string> joined(std::vector<std::string> first,
+                                const std::vector<std::string>& second) {
+  first.insert(first.end(), second.begin(), second.end());
+  return first;
+}
+
+/// ^[A-Za-z][A-Za-z0-9_]*$
+bool isName(const std::string& name) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  return !name.empty() && is_letter(name.front()) &&
+         std::all_of(name.begin(), name.end(),
+                     [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; });
+}
+
+/// Valid names, unique together, none of them a key of the scene or of the node.
+void checkNames(const SceneNames& lists, const std::vector<std::string>& node_keys) {
+  std::map<std::string, std::string> listed_in;
+  const auto check = [&](const char* list, const std::vector<std::string>& names) {
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const std::string path = elementPath(list, i);
+      const std::string& name = names[i];
+      if (!isName(name)) {
+        throw SceneError(path, "'" + name +
+                                   "' is not a valid name; allowed: letters, digits and '_', "
+                                   "starting with a letter");
+      }
+      const std::vector<std::string> taken = joined(sceneKeys(), node_keys);
+      if (contains(taken, name)) {
+        throw SceneError(path, "'" + name + "' is a key of the " +
+                                   (contains(sceneKeys(), name) ? "scene" : "node") +
+                                   " itself; allowed: any name but " + joinNames(taken));
+      }
+      const auto [other, is_new] = listed_in.emplace(name, list);
+      if (!is_new) {
+        throw SceneError(path,
+                         "'" + name + "' is listed twice" +
+                             (other->second == list ? std::string()
+                                                    : ": in " + other->second + " and in " + list) +
+                             "; allowed: names that differ from those of all shafts, torques "
+                             "and constraints");
+      }
+    }
+  };
+  check("shafts", lists.shafts);
+  check("torques", lists.torques);
+  check("constraints", lists.constraints);
+}
+
+SceneNames readLists(const ParameterTree& tree, ParameterReader& root,
+                     const std::vector<std::string>& node_keys) {
+  const std::string shafts_expected =
+      "a list of 1 to " + std::to_string(kMaxShafts) + " names of shafts";
+  if (!root.has("shafts")) {
+    std::vector<std::string> keys;
+    for (const auto& entry : tree.asDictionary()) {
+      if (!contains(sceneKeys(), entry.first)) keys.push_back(entry.first);
+    }
+    const std::string misspelt = findNearestName("shafts", keys);
+    throw SceneError(
+        "shafts",
+        "missing; expected " + shafts_expected +
+            (misspelt.empty() ? std::string() : " (is '" + misspelt + "' meant for 'shafts'?)"));
+  }
+  SceneNames lists;
+  lists.shafts = root.names("shafts");
+  lists.torques = root.names("torques");
+  lists.constraints = root.names("constraints");
+  if (lists.shafts.empty() || lists.shafts.size() > static_cast<std::size_t>(kMaxShafts)) {
+    throw SceneError("shafts",
+                     std::to_string(lists.shafts.size()) + " shafts; allowed: " + shafts_expected);
+  }
+  checkNames(lists, node_keys);
+  if (lists.constraints.size() >= lists.shafts.size()) {
+    throw SceneError("constraints",
+                     std::to_string(lists.constraints.size()) + " constraints on " +
+                         std::to_string(lists.shafts.size()) +
+                         " shafts leave nothing to move; allowed: fewer constraints than shafts, "
+                         "here at most " +
+                         std::to_string(lists.shafts.size() - 1));
+  }
+  return lists;
+}
+
+/// Refuses keys at the root that are neither the scene's, nor the node's, nor a listed name. Plain
+/// values come first: a misspelt list would otherwise be blamed on the dictionaries it orders.
+void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& allowed) {
+  const auto is_dictionary = [](const ParameterTree& value) {
+    return value.kind() == ParameterTree::Kind::kDictionary;
+  };
+  for (const bool dictionaries : {false, true}) {
+    for (const auto& [key, value] : tree.asDictionary()) {
+      if (is_dictionary(value) != dictionaries || contains(allowed, key)) continue;
+      throw SceneError(
+          key,
+          "unknown key" + suggestName(key, allowed) +
+              (dictionaries ? "; it is in none of the lists shafts, torques, constraints" : "") +
+              "; allowed: " + joinNames(allowed));
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> SceneNames::all() const {
+  return joined(joined(shafts, torques), constraints);
+}
+
+SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
+                          const std::vector<std::string>& node_keys) {
+  for (const std::string& key : joined(sceneKeys(), node_keys)) root.allow(key);
+  SceneNames lists = readLists(tree, root, node_keys);
+  const std::vector<std::string> names = lists.all();
+  // A name whose dictionary is missing is told first: the misspelt dictionary is then no riddle.
+  for (const std::string& name : names) root.allow(name);
+  for (const std::string& name : names) {
+    if (!root.has(name)) root.section(name);
+  }
+  checkRootKeys(tree, joined(joined(sceneKeys(), names), node_keys));
+  return lists;
+}
+
+std::string elementPath(const std::string& list, std::size_t index) {
+  return list + "[" + std::to_string(index) + "]";
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,104 @@
+#include "motion/energy.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace variator_sim {
+
+void EnergyMeter::begin(const StepNode& start, const Row* rows) {
+  start_kinetic_ = calcKinetic(start.x);
+  applied_ = applied_before_ = throughput_ = throughput_before_ = reactions_ = 0.0;
+  doubt_since_ = -1.0;
+  has_turned_ = false;
+  if (!is_watched_) return;
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) calcDirection(rows[m], directions_[m]);
+}
+
+double EnergyMeter::calcAppliedAtRest(const StepNode& from, const State& x) {
+  double Q[kMaxShafts];
+  drivetrain_.calcTorque(view(from.time, from.x), Q);
+  double work = 0.0;
+  for (int i = 0; i < S; ++i) work += Q[i] * (x[i] - from.x[i]);
+  return applied_ + work;
+}
+
+Energy EnergyMeter::calcEnergy(const Sample& sample, double applied) {
+  Energy energy;
+  energy.kinetic = drivetrain_.calcKineticEnergy(sample.angle, sample.velocity);
+  energy.applied = applied;
+  energy.reactions = energy.kinetic - start_kinetic_ - applied;
+  for (int i = 0; i < S; ++i) {
+    energy.applied_power += sample.applied_torque[i] * sample.velocity[i];
+    energy.reaction_power += sample.reaction_torque[i] * sample.velocity[i];
+  }
+  return energy;
+}
+
+EnergyDoubt EnergyMeter::doubt() const {
+  EnergyDoubt doubt;
+  doubt.since = doubt_since_;
+  doubt.reactions = reactions_;
+  doubt.throughput = throughput_;
+  return doubt;
+}
+
+EnergyMeter::Power EnergyMeter::powerOf(const StepNode& node) const {
+  Power power;
+  for (int i = 0; i < S; ++i) {
+    const double part = node.torque[i] * node.x[S + i];
+    power.value += part;
+    power.through += std::abs(part);
+    power.rate += node.torque_rate[i] * node.x[S + i] + node.torque[i] * node.dxdt[S + i];
+  }
+  return power;
+}
+
+StateView EnergyMeter::view(double t, const State& x) {
+  // Torques do not read accelerations.
+  return drivetrain_.view(t, x.data(), x.data() + S, x.data() + S);
+}
+
+double EnergyMeter::estimateWork(double h, const Power& begin, const Power& end) {
+  const double correction = h / 6.0 * (begin.rate - end.rate);
+  const double largest = std::max(std::abs(begin.value), std::abs(end.value));
+  const double sum = begin.value + end.value;
+  return 0.5 * h * (std::abs(correction) <= largest ? sum + correction : sum);
+}
+
+void EnergyMeter::calcDirection(const double* c, double* direction) const {
+  double square = 0.0;
+  for (int i = 0; i < S; ++i) {
+    direction[i] = c[i] / std::sqrt(drivetrain_.inertia().entry(i, i));
+    square += direction[i] * direction[i];
+  }
+  const double scale = 1.0 / std::sqrt(square);
+  for (int i = 0; i < S; ++i) direction[i] *= scale;
+}
+
+bool EnergyMeter::haveRowsTurned(const Row* rows) const {
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    double direction[kMaxShafts];
+    calcDirection(rows[m], direction);
+    double cosine = 0.0;
+    for (int i = 0; i < S; ++i) cosine += direction[i] * directions_[m][i];
+    if (1.0 - cosine * cosine > kTurned * kTurned) return true;
+  }
+  return false;
+}
+
+void EnergyMeter::watch(const StepNode& node, const Row* rows) {
+  reactions_ = calcKinetic(node.x) - start_kinetic_ - applied_;
+  if (doubt_since_ >= 0.0) return;
+  if (!has_turned_) has_turned_ = haveRowsTurned(rows);
+  if (!has_turned_ || !(std::abs(reactions_) > kDoubtful * throughput_)) return;
+  // What the tolerance makes of T is nobody's energy.
+  double uncertain = 0.0;
+  for (int i = 0; i < S; ++i) {
+    const double omega = node.x[S + i];
+    uncertain += drivetrain_.inertia().entry(i, i) * std::abs(omega) * tolerance_.of(omega);
+  }
+  if (std::abs(reactions_) > kCertain * uncertain) doubt_since_ = drivetrain_.origin() + node.time;
+}
+
+}  // namespace variator_sim

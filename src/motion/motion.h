@@ -1,0 +1,120 @@
+/// The motion of a scene: the present, its commands and its samples.
+///
+/// The integrator runs freely ahead of the present, by steps of its own choice; the present lies in
+/// its last one. Samples are taken from inside that step and commands cut it, so that nobody's
+/// sampling rate, tick or advance changes one bit of the motion:
+///
+///     advanceTo(time):
+///       carry out the commands that wait
+///       for every timeout on the way, then to `time`:
+///         while the integrator's last step ends before it:
+///           one step more (integrator.h), or the end of a rest; account for its energy
+///         the present moves there
+///
+///     command(input, value):
+///       clamp it; it waits with the others of this present
+///
+///     carry out the commands that wait (before the next advance or sample):
+///       before the first advance: they are initial values; start anew
+///       make the step again up to the present
+///       inputs take their new closed forms; those that jump do so together, by the jump map
+///       the integrator begins anew from there
+///
+///     sample():
+///       carry out the commands that wait
+///       the state at the present, from inside the last step; everything published from it
+///
+///     reset():
+///       the state at time 0 again, with the inputs as the scene has them
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dynamics/principle_system.h"
+#include "integrate/diagnosis.h"
+#include "integrate/integrator.h"
+#include "motion/command_queue.h"
+#include "motion/energy.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+
+/// The system of a scene's principle and orders.
+std::unique_ptr<PrincipleSystem> makeSystem(const Scene& scene);
+
+/// See Simulation for what each public method promises.
+class Motion {
+ public:
+  explicit Motion(Scene scene);
+
+  const Scene& scene() const { return scene_; }
+  double time() const { return time_; }
+  const MotionStatus& status() const { return integrator_.status(); }
+  const Statistics& statistics();
+  const char* stepperName() const { return integrator_.choice().stepper().name(); }
+  std::string describeStepper() const { return integrator_.choice().describe(); }
+  std::vector<std::string> skips() const;
+  bool isSleeping() const { return integrator_.isSleeping(); }
+
+  void reset();
+  const MotionStatus& advanceTo(double time);
+  double quietUntil() const;
+  CommandResult command(int input, double value);
+  const Sample& sample();
+
+  void trackEnergy(bool on);
+  Energy energy();
+  EnergyDoubt energyDoubt() const;
+
+  /// Row m of C at the present, s values; for messages.
+  void calcConstraintRow(int m, double* C);
+
+ private:
+  /// The present as nodes count it.
+  double present() const { return integrator_.origin().relative(time_); }
+  /// True when the present lies within the last step, and not at its end.
+  bool isInsideStep() const;
+
+  /// The state at time 0 with the inputs as they are.
+  void start();
+  const MotionStatus& advance(double time);
+  /// Brings the present to `time`, or to where the motion stops.
+  void moveTo(double time);
+
+  /// All commands that wait take effect at the present, together: inputs that jump move on the
+  /// straight line between their old and new values, so that no order means anything.
+  void carryOutCommands();
+  /// Those before the first advance: a zero-order one is the initial value, no jump, so the
+  /// accelerations of least reaction are those with it; the others set targets.
+  void carryOutInitialCommands();
+  bool isAnyCommandNew() const;
+
+  bool isSampleFinite() const;
+  void takeSample();
+
+  /// The motion goes on from `node`, inside the last step or at rest.
+  void cutEnergy(const StepNode& node);
+  /// The applied energy at the present, J.
+  double calcApplied();
+
+  /// Parts of `time` that are no more than its rounding. [loop]
+  static double roundingOf(double time);
+
+  Scene scene_;
+  std::unique_ptr<PrincipleSystem> own_system_;
+  PrincipleSystem& system_;
+  Drivetrain& drivetrain_;  // the system's
+  Integrator integrator_;
+  EnergyMeter energy_;
+  CommandQueue commands_;
+  Start start_;  // the last one looked for
+  State first_;  // at time 0, with the inputs as the scene has them
+  bool knows_first_ = false;
+  double time_ = 0.0;  // the present
+  Sample sample_;
+  bool sample_valid_ = false;
+};
+
+}  // namespace variator_sim

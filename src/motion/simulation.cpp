@@ -1,0 +1,153 @@
+#include "variator_sim/simulation.h"
+
+#include <sstream>
+#include <utility>
+
+#include "motion/motion.h"
+
+namespace variator_sim {
+
+namespace {
+
+std::unique_ptr<Motion> makeMotion(Scene scene) {
+  if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
+    throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
+  }
+  return std::make_unique<Motion>(std::move(scene));
+}
+
+void writeVector(std::ostream& out, const double* values, int count) {
+  out << "[";
+  for (int i = 0; i < count; ++i) out << (i ? ", " : "") << formatNumber(values[i]);
+  out << "]";
+}
+
+const char* explain(StopReason reason) {
+  switch (reason) {
+    case StopReason::kNone:
+      return "";
+    case StopReason::kSingularConstraint:
+      return "the derivatives of the constraints by the accelerations have lost rank, so the "
+             "principle no longer determines the jerk";
+    case StopReason::kStepUnderflow:
+      return "the step fell below the resolution of time: the motion changes ever faster here";
+    case StopReason::kNonFiniteValue:
+      return "a value is NaN or infinite here or just ahead";
+    case StopReason::kStepTooLarge:
+      return "the estimated error of one fixed step is a large part of the state: 'solver/step' is "
+             "too large for this motion";
+    case StopReason::kToleranceTooSmall:
+      return "the accelerations follow so steeply from the state that rounding alone moves them by "
+             "more than the tolerance: a larger 'solver/relative_tolerance' or, where the scene "
+             "allows it, 'principle: generalized_gauss', which integrates them";
+    case StopReason::kStepLimit:
+      return "more steps than 'solver/maximum_steps' within one simulated second";
+    case StopReason::kJumpFailed:
+      return "the jump leads to no state on the constraints";
+    case StopReason::kChattering:
+      return "a law jumps, or bends, where the motion turns back at once, so none of its branches "
+             "goes on: a smooth law helps (tanh(w/0.01) for sign(w), sqrt(x^2+1e-6) for abs(x), "
+             "variator_sim/Friction for dry friction)";
+    case StopReason::kProjectionFailed:
+      return "no accelerations that satisfy the constraints were found";
+  }
+  return "";
+}
+
+}  // namespace
+
+Simulation::Simulation(Scene scene) : motion_(makeMotion(std::move(scene))) {}
+Simulation::~Simulation() = default;
+Simulation::Simulation(Simulation&&) noexcept = default;
+Simulation& Simulation::operator=(Simulation&&) noexcept = default;
+
+const Scene& Simulation::scene() const {
+  return motion_->scene();
+}
+double Simulation::time() const {
+  return motion_->time();
+}
+const MotionStatus& Simulation::advanceTo(double time) {
+  return motion_->advanceTo(time);
+}
+CommandResult Simulation::command(int input, double value) {
+  return motion_->command(input, value);
+}
+const Sample& Simulation::sample() {
+  return motion_->sample();
+}
+void Simulation::trackEnergy(bool on) {
+  motion_->trackEnergy(on);
+}
+Energy Simulation::energy() {
+  return motion_->energy();
+}
+EnergyDoubt Simulation::energyDoubt() const {
+  return motion_->energyDoubt();
+}
+const MotionStatus& Simulation::status() const {
+  return motion_->status();
+}
+const Statistics& Simulation::statistics() const {
+  return motion_->statistics();
+}
+void Simulation::reset() {
+  motion_->reset();
+}
+const char* Simulation::stepperName() const {
+  return motion_->stepperName();
+}
+std::string Simulation::describeStepper() const {
+  return motion_->describeStepper();
+}
+std::vector<std::string> Simulation::skips() const {
+  return motion_->skips();
+}
+double Simulation::quietUntil() const {
+  return motion_->quietUntil();
+}
+
+bool Simulation::isSleeping() const {
+  return motion_->isSleeping();
+}
+
+std::string Simulation::describeStatus() const {
+  const MotionStatus& status = motion_->status();
+  if (status.ok()) return "";
+  const Scene& scene = motion_->scene();
+  std::ostringstream text;
+  text << toString(status.reason) << " at t = " << formatNumber(status.time)
+       << " s: " << explain(status.reason);
+  if (status.torque >= 0) {
+    text << "; torque '" << scene.torques[static_cast<std::size_t>(status.torque)]->name() << "'";
+  }
+  if (status.constraint >= 0) {
+    text << "; constraint '"
+         << scene.constraints[static_cast<std::size_t>(status.constraint)]->name() << "'";
+    double C[kMaxShafts] = {};
+    motion_->calcConstraintRow(status.constraint, C);
+    text << ", its C = ";
+    writeVector(text, C, scene.shaftCount());
+  }
+  if (status.reason == StopReason::kSingularConstraint) {
+    text << " (" << status.measure << " of its scale)";
+  }
+  if (status.reason == StopReason::kStepTooLarge) {
+    text << " (the error is " << status.measure << " of it, 'solver/step' "
+         << formatNumber(scene.solver.step) << " s)";
+  }
+  if (status.reason == StopReason::kToleranceTooSmall) {
+    text << " (4 roundings of the state make " << status.measure << " tolerances)";
+  }
+  const Sample& sample = motion_->sample();
+  text << "; last good state: angle = ";
+  writeVector(text, sample.angle, scene.shaftCount());
+  text << " rad, velocity = ";
+  writeVector(text, sample.velocity, scene.shaftCount());
+  text << " rad/s, acceleration = ";
+  writeVector(text, sample.acceleration, scene.shaftCount());
+  text << " rad/s^2";
+  return text.str();
+}
+
+}  // namespace variator_sim
