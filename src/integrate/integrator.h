@@ -124,7 +124,25 @@ class Integrator {
   bool countStep();
   bool finishInputSegments();
   bool makeStep();
+  /// A step of adaptive size while it is looked for.
+  struct Trial {
+    double length = 0.0;       ///< that is wanted, s
+    double taken = 0.0;        ///< that is tried, s
+    double segment_end = 0.0;  ///< where it has to end
+    bool is_last = false;      ///< it ends there
+    int rejections = 0;
+    int looks = 0;       ///< times that an edge made it shorter
+    double usual = 0.0;  ///< the step that would have been made but for an edge, s
+  };
   bool stepAdaptively();
+  /// A trial step by `taken` from the base, to `end`: step, projection and checks. The front is
+  /// what it comes to, with its derivative where the returned error is at most 1, in units of the
+  /// tolerance. The motion may have stopped.
+  double attempt(double end, double taken);
+  /// The trial is good by its error. False when its end is not, or when the motion stopped.
+  bool accept(const Trial& trial, double norm);
+  /// It is not: the next length. False when an edge was crossed instead, or the motion stopped.
+  bool refuse(Trial& trial, double norm);
 
   /// Where a step from the base has to end at the latest: the end of an input's segment, an instant
   /// at which a law is not smooth, or where a command is expected.

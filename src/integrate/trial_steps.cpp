@@ -7,46 +7,33 @@
 namespace variator_sim {
 
 bool Integrator::stepAdaptively() {
-  const SolverSettings& solver = settings_;
-  const double segment_end = endOfReach();
-  bool rejected = false;
-  int rejections = 0;
-  int looks = 0;
-  double h = std::min(next_step_, solver.maximum_step);
-  double usual = 0.0;  // the step that would have been made but for an edge
+  Trial trial;
+  trial.segment_end = endOfReach();
+  trial.length = std::min(next_step_, settings_.maximum_step);
   while (true) {
     // Up to the end of an input's segment at the most, and not leaving a sliver before it.
-    const double reach = looks > 0 ? h : 1.01 * h;
-    const bool last_of_segment = base_.time + reach >= segment_end;
-    const double end = last_of_segment ? segment_end : base_.time + h;
-    const double taken = last_of_segment ? segment_end - base_.time : h;
-    if (!(taken > shortestStep(base_.time)) || !(taken > 1e-290)) {
-      hopped_ = guards_.hasJumps() && crossJumpAhead(kAhead * solver.maximum_step);
+    const double reach = trial.looks > 0 ? trial.length : 1.01 * trial.length;
+    trial.is_last = base_.time + reach >= trial.segment_end;
+    const double end = trial.is_last ? trial.segment_end : base_.time + trial.length;
+    trial.taken = trial.is_last ? trial.segment_end - base_.time : trial.length;
+    if (!(trial.taken > shortestStep(base_.time)) || !(trial.taken > 1e-290)) {
+      hopped_ = guards_.hasJumps() && crossJumpAhead(kAhead * settings_.maximum_step);
       if (!hopped_ && status_.ok()) explainStop();
       return hopped_;
     }
     watch_.begin();
-    double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
+    double norm = attempt(end, trial.taken);
     const bool stages_left = watch_.end();
-    if (norm <= 1.0)
-      norm = worseOf(norm, projectEnd(*stepper_, base_.x, end, taken, norm, front_.x));
-    // These decide whether the step is good. They may keep the next one from growing, but not
-    // make it shorter: what rounding leaves in them does not fall with the step.
-    front_.time = end;
-    if (norm <= 1.0) norm = worseOfCheck(norm, checks_.checkTorque(*stepper_, base_, front_));
-    if (norm <= 1.0) {
-      norm = worseOfCheck(norm, checkAccelerations());
-      if (stopWhereToleranceIsLost()) return false;
-    }
-    if (norm <= 1.0 && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
-    if (!guards_.isEmpty() && std::isfinite(norm) && looks < kMostLooks) {
+    if (!status_.ok()) return false;
+    if (!guards_.isEmpty() && std::isfinite(norm) && trial.looks < kMostLooks) {
       // An edge may be the reason for an error that is too large.
-      const Look look = norm <= 1.0 ? lookInside(taken, &h) : lookAtEnd(taken, &h);
+      const Look look = norm <= 1.0 ? lookInside(trial.taken, &trial.length)
+                                    : lookAtEnd(trial.taken, &trial.length);
       if (look == Look::kCrossed) return true;
       if (!status_.ok()) return false;
       if (look == Look::kShorter) {
-        usual = std::max(usual, taken);
-        ++looks;
+        trial.usual = std::max(trial.usual, trial.taken);
+        ++trial.looks;
         ++statistics_.rejected_steps;
         front_ = base_;
         continue;
@@ -55,41 +42,65 @@ bool Integrator::stepAdaptively() {
       if (stages_left && norm <= 1.0) norm = kStagesLeft;
     }
     if (norm <= 1.0) {
-      ++statistics_.steps;
-      double factor = control_.growth(norm);
-      if (rejected) factor = std::min(1.0, factor);
-      // A step cut short by a segment's end or an edge says nothing about the next one's size.
-      next_step_ = last_of_segment ? std::max(h, taken * factor) : taken * factor;
-      crossing_.otherwise = next_step_;
-      // (What an implicit step thinks of its error when it is much too long is no guide; where
-      // the torque is integrated, its change is compared.)
-      const bool is_trusted = integrates_torque_ || !stepper_->isImplicit();
-      if (usual > taken && is_trusted) next_step_ = std::max(next_step_, usual);
-      if (finishStep()) {
-        if (!guards_.isEmpty()) moveGuards();
-        lookAhead();
-        return true;
-      }
+      if (accept(trial, norm)) return true;
       if (!status_.ok()) return false;
       norm = std::numeric_limits<double>::quiet_NaN();
     }
-    ++statistics_.rejected_steps;
-    rejected = true;
-    h = taken * control_.shrink(norm);
-    front_ = base_;
-    crossing_ = Crossing{};
-    // Where no step however short succeeds, it may be for a jump just ahead that they all feel
-    // (a Jacobian by differences, a stage).
-    if (rejections % kHardPressed == kHardPressed - 1 && guards_.hasJumps()) {
-      hopped_ = crossJumpAhead(kAhead * solver.maximum_step);
-      if (hopped_ || !status_.ok()) return hopped_;
-    }
-    if (++rejections == kHopeless && choice_.giveUpExplicit()) {
-      stepper_ = &choice_.stepper();
-      control_.setOrder(stepper_->errorOrder());
-      control_.reset();
-    }
+    if (!refuse(trial, norm)) return hopped_;
   }
+}
+
+double Integrator::attempt(double end, double taken) {
+  double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
+  if (norm <= 1.0) {
+    norm = worseOf(norm, projectEnd(*stepper_, base_.x, end, taken, norm, front_.x));
+  }
+  // These decide whether the step is good. They may keep the next one from growing, but not make
+  // it shorter: what rounding leaves in them does not fall with the step.
+  front_.time = end;
+  if (norm <= 1.0) norm = worseOfCheck(norm, checks_.checkTorque(*stepper_, base_, front_));
+  if (norm <= 1.0) {
+    norm = worseOfCheck(norm, checkAccelerations());
+    if (stopWhereToleranceIsLost()) return norm;
+  }
+  if (norm <= 1.0 && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
+  return norm;
+}
+
+bool Integrator::accept(const Trial& trial, double norm) {
+  ++statistics_.steps;
+  double factor = control_.growth(norm);
+  if (trial.rejections > 0) factor = std::min(1.0, factor);
+  // A step cut short by a segment's end or an edge says nothing about the next one's size.
+  next_step_ = trial.is_last ? std::max(trial.length, trial.taken * factor) : trial.taken * factor;
+  crossing_.otherwise = next_step_;
+  // (What an implicit step thinks of its error when it is much too long is no guide; where the
+  // torque is integrated, its change is compared.)
+  const bool is_trusted = integrates_torque_ || !stepper_->isImplicit();
+  if (trial.usual > trial.taken && is_trusted) next_step_ = std::max(next_step_, trial.usual);
+  if (!finishStep()) return false;
+  if (!guards_.isEmpty()) moveGuards();
+  lookAhead();
+  return true;
+}
+
+bool Integrator::refuse(Trial& trial, double norm) {
+  ++statistics_.rejected_steps;
+  trial.length = trial.taken * control_.shrink(norm);
+  front_ = base_;
+  crossing_ = Crossing{};
+  // Where no step however short succeeds, it may be for a jump just ahead that they all feel (a
+  // Jacobian by differences, a stage).
+  if (trial.rejections % kHardPressed == kHardPressed - 1 && guards_.hasJumps()) {
+    hopped_ = crossJumpAhead(kAhead * settings_.maximum_step);
+    if (hopped_ || !status_.ok()) return false;
+  }
+  if (++trial.rejections == kHopeless && choice_.giveUpExplicit()) {
+    stepper_ = &choice_.stepper();
+    control_.setOrder(stepper_->errorOrder());
+    control_.reset();
+  }
+  return true;
 }
 
 bool Integrator::stepFixed() {
