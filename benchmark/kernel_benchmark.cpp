@@ -24,10 +24,10 @@
 #include <vector>
 
 #include "dynamics/generalized_gauss.h"
+#include "motion/motion.h"
 #include "peers/method.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/io/yaml_tree.h"
-#include "variator_sim/simulation.h"
 
 #ifndef VARIATOR_SIM_BENCHMARK_FLAGS
 #define VARIATOR_SIM_BENCHMARK_FLAGS "unknown"
@@ -289,13 +289,14 @@ Kernel makeHandKernel() {
 /// `specialize`: by code for the number of constraints, where there is some.
 Kernel makeKernel(const std::string& text, bool specialize = true) {
   struct Owner {
-    explicit Owner(Scene read_scene) : scene(std::move(read_scene)), system(scene) {}
+    Owner(Scene read_scene, const Shortcuts& shortcuts)
+        : scene(std::move(read_scene)), system(scene, shortcuts) {}
     Scene scene;
     GeneralizedGauss system;
   };
-  Scene scene = read(text);
-  scene.solver.specialize = specialize;
-  auto owner = std::make_shared<Owner>(std::move(scene));
+  Shortcuts shortcuts;
+  shortcuts.specialize = specialize;
+  auto owner = std::make_shared<Owner>(read(text), shortcuts);
   State start(owner->system.size());
   double nearest[kMaxShafts] = {};
   bool velocities_at_fault = false;
@@ -345,8 +346,8 @@ std::vector<NamedKernel> makeScalingKernels() {
 /// One way to run a scene; `run` does it once.
 struct Variant {
   std::string name;
-  std::unique_ptr<Simulation> simulation;
-  std::function<void(Simulation&)> run;
+  std::unique_ptr<Motion> simulation;
+  std::function<void(Motion&)> run;
 };
 
 /// Two ways with the same motion, the one that saves second.
@@ -359,11 +360,11 @@ struct Comparison {
 
 constexpr double kEnd = 20.0;  ///< s
 
-void runFromStart(Simulation& simulation) {
+void runFromStart(Motion& simulation) {
   simulation.reset();
   simulation.advanceTo(kEnd);
 }
-void runWithSamples(Simulation& simulation) {
+void runWithSamples(Motion& simulation) {
   simulation.reset();
   for (int n = 1; n <= 100 * static_cast<int>(kEnd); ++n) {
     simulation.advanceTo(0.01 * n);
@@ -371,20 +372,21 @@ void runWithSamples(Simulation& simulation) {
   }
 }
 /// From where the last run ended.
-void runLong(Simulation& simulation) {
+void runLong(Motion& simulation) {
   simulation.advanceTo(simulation.time() + 1e5);
 }
-void runTicks(Simulation& simulation) {
+void runTicks(Motion& simulation) {
   const double start = simulation.time();
   for (int n = 1; n <= 100000; ++n) simulation.advanceTo(start + 1e-3 * n);
 }
 
-using Change = std::function<void(Scene&)>;
+using Change = std::function<void(Scene&, Shortcuts&)>;
 
-std::unique_ptr<Simulation> makeSimulation(const std::string& text, const Change& change) {
+std::unique_ptr<Motion> makeSimulation(const std::string& text, const Change& change) {
   Scene scene = read(text);
-  change(scene);
-  return std::make_unique<Simulation>(std::move(scene));
+  Shortcuts shortcuts;
+  change(scene, shortcuts);
+  return std::make_unique<Motion>(std::move(scene), shortcuts);
 }
 
 Comparison compare(const std::string& skip, const std::string& scene, const std::string& text,
@@ -401,12 +403,12 @@ std::vector<Comparison> makeComparisons() {
   const std::string ship = shipText(Form::kFormulas, Form::kFormulas);
   const std::string compiled_ship = shipText(Form::kCompiled, Form::kCompiled);
   const auto add = [&](const char* skip, const std::string& name, const std::string& text,
-                       bool SolverSettings::*flag, bool specialize = true) {
+                       bool Shortcuts::*flag, bool specialize = true) {
     for (const double tolerance : {1e-4, 1e-9}) {
       const auto set = [=](bool on) {
-        return [=](Scene& scene) {
-          scene.solver.specialize = specialize;
-          scene.solver.*flag = on;
+        return [=](Scene& scene, Shortcuts& shortcuts) {
+          shortcuts.specialize = specialize;
+          shortcuts.*flag = on;
           scene.solver.relative_tolerance = scene.solver.absolute_tolerance = tolerance;
         };
       };
@@ -415,19 +417,19 @@ std::vector<Comparison> makeComparisons() {
     }
   };
   add("factored once", "2 shafts, 1 SlipRatio", slipText(2, 1, Form::kCompiled, "0.6"),
-      &SolverSettings::factor_once);
+      &Shortcuts::factor_once);
   add("factored once", "8 shafts, 4 SlipRatio", slipText(8, 4, Form::kCompiled, "0.6"),
-      &SolverSettings::factor_once);
-  add("angles not stepped", "ship, compiled", compiled_ship, &SolverSettings::skip_angles);
+      &Shortcuts::factor_once);
+  add("angles not stepped", "ship, compiled", compiled_ship, &Shortcuts::skip_angles);
   add("angles not stepped", "8 shafts, 4 variators", bentText(8, 4, Form::kCompiled),
-      &SolverSettings::skip_angles);
-  add("shape (2, 1) compiled", "ship, compiled", compiled_ship, &SolverSettings::specialize);
-  add("shape (2, 1) compiled", "ship, formulas", ship, &SolverSettings::specialize);
+      &Shortcuts::skip_angles);
+  add("shape (2, 1) compiled", "ship, compiled", compiled_ship, &Shortcuts::specialize);
+  add("shape (2, 1) compiled", "ship, formulas", ship, &Shortcuts::specialize);
 
   // A harmonic of amplitude 0: J is evaluated and inverted everywhere, and stays the same.
   for (const double tolerance : {1e-4, 1e-9}) {
-    const auto set = [=](Scene& scene) {
-      scene.solver.specialize = scene.solver.skip_angles = false;
+    const auto set = [=](Scene& scene, Shortcuts& shortcuts) {
+      shortcuts.specialize = shortcuts.skip_angles = false;
       scene.solver.relative_tolerance = scene.solver.absolute_tolerance = tolerance;
     };
     const std::string name = tolerance > 1e-5 ? ", 1e-4" : ", 1e-9";
@@ -443,14 +445,16 @@ std::vector<Comparison> makeComparisons() {
         sceneText(2, form, {"type: variator_sim/KinematicRatio, shafts: [s1, s2], ratio: 0.5"});
     list.push_back(compare(
         "no acceleration state", std::string("constant ratio, ") + toString(form), text,
-        [](Scene& scene) { scene.principle = Principle::kGeneralizedGauss; },
-        [](Scene& scene) { scene.principle = Principle::kGauss; }));
+        [](Scene& scene, Shortcuts& /*shortcuts*/) {
+          scene.principle = Principle::kGeneralizedGauss;
+        },
+        [](Scene& scene, Shortcuts& /*shortcuts*/) { scene.principle = Principle::kGauss; }));
   }
 
   // What 100 samples per second cost: the same stepper without and with them.
   for (const StepperKind kind :
        {StepperKind::kFehlberg78, StepperKind::kDop853, StepperKind::kDopri5}) {
-    const auto set = [=](Scene& scene) { scene.solver.stepper = kind; };
+    const auto set = [=](Scene& scene, Shortcuts& /*shortcuts*/) { scene.solver.stepper = kind; };
     Comparison comparison =
         compare("dense output", std::string("ship, compiled, ") + variator_sim::toString(kind),
                 compiled_ship, set, set);
@@ -468,8 +472,9 @@ std::vector<Comparison> makeRests() {
   for (const bool ticks : {false, true}) {
     Comparison comparison = compare(
         "sleep", ticks ? "at rest, advanced by 1 ms" : "at rest, advanced by 1e5 s",
-        slipText(2, 1, Form::kCompiled, "0.6"), [](Scene& scene) { scene.solver.sleep = false; },
-        [](Scene& scene) { scene.solver.sleep = true; });
+        slipText(2, 1, Form::kCompiled, "0.6"),
+        [](Scene& scene, Shortcuts& /*shortcuts*/) { scene.solver.sleep = false; },
+        [](Scene& scene, Shortcuts& /*shortcuts*/) { scene.solver.sleep = true; });
     comparison.seconds = ticks ? 100.0 : 1e5;
     for (Variant& variant : comparison.variants) {
       variant.run = ticks ? runTicks : runLong;
@@ -594,7 +599,7 @@ void measureComparisons(std::vector<Comparison> comparisons, int rounds, std::os
     for (std::size_t v = 0; v < 2; ++v) {
       const Variant& variant = comparison.variants[v];
       if (!variant.simulation->status().ok()) {
-        throw std::runtime_error(variant.simulation->describeStatus());
+        throw std::runtime_error(toString(variant.simulation->status().reason));
       }
       // A motion that goes on and on counts all its runs' steps.
       const bool restarts = comparison.skip != "sleep";

@@ -200,14 +200,6 @@ TEST(SceneReader, ReadsWhetherAMotionMaySleep) {
   EXPECT_FALSE(readScene(scene.resolved, factory).solver.sleep);
 }
 
-// The skips are no keys of a scene.
-TEST(SceneReader, LeavesTheSkipsToCode) {
-  const SolverSettings settings = read(base()).solver;
-  EXPECT_TRUE(settings.specialize);
-  EXPECT_TRUE(settings.skip_angles);
-  EXPECT_TRUE(settings.factor_once);
-}
-
 TEST(CommandedTorque, AddsGainTimesInputToItsShaft) {
   const Scene scene = read(withMotor("shaft: load, topic: brake, gain: -2"));
   const double input[] = {3.0};

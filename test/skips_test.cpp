@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "integrate/command_rhythm.h"
+#include "motion/motion.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -165,15 +166,15 @@ struct Result {
   Statistics statistics;
 };
 
-Result run(Scene scene) {
-  Simulation simulation(std::move(scene));
+Result run(Scene scene, const Shortcuts& shortcuts = {}) {
+  Motion simulation(std::move(scene), shortcuts);
   Result result;
   for (int n = 1; n <= 20; ++n) {
     simulation.advanceTo(kEnd * n / 20.0);
     if (n == 10 && simulation.scene().inputCount() > 0) simulation.command(0, 0.7);
     result.samples.push_back(simulation.sample());
   }
-  EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  EXPECT_TRUE(simulation.status().ok()) << toString(simulation.status().reason);
   result.statistics = simulation.statistics();
   return result;
 }
@@ -209,20 +210,20 @@ TEST_P(Skips, ChangeNothingButRounding) {
     const bool is_implicit = stepper == StepperKind::kRadau5;
     const double tolerance = is_implicit ? 1e-8 : kTolerance;
     const Result all = run(scene(stepper, tolerance));
-    for (bool SolverSettings::*skip : {&SolverSettings::specialize, &SolverSettings::skip_angles,
-                                       &SolverSettings::factor_once}) {
-      Scene without = scene(stepper, tolerance);
-      without.solver.*skip = false;
-      const Result result = run(std::move(without));
+    for (bool Shortcuts::*skip :
+         {&Shortcuts::specialize, &Shortcuts::skip_angles, &Shortcuts::factor_once}) {
+      Shortcuts without;
+      without.*skip = false;
+      const Result result = run(scene(stepper, tolerance), without);
       SCOPED_TRACE(std::string(toString(stepper)) + " without " +
-                   (skip == &SolverSettings::specialize    ? "specialize"
-                    : skip == &SolverSettings::skip_angles ? "skip_angles"
-                                                           : "factor_once"));
+                   (skip == &Shortcuts::specialize    ? "specialize"
+                    : skip == &Shortcuts::skip_angles ? "skip_angles"
+                                                      : "factor_once"));
       // of implicit steps the number of Newton's iterations may differ, by less than the tolerance
       expectSameMotion(result, all, is_implicit ? tolerance : 1e-10);
       if (is_implicit) continue;
       // Rounding differs in specialized code, and may tip the acceptance of a step.
-      if (skip == &SolverSettings::specialize) {
+      if (skip == &Shortcuts::specialize) {
         EXPECT_NEAR(static_cast<double>(result.statistics.steps),
                     static_cast<double>(all.statistics.steps),
                     2.0 + 0.02 * static_cast<double>(all.statistics.steps));

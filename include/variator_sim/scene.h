@@ -47,12 +47,7 @@ struct SolverSettings {
   double step = 0.001;          ///< of fixed-step steppers, s
   double maximum_step = 1.0;    ///< of adaptive steppers, s: no feature narrower is stepped over
   int maximum_steps = 1000000;  ///< within one second of simulated time
-  /// What the skip table of doc/benchmarks.md turns off to measure it. No keys of a scene: the
-  /// motion is the same without them, but for rounding.
-  bool specialize = true;   ///< code made for two shafts and one constraint
-  bool skip_angles = true;  ///< no stages of angles that nothing reads
-  bool factor_once = true;  ///< one factorization where C and J are constant
-  bool sleep = true;        ///< stop stepping at rest (doc/theory.md), until a command comes
+  bool sleep = true;            ///< stop stepping at rest (doc/theory.md), until a command comes
 };
 
 struct InitialConditions {

@@ -6,7 +6,8 @@
 
 namespace variator_sim {
 
-ClassicalGauss::ClassicalGauss(const Scene& scene) : PrincipleSystem(scene, 2, false) {
+ClassicalGauss::ClassicalGauss(const Scene& scene, const Shortcuts& shortcuts)
+    : PrincipleSystem(scene, shortcuts, 2, false) {
   for (const ConstraintPtr& constraint : scene.constraints) {
     linear_ = linear_ && constraint->nonlinearAccelerations() == 0;
   }

@@ -16,7 +16,7 @@ namespace variator_sim {
 /// Constraints of order 1 and 2. See AccelerationSystem for what each method means.
 class ClassicalGauss final : public PrincipleSystem {
  public:
-  explicit ClassicalGauss(const Scene& scene);
+  explicit ClassicalGauss(const Scene& scene, const Shortcuts& shortcuts = {});
 
   double rowLengthSquared(int m) const override {
     return drivetrain_.accelerationRowLengthSquared(m);

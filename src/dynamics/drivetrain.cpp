@@ -6,7 +6,7 @@
 
 namespace variator_sim {
 
-Drivetrain::Drivetrain(const Scene& scene)
+Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts)
     : S(scene.shaftCount()),
       scene_(scene),
       inertia_(scene.inertia, scene.inertia_harmonics),
@@ -15,7 +15,7 @@ Drivetrain::Drivetrain(const Scene& scene)
       acceleration_solver_(S, countOrders(scene, 2)) {
   const bool rates = scene.principle == Principle::kGeneralizedGauss;
   reads_.time = false;
-  reads_.angle = !inertia_.isConstant() || !scene.solver.skip_angles;
+  reads_.angle = !inertia_.isConstant() || !shortcuts.skip_angles;
   for (const TorquePtr& torque : scene.torques) {
     torques_.push_back(torque.get());
     torques_read_time_ = torques_read_time_ || torque->torqueDependence().time;
@@ -47,7 +47,7 @@ Drivetrain::Drivetrain(const Scene& scene)
     noteBranches(*constraints_[m], {-1, static_cast<int>(m)});
   }
   std::sort(instants_.begin(), instants_.end());
-  has_constant_rows_ = has_constant_jacobian_ && scene.solver.factor_once;
+  has_constant_rows_ = has_constant_jacobian_ && shortcuts.factor_once;
   findColumns();
   signals_.resize(scene.inputs.size());
   saved_signals_.resize(scene.inputs.size());

@@ -12,6 +12,7 @@
 
 #include "dynamics/dense.h"
 #include "dynamics/shaft_count.h"
+#include "dynamics/shortcuts.h"
 #include "dynamics/state_vector.h"
 #include "model/central_difference.h"
 #include "variator_sim/principle.h"
@@ -24,7 +25,7 @@ namespace variator_sim {
 /// and the counters are the only things that change. All evaluations are [loop].
 class Drivetrain {
  public:
-  explicit Drivetrain(const Scene& scene);
+  Drivetrain(const Scene& scene, const Shortcuts& shortcuts);
 
   int shafts() const { return S; }
   const Inertia& inertia() const { return inertia_; }

@@ -14,7 +14,8 @@ namespace variator_sim {
 /// beside C eta + c0 = 0. The minimum of nothing, but what a user may want to compare.
 class FormalGauss final : public AccelerationSystem {
  public:
-  explicit FormalGauss(const Scene& scene) : AccelerationSystem(scene, true) {}
+  explicit FormalGauss(const Scene& scene, const Shortcuts& shortcuts = {})
+      : AccelerationSystem(scene, shortcuts, true) {}
 
   void operator()(const State& x, State& dxdt, double t) override;
 

@@ -15,11 +15,11 @@ bool isSimple(const Inertia& inertia) {
 
 }  // namespace
 
-GeneralizedGauss::GeneralizedGauss(const Scene& scene)
-    : AccelerationSystem(scene, false),
+GeneralizedGauss::GeneralizedGauss(const Scene& scene, const Shortcuts& shortcuts)
+    : AccelerationSystem(scene, shortcuts, false),
       derive_(chooseDerive(S)),
       has_one_row_(S == 2 && scene.constraintCount() == 1 && isSimple(drivetrain_.inertia()) &&
-                   scene.solver.specialize) {}
+                   shortcuts.specialize) {}
 
 GeneralizedGauss::Derive GeneralizedGauss::chooseDerive(int shafts) {
   constexpr Derive kBySize[] = {derive<1>, derive<2>, derive<3>, derive<4>,

@@ -9,7 +9,7 @@ namespace variator_sim {
 /// See AccelerationSystem for what it has beside its derivative and its sample.
 class GeneralizedGauss final : public AccelerationSystem {
  public:
-  explicit GeneralizedGauss(const Scene& scene);
+  explicit GeneralizedGauss(const Scene& scene, const Shortcuts& shortcuts = {});
 
   void operator()(const State& x, State& dxdt, double t) override { derive_(*this, x, dxdt, t); }
   bool isSpecialized() const override { return has_one_row_; }

@@ -46,7 +46,7 @@ MotionStatus JumpMap::follow(double* epsilon, std::uint64_t* projections) {
     row_reference_[m] = drivetrain_.solver().rowLengthSquared(m);
   }
   const MotionStatus status = straight_ ? stepStraight(e, rate) : integrate(e, rate, projections);
-  if (status.ok()) std::copy(e.begin(), e.end(), epsilon);
+  if (status.ok()) std::copy_n(e.data(), S, epsilon);
   return status;
 }
 

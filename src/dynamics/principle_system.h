@@ -1,8 +1,9 @@
-/// A drivetrain under a principle, as the integrator (integrator.h) asks for it: beside what steppers
-/// need, how its state is started, moved by jumps and edges, and sampled.
+/// A drivetrain under a principle, as the integrator (integrator.h) asks for it: beside what
+/// steppers need, how its state is started, moved by jumps and edges, and sampled.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
 #include "dynamics/drivetrain.h"
 #include "dynamics/initial_conditions.h"
@@ -79,15 +80,19 @@ class PrincipleSystem : public System {
   virtual bool calcSample(double t, const State& x, Sample* sample) = 0;
 
  protected:
-  PrincipleSystem(const Scene& scene, int levels, bool integrates_torque)
+  PrincipleSystem(const Scene& scene, const Shortcuts& shortcuts, int levels,
+                  bool integrates_torque)
       : System(scene.shaftCount(), levels, integrates_torque),
         scene_(scene),
-        drivetrain_(scene),
+        drivetrain_(scene, shortcuts),
         initial_solver_(drivetrain_) {}
 
   const Scene& scene_;
   Drivetrain drivetrain_;
   InitialConditionSolver initial_solver_;
 };
+
+/// The system of a scene's principle and orders. `scene` has to outlive it.
+std::unique_ptr<PrincipleSystem> makeSystem(const Scene& scene, const Shortcuts& shortcuts);
 
 }  // namespace variator_sim

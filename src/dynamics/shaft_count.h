@@ -28,6 +28,8 @@ inline void forEachComponent(int first, int last, const Body& body) {
     for (int n = 0; n < count; ++n) body(first + n);
   };
   switch (last - first) {
+    case 2:
+      return run(std::integral_constant<int, 2>{});
     case 4:  // two shafts: velocities and accelerations
       return run(std::integral_constant<int, 4>{});
     case 6:  // the same with angles, or three shafts

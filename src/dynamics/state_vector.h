@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "dynamics/shaft_count.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
@@ -22,6 +23,7 @@ class SmallVector {
   explicit SmallVector(int size) : size_(size) { fill(0.0); }
   SmallVector(const SmallVector& other) : size_(other.size_) { copy(other); }
   SmallVector& operator=(const SmallVector& other) {
+    if (this == &other) return *this;
     size_ = other.size_;
     copy(other);
     return *this;
@@ -41,7 +43,7 @@ class SmallVector {
   void fill(double value) { std::fill_n(values_, size_, value); }
   /// Takes its values from an array of as many.
   void assign(const double* values) {
-    for (int i = 0; i < size_; ++i) values_[i] = values[i];
+    forEachComponent(0, size_, [&](int i) { values_[i] = values[i]; });
   }
   bool operator==(const SmallVector& other) const {
     return std::equal(begin(), end(), other.begin(), other.end());
@@ -50,7 +52,8 @@ class SmallVector {
 
  private:
   void copy(const SmallVector& other) {
-    for (int i = 0; i < size_; ++i) values_[i] = other.values_[i];
+    // Not as a loop of any length: that becomes a call, which costs more than it does.
+    forEachComponent(0, size_, [&](int i) { values_[i] = other.values_[i]; });
   }
   int size_;
   double values_[kCapacity];

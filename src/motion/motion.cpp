@@ -7,9 +7,9 @@
 
 namespace variator_sim {
 
-Motion::Motion(Scene scene)
+Motion::Motion(Scene scene, const Shortcuts& shortcuts)
     : scene_(std::move(scene)),
-      own_system_(makeSystem(scene_)),
+      own_system_(makeSystem(scene_, shortcuts)),
       system_(*own_system_),
       drivetrain_(system_.drivetrain()),
       integrator_(system_, scene_),

@@ -41,13 +41,10 @@
 
 namespace variator_sim {
 
-/// The system of a scene's principle and orders.
-std::unique_ptr<PrincipleSystem> makeSystem(const Scene& scene);
-
 /// See Simulation for what each public method promises.
 class Motion {
  public:
-  explicit Motion(Scene scene);
+  explicit Motion(Scene scene, const Shortcuts& shortcuts = {});
 
   const Scene& scene() const { return scene_; }
   double time() const { return time_; }
