@@ -360,6 +360,28 @@ solver: {sleep: false}
   }
 }
 
+// Where J is nearly singular J^-1 Q is known to many roundings: a start whose reaction is nothing
+// but those is found, not doubted.
+TEST(LeastReaction, OfNothingIsFoundWhereJIsNearlySingular) {
+  for (double gap : {1e-2, 1e-4, 1e-5, 1e-6, 1e-7}) {
+    const double c = -(1.0 - gap);
+    char text[600];
+    std::snprintf(text, sizeof text,
+                  "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\n"
+                  "inertia_coupling: [[a, b, %.17g]]\ntorques: [qa, qb]\n"
+                  "qa: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"%.17g\"}\n"
+                  "qb: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"%.17g\"}\n"
+                  "constraints: [v]\nv: {type: variator_sim/ExpressionConstraint, order: 2, "
+                  "expression: \"0.2*(e2-0.5*e1)*(1+0.05*(e1^2+e2^2))+w2-0.5*w1\"}\n"
+                  "initial: {velocity: [2, 1]}\n",
+                  c, 1.0 + 0.5 * c, c + 0.5);
+    Simulation simulation(test::sceneFromText(text));
+    const Sample& start = simulation.sample();
+    EXPECT_NEAR(start.acceleration[0], 1.0, 1e-15 / gap) << gap;
+    EXPECT_NEAR(start.acceleration[1], 0.5, 1e-15 / gap) << gap;
+  }
+}
+
 TEST(SingularStart, NamesTheConstraintThatLostRank) {
   const auto constraintAt = [](const std::string& order, const std::string& x) {
     return Simulation(test::sceneFromText(

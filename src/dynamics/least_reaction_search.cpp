@@ -22,16 +22,14 @@ LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state, c
   if (!setUp()) return conclude(false);
   if (candidate_count_ == 0) findFirst();
   if (candidate_count_ == 0) return Verdict::kNone;
-  // What is left of the free accelerations by rounding is no distance.
-  double size = 0.0;
-  for (int i = 0; i < S; ++i) size = std::max(size, std::abs(free[i]));
-  smallest_ = 64.0 * std::numeric_limits<double>::epsilon() * size;
+  smallest_ = calcRoundingDistance();
   bool is_certain = true;
   int rays = kFewestRays;
   int quiet = 0;
   for (int round = 0; round < kMostRounds && quiet < (n_ == 1 ? 1 : 2); ++round) {
     const double before = candidates_[0].reaction;
-    if (!(radius() > smallest_)) return conclude(true);
+    // The free accelerations themselves: nothing is less.
+    if (!(radius() > smallest_)) return Verdict::kFound;
     // The first look is a coarse one, which may make the ball much smaller.
     is_certain = lookThrough(n_ == 1 ? 2 : rays, round == 0);
     descendAll();
@@ -288,6 +286,33 @@ void LeastReactionSearch::findFirst() {
     lookThrough(n_ == 1 ? 2 : kFewestRays, true);
     descendAll();
   }
+}
+
+double LeastReactionSearch::calcRoundingDistance() const {
+  constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+  const Inertia& inertia = drivetrain_.inertia();
+  // f = J^-1 q is known to eps |J^-1| |q|, |q| = |J| |f|: much less well than to eps |f| where J is
+  // nearly singular.
+  double q[kMaxShafts];
+  double rounding[kMaxShafts] = {};
+  double size = 0.0;
+  for (int i = 0; i < S; ++i) {
+    size = std::max(size, std::abs(free_[i]));
+    q[i] = 0.0;
+    for (int j = 0; j < S; ++j) q[i] += std::abs(inertia.entry(i, j) * free_[j]);
+  }
+  for (int j = 0; j < S; ++j) {
+    double unit[kMaxShafts] = {};
+    double column[kMaxShafts];
+    unit[j] = 1.0;
+    inertia.solve(unit, column);
+    for (int i = 0; i < S; ++i) rounding[i] += kEpsilon * std::abs(column[i]) * q[j];
+  }
+  double square = 0.0;
+  for (int i = 0; i < S; ++i) {
+    for (int j = 0; j < S; ++j) square += std::abs(inertia.entry(i, j)) * rounding[i] * rounding[j];
+  }
+  return std::max(64.0 * kEpsilon * size, std::sqrt(square));
 }
 
 LeastReactionSearch::Verdict LeastReactionSearch::conclude(bool is_certain) const {

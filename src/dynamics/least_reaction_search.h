@@ -142,6 +142,8 @@ class LeastReactionSearch {
   /// Without a candidate nothing bounds the ball: it grows until there is one.
   void findFirst();
 
+  /// What is left of the free accelerations by rounding, and is no distance.
+  double calcRoundingDistance() const;
   Verdict conclude(bool is_certain) const;
 
   /// Points that are nearer to each other than this, relative to accelerations, are one.
