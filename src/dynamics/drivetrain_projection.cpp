@@ -113,12 +113,12 @@ bool Drivetrain::calcJumpRate(const StateView& state, const double* torque_jump,
 bool Drivetrain::calcKinkJump(StateView before, StateView after, double* change) {
   const double* begin = after.acceleration;
   const int k = constraintCount();
+  double at[kMaxShafts];
   const auto slope = [&](double theta, const double* moved, double* rate) {
-    double e[kMaxShafts];
     double C[kMaxShafts];
     double gap[kMaxRows] = {};
-    for (int i = 0; i < S; ++i) e[i] = begin[i] + moved[i];
-    before.acceleration = after.acceleration = e;
+    for (int i = 0; i < S; ++i) at[i] = begin[i] + moved[i];
+    before.acceleration = after.acceleration = at;
     for (int m = 0; m < k; ++m) {
       const Constraint& row = constraint(m);
       double* mean = solver_.row(m);
