@@ -456,7 +456,7 @@ class Drivetrain {
   template <class Evaluate>
   bool calcCorrection(const std::vector<int>& rows, ConstraintSolver* solver, double* delta,
                       Evaluate evaluate) {
-    double residual[kMaxRows] = {};
+    double residual[kMaxRows];
     for (int r = 0; r < solver->rowCount(); ++r) residual[r] = evaluate(rows[r], solver->row(r));
     return withShaftCount(S, [&](auto shafts) {
       if (!solver->isFactored() || !has_constant_rows_) {

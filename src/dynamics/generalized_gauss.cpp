@@ -36,7 +36,7 @@ void GeneralizedGauss::derive(GeneralizedGauss& self, const State& x, State& dxd
   if constexpr (kShafts == 2) {
     if (self.has_one_row_ && self.drivetrain_.calcJerkOfOneRow<kShafts>(t, x.data(), eta)) return;
   }
-  double Lambda[kMaxRows] = {};
+  double Lambda[kMaxRows];
   const StateView state =
       self.drivetrain_.view(t, x.data(), x.data() + kShafts, x.data() + 2 * kShafts);
   self.calcJerk(std::integral_constant<int, kShafts>{}, state, eta, Lambda);
@@ -47,7 +47,7 @@ bool GeneralizedGauss::calcJerk(Count shafts, const StateView& state, double* et
   drivetrain_.countRightHandSide();
   // Rows first: what takes longest (a sine, the pivot's reciprocal) is under way when the torques
   // are asked.
-  double c0[kMaxRows] = {};
+  double c0[kMaxRows];
   const bool regular =
       drivetrain_.constraintCount() == 0 || drivetrain_.calcRows(shafts, state, c0);
   // -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'
@@ -70,7 +70,7 @@ void GeneralizedGauss::calcLinearization(double t, const State& x, Linearization
   }
   const StateView state = view(t, x);
   double eta[kMaxShafts];
-  double Lambda[kMaxRows] = {};
+  double Lambda[kMaxRows];
   calcJerk(S, state, eta, Lambda);
   double derivatives[3 * kMaxShafts * kMaxShafts];
   drivetrain_.calcJerkDerivatives(state, eta, Lambda, derivatives);
@@ -100,7 +100,7 @@ void GeneralizedGauss::calcStageLinearization(double t, const State& x, const St
   }
   const StateView state = view(t, x);
   double eta[kMaxShafts];
-  double Lambda[kMaxRows] = {};
+  double Lambda[kMaxRows];
   calcJerk(S, state, eta, Lambda);
   double derivatives[3 * kMaxShafts * kMaxShafts];
   drivetrain_.calcStageDerivatives(state, Lambda, linearization.projector(), linearization.pull(),
