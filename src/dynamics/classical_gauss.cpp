@@ -51,13 +51,8 @@ void ClassicalGauss::calcStageLinearization(double t, const State& x, const Stat
   }
   linearization.mass().setIdentity();
   const StateView state = drivetrain_.view(t, x.data(), x.data() + S, dxdt.data() + S);
-  double torque[kMaxShafts];
-  double reaction[kMaxShafts];
-  double c0[kMaxRows] = {};
   double lambda[kMaxRows] = {};
-  drivetrain_.calcTorque(state, torque);
-  drivetrain_.calcReaction(state, torque, reaction);
-  if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda);
+  calcMultipliers(state, lambda);
   double derivatives[2 * kMaxShafts * kMaxShafts];
   drivetrain_.calcAccelerationDerivatives(state, lambda, linearization.projector(),
                                           linearization.pull(), derivatives);
@@ -111,14 +106,14 @@ InitialResult ClassicalGauss::start(State& x, double* nearest, bool* velocities_
     // Those given choose among the stationary ones.
     std::copy_n(scene_.initial.acceleration.begin(), S, epsilon_);
     std::copy(epsilon_, epsilon_ + S, guess_);
-    noteMultipliers(state);
+    calcMultipliers(state, lambda_guess_);
     calcAccelerations(state);
     if (!std::isfinite(epsilon_[0])) return InitialResult::kNotFound;
     result = InitialResult::kConsistent;
   }
   std::copy(epsilon_, epsilon_ + S, guess_);
   std::copy(epsilon_, epsilon_ + S, nearest);
-  noteMultipliers(state);
+  calcMultipliers(state, lambda_guess_);
   if (result != InitialResult::kConsistent || scene_.initial.acceleration.empty() ||
       scene_.initial.project) {
     return result;
@@ -143,7 +138,7 @@ MotionStatus ClassicalGauss::jump(double t, State& x, const double* /*u0*/, cons
   }
   if (status.ok()) {
     std::copy(epsilon_, epsilon_ + S, guess_);
-    noteMultipliers(state);
+    calcMultipliers(state, lambda_guess_);
   }
   return status;
 }
@@ -151,7 +146,7 @@ MotionStatus ClassicalGauss::jump(double t, State& x, const double* /*u0*/, cons
 void ClassicalGauss::noteBase(double t, const State& x, const State& dxdt) {
   if (linear_) return;
   std::copy(dxdt.begin() + S, dxdt.end(), guess_);
-  noteMultipliers(drivetrain_.view(t, x.data(), x.data() + S, guess_));
+  calcMultipliers(drivetrain_.view(t, x.data(), x.data() + S, guess_), lambda_guess_);
 }
 
 bool ClassicalGauss::calcSample(double t, const State& x, Sample* sample) {
@@ -185,13 +180,13 @@ bool ClassicalGauss::calcSample(double t, const State& x, Sample* sample) {
   return regular;
 }
 
-void ClassicalGauss::noteMultipliers(const StateView& state) {
+void ClassicalGauss::calcMultipliers(const StateView& state, double* lambda) {
   double torque[kMaxShafts];
   double reaction[kMaxShafts];
   double c0[kMaxRows] = {};
   drivetrain_.calcTorque(state, torque);
   drivetrain_.calcReaction(state, torque, reaction);
-  if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda_guess_);
+  if (drivetrain_.calcRows(state, c0)) drivetrain_.calcMultipliers(reaction, lambda);
 }
 
 void ClassicalGauss::calcAccelerations(const StateView& state) {

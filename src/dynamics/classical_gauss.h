@@ -69,8 +69,8 @@ class ClassicalGauss final : public PrincipleSystem {
   bool calcSample(double t, const State& x, Sample* sample) override;
 
  private:
-  /// lambda_guess_ of the reaction at `state`.
-  void noteMultipliers(const StateView& state);
+  /// lambda (k values) of the reaction at `state`; unchanged where C has lost rank.
+  void calcMultipliers(const StateView& state, double* lambda);
 
   /// epsilon_ at `state`, whose accelerations point there; NaN where there are none.
   void calcAccelerations(const StateView& state);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 
 #include "dynamics/shaft_count.h"
@@ -31,6 +32,9 @@ class SmallVector {
   ~SmallVector() = default;
 
   int size() const { return size_; }
+  bool isFinite() const {
+    return std::all_of(begin(), end(), [](double value) { return std::isfinite(value); });
+  }
   void resize(std::size_t size) { *this = SmallVector(static_cast<int>(size)); }
   double& operator[](int i) { return values_[i]; }
   double operator[](int i) const { return values_[i]; }

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "integrate/integrator.h"
 
@@ -43,9 +42,7 @@ Integrator::Look Integrator::lookInside(double taken, double* next) {
 }
 
 Integrator::Look Integrator::lookAtEnd(double taken, double* next) {
-  for (double value : front_.x) {
-    if (!std::isfinite(value)) return Look::kClear;
-  }
+  if (!front_.x.isFinite()) return Look::kClear;
   system_(front_.x, front_.dxdt, front_.time);
   if (!guards_.hasAnyLeft(viewOf(front_))) return Look::kClear;
   // The cubic through both ends tells about where.
@@ -351,9 +348,7 @@ bool Integrator::enterBranch(double late) {
   checks_.noteTorque(front_);
   system_.restoreReaction(front_, kAnyway);
   system_(front_.x, front_.dxdt, front_.time);
-  for (double value : front_.dxdt) {
-    if (!std::isfinite(value)) return refuseEdge();
-  }
+  if (!front_.dxdt.isFinite()) return refuseEdge();
   if (kinks_velocity_row || jumps) choice_.restart();
   rows_.noteAnew();
   if (!finishStep()) return refuseEdge();

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "integrate/diagnosis.h"
 
@@ -103,11 +102,9 @@ void Integrator::restart() {
   base_ = front_;
   drivetrain_.refreshInputs(front_.time);
   system_(front_.x, front_.dxdt, front_.time);
-  for (double value : front_.dxdt) {
-    if (!std::isfinite(value)) {
-      explainStop();
-      return;
-    }
+  if (!front_.dxdt.isFinite()) {
+    explainStop();
+    return;
   }
   checks_.noteTorque(front_);
   checks_.noteAccelerations(front_);
@@ -126,20 +123,17 @@ void Integrator::restart() {
 }
 
 double Integrator::chooseFirstStep() {
-  const SolverSettings& solver = settings_;
   const auto size = [&](const State& v) {
     double largest = 0.0;
     for (int i = 0; i < v.size(); ++i) {
-      const double allowance =
-          solver.absolute_tolerance + solver.relative_tolerance * std::abs(front_.x[i]) + 1e-300;
-      largest = std::max(largest, std::abs(v[i]) / allowance);
+      largest = std::max(largest, std::abs(v[i]) / tolerance_.of(front_.x[i]));
     }
     return largest;
   };
   const double d0 = size(front_.x);
   const double d1 = size(front_.dxdt);
   double h0 = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01 * d0 / d1;
-  h0 = std::min(h0, solver.maximum_step);
+  h0 = std::min(h0, settings_.maximum_step);
   State x1(system_.size());
   State change(system_.size());
   for (int i = 0; i < x1.size(); ++i) x1[i] = front_.x[i] + h0 * front_.dxdt[i];
@@ -153,7 +147,7 @@ double Integrator::chooseFirstStep() {
   if (!std::isfinite(h1)) h1 = 1e-3 * h0;  // the Euler step left the domain
   // Without an absolute tolerance nothing that starts from 0 is ever slow enough: let it try.
   h1 = std::max(h1, 1e-6 * h0);
-  return std::min({100.0 * h0, h1, solver.maximum_step});
+  return std::min({100.0 * h0, h1, settings_.maximum_step});
 }
 
 bool Integrator::haveInputsJumped(const double* u0) const {
@@ -383,18 +377,19 @@ void Integrator::lookAhead() {
       return;
     }
     if (choice_.settle(front_, rate * (front_.time - base_.time))) {
-      control_.setOrder(choice_.stepper().errorOrder());
-      control_.reset();
+      followChoice();
       return;
     }
   }
   if (!choice_.isAutomatic()) return;
   const double limit =
       std::min(settings_.maximum_step, drivetrain_.inputSegmentEnd() - front_.time);
-  if (choice_.reconsider(system_, front_, limit, &next_step_)) {
-    control_.setOrder(choice_.stepper().errorOrder());
-    control_.reset();
-  }
+  if (choice_.reconsider(system_, front_, limit, &next_step_)) followChoice();
+}
+
+void Integrator::followChoice() {
+  control_.setOrder(choice_.stepper().errorOrder());
+  control_.reset();
 }
 
 bool Integrator::fallAsleep() {

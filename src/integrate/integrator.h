@@ -107,8 +107,6 @@ class Integrator {
   void calcInside(double theta, State& x);
 
  private:
-  static constexpr double kNever = std::numeric_limits<double>::infinity();
-
   double absolute(double t) const { return origin_.absolute(t); }
   double relative(double time) const { return origin_.relative(time); }
   void moveOrigin(double t);
@@ -171,6 +169,8 @@ class Integrator {
   /// shorter.
   bool finishStep();
 
+  /// The stepper has changed: sizes of steps are chosen by its order, without a past.
+  void followChoice();
   /// After an accepted step of adaptive size: another stepper for the next one? at rest?
   void lookAhead();
 
@@ -327,9 +327,7 @@ class Integrator {
   /// The motion sleeps for so many of its longest steps at least.
   static constexpr double kLeastSleep = 20.0;
   /// Steps from `time` are longer than this. [loop]
-  static double shortestStep(double time) { return kResolution * std::abs(time); }
-  /// Relative to the time reached: shorter steps no longer change the time reliably.
-  static constexpr double kResolution = 4.0 * std::numeric_limits<double>::epsilon();
+  static double shortestStep(double time) { return resolutionOf(time); }
 
   const int S;  // shafts
   const bool integrates_torque_;

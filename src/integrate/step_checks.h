@@ -3,8 +3,8 @@
 /// An estimate is of the states of the stages. A torque that acts in a narrow layer between two
 /// stages, and accelerations that answer to the least change of the state, are none of its business
 /// and are looked at here. Each principle has one check of either kind: where the state has the
-/// accelerations (kIntegratesTorque) the torque enters by its rate and `checkTorque` looks at its
-/// integral; where they follow from the state `checkAccelerations` asks for their error and
+/// accelerations (System::integratesTorque) the torque enters by its rate and `checkTorque` looks
+/// at its integral; where they follow from the state `checkAccelerations` asks for their error and
 /// `isTorqueFollowed` for layers.
 #pragma once
 

@@ -1,7 +1,15 @@
 /// What times are counted from.
 #pragma once
 
+#include <cmath>
+#include <limits>
+
 namespace variator_sim {
+
+/// Differences from `time` that are no more than this no longer change it reliably. [loop]
+inline double resolutionOf(double time) {
+  return 4.0 * std::numeric_limits<double>::epsilon() * std::abs(time);
+}
 
 /// Times inside a motion are counted from its last beginning (start, command, jump), so that what
 /// follows is resolved as finely after 1e7 s as after none. The origin is kept to twice a double's

@@ -97,8 +97,7 @@ bool Integrator::refuse(Trial& trial, double norm) {
   }
   if (++trial.rejections == kHopeless && choice_.giveUpExplicit()) {
     stepper_ = &choice_.stepper();
-    control_.setOrder(stepper_->errorOrder());
-    control_.reset();
+    followChoice();
   }
   return true;
 }
@@ -177,11 +176,7 @@ double Integrator::endOfReach() const {
 
 double Integrator::projectEnd(const Stepper& stepper, const State& x_old, double end, double h,
                               double estimate, State& x) {
-  if (!stepper.projects()) {
-    for (double value : x) {
-      if (!std::isfinite(value)) return std::numeric_limits<double>::quiet_NaN();
-    }
-  }
+  if (!stepper.projects() && !x.isFinite()) return std::numeric_limits<double>::quiet_NaN();
   if (drivetrain_.constraintCount() == 0) return 0.0;
   StepProjection own(system_.size());
   if (stepper.isImplicit()) {
@@ -230,10 +225,7 @@ bool Integrator::differentiateFront() {
   } else {
     system_(front_.x, front_.dxdt, front_.time);
   }
-  for (double value : front_.dxdt) {
-    if (!std::isfinite(value)) return false;
-  }
-  return true;
+  return front_.dxdt.isFinite();
 }
 
 bool Integrator::finishStep() {

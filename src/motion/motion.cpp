@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 namespace variator_sim {
@@ -124,7 +123,7 @@ const MotionStatus& Motion::advance(double time) {
     moveTo(timeout);
     if (status().ok()) {
       integrator_.statistics().command_timeouts +=
-          static_cast<std::uint64_t>(commands_.addTimeouts(time_, roundingOf(time_)));
+          static_cast<std::uint64_t>(commands_.addTimeouts(time_, resolutionOf(time_)));
     }
     if (timeout < time) carryOutCommands();
   }
@@ -166,10 +165,6 @@ double Motion::quietUntil() const {
 }
 
 // --- commands --------------------------------------------------------------------------------
-
-double Motion::roundingOf(double time) {
-  return 4.0 * std::numeric_limits<double>::epsilon() * std::abs(time);
-}
 
 CommandResult Motion::command(int input, double value) {
   Statistics& statistics = integrator_.statistics();
@@ -225,7 +220,7 @@ void Motion::carryOutCommands() {
     CommandSignal& signal = drivetrain_.signal(input);
     if (signal.target() == queue[n].value) continue;
     jumps = signal.command(scene_.inputs[static_cast<std::size_t>(input)], 0.0, queue[n].value,
-                           roundingOf(time_)) ||
+                           resolutionOf(time_)) ||
             jumps;
   }
   if (jumps && !integrator_.jump(u0)) {

@@ -96,9 +96,6 @@ class Motion {
   /// The applied energy at the present, J.
   double calcApplied();
 
-  /// Parts of `time` that are no more than its rounding. [loop]
-  static double roundingOf(double time);
-
   Scene scene_;
   std::unique_ptr<PrincipleSystem> own_system_;
   PrincipleSystem& system_;
