@@ -78,15 +78,14 @@ void AccelerationSystem::noteReaction(const StepNode& node) {
     reaction_at_start_[i] /= std::sqrt(inertia.entry(i, i));
   }
   for (int i = 0; i < S; ++i) is_neutral_[i] = !drivetrain_.readsColumn(i);
-  noteColumns();
 }
 
-void AccelerationSystem::noteColumns() {
+void AccelerationSystem::noteColumns(const double (*C)[kMaxShafts]) {
   if (!has_neutral_ || drivetrain_.hasConstantJacobian()) return;
   has_neutral_ = false;
   for (int i = 0; i < S; ++i) {
     for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-      is_neutral_[i] = is_neutral_[i] && row(m)[i] == 0.0;
+      is_neutral_[i] = is_neutral_[i] && C[m][i] == 0.0;
     }
     has_neutral_ = has_neutral_ || is_neutral_[i];
   }

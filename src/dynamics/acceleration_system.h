@@ -37,7 +37,7 @@ class AccelerationSystem : public PrincipleSystem {
   bool crossKink(const StepNode& from, StepNode& to) override;
 
   void noteReaction(const StepNode& node) override;
-  void noteColumns() override;
+  void noteColumns(const double (*C)[kMaxShafts]) override;
   bool restoreReaction(StepNode& node, double most) override;
 
   const double* torqueRate() const override { return drivetrain_.torqueRate(); }

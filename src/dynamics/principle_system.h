@@ -66,9 +66,9 @@ class PrincipleSystem : public System {
 
   /// R' = C^T Lambda: what no C has ever had a part of is a constant of the reaction R, and not the
   /// integrator's business. It is kept as it is at the start: `noteReaction` there (and wherever a
-  /// motion begins), `noteColumns` after every derivative at the end of a step.
+  /// motion begins), `noteColumns` gets the rows of C at the end of every step.
   virtual void noteReaction(const StepNode& /*node*/) {}
-  virtual void noteColumns() {}
+  virtual void noteColumns(const double (* /*C*/)[kMaxShafts]) {}
   /// Moves the accelerations of a node, whose torque is known, to where that part of the reaction
   /// is what it was, along psi = 0, by `most` tolerances. False when there was nothing to do.
   virtual bool restoreReaction(StepNode& /*node*/, double /*most*/) { return false; }

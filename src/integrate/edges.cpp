@@ -8,7 +8,7 @@ namespace variator_sim {
 void Integrator::moveGuards() {
   const StateView state = viewOf(front_);
   guards_.moveBase(state);
-  if (!system_.isInCorner()) return;
+  if (!is_in_corner_) return;
   for (int i = 0; i < guards_.count(); ++i) {
     if (drivetrain_.guardOwner(i).constraint >= 0) guards_.muteOnEdge(i, state, S);
   }
@@ -34,11 +34,7 @@ Integrator::Look Integrator::lookInside(double taken, double* next) {
   box.time = {absolute(base_.time), absolute(front_.time)};
   if (guards_.isClear(box)) return keepCrossing();
   traceStep(taken);
-  Look look = aimAtEdge(taken, next);
-  // The last derivative taken is the front's: its row is looked at.
-  State unused(system_.size());
-  if (look == Look::kClear) system_(front_.x, unused, front_.time);
-  return look;
+  return aimAtEdge(taken, next);
 }
 
 Integrator::Look Integrator::lookAtEnd(double taken, double* next) {
@@ -89,8 +85,10 @@ Integrator::Look Integrator::aimAtEdge(double taken, double* next, bool may_cros
   }
   crossing_.at = base_.time;
   crossing_.length += *next;
-  hopped_ = may_cross && crossEdge();
-  if (hopped_) return Look::kCrossed;
+  if (may_cross && crossEdge()) {
+    course_ = Course::kHop;
+    return Look::kCrossed;
+  }
   // It is not there: the curve of so long a step is no good.
   crossing_ = Crossing{};
   *next = 0.25 * taken;
@@ -348,6 +346,7 @@ bool Integrator::enterBranch(double late) {
   checks_.noteTorque(front_);
   system_.restoreReaction(front_, kAnyway);
   system_(front_.x, front_.dxdt, front_.time);
+  noteDerivative();
   if (!front_.dxdt.isFinite()) return refuseEdge();
   if (kinks_velocity_row || jumps) choice_.restart();
   rows_.noteAnew();

@@ -90,8 +90,7 @@ void Integrator::moveOrigin(double t) {
 }
 
 void Integrator::restart() {
-  sleeping_ = false;
-  hopped_ = false;
+  course_ = Course::kStep;
   crossing_ = Crossing{};
   rest_.reset();
   choice_.restart();
@@ -106,10 +105,11 @@ void Integrator::restart() {
     explainStop();
     return;
   }
+  noteDerivative();
   checks_.noteTorque(front_);
   checks_.noteAccelerations(front_);
-  noteRows();
   if (is_start_) system_.noteReaction(front_);
+  noteRows();
   base_ = front_;
   if (!guards_.isEmpty()) {
     moveGuards();
@@ -214,10 +214,10 @@ bool Integrator::makeStep() {
   base_ = front_;
   system_.noteBase(base_.time, base_.x, base_.dxdt);
   stepper_ = &choice_.stepper();
-  const bool is_behind_edge = hopped_;
+  const bool is_behind_edge = course_ == Course::kHop;
   const bool is_due = crossing_.isDueAt(base_.time);
-  hopped_ = is_due && crossEdge();
-  if (hopped_) return true;
+  course_ = is_due && crossEdge() ? Course::kHop : Course::kStep;
+  if (course_ == Course::kHop) return true;
   if (!status_.ok()) return false;
   if (is_due) next_step_ = std::min(next_step_, crossing_.otherwise);
   crossing_ = Crossing{};
@@ -227,7 +227,7 @@ bool Integrator::makeStep() {
     const double first = std::max(chooseFirstStep(), kLeastRestart * next_step_);
     next_step_ = std::min(next_step_, first);
   }
-  return choice_.isFixed() ? stepFixed() : stepAdaptively();
+  return makeTrials();
 }
 
 void Integrator::stop(StopReason reason) {
@@ -264,17 +264,24 @@ bool Integrator::isDenseOutputGood() const {
   return integrates_torque_ || stepper_->checksDenseOutput();
 }
 
+bool Integrator::calcUnstepped(double now, State& x) const {
+  switch (course_) {
+    case Course::kStep:
+      return false;
+    case Course::kHop:
+      x = now == front_.time ? front_.x : goAhead(base_, now - base_.time);
+      return true;
+    case Course::kRest:
+      calcRest(now, x);
+      return true;
+  }
+  return false;
+}
+
 bool Integrator::calcState(double now, State& x) {
+  if (calcUnstepped(now, x)) return true;
   x = front_.x;
-  if (sleeping_) {
-    calcRest(now, x);
-    return true;
-  }
   if (!(base_.time < front_.time) || now == front_.time) return true;
-  if (hopped_) {
-    x = goAhead(base_, now - base_.time);
-    return true;
-  }
   if (isDenseOutputGood() && stepper_->interpolate(system_, now, base_, front_, x)) {
     State moved(system_.size());
     State slope(system_.size());
@@ -293,18 +300,12 @@ bool Integrator::calcState(double now, State& x) {
 }
 
 bool Integrator::reach(double now, StepNode* node) {
-  if (sleeping_) {
+  *node = base_;
+  if (calcUnstepped(now, node->x)) {
     node->time = now;
-    calcRest(now, node->x);
     return true;
   }
   Stepper& stepper = choice_.innerOf(*stepper_);
-  *node = base_;
-  if (hopped_) {
-    node->time = now;
-    node->x = goAhead(base_, now - base_.time);
-    return true;
-  }
   double h = now - base_.time;
   int steps = 0;
   while (now - node->time > shortestStep(now)) {
@@ -321,16 +322,12 @@ bool Integrator::reach(double now, StepNode* node) {
       explainStop();
       return false;
     }
-    double norm = stepper.step(system_, start, end - start.time, node->x, node->dxdt);
-    if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
-      const double moved = projectEnd(stepper, start.x, end, end - start.time, norm, node->x);
-      norm = worseOf(norm, moved);
-    }
+    double norm = stepAndProject(stepper, start, end, end - start.time, node->x, node->dxdt);
     if (norm <= 1.0) {
       const State* dxdt = stepper.projects() ? &node->dxdt : nullptr;
       norm = worseOf(norm, checks_.checkAccelerations(stepper, start, end, node->x, dxdt));
     }
-    if (norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm))) {
+    if (isGood(norm)) {
       node->time = end;
       if (!last && !stepper.projects()) system_(node->x, node->dxdt, end);
       h *= 2.0;
@@ -345,7 +342,7 @@ bool Integrator::reach(double now, StepNode* node) {
 
 void Integrator::calcInside(double theta, State& x) {
   const double h = front_.time - base_.time;
-  if (!hopped_) {
+  if (course_ != Course::kHop) {
     if (stepper_->hasDenseOutput() &&
         stepper_->interpolate(system_, base_.time + theta * h, base_, front_, x)) {
       return;
@@ -395,9 +392,10 @@ void Integrator::followChoice() {
 bool Integrator::fallAsleep() {
   const double term =
       rest_.calcTerm(front_.time, front_.x, front_.dxdt, tolerance_, left_at_sleep_end_);
-  sleeping_ = term >= kLeastSleep * settings_.maximum_step;
+  const bool sleeps = term >= kLeastSleep * settings_.maximum_step;
+  course_ = sleeps ? Course::kRest : Course::kStep;
   sleep_end_ = front_.time + term;
-  return sleeping_;
+  return sleeps;
 }
 
 bool Integrator::finishSleep() {

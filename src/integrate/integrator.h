@@ -9,10 +9,15 @@
 ///         try      from the base, at most to the end of reach      (Stepper::step)
 ///         project  the end onto the constraints                    (projectEnd)
 ///         judge    the estimate, the move, what no stage has seen  (StepChecks)
+///         note     what its end tells beside x': Q', C
 ///         look     inside for edges of laws: the step is to end before the first one
 ///         shorter  by the worst of these, or where an edge is
-///       note what the end tells: Q, Q', C (RowWatch); grow the next step
+///       check what the end told: Q', C (RowWatch); grow the next step
 ///       another stepper? (StepperChoice)  at rest? (Rest)
+///
+/// Steps of fixed size go through the same loop: theirs is good when it exists. Over an edge the
+/// motion is a series, at rest it is not stepped at all (Course): both answer for the present as a
+/// step does.
 ///
 /// Times inside (of nodes, of inputs' closed forms) are counted from the last beginning.
 #pragma once
@@ -87,7 +92,7 @@ class Integrator {
   void stopAtBadValue(double time, double t, const State& x);
 
   // --- rest ------------------------------------------------------------------------------------
-  bool isSleeping() const { return sleeping_; }
+  bool isSleeping() const { return course_ == Course::kRest; }
   /// Until when nothing is stepped.
   double sleepEnd() const { return sleep_end_; }
   /// The motion sleeps on from the end of its rest, or is stepped again. False when it stopped.
@@ -107,6 +112,15 @@ class Integrator {
   void calcInside(double theta, State& x);
 
  private:
+  /// How the motion goes where it was last moved.
+  enum class Course {
+    kStep,  ///< from base to front, by the stepper
+    kHop,   ///< from base to front, over an edge, by a series
+    kRest   ///< from the front on, without being stepped
+  };
+  /// x at `now` of a motion that is not stepped there. False where it is.
+  bool calcUnstepped(double now, State& x) const;
+
   double absolute(double t) const { return origin_.absolute(t); }
   double relative(double time) const { return origin_.relative(time); }
   void moveOrigin(double t);
@@ -122,31 +136,50 @@ class Integrator {
   bool countStep();
   bool finishInputSegments();
   bool makeStep();
-  /// A step of adaptive size while it is looked for.
+  /// A step while it is looked for.
   struct Trial {
     double length = 0.0;       ///< that is wanted, s
     double taken = 0.0;        ///< that is tried, s
+    double end = 0.0;          ///< where that ends
     double segment_end = 0.0;  ///< where it has to end
     bool is_last = false;      ///< it ends there
     int rejections = 0;
     int looks = 0;       ///< times that an edge made it shorter
     double usual = 0.0;  ///< the step that would have been made but for an edge, s
+    double grid = 0.0;   ///< the next multiple of a fixed step
   };
-  bool stepAdaptively();
-  /// A trial step by `taken` from the base, to `end`: step, projection and checks. The front is
-  /// what it comes to, with its derivative where the returned error is at most 1, in units of the
-  /// tolerance. The motion may have stopped.
-  double attempt(double end, double taken);
+  /// Tries steps from the base until one is good. False when the motion stopped.
+  bool makeTrials();
+  Trial firstTrial();
+  /// Where the next trial goes. False when nothing so short can be stepped: an edge was crossed
+  /// instead, or the motion stopped.
+  bool aim(Trial& trial);
+  /// A trial step from the base: step, projection and checks. The front is what it comes to, with
+  /// its derivative where the returned error, in units of the tolerance, is good. The motion may
+  /// have stopped.
+  double attempt(const Trial& trial);
+  /// The error of a step is at most the tolerance; where steps are fixed, it only exists.
+  bool isGood(double norm) const {
+    return norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm));
+  }
   /// The trial is good by its error. False when its end is not, or when the motion stopped.
   bool accept(const Trial& trial, double norm);
+  void chooseNextStep(const Trial& trial, double norm);
+  /// False, and the motion stopped, when a fixed step is too long to describe anything.
+  bool isFixedStepFine(double norm);
   /// It is not: the next length. False when an edge was crossed instead, or the motion stopped.
   bool refuse(Trial& trial, double norm);
+  /// A jump just ahead of the base, if any, is crossed.
+  bool hopOverJumpAhead();
+
+  /// A step of length h from `from` to `end`, on the constraints: x there, dxdt if the stepper
+  /// projects. The error, in units of the tolerance.
+  double stepAndProject(Stepper& stepper, const StepNode& from, double end, double h, State& x,
+                        State& dxdt);
 
   /// Where a step from the base has to end at the latest: the end of an input's segment, an instant
   /// at which a law is not smooth, or where a command is expected.
   double endOfReach() const;
-
-  bool stepFixed();
 
   /// Projects x, to which `stepper` has gone from x_old by h and which stands at `end`, if the
   /// stepper has not done so; the size of the move in units of the tolerance (an error measure that
@@ -164,9 +197,12 @@ class Integrator {
   /// x' at the new front. False when it is not finite.
   bool differentiateFront();
 
-  /// The checks of Q' and C at the new front, whose derivative was the last one taken. False when
-  /// the front is no good: then either the motion has stopped or the step is to be repeated
-  /// shorter.
+  /// What the derivative just taken at the front tells beside x': Q', C, whether it lies in a
+  /// corner of psi.
+  void noteDerivative();
+
+  /// The checks of Q' and C at the new front. False when it is no good: then either the motion has
+  /// stopped or the step is to be repeated shorter.
   bool finishStep();
 
   /// The stepper has changed: sizes of steps are chosen by its order, without a past.
@@ -351,8 +387,8 @@ class Integrator {
 
   bool is_start_ = true;  // nothing has moved yet
   bool starts_implicitly_ = false;
-  bool hopped_ = false;  // the last step was one over an edge
-  bool sleeping_ = false;
+  Course course_ = Course::kStep;
+  bool is_in_corner_ = false;  // of psi: the front
   double sleep_end_ = 0.0;
   State left_at_sleep_end_;  // the deviation c there
 

@@ -6,10 +6,17 @@
 
 namespace variator_sim {
 
-RowWatch::Verdict RowWatch::note(bool is_start) {
-  system_.noteColumns();
+void RowWatch::look() {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-    const double length_squared = system_.rowLengthSquared(m);
+    looked_at_.length_squared[m] = system_.rowLengthSquared(m);
+    std::copy_n(system_.row(m), S, looked_at_.row[m]);
+  }
+}
+
+RowWatch::Verdict RowWatch::note(bool is_start) {
+  system_.noteColumns(looked_at_.row);
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    const double length_squared = looked_at_.length_squared[m];
     reference_[m] = std::max(reference_[m], length_squared);
     if (length_squared <= kVanished * kVanished * reference_[m]) {
       vanished_ = m;
@@ -21,7 +28,7 @@ RowWatch::Verdict RowWatch::note(bool is_start) {
   const bool is_comparable = !is_start && !std::exchange(has_new_rows_, false);
   if (is_comparable && haveTurned()) return Verdict::kTurned;
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-    std::copy_n(system_.row(m), S, rows_[m]);
+    std::copy_n(looked_at_.row[m], S, rows_[m]);
   }
   return Verdict::kGood;
 }
@@ -29,7 +36,7 @@ RowWatch::Verdict RowWatch::note(bool is_start) {
 bool RowWatch::haveTurned() const {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
     double turned[kMaxShafts];
-    drivetrain_.inertia().solve(system_.row(m), turned);
+    drivetrain_.inertia().solve(looked_at_.row[m], turned);
     double product = 0.0;
     for (int i = 0; i < S; ++i) product += rows_[m][i] * turned[i];
     if (!(product > 0.0)) return true;

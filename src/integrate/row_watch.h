@@ -26,8 +26,10 @@ class RowWatch {
     has_new_rows_ = false;
   }
 
-  /// The rows of the last derivative taken, at the end of a step, or where a motion begins
-  /// (`is_start`) and there are none to compare them with.
+  /// Remembers the rows of the last derivative taken: where a step has ended or a motion begins.
+  void look();
+  /// Judges those that were looked at last. Where a motion begins (`is_start`) there are none to
+  /// compare them with.
   Verdict note(bool is_start);
   /// The next ones are not compared with those before.
   void noteAnew() { has_new_rows_ = true; }
@@ -37,10 +39,15 @@ class RowWatch {
   double measure() const { return measure_; }
   /// Squared length of the longest that row m has been.
   double reference(int m) const { return reference_[m]; }
-  /// C at the last end of a step.
+  /// C at the last end of a step that was good.
   const Row* rows() const { return rows_; }
 
  private:
+  /// Rows of C with their squared lengths.
+  struct Rows {
+    Row row[kMaxRows] = {};
+    double length_squared[kMaxRows] = {};
+  };
   bool haveTurned() const;
 
   /// A row of C shorter than this part of the longest it has been counts as zero.
@@ -51,6 +58,7 @@ class RowWatch {
   Drivetrain& drivetrain_;  // the system's
   double reference_[kMaxRows] = {};
   Row rows_[kMaxRows] = {};
+  Rows looked_at_;
   bool has_new_rows_ = false;
   int vanished_ = -1;
   double measure_ = 0.0;

@@ -6,29 +6,46 @@
 
 namespace variator_sim {
 
-bool Integrator::stepAdaptively() {
+Integrator::Trial Integrator::firstTrial() {
   Trial trial;
   trial.segment_end = endOfReach();
   trial.length = std::min(next_step_, settings_.maximum_step);
-  while (true) {
-    // Up to the end of an input's segment at the most, and not leaving a sliver before it.
-    const double reach = trial.looks > 0 ? trial.length : 1.01 * trial.length;
-    trial.is_last = base_.time + reach >= trial.segment_end;
-    const double end = trial.is_last ? trial.segment_end : base_.time + trial.length;
-    trial.taken = trial.is_last ? trial.segment_end - base_.time : trial.length;
-    if (!(trial.taken > shortestStep(base_.time)) || !(trial.taken > 1e-290)) {
-      hopped_ = guards_.hasJumps() && crossJumpAhead(kAhead * settings_.maximum_step);
-      if (!hopped_ && status_.ok()) explainStop();
-      return hopped_;
-    }
+  if (choice_.isFixed()) {
+    // Multiples of the step, not sums of it: no rounding piles up.
+    // (A step across an edge may have gone a little beyond the next one.)
+    do {
+      trial.grid = restart_time_ + static_cast<double>(++fixed_steps_) * settings_.step;
+    } while (!(trial.grid > base_.time));
+    --fixed_steps_;
+    trial.segment_end = std::min(trial.grid, trial.segment_end);
+    trial.length = trial.segment_end - base_.time;
+  }
+  return trial;
+}
+
+bool Integrator::aim(Trial& trial) {
+  // Up to the end of an input's segment at the most, and not leaving a sliver before it.
+  const double reach = trial.looks > 0 ? trial.length : 1.01 * trial.length;
+  trial.is_last = base_.time + reach >= trial.segment_end;
+  trial.end = trial.is_last ? trial.segment_end : base_.time + trial.length;
+  const bool is_fixed = choice_.isFixed();
+  trial.taken = trial.is_last || is_fixed ? trial.end - base_.time : trial.length;
+  if (trial.taken > (is_fixed ? 0.0 : std::max(shortestStep(base_.time), 1e-290))) return true;
+  if (!hopOverJumpAhead() && status_.ok()) explainStop();
+  return false;
+}
+
+bool Integrator::makeTrials() {
+  Trial trial = firstTrial();
+  while (aim(trial)) {
     watch_.begin();
-    double norm = attempt(end, trial.taken);
+    double norm = attempt(trial);
     const bool stages_left = watch_.end();
     if (!status_.ok()) return false;
     if (!guards_.isEmpty() && std::isfinite(norm) && trial.looks < kMostLooks) {
       // An edge may be the reason for an error that is too large.
-      const Look look = norm <= 1.0 ? lookInside(trial.taken, &trial.length)
-                                    : lookAtEnd(trial.taken, &trial.length);
+      const Look look = isGood(norm) ? lookInside(trial.taken, &trial.length)
+                                     : lookAtEnd(trial.taken, &trial.length);
       if (look == Look::kCrossed) return true;
       if (!status_.ok()) return false;
       if (look == Look::kShorter) {
@@ -39,36 +56,55 @@ bool Integrator::stepAdaptively() {
         continue;
       }
       // A torque that jumps was met by the stages and not by the motion: too long a step.
-      if (stages_left && norm <= 1.0) norm = kStagesLeft;
+      if (stages_left && !choice_.isFixed() && norm <= 1.0) norm = kStagesLeft;
     }
-    if (norm <= 1.0) {
+    if (isGood(norm)) {
       if (accept(trial, norm)) return true;
       if (!status_.ok()) return false;
       norm = std::numeric_limits<double>::quiet_NaN();
     }
-    if (!refuse(trial, norm)) return hopped_;
+    if (!refuse(trial, norm)) break;
   }
+  return course_ == Course::kHop;
 }
 
-double Integrator::attempt(double end, double taken) {
-  double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
-  if (norm <= 1.0) {
-    norm = worseOf(norm, projectEnd(*stepper_, base_.x, end, taken, norm, front_.x));
-  }
+double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double end, double h,
+                                  State& x, State& dxdt) {
+  const double norm = stepper.step(system_, from, h, x, dxdt);
+  if (!isGood(norm)) return norm;
+  return worseOf(norm, projectEnd(stepper, from.x, end, h, norm, x));
+}
+
+double Integrator::attempt(const Trial& trial) {
+  double norm = stepAndProject(*stepper_, base_, trial.end, trial.taken, front_.x, dxdt_new_);
+  if (stepper_->projects()) noteDerivative();
   // These decide whether the step is good. They may keep the next one from growing, but not make
   // it shorter: what rounding leaves in them does not fall with the step.
-  front_.time = end;
-  if (norm <= 1.0) norm = worseOfCheck(norm, checks_.checkTorque(*stepper_, base_, front_));
-  if (norm <= 1.0) {
+  front_.time = trial.end;
+  if (isGood(norm)) norm = worseOfCheck(norm, checks_.checkTorque(*stepper_, base_, front_));
+  if (isGood(norm)) {
     norm = worseOfCheck(norm, checkAccelerations());
-    if (stopWhereToleranceIsLost()) return norm;
+    if (!choice_.isFixed() && stopWhereToleranceIsLost()) return norm;
   }
-  if (norm <= 1.0 && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
+  if (isGood(norm) && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
   return norm;
 }
 
 bool Integrator::accept(const Trial& trial, double norm) {
   ++statistics_.steps;
+  if (choice_.isFixed()) {
+    if (trial.end == trial.grid) ++fixed_steps_;
+  } else {
+    chooseNextStep(trial, norm);
+  }
+  if (!finishStep()) return false;
+  if (!guards_.isEmpty()) moveGuards();
+  if (choice_.isFixed()) return isFixedStepFine(norm);
+  lookAhead();
+  return true;
+}
+
+void Integrator::chooseNextStep(const Trial& trial, double norm) {
   double factor = control_.growth(norm);
   if (trial.rejections > 0) factor = std::min(1.0, factor);
   // A step cut short by a segment's end or an edge says nothing about the next one's size.
@@ -78,23 +114,34 @@ bool Integrator::accept(const Trial& trial, double norm) {
   // torque is integrated, its change is compared.)
   const bool is_trusted = integrates_torque_ || !stepper_->isImplicit();
   if (trial.usual > trial.taken && is_trusted) next_step_ = std::max(next_step_, trial.usual);
-  if (!finishStep()) return false;
-  if (!guards_.isEmpty()) moveGuards();
-  lookAhead();
-  return true;
+}
+
+bool Integrator::isFixedStepFine(double norm) {
+  const double estimate = worseOf(norm, stepper_->estimateFromEnd(base_, front_));
+  statistics_.largest_error_estimate = std::max(statistics_.largest_error_estimate, estimate);
+  // The tolerance is no bound for steps of fixed size; but a step whose error is a part of the
+  // state itself describes nothing any more.
+  const double part = estimate * settings_.relative_tolerance;
+  if (part <= kCrudest) return true;  // not when NaN
+  front_ = base_;
+  stop(StopReason::kStepTooLarge);
+  status_.measure = part;
+  return false;
 }
 
 bool Integrator::refuse(Trial& trial, double norm) {
-  ++statistics_.rejected_steps;
-  trial.length = trial.taken * control_.shrink(norm);
   front_ = base_;
   crossing_ = Crossing{};
+  if (choice_.isFixed()) {
+    explainStop();
+    return false;
+  }
+  ++statistics_.rejected_steps;
+  trial.length = trial.taken * control_.shrink(norm);
   // Where no step however short succeeds, it may be for a jump just ahead that they all feel (a
   // Jacobian by differences, a stage).
-  if (trial.rejections % kHardPressed == kHardPressed - 1 && guards_.hasJumps()) {
-    hopped_ = crossJumpAhead(kAhead * settings_.maximum_step);
-    if (hopped_ || !status_.ok()) return false;
-  }
+  const bool is_hard_pressed = trial.rejections % kHardPressed == kHardPressed - 1;
+  if (is_hard_pressed && (hopOverJumpAhead() || !status_.ok())) return false;
   if (++trial.rejections == kHopeless && choice_.giveUpExplicit()) {
     stepper_ = &choice_.stepper();
     followChoice();
@@ -102,65 +149,10 @@ bool Integrator::refuse(Trial& trial, double norm) {
   return true;
 }
 
-bool Integrator::stepFixed() {
-  // Multiples of the step, not sums of it: no rounding piles up.
-  // (A step across an edge may have gone a little beyond the next one.)
-  double grid = base_.time;
-  while (!(grid > base_.time)) {
-    grid = restart_time_ + static_cast<double>(++fixed_steps_) * settings_.step;
-  }
-  --fixed_steps_;
-  double end = std::min(grid, endOfReach());
-  for (int looks = 0;; ++looks) {
-    if (!(end > base_.time)) {
-      stop(StopReason::kStepUnderflow);
-      return false;
-    }
-    const double taken = end - base_.time;
-    const double norm = stepper_->step(system_, base_, taken, front_.x, dxdt_new_);
-    const double moved = projectEnd(*stepper_, base_.x, end, taken, norm, front_.x);
-    if (!std::isfinite(norm) || !std::isfinite(moved)) {
-      front_ = base_;
-      explainStop();
-      return false;
-    }
-    front_.time = end;
-    const double unaccounted =
-        worseOf(checks_.checkTorque(*stepper_, base_, front_), checkAccelerations());
-    const bool differentiated = differentiateFront();
-    if (differentiated && !guards_.isEmpty() && looks < kMostLooks) {
-      double shorter = taken;
-      const Look look = lookInside(taken, &shorter);
-      if (look == Look::kCrossed) return true;
-      if (!status_.ok()) return false;
-      if (look == Look::kShorter) {
-        end = base_.time + shorter;
-        front_ = base_;
-        continue;
-      }
-    }
-    if (end == grid) ++fixed_steps_;
-    ++statistics_.steps;
-    if (!differentiated || !finishStep()) {
-      if (status_.ok()) {
-        front_ = base_;
-        explainStop();
-      }
-      return false;
-    }
-    if (!guards_.isEmpty()) moveGuards();
-    const double estimate = worseOf(worseOf(norm, moved),
-                                    worseOf(unaccounted, stepper_->estimateFromEnd(base_, front_)));
-    statistics_.largest_error_estimate = std::max(statistics_.largest_error_estimate, estimate);
-    // The tolerance is no bound for steps of fixed size; but a step whose error is a part of the
-    // state itself describes nothing any more.
-    const double part = estimate * settings_.relative_tolerance;
-    if (part <= kCrudest) return true;  // not when NaN
-    front_ = base_;
-    stop(StopReason::kStepTooLarge);
-    status_.measure = part;
-    return false;
-  }
+bool Integrator::hopOverJumpAhead() {
+  if (!guards_.hasJumps() || !crossJumpAhead(kAhead * settings_.maximum_step)) return false;
+  course_ = Course::kHop;
+  return true;
 }
 
 double Integrator::endOfReach() const {
@@ -224,12 +216,18 @@ bool Integrator::differentiateFront() {
     front_.dxdt = dxdt_new_;
   } else {
     system_(front_.x, front_.dxdt, front_.time);
+    noteDerivative();
   }
   return front_.dxdt.isFinite();
 }
 
-bool Integrator::finishStep() {
+void Integrator::noteDerivative() {
   checks_.noteTorqueRate(front_);
+  rows_.look();
+  is_in_corner_ = system_.isInCorner();
+}
+
+bool Integrator::finishStep() {
   checks_.noteAccelerations(front_);
   if (!checks_.isTorqueFollowed(*stepper_, base_, front_)) return false;
   return noteRows();
