@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "variator_sim/guard.h"
 #include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
@@ -13,9 +14,8 @@ namespace variator_sim {
 /// a rate with a continuous derivative.
 ///
 /// Between two points a polynomial of degree five with the values y_k, the slopes s_k and the
-/// second derivatives q_k at both (boost::math::interpolators::quintic_hermite). With h the width
-/// of an interval, d = (y_{k+1} - y_k) / h its slope, l and r the intervals left and right of point
-/// k:
+/// second derivatives q_k at both. With h the width of an interval, d = (y_{k+1} - y_k) / h its
+/// slope, l and r the intervals left and right of point k:
 ///     s_k = (h_r d_l + h_l d_r) / (h_l + h_r)   (the parabola through three points), limited to
 ///           0 <= s_k <= 5/4 min(d_l, d_r) where y rises; 0 where d_l d_r <= 0
 ///     q_k = 2 (d_r - d_l) / (h_l + h_r), limited in each neighbouring interval to what keeps the
@@ -33,6 +33,8 @@ namespace variator_sim {
 class Table {
  public:
   enum class Beyond { kConstant, kLinear };
+  /// Of the polynomials: derivatives of higher order are 0.
+  static constexpr int kDegree = 5;
   /// A list of numbers in a scene.
   struct Column {
     const char* key;
@@ -46,24 +48,21 @@ class Table {
   static Table read(ParameterReader& reader, const Column& x, const Column& y, Beyond beyond);
 
   /// Evaluations allocate nothing and do not throw; NaN gives NaN. [loop]
-  double value(double x) const;      ///< y
-  double slope(double x) const;      ///< dy/dx
-  double curvature(double x) const;  ///< d2y/dx2
+  double value(double x) const { return derivative(0, x); }      ///< y
+  double slope(double x) const { return derivative(1, x); }      ///< dy/dx
+  double curvature(double x) const { return derivative(2, x); }  ///< d2y/dx2
+  /// d^order y/dx^order; from the third on right-hand at the points, from the sixth on 0.
+  double derivative(int order, double x) const;
+  /// Holds every value of that derivative in `x`; infinite where nothing better is cheap. [loop]
+  Interval enclose(int order, const Interval& x) const;
   /// The x_k, at which the third derivative jumps; none of a table that was not read.
-  std::vector<double> points() const { return points_ ? *points_ : std::vector<double>{}; }
+  std::vector<double> points() const;
+  /// True when y has a largest value: nothing grows beyond the ends.
+  bool isBounded() const;
 
  private:
   struct Curve;
-  struct End {
-    double x = 0.0;
-    double y = 0.0;
-    double slope = 0.0;
-  };
-
-  std::shared_ptr<const Curve> curve_;  ///< between first_.x and last_.x
-  End first_;
-  End last_;
-  std::shared_ptr<const std::vector<double>> points_;  ///< x_k
+  std::shared_ptr<const Curve> curve_;
 };
 
 }  // namespace variator_sim

@@ -70,14 +70,17 @@ std::vector<unsigned> findReads(const Graph& graph, Source source, int s) {
   return reads;
 }
 
-/// What of `reads` abs, min, max and sign in `node` read: there it is linear in pieces at best, for
-/// all that its second derivatives are zero.
+/// What of `reads` abs, min, max, sign and comparisons in `node` read: there it is linear in pieces
+/// at best, for all that its second derivatives are zero.
 unsigned findPiecewise(const Graph& graph, const std::vector<unsigned>& reads, Node node) {
   unsigned mask = 0;
   const std::vector<bool> reachable = graph.findReachable({node});
   for (std::size_t n = 0; n < reachable.size(); ++n) {
     if (!reachable[n] || !isPiecewise(graph.entry({static_cast<int>(n)}).operation)) continue;
-    mask |= reads[n];
+    const Graph::Entry& entry = graph.entry({static_cast<int>(n)});
+    // On its branches a select is what they are.
+    const int compared = entry.operation == Operation::kSelect ? 2 : operandCount(entry.operation);
+    for (int p = 0; p < compared; ++p) mask |= reads[static_cast<std::size_t>(entry.operands[p])];
   }
   return mask;
 }
@@ -238,6 +241,7 @@ void ExpressionConstraint::build(Graph& graph, Node given, Node without_jerks,
     }
     if (order_ == 1) velocity_level_ = Tape(graph, with_C(given));
     guards_ = expression::findGuards(graph, {given});
+    instants_ = expression::findInstants(graph, {given});
   } catch (const std::length_error& error) {
     throw SceneError(path, error.what());
   }

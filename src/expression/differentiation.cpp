@@ -106,6 +106,12 @@ Graph::Traits Graph::findTraits(const Entry& entry) const {
       it.is_not_negative = true;
       it.is_positive = all.is_positive;
       break;
+    case Operation::kTable:
+      if (tableOf(entry)->isBounded()) it.may_overflow = it.may_have_pole = false;
+      break;
+    case Operation::kTable2:
+      if (table2Of(entry)->isBounded()) it.may_overflow = it.may_have_pole = false;
+      break;
     case Operation::kMax:
       it.is_positive = one_is_positive;
       it.is_not_negative = one_is_not_negative;
@@ -236,6 +242,23 @@ Node Graph::derivePower(Node node, Node da, Node db) {
   return derivative;
 }
 
+Node Graph::deriveTable(const Entry& it, Node da, Node db) {
+  const Node a = {it.operands[0]};
+  const Node b = {it.operands[1]};
+  if (it.operation == Operation::kTable) {
+    const std::shared_ptr<const Table> table = tableOf(it);
+    if (table->isBounded()) da = insideLimit(a, da);
+    return product(this->table(table, a, it.order[0] + 1), da);
+  }
+  const std::shared_ptr<const Table2> table = table2Of(it);
+  if (table->isBounded()) {
+    da = insideLimit(a, da);
+    db = insideLimit(b, db);
+  }
+  return add(product(table2(table, a, b, {it.order[0] + 1, it.order[1]}), da),
+             product(table2(table, a, b, {it.order[0], it.order[1] + 1}), db));
+}
+
 Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivatives& derivatives) {
   const Entry it = entry(node);  // a copy: making nodes moves the entries
   const auto derivative_of = [&](int position) {
@@ -275,6 +298,10 @@ Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivativ
       return quotient(difference(product(b, insideLimit(a, derivative_of(0))),
                                  product(a, insideLimit(b, derivative_of(1)))),
                       add(multiply(a, a), multiply(b, b)));
+    case Operation::kTable:
+      return deriveTable(it, derivative_of(0), constant(0.0));
+    case Operation::kTable2:
+      return deriveTable(it, derivative_of(0), derivative_of(1));
     case Operation::kWhereFinite:
       return whereFinite(a, derivative_of(1));
     case Operation::kMin:

@@ -15,6 +15,15 @@ std::uint64_t bitsOf(double value) {
   return bits;
 }
 
+/// The index of `table` in `tables`, to which it is added when it is new.
+template <class T>
+int indexIn(std::vector<std::shared_ptr<const T>>& tables, const std::shared_ptr<const T>& table) {
+  const auto found = std::find(tables.begin(), tables.end(), table);
+  const auto index = static_cast<int>(found - tables.begin());
+  if (found == tables.end()) tables.push_back(table);
+  return index;
+}
+
 bool isCommutative(Operation operation) {
   return operation == Operation::kAdd || operation == Operation::kMultiply;
 }
@@ -34,12 +43,14 @@ std::size_t Graph::EntryHash::operator()(const Entry& entry) const {
   }
   mix(static_cast<std::uint32_t>(entry.slot));
   mix(bitsOf(entry.value));
+  mix(static_cast<std::uint64_t>(entry.order[0] + 8 * entry.order[1]));
   return static_cast<std::size_t>(hash);
 }
 
 bool Graph::EntryEqual::operator()(const Entry& a, const Entry& b) const {
   return a.operation == b.operation && std::equal(a.operands, a.operands + 4, b.operands) &&
-         a.slot == b.slot && bitsOf(a.value) == bitsOf(b.value);
+         a.slot == b.slot && bitsOf(a.value) == bitsOf(b.value) &&
+         std::equal(a.order, a.order + 2, b.order);
 }
 
 Node Graph::intern(const Entry& entry) {
@@ -87,6 +98,33 @@ Node Graph::variable(int slot) {
   Entry entry;
   entry.operation = Operation::kVariable;
   entry.slot = slot;
+  return intern(entry);
+}
+
+Node Graph::table(const std::shared_ptr<const Table>& table, Node x, int order) {
+  if (order > Table::kDegree) return constant(0.0);
+  if (isConstant(x)) return constant(table->derivative(order, constantValue(x)));
+  Entry entry;
+  entry.operation = Operation::kTable;
+  entry.operands[0] = x.index;
+  entry.slot = indexIn(tables_, table);
+  entry.order[0] = order;
+  return intern(entry);
+}
+
+Node Graph::table2(const std::shared_ptr<const Table2>& table, Node x, Node y,
+                   Table2::Order order) {
+  if (order.x > Table::kDegree || order.y > Table::kDegree) return constant(0.0);
+  if (isConstant(x) && isConstant(y)) {
+    return constant(table->derivative(order, constantValue(x), constantValue(y)));
+  }
+  Entry entry;
+  entry.operation = Operation::kTable2;
+  entry.operands[0] = x.index;
+  entry.operands[1] = y.index;
+  entry.slot = indexIn(tables2_, table);
+  entry.order[0] = order.x;
+  entry.order[1] = order.y;
   return intern(entry);
 }
 

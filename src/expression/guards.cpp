@@ -1,9 +1,12 @@
 #include "variator_sim/expression/guards.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <map>
 #include <memory>
+#include <set>
+#include <utility>
 
 #include "interval_program.h"
 #include "variator_sim/expression/tape.h"
@@ -33,7 +36,68 @@ class SignGuard final : public Guard {
   IntervalProgram enclosure_;
 };
 
+/// Between which of the points of a table the value of a formula lies.
+class PointsGuard final : public Guard {
+ public:
+  PointsGuard(const Graph& graph, Node node, std::vector<double> points)
+      : Guard(false), tape_(graph, {node}), enclosure_(graph, node), points_(std::move(points)) {}
+
+  int branch(const StateView& state) const override {
+    double value;
+    tape_.evaluate(state, &value);
+    const auto above = std::lower_bound(points_.begin(), points_.end(), value);
+    const bool on_point = above != points_.end() && *above == value;
+    return on_point || std::isnan(value) ? kOnEdge : static_cast<int>(above - points_.begin());
+  }
+  bool mayLeave(const StateBox& box, int branch) const override {
+    const Interval range = enclosure_.evaluate(box);
+    const auto below = static_cast<std::size_t>(branch);
+    const bool is_above = branch == 0 || range.low > points_[below - 1];
+    const bool is_below = below == points_.size() || range.high < points_[below];
+    return !(is_above && is_below);
+  }
+  bool readsTime() const override { return enclosure_.readsTime(); }
+
+ private:
+  Tape tape_;
+  IntervalProgram enclosure_;
+  std::vector<double> points_;
+};
+
+/// Points that an argument passes: the node of the argument, and they.
+using Passage = std::pair<int, std::vector<double>>;
+
+/// Of all tables in `nodes`, each once.
+std::set<Passage> findPassages(const Graph& graph, const std::vector<Node>& nodes) {
+  std::set<Passage> passages;
+  const std::vector<bool> reachable = graph.findReachable(nodes);
+  for (std::size_t i = 0; i < reachable.size(); ++i) {
+    if (!reachable[i]) continue;
+    const Graph::Entry& entry = graph.entry({static_cast<int>(i)});
+    if (entry.operation == Operation::kTable) {
+      passages.emplace(entry.operands[0], graph.tableOf(entry)->points());
+    } else if (entry.operation == Operation::kTable2) {
+      passages.emplace(entry.operands[0], graph.table2Of(entry)->pointsX());
+      passages.emplace(entry.operands[1], graph.table2Of(entry)->pointsY());
+    }
+  }
+  return passages;
+}
+
+bool isTime(const Graph::Entry& entry) {
+  return entry.operation == Operation::kVariable && entry.slot == slotOf(Source::kTime);
+}
+
 }  // namespace
+
+std::vector<double> findInstants(const Graph& graph, const std::vector<Node>& nodes) {
+  std::vector<double> instants;
+  for (const auto& [argument, points] : findPassages(graph, nodes)) {
+    if (!isTime(graph.entry({argument}))) continue;
+    instants.insert(instants.end(), points.begin(), points.end());
+  }
+  return instants;
+}
 
 std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
   // By the index of the node whose sign counts: whether something jumps there.
@@ -50,6 +114,7 @@ std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
         break;
       case Operation::kMin:
       case Operation::kMax:
+      case Operation::kSelect:
         node = graph.subtract({entry.operands[0]}, {entry.operands[1]});
         break;
       default:
@@ -57,12 +122,17 @@ std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
     }
     if (graph.isConstant(node)) continue;
     bool& jumps = found[node.index];
-    jumps = jumps || entry.operation == Operation::kSign;
+    jumps = jumps || entry.operation == Operation::kSign || entry.operation == Operation::kSelect;
   }
   std::vector<GuardPtr> guards;
   guards.reserve(found.size());
   for (const auto& [index, jumps] : found) {
     guards.push_back(std::make_shared<SignGuard>(graph, Node{index}, jumps));
+  }
+  for (const auto& [argument, points] : findPassages(graph, nodes)) {
+    const Node node{argument};
+    if (graph.isConstant(node) || isTime(graph.entry(node))) continue;
+    guards.push_back(std::make_shared<PointsGuard>(graph, node, points));
   }
   return guards;
 }

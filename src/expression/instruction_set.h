@@ -64,6 +64,8 @@ enum FunctionCode : int {
   VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_CODE)
 #undef VARIATOR_SIM_CODE
       kCodeSinCos,
+  kCodeTable,   ///< operands: x, which table, order of the derivative
+  kCodeTable2,  ///< operands: x, y, which table, 256 times the order by y and that by x
   kCodeReturn,
   kCodeCount
 };

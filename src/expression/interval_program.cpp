@@ -112,6 +112,8 @@ Interval evaluateOperation(Operation operation, const Interval& a, const Interva
   switch (operation) {
     case Operation::kConstant:
     case Operation::kVariable:
+    case Operation::kTable:
+    case Operation::kTable2:
       break;
     case Operation::kNegate:
       return negate(a);
@@ -200,10 +202,13 @@ IntervalProgram::IntervalProgram(const Graph& graph, Node node) {
   for (std::size_t i = 0; i < reachable.size(); ++i) {
     if (!reachable[i]) continue;
     const Graph::Entry& entry = graph.entry({static_cast<int>(i)});
-    Step step{entry.operation, entry.slot, {-1, -1, -1, -1}};
+    Step step{entry.operation, entry.slot, {-1, -1, -1, -1}, {}, {}, {}};
     for (int n = 0; n < operandCount(entry.operation); ++n) {
       step.operands[n] = place[static_cast<std::size_t>(entry.operands[n])];
     }
+    if (entry.operation == Operation::kTable) step.table = graph.tableOf(entry);
+    if (entry.operation == Operation::kTable2) step.table2 = graph.table2Of(entry);
+    step.order = {entry.order[0], entry.order[1]};
     place[i] = static_cast<int>(steps_.size());
     steps_.push_back(step);
     registers_.push_back({entry.value, entry.value});
@@ -220,11 +225,23 @@ Interval IntervalProgram::evaluate(const StateBox& box) const {
   for (std::size_t i = 0; i < steps_.size(); ++i) {
     const Step& step = steps_[i];
     if (step.operation == Operation::kConstant) continue;
-    registers_[i] = step.operation == Operation::kVariable
-                        ? variableOf(box, step.slot)
-                        : orEverything(evaluateOperation(step.operation, at(step.operands[0]),
-                                                         at(step.operands[1]), at(step.operands[2]),
-                                                         at(step.operands[3])));
+    const Interval& a = at(step.operands[0]);
+    const Interval& b = at(step.operands[1]);
+    switch (step.operation) {
+      case Operation::kVariable:
+        registers_[i] = variableOf(box, step.slot);
+        break;
+      case Operation::kTable:
+        registers_[i] = orEverything(step.table->enclose(step.order.x, a));
+        break;
+      case Operation::kTable2:
+        registers_[i] = orEverything(step.table2->enclose(step.order, a, b));
+        break;
+      default:
+        registers_[i] = orEverything(
+            evaluateOperation(step.operation, a, b, at(step.operands[2]), at(step.operands[3])));
+        break;
+    }
   }
   return registers_.empty() ? kEverything : registers_.back();
 }

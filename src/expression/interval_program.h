@@ -1,6 +1,7 @@
 /// Formulas over intervals.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "variator_sim/expression/graph.h"
@@ -27,6 +28,9 @@ class IntervalProgram {
     Operation operation;
     int slot;
     int operands[4];
+    std::shared_ptr<const Table> table;
+    std::shared_ptr<const Table2> table2;
+    Table2::Order order;
   };
   std::vector<Step> steps_;
   mutable std::vector<Interval> registers_;  ///< one for each step; constants are written once

@@ -19,6 +19,7 @@ int operandCount(Operation operation) {
     case Operation::kAtan2:
     case Operation::kMin:
     case Operation::kMax:
+    case Operation::kTable2:
     case Operation::kWhereFinite:
       return 2;
     case Operation::kSelect:
@@ -125,6 +126,8 @@ double evaluateOperation(Operation operation, const double* operands) {
       return whereFinite(a, operands[1]);
     case Operation::kConstant:
     case Operation::kVariable:
+    case Operation::kTable:
+    case Operation::kTable2:
       break;
   }
   return std::numeric_limits<double>::quiet_NaN();

@@ -147,6 +147,11 @@ Node Graph::select(Node left, Node right, Node yes, Node no) {
   if (yes == no) {
     return yes;
   }
+  if (isConstant(left) && isConstant(right)) {
+    const double a = constantValue(left);
+    const double b = constantValue(right);
+    if (a <= b || a > b) return a <= b ? yes : no;
+  }
   return internOperation(Operation::kSelect, left, right, yes, no);
 }
 
@@ -168,6 +173,21 @@ Node Graph::make(Operation operation, Node a, Node b, Node c, Node d) {
       return select(a, b, c, d);
     default:
       return internOperation(operation, a, b, c, d);
+  }
+}
+
+Node Graph::remake(const Graph& source, const Entry& it, const Node (&operands)[4]) {
+  switch (it.operation) {
+    case Operation::kConstant:
+      return constant(it.value);
+    case Operation::kVariable:
+      return variable(it.slot);
+    case Operation::kTable:
+      return table(source.tableOf(it), operands[0], it.order[0]);
+    case Operation::kTable2:
+      return table2(source.table2Of(it), operands[0], operands[1], {it.order[0], it.order[1]});
+    default:
+      return make(it.operation, operands[0], operands[1], operands[2], operands[3]);
   }
 }
 

@@ -118,19 +118,15 @@ class TapeBuilder {
         continue;
       }
       const Graph::Entry& it = source.entry({static_cast<int>(i)});
-      Node operands[4];
+      Node operands[4] = {};
       for (int k = 0; k < operandCount(it.operation); ++k) {
         operands[k] = lowered[at(it.operands[k])];
       }
-      if (it.operation == Operation::kConstant) {
-        lowered[i] = graph_.constant(it.value);
-      } else if (it.operation == Operation::kVariable) {
-        lowered[i] = graph_.variable(it.slot);
-      } else if (it.operation == Operation::kPower && graph_.isConstant(operands[1]) &&
-                 isMultipliedPower(graph_.constantValue(operands[1]))) {
+      if (it.operation == Operation::kPower && graph_.isConstant(operands[1]) &&
+          isMultipliedPower(graph_.constantValue(operands[1]))) {
         lowered[i] = lowerPower(operands[0], graph_.constantValue(operands[1]));
       } else {
-        lowered[i] = graph_.make(it.operation, operands[0], operands[1], operands[2], operands[3]);
+        lowered[i] = graph_.remake(source, it, operands);
       }
     }
     for (const Node output : outputs) {
@@ -206,6 +202,10 @@ class TapeBuilder {
         joined[at(a)] = true;
       } else if (it.operation == Operation::kSelect) {
         setStep(i, kCodeSelect, {it.operands[0], it.operands[1], it.operands[2], it.operands[3]});
+      } else if (it.operation == Operation::kTable) {
+        setStep(i, kCodeTable, {a});
+      } else if (it.operation == Operation::kTable2) {
+        setStep(i, kCodeTable2, {a, b});
       } else if (operandCount(it.operation) == 2) {
         setStep(i, functionCode(it.operation), {a, b});
       } else {
@@ -311,6 +311,7 @@ class TapeBuilder {
         (k == 0 ? instruction.result : instruction.operands[1]) =
             static_cast<std::uint16_t>(result);
       }
+      nameTable(i, instruction);
       tape_.program_.push_back(instruction);
     }
     Tape::Instruction last = {};
@@ -318,6 +319,28 @@ class TapeBuilder {
     tape_.program_.push_back(last);
     for (const Node output : outputs_) {
       tape_.output_registers_.push_back(static_cast<std::uint16_t>(register_of_[at(output.index)]));
+    }
+  }
+
+  /// The index of `table` in `tables`, to which it is added when it is new.
+  template <class T>
+  static std::uint16_t indexIn(std::vector<std::shared_ptr<const T>>& tables,
+                               const std::shared_ptr<const T>& table) {
+    const auto found = std::find(tables.begin(), tables.end(), table);
+    const auto index = found - tables.begin();
+    if (found == tables.end()) tables.push_back(table);
+    return static_cast<std::uint16_t>(index);
+  }
+
+  /// Adds to `instruction`, where node i is one of a table, which one and what of it.
+  void nameTable(int i, Tape::Instruction& instruction) {
+    const Graph::Entry& it = entry(i);
+    if (instruction.code == kCodeTable) {
+      instruction.operands[1] = indexIn(tape_.tables_, graph_.tableOf(it));
+      instruction.operands[2] = static_cast<std::uint16_t>(it.order[0]);
+    } else if (instruction.code == kCodeTable2) {
+      instruction.operands[2] = indexIn(tape_.tables2_, graph_.table2Of(it));
+      instruction.operands[3] = static_cast<std::uint16_t>(it.order[0] + (it.order[1] << 8));
     }
   }
 

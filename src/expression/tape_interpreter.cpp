@@ -101,13 +101,16 @@ void Tape::evaluate(const StateView& state, double* outputs) const noexcept {
       VARIATOR_SIM_QUADS(VARIATOR_SIM_QUAD_LABEL)
       VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_FUNCTION_LABEL)
       &&sine_and_cosine,
+      &&table,
+      &&table_of_two,
       &&finish
       // clang-format on
   };
   static_assert(sizeof kLabels / sizeof kLabels[0] == kCodeCount, "one label per instruction code");
 
-  const double* const sources[] = {&state.time,        state.angle, state.velocity,
-                                   state.acceleration, state.input, state.input_rate};
+  const double* const sources[] = {
+      &state.time, state.angle,      state.velocity,         state.acceleration,
+      state.input, state.input_rate, state.input_second_rate};
   double* const r = registers_.data();
   for (const Load& load : loads_) {
     r[load.to] = sources[load.source][load.index];
@@ -127,6 +130,15 @@ void Tape::evaluate(const StateView& state, double* outputs) const noexcept {
 
 sine_and_cosine:
   computeSinCos(A, &r[it->result], &B);
+  VARIATOR_SIM_NEXT;
+
+table:
+  r[it->result] = tables_[it->operands[1]]->derivative(it->operands[2], A);
+  VARIATOR_SIM_NEXT;
+
+table_of_two:
+  r[it->result] =
+      tables2_[it->operands[2]]->derivative({it->operands[3] & 0xFF, it->operands[3] >> 8}, A, B);
   VARIATOR_SIM_NEXT;
 
 finish:

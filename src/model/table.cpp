@@ -1,10 +1,12 @@
 #include "variator_sim/table.h"
 
 #include <algorithm>
-#include <boost/math/interpolators/quintic_hermite.hpp>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
+
+#include "model/table_axis.h"
 
 namespace variator_sim {
 namespace {
@@ -73,8 +75,19 @@ Derivatives calcDerivatives(const Numbers& x, const Numbers& y, Table::Beyond be
 
 }  // namespace
 
-struct Table::Curve : boost::math::interpolators::quintic_hermite<Numbers> {
-  using quintic_hermite::quintic_hermite;
+void checkIncreasing(const std::vector<double>& x, const std::string& path) {
+  const auto text = [](double value) { return ParameterTree::real(value).toText(); };
+  for (std::size_t k = 1; k < x.size(); ++k) {
+    if (x[k] > x[k - 1]) continue;
+    throw SceneError(path + "[" + std::to_string(k) + "]",
+                     text(x[k]) + " does not lie above " + text(x[k - 1]) +
+                         " before it; allowed: numbers in strictly increasing order");
+  }
+}
+
+struct Table::Curve {
+  TableAxis axis;
+  std::vector<TableCell> cells;
 };
 
 Table Table::read(ParameterReader& reader, const Column& x_column, const Column& y_column,
@@ -87,12 +100,7 @@ Table Table::read(ParameterReader& reader, const Column& x_column, const Column&
     return reader.keyPath(column.key) + "[" + std::to_string(k) + "]";
   };
   const auto text = [](double value) { return ParameterTree::real(value).toText(); };
-  for (std::size_t k = 1; k < x.size(); ++k) {
-    if (x[k] > x[k - 1]) continue;
-    throw SceneError(element(x_column, k), text(x[k]) + " does not lie above " + text(x[k - 1]) +
-                                               " before it; allowed: numbers in strictly "
-                                               "increasing order");
-  }
+  checkIncreasing(x, reader.keyPath(x_column.key));
   Derivatives at = calcDerivatives(x, y, beyond);
   for (std::size_t k = 0; k < x.size(); ++k) {
     const std::size_t before = k == 0 ? 0 : k - 1;
@@ -105,33 +113,55 @@ Table Table::read(ParameterReader& reader, const Column& x_column, const Column&
                                                "allowed: slopes and intervals below 1e150");
   }
 
+  const std::size_t n = x.size();
+  std::vector<TableCell> cells(n + 1);
+  cells[0] = {y.front(), at.s.front()};
+  for (std::size_t k = 1; k < n; ++k) {
+    cells[k] = hermiteCell(x[k] - x[k - 1], {y[k - 1], y[k]}, {at.s[k - 1], at.s[k]},
+                           {at.q[k - 1], at.q[k]});
+  }
+  cells[n] = {y.back(), at.s.back()};
   Table table;
-  table.first_ = {x.front(), y.front(), at.s.front()};
-  table.last_ = {x.back(), y.back(), at.s.back()};
-  table.points_ = std::make_shared<const Numbers>(x);
-  table.curve_ =
-      std::make_shared<Curve>(std::move(x), std::move(y), std::move(at.s), std::move(at.q));
+  table.curve_ = std::make_shared<const Curve>(
+      Curve{TableAxis(std::move(x), beyond == Beyond::kConstant), std::move(cells)});
   return table;
 }
 
-// The curve throws outside of its points and is not to see NaN: only what lies strictly between its
-// ends is passed on.
-
-double Table::value(double x) const {
-  if (x >= last_.x) return last_.y + last_.slope * (x - last_.x);
-  if (x <= first_.x) return first_.y + first_.slope * (x - first_.x);
-  return std::isnan(x) ? x : (*curve_)(x);
+double Table::derivative(int order, double x) const {
+  if (!curve_ || order > kTableDegree) return std::isnan(x) ? x : 0.0;
+  const TableAxis::Place at = curve_->axis.find(x);
+  double value = evaluateCell(curve_->cells[at.cell], at.t, order);
+  for (int k = 0; k < order; ++k) value *= at.scale;
+  return value;
 }
 
-double Table::slope(double x) const {
-  if (x >= last_.x) return last_.slope;
-  if (x <= first_.x) return first_.slope;
-  return std::isnan(x) ? x : curve_->prime(x);
+Interval Table::enclose(int order, const Interval& x) const {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (!curve_ || order > kTableDegree) return {0.0, 0.0};
+  if (order > 0 || !(x.low <= x.high)) return {-kInfinity, kInfinity};
+  // Monotone between two points: the extremes lie at points and at the ends.
+  const auto end = [this](double at) {
+    const double y = value(at);  // 0 * infinity beyond the last point
+    return std::isnan(y) ? curve_->cells[curve_->axis.find(at).cell][0] : y;
+  };
+  const double y_low = end(x.low);
+  const double y_high = end(x.high);
+  Interval range{std::min(y_low, y_high), std::max(y_low, y_high)};
+  const std::vector<double>& points = curve_->axis.points();
+  const auto last = std::upper_bound(points.begin(), points.end(), x.high);
+  for (auto k = std::lower_bound(points.begin(), points.end(), x.low); k < last; ++k) {
+    const double y = value(*k);
+    range = {std::min(range.low, y), std::max(range.high, y)};
+  }
+  return range;
 }
 
-double Table::curvature(double x) const {
-  if (x >= last_.x || x <= first_.x) return 0.0;
-  return std::isnan(x) ? x : curve_->double_prime(x);
+std::vector<double> Table::points() const {
+  return curve_ ? curve_->axis.points() : std::vector<double>{};
+}
+
+bool Table::isBounded() const {
+  return !curve_ || curve_->axis.isFlatBeyond();
 }
 
 }  // namespace variator_sim

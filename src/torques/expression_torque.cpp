@@ -38,6 +38,7 @@ void ExpressionTorque::doConfigure(ComponentContext& context) {
     torque_ = Tape(graph, {torque});
     rate_ = Tape(graph, {rate});
     guards_ = expression::findGuards(graph, {torque});
+    instants_ = expression::findInstants(graph, {torque});
   } catch (const std::length_error& error) {
     throw SceneError(context.parameters().keyPath("torque"), error.what());
   }

@@ -37,6 +37,7 @@ class ExpressionConstraint : public Constraint {
   void doCalcRowDerivatives(const StateView& state, double* dC, double* dc0) const override;
   Dependence doDependence() const override { return dependence_; }
   std::vector<GuardPtr> doGuards() const override { return guards_; }
+  std::vector<double> doInstants() const override { return instants_; }
   bool doHasConstantJacobian() const override { return has_constant_jacobian_; }
   bool doIsLinearInAcceleration() const override { return nonlinear_ == 0; }
   unsigned doNonlinearAccelerations() const override { return nonlinear_; }
@@ -61,6 +62,7 @@ class ExpressionConstraint : public Constraint {
   expression::Tape hessian_;                ///< H = dC/depsilon, s x s
   expression::Tape jacobian_rate_;          ///< D, then H
   std::vector<GuardPtr> guards_;
+  std::vector<double> instants_;  ///< s
   /// Of C, then c0; empty when the formula is too large.
   std::optional<expression::StateDerivatives> row_derivatives_;
   std::vector<int> partial_slots_;  ///< variables by which psi has a derivative

@@ -5,9 +5,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <unordered_map>
 #include <utility>
 #include <vector>
+
+#include "variator_sim/table.h"
+#include "variator_sim/table2.h"
 
 namespace variator_sim::expression {
 
@@ -48,7 +52,9 @@ enum class Operation : std::uint8_t {
   kSign,
   kMin,
   kMax,
-  kSelect,      ///< a <= b ? c : d; written by derivatives only
+  kTable,       ///< a derivative of a table of one variable at a
+  kTable2,      ///< the same of two variables, at (a, b)
+  kSelect,      ///< a <= b ? c : d
   kWhereFinite  ///< b, but 0 where a is infinite and NaN where a is; written by derivatives only
 };
 
@@ -74,7 +80,7 @@ double whereFinite(double a, double value);
 /// n, x^-n = 1/x^n while isMultipliedPower (at most |n| - 1 rounded products, so a relative error
 /// below |n| units of round-off), std::pow otherwise.
 double powerOf(double x, double exponent);
-/// The value of an operation with `operandCount` operands as run time computes it.
+/// The value of an operation with `operandCount` operands as run time computes it; not of tables.
 double evaluateOperation(Operation operation, const double* operands);
 
 /// The graph. Makers return the existing node when the same subexpression was made before, compute
@@ -87,8 +93,9 @@ class Graph {
   struct Entry {
     Operation operation = Operation::kConstant;
     int operands[4] = {-1, -1, -1, -1};
-    int slot = -1;       ///< of kVariable
+    int slot = -1;       ///< of kVariable; which table of the graph, of kTable and kTable2
     double value = 0.0;  ///< of kConstant
+    int order[2] = {};   ///< of the derivative, of kTable by a, of kTable2 by a and b
   };
   /// The rate of the variable in a slot, for totalDerivative.
   using Rate = std::pair<int, Node>;
@@ -105,11 +112,17 @@ class Graph {
   Node power(Node base, Node exponent);
   Node minimum(Node a, Node b) { return make(Operation::kMin, a, b); }
   Node maximum(Node a, Node b) { return make(Operation::kMax, a, b); }
+  /// The derivative of this order of a table at x; 0 where the order is above that of its
+  /// polynomials.
+  Node table(const std::shared_ptr<const Table>& table, Node x, int order = 0);
+  Node table2(const std::shared_ptr<const Table2>& table, Node x, Node y, Table2::Order order = {});
   /// left <= right ? yes : no; NaN when left and right cannot be compared.
   Node select(Node left, Node right, Node yes, Node no);
   /// Any operation with operands, simplified as by the maker of its name. Unused operands are left
-  /// out: make(Operation::kSin, x).
+  /// out: make(Operation::kSin, x). Not for tables.
   Node make(Operation operation, Node a, Node b = {}, Node c = {}, Node d = {});
+  /// What `entry` is in the graph `source`, here, of these operands.
+  Node remake(const Graph& source, const Entry& entry, const Node (&operands)[4]);
 
   /// The exact partial derivative by the variable in `slot`. Kinks: |x|' = sign(x) x', the
   /// derivative of sign is 0, that of min and max is the active operand's (the first one's in a
@@ -140,6 +153,13 @@ class Graph {
     return hasNonFiniteConstant(std::vector<Node>{node});
   }
 
+  /// The table of an entry of kTable, of kTable2.
+  const std::shared_ptr<const Table>& tableOf(const Entry& entry) const {
+    return tables_[static_cast<std::size_t>(entry.slot)];
+  }
+  const std::shared_ptr<const Table2>& table2Of(const Entry& entry) const {
+    return tables2_[static_cast<std::size_t>(entry.slot)];
+  }
   const Entry& entry(Node node) const { return entries_[static_cast<std::size_t>(node.index)]; }
   /// Number of nodes; all indices are below it.
   int size() const { return static_cast<int>(entries_.size()); }
@@ -171,6 +191,7 @@ class Graph {
   Node deriveOne(Node node, const std::vector<Rate>& rates, const Derivatives& derivatives);
   Node deriveFunction(Node node, Node da);
   Node derivePower(Node node, Node da, Node db);
+  Node deriveTable(const Entry& it, Node da, Node db);
   // Makers for derivatives. A factor that is zero by the rules of differentiation removes its
   // product, and constant factors are gathered.
   Node product(Node a, Node b);
@@ -188,6 +209,8 @@ class Graph {
   std::vector<Entry> entries_;
   std::vector<Traits> traits_;  ///< of the entries
   std::unordered_map<Entry, int, EntryHash, EntryEqual> index_of_;
+  std::vector<std::shared_ptr<const Table>> tables_;
+  std::vector<std::shared_ptr<const Table2>> tables2_;
   std::map<std::pair<int, double>, Derivatives> partials_;  ///< by slot and scale
 };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "variator_sim/expression/graph.h"
@@ -17,6 +18,7 @@ enum class Source : std::uint8_t {
   kAcceleration,
   kInput,
   kInputRate,
+  kInputSecondRate,
   kJerk  ///< for derivations only: a StateView holds none, a Tape refuses it
 };
 
@@ -58,7 +60,8 @@ class Tape {
   struct Instruction {
     std::uint16_t code;
     std::uint16_t result;
-    std::uint16_t operands[4];  ///< registers; sincos has its second result in operands[1]
+    /// Registers; sincos has its second result in operands[1]; of tables see instruction_set.h.
+    std::uint16_t operands[4];
   };
   struct Load {
     std::uint16_t to;
@@ -69,6 +72,8 @@ class Tape {
   std::vector<Load> loads_;
   std::vector<Instruction> program_;  ///< ends with an instruction that returns
   std::vector<std::uint16_t> output_registers_;
+  std::vector<std::shared_ptr<const Table>> tables_;
+  std::vector<std::shared_ptr<const Table2>> tables2_;
   mutable std::vector<double> registers_;  ///< the constants are filled in once
 };
 

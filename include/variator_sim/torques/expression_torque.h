@@ -27,13 +27,15 @@ class ExpressionTorque : public Torque {
   Dependence doTorqueDependence() const override { return torque_dependence_; }
   Dependence doRateDependence() const override { return rate_dependence_; }
   std::vector<GuardPtr> doGuards() const override { return guards_; }
+  std::vector<double> doInstants() const override { return instants_; }
 
  private:
   int shaft_ = 0;
   expression::Tape torque_;  ///< Q, N m
   expression::Tape rate_;    ///< Q', N m/s
   std::vector<GuardPtr> guards_;
-  bool has_rate_ = false;  ///< false: Q' = 0 at every state
+  std::vector<double> instants_;  ///< s
+  bool has_rate_ = false;         ///< false: Q' = 0 at every state
   /// Of Q'; empty when the formula is too large.
   std::optional<expression::StateDerivatives> rate_derivatives_;
   Dependence torque_dependence_;

@@ -1,0 +1,63 @@
+/// Tables of two variables: a smooth function through the points of a grid.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "variator_sim/guard.h"
+#include "variator_sim/parameter_tree.h"
+#include "variator_sim/table.h"
+
+namespace variator_sim {
+
+/// z(x, y) through points (x_i, y_j, z_ij), x_i and y_j strictly increasing and spaced as one
+/// likes; two times continuously differentiable for all real x and y, the edges included.
+///
+/// The tensor product of one interpolation along x and one along y, each a polynomial of degree
+/// five between two points with the values, slopes s_k and second derivatives q_k of table.h, but
+/// without their limits: so it is linear in the data, and the order of the two does not matter.
+///     s_k = (h_r d_l + h_l d_r) / (h_l + h_r),   q_k = 2 (d_r - d_l) / (h_l + h_r)
+/// Planes and bilinear data are met exactly (with kConstant: away from the edges); near steep bends
+/// it may overshoot, as a table of one variable does not.
+///
+/// Beyond the edges, along either axis:
+///     Table::Beyond::kConstant  the value at the edge; z levels off (s = q = 0) towards it
+///     Table::Beyond::kLinear    straight lines of the slope between the last two points (q = 0)
+class Table2 {
+ public:
+  /// Orders of the derivative by x and by y.
+  struct Order {
+    int x = 0;
+    int y = 0;
+  };
+  /// Keys of a scene: x, y, and z as a list of one row per x, each with a value per y.
+  struct Keys {
+    const char* x;
+    const char* y;
+    const char* values;
+  };
+
+  /// Two points at least along each axis. Throws SceneError.
+  static Table2 read(ParameterReader& reader, const Keys& keys, Table::Beyond beyond);
+
+  /// Evaluations allocate nothing and do not throw; NaN gives NaN. [loop]
+  double value(double x, double y) const { return derivative({}, x, y); }
+  /// d^(m + n) z / dx^m dy^n; 0 where m or n is above five.
+  double derivative(Order order, double x, double y) const;
+  /// Holds every value of that derivative in a rectangle; infinite where nothing better is cheap.
+  /// [loop]
+  Interval enclose(Order order, const Interval& x, const Interval& y) const;
+  /// The x_i and the y_j, at which third derivatives jump.
+  const std::vector<double>& pointsX() const;
+  const std::vector<double>& pointsY() const;
+  /// True when nothing grows beyond the edges.
+  bool isBounded() const;
+
+ private:
+  struct Surface;
+  explicit Table2(std::shared_ptr<const Surface> surface) : surface_(std::move(surface)) {}
+  std::shared_ptr<const Surface> surface_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,261 @@
+#include "variator_sim/table2.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "model/table_axis.h"
+
+namespace variator_sim {
+namespace {
+
+using Numbers = std::vector<double>;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kCoefficients = kTableDegree + 1;
+
+/// The polynomial of a cell, as it depends on the data: the coefficient of t^m is the sum of
+/// weight[k][m] times the datum of point first + k. A cell sees the two points at its ends and one
+/// more on either side.
+struct Stencil {
+  int first = 0;
+  std::array<TableCell, 4> weight{};
+};
+
+/// One row for each cell of an axis.
+std::vector<Stencil> makeStencils(const TableAxis& axis) {
+  const Numbers& x = axis.points();
+  const auto n = static_cast<int>(x.size());
+  const auto at = [&x](int k) { return x[static_cast<std::size_t>(k)]; };
+  std::vector<Stencil> stencils(axis.cellCount());
+  for (int cell = 0; cell <= n; ++cell) {
+    Stencil& stencil = stencils[static_cast<std::size_t>(cell)];
+    stencil.first = cell - 2;
+    for (int k = 0; k < 4; ++k) {
+      const int datum = stencil.first + k;
+      if (datum < 0 || datum >= n) continue;
+      // All data 0 but this one.
+      const auto y = [datum](int point) { return point == datum ? 1.0 : 0.0; };
+      const auto d = [&](int left) { return (y(left + 1) - y(left)) / (at(left + 1) - at(left)); };
+      const auto slope = [&](int point) {
+        const bool is_inside = point > 0 && point + 1 < n;
+        if (!is_inside) return axis.isFlatBeyond() ? 0.0 : d(point == 0 ? 0 : n - 2);
+        const double left = at(point) - at(point - 1);
+        const double right = at(point + 1) - at(point);
+        return d(point - 1) * (right / (left + right)) + d(point) * (left / (left + right));
+      };
+      const auto curvature = [&](int point) {
+        if (point == 0 || point + 1 == n) return 0.0;
+        return 2.0 * (d(point) - d(point - 1)) / (at(point + 1) - at(point - 1));
+      };
+      TableCell& c = stencil.weight[static_cast<std::size_t>(k)];
+      if (cell == 0 || cell == n) {
+        const int end = cell == 0 ? 0 : n - 1;
+        c = {y(end), slope(end)};
+      } else {
+        c = hermiteCell(axis.width(static_cast<std::size_t>(cell)), {y(cell - 1), y(cell)},
+                        {slope(cell - 1), slope(cell)}, {curvature(cell - 1), curvature(cell)});
+      }
+    }
+  }
+  return stencils;
+}
+
+/// Coefficients of t^m u^n of one cell: [m][n].
+using Patch = std::array<TableCell, kCoefficients>;
+
+/// The patch of two stencils over the data z, rows by x.
+Patch makePatch(const Stencil& along_x, const Stencil& along_y, const std::vector<Numbers>& z) {
+  Patch patch{};
+  const auto rows = static_cast<int>(z.size());
+  const auto columns = static_cast<int>(z.front().size());
+  for (int k = 0; k < 4; ++k) {
+    const int row = along_x.first + k;
+    if (row < 0 || row >= rows) continue;
+    TableCell of_row{};
+    for (int l = 0; l < 4; ++l) {
+      const int column = along_y.first + l;
+      if (column < 0 || column >= columns) continue;
+      const double datum = z[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)];
+      for (std::size_t n = 0; n < kCoefficients; ++n) {
+        of_row[n] += along_y.weight[static_cast<std::size_t>(l)][n] * datum;
+      }
+    }
+    for (std::size_t m = 0; m < kCoefficients; ++m) {
+      for (std::size_t n = 0; n < kCoefficients; ++n) {
+        patch[m][n] += along_x.weight[static_cast<std::size_t>(k)][m] * of_row[n];
+      }
+    }
+  }
+  return patch;
+}
+
+double evaluatePatch(const Patch& patch, double t, double u, int order_t, int order_u) {
+  TableCell in_t{};
+  for (std::size_t m = static_cast<std::size_t>(order_t); m < kCoefficients; ++m) {
+    in_t[m] = evaluateCell(patch[m], u, order_u);
+  }
+  return evaluateCell(in_t, t, order_t);
+}
+
+/// Holds the values of a derivative of a patch in a rectangle: its Taylor series about the middle,
+/// which ends, each term at its largest.
+Interval enclosePatch(const Patch& patch, const Interval& t, const Interval& u, int order_t,
+                      int order_u) {
+  const double middle_t = 0.5 * (t.low + t.high);
+  const double middle_u = 0.5 * (u.low + u.high);
+  const double radius_t = 0.5 * (t.high - t.low);
+  const double radius_u = 0.5 * (u.high - u.low);
+  double spread = 0.0;
+  double power_t = 1.0;  // radius_t^m / m!
+  for (int m = order_t; m <= kTableDegree; ++m) {
+    double power_u = 1.0;
+    for (int n = order_u; n <= kTableDegree; ++n) {
+      const double term = std::abs(evaluatePatch(patch, middle_t, middle_u, m, n));
+      if (m > order_t || n > order_u) spread += term * power_t * power_u;
+      power_u *= radius_u / (n - order_u + 1);
+    }
+    power_t *= radius_t / (m - order_t + 1);
+  }
+  const double value = evaluatePatch(patch, middle_t, middle_u, order_t, order_u);
+  return {value - spread, value + spread};
+}
+
+Numbers readAxis(ParameterReader& reader, const char* key) {
+  const ParameterTree* list = reader.raw(key);
+  std::size_t size = 2;
+  if (list != nullptr && list->kind() == ParameterTree::Kind::kList) {
+    size = std::max(size, list->asList().size());
+  }
+  Numbers x = reader.numbers(key, size);
+  checkIncreasing(x, reader.keyPath(key));
+  for (std::size_t k = 1; k < x.size(); ++k) {
+    if (x[k] - x[k - 1] < 1e100 && x[k] - x[k - 1] > 1e-100) continue;
+    throw SceneError(reader.keyPath(key) + "[" + std::to_string(k) + "]",
+                     formatNumber(x[k]) + " behind " + formatNumber(x[k - 1]) +
+                         "; allowed: intervals from 1e-100 to 1e100");
+  }
+  return x;
+}
+
+std::vector<Numbers> readRows(ParameterReader& reader, const Table2::Keys& keys, std::size_t rows,
+                              std::size_t columns) {
+  const std::string path = reader.keyPath(keys.values);
+  const ParameterTree* list = reader.raw(keys.values);
+  const std::string expected = "a list of " + std::to_string(rows) + " rows, one for each of " +
+                               keys.x + ", of " + std::to_string(columns) +
+                               " numbers, one for each of " + keys.y;
+  if (list == nullptr) throw SceneError(path, "missing; expected " + expected);
+  const auto size_of = [](const ParameterTree& value) {
+    return value.kind() == ParameterTree::Kind::kList ? value.asList().size() : 0;
+  };
+  if (size_of(*list) != rows) {
+    throw SceneError(path, list->kind() == ParameterTree::Kind::kList
+                               ? std::to_string(size_of(*list)) + " rows; expected " + expected
+                               : list->toText() + "; expected " + expected);
+  }
+  std::vector<Numbers> z;
+  for (std::size_t i = 0; i < rows; ++i) {
+    const std::string row_path = path + "[" + std::to_string(i) + "]";
+    const ParameterTree& row = list->asList()[i];
+    if (size_of(row) != columns) {
+      throw SceneError(row_path, row.toText() + "; expected " + expected);
+    }
+    Numbers numbers;
+    for (std::size_t j = 0; j < columns; ++j) {
+      const std::string element = row_path + "[" + std::to_string(j) + "]";
+      numbers.push_back(
+          ParameterReader::toNumber(row.asList()[j], element, Range::between(-1e100, 1e100)));
+    }
+    z.push_back(std::move(numbers));
+  }
+  return z;
+}
+
+}  // namespace
+
+struct Table2::Surface {
+  TableAxis x;
+  TableAxis y;
+  std::vector<Patch> patches;  ///< of all cells, row by row
+
+  const Patch& patch(std::size_t cell_x, std::size_t cell_y) const {
+    return patches[cell_x * y.cellCount() + cell_y];
+  }
+};
+
+Table2 Table2::read(ParameterReader& reader, const Keys& keys, Table::Beyond beyond) {
+  for (const char* key : {keys.x, keys.y, keys.values}) reader.allow(key);
+  Numbers x = readAxis(reader, keys.x);
+  Numbers y = readAxis(reader, keys.y);
+  const std::vector<Numbers> z = readRows(reader, keys, x.size(), y.size());
+  const bool is_flat = beyond == Table::Beyond::kConstant;
+  Surface surface{TableAxis(std::move(x), is_flat), TableAxis(std::move(y), is_flat), {}};
+  const std::vector<Stencil> along_x = makeStencils(surface.x);
+  const std::vector<Stencil> along_y = makeStencils(surface.y);
+  surface.patches.reserve(along_x.size() * along_y.size());
+  for (const Stencil& row : along_x) {
+    for (const Stencil& column : along_y) surface.patches.push_back(makePatch(row, column, z));
+  }
+  return Table2(std::make_shared<const Surface>(std::move(surface)));
+}
+
+double Table2::derivative(Order order, double x, double y) const {
+  const TableAxis::Place in_x = surface_->x.find(x);
+  const TableAxis::Place in_y = surface_->y.find(y);
+  if (order.x > kTableDegree || order.y > kTableDegree) return 0.0 * (in_x.t + in_y.t);
+  const Patch& patch = surface_->patch(in_x.cell, in_y.cell);
+  double value = evaluatePatch(patch, in_x.t, in_y.t, order.x, order.y);
+  for (int k = 0; k < order.x; ++k) value *= in_x.scale;
+  for (int k = 0; k < order.y; ++k) value *= in_y.scale;
+  return std::isnan(in_x.t) || std::isnan(in_y.t) ? in_x.t + in_y.t : value;
+}
+
+Interval Table2::enclose(Order order, const Interval& x, const Interval& y) const {
+  constexpr std::size_t kMostCells = 16;
+  const Interval everything{-kInfinity, kInfinity};
+  if (order.x > kTableDegree || order.y > kTableDegree) return {0.0, 0.0};
+  if (!(x.low <= x.high) || !(y.low <= y.high)) return everything;
+  const TableAxis::Place x0 = surface_->x.find(x.low);
+  const TableAxis::Place x1 = surface_->x.find(x.high);
+  const TableAxis::Place y0 = surface_->y.find(y.low);
+  const TableAxis::Place y1 = surface_->y.find(y.high);
+  if ((x1.cell - x0.cell + 1) * (y1.cell - y0.cell + 1) > kMostCells) return everything;
+  // The part of a cell that lies in the interval from `from` to `to`.
+  const auto part = [](const TableAxis& axis, std::size_t cell, const TableAxis::Place& from,
+                       const TableAxis::Place& to) {
+    const bool is_inner = cell > 0 && cell + 1 < axis.cellCount();
+    return Interval{cell == from.cell ? from.t : 0.0,
+                    cell == to.cell ? to.t : (is_inner ? 1.0 : 0.0)};
+  };
+  Interval range{kInfinity, -kInfinity};
+  for (std::size_t i = x0.cell; i <= x1.cell; ++i) {
+    for (std::size_t j = y0.cell; j <= y1.cell; ++j) {
+      const Interval t = part(surface_->x, i, x0, x1);
+      const Interval u = part(surface_->y, j, y0, y1);
+      if (!std::isfinite(t.low + t.high + u.low + u.high)) return everything;
+      const auto scale = [](const TableAxis& axis, std::size_t cell) {
+        return cell > 0 && cell + 1 < axis.cellCount() ? axis.scale(cell) : 1.0;
+      };
+      Interval here = enclosePatch(surface_->patch(i, j), t, u, order.x, order.y);
+      double factor = 1.0;
+      for (int k = 0; k < order.x; ++k) factor *= scale(surface_->x, i);
+      for (int k = 0; k < order.y; ++k) factor *= scale(surface_->y, j);
+      range = {std::min(range.low, factor * here.low), std::max(range.high, factor * here.high)};
+    }
+  }
+  return range;
+}
+
+const std::vector<double>& Table2::pointsX() const {
+  return surface_->x.points();
+}
+const std::vector<double>& Table2::pointsY() const {
+  return surface_->y.points();
+}
+bool Table2::isBounded() const {
+  return surface_->x.isFlatBeyond();
+}
+
+}  // namespace variator_sim
