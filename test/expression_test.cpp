@@ -680,16 +680,18 @@ TEST(ExpressionTape, ReadsEverySourceAndOnlyWhatItNeeds) {
   const double acceleration[] = {5.0, 6.0};
   const double input[] = {7.0, 8.0};
   const double input_rate[] = {9.0, 10.0};
-  const StateView state = {0.5, angle, velocity, acceleration, input, input_rate};
+  const double input_second_rate[] = {11.0, 12.0};
+  const StateView state = {0.5,   angle,      velocity,         acceleration,
+                           input, input_rate, input_second_rate};
   std::vector<Node> nodes = {graph.variable(slotOf(Source::kTime))};
   for (const Source source : {Source::kAngle, Source::kVelocity, Source::kAcceleration,
-                              Source::kInput, Source::kInputRate}) {
+                              Source::kInput, Source::kInputRate, Source::kInputSecondRate}) {
     nodes.push_back(graph.variable(slotOf(source, 0)));
     nodes.push_back(graph.variable(slotOf(source, 1)));
   }
   std::vector<double> values(nodes.size());
   Tape(graph, nodes).evaluate(state, values.data());
-  EXPECT_EQ(values, (std::vector<double>{0.5, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10}));
+  EXPECT_EQ(values, (std::vector<double>{0.5, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}));
 
   const StateView only_time = {0.5, nullptr, nullptr, nullptr, nullptr, nullptr};
   double value = 0.0;
@@ -723,14 +725,40 @@ TEST(ExpressionTape, RepeatsAndCopiesItself) {
   }
 }
 
+/// "curve" of one variable, "map" of two.
+NamedTables someTables() {
+  const auto numbers = [](const std::vector<double>& values) {
+    ParameterTree::List list;
+    for (const double value : values) list.push_back(ParameterTree::real(value));
+    return ParameterTree::list(std::move(list));
+  };
+  const ParameterTree tree = ParameterTree::dictionary(
+      {{"x", numbers({0.0, 0.4, 1.0})},
+       {"y", numbers({0.0, 1.0})},
+       {"z",
+        ParameterTree::list({numbers({1.0, 2.0}), numbers({3.0, 5.0}), numbers({4.0, 4.0})})}});
+  ParameterReader reader(tree, "");
+  const Table::Beyond beyond = Table::Beyond::kLinear;
+  NamedTables tables;
+  tables["curve"].of_one = std::make_shared<Table>(
+      Table::read(reader, {"x", Range::any()}, {"x", Range::any()}, beyond));
+  tables["map"].of_two = std::make_shared<Table2>(Table2::read(reader, {"x", "y", "z"}, beyond));
+  return tables;
+}
+
 TEST(ExpressionTape, AllocatesNothingWhileItEvaluates) {
   Formulas formulas;
   std::string text = "0";
   for (const std::string& name : functionNames()) {
     const bool two = name == "atan2" || name == "min" || name == "max" || name == "pow";
-    text += "+" + name + (two ? "(x, y)" : "(x*y)");
+    text += "+" + name +
+            (name == "if"      ? "(x < y, x, y)"
+             : name == "clamp" ? "(x, y, 2)"
+             : two             ? "(x, y)"
+                               : "(x*y)");
   }
-  const Node node = formulas.read(text);
+  text += "+curve(x*y)+map(x, y)";
+  const Node node = parse(text, formulas.symbols, formulas.graph, {}, {}, someTables());
   const Tape tape(formulas.graph, {node, formulas.graph.differentiate(node, kX)});
   double angle[] = {0.3, 0.9};
   double values[2] = {};
@@ -880,7 +908,7 @@ TEST(ExpressionNames, AreLettersDigitsAndUnderscores) {
   EXPECT_FALSE(isValidName(""));
   EXPECT_FALSE(isValidName("2tau"));
   EXPECT_FALSE(isValidName("a-b"));
-  EXPECT_EQ(functionNames().size(), 18U);
+  EXPECT_EQ(functionNames().size(), 20U);
   EXPECT_EQ(valueOf("atan2(x,y)", 1.0, 2.0), std::atan2(1.0, 2.0));
 }
 

@@ -8,13 +8,30 @@ namespace variator_sim::expression {
 
 namespace {
 
+template <Operation operation>
+Node makeOf(Graph& graph, const Node* arguments) {
+  return graph.make(operation, arguments[0],
+                    operation == Operation::kAtan2 || operation == Operation::kMin ||
+                            operation == Operation::kMax || operation == Operation::kPower
+                        ? arguments[1]
+                        : Node{});
+}
+
+Node makeClamp(Graph& graph, const Node* arguments) {
+  return graph.minimum(graph.maximum(arguments[0], arguments[1]), arguments[2]);
+}
+
 constexpr Function kFunctions[] = {
-    {"abs", Operation::kAbs},   {"acos", Operation::kAcos},   {"asin", Operation::kAsin},
-    {"atan", Operation::kAtan}, {"atan2", Operation::kAtan2}, {"cos", Operation::kCos},
-    {"cosh", Operation::kCosh}, {"exp", Operation::kExp},     {"log", Operation::kLog},
-    {"max", Operation::kMax},   {"min", Operation::kMin},     {"pow", Operation::kPower},
-    {"sign", Operation::kSign}, {"sin", Operation::kSin},     {"sinh", Operation::kSinh},
-    {"sqrt", Operation::kSqrt}, {"tan", Operation::kTan},     {"tanh", Operation::kTanh}};
+    {"abs", 1, makeOf<Operation::kAbs>},     {"acos", 1, makeOf<Operation::kAcos>},
+    {"asin", 1, makeOf<Operation::kAsin>},   {"atan", 1, makeOf<Operation::kAtan>},
+    {"atan2", 2, makeOf<Operation::kAtan2>}, {"clamp", 3, makeClamp},
+    {"cos", 1, makeOf<Operation::kCos>},     {"cosh", 1, makeOf<Operation::kCosh>},
+    {"exp", 1, makeOf<Operation::kExp>},     {"if", 3, nullptr},
+    {"log", 1, makeOf<Operation::kLog>},     {"max", 2, makeOf<Operation::kMax>},
+    {"min", 2, makeOf<Operation::kMin>},     {"pow", 2, makeOf<Operation::kPower>},
+    {"sign", 1, makeOf<Operation::kSign>},   {"sin", 1, makeOf<Operation::kSin>},
+    {"sinh", 1, makeOf<Operation::kSinh>},   {"sqrt", 1, makeOf<Operation::kSqrt>},
+    {"tan", 1, makeOf<Operation::kTan>},     {"tanh", 1, makeOf<Operation::kTanh>}};
 
 }  // namespace
 

@@ -9,7 +9,9 @@ namespace variator_sim::expression {
 
 struct Function {
   const char* name;
-  Operation operation;
+  int argument_count;
+  /// Of that many arguments; null for `if`, whose first argument is no value.
+  Node (*make)(Graph& graph, const Node* arguments);
 };
 
 /// The function of that name, or nullptr. parser.h has the list of names.

@@ -6,7 +6,8 @@
 //   signs    = { "+" | "-" }
 //   power    = operand { "^" signs operand }
 //   operand  = number | name | call | "(" sum ")"
-//   call     = name "(" [ sum { "," sum } ] ")"
+//   call     = name "(" [ sum { "," sum } ] ")" | "if" "(" sum compare sum "," sum "," sum ")"
+//   compare  = "<" | "<=" | ">" | ">="
 //   number   = ( digits [ "." [ digits ] ] | "." digits ) [ ( "e" | "E" ) [ "+" | "-" ] digits ]
 // White space separates tokens and means nothing. Only parentheses recurse, and they are counted:
 // repetitions are loops, so that a long text needs no deep stack.
@@ -20,6 +21,7 @@
 #include "characters.h"
 #include "function_table.h"
 #include "variator_sim/nearest_name.h"
+#include "variator_sim/parameter_tree.h"
 
 namespace variator_sim::expression {
 
@@ -40,8 +42,15 @@ int columnOf(const std::string& text, std::size_t offset) {
 class Parser {
  public:
   Parser(const std::string& text, const SymbolTable& symbols, Graph& graph,
-         const NameExplainer& explain, const SymbolTable& linear)
-      : text_(text), symbols_(symbols), graph_(graph), explain_(explain), linear_(linear) {}
+         const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables,
+         std::set<std::string>* used)
+      : text_(text),
+        symbols_(symbols),
+        graph_(graph),
+        explain_(explain),
+        linear_(linear),
+        tables_(tables),
+        used_(used) {}
 
   Node formula() {
     moveTo(0);
@@ -211,10 +220,13 @@ class Parser {
   /// `name` was taken from `where`; it has no arguments.
   Node variable(const std::string& name, std::size_t where) {
     const auto symbol = symbols_.find(name);
-    if (symbol != symbols_.end()) return symbol->second;
+    if (symbol != symbols_.end()) {
+      if (used_ != nullptr) used_->insert(name);
+      return symbol->second;
+    }
     if (name == "pi") return graph_.constant(kPi);
-    if (findFunction(name) != nullptr) {
-      fail(where, "the function '" + name + "' needs its arguments in parentheses");
+    if (findFunction(name) != nullptr || tables_.count(name) != 0) {
+      fail(where, kindOf(name) + " needs its arguments in parentheses");
     }
     failUnknown(name, where);
   }
@@ -222,10 +234,11 @@ class Parser {
   /// `name` was taken from `where`; its arguments come next.
   Node call(const std::string& name, std::size_t where) {
     const Function* function = findFunction(name);
-    if (function == nullptr) failUnknownFunction(name, where);
+    if (function == nullptr && tables_.count(name) == 0) failUnknownFunction(name, where);
     const std::size_t opening = position_;
     accept('(');
     beginParenthesis(opening);
+    if (function != nullptr && function->make == nullptr) return choice(where);
     std::vector<Node> arguments;
     if (!isAt(position_, ')')) {
       do {
@@ -233,7 +246,38 @@ class Parser {
       } while (accept(','));
     }
     endParenthesis();
-    return applyFunction(*function, arguments, where);
+    const int needed =
+        function != nullptr ? function->argument_count : tables_.at(name).argumentCount();
+    if (arguments.size() != static_cast<std::size_t>(needed)) {
+      fail(where, kindOf(name) + " takes " + std::to_string(needed) +
+                      (needed == 1 ? " argument" : " arguments") + ", not " +
+                      std::to_string(arguments.size()));
+    }
+    return function != nullptr ? applyFunction(*function, arguments, where)
+                               : applyTable(tables_.at(name), arguments, where);
+  }
+
+  /// Behind the '(' of an `if` at `where`.
+  Node choice(std::size_t where) {
+    const Node left = sum();
+    const bool is_less = isAt(position_, '<');
+    if (!is_less && !isAt(position_, '>')) failComparison();
+    const bool has_equal = isAt(position_ + 1, '=');
+    moveTo(position_ + (has_equal ? 2 : 1));
+    const Node right = sum();
+    Node values[2];
+    for (Node& value : values) {
+      if (isAt(position_, ')')) failChoice(where);
+      if (!accept(',')) failOperator();
+      value = sum();
+    }
+    if (isAt(position_, ',')) failChoice(where);
+    endParenthesis();
+    if (readsLinear(left) || readsLinear(right)) failNotLinear(where, graph_.subtract(left, right));
+    // a < b is not b <= a, and a > b is not a <= b.
+    const Node low = is_less == has_equal ? left : right;
+    const Node high = is_less == has_equal ? right : left;
+    return graph_.select(low, high, values[has_equal ? 0 : 1], values[has_equal ? 1 : 0]);
   }
 
   /// Behind a '(' at `where`.
@@ -263,15 +307,24 @@ class Parser {
 
   Node applyFunction(const Function& function, const std::vector<Node>& arguments,
                      std::size_t where) {
-    const auto needed = static_cast<std::size_t>(operandCount(function.operation));
-    if (arguments.size() != needed) {
-      fail(where, "the function '" + std::string(function.name) + "' takes " +
-                      std::to_string(needed) + (needed == 1 ? " argument" : " arguments") +
-                      ", not " + std::to_string(arguments.size()));
+    if (function.name == std::string("clamp") && graph_.isConstant(arguments[1]) &&
+        graph_.isConstant(arguments[2]) &&
+        graph_.constantValue(arguments[1]) > graph_.constantValue(arguments[2])) {
+      fail(where, "the limits of this 'clamp' are " +
+                      formatNumber(graph_.constantValue(arguments[1])) + " and " +
+                      formatNumber(graph_.constantValue(arguments[2])) +
+                      ": the lower one comes first");
     }
-    const Node value =
-        graph_.make(function.operation, arguments[0], needed > 1 ? arguments[1] : Node{});
+    const Node value = function.make(graph_, arguments.data());
     if (value != arguments[0] && readsLinear(value)) failNotLinear(where, value);
+    return checked(value, where);
+  }
+
+  Node applyTable(const NamedTable& table, const std::vector<Node>& arguments, std::size_t where) {
+    const Node value = table.of_two != nullptr
+                           ? graph_.table2(table.of_two, arguments[0], arguments[1])
+                           : graph_.table(table.of_one, arguments[0]);
+    if (readsLinear(value)) failNotLinear(where, value);
     return checked(value, where);
   }
 
@@ -342,12 +395,41 @@ class Parser {
       if (c == ',') {
         fail(position_, "',' separates arguments of functions only");
       }
+      if (c == '<' || c == '>') {
+        fail(position_, describe(position_) +
+                            " compares two values, in the first argument of 'if' only: "
+                            "if(a < b, x, y)");
+      }
       if (c == '=') {
         fail(position_, "'=' is not an operator: a formula is a value");
       }
     }
     const std::string closing = nesting_ > 0 ? "')'" : "the end";
     fail(position_, "expected an operator or " + closing + " instead of " + describe(position_));
+  }
+
+  /// Behind the first value in an `if`.
+  [[noreturn]] void failComparison() const {
+    const bool is_end = position_ == text_.size();
+    if (!is_end && text_.find_first_of(",)=!", position_) != position_) failOperator();
+    fail(position_, "expected '<', '<=', '>' or '>=' instead of " + describe(position_) +
+                        ": the first argument of 'if' is a comparison");
+  }
+  [[noreturn]] void failChoice(std::size_t where) const {
+    fail(where,
+         "the function 'if' takes 3 arguments: a comparison, the value where it holds and "
+         "the value elsewhere");
+  }
+
+  /// Of a name that needs arguments.
+  std::string kindOf(const std::string& name) const {
+    return (tables_.count(name) != 0 ? "the table '" : "the function '") + name + "'";
+  }
+  /// All names that can be called.
+  std::vector<std::string> callableNames() const {
+    std::vector<std::string> names = functionNames();
+    for (const auto& table : tables_) names.push_back(table.first);
+    return names;
   }
 
   [[noreturn]] void failUnknown(const std::string& name, std::size_t where) const {
@@ -361,7 +443,7 @@ class Parser {
     }
     names.emplace_back("pi");
     const std::string known = joinNames(names);
-    for (const std::string& function : functionNames()) {
+    for (const std::string& function : callableNames()) {
       names.push_back(function);
     }
     fail(where, "unknown name '" + name + "'" + suggestName(name, names) + "; known are " + known);
@@ -373,10 +455,10 @@ class Parser {
     }
     std::string hint = explain_ ? explain_(name) : "";
     if (hint.empty()) {
-      hint = "functions are " + joinNames(functionNames());
+      hint = "functions are " + joinNames(callableNames());
     }
     fail(where,
-         "unknown function '" + name + "'" + suggestName(name, functionNames()) + "; " + hint);
+         "unknown function '" + name + "'" + suggestName(name, callableNames()) + "; " + hint);
   }
 
   [[noreturn]] void failNotLinear(std::size_t where, Node value) const {
@@ -394,6 +476,8 @@ class Parser {
   Graph& graph_;
   const NameExplainer& explain_;
   const SymbolTable& linear_;
+  const NamedTables& tables_;
+  std::set<std::string>* const used_;
 
   std::size_t position_ = 0;
   int nesting_ = 0;
@@ -408,8 +492,9 @@ bool isValidName(const std::string& name) {
 }
 
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
-           const NameExplainer& explain, const SymbolTable& linear) {
-  return Parser(text, symbols, graph, explain, linear).formula();
+           const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables,
+           std::set<std::string>* used) {
+  return Parser(text, symbols, graph, explain, linear, tables, used).formula();
 }
 
 }  // namespace variator_sim::expression

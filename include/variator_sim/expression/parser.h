@@ -3,12 +3,14 @@
 
 #include <functional>
 #include <map>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "variator_sim/component_context.h"
 #include "variator_sim/expression/graph.h"
+#include "variator_sim/scene_symbols.h"
 
 namespace variator_sim::expression {
 
@@ -34,13 +36,17 @@ using NameExplainer = std::function<std::string(const std::string& name)>;
 /// The node of `graph` that `text` means. Throws ExpressionError.
 ///
 /// From loosest to tightest: + -; * /; unary + -; ^. All are left-associative but ^: a^b^c is
-/// a^(b^c), -a^2 is -(a^2), and 2^-3 is 2^(-3). Names are those of `symbols`, the functions and pi.
+/// a^(b^c), -a^2 is -(a^2), and 2^-3 is 2^(-3). Names are those of `symbols`, the functions, pi and
+/// `tables`, which are called as functions are. if(a < b, x, y) is x where a < b, y where not, and
+/// NaN where a and b cannot be compared; <, <=, > and >= stand nowhere else.
 /// Numbers are 1, 1., .5, 1e-9 (2e1 is twenty: a product needs its *). White space means nothing.
 /// A constant part without a finite value (log(-1)) and a division by a constant zero are errors.
 /// So is a function of one of the variables `linear`, a product of two, a power, a division by one:
-/// in them the formula is to be linear as it is written.
+/// in them the formula is to be linear as it is written. Adds to `used`, where it is not null, the
+/// symbols that occur.
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
-           const NameExplainer& explain = {}, const SymbolTable& linear = {});
+           const NameExplainer& explain = {}, const SymbolTable& linear = {},
+           const NamedTables& tables = {}, std::set<std::string>* used = nullptr);
 
 /// The names of all functions, sorted.
 std::vector<std::string> functionNames();

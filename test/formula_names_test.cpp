@@ -1,0 +1,352 @@
+// What formulas say beyond arithmetic: comparisons, limits and tables.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "variator_sim/expression/guards.h"
+#include "variator_sim/expression/parser.h"
+#include "variator_sim/expression/tape.h"
+#include "variator_sim/io/yaml_tree.h"
+
+namespace variator_sim::expression {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+NamedTable table(const std::string& yaml, Table::Beyond beyond = Table::Beyond::kConstant) {
+  const ParameterTree tree = readYamlText(yaml, "table");
+  ParameterReader reader(tree, "table");
+  if (!reader.has("y")) {
+    return {std::make_shared<Table>(
+                Table::read(reader, {"x", Range::any()}, {"values", Range::any()}, beyond)),
+            nullptr};
+  }
+  return {nullptr, std::make_shared<Table2>(Table2::read(reader, {"x", "y", "values"}, beyond))};
+}
+
+const char* const kCurve = "{x: [-1, 0.5, 2, 2.5, 4], values: [1, 3, -2, 0, 0.5]}";
+const char* const kMap =
+    "{x: [-1, 0.5, 2, 4], y: [-2, 0, 0.7], values: [[1, 3, 0], [-2, 0, 5], [2, 2, 1], [0, 1, 4]]}";
+
+/// t, and a velocity and an acceleration of each of two shafts.
+struct Formulas {
+  Formulas() {
+    symbols["t"] = graph.variable(slotOf(Source::kTime));
+    symbols["x"] = graph.variable(slotOf(Source::kVelocity, 0));
+    symbols["y"] = graph.variable(slotOf(Source::kVelocity, 1));
+    symbols["j"] = graph.variable(slotOf(Source::kJerk, 0));
+  }
+  Node read(const std::string& text) { return parse(text, symbols, graph, {}, {}, tables); }
+  double evaluate(Node node, double x, double y = 0.0, double t = 0.0) const {
+    const double velocity[] = {x, y};
+    double value = 0.0;
+    Tape(graph, {node}).evaluate({t, nullptr, velocity, nullptr, nullptr, nullptr}, &value);
+    return value;
+  }
+  double evaluate(const std::string& text, double x, double y = 0.0) {
+    return evaluate(read(text), x, y);
+  }
+  std::string messageOf(const std::string& text) {
+    try {
+      read(text);
+    } catch (const ExpressionError& error) {
+      return error.what();
+    }
+    return "";
+  }
+
+  Graph graph;
+  SymbolTable symbols;
+  NamedTables tables;
+};
+
+// ------------------------------------------------------------------------------------ comparisons
+
+TEST(Choice, TakesTheBranchOfItsComparison) {
+  Formulas f;
+  for (const double x : {-1.0, 2.0, 3.0}) {
+    EXPECT_EQ(f.evaluate("if(x < y, 10, 20)", x, 2.0), x < 2.0 ? 10.0 : 20.0) << x;
+    EXPECT_EQ(f.evaluate("if(x <= y, 10, 20)", x, 2.0), x <= 2.0 ? 10.0 : 20.0) << x;
+    EXPECT_EQ(f.evaluate("if(x > y, 10, 20)", x, 2.0), x > 2.0 ? 10.0 : 20.0) << x;
+    EXPECT_EQ(f.evaluate("if( x>=y ,10,20)", x, 2.0), x >= 2.0 ? 10.0 : 20.0) << x;
+    EXPECT_EQ(f.evaluate("if(x + 1 < 2*y - 1, x^2, if(y > 0, -x, 0))", x, 2.0),
+              x < 2.0 ? x * x : -x)
+        << x;
+  }
+  EXPECT_TRUE(std::isnan(f.evaluate("if(x < y, 10, 20)", kNan, 2.0)));
+  EXPECT_TRUE(std::isnan(f.evaluate("if(x >= y, 10, 20)", 1.0, kNan)));
+  // Whatever the other branch is.
+  EXPECT_EQ(f.evaluate("if(x < 1, 3, sqrt(x - 1))", 0.0), 3.0);
+  EXPECT_EQ(f.evaluate("if(2 < 3, x, y)", 5.0, 6.0), 5.0);
+}
+
+TEST(Choice, IsDifferentiatedByBranch) {
+  Formulas f;
+  const Node slope =
+      f.graph.differentiate(f.read("if(x < y, x^2, 5*x)"), slotOf(Source::kVelocity, 0));
+  EXPECT_EQ(f.evaluate(slope, 1.5, 2.0), 3.0);
+  EXPECT_EQ(f.evaluate(slope, 2.5, 2.0), 5.0);
+}
+
+TEST(Choice, JumpsAtItsEdge) {
+  Formulas f;
+  const std::vector<GuardPtr> guards = findGuards(f.graph, {f.read("if(x < 2*y, 1, 0)")});
+  ASSERT_EQ(guards.size(), 1U);
+  EXPECT_TRUE(guards[0]->jumps());
+  const double below[] = {1.0, 1.0};
+  const double above[] = {3.0, 1.0};
+  EXPECT_NE(guards[0]->branch({0.0, nullptr, below, nullptr, nullptr, nullptr}),
+            guards[0]->branch({0.0, nullptr, above, nullptr, nullptr, nullptr}));
+  for (const GuardPtr& guard : findGuards(f.graph, {f.read("clamp(x, -1, y)")})) {
+    EXPECT_FALSE(guard->jumps());
+  }
+}
+
+TEST(Choice, LimitsAValue) {
+  Formulas f;
+  EXPECT_EQ(f.evaluate("clamp(x, -1, y)", -3.0, 2.0), -1.0);
+  EXPECT_EQ(f.evaluate("clamp(x, -1, y)", 0.5, 2.0), 0.5);
+  EXPECT_EQ(f.evaluate("clamp(x, -1, y)", 7.0, 2.0), 2.0);
+}
+
+TEST(Choice, SaysWhatIsWrong) {
+  Formulas f;
+  const auto expectMessage = [&f](const std::string& text, const std::string& part) {
+    EXPECT_NE(f.messageOf(text).find(part), std::string::npos) << text << ": " << f.messageOf(text);
+  };
+  expectMessage("if(x, 1, 2)", "expected '<', '<=', '>' or '>=' instead of ','");
+  expectMessage("if(x == y, 1, 2)", "expected '<', '<=', '>' or '>=' instead of '='");
+  expectMessage("if(x < y, 1)", "'if' takes 3 arguments");
+  expectMessage("if(x < y, 1, 2, 3)", "'if' takes 3 arguments");
+  expectMessage("if(x < y", "instead of the end");
+  expectMessage("if()", "expected a number, a name or '('");
+  expectMessage("if + 1", "the function 'if' needs its arguments in parentheses");
+  expectMessage("x < y", "in the first argument of 'if' only");
+  expectMessage("if(x < y < 2, 1, 2)", "in the first argument of 'if' only");
+  expectMessage("if(x < y, x > 1, 2)", "in the first argument of 'if' only");
+  expectMessage("max(x < y, 2)", "in the first argument of 'if' only");
+  expectMessage("clamp(x, 1)", "the function 'clamp' takes 3 arguments, not 2");
+  expectMessage("clamp(x, 2, 1)", "the limits of this 'clamp' are 2 and 1");
+}
+
+TEST(Choice, IsLinearWhereItsBranchesAre) {
+  Formulas f;
+  const SymbolTable linear = {{"j", f.symbols["j"]}};
+  EXPECT_NO_THROW(parse("if(x < y, 2*j, j + x)", f.symbols, f.graph, {}, linear));
+  EXPECT_THROW(parse("if(j < y, 2*j, x)", f.symbols, f.graph, {}, linear), ExpressionError);
+}
+
+// ----------------------------------------------------------------------------------------- tables
+
+TEST(TableNode, IsTheTable) {
+  Formulas f;
+  f.tables["curve"] = table(kCurve);
+  f.tables["line"] = table(kCurve, Table::Beyond::kLinear);
+  f.tables["map"] = table(kMap);
+  for (double x = -3.0; x < 6.0; x += 0.137) {
+    EXPECT_EQ(f.evaluate("2*curve(x)", x), 2.0 * f.tables["curve"].of_one->value(x)) << x;
+    EXPECT_EQ(f.evaluate("line(x)", x), f.tables["line"].of_one->value(x)) << x;
+    EXPECT_EQ(f.evaluate("curve(3*x)*line(x)", x),
+              f.tables["curve"].of_one->value(3.0 * x) * f.tables["line"].of_one->value(x));
+    EXPECT_EQ(f.evaluate("map(x, y - 1)", x, 0.3), f.tables["map"].of_two->value(x, 0.3 - 1.0));
+  }
+  EXPECT_EQ(f.evaluate("curve(0.5)", 0.0), 3.0);
+  EXPECT_TRUE(std::isnan(f.evaluate("curve(x)", kNan)));
+  EXPECT_TRUE(std::isnan(f.evaluate("map(x, y)", 1.0, kNan)));
+}
+
+/// Central differences of a node against its derivative by the first velocity.
+void expectDerivative(Formulas& f, Node node, double x, double y) {
+  const Node slope = f.graph.differentiate(node, slotOf(Source::kVelocity, 0));
+  const double h = 1e-5;
+  const double difference = (f.evaluate(node, x + h, y) - f.evaluate(node, x - h, y)) / (2.0 * h);
+  const double size = 1.0 + std::abs(difference);
+  EXPECT_NEAR(f.evaluate(slope, x, y), difference, 1e-6 * size) << x << ", " << y;
+}
+
+TEST(TableNode, HasExactDerivatives) {
+  for (const Table::Beyond beyond : {Table::Beyond::kConstant, Table::Beyond::kLinear}) {
+    Formulas f;
+    f.tables["curve"] = table(kCurve, beyond);
+    f.tables["map"] = table(kMap, beyond);
+    for (const char* text : {"curve(x*y)", "map(x, y)", "map(sin(y), x)", "map(x, x*y)*curve(x)"}) {
+      Node node = f.read(text);
+      for (int order = 0; order < 3; ++order) {
+        for (double x = -2.06; x < 5.0; x += 0.31) expectDerivative(f, node, x, 0.43);
+        node = f.graph.differentiate(node, slotOf(Source::kVelocity, 0));
+      }
+    }
+  }
+}
+
+TEST(TableNode, EndsAtTheDegreeOfItsPolynomials) {
+  Formulas f;
+  f.tables["curve"] = table(kCurve);
+  Node node = f.read("curve(x)");
+  for (int order = 0; order < 5; ++order) {
+    node = f.graph.differentiate(node, slotOf(Source::kVelocity, 0));
+    EXPECT_FALSE(f.graph.isConstant(node)) << order;
+  }
+  EXPECT_TRUE(f.graph.isConstant(f.graph.differentiate(node, slotOf(Source::kVelocity, 0)), 0.0));
+}
+
+TEST(TableNode, HasGuardsAtItsPoints) {
+  Formulas f;
+  f.tables["curve"] = table(kCurve);
+  f.tables["map"] = table(kMap);
+  EXPECT_EQ(findGuards(f.graph, {f.read("curve(x) + 3*curve(x)")}).size(), 1U);
+  EXPECT_EQ(findGuards(f.graph, {f.read("map(x, y)")}).size(), 2U);
+  // Of the time they are instants.
+  EXPECT_TRUE(findGuards(f.graph, {f.read("curve(t)*x")}).empty());
+  EXPECT_EQ(findInstants(f.graph, {f.read("curve(t)*x")}),
+            (std::vector<double>{-1.0, 0.5, 2.0, 2.5, 4.0}));
+  EXPECT_TRUE(findInstants(f.graph, {f.read("curve(2*t)*x")}).empty());
+  EXPECT_EQ(findGuards(f.graph, {f.read("map(t, x)")}).size(), 1U);
+  EXPECT_EQ(findInstants(f.graph, {f.read("map(t, x)")}).size(), 4U);
+
+  const GuardPtr guard = findGuards(f.graph, {f.read("curve(2*x)")}).front();
+  EXPECT_FALSE(guard->jumps());
+  const auto branch = [&guard](double x) {
+    return guard->branch({0.0, nullptr, &x, nullptr, nullptr, nullptr});
+  };
+  EXPECT_EQ(branch(-1.0), 0);
+  EXPECT_EQ(branch(0.0), 1);
+  EXPECT_EQ(branch(0.25), Guard::kOnEdge);
+  EXPECT_EQ(branch(9.0), 5);
+  StateBox box;
+  box.velocity[0] = {0.3, 0.9};
+  EXPECT_FALSE(guard->mayLeave(box, 2));
+  EXPECT_TRUE(guard->mayLeave(box, 1));
+  box.velocity[0] = {0.2, 0.9};
+  EXPECT_TRUE(guard->mayLeave(box, 2));
+}
+
+TEST(TableNode, IsEnclosed) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> place(-4.0, 7.0);
+  std::uniform_real_distribution<double> part(0.0, 1.0);
+  for (const Table::Beyond beyond : {Table::Beyond::kConstant, Table::Beyond::kLinear}) {
+    const NamedTable curve = table(kCurve, beyond);
+    const NamedTable map = table(kMap, beyond);
+    for (int n = 0; n < 3000; ++n) {
+      const double width = std::pow(10.0, -4.0 * part(random));
+      const Interval x{place(random), 0.0};
+      const Interval in_x{x.low, x.low + width};
+      const double low = place(random);
+      const Interval in_y{low, low + width};
+      const double at_x = in_x.low + part(random) * width;
+      const double at_y = in_y.low + part(random) * width;
+      const double slack = 1e-12;
+      const Interval one = curve.of_one->enclose(0, in_x);
+      EXPECT_LE(one.low - slack, curve.of_one->value(at_x));
+      EXPECT_GE(one.high + slack, curve.of_one->value(at_x));
+      const Table2::Order order{n % 2, n / 2 % 3};
+      const double value = map.of_two->derivative(order, at_x, at_y);
+      const Interval two = map.of_two->enclose(order, in_x, in_y);
+      EXPECT_LE(two.low - slack * (1.0 + std::abs(value)), value);
+      EXPECT_GE(two.high + slack * (1.0 + std::abs(value)), value);
+      // It tells something where the rectangle is small.
+      if (width < 1e-3) {
+        EXPECT_LT(two.high - two.low, 3e3 * width);
+      }
+    }
+  }
+}
+
+TEST(TableNode, NeedsItsArguments) {
+  Formulas f;
+  f.tables["curve"] = table(kCurve);
+  f.tables["map"] = table(kMap);
+  EXPECT_NE(f.messageOf("curve").find("the table 'curve' needs its arguments"), std::string::npos);
+  EXPECT_NE(f.messageOf("map(x)").find("the table 'map' takes 2 arguments, not 1"),
+            std::string::npos);
+  EXPECT_NE(f.messageOf("curv(x)").find("did you mean 'curve'?"), std::string::npos);
+}
+
+// ------------------------------------------------------------------------------ tables of two
+
+TEST(Table2, GoesThroughItsPoints) {
+  for (const Table::Beyond beyond : {Table::Beyond::kConstant, Table::Beyond::kLinear}) {
+    const NamedTable map = table(kMap, beyond);
+    const double z[4][3] = {{1, 3, 0}, {-2, 0, 5}, {2, 2, 1}, {0, 1, 4}};
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        EXPECT_EQ(map.of_two->value(map.of_two->pointsX()[i], map.of_two->pointsY()[j]), z[i][j]);
+      }
+    }
+  }
+}
+
+TEST(Table2, IsTwiceContinuouslyDifferentiable) {
+  for (const Table::Beyond beyond : {Table::Beyond::kConstant, Table::Beyond::kLinear}) {
+    const NamedTable map = table(kMap, beyond);
+    const double h = 1e-9;
+    for (const Table2::Order order :
+         {Table2::Order{0, 0}, {1, 0}, {0, 1}, {1, 1}, {2, 0}, {0, 2}}) {
+      for (const double x : map.of_two->pointsX()) {
+        for (double y = -3.1; y < 2.0; y += 0.37) {
+          EXPECT_NEAR(map.of_two->derivative(order, x - h, y),
+                      map.of_two->derivative(order, x + h, y), 2e-6);
+        }
+      }
+      for (const double y : map.of_two->pointsY()) {
+        for (double x = -2.1; x < 5.0; x += 0.37) {
+          EXPECT_NEAR(map.of_two->derivative(order, x, y - h),
+                      map.of_two->derivative(order, x, y + h), 2e-6);
+        }
+      }
+    }
+  }
+}
+
+TEST(Table2, MeetsBilinearDataExactly) {
+  // z = 2 + 3 x - y + x y / 2
+  const NamedTable map = table(
+      "{x: [0, 1, 4, 6], y: [-2, 0, 6], values: [[4, 2, -4], [6, 5, 2], [12, 14, 20], [16, 20, "
+      "32]]}",
+      Table::Beyond::kLinear);
+  for (double x = -3.0; x < 9.0; x += 0.21) {
+    for (double y = -5.0; y < 9.0; y += 0.33) {
+      EXPECT_NEAR(map.of_two->value(x, y), 2.0 + 3.0 * x - y + 0.5 * x * y, 1e-12);
+    }
+  }
+}
+
+TEST(Table2, StaysAtItsEdges) {
+  const NamedTable map = table(kMap);
+  for (const double far : {1.0, 1e9, std::numeric_limits<double>::infinity()}) {
+    EXPECT_EQ(map.of_two->value(4.0 + far, 0.3), map.of_two->value(4.0, 0.3));
+    EXPECT_EQ(map.of_two->value(1.0, -2.0 - far), map.of_two->value(1.0, -2.0));
+    EXPECT_EQ(map.of_two->derivative({1, 0}, 4.0 + far, 0.3), 0.0);
+  }
+}
+
+TEST(Table2, SaysWhatIsWrong) {
+  const auto messageOf = [](const std::string& yaml) -> std::string {
+    try {
+      table(yaml);
+    } catch (const SceneError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_NE(messageOf("{x: [0, 1], y: [0, 1, 2], values: [[1, 2, 3]]}").find("1 rows; expected"),
+            std::string::npos);
+  EXPECT_NE(messageOf("{x: [0, 1], y: [0, 1, 2], values: [[1, 2, 3], [1, 2]]}")
+                .find("table/values[1]: [1, 2]; expected a list of 2 rows"),
+            std::string::npos);
+  EXPECT_NE(messageOf("{x: [0, 1], y: [0, 2, 2], values: [[1, 2, 3], [1, 2, 3]]}")
+                .find("table/y[2]: 2.0 does not lie above 2.0"),
+            std::string::npos);
+  EXPECT_NE(
+      messageOf("{x: [0, 1], y: [0, 1], values: [[1, 2], [1, a]]}").find("table/values[1][1]"),
+      std::string::npos);
+}
+
+}  // namespace
+}  // namespace variator_sim::expression
