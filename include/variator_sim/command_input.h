@@ -5,6 +5,7 @@
 #include <limits>
 #include <string>
 
+#include "variator_sim/guard.h"
 #include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
@@ -57,6 +58,8 @@ class CommandSignal {
 
   /// u at `time`, at or after the last event.
   double value(double time) const;
+  /// Holds every u between two times without an event between them.
+  Interval enclose(double from, double to) const;
   /// u' at `time`, right-hand limit at an event, left-hand limit at `segmentEnd()`.
   double rate(double time) const;
   /// u'' at `time` where it exists between two commands: of kSecondOrderLag; 0 otherwise.

@@ -20,6 +20,7 @@ struct StateBox {
   Interval angle[kMaxShafts];         ///< rad
   Interval velocity[kMaxShafts];      ///< rad/s
   Interval acceleration[kMaxShafts];  ///< rad/s^2
+  const Interval* input = nullptr;    ///< of each input of the scene; null: nothing is known
 };
 
 /// Tells on which branch of a law a state lies. On one branch the law is smooth; a step ends where
@@ -37,14 +38,16 @@ class Guard {
 
   /// A number that is the same on one branch.
   virtual int branch(const StateView& state) const = 0;
-  /// False when all of `box` certainly lies on `branch`.
+  /// False when all of `box` certainly lies on `branch`, or, of kOnEdge, on the edge.
   virtual bool mayLeave(const StateBox& box, int branch) const = 0;
   /// True when nothing is known of it but its branch at single states: `mayLeave` is always true.
   virtual bool isOpaque() const { return false; }
   /// The signed distance to the edge of an opaque guard, in whatever unit.
   virtual double distance(const StateView& /*state*/) const { return 0.0; }
-  /// True when it reads the time itself.
+  /// True when it may change while the shafts stay as they are: it reads the time or an input.
   virtual bool readsTime() const { return true; }
+  /// True when it reads a commanded input.
+  virtual bool readsInputs() const { return true; }
   /// True when the law itself may jump where the branch changes, and not only a derivative of it.
   bool jumps() const { return jumps_; }
 
@@ -67,6 +70,7 @@ class KnotGuard final : public Guard {
   int branch(const StateView& state) const override;
   bool mayLeave(const StateBox& box, int branch) const override;
   bool readsTime() const override { return false; }
+  bool readsInputs() const override { return false; }
 
  private:
   int count(double x) const;

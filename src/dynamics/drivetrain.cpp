@@ -81,6 +81,10 @@ void Drivetrain::refreshInputs(double time) {
   }
 }
 
+void Drivetrain::encloseInputs(double from, double to, Interval* inputs) const {
+  for (std::size_t i = 0; i < signals_.size(); ++i) inputs[i] = signals_[i].enclose(from, to);
+}
+
 double Drivetrain::inputSegmentEnd() const {
   double end = std::numeric_limits<double>::infinity();
   for (int i : varying_) end = std::min(end, signals_[i].segmentEnd());

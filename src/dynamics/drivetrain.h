@@ -85,6 +85,8 @@ class Drivetrain {
   /// Re-evaluates every u and u' at `time` and finds out which of them vary: to be called after a
   /// signal was changed and before anything is evaluated.
   void refreshInputs(double time);
+  /// Encloses every input between two times of their closed forms. [loop]
+  void encloseInputs(double from, double to, Interval* inputs) const;
   /// When the first of the inputs' closed forms ends.
   double inputSegmentEnd() const;
   /// At `time`, moves the inputs whose closed form ends until `latest` past that end.

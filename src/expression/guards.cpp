@@ -27,9 +27,11 @@ class SignGuard final : public Guard {
   }
   bool mayLeave(const StateBox& box, int branch) const override {
     const Interval range = enclosure_.evaluate(box);
+    if (branch == kOnEdge) return range.low != 0.0 || range.high != 0.0;
     return branch > 0 ? !(range.low > 0.0) : !(range.high < 0.0);
   }
-  bool readsTime() const override { return enclosure_.readsTime(); }
+  bool readsTime() const override { return enclosure_.readsTime() || enclosure_.readsInputs(); }
+  bool readsInputs() const override { return enclosure_.readsInputs(); }
 
  private:
   Tape tape_;
@@ -51,12 +53,14 @@ class PointsGuard final : public Guard {
   }
   bool mayLeave(const StateBox& box, int branch) const override {
     const Interval range = enclosure_.evaluate(box);
+    if (branch == kOnEdge) return range.low != range.high;
     const auto below = static_cast<std::size_t>(branch);
     const bool is_above = branch == 0 || range.low > points_[below - 1];
     const bool is_below = below == points_.size() || range.high < points_[below];
     return !(is_above && is_below);
   }
-  bool readsTime() const override { return enclosure_.readsTime(); }
+  bool readsTime() const override { return enclosure_.readsTime() || enclosure_.readsInputs(); }
+  bool readsInputs() const override { return enclosure_.readsInputs(); }
 
  private:
   Tape tape_;

@@ -189,6 +189,8 @@ Interval variableOf(const StateBox& box, int slot) {
       return box.velocity[index];
     case Source::kAcceleration:
       return box.acceleration[index];
+    case Source::kInput:
+      return box.input == nullptr ? kEverything : box.input[index];
     default:
       return kEverything;
   }
@@ -212,9 +214,9 @@ IntervalProgram::IntervalProgram(const Graph& graph, Node node) {
     place[i] = static_cast<int>(steps_.size());
     steps_.push_back(step);
     registers_.push_back({entry.value, entry.value});
-    if (entry.operation == Operation::kVariable && sourceOf(entry.slot) == Source::kTime) {
-      reads_time_ = true;
-    }
+    if (entry.operation != Operation::kVariable) continue;
+    reads_time_ = reads_time_ || sourceOf(entry.slot) == Source::kTime;
+    reads_inputs_ = reads_inputs_ || sourceOf(entry.slot) == Source::kInput;
   }
 }
 

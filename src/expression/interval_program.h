@@ -22,6 +22,8 @@ class IntervalProgram {
   Interval evaluate(const StateBox& box) const;
   /// True when the time occurs.
   bool readsTime() const { return reads_time_; }
+  /// True when an input occurs.
+  bool readsInputs() const { return reads_inputs_; }
 
  private:
   struct Step {
@@ -35,6 +37,7 @@ class IntervalProgram {
   std::vector<Step> steps_;
   mutable std::vector<Interval> registers_;  ///< one for each step; constants are written once
   bool reads_time_ = false;
+  bool reads_inputs_ = false;
 };
 
 }  // namespace variator_sim::expression

@@ -33,15 +33,23 @@ bool isPoint(const StateBox& box, int shafts) {
 
 }  // namespace
 
-void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view) {
+void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view, InputRange input_range) {
   guards_ = std::move(guards);
   view_ = std::move(view);
+  input_range_ = std::move(input_range);
   sides_.assign(guards_.size(), Guard::kOnEdge);
   step_sides_ = sides_;
   muted_.assign(guards_.size(), 0);
   for (const GuardPtr& guard : guards_) {
     (guard->isOpaque() ? has_opaque_ : has_enclosed_) = true;
+    reads_inputs_ = reads_inputs_ || (!guard->isOpaque() && guard->readsInputs());
   }
+}
+
+void GuardSearch::addInputs(StateBox& box) {
+  if (!reads_inputs_) return;
+  input_range_(box.time, inputs_);
+  box.input = inputs_;
 }
 
 bool GuardSearch::hasJumps() const {
@@ -73,6 +81,7 @@ void GuardSearch::muteOnEdge(int index, const StateView& state, int shafts) {
     box.velocity[n] = {state.velocity[n], state.velocity[n]};
     box.acceleration[n] = {state.acceleration[n] - width, state.acceleration[n] + width};
   }
+  addInputs(box);
   const bool is_on_edge = sides_[i] == Guard::kOnEdge || guards_[i]->mayLeave(box, sides_[i]);
   if (is_on_edge) muted_[i] = std::max(muted_[i], 1);
 }
@@ -91,12 +100,13 @@ bool GuardSearch::hasAnyLeft(const StateView& state) const {
   return false;
 }
 
-bool GuardSearch::isClear(const StateBox& box) const {
+bool GuardSearch::isClear(StateBox& box) {
   if (has_opaque_) return false;
+  addInputs(box);
   for (std::size_t n = 0; n < guards_.size(); ++n) {
     const std::size_t i = (last_ + n) % guards_.size();
     if (muted_[i] > 0) continue;
-    if (sides_[i] == Guard::kOnEdge || guards_[i]->mayLeave(box, sides_[i])) {
+    if (guards_[i]->mayLeave(box, sides_[i])) {
       last_ = i;
       return false;
     }
@@ -122,7 +132,8 @@ void GuardSearch::settleSides(const StepCurve& curve, double resolution) {
   }
 }
 
-bool GuardSearch::mayLeave(const StateBox& box) const {
+bool GuardSearch::mayLeave(StateBox& box) {
+  addInputs(box);
   for (std::size_t n = 0; n < guards_.size(); ++n) {
     const std::size_t i = (last_ + n) % guards_.size();
     if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;

@@ -34,7 +34,10 @@ class GuardSearch {
   using View = std::function<StateView(double time, const double* angle, const double* velocity,
                                        const double* acceleration)>;
 
-  void setGuards(std::vector<GuardPtr> guards, View view);
+  /// Encloses all inputs, kMaxInputs at the most, over a time.
+  using InputRange = std::function<void(const Interval& time, Interval* inputs)>;
+
+  void setGuards(std::vector<GuardPtr> guards, View view, InputRange input_range);
   bool isEmpty() const { return guards_.empty(); }
   int count() const { return static_cast<int>(guards_.size()); }
   const Guard& guard(int index) const { return *guards_[static_cast<std::size_t>(index)]; }
@@ -57,8 +60,8 @@ class GuardSearch {
   void muteOnEdge(int index, const StateView& state, int shafts);
 
   /// True when no guard can leave its branch in `box`, which holds all states of the step from the
-  /// base. [loop]
-  bool isClear(const StateBox& box) const;
+  /// base; it gets its inputs here. [loop]
+  bool isClear(StateBox& box);
   /// The first crossing in a step from the base that went along `curve`; `resolution` is the
   /// shortest part that can be told from none. [loop]
   GuardFinding find(const StepCurve& curve, double resolution);
@@ -68,19 +71,24 @@ class GuardSearch {
   StateView at(const StepCurve& curve, double part);
   /// Branches of guards that start on an edge: those that they come to first.
   void settleSides(const StepCurve& curve, double resolution);
-  bool mayLeave(const StateBox& box) const;
+  bool mayLeave(StateBox& box);
+  /// Gives `box` the inputs over its time.
+  void addInputs(StateBox& box);
   GuardFinding findEnclosed(const StepCurve& curve, double resolution);
   void findOpaque(int index, const StepCurve& curve, double resolution, GuardFinding* finding);
   double distanceAt(int index, const StepCurve& curve, double part);
 
   std::vector<GuardPtr> guards_;
   View view_;
+  InputRange input_range_;
   std::vector<int> sides_;
-  std::vector<int> step_sides_;   ///< the same, edges settled
-  std::vector<int> muted_;        ///< steps for which it still has to keep its branch
-  mutable std::size_t last_ = 0;  ///< that could not be excluded: looked at first
+  std::vector<int> step_sides_;  ///< the same, edges settled
+  std::vector<int> muted_;       ///< steps for which it still has to keep its branch
+  std::size_t last_ = 0;         ///< that could not be excluded: looked at first
   bool has_opaque_ = false;
   bool has_enclosed_ = false;
+  bool reads_inputs_ = false;  ///< an enclosed guard does
+  Interval inputs_[kMaxInputs];
   double angle_[kMaxShafts] = {};
   double velocity_[kMaxShafts] = {};
   double acceleration_[kMaxShafts] = {};

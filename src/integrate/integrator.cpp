@@ -28,6 +28,9 @@ Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
       drivetrain_.guards(),
       [this](double time, const double* angle, const double* velocity, const double* acceleration) {
         return drivetrain_.view(relative(time), angle, velocity, acceleration);
+      },
+      [this](const Interval& time, Interval* inputs) {
+        drivetrain_.encloseInputs(relative(time.low), relative(time.high), inputs);
       });
   if (guards_.hasJumps()) system_.watch(&watch_);
 }
