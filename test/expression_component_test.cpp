@@ -209,7 +209,11 @@ TEST(ExpressionConstraint, HasTheDerivativesOfItsRowAndDependsOnWhatItReads) {
   for (const Statement& statement : kStatements) {
     SCOPED_TRACE(statement.formula);
     ExpressionConstraint constraint;
-    Dictionary dictionary = constraintOf(statement.formula, {{"tau", ParameterTree::real(0.2)}});
+    Dictionary parameters;
+    if (std::string(statement.formula).find("tau") != std::string::npos) {
+      parameters["tau"] = ParameterTree::real(0.2);
+    }
+    Dictionary dictionary = constraintOf(statement.formula, parameters);
     dictionary["order"] = ParameterTree::integer(statement.order);
     configure(constraint, dictionary, shafts);
     EXPECT_EQ(constraint.dependence().time, statement.dependence.time);
@@ -279,11 +283,17 @@ TEST(ExpressionConstraint, HasARowWhereAnExponentialOverflows) {
   }
 }
 
-TEST(ExpressionConstraint, TakesNumbersAndUnusedParameters) {
+TEST(ExpressionConstraint, TakesNumbersAsTexts) {
   ExpressionConstraint constraint;
-  configure(constraint, constraintOf("a*e1 - w1", {{"a", ParameterTree::text("1e-3")},
-                                                   {"unused", ParameterTree::integer(4)}}));
+  configure(constraint, constraintOf("a*e1 - w1", {{"a", ParameterTree::text("1e-3")}}));
   EXPECT_NEAR(constraint.calcResidual(State().view), 1e-3 * 8.78 - 5.0, 1e-15);
+}
+
+TEST(ExpressionConstraint, RefusesParametersThatItDoesNotRead) {
+  expectError(
+      errorOf<ExpressionConstraint>(constraintOf(
+          "a*e1 - w1", {{"a", ParameterTree::integer(4)}, {"b", ParameterTree::integer(4)}})),
+      "it/parameters/b", "'b' is not read by the formula 'a*e1 - w1'");
 }
 
 TEST(ExpressionConstraint, KnowsItsKinksInTheAccelerations) {

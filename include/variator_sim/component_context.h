@@ -1,24 +1,29 @@
 /// What a torque or a constraint learns about its scene while it is configured.
 #pragma once
 
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "variator_sim/command_input.h"
 #include "variator_sim/parameter_tree.h"
+#include "variator_sim/scene_symbols.h"
 
 namespace variator_sim {
 
 class ComponentContext {
  public:
-  /// `inputs` collects the commanded inputs of the whole scene.
+  /// `inputs` collects the commanded inputs of the whole scene; `symbols` are its inputs and tables
+  /// that have names of their own.
   ComponentContext(std::string name, ParameterReader& parameters,
                    const std::vector<std::string>& shaft_names,
-                   std::vector<CommandInputSettings>& inputs)
+                   std::vector<CommandInputSettings>& inputs, SceneSymbols symbols = {})
       : name_(std::move(name)),
         parameters_(parameters),
         shaft_names_(shaft_names),
-        inputs_(inputs) {}
+        inputs_(inputs),
+        symbols_(std::move(symbols)) {}
 
   /// The component's own name in the scene.
   const std::string& name() const { return name_; }
@@ -35,6 +40,14 @@ class ComponentContext {
   /// Declares a commanded input; the index into StateView::input and ::input_rate.
   int addInput(const CommandInputSettings& settings);
 
+  /// The inputs and tables that the scene names for all of its components.
+  const SceneSymbols& symbols() const { return symbols_; }
+  /// Index of the scene's input that is called `name` by the value at `path`; the component reads
+  /// it. SceneError with the nearest name where there is none.
+  int useInput(const std::string& name, const std::string& path);
+  /// Indices of the inputs that the component has declared or uses, each once.
+  const std::set<int>& usedInputs() const { return used_inputs_; }
+
  private:
   int indexOf(const std::string& shaft, const std::string& path) const;
 
@@ -42,6 +55,8 @@ class ComponentContext {
   ParameterReader& parameters_;
   const std::vector<std::string>& shaft_names_;
   std::vector<CommandInputSettings>& inputs_;
+  SceneSymbols symbols_;
+  std::set<int> used_inputs_;
 };
 
 }  // namespace variator_sim

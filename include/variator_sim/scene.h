@@ -14,6 +14,7 @@
 #include "variator_sim/inertia.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/parameter_tree.h"
+#include "variator_sim/scene_symbols.h"
 #include "variator_sim/torque.h"
 
 namespace variator_sim {
@@ -67,6 +68,8 @@ struct Scene {
   std::vector<TorquePtr> torques;
   std::vector<ConstraintPtr> constraints;
   std::vector<CommandInputSettings> inputs;
+  /// The inputs and tables that have names of their own.
+  SceneSymbols symbols;
   Principle principle = Principle::kGeneralizedGauss;
   InitialConditions initial;
   SolverSettings solver;

@@ -129,6 +129,7 @@ void ExpressionConstraint::doConfigure(ComponentContext& context) {
   }
   const std::string path = reader.keyPath("expression");
   const std::string text = reader.formula("expression");
+  inputs_ = context.usedInputs();
   build(graph, given, without_jerks, path, text);
   if (order_ != 2) return;
   const std::vector<unsigned> reads = findReads(graph, Source::kAcceleration, shaftCount());
@@ -139,7 +140,7 @@ void ExpressionConstraint::doConfigure(ComponentContext& context) {
 
 ExpressionConstraint::ExpressionConstraint(const ExpressionConstraint& of, Graph& graph,
                                            Node function)
-    : Constraint(of.name(), of.shaftCount()) {
+    : Constraint(of.name(), of.shaftCount()), inputs_(of.inputs_) {
   build(graph, function, {}, of.name(), of.name());
 }
 
@@ -159,17 +160,13 @@ void ExpressionConstraint::build(Graph& graph, Node given, Node without_jerks,
                                text + "' does not depend on " + highest.name);
   }
 
-  // Total derivatives with phi' = omega and omega' = epsilon; epsilon is held, as its rate is
-  // multiplied by C.
-  std::vector<Graph::Rate> rates = {{slotOf(Source::kTime), graph.constant(1.0)}};
+  const std::vector<Graph::Rate> rates = expression::ratesOf(graph, s, inputs_);
   std::vector<int> slots = {slotOf(Source::kTime)};
   for (int i = 0; i < s; ++i) {
-    rates.emplace_back(slotOf(Source::kAngle, i), graph.variable(slotOf(Source::kVelocity, i)));
-    rates.emplace_back(slotOf(Source::kVelocity, i),
-                       graph.variable(slotOf(Source::kAcceleration, i)));
     slots.insert(slots.end(), {slotOf(Source::kAngle, i), slotOf(Source::kVelocity, i),
                                slotOf(Source::kAcceleration, i)});
   }
+  for (const int i : inputs_) slots.push_back(slotOf(Source::kInput, i));
 
   // The second-order form: f' = C epsilon + ... for order 1, psi itself for order 2.
   const Node second = order_ == 1 ? graph.totalDerivative(given, rates) : given;
@@ -283,7 +280,7 @@ void ExpressionConstraint::doCalcRow(const StateView& state, double* C, double* 
 
 void ExpressionConstraint::doCalcPartials(const StateView& state,
                                           ConstraintPartials& partials) const {
-  double values[1 + 3 * kMaxShafts];
+  double values[1 + 3 * kMaxShafts + kMaxInputs];
   partials_.evaluate(state, values);
   for (std::size_t i = 0; i < partial_slots_.size(); ++i) {
     const int index = expression::indexOf(partial_slots_[i]);
@@ -296,6 +293,9 @@ void ExpressionConstraint::doCalcPartials(const StateView& state,
         break;
       case Source::kVelocity:
         partials.velocity[index] = values[i];
+        break;
+      case Source::kInput:
+        partials.input[index] = values[i];
         break;
       default:
         partials.acceleration[index] = values[i];

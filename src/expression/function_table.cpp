@@ -1,7 +1,9 @@
 #include "function_table.h"
 
+#include <algorithm>
 #include <vector>
 
+#include "characters.h"
 #include "variator_sim/expression/parser.h"
 
 namespace variator_sim::expression {
@@ -50,6 +52,11 @@ std::vector<std::string> functionNames() {
     names.emplace_back(function.name);
   }
   return names;
+}
+
+bool isValidName(const std::string& name) {
+  return !name.empty() && isNameStart(name.front()) &&
+         std::all_of(name.begin(), name.end(), [](char c) { return isNameStart(c) || isDigit(c); });
 }
 
 }  // namespace variator_sim::expression

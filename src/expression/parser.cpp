@@ -42,15 +42,13 @@ int columnOf(const std::string& text, std::size_t offset) {
 class Parser {
  public:
   Parser(const std::string& text, const SymbolTable& symbols, Graph& graph,
-         const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables,
-         std::set<std::string>* used)
+         const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables)
       : text_(text),
         symbols_(symbols),
         graph_(graph),
         explain_(explain),
         linear_(linear),
-        tables_(tables),
-        used_(used) {}
+        tables_(tables) {}
 
   Node formula() {
     moveTo(0);
@@ -58,6 +56,7 @@ class Parser {
     if (position_ != text_.size()) failOperator();
     return value;
   }
+  const std::set<std::string>& used() const { return used_; }
 
  private:
   // ------------------------------------------------------------------------------------------ text
@@ -221,7 +220,7 @@ class Parser {
   Node variable(const std::string& name, std::size_t where) {
     const auto symbol = symbols_.find(name);
     if (symbol != symbols_.end()) {
-      if (used_ != nullptr) used_->insert(name);
+      used_.insert(name);
       return symbol->second;
     }
     if (name == "pi") return graph_.constant(kPi);
@@ -464,6 +463,7 @@ class Parser {
   [[noreturn]] void failNotLinear(std::size_t where, Node value) const {
     std::string names;
     for (const auto& [name, variable] : linear_) {
+      if (used_.count(name) == 0) continue;  // of two names for one variable
       if (!graph_.dependsOn(value, graph_.entry(variable).slot)) continue;
       names += (names.empty() ? "" : ", ") + name;
     }
@@ -477,7 +477,7 @@ class Parser {
   const NameExplainer& explain_;
   const SymbolTable& linear_;
   const NamedTables& tables_;
-  std::set<std::string>* const used_;
+  std::set<std::string> used_;  ///< symbols
 
   std::size_t position_ = 0;
   int nesting_ = 0;
@@ -486,15 +486,13 @@ class Parser {
 
 }  // namespace
 
-bool isValidName(const std::string& name) {
-  return !name.empty() && isNameStart(name.front()) &&
-         std::all_of(name.begin(), name.end(), [](char c) { return isNameStart(c) || isDigit(c); });
-}
-
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
            const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables,
            std::set<std::string>* used) {
-  return Parser(text, symbols, graph, explain, linear, tables, used).formula();
+  Parser parser(text, symbols, graph, explain, linear, tables);
+  const Node formula = parser.formula();
+  if (used != nullptr) *used = parser.used();
+  return formula;
 }
 
 }  // namespace variator_sim::expression

@@ -1,6 +1,8 @@
 // Formulas of a scene: what their names mean.
 #include <algorithm>
 #include <cstddef>
+#include <iterator>
+#include <set>
 
 #include "characters.h"
 #include "function_table.h"
@@ -28,19 +30,33 @@ std::string listNumbered(const std::string& prefix, int count) {
   return joinNames(names);
 }
 
-/// Why a numbered name means nothing in a scene of `shaft_count` shafts, or an empty string.
-std::string explainName(const std::string& name, int shaft_count, FormulaKind kind) {
+constexpr const char* kPrefixes[] = {"phi", "w", "e", "j"};
+
+/// True for `prefix` with an index or with the name of a shaft.
+bool isVariable(const std::string& name, const std::string& prefix,
+                const std::vector<std::string>& shafts) {
+  if (isNumbered(name, prefix)) return true;
+  const std::size_t begin = prefix.size() + 1;
+  return name.size() > begin && name.compare(0, begin, prefix + "_") == 0 &&
+         std::find(shafts.begin(), shafts.end(), name.substr(begin)) != shafts.end();
+}
+
+/// Why the name of a variable means nothing here, or an empty string.
+std::string explainName(const std::string& name, const std::vector<std::string>& shafts,
+                        FormulaKind kind) {
   const bool order3 = kind == FormulaKind::kOrder3 || kind == FormulaKind::kOrder3WithoutJerks;
-  if (isNumbered(name, "j") && !order3) {
+  if (isVariable(name, "j", shafts) && !order3) {
     return "jerks occur in constraints of order 3 only";
   }
-  if (kind == FormulaKind::kOrder1 && isNumbered(name, "e")) {
+  const bool is_acceleration = isVariable(name, "e", shafts);
+  if (kind == FormulaKind::kOrder1 && is_acceleration) {
     return "a constraint of order 1 may depend on t, phi and w only";
   }
-  if (kind == FormulaKind::kTorque && isNumbered(name, "e")) {
+  if (kind == FormulaKind::kTorque && is_acceleration) {
     return "a torque may depend on t, phi and w only (with e its rate would need the jerk)";
   }
-  for (const char* prefix : {"phi", "w", "e", "j"}) {
+  const int shaft_count = static_cast<int>(shafts.size());
+  for (const char* prefix : kPrefixes) {
     if (isNumbered(name, prefix)) {
       return "the scene has " + std::to_string(shaft_count) +
              (shaft_count == 1 ? " shaft: " : " shafts: ") + listNumbered(prefix, shaft_count);
@@ -50,27 +66,65 @@ std::string explainName(const std::string& name, int shaft_count, FormulaKind ki
 }
 
 /// Throws SceneError when a parameter's name cannot be told from something else.
-void checkParameterName(const std::string& name, const std::string& path) {
+void checkParameterName(const std::string& name, const std::string& path,
+                        const ComponentContext& context) {
   const std::string quoted = "'" + name + "'";
   if (!isValidName(name)) {
     throw SceneError(path, quoted +
                                " is not a valid name (a letter or '_', then letters, digits and "
                                "'_')");
   }
-  if (name == "pi" || findFunction(name) != nullptr) {
-    throw SceneError(path, quoted + " is already the name of " +
-                               (name == "pi" ? "a number" : "a function") + "; choose another");
+  std::string taken = describeTakenName(name, context.shaftNames());
+  if (context.symbols().inputs.count(name) != 0) taken = "already the name of an input";
+  if (context.symbols().tables.count(name) != 0) taken = "already the name of a table";
+  if (!taken.empty()) throw SceneError(path, quoted + " is " + taken + "; choose another");
+}
+
+/// The variables of a formula by their names.
+struct Variables {
+  SymbolTable symbols;
+  SymbolTable jerks;  ///< those of `symbols` in which it has to be linear
+};
+
+Variables nameVariables(const ComponentContext& context, FormulaKind kind, Graph& graph) {
+  Variables named;
+  named.symbols["t"] = graph.variable(slotOf(Source::kTime));
+  for (int i = 0; i < context.shaftCount(); ++i) {
+    const std::string shaft = context.shaftNames()[static_cast<std::size_t>(i)];
+    for (const std::string& of : {std::to_string(i + 1), "_" + shaft}) {
+      named.symbols["phi" + of] = graph.variable(slotOf(Source::kAngle, i));
+      named.symbols["w" + of] = graph.variable(slotOf(Source::kVelocity, i));
+      if (kind != FormulaKind::kTorque && kind != FormulaKind::kOrder1) {
+        named.symbols["e" + of] = graph.variable(slotOf(Source::kAcceleration, i));
+      }
+      if (kind == FormulaKind::kOrder3) {
+        const Node jerk = graph.variable(slotOf(Source::kJerk, i));
+        named.symbols["j" + of] = named.jerks["j" + of] = jerk;
+      } else if (kind == FormulaKind::kOrder3WithoutJerks) {
+        named.symbols["j" + of] = graph.constant(0.0);
+      }
+    }
   }
-  const bool is_variable = name == "t" || isNumbered(name, "phi") || isNumbered(name, "w") ||
-                           isNumbered(name, "e") || isNumbered(name, "j");
-  if (is_variable) {
-    throw SceneError(path, quoted +
-                               " is the name of a variable (t, phi1.., w1.., e1.. and j1.. are); "
-                               "choose another");
+  for (const auto& [input, index] : context.symbols().inputs) {
+    named.symbols[input] = graph.variable(slotOf(Source::kInput, index));
   }
+  return named;
 }
 
 }  // namespace
+
+std::string describeTakenName(const std::string& name, const std::vector<std::string>& shafts) {
+  if (name == "pi") return "already the name of a number";
+  if (findFunction(name) != nullptr) return "already the name of a function";
+  const bool is_variable = name == "t" || std::any_of(std::begin(kPrefixes), std::end(kPrefixes),
+                                                      [&](const char* prefix) {
+                                                        return isVariable(name, prefix, shafts);
+                                                      });
+  if (!is_variable) return "";
+  return "the name of a variable (t, phi1.., w1.., e1.. and j1.. are, and the same with the names "
+         "of shafts: w_" +
+         shafts.front() + ")";
+}
 
 Node readFormula(ComponentContext& context, const std::string& key, FormulaKind kind,
                  Graph& graph) {
@@ -78,35 +132,32 @@ Node readFormula(ComponentContext& context, const std::string& key, FormulaKind 
   const std::string text = reader.formula(key);
   const std::map<std::string, double> parameters = reader.numberDictionary("parameters");
 
-  SymbolTable symbols;
-  SymbolTable jerks;
-  symbols["t"] = graph.variable(slotOf(Source::kTime));
-  for (int i = 0; i < context.shaftCount(); ++i) {
-    const std::string number_text = std::to_string(i + 1);
-    symbols["phi" + number_text] = graph.variable(slotOf(Source::kAngle, i));
-    symbols["w" + number_text] = graph.variable(slotOf(Source::kVelocity, i));
-    if (kind != FormulaKind::kTorque && kind != FormulaKind::kOrder1) {
-      symbols["e" + number_text] = graph.variable(slotOf(Source::kAcceleration, i));
-    }
-    if (kind == FormulaKind::kOrder3) {
-      const Node jerk = graph.variable(slotOf(Source::kJerk, i));
-      symbols["j" + number_text] = jerks["j" + number_text] = jerk;
-    } else if (kind == FormulaKind::kOrder3WithoutJerks) {
-      symbols["j" + number_text] = graph.constant(0.0);
-    }
-  }
+  Variables variables = nameVariables(context, kind, graph);
   for (const auto& [parameter, value] : parameters) {
-    checkParameterName(parameter, reader.keyPath("parameters") + "/" + parameter);
-    symbols[parameter] = graph.constant(value);
+    checkParameterName(parameter, reader.keyPath("parameters") + "/" + parameter, context);
+    variables.symbols[parameter] = graph.constant(value);
   }
+  std::set<std::string> used;
+  Node formula;
   try {
     const NameExplainer explain = [&](const std::string& unknown) {
-      return explainName(unknown, context.shaftCount(), kind);
+      return explainName(unknown, context.shaftNames(), kind);
     };
-    return parse(text, symbols, graph, explain, jerks);
+    formula = parse(text, variables.symbols, graph, explain, variables.jerks,
+                    context.symbols().tables, &used);
   } catch (const ExpressionError& error) {
     throw SceneError(reader.keyPath(key), error.what());
   }
+  for (const auto& parameter : parameters) {
+    if (used.count(parameter.first) != 0) continue;
+    throw SceneError(reader.keyPath("parameters") + "/" + parameter.first,
+                     "'" + parameter.first + "' is not read by the formula '" + text +
+                         "'; remove it, or read it there");
+  }
+  for (const auto& input : context.symbols().inputs) {
+    if (used.count(input.first) != 0) context.useInput(input.first, reader.keyPath(key));
+  }
+  return formula;
 }
 
 }  // namespace variator_sim::expression

@@ -55,7 +55,21 @@ int ComponentContext::addInput(const CommandInputSettings& settings) {
                                std::to_string(kMaxInputs) + " in one scene");
   }
   inputs_.push_back(settings);
-  return static_cast<int>(inputs_.size()) - 1;
+  const int index = static_cast<int>(inputs_.size()) - 1;
+  used_inputs_.insert(index);
+  return index;
+}
+
+int ComponentContext::useInput(const std::string& name, const std::string& path) {
+  const auto found = symbols_.inputs.find(name);
+  if (found == symbols_.inputs.end()) {
+    std::vector<std::string> names;
+    for (const auto& input : symbols_.inputs) names.push_back(input.first);
+    throw SceneError(path, "'" + name + "' is not in the list inputs" + suggestName(name, names) +
+                               "; allowed: " + (names.empty() ? "none" : joinNames(names)));
+  }
+  used_inputs_.insert(found->second);
+  return found->second;
 }
 
 }  // namespace variator_sim

@@ -4,11 +4,13 @@
 #include <array>
 #include <exception>
 #include <limits>
+#include <set>
 #include <utility>
 
 #include "model/derivative_check.h"
 #include "model/scene_inertia.h"
 #include "model/scene_names.h"
+#include "model/scene_symbols.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -100,7 +102,7 @@ constexpr ComponentKind kConstraintKind{"constraint", "constraints",
 template <typename Create>
 auto readComponent(const std::string& name, ParameterReader& root, const ComponentKind& kind,
                    const ComponentKind& other, ComponentFactory& factory, Create create,
-                   Scene* scene) {
+                   Scene* scene, std::set<int>* used_inputs = nullptr) {
   ParameterReader reader = root.section(name);
   const std::string type = reader.text("type");
   decltype(create(type)) component;
@@ -113,7 +115,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
     throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
   }
 
-  ComponentContext context(name, reader, scene->shafts, scene->inputs);
+  ComponentContext context(name, reader, scene->shafts, scene->inputs, scene->symbols);
   try {
     component->configure(context);
   } catch (const SceneError&) {
@@ -122,21 +124,25 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
     throw SceneError(name, "'" + type + "' cannot be configured: " + error.what());
   }
   reader.finish();
+  if (used_inputs != nullptr) *used_inputs = context.usedInputs();
   return component;
 }
 
 /// A constraint of order 1 is differentiated twice, and its inputs with it: a jump of u or u' would
 /// need an impulse.
-void checkInputsOfOrder1(const Scene& scene) {
-  for (const ConstraintPtr& constraint : scene.constraints) {
-    if (constraint->order() != 1) continue;
-    for (const CommandInputSettings& input : scene.inputs) {
-      if (input.owner != constraint->name() || input.hold == Hold::kSecondOrderLag) continue;
-      throw SceneError(constraint->name(),
-                       "the input of topic '" + input.topic +
-                           "' belongs to a constraint of order 1, which takes inputs with two "
-                           "derivatives only; allowed: hold second_order_lag");
-    }
+void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
+                         const std::set<int>& used_inputs) {
+  if (constraint.order() != 1) return;
+  for (const int index : used_inputs) {
+    const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(index)];
+    if (input.hold == Hold::kSecondOrderLag) continue;
+    const bool is_shared = input.owner != constraint.name();
+    throw SceneError(is_shared ? input.owner + "/hold" : constraint.name(),
+                     "the input of topic '" + input.topic + "' " +
+                         (is_shared ? "is read by the constraint '" + constraint.name() + "'"
+                                    : std::string("belongs to a constraint")) +
+                         " of order 1, which takes inputs with two derivatives only; allowed: hold "
+                         "second_order_lag");
   }
 }
 
@@ -170,6 +176,8 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
   root["shafts"] = toTree(names.shafts);
   root["torques"] = toTree(names.torques);
   root["constraints"] = toTree(names.constraints);
+  root["inputs"] = toTree(names.inputs);
+  root["tables"] = toTree(names.tables);
   for (int i = 0; i < scene.shaftCount(); ++i) {
     const auto n = static_cast<std::size_t>(i);
     if (!scene.inertia_harmonics.empty() && !scene.inertia_harmonics[n].empty()) continue;
@@ -253,18 +261,21 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   scene.initial = readInitial(root, scene.shafts.size());
   scene.solver = readSolver(root);
 
+  scene.symbols = readSceneSymbols(root, names, scene.inputs);
   for (const std::string& name : names.torques) {
     scene.torques.push_back(readComponent(
         name, root, kTorqueKind, kConstraintKind, factory,
         [&](const std::string& type) { return factory.createTorque(type); }, &scene));
   }
   for (const std::string& name : names.constraints) {
+    std::set<int> used_inputs;
     scene.constraints.push_back(readComponent(
         name, root, kConstraintKind, kTorqueKind, factory,
-        [&](const std::string& type) { return factory.createConstraint(type); }, &scene));
+        [&](const std::string& type) { return factory.createConstraint(type); }, &scene,
+        &used_inputs));
+    checkInputsOfOrder1(*scene.constraints.back(), scene, used_inputs);
   }
   checkTopics(scene, node.topics);
-  checkInputsOfOrder1(scene);
   const bool verify_derivatives = root.boolean("verify_derivatives", true);
   if (verify_derivatives) verifyDerivatives(scene);
   scene.resolved = resolve(tree, names, node.keys, scene, verify_derivatives);

@@ -9,11 +9,11 @@
 namespace variator_sim {
 namespace {
 
-/// Keys at the scene's root that are not names of shafts, torques or constraints.
+/// Keys at the scene's root that no list names.
 const std::vector<std::string>& sceneKeys() {
-  static const std::vector<std::string> keys{"shafts",      "inertia_coupling",  "torques",
-                                             "constraints", "principle",         "initial",
-                                             "solver",      "verify_derivatives"};
+  static const std::vector<std::string> keys{
+      "shafts", "inertia_coupling", "torques", "constraints", "inputs",
+      "tables", "principle",        "initial", "solver",      "verify_derivatives"};
   return keys;
 }
 
@@ -59,14 +59,16 @@ void checkNames(const SceneNames& lists, const std::vector<std::string>& node_ke
                          "'" + name + "' is listed twice" +
                              (other->second == list ? std::string()
                                                     : ": in " + other->second + " and in " + list) +
-                             "; allowed: names that differ from those of all shafts, torques "
-                             "and constraints");
+                             "; allowed: names that differ from those of all shafts, torques, "
+                             "constraints, inputs and tables");
       }
     }
   };
   check("shafts", lists.shafts);
   check("torques", lists.torques);
   check("constraints", lists.constraints);
+  check("inputs", lists.inputs);
+  check("tables", lists.tables);
 }
 
 SceneNames readLists(const ParameterTree& tree, ParameterReader& root,
@@ -88,6 +90,8 @@ SceneNames readLists(const ParameterTree& tree, ParameterReader& root,
   lists.shafts = root.names("shafts");
   lists.torques = root.names("torques");
   lists.constraints = root.names("constraints");
+  lists.inputs = root.names("inputs");
+  lists.tables = root.names("tables");
   if (lists.shafts.empty() || lists.shafts.size() > static_cast<std::size_t>(kMaxShafts)) {
     throw SceneError("shafts",
                      std::to_string(lists.shafts.size()) + " shafts; allowed: " + shafts_expected);
@@ -116,7 +120,9 @@ void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& al
       throw SceneError(
           key,
           "unknown key" + suggestName(key, allowed) +
-              (dictionaries ? "; it is in none of the lists shafts, torques, constraints" : "") +
+              (dictionaries ? "; it is in none of the lists shafts, torques, constraints, inputs, "
+                              "tables"
+                            : "") +
               "; allowed: " + joinNames(allowed));
     }
   }
@@ -125,7 +131,7 @@ void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& al
 }  // namespace
 
 std::vector<std::string> SceneNames::all() const {
-  return joined(joined(shafts, torques), constraints);
+  return joined(joined(joined(joined(shafts, torques), constraints), inputs), tables);
 }
 
 SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,

@@ -13,6 +13,8 @@ struct SceneNames {
   std::vector<std::string> shafts;
   std::vector<std::string> torques;
   std::vector<std::string> constraints;
+  std::vector<std::string> inputs;
+  std::vector<std::string> tables;
 
   std::vector<std::string> all() const;
 };

@@ -16,20 +16,27 @@ using expression::Source;
 using expression::Tape;
 
 void ExpressionTorque::doConfigure(ComponentContext& context) {
+  ParameterReader& reader = context.parameters();
+  // All known from the start, so that a missing key can be told from a misspelt one.
+  for (const char* key : {"shaft", "reaction_on", "torque", "parameters"}) reader.allow(key);
   shaft_ = context.readShaft("shaft");
+  if (reader.has("reaction_on")) {
+    reaction_ = context.readShaft("reaction_on");
+    if (reaction_ == shaft_) {
+      throw SceneError(reader.keyPath("reaction_on"),
+                       "'" + reader.text("reaction_on") +
+                           "' is the shaft that the torque acts on, too: the two cancel; allowed: "
+                           "another shaft");
+    }
+  }
   Graph graph;
   const Node torque = readFormula(context, "torque", expression::FormulaKind::kTorque, graph);
 
-  // Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon
-  std::vector<Graph::Rate> rates = {{slotOf(Source::kTime), graph.constant(1.0)}};
-  for (int i = 0; i < context.shaftCount(); ++i) {
-    rates.emplace_back(slotOf(Source::kAngle, i), graph.variable(slotOf(Source::kVelocity, i)));
-    rates.emplace_back(slotOf(Source::kVelocity, i),
-                       graph.variable(slotOf(Source::kAcceleration, i)));
-  }
+  // Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon + dQ/du u'
+  const std::vector<Graph::Rate> rates =
+      expression::ratesOf(graph, context.shaftCount(), context.usedInputs());
   const Node rate = graph.totalDerivative(torque, rates);
   if (graph.hasNonFiniteConstant(rate)) {
-    ParameterReader& reader = context.parameters();
     throw SceneError(reader.keyPath("torque"), "the rate of '" + reader.formula("torque") +
                                                    "' has a constant part that is not finite");
   }
@@ -40,7 +47,7 @@ void ExpressionTorque::doConfigure(ComponentContext& context) {
     guards_ = expression::findGuards(graph, {torque});
     instants_ = expression::findInstants(graph, {torque});
   } catch (const std::length_error& error) {
-    throw SceneError(context.parameters().keyPath("torque"), error.what());
+    throw SceneError(reader.keyPath("torque"), error.what());
   }
   torque_dependence_ = expression::dependenceOf(graph, torque, context.shaftCount());
   rate_dependence_ = expression::dependenceOf(graph, rate, context.shaftCount());
@@ -51,6 +58,7 @@ void ExpressionTorque::doAddTorque(const StateView& state, double* torque) const
   double value = 0.0;
   torque_.evaluate(state, &value);
   torque[shaft_] += value;
+  if (reaction_ >= 0) torque[reaction_] -= value;
 }
 
 void ExpressionTorque::doAddTorqueRate(const StateView& state, double* torque_rate) const {
@@ -60,6 +68,7 @@ void ExpressionTorque::doAddTorqueRate(const StateView& state, double* torque_ra
   double value = 0.0;
   rate_.evaluate(state, &value);
   torque_rate[shaft_] += value;
+  if (reaction_ >= 0) torque_rate[reaction_] -= value;
 }
 
 void ExpressionTorque::doAddTorqueRateDerivatives(const StateView& state,
@@ -70,6 +79,7 @@ void ExpressionTorque::doAddTorqueRateDerivatives(const StateView& state,
   }
   rate_derivatives_->evaluate(state, [&](int /*of*/, int by, double value) {
     derivatives[by * shaftCount() + shaft_] += value;
+    if (reaction_ >= 0) derivatives[by * shaftCount() + reaction_] -= value;
   });
 }
 

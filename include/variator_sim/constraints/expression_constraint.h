@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -13,8 +14,9 @@ namespace variator_sim {
 /// A constraint that the scene states as a formula; its derivatives are exact.
 ///
 /// Keys: `order` (1, 2 or 3), `expression` (f, psi or C eta + c0, in its own unit; names t, phi1..,
-/// w1.., from order 2 on e1.., in order 3 j1.. linearly, and the parameters), `parameters`
-/// (optional dictionary of numbers). It must depend on its highest derivatives: w, e or j.
+/// w1.., from order 2 on e1.., in order 3 j1.. linearly, the scene's inputs and tables, and the
+/// parameters), `parameters` (optional dictionary of numbers, all of which it has to read). It must
+/// depend on its highest derivatives: w, e or j.
 ///
 /// A formula too large for the exact derivatives of C and c0 by the state (state_derivatives.h)
 /// keeps Constraint's central differences for them; everything else is exact all the same.
@@ -38,6 +40,7 @@ class ExpressionConstraint : public Constraint {
   Dependence doDependence() const override { return dependence_; }
   std::vector<GuardPtr> doGuards() const override { return guards_; }
   std::vector<double> doInstants() const override { return instants_; }
+  bool doReadsInputs() const override { return !inputs_.empty(); }
   bool doHasConstantJacobian() const override { return has_constant_jacobian_; }
   bool doIsLinearInAcceleration() const override { return nonlinear_ == 0; }
   unsigned doNonlinearAccelerations() const override { return nonlinear_; }
@@ -67,6 +70,7 @@ class ExpressionConstraint : public Constraint {
   std::optional<expression::StateDerivatives> row_derivatives_;
   std::vector<int> partial_slots_;  ///< variables by which psi has a derivative
   int order_ = 2;
+  std::set<int> inputs_;  ///< that it reads
   Dependence dependence_;
   bool has_constant_jacobian_ = false;
   unsigned nonlinear_ = 0;

@@ -42,7 +42,7 @@ using NameExplainer = std::function<std::string(const std::string& name)>;
 /// Numbers are 1, 1., .5, 1e-9 (2e1 is twenty: a product needs its *). White space means nothing.
 /// A constant part without a finite value (log(-1)) and a division by a constant zero are errors.
 /// So is a function of one of the variables `linear`, a product of two, a power, a division by one:
-/// in them the formula is to be linear as it is written. Adds to `used`, where it is not null, the
+/// in them the formula is to be linear as it is written. `used`, where it is not null, becomes the
 /// symbols that occur.
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
            const NameExplainer& explain = {}, const SymbolTable& linear = {},
@@ -53,7 +53,8 @@ std::vector<std::string> functionNames();
 /// A letter or underscore, then letters, digits and underscores.
 bool isValidName(const std::string& name);
 
-/// Which variables a component's formula may read.
+/// Which variables a component's formula may read. Each has the names of its shafts, w_drive,
+/// beside those with an index, w1; the scene's inputs and tables have theirs.
 enum class FormulaKind {
   kTorque,             ///< t, phi1.., w1..; e1.. is an error that says why
   kOrder1,             ///< t, phi1.., w1..
@@ -62,8 +63,13 @@ enum class FormulaKind {
   kOrder3WithoutJerks  ///< the same with all of j1.. being 0
 };
 
-/// The formula at `key` of a component, with its `parameters` as constants; variables have the
-/// slots of tape.h. Throws SceneError at `key` or at the parameter at fault.
+/// The formula at `key` of a component, with its `parameters` as constants, each of which it has to
+/// read; variables have the slots of tape.h. Throws SceneError at `key` or at the parameter at
+/// fault.
 Node readFormula(ComponentContext& context, const std::string& key, FormulaKind kind, Graph& graph);
+
+/// "the name of a variable", "already the name of a function", ..: what keeps `name` from being
+/// given to anything else that formulas read in a scene of these shafts. Empty where nothing does.
+std::string describeTakenName(const std::string& name, const std::vector<std::string>& shafts);
 
 }  // namespace variator_sim::expression

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -10,6 +11,26 @@
 #include "variator_sim/types.h"
 
 namespace variator_sim::expression {
+
+/// The rates of everything a formula of a scene of `shaft_count` shafts and of inputs reads, for
+/// Graph::totalDerivative: phi' = omega, omega' = epsilon, t' = 1, u' and u'' of the inputs,
+/// epsilon held, as its rate is multiplied by C.
+inline std::vector<Graph::Rate> ratesOf(Graph& graph, int shaft_count,
+                                        const std::set<int>& inputs) {
+  std::vector<Graph::Rate> rates = {{slotOf(Source::kTime), graph.constant(1.0)}};
+  const auto add = [&](Source of, Source rate, int i) {
+    rates.emplace_back(slotOf(of, i), graph.variable(slotOf(rate, i)));
+  };
+  for (int i = 0; i < shaft_count; ++i) {
+    add(Source::kAngle, Source::kVelocity, i);
+    add(Source::kVelocity, Source::kAcceleration, i);
+  }
+  for (const int i : inputs) {
+    add(Source::kInput, Source::kInputRate, i);
+    add(Source::kInputRate, Source::kInputSecondRate, i);
+  }
+  return rates;
+}
 
 /// Which of time and angles occur in `node`, in a scene of `shaft_count` shafts.
 inline Dependence dependenceOf(const Graph& graph, Node node, int shaft_count) {

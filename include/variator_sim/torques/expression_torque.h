@@ -9,10 +9,12 @@
 
 namespace variator_sim {
 
-/// A torque Q(t, phi, omega) on one shaft that the scene states as a formula; its rate is exact.
+/// A torque Q(t, phi, omega, u) on one shaft that the scene states as a formula, or between two
+/// shafts; its rate is exact.
 ///
-/// Keys: `shaft`, `torque` (N m, positive accelerates; names t, phi1.., w1.. and the parameters),
-/// `parameters` (optional dictionary of numbers).
+/// Keys: `shaft`, `torque` (N m, positive accelerates; names t, phi1.., w1.., the scene's inputs
+/// and tables, and the parameters), `parameters` (optional dictionary of numbers, all of which it
+/// has to read), `reaction_on` (optional: another shaft, on which the opposite torque acts).
 ///
 /// A formula too large for the exact derivatives of the rate by the state (state_derivatives.h)
 /// keeps Torque's central differences for them.
@@ -31,6 +33,7 @@ class ExpressionTorque : public Torque {
 
  private:
   int shaft_ = 0;
+  int reaction_ = -1;        ///< the shaft of the opposite torque; -1: none
   expression::Tape torque_;  ///< Q, N m
   expression::Tape rate_;    ///< Q', N m/s
   std::vector<GuardPtr> guards_;
