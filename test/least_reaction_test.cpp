@@ -113,14 +113,16 @@ TEST(LeastReaction, IsTheLeastOfAllMinima) {
     };
     const Part& part = parts[n % 8];
     char values[256];
-    std::snprintf(values, sizeof values,
-                  "slope: %.17g, ratio: %.17g, offset: %.17g, size: %.17g, p: %.17g", slope, ratio,
-                  offset, size, place);
+    std::snprintf(values, sizeof values, "slope: %.17g, ratio: %.17g, offset: %.17g, size: %.17g",
+                  slope, ratio, offset, size);
+    std::string parameters = values;
+    const bool reads_place = n % 8 == 1 || n % 8 == 4 || n % 8 == 5 || n % 8 == 7;
+    if (reads_place) parameters += ", p: " + formatNumber(place);
     std::string text = scene.text();
     const std::string empty = "expression: \"\"";
     text.replace(text.find(empty), empty.size(),
                  "expression: \"slope*(e2-ratio*e1)+offset+size*(" + part.text +
-                     ")\", parameters: {" + values + "}");
+                     ")\", parameters: {" + parameters + "}");
     const auto cost = [&](double e1) {
       // The product is linear in e2 as well.
       const double e2 = n % 8 == 7 ? ratio * e1 - offset / (slope + e1 + place)
