@@ -107,6 +107,32 @@ TEST(Choice, JumpsAtItsEdge) {
   }
 }
 
+TEST(Choice, IsGuardedByTheRangesOfInputs) {
+  Formulas f;
+  f.symbols["u"] = f.graph.variable(slotOf(Source::kInput, 1));
+  const GuardPtr guard = findGuards(f.graph, {f.read("if(2*u > x, 1, 0)")}).front();
+  EXPECT_TRUE(guard->readsInputs());
+  const double input[] = {0.0, 1.0};
+  const double velocity[] = {1.0};
+  const int side = guard->branch({0.0, nullptr, velocity, nullptr, input, nullptr});
+  StateBox box;
+  box.velocity[0] = {0.9, 1.1};
+  EXPECT_TRUE(guard->mayLeave(box, side));  // nothing is known of u
+  const Interval inputs[] = {{-5.0, 5.0}, {0.6, 1.2}};
+  box.input = inputs;
+  EXPECT_FALSE(guard->mayLeave(box, side));
+  box.velocity[0] = {0.9, 1.3};
+  EXPECT_TRUE(guard->mayLeave(box, side));
+  // On the edge for certain.
+  const Interval half{0.5, 0.5};
+  const Interval on_edge[] = {half, half};
+  box.input = on_edge;
+  box.velocity[0] = {1.0, 1.0};
+  EXPECT_FALSE(guard->mayLeave(box, Guard::kOnEdge));
+  box.velocity[0] = {1.0, 1.1};
+  EXPECT_TRUE(guard->mayLeave(box, Guard::kOnEdge));
+}
+
 TEST(Choice, LimitsAValue) {
   Formulas f;
   EXPECT_EQ(f.evaluate("clamp(x, -1, y)", -3.0, 2.0), -1.0);
