@@ -249,7 +249,38 @@ TEST(SceneFormulas, JumpWithAnInputThatTheyCompare) {
       commands);
 }
 
-TEST(SceneFormulas, ReadAnyTableOverTimeAtItsPoints) {
+TEST(SceneFormulas, JumpWhereTheyCompare) {
+  // By the state and by an input that moves; sign() makes the same jumps.
+  const std::string common =
+      kShafts + kSlip + kFriction +
+      "torques: [engine, friction]\ninputs: [lever]\nlever: {topic: lever, hold: "
+      "first_order_lag, time_constant: 0.5, initial: 5}\nengine: {type: "
+      "variator_sim/ExpressionTorque, shaft: drive, torque: ";
+  expectSameMotion(common + "'if(w_drive >= 2 + lever, 2, -3*t) + if(lever < 6, 1, -5)'}",
+                   common +
+                       "'(2 + 3*t)*(1 + sign(w_drive - 2 - lever))/2 - 3*t - 2 - 3*sign(lever - "
+                       "6)'}",
+                   {{0.35, 0, 2.0}, {1.0, 0, 9.0}});
+}
+
+TEST(SceneFormulas, LetAnInputOfOrder3JumpTheJerk) {
+  Simulation simulation(test::sceneFromText(kShafts + kFriction + R"yaml(
+inputs: [target]
+target: {topic: target, initial: 1}
+torques: [friction]
+constraints: [start]
+start: {type: variator_sim/ExpressionConstraint, order: 3, expression: '0.2*j_drive + e_drive - target'}
+)yaml"));
+  simulation.advanceTo(1.0);
+  const double before = simulation.sample().acceleration[0];
+  simulation.command(0, 3.0);
+  EXPECT_NEAR(simulation.sample().acceleration[0], before, 1e-12);
+  simulation.advanceTo(1.4);
+  ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  EXPECT_NEAR(simulation.sample().acceleration[0], 3.0 + (before - 3.0) * std::exp(-2.0), 1e-8);
+}
+
+TEST(SceneFormulas, EndStepsAtThePointsOfTablesOverTime) {
   // A pulse much narrower than a step, of 2000 h + 2 q h^3/120 N m s with q = -4 2000/h^2 at its
   // top.
   Simulation simulation(test::sceneFromText(kShafts + R"yaml(
