@@ -655,7 +655,7 @@ class Faulty : public Constraint {
 /// Q2 = -0.02 w2^2 - 3 sin(phi2) + cos(t), with one seeded fault.
 class FaultyTorque : public Torque {
  public:
-  enum class Fault { kNothing, kRate, kRateByState, kTime, kAngle, kRateTime, kRateAngle };
+  enum class Fault { kNothing, kRate, kRateByState, kTime, kAngle, kRateTime, kRateAngle, kShafts };
   explicit FaultyTorque(Fault fault) : fault_(fault) {}
 
  protected:
@@ -681,6 +681,7 @@ class FaultyTorque : public Torque {
   Dependence doRateDependence() const override {
     return {fault_ != Fault::kRateTime, fault_ != Fault::kRateAngle};
   }
+  std::vector<int> doShafts() const override { return {fault_ == Fault::kShafts ? 0 : 1}; }
 
  private:
   Fault fault_;
@@ -782,6 +783,8 @@ TEST(VerifyDerivatives, CatchesAFaultOfATorque) {
        "dQ/dt of shaft 'b' of torque 'it' is stated not to depend on the time (rateDependence)"},
       {FaultyTorque::Fault::kRateAngle,
        "dQ/dt of shaft 'b' of torque 'it' is stated not to depend on the angles"},
+      {FaultyTorque::Fault::kShafts,
+       "Q of shaft 'b' of torque 'it' is stated to be 0 (shafts), but it is"},
   };
   for (const auto& [fault, words] : faults) {
     const std::string message = messageOf(scene, fault);

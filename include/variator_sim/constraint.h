@@ -116,6 +116,12 @@ class Constraint {
   /// The instants, s, at which this law or a derivative of it that counts is not smooth (the points
   /// of a table over time, say), in any order: steps end there.
   std::vector<double> instants() const { return doInstants(); }
+  /// What this constraint tells beside its residual ("slip"), named as elements are. Asked for
+  /// once, after `configure`.
+  std::vector<std::string> outputNames() const { return doOutputNames(); }
+  /// Their values, outputNames().size() of them, all written. Only for samples, and only while
+  /// somebody wants to see them.
+  void calcOutputs(const StateView& state, double* values) const { doCalcOutputs(state, values); }
 
  protected:
   Constraint() = default;
@@ -157,6 +163,8 @@ class Constraint {
   /// Guards beside those of the switches.
   virtual std::vector<GuardPtr> doGuards() const { return {}; }
   virtual std::vector<double> doInstants() const { return {}; }
+  virtual std::vector<std::string> doOutputNames() const { return {}; }
+  virtual void doCalcOutputs(const StateView& /*state*/, double* /*values*/) const {}
 
  private:
   std::string name_;

@@ -54,6 +54,15 @@ class Torque {
   /// The instants, s, at which this law or a derivative of it that counts is not smooth (the points
   /// of a table over time, say), in any order: steps end there.
   std::vector<double> instants() const { return doInstants(); }
+  /// The shafts, by index, that this element acts on: it adds to no other's Q. Ascending. Throws
+  /// SceneError when the scene has no such shaft. For the load only.
+  std::vector<int> shafts() const;
+  /// What this element tells beside its torques ("slip"), named as elements are. Asked for once,
+  /// after `configure`.
+  std::vector<std::string> outputNames() const { return doOutputNames(); }
+  /// Their values, outputNames().size() of them, all written. Here `state.acceleration` may be
+  /// read. Only for samples, and only while somebody wants to see them.
+  void calcOutputs(const StateView& state, double* values) const { doCalcOutputs(state, values); }
 
  protected:
   Torque() = default;
@@ -73,6 +82,10 @@ class Torque {
   /// Guards beside those of the switches.
   virtual std::vector<GuardPtr> doGuards() const { return {}; }
   virtual std::vector<double> doInstants() const { return {}; }
+  /// By default all.
+  virtual std::vector<int> doShafts() const;
+  virtual std::vector<std::string> doOutputNames() const { return {}; }
+  virtual void doCalcOutputs(const StateView& /*state*/, double* /*values*/) const {}
 
  private:
   std::string name_;

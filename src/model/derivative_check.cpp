@@ -50,22 +50,21 @@ class Comparison {
 
   void checkTorque(const Torque& torque) {
     const CheckPoint motion = motionOf(point_);
+    const auto Q_at = [&](const StateView& x) {
+      std::array<double, kMaxShafts> Q{};
+      torque.addTorque(x, Q.data());
+      return Q;
+    };
     double rate[kMaxShafts] = {};
     torque.addTorqueRate(point_.view(), rate);
     for (int i = 0; i < scene_.shaftCount(); ++i) {
       along(motion, rate[i], "dQ/dt of shaft '" + scene_.shafts[at(i)] + "'",
-            kRounding * unitTorque(i), [&](const StateView& x) {
-              double Q[kMaxShafts] = {};
-              torque.addTorque(x, Q);
-              return Q[i];
-            });
+            kRounding * unitTorque(i), [&](const StateView& x) { return Q_at(x)[at(i)]; });
     }
     checkRateDerivatives(torque);
-    checkDependence(torque.torqueDependence(), "torqueDependence", [&](const StateView& x) {
-      double Q[kMaxShafts] = {};
-      torque.addTorque(x, Q);
-      return ofShafts("Q", Q);
-    });
+    checkShafts(torque, ofShafts("Q", Q_at(point_.view()).data()));
+    checkDependence(torque.torqueDependence(), "torqueDependence",
+                    [&](const StateView& x) { return ofShafts("Q", Q_at(x).data()); });
     checkDependence(torque.rateDependence(), "rateDependence", [&](const StateView& x) {
       double Q_rate[kMaxShafts] = {};
       torque.addTorqueRate(x, Q_rate);
@@ -419,6 +418,16 @@ class Comparison {
           turned.angle[at(i)] += shift * (1.0 + 0.37 * i);
         compare(turned, "angles");
       }
+    }
+  }
+
+  void checkShafts(const Torque& torque, Quantities Q) {
+    for (const int i : torque.shafts()) Q[at(i)].value = 0.0;
+    for (const Quantity& other : Q) {
+      if (other.value == 0.0 || mismatch_) continue;
+      mismatch_ =
+          Mismatch{other.name, "is stated to be 0 (shafts), but it is " + describe(other.value),
+                   "the statement"};
     }
   }
 

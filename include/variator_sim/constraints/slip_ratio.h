@@ -12,6 +12,8 @@ namespace variator_sim {
 ///
 /// Keys: `shafts` [a, b], `time_constant` tau > 0 (s), `ratio` i (a number, a table over time, or
 /// commanded with any hold).
+///
+/// Outputs: `slip` omega_b - i omega_a (rad/s), `ratio` i.
 class SlipRatio : public AutomaticConstraint<SlipRatio, 2, 2, 1> {
  public:
   template <class T>
@@ -27,6 +29,12 @@ class SlipRatio : public AutomaticConstraint<SlipRatio, 2, 2, 1> {
   Dependence doDependence() const override { return {ratio_.readsTime(), false}; }
   bool doHasConstantJacobian() const override { return ratio_.isConstant(); }
   bool doIsLinearInAcceleration() const override { return true; }
+  std::vector<std::string> doOutputNames() const override { return {"slip", "ratio"}; }
+  void doCalcOutputs(const StateView& state, double* values) const override {
+    const double i = ratio_.value(state);
+    values[0] = state.velocity[shaft(1)] - i * state.velocity[shaft(0)];
+    values[1] = i;
+  }
 
  private:
   double time_constant_ = 1.0;  ///< tau, s

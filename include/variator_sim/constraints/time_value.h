@@ -49,6 +49,19 @@ class TimeValue {
     return T(value_);
   }
 
+  /// The same at a state of the whole scene. [loop]
+  double value(const StateView& state) const {
+    switch (form_) {
+      case Form::kConstant:
+        break;
+      case Form::kTable:
+        return table_.value(state.time);
+      case Form::kCommanded:
+        return state.input[input_];
+    }
+    return value_;
+  }
+
   /// Index of the commanded input in the scene; -1 when it is none.
   int input() const { return input_; }
   /// True when it is a function of time; a commanded input is none.

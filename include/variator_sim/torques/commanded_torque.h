@@ -17,6 +17,7 @@ class CommandedTorque : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, false}; }
   Dependence doRateDependence() const override { return {false, false}; }
+  std::vector<int> doShafts() const override { return {shaft_}; }
 
  private:
   int shaft_ = 0;

@@ -27,6 +27,7 @@ class CuttingTorque : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {true, teeth_ > 0.0}; }
   Dependence doRateDependence() const override { return {true, teeth_ > 0.0}; }
+  std::vector<int> doShafts() const override { return {shaft_}; }
   // The third derivative of E jumps at the ends of both ramps.
   std::vector<double> doInstants() const override {
     const double ramp = 1.0 / ramp_scale_;

@@ -36,6 +36,7 @@ class DieselEngine : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, false}; }
   Dependence doRateDependence() const override { return {false, false}; }
+  std::vector<int> doShafts() const override { return {shaft_}; }
   std::vector<GuardPtr> doGuards() const override {
     std::vector<double> speeds = full_load_.points();
     // the ends of the governor's band

@@ -25,6 +25,7 @@ class ElasticCoupling : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, true}; }
   Dependence doRateDependence() const override { return {false, false}; }
+  std::vector<int> doShafts() const override { return {a_, b_}; }
 
  private:
   int a_ = 0;

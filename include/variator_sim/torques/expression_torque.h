@@ -28,6 +28,7 @@ class ExpressionTorque : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return torque_dependence_; }
   Dependence doRateDependence() const override { return rate_dependence_; }
+  std::vector<int> doShafts() const override { return {shaft_}; }
   std::vector<GuardPtr> doGuards() const override { return guards_; }
   std::vector<double> doInstants() const override { return instants_; }
 

@@ -29,6 +29,9 @@ class Friction : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, false}; }
   Dependence doRateDependence() const override { return {false, false}; }
+  std::vector<int> doShafts() const override {
+    return b_ < 0 ? std::vector{a_} : std::vector{a_, b_};
+  }
 
  private:
   int a_ = 0;

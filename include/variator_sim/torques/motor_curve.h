@@ -41,6 +41,7 @@ class MotorCurve : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, false}; }
   Dependence doRateDependence() const override { return {false, false}; }
+  std::vector<int> doShafts() const override { return {shaft_}; }
   std::vector<GuardPtr> doGuards() const override {
     std::vector<double> speeds = table_.points();
     if (speeds.empty()) return {};

@@ -32,6 +32,7 @@ class Propeller : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {false, false}; }
   Dependence doRateDependence() const override { return {false, false}; }
+  std::vector<int> doShafts() const override { return {shaft_}; }
   std::vector<GuardPtr> doGuards() const override {
     if (regularization_speed_ > 0.0) return {};
     return {std::make_shared<KnotGuard>(KnotGuard::Part::kVelocity, shaft_, std::vector{0.0})};

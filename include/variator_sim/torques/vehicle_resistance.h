@@ -37,6 +37,7 @@ class VehicleResistance : public Torque {
   void doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const override;
   Dependence doTorqueDependence() const override { return {grade_varies_, false}; }
   Dependence doRateDependence() const override { return {grade_varies_, false}; }
+  std::vector<int> doShafts() const override { return {shaft_}; }
   std::vector<double> doInstants() const override { return grade_.points(); }
 
  private:
