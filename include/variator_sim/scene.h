@@ -13,6 +13,7 @@
 #include "variator_sim/constraint.h"
 #include "variator_sim/inertia.h"
 #include "variator_sim/node_names.h"
+#include "variator_sim/output.h"
 #include "variator_sim/parameter_tree.h"
 #include "variator_sim/scene_symbols.h"
 #include "variator_sim/torque.h"
@@ -68,6 +69,7 @@ struct Scene {
   std::vector<TorquePtr> torques;
   std::vector<ConstraintPtr> constraints;
   std::vector<CommandInputSettings> inputs;
+  std::vector<Output> outputs;
   /// The inputs and tables that have names of their own.
   SceneSymbols symbols;
   Principle principle = Principle::kGeneralizedGauss;

@@ -76,12 +76,13 @@ InitialConditions readInitial(ParameterReader& root, std::size_t shaft_count) {
 struct ComponentKind {
   const char* name;
   const char* list;
+  std::vector<std::string> columns;  ///< NAME/COLUMN that each has: no output's name
   /// Asked for only when a message needs them: a factory may have to search for plugins.
   std::vector<std::string> (ComponentFactory::*types)();
 };
-constexpr ComponentKind kTorqueKind{"torque", "torques", &ComponentFactory::torqueTypes};
-constexpr ComponentKind kConstraintKind{"constraint", "constraints",
-                                        &ComponentFactory::constraintTypes};
+const ComponentKind kTorqueKind{"torque", "torques", {"power"}, &ComponentFactory::torqueTypes};
+const ComponentKind kConstraintKind{
+    "constraint", "constraints", {"residual", "multiplier"}, &ComponentFactory::constraintTypes};
 
 [[noreturn]] void throwUnknownType(const ComponentKind& kind, const ComponentKind& other,
                                    ComponentFactory& factory, const std::string& path,
@@ -96,6 +97,21 @@ constexpr ComponentKind kConstraintKind{"constraint", "constraints",
   throw SceneError(path, "'" + type + "' is not a known type of " + kind.name +
                              suggestName(type, types) +
                              "; allowed: " + (types.empty() ? "none" : joinNames(types)));
+}
+
+/// A component's outputs become columns NAME/OUTPUT.
+void checkOutputNames(const std::string& component, const ComponentKind& kind,
+                      const std::vector<std::string>& outputs) {
+  std::vector<std::string> taken = kind.columns;
+  for (const std::string& output : outputs) {
+    if (!isName(output) || std::find(taken.begin(), taken.end(), output) != taken.end()) {
+      throw SceneError(component, "states an output '" + output +
+                                      "' (outputNames); allowed: letters, digits and '_', starting "
+                                      "with a letter, each name once, and none of " +
+                                      joinNames(kind.columns));
+    }
+    taken.push_back(output);
+  }
 }
 
 /// `create` makes a component of a type; the rest is the same for torques and constraints.
@@ -125,6 +141,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   }
   reader.finish();
   if (used_inputs != nullptr) *used_inputs = context.usedInputs();
+  checkOutputNames(name, kind, component->outputNames());
   return component;
 }
 
@@ -178,6 +195,7 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
   root["constraints"] = toTree(names.constraints);
   root["inputs"] = toTree(names.inputs);
   root["tables"] = toTree(names.tables);
+  root["outputs"] = toTree(names.outputs);
   for (int i = 0; i < scene.shaftCount(); ++i) {
     const auto n = static_cast<std::size_t>(i);
     if (!scene.inertia_harmonics.empty() && !scene.inertia_harmonics[n].empty()) continue;
@@ -274,6 +292,12 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
         [&](const std::string& type) { return factory.createConstraint(type); }, &scene,
         &used_inputs));
     checkInputsOfOrder1(*scene.constraints.back(), scene, used_inputs);
+  }
+  for (const std::string& name : names.outputs) {
+    ParameterReader reader = root.section(name);
+    ComponentContext context(name, reader, scene.shafts, scene.inputs);
+    scene.outputs.emplace_back(context);
+    reader.finish();
   }
   checkTopics(scene, node.topics);
   const bool verify_derivatives = root.boolean("verify_derivatives", true);

@@ -9,11 +9,12 @@
 namespace variator_sim {
 namespace {
 
-/// Keys at the scene's root that no list names.
+/// Keys at the scene's root that are not names in one of its lists.
 const std::vector<std::string>& sceneKeys() {
   static const std::vector<std::string> keys{
-      "shafts", "inertia_coupling", "torques", "constraints", "inputs",
-      "tables", "principle",        "initial", "solver",      "verify_derivatives"};
+      "shafts",  "inertia_coupling", "torques",           "constraints",
+      "inputs",  "tables",           "outputs",           "principle",
+      "initial", "solver",           "verify_derivatives"};
   return keys;
 }
 
@@ -25,14 +26,6 @@ std::vector<std::string> joined(std::vector<std::string> first,
                                 const std::vector<std::string>& second) {
   first.insert(first.end(), second.begin(), second.end());
   return first;
-}
-
-/// ^[A-Za-z][A-Za-z0-9_]*$
-bool isName(const std::string& name) {
-  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
-  return !name.empty() && is_letter(name.front()) &&
-         std::all_of(name.begin(), name.end(),
-                     [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; });
 }
 
 /// Valid names, unique together, none of them a key of the scene or of the node.
@@ -60,7 +53,7 @@ void checkNames(const SceneNames& lists, const std::vector<std::string>& node_ke
                              (other->second == list ? std::string()
                                                     : ": in " + other->second + " and in " + list) +
                              "; allowed: names that differ from those of all shafts, torques, "
-                             "constraints, inputs and tables");
+                             "constraints, inputs, tables and outputs");
       }
     }
   };
@@ -69,6 +62,7 @@ void checkNames(const SceneNames& lists, const std::vector<std::string>& node_ke
   check("constraints", lists.constraints);
   check("inputs", lists.inputs);
   check("tables", lists.tables);
+  check("outputs", lists.outputs);
 }
 
 SceneNames readLists(const ParameterTree& tree, ParameterReader& root,
@@ -92,6 +86,7 @@ SceneNames readLists(const ParameterTree& tree, ParameterReader& root,
   lists.constraints = root.names("constraints");
   lists.inputs = root.names("inputs");
   lists.tables = root.names("tables");
+  lists.outputs = root.names("outputs");
   if (lists.shafts.empty() || lists.shafts.size() > static_cast<std::size_t>(kMaxShafts)) {
     throw SceneError("shafts",
                      std::to_string(lists.shafts.size()) + " shafts; allowed: " + shafts_expected);
@@ -121,7 +116,7 @@ void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& al
           key,
           "unknown key" + suggestName(key, allowed) +
               (dictionaries ? "; it is in none of the lists shafts, torques, constraints, inputs, "
-                              "tables"
+                              "tables, outputs"
                             : "") +
               "; allowed: " + joinNames(allowed));
     }
@@ -131,7 +126,15 @@ void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& al
 }  // namespace
 
 std::vector<std::string> SceneNames::all() const {
-  return joined(joined(joined(joined(shafts, torques), constraints), inputs), tables);
+  return joined(joined(joined(shafts, torques), joined(constraints, inputs)),
+                joined(tables, outputs));
+}
+
+bool isName(const std::string& name) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  return !name.empty() && is_letter(name.front()) &&
+         std::all_of(name.begin(), name.end(),
+                     [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; });
 }
 
 SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,

@@ -15,6 +15,7 @@ struct SceneNames {
   std::vector<std::string> constraints;
   std::vector<std::string> inputs;
   std::vector<std::string> tables;
+  std::vector<std::string> outputs;
 
   std::vector<std::string> all() const;
 };
@@ -23,6 +24,9 @@ struct SceneNames {
 /// keys of the scene and of the node. `root` reads `tree`. Throws SceneError.
 SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
                           const std::vector<std::string>& node_keys);
+
+/// ^[A-Za-z][A-Za-z0-9_]*$
+bool isName(const std::string& name);
 
 /// "list[index]"
 std::string elementPath(const std::string& list, std::size_t index);

@@ -56,11 +56,12 @@ bool isValidName(const std::string& name);
 /// Which variables a component's formula may read. Each has the names of its shafts, w_drive,
 /// beside those with an index, w1; the scene's inputs and tables have theirs.
 enum class FormulaKind {
-  kTorque,             ///< t, phi1.., w1..; e1.. is an error that says why
-  kOrder1,             ///< t, phi1.., w1..
-  kOrder2,             ///< t, phi1.., w1.., e1..
-  kOrder3,             ///< t, phi1.., w1.., e1.., and j1.. linearly
-  kOrder3WithoutJerks  ///< the same with all of j1.. being 0
+  kTorque,              ///< t, phi1.., w1..; e1.. is an error that says why
+  kOrder1,              ///< t, phi1.., w1..
+  kOrder2,              ///< t, phi1.., w1.., e1..
+  kOrder3,              ///< t, phi1.., w1.., e1.., and j1.. linearly
+  kOrder3WithoutJerks,  ///< the same with all of j1.. being 0
+  kOutput               ///< t, phi1.., w1.., e1..
 };
 
 /// The formula at `key` of a component, with its `parameters` as constants, each of which it has to

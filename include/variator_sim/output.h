@@ -1,0 +1,38 @@
+/// Quantities that a scene defines for whoever watches it.
+#pragma once
+
+#include <string>
+
+#include "variator_sim/component_context.h"
+#include "variator_sim/expression/tape.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// A quantity y(t, phi, omega, epsilon) that a scene states as a formula. The motion does not know
+/// it: it is computed for samples only, and only while somebody wants to see it.
+///
+/// Keys: `expression` (its own unit; names t, phi1.., w1.., e1.. and the parameters), `parameters`
+/// (optional dictionary of numbers).
+///
+/// One instance is evaluated by one thread at a time.
+class Output {
+ public:
+  /// Reads the keys. Throws SceneError.
+  explicit Output(ComponentContext& context);
+
+  /// Its name in the scene.
+  const std::string& name() const { return name_; }
+  /// NaN where it has none, which stops nothing. [loop]
+  double calcValue(const StateView& state) const {
+    double value;
+    formula_.evaluate(state, &value);
+    return value;
+  }
+
+ private:
+  std::string name_;
+  expression::Tape formula_;
+};
+
+}  // namespace variator_sim
