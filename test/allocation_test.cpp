@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <string>
+#include <vector>
 
 #include "support/scenes.h"
 
@@ -91,6 +92,25 @@ TEST_P(Allocation, NoneInTheRunningLoop) {
   }
   EXPECT_EQ(allocations - before, 0);
   EXPECT_TRUE(std::isfinite(sum));
+}
+
+TEST(Allocation, NoneAskingForQuantities) {
+  Simulation simulation(test::sceneFromText(std::string(kScene) + R"yaml(
+outputs: [ratio, nothing]
+ratio: {expression: "w3/w1 + tanh(e2)"}
+nothing: {expression: "log(-1 - w1^2)"}
+)yaml"));
+  std::vector<double> values(100);
+  const long before = allocations;
+  for (int n = 1; n <= 200; ++n) {
+    simulation.advanceTo(n / 200.0);
+    if (n % 20 == 0) simulation.command(0, 10.0 * std::sin(0.1 * n));
+    for (const QuantityGroup group : kQuantityGroups) {
+      simulation.calcQuantities(group, values.data());
+    }
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_TRUE(std::isnan(values[1]));
 }
 
 /// All principles and orders, nonlinear, with an inertia that depends on the angle.

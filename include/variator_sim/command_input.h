@@ -26,6 +26,7 @@ enum class OnTimeout { kHold, kZero };
 struct CommandInputSettings {
   std::string topic;       ///< name of the topic the commands arrive on
   std::string topic_path;  ///< where that stands in the scene, for messages; may be empty
+  std::string name;        ///< what the scene calls it: the topic, where it has no name of its own
   std::string owner;       ///< name of the torque or constraint that reads it
   Hold hold = Hold::kZeroOrder;
   double time_constant = 0.0;                                 ///< tau of the lags, s

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/status.h"
@@ -54,6 +55,13 @@ class Simulation {
 
   /// Everything at the present, after its commands. [loop]
   const Sample& sample();
+
+  /// Names of a group's quantities, in the order of their values.
+  const std::vector<std::string>& quantityNames(QuantityGroup group) const;
+  /// A group's values at the present, after its commands, into `values`, which has room for as many
+  /// as there are names. Nobody else pays for them, and they change no bit of the motion; a value
+  /// that does not exist is NaN. [loop]
+  void calcQuantities(QuantityGroup group, double* values);
 
   /// Whether samples have the energies, and each step's are integrated to about the tolerance of
   /// the motion, which costs about as much as the step again; otherwise they are estimated from its

@@ -79,6 +79,7 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
   CommandInputSettings settings;
   settings.owner = owner;
   settings.topic = readTopic(reader);
+  settings.name = settings.topic;
   settings.topic_path = reader.keyPath("topic");
 
   const HoldName& hold = readHold(reader);

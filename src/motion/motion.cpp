@@ -15,6 +15,7 @@ Motion::Motion(Scene scene, const Shortcuts& shortcuts)
       energy_(system_, scene_,
               {scene_.solver.absolute_tolerance, scene_.solver.relative_tolerance}),
       commands_(scene_.inputs),
+      quantities_(scene_),
       start_(system_),
       first_(system_.size()) {
   reset();
@@ -269,6 +270,12 @@ bool Motion::isSampleFinite() const {
                      sample_.applied_torque[i] + sample_.reaction_torque[i]);
   }
   return poison == 0.0;
+}
+
+void Motion::calcQuantities(QuantityGroup group, double* values) {
+  const Sample& now = sample();
+  const StateView state = drivetrain_.view(present(), now.angle, now.velocity, now.acceleration);
+  quantities_.calc(group, state, values);
 }
 
 // --- energy ----------------------------------------------------------------------------------

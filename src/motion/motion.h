@@ -37,6 +37,7 @@
 #include "integrate/integrator.h"
 #include "motion/command_queue.h"
 #include "motion/energy.h"
+#include "motion/quantities.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
@@ -60,6 +61,8 @@ class Motion {
   double quietUntil() const;
   CommandResult command(int input, double value);
   const Sample& sample();
+  const Quantities& quantities() const { return quantities_; }
+  void calcQuantities(QuantityGroup group, double* values);
 
   void trackEnergy(bool on);
   Energy energy();
@@ -103,6 +106,7 @@ class Motion {
   Integrator integrator_;
   EnergyMeter energy_;
   CommandQueue commands_;
+  Quantities quantities_;
   Start start_;  // the last one looked for
   State first_;  // at time 0, with the inputs as the scene has them
   bool knows_first_ = false;

@@ -76,6 +76,12 @@ CommandResult Simulation::command(int input, double value) {
 const Sample& Simulation::sample() {
   return motion_->sample();
 }
+const std::vector<std::string>& Simulation::quantityNames(QuantityGroup group) const {
+  return motion_->quantities().names(group);
+}
+void Simulation::calcQuantities(QuantityGroup group, double* values) {
+  motion_->calcQuantities(group, values);
+}
 void Simulation::trackEnergy(bool on) {
   motion_->trackEnergy(on);
 }

@@ -1,0 +1,84 @@
+#include "motion/quantities.h"
+
+#include <algorithm>
+
+namespace variator_sim {
+
+const char* toString(QuantityGroup group) {
+  switch (group) {
+    case QuantityGroup::kElements:
+      return "elements";
+    case QuantityGroup::kInputs:
+      return "inputs";
+    case QuantityGroup::kOutputs:
+      return "outputs";
+  }
+  return "";
+}
+
+Quantities::Quantities(const Scene& scene) : scene_(scene) {
+  nameElements();
+  const auto of = [this](QuantityGroup group) -> std::vector<std::string>& {
+    return names_[static_cast<std::size_t>(group)];
+  };
+  for (const CommandInputSettings& input : scene.inputs) {
+    of(QuantityGroup::kInputs).push_back(input.name);
+  }
+  for (const Output& output : scene.outputs) of(QuantityGroup::kOutputs).push_back(output.name());
+}
+
+void Quantities::nameElements() {
+  std::vector<std::string>& names = names_[static_cast<std::size_t>(QuantityGroup::kElements)];
+  const auto add_outputs = [&names](const auto& element) {
+    const std::vector<std::string> outputs = element.outputNames();
+    for (const std::string& output : outputs) names.push_back(element.name() + "/" + output);
+    return outputs.size();
+  };
+  for (const TorquePtr& torque : scene_.torques) {
+    shafts_.push_back(torque->shafts());
+    for (const int i : shafts_.back()) {
+      names.push_back(torque->name() + "/" + scene_.shafts[static_cast<std::size_t>(i)] +
+                      "/torque");
+    }
+    names.push_back(torque->name() + "/power");
+    torque_outputs_.push_back(add_outputs(*torque));
+  }
+  for (const ConstraintPtr& constraint : scene_.constraints) {
+    constraint_outputs_.push_back(add_outputs(*constraint));
+  }
+}
+
+void Quantities::calc(QuantityGroup group, const StateView& state, double* values) const {
+  switch (group) {
+    case QuantityGroup::kElements:
+      calcElements(state, values);
+      break;
+    case QuantityGroup::kInputs:
+      std::copy_n(state.input, scene_.inputs.size(), values);
+      break;
+    case QuantityGroup::kOutputs:
+      for (const Output& output : scene_.outputs) *values++ = output.calcValue(state);
+      break;
+  }
+}
+
+void Quantities::calcElements(const StateView& state, double* values) const {
+  for (std::size_t j = 0; j < scene_.torques.size(); ++j) {
+    double Q[kMaxShafts] = {};
+    scene_.torques[j]->addTorque(state, Q);
+    double power = 0.0;
+    for (const int i : shafts_[j]) {
+      *values++ = Q[i];
+      power += Q[i] * state.velocity[i];
+    }
+    *values++ = power;
+    scene_.torques[j]->calcOutputs(state, values);
+    values += torque_outputs_[j];
+  }
+  for (std::size_t m = 0; m < scene_.constraints.size(); ++m) {
+    scene_.constraints[m]->calcOutputs(state, values);
+    values += constraint_outputs_[m];
+  }
+}
+
+}  // namespace variator_sim
