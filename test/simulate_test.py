@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """The offline tool as its users see it: files, streams, exit statuses."""
 
+import math
 import os
 import pathlib
 import pty
@@ -29,6 +30,13 @@ SHIP_HEADER = (["time"] + [f"{shaft}/{quantity}" for shaft in ("drive", "load")
 
 ENERGY = ["energy/kinetic", "energy/applied", "energy/reactions", "power/applied",
           "power/reactions"]
+
+OBSERVED = str(FOLDER / "test/scenes/observed.yaml")
+ELEMENTS = ["engine/drive/torque", "engine/power", "spring/drive/torque", "spring/load/torque",
+            "spring/power", "bearing/load/torque", "bearing/power", "drag/load/torque",
+            "drag/power", "belt/slip", "belt/ratio"]
+INPUTS = ["inputs/engine/torque", "inputs/ratio"]
+OUTPUTS = ["outputs/jolt", "outputs/no_value", "outputs/speed_ratio"]
 
 CAR = FOLDER / "test/scenes/car.yaml"
 CAR_COMMANDS = str(FOLDER / "test/scenes/car.csv")
@@ -133,7 +141,10 @@ class SimulateTest(unittest.TestCase):
         self.check_refused([SHIP, "--duration", "1", "--energy=1"], "takes no value")
         self.check_refused([SHIP, "--duration", "1", "--columns"], "needs a value")
         self.check_refused([SHIP, "--duration", "1", "--columns", "state,enrgy"], "'enrgy'",
-                           "did you mean 'energy'", "allowed: state, energy")
+                           "did you mean 'energy'",
+                           "allowed: state, elements, inputs, outputs, energy")
+        self.check_refused([SHIP, "--duration", "1", "--columns", "element"],
+                           "did you mean 'elements'")
         self.check_refused([SHIP, "--duration", "1", "--columns", "state,"], "''")
         self.check_refused([SHIP, "--duration", "1", "--columns", "energy,energy"], "twice")
 
@@ -152,6 +163,82 @@ class SimulateTest(unittest.TestCase):
         for row in rows:
             self.assertAlmostEqual(row[kinetic] - rows[0][kinetic], row[applied] + row[reactions],
                                    delta=1e-9 * row[kinetic])
+
+    def test_columns_of_quantities_stand_in_one_order_and_change_no_other(self):
+        commands = self.write("commands.csv", "time,topic,value\n0.2,engine/torque,25\n0.4,ratio,0.8\n")
+        run = [OBSERVED, "--duration", "1", "--rate", "50", "--commands", commands]
+        plain = self.simulate(*run, "--energy").stdout.splitlines()
+        everything = self.simulate(*run, "--columns",
+                                   "energy,outputs,inputs,elements,state").stdout.splitlines()
+        header = everything[0].split(",")
+        begin = len(plain[0].split(",")) - len(ENERGY)
+        self.assertEqual(header[begin:-len(ENERGY)], ELEMENTS + INPUTS + OUTPUTS)
+        for line, expected in zip(everything, plain):
+            words = line.split(",")
+            self.assertEqual(",".join(words[:begin] + words[-len(ENERGY):]), expected)
+        header, rows = self.samples(*run, "--columns", "inputs,elements")
+        self.assertEqual(header, ["time"] + ELEMENTS + INPUTS)
+        end = begin + len(ELEMENTS + INPUTS)
+        self.assertEqual(rows, [row[:1] + row[begin:end] for row in parse("\n".join(everything))[1]])
+
+    def test_elements_add_up_and_inputs_are_those_in_force(self):
+        commands = self.write("commands.csv", "time,topic,value\n0.2,engine/torque,25\n0.4,ratio,0.8\n")
+        header, rows = self.samples(OBSERVED, "--duration", "2", "--rate", "50", "--commands", commands,
+                                    "--columns", "state,elements,inputs,outputs,energy")
+        for row in rows:
+            at = dict(zip(header, row))
+            for shaft, elements in (("drive", ["engine", "spring"]),
+                                    ("load", ["spring", "bearing", "drag"])):
+                self.assertAlmostEqual(sum(at[f"{element}/{shaft}/torque"] for element in elements),
+                                       at[f"{shaft}/applied_torque"], delta=1e-11)
+            powers = [at[f"{element}/power"] for element in ("engine", "spring", "bearing", "drag")]
+            self.assertAlmostEqual(sum(powers), at["power/applied"], delta=1e-10)
+            time = at["time"]
+            lagged = 4 if time < 0.2 else 10 - 6 * math.exp(-(time - 0.2) / 0.2)
+            self.assertAlmostEqual(at["inputs/engine/torque"], lagged, delta=1e-11)
+            ratio = min(0.8, 0.5 + 0.5 * max(0, time - 0.4))
+            self.assertAlmostEqual(at["inputs/ratio"], ratio, delta=1e-12)
+            self.assertAlmostEqual(at["belt/slip"],
+                                   at["load/velocity"] - ratio * at["drive/velocity"], delta=1e-11)
+            self.assertAlmostEqual(at["outputs/jolt"], at["drive/acceleration"]
+                                   - 3 * at["load/acceleration"] + time, delta=1e-10)
+            self.assertAlmostEqual(at["outputs/speed_ratio"],
+                                   2 * at["load/velocity"] / at["drive/velocity"], delta=1e-12)
+            self.assertTrue(math.isnan(at["outputs/no_value"]))
+
+    def test_a_value_that_does_not_exist_is_nan_and_stops_nothing(self):
+        result = self.simulate(OBSERVED, "--times", "0,0.5", "--columns", "outputs")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual([line.split(",")[2] for line in result.stdout.splitlines()],
+                         ["outputs/no_value", "nan", "nan"])
+
+    def test_a_scene_without_a_group_has_no_columns_of_it(self):
+        header, _ = self.samples(str(FOLDER / "test/cases/crank_elastic/scene.yaml"),
+                                 "--duration", "0.1", "--columns", "inputs,outputs")
+        self.assertEqual(header, ["time"])
+
+    def test_a_bag_of_quantities(self):
+        path = str(self.folder / "out.bag")
+        arguments = [OBSERVED, "--duration", "0.5", "--rate", "10", "--columns",
+                     "outputs,elements,inputs"]
+        self.assertEqual(self.simulate(*arguments, "--output", path).returncode, 0)
+        text = self.simulate(*arguments).stdout
+        columns = {"elements": ELEMENTS, "inputs": INPUTS, "outputs": OUTPUTS}
+        with rosbag.Bag(path) as bag:
+            topics = bag.get_type_and_topic_info().topics
+            self.assertEqual(set(topics), {"elements", "inputs", "outputs", "scene"})
+            for topic, names in columns.items():
+                header, rows = parse(text)
+                index = [header.index(name) for name in names]
+                messages = [message for _, message, _ in bag.read_messages(topic)]
+                self.assertEqual(len(messages), len(rows))
+                for message, row in zip(messages, rows):
+                    prefix = "" if topic == "elements" else topic + "/"
+                    self.assertEqual([prefix + name for name in message.name], names)
+                    self.assertEqual(message.time, row[0])
+                    self.assertEqual(message.header.stamp.to_sec(), row[0])
+                    # NaN has no equal.
+                    self.assertEqual(repr(list(message.value)), repr([row[i] for i in index]))
 
     def test_a_bag_of_energies(self):
         path = str(self.folder / "out.bag")

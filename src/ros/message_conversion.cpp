@@ -56,6 +56,16 @@ void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message) {
   message.reaction_power = energy.reaction_power;
 }
 
+void prepareQuantities(const Simulation& simulation, QuantityGroup group, NamedValues& message) {
+  message.name = simulation.quantityNames(group);
+  message.value.assign(message.name.size(), 0.0);
+}
+
+void fillQuantities(const double* values, double time, NamedValues& message) {
+  message.time = time;
+  copy(values, message.value);
+}
+
 void prepareJointState(const Scene& scene, sensor_msgs::JointState& message) {
   message.name = scene.shafts;
   message.position.assign(scene.shafts.size(), 0.0);

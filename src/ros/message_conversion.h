@@ -4,11 +4,13 @@
 #include <sensor_msgs/JointState.h>
 #include <variator_sim/DrivetrainEnergy.h>
 #include <variator_sim/DrivetrainState.h>
+#include <variator_sim/NamedValues.h>
 #include <variator_sim/SceneInfo.h>
 #include <variator_sim/SimulationStatus.h>
 
 #include <cstdint>
 
+#include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/status.h"
 
@@ -28,6 +30,11 @@ void fillState(const Sample& sample, double time, DrivetrainState& message);
 
 /// All but the header; `time` as in fillState.
 void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message);
+
+/// Names and array sizes of a group's quantities, once.
+void prepareQuantities(const Simulation& simulation, QuantityGroup group, NamedValues& message);
+/// All but the header; `values` as many as there are names, `time` as in fillState.
+void fillQuantities(const double* values, double time, NamedValues& message);
 
 /// Joint names and array sizes, once.
 void prepareJointState(const Scene& scene, sensor_msgs::JointState& message);

@@ -26,6 +26,9 @@ class BagWriter : public SampleWriter {
       : path_(path), columns_(columns) {
     prepareState(simulation.scene(), state_);
     prepareJointState(simulation.scene(), joint_state_);
+    for (const QuantityGroup group : columns_.quantities) {
+      prepareQuantities(simulation, group, quantities_.emplace_back());
+    }
     guard([&] {
       bag_->open(path, rosbag::bagmode::Write);
       bag_->write("scene", ros::TIME_MIN, toSceneInfo(simulation));
@@ -39,9 +42,13 @@ class BagWriter : public SampleWriter {
     }
   }
 
-  void write(const std::vector<Sample>& samples) override {
+  void write(const SampleBlock& block) override {
     guard([&] {
-      for (const Sample& sample : samples) writeSample(sample);
+      const double* quantities = block.quantities.data();
+      for (const Sample& sample : block.samples) {
+        writeSample(sample, quantities);
+        for (const NamedValues& message : quantities_) quantities += message.value.size();
+      }
     });
   }
 
@@ -52,7 +59,7 @@ class BagWriter : public SampleWriter {
     guard([&] { bag_->close(); });
   }
 
-  void writeSample(const Sample& sample) {
+  void writeSample(const Sample& sample, const double* quantities) {
     const ros::Time stamp = stampOf(sample.time);
     // A bag files nothing under time 0; the message's own stamp keeps it.
     const ros::Time filed = std::max(stamp, ros::TIME_MIN);
@@ -63,6 +70,13 @@ class BagWriter : public SampleWriter {
       joint_state_.header.stamp = stamp;
       fillJointState(sample, joint_state_);
       bag_->write("joint_states", filed, joint_state_);
+    }
+    for (std::size_t i = 0; i < quantities_.size(); ++i) {
+      NamedValues& message = quantities_[i];
+      message.header.stamp = stamp;
+      fillQuantities(quantities, sample.time, message);
+      quantities += message.value.size();
+      bag_->write(toString(columns_.quantities[i]), filed, message);
     }
     if (columns_.energy) {
       energy_.header.stamp = stamp;
@@ -100,6 +114,7 @@ class BagWriter : public SampleWriter {
   ColumnGroups columns_;
   std::unique_ptr<rosbag::Bag> bag_ = std::make_unique<rosbag::Bag>();  ///< none after a failure
   DrivetrainState state_;
+  std::vector<NamedValues> quantities_;  ///< of columns_.quantities
   DrivetrainEnergy energy_;
   sensor_msgs::JointState joint_state_;
 };

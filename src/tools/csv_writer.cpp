@@ -3,10 +3,12 @@
 
 #include <cerrno>
 #include <charconv>
+#include <cmath>
+#include <limits>
 #include <system_error>
 
 #include "tools/sample_writer.h"
-#include "variator_sim/scene.h"
+#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {
@@ -26,23 +28,43 @@ void addStateHeader(const Scene& scene, std::string& header) {
   }
 }
 
-std::string makeHeader(const Scene& scene, const ColumnGroups& columns) {
+void addQuantityHeader(const Simulation& simulation, QuantityGroup group, std::string& header) {
+  // Elements have names of their own in the scene; of inputs and outputs the group is part.
+  const std::string prefix =
+      group == QuantityGroup::kElements ? "," : std::string(",") + toString(group) + "/";
+  for (const std::string& name : simulation.quantityNames(group)) header += prefix + name;
+}
+
+std::string makeHeader(const Simulation& simulation, const ColumnGroups& columns) {
   std::string header = "time";
-  if (columns.state) addStateHeader(scene, header);
+  if (columns.state) addStateHeader(simulation.scene(), header);
+  for (const QuantityGroup group : columns.quantities) {
+    addQuantityHeader(simulation, group, header);
+  }
   if (columns.energy) {
     header += ",energy/kinetic,energy/applied,energy/reactions,power/applied,power/reactions";
   }
   return header + "\n";
 }
 
+std::size_t countQuantities(const Simulation& simulation, const ColumnGroups& columns) {
+  std::size_t count = 0;
+  for (const QuantityGroup group : columns.quantities) {
+    count += simulation.quantityNames(group).size();
+  }
+  return count;
+}
+
 class CsvWriter : public SampleWriter {
  public:
-  CsvWriter(const std::string& path, const Scene& scene, const ColumnGroups& columns)
+  CsvWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
       : name_(path.empty() ? "standard output" : path),
         columns_(columns),
-        shaft_count_(scene.shaftCount()),
-        constraint_count_(scene.constraintCount()),
-        column_count_(1 + 6 * scene.shafts.size() + 2 * scene.constraints.size() + 5) {
+        shaft_count_(simulation.scene().shaftCount()),
+        constraint_count_(simulation.scene().constraintCount()),
+        quantity_count_(countQuantities(simulation, columns)),
+        column_count_(1 + 6 * simulation.scene().shafts.size() +
+                      2 * simulation.scene().constraints.size() + quantity_count_ + 5) {
     if (path.empty()) {
       file_ = STDOUT_FILENO;
     } else {
@@ -50,17 +72,21 @@ class CsvWriter : public SampleWriter {
       if (file_ < 0) fail();
       owns_file_ = true;
     }
-    const std::string header = makeHeader(scene, columns);
+    const std::string header = makeHeader(simulation, columns);
     writeAll(header.data(), header.size());
   }
   ~CsvWriter() override {
     if (owns_file_) ::close(file_);
   }
 
-  void write(const std::vector<Sample>& samples) override {
-    buffer_.resize(samples.size() * column_count_ * (kLongestNumber + 1));
+  void write(const SampleBlock& block) override {
+    buffer_.resize(block.samples.size() * column_count_ * (kLongestNumber + 1));
     char* end = buffer_.data();
-    for (const Sample& sample : samples) end = writeRow(sample, end);
+    const double* quantities = block.quantities.data();
+    for (const Sample& sample : block.samples) {
+      end = writeRow(sample, quantities, end);
+      quantities += quantity_count_;
+    }
     writeAll(buffer_.data(), static_cast<std::size_t>(end - buffer_.data()));
   }
 
@@ -73,14 +99,17 @@ class CsvWriter : public SampleWriter {
 
  private:
   char* writeNumber(double value, char* end) {
+    // The sign of a NaN is the processor's and means nothing.
+    if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
     end = std::to_chars(end, end + kLongestNumber, value).ptr;
     *end++ = ',';
     return end;
   }
 
-  char* writeRow(const Sample& sample, char* end) {
+  char* writeRow(const Sample& sample, const double* quantities, char* end) {
     end = writeNumber(sample.time, end);
     if (columns_.state) end = writeState(sample, end);
+    for (std::size_t i = 0; i < quantity_count_; ++i) end = writeNumber(quantities[i], end);
     if (columns_.energy) {
       const Energy& energy = sample.energy;
       for (double value : {energy.kinetic, energy.applied, energy.reactions, energy.applied_power,
@@ -130,6 +159,7 @@ class CsvWriter : public SampleWriter {
   ColumnGroups columns_;
   int shaft_count_;
   int constraint_count_;
+  std::size_t quantity_count_;
   std::size_t column_count_;  // at most
   int file_ = -1;
   bool owns_file_ = false;
@@ -138,9 +168,9 @@ class CsvWriter : public SampleWriter {
 
 }  // namespace
 
-std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Scene& scene,
+std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Simulation& simulation,
                                             const ColumnGroups& columns) {
-  return std::make_unique<CsvWriter>(path, scene, columns);
+  return std::make_unique<CsvWriter>(path, simulation, columns);
 }
 
 }  // namespace variator_sim

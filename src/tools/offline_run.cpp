@@ -64,20 +64,38 @@ void OfflineRun::applyCommands() {
   }
 }
 
-const Sample& OfflineRun::sample() {
-  if (!measures_sampling_) return simulation_.sample();
+void OfflineRun::observe(const std::vector<QuantityGroup>& groups) {
+  groups_ = groups;
+}
+
+void OfflineRun::takeSample(SampleBlock& block) {
+  if (!measures_sampling_) {
+    addSample(block);
+    return;
+  }
   const auto start = std::chrono::steady_clock::now();
-  const Sample& taken = simulation_.sample();
+  addSample(block);
   sampling_seconds_ +=
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  return taken;
+}
+
+void OfflineRun::addSample(SampleBlock& block) {
+  const Sample& taken = simulation_.sample();
+  if (!simulation_.status().ok()) return;  // a jump that leads nowhere
+  block.samples.push_back(taken);
+  for (const QuantityGroup group : groups_) {
+    const std::size_t begin = block.quantities.size();
+    block.quantities.resize(begin + simulation_.quantityNames(group).size());
+    simulation_.calcQuantities(group, block.quantities.data() + begin);
+  }
 }
 
 bool OfflineRun::advanceBlock(double span, const volatile std::sig_atomic_t* interrupted,
-                              std::vector<Sample>& samples) {
-  samples.clear();
+                              SampleBlock& block) {
+  block.samples.clear();
+  block.quantities.clear();
   const double block_end = simulation_.time() + span;
-  while (samples.size() < kBlockSize && *interrupted == 0) {
+  while (block.samples.size() < kBlockSize && *interrupted == 0) {
     const double command_time =
         next_command_ < commands_.size() ? commands_[next_command_].time : kNever;
     const double next = std::min({times_.current(), command_time, duration_});
@@ -85,9 +103,8 @@ bool OfflineRun::advanceBlock(double span, const volatile std::sig_atomic_t* int
     if (!reach(next)) return false;
     applyCommands();
     if (times_.current() <= next) {
-      const Sample& taken = sample();
-      if (!simulation_.status().ok()) return false;  // a jump that leads nowhere
-      samples.push_back(taken);
+      takeSample(block);
+      if (!simulation_.status().ok()) return false;
       times_.next();
     } else if (next >= duration_) {
       return false;

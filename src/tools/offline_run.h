@@ -9,6 +9,7 @@
 
 #include "tools/sample_times.h"
 #include "variator_sim/io/command_file.h"
+#include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 
 namespace variator_sim {
@@ -28,17 +29,25 @@ struct ResolvedCommand {
 std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
                                              const Scene& scene, const std::string& path);
 
+/// Samples in order, and the quantities that go with them.
+struct SampleBlock {
+  std::vector<Sample> samples;
+  std::vector<double> quantities;  ///< sample after sample, within it group after group
+};
+
 class OfflineRun {
  public:
   /// `commands` must be sorted by time; those after `duration` are left out.
   OfflineRun(Simulation& simulation, SampleTimes times, std::vector<ResolvedCommand> commands,
              double duration);
 
-  /// Moves on until `samples` (emptied first) holds kBlockSize samples, the present has moved by
+  /// Samples are to have the quantities of these groups.
+  void observe(const std::vector<QuantityGroup>& groups);
+
+  /// Moves on until `block` (emptied first) holds kBlockSize samples, the present has moved by
   /// `span` seconds, `*interrupted` is not 0, the end is reached or the motion stops. False when
   /// there is nothing left to do.
-  bool advanceBlock(double span, const volatile std::sig_atomic_t* interrupted,
-                    std::vector<Sample>& samples);
+  bool advanceBlock(double span, const volatile std::sig_atomic_t* interrupted, SampleBlock& block);
 
   /// Commands refused because they are NaN or infinite, and the line of the first.
   std::uint64_t refusedCount() const { return refused_count_; }
@@ -56,12 +65,14 @@ class OfflineRun {
  private:
   bool reach(double time);
   void applyCommands();
-  const Sample& sample();
+  void takeSample(SampleBlock& block);
+  void addSample(SampleBlock& block);
 
   Simulation& simulation_;
   SampleTimes times_;
   std::vector<ResolvedCommand> commands_;
   double duration_;
+  std::vector<QuantityGroup> groups_;
   std::size_t next_command_ = 0;
   std::size_t ignored_count_ = 0;
   std::uint64_t refused_count_ = 0;

@@ -6,13 +6,12 @@
 #include <string>
 #include <vector>
 
+#include "tools/offline_run.h"
 #include "tools/simulate_options.h"
-#include "variator_sim/sample.h"
 
 namespace variator_sim {
 
 class Simulation;
-struct Scene;
 
 /// The output cannot be written; what() names it and the system's reason.
 class OutputError : public std::runtime_error {
@@ -32,8 +31,9 @@ class SampleWriter {
   SampleWriter(const SampleWriter&) = delete;
   SampleWriter& operator=(const SampleWriter&) = delete;
 
-  /// Writes the samples, in order. Throws OutputError.
-  virtual void write(const std::vector<Sample>& samples) = 0;
+  /// Writes the samples, in order, with the quantities of the groups that its columns have. Throws
+  /// OutputError.
+  virtual void write(const SampleBlock& block) = 0;
   /// Completes the output. Called once, after the last `write`. Throws OutputError.
   virtual void close() = 0;
 
@@ -42,11 +42,11 @@ class SampleWriter {
 };
 
 /// CSV into a file, or to standard output when `path` is empty. Throws OutputError.
-std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Scene& scene,
+std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Simulation& simulation,
                                             const ColumnGroups& columns);
 
-/// A bag with the topics `state`, `joint_states` (of the state), `energy` and, once, `scene`.
-/// Throws OutputError.
+/// A bag with the topics of the groups: `state` and `joint_states`; `elements`, `inputs`,
+/// `outputs`; `energy`; and, once, `scene`. Throws OutputError.
 std::unique_ptr<SampleWriter> makeBagWriter(const std::string& path, const Simulation& simulation,
                                             const ColumnGroups& columns);
 

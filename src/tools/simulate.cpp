@@ -153,8 +153,8 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   ProgressBar progress(options.duration, samples_on_terminal);
   WallTimes wall;
   std::uint64_t sample_count = 0;
-  std::vector<Sample> samples;
-  samples.reserve(OfflineRun::kBlockSize);
+  SampleBlock block;
+  block.samples.reserve(OfflineRun::kBlockSize);
   if (options.stats) offline_run.measureSampling();
   double span = options.duration / 64.0;
   int exit_status = kSuccess;
@@ -163,16 +163,16 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     bool more = true;
     while (more && g_signal == 0) {
       const Clock::time_point start = Clock::now();
-      more = offline_run.advanceBlock(span, &g_signal, samples);
+      more = offline_run.advanceBlock(span, &g_signal, block);
       const double block_time = secondsSince(start);
       wall.simulation += block_time;
       if (block_time < kShortBlock) span *= 2.0;
       if (block_time > kLongBlock) span *= 0.5;
 
       const Clock::time_point output_start = Clock::now();
-      if (!samples.empty()) writer.write(samples);
+      if (!block.samples.empty()) writer.write(block);
       wall.output += secondsSince(output_start);
-      sample_count += samples.size();
+      sample_count += block.samples.size();
       progress.update(simulation.time());
     }
     const Clock::time_point output_start = Clock::now();
@@ -220,6 +220,7 @@ int runSimulate(const std::vector<std::string>& words) {
                          options.has_times ? SampleTimes::at(options.times)
                                            : SampleTimes::atRate(options.rate, options.duration),
                          readCommands(options, simulation.scene()), options.duration);
+  offline_run.observe(options.columns.quantities);
   if (offline_run.ignoredCount() > 0) {
     std::fprintf(stderr,
                  "simulate: note: %zu commands lie after the end (%.6g s) and are ignored\n",
@@ -228,7 +229,7 @@ int runSimulate(const std::vector<std::string>& words) {
   const std::unique_ptr<SampleWriter> writer =
       options.format == OutputFormat::kBag
           ? makeBagWriter(options.output_path, simulation, options.columns)
-          : makeCsvWriter(options.output_path, simulation.scene(), options.columns);
+          : makeCsvWriter(options.output_path, simulation, options.columns);
   return run(simulation, offline_run, *writer, options);
 }
 

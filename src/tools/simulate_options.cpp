@@ -16,26 +16,38 @@ const std::vector<std::string>& optionNames() {
   return names;
 }
 
+/// In the order of the columns.
+std::vector<std::string> groupNames() {
+  std::vector<std::string> names{"state"};
+  for (const QuantityGroup group : kQuantityGroups) names.emplace_back(toString(group));
+  names.emplace_back("energy");
+  return names;
+}
+
 ColumnGroups readColumns(const std::string& list) {
-  static const std::vector<std::string> kGroups = {"state", "energy"};
-  ColumnGroups columns;
-  bool* const wanted[] = {&columns.state, &columns.energy};
-  for (bool* group : wanted) *group = false;
-  std::size_t begin = 0;
-  while (true) {
-    const std::size_t comma = list.find(',', begin);
-    const std::string name = list.substr(begin, comma - begin);
-    const auto found = std::find(kGroups.begin(), kGroups.end(), name);
-    if (found == kGroups.end()) {
+  const std::vector<std::string> allowed = groupNames();
+  std::vector<std::string> wanted;
+  const auto is_wanted = [&wanted](const std::string& name) {
+    return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
+  };
+  for (std::size_t begin = 0; begin <= list.size();) {
+    const std::size_t end = std::min(list.find(',', begin), list.size());
+    const std::string name = list.substr(begin, end - begin);
+    if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
       throw UsageError("--columns: '" + name + "' is no group of columns" +
-                       suggestName(name, kGroups) + "; allowed: " + joinNames(kGroups));
+                       suggestName(name, allowed) + "; allowed: " + joinNames(allowed));
     }
-    bool& group = *wanted[found - kGroups.begin()];
-    if (group) throw UsageError("--columns: '" + name + "' is given twice");
-    group = true;
-    if (comma == std::string::npos) return columns;
-    begin = comma + 1;
+    if (is_wanted(name)) throw UsageError("--columns: '" + name + "' is given twice");
+    wanted.push_back(name);
+    begin = end + 1;
   }
+  ColumnGroups columns;
+  columns.state = is_wanted("state");
+  for (const QuantityGroup group : kQuantityGroups) {
+    if (is_wanted(toString(group))) columns.quantities.push_back(group);
+  }
+  columns.energy = is_wanted("energy");
+  return columns;
 }
 
 double readNumber(const std::string& option, const std::string& word) {
@@ -188,16 +200,19 @@ usage: simulate SCENE.yaml --duration S [options]
   --commands FILE.csv     commands to play, header time,topic,value
   --output FILE.csv|.bag  where the samples go (default: standard output, as CSV)
   --columns GROUPS        groups of columns beside time, comma between: state (the default),
-                          energy (kinetic energy, energies of the applied torques and of the
-                          reactions since the start, J, and their powers, W)
+                          elements (the torques and powers of each torque element, and what
+                          elements tell beside: slip, ratio), inputs (commanded inputs in force),
+                          outputs (the scene's own), energy (kinetic energy, energies of the
+                          applied torques and of the reactions since the start, J, and their
+                          powers, W)
   --energy                adds energy to the columns: --columns state,energy
   --stats                 print counters and times to standard error
   --help                  this text
 
 A sample at the instant of a command shows the state after it. A bag holds the topics `state`
 (variator_sim/DrivetrainState), `joint_states` (sensor_msgs/JointState) and `scene`
-(variator_sim/SceneInfo), with the energy `energy` (variator_sim/DrivetrainEnergy), stamped with
-simulated time.
+(variator_sim/SceneInfo), with these groups `elements`, `inputs` and `outputs`
+(variator_sim/NamedValues) and `energy` (variator_sim/DrivetrainEnergy), stamped with simulated time.
 
 Exit status: 0 the end was reached, or the reader of standard output went away
              1 the motion stopped: reason, time and last good state are on standard error

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "variator_sim/quantity_group.h"
+
 namespace variator_sim {
 
 /// A command line that cannot be followed; what() says which word and what is allowed.
@@ -18,6 +20,7 @@ enum class OutputFormat { kCsv, kBag };
 /// The groups of columns (of a bag: topics) that samples are written with, in this order.
 struct ColumnGroups {
   bool state = true;
+  std::vector<QuantityGroup> quantities;  ///< in their own order
   bool energy = false;
 };
 
