@@ -8,10 +8,12 @@
 #include <std_srvs/Trigger.h>
 #include <unistd.h>
 #include <variator_sim/DrivetrainState.h>
+#include <variator_sim/NamedValues.h>
 #include <variator_sim/SceneInfo.h>
 #include <variator_sim/SimulationStatus.h>
 #include <variator_sim/Step.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
@@ -21,6 +23,7 @@
 #include <fstream>
 #include <limits>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <set>
 #include <sstream>
@@ -382,6 +385,87 @@ TEST(Node, LockstepGivesTheBytesOfTheOfflineSimulation) {
       ASSERT_TRUE(sameBits(row[i], expected[i]))
           << "column " << i << " at " << time << ": " << row[i] << " and " << expected[i];
     }
+  }
+}
+
+/// What comes on the topic of one group.
+class QuantityListener {
+ public:
+  QuantityListener(Node& node, QuantityGroup group)
+      : subscriber_(node.handle().subscribe<NamedValues>(
+            toString(group), 1000, [this](const NamedValuesConstPtr& message) {
+              const std::lock_guard<std::mutex> lock(mutex_);
+              messages_.push_back(*message);
+            })) {
+    // The node computes them from when it has heard of us.
+    EXPECT_TRUE(node.waitFor([&] {
+      EXPECT_TRUE(node.step(0.001).success);
+      return !messages().empty();
+    }));
+  }
+  std::vector<NamedValues> messages() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return messages_;
+  }
+  bool hasHeardOf(double time) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return !messages_.empty() && messages_.back().time == time;
+  }
+  /// Since the last reset of time, whose own message is left out.
+  void expectAsOffline(const std::map<double, std::vector<double>>& expected) {
+    const std::vector<NamedValues> all = messages();
+    const auto reset = std::find_if(all.rbegin(), all.rend(),
+                                    [](const NamedValues& message) { return message.time == 0.0; });
+    ASSERT_NE(reset, all.rend());
+    std::size_t count = 0;
+    for (auto next = reset.base(); next != all.end(); ++next) {
+      const NamedValues& message = *next;
+      ASSERT_EQ(expected.count(message.time), 1u) << message.time;
+      const std::vector<double>& values = expected.at(message.time);
+      ASSERT_EQ(message.value.size(), values.size());
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        EXPECT_TRUE(sameBits(message.value[i], values[i])) << message.name[i];
+      }
+      ++count;
+    }
+    EXPECT_EQ(count, expected.size());
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<NamedValues> messages_;
+  ros::Subscriber subscriber_;
+};
+
+TEST(Node, QuantitiesOfEachGroupAreThoseOfTheOfflineSimulation) {
+  Node node("observed");
+  Simulation offline(
+      test::sceneFromFile(ros::package::getPath("variator_sim") + "/test/scenes/observed.yaml"));
+  std::map<QuantityGroup, std::map<double, std::vector<double>>> expected;
+  std::map<QuantityGroup, std::unique_ptr<QuantityListener>> listeners;
+  for (const QuantityGroup group : kQuantityGroups) {
+    listeners[group] = std::make_unique<QuantityListener>(node, group);
+    EXPECT_EQ(listeners[group]->messages().back().name, offline.quantityNames(group));
+  }
+  ASSERT_TRUE(node.trigger("reset_time").success);
+  double time = 0.0;
+  for (int i = 1; i <= 100; ++i) {
+    Commands commands;
+    if (i == 20) commands = {{"engine/torque", 25.0}, {"ratio", 0.8}};
+    for (const auto& [topic, value] : commands) offline.command(inputOf(offline, topic), value);
+    ASSERT_TRUE(node.step(0.01, commands).success);
+    time = i / 100.0;
+    offline.advanceTo(time);
+    for (const QuantityGroup group : kQuantityGroups) {
+      std::vector<double>& values = expected[group][time];
+      values.resize(offline.quantityNames(group).size());
+      offline.calcQuantities(group, values.data());
+    }
+  }
+  for (const QuantityGroup group : kQuantityGroups) {
+    ASSERT_TRUE(node.waitFor([&] { return listeners[group]->hasHeardOf(time); }));
+    SCOPED_TRACE(toString(group));
+    listeners[group]->expectAsOffline(expected[group]);
   }
 }
 

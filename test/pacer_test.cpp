@@ -285,17 +285,47 @@ TEST(SampleRing, DropsAndCountsTheOldest) {
   EXPECT_EQ(ring.dropped(), 92u);
 }
 
+TEST(SampleRing, CarriesAsManyNumbersAsEachEntryHas) {
+  SampleRing<Entry, 4> ring(3);
+  const double numbers[] = {0.1, -0.2, 1e300};
+  ring.push(entryOf(7), numbers, 3);
+  ring.push(entryOf(8));
+  ring.push(entryOf(9), numbers + 1, 1);
+  Entry entry;
+  double got[] = {5.0, 5.0, 5.0};
+  ASSERT_TRUE(ring.pop(entry, got));
+  EXPECT_EQ(entry.number, 7u);
+  EXPECT_TRUE(std::equal(std::begin(got), std::end(got), std::begin(numbers)));
+  ASSERT_TRUE(ring.pop(entry, got));
+  EXPECT_EQ(entry.number, 8u);
+  EXPECT_TRUE(std::equal(std::begin(got), std::end(got), std::begin(numbers)));
+  ASSERT_TRUE(ring.pop(entry, got));
+  EXPECT_EQ(entry.number, 9u);
+  EXPECT_EQ(got[0], -0.2);
+  EXPECT_EQ(got[1], -0.2);
+  ring.push(entryOf(10), numbers, 3);
+  ASSERT_TRUE(ring.pop(entry));
+  EXPECT_EQ(entry.number, 10u);
+}
+
 TEST(SampleRing, NeverShowsATornEntry) {
   constexpr std::uint64_t kEntries = 200000;
-  SampleRing<Entry, 4> ring;
+  SampleRing<Entry, 4> ring(2);
   std::thread producer([&] {
-    for (std::uint64_t i = 1; i <= kEntries; ++i) ring.push(entryOf(i));
+    for (std::uint64_t i = 1; i <= kEntries; ++i) {
+      const double numbers[] = {static_cast<double>(i), -static_cast<double>(i)};
+      ring.push(entryOf(i), numbers, i % 3);
+    }
   });
   std::uint64_t last = 0;
   std::uint64_t seen = 0;
   Entry entry;
   while (last < kEntries) {
-    if (!ring.pop(entry)) continue;
+    double numbers[2] = {};
+    if (!ring.pop(entry, numbers)) continue;
+    const double number = static_cast<double>(entry.number);
+    const double expected[] = {number, -number};
+    for (std::size_t i = 0; i < entry.number % 3; ++i) ASSERT_EQ(numbers[i], expected[i]);
     ASSERT_GT(entry.number, last);
     for (const std::uint64_t copy : entry.copies) ASSERT_EQ(copy, entry.number);
     last = entry.number;

@@ -14,6 +14,7 @@
 #include <map>
 #include <memory>
 #include <new>
+#include <string>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -246,6 +247,67 @@ TEST(SteppingLoop, EnergyCountsFromTheStartForWhoComesLate) {
     ASSERT_NEAR(energy.applied, exact.applied, 1e-4 * std::abs(exact.applied));
     ASSERT_NEAR(energy.applied + energy.reactions, energy.kinetic - start, 1e-9 * start);
   }
+}
+
+/// Some values of `simulation` at its present, group after group.
+std::vector<double> quantitiesOf(Simulation& simulation, QuantityGroups groups) {
+  std::vector<double> values;
+  for (const QuantityGroup group : kQuantityGroups) {
+    if (!groups.has(group)) continue;
+    const std::size_t begin = values.size();
+    values.resize(begin + simulation.quantityNames(group).size());
+    simulation.calcQuantities(group, values.data() + begin);
+  }
+  return values;
+}
+
+TEST(SteppingLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
+  const std::string scene =
+      std::string(kScene) + "outputs: [ratio]\nratio: {expression: w2/w1 + e1}\n";
+  QuantityGroups some;
+  some.add(QuantityGroup::kElements);
+  some.add(QuantityGroup::kOutputs);
+  QuantityGroups others;
+  others.add(QuantityGroup::kInputs);
+  const auto wanted_at = [&](std::int64_t tick) {
+    return tick < 500 || tick >= 1500 ? QuantityGroups() : tick < 1000 ? some : others;
+  };
+  ScriptedClock clock;
+  NodeSettings settings;
+  SteppingLoop loop(Simulation(test::sceneFromText(scene)), settings, clock);
+  loop.setSamplesWanted(true);
+  Simulation offline(test::sceneFromText(scene));
+  ASSERT_EQ(loop.quantityCount(), 4u + 1u + 1u);
+  std::vector<double> values(loop.quantityCount());
+  TimedSample timed;
+  int count = 0;
+  allocations = 0;
+  // While the loop sleeps before a tick: what the ticks before have left, then what this one finds.
+  clock.on_sleep_ = [&](int tick) {
+    counting = false;
+    while (loop.popSample(timed, values.data())) {
+      offline.advanceTo(static_cast<double>(timed.time) / 1e9);
+      ASSERT_EQ(timed.groups.bits(), wanted_at(timed.time / kMs).bits()) << timed.time;
+      const std::vector<double> expected = quantitiesOf(offline, timed.groups);
+      ASSERT_EQ(std::memcmp(values.data(), expected.data(), expected.size() * sizeof(double)), 0);
+      ++count;
+    }
+    loop.setQuantitiesWanted(wanted_at(tick));
+    if (tick % 150 == 0) {
+      loop.command({0, 0.01 * tick});
+      offline.advanceTo(tick / 1000.0);
+      offline.command(0, 0.01 * tick);
+    }
+    if (tick == 2000) {
+      loop.stop();
+      return;
+    }
+    counting = tick > 100;
+  };
+  loop.run();
+  counting = false;
+  EXPECT_EQ(allocations.load(), 0);
+  EXPECT_EQ(count, 200);
 }
 
 TEST(SteppingLoop, TakesACommandAtTheNextTickAndShowsItThere) {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "ros/pacer.h"
+#include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/status.h"
 #include "variator_sim/types.h"
@@ -13,6 +14,21 @@
 namespace variator_sim {
 
 enum class RunState : std::uint8_t { kRunning, kPaused, kSleeping, kStopped };
+
+/// Some of the groups of quantities.
+class QuantityGroups {
+ public:
+  QuantityGroups() = default;
+  explicit QuantityGroups(unsigned bits) : bits_(bits) {}
+  unsigned bits() const { return bits_; }
+  bool has(QuantityGroup group) const { return (bits_ & bitOf(group)) != 0; }
+  void add(QuantityGroup group) { bits_ |= bitOf(group); }
+  bool isEmpty() const { return bits_ == 0; }
+
+ private:
+  static unsigned bitOf(QuantityGroup group) { return 1U << static_cast<unsigned>(group); }
+  unsigned bits_ = 0;
+};
 
 /// A command on its way to an input of the scene.
 struct InputCommand {
@@ -27,6 +43,7 @@ struct TimedSample {
   std::int64_t clock_time = 0;  ///< when it was taken, ns on the pacing clock; on a followed clock,
                                 ///< which moves by steps, when its tick was due
   bool has_energy = false;      ///< somebody wanted it when the sample was taken
+  QuantityGroups groups;        ///< likewise: their values come with the sample, group after group
 };
 
 /// What the loop tells about itself.

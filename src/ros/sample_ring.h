@@ -2,10 +2,13 @@
 /// it is full, the oldest entries are overwritten.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <type_traits>
 
 namespace variator_sim {
@@ -15,28 +18,43 @@ namespace variator_sim {
 /// a sequence lock: the producer marks it odd, writes, and marks it with the entry's number; the
 /// consumer copies and then looks whether the mark is still that number. The payload is copied in
 /// atomic words, so that an overwritten copy is stale and no data race.
+///
+/// An entry may have numbers behind it, whose count the program knows only when it runs.
 template <class T, std::size_t kCapacity>
 class SampleRing {
   static_assert(std::is_trivially_copyable_v<T>, "entries are copied word by word");
 
  public:
+  /// `most_numbers` may stand behind an entry.
+  explicit SampleRing(std::size_t most_numbers = 0)
+      : most_numbers_(most_numbers),
+        stride_(kHeader + kWords + most_numbers),
+        words_(std::make_unique<std::atomic<std::uint64_t>[]>(kCapacity * stride_)) {}
+
   /// Producer only. Wait-free, allocates nothing. [loop]
-  void push(const T& entry) {
+  void push(const T& entry, const double* numbers = nullptr, std::size_t number_count = 0) {
     const std::uint64_t number = written_.load(std::memory_order_relaxed);
-    Slot& slot = slots_[number % kCapacity];
+    std::atomic<std::uint64_t>* slot = slotOf(number);
+    slot[kMark].store(2 * number + 1, std::memory_order_relaxed);
+    // A reader that sees one of the words below also sees the odd mark above.
+    slot[kCount].store(number_count, std::memory_order_release);
     std::array<std::uint64_t, kWords> words{};
     std::memcpy(words.data(), &entry, sizeof(T));
-    slot.mark.store(2 * number + 1, std::memory_order_relaxed);
-    // A reader that sees one of these words also sees the odd mark above.
     for (std::size_t i = 0; i < kWords; ++i) {
-      slot.words[i].store(words[i], std::memory_order_release);
+      slot[kHeader + i].store(words[i], std::memory_order_release);
     }
-    slot.mark.store(2 * number + 2, std::memory_order_release);
+    for (std::size_t i = 0; i < number_count; ++i) {
+      std::uint64_t word;
+      std::memcpy(&word, numbers + i, sizeof(word));
+      slot[kHeader + kWords + i].store(word, std::memory_order_release);
+    }
+    slot[kMark].store(2 * number + 2, std::memory_order_release);
     written_.store(number + 1, std::memory_order_release);
   }
 
-  /// Consumer only. False when there is nothing new.
-  bool pop(T& entry) {
+  /// Consumer only. False when there is nothing new. `numbers`, if they are wanted, has room for as
+  /// many as there may be; those behind the entry's own mean nothing.
+  bool pop(T& entry, double* numbers = nullptr) {
     for (;;) {
       const std::uint64_t written = written_.load(std::memory_order_acquire);
       if (read_ == written) return false;
@@ -45,13 +63,14 @@ class SampleRing {
         read_ = written - kCapacity;
       }
       const std::uint64_t number = read_++;
-      const Slot& slot = slots_[number % kCapacity];
-      if (slot.mark.load(std::memory_order_acquire) == 2 * number + 2) {
+      const std::atomic<std::uint64_t>* slot = slotOf(number);
+      if (slot[kMark].load(std::memory_order_acquire) == 2 * number + 2) {
         std::array<std::uint64_t, kWords> words;
         for (std::size_t i = 0; i < kWords; ++i) {
-          words[i] = slot.words[i].load(std::memory_order_acquire);
+          words[i] = slot[kHeader + i].load(std::memory_order_acquire);
         }
-        if (slot.mark.load(std::memory_order_relaxed) == 2 * number + 2) {
+        if (numbers != nullptr) copyNumbers(slot, numbers);
+        if (slot[kMark].load(std::memory_order_relaxed) == 2 * number + 2) {
           std::memcpy(static_cast<void*>(&entry), words.data(), sizeof(T));
           return true;
         }
@@ -64,15 +83,29 @@ class SampleRing {
   std::uint64_t dropped() const { return dropped_.load(std::memory_order_relaxed); }
 
  private:
+  // A slot: its mark, how many numbers it has, the words of the entry, the numbers.
+  static constexpr std::size_t kMark = 0;
+  static constexpr std::size_t kCount = 1;
+  static constexpr std::size_t kHeader = 2;
+  static constexpr std::size_t kWords = (sizeof(T) + 7) / 8;
+
   void drop(std::uint64_t count) { dropped_.fetch_add(count, std::memory_order_relaxed); }
 
-  static constexpr std::size_t kWords = (sizeof(T) + 7) / 8;
-  struct Slot {
-    std::atomic<std::uint64_t> mark{0};
-    std::array<std::atomic<std::uint64_t>, kWords> words{};
-  };
+  std::atomic<std::uint64_t>* slotOf(std::uint64_t number) const {
+    return words_.get() + (number % kCapacity) * stride_;
+  }
 
-  std::array<Slot, kCapacity> slots_{};
+  void copyNumbers(const std::atomic<std::uint64_t>* slot, double* numbers) const {
+    const std::size_t count = slot[kCount].load(std::memory_order_acquire);
+    for (std::size_t i = 0; i < std::min(count, most_numbers_); ++i) {
+      const std::uint64_t word = slot[kHeader + kWords + i].load(std::memory_order_acquire);
+      std::memcpy(numbers + i, &word, sizeof(word));
+    }
+  }
+
+  const std::size_t most_numbers_;
+  const std::size_t stride_;
+  const std::unique_ptr<std::atomic<std::uint64_t>[]> words_;
   alignas(64) std::atomic<std::uint64_t> written_{0};
   alignas(64) std::uint64_t read_ = 0;
   std::atomic<std::uint64_t> dropped_{0};

@@ -63,6 +63,14 @@ sensor_msgs::JointState makeJointState(const Scene& scene) {
   return message;
 }
 
+std::array<NamedValues, kQuantityGroups.size()> makeQuantities(const Simulation& simulation) {
+  std::array<NamedValues, kQuantityGroups.size()> messages;
+  for (const QuantityGroup group : kQuantityGroups) {
+    prepareQuantities(simulation, group, messages[static_cast<std::size_t>(group)]);
+  }
+  return messages;
+}
+
 ClockRole roleFor(const NodeSettings& settings) {
   if (settings.publish_clock) return ClockRole::kOwner;
   return ros::Time::isSystemTime() ? ClockRole::kWall : ClockRole::kFollower;
@@ -87,11 +95,13 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
       role_(roleFor(settings)),
       sharing_(sharing),
       state_message_(makeState(simulation.scene())),
+      quantity_messages_(makeQuantities(simulation)),
       joint_message_(makeJointState(simulation.scene())),
       step_message_(makeState(simulation.scene())),
       loop_(std::move(simulation), settings,
             role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)
                                           : steady_clock_),
+      quantities_(loop_.quantityCount()),
       diagnostics_(public_handle_, private_handle_, scene_message_.constraints),
       live_settings_(private_handle_, settings, role_ == ClockRole::kFollower, loop_) {
   for (const CommandInputSettings& input : inputs_) checkTopic(input);
@@ -126,6 +136,10 @@ void SimulationServer::advertiseTopics() {
       private_handle_.advertise<DrivetrainState>("state", kStateQueue, refresh, refresh);
   energy_publisher_ =
       private_handle_.advertise<DrivetrainEnergy>("energy", kStateQueue, refresh, refresh);
+  for (const QuantityGroup group : kQuantityGroups) {
+    quantity_publishers_[static_cast<std::size_t>(group)] =
+        private_handle_.advertise<NamedValues>(toString(group), kStateQueue, refresh, refresh);
+  }
   joint_publisher_ = public_handle_.advertise<sensor_msgs::JointState>("joint_states", kStateQueue,
                                                                        refresh, refresh);
   scene_publisher_ = private_handle_.advertise<SceneInfo>("scene", 1, /*latch=*/true);
@@ -236,9 +250,15 @@ void SimulationServer::runCallbacks() {
 void SimulationServer::refreshDemand() {
   const bool energy_wanted = energy_publisher_.getNumSubscribers() > 0;
   loop_.setEnergyWanted(energy_wanted);
-  loop_.setSamplesWanted(energy_wanted || state_publisher_.getNumSubscribers() > 0 ||
-                         joint_publisher_.getNumSubscribers() > 0 ||
-                         clock_publisher_.getNumSubscribers() > 0);
+  QuantityGroups groups_wanted;
+  for (const QuantityGroup group : kQuantityGroups) {
+    const ros::Publisher& publisher = quantity_publishers_[static_cast<std::size_t>(group)];
+    if (publisher.getNumSubscribers() > 0) groups_wanted.add(group);
+  }
+  loop_.setQuantitiesWanted(groups_wanted);
+  loop_.setSamplesWanted(
+      energy_wanted || !groups_wanted.isEmpty() || state_publisher_.getNumSubscribers() > 0 ||
+      joint_publisher_.getNumSubscribers() > 0 || clock_publisher_.getNumSubscribers() > 0);
 }
 
 void SimulationServer::answerTrigger(RequestKind kind, std_srvs::Trigger::Response& response) {
@@ -375,7 +395,7 @@ void SimulationServer::publish(const ros::Publisher& publisher, const Message& m
 
 void SimulationServer::publishSamples() {
   TimedSample timed;
-  while (loop_.popSample(timed)) {
+  while (loop_.popSample(timed, quantities_.data())) {
     if (role_ == ClockRole::kOwner) {
       // Before the messages that are stamped with it.
       published_time_ = timed.time;
@@ -387,6 +407,7 @@ void SimulationServer::publishSamples() {
       fillState(timed.sample, toSeconds(timed.time), state_message_);
       publish(state_publisher_, state_message_);
     }
+    publishQuantities(timed, stamp);
     if (timed.has_energy && energy_publisher_.getNumSubscribers() > 0) {
       energy_message_.header.stamp = stamp;
       fillEnergy(timed.sample.energy, toSeconds(timed.time), energy_message_);
@@ -399,6 +420,21 @@ void SimulationServer::publishSamples() {
     }
   }
   if (clock_requested_.exchange(false)) publishClock();
+}
+
+void SimulationServer::publishQuantities(const TimedSample& timed, const ros::Time& stamp) {
+  const double* values = quantities_.data();
+  for (const QuantityGroup group : kQuantityGroups) {
+    if (!timed.groups.has(group)) continue;
+    NamedValues& message = quantity_messages_[static_cast<std::size_t>(group)];
+    const ros::Publisher& publisher = quantity_publishers_[static_cast<std::size_t>(group)];
+    if (publisher.getNumSubscribers() > 0) {
+      message.header.stamp = stamp;
+      fillQuantities(values, toSeconds(timed.time), message);
+      publish(publisher, message);
+    }
+    values += message.value.size();
+  }
 }
 
 void SimulationServer::publishClock() {

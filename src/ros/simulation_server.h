@@ -8,6 +8,7 @@
 #include <std_srvs/Trigger.h>
 #include <variator_sim/Step.h>
 
+#include <array>
 #include <atomic>
 #include <optional>
 #include <string>
@@ -59,6 +60,8 @@ class LogThrottle {
 /// the status thread. Callbacks have their own queue and one thread: the node's global queue is not
 /// used.
 class SimulationServer {
+  using QuantityMessages = std::array<NamedValues, kQuantityGroups.size()>;
+
  public:
   /// Advertises, subscribes and starts the threads. `public_handle` is for joint_states,
   /// `private_handle` for everything else. Throws SceneError when the topic of a command cannot be
@@ -88,6 +91,7 @@ class SimulationServer {
 
   // Poll thread.
   void publishSamples();
+  void publishQuantities(const TimedSample& timed, const ros::Time& stamp);
   ros::Time stampOf(const TimedSample& timed);
   void publishClock();
 
@@ -115,6 +119,7 @@ class SimulationServer {
   // Poll thread.
   DrivetrainState state_message_;
   DrivetrainEnergy energy_message_;
+  QuantityMessages quantity_messages_;
   sensor_msgs::JointState joint_message_;
   std::int64_t published_time_ = 0;  ///< simulated, ns: what /clock says
 
@@ -135,12 +140,14 @@ class SimulationServer {
   SteadyClock steady_clock_;
   FollowedClock followed_clock_;
   SteppingLoop loop_;
+  std::vector<double> quantities_;            ///< of the sample being published
   std::atomic<bool> clock_requested_{false};  ///< somebody has just subscribed to /clock
   std::atomic<bool> stopping_{false};
 
   // Publishers may be used by any thread.
   ros::Publisher state_publisher_;
   ros::Publisher energy_publisher_;
+  std::array<ros::Publisher, kQuantityGroups.size()> quantity_publishers_;
   ros::Publisher joint_publisher_;
   ros::Publisher scene_publisher_;
   ros::Publisher status_publisher_;

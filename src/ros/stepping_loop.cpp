@@ -18,10 +18,18 @@ double periodOf(double tick_rate, double real_time_factor) {
   return real_time_factor == 0.0 ? 0.0 : kNanosecondsPerSecond / (tick_rate * real_time_factor);
 }
 
+std::size_t countQuantities(const Simulation& simulation) {
+  std::size_t count = 0;
+  for (const QuantityGroup group : kQuantityGroups) count += simulation.quantityNames(group).size();
+  return count;
+}
+
 }  // namespace
 
 SteppingLoop::SteppingLoop(Simulation simulation, const NodeSettings& settings, PacingClock& clock)
-    : wanted_factor_(clock.isFollowed() ? 1.0 : settings.real_time_factor),
+    : quantities_(countQuantities(simulation)),
+      samples_(quantities_.size()),
+      wanted_factor_(clock.isFollowed() ? 1.0 : settings.real_time_factor),
       wanted_publish_rate_(settings.publish_rate),
       clock_(clock),
       followed_(clock.isFollowed()),
@@ -386,6 +394,13 @@ TimedSample SteppingLoop::takeSample() {
   timed.has_energy = energy_wanted_.load(std::memory_order_relaxed);
   simulation_.trackEnergy(timed.has_energy);
   timed.sample = simulation_.sample();
+  timed.groups = QuantityGroups(groups_wanted_.load(std::memory_order_relaxed));
+  quantity_count_ = 0;
+  for (const QuantityGroup group : kQuantityGroups) {
+    if (!timed.groups.has(group)) continue;
+    simulation_.calcQuantities(group, quantities_.data() + quantity_count_);
+    quantity_count_ += simulation_.quantityNames(group).size();
+  }
   timed.time = sampleTime();
   std::copy(std::begin(timed.sample.residual), std::end(timed.sample.residual), residual_.begin());
   timed.clock_time = followed_ ? moment_ : clock_.now();
@@ -393,7 +408,7 @@ TimedSample SteppingLoop::takeSample() {
 }
 
 void SteppingLoop::handOver(const TimedSample& sample) {
-  samples_.push(sample);
+  samples_.push(sample, quantities_.data(), quantity_count_);
   sample_news_.post();
 }
 

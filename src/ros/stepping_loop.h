@@ -5,6 +5,7 @@
 #include <atomic>
 #include <boost/lockfree/spsc_queue.hpp>
 #include <cstdint>
+#include <vector>
 
 #include "ros/event_descriptor.h"
 #include "ros/lateness.h"
@@ -64,7 +65,12 @@ class SteppingLoop {
 
   /// @name For one thread that publishes samples
   /// @{
-  bool popSample(TimedSample& sample) { return samples_.pop(sample); }
+  /// `quantities`, if wanted, gets the values of the sample's groups and has room for those of all.
+  bool popSample(TimedSample& sample, double* quantities = nullptr) {
+    return samples_.pop(sample, quantities);
+  }
+  /// Of all groups.
+  std::size_t quantityCount() const { return quantities_.size(); }
   /// Posted when there is something to pop.
   EventDescriptor& sampleNews() { return sample_news_; }
   /// @}
@@ -91,6 +97,10 @@ class SteppingLoop {
   void setSamplesWanted(bool wanted);
   /// Whether samples are to have the energies.
   void setEnergyWanted(bool wanted) { energy_wanted_.store(wanted, std::memory_order_relaxed); }
+  /// Which groups of quantities samples are to have.
+  void setQuantitiesWanted(QuantityGroups groups) {
+    groups_wanted_.store(groups.bits(), std::memory_order_relaxed);
+  }
   /// Ends `run`; requests from then on, and one under way, are answered with kShutDown.
   void stop();
   /// Simulated s per s of the clock, >= 0 (0: unpaced), from the present on: deadlines count anew,
@@ -137,15 +147,20 @@ class SteppingLoop {
   void anchor();
   /// After anything that may have ended the motion: true when it has just stopped.
   bool noticeStop();
-  /// Of the simulation where it is: at the present, for those who have caught up.
+  /// Of the simulation where it is: at the present, for those who have caught up. Its quantities
+  /// are in `quantities_` until the next one is taken.
   TimedSample takeSample();
-  /// To the thread that publishes, which is woken.
+  /// To the thread that publishes, which is woken: the sample just taken.
   void handOver(const TimedSample& sample);
   void pushSample();
   void pushSnapshot(bool state_changed);
   void endSliceIfDue(std::int64_t now);
   /// Simulated ns of the simulation's present, offset included.
   std::int64_t sampleTime();
+
+  /// The values of the last sample's groups, the stepping thread's own.
+  std::vector<double> quantities_;
+  std::size_t quantity_count_ = 0;
 
   // Shared.
   boost::lockfree::spsc_queue<InputCommand, boost::lockfree::capacity<4096>> commands_;
@@ -162,6 +177,7 @@ class SteppingLoop {
   std::atomic<int> idle_{kAwake};
   std::atomic<bool> samples_wanted_{false};
   std::atomic<bool> energy_wanted_{false};
+  std::atomic<unsigned> groups_wanted_{0};
   std::atomic<bool> settings_changed_{false};
   std::atomic<double> wanted_factor_;
   std::atomic<double> wanted_publish_rate_;
