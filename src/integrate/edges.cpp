@@ -286,6 +286,15 @@ bool Integrator::isSeriesGood(double length) {
   for (int i = 0; i < S; ++i) {
     largest = worseOf(largest, length * std::abs(after[i]) / tolerance_.of(x[S + i]));
   }
+  if (integrates_torque_ && drivetrain_.hasOrder3()) {
+    // Jerks that are given have nothing that would bring the accelerations back afterwards.
+    State dxdt(system_.size());
+    system_(x, dxdt, time);
+    for (int n = 2 * S; n < x.size(); ++n) {
+      const double error = 0.5 * length * std::abs(dxdt[n] - base_.dxdt[n]);
+      largest = worseOf(largest, error / tolerance_.of(x[n]));
+    }
+  }
   return largest <= 1.0;
 }
 
