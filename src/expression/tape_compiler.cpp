@@ -277,7 +277,24 @@ class TapeBuilder {
     return static_cast<int>(tape_.registers_.size()) - 1;
   }
 
+  /// The outputs have the first registers, one behind the other; the first of several that are one
+  /// node is where that is computed.
+  void reserveOutputs() {
+    output_of_.assign(needed_.size(), -1);
+    for (std::size_t k = 0; k < outputs_.size(); ++k) {
+      newRegister();
+      int& first = output_of_[at(outputs_[k].index)];
+      if (first < 0) first = static_cast<int>(k);
+    }
+    tape_.output_count_ = static_cast<int>(outputs_.size());
+  }
+
+  int registerFor(int index) {
+    return output_of_[at(index)] >= 0 ? output_of_[at(index)] : newRegister();
+  }
+
   void allocate() {
+    reserveOutputs();
     register_of_.assign(needed_.size(), -1);
     std::vector<int> readers(needed_.size(), 0);
     for (const int i : order_) {
@@ -306,7 +323,7 @@ class TapeBuilder {
       }
       // A result may take the register of an operand: every instruction reads before it writes.
       for (int k = 0; k < 2 && step.results[k] >= 0; ++k) {
-        const int result = newRegister();
+        const int result = registerFor(step.results[k]);
         register_of_[at(step.results[k])] = result;
         (k == 0 ? instruction.result : instruction.operands[1]) =
             static_cast<std::uint16_t>(result);
@@ -314,12 +331,27 @@ class TapeBuilder {
       nameTable(i, instruction);
       tape_.program_.push_back(instruction);
     }
+    finishOutputs();
+  }
+
+  /// Outputs that are another one, too, are copied; then the program ends.
+  void finishOutputs() {
+    for (std::size_t k = 0; k < outputs_.size(); ++k) {
+      const int computed = register_of_[at(outputs_[k].index)];
+      if (computed == static_cast<int>(k)) continue;
+      if (graph_.isConstant(outputs_[k])) {
+        tape_.registers_[k] = graph_.constantValue(outputs_[k]);
+        continue;
+      }
+      Tape::Instruction copy = {};
+      copy.code = kCodeCopy;
+      copy.result = static_cast<std::uint16_t>(k);
+      copy.operands[0] = static_cast<std::uint16_t>(computed);
+      tape_.program_.push_back(copy);
+    }
     Tape::Instruction last = {};
     last.code = kCodeReturn;
     tape_.program_.push_back(last);
-    for (const Node output : outputs_) {
-      tape_.output_registers_.push_back(static_cast<std::uint16_t>(register_of_[at(output.index)]));
-    }
   }
 
   /// The index of `table` in `tables`, to which it is added when it is new.
@@ -346,7 +378,7 @@ class TapeBuilder {
 
   void allocateLeaf(int index, std::vector<int>& readers) {
     const Graph::Entry& it = entry(index);
-    const int leaf_register = newRegister();
+    const int leaf_register = registerFor(index);
     register_of_[at(index)] = leaf_register;
     if (it.operation == Operation::kConstant) {
       tape_.registers_[at(leaf_register)] = it.value;
@@ -356,11 +388,12 @@ class TapeBuilder {
     if (it.slot < 0 || sourceOf(it.slot) >= Source::kJerk) {
       throw std::invalid_argument("a tape reads only what a StateView holds");
     }
+    const int source = static_cast<int>(sourceOf(it.slot));
     Tape::Load load = {};
     load.to = static_cast<std::uint16_t>(leaf_register);
-    load.source = static_cast<std::uint8_t>(sourceOf(it.slot));
     load.index = static_cast<std::uint16_t>(indexOf(it.slot));
-    tape_.loads_.push_back(load);
+    tape_.loads_.insert(tape_.loads_.begin() + tape_.load_end_[source], load);
+    for (int& end : tape_.load_end_) end += &end >= &tape_.load_end_[source] ? 1 : 0;
   }
 
   Tape& tape_;
@@ -370,6 +403,7 @@ class TapeBuilder {
   std::vector<int> uses_;
   std::vector<Step> steps_;
   std::vector<int> order_;
+  std::vector<int> output_of_;  ///< of a node: which output it is; -1: none
   std::vector<int> register_of_;
   std::vector<int> free_registers_;
 };

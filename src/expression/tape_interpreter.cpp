@@ -93,7 +93,7 @@ double selectOf(double a, double b, double yes, double no) {
 #define C r[it->operands[2]]
 #define D r[it->operands[3]]
 
-void Tape::evaluate(const StateView& state, double* outputs) const noexcept {
+const double* Tape::evaluate(const StateView& state) const noexcept {
   static const void* const kLabels[] = {
       // clang-format off
       VARIATOR_SIM_PAIRS(VARIATOR_SIM_PAIR_LABEL)
@@ -103,21 +103,30 @@ void Tape::evaluate(const StateView& state, double* outputs) const noexcept {
       &&sine_and_cosine,
       &&table,
       &&table_of_two,
+      &&copy,
       &&finish
       // clang-format on
   };
   static_assert(sizeof kLabels / sizeof kLabels[0] == kCodeCount, "one label per instruction code");
 
-  const double* const sources[] = {
-      &state.time, state.angle,      state.velocity,         state.acceleration,
-      state.input, state.input_rate, state.input_second_rate};
   double* const r = registers_.data();
-  for (const Load& load : loads_) {
-    r[load.to] = sources[load.source][load.index];
+  const Load* load = loads_.data();
+  const auto take = [&](Source source, const double* from) {
+    const Load* const end = loads_.data() + load_end_[static_cast<int>(source)];
+    for (; load != end; ++load) {
+      r[load->to] = from[load->index];
+    }
+  };
+  take(Source::kTime, &state.time);
+  take(Source::kAngle, state.angle);
+  take(Source::kVelocity, state.velocity);
+  take(Source::kAcceleration, state.acceleration);
+  if (load != loads_.data() + loads_.size()) {
+    take(Source::kInput, state.input);
+    take(Source::kInputRate, state.input_rate);
+    take(Source::kInputSecondRate, state.input_second_rate);
   }
-  if (program_.empty()) {
-    return;
-  }
+  if (program_.empty()) return r;
   const Instruction* it = program_.data();
   goto* kLabels[it->code];
 
@@ -141,10 +150,12 @@ table_of_two:
       tables2_[it->operands[2]]->derivative({it->operands[3] & 0xFF, it->operands[3] >> 8}, A, B);
   VARIATOR_SIM_NEXT;
 
+copy:
+  r[it->result] = A;
+  VARIATOR_SIM_NEXT;
+
 finish:
-  for (std::size_t i = 0; i < output_registers_.size(); ++i) {
-    outputs[i] = r[output_registers_[i]];
-  }
+  return r;
 }
 
 #undef A

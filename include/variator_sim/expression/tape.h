@@ -1,6 +1,7 @@
 /// Formulas at run time: a short program over registers.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -44,7 +45,7 @@ class Tape {
   /// the program would need more than 65536 registers.
   Tape(const Graph& graph, const std::vector<Node>& outputs);
 
-  int outputCount() const { return static_cast<int>(output_registers_.size()); }
+  int outputCount() const { return output_count_; }
   /// Number of instructions, for tests and curiosity.
   int size() const { return program_.empty() ? 0 : static_cast<int>(program_.size()) - 1; }
 
@@ -52,7 +53,12 @@ class Tape {
   /// formulas, all of them before it writes `outputs`. For the real-time loop: allocates nothing,
   /// takes no lock, does not throw. One tape is used by one thread at a time: it keeps its
   /// registers.
-  void evaluate(const StateView& state, double* outputs) const noexcept;
+  void evaluate(const StateView& state, double* outputs) const noexcept {
+    const double* values = evaluate(state);
+    std::copy(values, values + output_count_, outputs);
+  }
+  /// The same where they are: valid until the next evaluation.
+  const double* evaluate(const StateView& state) const noexcept;
 
  private:
   friend class TapeBuilder;
@@ -65,13 +71,13 @@ class Tape {
   };
   struct Load {
     std::uint16_t to;
-    std::uint8_t source;
     std::uint16_t index;
   };
 
-  std::vector<Load> loads_;
+  std::vector<Load> loads_;  ///< by source
+  int load_end_[static_cast<int>(Source::kJerk)] = {};
   std::vector<Instruction> program_;  ///< ends with an instruction that returns
-  std::vector<std::uint16_t> output_registers_;
+  int output_count_ = 0;              ///< in the first registers
   std::vector<std::shared_ptr<const Table>> tables_;
   std::vector<std::shared_ptr<const Table2>> tables2_;
   mutable std::vector<double> registers_;  ///< the constants are filled in once
