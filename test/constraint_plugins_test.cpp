@@ -19,7 +19,7 @@
 #include "support/count_allocations.h"
 #include "support/derivatives_by_state.h"
 #include "support/scenes.h"
-#include "variator_sim/constraints/automatic_constraint.h"
+#include "variator_sim/formula_constraint.h"
 #include "variator_sim/table.h"
 
 namespace variator_sim {
@@ -687,16 +687,18 @@ class FaultyTorque : public Torque {
   Fault fault_;
 };
 
-class FirstOrderWithInput : public AutomaticConstraint<FirstOrderWithInput, 1, 2, 1> {
+/// f = omega_b - u omega_a, as a function template that is also read by Expressions.
+class FirstOrderWithInput : public FormulaConstraint {
  public:
   template <class T>
-  T residual(const GenericState<T>& x) const {
-    return x.velocity[1] - x.input[0] * x.velocity[0];
+  static T calcResidual(const T& u, const T& w_a, const T& w_b) {
+    return w_b - u * w_a;
   }
 
- protected:
-  void doConfigure(ComponentContext& context) override {
-    useInput(0, context.addInput(readCommandInput(context.parameters(), context.name())));
+ private:
+  void build(LawContext& scene) override {
+    const Expression u = scene.command();
+    scene.constrain(calcResidual(u, scene.shaftAt(0).velocity, scene.shaftAt(1).velocity));
   }
 };
 

@@ -9,8 +9,7 @@
 #include <vector>
 
 #include "support/derivatives_by_state.h"
-#include "variator_sim/constraints/expression_constraint.h"
-#include "variator_sim/torques/expression_torque.h"
+#include "variator_sim/laws.h"
 
 namespace variator_sim {
 namespace {

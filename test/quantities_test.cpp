@@ -60,10 +60,12 @@ void commandAt(Simulation& simulation, int n) {
 TEST(Quantities, AreNamedInTheOrderOfTheScene) {
   const Simulation simulation(makeScene());
   using Names = std::vector<std::string>;
-  EXPECT_EQ(simulation.quantityNames(QuantityGroup::kElements),
-            (Names{"engine/drive/torque", "engine/power", "spring/drive/torque",
-                   "spring/load/torque", "spring/power", "bearing/load/torque", "bearing/power",
-                   "drag/load/torque", "drag/power", "belt/slip", "belt/ratio"}));
+  EXPECT_EQ(
+      simulation.quantityNames(QuantityGroup::kElements),
+      (Names{"engine/drive/torque", "engine/power", "spring/drive/torque", "spring/load/torque",
+             "spring/power", "spring/twist", "spring/transmitted_torque", "bearing/load/torque",
+             "bearing/power", "bearing/slip", "bearing/transmitted_torque", "drag/load/torque",
+             "drag/power", "belt/slip", "belt/ratio"}));
   EXPECT_EQ(simulation.quantityNames(QuantityGroup::kInputs), (Names{"engine/torque", "ratio"}));
   EXPECT_EQ(simulation.quantityNames(QuantityGroup::kOutputs),
             (Names{"ratio_now", "jolt", "no_value"}));

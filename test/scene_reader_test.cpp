@@ -6,9 +6,9 @@
 #include <stdexcept>
 
 #include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/laws.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/scene.h"
-#include "variator_sim/torques/commanded_torque.h"
 
 namespace variator_sim {
 namespace {
@@ -251,7 +251,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{base() + "tik_rate: 10\n", "tik_rate", {"unknown key", "'tick_rate'"}},
         BadScene{base() + "moter: {type: fake/Command}\n",
                  "moter",
-                 {"'motor'", "in none of the lists shafts, torques, constraints, outputs"}},
+                 {"'motor'",
+                  "in none of the lists shafts, torques, constraints, inputs, tables, outputs"}},
         BadScene{base() + "outputs: [ratio]\n", "ratio", {"missing"}},
         BadScene{base() + "outputs: [drive]\n",
                  "outputs[0]",

@@ -33,7 +33,8 @@ ENERGY = ["energy/kinetic", "energy/applied", "energy/reactions", "power/applied
 
 OBSERVED = str(FOLDER / "test/scenes/observed.yaml")
 ELEMENTS = ["engine/drive/torque", "engine/power", "spring/drive/torque", "spring/load/torque",
-            "spring/power", "bearing/load/torque", "bearing/power", "drag/load/torque",
+            "spring/power", "spring/twist", "spring/transmitted_torque", "bearing/load/torque",
+            "bearing/power", "bearing/slip", "bearing/transmitted_torque", "drag/load/torque",
             "drag/power", "belt/slip", "belt/ratio"]
 INPUTS = ["inputs/engine/torque", "inputs/ratio"]
 OUTPUTS = ["outputs/jolt", "outputs/no_value", "outputs/speed_ratio"]

@@ -912,10 +912,9 @@ INSTANTIATE_TEST_SUITE_P(
                    {"1.5", "from 0 to 1"}},
         BadElement{"MotorCurve, shaft: drive, command: [1], " + kKloss,
                    "it/command",
-                   {"[1] is no value of an input", "from 0 to 1", "topic"}},
-        BadElement{"MotorCurve, shaft: drive, command: , " + kKloss,
-                   "it/command",
-                   {"~ is no value of an input"}},
+                   {"[1] is no value", "from 0 to 1", "topic"}},
+        BadElement{
+            "MotorCurve, shaft: drive, command: , " + kKloss, "it/command", {"~ is no value"}},
         BadElement{
             "MotorCurve, shaft: drive, command: {}, " + kKloss, "it/command/topic", {"missing"}},
         BadElement{"MotorCurve, shaft: drive, command: {topic: a, hold: zero_oder}, " + kKloss,
@@ -1075,7 +1074,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadElement{kTrain + ", mass: 0", "it/mass", {"> 0"}},
         BadElement{kTrain + ", drag_area: 1", "it/drag_area", {"unknown key"}},
         BadElement{kTrain + ", mass: 1, grade: 1.5", "it/grade", {"1.5", "from -1 to 1"}},
-        BadElement{kTrain + ", mass: 1, grade: [0, 1]", "it/grade", {"a list"}},
+        BadElement{kTrain + ", mass: 1, grade: [0, 1]", "it/grade", {"is no value"}},
         BadElement{kTrain + ", mass: 1, grade: {time: [0, 1]}", "it/grade/grade", {"missing"}},
         BadElement{kTrain + ", mass: 1, grade: {time: [0, 1], grade: [0, 2]}",
                    "it/grade/grade[1]",

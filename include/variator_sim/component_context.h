@@ -1,12 +1,14 @@
 /// What a torque or a constraint learns about its scene while it is configured.
 #pragma once
 
+#include <memory>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "variator_sim/command_input.h"
+#include "variator_sim/expression/graph.h"
 #include "variator_sim/parameter_tree.h"
 #include "variator_sim/scene_symbols.h"
 
@@ -14,16 +16,18 @@ namespace variator_sim {
 
 class ComponentContext {
  public:
-  /// `inputs` collects the commanded inputs of the whole scene; `symbols` are its inputs and tables
-  /// that have names of their own.
+  /// `inputs` collects the commanded inputs of the whole scene and `graph` its formulas; `symbols`
+  /// are its inputs and tables that have names of their own.
   ComponentContext(std::string name, ParameterReader& parameters,
                    const std::vector<std::string>& shaft_names,
-                   std::vector<CommandInputSettings>& inputs, SceneSymbols symbols = {})
+                   std::vector<CommandInputSettings>& inputs, SceneSymbols symbols = {},
+                   std::shared_ptr<expression::Graph> graph = std::make_shared<expression::Graph>())
       : name_(std::move(name)),
         parameters_(parameters),
         shaft_names_(shaft_names),
         inputs_(inputs),
-        symbols_(std::move(symbols)) {}
+        symbols_(std::move(symbols)),
+        graph_(std::move(graph)) {}
 
   /// The component's own name in the scene.
   const std::string& name() const { return name_; }
@@ -39,6 +43,11 @@ class ComponentContext {
   std::vector<int> readShafts(const std::string& key, int count);
   /// Declares a commanded input; the index into StateView::input and ::input_rate.
   int addInput(const CommandInputSettings& settings);
+  const CommandInputSettings& inputSettings(int index) const {
+    return inputs_[static_cast<std::size_t>(index)];
+  }
+  /// The formulas of the whole scene.
+  const std::shared_ptr<expression::Graph>& graph() const { return graph_; }
 
   /// The inputs and tables that the scene names for all of its components.
   const SceneSymbols& symbols() const { return symbols_; }
@@ -56,6 +65,7 @@ class ComponentContext {
   const std::vector<std::string>& shaft_names_;
   std::vector<CommandInputSettings>& inputs_;
   SceneSymbols symbols_;
+  std::shared_ptr<expression::Graph> graph_;
   std::set<int> used_inputs_;
 };
 

@@ -24,11 +24,7 @@ class Output {
   /// Its name in the scene.
   const std::string& name() const { return name_; }
   /// NaN where it has none, which stops nothing. [loop]
-  double calcValue(const StateView& state) const {
-    double value;
-    formula_.evaluate(state, &value);
-    return value;
-  }
+  double calcValue(const StateView& state) const { return *formula_.evaluate(state); }
 
  private:
   std::string name_;

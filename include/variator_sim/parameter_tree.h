@@ -90,6 +90,8 @@ class ParameterReader {
   /// Full path of a key below this dictionary.
   std::string keyPath(const std::string& key) const;
   bool has(const std::string& key) const;
+  /// True when the value at `key` is a number, be it as a text.
+  bool isNumber(const std::string& key) const;
 
   double number(const std::string& key, Range range = Range::any());
   double number(const std::string& key, Range range, double default_value);
@@ -114,6 +116,8 @@ class ParameterReader {
   ParameterReader section(const std::string& key);
   /// The value at `key` as it is, or nullptr; counts as read.
   const ParameterTree* raw(const std::string& key);
+  /// The same; SceneError that `what` is expected when it is missing.
+  const ParameterTree& require(const std::string& key, const char* what);
 
   /// Converts a value that stands at `path` to a number, with the checks of `number`.
   static double toNumber(const ParameterTree& value, const std::string& path,
@@ -125,8 +129,6 @@ class ParameterReader {
   void finish() const;
 
  private:
-  const ParameterTree& require(const std::string& key, const char* what);
-
   const ParameterTree* tree_;
   std::string path_;
   std::set<std::string> known_;

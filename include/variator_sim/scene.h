@@ -5,12 +5,14 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "variator_sim/command_input.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/constraint.h"
+#include "variator_sim/expression/graph.h"
 #include "variator_sim/inertia.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/output.h"
@@ -70,6 +72,8 @@ struct Scene {
   std::vector<ConstraintPtr> constraints;
   std::vector<CommandInputSettings> inputs;
   std::vector<Output> outputs;
+  /// The formulas of all torques and constraints.
+  std::shared_ptr<expression::Graph> graph = std::make_shared<expression::Graph>();
   /// The inputs and tables that have names of their own.
   SceneSymbols symbols;
   Principle principle = Principle::kGeneralizedGauss;

@@ -43,6 +43,8 @@ class Table {
 
   /// y = 0.
   Table() = default;
+  /// Through the points (x, y), two at least, x strictly increasing.
+  static Table through(std::vector<double> x, const std::vector<double>& y, Beyond beyond);
   /// Reads two lists of equally many numbers, two at least, x strictly increasing.
   /// Throws SceneError.
   static Table read(ParameterReader& reader, const Column& x, const Column& y, Beyond beyond);

@@ -128,6 +128,28 @@ Node Graph::table2(const std::shared_ptr<const Table2>& table, Node x, Node y,
   return intern(entry);
 }
 
+Node Graph::substitute(Node node, const std::vector<Rate>& values) {
+  const std::vector<bool> reachable = findReachable({node});
+  std::vector<Node> made(reachable.size());
+  for (std::size_t i = 0; i < reachable.size(); ++i) {
+    if (!reachable[i]) continue;
+    const Entry it = entries_[i];  // a copy: making nodes moves the entries
+    made[i] = {static_cast<int>(i)};
+    if (it.operation == Operation::kVariable) {
+      for (const Rate& value : values) made[i] = value.first == it.slot ? value.second : made[i];
+      continue;
+    }
+    Node operands[4];
+    bool is_same = true;
+    for (int k = 0; k < operandCount(it.operation); ++k) {
+      operands[k] = made[static_cast<std::size_t>(it.operands[k])];
+      is_same = is_same && operands[k].index == it.operands[k];
+    }
+    if (!is_same) made[i] = remake(*this, it, operands);
+  }
+  return made[static_cast<std::size_t>(node.index)];
+}
+
 std::vector<bool> Graph::findReachable(const std::vector<Node>& nodes) const {
   int last = -1;
   for (const Node node : nodes) {

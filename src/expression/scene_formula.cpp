@@ -44,7 +44,7 @@ bool isVariable(const std::string& name, const std::string& prefix,
 /// Why the name of a variable means nothing here, or an empty string.
 std::string explainName(const std::string& name, const std::vector<std::string>& shafts,
                         FormulaKind kind) {
-  const bool order3 = kind == FormulaKind::kOrder3 || kind == FormulaKind::kOrder3WithoutJerks;
+  const bool order3 = kind == FormulaKind::kOrder3;
   if (isVariable(name, "j", shafts) && !order3) {
     return "jerks occur in constraints of order 3 only";
   }
@@ -54,6 +54,9 @@ std::string explainName(const std::string& name, const std::vector<std::string>&
   }
   if (kind == FormulaKind::kTorque && is_acceleration) {
     return "a torque may depend on t, phi and w only (with e its rate would need the jerk)";
+  }
+  if (kind == FormulaKind::kQuantity && is_acceleration) {
+    return "a quantity of a law may depend on t, phi, w, inputs and tables only";
   }
   const int shaft_count = static_cast<int>(shafts.size());
   for (const char* prefix : kPrefixes) {
@@ -94,14 +97,13 @@ Variables nameVariables(const ComponentContext& context, FormulaKind kind, Graph
     for (const std::string& of : {std::to_string(i + 1), "_" + shaft}) {
       named.symbols["phi" + of] = graph.variable(slotOf(Source::kAngle, i));
       named.symbols["w" + of] = graph.variable(slotOf(Source::kVelocity, i));
-      if (kind != FormulaKind::kTorque && kind != FormulaKind::kOrder1) {
+      if (kind == FormulaKind::kOrder2 || kind == FormulaKind::kOrder3 ||
+          kind == FormulaKind::kOutput) {
         named.symbols["e" + of] = graph.variable(slotOf(Source::kAcceleration, i));
       }
       if (kind == FormulaKind::kOrder3) {
         const Node jerk = graph.variable(slotOf(Source::kJerk, i));
         named.symbols["j" + of] = named.jerks["j" + of] = jerk;
-      } else if (kind == FormulaKind::kOrder3WithoutJerks) {
-        named.symbols["j" + of] = graph.constant(0.0);
       }
     }
   }
@@ -126,11 +128,13 @@ std::string describeTakenName(const std::string& name, const std::vector<std::st
          shafts.front() + ")";
 }
 
-Node readFormula(ComponentContext& context, const std::string& key, FormulaKind kind,
-                 Graph& graph) {
-  ParameterReader& reader = context.parameters();
+namespace {
+
+/// `reader` holds the formula and, in some components, its parameters.
+Node readWithParameters(ComponentContext& context, ParameterReader& reader, const std::string& key,
+                        const std::map<std::string, double>& parameters, FormulaKind kind,
+                        Graph& graph) {
   const std::string text = reader.formula(key);
-  const std::map<std::string, double> parameters = reader.numberDictionary("parameters");
 
   Variables variables = nameVariables(context, kind, graph);
   for (const auto& [parameter, value] : parameters) {
@@ -158,6 +162,20 @@ Node readFormula(ComponentContext& context, const std::string& key, FormulaKind 
     if (used.count(input.first) != 0) context.useInput(input.first, reader.keyPath(key));
   }
   return formula;
+}
+
+}  // namespace
+
+Node readFormula(ComponentContext& context, const std::string& key, FormulaKind kind,
+                 Graph& graph) {
+  ParameterReader& reader = context.parameters();
+  return readWithParameters(context, reader, key, reader.numberDictionary("parameters"), kind,
+                            graph);
+}
+
+Node readFormula(ComponentContext& context, ParameterReader& section, const std::string& key,
+                 FormulaKind kind, Graph& graph) {
+  return readWithParameters(context, section, key, {}, kind, graph);
 }
 
 }  // namespace variator_sim::expression

@@ -2,64 +2,44 @@
 #include <memory>
 
 #include "variator_sim/component_factory.h"
-#include "variator_sim/constraints/acceleration_magnitude.h"
-#include "variator_sim/constraints/expression_constraint.h"
-#include "variator_sim/constraints/imposed_jerk.h"
-#include "variator_sim/constraints/jerk_limit.h"
-#include "variator_sim/constraints/kinematic_ratio.h"
-#include "variator_sim/constraints/power_flow.h"
-#include "variator_sim/constraints/slip_ratio.h"
-#include "variator_sim/constraints/traction_curve.h"
-#include "variator_sim/constraints/v_belt_ratio.h"
-#include "variator_sim/torques/commanded_torque.h"
-#include "variator_sim/torques/cutting_torque.h"
-#include "variator_sim/torques/diesel_engine.h"
-#include "variator_sim/torques/elastic_coupling.h"
-#include "variator_sim/torques/expression_torque.h"
-#include "variator_sim/torques/friction.h"
-#include "variator_sim/torques/motor_curve.h"
-#include "variator_sim/torques/propeller.h"
-#include "variator_sim/torques/vehicle_resistance.h"
+#include "variator_sim/laws.h"
 
 namespace variator_sim {
 namespace {
 
-template <typename Pointer>
+template <class Base>
 struct Maker {
   const char* type;
-  Pointer (*make)();
+  std::shared_ptr<Base> (*make)();
 };
 
-const std::array<Maker<ConstraintPtr>, 9> kConstraints{{
-    {"variator_sim/AccelerationMagnitude",
-     []() -> ConstraintPtr { return std::make_shared<AccelerationMagnitude>(); }},
-    {"variator_sim/ExpressionConstraint",
-     []() -> ConstraintPtr { return std::make_shared<ExpressionConstraint>(); }},
-    {"variator_sim/ImposedJerk", []() -> ConstraintPtr { return std::make_shared<ImposedJerk>(); }},
-    {"variator_sim/JerkLimit", []() -> ConstraintPtr { return std::make_shared<JerkLimit>(); }},
-    {"variator_sim/KinematicRatio",
-     []() -> ConstraintPtr { return std::make_shared<KinematicRatio>(); }},
-    {"variator_sim/PowerFlow", []() -> ConstraintPtr { return std::make_shared<PowerFlow>(); }},
-    {"variator_sim/SlipRatio", []() -> ConstraintPtr { return std::make_shared<SlipRatio>(); }},
-    {"variator_sim/TractionCurve",
-     []() -> ConstraintPtr { return std::make_shared<TractionCurve>(); }},
-    {"variator_sim/VBeltRatio", []() -> ConstraintPtr { return std::make_shared<VBeltRatio>(); }},
+template <class Base, class Law>
+std::shared_ptr<Base> make() {
+  return std::make_shared<Law>();
+}
+
+constexpr std::array<Maker<Constraint>, 9> kConstraints{{
+    {"variator_sim/AccelerationMagnitude", make<Constraint, AccelerationMagnitude>},
+    {"variator_sim/ExpressionConstraint", make<Constraint, ExpressionConstraint>},
+    {"variator_sim/ImposedJerk", make<Constraint, ImposedJerk>},
+    {"variator_sim/JerkLimit", make<Constraint, JerkLimit>},
+    {"variator_sim/KinematicRatio", make<Constraint, KinematicRatio>},
+    {"variator_sim/PowerFlow", make<Constraint, PowerFlow>},
+    {"variator_sim/SlipRatio", make<Constraint, SlipRatio>},
+    {"variator_sim/TractionCurve", make<Constraint, TractionCurve>},
+    {"variator_sim/VBeltRatio", make<Constraint, VBeltRatio>},
 }};
 
-const std::array<Maker<TorquePtr>, 9> kTorques{{
-    {"variator_sim/CommandedTorque",
-     []() -> TorquePtr { return std::make_shared<CommandedTorque>(); }},
-    {"variator_sim/CuttingTorque", []() -> TorquePtr { return std::make_shared<CuttingTorque>(); }},
-    {"variator_sim/DieselEngine", []() -> TorquePtr { return std::make_shared<DieselEngine>(); }},
-    {"variator_sim/ElasticCoupling",
-     []() -> TorquePtr { return std::make_shared<ElasticCoupling>(); }},
-    {"variator_sim/ExpressionTorque",
-     []() -> TorquePtr { return std::make_shared<ExpressionTorque>(); }},
-    {"variator_sim/Friction", []() -> TorquePtr { return std::make_shared<Friction>(); }},
-    {"variator_sim/MotorCurve", []() -> TorquePtr { return std::make_shared<MotorCurve>(); }},
-    {"variator_sim/Propeller", []() -> TorquePtr { return std::make_shared<Propeller>(); }},
-    {"variator_sim/VehicleResistance",
-     []() -> TorquePtr { return std::make_shared<VehicleResistance>(); }},
+constexpr std::array<Maker<Torque>, 9> kTorques{{
+    {"variator_sim/CommandedTorque", make<Torque, CommandedTorque>},
+    {"variator_sim/CuttingTorque", make<Torque, CuttingTorque>},
+    {"variator_sim/DieselEngine", make<Torque, DieselEngine>},
+    {"variator_sim/ElasticCoupling", make<Torque, ElasticCoupling>},
+    {"variator_sim/ExpressionTorque", make<Torque, ExpressionTorque>},
+    {"variator_sim/Friction", make<Torque, Friction>},
+    {"variator_sim/MotorCurve", make<Torque, MotorCurve>},
+    {"variator_sim/Propeller", make<Torque, Propeller>},
+    {"variator_sim/VehicleResistance", make<Torque, VehicleResistance>},
 }};
 
 template <typename Makers>

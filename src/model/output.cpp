@@ -8,7 +8,7 @@ namespace variator_sim {
 
 Output::Output(ComponentContext& context) : name_(context.name()) {
   constexpr const char* kKey = "expression";
-  expression::Graph graph;
+  expression::Graph& graph = *context.graph();
   const expression::Node value =
       readFormula(context, kKey, expression::FormulaKind::kOutput, graph);
   try {

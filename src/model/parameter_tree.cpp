@@ -272,6 +272,15 @@ bool ParameterReader::has(const std::string& key) const {
   return tree_->asDictionary().count(key) != 0;
 }
 
+bool ParameterReader::isNumber(const std::string& key) const {
+  if (!has(key)) return false;
+  const ParameterTree& value = tree_->asDictionary().at(key);
+  double unused = 0.0;
+  return value.kind() == ParameterTree::Kind::kInteger ||
+         value.kind() == ParameterTree::Kind::kReal ||
+         (value.kind() == ParameterTree::Kind::kText && parseNumber(value.asText(), &unused));
+}
+
 const ParameterTree* ParameterReader::raw(const std::string& key) {
   known_.insert(key);
   const auto found = tree_->asDictionary().find(key);

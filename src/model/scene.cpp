@@ -131,7 +131,8 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
     throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
   }
 
-  ComponentContext context(name, reader, scene->shafts, scene->inputs, scene->symbols);
+  ComponentContext context(name, reader, scene->shafts, scene->inputs, scene->symbols,
+                           scene->graph);
   try {
     component->configure(context);
   } catch (const SceneError&) {
@@ -154,7 +155,12 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
     const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(index)];
     if (input.hold == Hold::kSecondOrderLag) continue;
     const bool is_shared = input.owner != constraint.name();
-    throw SceneError(is_shared ? input.owner + "/hold" : constraint.name(),
+    // Where its dictionary stands, if it has one of its own.
+    const std::size_t end = input.topic_path.rfind('/');
+    const std::string place = is_shared                  ? input.owner
+                              : end == std::string::npos ? constraint.name()
+                                                         : input.topic_path.substr(0, end);
+    throw SceneError(place + "/hold",
                      "the input of topic '" + input.topic + "' " +
                          (is_shared ? "is read by the constraint '" + constraint.name() + "'"
                                     : std::string("belongs to a constraint")) +
@@ -295,7 +301,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   }
   for (const std::string& name : names.outputs) {
     ParameterReader reader = root.section(name);
-    ComponentContext context(name, reader, scene.shafts, scene.inputs);
+    ComponentContext context(name, reader, scene.shafts, scene.inputs, scene.symbols, scene.graph);
     scene.outputs.emplace_back(context);
     reader.finish();
   }

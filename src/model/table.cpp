@@ -101,7 +101,7 @@ Table Table::read(ParameterReader& reader, const Column& x_column, const Column&
   };
   const auto text = [](double value) { return ParameterTree::real(value).toText(); };
   checkIncreasing(x, reader.keyPath(x_column.key));
-  Derivatives at = calcDerivatives(x, y, beyond);
+  const Derivatives at = calcDerivatives(x, y, beyond);
   for (std::size_t k = 0; k < x.size(); ++k) {
     const std::size_t before = k == 0 ? 0 : k - 1;
     const double h = x[k] - x[before];
@@ -113,6 +113,11 @@ Table Table::read(ParameterReader& reader, const Column& x_column, const Column&
                                                "allowed: slopes and intervals below 1e150");
   }
 
+  return through(std::move(x), y, beyond);
+}
+
+Table Table::through(Numbers x, const Numbers& y, Beyond beyond) {
+  const Derivatives at = calcDerivatives(x, y, beyond);
   const std::size_t n = x.size();
   std::vector<TableCell> cells(n + 1);
   cells[0] = {y.front(), at.s.front()};

@@ -2,24 +2,7 @@
 /// the components know no plugin library.
 #include <pluginlib/class_list_macros.hpp>
 
-#include "variator_sim/constraints/acceleration_magnitude.h"
-#include "variator_sim/constraints/expression_constraint.h"
-#include "variator_sim/constraints/imposed_jerk.h"
-#include "variator_sim/constraints/jerk_limit.h"
-#include "variator_sim/constraints/kinematic_ratio.h"
-#include "variator_sim/constraints/power_flow.h"
-#include "variator_sim/constraints/slip_ratio.h"
-#include "variator_sim/constraints/traction_curve.h"
-#include "variator_sim/constraints/v_belt_ratio.h"
-#include "variator_sim/torques/commanded_torque.h"
-#include "variator_sim/torques/cutting_torque.h"
-#include "variator_sim/torques/diesel_engine.h"
-#include "variator_sim/torques/elastic_coupling.h"
-#include "variator_sim/torques/expression_torque.h"
-#include "variator_sim/torques/friction.h"
-#include "variator_sim/torques/motor_curve.h"
-#include "variator_sim/torques/propeller.h"
-#include "variator_sim/torques/vehicle_resistance.h"
+#include "variator_sim/laws.h"
 
 PLUGINLIB_EXPORT_CLASS(variator_sim::AccelerationMagnitude, variator_sim::Constraint)
 PLUGINLIB_EXPORT_CLASS(variator_sim::ExpressionConstraint, variator_sim::Constraint)

@@ -97,7 +97,7 @@ class Graph {
     double value = 0.0;  ///< of kConstant
     int order[2] = {};   ///< of the derivative, of kTable by a, of kTable2 by a and b
   };
-  /// The rate of the variable in a slot, for totalDerivative.
+  /// The rate of the variable in a slot, for totalDerivative, or its value, for substitute.
   using Rate = std::pair<int, Node>;
 
   Node constant(double value);
@@ -137,6 +137,9 @@ class Graph {
   /// The sum of (partial derivative by slot) times (rate of slot), made in one sweep. Variables
   /// without a rate are held constant.
   Node totalDerivative(Node node, const std::vector<Rate>& rates);
+
+  /// `node` with each variable in the slots of `values` replaced by its value.
+  Node substitute(Node node, const std::vector<Rate>& values);
 
   bool isConstant(Node node) const { return entry(node).operation == Operation::kConstant; }
   /// True for the constants that equal `value`.

@@ -56,18 +56,21 @@ bool isValidName(const std::string& name);
 /// Which variables a component's formula may read. Each has the names of its shafts, w_drive,
 /// beside those with an index, w1; the scene's inputs and tables have theirs.
 enum class FormulaKind {
-  kTorque,              ///< t, phi1.., w1..; e1.. is an error that says why
-  kOrder1,              ///< t, phi1.., w1..
-  kOrder2,              ///< t, phi1.., w1.., e1..
-  kOrder3,              ///< t, phi1.., w1.., e1.., and j1.. linearly
-  kOrder3WithoutJerks,  ///< the same with all of j1.. being 0
-  kOutput               ///< t, phi1.., w1.., e1..
+  kTorque,    ///< t, phi1.., w1..; e1.. is an error that says why
+  kOrder1,    ///< t, phi1.., w1..
+  kOrder2,    ///< t, phi1.., w1.., e1..
+  kOrder3,    ///< t, phi1.., w1.., e1.., and j1.. linearly
+  kQuantity,  ///< a number of a law: t, phi1.., w1..
+  kOutput     ///< t, phi1.., w1.., e1..
 };
 
 /// The formula at `key` of a component, with its `parameters` as constants, each of which it has to
 /// read; variables have the slots of tape.h. Throws SceneError at `key` or at the parameter at
 /// fault.
 Node readFormula(ComponentContext& context, const std::string& key, FormulaKind kind, Graph& graph);
+/// The same of a dictionary of the component's, without parameters.
+Node readFormula(ComponentContext& context, ParameterReader& section, const std::string& key,
+                 FormulaKind kind, Graph& graph);
 
 /// "the name of a variable", "already the name of a function", ..: what keeps `name` from being
 /// given to anything else that formulas read in a scene of these shafts. Empty where nothing does.

@@ -32,11 +32,15 @@ inline std::vector<Graph::Rate> ratesOf(Graph& graph, int shaft_count,
   return rates;
 }
 
-/// Which of time and angles occur in `node`, in a scene of `shaft_count` shafts.
-inline Dependence dependenceOf(const Graph& graph, Node node, int shaft_count) {
-  Dependence dependence{graph.dependsOn(node, slotOf(Source::kTime)), false};
-  for (int i = 0; i < shaft_count; ++i) {
-    dependence.angle = dependence.angle || graph.dependsOn(node, slotOf(Source::kAngle, i));
+/// Which of time and angles occur in `nodes`, in a scene of `shaft_count` shafts.
+inline Dependence dependenceOf(const Graph& graph, const std::vector<Node>& nodes,
+                               int shaft_count) {
+  Dependence dependence{false, false};
+  for (const Node node : nodes) {
+    dependence.time = dependence.time || graph.dependsOn(node, slotOf(Source::kTime));
+    for (int i = 0; i < shaft_count; ++i) {
+      dependence.angle = dependence.angle || graph.dependsOn(node, slotOf(Source::kAngle, i));
+    }
   }
   return dependence;
 }

@@ -1,0 +1,154 @@
+/// A formula of a scene, written in C++ as on paper.
+///
+///     const Expression slip = b.velocity - i * a.velocity;
+///     scene.constrain(tau * (b.acceleration - i * a.acceleration) + v * tanh(slip / v));
+///
+/// An Expression is a name for a node of the scene's graph (graph.h): writing one computes nothing
+/// but constants. Derivatives, dependences and edges follow from it.
+#pragma once
+
+#include <stdexcept>
+
+#include "variator_sim/expression/graph.h"
+
+namespace variator_sim {
+
+class Expression {
+ public:
+  /// A constant.
+  Expression(double value = 0.0) : value_(value) {}  // NOLINT(google-explicit-constructor)
+  /// A node of `graph`, which has to outlive this.
+  Expression(expression::Graph& graph, expression::Node node) {
+    if (graph.isConstant(node)) {
+      value_ = graph.constantValue(node);
+    } else {
+      graph_ = &graph;
+      node_ = node;
+    }
+  }
+
+  /// This in `graph`. Throws std::logic_error when it belongs to another one.
+  expression::Node in(expression::Graph& graph) const {
+    if (graph_ == nullptr) return graph.constant(value_);
+    if (graph_ != &graph) throw std::logic_error("an Expression of another scene");
+    return node_;
+  }
+  /// Where it lives; null for a constant.
+  expression::Graph* graph() const { return graph_; }
+  bool isConstant() const { return graph_ == nullptr; }
+  /// Of a constant.
+  double value() const { return value_; }
+
+ private:
+  expression::Graph* graph_ = nullptr;
+  expression::Node node_;
+  double value_ = 0.0;
+};
+
+/// a < b and the like, for `where`.
+struct Comparison {
+  Expression left;
+  Expression right;
+  bool is_strict;  ///< left < right; else left <= right
+};
+
+/// What an operation makes of its operands. Constants among themselves are computed at once.
+Expression apply(expression::Operation operation, const Expression& a);
+Expression apply(expression::Operation operation, const Expression& a, const Expression& b);
+
+inline Expression operator-(const Expression& a) {
+  return apply(expression::Operation::kNegate, a);
+}
+inline Expression operator+(const Expression& a, const Expression& b) {
+  return apply(expression::Operation::kAdd, a, b);
+}
+inline Expression operator-(const Expression& a, const Expression& b) {
+  return apply(expression::Operation::kSubtract, a, b);
+}
+inline Expression operator*(const Expression& a, const Expression& b) {
+  return apply(expression::Operation::kMultiply, a, b);
+}
+/// By a constant: times its reciprocal.
+Expression operator/(const Expression& a, const Expression& b);
+inline Expression& operator+=(Expression& a, const Expression& b) {
+  return a = a + b;
+}
+inline Expression& operator-=(Expression& a, const Expression& b) {
+  return a = a - b;
+}
+
+inline Expression sin(const Expression& a) {
+  return apply(expression::Operation::kSin, a);
+}
+inline Expression cos(const Expression& a) {
+  return apply(expression::Operation::kCos, a);
+}
+inline Expression tan(const Expression& a) {
+  return apply(expression::Operation::kTan, a);
+}
+inline Expression asin(const Expression& a) {
+  return apply(expression::Operation::kAsin, a);
+}
+inline Expression acos(const Expression& a) {
+  return apply(expression::Operation::kAcos, a);
+}
+inline Expression atan(const Expression& a) {
+  return apply(expression::Operation::kAtan, a);
+}
+inline Expression atan2(const Expression& y, const Expression& x) {
+  return apply(expression::Operation::kAtan2, y, x);
+}
+inline Expression sinh(const Expression& a) {
+  return apply(expression::Operation::kSinh, a);
+}
+inline Expression cosh(const Expression& a) {
+  return apply(expression::Operation::kCosh, a);
+}
+inline Expression tanh(const Expression& a) {
+  return apply(expression::Operation::kTanh, a);
+}
+inline Expression exp(const Expression& a) {
+  return apply(expression::Operation::kExp, a);
+}
+inline Expression log(const Expression& a) {
+  return apply(expression::Operation::kLog, a);
+}
+inline Expression sqrt(const Expression& a) {
+  return apply(expression::Operation::kSqrt, a);
+}
+inline Expression pow(const Expression& base, const Expression& exponent) {
+  return apply(expression::Operation::kPower, base, exponent);
+}
+/// Kinks and jumps: steps end where the motion meets them.
+inline Expression abs(const Expression& a) {
+  return apply(expression::Operation::kAbs, a);
+}
+inline Expression sign(const Expression& a) {
+  return apply(expression::Operation::kSign, a);
+}
+inline Expression min(const Expression& a, const Expression& b) {
+  return apply(expression::Operation::kMin, a, b);
+}
+inline Expression max(const Expression& a, const Expression& b) {
+  return apply(expression::Operation::kMax, a, b);
+}
+inline Expression clamp(const Expression& a, const Expression& low, const Expression& high) {
+  return min(max(a, low), high);
+}
+
+inline Comparison operator<(const Expression& a, const Expression& b) {
+  return {a, b, true};
+}
+inline Comparison operator<=(const Expression& a, const Expression& b) {
+  return {a, b, false};
+}
+inline Comparison operator>(const Expression& a, const Expression& b) {
+  return {b, a, true};
+}
+inline Comparison operator>=(const Expression& a, const Expression& b) {
+  return {b, a, false};
+}
+/// `yes` where the comparison holds, `no` elsewhere: the if(a < b, x, y) of formulas.
+Expression where(const Comparison& condition, const Expression& yes, const Expression& no);
+
+}  // namespace variator_sim

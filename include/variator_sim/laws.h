@@ -1,0 +1,100 @@
+/// The constraints and torques of this package. What each says, with its units, keys and sources,
+/// stands where its formula does: in src/laws, in the file of its name.
+#pragma once
+
+#include "variator_sim/formula_constraint.h"
+#include "variator_sim/formula_torque.h"
+
+namespace variator_sim {
+
+/// The accelerations of two shafts on a circle.
+class AccelerationMagnitude : public FormulaConstraint {
+  void build(LawContext& scene) override;
+};
+
+/// A constraint that the scene states as a formula.
+class ExpressionConstraint : public FormulaConstraint {
+  void build(LawContext& scene) override;
+};
+
+/// The jerk of a shaft as a function of time: a kinematically controlled start.
+class ImposedJerk : public FormulaConstraint {
+  void build(LawContext& scene) override;
+};
+
+/// An acceleration that follows its target with limited jerk.
+class JerkLimit : public FormulaConstraint {
+  void build(LawContext& scene) override;
+};
+
+/// A variator without slip: an imposed ratio of two speeds.
+class KinematicRatio : public FormulaConstraint {
+  void build(LawContext& scene) override;
+};
+
+/// Imposed power, or an efficiency, between the masses of two shafts.
+class PowerFlow : public FormulaConstraint {
+  void build(LawContext& scene) override;
+};
+
+/// A variator whose slip relaxes.
+class SlipRatio : public FormulaConstraint {
+  void build(LawContext& scene) override;
+};
+
+/// A friction variator with its characteristic.
+class TractionCurve : public FormulaConstraint {
+  void build(LawContext& scene) override;
+};
+
+/// An automatic V-belt variator.
+class VBeltRatio : public FormulaConstraint {
+  void build(LawContext& scene) override;
+};
+
+/// A torque that is commanded from outside.
+class CommandedTorque : public FormulaTorque {
+  void build(LawContext& scene) override;
+};
+
+/// The torque of a machine tool's cut.
+class CuttingTorque : public FormulaTorque {
+  void build(LawContext& scene) override;
+};
+
+/// A Diesel engine in the mean over its cycles.
+class DieselEngine : public FormulaTorque {
+  void build(LawContext& scene) override;
+};
+
+/// A massless elastic link with damping.
+class ElasticCoupling : public FormulaTorque {
+  void build(LawContext& scene) override;
+};
+
+/// A torque that the scene states as a formula.
+class ExpressionTorque : public FormulaTorque {
+  void build(LawContext& scene) override;
+};
+
+/// Coulomb, Stribeck and viscous friction.
+class Friction : public FormulaTorque {
+  void build(LawContext& scene) override;
+};
+
+/// A motor by its torque over the speed.
+class MotorCurve : public FormulaTorque {
+  void build(LawContext& scene) override;
+};
+
+/// A ship's propeller.
+class Propeller : public FormulaTorque {
+  void build(LawContext& scene) override;
+};
+
+/// Running resistance of a vehicle.
+class VehicleResistance : public FormulaTorque {
+  void build(LawContext& scene) override;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,16 @@
+// Q[shaft] += gain u,   Q'[shaft] += gain u'.
+//
+// Keys: `shaft`, `gain` (default 1) and those of `readCommandInput`. `min`, `max` and `rate` mean
+// the command u, before the gain.
+#include "variator_sim/laws.h"
+
+namespace variator_sim {
+
+void CommandedTorque::build(LawContext& scene) {
+  scene.keys({"shaft", "gain"});
+  const double gain = scene.number("gain", Range::any(), 1.0);
+  const Shaft shaft = scene.shaft("shaft");
+  scene.apply(shaft, gain * scene.command());
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,56 @@
+// The torque of a machine tool's cut on its spindle, with a smooth entry and exit:
+//     Q  = -T E(t) P(phi) s(omega)                                                  N m
+//     E  = S((t - t_b)/h) - S((t - t_e)/h)                     engagement in time, 0 to 1
+//     P  = 1 + a sin(z phi + beta)                             passing teeth
+//     s  = tanh(omega/w_0)                                     a cut resists, it never drives
+//     Q' = -T (E' P s + E P' omega s + E P s' epsilon)                              N m/s
+// S(x) = 10 x^3 - 15 x^4 + 6 x^5 between 0 and 1: two times continuously differentiable. The cut
+// enters from t_b to t_b + h and leaves from t_e to t_e + h; without `end` it does not leave.
+//
+// Keys: `shaft`, `torque` T >= 0 (N m), `begin` t_b (s), `ramp` h > 0 (s), `end` t_e >= t_b + h
+// (s, optional), `tooth_passing` (optional): {`teeth` z >= 1 (an integer), `amplitude` a from 0 to
+// 1, `phase` beta (rad, default 0)}, `regularization_speed` w_0 > 0 (rad/s, default 0.1).
+//
+// Source: Altintas: Manufacturing Automation (2012), chapter 2 (mean torque and tooth passing in
+// milling); T by Kienzle's law, VDI-Zeitschrift 94 (1952) 299: T = k_c1.1 b h^(1-m) d/2.
+#include <cmath>
+
+#include "variator_sim/laws.h"
+
+namespace variator_sim {
+namespace {
+
+/// a sin(z phi + beta)
+Expression readToothPassing(LawContext& scene, const Expression& angle) {
+  ParameterReader section = scene.parameters().section("tooth_passing");
+  for (const char* key : {"teeth", "amplitude", "phase"}) section.allow(key);
+  const double teeth = section.integer("teeth", 1, 10000);
+  const Expression amplitude = scene.quantity(section, "amplitude", Range::between(0.0, 1.0));
+  double phase = section.number("phase", Range::any(), 0.0);
+  // Added to a large phase the angle would be lost in rounding.
+  if (std::abs(phase) > 4.0) phase = std::atan2(std::sin(phase), std::cos(phase));
+  section.finish();
+  return amplitude * sin(teeth * angle + phase);
+}
+
+}  // namespace
+
+void CuttingTorque::build(LawContext& scene) {
+  scene.keys({"shaft", "torque", "begin", "ramp", "end", "tooth_passing", "regularization_speed"});
+  ParameterReader& parameters = scene.parameters();
+  const Shaft shaft = scene.shaft("shaft");
+  const Expression T = scene.quantity("torque", Range::notNegative());
+  const double begin = scene.number("begin");
+  const double ramp = scene.number("ramp", Range::positive());
+  Expression E = scene.smoothStep(scene.time(), begin, begin + ramp);
+  if (parameters.has("end")) {
+    const double end = scene.number("end", Range::atLeast(begin + ramp));
+    E -= scene.smoothStep(scene.time(), end, end + ramp);
+  }
+  Expression P = 1.0;
+  if (parameters.has("tooth_passing")) P += readToothPassing(scene, shaft.angle);
+  const Expression w_0 = scene.quantity("regularization_speed", Range::positive(), 0.1);
+  scene.apply(shaft, -T * E * P * tanh(shaft.velocity / w_0));
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,93 @@
+#include "variator_sim/formula_torque.h"
+
+#include <stdexcept>
+
+#include "variator_sim/expression/guards.h"
+
+namespace variator_sim {
+
+using expression::Graph;
+using expression::Node;
+using expression::Tape;
+
+namespace {
+
+std::vector<Node> nodesOf(const std::vector<FormulaTorque::ShaftNode>& formulas) {
+  std::vector<Node> nodes;
+  nodes.reserve(formulas.size());
+  for (const auto& [shaft, node] : formulas) nodes.push_back(node);
+  return nodes;
+}
+
+/// Adds the values of a tape, one for each of `formulas`, to their shafts.
+void addTo(double* shafts, const std::vector<FormulaTorque::ShaftNode>& formulas, const Tape& tape,
+           const StateView& state) {
+  double values[kMaxShafts];
+  tape.evaluate(state, values);
+  for (std::size_t i = 0; i < formulas.size(); ++i) shafts[formulas[i].first] += values[i];
+}
+
+}  // namespace
+
+void FormulaTorque::doConfigure(ComponentContext& context) {
+  graph_ = context.graph();
+  Graph& graph = *graph_;
+  LawContext law(context);
+  build(law);
+  for (const auto& [shaft, torque] : law.torques()) {
+    torques_.emplace_back(shaft, torque.in(graph));
+  }
+
+  // Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon + dQ/du u'
+  const std::vector<Graph::Rate> motion =
+      expression::ratesOf(graph, context.shaftCount(), context.usedInputs());
+  for (const auto& [shaft, torque] : torques_) {
+    const Node rate = graph.totalDerivative(torque, motion);
+    if (graph.hasNonFiniteConstant(rate)) {
+      throw SceneError(law.place(), "the rate of its torque on shaft '" +
+                                        context.shaftNames()[static_cast<std::size_t>(shaft)] +
+                                        "' has a constant part that is not finite");
+    }
+    if (!graph.isConstant(rate, 0.0)) rates_.emplace_back(shaft, rate);
+  }
+  outputs_ = NamedOutputs(law);
+  const std::vector<Node> torque = nodesOf(torques_);
+  const std::vector<Node> rate = nodesOf(rates_);
+  try {
+    torque_ = Tape(graph, torque);
+    rate_ = Tape(graph, rate);
+    guards_ = expression::findGuards(graph, torque);
+    instants_ = expression::findInstants(graph, torque);
+  } catch (const std::length_error& error) {
+    throw SceneError(law.place(), error.what());
+  }
+  torque_dependence_ = expression::dependenceOf(graph, torque, context.shaftCount());
+  rate_dependence_ = expression::dependenceOf(graph, rate, context.shaftCount());
+  rate_derivatives_ = expression::StateDerivatives::of(graph, rate, context.shaftCount());
+}
+
+std::vector<int> FormulaTorque::doShafts() const {
+  std::vector<int> shafts;
+  for (const auto& [shaft, torque] : torques_) shafts.push_back(shaft);
+  return shafts;
+}
+
+void FormulaTorque::doAddTorque(const StateView& state, double* torque) const {
+  addTo(torque, torques_, torque_, state);
+}
+
+void FormulaTorque::doAddTorqueRate(const StateView& state, double* torque_rate) const {
+  if (!rates_.empty()) addTo(torque_rate, rates_, rate_, state);
+}
+
+void FormulaTorque::doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const {
+  if (!rate_derivatives_) {
+    Torque::doAddTorqueRateDerivatives(state, derivatives);
+    return;
+  }
+  rate_derivatives_->evaluate(state, [&](int of, int by, double value) {
+    derivatives[by * shaftCount() + rates_[static_cast<std::size_t>(of)].first] += value;
+  });
+}
+
+}  // namespace variator_sim

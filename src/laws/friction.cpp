@@ -1,0 +1,61 @@
+// Coulomb, Stribeck and viscous friction, between a shaft and the ground (w = omega) or between
+// two shafts through a gear of the ratio i (w = omega_a - i omega_b); i = 1 is a slipping clutch:
+//     T(w) = (T_c + (T_s - T_c) exp(-(w/w_s)^2)) tanh(w/w_0) + b w      N m
+//     T'   = dT/dw w'                                                   N m/s
+//     Q_a += -T,   Q_b += i T.
+// T is odd and infinitely smooth: tanh stands for the sign, so that nothing sticks. Below
+// its limit a load creeps with about w_0 times its part of T_s, and the time constant of a shaft
+// with inertia J is about J w_0/T_s there: choose w_0 with regard to both. It takes the power
+// T w >= 0 out of the drivetrain.
+//
+// Keys: `shaft`, or `shafts` [a, b] with `ratio` i (default 1, not 0); `coulomb` T_c >= 0 (N m,
+// default 0), `static` T_s >= T_c (N m, default T_c), `stribeck_speed` w_s > 0 (rad/s, required
+// with `static`), `viscous` b >= 0 (N m s/rad, default 0), `regularization_speed` w_0 > 0 (rad/s,
+// default 0.01).
+//
+// Source: Armstrong-Helouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and
+// compensation methods for the control of machines with friction, Automatica 30 (1994) 1083-1138.
+#include <vector>
+
+#include "laws/ratio.h"
+#include "variator_sim/laws.h"
+
+namespace variator_sim {
+
+void Friction::build(LawContext& scene) {
+  scene.keys({"coulomb", "static", "stribeck_speed", "viscous", "regularization_speed"});
+  ParameterReader& parameters = scene.parameters();
+  const bool is_coupling = parameters.has("shafts");
+  std::vector<Shaft> shafts;
+  Expression i = 1.0;
+  if (is_coupling) {
+    scene.keys({"shafts", "ratio"});
+    shafts = scene.shafts("shafts", 2);
+    i = readRatio(scene);
+  } else {
+    scene.keys({"shaft"});
+    shafts = {scene.shaft("shaft")};
+  }
+  const Expression w =
+      is_coupling ? shafts[0].velocity - i * shafts[1].velocity : shafts[0].velocity;
+  const Expression coulomb = scene.quantity("coulomb", Range::notNegative(), 0.0);
+  Expression level = coulomb;
+  if (parameters.has("static")) {
+    const double least = coulomb.isConstant() ? coulomb.value() : 0.0;
+    const Expression excess = scene.quantity("static", Range::atLeast(least)) - coulomb;
+    const Expression x = w / scene.quantity("stribeck_speed", Range::positive());
+    level += excess * exp(-(x * x));
+  } else if (parameters.has("stribeck_speed")) {
+    throw SceneError(parameters.keyPath("stribeck_speed"),
+                     "belongs to 'static', which is missing; allowed: both or neither");
+  }
+  const Expression b = scene.quantity("viscous", Range::notNegative(), 0.0);
+  const Expression w_0 = scene.quantity("regularization_speed", Range::positive(), 0.01);
+  const Expression T = level * tanh(w / w_0) + b * w;
+  scene.apply(shafts[0], -T);
+  if (is_coupling) scene.apply(shafts[1], i * T);
+  scene.output("slip", w);
+  scene.output("transmitted_torque", T);
+}
+
+}  // namespace variator_sim

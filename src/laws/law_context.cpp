@@ -1,0 +1,104 @@
+#include "variator_sim/law_context.h"
+
+#include <algorithm>
+#include <memory>
+
+#include "laws/quantity.h"
+#include "variator_sim/expression/tape.h"
+#include "variator_sim/named_outputs.h"
+
+namespace variator_sim {
+
+using expression::Source;
+
+Expression LawContext::variable(int slot) {
+  expression::Graph& graph = *context_.graph();
+  return {graph, graph.variable(slot)};
+}
+
+void LawContext::keys(std::initializer_list<const char*> keys) {
+  for (const char* key : keys) parameters().allow(key);
+}
+
+Shaft LawContext::shaftAt(int index) {
+  return {index, variable(slotOf(Source::kAngle, index)),
+          variable(slotOf(Source::kVelocity, index)),
+          variable(slotOf(Source::kAcceleration, index)), variable(slotOf(Source::kJerk, index))};
+}
+
+Shaft LawContext::shaft(const std::string& key) {
+  return shaftAt(context_.readShaft(key));
+}
+
+std::vector<Shaft> LawContext::shafts(const std::string& key, int count) {
+  std::vector<Shaft> shafts;
+  for (const int index : context_.readShafts(key, count)) shafts.push_back(shaftAt(index));
+  return shafts;
+}
+
+double LawContext::number(const std::string& key, Range range) {
+  return parameters().number(key, range);
+}
+
+double LawContext::number(const std::string& key, Range range, double default_value) {
+  return parameters().number(key, range, default_value);
+}
+
+Expression LawContext::quantity(const std::string& key, Range range) {
+  return readQuantity(context_, parameters(), key, range);
+}
+
+Expression LawContext::quantity(const std::string& key, Range range, double default_value) {
+  return quantity(parameters(), key, range, default_value);
+}
+
+Expression LawContext::quantity(ParameterReader& section, const std::string& key, Range range) {
+  return readQuantity(context_, section, key, range);
+}
+
+Expression LawContext::quantity(ParameterReader& section, const std::string& key, Range range,
+                                double default_value) {
+  section.allow(key);
+  return section.has(key) ? quantity(section, key, range) : Expression(default_value);
+}
+
+Expression LawContext::command() {
+  const int input = context_.addInput(readCommandInput(parameters(), context_.name()));
+  return variable(slotOf(Source::kInput, input));
+}
+
+Expression LawContext::time() {
+  return variable(slotOf(Source::kTime));
+}
+
+Expression LawContext::lookUp(const Table& table, const Expression& x) {
+  expression::Graph& graph = *context_.graph();
+  return {graph, graph.table(std::make_shared<const Table>(table), x.in(graph))};
+}
+
+Expression LawContext::smoothStep(const Expression& x, double begin, double end) {
+  // A table that levels off at both ends is just that polynomial between two points.
+  return lookUp(Table::through({begin, end}, {0.0, 1.0}, Table::Beyond::kConstant), x);
+}
+
+NamedOutputs::NamedOutputs(const LawContext& law) {
+  expression::Graph& graph = *law.component().graph();
+  std::vector<expression::Node> nodes;
+  for (const auto& [name, value] : law.outputs()) {
+    names_.push_back(name);
+    nodes.push_back(value.in(graph));
+  }
+  tape_ = expression::Tape(graph, nodes);
+}
+
+void LawContext::apply(const Shaft& shaft, const Expression& torque) {
+  const auto same = std::find_if(torques_.begin(), torques_.end(),
+                                 [&](const auto& other) { return other.first == shaft.index; });
+  if (same == torques_.end()) {
+    torques_.emplace_back(shaft.index, torque);
+  } else {
+    same->second += torque;
+  }
+}
+
+}  // namespace variator_sim

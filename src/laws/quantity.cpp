@@ -1,0 +1,116 @@
+#include "laws/quantity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "variator_sim/expression/parser.h"
+#include "variator_sim/expression/tape.h"
+#include "variator_sim/table.h"
+
+namespace variator_sim {
+namespace {
+
+using expression::Graph;
+using expression::slotOf;
+using expression::Source;
+
+Expression inputVariable(ComponentContext& context, int index) {
+  Graph& graph = *context.graph();
+  return {graph, graph.variable(slotOf(Source::kInput, index))};
+}
+
+/// A commanded input of the quantity's own, held to `range`.
+CommandInputSettings readOwnInput(ParameterReader& section, const std::string& owner, Range range) {
+  for (const char* limited : {"min", "max", "initial"}) {
+    if (section.has(limited)) section.number(limited, range);
+  }
+  CommandInputSettings settings = readCommandInput(section, owner);
+  if (!range.contains(settings.initial)) {
+    throw SceneError(section.keyPath("initial"),
+                     ParameterTree::real(settings.initial).toText() +
+                         (section.has("initial") ? "" : " (the default)") +
+                         " is not allowed; allowed: a number " + range.toText());
+  }
+  if (settings.on_timeout == OnTimeout::kZero && !range.contains(0.0)) {
+    throw SceneError(section.keyPath("on_timeout"),
+                     "'zero' would leave the range of the value, a number " + range.toText() +
+                         "; allowed: hold");
+  }
+  settings.minimum = std::max(settings.minimum, range.minimum);
+  settings.maximum = std::min(settings.maximum, range.maximum);
+  return settings;
+}
+
+Expression readCommanded(ComponentContext& context, ParameterReader& section, Range range) {
+  for (const char* known : {"times", "values", "input", "topic"}) section.allow(known);
+  const CommandInputSettings settings = readOwnInput(section, context.name(), range);
+  section.finish();
+  try {
+    return inputVariable(context, context.addInput(settings));
+  } catch (const SceneError& error) {
+    // The context takes the topic for a key of the component itself.
+    const std::string prefix = error.keyPath() + ": ";
+    const std::string message = error.what();
+    throw SceneError(section.keyPath("topic"),
+                     message.rfind(prefix, 0) == 0 ? message.substr(prefix.size()) : message);
+  }
+}
+
+/// One of the scene's inputs, which has to stay within `range` by its own limits.
+Expression readShared(ComponentContext& context, ParameterReader& section, Range range) {
+  const std::string path = section.keyPath("input");
+  const std::string name = section.text("input");
+  section.finish();
+  const int index = context.useInput(name, path);
+  const CommandInputSettings& input = context.inputSettings(index);
+  for (const double value : {input.minimum, input.maximum, input.initial}) {
+    if (std::isinf(value) || range.contains(value)) continue;
+    throw SceneError(path,
+                     "the input '" + name + "' may be " + ParameterTree::real(value).toText() +
+                         " by its min, max and initial; allowed here: a number " + range.toText());
+  }
+  return inputVariable(context, index);
+}
+
+}  // namespace
+
+Expression readQuantity(ComponentContext& context, ParameterReader& section, const std::string& key,
+                        Range range) {
+  using Kind = ParameterTree::Kind;
+  const std::string expected =
+      "a number (" + range.toText() +
+      "), a formula, a table over time {times: [...], values: [...]}, a commanded input "
+      "{topic: ...} or one of the scene's inputs {input: NAME}";
+  const ParameterTree& tree = section.require(key, expected.c_str());
+  const Kind kind = tree.kind();
+  if (kind == Kind::kInteger || kind == Kind::kReal) return section.number(key, range);
+  if (kind == Kind::kText) {
+    if (section.isNumber(key)) return section.number(key, range);
+    Graph& graph = *context.graph();
+    const Expression formula(
+        graph, readFormula(context, section, key, expression::FormulaKind::kQuantity, graph));
+    if (formula.isConstant() && !range.contains(formula.value())) {
+      throw SceneError(section.keyPath(key), "'" + tree.asText() + "' is " +
+                                                 ParameterTree::real(formula.value()).toText() +
+                                                 "; allowed: a number " + range.toText());
+    }
+    return formula;
+  }
+  if (kind != Kind::kDictionary) {
+    throw SceneError(section.keyPath(key), tree.toText() + " is no value; expected " + expected);
+  }
+  ParameterReader dictionary = section.section(key);
+  if (dictionary.has("times") || dictionary.has("values")) {
+    const Table table = Table::read(dictionary, {"times", Range::any()}, {"values", range},
+                                    Table::Beyond::kConstant);
+    dictionary.finish();
+    Graph& graph = *context.graph();
+    return {graph, graph.table(std::make_shared<const Table>(table),
+                               graph.variable(slotOf(Source::kTime)))};
+  }
+  if (dictionary.has("input")) return readShared(context, dictionary, range);
+  return readCommanded(context, dictionary, range);
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,16 @@
+/// The forms in which a scene may give a quantity of a law.
+#pragma once
+
+#include <string>
+
+#include "variator_sim/component_context.h"
+#include "variator_sim/expression/expression.h"
+
+namespace variator_sim {
+
+/// The quantity at `key` of `section`, a dictionary of the component's; its forms and `range` are
+/// told in law_context.h. Throws SceneError.
+Expression readQuantity(ComponentContext& context, ParameterReader& section, const std::string& key,
+                        Range range);
+
+}  // namespace variator_sim

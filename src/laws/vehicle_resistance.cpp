@@ -1,0 +1,92 @@
+// Running resistance F of a vehicle on one of its shafts, through a gear and a wheel:
+//     v = rho omega,   Q = -rho F(v, t),   Q' = -rho (dF/dv rho epsilon + dF/dt)
+// with rho = wheel_radius / ratio, m/rad (ratio: turns of the shaft per turn of the wheel) and, s
+// = tanh(v/v_0) being the sign of v made smooth,
+//   davis  a train:     F = (A + C v^2) s + B v + m g sin alpha
+//   road   a road car:  F = (c_rr m g cos alpha + c_w v^2) s + m g sin alpha,  c_w = rho_air C_d
+//   A/2
+// v in m/s, F in N. F is odd in v on the level and as smooth as tanh; it falls short of the exact
+// law by the part 2 exp(-2 v/v_0). It does not hold a vehicle at rest: on a slope below its
+// resistance that creeps with about v_0 sin alpha / c_rr. `grade` is tan alpha, a constant or a
+// table over time (two times continuously differentiable; the first and the last value hold beyond
+// its ends).
+// The inertia of the vehicle is not in it: add m rho^2 to the shaft's.
+//
+// Keys: `shaft`, `law`: davis | road, `wheel_radius` > 0 (m), `ratio` (default 1, not 0; negative:
+// the shaft turns against the wheel), `regularization_speed` v_0 > 0 (m/s, default 0.1), `grade`
+// (default 0: a number from -1 to 1, or {`time` (s, increasing), `grade`}), and
+//   davis  `constant` A >= 0 (N), `linear` B >= 0 (N s/m), `quadratic` C >= 0 (N s^2/m^2), for the
+//          whole train; `mass` m > 0 (kg), required with `grade`
+//   road   `mass` m > 0 (kg), `rolling_coefficient` c_rr >= 0, `drag_area` C_d A >= 0 (m^2),
+//          `air_density` > 0 (kg/m^3, default 1.2)
+//
+// Sources: W. J. Davis: The tractive resistance of electric locomotives and cars, General Electric
+// Review 29 (1926); Guzzella, Sciarretta: Vehicle Propulsion Systems (2013), section 2.1.
+#include <string>
+
+#include "laws/ratio.h"
+#include "variator_sim/laws.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr double kGravity = 9.80665;  // m/s^2, standard
+
+/// tan alpha. Steeper than 45 degrees no vehicle runs.
+Expression readGrade(LawContext& scene) {
+  const Range grades = Range::between(-1.0, 1.0);
+  ParameterReader& parameters = scene.parameters();
+  const ParameterTree* tree = parameters.raw("grade");
+  const bool is_table = tree != nullptr && tree->kind() == ParameterTree::Kind::kDictionary &&
+                        tree->asDictionary().count("time") != 0;
+  if (!is_table) return scene.quantity("grade", grades, 0.0);
+  ParameterReader section = parameters.section("grade");
+  const Table table =
+      Table::read(section, {"time", Range::any()}, {"grade", grades}, Table::Beyond::kConstant);
+  section.finish();
+  return scene.lookUp(table, scene.time());
+}
+
+/// (A + C v^2) s + B v
+Expression readDavis(LawContext& scene, const Expression& v, const Expression& s) {
+  scene.keys({"constant", "linear", "quadratic"});
+  const Expression A = scene.quantity("constant", Range::notNegative());
+  const Expression B = scene.quantity("linear", Range::notNegative());
+  return (A + scene.quantity("quadratic", Range::notNegative()) * v * v) * s + B * v;
+}
+
+/// (c_rr m g cos alpha + c_w v^2) s
+Expression readRoad(LawContext& scene, const Expression& v, const Expression& s,
+                    const Expression& pressing) {
+  scene.keys({"rolling_coefficient", "drag_area", "air_density"});
+  const Expression c_rr = scene.quantity("rolling_coefficient", Range::notNegative());
+  const Expression drag_area = scene.quantity("drag_area", Range::notNegative());
+  const Expression c_w = 0.5 * drag_area * scene.quantity("air_density", Range::positive(), 1.2);
+  return (c_rr * pressing + c_w * v * v) * s;
+}
+
+}  // namespace
+
+void VehicleResistance::build(LawContext& scene) {
+  scene.keys({"shaft", "law", "wheel_radius", "ratio", "regularization_speed", "grade", "mass"});
+  ParameterReader& parameters = scene.parameters();
+  const Shaft shaft = scene.shaft("shaft");
+  const std::string law = parameters.choice("law", {"davis", "road"});
+  const Expression rho = scene.quantity("wheel_radius", Range::positive()) / readRatio(scene);
+  const Expression v = rho * shaft.velocity;
+  const Expression s = tanh(v / scene.quantity("regularization_speed", Range::positive(), 0.1));
+  Expression weight = 0.0;
+  if (law == "road" || parameters.has("grade") || parameters.has("mass")) {
+    weight = kGravity * scene.quantity("mass", Range::positive());
+  }
+  const Expression grade = readGrade(scene);
+  const Expression cosine = 1.0 / sqrt(1.0 + grade * grade);
+  const Expression level =
+      law == "davis" ? readDavis(scene, v, s) : readRoad(scene, v, s, weight * cosine);
+  const Expression F = level + weight * grade * cosine;
+  scene.apply(shaft, -rho * F);
+  scene.output("speed", v);
+  scene.output("force", F);
+}
+
+}  // namespace variator_sim
