@@ -8,6 +8,7 @@ namespace variator_sim {
 
 ClassicalGauss::ClassicalGauss(const Scene& scene, const Shortcuts& shortcuts)
     : PrincipleSystem(scene, shortcuts, 2, false) {
+  derive_ = deriveOf<ClassicalGauss>;
   for (const ConstraintPtr& constraint : scene.constraints) {
     linear_ = linear_ && constraint->nonlinearAccelerations() == 0;
   }
@@ -19,7 +20,7 @@ StateView ClassicalGauss::view(double t, const State& x) {
   return state;
 }
 
-void ClassicalGauss::operator()(const State& x, State& dxdt, double t) {
+void ClassicalGauss::derive(const State& x, State& dxdt, double t) {
   drivetrain_.countRightHandSide();
   const StateView state = view(t, x);
   if (watch_ != nullptr) watch_->note(state);

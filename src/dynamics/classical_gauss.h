@@ -26,7 +26,7 @@ class ClassicalGauss final : public PrincipleSystem {
   /// The view of (t, x) with the accelerations that the principle gives there.
   StateView view(double t, const State& x) override;
 
-  void operator()(const State& x, State& dxdt, double t) override;
+  void derive(const State& x, State& dxdt, double t);
 
   void calcLinearization(double t, const State& x, Linearization& linearization) override {
     linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);

@@ -12,7 +12,9 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts)
       inertia_(scene.inertia, scene.inertia_harmonics),
       solver_(S, scene.constraintCount()),
       velocity_solver_(S, countOrders(scene, 1)),
-      acceleration_solver_(S, countOrders(scene, 2)) {
+      acceleration_solver_(S, countOrders(scene, 2)),
+      program_(scene),
+      has_opaque_(!program_.opaqueTorques().empty() || !program_.opaqueRows().empty()) {
   const bool rates = scene.principle == Principle::kGeneralizedGauss;
   reads_.time = false;
   reads_.angle = !inertia_.isConstant() || !shortcuts.skip_angles;
@@ -112,9 +114,12 @@ double Drivetrain::nextInstant(double time) const {
   return next == instants_.end() ? std::numeric_limits<double>::infinity() : *next;
 }
 
-void Drivetrain::calcTorque(const StateView& state, double* torque) const {
-  for (int i = 0; i < S; ++i) torque[i] = 0.0;
-  for (const Torque* element : torques_) element->addTorque(state, torque);
+const double* Drivetrain::addOpaque(const StateView& state, const double* values,
+                                    double* sum) const {
+  std::copy_n(values, 2 * S + 1, sum);
+  for (const Torque* element : program_.opaqueTorques()) element->addTorqueRate(state, sum);
+  for (int m : program_.opaqueRows()) constraint(m).calcRow(state, sum + S, sum + 2 * S);
+  return sum;
 }
 
 void Drivetrain::calcFreeTorque(const StateView& state, double* torque) const {

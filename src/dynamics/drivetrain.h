@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "dynamics/dense.h"
+#include "dynamics/scene_program.h"
 #include "dynamics/shaft_count.h"
 #include "dynamics/shortcuts.h"
 #include "dynamics/state_vector.h"
@@ -126,11 +127,11 @@ class Drivetrain {
     view_.angle = x;
     view_.velocity = x + kShafts;
     view_.acceleration = x + 2 * kShafts;
-    double rate[kShafts];
-    calcTorqueRate(std::integral_constant<int, kShafts>{}, view_, rate);
-    double C[kShafts];
-    double c0;
-    constraints_[0]->calcRow(view_, C, &c0);
+    const double* rate = program_.calcRateAndRows(view_);
+    double added[2 * kShafts + 1];
+    if (has_opaque_) rate = addOpaque(view_, rate, added);
+    const double* C = rate + kShafts;
+    const double c0 = C[kShafts];
     // B = C J^-1, A = B C^T, eta_free = J^-1 Q'
     double B[kShafts];
     double free[kShafts];
@@ -151,6 +152,7 @@ class Drivetrain {
     const double Lambda = -(c0 + right) / A;
     for (int i = 0; i < kShafts; ++i) eta[i] = free[i] + B[i] * Lambda;
     std::copy_n(C, kShafts, solver_.row(0));
+    std::copy_n(rate, kShafts, torque_rate_);
     solver_.noteLengthSquared(0, A);
     return true;
   }
@@ -175,15 +177,16 @@ class Drivetrain {
   std::uint64_t newtonIterations() const { return newton_iterations_; }
 
   /// Applied torque Q at `state`, N m, S values.
-  void calcTorque(const StateView& state, double* torque) const;
+  void calcTorque(const StateView& state, double* torque) const {
+    program_.calcTorque(state, torque);
+  }
   /// Its total rate Q', N m/s, S values.
   void calcTorqueRate(const StateView& state, double* torque_rate) const {
     calcTorqueRate(S, state, torque_rate);
   }
   template <class Count>
   void calcTorqueRate(Count shafts, const StateView& state, double* torque_rate) const {
-    for (int i = 0; i < shafts; ++i) torque_rate[i] = 0.0;
-    for (const Torque* element : torques_) element->addTorqueRate(state, torque_rate);
+    program_.calcTorqueRate(state, torque_rate);
     for (int i = 0; i < shafts; ++i) torque_rate_[i] = torque_rate[i];
   }
   /// True when Q reads the time itself.
@@ -197,26 +200,21 @@ class Drivetrain {
   /// (Q - n - J epsilon)' + J eta = Q' - J' omega epsilon - n', with n' = 1/2 J'' omega^3 +
   /// J' omega epsilon: the rate of R is J eta minus this.
   void calcFreeTorqueRate(const StateView& state, double* rate) const {
-    calcFreeTorqueRate(S, state, rate);
+    calcTorqueRate(state, rate);
+    if (!inertia_.isConstant()) addInertialRate(state, rate);
   }
-  template <class Count>
-  void calcFreeTorqueRate(Count shafts, const StateView& state, double* rate) const {
-    calcTorqueRate(shafts, state, rate);
-    if (inertia_.isConstant()) return;
+  /// - J' omega epsilon - n'.
+  void addInertialRate(const StateView& state, double* rate) const {
     for (int i = 0; i < S; ++i) {
       const double w = state.velocity[i];
       rate[i] -= 2.0 * inertia_.first(i) * w * state.acceleration[i] +
                  0.5 * inertia_.second(i) * w * w * w;
     }
   }
-  /// -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'.
-  void calcCovariantTorqueRate(const StateView& state, double* rate) const {
-    calcCovariantTorqueRate(S, state, rate);
-  }
-  template <class Count>
-  void calcCovariantTorqueRate(Count shafts, const StateView& state, double* rate) const {
-    calcFreeTorqueRate(shafts, state, rate);
+  /// Of Q' in `rate`: -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'.
+  void makeCovariant(const StateView& state, double* rate) const {
     if (inertia_.isConstant()) return;
+    addInertialRate(state, rate);
     double torque[kMaxShafts];
     double reaction[kMaxShafts];
     double connection[kMaxShafts];
@@ -235,9 +233,18 @@ class Drivetrain {
   bool calcRows(const StateView& state, double* c0) { return calcRows(S, state, c0); }
   template <class Count>
   bool calcRows(Count shafts, const StateView& state, double* c0) {
-    for (int m = 0; m < constraintCount(); ++m) {
-      constraint(m).calcRow(state, solver_.row(m), &c0[m]);
-    }
+    takeRows(shafts, state, program_.calcRows(state), c0);
+    return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(shafts, inertia_);
+  }
+
+  /// The same, and Q' as calcTorqueRate gives it, in one program.
+  template <class Count>
+  bool calcRowsAndTorqueRate(Count shafts, const StateView& state, double* c0, double* rate) {
+    const double* values = program_.calcRateAndRows(state);
+    for (int i = 0; i < shafts; ++i) rate[i] = values[i];
+    for (const Torque* element : program_.opaqueTorques()) element->addTorqueRate(state, rate);
+    for (int i = 0; i < shafts; ++i) torque_rate_[i] = rate[i];
+    takeRows(shafts, state, values + shafts, c0);
     return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(shafts, inertia_);
   }
 
@@ -375,6 +382,20 @@ class Drivetrain {
   bool findNonFinite(const StateView& state, int* torque, int* row) const;
 
  private:
+  /// Rows and c0 from the scene's program, one behind the other, and from what is no formula.
+  template <class Count>
+  void takeRows(Count shafts, const StateView& state, const double* values, double* c0) {
+    for (int m = 0; m < constraintCount(); ++m) {
+      double* row = solver_.row(m);
+      for (int i = 0; i < shafts; ++i) row[i] = values[i];
+      c0[m] = values[shafts];
+      values += shafts + 1;
+    }
+    for (int m : program_.opaqueRows()) constraint(m).calcRow(state, solver_.row(m), &c0[m]);
+  }
+  /// Q', C and c0 of a scene with one constraint, what is no formula included.
+  const double* addOpaque(const StateView& state, const double* values, double* sum) const;
+
   /// C_q^T Lambda onto `rates` and psi_q, in all 3S directions; C into the solver's rows.
   void addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
                          double (*psi_q)[kMaxRows]);
@@ -413,64 +434,12 @@ class Drivetrain {
   template <class Evaluate>
   void addProjectionRounding(const StateView& state, const std::vector<int>& rows,
                              const ConstraintSolver& solver, double* rounding,
-                             Evaluate evaluate) const {
-    constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
-    for (int r = 0; r < solver.rowCount(); ++r) {
-      const int m = rows[static_cast<std::size_t>(r)];
-      const double here = evaluate(m, state);
-      double noise = kUlps * std::abs(here);
-      StateView beside = state;
-      beside.time = state.time * (1.0 + kUlps);
-      noise += std::abs(evaluate(m, beside) - here);
-      // sin(t + 1e8) knows its argument to 1e-8: how far is it from smooth?
-      double bend = 0.0;
-      for (const double part : {1e-7, 6.18e-8, 3.82e-8, 2.36e-8}) {
-        beside.time = state.time + part;
-        double sum = evaluate(m, beside);
-        beside.time = state.time - part;
-        sum += evaluate(m, beside);
-        bend = std::max(bend, std::abs(sum - 2.0 * here));
-      }
-      noise += 2.0 * bend;
-      beside.time = state.time;
-      double shifted[kMaxShafts];
-      for (const double* StateView::*part :
-           {&StateView::angle, &StateView::velocity, &StateView::acceleration}) {
-        std::copy_n(state.*part, S, shifted);
-        beside.*part = shifted;
-        for (int i = 0; i < S; ++i) {
-          shifted[i] = (state.*part)[i] * (1.0 + kUlps);
-          noise += std::abs(evaluate(m, beside) - here);
-          shifted[i] = (state.*part)[i];
-        }
-        beside.*part = state.*part;
-      }
-      double l[kMaxRows] = {};
-      double moved[kMaxShafts] = {};
-      l[r] = noise;
-      solver.solve(l, l);
-      solver.addReaction(l, moved);
-      for (int i = 0; i < S; ++i) rounding[i] += std::abs(moved[i]);
-    }
-  }
+                             Evaluate evaluate) const;
 
   /// -J^-1 C^T A^-1 residual over some constraints; `evaluate(m, C)` gives residual and row.
   template <class Evaluate>
   bool calcCorrection(const std::vector<int>& rows, ConstraintSolver* solver, double* delta,
-                      Evaluate evaluate) {
-    double residual[kMaxRows];
-    for (int r = 0; r < solver->rowCount(); ++r) residual[r] = evaluate(rows[r], solver->row(r));
-    return withShaftCount(S, [&](auto shafts) {
-      if (!solver->isFactored() || !has_constant_rows_) {
-        if (!solver->factor(shafts, inertia_)) return false;
-      }
-      for (int r = 0; r < solver->rowCount(); ++r) residual[r] = -residual[r];
-      solver->solve(residual, residual);
-      for (int i = 0; i < shafts; ++i) delta[i] = 0.0;
-      solver->addReaction(shafts, residual, delta);
-      return true;
-    });
-  }
+                      Evaluate evaluate);
 
   const int S;  // shafts
   const Scene& scene_;
@@ -478,6 +447,8 @@ class Drivetrain {
   ConstraintSolver solver_;               // all constraints
   ConstraintSolver velocity_solver_;      // those of order 1
   ConstraintSolver acceleration_solver_;  // those of order 1 and 2
+  SceneProgram program_;
+  bool has_opaque_ = false;  // some element is no formula
   std::vector<const Torque*> torques_;
   std::vector<const Constraint*> constraints_;
   std::vector<const Constraint*> kinks_;

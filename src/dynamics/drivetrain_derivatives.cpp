@@ -34,7 +34,8 @@ bool Drivetrain::calcStageResidual(const StateView& state, const double* eta,
   return withShaftCount(S, [&](auto shafts) {
     double rate[kMaxShafts];
     double v[kMaxShafts];
-    calcCovariantTorqueRate(shafts, state, rate);
+    calcTorqueRate(shafts, state, rate);
+    makeCovariant(state, rate);
     inertia_.solve(shafts, rate, v);
     for (int i = 0; i < shafts; ++i) v[i] = eta[i] - v[i];
     return projectResidual(shafts, state, P0.data(), D0.data(), v, residual);

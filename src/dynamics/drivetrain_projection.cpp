@@ -6,6 +6,67 @@
 
 namespace variator_sim {
 
+template <class Evaluate>
+bool Drivetrain::calcCorrection(const std::vector<int>& rows, ConstraintSolver* solver,
+                                double* delta, Evaluate evaluate) {
+  double residual[kMaxRows];
+  for (int r = 0; r < solver->rowCount(); ++r) residual[r] = evaluate(rows[r], solver->row(r));
+  return withShaftCount(S, [&](auto shafts) {
+    if (!solver->isFactored() || !has_constant_rows_) {
+      if (!solver->factor(shafts, inertia_)) return false;
+    }
+    for (int r = 0; r < solver->rowCount(); ++r) residual[r] = -residual[r];
+    solver->solve(residual, residual);
+    for (int i = 0; i < shafts; ++i) delta[i] = 0.0;
+    solver->addReaction(shafts, residual, delta);
+    return true;
+  });
+}
+
+template <class Evaluate>
+void Drivetrain::addProjectionRounding(const StateView& state, const std::vector<int>& rows,
+                                       const ConstraintSolver& solver, double* rounding,
+                                       Evaluate evaluate) const {
+  constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
+  for (int r = 0; r < solver.rowCount(); ++r) {
+    const int m = rows[static_cast<std::size_t>(r)];
+    const double here = evaluate(m, state);
+    double noise = kUlps * std::abs(here);
+    StateView beside = state;
+    beside.time = state.time * (1.0 + kUlps);
+    noise += std::abs(evaluate(m, beside) - here);
+    // sin(t + 1e8) knows its argument to 1e-8: how far is it from smooth?
+    double bend = 0.0;
+    for (const double part : {1e-7, 6.18e-8, 3.82e-8, 2.36e-8}) {
+      beside.time = state.time + part;
+      double sum = evaluate(m, beside);
+      beside.time = state.time - part;
+      sum += evaluate(m, beside);
+      bend = std::max(bend, std::abs(sum - 2.0 * here));
+    }
+    noise += 2.0 * bend;
+    beside.time = state.time;
+    double shifted[kMaxShafts];
+    for (const double* StateView::*part :
+         {&StateView::angle, &StateView::velocity, &StateView::acceleration}) {
+      std::copy_n(state.*part, S, shifted);
+      beside.*part = shifted;
+      for (int i = 0; i < S; ++i) {
+        shifted[i] = (state.*part)[i] * (1.0 + kUlps);
+        noise += std::abs(evaluate(m, beside) - here);
+        shifted[i] = (state.*part)[i];
+      }
+      beside.*part = state.*part;
+    }
+    double l[kMaxRows] = {};
+    double moved[kMaxShafts] = {};
+    l[r] = noise;
+    solver.solve(l, l);
+    solver.addReaction(l, moved);
+    for (int i = 0; i < S; ++i) rounding[i] += std::abs(moved[i]);
+  }
+}
+
 bool Drivetrain::calcVelocityProjection(const StateView& state, double* delta) {
   return calcCorrection(velocity_rows_, &velocity_solver_, delta, [&](int m, double* C) {
     return constraint(m).calcVelocityResidualAndJacobian(state, C);

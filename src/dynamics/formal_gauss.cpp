@@ -6,7 +6,7 @@
 
 namespace variator_sim {
 
-void FormalGauss::operator()(const State& x, State& dxdt, double t) {
+void FormalGauss::derive(const State& x, State& dxdt, double t) {
   drivetrain_.countRightHandSide();
   copyRates(x, dxdt);
   double torque[kMaxShafts];

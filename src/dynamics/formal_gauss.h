@@ -15,9 +15,11 @@ namespace variator_sim {
 class FormalGauss final : public AccelerationSystem {
  public:
   explicit FormalGauss(const Scene& scene, const Shortcuts& shortcuts = {})
-      : AccelerationSystem(scene, shortcuts, true) {}
+      : AccelerationSystem(scene, shortcuts, true) {
+    derive_ = deriveOf<FormalGauss>;
+  }
 
-  void operator()(const State& x, State& dxdt, double t) override;
+  void derive(const State& x, State& dxdt, double t);
 
   void calcLinearization(double t, const State& x, Linearization& linearization) override {
     linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);

@@ -16,43 +16,46 @@ bool isSimple(const Inertia& inertia) {
 }  // namespace
 
 GeneralizedGauss::GeneralizedGauss(const Scene& scene, const Shortcuts& shortcuts)
-    : AccelerationSystem(scene, shortcuts, false),
-      derive_(chooseDerive(S)),
-      has_one_row_(S == 2 && scene.constraintCount() == 1 && isSimple(drivetrain_.inertia()) &&
-                   shortcuts.specialize) {}
+    : AccelerationSystem(scene, shortcuts, false) {
+  derive_ = chooseDerive(shortcuts);
+}
 
-GeneralizedGauss::Derive GeneralizedGauss::chooseDerive(int shafts) {
+System::Derive GeneralizedGauss::chooseDerive(const Shortcuts& shortcuts) const {
+  const bool has_one_row = S == 2 && drivetrain_.constraintCount() == 1;
+  if (has_one_row && isSimple(drivetrain_.inertia()) && shortcuts.specialize) return deriveOneRow;
   constexpr Derive kBySize[] = {derive<1>, derive<2>, derive<3>, derive<4>,
                                 derive<5>, derive<6>, derive<7>, derive<8>};
   static_assert(std::size(kBySize) == kMaxShafts);
-  return kBySize[shafts - 1];
+  return kBySize[S - 1];
 }
 
 template <int kShafts>
-void GeneralizedGauss::derive(GeneralizedGauss& self, const State& x, State& dxdt, double t) {
+void GeneralizedGauss::derive(System& system, const State& x, State& dxdt, double t) {
+  auto& self = static_cast<GeneralizedGauss&>(system);
   // phi' = omega, omega' = epsilon
   for (int n = 0; n < 2 * kShafts; ++n) dxdt[n] = x[n + kShafts];
   double* eta = dxdt.data() + 2 * kShafts;
-  if constexpr (kShafts == 2) {
-    if (self.has_one_row_ && self.drivetrain_.calcJerkOfOneRow<kShafts>(t, x.data(), eta)) return;
-  }
   double Lambda[kMaxRows];
   const StateView state =
       self.drivetrain_.view(t, x.data(), x.data() + kShafts, x.data() + 2 * kShafts);
   self.calcJerk(std::integral_constant<int, kShafts>{}, state, eta, Lambda);
 }
 
+void GeneralizedGauss::deriveOneRow(System& system, const State& x, State& dxdt, double t) {
+  auto& self = static_cast<GeneralizedGauss&>(system);
+  for (int n = 0; n < 4; ++n) dxdt[n] = x[n + 2];
+  if (!self.drivetrain_.calcJerkOfOneRow<2>(t, x.data(), dxdt.data() + 4)) {
+    derive<2>(system, x, dxdt, t);
+  }
+}
+
 template <class Count>
 bool GeneralizedGauss::calcJerk(Count shafts, const StateView& state, double* eta, double* Lambda) {
   drivetrain_.countRightHandSide();
-  // Rows first: what takes longest (a sine, the pivot's reciprocal) is under way when the torques
-  // are asked.
   double c0[kMaxRows];
-  const bool regular =
-      drivetrain_.constraintCount() == 0 || drivetrain_.calcRows(shafts, state, c0);
-  // -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'
   double rate[kMaxShafts];
-  drivetrain_.calcCovariantTorqueRate(shafts, state, rate);
+  const bool regular = drivetrain_.calcRowsAndTorqueRate(shafts, state, c0, rate);
+  drivetrain_.makeCovariant(state, rate);  // -g
   drivetrain_.inertia().solve(shafts, rate, eta);
   if (drivetrain_.constraintCount() == 0) return true;
   if (!regular) {

@@ -11,8 +11,7 @@ class GeneralizedGauss final : public AccelerationSystem {
  public:
   explicit GeneralizedGauss(const Scene& scene, const Shortcuts& shortcuts = {});
 
-  void operator()(const State& x, State& dxdt, double t) override { derive_(*this, x, dxdt, t); }
-  bool isSpecialized() const override { return has_one_row_; }
+  bool isSpecialized() const override { return derive_ == deriveOneRow; }
 
   /// Exact where the inertia is constant.
   void calcLinearization(double t, const State& x, Linearization& linearization) override;
@@ -31,15 +30,13 @@ class GeneralizedGauss final : public AccelerationSystem {
  private:
   /// x' by code for a number of shafts that is known when compiled.
   template <int kShafts>
-  static void derive(GeneralizedGauss& self, const State& x, State& dxdt, double t);
-  using Derive = void (*)(GeneralizedGauss& self, const State& x, State& dxdt, double t);
-  static Derive chooseDerive(int shafts);
+  static void derive(System& self, const State& x, State& dxdt, double t);
+  /// The same for two shafts with a constant diagonal inertia and one constraint: most scenes.
+  static void deriveOneRow(System& self, const State& x, State& dxdt, double t);
+  Derive chooseDerive(const Shortcuts& shortcuts) const;
   /// eta and Lambda. False, and eta NaN, where C has lost rank. `shafts`: see ConstraintSolver.
   template <class Count>
   bool calcJerk(Count shafts, const StateView& state, double* eta, double* Lambda);
-
-  const Derive derive_;
-  const bool has_one_row_;  // and two shafts, and a constant diagonal inertia: most scenes
 };
 
 }  // namespace variator_sim

@@ -51,7 +51,9 @@ class JumpMap {
   class Path final : public System {
    public:
     Path(Drivetrain& drivetrain, bool formal)
-        : System(drivetrain.shafts(), 1, false), drivetrain_(drivetrain), formal_(formal) {}
+        : System(drivetrain.shafts(), 1, false), drivetrain_(drivetrain), formal_(formal) {
+      derive_ = deriveOf<Path>;
+    }
     void begin(double t, const double* phi, const double* omega, const double* u0,
                const double* u1) {
       // The rates are those of the inputs that do not jump: f' of a constraint of order 1 reads the
@@ -76,7 +78,7 @@ class JumpMap {
       state.acceleration = e;
       return state;
     }
-    void operator()(const State& e, State& rate, double theta) override {
+    void derive(const State& e, State& rate, double theta) {
       if (formal_) {
         drivetrain_.calcFormalJumpRate(at(theta, e.data()), torque_jump_, jump_, rate.data());
       } else {
