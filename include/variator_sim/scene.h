@@ -44,6 +44,14 @@ enum class StepperKind {
 bool isFixedStep(StepperKind kind);
 const char* toString(StepperKind kind);
 
+/// Whether formulas run as machine code, which is compiled at run time and changes no bit.
+enum class MachineCode {
+  kAuto,   ///< where it is in the cache, or the run is long enough to repay compiling it
+  kNever,  ///< the interpreter
+  kAlways  ///< compiled before the first step where it is not in the cache
+};
+const char* toString(MachineCode machine_code);
+
 struct SolverSettings {
   StepperKind stepper = StepperKind::kAuto;
   double relative_tolerance = 1e-9;
@@ -51,7 +59,8 @@ struct SolverSettings {
   double step = 0.001;          ///< of fixed-step steppers, s
   double maximum_step = 1.0;    ///< of adaptive steppers, s: no feature narrower is stepped over
   int maximum_steps = 1000000;  ///< within one second of simulated time
-  bool sleep = true;            ///< stop stepping at rest (doc/theory.md), until a command comes
+  MachineCode machine_code = MachineCode::kAuto;
+  bool sleep = true;  ///< stop stepping at rest (doc/theory.md), until a command comes
 };
 
 struct InitialConditions {

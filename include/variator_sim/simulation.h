@@ -92,6 +92,17 @@ class Simulation {
   /// What the scene does not need and so is not computed, e.g. "stages of the angles".
   std::vector<std::string> skips() const;
 
+  /// Goes over to machine code for the scene's formulas, which changes no bit of the motion: from
+  /// the cache, or, when `compile`, by the system's compiler, which takes about a second. True when
+  /// formulas run as machine code afterwards; false, and `machineCode` says why, when the
+  /// interpreter goes on. Not for the real-time loop.
+  bool loadMachineCode(bool compile);
+  /// What runs the formulas, as a sentence ("machine code, compiled in 0.12 s", "the interpreter:
+  /// no compiler (cc) was found").
+  const std::string& machineCode() const;
+  /// True when formulas run as machine code. [loop]
+  bool hasMachineCode() const;
+
   /// True while the motion is at rest and not stepped: a command wakes it. [loop]
   bool isSleeping() const;
 

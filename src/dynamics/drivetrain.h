@@ -157,6 +157,11 @@ class Drivetrain {
     return true;
   }
 
+  /// See SceneProgram::loadMachineCode.
+  std::string loadMachineCode(KernelLibrary::Missing missing, bool* compiled) {
+    return program_.loadMachineCode(missing, compiled);
+  }
+
   /// Where the components change their branches.
   const std::vector<GuardPtr>& guards() const { return guards_; }
   /// Whose guard it is: the index of a torque or of a constraint, the other one -1.

@@ -1,5 +1,10 @@
 #include "dynamics/scene_program.h"
 
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "expression/c_code.h"
 #include "variator_sim/formula_constraint.h"
 #include "variator_sim/formula_torque.h"
 
@@ -7,9 +12,8 @@ namespace variator_sim {
 
 using expression::Graph;
 using expression::Node;
-using expression::Tape;
 
-SceneProgram::SceneProgram(const Scene& scene) {
+SceneProgram::SceneProgram(const Scene& scene) : scene_(scene) {
   Graph& graph = *scene.graph;
   const auto s = static_cast<std::size_t>(scene.shaftCount());
   const std::vector<Node> nothing(s, graph.constant(0.0));
@@ -49,10 +53,76 @@ SceneProgram::SceneProgram(const Scene& scene) {
   }
   std::vector<Node> rate_and_rows = rate;
   rate_and_rows.insert(rate_and_rows.end(), rows.begin(), rows.end());
-  torque_ = Tape(graph, torque);
-  rate_ = Tape(graph, rate);
-  rows_ = Tape(graph, rows);
-  rate_and_rows_ = Tape(graph, rate_and_rows);
+  torque_ = Program(graph, torque);
+  rate_ = Program(graph, rate);
+  rows_ = Program(graph, rows);
+  rate_and_rows_ = Program(graph, rate_and_rows);
+  for (const auto& table : graph.tables()) tables_.push_back(table.get());
+  for (const auto& table : graph.tables2()) tables2_.push_back(table.get());
+}
+
+bool Program::agrees(Kernel kernel, const KernelTables& tables, const StateView& state) const {
+  const double* const interpreted = tape_.evaluate(state);
+  std::vector<double> computed(outputs_.size());
+  kernel(state.time, state.angle, state.velocity, state.acceleration, state.input, state.input_rate,
+         state.input_second_rate, &tables, computed.data());
+  for (std::size_t i = 0; i < computed.size(); ++i) {
+    const bool is_nan = computed[i] != computed[i] && interpreted[i] != interpreted[i];
+    if (!is_nan && std::memcmp(&computed[i], &interpreted[i], sizeof(double)) != 0) return false;
+  }
+  return true;
+}
+
+std::string SceneProgram::writeSource() const {
+  const Graph& graph = *scene_.graph;
+  return expression::prelude() + writeFunction(graph, "torque", torque_.outputs()) +
+         writeFunction(graph, "rate", rate_.outputs()) +
+         writeFunction(graph, "rows", rows_.outputs()) +
+         writeFunction(graph, "rate_and_rows", rate_and_rows_.outputs());
+}
+
+std::string SceneProgram::loadMachineCode(KernelLibrary::Missing missing, bool* compiled) {
+  if (!isWritable(*scene_.graph, rate_and_rows_.outputs()) ||
+      !isWritable(*scene_.graph, torque_.outputs())) {
+    return "a law reads a function that is not a formula";
+  }
+  std::string reason;
+  const std::shared_ptr<KernelLibrary> library =
+      KernelLibrary::load(writeSource(), missing, &reason);
+  if (library == nullptr) return reason;
+  *compiled = library->wasCompiled();
+  host_ = {tables_.data(), tables2_.data(),
+           [](const void* table, int order, double x) {
+             return static_cast<const Table*>(table)->derivative(order, x);
+           },
+           [](const void* table, int order_x, int order_y, double x, double y) {
+             return static_cast<const Table2*>(table)->derivative({order_x, order_y}, x, y);
+           }};
+  const std::pair<const char*, Program*> parts[] = {
+      {"torque", &torque_}, {"rate", &rate_}, {"rows", &rows_}, {"rate_and_rows", &rate_and_rows_}};
+  // States that have nothing in common, some of them near 0.
+  for (int n = 0; n < 16; ++n) {
+    double values[6][kMaxInputs];
+    for (int i = 0; i < kMaxInputs; ++i) {
+      for (int part = 0; part < 6; ++part) {
+        values[part][i] =
+            (n % 4 == 3 ? 1e-3 : 20.0) * std::sin(1.0 + 7.3 * n + 3.1 * part + 1.7 * i);
+      }
+    }
+    const StateView state{0.37 * n,  values[0], values[1], values[2],
+                          values[3], values[4], values[5]};
+    for (const auto& [name, program] : parts) {
+      const auto kernel = reinterpret_cast<Kernel>(library->find(name));
+      if (kernel == nullptr || !program->agrees(kernel, host_, state)) {
+        return "it does not give the interpreter's numbers";
+      }
+    }
+  }
+  library_ = library;
+  for (const auto& [name, program] : parts) {
+    program->use(reinterpret_cast<Kernel>(library->find(name)), &host_);
+  }
+  return "";
 }
 
 }  // namespace variator_sim

@@ -5,9 +5,12 @@
 /// (a plugin with a law of its own) is asked for one by one.
 #pragma once
 
+#include <memory>
+#include <string>
 #include <vector>
 
-#include "variator_sim/expression/tape.h"
+#include "dynamics/program.h"
+#include "machine_code/kernel_library.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
@@ -19,12 +22,12 @@ class SceneProgram {
 
   /// Q, N m, s values.
   void calcTorque(const StateView& state, double* torque) const {
-    torque_.evaluate(state, torque);
+    copy(torque_, state, torque);
     for (const Torque* element : opaque_torques_) element->addTorque(state, torque);
   }
   /// Its total rate Q', N m/s, s values.
   void calcTorqueRate(const StateView& state, double* rate) const {
-    rate_.evaluate(state, rate);
+    copy(rate_, state, rate);
     for (const Torque* element : opaque_torques_) element->addTorqueRate(state, rate);
   }
 
@@ -39,11 +42,26 @@ class SceneProgram {
   const std::vector<const Torque*>& opaqueTorques() const { return opaque_torques_; }
   const std::vector<int>& opaqueRows() const { return opaque_rows_; }
 
+  /// Goes over to machine code, which changes no bit. An empty reason when it did; then `compiled`
+  /// tells whether it had to be compiled. Not in the loop.
+  std::string loadMachineCode(KernelLibrary::Missing missing, bool* compiled);
+
  private:
-  expression::Tape torque_;
-  expression::Tape rate_;
-  expression::Tape rows_;
-  expression::Tape rate_and_rows_;
+  void copy(const Program& program, const StateView& state, double* values) const {
+    const double* const computed = program.evaluate(state);
+    for (std::size_t i = 0; i < program.outputs().size(); ++i) values[i] = computed[i];
+  }
+  std::string writeSource() const;
+
+  const Scene& scene_;
+  Program torque_;
+  Program rate_;
+  Program rows_;
+  Program rate_and_rows_;
+  std::shared_ptr<KernelLibrary> library_;
+  std::vector<const void*> tables_;
+  std::vector<const void*> tables2_;
+  KernelTables host_{};
   std::vector<const Torque*> opaque_torques_;
   std::vector<int> opaque_rows_;
 };

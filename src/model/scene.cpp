@@ -31,6 +31,15 @@ Principle readPrinciple(ParameterReader& root) {
              : Principle::kGeneralizedGauss;
 }
 
+MachineCode readMachineCode(ParameterReader& reader) {
+  const std::string chosen =
+      reader.choice("machine_code", {"auto", "never", "always"}, toString(MachineCode::kAuto));
+  for (const MachineCode one : {MachineCode::kNever, MachineCode::kAlways}) {
+    if (chosen == toString(one)) return one;
+  }
+  return MachineCode::kAuto;
+}
+
 SolverSettings readSolver(ParameterReader& root) {
   SolverSettings settings;
   if (!root.has("solver")) return settings;
@@ -51,6 +60,7 @@ SolverSettings readSolver(ParameterReader& root) {
   settings.maximum_steps =
       reader.integer("maximum_steps", 1, std::numeric_limits<int>::max(), settings.maximum_steps);
   settings.sleep = reader.boolean("sleep", settings.sleep);
+  settings.machine_code = readMachineCode(reader);
   reader.finish();
   return settings;
 }
@@ -228,7 +238,8 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
        {"step", ParameterTree::real(solver.step)},
        {"maximum_step", ParameterTree::real(solver.maximum_step)},
        {"maximum_steps", ParameterTree::integer(solver.maximum_steps)},
-       {"sleep", ParameterTree::boolean(solver.sleep)}});
+       {"sleep", ParameterTree::boolean(solver.sleep)},
+       {"machine_code", ParameterTree::text(toString(solver.machine_code))}});
   return ParameterTree::dictionary(std::move(root));
 }
 
@@ -266,6 +277,18 @@ const char* toString(StepperKind kind) {
       return "radau5";
     case StepperKind::kRadau5Fixed:
       return "radau5_fixed";
+  }
+  return "";
+}
+
+const char* toString(MachineCode machine_code) {
+  switch (machine_code) {
+    case MachineCode::kAuto:
+      return "auto";
+    case MachineCode::kNever:
+      return "never";
+    case MachineCode::kAlways:
+      return "always";
   }
   return "";
 }

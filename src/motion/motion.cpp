@@ -1,7 +1,9 @@
 #include "motion/motion.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <sstream>
 #include <utility>
 
 namespace variator_sim {
@@ -54,6 +56,32 @@ const Statistics& Motion::statistics() {
   statistics.newton_iterations = drivetrain_.newtonIterations();
   statistics.stepper_switches = integrator_.choice().switches();
   return statistics;
+}
+
+bool Motion::loadMachineCode(bool compile) {
+  if (has_machine_code_) return true;
+  if (scene_.solver.machine_code == MachineCode::kNever) {
+    machine_code_ = "the interpreter: 'solver/machine_code' is 'never'";
+    return false;
+  }
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point begin = Clock::now();
+  bool compiled = false;
+  const std::string reason = drivetrain_.loadMachineCode(
+      compile ? KernelLibrary::Missing::kCompile : KernelLibrary::Missing::kLeave, &compiled);
+  has_machine_code_ = reason.empty();
+  if (!has_machine_code_) {
+    machine_code_ = "the interpreter: " + reason;
+  } else if (compiled) {
+    const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+    std::ostringstream text;
+    text.precision(2);
+    text << "machine code, compiled in " << seconds << " s";
+    machine_code_ = text.str();
+  } else {
+    machine_code_ = "machine code, from the cache";
+  }
+  return has_machine_code_;
 }
 
 void Motion::calcConstraintRow(int m, double* C) {

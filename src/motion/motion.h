@@ -55,6 +55,9 @@ class Motion {
   std::string describeStepper() const { return integrator_.choice().describe(); }
   std::vector<std::string> skips() const;
   bool isSleeping() const { return integrator_.isSleeping(); }
+  bool loadMachineCode(bool compile);
+  const std::string& machineCode() const { return machine_code_; }
+  bool hasMachineCode() const { return has_machine_code_; }
 
   void reset();
   const MotionStatus& advanceTo(double time);
@@ -110,6 +113,8 @@ class Motion {
   Start start_;  // the last one looked for
   State first_;  // at time 0, with the inputs as the scene has them
   bool knows_first_ = false;
+  std::string machine_code_ = "the interpreter";
+  bool has_machine_code_ = false;
   double time_ = 0.0;  // the present
   Sample sample_;
   bool sample_valid_ = false;

@@ -113,6 +113,16 @@ double Simulation::quietUntil() const {
   return motion_->quietUntil();
 }
 
+bool Simulation::loadMachineCode(bool compile) {
+  return motion_->loadMachineCode(compile);
+}
+const std::string& Simulation::machineCode() const {
+  return motion_->machineCode();
+}
+bool Simulation::hasMachineCode() const {
+  return motion_->hasMachineCode();
+}
+
 bool Simulation::isSleeping() const {
   return motion_->isSleeping();
 }

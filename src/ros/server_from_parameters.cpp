@@ -22,6 +22,17 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
   return toParameterTree(value);
 }
 
+/// Machine code is made before the first tick or not at all.
+void prepareMachineCode(Simulation& simulation) {
+  const MachineCode wanted = simulation.scene().solver.machine_code;
+  const bool is_loaded = simulation.loadMachineCode(wanted != MachineCode::kNever);
+  if (!is_loaded && wanted == MachineCode::kAlways) {
+    ROS_WARN("formulas are run by %s", simulation.machineCode().c_str());
+  } else {
+    ROS_INFO("formulas are run by %s", simulation.machineCode().c_str());
+  }
+}
+
 }  // namespace
 
 std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle& public_handle,
@@ -32,8 +43,9 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     const ParameterTree tree = readParameters(private_handle);
     const NodeSettings settings = readNodeSettings(tree);
     PluginlibComponentFactory factory;
-    return std::make_shared<SimulationServer>(public_handle, private_handle,
-                                              Simulation(readScene(tree, factory, nodeNames())),
+    Simulation simulation(readScene(tree, factory, nodeNames()));
+    prepareMachineCode(simulation);
+    return std::make_shared<SimulationServer>(public_handle, private_handle, std::move(simulation),
                                               settings, sharing);
   } catch (const SceneError& error) {
     const char* separator = error.keyPath().empty() ? ": " : "/";

@@ -74,6 +74,7 @@ void printStatistics(Simulation& simulation, bool tracks_energy, const WallTimes
   std::fprintf(stderr, "stepper: %s\n", simulation.describeStepper().c_str());
   std::string skips;
   for (const std::string& skip : simulation.skips()) skips += (skips.empty() ? "" : "; ") + skip;
+  std::fprintf(stderr, "formulas by: %s\n", simulation.machineCode().c_str());
   std::fprintf(stderr, "not computed: %s\n", skips.empty() ? "-" : skips.c_str());
   print("steps", counts.steps);
   if (counts.implicit_steps > 0) print("implicit steps", counts.implicit_steps);
@@ -140,6 +141,38 @@ Simulation loadSimulation(const std::string& path) {
   }
 }
 
+/// Machine code for the scene's formulas: from the cache, or compiled where the scene asks for it
+/// or the rest of the run repays it.
+class MachineCodeChoice {
+ public:
+  explicit MachineCodeChoice(Simulation& simulation) : simulation_(simulation) {
+    const bool always = simulation.scene().solver.machine_code == MachineCode::kAlways;
+    is_decided_ = simulation.loadMachineCode(always) || always;
+    if (always && !simulation.hasMachineCode()) warn();
+  }
+  /// After `seconds` of wall time on the part `done` of the run.
+  void reconsider(double seconds, double done) {
+    constexpr double kUsualCompile = 0.3;  // s
+    if (is_decided_ || seconds < kUsualCompile ||
+        seconds * (1.0 / done - 1.0) < 4.0 * kUsualCompile) {
+      return;
+    }
+    is_decided_ = true;
+    if (simulation_.scene().solver.machine_code != MachineCode::kNever &&
+        !simulation_.loadMachineCode(true)) {
+      warn();
+    }
+  }
+
+ private:
+  void warn() const {
+    std::fprintf(stderr, "simulate: note: formulas are run by %s\n",
+                 simulation_.machineCode().c_str());
+  }
+  Simulation& simulation_;
+  bool is_decided_ = false;
+};
+
 /// Runs to the end, a stop, a signal or a closed output.
 int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
         const SimulateOptions& options) {
@@ -157,6 +190,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   block.samples.reserve(OfflineRun::kBlockSize);
   if (options.stats) offline_run.measureSampling();
   double span = options.duration / 64.0;
+  MachineCodeChoice machine_code(simulation);
   int exit_status = kSuccess;
   bool reader_has_gone = false;
   try {
@@ -166,6 +200,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
       more = offline_run.advanceBlock(span, &g_signal, block);
       const double block_time = secondsSince(start);
       wall.simulation += block_time;
+      machine_code.reconsider(wall.simulation, simulation.time() / options.duration);
       if (block_time < kShortBlock) span *= 2.0;
       if (block_time > kLongBlock) span *= 0.5;
 
@@ -215,6 +250,11 @@ int runSimulate(const std::vector<std::string>& words) {
     return kSuccess;
   }
   Simulation simulation = loadSimulation(options.scene_path);
+  if (options.compile) {
+    const bool is_loaded = simulation.loadMachineCode(true);
+    std::fprintf(stderr, "simulate: formulas are run by %s\n", simulation.machineCode().c_str());
+    return is_loaded ? kSuccess : kBadOutput;
+  }
   simulation.trackEnergy(options.columns.energy);
   OfflineRun offline_run(simulation,
                          options.has_times ? SampleTimes::at(options.times)

@@ -10,9 +10,9 @@ namespace variator_sim {
 namespace {
 
 const std::vector<std::string>& optionNames() {
-  static const std::vector<std::string> names = {"--duration", "--rate",   "--times",
-                                                 "--commands", "--output", "--columns",
-                                                 "--energy",   "--stats",  "--help"};
+  static const std::vector<std::string> names = {
+      "--duration", "--rate",   "--times", "--commands", "--output",
+      "--columns",  "--energy", "--stats", "--compile",  "--help"};
   return names;
 }
 
@@ -163,6 +163,9 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
     } else if (name == "--stats") {
       word.refuseValue();
       options.stats = true;
+    } else if (name == "--compile") {
+      word.refuseValue();
+      options.compile = true;
     } else if (word.isOption()) {
       throw UsageError("unknown option '" + name + "'" + suggestName(name, optionNames()));
     } else if (options.scene_path.empty()) {
@@ -176,7 +179,7 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   if (options.has_times && has_rate) {
     throw UsageError("--rate and --times exclude each other");
   }
-  if (!has_duration) {
+  if (!has_duration && !options.compile) {
     if (!options.has_times) throw UsageError("--duration is missing");
     options.duration = options.times.back();
   }
@@ -207,6 +210,7 @@ usage: simulate SCENE.yaml --duration S [options]
                           powers, W)
   --energy                adds energy to the columns: --columns state,energy
   --stats                 print counters and times to standard error
+  --compile               make the scene's machine code, for later runs and nodes, and nothing else
   --help                  this text
 
 A sample at the instant of a command shows the state after it. A bag holds the topics `state`

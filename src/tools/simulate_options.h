@@ -36,6 +36,7 @@ struct SimulateOptions {
   OutputFormat format = OutputFormat::kCsv;
   ColumnGroups columns;
   bool stats = false;
+  bool compile = false;  ///< fill the cache of machine code, and nothing else
 };
 
 /// Reads the words after the program's name. Throws UsageError.

@@ -156,6 +156,9 @@ class Graph {
     return hasNonFiniteConstant(std::vector<Node>{node});
   }
 
+  /// All tables, by number.
+  const std::vector<std::shared_ptr<const Table>>& tables() const { return tables_; }
+  const std::vector<std::shared_ptr<const Table2>>& tables2() const { return tables2_; }
   /// The table of an entry of kTable, of kTable2.
   const std::shared_ptr<const Table>& tableOf(const Entry& entry) const {
     return tables_[static_cast<std::size_t>(entry.slot)];

@@ -1,0 +1,54 @@
+/// Formulas at run time: interpreted, or as machine code where there is some.
+#pragma once
+
+#include <vector>
+
+#include "variator_sim/expression/tape.h"
+
+namespace variator_sim {
+
+/// What kernels ask of their host; as the C of expression/c_code.h declares it.
+struct KernelTables {
+  const void* const* tables;
+  const void* const* tables2;
+  double (*table)(const void* table, int order, double x);
+  double (*table2)(const void* table, int order_x, int order_y, double x, double y);
+};
+/// See expression/c_code.h.
+using Kernel = void (*)(double t, const double* p, const double* w, const double* e,
+                        const double* u, const double* v, const double* a,
+                        const KernelTables* tables, double* y);
+
+/// A tape, and a kernel that gives the same bits. One is used by one thread at a time.
+class Program {
+ public:
+  Program() = default;
+  Program(const expression::Graph& graph, const std::vector<expression::Node>& outputs)
+      : tape_(graph, outputs), outputs_(outputs), values_(outputs.size()) {}
+
+  const std::vector<expression::Node>& outputs() const { return outputs_; }
+
+  /// The outputs; valid until the next evaluation. [loop]
+  const double* evaluate(const StateView& state) const {
+    if (kernel_ == nullptr) return tape_.evaluate(state);
+    kernel_(state.time, state.angle, state.velocity, state.acceleration, state.input,
+            state.input_rate, state.input_second_rate, tables_, values_.data());
+    return values_.data();
+  }
+  /// True when `kernel` gives the tape's bits at `state`.
+  bool agrees(Kernel kernel, const KernelTables& tables, const StateView& state) const;
+  /// From now on.
+  void use(Kernel kernel, const KernelTables* tables) {
+    kernel_ = kernel;
+    tables_ = tables;
+  }
+
+ private:
+  expression::Tape tape_;
+  std::vector<expression::Node> outputs_;
+  Kernel kernel_ = nullptr;
+  const KernelTables* tables_ = nullptr;
+  mutable std::vector<double> values_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,238 @@
+#include "expression/c_code.h"
+
+#include <cmath>
+#include <cstdio>
+
+#include "variator_sim/expression/tape.h"
+
+namespace variator_sim::expression {
+namespace {
+
+/// The bits of a number.
+std::string literal(double value) {
+  if (std::isnan(value)) return "NAN";
+  if (std::isinf(value)) return value > 0.0 ? "INFINITY" : "(-INFINITY)";
+  char text[40];
+  std::snprintf(text, sizeof text, value < 0.0 || std::signbit(value) ? "(%a)" : "%a", value);
+  return text;
+}
+
+const char* sourceName(Source source) {
+  switch (source) {
+    case Source::kTime:
+      return "t";
+    case Source::kAngle:
+      return "p";
+    case Source::kVelocity:
+      return "w";
+    case Source::kAcceleration:
+      return "e";
+    case Source::kInput:
+      return "u";
+    case Source::kInputRate:
+      return "v";
+    case Source::kInputSecondRate:
+      return "a";
+    default:
+      return nullptr;
+  }
+}
+
+const char* functionName(Operation operation) {
+  switch (operation) {
+    case Operation::kSin:
+      return "sin";
+    case Operation::kCos:
+      return "cos";
+    case Operation::kTan:
+      return "tan";
+    case Operation::kAsin:
+      return "asin";
+    case Operation::kAcos:
+      return "acos";
+    case Operation::kAtan:
+      return "atan";
+    case Operation::kAtan2:
+      return "atan2";
+    case Operation::kSinh:
+      return "sinh";
+    case Operation::kCosh:
+      return "cosh";
+    case Operation::kTanh:
+      return "tanh";
+    case Operation::kExp:
+      return "exp";
+    case Operation::kLog:
+      return "log";
+    case Operation::kSqrt:
+      return "sqrt";
+    case Operation::kAbs:
+      return "fabs";
+    case Operation::kPower:
+      return "pow";
+    case Operation::kSign:
+      return "sign_of";
+    case Operation::kMin:
+      return "minimum_of";
+    case Operation::kMax:
+      return "maximum_of";
+    case Operation::kSelect:
+      return "select_of";
+    case Operation::kWhereFinite:
+      return "where_finite";
+    default:
+      return nullptr;
+  }
+}
+
+class Writer {
+ public:
+  explicit Writer(const Graph& graph) : graph_(graph) {}
+
+  void write(const std::vector<Node>& outputs) {
+    const std::vector<bool> reachable = graph_.findReachable(outputs);
+    for (std::size_t i = 0; i < reachable.size(); ++i) {
+      const Node node{static_cast<int>(i)};
+      if (reachable[i] && operandCount(graph_.entry(node).operation) > 0) define(node);
+    }
+    for (std::size_t k = 0; k < outputs.size(); ++k) {
+      text_ += "  y[" + std::to_string(k) + "] = " + refer(outputs[k]) + ";\n";
+    }
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string refer(Node node) const {
+    const Graph::Entry& entry = graph_.entry(node);
+    if (entry.operation == Operation::kConstant) return literal(entry.value);
+    if (entry.operation == Operation::kVariable) {
+      const Source source = sourceOf(entry.slot);
+      const std::string name = sourceName(source);
+      return source == Source::kTime ? name
+                                     : name + "[" + std::to_string(indexOf(entry.slot)) + "]";
+    }
+    return "n" + std::to_string(node.index);
+  }
+
+  /// x^n by the same products as powerOf.
+  std::string power(const std::string& base, int n) {
+    if (n == 0) return "1.0";
+    if (n == 1) return base;
+    if (n % 2 == 1) return "(" + power(base, n - 1) + " * " + base + ")";
+    const std::string root = "q" + std::to_string(++roots_);
+    const std::string half = power(base, n / 2);
+    text_ += "  const double " + root + " = " + half + ";\n";
+    return "(" + root + " * " + root + ")";
+  }
+
+  std::string valueOf(const Graph::Entry& it) {
+    const auto operand = [&](int k) { return refer({it.operands[k]}); };
+    switch (it.operation) {
+      case Operation::kNegate:
+        return "-" + operand(0);
+      case Operation::kAdd:
+        return operand(0) + " + " + operand(1);
+      case Operation::kSubtract:
+        return operand(0) + " - " + operand(1);
+      case Operation::kMultiply:
+        return operand(0) + " * " + operand(1);
+      case Operation::kDivide:
+        return operand(0) + " / " + operand(1);
+      case Operation::kTable:
+        return "T->table(T->tables[" + std::to_string(it.slot) + "], " +
+               std::to_string(it.order[0]) + ", " + operand(0) + ")";
+      case Operation::kTable2:
+        return "T->table2(T->tables2[" + std::to_string(it.slot) + "], " +
+               std::to_string(it.order[0]) + ", " + std::to_string(it.order[1]) + ", " +
+               operand(0) + ", " + operand(1) + ")";
+      case Operation::kPower: {
+        const Node exponent{it.operands[1]};
+        if (graph_.isConstant(exponent) && isMultipliedPower(graph_.constantValue(exponent))) {
+          const int n = static_cast<int>(graph_.constantValue(exponent));
+          return n < 0 ? "1.0 / " + power(operand(0), -n) : power(operand(0), n);
+        }
+        break;
+      }
+      default:
+        break;
+    }
+    std::string call = functionName(it.operation) + std::string("(");
+    for (int k = 0; k < operandCount(it.operation); ++k) call += (k > 0 ? ", " : "") + operand(k);
+    return call + ")";
+  }
+
+  void define(Node node) {
+    const Graph::Entry it = graph_.entry(node);
+    const std::string value = valueOf(it);
+    text_ += "  const double n" + std::to_string(node.index) + " = " + value + ";\n";
+  }
+
+  const Graph& graph_;
+  std::string text_;
+  int roots_ = 0;
+};
+
+}  // namespace
+
+const char* prelude() {
+  return R"c(#include <math.h>
+
+struct tables {
+  const void* const* tables;
+  const void* const* tables2;
+  double (*table)(const void* table, int order, double x);
+  double (*table2)(const void* table, int order_x, int order_y, double x, double y);
+};
+
+/* A comparison with NaN has no answer, so its result is NaN. */
+static inline double sign_of(double x) {
+  return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x == 0.0 ? 0.0 : x;
+}
+static inline double minimum_of(double a, double b) { return a <= b ? a : b < a ? b : a + b; }
+static inline double maximum_of(double a, double b) { return a >= b ? a : b > a ? b : a + b; }
+static inline double select_of(double a, double b, double yes, double no) {
+  return a <= b ? yes : a > b ? no : NAN;
+}
+static inline double where_finite(double a, double value) {
+  return isfinite(a) ? value : isinf(a) ? 0.0 : a;
+}
+)c";
+}
+
+bool isWritable(const Graph& graph, const std::vector<Node>& outputs) {
+  const std::vector<bool> reachable = graph.findReachable(outputs);
+  for (std::size_t i = 0; i < reachable.size(); ++i) {
+    if (!reachable[i]) continue;
+    const Graph::Entry& it = graph.entry({static_cast<int>(i)});
+    switch (it.operation) {
+      case Operation::kVariable:
+        if (sourceName(sourceOf(it.slot)) == nullptr) return false;
+        break;
+      case Operation::kConstant:
+      case Operation::kNegate:
+      case Operation::kAdd:
+      case Operation::kSubtract:
+      case Operation::kMultiply:
+      case Operation::kDivide:
+      case Operation::kTable:
+      case Operation::kTable2:
+        break;
+      default:
+        if (functionName(it.operation) == nullptr) return false;
+    }
+  }
+  return true;
+}
+
+std::string writeFunction(const Graph& graph, const std::string& name,
+                          const std::vector<Node>& outputs) {
+  Writer writer(graph);
+  writer.write(outputs);
+  return "\nvoid " + name +
+         "(double t, const double* p, const double* w, const double* e, const double* u,\n"
+         "    const double* v, const double* a, const struct tables* T, double* y) {\n"
+         "  (void)t, (void)p, (void)w, (void)e, (void)u, (void)v, (void)a, (void)T, (void)y;\n" +
+         writer.text() + "}\n";
+}
+
+}  // namespace variator_sim::expression

@@ -1,0 +1,253 @@
+#include "machine_code/kernel_library.h"
+
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <climits>
+#include <csignal>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <thread>
+#include <vector>
+
+namespace variator_sim {
+namespace {
+
+// Every operation is to round by itself, as the interpreter's do. (GCC 12 fuses products and sums
+// in vectors of straight-line code all the same.)
+const char* const kOptions[] = {"-std=c11",        "-O3",
+                                "-march=native",   "-ffp-contract=off",
+                                "-fno-math-errno", "-fno-tree-slp-vectorize",
+                                "-fPIC",           "-shared"};
+constexpr auto kPatience = std::chrono::seconds(60);
+
+std::uint64_t mix(std::uint64_t hash, const std::string& text) {
+  // FNV-1a
+  for (const char c : text) {
+    hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
+  }
+  return hash;
+}
+
+std::string sumOf(const std::string& text) {
+  char digits[40];
+  std::snprintf(digits, sizeof digits, "%016llx%016llx",
+                static_cast<unsigned long long>(mix(14695981039346656037ULL, text)),
+                static_cast<unsigned long long>(mix(0x9e3779b97f4a7c15ULL, text)));
+  return digits;
+}
+
+std::string readAll(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+std::string findCompiler() {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path != nullptr ? path : "/usr/bin:/bin");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    const std::string program = folder + "/cc";
+    if (!folder.empty() && folder.front() == '/' && ::access(program.c_str(), X_OK) == 0) {
+      return program;
+    }
+  }
+  return "";
+}
+
+/// What tells one compiler from the next version of it.
+std::string identify(const std::string& program) {
+  char resolved[PATH_MAX];
+  if (::realpath(program.c_str(), resolved) == nullptr) return program;
+  struct stat status = {};
+  if (::stat(resolved, &status) != 0) return resolved;
+  std::ostringstream text;
+  text << resolved << ' ' << status.st_size << ' ' << status.st_mtime;
+  return text.str();
+}
+
+/// The lines about the first processor that tell which instructions it has.
+std::string identifyProcessor() {
+  std::ifstream file("/proc/cpuinfo");
+  std::string text;
+  for (std::string line; std::getline(file, line) && !line.empty();) {
+    for (const char* key : {"model name", "flags", "Features", "CPU part"}) {
+      if (line.rfind(key, 0) == 0) text += line + "\n";
+    }
+  }
+  return text;
+}
+
+std::string describeError() {
+  return std::strerror(errno);
+}
+
+/// Makes the folder and those above it. An empty reason when it is there, ours and nobody else's.
+std::string prepareFolder(const std::string& folder) {
+  for (std::size_t end = folder.find('/', 1);; end = folder.find('/', end + 1)) {
+    const std::string part = folder.substr(0, end);
+    if (::mkdir(part.c_str(), 0700) != 0 && errno != EEXIST) {
+      return "the folder " + part + " cannot be made: " + describeError();
+    }
+    if (end == std::string::npos) break;
+  }
+  struct stat status = {};
+  if (::lstat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) {
+    return folder + " is no folder";
+  }
+  if (status.st_uid != ::geteuid() || (status.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
+    return "the folder " + folder + " is not ours alone to write to";
+  }
+  return "";
+}
+
+std::string findFolder() {
+  const auto variable = [](const char* name) -> std::string {
+    const char* value = std::getenv(name);
+    return value != nullptr && value[0] == '/' ? value : "";
+  };
+  if (const std::string own = variable("VARIATOR_SIM_CACHE"); !own.empty()) return own;
+  if (const std::string cache = variable("XDG_CACHE_HOME"); !cache.empty()) {
+    return cache + "/variator_sim";
+  }
+  if (const std::string home = variable("HOME"); !home.empty()) {
+    return home + "/.cache/variator_sim";
+  }
+  return "";
+}
+
+/// Runs the compiler; an empty reason when it made `output`.
+std::string compile(const std::string& program, const std::string& source,
+                    const std::string& output) {
+  std::vector<std::string> arguments{program};
+  arguments.insert(arguments.end(), std::begin(kOptions), std::end(kOptions));
+  arguments.insert(arguments.end(), {"-o", output, source, "-lm"});
+  std::vector<char*> pointers;
+  for (std::string& argument : arguments) pointers.push_back(argument.data());
+  pointers.push_back(nullptr);
+
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    ::posix_spawn_file_actions_addopen(&actions, stream, "/dev/null", O_RDWR, 0);
+  }
+  pid_t child = 0;
+  const int error =
+      ::posix_spawn(&child, program.c_str(), &actions, nullptr, pointers.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  if (error != 0) return program + " cannot be run: " + std::strerror(error);
+
+  int status = 0;
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  for (;;) {
+    const pid_t ended = ::waitpid(child, &status, WNOHANG);
+    if (ended == child) break;
+    if (ended < 0 && errno != EINTR) return program + " got lost: " + describeError();
+    if (std::chrono::steady_clock::now() > give_up) {
+      ::kill(child, SIGKILL);
+      ::waitpid(child, &status, 0);
+      return program + " took more than a minute";
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return "";
+  return program + " failed";
+}
+
+bool writeAll(const std::string& path, const std::string& text, std::ios::openmode mode) {
+  std::ofstream file(path, mode | std::ios::binary);
+  file << text;
+  file.close();
+  return file.good();
+}
+
+/// Compiles into `path`; an empty reason when that is there afterwards.
+std::string makeKernel(const std::string& compiler, const std::string& source,
+                       const std::string& path) {
+  const std::string beside = path + "." + std::to_string(::getpid());
+  const std::string text = beside + ".c";
+  std::string reason;
+  if (!writeAll(text, source, std::ios::trunc)) {
+    reason = text + " cannot be written: " + describeError();
+  } else {
+    reason = compile(compiler, text, beside);
+  }
+  if (reason.empty()) {
+    // What follows an object's own end is nothing to the loader.
+    const bool is_whole = writeAll(beside, sumOf(readAll(beside)), std::ios::app);
+    if (!is_whole || ::rename(beside.c_str(), path.c_str()) != 0) {
+      reason = path + " cannot be written: " + describeError();
+    }
+  }
+  ::unlink(text.c_str());
+  ::unlink(beside.c_str());
+  return reason;
+}
+
+/// True when `path` is a kernel that was written to its end, by us.
+bool isWhole(const std::string& path) {
+  struct stat status = {};
+  if (::lstat(path.c_str(), &status) != 0 || !S_ISREG(status.st_mode) ||
+      status.st_uid != ::geteuid()) {
+    return false;
+  }
+  const std::string all = readAll(path);
+  constexpr std::size_t kSum = 32;
+  if (all.size() <= kSum) return false;
+  return all.substr(all.size() - kSum) == sumOf(all.substr(0, all.size() - kSum));
+}
+
+}  // namespace
+
+KernelLibrary::~KernelLibrary() {
+  ::dlclose(handle_);
+}
+
+void* KernelLibrary::find(const char* name) const {
+  return ::dlsym(handle_, name);
+}
+
+std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Missing missing,
+                                                   std::string* reason) {
+  const std::string folder = findFolder();
+  if (folder.empty()) {
+    *reason = "there is no place for it: neither VARIATOR_SIM_CACHE nor HOME is set";
+    return nullptr;
+  }
+  const std::string compiler = findCompiler();
+  std::string key = source + "\n" + identify(compiler) + "\n" + identifyProcessor();
+  for (const char* option : kOptions) key += option;
+  const std::string path = folder + "/" + sumOf(key) + ".so";
+  bool was_compiled = false;
+  *reason = prepareFolder(folder);
+  if (!reason->empty()) return nullptr;
+  if (!isWhole(path)) {
+    if (missing == Missing::kLeave) {
+      *reason = "it is not in the cache yet";
+    } else if (compiler.empty()) {
+      *reason = "no compiler (cc) was found";
+    } else {
+      *reason = makeKernel(compiler, source, path);
+      was_compiled = true;
+    }
+    if (!reason->empty()) return nullptr;
+  }
+  void* handle = ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (handle == nullptr) {
+    *reason = "it cannot be loaded: " + std::string(::dlerror());
+    return nullptr;
+  }
+  return std::shared_ptr<KernelLibrary>(new KernelLibrary(handle, was_compiled));
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,42 @@
+/// Machine code made at run time: C, compiled by the system's compiler for this very processor, and
+/// kept for the next time.
+///
+/// A kernel lies in the cache as KEY.so, KEY being a hash of its C, of the compiler and its options
+/// and of the processor. It is written beside that name and renamed, so that two processes may make
+/// it at once; a sum at its end tells whether all of it is there. No shell is involved; nothing is
+/// loaded from a directory that others may write to.
+///
+/// Where: $VARIATOR_SIM_CACHE, or $XDG_CACHE_HOME/variator_sim, or ~/.cache/variator_sim.
+#pragma once
+
+#include <memory>
+#include <string>
+
+namespace variator_sim {
+
+/// Loaded code; gone with its last owner.
+class KernelLibrary {
+ public:
+  ~KernelLibrary();
+  KernelLibrary(const KernelLibrary&) = delete;
+  KernelLibrary& operator=(const KernelLibrary&) = delete;
+
+  /// The function of this name; null when there is none.
+  void* find(const char* name) const;
+
+  /// Whether code that is not in the cache yet is compiled.
+  enum class Missing { kCompile, kLeave };
+  /// The library of `source`. Null where there is none, and `reason` then says why, as the end of
+  /// a sentence ("no compiler (cc) was found"). Never throws; takes a second or so to compile.
+  static std::shared_ptr<KernelLibrary> load(const std::string& source, Missing missing,
+                                             std::string* reason);
+  /// True when the last `load` of this object compiled it.
+  bool wasCompiled() const { return was_compiled_; }
+
+ private:
+  KernelLibrary(void* handle, bool was_compiled) : handle_(handle), was_compiled_(was_compiled) {}
+  void* handle_;
+  bool was_compiled_;
+};
+
+}  // namespace variator_sim
