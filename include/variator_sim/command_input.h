@@ -19,6 +19,9 @@ enum class Hold {
   kSecondOrderLag   ///< (tau d/dt + 1)^2 u = command, critically damped: u and u' are continuous
 };
 
+/// As scenes write it.
+const char* toString(Hold hold);
+
 /// What happens when no command has come for `timeout` seconds of simulated time.
 enum class OnTimeout { kHold, kZero };
 

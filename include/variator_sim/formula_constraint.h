@@ -42,6 +42,7 @@ class FormulaConstraint : public Constraint {
   expression::Node function() const { return function_; }
   /// C (s nodes), then c0.
   const std::vector<expression::Node>& row() const { return row_nodes_; }
+  const NamedOutputs& namedOutputs() const { return outputs_; }
 
  protected:
   FormulaConstraint() = default;

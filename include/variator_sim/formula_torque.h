@@ -39,6 +39,7 @@ class FormulaTorque : public Torque {
   const std::vector<ShaftNode>& torques() const { return torques_; }
   /// Q', N m/s, of those shafts; 0 left out.
   const std::vector<ShaftNode>& rates() const { return rates_; }
+  const NamedOutputs& namedOutputs() const { return outputs_; }
 
  protected:
   /// States the law. Called once. Throws SceneError.

@@ -17,11 +17,14 @@ class NamedOutputs {
   explicit NamedOutputs(const LawContext& law);
 
   const std::vector<std::string>& names() const { return names_; }
+  /// Of the scene's graph, one for each name.
+  const std::vector<expression::Node>& nodes() const { return nodes_; }
   /// One value for each name. [loop]
   void evaluate(const StateView& state, double* values) const { tape_.evaluate(state, values); }
 
  private:
   std::vector<std::string> names_;
+  std::vector<expression::Node> nodes_;
   expression::Tape tape_;
 };
 

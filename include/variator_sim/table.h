@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "variator_sim/guard.h"
@@ -61,10 +62,13 @@ class Table {
   std::vector<double> points() const;
   /// True when y has a largest value: nothing grows beyond the ends.
   bool isBounded() const;
+  /// The path of the dictionary in the scene that it was read from; empty of any other.
+  const std::string& origin() const { return origin_; }
 
  private:
   struct Curve;
   std::shared_ptr<const Curve> curve_;
+  std::string origin_;
 };
 
 }  // namespace variator_sim

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "variator_sim/guard.h"
@@ -53,11 +54,15 @@ class Table2 {
   const std::vector<double>& pointsY() const;
   /// True when nothing grows beyond the edges.
   bool isBounded() const;
+  /// The path of the dictionary in the scene that it was read from.
+  const std::string& origin() const { return origin_; }
 
  private:
   struct Surface;
-  explicit Table2(std::shared_ptr<const Surface> surface) : surface_(std::move(surface)) {}
+  Table2(std::shared_ptr<const Surface> surface, std::string origin)
+      : surface_(std::move(surface)), origin_(std::move(origin)) {}
   std::shared_ptr<const Surface> surface_;
+  std::string origin_;
 };
 
 }  // namespace variator_sim

@@ -83,12 +83,11 @@ Expression LawContext::smoothStep(const Expression& x, double begin, double end)
 
 NamedOutputs::NamedOutputs(const LawContext& law) {
   expression::Graph& graph = *law.component().graph();
-  std::vector<expression::Node> nodes;
   for (const auto& [name, value] : law.outputs()) {
     names_.push_back(name);
-    nodes.push_back(value.in(graph));
+    nodes_.push_back(value.in(graph));
   }
-  tape_ = expression::Tape(graph, nodes);
+  tape_ = expression::Tape(graph, nodes_);
 }
 
 void LawContext::apply(const Shaft& shaft, const Expression& torque) {

@@ -70,6 +70,12 @@ const HoldName& readHold(ParameterReader& reader) {
 
 }  // namespace
 
+const char* toString(Hold hold) {
+  const auto it = std::find_if(kHolds.begin(), kHolds.end(),
+                               [hold](const HoldName& name) { return name.hold == hold; });
+  return it == kHolds.end() ? "" : it->name;
+}
+
 CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner) {
   // All known from the start, so that a missing key can be told from a misspelt one.
   for (const char* key : {"topic", "hold", "time_constant", "rate", "period", "initial", "min",

@@ -113,7 +113,9 @@ Table Table::read(ParameterReader& reader, const Column& x_column, const Column&
                                                "allowed: slopes and intervals below 1e150");
   }
 
-  return through(std::move(x), y, beyond);
+  Table table = through(std::move(x), y, beyond);
+  table.origin_ = reader.path();
+  return table;
 }
 
 Table Table::through(Numbers x, const Numbers& y, Beyond beyond) {

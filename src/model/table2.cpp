@@ -198,7 +198,7 @@ Table2 Table2::read(ParameterReader& reader, const Keys& keys, Table::Beyond bey
   for (const Stencil& row : along_x) {
     for (const Stencil& column : along_y) surface.patches.push_back(makePatch(row, column, z));
   }
-  return Table2(std::make_shared<const Surface>(std::move(surface)));
+  return Table2(std::make_shared<const Surface>(std::move(surface)), reader.path());
 }
 
 double Table2::derivative(Order order, double x, double y) const {
