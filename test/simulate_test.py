@@ -94,6 +94,29 @@ class SimulateTest(unittest.TestCase):
         self.assertIn("--duration", result.stdout)
         self.assertEqual(result.stderr, "")
 
+    def test_equations_need_no_duration(self):
+        result = self.simulate(SHIP, "--explain")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        golden = (FOLDER / "doc/explained_ship.txt").read_text(encoding="utf-8")
+        self.assertEqual(result.stdout.splitlines()[1:], golden.splitlines()[1:])
+
+    def test_equations_in_latex(self):
+        result = self.simulate("--explain", "--latex", SHIP)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertTrue(result.stdout.startswith("\\documentclass"))
+        self.assertTrue(result.stdout.endswith("\\end{document}\n"))
+        self.assertIn("\\omega_{\\mathrm{drive}}", result.stdout)
+        self.check_refused([SHIP, "--latex"], "--latex", "--explain")
+
+    def test_every_shipped_scene_is_explained(self):
+        for scene in sorted((FOLDER / "config").glob("**/*.yaml")):
+            with self.subTest(scene=scene.name):
+                result = self.simulate(str(scene), "--explain")
+                self.assertEqual(result.returncode, 0, result.stderr)
+                self.assertIn("equations of motion", result.stdout)
+                for line in result.stdout.splitlines():
+                    self.assertLessEqual(len(line), 120)
+
     def test_header_and_times_at_a_rate(self):
         header, rows = self.samples(SHIP, "--duration", "1", "--rate", "10")
         self.assertEqual(header, SHIP_HEADER)

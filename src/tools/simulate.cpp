@@ -2,16 +2,19 @@
 
 #include <unistd.h>
 
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "ros/plugin_loader.h"
+#include "tools/explanation.h"
 #include "tools/offline_run.h"
 #include "tools/progress_bar.h"
 #include "tools/sample_writer.h"
@@ -243,6 +246,17 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   return exit_status;
 }
 
+int explain(const Simulation& simulation, const SimulateOptions& options) {
+  const std::vector<EquationSection> sections = writeEquations(simulation);
+  const std::string text = options.latex ? layOutLatex(sections, options.scene_path)
+                                         : layOutText(sections, options.scene_path);
+  if (std::fputs(text.c_str(), stdout) < 0 || std::fflush(stdout) != 0) {
+    if (errno == EPIPE) throw OutputClosed("standard output: closed");
+    throw OutputError("standard output: " + std::string(std::strerror(errno)));
+  }
+  return kSuccess;
+}
+
 int runSimulate(const std::vector<std::string>& words) {
   const SimulateOptions options = parseSimulateOptions(words);
   if (options.help) {
@@ -255,6 +269,7 @@ int runSimulate(const std::vector<std::string>& words) {
     std::fprintf(stderr, "simulate: formulas are run by %s\n", simulation.machineCode().c_str());
     return is_loaded ? kSuccess : kBadOutput;
   }
+  if (options.explain) return explain(simulation, options);
   simulation.trackEnergy(options.columns.energy);
   OfflineRun offline_run(simulation,
                          options.has_times ? SampleTimes::at(options.times)

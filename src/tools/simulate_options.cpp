@@ -11,8 +11,8 @@ namespace {
 
 const std::vector<std::string>& optionNames() {
   static const std::vector<std::string> names = {
-      "--duration", "--rate",   "--times", "--commands", "--output",
-      "--columns",  "--energy", "--stats", "--compile",  "--help"};
+      "--duration", "--rate",  "--times",   "--commands", "--output",  "--columns",
+      "--energy",   "--stats", "--explain", "--latex",    "--compile", "--help"};
   return names;
 }
 
@@ -166,6 +166,12 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
     } else if (name == "--compile") {
       word.refuseValue();
       options.compile = true;
+    } else if (name == "--explain") {
+      word.refuseValue();
+      options.explain = true;
+    } else if (name == "--latex") {
+      word.refuseValue();
+      options.latex = true;
     } else if (word.isOption()) {
       throw UsageError("unknown option '" + name + "'" + suggestName(name, optionNames()));
     } else if (options.scene_path.empty()) {
@@ -176,6 +182,8 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
     }
   }
   if (options.scene_path.empty()) throw UsageError("no scene given");
+  if (options.latex && !options.explain) throw UsageError("--latex belongs to --explain");
+  if (options.explain) return options;
   if (options.has_times && has_rate) {
     throw UsageError("--rate and --times exclude each other");
   }
@@ -195,6 +203,7 @@ const char* simulateHelp() {
   return R"(Simulates a drivetrain without a ROS master, as fast as it can.
 
 usage: simulate SCENE.yaml --duration S [options]
+       simulate SCENE.yaml --explain [--latex]
 
   SCENE.yaml              the drivetrain
   --duration S            simulated time, s; may be left out with --times
@@ -210,6 +219,9 @@ usage: simulate SCENE.yaml --duration S [options]
                           powers, W)
   --energy                adds energy to the columns: --columns state,energy
   --stats                 print counters and times to standard error
+  --explain               print the scene's equations of motion instead of running it: its laws
+                          simplified, what they have in common, what is not computed and why
+  --latex                 of --explain: as a LaTeX document
   --compile               make the scene's machine code, for later runs and nodes, and nothing else
   --help                  this text
 

@@ -26,6 +26,8 @@ struct ColumnGroups {
 
 struct SimulateOptions {
   bool help = false;
+  bool explain = false;  ///< print the equations instead of running
+  bool latex = false;    ///< of them
   std::string scene_path;
   double duration = 0.0;      ///< s
   double rate = 100.0;        ///< samples per second; unused when `times` are given

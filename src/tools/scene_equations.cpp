@@ -1,0 +1,452 @@
+#include "tools/scene_equations.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "variator_sim/expression/state_derivatives.h"
+#include "variator_sim/formula_constraint.h"
+#include "variator_sim/formula_torque.h"
+
+namespace variator_sim {
+
+using expression::Graph;
+using expression::latexName;
+using expression::makeCall;
+using expression::makeNumber;
+using expression::makeProduct;
+using expression::makeSum;
+using expression::makeSymbol;
+using expression::Node;
+using expression::Operation;
+using expression::slotOf;
+using expression::Source;
+using expression::Symbol;
+using expression::TermPtr;
+
+namespace {
+
+Symbol withPrime(const Symbol& symbol) {
+  return {symbol.text + "'", symbol.latex + "'"};
+}
+
+class Writer {
+ public:
+  explicit Writer(const Simulation& simulation)
+      : simulation_(simulation),
+        scene_(simulation.scene()),
+        graph_(*scene_.graph),
+        is_classical_(scene_.principle == Principle::kGauss && !scene_.hasOrder3()) {}
+
+  std::vector<EquationSection> write() {
+    expression::Names names = nameThings(scene_);
+    findNodes(names);
+    std::vector<Node> nodes;
+    for (const auto& root : roots_) nodes.push_back(root.second);
+    const expression::Terms terms = makeTerms(graph_, nodes, names);
+    for (std::size_t i = 0; i < nodes.size(); ++i) term_of_[nodes[i].index] = terms.roots[i];
+    writeNames(describeThings(scene_, names, nodes));
+    writeShared(terms);
+    writeInertia();
+    for (const TorquePtr& torque : scene_.torques) writeTorque(*torque);
+    for (const ConstraintPtr& constraint : scene_.constraints) writeConstraint(*constraint);
+    writeMotion();
+    writeSkips();
+    return std::move(sections_);
+  }
+
+ private:
+  // ------------------------------------------------------------------------------ what is written
+  template <class Law, class Element>
+  const Law* formulaOf(const Element& element) const {
+    const auto* law = dynamic_cast<const Law*>(&element);
+    return law != nullptr && &law->graph() == &graph_ ? law : nullptr;
+  }
+
+  /// All that is to be written of the scene's graph, with its names.
+  void findNodes(expression::Names& names) {
+    for (const TorquePtr& torque : scene_.torques) {
+      const auto* law = formulaOf<FormulaTorque>(*torque);
+      if (law == nullptr) continue;
+      for (const auto& [i, node] : law->torques()) call(torqueSymbol(*torque, i), node, names);
+      if (is_classical_) continue;
+      for (const auto& [i, node] : law->rates()) {
+        call(withPrime(torqueSymbol(*torque, i)), node, names);
+      }
+    }
+    for (const ConstraintPtr& constraint : scene_.constraints) {
+      const auto* law = formulaOf<FormulaConstraint>(*constraint);
+      if (law == nullptr) continue;
+      add(functionSymbol(*constraint), law->function());
+      for (int i = 0; i < scene_.shaftCount(); ++i) {
+        add(rowSymbol(*constraint, "C", "C", i), law->row()[static_cast<std::size_t>(i)]);
+      }
+      if (!is_classical_) add(rowSymbol(*constraint, "c0", "c_{0}"), law->row().back());
+      if (is_classical_ && law->order() == 1) {
+        add(withPrime(functionSymbol(*constraint)), rateOf(*law));
+      }
+    }
+  }
+  /// What is called so wherever it occurs in others; the first name counts.
+  void call(const Symbol& symbol, Node node, expression::Names& names) {
+    add(symbol, node);
+    const Operation operation = graph_.entry(node).operation;
+    if (operation == Operation::kConstant || operation == Operation::kVariable) return;
+    names.nodes.emplace(node.index, symbol);
+  }
+  void add(const Symbol& symbol, Node node) { roots_.emplace_back(symbol, node); }
+
+  /// What has no place of its own further down.
+  void writeShared(const expression::Terms& terms) {
+    begin("parts in common, each computed once");
+    for (const auto& [name, term] : terms.shared) {
+      const auto root = std::find_if(roots_.begin(), roots_.end(), [&name = name](const auto& it) {
+        return it.first.text == name.text;
+      });
+      if (root == roots_.end()) {
+        equate(makeSymbol(name), term);
+      } else {
+        term_of_[root->second.index] = term;
+        defined_[root->second.index] = name;
+      }
+    }
+    if (sections_.back().equations.empty()) sections_.pop_back();
+  }
+
+  /// f' of a constraint of order 1.
+  Node rateOf(const FormulaConstraint& law) const {
+    std::set<int> inputs;
+    for (int i = 0; i < scene_.inputCount(); ++i) inputs.insert(i);
+    return graph_.totalDerivative(law.function(),
+                                  expression::ratesOf(graph_, scene_.shaftCount(), inputs));
+  }
+
+  // ------------------------------------------------------------------------------------- symbols
+  TermPtr shaft(Source of, int i) const { return makeSymbol(shaftWords(scene_, of, i)); }
+  Symbol shaftSymbol(const char* text, const char* latex, int i) const {
+    const std::string& name = scene_.shafts[static_cast<std::size_t>(i)];
+    return {text + ("_" + name), latex + ("_{" + latexName(name) + "}")};
+  }
+  Symbol inertiaSymbol(int i) const { return shaftSymbol("J", "J", i); }
+
+  /// Q_motor; of an element with several shafts Q_clutch_a.
+  Symbol torqueSymbol(const Torque& torque, int i) const {
+    Symbol symbol{"Q_" + torque.name(), latexName(torque.name())};
+    if (torque.shafts().size() > 1) {
+      const std::string& name = scene_.shafts[static_cast<std::size_t>(i)];
+      // Another element may be called clutch_a.
+      const bool is_taken = std::any_of(
+          scene_.torques.begin(), scene_.torques.end(),
+          [&](const TorquePtr& other) { return other->name() == torque.name() + "_" + name; });
+      symbol = {symbol.text + (is_taken ? "__" : "_") + name, symbol.latex + "," + latexName(name)};
+    }
+    return {symbol.text, "Q_{" + symbol.latex + "}"};
+  }
+
+  /// psi, or psi_belt where there are several constraints; `of` a shaft besides.
+  Symbol rowSymbol(const Constraint& constraint, const char* text, const char* latex,
+                   int of = -1) const {
+    std::string name = text;
+    std::string index;
+    const auto add = [&](const std::string& part) {
+      name += "_" + part;
+      index += (index.empty() ? "" : ",") + latexName(part);
+    };
+    if (scene_.constraintCount() > 1) add(constraint.name());
+    if (of >= 0) add(scene_.shafts[static_cast<std::size_t>(of)]);
+    std::string formula = latex;
+    if (!index.empty()) {
+      // c_0 has an index already.
+      const bool is_indexed = formula.back() == '}';
+      if (is_indexed) formula.pop_back();
+      formula += (is_indexed ? "," : "_{") + index + "}";
+    }
+    return {name, formula};
+  }
+
+  /// C of a shaft in the equations of motion: a number, or its name.
+  TermPtr entry(const Constraint& constraint, int i) const {
+    const auto* law = formulaOf<FormulaConstraint>(constraint);
+    if (law != nullptr) {
+      const Node C = law->row()[static_cast<std::size_t>(i)];
+      if (graph_.isConstant(C)) return makeNumber(graph_.constantValue(C));
+    }
+    return makeSymbol(rowSymbol(constraint, "C", "C", i));
+  }
+
+  // ------------------------------------------------------------------------------------- sections
+  void begin(const std::string& title) { sections_.push_back({plainWords(title), {}, {}}); }
+  void say(const Words& words) { sections_.back().sentences.push_back(words); }
+  void sayPlain(const std::string& text) { say(plainWords(text)); }
+  void equate(const TermPtr& left, const TermPtr& right) {
+    sections_.back().equations.push_back({left, right});
+  }
+  /// symbol = node
+  void define(const Symbol& symbol, Node node) {
+    const auto name = defined_.find(node.index);
+    const bool is_elsewhere = name != defined_.end() && name->second.text != symbol.text;
+    equate(makeSymbol(symbol), is_elsewhere ? makeSymbol(name->second) : term_of_.at(node.index));
+  }
+
+  /// "name (ExpressionTorque)"
+  std::string describe(const std::string& name) const {
+    const auto& root = scene_.resolved.asDictionary();
+    const auto section = root.find(name);
+    if (section == root.end()) return name;
+    const auto type = section->second.asDictionary().find("type");
+    if (type == section->second.asDictionary().end()) return name;
+    const std::string& full = type->second.asText();
+    const std::string own = "variator_sim/";
+    return name + " (" + (full.compare(0, own.size(), own) == 0 ? full.substr(own.size()) : full) +
+           ")";
+  }
+
+  void writeNames(const std::vector<Words>& described) {
+    begin("names");
+    const bool has_jerks = !is_classical_;
+    const Words symbols = has_jerks
+                              ? Words{"phi, w, e, j", "$\\varphi, \\omega, \\varepsilon, \\eta$"}
+                              : Words{"phi, w, e", "$\\varphi, \\omega, \\varepsilon$"};
+    const Words what = plainWords(
+        has_jerks ? ": angle, velocity, acceleration, jerk of a shaft, rad, rad/s, rad/s^2, rad/s^3"
+                  : ": angle, velocity, acceleration of a shaft, rad, rad/s, rad/s^2");
+    say({symbols.text + what.text, symbols.latex + what.latex});
+    say({"t: time, s; x': the rate of x", "$t$: time, s; $x'$: the rate of $x$"});
+    for (const Words& words : described) say(words);
+  }
+
+  bool hasHarmonics(int i) const {
+    return !scene_.inertia_harmonics.empty() &&
+           !scene_.inertia_harmonics[static_cast<std::size_t>(i)].empty();
+  }
+
+  void writeInertia() {
+    bool is_first = true;
+    for (int i = 0; i < scene_.shaftCount(); ++i) {
+      if (!hasHarmonics(i)) continue;
+      if (is_first) begin("inertia that depends on the angle, kg m^2");
+      is_first = false;
+      std::vector<TermPtr> sum = {makeNumber(scene_.inertia(i, i))};
+      for (const InertiaHarmonic& it : scene_.inertia_harmonics[static_cast<std::size_t>(i)]) {
+        const TermPtr angle = makeProduct(makeNumber(it.order), shaft(Source::kAngle, i));
+        sum.push_back(makeProduct(makeNumber(it.cosine), makeCall({"cos", "\\cos"}, {angle})));
+        sum.push_back(makeProduct(makeNumber(it.sine), makeCall({"sin", "\\sin"}, {angle})));
+      }
+      equate(makeSymbol(inertiaSymbol(i)), makeSum(sum));
+    }
+    if (!is_first) {
+      say({"J' and J'' are derivatives by the angle",
+           "$J'$ and $J''$ are derivatives by the angle"});
+    }
+  }
+
+  void writeTorque(const Torque& torque) {
+    std::string where;
+    for (const int i : torque.shafts()) {
+      where += (where.empty() ? "" : " and ") + scene_.shafts[static_cast<std::size_t>(i)];
+    }
+    begin("torque " + describe(torque.name()) + " on " + where + ", N m" +
+          (is_classical_ ? "" : " and N m/s"));
+    const auto* law = formulaOf<FormulaTorque>(torque);
+    if (law == nullptr) {
+      sayPlain("given by its own code");
+      return;
+    }
+    for (const auto& [i, node] : law->torques()) {
+      define(torqueSymbol(torque, i), node);
+    }
+    if (is_classical_) return;
+    for (const auto& [i, node] : law->rates()) {
+      define(withPrime(torqueSymbol(torque, i)), node);
+    }
+    for (const auto& [i, node] : law->torques()) {
+      if (hasRate(torque, i)) continue;
+      const Symbol Q = torqueSymbol(torque, i);
+      fallen_.push_back({withPrime(Q).text + " is 0: the torque is constant",
+                         "$" + withPrime(Q).latex + "$ is 0: the torque is constant"});
+    }
+  }
+
+  bool hasRate(const Torque& torque, int i) const {
+    const auto* law = formulaOf<FormulaTorque>(torque);
+    if (law == nullptr) return true;
+    return std::any_of(law->rates().begin(), law->rates().end(),
+                       [i](const auto& rate) { return rate.first == i; });
+  }
+
+  /// f or psi, as it is called; of order 3 C j + c0.
+  Symbol functionSymbol(const Constraint& constraint) const {
+    return constraint.order() == 1 ? rowSymbol(constraint, "f", "f")
+                                   : rowSymbol(constraint, "psi", "\\psi");
+  }
+
+  void writeConstraint(const Constraint& constraint) {
+    begin("constraint " + describe(constraint.name()) + ", order " +
+          std::to_string(constraint.order()));
+    const auto* law = formulaOf<FormulaConstraint>(constraint);
+    if (law == nullptr) {
+      sayPlain("given by its own code");
+      return;
+    }
+    define(functionSymbol(constraint), law->function());
+    if (is_classical_ && constraint.order() == 1) {
+      define(withPrime(functionSymbol(constraint)), rateOf(*law));
+    }
+    static constexpr const char* kHighest[] = {"velocity", "acceleration", "jerk"};
+    for (int i = 0; i < scene_.shaftCount(); ++i) {
+      const Node C = law->row()[static_cast<std::size_t>(i)];
+      const Symbol symbol = rowSymbol(constraint, "C", "C", i);
+      if (!graph_.isConstant(C, 0.0)) {
+        define(symbol, C);
+        continue;
+      }
+      const Words why = plainWords(" is 0: " + constraint.name() + " does not read the " +
+                                   kHighest[constraint.order() - 1] + " of " +
+                                   scene_.shafts[static_cast<std::size_t>(i)]);
+      fallen_.push_back({symbol.text + why.text, "$" + symbol.latex + "$" + why.latex});
+    }
+    if (is_classical_) return;
+    const Symbol c0 = rowSymbol(constraint, "c0", "c_{0}");
+    if (graph_.isConstant(law->row().back(), 0.0)) {
+      const Words why = plainWords(" is 0: nothing else in the constraint changes");
+      fallen_.push_back({c0.text + why.text, "$" + c0.latex + "$" + why.latex});
+    } else {
+      define(c0, law->row().back());
+    }
+  }
+
+  // ------------------------------------------------------------------------------------- motion
+  void writeMotion() {
+    begin(std::string("equations of motion, ") + (is_classical_ ? "N m" : "N m/s"));
+    if (is_classical_) {
+      say({"J e = Q + C^T lambda, psi = 0: the reaction is least (classical Gauss principle)",
+           "$J \\varepsilon = Q + C^T \\lambda$, $\\psi = 0$: the reaction is least (classical "
+           "Gauss principle)"});
+    } else if (scene_.principle == Principle::kGauss) {
+      say(
+          {"J e = Q + C^T lambda, differentiated once, and C j + c0 = 0 (Gauss principle with a "
+           "constraint of order 3)",
+           "$J \\varepsilon = Q + C^T \\lambda$, differentiated once, and $C \\eta + c_0 = 0$ "
+           "(Gauss principle with a constraint of order 3)"});
+    } else {
+      say(
+          {"J j = Q' + C^T Lambda, C j + c0 = 0: the reaction changes least (generalized Gauss "
+           "principle)",
+           "$J \\eta = Q' + C^T \\Lambda$, $C \\eta + c_0 = 0$: the reaction changes least "
+           "(generalized Gauss principle)"});
+    }
+    const bool has_rates = scene_.principle == Principle::kGeneralizedGauss;
+    tellOfInertia(has_rates);
+    for (int i = 0; i < scene_.shaftCount(); ++i) writeShaft(i, has_rates);
+    for (const ConstraintPtr& constraint : scene_.constraints) {
+      if (!is_classical_) {
+        std::vector<TermPtr> sum;
+        for (int i = 0; i < scene_.shaftCount(); ++i) {
+          sum.push_back(makeProduct(entry(*constraint, i), shaft(Source::kJerk, i)));
+        }
+        const auto* law = formulaOf<FormulaConstraint>(*constraint);
+        if (law == nullptr || !graph_.isConstant(law->row().back(), 0.0)) {
+          sum.push_back(makeSymbol(rowSymbol(*constraint, "c0", "c_{0}")));
+        }
+        equate(makeSum(sum), makeNumber(0.0));
+      } else {
+        const Symbol function = functionSymbol(*constraint);
+        equate(makeSymbol(constraint->order() == 1 ? withPrime(function) : function),
+               makeNumber(0.0));
+      }
+    }
+  }
+
+  /// The shaft's own equation, of torques or of their rates.
+  void writeShaft(int i, bool has_rates) {
+    const Source of = has_rates ? Source::kJerk : Source::kAcceleration;
+    std::vector<TermPtr> left;
+    for (int n = 0; n < scene_.shaftCount(); ++n) {
+      const TermPtr J = n == i && hasHarmonics(i) ? makeSymbol(inertiaSymbol(i))
+                                                  : makeNumber(scene_.inertia(i, n));
+      left.push_back(makeProduct(J, shaft(of, n)));
+    }
+    std::vector<TermPtr> right;
+    for (const TorquePtr& torque : scene_.torques) {
+      const std::vector<int> shafts = torque->shafts();
+      if (std::find(shafts.begin(), shafts.end(), i) == shafts.end()) continue;
+      const Symbol Q = torqueSymbol(*torque, i);
+      if (has_rates && !hasRate(*torque, i)) continue;
+      right.push_back(makeSymbol(has_rates ? withPrime(Q) : Q));
+    }
+    if (hasHarmonics(i)) addInertialTorque(i, has_rates, right);
+    for (const ConstraintPtr& constraint : scene_.constraints) {
+      const Symbol multiplier = has_rates ? rowSymbol(*constraint, "Lambda", "\\Lambda")
+                                          : rowSymbol(*constraint, "lambda", "\\lambda");
+      right.push_back(makeProduct(entry(*constraint, i), makeSymbol(multiplier)));
+    }
+    equate(makeSum(left), makeSum(right));
+  }
+
+  /// -J' w^2/2, or what its rate and the connection make of it (theory.md):
+  /// -2 J' w e - J'' w^3/2 + J' w (J^-1 R)/2.
+  void addInertialTorque(int i, bool has_rates, std::vector<TermPtr>& right) const {
+    const Symbol J = inertiaSymbol(i);
+    const TermPtr first = makeSymbol({J.text + "'", J.latex + "'"});
+    const TermPtr second = makeSymbol({J.text + "''", J.latex + "''"});
+    const TermPtr w = shaft(Source::kVelocity, i);
+    const TermPtr w2 = makeProduct(w, w);
+    const auto add = [&](double factor, const TermPtr& a, const TermPtr& b) {
+      right.push_back(makeProduct(makeNumber(factor), makeProduct(a, b)));
+    };
+    if (!has_rates) {
+      add(-0.5, first, w2);
+      return;
+    }
+    add(-2.0, makeProduct(first, w), shaft(Source::kAcceleration, i));
+    add(-0.5, second, makeProduct(w2, w));
+    add(0.5, makeProduct(first, w), makeSymbol(freeAcceleration(i)));
+  }
+
+  /// (J^-1 R)_i
+  Symbol freeAcceleration(int i) const {
+    const std::string& name = scene_.shafts[static_cast<std::size_t>(i)];
+    return {"(J^-1 R)_" + name, "(J^{-1} R)_{" + latexName(name) + "}"};
+  }
+
+  void tellOfInertia(bool has_rates) {
+    for (int i = 0; i < scene_.shaftCount(); ++i) {
+      if (!hasHarmonics(i)) continue;
+      say({"where inertia depends on the angle, J e has n = J' w^2/2 beside it",
+           "where inertia depends on the angle, $J \\varepsilon$ has $n = J' \\omega^2/2$ beside "
+           "it"});
+      if (has_rates) {
+        say({"and the rate of R = J e + n - Q the connection -J' w (J^-1 R)/2",
+             "and the rate of $R = J \\varepsilon + n - Q$ the connection "
+             "$-J' \\omega (J^{-1} R)/2$"});
+      }
+      return;
+    }
+  }
+
+  void writeSkips() {
+    begin("not computed");
+    for (const Words& words : fallen_) say(words);
+    for (const std::string& skip : simulation_.skips()) sayPlain(skip);
+    if (sections_.back().sentences.empty()) sections_.pop_back();
+  }
+
+  const Simulation& simulation_;
+  const Scene& scene_;
+  Graph& graph_;
+  const bool is_classical_;                     ///< accelerations follow from torques; no rates
+  std::vector<std::pair<Symbol, Node>> roots_;  ///< all that is to be written
+  std::map<int, Symbol> defined_;   ///< by the node's index: the one place where it is written out
+  std::map<int, TermPtr> term_of_;  ///< by the node's index
+  std::vector<Words> fallen_;       ///< what is zero, and why
+  std::vector<EquationSection> sections_;
+};
+
+}  // namespace
+
+std::vector<EquationSection> writeEquations(const Simulation& simulation) {
+  return Writer(simulation).write();
+}
+
+}  // namespace variator_sim

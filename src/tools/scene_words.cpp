@@ -1,0 +1,264 @@
+#include "tools/scene_words.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "variator_sim/expression/parser.h"
+#include "variator_sim/formula_constraint.h"
+#include "variator_sim/formula_torque.h"
+
+namespace variator_sim {
+
+using expression::Graph;
+using expression::latexName;
+using expression::Names;
+using expression::Node;
+using expression::Operation;
+using expression::slotOf;
+using expression::Source;
+using expression::Symbol;
+
+namespace {
+
+/// Longer tables are not written out.
+constexpr std::size_t kMostPoints = 8;
+
+/// Letters, digits and underscores only.
+std::string toIdentifier(std::string name) {
+  for (char& c : name) {
+    const bool is_fit = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+    if (!is_fit) c = '_';
+  }
+  return name;
+}
+
+/// Names that mean one thing each.
+class Register {
+ public:
+  explicit Register(const Scene& scene) : scene_(scene) {
+    for (const auto& input : scene.symbols.inputs) taken_.insert(input.first);
+    for (const auto& table : scene.symbols.tables) taken_.insert(table.first);
+  }
+
+  bool isFree(const std::string& name) const {
+    return taken_.count(name) == 0 && expression::isValidName(name) &&
+           expression::describeTakenName(name, scene_.shafts).empty();
+  }
+  /// The first of the names that is free, the last one with a number if none is.
+  Symbol take(const std::vector<std::string>& names) {
+    auto name = std::find_if(names.begin(), names.end(),
+                             [this](const std::string& it) { return isFree(it); });
+    std::string taken = name != names.end() ? *name : names.back();
+    for (int n = 2; !isFree(taken); ++n) taken = names.back() + "_" + std::to_string(n);
+    taken_.insert(taken);
+    return {taken, latexName(taken)};
+  }
+  const std::set<std::string>& taken() const { return taken_; }
+
+ private:
+  const Scene& scene_;
+  std::set<std::string> taken_;
+};
+
+void nameVariables(const Scene& scene, Register& free, Names& names) {
+  names.variables[slotOf(Source::kTime)] = {"t", "t"};
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    for (const Source of :
+         {Source::kAngle, Source::kVelocity, Source::kAcceleration, Source::kJerk}) {
+      names.variables[slotOf(of, i)] = shaftWords(scene, of, i);
+    }
+  }
+  std::map<int, std::string> given;
+  for (const auto& [name, index] : scene.symbols.inputs) given[index] = name;
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(i)];
+    const auto it = given.find(i);
+    const std::string name = toIdentifier(input.name);
+    const Symbol symbol = it != given.end() ? Symbol{it->second, latexName(it->second)}
+                                            : free.take({name, "input_" + name});
+    names.variables[slotOf(Source::kInput, i)] = symbol;
+    names.variables[slotOf(Source::kInputRate, i)] = {symbol.text + "'", symbol.latex + "'"};
+    names.variables[slotOf(Source::kInputSecondRate, i)] = {symbol.text + "''",
+                                                            symbol.latex + "''"};
+  }
+}
+
+void nameTables(const Scene& scene, Register& free, Names& names) {
+  // A table that is read twice is there twice.
+  std::map<std::string, Symbol> by_origin;
+  int anonymous_count = 0;
+  const auto name = [&](const std::string& origin) -> Symbol {
+    const auto known = by_origin.find(origin);
+    if (known != by_origin.end()) return known->second;
+    Symbol symbol;
+    if (scene.symbols.tables.count(origin) != 0) {
+      symbol = {origin, latexName(origin)};
+    } else if (origin.empty()) {
+      ++anonymous_count;
+      return free.take({"table" + std::to_string(anonymous_count)});
+    } else {
+      const std::string identifier = toIdentifier(origin);
+      symbol = free.take({identifier, identifier + "_table"});
+    }
+    return by_origin[origin] = symbol;
+  };
+  const Graph& graph = *scene.graph;
+  for (int n = 0; n < graph.size(); ++n) {
+    const Graph::Entry& entry = graph.entry({n});
+    if (entry.operation == Operation::kTable && names.tables.count(entry.slot) == 0) {
+      names.tables[entry.slot] = name(graph.tableOf(entry)->origin());
+    } else if (entry.operation == Operation::kTable2 && names.tables2.count(entry.slot) == 0) {
+      names.tables2[entry.slot] = name(graph.table2Of(entry)->origin());
+    }
+  }
+}
+
+struct NamedNode {
+  std::string element;
+  std::string output;
+  Node node;
+};
+
+std::vector<NamedNode> findOutputs(const Scene& scene) {
+  std::vector<NamedNode> outputs;
+  const auto add = [&](const auto* law) {
+    if (law == nullptr || &law->graph() != scene.graph.get()) return;
+    for (std::size_t i = 0; i < law->namedOutputs().names().size(); ++i) {
+      outputs.push_back(
+          {law->name(), law->namedOutputs().names()[i], law->namedOutputs().nodes()[i]});
+    }
+  };
+  for (const auto& torque : scene.torques) add(dynamic_cast<const FormulaTorque*>(torque.get()));
+  for (const auto& law : scene.constraints) add(dynamic_cast<const FormulaConstraint*>(law.get()));
+  return outputs;
+}
+
+void nameOutputs(const Scene& scene, Register& free, Names& names) {
+  const std::vector<NamedNode> outputs = findOutputs(scene);
+  for (const NamedNode& it : outputs) {
+    if (names.nodes.count(it.node.index) != 0) continue;
+    const Operation operation = scene.graph->entry(it.node).operation;
+    if (operation == Operation::kVariable || operation == Operation::kConstant) continue;
+    // One of several slips is called by its element, too.
+    const bool is_alone =
+        std::count_if(outputs.begin(), outputs.end(),
+                      [&](const NamedNode& other) { return other.output == it.output; }) == 1;
+    const std::string full = it.element + "_" + it.output;
+    names.nodes[it.node.index] = is_alone ? free.take({it.output, full}) : free.take({full});
+  }
+}
+
+std::string describeInput(const CommandInputSettings& input) {
+  return "input, topic '" + input.topic + "', " + toString(input.hold);
+}
+
+std::string describePoints(const Table& table) {
+  const std::vector<double> x = table.points();
+  const auto at = [&](double place) {
+    return "(" + expression::toShortText(place) + ", " +
+           expression::toShortText(table.value(place)) + ")";
+  };
+  std::string points;
+  if (x.size() > kMostPoints) {
+    points = std::to_string(x.size()) + " points from " + at(x.front()) + " to " + at(x.back());
+  } else {
+    for (const double place : x) points += (points.empty() ? "" : ", ") + at(place);
+  }
+  return "table through " + points +
+         (table.isBounded() ? ", constant beyond" : ", straight on beyond");
+}
+
+std::string describePoints(const Table2& table) {
+  const auto range = [](const std::vector<double>& x) {
+    return std::to_string(x.size()) + " from " + expression::toShortText(x.front()) + " to " +
+           expression::toShortText(x.back());
+  };
+  return "table of two variables over " + range(table.pointsX()) + ", and " +
+         range(table.pointsY()) +
+         (table.isBounded() ? ", constant beyond" : ", straight on beyond");
+}
+
+}  // namespace
+
+Words plainWords(const std::string& text) {
+  std::string latex;
+  for (const char c : text) {
+    if (c == '_' || c == '%' || c == '&' || c == '#' || c == '$' || c == '{' || c == '}') {
+      latex += '\\';
+    }
+    latex += c == '^' ? "\\^{}" : c == '~' ? "\\~{}" : c == '\\' ? "/" : std::string(1, c);
+  }
+  return {text, latex};
+}
+
+Words shaftWords(const Scene& scene, Source of, int shaft) {
+  const std::string& name = scene.shafts[static_cast<std::size_t>(shaft)];
+  const auto words = [&](const char* text, const char* latex) {
+    return Words{text + ("_" + name), latex + ("_{" + latexName(name) + "}")};
+  };
+  switch (of) {
+    case Source::kAngle:
+      return words("phi", "\\varphi");
+    case Source::kVelocity:
+      return words("w", "\\omega");
+    case Source::kAcceleration:
+      return words("e", "\\varepsilon");
+    default:
+      return words("j", "\\eta");
+  }
+}
+
+Names nameThings(const Scene& scene) {
+  Names names;
+  Register free(scene);
+  nameVariables(scene, free, names);
+  nameTables(scene, free, names);
+  nameOutputs(scene, free, names);
+  names.taken = free.taken();
+  return names;
+}
+
+std::vector<Words> describeThings(const Scene& scene, const Names& names,
+                                  const std::vector<Node>& nodes) {
+  std::vector<Words> described;
+  std::set<std::string> known;
+  const auto describe = [&](const Symbol& name, const char* arguments, const std::string& what) {
+    if (!known.insert(name.text).second) return;
+    const Words words = plainWords(what);
+    described.push_back({name.text + arguments + ": " + words.text,
+                         "$" + name.latex + arguments + "$: " + words.latex});
+  };
+  const Graph& graph = *scene.graph;
+  const std::vector<bool> reachable = graph.findReachable(nodes);
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    const Symbol& name = names.variables.at(slotOf(Source::kInput, i));
+    for (const Node node : nodes) {
+      if (!graph.dependsOn(node, slotOf(Source::kInput, i)) &&
+          !graph.dependsOn(node, slotOf(Source::kInputRate, i)) &&
+          !graph.dependsOn(node, slotOf(Source::kInputSecondRate, i))) {
+        continue;
+      }
+      describe(name, "", describeInput(scene.inputs[static_cast<std::size_t>(i)]));
+      break;
+    }
+  }
+  const std::size_t inputs = known.size();
+  for (std::size_t n = 0; n < reachable.size(); ++n) {
+    if (!reachable[n]) continue;
+    const Graph::Entry& entry = graph.entry({static_cast<int>(n)});
+    if (entry.operation == Operation::kTable) {
+      describe(names.tables.at(entry.slot), "(x)", describePoints(*graph.tableOf(entry)));
+    } else if (entry.operation == Operation::kTable2) {
+      describe(names.tables2.at(entry.slot), "(x, y)", describePoints(*graph.table2Of(entry)));
+    }
+  }
+  if (known.size() > inputs) {
+    described.push_back({"T'(x): the slope of a table T; T'10(x, y), T'01(x, y): by x, by y",
+                         "$T'(x)$: the slope of a table $T$; $T^{(1,0)}(x, y)$, "
+                         "$T^{(0,1)}(x, y)$: by $x$, by $y$"});
+  }
+  return described;
+}
+
+}  // namespace variator_sim
