@@ -96,8 +96,17 @@ TEST_F(Printed, IsSimplifiedAsOnPaper) {
   EXPECT_EQ(print("w1*w1*w1"), "w1^3");
   EXPECT_EQ(print("2*(3*w1)"), "6*w1");
   EXPECT_EQ(print("w1 + 2*w1 - 5*w2"), "3*w1 - 5*w2");
+  EXPECT_EQ(print("w1*w2 + a*w1 + w2*w1"), "2*w1*w2 + a*w1");
   EXPECT_EQ(print("w1^2/w1"), "w1");
   EXPECT_EQ(print("-w1 + w2"), "w2 - w1");
+}
+
+/// Derivatives of what grows are made in a scale of their own (graph.h).
+TEST_F(Printed, ShowsNoScale) {
+  const Node growing = read("if(w1 < 2, exp(3*w1), 0) + a*exp(w2 + w1)");
+  const Terms terms =
+      makeTerms(graph_, {graph_.differentiate(growing, slotOf(Source::kVelocity, 0))}, names_);
+  EXPECT_EQ(toText(*terms.roots[0]), "if(2 <= w1, 0, 3*exp(3*w1)) + a*exp(w1 + w2)");
 }
 
 TEST_F(Printed, HasShortNumbers) {

@@ -53,8 +53,21 @@ std::pair<double, TermPtr> splitNumber(const TermPtr& term) {
   return {term->number, finishProduct(1.0, term->factors)};
 }
 
+/// The same for products that differ in the order of their factors only.
+std::string keyOf(const Term& term) {
+  if (term.kind != Kind::kProduct) return toText(term);
+  std::vector<std::string> factors;
+  for (const Factor& factor : term.factors) {
+    factors.push_back("(" + toText(*factor.base) + ")^" + toShortText(factor.exponent));
+  }
+  std::sort(factors.begin(), factors.end());
+  std::string key;
+  for (const std::string& factor : factors) key += factor + "*";
+  return key;
+}
+
 /// Derivatives of what grows are made in the scale of 2^-100 (graph.h). Here it is taken out of a
-/// sum, to meet its inverse further up.
+/// sum or a choice, to meet its inverse further up.
 constexpr double kScale = 0x1p-100;
 bool isScaled(double number) {
   return std::abs(number) < 1e-20;
@@ -83,7 +96,7 @@ TermPtr makeSum(const std::vector<TermPtr>& parts) {
   std::vector<Part> sum;
   const auto add = [&sum](const TermPtr& part) {
     const auto [number, rest] = splitNumber(part);
-    std::string text = toText(*rest);
+    std::string text = keyOf(*rest);
     const auto like =
         std::find_if(sum.begin(), sum.end(), [&](const Part& it) { return it.text == text; });
     if (like == sum.end()) {
@@ -176,6 +189,15 @@ TermPtr makeCall(Symbol function, std::vector<TermPtr> arguments) {
 }
 
 TermPtr makeChoice(TermPtr left, TermPtr right, TermPtr yes, TermPtr no) {
+  const auto is_small = [](const Term& it) {
+    return isNumber(it, 0.0) || (it.kind == Kind::kProduct && isScaled(it.number));
+  };
+  if (is_small(*yes) && is_small(*no) && !(isNumber(*yes, 0.0) && isNumber(*no, 0.0))) {
+    const TermPtr inverse = makeNumber(1.0 / kScale);
+    return makeProduct(makeNumber(kScale),
+                       makeChoice(std::move(left), std::move(right), makeProduct(inverse, yes),
+                                  makeProduct(inverse, no)));
+  }
   const auto term = make(Kind::kChoice);
   term->parts = {std::move(left), std::move(right), std::move(yes), std::move(no)};
   return term;
