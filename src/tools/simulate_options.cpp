@@ -126,6 +126,15 @@ class Words {
   bool has_value_ = false;
 };
 
+/// What an option without a value sets, or nullptr.
+bool* findFlag(const std::string& name, SimulateOptions& options, bool& add_energy) {
+  if (name == "--energy") return &add_energy;
+  if (name == "--stats") return &options.stats;
+  if (name == "--compile") return &options.compile;
+  if (name == "--explain") return &options.explain;
+  return name == "--latex" ? &options.latex : nullptr;
+}
+
 }  // namespace
 
 SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
@@ -157,21 +166,9 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
       options.output_path = word.value() == "-" ? "" : word.value();
     } else if (name == "--columns") {
       options.columns = readColumns(word.value());
-    } else if (name == "--energy") {
+    } else if (bool* flag = findFlag(name, options, add_energy)) {
       word.refuseValue();
-      add_energy = true;
-    } else if (name == "--stats") {
-      word.refuseValue();
-      options.stats = true;
-    } else if (name == "--compile") {
-      word.refuseValue();
-      options.compile = true;
-    } else if (name == "--explain") {
-      word.refuseValue();
-      options.explain = true;
-    } else if (name == "--latex") {
-      word.refuseValue();
-      options.latex = true;
+      *flag = true;
     } else if (word.isOption()) {
       throw UsageError("unknown option '" + name + "'" + suggestName(name, optionNames()));
     } else if (options.scene_path.empty()) {
