@@ -318,7 +318,8 @@ class Writer {
 
   // ------------------------------------------------------------------------------------- motion
   void writeMotion() {
-    begin(std::string("equations of motion, ") + (is_classical_ ? "N m" : "N m/s"));
+    const bool has_rates = scene_.principle == Principle::kGeneralizedGauss;
+    begin(std::string("equations of motion, ") + (has_rates ? "N m/s" : "N m"));
     if (is_classical_) {
       say({"J e = Q + C^T lambda, psi = 0: the reaction is least (classical Gauss principle)",
            "$J \\varepsilon = Q + C^T \\lambda$, $\\psi = 0$: the reaction is least (classical "
@@ -336,7 +337,6 @@ class Writer {
            "$J \\eta = Q' + C^T \\Lambda$, $C \\eta + c_0 = 0$: the reaction changes least "
            "(generalized Gauss principle)"});
     }
-    const bool has_rates = scene_.principle == Principle::kGeneralizedGauss;
     tellOfInertia(has_rates);
     for (int i = 0; i < scene_.shaftCount(); ++i) writeShaft(i, has_rates);
     for (const ConstraintPtr& constraint : scene_.constraints) {
