@@ -31,8 +31,9 @@ namespace variator_sim {
 /// of order 1 is differentiated twice, and takes commanded inputs with two derivatives
 /// (`second_order_lag`) only.
 ///
-/// A law too large for the exact derivatives of C and c0 by the state (state_derivatives.h) keeps
-/// Constraint's central differences for them; everything else is exact all the same.
+/// A law too large for the exact derivatives of C and c0 by the state (state_derivatives.h), or
+/// with an opaque function, keeps Constraint's central differences for them; what needs no second
+/// derivative of such a function is exact all the same.
 ///
 /// One instance is evaluated by one thread at a time.
 class FormulaConstraint : public Constraint {
@@ -92,6 +93,7 @@ class FormulaConstraint : public Constraint {
   expression::Tape residual_and_jacobian_;  ///< f' or psi, then C
   expression::Tape row_;                    ///< C, then c0
   expression::Tape partials_;               ///< those of partial_slots_
+  bool has_jacobian_rate_ = true;           ///< not where that of an opaque function is needed
   expression::Tape hessian_;                ///< H = dC/depsilon, s x s
   expression::Tape jacobian_rate_;          ///< D, then H
   std::vector<GuardPtr> guards_;

@@ -25,8 +25,8 @@ namespace variator_sim {
 ///       }
 ///     };
 ///
-/// A law too large for the exact derivatives of its rate by the state (state_derivatives.h) keeps
-/// Torque's central differences for them.
+/// A law too large for the exact derivatives of its rate by the state (state_derivatives.h), or
+/// with an opaque function, keeps Torque's central differences for them.
 ///
 /// One instance is evaluated by one thread at a time.
 class FormulaTorque : public Torque {

@@ -11,6 +11,7 @@
 #pragma once
 
 #include <initializer_list>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -71,6 +72,8 @@ class LawContext {
 
   /// t, s.
   Expression time();
+  /// `f` at its arguments: a function that states its values and first derivatives in C++.
+  Expression function(std::shared_ptr<const OpaqueFunction> f, std::vector<Expression> arguments);
   /// `table` at x.
   Expression lookUp(const Table& table, const Expression& x);
   /// From 0 at `begin` to 1 at `end`, two times continuously differentiable: with

@@ -1,5 +1,6 @@
 // Derivatives, and what they need to know of growth.
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "variator_sim/expression/graph.h"
@@ -111,6 +112,9 @@ Graph::Traits Graph::findTraits(const Entry& entry) const {
       break;
     case Operation::kTable2:
       if (table2Of(entry)->isBounded()) it.may_overflow = it.may_have_pole = false;
+      break;
+    case Operation::kOpaque:
+      it.may_have_pole = true;  // as far as anybody knows
       break;
     case Operation::kMax:
       it.is_positive = one_is_positive;
@@ -259,6 +263,19 @@ Node Graph::deriveTable(const Entry& it, Node da, Node db) {
              product(table2(table, a, b, {it.order[0], it.order[1] + 1}), db));
 }
 
+Node Graph::deriveOpaque(const Entry& it, const Derivatives& derivatives) {
+  const std::shared_ptr<const OpaqueFunction> function = opaqueOf(it);
+  const Node arguments[4] = {
+      {it.operands[0]}, {it.operands[1]}, {it.operands[2]}, {it.operands[3]}};
+  Node sum = constant(0.0);
+  for (int i = 0; i < function->argumentCount(); ++i) {
+    const Node slope = it.order[0] == 0 ? opaque(function, arguments, i + 1)
+                                        : constant(std::numeric_limits<double>::quiet_NaN());
+    sum = add(sum, product(slope, derivatives[static_cast<std::size_t>(it.operands[i])]));
+  }
+  return sum;
+}
+
 Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivatives& derivatives) {
   const Entry it = entry(node);  // a copy: making nodes moves the entries
   const auto derivative_of = [&](int position) {
@@ -302,6 +319,8 @@ Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivativ
       return deriveTable(it, derivative_of(0), constant(0.0));
     case Operation::kTable2:
       return deriveTable(it, derivative_of(0), derivative_of(1));
+    case Operation::kOpaque:
+      return deriveOpaque(it, derivatives);
     case Operation::kWhereFinite:
       return whereFinite(a, derivative_of(1));
     case Operation::kMin:

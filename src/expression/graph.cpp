@@ -15,7 +15,7 @@ std::uint64_t bitsOf(double value) {
   return bits;
 }
 
-/// The index of `table` in `tables`, to which it is added when it is new.
+/// The index of `table` (or of a function) in `tables`, to which it is added when it is new.
 template <class T>
 int indexIn(std::vector<std::shared_ptr<const T>>& tables, const std::shared_ptr<const T>& table) {
   const auto found = std::find(tables.begin(), tables.end(), table);
@@ -128,6 +128,29 @@ Node Graph::table2(const std::shared_ptr<const Table2>& table, Node x, Node y,
   return intern(entry);
 }
 
+Node Graph::opaque(const std::shared_ptr<const OpaqueFunction>& function,
+                   const Node (&arguments)[4], int by) {
+  const int count = function->argumentCount();
+  Entry entry;
+  entry.operation = Operation::kOpaque;
+  entry.order[0] = by;
+  double x[4] = {};
+  bool all_constant = true;
+  for (int i = 0; i < 4; ++i) {
+    const Node argument = arguments[std::min(i, count - 1)];
+    entry.operands[i] = argument.index;
+    if (isConstant(argument)) x[i] = constantValue(argument);
+    all_constant = all_constant && isConstant(argument);
+  }
+  if (all_constant) {
+    double gradient[4] = {};
+    if (by > 0) function->calcGradient(x, gradient);
+    return constant(by > 0 ? gradient[by - 1] : function->value(x));
+  }
+  entry.slot = indexIn(functions_, function);
+  return intern(entry);
+}
+
 Node Graph::substitute(Node node, const std::vector<Rate>& values) {
   const std::vector<bool> reachable = findReachable({node});
   std::vector<Node> made(reachable.size());
@@ -176,6 +199,14 @@ bool Graph::dependsOn(Node node, int slot) const {
     if (reachable[i] && entries_[i].operation == Operation::kVariable && entries_[i].slot == slot) {
       return true;
     }
+  }
+  return false;
+}
+
+bool Graph::hasOpaque(const std::vector<Node>& nodes) const {
+  const std::vector<bool> reachable = findReachable(nodes);
+  for (std::size_t i = 0; i < reachable.size(); ++i) {
+    if (reachable[i] && entries_[i].operation == Operation::kOpaque) return true;
   }
   return false;
 }

@@ -18,11 +18,13 @@ namespace {
 class SignGuard final : public Guard {
  public:
   SignGuard(const Graph& graph, Node node, bool jumps)
-      : Guard(jumps), tape_(graph, {node}), enclosure_(graph, node) {}
+      : Guard(jumps),
+        tape_(graph, {node}),
+        enclosure_(graph, node),
+        is_opaque_(graph.hasOpaque({node})) {}
 
   int branch(const StateView& state) const override {
-    double value;
-    tape_.evaluate(state, &value);
+    const double value = distance(state);
     return value > 0.0 ? 1 : (value < 0.0 ? -1 : kOnEdge);
   }
   bool mayLeave(const StateBox& box, int branch) const override {
@@ -30,12 +32,19 @@ class SignGuard final : public Guard {
     if (branch == kOnEdge) return range.low != 0.0 || range.high != 0.0;
     return branch > 0 ? !(range.low > 0.0) : !(range.high < 0.0);
   }
+  bool isOpaque() const override { return is_opaque_; }
+  double distance(const StateView& state) const override {
+    double value;
+    tape_.evaluate(state, &value);
+    return value;
+  }
   bool readsTime() const override { return enclosure_.readsTime() || enclosure_.readsInputs(); }
   bool readsInputs() const override { return enclosure_.readsInputs(); }
 
  private:
   Tape tape_;
   IntervalProgram enclosure_;
+  bool is_opaque_;  ///< nothing is known of it over a box
 };
 
 /// Between which of the points of a table the value of a formula lies.
@@ -136,6 +145,13 @@ std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
   for (const auto& [argument, points] : findPassages(graph, nodes)) {
     const Node node{argument};
     if (graph.isConstant(node) || isTime(graph.entry(node))) continue;
+    if (graph.hasOpaque({node})) {
+      for (const double point : points) {
+        const Node distance = graph.subtract(node, graph.constant(point));
+        guards.push_back(std::make_shared<SignGuard>(graph, distance, false));
+      }
+      continue;
+    }
     guards.push_back(std::make_shared<PointsGuard>(graph, node, points));
   }
   return guards;

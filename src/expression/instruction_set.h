@@ -66,6 +66,7 @@ enum FunctionCode : int {
       kCodeSinCos,
   kCodeTable,   ///< operands: x, which table, order of the derivative
   kCodeTable2,  ///< operands: x, y, which table, 256 times the order by y and that by x
+  kCodeOpaque,  ///< operands: which call
   kCodeCopy,    ///< an output that is another one, too
   kCodeReturn,
   kCodeCount

@@ -114,6 +114,7 @@ Interval evaluateOperation(Operation operation, const Interval& a, const Interva
     case Operation::kVariable:
     case Operation::kTable:
     case Operation::kTable2:
+    case Operation::kOpaque:
       break;
     case Operation::kNegate:
       return negate(a);

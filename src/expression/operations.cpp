@@ -22,6 +22,7 @@ int operandCount(Operation operation) {
     case Operation::kTable2:
     case Operation::kWhereFinite:
       return 2;
+    case Operation::kOpaque:
     case Operation::kSelect:
       return 4;
     default:
@@ -128,6 +129,7 @@ double evaluateOperation(Operation operation, const double* operands) {
     case Operation::kVariable:
     case Operation::kTable:
     case Operation::kTable2:
+    case Operation::kOpaque:
       break;
   }
   return std::numeric_limits<double>::quiet_NaN();

@@ -186,6 +186,8 @@ Node Graph::remake(const Graph& source, const Entry& it, const Node (&operands)[
       return table(source.tableOf(it), operands[0], it.order[0]);
     case Operation::kTable2:
       return table2(source.table2Of(it), operands[0], operands[1], {it.order[0], it.order[1]});
+    case Operation::kOpaque:
+      return opaque(source.opaqueOf(it), operands, it.order[0]);
     default:
       return make(it.operation, operands[0], operands[1], operands[2], operands[3]);
   }

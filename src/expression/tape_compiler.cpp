@@ -6,8 +6,12 @@
 //   3. schedule: what the longest remaining chain waits for goes first;
 //   4. allocate: a register is free again after its last reader.
 #include <algorithm>
+#include <array>
 #include <initializer_list>
+#include <iterator>
+#include <map>
 #include <stdexcept>
+#include <utility>
 
 #include "instruction_set.h"
 #include "variator_sim/expression/tape.h"
@@ -83,7 +87,7 @@ class TapeBuilder {
  private:
   struct Step {
     int code = -1;  ///< -1: a constant, a variable, or part of another's instruction
-    int results[2] = {-1, -1};
+    int results[4] = {-1, -1, -1, -1};
     int operands[4] = {-1, -1, -1, -1};
     int operand_count = 0;
     int priority = 0;
@@ -206,6 +210,8 @@ class TapeBuilder {
         setStep(i, kCodeTable, {a});
       } else if (it.operation == Operation::kTable2) {
         setStep(i, kCodeTable2, {a, b});
+      } else if (it.operation == Operation::kOpaque) {
+        setStep(i, kCodeOpaque, {a, b, it.operands[2], it.operands[3]});
       } else if (operandCount(it.operation) == 2) {
         setStep(i, functionCode(it.operation), {a, b});
       } else {
@@ -213,6 +219,7 @@ class TapeBuilder {
       }
     }
     shareSinCos();
+    shareGradients();
   }
 
   void shareSinCos() {
@@ -238,6 +245,21 @@ class TapeBuilder {
     }
   }
 
+  /// The derivatives of one call are one step, where the earliest stood.
+  void shareGradients() {
+    std::map<std::array<int, 5>, int> first_of;
+    for (int i = 0; i < nodeCount(); ++i) {
+      const Graph::Entry& it = entry(i);
+      if (steps_[at(i)].code != kCodeOpaque || it.order[0] == 0) continue;
+      const auto [first, is_new] = first_of.try_emplace(
+          {it.slot, it.operands[0], it.operands[1], it.operands[2], it.operands[3]}, i);
+      if (is_new) continue;
+      auto& results = steps_[at(first->second)].results;
+      *std::find(std::begin(results), std::end(results), -1) = i;
+      steps_[at(i)].code = -1;
+    }
+  }
+
   /// Longest chain first. A step's priority exceeds that of all its readers, so that sorting by
   /// priority also puts operands before their readers.
   void schedule() {
@@ -247,9 +269,9 @@ class TapeBuilder {
       if (step.code < 0) {
         continue;
       }
-      int behind = wait[at(step.results[0])];
-      if (step.results[1] >= 0) {
-        behind = std::max(behind, wait[at(step.results[1])]);
+      int behind = 0;
+      for (const int result : step.results) {
+        if (result >= 0) behind = std::max(behind, wait[at(result)]);
       }
       step.priority = behind + latencyOf(step.code);
       for (int k = 0; k < step.operand_count; ++k) {
@@ -322,13 +344,15 @@ class TapeBuilder {
         }
       }
       // A result may take the register of an operand: every instruction reads before it writes.
-      for (int k = 0; k < 2 && step.results[k] >= 0; ++k) {
-        const int result = registerFor(step.results[k]);
-        register_of_[at(step.results[k])] = result;
-        (k == 0 ? instruction.result : instruction.operands[1]) =
-            static_cast<std::uint16_t>(result);
+      for (int k = 0; k < 4 && step.results[k] >= 0; ++k) {
+        register_of_[at(step.results[k])] = registerFor(step.results[k]);
+      }
+      instruction.result = static_cast<std::uint16_t>(register_of_[at(step.results[0])]);
+      if (step.code == kCodeSinCos) {
+        instruction.operands[1] = static_cast<std::uint16_t>(register_of_[at(step.results[1])]);
       }
       nameTable(i, instruction);
+      if (step.code == kCodeOpaque) nameCall(step, instruction);
       tape_.program_.push_back(instruction);
     }
     finishOutputs();
@@ -374,6 +398,21 @@ class TapeBuilder {
       instruction.operands[2] = indexIn(tape_.tables2_, graph_.table2Of(it));
       instruction.operands[3] = static_cast<std::uint16_t>(it.order[0] + (it.order[1] << 8));
     }
+  }
+
+  /// Adds the call of a step to the tape, and to `instruction` which one it is.
+  void nameCall(const Step& step, Tape::Instruction& instruction) {
+    Tape::Call call = {};
+    call.function = graph_.opaqueOf(entry(step.results[0]));
+    std::copy_n(instruction.operands, 4, call.arguments);
+    std::fill(std::begin(call.results), std::end(call.results), -1);
+    for (const int result : step.results) {
+      if (result < 0) continue;
+      call.results[entry(result).order[0]] = register_of_[at(result)];
+    }
+    if (tape_.calls_.size() > 0xFFFFU) throw std::length_error("more than 65536 opaque functions");
+    instruction.operands[0] = static_cast<std::uint16_t>(tape_.calls_.size());
+    tape_.calls_.push_back(std::move(call));
   }
 
   void allocateLeaf(int index, std::vector<int>& readers) {

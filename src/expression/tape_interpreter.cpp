@@ -26,6 +26,21 @@ double selectOf(double a, double b, double yes, double no) {
 
 }  // namespace
 
+void Tape::carryOut(const Call& call) const noexcept {
+  double* const r = registers_.data();
+  double x[OpaqueFunction::kMostArguments] = {};
+  for (int i = 0; i < call.function->argumentCount(); ++i) x[i] = r[call.arguments[i]];
+  if (call.results[0] >= 0) {
+    r[call.results[0]] = call.function->value(x);
+    return;
+  }
+  double gradient[OpaqueFunction::kMostArguments] = {};
+  call.function->calcGradient(x, gradient);
+  for (int i = 0; i < call.function->argumentCount(); ++i) {
+    if (call.results[i + 1] >= 0) r[call.results[i + 1]] = gradient[i];
+  }
+}
+
 // Computed goto, a language extension of GCC and Clang: every instruction jumps to the next one
 // itself, so that the processor predicts each jump by its own history. On the row of a variator
 // (benchmark/expression_benchmark.cpp) a switch in a loop took 12 % longer when evaluations overlap
@@ -103,6 +118,7 @@ const double* Tape::evaluate(const StateView& state) const noexcept {
       &&sine_and_cosine,
       &&table,
       &&table_of_two,
+      &&opaque,
       &&copy,
       &&finish
       // clang-format on
@@ -148,6 +164,10 @@ table:
 table_of_two:
   r[it->result] =
       tables2_[it->operands[2]]->derivative({it->operands[3] & 0xFF, it->operands[3] >> 8}, A, B);
+  VARIATOR_SIM_NEXT;
+
+opaque:
+  carryOut(calls_[it->operands[0]]);
   VARIATOR_SIM_NEXT;
 
 copy:

@@ -209,9 +209,20 @@ void FormulaConstraint::compile(Node given, int order, const std::set<int>& inpu
     }
   }
 
+  // Of an opaque function no second derivative is known: they are NaN.
+  const bool is_opaque = graph.hasOpaque({given});
+  if (order == 1 && is_opaque && graph.hasNonFiniteConstant(c0)) {
+    throw SceneError(path,
+                     "a constraint of order 1 is differentiated twice, and the opaque function in "
+                     "it has first derivatives only; allowed: a function made of Expressions, or a "
+                     "constraint of order 2");
+  }
+  has_jacobian_rate_ = !is_opaque || !graph.hasNonFiniteConstant(jacobian_rate);
   std::vector<Node> checked = partials;
   checked.push_back(c0);
-  checked.insert(checked.end(), jacobian_rate.begin(), jacobian_rate.end());
+  if (has_jacobian_rate_) {
+    checked.insert(checked.end(), jacobian_rate.begin(), jacobian_rate.end());
+  }
   for (const Node node : checked) {
     if (graph.hasNonFiniteConstant(node)) {
       throw SceneError(path, "a derivative of it has a constant part that is not finite");
@@ -227,8 +238,10 @@ void FormulaConstraint::compile(Node given, int order, const std::set<int>& inpu
   row_nodes_.push_back(c0);
   try {
     row_ = Tape(graph, row_nodes_);
-    hessian_ = Tape(graph, hessian);
-    jacobian_rate_ = Tape(graph, jacobian_rate);
+    if (has_jacobian_rate_) {
+      hessian_ = Tape(graph, hessian);
+      jacobian_rate_ = Tape(graph, jacobian_rate);
+    }
     if (order < 3) {
       residual_ = Tape(graph, {given});
       residual_and_jacobian_ = Tape(graph, with_C(second));
@@ -302,6 +315,10 @@ void FormulaConstraint::doCalcPartials(const StateView& state, ConstraintPartial
 }
 
 void FormulaConstraint::doCalcHessian(const StateView& state, double* H) const {
+  if (!has_jacobian_rate_) {
+    Constraint::doCalcHessian(state, H);
+    return;
+  }
   hessian_.evaluate(state, H);
 }
 
@@ -319,6 +336,10 @@ void FormulaConstraint::doCalcRowDerivatives(const StateView& state, double* dC,
 }
 
 void FormulaConstraint::doCalcJacobianRate(const StateView& state, double* D, double* H) const {
+  if (!has_jacobian_rate_) {
+    Constraint::doCalcJacobianRate(state, D, H);
+    return;
+  }
   double values[kMaxShafts * (1 + kMaxShafts)];
   jacobian_rate_.evaluate(state, values);
   std::copy(values, values + shaftCount(), D);

@@ -71,6 +71,20 @@ Expression LawContext::time() {
   return variable(slotOf(Source::kTime));
 }
 
+Expression LawContext::function(std::shared_ptr<const OpaqueFunction> f,
+                                std::vector<Expression> arguments) {
+  const auto count = static_cast<std::size_t>(f->argumentCount());
+  if (arguments.size() != count) {
+    throw SceneError(place_, "its opaque function takes " + std::to_string(count) +
+                                 (count == 1 ? " argument" : " arguments") + ", not " +
+                                 std::to_string(arguments.size()));
+  }
+  expression::Graph& graph = *context_.graph();
+  expression::Node nodes[OpaqueFunction::kMostArguments];
+  for (std::size_t i = 0; i < count; ++i) nodes[i] = arguments[i].in(graph);
+  return {graph, graph.opaque(f, nodes)};
+}
+
 Expression LawContext::lookUp(const Table& table, const Expression& x) {
   expression::Graph& graph = *context_.graph();
   return {graph, graph.table(std::make_shared<const Table>(table), x.in(graph))};

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "variator_sim/expression/opaque_function.h"
 #include "variator_sim/table.h"
 #include "variator_sim/table2.h"
 
@@ -54,11 +55,13 @@ enum class Operation : std::uint8_t {
   kMax,
   kTable,       ///< a derivative of a table of one variable at a
   kTable2,      ///< the same of two variables, at (a, b)
+  kOpaque,      ///< a function of the user's own at (a, ..), or a first derivative of it
   kSelect,      ///< a <= b ? c : d
   kWhereFinite  ///< b, but 0 where a is infinite and NaN where a is; written by derivatives only
 };
 
-/// Number of operands: 0 for constants and variables, 4 for kSelect.
+/// Number of operands: 0 for constants and variables, 4 for kSelect and for kOpaque, which repeats
+/// its last argument.
 int operandCount(Operation operation);
 
 /// Exponents c that are integers with |c| <= kLargestMultipliedPower become multiplications.
@@ -80,7 +83,8 @@ double whereFinite(double a, double value);
 /// n, x^-n = 1/x^n while isMultipliedPower (at most |n| - 1 rounded products, so a relative error
 /// below |n| units of round-off), std::pow otherwise.
 double powerOf(double x, double exponent);
-/// The value of an operation with `operandCount` operands as run time computes it; not of tables.
+/// The value of an operation with `operandCount` operands as run time computes it; not of tables
+/// and kOpaque.
 double evaluateOperation(Operation operation, const double* operands);
 
 /// The graph. Makers return the existing node when the same subexpression was made before, compute
@@ -93,9 +97,11 @@ class Graph {
   struct Entry {
     Operation operation = Operation::kConstant;
     int operands[4] = {-1, -1, -1, -1};
-    int slot = -1;       ///< of kVariable; which table of the graph, of kTable and kTable2
+    int slot = -1;       ///< of kVariable; which table or function of the graph
     double value = 0.0;  ///< of kConstant
-    int order[2] = {};   ///< of the derivative, of kTable by a, of kTable2 by a and b
+    /// Of the derivative, of kTable by a, of kTable2 by a and b; of kOpaque 0 the value, n the
+    /// derivative by argument n.
+    int order[2] = {};
   };
   /// The rate of the variable in a slot, for totalDerivative, or its value, for substitute.
   using Rate = std::pair<int, Node>;
@@ -116,10 +122,14 @@ class Graph {
   /// polynomials.
   Node table(const std::shared_ptr<const Table>& table, Node x, int order = 0);
   Node table2(const std::shared_ptr<const Table2>& table, Node x, Node y, Table2::Order order = {});
+  /// `function` of as many `arguments` as it has, or its derivative by argument `by`, counted
+  /// from 1. The derivatives of a derivative are NaN: nobody knows them.
+  Node opaque(const std::shared_ptr<const OpaqueFunction>& function, const Node (&arguments)[4],
+              int by = 0);
   /// left <= right ? yes : no; NaN when left and right cannot be compared.
   Node select(Node left, Node right, Node yes, Node no);
   /// Any operation with operands, simplified as by the maker of its name. Unused operands are left
-  /// out: make(Operation::kSin, x). Not for tables.
+  /// out: make(Operation::kSin, x). Not for tables and kOpaque.
   Node make(Operation operation, Node a, Node b = {}, Node c = {}, Node d = {});
   /// What `entry` is in the graph `source`, here, of these operands.
   Node remake(const Graph& source, const Entry& entry, const Node (&operands)[4]);
@@ -166,6 +176,13 @@ class Graph {
   const std::shared_ptr<const Table2>& table2Of(const Entry& entry) const {
     return tables2_[static_cast<std::size_t>(entry.slot)];
   }
+  /// The function of an entry of kOpaque.
+  const std::shared_ptr<const OpaqueFunction>& opaqueOf(const Entry& entry) const {
+    return functions_[static_cast<std::size_t>(entry.slot)];
+  }
+  /// True when one of `nodes` needs a function that cannot be seen into: it has no series, no text
+  /// and no second derivatives.
+  bool hasOpaque(const std::vector<Node>& nodes) const;
   const Entry& entry(Node node) const { return entries_[static_cast<std::size_t>(node.index)]; }
   /// Number of nodes; all indices are below it.
   int size() const { return static_cast<int>(entries_.size()); }
@@ -198,6 +215,7 @@ class Graph {
   Node deriveFunction(Node node, Node da);
   Node derivePower(Node node, Node da, Node db);
   Node deriveTable(const Entry& it, Node da, Node db);
+  Node deriveOpaque(const Entry& it, const Derivatives& derivatives);
   // Makers for derivatives. A factor that is zero by the rules of differentiation removes its
   // product, and constant factors are gathered.
   Node product(Node a, Node b);
@@ -217,6 +235,7 @@ class Graph {
   std::unordered_map<Entry, int, EntryHash, EntryEqual> index_of_;
   std::vector<std::shared_ptr<const Table>> tables_;
   std::vector<std::shared_ptr<const Table2>> tables2_;
+  std::vector<std::shared_ptr<const OpaqueFunction>> functions_;
   std::map<std::pair<int, double>, Derivatives> partials_;  ///< by slot and scale
 };
 

@@ -66,13 +66,23 @@ class Tape {
   struct Instruction {
     std::uint16_t code;
     std::uint16_t result;
-    /// Registers; sincos has its second result in operands[1]; of tables see instruction_set.h.
+    /// Registers; sincos has its second result in operands[1]; of tables and calls see
+    /// instruction_set.h.
     std::uint16_t operands[4];
+  };
+  /// A function of the user's own: its value, or those of its derivatives that the program needs.
+  struct Call {
+    std::shared_ptr<const OpaqueFunction> function;
+    std::uint16_t arguments[OpaqueFunction::kMostArguments];  ///< registers
+    /// Of the value, then of the derivatives by each argument; -1 where nobody asks.
+    int results[1 + OpaqueFunction::kMostArguments];
   };
   struct Load {
     std::uint16_t to;
     std::uint16_t index;
   };
+
+  void carryOut(const Call& call) const noexcept;
 
   std::vector<Load> loads_;  ///< by source
   int load_end_[static_cast<int>(Source::kJerk)] = {};
@@ -80,6 +90,7 @@ class Tape {
   int output_count_ = 0;              ///< in the first registers
   std::vector<std::shared_ptr<const Table>> tables_;
   std::vector<std::shared_ptr<const Table2>> tables2_;
+  std::vector<Call> calls_;
   mutable std::vector<double> registers_;  ///< the constants are filled in once
 };
 

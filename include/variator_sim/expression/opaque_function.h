@@ -1,0 +1,45 @@
+/// Functions that formulas call and cannot see into: a measured map in the user's own code, say.
+#pragma once
+
+#include <stdexcept>
+
+namespace variator_sim {
+
+/// f(x_1, .., x_n), n from 1 to 4, by its values and its first derivatives.
+///
+///     class Square : public variator_sim::OpaqueFunction {
+///      public:
+///       Square() : OpaqueFunction(1) {}
+///       double value(const double* x) const override { return x[0] * x[0]; }
+///       void calcGradient(const double* x, double* gradient) const override {
+///         gradient[0] = 2.0 * x[0];
+///       }
+///     };
+///
+/// f has to be continuously differentiable and a function of its arguments alone. It has no second
+/// derivatives: where a formula needs them, the state's derivatives are central differences, and a
+/// constraint of order 1 cannot contain it. At load the gradient is compared with the values,
+/// through the laws that call f. Both methods are [loop]: they allocate nothing, take no lock and
+/// do not throw; a value that does not exist is NaN.
+class OpaqueFunction {
+ public:
+  static constexpr int kMostArguments = 4;
+
+  explicit OpaqueFunction(int argument_count) : argument_count_(argument_count) {
+    if (argument_count < 1 || argument_count > kMostArguments) {
+      throw std::invalid_argument("an opaque function has 1 to 4 arguments");
+    }
+  }
+  virtual ~OpaqueFunction() = default;
+
+  int argumentCount() const { return argument_count_; }
+  /// f at x, argumentCount() numbers.
+  virtual double value(const double* x) const = 0;
+  /// df/dx_i, as many; entries that are 0 need not be written.
+  virtual void calcGradient(const double* x, double* gradient) const = 0;
+
+ private:
+  int argument_count_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,325 @@
+// Functions that formulas call and cannot see into: their values and derivatives in programs, the
+// motion of scenes with them against that of the same formulas, what they cannot do, and that a
+// wrong gradient is caught by name.
+#include "variator_sim/expression/opaque_function.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "support/scenes.h"
+#include "variator_sim/expression/state_derivatives.h"
+#include "variator_sim/expression/tape.h"
+#include "variator_sim/formula_constraint.h"
+#include "variator_sim/formula_torque.h"
+
+namespace variator_sim {
+namespace {
+
+using expression::Graph;
+using expression::Node;
+using expression::slotOf;
+using expression::Source;
+using expression::Tape;
+
+/// x^2 y + sin z, or a part of it; counts its calls.
+class Polynomial : public OpaqueFunction {
+ public:
+  explicit Polynomial(int count = 3, double wrong = 1.0) : OpaqueFunction(count), wrong_(wrong) {}
+  double value(const double* x) const override {
+    ++values;
+    return x[0] * x[0] * y(x) + std::sin(z(x));
+  }
+  void calcGradient(const double* x, double* gradient) const override {
+    ++gradients;
+    gradient[0] = 2.0 * x[0] * y(x);
+    if (argumentCount() > 1) gradient[1] = wrong_ * x[0] * x[0];
+    if (argumentCount() > 2) gradient[2] = std::cos(z(x));
+  }
+  mutable int values = 0;
+  mutable int gradients = 0;
+
+ private:
+  double y(const double* x) const { return argumentCount() > 1 ? x[1] : 1.0; }
+  double z(const double* x) const { return argumentCount() > 2 ? x[2] : 0.0; }
+  double wrong_;
+};
+
+constexpr int kW1 = slotOf(Source::kVelocity, 0);
+constexpr int kW2 = slotOf(Source::kVelocity, 1);
+constexpr int kPhi1 = slotOf(Source::kAngle, 0);
+
+struct Point {
+  double angle[2] = {0.3, -0.4};
+  double velocity[2] = {2.0, 3.0};
+  double acceleration[2] = {0.5, -0.7};
+  StateView view() const { return {0.1, angle, velocity, acceleration, nullptr, nullptr, nullptr}; }
+};
+
+TEST(OpaqueFunction, HasItsValueAndItsDerivativesInAProgram) {
+  Graph graph;
+  const auto f = std::make_shared<Polynomial>();
+  const Node x[4] = {graph.variable(kW1), graph.multiply(graph.constant(2.0), graph.variable(kW2)),
+                     graph.variable(kPhi1)};
+  const Node value = graph.opaque(f, x);
+  EXPECT_EQ(graph.opaque(f, x), value);
+  EXPECT_TRUE(graph.hasOpaque({graph.add(value, x[0])}));
+  EXPECT_FALSE(graph.hasOpaque({x[0], x[1]}));
+
+  std::vector<Node> outputs = {value};
+  for (const int slot : {kW1, kW2, kPhi1}) outputs.push_back(graph.differentiate(value, slot));
+  const Tape tape(graph, outputs);
+  double values[4];
+  tape.evaluate(Point().view(), values);
+  EXPECT_EQ(values[0], 2.0 * 2.0 * 6.0 + std::sin(0.3));
+  EXPECT_EQ(values[1], 2.0 * 2.0 * 6.0);
+  EXPECT_EQ(values[2], 2.0 * 2.0 * 2.0);
+  EXPECT_EQ(values[3], std::cos(0.3));
+  // All derivatives are one call.
+  EXPECT_EQ(f->values, 1);
+  EXPECT_EQ(f->gradients, 1);
+  // One of them alone, in another order than its arguments.
+  const Tape last(graph, {outputs[3], outputs[1]});
+  last.evaluate(Point().view(), values);
+  EXPECT_EQ(values[0], std::cos(0.3));
+  EXPECT_EQ(values[1], 2.0 * 2.0 * 6.0);
+  EXPECT_EQ(f->values, 1);
+}
+
+TEST(OpaqueFunction, IsAConstantOfConstantsAndReadsWhatItNeeds) {
+  Graph graph;
+  const auto f = std::make_shared<Polynomial>(2);
+  const Node constants[4] = {graph.constant(3.0), graph.constant(5.0)};
+  EXPECT_TRUE(graph.isConstant(graph.opaque(f, constants), 45.0));
+  EXPECT_TRUE(graph.isConstant(graph.opaque(f, constants, 2), 9.0));
+  const Node mixed[4] = {graph.constant(3.0), graph.variable(kW1)};
+  const Node value = graph.opaque(f, mixed);
+  EXPECT_TRUE(graph.dependsOn(value, kW1));
+  EXPECT_FALSE(graph.dependsOn(value, kW2));
+  EXPECT_TRUE(graph.isConstant(graph.differentiate(value, kW2), 0.0));
+  EXPECT_THROW(Polynomial(0), std::invalid_argument);
+  EXPECT_THROW(Polynomial(5), std::invalid_argument);
+}
+
+TEST(OpaqueFunction, HasNoSecondDerivatives) {
+  Graph graph;
+  const Node x[4] = {graph.variable(kW1)};
+  const Node value = graph.opaque(std::make_shared<Polynomial>(1), x);
+  const Node slope = graph.differentiate(value, kW1);
+  EXPECT_TRUE(graph.hasNonFiniteConstant(graph.differentiate(slope, kW1)));
+  EXPECT_TRUE(graph.isConstant(graph.differentiate(slope, kW2), 0.0));
+  EXPECT_TRUE(expression::StateDerivatives::of(graph, {value}, 2).has_value());
+  EXPECT_FALSE(expression::StateDerivatives::of(graph, {slope}, 2).has_value());
+}
+
+/// What a test makes of the shafts and of x^2 y + sin z; as a formula, or as an opaque function.
+struct Case {
+  const char* name;
+  Expression (*law)(LawContext& scene, const std::vector<Shaft>& s, bool is_opaque);
+};
+
+Expression sample(LawContext& scene, bool is_opaque, const Expression& x, const Expression& y,
+                  const Expression& z) {
+  if (is_opaque) return scene.function(std::make_shared<Polynomial>(), {x, y, z});
+  return x * x * y + sin(z);
+}
+
+const Case kTorques[] = {
+    {"smooth",
+     [](LawContext& scene, const std::vector<Shaft>& s, bool is_opaque) {
+       return -0.05 * sample(scene, is_opaque, s[0].velocity, tanh(s[1].velocity), s[0].angle);
+     }},
+    {"with a command",
+     [](LawContext& scene, const std::vector<Shaft>& s, bool is_opaque) {
+       return -0.05 * sample(scene, is_opaque, s[0].velocity, scene.command(), scene.time());
+     }},
+    {"behind kinks",
+     [](LawContext& scene, const std::vector<Shaft>& s, bool is_opaque) {
+       const Expression f = sample(scene, is_opaque, s[0].velocity, 1.0, s[0].angle);
+       return -0.2 * min(f, 4.0) - 0.1 * where(f < 9.0, 0.0, f - 9.0);
+     }},
+    {"into a table",
+     [](LawContext& scene, const std::vector<Shaft>& s, bool is_opaque) {
+       const Table table =
+           Table::through({0.0, 4.0, 6.0, 20.0}, {0.0, -1.0, -3.0, -4.0}, Table::Beyond::kLinear);
+       return scene.lookUp(table, sample(scene, is_opaque, s[0].velocity, 1.0, s[0].angle));
+     }},
+};
+
+const Case kConstraints[] = {
+    {"linear in the accelerations",
+     [](LawContext& scene, const std::vector<Shaft>& s, bool is_opaque) {
+       const Expression i =
+           0.6 + 0.01 * sample(scene, is_opaque, s[0].velocity, scene.time(), s[1].angle);
+       return 0.2 * (s[1].acceleration - i * s[0].acceleration) + s[1].velocity - i * s[0].velocity;
+     }},
+    {"nonlinear in the accelerations",
+     [](LawContext& scene, const std::vector<Shaft>& s, bool is_opaque) {
+       const Expression f = sample(scene, is_opaque, s[0].acceleration, 0.05, s[0].velocity);
+       return 0.2 * (s[1].acceleration - 0.6 * s[0].acceleration + f) + s[1].velocity -
+              0.6 * s[0].velocity;
+     }},
+    {"of order 3",
+     [](LawContext& scene, const std::vector<Shaft>& s, bool is_opaque) {
+       const Expression f = sample(scene, is_opaque, s[1].acceleration, 1.0, s[0].velocity);
+       return s[1].jerk + 0.1 * f;
+     }},
+};
+
+class TorqueOf : public FormulaTorque {
+ public:
+  TorqueOf(const Case& of, bool is_opaque) : case_(of), is_opaque_(is_opaque) {}
+
+ private:
+  void build(LawContext& scene) override {
+    const std::vector<Shaft> s = {scene.shaftAt(0), scene.shaftAt(1)};
+    scene.applyBetween(s[0], s[1], case_.law(scene, s, is_opaque_));
+  }
+  const Case& case_;
+  bool is_opaque_;
+};
+
+class ConstraintOf : public FormulaConstraint {
+ public:
+  ConstraintOf(const Case& of, bool is_opaque) : case_(of), is_opaque_(is_opaque) {}
+
+ private:
+  void build(LawContext& scene) override {
+    scene.constrain(case_.law(scene, {scene.shaftAt(0), scene.shaftAt(1)}, is_opaque_));
+  }
+  const Case& case_;
+  bool is_opaque_;
+};
+
+class Factory : public BuiltinComponentFactory {
+ public:
+  Factory(const Case& torque, const Case& constraint, bool is_opaque)
+      : torque_(torque), constraint_(constraint), is_opaque_(is_opaque) {}
+  TorquePtr createTorque(const std::string& type) override {
+    if (type != "test/It") return BuiltinComponentFactory::createTorque(type);
+    return std::make_shared<TorqueOf>(torque_, is_opaque_);
+  }
+  ConstraintPtr createConstraint(const std::string& /*type*/) override {
+    return std::make_shared<ConstraintOf>(constraint_, is_opaque_);
+  }
+
+ private:
+  const Case& torque_;
+  const Case& constraint_;
+  bool is_opaque_;
+};
+
+Scene sceneOf(const Case& torque, const Case& constraint, bool is_opaque,
+              const std::string& rest = "") {
+  Factory factory(torque, constraint, is_opaque);
+  const std::string keys = std::string(torque.name) == "with a command"
+                               ? ", topic: u, hold: first_order_lag, time_constant: 0.2, initial: 1"
+                               : "";
+  return test::withTolerance(
+      readScene(
+          readYamlText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [it, push]\n"
+                       "it: {type: test/It" +
+                           keys +
+                           "}\npush: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
+                           "\"3*sin(2*t)\"}\nconstraints: [c]\nc: {type: test/It}\n"
+                           "initial: {velocity: [3, 1.8], acceleration: [0.4, 0.2], project: true}"
+                           "\n" +
+                           rest,
+                       "test"),
+          factory),
+      1e-10);
+}
+
+/// The sample after 2 s, with a step of the command at 0.5 s.
+Sample endOf(const Scene& scene) {
+  Simulation simulation(scene);
+  EXPECT_TRUE(simulation.advanceTo(0.5).ok()) << simulation.describeStatus();
+  if (scene.inputCount() > 0) simulation.command(0, 2.0);
+  EXPECT_TRUE(simulation.advanceTo(2.0).ok()) << simulation.describeStatus();
+  return simulation.sample();
+}
+
+void expectSameMotion(const Case& torque, const Case& constraint, const std::string& rest) {
+  SCOPED_TRACE(std::string(torque.name) + ", " + constraint.name + ", " + rest);
+  const Sample formula = endOf(sceneOf(torque, constraint, false, rest));
+  const Sample opaque = endOf(sceneOf(torque, constraint, true, rest));
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_NEAR(opaque.velocity[i], formula.velocity[i], 3e-8) << i;
+    EXPECT_NEAR(opaque.acceleration[i], formula.acceleration[i], 3e-7) << i;
+    EXPECT_NEAR(opaque.reaction_torque[i], formula.reaction_torque[i], 3e-7) << i;
+  }
+}
+
+TEST(OpaqueFunction, MovesAsItsFormula) {
+  for (const Case& torque : kTorques) expectSameMotion(torque, kConstraints[0], "");
+  for (const Case& constraint : kConstraints) {
+    for (const char* principle : {"gauss", "generalized_gauss"}) {
+      for (const char* stepper : {"dop853", "radau5"}) {
+        expectSameMotion(
+            kTorques[0], constraint,
+            std::string("principle: ") + principle + "\nsolver: {stepper: " + stepper + "}\n");
+      }
+    }
+  }
+}
+
+std::string messageOf(const Case& torque, const Case& constraint) {
+  try {
+    sceneOf(torque, constraint, true);
+  } catch (const SceneError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(OpaqueFunction, HasNoPlaceInAConstraintOfOrder1ThatNeedsTwoDerivatives) {
+  const Case first{"order 1", [](LawContext& scene, const std::vector<Shaft>& s, bool) {
+                     return s[1].velocity -
+                            scene.function(std::make_shared<Polynomial>(1), {s[0].angle});
+                   }};
+  EXPECT_EQ(messageOf(kTorques[0], first),
+            "c: a constraint of order 1 is differentiated twice, and the opaque function in it has "
+            "first derivatives only; allowed: a function made of Expressions, or a constraint of "
+            "order 2");
+}
+
+TEST(OpaqueFunction, TakesAsManyArgumentsAsItHas) {
+  const Case few{"few", [](LawContext& scene, const std::vector<Shaft>& s, bool) {
+                   return scene.function(std::make_shared<Polynomial>(), {s[0].velocity});
+                 }};
+  EXPECT_EQ(messageOf(few, kConstraints[0]), "it: its opaque function takes 3 arguments, not 1");
+}
+
+TEST(OpaqueFunction, OfAWrongGradientIsCaughtByName) {
+  const Case rate{"rate", [](LawContext& scene, const std::vector<Shaft>& s, bool) {
+                    return scene.function(std::make_shared<Polynomial>(3, 1.01),
+                                          {s[0].velocity, s[1].velocity, s[0].angle});
+                  }};
+  const std::string of_torque = messageOf(rate, kConstraints[0]);
+  EXPECT_EQ(of_torque.rfind("it: dQ/dt of shaft 'a' of torque 'it' is stated as ", 0), 0U)
+      << of_torque;
+  const Case partial{"partial", [](LawContext& scene, const std::vector<Shaft>& s, bool) {
+                       return s[1].acceleration - s[0].acceleration +
+                              scene.function(std::make_shared<Polynomial>(2, 1.01),
+                                             {s[0].velocity, s[1].velocity});
+                     }};
+  const std::string of_constraint = messageOf(kTorques[0], partial);
+  EXPECT_EQ(of_constraint.rfind("c: d psi/d w2 of constraint 'c' is stated as ", 0), 0U)
+      << of_constraint;
+  const Case acceleration{"C", [](LawContext& scene, const std::vector<Shaft>& s, bool) {
+                            return s[1].acceleration +
+                                   scene.function(std::make_shared<Polynomial>(2, 1.01),
+                                                  {s[0].velocity, s[0].acceleration});
+                          }};
+  const std::string of_jacobian = messageOf(kTorques[0], acceleration);
+  EXPECT_EQ(of_jacobian.rfind("c: d psi/d e1 of constraint 'c' is stated as ", 0), 0U)
+      << of_jacobian;
+}
+
+}  // namespace
+}  // namespace variator_sim
