@@ -17,17 +17,19 @@ namespace variator_sim {
 class ComponentContext {
  public:
   /// `inputs` collects the commanded inputs of the whole scene and `graph` its formulas; `symbols`
-  /// are its inputs and tables that have names of their own.
+  /// are its inputs and tables that have names of their own, `libraries` those of the factory.
   ComponentContext(std::string name, ParameterReader& parameters,
                    const std::vector<std::string>& shaft_names,
                    std::vector<CommandInputSettings>& inputs, SceneSymbols symbols = {},
-                   std::shared_ptr<expression::Graph> graph = std::make_shared<expression::Graph>())
+                   std::shared_ptr<expression::Graph> graph = std::make_shared<expression::Graph>(),
+                   std::shared_ptr<const void> libraries = nullptr)
       : name_(std::move(name)),
         parameters_(parameters),
         shaft_names_(shaft_names),
         inputs_(inputs),
         symbols_(std::move(symbols)),
-        graph_(std::move(graph)) {}
+        graph_(std::move(graph)),
+        libraries_(std::move(libraries)) {}
 
   /// The component's own name in the scene.
   const std::string& name() const { return name_; }
@@ -49,6 +51,9 @@ class ComponentContext {
   /// The formulas of the whole scene.
   const std::shared_ptr<expression::Graph>& graph() const { return graph_; }
 
+  /// Keeps the component's code loaded (ComponentFactory::libraries).
+  const std::shared_ptr<const void>& libraries() const { return libraries_; }
+
   /// The inputs and tables that the scene names for all of its components.
   const SceneSymbols& symbols() const { return symbols_; }
   /// Index of the scene's input that is called `name` by the value at `path`; the component reads
@@ -66,6 +71,7 @@ class ComponentContext {
   std::vector<CommandInputSettings>& inputs_;
   SceneSymbols symbols_;
   std::shared_ptr<expression::Graph> graph_;
+  std::shared_ptr<const void> libraries_;
   std::set<int> used_inputs_;
 };
 

@@ -1,6 +1,7 @@
 /// Makes torques and constraints from the type names in a scene.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,9 @@ class ComponentFactory {
   /// All types known, for error messages.
   virtual std::vector<std::string> constraintTypes() = 0;
   virtual std::vector<std::string> torqueTypes() = 0;
+  /// What keeps the code of its components loaded while somebody holds it; null where nothing has
+  /// to.
+  virtual std::shared_ptr<const void> libraries() { return nullptr; }
 };
 
 /// The components this package ships, made without any plugin library ("variator_sim/...").

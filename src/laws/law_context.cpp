@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <utility>
 
 #include "laws/quantity.h"
 #include "variator_sim/expression/tape.h"
@@ -82,7 +83,14 @@ Expression LawContext::function(std::shared_ptr<const OpaqueFunction> f,
   expression::Graph& graph = *context_.graph();
   expression::Node nodes[OpaqueFunction::kMostArguments];
   for (std::size_t i = 0; i < count; ++i) nodes[i] = arguments[i].in(graph);
-  return {graph, graph.opaque(f, nodes)};
+  // The graph and its programs may outlive the component: its library stays until f is gone.
+  const OpaqueFunction* const raw = f.get();
+  const std::shared_ptr<const OpaqueFunction> held(
+      raw, [f = std::move(f), libraries = context_.libraries()](const OpaqueFunction*) mutable {
+        f.reset();
+        libraries.reset();
+      });
+  return {graph, graph.opaque(held, nodes)};
 }
 
 Expression LawContext::lookUp(const Table& table, const Expression& x) {

@@ -142,7 +142,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   }
 
   ComponentContext context(name, reader, scene->shafts, scene->inputs, scene->symbols,
-                           scene->graph);
+                           scene->graph, factory.libraries());
   try {
     component->configure(context);
   } catch (const SceneError&) {

@@ -69,7 +69,7 @@ struct PluginlibComponentFactory::Loaders {
   LazyLoader<Torque> torques{"variator_sim::Torque"};
 };
 
-PluginlibComponentFactory::PluginlibComponentFactory() : loaders_(std::make_unique<Loaders>()) {}
+PluginlibComponentFactory::PluginlibComponentFactory() : loaders_(std::make_shared<Loaders>()) {}
 PluginlibComponentFactory::~PluginlibComponentFactory() = default;
 
 ConstraintPtr PluginlibComponentFactory::createConstraint(const std::string& type) {
@@ -86,6 +86,10 @@ std::vector<std::string> PluginlibComponentFactory::constraintTypes() {
   std::vector<std::string> types = builtin_.constraintTypes();
   loaders_->constraints.appendTypes(types);
   return types;
+}
+
+std::shared_ptr<const void> PluginlibComponentFactory::libraries() {
+  return loaders_;
 }
 
 std::vector<std::string> PluginlibComponentFactory::torqueTypes() {

@@ -25,11 +25,12 @@ class PluginlibComponentFactory : public ComponentFactory {
   /// Built-in types and those that packages export (searches them).
   std::vector<std::string> constraintTypes() override;
   std::vector<std::string> torqueTypes() override;
+  std::shared_ptr<const void> libraries() override;
 
  private:
   struct Loaders;
   BuiltinComponentFactory builtin_;
-  std::unique_ptr<Loaders> loaders_;
+  std::shared_ptr<Loaders> loaders_;
 };
 
 }  // namespace variator_sim

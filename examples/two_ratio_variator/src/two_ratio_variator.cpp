@@ -1,5 +1,5 @@
-/// A constraint of one's own: everything but the formula comes from AutomaticConstraint.
-#include <variator_sim/constraints/automatic_constraint.h>
+/// A constraint of one's own: C, c0 and all other derivatives follow from the formula.
+#include <variator_sim/formula_constraint.h>
 
 #include <pluginlib/class_list_macros.hpp>
 
@@ -8,26 +8,18 @@ namespace two_ratio_variator {
 /// psi = tau (epsilon_b - i epsilon_a) + omega_b - i omega_a, rad/s, with the ratio i going
 /// smoothly from i_1 to i_2 as omega_a passes omega_0: i = i_1 + (i_2 - i_1) (1 + tanh((omega_a -
 /// omega_0)/w))/2
-class TwoRatioVariator : public variator_sim::AutomaticConstraint<TwoRatioVariator> {
- public:
-  template <class T>
-  T residual(const variator_sim::GenericState<T>& x) const {
-    const T i = low_ + 0.5 * (high_ - low_) * (1.0 + tanh((x.velocity[0] - speed_) / width_));
-    return tau_ * (x.acceleration[1] - i * x.acceleration[0]) + x.velocity[1] - i * x.velocity[0];
+class TwoRatioVariator : public variator_sim::FormulaConstraint {
+  void build(variator_sim::LawContext& scene) override {
+    const auto s = scene.shafts("shafts", 2);
+    const auto low = scene.quantity("low"), high = scene.quantity("high");              // 1
+    const auto speed = scene.quantity("speed");                                         // rad/s
+    const double width = scene.number("width", variator_sim::Range::positive());        // rad/s
+    const double tau = scene.number("time_constant", variator_sim::Range::positive());  // s
+    const auto i = low + 0.5 * (high - low) * (1.0 + tanh((s[0].velocity - speed) / width));
+    const auto slip = s[1].velocity - i * s[0].velocity;
+    scene.constrain(tau * (s[1].acceleration - i * s[0].acceleration) + slip);
+    scene.output("ratio", i);
   }
-
- private:
-  void doConfigure(variator_sim::ComponentContext& context) override {
-    useShafts(context.readShafts("shafts", 2));
-    low_ = context.parameters().number("low");
-    high_ = context.parameters().number("high");
-    speed_ = context.parameters().number("speed");                                         // rad/s
-    width_ = context.parameters().number("width", variator_sim::Range::positive());        // rad/s
-    tau_ = context.parameters().number("time_constant", variator_sim::Range::positive());  // s
-  }
-  bool doIsLinearInAcceleration() const override { return true; }
-
-  double low_ = 1.0, high_ = 1.0, speed_ = 0.0, width_ = 1.0, tau_ = 1.0;
 };
 
 }  // namespace two_ratio_variator
