@@ -29,6 +29,7 @@ class ApplicationsTest(unittest.TestCase):
         if name not in self.runs:
             result = subprocess.run(
                 [SIMULATE, SCENES / f"{name}.yaml", "--duration", str(SECONDS), "--rate", "10",
+                 "--columns", "state,elements,inputs,outputs,energy",
                  "--commands", SCENES / f"{name}.csv"],
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=100, check=False,
                 env=dict(os.environ, ROS_MASTER_URI="http://localhost:1"))
@@ -44,7 +45,7 @@ class ApplicationsTest(unittest.TestCase):
     def test_every_scene_has_commands_and_a_launch_file(self):
         names = {path.stem for path in SCENES.glob("*.yaml")}
         self.assertEqual(names, {"starting_system", "ship_power_unit", "diesel_locomotive",
-                                 "machine_tool", "vbelt_vehicle"})
+                                 "machine_tool", "vbelt_vehicle", "car"})
         for name in names:
             self.assertTrue((SCENES / f"{name}.csv").exists(), name)
             self.assertTrue((FOLDER / f"launch/{name}.launch").exists(), name)
@@ -116,6 +117,56 @@ class ApplicationsTest(unittest.TestCase):
         self.check_between([metres * a for a in run["pulley/acceleration"]], -0.5, 1.2)
         for w1, w2 in zip(run["engine/velocity"], run["pulley/velocity"]):
             self.assertAlmostEqual(w2, w1 * (0.5 + 0.5 * w1**2 / (220.0**2 + w1**2)), delta=1e-9)
+
+    def test_car_is_a_scene_of_forty_lines(self):
+        self.assertLessEqual(len((SCENES / "car.yaml").read_text(encoding="utf-8").splitlines()), 40)
+
+    def test_car_pulls_away_shifts_overtakes_brakes_and_climbs(self):
+        run = self.samples("car")
+        at = {round(t, 1): n for n, t in enumerate(run["time"])}
+        speed = [3.6 * v for v in run["road/speed"]]                    # km/h
+        self.check_between(speed, -1e-9, 115.0)
+        self.check_between([0.3 * a for a in run["wheels/acceleration"]], -5.0, 3.5)
+        # It stands with the clutch open, pulls away with a slipping one, and does not stall.
+        self.assertEqual(speed[at[1.0]], 0.0)
+        self.check_between(run["engine/velocity"], 80.0, 600.0)
+        self.assertGreater(run["clutch/slip"][at[1.4]], 50.0)
+        self.check_between(run["clutch/slip"][at[3.0]:at[56.0]], -1.0, 2.0)
+        # The ratio is what is commanded; reaching 75 km/h takes some 14 s.
+        self.check_between(run["variator/ratio"], 0.07 - 1e-12, 0.31)
+        self.check_between([speed[at[14.0]]], 70.0, 80.0)
+        # Full throttle in a low ratio, then back.
+        self.check_between([speed[at[25.0]] - speed[at[20.0]]], 20.0, 35.0)
+        self.check_between([0.3 * run["wheels/acceleration"][at[29.0]]], -0.3, 0.3)
+        # The brake takes the most of what is lost there.
+        self.check_between(run["brake/power"][at[31.0]:at[33.0]], -100e3, -50e3)
+        # The hill is where it is, and is met with more torque.
+        metres = [0.3 * phi for phi in run["wheels/angle"]]
+        for distance, grade in zip(metres, run["outputs/grade"]):
+            if distance < 650.0 or distance > 940.0:
+                self.assertAlmostEqual(grade, 0.0, delta=1e-12)
+            elif 720.0 < distance < 870.0:
+                self.assertAlmostEqual(grade, 0.08, delta=1e-12)
+        self.assertAlmostEqual(run["outputs/grade"][at[40.0]], 0.08, delta=1e-12)
+        self.assertGreater(run["combustion/engine/torque"][at[40.0]], 100.0)
+        # It stands again, the engine idling.
+        self.check_between([speed[-1]], -1e-3, 1e-3)
+        self.check_between([run["engine/velocity"][-1]], 84.0, 86.0)
+
+    def test_car_has_an_energy_account_without_reactions(self):
+        run = self.samples("car")
+        self.check_between(run["power/reactions"], -1e-6, 1e-6)
+        self.check_between(run["energy/reactions"], -1e-3, 1e-3)
+        # Power in is power out, and the elements' powers add up.
+        for n in range(len(run["time"])):
+            self.assertAlmostEqual(run["gearbox/reaction_torque"][n] * run["gearbox/velocity"][n]
+                                   + run["wheels/reaction_torque"][n] * run["wheels/velocity"][n],
+                                   0.0, delta=1e-6)
+            total = sum(run[f"{element}/power"][n]
+                        for element in ("combustion", "clutch", "brake", "road"))
+            self.assertAlmostEqual(total, run["power/applied"][n], delta=1e-6)
+            self.assertLessEqual(run["clutch/power"][n], 0.0)
+            self.assertLessEqual(run["brake/power"][n], 0.0)
 
 
 if __name__ == "__main__":
