@@ -141,8 +141,8 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
     throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
   }
 
-  ComponentContext context(name, reader, scene->shafts, scene->inputs, scene->symbols,
-                           scene->graph, factory.libraries());
+  ComponentContext context(name, reader, scene->shafts, scene->inputs, scene->symbols, scene->graph,
+                           factory.libraries());
   try {
     component->configure(context);
   } catch (const SceneError&) {
