@@ -148,6 +148,31 @@ TEST(InsideOfAStep, ATouchIsTold) {
   }
 }
 
+// A speed that settles on the edge of a comparison, and an input that settles on that of a clamp
+// and on a point of a table: nothing is crossed, so no step is made again.
+TEST(InsideOfAStep, WhatSettlesOnAnEdgeIsNotSearched) {
+  const char* const kLaws[] = {"5*clamp(u,0,1)-2*w1-if(w1>2.5,1,0)*(w1-2.5)",
+                               "5*curve(u)-2*w1-max(w1-2.5,0)"};
+  for (const char* law : kLaws) {
+    for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kRadau5}) {
+      Scene scene = test::sceneFromText(
+          "shafts: [a]\na: {inertia: 1}\ntorques: [q]\ninputs: [u]\ntables: [curve]\n"
+          "u: {topic: u, hold: first_order_lag, time_constant: 0.2}\n"
+          "curve: {x: [0, 0.4, 1, 2], values: [0, 0.3, 1, 5]}\n"
+          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+          std::string(law) + "\"}\n");
+      scene.solver.stepper = stepper;
+      scene.solver.sleep = false;
+      Simulation simulation(scene);
+      simulation.advanceTo(0.5);
+      simulation.command(0, 1.0);
+      ASSERT_TRUE(simulation.advanceTo(60.0).ok()) << simulation.describeStatus();
+      EXPECT_NEAR(simulation.sample().velocity[0], 2.5, 1e-6) << label(stepper, law);
+      EXPECT_LE(simulation.statistics().rejected_steps, 20U) << label(stepper, law);
+    }
+  }
+}
+
 // sign of the time and of a speed: the accelerations jump with the torque, and no reaction is left
 // on a free shaft.
 TEST(JumpsOfLaws, MoveTheAccelerations) {

@@ -40,6 +40,9 @@ class Guard {
   virtual int branch(const StateView& state) const = 0;
   /// False when all of `box` certainly lies on `branch`, or, of kOnEdge, on the edge.
   virtual bool mayLeave(const StateBox& box, int branch) const = 0;
+  /// True when the distance to the edge is no more than rounding in all of `box`: a state that
+  /// settles on an edge is not to be searched for ever.
+  virtual bool isRounding(const StateBox& /*box*/) const { return false; }
   /// True when nothing is known of it but its branch at single states: `mayLeave` is always true.
   virtual bool isOpaque() const { return false; }
   /// The signed distance to the edge of an opaque guard, in whatever unit.
@@ -59,24 +62,5 @@ class Guard {
 };
 
 using GuardPtr = std::shared_ptr<const Guard>;
-
-/// The points of a table whose argument is one part of the state: branches are counted from below.
-class KnotGuard final : public Guard {
- public:
-  enum class Part { kAngle, kVelocity };
-  /// `knots` of part `part` (rad or rad/s) of shaft `shaft`, in any order.
-  KnotGuard(Part part, int shaft, std::vector<double> knots);
-
-  int branch(const StateView& state) const override;
-  bool mayLeave(const StateBox& box, int branch) const override;
-  bool readsTime() const override { return false; }
-  bool readsInputs() const override { return false; }
-
- private:
-  int count(double x) const;
-  Part part_;
-  int shaft_;
-  std::vector<double> knots_;
-};
 
 }  // namespace variator_sim

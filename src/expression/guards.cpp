@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -15,13 +17,21 @@ namespace variator_sim::expression {
 namespace {
 
 /// The sign of a formula.
+///
+/// Of a difference a - b nobody knows the sign that is left by rounding of a and b.
 class SignGuard final : public Guard {
  public:
-  SignGuard(const Graph& graph, Node node, bool jumps)
+  SignGuard(Graph& graph, Node node, bool jumps)
       : Guard(jumps),
         tape_(graph, {node}),
         enclosure_(graph, node),
-        is_opaque_(graph.hasOpaque({node})) {}
+        is_opaque_(graph.hasOpaque({node})) {
+    const Graph::Entry entry = graph.entry(node);
+    if (entry.operation != Operation::kAdd && entry.operation != Operation::kSubtract) return;
+    const Node a = graph.make(Operation::kAbs, {entry.operands[0]});
+    const Node b = graph.make(Operation::kAbs, {entry.operands[1]});
+    size_.emplace(graph, graph.add(a, b));
+  }
 
   int branch(const StateView& state) const override {
     const double value = distance(state);
@@ -31,6 +41,12 @@ class SignGuard final : public Guard {
     const Interval range = enclosure_.evaluate(box);
     if (branch == kOnEdge) return range.low != 0.0 || range.high != 0.0;
     return branch > 0 ? !(range.low > 0.0) : !(range.high < 0.0);
+  }
+  bool isRounding(const StateBox& box) const override {
+    if (!size_) return false;
+    const double noise = 16.0 * std::numeric_limits<double>::epsilon() * size_->evaluate(box).high;
+    const Interval range = enclosure_.evaluate(box);
+    return range.low >= -noise && range.high <= noise;
   }
   bool isOpaque() const override { return is_opaque_; }
   double distance(const StateView& state) const override {
@@ -44,14 +60,26 @@ class SignGuard final : public Guard {
  private:
   Tape tape_;
   IntervalProgram enclosure_;
-  bool is_opaque_;  ///< nothing is known of it over a box
+  std::optional<IntervalProgram> size_;  ///< |a| + |b|
+  bool is_opaque_;                       ///< nothing is known of it over a box
 };
 
 /// Between which of the points of a table the value of a formula lies.
+///
+/// At a point only the third derivative of the table jumps. By how little its argument goes beyond
+/// one, some `kSlack` of the distance to the next, leaves the value what it was to all digits: an
+/// argument that settles on a point (an idle speed, a pedal let go) is not to be searched for ever.
 class PointsGuard final : public Guard {
  public:
-  PointsGuard(const Graph& graph, Node node, std::vector<double> points)
-      : Guard(false), tape_(graph, {node}), enclosure_(graph, node), points_(std::move(points)) {}
+  PointsGuard(const Graph& graph, Node node, const std::vector<double>& points)
+      : Guard(false), tape_(graph, {node}), enclosure_(graph, node), points_(points) {
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      double distance = std::numeric_limits<double>::infinity();
+      if (k > 0) distance = points[k] - points[k - 1];
+      if (k + 1 < points.size()) distance = std::min(distance, points[k + 1] - points[k]);
+      slack_.push_back(kSlack * distance);
+    }
+  }
 
   int branch(const StateView& state) const override {
     double value;
@@ -64,17 +92,19 @@ class PointsGuard final : public Guard {
     const Interval range = enclosure_.evaluate(box);
     if (branch == kOnEdge) return range.low != range.high;
     const auto below = static_cast<std::size_t>(branch);
-    const bool is_above = branch == 0 || range.low > points_[below - 1];
-    const bool is_below = below == points_.size() || range.high < points_[below];
+    const bool is_above = branch == 0 || range.low > points_[below - 1] - slack_[below - 1];
+    const bool is_below = below == points_.size() || range.high < points_[below] + slack_[below];
     return !(is_above && is_below);
   }
   bool readsTime() const override { return enclosure_.readsTime() || enclosure_.readsInputs(); }
   bool readsInputs() const override { return enclosure_.readsInputs(); }
 
  private:
+  static constexpr double kSlack = 1e-5;
   Tape tape_;
   IntervalProgram enclosure_;
   std::vector<double> points_;
+  std::vector<double> slack_;  ///< of each point
 };
 
 /// Points that an argument passes: the node of the argument, and they.

@@ -10,6 +10,9 @@ namespace {
 
 /// Parts of one step that are enclosed at the most.
 constexpr int kMostBoxes = 20000;
+/// Parts of a step that are longer, and all of which lie on an edge but for rounding, have settled
+/// there; an edge that is crossed is left sooner.
+constexpr double kSettled = 1e-6;
 /// Halvings: parts of a step are never shorter than 2^-kMostHalvings.
 constexpr int kMostHalvings = 52;
 /// Points of a step at which an opaque guard is looked at, first and at the most.
@@ -145,6 +148,14 @@ bool GuardSearch::mayLeave(StateBox& box) {
   return false;
 }
 
+bool GuardSearch::haveSettled(const StateBox& box) const {
+  for (std::size_t i = 0; i < guards_.size(); ++i) {
+    if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
+    if (guards_[i]->mayLeave(box, step_sides_[i]) && !guards_[i]->isRounding(box)) return false;
+  }
+  return true;
+}
+
 GuardFinding GuardSearch::find(const StepCurve& curve, double resolution) {
   settleSides(curve, resolution);
   GuardFinding finding;
@@ -168,6 +179,11 @@ GuardFinding GuardSearch::findEnclosed(const StepCurve& curve, double resolution
     StateBox box;
     curve.enclose(clear, end, &box);
     if (!mayLeave(box)) {
+      clear = end;
+      --open;
+      continue;
+    }
+    if (end - clear > kSettled && haveSettled(box)) {
       clear = end;
       --open;
       continue;

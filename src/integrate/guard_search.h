@@ -72,6 +72,8 @@ class GuardSearch {
   /// Branches of guards that start on an edge: those that they come to first.
   void settleSides(const StepCurve& curve, double resolution);
   bool mayLeave(StateBox& box);
+  /// True when all guards that do not keep their branches in `box` lie on their edges there.
+  bool haveSettled(const StateBox& box) const;
   /// Gives `box` the inputs over its time.
   void addInputs(StateBox& box);
   GuardFinding findEnclosed(const StepCurve& curve, double resolution);
