@@ -137,7 +137,7 @@ TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
   for (const std::string& key : nodeNames().keys) EXPECT_EQ(root.count(key), 0U) << key;
   EXPECT_EQ(root.at("principle").asText(), "generalized_gauss");
   const ParameterTree::Dictionary& solver = root.at("solver").asDictionary();
-  EXPECT_EQ(solver.size(), 7U);
+  EXPECT_EQ(solver.size(), 8U);
   EXPECT_TRUE(solver.at("sleep").asBoolean());
   EXPECT_EQ(solver.at("stepper").asText(), "auto");
   EXPECT_EQ(solver.at("relative_tolerance").asReal(), 1e-9);

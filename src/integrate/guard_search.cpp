@@ -151,7 +151,9 @@ bool GuardSearch::mayLeave(StateBox& box) {
 bool GuardSearch::haveSettled(const StateBox& box) const {
   for (std::size_t i = 0; i < guards_.size(); ++i) {
     if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
-    if (guards_[i]->mayLeave(box, step_sides_[i]) && !guards_[i]->isRounding(box)) return false;
+    // (What jumps may be crossed back at once, and then there is no motion on the edge.)
+    const bool has_settled = !guards_[i]->jumps() && guards_[i]->isRounding(box);
+    if (guards_[i]->mayLeave(box, step_sides_[i]) && !has_settled) return false;
   }
   return true;
 }

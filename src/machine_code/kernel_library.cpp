@@ -235,7 +235,7 @@ std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Mi
     if (missing == Missing::kLeave) {
       *reason = "it is not in the cache yet";
     } else if (compiler.empty()) {
-      *reason = "no compiler (cc) was found";
+      *reason = "no compiler, cc, was found";
     } else {
       *reason = makeKernel(compiler, source, path);
       was_compiled = true;

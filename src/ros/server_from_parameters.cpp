@@ -26,10 +26,13 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
 void prepareMachineCode(Simulation& simulation) {
   const MachineCode wanted = simulation.scene().solver.machine_code;
   const bool is_loaded = simulation.loadMachineCode(wanted != MachineCode::kNever);
-  if (!is_loaded && wanted == MachineCode::kAlways) {
-    ROS_WARN("formulas are run by %s", simulation.machineCode().c_str());
+  const char* const text = simulation.machineCode().c_str();
+  if (is_loaded || wanted == MachineCode::kNever) {
+    ROS_DEBUG("formulas are run by %s", text);
+  } else if (wanted == MachineCode::kAlways) {
+    ROS_WARN("formulas are run by %s", text);
   } else {
-    ROS_INFO("formulas are run by %s", simulation.machineCode().c_str());
+    ROS_INFO("formulas are run by %s", text);
   }
 }
 
