@@ -11,11 +11,10 @@ import rosunit
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
-# Not among them: src/plugins, src/ros and src/tools.
-CORE = ["include", "src/constraints", "src/dynamics", "src/expression", "src/integrate", "src/io", "src/model",
-        "src/motion", "src/torques"]
+CORE = [FOLDER / "include"] + [folder for folder in (FOLDER / "src").iterdir()
+                               if folder.name not in ("plugins", "ros", "tools")]
 # What a core file may include beside the standard library and the project's own headers.
-ALLOWED = re.compile(r"(Eigen|boost|yaml-cpp)/|[a-z_0-9]+(\.h)?$")
+ALLOWED = re.compile(r"(Eigen|boost|yaml-cpp|sys)/|[a-z_0-9]+(\.h)?$")
 # The C++ runtime, and nothing else.
 ALLOWED_LIBRARIES = re.compile(r"(libstdc\+\+|libm|libgcc_s|libc|ld-linux.*|lib[a-z]san)\.so")
 
@@ -23,8 +22,8 @@ ALLOWED_LIBRARIES = re.compile(r"(libstdc\+\+|libm|libgcc_s|libc|ld-linux.*|lib[
 class CoreIndependenceTest(unittest.TestCase):
 
     def test_includes(self):
-        files = [path for folder in CORE for path in (FOLDER / folder).rglob("*.[hc]*")]
-        self.assertGreater(len(files), 20)
+        files = [path for folder in CORE for path in folder.rglob("*.[hc]*")]
+        self.assertGreater(len(files), 100)
         for path in files:
             for line in path.read_text(encoding="utf-8").splitlines():
                 match = re.match(r'\s*#\s*include\s*([<"])([^>"]+)', line)
