@@ -1,7 +1,9 @@
 #include "expression/c_code.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 
 #include "variator_sim/expression/tape.h"
 
@@ -92,6 +94,12 @@ class Writer {
   void write(const std::vector<Node>& outputs) {
     const std::vector<bool> reachable = graph_.findReachable(outputs);
     for (std::size_t i = 0; i < reachable.size(); ++i) {
+      const Graph::Entry& it = graph_.entry({static_cast<int>(i)});
+      if (!reachable[i]) continue;
+      if (it.operation == Operation::kSin) sines_[it.operands[0]] = static_cast<int>(i);
+      if (it.operation == Operation::kCos) cosines_[it.operands[0]] = static_cast<int>(i);
+    }
+    for (std::size_t i = 0; i < reachable.size(); ++i) {
       const Node node{static_cast<int>(i)};
       if (reachable[i] && operandCount(graph_.entry(node).operation) > 0) define(node);
     }
@@ -161,14 +169,32 @@ class Writer {
     return call + ")";
   }
 
+  /// Sine and cosine of one argument in one call; true when `node` is of such a pair.
+  bool definePair(Node node, const Graph::Entry& it) {
+    if (it.operation != Operation::kSin && it.operation != Operation::kCos) return false;
+    const auto sine = sines_.find(it.operands[0]);
+    const auto cosine = cosines_.find(it.operands[0]);
+    if (sine == sines_.end() || cosine == cosines_.end()) return false;
+    if (node.index == std::min(sine->second, cosine->second)) {
+      const std::string s = refer({sine->second});
+      const std::string c = refer({cosine->second});
+      text_ += "  double " + s + ", " + c + ";\n  sincos(" + refer({it.operands[0]}) + ", &" + s +
+               ", &" + c + ");\n";
+    }
+    return true;
+  }
+
   void define(Node node) {
     const Graph::Entry it = graph_.entry(node);
+    if (definePair(node, it)) return;
     const std::string value = valueOf(it);
     text_ += "  const double n" + std::to_string(node.index) + " = " + value + ";\n";
   }
 
   const Graph& graph_;
   std::string text_;
+  std::map<int, int> sines_;  ///< that of a node, and its cosine
+  std::map<int, int> cosines_;
   int roots_ = 0;
 };
 
@@ -176,6 +202,20 @@ class Writer {
 
 const char* prelude() {
   return R"c(#include <math.h>
+
+/* What the host computes is the library's: -fno-builtin. These two are exact everywhere. */
+#ifdef __GNUC__
+#define fabs __builtin_fabs
+#define sqrt __builtin_sqrt
+#endif
+#ifdef __GLIBC__
+void sincos(double x, double* sine, double* cosine);
+#else
+static inline void sincos(double x, double* sine, double* cosine) {
+  *sine = sin(x);
+  *cosine = cos(x);
+}
+#endif
 
 struct tables {
   const void* const* tables;
