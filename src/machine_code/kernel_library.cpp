@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <climits>
@@ -34,6 +35,7 @@ const char* const kOptions[] = {"-std=c11",        "-O3",
                                 "-fno-builtin",    "-fPIC",
                                 "-shared"};
 constexpr auto kPatience = std::chrono::seconds(60);
+const std::string kNotYet = "it is not in the cache yet";
 
 std::uint64_t mix(std::uint64_t hash, const std::string& text) {
   // FNV-1a
@@ -58,7 +60,7 @@ std::string readAll(const std::string& path) {
 
 std::string findCompiler() {
   const char* path = std::getenv("PATH");
-  std::istringstream folders(path != nullptr ? path : "/usr/bin:/bin");
+  std::istringstream folders(path != nullptr ? path : "");
   for (std::string folder; std::getline(folders, folder, ':');) {
     const std::string program = folder + "/cc";
     if (!folder.empty() && folder.front() == '/' && ::access(program.c_str(), X_OK) == 0) {
@@ -95,19 +97,24 @@ std::string describeError() {
   return std::strerror(errno);
 }
 
-/// Makes the folder and those above it. An empty reason when it is there, ours and nobody else's.
-std::string prepareFolder(const std::string& folder) {
+/// Makes the folder and those above it.
+std::string makeFolder(const std::string& folder) {
   for (std::size_t end = folder.find('/', 1);; end = folder.find('/', end + 1)) {
     const std::string part = folder.substr(0, end);
     if (::mkdir(part.c_str(), 0700) != 0 && errno != EEXIST) {
       return "the folder " + part + " cannot be made: " + describeError();
     }
-    if (end == std::string::npos) break;
+    if (end == std::string::npos) return "";
   }
+}
+
+/// An empty reason when the folder is there, ours and nobody else's.
+std::string checkFolder(const std::string& folder) {
   struct stat status = {};
-  if (::lstat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) {
-    return folder + " is no folder";
+  if (::lstat(folder.c_str(), &status) != 0) {
+    return errno == ENOENT ? kNotYet : folder + " cannot be read: " + describeError();
   }
+  if (!S_ISDIR(status.st_mode)) return folder + " is no folder";
   if (status.st_uid != ::geteuid() || (status.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
     return "the folder " + folder + " is not ours alone to write to";
   }
@@ -177,7 +184,10 @@ bool writeAll(const std::string& path, const std::string& text, std::ios::openmo
 /// Compiles into `path`; an empty reason when that is there afterwards.
 std::string makeKernel(const std::string& compiler, const std::string& source,
                        const std::string& path) {
-  const std::string beside = path + "." + std::to_string(::getpid());
+  // Of this process and this call: the nodelets of a manager may compile at once.
+  static std::atomic<int> calls{0};
+  const std::string beside =
+      path + "." + std::to_string(::getpid()) + "." + std::to_string(++calls);
   const std::string text = beside + ".c";
   std::string reason;
   if (!writeAll(text, source, std::ios::trunc)) {
@@ -222,6 +232,7 @@ void* KernelLibrary::find(const char* name) const {
 
 std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Missing missing,
                                                    std::string* reason) {
+  reason->clear();
   const std::string folder = findFolder();
   if (folder.empty()) {
     *reason = "there is no place for it: neither VARIATOR_SIM_CACHE nor HOME is set";
@@ -232,11 +243,12 @@ std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Mi
   for (const char* option : kOptions) key += option;
   const std::string path = folder + "/" + sumOf(key) + ".so";
   bool was_compiled = false;
-  *reason = prepareFolder(folder);
+  if (missing == Missing::kCompile) *reason = makeFolder(folder);
+  if (reason->empty()) *reason = checkFolder(folder);
   if (!reason->empty()) return nullptr;
   if (!isWhole(path)) {
     if (missing == Missing::kLeave) {
-      *reason = "it is not in the cache yet";
+      *reason = kNotYet;
     } else if (compiler.empty()) {
       *reason = "no compiler, cc, was found";
     } else {
@@ -248,6 +260,7 @@ std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Mi
   void* handle = ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (handle == nullptr) {
     *reason = "it cannot be loaded: " + std::string(::dlerror());
+    ::unlink(path.c_str());  // no use to anybody
     return nullptr;
   }
   return std::shared_ptr<KernelLibrary>(new KernelLibrary(handle, was_compiled));
