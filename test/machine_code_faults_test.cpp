@@ -1,0 +1,286 @@
+// Machine code that cannot be had: the run goes on with the interpreter, and says why.
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "machine_code/kernel_library.h"
+#include "support/machine_code_folder.h"
+#include "support/scenes.h"
+#include "variator_sim/formula_torque.h"
+
+namespace variator_sim {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::string kScene = R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.5}
+load: {inertia: 1.2}
+initial: {velocity: [10.0, 6.0]}
+torques: [drag]
+drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w2*abs(w2) + sin(phi1)"}
+constraints: [variator]
+variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6}
+)yaml";
+
+class MachineCodeFaults : public test::MachineCodeFolder {
+ protected:
+  /// The motion of the interpreter goes on; what runs the formulas.
+  static std::string run(bool compile = true, const std::string& rest = "") {
+    Simulation interpreted(test::sceneFromText(kScene));
+    interpreted.advanceTo(1.0);
+    Simulation simulation(test::sceneFromText(kScene + rest));
+    const bool is_loaded = simulation.loadMachineCode(compile);
+    EXPECT_EQ(is_loaded, simulation.hasMachineCode());
+    EXPECT_TRUE(simulation.advanceTo(1.0).ok()) << simulation.describeStatus();
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_EQ(simulation.sample().velocity[i], interpreted.sample().velocity[i]);
+      EXPECT_EQ(simulation.sample().angle[i], interpreted.sample().angle[i]);
+    }
+    return simulation.machineCode();
+  }
+  static void expectCompiled() {
+    const std::string sentence = run();
+    EXPECT_EQ(sentence.rfind("machine code, compiled in ", 0), 0U) << sentence;
+  }
+  static void expectCached() { EXPECT_EQ(run(), "machine code, from the cache"); }
+};
+
+TEST_F(MachineCodeFaults, NoneOnceCompiledItIsInTheCache) {
+  EXPECT_EQ(run(false), "the interpreter: it is not in the cache yet");
+  EXPECT_FALSE(fs::exists(cache())) << "made for nothing";
+  expectCompiled();
+  ASSERT_EQ(kernels().size(), 1U) << "something is left over";
+  EXPECT_EQ(kernels()[0].extension(), ".so");
+  EXPECT_EQ(run(false), "machine code, from the cache");
+  expectCached();
+}
+
+TEST_F(MachineCodeFaults, NeverIsNever) {
+  expectCompiled();
+  EXPECT_EQ(run(true, "solver: {machine_code: never}"),
+            "the interpreter: 'solver/machine_code' is 'never'");
+}
+
+TEST_F(MachineCodeFaults, ACacheHasItsPlace) {
+  const auto expectIn = [](const fs::path& place) {
+    expectCompiled();
+    EXPECT_TRUE(fs::is_directory(place)) << place;
+  };
+  set("HOME", (folder() / "home").c_str());
+  set("XDG_CACHE_HOME", (folder() / "xdg").c_str());
+  set("VARIATOR_SIM_CACHE", nullptr);
+  expectIn(folder() / "xdg" / "variator_sim");
+  set("XDG_CACHE_HOME", nullptr);
+  expectIn(folder() / "home" / ".cache" / "variator_sim");
+  set("HOME", nullptr);
+  EXPECT_EQ(run(),
+            "the interpreter: there is no place for it: neither VARIATOR_SIM_CACHE nor HOME is "
+            "set");
+}
+
+TEST_F(MachineCodeFaults, NoCompiler) {
+  set("PATH", folder().c_str());
+  EXPECT_EQ(run(), "the interpreter: no compiler (cc) was found");
+  set("PATH", nullptr);
+  EXPECT_EQ(run(), "the interpreter: no compiler (cc) was found");
+}
+
+TEST_F(MachineCodeFaults, ACompilerThatFails) {
+  const std::string cc = (folder() / "bin" / "cc").string();
+  compileBy("exit 1");
+  EXPECT_EQ(run(), "the interpreter: " + cc + " failed");
+  compileBy("kill -9 $$");
+  EXPECT_EQ(run(), "the interpreter: " + cc + " failed");
+  EXPECT_TRUE(kernels().empty());
+  std::ofstream(cc) << "no program";
+  EXPECT_EQ(run().rfind("the interpreter: " + cc, 0), 0U) << run();
+}
+
+TEST_F(MachineCodeFaults, ACompilerThatMakesSomethingElse) {
+  for (const char* script : {"exit 0", "echo nothing > $OUTPUT", "cat $SOURCE > $OUTPUT"}) {
+    SCOPED_TRACE(script);
+    compileBy(script);
+    EXPECT_EQ(run().rfind("the interpreter: it cannot be loaded: ", 0), 0U) << run();
+    EXPECT_TRUE(kernels().empty()) << "kept though it is of no use";
+  }
+  // An object without the functions, and one of other functions.
+  for (const char* script : {"echo 'int other;' > $SOURCE; exec cc \"$@\"",
+                             "sed -i 's/fabs(/-fabs(/' $SOURCE; exec cc \"$@\""}) {
+    SCOPED_TRACE(script);
+    compileBy(script);
+    EXPECT_EQ(run(), "the interpreter: it does not give the interpreter's numbers");
+  }
+}
+
+TEST_F(MachineCodeFaults, APlaceThatIsNone) {
+  std::ofstream(cache()) << "a file";
+  EXPECT_EQ(run(), "the interpreter: " + cache().string() + " is no folder");
+  set("VARIATOR_SIM_CACHE", (cache() / "deeper").c_str());
+  EXPECT_EQ(run(), "the interpreter: the folder " + (cache() / "deeper").string() +
+                       " cannot be made: Not a directory");
+  set("VARIATOR_SIM_CACHE", "/proc/variator_sim");
+  EXPECT_EQ(run(),
+            "the interpreter: the folder /proc/variator_sim cannot be made: No such file or "
+            "directory");
+}
+
+TEST_F(MachineCodeFaults, APlaceThatOthersWriteTo) {
+  expectCompiled();
+  const std::string refusal =
+      "the interpreter: the folder " + cache().string() + " is not ours alone to write to";
+  for (const auto bit : {fs::perms::group_write, fs::perms::others_write}) {
+    fs::permissions(cache(), bit, fs::perm_options::add);
+    EXPECT_EQ(run(), refusal);
+    fs::permissions(cache(), bit, fs::perm_options::remove);
+    expectCached();
+  }
+  // Nor one that somebody else can put another in the place of.
+  fs::rename(cache(), folder() / "elsewhere");
+  fs::create_directory_symlink(folder() / "elsewhere", cache());
+  EXPECT_EQ(run(), "the interpreter: " + cache().string() + " is no folder");
+}
+
+TEST_F(MachineCodeFaults, AFullDisk) {
+  ASSERT_NE(std::signal(SIGXFSZ, SIG_IGN), SIG_ERR);
+  rlimit before = {};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  std::vector<std::string> sentences;
+  for (const rlim_t most : {100U, 10000U}) {
+    const rlimit small = {most, before.rlim_max};
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
+    sentences.push_back(run());
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+    EXPECT_TRUE(kernels().empty()) << "something is left over";
+  }
+  std::signal(SIGXFSZ, SIG_DFL);
+  EXPECT_NE(sentences[0].find(".c cannot be written: File too large"), std::string::npos)
+      << sentences[0];
+  EXPECT_NE(sentences[1].find("/cc failed"), std::string::npos) << sentences[1];
+  expectCompiled();
+}
+
+TEST_F(MachineCodeFaults, ADamagedFileIsMadeAnew) {
+  expectCompiled();
+  ASSERT_EQ(kernels().size(), 1U);
+  const fs::path kernel = kernels()[0];
+  const std::string whole = read(kernel);
+  std::vector<std::string> damaged = {"",
+                                      "x",
+                                      whole.substr(0, 100),
+                                      whole.substr(0, 5000),
+                                      whole.substr(0, whole.size() - 1),
+                                      whole.substr(0, whole.size() - 32),
+                                      whole + "x"};
+  for (const std::size_t place : {std::size_t{0}, whole.size() / 3, whole.size() - 1}) {
+    damaged.push_back(whole);
+    damaged.back()[place] = static_cast<char>(damaged.back()[place] ^ 1);
+  }
+  for (const std::string& text : damaged) {
+    SCOPED_TRACE(text.size());
+    replace(kernel, text);
+    EXPECT_EQ(run(false), "the interpreter: it is not in the cache yet");
+    expectCompiled();
+    expectCached();
+    EXPECT_EQ(kernels().size(), 1U);
+  }
+  replace(kernel, "");
+  fs::remove(kernel);
+  fs::create_directory(kernel);
+  EXPECT_NE(run().find(" cannot be written: "), std::string::npos) << run();
+}
+
+TEST_F(MachineCodeFaults, AnotherCompilerMakesItAnew) {
+  expectCompiled();
+  compileBy("exec cc \"$@\"");
+  expectCompiled();
+  EXPECT_EQ(kernels().size(), 2U);
+}
+
+const char* const kSource = "double one(void) { return 1.0; }\n";
+
+bool loadsOne() {
+  std::string reason;
+  const auto library = KernelLibrary::load(kSource, KernelLibrary::Missing::kCompile, &reason);
+  if (library == nullptr || library->find("none") != nullptr) return false;
+  const auto one = reinterpret_cast<double (*)()>(library->find("one"));
+  return one != nullptr && one() == 1.0;
+}
+
+TEST_F(MachineCodeFaults, ManyProcessesAtOnce) {
+  std::vector<pid_t> children;
+  for (int n = 0; n < 4; ++n) {
+    const pid_t child = ::fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) ::_exit(loadsOne() ? 0 : 1);
+    children.push_back(child);
+  }
+  for (const pid_t child : children) {
+    int status = -1;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    EXPECT_EQ(status, 0);
+  }
+  EXPECT_EQ(kernels().size(), 1U) << "something is left over";
+}
+
+TEST_F(MachineCodeFaults, ManyThreadsAtOnce) {
+  // All of them compile before one is done: the nodelets of one manager.
+  compileBy("cc \"$@\" && sleep 0.3");
+  bool has_one[4] = {};
+  std::vector<std::thread> threads;
+  for (bool& it : has_one) threads.emplace_back([&it] { it = loadsOne(); });
+  for (std::thread& thread : threads) thread.join();
+  for (const bool it : has_one) EXPECT_TRUE(it);
+  EXPECT_EQ(kernels().size(), 1U) << "something is left over";
+}
+
+// --- what has no formula ---------------------------------------------------------------------
+
+class Drag : public OpaqueFunction {
+ public:
+  Drag() : OpaqueFunction(1) {}
+  double value(const double* x) const override { return -0.3 * x[0]; }
+  void calcGradient(const double* /*x*/, double* gradient) const override { gradient[0] = -0.3; }
+};
+
+class OpaqueTorque : public FormulaTorque {
+  void build(LawContext& scene) override {
+    scene.apply(scene.shaftAt(0),
+                scene.function(std::make_shared<Drag>(), {scene.shaftAt(0).velocity}));
+  }
+};
+
+class Factory : public BuiltinComponentFactory {
+ public:
+  TorquePtr createTorque(const std::string& /*type*/) override {
+    return std::make_shared<OpaqueTorque>();
+  }
+};
+
+TEST_F(MachineCodeFaults, AFunctionThatIsNoFormula) {
+  Factory factory;
+  Simulation simulation(
+      readScene(readYamlText("shafts: [a]\na: {inertia: 1}\ntorques: [it]\nit: {type: test/It}\n"
+                             "initial: {velocity: [3]}\nsolver: {machine_code: always}\n",
+                             "test"),
+                factory));
+  EXPECT_FALSE(simulation.loadMachineCode(true));
+  EXPECT_EQ(simulation.machineCode(),
+            "the interpreter: a law reads a function that is not a formula");
+  EXPECT_TRUE(simulation.advanceTo(1.0).ok());
+  EXPECT_NEAR(simulation.sample().velocity[0], 3.0 * std::exp(-0.3), 1e-8);
+  EXPECT_FALSE(fs::exists(cache()));
+}
+
+}  // namespace
+}  // namespace variator_sim
