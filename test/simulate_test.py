@@ -63,8 +63,9 @@ class SimulateTest(unittest.TestCase):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
-        # Nobody is there: the tool needs no master.
-        self.environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1")
+        # Nobody is there: the tool needs no master. Machine code is made for the test alone.
+        self.environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1",
+                                VARIATOR_SIM_CACHE=str(self.folder / "cache"))
 
     def write(self, name, text):
         path = self.folder / name
@@ -286,7 +287,7 @@ class SimulateTest(unittest.TestCase):
             self.assertIn(word, result.stderr)
         last = parse(result.stdout)[1][-1]
         self.assertGreater(last[3], 0.05 * last[2])
-        stats = dict(line.split(": ") for line in result.stderr.splitlines()
+        stats = dict(line.split(": ", 1) for line in result.stderr.splitlines()
                      if not line.startswith("simulate:"))
         account = [float(stats[name].split()[0]) for name in
                    ("kinetic energy change", "energy of the applied torques",
@@ -370,7 +371,7 @@ class SimulateTest(unittest.TestCase):
 
     def test_stats(self):
         result = self.simulate(SHIP, "--duration", "10", "--stats")
-        stats = dict(line.split(": ") for line in result.stderr.splitlines()
+        stats = dict(line.split(": ", 1) for line in result.stderr.splitlines()
                      if not line.startswith("simulate:"))
         self.assertEqual(stats["samples"], "1001")
         self.assertEqual(stats["simulated time"], "10 s")
@@ -384,6 +385,59 @@ class SimulateTest(unittest.TestCase):
                      "energy of the reactions"):
             self.assertIn(name, stats)
         self.assertIn(" J (estimated", stats["energy of the reactions"])
+
+    def formulas_by(self, scene):
+        """The line of --stats, the notes about it, and the samples."""
+        result = self.simulate(scene, "--duration", "1", "--stats")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        lines = result.stderr.splitlines()
+        stats = dict(line.split(": ", 1) for line in lines)
+        return (stats["formulas by"], [line for line in lines if "simulate: note: " in line],
+                result.stdout)
+
+    def ship_with_machine_code(self, choice):
+        text = pathlib.Path(SHIP).read_text(encoding="utf-8")
+        self.assertNotIn("solver:", text)
+        return self.write("ship.yaml", text + f"\nsolver: {{machine_code: {choice}}}\n")
+
+    def test_compile_makes_machine_code_for_later_runs(self):
+        by, notes, interpreted = self.formulas_by(SHIP)
+        self.assertEqual((by, notes), ("the interpreter: it is not in the cache yet", []))
+        self.assertFalse((self.folder / "cache").exists())
+        for how in ("compiled in ", "from the cache"):
+            result = self.simulate(SHIP, "--compile")
+            self.assertEqual((result.returncode, result.stdout), (0, ""), result.stderr)
+            self.assertTrue(result.stderr.startswith(
+                f"simulate: formulas are run by machine code, {how}"), result.stderr)
+        self.assertEqual(len(list((self.folder / "cache").iterdir())), 1)
+        self.assertEqual(self.formulas_by(SHIP),
+                         ("machine code, from the cache", [], interpreted))
+        never = self.ship_with_machine_code("never")
+        self.assertEqual(self.formulas_by(never),
+                         ("the interpreter: 'solver/machine_code' is 'never'", [], interpreted))
+        self.check_refused([SHIP, "--compile", "--explain"], "--compile", "--explain")
+        self.check_refused([SHIP, "--compile=1"], "takes no value")
+
+    def test_always_compiles_before_the_run(self):
+        scene = self.ship_with_machine_code("always")
+        by, notes, _ = self.formulas_by(scene)
+        self.assertTrue(by.startswith("machine code, compiled in "), by)
+        self.assertEqual(notes, [])
+
+    def test_runs_without_a_compiler_and_says_so_once(self):
+        _, _, interpreted = self.formulas_by(SHIP)
+        self.environment["PATH"] = str(self.folder)
+        reason = "the interpreter: no compiler (cc) was found"
+        self.assertEqual(self.formulas_by(self.ship_with_machine_code("always")),
+                         (reason, [f"simulate: note: formulas are run by {reason}"], interpreted))
+        self.assertEqual(self.formulas_by(SHIP)[1:], ([], interpreted))
+        result = self.simulate(SHIP, "--compile")
+        self.assertEqual(result.returncode, 3)
+        self.assertEqual(result.stderr, f"simulate: formulas are run by {reason}\n")
+
+    def test_choice_of_machine_code_is_checked(self):
+        self.check_refused([self.ship_with_machine_code("sometimes"), "--duration", "1"],
+                           "solver/machine_code", "'sometimes'", "auto, never, always")
 
     def test_bag_equals_csv(self):
         path = str(self.folder / "out.bag")

@@ -180,6 +180,9 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   }
   if (options.scene_path.empty()) throw UsageError("no scene given");
   if (options.latex && !options.explain) throw UsageError("--latex belongs to --explain");
+  if (options.compile && options.explain) {
+    throw UsageError("--compile and --explain exclude each other");
+  }
   if (options.explain) return options;
   if (options.has_times && has_rate) {
     throw UsageError("--rate and --times exclude each other");
@@ -230,7 +233,7 @@ A sample at the instant of a command shows the state after it. A bag holds the t
 Exit status: 0 the end was reached, or the reader of standard output went away
              1 the motion stopped: reason, time and last good state are on standard error
              2 bad usage, scene or command file
-             3 the output could not be written
+             3 the output could not be written, or of --compile: no machine code could be made
              130 interrupted by Ctrl-C
 In every case the samples up to then are written.
 )";
