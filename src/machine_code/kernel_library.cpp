@@ -35,7 +35,7 @@ const char* const kOptions[] = {"-std=c11",        "-O3",
                                 "-fno-builtin",    "-fPIC",
                                 "-shared"};
 constexpr auto kPatience = std::chrono::seconds(60);
-const std::string kNotYet = "it is not in the cache yet";
+constexpr const char* kNotYet = "it is not in the cache yet";
 
 std::uint64_t mix(std::uint64_t hash, const std::string& text) {
   // FNV-1a
