@@ -1,7 +1,6 @@
 #include "dynamics/scene_program.h"
 
 #include <cmath>
-#include <cstring>
 #include <utility>
 
 #include "expression/c_code.h"
@@ -67,8 +66,10 @@ bool Program::agrees(Kernel kernel, const KernelTables& tables, const StateView&
   kernel(state.time, state.angle, state.velocity, state.acceleration, state.input, state.input_rate,
          state.input_second_rate, &tables, computed.data());
   for (std::size_t i = 0; i < computed.size(); ++i) {
-    const bool is_nan = computed[i] != computed[i] && interpreted[i] != interpreted[i];
-    if (!is_nan && std::memcmp(&computed[i], &interpreted[i], sizeof(double)) != 0) return false;
+    const bool is_nan = std::isnan(computed[i]) && std::isnan(interpreted[i]);
+    const bool is_same =
+        computed[i] == interpreted[i] && std::signbit(computed[i]) == std::signbit(interpreted[i]);
+    if (!is_nan && !is_same) return false;
   }
   return true;
 }

@@ -43,7 +43,7 @@ std::size_t Graph::EntryHash::operator()(const Entry& entry) const {
   }
   mix(static_cast<std::uint32_t>(entry.slot));
   mix(bitsOf(entry.value));
-  mix(static_cast<std::uint64_t>(entry.order[0] + 8 * entry.order[1]));
+  mix(static_cast<std::uint64_t>(entry.order[0]) + 8U * static_cast<std::uint64_t>(entry.order[1]));
   return static_cast<std::size_t>(hash);
 }
 

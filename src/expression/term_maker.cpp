@@ -42,7 +42,7 @@ Symbol functionOf(Operation operation) {
 }
 
 /// T', T'', .. of a table's name.
-Symbol derivativeOf(Symbol table, int order) {
+Symbol derivativeOf(const Symbol& table, int order) {
   const std::string primes(static_cast<std::size_t>(order), '\'');
   return {table.text + primes, table.latex + primes};
 }
@@ -182,6 +182,7 @@ class TermMaker {
         break;
     }
     std::vector<TermPtr> arguments;
+    arguments.reserve(4);
     for (int p = 0; p < operandCount(entry.operation); ++p) arguments.push_back(operand(p));
     return makeCall(functionOf(entry.operation), std::move(arguments));
   }

@@ -51,13 +51,13 @@ Fraction toFraction(double value) {
     }
     return {};
   };
-  const Fraction ratio = findMultiple(true);
+  Fraction ratio = findMultiple(true);
   if (!ratio.numerator.empty()) return ratio;
   const std::string inverse = toShortText(1.0 / value);
   if (significantDigits(inverse) <= kFew + 2) return {"1", inverse};
   const std::string turns = toShortText(value / kPi);
   if (significantDigits(turns) <= kFew) return {turns, "", true};
-  const Fraction multiple = findMultiple(false);
+  Fraction multiple = findMultiple(false);
   if (!multiple.numerator.empty()) return multiple;
   return {text, ""};
 }
@@ -246,7 +246,7 @@ class Printer {
       return text;
     }
     // One pair, not two side by side.
-    const std::string inner = text.substr(begin.size(), text.size() - begin.size() - end.size());
+    std::string inner = text.substr(begin.size(), text.size() - begin.size() - end.size());
     int depth = 0;
     for (std::size_t i = 0; i < inner.size(); ++i) {
       if (inner.compare(i, 5, "\\left") == 0) ++depth;

@@ -62,7 +62,7 @@ std::string findCompiler() {
   const char* path = std::getenv("PATH");
   std::istringstream folders(path != nullptr ? path : "");
   for (std::string folder; std::getline(folders, folder, ':');) {
-    const std::string program = folder + "/cc";
+    std::string program = folder + "/cc";
     if (!folder.empty() && folder.front() == '/' && ::access(program.c_str(), X_OK) == 0) {
       return program;
     }
@@ -126,7 +126,7 @@ std::string findFolder() {
     const char* value = std::getenv(name);
     return value != nullptr && value[0] == '/' ? value : "";
   };
-  if (const std::string own = variable("VARIATOR_SIM_CACHE"); !own.empty()) return own;
+  if (std::string own = variable("VARIATOR_SIM_CACHE"); !own.empty()) return own;
   if (const std::string cache = variable("XDG_CACHE_HOME"); !cache.empty()) {
     return cache + "/variator_sim";
   }
@@ -143,6 +143,7 @@ std::string compile(const std::string& program, const std::string& source,
   arguments.insert(arguments.end(), std::begin(kOptions), std::end(kOptions));
   arguments.insert(arguments.end(), {"-o", output, source, "-lm"});
   std::vector<char*> pointers;
+  pointers.reserve(arguments.size() + 1);
   for (std::string& argument : arguments) pointers.push_back(argument.data());
   pointers.push_back(nullptr);
 
