@@ -97,8 +97,8 @@ class Simulation {
   /// formulas run as machine code afterwards; false, and `machineCode` says why, when the
   /// interpreter goes on. Not for the real-time loop.
   bool loadMachineCode(bool compile);
-  /// What runs the formulas, as a sentence ("machine code, compiled in 0.12 s", "the interpreter
-  /// (no compiler, cc, was found)").
+  /// What runs the formulas, as a sentence ("machine code, compiled in 0.12 s", "the interpreter:
+  /// no compiler (cc) was found").
   const std::string& machineCode() const;
   /// True when formulas run as machine code. [loop]
   bool hasMachineCode() const;

@@ -251,7 +251,7 @@ std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Mi
     if (missing == Missing::kLeave) {
       *reason = kNotYet;
     } else if (compiler.empty()) {
-      *reason = "no compiler, cc, was found";
+      *reason = "no compiler (cc) was found";
     } else {
       *reason = makeKernel(compiler, source, path);
       was_compiled = true;

@@ -27,7 +27,7 @@ class KernelLibrary {
   /// Whether code that is not in the cache yet is compiled.
   enum class Missing { kCompile, kLeave };
   /// The library of `source`. Null where there is none, and `reason` then says why, as the end of
-  /// a sentence ("no compiler, cc, was found"). Never throws; takes a second or so to compile.
+  /// a sentence ("no compiler (cc) was found"). Never throws; takes a second or so to compile.
   static std::shared_ptr<KernelLibrary> load(const std::string& source, Missing missing,
                                              std::string* reason);
   /// True when the last `load` of this object compiled it.

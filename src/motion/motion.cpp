@@ -61,7 +61,7 @@ const Statistics& Motion::statistics() {
 bool Motion::loadMachineCode(bool compile) {
   if (has_machine_code_) return true;
   if (scene_.solver.machine_code == MachineCode::kNever) {
-    machine_code_ = "the interpreter ('solver/machine_code' is 'never')";
+    machine_code_ = "the interpreter: 'solver/machine_code' is 'never'";
     return false;
   }
   using Clock = std::chrono::steady_clock;
@@ -71,7 +71,7 @@ bool Motion::loadMachineCode(bool compile) {
       compile ? KernelLibrary::Missing::kCompile : KernelLibrary::Missing::kLeave, &compiled);
   has_machine_code_ = reason.empty();
   if (!has_machine_code_) {
-    machine_code_ = "the interpreter (" + reason + ")";
+    machine_code_ = "the interpreter: " + reason;
   } else if (compiled) {
     const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
     std::ostringstream text;
