@@ -342,6 +342,7 @@ class Writer {
     for (const ConstraintPtr& constraint : scene_.constraints) {
       if (!is_classical_) {
         std::vector<TermPtr> sum;
+        sum.reserve(static_cast<std::size_t>(scene_.shaftCount()) + 1);
         for (int i = 0; i < scene_.shaftCount(); ++i) {
           sum.push_back(makeProduct(entry(*constraint, i), shaft(Source::kJerk, i)));
         }
