@@ -13,8 +13,7 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts)
       solver_(S, scene.constraintCount()),
       velocity_solver_(S, countOrders(scene, 1)),
       acceleration_solver_(S, countOrders(scene, 2)),
-      program_(scene),
-      has_opaque_(!program_.opaqueTorques().empty() || !program_.opaqueRows().empty()) {
+      program_(scene) {
   const bool rates = scene.principle == Principle::kGeneralizedGauss;
   reads_.time = false;
   reads_.angle = !inertia_.isConstant() || !shortcuts.skip_angles;
@@ -114,12 +113,15 @@ double Drivetrain::nextInstant(double time) const {
   return next == instants_.end() ? std::numeric_limits<double>::infinity() : *next;
 }
 
-const double* Drivetrain::addOpaque(const StateView& state, const double* values,
-                                    double* sum) const {
-  std::copy_n(values, 2 * S + 1, sum);
-  for (const Torque* element : program_.opaqueTorques()) element->addTorqueRate(state, sum);
-  for (int m : program_.opaqueRows()) constraint(m).calcRow(state, sum + S, sum + 2 * S);
-  return sum;
+void Drivetrain::addCovariantRate(const StateView& state, double* rate) const {
+  addInertialRate(state, rate);
+  double torque[kMaxShafts];
+  double reaction[kMaxShafts];
+  double connection[kMaxShafts];
+  calcTorque(state, torque);
+  calcReaction(state, torque, reaction);
+  calcConnection(state, reaction, connection);
+  for (int i = 0; i < S; ++i) rate[i] += connection[i];
 }
 
 void Drivetrain::calcFreeTorque(const StateView& state, double* torque) const {

@@ -127,9 +127,7 @@ class Drivetrain {
     view_.angle = x;
     view_.velocity = x + kShafts;
     view_.acceleration = x + 2 * kShafts;
-    const double* rate = program_.calcRateAndRows(view_);
-    double added[2 * kShafts + 1];
-    if (has_opaque_) rate = addOpaque(view_, rate, added);
+    const double* const rate = program_.calcRateAndRows(view_);
     const double* C = rate + kShafts;
     const double c0 = C[kShafts];
     // B = C J^-1, A = B C^T, eta_free = J^-1 Q'
@@ -218,15 +216,7 @@ class Drivetrain {
   }
   /// Of Q' in `rate`: -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'.
   void makeCovariant(const StateView& state, double* rate) const {
-    if (inertia_.isConstant()) return;
-    addInertialRate(state, rate);
-    double torque[kMaxShafts];
-    double reaction[kMaxShafts];
-    double connection[kMaxShafts];
-    calcTorque(state, torque);
-    calcReaction(state, torque, reaction);
-    calcConnection(state, reaction, connection);
-    for (int i = 0; i < S; ++i) rate[i] += connection[i];
+    if (!inertia_.isConstant()) addCovariantRate(state, rate);
   }
   /// R = J epsilon + n - Q, S values, given Q.
   void calcReaction(const StateView& state, const double* torque, double* reaction) const;
@@ -238,8 +228,7 @@ class Drivetrain {
   bool calcRows(const StateView& state, double* c0) { return calcRows(S, state, c0); }
   template <class Count>
   bool calcRows(Count shafts, const StateView& state, double* c0) {
-    takeRows(shafts, state, program_.calcRows(state), c0);
-    return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(shafts, inertia_);
+    return takeRows(shafts, program_.calcRows(state), c0);
   }
 
   /// The same, and Q' as calcTorqueRate gives it, in one program.
@@ -247,10 +236,8 @@ class Drivetrain {
   bool calcRowsAndTorqueRate(Count shafts, const StateView& state, double* c0, double* rate) {
     const double* values = program_.calcRateAndRows(state);
     for (int i = 0; i < shafts; ++i) rate[i] = values[i];
-    for (const Torque* element : program_.opaqueTorques()) element->addTorqueRate(state, rate);
     for (int i = 0; i < shafts; ++i) torque_rate_[i] = rate[i];
-    takeRows(shafts, state, values + shafts, c0);
-    return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(shafts, inertia_);
+    return takeRows(shafts, values + shafts, c0);
   }
 
   /// Where C is constant: makes sure that it has been factored. False where it has lost rank.
@@ -387,19 +374,20 @@ class Drivetrain {
   bool findNonFinite(const StateView& state, int* torque, int* row) const;
 
  private:
-  /// Rows and c0 from the scene's program, one behind the other, and from what is no formula.
+  /// Rows and c0 from the scene's program, one behind the other, factored.
   template <class Count>
-  void takeRows(Count shafts, const StateView& state, const double* values, double* c0) {
+  bool takeRows(Count shafts, const double* values, double* c0) {
     for (int m = 0; m < constraintCount(); ++m) {
       double* row = solver_.row(m);
       for (int i = 0; i < shafts; ++i) row[i] = values[i];
       c0[m] = values[shafts];
       values += shafts + 1;
     }
-    for (int m : program_.opaqueRows()) constraint(m).calcRow(state, solver_.row(m), &c0[m]);
+    return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(shafts, inertia_);
   }
-  /// Q', C and c0 of a scene with one constraint, what is no formula included.
-  const double* addOpaque(const StateView& state, const double* values, double* sum) const;
+
+  /// - J' omega epsilon - n' + Gamma R omega.
+  void addCovariantRate(const StateView& state, double* rate) const;
 
   /// C_q^T Lambda onto `rates` and psi_q, in all 3S directions; C into the solver's rows.
   void addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
@@ -453,7 +441,6 @@ class Drivetrain {
   ConstraintSolver velocity_solver_;      // those of order 1
   ConstraintSolver acceleration_solver_;  // those of order 1 and 2
   SceneProgram program_;
-  bool has_opaque_ = false;  // some element is no formula
   std::vector<const Torque*> torques_;
   std::vector<const Constraint*> constraints_;
   std::vector<const Constraint*> kinks_;

@@ -12,7 +12,7 @@ namespace variator_sim {
 using expression::Graph;
 using expression::Node;
 
-SceneProgram::SceneProgram(const Scene& scene) : scene_(scene) {
+SceneProgram::SceneProgram(const Scene& scene) : scene_(scene), S(scene.shaftCount()) {
   Graph& graph = *scene.graph;
   const auto s = static_cast<std::size_t>(scene.shaftCount());
   const std::vector<Node> nothing(s, graph.constant(0.0));
@@ -56,8 +56,17 @@ SceneProgram::SceneProgram(const Scene& scene) : scene_(scene) {
   rate_ = Program(graph, rate);
   rows_ = Program(graph, rows);
   rate_and_rows_ = Program(graph, rate_and_rows);
+  sum_.resize(rate_and_rows.size());
   for (const auto& table : graph.tables()) tables_.push_back(table.get());
   for (const auto& table : graph.tables2()) tables2_.push_back(table.get());
+}
+
+const double* SceneProgram::addOpaqueRows(const StateView& state, double* values, int begin) const {
+  for (const int m : opaque_rows_) {
+    double* const row = values + begin + m * (S + 1);
+    scene_.constraints[static_cast<std::size_t>(m)]->calcRow(state, row, row + S);
+  }
+  return values;
 }
 
 bool Program::agrees(Kernel kernel, const KernelTables& tables, const StateView& state) const {

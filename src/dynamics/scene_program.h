@@ -5,6 +5,7 @@
 /// (a plugin with a law of its own) is asked for one by one.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -31,16 +32,20 @@ class SceneProgram {
     for (const Torque* element : opaque_torques_) element->addTorqueRate(state, rate);
   }
 
-  /// One behind the other: for each constraint C (s values) and c0; of what no formula states, 0.
-  /// Valid until the next evaluation.
-  const double* calcRows(const StateView& state) const { return rows_.evaluate(state); }
+  /// One behind the other: for each constraint C (s values) and c0. Valid until the next
+  /// evaluation.
+  const double* calcRows(const StateView& state) const {
+    const double* const values = rows_.evaluate(state);
+    return opaque_rows_.empty() ? values : addOpaqueRows(state, copyOf(rows_, values), 0);
+  }
   /// Q' (s values), then what calcRows gives.
   const double* calcRateAndRows(const StateView& state) const {
-    return rate_and_rows_.evaluate(state);
+    const double* const values = rate_and_rows_.evaluate(state);
+    if (opaque_torques_.empty() && opaque_rows_.empty()) return values;
+    double* const sum = copyOf(rate_and_rows_, values);
+    for (const Torque* element : opaque_torques_) element->addTorqueRate(state, sum);
+    return addOpaqueRows(state, sum, S);
   }
-  /// The elements that no formula states: torques, and rows m of constraints.
-  const std::vector<const Torque*>& opaqueTorques() const { return opaque_torques_; }
-  const std::vector<int>& opaqueRows() const { return opaque_rows_; }
 
   /// Goes over to machine code, which changes no bit. An empty reason when it did; then `compiled`
   /// tells whether it had to be compiled. Not in the loop.
@@ -51,9 +56,16 @@ class SceneProgram {
     const double* const computed = program.evaluate(state);
     for (std::size_t i = 0; i < program.outputs().size(); ++i) values[i] = computed[i];
   }
+  double* copyOf(const Program& program, const double* values) const {
+    std::copy_n(values, program.outputs().size(), sum_.begin());
+    return sum_.data();
+  }
+  /// Writes the rows that no formula states, counted from `begin`, into `values`.
+  const double* addOpaqueRows(const StateView& state, double* values, int begin) const;
   std::string writeSource() const;
 
   const Scene& scene_;
+  const int S;  // shafts
   Program torque_;
   Program rate_;
   Program rows_;
@@ -62,8 +74,10 @@ class SceneProgram {
   std::vector<const void*> tables_;
   std::vector<const void*> tables2_;
   KernelTables host_{};
+  /// The elements that no formula states: torques, and rows m of constraints.
   std::vector<const Torque*> opaque_torques_;
   std::vector<int> opaque_rows_;
+  mutable std::vector<double> sum_;  ///< of formulas and them
 };
 
 }  // namespace variator_sim

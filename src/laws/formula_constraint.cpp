@@ -99,6 +99,13 @@ std::vector<Node> findKinks(Graph& graph, const std::vector<unsigned>& reads, No
   return kinks;
 }
 
+/// The first output of `tape`; the others are the row C.
+double evaluateWithRow(const Tape& tape, const StateView& state, double* C) {
+  const double* const values = tape.evaluate(state);
+  std::copy(values + 1, values + tape.outputCount(), C);
+  return values[0];
+}
+
 }  // namespace
 
 /// A function of the accelerations at whose zeros a constraint has a kink.
@@ -262,24 +269,18 @@ void FormulaConstraint::compile(Node given, int order, const std::set<int>& inpu
 }
 
 double FormulaConstraint::doCalcResidual(const StateView& state) const {
-  double psi = 0.0;
+  double psi = 0.0;  // of order 3, which has no residual at this level
   residual_.evaluate(state, &psi);
   return psi;
 }
 
 double FormulaConstraint::doCalcVelocityResidualAndJacobian(const StateView& state,
                                                             double* C) const {
-  double values[1 + kMaxShafts];
-  velocity_level_.evaluate(state, values);
-  std::copy(values + 1, values + 1 + shaftCount(), C);
-  return values[0];
+  return evaluateWithRow(velocity_level_, state, C);
 }
 
 double FormulaConstraint::doCalcResidualAndJacobian(const StateView& state, double* C) const {
-  double values[1 + kMaxShafts];
-  residual_and_jacobian_.evaluate(state, values);
-  std::copy(values + 1, values + 1 + shaftCount(), C);
-  return values[0];
+  return evaluateWithRow(residual_and_jacobian_, state, C);
 }
 
 void FormulaConstraint::doCalcRow(const StateView& state, double* C, double* c0) const {
