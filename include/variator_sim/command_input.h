@@ -68,6 +68,8 @@ class CommandSignal {
   double rate(double time) const;
   /// u'' at `time` where it exists between two commands: of kSecondOrderLag; 0 otherwise.
   double secondRate(double time) const;
+  /// The coefficients 0 to `order` of u as a series in (t - time) / unit. [loop]
+  void calcSeries(double time, double unit, int order, double* coefficients) const;
   /// When the current closed form ends (a ramp or a lag that arrives), or infinity.
   double segmentEnd() const { return segment_end_; }
   /// Moves past `segmentEnd()`: u stays at its target from there.

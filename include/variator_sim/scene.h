@@ -36,9 +36,11 @@ enum class StepperKind {
   kFehlberg78,
   kRosenbrock4,
   kRadau5,
+  kTaylor,
   kDopri5Fixed,
   kRosenbrock4Fixed,
-  kRadau5Fixed
+  kRadau5Fixed,
+  kTaylorFixed
 };
 /// True for steppers that take steps of `solver/step`, whatever their error.
 bool isFixedStep(StepperKind kind);

@@ -58,6 +58,9 @@ class ClassicalGauss final : public PrincipleSystem {
   MotionStatus jump(double t, State& x, const double* /*u0*/, const double* /*u1*/,
                     std::uint64_t* /*projections*/) override;
 
+  /// In a corner of psi the motion is another one than that of its formula.
+  MotionSeries* series() const override { return corner_ == 0 ? series_.get() : nullptr; }
+
   bool isInCorner() const override { return corner_ != 0; }
 
   void watch(JumpWatch* watch) override { watch_ = watch; }

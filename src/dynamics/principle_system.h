@@ -7,6 +7,7 @@
 
 #include "dynamics/drivetrain.h"
 #include "dynamics/initial_conditions.h"
+#include "dynamics/motion_series.h"
 #include "dynamics/system.h"
 #include "integrate/guard_search.h"
 #include "integrate/step_control.h"
@@ -23,6 +24,7 @@ class PrincipleSystem : public System {
   const LeastReactionSearch& search() const { return initial_solver_.search(); }
   bool readsAngles() const override { return drivetrain_.readsAngles(); }
   bool readsTime() const override { return drivetrain_.readsTime(); }
+  MotionSeries* series() const override { return series_.get(); }
   /// True when the derivative is made by code for the scene's number of shafts and constraints.
   virtual bool isSpecialized() const { return false; }
 
@@ -85,11 +87,13 @@ class PrincipleSystem : public System {
       : System(scene.shaftCount(), levels, integrates_torque),
         scene_(scene),
         drivetrain_(scene, shortcuts),
-        initial_solver_(drivetrain_) {}
+        initial_solver_(drivetrain_),
+        series_(MotionSeries::make(scene, drivetrain_)) {}
 
   const Scene& scene_;
   Drivetrain drivetrain_;
   InitialConditionSolver initial_solver_;
+  std::unique_ptr<MotionSeries> series_;
 };
 
 /// The system of a scene's principle and orders. `scene` has to outlive it.

@@ -10,6 +10,8 @@
 
 namespace variator_sim {
 
+class MotionSeries;
+
 /// A system of ordinary differential equations, as steppers see it. All are [loop].
 class System {
  public:
@@ -56,6 +58,9 @@ class System {
     linearization.mass().setIdentity();
     calcLinearization(t, x, linearization);
   }
+
+  /// The motion as power series; nullptr where it has none.
+  virtual MotionSeries* series() const { return nullptr; }
 
   /// Q' at the last derivative taken, N m/s, s values.
   virtual const double* torqueRate() const { return nullptr; }

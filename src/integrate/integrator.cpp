@@ -122,7 +122,14 @@ void Integrator::restart() {
   control_.reset();
   restart_time_ = front_.time;
   fixed_steps_ = 0;
-  if (!choice_.isFixed()) next_step_ = chooseFirstStep();
+  if (!choice_.isFixed() && !letStepperChoose()) next_step_ = chooseFirstStep();
+}
+
+bool Integrator::letStepperChoose() {
+  const double limit = std::min(settings_.maximum_step, endOfReach() - base_.time);
+  const double length = stepper_->chooseStep(system_, base_, limit);
+  if (length > 0.0) next_step_ = length;
+  return length > 0.0;
 }
 
 double Integrator::chooseFirstStep() {
@@ -229,6 +236,10 @@ bool Integrator::makeStep() {
   if (is_behind_edge && !choice_.isFixed() && stepper_->isImplicit()) {
     const double first = std::max(chooseFirstStep(), kLeastRestart * next_step_);
     next_step_ = std::min(next_step_, first);
+  }
+  if (!choice_.isFixed() && !letStepperChoose() && choice_.leaveSeries()) {
+    stepper_ = &choice_.stepper();
+    followChoice();
   }
   return makeTrials();
 }

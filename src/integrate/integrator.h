@@ -130,6 +130,8 @@ class Integrator {
   /// A first step from the sizes of x, x' and the change of x' over a small Euler step
   /// (Hairer, Norsett, Wanner: Solving ODE I, II.4).
   double chooseFirstStep();
+  /// The next step as the stepper knows it beforehand. False when it does not.
+  bool letStepperChoose();
 
   /// The limit of steps is one per simulated time and not per advance: how a motion is cut may not
   /// change it.

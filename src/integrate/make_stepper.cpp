@@ -19,6 +19,9 @@ std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tol
     case StepperKind::kRadau5:
     case StepperKind::kRadau5Fixed:
       return makeRadau5Stepper(system, tolerance);
+    case StepperKind::kTaylor:
+    case StepperKind::kTaylorFixed:
+      return makeTaylorStepper(system, tolerance);
     case StepperKind::kDop853:
     case StepperKind::kAuto:
       break;

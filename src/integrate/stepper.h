@@ -89,6 +89,11 @@ class Stepper {
 
   /// Forgets what belongs to a state: inputs may have changed under it.
   virtual void restart() {}
+  /// The step that a stepper would make from `from`, at most `limit`, where it knows before making
+  /// it; 0 where it does not. [loop]
+  virtual double chooseStep(System& /*system*/, const StepNode& /*from*/, double /*limit*/) {
+    return 0.0;
+  }
   /// One step by h from `from`, whose derivative is known: x_new and, if it projects, dxdt_new.
   /// Returns the estimated local error: its largest component in units of the tolerance; NaN when
   /// any value is. [loop]
@@ -157,6 +162,7 @@ std::unique_ptr<Stepper> makeRk4Stepper(const System& system, Tolerance toleranc
 std::unique_ptr<Stepper> makeFehlberg78Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeDopri5Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeDop853Stepper(const System& system, Tolerance tolerance);
+std::unique_ptr<Stepper> makeTaylorStepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeRadau5Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeRosenbrock4Stepper(const System& system, Tolerance tolerance);
 

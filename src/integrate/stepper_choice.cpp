@@ -20,6 +20,7 @@ StepperChoice::StepperChoice(const System& system, const SolverSettings& setting
     first_ = make(settings.relative_tolerance <= kHighOrderBelow ? StepperKind::kDop853
                                                                  : StepperKind::kDopri5);
     implicit_ = make(StepperKind::kRadau5);
+    if (system.series() != nullptr) series_ = make(StepperKind::kTaylor);
   }
   reset();
 }
@@ -28,13 +29,16 @@ std::string StepperChoice::describe() const {
   if (!automatic_) return std::string(stepper().name()) + " (as the scene says)";
   std::ostringstream text;
   text << "auto (";
-  if (active_ == &first_) {
+  if (active_ == &series_) {
+    text << series_.outer->name() << ", the series of this scene; " << implicit_.outer->name()
+         << " when stability limits its steps";
+  } else if (active_ == &first_) {
     text << first_.outer->name() << ", as the relative tolerance is "
          << (relative_tolerance_ <= kHighOrderBelow ? "at most " : "above ") << kHighOrderBelow
          << "; " << implicit_.outer->name() << " when stability limits its steps";
   } else {
     text << implicit_.outer->name() << ", as stability limited the steps of "
-         << first_.outer->name()
+         << (series_.outer ? series_ : first_).outer->name()
          << (settled_         ? " near rest"
              : switches_ == 0 ? " at the start"
                               : "");
@@ -53,7 +57,7 @@ bool StepperChoice::isStiffStart(System& system, const StepNode& node, double h)
 }
 
 void StepperChoice::reset(bool implicitly) {
-  active_ = implicitly ? &implicit_ : &first_;
+  active_ = implicitly ? &implicit_ : automatic_ ? preferred() : &first_;
   switches_ = 0;
   trial_interval_ = kFirstTrial;
   wait_ = kSuspicions;
@@ -61,38 +65,49 @@ void StepperChoice::reset(bool implicitly) {
 }
 
 void StepperChoice::restart() {
-  if (settled_) active_ = &first_;
+  if (settled_ || (automatic_ && active_ == &first_)) active_ = preferred();
   settled_ = false;
   settling_ = 0;
   suspicions_ = 0;
   quiet_ = 0;
   steps_since_trial_ = 0;
-  for (Pair* pair : {&first_, &implicit_}) {
+  for (Pair* pair : {&series_, &first_, &implicit_}) {
     if (!pair->outer) continue;
     pair->outer->restart();
     pair->inner->restart();
   }
 }
 
+bool StepperChoice::leaveSeries() {
+  if (!automatic_ || active_ != &series_) return false;
+  goOverTo(&first_);
+  return true;
+}
+
 bool StepperChoice::giveUpExplicit() {
-  if (!automatic_ || active_ != &first_) return false;
-  goOverTo(&implicit_);
+  if (!automatic_ || active_ == &implicit_) return false;
+  goOverTo(active_ == &series_ ? &first_ : &implicit_);
   return true;
 }
 
 bool StepperChoice::settle(const StepNode& node, double change) {
-  if (!automatic_ || active_ != &first_) return false;
+  if (!automatic_ || active_ == &implicit_) return false;
   const bool near_rest =
       change <= kNearRest && active_->outer->stiffness(node.x, node.dxdt) > kMildly;
   settling_ = near_rest ? settling_ + 1 : 0;
   if (settling_ < kSettling) return false;
-  settled_ = giveUpExplicit();
-  return settled_;
+  goOverTo(&implicit_);
+  settled_ = true;
+  return true;
 }
 
 bool StepperChoice::reconsider(System& system, const StepNode& node, double limit, double* h) {
-  return active_ == &first_ ? considerImplicit(system, node, limit, h)
-                            : considerExplicit(system, node, limit, h);
+  if (active_ == &implicit_) return considerExplicit(system, node, limit, h);
+  if (active_ == &first_ && series_.outer && ++steps_since_trial_ >= kAround) {
+    goOverTo(&series_);
+    return true;
+  }
+  return considerImplicit(system, node, limit, h);
 }
 
 bool StepperChoice::considerImplicit(System& system, const StepNode& node, double limit,
@@ -124,8 +139,8 @@ bool StepperChoice::considerExplicit(System& system, const StepNode& node, doubl
                                      double* h) {
   if (++steps_since_trial_ < trial_interval_) return false;
   steps_since_trial_ = 0;
-  const double reached = tryStep(system, *first_.outer, node, std::min(limit, *h));
-  if (change(&first_, reached, *h)) {
+  const double reached = tryStep(system, *preferred()->outer, node, std::min(limit, *h));
+  if (change(preferred(), reached, *h)) {
     *h = reached;
     return true;
   }

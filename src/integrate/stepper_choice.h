@@ -1,7 +1,9 @@
 /// Which stepper makes the next step: the one that the scene names, or `auto`.
 ///
 /// The rule of `auto`:
-/// - It starts explicitly: dop853 where the relative tolerance is at most kHighOrderBelow, dopri5
+/// - It starts with the motion's series (taylor) where it has one that exists; where one of the
+///   functions has no derivatives (a root at 0) it steps explicitly for a while. Explicitly is
+///   dop853 where the relative tolerance is at most kHighOrderBelow, dopri5
 ///   above.
 /// - At the start of a motion the Jacobian tells the fastest component: where the first step that
 ///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau5 begins.
@@ -42,7 +44,10 @@ class StepperChoice {
   Stepper& stepper() { return *active_->outer; }
   /// One of the same kind as `stepper`, for steps aside that leave its dense output whole.
   Stepper& innerOf(const Stepper& stepper) {
-    return &stepper == first_.outer.get() ? *first_.inner : *implicit_.inner;
+    for (Pair* pair : {&series_, &first_}) {
+      if (&stepper == pair->outer.get()) return *pair->inner;
+    }
+    return *implicit_.inner;
   }
   const Stepper& stepper() const { return *active_->outer; }
   std::uint64_t switches() const { return switches_; }
@@ -57,6 +62,8 @@ class StepperChoice {
   /// The motion begins anew at some state.
   void restart();
 
+  /// The motion has no series here: true when another stepper takes over.
+  bool leaveSeries();
   /// The explicit stepper gets nowhere: true when the implicit one takes over.
   bool giveUpExplicit();
 
@@ -73,6 +80,9 @@ class StepperChoice {
     std::unique_ptr<Stepper> outer;
     std::unique_ptr<Stepper> inner;
   };
+
+  /// The one that `auto` starts with.
+  Pair* preferred() { return series_.outer ? &series_ : &first_; }
 
   bool considerImplicit(System& system, const StepNode& node, double limit, double* h);
 
@@ -100,6 +110,8 @@ class StepperChoice {
   /// Changes of x per step, in tolerances, that are near rest, and so many steps of them.
   static constexpr double kNearRest = 100.0;
   static constexpr int kSettling = 10;
+  /// Explicit steps before the series is tried again.
+  static constexpr int kAround = 10;
   static constexpr int kFirstTrial = 25;
   static constexpr int kLastTrial = 1000;
   /// Work is known roughly only, and a change costs a few short steps.
@@ -108,6 +120,7 @@ class StepperChoice {
   bool automatic_;
   bool fixed_;
   double relative_tolerance_;
+  Pair series_;    // of `auto` where the motion has series
   Pair first_;     // the one named, or the explicit one
   Pair implicit_;  // of `auto` only
   Pair* active_ = nullptr;

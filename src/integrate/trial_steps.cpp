@@ -87,6 +87,9 @@ double Integrator::attempt(const Trial& trial) {
     if (!choice_.isFixed() && stopWhereToleranceIsLost()) return norm;
   }
   if (isGood(norm) && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
+  if (isGood(norm) && !choice_.isFixed()) {
+    norm = worseOf(norm, stepper_->estimateFromEnd(base_, front_));
+  }
   return norm;
 }
 

@@ -249,6 +249,31 @@ double CommandSignal::secondRate(double time) const {
          std::exp(-x);
 }
 
+void CommandSignal::calcSeries(double time, double unit, int order, double* coefficients) const {
+  std::fill_n(coefficients, order + 1, 0.0);
+  coefficients[0] = value(time);
+  switch (form_) {
+    case Form::kConstant:
+      return;
+    case Form::kRamp:
+      if (order > 0) coefficients[1] = unit * rate(time);
+      return;
+    case Form::kExponential:
+    case Form::kCritical: {
+      // d^n/dx^n (a + b x) exp(-x) = (-1)^n (a + b x - n b) exp(-x), x = (t - start) / tau
+      const double x = (time - start_time_) * inverse_time_constant_;
+      const double a = start_value_ - target_;
+      const double b = form_ == Form::kCritical ? linear_ : 0.0;
+      double scale = std::exp(-x);
+      for (int n = 1; n <= order; ++n) {
+        scale *= -unit * inverse_time_constant_ / n;
+        coefficients[n] = (a + b * x - n * b) * scale;
+      }
+      return;
+    }
+  }
+}
+
 void CommandSignal::moveOrigin(double by) {
   start_time_ -= by;
   segment_end_ -= by;

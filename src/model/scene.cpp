@@ -16,12 +16,13 @@
 namespace variator_sim {
 namespace {
 
-constexpr std::array<StepperKind, 10> kSteppers{
+constexpr std::array<StepperKind, 12> kSteppers{
     StepperKind::kAuto,        StepperKind::kRk4,
     StepperKind::kDopri5,      StepperKind::kDop853,
     StepperKind::kFehlberg78,  StepperKind::kRosenbrock4,
     StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
-    StepperKind::kRadau5,      StepperKind::kRadau5Fixed};
+    StepperKind::kRadau5,      StepperKind::kRadau5Fixed,
+    StepperKind::kTaylor,      StepperKind::kTaylorFixed};
 
 Principle readPrinciple(ParameterReader& root) {
   const std::string generalized_gauss = toString(Principle::kGeneralizedGauss);
@@ -277,6 +278,10 @@ const char* toString(StepperKind kind) {
       return "radau5";
     case StepperKind::kRadau5Fixed:
       return "radau5_fixed";
+    case StepperKind::kTaylor:
+      return "taylor";
+    case StepperKind::kTaylorFixed:
+      return "taylor_fixed";
   }
   return "";
 }
@@ -295,7 +300,8 @@ const char* toString(MachineCode machine_code) {
 
 bool isFixedStep(StepperKind kind) {
   return kind == StepperKind::kRk4 || kind == StepperKind::kDopri5Fixed ||
-         kind == StepperKind::kRosenbrock4Fixed || kind == StepperKind::kRadau5Fixed;
+         kind == StepperKind::kRosenbrock4Fixed || kind == StepperKind::kRadau5Fixed ||
+         kind == StepperKind::kTaylorFixed;
 }
 
 Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const NodeNames& node) {

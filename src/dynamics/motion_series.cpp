@@ -1,0 +1,376 @@
+#include "dynamics/motion_series.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+#include "variator_sim/expression/state_derivatives.h"
+#include "variator_sim/formula_constraint.h"
+#include "variator_sim/formula_torque.h"
+
+namespace variator_sim {
+
+using expression::Graph;
+using expression::Node;
+using expression::slotOf;
+using expression::Source;
+using Part = expression::SeriesProgram::Part;
+
+namespace {
+
+template <class Law, class Element>
+const Law* formulaIn(const Scene& scene, const Element& element) {
+  const auto* law = dynamic_cast<const Law*>(element.get());
+  return law != nullptr && &law->graph() == scene.graph.get() ? law : nullptr;
+}
+
+/// J_i(phi_i) = mean + sum cosine cos(order phi) + sine sin(order phi)
+Node inertiaOf(Graph& graph, const Scene& scene, int i) {
+  Node sum = graph.constant(scene.inertia(i, i));
+  if (scene.inertia_harmonics.empty()) return sum;
+  const Node angle = graph.variable(slotOf(Source::kAngle, i));
+  for (const InertiaHarmonic& it : scene.inertia_harmonics[static_cast<std::size_t>(i)]) {
+    const Node phase = graph.multiply(graph.constant(it.order), angle);
+    const Node cosine = graph.make(expression::Operation::kCos, phase);
+    const Node sine = graph.make(expression::Operation::kSin, phase);
+    sum = graph.add(sum, graph.multiply(graph.constant(it.cosine), cosine));
+    sum = graph.add(sum, graph.multiply(graph.constant(it.sine), sine));
+  }
+  return sum;
+}
+
+/// The slots of all variables that occur in `nodes`.
+std::set<int> slotsOf(const Graph& graph, const std::vector<Node>& nodes) {
+  const std::vector<bool> reachable = graph.findReachable(nodes);
+  std::set<int> slots;
+  for (std::size_t i = 0; i < reachable.size(); ++i) {
+    const Graph::Entry& entry = graph.entry({static_cast<int>(i)});
+    const bool is_variable = entry.operation == expression::Operation::kVariable;
+    if (reachable[i] && is_variable) slots.insert(entry.slot);
+  }
+  return slots;
+}
+
+}  // namespace
+
+std::unique_ptr<MotionSeries> MotionSeries::make(const Scene& scene, Drivetrain& drivetrain) {
+  std::vector<Node> nodes;
+  for (const TorquePtr& element : scene.torques) {
+    const auto* law = formulaIn<FormulaTorque>(scene, element);
+    if (law == nullptr) return nullptr;
+    for (const auto& [shaft, torque] : law->torques()) nodes.push_back(torque);
+  }
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    const auto* law = formulaIn<FormulaConstraint>(scene, constraint);
+    if (law == nullptr) return nullptr;
+    nodes.push_back(law->function());
+  }
+  const bool is_classical = scene.principle == Principle::kGauss;
+  if (is_classical && scene.hasOrder3()) return nullptr;
+  if (!expression::SeriesProgram::hasSeries(*scene.graph, nodes)) return nullptr;
+  std::unique_ptr<MotionSeries> series(new MotionSeries(scene, drivetrain));
+  try {
+    series->compile();
+  } catch (const std::invalid_argument&) {
+    return nullptr;
+  }
+  return series;
+}
+
+MotionSeries::MotionSeries(const Scene& scene, Drivetrain& drivetrain)
+    : scene_(scene),
+      drivetrain_(drivetrain),
+      S(scene.shaftCount()),
+      k_(scene.constraintCount()),
+      is_classical_(scene.principle == Principle::kGauss),
+      solver_(S, k_) {}
+
+void MotionSeries::compile() {
+  Graph& graph = *scene_.graph;
+  std::vector<Node> torques(static_cast<std::size_t>(S), graph.constant(0.0));
+  for (const TorquePtr& element : scene_.torques) {
+    for (const auto& [shaft, torque] : formulaIn<FormulaTorque>(scene_, element)->torques()) {
+      Node& sum = torques[static_cast<std::size_t>(shaft)];
+      sum = graph.isConstant(sum, 0.0) ? torque : graph.add(sum, torque);
+    }
+  }
+  std::vector<Node> residuals;
+  std::vector<Node> rows;
+  for (const ConstraintPtr& constraint : scene_.constraints) {
+    const auto* law = formulaIn<FormulaConstraint>(scene_, constraint);
+    Node residual = law->function();
+    if (constraint->order() == 1) {
+      std::set<int> inputs;
+      for (int i = 0; i < scene_.inputCount(); ++i) inputs.insert(i);
+      residual = graph.totalDerivative(residual, expression::ratesOf(graph, S, inputs));
+    } else if (constraint->order() == 3) {
+      residual = law->row().back();
+    }
+    residuals.push_back(residual);
+    rows.insert(rows.end(), law->row().begin(), law->row().end() - 1);
+  }
+  std::vector<Node> inertias;
+  for (int i = 0; i < S; ++i) {
+    // J_i, 1/2 J_i' omega^2, 1/2 J_i' omega
+    const Node inertia = inertiaOf(graph, scene_, i);
+    const Node omega = graph.variable(slotOf(Source::kVelocity, i));
+    const Node slope = graph.differentiate(inertia, slotOf(Source::kAngle, i));
+    const Node connection = graph.multiply(graph.constant(0.5), graph.multiply(slope, omega));
+    inertias.insert(inertias.end(), {inertia, graph.multiply(connection, omega), connection});
+  }
+
+  // Of order 3 nothing is tried: its c0 has no accelerations of the order that is looked for.
+  std::vector<Node> trial = residuals;
+  std::vector<Node> others;
+  (is_classical_ ? trial : others).insert((is_classical_ ? trial : others).end(), rows.begin(),
+                                          rows.end());
+  others.insert(others.end(), torques.begin(), torques.end());
+  others.insert(others.end(), inertias.begin(), inertias.end());
+
+  std::vector<int> slots = {slotOf(Source::kTime)};
+  for (int i = 0; i < S; ++i) {
+    for (const Source part : {Source::kAngle, Source::kVelocity, Source::kAcceleration}) {
+      slots.push_back(slotOf(part, i));
+    }
+  }
+  std::vector<Node> all = trial;
+  all.insert(all.end(), others.begin(), others.end());
+  const std::size_t known = slots.size();
+  for (const int slot : slotsOf(graph, all)) {
+    const Source source = expression::sourceOf(slot);
+    if (source == Source::kInput || source == Source::kInputRate ||
+        source == Source::kInputSecondRate) {
+      slots.push_back(slot);
+    }
+  }
+  program_ = expression::SeriesProgram(graph, trial, others, slots, kMostOrder + 1);
+
+  int next = 0;
+  row_of_time_ = program_.variable(next++);
+  for (int i = 0; i < S; ++i) {
+    row_of_angle_[i] = program_.variable(next++);
+    row_of_velocity_[i] = program_.variable(next++);
+    row_of_acceleration_[i] = program_.variable(next++);
+  }
+  for (std::size_t n = known; n < slots.size(); ++n) {
+    const Source source = expression::sourceOf(slots[n]);
+    const int derivative = source == Source::kInput ? 0 : source == Source::kInputRate ? 1 : 2;
+    input_rows_.push_back(
+        {expression::indexOf(slots[n]), derivative, program_.variable(static_cast<int>(n))});
+  }
+  next = 0;
+  for (int m = 0; m < k_; ++m) row_of_residual_[m] = program_.output(next++);
+  for (int m = 0; m < k_; ++m) {
+    for (int i = 0; i < S; ++i) {
+      row_of_C_[m][i] = program_.output(next++);
+      is_curved_ = is_curved_ || (is_classical_ && program_.isAccelerated(row_of_C_[m][i]));
+    }
+  }
+  for (int i = 0; i < S; ++i) row_of_torque_[i] = program_.output(next++);
+  for (int i = 0; i < S; ++i) {
+    row_of_inertia_[i] = program_.output(next++);
+    row_of_inertial_torque_[i] = program_.output(next++);
+    row_of_connection_[i] = program_.output(next++);
+  }
+}
+
+void MotionSeries::setInputs(double t, int order) {
+  int last = -1;
+  for (const InputRow& it : input_rows_) {
+    double* const u = input_[it.input];
+    if (it.input != last) drivetrain_.signal(it.input).calcSeries(t, unit_, order + 2, u);
+    last = it.input;
+    for (int n = 0; n <= order; ++n) {
+      const double rate = (n + 1) * u[n + 1] / unit_;
+      const double second = (n + 2) * (n + 1) * u[n + 2] / (unit_ * unit_);
+      program_.set(it.row, n, it.derivative == 0 ? u[n] : it.derivative == 1 ? rate : second);
+    }
+  }
+}
+
+bool MotionSeries::begin(double t, const double* x, double unit, int most) {
+  unit_ = unit;
+  order_ = 0;
+  const StateView state = drivetrain_.view(t, x, x + S, x + 2 * S);
+  program_.set(row_of_time_, 0, state.time);
+  program_.set(row_of_time_, 1, unit);
+  setInputs(t, most);
+  for (int i = 0; i < S; ++i) {
+    program_.set(row_of_angle_[i], 0, x[i]);
+    program_.set(row_of_velocity_[i], 0, x[S + i]);
+    program_.set(row_of_acceleration_[i], 0, x[2 * S + i]);
+  }
+  program_.evaluate(Part::kGiven, 0);
+  program_.evaluate(Part::kAccelerated, 0);
+  for (int m = 0; m < k_; ++m) {
+    for (int i = 0; i < S; ++i) solver_.row(m)[i] = program_.coefficients(C(m, i))[0];
+  }
+  if (k_ > 0 && !solver_.factor(drivetrain_.inertia())) return false;
+  if (is_classical_ || !isInertiaConstant()) beginReaction(x);
+  return true;
+}
+
+void MotionSeries::beginReaction(const double* x) {
+  // R = J epsilon + n - Q
+  double reaction[kMaxShafts];
+  double b[kMaxShafts];
+  drivetrain_.inertia().multiply(x + 2 * S, reaction);
+  for (int i = 0; i < S; ++i) {
+    reaction[i] += program_.coefficients(row_of_inertial_torque_[i])[0] -
+                   program_.coefficients(row_of_torque_[i])[0];
+  }
+  drivetrain_.inertia().solve(reaction, b);
+  for (int i = 0; i < S; ++i) reaction_rate_[i][0] = b[i];
+  if (!is_classical_) return;
+  // C^T lambda = R: A lambda = C J^-1 R
+  double lambda[kMaxRows] = {};
+  solver_.multiply(b, lambda);
+  solver_.solve(lambda, lambda);
+  for (int m = 0; m < k_; ++m) multiplier_[m][0] = lambda[m];
+}
+
+bool MotionSeries::extend() {
+  const int n = order_ + 1;
+  const double part = unit_ / n;
+  for (int i = 0; i < S; ++i) {
+    program_.set(row_of_angle_[i], n, part * velocity(i)[n - 1]);
+    program_.set(row_of_velocity_[i], n, part * acceleration(i)[n - 1]);
+    program_.set(row_of_acceleration_[i], n, 0.0);
+  }
+  program_.evaluate(Part::kGiven, n);
+  program_.evaluate(Part::kTrial, n);
+  double a[kMaxShafts];
+  double g[kMaxRows];
+  double epsilon[kMaxShafts];
+  calcForceRest(n, a);
+  calcConstraintRest(n, g);
+  if (!solve(n, a, g, epsilon)) {
+    program_.clear();
+    return false;
+  }
+  for (int i = 0; i < S; ++i) {
+    program_.set(row_of_acceleration_[i], n, epsilon[i]);
+    // Angles and velocities are known one order further.
+    program_.set(row_of_velocity_[i], n + 1, unit_ / (n + 1) * epsilon[i]);
+    program_.set(row_of_angle_[i], n + 1, unit_ / (n + 1) * velocity(i)[n]);
+  }
+  program_.evaluate(Part::kAccelerated, n);
+  if (!isInertiaConstant()) noteReaction(n);
+  order_ = n;
+  return true;
+}
+
+void MotionSeries::calcForceRest(int n, double* a) const {
+  const bool moves = !isInertiaConstant();
+  for (int i = 0; i < S; ++i) {
+    double sum = program_.coefficients(row_of_torque_[i])[n];
+    if (moves) {
+      sum -= program_.coefficients(row_of_inertial_torque_[i])[n];
+      const double* const J = program_.coefficients(row_of_inertia_[i]);
+      for (int j = 1; j <= n; ++j) sum -= J[j] * acceleration(i)[n - j];
+    }
+    // Of Gauss j = n counts, too: C_n with epsilon_n = 0.
+    const int last = is_classical_ ? n : n - 1;
+    double rest = 0.0;
+    for (int m = 0; m < k_; ++m) {
+      if (program_.isConstant(C(m, i))) continue;
+      const double* const row = program_.coefficients(C(m, i));
+      for (int j = 1; j <= last; ++j) rest += row[j] * multiplier_[m][last - j];
+    }
+    if (moves && !is_classical_) {
+      const double* const connection = program_.coefficients(row_of_connection_[i]);
+      for (int j = 0; j < n; ++j) rest += connection[j] * reaction_rate_[i][n - 1 - j];
+    }
+    a[i] = sum + (is_classical_ ? 1.0 : unit_ / n) * rest;
+  }
+}
+
+void MotionSeries::calcConstraintRest(int n, double* g) const {
+  for (int m = 0; m < k_; ++m) {
+    if (drivetrain_.constraint(m).order() < 3) {
+      g[m] = program_.coefficients(row_of_residual_[m])[n];
+      continue;
+    }
+    double sum = unit_ * program_.coefficients(row_of_residual_[m])[n - 1];
+    for (int i = 0; i < S; ++i) {
+      const double* const row = program_.coefficients(C(m, i));
+      for (int j = 1; j < n; ++j) sum += (n - j) * row[j] * acceleration(i)[n - j];
+    }
+    g[m] = sum / n;
+  }
+}
+
+bool MotionSeries::solve(int n, const double* a, const double* g, double* epsilon) {
+  double mu[kMaxRows] = {};
+  if (is_curved_) {
+    if (!solveCurved(a, g, epsilon, mu)) return false;
+  } else {
+    drivetrain_.inertia().solve(a, epsilon);
+    if (k_ > 0) solver_.constrain(g, epsilon, mu);
+  }
+  bool is_finite = true;
+  for (int i = 0; i < S; ++i) is_finite = is_finite && std::isfinite(epsilon[i]);
+  // mu_n = unit Lambda_{n-1} / n
+  for (int m = 0; m < k_; ++m) {
+    multiplier_[m][is_classical_ ? n : n - 1] = is_classical_ ? mu[m] : mu[m] * n / unit_;
+  }
+  return is_finite;
+}
+
+bool MotionSeries::solveCurved(const double* a, const double* g, double* epsilon, double* mu) {
+  DenseMatrix matrix = DenseMatrix::Zero(S + k_, S + k_);
+  DenseVector right = DenseVector::Zero(S + k_);
+  double x[3 * kMaxShafts];
+  for (int i = 0; i < S; ++i) {
+    x[i] = angle(i)[0];
+    x[S + i] = velocity(i)[0];
+    x[2 * S + i] = acceleration(i)[0];
+    right(i) = a[i];
+    for (int j = 0; j < S; ++j) matrix(i, j) = drivetrain_.inertia().entry(i, j);
+  }
+  const StateView state{program_.coefficients(row_of_time_)[0],
+                        x,
+                        x + S,
+                        x + 2 * S,
+                        drivetrain_.inputs(),
+                        drivetrain_.inputRates(),
+                        drivetrain_.inputSecondRates()};
+  for (int m = 0; m < k_; ++m) {
+    double H[kMaxShafts * kMaxShafts];
+    drivetrain_.constraint(m).calcHessian(state, H);
+    for (int i = 0; i < S; ++i) {
+      for (int j = 0; j < S; ++j) matrix(i, j) -= multiplier_[m][0] * H[i * S + j];
+      matrix(i, S + m) = -solver_.row(m)[i];
+      matrix(S + m, i) = solver_.row(m)[i];
+    }
+    right(S + m) = -g[m];
+  }
+  DenseVector solution;
+  if (!solveScaled(matrix, right, 0, &solution)) return false;
+  for (int i = 0; i < S; ++i) epsilon[i] = solution(i);
+  for (int m = 0; m < k_; ++m) mu[m] = solution(S + m);
+  return true;
+}
+
+void MotionSeries::noteReaction(int n) {
+  if (is_classical_) return;
+  // R_n = sum_j J_j epsilon_{n-j} + n_n - Q_n,  b_n = J_0^-1 (R_n - sum_{j>=1} J_j b_{n-j})
+  double b[kMaxShafts];
+  double right[kMaxShafts];
+  double epsilon[kMaxShafts];
+  for (int i = 0; i < S; ++i) epsilon[i] = acceleration(i)[n];
+  drivetrain_.inertia().multiply(epsilon, b);
+  for (int i = 0; i < S; ++i) {
+    const double* const J = program_.coefficients(row_of_inertia_[i]);
+    double reaction = b[i] + program_.coefficients(row_of_inertial_torque_[i])[n] -
+                      program_.coefficients(row_of_torque_[i])[n];
+    for (int j = 1; j <= n; ++j) reaction += J[j] * acceleration(i)[n - j];
+    for (int j = 1; j <= n; ++j) reaction -= J[j] * reaction_rate_[i][n - j];
+    right[i] = reaction;
+  }
+  drivetrain_.inertia().solve(right, b);
+  for (int i = 0; i < S; ++i) reaction_rate_[i][n] = b[i];
+}
+
+}  // namespace variator_sim

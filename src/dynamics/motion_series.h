@@ -1,0 +1,106 @@
+/// The motion as power series: a differential-algebraic system, solved order by order.
+///
+/// With s = (t - t0) / unit, and coefficients x_n of s^n, the unknowns of order n are linear in
+///     n phi_n = unit omega_{n-1},   n omega_n = unit epsilon_{n-1}
+///     psi_n = psi_n(epsilon_n = 0) + C_0 epsilon_n = 0
+///     J epsilon + n(phi, omega) - Q = R,   R' = C^T Lambda + Gamma R omega     (generalized Gauss)
+///                                          R = C^T lambda                       (Gauss)
+/// that is, with the same matrix for every n,
+///     J_0 epsilon_n - C_0^T mu_n = a_n,   C_0 epsilon_n = -g_n,   mu_n = unit Lambda_{n-1} / n
+/// where a_n and g_n hold what is known from lower orders:
+///     a_n = Q_n - n_n - sum_{j>=1} J_j epsilon_{n-j}
+///           + unit/n (sum_{j=1..n-1} C_j^T Lambda_{n-1-j} + (Gamma R omega)_{n-1})
+/// Under Gauss mu_n = lambda_n, the last line is sum_{j=1..n-1} C_j^T lambda_{n-j} + Ĉ_n^T lambda_0,
+/// and where psi is not linear in epsilon, J_0 loses sum lambda_0 d2psi/depsilon2.
+/// Constraints of order 1 are psi = f', those of order 3 have
+///     g_n = 1/n (sum_{j=1..n-1} (n-j) C_j epsilon_{n-j} + unit c0_{n-1}).
+/// (Pryce: Solving differential-algebraic equations by Taylor series, Numerical Algorithms 19
+/// (1998) 195-211, of which this is the case of one pattern of offsets.)
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "dynamics/drivetrain.h"
+#include "expression/series_program.h"
+
+namespace variator_sim {
+
+/// The series of one scene. Of one thread at a time.
+class MotionSeries {
+ public:
+  static constexpr int kMostOrder = 30;
+
+  /// The series of a scene whose elements are all formulas of its graph; nullptr of others, and of
+  /// constraints of order 3 under `gauss`. `drivetrain` and `scene` have to outlive it.
+  static std::unique_ptr<MotionSeries> make(const Scene& scene, Drivetrain& drivetrain);
+
+  /// The motion stands at (t, x), x = (phi, omega, epsilon): coefficient 0. `unit`, s; at most the
+  /// order `most` will be asked for, kMostOrder at the most. False where C has lost rank. [loop]
+  bool begin(double t, const double* x, double unit, int most);
+  /// One order more, of epsilon. False where it is not finite: nothing further then. [loop]
+  bool extend();
+  int order() const { return order_; }
+
+  /// Coefficients: of a shaft's acceleration up to order(), of its velocity and angle up to one
+  /// more.
+  const double* angle(int i) const { return program_.coefficients(row_of_angle_[i]); }
+  const double* velocity(int i) const { return program_.coefficients(row_of_velocity_[i]); }
+  const double* acceleration(int i) const { return program_.coefficients(row_of_acceleration_[i]); }
+  double unit() const { return unit_; }
+  /// Coefficients of the applied torque on a shaft, up to order().
+  const double* torque(int i) const { return program_.coefficients(row_of_torque_[i]); }
+
+ private:
+  MotionSeries(const Scene& scene, Drivetrain& drivetrain);
+  void compile();
+
+  void setInputs(double t, int order);
+  void beginReaction(const double* x);
+  /// Order n of everything that does not follow from its unknowns.
+  void calcForceRest(int n, double* a) const;
+  void calcConstraintRest(int n, double* g) const;
+  bool solve(int n, const double* a, const double* g, double* epsilon);
+  bool solveCurved(const double* a, const double* g, double* epsilon, double* mu);
+  /// Order n of R and J^-1 R, where the inertia depends on an angle.
+  void noteReaction(int n);
+
+  bool isInertiaConstant() const { return drivetrain_.inertia().isConstant(); }
+  int C(int m, int i) const { return row_of_C_[m][i]; }
+
+  const Scene& scene_;
+  Drivetrain& drivetrain_;
+  const int S;  // shafts
+  const int k_;
+  const bool is_classical_;
+  bool is_curved_ = false;  ///< Gauss, with some C that depends on epsilon
+  expression::SeriesProgram program_;
+  ConstraintSolver solver_;
+  double unit_ = 1.0;
+  int order_ = 0;
+
+  // Rows of the program.
+  int row_of_time_ = -1;
+  int row_of_angle_[kMaxShafts] = {};
+  int row_of_velocity_[kMaxShafts] = {};
+  int row_of_acceleration_[kMaxShafts] = {};
+  struct InputRow {
+    int input;
+    int derivative;  ///< 0: u, 1: u', 2: u''
+    int row;
+  };
+  std::vector<InputRow> input_rows_;
+  int row_of_residual_[kMaxRows] = {};  ///< psi or f', c0 of order 3
+  int row_of_C_[kMaxRows][kMaxShafts] = {};
+  int row_of_torque_[kMaxShafts] = {};
+  int row_of_inertia_[kMaxShafts] = {};          ///< J_ii
+  int row_of_inertial_torque_[kMaxShafts] = {};  ///< 1/2 J_i' omega^2
+  int row_of_connection_[kMaxShafts] = {};       ///< 1/2 J_i' omega
+
+  static constexpr int kRoom = kMostOrder + 1;
+  double multiplier_[kMaxRows][kRoom] = {};          ///< Lambda or lambda
+  double reaction_rate_[kMaxShafts][kRoom] = {};     ///< J^-1 R, of Gamma R omega
+  double input_[kMaxInputs][kRoom + 3] = {};
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,360 @@
+#include "expression/series_program.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace variator_sim::expression {
+
+namespace {
+
+/// Two doubles that are added and multiplied at once.
+using Two = double __attribute__((vector_size(16)));
+
+Two load(const double* from) {
+  Two values;
+  std::memcpy(&values, from, sizeof values);
+  return values;
+}
+
+/// sum_{j < count} a[j] b[j], rounded up to four at a time: what lies behind the end has to be
+/// finite in one and 0 in the other.
+double dot(const double* a, const double* b, int count) {
+  Two first = load(a) * load(b);
+  Two second = load(a + 2) * load(b + 2);
+  for (int j = 4; j < count; j += 4) {
+    first += load(a + j) * load(b + j);
+    second += load(a + j + 2) * load(b + j + 2);
+  }
+  first += second;
+  return first[0] + first[1];
+}
+
+/// The same to the very end.
+double dotExactly(const double* a, const double* b, int count) {
+  double first = 0.0;
+  double second = 0.0;
+  int j = 0;
+  for (; j + 1 < count; j += 2) {
+    first += a[j] * b[j];
+    second += a[j + 1] * b[j + 1];
+  }
+  if (j < count) first += a[j] * b[j];
+  return first + second;
+}
+
+constexpr double kFactorial[] = {1.0, 1.0, 2.0, 6.0, 24.0, 120.0};
+
+}  // namespace
+
+double SeriesProgram::convolve(int a, int b, int first, int n) const {
+  const int low = std::max(first, n - degree(b));
+  const int high = std::min(n, degree(a));
+  return low > high ? 0.0 : dot(forward(a) + low, backward(b) - n + low, high - low + 1);
+}
+
+void SeriesProgram::clear() {
+  std::fill(rows_.begin(), rows_.end(), 0.0);
+  for (const auto& [row, value] : constants_) write(row, 0, value);
+}
+
+void SeriesProgram::run(const std::vector<int>& program, int n) {
+  for (const int index : program) carryOut(instructions_[static_cast<std::size_t>(index)], n);
+}
+
+void SeriesProgram::carryOut(const Instruction& it, int n) {
+  const int a = it.operands[0];
+  const int b = it.operands[1];
+  switch (it.code) {
+    case Code::kLinear: {
+      const Term* term = terms_.data() + it.aux[0];
+      const Term* const end = term + it.aux[1];
+      double sum = n == 0 ? it.constant : 0.0;
+      for (; term != end; ++term) sum += term->factor * forward(term->row)[n];
+      write(it.result, n, sum);
+      return;
+    }
+    case Code::kMultiply:
+      write(it.result, n, convolve(a, b, 0, n));
+      return;
+    case Code::kSquare: {
+      // 2 sum_{j < n/2} a_j a_{n-j} + a_{n/2}^2
+      const double* const x = forward(a);
+      double sum = 2.0 * dotExactly(x, backward(a) - n, (n + 1) / 2);
+      if (n % 2 == 0) sum += x[n / 2] * x[n / 2];
+      write(it.result, n, sum);
+      return;
+    }
+    case Code::kDivide:
+      if (n == 0) {
+        state(it) = 1.0 / forward(b)[0];
+        write(it.result, 0, forward(a)[0] / forward(b)[0]);
+        return;
+      }
+      write(it.result, n, (forward(a)[n] - convolve(b, it.result, 1, n)) * state(it));
+      return;
+    case Code::kRate:
+      if (n > 0) forward(it.result)[n - 1] = n * forward(a)[n];
+      return;
+    case Code::kAbs:
+    case Code::kSign:
+    case Code::kMin:
+    case Code::kMax:
+    case Code::kSelect:
+    case Code::kWhereFinite:
+      continueBranch(it, n);
+      return;
+    case Code::kTable:
+      continueTable(it, n);
+      return;
+    case Code::kTable2:
+      continueTable2(it, n);
+      return;
+    default:
+      continueFunction(it, n);
+      return;
+  }
+}
+
+double SeriesProgram::beginPrimitive(const Instruction& it) const {
+  const double x = forward(it.operands[0])[0];
+  switch (it.begin) {
+    case Begin::kLog:
+      return std::log(x);
+    case Begin::kAtan:
+      return std::atan(x);
+    case Begin::kAsin:
+      return std::asin(x);
+    case Begin::kAcos:
+      return std::acos(x);
+    case Begin::kAtan2:
+      break;
+  }
+  return std::atan2(x, forward(it.operands[1])[0]);
+}
+
+void SeriesProgram::continueFunction(const Instruction& it, int n) {
+  const int a = it.operands[0];
+  const int y = it.result;
+  const double x = forward(a)[0];
+  // sum_{j=1..n} j x_j w_{n-j}
+  const auto chain = [&](int rate, int w) {
+    return dot(forward(rate), backward(w) - (n - 1), n) / n;
+  };
+  switch (it.code) {
+    case Code::kExp:
+      write(y, n, n == 0 ? std::exp(x) : chain(it.operands[1], y));
+      return;
+    case Code::kSinCos:
+    case Code::kSinhCosh: {
+      const bool is_circular = it.code == Code::kSinCos;
+      const int z = it.aux[0];
+      if (n == 0) {
+        write(y, 0, is_circular ? std::sin(x) : std::sinh(x));
+        write(z, 0, is_circular ? std::cos(x) : std::cosh(x));
+        return;
+      }
+      const double sine = chain(it.operands[1], z);
+      const double cosine = chain(it.operands[1], y);
+      write(y, n, sine);
+      write(z, n, is_circular ? -cosine : cosine);
+      return;
+    }
+    case Code::kTan:
+    case Code::kTanh: {
+      const double sign = it.code == Code::kTan ? 1.0 : -1.0;
+      const int w = it.aux[0];
+      write(y, n,
+            n > 0                      ? chain(it.operands[1], w)
+            : it.code == Code::kTan ? std::tan(x)
+                                       : std::tanh(x));
+      // w = 1 + y^2, 1 - y^2 (near 1 as 1 / cosh^2)
+      if (n == 0) {
+        const double cosine = it.code == Code::kTan ? std::cos(x) : std::cosh(x);
+        write(w, 0, 1.0 / (cosine * cosine));
+        return;
+      }
+      write(w, n, sign * dot(forward(y), backward(y) - n, n + 1));
+      return;
+    }
+    case Code::kPrimitive: {
+      // q_{n-1} = (p_{n-1} - sum_{j=1..n-1} w_j q_{n-1-j}) / w_0
+      if (n == 0) {
+        write(y, 0, beginPrimitive(it));
+        return;
+      }
+      const int p = it.operands[2];
+      const int w = it.operands[3];
+      const int q = it.aux[0];
+      const double value =
+          (forward(p)[n - 1] - (n > 1 ? convolve(w, q, 1, n - 1) : 0.0)) / forward(w)[0];
+      write(q, n - 1, value);
+      write(y, n, it.constant * value / n);
+      return;
+    }
+    case Code::kWronskian:
+      // a b' - b a', coefficient n - 1
+      if (n == 0) return;
+      forward(y)[n - 1] = dot(forward(it.operands[3]), backward(a) - (n - 1), n) -
+                          dot(forward(it.operands[2]), backward(it.operands[1]) - (n - 1), n);
+      return;
+    case Code::kSqrt:
+      if (n == 0) {
+        write(y, 0, std::sqrt(x));
+        return;
+      }
+      write(y, n,
+            (forward(a)[n] - dotExactly(forward(y) + 1, backward(y) - (n - 1), n - 1)) /
+                (2.0 * forward(y)[0]));
+      return;
+    case Code::kPower: {
+      // x_0 y_n = (k + 1)/n sum_{j=1..n} j x_j y_{n-j} - sum_{j=1..n} x_j y_{n-j}
+      if (n == 0) {
+        write(y, 0, std::pow(x, it.constant));
+        return;
+      }
+      const double sum =
+          (it.constant + 1.0) * chain(it.operands[1], y) - convolve(a, y, 1, n);
+      write(y, n, sum / x);
+      return;
+    }
+    default:
+      return;
+  }
+}
+
+void SeriesProgram::continueBranch(const Instruction& it, int n) {
+  const double a = forward(it.operands[0])[n];
+  const double b = it.operands[1] < 0 ? 0.0 : forward(it.operands[1])[n];
+  const int y = it.result;
+  if (n == 0) state(it) = 0.0;
+  double& side = state(it);
+  switch (it.code) {
+    case Code::kAbs:
+      // On the edge the first coefficient that is not 0 tells where the motion goes.
+      if (side == 0.0) side = a > 0.0 ? 1.0 : a < 0.0 ? -1.0 : a;
+      write(y, n, side * a);
+      return;
+    case Code::kSign:
+      write(y, n, n == 0 ? signOf(a) : 0.0);
+      return;
+    case Code::kMin:
+    case Code::kMax: {
+      if (side == 0.0) side = a < b ? -1.0 : a > b ? 1.0 : a - b;
+      const bool is_first = it.code == Code::kMin ? side <= 0.0 : side >= 0.0;
+      write(y, n, std::isnan(side) ? side : is_first ? a : b);
+      return;
+    }
+    case Code::kSelect: {
+      if (side == 0.0) side = a < b ? -1.0 : a > b ? 1.0 : a - b;
+      const double chosen = forward(it.operands[side <= 0.0 ? 2 : 3])[n];
+      write(y, n, std::isnan(side) ? side : chosen);
+      return;
+    }
+    default:
+      // b where a is finite
+      if (n == 0) side = whereFinite(a, 1.0);
+      write(y, n, side == 0.0 ? 0.0 : side * b);
+      return;
+  }
+}
+
+void SeriesProgram::placePiece(const Instruction& it, Piece& piece, bool left_of_x,
+                               bool left_of_y) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const double x0 = forward(it.operands[0])[0];
+  const double x = left_of_x ? std::nextafter(x0, -kInfinity) : x0;
+  if (piece.table != nullptr) {
+    for (int i = 0; i <= piece.degree[0]; ++i) {
+      const int order = piece.order[0] + i;
+      piece.a[i][0] = piece.table->derivative(order, order < 3 ? x0 : x) / kFactorial[i];
+    }
+    return;
+  }
+  const double y0 = forward(it.operands[1])[0];
+  const double y = left_of_y ? std::nextafter(y0, -kInfinity) : y0;
+  for (int i = 0; i <= piece.degree[0]; ++i) {
+    for (int j = 0; j <= piece.degree[1]; ++j) {
+      piece.a[i][j] = piece.table2->derivative({piece.order[0] + i, piece.order[1] + j}, x, y) /
+                      (kFactorial[i] * kFactorial[j]);
+    }
+  }
+}
+
+void SeriesProgram::continueTable(const Instruction& it, int n) {
+  Piece& piece = pieces_[static_cast<std::size_t>(it.state)];
+  const int x = it.operands[0];
+  if (n == 0) {
+    placePiece(it, piece, false, false);
+    piece.is_decided = false;
+    write(it.result, 0, piece.a[0][0]);
+    return;
+  }
+  // A motion that begins at a point goes on in the piece on its left when it falls.
+  if (!piece.is_decided && forward(x)[n] != 0.0) {
+    piece.is_decided = true;
+    if (forward(x)[n] < 0.0) placePiece(it, piece, true, false);
+  }
+  // (x - x_0)^i = (x - x_0) (x - x_0)^(i-1)
+  double sum = piece.a[1][0] * forward(x)[n];
+  int before = x;
+  for (int i = 2; i <= std::min(piece.degree[0], n); ++i) {
+    const int power = piece.powers_x[i];
+    const int count = n - i + 1;  // x_1 .. x_{n-i+1}
+    const double value = dotExactly(forward(x) + 1, backward(before) - (n - 1), count);
+    write(power, n, value);
+    sum += piece.a[i][0] * value;
+    before = power;
+  }
+  write(it.result, n, sum);
+}
+
+void SeriesProgram::continueTable2(const Instruction& it, int n) {
+  Piece& piece = pieces_[static_cast<std::size_t>(it.state)];
+  const int x = it.operands[0];
+  const int y = it.operands[1];
+  if (n == 0) {
+    placePiece(it, piece, false, false);
+    piece.is_decided = false;
+    for (int i = 1; i <= piece.degree[0]; ++i) write(piece.sums[i], 0, piece.a[i][0]);
+    write(it.result, 0, piece.a[0][0]);
+    return;
+  }
+  if (!piece.is_decided && (forward(x)[n] != 0.0 || forward(y)[n] != 0.0)) {
+    piece.is_decided = true;
+    const bool falls_x = forward(x)[n] < 0.0;
+    const bool falls_y = forward(y)[n] < 0.0;
+    if (falls_x || falls_y) placePiece(it, piece, falls_x, falls_y);
+    for (int i = 1; i <= piece.degree[0]; ++i) write(piece.sums[i], 0, piece.a[i][0]);
+  }
+  const auto raise = [&](int base, const int* powers, int degree) {
+    int before = base;
+    for (int i = 2; i <= std::min(degree, n); ++i) {
+      write(powers[i], n, dotExactly(forward(base) + 1, backward(before) - (n - 1), n - i + 1));
+      before = powers[i];
+    }
+  };
+  raise(x, piece.powers_x, piece.degree[0]);
+  raise(y, piece.powers_y, piece.degree[1]);
+  // sum_i (x - x_0)^i sum_j a_ij (y - y_0)^j
+  double sum = 0.0;
+  for (int i = 0; i <= piece.degree[0]; ++i) {
+    double inner = piece.a[i][1] * forward(y)[n];
+    for (int j = 2; j <= std::min(piece.degree[1], n); ++j) {
+      inner += piece.a[i][j] * forward(piece.powers_y[j])[n];
+    }
+    if (i == 0) {
+      sum += inner;
+      continue;
+    }
+    write(piece.sums[i], n, inner);
+    if (n >= i) {
+      const int power = i == 1 ? x : piece.powers_x[i];
+      sum += dotExactly(forward(power) + i, backward(piece.sums[i]) - (n - i), n - i + 1);
+    }
+  }
+  write(it.result, n, sum);
+}
+
+}  // namespace variator_sim::expression

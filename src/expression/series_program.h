@@ -1,0 +1,161 @@
+/// Formulas along a motion as power series: the coefficients of every node, one order after the
+/// other.
+///
+/// Of y = f(x, ..) with series x_0 + x_1 s + x_2 s^2 + .. the coefficient y_n follows from those of
+/// the operands up to n and of y up to n - 1 (Moore; Jorba and Zou: A software package for the
+/// numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14
+/// (2005) 99-117):
+///     y = a b        y_n = sum_{j=0..n} a_j b_{n-j}
+///     y = a / b      y_n = (a_n - sum_{j=1..n} b_j y_{n-j}) / b_0
+///     y' = x' w      y_n = 1/n sum_{j=1..n} j x_j w_{n-j}   (exp: w = y; sin, cos; tanh: w = 1-y^2)
+///     y' = p / w     y_n = q_{n-1} / n,  q = p / w           (log, atan, asin, ..)
+/// Branches (abs, min, a piece of a table) are those of the state at s = 0, and of the direction
+/// into which it moves where that lies on an edge.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <tuple>
+#include <vector>
+
+#include "variator_sim/expression/graph.h"
+
+namespace variator_sim::expression {
+
+/// The rows of coefficients of a set of formulas. One is used by one thread at a time.
+class SeriesProgram {
+ public:
+  /// Which nodes are made: those that read no acceleration; those that do and are needed by the
+  /// first outputs; all that do.
+  enum class Part { kGiven, kTrial, kAccelerated };
+
+  /// True when all of `nodes` have series: no function in them is opaque.
+  static bool hasSeries(const Graph& graph, const std::vector<Node>& nodes) {
+    return !graph.hasOpaque(nodes);
+  }
+
+  SeriesProgram() = default;
+  /// Rows for `trial`, then `others`, and for the variables in `slots`, all those that occur, of
+  /// coefficients 0 to `order`.
+  SeriesProgram(const Graph& graph, const std::vector<Node>& trial, const std::vector<Node>& others,
+                const std::vector<int>& slots, int order);
+
+  /// The largest order there is room for.
+  int order() const { return capacity_ - kPad - 1; }
+  /// The row of output n, of the n-th of `slots`.
+  int output(int n) const { return outputs_[static_cast<std::size_t>(n)]; }
+  int variable(int n) const { return variables_[static_cast<std::size_t>(n)]; }
+  /// True when all coefficients but the first are 0.
+  bool isConstant(int row) const { return degree_[static_cast<std::size_t>(row)] == 0; }
+  /// True when it reads an acceleration.
+  bool isAccelerated(int row) const { return accelerated_[static_cast<std::size_t>(row)]; }
+
+  /// Coefficient n of a variable. [loop]
+  void set(int row, int n, double value) { write(row, n, value); }
+  /// The coefficients of a row, 0 first.
+  const double* coefficients(int row) const { return forward(row); }
+  /// sum_{j=first..n} a_j b_{n-j} of two rows. [loop]
+  double convolve(int a, int b, int first, int n) const;
+  /// Coefficient n of the nodes of a part; those of the variables are there. [loop]
+  void evaluate(Part part, int n) { run(programs_[static_cast<int>(part)], n); }
+  /// After coefficients that are not finite: what they leave in sums. [loop]
+  void clear();
+
+ private:
+  friend class SeriesCompiler;
+
+  enum class Code : std::uint8_t {
+    kLinear,
+    kMultiply,
+    kSquare,
+    kDivide,
+    kRate,       ///< d_{n-1} = n x_n
+    kExp,        ///< y, D = rate of a
+    kSinCos,     ///< y, z, D
+    kSinhCosh,   ///< y, z, D
+    kTan,        ///< y, w = 1 + y^2, D
+    kTanh,       ///< y, w = 1 - y^2, D
+    kPrimitive,  ///< y' = p / w by q
+    kWronskian,  ///< a b' - b a'
+    kSqrt,
+    kPower,  ///< a^k
+    kAbs,
+    kSign,
+    kMin,
+    kMax,
+    kSelect,
+    kWhereFinite,
+    kTable,
+    kTable2
+  };
+  /// Which function a kPrimitive begins with.
+  enum class Begin : std::uint8_t { kLog, kAtan, kAsin, kAcos, kAtan2 };
+  struct Instruction {
+    Code code = Code::kLinear;
+    Begin begin = Begin::kLog;
+    int result = -1;
+    int operands[4] = {-1, -1, -1, -1};
+    int aux[2] = {-1, -1};  ///< further rows, or terms and their count
+    int state = -1;         ///< in states_: what order 0 has found out
+    double constant = 0.0;
+  };
+  struct Term {
+    int row;
+    double factor;
+  };
+  /// Of a table: its piece, and rows of powers.
+  struct Piece {
+    std::shared_ptr<const Table> table;
+    std::shared_ptr<const Table2> table2;
+    int order[2] = {};
+    int degree[2] = {};        ///< of what is left of the polynomial
+    double a[6][6] = {};       ///< of (x - x_0)^i (y - y_0)^j
+    bool is_decided = false;   ///< which piece
+    int powers_x[6] = {};      ///< rows from the second power on
+    int powers_y[6] = {};      ///< the same
+    int sums[6] = {};          ///< sum_j a_ij (y - y_0)^j
+  };
+
+  static constexpr int kPad = 4;
+  static constexpr int kNoDegree = 1 << 20;
+
+  double* forward(int row) { return rows_.data() + static_cast<std::size_t>(row) * 2 * width_; }
+  const double* forward(int row) const {
+    return rows_.data() + static_cast<std::size_t>(row) * 2 * width_;
+  }
+  /// Where coefficient 0 stands of the row written backwards; zeros follow it.
+  const double* backward(int row) const { return forward(row) + width_ + capacity_ - 1 - kPad; }
+  void write(int row, int n, double value) {
+    double* const at = forward(row);
+    at[n] = value;
+    at[width_ + static_cast<std::size_t>(capacity_ - 1 - kPad - n)] = value;
+  }
+  int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
+  double& state(const Instruction& it) { return states_[static_cast<std::size_t>(it.state)]; }
+
+  void run(const std::vector<int>& program, int n);
+  void carryOut(const Instruction& it, int n);
+  double beginPrimitive(const Instruction& it) const;
+  void continueFunction(const Instruction& it, int n);
+  void continueBranch(const Instruction& it, int n);
+  void continueTable(const Instruction& it, int n);
+  void continueTable2(const Instruction& it, int n);
+  void placePiece(const Instruction& it, Piece& piece, bool left_of_x, bool left_of_y);
+
+  int capacity_ = 0;        ///< coefficients of a row, padding included
+  std::size_t width_ = 0;   ///< the same
+  std::vector<double> rows_;
+  std::vector<int> degree_;
+  std::vector<bool> accelerated_;
+  std::vector<Instruction> instructions_;
+  std::vector<int> programs_[3];
+  std::vector<Term> terms_;
+  std::vector<double> states_;
+  std::vector<Piece> pieces_;
+  std::vector<int> outputs_;
+  std::vector<int> variables_;
+  std::vector<std::pair<int, double>> constants_;  ///< row and value
+};
+
+}  // namespace variator_sim::expression

@@ -1,0 +1,247 @@
+/// Steps by the motion's own series: `taylor`.
+///
+/// The order follows from the tolerance and the step from the last coefficients. Of a series with
+/// the radius of convergence rho the work per unit of time is least with h = rho / e^2 and an order
+/// of N = 1 - ln(tolerance) / 2 (Jorba and Zou 2005, see series_program.h), where |x_N| h^N is the
+/// tolerance. The terms before it are then larger by e^2 each, and the step is the longest for
+/// which that holds of the last three: one of them may vanish by accident.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "dynamics/motion_series.h"
+#include "integrate/stepper.h"
+
+namespace variator_sim {
+namespace {
+
+class TaylorStepper final : public Stepper {
+ public:
+  TaylorStepper(const System& system, Tolerance tolerance)
+      : Stepper(system, tolerance),
+        S(system.shafts()),
+        size_(system.size()),
+        base_x_(system.size()),
+        base_dxdt_(system.size()),
+        least_angle_(system.readsAngles() ? 0 : S) {
+    const double digits = -std::log(std::max(tolerance.relative, 1e-16));
+    most_ = static_cast<int>(std::clamp(std::ceil(1.0 + 0.5 * digits), 4.0,
+                                        static_cast<double>(MotionSeries::kMostOrder)));
+  }
+  const char* name() const override { return "taylor"; }
+  int errorOrder() const override { return most_; }
+  double work() const override { return 2.0 * most_; }
+  bool hasDenseOutput() const override { return true; }
+  bool checksDenseOutput() const override { return true; }
+
+  void restart() override { base_time_ = std::numeric_limits<double>::quiet_NaN(); }
+
+  double chooseStep(System& system, const StepNode& from, double limit) override {
+    expand(system, from, limit);
+    return order_ < kLeastOrder ? 0.0 : std::min(limit, length_);
+  }
+
+  double step(System& system, const StepNode& from, double h, State& x_new,
+              State& /*dxdt_new*/) override {
+    expand(system, from, h);
+    if (order_ < kLeastOrder) return std::numeric_limits<double>::quiet_NaN();
+    evaluate(h, x_new);
+    // What the next term would be, by those before it.
+    const double theta = h / series_->unit();
+    const int last = lastTerm();
+    double norm = 0.0;
+    for (int n = 0; n < size_; ++n) {
+      const double* const c = coefficients(n);
+      double term = 0.0;
+      for (int k = firstTerm(); k <= last; ++k) {
+        term = std::max(term, std::abs(c[k]) * power(theta, k) * kDecay[last - k]);
+      }
+      error_[n] = term;
+      if (n >= least_angle_) norm = worseOf(norm, term / tolerance_.of(from.x[n], x_new[n]));
+    }
+    return x_new.isFinite() ? norm : std::numeric_limits<double>::quiet_NaN();
+  }
+
+  /// x' at the end beside that of the series: of an error c h^(N+1) it is off by c (N+1) h^N. What
+  /// the last coefficients do not show (a pole that is near, a branch) is seen here.
+  double estimateFromEnd(const StepNode& from, const StepNode& to) const override {
+    const double h = to.time - from.time;
+    const double theta = h / series_->unit();
+    const int last = lastTerm();
+    double norm = 0.0;
+    for (int n = least_angle_; n < size_; ++n) {
+      const double* const c = coefficients(n);
+      double slope = last * c[last];
+      for (int k = last - 1; k > 0; --k) slope = slope * theta + k * c[k];
+      const double defect = std::abs(to.dxdt[n] - slope / series_->unit());
+      norm = worseOf(norm, h * defect / ((last + 1) * tolerance_.of(from.x[n], to.x[n])));
+    }
+    return norm;
+  }
+
+  /// Q of the series: that at the end is compared with it, whatever lies between.
+  void calcTorqueGain(System& /*system*/, const StepNode& from, const StepNode& to,
+                      TorqueGain& gain) override {
+    const double theta = (to.time - from.time) / series_->unit();
+    for (int i = 0; i < S; ++i) {
+      const double* const Q = series_->torque(i);
+      double rest = 0.0;
+      for (int k = order_; k > 0; --k) rest = (rest + Q[k]) * theta;
+      gain.change[i] = rest;
+      gain.largest_rate[i] = std::max(std::abs(from.torque_rate[i]), std::abs(Q[1]) / series_->unit());
+    }
+  }
+
+  /// A fast component that has died away is in the coefficients as delta lambda^n / n!, with a
+  /// delta of the tolerance's size, and limits steps to about |lambda h|^N / N! = 1. The last two
+  /// tell lambda, and that of a motion which swings has a delta far above the tolerance.
+  double stiffness(const State& /*x_new*/, const State& /*dxdt_new*/) const override {
+    const int last = lastTerm();
+    double stiffest = 0.0;
+    for (int n = least_angle_; n < size_; ++n) {
+      const double* const c = coefficients(n);
+      const double ratio = std::abs(c[last] / c[last - 1]) * last;  // |lambda| unit
+      double delta = std::abs(c[last]);
+      for (int k = last; k > 0; --k) delta *= k / ratio;
+      if (!(delta <= kFaint * tolerance_.of(c[0]))) continue;
+      stiffest = std::max(stiffest, ratio * length_ / series_->unit() / (last / 2.718281828459045));
+    }
+    return stiffest;
+  }
+
+  bool interpolate(System& /*system*/, double time, const StepNode& /*from*/,
+                   const StepNode& /*to*/, State& x) override {
+    evaluate(time - base_time_, x);
+    return true;
+  }
+
+ private:
+  static constexpr int kTerms = 3;
+  static constexpr int kLeastOrder = 3;
+  /// Tolerances: what a component at most has that has died away.
+  static constexpr double kFaint = 100.0;
+  /// e^-2n: a term that is n before the last one may be larger by as much.
+  static constexpr double kDecay[kTerms] = {1.0, 0.1353352832366127, 0.01831563888873418};
+
+  static double power(double base, int exponent) {
+    double result = 1.0;
+    for (; exponent > 0; exponent >>= 1, base *= base) {
+      if ((exponent & 1) != 0) result *= base;
+    }
+    return result;
+  }
+
+  /// Component n of x, and its last coefficient.
+  const double* coefficients(int n) const {
+    const int i = n % S;
+    return n < S ? series_->angle(i) : n < 2 * S ? series_->velocity(i) : series_->acceleration(i);
+  }
+  /// The same for all of them, although angles and velocities are known further: what is linear in
+  /// the coefficients of every order (an invariant of the reaction, say) stays so.
+  int lastTerm() const { return size_ == 3 * S ? order_ : order_ + 1; }
+
+  /// The first of the terms that the step is judged by.
+  int firstTerm() const { return lastTerm() - (is_short_ ? 1 : kTerms - 1); }
+
+  void evaluate(double h, State& x) const {
+    const double theta = h / series_->unit();
+    const int last = lastTerm();
+    for (int n = 0; n < size_; ++n) {
+      const double* const c = coefficients(n);
+      double sum = c[last];
+      for (int k = last - 1; k >= 0; --k) sum = sum * theta + c[k];
+      x[n] = sum;
+    }
+  }
+
+  /// The series at `from`, as far as steps of `limit` need it.
+  void expand(System& system, const StepNode& from, double limit) {
+    if (from.time == base_time_ && from.x == base_x_ && from.dxdt == base_dxdt_) {
+      if (limit <= limit_ || order_ == most_) return;
+    }
+    series_ = system.series();
+    order_ = 0;
+    base_time_ = from.time;
+    base_x_ = from.x;
+    base_dxdt_ = from.dxdt;
+    limit_ = limit;
+    double x[3 * kMaxShafts];
+    std::copy(from.x.begin(), from.x.end(), x);
+    if (size_ == 2 * S) std::copy_n(from.dxdt.begin() + S, S, x + 2 * S);
+    if (series_ == nullptr) return;
+    // In units of the step no coefficient overflows; without one it has to be found.
+    double unit = length_ > 0.0 ? std::min(length_, limit) : limit;
+    constexpr int kTrials = 12;
+    for (int trial = 0; trial < kTrials; ++trial) {
+      makeSeries(x, unit, limit);
+      if (order_ >= kLeastOrder && (order_ == most_ || is_short_)) break;
+      unit *= 1.0 / 64.0;
+    }
+    if (order_ >= kLeastOrder) chooseLength(from.x);
+  }
+
+  void makeSeries(const double* x, double unit, double limit) {
+    order_ = 0;
+    is_short_ = false;
+    int scale = 0;
+    std::frexp(unit, &scale);
+    unit = std::ldexp(1.0, scale);
+    if (!series_->begin(base_time_, x, unit, most_)) return;
+    const double theta = limit / unit;
+    double small = 0;
+    while (order_ < most_ && !is_short_ && series_->extend()) {
+      ++order_;
+      // Two terms in a row that are nothing: the step cannot be longer than `limit` anyway.
+      small = isNothing(x, theta) ? small + 1 : 0;
+      is_short_ = small >= 2 && order_ > kLeastOrder;
+    }
+  }
+  /// The last terms at `theta` are a small part of the tolerance.
+  bool isNothing(const double* x, double theta) const {
+    constexpr double kPart = 1e-3;
+    const int last = lastTerm();
+    for (int n = least_angle_; n < size_; ++n) {
+      const double term = std::abs(coefficients(n)[last]) * power(theta, last);
+      if (!(term <= kPart * tolerance_.of(x[n]))) return false;
+    }
+    return true;
+  }
+
+  /// The longest step for which the last terms are within the tolerance.
+  void chooseLength(const State& x) {
+    const int last = lastTerm();
+    double least = std::numeric_limits<double>::infinity();
+    for (int n = least_angle_; n < size_; ++n) {
+      const double* const c = coefficients(n);
+      const double allowed = kCaution * tolerance_.of(x[n]);
+      for (int k = firstTerm(); k <= last; ++k) {
+        const double term = std::abs(c[k]) * kDecay[last - k];
+        if (term > 0.0) least = std::min(least, std::log2(allowed / term) / k);
+      }
+    }
+    length_ = series_->unit() * std::exp2(least);
+  }
+  static constexpr double kCaution = 0.5;
+
+  const int S;  // shafts
+  const int size_;
+  int most_ = 0;
+  int order_ = 0;
+  bool is_short_ = false;
+  double length_ = 0.0;
+  double limit_ = 0.0;
+  double base_time_ = std::numeric_limits<double>::quiet_NaN();
+  State base_x_;
+  State base_dxdt_;
+  int least_angle_;
+  MotionSeries* series_ = nullptr;
+};
+
+}  // namespace
+
+std::unique_ptr<Stepper> makeTaylorStepper(const System& system, Tolerance tolerance) {
+  return std::make_unique<TaylorStepper>(system, tolerance);
+}
+
+}  // namespace variator_sim
