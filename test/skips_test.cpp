@@ -304,7 +304,7 @@ Result runCommanded(StepperKind stepper, double tolerance, std::int64_t interval
 TEST(CommandRhythm, SparesStepsUpToCommands) {
   const auto always = [](std::int64_t) { return true; };
   for (StepperKind stepper :
-       {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78}) {
+       {StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78}) {
     SCOPED_TRACE(toString(stepper));
     const Result regular = runCommanded(stepper, 1e-9, 1000000, 0.0, always);
     const Result shifted = runCommanded(stepper, 1e-9, 1000000, 1e-10, always);

@@ -144,8 +144,8 @@ TEST(Auto, StaysExplicitOnASmoothMotion) {
 
 TEST(Auto, NamesTheStepperThatItStartsWith) {
   const Scene scene = slipScene(0.1);
-  EXPECT_STREQ(Simulation(test::withTolerance(scene, 1e-4)).stepperName(), "dopri5");
-  EXPECT_STREQ(Simulation(test::withTolerance(scene, 1e-8)).stepperName(), "dop853");
+  EXPECT_STREQ(Simulation(test::withTolerance(scene, 1e-4)).stepperName(), "taylor");
+  EXPECT_STREQ(Simulation(test::withTolerance(scene, 1e-8)).stepperName(), "taylor");
 }
 
 // With a constant ratio and no slip the motion is the slow one from the first instant: nothing but
@@ -169,7 +169,7 @@ TEST(Auto, BeginsImplicitlyOnAStiffSlowMotion) {
     EXPECT_EQ(simulation.sample().acceleration[0], first.acceleration[0]);
   }
   EXPECT_STREQ(Simulation(test::withTolerance(slipScene(0.1, "0.6"), 1e-6)).stepperName(),
-               "dop853");
+               "taylor");
 }
 
 // How a motion is cut and sampled changes no bit of it, across a change of stepper too.

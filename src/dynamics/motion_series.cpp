@@ -123,8 +123,8 @@ void MotionSeries::compile() {
   // Of order 3 nothing is tried: its c0 has no accelerations of the order that is looked for.
   std::vector<Node> trial = residuals;
   std::vector<Node> others;
-  (is_classical_ ? trial : others).insert((is_classical_ ? trial : others).end(), rows.begin(),
-                                          rows.end());
+  (is_classical_ ? trial : others)
+      .insert((is_classical_ ? trial : others).end(), rows.begin(), rows.end());
   others.insert(others.end(), torques.begin(), torques.end());
   others.insert(others.end(), inertias.begin(), inertias.end());
 

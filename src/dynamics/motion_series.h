@@ -10,8 +10,8 @@
 /// where a_n and g_n hold what is known from lower orders:
 ///     a_n = Q_n - n_n - sum_{j>=1} J_j epsilon_{n-j}
 ///           + unit/n (sum_{j=1..n-1} C_j^T Lambda_{n-1-j} + (Gamma R omega)_{n-1})
-/// Under Gauss mu_n = lambda_n, the last line is sum_{j=1..n-1} C_j^T lambda_{n-j} + Ĉ_n^T lambda_0,
-/// and where psi is not linear in epsilon, J_0 loses sum lambda_0 d2psi/depsilon2.
+/// Under Gauss mu_n = lambda_n, the last line is sum_{j=1..n-1} C_j^T lambda_{n-j} + Ĉ_n^T
+/// lambda_0, and where psi is not linear in epsilon, J_0 loses sum lambda_0 d2psi/depsilon2.
 /// Constraints of order 1 are psi = f', those of order 3 have
 ///     g_n = 1/n (sum_{j=1..n-1} (n-j) C_j epsilon_{n-j} + unit c0_{n-1}).
 /// (Pryce: Solving differential-algebraic equations by Taylor series, Numerical Algorithms 19
@@ -98,8 +98,8 @@ class MotionSeries {
   int row_of_connection_[kMaxShafts] = {};       ///< 1/2 J_i' omega
 
   static constexpr int kRoom = kMostOrder + 1;
-  double multiplier_[kMaxRows][kRoom] = {};          ///< Lambda or lambda
-  double reaction_rate_[kMaxShafts][kRoom] = {};     ///< J^-1 R, of Gamma R omega
+  double multiplier_[kMaxRows][kRoom] = {};       ///< Lambda or lambda
+  double reaction_rate_[kMaxShafts][kRoom] = {};  ///< J^-1 R, of Gamma R omega
   double input_[kMaxInputs][kRoom + 3] = {};
 };
 

@@ -166,9 +166,9 @@ void SeriesProgram::continueFunction(const Instruction& it, int n) {
       const double sign = it.code == Code::kTan ? 1.0 : -1.0;
       const int w = it.aux[0];
       write(y, n,
-            n > 0                      ? chain(it.operands[1], w)
+            n > 0                   ? chain(it.operands[1], w)
             : it.code == Code::kTan ? std::tan(x)
-                                       : std::tanh(x));
+                                    : std::tanh(x));
       // w = 1 + y^2, 1 - y^2 (near 1 as 1 / cosh^2)
       if (n == 0) {
         const double cosine = it.code == Code::kTan ? std::cos(x) : std::cosh(x);
@@ -214,8 +214,7 @@ void SeriesProgram::continueFunction(const Instruction& it, int n) {
         write(y, 0, std::pow(x, it.constant));
         return;
       }
-      const double sum =
-          (it.constant + 1.0) * chain(it.operands[1], y) - convolve(a, y, 1, n);
+      const double sum = (it.constant + 1.0) * chain(it.operands[1], y) - convolve(a, y, 1, n);
       write(y, n, sum / x);
       return;
     }
@@ -248,6 +247,9 @@ void SeriesProgram::continueBranch(const Instruction& it, int n) {
     }
     case Code::kSelect: {
       if (side == 0.0) side = a < b ? -1.0 : a > b ? 1.0 : a - b;
+      // On the edge of a jump it is what the formula says there, and stays that.
+      const bool is_jump = forward(it.operands[2])[0] != forward(it.operands[3])[0];
+      if (side == 0.0 && is_jump) side = -1.0;
       const double chosen = forward(it.operands[side <= 0.0 ? 2 : 3])[n];
       write(y, n, std::isnan(side) ? side : chosen);
       return;

@@ -7,8 +7,8 @@
 /// (2005) 99-117):
 ///     y = a b        y_n = sum_{j=0..n} a_j b_{n-j}
 ///     y = a / b      y_n = (a_n - sum_{j=1..n} b_j y_{n-j}) / b_0
-///     y' = x' w      y_n = 1/n sum_{j=1..n} j x_j w_{n-j}   (exp: w = y; sin, cos; tanh: w = 1-y^2)
-///     y' = p / w     y_n = q_{n-1} / n,  q = p / w           (log, atan, asin, ..)
+///     y' = x' w      y_n = 1/n sum_{j=1..n} j x_j w_{n-j}   (exp: w = y; sin, cos; tanh: w =
+///     1-y^2) y' = p / w     y_n = q_{n-1} / n,  q = p / w           (log, atan, asin, ..)
 /// Branches (abs, min, a piece of a table) are those of the state at s = 0, and of the direction
 /// into which it moves where that lies on an edge.
 #pragma once
@@ -109,12 +109,12 @@ class SeriesProgram {
     std::shared_ptr<const Table> table;
     std::shared_ptr<const Table2> table2;
     int order[2] = {};
-    int degree[2] = {};        ///< of what is left of the polynomial
-    double a[6][6] = {};       ///< of (x - x_0)^i (y - y_0)^j
-    bool is_decided = false;   ///< which piece
-    int powers_x[6] = {};      ///< rows from the second power on
-    int powers_y[6] = {};      ///< the same
-    int sums[6] = {};          ///< sum_j a_ij (y - y_0)^j
+    int degree[2] = {};       ///< of what is left of the polynomial
+    double a[6][6] = {};      ///< of (x - x_0)^i (y - y_0)^j
+    bool is_decided = false;  ///< which piece
+    int powers_x[6] = {};     ///< rows from the second power on
+    int powers_y[6] = {};     ///< the same
+    int sums[6] = {};         ///< sum_j a_ij (y - y_0)^j
   };
 
   static constexpr int kPad = 4;
@@ -143,8 +143,8 @@ class SeriesProgram {
   void continueTable2(const Instruction& it, int n);
   void placePiece(const Instruction& it, Piece& piece, bool left_of_x, bool left_of_y);
 
-  int capacity_ = 0;        ///< coefficients of a row, padding included
-  std::size_t width_ = 0;   ///< the same
+  int capacity_ = 0;       ///< coefficients of a row, padding included
+  std::size_t width_ = 0;  ///< the same
   std::vector<double> rows_;
   std::vector<int> degree_;
   std::vector<bool> accelerated_;

@@ -32,9 +32,38 @@ Integrator::Look Integrator::lookInside(double taken, double* next) {
   StateBox box;
   encloseStep(S, curveEnd(base_), curveEnd(front_), taken, &box);
   box.time = {absolute(base_.time), absolute(front_.time)};
+  if (endsOnEdge(taken)) return shortOfEnd(taken, next);
   if (guards_.isClear(box)) return keepCrossing();
   traceStep(taken);
   return aimAtEdge(taken, next);
+}
+
+bool Integrator::endsOnEdge(double taken) {
+  for (int i = 0; i < guards_.count(); ++i) {
+    const int side = guards_.side(i);
+    if (side == Guard::kOnEdge || guards_.guard(i).branch(viewOf(front_)) != Guard::kOnEdge) {
+      continue;
+    }
+    // A motion that comes to rest on an edge does not go beyond it.
+    StepNode beyond = front_;
+    const double ahead = kMargin * taken;
+    beyond.time += ahead;
+    for (int n = 0; n < beyond.x.size(); ++n) beyond.x[n] += ahead * front_.dxdt[n];
+    const int branch = guards_.guard(i).branch(viewOf(beyond));
+    if (branch == Guard::kOnEdge || branch == side) continue;
+    crossing_.guard = i;
+    crossing_.side = side;
+    return true;
+  }
+  return false;
+}
+
+Integrator::Look Integrator::shortOfEnd(double taken, double* next) {
+  const double margin = kMargin * taken + 2.0 * shortestStep(absolute(base_.time));
+  *next = taken - margin;
+  crossing_.at = base_.time + *next;
+  crossing_.length = 2.0 * margin;
+  return Look::kShorter;
 }
 
 Integrator::Look Integrator::lookAtEnd(double taken, double* next) {

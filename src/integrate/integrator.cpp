@@ -63,7 +63,7 @@ void Integrator::beginFirstAt(const State& x) {
   choice_.reset();
   restart();
   if (!status_.ok()) return;
-  starts_implicitly_ = choice_.isStiffStart(system_, front_, next_step_);
+  starts_implicitly_ = choice_.isStiffStart(system_, front_, chooseFirstStep());
   // Once more, and as every later reset does: what was done to find out is no part of the run.
   drivetrain_.resetCounts();
   choice_.reset(starts_implicitly_);

@@ -146,9 +146,10 @@ class Integrator {
     double segment_end = 0.0;  ///< where it has to end
     bool is_last = false;      ///< it ends there
     int rejections = 0;
-    int looks = 0;       ///< times that an edge made it shorter
-    double usual = 0.0;  ///< the step that would have been made but for an edge, s
-    double grid = 0.0;   ///< the next multiple of a fixed step
+    int looks = 0;           ///< times that an edge made it shorter
+    double usual = 0.0;      ///< the step that would have been made but for an edge, s
+    double grid = 0.0;       ///< the next multiple of a fixed step
+    bool has_leapt = false;  ///< its accelerations were those of another branch
   };
   /// Tries steps from the base until one is good. False when the motion stopped.
   bool makeTrials();
@@ -173,6 +174,10 @@ class Integrator {
   bool refuse(Trial& trial, double norm);
   /// A jump just ahead of the base, if any, is crossed.
   bool hopOverJumpAhead();
+
+  /// Accelerations that follow from the state have changed by more than the short step that is left
+  /// after many refusals accounts for: they are those of another branch of psi = 0.
+  bool haveAccelerationsLeapt() const;
 
   /// A step of length h from `from` to `end`, on the constraints: x there, dxdt if the stepper
   /// projects. The error, in units of the tolerance.
@@ -257,6 +262,10 @@ class Integrator {
   /// front, whose derivative is known. kShorter: it has to be made again with the length `next`, to
   /// shortly before the first edge.
   Look lookInside(double taken, double* next);
+  /// A step that ends on an edge and goes on beyond it is made again, to shortly before it:
+  /// standing on it no branch is that of the motion.
+  bool endsOnEdge(double taken);
+  Look shortOfEnd(double taken, double* next);
   /// The same for a step whose error was too large: whether it ended beyond an edge.
   Look lookAtEnd(double taken, double* next);
 

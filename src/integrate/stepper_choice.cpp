@@ -119,6 +119,7 @@ bool StepperChoice::considerImplicit(System& system, const StepNode& node, doubl
     return false;
   }
   quiet_ = 0;
+  if (settling_ > 0) return false;  // of which `settle` decides
   suspicions_ += stiffness > 1.0 ? kStrong : 1;
   if (suspicions_ < wait_) return false;
   suspicions_ = 0;

@@ -89,7 +89,8 @@ class TaylorStepper final : public Stepper {
       double rest = 0.0;
       for (int k = order_; k > 0; --k) rest = (rest + Q[k]) * theta;
       gain.change[i] = rest;
-      gain.largest_rate[i] = std::max(std::abs(from.torque_rate[i]), std::abs(Q[1]) / series_->unit());
+      gain.largest_rate[i] =
+          std::max(std::abs(from.torque_rate[i]), std::abs(Q[1]) / series_->unit());
     }
   }
 
@@ -197,13 +198,18 @@ class TaylorStepper final : public Stepper {
       is_short_ = small >= 2 && order_ > kLeastOrder;
     }
   }
-  /// The last terms at `theta` are a small part of the tolerance.
+  /// The last terms at `theta` are a small part of the tolerance, and of what goes before them: of
+  /// something far below the tolerance that grows the digits count, too.
   bool isNothing(const double* x, double theta) const {
     constexpr double kPart = 1e-3;
+    constexpr double kDigits = 1e-6;
     const int last = lastTerm();
     for (int n = least_angle_; n < size_; ++n) {
-      const double term = std::abs(coefficients(n)[last]) * power(theta, last);
+      const double* const c = coefficients(n);
+      const double scale = power(theta, last - 1);
+      const double term = std::abs(c[last]) * theta * scale;
       if (!(term <= kPart * tolerance_.of(x[n]))) return false;
+      if (!(term <= kDigits * std::max(std::abs(c[0]), std::abs(c[1]) * theta))) return false;
     }
     return true;
   }

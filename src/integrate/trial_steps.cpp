@@ -31,7 +31,9 @@ bool Integrator::aim(Trial& trial) {
   const bool is_fixed = choice_.isFixed();
   trial.taken = trial.is_last || is_fixed ? trial.end - base_.time : trial.length;
   if (trial.taken > (is_fixed ? 0.0 : std::max(shortestStep(base_.time), 1e-290))) return true;
-  if (!hopOverJumpAhead() && status_.ok()) explainStop();
+  if (!hopOverJumpAhead() && status_.ok()) {
+    explainStop(trial.has_leapt ? StopReason::kProjectionFailed : StopReason::kStepUnderflow);
+  }
   return false;
 }
 
@@ -58,6 +60,10 @@ bool Integrator::makeTrials() {
       // A torque that jumps was met by the stages and not by the motion: too long a step.
       if (stages_left && !choice_.isFixed() && norm <= 1.0) norm = kStagesLeft;
     }
+    if (isGood(norm) && trial.rejections >= kHopeless && haveAccelerationsLeapt()) {
+      trial.has_leapt = true;
+      norm = std::numeric_limits<double>::quiet_NaN();
+    }
     if (isGood(norm)) {
       if (accept(trial, norm)) return true;
       if (!status_.ok()) return false;
@@ -66,6 +72,19 @@ bool Integrator::makeTrials() {
     if (!refuse(trial, norm)) break;
   }
   return course_ == Course::kHop;
+}
+
+bool Integrator::haveAccelerationsLeapt() const {
+  // A psi that is linear in them has one branch only.
+  const bool has_branches = drivetrain_.nonlinearAccelerations() != 0;
+  if (integrates_torque_ || !has_branches || choice_.isFixed()) return false;
+  constexpr double kLeap = 1e-5;
+  const double part = std::max(kLeap, 10.0 * settings_.relative_tolerance);
+  for (int n = S; n < 2 * S; ++n) {
+    const double change = std::abs(front_.dxdt[n] - base_.dxdt[n]);
+    if (!(change <= part * (1.0 + std::abs(base_.dxdt[n])))) return true;
+  }
+  return false;
 }
 
 double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double end, double h,
