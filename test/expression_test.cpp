@@ -151,32 +151,71 @@ TEST(ExpressionValues, SignMinAndMaxAtTheirEdges) {
   EXPECT_EQ(valueOf("max(x, y)", -kInfinity, kInfinity), kInfinity);
 }
 
+constexpr std::array<char, 4> kOperators = {'+', '-', '*', '/'};
+double apply(char o, double a, double b) {
+  // volatile: no contraction of this side either
+  const volatile double value = o == '+' ? a + b : o == '-' ? a - b : o == '*' ? a * b : a / b;
+  return value;
+}
+
 TEST(ExpressionValues, EveryFusedInstructionRoundsLikeItsOperations) {
-  const std::string operators = "+-*/";
-  const auto apply = [](char o, double a, double b) {
-    // volatile: no contraction of this side either
-    const volatile double value = o == '+' ? a + b : o == '-' ? a - b : o == '*' ? a * b : a / b;
-    return value;
-  };
   const double x = 0.1;
   const double y = 1.7;
   const double z = -2.3;
   const double w = 0.7;
-  for (const char o1 : operators) {
+  for (const char o1 : kOperators) {
     const std::string pair = std::string("(x") + o1 + "y)";
     const double t = apply(o1, x, y);
     expectSame(valueOf(pair, x, y), t, pair);
     expectSame(valueOf("-" + pair, x, y), -t, "-" + pair);
-    for (const char o2 : operators) {
+    for (const char o2 : kOperators) {
       expectSame(valueOf(pair + o2 + "z", x, y, z), apply(o2, t, z), pair + o2 + "z");
       expectSame(valueOf(std::string("z") + o2 + pair, x, y, z), apply(o2, z, t),
                  std::string("z") + o2 + pair);
-      for (const char o3 : operators) {
+      for (const char o3 : kOperators) {
         const std::string quad = pair + o2 + "(z" + o3 + "w)";
         expectSame(valueOf(quad, x, y, z, w), apply(o2, t, apply(o3, z, w)), quad);
       }
     }
   }
+}
+
+TEST(ExpressionValues, AreTheSameHoweverManyOfOneKindThereAre) {
+  const std::array<double, 4> point = {0.1, 1.7, -2.3, 0.7};
+  for (int count = 1; count <= 9; ++count) {
+    for (const char o1 : kOperators) {
+      for (const char o2 : kOperators) {
+        Formulas formulas;
+        std::vector<Node> nodes;
+        std::vector<double> expected;
+        for (int i = 1; i <= count; ++i) {
+          const std::string number = std::to_string(i) + ".1";
+          nodes.push_back(formulas.read("x" + (o1 + number)));
+          expected.push_back(apply(o1, point[0], std::stod(number)));
+          nodes.push_back(formulas.read("(y" + (o1 + number) + ")" + o2 + "z"));
+          expected.push_back(apply(o2, apply(o1, point[1], std::stod(number)), point[2]));
+          nodes.push_back(
+              formulas.read("(z" + (o1 + number) + ")" + o2 + "(w" + o1 + number + ")"));
+          expected.push_back(apply(o2, apply(o1, point[2], std::stod(number)),
+                                   apply(o1, point[3], std::stod(number))));
+        }
+        EXPECT_EQ(formulas.evaluate(nodes, point), expected) << count << " of " << o1 << o2;
+      }
+    }
+  }
+}
+
+TEST(ExpressionValues, OfOneKindMayNeedOneAnother) {
+  Formulas formulas;
+  std::vector<Node> powers = {formulas.read("x*y")};
+  std::vector<double> expected = {1.1 * 0.7};
+  for (int i = 1; i < 11; ++i) {
+    powers.push_back(formulas.graph.multiply(powers.back(), formulas.read("y")));
+    expected.push_back(expected.back() * 0.7);
+  }
+  std::reverse(powers.begin(), powers.end());
+  std::reverse(expected.begin(), expected.end());
+  EXPECT_EQ(formulas.evaluate(powers, {1.1, 0.7, 0.0, 0.0}), expected);
 }
 
 TEST(ExpressionValues, OneSincosGivesTheBitsOfBoth) {

@@ -2,6 +2,9 @@
 /// out.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+
 namespace variator_sim::expression {
 
 // The four operations and, made of them, instructions of two and three operations:
@@ -22,7 +25,24 @@ enum TriadForm : int {
 constexpr int kPairBase = 0;
 constexpr int kTriadBase = kPairBase + 4;
 constexpr int kQuadBase = kTriadBase + 4 * kForms;
-constexpr int kFunctionBase = kQuadBase + 4 * 4 * 4;
+constexpr int kArithmeticCount = kQuadBase + 4 * 4 * 4;
+
+// Up to so many of these with the same code, one behind the other, are one run: the code of the
+// first says how many follow, that of the others is not looked at.
+constexpr int kLongestRun = 4;
+constexpr int kFunctionBase = kArithmeticCount * kLongestRun;
+constexpr int runCode(int code, int length) {
+  return code * kLongestRun + length - 1;
+}
+
+// Fields of an instruction. In the head: code, register of the result, operands A and B; in the
+// tail operands C and D. Operands are registers, with the exceptions that FunctionCode names.
+constexpr int kFieldBits = 16;
+enum HeadField : int { kCodeField, kResultField, kAField, kBField };
+enum TailField : int { kCField, kDField };
+constexpr std::size_t fieldOf(std::uint64_t word, int field) {
+  return word >> (kFieldBits * field) & 0xFFFFU;
+}
 
 constexpr int pairCode(int o1) {
   return kPairBase + o1;
@@ -63,11 +83,11 @@ enum FunctionCode : int {
 #define VARIATOR_SIM_CODE(name, value) kCode##name,
   VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_CODE)
 #undef VARIATOR_SIM_CODE
-      kCodeSinCos,
-  kCodeTable,   ///< operands: x, which table, order of the derivative
-  kCodeTable2,  ///< operands: x, y, which table, 256 times the order by y and that by x
-  kCodeOpaque,  ///< operands: which call
-  kCodeCopy,    ///< an output that is another one, too
+      kCodeSinCos,  ///< B: register of the cosine
+  kCodeTable,       ///< A: x, B: which table, C: order of the derivative
+  kCodeTable2,      ///< A: x, B: y, C: which table, D: 256 times the order by y and that by x
+  kCodeOpaque,      ///< A: which call
+  kCodeCopy,        ///< an output that is another one, too
   kCodeReturn,
   kCodeCount
 };

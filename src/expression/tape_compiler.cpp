@@ -3,7 +3,8 @@
 //      left behind;
 //   2. fuse: a sum, product, ... that only one other needs joins it in one instruction. The
 //      roundings stay those of the separate operations;
-//   3. schedule: what the longest remaining chain waits for goes first;
+//   3. schedule (tape_schedule.h): what the longest remaining chain waits for goes first, and what
+//      has the same code with it;
 //   4. allocate: a register is free again after its last reader.
 #include <algorithm>
 #include <array>
@@ -14,6 +15,7 @@
 #include <utility>
 
 #include "instruction_set.h"
+#include "tape_schedule.h"
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim::expression {
@@ -48,30 +50,6 @@ int arithmeticOf(Operation operation) {
   }
 }
 
-/// Rough time until the result can be read, in units of one addition through memory.
-int latencyOf(int code) {
-  if (code < kTriadBase) {
-    return 2;
-  }
-  if (code < kFunctionBase) {
-    return 3;
-  }
-  switch (code) {
-    case kCodeNegate:
-    case kCodeAbs:
-    case kCodeSign:
-    case kCodeMin:
-    case kCodeMax:
-    case kCodeSelect:
-    case kCodeWhereFinite:
-      return 2;
-    case kCodeSqrt:
-      return 5;
-    default:
-      return 15;
-  }
-}
-
 }  // namespace
 
 class TapeBuilder {
@@ -80,17 +58,16 @@ class TapeBuilder {
     lower(graph, outputs);
     countUses();
     fuse();
-    schedule();
+    order_ = schedule(steps_);
     allocate();
   }
 
  private:
-  struct Step {
-    int code = -1;  ///< -1: a constant, a variable, or part of another's instruction
-    int results[4] = {-1, -1, -1, -1};
-    int operands[4] = {-1, -1, -1, -1};
-    int operand_count = 0;
-    int priority = 0;
+  /// An instruction whose fields are not yet packed.
+  struct Draft {
+    int code = kCodeReturn;
+    int result = 0;
+    int operands[4] = {};
   };
 
   static std::size_t at(int index) { return static_cast<std::size_t>(index); }
@@ -260,32 +237,6 @@ class TapeBuilder {
     }
   }
 
-  /// Longest chain first. A step's priority exceeds that of all its readers, so that sorting by
-  /// priority also puts operands before their readers.
-  void schedule() {
-    std::vector<int> wait(needed_.size(), 0);  // of a node: longest chain behind its result
-    for (int i = nodeCount() - 1; i >= 0; --i) {
-      Step& step = steps_[at(i)];
-      if (step.code < 0) {
-        continue;
-      }
-      int behind = 0;
-      for (const int result : step.results) {
-        if (result >= 0) behind = std::max(behind, wait[at(result)]);
-      }
-      step.priority = behind + latencyOf(step.code);
-      for (int k = 0; k < step.operand_count; ++k) {
-        int& before = wait[at(step.operands[k])];
-        before = std::max(before, step.priority);
-      }
-      order_.push_back(i);
-    }
-    std::reverse(order_.begin(), order_.end());
-    std::stable_sort(order_.begin(), order_.end(), [this](int left, int right) {
-      return steps_[at(left)].priority > steps_[at(right)].priority;
-    });
-  }
-
   int newRegister() {
     if (!free_registers_.empty()) {
       const int free_register = free_registers_.back();
@@ -334,11 +285,11 @@ class TapeBuilder {
     }
     for (const int i : order_) {
       const Step& step = steps_[at(i)];
-      Tape::Instruction instruction = {};
-      instruction.code = static_cast<std::uint16_t>(step.code);
+      Draft instruction;
+      instruction.code = step.code;
       for (int k = 0; k < step.operand_count; ++k) {
         const int operand = step.operands[k];
-        instruction.operands[k] = static_cast<std::uint16_t>(register_of_[at(operand)]);
+        instruction.operands[k] = register_of_[at(operand)];
         if (--readers[at(operand)] == 0) {
           free_registers_.push_back(register_of_[at(operand)]);
         }
@@ -347,13 +298,13 @@ class TapeBuilder {
       for (int k = 0; k < 4 && step.results[k] >= 0; ++k) {
         register_of_[at(step.results[k])] = registerFor(step.results[k]);
       }
-      instruction.result = static_cast<std::uint16_t>(register_of_[at(step.results[0])]);
+      instruction.result = register_of_[at(step.results[0])];
       if (step.code == kCodeSinCos) {
-        instruction.operands[1] = static_cast<std::uint16_t>(register_of_[at(step.results[1])]);
+        instruction.operands[1] = register_of_[at(step.results[1])];
       }
       nameTable(i, instruction);
       if (step.code == kCodeOpaque) nameCall(step, instruction);
-      tape_.program_.push_back(instruction);
+      program_.push_back(instruction);
     }
     finishOutputs();
   }
@@ -367,51 +318,77 @@ class TapeBuilder {
         tape_.registers_[k] = graph_.constantValue(outputs_[k]);
         continue;
       }
-      Tape::Instruction copy = {};
+      Draft copy;
       copy.code = kCodeCopy;
-      copy.result = static_cast<std::uint16_t>(k);
-      copy.operands[0] = static_cast<std::uint16_t>(computed);
-      tape_.program_.push_back(copy);
+      copy.result = static_cast<int>(k);
+      copy.operands[0] = computed;
+      program_.push_back(copy);
     }
-    Tape::Instruction last = {};
-    last.code = kCodeReturn;
-    tape_.program_.push_back(last);
+    program_.emplace_back();
+    gatherRuns();
+    pack();
+  }
+
+  /// Of instructions of one code behind one another the first says how many they are.
+  void gatherRuns() {
+    for (std::size_t i = 0; i < program_.size();) {
+      const int code = program_[i].code;
+      std::size_t end = i + 1;
+      if (code < kArithmeticCount) {
+        while (end < i + kLongestRun && program_[end].code == code) ++end;
+        program_[i].code = runCode(code, static_cast<int>(end - i));
+      }
+      i = end;
+    }
+  }
+
+  static std::uint16_t toField(int value) { return static_cast<std::uint16_t>(value); }
+
+  void pack() {
+    const auto put = [](int field, int value) {
+      return static_cast<std::uint64_t>(toField(value)) << (kFieldBits * field);
+    };
+    for (const Draft& it : program_) {
+      tape_.program_.push_back({put(kCodeField, it.code) | put(kResultField, it.result) |
+                                    put(kAField, it.operands[0]) | put(kBField, it.operands[1]),
+                                put(kCField, it.operands[2]) | put(kDField, it.operands[3])});
+    }
   }
 
   /// The index of `table` in `tables`, to which it is added when it is new.
   template <class T>
-  static std::uint16_t indexIn(std::vector<std::shared_ptr<const T>>& tables,
-                               const std::shared_ptr<const T>& table) {
+  static int indexIn(std::vector<std::shared_ptr<const T>>& tables,
+                     const std::shared_ptr<const T>& table) {
     const auto found = std::find(tables.begin(), tables.end(), table);
     const auto index = found - tables.begin();
     if (found == tables.end()) tables.push_back(table);
-    return static_cast<std::uint16_t>(index);
+    return static_cast<int>(index);
   }
 
   /// Adds to `instruction`, where node i is one of a table, which one and what of it.
-  void nameTable(int i, Tape::Instruction& instruction) {
+  void nameTable(int i, Draft& instruction) {
     const Graph::Entry& it = entry(i);
     if (instruction.code == kCodeTable) {
       instruction.operands[1] = indexIn(tape_.tables_, graph_.tableOf(it));
-      instruction.operands[2] = static_cast<std::uint16_t>(it.order[0]);
+      instruction.operands[2] = it.order[0];
     } else if (instruction.code == kCodeTable2) {
       instruction.operands[2] = indexIn(tape_.tables2_, graph_.table2Of(it));
-      instruction.operands[3] = static_cast<std::uint16_t>(it.order[0] + (it.order[1] << 8));
+      instruction.operands[3] = it.order[0] + (it.order[1] << 8);
     }
   }
 
   /// Adds the call of a step to the tape, and to `instruction` which one it is.
-  void nameCall(const Step& step, Tape::Instruction& instruction) {
+  void nameCall(const Step& step, Draft& instruction) {
     Tape::Call call = {};
     call.function = graph_.opaqueOf(entry(step.results[0]));
-    std::copy_n(instruction.operands, 4, call.arguments);
+    for (int k = 0; k < 4; ++k) call.arguments[k] = toField(instruction.operands[k]);
     std::fill(std::begin(call.results), std::end(call.results), -1);
     for (const int result : step.results) {
       if (result < 0) continue;
       call.results[entry(result).order[0]] = register_of_[at(result)];
     }
     if (tape_.calls_.size() > 0xFFFFU) throw std::length_error("more than 65536 opaque functions");
-    instruction.operands[0] = static_cast<std::uint16_t>(tape_.calls_.size());
+    instruction.operands[0] = static_cast<int>(tape_.calls_.size());
     tape_.calls_.push_back(std::move(call));
   }
 
@@ -429,8 +406,8 @@ class TapeBuilder {
     }
     const int source = static_cast<int>(sourceOf(it.slot));
     Tape::Load load = {};
-    load.to = static_cast<std::uint16_t>(leaf_register);
-    load.index = static_cast<std::uint16_t>(indexOf(it.slot));
+    load.to = toField(leaf_register);
+    load.index = toField(indexOf(it.slot));
     tape_.loads_.insert(tape_.loads_.begin() + tape_.load_end_[source], load);
     for (int& end : tape_.load_end_) end += &end >= &tape_.load_end_[source] ? 1 : 0;
   }
@@ -442,6 +419,7 @@ class TapeBuilder {
   std::vector<int> uses_;
   std::vector<Step> steps_;
   std::vector<int> order_;
+  std::vector<Draft> program_;
   std::vector<int> output_of_;  ///< of a node: which output it is; -1: none
   std::vector<int> register_of_;
   std::vector<int> free_registers_;

@@ -63,12 +63,10 @@ class Tape {
  private:
   friend class TapeBuilder;
 
+  /// Fields of 16 bits, in two words that are loaded at once: see instruction_set.h.
   struct Instruction {
-    std::uint16_t code;
-    std::uint16_t result;
-    /// Registers; sincos has its second result in operands[1]; of tables and calls see
-    /// instruction_set.h.
-    std::uint16_t operands[4];
+    std::uint64_t head;
+    std::uint64_t tail;
   };
   /// A function of the user's own: its value, or those of its derivatives that the program needs.
   struct Call {
