@@ -156,8 +156,9 @@ class Drivetrain {
   }
 
   /// See SceneProgram::loadMachineCode.
-  std::string loadMachineCode(KernelLibrary::Missing missing, bool* compiled) {
-    return program_.loadMachineCode(missing, compiled);
+  std::string loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing,
+                              bool* compiled) {
+    return program_.loadMachineCode(series, missing, compiled);
   }
 
   /// Where the components change their branches.

@@ -175,6 +175,36 @@ void MotionSeries::compile() {
   }
 }
 
+namespace {
+
+struct NamedPart {
+  const char* name;
+  Part part;
+};
+constexpr NamedPart kParts[] = {{"series_given", Part::kGiven},
+                                {"series_trial", Part::kTrial},
+                                {"series_accelerated", Part::kAccelerated}};
+
+}  // namespace
+
+std::string MotionSeries::writeSource() const {
+  std::string text = expression::SeriesProgram::codePrelude();
+  for (const auto& [name, part] : kParts) {
+    text += std::string("void ") + name + "(int n, double* restrict r, double* restrict s) {\n" +
+            program_.writeCode(part) + "}\n";
+  }
+  return text;
+}
+
+bool MotionSeries::use(const KernelLibrary& library) {
+  for (const auto& [name, part] : kParts) {
+    const auto code = reinterpret_cast<expression::SeriesProgram::PartCode>(library.find(name));
+    if (code == nullptr) return false;
+    program_.use(part, code);
+  }
+  return true;
+}
+
 void MotionSeries::setInputs(double t, int order) {
   int last = -1;
   for (const InputRow& it : input_rows_) {

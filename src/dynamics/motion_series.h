@@ -19,6 +19,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "dynamics/drivetrain.h"
@@ -48,6 +49,9 @@ class MotionSeries {
   const double* velocity(int i) const { return program_.coefficients(row_of_velocity_[i]); }
   const double* acceleration(int i) const { return program_.coefficients(row_of_acceleration_[i]); }
   double unit() const { return unit_; }
+  /// The series as C, and its code from then on: no bit of them changes. Not in the loop.
+  std::string writeSource() const;
+  bool use(const KernelLibrary& library);
   /// Coefficients of the applied torque on a shaft, up to order().
   const double* torque(int i) const { return program_.coefficients(row_of_torque_[i]); }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "dynamics/motion_series.h"
 #include "expression/c_code.h"
 #include "variator_sim/formula_constraint.h"
 #include "variator_sim/formula_torque.h"
@@ -91,14 +92,16 @@ std::string SceneProgram::writeSource() const {
          writeFunction(graph, "rate_and_rows", rate_and_rows_.outputs());
 }
 
-std::string SceneProgram::loadMachineCode(KernelLibrary::Missing missing, bool* compiled) {
+std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing,
+                                          bool* compiled) {
   if (!isWritable(*scene_.graph, rate_and_rows_.outputs()) ||
       !isWritable(*scene_.graph, torque_.outputs())) {
     return "a law reads a function that is not a formula";
   }
   std::string reason;
   const std::shared_ptr<KernelLibrary> library =
-      KernelLibrary::load(writeSource(), missing, &reason);
+      KernelLibrary::load(series == nullptr ? writeSource() : writeSource() + series->writeSource(),
+                          missing, &reason);
   if (library == nullptr) return reason;
   *compiled = library->wasCompiled();
   host_ = {tables_.data(), tables2_.data(),
@@ -128,6 +131,7 @@ std::string SceneProgram::loadMachineCode(KernelLibrary::Missing missing, bool* 
       }
     }
   }
+  if (series != nullptr && !series->use(*library)) return "it has no series";
   library_ = library;
   for (const auto& [name, program] : parts) {
     program->use(reinterpret_cast<Kernel>(library->find(name)), &host_);

@@ -16,6 +16,8 @@
 
 namespace variator_sim {
 
+class MotionSeries;
+
 /// `scene` has to outlive it. Evaluations are [loop].
 class SceneProgram {
  public:
@@ -49,7 +51,8 @@ class SceneProgram {
 
   /// Goes over to machine code, which changes no bit. An empty reason when it did; then `compiled`
   /// tells whether it had to be compiled. Not in the loop.
-  std::string loadMachineCode(KernelLibrary::Missing missing, bool* compiled);
+  /// `series` of the same scene go along, or nullptr.
+  std::string loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing, bool* compiled);
 
  private:
   void copy(const Program& program, const StateView& state, double* values) const {

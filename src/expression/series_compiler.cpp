@@ -461,6 +461,8 @@ class SeriesCompiler {
       piece.table = graph_.tableOf(entry);
     }
     reserve(piece.powers_x, 2, piece.degree[0], is_accelerated);
+    piece.a = static_cast<int>(made_.states_.size());
+    made_.states_.resize(made_.states_.size() + 36, 0.0);
     it.state = static_cast<int>(made_.pieces_.size());
     made_.pieces_.push_back(piece);
     it.result = addRow(SeriesProgram::kNoDegree, is_accelerated);

@@ -265,12 +265,13 @@ void SeriesProgram::continueBranch(const Instruction& it, int n) {
 void SeriesProgram::placePiece(const Instruction& it, Piece& piece, bool left_of_x,
                                bool left_of_y) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  double* const a = states_.data() + piece.a;
   const double x0 = forward(it.operands[0])[0];
   const double x = left_of_x ? std::nextafter(x0, -kInfinity) : x0;
   if (piece.table != nullptr) {
     for (int i = 0; i <= piece.degree[0]; ++i) {
       const int order = piece.order[0] + i;
-      piece.a[i][0] = piece.table->derivative(order, order < 3 ? x0 : x) / kFactorial[i];
+      a[6 * i] = piece.table->derivative(order, order < 3 ? x0 : x) / kFactorial[i];
     }
     return;
   }
@@ -278,7 +279,7 @@ void SeriesProgram::placePiece(const Instruction& it, Piece& piece, bool left_of
   const double y = left_of_y ? std::nextafter(y0, -kInfinity) : y0;
   for (int i = 0; i <= piece.degree[0]; ++i) {
     for (int j = 0; j <= piece.degree[1]; ++j) {
-      piece.a[i][j] = piece.table2->derivative({piece.order[0] + i, piece.order[1] + j}, x, y) /
+      a[6 * i + j] = piece.table2->derivative({piece.order[0] + i, piece.order[1] + j}, x, y) /
                       (kFactorial[i] * kFactorial[j]);
     }
   }
@@ -286,11 +287,12 @@ void SeriesProgram::placePiece(const Instruction& it, Piece& piece, bool left_of
 
 void SeriesProgram::continueTable(const Instruction& it, int n) {
   Piece& piece = pieces_[static_cast<std::size_t>(it.state)];
+  const double* const a = states_.data() + piece.a;
   const int x = it.operands[0];
   if (n == 0) {
     placePiece(it, piece, false, false);
     piece.is_decided = false;
-    write(it.result, 0, piece.a[0][0]);
+    write(it.result, 0, a[0]);
     return;
   }
   // A motion that begins at a point goes on in the piece on its left when it falls.
@@ -299,14 +301,14 @@ void SeriesProgram::continueTable(const Instruction& it, int n) {
     if (forward(x)[n] < 0.0) placePiece(it, piece, true, false);
   }
   // (x - x_0)^i = (x - x_0) (x - x_0)^(i-1)
-  double sum = piece.a[1][0] * forward(x)[n];
+  double sum = a[6] * forward(x)[n];
   int before = x;
   for (int i = 2; i <= std::min(piece.degree[0], n); ++i) {
     const int power = piece.powers_x[i];
     const int count = n - i + 1;  // x_1 .. x_{n-i+1}
     const double value = dotExactly(forward(x) + 1, backward(before) - (n - 1), count);
     write(power, n, value);
-    sum += piece.a[i][0] * value;
+    sum += a[6 * i] * value;
     before = power;
   }
   write(it.result, n, sum);
@@ -314,13 +316,14 @@ void SeriesProgram::continueTable(const Instruction& it, int n) {
 
 void SeriesProgram::continueTable2(const Instruction& it, int n) {
   Piece& piece = pieces_[static_cast<std::size_t>(it.state)];
+  const double* const a = states_.data() + piece.a;
   const int x = it.operands[0];
   const int y = it.operands[1];
   if (n == 0) {
     placePiece(it, piece, false, false);
     piece.is_decided = false;
-    for (int i = 1; i <= piece.degree[0]; ++i) write(piece.sums[i], 0, piece.a[i][0]);
-    write(it.result, 0, piece.a[0][0]);
+    for (int i = 1; i <= piece.degree[0]; ++i) write(piece.sums[i], 0, a[6 * i]);
+    write(it.result, 0, a[0]);
     return;
   }
   if (!piece.is_decided && (forward(x)[n] != 0.0 || forward(y)[n] != 0.0)) {
@@ -328,7 +331,7 @@ void SeriesProgram::continueTable2(const Instruction& it, int n) {
     const bool falls_x = forward(x)[n] < 0.0;
     const bool falls_y = forward(y)[n] < 0.0;
     if (falls_x || falls_y) placePiece(it, piece, falls_x, falls_y);
-    for (int i = 1; i <= piece.degree[0]; ++i) write(piece.sums[i], 0, piece.a[i][0]);
+    for (int i = 1; i <= piece.degree[0]; ++i) write(piece.sums[i], 0, a[6 * i]);
   }
   const auto raise = [&](int base, const int* powers, int degree) {
     int before = base;
@@ -342,9 +345,9 @@ void SeriesProgram::continueTable2(const Instruction& it, int n) {
   // sum_i (x - x_0)^i sum_j a_ij (y - y_0)^j
   double sum = 0.0;
   for (int i = 0; i <= piece.degree[0]; ++i) {
-    double inner = piece.a[i][1] * forward(y)[n];
+    double inner = a[6 * i + 1] * forward(y)[n];
     for (int j = 2; j <= std::min(piece.degree[1], n); ++j) {
-      inner += piece.a[i][j] * forward(piece.powers_y[j])[n];
+      inner += a[6 * i + j] * forward(piece.powers_y[j])[n];
     }
     if (i == 0) {
       sum += inner;

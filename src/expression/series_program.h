@@ -13,9 +13,12 @@
 /// into which it moves where that lies on an edge.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <string>
 #include <tuple>
 #include <vector>
 
@@ -58,12 +61,38 @@ class SeriesProgram {
   /// sum_{j=first..n} a_j b_{n-j} of two rows. [loop]
   double convolve(int a, int b, int first, int n) const;
   /// Coefficient n of the nodes of a part; those of the variables are there. [loop]
-  void evaluate(Part part, int n) { run(programs_[static_cast<int>(part)], n); }
+  void evaluate(Part part, int n) {
+    const PartCode code = codes_[static_cast<int>(part)];
+    if (code != nullptr && n > 0 && isDecided()) {
+      code(n, rows_.data(), states_.data());
+    } else {
+      run(programs_[static_cast<int>(part)], n);
+    }
+  }
+  /// Code made of `writeCode`; nullptr: interpreted.
+  using PartCode = void (*)(int n, double* rows, double* states);
+  void use(Part part, PartCode code) { codes_[static_cast<int>(part)] = code; }
+  /// The statements of C that `evaluate` of a part carries out for n >= 1, of `double* r` and
+  /// `double* s`, and what stands before them.
+  std::string writeCode(Part part) const;
+  static const char* codePrelude();
+  /// The offset of coefficient 0 of a row in rows(), and of the row written backwards.
+  std::size_t offset(int row) const { return static_cast<std::size_t>(row) * 2 * width_; }
+  std::size_t backwardOffset(int row) const {
+    return offset(row) + width_ + static_cast<std::size_t>(capacity_ - 1 - kPad);
+  }
+  /// False while the piece of some table is not known yet, which code cannot find out.
+  bool isDecided() const {
+    return std::all_of(pieces_.begin(), pieces_.end(),
+                       [](const Piece& piece) { return piece.is_decided; });
+  }
+
   /// After coefficients that are not finite: what they leave in sums. [loop]
   void clear();
 
  private:
   friend class SeriesCompiler;
+  friend class SeriesWriter;
 
   enum class Code : std::uint8_t {
     kLinear,
@@ -110,7 +139,7 @@ class SeriesProgram {
     std::shared_ptr<const Table2> table2;
     int order[2] = {};
     int degree[2] = {};       ///< of what is left of the polynomial
-    double a[6][6] = {};      ///< of (x - x_0)^i (y - y_0)^j
+    int a = -1;  ///< in states_: 6 i + j of (x - x_0)^i (y - y_0)^j
     bool is_decided = false;  ///< which piece
     int powers_x[6] = {};     ///< rows from the second power on
     int powers_y[6] = {};     ///< the same
@@ -150,6 +179,7 @@ class SeriesProgram {
   std::vector<bool> accelerated_;
   std::vector<Instruction> instructions_;
   std::vector<int> programs_[3];
+  PartCode codes_[3] = {nullptr, nullptr, nullptr};
   std::vector<Term> terms_;
   std::vector<double> states_;
   std::vector<Piece> pieces_;

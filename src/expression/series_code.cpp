@@ -1,0 +1,288 @@
+// A SeriesProgram as C: the same operations in the same order for every n >= 1, so that they make
+// the same bits. Order 0, which calls functions and looks up tables, stays the program's own.
+#include <cmath>
+#include <sstream>
+
+#include "expression/series_program.h"
+
+namespace variator_sim::expression {
+
+const char* SeriesProgram::codePrelude() {
+  return R"c(
+typedef double Four __attribute__((vector_size(32)));
+static inline __attribute__((always_inline)) Four load(const double* from) {
+  Four values;
+  __builtin_memcpy(&values, from, sizeof values);
+  return values;
+}
+/* sum of a[j] b[j] for j < count, rounded up to four at a time */
+static inline __attribute__((always_inline)) double dot(const double* a, const double* b, int count) {
+  Four sum = load(a) * load(b);
+  for (int j = 4; j < count; j += 4) sum += load(a + j) * load(b + j);
+  return (sum[0] + sum[2]) + (sum[1] + sum[3]);
+}
+/* the same to the very end */
+static inline __attribute__((always_inline)) double exact(const double* a, const double* b, int count) {
+  double first = 0.0;
+  double second = 0.0;
+  int j = 0;
+  for (; j + 1 < count; j += 2) {
+    first += a[j] * b[j];
+    second += a[j + 1] * b[j + 1];
+  }
+  if (j < count) first += a[j] * b[j];
+  return first + second;
+}
+static inline __attribute__((always_inline)) double part(const double* a, const double* b, int low, int high) {
+  return low > high ? 0.0 : dot(a + low, b + low, high - low + 1);
+}
+static inline int least(int a, int b) { return a < b ? a : b; }
+static inline int most(int a, int b) { return a > b ? a : b; }
+static inline double sideOf(double a, double b) { return a < b ? -1.0 : a > b ? 1.0 : a - b; }
+)c";
+}
+
+class SeriesWriter {
+ public:
+  explicit SeriesWriter(const SeriesProgram& program) : program_(program) { text_.precision(17); }
+
+  std::string write(SeriesProgram::Part part) {
+    for (const int index : program_.programs_[static_cast<int>(part)]) {
+      write(program_.instructions_[static_cast<std::size_t>(index)]);
+    }
+    return text_.str();
+  }
+
+ private:
+  using Code = SeriesProgram::Code;
+  using Instruction = SeriesProgram::Instruction;
+
+  std::string forward(int row) const {
+    return "(r + " + std::to_string(static_cast<std::size_t>(row) * 2 * program_.width_) + ")";
+  }
+  std::string backward(int row) const {
+    const std::size_t at = static_cast<std::size_t>(row) * 2 * program_.width_ + program_.width_ +
+                           static_cast<std::size_t>(program_.capacity_ - 1 - SeriesProgram::kPad);
+    return "(r + " + std::to_string(at) + ")";
+  }
+  std::string coefficient(int row) const { return forward(row) + "[n]"; }
+  void set(int row, const std::string& value, const std::string& at = "n") {
+    text_ << "  { const double y = " << value << "; " << forward(row) << "[" << at << "] = y; "
+          << backward(row) << "[-(" << at << ")] = y; }\n";
+  }
+  /// See SeriesProgram::convolve.
+  std::string convolve(int a, int b, const std::string& first, const std::string& n) const {
+    const auto degree = [&](int row) { return program_.degree(row); };
+    std::string low = first;
+    std::string high = n;
+    if (degree(b) < SeriesProgram::kNoDegree) {
+      low = "most(" + first + ", " + n + " - " + std::to_string(degree(b)) + ")";
+    }
+    if (degree(a) < SeriesProgram::kNoDegree) {
+      high = "least(" + n + ", " + std::to_string(degree(a)) + ")";
+    }
+    return "part(" + forward(a) + ", " + backward(b) + " - (" + n + "), " + low + ", " + high + ")";
+  }
+  std::string chain(int rate, int w) const {
+    return "dot(" + forward(rate) + ", " + backward(w) + " - (n - 1), n) / n";
+  }
+  std::string number(double value) const {
+    if (std::isinf(value)) return value > 0.0 ? "(1.0 / 0.0)" : "(-1.0 / 0.0)";
+    std::ostringstream text;
+    text.precision(17);
+    text << "(" << value << ")";
+    return text.str();
+  }
+  std::string state(const Instruction& it) const { return "s[" + std::to_string(it.state) + "]"; }
+
+  void write(const Instruction& it) {
+    const int a = it.operands[0];
+    const int b = it.operands[1];
+    const int y = it.result;
+    switch (it.code) {
+      case Code::kLinear: {
+        std::string sum = "0.0";
+        for (int n = 0; n < it.aux[1]; ++n) {
+          const SeriesProgram::Term& term =
+              program_.terms_[static_cast<std::size_t>(it.aux[0] + n)];
+          sum += " + " + number(term.factor) + " * " + coefficient(term.row);
+        }
+        set(y, sum);
+        return;
+      }
+      case Code::kMultiply:
+        set(y, convolve(a, b, "0", "n"));
+        return;
+      case Code::kSquare:
+        text_ << "  { double y = 2.0 * exact(" << forward(a) << ", " << backward(a)
+              << " - n, (n + 1) / 2); if (n % 2 == 0) y += " << forward(a) << "[n / 2] * "
+              << forward(a) << "[n / 2]; " << coefficient(y) << " = y; " << backward(y)
+              << "[-n] = y; }\n";
+        return;
+      case Code::kDivide:
+        set(y, "(" + coefficient(a) + " - " + convolve(b, y, "1", "n") + ") * " + state(it));
+        return;
+      case Code::kRate:
+        text_ << "  " << forward(y) << "[n - 1] = n * " << coefficient(a) << ";\n";
+        return;
+      case Code::kAbs:
+      case Code::kSign:
+      case Code::kMin:
+      case Code::kMax:
+      case Code::kSelect:
+      case Code::kWhereFinite:
+        writeBranch(it);
+        return;
+      case Code::kTable:
+      case Code::kTable2:
+        writeTable(it, program_.pieces_[static_cast<std::size_t>(it.state)]);
+        return;
+      default:
+        writeFunction(it);
+        return;
+    }
+  }
+
+  void writeFunction(const Instruction& it) {
+    const int a = it.operands[0];
+    const int rate = it.operands[1];
+    const int y = it.result;
+    const int other = it.aux[0];
+    switch (it.code) {
+      case Code::kExp:
+        set(y, chain(rate, y));
+        return;
+      case Code::kSinCos:
+      case Code::kSinhCosh:
+        text_ << "  { const double sine = " << chain(rate, other)
+              << "; const double cosine = " << chain(rate, y) << ";\n";
+        set(y, "sine");
+        set(other, it.code == Code::kSinCos ? "-cosine" : "cosine");
+        text_ << "  }\n";
+        return;
+      case Code::kTan:
+      case Code::kTanh:
+        set(y, chain(rate, other));
+        set(other, std::string(it.code == Code::kTan ? "1.0" : "-1.0") + " * dot(" + forward(y) +
+                       ", " + backward(y) + " - n, n + 1)");
+        return;
+      case Code::kPrimitive: {
+        const int p = it.operands[2];
+        const int w = it.operands[3];
+        text_ << "  { const double q = (" << forward(p) << "[n - 1] - (n > 1 ? "
+              << convolve(w, other, "1", "(n - 1)") << " : 0.0)) / " << forward(w) << "[0];\n";
+        set(other, "q", "(n - 1)");
+        set(y, number(it.constant) + " * q / n");
+        text_ << "  }\n";
+        return;
+      }
+      case Code::kWronskian:
+        text_ << "  " << forward(y) << "[n - 1] = dot(" << forward(it.operands[3]) << ", "
+              << backward(a) << " - (n - 1), n) - dot(" << forward(it.operands[2]) << ", "
+              << backward(it.operands[1]) << " - (n - 1), n);\n";
+        return;
+      case Code::kSqrt:
+        set(y, "(" + coefficient(a) + " - exact(" + forward(y) + " + 1, " + backward(y) +
+                   " - (n - 1), n - 1)) / (2.0 * " + forward(y) + "[0])");
+        return;
+      case Code::kPower:
+        set(y, "((" + number(it.constant) + " + 1.0) * (" + chain(rate, y) + ") - " +
+                   convolve(a, y, "1", "n") + ") / " + forward(a) + "[0]");
+        return;
+      default:
+        return;
+    }
+  }
+
+  void writeBranch(const Instruction& it) {
+    const std::string a = coefficient(it.operands[0]);
+    const std::string b = it.operands[1] < 0 ? "0.0" : coefficient(it.operands[1]);
+    const std::string side = state(it);
+    const std::string none = side + " != " + side + " ? " + side + " : ";
+    const auto decide = [&](const std::string& with) {
+      text_ << "  if (" << side << " == 0.0) " << side << " = " << with << ";\n";
+    };
+    switch (it.code) {
+      case Code::kAbs:
+        decide(a + " > 0.0 ? 1.0 : " + a + " < 0.0 ? -1.0 : " + a);
+        set(it.result, side + " * " + a);
+        return;
+      case Code::kSign:
+        set(it.result, "0.0");
+        return;
+      case Code::kMin:
+      case Code::kMax:
+        decide("sideOf(" + a + ", " + b + ")");
+        set(it.result, none + "(" + side + (it.code == Code::kMin ? " <= " : " >= ") + "0.0 ? " +
+                           a + " : " + b + ")");
+        return;
+      case Code::kSelect: {
+        decide("sideOf(" + a + ", " + b + ")");
+        const std::string yes = forward(it.operands[2]);
+        const std::string no = forward(it.operands[3]);
+        text_ << "  if (" << side << " == 0.0 && " << yes << "[0] != " << no << "[0]) " << side
+              << " = -1.0;\n";
+        set(it.result, none + "(" + side + " <= 0.0 ? " + yes + "[n] : " + no + "[n])");
+        return;
+      }
+      default:
+        set(it.result, side + " == 0.0 ? 0.0 : " + side + " * " + b);
+        return;
+    }
+  }
+
+  /// (x - x_0)^i, up to `degree`.
+  void writePowers(int base, const int* powers, int degree) {
+    int before = base;
+    for (int i = 2; i <= degree; ++i) {
+      text_ << "  if (n >= " << i << ")\n";
+      set(powers[i], "exact(" + forward(base) + " + 1, " + backward(before) +
+                         " - (n - 1), n - " + std::to_string(i - 1) + ")");
+      before = powers[i];
+    }
+  }
+  void writeTable(const Instruction& it, const SeriesProgram::Piece& piece) {
+    const int x = it.operands[0];
+    const auto a = [&](int i, int j) { return "s[" + std::to_string(piece.a + 6 * i + j) + "]"; };
+    writePowers(x, piece.powers_x, piece.degree[0]);
+    if (piece.table != nullptr) {
+      text_ << "  { double sum = " << a(1, 0) << " * " << coefficient(x) << ";\n";
+      for (int i = 2; i <= piece.degree[0]; ++i) {
+        text_ << "  if (n >= " << i << ") sum += " << a(i, 0) << " * "
+              << coefficient(piece.powers_x[i]) << ";\n";
+      }
+      set(it.result, "sum");
+      text_ << "  }\n";
+      return;
+    }
+    const int y = it.operands[1];
+    writePowers(y, piece.powers_y, piece.degree[1]);
+    text_ << "  { double sum = 0.0;\n";
+    for (int i = 0; i <= piece.degree[0]; ++i) {
+      text_ << "  { double inner = " << a(i, 1) << " * " << coefficient(y) << ";\n";
+      for (int j = 2; j <= piece.degree[1]; ++j) {
+        text_ << "  if (n >= " << j << ") inner += " << a(i, j) << " * "
+              << coefficient(piece.powers_y[j]) << ";\n";
+      }
+      if (i == 0) {
+        text_ << "  sum += inner; }\n";
+        continue;
+      }
+      set(piece.sums[i], "inner");
+      const int power = i == 1 ? x : piece.powers_x[i];
+      text_ << "  if (n >= " << i << ") sum += exact(" << forward(power) << " + " << i << ", "
+            << backward(piece.sums[i]) << " - (n - " << i << "), n - " << i - 1 << "); }\n";
+    }
+    set(it.result, "sum");
+    text_ << "  }\n";
+  }
+
+  const SeriesProgram& program_;
+  std::ostringstream text_;
+};
+
+std::string SeriesProgram::writeCode(Part part) const {
+  return SeriesWriter(*this).write(part);
+}
+
+}  // namespace variator_sim::expression
