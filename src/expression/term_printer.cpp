@@ -28,7 +28,7 @@ int significantDigits(const std::string& text) {
   return count - zeros;
 }
 
-constexpr double kPi = 3.14159265358979323846;
+constexpr double kHalfTurn = 3.14159265358979323846;
 
 /// A positive number as a fraction: "2/3" reads better than its sixteen digits.
 struct Fraction {
@@ -55,7 +55,7 @@ Fraction toFraction(double value) {
   if (!ratio.numerator.empty()) return ratio;
   const std::string inverse = toShortText(1.0 / value);
   if (significantDigits(inverse) <= kFew + 2) return {"1", inverse};
-  const std::string turns = toShortText(value / kPi);
+  const std::string turns = toShortText(value / kHalfTurn);
   if (significantDigits(turns) <= kFew) return {turns, "", true};
   Fraction multiple = findMultiple(false);
   if (!multiple.numerator.empty()) return multiple;

@@ -42,9 +42,10 @@ using Quantities = std::vector<Quantity>;
 using StateQuantities = std::function<Quantities(const StateView&)>;
 
 /// Every comparison of one component at one point; the first mismatch.
-class Comparison {
+class DerivativeComparison {
  public:
-  Comparison(const Scene& scene, const CheckPoint& point) : scene_(scene), point_(point) {}
+  DerivativeComparison(const Scene& scene, const CheckPoint& point)
+      : scene_(scene), point_(point) {}
 
   const std::optional<Mismatch>& mismatch() const { return mismatch_; }
 
@@ -468,11 +469,11 @@ void verify(const Scene& scene, const Component& component, const char* kind, Ch
   const CheckPoint start = startOf(scene);
   for (int n = 0; n < kPoints; ++n) {
     const CheckPoint point = n == 0 ? start : shaken(scene, start, 0.3, random);
-    Comparison here(scene, point);
+    DerivativeComparison here(scene, point);
     check(here, component);
     if (!here.mismatch()) continue;
     const CheckPoint nearby = shaken(scene, point, 1e-3, random);
-    Comparison there(scene, nearby);
+    DerivativeComparison there(scene, nearby);
     check(there, component);
     if (!there.mismatch()) continue;
     const Mismatch& mismatch = *here.mismatch();
@@ -488,11 +489,13 @@ void verify(const Scene& scene, const Component& component, const char* kind, Ch
 void verifyDerivatives(const Scene& scene) {
   for (const TorquePtr& torque : scene.torques) {
     verify(scene, *torque, "torque",
-           [](Comparison& comparison, const Torque& t) { comparison.checkTorque(t); });
+           [](DerivativeComparison& comparison, const Torque& t) { comparison.checkTorque(t); });
   }
   for (const ConstraintPtr& constraint : scene.constraints) {
     verify(scene, *constraint, "constraint",
-           [](Comparison& comparison, const Constraint& c) { comparison.checkConstraint(c); });
+           [](DerivativeComparison& comparison, const Constraint& c) {
+             comparison.checkConstraint(c);
+           });
   }
 }
 

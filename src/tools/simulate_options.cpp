@@ -88,9 +88,9 @@ OutputFormat formatOf(const std::string& path) {
 }
 
 /// Walks through the words; an option's value is the next word or stands behind an equals sign.
-class Words {
+class CommandLine {
  public:
-  explicit Words(const std::vector<std::string>& words) : words_(words) {}
+  explicit CommandLine(const std::vector<std::string>& words) : words_(words) {}
 
   bool next() {
     if (index_ == words_.size()) return false;
@@ -142,7 +142,7 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   bool has_duration = false;
   bool has_rate = false;
   bool add_energy = false;
-  Words word(words);
+  CommandLine word(words);
   while (word.next()) {
     const std::string& name = word.name();
     if (name == "--help" || name == "-h") {
