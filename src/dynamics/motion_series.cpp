@@ -134,6 +134,8 @@ void MotionSeries::compile() {
       slots.push_back(slotOf(part, i));
     }
   }
+  // Lambda or lambda: rows that no formula reads.
+  for (int m = 0; m < k_; ++m) slots.push_back(slotOf(Source::kJerk, m));
   std::vector<Node> all = trial;
   all.insert(all.end(), others.begin(), others.end());
   const std::size_t known = slots.size();
@@ -153,6 +155,7 @@ void MotionSeries::compile() {
     row_of_velocity_[i] = program_.variable(next++);
     row_of_acceleration_[i] = program_.variable(next++);
   }
+  for (int m = 0; m < k_; ++m) row_of_multiplier_[m] = program_.variable(next++);
   for (std::size_t n = known; n < slots.size(); ++n) {
     const Source source = expression::sourceOf(slots[n]);
     const int derivative = source == Source::kInput ? 0 : source == Source::kInputRate ? 1 : 2;
@@ -175,34 +178,10 @@ void MotionSeries::compile() {
   }
 }
 
-namespace {
-
-struct NamedPart {
-  const char* name;
-  Part part;
-};
-constexpr NamedPart kParts[] = {{"series_given", Part::kGiven},
-                                {"series_trial", Part::kTrial},
-                                {"series_accelerated", Part::kAccelerated}};
-
-}  // namespace
-
-std::string MotionSeries::writeSource() const {
-  std::string text = expression::SeriesProgram::codePrelude();
-  for (const auto& [name, part] : kParts) {
-    text += std::string("void ") + name + "(int n, double* restrict r, double* restrict s) {\n" +
-            program_.writeCode(part) + "}\n";
-  }
-  return text;
-}
-
-bool MotionSeries::use(const KernelLibrary& library) {
-  for (const auto& [name, part] : kParts) {
-    const auto code = reinterpret_cast<expression::SeriesProgram::PartCode>(library.find(name));
-    if (code == nullptr) return false;
-    program_.use(part, code);
-  }
-  return true;
+int MotionSeries::orderFor(double relative_tolerance) {
+  const double digits = -std::log(std::max(relative_tolerance, 1e-16));
+  return static_cast<int>(std::clamp(std::ceil(1.0 + 0.5 * digits), 4.0,
+                                     static_cast<double>(kMostOrder)));
 }
 
 void MotionSeries::setInputs(double t, int order) {
@@ -238,6 +217,61 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   }
   if (k_ > 0 && !solver_.factor(drivetrain_.inertia())) return false;
   if (is_classical_ || !isInertiaConstant()) beginReaction(x);
+  knowFurther(0);
+  return is_curved_ ? invertCurved(state) : invert();
+}
+
+void MotionSeries::knowFurther(int n) {
+  for (int i = 0; i < S; ++i) {
+    program_.set(row_of_velocity_[i], n + 1, unit_ / (n + 1) * acceleration(i)[n]);
+    program_.set(row_of_angle_[i], n + 1, unit_ / (n + 1) * velocity(i)[n]);
+  }
+}
+
+bool MotionSeries::invert() {
+  const int size = S + k_;
+  for (int column = 0; column < size; ++column) {
+    double right[kMaxShafts] = {};
+    double g[kMaxRows] = {};
+    double epsilon[kMaxShafts] = {};
+    double mu[kMaxRows] = {};
+    if (column < S) {
+      right[column] = 1.0;
+      drivetrain_.inertia().solve(right, epsilon);
+    } else {
+      g[column - S] = -1.0;
+    }
+    if (k_ > 0) solver_.constrain(g, epsilon, mu);
+    for (int i = 0; i < S; ++i) inverse_[i * size + column] = epsilon[i];
+    for (int m = 0; m < k_; ++m) inverse_[(S + m) * size + column] = mu[m];
+  }
+  return true;
+}
+
+bool MotionSeries::invertCurved(const StateView& state) {
+  const int size = S + k_;
+  DenseMatrix matrix = DenseMatrix::Zero(size, size);
+  for (int i = 0; i < S; ++i) {
+    for (int j = 0; j < S; ++j) matrix(i, j) = drivetrain_.inertia().entry(i, j);
+  }
+  for (int m = 0; m < k_; ++m) {
+    double H[kMaxShafts * kMaxShafts];
+    drivetrain_.constraint(m).calcHessian(state, H);
+    const double lambda = program_.coefficients(row_of_multiplier_[m])[0];
+    for (int i = 0; i < S; ++i) {
+      for (int j = 0; j < S; ++j) matrix(i, j) -= lambda * H[i * S + j];
+      matrix(i, S + m) = -solver_.row(m)[i];
+      matrix(S + m, i) = solver_.row(m)[i];
+    }
+  }
+  for (int column = 0; column < size; ++column) {
+    DenseMatrix scaled = matrix;
+    DenseVector right = DenseVector::Zero(size);
+    right(column) = 1.0;
+    DenseVector solution;
+    if (!solveScaled(scaled, right, 1, &solution)) return false;
+    for (int i = 0; i < size; ++i) inverse_[i * size + column] = solution(i);
+  }
   return true;
 }
 
@@ -257,38 +291,50 @@ void MotionSeries::beginReaction(const double* x) {
   double lambda[kMaxRows] = {};
   solver_.multiply(b, lambda);
   solver_.solve(lambda, lambda);
-  for (int m = 0; m < k_; ++m) multiplier_[m][0] = lambda[m];
+  for (int m = 0; m < k_; ++m) program_.set(row_of_multiplier_[m], 0, lambda[m]);
 }
 
 bool MotionSeries::extend() {
   const int n = order_ + 1;
-  const double part = unit_ / n;
-  for (int i = 0; i < S; ++i) {
-    program_.set(row_of_angle_[i], n, part * velocity(i)[n - 1]);
-    program_.set(row_of_velocity_[i], n, part * acceleration(i)[n - 1]);
-    program_.set(row_of_acceleration_[i], n, 0.0);
+  const OrderCode code = n < static_cast<int>(codes_.size()) ? codes_[static_cast<std::size_t>(n)] : nullptr;
+  if (code != nullptr && program_.isDecided()) {
+    code(program_.rows(), program_.states(), inverse_, unit_);
+  } else {
+    continueTo(n);
   }
-  program_.evaluate(Part::kGiven, n);
-  program_.evaluate(Part::kTrial, n);
-  double a[kMaxShafts];
-  double g[kMaxRows];
-  double epsilon[kMaxShafts];
-  calcForceRest(n, a);
-  calcConstraintRest(n, g);
-  if (!solve(n, a, g, epsilon)) {
+  for (int i = 0; i < S; ++i) {
+    if (std::isfinite(acceleration(i)[n])) continue;
     program_.clear();
     return false;
   }
-  for (int i = 0; i < S; ++i) {
-    program_.set(row_of_acceleration_[i], n, epsilon[i]);
-    // Angles and velocities are known one order further.
-    program_.set(row_of_velocity_[i], n + 1, unit_ / (n + 1) * epsilon[i]);
-    program_.set(row_of_angle_[i], n + 1, unit_ / (n + 1) * velocity(i)[n]);
-  }
-  program_.evaluate(Part::kAccelerated, n);
-  if (!isInertiaConstant()) noteReaction(n);
   order_ = n;
   return true;
+}
+
+void MotionSeries::continueTo(int n) {
+  for (int i = 0; i < S; ++i) program_.set(row_of_acceleration_[i], n, 0.0);
+  program_.evaluate(Part::kGiven, n);
+  program_.evaluate(Part::kTrial, n);
+  double right[kMaxShafts + kMaxRows];  // a, -g
+  calcForceRest(n, right);
+  calcConstraintRest(n, right + S);
+  // epsilon_n, mu_n
+  const int size = S + k_;
+  double solution[kMaxShafts + kMaxRows];
+  for (int i = 0; i < size; ++i) {
+    double sum = inverse_[i * size] * right[0];
+    for (int j = 1; j < size; ++j) sum += inverse_[i * size + j] * right[j];
+    solution[i] = sum;
+  }
+  for (int i = 0; i < S; ++i) program_.set(row_of_acceleration_[i], n, solution[i]);
+  for (int m = 0; m < k_; ++m) {
+    const double mu = solution[S + m];
+    program_.set(row_of_multiplier_[m], is_classical_ ? n : n - 1,
+                 is_classical_ ? mu : mu * n / unit_);
+  }
+  knowFurther(n);
+  program_.evaluate(Part::kAccelerated, n);
+  if (!isInertiaConstant()) noteReaction(n);
 }
 
 void MotionSeries::calcForceRest(int n, double* a) const {
@@ -304,9 +350,9 @@ void MotionSeries::calcForceRest(int n, double* a) const {
     const int last = is_classical_ ? n : n - 1;
     double rest = 0.0;
     for (int m = 0; m < k_; ++m) {
-      if (program_.isConstant(C(m, i))) continue;
-      const double* const row = program_.coefficients(C(m, i));
-      for (int j = 1; j <= last; ++j) rest += row[j] * multiplier_[m][last - j];
+      if (!program_.isConstant(C(m, i)) && last > 0) {
+        rest += program_.convolve(C(m, i), row_of_multiplier_[m], 1, last);
+      }
     }
     if (moves && !is_classical_) {
       const double* const connection = program_.coefficients(row_of_connection_[i]);
@@ -319,7 +365,7 @@ void MotionSeries::calcForceRest(int n, double* a) const {
 void MotionSeries::calcConstraintRest(int n, double* g) const {
   for (int m = 0; m < k_; ++m) {
     if (drivetrain_.constraint(m).order() < 3) {
-      g[m] = program_.coefficients(row_of_residual_[m])[n];
+      g[m] = -program_.coefficients(row_of_residual_[m])[n];
       continue;
     }
     double sum = unit_ * program_.coefficients(row_of_residual_[m])[n - 1];
@@ -327,60 +373,8 @@ void MotionSeries::calcConstraintRest(int n, double* g) const {
       const double* const row = program_.coefficients(C(m, i));
       for (int j = 1; j < n; ++j) sum += (n - j) * row[j] * acceleration(i)[n - j];
     }
-    g[m] = sum / n;
+    g[m] = -sum / n;
   }
-}
-
-bool MotionSeries::solve(int n, const double* a, const double* g, double* epsilon) {
-  double mu[kMaxRows] = {};
-  if (is_curved_) {
-    if (!solveCurved(a, g, epsilon, mu)) return false;
-  } else {
-    drivetrain_.inertia().solve(a, epsilon);
-    if (k_ > 0) solver_.constrain(g, epsilon, mu);
-  }
-  bool is_finite = true;
-  for (int i = 0; i < S; ++i) is_finite = is_finite && std::isfinite(epsilon[i]);
-  // mu_n = unit Lambda_{n-1} / n
-  for (int m = 0; m < k_; ++m) {
-    multiplier_[m][is_classical_ ? n : n - 1] = is_classical_ ? mu[m] : mu[m] * n / unit_;
-  }
-  return is_finite;
-}
-
-bool MotionSeries::solveCurved(const double* a, const double* g, double* epsilon, double* mu) {
-  DenseMatrix matrix = DenseMatrix::Zero(S + k_, S + k_);
-  DenseVector right = DenseVector::Zero(S + k_);
-  double x[3 * kMaxShafts];
-  for (int i = 0; i < S; ++i) {
-    x[i] = angle(i)[0];
-    x[S + i] = velocity(i)[0];
-    x[2 * S + i] = acceleration(i)[0];
-    right(i) = a[i];
-    for (int j = 0; j < S; ++j) matrix(i, j) = drivetrain_.inertia().entry(i, j);
-  }
-  const StateView state{program_.coefficients(row_of_time_)[0],
-                        x,
-                        x + S,
-                        x + 2 * S,
-                        drivetrain_.inputs(),
-                        drivetrain_.inputRates(),
-                        drivetrain_.inputSecondRates()};
-  for (int m = 0; m < k_; ++m) {
-    double H[kMaxShafts * kMaxShafts];
-    drivetrain_.constraint(m).calcHessian(state, H);
-    for (int i = 0; i < S; ++i) {
-      for (int j = 0; j < S; ++j) matrix(i, j) -= multiplier_[m][0] * H[i * S + j];
-      matrix(i, S + m) = -solver_.row(m)[i];
-      matrix(S + m, i) = solver_.row(m)[i];
-    }
-    right(S + m) = -g[m];
-  }
-  DenseVector solution;
-  if (!solveScaled(matrix, right, 0, &solution)) return false;
-  for (int i = 0; i < S; ++i) epsilon[i] = solution(i);
-  for (int m = 0; m < k_; ++m) mu[m] = solution(S + m);
-  return true;
 }
 
 void MotionSeries::noteReaction(int n) {

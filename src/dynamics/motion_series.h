@@ -52,6 +52,8 @@ class MotionSeries {
   /// The series as C, and its code from then on: no bit of them changes. Not in the loop.
   std::string writeSource() const;
   bool use(const KernelLibrary& library);
+  /// The order with which steps of this relative tolerance do the least work.
+  static int orderFor(double relative_tolerance);
   /// Coefficients of the applied torque on a shaft, up to order().
   const double* torque(int i) const { return program_.coefficients(row_of_torque_[i]); }
 
@@ -59,14 +61,20 @@ class MotionSeries {
   MotionSeries(const Scene& scene, Drivetrain& drivetrain);
   void compile();
 
+  std::string writeOrder() const;
   void setInputs(double t, int order);
   void beginReaction(const double* x);
-  /// Order n of everything that does not follow from its unknowns.
+  /// The inverse of [J_0 -C_0^T; C_0 0], or of what Newton's iteration has in its place. False
+  /// where there is none.
+  bool invert();
+  bool invertCurved(const StateView& state);
+  /// Velocities and angles of order n + 1.
+  void knowFurther(int n);
+  void continueTo(int n);
   void calcForceRest(int n, double* a) const;
+  /// -g_n
   void calcConstraintRest(int n, double* g) const;
-  bool solve(int n, const double* a, const double* g, double* epsilon);
-  bool solveCurved(const double* a, const double* g, double* epsilon, double* mu);
-  /// Order n of R and J^-1 R, where the inertia depends on an angle.
+  /// J^-1 R of order n, where the inertia depends on an angle.
   void noteReaction(int n);
 
   bool isInertiaConstant() const { return drivetrain_.inertia().isConstant(); }
@@ -80,6 +88,9 @@ class MotionSeries {
   bool is_curved_ = false;  ///< Gauss, with some C that depends on epsilon
   expression::SeriesProgram program_;
   ConstraintSolver solver_;
+  /// One order as machine code, by its number.
+  using OrderCode = void (*)(double* rows, double* states, const double* inverse, double unit);
+  std::vector<OrderCode> codes_;
   double unit_ = 1.0;
   int order_ = 0;
 
@@ -94,6 +105,7 @@ class MotionSeries {
     int row;
   };
   std::vector<InputRow> input_rows_;
+  int row_of_multiplier_[kMaxRows] = {};  ///< Lambda, or lambda under Gauss
   int row_of_residual_[kMaxRows] = {};  ///< psi or f', c0 of order 3
   int row_of_C_[kMaxRows][kMaxShafts] = {};
   int row_of_torque_[kMaxShafts] = {};
@@ -102,7 +114,7 @@ class MotionSeries {
   int row_of_connection_[kMaxShafts] = {};       ///< 1/2 J_i' omega
 
   static constexpr int kRoom = kMostOrder + 1;
-  double multiplier_[kMaxRows][kRoom] = {};       ///< Lambda or lambda
+  double inverse_[(kMaxShafts + kMaxRows) * (kMaxShafts + kMaxRows)] = {};
   double reaction_rate_[kMaxShafts][kRoom] = {};  ///< J^-1 R, of Gamma R omega
   double input_[kMaxInputs][kRoom + 3] = {};
 };

@@ -53,6 +53,20 @@ class SeriesWriter {
     return text_.str();
   }
 
+  /// See SeriesProgram::convolve.
+  std::string convolve(int a, int b, const std::string& first, const std::string& n) const {
+    const auto degree = [&](int row) { return program_.degree(row); };
+    std::string low = first;
+    std::string high = n;
+    if (degree(b) < SeriesProgram::kNoDegree) {
+      low = "most(" + first + ", " + n + " - " + std::to_string(degree(b)) + ")";
+    }
+    if (degree(a) < SeriesProgram::kNoDegree) {
+      high = "least(" + n + ", " + std::to_string(degree(a)) + ")";
+    }
+    return "part(" + forward(a) + ", " + backward(b) + " - (" + n + "), " + low + ", " + high + ")";
+  }
+
  private:
   using Code = SeriesProgram::Code;
   using Instruction = SeriesProgram::Instruction;
@@ -69,19 +83,6 @@ class SeriesWriter {
   void set(int row, const std::string& value, const std::string& at = "n") {
     text_ << "  { const double y = " << value << "; " << forward(row) << "[" << at << "] = y; "
           << backward(row) << "[-(" << at << ")] = y; }\n";
-  }
-  /// See SeriesProgram::convolve.
-  std::string convolve(int a, int b, const std::string& first, const std::string& n) const {
-    const auto degree = [&](int row) { return program_.degree(row); };
-    std::string low = first;
-    std::string high = n;
-    if (degree(b) < SeriesProgram::kNoDegree) {
-      low = "most(" + first + ", " + n + " - " + std::to_string(degree(b)) + ")";
-    }
-    if (degree(a) < SeriesProgram::kNoDegree) {
-      high = "least(" + n + ", " + std::to_string(degree(a)) + ")";
-    }
-    return "part(" + forward(a) + ", " + backward(b) + " - (" + n + "), " + low + ", " + high + ")";
   }
   std::string chain(int rate, int w) const {
     return "dot(" + forward(rate) + ", " + backward(w) + " - (n - 1), n) / n";
@@ -280,6 +281,11 @@ class SeriesWriter {
   const SeriesProgram& program_;
   std::ostringstream text_;
 };
+
+std::string SeriesProgram::writeConvolution(int a, int b, const std::string& first,
+                                            const std::string& n) const {
+  return SeriesWriter(*this).convolve(a, b, first, n);
+}
 
 std::string SeriesProgram::writeCode(Part part) const {
   return SeriesWriter(*this).write(part);

@@ -61,21 +61,15 @@ class SeriesProgram {
   /// sum_{j=first..n} a_j b_{n-j} of two rows. [loop]
   double convolve(int a, int b, int first, int n) const;
   /// Coefficient n of the nodes of a part; those of the variables are there. [loop]
-  void evaluate(Part part, int n) {
-    const PartCode code = codes_[static_cast<int>(part)];
-    if (code != nullptr && n > 0 && isDecided()) {
-      code(n, rows_.data(), states_.data());
-    } else {
-      run(programs_[static_cast<int>(part)], n);
-    }
-  }
-  /// Code made of `writeCode`; nullptr: interpreted.
-  using PartCode = void (*)(int n, double* rows, double* states);
-  void use(Part part, PartCode code) { codes_[static_cast<int>(part)] = code; }
+  void evaluate(Part part, int n) { run(programs_[static_cast<int>(part)], n); }
   /// The statements of C that `evaluate` of a part carries out for n >= 1, of `double* r` and
   /// `double* s`, and what stands before them.
   std::string writeCode(Part part) const;
   static const char* codePrelude();
+  /// The same of `convolve`, of row numbers and of C for the rest.
+  std::string writeConvolution(int a, int b, const std::string& first, const std::string& n) const;
+  double* rows() { return rows_.data(); }
+  double* states() { return states_.data(); }
   /// The offset of coefficient 0 of a row in rows(), and of the row written backwards.
   std::size_t offset(int row) const { return static_cast<std::size_t>(row) * 2 * width_; }
   std::size_t backwardOffset(int row) const {
@@ -179,7 +173,6 @@ class SeriesProgram {
   std::vector<bool> accelerated_;
   std::vector<Instruction> instructions_;
   std::vector<int> programs_[3];
-  PartCode codes_[3] = {nullptr, nullptr, nullptr};
   std::vector<Term> terms_;
   std::vector<double> states_;
   std::vector<Piece> pieces_;

@@ -25,9 +25,7 @@ class TaylorStepper final : public Stepper {
         base_x_(system.size()),
         base_dxdt_(system.size()),
         least_angle_(system.readsAngles() ? 0 : S) {
-    const double digits = -std::log(std::max(tolerance.relative, 1e-16));
-    most_ = static_cast<int>(std::clamp(std::ceil(1.0 + 0.5 * digits), 4.0,
-                                        static_cast<double>(MotionSeries::kMostOrder)));
+    most_ = MotionSeries::orderFor(tolerance.relative);
   }
   const char* name() const override { return "taylor"; }
   int errorOrder() const override { return most_; }

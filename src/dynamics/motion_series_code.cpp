@@ -1,0 +1,116 @@
+// The orders of a motion's series as C: the statements of MotionSeries::continueTo with the order a
+// constant of each, so that the compiler unrolls every sum.
+#include <algorithm>
+#include <sstream>
+
+#include "dynamics/motion_series.h"
+
+namespace variator_sim {
+
+namespace {
+
+using Part = expression::SeriesProgram::Part;
+
+struct NamedPart {
+  const char* name;
+  Part part;
+};
+constexpr NamedPart kParts[] = {{"series_given", Part::kGiven},
+                                {"series_trial", Part::kTrial},
+                                {"series_accelerated", Part::kAccelerated}};
+
+std::string nameOf(int order) {
+  return "series_order_" + std::to_string(order);
+}
+
+}  // namespace
+
+/// See continueTo, which it has to equal operation by operation.
+std::string MotionSeries::writeOrder() const {
+  std::ostringstream text;
+  const auto at = [this](int row, const std::string& n) {
+    return "r[" + std::to_string(program_.offset(row)) + " + (" + n + ")]";
+  };
+  const auto set = [&](int row, const std::string& n, const std::string& value) {
+    text << "  { const double y = " << value << "; " << at(row, n) << " = y; r["
+         << program_.backwardOffset(row) << " - (" << n << ")] = y; }\n";
+  };
+  for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "0.0");
+  text << "  series_given(n, r, s);\n  series_trial(n, r, s);\n";
+  for (int i = 0; i < S; ++i) {
+    text << "  double a" << i << " = " << at(row_of_torque_[i], "n") << ";\n";
+    const char* const last = is_classical_ ? "n" : "(n - 1)";
+    std::string rest = "0.0";
+    for (int m = 0; m < k_; ++m) {
+      if (program_.isConstant(C(m, i))) continue;
+      rest += " + " + program_.writeConvolution(C(m, i), row_of_multiplier_[m], "1", last);
+    }
+    text << "  a" << i << " = a" << i << " + " << (is_classical_ ? "1.0" : "u / n") << " * ("
+         << rest << ");\n";
+  }
+  for (int m = 0; m < k_; ++m) {
+    const std::string g = "a" + std::to_string(S + m);
+    if (drivetrain_.constraint(m).order() < 3) {
+      text << "  const double " << g << " = -" << at(row_of_residual_[m], "n") << ";\n";
+      continue;
+    }
+    text << "  double " << g << " = u * " << at(row_of_residual_[m], "n - 1") << ";\n";
+    for (int i = 0; i < S; ++i) {
+      text << "  for (int j = 1; j < n; ++j) " << g << " += (n - j) * " << at(C(m, i), "j") << " * "
+           << at(row_of_acceleration_[i], "n - j") << ";\n";
+    }
+    text << "  " << g << " = -" << g << " / n;\n";
+  }
+  const int size = S + k_;
+  for (int i = 0; i < size; ++i) {
+    text << "  const double x" << i << " = ";
+    for (int j = 0; j < size; ++j) {
+      text << (j > 0 ? " + " : "") << "k[" << i * size + j << "] * a" << j;
+    }
+    text << ";\n";
+  }
+  for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "x" + std::to_string(i));
+  for (int m = 0; m < k_; ++m) {
+    const std::string mu = "x" + std::to_string(S + m);
+    set(row_of_multiplier_[m], is_classical_ ? "n" : "n - 1", is_classical_ ? mu : mu + " * n / u");
+  }
+  for (int i = 0; i < S; ++i) {
+    set(row_of_velocity_[i], "n + 1", "u / (n + 1) * x" + std::to_string(i));
+    set(row_of_angle_[i], "n + 1", "u / (n + 1) * " + at(row_of_velocity_[i], "n"));
+  }
+  text << "  series_accelerated(n, r, s);\n";
+  return text.str();
+}
+
+std::string MotionSeries::writeSource() const {
+  std::string text = expression::SeriesProgram::codePrelude();
+  for (const auto& [name, part] : kParts) {
+    text += std::string("static inline __attribute__((always_inline)) void ") + name +
+            "(int n, double* restrict r, double* restrict s) {\n" + program_.writeCode(part) +
+            "}\n";
+  }
+  text += "static inline __attribute__((always_inline)) void order(int n, double* restrict r,\n"
+          "    double* restrict s, const double* restrict k, double u) {\n" +
+          writeOrder() + "}\n";
+  for (int n = 2; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
+    text += "void " + nameOf(n) +
+            "(double* restrict r, double* restrict s, const double* restrict k, double u) {\n"
+            "  order(" +
+            std::to_string(n) + ", r, s, k, u);\n}\n";
+  }
+  return text;
+}
+
+bool MotionSeries::use(const KernelLibrary& library) {
+  // An inertia that depends on angles has more to each order than the code knows.
+  if (!isInertiaConstant()) return true;
+  std::vector<OrderCode> codes(2, nullptr);
+  for (int n = 2; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
+    codes.push_back(reinterpret_cast<OrderCode>(library.find(nameOf(n).c_str())));
+    if (codes.back() == nullptr) return false;
+  }
+  codes_ = codes;
+  return true;
+}
+
+}  // namespace variator_sim
