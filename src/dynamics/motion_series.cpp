@@ -180,8 +180,8 @@ void MotionSeries::compile() {
 
 int MotionSeries::orderFor(double relative_tolerance) {
   const double digits = -std::log(std::max(relative_tolerance, 1e-16));
-  return static_cast<int>(std::clamp(std::ceil(1.0 + 0.5 * digits), 4.0,
-                                     static_cast<double>(kMostOrder)));
+  return static_cast<int>(
+      std::clamp(std::ceil(1.0 + 0.5 * digits), 4.0, static_cast<double>(kMostOrder)));
 }
 
 void MotionSeries::setInputs(double t, int order) {
@@ -296,7 +296,8 @@ void MotionSeries::beginReaction(const double* x) {
 
 bool MotionSeries::extend() {
   const int n = order_ + 1;
-  const OrderCode code = n < static_cast<int>(codes_.size()) ? codes_[static_cast<std::size_t>(n)] : nullptr;
+  const OrderCode code =
+      n < static_cast<int>(codes_.size()) ? codes_[static_cast<std::size_t>(n)] : nullptr;
   if (code != nullptr && program_.isDecided()) {
     code(program_.rows(), program_.states(), inverse_, unit_);
   } else {

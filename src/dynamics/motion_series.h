@@ -106,7 +106,7 @@ class MotionSeries {
   };
   std::vector<InputRow> input_rows_;
   int row_of_multiplier_[kMaxRows] = {};  ///< Lambda, or lambda under Gauss
-  int row_of_residual_[kMaxRows] = {};  ///< psi or f', c0 of order 3
+  int row_of_residual_[kMaxRows] = {};    ///< psi or f', c0 of order 3
   int row_of_C_[kMaxRows][kMaxShafts] = {};
   int row_of_torque_[kMaxShafts] = {};
   int row_of_inertia_[kMaxShafts] = {};          ///< J_ii

@@ -89,10 +89,11 @@ std::string MotionSeries::writeSource() const {
             "(int n, double* restrict r, double* restrict s) {\n" + program_.writeCode(part) +
             "}\n";
   }
-  text += "static inline __attribute__((always_inline)) void order(int n, double* restrict r,\n"
-          "    double* restrict s, const double* restrict k, double u) {\n" +
-          writeOrder() + "}\n";
-  for (int n = 2; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
+  text +=
+      "static inline __attribute__((always_inline)) void order(int n, double* restrict r,\n"
+      "    double* restrict s, const double* restrict k, double u) {\n" +
+      writeOrder() + "}\n";
+  for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
     text += "void " + nameOf(n) +
             "(double* restrict r, double* restrict s, const double* restrict k, double u) {\n"
             "  order(" +
@@ -104,8 +105,8 @@ std::string MotionSeries::writeSource() const {
 bool MotionSeries::use(const KernelLibrary& library) {
   // An inertia that depends on angles has more to each order than the code knows.
   if (!isInertiaConstant()) return true;
-  std::vector<OrderCode> codes(2, nullptr);
-  for (int n = 2; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
+  std::vector<OrderCode> codes(1, nullptr);
+  for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
     codes.push_back(reinterpret_cast<OrderCode>(library.find(nameOf(n).c_str())));
     if (codes.back() == nullptr) return false;
   }

@@ -47,8 +47,17 @@ class SeriesWriter {
   explicit SeriesWriter(const SeriesProgram& program) : program_(program) { text_.precision(17); }
 
   std::string write(SeriesProgram::Part part) {
+    const bool corrects = part == SeriesProgram::Part::kAccelerated;
+    for (const int row : program_.accelerations_) {
+      if (corrects) text_ << "  const double " << change(row) << " = " << coefficient(row) << ";\n";
+    }
     for (const int index : program_.programs_[static_cast<int>(part)]) {
-      write(program_.instructions_[static_cast<std::size_t>(index)]);
+      const Instruction& it = program_.instructions_[static_cast<std::size_t>(index)];
+      if (corrects && it.is_tried) {
+        correct(it);
+      } else {
+        write(it);
+      }
     }
     return text_.str();
   }
@@ -95,6 +104,34 @@ class SeriesWriter {
     return text.str();
   }
   std::string state(const Instruction& it) const { return "s[" + std::to_string(it.state) + "]"; }
+
+  static std::string change(int row) { return "d" + std::to_string(row); }
+  /// See SeriesProgram::correct.
+  void correct(const Instruction& it) {
+    const int a = it.operands[0];
+    const int b = it.code == Code::kSquare ? a : it.operands[1];
+    const int y = it.result;
+    if (it.code == Code::kMultiply || it.code == Code::kSquare) {
+      const auto term = [&](int changed, const std::string& product) {
+        return program_.isAccelerated(changed) ? product : std::string("0.0");
+      };
+      text_ << "  const double " << change(y) << " = "
+            << term(a, change(a) + " * " + forward(b) + "[0]") << " + "
+            << term(b, forward(a) + "[0] * " + change(b)) << ";\n";
+      set(y, coefficient(y) + " + " + change(y));
+      return;
+    }
+    std::vector<int> rows = {y};
+    if (it.code == Code::kSinCos || it.code == Code::kSinhCosh) rows.push_back(it.aux[0]);
+    for (const int row : rows) {
+      text_ << "  const double before" << row << " = " << coefficient(row) << ";\n";
+    }
+    write(it);
+    for (const int row : rows) {
+      text_ << "  const double " << change(row) << " = " << coefficient(row) << " - before" << row
+            << ";\n";
+    }
+  }
 
   void write(const Instruction& it) {
     const int a = it.operands[0];
@@ -237,8 +274,8 @@ class SeriesWriter {
     int before = base;
     for (int i = 2; i <= degree; ++i) {
       text_ << "  if (n >= " << i << ")\n";
-      set(powers[i], "exact(" + forward(base) + " + 1, " + backward(before) +
-                         " - (n - 1), n - " + std::to_string(i - 1) + ")");
+      set(powers[i], "exact(" + forward(base) + " + 1, " + backward(before) + " - (n - 1), n - " +
+                         std::to_string(i - 1) + ")");
       before = powers[i];
     }
   }

@@ -25,6 +25,7 @@ class SeriesCompiler {
       const int degree = slot == slotOf(Source::kTime) ? 1 : SeriesProgram::kNoDegree;
       row_of_slot_[slot] = addRow(degree, is_accelerated);
       made_.variables_.push_back(row_of_slot_[slot]);
+      if (is_accelerated) made_.accelerations_.push_back(row_of_slot_[slot]);
     }
     std::vector<Node> outputs = trial;
     outputs.insert(outputs.end(), others.begin(), others.end());
@@ -38,6 +39,7 @@ class SeriesCompiler {
     }
     findPrograms(trial.size());
     made_.rows_.assign(made_.degree_.size() * 2 * made_.width_, 0.0);
+    made_.changes_.assign(made_.degree_.size(), 0.0);
     made_.clear();
   }
 
@@ -490,6 +492,7 @@ class SeriesCompiler {
     for (std::size_t i = 0; i < needed.size(); ++i) {
       const bool is_accelerated = made_.isAccelerated(made_.instructions_[i].result);
       const int index = static_cast<int>(i);
+      made_.instructions_[i].is_tried = needed[i];
       if (!is_accelerated) made_.programs_[0].push_back(index);
       if (is_accelerated && needed[i]) made_.programs_[1].push_back(index);
       if (is_accelerated) made_.programs_[2].push_back(index);

@@ -63,6 +63,40 @@ void SeriesProgram::run(const std::vector<int>& program, int n) {
   for (const int index : program) carryOut(instructions_[static_cast<std::size_t>(index)], n);
 }
 
+void SeriesProgram::correct(int n) {
+  for (const int row : accelerations_) change(row) = forward(row)[n];
+  for (const int index : programs_[static_cast<int>(Part::kAccelerated)]) {
+    const Instruction& it = instructions_[static_cast<std::size_t>(index)];
+    if (!it.is_tried) {
+      carryOut(it, n);
+      continue;
+    }
+    const double before = forward(it.result)[n];
+    const int a = it.operands[0];
+    const int b = it.code == Code::kSquare ? a : it.operands[1];
+    switch (it.code) {
+      case Code::kMultiply:
+      case Code::kSquare:
+        change(it.result) = (isAccelerated(a) ? change(a) * forward(b)[0] : 0.0) +
+                            (isAccelerated(b) ? forward(a)[0] * change(b) : 0.0);
+        write(it.result, n, before + change(it.result));
+        break;
+      case Code::kSinCos:
+      case Code::kSinhCosh: {
+        const double second = forward(it.aux[0])[n];
+        carryOut(it, n);
+        change(it.result) = forward(it.result)[n] - before;
+        change(it.aux[0]) = forward(it.aux[0])[n] - second;
+        break;
+      }
+      default:
+        carryOut(it, n);
+        change(it.result) = forward(it.result)[n] - before;
+        break;
+    }
+  }
+}
+
 void SeriesProgram::carryOut(const Instruction& it, int n) {
   const int a = it.operands[0];
   const int b = it.operands[1];
@@ -280,7 +314,7 @@ void SeriesProgram::placePiece(const Instruction& it, Piece& piece, bool left_of
   for (int i = 0; i <= piece.degree[0]; ++i) {
     for (int j = 0; j <= piece.degree[1]; ++j) {
       a[6 * i + j] = piece.table2->derivative({piece.order[0] + i, piece.order[1] + j}, x, y) /
-                      (kFactorial[i] * kFactorial[j]);
+                     (kFactorial[i] * kFactorial[j]);
     }
   }
 }

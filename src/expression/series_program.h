@@ -60,8 +60,16 @@ class SeriesProgram {
   const double* coefficients(int row) const { return forward(row); }
   /// sum_{j=first..n} a_j b_{n-j} of two rows. [loop]
   double convolve(int a, int b, int first, int n) const;
-  /// Coefficient n of the nodes of a part; those of the variables are there. [loop]
-  void evaluate(Part part, int n) { run(programs_[static_cast<int>(part)], n); }
+  /// Coefficient n of the nodes of a part; those of the variables are there. kAccelerated follows
+  /// kTrial, which was made with accelerations of 0 for n > 0, and corrects what that has made: of
+  /// a product it takes a_0 b_n + a_n b_0 anew, and no more. [loop]
+  void evaluate(Part part, int n) {
+    if (part == Part::kAccelerated && n > 0) {
+      correct(n);
+    } else {
+      run(programs_[static_cast<int>(part)], n);
+    }
+  }
   /// The statements of C that `evaluate` of a part carries out for n >= 1, of `double* r` and
   /// `double* s`, and what stands before them.
   std::string writeCode(Part part) const;
@@ -121,6 +129,7 @@ class SeriesProgram {
     int operands[4] = {-1, -1, -1, -1};
     int aux[2] = {-1, -1};  ///< further rows, or terms and their count
     int state = -1;         ///< in states_: what order 0 has found out
+    bool is_tried = false;  ///< by kTrial
     double constant = 0.0;
   };
   struct Term {
@@ -133,7 +142,7 @@ class SeriesProgram {
     std::shared_ptr<const Table2> table2;
     int order[2] = {};
     int degree[2] = {};       ///< of what is left of the polynomial
-    int a = -1;  ///< in states_: 6 i + j of (x - x_0)^i (y - y_0)^j
+    int a = -1;               ///< in states_: 6 i + j of (x - x_0)^i (y - y_0)^j
     bool is_decided = false;  ///< which piece
     int powers_x[6] = {};     ///< rows from the second power on
     int powers_y[6] = {};     ///< the same
@@ -158,7 +167,10 @@ class SeriesProgram {
   double& state(const Instruction& it) { return states_[static_cast<std::size_t>(it.state)]; }
 
   void run(const std::vector<int>& program, int n);
+  void correct(int n);
   void carryOut(const Instruction& it, int n);
+  /// What a row that kTrial has made, or an acceleration, has become more.
+  double& change(int row) { return changes_[static_cast<std::size_t>(row)]; }
   double beginPrimitive(const Instruction& it) const;
   void continueFunction(const Instruction& it, int n);
   void continueBranch(const Instruction& it, int n);
@@ -175,6 +187,8 @@ class SeriesProgram {
   std::vector<int> programs_[3];
   std::vector<Term> terms_;
   std::vector<double> states_;
+  std::vector<double> changes_;     ///< of the rows
+  std::vector<int> accelerations_;  ///< their rows
   std::vector<Piece> pieces_;
   std::vector<int> outputs_;
   std::vector<int> variables_;

@@ -48,12 +48,15 @@ class TaylorStepper final : public Stepper {
     // What the next term would be, by those before it.
     const double theta = h / series_->unit();
     const int last = lastTerm();
+    double scale[kTerms];
+    scale[kTerms - 1] = power(theta, last - kTerms + 1);
+    for (int k = kTerms - 2; k >= 0; --k) scale[k] = scale[k + 1] * theta;
     double norm = 0.0;
     for (int n = 0; n < size_; ++n) {
       const double* const c = coefficients(n);
       double term = 0.0;
       for (int k = firstTerm(); k <= last; ++k) {
-        term = std::max(term, std::abs(c[k]) * power(theta, k) * kDecay[last - k]);
+        term = std::max(term, std::abs(c[k]) * scale[last - k] * kDecay[last - k]);
       }
       error_[n] = term;
       if (n >= least_angle_) norm = worseOf(norm, term / tolerance_.of(from.x[n], x_new[n]));
@@ -214,15 +217,19 @@ class TaylorStepper final : public Stepper {
 
   /// The longest step for which the last terms are within the tolerance.
   void chooseLength(const State& x) {
+    double largest[kTerms] = {};
     const int last = lastTerm();
-    double least = std::numeric_limits<double>::infinity();
     for (int n = least_angle_; n < size_; ++n) {
       const double* const c = coefficients(n);
-      const double allowed = kCaution * tolerance_.of(x[n]);
+      const double allowed = 1.0 / (kCaution * tolerance_.of(x[n]));
       for (int k = firstTerm(); k <= last; ++k) {
-        const double term = std::abs(c[k]) * kDecay[last - k];
-        if (term > 0.0) least = std::min(least, std::log2(allowed / term) / k);
+        largest[last - k] = std::max(largest[last - k], std::abs(c[k]) * allowed);
       }
+    }
+    double least = std::numeric_limits<double>::infinity();
+    for (int k = firstTerm(); k <= last; ++k) {
+      const double term = largest[last - k] * kDecay[last - k];
+      if (term > 0.0) least = std::min(least, -std::log2(term) / k);
     }
     length_ = series_->unit() * std::exp2(least);
   }
