@@ -147,8 +147,9 @@ INSTANTIATE_TEST_SUITE_P(Steppers, Allocation,
                          testing::Values(StepperKind::kAuto, StepperKind::kRk4,
                                          StepperKind::kDopri5, StepperKind::kDop853,
                                          StepperKind::kFehlberg78, StepperKind::kRosenbrock4,
-                                         StepperKind::kRadau5, StepperKind::kDopri5Fixed,
-                                         StepperKind::kRosenbrock4Fixed, StepperKind::kRadau5Fixed),
+                                         StepperKind::kRadau, StepperKind::kRadau5,
+                                         StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
+                                         StepperKind::kRadau5Fixed),
                          [](const auto& test) { return std::string(toString(test.param)); });
 
 TEST(Allocation, NoneWhenAMotionStops) {
@@ -185,7 +186,7 @@ initial: {velocity: [5, 3]}
 // The change from the explicit to the implicit stepper included.
 TEST(Allocation, NoneOnAStiffScene) {
   for (StepperKind stepper :
-       {StepperKind::kAuto, StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+       {StepperKind::kAuto, StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
     Simulation simulation(test::withStepper(stiffScene(), stepper));
     const long before = allocations;
     double sum = 0.0;
@@ -213,7 +214,8 @@ TEST(Allocation, NoneOnAStiffScene) {
 TEST(Allocation, NoneInImplicitStepsOfAnyScene) {
   const Scene scenes[] = {stiffScene("principle: gauss\n"), test::sceneFromText(kScene)};
   for (const Scene& scene : scenes) {
-    for (StepperKind stepper : {StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+    for (StepperKind stepper :
+         {StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
       Simulation simulation(test::withStepper(test::withTolerance(scene, 1e-5), stepper));
       simulation.command(0, 2.0);
       const long before = allocations;

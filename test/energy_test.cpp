@@ -15,9 +15,9 @@
 namespace variator_sim {
 namespace {
 
-constexpr StepperKind kSteppers[] = {StepperKind::kAuto, StepperKind::kDopri5,
-                                     StepperKind::kFehlberg78, StepperKind::kRadau5,
-                                     StepperKind::kRk4};
+constexpr StepperKind kSteppers[] = {StepperKind::kAuto,       StepperKind::kDopri5,
+                                     StepperKind::kFehlberg78, StepperKind::kRadau,
+                                     StepperKind::kRadau5,     StepperKind::kRk4};
 
 const char* const kFreeShaft = R"yaml(
 shafts: [wheel]
@@ -230,7 +230,10 @@ TEST(Energy, IsEstimatedWellWhereItIsNotTracked) {
           const Energy energy = energyAt(exact, t);
           ASSERT_TRUE(estimated.advanceTo(t).ok());
           const Energy estimate = estimated.energy();
-          EXPECT_NEAR(estimate.applied, energy.applied, 3e-4 * std::abs(energy.applied));
+          // The longer the steps the less their ends know.
+          const bool is_long = stepper == StepperKind::kRadau || stepper == StepperKind::kAuto;
+          const double part = is_long ? 1e-3 : 1e-4;
+          EXPECT_NEAR(estimate.applied, energy.applied, part * std::abs(energy.applied));
           EXPECT_NEAR(estimate.applied + estimate.reactions, energy.applied + energy.reactions,
                       1e-9 * energy.kinetic);
           EXPECT_EQ(estimate.kinetic, energy.kinetic);

@@ -192,7 +192,7 @@ TEST(Sleep, BeginsAtASteadySpeedAndStepsNoMore) {
   EXPECT_NEAR(after.residual[0], 0.0, 1e-12);
 }
 
-// Explicit steps at the bound of their stability never come to rest: auto lets radau5 do it, until
+// Explicit steps at the bound of their stability never come to rest: auto lets radau do it, until
 // the next command.
 TEST(Sleep, BeginsWhereStabilityLimitsExplicitSteps) {
   Scene scene = test::withTolerance(test::sceneFromText(R"yaml(
@@ -222,7 +222,7 @@ drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-50*w1"}
 TEST(Sleep, SamplesAreThoseOfTheMotionThatNeverSleeps) {
   for (StepperKind stepper :
        {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
-        StepperKind::kRosenbrock4, StepperKind::kRadau5}) {
+        StepperKind::kRosenbrock4, StepperKind::kRadau, StepperKind::kRadau5}) {
     const double tolerance = stepper == StepperKind::kRosenbrock4 ? 1e-7 : kTolerance;
     SCOPED_TRACE(toString(stepper));
     const Scene scene = test::withStepper(test::withTolerance(steady(), tolerance), stepper);

@@ -167,8 +167,8 @@ TEST(SceneReader, KeepsNoNamesButItsOwn) {
 
 TEST(SceneReader, NamesPrinciplesAndSteppersAsTheSceneDoes) {
   EXPECT_STREQ(toString(Principle::kGeneralizedGauss), "generalized_gauss");
-  for (const char* name : {"auto", "rk4", "dopri5", "dop853", "fehlberg78", "rosenbrock4", "radau5",
-                           "dopri5_fixed", "rosenbrock4_fixed", "radau5_fixed"}) {
+  for (const char* name : {"auto", "rk4", "dopri5", "dop853", "fehlberg78", "rosenbrock4", "radau",
+                           "radau5", "dopri5_fixed", "rosenbrock4_fixed", "radau5_fixed"}) {
     const Scene scene = read(base() + "solver: {stepper: " + name + "}\n");
     EXPECT_STREQ(toString(scene.solver.stepper), name);
     EXPECT_EQ(scene.resolved.asDictionary().at("solver").asDictionary().at("stepper").asText(),
@@ -183,7 +183,7 @@ TEST(SceneReader, KnowsWhichSteppersHaveFixedSteps) {
   }
   for (StepperKind kind :
        {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
-        StepperKind::kRosenbrock4, StepperKind::kRadau5}) {
+        StepperKind::kRosenbrock4, StepperKind::kRadau, StepperKind::kRadau5}) {
     EXPECT_FALSE(isFixedStep(kind)) << toString(kind);
   }
 }
@@ -400,13 +400,13 @@ INSTANTIATE_TEST_SUITE_P(
                  "solver/stepper",
                  {"'dopri'", "did you mean 'dopri5'",
                   "auto, rk4, dopri5, dop853, fehlberg78, rosenbrock4, dopri5_fixed, "
-                  "rosenbrock4_fixed, radau5, radau5_fixed"}},
+                  "rosenbrock4_fixed, radau, radau5, radau5_fixed"}},
         BadScene{base() + "solver: {stepper: rosenbrock}\n",
                  "solver/stepper",
                  {"'rosenbrock'", "did you mean 'rosenbrock4'", "rosenbrock4_fixed"}},
-        BadScene{base() + "solver: {stepper: radau}\n",
+        BadScene{base() + "solver: {stepper: rada}\n",
                  "solver/stepper",
-                 {"'radau'", "did you mean 'radau5'"}},
+                 {"'rada'", "did you mean 'radau'"}},
         BadScene{base() + "solver: {stepper: rk4_fixed}\n",
                  "solver/stepper",
                  {"'rk4_fixed' is not allowed", "allowed: auto, rk4,"}},

@@ -205,9 +205,9 @@ class Skips : public testing::TestWithParam<SkipScene> {
 };
 
 TEST_P(Skips, ChangeNothingButRounding) {
-  for (StepperKind stepper :
-       {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kRadau5}) {
-    const bool is_implicit = stepper == StepperKind::kRadau5;
+  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853,
+                              StepperKind::kRadau, StepperKind::kRadau5}) {
+    const bool is_implicit = stepper == StepperKind::kRadau || stepper == StepperKind::kRadau5;
     const double tolerance = is_implicit ? 1e-8 : kTolerance;
     const Result all = run(scene(stepper, tolerance));
     for (bool Shortcuts::*skip :
@@ -245,7 +245,8 @@ TEST_P(Skips, LeaveTheMotionRight) {
     SCOPED_TRACE(toString(stepper));
     expectSameMotion(run(scene(stepper)), exact, 1e-8);
   }
-  for (StepperKind stepper : {StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+  for (StepperKind stepper :
+       {StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
     SCOPED_TRACE(toString(stepper));
     expectSameMotion(run(scene(stepper, 1e-7)), exact, 1e-4);
   }

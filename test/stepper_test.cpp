@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <vector>
 
 #include "dynamics/generalized_gauss.h"
+#include "integrate/radau_method.h"
 #include "integrate/step_control.h"
 #include "support/scenes.h"
 
@@ -110,6 +112,148 @@ TEST(StepperOrder, Rosenbrock4) {
 }
 TEST(StepperOrder, Radau5) {
   expectOrder(StepperKind::kRadau5, 8, 5.0, 1e-9);
+}
+/// What a step of order 13 leaves is seen in a motion in closed form only, and one that Newton's
+/// iteration is done with at once: w = sin(3 t) + exp(-t).
+const char* const kLinear = R"yaml(
+shafts: [a]
+a: {inertia: 1.0}
+torques: [q]
+q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "sin(3*t)+3*cos(3*t)-w1"}
+initial: {velocity: [1.0], acceleration: [2.0]}
+)yaml";
+State linearMotion(double t) {
+  State x(3);
+  x[0] = (1.0 - std::cos(3.0 * t)) / 3.0 + 1.0 - std::exp(-t);
+  x[1] = std::sin(3.0 * t) + std::exp(-t);
+  x[2] = 3.0 * std::cos(3.0 * t) - std::exp(-t);
+  return x;
+}
+
+struct RadauErrors {
+  double at_end = 0.0;
+  double inside = 0.0;  // of the first step
+};
+RadauErrors followLinearMotion(int stages, int steps) {
+  const Scene scene = test::sceneFromText(kLinear);
+  GeneralizedGauss drivetrain(scene);
+  const auto stepper = makeRadauStepper(drivetrain, {1e-13, 0.0}, "radau", stages);
+  const double h = kEnd / steps;
+  RadauErrors errors;
+  StepNode to(0.0, linearMotion(0.0), State(3));
+  for (int n = 0; n < steps; ++n) {
+    StepNode from(n * h, to.x, State(3));
+    State unused(3);
+    drivetrain(from.x, from.dxdt, from.time);
+    EXPECT_TRUE(std::isfinite(stepper->step(drivetrain, from, h, to.x, unused)));
+    EXPECT_EQ(stepper->errorOrder(), stages + 1);
+    to.time = from.time + h;
+    for (double part : {0.1, 0.3, 0.5, 0.7, 0.9}) {
+      if (n > 0) break;
+      State x(3);
+      EXPECT_TRUE(stepper->interpolate(drivetrain, part * h, from, to, x));
+      errors.inside = std::max(errors.inside, distance(x, linearMotion(part * h)));
+    }
+  }
+  errors.at_end = distance(to.x, linearMotion(kEnd));
+  return errors;
+}
+
+TEST(StepperOrder, RadauOfAnyNumberOfStages) {
+  struct Case {
+    int stages;
+    int steps;
+  };
+  for (const Case& c : {Case{3, 64}, Case{5, 10}, Case{7, 3}}) {
+    const RadauErrors coarse = followLinearMotion(c.stages, c.steps);
+    const RadauErrors fine = followLinearMotion(c.stages, 2 * c.steps);
+    const double order = std::log2(coarse.at_end / fine.at_end);
+    EXPECT_GT(order, 2 * c.stages - 1.35) << c.stages;
+    EXPECT_LT(order, 2 * c.stages) << c.stages;
+    EXPECT_NEAR(std::log2(coarse.inside / fine.inside), c.stages + 1, 0.6) << c.stages;
+  }
+}
+
+// A Radau IIA method is known by its order conditions: B(2s - 1) and C(s) (Hairer, Wanner: Solving
+// ODE II, IV.5), and by where its stages lie, the last one at the end.
+TEST(RadauMethod, MeetsTheOrderConditions) {
+  for (const int stages : {3, 5, 7}) {
+    const RadauMethod& method = RadauMethod::withStages(stages);
+    const auto s = static_cast<std::size_t>(stages);
+    ASSERT_EQ(method.stages(), stages);
+    EXPECT_EQ(method.points()[s - 1], 1.0);
+    for (std::size_t i = 0; i < s; ++i) {
+      // the last row is the weights
+      const int order = i == s - 1 ? 2 * stages - 1 : stages;
+      for (int k = 1; k <= order; ++k) {
+        double sum = 0.0;
+        for (std::size_t j = 0; j < s; ++j) {
+          sum += method.A()[i][j] * std::pow(method.points()[j], k - 1);
+        }
+        EXPECT_NEAR(sum, std::pow(method.points()[i], k) / k, 1e-15) << stages << ", " << k;
+      }
+    }
+  }
+}
+
+// T^-1 A^-1 T, and the weights of its polynomial.
+TEST(RadauMethod, TakesItsStagesApart) {
+  for (const int stages : {3, 5, 7}) {
+    const RadauMethod& method = RadauMethod::withStages(stages);
+    const auto s = static_cast<std::size_t>(stages);
+    const auto expected = [&](std::size_t a, std::size_t b) {
+      if (a == 0 || b == 0) return a == b ? method.real() : 0.0;
+      if ((a - 1) / 2 != (b - 1) / 2) return 0.0;
+      const std::complex<double> value = method.pair(static_cast<int>((a - 1) / 2));
+      return a == b ? value.real() : a < b ? -value.imag() : value.imag();
+    };
+    for (std::size_t a = 0; a < s; ++a) {
+      for (std::size_t b = 0; b < s; ++b) {
+        double block = 0.0;
+        double unit = 0.0;
+        for (std::size_t i = 0; i < s; ++i) {
+          unit += method.A()[a][i] * method.inverse()[i][b];
+          for (std::size_t j = 0; j < s; ++j) {
+            block += method.TI()[a][i] * method.inverse()[i][j] * method.T()[j][b];
+          }
+        }
+        EXPECT_NEAR(block, expected(a, b), 1e-12) << stages;
+        EXPECT_NEAR(unit, a == b ? 1.0 : 0.0, 1e-13) << stages;
+      }
+    }
+  }
+  // Of three stages all is known in closed form.
+  const double root = std::sqrt(6.0);
+  const RadauMethod& method = RadauMethod::withStages(3);
+  EXPECT_NEAR(method.points()[0], (4.0 - root) / 10.0, 1e-16);
+  EXPECT_NEAR(method.points()[1], (4.0 + root) / 10.0, 1e-16);
+  EXPECT_NEAR(method.real(), 3.0 + std::cbrt(3.0) * (std::cbrt(3.0) - 1.0), 1e-15);
+  RadauMethod::Vector weights{};
+  method.calcSlopeWeights(0.0, weights);
+  EXPECT_NEAR(weights[0], (13.0 + 7.0 * root) / 3.0, 1e-14);
+  EXPECT_NEAR(weights[1], (13.0 - 7.0 * root) / 3.0, 1e-14);
+  EXPECT_NEAR(weights[2], 1.0 / 3.0, 1e-15);
+}
+
+// What a polynomial of degree s moves, its weights have to give back, inside the step and beyond.
+TEST(RadauMethod, WeighsItsStagesAsAPolynomialDoes) {
+  for (const int stages : {3, 5, 7}) {
+    const RadauMethod& method = RadauMethod::withStages(stages);
+    for (const double theta : {0.0, 0.3, 1.0, 1.7}) {
+      RadauMethod::Vector values{};
+      RadauMethod::Vector slopes{};
+      method.calcValueWeights(theta, values);
+      method.calcSlopeWeights(theta, slopes);
+      double value = 0.0;
+      double slope = 0.0;
+      for (std::size_t i = 0; i < static_cast<std::size_t>(stages); ++i) {
+        value += values[i] * std::pow(method.points()[i], stages);
+        slope += slopes[i] * std::pow(method.points()[i], stages);
+      }
+      EXPECT_NEAR(value, std::pow(theta, stages), 1e-11);
+      EXPECT_NEAR(slope, stages * std::pow(theta, stages - 1), 1e-10);
+    }
+  }
 }
 
 // The estimated local error falls with h^errorOrder.

@@ -35,6 +35,7 @@ enum class StepperKind {
   kDop853,
   kFehlberg78,
   kRosenbrock4,
+  kRadau,
   kRadau5,
   kTaylor,
   kDopri5Fixed,

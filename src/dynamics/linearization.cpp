@@ -56,6 +56,12 @@ double multiply(double a, double b) {
 std::complex<double> multiply(std::complex<double> a, std::complex<double> b) {
   return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
 }
+double invert(double a) {
+  return 1.0 / a;
+}
+std::complex<double> invert(std::complex<double> a) {
+  return std::conj(a) * (1.0 / std::norm(a));
+}
 }  // namespace
 
 template <int kShafts, class Scalar>
@@ -65,9 +71,10 @@ bool Linearization::factorSized(Factors<Scalar>& factors, Scalar g) {
   using Real = Eigen::Matrix<double, kSize, kSize, 0, kRoom, kRoom>;
   using Matrix = Eigen::Matrix<Scalar, kSize, kSize, 0, kRoom, kRoom>;
   factors.g = g;
-  Matrix W = Eigen::Map<const Real>(mass_.data(), S, S) / g;
+  const Scalar inverse_g = invert(g);
+  Matrix W = Eigen::Map<const Real>(mass_.data(), S, S) * inverse_g;
   Scalar power = 1.0;
-  for (int l = L; l-- > 0; power *= g) {
+  for (int l = L; l-- > 0; power = multiply(power, g)) {
     W -= power * Eigen::Map<const Real>(block(l).data(), S, S);
   }
   if (!W.allFinite()) return false;
@@ -159,14 +166,14 @@ void Linearization::solve(const Factors<Scalar>& factors, Scalar* r) const {
 bool Linearization::factor(double g) {
   return factor(real_, g);
 }
-bool Linearization::factorComplex(Complex g) {
-  return factor(complex_, g);
+bool Linearization::factorComplex(int index, Complex g) {
+  return factor(complex_[static_cast<std::size_t>(index)], g);
 }
 void Linearization::solve(State& r) const {
   solve(real_, r.data());
 }
-void Linearization::solveComplex(ComplexState& r) const {
-  solve(complex_, r.data());
+void Linearization::solveComplex(int index, ComplexState& r) const {
+  solve(complex_[static_cast<std::size_t>(index)], r.data());
 }
 
 void linearizeByDifferences(System& system, double t, const State& x, bool reads_angles,

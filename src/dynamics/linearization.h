@@ -20,6 +20,7 @@ namespace variator_sim {
 class Linearization {
  public:
   static constexpr int kMaxLevels = 3;
+  static constexpr int kMaxComplex = 3;
   using Complex = std::complex<double>;
   using ComplexState = std::array<Complex, kMaxLevels * kMaxShafts>;
 
@@ -50,11 +51,12 @@ class Linearization {
 
   /// Prepares solutions with g = h gamma. False when W is singular or not finite. [loop]
   bool factor(double g);
-  bool factorComplex(Complex g);
+  /// The same for up to kMaxComplex complex g beside it, by their index.
+  bool factorComplex(int index, Complex g);
 
   /// Solves (M/g - dx'/dx) k = r in place. [loop]
   void solve(State& r) const;
-  void solveComplex(ComplexState& r) const;
+  void solveComplex(int index, ComplexState& r) const;
 
  private:
   using Blocks = std::array<SquareMatrix, static_cast<std::size_t>(kMaxLevels)>;
@@ -84,7 +86,7 @@ class Linearization {
   SquareMatrix pull_;
   Blocks E_;
   Factors<double> real_;
-  Factors<Complex> complex_;
+  std::array<Factors<Complex>, static_cast<std::size_t>(kMaxComplex)> complex_;
 };
 
 class System;

@@ -3,6 +3,15 @@
 #include "integrate/stepper.h"
 
 namespace variator_sim {
+namespace {
+
+/// The smaller the error is to be the more stages of a Radau method repay themselves.
+int chooseStages(double relative_tolerance) {
+  if (relative_tolerance > 3e-3) return 3;
+  return relative_tolerance > 3e-8 ? 5 : 7;
+}
+
+}  // namespace
 
 std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tolerance tolerance) {
   switch (kind) {
@@ -16,9 +25,11 @@ std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tol
     case StepperKind::kRosenbrock4:
     case StepperKind::kRosenbrock4Fixed:
       return makeRosenbrock4Stepper(system, tolerance);
+    case StepperKind::kRadau:
+      return makeRadauStepper(system, tolerance, "radau", chooseStages(tolerance.relative));
     case StepperKind::kRadau5:
     case StepperKind::kRadau5Fixed:
-      return makeRadau5Stepper(system, tolerance);
+      return makeRadauStepper(system, tolerance, "radau5", 3);
     case StepperKind::kTaylor:
     case StepperKind::kTaylorFixed:
       return makeTaylorStepper(system, tolerance);

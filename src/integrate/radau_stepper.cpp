@@ -7,13 +7,14 @@
 #include <memory>
 
 #include "dynamics/shaft_count.h"
+#include "integrate/radau_method.h"
 #include "integrate/stepper.h"
 
 namespace variator_sim {
 namespace {
 
-/// Radau IIA of order 5: three stages, L-stable, stiffly accurate; dense output by its collocation
-/// polynomial (Hairer, Wanner: Solving ODE II, IV.8).
+/// Radau IIA of 3, 5 or 7 stages, order 5, 9 or 13: L-stable, stiffly accurate; dense output by its
+/// collocation polynomial (Hairer, Wanner: Solving ODE II, IV.8; radau_method.h).
 ///
 /// A stiff constraint whose C turns with time or state pulls the accelerations back along a moving
 /// direction J^-1 C^T. Its limit is a differential-algebraic system of index 2, on which this
@@ -22,12 +23,17 @@ namespace {
 /// 1/tau in it (Drivetrain::calcStageResidual); Newton's iteration then converges whatever tau.
 ///
 /// The stages Z_i = y_i - x, h A x'(y) = Z are found by simplified Newton iterations with the exact
-/// matrix at the beginning of the step, decoupled into one real and one complex system of S x S
-/// (linearization.h) by the eigenvectors T of A^-1.
+/// matrix at the beginning of the step, decoupled into one real system and some complex ones of
+/// S x S (linearization.h) by the eigenvectors T of A^-1.
 class RadauStepper final : public Stepper {
  public:
-  RadauStepper(const System& system, Tolerance tolerance)
+  RadauStepper(const System& system, Tolerance tolerance, const char* name, int most)
       : Stepper(system, tolerance),
+        name_(name),
+        most_(most),
+        newton_tolerance_(std::min(0.03, std::max(0.01, 10.0 * kEpsilon / tolerance.relative))),
+        stages_(most),
+        tried_(most),
         S(system.shafts()),
         size_(system.size()),
         last_(size_ - S),
@@ -35,30 +41,31 @@ class RadauStepper final : public Stepper {
         matrix_x_(size_),
         rounding_(size_),
         limit_(size_),
-        f_{rounding_, rounding_, rounding_},
+        f_{rounding_, rounding_, rounding_, rounding_, rounding_, rounding_, rounding_},
+        parts_(f_),
         Z_(f_),
-        W_(f_),
-        polynomial_(f_) {
-    constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-    newton_tolerance_ = std::max(10.0 * kEpsilon / std::max(tolerance.relative, 1e-14),
-                                 std::min(0.03, std::sqrt(tolerance.relative)));
-    newton_tolerance_ = std::min(newton_tolerance_, 0.03);
+        last_Z_(f_) {
+    // Coefficients are worked out here, not in the middle of a motion.
+    for (int s = kLeast; s <= most_; s += 2) RadauMethod::withStages(s);
+    method_ = &RadauMethod::withStages(stages_);
   }
 
-  const char* name() const override { return "radau5"; }
-  int errorOrder() const override { return 4; }
-  double work() const override { return 26.0; }
+  const char* name() const override { return name_; }
+  int errorOrder() const override { return tried_ + 1; }
+  double work() const override { return 10.0 * tried_ - 4.0; }
   bool isImplicit() const override { return true; }
   bool keepsConstraints() const override { return true; }
   bool hasDenseOutput() const override { return true; }
   void restart() override {
     matrix_time_ = std::numeric_limits<double>::quiet_NaN();
-    polynomial_end_ = std::numeric_limits<double>::quiet_NaN();
+    end_ = std::numeric_limits<double>::quiet_NaN();
+    stages_ = tried_ = most_;
+    quick_steps_ = 0;
+    has_converged_ = true;
   }
 
   double step(System& system, const StepNode& from, double h, State& x_new,
               State& /*dxdt_new*/) override {
-    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
     // The matrix belongs to the point, not to the step: a repeated step keeps it.
     const bool is_repeated = from.time == matrix_time_ && from.x == matrix_x_;
     if (!is_repeated) {
@@ -66,154 +73,228 @@ class RadauStepper final : public Stepper {
       matrix_time_ = from.time;
       matrix_x_ = from.x;
     }
-    if (!linearization_.factor(h / kRealValue) ||
-        !linearization_.factorComplex(h / kComplexValue)) {
-      return kNaN;
+    chooseOrder(is_repeated);
+    tried_ = stages_;
+    switch (stages_) {
+      case 3:
+        return stepBy<3>(system, from, h, x_new, is_repeated);
+      case 5:
+        return stepBy<5>(system, from, h, x_new, is_repeated);
+      default:
+        return stepBy<7>(system, from, h, x_new, is_repeated);
     }
-    noteRounding(system, from, h);
-    noteLimits(system, from);
-    predictStages(from, h);
-    polynomial_end_ = kNaN;
-    if (!findStages(system, from, h)) return kNaN;
-
-    // The polynomial that takes the values x, x + Z_1, x + Z_2, x + Z_3 at 0, c_1, c_2, 1
-    for (int n = 0; n < size_; ++n) {
-      x_new[n] = from.x[n] + Z_[2][n];
-      for (std::size_t p = 0; p < 3; ++p) {
-        polynomial_[p][n] = Z_[0][n] * kP[0][p] + Z_[1][n] * kP[1][p] + Z_[2][n] * kP[2][p];
-      }
-    }
-    polynomial_end_ = from.time + h;
-    polynomial_step_ = h;
-    return calcError(system, from, h, x_new, is_repeated);
   }
 
   void calcSlope(double theta, double h, State& slope) const override {
-    for (int n = 0; n < size_; ++n) {
-      slope[n] = (polynomial_[0][n] +
-                  theta * (2.0 * polynomial_[1][n] + theta * 3.0 * polynomial_[2][n])) /
-                 h;
-    }
+    RadauMethod::Vector weights{};
+    method_->calcSlopeWeights(theta, weights);
+    combine(weights, slope);
+    for (double& value : slope) value /= h;
   }
 
   bool interpolate(System& /*system*/, double time, const StepNode& from, const StepNode& to,
                    State& x) override {
-    const double theta = (time - from.time) / (to.time - from.time);
-    for (int n = 0; n < size_; ++n) {
-      x[n] = from.x[n] +
-             theta * (polynomial_[0][n] + theta * (polynomial_[1][n] + theta * polynomial_[2][n]));
-    }
+    RadauMethod::Vector weights{};
+    method_->calcValueWeights((time - from.time) / (to.time - from.time), weights);
+    combine(weights, x);
+    for (int n = 0; n < size_; ++n) x[n] += from.x[n];
     return true;
+  }
+
+  /// By the quadrature that the stages are points of.
+  void calcTorqueGain(System& system, const StepNode& from, const StepNode& to,
+                      TorqueGain& gain) override {
+    if (!system.integratesTorque()) return;
+    const double h = to.time - from.time;
+    const int s = method_->stages();
+    for (int i = 0; i < s; ++i) {
+      const auto stage = static_cast<std::size_t>(i);
+      State x = to.x;
+      if (i < s - 1) {
+        for (int n = 0; n < size_; ++n) x[n] = from.x[n] + Z_[stage][n];
+      }
+      const double weight = method_->A()[static_cast<std::size_t>(s - 1)][stage];
+      const double time = from.time + method_->points()[stage] * h;
+      gain.add(h, weight, system.calcTorqueRate(time, x));
+    }
   }
 
  private:
   using Complex = std::complex<double>;
+  using Stages = std::array<State, RadauMethod::kMaxStages>;
 
-  /// Stages from the polynomial of the last step, where there is one that ends here.
-  void predictStages(const StepNode& from, double h) {
-    if (!(polynomial_end_ == from.time)) {
-      for (State& stage : Z_) stage.fill(0.0);
-      for (State& stage : W_) stage.fill(0.0);
+  /// The sum of the first s stages, each with its weight.
+  void combine(std::size_t s, const RadauMethod::Vector& weights, const Stages& stages,
+               State& sum) const {
+    for (int n = 0; n < size_; ++n) sum[n] = 0.0;
+    for (std::size_t i = 0; i < s; ++i) {
+      for (int n = 0; n < size_; ++n) sum[n] += weights[i] * stages[i][n];
+    }
+  }
+  void combine(const RadauMethod::Vector& weights, State& sum) const {
+    combine(static_cast<std::size_t>(method_->stages()), weights, Z_, sum);
+  }
+
+  /// Newton's iteration tells what the order is to be: where it fails, steps are shorter than the
+  /// error asks for, and of short steps those with few stages cost least. Where it converges at
+  /// once for some steps, the order goes up again.
+  void chooseOrder(bool is_repeated) {
+    if (is_repeated) {
+      if (!has_converged_ && stages_ > kLeast) stages_ -= 2;
+      if (!has_converged_) quick_steps_ = 0;
       return;
     }
-    for (std::size_t i = 0; i < 3; ++i) {
-      const double theta = 1.0 + kC[i] * h / polynomial_step_;
-      for (int n = 0; n < size_; ++n) {
-        const auto at = [&](double s) {
-          return s * (polynomial_[0][n] + s * (polynomial_[1][n] + s * polynomial_[2][n]));
-        };
-        Z_[i][n] = at(theta) - at(1.0);
-      }
+    if (stages_ == most_ || quick_steps_ < kQuickSteps) return;
+    stages_ += 2;
+    quick_steps_ = 0;
+  }
+
+  template <std::size_t kStages>
+  double stepBy(System& system, const StepNode& from, double h, State& x_new, bool is_repeated) {
+    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+    predictStages<kStages>(from, h, is_repeated);
+    has_converged_ = false;
+    if (!linearization_.factor(h / method_->real())) return kNaN;
+    for (int p = 0; p < method_->pairs(); ++p) {
+      if (!linearization_.factorComplex(p, h / method_->pair(p))) return kNaN;
     }
-    for (std::size_t i = 0; i < 3; ++i) {
-      for (int n = 0; n < size_; ++n) {
-        W_[i][n] = kTI[i][0] * Z_[0][n] + kTI[i][1] * Z_[1][n] + kTI[i][2] * Z_[2][n];
-      }
+    noteRounding(system, from, h);
+    noteLimits(system, from);
+    has_converged_ = findStages<kStages>(system, from, h);
+    if (!has_converged_) return kNaN;
+    for (int n = 0; n < size_; ++n) x_new[n] = from.x[n] + Z_[kStages - 1][n];
+    end_ = from.time + h;
+    step_ = h;
+    return calcError(system, from, h, x_new, is_repeated);
+  }
+
+  /// Stages from the polynomial of the last step that ends here, or of a longer one from here that
+  /// was refused; else none. Leaves no polynomial.
+  template <std::size_t kStages>
+  void predictStages(const StepNode& from, double h, bool is_repeated) {
+    const bool goes_on = end_ == from.time && h <= kFarthest * step_;
+    const bool is_known = goes_on || (is_repeated && !std::isnan(end_));
+    const RadauMethod& last = *method_;
+    method_ = &RadauMethod::withStages(kStages);
+    end_ = std::numeric_limits<double>::quiet_NaN();
+    if (!is_known) {
+      for (std::size_t i = 0; i < kStages; ++i) Z_[i].fill(0.0);
+      return;
+    }
+    const auto s = static_cast<std::size_t>(last.stages());
+    for (std::size_t i = 0; i < s; ++i) last_Z_[i] = Z_[i];
+    for (std::size_t i = 0; i < kStages; ++i) {
+      RadauMethod::Vector weights{};
+      const double theta = method_->points()[i] * h / step_;
+      last.calcValueWeights(goes_on ? 1.0 + theta : theta, weights);
+      if (goes_on) weights[s - 1] -= 1.0;
+      combine(s, weights, last_Z_, Z_[i]);
     }
   }
 
-  /// Simplified Newton iterations on W = T^-1 Z. False when they do not converge.
+  /// What the stages lack: f - h^-1 A^-1 Z of the upper rows, minus the residual in the last.
+  template <std::size_t kStages>
+  void calcDefects(System& system, const StepNode& from, double h) {
+    const RadauMethod::Matrix& inverse = method_->inverse();
+    const double rate = 1.0 / h;
+    State y(size_);
+    for (std::size_t i = 0; i < kStages; ++i) {
+      State& f = f_[i];
+      forEachComponent(0, size_, [&](int n) {
+        double sum = inverse[i][0] * Z_[0][n];
+        for (std::size_t j = 1; j < kStages; ++j) sum += inverse[i][j] * Z_[j][n];
+        f[n] = rate * sum;
+        y[n] = from.x[n] + Z_[i][n];
+      });
+      double residual[kMaxShafts];
+      system.calcStageResidual(from.time + method_->points()[i] * h, y, f.data() + last_,
+                               linearization_, residual);
+      for (int n = 0; n < last_; ++n) f[n] = y[n + S] - f[n];
+      for (int j = 0; j < S; ++j) f[last_ + j] = -residual[j];
+    }
+  }
+
+  /// One Newton correction of the stages. Its size, in units of what the iteration may leave.
+  template <std::size_t kStages>
+  double correctStages(const StepNode& from) {
+    const RadauMethod::Matrix& T = method_->T();
+    const RadauMethod::Matrix& TI = method_->TI();
+    forEachComponent(0, size_, [&](int n) {
+      for (std::size_t k = 0; k < kStages; ++k) {
+        double sum = TI[k][0] * f_[0][n];
+        for (std::size_t i = 1; i < kStages; ++i) sum += TI[k][i] * f_[i][n];
+        parts_[k][n] = sum;
+      }
+    });
+    linearization_.solve(parts_[0]);
+    for (std::size_t k = 1; k < kStages; k += 2) {
+      for (int n = 0; n < size_; ++n) {
+        complex_part_[static_cast<std::size_t>(n)] = {parts_[k][n], parts_[k + 1][n]};
+      }
+      linearization_.solveComplex(static_cast<int>(k / 2), complex_part_);
+      for (int n = 0; n < size_; ++n) {
+        parts_[k][n] = complex_part_[static_cast<std::size_t>(n)].real();
+        parts_[k + 1][n] = complex_part_[static_cast<std::size_t>(n)].imag();
+      }
+    }
+    double size = 0.0;
+    forEachComponent(0, size_, [&](int n) {
+      double largest = 0.0;
+      for (std::size_t i = 0; i < kStages; ++i) {
+        double change = T[i][0] * parts_[0][n];
+        for (std::size_t k = 1; k < kStages; ++k) change += T[i][k] * parts_[k][n];
+        Z_[i][n] += change;
+        largest = std::max(largest, std::abs(change));
+        size += 0.0 * change;  // NaN and infinity stay
+      }
+      // rounding is no reason to go on
+      const double allowed = std::min(tolerance_.of(from.x[n]), limit_[n]);
+      size = std::max(size, largest / (allowed + rounding_[n] / newton_tolerance_));
+    });
+    return size / newton_tolerance_;
+  }
+
+  /// Simplified Newton iterations on the stages. False when they do not converge.
+  template <std::size_t kStages>
   bool findStages(System& system, const StepNode& from, double h) {
     constexpr int kMaxIterations = 10;
-    const double real = kRealValue / h;
-    const Complex complex = kComplexValue / h;
     double previous = 0.0;
-    State y(size_);
-    const double inverse = 1.0 / h;
-    State real_part(size_);
+    ++quick_steps_;
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-      for (std::size_t i = 0; i < 3; ++i) {
-        forEachComponent(0, size_, [&](int n) { y[n] = from.x[n] + Z_[i][n]; });
-        for (int n = 0; n < last_; ++n) f_[i][n] = y[n + S];
-        double rate[kMaxShafts];
-        for (int j = 0; j < S; ++j) {
-          const int n = last_ + j;
-          rate[j] = inverse * (kInverse[i][0] * Z_[0][n] + kInverse[i][1] * Z_[1][n] +
-                               kInverse[i][2] * Z_[2][n]);
-        }
-        double residual[kMaxShafts];
-        system.calcStageResidual(from.time + kC[i] * h, y, rate, linearization_, residual);
-        for (int j = 0; j < S; ++j) f_[i][last_ + j] = -residual[j];
-      }
-      forEachComponent(0, size_, [&](int n) {
-        real_part[n] = kTI[0][0] * f_[0][n] + kTI[0][1] * f_[1][n] + kTI[0][2] * f_[2][n];
-        complex_part_[static_cast<std::size_t>(n)] = {
-            kTI[1][0] * f_[0][n] + kTI[1][1] * f_[1][n] + kTI[1][2] * f_[2][n],
-            kTI[2][0] * f_[0][n] + kTI[2][1] * f_[1][n] + kTI[2][2] * f_[2][n]};
-        if (n >= last_) return;  // the residual has x' in it
-        real_part[n] -= real * W_[0][n];
-        complex_part_[static_cast<std::size_t>(n)] -=
-            multiply(complex, Complex(W_[1][n], W_[2][n]));
-      });
-      linearization_.solve(real_part);
-      linearization_.solveComplex(complex_part_);
-      double size = 0.0;
-      forEachComponent(0, size_, [&](int n) {
-        const Complex change = complex_part_[static_cast<std::size_t>(n)];
-        W_[0][n] += real_part[n];
-        W_[1][n] += change.real();
-        W_[2][n] += change.imag();
-        const double sum =
-            std::abs(real_part[n]) + std::abs(change.real()) + std::abs(change.imag());
-        // rounding is no reason to go on
-        const double allowed = std::min(tolerance_.of(from.x[n]), limit_[n]);
-        size = std::max(size, sum / (allowed + rounding_[n] / newton_tolerance_));
-        size += 0.0 * sum;  // NaN and infinity stay
-        for (std::size_t i = 0; i < 3; ++i) {
-          Z_[i][n] = kT[i][0] * W_[0][n] + kT[i][1] * W_[1][n] + kT[i][2] * W_[2][n];
-        }
-      });
+      calcDefects<kStages>(system, from, h);
+      const double size = correctStages<kStages>(from);
+      if (iteration == kQuick) quick_steps_ = 0;
       if (!std::isfinite(size)) return false;
       if (size == 0.0) return true;
       if (iteration == 0) {
         // A prediction this good needs no second look.
-        if (size <= 1e-3 * newton_tolerance_) return true;
+        if (size <= 1e-3) return true;
       } else {
         double rate = size / previous;
         // The first correction of stages that start from nothing is mostly the predictor that they
         // lack: the rate that it leads to says too little of the next one.
         if (iteration == 1) rate = std::max(rate, kFirstRate);
-        if (rate >= 0.99) return size <= newton_tolerance_;
-        if (rate / (1.0 - rate) * size <= newton_tolerance_) return true;
+        if (rate >= 0.99) return size <= 1.0;
+        if (rate / (1.0 - rate) * size <= 1.0) return true;
         // The first rate still has the error of the prediction in it.
         const int rest = kMaxIterations - 1 - iteration;
-        if (iteration > 2 && std::pow(rate, rest) / (1.0 - rate) * size > newton_tolerance_) {
-          return false;
-        }
+        if (iteration > 2 && std::pow(rate, rest) / (1.0 - rate) * size > 1.0) return false;
       }
       previous = size;
     }
     return false;
   }
 
-  /// (I/g - dx'/dx)^-1 (x' + sum e_i Z_i / h) / ..., Hairer's and Wanner's estimate (8.20), once
+  /// What the slope of the stages' polynomial at the beginning is off, times a step / gamma and
+  /// filtered: (gamma/h M - dx'/dx)^-1 (x' - p'(0)), Hairer's and Wanner's estimate (8.20), once
   /// more filtered at a first step or after a rejection.
   double calcError(System& system, const StepNode& from, double h, const State& x_new,
                    bool is_repeated) {
     State weighted(size_);
     State error(size_);
+    calcSlope(0.0, h, weighted);
     for (int n = 0; n < size_; ++n) {
-      weighted[n] = (kE[0] * Z_[0][n] + kE[1] * Z_[1][n] + kE[2] * Z_[2][n]) / h;
+      weighted[n] = -weighted[n];
       error[n] = from.dxdt[n] + weighted[n];
     }
     weighMass(error);
@@ -233,6 +314,7 @@ class RadauStepper final : public Stepper {
       norm = calcNorm(error, from.x, x_new);
     }
     error_ = error;
+
     return norm;
   }
 
@@ -243,7 +325,7 @@ class RadauStepper final : public Stepper {
   void noteRounding(const System& system, const StepNode& from, double h) {
     rounding_.fill(0.0);
     if (!system.keepsConstraintsInStages()) return;
-    constexpr double kUlps = 64.0 * std::numeric_limits<double>::epsilon();
+    constexpr double kUlps = 64.0 * kEpsilon;
     const auto& by_velocity = linearization_.block(1);
     // The last rows are the accelerations, or the velocities: h times as much.
     const double scale = size_ == 3 * S ? 1.0 : h;
@@ -270,8 +352,7 @@ class RadauStepper final : public Stepper {
         const double slope = std::abs(by_velocity(i, j));
         limit_[last_ + j] = std::min(limit_[last_ + j], 0.25 * allowed / slope);
         rounding_[last_ + j] =
-            std::max(rounding_[last_ + j],
-                     16.0 * std::numeric_limits<double>::epsilon() * std::abs(from.x[last_ + j]));
+            std::max(rounding_[last_ + j], 16.0 * kEpsilon * std::abs(from.x[last_ + j]));
       }
     }
   }
@@ -297,58 +378,46 @@ class RadauStepper final : public Stepper {
     std::copy_n(weighed, S, r.begin() + last_);
   }
 
-  /// Without the checks for infinities of std::complex's operator.
-  static Complex multiply(Complex a, Complex b) {
-    return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
-  }
-
-  // Computed to 40 digits from A of the method: nodes, eigenvalues and real eigenvectors of A^-1,
-  // the error estimate's weights, and the collocation polynomial by Z.
-  static constexpr double kC[3] = {0.15505102572168219018, 0.64494897427831780982, 1.0};
-  static constexpr double kInverse[3][3] = {
-      {3.2247448713915890491, 1.1678400846904054949, -0.25319726474218082619},
-      {-3.5678400846904054949, 0.7752551286084109509, 1.0531972647421808262},
-      {5.5319726474218082619, -7.5319726474218082619, 5.0}};
-  static constexpr double kRealValue = 3.6378342527444957322;
-  static constexpr Complex kComplexValue{2.6810828736277521339, 3.0504301992474105694};
-  static constexpr double kT[3][3] = {
-      {0.094438762488975241487, -0.14125529502095420843, -0.030029194105147424492},
-      {0.25021312296533331138, 0.204129352293799932, 0.3829421127572619378},
-      {1.0, 1.0, 0.0}};
-  static constexpr double kTI[3][3] = {
-      {4.1787185915519047273, 0.32768282076106238708, 0.52337644549944954804},
-      {-4.1787185915519047273, -0.32768282076106238708, 0.47662355450055045196},
-      {-0.50287263494578687595, 2.5719269498556054292, -0.59603920482822492497}};
-  static constexpr double kE[3] = {-10.048809399827415562, 1.3821427331607488958,
-                                   -0.33333333333333333333};
-  static constexpr double kP[3][3] = {
-      {10.048809399827415562, -25.629591447076639387, 15.580782047249223824},
-      {-1.3821427331607488958, 10.296258113743306053, -8.9141153805825571577},
-      {0.33333333333333333333, -2.6666666666666666667, 3.3333333333333333333}};
+  static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   static constexpr double kFirstRate = 0.01;
+  static constexpr int kLeast = 3;
+  /// Steps that polynomials reach beyond their end.
+  static constexpr double kFarthest = 10.0;
+  /// Iterations of a quick step, and so many steps that let the order rise.
+  static constexpr int kQuick = 4;
+  static constexpr int kQuickSteps = 5;
+
+  const char* name_;
+  const int most_;  // stages
+  const double newton_tolerance_;
+  int stages_;  // of the next step
+  int tried_;   // of the last step, whether it was good or not
+  int quick_steps_ = 0;
+  bool has_converged_ = true;  // the last try
 
   const int S;  // shafts
   const int size_;
-  const int last_;  // component of the last S
+  const int last_;             // component of the last S
+  const RadauMethod* method_;  // of the last step
   Linearization linearization_;
   Linearization::ComplexState complex_part_{};
-  double newton_tolerance_;
   double matrix_time_ = std::numeric_limits<double>::quiet_NaN();
   State matrix_x_;
   State rounding_;
   State limit_;
-  std::array<State, 3> f_;  // x_{l+1}; minus the residual in the last rows
-  std::array<State, 3> Z_;
-  std::array<State, 3> W_;
-  std::array<State, 3> polynomial_;
-  double polynomial_end_ = std::numeric_limits<double>::quiet_NaN();
-  double polynomial_step_ = 0.0;
+  Stages f_;      // x_{l+1} - x_l'; minus the residual in the last rows
+  Stages parts_;  // of a correction, along the eigenvectors
+  Stages Z_;      // what the stages have moved
+  Stages last_Z_;
+  double end_ = std::numeric_limits<double>::quiet_NaN();
+  double step_ = 0.0;
 };
 
 }  // namespace
 
-std::unique_ptr<Stepper> makeRadau5Stepper(const System& system, Tolerance tolerance) {
-  return std::make_unique<RadauStepper>(system, tolerance);
+std::unique_ptr<Stepper> makeRadauStepper(const System& system, Tolerance tolerance,
+                                          const char* name, int most_stages) {
+  return std::make_unique<RadauStepper>(system, tolerance, name, most_stages);
 }
 
 }  // namespace variator_sim

@@ -74,7 +74,8 @@ class Stepper {
   virtual ~Stepper() = default;
   /// The scheme's name, as in `solver/stepper`.
   virtual const char* name() const = 0;
-  /// p of the error estimate h^p, which the step-size control rests on; 0: none, fixed steps.
+  /// p of the error estimate h^p of the last step, which the step-size control rests on; 0: none,
+  /// fixed steps.
   virtual int errorOrder() const = 0;
   /// What one step costs, in evaluations of the derivative.
   virtual double work() const = 0;
@@ -163,7 +164,9 @@ std::unique_ptr<Stepper> makeFehlberg78Stepper(const System& system, Tolerance t
 std::unique_ptr<Stepper> makeDopri5Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeDop853Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeTaylorStepper(const System& system, Tolerance tolerance);
-std::unique_ptr<Stepper> makeRadau5Stepper(const System& system, Tolerance tolerance);
+/// Radau IIA with 3, 5 or 7 stages, which goes down to 3 where Newton's iteration fails.
+std::unique_ptr<Stepper> makeRadauStepper(const System& system, Tolerance tolerance,
+                                          const char* name, int most_stages);
 std::unique_ptr<Stepper> makeRosenbrock4Stepper(const System& system, Tolerance tolerance);
 
 }  // namespace variator_sim

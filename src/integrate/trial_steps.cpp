@@ -96,6 +96,7 @@ double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double
 
 double Integrator::attempt(const Trial& trial) {
   double norm = stepAndProject(*stepper_, base_, trial.end, trial.taken, front_.x, dxdt_new_);
+  control_.setOrder(std::max(1, stepper_->errorOrder()));
   if (stepper_->projects()) noteDerivative();
   // These decide whether the step is good. They may keep the next one from growing, but not make
   // it shorter: what rounding leaves in them does not fall with the step.

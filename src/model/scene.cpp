@@ -16,13 +16,14 @@
 namespace variator_sim {
 namespace {
 
-constexpr std::array<StepperKind, 12> kSteppers{
+constexpr std::array<StepperKind, 13> kSteppers{
     StepperKind::kAuto,        StepperKind::kRk4,
     StepperKind::kDopri5,      StepperKind::kDop853,
     StepperKind::kFehlberg78,  StepperKind::kRosenbrock4,
     StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
-    StepperKind::kRadau5,      StepperKind::kRadau5Fixed,
-    StepperKind::kTaylor,      StepperKind::kTaylorFixed};
+    StepperKind::kRadau,       StepperKind::kRadau5,
+    StepperKind::kRadau5Fixed, StepperKind::kTaylor,
+    StepperKind::kTaylorFixed};
 
 Principle readPrinciple(ParameterReader& root) {
   const std::string generalized_gauss = toString(Principle::kGeneralizedGauss);
@@ -274,6 +275,8 @@ const char* toString(StepperKind kind) {
       return "dopri5_fixed";
     case StepperKind::kRosenbrock4Fixed:
       return "rosenbrock4_fixed";
+    case StepperKind::kRadau:
+      return "radau";
     case StepperKind::kRadau5:
       return "radau5";
     case StepperKind::kRadau5Fixed:

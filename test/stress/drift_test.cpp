@@ -239,7 +239,8 @@ TEST(Drift, OfASwingWithoutDamping) {
                          const double size = 0.1 * frequency * 0.7;
                          double broken = std::abs(R[0]);
                          broken = std::max(broken, std::abs(order == 0 ? R[1] : R[1] + 0.5 * R[2]));
-                         const bool is_implicit = stepper == StepperKind::kRadau5;
+                         const bool is_implicit =
+                             stepper == StepperKind::kRadau || stepper == StepperKind::kRadau5;
                          // Weights of dense output are up to a thousand, so samples inside a
                          // step round by as much. Newton's iteration of implicit steps leaves a
                          // part of a tolerance.

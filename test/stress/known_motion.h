@@ -34,9 +34,9 @@ inline Scene withMethod(Scene scene, StepperKind stepper, double tolerance) {
 
 /// All that choose their steps by their error.
 inline const std::vector<StepperKind>& adaptiveSteppers() {
-  static const std::vector<StepperKind> kinds = {StepperKind::kAuto,   StepperKind::kDopri5,
-                                                 StepperKind::kDop853, StepperKind::kFehlberg78,
-                                                 StepperKind::kRadau5, StepperKind::kRosenbrock4};
+  static const std::vector<StepperKind> kinds = {
+      StepperKind::kAuto,  StepperKind::kDopri5, StepperKind::kDop853,     StepperKind::kFehlberg78,
+      StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4};
   return kinds;
 }
 

@@ -16,9 +16,9 @@
 namespace variator_sim::test {
 
 /// All steppers that choose their steps themselves.
-constexpr StepperKind kAdaptiveSteppers[] = {StepperKind::kAuto,   StepperKind::kDopri5,
-                                             StepperKind::kDop853, StepperKind::kFehlberg78,
-                                             StepperKind::kRadau5, StepperKind::kRosenbrock4};
+constexpr StepperKind kAdaptiveSteppers[] = {
+    StepperKind::kAuto,  StepperKind::kDopri5, StepperKind::kDop853,     StepperKind::kFehlberg78,
+    StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4};
 
 inline constexpr double kPi = 3.14159265358979323846;
 inline constexpr double kEps = 2.2e-16;
@@ -46,7 +46,8 @@ inline Scene withFewSteps(Scene scene, StepperKind stepper, double tolerance) {
 /// implicit stepper at an edge, and rounding of the state alone under `gauss`.
 inline void expectNoStop(const Run& run, const Scene& scene, const std::string& label) {
   const StepperKind stepper = scene.solver.stepper;
-  const bool is_implicit = stepper == StepperKind::kRadau5 || stepper == StepperKind::kRosenbrock4;
+  const bool is_implicit = stepper == StepperKind::kRadau || stepper == StepperKind::kRadau5 ||
+                           stepper == StepperKind::kRosenbrock4;
   const bool is_known =
       (is_implicit &&
        (run.reason == StopReason::kStepUnderflow || run.reason == StopReason::kStepLimit)) ||

@@ -126,12 +126,17 @@ std::vector<Play> plays() {
 }
 
 const std::vector<StepperKind>& allSteppers() {
-  static const std::vector<StepperKind> kinds = {
-      StepperKind::kAuto,        StepperKind::kDopri5,
-      StepperKind::kDop853,      StepperKind::kFehlberg78,
-      StepperKind::kRadau5,      StepperKind::kRosenbrock4,
-      StepperKind::kRk4,         StepperKind::kDopri5Fixed,
-      StepperKind::kRadau5Fixed, StepperKind::kRosenbrock4Fixed};
+  static const std::vector<StepperKind> kinds = {StepperKind::kAuto,
+                                                 StepperKind::kDopri5,
+                                                 StepperKind::kDop853,
+                                                 StepperKind::kFehlberg78,
+                                                 StepperKind::kRadau,
+                                                 StepperKind::kRadau5,
+                                                 StepperKind::kRosenbrock4,
+                                                 StepperKind::kRk4,
+                                                 StepperKind::kDopri5Fixed,
+                                                 StepperKind::kRadau5Fixed,
+                                                 StepperKind::kRosenbrock4Fixed};
   return kinds;
 }
 
@@ -233,7 +238,8 @@ void forEachRun(const std::function<void(const Play&, const std::string&)>& use)
         if (isFixedStep(stepper) && tolerance < 1e-5) continue;
         if (!isLongForm() && tolerance < 1e-5 &&
             (listed.end > 100.0 ||
-             (stepper != StepperKind::kAuto && stepper != StepperKind::kRadau5))) {
+             (stepper != StepperKind::kAuto && stepper != StepperKind::kRadau &&
+              stepper != StepperKind::kRadau5))) {
           continue;
         }
         Play play = listed;
