@@ -19,7 +19,7 @@ StepperChoice::StepperChoice(const System& system, const SolverSettings& setting
   } else {
     first_ = make(settings.relative_tolerance <= kHighOrderBelow ? StepperKind::kDop853
                                                                  : StepperKind::kDopri5);
-    implicit_ = make(StepperKind::kRadau5);
+    implicit_ = make(StepperKind::kRadau);
     if (system.series() != nullptr) series_ = make(StepperKind::kTaylor);
   }
   reset();
