@@ -93,7 +93,7 @@ bool StepperChoice::giveUpExplicit() {
 bool StepperChoice::settle(const StepNode& node, double change) {
   if (!automatic_ || active_ == &implicit_) return false;
   const bool near_rest =
-      change <= kNearRest && active_->outer->stiffness(node.x, node.dxdt) > kMildly;
+      change <= kNearRest && active_->outer->stiffness(node.x, node.dxdt) > mildly();
   settling_ = near_rest ? settling_ + 1 : 0;
   if (settling_ < kSettling) return false;
   goOverTo(&implicit_);
@@ -113,7 +113,7 @@ bool StepperChoice::reconsider(System& system, const StepNode& node, double limi
 bool StepperChoice::considerImplicit(System& system, const StepNode& node, double limit,
                                      double* h) {
   const double stiffness = active_->outer->stiffness(node.x, node.dxdt);
-  if (stiffness <= kMildly) {
+  if (stiffness <= mildly()) {
     // A few steps below the bound between others above it clear nobody.
     if (++quiet_ >= kQuiet) suspicions_ = quiet_ = 0;
     return false;

@@ -6,16 +6,15 @@
 ///   dop853 where the relative tolerance is at most kHighOrderBelow, dopri5
 ///   above.
 /// - At the start of a motion the Jacobian tells the fastest component: where the first step that
-///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau5 begins.
+///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau begins.
 /// - After five steps that stability and not accuracy limited (|h lambda| at the bound of the
-///   scheme, as Hairer's codes estimate it), or forty at a quarter of the bound, it tries implicit
+///   scheme, as Hairer's codes estimate it), or forty well below the bound, it tries implicit
 ///   steps from the same state. When the step sizes that the two error estimates allow say that
-///   radau5 gets further for the same work, it goes on with that; else it waits four times as long.
-/// - A step that the explicit stepper has to repeat kHopeless times (integrator.h) goes to radau5
-/// as
+///   radau gets further for the same work, it goes on with that; else it waits four times as long.
+/// - A step that the explicit stepper has to repeat kHopeless times (integrator.h) goes to radau as
 ///   well.
 /// - Near rest (kSettling steps in a row that stability limits and that change the state by some
-///   tolerances only) it goes to radau5 without a trial, and back at the next command: the error of
+///   tolerances only) it goes to radau without a trial, and back at the next command: the error of
 ///   explicit steps at the bound of stability would keep the motion from ever coming to rest.
 /// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
 ///   one explicit step in the same way, and goes back when that gets further.
@@ -100,9 +99,10 @@ class StepperChoice {
 
   /// At higher accuracy than this dop853 needs fewer evaluations than dopri5.
   static constexpr double kHighOrderBelow = 1e-5;
-  /// |h lambda| over its bound: above 1 a step counts kStrong times, above kMildly once (at tight
-  /// tolerances a fast component limits steps well below the bound, by its rounding).
-  static constexpr double kMildly = 0.25;
+  /// |h lambda| over its bound: above 1 a step counts kStrong times, above this once. At tight
+  /// tolerances a fast component limits steps well below the bound, by its rounding, and implicit
+  /// steps of order 13 may be longer even where explicit ones are far from it.
+  double mildly() const { return relative_tolerance_ <= kHighOrderBelow ? 0.1 : 0.25; }
   static constexpr int kStrong = 8;
   static constexpr int kSuspicions = 40;
   static constexpr int kQuiet = 6;
