@@ -174,6 +174,33 @@ TEST(StepperOrder, RadauOfAnyNumberOfStages) {
   }
 }
 
+// A step that is much too long for Newton's iteration is tried again with two stages less; steps
+// that it has no trouble with bring them back.
+TEST(Radau, HasFewerStagesWhereNewtonsIterationFails) {
+  const Scene scene = test::sceneFromText(kShip);
+  GeneralizedGauss drivetrain(scene);
+  const auto stepper = makeRadauStepper(drivetrain, kUnit, "radau", 7);
+  StepNode node(0.0, initialState(scene), State(kSize));
+  State x(kSize);
+  State unused(kSize);
+  drivetrain(node.x, node.dxdt, node.time);
+  EXPECT_TRUE(std::isnan(stepper->step(drivetrain, node, 2.0, x, unused)));
+  EXPECT_EQ(stepper->errorOrder(), 8);
+  EXPECT_TRUE(std::isnan(stepper->step(drivetrain, node, 1.0, x, unused)));
+  EXPECT_EQ(stepper->errorOrder(), 6);
+  constexpr double kShort = 1e-3;
+  for (int n = 0; n < 6; ++n) {
+    EXPECT_TRUE(std::isfinite(stepper->step(drivetrain, node, kShort, x, unused)));
+    EXPECT_EQ(stepper->errorOrder(), n < 5 ? 4 : 6) << n;
+    node = StepNode(node.time + kShort, x, State(kSize));
+    drivetrain(node.x, node.dxdt, node.time);
+  }
+  stepper->restart();
+  EXPECT_EQ(stepper->errorOrder(), 8);  // as at the start of every run
+  EXPECT_TRUE(std::isfinite(stepper->step(drivetrain, node, kShort, x, unused)));
+  EXPECT_EQ(stepper->errorOrder(), 8);
+}
+
 // A Radau IIA method is known by its order conditions: B(2s - 1) and C(s) (Hairer, Wanner: Solving
 // ODE II, IV.5), and by where its stages lie, the last one at the end.
 TEST(RadauMethod, MeetsTheOrderConditions) {

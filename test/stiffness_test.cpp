@@ -104,6 +104,22 @@ TEST_P(StiffSlip, IsFollowedToTheTolerance) {
 INSTANTIATE_TEST_SUITE_P(Tau, StiffSlip, testing::Range(1, 9),
                          [](const auto& test) { return "1em" + std::to_string(test.param); });
 
+// Down to 1e-11, where the tolerance is more than rounding, and across both changes of the number
+// of stages.
+TEST(Radau, ErrsLessTheSmallerTheTolerance) {
+  const Scene scene = slipScene(1e-3);
+  const Sample reference = run(scene, StepperKind::kDop853, 1e-13).sample;
+  double last = 1.0;
+  for (double tolerance = 1e-2; tolerance > 0.5e-11; tolerance *= 0.1) {
+    const Result result = run(scene, StepperKind::kRadau, tolerance);
+    ASSERT_TRUE(result.status.ok());
+    const double error = distance(result.sample, reference, 1.0);
+    EXPECT_LT(error, 10.0 * tolerance) << tolerance;
+    EXPECT_LT(error, last) << tolerance;
+    last = error;
+  }
+}
+
 // --- auto -------------------------------------------------------------------------------------
 TEST(Auto, NeedsNoMoreStepsTheShorterTheTimeConstant) {
   const Result mild = run(slipScene(1e-4), StepperKind::kAuto, 1e-6);
