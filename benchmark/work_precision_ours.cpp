@@ -257,12 +257,14 @@ class Ours : public Method {
     ParameterTree tree = tree_;
     tree.asDictionary()["solver"] = ParameterTree::dictionary({
         {"stepper", ParameterTree::text(stepper_)},
+        {"machine_code", ParameterTree::text(form() == "machine code" ? "always" : "never")},
         {"relative_tolerance", ParameterTree::real(tolerance)},
         {"absolute_tolerance", ParameterTree::real(tolerance)},
     });
     CompiledFactory<SceneOf> factory(scene_case_.parameters);
     try {
       simulation_.emplace(readScene(tree, factory));
+      if (form() == "machine code" && !simulation_->loadMachineCode(true)) return "no machine code";
     } catch (const std::exception& error) {
       return error.what();
     }
@@ -345,8 +347,9 @@ void addMethods(const SceneCase& scene, const std::string& folder, Methods& meth
        {"auto", "dopri5", "fehlberg78", "dop853", "rosenbrock4", "radau5", "radau"}) {
     // One stepper shows what formulas cost.
     if (!has_compiled || std::string(stepper) == "auto") {
-      methods.push_back(
-          std::make_unique<Ours<SceneOf>>(stepper, "formulas", scene, formulas, folder));
+      for (const char* form : {"formulas", "machine code"}) {
+        methods.push_back(std::make_unique<Ours<SceneOf>>(stepper, form, scene, formulas, folder));
+      }
     }
     if (has_compiled) {
       methods.push_back(
