@@ -114,7 +114,8 @@ class MotionSeries {
   int row_of_connection_[kMaxShafts] = {};       ///< 1/2 J_i' omega
 
   static constexpr int kRoom = kMostOrder + 1;
-  double inverse_[(kMaxShafts + kMaxRows) * (kMaxShafts + kMaxRows)] = {};
+  /// The inverse matrix, and behind it 1 / unit.
+  double inverse_[(kMaxShafts + kMaxRows) * (kMaxShafts + kMaxRows) + 1] = {};
   double reaction_rate_[kMaxShafts][kRoom] = {};  ///< J^-1 R, of Gamma R omega
   double input_[kMaxInputs][kRoom + 3] = {};
 };

@@ -40,13 +40,15 @@ std::string MotionSeries::writeOrder() const {
   for (int i = 0; i < S; ++i) {
     text << "  double a" << i << " = " << at(row_of_torque_[i], "n") << ";\n";
     const char* const last = is_classical_ ? "n" : "(n - 1)";
-    std::string rest = "0.0";
+    std::string rest;
     for (int m = 0; m < k_; ++m) {
       if (program_.isConstant(C(m, i))) continue;
-      rest += " + " + program_.writeConvolution(C(m, i), row_of_multiplier_[m], "1", last);
+      rest += (rest.empty() ? "0.0 + " : " + ") +
+              program_.writeConvolution(C(m, i), row_of_multiplier_[m], last);
     }
-    text << "  a" << i << " = a" << i << " + " << (is_classical_ ? "1.0" : "u / n") << " * ("
-         << rest << ");\n";
+    if (rest.empty()) continue;
+    text << "  a" << i << " = a" << i << " + " << (is_classical_ ? "1.0" : "u * (1.0 / n)")
+         << " * (" << rest << ");\n";
   }
   for (int m = 0; m < k_; ++m) {
     const std::string g = "a" + std::to_string(S + m);
@@ -59,7 +61,7 @@ std::string MotionSeries::writeOrder() const {
       text << "  for (int j = 1; j < n; ++j) " << g << " += (n - j) * " << at(C(m, i), "j") << " * "
            << at(row_of_acceleration_[i], "n - j") << ";\n";
     }
-    text << "  " << g << " = -" << g << " / n;\n";
+    text << "  " << g << " = -" << g << " * (1.0 / n);\n";
   }
   const int size = S + k_;
   for (int i = 0; i < size; ++i) {
@@ -72,11 +74,12 @@ std::string MotionSeries::writeOrder() const {
   for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "x" + std::to_string(i));
   for (int m = 0; m < k_; ++m) {
     const std::string mu = "x" + std::to_string(S + m);
-    set(row_of_multiplier_[m], is_classical_ ? "n" : "n - 1", is_classical_ ? mu : mu + " * n / u");
+    set(row_of_multiplier_[m], is_classical_ ? "n" : "n - 1",
+        is_classical_ ? mu : mu + " * n * k[" + std::to_string(size * size) + "]");
   }
   for (int i = 0; i < S; ++i) {
-    set(row_of_velocity_[i], "n + 1", "u / (n + 1) * x" + std::to_string(i));
-    set(row_of_angle_[i], "n + 1", "u / (n + 1) * " + at(row_of_velocity_[i], "n"));
+    set(row_of_velocity_[i], "n + 1", "u * (1.0 / (n + 1)) * x" + std::to_string(i));
+    set(row_of_angle_[i], "n + 1", "u * (1.0 / (n + 1)) * " + at(row_of_velocity_[i], "n"));
   }
   text << "  series_accelerated(n, r, s);\n";
   return text.str();

@@ -99,9 +99,8 @@ std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::M
     return "a law reads a function that is not a formula";
   }
   std::string reason;
-  const std::shared_ptr<KernelLibrary> library =
-      KernelLibrary::load(series == nullptr ? writeSource() : writeSource() + series->writeSource(),
-                          missing, &reason);
+  const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(
+      series == nullptr ? writeSource() : writeSource() + series->writeSource(), missing, &reason);
   if (library == nullptr) return reason;
   *compiled = library->wasCompiled();
   host_ = {tables_.data(), tables2_.data(),

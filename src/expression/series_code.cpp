@@ -15,26 +15,24 @@ static inline __attribute__((always_inline)) Four load(const double* from) {
   __builtin_memcpy(&values, from, sizeof values);
   return values;
 }
-/* sum of a[j] b[j] for j < count, rounded up to four at a time */
+/* sum of a[j] b[j] for j < count, every fourth term into one of four sums */
 static inline __attribute__((always_inline)) double dot(const double* a, const double* b, int count) {
-  Four sum = load(a) * load(b);
-  for (int j = 4; j < count; j += 4) sum += load(a + j) * load(b + j);
-  return (sum[0] + sum[2]) + (sum[1] + sum[3]);
-}
-/* the same to the very end */
-static inline __attribute__((always_inline)) double exact(const double* a, const double* b, int count) {
-  double first = 0.0;
-  double second = 0.0;
+  Four sum = {0.0, 0.0, 0.0, 0.0};
   int j = 0;
-  for (; j + 1 < count; j += 2) {
-    first += a[j] * b[j];
-    second += a[j + 1] * b[j + 1];
-  }
-  if (j < count) first += a[j] * b[j];
-  return first + second;
+  for (; j + 4 <= count; j += 4) sum += load(a + j) * load(b + j);
+  double s0 = sum[0], s1 = sum[1], s2 = sum[2];
+  if (j < count) s0 += a[j] * b[j];
+  if (j + 1 < count) s1 += a[j + 1] * b[j + 1];
+  if (j + 2 < count) s2 += a[j + 2] * b[j + 2];
+  return (s0 + s2) + (s1 + sum[3]);
 }
-static inline __attribute__((always_inline)) double part(const double* a, const double* b, int low, int high) {
+static inline __attribute__((always_inline)) double between(const double* a, const double* b, int low, int high) {
   return low > high ? 0.0 : dot(a + low, b + low, high - low + 1);
+}
+static inline __attribute__((always_inline)) double squareOf(const double* x, const double* back, int n) {
+  double sum = 2.0 * dot(x + 1, back - (n - 1), (n - 1) / 2);
+  if (n % 2 == 0) sum += x[n / 2] * x[n / 2];
+  return sum + 2.0 * (x[0] * x[n]);
 }
 static inline int least(int a, int b) { return a < b ? a : b; }
 static inline int most(int a, int b) { return a > b ? a : b; }
@@ -62,18 +60,18 @@ class SeriesWriter {
     return text_.str();
   }
 
-  /// See SeriesProgram::convolve.
-  std::string convolve(int a, int b, const std::string& first, const std::string& n) const {
-    const auto degree = [&](int row) { return program_.degree(row); };
-    std::string low = first;
+  /// See SeriesProgram::convolveInside, convolveOld.
+  std::string convolveInside(int a, int b) const {
+    std::string low = "1";
+    std::string high = "n - 1";
+    if (isPolynomial(b)) low = "most(1, n - " + std::to_string(program_.degree(b)) + ")";
+    if (isPolynomial(a)) high = "least(n - 1, " + std::to_string(program_.degree(a)) + ")";
+    return "between(" + forward(a) + ", " + backward(b) + " - n, " + low + ", " + high + ")";
+  }
+  std::string convolveOld(int a, int b, const std::string& n) const {
     std::string high = n;
-    if (degree(b) < SeriesProgram::kNoDegree) {
-      low = "most(" + first + ", " + n + " - " + std::to_string(degree(b)) + ")";
-    }
-    if (degree(a) < SeriesProgram::kNoDegree) {
-      high = "least(" + n + ", " + std::to_string(degree(a)) + ")";
-    }
-    return "part(" + forward(a) + ", " + backward(b) + " - (" + n + "), " + low + ", " + high + ")";
+    if (isPolynomial(a)) high = "least(" + n + ", " + std::to_string(program_.degree(a)) + ")";
+    return "between(" + forward(a) + ", " + backward(b) + " - (" + n + "), 1, " + high + ")";
   }
 
  private:
@@ -93,8 +91,16 @@ class SeriesWriter {
     text_ << "  { const double y = " << value << "; " << forward(row) << "[" << at << "] = y; "
           << backward(row) << "[-(" << at << ")] = y; }\n";
   }
-  std::string chain(int rate, int w) const {
-    return "dot(" + forward(rate) + ", " + backward(w) + " - (n - 1), n) / n";
+  bool isPolynomial(int row) const { return program_.degree(row) < SeriesProgram::kNoDegree; }
+  std::string sumOfRates(int rate, int w) const {
+    return "(dot(" + forward(rate) + ", " + backward(w) + " - (n - 1), n - 1) + " + forward(rate) +
+           "[n - 1] * " + forward(w) + "[0])";
+  }
+  std::string chain(int rate, int w) const { return sumOfRates(rate, w) + " * (1.0 / n)"; }
+  /// See SeriesProgram::square.
+  std::string square(int a) const {
+    const std::string x = forward(a);
+    return "squareOf(" + x + ", " + backward(a) + ", n)";
   }
   std::string number(double value) const {
     if (std::isinf(value)) return value > 0.0 ? "(1.0 / 0.0)" : "(-1.0 / 0.0)";
@@ -139,26 +145,26 @@ class SeriesWriter {
     const int y = it.result;
     switch (it.code) {
       case Code::kLinear: {
-        std::string sum = "0.0";
+        std::string sum;
         for (int n = 0; n < it.aux[1]; ++n) {
           const SeriesProgram::Term& term =
               program_.terms_[static_cast<std::size_t>(it.aux[0] + n)];
-          sum += " + " + number(term.factor) + " * " + coefficient(term.row);
+          if (n > 0) sum += " + ";
+          sum += number(term.factor) + " * " + coefficient(term.row);
         }
         set(y, sum);
         return;
       }
       case Code::kMultiply:
-        set(y, convolve(a, b, "0", "n"));
+        set(y, convolveInside(a, b) + " + (" + forward(a) + "[0] * " + coefficient(b) + " + " +
+                   coefficient(a) + " * " + forward(b) + "[0])");
         return;
       case Code::kSquare:
-        text_ << "  { double y = 2.0 * exact(" << forward(a) << ", " << backward(a)
-              << " - n, (n + 1) / 2); if (n % 2 == 0) y += " << forward(a) << "[n / 2] * "
-              << forward(a) << "[n / 2]; " << coefficient(y) << " = y; " << backward(y)
-              << "[-n] = y; }\n";
+        set(y, square(a));
         return;
       case Code::kDivide:
-        set(y, "(" + coefficient(a) + " - " + convolve(b, y, "1", "n") + ") * " + state(it));
+        set(y, "(" + coefficient(a) + " - (" + convolveInside(b, y) + " + " + coefficient(b) +
+                   " * " + forward(y) + "[0])) * " + state(it));
         return;
       case Code::kRate:
         text_ << "  " << forward(y) << "[n - 1] = n * " << coefficient(a) << ";\n";
@@ -201,31 +207,30 @@ class SeriesWriter {
       case Code::kTan:
       case Code::kTanh:
         set(y, chain(rate, other));
-        set(other, std::string(it.code == Code::kTan ? "1.0" : "-1.0") + " * dot(" + forward(y) +
-                       ", " + backward(y) + " - n, n + 1)");
+        set(other, std::string(it.code == Code::kTan ? "1.0" : "-1.0") + " * " + square(y));
         return;
       case Code::kPrimitive: {
         const int p = it.operands[2];
         const int w = it.operands[3];
         text_ << "  { const double q = (" << forward(p) << "[n - 1] - (n > 1 ? "
-              << convolve(w, other, "1", "(n - 1)") << " : 0.0)) / " << forward(w) << "[0];\n";
+              << convolveOld(w, other, "n - 1") << " : 0.0)) / " << forward(w) << "[0];\n";
         set(other, "q", "(n - 1)");
-        set(y, number(it.constant) + " * q / n");
+        set(y, number(it.constant) + " * q * (1.0 / n)");
         text_ << "  }\n";
         return;
       }
       case Code::kWronskian:
-        text_ << "  " << forward(y) << "[n - 1] = dot(" << forward(it.operands[3]) << ", "
-              << backward(a) << " - (n - 1), n) - dot(" << forward(it.operands[2]) << ", "
-              << backward(it.operands[1]) << " - (n - 1), n);\n";
+        text_ << "  " << forward(y) << "[n - 1] = " << sumOfRates(it.operands[3], a) << " - "
+              << sumOfRates(it.operands[2], it.operands[1]) << ";\n";
         return;
       case Code::kSqrt:
-        set(y, "(" + coefficient(a) + " - exact(" + forward(y) + " + 1, " + backward(y) +
+        set(y, "(" + coefficient(a) + " - dot(" + forward(y) + " + 1, " + backward(y) +
                    " - (n - 1), n - 1)) / (2.0 * " + forward(y) + "[0])");
         return;
       case Code::kPower:
-        set(y, "((" + number(it.constant) + " + 1.0) * (" + chain(rate, y) + ") - " +
-                   convolve(a, y, "1", "n") + ") / " + forward(a) + "[0]");
+        set(y, "((" + number(it.constant) + " + 1.0) * (" + chain(rate, y) + ") - " + "(" +
+                   convolveInside(a, y) + " + " + coefficient(a) + " * " + forward(y) + "[0])) / " +
+                   forward(a) + "[0]");
         return;
       default:
         return;
@@ -274,7 +279,7 @@ class SeriesWriter {
     int before = base;
     for (int i = 2; i <= degree; ++i) {
       text_ << "  if (n >= " << i << ")\n";
-      set(powers[i], "exact(" + forward(base) + " + 1, " + backward(before) + " - (n - 1), n - " +
+      set(powers[i], "dot(" + forward(base) + " + 1, " + backward(before) + " - (n - 1), n - " +
                          std::to_string(i - 1) + ")");
       before = powers[i];
     }
@@ -308,7 +313,7 @@ class SeriesWriter {
       }
       set(piece.sums[i], "inner");
       const int power = i == 1 ? x : piece.powers_x[i];
-      text_ << "  if (n >= " << i << ") sum += exact(" << forward(power) << " + " << i << ", "
+      text_ << "  if (n >= " << i << ") sum += dot(" << forward(power) << " + " << i << ", "
             << backward(piece.sums[i]) << " - (n - " << i << "), n - " << i - 1 << "); }\n";
     }
     set(it.result, "sum");
@@ -319,9 +324,8 @@ class SeriesWriter {
   std::ostringstream text_;
 };
 
-std::string SeriesProgram::writeConvolution(int a, int b, const std::string& first,
-                                            const std::string& n) const {
-  return SeriesWriter(*this).convolve(a, b, first, n);
+std::string SeriesProgram::writeConvolution(int a, int b, const std::string& n) const {
+  return SeriesWriter(*this).convolveOld(a, b, n);
 }
 
 std::string SeriesProgram::writeCode(Part part) const {

@@ -18,40 +18,53 @@ Two load(const double* from) {
   return values;
 }
 
-/// sum_{j < count} a[j] b[j], rounded up to four at a time: what lies behind the end has to be
-/// finite in one and 0 in the other.
+/// sum_{j < count} a[j] b[j], every fourth term into one of four sums. What was written just before
+/// is best left out of it: a load of several numbers waits until each of them has reached memory.
 double dot(const double* a, const double* b, int count) {
-  Two first = load(a) * load(b);
-  Two second = load(a + 2) * load(b + 2);
-  for (int j = 4; j < count; j += 4) {
+  Two first = {0.0, 0.0};
+  Two second = {0.0, 0.0};
+  int j = 0;
+  for (; j + 4 <= count; j += 4) {
     first += load(a + j) * load(b + j);
     second += load(a + j + 2) * load(b + j + 2);
   }
-  first += second;
-  return first[0] + first[1];
-}
-
-/// The same to the very end.
-double dotExactly(const double* a, const double* b, int count) {
-  double first = 0.0;
-  double second = 0.0;
-  int j = 0;
-  for (; j + 1 < count; j += 2) {
-    first += a[j] * b[j];
-    second += a[j + 1] * b[j + 1];
-  }
-  if (j < count) first += a[j] * b[j];
-  return first + second;
+  if (j < count) first[0] += a[j] * b[j];
+  if (j + 1 < count) first[1] += a[j + 1] * b[j + 1];
+  if (j + 2 < count) second[0] += a[j + 2] * b[j + 2];
+  return (first[0] + second[0]) + (first[1] + second[1]);
 }
 
 constexpr double kFactorial[] = {1.0, 1.0, 2.0, 6.0, 24.0, 120.0};
 
 }  // namespace
 
-double SeriesProgram::convolve(int a, int b, int first, int n) const {
-  const int low = std::max(first, n - degree(b));
-  const int high = std::min(n, degree(a));
+double SeriesProgram::convolveInside(int a, int b, int n) const {
+  const int low = std::max(1, n - degree(b));
+  const int high = std::min(n - 1, degree(a));
   return low > high ? 0.0 : dot(forward(a) + low, backward(b) - n + low, high - low + 1);
+}
+
+double SeriesProgram::convolve(int a, int b, int n) const {
+  if (n == 0) return forward(a)[0] * forward(b)[0];
+  return convolveInside(a, b, n) + (forward(a)[0] * forward(b)[n] + forward(a)[n] * forward(b)[0]);
+}
+
+double SeriesProgram::convolveOld(int a, int b, int n) const {
+  const int high = std::min(n, degree(a));
+  return high < 1 ? 0.0 : dot(forward(a) + 1, backward(b) - (n - 1), high);
+}
+
+double SeriesProgram::sumOfRates(int rate, int w, int n) const {
+  return dot(forward(rate), backward(w) - (n - 1), n - 1) + forward(rate)[n - 1] * forward(w)[0];
+}
+
+double SeriesProgram::square(int a, int n) const {
+  // 2 a_0 a_n + 2 sum_{0 < j < n/2} a_j a_{n-j} + a_{n/2}^2
+  const double* const x = forward(a);
+  if (n == 0) return x[0] * x[0];
+  double sum = 2.0 * dot(x + 1, backward(a) - (n - 1), (n - 1) / 2);
+  if (n % 2 == 0) sum += x[n / 2] * x[n / 2];
+  return sum + 2.0 * (x[0] * x[n]);
 }
 
 void SeriesProgram::clear() {
@@ -104,29 +117,28 @@ void SeriesProgram::carryOut(const Instruction& it, int n) {
     case Code::kLinear: {
       const Term* term = terms_.data() + it.aux[0];
       const Term* const end = term + it.aux[1];
-      double sum = n == 0 ? it.constant : 0.0;
-      for (; term != end; ++term) sum += term->factor * forward(term->row)[n];
+      double sum = term->factor * forward(term->row)[n];
+      for (++term; term != end; ++term) sum += term->factor * forward(term->row)[n];
+      if (n == 0) sum += it.constant;
       write(it.result, n, sum);
       return;
     }
     case Code::kMultiply:
-      write(it.result, n, convolve(a, b, 0, n));
+      write(it.result, n, convolve(a, b, n));
       return;
-    case Code::kSquare: {
-      // 2 sum_{j < n/2} a_j a_{n-j} + a_{n/2}^2
-      const double* const x = forward(a);
-      double sum = 2.0 * dotExactly(x, backward(a) - n, (n + 1) / 2);
-      if (n % 2 == 0) sum += x[n / 2] * x[n / 2];
-      write(it.result, n, sum);
+    case Code::kSquare:
+      write(it.result, n, square(a, n));
       return;
-    }
     case Code::kDivide:
       if (n == 0) {
         state(it) = 1.0 / forward(b)[0];
         write(it.result, 0, forward(a)[0] / forward(b)[0]);
         return;
       }
-      write(it.result, n, (forward(a)[n] - convolve(b, it.result, 1, n)) * state(it));
+      write(it.result, n,
+            (forward(a)[n] -
+             (convolveInside(b, it.result, n) + forward(b)[n] * forward(it.result)[0])) *
+                state(it));
       return;
     case Code::kRate:
       if (n > 0) forward(it.result)[n - 1] = n * forward(a)[n];
@@ -172,10 +184,7 @@ void SeriesProgram::continueFunction(const Instruction& it, int n) {
   const int a = it.operands[0];
   const int y = it.result;
   const double x = forward(a)[0];
-  // sum_{j=1..n} j x_j w_{n-j}
-  const auto chain = [&](int rate, int w) {
-    return dot(forward(rate), backward(w) - (n - 1), n) / n;
-  };
+  const auto chain = [&](int rate, int w) { return sumOfRates(rate, w, n) * (1.0 / n); };
   switch (it.code) {
     case Code::kExp:
       write(y, n, n == 0 ? std::exp(x) : chain(it.operands[1], y));
@@ -209,7 +218,7 @@ void SeriesProgram::continueFunction(const Instruction& it, int n) {
         write(w, 0, 1.0 / (cosine * cosine));
         return;
       }
-      write(w, n, sign * dot(forward(y), backward(y) - n, n + 1));
+      write(w, n, sign * square(y, n));
       return;
     }
     case Code::kPrimitive: {
@@ -222,16 +231,16 @@ void SeriesProgram::continueFunction(const Instruction& it, int n) {
       const int w = it.operands[3];
       const int q = it.aux[0];
       const double value =
-          (forward(p)[n - 1] - (n > 1 ? convolve(w, q, 1, n - 1) : 0.0)) / forward(w)[0];
+          (forward(p)[n - 1] - (n > 1 ? convolveOld(w, q, n - 1) : 0.0)) / forward(w)[0];
       write(q, n - 1, value);
-      write(y, n, it.constant * value / n);
+      write(y, n, it.constant * value * (1.0 / n));
       return;
     }
     case Code::kWronskian:
       // a b' - b a', coefficient n - 1
       if (n == 0) return;
-      forward(y)[n - 1] = dot(forward(it.operands[3]), backward(a) - (n - 1), n) -
-                          dot(forward(it.operands[2]), backward(it.operands[1]) - (n - 1), n);
+      forward(y)[n - 1] =
+          (sumOfRates(it.operands[3], a, n) - sumOfRates(it.operands[2], it.operands[1], n));
       return;
     case Code::kSqrt:
       if (n == 0) {
@@ -239,7 +248,7 @@ void SeriesProgram::continueFunction(const Instruction& it, int n) {
         return;
       }
       write(y, n,
-            (forward(a)[n] - dotExactly(forward(y) + 1, backward(y) - (n - 1), n - 1)) /
+            (forward(a)[n] - dot(forward(y) + 1, backward(y) - (n - 1), n - 1)) /
                 (2.0 * forward(y)[0]));
       return;
     case Code::kPower: {
@@ -248,7 +257,8 @@ void SeriesProgram::continueFunction(const Instruction& it, int n) {
         write(y, 0, std::pow(x, it.constant));
         return;
       }
-      const double sum = (it.constant + 1.0) * chain(it.operands[1], y) - convolve(a, y, 1, n);
+      const double sum = (it.constant + 1.0) * chain(it.operands[1], y) -
+                         (convolveInside(a, y, n) + forward(a)[n] * forward(y)[0]);
       write(y, n, sum / x);
       return;
     }
@@ -340,7 +350,7 @@ void SeriesProgram::continueTable(const Instruction& it, int n) {
   for (int i = 2; i <= std::min(piece.degree[0], n); ++i) {
     const int power = piece.powers_x[i];
     const int count = n - i + 1;  // x_1 .. x_{n-i+1}
-    const double value = dotExactly(forward(x) + 1, backward(before) - (n - 1), count);
+    const double value = dot(forward(x) + 1, backward(before) - (n - 1), count);
     write(power, n, value);
     sum += a[6 * i] * value;
     before = power;
@@ -370,7 +380,7 @@ void SeriesProgram::continueTable2(const Instruction& it, int n) {
   const auto raise = [&](int base, const int* powers, int degree) {
     int before = base;
     for (int i = 2; i <= std::min(degree, n); ++i) {
-      write(powers[i], n, dotExactly(forward(base) + 1, backward(before) - (n - 1), n - i + 1));
+      write(powers[i], n, dot(forward(base) + 1, backward(before) - (n - 1), n - i + 1));
       before = powers[i];
     }
   };
@@ -390,7 +400,7 @@ void SeriesProgram::continueTable2(const Instruction& it, int n) {
     write(piece.sums[i], n, inner);
     if (n >= i) {
       const int power = i == 1 ? x : piece.powers_x[i];
-      sum += dotExactly(forward(power) + i, backward(piece.sums[i]) - (n - i), n - i + 1);
+      sum += dot(forward(power) + i, backward(piece.sums[i]) - (n - i), n - i + 1);
     }
   }
   write(it.result, n, sum);

@@ -58,8 +58,8 @@ class SeriesProgram {
   void set(int row, int n, double value) { write(row, n, value); }
   /// The coefficients of a row, 0 first.
   const double* coefficients(int row) const { return forward(row); }
-  /// sum_{j=first..n} a_j b_{n-j} of two rows. [loop]
-  double convolve(int a, int b, int first, int n) const;
+  /// sum_{j=1..n} a_j b_{n-j} of two rows, none of whose coefficients is of this moment. [loop]
+  double convolveOld(int a, int b, int n) const;
   /// Coefficient n of the nodes of a part; those of the variables are there. kAccelerated follows
   /// kTrial, which was made with accelerations of 0 for n > 0, and corrects what that has made: of
   /// a product it takes a_0 b_n + a_n b_0 anew, and no more. [loop]
@@ -74,8 +74,8 @@ class SeriesProgram {
   /// `double* s`, and what stands before them.
   std::string writeCode(Part part) const;
   static const char* codePrelude();
-  /// The same of `convolve`, of row numbers and of C for the rest.
-  std::string writeConvolution(int a, int b, const std::string& first, const std::string& n) const;
+  /// `convolveOld` as C, n being C.
+  std::string writeConvolution(int a, int b, const std::string& n) const;
   double* rows() { return rows_.data(); }
   double* states() { return states_.data(); }
   /// The offset of coefficient 0 of a row in rows(), and of the row written backwards.
@@ -165,6 +165,14 @@ class SeriesProgram {
   }
   int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
   double& state(const Instruction& it) { return states_[static_cast<std::size_t>(it.state)]; }
+
+  /// sum_{j=0..n} a_j b_{n-j}, and 0 < j < n of it, which lower orders have made.
+  double convolve(int a, int b, int n) const;
+  double convolveInside(int a, int b, int n) const;
+  /// sum_{j=0..n} a_j a_{n-j}
+  double square(int a, int n) const;
+  /// sum_{j=1..n} j x_j w_{n-j} of the rates of x.
+  double sumOfRates(int rate, int w, int n) const;
 
   void run(const std::vector<int>& program, int n);
   void correct(int n);

@@ -1,10 +1,10 @@
 /// Steps by the motion's own series: `taylor`.
 ///
-/// The order follows from the tolerance and the step from the last coefficients. Of a series with
-/// the radius of convergence rho the work per unit of time is least with h = rho / e^2 and an order
-/// of N = 1 - ln(tolerance) / 2 (Jorba and Zou 2005, see series_program.h), where |x_N| h^N is the
-/// tolerance. The terms before it are then larger by e^2 each, and the step is the longest for
-/// which that holds of the last three: one of them may vanish by accident.
+/// The order N follows from the tolerance and the step from the last coefficients. Of N terms that
+/// fall from 1 to the tolerance each is the tolerance^(1/N) of the one before, h is that part of
+/// the radius of convergence, and the step is the longest for which the last three terms keep to
+/// that: one of them may vanish by accident. (Jorba and Zou 2005, see series_program.h, whose N = 1
+/// - ln(tolerance) / 2 counts the work of the coefficients alone.)
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -26,6 +26,9 @@ class TaylorStepper final : public Stepper {
         base_dxdt_(system.size()),
         least_angle_(system.readsAngles() ? 0 : S) {
     most_ = MotionSeries::orderFor(tolerance.relative);
+    const double ratio = std::pow(std::max(tolerance.relative, 1e-16), 1.0 / most_);
+    decay_[0] = 1.0;
+    for (int k = 1; k < kTerms; ++k) decay_[k] = ratio * decay_[k - 1];
   }
   const char* name() const override { return "taylor"; }
   int errorOrder() const override { return most_; }
@@ -56,7 +59,7 @@ class TaylorStepper final : public Stepper {
       const double* const c = coefficients(n);
       double term = 0.0;
       for (int k = firstTerm(); k <= last; ++k) {
-        term = std::max(term, std::abs(c[k]) * scale[last - k] * kDecay[last - k]);
+        term = std::max(term, std::abs(c[k]) * scale[last - k] * decay_[last - k]);
       }
       error_[n] = term;
       if (n >= least_angle_) norm = worseOf(norm, term / tolerance_.of(from.x[n], x_new[n]));
@@ -123,8 +126,6 @@ class TaylorStepper final : public Stepper {
   static constexpr int kLeastOrder = 3;
   /// Tolerances: what a component at most has that has died away.
   static constexpr double kFaint = 100.0;
-  /// e^-2n: a term that is n before the last one may be larger by as much.
-  static constexpr double kDecay[kTerms] = {1.0, 0.1353352832366127, 0.01831563888873418};
 
   static double power(double base, int exponent) {
     double result = 1.0;
@@ -186,29 +187,30 @@ class TaylorStepper final : public Stepper {
   void makeSeries(const double* x, double unit, double limit) {
     order_ = 0;
     is_short_ = false;
-    int scale = 0;
-    std::frexp(unit, &scale);
-    unit = std::ldexp(1.0, scale);
+    int exponent = 0;
+    std::frexp(unit, &exponent);
+    unit = std::ldexp(1.0, exponent);
     if (!series_->begin(base_time_, x, unit, most_)) return;
     const double theta = limit / unit;
-    double small = 0;
+    double scale = size_ == 3 * S ? 1.0 : theta;  // theta^lastTerm()
+    int small = 0;
     while (order_ < most_ && !is_short_ && series_->extend()) {
       ++order_;
+      scale *= theta;
       // Two terms in a row that are nothing: the step cannot be longer than `limit` anyway.
-      small = isNothing(x, theta) ? small + 1 : 0;
+      small = isNothing(x, theta, scale) ? small + 1 : 0;
       is_short_ = small >= 2 && order_ > kLeastOrder;
     }
   }
-  /// The last terms at `theta` are a small part of the tolerance, and of what goes before them: of
-  /// something far below the tolerance that grows the digits count, too.
-  bool isNothing(const double* x, double theta) const {
+  /// The last terms, those of theta^k = `scale`, are a small part of the tolerance, and of what
+  /// goes before them: of something far below the tolerance that grows the digits count, too.
+  bool isNothing(const double* x, double theta, double scale) const {
     constexpr double kPart = 1e-3;
     constexpr double kDigits = 1e-6;
     const int last = lastTerm();
     for (int n = least_angle_; n < size_; ++n) {
       const double* const c = coefficients(n);
-      const double scale = power(theta, last - 1);
-      const double term = std::abs(c[last]) * theta * scale;
+      const double term = std::abs(c[last]) * scale;
       if (!(term <= kPart * tolerance_.of(x[n]))) return false;
       if (!(term <= kDigits * std::max(std::abs(c[0]), std::abs(c[1]) * theta))) return false;
     }
@@ -228,7 +230,7 @@ class TaylorStepper final : public Stepper {
     }
     double least = std::numeric_limits<double>::infinity();
     for (int k = firstTerm(); k <= last; ++k) {
-      const double term = largest[last - k] * kDecay[last - k];
+      const double term = largest[last - k] * decay_[last - k];
       if (term > 0.0) least = std::min(least, -std::log2(term) / k);
     }
     length_ = series_->unit() * std::exp2(least);
@@ -241,6 +243,9 @@ class TaylorStepper final : public Stepper {
   int order_ = 0;
   bool is_short_ = false;
   double length_ = 0.0;
+  /// A term so many before the last one may be larger than the tolerance by the inverse of this: of
+  /// N terms that fall from 1 to the tolerance.
+  double decay_[kTerms] = {};
   double limit_ = 0.0;
   double base_time_ = std::numeric_limits<double>::quiet_NaN();
   State base_x_;

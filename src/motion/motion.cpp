@@ -68,7 +68,8 @@ bool Motion::loadMachineCode(bool compile) {
   const Clock::time_point begin = Clock::now();
   bool compiled = false;
   const std::string reason = drivetrain_.loadMachineCode(
-      system_.series(), compile ? KernelLibrary::Missing::kCompile : KernelLibrary::Missing::kLeave, &compiled);
+      system_.series(), compile ? KernelLibrary::Missing::kCompile : KernelLibrary::Missing::kLeave,
+      &compiled);
   has_machine_code_ = reason.empty();
   if (!has_machine_code_) {
     machine_code_ = "the interpreter: " + reason;
