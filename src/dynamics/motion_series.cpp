@@ -202,6 +202,7 @@ void MotionSeries::setInputs(double t, int order) {
 }
 
 bool MotionSeries::begin(double t, const double* x, double unit, int most) {
+  ++stamp_;
   unit_ = unit;
   inverse_[(S + k_) * (S + k_)] = 1.0 / unit;  // exact: a power of 2
   order_ = 0;

@@ -18,6 +18,7 @@
 /// (1998) 195-211, of which this is the case of one pattern of offsets.)
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -42,6 +43,8 @@ class MotionSeries {
   /// One order more, of epsilon. False where it is not finite: nothing further then. [loop]
   bool extend();
   int order() const { return order_; }
+  /// Another number after every `begin`: whose series these are.
+  std::uint64_t stamp() const { return stamp_; }
 
   /// Coefficients: of a shaft's acceleration up to order(), of its velocity and angle up to one
   /// more.
@@ -49,8 +52,10 @@ class MotionSeries {
   const double* velocity(int i) const { return program_.coefficients(row_of_velocity_[i]); }
   const double* acceleration(int i) const { return program_.coefficients(row_of_acceleration_[i]); }
   double unit() const { return unit_; }
-  /// The series as C, and its code from then on: no bit of them changes. Not in the loop.
+  /// The orders as C.
   std::string writeSource() const;
+  /// Goes over to their code, which changes no bit. False where it is not there or does not give
+  /// the interpreter's numbers. Not in the loop.
   bool use(const KernelLibrary& library);
   /// The order with which steps of this relative tolerance do the least work.
   static int orderFor(double relative_tolerance);
@@ -62,6 +67,8 @@ class MotionSeries {
   void compile();
 
   std::string writeOrder() const;
+  /// Coefficients at a state that tells code and interpreter apart, as far as they come.
+  std::vector<double> expandAt(int state);
   void setInputs(double t, int order);
   void beginReaction(const double* x);
   /// The inverse of [J_0 -C_0^T; C_0 0], or of what Newton's iteration has in its place. False
@@ -93,6 +100,7 @@ class MotionSeries {
   std::vector<OrderCode> codes_;
   double unit_ = 1.0;
   int order_ = 0;
+  std::uint64_t stamp_ = 0;
 
   // Rows of the program.
   int row_of_time_ = -1;

@@ -1,6 +1,7 @@
 // The orders of a motion's series as C: the statements of MotionSeries::continueTo with the order a
 // constant of each, so that the compiler unrolls every sum.
 #include <algorithm>
+#include <cmath>
 #include <sstream>
 
 #include "dynamics/motion_series.h"
@@ -18,6 +19,16 @@ struct NamedPart {
 constexpr NamedPart kParts[] = {{"series_given", Part::kGiven},
                                 {"series_trial", Part::kTrial},
                                 {"series_accelerated", Part::kAccelerated}};
+
+/// States, some near to 0, at which code has to give the interpreter's numbers.
+constexpr int kStates = 6;
+
+bool isSame(const std::vector<double>& a, const std::vector<double>& b) {
+  return a.size() == b.size() &&
+         std::equal(a.begin(), a.end(), b.begin(), [](double one, double other) {
+           return one == other && std::signbit(one) == std::signbit(other);
+         });
+}
 
 std::string nameOf(int order) {
   return "series_order_" + std::to_string(order);
@@ -113,8 +124,32 @@ bool MotionSeries::use(const KernelLibrary& library) {
     codes.push_back(reinterpret_cast<OrderCode>(library.find(nameOf(n).c_str())));
     if (codes.back() == nullptr) return false;
   }
+  for (int n = 0; n < kStates; ++n) {
+    const std::vector<double> interpreted = expandAt(n);
+    codes_ = codes;
+    const bool is_same = isSame(interpreted, expandAt(n));
+    codes_.clear();
+    if (!is_same) return false;
+  }
   codes_ = codes;
   return true;
+}
+
+std::vector<double> MotionSeries::expandAt(int state) {
+  double x[3 * kMaxShafts];
+  for (int i = 0; i < 3 * S; ++i) {
+    x[i] = (state % 2 == 0 ? 20.0 : 0.5) * std::abs(std::sin(1.0 + 7.3 * state + 3.1 * i));
+  }
+  std::vector<double> coefficients;
+  const int order = orderFor(scene_.solver.relative_tolerance);
+  if (!begin(0.37 * state, x, 0.0625, order)) return coefficients;
+  while (this->order() < order && extend()) {
+    for (int i = 0; i < S; ++i) {
+      coefficients.push_back(acceleration(i)[this->order()]);
+      coefficients.push_back(torque(i)[this->order()]);
+    }
+  }
+  return coefficients;
 }
 
 }  // namespace variator_sim

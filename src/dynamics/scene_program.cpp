@@ -130,7 +130,9 @@ std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::M
       }
     }
   }
-  if (series != nullptr && !series->use(*library)) return "it has no series";
+  if (series != nullptr && !series->use(*library)) {
+    return "it does not give the interpreter's numbers";
+  }
   library_ = library;
   for (const auto& [name, program] : parts) {
     program->use(reinterpret_cast<Kernel>(library->find(name)), &host_);

@@ -7,6 +7,7 @@
 /// - ln(tolerance) / 2 counts the work of the coefficients alone.)
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <memory>
 
@@ -85,8 +86,9 @@ class TaylorStepper final : public Stepper {
   }
 
   /// Q of the series: that at the end is compared with it, whatever lies between.
-  void calcTorqueGain(System& /*system*/, const StepNode& from, const StepNode& to,
+  void calcTorqueGain(System& system, const StepNode& from, const StepNode& to,
                       TorqueGain& gain) override {
+    expand(system, from, limit_);
     const double theta = (to.time - from.time) / series_->unit();
     for (int i = 0; i < S; ++i) {
       const double* const Q = series_->torque(i);
@@ -115,8 +117,10 @@ class TaylorStepper final : public Stepper {
     return stiffest;
   }
 
-  bool interpolate(System& /*system*/, double time, const StepNode& /*from*/,
-                   const StepNode& /*to*/, State& x) override {
+  bool interpolate(System& system, double time, const StepNode& from, const StepNode& /*to*/,
+                   State& x) override {
+    expand(system, from, limit_);
+    if (order_ < kLeastOrder) return false;
     evaluate(time - base_time_, x);
     return true;
   }
@@ -160,7 +164,9 @@ class TaylorStepper final : public Stepper {
 
   /// The series at `from`, as far as steps of `limit` need it.
   void expand(System& system, const StepNode& from, double limit) {
-    if (from.time == base_time_ && from.x == base_x_ && from.dxdt == base_dxdt_) {
+    // The series are the system's: another stepper may have been there.
+    const bool is_own = series_ != nullptr && series_->stamp() == stamp_;
+    if (is_own && from.time == base_time_ && from.x == base_x_ && from.dxdt == base_dxdt_) {
       if (limit <= limit_ || order_ == most_) return;
     }
     series_ = system.series();
@@ -181,6 +187,7 @@ class TaylorStepper final : public Stepper {
       if (order_ >= kLeastOrder && (order_ == most_ || is_short_)) break;
       unit *= 1.0 / 64.0;
     }
+    stamp_ = series_->stamp();
     if (order_ >= kLeastOrder) chooseLength(from.x);
   }
 
@@ -252,6 +259,7 @@ class TaylorStepper final : public Stepper {
   State base_dxdt_;
   int least_angle_;
   MotionSeries* series_ = nullptr;
+  std::uint64_t stamp_ = 0;
 };
 
 }  // namespace
