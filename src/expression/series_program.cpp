@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 namespace variator_sim::expression {
 
@@ -306,8 +307,9 @@ void SeriesProgram::continueBranch(const Instruction& it, int n) {
   }
 }
 
-void SeriesProgram::placePiece(const Instruction& it, Piece& piece, bool left_of_x,
-                               bool left_of_y) {
+void SeriesProgram::placePiece(const Instruction& it, Piece& piece) {
+  const bool left_of_x = piece.side[0] < 0;
+  const bool left_of_y = piece.side[1] < 0;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double* const a = states_.data() + piece.a;
   const double x0 = forward(it.operands[0])[0];
@@ -334,15 +336,15 @@ void SeriesProgram::continueTable(const Instruction& it, int n) {
   const double* const a = states_.data() + piece.a;
   const int x = it.operands[0];
   if (n == 0) {
-    placePiece(it, piece, false, false);
-    piece.is_decided = false;
+    piece.side[0] = 0;
+    placePiece(it, piece);
     write(it.result, 0, a[0]);
     return;
   }
   // A motion that begins at a point goes on in the piece on its left when it falls.
-  if (!piece.is_decided && forward(x)[n] != 0.0) {
-    piece.is_decided = true;
-    if (forward(x)[n] < 0.0) placePiece(it, piece, true, false);
+  if (piece.side[0] == 0 && forward(x)[n] != 0.0) {
+    piece.side[0] = forward(x)[n] < 0.0 ? -1 : 1;
+    if (piece.side[0] < 0) placePiece(it, piece);
   }
   // (x - x_0)^i = (x - x_0) (x - x_0)^(i-1)
   double sum = a[6] * forward(x)[n];
@@ -358,24 +360,40 @@ void SeriesProgram::continueTable(const Instruction& it, int n) {
   write(it.result, n, sum);
 }
 
+double SeriesProgram::sumAlongY(const Piece& piece, int i, int y, int n) const {
+  const double* const a = states_.data() + piece.a;
+  double sum = a[6 * i + 1] * forward(y)[n];
+  for (int j = 2; j <= std::min(piece.degree[1], n); ++j) {
+    sum += a[6 * i + j] * forward(piece.powers_y[j])[n];
+  }
+  return sum;
+}
+
 void SeriesProgram::continueTable2(const Instruction& it, int n) {
   Piece& piece = pieces_[static_cast<std::size_t>(it.state)];
   const double* const a = states_.data() + piece.a;
   const int x = it.operands[0];
   const int y = it.operands[1];
   if (n == 0) {
-    placePiece(it, piece, false, false);
-    piece.is_decided = false;
+    piece.side[0] = piece.side[1] = 0;
+    placePiece(it, piece);
     for (int i = 1; i <= piece.degree[0]; ++i) write(piece.sums[i], 0, a[6 * i]);
     write(it.result, 0, a[0]);
     return;
   }
-  if (!piece.is_decided && (forward(x)[n] != 0.0 || forward(y)[n] != 0.0)) {
-    piece.is_decided = true;
-    const bool falls_x = forward(x)[n] < 0.0;
-    const bool falls_y = forward(y)[n] < 0.0;
-    if (falls_x || falls_y) placePiece(it, piece, falls_x, falls_y);
-    for (int i = 1; i <= piece.degree[0]; ++i) write(piece.sums[i], 0, a[6 * i]);
+  // Either axis by itself: one of the two may move at a higher order only.
+  bool has_moved = false;
+  for (const auto& [axis, row] : {std::pair{0, x}, {1, y}}) {
+    if (piece.side[axis] != 0 || forward(row)[n] == 0.0) continue;
+    piece.side[axis] = forward(row)[n] < 0.0 ? -1 : 1;
+    has_moved = has_moved || piece.side[axis] < 0;
+  }
+  if (has_moved) {
+    placePiece(it, piece);
+    for (int i = 1; i <= piece.degree[0]; ++i) {
+      write(piece.sums[i], 0, a[6 * i]);
+      for (int m = 1; m < n; ++m) write(piece.sums[i], m, sumAlongY(piece, i, y, m));
+    }
   }
   const auto raise = [&](int base, const int* powers, int degree) {
     int before = base;
@@ -389,10 +407,7 @@ void SeriesProgram::continueTable2(const Instruction& it, int n) {
   // sum_i (x - x_0)^i sum_j a_ij (y - y_0)^j
   double sum = 0.0;
   for (int i = 0; i <= piece.degree[0]; ++i) {
-    double inner = a[6 * i + 1] * forward(y)[n];
-    for (int j = 2; j <= std::min(piece.degree[1], n); ++j) {
-      inner += a[6 * i + j] * forward(piece.powers_y[j])[n];
-    }
+    const double inner = sumAlongY(piece, i, y, n);
     if (i == 0) {
       sum += inner;
       continue;

@@ -85,8 +85,9 @@ class SeriesProgram {
   }
   /// False while the piece of some table is not known yet, which code cannot find out.
   bool isDecided() const {
-    return std::all_of(pieces_.begin(), pieces_.end(),
-                       [](const Piece& piece) { return piece.is_decided; });
+    return std::all_of(pieces_.begin(), pieces_.end(), [](const Piece& piece) {
+      return piece.side[0] != 0 && (piece.table2 == nullptr || piece.side[1] != 0);
+    });
   }
 
   /// After coefficients that are not finite: what they leave in sums. [loop]
@@ -141,12 +142,12 @@ class SeriesProgram {
     std::shared_ptr<const Table> table;
     std::shared_ptr<const Table2> table2;
     int order[2] = {};
-    int degree[2] = {};       ///< of what is left of the polynomial
-    int a = -1;               ///< in states_: 6 i + j of (x - x_0)^i (y - y_0)^j
-    bool is_decided = false;  ///< which piece
-    int powers_x[6] = {};     ///< rows from the second power on
-    int powers_y[6] = {};     ///< the same
-    int sums[6] = {};         ///< sum_j a_ij (y - y_0)^j
+    int degree[2] = {};    ///< of what is left of the polynomial
+    int a = -1;            ///< in states_: 6 i + j of (x - x_0)^i (y - y_0)^j
+    int side[2] = {};      ///< of x_0 and y_0: where the motion goes, 0 as long as it stands
+    int powers_x[6] = {};  ///< rows from the second power on
+    int powers_y[6] = {};  ///< the same
+    int sums[6] = {};      ///< sum_j a_ij (y - y_0)^j
   };
 
   static constexpr int kPad = 4;
@@ -184,7 +185,9 @@ class SeriesProgram {
   void continueBranch(const Instruction& it, int n);
   void continueTable(const Instruction& it, int n);
   void continueTable2(const Instruction& it, int n);
-  void placePiece(const Instruction& it, Piece& piece, bool left_of_x, bool left_of_y);
+  void placePiece(const Instruction& it, Piece& piece);
+  /// Coefficient n of sum_j a_ij (y - y_0)^j, n > 0.
+  double sumAlongY(const Piece& piece, int i, int y, int n) const;
 
   int capacity_ = 0;       ///< coefficients of a row, padding included
   std::size_t width_ = 0;  ///< the same
