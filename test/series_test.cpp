@@ -426,7 +426,15 @@ TEST(Series, AreTheSameWhereAccelerationsAreTriedFirst) {
     const double right = tried.coefficients(tried.variable(acceleration))[n];
     if (n > 0) tried.set(tried.variable(acceleration), n, 0.0);
     tried.evaluate(Part::kGiven, n);
-    if (n > 0) tried.evaluate(Part::kTrial, n);
+    if (n > 0) {
+      tried.evaluate(Part::kTrial, n);
+      // What is tried is known of the first outputs then.
+      SeriesProgram zero = tried;
+      zero.evaluate(Part::kAccelerated, n);
+      for (int i = 0; i < static_cast<int>(trial.size()); ++i) {
+        EXPECT_EQ(tried.coefficients(tried.output(i))[n], zero.coefficients(zero.output(i))[n]);
+      }
+    }
     tried.set(tried.variable(acceleration), n, right);
     tried.evaluate(Part::kAccelerated, n);
   }

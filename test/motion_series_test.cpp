@@ -1,0 +1,256 @@
+// The motion as power series: that the polynomial satisfies the equations of motion wherever it
+// has converged, and goes where another stepper goes.
+#include "dynamics/motion_series.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dynamics/principle_system.h"
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr int kOrder = MotionSeries::kMostOrder;
+constexpr double kStart = 0.37;  // s
+
+struct Case {
+  std::string name;
+  std::string text;
+};
+
+/// At `kStart` of a motion that begins with a command of 1.5 to every input.
+class Expansion {
+ public:
+  explicit Expansion(const Scene& scene)
+      : scene_(test::withStepper(test::withTolerance(scene, 1e-13), StepperKind::kDop853)),
+        simulation_(scene_),
+        system_(makeSystem(scene_, {})),
+        S(scene_.shaftCount()) {
+    Drivetrain& drivetrain = system_->drivetrain();
+    drivetrain.resetInputs();
+    for (int i = 0; i < scene_.inputCount(); ++i) {
+      simulation_.command(i, 1.5);
+      drivetrain.signal(i).command(scene_.inputs[static_cast<std::size_t>(i)], 0.0, 1.5);
+    }
+    drivetrain.saveSignals();
+    drivetrain.restoreSignals(kStart);
+    simulation_.advanceTo(kStart);
+    const Sample& sample = simulation_.sample();
+    x_.insert(x_.end(), sample.angle, sample.angle + S);
+    x_.insert(x_.end(), sample.velocity, sample.velocity + S);
+    x_.insert(x_.end(), sample.acceleration, sample.acceleration + S);
+  }
+
+  /// False where the scene has no series there.
+  bool expand(double unit, int order) {
+    unit_ = unit;
+    if (system_->series() == nullptr) return false;
+    if (!system_->series()->begin(kStart, x_.data(), unit, order)) return false;
+    for (int n = 1; n <= order; ++n) {
+      if (!system_->series()->extend()) return false;
+    }
+    return true;
+  }
+  /// Of angles, then velocities, then accelerations.
+  const double* coefficients(int n) const {
+    const MotionSeries& series = *system_->series();
+    return n < S       ? series.angle(n)
+           : n < 2 * S ? series.velocity(n - S)
+                       : series.acceleration(n - 2 * S);
+  }
+  /// s up to which nothing is left out.
+  double reach() const {
+    double reach = 1.0;
+    for (int n = 0; n < 3 * S; ++n) {
+      const double* const c = coefficients(n);
+      const double size = std::max(1.0, std::abs(c[0]));
+      for (int k = kOrder - 3; k <= kOrder; ++k) {
+        if (c[k] != 0.0) reach = std::min(reach, std::pow(1e-16 * size / std::abs(c[k]), 1.0 / k));
+      }
+    }
+    return reach;
+  }
+  static double sum(const double* c, double s) {
+    double sum = 0.0;
+    for (int k = kOrder; k >= 0; --k) sum = sum * s + c[k];
+    return sum;
+  }
+
+  /// x' of the polynomial is what the system says of x.
+  void expectEquations(double s) {
+    State x(system_->size());
+    State dxdt(system_->size());
+    for (int n = 0; n < x.size(); ++n) x[n] = sum(coefficients(n), s);
+    // Under `gauss` accelerations are looked for from these on.
+    for (int n = 0; n < x.size(); ++n) dxdt[n] = x_[static_cast<std::size_t>(S + n) % x_.size()];
+    system_->noteBase(kStart, x, dxdt);
+    (*system_)(x, dxdt, kStart + s * unit_);
+    double size = 1.0;
+    for (int n = 0; n < x.size(); ++n) size = std::max({size, std::abs(x[n]), std::abs(dxdt[n])});
+    for (int n = 0; n < x.size(); ++n) {
+      double slope = 0.0;
+      for (int k = kOrder; k > 0; --k) slope = slope * s + k * coefficients(n)[k];
+      EXPECT_NEAR(slope / unit_, dxdt[n], 1e-11 * size) << "x" << n << "' at s = " << s;
+    }
+  }
+  void expectMotion(double s) {
+    simulation_.advanceTo(kStart + s * unit_);
+    const Sample& sample = simulation_.sample();
+    ASSERT_TRUE(simulation_.status().ok()) << simulation_.describeStatus();
+    for (int i = 0; i < S; ++i) {
+      const auto near = [&](double value, double expected, const char* what) {
+        EXPECT_NEAR(value, expected, 3e-11 * std::max(1.0, std::abs(expected)))
+            << what << " of shaft " << i << " at s = " << s;
+      };
+      near(sum(coefficients(i), s), sample.angle[i], "angle");
+      near(sum(coefficients(S + i), s), sample.velocity[i], "velocity");
+      near(sum(coefficients(2 * S + i), s), sample.acceleration[i], "acceleration");
+      near(sum(system_->series()->torque(i), s), sample.applied_torque[i], "torque");
+    }
+  }
+
+ private:
+  const Scene scene_;
+  Simulation simulation_;
+  std::unique_ptr<PrincipleSystem> system_;
+  const int S;  // shafts
+  std::vector<double> x_;
+  double unit_ = 1.0;
+};
+
+std::string twoShafts(const std::string& rest, const std::string& more = "") {
+  return "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\n" + more +
+         "torques: [motor, drag]\n"
+         "motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
+         "\"12*((50-w1)/50)/(((50-w1)/50)^2+0.04)\"}\n"
+         "drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"-0.02*w2^2-0.1*w2\"}\n" +
+         rest;
+}
+std::string oneConstraint(const std::string& order, const std::string& expression) {
+  return "constraints: [v]\nv: {type: variator_sim/ExpressionConstraint, order: " + order +
+         ", expression: \"" + expression + "\"}\n";
+}
+std::string heldInput(const std::string& hold) {
+  return "inputs: [u]\nu: {topic: u, initial: 0.4, hold: " + hold + "}\n";
+}
+
+/// Four shafts, coupled, one of them with harmonics, and three constraints of all orders.
+const char* const kFour = R"yaml(
+shafts: [a, b, c, d]
+a: {inertia: 0.5}
+b: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}, {order: 2, cos: 0.1, sin: -0.15}]}}
+c: {inertia: 2.0}
+d: {inertia: 0.7}
+inertia_coupling: [[a, c, 0.1], [b, d, -0.2]]
+torques: [motor, drag]
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "20-w1+sin(phi1)"}
+drag: {type: variator_sim/ExpressionTorque, shaft: d, torque: "-0.5*w4"}
+constraints: [gear, slip, start]
+gear: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(0.5+0.1*sin(t))*w1"}
+slip: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.3*(e3-0.7*e2)*(1+0.01*e3^2)+w3-0.7*w2"}
+start: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j4*(2+0.1*e4)-0.3*cos(t)*e1"}
+initial: {velocity: [2, 1, 0.5, 0], project: true}
+)yaml";
+
+std::vector<Case> makeCases() {
+  const std::string start = "initial: {velocity: [5, 3], acceleration: [4, 2.75], project: true}\n";
+  const std::string least = "principle: gauss\ninitial: {velocity: [5, 3], project: true}\n";
+  const std::string order1 = oneConstraint("1", "w2-(0.6+0.1*sin(0.7*t)+0.01*tanh(phi1))*w1");
+  const std::string order2 =
+      oneConstraint("2", "e2-(0.6+0.1*sin(0.7*t))*e1-0.07*cos(0.7*t)*w1+0.1*(w2-0.6*w1)");
+  const std::string curved = oneConstraint(
+      "2", "0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2))+w2-(0.6+0.2*sin(0.7*t))*w1");
+  const std::string order3 = oneConstraint("3", "j2*(1+0.1*e1)-0.6*j1*cosh(0.1*w2)-0.1*cos(0.7*t)");
+  const std::string coupled = "inertia_coupling: [[a, b, 0.3]]\n";
+  std::vector<Case> cases = {
+      {"free", twoShafts("initial: {velocity: [5, 3]}\n")},
+      {"free_least", twoShafts("principle: gauss\ninitial: {velocity: [5, 3]}\n")},
+      {"order_1", twoShafts(order1 + start)},
+      {"order_1_least", twoShafts(order1 + least, coupled)},
+      {"order_2", twoShafts(order2 + start, coupled)},
+      {"order_2_least", twoShafts(order2 + least)},
+      {"curved", twoShafts(curved + start, coupled)},
+      {"curved_least", twoShafts(curved + least, coupled)},
+      {"order_3", twoShafts(order3 + start, coupled)},
+      {"four", kFour},
+      {"circle",
+       twoShafts(oneConstraint("2", "e1^2+e2^2-4") + "initial: {acceleration: [1.2, 1.6]}\n")},
+      {"crank",
+       "shafts: [a, b]\n"
+       "a: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.15}, {order: 2, cos: 0.05, "
+       "sin: 0.02}]}}\nb: {inertia: 2.0}\n" +
+           std::string("inertia_coupling: [[a, b, 0.3]]\ntorques: [motor]\nmotor: {type: "
+                       "variator_sim/ExpressionTorque, shaft: a, torque: \"5-0.3*w1\"}\n") +
+           order1 + "initial: {velocity: [5, 3], project: true}\n"},
+  };
+  cases.push_back({"crank_least", cases.back().text + "principle: gauss\n"});
+  // Inputs of every hold, in a torque and in constraints, where their rates count.
+  for (const char* hold :
+       {"zero_order", "first_order_lag, time_constant: 0.8", "rate_limit, rate: 0.6",
+        "first_order_hold, period: 2", "second_order_lag, time_constant: 0.7"}) {
+    const std::string name = "input_" + std::string(hold).substr(0, std::string(hold).find(','));
+    const std::string lagged = "0.2*(e2-u*e1)+w2-u*w1+0.01*e1^3";
+    cases.push_back({name, heldInput(hold) + twoShafts(oneConstraint("2", lagged) + start)});
+    cases.push_back(
+        {name + "_least", heldInput(hold) + twoShafts(oneConstraint("2", lagged) + least)});
+    if (std::string(hold).find("second") == 0) {
+      cases.push_back(
+          {name + "_1", heldInput(hold) + twoShafts(oneConstraint("1", "w2-u*w1") + start)});
+      cases.push_back(
+          {name + "_1_least", heldInput(hold) + twoShafts(oneConstraint("1", "w2-u*w1") + least)});
+    }
+  }
+  return cases;
+}
+
+class OfScene : public ::testing::TestWithParam<Case> {};
+
+TEST_P(OfScene, SatisfiesTheEquations) {
+  Expansion expansion(test::sceneFromText(GetParam().text));
+  ASSERT_TRUE(expansion.expand(0.25, kOrder));
+  const double reach = expansion.reach();
+  EXPECT_GT(reach, 0.02);
+  for (const double part : {0.0, 0.25, 0.5, 1.0}) {
+    expansion.expectEquations(part * reach);
+    expansion.expectMotion(part * reach);
+  }
+}
+
+// In another unit of time it is the same polynomial.
+TEST_P(OfScene, IsTheSameInEveryUnit) {
+  Expansion expansion(test::sceneFromText(GetParam().text));
+  const int size = 6;
+  ASSERT_TRUE(expansion.expand(1.0, kOrder));
+  std::vector<std::vector<double>> first;
+  for (int n = 0; n < size; ++n) {
+    first.emplace_back(expansion.coefficients(n), expansion.coefficients(n) + kOrder + 1);
+  }
+  ASSERT_TRUE(expansion.expand(0.125, kOrder));
+  for (int n = 0; n < size; ++n) {
+    for (int k = 0; k <= kOrder; ++k) {
+      const double expected =
+          std::ldexp(first[static_cast<std::size_t>(n)][static_cast<std::size_t>(k)], -3 * k);
+      EXPECT_NEAR(expansion.coefficients(n)[k], expected, 1e-12 * std::abs(expected) + 1e-300)
+          << "x" << n << ", order " << k;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(MotionSeries, OfScene, ::testing::ValuesIn(makeCases()),
+                         [](const auto& tested) { return tested.param.name; });
+
+TEST(MotionSeries, AreNoneOfOrder3UnderGauss) {
+  Expansion expansion(test::sceneFromText(
+      twoShafts(oneConstraint("3", "j2-0.6*j1") +
+                "principle: gauss\ninitial: {velocity: [5, 3], project: true}\n")));
+  EXPECT_FALSE(expansion.expand(0.25, 1));
+}
+
+}  // namespace
+}  // namespace variator_sim
