@@ -59,6 +59,7 @@ class SeriesCompiler {
   int addRow(int degree, bool is_accelerated) {
     made_.degree_.push_back(degree);
     made_.accelerated_.push_back(is_accelerated);
+    made_.has_pole_.push_back(false);
     producer_.push_back(-1);
     return static_cast<int>(made_.degree_.size()) - 1;
   }
@@ -77,12 +78,27 @@ class SeriesCompiler {
       }
     }
     it.result = addRow(degree, is_accelerated);
+    made_.has_pole_.back() = mayHavePole(it);
     std::vector<int> written = {it.result};
     for (int* const result : results) {
       *result = addRow(SeriesProgram::kNoDegree, is_accelerated);
       written.push_back(*result);
     }
     return place(it, written);
+  }
+  bool mayHavePole(const Instruction& it) const {
+    if (it.code == Code::kDivide || it.code == Code::kPower || it.code == Code::kTan ||
+        (it.code == Code::kPrimitive && it.begin == Begin::kLog)) {
+      return true;
+    }
+    const auto has_pole = [&](int row) {
+      return row >= 0 && made_.has_pole_[static_cast<std::size_t>(row)];
+    };
+    bool found = std::any_of(std::begin(it.operands), std::end(it.operands), has_pole);
+    for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
+      found = found || has_pole(made_.terms_[static_cast<std::size_t>(it.aux[0] + n)].row);
+    }
+    return found;
   }
   int place(const Instruction& it, const std::vector<int>& written) {
     for (const int row : written) {
@@ -235,6 +251,9 @@ class SeriesCompiler {
     return single(row, factor);
   }
 
+  /// The recurrence of other powers divides by x, which may be 0.
+  static constexpr double kMostMultiplied = 1000.0;
+
   /// x^n by the same products as powerOf.
   int multipliedPower(int x, int n) {
     if (n == 1) return x;
@@ -247,7 +266,7 @@ class SeriesCompiler {
     Form& exponent = forms_[static_cast<std::size_t>(entry.operands[1])];
     if (exponent.terms.empty()) {
       const double k = exponent.constant;
-      if (isMultipliedPower(k) && k != 0.0) {
+      if (k == std::trunc(k) && k != 0.0 && std::abs(k) <= kMostMultiplied) {
         Form raised = single(multipliedPower(rowOf(base), static_cast<int>(std::abs(k))));
         Form one;
         one.constant = 1.0;

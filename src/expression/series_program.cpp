@@ -134,6 +134,11 @@ void SeriesProgram::carryOut(const Instruction& it, int n) {
       if (n == 0) {
         state(it) = 1.0 / forward(b)[0];
         write(it.result, 0, forward(a)[0] / forward(b)[0]);
+        has_limit_ = has_limit_ || isAtLimit(b, it.result);
+        return;
+      }
+      if (isAtLimit(b, it.result)) {
+        write(it.result, n, 0.0);
         return;
       }
       write(it.result, n,
@@ -160,8 +165,17 @@ void SeriesProgram::carryOut(const Instruction& it, int n) {
       return;
     default:
       continueFunction(it, n);
+      if (n == 0) {
+        has_limit_ = has_limit_ || isAtLimit(a, it.result) ||
+                     (it.begin == Begin::kAtan2 && isAtLimit(b, it.result));
+      }
       return;
   }
+}
+
+bool SeriesProgram::isAtLimit(int operand, int result) const {
+  return std::isinf(forward(operand)[0]) && std::isfinite(forward(result)[0]) &&
+         !has_pole_[static_cast<std::size_t>(operand)];
 }
 
 double SeriesProgram::beginPrimitive(const Instruction& it) const {
@@ -186,6 +200,12 @@ void SeriesProgram::continueFunction(const Instruction& it, int n) {
   const int y = it.result;
   const double x = forward(a)[0];
   const auto chain = [&](int rate, int w) { return sumOfRates(rate, w, n) * (1.0 / n); };
+  const bool is_limit =
+      isAtLimit(a, y) || (it.begin == Begin::kAtan2 && isAtLimit(it.operands[1], y));
+  if (n > 0 && is_limit) {
+    write(y, n, 0.0);
+    return;
+  }
   switch (it.code) {
     case Code::kExp:
       write(y, n, n == 0 ? std::exp(x) : chain(it.operands[1], y));

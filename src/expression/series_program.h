@@ -64,6 +64,7 @@ class SeriesProgram {
   /// kTrial, which was made with accelerations of 0 for n > 0, and corrects what that has made: of
   /// a product it takes a_0 b_n + a_n b_0 anew, and no more. [loop]
   void evaluate(Part part, int n) {
+    if (part == Part::kGiven && n == 0) has_limit_ = false;
     if (part == Part::kAccelerated && n > 0) {
       correct(n);
     } else {
@@ -83,9 +84,10 @@ class SeriesProgram {
   std::size_t backwardOffset(int row) const {
     return offset(row) + width_ + static_cast<std::size_t>(capacity_ - 1 - kPad);
   }
-  /// False while the piece of some table is not known yet, which code cannot find out.
+  /// False while the piece of some table is not known yet, or a part has overflowed: code cannot
+  /// find that out.
   bool isDecided() const {
-    return std::all_of(pieces_.begin(), pieces_.end(), [](const Piece& piece) {
+    return !has_limit_ && std::all_of(pieces_.begin(), pieces_.end(), [](const Piece& piece) {
       return piece.side[0] != 0 && (piece.table2 == nullptr || piece.side[1] != 0);
     });
   }
@@ -181,6 +183,9 @@ class SeriesProgram {
   /// What a row that kTrial has made, or an acceleration, has become more.
   double& change(int row) { return changes_[static_cast<std::size_t>(row)]; }
   double beginPrimitive(const Instruction& it) const;
+  /// 1/(1 + exp(x)) where exp overflows, atan, ..: the function has reached its limit for an
+  /// operand that has overflowed, and stays there (as its derivatives do: graph.h).
+  bool isAtLimit(int operand, int result) const;
   void continueFunction(const Instruction& it, int n);
   void continueBranch(const Instruction& it, int n);
   void continueTable(const Instruction& it, int n);
@@ -194,6 +199,7 @@ class SeriesProgram {
   std::vector<double> rows_;
   std::vector<int> degree_;
   std::vector<bool> accelerated_;
+  std::vector<bool> has_pole_;  ///< may be infinite without an overflow
   std::vector<Instruction> instructions_;
   std::vector<int> programs_[3];
   std::vector<Term> terms_;
@@ -201,6 +207,7 @@ class SeriesProgram {
   std::vector<double> changes_;     ///< of the rows
   std::vector<int> accelerations_;  ///< their rows
   std::vector<Piece> pieces_;
+  bool has_limit_ = false;
   std::vector<int> outputs_;
   std::vector<int> variables_;
   std::vector<std::pair<int, double>> constants_;  ///< row and value
