@@ -197,7 +197,9 @@ TEST(Series, OfPowers) {
   for (const char* text : {"x^2", "x^3", "x^7", "x^-3", "x^17"}) expectSeries(text, falling);
   Path crossing;
   crossing.x = {0.0, 0.5, 0.1};
-  for (const char* text : {"x^2", "x^3", "x^4", "x^7", "x^16"}) expectSeries(text, crossing);
+  for (const char* text : {"x^2", "x^3", "x^4", "x^7", "x^16", "x^17", "(x-y)^20", "(2+x/9)^40"}) {
+    expectSeries(text, crossing);
+  }
 }
 
 TEST(Series, OfEveryFunction) {
@@ -301,7 +303,7 @@ TEST(Series, OnAJumpAreThoseOfTheFormulasBranch) {
 
 TEST(Series, WhereAFormulaHasNoneAreNotFinite) {
   for (const char* text : {"sqrt(x)", "log(x)", "x^1.5", "1/x", "x^-2", "asin(1+x)", "x^y",
-                           "atan2(x, x)", "abs(x)/x"}) {
+                           "atan2(x, x)", "abs(x)/x", "1/(1/x)", "atan(1/x)"}) {
     Formulas formulas;
     SeriesProgram program = formulas.compile({formulas.read(text)});
     Path path;
@@ -328,6 +330,18 @@ TEST(Series, OfANotANumberAreNone) {
     path.x = {-0.5, 0.1};
     Formulas::expand(program, path);
     EXPECT_TRUE(std::isnan(program.coefficients(program.output(0))[0])) << text;
+  }
+}
+
+// A part that overflows counts nothing in a function that has a limit there.
+TEST(Series, WhereAPartOverflowsStayAtTheLimit) {
+  Path path;
+  path.x = {9.0, 0.5, -0.2};
+  for (const char* text :
+       {"1/(1+exp(100*x))", "y/exp(200*x)", "tanh(exp(100*x))", "atan(exp(100*x))",
+        "exp(-exp(100*x))", "y+x/(2+cosh(90*x))", "exp(100*x)^-2", "exp(100*x)^-0.5",
+        "atan2(y, exp(100*x))", "atan2(sinh(-100*x), y)", "min(y, exp(100*x))"}) {
+    expectSeries(text, path, true, 0.3);
   }
 }
 
