@@ -1,0 +1,203 @@
+// The stepper that steps by the series of the motion: what its error is, where it steps, and who
+// takes over where there is no series.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "support/scenes.h"
+#include "variator_sim/torque.h"
+
+namespace variator_sim {
+namespace {
+
+const std::string kBenchmark = std::string(VARIATOR_SIM_TEST_DIR) + "/../benchmark/";
+
+/// The states at the end of the benchmark's smooth scenes, by methods of their own in long double.
+std::map<std::string, std::vector<double>> readReferences() {
+  std::map<std::string, std::vector<double>> references;
+  std::ifstream file(kBenchmark + "references.csv");
+  std::string line;
+  while (std::getline(file, line)) {
+    std::istringstream row(line);
+    std::string name;
+    std::string cell;
+    std::getline(row, name, ',');
+    std::getline(row, cell, ',');  // the difference of two methods
+    while (std::getline(row, cell, ',')) {
+      if (name != "scene") references[name].push_back(std::stod(cell));
+    }
+  }
+  return references;
+}
+
+struct Smooth {
+  const char* name;
+  double end;   ///< s
+  double most;  ///< error in units of the tolerance
+};
+constexpr Smooth kSmooth[] = {{"ship", 20.0, 1.0},        {"smooth_linear", 20.0, 1.0},
+                              {"four_shafts", 10.0, 1.0}, {"acceleration_circle", 5.0, 1.0},
+                              {"crank", 2.0, 15.0},       {"order1", 20.0, 1.0},
+                              {"order3", 20.0, 1.0}};
+
+class SmoothScene : public ::testing::TestWithParam<Smooth> {
+ protected:
+  Scene scene(StepperKind stepper, double tolerance) const {
+    const std::string file = kBenchmark + "scenes/" + GetParam().name + ".yaml";
+    return test::withStepper(test::withTolerance(test::sceneFromFile(file), tolerance), stepper);
+  }
+};
+
+/// The largest error at the end, in units of tolerance (1 + |x|).
+double errorOf(const Sample& sample, const std::vector<double>& exact, double tolerance) {
+  const std::size_t shafts = exact.size() / 3;
+  double error = 0.0;
+  const double* const parts[] = {sample.angle, sample.velocity, sample.acceleration};
+  for (std::size_t n = 0; n < exact.size(); ++n) {
+    const double difference = std::abs(parts[n / shafts][n % shafts] - exact[n]);
+    error = std::max(error, difference / (tolerance * (1.0 + std::abs(exact[n]))));
+  }
+  return error;
+}
+
+TEST_P(SmoothScene, HasAnErrorNearTheTolerance) {
+  const std::vector<double> exact = readReferences().at(GetParam().name);
+  std::vector<double> errors;
+  for (int digits = 3; digits <= 12; ++digits) {
+    const double tolerance = std::pow(10.0, -digits);
+    Simulation simulation(scene(StepperKind::kTaylor, tolerance));
+    ASSERT_TRUE(simulation.advanceTo(GetParam().end).ok()) << simulation.describeStatus();
+    const double error = errorOf(simulation.sample(), exact, tolerance);
+    EXPECT_LT(error, GetParam().most) << tolerance;
+    errors.push_back(error * tolerance);
+    // By itself one may be small by accident.
+    const std::size_t n = errors.size();
+    if (n > 2) {
+      EXPECT_LT(errors[n - 1], errors[n - 3]) << tolerance;
+    }
+    EXPECT_LE(simulation.statistics().rejected_steps, 1u) << tolerance;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Taylor, SmoothScene, ::testing::ValuesIn(kSmooth),
+                         [](const auto& tested) { return std::string(tested.param.name); });
+
+Scene oneShaft(const std::string& torque, StepperKind stepper, double tolerance = 1e-8) {
+  return test::withStepper(
+      test::withTolerance(
+          test::sceneFromText("shafts: [a]\na: {inertia: 1}\ntorques: [m]\nm: {type: "
+                              "variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+                              torque + "\"}\n"),
+          tolerance),
+      stepper);
+}
+
+/// The velocity at `end` is that by dop853 at 1e-10.
+void expectMotionOfDop853(Simulation& simulation, const std::string& torque, double end,
+                          double tolerance) {
+  Simulation exact(oneShaft(torque, StepperKind::kDop853, 1e-10));
+  ASSERT_TRUE(exact.advanceTo(end).ok()) << exact.describeStatus();
+  ASSERT_TRUE(simulation.advanceTo(end).ok()) << torque << ": " << simulation.describeStatus();
+  EXPECT_NEAR(simulation.sample().velocity[0], exact.sample().velocity[0], tolerance) << torque;
+}
+
+// Where parts overflow, on kinks and on the points of powers whose recurrence would divide by zero.
+TEST(Taylor, StepsWhereAFormulaHasSeriesAllTheSame) {
+  for (const char* torque :
+       {"5/(1+exp(100*(w1-3)))-0.1*w1+20*cos(t)", "5-0.001*w1^20", "5*cos(t)-2*w1*abs(w1)",
+        "5*cos(t)-2*w1*abs(w1)-0.5*w1^3/(0.01+w1^2)", "max(0, 4*sin(t))-w1", "3-tanh(50*w1)"}) {
+    Simulation simulation(oneShaft(torque, StepperKind::kTaylor));
+    expectMotionOfDop853(simulation, torque, 7.0, 1e-5);
+    EXPECT_STREQ(simulation.stepperName(), "taylor");
+  }
+}
+
+// From rest no series exists of |w|^1.5, nor at later stops.
+TEST(Taylor, IsLeftWhereThereIsNoSeriesAndComesBack) {
+  const std::string torque = "5*cos(t)-3*abs(w1)^1.5*sign(w1)";
+  Simulation simulation(oneShaft(torque, StepperKind::kAuto));
+  EXPECT_STREQ(simulation.stepperName(), "taylor");
+  ASSERT_TRUE(simulation.advanceTo(1e-6).ok());
+  EXPECT_STRNE(simulation.stepperName(), "taylor");
+  expectMotionOfDop853(simulation, torque, 1.0, 1e-6);
+  EXPECT_STREQ(simulation.stepperName(), "taylor");
+  EXPECT_GE(simulation.statistics().stepper_switches, 2u);
+  expectMotionOfDop853(simulation, torque, 10.0, 1e-6);
+}
+
+// Damped 1e5 times as much from 1 s to 3 s.
+TEST(Taylor, IsLeftWhileTheMotionIsStiff) {
+  const std::string torque = "-(1+5e4*(tanh(10*(t-1))-tanh(10*(t-3))))*(w1-cos(t))";
+  for (double tolerance : {1e-4, 1e-8}) {
+    Simulation simulation(oneShaft(torque, StepperKind::kAuto, tolerance));
+    ASSERT_TRUE(simulation.advanceTo(0.1).ok());
+    EXPECT_STREQ(simulation.stepperName(), "taylor") << tolerance;
+    expectMotionOfDop853(simulation, torque, 2.5, 100.0 * tolerance);
+    EXPECT_STREQ(simulation.stepperName(), "radau5") << tolerance;
+    expectMotionOfDop853(simulation, torque, 40.0, 100.0 * tolerance);
+    EXPECT_STREQ(simulation.stepperName(), "taylor") << tolerance;
+    EXPECT_LT(simulation.statistics().steps, 3000u) << tolerance;
+  }
+}
+
+/// A law that nobody can see into.
+class Opaque : public Torque {
+  void doConfigure(ComponentContext& /*context*/) override {}
+  void doAddTorque(const StateView& x, double* torque) const override {
+    torque[0] -= 0.1 * x.velocity[0];
+  }
+  void doAddTorqueRate(const StateView& x, double* rate) const override {
+    rate[0] -= 0.1 * x.acceleration[0];
+  }
+};
+
+TEST(Taylor, IsRefusedWhereTheMotionHasNoSeries) {
+  for (StepperKind stepper : {StepperKind::kTaylor, StepperKind::kTaylorFixed}) {
+    Scene opaque = oneShaft("1-w1", stepper);
+    opaque.torques.push_back(std::make_shared<Opaque>());
+    Scene third = test::withStepper(
+        test::sceneFromText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\nconstraints: [k]\n"
+                            "k: {type: variator_sim/ExpressionConstraint, order: 3, expression: "
+                            "\"j2-0.5*j1\"}\nprinciple: gauss\n"),
+        stepper);
+    for (const Scene* scene : {&opaque, &third}) {
+      try {
+        Simulation simulation(*scene);
+        ADD_FAILURE() << toString(stepper) << " was accepted";
+      } catch (const SceneError& error) {
+        EXPECT_EQ(error.keyPath(), "solver/stepper");
+        EXPECT_NE(std::string(error.what()).find(toString(stepper)), std::string::npos);
+        EXPECT_NE(std::string(error.what()).find("auto"), std::string::npos);
+      }
+      Simulation simulation(test::withStepper(*scene, StepperKind::kAuto));
+      EXPECT_STREQ(simulation.stepperName(), "dop853");
+    }
+  }
+}
+
+TEST(Taylor, OfFixedStepsKeepsThem) {
+  Scene scene = oneShaft("5*cos(t)-w1", StepperKind::kTaylorFixed, 1e-8);
+  scene.solver.step = 0.5;
+  Simulation simulation(scene);
+  double largest = 0.0;
+  for (int n = 1; n <= 20; ++n) {
+    ASSERT_TRUE(simulation.advanceTo(0.5 * n).ok());
+    EXPECT_EQ(simulation.statistics().steps, static_cast<std::uint64_t>(n));
+    largest = std::max(largest, simulation.statistics().largest_error_estimate);
+  }
+  EXPECT_GT(largest, 0.0);
+  // w = 5 (cos t + sin t - exp(-t)) / 2
+  const double exact = 2.5 * (std::cos(10.0) + std::sin(10.0) - std::exp(-10.0));
+  EXPECT_NEAR(simulation.sample().velocity[0], exact, 1e-7);
+}
+
+}  // namespace
+}  // namespace variator_sim
