@@ -133,6 +133,13 @@ TEST(Taylor, IsLeftWhereThereIsNoSeriesAndComesBack) {
   expectMotionOfDop853(simulation, torque, 10.0, 1e-6);
 }
 
+TEST(Taylor, SaysWhyItStopsWhereThereIsNoSeries) {
+  Simulation simulation(oneShaft("5-w1^1.5", StepperKind::kTaylor));
+  EXPECT_EQ(simulation.advanceTo(1.0).reason, StopReason::kStepUnderflow);
+  EXPECT_NE(simulation.describeStatus().find("no power series here"), std::string::npos);
+  EXPECT_NE(simulation.describeStatus().find("'solver/stepper: auto'"), std::string::npos);
+}
+
 // Damped 1e5 times as much from 1 s to 3 s.
 TEST(Taylor, IsLeftWhileTheMotionIsStiff) {
   const std::string torque = "-(1+5e4*(tanh(10*(t-1))-tanh(10*(t-3))))*(w1-cos(t))";
