@@ -84,10 +84,10 @@ class Simulation {
   /// running.
   std::string describeStatus() const;
 
-  /// The stepper in use ("dop853"): what `auto` came to.
+  /// The stepper in use ("taylor"): what `auto` came to.
   const char* stepperName() const;
-  /// The same as a sentence with its reasons, e.g. "auto (dop853, as the relative tolerance is at
-  /// most 1e-05; radau when a step is limited by stability)".
+  /// The same as a sentence with its reasons, e.g. "auto (taylor, the series of this scene; radau
+  /// when stability limits its steps)".
   std::string describeStepper() const;
   /// What the scene does not need and so is not computed, e.g. "stages of the angles".
   std::vector<std::string> skips() const;

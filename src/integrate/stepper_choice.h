@@ -1,23 +1,23 @@
 /// Which stepper makes the next step: the one that the scene names, or `auto`.
 ///
 /// The rule of `auto`:
-/// - It starts with the motion's series (taylor) where it has one that exists; where one of the
-///   functions has no derivatives (a root at 0) it steps explicitly for a while. Explicitly is
-///   dop853 where the relative tolerance is at most kHighOrderBelow, dopri5
-///   above.
+/// - It starts with the motion's series (taylor) where it has one that exists. Where one of the
+///   functions has no derivatives (a root at 0) it steps explicitly for kAround steps. Explicitly
+///   is dop853 where the relative tolerance is at most kHighOrderBelow, dopri5 above.
 /// - At the start of a motion the Jacobian tells the fastest component: where the first step that
 ///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau begins.
 /// - After five steps that stability and not accuracy limited (|h lambda| at the bound of the
 ///   scheme, as Hairer's codes estimate it), or forty well below the bound, it tries implicit
 ///   steps from the same state. When the step sizes that the two error estimates allow say that
 ///   radau gets further for the same work, it goes on with that; else it waits four times as long.
-/// - A step that the explicit stepper has to repeat kHopeless times (integrator.h) goes to radau as
-///   well.
+/// - A step that has to be repeated kHopeless times (integrator.h) goes from the series to explicit
+///   steps, and from these to radau.
 /// - Near rest (kSettling steps in a row that stability limits and that change the state by some
 ///   tolerances only) it goes to radau without a trial, and back at the next command: the error of
 ///   explicit steps at the bound of stability would keep the motion from ever coming to rest.
 /// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
-///   one explicit step in the same way, and goes back when that gets further.
+///   one step by the series, or an explicit one, in the same way, and goes back when that gets
+///   further.
 /// All of it depends on the motion only, so it repeats to the bit.
 #pragma once
 
