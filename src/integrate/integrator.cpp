@@ -219,7 +219,19 @@ bool Integrator::finishInputSegments() {
   return true;
 }
 
+bool Integrator::rests() const {
+  if (drivetrain_.readsTime() || !settings_.sleep || choice_.isFixed()) return false;
+  // Angles that nothing reads go on at constant speed.
+  return std::all_of(front_.dxdt.begin() + (system_.readsAngles() ? 0 : S), front_.dxdt.end(),
+                     [](double rate) { return rate == 0.0; });
+}
+
 bool Integrator::makeStep() {
+  // Before a long step: a controller's machine is to be seen at rest at once.
+  if (base_.time == front_.time && rests() && fallAsleep()) {
+    ++statistics_.sleeps;
+    return true;
+  }
   base_ = front_;
   system_.noteBase(base_.time, base_.x, base_.dxdt);
   stepper_ = &choice_.stepper();

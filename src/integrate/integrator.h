@@ -137,6 +137,8 @@ class Integrator {
   /// change it.
   bool countStep();
   bool finishInputSegments();
+  /// Nothing changes at the front, exactly.
+  bool rests() const;
   bool makeStep();
   /// A step while it is looked for.
   struct Trial {

@@ -107,7 +107,10 @@ double Integrator::attempt(const Trial& trial) {
     if (!choice_.isFixed() && stopWhereToleranceIsLost()) return norm;
   }
   if (isGood(norm) && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
-  if (isGood(norm) && !choice_.isFixed()) {
+  // Where an input's closed form ends, its rate may be that behind the end.
+  const bool ends_input =
+      drivetrain_.inputSegmentEnd() <= front_.time + shortestStep(absolute(front_.time));
+  if (isGood(norm) && !choice_.isFixed() && !ends_input) {
     norm = worseOf(norm, stepper_->estimateFromEnd(base_, front_));
   }
   return norm;
