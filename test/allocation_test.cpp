@@ -149,7 +149,8 @@ INSTANTIATE_TEST_SUITE_P(Steppers, Allocation,
                                          StepperKind::kFehlberg78, StepperKind::kRosenbrock4,
                                          StepperKind::kRadau, StepperKind::kRadau5,
                                          StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
-                                         StepperKind::kRadau5Fixed),
+                                         StepperKind::kRadau5Fixed, StepperKind::kTaylor,
+                                         StepperKind::kTaylorFixed),
                          [](const auto& test) { return std::string(toString(test.param)); });
 
 TEST(Allocation, NoneWhenAMotionStops) {

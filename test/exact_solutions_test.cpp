@@ -262,7 +262,8 @@ initial: {velocity: [5, 2], acceleration: [1, 0], project: true}
 INSTANTIATE_TEST_SUITE_P(Steppers, ExactSolutions,
                          testing::Values(StepperKind::kAuto, StepperKind::kDopri5,
                                          StepperKind::kDop853, StepperKind::kFehlberg78,
-                                         StepperKind::kRadau, StepperKind::kRadau5),
+                                         StepperKind::kRadau, StepperKind::kRadau5,
+                                         StepperKind::kTaylor),
                          [](const auto& test) { return std::string(toString(test.param)); });
 
 const char* const kTwoCommands = R"yaml(

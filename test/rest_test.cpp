@@ -220,9 +220,9 @@ drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-50*w1"}
 }
 
 TEST(Sleep, SamplesAreThoseOfTheMotionThatNeverSleeps) {
-  for (StepperKind stepper :
-       {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
-        StepperKind::kRosenbrock4, StepperKind::kRadau, StepperKind::kRadau5}) {
+  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853,
+                              StepperKind::kFehlberg78, StepperKind::kRosenbrock4,
+                              StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kTaylor}) {
     const double tolerance = stepper == StepperKind::kRosenbrock4 ? 1e-7 : kTolerance;
     SCOPED_TRACE(toString(stepper));
     const Scene scene = test::withStepper(test::withTolerance(steady(), tolerance), stepper);

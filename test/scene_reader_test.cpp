@@ -167,8 +167,9 @@ TEST(SceneReader, KeepsNoNamesButItsOwn) {
 
 TEST(SceneReader, NamesPrinciplesAndSteppersAsTheSceneDoes) {
   EXPECT_STREQ(toString(Principle::kGeneralizedGauss), "generalized_gauss");
-  for (const char* name : {"auto", "rk4", "dopri5", "dop853", "fehlberg78", "rosenbrock4", "radau",
-                           "radau5", "dopri5_fixed", "rosenbrock4_fixed", "radau5_fixed"}) {
+  for (const char* name :
+       {"auto", "rk4", "dopri5", "dop853", "fehlberg78", "rosenbrock4", "radau", "radau5",
+        "dopri5_fixed", "rosenbrock4_fixed", "radau5_fixed", "taylor", "taylor_fixed"}) {
     const Scene scene = read(base() + "solver: {stepper: " + name + "}\n");
     EXPECT_STREQ(toString(scene.solver.stepper), name);
     EXPECT_EQ(scene.resolved.asDictionary().at("solver").asDictionary().at("stepper").asText(),
@@ -177,13 +178,14 @@ TEST(SceneReader, NamesPrinciplesAndSteppersAsTheSceneDoes) {
 }
 
 TEST(SceneReader, KnowsWhichSteppersHaveFixedSteps) {
-  for (StepperKind kind : {StepperKind::kRk4, StepperKind::kDopri5Fixed,
-                           StepperKind::kRosenbrock4Fixed, StepperKind::kRadau5Fixed}) {
+  for (StepperKind kind :
+       {StepperKind::kRk4, StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
+        StepperKind::kRadau5Fixed, StepperKind::kTaylorFixed}) {
     EXPECT_TRUE(isFixedStep(kind)) << toString(kind);
   }
-  for (StepperKind kind :
-       {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
-        StepperKind::kRosenbrock4, StepperKind::kRadau, StepperKind::kRadau5}) {
+  for (StepperKind kind : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853,
+                           StepperKind::kFehlberg78, StepperKind::kRosenbrock4, StepperKind::kRadau,
+                           StepperKind::kRadau5, StepperKind::kTaylor}) {
     EXPECT_FALSE(isFixedStep(kind)) << toString(kind);
   }
 }
@@ -400,7 +402,7 @@ INSTANTIATE_TEST_SUITE_P(
                  "solver/stepper",
                  {"'dopri'", "did you mean 'dopri5'",
                   "auto, rk4, dopri5, dop853, fehlberg78, rosenbrock4, dopri5_fixed, "
-                  "rosenbrock4_fixed, radau, radau5, radau5_fixed"}},
+                  "rosenbrock4_fixed, radau, radau5, radau5_fixed, taylor, taylor_fixed"}},
         BadScene{base() + "solver: {stepper: rosenbrock}\n",
                  "solver/stepper",
                  {"'rosenbrock'", "did you mean 'rosenbrock4'", "rosenbrock4_fixed"}},

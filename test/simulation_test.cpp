@@ -63,7 +63,8 @@ TEST(Simulation, SamplingAndCuttingNeverChangeTheMotion) {
   for (StepperKind stepper :
        {StepperKind::kAuto, StepperKind::kRk4, StepperKind::kDopri5, StepperKind::kDop853,
         StepperKind::kFehlberg78, StepperKind::kRosenbrock4, StepperKind::kRadau,
-        StepperKind::kRadau5, StepperKind::kRadau5Fixed}) {
+        StepperKind::kRadau5, StepperKind::kRadau5Fixed, StepperKind::kTaylor,
+        StepperKind::kTaylorFixed}) {
     const Sample once = run(stepper, 4, 0);
     for (int advances : {10, 64, 1000}) {
       for (int every : {0, 1, 7}) {
@@ -94,7 +95,8 @@ TEST(Simulation, ResetRepeatsTheMotionToTheByte) {
 
 // Samples inside a step are as good as those at its ends.
 TEST(Simulation, SamplesInsideStepsAreWithinTheTolerance) {
-  for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78}) {
+  for (StepperKind stepper :
+       {StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kTaylor}) {
     const Scene scene = test::sceneFromText(kTwoCommands);
     Simulation coarse(test::withStepper(test::withTolerance(scene, 1e-6), stepper));
     Simulation fine(test::withTolerance(scene, 1e-12));
@@ -212,7 +214,8 @@ initial: {velocity: [10]}
 
 TEST(Simulation, ATorqueOfTimeAloneIsSeenByEveryStepper) {
   // eta = Q'(t) / J is a pure quadrature, for which Fehlberg's error estimate vanishes.
-  for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78}) {
+  for (StepperKind stepper :
+       {StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kTaylor}) {
     for (double tolerance : {1e-6, 1e-9, 1e-12}) {
       Simulation simulation(test::withStepper(test::withTolerance(test::sceneFromText(R"yaml(
 shafts: [drive]

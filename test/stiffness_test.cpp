@@ -505,8 +505,9 @@ TEST(Linearization, RefusesAMatrixThatIsNotFinite) {
 // --- fixed steps ------------------------------------------------------------------------------
 TEST(FixedSteps, AreAsManyAsTheDurationHolds) {
   const Scene scene = slipScene(0.1);
-  for (StepperKind stepper : {StepperKind::kRk4, StepperKind::kDopri5Fixed,
-                              StepperKind::kRosenbrock4Fixed, StepperKind::kRadau5Fixed}) {
+  for (StepperKind stepper :
+       {StepperKind::kRk4, StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
+        StepperKind::kRadau5Fixed, StepperKind::kTaylorFixed}) {
     for (double step : {0.1, 0.01, 0.001}) {
       Scene fixed = test::withStepper(test::withTolerance(scene, 1e-6), stepper);
       fixed.solver.step = step;
@@ -526,12 +527,14 @@ TEST(FixedSteps, AreAsManyAsTheDurationHolds) {
 
 TEST(FixedSteps, ReportAnEstimateThatFallsWithTheStep) {
   const Scene scene = shipScene();
-  for (StepperKind stepper :
-       {StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed, StepperKind::kRadau5Fixed}) {
+  for (StepperKind stepper : {StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
+                              StepperKind::kRadau5Fixed, StepperKind::kTaylorFixed}) {
     double previous = 0.0;
+    // Short steps of a series have fewer terms: their estimate stays where nothing comes of it.
+    const double longer = stepper == StepperKind::kTaylorFixed ? 16.0 : 1.0;
     for (double step : {0.04, 0.02, 0.01}) {
       Scene fixed = test::withStepper(test::withTolerance(scene, 1e-9), stepper);
-      fixed.solver.step = step;
+      fixed.solver.step = longer * step;
       Simulation simulation(std::move(fixed));
       ASSERT_TRUE(simulation.advanceTo(2.0).ok()) << simulation.describeStatus();
       const double estimate = simulation.statistics().largest_error_estimate;

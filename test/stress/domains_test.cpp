@@ -48,7 +48,7 @@ TEST(Domains, FiniteEscape) {
         // One instant a run: each is judged by its own growth.
         for (double part : {0.3, 0.9, 0.99, 0.9999, 0.999999, 1.5}) {
           const std::vector<double> times = {part * T};
-          for (StepperKind stepper : kAdaptiveSteppers) {
+          for (StepperKind stepper : steppersOf(plain)) {
             for (double tolerance : sweptTolerances()) {
               const Scene scene = withSolver(plain, stepper, tolerance);
               const test::Run run = play(scene, times);
@@ -101,7 +101,7 @@ TEST(Domains, TurningPoint) {
           exactly(p) + "*t\"}\nprinciple: " + principle + "\ninitial: {acceleration: [0, 0]}\n");
       for (double part : {0.5, 0.9, 0.999, 1.5}) {
         const std::vector<double> times = evenly(part * end, 8);
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : sweptTolerances()) {
             Scene scene = withSolver(plain, stepper, tolerance);
             scene.solver.maximum_steps = 20000;  // none of these needs so many in a second
@@ -191,7 +191,7 @@ TEST(Domains, RootsLogsAndPoles) {
             sample.velocity[1] = std::sin(t);
           }
         });
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : sweptTolerances()) {
             const Scene scene = withSolver(plain, stepper, tolerance);
             const test::Run run = play(scene, times);
@@ -225,7 +225,7 @@ TEST(Domains, PolesAreNotSteppedAcross) {
         const double c = std::pow(10.0, decade);
         const std::string f = exactly(c) + "/(0.817-t)^" + std::to_string(order);
         const Scene plain = sceneFromText(oneShaft(principle, "1.5*" + f, 0.0));
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : sweptTolerances()) {
             Scene scene = withSolver(plain, stepper, tolerance);
             // A pulse of a formula in t is seen where it is wider than solver/maximum_step
@@ -358,7 +358,7 @@ void sweepFaults(Hazard& hazard, const std::vector<std::pair<int, int>>& plans) 
     ASSERT_EQ(reference.samples.size(), times.size()) << reference.message;
     for (int place = 0; place < 4; ++place) {
       for (const Fault::Kind kind : {Fault::Kind::kNan, Fault::Kind::kInfinity}) {
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(faultyScene(sound, principle))) {
           for (double tolerance : sweptTolerances()) {
             for (const auto& [period, once] : plans) {
               FaultyFactory factory;
@@ -416,7 +416,7 @@ TEST(Domains, PluginsThatThrow) {
     const test::Run reference =
         play(withSolver(faultyScene(sound, principle), StepperKind::kDop853, 1e-12), times);
     for (int place = 0; place < 4; ++place) {
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(faultyScene(sound, principle))) {
         for (int once = 1; once < sizeOf(800, 3000); once += sizeOf(157, 13)) {
           const std::string label = std::string(principle) + " " + kFaultNames[place] + ", call " +
                                     std::to_string(once) + " " + toString(stepper);

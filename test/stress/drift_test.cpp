@@ -103,7 +103,7 @@ TEST(Drift, OfAMotionThatGoesRoundForEver) {
   for (int order : {1, 2, 3}) {
     const Circle circle{order};
     const Scene scene = sceneFromText(circle.yaml());
-    for (StepperKind stepper : adaptiveSteppers()) {
+    for (StepperKind stepper : adaptiveSteppers(scene)) {
       for (double tolerance : tolerances()) {
         const Scene asked = withMethod(scene, stepper, tolerance);
         // one tolerance of each method for 1e6 s, the others for a part of it
@@ -151,7 +151,7 @@ TEST(Drift, OfAnEnergyThatIsPrescribed) {
         "\"}\ninitial: {velocity: [1.5, " + yamlText(std::sqrt(4.5 - 0.4 * 1.5 * 1.5)) +
         "], project: true}\nprinciple: gauss\n");
     for (Principle principle : {Principle::kGauss, Principle::kGeneralizedGauss}) {
-      for (StepperKind stepper : adaptiveSteppers()) {
+      for (StepperKind stepper : adaptiveSteppers(scene)) {
         for (double tolerance : tolerances()) {
           Scene asked = withMethod(scene, stepper, tolerance);
           asked.principle = principle;
@@ -201,7 +201,7 @@ TEST(Drift, OfASwingWithoutDamping) {
           }
           return sum;
         };
-        for (StepperKind stepper : adaptiveSteppers()) {
+        for (StepperKind stepper : adaptiveSteppers(scene)) {
           for (double tolerance : tolerances()) {
             Scene asked = withMethod(scene, stepper, tolerance);
             // the swing's velocity is 0.1 rad/s
@@ -272,7 +272,7 @@ TEST(Drift, OfARestoredVariator) {
         // pumps like a swing; with a constant one its errors just add up.
         if (principle == Principle::kGeneralizedGauss) known.swing = 0.0;
         const Scene scene = known.scene();
-        for (StepperKind stepper : adaptiveSteppers()) {
+        for (StepperKind stepper : adaptiveSteppers(scene)) {
           for (double tolerance : tolerances()) {
             const Scene asked = withMethod(scene, stepper, tolerance);
             const bool is_long =

@@ -97,7 +97,7 @@ TEST(Jumps, SizeOfTheStep) {
           const double beta = input == 0 ? 0.0 : std::acos(0.0);
           const test::Run exact = motion(circle, times, {{instant, circle.turn(theta, D, beta)}});
           const double allowed = kAllowed * circle.growth(theta, D, beta);
-          for (StepperKind stepper : kAdaptiveSteppers) {
+          for (StepperKind stepper : steppersOf(plain)) {
             for (double tolerance : tolerances()) {
               // Many steps of the map, the same under every stepper.
               if (!isLongForm() && exponent == 6 && stepper != StepperKind::kDop853) continue;
@@ -156,7 +156,7 @@ TEST(Jumps, StepAtEveryTick) {
       const std::vector<double> times = evenly(1.0, 16);
       const test::Run exact = motion(circle, times, turns);
       const Scene plain = circle.scene();
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : tolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times, commands);
@@ -190,7 +190,7 @@ TEST(Jumps, TwoAtOneInstant) {
           const double growth = circle.growth(theta, std::hypot(m, n), std::atan2(n, m));
           const Scene plain = circle.scene();
           const test::Run exact = motion(circle, times, {{0.5, after}});
-          for (StepperKind stepper : kAdaptiveSteppers) {
+          for (StepperKind stepper : steppersOf(plain)) {
             for (double tolerance : tolerances()) {
               const Scene scene = withSolver(plain, stepper, tolerance);
               const test::Run run = play(scene, times, commands);
@@ -233,7 +233,7 @@ TEST(Jumps, LinearConstraint) {
           sample.velocity[0] = e * std::max(0.0, t - 0.45);
           sample.velocity[1] = r * sample.velocity[0];
         });
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : tolerances()) {
             const Scene scene = withSolver(plain, stepper, tolerance);
             const test::Run run = play(scene, times, {{0.45, 0, D}});
@@ -328,7 +328,7 @@ TEST(Jumps, BranchThatCannotBeReached) {
                                  (1e-6 * (near - curve.start)))
                       : 0.0;
         const double allowed = kAllowed * 6.0 * std::max(1.0, std::min(slope, 1e4));
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : {1e-4, 1e-8}) {
             const Scene scene = withSolver(plain, stepper, tolerance);
             const test::Run run = play(scene, times, {{0.5, 0, D}});
@@ -380,7 +380,7 @@ TEST(Jumps, RampsTendToTheJump) {
             sample.acceleration[i] = e(after);
           }
         });
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : tolerances()) {
             const Scene scene = withSolver(plain, stepper, tolerance);
             const test::Run run = play(scene, times, {{0.5, 0, D}});

@@ -95,7 +95,7 @@ TEST(Kinks, AtTimes) {
               sample.acceleration[1] = 1.0;
             }
           });
-          for (StepperKind stepper : kAdaptiveSteppers) {
+          for (StepperKind stepper : steppersOf(plain)) {
             for (double tolerance : sweptTolerances()) {
               const Scene scene = withSolver(plain, stepper, tolerance);
               const test::Run run = play(scene, times);
@@ -184,7 +184,7 @@ TEST(Kinks, AtZeroSpeed) {
                                plainly(e0) + ", " + plainly(0.5 * e0) + "], project: true}\n");
           // w = drive/damping where the damping is negative grows like exp(-damping t).
           const double growth = std::exp(std::max({0.0, -below.damping, -above.damping}) * 3.0);
-          for (StepperKind stepper : kAdaptiveSteppers) {
+          for (StepperKind stepper : steppersOf(plain)) {
             for (double tolerance : sweptTolerances()) {
               const Scene scene = withSolver(plain, stepper, tolerance);
               const test::Run run = play(scene, times);
@@ -221,7 +221,7 @@ TEST(Kinks, OfConstraintsAtZeroSpeed) {
           "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1+w1-1+" +
           exactly(strength) + "*min(0,w1)\"}\nprinciple: " + principle +
           "\ninitial: {velocity: [-0.9, 0]}\n");
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : sweptTolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times);
@@ -261,7 +261,7 @@ TEST(Kinks, AtAnAngle) {
           "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-" +
           exactly(k) + "*max(0,phi1)\"}\nconstraints: []\nprinciple: " + principle +
           "\ninitial: {angle: [-0.7], velocity: [2]}\n");
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : sweptTolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times);
@@ -298,7 +298,7 @@ void compareWithShortSteps(Hazard& hazard, Hazard& accelerations, const std::str
     tight.solver.maximum_step = longest;
     const test::Run reference = play(tight, times, commands);
     ASSERT_EQ(reference.samples.size(), times.size()) << label << ": " << reference.message;
-    for (StepperKind stepper : kAdaptiveSteppers) {
+    for (StepperKind stepper : steppersOf(plain)) {
       for (double tolerance : sweptTolerances()) {
         const Scene scene = withSolver(plain, stepper, tolerance);
         const test::Run run = play(scene, times, commands);
@@ -481,7 +481,7 @@ TEST(Kinks, RateLimitsAndClamps) {
         sample.velocity[0] = w;
         sample.acceleration[0] = u_end - c * w;
       });
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : sweptTolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times, commands);

@@ -32,12 +32,15 @@ inline Scene withMethod(Scene scene, StepperKind stepper, double tolerance) {
   return withTolerance(std::move(scene), tolerance);
 }
 
-/// All that choose their steps by their error.
-inline const std::vector<StepperKind>& adaptiveSteppers() {
-  static const std::vector<StepperKind> kinds = {
-      StepperKind::kAuto,  StepperKind::kDopri5, StepperKind::kDop853,     StepperKind::kFehlberg78,
-      StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4};
-  return kinds;
+/// All that choose their steps by their error, of those that `scene` takes.
+inline std::vector<StepperKind> adaptiveSteppers(const Scene& scene) {
+  std::vector<StepperKind> taken;
+  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853,
+                              StepperKind::kFehlberg78, StepperKind::kRadau, StepperKind::kRadau5,
+                              StepperKind::kRosenbrock4, StepperKind::kTaylor}) {
+    if (takes(scene, stepper)) taken.push_back(stepper);
+  }
+  return taken;
 }
 
 /// The samples of a function of time.

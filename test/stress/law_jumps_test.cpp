@@ -109,7 +109,7 @@ void compareAll(Hazard& hazard, Hazard* free, const std::string& yaml, const Run
                 double rounding, double torque) {
   for (const char* principle : kPrinciples) {
     const Scene plain = sceneFromText(yaml + "principle: " + principle + "\n");
-    for (StepperKind stepper : kAdaptiveSteppers) {
+    for (StepperKind stepper : steppersOf(plain)) {
       for (double tolerance : sweptTolerances()) {
         const Scene scene = withFewSteps(plain, stepper, tolerance);
         const test::Run run = play(scene, times);
@@ -311,7 +311,7 @@ TEST(LawJumps, AreCommandsAtTheirInstants) {
               curved(psi,
                      "{type: variator_sim/ExpressionTorque, shaft: a, torque: \"" + law + "\"}") +
               end);
-          for (StepperKind stepper : kAdaptiveSteppers) {
+          for (StepperKind stepper : steppersOf(plain)) {
             for (double tolerance : sweptTolerances()) {
               const Scene scene = withFewSteps(plain, stepper, tolerance);
               const test::Run run = play(scene, times);
@@ -392,7 +392,7 @@ TEST(LawJumps, CrossedBackAtOnceStops) {
     for (const char* principle : kPrinciples) {
       if (sliding.name == "order 3" && principle[0] == 'g' && principle[1] == 'a') continue;
       const Scene plain = sceneFromText(sliding.yaml + "principle: " + principle + "\n");
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : sweptTolerances()) {
           const test::Run run = play(withFewSteps(plain, stepper, tolerance), {sliding.at + 10.0});
           const std::string label =
@@ -468,7 +468,7 @@ TEST(KinksOfOrder1, OfASpeedAreLimitsOfSmoothOnes) {
         const std::string what =
             std::string(principle) + (is_abs ? " abs" : " max") + ", k " + text(k);
         const Scene kinked = sceneFromText(yaml(is_abs ? "abs(w1)" : "max(0,w1)", c0 * w0));
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(kinked)) {
           for (double tolerance : sweptTolerances()) {
             const Scene scene = withFewSteps(kinked, stepper, tolerance);
             hazard.compare(play(scene, times), exact, scene,
@@ -519,7 +519,7 @@ TEST(KinksOfOrder1, OfTime) {
             exactly(K) + (is_abs ? "*abs(t-0.637)" : "*max(0,t-0.637)") +
             "\"}\ninitial: {velocity: [0, " + plainly(is_abs ? K * a : 0.0) +
             "]}\nprinciple: " + principle + "\n");
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : sweptTolerances()) {
             const Scene scene = withFewSteps(plain, stepper, tolerance);
             const test::Run run = play(scene, times);

@@ -86,7 +86,7 @@ TEST(LongLives, ShortRampsAtLateTimes) {
               });
               const Scene plain = sceneFromText(commanded(hold.keys, order, w0, reads_time) +
                                                 "principle: " + principle + "\n");
-              for (StepperKind stepper : kAdaptiveSteppers) {
+              for (StepperKind stepper : steppersOf(plain)) {
                 for (double tolerance : sweptTolerances()) {
                   const Scene scene = withFewSteps(plain, stepper, tolerance);
                   const test::Run run = play(scene, times, {{instant, 0, u}});
@@ -142,7 +142,7 @@ TEST(LongLives, TheSameCommandAtAnyTime) {
             "constraints: [v]\nv: {type: variator_sim/ExpressionConstraint, order: 2, "
             "expression: \"" +
             psi + "\"}\nprinciple: " + principle + "\n");
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           const Scene scene = withFewSteps(plain, stepper, 1e-8);
           test::Run first;
           for (double instant : {0.0009765625, 1024.0, 16777216.0}) {
@@ -214,7 +214,7 @@ TEST(LongLives, FormulasOfALateTime) {
                               : "w1-" + sine) +
                 "\"}\ninitial: {velocity: [" + plainly(place == 2 ? at_start : 0.0) +
                 ", 0], project: true}\nprinciple: " + principle + "\n");
-            for (StepperKind stepper : kAdaptiveSteppers) {
+            for (StepperKind stepper : steppersOf(plain)) {
               for (double tolerance : sweptTolerances()) {
                 const Scene scene = withFewSteps(plain, stepper, tolerance);
                 const test::Run run = play(scene, times);
@@ -265,7 +265,7 @@ TEST(LongLives, RatiosOfALateTime) {
                times);
       ASSERT_EQ(reference.reason, StopReason::kNone) << reference.message;
       const Scene plain = sceneFromText(yaml("sin(0.7*(t+" + exactly(late) + "))"));
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : sweptTolerances()) {
           const Scene scene = withFewSteps(plain, stepper, tolerance);
           const test::Run run = play(scene, times);
@@ -332,7 +332,7 @@ TEST(LongLives, NeutralModesDoNotDrift) {
       tight.principle = Principle::kGauss;
       reference = play(tight, times);
     }
-    for (StepperKind stepper : kAdaptiveSteppers) {
+    for (StepperKind stepper : steppersOf(plain)) {
       for (double tolerance : {1e-4, 1e-8}) {
         // Thousands of steps in every second; what they do is done within the shorter time.
         if (stepper == StepperKind::kRosenbrock4 && tolerance < 1e-6 && !isLongForm()) continue;
@@ -385,7 +385,7 @@ TEST(LongLives, LockstepThatBeginsLate) {
             "\"}\nconstraints: [v]\nv: {type: "
             "variator_sim/ExpressionConstraint, order: 2, expression: \"" +
             psi + "\"}\nprinciple: " + principle + "\n");
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : {1e-6, 1e-9}) {
             if (!isLongForm() && tolerance > 1e-8) continue;
             const Scene scene = withFewSteps(plain, stepper, tolerance);

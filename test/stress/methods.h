@@ -17,8 +17,17 @@ namespace variator_sim::test {
 
 /// All steppers that choose their steps themselves.
 constexpr StepperKind kAdaptiveSteppers[] = {
-    StepperKind::kAuto,  StepperKind::kDopri5, StepperKind::kDop853,     StepperKind::kFehlberg78,
-    StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4};
+    StepperKind::kAuto,  StepperKind::kDopri5, StepperKind::kDop853,      StepperKind::kFehlberg78,
+    StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4, StepperKind::kTaylor};
+
+/// Those that choose their steps, of those that `scene` takes.
+inline std::vector<StepperKind> steppersOf(const Scene& scene) {
+  std::vector<StepperKind> taken;
+  for (StepperKind stepper : kAdaptiveSteppers) {
+    if (takes(scene, stepper)) taken.push_back(stepper);
+  }
+  return taken;
+}
 
 inline constexpr double kPi = 3.14159265358979323846;
 inline constexpr double kEps = 2.2e-16;

@@ -102,9 +102,9 @@ void compareAll(Hazard& hazard, const std::string& yaml, const Run& exact,
                 const std::vector<double>& times, const std::string& label, Allowed allowed,
                 Columns columns = Columns::kVelocityAndAcceleration, bool explicit_only = false) {
   const Scene plain = sceneFromText(yaml);
-  for (StepperKind stepper : kAdaptiveSteppers) {
-    if (explicit_only && (stepper == StepperKind::kRadau || stepper == StepperKind::kRadau5 ||
-                          stepper == StepperKind::kRosenbrock4)) {
+  for (StepperKind stepper : steppersOf(plain)) {
+    if (explicit_only && (stepper == StepperKind::kRadau,
+                          StepperKind::kRadau5 || stepper == StepperKind::kRosenbrock4)) {
       continue;
     }
     for (double tolerance : sweptTolerances()) {
@@ -575,7 +575,7 @@ TEST(Pulses, OfPluginsSwitches) {
         Scene plain = sceneFromText(
             withPrinciple("shafts: [a]\na: {inertia: 1}\ninitial: {velocity: [1]}\n", principle));
         plain.torques.push_back(std::make_shared<Stop>(at, stiffness, jumps));
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : sweptTolerances()) {
             const Scene scene = withFewSteps(plain, stepper, tolerance);
             const test::Run run = play(scene, times);

@@ -58,7 +58,7 @@ TEST(Scaling, InertiaRatios) {
       motion.reaction = 3.0 * std::min(1.0, ratio);
       const auto exact = motion.exact(times);
       const Scene scene = motion.scene();
-      for (StepperKind stepper : adaptiveSteppers()) {
+      for (StepperKind stepper : adaptiveSteppers(scene)) {
         for (double tolerance : tolerances()) {
           const Scene asked = withMethod(scene, stepper, tolerance);
           hazard.compare(
@@ -86,7 +86,7 @@ TEST(Scaling, NearlySingularInertia) {
         motion.reaction = rest;
         const auto exact = motion.exact(times);
         const Scene scene = motion.scene();
-        for (StepperKind stepper : adaptiveSteppers()) {
+        for (StepperKind stepper : adaptiveSteppers(scene)) {
           for (double tolerance : tolerances()) {
             const Scene asked = withMethod(scene, stepper, tolerance);
             hazard.compare(play(asked, times), exact, asked,
@@ -112,7 +112,7 @@ void sweepUnits(Hazard& hazard, const char* unit, int largest,
       Scene scene = motion.scene();
       // seconds of the scene: these limits are no part of the motion
       scene.solver.maximum_step *= motion.time_scale;
-      for (StepperKind stepper : adaptiveSteppers()) {
+      for (StepperKind stepper : adaptiveSteppers(scene)) {
         for (double tolerance : tolerances()) {
           Scene asked = withMethod(scene, stepper, tolerance);
           asked.solver.absolute_tolerance = 0.0;
@@ -163,7 +163,7 @@ TEST(Scaling, AbsoluteTolerance) {
       motion.angle_scale = factor;
       const auto exact = motion.exact(times);
       const Scene scene = motion.scene();
-      for (StepperKind stepper : adaptiveSteppers()) {
+      for (StepperKind stepper : adaptiveSteppers(scene)) {
         for (double tolerance : tolerances()) {
           Scene asked = withMethod(scene, stepper, tolerance);
           asked.solver.absolute_tolerance = tolerance * factor;
@@ -218,7 +218,7 @@ TEST(Scaling, UnitOfAngleOfACurvedTorque) {
         yaml += std::string("}\nprinciple: ") + toString(principle) + "\n";
         Scene scene = sceneFromText(yaml);
         scene.solver.maximum_steps = 20000;
-        for (StepperKind stepper : adaptiveSteppers()) {
+        for (StepperKind stepper : adaptiveSteppers(scene)) {
           for (double tolerance : tolerances()) {
             Scene asked = withMethod(scene, stepper, tolerance);
             asked.solver.absolute_tolerance = 0.0;

@@ -68,7 +68,7 @@ TEST(Singularity, ScaleOfPsi) {
       for (const std::string& factor : factors) {
         const std::string scaled = factor + "*(" + formula.expression + ")";
         const Scene plain = sceneFromText(twoShafts(principle, formula, scaled));
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : tolerances()) {
             const Scene scene = withSolver(plain, stepper, tolerance);
             const test::Run run = play(scene, times);
@@ -118,7 +118,7 @@ TEST(Singularity, ScalesOfTwoConstraints) {
         for (const std::string& d : scales) {
           if (!isLongForm() && c != "1e-12" && d != "1e-12") continue;
           const Scene plain = sceneFromText(yaml(principle, order, c, d));
-          for (StepperKind stepper : kAdaptiveSteppers) {
+          for (StepperKind stepper : steppersOf(plain)) {
             const Scene scene = withSolver(plain, stepper, 1e-7);
             const test::Run run = play(scene, times);
             hazard.compare(run, reference, scene,
@@ -164,7 +164,7 @@ TEST(Singularity, OneComponentIsZeroThroughout) {
           sample.acceleration[free] = 4.0 / J * std::exp(-2.0 * t / J);
         });
         const Scene plain = sceneFromText(yaml);
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : tolerances()) {
             const Scene scene = withSolver(plain, stepper, tolerance);
             const test::Run run = play(scene, times);
@@ -218,7 +218,7 @@ TEST(Singularity, ComponentsPassThroughZero) {
         }
         reached = t;
       });
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : tolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times);
@@ -277,7 +277,7 @@ TEST(Singularity, ConstraintNearlyVanishes) {
     const auto theta = [&](double t) {
       return circle.theta((std::atan((t - 1.0) / root) + std::atan(1.0 / root)) / root);
     };
-    for (StepperKind stepper : kAdaptiveSteppers) {
+    for (StepperKind stepper : steppersOf(plain)) {
       for (double tolerance : tolerances()) {
         const Scene scene = withSolver(plain, stepper, tolerance);
         const test::Run run = play(scene, times);
@@ -320,7 +320,7 @@ TEST(Singularity, ConstraintVanishes) {
         sample.acceleration[1] = a * std::sin(theta);
       });
       times.push_back(1.5 * T);
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : tolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           test::Run run = play(scene, times);
@@ -371,7 +371,7 @@ TEST(Singularity, TimeConstantGoesThroughZero) {
         sample.acceleration[0] = -u / 1.5 * rate / A;
         sample.acceleration[1] = rate / A / 0.8;
       });
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : tolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times);
@@ -407,7 +407,7 @@ TEST(Singularity, SampledExactlyAtTheSingularInstant) {
         sample.acceleration[0] = -u / 1.5 * rate;
         sample.acceleration[1] = rate / 0.8;
       });
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : tolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const std::string label = std::string(principle) + " q = " + std::to_string(q) + " " +
@@ -445,7 +445,7 @@ TEST(Singularity, EnergyRunsOut) {
           exactly(power) + "\"}\nprinciple: " + principle + "\ninitial: {velocity: [2, -1]}\n");
       std::vector<double> times = evenly(0.999 * end, 10);
       times.push_back(1.1 * end);
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : tolerances()) {
           const Scene scene = withSolver(plain, stepper, tolerance);
           const test::Run run = play(scene, times);
@@ -542,7 +542,7 @@ TEST(Singularity, RowsBecomeDependent) {
           const std::string q = "(t-" + exactly(T) + ")^" + std::to_string(degree);
           const Scene plain = sceneFromText(
               threeShafts(principle, order, k, k + "+" + q + "*(" + other + ")") + start);
-          for (StepperKind stepper : kAdaptiveSteppers) {
+          for (StepperKind stepper : steppersOf(plain)) {
             for (double tolerance : tolerances()) {
               const Scene scene = withSolver(plain, stepper, tolerance);
               const test::Run run = play(scene, times);
@@ -582,7 +582,7 @@ TEST(Singularity, StateMakesRowsDependent) {
           "\"w1*e1+w2*e2+w3*e3+1\"}\nprinciple: " +
           std::string(principle) + "\ninitial: {velocity: [" + plainly(2.0 + d) + ", " +
           plainly(2.0 - d) + ", 2]}\n");
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : tolerances()) {
           const test::Run run = play(withSolver(plain, stepper, tolerance), times);
           const std::string label =

@@ -63,7 +63,7 @@ TEST(Starts, OffAPlaneOfAccelerationsOrVelocities) {
               for (int i = 0; i < 2; ++i) {
                 values[static_cast<std::size_t>(i)] = right[i] + distance * d[i];
               }
-              for (StepperKind stepper : adaptiveSteppers()) {
+              for (StepperKind stepper : adaptiveSteppers(scene)) {
                 for (double tolerance : tolerances()) {
                   const Scene asked = withMethod(scene, stepper, tolerance);
                   const std::string label = motion.label() + ", off by " + text(distance) +
@@ -137,7 +137,7 @@ TEST(Starts, OffACircleOfAccelerations) {
           ", project: true}\n"));
       const auto exact =
           tabulate(times, [&](double t) { return AccelerationCircle::at(direction, t); });
-      for (StepperKind stepper : adaptiveSteppers()) {
+      for (StepperKind stepper : adaptiveSteppers(scene)) {
         for (double tolerance : tolerances()) {
           const Scene asked = withMethod(scene, stepper, tolerance);
           hazard.compare(play(asked, times), exact, asked,
@@ -151,7 +151,7 @@ TEST(Starts, OffACircleOfAccelerations) {
     const Scene scene = sceneFromText(
         AccelerationCircle::yaml(std::string("initial: {acceleration: [0, 0], project: ") +
                                  (project ? "true" : "false") + "}\n"));
-    for (StepperKind stepper : adaptiveSteppers()) {
+    for (StepperKind stepper : adaptiveSteppers(scene)) {
       const test::Run run = play(withMethod(scene, stepper, 1e-8), times);
       hazard.stopped(run.reason, std::string("the centre, ") + toString(stepper));
     }
@@ -209,7 +209,7 @@ TEST(Starts, ExactlyAtSingularPoints) {
             "constraints: [" +
             names + "]\n" + lines + "principle: " + toString(principle) +
             "\ninitial: {project: " + (project ? "true" : "false") + place.initial + "}\n");
-        for (StepperKind stepper : adaptiveSteppers()) {
+        for (StepperKind stepper : adaptiveSteppers(scene)) {
           const test::Run run = play(withMethod(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
           const std::string label = std::string(place.name) + ", " + toString(principle) +
                                     (project ? ", projected, " : ", ") + toString(stepper);
@@ -249,7 +249,7 @@ TEST(Starts, OnAPowerOfAConstraint) {
             }
             return sample;
           });
-          for (StepperKind stepper : adaptiveSteppers()) {
+          for (StepperKind stepper : adaptiveSteppers(scene)) {
             const Scene asked = withMethod(scene, stepper, 1e-8);
             hazard.compare(play(asked, times), exact, asked,
                            std::string(psi) + ", " + toString(principle) + ", from " + start +
@@ -274,7 +274,7 @@ TEST(Starts, AtRestWithManyLeastReactions) {
           "c: {type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 2}\n"
           "principle: " +
           toString(principle) + "\n");
-      for (StepperKind stepper : adaptiveSteppers()) {
+      for (StepperKind stepper : adaptiveSteppers(scene)) {
         const test::Run run = play(withMethod(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
         hazard.stopped(run.reason, std::string("inertias 1.5 and ") + inertia + ", " +
                                        toString(principle) + ", " + toString(stepper));
@@ -318,7 +318,7 @@ TEST(Starts, NearSingularPoints) {
             sample.acceleration[1] = 2.0 * e1;
             return sample;
           });
-          for (StepperKind stepper : adaptiveSteppers()) {
+          for (StepperKind stepper : adaptiveSteppers(scene)) {
             for (double tolerance : tolerances()) {
               const Scene asked = withMethod(scene, stepper, tolerance);
               hazard.compare(play(asked, times), exact, asked,
@@ -370,7 +370,7 @@ TEST(Starts, NearlyDependentRows) {
           }
           return sample;
         });
-        for (StepperKind stepper : adaptiveSteppers()) {
+        for (StepperKind stepper : adaptiveSteppers(scene)) {
           for (double tolerance : tolerances()) {
             const Scene asked = withMethod(scene, stepper, tolerance);
             hazard.compare(play(asked, times), exact, asked,
@@ -433,7 +433,7 @@ TEST(Starts, AtRestUnderAMotor) {
           sample.acceleration[1] = 0.5 * e1;
           return sample;
         });
-        for (StepperKind stepper : adaptiveSteppers()) {
+        for (StepperKind stepper : adaptiveSteppers(scene)) {
           for (double tolerance : tolerances()) {
             for (bool relative_only : {false, true}) {
               Scene asked = withMethod(scene, stepper, tolerance);
@@ -484,7 +484,7 @@ TEST(Starts, AtRestUntilACommand) {
             sample.acceleration[1] = 0.5 * e1;
             return sample;
           });
-          for (StepperKind stepper : adaptiveSteppers()) {
+          for (StepperKind stepper : adaptiveSteppers(scene)) {
             for (double tolerance : tolerances()) {
               const Scene asked = withMethod(scene, stepper, tolerance);
               // begin + later is rounded in the 16th digit
@@ -543,7 +543,7 @@ TEST(Starts, AtRestWithUndefinedRatios) {
         std::string yaml = restScene("m", "m: " + law.torque + "\n", law.constraint, principle);
         if (project) yaml += "initial: {project: true}\n";
         const Scene scene = sceneFromText(yaml);
-        for (StepperKind stepper : adaptiveSteppers()) {
+        for (StepperKind stepper : adaptiveSteppers(scene)) {
           const test::Run run = play(withMethod(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
           const std::string label =
               std::string(law.name) + ", " + toString(principle) + ", " + toString(stepper);
@@ -592,7 +592,7 @@ TEST(Starts, AtRestWithADirection) {
     const Scene scene = sceneFromText(
         restScene("m", "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\n",
                   formula(2, "e2-0.5*e1+atan2(w2,w1)"), principle));
-    for (StepperKind stepper : adaptiveSteppers()) {
+    for (StepperKind stepper : adaptiveSteppers(scene)) {
       for (double tolerance : tolerances()) {
         const Scene asked = withMethod(scene, stepper, tolerance);
         hazard.compare(play(asked, times), exact, asked,
@@ -652,12 +652,11 @@ TEST(Starts, AtRestWithEveryLaw) {
             if (!isLongForm() && tolerance < 1e-6) continue;
             const test::Run explicitly = play_at(scene, StepperKind::kDop853, 1e-3 * tolerance);
             const test::Run implicitly = play_at(scene, StepperKind::kRadau5, 1e-3 * tolerance);
-            for (StepperKind stepper : adaptiveSteppers()) {
-              const test::Run& reference = stepper == StepperKind::kRadau ||
-                                                   stepper == StepperKind::kRadau5 ||
-                                                   stepper == StepperKind::kRosenbrock4
-                                               ? explicitly
-                                               : implicitly;
+            for (StepperKind stepper : adaptiveSteppers(scene)) {
+              const test::Run &reference = stepper == StepperKind::kRadau,
+                              StepperKind::kRadau5 || stepper == StepperKind::kRosenbrock4
+                                  ? explicitly
+                                  : implicitly;
               const test::Run run = play_at(scene, stepper, tolerance);
               const std::string label = name + ", " + methodLabel(stepper, tolerance);
               // Where the motion ends it ends for all: one that goes on beyond a reference that

@@ -14,8 +14,8 @@ namespace variator_sim::test {
 namespace {
 
 constexpr StepperKind kFixedSteppers[] = {StepperKind::kRk4, StepperKind::kDopri5Fixed,
-                                          StepperKind::kRadau5Fixed,
-                                          StepperKind::kRosenbrock4Fixed};
+                                          StepperKind::kRadau5Fixed, StepperKind::kRosenbrock4Fixed,
+                                          StepperKind::kTaylorFixed};
 
 /// Scenes with exact motions.
 struct Known {
@@ -115,7 +115,7 @@ TEST(StepSizes, Tolerances) {
       const Scene plain = sceneFromText(known.yaml + "principle: " + principle + "\n");
       const std::vector<double> times = evenly(known.end, 9);
       const test::Run exact = tabulate(times, known.write);
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : tolerances) {
           // Order 4: 1e-13 takes 1e6 steps.
           if (stepper == StepperKind::kRosenbrock4 && tolerance < sizeOf(1e-11, 1e-13)) continue;
@@ -145,7 +145,7 @@ TEST(StepSizes, NoAbsoluteTolerance) {
       const Scene plain = sceneFromText(known.yaml + "principle: " + principle + "\n");
       const std::vector<double> times = evenly(known.end, 9);
       const test::Run exact = tabulate(times, known.write);
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : tolerances) {
           if (!isLongForm() && stepper == StepperKind::kRosenbrock4 && tolerance < 1e-8) continue;
           Scene scene = withSolver(plain, stepper, tolerance);
@@ -264,7 +264,7 @@ TEST(StepSizes, LateTimes) {
             "k: {type: variator_sim/ExpressionConstraint, order: " +
             std::to_string(order) + ", expression: \"" + v + "2-0.5*" + v +
             "1\"}\nprinciple: " + principle + "\n");
-        for (StepperKind stepper : kAdaptiveSteppers) {
+        for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : {1e-4, 1e-8}) {
             const Scene scene = withSolver(plain, stepper, tolerance);
             // A rest sleeps, so 1e9 s take no time.
@@ -307,7 +307,7 @@ TEST(StepSizes, LateTimesInFormulas) {
           "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
           "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
           y + "^3/(1+" + y + "^3)\"}\nconstraints: []\nprinciple: " + principle + "\n");
-      for (StepperKind stepper : kAdaptiveSteppers) {
+      for (StepperKind stepper : steppersOf(plain)) {
         for (double tolerance : {1e-4, 1e-8}) {
           Scene scene = withSolver(plain, stepper, tolerance);
           scene.solver.maximum_step = std::max(1.0, 1e-4 * T);

@@ -68,7 +68,7 @@ TEST(Stiffness, SlowMotionOfAStiffVariator) {
       motion.time_constant = tau;
       const Scene scene = limited(motion.scene());
       const auto exact = motion.exact(times);
-      for (StepperKind stepper : adaptiveSteppers()) {
+      for (StepperKind stepper : adaptiveSteppers(scene)) {
         for (double tolerance : tolerances()) {
           const Scene asked = withMethod(scene, stepper, tolerance);
           // Rosenbrock's methods lose an order where the direction of C turns and the time constant
@@ -108,7 +108,7 @@ TEST(Stiffness, TransientOfAStiffVariator) {
             if (time > 60.0 * tau) times.push_back(time);
           }
           const auto exact = motion.exact(times);
-          for (StepperKind stepper : adaptiveSteppers()) {
+          for (StepperKind stepper : adaptiveSteppers(scene)) {
             for (double tolerance : tolerances()) {
               const Scene asked = withMethod(scene, stepper, tolerance);
               const std::string label = motion.label() + ", " + methodLabel(stepper, tolerance);
@@ -250,7 +250,7 @@ TEST(Stiffness, FrictionStopsAShaft) {
       });
       for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
         const Scene scene = limited(sceneFromText(frictionScene(order, principle, speed)));
-        for (StepperKind stepper : adaptiveSteppers()) {
+        for (StepperKind stepper : adaptiveSteppers(scene)) {
           for (double tolerance : tolerances()) {
             const Scene asked = withMethod(scene, stepper, tolerance);
             const std::string label = "order " + std::to_string(order) + ", " +
@@ -295,7 +295,7 @@ TEST(Stiffness, ElasticCoupling) {
           const std::vector<double> times = evenly(end, 16);
           const auto exact = tabulate(times, [&](double t) { return drive.at(t); });
           const Scene scene = limited(sceneFromText(drive.yaml()));
-          for (StepperKind stepper : adaptiveSteppers()) {
+          for (StepperKind stepper : adaptiveSteppers(scene)) {
             for (double tolerance : tolerances()) {
               const Scene asked = withMethod(scene, stepper, tolerance);
               double allowed = kAllowed * growth;

@@ -33,4 +33,15 @@ inline Scene withStepper(Scene scene, StepperKind stepper) {
   return scene;
 }
 
+/// False where `scene` refuses it: `taylor` needs a motion that has series.
+inline bool takes(const Scene& scene, StepperKind stepper) {
+  if (stepper != StepperKind::kTaylor && stepper != StepperKind::kTaylorFixed) return true;
+  try {
+    Simulation simulation(withStepper(scene, stepper));
+  } catch (const SceneError& error) {
+    if (error.keyPath() == "solver/stepper") return false;
+  }
+  return true;
+}
+
 }  // namespace variator_sim::test
