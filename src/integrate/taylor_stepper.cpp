@@ -241,6 +241,27 @@ class TaylorStepper final : public Stepper {
       if (term > 0.0) least = std::min(least, -std::log2(term) / k);
     }
     length_ = series_->unit() * std::exp2(least);
+    for (int halvings = 0; halvings < 30 && isGrowing(x, length_); ++halvings) length_ *= 0.5;
+  }
+
+  /// The last term at h is the largest of all but the first one: h is beyond the radius of
+  /// convergence. Of something that is smaller than the tolerance every step would do, and a motion
+  /// might be thrown back by each.
+  bool isGrowing(const State& x, double h) const {
+    constexpr double kNoise = 1e-6;  // tolerances
+    const double theta = h / series_->unit();
+    const int last = lastTerm();
+    for (int n = least_angle_; n < size_; ++n) {
+      const double* const c = coefficients(n);
+      double scale = theta;
+      double largest = 0.0;
+      for (int k = 1; k < last; ++k, scale *= theta) {
+        largest = std::max(largest, std::abs(c[k]) * scale);
+      }
+      const double noise = kNoise * tolerance_.of(x[n]);
+      if (std::abs(c[last]) * scale > std::max(largest, noise)) return true;
+    }
+    return false;
   }
   static constexpr double kCaution = 0.5;
 
