@@ -72,6 +72,18 @@ TEST(Orders, TheSameConstraintOfEveryOrderIsTheSameMotion) {
   expectSameMotion(again, third, 5.0, 1e-8);
 }
 
+TEST(Orders, AreTheSameMotionsByTheirSeries) {
+  std::vector<Scene2> scenes = {{kOrder1, kStart}, {kOrder2, kStart}, {kOrder3, kStart}};
+  scenes.push_back({kOrder1, "{velocity: [5, 3]}", "gauss"});
+  scenes.push_back({kOrder2, "{velocity: [5, 3]}", "gauss"});
+  for (const Scene2& scene : scenes) {
+    SCOPED_TRACE(scene.principle + ", " + scene.constraint);
+    Simulation steps = simulate(scene);
+    Simulation series = simulate(scene, 1e-11, StepperKind::kTaylor);
+    expectSameMotion(steps, series, 5.0, 1e-8);
+  }
+}
+
 TEST(Orders, Order1IsKeptInVelocitiesAndAccelerations) {
   Simulation simulation = simulate({kOrder1, kStart}, 1e-5);
   for (int n = 1; n <= 100; ++n) {

@@ -140,6 +140,27 @@ TEST(Taylor, SaysWhyItStopsWhereThereIsNoSeries) {
   EXPECT_NE(simulation.describeStatus().find("'solver/stepper: auto'"), std::string::npos);
 }
 
+// A branch without a series that the motion comes to with its fifth derivative only.
+TEST(Taylor, LosesNothingWhereASeriesEndsLate) {
+  const Scene scene = test::sceneFromText(R"yaml(
+shafts: [a, b, c]
+a: {inertia: 1}
+b: {inertia: 1}
+c: {inertia: 1}
+torques: [m, q]
+m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "t^3"}
+q: {type: variator_sim/ExpressionTorque, shaft: b, torque: "if(phi1 <= 0, 0, -sqrt(w2))"}
+principle: gauss
+initial: {velocity: [0, 0, 7]}
+verify_derivatives: false
+)yaml");
+  for (StepperKind stepper : {StepperKind::kTaylor, StepperKind::kAuto}) {
+    Simulation simulation(test::withStepper(scene, stepper));
+    simulation.advanceTo(1.0);
+    EXPECT_NEAR(simulation.sample().velocity[2], 7.0, 1e-8) << toString(stepper);
+  }
+}
+
 // Damped 1e5 times as much from 1 s to 3 s.
 TEST(Taylor, IsLeftWhileTheMotionIsStiff) {
   const std::string torque = "-(1+5e4*(tanh(10*(t-1))-tanh(10*(t-3))))*(w1-cos(t))";

@@ -40,7 +40,7 @@ class MotionSeries {
   /// The motion stands at (t, x), x = (phi, omega, epsilon): coefficient 0. `unit`, s; at most the
   /// order `most` will be asked for, kMostOrder at the most. False where C has lost rank. [loop]
   bool begin(double t, const double* x, double unit, int most);
-  /// One order more, of epsilon. False where it is not finite: nothing further then. [loop]
+  /// One order more, of epsilon. False where it is not finite: no coefficient is left then. [loop]
   bool extend();
   int order() const { return order_; }
   /// Another number after every `begin`: whose series these are.

@@ -201,7 +201,11 @@ class TaylorStepper final : public Stepper {
     const double theta = limit / unit;
     double scale = size_ == 3 * S ? 1.0 : theta;  // theta^lastTerm()
     int small = 0;
-    while (order_ < most_ && !is_short_ && series_->extend()) {
+    while (order_ < most_ && !is_short_) {
+      if (!series_->extend()) {
+        order_ = 0;  // nothing is left of it
+        return;
+      }
       ++order_;
       scale *= theta;
       // Two terms in a row that are nothing: the step cannot be longer than `limit` anyway.
