@@ -133,6 +133,18 @@ TEST(Taylor, IsLeftWhereThereIsNoSeriesAndComesBack) {
   expectMotionOfDop853(simulation, torque, 10.0, 1e-6);
 }
 
+// The same of a motion that is not stiff there: ten steps by Runge-Kutta, next to none in vain.
+TEST(Taylor, IsLeftForAFewStepsWhereThereIsNoSeries) {
+  const std::string torque = "5-0.001*w1^8.5";
+  Simulation simulation(oneShaft(torque, StepperKind::kAuto));
+  ASSERT_TRUE(simulation.advanceTo(1e-9).ok());
+  EXPECT_STREQ(simulation.stepperName(), "dop853");
+  EXPECT_LE(simulation.statistics().rejected_steps, 1u);  // of the first size that is tried
+  expectMotionOfDop853(simulation, torque, 3.0, 1e-7);
+  EXPECT_STREQ(simulation.stepperName(), "taylor");
+  EXPECT_EQ(simulation.statistics().implicit_steps, 0u);
+}
+
 TEST(Taylor, SaysWhyItStopsWhereThereIsNoSeries) {
   Simulation simulation(oneShaft("5-w1^1.5", StepperKind::kTaylor));
   EXPECT_EQ(simulation.advanceTo(1.0).reason, StopReason::kStepUnderflow);
