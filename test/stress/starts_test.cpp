@@ -653,10 +653,11 @@ TEST(Starts, AtRestWithEveryLaw) {
             const test::Run explicitly = play_at(scene, StepperKind::kDop853, 1e-3 * tolerance);
             const test::Run implicitly = play_at(scene, StepperKind::kRadau5, 1e-3 * tolerance);
             for (StepperKind stepper : adaptiveSteppers(scene)) {
-              const test::Run &reference = stepper == StepperKind::kRadau,
-                              StepperKind::kRadau5 || stepper == StepperKind::kRosenbrock4
-                                  ? explicitly
-                                  : implicitly;
+              const test::Run& reference = stepper == StepperKind::kRadau ||
+                                                   stepper == StepperKind::kRadau5 ||
+                                                   stepper == StepperKind::kRosenbrock4
+                                               ? explicitly
+                                               : implicitly;
               const test::Run run = play_at(scene, stepper, tolerance);
               const std::string label = name + ", " + methodLabel(stepper, tolerance);
               // Where the motion ends it ends for all: one that goes on beyond a reference that
