@@ -166,8 +166,8 @@ void MotionSeries::compile() {
   for (int m = 0; m < k_; ++m) row_of_residual_[m] = program_.output(next++);
   for (int m = 0; m < k_; ++m) {
     for (int i = 0; i < S; ++i) {
-      row_of_C_[m][i] = program_.output(next++);
-      is_curved_ = is_curved_ || (is_classical_ && program_.isAccelerated(row_of_C_[m][i]));
+      row_of_entry_[m][i] = program_.output(next++);
+      is_curved_ = is_curved_ || (is_classical_ && program_.isAccelerated(row_of_entry_[m][i]));
     }
   }
   for (int i = 0; i < S; ++i) row_of_torque_[i] = program_.output(next++);
@@ -218,7 +218,7 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   program_.evaluate(Part::kGiven, 0);
   program_.evaluate(Part::kAccelerated, 0);
   for (int m = 0; m < k_; ++m) {
-    for (int i = 0; i < S; ++i) solver_.row(m)[i] = program_.coefficients(C(m, i))[0];
+    for (int i = 0; i < S; ++i) solver_.row(m)[i] = program_.coefficients(entryRow(m, i))[0];
   }
   if (k_ > 0 && !solver_.factor(drivetrain_.inertia())) return false;
   if (is_classical_ || !isInertiaConstant()) beginReaction(x);
@@ -357,8 +357,8 @@ void MotionSeries::calcForceRest(int n, double* a) const {
     const int last = is_classical_ ? n : n - 1;
     double rest = 0.0;
     for (int m = 0; m < k_; ++m) {
-      if (program_.isConstant(C(m, i))) continue;
-      rest += program_.convolveOld(C(m, i), row_of_multiplier_[m], last);
+      if (program_.isConstant(entryRow(m, i))) continue;
+      rest += program_.convolveOld(entryRow(m, i), row_of_multiplier_[m], last);
     }
     if (moves && !is_classical_) {
       const double* const connection = program_.coefficients(row_of_connection_[i]);
@@ -376,7 +376,7 @@ void MotionSeries::calcConstraintRest(int n, double* g) const {
     }
     double sum = unit_ * program_.coefficients(row_of_residual_[m])[n - 1];
     for (int i = 0; i < S; ++i) {
-      const double* const row = program_.coefficients(C(m, i));
+      const double* const row = program_.coefficients(entryRow(m, i));
       for (int j = 1; j < n; ++j) sum += (n - j) * row[j] * acceleration(i)[n - j];
     }
     g[m] = -sum * (1.0 / n);

@@ -85,7 +85,7 @@ class MotionSeries {
   void noteReaction(int n);
 
   bool isInertiaConstant() const { return drivetrain_.inertia().isConstant(); }
-  int C(int m, int i) const { return row_of_C_[m][i]; }
+  int entryRow(int m, int i) const { return row_of_entry_[m][i]; }
 
   const Scene& scene_;
   Drivetrain& drivetrain_;
@@ -115,7 +115,7 @@ class MotionSeries {
   std::vector<InputRow> input_rows_;
   int row_of_multiplier_[kMaxRows] = {};  ///< Lambda, or lambda under Gauss
   int row_of_residual_[kMaxRows] = {};    ///< psi or f', c0 of order 3
-  int row_of_C_[kMaxRows][kMaxShafts] = {};
+  int row_of_entry_[kMaxRows][kMaxShafts] = {};
   int row_of_torque_[kMaxShafts] = {};
   int row_of_inertia_[kMaxShafts] = {};          ///< J_ii
   int row_of_inertial_torque_[kMaxShafts] = {};  ///< 1/2 J_i' omega^2

@@ -53,9 +53,9 @@ std::string MotionSeries::writeOrder() const {
     const char* const last = is_classical_ ? "n" : "(n - 1)";
     std::string rest;
     for (int m = 0; m < k_; ++m) {
-      if (program_.isConstant(C(m, i))) continue;
+      if (program_.isConstant(entryRow(m, i))) continue;
       rest += (rest.empty() ? "0.0 + " : " + ") +
-              program_.writeConvolution(C(m, i), row_of_multiplier_[m], last);
+              program_.writeConvolution(entryRow(m, i), row_of_multiplier_[m], last);
     }
     if (rest.empty()) continue;
     text << "  a" << i << " = a" << i << " + " << (is_classical_ ? "1.0" : "u * (1.0 / n)")
@@ -69,8 +69,8 @@ std::string MotionSeries::writeOrder() const {
     }
     text << "  double " << g << " = u * " << at(row_of_residual_[m], "n - 1") << ";\n";
     for (int i = 0; i < S; ++i) {
-      text << "  for (int j = 1; j < n; ++j) " << g << " += (n - j) * " << at(C(m, i), "j") << " * "
-           << at(row_of_acceleration_[i], "n - j") << ";\n";
+      text << "  for (int j = 1; j < n; ++j) " << g << " += (n - j) * " << at(entryRow(m, i), "j")
+           << " * " << at(row_of_acceleration_[i], "n - j") << ";\n";
     }
     text << "  " << g << " = -" << g << " * (1.0 / n);\n";
   }

@@ -49,7 +49,7 @@ class SeriesWriter {
     for (const int row : program_.accelerations_) {
       if (corrects) text_ << "  const double " << change(row) << " = " << coefficient(row) << ";\n";
     }
-    for (const int index : program_.programs_[static_cast<int>(part)]) {
+    for (const int index : program_.programs_[static_cast<std::size_t>(part)]) {
       const Instruction& it = program_.instructions_[static_cast<std::size_t>(index)];
       if (corrects && it.is_tried) {
         correct(it);

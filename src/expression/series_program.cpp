@@ -79,7 +79,7 @@ void SeriesProgram::run(const std::vector<int>& program, int n) {
 
 void SeriesProgram::correct(int n) {
   for (const int row : accelerations_) change(row) = forward(row)[n];
-  for (const int index : programs_[static_cast<int>(Part::kAccelerated)]) {
+  for (const int index : programs_[static_cast<std::size_t>(Part::kAccelerated)]) {
     const Instruction& it = instructions_[static_cast<std::size_t>(index)];
     if (!it.is_tried) {
       carryOut(it, n);

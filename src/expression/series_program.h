@@ -14,6 +14,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -68,7 +69,7 @@ class SeriesProgram {
     if (part == Part::kAccelerated && n > 0) {
       correct(n);
     } else {
-      run(programs_[static_cast<int>(part)], n);
+      run(programs_[static_cast<std::size_t>(part)], n);
     }
   }
   /// The statements of C that `evaluate` of a part carries out for n >= 1, of `double* r` and
@@ -201,7 +202,7 @@ class SeriesProgram {
   std::vector<bool> accelerated_;
   std::vector<bool> has_pole_;  ///< may be infinite without an overflow
   std::vector<Instruction> instructions_;
-  std::vector<int> programs_[3];
+  std::array<std::vector<int>, 3> programs_;
   std::vector<Term> terms_;
   std::vector<double> states_;
   std::vector<double> changes_;     ///< of the rows

@@ -137,8 +137,7 @@ std::string Simulation::describeStatus() const {
   const StepperKind stepper = scene.solver.stepper;
   if (status.reason == StopReason::kStepUnderflow &&
       (stepper == StepperKind::kTaylor || stepper == StepperKind::kTaylorFixed)) {
-    text
-        << ", or has no power series here (w^1.5 at w = 0), where 'solver/stepper: auto' goes on";
+    text << ", or has no power series here (w^1.5 at w = 0), where 'solver/stepper: auto' goes on";
   }
   if (status.torque >= 0) {
     text << "; torque '" << scene.torques[static_cast<std::size_t>(status.torque)]->name() << "'";
