@@ -215,7 +215,7 @@ TEST(RadauMethod, MeetsTheOrderConditions) {
       for (int k = 1; k <= order; ++k) {
         double sum = 0.0;
         for (std::size_t j = 0; j < s; ++j) {
-          sum += method.A()[i][j] * std::pow(method.points()[j], k - 1);
+          sum += method.coefficients()[i][j] * std::pow(method.points()[j], k - 1);
         }
         EXPECT_NEAR(sum, std::pow(method.points()[i], k) / k, 1e-15) << stages << ", " << k;
       }
@@ -239,9 +239,10 @@ TEST(RadauMethod, TakesItsStagesApart) {
         double block = 0.0;
         double unit = 0.0;
         for (std::size_t i = 0; i < s; ++i) {
-          unit += method.A()[a][i] * method.inverse()[i][b];
+          unit += method.coefficients()[a][i] * method.inverse()[i][b];
           for (std::size_t j = 0; j < s; ++j) {
-            block += method.TI()[a][i] * method.inverse()[i][j] * method.T()[j][b];
+            block +=
+                method.inverseTransform()[a][i] * method.inverse()[i][j] * method.transform()[j][b];
           }
         }
         EXPECT_NEAR(block, expected(a, b), 1e-12) << stages;

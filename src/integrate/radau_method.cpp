@@ -171,7 +171,7 @@ RadauMethod::RadauMethod(int stages) : stages_(stages) {
   copy(inverse, inverse_);
   copy(invert(inverse), A_);
   copy(T, T_);
-  copy(invert(T), TI_);
+  copy(invert(T), inverse_transform_);
   for (std::size_t j = 0; j < s; ++j) {
     Real scale = 1 / points[j];
     for (std::size_t k = 0; k < s; ++k) {

@@ -26,15 +26,15 @@ class RadauMethod {
   /// Points of the stages, of a step from 0 to 1; the last is 1.
   const Vector& points() const { return points_; }
   /// A, its last row the weights.
-  const Matrix& A() const { return A_; }
+  const Matrix& coefficients() const { return A_; }
   /// A^-1: h times the slopes at the stages by what the stages have moved.
   const Matrix& inverse() const { return inverse_; }
   /// Eigenvalues of A^-1.
   double real() const { return real_; }
   std::complex<double> pair(int p) const { return pairs_[static_cast<std::size_t>(p)]; }
   /// T, eigenvectors whose last components are 1, and T^-1.
-  const Matrix& T() const { return T_; }
-  const Matrix& TI() const { return TI_; }
+  const Matrix& transform() const { return T_; }
+  const Matrix& inverseTransform() const { return inverse_transform_; }
 
   /// p(theta) and p'(theta) by what the stages have moved: a weight for each. [loop]
   void calcValueWeights(double theta, Vector& weights) const;
@@ -51,7 +51,7 @@ class RadauMethod {
   double real_ = 0.0;
   std::array<std::complex<double>, kMaxPairs> pairs_{};
   Matrix T_{};
-  Matrix TI_{};
+  Matrix inverse_transform_{};
 };
 
 }  // namespace variator_sim

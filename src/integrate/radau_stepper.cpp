@@ -44,7 +44,7 @@ class RadauStepper final : public Stepper {
         f_{rounding_, rounding_, rounding_, rounding_, rounding_, rounding_, rounding_},
         parts_(f_),
         Z_(f_),
-        last_Z_(f_) {
+        last_stages_(f_) {
     // Coefficients are worked out here, not in the middle of a motion.
     for (int s = kLeast; s <= most_; s += 2) RadauMethod::withStages(s);
     method_ = &RadauMethod::withStages(stages_);
@@ -113,7 +113,7 @@ class RadauStepper final : public Stepper {
       if (i < s - 1) {
         for (int n = 0; n < size_; ++n) x[n] = from.x[n] + Z_[stage][n];
       }
-      const double weight = method_->A()[static_cast<std::size_t>(s - 1)][stage];
+      const double weight = method_->coefficients()[static_cast<std::size_t>(s - 1)][stage];
       const double time = from.time + method_->points()[stage] * h;
       gain.add(h, weight, system.calcTorqueRate(time, x));
     }
@@ -182,13 +182,13 @@ class RadauStepper final : public Stepper {
       return;
     }
     const auto s = static_cast<std::size_t>(last.stages());
-    for (std::size_t i = 0; i < s; ++i) last_Z_[i] = Z_[i];
+    for (std::size_t i = 0; i < s; ++i) last_stages_[i] = Z_[i];
     for (std::size_t i = 0; i < kStages; ++i) {
       RadauMethod::Vector weights{};
       const double theta = method_->points()[i] * h / step_;
       last.calcValueWeights(goes_on ? 1.0 + theta : theta, weights);
       if (goes_on) weights[s - 1] -= 1.0;
-      combine(s, weights, last_Z_, Z_[i]);
+      combine(s, weights, last_stages_, Z_[i]);
     }
   }
 
@@ -217,12 +217,12 @@ class RadauStepper final : public Stepper {
   /// One Newton correction of the stages. Its size, in units of what the iteration may leave.
   template <std::size_t kStages>
   double correctStages(const StepNode& from) {
-    const RadauMethod::Matrix& T = method_->T();
-    const RadauMethod::Matrix& TI = method_->TI();
+    const RadauMethod::Matrix& T = method_->transform();
+    const RadauMethod::Matrix& T_inverse = method_->inverseTransform();
     forEachComponent(0, size_, [&](int n) {
       for (std::size_t k = 0; k < kStages; ++k) {
-        double sum = TI[k][0] * f_[0][n];
-        for (std::size_t i = 1; i < kStages; ++i) sum += TI[k][i] * f_[i][n];
+        double sum = T_inverse[k][0] * f_[0][n];
+        for (std::size_t i = 1; i < kStages; ++i) sum += T_inverse[k][i] * f_[i][n];
         parts_[k][n] = sum;
       }
     });
@@ -408,7 +408,7 @@ class RadauStepper final : public Stepper {
   Stages f_;      // x_{l+1} - x_l'; minus the residual in the last rows
   Stages parts_;  // of a correction, along the eigenvectors
   Stages Z_;      // what the stages have moved
-  Stages last_Z_;
+  Stages last_stages_;
   double end_ = std::numeric_limits<double>::quiet_NaN();
   double step_ = 0.0;
 };
