@@ -148,7 +148,7 @@ class SeriesWriter {
         std::string sum;
         for (int n = 0; n < it.aux[1]; ++n) {
           const SeriesProgram::Term& term =
-              program_.terms_[static_cast<std::size_t>(it.aux[0] + n)];
+              program_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)];
           if (n > 0) sum += " + ";
           sum += number(term.factor) + " * " + coefficient(term.row);
         }

@@ -73,7 +73,8 @@ class SeriesCompiler {
     }
     if (it.code == Code::kLinear) {
       for (int n = 0; n < it.aux[1]; ++n) {
-        const int row = made_.terms_[static_cast<std::size_t>(it.aux[0] + n)].row;
+        const int row =
+            made_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)].row;
         is_accelerated = is_accelerated || made_.isAccelerated(row);
       }
     }
@@ -96,7 +97,10 @@ class SeriesCompiler {
     };
     bool found = std::any_of(std::begin(it.operands), std::end(it.operands), has_pole);
     for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
-      found = found || has_pole(made_.terms_[static_cast<std::size_t>(it.aux[0] + n)].row);
+      found =
+          found ||
+          has_pole(
+              made_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)].row);
     }
     return found;
   }
@@ -505,7 +509,8 @@ class SeriesCompiler {
       const Instruction& it = made_.instructions_[static_cast<std::size_t>(index)];
       open.insert(open.end(), std::begin(it.operands), std::end(it.operands));
       for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
-        open.push_back(made_.terms_[static_cast<std::size_t>(it.aux[0] + n)].row);
+        open.push_back(
+            made_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)].row);
       }
     }
     for (std::size_t i = 0; i < needed.size(); ++i) {

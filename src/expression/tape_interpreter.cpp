@@ -109,7 +109,7 @@ void Tape::carryOut(const Call& call) const noexcept {
 #define VARIATOR_SIM_PAIR(o1) VARIATOR_SIM_RUN(pair_##o1, RESULT = VARIATOR_SIM_APPLY_##o1(A, B))
 #define VARIATOR_SIM_TRIAD(o1, form, value)                                             \
   VARIATOR_SIM_RUN(triad_##o1##_##form, const double t = VARIATOR_SIM_APPLY_##o1(A, B); \
-                   RESULT = value)
+                   RESULT = (value))
 #define VARIATOR_SIM_QUAD(o1, o2, o3)                                              \
   VARIATOR_SIM_RUN(quad_##o1##_##o2##_##o3,                                        \
                    RESULT = VARIATOR_SIM_APPLY_##o2(VARIATOR_SIM_APPLY_##o1(A, B), \
