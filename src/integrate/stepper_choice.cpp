@@ -20,7 +20,8 @@ StepperChoice::StepperChoice(const System& system, const SolverSettings& setting
     first_ = make(settings.relative_tolerance <= kHighOrderBelow ? StepperKind::kDop853
                                                                  : StepperKind::kDopri5);
     implicit_ = make(StepperKind::kRadau);
-    if (system.series() != nullptr) series_ = make(StepperKind::kTaylor);
+    const bool pays = settings.relative_tolerance <= kSeriesBelow;
+    if (pays && system.series() != nullptr) series_ = make(StepperKind::kTaylor);
   }
   reset();
 }
