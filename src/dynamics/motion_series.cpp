@@ -234,6 +234,10 @@ void MotionSeries::knowFurther(int n) {
 }
 
 bool MotionSeries::invert() {
+  if (k_ == 1) {
+    invertOneRow();
+    return true;
+  }
   const int size = S + k_;
   for (int column = 0; column < size; ++column) {
     double right[kMaxShafts] = {};
@@ -251,6 +255,25 @@ bool MotionSeries::invert() {
     for (int m = 0; m < k_; ++m) inverse_[(S + m) * size + column] = mu[m];
   }
   return true;
+}
+
+void MotionSeries::invertOneRow() {
+  // With w = J^-1 C^T and A = C w:  [J^-1 - w w^T / A, w / A; -w^T / A, 1 / A], times (a, -g)
+  double w[kMaxShafts];
+  double column[kMaxShafts] = {};
+  drivetrain_.inertia().solve(solver_.row(0), w);
+  double A = 0.0;
+  for (int i = 0; i < S; ++i) A += solver_.row(0)[i] * w[i];
+  const double part = 1.0 / A;
+  for (int j = 0; j < S; ++j) {
+    double unit[kMaxShafts] = {};
+    unit[j] = 1.0;
+    drivetrain_.inertia().solve(unit, column);
+    for (int i = 0; i < S; ++i) inverse_[i * (S + 1) + j] = column[i] - w[i] * (part * w[j]);
+    inverse_[S * (S + 1) + j] = -part * w[j];
+    inverse_[j * (S + 1) + S] = part * w[j];
+  }
+  inverse_[S * (S + 1) + S] = part;
 }
 
 bool MotionSeries::invertCurved(const StateView& state) {

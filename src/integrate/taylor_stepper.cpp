@@ -50,17 +50,15 @@ class TaylorStepper final : public Stepper {
     if (order_ < kLeastOrder) return std::numeric_limits<double>::quiet_NaN();
     evaluate(h, x_new);
     // What the next term would be, by those before it.
-    const double theta = h / series_->unit();
     const int last = lastTerm();
     double scale[kTerms];
-    scale[kTerms - 1] = power(theta, last - kTerms + 1);
-    for (int k = kTerms - 2; k >= 0; --k) scale[k] = scale[k + 1] * theta;
+    for (int k = firstTerm(); k <= last; ++k) scale[last - k] = powers_[k] * decay_[last - k];
     double norm = 0.0;
     for (int n = 0; n < size_; ++n) {
       const double* const c = coefficients(n);
       double term = 0.0;
       for (int k = firstTerm(); k <= last; ++k) {
-        term = std::max(term, std::abs(c[k]) * scale[last - k] * decay_[last - k]);
+        term = std::max(term, std::abs(c[k]) * scale[last - k]);
       }
       error_[n] = term;
       if (n >= least_angle_) norm = worseOf(norm, term / tolerance_.of(from.x[n], x_new[n]));
@@ -72,14 +70,14 @@ class TaylorStepper final : public Stepper {
   /// the last coefficients do not show (a pole that is near, a branch) is seen here.
   double estimateFromEnd(const StepNode& from, const StepNode& to) const override {
     const double h = to.time - from.time;
-    const double theta = h / series_->unit();
     const int last = lastTerm();
+    double weights[kRoom];
+    for (int k = 0; k <= last; ++k) weights[k] = k * powers_[k];
+    const double per_power = 1.0 / h;  // s c'(s) is what the sums are
     double norm = 0.0;
     for (int n = least_angle_; n < size_; ++n) {
-      const double* const c = coefficients(n);
-      double slope = last * c[last];
-      for (int k = last - 1; k > 0; --k) slope = slope * theta + k * c[k];
-      const double defect = std::abs(to.dxdt[n] - slope / series_->unit());
+      const double slope = sumOf(coefficients(n), weights, last) * per_power;
+      const double defect = std::abs(to.dxdt[n] - slope);
       norm = worseOf(norm, h * defect / ((last + 1) * tolerance_.of(from.x[n], to.x[n])));
     }
     return norm;
@@ -89,12 +87,10 @@ class TaylorStepper final : public Stepper {
   void calcTorqueGain(System& system, const StepNode& from, const StepNode& to,
                       TorqueGain& gain) override {
     expand(system, from, limit_);
-    const double theta = (to.time - from.time) / series_->unit();
+    setPowers((to.time - from.time) / series_->unit());
     for (int i = 0; i < S; ++i) {
       const double* const Q = series_->torque(i);
-      double rest = 0.0;
-      for (int k = order_; k > 0; --k) rest = (rest + Q[k]) * theta;
-      gain.change[i] = rest;
+      gain.change[i] = sumOf(Q, powers_, order_);
       gain.largest_rate[i] =
           std::max(std::abs(from.torque_rate[i]), std::abs(Q[1]) / series_->unit());
     }
@@ -106,11 +102,12 @@ class TaylorStepper final : public Stepper {
   double stiffness(const State& /*x_new*/, const State& /*dxdt_new*/) const override {
     const int last = lastTerm();
     double stiffest = 0.0;
+    double factorial = 1.0;
+    for (int k = 2; k <= last; ++k) factorial *= k;
     for (int n = least_angle_; n < size_; ++n) {
       const double* const c = coefficients(n);
       const double ratio = std::abs(c[last] / c[last - 1]) * last;  // |lambda| unit
-      double delta = std::abs(c[last]);
-      for (int k = last; k > 0; --k) delta *= k / ratio;
+      const double delta = std::abs(c[last]) * (factorial / power(ratio, last));
       if (!(delta <= kFaint * tolerance_.of(c[0]))) continue;
       stiffest = std::max(stiffest, ratio * length_ / series_->unit() / (last / 2.718281828459045));
     }
@@ -139,11 +136,8 @@ class TaylorStepper final : public Stepper {
     return result;
   }
 
-  /// Component n of x, and its last coefficient.
-  const double* coefficients(int n) const {
-    const int i = n % S;
-    return n < S ? series_->angle(i) : n < 2 * S ? series_->velocity(i) : series_->acceleration(i);
-  }
+  /// Of component n of x.
+  const double* coefficients(int n) const { return rows_[n]; }
   /// The same for all of them, although angles and velocities are known further: what is linear in
   /// the coefficients of every order (an invariant of the reaction, say) stays so.
   int lastTerm() const { return size_ == 3 * S ? order_ : order_ + 1; }
@@ -151,15 +145,33 @@ class TaylorStepper final : public Stepper {
   /// The first of the terms that the step is judged by.
   int firstTerm() const { return lastTerm() - (is_short_ ? 1 : kTerms - 1); }
 
-  void evaluate(double h, State& x) const {
-    const double theta = h / series_->unit();
+  void evaluate(double h, State& x) {
+    setPowers(h / series_->unit());
     const int last = lastTerm();
     for (int n = 0; n < size_; ++n) {
       const double* const c = coefficients(n);
-      double sum = c[last];
-      for (int k = last - 1; k >= 0; --k) sum = sum * theta + c[k];
-      x[n] = sum;
+      x[n] = c[0] + sumOf(c, powers_, last);
     }
+  }
+
+  /// theta^k as far as a term may need it; the last ones are asked for again and again.
+  void setPowers(double theta) {
+    if (theta == powers_[1]) return;
+    powers_[0] = 1.0;
+    powers_[1] = theta;
+    // By the powers half as high: no long chain of products.
+    for (int k = 2; k <= most_ + 1; ++k) powers_[k] = powers_[k / 2] * powers_[k - k / 2];
+  }
+
+  /// sum_{k=1..last} c_k weights_k, in four sums that do not wait for one another.
+  static double sumOf(const double* c, const double* weights, int last) {
+    double sum[4] = {};
+    int k = last;
+    for (; k >= 4; k -= 4) {
+      for (int lane = 0; lane < 4; ++lane) sum[lane] += c[k - lane] * weights[k - lane];
+    }
+    for (; k >= 1; --k) sum[0] += c[k] * weights[k];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
   }
 
   /// The series at `from`, as far as steps of `limit` need it.
@@ -169,7 +181,7 @@ class TaylorStepper final : public Stepper {
     if (is_own && from.time == base_time_ && from.x == base_x_ && from.dxdt == base_dxdt_) {
       if (limit <= limit_ || order_ == most_) return;
     }
-    series_ = system.series();
+    if (series_ == nullptr) findSeries(system);
     order_ = 0;
     base_time_ = from.time;
     base_x_ = from.x;
@@ -191,9 +203,21 @@ class TaylorStepper final : public Stepper {
     if (order_ >= kLeastOrder) chooseLength(from.x);
   }
 
+  void findSeries(const System& system) {
+    series_ = system.series();
+    if (series_ == nullptr) return;
+    for (int i = 0; i < S; ++i) {
+      rows_[i] = series_->angle(i);
+      rows_[S + i] = series_->velocity(i);
+      rows_[2 * S + i] = series_->acceleration(i);
+    }
+  }
+
   void makeSeries(const double* x, double unit, double limit) {
+    constexpr double kPart = 1e-3;
     order_ = 0;
     is_short_ = false;
+    for (int n = least_angle_; n < size_; ++n) nothing_[n] = kPart * tolerance_.of(x[n]);
     int exponent = 0;
     std::frexp(unit, &exponent);
     unit = std::ldexp(1.0, exponent);
@@ -209,20 +233,19 @@ class TaylorStepper final : public Stepper {
       ++order_;
       scale *= theta;
       // Two terms in a row that are nothing: the step cannot be longer than `limit` anyway.
-      small = isNothing(x, theta, scale) ? small + 1 : 0;
+      small = isNothing(theta, scale) ? small + 1 : 0;
       is_short_ = small >= 2 && order_ > kLeastOrder;
     }
   }
   /// The last terms, those of theta^k = `scale`, are a small part of the tolerance, and of what
   /// goes before them: of something far below the tolerance that grows the digits count, too.
-  bool isNothing(const double* x, double theta, double scale) const {
-    constexpr double kPart = 1e-3;
+  bool isNothing(double theta, double scale) const {
     constexpr double kDigits = 1e-6;
     const int last = lastTerm();
     for (int n = least_angle_; n < size_; ++n) {
       const double* const c = coefficients(n);
       const double term = std::abs(c[last]) * scale;
-      if (!(term <= kPart * tolerance_.of(x[n]))) return false;
+      if (!(term <= nothing_[n])) return false;
       if (!(term <= kDigits * std::max(std::abs(c[0]), std::abs(c[1]) * theta))) return false;
     }
     return true;
@@ -245,25 +268,27 @@ class TaylorStepper final : public Stepper {
       if (term > 0.0) least = std::min(least, -std::log2(term) / k);
     }
     length_ = series_->unit() * std::exp2(least);
-    for (int halvings = 0; halvings < 30 && isGrowing(x, length_); ++halvings) length_ *= 0.5;
+    for (int halvings = 0; halvings < 30; ++halvings) {
+      setPowers(length_ / series_->unit());
+      if (!isGrowing(x)) break;
+      length_ *= 0.5;
+    }
   }
 
-  /// The last term at h is the largest of all but the first one: h is beyond the radius of
-  /// convergence. Of something that is smaller than the tolerance every step would do, and a motion
-  /// might be thrown back by each.
-  bool isGrowing(const State& x, double h) const {
+  /// The last term at the length whose powers are set is the largest of all but the first one: that
+  /// is beyond the radius of convergence. Of something that is smaller than the tolerance every
+  /// step would do, and a motion might be thrown back by each.
+  bool isGrowing(const State& x) const {
     constexpr double kNoise = 1e-6;  // tolerances
-    const double theta = h / series_->unit();
     const int last = lastTerm();
     for (int n = least_angle_; n < size_; ++n) {
       const double* const c = coefficients(n);
-      double scale = theta;
-      double largest = 0.0;
-      for (int k = 1; k < last; ++k, scale *= theta) {
-        largest = std::max(largest, std::abs(c[k]) * scale);
+      const double term = std::abs(c[last]) * powers_[last];
+      bool is_largest = term > kNoise * tolerance_.of(x[n]);
+      for (int k = 1; k < last && is_largest; ++k) {
+        is_largest = term > std::abs(c[k]) * powers_[k];
       }
-      const double noise = kNoise * tolerance_.of(x[n]);
-      if (std::abs(c[last]) * scale > std::max(largest, noise)) return true;
+      if (is_largest) return true;
     }
     return false;
   }
@@ -279,6 +304,10 @@ class TaylorStepper final : public Stepper {
   /// N terms that fall from 1 to the tolerance.
   double decay_[kTerms] = {};
   double limit_ = 0.0;
+  static constexpr int kRoom = MotionSeries::kMostOrder + 2;
+  const double* rows_[3 * kMaxShafts] = {};  // of coefficients
+  double nothing_[3 * kMaxShafts] = {};      // what a term is at most that is none
+  double powers_[kRoom] = {};                // of the part of a unit that was looked at last
   double base_time_ = std::numeric_limits<double>::quiet_NaN();
   State base_x_;
   State base_dxdt_;
