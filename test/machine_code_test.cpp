@@ -290,13 +290,34 @@ variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0
   for (const char* principle : {"generalized_gauss", "gauss"}) {
     for (const StepperKind stepper :
          {StepperKind::kAuto, StepperKind::kRk4, StepperKind::kDopri5, StepperKind::kDop853,
-          StepperKind::kFehlberg78, StepperKind::kRosenbrock4, StepperKind::kRadau,
-          StepperKind::kRadau5, StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
-          StepperKind::kRadau5Fixed}) {
+          StepperKind::kFehlberg78, StepperKind::kTaylor, StepperKind::kRosenbrock4,
+          StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kDopri5Fixed,
+          StepperKind::kRosenbrock4Fixed, StepperKind::kRadau5Fixed}) {
       SCOPED_TRACE(std::string(principle) + ", " + toString(stepper));
       const std::string text = scene + "principle: " + principle + "\n";
       expectSameBits(test::withStepper(test::sceneFromText(text), stepper));
     }
+  }
+}
+
+TEST_F(MachineCodeBits, OfSeriesWithAnInertiaThatDependsOnAnglesAreTheInterpreters) {
+  const std::string scene = R"yaml(
+shafts: [crank, load, drum]
+crank: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}, {order: 2, cos: 0.1, sin: -0.15}]}}
+load: {inertia: 1.2}
+drum: {inertia: {mean: 0.7, harmonics: [{order: 3, sin: 0.1}]}}
+inertia_coupling: [[crank, load, 0.1]]
+initial: {velocity: [10.0, 6.0, 3.0]}
+torques: [drag]
+drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "3 - 0.3*w2 + sin(phi1)"}
+constraints: [variator, drive]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2 - 0.6*e1) + w2 - 0.6*w1"}
+drive: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e3 - 0.5*e2 + 0.01*w1*e1"}
+)yaml";
+  for (const char* principle : {"generalized_gauss", "gauss"}) {
+    SCOPED_TRACE(principle);
+    const std::string text = scene + "principle: " + principle + "\n";
+    expectSameBits(test::withStepper(test::sceneFromText(text), StepperKind::kTaylor));
   }
 }
 

@@ -78,9 +78,10 @@ TEST_P(SmoothScene, HasAnErrorNearTheTolerance) {
     const double error = errorOf(simulation.sample(), exact, tolerance);
     EXPECT_LT(error, GetParam().most) << tolerance;
     errors.push_back(error * tolerance);
-    // By itself one may be small by accident.
+    // By itself one may be small by accident, and none need be smaller than a few roundings.
+    constexpr double kRounding = 1e-15;
     const std::size_t n = errors.size();
-    if (n > 2) {
+    if (n > 2 && errors[n - 1] > kRounding) {
       EXPECT_LT(errors[n - 1], errors[n - 3]) << tolerance;
     }
     EXPECT_LE(simulation.statistics().rejected_steps, 1u) << tolerance;

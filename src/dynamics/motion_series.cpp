@@ -134,8 +134,8 @@ void MotionSeries::compile() {
       slots.push_back(slotOf(part, i));
     }
   }
-  // Lambda or lambda: rows that no formula reads.
-  for (int m = 0; m < k_; ++m) slots.push_back(slotOf(Source::kJerk, m));
+  // Lambda or lambda, J^-1 R: rows that no formula reads.
+  for (int m = 0; m < k_ + S; ++m) slots.push_back(slotOf(Source::kJerk, m));
   std::vector<Node> all = trial;
   all.insert(all.end(), others.begin(), others.end());
   const std::size_t known = slots.size();
@@ -156,6 +156,7 @@ void MotionSeries::compile() {
     row_of_acceleration_[i] = program_.variable(next++);
   }
   for (int m = 0; m < k_; ++m) row_of_multiplier_[m] = program_.variable(next++);
+  for (int i = 0; i < S; ++i) row_of_reaction_rate_[i] = program_.variable(next++);
   for (std::size_t n = known; n < slots.size(); ++n) {
     const Source source = expression::sourceOf(slots[n]);
     const int derivative = source == Source::kInput ? 0 : source == Source::kInputRate ? 1 : 2;
@@ -222,6 +223,7 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   }
   if (k_ > 0 && !solver_.factor(drivetrain_.inertia())) return false;
   if (is_classical_ || !isInertiaConstant()) beginReaction(x);
+  if (!isInertiaConstant()) noteInertia();
   knowFurther(0);
   return is_curved_ ? invertCurved(state) : invert();
 }
@@ -314,7 +316,7 @@ void MotionSeries::beginReaction(const double* x) {
     reaction[i] += program_.coefficients(row_of_inertial_torque_[i])[0];
   }
   drivetrain_.inertia().solve(reaction, b);
-  for (int i = 0; i < S; ++i) reaction_rate_[i][0] = b[i];
+  for (int i = 0; i < S; ++i) program_.set(row_of_reaction_rate_[i], 0, b[i]);
   if (!is_classical_) return;
   // C^T lambda = R: A lambda = C J^-1 R
   double lambda[kMaxRows] = {};
@@ -373,8 +375,7 @@ void MotionSeries::calcForceRest(int n, double* a) const {
     double sum = program_.coefficients(row_of_torque_[i])[n];
     if (moves) {
       sum -= program_.coefficients(row_of_inertial_torque_[i])[n];
-      const double* const J = program_.coefficients(row_of_inertia_[i]);
-      for (int j = 1; j <= n; ++j) sum -= J[j] * acceleration(i)[n - j];
+      sum -= program_.convolveOld(row_of_inertia_[i], row_of_acceleration_[i], n);
     }
     // Of Gauss j = n counts, too: C_n with epsilon_n = 0.
     const int last = is_classical_ ? n : n - 1;
@@ -384,8 +385,9 @@ void MotionSeries::calcForceRest(int n, double* a) const {
       rest += program_.convolveOld(entryRow(m, i), row_of_multiplier_[m], last);
     }
     if (moves && !is_classical_) {
-      const double* const connection = program_.coefficients(row_of_connection_[i]);
-      for (int j = 0; j < n; ++j) rest += connection[j] * reaction_rate_[i][n - 1 - j];
+      rest += program_.coefficients(row_of_connection_[i])[0] *
+                  program_.coefficients(row_of_reaction_rate_[i])[n - 1] +
+              program_.convolveOld(row_of_connection_[i], row_of_reaction_rate_[i], n - 1);
     }
     a[i] = sum + (is_classical_ ? 1.0 : unit_ * (1.0 / n)) * rest;
   }
@@ -409,21 +411,35 @@ void MotionSeries::calcConstraintRest(int n, double* g) const {
 void MotionSeries::noteReaction(int n) {
   if (is_classical_) return;
   // R_n = sum_j J_j epsilon_{n-j} + n_n - Q_n,  b_n = J_0^-1 (R_n - sum_{j>=1} J_j b_{n-j})
-  double b[kMaxShafts];
+  const double* const J0 = inverse_ + placeOfInertia();
+  const double* const inverse = J0 + S * S;
   double right[kMaxShafts];
-  double epsilon[kMaxShafts];
-  for (int i = 0; i < S; ++i) epsilon[i] = acceleration(i)[n];
-  drivetrain_.inertia().multiply(epsilon, b);
   for (int i = 0; i < S; ++i) {
-    const double* const J = program_.coefficients(row_of_inertia_[i]);
-    double reaction = b[i] + program_.coefficients(row_of_inertial_torque_[i])[n] -
-                      program_.coefficients(row_of_torque_[i])[n];
-    for (int j = 1; j <= n; ++j) reaction += J[j] * acceleration(i)[n - j];
-    for (int j = 1; j <= n; ++j) reaction -= J[j] * reaction_rate_[i][n - j];
-    right[i] = reaction;
+    double sum = 0.0;
+    for (int j = 0; j < S; ++j) sum += J0[i * S + j] * acceleration(j)[n];
+    const double rest = program_.convolveOld(row_of_inertia_[i], row_of_acceleration_[i], n) -
+                        program_.convolveOld(row_of_inertia_[i], row_of_reaction_rate_[i], n);
+    right[i] = sum + program_.coefficients(row_of_inertial_torque_[i])[n] -
+               program_.coefficients(row_of_torque_[i])[n] + rest;
   }
-  drivetrain_.inertia().solve(right, b);
-  for (int i = 0; i < S; ++i) reaction_rate_[i][n] = b[i];
+  for (int i = 0; i < S; ++i) {
+    double sum = 0.0;
+    for (int j = 0; j < S; ++j) sum += inverse[i * S + j] * right[j];
+    program_.set(row_of_reaction_rate_[i], n, sum);
+  }
+}
+
+void MotionSeries::noteInertia() {
+  const Inertia& inertia = drivetrain_.inertia();
+  double* const J0 = inverse_ + placeOfInertia();
+  for (int j = 0; j < S; ++j) {
+    double unit[kMaxShafts] = {};
+    double column[kMaxShafts];
+    unit[j] = 1.0;
+    inertia.solve(unit, column);
+    for (int i = 0; i < S; ++i) J0[i * S + j] = inertia.entry(i, j);
+    for (int i = 0; i < S; ++i) J0[(S + i) * S + j] = column[i];
+  }
 }
 
 }  // namespace variator_sim

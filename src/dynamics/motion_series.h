@@ -67,6 +67,7 @@ class MotionSeries {
   void compile();
 
   std::string writeOrder() const;
+  std::string writeReaction() const;
   /// Coefficients at a state that tells code and interpreter apart, as far as they come.
   std::vector<double> expandAt(int state);
   void setInputs(double t, int order);
@@ -84,6 +85,9 @@ class MotionSeries {
   void calcConstraintRest(int n, double* g) const;
   /// J^-1 R of order n, where the inertia depends on an angle.
   void noteReaction(int n);
+  void noteInertia();
+  /// Of J_0 in `inverse_`.
+  int placeOfInertia() const { return (S + k_) * (S + k_) + 1; }
 
   bool isInertiaConstant() const { return drivetrain_.inertia().isConstant(); }
   int entryRow(int m, int i) const { return row_of_entry_[m][i]; }
@@ -121,11 +125,13 @@ class MotionSeries {
   int row_of_inertia_[kMaxShafts] = {};          ///< J_ii
   int row_of_inertial_torque_[kMaxShafts] = {};  ///< 1/2 J_i' omega^2
   int row_of_connection_[kMaxShafts] = {};       ///< 1/2 J_i' omega
+  int row_of_reaction_rate_[kMaxShafts] = {};    ///< J^-1 R, of Gamma R omega
 
   static constexpr int kRoom = kMostOrder + 1;
-  /// The inverse matrix, and behind it 1 / unit.
-  double inverse_[(kMaxShafts + kMaxRows) * (kMaxShafts + kMaxRows) + 1] = {};
-  double reaction_rate_[kMaxShafts][kRoom] = {};  ///< J^-1 R, of Gamma R omega
+  /// The inverse matrix, behind it 1 / unit, and where the inertia depends on an angle J_0 and its
+  /// inverse.
+  static constexpr int kMostUnknowns = kMaxShafts + kMaxRows;
+  double inverse_[kMostUnknowns * kMostUnknowns + 1 + 2 * kMaxShafts * kMaxShafts] = {};
   double input_[kMaxInputs][kRoom + 3] = {};
 };
 

@@ -39,6 +39,7 @@ std::string nameOf(int order) {
 /// See continueTo, which it has to equal operation by operation.
 std::string MotionSeries::writeOrder() const {
   std::ostringstream text;
+  const bool moves = !isInertiaConstant();
   const auto at = [this](int row, const std::string& n) {
     return "r[" + std::to_string(program_.offset(row)) + " + (" + n + ")]";
   };
@@ -50,12 +51,24 @@ std::string MotionSeries::writeOrder() const {
   text << "  series_given(n, r, s);\n  series_trial(n, r, s);\n";
   for (int i = 0; i < S; ++i) {
     text << "  double a" << i << " = " << at(row_of_torque_[i], "n") << ";\n";
+    if (moves) {
+      text << "  a" << i << " -= " << at(row_of_inertial_torque_[i], "n") << ";\n  a" << i
+           << " -= " << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n")
+           << ";\n";
+    }
     const char* const last = is_classical_ ? "n" : "(n - 1)";
     std::string rest;
     for (int m = 0; m < k_; ++m) {
       if (program_.isConstant(entryRow(m, i))) continue;
       rest += (rest.empty() ? "0.0 + " : " + ") +
               program_.writeConvolution(entryRow(m, i), row_of_multiplier_[m], last);
+    }
+    if (moves && !is_classical_) {
+      rest +=
+          (rest.empty() ? "0.0 + (" : " + (") + at(row_of_connection_[i], "0") + " * " +
+          at(row_of_reaction_rate_[i], "n - 1") + " + " +
+          program_.writeConvolution(row_of_connection_[i], row_of_reaction_rate_[i], "(n - 1)") +
+          ")";
     }
     if (rest.empty()) continue;
     text << "  a" << i << " = a" << i << " + " << (is_classical_ ? "1.0" : "u * (1.0 / n)")
@@ -93,6 +106,40 @@ std::string MotionSeries::writeOrder() const {
     set(row_of_angle_[i], "n + 1", "u * (1.0 / (n + 1)) * " + at(row_of_velocity_[i], "n"));
   }
   text << "  series_accelerated(n, r, s);\n";
+  if (moves && !is_classical_) text << writeReaction();
+  return text.str();
+}
+
+/// See noteReaction.
+std::string MotionSeries::writeReaction() const {
+  std::ostringstream text;
+  const auto product = [&](int begin, int i, const auto& factor) {
+    text << "0.0";
+    for (int j = 0; j < S; ++j) {
+      text << " + k[" << begin + i * S + j << "] * ";
+      factor(j);
+    }
+  };
+  const auto coefficient = [&](int row) { text << "r[" << program_.offset(row) << " + n]"; };
+  const int J0 = placeOfInertia();
+  for (int i = 0; i < S; ++i) {
+    text << "  const double b" << i << " = (";
+    product(J0, i, [&](int j) { coefficient(row_of_acceleration_[j]); });
+    text << ") + ";
+    coefficient(row_of_inertial_torque_[i]);
+    text << " - ";
+    coefficient(row_of_torque_[i]);
+    text << " + (" << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n")
+         << " - " << program_.writeConvolution(row_of_inertia_[i], row_of_reaction_rate_[i], "n")
+         << ");\n";
+  }
+  for (int i = 0; i < S; ++i) {
+    const int row = row_of_reaction_rate_[i];
+    text << "  { const double y = ";
+    product(J0 + S * S, i, [&](int j) { text << "b" << j; });
+    text << "; r[" << program_.offset(row) << " + n] = y; r[" << program_.backwardOffset(row)
+         << " - n] = y; }\n";
+  }
   return text.str();
 }
 
@@ -117,8 +164,6 @@ std::string MotionSeries::writeSource() const {
 }
 
 bool MotionSeries::use(const KernelLibrary& library) {
-  // An inertia that depends on angles has more to each order than the code knows.
-  if (!isInertiaConstant()) return true;
   std::vector<OrderCode> codes(1, nullptr);
   for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
     codes.push_back(reinterpret_cast<OrderCode>(library.find(nameOf(n).c_str())));
