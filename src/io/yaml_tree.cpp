@@ -334,28 +334,39 @@ YAML::Node loadOnlyDocument(const std::string& text, const Converter& converter,
   return YAML::Load(text);
 }
 
-}  // namespace
-
-ParameterTree readYamlText(const std::string& text, const std::string& source_name) {
+/// The tree of `text`; `check` may refuse it, and is told where its root stands.
+template <class Check>
+ParameterTree readYaml(const std::string& text, const std::string& source_name, Check check) {
   Converter converter(source_name);
   try {
     bool is_empty = false;
     const YAML::Node root = loadOnlyDocument(text, converter, &is_empty);
     ParameterTree tree = converter.convert(root, 0);
-    if (tree.kind() != ParameterTree::Kind::kDictionary) {
-      YAML::Mark start;
-      throw converter.error(
-          is_empty ? start : root.Mark(),
-          "expected a mapping (key: value), got " + tree.describeKind() +
-              (tree.kind() == ParameterTree::Kind::kNothing ? std::string()
-                                                            : ": " + tree.toText()));
-    }
+    check(converter, tree, is_empty ? YAML::Mark() : root.Mark());
     return tree;
   } catch (const YAML::Exception& error) {
     throw converter.error(error.mark, "not valid YAML: " + error.msg);
   } catch (const std::bad_alloc&) {
     throw converter.error(YAML::Mark::null_mark(), "takes more memory than there is");
   }
+}
+
+}  // namespace
+
+ParameterTree readYamlText(const std::string& text, const std::string& source_name) {
+  return readYaml(
+      text, source_name,
+      [](const Converter& converter, const ParameterTree& tree, const YAML::Mark& mark) {
+        if (tree.kind() == ParameterTree::Kind::kDictionary) return;
+        const bool is_nothing = tree.kind() == ParameterTree::Kind::kNothing;
+        throw converter.error(mark, "expected a mapping (key: value), got " + tree.describeKind() +
+                                        (is_nothing ? std::string() : ": " + tree.toText()));
+      });
+}
+
+ParameterTree readYamlValue(const std::string& text, const std::string& source_name) {
+  return readYaml(text, source_name,
+                  [](const Converter&, const ParameterTree&, const YAML::Mark&) {});
 }
 
 ParameterTree readYamlFile(const std::string& path) {
