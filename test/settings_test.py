@@ -17,7 +17,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Float64
-from variator_sim.msg import DrivetrainEnergy, SimulationStatus
+from variator_sim.msg import DrivetrainEnergy, SceneInfo, SimulationStatus
 
 from support.node_client import PATIENCE, Listener, NodeClient, wait_for
 
@@ -294,13 +294,42 @@ class RealTimeTest(unittest.TestCase):
         self.assertIn('/etc/security/limits.conf', output)
 
 
+class OverridesTest(unittest.TestCase):
+
+    def test_of_the_launch_file_take_the_place_of_values(self):
+        node = NodeClient('overridden', states=False)
+        self.addCleanup(node.close)
+        self.assertEqual([round(v, 6) for v in node.step(1e-9).state.velocity], [5.0, 3.0])
+        scene = Listener('/overridden/scene', SceneInfo)
+        self.addCleanup(scene.close)
+        text = scene.wait().parameters
+        self.assertIn('relative_tolerance: 1.0e-07', text)
+        self.assertNotIn('overrides', text)
+
+    def test_faults_are_those_of_simulate(self):
+        for override, message in (
+                ('drvie/inertia=1', "/misspelt/drvie: unknown key (did you mean 'drive'?)"),
+                ('drive/inertai=1', "/misspelt/drive/inertai: unknown key (did you mean 'inertia'?)"),
+                ('drive/inertia/mean=1', "/misspelt/drive/inertia/mean: 'drive/inertia' is a number"),
+                ('drive', "/misspelt: 'drive' is not an override; expected PATH=VALUE")):
+            with self.subTest(override=override):
+                rosparam.upload_params('/misspelt', {**rosparam.load_file(STEPS)[0][0],
+                                                     'overrides': override})
+                program = roslib.packages.find_node('variator_sim', 'variator_sim_node')[0]
+                node = subprocess.run([program, '__name:=misspelt'], stdout=subprocess.PIPE,
+                                      stderr=subprocess.STDOUT, text=True, check=False,
+                                      timeout=PATIENCE)
+                self.assertEqual(node.returncode, 2, node.stdout)
+                self.assertIn(message, node.stdout)
+
+
 class SettingsSuite(unittest.TestSuite):
     """All of the above, for rostest."""
 
     def __init__(self):
         super().__init__(unittest.defaultTestLoader.loadTestsFromTestCase(case)
                          for case in (LiveSettingsTest, DiagnosticsTest, EnergyTest, TimeoutsTest,
-                                      RealTimeTest))
+                                      RealTimeTest, OverridesTest))
 
 
 if __name__ == '__main__':

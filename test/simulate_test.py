@@ -95,6 +95,31 @@ class SimulateTest(unittest.TestCase):
         self.assertIn("--duration", result.stdout)
         self.assertEqual(result.stderr, "")
 
+    def test_values_can_be_set(self):
+        _, (start,) = self.samples(SHIP, "--times", "0", "--set", "initial/velocity=[5, 3]",
+                                   "--set=initial/velocity/0=4", "--set", "drive/inertia=2.5")
+        row = dict(zip(SHIP_HEADER, start))
+        self.assertEqual((row["drive/velocity"], row["load/velocity"]), (4.0, 3.0))
+        # R = J epsilon - Q
+        self.assertAlmostEqual(row["drive/reaction_torque"],
+                               2.5 * row["drive/acceleration"] - row["drive/applied_torque"])
+
+    def test_a_scene_may_have_overrides_of_its_own(self):
+        scene = self.write("own.yaml", STOPPING_SCENE + "overrides: motor/torque=1 drive/inertia=2\n")
+        _, (row,) = self.samples(scene, "--times", "0", "--set", "drive/inertia=4")
+        self.assertEqual(row[3:5], [0.25, 1.0])
+
+    def test_misspelt_overrides_meet_the_nearest_path(self):
+        for override, *words in (
+                ("drvie/inertia=1", SHIP + " with --set: drvie: unknown key", "did you mean 'drive'?"),
+                ("drive/inertai=1", "drive/inertai: unknown key", "did you mean 'inertia'?"),
+                ("sovler/step=1", "sovler: unknown key", "did you mean 'solver'?"),
+                ("initial/velocty/0=1", "--set: initial/velocty/0:", "'initial/velocity/0'"),
+                ("drive/inertia=x", "drive/inertia: expected a number"),
+                ("drive/inertia=[1", "--set: value of 'drive/inertia':1:"),
+                ("drive/inertia", "--set: 'drive/inertia' is not an override", "PATH=VALUE")):
+            self.check_refused([SHIP, "--duration", "1", "--set", override], *words)
+
     def test_equations_need_no_duration(self):
         result = self.simulate(SHIP, "--explain")
         self.assertEqual(result.returncode, 0, result.stderr)

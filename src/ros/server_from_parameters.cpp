@@ -6,6 +6,7 @@
 #include "ros/plugin_loader.h"
 #include "ros/simulation_server.h"
 #include "ros/xmlrpc_tree.h"
+#include "variator_sim/io/override_text.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/scene.h"
 
@@ -43,7 +44,8 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
                                                            Sharing sharing) {
   const std::string& name_space = private_handle.getNamespace();
   try {
-    const ParameterTree tree = readParameters(private_handle);
+    ParameterTree tree = readParameters(private_handle);
+    applyOwnOverrides(tree);
     const NodeSettings settings = readNodeSettings(tree);
     PluginlibComponentFactory factory;
     Simulation simulation(readScene(tree, factory, nodeNames()));

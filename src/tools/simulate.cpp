@@ -21,6 +21,7 @@
 #include "tools/simulate_options.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/io/command_file.h"
+#include "variator_sim/io/override_text.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/simulation.h"
@@ -134,13 +135,18 @@ std::vector<ResolvedCommand> readCommands(const SimulateOptions& options, const 
   return resolveCommands(readCommandFile(options.commands_path), scene, options.commands_path);
 }
 
-Simulation loadSimulation(const std::string& path) {
-  const ParameterTree tree = readYamlFile(path);
-  PluginlibComponentFactory factory;
+Simulation loadSimulation(const SimulateOptions& options) {
+  ParameterTree tree = readYamlFile(options.scene_path);
+  std::string source = options.scene_path;  // of what is at fault
   try {
+    applyOwnOverrides(tree);
+    if (!options.overrides.empty()) source = "--set";
+    for (const std::string& text : options.overrides) applyOverride(tree, text);
+    source = options.scene_path + (options.overrides.empty() ? "" : " with --set");
+    PluginlibComponentFactory factory;
     return Simulation(readScene(tree, factory, nodeNames()));
   } catch (const SceneError& error) {
-    throw SceneError("", path + ": " + error.what());
+    throw SceneError("", source + ": " + error.what());
   }
 }
 
@@ -263,7 +269,7 @@ int runSimulate(const std::vector<std::string>& words) {
     std::fputs(simulateHelp(), stdout);
     return kSuccess;
   }
-  Simulation simulation = loadSimulation(options.scene_path);
+  Simulation simulation = loadSimulation(options);
   if (options.compile) {
     const bool is_loaded = simulation.loadMachineCode(true);
     std::fprintf(stderr, "simulate: formulas are run by %s\n", simulation.machineCode().c_str());

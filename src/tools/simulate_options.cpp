@@ -11,7 +11,7 @@ namespace {
 
 const std::vector<std::string>& optionNames() {
   static const std::vector<std::string> names = {
-      "--duration", "--rate",  "--times",   "--commands", "--output",  "--columns",
+      "--duration", "--rate",  "--times",   "--commands", "--output",  "--columns", "--set",
       "--energy",   "--stats", "--explain", "--latex",    "--compile", "--help"};
   return names;
 }
@@ -135,6 +135,22 @@ bool* findFlag(const std::string& name, SimulateOptions& options, bool& add_ener
   return name == "--latex" ? &options.latex : nullptr;
 }
 
+/// True when `name` is an option whose value is a text, which `options` then have.
+bool readText(const std::string& name, CommandLine& word, SimulateOptions& options) {
+  if (name == "--commands") {
+    options.commands_path = word.value();
+  } else if (name == "--output") {
+    options.output_path = word.value() == "-" ? "" : word.value();
+  } else if (name == "--columns") {
+    options.columns = readColumns(word.value());
+  } else if (name == "--set") {
+    options.overrides.push_back(word.value());
+  } else {
+    return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
@@ -160,12 +176,8 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
     } else if (name == "--times") {
       options.times = readTimes(word.value());
       options.has_times = true;
-    } else if (name == "--commands") {
-      options.commands_path = word.value();
-    } else if (name == "--output") {
-      options.output_path = word.value() == "-" ? "" : word.value();
-    } else if (name == "--columns") {
-      options.columns = readColumns(word.value());
+    } else if (readText(name, word, options)) {
+      continue;
     } else if (bool* flag = findFlag(name, options, add_energy)) {
       word.refuseValue();
       *flag = true;
@@ -209,6 +221,9 @@ usage: simulate SCENE.yaml --duration S [options]
   --duration S            simulated time, s; may be left out with --times
   --rate HZ               samples per second (default 100); the end itself is sampled too
   --times T1,T2,...       sample at these instants instead, s, ascending
+  --set PATH=VALUE        a value in place of the scene's, e.g. drive/inertia=1.2,
+                          initial/velocity=[5, 2], initial/velocity/0=5; VALUE is read as YAML; may
+                          be given any number of times, the last one of a path counts
   --commands FILE.csv     commands to play, header time,topic,value
   --output FILE.csv|.bag  where the samples go (default: standard output, as CSV)
   --columns GROUPS        groups of columns beside time, comma between: state (the default),

@@ -29,6 +29,7 @@ struct SimulateOptions {
   bool explain = false;  ///< print the equations instead of running
   bool latex = false;    ///< of them
   std::string scene_path;
+  std::vector<std::string> overrides;  ///< of the scene's values: PATH=VALUE, in order
   double duration = 0.0;      ///< s
   double rate = 100.0;        ///< samples per second; unused when `times` are given
   bool has_times = false;     ///< `times` replace the rate
