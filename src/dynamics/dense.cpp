@@ -39,7 +39,12 @@ void invertSymmetric(int n, const double (&A)[kMaxShafts][kMaxShafts],
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < n; ++j) matrix(i, j) = A[i][j];
   }
-  const DenseMatrix whole = matrix.llt().solve(DenseMatrix::Identity(n, n));
+  const Eigen::LDLT<DenseMatrix> factors(matrix);
+  DenseMatrix whole(n, n);
+  for (int j = 0; j < n; ++j) {
+    const DenseVector unit = DenseVector::Unit(n, j);
+    whole.col(j) = factors.solve(unit);
+  }
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < n; ++j) inverse[i][j] = 0.5 * (whole(i, j) + whole(j, i));
   }
