@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "dynamics/principle_system.h"
 #include "dynamics/projection.h"
@@ -29,7 +30,10 @@ class ClassicalGauss final : public PrincipleSystem {
   void derive(const State& x, State& dxdt, double t);
 
   void calcLinearization(double t, const State& x, Linearization& linearization) override {
+    // Differences may look behind a jump; no stage has been there.
+    JumpWatch* const watch = std::exchange(watch_, nullptr);
     linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);
+    watch_ = watch;
   }
 
   /// See Drivetrain::calcAccelerationResidual; only where psi is linear in the accelerations, so

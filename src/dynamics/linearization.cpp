@@ -62,6 +62,16 @@ double invert(double a) {
 std::complex<double> invert(std::complex<double> a) {
   return std::conj(a) * (1.0 / std::norm(a));
 }
+/// f(x + d) - f(x - d) by its two halves. Where a jump or a kink lies between, the branch of x is
+/// that of the smaller one.
+double differenceOf(double forward, double backward) {
+  constexpr double kUnlike = 10.0;
+  const double larger = std::max(std::abs(forward), std::abs(backward));
+  const double smaller = std::min(std::abs(forward), std::abs(backward));
+  if (!(larger > kUnlike * smaller)) return forward + backward;
+  return 2.0 * (std::abs(forward) < std::abs(backward) ? forward : backward);
+}
+
 }  // namespace
 
 template <int kShafts, class Scalar>
@@ -183,6 +193,8 @@ void linearizeByDifferences(System& system, double t, const State& x, bool reads
   State shifted = x;
   State above(x.size());
   State below(x.size());
+  State here(x.size());
+  system(x, here, t);
   for (int l = 0; l < L; ++l) {
     if (l == 0 && !reads_angles) {
       linearization.block(0).setZero();
@@ -195,12 +207,14 @@ void linearizeByDifferences(System& system, double t, const State& x, bool reads
       const double upper = shifted[n];
       system(shifted, above, t);
       shifted[n] = x[n] - step;
-      const double width = upper - shifted[n];
+      const double lower = shifted[n];
       system(shifted, below, t);
       shifted[n] = x[n];
       for (int i = 0; i < S; ++i) {
         const int row = S * (L - 1) + i;
-        linearization.block(l)(i, j) = (above[row] - below[row]) / width;
+        const double forward = above[row] - here[row];
+        const double backward = here[row] - below[row];
+        linearization.block(l)(i, j) = differenceOf(forward, backward) / (upper - lower);
       }
     }
   }
