@@ -458,5 +458,50 @@ TEST(KnownInstants, EndSteps) {
   }
 }
 
+// --- implicit steps ------------------------------------------------------------------------------
+
+constexpr StepperKind kImplicit[] = {StepperKind::kRadau, StepperKind::kRadau5,
+                                     StepperKind::kRosenbrock4};
+
+/// A peak that drives a shaft on within 2e-4 rad/s of its speed: an implicit step that is much too
+/// long would hold the shaft fast there, and its estimate show nothing.
+TEST(ImplicitSteps, PassANarrowPeakThatDrives) {
+  const Scene plain = test::sceneFromText(
+      "shafts: [a]\na: {inertia: 1.5}\ntorques: [m, q]\n"
+      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1\"}\n"
+      "m: {type: variator_sim/MotorCurve, shaft: a, characteristic: table, table: {speed: [1.2999, "
+      "1.3, 1.3001], torque: [0, 0.5, 0], beyond: constant}}\n");
+  for (const StepperKind stepper : kImplicit) {
+    for (const double tolerance : {1e-3, 1e-4, 1e-6}) {
+      SCOPED_TRACE(std::string(toString(stepper)) + " at " + std::to_string(tolerance));
+      Simulation simulation(test::withTolerance(test::withStepper(plain, stepper), tolerance));
+      ASSERT_TRUE(simulation.advanceTo(3.0).ok()) << simulation.describeStatus();
+      EXPECT_NEAR(simulation.sample().velocity[0], 2.0, 1e-4 + 10.0 * tolerance);
+      EXPECT_NEAR(simulation.sample().acceleration[0], 1.0 / 1.5, 10.0 * tolerance);
+    }
+  }
+}
+
+/// A torque that jumps at an angle throws the shaft back. A Jacobian by differences looks behind
+/// the jump on either side, which is no stage that lay there.
+TEST(ImplicitSteps, PassATorqueThatJumps) {
+  const Scene plain = test::sceneFromText(
+      "shafts: [a]\na: {inertia: 1}\ntorques: [s]\nprinciple: gauss\ninitial: {velocity: [1]}\n"
+      "s: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"if(phi1 > 0.6180339, -200, "
+      "0)\"}\n");
+  for (const StepperKind stepper :
+       {StepperKind::kAuto, StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+    for (const double tolerance : {1e-3, 1e-6, 1e-9}) {
+      SCOPED_TRACE(std::string(toString(stepper)) + " at " + std::to_string(tolerance));
+      Simulation simulation(test::withTolerance(test::withStepper(plain, stepper), tolerance));
+      ASSERT_TRUE(simulation.advanceTo(2.5).ok()) << simulation.describeStatus();
+      // In the stop for 2/200 s.
+      EXPECT_NEAR(simulation.sample().velocity[0], -1.0, 100.0 * tolerance);
+      EXPECT_NEAR(simulation.sample().angle[0], 0.6180339 - (2.5 - 0.6180339 - 0.01),
+                  100.0 * tolerance);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim

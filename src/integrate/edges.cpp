@@ -38,6 +38,14 @@ Integrator::Look Integrator::lookInside(double taken, double* next) {
   return aimAtEdge(taken, next);
 }
 
+bool Integrator::isEdgeOfTime(double taken) {
+  if (!integrates_torque_) return false;
+  StateBox box;
+  encloseStep(S, curveEnd(base_), curveEnd(front_), taken, &box);
+  box.time = {absolute(base_.time), absolute(base_.time)};
+  return guards_.isClear(box);
+}
+
 bool Integrator::endsOnEdge(double taken) {
   for (int i = 0; i < guards_.count(); ++i) {
     const int side = guards_.side(i);

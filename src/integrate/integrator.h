@@ -148,8 +148,11 @@ class Integrator {
     double segment_end = 0.0;  ///< where it has to end
     bool is_last = false;      ///< it ends there
     int rejections = 0;
-    int looks = 0;           ///< times that an edge made it shorter
-    double usual = 0.0;      ///< the step that would have been made but for an edge, s
+    int looks = 0;  ///< times that an edge made it shorter
+    /// The step that would have been made but for an edge, s. Behind one of the state an implicit
+    /// step begins anew: of its error, when it is much too long for what answers there, its
+    /// estimate tells nothing.
+    double usual = 0.0;
     double grid = 0.0;       ///< the next multiple of a fixed step
     bool has_leapt = false;  ///< its accelerations were those of another branch
   };
@@ -264,6 +267,9 @@ class Integrator {
   /// front, whose derivative is known. kShorter: it has to be made again with the length `next`, to
   /// shortly before the first edge.
   Look lookInside(double taken, double* next);
+  /// The step to the front meets edges by the time alone, and the torque, which is integrated, is
+  /// compared at its end: the one behind may be as long as it would have been.
+  bool isEdgeOfTime(double taken);
   /// A step that ends on an edge and goes on beyond it is made again, to shortly before it:
   /// standing on it no branch is that of the motion.
   bool endsOnEdge(double taken);

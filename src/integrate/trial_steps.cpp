@@ -51,7 +51,9 @@ bool Integrator::makeTrials() {
       if (look == Look::kCrossed) return true;
       if (!status_.ok()) return false;
       if (look == Look::kShorter) {
-        trial.usual = std::max(trial.usual, trial.taken);
+        if (!stepper_->isImplicit() || isEdgeOfTime(trial.taken)) {
+          trial.usual = std::max(trial.usual, trial.taken);
+        }
         ++trial.looks;
         ++statistics_.rejected_steps;
         front_ = base_;
@@ -136,10 +138,7 @@ void Integrator::chooseNextStep(const Trial& trial, double norm) {
   // A step cut short by a segment's end or an edge says nothing about the next one's size.
   next_step_ = trial.is_last ? std::max(trial.length, trial.taken * factor) : trial.taken * factor;
   crossing_.otherwise = next_step_;
-  // (What an implicit step thinks of its error when it is much too long is no guide; where the
-  // torque is integrated, its change is compared.)
-  const bool is_trusted = integrates_torque_ || !stepper_->isImplicit();
-  if (trial.usual > trial.taken && is_trusted) next_step_ = std::max(next_step_, trial.usual);
+  if (trial.usual > trial.taken) next_step_ = std::max(next_step_, trial.usual);
 }
 
 bool Integrator::isFixedStepFine(double norm) {

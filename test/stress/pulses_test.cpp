@@ -485,7 +485,7 @@ TEST(Tables, OfAMotorOverSpeed) {
                           principle),
             exact, times, std::string(principle) + " h " + text(h) + ", height " + text(height),
             [&](double tolerance) {
-              return kAllowed * (1.0 + height) + 100.0 * kEps / h / tolerance;
+              return kAllowed * (1.0 + height) + 300.0 * kEps / h / tolerance;
             });
       }
     }
