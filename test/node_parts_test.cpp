@@ -11,9 +11,9 @@
 #include "ros/node_settings.h"
 #include "ros/plugin_loader.h"
 #include "ros/xmlrpc_tree.h"
-#include "ros/yaml_text.h"
 #include "support/scenes.h"
 #include "variator_sim/constraint.h"
+#include "variator_sim/io/yaml_text.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/torque.h"
 

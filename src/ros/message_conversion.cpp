@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "ros/yaml_text.h"
+#include "variator_sim/io/yaml_text.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/simulation.h"
 

@@ -1,4 +1,4 @@
-#include "ros/yaml_text.h"
+#include "variator_sim/io/yaml_text.h"
 
 #include <array>
 #include <charconv>
