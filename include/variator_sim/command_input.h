@@ -79,6 +79,11 @@ class CommandSignal {
   /// What u tends to.
   double target() const { return target_; }
 
+  /// The closed form as a tree, and back to the bit. Throws SceneError where it is none of an input
+  /// with these settings.
+  ParameterTree toTree() const;
+  static CommandSignal fromTree(ParameterReader& reader, const CommandInputSettings& settings);
+
  private:
   enum class Form { kConstant, kExponential, kRamp, kCritical };
   Form form_ = Form::kConstant;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "variator_sim/motion_state.h"
 #include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
@@ -53,6 +54,9 @@ class Simulation {
   /// before any advance, sets the initial value. [loop]
   CommandResult command(int input, double value);
 
+  /// When the next input goes without a command for its timeout, s; infinity when none will. [loop]
+  double nextTimeout() const;
+
   /// Everything at the present, after its commands. [loop]
   const Sample& sample();
 
@@ -79,6 +83,17 @@ class Simulation {
 
   /// Back to time 0 and the initial state; commands and counters are forgotten. [loop]
   void reset();
+
+  /// Writes the state at the present, after its commands; false when the motion has stopped. The
+  /// motion goes on from what is written, exactly as one does that is given it by `setState`: with
+  /// steps begun anew, so within the tolerance, but not to the bit, as if it had not been saved.
+  /// [loop]
+  bool saveState(MotionState* state);
+  /// The motion goes on from `state`, at its time. One with a history that is consistent is taken
+  /// as it is, to the bit; others are polished onto the constraints, and inconsistent ones moved to
+  /// the nearest consistent velocities and accelerations when `project`. "" or why not: then the
+  /// motion goes on as after `saveState`. Counters count on.
+  std::string setState(const MotionState& state, bool project = false);
 
   /// The status as a sentence: reason, time, C, which constraint, last good state. "" while
   /// running.

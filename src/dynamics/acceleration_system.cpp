@@ -46,6 +46,20 @@ InitialResult AccelerationSystem::start(State& x, double* nearest, bool* velocit
   return initial_solver_.acceptAccelerations(state, initial.project, epsilon, nearest);
 }
 
+InitialResult AccelerationSystem::accept(double t, bool may_move, bool /*are_given*/, State& x,
+                                         double* epsilon, double* nearest,
+                                         bool* velocities_at_fault) {
+  const StateView state = view(t, x);
+  const InitialResult velocities =
+      initial_solver_.acceptVelocities(state, may_move, x.data() + S, nearest);
+  *velocities_at_fault = velocities != InitialResult::kConsistent;
+  if (*velocities_at_fault) return velocities;
+  double* const own = x.data() + 2 * S;
+  const InitialResult result = initial_solver_.acceptAccelerations(state, may_move, own, nearest);
+  std::copy_n(own, S, epsilon);
+  return result;
+}
+
 MotionStatus AccelerationSystem::jump(double t, State& x, const double* u0, const double* u1,
                                       std::uint64_t* projections) {
   const StateView state = view(t, x);  // brings J to phi
@@ -78,6 +92,20 @@ void AccelerationSystem::noteReaction(const StepNode& node) {
     reaction_at_start_[i] /= std::sqrt(inertia.entry(i, i));
   }
   for (int i = 0; i < S; ++i) is_neutral_[i] = !drivetrain_.readsColumn(i);
+}
+
+KeptReaction AccelerationSystem::keptReaction() const {
+  KeptReaction kept;
+  kept.exists = has_neutral_;
+  std::copy_n(is_neutral_, S, kept.is_free);
+  std::copy_n(reaction_at_start_, S, kept.value);
+  return kept;
+}
+
+void AccelerationSystem::keepReaction(const KeptReaction& kept) {
+  has_neutral_ = kept.exists;
+  std::copy_n(kept.is_free, S, is_neutral_);
+  std::copy_n(kept.value, S, reaction_at_start_);
 }
 
 void AccelerationSystem::noteColumns(const double (*C)[kMaxShafts]) {

@@ -29,6 +29,9 @@ class AccelerationSystem : public PrincipleSystem {
 
   InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override;
 
+  InitialResult accept(double t, bool may_move, bool are_given, State& x, double* epsilon,
+                       double* nearest, bool* velocities_at_fault) override;
+
   MotionStatus jump(double t, State& x, const double* u0, const double* u1,
                     std::uint64_t* projections) override;
   MotionStatus jumpTorque(double t, State& x, const double* torque_jump,
@@ -39,6 +42,8 @@ class AccelerationSystem : public PrincipleSystem {
   void noteReaction(const StepNode& node) override;
   void noteColumns(const double (*C)[kMaxShafts]) override;
   bool restoreReaction(StepNode& node, double most) override;
+  KeptReaction keptReaction() const override;
+  void keepReaction(const KeptReaction& kept) override;
 
   const double* torqueRate() const override { return drivetrain_.torqueRate(); }
   const double* calcTorqueRate(double t, const State& x) override;

@@ -120,13 +120,39 @@ InitialResult ClassicalGauss::start(State& x, double* nearest, bool* velocities_
     return result;
   }
   // The accelerations are no data here; given ones may only say what follows anyway.
+  return areNear(scene_.initial.acceleration.data(), epsilon_) ? result
+                                                               : InitialResult::kInconsistent;
+}
+
+bool ClassicalGauss::areNear(const double* given, const double* epsilon) const {
   for (int i = 0; i < S; ++i) {
-    const double given = scene_.initial.acceleration[i];
-    if (std::abs(given - epsilon_[i]) > 1e-6 * std::max(1.0, std::abs(given))) {
-      return InitialResult::kInconsistent;
+    if (!(std::abs(given[i] - epsilon[i]) <= 1e-6 * std::max(1.0, std::abs(given[i])))) {
+      return false;
     }
   }
-  return result;
+  return true;
+}
+
+InitialResult ClassicalGauss::accept(double t, bool may_move, bool are_given, State& x,
+                                     double* epsilon, double* nearest, bool* velocities_at_fault) {
+  const StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
+  const InitialResult velocities =
+      initial_solver_.acceptVelocities(state, may_move, x.data() + S, nearest);
+  *velocities_at_fault = velocities != InitialResult::kConsistent;
+  if (*velocities_at_fault) return velocities;
+  std::copy_n(epsilon, S, epsilon_);
+  std::copy_n(epsilon, S, guess_);
+  std::fill_n(lambda_guess_, kMaxRows, 0.0);
+  calcMultipliers(state, lambda_guess_);
+  calcAccelerations(state);
+  if (!std::isfinite(epsilon_[0])) {
+    const InitialResult result = initial_solver_.findLeastReaction(state, epsilon_);
+    if (result != InitialResult::kConsistent) return result;
+  }
+  std::copy_n(epsilon_, S, nearest);
+  if (are_given && !may_move && !areNear(epsilon, epsilon_)) return InitialResult::kInconsistent;
+  std::copy_n(epsilon_, S, epsilon);
+  return InitialResult::kConsistent;
 }
 
 MotionStatus ClassicalGauss::jump(double t, State& x, const double* /*u0*/, const double* /*u1*/,

@@ -58,6 +58,9 @@ class ClassicalGauss final : public PrincipleSystem {
 
   InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override;
 
+  InitialResult accept(double t, bool may_move, bool are_given, State& x, double* epsilon,
+                       double* nearest, bool* velocities_at_fault) override;
+
   /// The accelerations follow from the inputs: simply solve again.
   MotionStatus jump(double t, State& x, const double* /*u0*/, const double* /*u1*/,
                     std::uint64_t* /*projections*/) override;
@@ -76,6 +79,9 @@ class ClassicalGauss final : public PrincipleSystem {
   bool calcSample(double t, const State& x, Sample* sample) override;
 
  private:
+  /// Whether given accelerations say what follows anyway.
+  bool areNear(const double* given, const double* epsilon) const;
+
   /// lambda (k values) of the reaction at `state`; unchanged where C has lost rank.
   void calcMultipliers(const StateView& state, double* lambda);
 

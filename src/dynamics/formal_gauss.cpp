@@ -30,14 +30,27 @@ ProjectionResult FormalGauss::project(double t, State& x, State& moved, std::uin
 InitialResult FormalGauss::start(State& x, double* nearest, bool* velocities_at_fault) {
   const InitialResult result = AccelerationSystem::start(x, nearest, velocities_at_fault);
   if (result != InitialResult::kConsistent || scene_.initial.acceleration.empty()) return result;
-  const StateView state = view(0.0, x);
+  return acceptReaction(0.0, scene_.initial.project, x, nearest);
+}
+
+InitialResult FormalGauss::accept(double t, bool may_move, bool are_given, State& x,
+                                  double* epsilon, double* nearest, bool* velocities_at_fault) {
+  const InitialResult result =
+      AccelerationSystem::accept(t, may_move, are_given, x, epsilon, nearest, velocities_at_fault);
+  if (result != InitialResult::kConsistent) return result;
+  const InitialResult of_reaction = acceptReaction(t, may_move, x, nearest);
+  std::copy_n(x.data() + 2 * S, S, epsilon);
+  return of_reaction;
+}
+
+InitialResult FormalGauss::acceptReaction(double t, bool may_move, State& x, double* nearest) {
+  const StateView state = view(t, x);
   double* epsilon = x.data() + 2 * S;
-  // The initial reaction must lie in range(C^T).
   double moved[kMaxShafts] = {};
   if (!calcReactionInRange(state, epsilon, moved)) return InitialResult::kSingular;
   std::copy(epsilon, epsilon + S, nearest);
   for (int i = 0; i < S; ++i) {
-    if (!(moved[i] <= 1e-9 * std::max(1.0, std::abs(epsilon[i]))) && !scene_.initial.project) {
+    if (!(std::abs(moved[i]) <= 1e-9 * std::max(1.0, std::abs(epsilon[i]))) && !may_move) {
       return InitialResult::kInconsistent;
     }
   }

@@ -33,12 +33,17 @@ class FormalGauss final : public AccelerationSystem {
   ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) override;
 
   InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override;
+  InitialResult accept(double t, bool may_move, bool are_given, State& x, double* epsilon,
+                       double* nearest, bool* velocities_at_fault) override;
 
   bool calcSample(double t, const State& x, Sample* sample) override;
 
  private:
   bool calcJerk(const StateView& state, double* torque, double* reaction, double* lambda,
                 double* eta, double* reaction_rate);
+
+  /// The initial reaction must lie in range(C^T): accelerations that make it so.
+  InitialResult acceptReaction(double t, bool may_move, State& x, double* nearest);
 
   /// epsilon = J^-1 (Q - n + C^T lambda) with the lambda of the part of R in range(C^T).
   bool calcReactionInRange(const StateView& state, double* epsilon, double* moved);

@@ -12,6 +12,7 @@
 #include "integrate/guard_search.h"
 #include "integrate/step_control.h"
 #include "integrate/stepper.h"
+#include "variator_sim/motion_state.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/status.h"
 
@@ -45,6 +46,12 @@ class PrincipleSystem : public System {
   /// accelerations, or velocities where the result says so (s values).
   virtual InitialResult start(State& x, double* nearest, bool* velocities_at_fault) = 0;
 
+  /// The state at t with the values that x has, and accelerations `epsilon` (S values; x's own
+  /// where they are part of it, otherwise a guess unless `are_given`): inconsistent ones are moved
+  /// to the nearest consistent ones only when `may_move`. `nearest` as above.
+  virtual InitialResult accept(double t, bool may_move, bool are_given, State& x, double* epsilon,
+                               double* nearest, bool* velocities_at_fault) = 0;
+
   /// What a jump of the inputs from u0 to u1 at t does to x. On failure x is unchanged.
   virtual MotionStatus jump(double t, State& x, const double* u0, const double* u1,
                             std::uint64_t* projections) = 0;
@@ -74,6 +81,10 @@ class PrincipleSystem : public System {
   /// Moves the accelerations of a node, whose torque is known, to where that part of the reaction
   /// is what it was, along psi = 0, by `most` tolerances. False when there was nothing to do.
   virtual bool restoreReaction(StepNode& /*node*/, double /*most*/) { return false; }
+
+  /// The same constant, for a motion that is saved and goes on elsewhere.
+  virtual KeptReaction keptReaction() const { return {}; }
+  virtual void keepReaction(const KeptReaction& /*kept*/) {}
 
   /// A step begins at (t, x), where the derivative is dxdt: what iterations may start from.
   virtual void noteBase(double /*t*/, const State& /*x*/, const State& /*dxdt*/) {}

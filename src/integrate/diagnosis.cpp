@@ -111,6 +111,36 @@ void writeResiduals(std::ostream& text, const Drivetrain& drivetrain, bool of_ve
 
 }  // namespace
 
+std::string describeInconsistency(PrincipleSystem& system, const Start& start,
+                                  const double* given) {
+  const bool of_velocities = start.velocities_at_fault;
+  const std::string what = of_velocities ? "velocities" : "accelerations";
+  StateView state = system.view(0.0, start.x);
+  if (!of_velocities) state.acceleration = given;
+  std::ostringstream text;
+  const auto write = [&](const double* values) {
+    text << "[";
+    for (int i = 0; i < system.shafts(); ++i) text << (i ? ", " : "") << formatNumber(values[i]);
+    text << "]";
+  };
+  if (start.result != InitialResult::kInconsistent) {
+    text << "no " << what << " that satisfy the constraints were found near ";
+    write(of_velocities ? state.velocity : given);
+    text << " (there:";
+    writeResiduals(text, system.drivetrain(), of_velocities, state);
+    text << ")";
+    return text.str();
+  }
+  text << "the " << what << " ";
+  write(of_velocities ? state.velocity : given);
+  text << " do not satisfy the constraints or the principle:";
+  writeResiduals(text, system.drivetrain(), of_velocities, state);
+  text << "; the nearest consistent " << what << " are ";
+  write(start.nearest);
+  text << " (set these, or have them projected)";
+  return text.str();
+}
+
 void throwInitialError(PrincipleSystem& system, const Scene& scene, const Start& start) {
   const int S = system.shafts();
   const InitialConditions& initial = scene.initial;

@@ -1,6 +1,8 @@
 /// Why a motion stops, or cannot start: the only place that finds it out.
 #pragma once
 
+#include <string>
+
 #include "dynamics/principle_system.h"
 #include "integrate/row_watch.h"
 #include "variator_sim/status.h"
@@ -27,6 +29,9 @@ bool nameBadValue(PrincipleSystem& system, double t, const State& x, MotionStatu
 
 /// The status of a motion that starts as `start` says. [loop]
 MotionStatus diagnoseStart(PrincipleSystem& system, const Start& start);
+
+/// A sentence: why a state, whose accelerations are `given`, cannot be gone on from.
+std::string describeInconsistency(PrincipleSystem& system, const Start& start, const double* given);
 
 /// Throws a SceneError that says what is wrong with initial values which contradict the
 /// constraints, and what would do.

@@ -68,6 +68,11 @@ void GuardSearch::moveBase(const StateView& state) {
   }
 }
 
+void GuardSearch::reset() {
+  std::fill(muted_.begin(), muted_.end(), 0);
+  last_ = 0;
+}
+
 void GuardSearch::mute(int index) {
   muted_[static_cast<std::size_t>(index)] = kMuted;
 }

@@ -59,6 +59,9 @@ class GuardSearch {
   /// `state`. [loop]
   void muteOnEdge(int index, const StateView& state, int shafts);
 
+  /// Leaves none of them alone any more.
+  void reset();
+
   /// True when no guard can leave its branch in `box`, which holds all states of the step from the
   /// base; it gets its inputs here. [loop]
   bool isClear(StateBox& box);

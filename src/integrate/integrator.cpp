@@ -42,6 +42,7 @@ void Integrator::reset() {
   step_window_start_ = 0.0;
   steps_in_window_ = 0;
   rhythm_.reset();
+  choice_.forget();
   choice_.reset(starts_implicitly_);
   rows_.reset();
   checks_.reset();
@@ -49,11 +50,16 @@ void Integrator::reset() {
   drivetrain_.setOrigin(0.0);
   crossing_ = Crossing{};
   last_crossing_ = LastCrossing{};
+  guards_.reset();
 }
 
 void Integrator::beginAt(const State& x) {
   front_ = StepNode(system_);
   front_.x = x;
+  restart();
+  if (!status_.ok()) return;
+  // Once more, as the first time.
+  drivetrain_.resetCounts();
   restart();
 }
 
@@ -68,6 +74,49 @@ void Integrator::beginFirstAt(const State& x) {
   drivetrain_.resetCounts();
   choice_.reset(starts_implicitly_);
   restart();
+}
+
+void Integrator::beginFrom(double time, const State& x, const double* epsilon,
+                           const MotionState::History& history) {
+  const Statistics counted = statistics_;
+  reset();
+  statistics_ = counted;
+  step_window_start_ = time;
+  choice_.reset(history.is_implicit);
+  origin_.moveTo(time);
+  drivetrain_.setOrigin(time);
+  drivetrain_.refreshInputs(0.0);
+  front_ = StepNode(system_);
+  front_.x = x;
+  // What iterations start from, where the accelerations follow from the state.
+  State slope(system_.size());
+  std::copy_n(x.begin() + S, S, slope.begin());
+  std::copy_n(epsilon, S, slope.begin() + S);
+  system_.noteBase(0.0, x, slope);
+  if (history.exists) {
+    is_start_ = false;
+    system_.keepReaction(history.kept_reaction);
+    for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+      rows_.remember(m, history.longest_row[m]);
+    }
+  }
+  restart();
+  if (is_start_ && status_.ok()) {
+    choice_.reset(choice_.isStiffStart(system_, front_, chooseFirstStep()));
+    restart();
+  }
+  is_start_ = false;
+}
+
+MotionState::History Integrator::history() const {
+  MotionState::History history;
+  history.exists = true;
+  history.is_implicit = choice_.isImplicit();
+  history.kept_reaction = system_.keptReaction();
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    history.longest_row[m] = rows_.reference(m);
+  }
+  return history;
 }
 
 void Integrator::beginNowhere(const State& x, const MotionStatus& status) {

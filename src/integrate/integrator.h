@@ -37,6 +37,7 @@
 #include "integrate/step_curve.h"
 #include "integrate/stepper_choice.h"
 #include "integrate/time_origin.h"
+#include "variator_sim/motion_state.h"
 #include "variator_sim/status.h"
 
 namespace variator_sim {
@@ -66,6 +67,12 @@ class Integrator {
   /// The same for the first time: with the stepper that suits its start, which later ones have,
   /// too.
   void beginFirstAt(const State& x);
+  /// A motion goes on from a state of another one: at `time`, from x, where the accelerations are
+  /// `epsilon`; inputs are as they are. Nothing of what this one has had before counts.
+  void beginFrom(double time, const State& x, const double* epsilon,
+                 const MotionState::History& history);
+  /// What it has behind it, but for its energy.
+  MotionState::History history() const;
   /// There is no motion for the reason in `status`; x is where it would have begun.
   void beginNowhere(const State& x, const MotionStatus& status);
   /// Its first advance: from now on it is no start any more.

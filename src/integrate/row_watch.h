@@ -26,6 +26,9 @@ class RowWatch {
     has_new_rows_ = false;
   }
 
+  /// The rows have been so long before: the square of the longest that row m has been.
+  void remember(int m, double length_squared) { reference_[m] = length_squared; }
+
   /// Remembers the rows of the last derivative taken: where a step has ended or a motion begins.
   void look();
   /// Judges those that were looked at last. Where a motion begins (`is_start`) there are none to

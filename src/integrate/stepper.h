@@ -90,6 +90,8 @@ class Stepper {
 
   /// Forgets what belongs to a state: inputs may have changed under it.
   virtual void restart() {}
+  /// Forgets everything: the next steps are those of one that is new.
+  virtual void forget() { restart(); }
   /// The step that a stepper would make from `from`, at most `limit`, where it knows before making
   /// it; 0 where it does not. [loop]
   virtual double chooseStep(System& /*system*/, const StepNode& /*from*/, double /*limit*/) {

@@ -65,6 +65,14 @@ void StepperChoice::reset(bool implicitly) {
   restart();
 }
 
+void StepperChoice::forget() {
+  for (Pair* pair : {&series_, &first_, &implicit_}) {
+    if (!pair->outer) continue;
+    pair->outer->forget();
+    pair->inner->forget();
+  }
+}
+
 void StepperChoice::restart() {
   if (settled_ || (automatic_ && active_ == &first_)) active_ = preferred();
   settled_ = false;

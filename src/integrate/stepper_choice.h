@@ -38,6 +38,8 @@ class StepperChoice {
   StepperChoice(const System& system, const SolverSettings& settings);
 
   bool isAutomatic() const { return automatic_; }
+  /// True when `auto` steps implicitly, and not only because it nears rest.
+  bool isImplicit() const { return automatic_ && active_ == &implicit_ && !settled_; }
   /// True when steps have the size that the scene gives, whatever their error.
   bool isFixed() const { return fixed_; }
   /// Makes the steps.
@@ -59,6 +61,8 @@ class StepperChoice {
 
   /// The start of a motion, with the first stepper or, of `auto`, the implicit one.
   void reset(bool implicitly = false);
+  /// Nothing is left of what was stepped before.
+  void forget();
   /// The motion begins anew at some state.
   void restart();
 

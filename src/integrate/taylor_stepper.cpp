@@ -38,6 +38,11 @@ class TaylorStepper final : public Stepper {
   bool checksDenseOutput() const override { return true; }
 
   void restart() override { base_time_ = std::numeric_limits<double>::quiet_NaN(); }
+  /// The length of the last step is the unit of the next series, and so in its rounding.
+  void forget() override {
+    restart();
+    length_ = 0.0;
+  }
 
   double chooseStep(System& system, const StepNode& from, double limit) override {
     expand(system, from, limit);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace variator_sim {
@@ -272,6 +273,50 @@ void CommandSignal::calcSeries(double time, double unit, int order, double* coef
       return;
     }
   }
+}
+
+ParameterTree CommandSignal::toTree() const {
+  ParameterTree::Dictionary tree{{"value", ParameterTree::real(start_value_)}};
+  if (form_ != Form::kConstant) {
+    tree["since"] = ParameterTree::real(start_time_);
+    tree["target"] = ParameterTree::real(target_);
+    tree["until"] = ParameterTree::real(segment_end_);
+  }
+  if (form_ == Form::kRamp) tree["slope"] = ParameterTree::real(slope_);
+  if (form_ == Form::kCritical) tree["linear"] = ParameterTree::real(linear_);
+  return ParameterTree::dictionary(std::move(tree));
+}
+
+CommandSignal CommandSignal::fromTree(ParameterReader& reader,
+                                      const CommandInputSettings& settings) {
+  CommandSignal signal;
+  const Range limits = Range::between(settings.minimum, settings.maximum);
+  const bool is_moving = settings.hold != Hold::kZeroOrder && reader.has("target");
+  signal.start_value_ = reader.number("value", is_moving ? Range::any() : limits);
+  signal.target_ = signal.start_value_;
+  if (!is_moving) return signal;
+  signal.target_ = reader.number("target", limits);
+  signal.start_time_ = reader.number("since");
+  signal.segment_end_ = reader.number("until", Range::atLeast(signal.start_time_));
+  switch (settings.hold) {
+    case Hold::kZeroOrder:
+      break;
+    case Hold::kFirstOrderLag:
+      signal.form_ = Form::kExponential;
+      signal.inverse_time_constant_ = 1.0 / settings.time_constant;
+      break;
+    case Hold::kSecondOrderLag:
+      signal.form_ = Form::kCritical;
+      signal.inverse_time_constant_ = 1.0 / settings.time_constant;
+      signal.linear_ = reader.number("linear");
+      break;
+    case Hold::kRateLimit:
+    case Hold::kFirstOrderHold:
+      signal.form_ = Form::kRamp;
+      signal.slope_ = reader.number("slope");
+      break;
+  }
+  return signal;
 }
 
 void CommandSignal::moveOrigin(double by) {

@@ -32,6 +32,10 @@ class CommandQueue {
 
   /// When the first input is to fall back, s; infinity when none is.
   double nextTimeout() const;
+  /// When the last command to an input came, s; infinity where none has, or it has timed out.
+  double lastTime(int input) const { return last_time_[input]; }
+  void setLastTime(int input, double time) { last_time_[input] = time; }
+
   /// Adds what inputs fall back to whose command is overdue at `time`; two that are meant for one
   /// instant may be `rounding` apart. Returns how many.
   int addTimeouts(double time, double rounding);

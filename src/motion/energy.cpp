@@ -15,6 +15,28 @@ void EnergyMeter::begin(const StepNode& start, const Row* rows) {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) calcDirection(rows[m], directions_[m]);
 }
 
+EnergyAccount EnergyMeter::account() const {
+  EnergyAccount account;
+  account.start_kinetic = start_kinetic_;
+  account.applied = applied_;
+  account.throughput = throughput_;
+  account.reactions = reactions_;
+  account.doubt_since = doubt_since_;
+  account.has_turned = has_turned_;
+  std::copy_n(&directions_[0][0], kMaxRows * kMaxShafts, &account.directions[0][0]);
+  return account;
+}
+
+void EnergyMeter::resume(const EnergyAccount& account) {
+  start_kinetic_ = account.start_kinetic;
+  applied_ = applied_before_ = account.applied;
+  throughput_ = throughput_before_ = account.throughput;
+  reactions_ = account.reactions;
+  doubt_since_ = account.doubt_since;
+  has_turned_ = account.has_turned;
+  std::copy_n(&account.directions[0][0], kMaxRows * kMaxShafts, &directions_[0][0]);
+}
+
 double EnergyMeter::calcAppliedAtRest(const StepNode& from, const State& x) {
   double Q[kMaxShafts];
   drivetrain_.calcTorque(view(from.time, from.x), Q);

@@ -21,6 +21,7 @@
 #include "dynamics/principle_system.h"
 #include "integrate/step_control.h"
 #include "integrate/stepper.h"
+#include "variator_sim/motion_state.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/status.h"
@@ -78,6 +79,10 @@ class EnergyMeter {
 
   /// The motion begins at `start`, where C has the rows `rows`.
   void begin(const StepNode& start, const Row* rows);
+
+  /// The account of the motion up to its present, where it was cut, and the same taken up again.
+  EnergyAccount account() const;
+  void resume(const EnergyAccount& account);
 
   /// A step from `from` to `to` was accepted, at whose end C has the rows `rows`; `inside(theta,
   /// x)` is the state at from + theta (to - from). Q and Q' of both are known.

@@ -272,6 +272,90 @@ void Motion::carryOutInitialCommands() {
   start();
 }
 
+// --- states ----------------------------------------------------------------------------------
+
+bool Motion::saveState(MotionState* state) {
+  carryOutCommands();
+  if (!status().ok()) return false;
+  if (integrator_.isStart()) energy_.begin(integrator_.front(), integrator_.rows());
+  StepNode here = integrator_.front();
+  if (integrator_.isSleeping() || isInsideStep()) {
+    if (!integrator_.reach(present(), &here)) {
+      time_ = status().time;
+      return false;
+    }
+    cutEnergy(here);
+  }
+  integrator_.cutAt(time_, here);
+  const int S = system_.shafts();
+  state->time = time_;
+  std::copy_n(here.x.begin(), S, state->angle);
+  std::copy_n(here.x.begin() + S, S, state->velocity);
+  std::copy_n(system_.view(0.0, here.x).acceleration, S, state->acceleration);
+  for (int i = 0; i < drivetrain_.inputCount(); ++i) {
+    state->signal[i] = drivetrain_.signal(i);
+    state->last_command[i] = commands_.lastTime(i);
+  }
+  state->history = integrator_.history();
+  state->history.energy = energy_.account();
+  return beginFrom(*state, here.x, state->acceleration).ok();
+}
+
+const MotionStatus& Motion::beginFrom(const MotionState& state, const State& x,
+                                      const double* epsilon) {
+  time_ = state.time;
+  sample_valid_ = false;
+  commands_.reset();
+  for (int i = 0; i < drivetrain_.inputCount(); ++i) {
+    drivetrain_.signal(i) = state.signal[i];
+    commands_.setLastTime(i, state.last_command[i]);
+  }
+  integrator_.beginFrom(time_, x, epsilon, state.history);
+  if (state.history.exists) {
+    energy_.resume(state.history.energy);
+  } else {
+    energy_.begin(integrator_.front(), integrator_.rows());
+  }
+  return status();
+}
+
+std::string Motion::setState(const MotionState& state, bool project) {
+  MotionState before;
+  if (!saveState(&before)) return "the motion has stopped";
+  for (int i = 0; i < drivetrain_.inputCount(); ++i) drivetrain_.signal(i) = state.signal[i];
+  drivetrain_.setOrigin(state.time);
+  drivetrain_.refreshInputs(0.0);
+  const int S = system_.shafts();
+  const auto stateOf = [&](const MotionState& from) {
+    State x(system_.size());
+    std::copy_n(from.angle, S, x.begin());
+    std::copy_n(from.velocity, S, x.begin() + S);
+    if (x.size() > 2 * S) std::copy_n(from.acceleration, S, x.begin() + 2 * S);
+    return x;
+  };
+  Start start(system_);
+  start.x = stateOf(state);
+  double epsilon[kMaxShafts];
+  std::copy_n(state.acceleration, S, epsilon);
+  const bool has_history = state.history.exists;
+  start.result = system_.accept(0.0, project, state.is_acceleration_given && !has_history, start.x,
+                                epsilon, start.nearest, &start.velocities_at_fault);
+  std::string fault;
+  if (start.result == InitialResult::kConsistent) {
+    // What was saved goes on to the bit; what somebody has written is polished.
+    const MotionStatus result = has_history && !project
+                                    ? beginFrom(state, stateOf(state), state.acceleration)
+                                    : beginFrom(state, start.x, epsilon);
+    if (result.ok()) return "";
+    fault = std::string("the motion cannot go on from there: ") + toString(result.reason);
+  } else {
+    start.x = stateOf(state);
+    fault = describeInconsistency(system_, start, state.acceleration);
+  }
+  beginFrom(before, stateOf(before), before.acceleration);
+  return fault;
+}
+
 // --- samples ---------------------------------------------------------------------------------
 
 const Sample& Motion::sample() {

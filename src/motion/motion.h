@@ -26,6 +26,11 @@
 ///
 ///     reset():
 ///       the state at time 0 again, with the inputs as the scene has them
+///
+///     saveState():
+///       carry out the commands that wait
+///       make the step again up to the present
+///       go on from what is saved, as who restores it will
 #pragma once
 
 #include <memory>
@@ -62,10 +67,14 @@ class Motion {
   void reset();
   const MotionStatus& advanceTo(double time);
   double quietUntil() const;
+  double nextTimeout() const { return commands_.nextTimeout(); }
   CommandResult command(int input, double value);
   const Sample& sample();
   const Quantities& quantities() const { return quantities_; }
   void calcQuantities(QuantityGroup group, double* values);
+
+  bool saveState(MotionState* state);
+  std::string setState(const MotionState& state, bool project);
 
   void trackEnergy(bool on);
   Energy energy();
@@ -96,6 +105,10 @@ class Motion {
 
   bool isSampleFinite() const;
   void takeSample();
+
+  /// The motion goes on from `state`, with the accelerations `epsilon` and nothing else that this
+  /// one has had before.
+  const MotionStatus& beginFrom(const MotionState& state, const State& x, const double* epsilon);
 
   /// The motion goes on from `node`, inside the last step or at rest.
   void cutEnergy(const StepNode& node);

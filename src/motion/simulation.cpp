@@ -109,6 +109,15 @@ std::string Simulation::describeStepper() const {
 std::vector<std::string> Simulation::skips() const {
   return motion_->skips();
 }
+double Simulation::nextTimeout() const {
+  return motion_->nextTimeout();
+}
+bool Simulation::saveState(MotionState* state) {
+  return motion_->saveState(state);
+}
+std::string Simulation::setState(const MotionState& state, bool project) {
+  return motion_->setState(state, project);
+}
 double Simulation::quietUntil() const {
   return motion_->quietUntil();
 }

@@ -1,0 +1,203 @@
+#include "variator_sim/motion_state.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "variator_sim/scene.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr int kVersion = 1;
+
+ParameterTree listOf(const double* values, int count) {
+  ParameterTree::List list;
+  for (int i = 0; i < count; ++i) list.push_back(ParameterTree::real(values[i]));
+  return ParameterTree::list(std::move(list));
+}
+
+void readList(ParameterReader& reader, const std::string& key, int count, double* values) {
+  const std::vector<double> list = reader.numbers(key, static_cast<std::size_t>(count));
+  std::copy(list.begin(), list.end(), values);
+}
+
+ParameterTree toTree(const MotionState::History& history, const Scene& scene) {
+  const int S = scene.shaftCount();
+  const EnergyAccount& energy = history.energy;
+  ParameterTree::Dictionary rows;
+  ParameterTree::Dictionary directions;
+  for (int m = 0; m < scene.constraintCount(); ++m) {
+    const std::string& name = scene.constraints[static_cast<std::size_t>(m)]->name();
+    rows[name] = ParameterTree::real(history.longest_row[m]);
+    directions[name] = listOf(energy.directions[m], S);
+  }
+  ParameterTree::Dictionary tree{
+      {"implicit_steps", ParameterTree::boolean(history.is_implicit)},
+      {"longest_rows", ParameterTree::dictionary(std::move(rows))},
+      {"energy", ParameterTree::dictionary(
+                     {{"kinetic_at_start", ParameterTree::real(energy.start_kinetic)},
+                      {"applied", ParameterTree::real(energy.applied)},
+                      {"throughput", ParameterTree::real(energy.throughput)},
+                      {"reactions", ParameterTree::real(energy.reactions)},
+                      {"doubt_since", ParameterTree::real(energy.doubt_since)},
+                      {"has_turned", ParameterTree::boolean(energy.has_turned)},
+                      {"directions", ParameterTree::dictionary(std::move(directions))}})}};
+  if (history.kept_reaction.exists) {
+    ParameterTree::List free;
+    for (int i = 0; i < S; ++i) {
+      if (!history.kept_reaction.is_free[i]) continue;
+      free.push_back(ParameterTree::text(scene.shafts[static_cast<std::size_t>(i)]));
+    }
+    tree["kept_reaction"] = listOf(history.kept_reaction.value, S);
+    tree["free_shafts"] = ParameterTree::list(std::move(free));
+  }
+  return ParameterTree::dictionary(std::move(tree));
+}
+
+EnergyAccount readEnergy(ParameterReader& history, const Scene& scene) {
+  EnergyAccount energy;
+  ParameterReader reader = history.section("energy");
+  energy.start_kinetic = reader.number("kinetic_at_start", Range::notNegative());
+  energy.applied = reader.number("applied");
+  energy.throughput = reader.number("throughput", Range::notNegative());
+  energy.reactions = reader.number("reactions");
+  energy.doubt_since = reader.number("doubt_since");
+  energy.has_turned = reader.boolean("has_turned", false);
+  ParameterReader directions = reader.section("directions");
+  for (int m = 0; m < scene.constraintCount(); ++m) {
+    readList(directions, scene.constraints[static_cast<std::size_t>(m)]->name(), scene.shaftCount(),
+             energy.directions[m]);
+  }
+  directions.finish();
+  reader.finish();
+  return energy;
+}
+
+KeptReaction readKeptReaction(ParameterReader& reader, const Scene& scene) {
+  KeptReaction kept;
+  reader.allow("kept_reaction");
+  reader.allow("free_shafts");
+  kept.exists = reader.has("kept_reaction");
+  if (!kept.exists) return kept;
+  readList(reader, "kept_reaction", scene.shaftCount(), kept.value);
+  for (const std::string& name : reader.names("free_shafts")) {
+    const auto found = std::find(scene.shafts.begin(), scene.shafts.end(), name);
+    if (found == scene.shafts.end()) {
+      throw SceneError(reader.keyPath("free_shafts"), "'" + name + "' is not a shaft");
+    }
+    kept.is_free[found - scene.shafts.begin()] = true;
+  }
+  return kept;
+}
+
+MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
+  MotionState::History history;
+  if (!root.has("history")) return history;
+  ParameterReader reader = root.section("history");
+  history.exists = true;
+  history.is_implicit = reader.boolean("implicit_steps", false);
+  ParameterReader rows = reader.section("longest_rows");
+  for (int m = 0; m < scene.constraintCount(); ++m) {
+    history.longest_row[m] =
+        rows.number(scene.constraints[static_cast<std::size_t>(m)]->name(), Range::notNegative());
+  }
+  rows.finish();
+  history.energy = readEnergy(reader, scene);
+  history.kept_reaction = readKeptReaction(reader, scene);
+  reader.finish();
+  return history;
+}
+
+/// The shafts' own values; all of them where `needs_all`.
+void readShafts(ParameterReader& root, const Scene& scene, bool needs_all, MotionState* state) {
+  if (!needs_all && !root.has("shafts")) return;
+  ParameterReader shafts = root.section("shafts");
+  for (const std::string& name : scene.shafts) shafts.allow(name);
+  shafts.finish();
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    const std::string& name = scene.shafts[static_cast<std::size_t>(i)];
+    if (!needs_all && !shafts.has(name)) continue;
+    ParameterReader shaft = shafts.section(name);
+    const auto read = [&](const char* key, double* value) {
+      shaft.allow(key);
+      const bool is_there = needs_all || shaft.has(key);
+      if (is_there) *value = shaft.number(key);
+      return is_there;
+    };
+    read("angle", &state->angle[i]);
+    read("velocity", &state->velocity[i]);
+    if (read("acceleration", &state->acceleration[i])) state->is_acceleration_given = true;
+    shaft.finish();
+  }
+}
+
+void readInputs(ParameterReader& root, const Scene& scene, bool needs_all, MotionState* state) {
+  if (scene.inputs.empty() || (!needs_all && !root.has("inputs"))) return;
+  ParameterReader inputs = root.section("inputs");
+  for (const CommandInputSettings& input : scene.inputs) inputs.allow(input.topic);
+  inputs.finish();
+  int next = 0;
+  for (const CommandInputSettings& settings : scene.inputs) {
+    const int i = next++;
+    if (!needs_all && !inputs.has(settings.topic)) continue;
+    ParameterReader input = inputs.section(settings.topic);
+    state->signal[i] = CommandSignal::fromTree(input, settings);
+    state->last_command[i] = std::numeric_limits<double>::infinity();
+    input.allow("last_command");
+    if (input.has("last_command")) state->last_command[i] = input.number("last_command");
+    input.finish();
+  }
+}
+
+}  // namespace
+
+ParameterTree toTree(const MotionState& state, const Scene& scene) {
+  ParameterTree::Dictionary shafts;
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    shafts[scene.shafts[static_cast<std::size_t>(i)]] =
+        ParameterTree::dictionary({{"angle", ParameterTree::real(state.angle[i])},
+                                   {"velocity", ParameterTree::real(state.velocity[i])},
+                                   {"acceleration", ParameterTree::real(state.acceleration[i])}});
+  }
+  ParameterTree::Dictionary inputs;
+  int next = 0;
+  for (const CommandInputSettings& settings : scene.inputs) {
+    const int i = next++;
+    ParameterTree input = state.signal[i].toTree();
+    if (settings.timeout > 0.0 && state.last_command[i] < std::numeric_limits<double>::infinity()) {
+      input.asDictionary()["last_command"] = ParameterTree::real(state.last_command[i]);
+    }
+    inputs[settings.topic] = std::move(input);
+  }
+  ParameterTree::Dictionary tree{{"variator_sim_state", ParameterTree::integer(kVersion)},
+                                 {"time", ParameterTree::real(state.time)},
+                                 {"shafts", ParameterTree::dictionary(std::move(shafts))}};
+  if (!inputs.empty()) tree["inputs"] = ParameterTree::dictionary(std::move(inputs));
+  if (state.history.exists) tree["history"] = toTree(state.history, scene);
+  return ParameterTree::dictionary(std::move(tree));
+}
+
+MotionState readMotionState(const ParameterTree& tree, const Scene& scene,
+                            const MotionState& otherwise) {
+  ParameterReader root(tree, "");
+  for (const char* key : {"variator_sim_state", "time", "shafts", "inputs", "history"}) {
+    root.allow(key);
+  }
+  root.finish();
+  const bool needs_all = root.has("history");
+  MotionState state = otherwise;
+  state.is_acceleration_given = false;
+  root.integer("variator_sim_state", kVersion, kVersion, kVersion);
+  state.time = needs_all ? root.number("time", Range::notNegative())
+                         : root.number("time", Range::notNegative(), otherwise.time);
+  // Timeouts go with it.
+  for (double& last : state.last_command) last += state.time - otherwise.time;
+  readShafts(root, scene, needs_all, &state);
+  readInputs(root, scene, needs_all, &state);
+  state.history = readHistory(root, scene);
+  return state;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,236 @@
+// States that are saved and restored: the motion goes on to the bit.
+#include "variator_sim/motion_state.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "support/scenes.h"
+#include "variator_sim/io/yaml_text.h"
+
+namespace variator_sim {
+namespace {
+
+struct Command {
+  double time;
+  int input;
+  double value;
+};
+
+struct Case {
+  const char* name;
+  std::string scene;
+  std::vector<double> save_at;
+  double end;
+  std::vector<Command> commands;
+};
+
+std::string fileOf(const std::string& name) {
+  return std::string(VARIATOR_SIM_TEST_DIR) + "/../" + name;
+}
+
+bool areSame(const Sample& a, const Sample& b, int shafts) {
+  const auto same = [&](const double* x, const double* y) {
+    return std::memcmp(x, y, sizeof(double) * static_cast<std::size_t>(shafts)) == 0;
+  };
+  return a.time == b.time && same(a.angle, b.angle) && same(a.velocity, b.velocity) &&
+         same(a.acceleration, b.acceleration) && same(a.applied_torque, b.applied_torque) &&
+         same(a.reaction_torque, b.reaction_torque);
+}
+
+/// Moves on to `end` under the commands from its present on; all samples on the way.
+std::vector<Sample> run(Simulation& simulation, const std::vector<Command>& commands, double end) {
+  std::vector<Sample> samples;
+  const double begin = simulation.time();
+  constexpr int kSamples = 37;
+  std::size_t next = 0;
+  while (next < commands.size() && commands[next].time < begin) ++next;
+  for (int n = 1; n <= kSamples; ++n) {
+    const double time = begin + (end - begin) * n / kSamples;
+    for (; next < commands.size() && commands[next].time <= time; ++next) {
+      simulation.advanceTo(commands[next].time);
+      simulation.command(commands[next].input, commands[next].value);
+    }
+    simulation.advanceTo(time);
+    samples.push_back(simulation.sample());
+  }
+  return samples;
+}
+
+ParameterTree throughText(const ParameterTree& tree) {
+  return readYamlText(toYaml(tree), "state");
+}
+
+class SavedStates : public testing::TestWithParam<Case> {
+ protected:
+  Scene scene() const {
+    const std::string& text = GetParam().scene;
+    return text.find('\n') == std::string::npos ? test::sceneFromFile(fileOf(text))
+                                                : test::sceneFromText(text);
+  }
+};
+
+TEST_P(SavedStates, GoOnToTheBit) {
+  const Case& parameters = GetParam();
+  for (const double save_at : parameters.save_at) {
+    SCOPED_TRACE(save_at);
+    Simulation saved(scene());
+    std::vector<Command> before;
+    std::vector<Command> after;
+    for (const Command& command : parameters.commands) {
+      (command.time <= save_at ? before : after).push_back(command);
+    }
+    if (save_at > 0.0) run(saved, before, save_at);
+    MotionState state;
+    ASSERT_TRUE(saved.saveState(&state)) << saved.describeStatus();
+    const Scene same = scene();
+    Simulation restored(scene());
+    // Of a stranger's past nothing is left.
+    restored.advanceTo(0.3 * parameters.end);
+    const MotionState read = readMotionState(throughText(toTree(state, same)), same, MotionState());
+    ASSERT_EQ(restored.setState(read), "");
+    EXPECT_EQ(restored.time(), saved.time());
+    EXPECT_TRUE(areSame(restored.sample(), saved.sample(), same.shaftCount()));
+    const std::vector<Sample> a = run(saved, after, parameters.end);
+    const std::vector<Sample> b = run(restored, after, parameters.end);
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t n = 0; n < a.size(); ++n) {
+      ASSERT_TRUE(areSame(a[n], b[n], same.shaftCount())) << "at " << a[n].time;
+    }
+    EXPECT_EQ(saved.energy().applied, restored.energy().applied);
+    EXPECT_EQ(saved.energy().reactions, restored.energy().reactions);
+    EXPECT_EQ(saved.status().reason, restored.status().reason);
+  }
+}
+
+/// Saving costs no more than the tolerance.
+TEST_P(SavedStates, DisturbTheMotionWithinTheTolerance) {
+  const Case& parameters = GetParam();
+  Simulation plain(scene());
+  Simulation saved(scene());
+  const double save_at = parameters.save_at.back();
+  std::vector<Command> before;
+  std::vector<Command> after;
+  for (const Command& command : parameters.commands) {
+    (command.time <= save_at ? before : after).push_back(command);
+  }
+  for (Simulation* simulation : {&plain, &saved}) run(*simulation, before, save_at);
+  MotionState state;
+  ASSERT_TRUE(saved.saveState(&state));
+  const Sample a = run(plain, after, parameters.end).back();
+  const Sample b = run(saved, after, parameters.end).back();
+  for (int i = 0; i < plain.scene().shaftCount(); ++i) {
+    EXPECT_NEAR(a.velocity[i], b.velocity[i], 2e-6 * (1.0 + std::abs(a.velocity[i])));
+  }
+}
+
+const char* const kInputs = R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.5}
+load: {inertia: 1.2}
+torques: [jump, lag, ramp, hold, drag]
+jump: {type: variator_sim/CommandedTorque, shaft: drive, topic: jump, hold: zero_order, timeout: 0.31, on_timeout: zero}
+lag: {type: variator_sim/CommandedTorque, shaft: load, topic: lag, hold: first_order_lag, time_constant: 0.3}
+ramp: {type: variator_sim/CommandedTorque, shaft: load, topic: ramp, hold: rate_limit, rate: 2.0}
+hold: {type: variator_sim/CommandedTorque, shaft: drive, topic: a/hold, hold: first_order_hold, period: 0.7}
+drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w2"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"}
+initial: {velocity: [10.0, 8.0]}
+)yaml";
+const std::vector<Command> kInputCommands{{0.0, 0, 3.0},  {0.4, 1, 2.0},  {0.5, 2, -1.5},
+                                          {0.55, 3, 4.0}, {0.9, 0, -2.0}, {1.3, 1, 1.0}};
+
+const char* const kOrder1 = R"yaml(
+shafts: [a, b, c]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+c: {inertia: 0.7}
+torques: [push, brake, spring]
+push: {type: variator_sim/ExpressionTorque, shaft: a, torque: "5*sin(t) - 0.1*w_a"}
+brake: {type: variator_sim/Friction, shaft: b, coulomb: 0.8, regularization_speed: 0.01}
+spring: {type: variator_sim/ElasticCoupling, shafts: [b, c], stiffness: 40.0, damping: 0.05}
+constraints: [belt]
+belt: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: {topic: ratio, hold: second_order_lag, time_constant: 0.2, initial: 0.8}}
+initial: {velocity: [1.0, 0.8, 0.0]}
+)yaml";
+const std::vector<Command> kOrder1Commands{{0.7, 0, 1.1}};
+
+const char* const kGaussBranches = R"yaml(
+principle: gauss
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [push, drag]
+push: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1.0 + 0.3*sin(t)"
+}
+drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: "0.2 - abs(w2)*0.01"}
+constraints: [circle]
+circle: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2 + e2^2 - 4"}
+)yaml";
+
+const char* const kFreeShaft = R"yaml(
+shafts: [a, b, free]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+free: {inertia: 3.0}
+torques: [push, pull]
+push: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1 + sin(3*t) - 0.1*w1"}
+pull: {type: variator_sim/ExpressionTorque, shaft: free, torque: "cos(2*t) - 0.2*w3"}
+constraints: [slip]
+slip: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.3*(e2-(0.6+0.1*sin(t))*e1)+w2-(0.6+0.1*sin(t))*w1"}
+)yaml";
+
+const char* const kResting = R"yaml(
+shafts: [drive]
+drive: {inertia: 1.0}
+torques: [motor, drag]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
+drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-5*w1"}
+initial: {velocity: [3.0]}
+)yaml";
+
+std::string withSolver(const char* scene, const char* solver) {
+  return std::string(scene) + "solver: {" + solver + "}\n";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, SavedStates,
+    testing::Values(
+        Case{"ship", "config/ship.yaml", {0.0, 0.5, 1.2345}, 3.0, {{0.2, 0, 5.0}, {2.0, 0, 1.0}}},
+        Case{"ratio_steps", "config/ratio_steps.yaml", {0.7, 2.0}, 4.0, {{0.5, 0, 20.0}}},
+        Case{"circle", "config/acceleration_circle.yaml", {0.4, 1.5}, 2.0, {}},
+        Case{
+            "car", "config/applications/car.yaml", {0.5, 3.3}, 6.0, {{1.0, 0, 0.5}, {1.0, 1, 0.8}}},
+        Case{"starting", "config/applications/starting_system.yaml", {2.0, 4.5}, 8.0, {}},
+        Case{"locomotive", "config/applications/diesel_locomotive.yaml", {1.0, 4.0}, 8.0, {}},
+        Case{"power_unit", "config/applications/ship_power_unit.yaml", {1.0}, 4.0, {}},
+        Case{"vbelt", "config/applications/vbelt_vehicle.yaml", {1.0, 2.7}, 4.0, {}},
+        Case{"machine_tool", "config/applications/machine_tool.yaml", {1.0, 2.7}, 4.0, {}},
+        Case{"inputs", kInputs, {0.0, 0.45, 0.6, 1.0, 1.21, 1.6}, 3.0, kInputCommands},
+        Case{"order1", kOrder1, {0.5, 0.9, 2.0}, 4.0, kOrder1Commands},
+        Case{"gauss_branches", kGaussBranches, {0.5, 1.7}, 3.0, {}},
+        Case{"free_shaft", kFreeShaft, {1.0, 2.5}, 6.0, {}},
+        Case{"resting", kResting, {1.0, 50.0}, 200.0, {{100.0, 0, 2.0}}},
+        Case{"dopri5", withSolver(kInputs, "stepper: dopri5"), {0.6}, 3.0, kInputCommands},
+        Case{"dop853", withSolver(kInputs, "stepper: dop853"), {0.6}, 3.0, kInputCommands},
+        Case{"radau", withSolver(kInputs, "stepper: radau"), {0.6}, 3.0, kInputCommands},
+        Case{"radau5_fixed",
+             withSolver(kInputs, "stepper: radau5_fixed, step: 0.003"),
+             {0.6},
+             3.0,
+             kInputCommands},
+        Case{"rk4", withSolver(kInputs, "stepper: rk4, step: 0.003"), {0.6}, 3.0, kInputCommands},
+        Case{"rosenbrock4",
+             withSolver(kInputs, "stepper: rosenbrock4, relative_tolerance: 1e-6"),
+             {0.6},
+             3.0,
+             kInputCommands},
+        Case{"stiff", "benchmark/scenes/stiff_slip.yaml", {0.3, 0.9}, 2.0, {}}),
+    [](const testing::TestParamInfo<Case>& tested) { return std::string(tested.param.name); });
+
+}  // namespace
+}  // namespace variator_sim
