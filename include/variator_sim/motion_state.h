@@ -45,7 +45,7 @@ struct MotionState {
   double angle[kMaxShafts] = {};         ///< rad
   double velocity[kMaxShafts] = {};      ///< rad/s
   double acceleration[kMaxShafts] = {};  ///< rad/s^2
-  bool is_acceleration_given = true;     ///< or it is a guess, where the principle has its own
+  bool is_acceleration_given = true;     ///< or those of least reaction are meant
   CommandSignal signal[kMaxInputs];      ///< their times count from `time`
   double last_command[kMaxInputs] = {};  ///< s, when it came; infinity: none, or it timed out
   History history;

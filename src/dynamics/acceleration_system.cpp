@@ -46,7 +46,7 @@ InitialResult AccelerationSystem::start(State& x, double* nearest, bool* velocit
   return initial_solver_.acceptAccelerations(state, initial.project, epsilon, nearest);
 }
 
-InitialResult AccelerationSystem::accept(double t, bool may_move, bool /*are_given*/, State& x,
+InitialResult AccelerationSystem::accept(double t, bool may_move, bool are_given, State& x,
                                          double* epsilon, double* nearest,
                                          bool* velocities_at_fault) {
   const StateView state = view(t, x);
@@ -55,7 +55,9 @@ InitialResult AccelerationSystem::accept(double t, bool may_move, bool /*are_giv
   *velocities_at_fault = velocities != InitialResult::kConsistent;
   if (*velocities_at_fault) return velocities;
   double* const own = x.data() + 2 * S;
-  const InitialResult result = initial_solver_.acceptAccelerations(state, may_move, own, nearest);
+  const InitialResult result =
+      are_given ? initial_solver_.acceptAccelerations(state, may_move, own, nearest)
+                : initial_solver_.findLeastReaction(state, own);
   std::copy_n(own, S, epsilon);
   return result;
 }

@@ -140,12 +140,14 @@ InitialResult ClassicalGauss::accept(double t, bool may_move, bool are_given, St
       initial_solver_.acceptVelocities(state, may_move, x.data() + S, nearest);
   *velocities_at_fault = velocities != InitialResult::kConsistent;
   if (*velocities_at_fault) return velocities;
-  std::copy_n(epsilon, S, epsilon_);
-  std::copy_n(epsilon, S, guess_);
-  std::fill_n(lambda_guess_, kMaxRows, 0.0);
-  calcMultipliers(state, lambda_guess_);
-  calcAccelerations(state);
-  if (!std::isfinite(epsilon_[0])) {
+  if (are_given) {
+    std::copy_n(epsilon, S, epsilon_);
+    std::copy_n(epsilon, S, guess_);
+    std::fill_n(lambda_guess_, kMaxRows, 0.0);
+    calcMultipliers(state, lambda_guess_);
+    calcAccelerations(state);
+  }
+  if (!are_given || !std::isfinite(epsilon_[0])) {
     const InitialResult result = initial_solver_.findLeastReaction(state, epsilon_);
     if (result != InitialResult::kConsistent) return result;
   }

@@ -37,7 +37,7 @@ InitialResult FormalGauss::accept(double t, bool may_move, bool are_given, State
                                   double* epsilon, double* nearest, bool* velocities_at_fault) {
   const InitialResult result =
       AccelerationSystem::accept(t, may_move, are_given, x, epsilon, nearest, velocities_at_fault);
-  if (result != InitialResult::kConsistent) return result;
+  if (result != InitialResult::kConsistent || !are_given) return result;
   const InitialResult of_reaction = acceptReaction(t, may_move, x, nearest);
   std::copy_n(x.data() + 2 * S, S, epsilon);
   return of_reaction;

@@ -46,9 +46,9 @@ class PrincipleSystem : public System {
   /// accelerations, or velocities where the result says so (s values).
   virtual InitialResult start(State& x, double* nearest, bool* velocities_at_fault) = 0;
 
-  /// The state at t with the values that x has, and accelerations `epsilon` (S values; x's own
-  /// where they are part of it, otherwise a guess unless `are_given`): inconsistent ones are moved
-  /// to the nearest consistent ones only when `may_move`. `nearest` as above.
+  /// The state at t with the values that x has, and the accelerations `epsilon` (S values; x's own
+  /// where they are part of it), or those of least reaction unless these `are_given`. Inconsistent
+  /// values are moved to the nearest consistent ones only when `may_move`. `nearest` as above.
   virtual InitialResult accept(double t, bool may_move, bool are_given, State& x, double* epsilon,
                                double* nearest, bool* velocities_at_fault) = 0;
 

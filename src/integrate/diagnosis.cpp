@@ -123,6 +123,9 @@ std::string describeInconsistency(PrincipleSystem& system, const Start& start,
     for (int i = 0; i < system.shafts(); ++i) text << (i ? ", " : "") << formatNumber(values[i]);
     text << "]";
   };
+  if (start.result == InitialResult::kNotUnique || start.result == InitialResult::kDoubtful) {
+    return "which accelerations have the least reaction is not certain; give them";
+  }
   if (start.result != InitialResult::kInconsistent) {
     text << "no " << what << " that satisfy the constraints were found near ";
     write(of_velocities ? state.velocity : given);

@@ -338,7 +338,7 @@ std::string Motion::setState(const MotionState& state, bool project) {
   double epsilon[kMaxShafts];
   std::copy_n(state.acceleration, S, epsilon);
   const bool has_history = state.history.exists;
-  start.result = system_.accept(0.0, project, state.is_acceleration_given && !has_history, start.x,
+  start.result = system_.accept(0.0, project, state.is_acceleration_given || has_history, start.x,
                                 epsilon, start.nearest, &start.velocities_at_fault);
   std::string fault;
   if (start.result == InitialResult::kConsistent) {

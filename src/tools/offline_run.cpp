@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <limits>
 
 #include "variator_sim/nearest_name.h"
@@ -38,16 +39,24 @@ std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& co
 }
 
 OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
-                       std::vector<ResolvedCommand> commands, double duration)
+                       std::vector<ResolvedCommand> commands, double end)
     : simulation_(simulation),
       times_(std::move(times)),
       commands_(std::move(commands)),
-      duration_(duration) {
-  const auto first_ignored =
-      std::find_if(commands_.begin(), commands_.end(),
-                   [duration](const ResolvedCommand& command) { return command.time > duration; });
+      end_(end),
+      save_time_(kNever) {
+  const auto first_after = [this](double time) {
+    return std::find_if(commands_.begin(), commands_.end(),
+                        [time](const ResolvedCommand& command) { return command.time > time; });
+  };
+  const auto first_ignored = first_after(end);
   ignored_count_ = static_cast<std::size_t>(commands_.end() - first_ignored);
   commands_.erase(first_ignored, commands_.end());
+  // One at the beginning has been given already, or is new: given twice it changes nothing.
+  const auto first =
+      first_after(std::nextafter(simulation.time(), -std::numeric_limits<double>::infinity()));
+  past_count_ = static_cast<std::size_t>(first - commands_.begin());
+  commands_.erase(commands_.begin(), first);
 }
 
 bool OfflineRun::reach(double time) {
@@ -90,6 +99,24 @@ void OfflineRun::addSample(SampleBlock& block) {
   }
 }
 
+double OfflineRun::nextEvent() const {
+  return std::min(has_state_ ? kNever : save_time_, rest_.nextLook());
+}
+
+void OfflineRun::serveEvents() {
+  const double now = simulation_.time();
+  const bool is_last_command = next_command_ == commands_.size();
+  if (rest_.nextLook() <= now && rest_.look(simulation_, is_last_command)) {
+    end_ = now;
+    times_.endAt(now);
+  }
+  if (save_time_ <= now || (save_time_ < kNever && now >= end_)) saveState();
+}
+
+void OfflineRun::saveState() {
+  if (!has_state_) has_state_ = simulation_.saveState(&state_);
+}
+
 bool OfflineRun::advanceBlock(double span, const volatile std::sig_atomic_t* interrupted,
                               SampleBlock& block) {
   block.samples.clear();
@@ -98,15 +125,17 @@ bool OfflineRun::advanceBlock(double span, const volatile std::sig_atomic_t* int
   while (block.samples.size() < kBlockSize && *interrupted == 0) {
     const double command_time =
         next_command_ < commands_.size() ? commands_[next_command_].time : kNever;
-    const double next = std::min({times_.current(), command_time, duration_});
+    const double next = std::min({times_.current(), command_time, nextEvent(), end_});
     if (next > block_end) return reach(block_end);
     if (!reach(next)) return false;
     applyCommands();
+    serveEvents();
+    if (!simulation_.status().ok()) return false;
     if (times_.current() <= next) {
       takeSample(block);
       if (!simulation_.status().ok()) return false;
       times_.next();
-    } else if (next >= duration_) {
+    } else if (next >= end_) {
       return false;
     }
   }

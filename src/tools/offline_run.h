@@ -7,8 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "tools/rest_watch.h"
 #include "tools/sample_times.h"
 #include "variator_sim/io/command_file.h"
+#include "variator_sim/motion_state.h"
 #include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 
@@ -37,9 +39,21 @@ struct SampleBlock {
 
 class OfflineRun {
  public:
-  /// `commands` must be sorted by time; those after `duration` are left out.
+  /// From the simulation's present to `end`. `commands` must be sorted by time; those outside of
+  /// the run are left out.
   OfflineRun(Simulation& simulation, SampleTimes times, std::vector<ResolvedCommand> commands,
-             double duration);
+             double end);
+
+  /// Saves the state at `time` and goes on from there; at the end where that comes first.
+  void saveStateAt(double time) { save_time_ = time; }
+  /// Saves it now, unless it has been saved.
+  void saveState();
+  /// nullptr when the motion stopped before.
+  const MotionState* savedState() const { return has_state_ ? &state_ : nullptr; }
+
+  /// Ends the run once the motion has come to rest, after the last command.
+  void endAtRest() { rest_.begin(); }
+  const RestWatch& rest() const { return rest_; }
 
   /// Samples are to have the quantities of these groups.
   void observe(const std::vector<QuantityGroup>& groups);
@@ -52,8 +66,9 @@ class OfflineRun {
   /// Commands refused because they are NaN or infinite, and the line of the first.
   std::uint64_t refusedCount() const { return refused_count_; }
   int firstRefusedLine() const { return first_refused_line_; }
-  /// Commands after the end of the run.
+  /// Commands after the end of the run, and those before its beginning.
   std::size_t ignoredCount() const { return ignored_count_; }
+  std::size_t pastCount() const { return past_count_; }
 
   /// Wall time spent on samples so far, s; measured only after `measureSampling`, as a stopwatch
   /// costs a tenth of a sample.
@@ -65,16 +80,24 @@ class OfflineRun {
  private:
   bool reach(double time);
   void applyCommands();
+  /// When something is due beside commands and samples.
+  double nextEvent() const;
+  void serveEvents();
   void takeSample(SampleBlock& block);
   void addSample(SampleBlock& block);
 
   Simulation& simulation_;
   SampleTimes times_;
   std::vector<ResolvedCommand> commands_;
-  double duration_;
+  double end_;
+  double save_time_;
+  bool has_state_ = false;
+  MotionState state_;
+  RestWatch rest_;
   std::vector<QuantityGroup> groups_;
   std::size_t next_command_ = 0;
   std::size_t ignored_count_ = 0;
+  std::size_t past_count_ = 0;
   std::uint64_t refused_count_ = 0;
   int first_refused_line_ = 0;
   bool measures_sampling_ = false;

@@ -11,12 +11,14 @@ namespace variator_sim {
 /// A walk over ascending instants; it never holds a rate's instants in memory.
 class SampleTimes {
  public:
-  /// k / rate for k = 0, 1, ... below `duration`, then `duration` itself.
-  static SampleTimes atRate(double rate, double duration) {
+  /// `begin`, then k / rate for all whole k between `begin` and `end`, then `end` itself.
+  static SampleTimes atRate(double rate, double begin, double end) {
     SampleTimes times;
     times.rate_ = rate;
-    times.duration_ = duration;
-    times.takeMultiple();
+    times.end_ = end;
+    times.index_ = static_cast<std::uint64_t>(begin * rate);
+    while (static_cast<double>(times.index_) / rate <= begin) ++times.index_;
+    times.current_ = begin;
     return times;
   }
   /// These instants, which must be ascending.
@@ -27,15 +29,22 @@ class SampleTimes {
     return times;
   }
 
+  /// The run ends sooner, at `end`: what lies beyond is not sampled. A rate samples the end.
+  void endAt(double end) {
+    end_ = end;
+    if (current_ <= end) return;
+    current_ = rate_ > 0.0 ? end : kNever;
+    instants_.clear();
+  }
+
   /// The instant to sample next; infinity after the last.
   double current() const { return current_; }
   void next() {
     if (rate_ == 0.0) {
       takeInstant();
-    } else if (current_ >= duration_) {
+    } else if (current_ >= end_) {
       current_ = kNever;
     } else {
-      ++index_;
       takeMultiple();
     }
   }
@@ -50,12 +59,12 @@ class SampleTimes {
   // A division: k / 100 is the double nearest to the decimal that a user would write, k * 0.01 is
   // not.
   void takeMultiple() {
-    const double instant = static_cast<double>(index_) / rate_;
-    current_ = instant < duration_ ? instant : duration_;
+    const double instant = static_cast<double>(index_++) / rate_;
+    current_ = instant < end_ ? instant : end_;
   }
 
   double rate_ = 0.0;
-  double duration_ = 0.0;
+  double end_ = 0.0;
   std::vector<double> instants_;
   std::uint64_t index_ = 0;
   double current_ = kNever;

@@ -19,6 +19,7 @@
 #include "tools/progress_bar.h"
 #include "tools/sample_writer.h"
 #include "tools/simulate_options.h"
+#include "tools/state_file.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/io/command_file.h"
 #include "variator_sim/io/override_text.h"
@@ -29,7 +30,14 @@
 namespace variator_sim {
 namespace {
 
-enum ExitStatus { kSuccess = 0, kStopped = 1, kBadUsage = 2, kBadOutput = 3, kSignalBase = 128 };
+enum ExitStatus {
+  kSuccess = 0,
+  kStopped = 1,
+  kBadUsage = 2,
+  kBadOutput = 3,
+  kNoRest = 4,
+  kSignalBase = 128
+};
 
 volatile std::sig_atomic_t g_signal = 0;
 
@@ -182,9 +190,36 @@ class MachineCodeChoice {
   bool is_decided_ = false;
 };
 
+/// From when to when the motion is simulated, s.
+struct Span {
+  double begin;
+  double end;
+};
+
+/// What a run leaves beside its samples. Returns the exit status.
+int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOptions& options) {
+  if (!options.save_state_path.empty()) {
+    offline_run.saveState();  // of a run that was interrupted
+    if (const MotionState* state = offline_run.savedState()) {
+      writeStateFile(options.save_state_path, *state, simulation);
+    } else {
+      std::fprintf(stderr, "simulate: the motion has stopped: no state is saved in %s\n",
+                   options.save_state_path.c_str());
+    }
+  }
+  if (!options.until_rest || !simulation.status().ok() || g_signal != 0) return kSuccess;
+  if (offline_run.rest().isReached()) {
+    std::fprintf(stderr, "simulate: at rest since %.6g s\n", offline_run.rest().since());
+    return kSuccess;
+  }
+  std::fprintf(stderr, "simulate: not at rest by the end of the duration, at %.6g s\n",
+               simulation.time());
+  return kNoRest;
+}
+
 /// Runs to the end, a stop, a signal or a closed output.
 int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
-        const SimulateOptions& options) {
+        const SimulateOptions& options, const Span& span) {
   using Clock = std::chrono::steady_clock;
   // Blocks last long enough for their two readings of the clock not to matter, and are short enough
   // for a progress bar to move and for Ctrl-C to be heard.
@@ -192,13 +227,14 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   constexpr double kLongBlock = 0.1;    // s
 
   const bool samples_on_terminal = options.output_path.empty() && ::isatty(STDOUT_FILENO) == 1;
-  ProgressBar progress(options.duration, samples_on_terminal);
+  const double duration = span.end - span.begin;
+  ProgressBar progress(duration, samples_on_terminal);
   WallTimes wall;
   std::uint64_t sample_count = 0;
   SampleBlock block;
   block.samples.reserve(OfflineRun::kBlockSize);
   if (options.stats) offline_run.measureSampling();
-  double span = options.duration / 64.0;
+  double block_span = duration / 64.0;
   MachineCodeChoice machine_code(simulation);
   int exit_status = kSuccess;
   bool reader_has_gone = false;
@@ -206,18 +242,19 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     bool more = true;
     while (more && g_signal == 0) {
       const Clock::time_point start = Clock::now();
-      more = offline_run.advanceBlock(span, &g_signal, block);
+      more = offline_run.advanceBlock(block_span, &g_signal, block);
       const double block_time = secondsSince(start);
       wall.simulation += block_time;
-      machine_code.reconsider(wall.simulation, simulation.time() / options.duration);
-      if (block_time < kShortBlock) span *= 2.0;
-      if (block_time > kLongBlock) span *= 0.5;
+      const double done = simulation.time() - span.begin;
+      machine_code.reconsider(wall.simulation, done / duration);
+      if (block_time < kShortBlock) block_span *= 2.0;
+      if (block_time > kLongBlock) block_span *= 0.5;
 
       const Clock::time_point output_start = Clock::now();
       if (!block.samples.empty()) writer.write(block);
       wall.output += secondsSince(output_start);
       sample_count += block.samples.size();
-      progress.update(simulation.time());
+      progress.update(done);
     }
     const Clock::time_point output_start = Clock::now();
     writer.close();
@@ -244,12 +281,35 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     std::fprintf(stderr, "simulate: interrupted at %.6g s\n", simulation.time());
     exit_status = kSignalBase + g_signal;
   }
+  try {
+    const int finish_status = finish(simulation, offline_run, options);
+    if (exit_status == kSuccess) exit_status = finish_status;
+  } catch (const OutputError& error) {
+    std::fprintf(stderr, "simulate: %s\n", error.what());
+    exit_status = kBadOutput;
+  }
   if (!reader_has_gone) warnOfReactionEnergy(simulation);
   wall.sampling = offline_run.samplingSeconds();
   if (options.stats) {
     printStatistics(simulation, options.columns.energy, wall, sample_count);
   }
   return exit_status;
+}
+
+/// From `begin` on. Throws UsageError where the instants asked for lie outside.
+Span spanOf(const SimulateOptions& options, double begin) {
+  const Span span{begin, options.has_duration ? begin + options.duration : options.times.back()};
+  const auto check = [&](const char* option, double time) {
+    if (time >= span.begin && time <= span.end) return;
+    throw UsageError(option + (": " + formatNumber(time)) + " s is outside of the run, from " +
+                     formatNumber(span.begin) + " to " + formatNumber(span.end) + " s");
+  };
+  if (options.has_times) {
+    check("--times", options.times.front());
+    check("--times", options.times.back());
+  }
+  if (options.has_save_time) check("--save-at", options.save_time);
+  return span;
 }
 
 int explain(const Simulation& simulation, const SimulateOptions& options) {
@@ -277,21 +337,30 @@ int runSimulate(const std::vector<std::string>& words) {
   }
   if (options.explain) return explain(simulation, options);
   simulation.trackEnergy(options.columns.energy);
+  if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
+  const Span span = spanOf(options, simulation.time());
   OfflineRun offline_run(simulation,
-                         options.has_times ? SampleTimes::at(options.times)
-                                           : SampleTimes::atRate(options.rate, options.duration),
-                         readCommands(options, simulation.scene()), options.duration);
+                         options.has_times
+                             ? SampleTimes::at(options.times)
+                             : SampleTimes::atRate(options.rate, span.begin, span.end),
+                         readCommands(options, simulation.scene()), span.end);
   offline_run.observe(options.columns.quantities);
-  if (offline_run.ignoredCount() > 0) {
-    std::fprintf(stderr,
-                 "simulate: note: %zu commands lie after the end (%.6g s) and are ignored\n",
-                 offline_run.ignoredCount(), options.duration);
+  if (options.until_rest) offline_run.endAtRest();
+  if (!options.save_state_path.empty()) {
+    offline_run.saveStateAt(options.has_save_time ? options.save_time : span.end);
   }
+  const auto note = [](std::size_t count, const char* where, double time) {
+    if (count == 0) return;
+    std::fprintf(stderr, "simulate: note: %zu commands lie %s (%.6g s) and are ignored\n", count,
+                 where, time);
+  };
+  note(offline_run.ignoredCount(), "after the end", span.end);
+  note(offline_run.pastCount(), "before the state", span.begin);
   const std::unique_ptr<SampleWriter> writer =
       options.format == OutputFormat::kBag
           ? makeBagWriter(options.output_path, simulation, options.columns)
           : makeCsvWriter(options.output_path, simulation, options.columns);
-  return run(simulation, offline_run, *writer, options);
+  return run(simulation, offline_run, *writer, options, span);
 }
 
 }  // namespace

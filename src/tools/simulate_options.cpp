@@ -11,8 +11,9 @@ namespace {
 
 const std::vector<std::string>& optionNames() {
   static const std::vector<std::string> names = {
-      "--duration", "--rate",  "--times",   "--commands", "--output",  "--columns", "--set",
-      "--energy",   "--stats", "--explain", "--latex",    "--compile", "--help"};
+      "--duration", "--rate",       "--times",      "--commands", "--output",     "--columns",
+      "--set",      "--from-state", "--save-state", "--save-at",  "--until-rest", "--energy",
+      "--stats",    "--explain",    "--latex",      "--compile",  "--help"};
   return names;
 }
 
@@ -132,6 +133,7 @@ bool* findFlag(const std::string& name, SimulateOptions& options, bool& add_ener
   if (name == "--stats") return &options.stats;
   if (name == "--compile") return &options.compile;
   if (name == "--explain") return &options.explain;
+  if (name == "--until-rest") return &options.until_rest;
   return name == "--latex" ? &options.latex : nullptr;
 }
 
@@ -145,6 +147,10 @@ bool readText(const std::string& name, CommandLine& word, SimulateOptions& optio
     options.columns = readColumns(word.value());
   } else if (name == "--set") {
     options.overrides.push_back(word.value());
+  } else if (name == "--from-state") {
+    options.from_state_path = word.value();
+  } else if (name == "--save-state") {
+    options.save_state_path = word.value();
   } else {
     return false;
   }
@@ -155,7 +161,6 @@ bool readText(const std::string& name, CommandLine& word, SimulateOptions& optio
 
 SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   SimulateOptions options;
-  bool has_duration = false;
   bool has_rate = false;
   bool add_energy = false;
   CommandLine word(words);
@@ -168,11 +173,14 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
     if (name == "--duration") {
       options.duration = readNumber(name, word.value());
       if (options.duration < 0.0) throw UsageError("--duration: must be at least 0 s");
-      has_duration = true;
+      options.has_duration = true;
     } else if (name == "--rate") {
       options.rate = readNumber(name, word.value());
       if (options.rate <= 0.0) throw UsageError("--rate: must be above 0 Hz");
       has_rate = true;
+    } else if (name == "--save-at") {
+      options.save_time = readNumber(name, word.value());
+      options.has_save_time = true;
     } else if (name == "--times") {
       options.times = readTimes(word.value());
       options.has_times = true;
@@ -199,12 +207,19 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   if (options.has_times && has_rate) {
     throw UsageError("--rate and --times exclude each other");
   }
-  if (!has_duration && !options.compile) {
+  if (!options.has_duration && !options.compile) {
     if (!options.has_times) throw UsageError("--duration is missing");
     options.duration = options.times.back();
   }
-  if (options.has_times && options.times.back() > options.duration) {
+  const bool begins_at_zero = options.from_state_path.empty();
+  if (begins_at_zero && options.has_times && options.times.back() > options.duration) {
     throw UsageError("--times: the last one lies after the --duration");
+  }
+  if (options.has_save_time && options.save_state_path.empty()) {
+    throw UsageError("--save-at belongs to --save-state");
+  }
+  if (options.until_rest && !options.has_duration) {
+    throw UsageError("--until-rest needs a --duration, after which it gives up");
   }
   options.format = formatOf(options.output_path);
   options.columns.energy = options.columns.energy || add_energy;
@@ -219,6 +234,13 @@ usage: simulate SCENE.yaml --duration S [options]
 
   SCENE.yaml              the drivetrain
   --duration S            simulated time, s; may be left out with --times
+  --until-rest            end when the motion is at rest: after the last command, every shaft's
+                          |acceleration| at most 1e-6 (|velocity| + 1 rad/s) / s, for 1 s or
+                          asleep; with --duration as the longest run
+  --from-state FILE       go on from a saved state, at its time, instead of starting; samples and
+                          --times are at the motion's own time
+  --save-state FILE       save the state at the end, from which a run goes on to the bit
+  --save-at T             save it at T, s, instead, and go on from there as that run will
   --rate HZ               samples per second (default 100); the end itself is sampled too
   --times T1,T2,...       sample at these instants instead, s, ascending
   --set PATH=VALUE        a value in place of the scene's, e.g. drive/inertia=1.2,
@@ -249,6 +271,7 @@ Exit status: 0 the end was reached, or the reader of standard output went away
              1 the motion stopped: reason, time and last good state are on standard error
              2 bad usage, scene or command file
              3 the output could not be written, or of --compile: no machine code could be made
+             4 of --until-rest: the --duration ended before the motion came to rest
              130 interrupted by Ctrl-C
 In every case the samples up to then are written.
 )";

@@ -30,10 +30,16 @@ struct SimulateOptions {
   bool latex = false;    ///< of them
   std::string scene_path;
   std::vector<std::string> overrides;  ///< of the scene's values: PATH=VALUE, in order
-  double duration = 0.0;      ///< s
-  double rate = 100.0;        ///< samples per second; unused when `times` are given
-  bool has_times = false;     ///< `times` replace the rate
-  std::vector<double> times;  ///< s, ascending, the last one at most `duration`
+  double duration = 0.0;               ///< s
+  double rate = 100.0;                 ///< samples per second; unused when `times` are given
+  bool has_times = false;              ///< `times` replace the rate
+  std::vector<double> times;           ///< s, ascending, the last one at most `duration`
+  bool has_duration = false;
+  bool until_rest = false;      ///< the run ends sooner, when the motion comes to rest
+  std::string from_state_path;  ///< empty: the scene's start
+  std::string save_state_path;  ///< empty: nowhere
+  bool has_save_time = false;
+  double save_time = 0.0;     ///< s; the end when not given
   std::string commands_path;  ///< empty: no commands
   std::string output_path;    ///< empty: standard output
   OutputFormat format = OutputFormat::kCsv;

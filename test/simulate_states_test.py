@@ -1,0 +1,173 @@
+#!/usr/bin/python3
+"""Runs of `simulate` that save states, go on from them, and end at rest."""
+
+import os
+import pathlib
+import subprocess
+import tempfile
+import unittest
+
+import roslib.packages
+import rosunit
+
+PACKAGE = "variator_sim"
+FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
+SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
+STEPS = str(FOLDER / "test/cases/torque_steps/scene.yaml")
+
+COMMANDS = """time,topic,value
+0.25,drive_torque,4
+1,drive_torque,9
+1,load_torque,2
+1.5,drive_torque,3
+"""
+
+# Velocities fall with a time constant of 1/5 s once the torque is constant.
+RESTING = """
+shafts: [drive]
+drive: {inertia: 1.0}
+torques: [motor, drag]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, TIMEOUT}
+drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-5*w1 + NOISE"}
+initial: {velocity: [3.0]}
+"""
+
+
+def resting(noise="0", timeout="hold: zero_order"):
+    return RESTING.replace("NOISE", noise).replace("TIMEOUT", timeout)
+
+
+class SimulateStatesTest(unittest.TestCase):
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        self.environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1",
+                                VARIATOR_SIM_CACHE=str(self.folder / "cache"))
+
+    def write(self, name, text):
+        path = self.folder / name
+        path.write_text(text, encoding="utf-8")
+        return str(path)
+
+    def simulate(self, *arguments):
+        return subprocess.run([SIMULATE, *arguments], stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, text=True, env=self.environment, timeout=60,
+                              check=False)
+
+    def lines(self, *arguments):
+        result = self.simulate(*arguments)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return result.stdout.splitlines()
+
+    def check_refused(self, arguments, *words):
+        result = self.simulate(*arguments)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        for word in words:
+            self.assertIn(word, result.stderr)
+
+    # --- states -----------------------------------------------------------------------------------
+
+    def test_a_run_goes_on_to_the_bit(self):
+        commands = self.write("commands.csv", COMMANDS)
+        state = str(self.folder / "state.yaml")
+        for save_at in ("0", "0.5", "1", "1.237"):
+            whole = self.lines(STEPS, "--commands", commands, "--duration", "3", "--columns",
+                               "state,energy,inputs", "--save-state", state, "--save-at", save_at)
+            rest = self.lines(STEPS, "--commands", commands, "--duration", str(3 - float(save_at)),
+                              "--columns", "state,energy,inputs", "--from-state", state)
+            with self.subTest(save_at=save_at):
+                later = [line for line in whole[1:] if float(line.split(",")[0]) >= float(save_at)]
+                self.assertGreater(len(later), 100)
+                # That at 1.237 s is in none of the whole run's samples.
+                self.assertEqual(rest[-len(later):], later)
+                self.assertLessEqual(len(rest), len(later) + 2)
+
+    def test_the_state_of_the_end_is_saved(self):
+        state = str(self.folder / "state.yaml")
+        last = self.lines(STEPS, "--duration", "0.7", "--save-state", state)[-1]
+        self.assertEqual(self.lines(STEPS, "--times", "0.7", "--from-state", state)[-1], last)
+        text = pathlib.Path(state).read_text(encoding="utf-8")
+        for word in ("variator_sim_state: 1", "drive:", "load:", "velocity:", "time: 0.7"):
+            self.assertIn(word, text)
+
+    def test_a_state_may_be_written_by_hand(self):
+        scene = self.write("scene.yaml", resting())
+        state = self.write("state.yaml", "time: 2\nshafts: {drive: {velocity: 7.5}}\n"
+                                         "inputs: {torque: {value: 10}}\n")
+        row = self.lines(scene, "--times", "2", "--from-state", state)[-1].split(",")
+        self.assertEqual([float(word) for word in row[:4]], [2.0, 0.0, 7.5, -27.5])
+
+    def test_states_that_contradict_the_constraints_are_refused_or_projected(self):
+        state = self.write("state.yaml", "shafts: {drive: {velocity: 12, acceleration: 3}}\n")
+        self.check_refused([STEPS, "--duration", "1", "--from-state", state], state,
+                           "accelerations", "residual of 'variator' = ", "nearest consistent")
+        row = self.lines(STEPS, "--times", "0", "--from-state", state, "--set",
+                         "initial/project=true")[-1].split(",")
+        self.assertEqual(float(row[2]), 12.0)
+
+    def test_faults_of_states_name_their_key(self):
+        good = str(self.folder / "good.yaml")
+        self.lines(STEPS, "--duration", "0.1", "--save-state", good)
+        text = pathlib.Path(good).read_text(encoding="utf-8")
+        for change, *words in (
+                (("  drive:\n    acc", "  drvie:\n    acc"), "shafts/drvie: unknown key", "'drive'"),
+                (("state: 1", "state: 2"), "variator_sim_state: ", "1"),
+                (("time: 0.1", "time: -0.1"), "time: "),
+                (("velocity: ", "velocity: x"), "shafts/drive/velocity: expected a finite number"),
+                (("  load_torque:", "  laod_torque:"), "inputs/laod_torque", "'load_torque'"),
+                (("kinetic_at_start", "kinetic_at_strat"), "history/energy/kinetic_at_start"),
+                (("time: ", "tmie: "), "tmie: unknown key", "'time'")):
+            with self.subTest(change=change):
+                self.assertIn(change[0], text)
+                bad = self.write("bad.yaml", text.replace(*change))
+                self.check_refused([STEPS, "--duration", "1", "--from-state", bad], bad, *words)
+        self.check_refused([STEPS, "--duration", "1", "--from-state", "none.yaml"], "none.yaml")
+        self.check_refused([STEPS, "--duration", "1", "--save-at", "0.5"], "--save-state")
+        self.check_refused([STEPS, "--duration", "1", "--save-state", good, "--save-at", "1.5"],
+                           "--save-at: 1.5 s is outside of the run, from 0 to 1 s")
+        self.check_refused([STEPS, "--times", "0.05", "--from-state", good], "--times: 0.05 s")
+
+    def test_a_state_that_cannot_be_written(self):
+        result = self.simulate(STEPS, "--duration", "0.1", "--save-state", "/dev/full")
+        self.assertEqual(result.returncode, 3, result.stderr)
+        self.assertIn("/dev/full", result.stderr)
+
+    # --- rest -------------------------------------------------------------------------------------
+
+    def test_a_run_ends_at_rest(self):
+        for text in (resting(), resting() + "solver: {sleep: false}\n", resting("1e-9*sin(t)")):
+            scene = self.write("scene.yaml", text)
+            result = self.simulate(scene, "--duration", "1000", "--rate", "10", "--until-rest")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertIn("at rest since", result.stderr)
+            end = [float(word) for word in result.stdout.splitlines()[-1].split(",")]
+            # 5 * 3 exp(-5 t) <= 1e-6 from 3.3 s on.
+            since = float(result.stderr.partition("at rest since ")[2].split()[0])
+            self.assertAlmostEqual(since, 3.3, delta=0.06)
+            self.assertGreaterEqual(end[0], since)
+            self.assertLessEqual(end[0], since + 10.0)
+
+    def test_rest_waits_for_commands_and_timeouts(self):
+        commands = self.write("commands.csv", "time,topic,value\n20,torque,10\n")
+        timeout = "timeout: 30, on_timeout: zero"
+        for text, since in ((resting(), 23.0), (resting(timeout=timeout), 53.0)):
+            scene = self.write("scene.yaml", text)
+            result = self.simulate(scene, "--duration", "1000", "--commands", commands,
+                                   "--until-rest")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            found = float(result.stderr.partition("at rest since ")[2].split()[0])
+            self.assertAlmostEqual(found, since, delta=0.5)
+
+    def test_a_motion_without_rest_says_so(self):
+        scene = self.write("scene.yaml", resting("sin(t)"))
+        result = self.simulate(scene, "--duration", "20", "--until-rest")
+        self.assertEqual(result.returncode, 4, result.stderr)
+        self.assertIn("not at rest by the end of the duration, at 20 s", result.stderr)
+        self.assertEqual(float(result.stdout.splitlines()[-1].split(",")[0]), 20.0)
+        self.check_refused([scene, "--times", "1", "--until-rest"], "--until-rest", "--duration")
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "simulate_states_test", SimulateStatesTest)
