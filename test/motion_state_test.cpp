@@ -197,6 +197,72 @@ std::string withSolver(const char* scene, const char* solver) {
   return std::string(scene) + "solver: {" + solver + "}\n";
 }
 
+const char* const kGear = R"yaml(
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [push]
+push: {type: variator_sim/ExpressionTorque, shaft: a, torque: "3 - 0.1*w1"}
+constraints: [belt]
+belt: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.5}
+initial: {velocity: [2.0, 1.0]}
+)yaml";
+
+MotionState present(Simulation& simulation) {
+  MotionState state;
+  EXPECT_TRUE(simulation.saveState(&state));
+  return state;
+}
+
+/// As somebody writes it who knows nothing of the motion's past.
+MotionState written(const std::string& yaml, const Simulation& simulation,
+                    const MotionState& otherwise) {
+  return readMotionState(readYamlText(yaml, "state"), simulation.scene(), otherwise);
+}
+
+TEST(WrittenStates, InconsistentVelocitiesAreRefusedOrProjected) {
+  for (const char* principle : {"", "principle: gauss\n"}) {
+    SCOPED_TRACE(principle);
+    Simulation simulation(test::sceneFromText(std::string(kGear) + principle));
+    simulation.advanceTo(1.0);
+    const MotionState before = present(simulation);
+    const MotionState wanted = written("shafts: {a: {velocity: 4}}", simulation, before);
+    const std::string fault = simulation.setState(wanted);
+    EXPECT_NE(fault.find("the velocities [4, "), std::string::npos) << fault;
+    EXPECT_NE(fault.find("nearest consistent velocities are ["), std::string::npos) << fault;
+    // Nothing has changed.
+    const MotionState after = present(simulation);
+    EXPECT_EQ(toYaml(toTree(after, simulation.scene())),
+              toYaml(toTree(before, simulation.scene())));
+    EXPECT_EQ(simulation.setState(wanted, true), "");
+    const Sample& sample = simulation.sample();
+    EXPECT_NEAR(sample.velocity[1], 0.5 * sample.velocity[0], 1e-12);
+    // Nearest in the metric of the inertias: the part of (4, w_b) along (1, 0.5).
+    const double w_b = before.velocity[1];
+    EXPECT_NEAR(sample.velocity[0], (4.0 + 2.0 * 0.5 * w_b) / 1.5, 1e-9);
+    EXPECT_EQ(simulation.time(), 1.0);
+    EXPECT_TRUE(simulation.advanceTo(2.0).ok());
+  }
+}
+
+TEST(WrittenStates, UnderGaussAccelerationsOnlySayWhatFollows) {
+  Simulation simulation(test::sceneFromText(std::string(kGear) + "principle: gauss\n"));
+  const MotionState start = present(simulation);
+  EXPECT_NE(simulation.setState(written("shafts: {a: {acceleration: 7}}", simulation, start)), "");
+  EXPECT_EQ(simulation.setState(written("shafts: {a: {angle: 7}}", simulation, start)), "");
+  EXPECT_NEAR(simulation.sample().acceleration[0], (3.0 - 0.1 * 2.0) / 1.5, 1e-9);
+}
+
+TEST(WrittenStates, AccelerationsThatNobodyGivesHaveTheLeastReaction) {
+  Simulation simulation(test::sceneFromText(kResting));
+  simulation.advanceTo(0.3);
+  const MotionState state =
+      written("inputs: {torque: {value: 10}}", simulation, present(simulation));
+  EXPECT_EQ(simulation.setState(state), "");
+  EXPECT_NEAR(simulation.sample().acceleration[0], 10.0 - 5.0 * state.velocity[0], 1e-12);
+  EXPECT_EQ(simulation.sample().applied_torque[0], 10.0 - 5.0 * state.velocity[0]);
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Scenes, SavedStates,
     testing::Values(

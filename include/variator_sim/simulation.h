@@ -54,6 +54,9 @@ class Simulation {
   /// before any advance, sets the initial value. [loop]
   CommandResult command(int input, double value);
 
+  /// Counts a command that was refused before it came here. [loop]
+  void refuseCommand();
+
   /// When the next input goes without a command for its timeout, s; infinity when none will. [loop]
   double nextTimeout() const;
 

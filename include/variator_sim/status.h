@@ -66,7 +66,7 @@ struct Statistics {
   std::uint64_t jumps = 0;              ///< instants at which inputs jumped
   std::uint64_t commands_accepted = 0;
   std::uint64_t commands_clamped = 0;  ///< accepted after clamping to [min, max]
-  std::uint64_t commands_refused = 0;  ///< NaN or infinite
+  std::uint64_t commands_refused = 0;  ///< NaN or infinite, or refused on their way
   std::uint64_t command_timeouts = 0;
 };
 

@@ -69,6 +69,7 @@ class Motion {
   double quietUntil() const;
   double nextTimeout() const { return commands_.nextTimeout(); }
   CommandResult command(int input, double value);
+  void refuseCommand() { ++integrator_.statistics().commands_refused; }
   const Sample& sample();
   const Quantities& quantities() const { return quantities_; }
   void calcQuantities(QuantityGroup group, double* values);

@@ -109,6 +109,9 @@ std::string Simulation::describeStepper() const {
 std::vector<std::string> Simulation::skips() const {
   return motion_->skips();
 }
+void Simulation::refuseCommand() {
+  motion_->refuseCommand();
+}
 double Simulation::nextTimeout() const {
   return motion_->nextTimeout();
 }

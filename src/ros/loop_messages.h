@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <string>
 
 #include "ros/pacer.h"
@@ -30,8 +31,11 @@ class QuantityGroups {
   unsigned bits_ = 0;
 };
 
+struct StateExchange;
+
 /// A command on its way to an input of the scene.
 struct InputCommand {
+  static constexpr int kRefused = -1;  ///< in the place of one that was refused on its way
   int input = 0;
   double value = 0.0;
 };
@@ -70,11 +74,12 @@ struct StopMessage {
   std::array<char, 1024> text{};
 };
 
-enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep };
+enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep, kGetState, kSetState };
 enum class RequestResult {
   kDone,
   kNotPaused,      ///< kStep only
   kStopped,        ///< the motion has stopped: the answer's message says why
+  kRefused,        ///< kSetState only: the answer's message says why
   kTimeExhausted,  ///< simulated time would leave 64-bit nanoseconds
   kShutDown        ///< the loop has ended
 };
@@ -84,12 +89,13 @@ struct LoopRequest {
   std::int64_t duration = 0;  ///< of kStep, ns > 0
   int command_count = 0;      ///< of kStep
   std::array<InputCommand, kMaxInputs> commands{};
+  std::shared_ptr<StateExchange> exchange;  ///< of kGetState and kSetState
 };
 
 struct LoopAnswer {
   RequestResult result = RequestResult::kDone;
-  TimedSample sample;   ///< of kStep, also when the motion stopped on the way
-  std::string message;  ///< of kStopped
+  TimedSample sample;   ///< of kStep, also when the motion stopped on the way, and of states
+  std::string message;  ///< of kStopped and kRefused
 };
 
 }  // namespace variator_sim

@@ -95,6 +95,20 @@ SceneInfo toSceneInfo(const Simulation& simulation) {
   return message;
 }
 
+std::uint8_t toMessage(RunState state) {
+  switch (state) {
+    case RunState::kRunning:
+      return SimulationStatus::RUNNING;
+    case RunState::kPaused:
+      return SimulationStatus::PAUSED;
+    case RunState::kSleeping:
+      return SimulationStatus::SLEEPING;
+    case RunState::kStopped:
+      return SimulationStatus::STOPPED;
+  }
+  return SimulationStatus::STOPPED;
+}
+
 void fillStatistics(const Statistics& statistics, SimulationStatus& message) {
   message.steps = statistics.steps;
   message.rejected_steps = statistics.rejected_steps;

@@ -10,6 +10,7 @@
 
 #include <cstdint>
 
+#include "ros/loop_messages.h"
 #include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/status.h"
@@ -42,6 +43,9 @@ void prepareJointState(const Scene& scene, sensor_msgs::JointState& message);
 void fillJointState(const Sample& sample, sensor_msgs::JointState& message);
 
 SceneInfo toSceneInfo(const Simulation& simulation);
+
+/// The constant of SimulationStatus.
+std::uint8_t toMessage(RunState state);
 
 /// The counters that the simulation itself keeps.
 void fillStatistics(const Statistics& statistics, SimulationStatus& message);

@@ -30,20 +30,6 @@ void checkTopic(const CommandInputSettings& input) {
   }
 }
 
-std::uint8_t toMessage(RunState state) {
-  switch (state) {
-    case RunState::kRunning:
-      return SimulationStatus::RUNNING;
-    case RunState::kPaused:
-      return SimulationStatus::PAUSED;
-    case RunState::kSleeping:
-      return SimulationStatus::SLEEPING;
-    case RunState::kStopped:
-      return SimulationStatus::STOPPED;
-  }
-  return SimulationStatus::STOPPED;
-}
-
 std::vector<std::string> topicsOf(const std::vector<CommandInputSettings>& inputs) {
   std::vector<std::string> topics;
   topics.reserve(inputs.size());
@@ -98,6 +84,7 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
       quantity_messages_(makeQuantities(simulation)),
       joint_message_(makeJointState(simulation.scene())),
       step_message_(makeState(simulation.scene())),
+      state_services_(simulation.scene(), loop_),
       loop_(std::move(simulation), settings,
             role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)
                                           : steady_clock_),
@@ -158,6 +145,23 @@ void SimulationServer::subscribeToCommands() {
         inputs_[i].topic, kCommandQueue, receive, ros::VoidConstPtr(),
         ros::TransportHints().tcpNoDelay()));
   }
+  const boost::function<void(const CommandsConstPtr&)> receive_group =
+      [this](const CommandsConstPtr& message) { receiveCommands(*message); };
+  group_subscriber_ =
+      private_handle_.subscribe<Commands>("commands", kCommandQueue, receive_group,
+                                          ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+}
+
+void SimulationServer::receiveCommands(const Commands& message) {
+  CommandGroup group;
+  const std::string fault = readCommands(topics_, message.topics, message.values, group);
+  if (fault.empty()) {
+    loop_.commandTogether(group.commands.data(), group.count);
+    return;
+  }
+  loop_.command({InputCommand::kRefused, 0.0});
+  if (!refused_group_log_.passes(steady_clock_.now())) return;
+  ROS_WARN("Refused a message on %s: %s", group_subscriber_.getTopic().c_str(), fault.c_str());
 }
 
 void SimulationServer::setUpClock() {
@@ -221,6 +225,7 @@ void SimulationServer::advertiseServices() {
         return true;
       };
   services_.push_back(private_handle_.advertiseService("step", step));
+  state_services_.advertise(private_handle_);
 }
 
 void SimulationServer::startThreads(const NodeSettings& settings) {
@@ -286,28 +291,12 @@ std::string SimulationServer::readStepRequest(const Step::Request& message,
     return "duration is " + number(message.duration) +
            " s; simulated time is kept in whole nanoseconds";
   }
-  if (message.command_topics.size() != message.command_values.size()) {
-    return "command_topics has " + std::to_string(message.command_topics.size()) +
-           " entries and command_values " + std::to_string(message.command_values.size());
-  }
-  std::array<bool, kMaxInputs> seen{};
-  for (std::size_t i = 0; i < message.command_topics.size(); ++i) {
-    const std::string& topic = message.command_topics[i];
-    const auto found = std::find(topics_.begin(), topics_.end(), topic);
-    if (found == topics_.end()) {
-      return "command topic '" + topic + "' is not in the scene" + suggestName(topic, topics_) +
-             (topics_.empty() ? "; it has none" : "; it has: " + joinNames(topics_));
-    }
-    const auto input = static_cast<std::size_t>(found - topics_.begin());
-    if (std::exchange(seen[input], true)) return "command topic '" + topic + "' is given twice";
-    const double value = message.command_values[i];
-    if (!std::isfinite(value)) {
-      return "the command for '" + topic + "' is " + number(value) + "; it must be finite";
-    }
-    request.commands[static_cast<std::size_t>(request.command_count++)] = {static_cast<int>(input),
-                                                                           value};
-  }
-  return "";
+  CommandGroup group;
+  const std::string fault =
+      readCommands(topics_, message.command_topics, message.command_values, group);
+  request.command_count = group.count;
+  request.commands = group.commands;
+  return fault;
 }
 
 void SimulationServer::answerStep(const Step::Request& message, Step::Response& response) {
@@ -326,6 +315,7 @@ void SimulationServer::answerStep(const Step::Request& message, Step::Response& 
     case RequestResult::kStopped:
       response.message = "the motion has stopped; ~reset brings it back. " + answer.message;
       break;
+    case RequestResult::kRefused:
     case RequestResult::kTimeExhausted:
       response.message = "simulated time has come to the end of its range; call ~reset_time";
       return;

@@ -6,6 +6,7 @@
 #include <rosgraph_msgs/Clock.h>
 #include <std_msgs/Float64.h>
 #include <std_srvs/Trigger.h>
+#include <variator_sim/Commands.h>
 #include <variator_sim/Step.h>
 
 #include <array>
@@ -15,6 +16,7 @@
 #include <thread>
 #include <vector>
 
+#include "ros/command_names.h"
 #include "ros/diagnostics.h"
 #include "ros/live_settings.h"
 #include "ros/message_conversion.h"
@@ -22,6 +24,7 @@
 #include "ros/pacing_clock.h"
 #include "ros/poll_thread_task.h"
 #include "ros/sharing.h"
+#include "ros/state_services.h"
 #include "ros/stepping_loop.h"
 #include "variator_sim/simulation.h"
 
@@ -84,6 +87,7 @@ class SimulationServer {
   void runCallbacks();
   void refreshDemand();
   void receiveClock(std::int64_t time);
+  void receiveCommands(const Commands& message);
   void answerTrigger(RequestKind kind, std_srvs::Trigger::Response& response);
   void answerStep(const Step::Request& request, Step::Response& response);
   /// Checks all of the request before anything changes; why it is refused, or "".
@@ -136,9 +140,11 @@ class SimulationServer {
 
   // Callback thread.
   DrivetrainState step_message_;
+  LogThrottle refused_group_log_;
 
   SteadyClock steady_clock_;
   FollowedClock followed_clock_;
+  StateServices state_services_;
   SteppingLoop loop_;
   std::vector<double> quantities_;            ///< of the sample being published
   std::atomic<bool> clock_requested_{false};  ///< somebody has just subscribed to /clock
@@ -155,6 +161,7 @@ class SimulationServer {
   Diagnostics diagnostics_;
 
   std::vector<ros::Subscriber> command_subscribers_;
+  ros::Subscriber group_subscriber_;
   ros::Subscriber clock_subscriber_;
   LiveSettings live_settings_;
   std::vector<ros::ServiceServer> services_;

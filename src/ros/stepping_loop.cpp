@@ -41,8 +41,14 @@ SteppingLoop::SteppingLoop(Simulation simulation, const NodeSettings& settings, 
   samples_due_.setRate(settings.publish_rate, tick_rate_ * real_time_factor_);
 }
 
-void SteppingLoop::command(const InputCommand& command) {
-  if (!commands_.push(command)) dropped_commands_.fetch_add(1, std::memory_order_relaxed);
+void SteppingLoop::commandTogether(const InputCommand* commands, int count) {
+  // A queue shows what is pushed at once at once: no tick comes between.
+  const auto size = static_cast<std::size_t>(count);
+  if (commands_.write_available() >= size) {
+    commands_.push(commands, size);
+  } else {
+    dropped_commands_.fetch_add(size, std::memory_order_relaxed);
+  }
   wakeIfIdle();
 }
 
@@ -267,6 +273,10 @@ void SteppingLoop::applyCommands() {
 }
 
 void SteppingLoop::applyCommand(const InputCommand& command) {
+  if (command.input == InputCommand::kRefused) {
+    simulation_.refuseCommand();
+    return;
+  }
   quiet_until_ = 0;  // it takes effect at the next advance
   if (simulation_.command(command.input, command.value) == CommandResult::kRefused) {
     refused_commands_.push(command);  // full: counted all the same, only not told
@@ -296,6 +306,10 @@ void SteppingLoop::serveRequest() {
       break;
     case RequestKind::kStep:
       serveStep();
+      break;
+    case RequestKind::kGetState:
+    case RequestKind::kSetState:
+      serveState();
       break;
   }
   const bool stop_told = noticeStop();

@@ -57,7 +57,9 @@ class SteppingLoop {
   /// @name For one thread that commands
   /// @{
   /// Wait-free. A full queue drops the command and counts that.
-  void command(const InputCommand& command);
+  void command(const InputCommand& command) { commandTogether(&command, 1); }
+  /// The same for some that take effect at one instant.
+  void commandTogether(const InputCommand* commands, int count);
   /// Hands the request over and waits until the stepping thread has served it; serves it itself
   /// when that thread has nothing to do.
   LoopAnswer submit(const LoopRequest& request);
@@ -140,6 +142,7 @@ class SteppingLoop {
   /// does not wait. Spares a controller in lockstep two changes of thread per step.
   bool serveWhileIdle(const LoopRequest& request, LoopAnswer& answer);
   void serveStep();
+  void serveState();
   void resetMotion(bool reset_time);
   void applyCommands();
   void applyCommand(const InputCommand& command);

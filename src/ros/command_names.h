@@ -1,0 +1,24 @@
+/// Commands by the names of their topics.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "ros/loop_messages.h"
+
+namespace variator_sim {
+
+/// Commands for different inputs at one instant.
+struct CommandGroup {
+  int count = 0;
+  std::array<InputCommand, kMaxInputs> commands{};
+};
+
+/// Checks all before anything changes; why they are refused, or "". `known`: the scene's topics in
+/// the order of its inputs.
+std::string readCommands(const std::vector<std::string>& known,
+                         const std::vector<std::string>& topics, const std::vector<double>& values,
+                         CommandGroup& group);
+
+}  // namespace variator_sim
