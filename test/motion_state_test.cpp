@@ -60,6 +60,14 @@ std::vector<Sample> run(Simulation& simulation, const std::vector<Command>& comm
   return samples;
 }
 
+/// The same scene, started elsewhere.
+Scene strangerOf(Scene scene) {
+  for (double& velocity : scene.initial.velocity) velocity = 0.9 * velocity + 0.3;
+  for (double& acceleration : scene.initial.acceleration) acceleration *= 1.1;
+  scene.initial.project = true;
+  return scene;
+}
+
 ParameterTree throughText(const ParameterTree& tree) {
   return readYamlText(toYaml(tree), "state");
 }
@@ -87,8 +95,8 @@ TEST_P(SavedStates, GoOnToTheBit) {
     MotionState state;
     ASSERT_TRUE(saved.saveState(&state)) << saved.describeStatus();
     const Scene same = scene();
-    Simulation restored(scene());
     // Of a stranger's past nothing is left.
+    Simulation restored(strangerOf(scene()));
     restored.advanceTo(0.3 * parameters.end);
     const MotionState read = readMotionState(throughText(toTree(state, same)), same, MotionState());
     ASSERT_EQ(restored.setState(read), "");
@@ -109,21 +117,38 @@ TEST_P(SavedStates, GoOnToTheBit) {
 /// Saving costs no more than the tolerance.
 TEST_P(SavedStates, DisturbTheMotionWithinTheTolerance) {
   const Case& parameters = GetParam();
-  Simulation plain(scene());
-  Simulation saved(scene());
-  const double save_at = parameters.save_at.back();
-  std::vector<Command> before;
-  std::vector<Command> after;
-  for (const Command& command : parameters.commands) {
-    (command.time <= save_at ? before : after).push_back(command);
+  for (const double save_at : parameters.save_at) {
+    SCOPED_TRACE(save_at);
+    Simulation plain(scene());
+    Simulation saved(scene());
+    std::vector<Command> before;
+    std::vector<Command> after;
+    for (const Command& command : parameters.commands) {
+      (command.time <= save_at ? before : after).push_back(command);
+    }
+    for (Simulation* simulation : {&plain, &saved}) {
+      if (save_at > 0.0) run(*simulation, before, save_at);
+    }
+    MotionState state;
+    ASSERT_TRUE(saved.saveState(&state));
+    const Sample a = run(plain, after, parameters.end).back();
+    const Sample b = run(saved, after, parameters.end).back();
+    for (int i = 0; i < plain.scene().shaftCount(); ++i) {
+      EXPECT_NEAR(a.velocity[i], b.velocity[i], 2e-6 * (1.0 + std::abs(a.velocity[i])));
+    }
+    EXPECT_EQ(plain.statistics().command_timeouts, saved.statistics().command_timeouts);
   }
-  for (Simulation* simulation : {&plain, &saved}) run(*simulation, before, save_at);
-  MotionState state;
-  ASSERT_TRUE(saved.saveState(&state));
-  const Sample a = run(plain, after, parameters.end).back();
-  const Sample b = run(saved, after, parameters.end).back();
-  for (int i = 0; i < plain.scene().shaftCount(); ++i) {
-    EXPECT_NEAR(a.velocity[i], b.velocity[i], 2e-6 * (1.0 + std::abs(a.velocity[i])));
+}
+
+TEST_P(SavedStates, AResetMotionIsTheFirstOneToTheBit) {
+  const Case& parameters = GetParam();
+  Simulation simulation(scene());
+  const std::vector<Sample> first = run(simulation, parameters.commands, parameters.end);
+  simulation.reset();
+  const std::vector<Sample> second = run(simulation, parameters.commands, parameters.end);
+  for (std::size_t n = 0; n < first.size(); ++n) {
+    ASSERT_TRUE(areSame(first[n], second[n], simulation.scene().shaftCount()))
+        << "at " << first[n].time;
   }
 }
 
@@ -182,6 +207,7 @@ push: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1 + sin(3*t) - 0.
 pull: {type: variator_sim/ExpressionTorque, shaft: free, torque: "cos(2*t) - 0.2*w3"}
 constraints: [slip]
 slip: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.3*(e2-(0.6+0.1*sin(t))*e1)+w2-(0.6+0.1*sin(t))*w1"}
+initial: {acceleration: [1.0, 0.6, 2.0]}
 )yaml";
 
 const char* const kResting = R"yaml(
