@@ -113,6 +113,17 @@ nothing: {expression: "log(-1 - w1^2)"}
   EXPECT_TRUE(std::isnan(values[1]));
 }
 
+TEST(Allocation, NoneSavingStates) {
+  Simulation simulation(test::sceneFromText(kScene));
+  MotionState state;
+  const long before = allocations;
+  for (int n = 1; n <= 20; ++n) {
+    simulation.advanceTo(n / 20.0);
+    EXPECT_TRUE(simulation.saveState(&state));
+  }
+  EXPECT_EQ(allocations - before, 0);
+}
+
 /// All principles and orders, nonlinear, with an inertia that depends on the angle.
 TEST(Allocation, NoneUnderAnyPrinciple) {
   for (const std::string principle : {"generalized_gauss", "gauss"}) {

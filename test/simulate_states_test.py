@@ -128,6 +128,10 @@ class SimulateStatesTest(unittest.TestCase):
         self.check_refused([STEPS, "--duration", "1", "--save-state", good, "--save-at", "1.5"],
                            "--save-at: 1.5 s is outside of the run, from 0 to 1 s")
         self.check_refused([STEPS, "--times", "0.05", "--from-state", good], "--times: 0.05 s")
+        scene = self.write("scene.yaml", resting())
+        other_name = f"{self.folder}/./scene.yaml"
+        self.check_refused([scene, "--duration", "1", "--save-state", other_name], "is the scene")
+        self.assertEqual(pathlib.Path(scene).read_text(encoding="utf-8"), resting())
 
     def test_a_state_that_cannot_be_written(self):
         result = self.simulate(STEPS, "--duration", "0.1", "--save-state", "/dev/full")

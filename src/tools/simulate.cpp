@@ -309,6 +309,11 @@ Span spanOf(const SimulateOptions& options, double begin) {
     check("--times", options.times.back());
   }
   if (options.has_save_time) check("--save-at", options.save_time);
+  constexpr double kMostSamples = 9e15;  // more than a double can count
+  if (!(span.end * options.rate < kMostSamples) && span.begin > 0.0) {
+    throw UsageError("--rate: " + formatNumber(options.rate) + " Hz is more than " +
+                     formatNumber(span.end) + " s can have samples");
+  }
   return span;
 }
 

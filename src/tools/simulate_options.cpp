@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
+#include <system_error>
+#include <utility>
 
 #include "variator_sim/nearest_name.h"
 
@@ -157,6 +160,50 @@ bool readText(const std::string& name, CommandLine& word, SimulateOptions& optio
   return true;
 }
 
+void refuseOverwriting(const SimulateOptions& options) {
+  const std::string& state = options.save_state_path;
+  if (state.empty()) return;
+  for (const auto& [what, path] :
+       {std::pair<const char*, const std::string&>{"the scene", options.scene_path},
+        {"the file of --commands", options.commands_path},
+        {"the file of --output", options.output_path}}) {
+    std::error_code ignored;
+    if (path.empty() || (path != state && !std::filesystem::equivalent(path, state, ignored))) {
+      continue;
+    }
+    throw UsageError("--save-state: '" + state + "' is " + what);
+  }
+}
+
+/// What belongs together, and what does not; fills in what follows.
+void completeOptions(bool has_rate, SimulateOptions& options) {
+  if (options.scene_path.empty()) throw UsageError("no scene given");
+  if (options.latex && !options.explain) throw UsageError("--latex belongs to --explain");
+  if (options.compile && options.explain) {
+    throw UsageError("--compile and --explain exclude each other");
+  }
+  if (options.explain) return;
+  if (options.has_times && has_rate) {
+    throw UsageError("--rate and --times exclude each other");
+  }
+  if (!options.has_duration && !options.compile) {
+    if (!options.has_times) throw UsageError("--duration is missing");
+    options.duration = options.times.back();
+  }
+  const bool begins_at_zero = options.from_state_path.empty();
+  if (begins_at_zero && options.has_times && options.times.back() > options.duration) {
+    throw UsageError("--times: the last one lies after the --duration");
+  }
+  if (options.has_save_time && options.save_state_path.empty()) {
+    throw UsageError("--save-at belongs to --save-state");
+  }
+  if (options.until_rest && !options.has_duration) {
+    throw UsageError("--until-rest needs a --duration, after which it gives up");
+  }
+  options.format = formatOf(options.output_path);
+  refuseOverwriting(options);
+}
+
 }  // namespace
 
 SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
@@ -198,30 +245,7 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
                        "'");
     }
   }
-  if (options.scene_path.empty()) throw UsageError("no scene given");
-  if (options.latex && !options.explain) throw UsageError("--latex belongs to --explain");
-  if (options.compile && options.explain) {
-    throw UsageError("--compile and --explain exclude each other");
-  }
-  if (options.explain) return options;
-  if (options.has_times && has_rate) {
-    throw UsageError("--rate and --times exclude each other");
-  }
-  if (!options.has_duration && !options.compile) {
-    if (!options.has_times) throw UsageError("--duration is missing");
-    options.duration = options.times.back();
-  }
-  const bool begins_at_zero = options.from_state_path.empty();
-  if (begins_at_zero && options.has_times && options.times.back() > options.duration) {
-    throw UsageError("--times: the last one lies after the --duration");
-  }
-  if (options.has_save_time && options.save_state_path.empty()) {
-    throw UsageError("--save-at belongs to --save-state");
-  }
-  if (options.until_rest && !options.has_duration) {
-    throw UsageError("--until-rest needs a --duration, after which it gives up");
-  }
-  options.format = formatOf(options.output_path);
+  completeOptions(has_rate, options);
   options.columns.energy = options.columns.energy || add_energy;
   return options;
 }
