@@ -25,9 +25,12 @@ class Output {
   const std::string& name() const { return name_; }
   /// NaN where it has none, which stops nothing. [loop]
   double calcValue(const StateView& state) const { return *formula_.evaluate(state); }
+  /// The formula, of the scene's graph.
+  expression::Node node() const { return node_; }
 
  private:
   std::string name_;
+  expression::Node node_;
   expression::Tape formula_;
 };
 

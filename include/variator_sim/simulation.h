@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "variator_sim/motion_state.h"
+#include "variator_sim/operating_point.h"
 #include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
@@ -62,6 +63,9 @@ class Simulation {
 
   /// Everything at the present, after its commands. [loop]
   const Sample& sample();
+
+  /// The present, after its commands, for `linearize` (linear_model.h).
+  OperatingPoint operatingPoint();
 
   /// Names of a group's quantities, in the order of their values.
   const std::vector<std::string>& quantityNames(QuantityGroup group) const;

@@ -9,10 +9,9 @@ namespace variator_sim {
 Output::Output(ComponentContext& context) : name_(context.name()) {
   constexpr const char* kKey = "expression";
   expression::Graph& graph = *context.graph();
-  const expression::Node value =
-      readFormula(context, kKey, expression::FormulaKind::kOutput, graph);
+  node_ = readFormula(context, kKey, expression::FormulaKind::kOutput, graph);
   try {
-    formula_ = expression::Tape(graph, {value});
+    formula_ = expression::Tape(graph, {node_});
   } catch (const std::length_error& error) {
     throw SceneError(context.parameters().keyPath(kKey), error.what());
   }

@@ -391,6 +391,22 @@ void Motion::calcQuantities(QuantityGroup group, double* values) {
   quantities_.calc(group, state, values);
 }
 
+OperatingPoint Motion::operatingPoint() {
+  const Sample& now = sample();
+  const StateView state = drivetrain_.view(present(), now.angle, now.velocity, now.acceleration);
+  const int s = system_.shafts();
+  const int inputs = drivetrain_.inputCount();
+  OperatingPoint point;
+  point.time = time_;
+  point.angle.assign(state.angle, state.angle + s);
+  point.velocity.assign(state.velocity, state.velocity + s);
+  point.acceleration.assign(state.acceleration, state.acceleration + s);
+  point.input.assign(state.input, state.input + inputs);
+  point.input_rate.assign(state.input_rate, state.input_rate + inputs);
+  for (int i = 0; i < inputs; ++i) point.command.push_back(drivetrain_.signal(i).target());
+  return point;
+}
+
 // --- energy ----------------------------------------------------------------------------------
 
 void Motion::trackEnergy(bool on) {

@@ -71,6 +71,7 @@ class Motion {
   CommandResult command(int input, double value);
   void refuseCommand() { ++integrator_.statistics().commands_refused; }
   const Sample& sample();
+  OperatingPoint operatingPoint();
   const Quantities& quantities() const { return quantities_; }
   void calcQuantities(QuantityGroup group, double* values);
 

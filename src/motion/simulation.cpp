@@ -76,6 +76,9 @@ CommandResult Simulation::command(int input, double value) {
 const Sample& Simulation::sample() {
   return motion_->sample();
 }
+OperatingPoint Simulation::operatingPoint() {
+  return motion_->operatingPoint();
+}
 const std::vector<std::string>& Simulation::quantityNames(QuantityGroup group) const {
   return motion_->quantities().names(group);
 }

@@ -1,0 +1,45 @@
+/// Linear models of a motion at one instant, from the exact derivatives of its formulas.
+#pragma once
+
+#include <Eigen/Core>
+#include <complex>
+#include <string>
+#include <vector>
+
+#include "variator_sim/operating_point.h"
+
+namespace variator_sim {
+
+enum class LinearForm {
+  kMinimal,  ///< coordinates on the manifold that the motion keeps to (psi = 0)
+  kFull      ///< all of (phi, omega, epsilon), or (phi, omega), as the principle integrates them
+};
+
+/// x' = A x + B u,  y = C x + D u, in deviations from the operating point. What the states mean:
+/// doc/linear_models.md.
+struct LinearModel {
+  std::vector<std::string> states;   ///< "drive/velocity", "inputs/throttle" (of a lag)
+  std::vector<std::string> inputs;   ///< the commands, by the inputs' names
+  std::vector<std::string> outputs;  ///< as columns of `simulate` are named
+  Eigen::MatrixXd A;
+  Eigen::MatrixXd B;
+  Eigen::MatrixXd C;
+  Eigen::MatrixXd D;
+  Eigen::VectorXd x;       ///< the states there
+  Eigen::VectorXd u;       ///< the commands there
+  Eigen::VectorXd y;       ///< the outputs there
+  Eigen::VectorXd x_rate;  ///< x' there: what the deviations are not told
+  double time = 0.0;       ///< s
+  /// What a reader has to know beside the numbers, a sentence each.
+  std::vector<std::string> notes;
+};
+
+/// The model of `scene` at `point`, whose accelerations have to satisfy the constraints. Throws
+/// SceneError where there is none: off the constraints, where C has lost rank, in a corner of psi.
+LinearModel linearize(const Scene& scene, const OperatingPoint& point,
+                      LinearForm form = LinearForm::kMinimal);
+
+/// The eigenvalues of A, 1/s, the slowest first; states that nothing reads give exact zeros.
+std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model);
+
+}  // namespace variator_sim

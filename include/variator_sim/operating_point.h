@@ -1,0 +1,31 @@
+/// One instant of a motion, as linear models and trim take and give it.
+#pragma once
+
+#include <vector>
+
+#include "variator_sim/parameter_tree.h"
+#include "variator_sim/scene.h"
+
+namespace variator_sim {
+
+struct OperatingPoint {
+  double time = 0.0;                 ///< t, s
+  std::vector<double> angle;         ///< phi, rad, s values
+  std::vector<double> velocity;      ///< omega, rad/s, s values
+  std::vector<double> acceleration;  ///< epsilon, rad/s^2, s values
+  std::vector<double> input;         ///< u in force, its own unit, one per input of the scene
+  std::vector<double> input_rate;    ///< u', its own unit per second
+  std::vector<double> command;       ///< what u tends to
+};
+
+/// The state that `tree` describes, with consistent accelerations. Keys, all optional: `time` (s),
+/// `angle`, `velocity`, `acceleration` (s numbers each), `inputs` (a dictionary of numbers, by the
+/// inputs' names). What is left out is as at the start of the scene; without `acceleration` these
+/// are those of least reaction. `source` stands before the keys in messages. Throws SceneError.
+OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
+                                  const std::string& source);
+
+/// The same as YAML, which reads back as the same numbers.
+std::string writeOperatingPoint(const OperatingPoint& point, const Scene& scene);
+
+}  // namespace variator_sim

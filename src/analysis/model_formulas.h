@@ -1,0 +1,36 @@
+/// What a principle asks of a motion, as formulas E(v, y) = 0, with y what follows from the state x
+/// and the inputs:
+///     generalized_gauss    y = (eta, Lambda[, a])          R' - Gamma R omega - C^T Lambda,
+///                                                          C eta + c0[, J a - R]
+///     gauss, orders 1, 2   y = (epsilon, lambda)           R - C^T lambda, psi (order 1: f')
+///     gauss with order 3   y = (eta, lambda', a, lambda)   R' - (C^T lambda)', C eta + c0,
+///                                                          J a - R + C^T lambda, C a
+/// with R = J epsilon + n - Q.
+#pragma once
+
+#include <vector>
+
+#include "analysis/scene_equations.h"
+
+namespace variator_sim {
+
+enum class MotionKind { kGeneralized, kClassical, kFormal };
+MotionKind kindOf(const Scene& scene);
+
+/// One behind the other in `all`: E, then as many rows of each kind as the counts say.
+struct ModelFormulas {
+  std::vector<expression::Node> all;
+  std::vector<int> unknowns;  ///< y, variables, as many as E has formulas
+  int velocity_rows = 0;      ///< f
+  int acceleration_rows = 0;  ///< f', psi; where the accelerations are states
+  int conserved_rows = 0;     ///< what of R constraints may never change
+  int outputs = 0;            ///< of the model, as outputNames has them
+  int equations() const { return static_cast<int>(unknowns.size()); }
+};
+
+ModelFormulas makeModelFormulas(SceneEquations& equations, const Scene& scene);
+
+/// "drive/angle", .., "drive/reaction_torque", .., "outputs/NAME"
+std::vector<std::string> outputNames(const Scene& scene);
+
+}  // namespace variator_sim

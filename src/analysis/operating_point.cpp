@@ -1,0 +1,100 @@
+#include "variator_sim/operating_point.h"
+
+#include <algorithm>
+#include <sstream>
+
+#include "integrate/diagnosis.h"
+#include "variator_sim/nearest_name.h"
+
+namespace variator_sim {
+namespace {
+
+void readInputs(ParameterReader& reader, Scene& scene) {
+  std::vector<std::string> names;
+  for (const CommandInputSettings& input : scene.inputs) names.push_back(input.name);
+  for (const auto& [name, value] : reader.numberDictionary("inputs")) {
+    const auto found = std::find(names.begin(), names.end(), name);
+    const std::string path = reader.keyPath("inputs") + "/" + name;
+    if (found == names.end()) {
+      throw SceneError(path,
+                       "is no input" + suggestName(name, names) + "; allowed: " + joinNames(names));
+    }
+    CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(found - names.begin())];
+    const Range limits = Range::between(input.minimum, input.maximum);
+    if (!limits.contains(value)) {
+      throw SceneError(path, formatNumber(value) + " is outside of the input's limits; allowed: " +
+                                 "a number " + limits.toText());
+    }
+    input.initial = value;
+  }
+}
+
+void readList(ParameterReader& reader, const char* key, std::size_t size,
+              std::vector<double>* values) {
+  if (reader.has(key)) *values = reader.numbers(key, size);
+}
+
+void writeList(std::ostream& out, const char* key, const std::vector<double>& values) {
+  out << key << ": [";
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    out << (i == 0 ? "" : ", ") << formatNumber(values[i]);
+  }
+  out << "]\n";
+}
+
+}  // namespace
+
+OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
+                                  const std::string& source) {
+  OperatingPoint point;
+  ParameterReader reader(tree, source);
+  const auto s = static_cast<std::size_t>(scene.shaftCount());
+  point.time = reader.number("time", Range::notNegative(), 0.0);
+  const bool moves = reader.has("velocity") || reader.has("angle") || reader.has("inputs");
+  if (moves) scene.initial.acceleration.clear();
+  readList(reader, "angle", s, &scene.initial.angle);
+  readList(reader, "velocity", s, &scene.initial.velocity);
+  readList(reader, "acceleration", s, &scene.initial.acceleration);
+  readInputs(reader, scene);
+  reader.finish();
+
+  const std::unique_ptr<PrincipleSystem> system = makeSystem(scene, {});
+  Drivetrain& drivetrain = system->drivetrain();
+  drivetrain.setOrigin(point.time);
+  drivetrain.resetInputs();
+  Start start(*system);
+  start.x.fill(0.0);
+  start.result = system->start(start.x, start.nearest, &start.velocities_at_fault);
+  if (start.result == InitialResult::kSingular || start.result == InitialResult::kNonFinite) {
+    throw SceneError(source,
+                     "no accelerations follow from this state: a law is not finite there, "
+                     "or the constraints' derivatives have lost rank");
+  }
+  if (start.result != InitialResult::kConsistent) throwInitialError(*system, scene, start);
+  Sample sample;
+  system->calcSample(0.0, start.x, &sample);
+  point.angle.assign(sample.angle, sample.angle + s);
+  point.velocity.assign(sample.velocity, sample.velocity + s);
+  point.acceleration.assign(sample.acceleration, sample.acceleration + s);
+  for (const CommandInputSettings& input : scene.inputs) point.input.push_back(input.initial);
+  point.input_rate.assign(scene.inputs.size(), 0.0);
+  point.command = point.input;
+  return point;
+}
+
+std::string writeOperatingPoint(const OperatingPoint& point, const Scene& scene) {
+  std::ostringstream text;
+  text << "time: " << formatNumber(point.time) << "\n";
+  writeList(text, "angle", point.angle);
+  writeList(text, "velocity", point.velocity);
+  writeList(text, "acceleration", point.acceleration);
+  if (scene.inputs.empty()) return text.str();
+  text << "inputs: {";
+  for (std::size_t i = 0; i < scene.inputs.size(); ++i) {
+    text << (i == 0 ? "" : ", ") << scene.inputs[i].name << ": " << formatNumber(point.input[i]);
+  }
+  text << "}\n";
+  return text.str();
+}
+
+}  // namespace variator_sim
