@@ -1,0 +1,220 @@
+// Steady states: that they are some, how many there are, and what is said where there is none.
+#include "variator_sim/trim.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "support/scenes.h"
+#include "variator_sim/errors.h"
+
+namespace variator_sim {
+namespace {
+
+const std::string kScenes = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/";
+
+/// Two shafts that slip: `rest` has the principle and what else is to be said.
+Scene slipping(const std::string& rest, const std::string& load = "-load_torque - 0.01*w_load*abs(w_load)") {
+  return test::sceneFromText(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor, brake]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "60*throttle - 0.1*w_drive"}
+brake: {type: variator_sim/ExpressionTorque, shaft: load, torque: ")yaml" +
+                             load + R"yaml("}
+inputs: [throttle, load_torque]
+throttle: {topic: throttle, initial: 0.2, min: 0.0, max: 1.0}
+load_torque: {topic: load_torque, hold: first_order_lag, time_constant: 0.2}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e_load - 0.6*e_drive)*(1 + 0.05*e_drive^2) + w_load - 0.6*w_drive"}
+outputs: [ratio]
+ratio: {expression: "w_load/w_drive"}
+initial: {velocity: [40.0, 24.0]}
+)yaml" + rest);
+}
+
+/// A run from there stays there.
+void expectSteady(Scene scene, const TrimState& state, double tolerance = 1e-7) {
+  EXPECT_LE(state.residual, 1e-10);
+  scene.initial = {state.point.angle, state.point.velocity, state.point.acceleration, false};
+  for (std::size_t i = 0; i < scene.inputs.size(); ++i) {
+    scene.inputs[i].initial = state.point.input[i];
+  }
+  Simulation simulation(test::withTolerance(std::move(scene), 1e-11));
+  ASSERT_TRUE(simulation.advanceTo(0.5).ok()) << simulation.describeStatus();
+  for (std::size_t i = 0; i < state.point.velocity.size(); ++i) {
+    const double expected = state.point.velocity[i] + 0.5 * state.point.acceleration[i];
+    EXPECT_NEAR(simulation.sample().velocity[i], expected,
+                tolerance * std::max(1.0, std::abs(expected)));
+    EXPECT_NEAR(simulation.sample().acceleration[i], state.point.acceleration[i], 10 * tolerance);
+  }
+}
+
+TEST(Trim, FindsWhatSuitsGivenSpeedsAndInputs) {
+  for (const char* const principle : {"principle: generalized_gauss", "principle: gauss"}) {
+    const Scene scene = slipping(principle);
+    TrimOptions options;
+    options.fix = {{"w_drive", 100.0}, {"throttle", 0.5}};
+    options.free = {{"load_torque"}};
+    const TrimResult result = trim(scene, options);
+    ASSERT_EQ(result.states.size(), 1U) << result.message;
+    const OperatingPoint& point = result.states[0].point;
+    EXPECT_EQ(point.velocity[0], 100.0);
+    EXPECT_NEAR(point.velocity[1], 60.0, 1e-10);
+    // lambda (-0.6, 1) 0.2: R_drive = -0.6 R_load, 30 - 10 = 0.6 (load + 36)
+    EXPECT_NEAR(point.input[1], 20.0 / 0.6 - 36.0, 1e-10);
+    EXPECT_TRUE(result.states[0].undetermined.empty());
+    expectSteady(scene, result.states[0]);
+  }
+}
+
+TEST(Trim, FixesOutputsAndTorques) {
+  TrimOptions options;
+  options.fix = {{"ratio", 0.6}, {"drive/applied_torque", 5.0}};
+  options.free = {{"throttle"}};
+  const Scene scene = slipping("");
+  const TrimResult result = trim(scene, options);
+  ASSERT_EQ(result.states.size(), 1U) << result.message;
+  const OperatingPoint& point = result.states[0].point;
+  EXPECT_NEAR(60.0 * point.input[0] - 0.1 * point.velocity[0], 5.0, 1e-10);
+  EXPECT_NEAR(point.velocity[1] / point.velocity[0], 0.6, 1e-10);
+  expectSteady(scene, result.states[0]);
+}
+
+TEST(Trim, TellsOfMoreThanOne) {
+  // An induction motor against a constant load: one speed on each side of the breakdown torque.
+  const Scene scene = test::sceneFromText(R"yaml(
+shafts: [motor]
+motor: {inertia: 0.8}
+torques: [kloss, load]
+kloss: {type: variator_sim/ExpressionTorque, shaft: motor, torque: "12*((50-w1)/50)/(((50-w1)/50)^2+0.04)"}
+load: {type: variator_sim/ExpressionTorque, shaft: motor, torque: "-20"}
+)yaml");
+  const TrimResult result = trim(scene, {});
+  ASSERT_EQ(result.states.size(), 2U) << result.message;
+  // s^2 - 0.6 s + 0.04 = 0
+  const double root = std::sqrt(0.09 - 0.04);
+  std::vector<double> speeds = {result.states[0].point.velocity[0],
+                                result.states[1].point.velocity[0]};
+  std::sort(speeds.begin(), speeds.end());
+  EXPECT_NEAR(speeds[0], 50.0 * (1.0 - 0.3 - root), 1e-9);
+  EXPECT_NEAR(speeds[1], 50.0 * (1.0 - 0.3 + root), 1e-9);
+  EXPECT_NE(result.message.find("2 steady states"), std::string::npos) << result.message;
+}
+
+TEST(Trim, TellsOfNone) {
+  // The ship's ratio sways with the time.
+  const TrimResult ship = trim(test::sceneFromFile(kScenes + "ship.yaml"), {});
+  EXPECT_TRUE(ship.states.empty());
+  EXPECT_NE(ship.message.find("no steady state"), std::string::npos) << ship.message;
+
+  TrimOptions options;
+  options.fix = {{"w_drive", 100.0}};
+  options.free = {{"throttle"}};
+  const TrimResult limited = trim(slipping("", "-200"), options);
+  EXPECT_TRUE(limited.states.empty());
+  EXPECT_NE(limited.message.find("'throttle' would have to be 2.1666"), std::string::npos)
+      << limited.message;
+}
+
+TEST(Trim, TellsOfInfinitelyMany) {
+  TrimOptions options;
+  options.free = {{"throttle"}};
+  const TrimResult result = trim(slipping(""), options);
+  ASSERT_EQ(result.states.size(), 1U) << result.message;
+  EXPECT_EQ(result.states[0].undetermined,
+            (std::vector<std::string>{"w_drive", "w_load", "throttle"}))
+      << result.message;
+  EXPECT_LE(result.states[0].residual, 1e-10);
+}
+
+TEST(Trim, FindsAnElasticTwist) {
+  TrimOptions options;
+  options.fix = {{"rack", 0.5}};
+  Scene scene = test::sceneFromFile(kScenes + "applications/ship_power_unit.yaml");
+  // Without the waves
+  scene.torques.erase(scene.torques.begin() + 3);
+  const TrimResult result = trim(scene, options);
+  ASSERT_GE(result.states.size(), 1U) << result.message;
+  EXPECT_TRUE(result.states[0].undetermined.empty());
+  EXPECT_NEAR(result.states[0].point.velocity[0], result.states[0].point.velocity[1], 1e-9);
+  expectSteady(scene, result.states[0], 1e-6);
+}
+
+TEST(Trim, FindsAccelerationsInConstantRatio) {
+  for (const char* const principle : {"generalized_gauss", "gauss"}) {
+    const Scene scene = test::sceneFromText(std::string(R"yaml(
+shafts: [drive, load]
+drive: {inertia: 0.8}
+load: {inertia: 2.0}
+torques: [motor, brake]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "push"}
+brake: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-4"}
+inputs: [push]
+push: {topic: push, initial: 20.0}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e_load - 0.5*e_drive"}
+principle: )yaml") + principle);
+    TrimOptions options;
+    options.accelerating = true;
+    options.fix = {{"w_drive", 10.0}, {"w_load", 3.0}, {"e_drive", 5.0}};
+    options.free = {{"push"}};
+    const TrimResult result = trim(scene, options);
+    ASSERT_EQ(result.states.size(), 1U) << result.message;
+    const OperatingPoint& point = result.states[0].point;
+    EXPECT_NEAR(point.acceleration[1], 2.5, 1e-10);
+    // 0.8 5 - push = -0.5 lambda, 2 2.5 + 4 = lambda
+    EXPECT_NEAR(point.input[0], 4.0 + 0.5 * 9.0, 1e-10);
+    expectSteady(scene, result.states[0]);
+  }
+}
+
+TEST(Trim, RefusesNamesByTheNearest) {
+  const auto message = [](TrimOptions options) -> std::string {
+    try {
+      trim(slipping(""), options);
+    } catch (const SceneError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  TrimOptions fixed;
+  fixed.fix = {{"w_drvie", 1.0}};
+  EXPECT_NE(message(fixed).find("did you mean 'w_drive'"), std::string::npos) << message(fixed);
+  TrimOptions free;
+  free.free = {{"throtle"}};
+  EXPECT_NE(message(free).find("did you mean 'throttle'"), std::string::npos) << message(free);
+  TrimOptions both;
+  both.fix = {{"drive/velocity", 1.0}};
+  both.free = {{"w_drive"}};
+  EXPECT_NE(message(both).find("both fixed and free"), std::string::npos) << message(both);
+  TrimOptions still;
+  still.fix = {{"e_drive", 1.0}};
+  EXPECT_NE(message(still).find("--accelerating"), std::string::npos) << message(still);
+}
+
+TEST(OperatingPoint, ReadsBackWhatItWrites) {
+  const Scene scene = slipping("");
+  TrimOptions options;
+  options.fix = {{"throttle", 0.5}};
+  const TrimResult result = trim(scene, options);
+  ASSERT_EQ(result.states.size(), 1U) << result.message;
+  const OperatingPoint& point = result.states[0].point;
+  const ParameterTree tree = readYamlText(writeOperatingPoint(point, scene), "state");
+  const OperatingPoint again = readOperatingPoint(tree, scene, "state");
+  EXPECT_EQ(again.input, point.input);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_NEAR(again.velocity[i], point.velocity[i], 1e-12);
+    EXPECT_NEAR(again.acceleration[i], 0.0, 1e-9);
+  }
+  EXPECT_THROW(readOperatingPoint(readYamlText("{velocity: [1]}", "s"), scene, "s"), SceneError);
+  EXPECT_THROW(readOperatingPoint(readYamlText("{speed: [1, 2]}", "s"), scene, "s"), SceneError);
+  EXPECT_THROW(readOperatingPoint(readYamlText("{inputs: {gas: 1}}", "s"), scene, "s"), SceneError);
+}
+
+}  // namespace
+}  // namespace variator_sim
