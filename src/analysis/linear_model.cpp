@@ -258,6 +258,7 @@ void Linearizer::nameModel(LinearModel& model) const {
   for (int n = 0; n < motion_states_; ++n) {
     model.states.push_back(shaftName(n % layout_.S) + levels[n / layout_.S]);
   }
+  std::string jumps;
   for (int i = 0; i < layout_.U; ++i) {
     const CommandInputSettings& input = scene_.inputs[at(i)];
     model.inputs.push_back(input.name);
@@ -267,10 +268,11 @@ void Linearizer::nameModel(LinearModel& model) const {
       model.notes.push_back("'" + input.name + "' is what its hold (" + toString(input.hold) +
                             ") gives, not the command: that hold is not linear in it");
     }
-    if (!feedthrough_.col(i).isZero(0.0)) {
-      model.notes.push_back("accelerations as states are less what they jump by with '" +
-                            input.name + "'; as outputs they are whole");
-    }
+    if (!feedthrough_.col(i).isZero(0.0)) jumps += (jumps.empty() ? "'" : ", '") + input.name + "'";
+  }
+  if (!jumps.empty()) {
+    model.notes.push_back("accelerations as states are less what they jump by with " + jumps +
+                          "; as outputs they are whole");
   }
   model.outputs = outputNames(scene_);
   if (equations_.hasNumericLaws()) {

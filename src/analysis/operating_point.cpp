@@ -49,6 +49,7 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
   OperatingPoint point;
   ParameterReader reader(tree, source);
   const auto s = static_cast<std::size_t>(scene.shaftCount());
+  for (const char* const key : {"angle", "velocity", "acceleration"}) reader.allow(key);
   point.time = reader.number("time", Range::notNegative(), 0.0);
   const bool moves = reader.has("velocity") || reader.has("angle") || reader.has("inputs");
   if (moves) scene.initial.acceleration.clear();

@@ -364,7 +364,8 @@ bool Trim::isStill(const VectorXd& v) const {
 
 TrimState Trim::stateOf(const Attempt& attempt, const MatrixXd& free) const {
   TrimState state;
-  const VectorXd& v = attempt.v;
+  // What Newton's iteration leaves of 0 where it converges slowly
+  const VectorXd v = (attempt.v.array().abs() < 1e-30).select(0.0, attempt.v);
   OperatingPoint& point = state.point;
   point.time = v(layout_.time());
   for (int i = 0; i < layout_.S; ++i) {
@@ -428,10 +429,17 @@ TrimResult Trim::find() {
     result.message = "no steady state found: a law is not finite wherever one was looked for";
   } else {
     const std::string& name = names_[at(nearest.worst)];
+    const auto reads_time = [this](Node node) {
+      return equations_.graph().dependsOn(node, layout_.slot(layout_.time()));
+    };
     result.message = "no steady state found from " + std::to_string(kStarts) +
                      " starts; the nearest leaves " + formatNumber(nearest.residual) + " in " +
-                     (name.empty() ? "the torques" : name) +
-                     (formulas_.size() > unknowns_.size() ? "" : " (is too much fixed?)");
+                     (name.empty() ? "the torques" : name);
+    if (std::any_of(formulas_.begin(), formulas_.end(), reads_time)) {
+      result.message += " (laws read the time: what they do changes)";
+    } else if (!options_.fix.empty()) {
+      result.message += " (is too much fixed, or too little free?)";
+    }
   }
   return result;
 }

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "ros/plugin_loader.h"
+#include "tools/analysis_run.h"
 #include "tools/explanation.h"
 #include "tools/offline_run.h"
 #include "tools/progress_bar.h"
@@ -341,6 +342,13 @@ int runSimulate(const std::vector<std::string>& words) {
     return is_loaded ? kSuccess : kBadOutput;
   }
   if (options.explain) return explain(simulation, options);
+  if (options.trim) return runTrim(simulation.scene(), options) ? kSuccess : kStopped;
+  if (options.linearize) {
+    const bool is_done =
+        runLinearize(simulation, readCommands(options, simulation.scene()), options, &g_signal);
+    if (g_signal != 0) return kSignalBase + g_signal;
+    return is_done ? kSuccess : kStopped;
+  }
   simulation.trackEnergy(options.columns.energy);
   if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
   const Span span = spanOf(options, simulation.time());

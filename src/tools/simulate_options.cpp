@@ -14,9 +14,11 @@ namespace {
 
 const std::vector<std::string>& optionNames() {
   static const std::vector<std::string> names = {
-      "--duration", "--rate",       "--times",      "--commands", "--output",     "--columns",
-      "--set",      "--from-state", "--save-state", "--save-at",  "--until-rest", "--energy",
-      "--stats",    "--explain",    "--latex",      "--compile",  "--help"};
+      // in the order of the help
+      "--duration", "--rate",       "--times",      "--commands",     "--output",     "--columns",
+      "--set",      "--from-state", "--save-state", "--save-at",      "--until-rest", "--energy",
+      "--stats",    "--explain",    "--latex",      "--compile",      "--help",       "--linearize",
+      "--at",       "--full",       "--trim",       "--accelerating", "--fix",        "--free"};
   return names;
 }
 
@@ -137,6 +139,10 @@ bool* findFlag(const std::string& name, SimulateOptions& options, bool& add_ener
   if (name == "--compile") return &options.compile;
   if (name == "--explain") return &options.explain;
   if (name == "--until-rest") return &options.until_rest;
+  if (name == "--linearize") return &options.linearize;
+  if (name == "--full") return &options.full;
+  if (name == "--trim") return &options.trim;
+  if (name == "--accelerating") return &options.accelerating;
   return name == "--latex" ? &options.latex : nullptr;
 }
 
@@ -154,10 +160,47 @@ bool readText(const std::string& name, CommandLine& word, SimulateOptions& optio
     options.from_state_path = word.value();
   } else if (name == "--save-state") {
     options.save_state_path = word.value();
+  } else if (name == "--at") {
+    options.at = word.value();
+  } else if (name == "--fix") {
+    options.fix.push_back(word.value());
+  } else if (name == "--free") {
+    options.free.push_back(word.value());
   } else {
     return false;
   }
   return true;
+}
+
+/// Of what is done instead of running: which options belong to what.
+void checkInstead(const SimulateOptions& options) {
+  const SimulateOptions defaults;
+  const struct {
+    const char* option;
+    bool is_given;
+    const char* of;
+    bool is_of_given;
+  } parts[] = {{"--latex", options.latex, "--explain", options.explain},
+               {"--at", options.at != defaults.at, "--linearize", options.linearize},
+               {"--full", options.full, "--linearize", options.linearize},
+               {"--fix", !options.fix.empty(), "--trim", options.trim},
+               {"--free", !options.free.empty(), "--trim", options.trim},
+               {"--accelerating", options.accelerating, "--trim", options.trim}};
+  for (const auto& part : parts) {
+    if (!part.is_given || part.is_of_given) continue;
+    throw UsageError(std::string(part.option) + " belongs to " + part.of);
+  }
+  const char* first = nullptr;
+  for (const auto& [name, is_given] : {std::pair<const char*, bool>{"--compile", options.compile},
+                                       {"--explain", options.explain},
+                                       {"--linearize", options.linearize},
+                                       {"--trim", options.trim}}) {
+    if (!is_given) continue;
+    if (first != nullptr) {
+      throw UsageError(std::string(first) + " and " + name + " exclude each other");
+    }
+    first = name;
+  }
 }
 
 void refuseOverwriting(const SimulateOptions& options) {
@@ -178,11 +221,8 @@ void refuseOverwriting(const SimulateOptions& options) {
 /// What belongs together, and what does not; fills in what follows.
 void completeOptions(bool has_rate, SimulateOptions& options) {
   if (options.scene_path.empty()) throw UsageError("no scene given");
-  if (options.latex && !options.explain) throw UsageError("--latex belongs to --explain");
-  if (options.compile && options.explain) {
-    throw UsageError("--compile and --explain exclude each other");
-  }
-  if (options.explain) return;
+  checkInstead(options);
+  if (options.explain || options.linearize || options.trim) return;
   if (options.has_times && has_rate) {
     throw UsageError("--rate and --times exclude each other");
   }
@@ -255,6 +295,8 @@ const char* simulateHelp() {
 
 usage: simulate SCENE.yaml --duration S [options]
        simulate SCENE.yaml --explain [--latex]
+       simulate SCENE.yaml --linearize [--at T|rest|STATE] [--full] [--output FILE.csv|.npz|.mat]
+       simulate SCENE.yaml --trim [--fix NAME=VALUE].. [--free NAME].. [--output FILE.yaml]
 
   SCENE.yaml              the drivetrain
   --duration S            simulated time, s; may be left out with --times
@@ -283,6 +325,18 @@ usage: simulate SCENE.yaml --duration S [options]
   --explain               print the scene's equations of motion instead of running it: its laws
                           simplified, what they have in common, what is not computed and why
   --latex                 of --explain: as a LaTeX document
+  --linearize             print the linear model x' = A x + B u, y = C x + D u of the motion, its
+                          eigenvalues and damping instead of running it further; with --output, the
+                          matrices go there
+  --at T|rest|STATE       of --linearize: after T seconds of the run, with its --commands; at its
+                          first rest, until --duration (the default, 1000 s); at a state, as a file
+                          (what --trim writes) or as e.g. "velocity=[10, 5], inputs={throttle: 0.5}"
+  --full                  of --linearize: all states, and not only coordinates on psi = 0
+  --trim                  look for steady states instead of running, and write the nearest
+  --fix NAME=VALUE        of --trim: a speed (w_SHAFT), angle, input, SHAFT/applied_torque,
+                          SHAFT/reaction_torque or output that is given
+  --free NAME[=START]     of --trim: an input that is not, and where to look first
+  --accelerating          of --trim: accelerations in constant ratios, not constant speeds
   --compile               make the scene's machine code, for later runs and nodes, and nothing else
   --help                  this text
 
@@ -292,7 +346,8 @@ A sample at the instant of a command shows the state after it. A bag holds the t
 (variator_sim/NamedValues) and `energy` (variator_sim/DrivetrainEnergy), stamped with simulated time.
 
 Exit status: 0 the end was reached, or the reader of standard output went away
-             1 the motion stopped: reason, time and last good state are on standard error
+             1 the motion stopped: reason, time and last good state are on standard error;
+               or there is no rest, or no steady state
              2 bad usage, scene or command file
              3 the output could not be written, or of --compile: no machine code could be made
              4 of --until-rest: the --duration ended before the motion came to rest

@@ -45,7 +45,14 @@ struct SimulateOptions {
   OutputFormat format = OutputFormat::kCsv;
   ColumnGroups columns;
   bool stats = false;
-  bool compile = false;  ///< fill the cache of machine code, and nothing else
+  bool linearize = false;         ///< write a linear model instead of running
+  bool full = false;              ///< of it: all states, and not only coordinates on psi = 0
+  std::string at = "rest";        ///< where: a time, "rest", a file or a state
+  bool trim = false;              ///< write a steady state instead of running
+  bool accelerating = false;      ///< of it: accelerations in constant ratios
+  std::vector<std::string> fix;   ///< of it: NAME=VALUE
+  std::vector<std::string> free;  ///< of it: NAME or NAME=START
+  bool compile = false;           ///< fill the cache of machine code, and nothing else
 };
 
 /// Reads the words after the program's name. Throws UsageError.

@@ -1,0 +1,177 @@
+#!/usr/bin/python3
+"""`simulate --linearize` and `--trim` as their users see them: files, reports, exit statuses."""
+
+import ast
+import csv
+import os
+import pathlib
+import struct
+import subprocess
+import tempfile
+import unittest
+import zipfile
+
+import roslib.packages
+import rosunit
+
+PACKAGE = "variator_sim"
+FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
+SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
+CONFIG = FOLDER / "config"
+RATIO_STEPS = str(CONFIG / "ratio_steps.yaml")
+SHIP = str(CONFIG / "ship.yaml")
+MATRICES = {"A": ("states", "states"), "B": ("states", "inputs"),
+            "C": ("outputs", "states"), "D": ("outputs", "inputs")}
+
+
+def read_csv(path):
+    """Each matrix as {(row, column): value}."""
+    matrices = {}
+    with open(path, encoding="utf-8") as file:
+        for line in csv.DictReader(file):
+            entries = matrices.setdefault(line["matrix"], {})
+            entries[line["row"], line["column"]] = float(line["value"])
+    return matrices
+
+
+def read_npy(data):
+    """A list of numbers or texts, row by row, and the shape."""
+    assert data[:8] == b"\x93NUMPY\x01\x00"
+    begin = 10 + struct.unpack("<H", data[8:10])[0]
+    assert begin % 64 == 0
+    head = ast.literal_eval(data[10:begin].decode("ascii"))
+    assert not head["fortran_order"]
+    if head["descr"] == "<f8":
+        return [value for (value,) in struct.iter_unpack("<d", data[begin:])], head["shape"]
+    width = 4 * int(head["descr"][2:])
+    texts = [data[at:at + width].decode("utf-32-le").rstrip("\0")
+             for at in range(begin, len(data), width)]
+    return texts, head["shape"]
+
+
+def read_mat(data):
+    """Each variable of level 4 as its columns; texts as rows."""
+    variables = {}
+    while data:
+        kind, rows, columns, imaginary, length = struct.unpack("<5I", data[:20])
+        assert imaginary == 0
+        name = data[20:20 + length].rstrip(b"\0").decode("ascii")
+        end = 20 + length + 8 * rows * columns
+        values = [value for (value,) in struct.iter_unpack("<d", data[20 + length:end])]
+        table = [[values[j * rows + i] for j in range(columns)] for i in range(rows)]
+        if kind == 1:
+            table = ["".join(chr(int(letter)) for letter in row).rstrip() for row in table]
+        variables[name] = table
+        data = data[end:]
+    return variables
+
+
+class LinearizeTest(unittest.TestCase):
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        self.environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1",
+                                VARIATOR_SIM_CACHE=str(self.folder / "cache"))
+
+    def run_simulate(self, *arguments):
+        return subprocess.run([SIMULATE, *arguments], stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, text=True, env=self.environment, timeout=60,
+                              check=False)
+
+    def simulate(self, *arguments):
+        result = self.run_simulate(*arguments)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return result
+
+    def check_refused(self, arguments, *words, status=2):
+        result = self.run_simulate(*arguments)
+        self.assertEqual(result.returncode, status, result.stderr)
+        for word in words:
+            self.assertIn(word, result.stderr)
+
+    def test_files_hold_the_same_model(self):
+        paths = {}
+        for ending in ("csv", "npz", "mat"):
+            paths[ending] = self.folder / f"model.{ending}"
+            report = self.simulate(RATIO_STEPS, "--linearize", "--at", "2", "--output",
+                                   str(paths[ending])).stdout
+            self.assertIn("load/acceleration", report)
+            self.assertIn("time constant", report)
+        by_names = read_csv(paths["csv"])
+        with zipfile.ZipFile(paths["npz"]) as archive:
+            self.assertIsNone(archive.testzip())
+            npz = {name[:-4]: read_npy(archive.read(name)) for name in archive.namelist()}
+        mat = read_mat(paths["mat"].read_bytes())
+        self.assertEqual(npz["states"][0], ["drive/angle", "load/angle", "drive/velocity",
+                                            "load/velocity", "load/acceleration"])
+        self.assertEqual(npz["inputs"][0], ["drive_torque", "load_torque"])
+        for names in ("states", "inputs", "outputs"):
+            self.assertEqual(mat[names], npz[names][0])
+        for matrix, (of, by) in MATRICES.items():
+            rows, columns = npz[of][0], npz[by][0]
+            values, shape = npz[matrix]
+            self.assertEqual(shape, (len(rows), len(columns)))
+            self.assertEqual([by_names[matrix][row, column] for row in rows for column in columns],
+                             values)
+            self.assertEqual([value for row in mat[matrix] for value in row], values)
+        self.assertEqual(mat["time"], [[2.0]])
+        self.assertEqual(npz["time"], ([2.0], ()))
+
+    def test_all_states_beside_coordinates(self):
+        full = self.simulate(RATIO_STEPS, "--linearize", "--at", "2", "--full").stdout
+        self.assertIn("6 states", full)
+        self.assertIn("drive/acceleration  -1.16444", full)
+
+    def test_trim_leads_to_a_linear_model(self):
+        path = self.folder / "state.yaml"
+        result = self.simulate(RATIO_STEPS, "--trim", "--fix", "drive_torque=5", "--fix",
+                               "w_drive=10", "--free", "load_torque", "--output", str(path))
+        self.assertIn("one steady state found", result.stderr)
+        self.assertIn("velocity: [10, 8]", path.read_text(encoding="utf-8"))
+        report = self.simulate(RATIO_STEPS, "--linearize", "--at", str(path)).stdout
+        self.assertRegex(report, r"drive/velocity +10 +0\n")
+        inline = self.simulate(
+            RATIO_STEPS, "--linearize", "--at",
+            "velocity=[10, 8], acceleration=[0, 0], inputs={drive_torque: 5, load_torque: 3.85}")
+        self.assertEqual(inline.stdout, report)
+
+    def test_commands_lead_to_rest(self):
+        commands = self.folder / "commands.csv"
+        commands.write_text("time,topic,value\n0,drive_torque,5\n0,load_torque,3\n",
+                            encoding="utf-8")
+        report = self.simulate(RATIO_STEPS, "--linearize", "--at", "rest", "--commands",
+                               str(commands)).stdout
+        rate = float(next(line.split()[2] for line in report.splitlines()
+                          if line.startswith("drive/velocity")))
+        self.assertLess(abs(rate), 1e-8)
+
+    def test_what_is_not_there_is_told(self):
+        self.check_refused([SHIP, "--linearize"], "no rest until 1000 s", status=1)
+        self.check_refused([SHIP, "--trim"], "no steady state", "read the time", status=1)
+
+    def test_words_are_checked(self):
+        self.check_refused([SHIP, "--full", "--duration", "1"], "--full belongs to --linearize")
+        self.check_refused([SHIP, "--fix", "w_drive=1"], "--fix belongs to --trim")
+        self.check_refused([SHIP, "--trim", "--linearize"], "exclude each other")
+        self.check_refused([SHIP, "--trim", "--fix", "w_drive"], "is not NAME=VALUE")
+        self.check_refused([SHIP, "--trim", "--fix", "w_drvie=1"], "did you mean 'w_drive'")
+        self.check_refused([SHIP, "--linearize", "--at", "1", "--output", "model.txt"], ".npz")
+        self.check_refused([SHIP, "--linearize", "--at", "velocity=[1]"], "--at/velocity")
+        self.check_refused([SHIP, "--linearize", "--at", "velocty=[1, 2]"],
+                           "did you mean 'velocity'")
+        self.check_refused([SHIP, "--linearize", "--at", "-1"], "at least 0 s")
+        self.check_refused([SHIP, "--linearize", "--at", str(self.folder / "none.yaml")],
+                           "none.yaml")
+
+    def test_every_application_has_a_model_along_its_commands(self):
+        for scene in sorted((CONFIG / "applications").glob("*.yaml")):
+            with self.subTest(scene=scene.name):
+                report = self.simulate(str(scene), "--linearize", "--at", "20", "--commands",
+                                       str(scene.with_suffix(".csv"))).stdout
+                self.assertIn("eigenvalues", report)
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "linearize_test", LinearizeTest)
