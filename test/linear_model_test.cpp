@@ -9,6 +9,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -335,6 +336,8 @@ const Case kCases[] = {
     {"MixedGeneralized", "generalized_gauss", kMixed, "1.4", 9 - 1 + 3},
     {"MixedGauss", "gauss", kMixed, "1.4", 9 - 1 - 1 + 3},
     {"HarmonicOrder2Generalized", "generalized_gauss", kOrder2, kHarmonic, 9 - 1 - 1 + 3},
+    {"CoupledHarmonicGeneralized", "generalized_gauss\ninertia_coupling: [[a, b, 0.2]]", kOrder2,
+     kHarmonic, 9 - 1 + 3},
     {"HarmonicOrder1Gauss", "gauss", kOrder1, kHarmonic, 6 - 1 + 3},
     {"HarmonicOrder3Gauss", "gauss", kOrder3, kHarmonic, 9 - 2 + 3},
 };
@@ -353,6 +356,109 @@ std::string nameOfCase(const ::testing::TestParamInfo<Case>& info) {
   return info.param.name;
 }
 INSTANTIATE_TEST_SUITE_P(LinearModel, OrdersAndPrinciples, ::testing::ValuesIn(kCases), nameOfCase);
+
+// --- laws that are no formulas -------------------------------------------------------------------
+
+/// Another constraint, of which nobody sees the formula.
+class HiddenConstraint final : public Constraint {
+ public:
+  explicit HiddenConstraint(ConstraintPtr of)
+      : Constraint(of->name(), of->shaftCount()), of_(std::move(of)) {}
+
+ private:
+  void doConfigure(ComponentContext& /*context*/) override {}
+  int doOrder() const override { return of_->order(); }
+  double doCalcResidual(const StateView& state) const override { return of_->calcResidual(state); }
+  void doCalcPartials(const StateView& state, ConstraintPartials& partials) const override {
+    of_->calcPartials(state, partials);
+  }
+  double doCalcVelocityResidualAndJacobian(const StateView& state, double* C) const override {
+    return of_->calcVelocityResidualAndJacobian(state, C);
+  }
+  double doCalcResidualAndJacobian(const StateView& state, double* C) const override {
+    return of_->calcResidualAndJacobian(state, C);
+  }
+  void doCalcRow(const StateView& state, double* C, double* c0) const override {
+    of_->calcRow(state, C, c0);
+  }
+  ConstraintPtr of_;
+};
+
+class HiddenTorque final : public Torque {
+ public:
+  explicit HiddenTorque(TorquePtr of) : of_(std::move(of)) {}
+
+ private:
+  void doConfigure(ComponentContext& /*context*/) override {}
+  void doAddTorque(const StateView& state, double* torque) const override {
+    of_->addTorque(state, torque);
+  }
+  void doAddTorqueRate(const StateView& state, double* rate) const override {
+    of_->addTorqueRate(state, rate);
+  }
+  TorquePtr of_;
+};
+
+TEST(LinearModel, OfLawsThatAreNoFormulasIsTheSame) {
+  for (const Case& it : kCases) {
+    const Scene scene = test::sceneFromText(sceneText(it));
+    Simulation simulation(scene);
+    const OperatingPoint point = simulation.operatingPoint();
+    Scene hidden = scene;
+    for (ConstraintPtr& constraint : hidden.constraints) {
+      constraint = std::make_shared<HiddenConstraint>(constraint);
+    }
+    hidden.torques[1] = std::make_shared<HiddenTorque>(hidden.torques[1]);
+    hidden.torques[3] = std::make_shared<HiddenTorque>(hidden.torques[3]);
+    const LinearModel a = linearize(scene, point, LinearForm::kFull);
+    const LinearModel b = linearize(hidden, point, LinearForm::kFull);
+    EXPECT_TRUE(a.notes.size() < b.notes.size()) << it.name;
+    ASSERT_EQ(a.states, b.states);
+    for (const auto& [mine, other] : {std::pair(&a.A, &b.A), std::pair(&a.B, &b.B),
+                                      std::pair(&a.C, &b.C), std::pair(&a.D, &b.D)}) {
+      const double size = std::max(1.0, mine->cwiseAbs().maxCoeff());
+      EXPECT_LE((*mine - *other).cwiseAbs().maxCoeff(), 1e-7 * size) << it.name;
+    }
+  }
+}
+
+// --- where there is none -------------------------------------------------------------------------
+
+TEST(LinearModel, IsRefusedWhereThereIsNone) {
+  const Scene scene = test::sceneFromText(sceneText(kCases[2]));
+  Simulation simulation(scene);
+  OperatingPoint point = simulation.operatingPoint();
+  point.acceleration[0] += 1.0;
+  EXPECT_THROW(linearize(scene, point), SceneError);
+
+  // Accelerations on a circle: at its centre C is 0.
+  const Scene circle = test::sceneFromFile(std::string(VARIATOR_SIM_TEST_DIR) +
+                                           "/../config/acceleration_circle.yaml");
+  OperatingPoint centre = Simulation(circle).operatingPoint();
+  centre.acceleration = {0.0, 0.0};
+  EXPECT_THROW(linearize(circle, centre), SceneError);
+}
+
+TEST(LinearModel, HasExactZerosForWhatNobodyReads) {
+  const Scene scene = test::sceneFromText(R"yaml(
+shafts: [a]
+a: {inertia: 2.0}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "u - 3*w_a"}
+inputs: [u]
+u: {topic: u, hold: first_order_lag, time_constant: 0.5}
+)yaml");
+  Simulation simulation(scene);
+  const LinearModel model = linearize(scene, simulation.operatingPoint());
+  EXPECT_EQ(model.states, (std::vector<std::string>{"a/angle", "a/velocity", "inputs/u"}));
+  const auto eigenvalues = calcEigenvalues(model);
+  ASSERT_EQ(eigenvalues.size(), 3U);
+  EXPECT_EQ(eigenvalues[0], 0.0);
+  EXPECT_NEAR(eigenvalues[1].real(), -1.5, 1e-14);
+  EXPECT_NEAR(eigenvalues[2].real(), -2.0, 1e-14);
+  EXPECT_NEAR(model.B(2, 0), 2.0, 1e-14);
+  EXPECT_NEAR(model.A(1, 2), 0.5, 1e-14);
+}
 
 }  // namespace
 }  // namespace variator_sim
