@@ -14,7 +14,6 @@ namespace {
 
 const std::vector<std::string>& optionNames() {
   static const std::vector<std::string> names = {
-      // in the order of the help
       "--duration", "--rate",       "--times",      "--commands",     "--output",     "--columns",
       "--set",      "--from-state", "--save-state", "--save-at",      "--until-rest", "--energy",
       "--stats",    "--explain",    "--latex",      "--compile",      "--help",       "--linearize",
