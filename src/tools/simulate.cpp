@@ -10,9 +10,11 @@
 #include <cstring>
 #include <exception>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "emit_c/emit_c.h"
 #include "ros/plugin_loader.h"
 #include "tools/analysis_run.h"
 #include "tools/explanation.h"
@@ -329,6 +331,23 @@ int explain(const Simulation& simulation, const SimulateOptions& options) {
   return kSuccess;
 }
 
+int emitC(Simulation& simulation, const SimulateOptions& options) {
+  const std::string& path = options.scene_path;
+  const std::string title = path.substr(path.rfind('/') + 1);
+  EmittedScene scene;
+  try {
+    scene = emitScene(simulation, nameForC(path), title);
+  } catch (const SceneError& error) {
+    throw SceneError("", path + ": " + error.what());
+  }
+  try {
+    writeEmittedScene(scene, options.emit_c_path);
+  } catch (const std::runtime_error& error) {
+    throw OutputError(error.what());
+  }
+  return kSuccess;
+}
+
 int runSimulate(const std::vector<std::string>& words) {
   const SimulateOptions options = parseSimulateOptions(words);
   if (options.help) {
@@ -342,6 +361,7 @@ int runSimulate(const std::vector<std::string>& words) {
     return is_loaded ? kSuccess : kBadOutput;
   }
   if (options.explain) return explain(simulation, options);
+  if (!options.emit_c_path.empty()) return emitC(simulation, options);
   if (options.trim) return runTrim(simulation.scene(), options) ? kSuccess : kStopped;
   if (options.linearize) {
     const bool is_done =

@@ -14,10 +14,11 @@ namespace {
 
 const std::vector<std::string>& optionNames() {
   static const std::vector<std::string> names = {
-      "--duration", "--rate",       "--times",      "--commands",     "--output",     "--columns",
-      "--set",      "--from-state", "--save-state", "--save-at",      "--until-rest", "--energy",
-      "--stats",    "--explain",    "--latex",      "--compile",      "--help",       "--linearize",
-      "--at",       "--full",       "--trim",       "--accelerating", "--fix",        "--free"};
+      "--duration",   "--rate",   "--times",        "--commands",   "--output",
+      "--columns",    "--set",    "--from-state",   "--save-state", "--save-at",
+      "--until-rest", "--energy", "--stats",        "--explain",    "--latex",
+      "--compile",    "--emit-c", "--help",         "--linearize",  "--at",
+      "--full",       "--trim",   "--accelerating", "--fix",        "--free"};
   return names;
 }
 
@@ -159,6 +160,9 @@ bool readText(const std::string& name, CommandLine& word, SimulateOptions& optio
     options.from_state_path = word.value();
   } else if (name == "--save-state") {
     options.save_state_path = word.value();
+  } else if (name == "--emit-c") {
+    options.emit_c_path = word.value();
+    if (options.emit_c_path.empty()) throw UsageError("--emit-c: needs a folder");
   } else if (name == "--at") {
     options.at = word.value();
   } else if (name == "--fix") {
@@ -191,6 +195,7 @@ void checkInstead(const SimulateOptions& options) {
   }
   const char* first = nullptr;
   for (const auto& [name, is_given] : {std::pair<const char*, bool>{"--compile", options.compile},
+                                       {"--emit-c", !options.emit_c_path.empty()},
                                        {"--explain", options.explain},
                                        {"--linearize", options.linearize},
                                        {"--trim", options.trim}}) {
@@ -221,7 +226,7 @@ void refuseOverwriting(const SimulateOptions& options) {
 void completeOptions(bool has_rate, SimulateOptions& options) {
   if (options.scene_path.empty()) throw UsageError("no scene given");
   checkInstead(options);
-  if (options.explain || options.linearize || options.trim) return;
+  if (options.explain || options.linearize || options.trim || !options.emit_c_path.empty()) return;
   if (options.has_times && has_rate) {
     throw UsageError("--rate and --times exclude each other");
   }
@@ -296,6 +301,7 @@ usage: simulate SCENE.yaml --duration S [options]
        simulate SCENE.yaml --explain [--latex]
        simulate SCENE.yaml --linearize [--at T|rest|STATE] [--full] [--output FILE.csv|.npz|.mat]
        simulate SCENE.yaml --trim [--fix NAME=VALUE].. [--free NAME].. [--output FILE.yaml]
+       simulate SCENE.yaml --emit-c DIRECTORY
 
   SCENE.yaml              the drivetrain
   --duration S            simulated time, s; may be left out with --times
@@ -337,6 +343,8 @@ usage: simulate SCENE.yaml --duration S [options]
   --free NAME[=START]     of --trim: an input that is not, and where to look first
   --accelerating          of --trim: accelerations in constant ratios, not constant speeds
   --compile               make the scene's machine code, for later runs and nodes, and nothing else
+  --emit-c DIRECTORY      write the scene as freestanding C99 into a folder, for a controller or a
+                          test rig, with a program that plays --commands files, and nothing else
   --help                  this text
 
 A sample at the instant of a command shows the state after it. A bag holds the topics `state`
@@ -348,7 +356,8 @@ Exit status: 0 the end was reached, or the reader of standard output went away
              1 the motion stopped: reason, time and last good state are on standard error;
                or there is no rest, or no steady state
              2 bad usage, scene or command file
-             3 the output could not be written, or of --compile: no machine code could be made
+             3 the output (of --emit-c: a file) could not be written, or of --compile: no machine
+               code could be made
              4 of --until-rest: the --duration ended before the motion came to rest
              130 interrupted by Ctrl-C
 In every case the samples up to then are written.

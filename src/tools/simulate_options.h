@@ -53,6 +53,7 @@ struct SimulateOptions {
   std::vector<std::string> fix;   ///< of it: NAME=VALUE
   std::vector<std::string> free;  ///< of it: NAME or NAME=START
   bool compile = false;           ///< fill the cache of machine code, and nothing else
+  std::string emit_c_path;        ///< a folder for the scene as C, and nothing else; empty: none
 };
 
 /// Reads the words after the program's name. Throws UsageError.

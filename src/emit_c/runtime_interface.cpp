@@ -1,0 +1,509 @@
+// What a controller sees of an emitted program, and the program that plays a command file.
+#include <cctype>
+
+#include "emit_c/c_text.h"
+
+namespace variator_sim {
+
+const char* const kHeaderTypes = R"c(
+typedef enum {
+  SCENE_OK = 0,
+  SCENE_BAD_ARGUMENT,   /* a time step that is negative or not finite, an input there is not */
+  SCENE_SINGULAR,       /* the constraints' derivatives by the accelerations have lost rank */
+  SCENE_NOT_CONVERGED,  /* no state on the constraints was found */
+  SCENE_NOT_FINITE,     /* a value is not finite here, or has no power series (sqrt(x) at x = 0) */
+  SCENE_TOO_MANY_STEPS, /* SCENE_MOST_STEPS parts of a step, or parts below the resolution of time */
+  SCENE_CHATTERING,     /* a formula jumps where the motion turns back at once: no branch goes on */
+  SCENE_NO_MOTION,      /* a jump leads to no state on the constraints */
+  SCENE_INCONSISTENT    /* the first commands contradict the scene's initial values */
+} scene_status;
+
+/* All there is to see at one instant. Torques are generalized: positive ones accelerate. */
+typedef struct {
+  double time;                                   /* s */
+  double angle[SCENE_SHAFTS];                    /* rad */
+  double velocity[SCENE_SHAFTS];                 /* rad/s */
+  double acceleration[SCENE_SHAFTS];             /* rad/s^2 */
+  double applied_torque[SCENE_SHAFTS];           /* N m */
+  double reaction_torque[SCENE_SHAFTS];          /* N m, of the constraints */
+  double reaction_torque_rate[SCENE_SHAFTS];     /* N m/s */
+  double residual[SCENE_CONSTRAINTS + 1];        /* what is left of the constraint, its own unit */
+  double multiplier[SCENE_CONSTRAINTS + 1];      /* Lambda of R' = C' Lambda; of gauss, R = C' lambda */
+} scene_sample;
+
+/* The rest is private; its place is here for a model to need no memory but its own. */
+typedef struct {
+  int form;
+  double start, target, slope, inverse_tau, linear, age, end;
+} scene_signal;
+
+/* All that the motion goes on from: a copy of it is a state to come back to. */
+typedef struct {
+  double time, time_rest, goal, goal_rest;
+  double angle[SCENE_SHAFTS];
+  double velocity[SCENE_SHAFTS];
+  double acceleration[SCENE_SHAFTS];
+  double multiplier[SCENE_CONSTRAINTS + 1];
+  double reaction[SCENE_SHAFTS]; /* at the start */
+  scene_signal input[SCENE_INPUTS + 1];
+  double silence[SCENE_INPUTS + 1]; /* s since the last command; -1: there was none */
+} scene_state;
+
+typedef struct {
+  scene_state now;
+  double command[SCENE_INPUTS + 1];
+  int is_commanded[SCENE_INPUTS + 1];
+  int has_moved;
+  scene_status status;
+  double unit, usual;
+  int order, crossings;
+  double row[SCENE_ROWS][SCENE_ORDER + 2]; /* coefficients of every formula */
+  double kept[SCENE_ROWS];
+  int branch[SCENE_BRANCHES];
+  double piece[SCENE_PIECES];
+  double matrix[SCENE_SHAFTS + SCENE_CONSTRAINTS][SCENE_SHAFTS + SCENE_CONSTRAINTS];
+  double scale[SCENE_SHAFTS + SCENE_CONSTRAINTS];
+  int place[SCENE_SHAFTS + SCENE_CONSTRAINTS];
+  double length[SCENE_CONSTRAINTS + 1];
+} scene_model;
+)c";
+
+const char* const kHeaderFunctions = R"c(
+/* None of these allocates, locks, reads a clock or keeps anything outside of the model. */
+
+/* Time 0, the scene's initial state with consistent accelerations. */
+void scene_init(scene_model *model);
+/* A command at the present: it acts from here on, by the input's hold. Those of one present act
+   together; of two to one input the last counts. Values are clamped to the input's limits; those
+   that are not finite are refused. At time 0 a zero_order command sets the initial value. */
+scene_status scene_command(scene_model *model, int input, double value);
+/* Moves on by dt s. After anything but SCENE_OK the model stays at its last good state and says
+   the same until scene_init. */
+scene_status scene_step(scene_model *model, double dt);
+/* The same up to a time, s; nothing happens where that is over. */
+scene_status scene_advance_to(scene_model *model, double time);
+/* The present, after its commands. */
+scene_status scene_read(scene_model *model, scene_sample *sample);
+/* The present, s. */
+double scene_time(const scene_model *model);
+/* A status as a word. */
+const char *scene_status_text(scene_status status);
+/* Names, as the scene has them; of inputs the topic. */
+extern const char *const scene_shaft_name[SCENE_SHAFTS];
+extern const char *const scene_constraint_name[SCENE_CONSTRAINTS + 1];
+extern const char *const scene_input_name[SCENE_INPUTS + 1];
+)c";
+
+const char* const kInterfaceCode = R"c(
+/* ---- Commands ---- */
+
+/* The accelerations at time 0, after commands have set the first inputs. */
+static scene_status start(scene_model *m)
+{
+  double lambda[K + 1] = {0.0};
+  double given_values[S];
+  scene_status status;
+  int i;
+  enter_inputs(m, 1.0, 0);
+  for (i = 0; i < S; ++i) given_values[i] = m->now.velocity[i];
+  status = project_velocities(m);
+  for (i = 0; i < S && !MAY_PROJECT; ++i) {
+    const double moved = fabs(m->now.velocity[i] - given_values[i]);
+    if (!(moved <= 1e-9 * fmax(1.0, fabs(given_values[i])))) return SCENE_INCONSISTENT;
+  }
+  if (status != SCENE_OK) return status;
+  if (IS_CLASSICAL) return settle_accelerations(m);
+  if (!HAS_GIVEN_ACCELERATIONS) return find_least_reaction(m, lambda);
+  for (i = 0; i < S; ++i) given_values[i] = m->now.acceleration[i];
+  status = settle_accelerations(m);
+  for (i = 0; i < S && !MAY_PROJECT; ++i) {
+    const double moved = fabs(m->now.acceleration[i] - given_values[i]);
+    if (!(moved <= 1e-9 * fmax(1.0, fabs(given_values[i])))) return SCENE_INCONSISTENT;
+  }
+  return status;
+}
+
+static scene_status apply_commands(scene_model *m)
+{
+  const scene_state before = m->now;
+  double u[INPUTS + 1], du[INPUTS + 1], dQ[S];
+  scene_status status = SCENE_OK;
+  int jumps = 0;
+  int is_new = 0;
+  int i;
+  for (i = 0; i < INPUTS; ++i) {
+    is_new = is_new || (m->is_commanded[i] && m->command[i] != m->now.input[i].target);
+    u[i] = input_value(&m->now.input[i]);
+  }
+  if (!is_new) {
+    for (i = 0; i < INPUTS; ++i) m->is_commanded[i] = 0;
+    return SCENE_OK;
+  }
+  enter_inputs(m, 1.0, 0);
+  enter_state(m);
+  for (i = 0; i < S; ++i) dQ[i] = -m->row[torque_row[i]][0];
+  for (i = 0; i < INPUTS; ++i) {
+    if (m->is_commanded[i] && m->command[i] != m->now.input[i].target) {
+      scene_signal *const s = &m->now.input[i];
+      jumps = command_signal(s, hold_of[i], parameter_of[i], m->command[i]) || jumps;
+    }
+    m->is_commanded[i] = 0;
+    du[i] = input_value(&m->now.input[i]) - u[i];
+  }
+  if (!m->has_moved) {
+    status = start(m);
+  } else if (jumps && IS_CLASSICAL) {
+    enter_inputs(m, 1.0, 0);
+    status = settle_accelerations(m);
+  } else if (jumps) {
+    enter_inputs(m, 1.0, 0);
+    enter_state(m);
+    for (i = 0; i < S; ++i) dQ[i] += m->row[torque_row[i]][0];
+    status = jump(m, u, du, dQ);
+    if (status == SCENE_OK && HAS_RESIDUAL) {
+      enter_inputs(m, 1.0, 0);
+      status = settle_accelerations(m);
+    }
+  }
+  if (status != SCENE_OK) m->now = before;
+  m->crossings = 0;
+  return status;
+}
+
+/* Inputs whose command is overdue fall back. */
+static void apply_timeouts(scene_model *m)
+{
+  int i;
+  for (i = 0; i < INPUTS; ++i) {
+    const double left = timeout_of[i] - m->now.silence[i];
+    if (timeout_of[i] <= 0.0 || m->now.silence[i] < 0.0) continue;
+    if (left > 4.0 * DBL_EPSILON * fmax(1.0, m->now.time)) continue;
+    m->now.silence[i] = -1.0;
+    if (!falls_to_zero[i]) continue;
+    m->command[i] = fmin(maximum_of[i], fmax(minimum_of[i], 0.0));
+    m->is_commanded[i] = 1;
+  }
+}
+
+/* ---- What a controller calls ---- */
+
+void scene_init(scene_model *m)
+{
+  int i;
+  memset(m, 0, sizeof *m);
+  for (i = 0; i < CONSTANTS; ++i) m->row[constant_row[i]][0] = constant_value[i];
+  for (i = 0; i < S; ++i) {
+    m->now.angle[i] = initial_angle[i];
+    m->now.velocity[i] = initial_velocity[i];
+    m->now.acceleration[i] = initial_acceleration[i];
+  }
+  for (i = 0; i < K; ++i) m->now.multiplier[i] = initial_multiplier[i];
+  for (i = 0; i < INPUTS; ++i) {
+    hold_constant(&m->now.input[i], initial_input[i]);
+    m->now.silence[i] = -1.0;
+  }
+}
+
+scene_status scene_command(scene_model *m, int input, double value)
+{
+  if (input < 0 || input >= INPUTS || !isfinite(value)) return SCENE_BAD_ARGUMENT;
+  m->command[input] = fmin(maximum_of[input], fmax(minimum_of[input], value));
+  m->is_commanded[input] = 1;
+  m->now.silence[input] = 0.0;
+  return SCENE_OK;
+}
+
+/* To the goal, or to where nothing leads any further. */
+static scene_status reach_goal(scene_model *m)
+{
+  double left = (m->now.goal - m->now.time) + (m->now.goal_rest - m->now.time_rest);
+  int steps;
+  if (m->status == SCENE_OK) m->status = apply_commands(m);
+  for (steps = 0; m->status == SCENE_OK && left > 0.0; ++steps) {
+    double made = 0.0;
+    if (steps == SCENE_MOST_STEPS) {
+      m->status = SCENE_TOO_MANY_STEPS;
+      break;
+    }
+    if (!m->has_moved && HAS_NEUTRAL) note_reaction(m);
+    m->has_moved = 1;
+    m->status = make_step(m, left, &made);
+    apply_timeouts(m);
+    left = (m->now.goal - m->now.time) + (m->now.goal_rest - m->now.time_rest);
+    /* At the goal itself they wait for what else comes there. */
+    if (m->status == SCENE_OK && left > 0.0) m->status = apply_commands(m);
+  }
+  return m->status;
+}
+
+scene_status scene_step(scene_model *m, double dt)
+{
+  double sum, rest;
+  if (!isfinite(dt) || dt < 0.0) return SCENE_BAD_ARGUMENT;
+  rest = dt + m->now.goal_rest;
+  sum = m->now.goal + rest;
+  m->now.goal_rest = rest - (sum - m->now.goal);
+  m->now.goal = sum;
+  return reach_goal(m);
+}
+
+scene_status scene_advance_to(scene_model *m, double time)
+{
+  if (!isfinite(time)) return SCENE_BAD_ARGUMENT;
+  if (time <= m->now.goal) return m->status;
+  m->now.goal = time;
+  m->now.goal_rest = 0.0;
+  return reach_goal(m);
+}
+
+scene_status scene_read(scene_model *m, scene_sample *sample)
+{
+  double R[S];
+  int i, p;
+  if (m->status == SCENE_OK) m->status = apply_commands(m);
+  enter_inputs(m, 1.0, 0);
+  if (IS_CLASSICAL && m->status == SCENE_OK) m->status = settle_accelerations(m);
+  if (!begin_series(m, 1.0 / 1024.0)) {
+    if (m->status == SCENE_OK) m->status = SCENE_SINGULAR;
+  } else if (!extend_series(m) && m->status == SCENE_OK) {
+    m->status = SCENE_NOT_FINITE;
+  }
+  at_once(m->row, m->branch, m->piece, 0);
+  reaction(m, R);
+  sample->time = m->now.time;
+  for (i = 0; i < S; ++i) {
+    double rate = 0.0;
+    sample->angle[i] = m->now.angle[i];
+    sample->velocity[i] = m->now.velocity[i];
+    sample->acceleration[i] = m->now.acceleration[i];
+    sample->applied_torque[i] = m->row[torque_row[i]][0];
+    sample->reaction_torque[i] = R[i];
+    /* R' = C' Lambda + 1/2 J' omega J^-1 R; of gauss C' lambda' + (dC/dt)' lambda */
+    for (p = 0; p < K; ++p) {
+      const double *const C = m->row[entry_row[S * p + i]];
+      const double *const l = m->row[MULTIPLIER + p];
+      rate += IS_CLASSICAL ? (C[0] * l[1] + C[1] * l[0]) / m->unit : C[0] * l[0];
+    }
+    if (!IS_CLASSICAL && INERTIA_VARIES) {
+      rate += m->row[connection_row[i]][0] * m->row[PULL + i][0];
+    }
+    sample->reaction_torque_rate[i] = rate;
+  }
+  for (p = 0; p < K; ++p) {
+    double left = m->row[(order_of[p] == 1 ? velocity_residual_row : residual_row)[p]][0];
+    if (order_of[p] == 3) {
+      for (i = 0; i < S; ++i) {
+        left += m->row[entry_row[S * p + i]][0] * m->row[ACCELERATION + i][1] / m->unit;
+      }
+    }
+    sample->residual[p] = left;
+    sample->multiplier[p] = m->row[MULTIPLIER + p][0];
+  }
+  return m->status;
+}
+
+double scene_time(const scene_model *m)
+{
+  return m->now.time;
+}
+
+const char *scene_status_text(scene_status status)
+{
+  static const char *const texts[] = {
+      "ok", "bad argument", "singular constraint", "no state on the constraints was found",
+      "a value is not finite or has no power series", "too many steps", "chattering",
+      "a jump leads to no state on the constraints",
+      "the first commands contradict the initial values"};
+  return status >= SCENE_OK && status <= SCENE_INCONSISTENT ? texts[status] : "?";
+}
+)c";
+
+const char* const kMainCode = R"c(
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "scene_header.h"
+
+typedef struct {
+  double time, value;
+  int input;
+} command;
+
+static command commands[10000];
+static int command_count;
+static scene_model model;
+
+static int fail(const char *where, const char *what)
+{
+  fprintf(stderr, "%s: %s\n", where, what);
+  return 2;
+}
+
+static int find_input(const char *name)
+{
+  int i;
+  for (i = 0; i < SCENE_INPUTS; ++i) {
+    if (strcmp(scene_input_name[i], name) == 0) return i;
+  }
+  return -1;
+}
+
+/* time,topic,value in any order of time */
+static int read_commands(const char *path)
+{
+  FILE *const file = fopen(path, "r");
+  const int most = (int)(sizeof commands / sizeof *commands);
+  char line[512];
+  int has_header = 0;
+  if (file == NULL) return fail(path, "cannot be read");
+  while (fgets(line, (int)sizeof line, file) != NULL) {
+    command read;
+    char *topic, *value, *end, *value_end;
+    int i;
+    line[strcspn(line, "\r\n")] = '\0';
+    if (line[strspn(line, " \t")] == '\0' || line[0] == '#') continue;
+    if (!has_header) {
+      has_header = strcmp(line, "time,topic,value") == 0;
+      if (!has_header) return fail(path, "the header is not time,topic,value");
+      continue;
+    }
+    topic = strchr(line, ',');
+    value = topic == NULL ? NULL : strchr(topic + 1, ',');
+    if (value == NULL) return fail(line, "not three columns");
+    *topic++ = *value++ = '\0';
+    read.time = strtod(line, &end);
+    read.value = strtod(value, &value_end);
+    read.input = find_input(topic);
+    if (end == line || *end != '\0' || !isfinite(read.time) || read.time < 0.0) {
+      return fail(line, "not a time");
+    }
+    if (value_end == value || *value_end != '\0') return fail(value, "not a number");
+    if (read.input < 0) return fail(topic, "the scene has no such topic");
+    if (command_count == most) return fail(path, "too many commands");
+    for (i = command_count++; i > 0 && commands[i - 1].time > read.time; --i) {
+      commands[i] = commands[i - 1];
+    }
+    commands[i] = read;
+  }
+  fclose(file);
+  return has_header ? 0 : fail(path, "no header time,topic,value");
+}
+
+static void write_header(FILE *out)
+{
+  static const char *const columns[] = {"angle",          "velocity",        "acceleration",
+                                        "applied_torque", "reaction_torque", "reaction_torque_rate"};
+  int i, c;
+  fputs("time", out);
+  for (i = 0; i < SCENE_SHAFTS; ++i) {
+    for (c = 0; c < 6; ++c) fprintf(out, ",%s/%s", scene_shaft_name[i], columns[c]);
+  }
+  for (i = 0; i < SCENE_CONSTRAINTS; ++i) {
+    fprintf(out, ",%s/residual,%s/multiplier", scene_constraint_name[i], scene_constraint_name[i]);
+  }
+  fputc('\n', out);
+}
+
+static void write_sample(FILE *out, double time, const scene_sample *sample)
+{
+  int i;
+  fprintf(out, "%.17g", time);
+  for (i = 0; i < SCENE_SHAFTS; ++i) {
+    fprintf(out, ",%.17g,%.17g,%.17g,%.17g,%.17g,%.17g", sample->angle[i], sample->velocity[i],
+            sample->acceleration[i], sample->applied_torque[i], sample->reaction_torque[i],
+            sample->reaction_torque_rate[i]);
+  }
+  for (i = 0; i < SCENE_CONSTRAINTS; ++i) {
+    fprintf(out, ",%.17g,%.17g", sample->residual[i], sample->multiplier[i]);
+  }
+  fputc('\n', out);
+}
+
+/* Samples at k / rate and at the end, commands at their times. */
+static scene_status play(FILE *out, double duration, double rate)
+{
+  scene_sample sample;
+  scene_status status = SCENE_OK;
+  double index = 0.0;
+  int next = 0;
+  scene_init(&model);
+  write_header(out);
+  while (status == SCENE_OK) {
+    const double sampled = fmin(index / rate, duration);
+    const double commanded = next < command_count ? commands[next].time : INFINITY;
+    const double time = fmin(sampled, commanded);
+    status = scene_advance_to(&model, time);
+    if (status != SCENE_OK) break;
+    for (; next < command_count && commands[next].time <= time; ++next) {
+      if (scene_command(&model, commands[next].input, commands[next].value) != SCENE_OK) {
+        fprintf(stderr, "a command is refused: it is not finite\n");
+      }
+    }
+    if (sampled > time) continue;
+    status = scene_read(&model, &sample);
+    if (status != SCENE_OK) break;
+    write_sample(out, time, &sample);
+    if (time >= duration) return SCENE_OK;
+    index += 1.0;
+  }
+  fprintf(stderr, "stopped at %.17g s: %s\n", scene_time(&model), scene_status_text(status));
+  return status;
+}
+
+int main(int argc, char **argv)
+{
+  double duration = -1.0;
+  double rate = 100.0;
+  FILE *out = stdout;
+  const char *path = NULL;
+  scene_status status;
+  int i;
+  for (i = 1; i < argc; i += 2) {
+    char *end = NULL;
+    int is_number = 0;
+    double number;
+    if (i + 1 == argc) return fail(argv[i], "needs a value (--duration S [--rate HZ] "
+                                            "[--commands FILE.csv] [--output FILE.csv])");
+    number = strtod(argv[i + 1], &end);
+    is_number = end != argv[i + 1] && *end == '\0' && isfinite(number);
+    if (strcmp(argv[i], "--commands") == 0) {
+      if (read_commands(argv[i + 1]) != 0) return 2;
+    } else if (strcmp(argv[i], "--output") == 0) {
+      path = argv[i + 1];
+    } else if (strcmp(argv[i], "--duration") == 0 && is_number && number >= 0.0) {
+      duration = number;
+    } else if (strcmp(argv[i], "--rate") == 0 && is_number && number > 0.0) {
+      rate = number;
+    } else {
+      return fail(argv[i], "not an option, or not a value of it");
+    }
+  }
+  if (duration < 0.0) return fail("--duration", "is missing (s)");
+  if (path != NULL) out = fopen(path, "w");
+  if (out == NULL) return fail(path, "cannot be written");
+  status = play(out, duration, rate);
+  if (fflush(out) != 0 || ferror(out)) return fail("the output", "could not be written");
+  return status == SCENE_OK ? 0 : 1;
+}
+)c";
+
+std::string inCapitals(std::string name) {
+  for (char& c : name) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  return name;
+}
+
+std::string withName(std::string text, const std::string& name) {
+  const auto replace = [&text](const std::string& from, const std::string& to) {
+    for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
+      text.replace(at, from.size(), to);
+      at += to.size();
+    }
+  };
+  replace("scene_", name + "_");
+  replace("SCENE_", inCapitals(name) + "_");
+  return text;
+}
+
+}  // namespace variator_sim
