@@ -384,57 +384,70 @@ static scene_status measure_defect(scene_model *m, const double *slope, double h
   return SCENE_OK;
 }
 
-/* How far psi (order 2) has jumped, in tolerances of the accelerations. */
-static double measure_gap(scene_model *m)
+/* What may jump at an edge. */
+typedef struct {
+  double torque[S];
+  double residual[K + 1]; /* f or psi; 0 of order 3 */
+} law_values;
+
+static void look(scene_model *m, double theta, law_values *found)
 {
-  double gap = 0.0;
-  int i, p;
+  int i;
+  go(m, theta);
+  enter_inputs(m, m->unit, 0);
   enter_state(m);
-  if (!factor(m, 1, 3)) return INFINITY;
+  at_once(m->row, m->branch, m->piece, 0);
+  for (i = 0; i < S; ++i) found->torque[i] = m->row[torque_row[i]][0];
+  for (i = 0; i < K; ++i) {
+    const int *const residual = order_of[i] == 1 ? velocity_residual_row : residual_row;
+    found->residual[i] = order_of[i] < 3 ? m->row[residual[i]][0] : 0.0;
+  }
+}
+
+/* A jump of a constraint of order 1 or 2 has no motion. Its size is what it would move the
+   velocities or accelerations by. */
+static int has_gap(const scene_model *m, const law_values *before, const law_values *after)
+{
+  int i, p;
   for (p = 0; p < K; ++p) {
-    const double l = order_of[p] == 2 ? m->row[residual_row[p]][0] / m->length[p] : 0.0;
+    const double l = (after->residual[p] - before->residual[p]) / m->length[p];
+    const double *const x = order_of[p] == 1 ? m->now.velocity : m->now.acceleration;
     for (i = 0; i < S; ++i) {
       const double moved = m->row[entry_row[S * p + i]][0] * l / inertia(m, i, i);
-      gap = fmax(gap, fabs(moved) / tolerance_of(m->now.acceleration[i]));
+      if (!(fabs(moved) <= tolerance_of(x[i]))) return 1;
     }
   }
-  return gap;
+  return 0;
 }
 
 /* Over an edge, to the state shortly behind it. *theta: where the step has ended. */
 static scene_status cross(scene_model *m, const edge *at, double *theta)
 {
-  const scene_state before = m->now;
-  double torque[S], moved[S];
-  double ahead = fmax(1e-13 * at->theta, 4.0 * DBL_EPSILON * fmax(1.0, before.time) / m->unit);
+  const scene_state base = m->now;
+  double ahead = fmax(1e-13 * at->theta, 4.0 * DBL_EPSILON * fmax(1.0, base.time) / m->unit);
   double u[INPUTS + 1];
+  law_values before, after;
   scene_status status;
   int i, trial;
-  /* (Every look at the other side overwrites the coefficients of order 0.) */
+  /* (Every look at a state overwrites the coefficients of order 0.) */
   for (i = 0; i < ROWS; ++i) m->kept[i] = m->row[i][0];
+  look(m, fmax(0.0, at->theta - ahead), &before);
   for (trial = 0; trial < 40; ++trial, ahead *= 2.0) {
-    *theta = at->theta + ahead;
-    go(m, *theta);
-    for (i = 0; i < S; ++i) torque[i] = evaluate(m->row[torque_row[i]], m->order, *theta);
-    enter_inputs(m, m->unit, 0);
-    enter_state(m);
-    if (is_beyond(m, at)) break;
-    if (trial + 1 < 40) m->now = before;
+    m->now = base;
     for (i = 0; i < ROWS; ++i) m->row[i][0] = m->kept[i];
+    *theta = at->theta + ahead;
+    look(m, *theta, &after);
+    if (is_beyond(m, at)) break;
   }
-  for (i = 0; i < S; ++i) moved[i] = m->now.velocity[i];
+  if (!factor(m, 1, 3)) return SCENE_SINGULAR;
+  if (has_gap(m, &before, &after)) return SCENE_NO_MOTION;
   status = project_velocities(m);
-  for (i = 0; i < S; ++i) {
-    if (!(fabs(m->now.velocity[i] - moved[i]) <= tolerance_of(moved[i]))) return SCENE_NO_MOTION;
-  }
-  if (status != SCENE_OK) return status;
-  if (!(measure_gap(m) <= 1.0)) return SCENE_NO_MOTION;
-  status = settle_accelerations(m);
+  if (status == SCENE_OK) status = settle_accelerations(m);
   if (status != SCENE_OK || IS_CLASSICAL || !at->jumps) return status;
   enter_state(m);
-  for (i = 0; i < S; ++i) torque[i] = m->row[torque_row[i]][0] - torque[i];
+  for (i = 0; i < S; ++i) after.torque[i] -= before.torque[i];
   for (i = 0; i < INPUTS; ++i) u[i] = input_value(&m->now.input[i]);
-  return jump(m, u, 0, torque);
+  return jump(m, u, 0, after.torque);
 }
 
 /* No jump was stepped over unseen. */

@@ -201,7 +201,7 @@ static int factor(scene_model *m, int low, int high)
 /* The first `size` unknowns of what was factored; S of them are J alone. */
 static void solve(const scene_model *m, int size, double *x)
 {
-  double b[SIZE];
+  double b[SIZE] = {0.0};
   int i, j;
   for (i = 0; i < size; ++i) b[i] = m->scale[m->place[i]] * x[m->place[i]];
   for (i = 0; i < size; ++i) {
