@@ -3,21 +3,13 @@
 /// `scene_` and `SCENE_` in them stand for the scene's own name.
 #pragma once
 
-#include <map>
 #include <set>
 #include <string>
-#include <vector>
 
 namespace variator_sim {
 
-/// Functions on power series, by name: coefficient n of a row from those of others.
-struct SeriesFunction {
-  const char* name;
-  std::vector<const char*> needs;  ///< other functions
-  const char* text;
-};
-const std::vector<SeriesFunction>& seriesFunctions();
-/// Those that are in `used`, with what they need, in an order that compiles.
+/// Functions on power series: coefficient n of a row from those of others. Those that are in
+/// `used`, with what they need, in an order that compiles.
 std::string writeSeriesFunctions(std::set<std::string> used);
 
 /// What a header declares below the sizes of the scene.

@@ -1,12 +1,22 @@
 // Power series in C. Each function makes coefficient n of its result from those of its operands up
 // to n and of itself below n, order 0 included (series_program.h has the recurrences).
+#include <iterator>
+
 #include "emit_c/c_text.h"
 
 namespace variator_sim {
 
-const std::vector<SeriesFunction>& seriesFunctions() {
-  static const std::vector<SeriesFunction> functions = {
-      {"convolve", {}, R"c(
+namespace {
+
+struct SeriesFunction {
+  const char* name;
+  const char* needs[3];  ///< other functions, null behind the last one
+  const char* text;
+};
+
+/// They stand behind what they need.
+constexpr SeriesFunction kFunctions[] = {
+    {"convolve", {}, R"c(
 /* sum of a[j] b[n-j] for low <= j <= high */
 static double convolve(const double *a, const double *b, int n, int low, int high)
 {
@@ -16,7 +26,7 @@ static double convolve(const double *a, const double *b, int n, int low, int hig
   return sum;
 }
 )c"},
-      {"chain", {}, R"c(
+    {"chain", {}, R"c(
 /* 1/n sum of j x[j] w[n-j] for 1 <= j <= last: of y' = x' w */
 static double chain(const double *x, const double *w, int n, int last)
 {
@@ -26,76 +36,76 @@ static double chain(const double *x, const double *w, int n, int last)
   return sum / n;
 }
 )c"},
-      {"at_limit", {}, R"c(
+    {"at_limit", {}, R"c(
 /* 1/(1 + exp(x)) and its like, where exp(x) has overflowed, stay at their limit */
 static int at_limit(const double *x, const double *y, int n)
 {
   return n > 0 && isinf(x[0]) && isfinite(y[0]);
 }
 )c"},
-      {"scale", {}, R"c(
+    {"scale", {}, R"c(
 static void scale(double *y, const double *a, double factor, int n)
 {
   y[n] = factor * a[n];
 }
 )c"},
-      {"shift", {}, R"c(
+    {"shift", {}, R"c(
 static void shift(double *y, const double *a, double by, int n)
 {
   y[n] = n == 0 ? a[0] + by : a[n];
 }
 )c"},
-      {"add", {}, R"c(
+    {"add", {}, R"c(
 static void add(double *y, const double *a, const double *b, int n)
 {
   y[n] = a[n] + b[n];
 }
 )c"},
-      {"subtract", {}, R"c(
+    {"subtract", {}, R"c(
 static void subtract(double *y, const double *a, const double *b, int n)
 {
   y[n] = a[n] - b[n];
 }
 )c"},
-      {"multiply", {"convolve"}, R"c(
+    {"multiply", {"convolve"}, R"c(
 static void multiply(double *y, const double *a, const double *b, int n)
 {
   y[n] = convolve(a, b, n, 0, n);
 }
 )c"},
-      {"divide", {"convolve"}, R"c(
+    {"divide", {"convolve"}, R"c(
 static void divide(double *y, const double *a, const double *b, int n)
 {
   y[n] = (a[n] - convolve(b, y, n, 1, n)) / b[0];
 }
 )c"},
-      {"exponential", {"chain"}, R"c(
+    {"exponential", {"chain"}, R"c(
 static void exponential(double *y, const double *a, int n)
 {
   y[n] = n == 0 ? exp(a[0]) : chain(a, y, n, n);
 }
 )c"},
-      {"logarithm", {"chain"}, R"c(
+    {"logarithm", {"chain"}, R"c(
 static void logarithm(double *y, const double *a, int n)
 {
   y[n] = n == 0 ? log(a[0]) : (a[n] - chain(y, a, n, n - 1)) / a[0];
 }
 )c"},
-      {"sine_cosine", {"chain"}, R"c(
+    {"sine_cosine", {"chain"}, R"c(
 static void sine_cosine(double *s, double *c, const double *a, int n)
 {
   s[n] = n == 0 ? sin(a[0]) : chain(a, c, n, n);
   c[n] = n == 0 ? cos(a[0]) : -chain(a, s, n, n);
 }
 )c"},
-      {"sinh_cosh", {"chain"}, R"c(
+    {"sinh_cosh", {"chain"}, R"c(
 static void sinh_cosh(double *s, double *c, const double *a, int n)
 {
   s[n] = n == 0 ? sinh(a[0]) : chain(a, c, n, n);
   c[n] = n == 0 ? cosh(a[0]) : chain(a, s, n, n);
 }
 )c"},
-      {"tangent", {"chain", "convolve"}, R"c(
+    {"tangent", {"chain", "convolve"}, R"c(
 /* w = 1 + y^2 */
 static void tangent(double *y, double *w, const double *a, int n)
 {
@@ -103,7 +113,7 @@ static void tangent(double *y, double *w, const double *a, int n)
   w[n] = n == 0 ? 1.0 / (cos(a[0]) * cos(a[0])) : convolve(y, y, n, 0, n);
 }
 )c"},
-      {"tangent_hyperbolic", {"chain", "convolve"}, R"c(
+    {"tangent_hyperbolic", {"chain", "convolve"}, R"c(
 /* w = 1 - y^2 */
 static void tangent_hyperbolic(double *y, double *w, const double *a, int n)
 {
@@ -111,7 +121,7 @@ static void tangent_hyperbolic(double *y, double *w, const double *a, int n)
   w[n] = n == 0 ? 1.0 / (cosh(a[0]) * cosh(a[0])) : -convolve(y, y, n, 0, n);
 }
 )c"},
-      {"arc_tangent", {"chain", "convolve"}, R"c(
+    {"arc_tangent", {"chain", "convolve"}, R"c(
 /* y' w = a', w = 1 + a^2 */
 static void arc_tangent(double *y, double *w, const double *a, int n)
 {
@@ -119,13 +129,13 @@ static void arc_tangent(double *y, double *w, const double *a, int n)
   y[n] = n == 0 ? atan(a[0]) : (a[n] - chain(y, w, n, n - 1)) / w[0];
 }
 )c"},
-      {"square_root", {"convolve"}, R"c(
+    {"square_root", {"convolve"}, R"c(
 static void square_root(double *y, const double *a, int n)
 {
   y[n] = n == 0 ? sqrt(a[0]) : (a[n] - convolve(y, y, n, 1, n - 1)) / (2.0 * y[0]);
 }
 )c"},
-      {"one_minus_square_root", {"convolve"}, R"c(
+    {"one_minus_square_root", {"convolve"}, R"c(
 /* w = sqrt(1 - a^2) */
 static void one_minus_square_root(double *w, const double *a, int n)
 {
@@ -133,7 +143,7 @@ static void one_minus_square_root(double *w, const double *a, int n)
   w[n] = n == 0 ? sqrt(1.0 - square) : (-square - convolve(w, w, n, 1, n - 1)) / (2.0 * w[0]);
 }
 )c"},
-      {"arc_sine", {"chain", "one_minus_square_root"}, R"c(
+    {"arc_sine", {"chain", "one_minus_square_root"}, R"c(
 /* y' w = a' */
 static void arc_sine(double *y, double *w, const double *a, int n)
 {
@@ -141,7 +151,7 @@ static void arc_sine(double *y, double *w, const double *a, int n)
   y[n] = n == 0 ? asin(a[0]) : (a[n] - chain(y, w, n, n - 1)) / w[0];
 }
 )c"},
-      {"arc_cosine", {"chain", "one_minus_square_root"}, R"c(
+    {"arc_cosine", {"chain", "one_minus_square_root"}, R"c(
 /* y' w = -a' */
 static void arc_cosine(double *y, double *w, const double *a, int n)
 {
@@ -149,7 +159,7 @@ static void arc_cosine(double *y, double *w, const double *a, int n)
   y[n] = n == 0 ? acos(a[0]) : (-a[n] - chain(y, w, n, n - 1)) / w[0];
 }
 )c"},
-      {"arc_tangent_of_two", {"chain", "convolve"}, R"c(
+    {"arc_tangent_of_two", {"chain", "convolve"}, R"c(
 /* y' w = b a' - a b', w = a^2 + b^2 */
 static void arc_tangent_of_two(double *y, double *w, const double *a, const double *b, int n)
 {
@@ -158,14 +168,14 @@ static void arc_tangent_of_two(double *y, double *w, const double *a, const doub
                 : (chain(a, b, n, n) - chain(b, a, n, n) - chain(y, w, n, n - 1)) / w[0];
 }
 )c"},
-      {"power", {"chain", "convolve"}, R"c(
+    {"power", {"chain", "convolve"}, R"c(
 /* a^k: a y' = k a' y */
 static void power(double *y, const double *a, double k, int n)
 {
   y[n] = n == 0 ? pow(a[0], k) : ((k + 1.0) * chain(a, y, n, n) - convolve(a, y, n, 1, n)) / a[0];
 }
 )c"},
-      {"side_of", {}, R"c(
+    {"side_of", {}, R"c(
 /* The branch of a < b, and of the direction in which a - b goes where both are equal: that stays
    from the first order which tells it. */
 static int side_of(int *side, double a, double b, int n)
@@ -175,19 +185,19 @@ static int side_of(int *side, double a, double b, int n)
   return *side;
 }
 )c"},
-      {"absolute", {"side_of"}, R"c(
+    {"absolute", {"side_of"}, R"c(
 static void absolute(double *y, const double *a, int *side, int n)
 {
   y[n] = side_of(side, a[n], 0.0, n) * a[n];
 }
 )c"},
-      {"sign_of", {}, R"c(
+    {"sign_of", {}, R"c(
 static void sign_of(double *y, const double *a, int n)
 {
   y[n] = n > 0 ? 0.0 : a[0] > 0.0 ? 1.0 : a[0] < 0.0 ? -1.0 : a[0];
 }
 )c"},
-      {"minimum", {"side_of"}, R"c(
+    {"minimum", {"side_of"}, R"c(
 /* (NaN where the two cannot be compared) */
 static void minimum(double *y, const double *a, const double *b, int *side, int n)
 {
@@ -195,7 +205,7 @@ static void minimum(double *y, const double *a, const double *b, int *side, int 
   if (n == 0 && (isnan(a[0]) || isnan(b[0]))) y[0] = NAN;
 }
 )c"},
-      {"maximum", {"side_of"}, R"c(
+    {"maximum", {"side_of"}, R"c(
 /* (NaN where the two cannot be compared) */
 static void maximum(double *y, const double *a, const double *b, int *side, int n)
 {
@@ -203,7 +213,7 @@ static void maximum(double *y, const double *a, const double *b, int *side, int 
   if (n == 0 && (isnan(a[0]) || isnan(b[0]))) y[0] = NAN;
 }
 )c"},
-      {"choose", {"side_of"}, R"c(
+    {"choose", {"side_of"}, R"c(
 /* a <= b ? yes : no; on the edge of a jump it is what it says there */
 static void choose(double *y, const double *a, const double *b, const double *yes,
                    const double *no, int *side, int n)
@@ -213,14 +223,14 @@ static void choose(double *y, const double *a, const double *b, const double *ye
   if (n == 0 && (isnan(a[0]) || isnan(b[0]))) y[0] = NAN;
 }
 )c"},
-      {"where_finite", {}, R"c(
+    {"where_finite", {}, R"c(
 /* b, but 0 where a is infinite */
 static void where_finite(double *y, const double *a, const double *b, int n)
 {
   y[n] = isinf(a[0]) ? 0.0 : isnan(a[0]) ? a[0] : b[n];
 }
 )c"},
-      {"place", {}, R"c(
+    {"place", {}, R"c(
 /* The piece of a table in which a row lies, and goes on where it lies on a point: its number, and
    behind it whether that is known. True when it has just become another one. */
 static int place(int *piece, const double *points, int count, const double *x, int n)
@@ -237,7 +247,7 @@ static int place(int *piece, const double *points, int count, const double *x, i
   return 1;
 }
 )c"},
-      {"take_derivative", {}, R"c(
+    {"take_derivative", {}, R"c(
 /* c: a polynomial of degree 5 in x; in its place that derivative of it at x + by */
 static void take_derivative(double *c, int stride, int order, double by)
 {
@@ -251,7 +261,7 @@ static void take_derivative(double *c, int stride, int order, double by)
   }
 }
 )c"},
-      {"look_up", {"convolve", "place", "take_derivative"}, R"c(
+    {"look_up", {"convolve", "place", "take_derivative"}, R"c(
 /* A derivative of a table at x; h[i] = a_i + (x - x_0) h[i+1], h[0] the result. */
 typedef struct {
   int count;               /* of points */
@@ -273,7 +283,7 @@ static void look_up(row *h, const double *x, const table_of_one *table, int orde
   for (i = 4; i >= 0; --i) h[i][n] = convolve(x, h[i + 1], n, 1, n);
 }
 )c"},
-      {"look_up_two", {"convolve", "place", "take_derivative"}, R"c(
+    {"look_up_two", {"convolve", "place", "take_derivative"}, R"c(
 /* The same of two variables: q_i = sum of a_ij (y - y_0)^j, h[i] = q_i + (x - x_0) h[i+1], with
    the powers of y - y_0 behind the h. */
 typedef struct {
@@ -314,18 +324,19 @@ static void look_up_two(row *h, const double *x, const double *y, const table_of
   }
 }
 )c"},
-  };
-  return functions;
-}
+};
+
+}  // namespace
 
 std::string writeSeriesFunctions(std::set<std::string> used) {
-  const std::vector<SeriesFunction>& functions = seriesFunctions();
-  // They stand behind what they need.
-  for (auto it = functions.rbegin(); it != functions.rend(); ++it) {
-    if (used.count(it->name) > 0) used.insert(it->needs.begin(), it->needs.end());
+  for (auto it = std::rbegin(kFunctions); it != std::rend(kFunctions); ++it) {
+    if (used.count(it->name) == 0) continue;
+    for (const char* const need : it->needs) {
+      if (need != nullptr) used.insert(need);
+    }
   }
   std::string text;
-  for (const SeriesFunction& function : functions) {
+  for (const SeriesFunction& function : kFunctions) {
     if (used.count(function.name) > 0) text += function.text;
   }
   return text;

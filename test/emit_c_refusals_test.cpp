@@ -1,0 +1,100 @@
+// What cannot be written as C is refused by its name: laws with code of their own.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+#include "emit_c/emit_c.h"
+#include "support/scenes.h"
+#include "support/ship_components.h"
+#include "variator_sim/errors.h"
+#include "variator_sim/formula_torque.h"
+
+namespace variator_sim {
+namespace {
+
+class Square : public OpaqueFunction {
+ public:
+  Square() : OpaqueFunction(1) {}
+  double value(const double* x) const override { return x[0] * x[0]; }
+  void calcGradient(const double* x, double* gradient) const override { gradient[0] = 2.0 * x[0]; }
+};
+
+class OpaqueDrag : public FormulaTorque {
+  void build(LawContext& scene) override {
+    const Shaft shaft = scene.shaftAt(0);
+    scene.apply(shaft, -scene.function(std::make_shared<Square>(), {shaft.velocity}));
+  }
+};
+
+class Factory : public BuiltinComponentFactory {
+ public:
+  TorquePtr createTorque(const std::string& type) override {
+    if (type == "test/Motor") return std::make_shared<test::ShipMotor>();
+    if (type == "test/OpaqueDrag") return std::make_shared<OpaqueDrag>();
+    return BuiltinComponentFactory::createTorque(type);
+  }
+  ConstraintPtr createConstraint(const std::string& type) override {
+    if (type == "test/Variator") return std::make_shared<test::ShipVariator>();
+    return BuiltinComponentFactory::createConstraint(type);
+  }
+};
+
+constexpr const char* kFormulaTorque =
+    "{type: variator_sim/ExpressionTorque, shaft: a, torque: \"1-w1\"}";
+constexpr const char* kFormulaConstraint =
+    "{type: variator_sim/ExpressionConstraint, order: 2, expression: \"e2-e1\"}";
+
+Simulation make(const std::string& torque, const std::string& constraint) {
+  Factory factory;
+  return Simulation(readScene(
+      readYamlText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\n"
+                   "torques: [the_torque]\nthe_torque: " +
+                       torque + "\nconstraints: [the_constraint]\nthe_constraint: " + constraint +
+                       "\ninitial: {velocity: [1, 1]}\n",
+                   "test"),
+      factory));
+}
+
+std::string refusalOf(const std::string& torque, const std::string& constraint) {
+  Simulation simulation = make(torque, constraint);
+  try {
+    emitScene(simulation, "it", "it.yaml");
+  } catch (const SceneError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(EmitCRefusals, NothingOfFormulas) {
+  EXPECT_EQ(refusalOf(kFormulaTorque, kFormulaConstraint), "");
+}
+
+TEST(EmitCRefusals, ElementsWithCodeOfTheirOwn) {
+  const std::string torque = refusalOf("{type: test/Motor}", kFormulaConstraint);
+  EXPECT_NE(torque.find("the_torque: cannot be written as C: it computes its values by code of its "
+                        "own; allowed: "),
+            std::string::npos)
+      << torque;
+  const std::string constraint = refusalOf(kFormulaTorque, "{type: test/Variator}");
+  EXPECT_NE(constraint.find("the_constraint: cannot be written as C: "), std::string::npos)
+      << constraint;
+}
+
+TEST(EmitCRefusals, OpaqueFunctions) {
+  const std::string refusal = refusalOf("{type: test/OpaqueDrag}", kFormulaConstraint);
+  EXPECT_NE(refusal.find("the_torque: cannot be written as C: it calls a function of its plugin"),
+            std::string::npos)
+      << refusal;
+  EXPECT_NE(refusal.find("OpaqueFunction"), std::string::npos) << refusal;
+}
+
+TEST(EmitCRefusals, NamesForC) {
+  EXPECT_EQ(nameForC("config/ship.yaml"), "ship");
+  EXPECT_EQ(nameForC("/a.b/3 shafts-x.yaml"), "scene_3_shafts_x");
+  EXPECT_EQ(nameForC("main.yaml"), "scene_main");
+  EXPECT_EQ(nameForC("math"), "scene_math");
+}
+
+}  // namespace
+}  // namespace variator_sim

@@ -1,0 +1,379 @@
+#!/usr/bin/python3
+"""Scenes written as C: they compile without a warning, agree with `simulate`, allocate nothing."""
+
+import pathlib
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+import roslib.packages
+import rosunit
+
+PACKAGE = "variator_sim"
+FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
+SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
+
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+PATIENCE = 120.0  # s; only a failure takes as long
+SOLVER = "solver: {relative_tolerance: 1e-11, absolute_tolerance: 1e-11}\n"
+
+# What the library of mathematics has, and what compilers ask for on their own account.
+FREESTANDING = set("""acos asin atan atan2 cos cosh exp expm1 fabs fmax fmin frexp ldexp log pow sin
+                      sincos sinh sqrt tan tanh memcpy memset memmove __stack_chk_fail
+                      _GLOBAL_OFFSET_TABLE_""".split())
+
+MOTOR = """
+shafts: [drive, load]
+drive: {inertia: 0.5}
+load: {inertia: 1.2}
+torques: [motor, drag%s]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "8*(1-w1/40)"}
+drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.1*w2"}
+"""
+SLIP = """constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.3*(e2-0.8*e1)+w2-0.8*w1"}
+"""
+
+
+class Scene:
+    def __init__(self, scene, commands="", duration=5.0, rate=50.0, allowed=1e-8):
+        self.scene = scene
+        self.commands = commands
+        self.duration = duration
+        self.rate = rate
+        self.allowed = allowed
+
+
+def shipped(path, **options):
+    path = FOLDER / path
+    commands = path.with_suffix(".csv")
+    text = commands.read_text() if commands.exists() else ""
+    return Scene(path.read_text(), text, **options)
+
+
+TABLES = MOTOR % ", map, curve" + SLIP + """
+inputs: [throttle]
+throttle: {topic: throttle, hold: first_order_lag, time_constant: 0.2, min: 0, max: 1}
+tables: [full_load, engine_map]
+full_load: {x: [0, 3, 9, 12, 20], values: [3, 5, 4, 1, -2], beyond: linear}
+engine_map: {x: [0, 5, 10, 15], y: [0, 0.5, 1], values: [[0, 3, 6], [0, 4, 9], [0, 3, 8], [0, 1, 4]]}
+map: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "engine_map(w_drive, throttle)"}
+curve: {type: variator_sim/ExpressionTorque, shaft: load, torque: "full_load(w_load)"}
+initial: {velocity: [2.0, 1.6]}
+""" + SOLVER
+
+# Signs, a jump at an instant, jumps by commands, along a constraint that is not linear.
+EDGES = MOTOR % ", dry, pulse, brake" + """
+dry: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.5*sign(sin(3*phi2)) - abs(w1-w2)"}
+pulse: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "if(t < 1.003, 0, 3) + max(0, 2*sin(t+0.1))"}
+brake: {type: variator_sim/CommandedTorque, shaft: load, topic: brake, gain: -1, min: 0, max: 4}
+constraints: [variator]
+variator:
+  type: variator_sim/ExpressionConstraint
+  order: 2
+  expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"
+initial: {velocity: [10.0, 8.0]}
+""" + SOLVER
+
+GAUSS = EDGES.replace("initial:", "principle: gauss\ninitial:").replace("0.01*(e1^2+e1*e2)+", "")
+
+HOLDS = MOTOR % ", a, b, c, d" + """
+a: {type: variator_sim/CommandedTorque, shaft: drive, topic: a, hold: rate_limit, rate: 20, timeout: 0.7, on_timeout: zero}
+b: {type: variator_sim/CommandedTorque, shaft: load, topic: b, hold: first_order_hold, period: 0.25, max: 2}
+c: {type: variator_sim/CommandedTorque, shaft: load, topic: c, timeout: 0.5, on_timeout: zero, initial: 1}
+d: {type: variator_sim/CommandedTorque, shaft: drive, topic: deep/d, hold: second_order_lag, time_constant: 0.1}
+constraints: [variator]
+variator:
+  type: variator_sim/KinematicRatio
+  shafts: [drive, load]
+  ratio: {topic: ratio, hold: second_order_lag, time_constant: 0.3, initial: 0.6}
+initial: {velocity: [5.0, 3.0]}
+""" + SOLVER
+
+THREE = """
+shafts: [a, b, c]
+a: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}, {order: 2, sin: 0.1}]}}
+b: {inertia: 0.7}
+c: {inertia: 2.0}
+torques: [motor, spring, load]
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "6*tanh(3-0.2*w1) + atan(phi2)/(1+exp(-w2))"}
+spring: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: 50, damping: 2}
+load: {type: variator_sim/ExpressionTorque, shaft: c, torque: "-0.05*w3*sqrt(1+w3^2) - 0.1*log(2+w3^2)*cos(phi3)"}
+constraints: [first, second]
+first: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.4*(e3-0.7*e2)+w3-0.7*w2+0.01*e2*e3"}
+second: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w1-(1.2+0.1*sin(t))*w2-0.05*atan2(phi1,2)"}
+principle: %s
+initial: {velocity: [3.0, 2.5, 1.75], project: true}
+""" + SOLVER
+
+SCENES = {
+    "ship": shipped("config/ship.yaml", allowed=1e-7),
+    "demo": Scene((FOLDER / "config/ship.yaml").read_text(),
+                  (FOLDER / "config/demo_profile.csv").read_text(), 12.0, allowed=1e-6),
+    "ratio_steps": shipped("config/ratio_steps.yaml", allowed=1e-7),
+    "order_1": shipped("benchmark/scenes/order1.yaml", allowed=1e-7),
+    "order_3": shipped("benchmark/scenes/order3.yaml", allowed=1e-7),
+    "machine_tool": shipped("config/applications/machine_tool.yaml", duration=20.0, allowed=1e-7),
+    "tables": Scene(TABLES, "time,topic,value\n0.3,throttle,0.8\n2,throttle,7\n3.1,throttle,0.2\n"),
+    "edges": Scene(EDGES, "time,topic,value\n0,brake,1\n1.5,brake,3\n2.505,brake,-1\n"),
+    "gauss": Scene(GAUSS, "time,topic,value\n0,brake,1\n1.5,brake,3\n2.505,brake,-1\n"),
+    "holds": Scene(HOLDS, "time,topic,value\n0,c,2\n0,a,3\n0.3,a,5\n0.4,b,4\n0.5,deep/d,2\n1,ratio,0.7\n"
+                          "1.2,c,1\n1.2,b,-1\n1.313,deep/d,-1\n1.5,a,-2\n"),
+    "two_constraints": Scene(THREE % "generalized_gauss"),
+    "two_constraints_gauss": Scene(THREE % "gauss"),
+}
+
+
+def call(*words, **options):
+    return subprocess.run(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          text=True, timeout=PATIENCE, check=False, **options)
+
+
+def parse(text):
+    lines = [line.split(",") for line in text.splitlines()]
+    return lines[0], [list(map(float, line)) for line in lines[1:]]
+
+
+class EmitCTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, self.folder)
+
+    def need(self, *programs):
+        for program in programs:
+            if shutil.which(program) is None:
+                self.skipTest(f"{program} is not installed (scripts/install_dependencies --with-tests)")
+
+    def emit(self, name, scene):
+        """The folder of its program."""
+        path = self.folder / f"{name}.yaml"
+        path.write_text(scene)
+        done = call(SIMULATE, path, "--emit-c", self.folder / name)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(done.stdout, "")
+        return self.folder / name
+
+    def compile(self, name, compiler, *options):
+        folder = self.folder / name
+        program = folder / "play"
+        done = call(compiler, *STRICT, *options, "-o", program, folder / "main.c",
+                    folder / f"{name}.c", "-lm")
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        return program
+
+    def arguments(self, name):
+        scene = SCENES[name]
+        words = ["--duration", str(scene.duration), "--rate", str(scene.rate)]
+        if scene.commands:
+            path = self.folder / f"{name}.csv"
+            path.write_text(scene.commands)
+            words += ["--commands", str(path)]
+        return words
+
+    def compare(self, expected, got, allowed):
+        """In parts of 1 + the largest magnitude of a column."""
+        self.assertEqual(expected[0], got[0])
+        self.assertEqual(len(expected[1]), len(got[1]))
+        for i, name in enumerate(expected[0]):
+            a = [row[i] for row in expected[1]]
+            b = [row[i] for row in got[1]]
+            size = 1.0 + max(map(abs, a))
+            error, at = max((abs(x - y) / size, row[0]) for x, y, row in zip(a, b, expected[1]))
+            self.assertLessEqual(error, allowed, f"{name} at {at} s")
+
+    def check_agrees(self, name):
+        scene = SCENES[name]
+        self.emit(name, scene.scene)
+        words = self.arguments(name)
+        expected = call(SIMULATE, self.folder / f"{name}.yaml", *words)
+        self.assertEqual(expected.returncode, 0, expected.stderr)
+        got = call(self.compile(name, "gcc", "-O1"), *words)
+        self.assertEqual((got.returncode, got.stderr), (0, ""))
+        self.compare(parse(expected.stdout), parse(got.stdout), scene.allowed)
+
+    def test_compiles_with_clang(self):
+        self.need("clang")
+        for name in ("ship", "edges", "tables", "two_constraints_gauss", "holds"):
+            with self.subTest(scene=name):
+                self.emit(name, SCENES[name].scene)
+                self.compile(name, "clang", "-O1")
+
+    def test_compiles_where_nothing_is_there_to_count(self):
+        self.emit("lone", "shafts: [a]\na: {inertia: 1.0}\n")
+        program = self.compile("lone", "gcc", "-O2")
+        done = call(program, "--duration", 1, "--rate", 1)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(parse(done.stdout)[1], [[0.0] * 7, [1.0] + [0.0] * 6])
+
+    def test_needs_the_library_of_mathematics_only(self):
+        for name in ("ship", "edges", "tables", "two_constraints_gauss"):
+            folder = self.emit(name, SCENES[name].scene)
+            done = call("gcc", *STRICT, "-O1", "-c", folder / f"{name}.c", "-o", folder / "scene.o")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            symbols = {line.split()[-1] for line in call("nm", "-u", folder / "scene.o").stdout.splitlines()}
+            self.assertGreater(len(symbols), 3)
+            self.assertEqual(symbols - FREESTANDING, set())
+        program = self.compile("ship", "gcc", "-O1")
+        symbols = call("nm", "-u", program).stdout
+        for forbidden in ("malloc", "calloc", "realloc", "free"):
+            self.assertNotIn(f" {forbidden}@", symbols)
+
+    def test_no_memory_but_the_models_is_written_to(self):
+        folder = self.emit("edges", SCENES["edges"].scene)
+        done = call("gcc", "-std=c99", "-O1", "-c", folder / "edges.c", "-o", folder / "scene.o")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        kinds = {line.split()[-2] for line in call("nm", folder / "scene.o").stdout.splitlines()}
+        self.assertEqual(kinds & set("bBCgGsS"), set())  # nothing that begins as zero
+
+    def test_runs_on_arm64(self):
+        self.need("aarch64-linux-gnu-gcc", "qemu-aarch64")
+        for name in ("ship", "edges"):
+            self.emit(name, SCENES[name].scene)
+            words = self.arguments(name)
+            expected = call(SIMULATE, self.folder / f"{name}.yaml", *words)
+            program = self.compile(name, "aarch64-linux-gnu-gcc", "-O1", "-static")
+            got = call("qemu-aarch64", program, *words)
+            self.assertEqual((got.returncode, got.stderr), (0, ""))
+            self.compare(parse(expected.stdout), parse(got.stdout), SCENES[name].allowed)
+
+    def test_runs_clean_under_the_sanitizers(self):
+        for name in ("edges", "tables", "two_constraints_gauss"):
+            self.emit(name, SCENES[name].scene)
+            program = self.compile(name, "gcc", "-O1", "-fsanitize=address,undefined",
+                                   "-fno-sanitize-recover=all")
+            got = call(program, *self.arguments(name))
+            self.assertEqual((got.returncode, got.stderr), (0, ""))
+
+    def test_make_and_the_readme(self):
+        folder = self.emit("3 shafts-x", SCENES["holds"].scene)
+        self.assertEqual({path.name for path in folder.iterdir()},
+                         {"scene_3_shafts_x.c", "scene_3_shafts_x.h", "main.c", "README.md", "Makefile"})
+        self.assertEqual(call("make", "-C", folder).returncode, 0)
+        done = call(folder / "scene_3_shafts_x_play", "--duration", 0.1)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        readme = (folder / "README.md").read_text()
+        for word in ("scene_3_shafts_x_step", "deep/d", "second_order_lag, 0.1 s",
+                     "0 after 0.7 s without a command", "| 0 | variator | 1 |"):
+            self.assertIn(word, readme)
+        self.assertIn("SCENE_3_SHAFTS_X_INPUT_DEEP_D", (folder / "scene_3_shafts_x.h").read_text())
+
+    def run_harness(self, name, body):
+        """Runs `body` in a main of its own; its output."""
+        folder = self.folder / name
+        (folder / "own.c").write_text(
+            f'#include <math.h>\n#include <stdio.h>\n#include "{name}.h"\n'
+            f"static {name}_model m;\nint main(void) {{\n  {name}_sample s;\n{body}\n  return 0;\n}}\n")
+        done = call("gcc", "-std=c99", "-O1", "-o", folder / "own", folder / "own.c",
+                    folder / f"{name}.c", "-lm")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        done = call(folder / "own")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout
+
+    def test_short_steps_and_long_ones_make_one_motion(self):
+        # One of the short ones ends where the torque jumps.
+        self.emit("edges", EDGES.replace("1.003", "1"))
+        out = self.run_harness("edges", """
+  int k, i;
+  for (k = 0; k < 2; ++k) {
+    edges_init(&m);
+    if (k == 0) edges_advance_to(&m, 3.0);
+    for (i = 0; i < 3000 && k == 1; ++i) if (edges_step(&m, 0.001) != EDGES_OK) return 1;
+    if (edges_read(&m, &s) != EDGES_OK) return 2;
+    printf("%.17g %.17g %.17g\\n", s.time, s.angle[EDGES_SHAFT_LOAD], s.acceleration[EDGES_SHAFT_LOAD]);
+  }
+""")
+        long, short = [list(map(float, line.split())) for line in out.splitlines()]
+        done = call(SIMULATE, self.folder / "edges.yaml", "--times", "3")
+        header, rows = parse(done.stdout)
+        for got in (long, short):
+            self.assertAlmostEqual(got[0], 3.0, delta=1e-12)
+            self.assertAlmostEqual(got[1], rows[0][header.index("load/angle")], delta=1e-8)
+            self.assertAlmostEqual(got[2], rows[0][header.index("load/acceleration")], delta=1e-8)
+
+    def test_statuses(self):
+        self.emit("edges", SCENES["edges"].scene)
+        out = self.run_harness("edges", """
+  edges_state kept;
+  edges_init(&m);
+  printf("%d %d %d ", edges_step(&m, -1.0), edges_step(&m, NAN), edges_command(&m, 1, 0.0));
+  printf("%d %d ", edges_command(&m, 0, NAN), edges_command(&m, -1, 1.0));
+  edges_step(&m, 0.5);
+  kept = m.now;
+  edges_step(&m, 0.5);
+  edges_read(&m, &s);
+  m.now = kept;
+  edges_step(&m, 0.5);
+  printf("%d ", -s.angle[0] == -m.now.angle[0]);
+  m.now.velocity[0] = NAN;
+  printf("%s", edges_status_text(edges_step(&m, 0.5)));
+""")
+        self.assertEqual(out.split(maxsplit=6)[:6], ["1", "1", "1", "1", "1", "1"])
+        self.assertNotIn("ok", out)
+
+    def check_stops(self, name, scene, reason, at, within=1e-4):
+        self.emit(name, scene)
+        done = call(self.compile(name, "gcc", "-O1"), "--duration", 5, "--rate", 100)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn(reason, done.stderr)
+        self.assertAlmostEqual(float(done.stderr.split()[2]), at, delta=within)
+        last = parse(done.stdout)[1][-1][0]
+        self.assertLessEqual(last, at)
+        self.assertGreater(last, at - 0.021)
+
+    def test_stops_where_a_torque_ends(self):
+        self.check_stops("ends", MOTOR.replace("8*(1-w1/40)", "sqrt(1-t)") % "" + SLIP, "", 1.0)
+
+    def test_stops_where_no_branch_goes_on(self):
+        scene = "shafts: [a]\na: {inertia: 1.0}\ntorques: [dry]\n" \
+                "dry: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-2*sign(w1)\"}\n" \
+                "initial: {velocity: [3.0]}\n"
+        self.check_stops("dry", scene, "chattering", 1.5)
+
+    def test_stops_where_the_constraint_jumps(self):
+        scene = MOTOR % "" + SLIP.replace("+w2", "+if(t < 1, 0, 0.1)+w2")
+        self.check_stops("gap", scene, "a jump leads to no state", 1.0, 0.011)
+
+    def test_stops_where_rank_is_lost(self):
+        scene = MOTOR % "" + SLIP.replace("0.3*(", "(1-t)*(")
+        self.check_stops("rank", scene, "", 1.0)
+
+    def check_refused(self, scene, *parts):
+        path = self.folder / "refused.yaml"
+        path.write_text(scene)
+        done = call(SIMULATE, path, "--emit-c", self.folder / "refused")
+        self.assertEqual(done.returncode, 2, done.stderr)
+        for part in parts:
+            self.assertIn(part, done.stderr)
+        self.assertFalse((self.folder / "refused").exists())
+
+    def test_refuses_by_name_what_it_cannot_write(self):
+        order_3 = SLIP.replace("order: 2", "order: 3").replace("e2-0.8*e1", "j2-0.8*j1")
+        self.check_refused(MOTOR % "" + order_3 + "principle: gauss\n", "variator", "order 3", "gauss")
+        bent = SLIP.replace("+w2", "+0.01*abs(e1)+w2")
+        self.check_refused(MOTOR % "" + bent, "variator", "accelerations", "sqrt(x^2+1e-6)")
+        order_1 = SLIP.replace("order: 2", "order: 1").replace("0.3*(e2-0.8*e1)+", "0.1*abs(w1-20)+")
+        self.check_refused(MOTOR % "" + order_1 + "initial: {project: true}\n", "variator",
+                           "order 1", "velocities")
+
+    def test_usage(self):
+        path = self.folder / "s.yaml"
+        path.write_text(MOTOR % "" + SLIP)
+        self.assertIn("exclude", call(SIMULATE, path, "--emit-c", "x", "--explain").stderr)
+        self.assertEqual(call(SIMULATE, path, "--emit-c").returncode, 2)
+        (self.folder / "file").write_text("")
+        done = call(SIMULATE, path, "--emit-c", self.folder / "file")
+        self.assertEqual(done.returncode, 3, done.stderr)
+        self.assertIn(str(self.folder / "file"), done.stderr)
+
+
+def add_scene(name):
+    setattr(EmitCTest, f"test_agrees_with_simulate_{name}", lambda self: self.check_agrees(name))
+
+
+for scene_name in SCENES:
+    add_scene(scene_name)
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "emit_c_test", EmitCTest)
