@@ -16,55 +16,20 @@ namespace {
 // The longest double that std::to_chars writes has 24 characters ("-2.2250738585072014e-308").
 constexpr std::size_t kLongestNumber = 24;
 
-void addStateHeader(const Scene& scene, std::string& header) {
-  for (const std::string& shaft : scene.shafts) {
-    for (const char* column : {"angle", "velocity", "acceleration", "applied_torque",
-                               "reaction_torque", "reaction_torque_rate"}) {
-      header += "," + shaft + "/" + column;
-    }
-  }
-  for (const ConstraintPtr& constraint : scene.constraints) {
-    header += "," + constraint->name() + "/residual," + constraint->name() + "/multiplier";
-  }
-}
-
-void addQuantityHeader(const Simulation& simulation, QuantityGroup group, std::string& header) {
-  // Elements have names of their own in the scene; of inputs and outputs the group is part.
-  const std::string prefix =
-      group == QuantityGroup::kElements ? "," : std::string(",") + toString(group) + "/";
-  for (const std::string& name : simulation.quantityNames(group)) header += prefix + name;
-}
-
 std::string makeHeader(const Simulation& simulation, const ColumnGroups& columns) {
-  std::string header = "time";
-  if (columns.state) addStateHeader(simulation.scene(), header);
-  for (const QuantityGroup group : columns.quantities) {
-    addQuantityHeader(simulation, group, header);
-  }
-  if (columns.energy) {
-    header += ",energy/kinetic,energy/applied,energy/reactions,power/applied,power/reactions";
+  std::string header;
+  for (const std::string& name : columnNames(simulation, columns)) {
+    header += (header.empty() ? "" : ",") + name;
   }
   return header + "\n";
-}
-
-std::size_t countQuantities(const Simulation& simulation, const ColumnGroups& columns) {
-  std::size_t count = 0;
-  for (const QuantityGroup group : columns.quantities) {
-    count += simulation.quantityNames(group).size();
-  }
-  return count;
 }
 
 class CsvWriter : public SampleWriter {
  public:
   CsvWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
       : name_(path.empty() ? "standard output" : path),
-        columns_(columns),
-        shaft_count_(simulation.scene().shaftCount()),
-        constraint_count_(simulation.scene().constraintCount()),
-        quantity_count_(countQuantities(simulation, columns)),
-        column_count_(1 + 6 * simulation.scene().shafts.size() +
-                      2 * simulation.scene().constraints.size() + quantity_count_ + 5) {
+        rows_(simulation, columns),
+        row_(rows_.columnCount()) {
     if (path.empty()) {
       file_ = STDOUT_FILENO;
     } else {
@@ -80,12 +45,13 @@ class CsvWriter : public SampleWriter {
   }
 
   void write(const SampleBlock& block) override {
-    buffer_.resize(block.samples.size() * column_count_ * (kLongestNumber + 1));
+    buffer_.resize(block.samples.size() * row_.size() * (kLongestNumber + 1));
     char* end = buffer_.data();
     const double* quantities = block.quantities.data();
     for (const Sample& sample : block.samples) {
-      end = writeRow(sample, quantities, end);
-      quantities += quantity_count_;
+      rows_.write(sample, quantities, row_.data());
+      end = writeRow(end);
+      quantities += rows_.quantityCount();
     }
     writeAll(buffer_.data(), static_cast<std::size_t>(end - buffer_.data()));
   }
@@ -106,33 +72,9 @@ class CsvWriter : public SampleWriter {
     return end;
   }
 
-  char* writeRow(const Sample& sample, const double* quantities, char* end) {
-    end = writeNumber(sample.time, end);
-    if (columns_.state) end = writeState(sample, end);
-    for (std::size_t i = 0; i < quantity_count_; ++i) end = writeNumber(quantities[i], end);
-    if (columns_.energy) {
-      const Energy& energy = sample.energy;
-      for (double value : {energy.kinetic, energy.applied, energy.reactions, energy.applied_power,
-                           energy.reaction_power}) {
-        end = writeNumber(value, end);
-      }
-    }
+  char* writeRow(char* end) {
+    for (const double value : row_) end = writeNumber(value, end);
     end[-1] = '\n';
-    return end;
-  }
-
-  char* writeState(const Sample& sample, char* end) {
-    for (int i = 0; i < shaft_count_; ++i) {
-      for (const double* column :
-           {sample.angle, sample.velocity, sample.acceleration, sample.applied_torque,
-            sample.reaction_torque, sample.reaction_torque_rate}) {
-        end = writeNumber(column[i], end);
-      }
-    }
-    for (int i = 0; i < constraint_count_; ++i) {
-      end = writeNumber(sample.residual[i], end);
-      end = writeNumber(sample.multiplier[i], end);
-    }
     return end;
   }
 
@@ -156,11 +98,8 @@ class CsvWriter : public SampleWriter {
   }
 
   std::string name_;
-  ColumnGroups columns_;
-  int shaft_count_;
-  int constraint_count_;
-  std::size_t quantity_count_;
-  std::size_t column_count_;  // at most
+  RowMaker rows_;
+  std::vector<double> row_;
   int file_ = -1;
   bool owns_file_ = false;
   std::vector<char> buffer_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
 #include "variator_sim/nearest_name.h"
@@ -36,6 +37,25 @@ std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& co
         {command.time, findInput(command, scene, path), command.value, command.line});
   }
   return resolved;
+}
+
+std::vector<std::string> describeDoubts(const Simulation& simulation) {
+  std::vector<std::string> doubts;
+  // Fixed steps have no tolerance to keep: whoever asked for them hears when they are crude.
+  constexpr double kCrude = 1e-3;
+  const SolverSettings& solver = simulation.scene().solver;
+  const double part = simulation.statistics().largest_error_estimate * solver.relative_tolerance;
+  if (part > kCrude) {
+    char text[200];
+    std::snprintf(text, sizeof(text),
+                  "fixed steps of %.6g s are crude: the largest estimated error of one step is "
+                  "%.2g of the state; lower 'solver/step'",
+                  solver.step, part);
+    doubts.emplace_back(text);
+  }
+  const std::string energy = describe(simulation.energyDoubt());
+  if (!energy.empty()) doubts.push_back(energy);
+  return doubts;
 }
 
 OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,

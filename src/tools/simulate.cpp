@@ -124,23 +124,6 @@ void printStatistics(Simulation& simulation, bool tracks_energy, const WallTimes
   std::fprintf(stderr, "times real time with samples: %.6g\n", speed(wall.simulation));
 }
 
-/// Fixed steps have no tolerance to keep: whoever asked for them hears when they are crude.
-void warnOfCrudeSteps(const Simulation& simulation) {
-  constexpr double kCrude = 1e-3;
-  const SolverSettings& solver = simulation.scene().solver;
-  const double part = simulation.statistics().largest_error_estimate * solver.relative_tolerance;
-  if (!(part > kCrude)) return;
-  std::fprintf(stderr,
-               "simulate: warning: fixed steps of %.6g s are crude: the largest estimated error of "
-               "one step is %.2g of the state; lower 'solver/step'\n",
-               solver.step, part);
-}
-
-void warnOfReactionEnergy(const Simulation& simulation) {
-  const std::string doubt = describe(simulation.energyDoubt());
-  if (!doubt.empty()) std::fprintf(stderr, "simulate: warning: %s\n", doubt.c_str());
-}
-
 std::vector<ResolvedCommand> readCommands(const SimulateOptions& options, const Scene& scene) {
   if (options.commands_path.empty()) return {};
   return resolveCommands(readCommandFile(options.commands_path), scene, options.commands_path);
@@ -276,7 +259,6 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
                  static_cast<unsigned long long>(offline_run.refusedCount()),
                  options.commands_path.c_str(), offline_run.firstRefusedLine());
   }
-  warnOfCrudeSteps(simulation);
   if (!simulation.status().ok()) {
     std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
     if (exit_status == kSuccess) exit_status = kStopped;
@@ -291,7 +273,11 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     std::fprintf(stderr, "simulate: %s\n", error.what());
     exit_status = kBadOutput;
   }
-  if (!reader_has_gone) warnOfReactionEnergy(simulation);
+  if (!reader_has_gone) {
+    for (const std::string& doubt : describeDoubts(simulation)) {
+      std::fprintf(stderr, "simulate: warning: %s\n", doubt.c_str());
+    }
+  }
   wall.sampling = offline_run.samplingSeconds();
   if (options.stats) {
     printStatistics(simulation, options.columns.energy, wall, sample_count);

@@ -22,38 +22,12 @@ const std::vector<std::string>& optionNames() {
   return names;
 }
 
-/// In the order of the columns.
-std::vector<std::string> groupNames() {
-  std::vector<std::string> names{"state"};
-  for (const QuantityGroup group : kQuantityGroups) names.emplace_back(toString(group));
-  names.emplace_back("energy");
-  return names;
-}
-
 ColumnGroups readColumns(const std::string& list) {
-  const std::vector<std::string> allowed = groupNames();
-  std::vector<std::string> wanted;
-  const auto is_wanted = [&wanted](const std::string& name) {
-    return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
-  };
-  for (std::size_t begin = 0; begin <= list.size();) {
-    const std::size_t end = std::min(list.find(',', begin), list.size());
-    const std::string name = list.substr(begin, end - begin);
-    if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
-      throw UsageError("--columns: '" + name + "' is no group of columns" +
-                       suggestName(name, allowed) + "; allowed: " + joinNames(allowed));
-    }
-    if (is_wanted(name)) throw UsageError("--columns: '" + name + "' is given twice");
-    wanted.push_back(name);
-    begin = end + 1;
+  try {
+    return readColumnGroups(list);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(std::string("--columns: ") + error.what());
   }
-  ColumnGroups columns;
-  columns.state = is_wanted("state");
-  for (const QuantityGroup group : kQuantityGroups) {
-    if (is_wanted(toString(group))) columns.quantities.push_back(group);
-  }
-  columns.energy = is_wanted("energy");
-  return columns;
 }
 
 double readNumber(const std::string& option, const std::string& word) {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "variator_sim/quantity_group.h"
+#include "tools/columns.h"
 
 namespace variator_sim {
 
@@ -16,13 +16,6 @@ class UsageError : public std::runtime_error {
 };
 
 enum class OutputFormat { kCsv, kBag };
-
-/// The groups of columns (of a bag: topics) that samples are written with, in this order.
-struct ColumnGroups {
-  bool state = true;
-  std::vector<QuantityGroup> quantities;  ///< in their own order
-  bool energy = false;
-};
 
 struct SimulateOptions {
   bool help = false;

@@ -1,0 +1,112 @@
+#include "tools/columns.h"
+
+#include <algorithm>
+
+#include "variator_sim/nearest_name.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr const char* kShaftColumns[] = {"angle",           "velocity",
+                                         "acceleration",    "applied_torque",
+                                         "reaction_torque", "reaction_torque_rate"};
+constexpr const char* kEnergyColumns[] = {"energy/kinetic", "energy/applied", "energy/reactions",
+                                          "power/applied", "power/reactions"};
+
+/// In the order of the columns.
+std::vector<std::string> groupNames() {
+  std::vector<std::string> names{"state"};
+  for (const QuantityGroup group : kQuantityGroups) names.emplace_back(toString(group));
+  names.emplace_back("energy");
+  return names;
+}
+
+}  // namespace
+
+ColumnGroups readColumnGroups(const std::string& list) {
+  const std::vector<std::string> allowed = groupNames();
+  std::vector<std::string> wanted;
+  const auto is_wanted = [&wanted](const std::string& name) {
+    return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
+  };
+  for (std::size_t begin = 0; begin <= list.size();) {
+    const std::size_t end = std::min(list.find(',', begin), list.size());
+    const std::string name = list.substr(begin, end - begin);
+    if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
+      throw std::invalid_argument("'" + name + "' is no group of columns" +
+                                  suggestName(name, allowed) + "; allowed: " + joinNames(allowed));
+    }
+    if (is_wanted(name)) throw std::invalid_argument("'" + name + "' is given twice");
+    wanted.push_back(name);
+    begin = end + 1;
+  }
+  ColumnGroups columns;
+  columns.state = is_wanted("state");
+  for (const QuantityGroup group : kQuantityGroups) {
+    if (is_wanted(toString(group))) columns.quantities.push_back(group);
+  }
+  columns.energy = is_wanted("energy");
+  return columns;
+}
+
+std::vector<std::string> columnNames(const Simulation& simulation, const ColumnGroups& groups) {
+  const Scene& scene = simulation.scene();
+  std::vector<std::string> names{"time"};
+  if (groups.state) {
+    for (const std::string& shaft : scene.shafts) {
+      for (const char* column : kShaftColumns) names.push_back(shaft + "/" + column);
+    }
+    for (const ConstraintPtr& constraint : scene.constraints) {
+      names.push_back(constraint->name() + "/residual");
+      names.push_back(constraint->name() + "/multiplier");
+    }
+  }
+  for (const QuantityGroup group : groups.quantities) {
+    // Elements have names of their own in the scene; of inputs and outputs the group is part.
+    const std::string prefix =
+        group == QuantityGroup::kElements ? "" : std::string(toString(group)) + "/";
+    for (const std::string& name : simulation.quantityNames(group)) names.push_back(prefix + name);
+  }
+  if (groups.energy)
+    names.insert(names.end(), std::begin(kEnergyColumns), std::end(kEnergyColumns));
+  return names;
+}
+
+RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups)
+    : has_state_(groups.state),
+      has_energy_(groups.energy),
+      shaft_count_(simulation.scene().shaftCount()),
+      constraint_count_(simulation.scene().constraintCount()),
+      column_count_(columnNames(simulation, groups).size()) {
+  for (const QuantityGroup group : groups.quantities) {
+    quantity_count_ += simulation.quantityNames(group).size();
+  }
+}
+
+void RowMaker::write(const Sample& sample, const double* quantities, double* row) const {
+  *row++ = sample.time;
+  if (has_state_) {
+    for (int i = 0; i < shaft_count_; ++i) {
+      for (const double* column :
+           {sample.angle, sample.velocity, sample.acceleration, sample.applied_torque,
+            sample.reaction_torque, sample.reaction_torque_rate}) {
+        *row++ = column[i];
+      }
+    }
+    for (int i = 0; i < constraint_count_; ++i) {
+      *row++ = sample.residual[i];
+      *row++ = sample.multiplier[i];
+    }
+  }
+  row = std::copy_n(quantities, quantity_count_, row);
+  if (has_energy_) {
+    const Energy& energy = sample.energy;
+    for (const double value : {energy.kinetic, energy.applied, energy.reactions,
+                               energy.applied_power, energy.reaction_power}) {
+      *row++ = value;
+    }
+  }
+}
+
+}  // namespace variator_sim

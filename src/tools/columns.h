@@ -1,0 +1,47 @@
+/// The columns of samples: their names and their values, in one order for all who write them.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "variator_sim/quantity_group.h"
+#include "variator_sim/sample.h"
+
+namespace variator_sim {
+
+class Simulation;
+
+/// The groups of columns (of a bag: topics) that samples are written with, in this order.
+struct ColumnGroups {
+  bool state = true;
+  std::vector<QuantityGroup> quantities;  ///< in their own order
+  bool energy = false;
+};
+
+/// "state,energy": each group once. Throws std::invalid_argument.
+ColumnGroups readColumnGroups(const std::string& list);
+
+/// "time" and what follows, e.g. "drive/velocity", "outputs/ratio", "energy/kinetic".
+std::vector<std::string> columnNames(const Simulation& simulation, const ColumnGroups& groups);
+
+/// Puts one sample's values into rows as `columnNames` names them.
+class RowMaker {
+ public:
+  RowMaker(const Simulation& simulation, const ColumnGroups& groups);
+
+  std::size_t quantityCount() const { return quantity_count_; }
+  std::size_t columnCount() const { return column_count_; }
+  /// `quantities`: those of the groups, group after group; `row`: columnCount values.
+  void write(const Sample& sample, const double* quantities, double* row) const;
+
+ private:
+  bool has_state_;
+  bool has_energy_;
+  int shaft_count_;
+  int constraint_count_;
+  std::size_t quantity_count_ = 0;
+  std::size_t column_count_ = 1;
+};
+
+}  // namespace variator_sim
