@@ -1,0 +1,18 @@
+"""Drivetrains with a variator, simulated from Python.
+
+    import variator_sim
+    result = variator_sim.simulate("scene.yaml", 20.0)
+    result["load/velocity"]                                  # an array, rad/s
+
+    simulation = variator_sim.Simulation("scene.yaml", {"drive/inertia": 1.2})
+    sample = simulation.step(0.001, {"drive_torque": 25.0})  # lockstep with a controller
+    sample.velocity
+
+No ROS master is needed. The messages lie beside: `variator_sim.msg`, `variator_sim.srv`.
+"""
+
+from variator_sim._core import Sample, Simulation
+from variator_sim.errors import MotionStopped, SceneError
+from variator_sim.running import Result, simulate
+
+__all__ = ["MotionStopped", "Result", "Sample", "SceneError", "Simulation", "simulate"]

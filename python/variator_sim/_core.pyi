@@ -1,0 +1,148 @@
+"""The compiled part: scenes, motions, samples."""
+
+import os
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy
+from numpy.typing import NDArray
+
+Scene = Union[str, "os.PathLike[str]", Mapping[str, Any]]
+Array = NDArray[numpy.float64]
+
+class Sample:
+    """A motion at one instant; a copy, which no later step changes.
+
+    Arrays are in the order of the scene's shafts (`residual`, `multiplier`: of its constraints).
+    `sample["load/velocity"]` is one number, by the name of its column.
+    """
+
+    @property
+    def time(self) -> float:
+        """s"""
+    @property
+    def angle(self) -> Array:
+        """rad"""
+    @property
+    def velocity(self) -> Array:
+        """rad/s"""
+    @property
+    def acceleration(self) -> Array:
+        """rad/s^2"""
+    @property
+    def applied_torque(self) -> Array:
+        """N m, positive accelerates"""
+    @property
+    def reaction_torque(self) -> Array:
+        """N m"""
+    @property
+    def reaction_torque_rate(self) -> Array:
+        """N m/s"""
+    @property
+    def residual(self) -> Array:
+        """What is left of each constraint, its own unit."""
+    @property
+    def multiplier(self) -> Array: ...
+    def keys(self) -> List[str]:
+        """Names of the columns."""
+    def __getitem__(self, column: str) -> float: ...
+
+class Simulation:
+    """The motion of one scene, moved step by step.
+
+    One thread at a time may use a simulation; other threads of the interpreter go on while it
+    moves. The motion depends on the scene and on times and values of commands only: neither samples
+    nor how its advances are cut change a bit of it.
+    """
+
+    def __init__(self, scene: Scene, overrides: Optional[Mapping[str, Any]] = None, *,
+                 energy: bool = False) -> None:
+        """Reads a scene.
+
+        Args:
+            scene: path of a YAML file, YAML text (of several lines, or in braces), or a dict.
+            overrides: values in place of the scene's by path: {"drive/inertia": 1.2}.
+            energy: integrate the energies instead of estimating them (costs about a step again).
+
+        Raises:
+            SceneError: with the key's path, the value, what is allowed and the nearest name.
+        """
+    @property
+    def time(self) -> float:
+        """The present, s."""
+    def advance(self, duration: float) -> None:
+        """Moves the present by `duration`, s. Raises MotionStopped."""
+    def advance_to(self, time: float) -> None:
+        """Moves the present to `time`, s. Raises MotionStopped."""
+    def step(self, duration: float, commands: Optional[Mapping[str, float]] = None) -> Sample:
+        """Gives commands, advances by `duration`, s, and returns the sample there.
+
+        What the service `~step` does: lockstep with a controller.
+        """
+    def command(self, topic: str, value: float) -> bool:
+        """Commands an input from the present on; False when the value was clamped."""
+    def sample(self) -> Sample:
+        """Everything at the present, after its commands."""
+    def state(self) -> Dict[str, Any]:
+        """All that the motion to come depends on beside the scene, as plain Python values.
+
+        The motion goes on from what is returned, exactly as one does that is given it by
+        `set_state`: with steps begun anew.
+        """
+    def set_state(self, state: Mapping[str, Any], project: bool = False) -> None:
+        """Goes on from a state, or from a part of one: the rest stays as it is.
+
+        Args:
+            state: of `state`, or such as {"shafts": {"drive": {"velocity": 5.0}}} (doc/states.md).
+            project: move inconsistent values to the nearest consistent ones.
+        """
+    def reset(self) -> None:
+        """Back to time 0 and the scene's start; commands and counts are forgotten."""
+    @property
+    def outputs(self) -> Dict[str, float]:
+        """The scene's named outputs at the present."""
+    @property
+    def inputs(self) -> Dict[str, float]:
+        """Commanded inputs in force, after hold and clamp."""
+    @property
+    def elements(self) -> Dict[str, float]:
+        """Torques and powers of each torque element, and what elements tell beside."""
+    @property
+    def energy(self) -> Dict[str, float]:
+        """kinetic, applied, reactions (J, the latter two since the start), applied_power,
+        reaction_power (W)."""
+    @property
+    def shafts(self) -> List[str]: ...
+    @property
+    def constraints(self) -> List[str]: ...
+    @property
+    def topics(self) -> List[str]:
+        """What `command` takes."""
+    @property
+    def scene(self) -> Dict[str, Any]:
+        """The scene as it was read, overrides included."""
+    @property
+    def stepper(self) -> str:
+        """The stepper in use and why."""
+    @property
+    def machine_code(self) -> str:
+        """What runs the formulas."""
+    def compile(self) -> bool:
+        """Makes machine code of the formulas, which changes no bit; about a second. False where
+        `machine_code` says why not."""
+    @property
+    def is_sleeping(self) -> bool:
+        """At rest and not stepped until a command comes."""
+    @property
+    def statistics(self) -> Dict[str, int]:
+        """Counts since the start or the last reset."""
+    @property
+    def doubts(self) -> List[str]:
+        """What may be wrong with the motion so far: fixed steps that are crude, reactions that feed
+        or drain the machine."""
+    def columns(self, groups: str = "state") -> List[str]:
+        """Names of the columns of groups of `simulate`."""
+    def _run(self, duration: float, rate: float, times: Optional[Sequence[float]],
+             commands: Sequence[Tuple[float, str, float]], columns: str,
+             until_rest: bool) -> Tuple[Array, int, Optional[Exception]]: ...
+
+def read_commands(path: str) -> List[Tuple[float, str, float]]: ...

@@ -1,0 +1,227 @@
+#!/usr/bin/python3
+"""The Python module: the same motion as `simulate`, its errors, its types. No ROS master."""
+
+import csv
+import os
+import pathlib
+import subprocess
+import tempfile
+import threading
+import time
+import unittest
+
+os.environ["ROS_MASTER_URI"] = "http://localhost:1"
+
+import numpy  # noqa: E402
+import roslib.packages  # noqa: E402
+import rosunit  # noqa: E402
+import yaml  # noqa: E402
+
+import variator_sim  # noqa: E402
+
+PACKAGE = "variator_sim"
+FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
+SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
+SHIP = FOLDER / "config/ship.yaml"
+STEPS = FOLDER / "test/cases/torque_steps/scene.yaml"
+STEP_COMMANDS = FOLDER / "test/cases/torque_steps/commands.csv"
+STOPS = FOLDER / "test/scenes/stops.yaml"
+OBSERVED = FOLDER / "test/scenes/observed.yaml"
+FREE = """
+shafts: [drive]
+drive: {inertia: 2.0}
+torques: [motor]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, max: 100}
+"""
+
+
+def from_command_line(*arguments):
+    text = subprocess.run([SIMULATE, *map(str, arguments)], check=True, text=True, timeout=60,
+                          stdout=subprocess.PIPE).stdout
+    rows = list(csv.reader(text.splitlines()))
+    return rows[0], numpy.array(rows[1:], dtype=float)
+
+
+class PythonTest(unittest.TestCase):
+
+    def check_same(self, result, columns, values):
+        self.assertEqual(result.columns, columns)
+        numpy.testing.assert_array_equal(result.values, values)
+
+    def test_a_run_is_that_of_the_command_line(self):
+        self.check_same(variator_sim.simulate(SHIP, 2.0, rate=50),
+                        *from_command_line(SHIP, "--duration", 2, "--rate", 50))
+
+    def test_commands_columns_times_and_overrides(self):
+        groups = "state,elements,inputs,energy"
+        expected = from_command_line(STEPS, "--times", "0,0.5,1.75", "--commands", STEP_COMMANDS,
+                                     "--columns", groups, "--set", "solver/relative_tolerance=1e-6")
+        overrides = {"solver/relative_tolerance": 1e-6}
+        listed = variator_sim.running.read_commands(STEP_COMMANDS)
+        by_topic = {}
+        for instant, topic, value in listed:
+            by_topic.setdefault(topic, []).append((instant, value))
+        self.assertGreater(len(listed), 2)
+        for commands in (STEP_COMMANDS, listed, by_topic):
+            with self.subTest(commands=type(commands)):
+                self.check_same(
+                    variator_sim.simulate(STEPS, times=[0, 0.5, 1.75], commands=commands,
+                                          columns=groups.split(","), overrides=overrides),
+                    *expected)
+
+    def test_scenes_as_text_and_dict(self):
+        tree = yaml.safe_load(SHIP.read_text(encoding="utf-8"))
+        tree["initial"]["velocity"] = numpy.array([5.0, 2.0])
+        expected = variator_sim.simulate(str(SHIP), 0.5)
+        for scene in (SHIP.read_text(encoding="utf-8"), tree):
+            numpy.testing.assert_array_equal(variator_sim.simulate(scene, 0.5).values,
+                                             expected.values)
+
+    def test_a_file_of_a_result_is_that_of_the_command_line(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "out.csv")
+            variator_sim.simulate(SHIP, 0.1).to_csv(path)
+            with open(path, encoding="utf-8") as file:
+                rows = list(csv.reader(file))
+        columns, values = from_command_line(SHIP, "--duration", 0.1)
+        self.assertEqual(rows[0], columns)
+        numpy.testing.assert_array_equal(numpy.array(rows[1:], dtype=float), values)
+
+    def test_a_motion_that_stops_tells_why_and_leaves_its_samples(self):
+        with self.assertRaises(variator_sim.MotionStopped) as caught:
+            variator_sim.simulate(STOPS, 10.0)
+        error = caught.exception
+        self.assertEqual(error.reason, "NonFiniteValue")
+        self.assertEqual(error.torque, "motor")
+        self.assertIsNone(error.constraint)
+        self.assertAlmostEqual(error.time, 0.3)
+        self.assertEqual(error.sample.time, error.time)
+        self.assertEqual(len(error.result["time"]), 30)
+
+    def test_doubts_are_warnings(self):
+        with self.assertWarnsRegex(UserWarning, "the reactions have fed in"):
+            variator_sim.simulate(SHIP, 2.0)
+        spring = FREE.replace("motor]", "motor, spring]") + (
+            "spring: {type: variator_sim/ExpressionTorque, shaft: drive, torque: '-100*phi1'}\n"
+            "initial: {velocity: [3]}\nsolver: {stepper: rk4, step: 0.2}\n")
+        with self.assertWarnsRegex(UserWarning, "fixed steps of 0.2 s are crude"):
+            variator_sim.simulate(spring, 1.0)
+        with self.assertWarnsRegex(UserWarning, "1 commands lie outside"):
+            variator_sim.simulate(FREE, 1.0, commands=[(2.0, "torque", 1.0)])
+
+    def test_until_rest(self):
+        scene = FREE.replace("motor]", "motor, drag]") + (
+            "drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: '-5*w1'}\n"
+            "initial: {velocity: [3]}\n")
+        result = variator_sim.simulate(scene, 1000.0, until_rest=True)
+        self.assertLess(result.time[-1], 100.0)
+
+    # --- step by step -----------------------------------------------------------------------------
+
+    def test_lockstep(self):
+        simulation = variator_sim.Simulation(FREE)
+        self.assertEqual(simulation.topics, ["torque"])
+        sample = simulation.step(0.5, {"torque": 4.0})
+        numpy.testing.assert_allclose(sample.velocity, [1.0], rtol=1e-12)
+        self.assertEqual(sample["drive/velocity"], sample.velocity[0])
+        self.assertTrue(simulation.command("torque", 0.0))
+        simulation.advance(0.5)
+        simulation.advance_to(2.0)
+        self.assertAlmostEqual(simulation.sample().angle[0], 0.25 + 1.5)
+        self.assertEqual(simulation.time, 2.0)
+        self.assertFalse(simulation.command("torque", 200.0))
+        self.assertEqual(simulation.inputs, {"torque": 100.0})
+        self.assertEqual(simulation.statistics["commands_clamped"], 1)
+        simulation.reset()
+        self.assertEqual(simulation.time, 0.0)
+        self.assertEqual(simulation.sample().velocity[0], 0.0)
+
+    def test_samples_are_copies(self):
+        simulation = variator_sim.Simulation(SHIP)
+        first = simulation.sample()
+        velocity = first.velocity
+        simulation.advance(1.0)
+        self.assertEqual(list(velocity), [5.0, 2.0])
+        self.assertEqual(list(first.velocity), [5.0, 2.0])
+
+    def test_states_go_on_to_the_bit(self):
+        simulation = variator_sim.Simulation(SHIP)
+        simulation.step(0.7, {"drive_torque": 20.0})
+        state = simulation.state()
+        expected = simulation.step(1.0).velocity
+        other = variator_sim.Simulation(SHIP)
+        other.set_state(yaml.safe_load(yaml.safe_dump(state)))
+        self.assertEqual(list(other.step(1.0).velocity), list(expected))
+        with self.assertRaisesRegex(variator_sim.SceneError, "velocty"):
+            other.set_state({"velocty": [1, 2]})
+
+    def test_what_can_be_seen(self):
+        simulation = variator_sim.Simulation(OBSERVED)
+        simulation.advance(0.1)
+        groups = {"elements": simulation.elements, "inputs": simulation.inputs,
+                  "outputs": simulation.outputs}
+        for group, values in groups.items():
+            columns = simulation.columns(group)[1:]
+            prefix = "" if group == "elements" else group + "/"
+            self.assertEqual(columns, [prefix + name for name in values])
+            self.assertTrue(values)
+        self.assertIn("kinetic", simulation.energy)
+
+    def test_faults_name_what_is_allowed(self):
+        simulation = variator_sim.Simulation(FREE)
+        for fault, kind, words in [
+                (lambda: variator_sim.Simulation(FREE, {"drive/inrtia": 1}),
+                 variator_sim.SceneError, "drive/inrtia.*'inertia'"),
+                (lambda: variator_sim.Simulation(FREE, {"drive/inertia": object()}),
+                 variator_sim.SceneError, "drive/inertia.*neither a number"),
+                (lambda: simulation.command("torqe", 1), ValueError, "did you mean 'torque'"),
+                (lambda: simulation.command("torque", float("nan")), ValueError, "finite"),
+                (lambda: simulation.advance(-1), ValueError, "-1 s.*>= 0"),
+                (lambda: simulation.advance(float("nan")), ValueError, ">= 0"),
+                (lambda: simulation.advance(float("inf")), ValueError, "finite"),
+                (lambda: simulation.sample()["drive/velocty"], KeyError, "drive/velocity"),
+                (lambda: variator_sim.simulate(FREE, 1, columns="stat"), ValueError, "'state'"),
+                (lambda: variator_sim.simulate(FREE), ValueError, "duration"),
+                (lambda: variator_sim.simulate(FREE, times=[1, 0.5]), ValueError, "ascending"),
+                (lambda: variator_sim.simulate(FREE, 1, commands={"torqe": [(0, 1)]}), ValueError,
+                 "'torque'"),
+                (lambda: variator_sim.simulate("no.yaml", 1), variator_sim.SceneError, "no.yaml")]:
+            with self.subTest(words=words), self.assertRaisesRegex(kind, words):
+                fault()
+
+    def test_another_thread_goes_on_meanwhile(self):
+        # Stiff and long enough for many blocks; whoever moves it must not hold the others up.
+        simulation = variator_sim.Simulation(SHIP, {"solver/maximum_step": 1e-4})
+        mover = threading.Thread(target=simulation.advance, args=(20.0,))
+        mover.start()
+        counted = 0
+        refused = 0
+        while mover.is_alive():
+            counted += 1
+            try:
+                simulation.sample()
+            except RuntimeError as error:
+                refused += "another thread" in str(error)
+            time.sleep(0)
+        mover.join()
+        self.assertGreater(refused, 10)
+        self.assertEqual(simulation.time, 20.0)
+
+    def test_typed(self):
+        folder = pathlib.Path(variator_sim.running.__file__).parent
+        self.assertTrue((folder / "py.typed").exists())
+        stub = (folder / "_core.pyi").read_text(encoding="utf-8")
+        for kind in (variator_sim.Simulation, variator_sim.Sample):
+            for name in vars(kind):
+                if not name.startswith("_"):
+                    self.assertIn(f"def {name}(", stub)
+
+    def test_messages_lie_beside(self):
+        from variator_sim.msg import DrivetrainState
+        from variator_sim.srv import Step
+        self.assertEqual(DrivetrainState._type, "variator_sim/DrivetrainState")
+        self.assertEqual(Step._type, "variator_sim/Step")
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "python_test", PythonTest)
