@@ -1,0 +1,463 @@
+#!/usr/bin/python3
+"""The panel: what it serves to whom, what it keeps and saves, and its page in a real browser."""
+
+import asyncio
+import csv
+import ctypes
+import io
+import json
+import pathlib
+import re
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import urllib.error
+import urllib.request
+
+import numpy
+import rosbag
+import roslib.packages
+import rosparam
+import rospkg
+import rospy
+import rostest
+import tornado.httpclient
+import tornado.websocket
+from variator_sim.msg import SimulationStatus
+
+PACKAGE = pathlib.Path(rospkg.RosPack().get_path('variator_sim'))
+sys.path[:0] = [str(PACKAGE / 'panel'), str(PACKAGE / 'test')]
+
+# pylint: disable=wrong-import-position
+from guard import Guard
+from sample_table import SampleTable, decimate
+from support.browser import Browser, find_browser
+from support.node_client import PATIENCE, NodeClient, wait_for
+
+SCENE = PACKAGE / 'test/scenes/observed.yaml'
+NODE = roslib.packages.find_node('variator_sim', 'variator_sim_node')[0]
+PANEL = str(PACKAGE / 'scripts/panel')
+
+
+def die_with_parent():
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
+class Drivetrain:
+    """A node that can be killed and started again."""
+
+    def __init__(self, name, **settings):
+        self.name = name
+        rosparam.upload_params('/' + name, {**rosparam.load_file(str(SCENE))[0][0], **settings})
+        self.start()
+
+    def start(self):
+        self.process = subprocess.Popen([NODE, '__name:=' + self.name], stdout=subprocess.DEVNULL,
+                                        stderr=subprocess.DEVNULL, preexec_fn=die_with_parent)
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+
+class PanelProcess:
+    """The program, on a free port."""
+
+    def __init__(self, *arguments):
+        self.process = subprocess.Popen([sys.executable, PANEL, '--port', '0', *arguments],
+                                        stdout=subprocess.PIPE, text=True,
+                                        preexec_fn=die_with_parent)
+        line = self.process.stdout.readline()
+        self.url = re.search(r'http://\S+', line)[0]
+        self.port = int(re.search(r':(\d+)/', self.url)[1])
+        self.root = f'http://127.0.0.1:{self.port}'
+
+    def get(self, path='/', **headers):
+        """(status, body); headers as host='...' ."""
+        request = urllib.request.Request(self.root + path, headers=headers)
+        try:
+            with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
+                return answer.status, answer.read()
+        except urllib.error.HTTPError as error:
+            return error.code, error.read()
+
+    def close(self):
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(PATIENCE)
+        self.process.stdout.close()
+
+
+class Socket:
+    """What a page says and hears."""
+
+    def __init__(self, panel, **headers):
+        self._loop = asyncio.new_event_loop()
+        request = tornado.httpclient.HTTPRequest(f'ws://127.0.0.1:{panel.port}/socket',
+                                                 headers=headers)
+        self._socket = self._await(lambda: tornado.websocket.websocket_connect(request))
+        self.scene = None
+
+    def _await(self, begin):
+        async def wait():
+            return await asyncio.wait_for(begin(), PATIENCE)
+
+        return self._loop.run_until_complete(wait())
+
+    def say(self, **words):
+        self._socket.write_message(json.dumps(words))
+
+    def hear(self):
+        return self._await(self._socket.read_message)
+
+    def frame(self):
+        """Head and matrix (time first) of the next frame."""
+        self.say(pull=1)
+        while True:
+            message = self.hear()
+            if isinstance(message, bytes):
+                size = struct.unpack('<I', message[:4])[0]
+                head = json.loads(message[4:4 + size])
+                matrix = numpy.frombuffer(message[4 + size:])
+                rows = head.get('rows', 0)
+                return head, matrix.reshape(-1, rows).T if rows else None
+            if json.loads(message)['kind'] == 'scene':
+                self.scene = json.loads(message)
+
+    def answer(self):
+        while True:
+            message = self.hear()
+            if isinstance(message, str) and json.loads(message)['kind'] == 'answer':
+                return json.loads(message)
+
+    def frames_until(self, condition, what):
+        return wait_for(lambda: next((pair for pair in [self.frame()] if condition(*pair)), None),
+                        what)
+
+    def close(self):
+        self._socket.close()
+        self._loop.close()
+
+
+class TableTest(unittest.TestCase):
+
+    def test_rows_of_one_instant_meet(self):
+        table = SampleTable()
+        table.add_group('state', ['a', 'b'])
+        table.put('state', 1, 0.1, [1, 2])
+        table.add_group('inputs', ['c'])
+        table.put('state', 2, 0.2, [3, 4])
+        table.put('inputs', 1, 0.1, [5])
+        table.put('inputs', 2, 0.2, [6])
+        table.put('inputs', 3, 0.3, [7])
+        table.put('state', 3, 0.3, [8, 9])
+        _, times, values = table.window(['b', 'c'])
+        self.assertEqual(times.tolist(), [0.1, 0.2, 0.3])
+        self.assertEqual(values.tolist(), [[2, 5], [4, 6], [9, 7]])
+        self.assertEqual(table.latest(['a', 'c', 'no']), {'a': 8, 'c': 7})
+
+    def test_time_that_jumps_back_begins_anew(self):
+        table = SampleTable()
+        table.add_group('state', ['a'])
+        for time_now in (1.0, 2.0, 0.0, 0.5):
+            table.put('state', int(1e9 * time_now), time_now, [time_now])
+        self.assertEqual(table.window(['a'])[1].tolist(), [0.0, 0.5])
+
+    def test_the_oldest_are_forgotten_within_a_bound(self):
+        table = SampleTable(limit=2e5)
+        table.add_group('state', ['a', 'b'])
+        for i in range(50000):
+            table.put('state', i, float(i), [i, -i])
+        _, times, values = table.window(['a', 'b'])
+        self.assertEqual(times[-1], 49999.0)
+        self.assertTrue(4096 / 2 < len(times) < 2e5 / 16)
+        self.assertTrue((numpy.diff(times) == 1).all() and (values[:, 0] == times).all())
+
+    def test_no_peak_is_lost(self):
+        times = numpy.arange(100000) * 1e-3
+        values = numpy.sin(times)[:, None] * [1.0, -2.0]
+        values[54321] = [40.0, numpy.nan]
+        few_times, few = decimate(times, values, 0.25)
+        self.assertLessEqual(len(few_times), 2 * 401)
+        self.assertEqual(few[:, 0].max(), 40.0)
+        self.assertEqual(numpy.nanmin(few[:, 1]), numpy.nanmin(values[:, 1]))
+        self.assertTrue((numpy.diff(few_times) >= 0).all())
+        # The same intervals when a little later more has come: the picture stands still.
+        again_times, again = decimate(times[1000:90000], values[1000:90000], 0.25)
+        self.assertTrue(set(again_times[4:-4]) <= set(few_times))
+        self.assertTrue(set(again[4:-4, 0]) <= set(few[:, 0]))
+
+    def test_few_rows_stay_as_they_are(self):
+        times, values = numpy.array([0.0, 1.0, 2.0]), numpy.array([[1.0], [5.0], [2.0]])
+        self.assertIs(decimate(times, values, 0.5)[1], values)
+
+
+class GuardTest(unittest.TestCase):
+
+    def test_names(self):
+        guard = Guard('127.0.0.1')
+        for host in ('localhost:8421', '127.0.0.1:1', '[::1]:8421', 'LOCALHOST'):
+            self.assertTrue(guard.allows_host(host), host)
+        for host in ('evil.example:8421', '10.0.0.1:8421', '', 'localhost.evil.example', '[::1'):
+            self.assertFalse(guard.allows_host(host), host)
+        self.assertTrue(Guard('127.0.0.1', ['rig']).allows_host('rig:80'))
+
+    def test_beyond_loopback_only_with_a_token(self):
+        for address in ('0.0.0.0', '10.0.0.1', '::'):
+            with self.assertRaises(ValueError):
+                Guard(address)
+        guard = Guard('0.0.0.0', token='secret')
+        self.assertTrue(guard.allows_host('10.0.0.1:8421'))
+        self.assertFalse(guard.allows_host('evil.example:8421'))
+        self.assertTrue(guard.allows_token('secret'))
+        self.assertFalse(guard.allows_token('Secret'))
+        self.assertFalse(guard.allows_token(None))
+
+
+class ServerTest(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        cls.node = Drivetrain('served')
+        cls.client = NodeClient('served', states=False)
+        cls.panel = PanelProcess('--node', '/served')
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.panel.close()
+        cls.client.close()
+        cls.node.kill()
+
+    def test_page_and_library_come_from_here(self):
+        status, page = self.panel.get()
+        self.assertEqual(status, 200)
+        for path in re.findall(r'(?:src|href)="([^"]+)"', page.decode()):
+            self.assertNotIn(':', path)
+            self.assertEqual(self.panel.get('/' + path)[0], 200, path)
+
+    def test_other_names_and_other_pages_are_refused(self):
+        self.assertEqual(self.panel.get(Host='evil.example')[0], 403)
+        self.assertEqual(self.panel.get(Origin='http://evil.example')[0], 403)
+        self.assertEqual(self.panel.get('/save.csv', **{'Sec-Fetch-Site': 'cross-site'})[0], 403)
+        self.assertEqual(self.panel.get(Host=f'localhost:{self.panel.port}')[0], 200)
+        for headers in ({'Origin': 'http://evil.example'}, {'Origin': 'null'},
+                        {'Origin': f'http://localhost:{self.panel.port + 1}'},
+                        {'Host': 'evil.example', 'Origin': 'http://evil.example'}):
+            with self.assertRaises(tornado.httpclient.HTTPClientError) as caught:
+                Socket(self.panel, **headers)
+            self.assertEqual(caught.exception.code, 403)
+        self.assertEqual(self.panel.get('/../scripts/panel')[0] // 100, 4)
+
+    def test_a_token_is_asked_for(self):
+        panel = PanelProcess('--node', '/served', '--token', 'secret')
+        self.addCleanup(panel.close)
+        self.assertTrue(panel.url.endswith('/?token=secret'))
+        self.assertEqual(panel.get()[0], 403)
+        self.assertEqual(panel.get('/?token=wrong')[0], 403)
+        self.assertEqual(panel.get(Cookie=f'variator_sim_panel_{panel.port}=secret')[0], 200)
+        self.assertEqual(panel.get('/save.csv')[0], 403)
+        with self.assertRaises(tornado.httpclient.HTTPClientError):
+            Socket(panel)
+        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+        with opener.open(panel.url, timeout=PATIENCE) as answer:
+            self.assertEqual(answer.url, panel.root + '/')
+            self.assertIn(b'<title>', answer.read())
+
+    def test_only_what_is_shown_is_subscribed_to(self):
+        def subscribed():
+            state = rospy.get_master().getSystemState()[2][1]
+            return {topic.split('/')[-1] for topic, nodes in state if topic.startswith('/served/')
+                    and any('panel' in node for node in nodes)} & {'state', 'elements', 'energy'}
+
+        socket = Socket(self.panel)
+        socket.say(show={'columns': ['drive/velocity'], 'latest': [], 'seconds': 10})
+        socket.frames_until(lambda head, rows: rows is not None, 'rows')
+        socket.frames_until(lambda head, rows: subscribed() == {'state'}, 'state alone')
+        socket.say(show={'columns': [], 'latest': ['power/applied'], 'seconds': 10})
+        socket.frames_until(lambda head, rows: 'power/applied' in head['latest'], 'power')
+        wait_for(lambda: subscribed() == {'energy'}, 'energy alone')
+        socket.close()
+        wait_for(lambda: not subscribed(), 'no subscriptions')
+
+    def test_what_is_shown_is_saved(self):
+        socket = Socket(self.panel)
+        self.addCleanup(socket.close)
+        socket.frame()
+        groups = {'inputs': 'inputs', 'outputs': 'outputs', 'element torque': 'elements',
+                  'velocity': 'state', 'power': 'energy'}
+        wait_for(lambda: socket.frame() and set(groups) <= {
+            column['quantity'] for column in socket.scene['columns']}, 'the names of all columns')
+        names = [next(column['name'] for column in socket.scene['columns']
+                      if column['quantity'] == quantity) for quantity in groups]
+        socket.say(show={'columns': names, 'latest': names, 'seconds': 1})
+        socket.frames_until(lambda head, rows: rows is not None and len(head['latest']) == len(names)
+                            and len(rows) > 50 and not numpy.isnan(rows[10:-10]).any(), 'values')
+        head, _ = socket.frame()
+        begin, end = head['newest'] - 0.2, head['newest'] - 0.1
+        query = f'?columns={",".join(names)}&begin={begin}&end={end}'
+        rows = list(csv.reader(io.StringIO(self.panel.get('/save.csv' + query)[1].decode())))
+        self.assertEqual(rows[0], ['time'] + names)
+        self.assertTrue(9 <= len(rows) - 1 <= 12, rows)
+        self.assertTrue(all(begin <= float(row[0]) <= end for row in rows[1:]))
+        with tempfile.NamedTemporaryFile(suffix='.bag') as file:
+            file.write(self.panel.get('/save.bag' + query)[1])
+            file.flush()
+            with rosbag.Bag(file.name) as bag:
+                found = {topic: message for topic, message, _ in bag.read_messages()}
+                count = bag.get_message_count('/served/state')
+        self.assertEqual(set(found), {f'/served/{topic}' for topic in
+                                      (*groups.values(), 'scene', 'status')})
+        self.assertEqual(count, len(rows) - 1)
+        last = dict(zip(rows[0], map(float, rows[-1])))
+        self.assertEqual(found['/served/state'].time, last['time'])
+        self.assertEqual(found['/served/state'].velocity[0], last[names[3]])
+        self.assertEqual(found['/served/energy'].kinetic,
+                         float(found['/served/energy'].kinetic))
+        inputs = found['/served/inputs']
+        self.assertEqual(inputs.value[inputs.name.index(names[0].partition('/')[2])], last[names[0]])
+
+    def test_commands_and_services(self):
+        socket = Socket(self.panel)
+        self.addCleanup(socket.close)
+        socket.say(call='pause')
+        self.client.wait_for_state(SimulationStatus.PAUSED)
+        before = self.client.status.all()[-1].time
+        socket.say(call='step', arguments={'duration': 0.125})
+        self.client.status.wait_new(lambda status: status.time == before + 0.125, 'the step')
+        socket.say(call='step', arguments={'duration': -1})
+        wait_for(lambda: not socket.answer()['ok'], 'a refusal')
+        socket.say(call='resume')
+        self.client.wait_for_state(SimulationStatus.RUNNING)
+        socket.say(command={'topic': 'no_topic', 'value': 1})
+        wait_for(lambda: 'no_topic' in socket.answer()['text'], 'a complaint')
+        socket.say(call='set_parameters', arguments={'real_time_factor': 2.0})
+        wait_for(lambda: socket.frame()[0]['settings'].get('real_time_factor') == 2.0, 'the factor')
+        socket.say(call='set_parameters', arguments={'real_time_factor': 1.0})
+
+
+@unittest.skipIf(find_browser() is None, 'no Chromium is installed')
+class PageTest(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        cls.node = Drivetrain('looked_at')
+        cls.client = NodeClient('looked_at', states=False)
+        cls.panel = PanelProcess('--node', '/looked_at')
+        cls.page = Browser(cls.panel.root)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.page.close()
+        cls.panel.close()
+        cls.client.close()
+        cls.node.kill()
+
+    def setUp(self):
+        self.page.open(self.panel.root)
+        self.wait_for_state('RUNNING')
+
+    def tearDown(self):
+        self.assertEqual(self.page.complaints, [])
+
+    def wait_for_state(self, name):
+        self.page.wait(f'document.querySelector("#state").textContent == "{name}"', name)
+
+    def picture(self, index=0):
+        """A digest of the pixels of a plot's curves."""
+        return self.page.run(f'document.querySelectorAll(".curve canvas")[{index}].toDataURL()')
+
+    def test_plots_move_and_pause_stops_them(self):
+        page = self.page
+        page.wait('document.querySelectorAll(".curve canvas").length >= 8', 'four plots')
+        first = self.picture()
+        page.wait(f'document.querySelector(".curve canvas").toDataURL() != {json.dumps(first)}',
+                  'a curve that moves')
+        page.click('#pause')
+        self.wait_for_state('PAUSED')
+        self.client.wait_for_state(SimulationStatus.PAUSED)
+        page.wait('!document.querySelector("#step").disabled', 'the step button')
+        # Two heartbeats later nothing has moved.
+        page.run('new Promise((done) => setTimeout(done, 600))')
+        stopped, time_shown = self.picture(), page.text('#time')
+        page.run('new Promise((done) => setTimeout(done, 600))')
+        self.assertEqual(self.picture(), stopped)
+        self.assertEqual(page.text('#time'), time_shown)
+        page.click('#step')
+        page.wait(f'Number(document.querySelector("#time").textContent) > {time_shown}', 'a step')
+        page.click('#resume')
+        self.wait_for_state('RUNNING')
+        page.wait(f'document.querySelector(".curve canvas").toDataURL() != {json.dumps(stopped)}',
+                  'a curve that moves on')
+
+    def test_thirty_frames_a_second_at_most(self):
+        count = 'Number(document.body.dataset.frames || 0)'
+        self.page.wait(count + ' > 5', 'frames')
+        before, begin = self.page.run(count), time.monotonic()
+        self.page.run('new Promise((done) => setTimeout(done, 1000))')
+        frames = self.page.run(count) - before
+        self.assertLessEqual(frames, 31 * (time.monotonic() - begin) + 1)
+        self.assertGreater(frames, 3)  # a busy machine still moves
+
+    def test_a_slider_moves_the_motion(self):
+        page = self.page
+        box = page.wait('(() => { const s = document.querySelector(".input input[type=range]"); '
+                        'if (!s) return null; const b = s.getBoundingClientRect(); '
+                        'return [b.x, b.y + b.height / 2, b.width, s.value, s.min, s.max]; })()',
+                        'a slider')
+        x, y, width, value = *box[:3], float(box[3])
+        low, high = float(box[4]), float(box[5])
+        share = (value - low) / (high - low)
+        page.drag(x + 8 + share * (width - 16), y, x + 0.8 * width, y)
+        topic = page.text('.input .name b')
+        wanted = float(page.run('document.querySelector(".input input[type=range]").value'))
+        self.assertGreater(wanted, value)
+        self.client.status.wait(lambda status: status.commands_accepted > 0, 'the command')
+        page.wait('(() => { const f = parseFloat(document.querySelector(".force").textContent'
+                  f'.replace("in force ", "")); return Math.abs(f - {wanted}) < 1e-3 * '
+                  f'Math.max(1, {abs(wanted)}); }})()', f'the new {topic} in force')
+
+    def test_death_and_return_of_the_node_are_shown(self):
+        page = self.page
+        page.wait('document.querySelectorAll(".curve canvas").length >= 8', 'four plots')
+        self.node.kill()
+        self.wait_for_state('NO NODE')
+        self.assertIn('silent', page.text('#stop'))
+        self.assertTrue(page.run('document.querySelector("#pause").disabled'))
+        self.node.start()
+        self.wait_for_state('RUNNING')
+        page.wait('Number(document.querySelector("#time").textContent) > 0.2', 'time that goes on')
+        frames = page.run('Number(document.body.dataset.frames)')
+        page.wait(f'Number(document.body.dataset.frames) > {frames} + 10', 'curves of the new one')
+
+    def test_other_views_and_saved_files(self):
+        page = self.page
+        page.click('[data-view=scene]')
+        page.wait('document.querySelector("#equations").textContent.includes("equations of motion")',
+                  'the equations')
+        self.assertIn('shafts', page.text('#parameters'))
+        page.click('[data-view=energy]')
+        page.wait('document.querySelector("#flow").children.length > 0', 'the flow of energy')
+        page.wait('/\\d/.test(document.querySelector("#account").textContent)', 'an account')
+        page.click('[data-view=plots]')
+        page.click('#hold')
+        for kind, start in (('csv', b'time,'), ('bag', b'#ROSBAG'), ('png', b'\x89PNG')):
+            page.click('#save-' + kind)
+            path = page.downloads / f'looked_at.{kind}'
+            wait_for(path.exists, path.name)
+            wait_for(lambda path=path: path.read_bytes()[:len(start)] == start, path.name)
+
+
+class PanelSuite(unittest.TestSuite):
+    """All of the above, for rostest."""
+
+    def __init__(self):
+        super().__init__(unittest.defaultTestLoader.loadTestsFromTestCase(case)
+                         for case in (TableTest, GuardTest, ServerTest, PageTest))
+
+
+if __name__ == '__main__':
+    rospy.init_node('panel_test')
+    rostest.rosrun('variator_sim', 'panel_test', 'panel_test.PanelSuite', sys.argv)
