@@ -18,6 +18,7 @@ import columns
 from sample_table import SampleTable
 from scene_view import explain, read_inputs
 
+REST = 2.0     # s without a change after which inputs rest
 SILENCE = 1.0  # s without ~status (10 Hz) after which the node is taken for dead
 TYPES = {"state": DrivetrainState, "elements": NamedValues, "inputs": NamedValues,
          "outputs": NamedValues, "energy": DrivetrainEnergy}
@@ -40,6 +41,8 @@ class DrivetrainLink:
         self.settings = {}      # what dynamic_reconfigure has in force
         self.diagnostics = None  # DiagnosticStatus
         self._heard = None      # time.monotonic()
+        self._known_inputs = None
+        self._inputs_moved = 0.0  # time.monotonic()
         self._lock = threading.Lock()
         self._commands = {}     # topic: publisher
         self._wanted = set()
@@ -139,6 +142,17 @@ class DrivetrainLink:
         if wanted != self._wanted or looked_at != self._looked_at:
             self._wanted, self._looked_at = wanted, looked_at
             self._work.put(self._subscribe)
+
+    def inputs_move(self):
+        """False when no command has come and no input has changed for a while: then what is known
+        of them stays true, and nobody has to listen."""
+        status = self.status
+        counts = status and (status.commands_accepted, status.command_timeouts)
+        known = (counts, self.table.latest(
+            [column.name for column in self.columns.get("inputs", [])]))
+        if known != self._known_inputs:
+            self._known_inputs, self._inputs_moved = known, time.monotonic()
+        return not self.is_alive() or time.monotonic() - self._inputs_moved < REST
 
     def _can_have(self, group):
         if group == "inputs":

@@ -1,5 +1,6 @@
 """What has come of a drivetrain: a row per instant, a column per quantity, NaN where nothing came."""
 
+import math
 import threading
 
 import numpy
@@ -25,6 +26,7 @@ class SampleTable:
         self._values = numpy.full((FIRST_ROWS, len(self._names)), numpy.nan)
         self._next = dict.fromkeys(self._groups, 0)          # behind the last row that a group filled
         self._last_time = {}                                 # of a group, s
+        self._newest = {}                                    # of a group: its last values
         self.version += 1
 
     def add_group(self, group, names):
@@ -50,6 +52,7 @@ class SampleTable:
             self._values[row, self._groups[group]] = values
             self._next[group] = row + 1
             self._last_time[group] = time
+            self._newest[group] = values
             self.version += 1
 
     def _find_row(self, group, stamp, time):
@@ -82,17 +85,15 @@ class SampleTable:
         return group in self._groups
 
     def latest(self, columns):
-        """The last number of each column that is known, {} without rows."""
+        """The last value of each column that has one."""
         with self._lock:
             found = {}
-            for name in columns:
-                if name not in self._names:
-                    continue
-                # The last row may still wait for this column's message.
-                last = self._values[max(0, self._rows - 64):self._rows, self._names[name]]
-                last = last[numpy.isfinite(last)]
-                if len(last):
-                    found[name] = float(last[-1])
+            for group, values in self._newest.items():
+                first = self._groups[group].start
+                for name in columns:
+                    place = self._names.get(name, -1) - first
+                    if 0 <= place < len(values) and math.isfinite(values[place]):
+                        found[name] = values[place]
             return found
 
     def window(self, columns, begin=-numpy.inf, end=numpy.inf):

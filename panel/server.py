@@ -184,7 +184,7 @@ class Browser(Guarded, tornado.websocket.WebSocketHandler):
             if link.scene_number != self.told_scene:
                 self.told_scene = link.scene_number
                 self._tell(self.application.describe_scene())
-                self.application.look()
+            self.application.look()
             await self.write_message(self._frame(link), binary=True)
         except tornado.websocket.WebSocketClosedError:
             pass
@@ -241,14 +241,22 @@ class Panel(tornado.web.Application):
         ], websocket_ping_interval=10, websocket_max_message_size=1 << 20)
 
     def look(self):
-        """Tells the link which groups somebody looks at."""
+        """Tells the link which groups somebody looks at. Inputs that rest are not looked at for the
+        sake of the sliders."""
         if not self.browsers:
             self.link.look_at(None)
             return
         group_of = {column.name: group for group, found in self.link.columns.items()
                     for column in found}
-        self.link.look_at({group_of[name] for browser in self.browsers
-                           for name in browser.columns + browser.latest if name in group_of})
+
+        def groups(field):
+            return {group_of[name] for browser in self.browsers for name in getattr(browser, field)
+                    if name in group_of}
+
+        latest = groups("latest")
+        if not self.link.inputs_move():
+            latest.discard("inputs")
+        self.link.look_at(groups("columns") | latest)
 
     def describe_scene(self):
         link = self.link

@@ -270,7 +270,7 @@ class ServerTest(unittest.TestCase):
         def subscribed():
             state = rospy.get_master().getSystemState()[2][1]
             return {topic.split('/')[-1] for topic, nodes in state if topic.startswith('/served/')
-                    and any('panel' in node for node in nodes)} & {'state', 'elements', 'energy'}
+                    and any('panel' in node for node in nodes)} & {'state', 'elements', 'inputs', 'energy'}
 
         socket = Socket(self.panel)
         socket.say(show={'columns': ['drive/velocity'], 'latest': [], 'seconds': 10})
@@ -278,7 +278,15 @@ class ServerTest(unittest.TestCase):
         socket.frames_until(lambda head, rows: subscribed() == {'state'}, 'state alone')
         socket.say(show={'columns': [], 'latest': ['power/applied'], 'seconds': 10})
         socket.frames_until(lambda head, rows: 'power/applied' in head['latest'], 'power')
-        wait_for(lambda: subscribed() == {'energy'}, 'energy alone')
+        wait_for(lambda: socket.frame() and subscribed() == {'energy'}, 'energy alone')
+        # What a slider shows is listened to only while it can change.
+        socket.say(show={'columns': [], 'latest': ['inputs/ratio'], 'seconds': 10})
+        wait_for(lambda: socket.frame() and not subscribed(), 'inputs that rest')
+        self.assertEqual(socket.frame()[0]['latest'], {'inputs/ratio': 0.5})
+        socket.say(command={'topic': 'ratio', 'value': 0.6})
+        socket.frames_until(lambda head, rows: head['latest'].get('inputs/ratio') == 0.6, 'ratio')
+        socket.say(show={'columns': ['drive/velocity'], 'latest': [], 'seconds': 10})
+        wait_for(lambda: socket.frame() and subscribed() == {'state'}, 'state')
         socket.close()
         wait_for(lambda: not subscribed(), 'no subscriptions')
 

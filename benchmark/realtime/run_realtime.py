@@ -241,6 +241,23 @@ def cpu_subscribed(session):
                     session.add_cpu("cpu_subscribed"))
 
 
+def cpu_panel(session):
+    """CPU time of a node that a panel shows, of one with one subscriber, of one with none."""
+    peers = {"variator": [session.spawn_node("variator", SHIP)],
+             "subscribed": [session.spawn_node("subscribed", SHIP)],
+             "alone": [session.spawn_node("alone", SHIP)]}
+    session.spawn_sink("/subscribed/state")
+    panel = session.spawn(ROOT / "scripts/panel", "--node", "/variator", "--port", 0)
+    wait_for(lambda: "http://" in panel.output.read_text(), "the panel")
+    columns = [f"{shaft}/{quantity}" for shaft in ("drive", "load") for quantity in
+               ("velocity", "applied_torque", "acceleration", "reaction_torque")]
+    page = session.spawn(ROOT / "benchmark/realtime/page.py",
+                         panel.output.read_text().split()[-1], ",".join(columns))
+    wait_for(lambda: "looking" in page.output.read_text(), "frames of the panel")
+    session.in_turn(peers, 3 if session.quick else 10, 2 if session.quick else 5,
+                    session.add_cpu("cpu_panel"))
+
+
 def cpu_alone(session):
     """CPU time at 1 kHz without subscribers."""
     peers = {"variator": [session.spawn_node("variator", SHIP)],
@@ -464,9 +481,9 @@ def flood(session):
     log.close()
 
 
-ROWS = {"cpu_subscribed": cpu_subscribed, "cpu_alone": cpu_alone, "lateness": lateness,
-        "latency": latency, "step": step, "memory": resident_memory, "drivetrains": drivetrains,
-        "flood": flood}
+ROWS = {"cpu_subscribed": cpu_subscribed, "cpu_panel": cpu_panel, "cpu_alone": cpu_alone,
+        "lateness": lateness, "latency": latency, "step": step, "memory": resident_memory,
+        "drivetrains": drivetrains, "flood": flood}
 
 
 def first_line(*command):
