@@ -400,6 +400,21 @@ class PageTest(unittest.TestCase):
         page.wait(f'document.querySelector(".curve canvas").toDataURL() != {json.dumps(stopped)}',
                   'a curve that moves on')
 
+    def test_plots_fit_their_places(self):
+        page = self.page
+        page.wait('document.querySelectorAll(".curve canvas").length >= 8', 'four plots')
+        page.run('(() => { const add = document.querySelector("#add"); add.value = "angle"; '
+                 'add.dispatchEvent(new Event("change")); })()')
+        page.wait('document.querySelectorAll(".plot").length == 5 && '
+                  '[...document.querySelectorAll(".curve")].every((curve) => { '
+                  'const canvas = curve.querySelector("canvas"); '
+                  'return canvas && canvas.clientHeight == curve.clientHeight; })',
+                  'five plots of one size')
+        for _ in range(5):
+            page.click('.plot .tools button:last-child')
+        page.wait('document.querySelectorAll(".plot").length == 0', 'no plots')
+        page.run('localStorage.clear()')
+
     def test_thirty_frames_a_second_at_most(self):
         count = 'Number(document.body.dataset.frames || 0)'
         self.page.wait(count + ' > 5', 'frames')

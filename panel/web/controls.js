@@ -65,8 +65,8 @@ class Input {
     this.force.textContent = `in force ${show(value)}`;
     if (this.untouched) {
       this.slider.value = value;
-      const steps = 1e4 / (this.max - this.min);
-      if (document.activeElement !== this.field) this.field.value = Number((Math.round(value * steps) / steps).toPrecision(6));
+      const shown = Math.abs(value) < 1e-6 * (this.max - this.min) ? 0 : Number(value.toPrecision(4));
+      if (document.activeElement !== this.field) this.field.value = shown;
     }
   }
 }
@@ -134,7 +134,7 @@ export class Controls {
     const {status} = frame;
     const state = status ? STATES[status.state] ?? "?" : null;
     if (frame.alive && state) {
-      this.setState(state, status.stop_reason ? `${status.stop_reason}: ${status.message}` : "");
+      this.setState(state, status.message);
     } else {
       this.setState("GONE", frame.silence === null ? "it has not been heard yet" : `silent for ${frame.silence.toFixed(0)} s`);
     }

@@ -18,7 +18,12 @@ function send(words) {
 }
 
 const seconds = () => Number($("seconds").value);
-const range = () => held ?? [newest - seconds(), newest];
+// It fills from the left, then it scrolls.
+const range = () => {
+  if (held) return held;
+  const begin = Math.max(0, newest - seconds());
+  return [begin, begin + seconds()];
+};
 const controls = new Controls(send);
 const board = new Board($("plots"), $("add"), ask, hold);
 
@@ -73,11 +78,12 @@ function take(buffer) {
   const frame = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
   if (!held) newest = frame.newest;
   controls.tell(frame);
+  $("nothing").hidden = view !== "plots" || newest !== null;
   if (view === "energy" && scene) drawFlow($("flow"), $("account"), frame.latest, scene.torques);
   if (frame.rows === undefined || view !== "plots") return;
   const column = (i) => new Float64Array(buffer, 4 + size + 8 * i * frame.rows, frame.rows);
   const series = new Map(frame.columns.map((name, i) => [name, column(i + 1)]));
-  if (held || newest !== null) board.draw(column(0), series, range());
+  if (held || newest !== null) board.draw(column(0), series, range(), !held);
   frames += 1;
   document.body.dataset.frames = frames;
 }

@@ -7,6 +7,7 @@ const WORDS = {angle: "Angle", velocity: "Speed", acceleration: "Acceleration", 
   multiplier: "Multiplier", "element torque": "Element torques", "element power": "Element powers",
   "element output": "Element outputs", inputs: "Inputs", outputs: "Outputs", energy: "Energy", power: "Power"};
 const FIRST = ["velocity", "applied_torque", "acceleration", "reaction_torque"];
+const FLAT = 1e-6;  // in the unit of the quantity
 // Quantities whose columns have units of their own: one column a plot, at first.
 const SINGLE = new Set(["inputs", "outputs", "element output", "residual", "multiplier"]);
 
@@ -31,7 +32,16 @@ class Plot {
     this.board = board;
     this.names = names;
     this.element = make("div", {className: "plot"});
+    this.observer = new ResizeObserver(() => this.graph?.resize());
+    this.observer.observe(this.element);
     this.build();
+  }
+
+  close() {
+    this.observer.disconnect();
+    this.graph?.destroy();
+    this.graph = null;
+    this.element.remove();
   }
 
   columns() {
@@ -96,27 +106,36 @@ class Plot {
     return Object.fromEntries(columns.map((column, i) => [column.name, {strokeWidth: 1.4 + 2 * (1 - (i + 1) / columns.length)}]));
   }
 
-  // `series`: name to Float64Array; `times`; `range`: [begin, end] in s.
-  draw(times, series, range) {
+  // `series`: name to Float64Array; `range`: [begin, end] in s; `free`: not zoomed by the user.
+  draw(times, series, range, free) {
     const curves = this.columns().map((column) => series.get(column.name));
     if (!curves.length) return;
     const rows = new Array(times.length);
+    let least = Infinity, greatest = -Infinity;
     for (let i = 0; i < times.length; ++i) {
       const row = [times[i]];
-      for (const curve of curves) row.push(curve && Number.isFinite(curve[i]) ? curve[i] : null);
+      for (const curve of curves) {
+        const value = curve && Number.isFinite(curve[i]) ? curve[i] : null;
+        row.push(value);
+        if (value < least) least = value;
+        if (value > greatest) greatest = value;
+      }
       rows[i] = row;
     }
+    // What is zero but for rounding is drawn as zero.
+    const flat = greatest - least < FLAT && Math.abs(greatest) < FLAT && !this.names.some((name) => name.endsWith("/residual"));
+    const valueRange = flat ? [-1, 1] : null;
     this.last = rows[rows.length - 1];
     if (!rows.length) rows.push([range[1], ...curves.map(() => null)]);
     if (this.graph) {
-      this.graph.updateOptions({file: rows, dateWindow: range});
+      this.graph.updateOptions({file: rows, dateWindow: range, ...(free && {axes: {y: {valueRange}}})});
     } else {
       this.graph = new Dygraph(this.canvas, rows, {
         labels: ["time", ...this.columns().map((column) => column.name)], colors: COLOURS.slice(0, Math.max(1, curves.length)),
         dateWindow: range, legend: "never", series: this.widths(), gridLineColor: "#e6eaee", axisLineColor: "#b9c3cd",
-        gridLineWidth: 1, connectSeparatedPoints: true, highlightCircleSize: 3, animatedZooms: false,
+        gridLineWidth: 1, highlightCircleSize: 3, animatedZooms: false,
         includeZero: false, yRangePad: 8,
-        axes: {y: {axisLabelWidth: 58, pixelsPerLabel: 32, axisLabelFormatter: tick},
+        axes: {y: {valueRange, axisLabelWidth: 58, pixelsPerLabel: 32, axisLabelFormatter: tick},
           x: {pixelsPerLabel: 60, axisLabelFormatter: tick}},
         highlightCallback: (event, x, points, row) => this.mark(row),
         unhighlightCallback: () => this.mark(null),
@@ -177,7 +196,7 @@ export class Board {
     this.chooser.replaceChildren(...options);
     if (this.key === key) return this.plots.forEach((plot) => plot.columns().length !== plot.chips.length && plot.build());
     this.key = key;
-    this.plots.forEach((plot) => plot.element.remove());
+    this.plots.forEach((plot) => plot.close());
     this.plots = [];
     let kept = null;
     try { kept = JSON.parse(localStorage.getItem("plots of " + key)); } catch { /* as if never seen */ }
@@ -196,8 +215,7 @@ export class Board {
 
   remove(plot) {
     this.plots = this.plots.filter((other) => other !== plot);
-    plot.graph?.destroy();
-    plot.element.remove();
+    plot.close();
     this.changed();
   }
 
@@ -209,7 +227,7 @@ export class Board {
     for (const plot of this.plots) plot.graph?.updateOptions({valueRange: null, axes: {y: {valueRange: null}}}, true);
   }
 
-  draw(times, series, range) {
-    for (const plot of this.plots) plot.draw(times, series, range);
+  draw(...frame) {
+    for (const plot of this.plots) plot.draw(...frame);
   }
 }
