@@ -282,7 +282,6 @@ ParameterTree CommandSignal::toTree() const {
     tree["target"] = ParameterTree::real(target_);
     tree["until"] = ParameterTree::real(segment_end_);
   }
-  if (form_ == Form::kRamp) tree["slope"] = ParameterTree::real(slope_);
   if (form_ == Form::kCritical) tree["linear"] = ParameterTree::real(linear_);
   return ParameterTree::dictionary(std::move(tree));
 }
@@ -296,7 +295,9 @@ CommandSignal CommandSignal::fromTree(ParameterReader& reader,
   signal.target_ = signal.start_value_;
   if (!is_moving) return signal;
   signal.target_ = reader.number("target", limits);
-  signal.start_time_ = reader.number("since");
+  Range past;
+  past.maximum = 0.0;
+  signal.start_time_ = reader.number("since", past);
   signal.segment_end_ = reader.number("until", Range::atLeast(signal.start_time_));
   switch (settings.hold) {
     case Hold::kZeroOrder:
@@ -311,9 +312,12 @@ CommandSignal CommandSignal::fromTree(ParameterReader& reader,
       signal.linear_ = reader.number("linear");
       break;
     case Hold::kRateLimit:
+      signal.form_ = Form::kRamp;
+      signal.slope_ = signal.target_ > signal.start_value_ ? settings.rate : -settings.rate;
+      break;
     case Hold::kFirstOrderHold:
       signal.form_ = Form::kRamp;
-      signal.slope_ = reader.number("slope");
+      signal.slope_ = (signal.target_ - signal.start_value_) / settings.period;
       break;
   }
   return signal;

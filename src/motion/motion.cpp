@@ -150,7 +150,7 @@ const MotionStatus& Motion::advance(double time) {
   // Commands that fail to come in time act on their own; they are events of the motion.
   for (double timeout = commands_.nextTimeout(); status().ok() && timeout <= time;
        timeout = commands_.nextTimeout()) {
-    moveTo(timeout);
+    moveTo(std::max(timeout, time_));  // a rounding may lie between them
     if (status().ok()) {
       integrator_.statistics().command_timeouts +=
           static_cast<std::uint64_t>(commands_.addTimeouts(time_, resolutionOf(time_)));

@@ -146,7 +146,10 @@ void readInputs(ParameterReader& root, const Scene& scene, bool needs_all, Motio
     state->signal[i] = CommandSignal::fromTree(input, settings);
     state->last_command[i] = std::numeric_limits<double>::infinity();
     input.allow("last_command");
-    if (input.has("last_command")) state->last_command[i] = input.number("last_command");
+    if (input.has("last_command")) {
+      state->last_command[i] =
+          input.number("last_command", Range::between(state->time - settings.timeout, state->time));
+    }
     input.finish();
   }
 }
