@@ -357,6 +357,20 @@ std::string nameOfCase(const ::testing::TestParamInfo<Case>& info) {
 }
 INSTANTIATE_TEST_SUITE_P(LinearModel, OrdersAndPrinciples, ::testing::ValuesIn(kCases), nameOfCase);
 
+TEST(LinearModel, KeepsTheReactionOfAFreeShaftWithItsInertia) {
+  // No constraint reads shaft c, so R_c / sqrt(J_c) stays what it is, here not 0.
+  std::string text = sceneText(kCases[2]);
+  const std::string constant = "c: {inertia: 0.5}";
+  text.replace(text.find(constant), constant.size(),
+               "c: {inertia: {mean: 0.5, harmonics: [{order: 2, cos: 0.1, sin: 0.1}]}}");
+  const Scene scene = test::sceneFromText(text);
+  OperatingPoint point = Simulation(scene).operatingPoint();
+  point.acceleration[2] += 8.0;
+  Comparison comparison(startAt(scene, point), {0.7, 0.62, 0.8});
+  EXPECT_EQ(comparison.model().states.size(), kCases[2].states);
+  comparison.expectLikeRuns();
+}
+
 // --- laws that are no formulas -------------------------------------------------------------------
 
 /// Another constraint, of which nobody sees the formula.

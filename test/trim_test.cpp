@@ -17,7 +17,8 @@ namespace {
 const std::string kScenes = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/";
 
 /// Two shafts that slip: `rest` has the principle and what else is to be said.
-Scene slipping(const std::string& rest, const std::string& load = "-load_torque - 0.01*w_load*abs(w_load)") {
+Scene slipping(const std::string& rest,
+               const std::string& load = "-load_torque - 0.01*w_load*abs(w_load)") {
   return test::sceneFromText(R"yaml(
 shafts: [drive, load]
 drive: {inertia: 0.8}
@@ -94,10 +95,15 @@ torques: [kloss, load]
 kloss: {type: variator_sim/ExpressionTorque, shaft: motor, torque: "12*((50-w1)/50)/(((50-w1)/50)^2+0.04)"}
 load: {type: variator_sim/ExpressionTorque, shaft: motor, torque: "-20"}
 )yaml");
+  Scene fast = scene;
+  fast.initial.velocity = {46.0};
+  EXPECT_GT(trim(fast, {}).states.at(0).point.velocity[0], 40.0);
   const TrimResult result = trim(scene, {});
   ASSERT_EQ(result.states.size(), 2U) << result.message;
   // s^2 - 0.6 s + 0.04 = 0
   const double root = std::sqrt(0.09 - 0.04);
+  // The scene starts at 0.
+  EXPECT_LT(result.states[0].point.velocity[0], result.states[1].point.velocity[0]);
   std::vector<double> speeds = {result.states[0].point.velocity[0],
                                 result.states[1].point.velocity[0]};
   std::sort(speeds.begin(), speeds.end());
@@ -130,6 +136,20 @@ TEST(Trim, TellsOfInfinitelyMany) {
             (std::vector<std::string>{"w_drive", "w_load", "throttle"}))
       << result.message;
   EXPECT_LE(result.states[0].residual, 1e-10);
+}
+
+TEST(Trim, TellsADoubleRootFromAFamily) {
+  // w^2 (w - 5) = 0
+  const TrimResult result = trim(test::sceneFromText(R"yaml(
+shafts: [a]
+a: {inertia: 0.8}
+torques: [both]
+both: {type: variator_sim/ExpressionTorque, shaft: a, torque: "w1^2*(5 - w1)"}
+)yaml"),
+                                 {});
+  ASSERT_EQ(result.states.size(), 2U) << result.message;
+  EXPECT_NEAR(result.states[0].point.velocity[0], 0.0, 1e-5);
+  EXPECT_NEAR(result.states[1].point.velocity[0], 5.0, 1e-10);
 }
 
 TEST(Trim, FindsAnElasticTwist) {

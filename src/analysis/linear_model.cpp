@@ -59,7 +59,7 @@ class Linearizer {
   const Scene& scene_;
   const OperatingPoint& point_;
   const MotionKind kind_;
-  SceneEquations equations_;
+  MotionEquations equations_;
   const VariableLayout& layout_;
   ModelFormulas formulas_;
   std::unique_ptr<DifferentiatedFormulas> program_;

@@ -14,7 +14,7 @@ std::size_t at(int i) {
 
 class Maker {
  public:
-  Maker(SceneEquations& equations, const Scene& scene)
+  Maker(MotionEquations& equations, const Scene& scene)
       : scene_(scene), kind_(kindOf(scene)), equations_(equations), layout_(equations.layout()) {}
   ModelFormulas make() {
     stateMotion();
@@ -37,7 +37,7 @@ class Maker {
 
   const Scene& scene_;
   const MotionKind kind_;
-  SceneEquations& equations_;
+  MotionEquations& equations_;
   const VariableLayout& layout_;
   ModelFormulas formulas_;
 };
@@ -155,7 +155,7 @@ MotionKind kindOf(const Scene& scene) {
   return scene.hasOrder3() ? MotionKind::kFormal : MotionKind::kClassical;
 }
 
-ModelFormulas makeModelFormulas(SceneEquations& equations, const Scene& scene) {
+ModelFormulas makeModelFormulas(MotionEquations& equations, const Scene& scene) {
   return Maker(equations, scene).make();
 }
 

@@ -10,7 +10,7 @@
 
 #include <vector>
 
-#include "analysis/scene_equations.h"
+#include "analysis/motion_equations.h"
 
 namespace variator_sim {
 
@@ -28,7 +28,7 @@ struct ModelFormulas {
   int equations() const { return static_cast<int>(unknowns.size()); }
 };
 
-ModelFormulas makeModelFormulas(SceneEquations& equations, const Scene& scene);
+ModelFormulas makeModelFormulas(MotionEquations& equations, const Scene& scene);
 
 /// "drive/angle", .., "drive/reaction_torque", .., "outputs/NAME"
 std::vector<std::string> outputNames(const Scene& scene);

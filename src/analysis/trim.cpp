@@ -1,11 +1,5 @@
-// Constant speeds: epsilon = eta = 0, and
-//     R = C^T lambda                                 the torques are in balance
-//     f = 0, f' = 0, psi = 0, C eta + c0 = 0         the constraints hold, and go on to hold
-//     R' = C^T Lambda + Gamma R omega                (generalized_gauss)
-//     R' = C^T lambda' + (dC/dt)^T lambda            (gauss)
-// with R = J epsilon + n - Q. Accelerations in constant ratios: eta = mu epsilon beside these.
-// There may be more equations than unknowns, most of them 0 = 0, and angles that nothing
-// determines: steps are the least ones that solve the linearised equations best.
+// There may be more equations (trim_equations.h) than unknowns, most of them 0 = 0, and angles that
+// nothing determines: steps are the least ones that solve the linearised equations best.
 #include "variator_sim/trim.h"
 
 #include <Eigen/QR>
@@ -16,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "analysis/scene_equations.h"
+#include "analysis/trim_equations.h"
 #include "analysis/trim_names.h"
 #include "variator_sim/nearest_name.h"
 
@@ -48,12 +42,10 @@ class Trim {
     double weighted = std::numeric_limits<double>::infinity();  ///< by the equations' own sizes
     int worst = 0;                                              ///< the equation of that
   };
-  void stateBalance();
   void stateFixed();
   void chooseUnknowns();
   void refuseAcceleration(int variable) const;
   void add(Node equation, std::string name) {
-    if (equations_.graph().isConstant(equation, 0.0)) return;
     formulas_.push_back(equation);
     names_.push_back(std::move(name));
   }
@@ -65,15 +57,23 @@ class Trim {
   void fitMultipliers(VectorXd& v) const;
   VectorXd sizesOf(const VectorXd& v) const;
   Attempt iterate(VectorXd v) const;
-  MatrixXd findFreeDirections(const VectorXd& v) const;
+  /// Speeds, accelerations and inputs: what steady states are told apart by.
+  bool counts(int unknown) const;
+  /// Directions, in unknowns by their sizes, that the linearised equations leave free; `counted`:
+  /// otherwise of angles and multipliers alone.
+  MatrixXd findFreeDirections(const VectorXd& v, bool counted) const;
+  /// True where some way along `free` leads to another steady state, and v is no double root.
+  bool isOneOfMany(const VectorXd& v, const MatrixXd& free) const;
   bool isSame(const VectorXd& a, const VectorXd& b) const;
   std::string leavesLimits(const VectorXd& v) const;
   bool isStill(const VectorXd& v) const;
+  double distance(const VectorXd& v) const;
+  std::string explainNone(const Attempt& nearest);
   TrimState stateOf(const Attempt& attempt, const MatrixXd& free) const;
 
   const Scene& scene_;
   const TrimOptions& options_;
-  SceneEquations equations_;
+  MotionEquations equations_;
   const VariableLayout& layout_;
   TrimNames trim_names_;
   std::vector<Node> formulas_;
@@ -96,43 +96,12 @@ Trim::Trim(const Scene& scene, const TrimOptions& options, bool numeric)
     if (options.accelerating) base_(layout_.acceleration(i)) = 1.0;
   }
   for (int i = 0; i < layout_.U; ++i) base_(layout_.input(i)) = scene.inputs[at(i)].initial;
-  stateBalance();
+  for (const NamedFormula& it : makeBalance(equations_, scene, options.accelerating)) {
+    add(it.formula, it.name);
+  }
   stateFixed();
   chooseUnknowns();
   program_ = std::make_unique<DifferentiatedFormulas>(equations_, formulas_);
-}
-
-void Trim::stateBalance() {
-  expression::Graph& graph = equations_.graph();
-  const bool is_gauss = scene_.principle == Principle::kGauss;
-  for (int i = 0; i < layout_.S; ++i) {
-    const std::string shaft = "shaft '" + scene_.shafts[at(i)] + "'";
-    add(graph.subtract(equations_.reaction(i), equations_.combine(i, layout_.multiplier(0))),
-        "the torques on " + shaft);
-    Node rate = graph.subtract(equations_.reactionRate(i),
-                               equations_.combine(i, layout_.multiplierRate(0)));
-    for (int m = 0; m < layout_.k && is_gauss; ++m) {
-      const Node turn = equations_.constraints()[at(m)].C_rate[at(i)];
-      rate = graph.subtract(rate, graph.multiply(equations_.variable(layout_.multiplier(m)), turn));
-    }
-    if (!is_gauss && !equations_.hasConstantInertia()) {
-      rate = graph.subtract(rate, equations_.connection(i));
-      add(graph.subtract(equations_.auxiliaryTorque(i), equations_.reaction(i)), "");
-    }
-    add(rate, "the rates of the torques on " + shaft);
-    if (!options_.accelerating) continue;
-    add(graph.subtract(equations_.variable(layout_.jerk(i)),
-                       graph.multiply(equations_.variable(layout_.growth()),
-                                      equations_.variable(layout_.acceleration(i)))),
-        "the ratio of accelerations of " + shaft);
-  }
-  for (int m = 0; m < layout_.k; ++m) {
-    const ConstraintFormulas& it = equations_.constraints()[at(m)];
-    const std::string name = "constraint '" + scene_.constraints[at(m)]->name() + "'";
-    if (it.velocity != Node{}) add(it.velocity, name);
-    if (it.acceleration != Node{}) add(it.acceleration, name);
-    add(it.jerk, "the rate of " + name);
-  }
 }
 
 void Trim::stateFixed() {
@@ -315,7 +284,13 @@ Trim::Attempt Trim::iterate(VectorXd v) const {
   return attempt;
 }
 
-MatrixXd Trim::findFreeDirections(const VectorXd& v) const {
+bool Trim::counts(int unknown) const {
+  const int variable = unknowns_[at(unknown)];
+  return (variable >= layout_.velocity(0) && variable < layout_.jerk(0)) ||
+         (variable >= layout_.input(0) && variable < layout_.multiplier(0));
+}
+
+MatrixXd Trim::findFreeDirections(const VectorXd& v, bool counted) const {
   VectorXd there = v;
   VectorXd F;
   MatrixXd dF;
@@ -323,10 +298,45 @@ MatrixXd Trim::findFreeDirections(const VectorXd& v) const {
   const VectorXd sizes = sizesOf(v);
   const VectorXd rows = (dF.cwiseAbs() * sizes).cwiseMax(1e-6);
   const MatrixXd scaled = rows.cwiseInverse().asDiagonal() * dF * sizes.asDiagonal();
-  const Eigen::JacobiSVD<MatrixXd> svd(scaled, Eigen::ComputeFullV);
+  std::vector<int> columns;
+  for (int j = 0; j < scaled.cols(); ++j) {
+    if (counted || !counts(j)) columns.push_back(j);
+  }
+  const MatrixXd chosen = scaled(Eigen::all, columns);
+  const Eigen::JacobiSVD<MatrixXd> svd(chosen, Eigen::ComputeFullV);
   int rank = 0;
   while (rank < svd.singularValues().size() && svd.singularValues()(rank) > 1e-8) ++rank;
-  return svd.matrixV().rightCols(scaled.cols() - rank);
+  MatrixXd free = MatrixXd::Zero(scaled.cols(), chosen.cols() - rank);
+  for (int j = 0; j < chosen.cols(); ++j) {
+    free.row(columns[at(j)]) = svd.matrixV().row(j).tail(free.cols());
+  }
+  return free;
+}
+
+bool Trim::isOneOfMany(const VectorXd& v, const MatrixXd& free) const {
+  constexpr double kWay = 0.05;  // of each unknown's size
+  const VectorXd sizes = sizesOf(v);
+  for (int column = 0; column < free.cols(); ++column) {
+    VectorXd direction = free.col(column);
+    for (int j = 0; j < direction.size(); ++j) {
+      if (!counts(j)) direction(j) = 0.0;
+    }
+    const double length = direction.cwiseAbs().maxCoeff();
+    if (length < 1e-7) continue;
+    VectorXd beside = v;
+    for (int j = 0; j < sizes.size(); ++j) {
+      beside(unknowns_[at(j)]) += kWay * sizes(j) * free(j, column) / length;
+    }
+    const Attempt attempt = iterate(beside);
+    double moved = 0.0;
+    for (int j = 0; j < sizes.size(); ++j) {
+      const int variable = unknowns_[at(j)];
+      if (!counts(j) || !attempt.is_solution) continue;
+      moved = std::max(moved, std::abs(attempt.v(variable) - v(variable)) / sizes(j));
+    }
+    if (moved > 0.5 * kWay && moved < 2.0 * kWay) return true;
+  }
+  return false;
 }
 
 bool Trim::isSame(const VectorXd& a, const VectorXd& b) const {
@@ -335,7 +345,7 @@ bool Trim::isSame(const VectorXd& a, const VectorXd& b) const {
   for (int j = 0; j < sizes.size(); ++j) {
     difference(j) = (a(unknowns_[at(j)]) - b(unknowns_[at(j)])) / sizes(j);
   }
-  const MatrixXd free = findFreeDirections(a);
+  const MatrixXd free = findFreeDirections(a, false);
   difference -= free * (free.transpose() * difference);
   for (int j = 0; j < sizes.size(); ++j) {
     if (unknowns_[at(j)] >= layout_.velocity(0)) continue;
@@ -379,16 +389,42 @@ TrimState Trim::stateOf(const Attempt& attempt, const MatrixXd& free) const {
   state.residual = attempt.residual;
   for (int j = 0; j < free.rows(); ++j) {
     const std::string name = trim_names_.nameOf(unknowns_[at(j)]);
-    const bool is_angle = unknowns_[at(j)] < layout_.velocity(0);
-    if (is_angle || name.empty() || free.row(j).norm() < 1e-7) continue;
-    state.undetermined.push_back(name);
+    if (counts(j) && free.row(j).norm() > 1e-7) state.undetermined.push_back(name);
   }
   return state;
 }
 
+/// How far speeds, accelerations and inputs are from the start.
+double Trim::distance(const VectorXd& v) const {
+  const VectorXd sizes = sizesOf(base_);
+  double sum = 0.0;
+  for (int j = 0; j < sizes.size(); ++j) {
+    const int variable = unknowns_[at(j)];
+    if (!counts(j)) continue;
+    sum += std::pow((v(variable) - base_(variable)) / sizes(j), 2);
+  }
+  return sum;
+}
+
+std::string Trim::explainNone(const Attempt& nearest) {
+  const std::string& name = names_[at(nearest.worst)];
+  const auto reads_time = [this](Node node) {
+    return equations_.graph().dependsOn(node, layout_.slot(layout_.time()));
+  };
+  std::string text = "no steady state found from " + std::to_string(kStarts) +
+                     " starts; the nearest leaves " + formatNumber(nearest.residual) + " in " +
+                     (name.empty() ? "the torques" : name);
+  if (std::any_of(formulas_.begin(), formulas_.end(), reads_time)) {
+    text += " (laws read the time: what they do changes)";
+  } else if (!options_.fix.empty()) {
+    text += " (is too much fixed, or too little free?)";
+  }
+  return text;
+}
+
 TrimResult Trim::find() {
   TrimResult result;
-  std::vector<VectorXd> found;
+  std::vector<Attempt> found;
   std::string outside;
   Attempt nearest;
   bool has_still = false;
@@ -407,18 +443,23 @@ TrimResult Trim::find() {
       outside = fault;
       continue;
     }
-    const auto is_known = [&](const VectorXd& other) { return isSame(other, attempt.v); };
+    const auto is_known = [&](const Attempt& other) { return isSame(other.v, attempt.v); };
     if (std::any_of(found.begin(), found.end(), is_known)) continue;
-    found.push_back(attempt.v);
-    result.states.push_back(stateOf(attempt, findFreeDirections(attempt.v)));
-    if (!result.states.back().undetermined.empty()) break;
-  }
-  const std::size_t count = result.states.size();
-  if (count > 0 && !result.states.back().undetermined.empty()) {
-    result.states = {result.states.back()};
+    found.push_back(attempt);
+    const MatrixXd free = findFreeDirections(attempt.v, true);
+    if (!isOneOfMany(attempt.v, free)) continue;
+    const TrimState state = stateOf(attempt, free);
+    result.states = {state};
     result.message = "infinitely many steady states, this is one: not determined is " +
-                     joinNames(result.states.front().undetermined) + " (fix one more of them)";
-  } else if (count > 0) {
+                     joinNames(state.undetermined) + " (fix one more of them)";
+    return result;
+  }
+  std::stable_sort(found.begin(), found.end(), [this](const Attempt& a, const Attempt& b) {
+    return distance(a.v) < distance(b.v);
+  });
+  for (const Attempt& attempt : found) result.states.push_back(stateOf(attempt, MatrixXd()));
+  const std::size_t count = result.states.size();
+  if (count > 0) {
     result.message =
         count == 1 ? "one steady state found" : std::to_string(count) + " steady states found";
   } else if (!outside.empty()) {
@@ -428,18 +469,7 @@ TrimResult Trim::find() {
   } else if (!std::isfinite(nearest.residual)) {
     result.message = "no steady state found: a law is not finite wherever one was looked for";
   } else {
-    const std::string& name = names_[at(nearest.worst)];
-    const auto reads_time = [this](Node node) {
-      return equations_.graph().dependsOn(node, layout_.slot(layout_.time()));
-    };
-    result.message = "no steady state found from " + std::to_string(kStarts) +
-                     " starts; the nearest leaves " + formatNumber(nearest.residual) + " in " +
-                     (name.empty() ? "the torques" : name);
-    if (std::any_of(formulas_.begin(), formulas_.end(), reads_time)) {
-      result.message += " (laws read the time: what they do changes)";
-    } else if (!options_.fix.empty()) {
-      result.message += " (is too much fixed, or too little free?)";
-    }
+    result.message = explainNone(nearest);
   }
   return result;
 }

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "analysis/scene_equations.h"
+#include "analysis/motion_equations.h"
 
 namespace variator_sim {
 

@@ -56,10 +56,10 @@ struct ConstraintFormulas {
 /// The formulas of a scene, in a copy of its graph. A law that is no formula, or reads a function
 /// whose second derivatives nobody knows, gives variables instead, whose derivatives are
 /// differences.
-class SceneEquations {
+class MotionEquations {
  public:
   /// `numeric`: all laws by differences. `with_C_rates`: see ConstraintFormulas.
-  SceneEquations(const Scene& scene, bool numeric, bool with_C_rates);
+  MotionEquations(const Scene& scene, bool numeric, bool with_C_rates);
 
   const VariableLayout& layout() const { return layout_; }
   expression::Graph& graph() { return graph_; }
@@ -116,13 +116,13 @@ class SceneEquations {
 class DifferentiatedFormulas {
  public:
   /// Throws std::length_error when the derivatives are too large to be made.
-  DifferentiatedFormulas(SceneEquations& equations, const std::vector<expression::Node>& formulas);
+  DifferentiatedFormulas(MotionEquations& equations, const std::vector<expression::Node>& formulas);
 
   /// At v, whose opaque part is written.
   void evaluate(Eigen::VectorXd& v, Eigen::VectorXd& values, Eigen::MatrixXd& derivatives) const;
 
  private:
-  const SceneEquations& equations_;
+  const MotionEquations& equations_;
   int count_;
   expression::Tape tape_;                     ///< the formulas, then those of entries_
   std::vector<std::pair<int, int>> entries_;  ///< (formula, variable)

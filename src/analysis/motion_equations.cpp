@@ -1,4 +1,4 @@
-#include "analysis/scene_equations.h"
+#include "analysis/motion_equations.h"
 
 #include <algorithm>
 #include <cmath>
@@ -34,7 +34,7 @@ StateView VariableLayout::view(const VectorXd& v) const {
           data + input(0), data + inputRate(0), data + inputSecondRate(0)};
 }
 
-SceneEquations::SceneEquations(const Scene& scene, bool numeric, bool with_C_rates)
+MotionEquations::MotionEquations(const Scene& scene, bool numeric, bool with_C_rates)
     : scene_(scene), graph_(*scene.graph), with_C_rates_(with_C_rates) {
   layout_.S = scene.shaftCount();
   layout_.k = scene.constraintCount();
@@ -50,7 +50,7 @@ SceneEquations::SceneEquations(const Scene& scene, bool numeric, bool with_C_rat
   for (const ConstraintPtr& constraint : scene.constraints) addConstraint(*constraint, numeric);
 }
 
-bool SceneEquations::isFormula(const Torque& torque) const {
+bool MotionEquations::isFormula(const Torque& torque) const {
   const auto* law = dynamic_cast<const FormulaTorque*>(&torque);
   if (law == nullptr || &law->graph() != scene_.graph.get()) return false;
   std::vector<Node> nodes;
@@ -58,19 +58,19 @@ bool SceneEquations::isFormula(const Torque& torque) const {
   return !graph_.hasOpaque(nodes);
 }
 
-bool SceneEquations::isFormula(const Constraint& constraint) const {
+bool MotionEquations::isFormula(const Constraint& constraint) const {
   const auto* law = dynamic_cast<const FormulaConstraint*>(&constraint);
   return law != nullptr && &law->graph() == scene_.graph.get() &&
          !graph_.hasOpaque({law->function()});
 }
 
 /// C, c0, f, f' or psi, and what makes dC/dt: D and H.
-int SceneEquations::opaqueSize(const Constraint& /*constraint*/) const {
+int MotionEquations::opaqueSize(const Constraint& /*constraint*/) const {
   const int S = layout_.S;
   return S + 3 + (with_C_rates_ ? S + S * S : 0);
 }
 
-int SceneEquations::countOpaque(bool numeric) {
+int MotionEquations::countOpaque(bool numeric) {
   int count = 0;
   for (const TorquePtr& torque : scene_.torques) {
     if (!numeric && isFormula(*torque)) continue;
@@ -86,7 +86,7 @@ int SceneEquations::countOpaque(bool numeric) {
   return count;
 }
 
-void SceneEquations::addTorques(bool numeric) {
+void MotionEquations::addTorques(bool numeric) {
   const auto s = static_cast<std::size_t>(layout_.S);
   torques_.assign(s, graph_.constant(0.0));
   opaque_torque_rates_.assign(s, graph_.constant(0.0));
@@ -105,7 +105,7 @@ void SceneEquations::addTorques(bool numeric) {
   }
 }
 
-void SceneEquations::addConstraint(const Constraint& constraint, bool numeric) {
+void MotionEquations::addConstraint(const Constraint& constraint, bool numeric) {
   if (numeric || !isFormula(constraint)) {
     int first = opaque_torques_.empty() ? 0 : 2 * layout_.S;
     for (const Constraint* const other : opaque_constraints_) {
@@ -136,7 +136,7 @@ void SceneEquations::addConstraint(const Constraint& constraint, bool numeric) {
   constraints_.push_back(std::move(formulas));
 }
 
-void SceneEquations::addOpaqueConstraint(const Constraint& constraint, int first) {
+void MotionEquations::addOpaqueConstraint(const Constraint& constraint, int first) {
   const int S = layout_.S;
   ConstraintFormulas formulas;
   formulas.has_constant_C = constraint.hasConstantJacobian();
@@ -159,11 +159,11 @@ void SceneEquations::addOpaqueConstraint(const Constraint& constraint, int first
   constraints_.push_back(std::move(formulas));
 }
 
-bool SceneEquations::hasDiagonalInertia() const {
+bool MotionEquations::hasDiagonalInertia() const {
   return scene_.inertia.isDiagonal(0.0);
 }
 
-Node SceneEquations::inertia(int i, int j) {
+Node MotionEquations::inertia(int i, int j) {
   Node entry = graph_.constant(scene_.inertia(i, j));
   if (i != j || scene_.inertia_harmonics.empty()) return entry;
   for (const InertiaHarmonic& harmonic : scene_.inertia_harmonics[static_cast<std::size_t>(i)]) {
@@ -176,7 +176,7 @@ Node SceneEquations::inertia(int i, int j) {
   return entry;
 }
 
-Node SceneEquations::reaction(int i) {
+Node MotionEquations::reaction(int i) {
   Node sum = graph_.negate(torque(i));
   for (int j = 0; j < layout_.S; ++j) {
     sum = graph_.add(sum, graph_.multiply(inertia(i, j), variable(layout_.acceleration(j))));
@@ -188,18 +188,18 @@ Node SceneEquations::reaction(int i) {
   return graph_.add(sum, graph_.multiply(graph_.multiply(graph_.constant(0.5), slope), square));
 }
 
-Node SceneEquations::reactionRate(int i) {
+Node MotionEquations::reactionRate(int i) {
   return graph_.subtract(rate(reaction(i)), opaque_torque_rates_[static_cast<std::size_t>(i)]);
 }
 
-Node SceneEquations::connection(int i) {
+Node MotionEquations::connection(int i) {
   const Node slope = graph_.differentiate(inertia(i, i), layout_.slot(layout_.angle(i)));
   const Node half = graph_.multiply(graph_.constant(0.5), slope);
   return graph_.multiply(graph_.multiply(half, variable(layout_.velocity(i))),
                          variable(layout_.auxiliary(i)));
 }
 
-Node SceneEquations::auxiliaryTorque(int i) {
+Node MotionEquations::auxiliaryTorque(int i) {
   Node sum = graph_.constant(0.0);
   for (int j = 0; j < layout_.S; ++j) {
     sum = graph_.add(sum, graph_.multiply(inertia(i, j), variable(layout_.auxiliary(j))));
@@ -207,7 +207,7 @@ Node SceneEquations::auxiliaryTorque(int i) {
   return sum;
 }
 
-Node SceneEquations::combine(int i, int first) {
+Node MotionEquations::combine(int i, int first) {
   Node sum = graph_.constant(0.0);
   for (int m = 0; m < layout_.k; ++m) {
     const Node C = constraints_[static_cast<std::size_t>(m)].C[static_cast<std::size_t>(i)];
@@ -216,7 +216,7 @@ Node SceneEquations::combine(int i, int first) {
   return sum;
 }
 
-void SceneEquations::fillOpaque(VectorXd& v) const {
+void MotionEquations::fillOpaque(VectorXd& v) const {
   const int S = layout_.S;
   const StateView state = layout_.view(v);
   double* values = v.data() + layout_.opaqueValue(0);
@@ -242,7 +242,7 @@ void SceneEquations::fillOpaque(VectorXd& v) const {
   }
 }
 
-MatrixXd SceneEquations::calcOpaqueDerivatives(const VectorXd& v) const {
+MatrixXd MotionEquations::calcOpaqueDerivatives(const VectorXd& v) const {
   // Central differences of order 4.
   constexpr double kStep = 1e-3;
   MatrixXd derivatives = MatrixXd::Zero(layout_.opaque, layout_.size());
@@ -265,7 +265,7 @@ MatrixXd SceneEquations::calcOpaqueDerivatives(const VectorXd& v) const {
   return derivatives;
 }
 
-DifferentiatedFormulas::DifferentiatedFormulas(SceneEquations& equations,
+DifferentiatedFormulas::DifferentiatedFormulas(MotionEquations& equations,
                                                const std::vector<Node>& formulas)
     : equations_(equations), count_(static_cast<int>(formulas.size())) {
   Graph& graph = equations.graph();
