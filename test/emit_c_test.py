@@ -91,6 +91,21 @@ variator:
 initial: {velocity: [5.0, 3.0]}
 """ + SOLVER
 
+# A ratio that bends, beside a jerk that is given: the accelerations jump along the latter.
+BENT = """
+shafts: [a, b, c]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+c: {inertia: 0.7}
+torques: [motor, drag]
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "3*sin(2*t)-0.1*w1"}
+drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.4*w2"}
+constraints: [ratio, jerk]
+ratio: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w3-(0.5+0.1*abs(t-1.253))*w2"}
+jerk: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j2-0.3*j1-cos(t)"}
+initial: {velocity: [1.0, 2.0, 1.2506]}
+""" + SOLVER
+
 THREE = """
 shafts: [a, b, c]
 a: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}, {order: 2, sin: 0.1}]}}
@@ -120,6 +135,7 @@ SCENES = {
     "gauss": Scene(GAUSS, "time,topic,value\n0,brake,1\n1.5,brake,3\n2.505,brake,-1\n"),
     "holds": Scene(HOLDS, "time,topic,value\n0,c,2\n0,a,3\n0.3,a,5\n0.4,b,4\n0.5,deep/d,2\n1,ratio,0.7\n"
                           "1.2,c,1\n1.2,b,-1\n1.313,deep/d,-1\n1.5,a,-2\n"),
+    "bent": Scene(BENT),
     "two_constraints": Scene(THREE % "generalized_gauss"),
     "two_constraints_gauss": Scene(THREE % "gauss"),
 }

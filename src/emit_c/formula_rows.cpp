@@ -219,7 +219,7 @@ std::string FormulaRows::statementOf(const Entry& entry, int result) {
     default:
       break;
   }
-  const std::string statement = statementOfFunction(entry, result);
+  std::string statement = statementOfFunction(entry, result);
   // What has a limit where its operand overflows.
   const int inner = entry.operation == Operation::kDivide ? 1 : 0;
   const int of = entry.operands[inner];
@@ -287,7 +287,7 @@ std::string FormulaRows::statementOfBranch(const Entry& entry, int result) {
 std::string FormulaRows::multipliedPower(const std::string& base, int n, std::string& text) {
   if (n == 1) return base;
   const std::string half = multipliedPower(base, n % 2 == 1 ? n - 1 : n / 2, text);
-  const std::string made = addRow();
+  std::string made = addRow();
   text += call("multiply", {made, half, n % 2 == 1 ? base : half}) + "\n  ";
   return made;
 }

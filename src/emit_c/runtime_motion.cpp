@@ -26,7 +26,8 @@ static int has_converged(const double *values, const double *change, double *pre
 }
 
 /* Moves the velocities onto f = 0 of the constraints of order 1, and `values`, which are the
-   accelerations, onto psi = 0 or f' = 0: x = -J^-1 C' (C J^-1 C')^-1 psi. */
+   accelerations, onto psi = 0 or f' = 0: x = -J^-1 C' (C J^-1 C')^-1 psi. Rows of order 3 that are
+   counted have nothing to be zero: C x = 0. */
 static scene_status project_onto(scene_model *m, double *values, int low, int high)
 {
   const int *const residual = high == 1 ? velocity_residual_row : residual_row;
@@ -39,7 +40,7 @@ static scene_status project_onto(scene_model *m, double *values, int low, int hi
     if (!factor(m, low, high)) return SCENE_SINGULAR;
     for (i = 0; i < SIZE; ++i) x[i] = 0.0;
     for (i = 0; i < K; ++i) {
-      if (is_counted(i, low, high)) x[S + i] = -m->row[residual[i]][0];
+      if (is_counted(i, low, high) && order_of[i] < 3) x[S + i] = -m->row[residual[i]][0];
     }
     solve(m, SIZE, x);
     for (i = 0; i < S; ++i) values[i] += x[i];
@@ -251,7 +252,11 @@ static scene_status cross(scene_model *m, const edge *at, double *theta)
   if (!factor(m, 1, 3)) return SCENE_SINGULAR;
   if (at->jumps && has_gap(m, &before, &after)) return SCENE_NO_MOTION;
   status = project_velocities(m);
-  if (status == SCENE_OK) status = settle_accelerations(m);
+  /* Where f bends, f' jumps; the accelerations go along the other constraints. */
+  if (status == SCENE_OK && (IS_CLASSICAL || HAS_RESIDUAL)) {
+    status = IS_CLASSICAL ? settle_accelerations(m)
+                          : project_onto(m, m->now.acceleration, 1, HAS_ORDER_1 ? 3 : 2);
+  }
   if (status != SCENE_OK || IS_CLASSICAL || !at->jumps) return status;
   enter_state(m);
   for (i = 0; i < S; ++i) after.torque[i] -= before.torque[i];
