@@ -78,6 +78,9 @@ initial: {velocity: [10.0, 8.0]}
 
 GAUSS = EDGES.replace("initial:", "principle: gauss\ninitial:").replace("0.01*(e1^2+e1*e2)+", "")
 
+# The same where the least reaction is followed along a curved constraint.
+CURVED = EDGES.replace("initial:", "principle: gauss\ninitial:").replace("0, 3)", "0, 1)")
+
 HOLDS = MOTOR % ", a, b, c, d" + """
 a: {type: variator_sim/CommandedTorque, shaft: drive, topic: a, hold: rate_limit, rate: 20, timeout: 0.7, on_timeout: zero}
 b: {type: variator_sim/CommandedTorque, shaft: load, topic: b, hold: first_order_hold, period: 0.25, max: 2}
@@ -133,6 +136,7 @@ SCENES = {
     "tables": Scene(TABLES, "time,topic,value\n0.3,throttle,0.8\n2,throttle,7\n3.1,throttle,0.2\n"),
     "edges": Scene(EDGES, "time,topic,value\n0,brake,1\n1.5,brake,3\n2.505,brake,-1\n"),
     "gauss": Scene(GAUSS, "time,topic,value\n0,brake,1\n1.5,brake,3\n2.505,brake,-1\n"),
+    "curved": Scene(CURVED, "time,topic,value\n1.5,brake,1\n2.505,brake,0\n"),
     "holds": Scene(HOLDS, "time,topic,value\n0,c,2\n0,a,3\n0.3,a,5\n0.4,b,4\n0.5,deep/d,2\n1,ratio,0.7\n"
                           "1.2,c,1\n1.2,b,-1\n1.313,deep/d,-1\n1.5,a,-2\n"),
     "bent": Scene(BENT),
@@ -307,6 +311,27 @@ class EmitCTest(unittest.TestCase):
             self.assertAlmostEqual(got[0], 3.0, delta=1e-12)
             self.assertAlmostEqual(got[1], rows[0][header.index("load/angle")], delta=1e-8)
             self.assertAlmostEqual(got[2], rows[0][header.index("load/acceleration")], delta=1e-8)
+
+    def test_a_jump_of_least_reactions_is_the_limit_of_ramps(self):
+        curved = MOTOR % ", pulse" + """
+pulse: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "PULSE"}
+constraints: [variator]
+variator:
+  type: variator_sim/ExpressionConstraint
+  order: 2
+  expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"
+principle: gauss
+initial: {velocity: [10.0, 8.0]}
+"""
+        self.emit("jump", curved.replace("PULSE", "if(t < 1, 0, 3)"))
+        got = call(self.compile("jump", "gcc", "-O1"), "--duration", 1.2, "--rate", 1)
+        self.assertEqual((got.returncode, got.stderr), (0, ""))
+        ramp = self.folder / "ramp.yaml"
+        ramp.write_text(curved.replace("PULSE", "3*clamp((t-1)/1e-5, 0, 1)"))
+        expected = call(SIMULATE, ramp, "--times", 1.2)
+        header, rows = parse(expected.stdout)
+        velocity = header.index("drive/velocity")
+        self.assertAlmostEqual(parse(got.stdout)[1][-1][velocity], rows[0][velocity], delta=3e-4)
 
     def test_statuses(self):
         self.emit("edges", SCENES["edges"].scene)

@@ -113,7 +113,7 @@ static scene_status start(scene_model *m)
   }
   if (status != SCENE_OK) return status;
   if (IS_CLASSICAL) return settle_accelerations(m);
-  if (!HAS_GIVEN_ACCELERATIONS) return find_least_reaction(m, lambda);
+  if (!HAS_GIVEN_ACCELERATIONS) return find_least_reaction(m, lambda, 0, 0.0, 50);
   for (i = 0; i < S; ++i) given_values[i] = m->now.acceleration[i];
   status = settle_accelerations(m);
   for (i = 0; i < S && !MAY_PROJECT; ++i) {
@@ -154,7 +154,7 @@ static scene_status apply_commands(scene_model *m)
     status = start(m);
   } else if (jumps && IS_CLASSICAL) {
     enter_inputs(m, 1.0, 0);
-    status = settle_accelerations(m);
+    status = follow_least_reaction(m);
   } else if (jumps) {
     enter_inputs(m, 1.0, 0);
     enter_state(m);

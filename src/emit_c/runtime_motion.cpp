@@ -54,30 +54,62 @@ static scene_status project_velocities(scene_model *m)
   return HAS_ORDER_1 ? project_onto(m, m->now.velocity, 1, 1) : SCENE_OK;
 }
 
-/* The accelerations of least reaction, J epsilon + n - Q = C' lambda and psi = 0, by Newton's
-   iteration from those of the state and `lambda`. */
-static scene_status find_least_reaction(scene_model *m, double *lambda)
+/* What is left of J epsilon + n - Q = C' lambda and psi = 0, negated. */
+static void least_reaction_rest(scene_model *m, const double *lambda, double *x)
+{
+  int i, p;
+  enter_state(m);
+  reaction(m, x);
+  for (i = 0; i < S; ++i) x[i] = -x[i];
+  for (p = 0; p < K; ++p) {
+    x[S + p] = 0.0;
+    if (!is_counted(p, 1, 2)) continue;
+    for (i = 0; i < S; ++i) x[i] += m->row[entry_row[S * p + i]][0] * lambda[p];
+    x[S + p] = -m->row[residual_row[p]][0];
+  }
+}
+
+/* The accelerations of least reaction by Newton's iteration from those of the state and `lambda`;
+   `share` of `rest` may be left. */
+static scene_status find_least_reaction(scene_model *m, double *lambda, const double *rest,
+                                        double share, int rounds)
 {
   double previous = INFINITY;
   double x[SIZE];
-  int i, p, round;
-  for (round = 0; round < 50; ++round) {
-    enter_state(m);
+  int i;
+  for (; rounds > 0; --rounds) {
+    least_reaction_rest(m, lambda, x);
+    for (i = 0; i < SIZE && share > 0.0; ++i) x[i] -= share * rest[i];
     if (!factor_curved(m, lambda, 1, 2)) return SCENE_SINGULAR;
-    reaction(m, x);
-    for (i = 0; i < S; ++i) x[i] = -x[i];
-    for (p = 0; p < K; ++p) {
-      x[S + p] = 0.0;
-      if (!is_counted(p, 1, 2)) continue;
-      for (i = 0; i < S; ++i) x[i] += m->row[entry_row[S * p + i]][0] * lambda[p];
-      x[S + p] = -m->row[residual_row[p]][0];
-    }
     solve(m, SIZE, x);
     for (i = 0; i < S; ++i) m->now.acceleration[i] += x[i];
-    for (p = 0; p < K; ++p) lambda[p] += x[S + p];
+    for (i = 0; i < K; ++i) lambda[i] += x[S + i];
     if (has_converged(m->now.acceleration, x, &previous)) return SCENE_OK;
   }
   return SCENE_NOT_CONVERGED;
+}
+
+/* The same after a jump: by parts of it, each so short that the iteration hardly has to search,
+   for the motion to stay on its branch. */
+static scene_status follow_least_reaction(scene_model *m)
+{
+  double rest[SIZE];
+  double done = 0.0;
+  double part = 1.0;
+  least_reaction_rest(m, m->now.multiplier, rest);
+  while (done < 1.0) {
+    const scene_state before = m->now;
+    const double next = fmin(1.0, done + part);
+    if (find_least_reaction(m, m->now.multiplier, rest, 1.0 - next, 5) == SCENE_OK) {
+      done = next;
+      part *= 2.0;
+      continue;
+    }
+    m->now = before;
+    part *= 0.25;
+    if (!(part > 1e-6)) return SCENE_NO_MOTION;
+  }
+  return SCENE_OK;
 }
 
 /* R' = C' Lambda: what no C has a part of is a constant of R (with J(phi) of R / sqrt(J)). It is
@@ -111,7 +143,7 @@ static scene_status restore_reaction(scene_model *m)
 /* The accelerations of a state: those that the principle gives, or its own, on psi = 0. */
 static scene_status settle_accelerations(scene_model *m)
 {
-  if (IS_CLASSICAL) return find_least_reaction(m, m->now.multiplier);
+  if (IS_CLASSICAL) return find_least_reaction(m, m->now.multiplier, 0, 0.0, 50);
   return HAS_RESIDUAL ? project_onto(m, m->now.acceleration, 1, 2) : SCENE_OK;
 }
 )c";
@@ -254,7 +286,7 @@ static scene_status cross(scene_model *m, const edge *at, double *theta)
   status = project_velocities(m);
   /* Where f bends, f' jumps; the accelerations go along the other constraints. */
   if (status == SCENE_OK && (IS_CLASSICAL || HAS_RESIDUAL)) {
-    status = IS_CLASSICAL ? settle_accelerations(m)
+    status = IS_CLASSICAL ? follow_least_reaction(m)
                           : project_onto(m, m->now.acceleration, 1, HAS_ORDER_1 ? 3 : 2);
   }
   if (status != SCENE_OK || IS_CLASSICAL || !at->jumps) return status;
