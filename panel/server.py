@@ -75,7 +75,7 @@ class Page(Guarded, tornado.web.StaticFileHandler):
 class Save(Guarded, tornado.web.RequestHandler):
     """GET /save.csv, /save.bag with columns (comma), begin, end (s)."""
 
-    def get(self, kind):
+    async def get(self, kind):
         link = self.application.link
         if link.scene is None:
             raise tornado.web.HTTPError(404, reason="There is no drivetrain yet")
@@ -87,15 +87,18 @@ class Save(Guarded, tornado.web.RequestHandler):
             end = float(self.get_query_argument("end", "inf"))
         except ValueError as error:
             raise tornado.web.HTTPError(400, reason="begin, end: not a number") from error
-        stem = link.node.strip("/").replace("/", "_")
-        self.set_header("Content-Disposition", f'attachment; filename="{stem}.{kind}"')
         if kind == "csv":
             self.set_header("Content-Type", "text/csv; charset=utf-8")
-            self.finish(recording.to_csv(link.table, names, begin, end))
+            write, what = recording.to_csv, (link.table, names)
         else:
             self.set_header("Content-Type", "application/octet-stream")
             groups = sorted({known[name] for name in names} | {"state"})
-            self.finish(recording.to_bag(link, groups, begin, end))
+            write, what = recording.to_bag, (link, groups)
+        # Long ones take seconds, in which pages go on.
+        content = await asyncio.get_running_loop().run_in_executor(None, write, *what, begin, end)
+        stem = link.node.strip("/").replace("/", "_")
+        self.set_header("Content-Disposition", f'attachment; filename="{stem}.{kind}"')
+        self.finish(content)
 
 
 class Browser(Guarded, tornado.websocket.WebSocketHandler):

@@ -18,11 +18,14 @@ def arc(centre, radius, begin, end, steps):
             for i in range(steps + 1)]
 
 
-def belt(x_a, r_a, x_b, r_b):
-    """A closed open belt (both pulleys turn alike) about (x_a, 0) and (x_b, 0), x_a < x_b."""
-    touch = math.acos((r_a - r_b) / (x_b - x_a))
+def belt(x_a, r_a, x_b, r_b, crossed):
+    """A closed belt about (x_a, 0) and (x_b, 0), x_a < x_b; crossed, the pulleys turn oppositely.
+    It begins with the first pulley, counterclockwise."""
+    sum_or_difference = r_a + r_b if crossed else r_a - r_b
+    touch = math.acos(sum_or_difference / (x_b - x_a))
     points = arc((x_a, 0.0), r_a, touch, 2.0 * math.pi - touch, 24)
-    points += arc((x_b, 0.0), r_b, -touch, touch, 24)
+    begin = math.pi - touch if crossed else -touch
+    points += arc((x_b, 0.0), r_b, begin, -begin, 24)
     return points + points[:1]
 
 
