@@ -17,7 +17,7 @@ namespace {
 /// A span of simulated time that takes about a twentieth of a second.
 class BlockSpan {
  public:
-  explicit BlockSpan(double whole) : span_(whole / 64.0) {}
+  explicit BlockSpan(double whole) : span_(std::max(whole / 64.0, kShortest)) {}
   double span() const { return span_; }
   void begin() { start_ = Clock::now(); }
   void end() {
@@ -28,6 +28,7 @@ class BlockSpan {
 
  private:
   using Clock = std::chrono::steady_clock;
+  static constexpr double kShortest = 0.1;  // s; a step of a controller is no block to cut
   double span_;
   Clock::time_point start_;
 };
