@@ -14,5 +14,7 @@ No ROS master is needed. The messages lie beside: `variator_sim.msg`, `variator_
 from variator_sim._core import Sample, Simulation
 from variator_sim.errors import MotionStopped, SceneError
 from variator_sim.running import Result, simulate
+from variator_sim.sweeps import Table, read_table, sweep
 
-__all__ = ["MotionStopped", "Result", "Sample", "SceneError", "Simulation", "simulate"]
+__all__ = ["MotionStopped", "Result", "Sample", "SceneError", "Simulation", "Table", "read_table",
+           "simulate", "sweep"]

@@ -4,6 +4,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "python/session.h"
+#include "python/sweep.h"
 #include "python/trees.h"
 #include "ros/plugin_loader.h"
 #include "variator_sim/errors.h"
@@ -104,6 +106,12 @@ Overrides readOverrides(const py::object& overrides) {
   return values;
 }
 
+/// False on Ctrl-C; called without the interpreter's lock.
+bool hearSignals() {
+  const py::gil_scoped_acquire lock;
+  return PyErr_CheckSignals() == 0;
+}
+
 class PythonSimulation {
  public:
   PythonSimulation(const py::object& scene, const py::object& overrides, bool energy)
@@ -132,7 +140,7 @@ class PythonSimulation {
     if (time <= simulation.quietUntil()) {
       simulation.advanceTo(time);  // for this the lock is not worth giving away
     } else {
-      withoutLock([&] { session_.advanceTo(time, keepOn()); });
+      withoutLock([&] { session_.advanceTo(time, hearSignals); });
     }
     check();
   }
@@ -214,7 +222,7 @@ class PythonSimulation {
   py::tuple run(const RunRequest& request) {
     get().trackEnergy(request.columns.energy || tracksEnergy());
     RunRows rows;
-    withoutLock([&] { rows = session_.run(request, keepOn()); });
+    withoutLock([&] { rows = session_.run(request, hearSignals); });
     const auto columns = static_cast<py::ssize_t>(columnsOf(request.columns).size());
     const auto count = static_cast<py::ssize_t>(rows.values.size()) / columns;
     Array values({count, columns}, rows.values.data());
@@ -251,14 +259,6 @@ class PythonSimulation {
 
   void check() {
     if (!session_.simulation().status().ok()) raise(stopped());
-  }
-
-  /// Hears Ctrl-C.
-  static KeepOn keepOn() {
-    return [] {
-      const py::gil_scoped_acquire lock;
-      return PyErr_CheckSignals() == 0;
-    };
   }
 
   template <typename Work>
@@ -320,6 +320,42 @@ RunRequest makeRequest(double duration, double rate, const py::object& times,
   request.columns = readColumnGroups(columns);
   request.until_rest = until_rest;
   return request;
+}
+
+using MetricTuple = std::tuple<std::string, std::size_t, double>;
+
+Metric makeMetric(const MetricTuple& parts) {
+  static const std::map<std::string, MetricKind> kinds = {{"final", MetricKind::kFinal},
+                                                          {"min", MetricKind::kMinimum},
+                                                          {"max", MetricKind::kMaximum},
+                                                          {"mean", MetricKind::kMean},
+                                                          {"settling", MetricKind::kSettlingTime}};
+  const auto& [kind, column, band] = parts;
+  return {kinds.at(kind), column, band};
+}
+
+/// Values of the metrics, runs x metrics, and the runs' reasons.
+py::tuple sweepRows(const py::object& scene, const py::object& overrides,
+                    const std::vector<std::string>& paths,
+                    const std::vector<std::vector<double>>& values, const RunRequest& run,
+                    const std::vector<MetricTuple>& metrics, int threads) {
+  SweepRequest request{readSceneArgument(scene), readOverrides(overrides), paths, run, {}};
+  for (const MetricTuple& metric : metrics) request.metrics.push_back(makeMetric(metric));
+  PluginlibComponentFactory factory;
+  std::vector<SweepRow> rows;
+  {
+    const py::gil_scoped_release release;
+    rows = runSweep(request, values, threads, factory, hearSignals);
+  }
+  if (PyErr_Occurred() != nullptr) throw py::error_already_set();
+  Array result({static_cast<py::ssize_t>(rows.size()), static_cast<py::ssize_t>(metrics.size())});
+  double* number = result.mutable_data();
+  py::list reasons;
+  for (const SweepRow& row : rows) {
+    number = std::copy(row.metrics.begin(), row.metrics.end(), number);
+    reasons.append(row.reason);
+  }
+  return py::make_tuple(result, reasons);
 }
 
 void translateErrors() {
@@ -425,9 +461,21 @@ void bindSimulation(py::module_& module) {
 
 PYBIND11_MODULE(_core, module) {
   using namespace variator_sim;
+  namespace py = pybind11;
   python::translateErrors();
   python::bindSample(module);
   python::bindSimulation(module);
+  module.def("_sweep", [](const py::object& scene, const py::object& overrides,
+                          const std::vector<std::string>& paths,
+                          const std::vector<std::vector<double>>& values, double duration,
+                          double rate, const py::object& times,
+                          const std::vector<python::CommandTuple>& commands,
+                          const std::string& columns,
+                          const std::vector<python::MetricTuple>& metrics, int threads) {
+    return python::sweepRows(scene, overrides, paths, values,
+                             python::makeRequest(duration, rate, times, commands, columns, false),
+                             metrics, threads);
+  });
   module.def("read_commands", [](const std::string& path) {
     std::vector<python::CommandTuple> commands;
     for (const TimedCommand& command : readCommandFile(path)) {

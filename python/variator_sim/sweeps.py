@@ -1,0 +1,420 @@
+"""Many runs of one scene with other values: designs, runs on all cores or machines, tables."""
+
+import collections.abc
+import csv
+import fcntl
+import hashlib
+import itertools
+import json
+import math
+import os
+import re
+import sys
+import time
+
+import numpy
+
+from variator_sim import _core
+from variator_sim.errors import SceneError
+from variator_sim.running import checked_times, read_commands
+
+KINDS = ("final", "min", "max", "mean", "settling")
+GROUPS = ("state", "elements", "inputs", "outputs", "energy")
+DISTRIBUTIONS = {"normal": numpy.random.Generator.normal,
+                 "uniform": numpy.random.Generator.uniform,
+                 "lognormal": numpy.random.Generator.lognormal}
+CHUNK_SECONDS = 1.0  # wall time of what is run at once: nothing finished is older when killed
+
+
+class Table(collections.abc.Mapping):
+    """A row for each run: `table["final(load/velocity)"]` is that column, one value a run.
+
+    Columns: "run" (from 0, its number in the whole sweep), the paths, the metrics (NaN where the
+    run failed), "reason" ("" or why it failed).
+    """
+
+    def __init__(self, columns):
+        self._columns = columns
+
+    def __getitem__(self, name):
+        return self._columns[name]
+
+    def __iter__(self):
+        return iter(self._columns)
+
+    def __len__(self):
+        return len(self._columns)
+
+    def __repr__(self):
+        failed = int(numpy.count_nonzero(self["reason"] != ""))
+        return f"<Table of {len(self['run'])} runs, {failed} failed: {', '.join(self)}>"
+
+
+# --- What is run ----------------------------------------------------------------------------------
+
+def read_values(text):
+    """Values of one path: "1.2", "1,2,5", "0.1:0.5:50" (50 values, both ends), "log:1e-3:1:20"."""
+    try:
+        if ":" not in text:
+            return numpy.array([float(word) for word in text.split(",")])
+        words = text.split(":")
+        spaced = numpy.geomspace if words[0] == "log" else numpy.linspace
+        first, last, count = words[1:] if words[0] == "log" else words
+        values = spaced(float(first), float(last), int(count))
+        if len(values) and numpy.isfinite(values).all():
+            return values
+    except ValueError:
+        pass
+    raise ValueError(f"'{text}': allowed are VALUE, V1,V2,..., FIRST:LAST:COUNT and "
+                     "log:FIRST:LAST:COUNT (both of one sign)")
+
+
+def read_distribution(text):
+    """("normal", 1.0, 0.1) of "normal(1,0.1)"."""
+    match = re.fullmatch(r"(\w+)\(([^,()]+),([^,()]+)\)", text.replace(" ", ""))
+    try:
+        if match and match.group(1) in DISTRIBUTIONS:
+            return match.group(1), float(match.group(2)), float(match.group(3))
+    except ValueError:
+        pass
+    raise ValueError(f"'{text}': allowed are normal(MEAN,DEVIATION), lognormal(MEAN,DEVIATION) "
+                     "(of the logarithm) and uniform(LOW,HIGH)")
+
+
+def make_design(grid, random, samples, seed):
+    """Paths and the values of all runs, runs x paths: each point of the grid `samples` times."""
+    grid = {path: read_values(v) if isinstance(v, str) else numpy.atleast_1d(v).astype(float)
+            for path, v in (grid or {}).items()}
+    random = {path: read_distribution(d) if isinstance(d, str) else tuple(d)
+              for path, d in (random or {}).items()}
+    both = sorted(set(grid) & set(random))
+    if both:
+        raise ValueError(f"'{both[0]}' is given twice: in the grid and at random")
+    if samples < 1:
+        raise ValueError(f"samples: {samples}; allowed: a whole number >= 1")
+    points = numpy.array(list(itertools.product(*grid.values())), dtype=float)
+    points = numpy.repeat(points.reshape(-1, len(grid)), samples, axis=0)
+    columns = [points]
+    for i, (name, *numbers) in enumerate(random.values()):
+        # A stream for each path: one more path leaves the others' numbers as they are.
+        generator = numpy.random.default_rng([seed, i])
+        columns.append(DISTRIBUTIONS[name](generator, *numbers, size=len(points))[:, None])
+    return [*grid, *random], numpy.hstack(columns)
+
+
+def read_metric(text):
+    """(kind, column, band) of "max(load/velocity)" or "settling(load/velocity, 0.05)"."""
+    match = re.fullmatch(r"\s*(\w+)\s*\(\s*([^,()]+?)\s*(?:,\s*([^,()]+?)\s*)?\)\s*", text)
+    if match and match.group(1) in KINDS:
+        kind, column, band = match.groups()
+        if band is None:
+            return kind, column, 0.02
+        try:
+            if kind == "settling" and 0.0 < float(band) < 1.0:
+                return kind, column, float(band)
+        except ValueError:
+            pass
+    raise ValueError(f"metric '{text}': allowed are final(COLUMN), min, max, mean, and "
+                     "settling(COLUMN) or settling(COLUMN, BAND) with 0 < BAND < 1 (default 0.02)")
+
+
+def find_columns(simulation, metrics):
+    """The groups that have the metrics' columns, and (kind, place, band) of each metric."""
+    groups_of = {}
+    for group in GROUPS:
+        for name in simulation.columns(group):
+            groups_of.setdefault(name, group)
+    for _, column, _ in metrics:
+        if column not in groups_of:
+            import difflib
+            near = difflib.get_close_matches(column, groups_of, 1)
+            hint = f" (did you mean '{near[0]}'?)" if near else ""
+            raise ValueError(f"metric of '{column}': no such column{hint}; the scene's columns: "
+                             + ", ".join(groups_of))
+    groups = ",".join(sorted({groups_of[column] for _, column, _ in metrics}, key=GROUPS.index))
+    names = simulation.columns(groups)
+    return groups, [(kind, names.index(column), band) for kind, column, band in metrics]
+
+
+def read_one(scene, overrides, paths, values):
+    """The first, the last or a middle run's scene: where none can be read, no run is worth it."""
+    fault = None
+    for i in (0, -1, len(values) // 2):
+        try:
+            return _core.Simulation(scene, {**overrides, **dict(zip(paths, values[i].tolist()))})
+        except SceneError as error:
+            fault = fault or error
+    raise fault
+
+
+class Task:
+    """What all runs of a sweep have in common: plain values, so it can be sent to other machines."""
+
+    def __init__(self, scene, duration, rate, times, commands, overrides, paths, values, metrics):
+        if not isinstance(scene, collections.abc.Mapping):
+            scene = os.fspath(scene)
+            if "\n" not in scene and not scene.startswith("{"):
+                with open(scene, encoding="utf-8") as file:
+                    scene = file.read() + "\n"
+        read = [read_metric(text) for text in metrics]
+        if not read:
+            raise ValueError("metrics: none given")
+        if not set(paths).isdisjoint(overrides or {}):
+            raise ValueError("overrides: a path that varies is overridden too")
+        simulation = read_one(scene, overrides or {}, paths, values)
+        groups, places = find_columns(simulation, read)
+        self.duration, times = checked_times(duration, rate, times)
+        if times is None and all(kind == "final" for kind, _, _ in read):
+            times = [self.duration]  # nothing before the end is looked at
+        self.metrics = list(metrics)
+        self.arguments = (self.duration, rate, None if times is None else list(map(float, times)),
+                          read_commands(commands), groups, places)
+        self.scene, self.overrides, self.paths = scene, overrides, list(paths)
+
+    def run(self, values, threads):
+        """Metrics (runs x metrics) and reasons of some rows of values."""
+        return _core._sweep(self.scene, self.overrides, self.paths, values.tolist(),
+                            *self.arguments, threads)
+
+    def fingerprint(self, values, shard):
+        """Of everything that the runs depend on."""
+        text = json.dumps([self.scene, self.overrides, self.paths, self.arguments, self.metrics,
+                           list(shard)], sort_keys=True, default=str)
+        return hashlib.sha256(text.encode() + values.tobytes()).hexdigest()
+
+
+# --- Where finished runs are kept -----------------------------------------------------------------
+
+class Journal:
+    """Finished runs, row by row in a file beside the output, until all are there.
+
+    Killed at any moment it keeps what was finished: a line without its end is cut off.
+    """
+
+    def __init__(self, path, fingerprint, metric_count):
+        self.rows = {}
+        self._metric_count = metric_count
+        self._path = path
+        self._file = open(path, "a+", encoding="utf-8", newline="")
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise RuntimeError(f"{path}: another sweep is writing it") from None
+        self._file.seek(0)
+        text = self._file.read()
+        whole = text[:text.rfind("\n") + 1]
+        if not whole:
+            self._file.truncate(0)
+            self._file.write(fingerprint + "\n")
+        elif whole.split("\n", 1)[0] != fingerprint:
+            raise RuntimeError(f"{path} is of an interrupted sweep with other values: finish that "
+                               "one, choose another output, or delete it")
+        else:
+            self._file.truncate(len(whole.encode()))
+            for row in csv.reader(whole.splitlines()[1:]):
+                self.rows[int(row[0])] = ([float(x) for x in row[1:-1]], row[-1])
+        self._file.flush()
+
+    def add(self, runs, metrics, reasons):
+        writer = csv.writer(self._file, lineterminator="\n")
+        for run, values, reason in zip(runs, metrics.tolist(), reasons):
+            reason = " ".join(reason.split())  # a line a run
+            self.rows[int(run)] = (values, reason)
+            writer.writerow([int(run), *values, reason])
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def remove(self):
+        os.unlink(self._path)
+        self._file.close()
+
+    def close(self):
+        self._file.close()
+
+
+class Memory:
+    """Finished runs of a sweep without an output."""
+
+    def __init__(self):
+        self.rows = {}
+
+    def add(self, runs, metrics, reasons):
+        for run, values, reason in zip(runs, metrics.tolist(), reasons):
+            self.rows[int(run)] = (values, reason)
+
+    def remove(self):
+        pass
+
+    close = remove
+
+
+def write_rows(table, file):
+    """Writes a CSV into an open file."""
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(list(table))
+    writer.writerows(zip(*(table[name].tolist() for name in table)))
+
+
+def write_table(table, path):
+    """Writes a CSV or NPZ, whole or not at all."""
+    part = f"{path}.part"
+    if str(path).endswith(".npz"):
+        with open(part, "wb") as file:
+            numpy.savez_compressed(file, **{name: table[name] for name in table})
+    else:
+        with open(part, "w", encoding="utf-8", newline="") as file:
+            write_rows(table, file)
+    os.replace(part, path)
+
+
+def read_table(*paths):
+    """One table of the outputs of a sweep, or of its shards, in the order of their runs."""
+    parts = []
+    for path in map(os.fspath, paths):
+        if path.endswith(".npz"):
+            with numpy.load(path) as arrays:
+                parts.append({name: arrays[name] for name in arrays.files})
+            continue
+        with open(path, encoding="utf-8", newline="") as file:
+            names, *rows = csv.reader(file)
+        columns = zip(*rows) if rows else [[] for _ in names]
+        kinds = {"run": int, "reason": str}
+        parts.append({name: numpy.array(column, dtype=kinds.get(name, float))
+                      for name, column in zip(names, columns)})
+    if any(list(part) != list(parts[0]) for part in parts):
+        raise ValueError("tables of different sweeps")
+    runs = numpy.concatenate([part["run"] for part in parts])
+    if len(numpy.unique(runs)) != len(runs):
+        raise ValueError("a run is in more than one of the tables")
+    order = numpy.argsort(runs)
+    return Table({name: numpy.concatenate([part[name] for part in parts])[order]
+                  for name in parts[0]})
+
+
+# --- Running --------------------------------------------------------------------------------------
+
+class Progress:
+    """A line on standard error: runs, failures, runs a second, time left."""
+
+    def __init__(self, whole, done, on):
+        self._whole, self._begun_with, self._on = whole, done, on
+        self._start = time.monotonic()
+        self._failed = 0
+
+    def update(self, done, failed):
+        self._failed += failed
+        if not self._on:
+            return
+        seconds = time.monotonic() - self._start
+        rate = (done - self._begun_with) / seconds if seconds > 0.0 else 0.0
+        left = f", {(self._whole - done) / rate:.0f} s left" if rate > 0.0 else ""
+        end = "\n" if done == self._whole else ""
+        print(f"\r{done}/{self._whole} runs, {self._failed} failed, {rate:.0f} runs/s{left}\033[K",
+              end=end, file=sys.stderr, flush=True)
+
+
+def chunk_size(size, seconds, left, parts):
+    """How many runs take CHUNK_SECONDS, after `size` took `seconds`; at the end all have some."""
+    wanted = size * CHUNK_SECONDS / max(seconds, 1e-3)
+    return max(1, min(int(wanted), 8 * size, math.ceil(left / parts)))
+
+
+def run_locally(task, values, runs, threads, finished):
+    first, size = 0, 4 * threads
+    while first < len(runs):
+        chunk = runs[first:first + size]
+        start = time.monotonic()
+        finished(chunk, *task.run(values[chunk], threads))
+        first += len(chunk)
+        size = chunk_size(len(chunk), time.monotonic() - start, len(runs) - first, 1)
+
+
+def _run_remotely(task, values):
+    """What a worker does: as many threads as it has."""
+    from distributed import get_worker
+    start = time.monotonic()
+    state = getattr(get_worker(), "state", None)
+    threads = getattr(state, "nthreads", 1)
+    metrics, reasons = task.run(values, threads)
+    return metrics, list(reasons), time.monotonic() - start
+
+
+def run_on_cluster(task, values, runs, scheduler, finished):
+    """Chunks to Dask's workers; those of a worker that dies run again elsewhere."""
+    from distributed import Client, as_completed
+    with Client(scheduler) as client:
+        client.wait_for_workers(1)
+        # A worker's threads are the chunk's: one chunk takes the whole worker.
+        workers = max(1, len(client.scheduler_info()["workers"]))
+        waiting = list(runs)
+        size = 8
+        chunks = {}
+
+        def submit():
+            chunk = numpy.array(waiting[:size])
+            del waiting[:size]
+            future = client.submit(_run_remotely, task, values[chunk], pure=False,
+                                   retries=10)
+            chunks[future.key] = chunk
+            return future
+
+        pending = as_completed([submit() for _ in range(2 * workers) if waiting])
+        for future in pending:
+            metrics, reasons, seconds = future.result()
+            chunk = chunks.pop(future.key)
+            finished(chunk, metrics, reasons)
+            size = chunk_size(len(chunk), seconds, len(waiting), 2 * workers)
+            if waiting:
+                pending.add(submit())
+
+
+def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, metrics, rate=100.0,
+          times=None, commands=None, overrides=None, output=None, threads=None, shard=(1, 1),
+          scheduler=None, progress=False):
+    """Runs a scene for each point of a grid, `samples` times with random values; returns a `Table`.
+
+    Args:
+        scene, duration, rate, times, commands, overrides: as of `simulate`.
+        grid: values by path, arrays or texts: {"drive/inertia": "0.1:0.5:50"} (`read_values`).
+        random: distributions by path: {"load/inertia": "normal(2,0.1)"}.
+        samples: random draws at each point of the grid.
+        seed: of the random values, which are the same in every shard.
+        metrics: texts such as "final(load/velocity)": final, min, max, mean, settling of a column
+            of `simulate`. Times count as sampled: all but final see what `rate` or `times` see.
+        output: file ending in .npz, or a CSV. Interrupted, the same call goes on where it stood.
+        threads: default one a core.
+        shard: (i, n): only every n-th run from the i-th, i from 1.
+        scheduler: address of a Dask scheduler, "tcp://...": its workers run everything.
+        progress: a line on standard error.
+    """
+    paths, values = make_design(grid, random, samples, seed)
+    part, parts = shard
+    if not 1 <= part <= parts:
+        raise ValueError(f"shard: {part}/{parts}; allowed: 1/{parts} to {parts}/{parts}")
+    task = Task(scene, duration, rate, times, commands, overrides, paths, values, metrics)
+    wanted = numpy.arange(len(values))[part - 1::parts]
+    journal = Memory() if output is None else Journal(
+        f"{os.fspath(output)}.journal", task.fingerprint(values, shard), len(metrics))
+    line = Progress(len(wanted), len(journal.rows), progress)
+
+    def finished(runs, numbers, reasons):
+        journal.add(runs, numbers, reasons)
+        line.update(len(journal.rows), sum(reason != "" for reason in reasons))
+
+    try:
+        missing = numpy.array([run for run in wanted if run not in journal.rows], dtype=int)
+        if scheduler is None:
+            run_locally(task, values, missing, threads or len(os.sched_getaffinity(0)), finished)
+        else:
+            run_on_cluster(task, values, missing, scheduler, finished)
+        results = numpy.array([journal.rows[run][0] for run in wanted]).reshape(len(wanted), -1)
+        table = Table({"run": wanted,
+                       **{path: values[wanted, i] for i, path in enumerate(paths)},
+                       **{name: results[:, i] for i, name in enumerate(metrics)},
+                       "reason": numpy.array([journal.rows[run][1] for run in wanted], dtype=str)})
+        if output is not None:
+            write_table(table, output)
+        journal.remove()
+        return table
+    finally:
+        journal.close()

@@ -1,0 +1,47 @@
+/// Many runs of one scene with other values, on all cores. Knows nothing of Python.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "python/session.h"
+
+namespace variator_sim::python {
+
+enum class MetricKind { kFinal, kMinimum, kMaximum, kMean, kSettlingTime };
+
+/// One number of a run, from one of its columns.
+struct Metric {
+  MetricKind kind = MetricKind::kFinal;
+  std::size_t column = 0;  ///< of RunRequest::columns
+  /// Of kSettlingTime: the part of the whole change, end minus start, that counts as settled.
+  double band = 0.02;
+};
+
+/// `rows` of `column_count` values, the time first; NaN without rows. kMean: over time, by
+/// trapezoids. kSettlingTime: the first sample from which on the value stays within the band
+/// around its last one, s since the start.
+double calcMetric(const Metric& metric, const std::vector<double>& rows, std::size_t column_count);
+
+struct SweepRequest {
+  ParameterTree tree;
+  Overrides overrides;             ///< the same for all runs
+  std::vector<std::string> paths;  ///< what differs
+  RunRequest run;
+  std::vector<Metric> metrics;
+};
+
+/// One run of a sweep.
+struct SweepRow {
+  std::vector<double> metrics;  ///< NaN where the run failed
+  std::string reason;           ///< "" or why it failed
+};
+
+/// Runs every row of `values` (one value a path) on `threads` threads. Between runs, and within
+/// long ones, the calling thread asks `keep_on`; where it says no, all end early. What a row gives
+/// depends neither on the other rows nor on the number of threads.
+std::vector<SweepRow> runSweep(const SweepRequest& request,
+                               const std::vector<std::vector<double>>& values, int threads,
+                               ComponentFactory& factory, const KeepOn& keep_on);
+
+}  // namespace variator_sim::python

@@ -1,0 +1,237 @@
+#!/usr/bin/python3
+"""Sweeps: their designs, metrics and tables; what is left when they are killed; other machines."""
+
+import os
+import pathlib
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from unittest import mock
+
+os.environ["ROS_MASTER_URI"] = "http://localhost:1"
+
+import numpy  # noqa: E402
+import roslib.packages  # noqa: E402
+import rosunit  # noqa: E402
+
+import variator_sim  # noqa: E402
+from variator_sim import sweeps  # noqa: E402
+
+PACKAGE = "variator_sim"
+FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
+SWEEP = str(FOLDER / "scripts/sweep")
+SHIP = FOLDER / "config/ship.yaml"
+# Speed (1 - exp(-t/T)) k with T = J/c and k = 1/c: what metrics are is known.
+LAG = """
+shafts: [drive]
+drive: {inertia: 1.0}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "1 - c*w1", parameters: {c: 1.0}}
+outputs: [power]
+power: {expression: "w1*(1 - w1)"}
+"""
+
+
+class SweepTest(unittest.TestCase):
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def command(self, output, *arguments):
+        scene = self.folder / "scene.yaml"
+        scene.write_text(LAG, encoding="utf-8")
+        return [sys.executable, SWEEP, str(scene), "--duration", "5", "--output", str(output),
+                *arguments]
+
+    def check_same(self, table, expected):
+        self.assertEqual(list(table), list(expected))
+        for name in expected:
+            numpy.testing.assert_array_equal(table[name], expected[name], err_msg=name)
+
+    # --- designs and metrics ----------------------------------------------------------------------
+
+    def test_values(self):
+        for text, values in [("1.5", [1.5]), ("1,2,5", [1, 2, 5]), ("0:1:3", [0, 0.5, 1]),
+                             ("log:1e-2:1:3", [0.01, 0.1, 1])]:
+            numpy.testing.assert_allclose(sweeps.read_values(text), values)
+        for text in ("", "a", "1:2", "1:2:0", "log:-1:1:3", "1:2:3:4", "nan:1:2"):
+            with self.subTest(text=text), self.assertRaisesRegex(ValueError, "FIRST:LAST:COUNT"):
+                sweeps.read_values(text)
+
+    def test_design(self):
+        paths, values = sweeps.make_design({"a": "1,2", "b": [3, 4, 5]}, {"c": "normal(1,0.1)"}, 4,
+                                           7)
+        self.assertEqual(paths, ["a", "b", "c"])
+        self.assertEqual(values.shape, (24, 3))
+        self.assertEqual(len(numpy.unique(values[:, :2], axis=0)), 6)
+        self.assertEqual(len(numpy.unique(values[:, 2])), 24)
+        self.assertLess(abs(values[:, 2].mean() - 1.0), 0.1)
+        again = sweeps.make_design({"a": "1,2", "b": [3, 4, 5]}, {"c": "normal(1,0.1)"}, 4, 7)[1]
+        numpy.testing.assert_array_equal(values, again)
+
+    def test_metrics(self):
+        table = variator_sim.sweep(
+            LAG, 8.0, grid={"motor/parameters/c": [1.0, 2.0]}, rate=1000,
+            metrics=["final(drive/velocity)", "min(drive/velocity)", "max(drive/acceleration)",
+                     "mean(drive/velocity)", "settling(drive/velocity)",
+                     "settling(drive/velocity, 0.1)", "max(outputs/power)", "final(time)"])
+        c = table["motor/parameters/c"]
+        final = (1 - numpy.exp(-8 * c)) / c
+        for name, value, tolerance in [
+                ("final(drive/velocity)", final, 1e-8), ("min(drive/velocity)", 0 * c, 0),
+                ("max(drive/acceleration)", 1 + 0 * c, 1e-8),
+                ("mean(drive/velocity)", (8 - final) / c / 8, 1e-5),
+                ("settling(drive/velocity)", -numpy.log(0.02) / c, 0.03),
+                ("settling(drive/velocity, 0.1)", -numpy.log(0.1) / c, 0.01),
+                ("max(outputs/power)", [0.25, 0.25], 1e-6), ("final(time)", 8 + 0 * c, 0)]:
+            numpy.testing.assert_allclose(table[name], value, rtol=0, atol=tolerance, err_msg=name)
+
+    def test_a_row_is_its_run_on_any_number_of_threads(self):
+        arguments = dict(duration=2.0, grid={"drive/inertia": "0.3:1.5:4"},
+                         random={"load/inertia": "uniform(1.8,2.2)"}, samples=3,
+                         metrics=["max(load/velocity)", "final(load/velocity)"])
+        one = variator_sim.sweep(SHIP, threads=1, **arguments)
+        self.check_same(variator_sim.sweep(SHIP, threads=4, **arguments), one)
+        import warnings
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            result = variator_sim.simulate(SHIP, 2.0, overrides={
+                name: one[name][7] for name in ("drive/inertia", "load/inertia")})
+        self.assertEqual(one["final(load/velocity)"][7], result["load/velocity"][-1])
+        self.assertEqual(one["max(load/velocity)"][7], result["load/velocity"].max())
+
+    def test_failed_runs_are_rows(self):
+        table = variator_sim.sweep(LAG, 1.0, grid={"drive/inertia": "-1,0,2"},
+                                   metrics=["final(drive/velocity)"])
+        numpy.testing.assert_array_equal(numpy.isnan(table["final(drive/velocity)"]),
+                                         [True, True, False])
+        self.assertRegex(table["reason"][0], "drive/inertia: -1.0 is out of range")
+        self.assertEqual(table["reason"][2], "")
+        stops = LAG.replace("1 - c*w1", "sqrt(c - t)")
+        table = variator_sim.sweep(stops, 1.0, grid={"motor/parameters/c": "0.5,2"},
+                                   metrics=["final(drive/velocity)"])
+        self.assertRegex(table["reason"][0], "NonFiniteValue at t = 0.")
+        self.assertTrue(numpy.isfinite(table["final(drive/velocity)"][1]))
+
+    def test_faults(self):
+        good = dict(grid={"drive/inertia": "1:2:3"}, metrics=["final(drive/velocity)"])
+        for change, words in [
+                (dict(metrics=["finl(drive/velocity)"]), "final"),
+                (dict(metrics=["final(drive/velocty)"]), "did you mean 'drive/velocity'"),
+                (dict(metrics=["max(drive/velocity,0.1)"]), "BAND"),
+                (dict(metrics=[]), "none given"),
+                (dict(grid={"drive/inrtia": "1:2:3"}), "did you mean 'inertia'"),
+                (dict(random={"drive/inertia": "normal(1,1)"}), "given twice"),
+                (dict(random={"a": "gauss(1,1)"}), "normal"),
+                (dict(samples=0), "samples"), (dict(shard=(3, 2)), "shard"),
+                (dict(overrides={"drive/inertia": 2}), "overridden too")]:
+            with self.subTest(change=change), self.assertRaisesRegex(ValueError, words):
+                variator_sim.sweep(LAG, 1.0, **{**good, **change})
+
+    # --- tables, and what is left of them ---------------------------------------------------------
+
+    def test_files_and_shards(self):
+        arguments = ["--set", "drive/inertia=log:0.5:2:5", "--random",
+                     "motor/parameters/c=normal(1,0.01)", "--samples", "3", "--metric",
+                     "final(drive/velocity)"]
+        subprocess.run(self.command(self.folder / "all.csv", *arguments), check=True, timeout=60)
+        parts = []
+        for i, kind in ((1, "csv"), (2, "npz")):
+            parts.append(self.folder / f"part{i}.{kind}")
+            subprocess.run(self.command(parts[-1], *arguments, "--shard", f"{i}/2"), check=True,
+                           timeout=60)
+        whole = variator_sim.read_table(self.folder / "all.csv")
+        self.assertEqual(len(whole["run"]), 15)
+        self.check_same(variator_sim.read_table(*parts), whole)
+        with self.assertRaisesRegex(ValueError, "more than one"):
+            variator_sim.read_table(self.folder / "all.csv", parts[0])
+        self.assertEqual(list(self.folder.glob("*.journal")), [])
+
+    def test_killed_and_called_again_it_goes_on(self):
+        arguments = ["--set", "drive/inertia=0.5:2:2000", "--metric", "max(drive/velocity)"]
+        output = self.folder / "out.csv"
+        journal = self.folder / "out.csv.journal"
+        process = subprocess.Popen(self.command(output, *arguments))
+        while not journal.exists() or journal.read_text(encoding="utf-8").count("\n") < 2:
+            self.assertIsNone(process.poll())
+            time.sleep(0.001)
+        process.send_signal(signal.SIGKILL)
+        self.assertEqual(process.wait(), -signal.SIGKILL)
+        kept = journal.read_text(encoding="utf-8").count("\n") - 1
+        self.assertFalse(output.exists())
+        with open(journal, "a", encoding="utf-8") as file:
+            file.write("1999,0.123")  # the line that it was writing
+
+        run = []
+        whole = sweeps.Task.run
+
+        def counted(task, values, threads):
+            run.extend(values[:, 0])
+            return whole(task, values, threads)
+
+        call = dict(duration=5.0, grid={"drive/inertia": "0.5:2:2000"},
+                    metrics=["max(drive/velocity)"])
+        with self.assertRaisesRegex(RuntimeError, "other values"):
+            variator_sim.sweep(self.folder / "scene.yaml", output=output, rate=50, **call)
+        with mock.patch.object(sweeps.Task, "run", counted):
+            table = variator_sim.sweep(self.folder / "scene.yaml", output=output, **call)
+        self.assertEqual(len(run), 2000 - kept)
+        self.assertFalse(journal.exists())
+        self.check_same(variator_sim.read_table(output), table)
+        self.check_same(table, variator_sim.sweep(self.folder / "scene.yaml", **call))
+
+    # --- other machines ---------------------------------------------------------------------------
+
+    def start(self, *words):
+        process = subprocess.Popen([sys.executable, "-m", *words], stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL, cwd=self.folder)
+
+        def stop():
+            process.kill()
+            process.wait()
+        self.addCleanup(stop)
+        return process
+
+    def test_a_worker_of_two_is_killed(self):
+        try:
+            import distributed  # noqa: F401
+        except ImportError:
+            self.skipTest("python3-distributed is not installed")
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        scheduler = f"tcp://127.0.0.1:{port}"
+        self.start("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port),
+                   "--no-dashboard")
+        workers = [self.start("distributed.cli.dask_worker", scheduler, "--nthreads", "1",
+                              "--no-nanny", "--no-dashboard", "--name", name)
+                   for name in ("first", "second")]
+        with distributed.Client(scheduler, timeout=60) as client:
+            client.wait_for_workers(2, timeout=60)
+
+        added = []
+        keep = sweeps.Memory.add
+
+        def watch(memory, runs, metrics, reasons):
+            if not added:
+                workers[0].kill()
+            added.extend(runs)
+            keep(memory, runs, metrics, reasons)
+
+        call = dict(duration=5.0, grid={"drive/inertia": "0.5:2:300"},
+                    metrics=["max(drive/velocity)"])
+        with mock.patch.object(sweeps.Memory, "add", watch):
+            table = variator_sim.sweep(LAG, scheduler=scheduler, **call)
+        self.assertEqual(workers[0].wait(), -signal.SIGKILL)
+        self.assertEqual(sorted(added), list(range(300)))
+        self.check_same(table, variator_sim.sweep(LAG, **call))
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "sweep_test", SweepTest)
