@@ -207,6 +207,19 @@ class PythonTest(unittest.TestCase):
         self.assertGreater(refused, 10)
         self.assertEqual(simulation.time, 20.0)
 
+    def test_pictures(self):
+        import matplotlib
+        matplotlib.use("Agg")
+        result = variator_sim.simulate(OBSERVED, 0.5, columns="state,elements,outputs,energy")
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "out.png"
+            _, axes = result.plot(title="Observed", path=path)
+            self.assertGreater(path.stat().st_size, 10000)
+        self.assertEqual([len(axis.get_lines()) for axis in axes], [3] * 4)  # shafts and the zero
+        _, axes = result.plot(["load/velocity", "engine/power", "energy/kinetic"])
+        self.assertEqual([axis.get_ylabel() for axis in axes],
+                         ["Speed, rad/s", "Power, W", "Energy, J"])
+
     def test_typed(self):
         folder = pathlib.Path(variator_sim.running.__file__).parent
         self.assertTrue((folder / "py.typed").exists())
