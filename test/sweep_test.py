@@ -153,6 +153,11 @@ class SweepTest(unittest.TestCase):
             variator_sim.read_table(self.folder / "all.csv", parts[0])
         self.assertEqual(list(self.folder.glob("*.journal")), [])
 
+    def test_rosrun_finds_one(self):
+        result = subprocess.run(["rosrun", PACKAGE, "sweep", "--help"], stdin=subprocess.DEVNULL,
+                                stdout=subprocess.PIPE, text=True, timeout=60, check=True)
+        self.assertIn("usage: sweep SCENE.yaml", result.stdout)
+
     def test_killed_and_called_again_it_goes_on(self):
         arguments = ["--set", "drive/inertia=0.5:2:2000", "--metric", "max(drive/velocity)"]
         output = self.folder / "out.csv"
