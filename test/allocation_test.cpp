@@ -94,6 +94,23 @@ TEST_P(Allocation, NoneInTheRunningLoop) {
   EXPECT_TRUE(std::isfinite(sum));
 }
 
+TEST(Allocation, NoneEstimatingErrors) {
+  Simulation simulation(test::sceneFromText(kScene));
+  simulation.estimateErrors(true);
+  const long before = allocations;
+  double sum = 0.0;
+  for (int round = 0; round < 2; ++round) {
+    for (int n = 1; n <= 200; ++n) {
+      simulation.advanceTo(n / 200.0);
+      if (n % 20 == 0) simulation.command(0, 10.0 * std::sin(0.1 * n));
+      sum += simulation.sample().velocity_error[0] + simulation.errorDoubt().grown;
+    }
+    simulation.reset();
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_TRUE(std::isfinite(sum));
+}
+
 TEST(Allocation, NoneAskingForQuantities) {
   Simulation simulation(test::sceneFromText(std::string(kScene) + R"yaml(
 outputs: [ratio, nothing]

@@ -26,12 +26,12 @@ SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 ALLOWED = 100.0  # tolerances, of 1e-9 absolute and 1e-9 of the largest magnitude of the column so far
 
 
-def simulate(reference):
+def simulate(reference, *options):
     """Columns by name; raises where the motion does not reach the end."""
     with tempfile.TemporaryDirectory() as folder:
         scene, commands = pathlib.Path(folder) / "scene.yaml", pathlib.Path(folder) / "commands.csv"
         scene.write_text(reference["scene"])
-        call = [SIMULATE, str(scene), "--times", ",".join(map(repr, reference["times"]))]
+        call = [SIMULATE, str(scene), "--times", ",".join(map(repr, reference["times"])), *options]
         if reference["commands"]:
             commands.write_text(reference["commands"])
             call += ["--commands", str(commands)]
@@ -53,7 +53,36 @@ def worst_error(expected, got):
     return worst
 
 
+def count_estimates(reference, tolerance):
+    """How many estimated errors there are, and how many are within a factor of ten of the true one.
+
+    What the references themselves do not know counts as right where the estimate is as small.
+    """
+    got = simulate(reference, "--error", "--set", f"solver/relative_tolerance={tolerance}",
+                   "--set", f"solver/absolute_tolerance={tolerance}")
+    good = total = 0
+    for name, estimates in got.items():
+        if not name.endswith("/estimated_error"):
+            continue
+        column = name[:-len("/estimated_error")]
+        largest = 0.0
+        for value, exact, estimate in zip(got[column], reference["columns"][column], estimates):
+            largest = max(largest, abs(exact))
+            error, unknown = abs(value - exact), 1e-11 * (1.0 + largest)
+            total += 1
+            good += (max(error, estimate) <= unknown
+                     or 0.1 * estimate <= error <= 10.0 * estimate)
+    return good, total
+
+
 class RandomReferences(unittest.TestCase):
+    def test_estimated_errors_are_within_a_factor_of_ten(self):
+        counts = [count_estimates(reference, "1e-6")
+                  for reference in json.loads(REFERENCES.read_text())]
+        good, total = map(sum, zip(*counts))
+        self.assertGreater(total, 1000)
+        self.assertGreaterEqual(good, 0.95 * total)
+
     def test_every_column_is_that_of_the_reference(self):
         references = json.loads(REFERENCES.read_text())
         self.assertGreaterEqual(len(references), 30)

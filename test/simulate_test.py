@@ -50,6 +50,15 @@ torques: [motor]
 motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "sqrt(1 - t)"}
 """
 
+# It stands on its head, nearly, and leaves by what the steps do wrong.
+PENDULUM = """
+shafts: [arm]
+arm: {inertia: 1.0}
+torques: [gravity]
+gravity: {type: variator_sim/ExpressionTorque, shaft: arm, torque: "25*sin(phi_arm)"}
+initial: {angle: [1.0e-9]}
+"""
+
 
 def parse(text):
     """Header and rows of a CSV text; the rows as floats."""
@@ -189,6 +198,9 @@ class SimulateTest(unittest.TestCase):
         self.check_refused([SHIP, "--duration", "1", "--output", "a.txt"], ".csv", ".bag")
         self.check_refused([SHIP, "--duration", "1", "--stats=1"], "takes no value")
         self.check_refused([SHIP, "--duration", "1", "--energy=1"], "takes no value")
+        self.check_refused([SHIP, "--duration", "1", "--error=1"], "takes no value")
+        self.check_refused([SHIP, "--duration", "1", "--error", "--columns", "energy"],
+                           "--error", "'state'")
         self.check_refused([SHIP, "--duration", "1", "--columns"], "needs a value")
         self.check_refused([SHIP, "--duration", "1", "--columns", "state,enrgy"], "'enrgy'",
                            "did you mean 'energy'",
@@ -213,6 +225,63 @@ class SimulateTest(unittest.TestCase):
         for row in rows:
             self.assertAlmostEqual(row[kinetic] - rows[0][kinetic], row[applied] + row[reactions],
                                    delta=1e-9 * row[kinetic])
+
+    def test_estimated_errors_stand_behind_their_columns_and_change_none(self):
+        commands = self.write("commands.csv", "time,topic,value\n0.2,engine/torque,25\n0.4,ratio,0.8\n")
+        run = [OBSERVED, "--duration", "1", "--commands", commands, "--columns",
+               "state,elements,inputs,outputs,energy"]
+        for times in (["--rate", "50"], ["--times", "0.1,0.4,0.4,0.9"]):
+            header, plain = self.samples(*run, *times)
+            with_errors, rows = self.samples(*run, *times, "--error")
+            errors = [i for i, name in enumerate(with_errors) if name.endswith("/estimated_error")]
+            self.assertEqual([with_errors[i] for i in errors],
+                             [f"{shaft}/{column}/estimated_error" for shaft in ("drive", "load")
+                              for column in ("angle", "velocity", "acceleration")])
+            for i in errors:
+                self.assertEqual(with_errors[i], with_errors[i - 1] + "/estimated_error")
+            kept = [i for i in range(len(with_errors)) if i not in errors]
+            self.assertEqual([with_errors[i] for i in kept], header)
+            self.assertEqual(repr([[row[i] for i in kept] for row in rows]), repr(plain))
+            for row in rows:
+                for i in errors:
+                    self.assertTrue(0.0 <= row[i] <= 1e-7 * (1.0 + abs(row[i - 1])), (row[0], row[i]))
+            self.assertGreater(max(rows[-1][i] for i in errors), 0.0)
+
+    def test_estimated_errors_are_those_of_the_tolerance_asked_for(self):
+        run = [SHIP, "--duration", "5", "--rate", "20"]
+        header, truth = self.samples(*run, "--set", "solver/relative_tolerance=1e-12",
+                                     "--set", "solver/absolute_tolerance=1e-12")
+        for tolerance in ("1e-5", "1e-8"):
+            with_errors, rows = self.samples(*run, "--error", "--set",
+                                             "solver/relative_tolerance=" + tolerance, "--set",
+                                             "solver/absolute_tolerance=" + tolerance)
+            good = total = 0
+            for row, exact in zip(rows, truth):
+                for i, name in enumerate(with_errors):
+                    if not name.endswith("/estimated_error"):
+                        continue
+                    error = abs(row[i - 1] - exact[header.index(with_errors[i - 1])])
+                    total += 1
+                    good += (max(error, row[i]) <= 1e-13 * abs(row[i - 1])
+                             or 0.1 * row[i] <= error <= 10.0 * row[i])
+            self.assertGreaterEqual(good, 0.95 * total, tolerance)
+
+    def test_estimates_that_are_worthless_are_told(self):
+        scene = self.write("pendulum.yaml", PENDULUM)
+        result = self.simulate(scene, "--duration", "12", "--rate", "10", "--error")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(result.stderr.count("estimated errors are not to be trusted from t = "), 1)
+
+    def test_a_bag_has_estimated_errors_when_asked_for(self):
+        for option, count in (([], 0), (["--error"], 2)):
+            path = os.path.join(self.folder, f"errors{count}.bag")
+            self.simulate(SHIP, "--duration", "1", "--rate", "10", "--output", path, *option)
+            with rosbag.Bag(path) as bag:
+                states = [message for _, message, _ in bag.read_messages("state")]
+            for state in states:
+                for errors in (state.angle_error, state.velocity_error, state.acceleration_error):
+                    self.assertEqual(len(errors), count)
+                    self.assertTrue(all(0.0 <= error < 1e-6 for error in errors))
 
     def test_columns_of_quantities_stand_in_one_order_and_change_no_other(self):
         commands = self.write("commands.csv", "time,topic,value\n0.2,engine/torque,25\n0.4,ratio,0.8\n")

@@ -27,6 +27,11 @@ struct Sample {
   double residual[kMaxConstraints] = {};         ///< psi, the constraint's own unit
   double multiplier[kMaxConstraints] = {};       ///< Lambda of R' = C^T Lambda [12, 15]
   Energy energy;                                 ///< where it is tracked (Simulation::trackEnergy)
+  /// Estimated global errors, at least 0, where they are estimated (Simulation::estimateErrors);
+  /// NaN where nothing is known of them.
+  double angle_error[kMaxShafts] = {};         ///< rad
+  double velocity_error[kMaxShafts] = {};      ///< rad/s
+  double acceleration_error[kMaxShafts] = {};  ///< rad/s^2
 };
 
 }  // namespace variator_sim

@@ -14,6 +14,7 @@
 
 namespace variator_sim {
 
+class ErrorEstimate;
 class Motion;
 
 enum class CommandResult { kAccepted, kClamped, kRefused };
@@ -84,6 +85,17 @@ class Simulation {
   /// [loop]
   EnergyDoubt energyDoubt() const;
 
+  /// Whether samples have estimates of their own global errors, in angles, velocities and
+  /// accelerations, by a second motion of the same scene that is stepped more finely: it costs one
+  /// to two times the motion again and changes no bit of it. To be called before the first advance
+  /// or after a reset. Not for the real-time loop.
+  void estimateErrors(bool on);
+  bool estimatesErrors() const { return error_estimate_ != nullptr; }
+  /// Where the estimates of the samples taken so far were not to be trusted. [loop]
+  ErrorDoubt errorDoubt() const;
+  /// How errors are estimated: "auto at a relative tolerance of 1e-11"; "" where they are not.
+  std::string describeErrorEstimate() const;
+
   /// [loop]
   const MotionStatus& status() const;
   const Statistics& statistics() const;
@@ -130,6 +142,7 @@ class Simulation {
 
  private:
   std::unique_ptr<Motion> motion_;
+  std::unique_ptr<ErrorEstimate> error_estimate_;  // none: errors are not estimated
 };
 
 }  // namespace variator_sim

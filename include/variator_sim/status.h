@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 namespace variator_sim {
 
@@ -48,6 +49,23 @@ struct EnergyDoubt {
 
 /// The doubt as a sentence with a way out of it; "" when there is none.
 std::string describe(const EnergyDoubt& doubt);
+
+/// Where estimates of global errors are not to be trusted, as the samples taken have shown: times
+/// in s, below 0 where it has not happened.
+struct ErrorDoubt {
+  double stopped =
+      -1.0;  ///< the motion that is compared with stopped: nothing is known from here on
+  StopReason reason = StopReason::kNone;  ///< why
+  double grown = -1.0;  ///< an estimate is above 1e8 tolerances or a tenth of its column: errors no
+                        ///< longer grow in proportion
+  double parted = -1.0;    ///< the laws of both motions have jumped a different number of times
+  double rounding = -1.0;  ///< the first sample that was at rounding in every column
+  std::uint64_t rounding_samples = 0;  ///< how many were
+  std::uint64_t samples = 0;           ///< of how many
+};
+
+/// The doubts as sentences; none when there are none.
+std::vector<std::string> describe(const ErrorDoubt& doubt);
 
 /// Counters since the start or the last reset.
 struct Statistics {

@@ -2,6 +2,8 @@
 
 #include <cmath>
 #include <cstdio>
+#include <string>
+#include <vector>
 
 namespace variator_sim {
 
@@ -48,6 +50,39 @@ std::string describe(const EnergyDoubt& doubt) {
       "machine; a lossless ratio without memory is 'principle: gauss' (doc/principles.md)",
       doubt.reactions < 0.0 ? "taken" : "fed in", std::abs(doubt.reactions), share, doubt.since);
   return text;
+}
+
+std::vector<std::string> describe(const ErrorDoubt& doubt) {
+  std::vector<std::string> sentences;
+  char text[512];
+  const auto add = [&](const char* format, double time, auto... more) {
+    std::snprintf(text, sizeof(text), format, time, more...);
+    sentences.emplace_back(text);
+  };
+  if (doubt.stopped >= 0.0) {
+    add("the motion that errors are estimated by stopped at t = %.6g s (%s): from there on they "
+        "are not known (nan)",
+        doubt.stopped, toString(doubt.reason));
+  }
+  if (doubt.grown >= 0.0) {
+    add("estimated errors are not to be trusted from t = %.6g s on: there one is above 1e8 "
+        "tolerances, or above a tenth of the largest value of its column, and errors no longer "
+        "grow in proportion",
+        doubt.grown);
+  }
+  if (doubt.parted >= 0.0) {
+    add("estimated errors are not to be trusted from before t = %.6g s on: a law jumps there so "
+        "near to where it would not that the motion and the one it is compared with differ in how "
+        "often",
+        doubt.parted);
+  }
+  if (2 * doubt.rounding_samples > doubt.samples) {
+    add("%.3g %% of the samples, the first one at t = %.6g s, differ by rounding alone from the "
+        "motion that errors are estimated by: their estimates are only what rounding usually makes",
+        100.0 * static_cast<double>(doubt.rounding_samples) / static_cast<double>(doubt.samples),
+        doubt.rounding);
+  }
+  return sentences;
 }
 
 }  // namespace variator_sim

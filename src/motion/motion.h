@@ -68,6 +68,8 @@ class Motion {
   const MotionStatus& advanceTo(double time);
   double quietUntil() const;
   double nextTimeout() const { return commands_.nextTimeout(); }
+  /// Up to where it has been stepped, s: as far as the present or further.
+  double frontTime() const { return integrator_.origin().absolute(integrator_.front().time); }
   CommandResult command(int input, double value);
   void refuseCommand() { ++integrator_.statistics().commands_refused; }
   const Sample& sample();

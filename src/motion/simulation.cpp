@@ -3,6 +3,7 @@
 #include <sstream>
 #include <utility>
 
+#include "motion/error_estimate.h"
 #include "motion/motion.h"
 
 namespace variator_sim {
@@ -68,13 +69,25 @@ double Simulation::time() const {
   return motion_->time();
 }
 const MotionStatus& Simulation::advanceTo(double time) {
-  return motion_->advanceTo(time);
+  const MotionStatus& status = motion_->advanceTo(time);
+  if (error_estimate_) error_estimate_->follow();
+  return status;
 }
 CommandResult Simulation::command(int input, double value) {
+  if (error_estimate_) error_estimate_->command(input, value);
   return motion_->command(input, value);
 }
 const Sample& Simulation::sample() {
-  return motion_->sample();
+  return error_estimate_ ? error_estimate_->sample() : motion_->sample();
+}
+void Simulation::estimateErrors(bool on) {
+  error_estimate_ = on ? std::make_unique<ErrorEstimate>(*motion_) : nullptr;
+}
+ErrorDoubt Simulation::errorDoubt() const {
+  return error_estimate_ ? error_estimate_->doubt() : ErrorDoubt{};
+}
+std::string Simulation::describeErrorEstimate() const {
+  return error_estimate_ ? error_estimate_->describe() : "";
 }
 OperatingPoint Simulation::operatingPoint() {
   return motion_->operatingPoint();
@@ -102,6 +115,7 @@ const Statistics& Simulation::statistics() const {
 }
 void Simulation::reset() {
   motion_->reset();
+  if (error_estimate_) error_estimate_->reset();
 }
 const char* Simulation::stepperName() const {
   return motion_->stepperName();
@@ -122,13 +136,16 @@ bool Simulation::saveState(MotionState* state) {
   return motion_->saveState(state);
 }
 std::string Simulation::setState(const MotionState& state, bool project) {
-  return motion_->setState(state, project);
+  std::string fault = motion_->setState(state, project);
+  if (fault.empty() && error_estimate_) error_estimate_->setState(state, project);
+  return fault;
 }
 double Simulation::quietUntil() const {
   return motion_->quietUntil();
 }
 
 bool Simulation::loadMachineCode(bool compile) {
+  if (error_estimate_) error_estimate_->loadMachineCode(compile);
   return motion_->loadMachineCode(compile);
 }
 const std::string& Simulation::machineCode() const {

@@ -24,7 +24,7 @@ ros::Time toStamp(std::int64_t nanoseconds) {
                    static_cast<std::uint32_t>(nanoseconds % kSecond));
 }
 
-void prepareState(const Scene& scene, DrivetrainState& message) {
+void prepareState(const Scene& scene, bool has_errors, DrivetrainState& message) {
   const std::size_t shafts = scene.shafts.size();
   for (std::vector<double>* values :
        {&message.angle, &message.velocity, &message.acceleration, &message.applied_torque,
@@ -33,6 +33,10 @@ void prepareState(const Scene& scene, DrivetrainState& message) {
   }
   message.residual.assign(scene.constraints.size(), 0.0);
   message.multiplier.assign(scene.constraints.size(), 0.0);
+  for (std::vector<double>* errors :
+       {&message.angle_error, &message.velocity_error, &message.acceleration_error}) {
+    errors->assign(has_errors ? shafts : 0, 0.0);
+  }
 }
 
 void fillState(const Sample& sample, double time, DrivetrainState& message) {
@@ -45,6 +49,9 @@ void fillState(const Sample& sample, double time, DrivetrainState& message) {
   copy(sample.reaction_torque_rate, message.reaction_torque_rate);
   copy(sample.residual, message.residual);
   copy(sample.multiplier, message.multiplier);
+  copy(sample.angle_error, message.angle_error);
+  copy(sample.velocity_error, message.velocity_error);
+  copy(sample.acceleration_error, message.acceleration_error);
 }
 
 void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message) {

@@ -23,8 +23,9 @@ struct Scene;
 /// Simulated time, ns >= 0, as a stamp (saturates at the last second that a stamp can hold).
 ros::Time toStamp(std::int64_t nanoseconds);
 
-/// Gives the message its array sizes, once; `fillState` then allocates nothing.
-void prepareState(const Scene& scene, DrivetrainState& message);
+/// Gives the message its array sizes, once; `fillState` then allocates nothing. Without
+/// `has_errors` the arrays of estimated errors stay empty.
+void prepareState(const Scene& scene, bool has_errors, DrivetrainState& message);
 /// All but the header. `time` is the message's simulated time, s (sample.time counts from the last
 /// reset).
 void fillState(const Sample& sample, double time, DrivetrainState& message);

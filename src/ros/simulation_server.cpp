@@ -37,9 +37,9 @@ std::vector<std::string> topicsOf(const std::vector<CommandInputSettings>& input
   return topics;
 }
 
-DrivetrainState makeState(const Scene& scene) {
+DrivetrainState makeState(const Simulation& simulation) {
   DrivetrainState message;
-  prepareState(scene, message);
+  prepareState(simulation.scene(), simulation.estimatesErrors(), message);
   return message;
 }
 
@@ -80,10 +80,10 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
       scene_message_(toSceneInfo(simulation)),
       role_(roleFor(settings)),
       sharing_(sharing),
-      state_message_(makeState(simulation.scene())),
+      state_message_(makeState(simulation)),
       quantity_messages_(makeQuantities(simulation)),
       joint_message_(makeJointState(simulation.scene())),
-      step_message_(makeState(simulation.scene())),
+      step_message_(makeState(simulation)),
       state_services_(simulation.scene(), loop_),
       loop_(std::move(simulation), settings,
             role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)

@@ -24,7 +24,7 @@ class BagWriter : public SampleWriter {
  public:
   BagWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
       : path_(path), columns_(columns) {
-    prepareState(simulation.scene(), state_);
+    prepareState(simulation.scene(), columns_.errors, state_);
     prepareJointState(simulation.scene(), joint_state_);
     for (const QuantityGroup group : columns_.quantities) {
       prepareQuantities(simulation, group, quantities_.emplace_back());

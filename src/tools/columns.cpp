@@ -1,6 +1,7 @@
 #include "tools/columns.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/simulation.h"
@@ -11,6 +12,8 @@ namespace {
 constexpr const char* kShaftColumns[] = {"angle",           "velocity",
                                          "acceleration",    "applied_torque",
                                          "reaction_torque", "reaction_torque_rate"};
+/// So many of them, the first ones, have an estimated error.
+constexpr int kEstimated = 3;
 constexpr const char* kEnergyColumns[] = {"energy/kinetic", "energy/applied", "energy/reactions",
                                           "power/applied", "power/reactions"};
 
@@ -55,7 +58,11 @@ std::vector<std::string> columnNames(const Simulation& simulation, const ColumnG
   std::vector<std::string> names{"time"};
   if (groups.state) {
     for (const std::string& shaft : scene.shafts) {
-      for (const char* column : kShaftColumns) names.push_back(shaft + "/" + column);
+      int n = 0;
+      for (const char* column : kShaftColumns) {
+        names.push_back(shaft + "/" + column);
+        if (groups.errors && n++ < kEstimated) names.push_back(names.back() + "/estimated_error");
+      }
     }
     for (const ConstraintPtr& constraint : scene.constraints) {
       names.push_back(constraint->name() + "/residual");
@@ -75,6 +82,7 @@ std::vector<std::string> columnNames(const Simulation& simulation, const ColumnG
 
 RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups)
     : has_state_(groups.state),
+      has_errors_(groups.errors),
       has_energy_(groups.energy),
       shaft_count_(simulation.scene().shaftCount()),
       constraint_count_(simulation.scene().constraintCount()),
@@ -88,9 +96,15 @@ void RowMaker::write(const Sample& sample, const double* quantities, double* row
   *row++ = sample.time;
   if (has_state_) {
     for (int i = 0; i < shaft_count_; ++i) {
+      for (const auto& [column, error] :
+           {std::pair{sample.angle, sample.angle_error},
+            std::pair{sample.velocity, sample.velocity_error},
+            std::pair{sample.acceleration, sample.acceleration_error}}) {
+        *row++ = column[i];
+        if (has_errors_) *row++ = error[i];
+      }
       for (const double* column :
-           {sample.angle, sample.velocity, sample.acceleration, sample.applied_torque,
-            sample.reaction_torque, sample.reaction_torque_rate}) {
+           {sample.applied_torque, sample.reaction_torque, sample.reaction_torque_rate}) {
         *row++ = column[i];
       }
     }

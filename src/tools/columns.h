@@ -15,6 +15,7 @@ class Simulation;
 /// The groups of columns (of a bag: topics) that samples are written with, in this order.
 struct ColumnGroups {
   bool state = true;
+  bool errors = false;                    ///< estimated, beside those of the state
   std::vector<QuantityGroup> quantities;  ///< in their own order
   bool energy = false;
 };
@@ -37,6 +38,7 @@ class RowMaker {
 
  private:
   bool has_state_;
+  bool has_errors_;
   bool has_energy_;
   int shaft_count_;
   int constraint_count_;

@@ -55,6 +55,8 @@ std::vector<std::string> describeDoubts(const Simulation& simulation) {
   }
   const std::string energy = describe(simulation.energyDoubt());
   if (!energy.empty()) doubts.push_back(energy);
+  const std::vector<std::string> errors = describe(simulation.errorDoubt());
+  doubts.insert(doubts.end(), errors.begin(), errors.end());
   return doubts;
 }
 

@@ -90,6 +90,9 @@ void printStatistics(Simulation& simulation, bool tracks_energy, const WallTimes
   std::string skips;
   for (const std::string& skip : simulation.skips()) skips += (skips.empty() ? "" : "; ") + skip;
   std::fprintf(stderr, "formulas by: %s\n", simulation.machineCode().c_str());
+  if (const std::string companion = simulation.describeErrorEstimate(); !companion.empty()) {
+    std::fprintf(stderr, "errors estimated by: %s\n", companion.c_str());
+  }
   std::fprintf(stderr, "not computed: %s\n", skips.empty() ? "-" : skips.c_str());
   print("steps", counts.steps);
   if (counts.implicit_steps > 0) print("implicit steps", counts.implicit_steps);
@@ -356,6 +359,7 @@ int runSimulate(const std::vector<std::string>& words) {
     return is_done ? kSuccess : kStopped;
   }
   simulation.trackEnergy(options.columns.energy);
+  simulation.estimateErrors(options.columns.errors);
   if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
   const Span span = spanOf(options, simulation.time());
   OfflineRun offline_run(simulation,

@@ -14,11 +14,11 @@ namespace {
 
 const std::vector<std::string>& optionNames() {
   static const std::vector<std::string> names = {
-      "--duration",   "--rate",   "--times",        "--commands",   "--output",
-      "--columns",    "--set",    "--from-state",   "--save-state", "--save-at",
-      "--until-rest", "--energy", "--stats",        "--explain",    "--latex",
-      "--compile",    "--emit-c", "--help",         "--linearize",  "--at",
-      "--full",       "--trim",   "--accelerating", "--fix",        "--free"};
+      "--duration", "--rate",       "--times",      "--commands", "--output",     "--columns",
+      "--set",      "--from-state", "--save-state", "--save-at",  "--until-rest", "--energy",
+      "--error",    "--stats",      "--explain",    "--latex",    "--compile",    "--emit-c",
+      "--help",     "--linearize",  "--at",         "--full",     "--trim",       "--accelerating",
+      "--fix",      "--free"};
   return names;
 }
 
@@ -109,6 +109,7 @@ class CommandLine {
 /// What an option without a value sets, or nullptr.
 bool* findFlag(const std::string& name, SimulateOptions& options, bool& add_energy) {
   if (name == "--energy") return &add_energy;
+  if (name == "--error") return &options.estimate_errors;
   if (name == "--stats") return &options.stats;
   if (name == "--compile") return &options.compile;
   if (name == "--explain") return &options.explain;
@@ -265,6 +266,12 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   }
   completeOptions(has_rate, options);
   options.columns.energy = options.columns.energy || add_energy;
+  if (options.estimate_errors && !options.columns.state) {
+    throw UsageError(
+        "--error: its columns stand beside those of the group 'state', which --columns "
+        "leaves out");
+  }
+  options.columns.errors = options.estimate_errors;
   return options;
 }
 
@@ -300,6 +307,9 @@ usage: simulate SCENE.yaml --duration S [options]
                           applied torques and of the reactions since the start, J, and their
                           powers, W)
   --energy                adds energy to the columns: --columns state,energy
+  --error                 an estimate of the global error behind each angle, velocity and
+                          acceleration (columns .../estimated_error), by a second, finer motion;
+                          standard error tells when they are not to be trusted
   --stats                 print counters and times to standard error
   --explain               print the scene's equations of motion instead of running it: its laws
                           simplified, what they have in common, what is not computed and why

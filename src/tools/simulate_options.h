@@ -37,6 +37,7 @@ struct SimulateOptions {
   std::string output_path;    ///< empty: standard output
   OutputFormat format = OutputFormat::kCsv;
   ColumnGroups columns;
+  bool estimate_errors = false;
   bool stats = false;
   bool linearize = false;         ///< write a linear model instead of running
   bool full = false;              ///< of it: all states, and not only coordinates on psi = 0

@@ -1,0 +1,182 @@
+#include "motion/error_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+
+namespace variator_sim {
+namespace {
+
+/// What rounding makes of a column within a few hundred steps, of its largest value so far. Both
+/// motions share a part of it, so their difference does not show it.
+constexpr double kRounding = 8e-15;
+constexpr double kGrowth = 1e8;     // tolerances
+constexpr double kLargePart = 0.1;  // of a column
+constexpr double kLeastTolerance = 1e-14;
+
+Scene makeCompanion(const Scene& scene) {
+  Scene companion = scene;
+  companion.solver = calcCompanionSettings(scene.solver);
+  return companion;
+}
+
+}  // namespace
+
+// Measured over random scenes (doc/scene.md). A stepper beside itself at a tolerance k times
+// smaller is good as long as its error goes with its tolerance; where the order is low a better one
+// is cheaper, and `auto` is the one that gets across every edge.
+SolverSettings calcCompanionSettings(const SolverSettings& settings) {
+  SolverSettings companion = settings;
+  const auto take = [&](StepperKind stepper, double factor) {
+    const auto tighten = [factor](double tolerance) {
+      return std::min(tolerance, std::max(tolerance / factor, kLeastTolerance));
+    };
+    companion.stepper = stepper;
+    companion.relative_tolerance = tighten(settings.relative_tolerance);
+    companion.absolute_tolerance = tighten(settings.absolute_tolerance);
+  };
+  constexpr double kUsualStep = 1e-3;  // s
+  const double coarseness = std::max(1.0, settings.step / kUsualStep);
+  switch (settings.stepper) {
+    case StepperKind::kAuto:
+      // Above this tolerance `auto` is by Runge-Kutta methods, whose errors lie far below it.
+      take(StepperKind::kAuto, settings.relative_tolerance > 1e-8 ? 300.0 : 100.0);
+      break;
+    case StepperKind::kTaylor:
+    case StepperKind::kRadau:
+    case StepperKind::kFehlberg78:
+      take(settings.stepper, 100.0);
+      break;
+    case StepperKind::kDop853:
+    case StepperKind::kRosenbrock4:
+      take(StepperKind::kAuto, 1000.0);
+      break;
+    case StepperKind::kDopri5:
+      take(StepperKind::kAuto, 100.0);
+      break;
+    case StepperKind::kRadau5:
+      take(StepperKind::kRadau, 100.0);
+      break;
+    case StepperKind::kTaylorFixed:
+      take(StepperKind::kTaylorFixed, 1e4);  // the same steps, of an order two or three higher
+      break;
+    case StepperKind::kRk4:
+    case StepperKind::kDopri5Fixed: {
+      // Their tolerance means nothing; the error goes with some power of the step.
+      const bool is_rk4 = settings.stepper == StepperKind::kRk4;
+      companion.stepper = StepperKind::kAuto;
+      companion.relative_tolerance =
+          std::min(1e-8, is_rk4 ? 1e-13 * coarseness * coarseness : kLeastTolerance * coarseness);
+      companion.absolute_tolerance = companion.relative_tolerance;
+      break;
+    }
+    case StepperKind::kRosenbrock4Fixed:
+    case StepperKind::kRadau5Fixed:
+      companion.step = 0.5 * settings.step;
+      break;
+  }
+  constexpr int kMost = std::numeric_limits<int>::max() / 4;
+  companion.maximum_steps = 4 * std::min(settings.maximum_steps, kMost);
+  return companion;
+}
+
+ErrorEstimate::ErrorEstimate(Motion& run)
+    : run_(run),
+      companion_(makeCompanion(run.scene())),
+      relative_(run.scene().solver.relative_tolerance),
+      absolute_(run.scene().solver.absolute_tolerance) {}
+
+void ErrorEstimate::setState(const MotionState& state, bool project) {
+  companion_.setState(state, project);
+  forget();
+}
+
+void ErrorEstimate::reset() {
+  companion_.reset();
+  forget();
+}
+
+void ErrorEstimate::forget() {
+  for (Column& column : columns_) column = {};
+  is_grown_ = false;
+  counts_differ_ = -1.0;
+  doubt_ = {};
+}
+
+std::string ErrorEstimate::describe() const {
+  const SolverSettings& solver = companion_.scene().solver;
+  std::ostringstream text;
+  text << toString(solver.stepper);
+  if (solver.step < run_.scene().solver.step) {
+    text << " with steps of " << solver.step << " s";
+  } else {
+    text << " at a relative tolerance of " << solver.relative_tolerance;
+  }
+  return text.str();
+}
+
+bool ErrorEstimate::compare(const double* run, const double* companion, Column& column,
+                            double* error) {
+  bool is_at_rounding = true;
+  for (int i = 0; i < run_.scene().shaftCount(); ++i) {
+    double& largest = column.largest[i];
+    largest = std::max(largest, std::abs(run[i]));
+    const double difference = std::abs(run[i] - companion[i]);
+    const double rounding = kRounding * largest;
+    error[i] = std::max(difference, rounding);
+    is_at_rounding = is_at_rounding && difference <= rounding;
+    const double least = 1e3 * absolute_;
+    const double limit = std::min(kGrowth * (absolute_ + relative_ * largest),
+                                  std::max(kLargePart * largest, least));
+    is_grown_ = is_grown_ || difference > limit;
+  }
+  return is_at_rounding;
+}
+
+const Sample& ErrorEstimate::sample() {
+  sample_ = run_.sample();
+  const double time = run_.time();  // where a jump led nowhere, the last good one
+  if (companion_.time() < time) follow();
+  const Sample& other = companion_.sample();
+  if (!companion_.status().ok()) {
+    if (doubt_.stopped < 0.0) doubt_.stopped = companion_.status().time;
+    doubt_.reason = companion_.status().reason;
+    for (double* error :
+         {sample_.angle_error, sample_.velocity_error, sample_.acceleration_error}) {
+      std::fill_n(error, kMaxShafts, std::numeric_limits<double>::quiet_NaN());
+    }
+    return sample_;
+  }
+  is_grown_ = false;
+  bool is_at_rounding = compare(sample_.angle, other.angle, columns_[0], sample_.angle_error);
+  is_at_rounding = compare(sample_.velocity, other.velocity, columns_[1], sample_.velocity_error) &&
+                   is_at_rounding;
+  is_at_rounding =
+      compare(sample_.acceleration, other.acceleration, columns_[2], sample_.acceleration_error) &&
+      is_at_rounding;
+  note(sample_, is_at_rounding);
+  return sample_;
+}
+
+void ErrorEstimate::note(const Sample& sample, bool is_at_rounding) {
+  if (is_grown_ && doubt_.grown < 0.0) doubt_.grown = sample.time;
+  noteEdges();
+  if (sample.time <= 0.0) return;  // where both are the same
+  ++doubt_.samples;
+  if (!is_at_rounding) return;
+  if (doubt_.rounding_samples++ == 0) doubt_.rounding = sample.time;
+}
+
+/// Both run ahead of the present, by different steps: only a difference that is older than the last
+/// step of either is one.
+void ErrorEstimate::noteEdges() {
+  if (run_.statistics().kinks == companion_.statistics().kinks) {
+    counts_differ_ = -1.0;
+    return;
+  }
+  if (counts_differ_ < 0.0) counts_differ_ = std::max(run_.frontTime(), companion_.frontTime());
+  if (doubt_.parted < 0.0 && run_.time() > counts_differ_) doubt_.parted = run_.time();
+}
+
+}  // namespace variator_sim
