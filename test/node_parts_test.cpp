@@ -124,6 +124,7 @@ TEST(NodeSettings, HaveDefaults) {
   EXPECT_FALSE(settings.publish_clock);
   EXPECT_FALSE(settings.start_paused);
   EXPECT_FALSE(settings.lock_memory);
+  EXPECT_FALSE(settings.estimate_error);
   EXPECT_EQ(settings.realtime_priority, 0);
   // The default follows a tick rate below it.
   EXPECT_EQ(settingsFrom("tick_rate: 20").publish_rate, 20.0);
@@ -144,7 +145,8 @@ TEST(NodeSettings, BoundsBelongToThem) {
 TEST(NodeSettings, TakeAllValues) {
   const NodeSettings settings = settingsFrom(
       "{tick_rate: '5e3', publish_rate: 5000, real_time_factor: 0, publish_clock: true, "
-      "start_paused: true, realtime_priority: 80, lock_memory: true}");
+      "start_paused: true, realtime_priority: 80, lock_memory: true, estimate_error: true}");
+  EXPECT_TRUE(settings.estimate_error);
   EXPECT_TRUE(settings.publish_clock);
   EXPECT_TRUE(settings.lock_memory);
   EXPECT_EQ(settings.tick_rate, 5000.0);
@@ -156,7 +158,7 @@ TEST(NodeSettings, TakeAllValues) {
 
 TEST(NodeSettings, ReadEveryKeyThatTheNodeKeeps) {
   const std::vector<std::string> keys = nodeNames().keys;
-  EXPECT_EQ(keys.size(), 8U);
+  EXPECT_EQ(keys.size(), 9U);
   for (const std::string& key : keys) {
     if (key == "overrides") continue;  // read before all others: override_text.h
     EXPECT_THROW(settingsFrom(key + ": []"), SceneError) << key;
@@ -184,6 +186,7 @@ TEST(NodeSettings, NameTheKeyThatIsWrong) {
       {"real_time_factor: .inf", "real_time_factor: "},
       {"publish_clock: 3", "publish_clock: "},
       {"lock_memory: 1", "lock_memory: "},
+      {"estimate_error: 1", "estimate_error: "},
       {"start_paused: perhaps", "start_paused: "},
       {"realtime_priority: 100", "realtime_priority: "},
       {"realtime_priority: -1", "realtime_priority: "},

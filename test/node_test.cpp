@@ -469,6 +469,29 @@ TEST(Node, QuantitiesOfEachGroupAreThoseOfTheOfflineSimulation) {
   }
 }
 
+TEST(Node, StatesCarryEstimatedErrorsWhereAskedFor) {
+  Node estimating("estimating");
+  Node plain("lockstep");
+  ASSERT_TRUE(estimating.trigger("reset_time").success);
+  ASSERT_TRUE(plain.trigger("reset_time").success);
+  for (int i = 1; i <= 20; ++i) {
+    const DrivetrainState with = estimating.step(0.1).state;
+    const DrivetrainState without = plain.step(0.1).state;
+    EXPECT_EQ(with.angle, without.angle);
+    EXPECT_EQ(with.velocity, without.velocity);
+    EXPECT_EQ(with.acceleration, without.acceleration);
+    EXPECT_EQ(with.reaction_torque_rate, without.reaction_torque_rate);
+    EXPECT_TRUE(without.angle_error.empty());
+    for (const auto& errors : {with.angle_error, with.velocity_error, with.acceleration_error}) {
+      ASSERT_EQ(errors.size(), with.angle.size());
+      for (const double error : errors) {
+        EXPECT_GT(error, 0.0);
+        EXPECT_LT(error, 1e-6);
+      }
+    }
+  }
+}
+
 TEST(Node, LockstepAnswersAreAlsoPublished) {
   Node node("lockstep");
   node.forgetStates();

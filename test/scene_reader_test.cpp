@@ -131,7 +131,8 @@ TEST(SceneReader, FillsInDefaults) {
 TEST(SceneReader, ResolvedSceneNamesEveryDefaultAndReadsTheSame) {
   const std::string node_keys =
       "tick_rate: 500\npublish_rate: 50\nreal_time_factor: 2\npublish_clock: true\n"
-      "start_paused: true\nrealtime_priority: 3\nlock_memory: true\nverify_derivatives: true\n";
+      "start_paused: true\nrealtime_priority: 3\nlock_memory: true\n"
+      "estimate_error: true\nverify_derivatives: true\n";
   const Scene scene = read(base() + node_keys);
   const ParameterTree::Dictionary& root = scene.resolved.asDictionary();
   for (const std::string& key : nodeNames().keys) EXPECT_EQ(root.count(key), 0U) << key;

@@ -55,6 +55,7 @@ NodeSettings readNodeSettings(const ParameterTree& tree) {
   settings.realtime_priority =
       reader.integer("realtime_priority", 0, 99, settings.realtime_priority);
   settings.lock_memory = reader.boolean("lock_memory", settings.lock_memory);
+  settings.estimate_error = reader.boolean("estimate_error", settings.estimate_error);
   return settings;
 }
 

@@ -14,8 +14,9 @@ struct NodeSettings {
   double real_time_factor = 1.0;  ///< simulated s per wall s; 0: as fast as it can
   bool publish_clock = false;     ///< own /clock: publish simulated time on it
   bool start_paused = false;
-  int realtime_priority = 0;  ///< SCHED_FIFO priority of the stepping thread, 0: off
-  bool lock_memory = false;   ///< keep the process in memory
+  int realtime_priority = 0;    ///< SCHED_FIFO priority of the stepping thread, 0: off
+  bool lock_memory = false;     ///< keep the process in memory
+  bool estimate_error = false;  ///< states carry estimates of their own global errors
 };
 
 /// What is wrong with a real-time factor, as the end of a sentence about it, or "".

@@ -49,6 +49,7 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     const NodeSettings settings = readNodeSettings(tree);
     PluginlibComponentFactory factory;
     Simulation simulation(readScene(tree, factory, nodeNames()));
+    simulation.estimateErrors(settings.estimate_error);
     prepareMachineCode(simulation);
     return std::make_shared<SimulationServer>(public_handle, private_handle, std::move(simulation),
                                               settings, sharing);
