@@ -129,13 +129,27 @@ class LinearizeTest(unittest.TestCase):
         result = self.simulate(RATIO_STEPS, "--trim", "--fix", "drive_torque=5", "--fix",
                                "w_drive=10", "--free", "load_torque", "--output", str(path))
         self.assertIn("one steady state found", result.stderr)
-        self.assertIn("velocity: [10, 8]", path.read_text(encoding="utf-8"))
+        self.assertRegex(path.read_text(encoding="utf-8"), r"velocity: 10\b")
+        # A run that starts there stays there.
+        run = self.simulate(RATIO_STEPS, "--from-state", str(path), "--times", "2")
+        header, row = (line.split(",") for line in run.stdout.splitlines())
+        self.assertAlmostEqual(float(row[header.index("load/velocity")]), 8.0, delta=1e-7)
         report = self.simulate(RATIO_STEPS, "--linearize", "--at", str(path)).stdout
         self.assertRegex(report, r"drive/velocity +10 +0\n")
         inline = self.simulate(
             RATIO_STEPS, "--linearize", "--at",
             "velocity=[10, 8], acceleration=[0, 0], inputs={drive_torque: 5, load_torque: 3.85}")
         self.assertEqual(inline.stdout, report)
+
+    def test_models_at_states_that_runs_have_saved(self):
+        path = self.folder / "saved.yaml"
+        self.simulate(RATIO_STEPS, "--duration", "2", "--save-state", str(path))
+        saved = self.simulate(RATIO_STEPS, "--linearize", "--at", str(path)).stdout
+        reached = self.simulate(RATIO_STEPS, "--linearize", "--at", "2").stdout
+        self.assertEqual(saved, reached)
+        later = self.simulate(RATIO_STEPS, "--linearize", "--at", "3", "--from-state", str(path))
+        self.assertEqual(later.stdout,
+                         self.simulate(RATIO_STEPS, "--linearize", "--at", "3").stdout)
 
     def test_commands_lead_to_rest(self):
         commands = self.folder / "commands.csv"

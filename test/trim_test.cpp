@@ -10,6 +10,7 @@
 
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
+#include "variator_sim/linear_model.h"
 
 namespace variator_sim {
 namespace {
@@ -217,20 +218,17 @@ TEST(Trim, RefusesNamesByTheNearest) {
   EXPECT_NE(message(still).find("--accelerating"), std::string::npos) << message(still);
 }
 
-TEST(OperatingPoint, ReadsBackWhatItWrites) {
+TEST(OperatingPoint, IsCompletedFromTheScene) {
   const Scene scene = slipping("");
-  TrimOptions options;
-  options.fix = {{"throttle", 0.5}};
-  const TrimResult result = trim(scene, options);
-  ASSERT_EQ(result.states.size(), 1U) << result.message;
-  const OperatingPoint& point = result.states[0].point;
-  const ParameterTree tree = readYamlText(writeOperatingPoint(point, scene), "state");
-  const OperatingPoint again = readOperatingPoint(tree, scene, "state");
-  EXPECT_EQ(again.input, point.input);
-  for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_NEAR(again.velocity[i], point.velocity[i], 1e-12);
-    EXPECT_NEAR(again.acceleration[i], 0.0, 1e-9);
-  }
+  const OperatingPoint point = readOperatingPoint(
+      readYamlText("{time: 2, velocity: [30, 18], inputs: {throttle: 0.5}}", "s"), scene, "s");
+  EXPECT_EQ(point.time, 2.0);
+  EXPECT_EQ(point.velocity, (std::vector<double>{30.0, 18.0}));
+  EXPECT_EQ(point.angle, (std::vector<double>{0.0, 0.0}));
+  EXPECT_EQ(point.input, (std::vector<double>{0.5, 0.0}));
+  // Of least reaction: psi = 0 there
+  EXPECT_NEAR(point.acceleration[1], 0.6 * point.acceleration[0], 1e-9);
+  EXPECT_NO_THROW(linearize(scene, point));
   EXPECT_THROW(readOperatingPoint(readYamlText("{velocity: [1]}", "s"), scene, "s"), SceneError);
   EXPECT_THROW(readOperatingPoint(readYamlText("{speed: [1, 2]}", "s"), scene, "s"), SceneError);
   EXPECT_THROW(readOperatingPoint(readYamlText("{inputs: {gas: 1}}", "s"), scene, "s"), SceneError);

@@ -25,7 +25,4 @@ struct OperatingPoint {
 OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                                   const std::string& source);
 
-/// The same as YAML, which reads back as the same numbers.
-std::string writeOperatingPoint(const OperatingPoint& point, const Scene& scene);
-
 }  // namespace variator_sim

@@ -1,7 +1,6 @@
 #include "variator_sim/operating_point.h"
 
 #include <algorithm>
-#include <sstream>
 
 #include "integrate/diagnosis.h"
 #include "variator_sim/nearest_name.h"
@@ -32,14 +31,6 @@ void readInputs(ParameterReader& reader, Scene& scene) {
 void readList(ParameterReader& reader, const char* key, std::size_t size,
               std::vector<double>* values) {
   if (reader.has(key)) *values = reader.numbers(key, size);
-}
-
-void writeList(std::ostream& out, const char* key, const std::vector<double>& values) {
-  out << key << ": [";
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    out << (i == 0 ? "" : ", ") << formatNumber(values[i]);
-  }
-  out << "]\n";
 }
 
 }  // namespace
@@ -81,21 +72,6 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
   point.input_rate.assign(scene.inputs.size(), 0.0);
   point.command = point.input;
   return point;
-}
-
-std::string writeOperatingPoint(const OperatingPoint& point, const Scene& scene) {
-  std::ostringstream text;
-  text << "time: " << formatNumber(point.time) << "\n";
-  writeList(text, "angle", point.angle);
-  writeList(text, "velocity", point.velocity);
-  writeList(text, "acceleration", point.acceleration);
-  if (scene.inputs.empty()) return text.str();
-  text << "inputs: {";
-  for (std::size_t i = 0; i < scene.inputs.size(); ++i) {
-    text << (i == 0 ? "" : ", ") << scene.inputs[i].name << ": " << formatNumber(point.input[i]);
-  }
-  text << "}\n";
-  return text.str();
 }
 
 }  // namespace variator_sim

@@ -7,11 +7,15 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <limits>
 
 #include "tools/linear_model_file.h"
 #include "tools/sample_writer.h"
+#include "tools/state_file.h"
+#include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/linear_model.h"
+#include "variator_sim/motion_state.h"
 #include "variator_sim/trim.h"
 
 namespace variator_sim {
@@ -42,23 +46,40 @@ bool readTime(const std::string& word, double* time) {
 }
 
 /// `velocity=[10, 5], inputs={throttle: 0.5}` as YAML.
-std::string toYaml(const std::string& inline_state) {
+std::string toFlow(const std::string& inline_state) {
   std::string yaml = "{";
   for (const char c : inline_state) yaml += c == '=' ? std::string(": ") : std::string(1, c);
   return yaml + "}";
 }
 
-OperatingPoint readState(const std::string& word, const Scene& scene) {
-  const bool is_inline = word.find_first_of("=:") != std::string::npos && !std::ifstream(word);
-  const ParameterTree tree = is_inline ? readYamlText(toYaml(word), "--at") : readYamlFile(word);
-  return readOperatingPoint(tree, scene, is_inline ? "--at" : word);
+bool isInline(const std::string& word) {
+  return word.find_first_of("=:") != std::string::npos && !std::ifstream(word);
+}
+
+/// As a state that --from-state takes.
+std::string writeState(const OperatingPoint& point, const Scene& scene) {
+  MotionState state;
+  state.time = point.time;
+  std::copy(point.angle.begin(), point.angle.end(), state.angle);
+  std::copy(point.velocity.begin(), point.velocity.end(), state.velocity);
+  std::copy(point.acceleration.begin(), point.acceleration.end(), state.acceleration);
+  for (std::size_t i = 0; i < scene.inputs.size(); ++i) {
+    CommandInputSettings input = scene.inputs[i];
+    input.initial = point.input[i];
+    state.signal[i].reset(input);
+    state.last_command[i] = std::numeric_limits<double>::infinity();
+  }
+  return toYaml(toTree(state, scene));
 }
 
 /// Advances through the commands up to `time`.
 class Run {
  public:
   Run(Simulation& simulation, const std::vector<ResolvedCommand>& commands)
-      : simulation_(simulation), commands_(commands) {}
+      : simulation_(simulation), commands_(commands) {
+    // Those before a state that the run goes on from are over.
+    while (next_ < commands_.size() && commands_[next_].time < simulation.time()) ++next_;
+  }
 
   bool advanceTo(double time) {
     for (; next_ < commands_.size() && commands_[next_].time <= time; ++next_) {
@@ -71,7 +92,7 @@ class Run {
   }
   /// To the first rest until `end`. False when there is none.
   bool advanceToRest(double end, const volatile std::sig_atomic_t* interrupted) {
-    for (double time = 0.0; time < end && *interrupted == 0;) {
+    for (double time = simulation_.time(); time < end && *interrupted == 0;) {
       time = std::min(end, time + std::max(0.05, 0.01 * time));
       if (!advanceTo(time)) return false;
       if (simulation_.isSleeping()) return true;
@@ -108,9 +129,12 @@ bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& comm
       std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
       return false;
     }
-  } else {
-    *point = readState(options.at, simulation.scene());
+  } else if (isInline(options.at)) {
+    *point =
+        readOperatingPoint(readYamlText(toFlow(options.at), "--at"), simulation.scene(), "--at");
     return true;
+  } else {
+    readStateFile(options.at, simulation);
   }
   *point = simulation.operatingPoint();
   return true;
@@ -188,7 +212,7 @@ bool runTrim(const Scene& scene, const SimulateOptions& options) {
   std::string text;
   for (const TrimState& state : result.states) {
     const bool is_first = &state == &result.states.front();
-    const std::string yaml = writeOperatingPoint(state.point, scene);
+    const std::string yaml = writeState(state.point, scene);
     text += is_first ? "" : "# another:\n";
     text += "# residual " + formatNumber(state.residual) + "; " + judge(scene, state.point) + "\n";
     text += is_first ? yaml : asComment(yaml);

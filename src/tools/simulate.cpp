@@ -353,6 +353,7 @@ int runSimulate(const std::vector<std::string>& words) {
   if (!options.emit_c_path.empty()) return emitC(simulation, options);
   if (options.trim) return runTrim(simulation.scene(), options) ? kSuccess : kStopped;
   if (options.linearize) {
+    if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
     const bool is_done =
         runLinearize(simulation, readCommands(options, simulation.scene()), options, &g_signal);
     if (g_signal != 0) return kSignalBase + g_signal;

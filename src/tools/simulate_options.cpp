@@ -319,7 +319,7 @@ usage: simulate SCENE.yaml --duration S [options]
                           matrices go there
   --at T|rest|STATE       of --linearize: after T seconds of the run, with its --commands; at its
                           first rest, until --duration (the default, 1000 s); at a state, as a file
-                          (what --trim writes) or as e.g. "velocity=[10, 5], inputs={throttle: 0.5}"
+                          (of --trim or --save-state) or as e.g. "velocity=[10, 5], inputs={throttle: 0.5}"
   --full                  of --linearize: all states, and not only coordinates on psi = 0
   --trim                  look for steady states instead of running, and write the nearest
   --fix NAME=VALUE        of --trim: a speed (w_SHAFT), angle, input, SHAFT/applied_torque,
