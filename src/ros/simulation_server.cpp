@@ -84,7 +84,7 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
       quantity_messages_(makeQuantities(simulation)),
       joint_message_(makeJointState(simulation.scene())),
       step_message_(makeState(simulation)),
-      state_services_(simulation.scene(), loop_),
+      state_services_(simulation, loop_),
       loop_(std::move(simulation), settings,
             role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)
                                           : steady_clock_),

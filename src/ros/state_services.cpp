@@ -14,8 +14,9 @@
 
 namespace variator_sim {
 
-StateServices::StateServices(const Scene& scene, SteppingLoop& loop) : scene_(scene), loop_(loop) {
-  prepareState(scene_, state_message_);
+StateServices::StateServices(const Simulation& simulation, SteppingLoop& loop)
+    : scene_(simulation.scene()), loop_(loop) {
+  prepareState(scene_, simulation.estimatesErrors(), state_message_);
 }
 
 void StateServices::advertise(ros::NodeHandle& private_handle) {

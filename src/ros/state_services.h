@@ -18,7 +18,7 @@ class SteppingLoop;
 class StateServices {
  public:
   /// `loop` must outlive this.
-  StateServices(const Scene& scene, SteppingLoop& loop);
+  StateServices(const Simulation& simulation, SteppingLoop& loop);
   void advertise(ros::NodeHandle& private_handle);
 
  private:
