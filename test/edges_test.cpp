@@ -458,6 +458,35 @@ TEST(KnownInstants, EndSteps) {
   }
 }
 
+/// A torque that jumps in time: a sample at that very instant is of one side altogether, of the one
+/// behind, as with commands.
+TEST(TorquesThatJump, AreSampledOnOneSide) {
+  for (const char* principle : kPrinciples) {
+    for (const char* stepper : {"auto", "dopri5", "radau", "taylor"}) {
+      SCOPED_TRACE(std::string(principle) + " " + stepper);
+      Simulation simulation(test::sceneFromText(
+          std::string("shafts: [drive, load]\ndrive: {inertia: 0.5}\nload: {inertia: 1.2}\n"
+                      "torques: [s, d]\n"
+                      "s: {type: variator_sim/ExpressionTorque, shaft: drive, torque: \"5 + if(t < "
+                      "1, 0, 3)\"}\n"
+                      "d: {type: variator_sim/ExpressionTorque, shaft: load, torque: \"-0.1*w2\"}\n"
+                      "constraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: 2, "
+                      "expression: \"0.5*(e2-0.8*e1)+w2-0.8*w1\"}\n"
+                      "initial: {velocity: [10, 8]}\nprinciple: ") +
+          principle + "\nsolver: {stepper: " + stepper + "}\n"));
+      ASSERT_TRUE(simulation.advanceTo(1.0).ok());
+      const Sample at = simulation.sample();
+      ASSERT_TRUE(simulation.advanceTo(1.0 + 1e-9).ok());
+      const Sample& behind = simulation.sample();
+      EXPECT_NEAR(at.applied_torque[0], 8.0, 1e-12);
+      for (int i = 0; i < 2; ++i) {
+        EXPECT_NEAR(at.acceleration[i], behind.acceleration[i], 1e-7) << i;
+        EXPECT_NEAR(at.reaction_torque[i], behind.reaction_torque[i], 1e-7) << i;
+      }
+    }
+  }
+}
+
 // --- implicit steps ------------------------------------------------------------------------------
 
 constexpr StepperKind kImplicit[] = {StepperKind::kRadau, StepperKind::kRadau5,

@@ -338,12 +338,15 @@ bool Integrator::isDenseOutputGood() const {
   return integrates_torque_ || stepper_->checksDenseOutput();
 }
 
-bool Integrator::calcUnstepped(double now, State& x) const {
+bool Integrator::calcUnstepped(double now, State& x) {
   switch (course_) {
     case Course::kStep:
       return false;
     case Course::kHop:
       x = now == front_.time ? front_.x : goAhead(base_, now - base_.time);
+      // Where the laws are on the branch behind the edge, so is the state: no torque of one side
+      // beside accelerations of the other.
+      if (!guards_.hasAnyLeft(system_.view(now, x))) x = front_.x;
       return true;
     case Course::kRest:
       calcRest(now, x);

@@ -126,7 +126,7 @@ class Integrator {
     kRest   ///< from the front on, without being stepped
   };
   /// x at `now` of a motion that is not stepped there. False where it is.
-  bool calcUnstepped(double now, State& x) const;
+  bool calcUnstepped(double now, State& x);
 
   double absolute(double t) const { return origin_.absolute(t); }
   double relative(double time) const { return origin_.relative(time); }
