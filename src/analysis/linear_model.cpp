@@ -22,10 +22,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-std::size_t at(int i) {
-  return static_cast<std::size_t>(i);
-}
-
 class Linearizer {
  public:
   Linearizer(const Scene& scene, const OperatingPoint& point, bool numeric);

@@ -8,10 +8,6 @@ namespace {
 
 using expression::Node;
 
-std::size_t at(int i) {
-  return static_cast<std::size_t>(i);
-}
-
 class Maker {
  public:
   Maker(MotionEquations& equations, const Scene& scene)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <memory>
 #include <vector>
 
@@ -10,6 +11,11 @@
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
+
+/// An index of the standard library's.
+inline std::size_t at(int i) {
+  return static_cast<std::size_t>(i);
+}
 
 /// Where everything stands in the vector v of variables. Arrays that a StateView points to are
 /// longer here: behind the accelerations stand the jerks and `a`, behind the inputs the

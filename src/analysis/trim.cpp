@@ -25,10 +25,6 @@ constexpr int kStarts = 96;
 constexpr double kResidual = 1e-10;
 constexpr double kPi = 3.14159265358979323846;
 
-std::size_t at(int i) {
-  return static_cast<std::size_t>(i);
-}
-
 class Trim {
  public:
   Trim(const Scene& scene, const TrimOptions& options, bool numeric);
