@@ -98,7 +98,7 @@ class FaultsTest(unittest.TestCase):
         self.assertEqual(words, [])
 
     def test_orders_to_end_end_well(self):
-        for order in (signal.SIGINT, signal.SIGTERM):
+        for order in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             for start_paused in (False, True):
                 with self.subTest(order=order, start_paused=start_paused):
                     node = self.start('ending', start_paused=start_paused)

@@ -599,6 +599,32 @@ class SimulateTest(unittest.TestCase):
         self.assertEqual(result.returncode, 3, result.stderr)
         self.assertIn("No space left", result.stderr)
 
+    def test_what_is_read_is_not_written_over(self):
+        scene = self.folder / "scene.csv"
+        text = pathlib.Path(SHIP).read_text(encoding="utf-8")
+        scene.write_text(text, encoding="utf-8")
+        for output in (scene, self.folder / "." / "scene.csv"):
+            result = self.simulate(str(scene), "--duration", "1", "--output", str(output))
+            self.assertEqual(result.returncode, 2, result.stderr)
+            self.assertIn("--output: ", result.stderr)
+            self.assertIn("is the scene", result.stderr)
+        self.assertEqual(scene.read_text(encoding="utf-8"), text)
+
+    def test_a_closed_terminal_keeps_the_samples(self):
+        output = self.folder / "out.bag"
+        with subprocess.Popen([SIMULATE, SHIP, "--duration", "1e9", "--rate", "0.1",
+                               "--output", str(output)], stderr=subprocess.PIPE,
+                              env=self.environment) as process:
+            deadline = time.monotonic() + 30
+            while not output.exists() and time.monotonic() < deadline:
+                time.sleep(0.01)
+            process.send_signal(signal.SIGHUP)
+            words = process.communicate(timeout=30)[1]
+            self.assertEqual(process.returncode, 129, words)
+        self.assertIn(b"interrupted at ", words)
+        with rosbag.Bag(str(output)) as bag:  # it has its index
+            self.assertGreater(bag.get_message_count(), 0)
+
     def test_interrupt_keeps_the_samples_and_a_terminal_shows_progress(self):
         output = self.folder / "out.csv"
         terminal, end = pty.openpty()

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -344,6 +345,7 @@ MatrixXd Linearizer::calcManifoldRows(const MatrixXd& rows, const MatrixXd& sens
 void Linearizer::keepToManifold(const MatrixXd& G, LinearModel& model) const {
   const auto [kept, N] = findCoordinates(G, formulas_.velocity_rows, scene_.inertia.diagonal());
   std::vector<std::string> names;
+  names.reserve(kept.size());
   for (const int j : kept) names.push_back(model.states[at(j)]);
   model.states = std::move(names);
   const auto choose = [&kept = kept](const MatrixXd& of) -> MatrixXd {
@@ -371,8 +373,8 @@ LinearModel linearize(const Scene& scene, const OperatingPoint& point, LinearFor
 std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model) {
   std::vector<std::complex<double>> eigenvalues;
   // States that no other reads, and not even they themselves, are integrators.
-  std::vector<int> left;
-  for (int j = 0; j < model.A.cols(); ++j) left.push_back(j);
+  std::vector<int> left(static_cast<std::size_t>(model.A.cols()));
+  std::iota(left.begin(), left.end(), 0);
   for (bool found = true; found;) {
     const auto is_unread = [&](int j) {
       return std::all_of(left.begin(), left.end(), [&](int i) { return model.A(i, j) == 0.0; });

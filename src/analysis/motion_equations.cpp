@@ -34,8 +34,8 @@ StateView VariableLayout::view(const VectorXd& v) const {
           data + input(0), data + inputRate(0), data + inputSecondRate(0)};
 }
 
-MotionEquations::MotionEquations(const Scene& scene, bool numeric, bool with_C_rates)
-    : scene_(scene), graph_(*scene.graph), with_C_rates_(with_C_rates) {
+MotionEquations::MotionEquations(const Scene& scene, bool numeric, bool with_rates_of_c)
+    : scene_(scene), graph_(*scene.graph), with_rates_of_c_(with_rates_of_c) {
   layout_.S = scene.shaftCount();
   layout_.k = scene.constraintCount();
   layout_.U = scene.inputCount();
@@ -67,7 +67,7 @@ bool MotionEquations::isFormula(const Constraint& constraint) const {
 /// C, c0, f, f' or psi, and what makes dC/dt: D and H.
 int MotionEquations::opaqueSize(const Constraint& /*constraint*/) const {
   const int S = layout_.S;
-  return S + 3 + (with_C_rates_ ? S + S * S : 0);
+  return S + 3 + (with_rates_of_c_ ? S + S * S : 0);
 }
 
 int MotionEquations::countOpaque(bool numeric) {
@@ -131,7 +131,7 @@ void MotionEquations::addConstraint(const Constraint& constraint, bool numeric) 
     formulas.jerk = rate(formulas.acceleration);
   }
   for (const Node C : formulas.C) {
-    if (with_C_rates_) formulas.C_rate.push_back(rate(C));
+    if (with_rates_of_c_) formulas.C_rate.push_back(rate(C));
   }
   constraints_.push_back(std::move(formulas));
 }
@@ -148,7 +148,7 @@ void MotionEquations::addOpaqueConstraint(const Constraint& constraint, int firs
   }
   if (constraint.order() == 1) formulas.velocity = variable(first + S + 1);
   if (constraint.order() < 3) formulas.acceleration = variable(first + S + 2);
-  for (int i = 0; i < S && with_C_rates_; ++i) {
+  for (int i = 0; i < S && with_rates_of_c_; ++i) {
     Node sum = variable(first + S + 3 + i);
     for (int j = 0; j < S; ++j) {
       const Node H = variable(first + S + 3 + S + i * S + j);
@@ -235,7 +235,7 @@ void MotionEquations::fillOpaque(VectorXd& v) const {
     values[S + 1] = constraint->order() == 1 ? constraint->calcResidual(state) : 0.0;
     values[S + 2] =
         constraint->order() < 3 ? constraint->calcResidualAndJacobian(state, unused) : 0.0;
-    if (with_C_rates_) {
+    if (with_rates_of_c_) {
       constraint->calcJacobianRate(state, values + S + 3, values + S + 3 + S);
     }
     values += opaqueSize(*constraint);

@@ -64,8 +64,8 @@ struct ConstraintFormulas {
 /// differences.
 class MotionEquations {
  public:
-  /// `numeric`: all laws by differences. `with_C_rates`: see ConstraintFormulas.
-  MotionEquations(const Scene& scene, bool numeric, bool with_C_rates);
+  /// `numeric`: all laws by differences. `with_rates_of_c`: see ConstraintFormulas.
+  MotionEquations(const Scene& scene, bool numeric, bool with_rates_of_c);
 
   const VariableLayout& layout() const { return layout_; }
   expression::Graph& graph() { return graph_; }
@@ -109,7 +109,7 @@ class MotionEquations {
   const Scene& scene_;
   expression::Graph graph_;
   VariableLayout layout_;
-  bool with_C_rates_;
+  bool with_rates_of_c_;
   std::vector<expression::Graph::Rate> rates_;
   std::vector<expression::Node> torques_;
   std::vector<expression::Node> opaque_torque_rates_;

@@ -27,7 +27,9 @@ int main(int argc, char** argv) {
   using namespace variator_sim;
   ros::init(argc, argv, "variator");
   // roscpp ends well on SIGINT only.
-  std::signal(SIGTERM, [](int) { ros::requestShutdown(); });
+  for (const int order : {SIGTERM, SIGHUP}) {
+    std::signal(order, [](int) { ros::requestShutdown(); });
+  }
   const ros::NodeHandle public_handle;
   const ros::NodeHandle private_handle("~");
   try {

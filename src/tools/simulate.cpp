@@ -54,6 +54,7 @@ void installSignalHandlers() {
   action.sa_flags = static_cast<int>(SA_RESETHAND);  // the second Ctrl-C ends us at once
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
+  ::sigaction(SIGHUP, &action, nullptr);  // a terminal that is closed
   // A reader that goes away is an error of write(), not the end of this program.
   std::signal(SIGPIPE, SIG_IGN);
   // Neither is a file that may not grow any more (`ulimit -f`).

@@ -182,19 +182,31 @@ void checkInstead(const SimulateOptions& options) {
   }
 }
 
+/// What is read is not written over.
 void refuseOverwriting(const SimulateOptions& options) {
-  const std::string& state = options.save_state_path;
-  if (state.empty()) return;
-  for (const auto& [what, path] :
-       {std::pair<const char*, const std::string&>{"the scene", options.scene_path},
-        {"the file of --commands", options.commands_path},
-        {"the file of --output", options.output_path}}) {
+  struct File {
+    const char* what;
+    const std::string& path;
+  };
+  const File scene{"the scene", options.scene_path};
+  const File commands{"the file of --commands", options.commands_path};
+  const File output{"the file of --output", options.output_path};
+  const File state{"--save-state", options.save_state_path};
+  const auto refuse = [](const char* option, const File& written, const File& other) {
     std::error_code ignored;
-    if (path.empty() || (path != state && !std::filesystem::equivalent(path, state, ignored))) {
-      continue;
+    if (written.path.empty() || other.path.empty()) return;
+    if (written.path != other.path &&
+        !std::filesystem::equivalent(written.path, other.path, ignored)) {
+      return;
     }
-    throw UsageError("--save-state: '" + state + "' is " + what);
+    throw UsageError(std::string(option) + ": '" + written.path + "' is " + other.what);
+  };
+  for (const File& other : {scene, commands}) {
+    refuse("--output", output, other);
+    refuse("--save-state", state, other);
   }
+  refuse("--output", output, {"the file of --from-state", options.from_state_path});
+  refuse("--save-state", state, output);
 }
 
 /// What belongs together, and what does not; fills in what follows.
