@@ -4,6 +4,7 @@ own on a free port."""
 
 import os
 import pathlib
+import re
 import signal
 import socket
 import subprocess
@@ -93,9 +94,11 @@ class FaultsTest(unittest.TestCase):
         node.send_signal(order)
         output, _ = node.communicate(timeout=PATIENCE)
         self.assertEqual(node.returncode, 0, output)
-        # (A word on the energy of the reactions is no fault.)
-        words = [line for line in output.splitlines() if 'doc/principles.md' not in line]
+        # (That it was ready, and a word on the energy of the reactions, are no faults.)
+        words = [line for line in output.splitlines()
+                 if ': ready: ' not in line and 'doc/principles.md' not in line]
         self.assertEqual(words, [])
+        return output
 
     def test_orders_to_end_end_well(self):
         for order in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -105,6 +108,51 @@ class FaultsTest(unittest.TestCase):
                     client = self.client('ending')
                     client.close()
                     self.expect_good_end(node, order)
+
+    def test_a_node_tells_when_it_is_ready(self):
+        upload('told', start_paused=True, solver={'machine_code': 'never'})
+        node = subprocess.Popen([PROGRAM, '__name:=told', 'told/drive_torque:=/plant/torque'],
+                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.addCleanup(node.stdout.close)
+        self.addCleanup(node.wait)
+        self.addCleanup(node.kill)
+        self.client('told')
+        line = self.expect_good_end(node, signal.SIGINT)
+        for words in ('/told: ready: shafts drive, load; constraints variator; '
+                      'inputs /plant/torque, /told/load_torque; principle generalized_gauss; '
+                      'stepper auto (', '; formulas run by the interpreter',
+                      '; paused, ~resume or ~step moves it'):
+            self.assertIn(words, line)
+        self.assertEqual(line.count('formulas'), 1)
+
+    def test_help_and_unknown_arguments_need_no_master(self):
+        environment = dict(os.environ, ROS_MASTER_URI='http://127.0.0.1:1')
+        for arguments, code, words in (
+                (['--help'], 0, 'usage: roslaunch variator_sim variator_sim.launch scene:='),
+                (['__name:=asked', '-h'], 0, 'Exit status:'),
+                (['scene.yaml'], 2, "unknown argument 'scene.yaml'; allowed: --help, NAME:=VALUE")):
+            with self.subTest(arguments=arguments):
+                node = subprocess.run([PROGRAM, *arguments], stdout=subprocess.PIPE, env=environment,
+                                      stderr=subprocess.STDOUT, text=True, check=False,
+                                      timeout=PATIENCE)
+                self.assertEqual(node.returncode, code, node.stdout)
+                self.assertIn(words, node.stdout)
+
+    def test_help_names_all_parameters_topics_and_services(self):
+        words = subprocess.run([PROGRAM, '--help'], stdout=subprocess.PIPE, text=True, check=True,
+                               timeout=PATIENCE).stdout
+        source = (PACKAGE / 'include/variator_sim/node_names.h').read_text(encoding='utf-8')
+        keys, topics = re.findall(r'\{("[^}]*")\}', source)
+        for name in re.findall(r'"(\w+)"', keys):
+            self.assertRegex(words, rf'\b{name}\b')
+        for name in re.findall(r'"(\w+)"', topics):
+            self.assertRegex(words, rf'~{name}\b')
+        self.addCleanup(self.start('helpful', start_paused=True).send_signal, signal.SIGINT)
+        self.client('helpful')
+        services = rosgraph.Master('/faults_test').getSystemState()[2]
+        for name in (service for service, _ in services if service.startswith('/helpful/')):
+            if not name.endswith(('loggers', 'logger_level')):
+                self.assertIn('~' + name.rpartition('/')[2], words)
 
     def subscriber(self, topic):
         """A process that reads the topic; it has received something when this returns."""

@@ -2,7 +2,10 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include "ros/message_conversion.h"
 #include "ros/plugin_loader.h"
 #include "ros/simulation_server.h"
 #include "ros/xmlrpc_tree.h"
@@ -27,14 +30,30 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
 void prepareMachineCode(Simulation& simulation) {
   const MachineCode wanted = simulation.scene().solver.machine_code;
   const bool is_loaded = simulation.loadMachineCode(wanted != MachineCode::kNever);
-  const char* const text = simulation.machineCode().c_str();
-  if (is_loaded || wanted == MachineCode::kNever) {
-    ROS_DEBUG("formulas are run by %s", text);
-  } else if (wanted == MachineCode::kAlways) {
-    ROS_WARN("formulas are run by %s", text);
-  } else {
-    ROS_INFO("formulas are run by %s", text);
+  if (!is_loaded && wanted == MachineCode::kAlways) {
+    ROS_WARN("formulas are run by %s", simulation.machineCode().c_str());
   }
+}
+
+std::string join(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text.empty() ? "none" : text;
+}
+
+/// What a user has to know of a node that is ready, on one line; inputs by their full topics.
+std::string describeReady(const SceneInfo& scene, const std::string& machine_code,
+                          const NodeSettings& settings, const ros::NodeHandle& private_handle) {
+  std::vector<std::string> topics;
+  for (const std::string& input : scene.inputs) {
+    topics.push_back(private_handle.resolveName(input));
+  }
+  std::string text = "ready: shafts " + join(scene.shafts) + "; constraints " +
+                     join(scene.constraints) + "; inputs " + join(topics) + "; principle " +
+                     scene.principle + "; stepper " + scene.stepper + "; formulas run by " +
+                     machine_code;
+  if (settings.start_paused) text += "; paused, ~resume or ~step moves it";
+  return text;
 }
 
 }  // namespace
@@ -51,8 +70,13 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     Simulation simulation(readScene(tree, factory, nodeNames()));
     simulation.estimateErrors(settings.estimate_error);
     prepareMachineCode(simulation);
-    return std::make_shared<SimulationServer>(public_handle, private_handle, std::move(simulation),
-                                              settings, sharing);
+    const SceneInfo scene = toSceneInfo(simulation);
+    const std::string machine_code = simulation.machineCode();
+    auto server = std::make_shared<SimulationServer>(public_handle, private_handle,
+                                                     std::move(simulation), settings, sharing);
+    ROS_INFO("%s: %s", name_space.c_str(),
+             describeReady(scene, machine_code, settings, private_handle).c_str());
+    return server;
   } catch (const SceneError& error) {
     const char* separator = error.keyPath().empty() ? ": " : "/";
     throw std::runtime_error(name_space + separator + error.what());

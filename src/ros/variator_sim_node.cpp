@@ -5,6 +5,8 @@
 #include <ros/node_handle.h>
 
 #include <csignal>
+#include <cstdio>
+#include <cstring>
 #include <exception>
 
 #include "ros/server_from_parameters.h"
@@ -12,6 +14,28 @@
 namespace {
 
 constexpr int kBadScene = 2;
+
+constexpr char kUsage[] =
+    "Simulates a drivetrain in real time, as its private parameters describe it.\n"
+    "\n"
+    "usage: roslaunch variator_sim variator_sim.launch scene:=SCENE.yaml [NAME:=VALUE]..\n"
+    "       (roslaunch variator_sim variator_sim.launch --ros-args lists the names)\n"
+    "   or: rosparam load SCENE.yaml /variator\n"
+    "       rosrun variator_sim variator_sim_node [__name:=variator] [NAME:=OTHER_NAME]..\n"
+    "\n"
+    "A ROS master has to run. The log says when the node is ready, and names its inputs.\n"
+    "\n"
+    "topics it reads   ~TOPIC of each commanded input (std_msgs/Float64), ~commands\n"
+    "       publishes  ~state, ~elements, ~inputs, ~outputs, ~energy, joint_states, ~scene,\n"
+    "                  ~status, /diagnostics, ~parameter_descriptions, ~parameter_updates;\n"
+    "                  with publish_clock /clock\n"
+    "services          ~pause, ~resume, ~reset, ~reset_time, ~step, ~get_state, ~set_state,\n"
+    "                  ~set_parameters\n"
+    "parameters        the scene, and tick_rate, publish_rate, real_time_factor, start_paused,\n"
+    "                  publish_clock, realtime_priority, lock_memory, estimate_error, overrides\n"
+    "\n"
+    "Exit status: 0 after a shutdown, 2 for a bad scene, parameter or argument.\n"
+    "Without a master: rosrun variator_sim simulate --help\n";
 
 /// ros::waitForShutdown looks 20 times a second; the end of the global queue wakes us at once.
 void waitForShutdown() {
@@ -21,11 +45,29 @@ void waitForShutdown() {
   ros::waitForShutdown();  // until it is complete
 }
 
+bool isHelp(const char* argument) {
+  return std::strcmp(argument, "--help") == 0 || std::strcmp(argument, "-h") == 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   using namespace variator_sim;
-  ros::init(argc, argv, "variator");
+  // Before anything asks for a master.
+  for (int i = 1; i < argc; ++i) {
+    if (!isHelp(argv[i])) continue;
+    std::fputs(kUsage, stdout);
+    return 0;
+  }
+  ros::init(argc, argv, "variator");  // takes NAME:=VALUE out of the arguments
+  if (argc > 1) {
+    std::fprintf(stderr,
+                 "variator_sim_node: unknown argument '%s'; allowed: --help, NAME:=VALUE. A scene "
+                 "comes from the parameter server: roslaunch variator_sim variator_sim.launch "
+                 "scene:=FILE.yaml\n",
+                 argv[1]);
+    return kBadScene;
+  }
   // roscpp ends well on SIGINT only.
   for (const int order : {SIGTERM, SIGHUP}) {
     std::signal(order, [](int) { ros::requestShutdown(); });
