@@ -359,6 +359,8 @@ py::tuple sweepRows(const py::object& scene, const py::object& overrides,
 }
 
 void translateErrors() {
+  // (By value is how pybind11 calls it.)
+  // NOLINTNEXTLINE(performance-unnecessary-value-param)
   py::register_exception_translator([](std::exception_ptr pointer) {
     try {
       if (pointer) std::rethrow_exception(pointer);

@@ -91,6 +91,7 @@ int Session::findInput(const std::string& topic) const {
     if (inputs[i].topic == topic) return static_cast<int>(i);
   }
   std::vector<std::string> topics;
+  topics.reserve(inputs.size());
   for (const CommandInputSettings& input : inputs) topics.push_back(input.topic);
   throw std::invalid_argument("unknown topic '" + topic + "'" + suggestName(topic, topics) + "; " +
                               (topics.empty() ? "this scene takes no commands"

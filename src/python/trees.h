@@ -22,7 +22,10 @@ inline ParameterTree dictionaryToTree(const py::dict& values, const std::string&
       throw SceneError(path, "key " + std::string(py::repr(key)) + " is not a text");
     }
     const auto name = key.cast<std::string>();
-    dictionary.emplace(name, toTree(item, path.empty() ? name : path + "/" + name));
+    std::string item_path = path;
+    if (!path.empty()) item_path += "/";
+    item_path += name;
+    dictionary.emplace(name, toTree(item, item_path));
   }
   return ParameterTree::dictionary(std::move(dictionary));
 }
