@@ -599,6 +599,20 @@ class SimulateTest(unittest.TestCase):
         self.assertEqual(result.returncode, 3, result.stderr)
         self.assertIn("No space left", result.stderr)
 
+    def test_the_shortest_run_ends(self):
+        result = self.simulate(SHIP, "--duration", "5e-324")
+        self.assertEqual(result.returncode, 0, result.stderr)
+
+    def test_plot_bag_names_what_is_no_bag(self):
+        garbage = self.folder / "garbage.bag"
+        garbage.write_bytes(bytes(range(256)) * 8)
+        plot_bag = pathlib.Path(__file__).resolve().parents[1] / "scripts" / "plot_bag"
+        for bag in (garbage, self.folder, self.folder / "none.bag"):
+            result = subprocess.run([plot_bag, str(bag)], capture_output=True, text=True,
+                                    env=self.environment, timeout=60, check=False)
+            self.assertNotEqual(result.returncode, 0, bag)
+            self.assertTrue(result.stderr.startswith(f"plot_bag: {bag}: "), result.stderr)
+
     def test_what_is_read_is_not_written_over(self):
         scene = self.folder / "scene.csv"
         text = pathlib.Path(SHIP).read_text(encoding="utf-8")

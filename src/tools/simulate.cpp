@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -224,7 +225,8 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   SampleBlock block;
   block.samples.reserve(OfflineRun::kBlockSize);
   if (options.stats) offline_run.measureSampling();
-  double block_span = duration / 64.0;
+  // Not 0, however short the run.
+  double block_span = std::max(duration / 64.0, std::numeric_limits<double>::min());
   MachineCodeChoice machine_code(simulation);
   int exit_status = kSuccess;
   bool reader_has_gone = false;
