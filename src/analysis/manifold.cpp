@@ -30,6 +30,7 @@ std::vector<int> findDependent(const MatrixXd& rows, int first, int rank, const 
   if (qr.rank() < rank) throw SceneError("", kLostRank);
   independent = (qr.householderQ().adjoint() * rows).topRows(rank);
   std::vector<int> dependent;
+  dependent.reserve(static_cast<std::size_t>(rank));
   for (int r = 0; r < rank; ++r) {
     dependent.push_back(first + qr.colsPermutation().indices()(r));
   }

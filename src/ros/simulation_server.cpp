@@ -292,8 +292,7 @@ std::string SimulationServer::readStepRequest(const Step::Request& message,
            " s; simulated time is kept in whole nanoseconds";
   }
   CommandGroup group;
-  const std::string fault =
-      readCommands(topics_, message.command_topics, message.command_values, group);
+  std::string fault = readCommands(topics_, message.command_topics, message.command_values, group);
   request.command_count = group.count;
   request.commands = group.commands;
   return fault;
