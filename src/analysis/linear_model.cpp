@@ -5,8 +5,6 @@
 //     (x - B1 u)' = A (x - B1 u) + (A B1 + B0 - B1') u.
 #include "variator_sim/linear_model.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -14,6 +12,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "analysis/decompositions.h"
 #include "analysis/manifold.h"
 #include "analysis/model_formulas.h"
 
@@ -335,7 +334,7 @@ MatrixXd Linearizer::calcManifoldRows(const MatrixXd& rows, const MatrixXd& sens
     for (int i = 0; i < layout_.S; ++i) {
       C.col(i) = derivatives_.col(layout_.jerk(i)).segment(layout_.S, layout_.k);
     }
-    reactions = Eigen::FullPivLU<MatrixXd>(C).kernel().transpose() * reactions;
+    reactions = findKernel(C, 1e-12).transpose() * reactions;
   }
   MatrixXd all(constraints.rows() + reactions.rows(), n);
   all << constraints, reactions;
@@ -392,8 +391,8 @@ std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model) {
     }
   }
   if (!left.empty()) {
-    const Eigen::EigenSolver<MatrixXd> solver(rest, false);
-    for (int i = 0; i < rest.rows(); ++i) eigenvalues.push_back(solver.eigenvalues()(i));
+    const std::vector<std::complex<double>> others = findEigenvalues(rest);
+    eigenvalues.insert(eigenvalues.end(), others.begin(), others.end());
   }
   std::stable_sort(
       eigenvalues.begin(), eigenvalues.end(),

@@ -1,10 +1,9 @@
 #include "analysis/manifold.h"
 
-#include <Eigen/LU>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/decompositions.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
@@ -24,16 +23,15 @@ std::vector<int> findDependent(const MatrixXd& rows, int first, int rank, const 
                                MatrixXd& independent) {
   const MatrixXd scaled =
       rows.middleCols(first, inertia.size()) * inertia.cwiseSqrt().cwiseInverse().asDiagonal();
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(scaled);
-  qr.setThreshold(1e-9);
-  if (rank < 0) rank = static_cast<int>(qr.rank());
-  if (qr.rank() < rank) throw SceneError("", kLostRank);
-  independent = (qr.householderQ().adjoint() * rows).topRows(rank);
+  IndependentRows found = findIndependentRows(scaled, 1e-9);
+  const auto independent_rows = static_cast<int>(found.pivots.size());
+  if (rank < 0) rank = independent_rows;
+  if (independent_rows < rank) throw SceneError("", kLostRank);
+  independent = found.transform.topRows(rank) * rows;
   std::vector<int> dependent;
   dependent.reserve(static_cast<std::size_t>(rank));
-  for (int r = 0; r < rank; ++r) {
-    dependent.push_back(first + qr.colsPermutation().indices()(r));
-  }
+  for (int r = 0; r < rank; ++r)
+    dependent.push_back(first + found.pivots[static_cast<std::size_t>(r)]);
   return dependent;
 }
 
@@ -52,11 +50,11 @@ MatrixXd solveScaled(const MatrixXd& M, const MatrixXd& right) {
     column(i) = size > 0.0 ? 1.0 / size : 1.0;
   }
   scaled = scaled * column.asDiagonal();
-  const Eigen::FullPivLU<MatrixXd> lu(scaled);
-  if (!scaled.allFinite() || lu.rcond() < 1e-13) {
+  MatrixXd solution;
+  if (!scaled.allFinite() || !solveSquare(scaled, row.asDiagonal() * right, 1e-13, solution)) {
     throw SceneError("", kLostRank);
   }
-  return column.asDiagonal() * lu.solve(row.asDiagonal() * right);
+  return column.asDiagonal() * solution;
 }
 
 ManifoldCoordinates findCoordinates(const MatrixXd& G, int velocity_rows, const VectorXd& inertia) {

@@ -2,14 +2,13 @@
 // nothing determines: steps are the least ones that solve the linearised equations best.
 #include "variator_sim/trim.h"
 
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <stdexcept>
 #include <utility>
 
+#include "analysis/decompositions.h"
 #include "analysis/trim_equations.h"
 #include "analysis/trim_names.h"
 #include "variator_sim/nearest_name.h"
@@ -224,7 +223,7 @@ void Trim::fitMultipliers(VectorXd& v) const {
   }
   if (linear.empty() || !F.allFinite() || !dF.allFinite()) return;
   const MatrixXd columns = dF(Eigen::all, linear);
-  const VectorXd change = columns.completeOrthogonalDecomposition().solve(-F);
+  const VectorXd change = solveLeastSquares(columns, -F);
   for (std::size_t n = 0; n < linear.size(); ++n) {
     v(unknowns_[at(linear[n])]) += change(static_cast<int>(n));
   }
@@ -259,10 +258,8 @@ Trim::Attempt Trim::iterate(VectorXd v) const {
     if (merit == 0.0) return attempt;
 
     const VectorXd weights = rows.cwiseMax(1e-6).cwiseInverse();
-    Eigen::CompleteOrthogonalDecomposition<MatrixXd> decomposition;
-    decomposition.setThreshold(1e-11);
-    decomposition.compute(weights.asDiagonal() * dF * sizes.asDiagonal());
-    VectorXd step = decomposition.solve(-weighted);
+    VectorXd step =
+        solveLeastSquares(weights.asDiagonal() * dF * sizes.asDiagonal(), -weighted, 1e-11);
     const double longest = step.cwiseAbs().maxCoeff();
     if (longest > kLongest) step *= kLongest / longest;
     bool is_better = false;
@@ -298,14 +295,9 @@ MatrixXd Trim::findFreeDirections(const VectorXd& v, bool counted) const {
   for (int j = 0; j < scaled.cols(); ++j) {
     if (counted || !counts(j)) columns.push_back(j);
   }
-  const MatrixXd chosen = scaled(Eigen::all, columns);
-  const Eigen::JacobiSVD<MatrixXd> svd(chosen, Eigen::ComputeFullV);
-  int rank = 0;
-  while (rank < svd.singularValues().size() && svd.singularValues()(rank) > 1e-8) ++rank;
-  MatrixXd free = MatrixXd::Zero(scaled.cols(), chosen.cols() - rank);
-  for (int j = 0; j < chosen.cols(); ++j) {
-    free.row(columns[at(j)]) = svd.matrixV().row(j).tail(free.cols());
-  }
+  const MatrixXd kernel = findKernel(scaled(Eigen::all, columns), 1e-8);
+  MatrixXd free = MatrixXd::Zero(scaled.cols(), kernel.cols());
+  for (int j = 0; j < kernel.rows(); ++j) free.row(columns[at(j)]) = kernel.row(j);
   return free;
 }
 

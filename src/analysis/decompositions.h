@@ -1,0 +1,36 @@
+/// Decompositions of dense matrices, each compiled once: Eigen's are what takes longest to compile
+/// in the package. Not for the loop.
+#pragma once
+
+#include <Eigen/Core>
+#include <complex>
+#include <vector>
+
+namespace variator_sim {
+
+/// Rows that are dependent left out, and the columns that the others can be solved for.
+struct IndependentRows {
+  Eigen::MatrixXd transform;  ///< rank x rows: independent combinations of the rows
+  std::vector<int> pivots;    ///< as many columns
+};
+
+/// Pivots of less than `threshold` of the largest are none.
+IndependentRows findIndependentRows(const Eigen::MatrixXd& M, double threshold);
+
+/// x of least length among those of least |M x - b|. Pivots of less than `threshold` of the largest
+/// are none; 0: what rounding leaves.
+Eigen::VectorXd solveLeastSquares(const Eigen::MatrixXd& M, const Eigen::VectorXd& b,
+                                  double threshold = 0.0);
+
+/// Solves M x = right, M square, for every column. False where a pivot is less than `threshold` of
+/// the largest.
+bool solveSquare(const Eigen::MatrixXd& M, const Eigen::MatrixXd& right, double threshold,
+                 Eigen::MatrixXd& x);
+
+/// Columns of length 1, at right angles, that M makes 0. Pivots of less than `threshold` of the
+/// largest are none.
+Eigen::MatrixXd findKernel(const Eigen::MatrixXd& M, double threshold);
+
+std::vector<std::complex<double>> findEigenvalues(const Eigen::MatrixXd& M);
+
+}  // namespace variator_sim
