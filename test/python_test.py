@@ -224,7 +224,8 @@ class PythonTest(unittest.TestCase):
         folder = pathlib.Path(variator_sim.running.__file__).parent
         self.assertTrue((folder / "py.typed").exists())
         stub = (folder / "_core.pyi").read_text(encoding="utf-8")
-        for kind in (variator_sim.Simulation, variator_sim.Sample):
+        for kind in (variator_sim.Simulation, variator_sim.Sample, variator_sim.LinearModel,
+                     variator_sim.SteadyState):
             for name in vars(kind):
                 if not name.startswith("_"):
                     self.assertIn(f"def {name}(", stub)

@@ -11,10 +11,10 @@
 No ROS master is needed. The messages lie beside: `variator_sim.msg`, `variator_sim.srv`.
 """
 
-from variator_sim._core import Sample, Simulation
-from variator_sim.errors import MotionStopped, SceneError
+from variator_sim._core import LinearModel, Sample, Simulation, SteadyState
+from variator_sim.errors import MotionStopped, NoSteadyState, SceneError
 from variator_sim.running import Result, simulate
 from variator_sim.sweeps import Table, read_table, sweep
 
-__all__ = ["MotionStopped", "Result", "Sample", "SceneError", "Simulation", "Table", "read_table",
-           "simulate", "sweep"]
+__all__ = ["LinearModel", "MotionStopped", "NoSteadyState", "Result", "Sample", "SceneError",
+           "Simulation", "SteadyState", "Table", "read_table", "simulate", "sweep"]

@@ -1,7 +1,7 @@
 """The compiled part: scenes, motions, samples."""
 
 import os
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy
 from numpy.typing import NDArray
@@ -45,6 +45,74 @@ class Sample:
     def keys(self) -> List[str]:
         """Names of the columns."""
     def __getitem__(self, column: str) -> float: ...
+
+class LinearModel:
+    """x' = A x + B u, y = C x + D u, in deviations from one instant of a motion.
+
+    What the states mean: doc/linear_models.md. `print(model)` is the command line's report.
+    """
+
+    @property
+    def A(self) -> Array:
+        """States x states, 1/s and the states' units."""
+    @property
+    def B(self) -> Array:
+        """States x inputs."""
+    @property
+    def C(self) -> Array:
+        """Outputs x states."""
+    @property
+    def D(self) -> Array:
+        """Outputs x inputs."""
+    @property
+    def x(self) -> Array:
+        """The states there."""
+    @property
+    def u(self) -> Array:
+        """The commands there."""
+    @property
+    def y(self) -> Array:
+        """The outputs there."""
+    @property
+    def x_rate(self) -> Array:
+        """x' there; zeros, but for angles, say that the state is steady."""
+    @property
+    def time(self) -> float:
+        """s"""
+    @property
+    def states(self) -> List[str]:
+        """Names, such as "drive/velocity"; "inputs/throttle" is that of a lag."""
+    @property
+    def inputs(self) -> List[str]:
+        """Names of the commanded inputs."""
+    @property
+    def outputs(self) -> List[str]:
+        """Names, as columns of `simulate`."""
+    @property
+    def notes(self) -> List[str]:
+        """What has to be known beside the numbers."""
+    @property
+    def eigenvalues(self) -> NDArray[numpy.complex128]:
+        """Of A, 1/s, the slowest first."""
+    def save(self, path: Union[str, "os.PathLike[str]"]) -> None:
+        """Writes .npz, .csv or .mat, as `simulate --linearize --output` does."""
+
+class SteadyState:
+    """One of `Simulation.trim`."""
+
+    @property
+    def state(self) -> Dict[str, Any]:
+        """What `Simulation.set_state` takes, inputs included."""
+    @property
+    def residual(self) -> float:
+        """What is left of the equations, N m, N m/s or the constraint's own unit: the largest."""
+    @property
+    def undetermined(self) -> List[str]:
+        """Names of what may change together without leaving the steady states; not empty: this is
+        one of infinitely many."""
+    @property
+    def stability(self) -> str:
+        """"stable, ..." or "unstable: ...", by the eigenvalues of the linear model there."""
 
 class Simulation:
     """The motion of one scene, moved step by step.
@@ -97,6 +165,35 @@ class Simulation:
         """
     def reset(self) -> None:
         """Back to time 0 and the scene's start; commands and counts are forgotten."""
+    def linearize(self, state: Optional[Mapping[str, Any]] = None, *, project: bool = False,
+                  full: bool = False) -> LinearModel:
+        """The linear model at the present, from exact derivatives; the motion stays where it is.
+
+        Args:
+            state: there instead; what `set_state` takes, with `project` as there.
+            full: all of (phi, omega, epsilon) as states instead of coordinates on the constraints.
+
+        Raises:
+            SceneError: where there is no model: C has lost rank, or a corner of the constraint.
+        """
+    def trim(self, fix: Optional[Mapping[str, float]] = None,
+             free: Union[None, str, Iterable[str], Mapping[str, Optional[float]]] = None, *,
+             accelerating: bool = False) -> List[SteadyState]:
+        """The scene's steady states, the nearest to its start first.
+
+        Args:
+            fix: what is given: {"drive_torque": 5.0, "w_drive": 10.0}; speeds `w_SHAFT`, angles
+                `phi_SHAFT`, inputs, `t`, outputs, "SHAFT/applied_torque", "SHAFT/reaction_torque".
+            free: names of what is not, beside speeds; or a dict with where to look first.
+            accelerating: accelerations in constant ratios instead of constant speeds.
+
+        What is not named is as at the scene's start; neither the present nor its commands matter.
+        Of infinitely many states one is returned, with a warning.
+
+        Raises:
+            NoSteadyState: with what stands against it.
+            SceneError: a name that means nothing.
+        """
     @property
     def outputs(self) -> Dict[str, float]:
         """The scene's named outputs at the present."""

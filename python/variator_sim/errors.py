@@ -36,3 +36,7 @@ class MotionStopped(RuntimeError):
         self.constraint = constraint
         self.torque = torque
         self.result = None
+
+
+class NoSteadyState(RuntimeError):
+    """`Simulation.trim` found no steady state; the message says what stands against it."""

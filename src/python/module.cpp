@@ -13,6 +13,7 @@
 #include <tuple>
 #include <vector>
 
+#include "python/analysis.h"
 #include "python/session.h"
 #include "python/sweep.h"
 #include "python/trees.h"
@@ -206,17 +207,17 @@ class PythonSimulation {
   }
   void setState(const py::dict& values, bool project) {
     Simulation& simulation = get();
-    MotionState present;
-    // A stopped motion has no state to take the rest from: the start's.
-    if (!simulation.saveState(&present)) {
-      simulation.reset();
-      simulation.saveState(&present);
-    }
-    const MotionState state = readMotionState(python::toTree(values, ""), scene(), present);
+    if (!simulation.status().ok()) simulation.reset();  // what has stopped takes no state
+    const MotionState state = readState(values, simulation);
     const std::string fault = simulation.setState(state, project);
     if (!fault.empty()) throw SceneError("state", fault);
   }
   void reset() { get().reset(); }
+
+  LinearModel linearize(const py::object& state, bool project, bool full) {
+    if (state.is_none()) sample();  // raises where the motion has stopped
+    return linearizeAt(get(), state, project, full);
+  }
 
   /// Rows, how many commands lay outside, and None or the error that ended the run.
   py::tuple run(const RunRequest& request) {
@@ -420,6 +421,15 @@ void bindSimulation(py::module_& module) {
       .def("state", &Self::state)
       .def("set_state", &Self::setState, py::arg("state"), py::arg("project") = false)
       .def("reset", &Self::reset)
+      .def("linearize", &Self::linearize, py::arg("state") = py::none(), py::kw_only(),
+           py::arg("project") = false, py::arg("full") = false)
+      .def(
+          "trim",
+          [](const Self& s, const py::object& fix, const py::object& free, bool accelerating) {
+            return findSteadyStates(s.scene(), fix, free, accelerating);
+          },
+          py::arg("fix") = py::none(), py::arg("free") = py::none(), py::kw_only(),
+          py::arg("accelerating") = false)
       .def_property_readonly("outputs",
                              [](Self& s) { return s.quantities(QuantityGroup::kOutputs); })
       .def_property_readonly("inputs", [](Self& s) { return s.quantities(QuantityGroup::kInputs); })
@@ -466,6 +476,7 @@ PYBIND11_MODULE(_core, module) {
   namespace py = pybind11;
   python::translateErrors();
   python::bindSample(module);
+  python::bindAnalysis(module);
   python::bindSimulation(module);
   module.def("_sweep", [](const py::object& scene, const py::object& overrides,
                           const std::vector<std::string>& paths,

@@ -7,11 +7,11 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
-#include <limits>
 
 #include "tools/linear_model_file.h"
 #include "tools/sample_writer.h"
 #include "tools/state_file.h"
+#include "tools/steady_state.h"
 #include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/linear_model.h"
@@ -54,22 +54,6 @@ std::string toFlow(const std::string& inline_state) {
 
 bool isInline(const std::string& word) {
   return word.find_first_of("=:") != std::string::npos && !std::ifstream(word);
-}
-
-/// As a state that --from-state takes.
-std::string writeState(const OperatingPoint& point, const Scene& scene) {
-  MotionState state;
-  state.time = point.time;
-  std::copy(point.angle.begin(), point.angle.end(), state.angle);
-  std::copy(point.velocity.begin(), point.velocity.end(), state.velocity);
-  std::copy(point.acceleration.begin(), point.acceleration.end(), state.acceleration);
-  for (std::size_t i = 0; i < scene.inputs.size(); ++i) {
-    CommandInputSettings input = scene.inputs[i];
-    input.initial = point.input[i];
-    state.signal[i].reset(input);
-    state.last_command[i] = std::numeric_limits<double>::infinity();
-  }
-  return toYaml(toTree(state, scene));
 }
 
 /// Advances through the commands up to `time`.
@@ -154,23 +138,6 @@ TrimChoice readChoice(const std::string& option, const std::string& text, bool n
   return choice;
 }
 
-/// "stable", by the model there, or why that is not known.
-std::string judge(const Scene& scene, const OperatingPoint& point) {
-  try {
-    const auto eigenvalues = calcEigenvalues(linearize(scene, point));
-    double growth = 0.0;
-    double fastest = 0.0;
-    for (const std::complex<double>& value : eigenvalues) {
-      growth = std::max(growth, value.real());
-      fastest = std::max(fastest, std::abs(value));
-    }
-    if (growth <= 1e-7 * fastest) return "stable, integrators apart";
-    return "unstable: deviations grow with " + formatNumber(growth) + " 1/s";
-  } catch (const SceneError& error) {
-    return std::string("no linear model: ") + error.what();
-  }
-}
-
 std::string asComment(const std::string& text) {
   std::string commented = "# ";
   for (std::size_t n = 0; n < text.size(); ++n) {
@@ -212,9 +179,10 @@ bool runTrim(const Scene& scene, const SimulateOptions& options) {
   std::string text;
   for (const TrimState& state : result.states) {
     const bool is_first = &state == &result.states.front();
-    const std::string yaml = writeState(state.point, scene);
+    const std::string yaml = toYaml(toTree(makeState(state.point, scene), scene));
     text += is_first ? "" : "# another:\n";
-    text += "# residual " + formatNumber(state.residual) + "; " + judge(scene, state.point) + "\n";
+    text += "# residual " + formatNumber(state.residual) + "; " +
+            describeStability(scene, state.point) + "\n";
     text += is_first ? yaml : asComment(yaml);
   }
   writeText(options.output_path, text);

@@ -293,7 +293,7 @@ void checkModelPath(const std::string& path) {
   for (const char* const ending : {".csv", ".npz", ".mat"}) {
     if (hasEnding(path, ending)) return;
   }
-  throw UsageError("--output: '" + path + "' ends neither with .csv nor with .npz nor with .mat");
+  throw UsageError("'" + path + "' ends neither with .csv nor with .npz nor with .mat");
 }
 
 std::string writeModel(const LinearModel& model, const std::string& path) {

@@ -1,0 +1,172 @@
+#include "python/analysis.h"
+
+#include <pybind11/complex.h>
+#include <pybind11/eigen.h>
+#include <pybind11/stl.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "python/trees.h"
+#include "tools/linear_model_file.h"
+#include "tools/simulate_options.h"
+#include "tools/steady_state.h"
+#include "variator_sim/trim.h"
+
+namespace variator_sim::python {
+namespace {
+
+struct SteadyState {
+  py::dict state;
+  double residual;
+  std::vector<std::string> undetermined;
+  std::string stability;
+};
+
+/// {"w_drive": 10}, or of what is free a name or a list of names: without a start.
+std::vector<TrimChoice> readChoices(const py::object& choices) {
+  std::vector<TrimChoice> read;
+  if (choices.is_none()) return read;
+  const auto add = [&read](py::handle name) {
+    read.emplace_back();
+    read.back().name = name.cast<std::string>();
+  };
+  if (py::hasattr(choices, "items")) {
+    for (const py::handle item : choices.attr("items")()) {
+      const auto pair = item.cast<py::tuple>();
+      add(pair[0]);
+      if (!pair[1].is_none()) read.back().value = pair[1].cast<double>();
+    }
+  } else if (py::isinstance<py::str>(choices)) {
+    add(choices);
+  } else {
+    for (const py::handle name : choices) add(name);
+  }
+  return read;
+}
+
+void checkFixed(const std::vector<TrimChoice>& fix) {
+  for (const TrimChoice& choice : fix) {
+    if (!std::isfinite(choice.value)) {
+      throw SceneError("fix", "'" + choice.name + "': " + formatNumber(choice.value) +
+                                  "; allowed: a finite number");
+    }
+  }
+}
+
+void save(const LinearModel& model, const py::object& path) {
+  const auto name = py::module_::import("os").attr("fspath")(path).cast<std::string>();
+  try {
+    checkModelPath(name);
+  } catch (const UsageError& error) {
+    throw py::value_error(error.what());
+  }
+  const auto file = py::module_::import("builtins").attr("open")(name, "wb");
+  file.attr("write")(py::bytes(writeModel(model, name)));
+  file.attr("close")();
+}
+
+/// Arrays of its own: a view would keep the model alive, and be read-only.
+template <typename Member>
+auto copyOf(Member LinearModel::*member) {
+  return [member](const LinearModel& model) -> Member { return model.*member; };
+}
+
+}  // namespace
+
+MotionState readState(const py::dict& values, Simulation& simulation) {
+  MotionState present;
+  if (!simulation.saveState(&present)) {
+    Simulation start(simulation.scene());
+    start.saveState(&present);
+  }
+  return readMotionState(toTree(values, ""), simulation.scene(), present);
+}
+
+LinearModel linearizeAt(Simulation& simulation, const py::object& state, bool project, bool full) {
+  const LinearForm form = full ? LinearForm::kFull : LinearForm::kMinimal;
+  const Scene& scene = simulation.scene();
+  if (state.is_none()) return linearize(scene, simulation.operatingPoint(), form);
+  Simulation there(scene);
+  const std::string fault = there.setState(readState(state.cast<py::dict>(), simulation), project);
+  if (!fault.empty()) throw SceneError("state", fault);
+  return linearize(scene, there.operatingPoint(), form);
+}
+
+py::list findSteadyStates(const Scene& scene, const py::object& fix, const py::object& free,
+                          bool accelerating) {
+  TrimOptions options;
+  options.fix = readChoices(fix);
+  options.free = readChoices(free);
+  options.accelerating = accelerating;
+  checkFixed(options.fix);
+  TrimResult result;
+  std::vector<std::string> stabilities;
+  {
+    const py::gil_scoped_release release;
+    result = trim(scene, options);
+    for (const TrimState& found : result.states) {
+      stabilities.push_back(describeStability(scene, found.point));
+    }
+  }
+  if (result.states.empty()) {
+    const py::object type = py::module_::import("variator_sim.errors").attr("NoSteadyState");
+    PyErr_SetString(type.ptr(), result.message.c_str());
+    throw py::error_already_set();
+  }
+  const bool is_determined = result.states.front().undetermined.empty();
+  if (!is_determined && PyErr_WarnEx(PyExc_UserWarning, result.message.c_str(), 1) != 0) {
+    throw py::error_already_set();
+  }
+  py::list states;
+  for (std::size_t i = 0; i < result.states.size(); ++i) {
+    const TrimState& found = result.states[i];
+    const ParameterTree tree = variator_sim::toTree(makeState(found.point, scene), scene);
+    states.append(SteadyState{toObject(tree), found.residual, found.undetermined, stabilities[i]});
+  }
+  return states;
+}
+
+void bindAnalysis(py::module_& module) {
+  py::class_<LinearModel> model(module, "LinearModel");
+  model.def_property_readonly("A", copyOf(&LinearModel::A))
+      .def_property_readonly("B", copyOf(&LinearModel::B))
+      .def_property_readonly("C", copyOf(&LinearModel::C))
+      .def_property_readonly("D", copyOf(&LinearModel::D))
+      .def_property_readonly("x", copyOf(&LinearModel::x))
+      .def_property_readonly("u", copyOf(&LinearModel::u))
+      .def_property_readonly("y", copyOf(&LinearModel::y))
+      .def_property_readonly("x_rate", copyOf(&LinearModel::x_rate))
+      .def_readonly("time", &LinearModel::time)
+      .def_readonly("states", &LinearModel::states)
+      .def_readonly("inputs", &LinearModel::inputs)
+      .def_readonly("outputs", &LinearModel::outputs)
+      .def_readonly("notes", &LinearModel::notes)
+      .def_property_readonly("eigenvalues",
+                             [](const LinearModel& self) {
+                               const auto values = calcEigenvalues(self);
+                               return Eigen::VectorXcd(Eigen::Map<const Eigen::VectorXcd>(
+                                   values.data(), static_cast<Eigen::Index>(values.size())));
+                             })
+      .def("save", &save, py::arg("path"))
+      .def("__str__", [](const LinearModel& self) { return describeModel(self, true); })
+      .def("__repr__", [](const LinearModel& self) {
+        return "<LinearModel at " + formatNumber(self.time) +
+               " s: " + std::to_string(self.states.size()) + " states, " +
+               std::to_string(self.inputs.size()) + " inputs, " +
+               std::to_string(self.outputs.size()) + " outputs>";
+      });
+
+  py::class_<SteadyState>(module, "SteadyState")
+      .def_readonly("state", &SteadyState::state)
+      .def_readonly("residual", &SteadyState::residual)
+      .def_readonly("undetermined", &SteadyState::undetermined)
+      .def_readonly("stability", &SteadyState::stability)
+      .def("__repr__", [](const SteadyState& self) {
+        return "<SteadyState " + py::repr(self.state).cast<std::string>() + ", " + self.stability +
+               ">";
+      });
+}
+
+}  // namespace variator_sim::python

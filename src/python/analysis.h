@@ -1,0 +1,27 @@
+/// Linear models and steady states for Python.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include "variator_sim/linear_model.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim::python {
+
+namespace py = pybind11;
+
+/// Reads a dict as Simulation::setState takes it; what it leaves out is as at the present of
+/// `simulation`, or at its start where the motion has stopped. Throws SceneError.
+MotionState readState(const py::dict& values, Simulation& simulation);
+
+/// The model at the present; or, where `state` is a dict and not None, at that state, and the
+/// motion stays where it is.
+LinearModel linearizeAt(Simulation& simulation, const py::object& state, bool project, bool full);
+
+/// A list of SteadyState; raises NoSteadyState where there is none, warns of infinitely many.
+py::list findSteadyStates(const Scene& scene, const py::object& fix, const py::object& free,
+                          bool accelerating);
+
+void bindAnalysis(py::module_& module);
+
+}  // namespace variator_sim::python
