@@ -190,33 +190,41 @@ void LeastReactionSearch::scan(const Point& a, const Point& b, int depth) {
 void LeastReactionSearch::noteWithin(const Point& a, const Point& b) {
   constexpr int kParts = 4;
   const int hard = rowCount() - soft_;
-  Point left = a;
-  for (int part = 1; part <= kParts; ++part) {
-    Point right = b;
-    if (part < kParts) interpolate(a, b, static_cast<double>(part) / kParts, &right);
-    double slope_left;
-    double slope_right;
-    Point found;
+  const auto slopeAt = [&](const Point& p) {
+    double slope;
     if (hard == 0) {
-      distance(left, &slope_left);
-      distance(right, &slope_right);
+      distance(p, &slope);
     } else {
-      hardSquare(left, &slope_left);
-      hardSquare(right, &slope_right);
+      hardSquare(p, &slope);
     }
+    return slope;
+  };
+  Point between[2];  // taking turns as the left end and the right one
+  const Point* left = &a;
+  double slope_left = slopeAt(a);
+  for (int part = 1; part <= kParts; ++part) {
+    const Point* right = &b;
+    if (part < kParts) {
+      Point* const next = &between[part % 2];
+      interpolate(a, b, static_cast<double>(part) / kParts, next);
+      right = next;
+    }
+    const double slope_right = slopeAt(*right);
     double theta = -1.0;
     double penalty = 1.0;
-    if (hard == 1 && (left.v[soft_] < 0.0) != (right.v[soft_] < 0.0)) {
-      theta = left.v[soft_] / (left.v[soft_] - right.v[soft_]);
+    if (hard == 1 && (left->v[soft_] < 0.0) != (right->v[soft_] < 0.0)) {
+      theta = left->v[soft_] / (left->v[soft_] - right->v[soft_]);
     } else if (slope_left < 0.0 && slope_right >= 0.0) {
       theta = slope_left / (slope_left - slope_right);
       if (hard > 0) penalty = 4.0;
     }
     if (theta >= 0.0) {
-      interpolate(left, right, theta, &found);
+      Point found;
+      interpolate(*left, *right, theta, &found);
       noteStart(found, penalty);
     }
     left = right;
+    slope_left = slope_right;
   }
 }
 
