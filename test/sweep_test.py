@@ -106,6 +106,23 @@ class SweepTest(unittest.TestCase):
         self.assertEqual(one["final(load/velocity)"][7], result["load/velocity"][-1])
         self.assertEqual(one["max(load/velocity)"][7], result["load/velocity"].max())
 
+    def test_what_is_not_read_anew_is_as_if_it_were(self):
+        """Inertias, starts and the solver without the formulas, which are read once in a while."""
+        for grid in ({"drive/inertia": "-1:1.6:70"}, {"initial/velocity[1]": "1:3:70"},
+                     {"solver/relative_tolerance": "log:1e-10:1e-5:5", "load/inertia": "1:3:14"},
+                     {"propeller/parameters/k": "0.01:0.03:5", "drive/inertia": "0.5,1"}):
+            with self.subTest(grid=grid):
+                table = variator_sim.sweep(SHIP, 0.2, grid=grid, threads=1,
+                                           metrics=["final(load/velocity)", "final(load/angle)"])
+                good = numpy.flatnonzero(table["reason"] == "")
+                self.assertGreater(len(good), 5)
+                for row in {good[0], *good[-5:]}:
+                    simulation = variator_sim.Simulation(
+                        SHIP, {path: table[path][row] for path in grid})
+                    simulation.advance(0.2)
+                    for name in ("load/velocity", "load/angle"):
+                        self.assertEqual(table[f"final({name})"][row], simulation.sample()[name])
+
     def test_failed_runs_are_rows(self):
         table = variator_sim.sweep(LAG, 1.0, grid={"drive/inertia": "-1,0,2"},
                                    metrics=["final(drive/velocity)"])

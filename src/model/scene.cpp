@@ -344,4 +344,19 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   return scene;
 }
 
+void rereadNumbers(const ParameterTree& tree, Scene* scene) {
+  ParameterReader root(tree, "");
+  scene->inertia_harmonics.clear();
+  readInertia(root, scene);
+  scene->initial = readInitial(root, scene->shafts.size());
+  scene->solver = readSolver(root);
+  scene->resolved = {};
+}
+
+bool isOutsideFormulas(const std::string& path, const Scene& scene) {
+  const std::string first = path.substr(0, path.find_first_of("/["));
+  return first == "initial" || first == "solver" ||
+         std::find(scene.shafts.begin(), scene.shafts.end(), first) != scene.shafts.end();
+}
+
 }  // namespace variator_sim

@@ -8,8 +8,13 @@
 #include <limits>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 #include "variator_sim/errors.h"
+#include "variator_sim/formula_constraint.h"
+#include "variator_sim/formula_torque.h"
+#include "variator_sim/io/override_text.h"
+#include "variator_sim/overrides.h"
 
 namespace variator_sim::python {
 namespace {
@@ -65,16 +70,79 @@ double calcMean(const std::vector<double>& rows, std::size_t width, std::size_t 
   return span > 0.0 ? integral / span : rows[column];
 }
 
-SweepRow runRow(const SweepRequest& request, const std::vector<double>& values,
-                ComponentFactory& factory, const KeepOn& keep_on) {
+/// Laws that are formulas to the last: their derivatives cannot but fit.
+bool isOfFormulas(const Scene& scene) {
+  std::vector<expression::Node> nodes;
+  for (const TorquePtr& torque : scene.torques) {
+    const auto* const law = dynamic_cast<const FormulaTorque*>(torque.get());
+    if (law == nullptr || &law->graph() != scene.graph.get()) return false;
+    for (const auto& [shaft, node] : law->torques()) nodes.push_back(node);
+  }
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    const auto* const law = dynamic_cast<const FormulaConstraint*>(constraint.get());
+    if (law == nullptr || &law->graph() != scene.graph.get()) return false;
+    nodes.insert(nodes.end(), law->row().begin(), law->row().end());
+  }
+  return !scene.graph->hasOpaque(nodes);
+}
+
+/// Scenes of rows, for one thread: reads what differs, and all of it only where it has to.
+class RowScenes {
+ public:
+  /// `tree`: with the overrides that all rows have.
+  RowScenes(const SweepRequest& request, ParameterTree tree, ComponentFactory& factory)
+      : request_(request), tree_(std::move(tree)), factory_(factory) {}
+
+  Scene make(const std::vector<double>& values) {
+    ParameterTree tree = tree_;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      setValue(tree, request_.paths[i], ParameterTree::real(values[i]));
+    }
+    if (uses_left_ > 0) {
+      --uses_left_;
+      Scene scene = model_;
+      rereadNumbers(tree, &scene);
+      return scene;
+    }
+    Scene scene = readScene(tree, factory_, nodeNames());
+    if (!is_known_) inspect(scene);
+    if (keeps_formulas_) {
+      model_ = scene;
+      uses_left_ = kUses;
+    }
+    return scene;
+  }
+
+ private:
+  /// After each so many runs the formulas are read anew: their graph grows with every run.
+  static constexpr int kUses = 64;
+
+  void inspect(const Scene& scene) {
+    is_known_ = true;
+    if (!isOfFormulas(scene)) return;
+    const std::vector<std::string>& paths = request_.paths;
+    keeps_formulas_ = std::all_of(paths.begin(), paths.end(), [&](const std::string& path) {
+      return isOutsideFormulas(path, scene);
+    });
+    // Once is enough.
+    setValue(tree_, "verify_derivatives", ParameterTree::boolean(false));
+  }
+
+  const SweepRequest& request_;
+  ParameterTree tree_;
+  ComponentFactory& factory_;
+  bool is_known_ = false;
+  bool keeps_formulas_ = false;
+  Scene model_;
+  int uses_left_ = 0;
+};
+
+SweepRow runRow(const SweepRequest& request, const std::vector<double>& values, RowScenes& scenes,
+                const KeepOn& keep_on) {
   SweepRow row;
   row.metrics.assign(request.metrics.size(), kNaN);
   try {
-    Overrides overrides = request.overrides;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      overrides.emplace_back(request.paths[i], ParameterTree::real(values[i]));
-    }
-    Session session(makeScene(request.tree, overrides, factory));
+    Session session(scenes.make(values));
     session.simulation().trackEnergy(request.run.columns.energy);
     const RunRows rows = session.run(request.run, keep_on);
     row.reason = session.simulation().describeStatus();
@@ -118,6 +186,9 @@ std::vector<SweepRow> runSweep(const SweepRequest& request,
                                const std::vector<std::vector<double>>& values, int threads,
                                ComponentFactory& factory, const KeepOn& keep_on) {
   LockedFactory locked(factory);
+  ParameterTree tree = request.tree;
+  applyOwnOverrides(tree);
+  for (const auto& [path, value] : request.overrides) setValue(tree, path, value);
   std::vector<SweepRow> rows(values.size());
   std::atomic<std::size_t> next{0};
   std::atomic<bool> is_cancelled{false};
@@ -125,8 +196,9 @@ std::vector<SweepRow> runSweep(const SweepRequest& request,
   std::condition_variable one_has_ended;
   std::size_t running = std::min(static_cast<std::size_t>(std::max(threads, 1)), values.size());
   const auto work = [&] {
+    RowScenes scenes(request, tree, locked);
     for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
-      rows[i] = runRow(request, values[i], locked, [&] { return !is_cancelled; });
+      rows[i] = runRow(request, values[i], scenes, [&] { return !is_cancelled; });
     }
     const std::lock_guard<std::mutex> lock(mutex);
     --running;
