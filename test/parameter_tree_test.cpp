@@ -40,7 +40,7 @@ TEST(ParameterTree, ShowsValuesAsTheyAreTyped) {
 
 TEST(ParameterTree, CutsLongTextsBetweenCharacters) {
   const std::string text = Tree::list(Tree::List(1000, Tree::integer(1))).toText();
-  EXPECT_LE(text.size(), 120U);
+  EXPECT_LE(text.size(), kLongestQuote);
   EXPECT_EQ(text.substr(text.size() - 3), "...");
   for (std::size_t shift = 0; shift < 2; ++shift) {
     std::string greek(shift, 'a');

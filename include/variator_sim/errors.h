@@ -4,22 +4,35 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
+
+#include "variator_sim/message_text.h"
 
 namespace variator_sim {
 
+/// What all have in common: whatever is at fault, the message can be shown to a user.
+class Error : public std::runtime_error {
+ public:
+  explicit Error(const std::string& message) : std::runtime_error(presentable(message)) {}
+};
+
 /// A scene that cannot be run as it is written. what() names the key's full path, the value, what
 /// is allowed and, for a misspelt name, the nearest valid one.
-class SceneError : public std::runtime_error {
+class SceneError : public Error {
  public:
-  SceneError(const std::string& key_path, const std::string& message)
-      : std::runtime_error(key_path.empty() ? message : key_path + ": " + message),
-        key_path_(key_path) {}
+  SceneError(std::string key_path, std::string message)
+      : Error(key_path.empty() ? message : shownPath(key_path) + ": " + message),
+        key_path_(std::move(key_path)),
+        message_(std::move(message)) {}
 
   /// The key at fault, from the scene's root, e.g. "variator/parameters/tau".
   const std::string& keyPath() const { return key_path_; }
+  /// What is wrong with it: what() without the path.
+  const std::string& message() const { return message_; }
 
  private:
   std::string key_path_;
+  std::string message_;
 };
 
 }  // namespace variator_sim

@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "variator_sim/message_text.h"
+
 namespace variator_sim {
 
 /// The candidate that is most like `name` (fewest edits: insertion, deletion, substitution, swap of
@@ -11,8 +13,5 @@ std::string findNearestName(const std::string& name, const std::vector<std::stri
 
 /// " (did you mean 'x'?)" for the nearest candidate, or an empty string.
 std::string suggestName(const std::string& name, const std::vector<std::string>& candidates);
-
-/// "a, b, c", for messages that list what is allowed.
-std::string joinNames(const std::vector<std::string>& names);
 
 }  // namespace variator_sim

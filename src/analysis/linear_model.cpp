@@ -133,7 +133,7 @@ void Linearizer::solveUnknowns() {
     const int n = layout_.acceleration(i);
     const double moved = std::abs(v_(n) - given(n));
     if (!(moved <= 1e-6 * std::max(1.0, std::abs(given(n))))) {
-      throw SceneError("", "the acceleration of shaft '" + shaftName(i) + "', " +
+      throw SceneError("", "the acceleration of shaft " + inQuotes(shaftName(i)) + ", " +
                                formatNumber(given(n)) +
                                " rad/s^2, does not follow from the equations of the motion by " +
                                formatNumber(moved) +
@@ -261,7 +261,7 @@ void Linearizer::nameModel(LinearModel& model) const {
     if (paths_[at(i)].state >= 0) model.states.push_back("inputs/" + input.name);
     if (paths_[at(i)].rate_state >= 0) model.states.push_back("inputs/" + input.name + "/rate");
     if (input.hold == Hold::kRateLimit || input.hold == Hold::kFirstOrderHold) {
-      model.notes.push_back("'" + input.name + "' is what its hold (" + toString(input.hold) +
+      model.notes.push_back(inQuotes(input.name) + " is what its hold (" + toString(input.hold) +
                             ") gives, not the command: that hold is not linear in it");
     }
     if (!feedthrough_.col(i).isZero(0.0)) jumps += (jumps.empty() ? "'" : ", '") + input.name + "'";

@@ -112,7 +112,7 @@ void Trim::stateFixed() {
     const Node node = quantity.output >= 0   ? scene_.outputs[at(quantity.output)].node()
                       : quantity.is_reaction ? equations_.reaction(quantity.shaft)
                                              : equations_.torque(quantity.shaft);
-    add(graph.subtract(node, graph.constant(choice.value)), "'" + choice.name + "'");
+    add(graph.subtract(node, graph.constant(choice.value)), inQuotes(choice.name));
   }
 }
 
@@ -120,8 +120,8 @@ void Trim::refuseAcceleration(int variable) const {
   const bool is_acceleration =
       variable >= layout_.acceleration(0) && variable < layout_.acceleration(layout_.S);
   if (!is_acceleration || options_.accelerating) return;
-  throw SceneError("", "'" + trim_names_.nameOf(variable) +
-                           "' is 0 where speeds are constant; steady states with accelerations "
+  throw SceneError("", inQuotes(trim_names_.nameOf(variable)) +
+                           " is 0 where speeds are constant; steady states with accelerations "
                            "are those in constant ratios (--accelerating)");
 }
 
@@ -147,7 +147,7 @@ void Trim::chooseUnknowns() {
     const int variable = trim_names_.findVariable(choice.name);
     for (const TrimChoice& other : options_.free) {
       if (variable < 0 || trim_names_.findFree(other.name) != variable) continue;
-      throw SceneError("", "'" + choice.name + "' is both fixed and free");
+      throw SceneError("", inQuotes(choice.name) + " is both fixed and free");
     }
     free.erase(std::remove(free.begin(), free.end(), variable), free.end());
   }
@@ -350,7 +350,7 @@ std::string Trim::leavesLimits(const VectorXd& v) const {
     const double value = v(layout_.input(i));
     const double slack = 1e-9 * std::max(1.0, std::abs(value));
     if (value >= input.minimum - slack && value <= input.maximum + slack) continue;
-    return "'" + input.name + "' would have to be " + formatNumber(value) + ", allowed is " +
+    return inQuotes(input.name) + " would have to be " + formatNumber(value) + ", allowed is " +
            Range::between(input.minimum, input.maximum).toText();
   }
   return "";

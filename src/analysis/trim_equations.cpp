@@ -16,7 +16,7 @@ std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& s
   expression::Graph& graph = equations.graph();
   const bool is_gauss = scene.principle == Principle::kGauss;
   for (int i = 0; i < layout.S; ++i) {
-    const std::string shaft = "shaft '" + scene.shafts[at(i)] + "'";
+    const std::string shaft = "shaft " + inQuotes(scene.shafts[at(i)]);
     add(graph.subtract(equations.reaction(i), equations.combine(i, layout.multiplier(0))),
         "the torques on " + shaft);
     Node rate =
@@ -38,7 +38,7 @@ std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& s
   }
   for (int m = 0; m < layout.k; ++m) {
     const ConstraintFormulas& it = equations.constraints()[at(m)];
-    const std::string name = "constraint '" + scene.constraints[at(m)]->name() + "'";
+    const std::string name = "constraint " + inQuotes(scene.constraints[at(m)]->name());
     if (it.velocity != Node{}) add(it.velocity, name);
     if (it.acceleration != Node{}) add(it.acceleration, name);
     add(it.jerk, "the rate of " + name);

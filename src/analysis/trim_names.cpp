@@ -44,7 +44,7 @@ int TrimNames::findFree(const std::string& name) const {
   for (const Named& named : variables_) {
     if (named.variable != 0) names.push_back(named.name);
   }
-  throw SceneError("", "'" + name + "' cannot be free" + suggestName(name, names) +
+  throw SceneError("", inQuotes(name) + " cannot be free" + suggestName(name, names) +
                            "; allowed: " + joinNames(names));
 }
 
@@ -55,7 +55,7 @@ TrimNames::Quantity TrimNames::findQuantity(const std::string& name) const {
     if (named.name == name) return named.quantity;
     names.push_back(named.name);
   }
-  throw SceneError("", "'" + name + "' cannot be fixed" + suggestName(name, names) +
+  throw SceneError("", inQuotes(name) + " cannot be fixed" + suggestName(name, names) +
                            "; allowed: " + joinNames(names));
 }
 

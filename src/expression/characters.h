@@ -14,6 +14,10 @@ inline bool isSpace(char c) {
   return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\v' || c == '\f';
 }
 
+inline bool isControl(char c) {
+  return (c >= 0 && c < ' ') || c == 0x7f;
+}
+
 /// True for the bytes that continue a UTF-8 character.
 inline bool continuesCharacter(char c) {
   return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U;

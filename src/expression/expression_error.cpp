@@ -20,7 +20,7 @@ std::string showPlace(const std::string& text, int column) {
     } else if (position > column + kAfter) {
       cut_after = true;
     } else {
-      shown += c == '\n' || c == '\r' || c == '\t' ? ' ' : c;
+      shown += isControl(c) ? ' ' : c;  // one for one: the caret stands below
     }
   }
   const int indent = cut_before ? kBefore + 3 : column - 1;
@@ -31,8 +31,7 @@ std::string showPlace(const std::string& text, int column) {
 }  // namespace
 
 ExpressionError::ExpressionError(const std::string& message, const std::string& text, int column)
-    : std::runtime_error(message + " at column " + std::to_string(column) +
-                         showPlace(text, column)),
+    : Error(message + " at column " + std::to_string(column) + showPlace(text, column)),
       column_(column) {}
 
 }  // namespace variator_sim::expression

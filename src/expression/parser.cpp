@@ -206,7 +206,7 @@ class Parser {
       fail(begin, "the number " + digits + " is too large or too small for double precision");
     }
     if (error != std::errc() || stop != digits.data() + digits.size()) {
-      fail(begin, "'" + digits + "' is not a number");
+      fail(begin, inQuotes(digits) + " is not a number");
     }
     if (end < text_.size() && (isNameStart(text_[end]) || text_[end] == '.')) {
       fail(end, "unexpected " + describe(end) + " after the number " + digits +
@@ -366,7 +366,7 @@ class Parser {
     } else {
       while (end < text_.size() && continuesCharacter(text_[end])) ++end;
     }
-    return "'" + text_.substr(where, end - where) + "'";
+    return inQuotes(text_.substr(where, end - where));
   }
 
   /// No operand begins here.
@@ -422,7 +422,7 @@ class Parser {
 
   /// Of a name that needs arguments.
   std::string kindOf(const std::string& name) const {
-    return (tables_.count(name) != 0 ? "the table '" : "the function '") + name + "'";
+    return (tables_.count(name) != 0 ? "the table " : "the function ") + inQuotes(name);
   }
   /// All names that can be called.
   std::vector<std::string> callableNames() const {
@@ -434,7 +434,7 @@ class Parser {
   [[noreturn]] void failUnknown(const std::string& name, std::size_t where) const {
     const std::string explanation = explain_ ? explain_(name) : "";
     if (!explanation.empty()) {
-      fail(where, "unknown name '" + name + "': " + explanation);
+      fail(where, "unknown name " + inQuotes(name) + ": " + explanation);
     }
     std::vector<std::string> names;
     for (const auto& symbol : symbols_) {
@@ -445,19 +445,20 @@ class Parser {
     for (const std::string& function : callableNames()) {
       names.push_back(function);
     }
-    fail(where, "unknown name '" + name + "'" + suggestName(name, names) + "; known are " + known);
+    fail(where,
+         "unknown name " + inQuotes(name) + suggestName(name, names) + "; known are " + known);
   }
 
   [[noreturn]] void failUnknownFunction(const std::string& name, std::size_t where) const {
     if (symbols_.count(name) != 0 || name == "pi") {
-      fail(where, "'" + name + "' is not a function (a product needs its '*')");
+      fail(where, inQuotes(name) + " is not a function (a product needs its '*')");
     }
     std::string hint = explain_ ? explain_(name) : "";
     if (hint.empty()) {
       hint = "functions are " + joinNames(callableNames());
     }
     fail(where,
-         "unknown function '" + name + "'" + suggestName(name, callableNames()) + "; " + hint);
+         "unknown function " + inQuotes(name) + suggestName(name, callableNames()) + "; " + hint);
   }
 
   [[noreturn]] void failNotLinear(std::size_t where, Node value) const {

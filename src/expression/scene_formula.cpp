@@ -71,16 +71,16 @@ std::string explainName(const std::string& name, const std::vector<std::string>&
 /// Throws SceneError when a parameter's name cannot be told from something else.
 void checkParameterName(const std::string& name, const std::string& path,
                         const ComponentContext& context) {
-  const std::string quoted = "'" + name + "'";
+  const std::string shown = inQuotes(name);
   if (!isValidName(name)) {
-    throw SceneError(path, quoted +
+    throw SceneError(path, shown +
                                " is not a valid name (a letter or '_', then letters, digits and "
                                "'_')");
   }
   std::string taken = describeTakenName(name, context.shaftNames());
   if (context.symbols().inputs.count(name) != 0) taken = "already the name of an input";
   if (context.symbols().tables.count(name) != 0) taken = "already the name of a table";
-  if (!taken.empty()) throw SceneError(path, quoted + " is " + taken + "; choose another");
+  if (!taken.empty()) throw SceneError(path, shown + " is " + taken + "; choose another");
 }
 
 /// The variables of a formula by their names.
@@ -155,8 +155,8 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
   for (const auto& parameter : parameters) {
     if (used.count(parameter.first) != 0) continue;
     throw SceneError(reader.keyPath("parameters") + "/" + parameter.first,
-                     "'" + parameter.first + "' is not read by the formula '" + text +
-                         "'; remove it, or read it there");
+                     inQuotes(parameter.first) + " is not read by the formula " + inQuotes(text) +
+                         "; remove it, or read it there");
   }
   for (const auto& input : context.symbols().inputs) {
     if (used.count(input.first) != 0) context.useInput(input.first, reader.keyPath(key));

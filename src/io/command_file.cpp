@@ -45,7 +45,7 @@ std::vector<TimedCommand> readCommandText(const std::string& text, const std::st
     if (isBlankOrComment(line)) continue;
     if (!has_header) {
       if (line != kHeader) {
-        throw error({"'", line, "' is not the header; expected: ", kHeader});
+        throw error({inQuotes(line), " is not the header; expected: ", kHeader});
       }
       has_header = true;
       continue;
@@ -54,7 +54,7 @@ std::vector<TimedCommand> readCommandText(const std::string& text, const std::st
     const std::size_t first = line.find(',');
     const std::size_t second = first == std::string::npos ? first : line.find(',', first + 1);
     if (second == std::string::npos || line.find(',', second + 1) != std::string::npos) {
-      throw error({"'", line, "' does not have three columns; expected: ", kHeader});
+      throw error({inQuotes(line), " does not have three columns; expected: ", kHeader});
     }
     TimedCommand command;
     command.line = line_number;
@@ -62,14 +62,15 @@ std::vector<TimedCommand> readCommandText(const std::string& text, const std::st
     command.topic = line.substr(first + 1, second - first - 1);
     const std::string value = line.substr(second + 1);
     if (!parseNumber(time, &command.time) || !std::isfinite(command.time) || command.time < 0.0) {
-      throw error({"time '", time, "' in '", line, "'; expected: a finite number >= 0, s"});
+      throw error(
+          {"time ", inQuotes(time), " in ", inQuotes(line), "; expected: a finite number >= 0, s"});
     }
     if (command.topic.empty() || command.topic.find_first_of(" \t") != std::string::npos) {
-      throw error({"topic '", command.topic, "' in '", line,
-                   "'; expected: the topic of a commanded input, without blanks"});
+      throw error({"topic ", inQuotes(command.topic), " in ", inQuotes(line),
+                   "; expected: the topic of a commanded input, without blanks"});
     }
     if (!parseNumber(value, &command.value)) {
-      throw error({"value '", value, "' in '", line, "'; expected: a number"});
+      throw error({"value ", inQuotes(value), " in ", inQuotes(line), "; expected: a number"});
     }
     commands.push_back(std::move(command));
   }

@@ -66,12 +66,12 @@ class Splitter {
 void applyOverride(ParameterTree& tree, const std::string& text) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0) {
-    throw SceneError("", "'" + text +
-                             "' is not an override; expected PATH=VALUE, e.g. drive/inertia=1.2; a "
+    throw SceneError("", inQuotes(text) +
+                             " is not an override; expected PATH=VALUE, e.g. drive/inertia=1.2; a "
                              "value with spaces stands in brackets or quotes");
   }
   const std::string path = text.substr(0, equals);
-  setValue(tree, path, readYamlValue(text.substr(equals + 1), "value of '" + path + "'"));
+  setValue(tree, path, readYamlValue(text.substr(equals + 1), "value of " + inQuotes(path)));
 }
 
 void applyOwnOverrides(ParameterTree& tree) {

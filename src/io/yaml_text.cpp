@@ -38,7 +38,7 @@ bool isPlain(const std::string& text) {
   return kReserved.count(lower) == 0;
 }
 
-std::string quoted(const std::string& text) {
+std::string quotedScalar(const std::string& text) {
   if (isPlain(text)) return text;
   std::string result = "\"";
   for (const char c : text) {
@@ -73,7 +73,7 @@ std::string leafText(const ParameterTree& tree) {
     case ParameterTree::Kind::kReal:
       return realText(tree.asReal());
     case ParameterTree::Kind::kText:
-      return quoted(tree.asText());
+      return quotedScalar(tree.asText());
     case ParameterTree::Kind::kList:
       return "[]";
     case ParameterTree::Kind::kDictionary:
@@ -96,7 +96,7 @@ void append(const ParameterTree& tree, const std::string& indent, std::string& t
     }
   } else {
     for (const auto& [key, entry] : tree.asDictionary()) {
-      text += indent + quoted(key) + ":";
+      text += indent + quotedScalar(key) + ":";
       append(entry, indent + "  ", text);
     }
   }

@@ -183,8 +183,8 @@ class Converter {
   static constexpr const char* kTagPrefix = "tag:yaml.org,2002:";
 
   SceneError tagError(const YAML::Node& node) const {
-    return error(node.Mark(), "tag '" + node.Tag() +
-                                  "' is not supported; allowed: none, or one of YAML's own for "
+    return error(node.Mark(), "tag " + inQuotes(node.Tag()) +
+                                  " is not supported; allowed: none, or one of YAML's own for "
                                   "this kind of value");
   }
 
@@ -232,7 +232,8 @@ class Converter {
       }
       const bool is_new = own.emplace(key.asText(), convert(entry.second, depth + 1)).second;
       if (!is_new) {
-        throw error(key_node.Mark(), "key '" + key.asText() + "' stands twice in one mapping");
+        throw error(key_node.Mark(),
+                    "key " + inQuotes(key.asText()) + " stands twice in one mapping");
       }
     }
     // Own keys win over merged ones.

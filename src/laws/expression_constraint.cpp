@@ -35,8 +35,8 @@ void ExpressionConstraint::build(LawContext& scene) {
   }
   if (!depends) {
     throw SceneError(scene.place(), "the constraint is not of order " + std::to_string(number) +
-                                        ": '" + scene.parameters().formula("expression") +
-                                        "' does not depend on " + order.name);
+                                        ": " + inQuotes(scene.parameters().formula("expression")) +
+                                        " does not depend on " + order.name);
   }
   scene.constrain({graph, psi});
 }

@@ -25,8 +25,8 @@ void ExpressionTorque::build(LawContext& scene) {
   const Shaft other = scene.shaft("reaction_on");
   if (other.index == shaft.index) {
     throw SceneError(parameters.keyPath("reaction_on"),
-                     "'" + parameters.text("reaction_on") +
-                         "' is the shaft that the torque acts on, too: the two cancel; allowed: "
+                     inQuotes(parameters.text("reaction_on")) +
+                         " is the shaft that the torque acts on, too: the two cancel; allowed: "
                          "another shaft");
   }
   scene.applyBetween(shaft, other, torque);

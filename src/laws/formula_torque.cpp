@@ -44,9 +44,10 @@ void FormulaTorque::doConfigure(ComponentContext& context) {
   for (const auto& [shaft, torque] : torques_) {
     const Node rate = graph.totalDerivative(torque, motion);
     if (graph.hasNonFiniteConstant(rate)) {
-      throw SceneError(law.place(), "the rate of its torque on shaft '" +
-                                        context.shaftNames()[static_cast<std::size_t>(shaft)] +
-                                        "' has a constant part that is not finite");
+      throw SceneError(law.place(),
+                       "the rate of its torque on shaft " +
+                           inQuotes(context.shaftNames()[static_cast<std::size_t>(shaft)]) +
+                           " has a constant part that is not finite");
     }
     if (!graph.isConstant(rate, 0.0)) rates_.emplace_back(shaft, rate);
   }

@@ -50,10 +50,7 @@ Expression readCommanded(ComponentContext& context, ParameterReader& section, Ra
     return inputVariable(context, context.addInput(settings));
   } catch (const SceneError& error) {
     // The context takes the topic for a key of the component itself.
-    const std::string prefix = error.keyPath() + ": ";
-    const std::string message = error.what();
-    throw SceneError(section.keyPath("topic"),
-                     message.rfind(prefix, 0) == 0 ? message.substr(prefix.size()) : message);
+    throw SceneError(section.keyPath("topic"), error.message());
   }
 }
 
@@ -66,9 +63,9 @@ Expression readShared(ComponentContext& context, ParameterReader& section, Range
   const CommandInputSettings& input = context.inputSettings(index);
   for (const double value : {input.minimum, input.maximum, input.initial}) {
     if (std::isinf(value) || range.contains(value)) continue;
-    throw SceneError(path,
-                     "the input '" + name + "' may be " + ParameterTree::real(value).toText() +
-                         " by its min, max and initial; allowed here: a number " + range.toText());
+    throw SceneError(
+        path, "the input " + inQuotes(name) + " may be " + ParameterTree::real(value).toText() +
+                  " by its min, max and initial; allowed here: a number " + range.toText());
   }
   return inputVariable(context, index);
 }
@@ -91,7 +88,7 @@ Expression readQuantity(ComponentContext& context, ParameterReader& section, con
     const Expression formula(
         graph, readFormula(context, section, key, expression::FormulaKind::kQuantity, graph));
     if (formula.isConstant() && !range.contains(formula.value())) {
-      throw SceneError(section.keyPath(key), "'" + tree.asText() + "' is " +
+      throw SceneError(section.keyPath(key), inQuotes(tree.asText()) + " is " +
                                                  ParameterTree::real(formula.value()).toText() +
                                                  "; allowed: a number " + range.toText());
     }

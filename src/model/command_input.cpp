@@ -42,8 +42,8 @@ std::string readTopic(ParameterReader& reader) {
   std::string topic = reader.text("topic");
   if (!isRelativeTopic(topic)) {
     throw SceneError(reader.keyPath("topic"),
-                     "'" + topic +
-                         "' is not a relative topic name; allowed: letters, digits, '_' and single "
+                     inQuotes(topic) +
+                         " is not a relative topic name; allowed: letters, digits, '_' and single "
                          "'/' between parts, starting with a letter (no leading '/' or '~': topics "
                          "are private to the node)");
   }
@@ -61,9 +61,9 @@ const HoldName& readHold(ParameterReader& reader) {
     if (hold.own_key == nullptr || hold.hold == chosen->hold) continue;
     const bool shared = chosen->own_key != nullptr && std::string(hold.own_key) == chosen->own_key;
     if (!shared && reader.has(hold.own_key)) {
-      throw SceneError(reader.keyPath(hold.own_key), "belongs to hold '" + std::string(hold.name) +
-                                                         "', but this input's hold is '" + name +
-                                                         "'");
+      throw SceneError(reader.keyPath(hold.own_key),
+                       "belongs to hold " + inQuotes(std::string(hold.name)) +
+                           ", but this input's hold is " + inQuotes(name));
     }
   }
   return *chosen;

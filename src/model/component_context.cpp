@@ -10,7 +10,7 @@ namespace variator_sim {
 int ComponentContext::indexOf(const std::string& shaft, const std::string& path) const {
   const auto found = std::find(shaft_names_.begin(), shaft_names_.end(), shaft);
   if (found == shaft_names_.end()) {
-    throw SceneError(path, "'" + shaft + "' is not a shaft" + suggestName(shaft, shaft_names_) +
+    throw SceneError(path, inQuotes(shaft) + " is not a shaft" + suggestName(shaft, shaft_names_) +
                                "; allowed: " + joinNames(shaft_names_));
   }
   return static_cast<int>(found - shaft_names_.begin());
@@ -33,7 +33,7 @@ std::vector<int> ComponentContext::readShafts(const std::string& key, int count)
   for (std::size_t i = 0; i < names.size(); ++i) {
     const int shaft = indexOf(names[i], path + "[" + std::to_string(i) + "]");
     if (std::find(shafts.begin(), shafts.end(), shaft) != shafts.end()) {
-      throw SceneError(path, expected + ", got '" + names[i] + "' twice");
+      throw SceneError(path, expected + ", got " + inQuotes(names[i]) + " twice");
     }
     shafts.push_back(shaft);
   }
@@ -44,14 +44,14 @@ int ComponentContext::addInput(const CommandInputSettings& settings) {
   const std::string path = parameters_.keyPath("topic");
   for (const CommandInputSettings& other : inputs_) {
     if (other.topic == settings.topic) {
-      throw SceneError(path, "topic '" + settings.topic + "' is used twice: by '" + other.owner +
-                                 "' and by '" + settings.owner +
-                                 "'; every commanded input needs a topic of its own");
+      throw SceneError(path, "topic " + inQuotes(settings.topic) + " is used twice: by " +
+                                 inQuotes(other.owner) + " and by " + inQuotes(settings.owner) +
+                                 "; every commanded input needs a topic of its own");
     }
   }
   if (inputs_.size() >= static_cast<std::size_t>(kMaxInputs)) {
-    throw SceneError(path, "topic '" + settings.topic +
-                               "' is one commanded input too many; allowed: " +
+    throw SceneError(path, "topic " + inQuotes(settings.topic) +
+                               " is one commanded input too many; allowed: " +
                                std::to_string(kMaxInputs) + " in one scene");
   }
   inputs_.push_back(settings);
@@ -65,7 +65,8 @@ int ComponentContext::useInput(const std::string& name, const std::string& path)
   if (found == symbols_.inputs.end()) {
     std::vector<std::string> names;
     for (const auto& input : symbols_.inputs) names.push_back(input.first);
-    throw SceneError(path, "'" + name + "' is not in the list inputs" + suggestName(name, names) +
+    throw SceneError(path, inQuotes(name) + " is not in the list inputs" +
+                               suggestName(name, names) +
                                "; allowed: " + (names.empty() ? "none" : joinNames(names)));
   }
   used_inputs_.insert(found->second);

@@ -59,7 +59,7 @@ class DerivativeComparison {
     double rate[kMaxShafts] = {};
     torque.addTorqueRate(point_.view(), rate);
     for (int i = 0; i < scene_.shaftCount(); ++i) {
-      along(motion, rate[i], "dQ/dt of shaft '" + scene_.shafts[at(i)] + "'",
+      along(motion, rate[i], "dQ/dt of shaft " + inQuotes(scene_.shafts[at(i)]),
             kRounding * unitTorque(i), [&](const StateView& x) { return Q_at(x)[at(i)]; });
     }
     checkRateDerivatives(torque);
@@ -184,7 +184,7 @@ class DerivativeComparison {
     double Cu[kMaxInputs] = {};
     constraint.calcInputJacobian(point_.view(), scene_.inputCount(), Cu);
     for (int i = 0; i < scene_.inputCount(); ++i) {
-      const std::string topic = "the input '" + scene_.inputs[at(i)].topic + "'";
+      const std::string topic = "the input " + inQuotes(scene_.inputs[at(i)].topic);
       const double size = point_.input[at(i)];
       one(direction.input[at(i)], size, partials.input[i], topic);
       one(direction.input[at(i)], size, Cu[i], topic + " (calcInputJacobian)");
@@ -271,7 +271,7 @@ class DerivativeComparison {
   Quantities ofShafts(const std::string& name, const double* values) const {
     Quantities all;
     for (int i = 0; i < scene_.shaftCount(); ++i) {
-      all.push_back({name + " of shaft '" + scene_.shafts[at(i)] + "'", values[i]});
+      all.push_back({name + " of shaft " + inQuotes(scene_.shafts[at(i)]), values[i]});
     }
     return all;
   }
@@ -303,7 +303,7 @@ class DerivativeComparison {
       std::array<double, 3 * kMaxShafts> by_state{};
       for (int q = 0; q < 3 * s; ++q) by_state[at(q)] = stated[q * s + i];
       checkByState(by_state, "d Q'/d ",
-                   " of shaft '" + scene_.shafts[at(i)] + "' (addTorqueRateDerivatives)",
+                   " of shaft " + inQuotes(scene_.shafts[at(i)]) + " (addTorqueRateDerivatives)",
                    std::max(std::abs(Q[i]), unitTorque(i)) * motion, [&](const StateView& x) {
                      double Q_rate[kMaxShafts] = {};
                      torque.addTorqueRate(x, Q_rate);
@@ -477,10 +477,10 @@ void verify(const Scene& scene, const Component& component, const char* kind, Ch
     check(there, component);
     if (!there.mismatch()) continue;
     const Mismatch& mismatch = *here.mismatch();
-    throw SceneError(component.name(), mismatch.what + " of " + kind + " '" + component.name() +
-                                           "' " + mismatch.claim + ", at " +
-                                           describe(scene, point) + "; correct " + mismatch.remedy +
-                                           ", or load it unchecked with verify_derivatives: false");
+    throw SceneError(component.name(),
+                     mismatch.what + " of " + kind + " " + inQuotes(component.name()) + " " +
+                         mismatch.claim + ", at " + describe(scene, point) + "; correct " +
+                         mismatch.remedy + ", or load it unchecked with verify_derivatives: false");
   }
 }
 

@@ -54,6 +54,9 @@ bool isNear(int distance, std::size_t length) {
 }  // namespace
 
 std::string findNearestName(const std::string& name, const std::vector<std::string>& candidates) {
+  // Nobody means a name by a text of this length, and distances take time.
+  constexpr std::size_t kLongestName = 200;
+  if (name.size() > kLongestName) return "";
   std::string nearest;
   int nearest_distance = -1;
   const auto consider = [&](const std::string& candidate, int distance, std::size_t length) {
@@ -63,6 +66,7 @@ std::string findNearestName(const std::string& name, const std::vector<std::stri
     nearest_distance = distance;
   };
   for (const std::string& candidate : candidates) {
+    if (candidate.size() > kLongestName) continue;
     consider(candidate, calcDistance(name, candidate), std::max(name.size(), candidate.size()));
     // A name without its package or folder ("ExpressionTorque"): that part counts as one edit.
     const std::size_t slash = candidate.rfind('/');
@@ -78,16 +82,7 @@ std::string findNearestName(const std::string& name, const std::vector<std::stri
 
 std::string suggestName(const std::string& name, const std::vector<std::string>& candidates) {
   const std::string nearest = findNearestName(name, candidates);
-  return nearest.empty() ? std::string() : " (did you mean '" + nearest + "'?)";
-}
-
-std::string joinNames(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) {
-    if (!text.empty()) text += ", ";
-    text += name;
-  }
-  return text;
+  return nearest.empty() ? std::string() : " (did you mean " + inQuotes(nearest) + "?)";
 }
 
 }  // namespace variator_sim

@@ -38,8 +38,8 @@ std::vector<std::string> splitPath(const std::string& path) {
   }
   for (const std::string& step : steps) is_valid = is_valid && !step.empty();
   if (is_valid) return steps;
-  throw SceneError("", "'" + path +
-                           "' is not a path; expected keys with slashes between, items of a list "
+  throw SceneError("", inQuotes(path) +
+                           " is not a path; expected keys with slashes between, items of a list "
                            "by their index, e.g. drive/inertia, initial/velocity/0");
 }
 
@@ -83,7 +83,7 @@ class Walk {
     collectPaths(tree_, "", &paths);
     throw SceneError(path_, message + suggestName(join(steps_, steps_.size()), paths));
   }
-  std::string place() const { return "'" + join(steps_, at_) + "'"; }
+  std::string place() const { return inQuotes(join(steps_, at_)); }
 
   ParameterTree& item(ParameterTree& list) const {
     const std::string& step = steps_[at_];
@@ -91,8 +91,8 @@ class Walk {
     std::size_t index = size;
     if (isIndex(step)) std::from_chars(step.data(), step.data() + step.size(), index);
     if (index < size) return list.asList()[index];
-    fail(place() + " is a list and has no '" + step +
-         "'; allowed: " + (size == 0 ? "none, it is empty" : "0 to " + std::to_string(size - 1)));
+    fail(place() + " is a list and has no " + inQuotes(step) +
+         "; allowed: " + (size == 0 ? "none, it is empty" : "0 to " + std::to_string(size - 1)));
   }
 
   ParameterTree& entry(ParameterTree& tree) const {
@@ -100,13 +100,13 @@ class Walk {
     // A key with nothing behind it is a dictionary whose lines are all commented out.
     if (tree.kind() == Kind::kNothing) tree = ParameterTree::dictionary();
     if (tree.kind() != Kind::kDictionary) {
-      fail(place() + " is " + tree.describeKind() + ": " + tree.toText() + ", and has no '" + step +
-           "' inside; it can be set as a whole");
+      fail(place() + " is " + tree.describeKind() + ": " + tree.toText() + ", and has no " +
+           inQuotes(step) + " inside; it can be set as a whole");
     }
     ParameterTree::Dictionary& entries = tree.asDictionary();
     if (isIndex(step) && entries.count(step) == 0) {
-      fail((at_ == 0 ? std::string("the scene") : place()) + " is not a list with an item '" +
-           step + "'; a list that the scene leaves out can be set as a whole");
+      fail((at_ == 0 ? std::string("the scene") : place()) + " is not a list with an item " +
+           inQuotes(step) + "; a list that the scene leaves out can be set as a whole");
     }
     return entries[step];
   }

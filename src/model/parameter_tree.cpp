@@ -19,9 +19,6 @@ std::string formatNumber(double value) {
 
 namespace {
 
-/// Longer texts of a value are cut in messages.
-constexpr std::size_t kLongestText = 120;
-
 /// As formatNumber, but always a YAML real ("1.0", "1.0e+20", ".inf").
 std::string formatReal(double value) {
   if (std::isnan(value)) return ".nan";
@@ -98,7 +95,7 @@ std::string quote(const std::string& text) {
 
 /// Appends `tree`, and stops once the text is longer than can be shown.
 void append(const ParameterTree& tree, std::string* text) {
-  if (text->size() > kLongestText) return;
+  if (text->size() > kLongestQuote) return;
   switch (tree.kind()) {
     case ParameterTree::Kind::kNothing:
       *text += "~";
@@ -113,7 +110,8 @@ void append(const ParameterTree& tree, std::string* text) {
       *text += formatReal(tree.asReal());
       break;
     case ParameterTree::Kind::kText:
-      *text += quote(tree.asText());
+      // (No more than can be shown, of a text of any length.)
+      *text += quote(tree.asText().substr(0, kLongestQuote + 1));
       break;
     case ParameterTree::Kind::kList: {
       const char* separator = "";
@@ -121,7 +119,7 @@ void append(const ParameterTree& tree, std::string* text) {
       for (const ParameterTree& value : tree.asList()) {
         *text += separator;
         append(value, text);
-        if (text->size() > kLongestText) return;
+        if (text->size() > kLongestQuote) return;
         separator = ", ";
       }
       *text += "]";
@@ -131,9 +129,9 @@ void append(const ParameterTree& tree, std::string* text) {
       const char* separator = "";
       *text += "{";
       for (const auto& [key, value] : tree.asDictionary()) {
-        *text += separator + quote(key) + ": ";
+        *text += separator + quote(key.substr(0, kLongestQuote + 1)) + ": ";
         append(value, text);
-        if (text->size() > kLongestText) return;
+        if (text->size() > kLongestQuote) return;
         separator = ", ";
       }
       *text += "}";
@@ -211,9 +209,9 @@ ParameterTree ParameterTree::dictionary(Dictionary values) {
 std::string ParameterTree::toText() const {
   std::string text;
   append(*this, &text);
-  if (text.size() <= kLongestText) return text;
+  if (text.size() <= kLongestQuote) return text;
   // Not within a UTF-8 character.
-  std::size_t length = kLongestText - 3;
+  std::size_t length = kLongestQuote - 3;
   while (length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) --length;
   return text.substr(0, length) + "...";
 }
@@ -295,10 +293,10 @@ const ParameterTree& ParameterReader::require(const std::string& key, const char
     if (known_.count(entry.first) == 0) unread.push_back(entry.first);
   }
   const std::string misspelt = findNearestName(key, unread);
-  throw SceneError(
-      keyPath(key),
-      "missing; expected " + std::string(what) +
-          (misspelt.empty() ? "" : " (is '" + misspelt + "' meant for '" + key + "'?)"));
+  throw SceneError(keyPath(key), "missing; expected " + std::string(what) +
+                                     (misspelt.empty() ? ""
+                                                       : " (is " + inQuotes(misspelt) +
+                                                             " meant for " + inQuotes(key) + "?)"));
 }
 
 double ParameterReader::toNumber(const ParameterTree& value, const std::string& path, Range range) {
@@ -410,7 +408,7 @@ std::string ParameterReader::choice(const std::string& key,
   }
   const std::string& name = value.asText();
   if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
-    throw SceneError(keyPath(key), "'" + name + "' is not allowed" + suggestName(name, allowed) +
+    throw SceneError(keyPath(key), inQuotes(name) + " is not allowed" + suggestName(name, allowed) +
                                        "; allowed: " + joinNames(allowed));
   }
   return name;

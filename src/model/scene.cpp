@@ -102,11 +102,11 @@ const ComponentKind kConstraintKind{
   const std::vector<std::string> types = (factory.*kind.types)();
   const std::vector<std::string> others = (factory.*other.types)();
   if (std::find(others.begin(), others.end(), type) != others.end()) {
-    throw SceneError(path, "'" + type + "' is a " + other.name + ", not a " + kind.name +
+    throw SceneError(path, inQuotes(type) + " is a " + other.name + ", not a " + kind.name +
                                ": its name belongs in " + other.list + ", not in " + kind.list +
                                "; allowed: " + joinNames(types));
   }
-  throw SceneError(path, "'" + type + "' is not a known type of " + kind.name +
+  throw SceneError(path, inQuotes(type) + " is not a known type of " + kind.name +
                              suggestName(type, types) +
                              "; allowed: " + (types.empty() ? "none" : joinNames(types)));
 }
@@ -117,8 +117,8 @@ void checkOutputNames(const std::string& component, const ComponentKind& kind,
   std::vector<std::string> taken = kind.columns;
   for (const std::string& output : outputs) {
     if (!isName(output) || std::find(taken.begin(), taken.end(), output) != taken.end()) {
-      throw SceneError(component, "states an output '" + output +
-                                      "' (outputNames); allowed: letters, digits and '_', starting "
+      throw SceneError(component, "states an output " + inQuotes(output) +
+                                      " (outputNames); allowed: letters, digits and '_', starting "
                                       "with a letter, each name once, and none of " +
                                       joinNames(kind.columns));
     }
@@ -137,7 +137,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   try {
     component = create(type);
   } catch (const std::exception& error) {
-    throw SceneError(reader.keyPath("type"), "'" + type + "' cannot be loaded: " + error.what());
+    throw SceneError(reader.keyPath("type"), inQuotes(type) + " cannot be loaded: " + error.what());
   }
   if (component == nullptr) {
     throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
@@ -150,7 +150,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   } catch (const SceneError&) {
     throw;
   } catch (const std::exception& error) {
-    throw SceneError(name, "'" + type + "' cannot be configured: " + error.what());
+    throw SceneError(name, inQuotes(type) + " cannot be configured: " + error.what());
   }
   reader.finish();
   if (used_inputs != nullptr) *used_inputs = context.usedInputs();
@@ -173,8 +173,8 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
                               : end == std::string::npos ? constraint.name()
                                                          : input.topic_path.substr(0, end);
     throw SceneError(place + "/hold",
-                     "the input of topic '" + input.topic + "' " +
-                         (is_shared ? "is read by the constraint '" + constraint.name() + "'"
+                     "the input of topic " + inQuotes(input.topic) + " " +
+                         (is_shared ? "is read by the constraint " + inQuotes(constraint.name())
                                     : std::string("belongs to a constraint")) +
                          " of order 1, which takes inputs with two derivatives only; allowed: hold "
                          "second_order_lag");
@@ -185,7 +185,8 @@ void checkTopics(const Scene& scene, const std::vector<std::string>& taken) {
   for (const CommandInputSettings& input : scene.inputs) {
     if (std::find(taken.begin(), taken.end(), input.topic) == taken.end()) continue;
     throw SceneError(input.topic_path.empty() ? input.owner + "/topic" : input.topic_path,
-                     "'" + input.topic + "' is a topic of the node itself; allowed: any name but " +
+                     inQuotes(input.topic) +
+                         " is a topic of the node itself; allowed: any name but " +
                          joinNames(taken));
   }
 }

@@ -9,6 +9,8 @@
 namespace variator_sim {
 namespace {
 
+constexpr std::size_t kLongestName = 100;
+
 /// Keys at the scene's root that are not names in one of its lists.
 const std::vector<std::string>& sceneKeys() {
   static const std::vector<std::string> keys{
@@ -36,20 +38,21 @@ void checkNames(const SceneNames& lists, const std::vector<std::string>& node_ke
       const std::string path = elementPath(list, i);
       const std::string& name = names[i];
       if (!isName(name)) {
-        throw SceneError(path, "'" + name +
-                                   "' is not a valid name; allowed: letters, digits and '_', "
-                                   "starting with a letter");
+        throw SceneError(path, inQuotes(name) +
+                                   " is not a valid name; allowed: letters, digits and '_', "
+                                   "starting with a letter, " +
+                                   std::to_string(kLongestName) + " at most");
       }
       const std::vector<std::string> taken = joined(sceneKeys(), node_keys);
       if (contains(taken, name)) {
-        throw SceneError(path, "'" + name + "' is a key of the " +
+        throw SceneError(path, inQuotes(name) + " is a key of the " +
                                    (contains(sceneKeys(), name) ? "scene" : "node") +
                                    " itself; allowed: any name but " + joinNames(taken));
       }
       const auto [other, is_new] = listed_in.emplace(name, list);
       if (!is_new) {
         throw SceneError(path,
-                         "'" + name + "' is listed twice" +
+                         inQuotes(name) + " is listed twice" +
                              (other->second == list ? std::string()
                                                     : ": in " + other->second + " and in " + list) +
                              "; allowed: names that differ from those of all shafts, torques, "
@@ -76,9 +79,9 @@ SceneNames readLists(const ParameterTree& tree, ParameterReader& root,
     }
     const std::string misspelt = findNearestName("shafts", keys);
     throw SceneError(
-        "shafts",
-        "missing; expected " + shafts_expected +
-            (misspelt.empty() ? std::string() : " (is '" + misspelt + "' meant for 'shafts'?)"));
+        "shafts", "missing; expected " + shafts_expected +
+                      (misspelt.empty() ? std::string()
+                                        : " (is " + inQuotes(misspelt) + " meant for 'shafts'?)"));
   }
   SceneNames lists;
   lists.shafts = root.names("shafts");
@@ -131,6 +134,7 @@ std::vector<std::string> SceneNames::all() const {
 }
 
 bool isName(const std::string& name) {
+  if (name.size() > kLongestName) return false;
   const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
   return !name.empty() && is_letter(name.front()) &&
          std::all_of(name.begin(), name.end(),

@@ -16,7 +16,7 @@ void checkFormulaNames(const SceneNames& scene, const char* list,
     const std::string taken = expression::describeTakenName(names[i], scene.shafts);
     if (taken.empty()) continue;
     throw SceneError(elementPath(list, i),
-                     "'" + names[i] + "' is " + taken + " in formulas; choose another");
+                     inQuotes(names[i]) + " is " + taken + " in formulas; choose another");
   }
 }
 

@@ -85,7 +85,7 @@ KeptReaction readKeptReaction(ParameterReader& reader, const Scene& scene) {
   for (const std::string& name : reader.names("free_shafts")) {
     const auto found = std::find(scene.shafts.begin(), scene.shafts.end(), name);
     if (found == scene.shafts.end()) {
-      throw SceneError(reader.keyPath("free_shafts"), "'" + name + "' is not a shaft");
+      throw SceneError(reader.keyPath("free_shafts"), inQuotes(name) + " is not a shaft");
     }
     kept.is_free[found - scene.shafts.begin()] = true;
   }

@@ -65,7 +65,7 @@ struct NamedSample {
   double at(const std::string& column) const {
     const auto place = names->places.find(column);
     if (place == names->places.end()) {
-      throw py::key_error("'" + column + "' is no column of a sample" +
+      throw py::key_error(inQuotes(column) + " is no column of a sample" +
                           suggestName(column, names->names) +
                           "; allowed: " + joinNames(names->names));
     }
@@ -170,7 +170,7 @@ class PythonSimulation {
       case CommandResult::kRefused:
         break;
     }
-    throw std::invalid_argument("command on '" + topic + "': " + std::to_string(value) +
+    throw std::invalid_argument("command on " + inQuotes(topic) + ": " + std::to_string(value) +
                                 "; allowed: any finite number");
   }
   NamedSample sample() {

@@ -93,7 +93,8 @@ int Session::findInput(const std::string& topic) const {
   std::vector<std::string> topics;
   topics.reserve(inputs.size());
   for (const CommandInputSettings& input : inputs) topics.push_back(input.topic);
-  throw std::invalid_argument("unknown topic '" + topic + "'" + suggestName(topic, topics) + "; " +
+  throw std::invalid_argument("unknown topic " + inQuotes(topic) + suggestName(topic, topics) +
+                              "; " +
                               (topics.empty() ? "this scene takes no commands"
                                               : "the scene's topics are " + joinNames(topics)));
 }

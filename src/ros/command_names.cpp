@@ -10,16 +10,10 @@
 namespace variator_sim {
 namespace {
 
-/// Nobody types a longer one, and a message may be long.
-constexpr std::size_t kLongestTopic = 256;
-
 std::string refuseTopic(const std::vector<std::string>& known, const std::string& topic) {
   const std::string allowed = known.empty() ? "; it has none" : "; it has: " + joinNames(known);
-  if (topic.size() > kLongestTopic) {
-    return "a command topic of " + std::to_string(topic.size()) +
-           " characters is not in the scene" + allowed;
-  }
-  return "command topic '" + topic + "' is not in the scene" + suggestName(topic, known) + allowed;
+  return "command topic " + inQuotes(topic) + " is not in the scene" + suggestName(topic, known) +
+         allowed;
 }
 
 }  // namespace
@@ -38,11 +32,11 @@ std::string readCommands(const std::vector<std::string>& known,
     if (found == known.end()) return refuseTopic(known, topics[i]);
     const auto input = static_cast<std::size_t>(found - known.begin());
     if (std::exchange(seen[input], true)) {
-      return "command topic '" + topics[i] + "' is given twice";
+      return "command topic " + inQuotes(topics[i]) + " is given twice";
     }
     if (!std::isfinite(values[i])) {
-      return "the command for '" + topics[i] + "' is " + ParameterTree::real(values[i]).toText() +
-             "; it must be finite";
+      return "the command for " + inQuotes(topics[i]) + " is " +
+             ParameterTree::real(values[i]).toText() + "; it must be finite";
     }
     group.commands[static_cast<std::size_t>(group.count++)] = {static_cast<int>(input), values[i]};
   }

@@ -79,9 +79,9 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     return server;
   } catch (const SceneError& error) {
     const char* separator = error.keyPath().empty() ? ": " : "/";
-    throw std::runtime_error(name_space + separator + error.what());
+    throw Error(name_space + separator + error.what());
   } catch (const std::exception& error) {
-    throw std::runtime_error(name_space + ": " + error.what());
+    throw Error(name_space + ": " + error.what());
   }
 }
 

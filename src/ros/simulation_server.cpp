@@ -26,7 +26,7 @@ void checkTopic(const CommandInputSettings& input) {
   const std::string key = input.owner + "/topic";
   std::string error;
   if (!ros::names::validate(input.topic, error)) {
-    throw SceneError(key, "'" + input.topic + "' is not a ROS name: " + error);
+    throw SceneError(key, inQuotes(input.topic) + " is not a ROS name: " + error);
   }
 }
 

@@ -129,11 +129,12 @@ TrimChoice readChoice(const std::string& option, const std::string& text, bool n
   TrimChoice choice;
   choice.name = text.substr(0, equals);
   if (equals == std::string::npos) {
-    if (needs_value) throw UsageError(option + ": '" + text + "' is not NAME=VALUE");
+    if (needs_value) throw UsageError(option + ": " + inQuotes(text) + " is not NAME=VALUE");
     return choice;
   }
   if (!readTime(text.substr(equals + 1), &choice.value) || !std::isfinite(choice.value)) {
-    throw UsageError(option + ": '" + text + "' has no finite number behind the equals sign");
+    throw UsageError(option + ": " + inQuotes(text) +
+                     " has no finite number behind the equals sign");
   }
   return choice;
 }

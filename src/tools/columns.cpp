@@ -37,10 +37,10 @@ ColumnGroups readColumnGroups(const std::string& list) {
     const std::size_t end = std::min(list.find(',', begin), list.size());
     const std::string name = list.substr(begin, end - begin);
     if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
-      throw std::invalid_argument("'" + name + "' is no group of columns" +
+      throw std::invalid_argument(inQuotes(name) + " is no group of columns" +
                                   suggestName(name, allowed) + "; allowed: " + joinNames(allowed));
     }
-    if (is_wanted(name)) throw std::invalid_argument("'" + name + "' is given twice");
+    if (is_wanted(name)) throw std::invalid_argument(inQuotes(name) + " is given twice");
     wanted.push_back(name);
     begin = end + 1;
   }

@@ -22,8 +22,9 @@ int findInput(const TimedCommand& command, const Scene& scene, const std::string
   }
   const std::string allowed = topics.empty() ? "this scene takes no commands"
                                              : "the scene's topics are " + joinNames(topics);
-  throw CommandFileError(path + ":" + std::to_string(command.line) + ": unknown topic '" +
-                         command.topic + "'" + suggestName(command.topic, topics) + "; " + allowed);
+  throw CommandFileError(path + ":" + std::to_string(command.line) + ": unknown topic " +
+                         inQuotes(command.topic) + suggestName(command.topic, topics) + "; " +
+                         allowed);
 }
 
 }  // namespace

@@ -2,21 +2,21 @@
 #pragma once
 
 #include <memory>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "tools/offline_run.h"
 #include "tools/simulate_options.h"
+#include "variator_sim/errors.h"
 
 namespace variator_sim {
 
 class Simulation;
 
 /// The output cannot be written; what() names it and the system's reason.
-class OutputError : public std::runtime_error {
+class OutputError : public Error {
  public:
-  using std::runtime_error::runtime_error;
+  using Error::Error;
 };
 
 /// Whoever read our output has gone (`simulate ... | head`): nobody wants the rest.

@@ -11,6 +11,7 @@
 #include <exception>
 #include <limits>
 #include <memory>
+#include <new>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -44,14 +45,21 @@ enum ExitStatus {
 };
 
 volatile std::sig_atomic_t g_signal = 0;
+/// Whether something looks at g_signal: before, there is nothing that would have to end well.
+volatile std::sig_atomic_t g_signal_is_heard = 0;
 
-void rememberSignal(int signal) {
+void takeSignal(int signal) {
+  if (g_signal_is_heard == 0) {
+    constexpr char kMessage[] = "simulate: interrupted before the start\n";
+    if (::write(STDERR_FILENO, kMessage, sizeof(kMessage) - 1) < 0) ::_exit(kBadOutput);
+    ::_exit(kSignalBase + signal);
+  }
   g_signal = signal;
 }
 
 void installSignalHandlers() {
   struct sigaction action = {};
-  action.sa_handler = rememberSignal;
+  action.sa_handler = takeSignal;
   action.sa_flags = static_cast<int>(SA_RESETHAND);  // the second Ctrl-C ends us at once
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
@@ -195,7 +203,7 @@ int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
       writeStateFile(options.save_state_path, *state, simulation);
     } else {
       std::fprintf(stderr, "simulate: the motion has stopped: no state is saved in %s\n",
-                   options.save_state_path.c_str());
+                   inQuotes(options.save_state_path).c_str());
     }
   }
   if (!options.until_rest || !simulation.status().ok() || g_signal != 0) return kSuccess;
@@ -263,7 +271,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   if (offline_run.refusedCount() > 0) {
     std::fprintf(stderr, "simulate: warning: %llu commands refused, not finite; the first: %s:%d\n",
                  static_cast<unsigned long long>(offline_run.refusedCount()),
-                 options.commands_path.c_str(), offline_run.firstRefusedLine());
+                 escaped(options.commands_path, 300).c_str(), offline_run.firstRefusedLine());
   }
   if (!simulation.status().ok()) {
     std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
@@ -348,6 +356,7 @@ int runSimulate(const std::vector<std::string>& words) {
   }
   Simulation simulation = loadSimulation(options);
   if (options.compile) {
+    g_signal_is_heard = 1;
     const bool is_loaded = simulation.loadMachineCode(true);
     std::fprintf(stderr, "simulate: formulas are run by %s\n", simulation.machineCode().c_str());
     return is_loaded ? kSuccess : kBadOutput;
@@ -355,6 +364,7 @@ int runSimulate(const std::vector<std::string>& words) {
   if (options.explain) return explain(simulation, options);
   if (!options.emit_c_path.empty()) return emitC(simulation, options);
   if (options.trim) return runTrim(simulation.scene(), options) ? kSuccess : kStopped;
+  g_signal_is_heard = 1;
   if (options.linearize) {
     if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
     const bool is_done =
@@ -401,16 +411,16 @@ int main(int argc, char** argv) {
   } catch (const UsageError& error) {
     std::fprintf(stderr, "simulate: %s\nTry: simulate --help\n", error.what());
     return kBadUsage;
-  } catch (const SceneError& error) {
-    std::fprintf(stderr, "simulate: %s\n", error.what());
-    return kBadUsage;
   } catch (const OutputClosed&) {
     return kSuccess;
   } catch (const OutputError& error) {
     std::fprintf(stderr, "simulate: %s\n", error.what());
     return kBadOutput;
+  } catch (const std::bad_alloc&) {
+    std::fputs("simulate: this takes more memory than there is\n", stderr);
+    return kBadUsage;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "simulate: %s\n", error.what());
+    std::fprintf(stderr, "simulate: %s\n", presentable(error.what()).c_str());
     return kBadUsage;
   }
 }

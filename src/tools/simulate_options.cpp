@@ -35,7 +35,7 @@ double readNumber(const std::string& option, const std::string& word) {
   const char* end = word.data() + word.size();
   const auto [rest, error] = std::from_chars(word.data(), end, value);
   if (error != std::errc() || rest != end || !std::isfinite(value)) {
-    throw UsageError(option + ": '" + word + "' is not a finite number");
+    throw UsageError(option + ": " + inQuotes(word) + " is not a finite number");
   }
   return value;
 }
@@ -46,9 +46,9 @@ std::vector<double> readTimes(const std::string& word) {
   while (true) {
     const std::size_t comma = word.find(',', begin);
     const double time = readNumber("--times", word.substr(begin, comma - begin));
-    if (time < 0.0) throw UsageError("--times: '" + word + "' holds a time below 0 s");
+    if (time < 0.0) throw UsageError("--times: " + inQuotes(word) + " holds a time below 0 s");
     if (!times.empty() && time < times.back()) {
-      throw UsageError("--times: '" + word + "' is not in ascending order");
+      throw UsageError("--times: " + inQuotes(word) + " is not in ascending order");
     }
     times.push_back(time);
     if (comma == std::string::npos) return times;
@@ -64,7 +64,7 @@ bool endsWith(const std::string& text, const std::string& ending) {
 OutputFormat formatOf(const std::string& path) {
   if (path.empty() || endsWith(path, ".csv")) return OutputFormat::kCsv;
   if (endsWith(path, ".bag")) return OutputFormat::kBag;
-  throw UsageError("--output: '" + path + "' ends neither with .csv nor with .bag");
+  throw UsageError("--output: " + inQuotes(path) + " ends neither with .csv nor with .bag");
 }
 
 /// Walks through the words; an option's value is the next word or stands behind an equals sign.
@@ -199,7 +199,7 @@ void refuseOverwriting(const SimulateOptions& options) {
         !std::filesystem::equivalent(written.path, other.path, ignored)) {
       return;
     }
-    throw UsageError(std::string(option) + ": '" + written.path + "' is " + other.what);
+    throw UsageError(std::string(option) + ": " + inQuotes(written.path) + " is " + other.what);
   };
   for (const File& other : {scene, commands}) {
     refuse("--output", output, other);
@@ -268,12 +268,12 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
       word.refuseValue();
       *flag = true;
     } else if (word.isOption()) {
-      throw UsageError("unknown option '" + name + "'" + suggestName(name, optionNames()));
+      throw UsageError("unknown option " + inQuotes(name) + suggestName(name, optionNames()));
     } else if (options.scene_path.empty()) {
       options.scene_path = name;
     } else {
-      throw UsageError("'" + name + "' is one word too many: the scene is '" + options.scene_path +
-                       "'");
+      throw UsageError(inQuotes(name) + " is one word too many: the scene is " +
+                       inQuotes(options.scene_path));
     }
   }
   completeOptions(has_rate, options);

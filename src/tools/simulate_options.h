@@ -1,18 +1,18 @@
 /// The command line of `simulate`.
 #pragma once
 
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "tools/columns.h"
+#include "variator_sim/errors.h"
 
 namespace variator_sim {
 
 /// A command line that cannot be followed; what() says which word and what is allowed.
-class UsageError : public std::runtime_error {
+class UsageError : public Error {
  public:
-  using std::runtime_error::runtime_error;
+  using Error::Error;
 };
 
 enum class OutputFormat { kCsv, kBag };

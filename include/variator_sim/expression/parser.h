@@ -4,11 +4,11 @@
 #include <functional>
 #include <map>
 #include <set>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "variator_sim/component_context.h"
+#include "variator_sim/errors.h"
 #include "variator_sim/expression/graph.h"
 #include "variator_sim/scene_symbols.h"
 
@@ -18,7 +18,7 @@ namespace variator_sim::expression {
 constexpr int kMaxNesting = 200;
 
 /// A text that is not a formula. what() says what is wrong, at which column, and shows the place.
-class ExpressionError : public std::runtime_error {
+class ExpressionError : public Error {
  public:
   /// `column` counts characters of `text` from 1.
   ExpressionError(const std::string& message, const std::string& text, int column);

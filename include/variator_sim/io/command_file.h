@@ -1,16 +1,17 @@
 /// Commands for the offline tool: a CSV with the header `time,topic,value`.
 #pragma once
 
-#include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "variator_sim/errors.h"
 
 namespace variator_sim {
 
 /// A command file that cannot be used. what() names file:line, the text and what is expected.
-class CommandFileError : public std::runtime_error {
+class CommandFileError : public Error {
  public:
-  using std::runtime_error::runtime_error;
+  using Error::Error;
 };
 
 struct TimedCommand {
