@@ -137,6 +137,7 @@ TEST(YamlTree, FaultsNameFileLineAndColumn) {
         BadYaml{"a:\n  b: {c: 1, c: 2}\n", "s.yaml:2:13: ", "'c' stands twice"},
         BadYaml{"a: [1, 2\nb: 3\n", "s.yaml:", "not valid YAML"},
         BadYaml{"a: 1\n b: 2\n", "s.yaml:2:", "not valid YAML"},
+        BadYaml{"a:\n\tb: 2\n", "s.yaml:2:", "line 2 is indented by a tab"},
         BadYaml{"a: *nobody\n", "s.yaml:1:4: ", "not valid YAML"},
         BadYaml{"", "s.yaml:1:1: ", "expected a mapping"},
         BadYaml{"# nothing\n", "s.yaml:", "expected a mapping"},

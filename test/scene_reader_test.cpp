@@ -255,7 +255,10 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{base() + "moter: {type: fake/Command}\n",
                  "moter",
                  {"'motor'",
-                  "in none of the lists shafts, torques, constraints, inputs, tables, outputs"}},
+                  "in none of the lists shafts, torques, constraints, inputs, tables, outputs",
+                  "as its 'type' belongs in 'torques' or 'constraints'"}},
+        BadScene{
+            base() + "wheel: {inertia: 2}\n", "wheel", {"as its 'inertia' belongs in 'shafts'"}},
         BadScene{base() + "outputs: [ratio]\n", "ratio", {"missing"}},
         BadScene{base() + "outputs: [drive]\n",
                  "outputs[0]",

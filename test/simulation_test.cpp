@@ -460,6 +460,9 @@ initial: {velocity: [1]}
   const MotionStatus& status = simulation.advanceTo(2.0);
   EXPECT_EQ(status.reason, StopReason::kStepUnderflow);
   EXPECT_NEAR(status.time, 1.0, 1e-6);
+  EXPECT_NE(simulation.describeStatus().find("driven by torque 'motor': is its sign right?"),
+            std::string::npos)
+      << simulation.describeStatus();
 }
 
 TEST(Stops, AValueThatLeavesItsDomainIsNamed) {

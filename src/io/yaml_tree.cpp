@@ -335,6 +335,20 @@ YAML::Node loadOnlyDocument(const std::string& text, const Converter& converter,
   return YAML::Load(text);
 }
 
+/// What yaml-cpp does not say of a fault on the 0-based `line`: a tab indents it, or the one
+/// before.
+std::string describeTab(const std::string& text, int line) {
+  std::istringstream lines(text);
+  std::string words;
+  for (int i = 0; i <= line && std::getline(lines, words); ++i) {
+    const std::size_t begin = words.find_first_not_of(" \t");
+    const bool has_tab = words.substr(0, begin).find('\t') != std::string::npos;
+    if (i + 1 < line || !has_tab || begin == std::string::npos) continue;
+    return "; line " + std::to_string(i + 1) + " is indented by a tab: YAML wants spaces";
+  }
+  return "";
+}
+
 /// The tree of `text`; `check` may refuse it, and is told where its root stands.
 template <class Check>
 ParameterTree readYaml(const std::string& text, const std::string& source_name, Check check) {
@@ -346,7 +360,8 @@ ParameterTree readYaml(const std::string& text, const std::string& source_name, 
     check(converter, tree, is_empty ? YAML::Mark() : root.Mark());
     return tree;
   } catch (const YAML::Exception& error) {
-    throw converter.error(error.mark, "not valid YAML: " + error.msg);
+    throw converter.error(error.mark,
+                          "not valid YAML: " + error.msg + describeTab(text, error.mark.line));
   } catch (const std::bad_alloc&) {
     throw converter.error(YAML::Mark::null_mark(), "takes more memory than there is");
   }

@@ -106,9 +106,14 @@ const ComponentKind kConstraintKind{
                                ": its name belongs in " + other.list + ", not in " + kind.list +
                                "; allowed: " + joinNames(types));
   }
-  throw SceneError(path, inQuotes(type) + " is not a known type of " + kind.name +
-                             suggestName(type, types) +
-                             "; allowed: " + (types.empty() ? "none" : joinNames(types)));
+  const std::string package = type.substr(0, type.find('/'));
+  const bool is_elsewhere = package != type && package != "variator_sim";
+  throw SceneError(
+      path, inQuotes(type) + " is not a known type of " + kind.name + suggestName(type, types) +
+                (is_elsewhere ? ": is the package '" + package +
+                                    "' built, and its setup.bash sourced in this terminal?"
+                              : "") +
+                "; allowed: " + (types.empty() ? "none" : joinNames(types)));
 }
 
 /// A component's outputs become columns NAME/OUTPUT.

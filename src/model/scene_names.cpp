@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <utility>
 
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/types.h"
@@ -106,6 +107,19 @@ SceneNames readLists(const ParameterTree& tree, ParameterReader& root,
   return lists;
 }
 
+/// The list that the name of such a dictionary is likely to be missing in.
+std::string likelyList(const ParameterTree& value) {
+  const ParameterTree::Dictionary& keys = value.asDictionary();
+  for (const auto& [key, list] : {std::pair{"inertia", "'shafts'"},
+                                  {"type", "'torques' or 'constraints'"},
+                                  {"topic", "'inputs'"},
+                                  {"values", "'tables'"},
+                                  {"expression", "'outputs'"}}) {
+    if (keys.count(key) > 0) return std::string(", as its '") + key + "' belongs in " + list;
+  }
+  return "";
+}
+
 /// Refuses keys at the root that are neither the scene's, nor the node's, nor a listed name. Plain
 /// values come first: a misspelt list would otherwise be blamed on the dictionaries it orders.
 void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& allowed) {
@@ -119,7 +133,8 @@ void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& al
           key,
           "unknown key" + suggestName(key, allowed) +
               (dictionaries ? "; it is in none of the lists shafts, torques, constraints, inputs, "
-                              "tables, outputs"
+                              "tables, outputs" +
+                                  likelyList(value)
                             : "") +
               "; allowed: " + joinNames(allowed));
     }

@@ -1,7 +1,11 @@
 #include "variator_sim/simulation.h"
 
+#include <algorithm>
+#include <cmath>
 #include <sstream>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "motion/error_estimate.h"
 #include "motion/motion.h"
@@ -53,6 +57,32 @@ const char* explain(StopReason reason) {
       return "no accelerations that satisfy the constraints were found";
   }
   return "";
+}
+
+/// Of a step that underflowed at speeds which no machine has: who drives there.
+std::string describeRunaway(Motion& motion) {
+  constexpr double kNoMachine = 1e6;  // rad/s
+  const Sample& sample = motion.sample();
+  double fastest = 0.0;
+  for (int i = 0; i < motion.scene().shaftCount(); ++i) {
+    fastest = std::max(fastest, std::abs(sample.velocity[i]));
+  }
+  if (fastest < kNoMachine) return "";
+  const std::vector<std::string>& names = motion.quantities().names(QuantityGroup::kElements);
+  std::vector<double> values(names.size());
+  motion.calcQuantities(QuantityGroup::kElements, values.data());
+  const std::string power = "/power";
+  std::string driver;
+  double greatest = 0.0;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const std::size_t end = names[i].size() - std::min(names[i].size(), power.size());
+    if (names[i].compare(end, power.size(), power) != 0 || values[i] <= greatest) continue;
+    greatest = values[i];
+    driver = names[i].substr(0, end);
+  }
+  if (driver.empty()) return "";
+  return "; the shafts run away, driven by torque '" + driver +
+         "': is its sign right? (positive accelerates, a load is negative)";
 }
 
 }  // namespace
@@ -171,6 +201,7 @@ std::string Simulation::describeStatus() const {
       (stepper == StepperKind::kTaylor || stepper == StepperKind::kTaylorFixed)) {
     text << ", or has no power series here (w^1.5 at w = 0), where 'solver/stepper: auto' goes on";
   }
+  if (status.reason == StopReason::kStepUnderflow) text << describeRunaway(*motion_);
   if (status.torque >= 0) {
     text << "; torque '" << scene.torques[static_cast<std::size_t>(status.torque)]->name() << "'";
   }
