@@ -38,8 +38,8 @@ class FirstContactTest(unittest.TestCase):
 
     def test_programs_are_unique(self):
         """rosrun asks which one is meant where it finds two."""
-        for name in ("simulate", "variator_sim_node", "panel", "plot_bag", "scene_urdf", "sweep",
-                     "torque_profile"):
+        for name in ("simulate", "variator_sim_node", "duty_cycle", "panel", "plot_bag", "ratio_controller",
+                     "scene_urdf", "speed_controller", "sweep", "torque_profile"):
             with self.subTest(program=name):
                 self.assertEqual(len(roslib.packages.find_node(PACKAGE, name)), 1)
 
