@@ -110,8 +110,8 @@ const ComponentKind kConstraintKind{
   const bool is_elsewhere = package != type && package != "variator_sim";
   throw SceneError(
       path, inQuotes(type) + " is not a known type of " + kind.name + suggestName(type, types) +
-                (is_elsewhere ? ": is the package '" + package +
-                                    "' built, and its setup.bash sourced in this terminal?"
+                (is_elsewhere ? ": is the package " + inQuotes(package) +
+                                    " built, and its setup.bash sourced in this terminal?"
                               : "") +
                 "; allowed: " + (types.empty() ? "none" : joinNames(types)));
 }
