@@ -1,6 +1,9 @@
 /// What a character of a formula is. std::isalpha and friends depend on the locale.
 #pragma once
 
+#include <cstddef>
+#include <string>
+
 namespace variator_sim::expression {
 
 inline bool isDigit(char c) {
@@ -21,6 +24,15 @@ inline bool isControl(char c) {
 /// True for the bytes that continue a UTF-8 character.
 inline bool continuesCharacter(char c) {
   return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U;
+}
+
+/// The column, from 1, of the character at `offset`.
+inline int columnOf(const std::string& text, std::size_t offset) {
+  int column = 1;
+  for (std::size_t i = 0; i < offset && i < text.size(); ++i) {
+    column += continuesCharacter(text[i]) ? 0 : 1;
+  }
+  return column;
 }
 
 }  // namespace variator_sim::expression

@@ -342,11 +342,9 @@ void Graph::deriveInto(Node node, const std::vector<Rate>& rates, Derivatives& d
   if (derivatives[count - 1].index >= 0) {
     return;
   }
-  const std::vector<bool> reachable = findReachable({node});
-  for (std::size_t i = 0; i < count; ++i) {
-    if (reachable[i] && derivatives[i].index < 0) {
-      derivatives[i] = deriveOne({static_cast<int>(i)}, rates, derivatives);
-    }
+  for (const int i : listReachable({node})) {
+    Node& derivative = derivatives[static_cast<std::size_t>(i)];
+    if (derivative.index < 0) derivative = deriveOne({i}, rates, derivatives);
   }
 }
 

@@ -193,32 +193,45 @@ std::vector<bool> Graph::findReachable(const std::vector<Node>& nodes) const {
   return reachable;
 }
 
-bool Graph::dependsOn(Node node, int slot) const {
-  const std::vector<bool> reachable = findReachable({node});
-  for (std::size_t i = 0; i < reachable.size(); ++i) {
-    if (reachable[i] && entries_[i].operation == Operation::kVariable && entries_[i].slot == slot) {
-      return true;
+std::vector<int> Graph::listReachable(const std::vector<Node>& nodes) const {
+  // Operands have smaller indices: who is largest has no user left to come.
+  std::vector<int> waiting;
+  for (const Node node : nodes) waiting.push_back(node.index);
+  std::make_heap(waiting.begin(), waiting.end());
+  std::vector<int> reachable;
+  while (!waiting.empty()) {
+    const int largest = waiting.front();
+    std::pop_heap(waiting.begin(), waiting.end());
+    waiting.pop_back();
+    if (!reachable.empty() && reachable.back() == largest) continue;
+    reachable.push_back(largest);
+    const Entry& it = entry({largest});
+    for (int k = 0; k < operandCount(it.operation); ++k) {
+      waiting.push_back(it.operands[k]);
+      std::push_heap(waiting.begin(), waiting.end());
     }
   }
-  return false;
+  std::reverse(reachable.begin(), reachable.end());
+  return reachable;
+}
+
+bool Graph::dependsOn(Node node, int slot) const {
+  const std::vector<int> reachable = listReachable({node});
+  return std::any_of(reachable.begin(), reachable.end(), [&](int i) {
+    return entry({i}).operation == Operation::kVariable && entry({i}).slot == slot;
+  });
 }
 
 bool Graph::hasOpaque(const std::vector<Node>& nodes) const {
-  const std::vector<bool> reachable = findReachable(nodes);
-  for (std::size_t i = 0; i < reachable.size(); ++i) {
-    if (reachable[i] && entries_[i].operation == Operation::kOpaque) return true;
-  }
-  return false;
+  const std::vector<int> reachable = listReachable(nodes);
+  return std::any_of(reachable.begin(), reachable.end(),
+                     [&](int i) { return entry({i}).operation == Operation::kOpaque; });
 }
 
 bool Graph::hasNonFiniteConstant(const std::vector<Node>& nodes) const {
-  const std::vector<bool> reachable = findReachable(nodes);
-  for (std::size_t i = 0; i < reachable.size(); ++i) {
-    if (reachable[i] && !std::isfinite(entries_[i].value)) {
-      return true;
-    }
-  }
-  return false;
+  const std::vector<int> reachable = listReachable(nodes);
+  return std::any_of(reachable.begin(), reachable.end(),
+                     [&](int i) { return !std::isfinite(entry({i}).value); });
 }
 
 }  // namespace variator_sim::expression

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <utility>
 
 #include "interval_program.h"
@@ -113,10 +114,8 @@ using Passage = std::pair<int, std::vector<double>>;
 /// Of all tables in `nodes`, each once.
 std::set<Passage> findPassages(const Graph& graph, const std::vector<Node>& nodes) {
   std::set<Passage> passages;
-  const std::vector<bool> reachable = graph.findReachable(nodes);
-  for (std::size_t i = 0; i < reachable.size(); ++i) {
-    if (!reachable[i]) continue;
-    const Graph::Entry& entry = graph.entry({static_cast<int>(i)});
+  for (const int i : graph.listReachable(nodes)) {
+    const Graph::Entry& entry = graph.entry({i});
     if (entry.operation == Operation::kTable) {
       passages.emplace(entry.operands[0], graph.tableOf(entry)->points());
     } else if (entry.operation == Operation::kTable2) {
@@ -125,6 +124,15 @@ std::set<Passage> findPassages(const Graph& graph, const std::vector<Node>& node
     }
   }
   return passages;
+}
+
+/// A guard repeats what it reads, so guards within guards could fill any memory.
+void count(Graph& graph, Node node) {
+  constexpr std::size_t kMostSteps = 500000;
+  if (graph.countGuardSteps(graph.listReachable({node}).size(), kMostSteps)) return;
+  throw std::length_error(
+      "in the scene's formulas abs, min, max, sign, clamp, if and tables stand too often within "
+      "each other");
 }
 
 bool isTime(const Graph::Entry& entry) {
@@ -145,10 +153,8 @@ std::vector<double> findInstants(const Graph& graph, const std::vector<Node>& no
 std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
   // By the index of the node whose sign counts: whether something jumps there.
   std::map<int, bool> found;
-  const std::vector<bool> reachable = graph.findReachable(nodes);
-  for (std::size_t i = 0; i < reachable.size(); ++i) {
-    if (!reachable[i]) continue;
-    const Graph::Entry entry = graph.entry({static_cast<int>(i)});
+  for (const int i : graph.listReachable(nodes)) {
+    const Graph::Entry entry = graph.entry({i});
     Node node;
     switch (entry.operation) {
       case Operation::kAbs:
@@ -170,11 +176,13 @@ std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
   std::vector<GuardPtr> guards;
   guards.reserve(found.size());
   for (const auto& [index, jumps] : found) {
+    count(graph, Node{index});
     guards.push_back(std::make_shared<SignGuard>(graph, Node{index}, jumps));
   }
   for (const auto& [argument, points] : findPassages(graph, nodes)) {
     const Node node{argument};
     if (graph.isConstant(node) || isTime(graph.entry(node))) continue;
+    count(graph, node);
     if (graph.hasOpaque({node})) {
       for (const double point : points) {
         const Node distance = graph.subtract(node, graph.constant(point));

@@ -200,19 +200,17 @@ Interval variableOf(const StateBox& box, int slot) {
 }  // namespace
 
 IntervalProgram::IntervalProgram(const Graph& graph, Node node) {
-  const std::vector<bool> reachable = graph.findReachable({node});
-  std::vector<int> place(reachable.size(), -1);
-  for (std::size_t i = 0; i < reachable.size(); ++i) {
-    if (!reachable[i]) continue;
-    const Graph::Entry& entry = graph.entry({static_cast<int>(i)});
+  const std::vector<int> reachable = graph.listReachable({node});
+  for (const int i : reachable) {
+    const Graph::Entry& entry = graph.entry({i});
     Step step{entry.operation, entry.slot, {-1, -1, -1, -1}, {}, {}, {}};
     for (int n = 0; n < operandCount(entry.operation); ++n) {
-      step.operands[n] = place[static_cast<std::size_t>(entry.operands[n])];
+      const auto place = std::lower_bound(reachable.begin(), reachable.end(), entry.operands[n]);
+      step.operands[n] = static_cast<int>(place - reachable.begin());
     }
     if (entry.operation == Operation::kTable) step.table = graph.tableOf(entry);
     if (entry.operation == Operation::kTable2) step.table2 = graph.table2Of(entry);
     step.order = {entry.order[0], entry.order[1]};
-    place[i] = static_cast<int>(steps_.size());
     steps_.push_back(step);
     registers_.push_back({entry.value, entry.value});
     if (entry.operation != Operation::kVariable) continue;

@@ -29,14 +29,6 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-int columnOf(const std::string& text, std::size_t offset) {
-  int column = 1;
-  for (std::size_t i = 0; i < std::min(offset, text.size()); ++i) {
-    column += continuesCharacter(text[i]) ? 0 : 1;
-  }
-  return column;
-}
-
 /// Reads one text. A rule's function takes what the rule describes, makes its nodes and leaves the
 /// position at what comes next; it throws where that is impossible.
 class Parser {
@@ -198,6 +190,7 @@ class Parser {
 
   Node number() {
     const std::size_t begin = position_;
+    countOperand(begin);
     const std::size_t end = endOfNumber(begin);
     const std::string digits = text_.substr(begin, end - begin);
     double value = 0.0;
@@ -218,6 +211,7 @@ class Parser {
 
   /// `name` was taken from `where`; it has no arguments.
   Node variable(const std::string& name, std::size_t where) {
+    countOperand(where);
     const auto symbol = symbols_.find(name);
     if (symbol != symbols_.end()) {
       used_.insert(name);
@@ -277,6 +271,12 @@ class Parser {
     const Node low = is_less == has_equal ? left : right;
     const Node high = is_less == has_equal ? right : left;
     return graph_.select(low, high, values[has_equal ? 0 : 1], values[has_equal ? 1 : 0]);
+  }
+
+  void countOperand(std::size_t where) {
+    if (graph_.countOperand()) return;
+    fail(where, "the scene's formulas have more than " + std::to_string(graph_.mostOperands()) +
+                    " numbers and names in all; a table may take their place");
   }
 
   /// Behind a '(' at `where`.

@@ -92,16 +92,17 @@ class TapeBuilder {
   }
 
   void lower(const Graph& source, const std::vector<Node>& outputs) {
-    const std::vector<bool> reachable = source.findReachable(outputs);
+    const std::vector<int> reachable = source.listReachable(outputs);
     std::vector<Node> lowered(reachable.size());
+    const auto loweredOf = [&](int index) {
+      const auto place = std::lower_bound(reachable.begin(), reachable.end(), index);
+      return lowered[static_cast<std::size_t>(place - reachable.begin())];
+    };
     for (std::size_t i = 0; i < reachable.size(); ++i) {
-      if (!reachable[i]) {
-        continue;
-      }
-      const Graph::Entry& it = source.entry({static_cast<int>(i)});
+      const Graph::Entry& it = source.entry({reachable[i]});
       Node operands[4] = {};
       for (int k = 0; k < operandCount(it.operation); ++k) {
-        operands[k] = lowered[at(it.operands[k])];
+        operands[k] = loweredOf(it.operands[k]);
       }
       if (it.operation == Operation::kPower && graph_.isConstant(operands[1]) &&
           isMultipliedPower(graph_.constantValue(operands[1]))) {
@@ -111,7 +112,7 @@ class TapeBuilder {
       }
     }
     for (const Node output : outputs) {
-      outputs_.push_back(lowered[at(output.index)]);
+      outputs_.push_back(loweredOf(output.index));
     }
     needed_ = graph_.findReachable(outputs_);
   }

@@ -58,10 +58,9 @@ std::vector<unsigned> findReads(const Graph& graph, Source source, int s) {
 /// at best, for all that its second derivatives are zero.
 unsigned findPiecewise(const Graph& graph, const std::vector<unsigned>& reads, Node node) {
   unsigned mask = 0;
-  const std::vector<bool> reachable = graph.findReachable({node});
-  for (std::size_t n = 0; n < reachable.size(); ++n) {
-    if (!reachable[n] || !isPiecewise(graph.entry({static_cast<int>(n)}).operation)) continue;
-    const Graph::Entry& entry = graph.entry({static_cast<int>(n)});
+  for (const int n : graph.listReachable({node})) {
+    const Graph::Entry& entry = graph.entry({n});
+    if (!isPiecewise(entry.operation)) continue;
     // On its branches a select is what they are.
     const int compared = entry.operation == Operation::kSelect ? 2 : operandCount(entry.operation);
     for (int p = 0; p < compared; ++p) mask |= reads[static_cast<std::size_t>(entry.operands[p])];

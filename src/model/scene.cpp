@@ -318,6 +318,8 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   const SceneNames names = readSceneNames(tree, root, node.keys);
   Scene scene;
   scene.shafts = names.shafts;
+  constexpr int kMostOperands = 50000;
+  scene.graph->limitOperands(kMostOperands);
   readInertia(root, &scene);
   scene.principle = readPrinciple(root);
   scene.initial = readInitial(root, scene.shafts.size());

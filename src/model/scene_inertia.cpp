@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "model/scene_names.h"
@@ -14,8 +15,22 @@ namespace {
 
 struct ShaftInertia {
   double mean = 0.0;
+  double least = 0.0;  ///< over all angles
   std::vector<InertiaHarmonic> harmonics;
 };
+
+/// Two of one order are one.
+void add(const InertiaHarmonic& harmonic, std::vector<InertiaHarmonic>* all) {
+  const auto same = std::find_if(all->begin(), all->end(), [&](const InertiaHarmonic& other) {
+    return other.order == harmonic.order;
+  });
+  if (same == all->end()) {
+    all->push_back(harmonic);
+    return;
+  }
+  same->cosine += harmonic.cosine;
+  same->sine += harmonic.sine;
+}
 
 double calcInertia(const ShaftInertia& inertia, double angle) {
   double value = inertia.mean;
@@ -34,10 +49,29 @@ double calcLeastInertia(const ShaftInertia& inertia) {
   }
   const int points = 64 * highest;
   const double spacing = 2.0 * 3.14159265358979323846 / points;
-  double best = 0.0;
+  // A harmonic of an angle of the grid has the cosine and sine of another one.
+  const auto size = static_cast<std::size_t>(points);
+  std::vector<double> cosines;
+  std::vector<double> sines;
   for (int n = 0; n < points; ++n) {
-    if (calcInertia(inertia, n * spacing) < calcInertia(inertia, best)) best = n * spacing;
+    cosines.push_back(std::cos(n * spacing));
+    sines.push_back(std::sin(n * spacing));
   }
+  std::vector<double> values(size, inertia.mean);
+  for (const InertiaHarmonic& harmonic : inertia.harmonics) {
+    std::size_t other = 0;
+    for (double& value : values) {
+      value += harmonic.cosine * cosines[other] + harmonic.sine * sines[other];
+      other += static_cast<std::size_t>(harmonic.order);
+      if (other >= size) other -= size;
+    }
+  }
+  if (!std::all_of(values.begin(), values.end(),
+                   [](double value) { return std::isfinite(value); })) {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+  const auto least = std::min_element(values.begin(), values.end());
+  const double best = static_cast<double>(least - values.begin()) * spacing;
   double low = best - spacing;
   double high = best + spacing;
   constexpr double kGolden = 0.6180339887498949;
@@ -57,7 +91,7 @@ ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
   ShaftInertia inertia;
   const ParameterTree* value = reader.raw("inertia");
   if (value == nullptr || value->kind() != ParameterTree::Kind::kDictionary) {
-    inertia.mean = reader.number("inertia", Range::positive());
+    inertia.mean = inertia.least = reader.number("inertia", Range::positive());
     reader.finish();
     return inertia;
   }
@@ -79,15 +113,15 @@ ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
       harmonic.cosine = entry.number("cos", Range::any(), 0.0);
       harmonic.sine = entry.number("sin", Range::any(), 0.0);
       entry.finish();
-      inertia.harmonics.push_back(harmonic);
+      add(harmonic, &inertia.harmonics);
     }
   }
   parts.finish();
   reader.finish();
-  const double least = calcLeastInertia(inertia);
-  if (!(least > 0.0)) {
+  inertia.least = calcLeastInertia(inertia);
+  if (!(inertia.least > 0.0)) {
     throw SceneError(reader.keyPath("inertia"),
-                     value->toText() + " falls to " + ParameterTree::real(least).toText() +
+                     value->toText() + " falls to " + ParameterTree::real(inertia.least).toText() +
                          " kg m^2 at some angle; allowed: > 0 at every angle");
   }
   return inertia;
@@ -112,7 +146,7 @@ std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::
     if (name.kind() != ParameterTree::Kind::kText) throw unexpectedCoupling(path, coupling);
     const auto found = std::find(shafts.begin(), shafts.end(), name.asText());
     if (found == shafts.end()) {
-      throw SceneError(elementPath(path, i), "'" + name.asText() + "' is not a shaft" +
+      throw SceneError(elementPath(path, i), inQuotes(name.asText()) + " is not a shaft" +
                                                  suggestName(name.asText(), shafts) +
                                                  "; allowed: " + joinNames(shafts));
     }
@@ -171,7 +205,7 @@ void readInertia(ParameterReader& root, Scene* scene) {
   for (int i = 0; i < scene->shaftCount(); ++i) {
     ShaftInertia inertia = readShaftInertia(root, scene->shafts[static_cast<std::size_t>(i)]);
     scene->inertia(i, i) = inertia.mean;
-    least.push_back(calcLeastInertia(inertia));
+    least.push_back(inertia.least);
     constant = constant && inertia.harmonics.empty();
     scene->inertia_harmonics.push_back(std::move(inertia.harmonics));
   }

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <memory>
 #include <unordered_map>
@@ -184,10 +185,23 @@ class Graph {
   /// and no second derivatives.
   bool hasOpaque(const std::vector<Node>& nodes) const;
   const Entry& entry(Node node) const { return entries_[static_cast<std::size_t>(node.index)]; }
+  /// All formulas that are parsed into this graph may have so many numbers and names: what loading
+  /// a scene takes grows with them.
+  void limitOperands(int most) { most_operands_ = most; }
+  int mostOperands() const { return most_operands_; }
+  /// Counts an operand that stands in a formula; false when there are too many.
+  bool countOperand() { return ++operands_ <= most_operands_; }
+  /// The same of the steps that guards take together.
+  bool countGuardSteps(std::size_t steps, std::size_t most) {
+    return (guard_steps_ += steps) <= most;
+  }
   /// Number of nodes; all indices are below it.
   int size() const { return static_cast<int>(entries_.size()); }
   /// For every index up to the largest of `nodes`: whether one of `nodes` needs it.
   std::vector<bool> findReachable(const std::vector<Node>& nodes) const;
+  /// The indices of those that are, ascending: operands come first. It takes the time of what is
+  /// found, not that of the graph.
+  std::vector<int> listReachable(const std::vector<Node>& nodes) const;
 
  private:
   /// What the form of a node tells about its value.
@@ -237,6 +251,9 @@ class Graph {
   std::vector<std::shared_ptr<const Table2>> tables2_;
   std::vector<std::shared_ptr<const OpaqueFunction>> functions_;
   std::map<std::pair<int, double>, Derivatives> partials_;  ///< by slot and scale
+  int operands_ = 0;                                        ///< of formulas, as they are written
+  int most_operands_ = std::numeric_limits<int>::max();
+  std::size_t guard_steps_ = 0;
 };
 
 }  // namespace variator_sim::expression

@@ -1,0 +1,184 @@
+// What loading a scene may cost, whatever the scene says: 5 s and 500 MB. (What is left of those
+// is for slower machines and sanitizers: the worst of these takes a tenth.)
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <ctime>
+#include <functional>
+#include <string>
+
+#include "support/scenes.h"
+#include "variator_sim/errors.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+namespace {
+
+std::string repeat(int count, const std::function<std::string(int)>& piece,
+                   const std::string& between) {
+  std::string text;
+  for (int i = 0; i < count; ++i) text += (i == 0 ? "" : between) + piece(i);
+  return text;
+}
+std::string sum(int count, const std::function<std::string(int)>& piece) {
+  return repeat(count, piece, "+");
+}
+/// `open` and `close` around `inner`, `depth` times.
+std::string nest(int depth, const std::string& open, const std::string& inner,
+                 const std::string& close) {
+  std::string text;
+  for (int i = 0; i < depth; ++i) text += open;
+  text += inner;
+  for (int i = 0; i < depth; ++i) text += close;
+  return text;
+}
+std::string number(int i) {
+  return std::to_string(i);
+}
+std::string ofTorque(const std::string& formula) {
+  return "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [m]\n"
+         "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+         formula + "\"}\n";
+}
+std::string ofHarmonics(int shafts, int count, const std::function<int(int)>& order) {
+  const auto name = [](int i) { return "s" + number(i); };
+  return "shafts: [" + repeat(shafts, name, ", ") + "]\n" +
+         repeat(
+             shafts,
+             [&](int i) {
+               return name(i) + ": {inertia: {mean: 1e6, harmonics: [" +
+                      repeat(
+                          count,
+                          [&](int n) { return "{order: " + number(order(n)) + ", cos: 0.001}"; },
+                          ", ") +
+                      "]}}\n";
+             },
+             "");
+}
+
+struct Cost {
+  double seconds;
+  std::string error;
+};
+
+/// Of loading, s of processor time, up to where a run would begin.
+Cost load(const std::string& scene) {
+  Cost cost{};
+  const std::clock_t begin = std::clock();
+  try {
+    Simulation simulation(test::sceneFromText(scene));
+    simulation.sample();
+  } catch (const Error& error) {
+    cost.error = error.what();
+  }
+  cost.seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  return cost;
+}
+
+constexpr double kLongest = 5.0;           // s
+constexpr long kMostMemory = 500L * 1024;  // kB
+
+long peakMemory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return usage.ru_maxrss;
+}
+
+TEST(LoadCost, FormulasOfManyTerms) {
+  const std::string scenes[] = {
+      ofTorque(sum(24000, [](int i) { return "abs(w1-" + number(i) + ")"; })),
+      ofTorque(sum(9000, [](int i) { return "clamp(w1+" + number(i) + ",w2,phi1)"; })),
+      ofTorque(sum(9000, [](int i) { return "if(w1<w2+" + number(i) + ",1,2)"; })),
+      ofTorque(repeat(
+          24000, [](int i) { return "(w1+" + number(i) + "e-9)"; }, "*")),
+  };
+  for (const std::string& scene : scenes) {
+    const Cost cost = load(scene);
+    EXPECT_EQ(cost.error, "");
+    EXPECT_LT(cost.seconds, kLongest) << scene.substr(0, 200);
+  }
+  EXPECT_LT(peakMemory(), kMostMemory);
+}
+
+TEST(LoadCost, FormulasWithinEachOther) {
+  const auto nests = [](int count, int depth, const std::string& open, const std::string& close) {
+    return ofTorque(sum(count, [&](int i) { return nest(depth, open, "w1+" + number(i), close); }));
+  };
+  const Cost cost = load(nests(20, 190, "sin(w2-", ")"));
+  EXPECT_EQ(cost.error, "");
+  EXPECT_LT(cost.seconds, kLongest);
+  const Cost guards = load(nests(240, 190, "abs(w2-", ")"));
+  EXPECT_NE(guards.error.find("too often within each other"), std::string::npos) << guards.error;
+  EXPECT_LT(guards.seconds, kLongest);
+  EXPECT_LT(peakMemory(), kMostMemory);
+}
+
+TEST(LoadCost, FormulasThatAreTooLong) {
+  const std::string scenes[] = {
+      ofTorque(sum(60000, [](int i) { return "w1*" + number(i); })),
+      ofTorque(sum(500000, [](int) { return "(w1)"; })),
+      "shafts: [a]\na: {inertia: 1}\ntorques: [" +
+          repeat(
+              3000, [](int i) { return "m" + number(i); }, ", ") +
+          "]\n" +
+          repeat(
+              3000,
+              [](int i) {
+                return "m" + number(i) +
+                       ": {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+                       sum(20, [](int n) { return "w1^" + number(n); }) + "\"}\n";
+              },
+              ""),
+  };
+  for (const std::string& scene : scenes) {
+    const Cost cost = load(scene);
+    EXPECT_NE(cost.error.find("have more than 50000 numbers and names in all"), std::string::npos)
+        << cost.error;
+    EXPECT_LT(cost.seconds, kLongest);
+  }
+  EXPECT_LT(peakMemory(), kMostMemory);
+}
+
+TEST(LoadCost, ManyElements) {
+  const Cost cost = load("shafts: [a]\na: {inertia: 1}\ntorques: [" +
+                         repeat(
+                             8000, [](int i) { return "m" + number(i); }, ", ") +
+                         "]\n" +
+                         repeat(
+                             8000,
+                             [](int i) {
+                               return "m" + number(i) +
+                                      ": {type: variator_sim/Friction, shaft: a, coulomb: " +
+                                      number(i + 1) + "}\n";
+                             },
+                             ""));
+  EXPECT_EQ(cost.error, "");
+  EXPECT_LT(cost.seconds, kLongest);
+}
+
+TEST(LoadCost, Harmonics) {
+  const std::string scenes[] = {ofHarmonics(1, 1000, [](int) { return 1000; }),
+                                ofHarmonics(1, 19000, [](int) { return 1000; }),
+                                ofHarmonics(8, 1000, [](int n) { return n + 1; })};
+  for (const std::string& scene : scenes) {
+    const Cost cost = load(scene);
+    EXPECT_EQ(cost.error, "");
+    EXPECT_LT(cost.seconds, kLongest);
+  }
+}
+
+// Two harmonics of one order are one.
+TEST(LoadCost, HarmonicsOfOneOrderAreAdded) {
+  const Scene scene = test::sceneFromText(
+      "shafts: [a]\n"
+      "a: {inertia: {mean: 2, harmonics: [{order: 3, cos: 0.5}, {order: 1, sin: 0.25},"
+      " {order: 3, cos: 0.25, sin: 0.5}]}}\n");
+  ASSERT_EQ(scene.inertia_harmonics[0].size(), 2U);
+  EXPECT_EQ(scene.inertia_harmonics[0][0].order, 3);
+  EXPECT_EQ(scene.inertia_harmonics[0][0].cosine, 0.75);
+  EXPECT_EQ(scene.inertia_harmonics[0][0].sine, 0.5);
+  EXPECT_EQ(scene.inertia_harmonics[0][1].sine, 0.25);
+}
+
+}  // namespace
+}  // namespace variator_sim
