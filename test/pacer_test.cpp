@@ -10,6 +10,7 @@
 
 #include "ros/lateness.h"
 #include "ros/sample_ring.h"
+#include "ros/sample_schedule.h"
 
 namespace variator_sim {
 namespace {
@@ -116,6 +117,38 @@ TEST(Pacer, TicksTooHeavyForTheirRateFallBehindBounded) {
     ASSERT_LE(pacer.lateness(), Pacer::kMostBehind + 2 * kMillisecond);
   }
   EXPECT_GT(pacer.counters().lost_time, 9000 * kMillisecond);
+}
+
+// Ten ticks between two samples are no tenth of a second where each takes 5 ms.
+TEST(SampleSchedule, OverloadedItKeepsHalfItsRate) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e6);
+  pacer.anchor();
+  SampleSchedule samples;
+  samples.setRate(100.0, 1000.0);
+  samples.countFrom(pacer.tick(), clock.now());
+  int count = 0;
+  for (int n = 0; n < 1000; ++n) {
+    waitForTick(pacer);
+    count += samples.isDue(pacer) ? 1 : 0;
+    clock.pass(5 * kMillisecond);
+  }
+  EXPECT_GE(count, 240);  // 5 s
+  EXPECT_LE(count, 500);
+}
+
+TEST(SampleSchedule, ALateTickMakesNoFurtherSample) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e6);
+  pacer.anchor();
+  SampleSchedule samples;
+  samples.setRate(100.0, 1000.0);
+  samples.countFrom(pacer.tick(), clock.now());
+  for (int n = 1; n <= 100; ++n) {
+    if (n % 10 == 5) clock.pass(9 * kMillisecond);
+    waitForTick(pacer);
+    EXPECT_EQ(samples.isDue(pacer), n % 10 == 0) << n;
+  }
 }
 
 TEST(Pacer, ANewPeriodCountsFromNow) {

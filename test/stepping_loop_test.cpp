@@ -427,6 +427,35 @@ initial: {velocity: [1.0]}
   EXPECT_EQ(snapshot.time, std::llround(offline.status().time * 1e9));
 }
 
+// Unpaced and with slow ticks a node comes to the end of time within a second.
+TEST(SteppingLoop, StopsAtTheEndOfTimeAndSaysSo) {
+  for (const char* const scene : {kRestingScene, kScene}) {
+    ScriptedClock clock;
+    NodeSettings settings;
+    settings.tick_rate = settings.publish_rate = 1e-3;
+    settings.real_time_factor = scene == kRestingScene ? 0.0 : 1e10;
+    if (scene == kScene) settings.tick_rate = settings.publish_rate = 1e-8;
+    SteppingLoop loop(Simulation(test::sceneFromText(scene)), settings, clock);
+    std::int64_t last = 0;
+    LoopSnapshot snapshot;
+    int ticks = 0;
+    clock.on_sleep_ = [&](int) {
+      while (loop.popSnapshot(snapshot)) {
+        EXPECT_GE(snapshot.time, last);
+        last = snapshot.time;
+      }
+      if (snapshot.state == RunState::kStopped || ++ticks == 10000) loop.stop();
+    };
+    loop.run();
+    EXPECT_EQ(snapshot.state, RunState::kStopped);
+    EXPECT_EQ(snapshot.reason, StopReason::kTimeExhausted);
+    EXPECT_NEAR(static_cast<double>(last), static_cast<double>(kLastInstant), 1e3);
+    StopMessage message;
+    ASSERT_TRUE(loop.popStopMessage(message)) << scene;
+    EXPECT_NE(std::string(message.text.data()).find("~reset_time"), std::string::npos);
+  }
+}
+
 // --- at rest ----------------------------------------------------------------------------------
 /// What is to come of commands at their ticks, and what has come, compared sample by sample.
 void expectSamplesAsOffline(SteppingLoop& loop, const std::map<std::int64_t, double>& commands,

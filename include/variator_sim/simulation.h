@@ -58,6 +58,8 @@ class Simulation {
 
   /// Counts a command that was refused before it came here. [loop]
   void refuseCommand();
+  /// Stops the motion at its present because whoever moves it can count time no further.
+  void exhaustTime();
 
   /// When the next input goes without a command for its timeout, s; infinity when none will. [loop]
   double nextTimeout() const;

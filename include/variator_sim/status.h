@@ -17,7 +17,8 @@ enum class StopReason : std::uint8_t {
   kStepLimit,           ///< more steps than `solver/maximum_steps` within one simulated second
   kJumpFailed,          ///< no state on the constraint is reached by a jump of the inputs
   kProjectionFailed,    ///< Newton's iteration onto the constraint did not converge
-  kChattering           ///< a law jumps where the motion crosses back at once
+  kChattering,          ///< a law jumps where the motion crosses back at once
+  kTimeExhausted        ///< the node's simulated time, in whole nanoseconds, has come to its end
 };
 
 /// The name that users see: "SingularConstraint", "StepUnderflow", ...; "" for kNone.

@@ -97,6 +97,8 @@ class Integrator {
   /// Stops at the instant `time` (s, from the motion's start) for a value that is not finite at
   /// (t, x).
   void stopAtBadValue(double time, double t, const State& x);
+  /// Stops the motion for want of time behind `time`.
+  void exhaustTime(double time);
 
   // --- rest ------------------------------------------------------------------------------------
   bool isSleeping() const { return course_ == Course::kRest; }

@@ -29,6 +29,8 @@ const char* toString(StopReason reason) {
       return "ProjectionFailed";
     case StopReason::kChattering:
       return "Chattering";
+    case StopReason::kTimeExhausted:
+      return "TimeExhausted";
   }
   return "";
 }

@@ -53,6 +53,9 @@ const char* explain(StopReason reason) {
       return "a law jumps, or bends, where the motion turns back at once, so none of its branches "
              "goes on: a smooth law helps (tanh(w/0.01) for sign(w), sqrt(x^2+1e-6) for abs(x), "
              "variator_sim/Friction for dry friction)";
+    case StopReason::kTimeExhausted:
+      return "simulated time has come to the end of what messages can hold, 136 years: ~reset_time "
+             "begins it anew";
     case StopReason::kProjectionFailed:
       return "no accelerations that satisfy the constraints were found";
   }
@@ -155,6 +158,9 @@ std::string Simulation::describeStepper() const {
 }
 std::vector<std::string> Simulation::skips() const {
   return motion_->skips();
+}
+void Simulation::exhaustTime() {
+  motion_->exhaustTime();
 }
 void Simulation::refuseCommand() {
   motion_->refuseCommand();

@@ -8,8 +8,10 @@
 namespace variator_sim {
 
 constexpr double kNanosecondsPerSecond = 1e9;
-/// Half of what 64 bits hold: 146 years.
-constexpr std::int64_t kLastInstant = std::numeric_limits<std::int64_t>::max() / 2;
+/// The last second that a stamp of ROS holds, 136 years: less than half of what 64 bits do.
+constexpr std::int64_t kLastInstant =
+    std::int64_t{std::numeric_limits<std::uint32_t>::max()} * 1000000000;
+static_assert(kLastInstant < std::numeric_limits<std::int64_t>::max() / 2);
 
 /// The double nearest to ns * 1e-9: both operands are exact, one rounding by the division.
 inline double toSeconds(std::int64_t nanoseconds) {

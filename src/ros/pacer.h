@@ -69,6 +69,8 @@ class Pacer {
   std::int64_t lateness() const { return lateness_; }
   const Counters& counters() const { return counters_; }
   bool isPaced() const { return period_ > 0.0; }
+  /// Whether somebody else's clock sets the pace.
+  bool isFollowed() const { return followed_; }
   /// ns of the clock; 0 when unpaced.
   double period() const { return period_; }
 

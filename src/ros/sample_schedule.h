@@ -10,8 +10,9 @@
 namespace variator_sim {
 
 /// Paced, one tick in so many has a sample: publish_rate counts wall time, so what goes over the
-/// wire does not grow with the speed. Unpaced, a tick has one when the last is 1 / publish_rate
-/// ago. [loop]
+/// wire does not grow with the speed. Where ticks come too slowly for that (a node that its scene
+/// overloads), one has a sample, too, when the last is twice 1 / publish_rate ago. Unpaced, a tick
+/// has one when the last is 1 / publish_rate ago. [loop]
 class SampleSchedule {
  public:
   /// `publish_rate` in Hz; `speed`: ticks per s of the clock, 0 when unpaced. To be followed by
@@ -27,13 +28,16 @@ class SampleSchedule {
     count_ = 0;
     next_tick_ = base_ + toCount(ticks_per_sample_);
     next_time_ = now;
+    last_time_ = now;
   }
 
   /// Whether the last tick of `pacer` has a sample; to be asked once a tick.
   bool isDue(const Pacer& pacer) {
     if (pacer.isPaced()) {
-      if (pacer.tick() < next_tick_) return false;
-      passOver(pacer.tick());
+      const bool is_overdue =
+          !pacer.isFollowed() && pacer.tickStart() - last_time_ >= 2 * interval_;
+      if (pacer.tick() < next_tick_ && !is_overdue) return false;
+      passOver(pacer.tick(), pacer.tickStart());
       return true;
     }
     if (pacer.tickStart() < next_time_) return false;
@@ -43,8 +47,9 @@ class SampleSchedule {
 
   /// When paced: the next tick with a sample.
   std::int64_t nextTick() const { return next_tick_; }
-  /// When paced: samples up to `tick` have been taken or are left out.
-  void passOver(std::int64_t tick) {
+  /// When paced: samples up to `tick` have been taken or are left out, `now`, ns on the clock.
+  void passOver(std::int64_t tick, std::int64_t now) {
+    last_time_ = now;
     while (next_tick_ <= tick) {
       ++count_;
       // Sample m is due at tick round(m ticks_per_sample): no rounding error adds up.
@@ -59,6 +64,7 @@ class SampleSchedule {
   std::int64_t count_ = 0;      ///< since then
   std::int64_t next_tick_ = 0;  ///< paced only
   std::int64_t next_time_ = 0;  ///< unpaced only, ns on the clock
+  std::int64_t last_time_ = 0;  ///< paced only: when the last one was taken, ns on the clock
 };
 
 }  // namespace variator_sim

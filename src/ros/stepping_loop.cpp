@@ -188,7 +188,7 @@ void SteppingLoop::applySettings() {
 }
 
 void SteppingLoop::tick() {
-  moveToTick();
+  if (!moveToTick()) return;
   const bool has_sample =
       samples_due_.isDue(pacer_) && samples_wanted_.load(std::memory_order_relaxed);
   if (!isQuiet() || has_sample || commands_.read_available() > 0) {
@@ -204,10 +204,17 @@ void SteppingLoop::tick() {
   endSliceIfDue(pacer_.tickStart());
 }
 
-void SteppingLoop::moveToTick() {
-  const auto tick = static_cast<double>(pacer_.tick());
-  present_ = anchor_ + std::llround(tick * kNanosecondsPerSecond / tick_rate_);
+bool SteppingLoop::moveToTick() {
+  const double passed = static_cast<double>(pacer_.tick()) * kNanosecondsPerSecond / tick_rate_;
+  const std::int64_t left = kLastInstant - offset_ - anchor_;
+  present_ = anchor_ + std::min(toCount(passed), left);
   moment_ = pacer_.isPaced() ? pacer_.tickDue() : pacer_.tickStart();
+  if (passed <= static_cast<double>(left)) return true;
+  catchUp();
+  if (simulation_.status().ok()) simulation_.exhaustTime();
+  quiet_until_ = 0;
+  noticeStop();
+  return false;
 }
 
 void SteppingLoop::catchUp() {
@@ -238,9 +245,9 @@ void SteppingLoop::passOverRest() {
   const std::int64_t last = std::min(needed - 1, pacer_.lastDueTick());
   if (last <= pacer_.tick()) return;
   pacer_.passOver(last);
-  moveToTick();
+  if (!moveToTick()) return;
   catchUp();
-  samples_due_.passOver(pacer_.tick());
+  samples_due_.passOver(pacer_.tick(), clock_.now());
   noticeStop();
 }
 

@@ -131,7 +131,8 @@ class SteppingLoop {
   void applySettings();
   RunState state() const;
   void tick();
-  void moveToTick();
+  /// False when simulated time ends before: the motion is stopped there.
+  bool moveToTick();
   /// Brings the simulation to the present, which ticks may have moved alone.
   void catchUp();
   /// At rest: waits until a tick is needed and passes over those before it.
