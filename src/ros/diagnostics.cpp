@@ -2,8 +2,10 @@
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <diagnostic_updater/diagnostic_updater.h>
+#include <ros/console.h>
 #include <ros/node_handle.h>
 
+#include <exception>
 #include <utility>
 
 namespace variator_sim {
@@ -45,7 +47,13 @@ class Diagnostics::Publisher {
     now_ = now;
     health_ = judgeHealth(snapshot, now, before_);
     before_ = now;
-    if (listeners_.getNumSubscribers() > 0) updater_.force_update();
+    if (listeners_.getNumSubscribers() == 0) return;
+    try {
+      updater_.force_update();
+    } catch (const std::exception& error) {
+      // The updater adds its period to the time: in the last second of ROS time there is none left.
+      ROS_WARN_ONCE("no diagnostics: %s", error.what());
+    }
   }
 
  private:

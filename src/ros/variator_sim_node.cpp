@@ -1,6 +1,7 @@
 /// One scene, read from the node's private parameters, as a ROS node.
 #include <ros/callback_queue.h>
 #include <ros/console.h>
+#include <ros/exception.h>
 #include <ros/init.h>
 #include <ros/node_handle.h>
 
@@ -10,6 +11,7 @@
 #include <exception>
 
 #include "ros/server_from_parameters.h"
+#include "variator_sim/message_text.h"
 
 namespace {
 
@@ -49,6 +51,28 @@ bool isHelp(const char* argument) {
   return std::strcmp(argument, "--help") == 0 || std::strcmp(argument, "-h") == 0;
 }
 
+int runNode(int argc, char** argv) {
+  ros::init(argc, argv, "variator");  // takes NAME:=VALUE out of the arguments
+  if (argc > 1) {
+    std::fprintf(stderr,
+                 "variator_sim_node: unknown argument %s; allowed: --help, NAME:=VALUE. A scene "
+                 "comes from the parameter server: roslaunch variator_sim variator_sim.launch "
+                 "scene:=FILE.yaml\n",
+                 variator_sim::inQuotes(argv[1]).c_str());
+    return kBadScene;
+  }
+  // roscpp ends well on SIGINT only.
+  for (const int order : {SIGTERM, SIGHUP}) {
+    std::signal(order, [](int) { ros::requestShutdown(); });
+  }
+  const ros::NodeHandle public_handle;
+  const ros::NodeHandle private_handle("~");
+  const auto server = variator_sim::makeServerFromParameters(public_handle, private_handle,
+                                                             variator_sim::Sharing::kNothing);
+  waitForShutdown();
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -59,27 +83,13 @@ int main(int argc, char** argv) {
     std::fputs(kUsage, stdout);
     return 0;
   }
-  ros::init(argc, argv, "variator");  // takes NAME:=VALUE out of the arguments
-  if (argc > 1) {
-    std::fprintf(stderr,
-                 "variator_sim_node: unknown argument '%s'; allowed: --help, NAME:=VALUE. A scene "
-                 "comes from the parameter server: roslaunch variator_sim variator_sim.launch "
-                 "scene:=FILE.yaml\n",
-                 argv[1]);
-    return kBadScene;
-  }
-  // roscpp ends well on SIGINT only.
-  for (const int order : {SIGTERM, SIGHUP}) {
-    std::signal(order, [](int) { ros::requestShutdown(); });
-  }
-  const ros::NodeHandle public_handle;
-  const ros::NodeHandle private_handle("~");
   try {
-    const auto server = makeServerFromParameters(public_handle, private_handle, Sharing::kNothing);
-    waitForShutdown();
+    return runNode(argc, argv);
+  } catch (const ros::Exception& error) {
+    // Of roscpp itself, before there is a log: no name can be made of __name:='a b'.
+    std::fprintf(stderr, "variator_sim_node: %s\n", presentable(error.what()).c_str());
   } catch (const std::exception& error) {
     ROS_FATAL("%s", error.what());
-    return kBadScene;
   }
-  return 0;
+  return kBadScene;
 }
