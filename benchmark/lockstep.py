@@ -26,7 +26,7 @@ def run_python(steps, topic):
         if topic:
             simulation.command(topic, 20.0 - 0.1 * velocity)
         simulation.advance(0.001)
-        velocity = simulation.sample()["drive/velocity"]
+        velocity = simulation["drive/velocity"]
     return time.perf_counter() - start, velocity
 
 

@@ -136,6 +136,37 @@ class PythonTest(unittest.TestCase):
         self.assertEqual(simulation.time, 0.0)
         self.assertEqual(simulation.sample().velocity[0], 0.0)
 
+    def test_short_ways_are_the_long_ones(self):
+        short, long = variator_sim.Simulation(SHIP), variator_sim.Simulation(SHIP)
+        for k in range(300):
+            short.advance(0.001)
+            long.advance(duration=0.001)
+            self.assertEqual(short.time, long.time)
+            for column in ("time", "drive/velocity", "load/reaction_torque_rate",
+                           "variator/multiplier"):
+                self.assertEqual(short[column], long.sample()[column])
+        short.advance(1)  # no float
+        self.assertEqual(short.time, long.time + 1)
+        with self.assertRaises(TypeError):
+            short.advance(0.1, 0.2)
+        with self.assertRaises(TypeError):
+            variator_sim.Simulation.advance(0.1)
+        for column in ("load/velocty", 3, []):
+            with self.assertRaisesRegex(KeyError, "load/velocity"):
+                short[column]
+        stops = variator_sim.Simulation(STOPS)
+        for fault in (lambda: stops.advance(10.0), lambda: stops["time"],
+                      lambda: stops.advance(0.001)):
+            with self.assertRaises(variator_sim.MotionStopped):
+                fault()
+
+    def test_columns_of_samples(self):
+        simulation = variator_sim.Simulation(OBSERVED)
+        simulation.advance(0.1)
+        sample = simulation.sample()
+        values = variator_sim.simulate(OBSERVED, times=[0.1]).values[0]
+        self.assertEqual([sample[column] for column in sample.keys()], list(values))
+
     def test_samples_are_copies(self):
         simulation = variator_sim.Simulation(SHIP)
         first = simulation.sample()

@@ -12,6 +12,7 @@
 #include "tools/linear_model_file.h"
 #include "tools/simulate_options.h"
 #include "tools/steady_state.h"
+#include "variator_sim/message_text.h"
 #include "variator_sim/trim.h"
 
 namespace variator_sim::python {
@@ -49,7 +50,7 @@ std::vector<TrimChoice> readChoices(const py::object& choices) {
 void checkFixed(const std::vector<TrimChoice>& fix) {
   for (const TrimChoice& choice : fix) {
     if (!std::isfinite(choice.value)) {
-      throw SceneError("fix", "'" + choice.name + "': " + formatNumber(choice.value) +
+      throw SceneError("fix", inQuotes(choice.name) + ": " + formatNumber(choice.value) +
                                   "; allowed: a finite number");
     }
   }

@@ -1,286 +1,24 @@
-/// The Python module variator_sim._core: the only file that knows pybind11 (with trees.h).
+/// The Python module variator_sim._core: what it has, by which names.
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
 #include <algorithm>
-#include <cmath>
+#include <exception>
 #include <map>
-#include <memory>
-#include <stdexcept>
 #include <string>
 #include <tuple>
 #include <vector>
 
 #include "python/analysis.h"
-#include "python/session.h"
+#include "python/fast_calls.h"
+#include "python/python_simulation.h"
 #include "python/sweep.h"
-#include "python/trees.h"
-#include "ros/plugin_loader.h"
-#include "variator_sim/errors.h"
 #include "variator_sim/io/command_file.h"
-#include "variator_sim/io/yaml_tree.h"
-#include "variator_sim/motion_state.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim::python {
 namespace {
-
-using Array = py::array_t<double>;
-
-py::object errorClass(const char* name) {
-  return py::module_::import("variator_sim.errors").attr(name);
-}
-
-[[noreturn]] void raise(const py::object& error) {
-  PyErr_SetObject(py::type::handle_of(error).ptr(), error.ptr());
-  throw py::error_already_set();
-}
-
-Array toArray(const double* values, std::size_t count) {
-  return Array(static_cast<py::ssize_t>(count), values);
-}
-
-// --- Samples
-
-/// Names of a scene's columns that a sample has, shared by all samples of a simulation.
-struct SampleNames {
-  std::vector<std::string> names;  ///< of the state's columns
-  std::map<std::string, std::size_t> places;
-  RowMaker rows;
-  std::size_t shafts;
-  std::size_t constraints;
-};
-
-struct NamedSample {
-  Sample sample;
-  std::shared_ptr<const SampleNames> names;
-
-  std::vector<double> row() const {
-    std::vector<double> values(names->rows.columnCount());
-    names->rows.write(sample, nullptr, values.data());
-    return values;
-  }
-  double at(const std::string& column) const {
-    const auto place = names->places.find(column);
-    if (place == names->places.end()) {
-      throw py::key_error(inQuotes(column) + " is no column of a sample" +
-                          suggestName(column, names->names) +
-                          "; allowed: " + joinNames(names->names));
-    }
-    double values[kMaxColumns];
-    names->rows.write(sample, nullptr, values);
-    return values[place->second];
-  }
-  static constexpr int kMaxColumns = 1 + 6 * kMaxShafts + 2 * kMaxConstraints;
-};
-
-std::shared_ptr<const SampleNames> nameSamples(const Simulation& simulation) {
-  const ColumnGroups state;
-  SampleNames names{columnNames(simulation, state),
-                    {},
-                    RowMaker(simulation, state),
-                    simulation.scene().shafts.size(),
-                    simulation.scene().constraints.size()};
-  for (std::size_t i = 0; i < names.names.size(); ++i) names.places[names.names[i]] = i;
-  return std::make_shared<const SampleNames>(std::move(names));
-}
-
-// --- The simulation
-
-ParameterTree readSceneArgument(const py::object& scene) {
-  if (py::isinstance<py::dict>(scene)) return toTree(scene, "");
-  const auto text = py::module_::import("os").attr("fspath")(scene).cast<std::string>();
-  // No file's name has a line's end; a mapping in one line begins with its brace.
-  const bool is_text = text.find('\n') != std::string::npos || text.rfind('{', 0) == 0;
-  return is_text ? readYamlText(text, "scene") : readYamlFile(text);
-}
-
-Overrides readOverrides(const py::object& overrides) {
-  Overrides values;
-  if (overrides.is_none()) return values;
-  for (const auto& [path, value] : overrides.cast<py::dict>()) {
-    const auto name = path.cast<std::string>();
-    values.emplace_back(name, toTree(value, name));
-  }
-  return values;
-}
-
-/// False on Ctrl-C; called without the interpreter's lock.
-bool hearSignals() {
-  const py::gil_scoped_acquire lock;
-  return PyErr_CheckSignals() == 0;
-}
-
-class PythonSimulation {
- public:
-  PythonSimulation(const py::object& scene, const py::object& overrides, bool energy)
-      : session_(readScene(scene, overrides)), names_(nameSamples(session_.simulation())) {
-    Simulation& simulation = session_.simulation();
-    simulation.trackEnergy(energy);
-    simulation.loadMachineCode(simulation.scene().solver.machine_code == MachineCode::kAlways);
-  }
-
-  /// The simulation, unless another thread has it.
-  Simulation& get() {
-    if (is_busy_) throw std::runtime_error("another thread is moving this simulation");
-    return session_.simulation();
-  }
-  const Scene& scene() const { return session_.simulation().scene(); }
-
-  double time() { return get().time(); }
-
-  void advanceTo(double time) {
-    Simulation& simulation = get();
-    if (!std::isfinite(time)) throw std::invalid_argument("time: not a finite number");
-    if (time < simulation.time()) {
-      throw std::invalid_argument("time: " + formatNumber(time) + " s lies before the present, " +
-                                  formatNumber(simulation.time()) + " s");
-    }
-    if (time <= simulation.quietUntil()) {
-      simulation.advanceTo(time);  // for this the lock is not worth giving away
-    } else {
-      withoutLock([&] { session_.advanceTo(time, hearSignals); });
-    }
-    check();
-  }
-  void advance(double duration) {
-    if (!(duration >= 0.0)) {
-      throw std::invalid_argument("duration: " + formatNumber(duration) + " s; allowed: >= 0");
-    }
-    advanceTo(get().time() + duration);
-  }
-  NamedSample step(double duration, const py::object& commands) {
-    if (!commands.is_none()) {
-      for (const auto& [topic, value] : commands.cast<py::dict>()) {
-        command(topic.cast<std::string>(), value.cast<double>());
-      }
-    }
-    advance(duration);
-    return sample();
-  }
-  bool command(const std::string& topic, double value) {
-    Simulation& simulation = get();
-    switch (simulation.command(session_.findInput(topic), value)) {
-      case CommandResult::kAccepted:
-        return true;
-      case CommandResult::kClamped:
-        return false;
-      case CommandResult::kRefused:
-        break;
-    }
-    throw std::invalid_argument("command on " + inQuotes(topic) + ": " + std::to_string(value) +
-                                "; allowed: any finite number");
-  }
-  NamedSample sample() {
-    Simulation& simulation = get();
-    const Sample& taken = simulation.sample();
-    check();
-    return {taken, names_};
-  }
-  py::dict quantities(QuantityGroup group) {
-    Simulation& simulation = get();
-    const std::vector<std::string>& names = simulation.quantityNames(group);
-    std::vector<double> values(names.size());
-    simulation.calcQuantities(group, values.data());
-    check();
-    py::dict result;
-    for (std::size_t i = 0; i < names.size(); ++i) result[py::str(names[i])] = values[i];
-    return result;
-  }
-  py::dict energy() {
-    const Energy energy = get().energy();
-    check();
-    py::dict result;
-    result["kinetic"] = energy.kinetic;
-    result["applied"] = energy.applied;
-    result["reactions"] = energy.reactions;
-    result["applied_power"] = energy.applied_power;
-    result["reaction_power"] = energy.reaction_power;
-    return result;
-  }
-  py::object state() {
-    MotionState state;
-    if (!get().saveState(&state)) raise(stopped());
-    return toObject(toTree(state, scene()));
-  }
-  void setState(const py::dict& values, bool project) {
-    Simulation& simulation = get();
-    if (!simulation.status().ok()) simulation.reset();  // what has stopped takes no state
-    const MotionState state = readState(values, simulation);
-    const std::string fault = simulation.setState(state, project);
-    if (!fault.empty()) throw SceneError("state", fault);
-  }
-  void reset() { get().reset(); }
-
-  LinearModel linearize(const py::object& state, bool project, bool full) {
-    if (state.is_none()) sample();  // raises where the motion has stopped
-    return linearizeAt(get(), state, project, full);
-  }
-
-  /// Rows, how many commands lay outside, and None or the error that ended the run.
-  py::tuple run(const RunRequest& request) {
-    get().trackEnergy(request.columns.energy || tracksEnergy());
-    RunRows rows;
-    withoutLock([&] { rows = session_.run(request, hearSignals); });
-    const auto columns = static_cast<py::ssize_t>(columnsOf(request.columns).size());
-    const auto count = static_cast<py::ssize_t>(rows.values.size()) / columns;
-    Array values({count, columns}, rows.values.data());
-    const bool is_ok = session_.simulation().status().ok();
-    return py::make_tuple(values, rows.ignored_commands, is_ok ? py::none() : stopped());
-  }
-  std::vector<std::string> columnsOf(const ColumnGroups& groups) {
-    return columnNames(get(), groups);
-  }
-  py::object stopped() {
-    Simulation& simulation = session_.simulation();
-    const MotionStatus& status = simulation.status();
-    const auto name = [](const auto& parts, int index) -> py::object {
-      if (index < 0) return py::none();
-      return py::str(parts[static_cast<std::size_t>(index)]->name());
-    };
-    return errorClass("MotionStopped")(simulation.describeStatus(), toString(status.reason),
-                                       status.time, NamedSample{simulation.sample(), names_},
-                                       name(scene().constraints, status.constraint),
-                                       name(scene().torques, status.torque));
-  }
-
-  void trackEnergy(bool on) {
-    tracks_energy_ = on;
-    get().trackEnergy(on);
-  }
-  bool tracksEnergy() const { return tracks_energy_; }
-
- private:
-  static Scene readScene(const py::object& scene, const py::object& overrides) {
-    PluginlibComponentFactory factory;
-    return makeScene(readSceneArgument(scene), readOverrides(overrides), factory);
-  }
-
-  void check() {
-    if (!session_.simulation().status().ok()) raise(stopped());
-  }
-
-  template <typename Work>
-  void withoutLock(const Work& work) {
-    is_busy_ = true;  // seen by who holds the interpreter's lock, as we do here
-    try {
-      const py::gil_scoped_release release;
-      work();
-    } catch (...) {
-      is_busy_ = false;
-      throw;
-    }
-    is_busy_ = false;
-    if (PyErr_Occurred() != nullptr) throw py::error_already_set();
-  }
-
-  Session session_;
-  std::shared_ptr<const SampleNames> names_;
-  bool is_busy_ = false;
-  bool tracks_energy_ = false;
-};
 
 py::dict statistics(PythonSimulation& self) {
   const Statistics& counts = self.get().statistics();
@@ -397,10 +135,10 @@ void bindSample(py::module_& module) {
   sample.def("keys", [](const NamedSample& self) { return self.names->names; });
   sample.def("__getitem__", &NamedSample::at);
   sample.def("__repr__", [](const NamedSample& self) {
-    std::string text = "Sample(";
-    const std::vector<double> row = self.row();
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      text += (i > 0 ? ", " : "") + self.names->names[i] + "=" + formatNumber(row[i]);
+    std::string text;
+    for (const std::string& name : self.names->names) {
+      const double value = self.at(py::str(name));
+      text += (text.empty() ? "Sample(" : ", ") + name + "=" + formatNumber(value);
     }
     return text + ")";
   });
@@ -418,6 +156,7 @@ void bindSimulation(py::module_& module) {
       .def("step", &Self::step, py::arg("duration"), py::arg("commands") = py::none())
       .def("command", &Self::command, py::arg("topic"), py::arg("value"))
       .def("sample", &Self::sample)
+      .def("__getitem__", &Self::read, py::arg("column"))
       .def("state", &Self::state)
       .def("set_state", &Self::setState, py::arg("state"), py::arg("project") = false)
       .def("reset", &Self::reset)
@@ -466,6 +205,7 @@ void bindSimulation(py::module_& module) {
                       bool until_rest) {
         return s.run(makeRequest(duration, rate, times, commands, columns, until_rest));
       });
+  addFastCalls(simulation);
 }
 
 }  // namespace
