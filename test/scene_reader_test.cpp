@@ -2,6 +2,7 @@
 // what is allowed and the nearest valid name.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 #include <stdexcept>
 
@@ -682,6 +683,57 @@ TEST(ConstraintDefaults, ComposeRowJacobiansAndHessianFromPartials) {
   EXPECT_NEAR(H[1], 14.0, 1e-8);
   EXPECT_EQ(H[1], H[2]);
   EXPECT_NEAR(H[3], 0.0, 1e-8);
+}
+
+TEST(SceneReader, TellsSeveralFaultsTogether) {
+  const std::string scene =
+      "shafts: [drive, load]\ndrive: {inertia: -1}\nload: {inertia: 2}\n"
+      "torques: [motor, brake]\n"
+      "motor: {type: fake/Command, shaft: driv, topic: drive_torque}\n"
+      "brake: {type: fake/Comand, shaft: load, topic: brake}\n"
+      "solver: {stepper: rk5}\n";
+  try {
+    read(scene);
+    FAIL() << "no error";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.keyPath(), "drive/inertia");
+    const std::string message = error.what();
+    EXPECT_EQ(message.rfind("drive/inertia: -1 is out of range", 0), 0U) << message;
+    EXPECT_EQ(std::count(message.begin(), message.end(), '\n'), 3) << message;
+    for (const char* const line :
+         {"\nsolver/stepper: 'rk5' is not allowed", "\nmotor/shaft: 'driv' is not a shaft",
+          "\nbrake/type: 'fake/Comand' is not a known type"}) {
+      EXPECT_NE(message.find(line), std::string::npos) << message;
+    }
+  }
+}
+
+// Formulas that read an input which cannot be read are not blamed.
+TEST(SceneReader, TellsNoFaultThatFollowsFromAnother) {
+  const std::string scene = std::string(kShafts) +
+                            "inputs: [throttle]\nthrottle: {topic: throttle, hold: none}\n" +
+                            "outputs: [twice]\ntwice: {expression: 2*throttle}\n";
+  try {
+    read(scene);
+    FAIL() << "no error";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.keyPath(), "throttle/hold");
+    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
+  }
+}
+
+TEST(SceneReader, TellsNoMoreFaultsThanCanBeRead) {
+  std::string scene = std::string(kShafts) + "torques: [m0";
+  for (int i = 1; i < 1000; ++i) scene += ", m" + std::to_string(i);
+  scene += "]\n";
+  for (int i = 0; i < 1000; ++i) scene += "m" + std::to_string(i) + ": {type: none}\n";
+  try {
+    read(scene);
+    FAIL() << "no error";
+  } catch (const SceneError& error) {
+    EXPECT_LE(std::string(error.what()).size(), kLongestMessage);
+    EXPECT_NE(std::string(error.what()).find("990 more"), std::string::npos) << error.what();
+  }
 }
 
 }  // namespace

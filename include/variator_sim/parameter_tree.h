@@ -124,9 +124,13 @@ class ParameterReader {
                          Range range = Range::any());
 
   /// Counts `key` as read (or as known, for the suggestion when another is misspelt).
-  void allow(const std::string& key) { known_.insert(key); }
+  void allow(const std::string& key);
   /// SceneError for the first key of the dictionary that nobody asked for, with the nearest known.
   void finish() const;
+
+  /// From now on the paths of all keys that readers of this thread know go there; nullptr: nowhere.
+  /// A test makes its table of keys so.
+  static void noteKeys(std::set<std::string>* paths);
 
  private:
   const ParameterTree* tree_;

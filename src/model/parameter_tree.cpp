@@ -157,6 +157,8 @@ const std::string& requireText(const ParameterTree& value, const std::string& pa
   return value.asText();
 }
 
+thread_local std::set<std::string>* noted_keys = nullptr;
+
 const ParameterTree& emptyDictionary() {
   static const ParameterTree empty = ParameterTree::dictionary();
   return empty;
@@ -279,8 +281,17 @@ bool ParameterReader::isNumber(const std::string& key) const {
          (value.kind() == ParameterTree::Kind::kText && parseNumber(value.asText(), &unused));
 }
 
-const ParameterTree* ParameterReader::raw(const std::string& key) {
+void ParameterReader::noteKeys(std::set<std::string>* paths) {
+  noted_keys = paths;
+}
+
+void ParameterReader::allow(const std::string& key) {
   known_.insert(key);
+  if (noted_keys != nullptr) noted_keys->insert(keyPath(key));
+}
+
+const ParameterTree* ParameterReader::raw(const std::string& key) {
+  allow(key);
   const auto found = tree_->asDictionary().find(key);
   return found == tree_->asDictionary().end() ? nullptr : &found->second;
 }

@@ -251,6 +251,33 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
   return ParameterTree::dictionary(std::move(root));
 }
 
+/// What is wrong with parts of a scene that can be read each by itself: told together.
+class Faults {
+ public:
+  template <class Read>
+  void collect(Read read) {
+    try {
+      read();
+    } catch (const SceneError& error) {
+      if (count_ == 0) path_ = error.keyPath();
+      if (++count_ > kMostTold) return;
+      text_ += count_ == 1 ? error.message() : std::string("\n") + error.what();
+    }
+  }
+  /// Throws a SceneError when there is any: at the first one's path.
+  void tell() const {
+    if (count_ == 0) return;
+    const int rest = count_ - kMostTold;
+    throw SceneError(path_, text_ + (rest > 0 ? "\nand " + std::to_string(rest) + " more" : ""));
+  }
+
+ private:
+  static constexpr int kMostTold = 10;
+  int count_ = 0;
+  std::string path_;
+  std::string text_;
+};
+
 }  // namespace
 
 const char* toString(Principle principle) {
@@ -320,33 +347,47 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   scene.shafts = names.shafts;
   constexpr int kMostOperands = 50000;
   scene.graph->limitOperands(kMostOperands);
-  readInertia(root, &scene);
-  scene.principle = readPrinciple(root);
-  scene.initial = readInitial(root, scene.shafts.size());
-  scene.solver = readSolver(root);
-
-  scene.symbols = readSceneSymbols(root, names, scene.inputs);
+  Faults faults;
+  bool verify_derivatives = true;
+  faults.collect([&] { readInertia(root, &scene); });
+  faults.collect([&] { scene.principle = readPrinciple(root); });
+  faults.collect([&] { scene.initial = readInitial(root, scene.shafts.size()); });
+  faults.collect([&] { scene.solver = readSolver(root); });
+  faults.collect([&] { verify_derivatives = root.boolean("verify_derivatives", true); });
+  faults.collect([&] { scene.symbols = readSceneSymbols(root, names, scene.inputs); });
+  // Without these names formulas would be blamed for what is not theirs.
+  if (scene.symbols.inputs.size() + scene.symbols.tables.size() <
+      names.inputs.size() + names.tables.size()) {
+    faults.tell();
+  }
   for (const std::string& name : names.torques) {
-    scene.torques.push_back(readComponent(
-        name, root, kTorqueKind, kConstraintKind, factory,
-        [&](const std::string& type) { return factory.createTorque(type); }, &scene));
+    faults.collect([&] {
+      scene.torques.push_back(readComponent(
+          name, root, kTorqueKind, kConstraintKind, factory,
+          [&](const std::string& type) { return factory.createTorque(type); }, &scene));
+    });
   }
   for (const std::string& name : names.constraints) {
-    std::set<int> used_inputs;
-    scene.constraints.push_back(readComponent(
-        name, root, kConstraintKind, kTorqueKind, factory,
-        [&](const std::string& type) { return factory.createConstraint(type); }, &scene,
-        &used_inputs));
-    checkInputsOfOrder1(*scene.constraints.back(), scene, used_inputs);
+    faults.collect([&] {
+      std::set<int> used_inputs;
+      scene.constraints.push_back(readComponent(
+          name, root, kConstraintKind, kTorqueKind, factory,
+          [&](const std::string& type) { return factory.createConstraint(type); }, &scene,
+          &used_inputs));
+      checkInputsOfOrder1(*scene.constraints.back(), scene, used_inputs);
+    });
   }
   for (const std::string& name : names.outputs) {
-    ParameterReader reader = root.section(name);
-    ComponentContext context(name, reader, scene.shafts, scene.inputs, scene.symbols, scene.graph);
-    scene.outputs.emplace_back(context);
-    reader.finish();
+    faults.collect([&] {
+      ParameterReader reader = root.section(name);
+      ComponentContext context(name, reader, scene.shafts, scene.inputs, scene.symbols,
+                               scene.graph);
+      scene.outputs.emplace_back(context);
+      reader.finish();
+    });
   }
-  checkTopics(scene, node.topics);
-  const bool verify_derivatives = root.boolean("verify_derivatives", true);
+  faults.collect([&] { checkTopics(scene, node.topics); });
+  faults.tell();
   if (verify_derivatives) verifyDerivatives(scene);
   scene.resolved = resolve(tree, names, node.keys, scene, verify_derivatives);
   return scene;

@@ -1,0 +1,287 @@
+// Every key of every scene, with every fault: refused with a message that names it, or run.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "support/scenes.h"
+#include "variator_sim/errors.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim {
+namespace {
+
+using Tree = ParameterTree;
+
+/// The keys that are known while `tree` is read, as paths.
+std::set<std::string> keysOf(const Tree& tree) {
+  std::set<std::string> paths;
+  BuiltinComponentFactory factory;
+  ParameterReader::noteKeys(&paths);
+  const Scene scene = readScene(tree, factory, {});
+  ParameterReader::noteKeys(nullptr);
+  return paths;
+}
+
+/// "b/inertia/harmonics[0]/order" as its steps, an index as "0".
+std::vector<std::string> stepsOf(const std::string& path) {
+  std::vector<std::string> steps(1);
+  for (const char c : path) {
+    if (c == '/' || c == '[') {
+      steps.emplace_back();
+    } else if (c != ']') {
+      steps.back() += c;
+    }
+  }
+  return steps;
+}
+
+/// What holds the last step of `path`, a dictionary, or nullptr.
+Tree* holderOf(Tree& tree, const std::vector<std::string>& steps) {
+  Tree* here = &tree;
+  for (std::size_t i = 0; i + 1 < steps.size(); ++i) {
+    if (here->kind() == Tree::Kind::kList) {
+      here = &here->asList().at(static_cast<std::size_t>(std::stoi(steps[i])));
+      continue;
+    }
+    const auto found = here->asDictionary().find(steps[i]);
+    if (found == here->asDictionary().end()) return nullptr;
+    here = &found->second;
+  }
+  return here->kind() == Tree::Kind::kDictionary ? here : nullptr;
+}
+
+Tree nested(int depth) {
+  Tree tree = Tree::list({Tree::real(1.0)});
+  for (int i = 0; i < depth; ++i) tree = Tree::list({tree});
+  return tree;
+}
+
+const std::string& longText() {
+  static const std::string text(2000000, 'x');
+  return text;
+}
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Values that stand in the place of what is right.
+const std::vector<std::pair<const char*, Tree>>& faultyValues() {
+  static const std::vector<std::pair<const char*, Tree>> values{
+      {"nothing", Tree()},
+      {"true", Tree::boolean(true)},
+      {"0", Tree::integer(0)},
+      {"-1", Tree::integer(-1)},
+      {"largest integer", Tree::integer(std::numeric_limits<std::int64_t>::max())},
+      {"NaN", Tree::real(kNan)},
+      {"NaN as a text", Tree::text("nan")},
+      {"infinite", Tree::real(kInfinity)},
+      {"-infinite", Tree::real(-kInfinity)},
+      {"beyond a double", Tree::text("1e999")},
+      {"huge", Tree::real(1.7e308)},
+      {"-huge", Tree::real(-1.7e308)},
+      {"denormal", Tree::real(5e-324)},
+      {"empty text", Tree::text("")},
+      {"a word", Tree::text("nonsense")},
+      {"a formula cut off", Tree::text("w1*(")},
+      {"control characters", Tree::text(std::string("\x1b[2J\0\r\x7f\xff", 8))},
+      {"2 MB", Tree::text(longText())},
+      {"empty list", Tree::list()},
+      {"nested list", nested(60)},
+      {"long list", Tree::list(Tree::List(10000, Tree::real(1.0)))},
+      {"list of lists", Tree::list(Tree::List(3, Tree::list(Tree::List(3, Tree::real(kNan)))))},
+      {"empty dictionary", Tree::dictionary()},
+      {"dictionary of a stranger", Tree::dictionary({{"stranger", Tree::integer(1)}})},
+  };
+  return values;
+}
+
+/// What a key takes, by its name; kSeveral: not the same everywhere.
+enum class Takes { kNumber, kQuantity, kText, kBoolean, kList, kDictionary, kSeveral };
+
+const std::map<std::string, Takes>& table() {
+  static const std::map<std::string, Takes> rows = [] {
+    const std::pair<const char*, Takes> kinds[] = {
+        {"number", Takes::kNumber},   {"quantity", Takes::kQuantity},
+        {"text", Takes::kText},       {"boolean", Takes::kBoolean},
+        {"list", Takes::kList},       {"dictionary", Takes::kDictionary},
+        {"several", Takes::kSeveral},
+    };
+    const Tree file = readYamlFile(VARIATOR_SIM_TEST_DIR "/key_faults/keys.table");
+    std::map<std::string, Takes> keys;
+    for (const auto& [name, takes] : kinds) {
+      for (const Tree& key : file.asDictionary().at(name).asList()) keys[key.asText()] = takes;
+    }
+    return keys;
+  }();
+  return rows;
+}
+
+/// Whether `value` can never stand where `takes` is wanted.
+bool isRefused(Takes takes, const Tree& value) {
+  using Kind = Tree::Kind;
+  const Kind kind = value.kind();
+  const bool is_number = kind == Kind::kInteger || kind == Kind::kReal;
+  const bool is_finite = kind != Kind::kReal || std::isfinite(value.asReal());
+  switch (takes) {
+    case Takes::kNumber:
+      return !is_number || !is_finite;
+    case Takes::kQuantity:
+      return !is_number || !is_finite;
+    case Takes::kText:
+      return kind != Kind::kText;
+    case Takes::kBoolean:
+      return kind != Kind::kBoolean;
+    case Takes::kList:
+      return kind != Kind::kList && kind != Kind::kNothing;
+    case Takes::kDictionary:
+      return kind != Kind::kDictionary && kind != Kind::kNothing;
+    case Takes::kSeveral:
+      return false;
+  }
+  return false;
+}
+
+struct Outcome {
+  bool is_refused = false;
+  std::string message;
+  double seconds = 0.0;
+};
+
+Outcome load(const Tree& tree) {
+  Outcome outcome;
+  const std::clock_t begin = std::clock();
+  try {
+    BuiltinComponentFactory factory;
+    Simulation simulation(readScene(tree, factory, nodeNames()));
+    simulation.sample();
+    simulation.advanceTo(1e-3);
+    simulation.sample();
+    outcome.message = simulation.describeStatus();
+  } catch (const SceneError& error) {
+    outcome.is_refused = true;
+    outcome.message = error.what();
+  }
+  outcome.seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  return outcome;
+}
+
+void expectPresentable(const Outcome& outcome, const std::string& what) {
+  EXPECT_LE(outcome.message.size(), kLongestMessage) << what;
+  const bool has_control = std::any_of(outcome.message.begin(), outcome.message.end(), [](char c) {
+    return (c >= 0 && c < ' ' && c != '\n') || c == 0x7f;
+  });
+  EXPECT_FALSE(has_control) << what;
+  EXPECT_LT(outcome.seconds, 5.0) << what;
+}
+
+/// Whether the message tells where to look. (A start that extreme numbers leave without a solution
+/// is told as such.)
+bool names(const std::string& message, const std::vector<std::string>& steps) {
+  if (message.rfind("initial/acceleration: no accelerations", 0) == 0) return true;
+  for (const std::string& step : steps) {
+    if (message.find(step) != std::string::npos) return true;
+  }
+  return false;
+}
+
+class KeyFaults : public testing::TestWithParam<std::string> {
+ protected:
+  /// Calls `visit(path, steps)` for each key that may stand in the scene.
+  void forEachKey(
+      const std::function<void(const std::string&, const std::vector<std::string>&)>& visit) {
+    tree_ = readYamlFile(GetParam());
+    for (const std::string& path : keysOf(tree_)) {
+      const std::vector<std::string> steps = stepsOf(path);
+      if (holderOf(tree_, steps) != nullptr) visit(path, steps);
+    }
+  }
+  Tree tree_;
+};
+
+TEST_P(KeyFaults, TheSceneItselfRuns) {
+  const Outcome outcome = load(readYamlFile(GetParam()));
+  EXPECT_FALSE(outcome.is_refused) << outcome.message;
+}
+
+TEST_P(KeyFaults, EveryKeyHasItsRow) {
+  forEachKey([&](const std::string& path, const std::vector<std::string>& steps) {
+    const Tree::Dictionary& root = tree_.asDictionary();
+    const bool is_name = steps.size() == 1 && root.count(path) != 0 &&
+                         root.at(path).kind() == Tree::Kind::kDictionary;
+    if (is_name && table().count(path) == 0) return;  // of a shaft, a torque, ...
+    EXPECT_EQ(table().count(steps.back()), 1U)
+        << path << ": a new key needs its row in test/key_faults/keys.table";
+  });
+}
+
+TEST_P(KeyFaults, FaultyValuesAreRefusedOrRun) {
+  forEachKey([&](const std::string& path, const std::vector<std::string>& steps) {
+    for (const auto& [name, value] : faultyValues()) {
+      Tree tree = tree_;
+      holderOf(tree, steps)->asDictionary()[steps.back()] = value;
+      const Outcome outcome = load(tree);
+      const std::string what = path + ": " + name + ": " + outcome.message.substr(0, 300);
+      expectPresentable(outcome, what);
+      const auto row = table().find(steps.back());
+      if (row != table().end() && isRefused(row->second, value)) {
+        EXPECT_TRUE(outcome.is_refused) << what;
+      }
+      if (outcome.is_refused) {
+        EXPECT_TRUE(names(outcome.message, steps)) << what;
+      }
+    }
+  });
+}
+
+TEST_P(KeyFaults, MissingAndMisspeltKeys) {
+  forEachKey([&](const std::string& path, const std::vector<std::string>& steps) {
+    for (const std::string& misspelt :
+         {std::string(), steps.back() + "x", "\x1b" + steps.back(), longText()}) {
+      Tree tree = tree_;
+      Tree::Dictionary& holder = holderOf(tree, steps)->asDictionary();
+      const auto found = holder.find(steps.back());
+      if (found == holder.end()) continue;
+      const Tree value = found->second;
+      holder.erase(found);
+      if (!misspelt.empty()) holder[misspelt] = value;
+      const Outcome outcome = load(tree);
+      const std::string what =
+          path + " as '" + escaped(misspelt) + "': " + outcome.message.substr(0, 300);
+      expectPresentable(outcome, what);
+      const bool is_free = steps.size() > 1 && steps[steps.size() - 2] == "parameters";
+      if (!misspelt.empty() && !is_free) {
+        EXPECT_TRUE(outcome.is_refused) << what;
+      }
+      if (outcome.is_refused && misspelt.size() < 100) {
+        EXPECT_TRUE(names(outcome.message, steps)) << what;
+      }
+    }
+  });
+}
+
+std::vector<std::string> allScenes() {
+  std::vector<std::string> paths;
+  for (const auto& file :
+       std::filesystem::directory_iterator(VARIATOR_SIM_TEST_DIR "/key_faults")) {
+    if (file.path().extension() == ".yaml") paths.push_back(file.path().string());
+  }
+  std::sort(paths.begin(), paths.end());
+  return paths;
+}
+
+INSTANTIATE_TEST_SUITE_P(AllScenes, KeyFaults, testing::ValuesIn(allScenes()),
+                         [](const auto& path) {
+                           return std::filesystem::path(path.param).stem().string();
+                         });
+
+}  // namespace
+}  // namespace variator_sim
