@@ -13,6 +13,7 @@ No ROS master is needed. The messages lie beside: `variator_sim.msg`, `variator_
 
 from variator_sim._core import LinearModel, Sample, Simulation, SteadyState
 from variator_sim.errors import MotionStopped, NoSteadyState, SceneError
+from variator_sim.recordings import read_run
 from variator_sim.running import Result, simulate
 from variator_sim.sweeps import Table, read_table, sweep
 

@@ -1,7 +1,11 @@
 """Pictures of runs, the same from Python and from the command line (needs matplotlib)."""
 
+import fnmatch
+
 import matplotlib.pyplot as plt
 from matplotlib.ticker import MaxNLocator
+
+from variator_sim.recordings import difference
 
 # Wong's palette: told apart by colour-blind readers too.
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442"]
@@ -13,27 +17,40 @@ LABELS = {"angle": "Angle, rad", "velocity": "Speed, rad/s", "acceleration": "Ac
 DEFAULT = ("velocity", "acceleration", "applied_torque", "reaction_torque_rate")
 
 
+def draw_lines(axis, lines, label):
+    """Lines (name, times, values) over simulated time in one panel."""
+    for i, (name, times, values) in enumerate(lines):
+        axis.plot(times, values, color=COLOURS[i % len(COLOURS)], linewidth=1.6, label=name,
+                  linestyle=("-", "--", ":", "-.")[i // len(COLOURS) % 4])
+    axis.set_ylabel(label)
+    axis.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
+    axis.grid(True, color="0.9")
+    axis.margins(x=0)
+    for side in ("top", "right"):
+        axis.spines[side].set_visible(False)
+    axis.xaxis.set_major_locator(MaxNLocator(nbins=11, steps=[1, 2, 5, 10]))
+
+
+def make_panels(rows, columns, title):
+    figure, axes = plt.subplots(rows, columns, sharex=True, squeeze=False,
+                                figsize=(10 if columns == 1 else 13, 2.0 + 2.25 * rows),
+                                layout="constrained")
+    figure.suptitle(title, fontsize=14, x=0.02, ha="left")
+    for axis in axes[-1]:
+        axis.set_xlabel("Simulated time, s")
+    return figure, axes
+
+
 def draw_panels(panels, title=""):
     """Panels over simulated time, one below the other; returns figure and axes.
 
     Args:
         panels: tuples (label of the axis, lines), each line (name, times, values).
     """
-    figure, axes = plt.subplots(len(panels), 1, sharex=True, squeeze=False,
-                                figsize=(10, 2.0 + 2.25 * len(panels)), layout="constrained")
+    figure, axes = make_panels(len(panels), 1, title)
     axes = axes[:, 0]
-    figure.suptitle(title, fontsize=14, x=0.02, ha="left")
     for axis, (label, lines) in zip(axes, panels):
-        for i, (name, times, values) in enumerate(lines):
-            axis.plot(times, values, color=COLOURS[i % len(COLOURS)], linewidth=1.6, label=name)
-        axis.set_ylabel(label)
-        axis.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
-        axis.grid(True, color="0.9")
-        axis.margins(x=0)
-        for side in ("top", "right"):
-            axis.spines[side].set_visible(False)
-        axis.xaxis.set_major_locator(MaxNLocator(nbins=11, steps=[1, 2, 5, 10]))
-    axes[-1].set_xlabel("Simulated time, s")
+        draw_lines(axis, lines, label)
     figure.align_ylabels(axes)
     return figure, axes
 
@@ -44,28 +61,83 @@ def put_legend_above(axis):
                 ncol=len(axis.get_lines()))
 
 
+def choose_columns(runs, patterns=None):
+    """Columns that all of `runs` have and `patterns` name; KeyError where one names nothing.
+
+    Args:
+        patterns: names, "load/velocity", or patterns, "load/*"; default: speeds, accelerations,
+            applied torques and reaction torque rates of all shafts.
+    """
+    first = runs[0]
+    common = [name for name in first if name != "time" and all(name in run for run in runs)]
+    if patterns is None:
+        return [name for name in common if name.rsplit("/", 1)[-1] in DEFAULT]
+    chosen = []
+    for pattern in [patterns] if isinstance(patterns, str) else patterns:
+        found = fnmatch.filter(common, pattern)
+        for run in runs if not found else []:
+            run[pattern]  # says what is near
+        if not found:
+            raise KeyError(f"'{pattern}' is no column of these runs; they have in common: "
+                           + ", ".join(common))
+        chosen += [name for name in found if name not in chosen]
+    return chosen
+
+
+def label_of(column):
+    """Label of the axis that a column is drawn over, and the name of its line there."""
+    owner, _, quantity = column.rpartition("/")
+    if owner in ("inputs", "outputs", "energy"):
+        return {"energy": "Energy, J"}.get(owner, owner.capitalize()), quantity
+    return LABELS.get(quantity, quantity), owner
+
+
+def compare(runs, columns=None, title="", path=None, differences=True):
+    """Draws columns of several runs over each other, one panel for each column.
+
+    Args:
+        runs: `Result`s by name, {"rk4": ..., "auto": ...}; the first one is the reference.
+        columns: as of `choose_columns`.
+        path: write the picture there too.
+        differences: beside each panel what the others differ by from the first.
+
+    Returns:
+        The figure, and its axes: rows of one or two.
+    """
+    names = list(runs)
+    columns = choose_columns(list(runs.values()), columns)
+    if not columns:
+        raise ValueError("these runs have no columns in common to draw; name some")
+    figure, axes = make_panels(len(columns), 2 if differences else 1, title)
+    for row, column in zip(axes, columns):
+        label = f"{column}\n{label_of(column)[0]}"
+        draw_lines(row[0], [(name, run["time"], run[column]) for name, run in runs.items()], label)
+        if differences:
+            # The first one's own line, empty, keeps the colours the same on both sides.
+            lines = [(names[0], [], [])]
+            lines += [(name, *difference(runs[name], runs[names[0]], column)) for name in names[1:]]
+            draw_lines(row[1], lines, f"less {names[0]}")
+    put_legend_above(axes[0][0])
+    for side in axes.T:
+        figure.align_ylabels(side)
+    if path is not None:
+        figure.savefig(path, dpi=110)
+    return figure, axes
+
+
 def plot(result, columns=None, title="", path=None):
     """Draws columns of a `Result`, one panel for each quantity.
 
     Args:
-        columns: names, such as ["load/velocity", "energy/kinetic"]; default: speeds, accelerations,
-            applied torques and reaction torque rates of all shafts.
+        columns: as of `choose_columns`.
         path: write the picture there too.
 
     Returns:
         The figure, and its axes from above.
     """
-    if columns is None:
-        columns = [name for name in result if name.rsplit("/", 1)[-1] in DEFAULT]
-    if isinstance(columns, str):
-        columns = [columns]
     groups = {}
-    for name in columns:
-        owner, _, quantity = name.rpartition("/")
-        if owner in ("inputs", "outputs", "energy"):
-            label, line = {"energy": "Energy, J"}.get(owner, owner.capitalize()), quantity
-        else:
-            label, line = LABELS.get(quantity, quantity), owner
+    for name in choose_columns([result], columns):
+        label, line = label_of(name)
         groups.setdefault(label, []).append((line, result["time"], result[name]))
     figure, axes = draw_panels(list(groups.items()), title)
     names = None

@@ -1,0 +1,160 @@
+#!/usr/bin/python3
+"""`rosrun variator_sim plot`: runs read from files, laid over each other, and what they differ by."""
+
+import os
+import pathlib
+import subprocess
+import tempfile
+import unittest
+
+os.environ["ROS_MASTER_URI"] = "http://localhost:1"
+
+import matplotlib  # noqa: E402
+matplotlib.use("Agg")
+import numpy  # noqa: E402
+import roslib.packages  # noqa: E402
+import rosunit  # noqa: E402
+
+import variator_sim  # noqa: E402
+from variator_sim import plotting, recordings  # noqa: E402
+
+PACKAGE = "variator_sim"
+FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
+SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
+OBSERVED = FOLDER / "test/scenes/observed.yaml"
+GROUPS = "state,elements,inputs,outputs,energy"
+
+
+class PlotTest(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.temporary.name)
+        for name, *words in [("run.csv", "--rate", "50"), ("run.bag", "--rate", "50"),
+                             ("heavy.csv", "--rate", "20", "--set", "load/inertia=3")]:
+            subprocess.run([SIMULATE, str(OBSERVED), "--duration", "1", "--columns", GROUPS,
+                            "--output", str(cls.folder / name), *words], check=True, timeout=60,
+                           stderr=subprocess.DEVNULL)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.temporary.cleanup()
+
+    def plot(self, *words):
+        environment = {name: value for name, value in os.environ.items()
+                       if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+        return subprocess.run(["rosrun", PACKAGE, "plot", *words], cwd=self.folder, text=True,
+                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, timeout=120, env=environment, check=False)
+
+    def check_refused(self, words, *expected):
+        result = self.plot(*words)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        for word in expected:
+            self.assertIn(word, result.stderr)
+        self.assertNotIn("Traceback", result.stderr)
+
+    # --- files ------------------------------------------------------------------------------------
+
+    def test_bags_and_files_of_numbers_are_one_run(self):
+        expected = variator_sim.simulate(OBSERVED, 1.0, rate=50, columns=GROUPS)
+        table = variator_sim.read_run(self.folder / "run.csv")
+        self.assertEqual(table.columns, expected.columns)
+        numpy.testing.assert_array_equal(table.values, expected.values)
+        bag = variator_sim.read_run(self.folder / "run.bag")
+        self.assertEqual(set(bag), set(expected))
+        for column in expected:
+            numpy.testing.assert_array_equal(bag[column], expected[column], err_msg=column)
+
+    def test_a_bag_of_two_drivetrains_after_a_reset(self):
+        import rosbag
+        from variator_sim.msg import DrivetrainState, SceneInfo
+        path = str(self.folder / "two.bag")
+        with rosbag.Bag(path, "w") as bag:
+            for name in "ab":
+                bag.write(f"/{name}/scene", SceneInfo(shafts=[name], constraints=[]))
+            for speed, time in [(1.0, 0.0), (2.0, 0.1), (3.0, 0.0), (4.0, 0.2)]:
+                for name, sign in (("a", 1.0), ("b", -1.0)):
+                    state = DrivetrainState(time=time, **{key: [sign * speed]
+                                                          for key in recordings.STATE})
+                    bag.write(f"/{name}/state", state)
+        run = variator_sim.read_run(path)
+        self.assertEqual(list(run["time"]), [0.0, 0.2])
+        self.assertEqual(list(run["a/velocity"]), [3.0, 4.0])
+        self.assertNotIn("b/velocity", run)
+
+    def test_files_that_are_no_runs(self):
+        for name, text, words in [("empty.csv", "", "first column"),
+                                  ("header.csv", "time,a\n", "no samples"),
+                                  ("short.csv", "time,a\n0,1\n1\n", "line 3: 1 values"),
+                                  ("words.csv", "time,a\n0,x\n", "line 2"),
+                                  ("no.bag", "what is this", "no.bag")]:
+            path = self.folder / name
+            path.write_text(text, encoding="utf-8")
+            with self.subTest(name=name):
+                self.check_refused([name, "--output", "x.png"], words)
+        self.check_refused(["run.csv", "none.csv", "--output", "x.png"], "none.csv")
+
+    # --- differences ------------------------------------------------------------------------------
+
+    def test_differences(self):
+        run = variator_sim.Result(["time", "a"], numpy.array([[0, 0], [1, 2], [2, 4.0]]), {})
+        other = variator_sim.Result(["time", "a"], numpy.array(
+            [[0.5, 1], [1.0 + 1e-12, 1], [1.5, 1], [3, 1]]), {})
+        times, values = recordings.difference(other, run, "a")
+        numpy.testing.assert_allclose(times, [0.5, 1.0, 1.5, 2.0], atol=1e-9)
+        numpy.testing.assert_allclose(values, [0.0, -1.0, -2.0, -3.0], atol=1e-9)
+        late = variator_sim.Result(["time", "a"], numpy.array([[5, 0], [6, 2.0]]), {})
+        self.assertEqual(len(recordings.difference(late, run, "a")[0]), 0)
+        gap = variator_sim.Result(["time", "a"], numpy.array([[0, 0], [1, numpy.nan], [2, 4]]), {})
+        numpy.testing.assert_array_equal(recordings.difference(gap, run, "a")[1], [0, 0, 0])
+
+    def test_pictures_show_lines_and_differences(self):
+        runs = {name: variator_sim.read_run(self.folder / name) for name in ("run.csv", "heavy.csv")}
+        figure, axes = plotting.compare(runs, ["*/velocity", "outputs/speed_ratio"])
+        self.assertEqual(axes.shape, (3, 2))
+        left, right = axes[1]
+        self.assertEqual(left.get_ylabel(), "load/velocity\nSpeed, rad/s")
+        self.assertEqual([line.get_label() for line in left.get_lines()[:2]], list(runs))
+        times, values = recordings.difference(runs["heavy.csv"], runs["run.csv"], "load/velocity")
+        drawn = right.get_lines()[1]
+        self.assertEqual(drawn.get_color(), left.get_lines()[1].get_color())
+        numpy.testing.assert_array_equal(drawn.get_xdata(), times)
+        numpy.testing.assert_array_equal(drawn.get_ydata(), values)
+        self.assertGreater(abs(values).max(), 0.1)
+        self.assertEqual(plotting.compare(runs, differences=False)[1].shape, (8, 1))
+        plotting.plt.close("all")
+
+    def test_from_any_folder_by_rosrun(self):
+        result = self.plot("run.csv", "heavy.csv", "run.bag", "--compare", "--columns",
+                           "load/velocity", "--output", "three.png")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertGreater((self.folder / "three.png").stat().st_size, 10000)
+        rows = [line.split() for line in result.stdout.splitlines()]
+        self.assertEqual([row[1] for row in rows[1:]], ["heavy.csv", "run.bag"])
+        self.assertGreater(abs(float(rows[1][2])), 0.1)
+        self.assertEqual(float(rows[2][2]), 0.0)
+        for words in (["run.bag"], ["run.csv", "heavy.csv", "--title", "Both"]):
+            result = self.plot(*words, "--output", "one.svg")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertEqual(result.stdout, "")
+
+    def test_runs_of_one_name(self):
+        (self.folder / "other").mkdir()
+        (self.folder / "other/run.csv").write_bytes((self.folder / "run.csv").read_bytes())
+        result = self.plot("run.csv", "other/run.csv", "--compare", "--output", "same.png")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("other/run.csv", result.stdout)
+
+    def test_words_are_checked(self):
+        self.check_refused(["run.csv", "--columns", "load/velocty", "--output", "x.png"],
+                           "did you mean 'load/velocity'")
+        self.check_refused(["run.csv", "--columns", "no*", "--output", "x.png"], "no*")
+        self.check_refused(["run.csv", "--compare", "--output", "x.png"], "differ from")
+        self.check_refused(["run.csv"], "no screen", "--output")
+        self.check_refused(["run.csv", "--output", "x.what"], "what")
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "plot_test", PlotTest)
