@@ -13,7 +13,6 @@
 #include "tools/simulate_options.h"
 #include "tools/steady_state.h"
 #include "variator_sim/message_text.h"
-#include "variator_sim/trim.h"
 
 namespace variator_sim::python {
 namespace {
@@ -95,22 +94,25 @@ LinearModel linearizeAt(Simulation& simulation, const py::object& state, bool pr
   return linearize(scene, there.operatingPoint(), form);
 }
 
-py::list findSteadyStates(const Scene& scene, const py::object& fix, const py::object& free,
-                          bool accelerating) {
+TrimOptions readTrimOptions(const py::object& fix, const py::object& free, bool accelerating) {
   TrimOptions options;
   options.fix = readChoices(fix);
   options.free = readChoices(free);
   options.accelerating = accelerating;
   checkFixed(options.fix);
-  TrimResult result;
-  std::vector<std::string> stabilities;
-  {
-    const py::gil_scoped_release release;
-    result = trim(scene, options);
-    for (const TrimState& found : result.states) {
-      stabilities.push_back(describeStability(scene, found.point));
-    }
+  return options;
+}
+
+SteadyStates findSteadyStates(const Scene& scene, const TrimOptions& options) {
+  SteadyStates states{trim(scene, options), {}};
+  for (const TrimState& found : states.found.states) {
+    states.stabilities.push_back(describeStability(scene, found.point));
   }
+  return states;
+}
+
+py::list toList(const SteadyStates& states, const Scene& scene) {
+  const TrimResult& result = states.found;
   if (result.states.empty()) {
     const py::object type = py::module_::import("variator_sim.errors").attr("NoSteadyState");
     PyErr_SetString(type.ptr(), result.message.c_str());
@@ -120,13 +122,14 @@ py::list findSteadyStates(const Scene& scene, const py::object& fix, const py::o
   if (!is_determined && PyErr_WarnEx(PyExc_UserWarning, result.message.c_str(), 1) != 0) {
     throw py::error_already_set();
   }
-  py::list states;
+  py::list list;
   for (std::size_t i = 0; i < result.states.size(); ++i) {
     const TrimState& found = result.states[i];
     const ParameterTree tree = variator_sim::toTree(makeState(found.point, scene), scene);
-    states.append(SteadyState{toObject(tree), found.residual, found.undetermined, stabilities[i]});
+    list.append(
+        SteadyState{toObject(tree), found.residual, found.undetermined, states.stabilities[i]});
   }
-  return states;
+  return list;
 }
 
 void bindAnalysis(py::module_& module) {

@@ -3,8 +3,12 @@
 
 #include <pybind11/pybind11.h>
 
+#include <string>
+#include <vector>
+
 #include "variator_sim/linear_model.h"
 #include "variator_sim/simulation.h"
+#include "variator_sim/trim.h"
 
 namespace variator_sim::python {
 
@@ -18,9 +22,17 @@ MotionState readState(const py::dict& values, Simulation& simulation);
 /// motion stays where it is.
 LinearModel linearizeAt(Simulation& simulation, const py::object& state, bool project, bool full);
 
+/// Of `fix` a dict of numbers; of `free` the same, or names; None: nothing. Throws SceneError.
+TrimOptions readTrimOptions(const py::object& fix, const py::object& free, bool accelerating);
+
+struct SteadyStates {
+  TrimResult found;
+  std::vector<std::string> stabilities;  ///< of each of them
+};
+/// Knows nothing of Python. Throws SceneError.
+SteadyStates findSteadyStates(const Scene& scene, const TrimOptions& options);
 /// A list of SteadyState; raises NoSteadyState where there is none, warns of infinitely many.
-py::list findSteadyStates(const Scene& scene, const py::object& fix, const py::object& free,
-                          bool accelerating);
+py::list toList(const SteadyStates& states, const Scene& scene);
 
 void bindAnalysis(py::module_& module);
 

@@ -144,31 +144,10 @@ void bindSample(py::module_& module) {
   });
 }
 
-void bindSimulation(py::module_& module) {
+/// What can be seen of it.
+void bindViews(py::class_<PythonSimulation>& simulation) {
   using Self = PythonSimulation;
-  py::class_<Self> simulation(module, "Simulation");
   simulation
-      .def(py::init<const py::object&, const py::object&, bool>(), py::arg("scene"),
-           py::arg("overrides") = py::none(), py::kw_only(), py::arg("energy") = false)
-      .def_property_readonly("time", &Self::time)
-      .def("advance", &Self::advance, py::arg("duration"))
-      .def("advance_to", &Self::advanceTo, py::arg("time"))
-      .def("step", &Self::step, py::arg("duration"), py::arg("commands") = py::none())
-      .def("command", &Self::command, py::arg("topic"), py::arg("value"))
-      .def("sample", &Self::sample)
-      .def("__getitem__", &Self::read, py::arg("column"))
-      .def("state", &Self::state)
-      .def("set_state", &Self::setState, py::arg("state"), py::arg("project") = false)
-      .def("reset", &Self::reset)
-      .def("linearize", &Self::linearize, py::arg("state") = py::none(), py::kw_only(),
-           py::arg("project") = false, py::arg("full") = false)
-      .def(
-          "trim",
-          [](const Self& s, const py::object& fix, const py::object& free, bool accelerating) {
-            return findSteadyStates(s.scene(), fix, free, accelerating);
-          },
-          py::arg("fix") = py::none(), py::arg("free") = py::none(), py::kw_only(),
-          py::arg("accelerating") = false)
       .def_property_readonly("outputs",
                              [](Self& s) { return s.quantities(QuantityGroup::kOutputs); })
       .def_property_readonly("inputs", [](Self& s) { return s.quantities(QuantityGroup::kInputs); })
@@ -192,20 +171,43 @@ void bindSimulation(py::module_& module) {
       .def_property_readonly("scene", [](const Self& s) { return toObject(s.scene().resolved); })
       .def_property_readonly("stepper", [](Self& s) { return s.get().describeStepper(); })
       .def_property_readonly("machine_code", [](Self& s) { return s.get().machineCode(); })
-      .def("compile", [](Self& s) { return s.get().loadMachineCode(true); })
       .def_property_readonly("is_sleeping", [](Self& s) { return s.get().isSleeping(); })
       .def_property_readonly("doubts", [](Self& s) { return describeDoubts(s.get()); })
       .def_property_readonly("statistics", &statistics)
       .def(
           "columns",
           [](Self& s, const std::string& groups) { return s.columnsOf(readColumnGroups(groups)); },
-          py::arg("groups") = "state")
+          py::arg("groups") = "state");
+}
+
+void bindSimulation(py::module_& module) {
+  using Self = PythonSimulation;
+  py::class_<Self> simulation(module, "Simulation");
+  simulation
+      .def(py::init<const py::object&, const py::object&, bool>(), py::arg("scene"),
+           py::arg("overrides") = py::none(), py::kw_only(), py::arg("energy") = false)
+      .def_property_readonly("time", &Self::time)
+      .def("advance", &Self::advance, py::arg("duration"))
+      .def("advance_to", &Self::advanceTo, py::arg("time"))
+      .def("step", &Self::step, py::arg("duration"), py::arg("commands") = py::none())
+      .def("command", &Self::command, py::arg("topic"), py::arg("value"))
+      .def("sample", &Self::sample)
+      .def("__getitem__", &Self::read, py::arg("column"))
+      .def("state", &Self::state)
+      .def("set_state", &Self::setState, py::arg("state"), py::arg("project") = false)
+      .def("reset", &Self::reset)
+      .def("linearize", &Self::linearize, py::arg("state") = py::none(), py::kw_only(),
+           py::arg("project") = false, py::arg("full") = false)
+      .def("trim", &Self::trim, py::arg("fix") = py::none(), py::arg("free") = py::none(),
+           py::kw_only(), py::arg("accelerating") = false)
+      .def("compile", [](Self& s) { return s.get().loadMachineCode(true); })
       .def("_run", [](Self& s, double duration, double rate, const py::object& times,
                       const std::vector<CommandTuple>& commands, const std::string& columns,
                       bool until_rest) {
         return s.run(makeRequest(duration, rate, times, commands, columns, until_rest));
       });
   addFastCalls(simulation);
+  bindViews(simulation);
 }
 
 }  // namespace

@@ -176,6 +176,13 @@ class PythonSimulation {
     if (state.is_none()) sample();  // raises where the motion has stopped
     return linearizeAt(get(), state, project, full);
   }
+  py::list trim(const py::object& fix, const py::object& free, bool accelerating) {
+    const Scene& scene = get().scene();
+    const TrimOptions options = readTrimOptions(fix, free, accelerating);
+    SteadyStates states;
+    withoutLock([&] { states = findSteadyStates(scene, options); });
+    return toList(states, scene);
+  }
 
   /// Rows, how many commands lay outside, and None or the error that ended the run.
   py::tuple run(const RunRequest& request) {
