@@ -4,11 +4,9 @@
 import os
 import pathlib
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 from unittest import mock
 
@@ -33,6 +31,18 @@ torques: [motor]
 motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "1 - c*w1", parameters: {c: 1.0}}
 outputs: [power]
 power: {expression: "w1*(1 - w1)"}
+"""
+# usage: python3 -c .. SWEEP WORD...
+KILLED_AFTER_ONE_CHUNK = """
+import os, runpy, signal, sys
+from variator_sim import sweeps
+keep = sweeps.Journal.add
+def add(*arguments):
+    keep(*arguments)
+    os.kill(os.getpid(), signal.SIGKILL)
+sweeps.Journal.add = add
+sys.argv = sys.argv[1:]
+runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 
@@ -179,13 +189,13 @@ class SweepTest(unittest.TestCase):
         arguments = ["--set", "drive/inertia=0.5:2:2000", "--metric", "max(drive/velocity)"]
         output = self.folder / "out.csv"
         journal = self.folder / "out.csv.journal"
-        process = subprocess.Popen(self.command(output, *arguments))
-        while not journal.exists() or journal.read_text(encoding="utf-8").count("\n") < 2:
-            self.assertIsNone(process.poll())
-            time.sleep(0.001)
-        process.send_signal(signal.SIGKILL)
-        self.assertEqual(process.wait(), -signal.SIGKILL)
+        # Killed by itself, once the first runs are in the journal: not sooner, not later.
+        words = self.command(output, *arguments)
+        killed = subprocess.run([sys.executable, "-c", KILLED_AFTER_ONE_CHUNK, *words[1:]],
+                                check=False, timeout=120)
+        self.assertEqual(killed.returncode, -signal.SIGKILL)
         kept = journal.read_text(encoding="utf-8").count("\n") - 1
+        self.assertTrue(0 < kept < 2000)
         self.assertFalse(output.exists())
         with open(journal, "a", encoding="utf-8") as file:
             file.write("1999,0.123")  # the line that it was writing
@@ -225,17 +235,16 @@ class SweepTest(unittest.TestCase):
             import distributed  # noqa: F401
         except ImportError:
             self.skipTest("python3-distributed is not installed")
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        scheduler = f"tcp://127.0.0.1:{port}"
-        self.start("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port),
-                   "--no-dashboard")
-        workers = [self.start("distributed.cli.dask_worker", scheduler, "--nthreads", "1",
-                              "--no-nanny", "--no-dashboard", "--name", name)
+        # The scheduler chooses a port and writes where it is; workers wait for that.
+        place = self.folder / "scheduler.json"
+        self.start("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
+                   "--scheduler-file", str(place), "--no-dashboard")
+        workers = [self.start("distributed.cli.dask_worker", "--scheduler-file", str(place),
+                              "--nthreads", "1", "--no-nanny", "--no-dashboard", "--name", name)
                    for name in ("first", "second")]
-        with distributed.Client(scheduler, timeout=60) as client:
+        with distributed.Client(scheduler_file=str(place), timeout=60) as client:
             client.wait_for_workers(2, timeout=60)
+            scheduler = client.scheduler.address
 
         added = []
         keep = sweeps.Memory.add
