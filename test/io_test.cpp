@@ -260,5 +260,20 @@ TEST(CommandFile, ReadsFiles) {
   EXPECT_THROW(readCommandFile(testing::TempDir()), CommandFileError);
 }
 
+// rosparam evaluates the first two as Python: what passes here is safe to load there.
+TEST(YamlText, RefusesTagsThatOthersRun) {
+  for (const std::string value :
+       {"!radians \"__import__('os').system('id')\"", "!degrees 180",
+        "!!binary aGk=", "!!python/object/apply:os.system ['id']", "!<tag:a,b:c> 1"}) {
+    try {
+      readYamlText("shafts: [a]\nsolver: {step: " + value + "}\n", "scene.yaml");
+      ADD_FAILURE() << value;
+    } catch (const SceneError& error) {
+      EXPECT_NE(std::string(error.what()).find("is not supported"), std::string::npos)
+          << error.what();
+    }
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim
