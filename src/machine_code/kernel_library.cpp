@@ -34,7 +34,9 @@ const char* const kOptions[] = {"-std=c11",        "-O3",
                                 "-fno-math-errno", "-fno-tree-slp-vectorize",
                                 "-fno-builtin",    "-fPIC",
                                 "-shared"};
-constexpr auto kPatience = std::chrono::seconds(60);
+// s. Whoever has not asked for machine code is not to wait for it.
+constexpr int kPatience = 5;
+constexpr int kLongPatience = 60;
 constexpr const char* kNotYet = "it is not in the cache yet";
 
 std::uint64_t mix(std::uint64_t hash, const std::string& text) {
@@ -138,7 +140,7 @@ std::string findFolder() {
 
 /// Runs the compiler; an empty reason when it made `output`.
 std::string compile(const std::string& program, const std::string& source,
-                    const std::string& output) {
+                    const std::string& output, int patience) {
   std::vector<std::string> arguments{program};
   arguments.insert(arguments.end(), std::begin(kOptions), std::end(kOptions));
   arguments.insert(arguments.end(), {"-o", output, source, "-lm"});
@@ -159,7 +161,7 @@ std::string compile(const std::string& program, const std::string& source,
   if (error != 0) return program + " cannot be run: " + std::strerror(error);
 
   int status = 0;
-  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(patience);
   for (;;) {
     const pid_t ended = ::waitpid(child, &status, WNOHANG);
     if (ended == child) break;
@@ -167,7 +169,7 @@ std::string compile(const std::string& program, const std::string& source,
     if (std::chrono::steady_clock::now() > give_up) {
       ::kill(child, SIGKILL);
       ::waitpid(child, &status, 0);
-      return program + " took more than a minute";
+      return program + " took more than " + std::to_string(patience) + " s";
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
@@ -184,7 +186,7 @@ bool writeAll(const std::string& path, const std::string& text, std::ios::openmo
 
 /// Compiles into `path`; an empty reason when that is there afterwards.
 std::string makeKernel(const std::string& compiler, const std::string& source,
-                       const std::string& path) {
+                       const std::string& path, int patience) {
   // Of this process and this call: the nodelets of a manager may compile at once.
   static std::atomic<int> calls{0};
   const std::string beside =
@@ -194,7 +196,7 @@ std::string makeKernel(const std::string& compiler, const std::string& source,
   if (!writeAll(text, source, std::ios::trunc)) {
     reason = text + " cannot be written: " + describeError();
   } else {
-    reason = compile(compiler, text, beside);
+    reason = compile(compiler, text, beside, patience);
   }
   if (reason.empty()) {
     // What follows an object's own end is nothing to the loader.
@@ -244,7 +246,7 @@ std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Mi
   for (const char* option : kOptions) key += option;
   const std::string path = folder + "/" + sumOf(key) + ".so";
   bool was_compiled = false;
-  if (missing == Missing::kCompile) *reason = makeFolder(folder);
+  if (missing != Missing::kLeave) *reason = makeFolder(folder);
   if (reason->empty()) *reason = checkFolder(folder);
   if (!reason->empty()) return nullptr;
   if (!isWhole(path)) {
@@ -253,7 +255,8 @@ std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Mi
     } else if (compiler.empty()) {
       *reason = "no compiler (cc) was found";
     } else {
-      *reason = makeKernel(compiler, source, path);
+      const bool is_patient = missing == Missing::kCompilePatiently;
+      *reason = makeKernel(compiler, source, path, is_patient ? kLongPatience : kPatience);
       was_compiled = true;
     }
     if (!reason->empty()) return nullptr;

@@ -25,7 +25,8 @@ class KernelLibrary {
   void* find(const char* name) const;
 
   /// Whether code that is not in the cache yet is compiled.
-  enum class Missing { kCompile, kLeave };
+  /// (kCompile: within 5 s, kCompilePatiently: within a minute, or not at all).
+  enum class Missing { kCompile, kCompilePatiently, kLeave };
   /// The library of `source`. Null where there is none, and `reason` then says why, as the end of
   /// a sentence ("no compiler (cc) was found"). Never throws; takes a second or so to compile.
   static std::shared_ptr<KernelLibrary> load(const std::string& source, Missing missing,

@@ -64,12 +64,14 @@ bool Motion::loadMachineCode(bool compile) {
     machine_code_ = "the interpreter: 'solver/machine_code' is 'never'";
     return false;
   }
+  using Missing = KernelLibrary::Missing;
+  const bool is_asked_for = scene_.solver.machine_code == MachineCode::kAlways;
+  const Missing compiling = is_asked_for ? Missing::kCompilePatiently : Missing::kCompile;
+  const Missing missing = compile ? compiling : Missing::kLeave;
   using Clock = std::chrono::steady_clock;
   const Clock::time_point begin = Clock::now();
   bool compiled = false;
-  const std::string reason = drivetrain_.loadMachineCode(
-      system_.series(), compile ? KernelLibrary::Missing::kCompile : KernelLibrary::Missing::kLeave,
-      &compiled);
+  const std::string reason = drivetrain_.loadMachineCode(system_.series(), missing, &compiled);
   has_machine_code_ = reason.empty();
   if (!has_machine_code_) {
     machine_code_ = "the interpreter: " + reason;
