@@ -261,7 +261,7 @@ TEST(CommandFile, ReadsFiles) {
 }
 
 // rosparam evaluates the first two as Python: what passes here is safe to load there.
-TEST(YamlText, RefusesTagsThatOthersRun) {
+TEST(YamlTree, RefusesTagsThatOthersRun) {
   for (const std::string value :
        {"!radians \"__import__('os').system('id')\"", "!degrees 180",
         "!!binary aGk=", "!!python/object/apply:os.system ['id']", "!<tag:a,b:c> 1"}) {

@@ -204,7 +204,9 @@ class KeyFaults : public testing::TestWithParam<std::string> {
       if (holderOf(tree_, steps) != nullptr) visit(path, steps);
     }
   }
+  void TearDown() override { RecordProperty("tried", tried_); }
   Tree tree_;
+  int tried_ = 0;
 };
 
 TEST_P(KeyFaults, TheSceneItselfRuns) {
@@ -229,6 +231,7 @@ TEST_P(KeyFaults, FaultyValuesAreRefusedOrRun) {
       Tree tree = tree_;
       holderOf(tree, steps)->asDictionary()[steps.back()] = value;
       const Outcome outcome = load(tree);
+      ++tried_;
       const std::string what = path + ": " + name + ": " + outcome.message.substr(0, 300);
       expectPresentable(outcome, what);
       const auto row = table().find(steps.back());
@@ -254,6 +257,7 @@ TEST_P(KeyFaults, MissingAndMisspeltKeys) {
       holder.erase(found);
       if (!misspelt.empty()) holder[misspelt] = value;
       const Outcome outcome = load(tree);
+      ++tried_;
       const std::string what =
           path + " as '" + escaped(misspelt) + "': " + outcome.message.substr(0, 300);
       expectPresentable(outcome, what);

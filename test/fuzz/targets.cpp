@@ -1,0 +1,157 @@
+#include "fuzz/targets.h"
+
+#include <ros/serialization.h>
+#include <variator_sim/Step.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <new>
+#include <stdexcept>
+#include <utility>
+
+#include "ros/command_names.h"
+#include "ros/node_settings.h"
+#include "ros/xmlrpc_tree.h"
+#include "variator_sim/component_factory.h"
+#include "variator_sim/errors.h"
+#include "variator_sim/io/command_file.h"
+#include "variator_sim/io/override_text.h"
+#include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/node_names.h"
+#include "variator_sim/scene.h"
+#include "variator_sim/simulation.h"
+
+namespace variator_sim::fuzz {
+namespace {
+
+/// What users are told may hold anything but what is promised of it.
+void check(const std::string& message) {
+  bool is_good = message.size() <= kLongestMessage + 100;
+  for (const char c : message)
+    is_good = is_good && !((c >= 0 && c < ' ' && c != '\n') || c == 0x7f);
+  if (is_good) return;
+  std::fprintf(stderr, "not presentable: %s\n", message.c_str());
+  std::abort();
+}
+
+/// Reads `tree` as a scene and moves it a little.
+void run(ParameterTree tree) {
+  try {
+    applyOwnOverrides(tree);
+    readNodeSettings(tree);
+    BuiltinComponentFactory factory;
+    Scene read = readScene(tree, factory, nodeNames());
+    // So that no input takes its time by steps.
+    read.solver.maximum_steps = 20;
+    read.solver.machine_code = MachineCode::kNever;
+    Simulation simulation(std::move(read));
+    simulation.sample();
+    simulation.advanceTo(1e-4);
+    simulation.sample();
+    check(simulation.describeStatus());
+  } catch (const Error& error) {
+    check(error.what());
+  }
+}
+
+ParameterTree text(const char* value) {
+  return ParameterTree::text(value);
+}
+ParameterTree::Dictionary twoShafts() {
+  const ParameterTree shaft = ParameterTree::dictionary({{"inertia", ParameterTree::real(1.5)}});
+  return {{"shafts", ParameterTree::list({text("a"), text("b")})}, {"a", shaft}, {"b", shaft}};
+}
+
+}  // namespace
+
+void formula(const std::string& input) {
+  ParameterTree::Dictionary torque = twoShafts();
+  torque["torques"] = ParameterTree::list({text("m")});
+  torque["m"] = ParameterTree::dictionary({{"type", text("variator_sim/ExpressionTorque")},
+                                           {"shaft", text("a")},
+                                           {"torque", ParameterTree::text(input)}});
+  run(ParameterTree::dictionary(torque));
+  for (int order = 1; order <= 3; ++order) {
+    ParameterTree::Dictionary constraint = twoShafts();
+    constraint["constraints"] = ParameterTree::list({text("v")});
+    constraint["v"] =
+        ParameterTree::dictionary({{"type", text("variator_sim/ExpressionConstraint")},
+                                   {"order", ParameterTree::integer(order)},
+                                   {"expression", ParameterTree::text(input)}});
+    run(ParameterTree::dictionary(constraint));
+  }
+}
+
+void scene(const std::string& input) {
+  try {
+    run(readYamlText(input, "scene.yaml"));
+  } catch (const Error& error) {
+    check(error.what());
+  }
+}
+
+void commands(const std::string& input) {
+  static const Scene scene = [] {
+    BuiltinComponentFactory factory;
+    return readScene(
+        readYamlText("shafts: [a]\na: {inertia: 1}\ntorques: [m]\n"
+                     "m: {type: variator_sim/CommandedTorque, shaft: a, topic: drive_torque}\n",
+                     "scene.yaml"),
+        factory, nodeNames());
+  }();
+  try {
+    const std::vector<TimedCommand> read = readCommandText(input, "commands.csv");
+    Simulation simulation(scene);
+    for (const TimedCommand& command : read) {
+      if (command.topic == "drive_torque") simulation.command(0, command.value);
+    }
+    simulation.sample();
+  } catch (const Error& error) {
+    check(error.what());
+  }
+}
+
+void parameters(const std::string& input) {
+  int offset = 0;
+  XmlRpc::XmlRpcValue value;
+  if (!value.fromXml(input, &offset)) return;
+  try {
+    run(toParameterTree(value));
+  } catch (const Error& error) {
+    check(error.what());
+  }
+}
+
+void step(const std::string& input) {
+  Step::Request request;
+  std::vector<std::uint8_t> bytes(input.begin(), input.end());
+  try {
+    ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+    ros::serialization::deserialize(stream, request);
+  } catch (const ros::Exception&) {
+    return;  // roscpp refuses it
+  } catch (const std::length_error&) {
+    return;
+  } catch (const std::bad_alloc&) {
+    return;
+  }
+  CommandGroup group;
+  const std::string fault = readCommands({"drive_torque", "throttle", "ratio"},
+                                         request.command_topics, request.command_values, group);
+  check(fault);
+  for (int i = 0; i < group.count && fault.empty(); ++i) {
+    if (!std::isfinite(group.commands[static_cast<std::size_t>(i)].value)) std::abort();
+  }
+}
+
+const std::vector<Target>& targets() {
+  static const std::vector<Target> all{{"formula", formula},
+                                       {"scene", scene},
+                                       {"commands", commands},
+                                       {"parameters", parameters},
+                                       {"step", step}};
+  return all;
+}
+
+}  // namespace variator_sim::fuzz

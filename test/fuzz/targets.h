@@ -1,0 +1,28 @@
+/// What is fuzzed: each takes any bytes, and has to come back, without a crash and in bounded time.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace variator_sim::fuzz {
+
+/// The text of a formula of a torque, of a constraint and of an output.
+void formula(const std::string& input);
+/// A scene in YAML.
+void scene(const std::string& input);
+/// A command file.
+void commands(const std::string& input);
+/// What a parameter server answers, in XML.
+void parameters(const std::string& input);
+/// A request of ~step, as it comes over the wire.
+void step(const std::string& input);
+
+struct Target {
+  const char* name;
+  void (*run)(const std::string& input);
+};
+const std::vector<Target>& targets();
+
+}  // namespace variator_sim::fuzz
