@@ -1,0 +1,252 @@
+/// Across an edge that a step has come to: by a series, to a little behind it.
+#include <algorithm>
+#include <cmath>
+
+#include "integrate/integrator.h"
+
+namespace variator_sim {
+
+State Integrator::goAhead(const StepNode& from, double length) const {
+  State x = from.x;
+  for (int n = 0; n < x.size(); ++n) {
+    double change = from.dxdt[n];
+    if (n + S < x.size()) change += 0.5 * length * from.dxdt[n + S];
+    if (n + 2 * S < x.size()) change += length * length / 6.0 * from.dxdt[n + 2 * S];
+    x[n] += length * change;
+  }
+  return x;
+}
+
+bool Integrator::crossEdge() {
+  constexpr int kAttempts = 2;
+  constexpr int kMostAttempts = 25;
+  constexpr int kHalvings = 60;
+  constexpr double kDepth = 1e-5;
+  constexpr double kShyOfIt = 0.999;
+  const int guard = crossing_.guard;
+  // The step before may have ended a little beyond it, by the error of its dense output.
+  if (guards_.side(guard) != crossing_.side) return false;
+  int branch = Guard::kOnEdge;
+  // Accelerations that the principle gives are known at a state, not along a series. They may go
+  // on in the corner that an edge is for them (least_reaction.h).
+  const int owner = drivetrain_.guardOwner(guard).constraint;
+  const bool follows =
+      !integrates_torque_ && owner >= 0 && drivetrain_.constraint(owner).order() == 2;
+  const auto isBeyond = [&](double length) {
+    front_.time = base_.time + length;
+    front_.x = goAhead(base_, length);
+    if (follows) {
+      system_(front_.x, front_.dxdt, front_.time);
+      if (system_.isInCorner()) return true;
+    } else if (!integrates_torque_) {
+      front_.dxdt = base_.dxdt;
+    }
+    branch = guards_.guard(guard).branch(viewOf(front_));
+    return branch != Guard::kOnEdge && branch != guards_.side(guard);
+  };
+  double beyond = crossing_.length;
+  int attempt = 0;
+  while (!isBeyond(beyond) && ++attempt < (follows ? kMostAttempts : kAttempts) &&
+         (!follows || isSeriesGood(beyond))) {
+    beyond *= 4.0;
+  }
+  if (!isBeyond(beyond) || base_.time + beyond >= drivetrain_.inputSegmentEnd()) {
+    front_ = base_;
+    return false;
+  }
+  double before = 0.0;
+  for (int halving = 0; halving < kHalvings; ++halving) {
+    const double middle = 0.5 * (before + beyond);
+    if (!(middle > before && middle < beyond)) break;
+    (isBeyond(middle) ? beyond : before) = middle;
+  }
+  if (before > 0.0 && !isSeriesGood(kShyOfIt * before)) {
+    front_ = base_;
+    return false;
+  }
+  const double depth = kDepth * beyond + 2.0 * shortestStep(absolute(base_.time));
+  const double reached = isBeyond(beyond + depth) ? beyond + depth : beyond;
+  // A kink bends the accelerations. Where they jump, the least reaction that they followed has
+  // ended there, and the next one is another motion's: as at a fold of a smooth psi.
+  if (follows && haveAccelerationsJumped(isBeyond, before, reached)) {
+    front_ = base_;
+    stop(StopReason::kProjectionFailed);
+    return false;
+  }
+  isBeyond(reached);
+  return enterBranch(reached - beyond) && noteCrossing(guard, branch, depth);
+}
+
+bool Integrator::isSeriesGood(double length) {
+  const double time = base_.time + length;
+  const State x = goAhead(base_, length);
+  double before[kMaxShafts];
+  double after[kMaxShafts];
+  if (integrates_torque_) {
+    drivetrain_.calcTorque(system_.view(base_.time, base_.x), before);
+    drivetrain_.calcTorque(system_.view(time, x), after);
+    for (int i = 0; i < S; ++i) before[i] += length * base_.torque_rate[i];
+    for (int i = 0; i < S; ++i)
+      after[i] = (after[i] - before[i]) / drivetrain_.inertia().entry(i, i);
+  } else {
+    State dxdt(system_.size());
+    system_(x, dxdt, time);
+    for (int i = 0; i < S; ++i) after[i] = 0.5 * (dxdt[S + i] - base_.dxdt[S + i]);
+  }
+  double largest = 0.0;
+  for (int i = 0; i < S; ++i) {
+    largest = worseOf(largest, length * std::abs(after[i]) / tolerance_.of(x[S + i]));
+  }
+  if (integrates_torque_ && drivetrain_.hasOrder3()) {
+    // Jerks that are given have nothing that would bring the accelerations back afterwards.
+    State dxdt(system_.size());
+    system_(x, dxdt, time);
+    for (int n = 2 * S; n < x.size(); ++n) {
+      const double error = 0.5 * length * std::abs(dxdt[n] - base_.dxdt[n]);
+      largest = worseOf(largest, error / tolerance_.of(x[n]));
+    }
+  }
+  return largest <= 1.0;
+}
+
+bool Integrator::crossJumpAhead(double reach) {
+  StepNode ahead = base_;
+  ahead.time += reach;
+  ahead.x = goAhead(base_, reach);
+  for (int i = 0; i < guards_.count(); ++i) {
+    if (!guards_.guard(i).jumps() || !guards_.hasLeft(i, viewOf(ahead))) continue;
+    crossing_.guard = i;
+    crossing_.side = guards_.side(i);
+    crossing_.at = base_.time;
+    crossing_.length = reach;
+    if (crossEdge()) return true;
+    if (!status_.ok()) return false;
+  }
+  crossing_ = Crossing{};
+  front_ = base_;
+  return false;
+}
+
+bool Integrator::enterBranch(double late) {
+  // What may jump there: a torque or the constraint itself, by `sign`, and the accelerations that
+  // f' = 0 asks for, by a kink of f.
+  bool jumps = false;
+  bool kinks_velocity_row = false;
+  int jumping_row = -1;
+  const StateView there = viewOf(front_);
+  for (int i = 0; i < guards_.count(); ++i) {
+    const int branch = guards_.guard(i).branch(there);
+    if (branch == Guard::kOnEdge || branch == guards_.side(i)) continue;
+    const int row = drivetrain_.guardOwner(i).constraint;
+    const bool jumps_here = guards_.guard(i).jumps();
+    if (row < 0) {
+      jumps = jumps || jumps_here;
+    } else {
+      const int order = drivetrain_.constraint(row).order();
+      kinks_velocity_row = kinks_velocity_row || order == 1;
+      if (jumps_here && order < 3) jumping_row = row;
+    }
+  }
+  if (kinks_velocity_row && !system_.crossKink(base_, front_)) return refuseEdge();
+  State moved(system_.size());
+  const ProjectionResult projected =
+      system_.project(front_.time, front_.x, moved, &statistics_.projections);
+  if (projected != ProjectionResult::kConverged) return refuseEdge();
+  if (kinks_velocity_row && integrates_torque_) {
+    for (int n = 2 * S; n < moved.size(); ++n) moved[n] = 0.0;
+  }
+  const double displaced = calcErrorNorm(moved, base_.x, front_.x, tolerance_);
+  if (jumping_row >= 0 && !(displaced <= 1.0)) {
+    front_ = base_;
+    stop(StopReason::kJumpFailed);
+    status_.constraint = jumping_row;
+    return false;
+  }
+  if (!jumpOverEdge(late)) return false;
+  checks_.noteTorque(front_);
+  system_.restoreReaction(front_, kAnyway);
+  system_(front_.x, front_.dxdt, front_.time);
+  noteDerivative();
+  if (!front_.dxdt.isFinite()) return refuseEdge();
+  if (kinks_velocity_row || jumps) choice_.restart();
+  rows_.noteAnew();
+  if (!finishStep()) return refuseEdge();
+  checks_.noteTorque(front_);
+  moveGuards();
+  ++statistics_.steps;
+  ++statistics_.kinks;
+  crossing_ = Crossing{};
+  return true;
+}
+
+bool Integrator::refuseEdge() {
+  front_ = base_;
+  return false;
+}
+
+bool Integrator::jumpOverEdge(double late) {
+  if (integrates_torque_) {
+    const double length = front_.time - base_.time;
+    double before[kMaxShafts];
+    double torque_jump[kMaxShafts];
+    bool is_any = false;
+    drivetrain_.calcTorque(system_.view(base_.time, base_.x), before);
+    drivetrain_.calcTorque(system_.view(front_.time, front_.x), torque_jump);
+    for (int i = 0; i < S; ++i) {
+      torque_jump[i] -= before[i] + length * base_.torque_rate[i];
+      is_any = is_any || std::abs(torque_jump[i]) > 1e-15 * std::abs(before[i]);
+    }
+    if (!is_any) return true;
+    State x = front_.x;
+    const MotionStatus result =
+        system_.jumpTorque(front_.time, x, torque_jump, &statistics_.projections);
+    if (!result.ok()) {
+      front_ = base_;
+      status_ = result;
+      status_.time = absolute(front_.time);
+      return false;
+    }
+    // It jumped at the edge itself, and the velocities have changed since.
+    for (int i = 0; i < S; ++i) {
+      const double change = x[2 * S + i] - front_.x[2 * S + i];
+      x[S + i] += late * change;
+      x[i] += 0.5 * late * late * change;
+    }
+    front_.x = x;
+    State moved(system_.size());
+    if (system_.project(front_.time, front_.x, moved, &statistics_.projections) !=
+        ProjectionResult::kConverged) {
+      return refuseEdge();
+    }
+  }
+  return true;
+}
+
+bool Integrator::noteCrossing(int guard, int branch, double depth) {
+  const bool jumps = guards_.guard(guard).jumps();
+  const double now = absolute(front_.time);
+  const bool at_once = guard == last_crossing_.guard &&
+                       now - last_crossing_.time <= kAtOnce * (depth + last_crossing_.depth);
+  last_crossing_ = {guard, now, depth, at_once ? last_crossing_.count + 1 : 0};
+  if (!jumps && !integrates_torque_ && last_crossing_.count >= kMostTouches) {
+    // Accelerations of least reaction may go on in the corner itself (least_reaction.h).
+    guards_.mute(guard);
+    return true;
+  }
+  bool turns_back = last_crossing_.count >= (jumps ? 1 : kMostTouches);
+  if (jumps && !turns_back) {
+    StepNode ahead = front_;
+    ahead.time += 4.0 * depth;
+    ahead.x = goAhead(front_, 4.0 * depth);
+    const int next = guards_.guard(guard).branch(viewOf(ahead));
+    turns_back = next != branch && next != Guard::kOnEdge;
+  }
+  if (!turns_back) return true;
+  front_ = base_;
+  stop(StopReason::kChattering);
+  status_.torque = drivetrain_.guardOwner(guard).torque;
+  status_.constraint = drivetrain_.guardOwner(guard).constraint;
+  return false;
+}
+
+}  // namespace variator_sim
