@@ -166,6 +166,7 @@ bool Integrator::enterBranch(double late) {
   checks_.noteTorque(front_);
   system_.restoreReaction(front_, kAnyway);
   system_(front_.x, front_.dxdt, front_.time);
+  if (!integrates_torque_ && jumps && !catchUp(late)) return refuseEdge();
   noteDerivative();
   if (!front_.dxdt.isFinite()) return refuseEdge();
   if (kinks_velocity_row || jumps) choice_.restart();
@@ -218,6 +219,32 @@ bool Integrator::jumpOverEdge(double late) {
         ProjectionResult::kConverged) {
       return refuseEdge();
     }
+  }
+  return true;
+}
+
+bool Integrator::catchUp(double late) {
+  const StepNode as_before = front_;
+  for (int i = 0; i < S; ++i) {
+    const double change = front_.dxdt[S + i] - base_.dxdt[S + i];
+    front_.x[S + i] += late * change;
+    front_.x[i] += 0.5 * late * late * change;
+  }
+  State moved(system_.size());
+  if (system_.project(front_.time, front_.x, moved, &statistics_.projections) !=
+      ProjectionResult::kConverged) {
+    return false;
+  }
+  system_(front_.x, front_.dxdt, front_.time);
+  // Where the torque throws the motion back over the edge, noteCrossing is to see it beyond.
+  bool is_back = false;
+  for (int i = 0; i < guards_.count(); ++i) {
+    is_back = is_back ||
+              guards_.guard(i).branch(viewOf(front_)) != guards_.guard(i).branch(viewOf(as_before));
+  }
+  if (is_back) {
+    front_ = as_before;
+    system_(front_.x, front_.dxdt, front_.time);
   }
   return true;
 }
