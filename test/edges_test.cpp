@@ -487,6 +487,48 @@ TEST(TorquesThatJump, AreSampledOnOneSide) {
   }
 }
 
+/// Accelerations of least reaction along a psi that is not linear in them, under a torque that
+/// jumps and under one that rises ever faster. A command and a formula of the time may jump.
+Simulation curvedRatio(const std::string& pulse, const char* stepper) {
+  return Simulation(test::sceneFromText(
+      "shafts: [drive, load]\ndrive: {inertia: 0.5}\nload: {inertia: 1.2}\n"
+      "torques: [motor, drag, pulse]\n"
+      "motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: \"8*(1-w1/40)\"}\n"
+      "drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: \"-0.1*w2\"}\npulse: " +
+      pulse +
+      "\nconstraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
+      "\"0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1\"}\n"
+      "initial: {velocity: [10, 8]}\nprinciple: gauss\nsolver: {stepper: " +
+      std::string(stepper) + "}\n"));
+}
+std::string pulseOf(const std::string& torque) {
+  return "{type: variator_sim/ExpressionTorque, shaft: drive, torque: \"" + torque + "\"}";
+}
+
+TEST(TorquesThatJump, LeadLeastReactionsWhereRampsDo) {
+  for (const int size : {3, 8, -6}) {
+    const std::string height = std::to_string(size);
+    Simulation ramp = curvedRatio(pulseOf(height + "*clamp((t-1)/1e-5, 0, 1)"), "dop853");
+    ASSERT_TRUE(ramp.advanceTo(1.2).ok()) << ramp.describeStatus();
+    for (const char* stepper : {"auto", "dopri5", "radau", "taylor"}) {
+      SCOPED_TRACE(height + " N m by " + stepper);
+      Simulation formula = curvedRatio(pulseOf("if(t < 1, 0, " + height + ")"), stepper);
+      ASSERT_TRUE(formula.advanceTo(1.2).ok()) << formula.describeStatus();
+      Simulation command =
+          curvedRatio("{type: variator_sim/CommandedTorque, shaft: drive, topic: p}", stepper);
+      ASSERT_TRUE(command.advanceTo(1.0).ok()) << command.describeStatus();
+      command.command(0, size);
+      ASSERT_TRUE(command.advanceTo(1.2).ok()) << command.describeStatus();
+      for (int i = 0; i < 2; ++i) {
+        EXPECT_NEAR(formula.sample().velocity[i], ramp.sample().velocity[i], 1e-3) << i;
+        EXPECT_NEAR(formula.sample().acceleration[i], ramp.sample().acceleration[i], 1e-2) << i;
+        EXPECT_NEAR(formula.sample().velocity[i], command.sample().velocity[i], 1e-7) << i;
+        EXPECT_NEAR(formula.sample().acceleration[i], command.sample().acceleration[i], 1e-6) << i;
+      }
+    }
+  }
+}
+
 // --- implicit steps ------------------------------------------------------------------------------
 
 constexpr StepperKind kImplicit[] = {StepperKind::kRadau, StepperKind::kRadau5,

@@ -157,19 +157,71 @@ InitialResult ClassicalGauss::accept(double t, bool may_move, bool are_given, St
   return InitialResult::kConsistent;
 }
 
-MotionStatus ClassicalGauss::jump(double t, State& x, const double* /*u0*/, const double* /*u1*/,
+MotionStatus ClassicalGauss::jump(double t, State& x, const double* u0, const double* u1,
                                   std::uint64_t* /*projections*/) {
-  MotionStatus status;
-  const StateView state = view(t, x);
-  for (int i = 0; i < S; ++i) {
-    if (std::isfinite(state.acceleration[i])) continue;
-    status.reason = StopReason::kJumpFailed;
-  }
-  if (status.ok()) {
+  StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
+  double input[kMaxInputs];
+  state.input = input;
+  return follow(state, [&](double part, double* torque) {
+    for (int i = 0; i < drivetrain_.inputCount(); ++i) input[i] = u0[i] + part * (u1[i] - u0[i]);
+    drivetrain_.calcFreeTorque(state, torque);
+  });
+}
+
+MotionStatus ClassicalGauss::jumpTorque(double t, State& x, const double* torque_jump,
+                                        std::uint64_t* /*projections*/) {
+  if (linear_) return {};  // one solution, wherever it is looked for from
+  const StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
+  return follow(state, [&](double part, double* torque) {
+    drivetrain_.calcFreeTorque(state, torque);
+    for (int i = 0; i < S; ++i) torque[i] -= (1.0 - part) * torque_jump[i];
+  });
+}
+
+template <class MoveTo>
+MotionStatus ClassicalGauss::follow(const StateView& state, MoveTo moveTo) {
+  constexpr double kLeastPart = 1e-6;
+  // The point at `part` of the jump, from the guess, which it becomes.
+  const auto goTo = [&](double part) {
+    double torque[kMaxShafts];
+    moveTo(part, torque);
+    calcAccelerations(state, torque);
+    for (int i = 0; i < S; ++i) {
+      if (!std::isfinite(epsilon_[i])) return false;
+    }
     std::copy(epsilon_, epsilon_ + S, guess_);
-    calcMultipliers(state, lambda_guess_);
+    if (!linear_) std::copy_n(multipliers_, drivetrain_.constraintCount(), lambda_guess_);
+    return true;
+  };
+  MotionStatus failed;
+  failed.reason = StopReason::kJumpFailed;
+  if (linear_) return goTo(1.0) ? MotionStatus{} : failed;
+  goTo(0.0);  // the guess is of a little earlier
+  double part = 1.0;
+  for (double done = 0.0; done < 1.0;) {
+    const double next = std::min(1.0, done + part);
+    double guess[kMaxShafts];
+    double lambda_guess[kMaxRows];
+    double at_once[kMaxShafts];
+    std::copy_n(guess_, S, guess);
+    std::copy_n(lambda_guess_, kMaxRows, lambda_guess);
+    const auto goBack = [&] {
+      std::copy_n(guess, S, guess_);
+      std::copy_n(lambda_guess, kMaxRows, lambda_guess_);
+    };
+    const bool is_there = goTo(next);
+    std::copy_n(epsilon_, S, at_once);
+    goBack();
+    if (is_there && goTo(0.5 * (done + next)) && goTo(next) && areNear(at_once, epsilon_)) {
+      done = next;
+      part *= 2.0;
+      continue;
+    }
+    goBack();
+    part *= 0.25;
+    if (!(part > kLeastPart)) return failed;
   }
-  return status;
+  return {};
 }
 
 void ClassicalGauss::noteBase(double t, const State& x, const State& dxdt) {
@@ -221,6 +273,10 @@ void ClassicalGauss::calcMultipliers(const StateView& state, double* lambda) {
 void ClassicalGauss::calcAccelerations(const StateView& state) {
   double torque[kMaxShafts];
   drivetrain_.calcFreeTorque(state, torque);
+  calcAccelerations(state, torque);
+}
+
+void ClassicalGauss::calcAccelerations(const StateView& state, const double* torque) {
   if (linear_) {
     // psi = C epsilon + b: with epsilon = 0 the projection's residual is b, and
     // A lambda = -(b + C epsilon_free) is one correction from the free accelerations.

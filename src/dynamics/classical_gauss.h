@@ -61,9 +61,13 @@ class ClassicalGauss final : public PrincipleSystem {
   InitialResult accept(double t, bool may_move, bool are_given, State& x, double* epsilon,
                        double* nearest, bool* velocities_at_fault) override;
 
-  /// The accelerations follow from the inputs: simply solve again.
-  MotionStatus jump(double t, State& x, const double* /*u0*/, const double* /*u1*/,
-                    std::uint64_t* /*projections*/) override;
+  /// The accelerations follow from the inputs and the torque. Where psi is linear in them they are
+  /// simply solved for again; else there may be several stationary points, and the motion takes the
+  /// one that ever faster ramps lead to.
+  MotionStatus jump(double t, State& x, const double* u0, const double* u1,
+                    std::uint64_t* projections) override;
+  MotionStatus jumpTorque(double t, State& x, const double* torque_jump,
+                          std::uint64_t* projections) override;
 
   /// In a corner of psi the motion is another one than that of its formula.
   MotionSeries* series() const override { return corner_ == 0 ? series_.get() : nullptr; }
@@ -87,6 +91,14 @@ class ClassicalGauss final : public PrincipleSystem {
 
   /// epsilon_ at `state`, whose accelerations point there; NaN where there are none.
   void calcAccelerations(const StateView& state);
+  /// The same under `torque`, Q - n.
+  void calcAccelerations(const StateView& state, const double* torque);
+
+  /// Follows the stationary point along a jump; `moveTo(part, torque)` brings `state` to that part
+  /// of it and tells Q - n there. In steps so short that one of them leads where two halves do: a
+  /// longer one may come to another branch, or to none. Fails where the branch ends.
+  template <class MoveTo>
+  MotionStatus follow(const StateView& state, MoveTo moveTo);
 
   JumpWatch* watch_ = nullptr;
   bool linear_ = true;

@@ -55,12 +55,10 @@ class PrincipleSystem : public System {
   /// What a jump of the inputs from u0 to u1 at t does to x. On failure x is unchanged.
   virtual MotionStatus jump(double t, State& x, const double* u0, const double* u1,
                             std::uint64_t* projections) = 0;
-  /// What a jump of the applied torque by `torque_jump` (N m, s values) at t does to x, where the
-  /// torque is integrated.
-  virtual MotionStatus jumpTorque(double /*t*/, State& /*x*/, const double* /*torque_jump*/,
-                                  std::uint64_t* /*projections*/) {
-    return {};
-  }
+  /// What a jump of the applied torque by `torque_jump` (N m, s values) to that at (t, x) does to
+  /// x, or to the accelerations that follow from it.
+  virtual MotionStatus jumpTorque(double t, State& x, const double* torque_jump,
+                                  std::uint64_t* projections) = 0;
 
   /// Constraints of order 1 have a kink between two nodes that are next to nothing apart: moves the
   /// accelerations at `to`, which are those at `from`, as f' = 0 asks. False where C loses rank.

@@ -60,11 +60,14 @@ bool Integrator::crossEdge() {
     if (!(middle > before && middle < beyond)) break;
     (isBeyond(middle) ? beyond : before) = middle;
   }
-  if (before > 0.0 && !isSeriesGood(kShyOfIt * before)) {
+  // (A rounding before the edge the torque may be that behind it.)
+  const double resolution = 2.0 * shortestStep(absolute(base_.time));
+  const double shy_of_it = std::min(kShyOfIt * before, before - resolution);
+  if (shy_of_it > 0.0 && !isSeriesGood(shy_of_it)) {
     front_ = base_;
     return false;
   }
-  const double depth = kDepth * beyond + 2.0 * shortestStep(absolute(base_.time));
+  const double depth = kDepth * beyond + resolution;
   const double reached = isBeyond(beyond + depth) ? beyond + depth : beyond;
   // A kink bends the accelerations. Where they jump, the least reaction that they followed has
   // ended there, and the next one is another motion's: as at a fold of a smooth psi.
@@ -162,11 +165,14 @@ bool Integrator::enterBranch(double late) {
     status_.constraint = jumping_row;
     return false;
   }
-  if (!jumpOverEdge(late)) return false;
+  if ((integrates_torque_ || jumps) && !jumpOverEdge(late)) return false;
   checks_.noteTorque(front_);
   system_.restoreReaction(front_, kAnyway);
-  system_(front_.x, front_.dxdt, front_.time);
-  if (!integrates_torque_ && jumps && !catchUp(late)) return refuseEdge();
+  if (integrates_torque_ || !jumps) {
+    system_(front_.x, front_.dxdt, front_.time);
+  } else if (!differentiateBehind(late)) {
+    return refuseEdge();
+  }
   noteDerivative();
   if (!front_.dxdt.isFinite()) return refuseEdge();
   if (kinks_velocity_row || jumps) choice_.restart();
@@ -182,69 +188,62 @@ bool Integrator::enterBranch(double late) {
 
 bool Integrator::refuseEdge() {
   front_ = base_;
+  system_.noteBase(base_.time, base_.x, base_.dxdt);  // a jump may have gone elsewhere
   return false;
 }
 
 bool Integrator::jumpOverEdge(double late) {
-  if (integrates_torque_) {
-    const double length = front_.time - base_.time;
-    double before[kMaxShafts];
-    double torque_jump[kMaxShafts];
-    bool is_any = false;
-    drivetrain_.calcTorque(system_.view(base_.time, base_.x), before);
-    drivetrain_.calcTorque(system_.view(front_.time, front_.x), torque_jump);
-    for (int i = 0; i < S; ++i) {
-      torque_jump[i] -= before[i] + length * base_.torque_rate[i];
-      is_any = is_any || std::abs(torque_jump[i]) > 1e-15 * std::abs(before[i]);
-    }
-    if (!is_any) return true;
-    State x = front_.x;
-    const MotionStatus result =
-        system_.jumpTorque(front_.time, x, torque_jump, &statistics_.projections);
-    if (!result.ok()) {
-      front_ = base_;
-      status_ = result;
-      status_.time = absolute(front_.time);
-      return false;
-    }
-    // It jumped at the edge itself, and the velocities have changed since.
-    for (int i = 0; i < S; ++i) {
-      const double change = x[2 * S + i] - front_.x[2 * S + i];
-      x[S + i] += late * change;
-      x[i] += 0.5 * late * late * change;
-    }
-    front_.x = x;
-    State moved(system_.size());
-    if (system_.project(front_.time, front_.x, moved, &statistics_.projections) !=
-        ProjectionResult::kConverged) {
-      return refuseEdge();
-    }
-  }
-  return true;
-}
-
-bool Integrator::catchUp(double late) {
-  const StepNode as_before = front_;
+  const double length = front_.time - base_.time;
+  double before[kMaxShafts];
+  double torque_jump[kMaxShafts];
+  bool is_any = false;
+  drivetrain_.calcTorque(system_.view(base_.time, base_.x), before);
+  drivetrain_.calcTorque(system_.view(front_.time, front_.x), torque_jump);
   for (int i = 0; i < S; ++i) {
-    const double change = front_.dxdt[S + i] - base_.dxdt[S + i];
-    front_.x[S + i] += late * change;
-    front_.x[i] += 0.5 * late * late * change;
+    torque_jump[i] -= before[i] + length * base_.torque_rate[i];
+    is_any = is_any || std::abs(torque_jump[i]) > 1e-15 * std::abs(before[i]);
   }
-  State moved(system_.size());
-  if (system_.project(front_.time, front_.x, moved, &statistics_.projections) !=
-      ProjectionResult::kConverged) {
+  if (!is_any) return true;
+  State x = front_.x;
+  const MotionStatus result =
+      system_.jumpTorque(front_.time, x, torque_jump, &statistics_.projections);
+  if (!result.ok()) {
+    refuseEdge();
+    status_ = result;
+    status_.time = absolute(front_.time);
     return false;
   }
+  if (!integrates_torque_) return true;
+  double change[kMaxShafts];
+  for (int i = 0; i < S; ++i) change[i] = x[2 * S + i] - front_.x[2 * S + i];
+  front_.x = x;
+  return catchUp(change, late) || refuseEdge();
+}
+
+bool Integrator::catchUp(const double* change, double late) {
+  for (int i = 0; i < S; ++i) {
+    front_.x[S + i] += late * change[i];
+    front_.x[i] += 0.5 * late * late * change[i];
+  }
+  State moved(system_.size());
+  return system_.project(front_.time, front_.x, moved, &statistics_.projections) ==
+         ProjectionResult::kConverged;
+}
+
+bool Integrator::differentiateBehind(double late) {
+  system_(front_.x, front_.dxdt, front_.time);
+  double change[kMaxShafts];
+  for (int i = 0; i < S; ++i) change[i] = front_.dxdt[S + i] - base_.dxdt[S + i];
+  const StepNode there = front_;
+  if (!catchUp(change, late)) return false;
   system_(front_.x, front_.dxdt, front_.time);
   // Where the torque throws the motion back over the edge, noteCrossing is to see it beyond.
-  bool is_back = false;
   for (int i = 0; i < guards_.count(); ++i) {
-    is_back = is_back ||
-              guards_.guard(i).branch(viewOf(front_)) != guards_.guard(i).branch(viewOf(as_before));
-  }
-  if (is_back) {
-    front_ = as_before;
+    const int branch = guards_.guard(i).branch(viewOf(there));
+    if (guards_.guard(i).branch(viewOf(front_)) == branch) continue;
+    front_ = there;
     system_(front_.x, front_.dxdt, front_.time);
+    break;
   }
   return true;
 }

@@ -346,10 +346,12 @@ class Integrator {
 
   /// The jump map by what the torque at the front is more than its rate at the base tells.
   bool jumpOverEdge(double late);
-  /// The series has gone on behind the edge, for `late`, with the accelerations before it. Where
-  /// those follow from the state and have jumped there, angles and velocities are moved to what the
-  /// new ones make of that time. False when they cannot be projected.
-  bool catchUp(double late);
+  /// The series has gone on behind the edge for `late`, s, with the accelerations before it: moves
+  /// angles and velocities to what those behind it, which differ by `change`, make of that time.
+  /// False when they cannot be projected.
+  bool catchUp(const double* change, double late);
+  /// x' at the front, behind a jump of accelerations that follow from the state, and that move.
+  bool differentiateBehind(double late);
 
   /// After `guard` was left for `branch` by a step: false, and the motion stopped, when
   /// the motion turns back at once. What jumps tells so at once; a kink may be touched.
