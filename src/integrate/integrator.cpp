@@ -320,11 +320,6 @@ void Integrator::stopAtBadValue(double time, double t, const State& x) {
   nameBadValue(system_, t, x, &status_);
 }
 
-void Integrator::exhaustTime(double time) {
-  status_.reason = StopReason::kTimeExhausted;
-  status_.time = time;
-}
-
 bool Integrator::stopWhereToleranceIsLost() {
   const double measure = checks_.unattainable();
   if (measure > 1.0) {

@@ -98,7 +98,10 @@ class Integrator {
   /// (t, x).
   void stopAtBadValue(double time, double t, const State& x);
   /// Stops the motion for want of time behind `time`.
-  void exhaustTime(double time);
+  void exhaustTime(double time) {
+    status_.reason = StopReason::kTimeExhausted;
+    status_.time = time;
+  }
 
   // --- rest ------------------------------------------------------------------------------------
   bool isSleeping() const { return course_ == Course::kRest; }
