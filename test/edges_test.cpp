@@ -597,5 +597,28 @@ TEST(ImplicitSteps, LoseNothingBehindAJump) {
   }
 }
 
+/// Friction that holds a shaft in a layer of 1e-4 rad/s, stronger than what drives it: an error of
+/// the velocity that a loose tolerance allows is wider than that, but what it makes of the torque
+/// would stay as a torque of its own, and drive the shaft out of the layer.
+TEST(ImplicitSteps, StayInANarrowLayerOfFriction) {
+  const Scene plain = test::sceneFromText(
+      "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [m, f]\n"
+      "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"2*cos(3*t)\"}\n"
+      "f: {type: variator_sim/Friction, shaft: a, coulomb: 10, regularization_speed: 1e-4}\n"
+      "constraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
+      "\"e2-0.5*e1\"}\ninitial: {velocity: [1, 0.5]}\n");
+  for (const StepperKind stepper : kImplicit) {
+    SCOPED_TRACE(toString(stepper));
+    Simulation simulation(test::withTolerance(test::withStepper(plain, stepper), 1e-3));
+    for (int n = 1; n <= 9; ++n) {
+      ASSERT_TRUE(simulation.advanceTo(4.0 / 9.0 * n).ok()) << simulation.describeStatus();
+      const Sample& sample = simulation.sample();
+      EXPECT_NEAR(sample.velocity[0], 0.0, 1e-4) << n;
+      EXPECT_NEAR(sample.acceleration[0], 0.0, 0.01) << n;
+      EXPECT_NEAR(sample.reaction_torque[0] + 0.5 * sample.reaction_torque[1], 0.0, 1.0) << n;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim

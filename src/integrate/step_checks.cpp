@@ -150,10 +150,18 @@ void StepChecks::calcAnswers(const StepNode& from, const StepNode& to, ShaftVect
     for (int i = 0; i < S; ++i) sum[i] += std::abs(torque[i] - to.torque[i]);
   };
   const double h = to.time - from.time;
+  constexpr double kNear = 0.125;
+  ShaftVector near(S);  // what a part of the allowed errors makes of Q
   for (int n = 0; n < 2 * S; ++n) addChange(n, kUlps * to.x[n], uncertain);
   addTimeNoise(to, uncertain);
   for (int i = 0; i < S; ++i) {
-    addChange(S + i, h * calcAllowed(from, to, i) / inertiaOf(i), answer);
+    const double shift = h * calcAllowed(from, to, i) / inertiaOf(i);
+    addChange(S + i, shift, answer);
+    addChange(S + i, kNear * shift, near);
+  }
+  // A layer that is narrower than that leaves Q unknown, and d an error that stays.
+  for (int i = 0; i < S; ++i) {
+    if (near[i] > 1.5 * kNear * answer[i]) answer[i] = 0.0;
   }
   system_.view(to.time, to.x);
 }

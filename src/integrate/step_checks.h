@@ -76,7 +76,7 @@ class StepChecks {
   ///
   /// Where Q answers strongly to the velocities (stiff friction, under an implicit step) an error
   /// of the accelerations that is allowed has moved them, over the step, by enough to be many times
-  /// larger in d: what it makes of Q is allowed, too.
+  /// larger in d: what it makes of Q is allowed, too, as long as Q is about linear over so much.
   double checkTorque(Stepper& stepper, const StepNode& from, StepNode& to);
 
   /// The counterpart of checkTorque where the torques make the accelerations themselves: an
