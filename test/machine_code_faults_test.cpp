@@ -107,6 +107,24 @@ TEST_F(MachineCodeFaults, ACompilerThatFails) {
   EXPECT_EQ(run().rfind("the interpreter: " + cc, 0), 0U) << run();
 }
 
+TEST_F(MachineCodeFaults, ACompilerThatDoesNotEnd) {
+  // Its work is done by a child, as that of gcc's driver is.
+  const fs::path written = folder() / "child";
+  compileBy("sleep 1000 & echo $! > " + written.string() + "; wait");
+  const std::string sentence = run();
+  EXPECT_NE(sentence.find(" took more than 5 s"), std::string::npos) << sentence;
+  pid_t child = 0;
+  ASSERT_TRUE(std::ifstream(written) >> child);
+  // A moment passes until it has ended; who has ended and is not asked for yet has no command line.
+  const auto is_working = [child] {
+    std::string command;
+    return static_cast<bool>(std::ifstream("/proc/" + std::to_string(child) + "/cmdline") >>
+                             command);
+  };
+  for (int look = 0; look < 1000 && is_working(); ++look) ::usleep(10000);
+  EXPECT_FALSE(is_working()) << "it works on for nobody";
+}
+
 TEST_F(MachineCodeFaults, ACompilerThatMakesSomethingElse) {
   for (const char* script : {"exit 0", "echo nothing > $OUTPUT", "cat $SOURCE > $OUTPUT"}) {
     SCOPED_TRACE(script);

@@ -154,9 +154,16 @@ std::string compile(const std::string& program, const std::string& source,
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     ::posix_spawn_file_actions_addopen(&actions, stream, "/dev/null", O_RDWR, 0);
   }
+  // What runs is the compiler's driver, and the work is done by its children: a group of their own,
+  // for all of them to end together.
+  posix_spawnattr_t attributes;
+  ::posix_spawnattr_init(&attributes);
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+  ::posix_spawnattr_setpgroup(&attributes, 0);
   pid_t child = 0;
   const int error =
-      ::posix_spawn(&child, program.c_str(), &actions, nullptr, pointers.data(), environ);
+      ::posix_spawn(&child, program.c_str(), &actions, &attributes, pointers.data(), environ);
+  ::posix_spawnattr_destroy(&attributes);
   ::posix_spawn_file_actions_destroy(&actions);
   if (error != 0) return program + " cannot be run: " + std::strerror(error);
 
@@ -167,7 +174,7 @@ std::string compile(const std::string& program, const std::string& source,
     if (ended == child) break;
     if (ended < 0 && errno != EINTR) return program + " got lost: " + describeError();
     if (std::chrono::steady_clock::now() > give_up) {
-      ::kill(child, SIGKILL);
+      ::kill(-child, SIGKILL);
       ::waitpid(child, &status, 0);
       return program + " took more than " + std::to_string(patience) + " s";
     }
