@@ -1,7 +1,6 @@
 /// One scene, read from the node's private parameters, as a ROS node.
 #include <ros/callback_queue.h>
 #include <ros/console.h>
-#include <ros/exception.h>
 #include <ros/init.h>
 #include <ros/node_handle.h>
 
@@ -67,9 +66,15 @@ int runNode(int argc, char** argv) {
   }
   const ros::NodeHandle public_handle;
   const ros::NodeHandle private_handle("~");
-  const auto server = variator_sim::makeServerFromParameters(public_handle, private_handle,
-                                                             variator_sim::Sharing::kNothing);
-  waitForShutdown();
+  // While there is a handle there is a log.
+  try {
+    const auto server = variator_sim::makeServerFromParameters(public_handle, private_handle,
+                                                               variator_sim::Sharing::kNothing);
+    waitForShutdown();
+  } catch (const std::exception& error) {
+    ROS_FATAL("%s", error.what());
+    return kBadScene;
+  }
   return 0;
 }
 
@@ -85,11 +90,9 @@ int main(int argc, char** argv) {
   }
   try {
     return runNode(argc, argv);
-  } catch (const ros::Exception& error) {
+  } catch (const std::exception& error) {
     // Of roscpp itself, before there is a log: no name can be made of __name:='a b'.
     std::fprintf(stderr, "variator_sim_node: %s\n", presentable(error.what()).c_str());
-  } catch (const std::exception& error) {
-    ROS_FATAL("%s", error.what());
   }
   return kBadScene;
 }
