@@ -179,12 +179,12 @@ MotionStatus ClassicalGauss::jumpTorque(double t, State& x, const double* torque
 }
 
 template <class MoveTo>
-MotionStatus ClassicalGauss::follow(const StateView& state, MoveTo moveTo) {
+MotionStatus ClassicalGauss::follow(const StateView& state, MoveTo move_to) {
   constexpr double kLeastPart = 1e-6;
   // The point at `part` of the jump, from the guess, which it becomes.
   const auto goTo = [&](double part) {
     double torque[kMaxShafts];
-    moveTo(part, torque);
+    move_to(part, torque);
     calcAccelerations(state, torque);
     for (int i = 0; i < S; ++i) {
       if (!std::isfinite(epsilon_[i])) return false;

@@ -94,11 +94,11 @@ class ClassicalGauss final : public PrincipleSystem {
   /// The same under `torque`, Q - n.
   void calcAccelerations(const StateView& state, const double* torque);
 
-  /// Follows the stationary point along a jump; `moveTo(part, torque)` brings `state` to that part
+  /// Follows the stationary point along a jump; `move_to(part, torque)` brings `state` to that part
   /// of it and tells Q - n there. In steps so short that one of them leads where two halves do: a
   /// longer one may come to another branch, or to none. Fails where the branch ends.
   template <class MoveTo>
-  MotionStatus follow(const StateView& state, MoveTo moveTo);
+  MotionStatus follow(const StateView& state, MoveTo move_to);
 
   JumpWatch* watch_ = nullptr;
   bool linear_ = true;

@@ -196,6 +196,7 @@ std::vector<bool> Graph::findReachable(const std::vector<Node>& nodes) const {
 std::vector<int> Graph::listReachable(const std::vector<Node>& nodes) const {
   // Operands have smaller indices: who is largest has no user left to come.
   std::vector<int> waiting;
+  waiting.reserve(nodes.size());
   for (const Node node : nodes) waiting.push_back(node.index);
   std::make_heap(waiting.begin(), waiting.end());
   std::vector<int> reachable;
