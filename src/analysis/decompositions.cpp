@@ -1,51 +1,157 @@
 #include "analysis/decompositions.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
 
 namespace variator_sim {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+// LAPACK's interface for Fortran (LAPACK Users' Guide, 3rd ed., 1999): columns one after the other,
+// everything by address; `work_size` of -1 asks how much work space is best.
+extern "C" {
+void dgeqp3_(const int* rows, const int* columns, double* A, const int* stride, int* pivots,
+             double* tau, double* work, const int* work_size, int* info);
+void dorgqr_(const int* rows, const int* columns, const int* reflectors, double* A,
+             const int* stride, const double* tau, double* work, const int* work_size, int* info);
+void dgelsy_(const int* rows, const int* columns, const int* sides, double* A, const int* stride,
+             double* b, const int* stride_b, int* pivots, const double* threshold, int* rank,
+             double* work, const int* work_size, int* info);
+void dgeev_(const char* left, const char* right, const int* size, double* A, const int* stride,
+            double* real, double* imaginary, double* left_vectors, const int* stride_left,
+            double* right_vectors, const int* stride_right, double* work, const int* work_size,
+            int* info);
+}
+
+namespace {
+
+// Calls `routine(work, work_size, info)` for the size of its work space, then with it.
+template <typename Routine>
+void callWithWork(const char* name, const Routine& routine) {
+  int info = 0;
+  int size = -1;
+  double best = 0.0;
+  routine(&best, &size, &info);
+  size = std::max(1, static_cast<int>(best));
+  VectorXd work(size);
+  if (info == 0) routine(work.data(), &size, &info);
+  if (info != 0) {
+    throw std::runtime_error(std::string("LAPACK's ") + name +
+                             " failed: info = " + std::to_string(info));
+  }
+}
+
+int count(Eigen::Index n) {
+  return static_cast<int>(n);
+}
+int strideOf(const MatrixXd& M) {
+  return std::max(1, count(M.rows()));
+}
+
+// M P = Q R with pivots that never grow, and how many of them count.
+struct PivotedQr {
+  MatrixXd Q;               // rows x rows
+  std::vector<int> pivots;  // from 0
+  int rank = 0;
+};
+
+PivotedQr decompose(const MatrixXd& M, double threshold) {
+  const int rows = count(M.rows());
+  const int columns = count(M.cols());
+  const int reflectors = std::min(rows, columns);
+  PivotedQr qr;
+  qr.pivots.assign(static_cast<std::size_t>(columns), 0);
+  qr.Q = MatrixXd::Zero(rows, std::max(rows, columns));
+  qr.Q.leftCols(columns) = M;
+  const int stride = strideOf(qr.Q);
+  VectorXd tau = VectorXd::Zero(std::max(1, reflectors));
+  callWithWork("dgeqp3", [&](double* work, const int* size, int* info) {
+    dgeqp3_(&rows, &columns, qr.Q.data(), &stride, qr.pivots.data(), tau.data(), work, size, info);
+  });
+  for (int& pivot : qr.pivots) --pivot;
+  while (qr.rank < reflectors &&
+         std::abs(qr.Q(qr.rank, qr.rank)) > threshold * std::abs(qr.Q(0, 0))) {
+    ++qr.rank;
+  }
+  callWithWork("dorgqr", [&](double* work, const int* size, int* info) {
+    dorgqr_(&rows, &rows, &reflectors, qr.Q.data(), &stride, tau.data(), work, size, info);
+  });
+  qr.Q.conservativeResize(rows, rows);
+  return qr;
+}
+
+// X of least length among those of least |M X - right|, and M's rank. Not numbers where M or right
+// are none, with which LAPACK may never end.
+int solveShortest(MatrixXd M, const MatrixXd& right, double threshold, MatrixXd& X) {
+  const int rows = count(M.rows());
+  const int columns = count(M.cols());
+  const int sides = count(right.cols());
+  if (!M.allFinite() || !right.allFinite()) {
+    X = MatrixXd::Constant(columns, sides, std::numeric_limits<double>::quiet_NaN());
+    return 0;
+  }
+  X = MatrixXd::Zero(std::max(rows, columns), sides);
+  X.topRows(rows) = right;
+  std::vector<int> pivots(static_cast<std::size_t>(columns), 0);
+  int rank = 0;
+  const int stride = strideOf(M);
+  const int stride_X = strideOf(X);
+  callWithWork("dgelsy", [&](double* work, const int* size, int* info) {
+    dgelsy_(&rows, &columns, &sides, M.data(), &stride, X.data(), &stride_X, pivots.data(),
+            &threshold, &rank, work, size, info);
+  });
+  X.conservativeResize(columns, sides);
+  if (rank == 0) X.setZero();
+  return rank;
+}
+
+}  // namespace
+
 IndependentRows findIndependentRows(const MatrixXd& M, double threshold) {
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(M);
-  qr.setThreshold(threshold);
-  const auto rank = static_cast<int>(qr.rank());
-  IndependentRows found;
-  found.pivots.reserve(static_cast<std::size_t>(rank));
-  const MatrixXd Q = qr.householderQ();
-  found.transform = Q.leftCols(rank).transpose();
-  for (int r = 0; r < rank; ++r) found.pivots.push_back(qr.colsPermutation().indices()(r));
-  return found;
+  const PivotedQr qr = decompose(M, threshold);
+  return {qr.Q.leftCols(qr.rank).transpose(), {qr.pivots.begin(), qr.pivots.begin() + qr.rank}};
 }
 
 VectorXd solveLeastSquares(const MatrixXd& M, const VectorXd& b, double threshold) {
-  Eigen::CompleteOrthogonalDecomposition<MatrixXd> decomposition;
-  if (threshold > 0.0) decomposition.setThreshold(threshold);
-  decomposition.compute(M);
-  return decomposition.solve(b);
+  const double rounding = std::numeric_limits<double>::epsilon() *
+                          static_cast<double>(std::max<Eigen::Index>({1, M.rows(), M.cols()}));
+  MatrixXd x;
+  solveShortest(M, b, threshold > 0.0 ? threshold : rounding, x);
+  return x;
 }
 
 bool solveSquare(const MatrixXd& M, const MatrixXd& right, double threshold, MatrixXd& x) {
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(M);
-  qr.setThreshold(threshold);
-  if (qr.rank() < M.cols()) return false;
-  x = qr.solve(right);
-  return true;
+  return solveShortest(M, right, threshold, x) == M.cols();
 }
 
 MatrixXd findKernel(const MatrixXd& M, double threshold) {
   // M^T P = Q R: what is left of Q is at right angles to all rows of M.
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(M.transpose());
-  qr.setThreshold(threshold);
-  const MatrixXd Q = qr.householderQ();
-  return Q.rightCols(M.cols() - qr.rank());
+  const PivotedQr qr = decompose(M.transpose(), threshold);
+  return qr.Q.rightCols(M.cols() - qr.rank);
 }
 
 std::vector<std::complex<double>> findEigenvalues(const MatrixXd& M) {
-  const Eigen::EigenSolver<MatrixXd> solver(M, false);
-  return {solver.eigenvalues().begin(), solver.eigenvalues().end()};
+  const int size = count(M.rows());
+  const int stride = strideOf(M);
+  MatrixXd A = M;
+  VectorXd real = VectorXd::Constant(size, std::numeric_limits<double>::quiet_NaN());
+  VectorXd imaginary = real;
+  double none = 0.0;
+  const int one = 1;
+  if (A.allFinite()) {
+    callWithWork("dgeev", [&](double* work, const int* work_size, int* info) {
+      dgeev_("N", "N", &size, A.data(), &stride, real.data(), imaginary.data(), &none, &one, &none,
+             &one, work, work_size, info);
+    });
+  }
+  std::vector<std::complex<double>> values;
+  values.reserve(static_cast<std::size_t>(size));
+  for (int i = 0; i < size; ++i) values.emplace_back(real(i), imaginary(i));
+  return values;
 }
 
 }  // namespace variator_sim
