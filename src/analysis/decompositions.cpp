@@ -13,6 +13,7 @@ using Eigen::VectorXd;
 
 // LAPACK's interface for Fortran (LAPACK Users' Guide, 3rd ed., 1999): columns one after the other,
 // everything by address; `work_size` of -1 asks how much work space is best.
+// NOLINTBEGIN(readability-identifier-naming): Fortran's names
 extern "C" {
 void dgeqp3_(const int* rows, const int* columns, double* A, const int* stride, int* pivots,
              double* tau, double* work, const int* work_size, int* info);
@@ -26,6 +27,7 @@ void dgeev_(const char* left, const char* right, const int* size, double* A, con
             double* right_vectors, const int* stride_right, double* work, const int* work_size,
             int* info);
 }
+// NOLINTEND(readability-identifier-naming)
 
 namespace {
 
