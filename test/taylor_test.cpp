@@ -88,6 +88,17 @@ TEST_P(SmoothScene, HasAnErrorNearTheTolerance) {
   }
 }
 
+// Steps of these are limited by singularities beside the real axis, which `radau` feels, too: each
+// of its trials would cost as much as several steps.
+TEST_P(SmoothScene, IsSteppedByNothingElse) {
+  Simulation simulation(scene(StepperKind::kAuto, 1e-9));
+  ASSERT_TRUE(simulation.advanceTo(GetParam().end).ok()) << simulation.describeStatus();
+  const Statistics& counted = simulation.statistics();
+  EXPECT_STREQ(simulation.stepperName(), "taylor");
+  // One right-hand side at the end of each step, two at the start.
+  EXPECT_LE(counted.right_hand_sides, counted.steps + counted.rejected_steps + 2);
+}
+
 INSTANTIATE_TEST_SUITE_P(Taylor, SmoothScene, ::testing::ValuesIn(kSmooth),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
@@ -99,6 +110,17 @@ Scene oneShaft(const std::string& torque, StepperKind stepper, double tolerance 
                               torque + "\"}\n"),
           tolerance),
       stepper);
+}
+
+/// Whether the series step somewhere up to `end`.
+bool comesBack(Simulation& simulation, double end) {
+  constexpr int kSamples = 100;
+  const double begin = simulation.time();
+  for (int n = 1; n <= kSamples; ++n) {
+    simulation.advanceTo(begin + n * (end - begin) / kSamples);
+    if (std::string(simulation.stepperName()) == "taylor") return true;
+  }
+  return false;
 }
 
 /// The velocity at `end` is that by dop853 at 1e-10.
@@ -129,7 +151,7 @@ TEST(Taylor, IsLeftWhereThereIsNoSeriesAndComesBack) {
   ASSERT_TRUE(simulation.advanceTo(1e-9).ok());
   EXPECT_STRNE(simulation.stepperName(), "taylor");
   expectMotionOfDop853(simulation, torque, 1.0, 1e-6);
-  EXPECT_STREQ(simulation.stepperName(), "taylor");
+  EXPECT_TRUE(comesBack(simulation, 5.0));
   EXPECT_GE(simulation.statistics().stepper_switches, 2u);
   expectMotionOfDop853(simulation, torque, 10.0, 1e-6);
 }
@@ -183,8 +205,8 @@ TEST(Taylor, IsLeftWhileTheMotionIsStiff) {
     EXPECT_STREQ(simulation.stepperName(), "taylor") << tolerance;
     expectMotionOfDop853(simulation, torque, 2.5, 300.0 * tolerance);
     EXPECT_STREQ(simulation.stepperName(), "radau") << tolerance;
-    expectMotionOfDop853(simulation, torque, 40.0, 300.0 * tolerance);
-    EXPECT_STREQ(simulation.stepperName(), "taylor") << tolerance;
+    EXPECT_TRUE(comesBack(simulation, 80.0)) << tolerance;
+    expectMotionOfDop853(simulation, torque, 80.0, 300.0 * tolerance);
     EXPECT_LT(simulation.statistics().steps, 3000u) << tolerance;
   }
 }

@@ -101,20 +101,30 @@ class TaylorStepper final : public Stepper {
     }
   }
 
-  /// A fast component that has died away is in the coefficients as delta lambda^n / n!, with a
-  /// delta of the tolerance's size, and limits steps to about |lambda h|^N / N! = 1. The last two
-  /// tell lambda, and that of a motion which swings has a delta far above the tolerance.
+  /// What limits the steps and is itself of the tolerance's size: a component that has died away,
+  /// which is in the coefficients as delta lambda^n / n! and allows about |lambda h|^N / N! = 1, or
+  /// a singularity of size delta at a distance R, which allows |h| < R. Of a motion that swings or
+  /// turns so fast delta is far above the tolerance.
   double stiffness(const State& /*x_new*/, const State& /*dxdt_new*/) const override {
     const int last = lastTerm();
+    if (last < kDerivatives) return 0.0;
+    const double length = length_ / series_->unit();
     double stiffest = 0.0;
     double factorial = 1.0;
     for (int k = 2; k <= last; ++k) factorial *= k;
     for (int n = least_angle_; n < size_; ++n) {
       const double* const c = coefficients(n);
-      const double ratio = std::abs(c[last] / c[last - 1]) * last;  // |lambda| unit
-      const double delta = std::abs(c[last]) * (factorial / power(ratio, last));
-      if (!(delta <= kFaint * tolerance_.of(c[0]))) continue;
-      stiffest = std::max(stiffest, ratio * length_ / series_->unit() / (last / 2.718281828459045));
+      const double faint = kFaint * tolerance_.of(c[0]);
+      const double rate = exponentialRate(c, last);  // |lambda| unit
+      if (rate > 0.0) {
+        const double largest = std::max(std::abs(c[last]), std::abs(c[last - 1]) * rate / last);
+        const double delta = largest * (factorial / power(rate, last));
+        if (delta <= faint) stiffest = std::max(stiffest, rate * length * 2.718281828459045 / last);
+      } else {
+        const double here = largestOf(c + last - 2);
+        const double radius = std::sqrt(std::sqrt(largestOf(c + last - 6) / here));
+        if (here * power(radius, last - 1) <= faint) stiffest = std::max(stiffest, length / radius);
+      }
     }
     return stiffest;
   }
@@ -132,6 +142,45 @@ class TaylorStepper final : public Stepper {
   static constexpr int kLeastOrder = 3;
   /// Tolerances: what a component at most has that has died away.
   static constexpr double kFaint = 100.0;
+
+  /// Derivatives that an exponential is known by, and what they may depart from it.
+  static constexpr int kDerivatives = 7;
+  static constexpr double kMatch = 0.02;
+
+  /// |lambda| of the exponential, or of the pair of them, that the last derivatives d_n = n! c_n
+  /// are of: d_n = lambda d_{n-1}, or d_n = a d_{n-1} + b d_{n-2}. 0 where they are of none: those
+  /// of a singularity at a distance R grow as n! / R^n.
+  static double exponentialRate(const double* c, int last) {
+    double d[kDerivatives];  // the last first, over last!
+    double falling = 1.0;
+    for (int j = 0; j < kDerivatives; ++j) {
+      d[j] = c[last - j] / falling;
+      falling *= last - j;
+    }
+    const double lambda = d[0] / d[1];
+    const auto isSingle = [&](int j) {
+      return std::abs(d[j] - lambda * d[j + 1]) <= kMatch * std::abs(d[j]);
+    };
+    if (isSingle(1) && isSingle(2) && isSingle(3) && isSingle(4)) {
+      return std::abs(lambda);
+    }
+    const double det = d[1] * d[3] - d[2] * d[2];
+    const double a = (d[0] * d[3] - d[1] * d[2]) / det;
+    const double b = (d[1] * d[1] - d[0] * d[2]) / det;
+    const auto isPair = [&](int j) {
+      const double first = a * d[j + 1];
+      const double second = b * d[j + 2];
+      return std::abs(d[j] - first - second) <= kMatch * (std::abs(first) + std::abs(second));
+    };
+    if (!isPair(2) || !isPair(3) || !isPair(4)) return 0.0;
+    const double square = 0.25 * a * a + b;
+    return square < 0.0 ? std::sqrt(-b) : std::abs(0.5 * a) + std::sqrt(square);
+  }
+
+  /// Of three coefficients: one of them may vanish by accident.
+  static double largestOf(const double* c) {
+    return std::max({std::abs(c[0]), std::abs(c[1]), std::abs(c[2])});
+  }
 
   static double power(double base, int exponent) {
     double result = 1.0;
