@@ -101,6 +101,34 @@ static void meet(edge *found, const double *c, int last, int guard, int jumps, d
   found->point = point;
 }
 
+/* The part of theta up to which a guard's last two terms are next to nothing beside the others: of
+   a guard that varies faster than the motion the series may have ended too early. */
+static double known_part(const double *c, int last, double theta)
+{
+  int halvings, n;
+  for (halvings = 0; halvings < 60; ++halvings, theta *= 0.5) {
+    double power = 1.0;
+    double largest = 0.0;
+    double tail = 0.0;
+    for (n = 0; n <= last; ++n, power *= theta) {
+      const double term = fabs(c[n]) * power;
+      if (n < last - 1) largest = fmax(largest, term);
+      else tail = fmax(tail, term);
+    }
+    if (tail <= 1e-4 * largest) break;
+  }
+  return theta;
+}
+
+/* How much of a step of theta units may be looked through. */
+static double known_to_guards(const scene_model *m, double theta)
+{
+  int g;
+  for (g = 0; g < SIGNS; ++g) theta = known_part(m->row[sign_row[g]], m->order, theta);
+  for (g = 0; g < TABLES; ++g) theta = known_part(m->row[passage_row[g]], m->order, theta);
+  return theta;
+}
+
 /* The first edge in a step of theta units, or so shortly behind it that rounding might lead over
    it: signs first, then points of tables. */
 static edge find_edge(const scene_model *m, double theta)

@@ -242,12 +242,14 @@ static void look_from(scene_model *m, const scene_state *base, double theta, law
   look(m, theta, found);
 }
 
-/* Over an edge, to the state shortly behind it. *theta: where the step has ended. The guard's
-   polynomial is off by what the step is: where the state itself passes is tried. */
-static scene_status cross(scene_model *m, const edge *at, double *theta)
+/* Over an edge, to the state shortly behind it. *theta: where the step is to end, and has ended. The
+   guard's polynomial is off by what the step is: where the state itself passes is tried. Where that
+   is behind the step's end, the guard is -1 and nothing has happened. */
+static scene_status cross(scene_model *m, edge *at, double *theta)
 {
   const scene_state base = m->now;
   const double least = 4.0 * DBL_EPSILON * fmax(1.0, base.time) / m->unit;
+  const double end = *theta * (1.0 + 2e-12) + 4.0 * least;
   double ahead = fmax(1e-14 * at->theta, least);
   double back = ahead;
   double low = 0.0;
@@ -263,9 +265,15 @@ static scene_status cross(scene_model *m, const edge *at, double *theta)
     if (low == 0.0 || is_before(m, at)) break;
   }
   for (trial = 0; trial < 40; ++trial, ahead *= 2.0) {
-    *theta = at->theta + ahead;
+    *theta = fmin(at->theta + ahead, end);
     look_from(m, &base, *theta, &after);
     if (is_beyond(m, at)) break;
+    if (*theta == end) {
+      m->now = base;
+      for (i = 0; i < ROWS; ++i) m->row[i][0] = m->kept[i];
+      at->guard = -1;
+      return SCENE_OK;
+    }
   }
   while (*theta - low > fmax(2e-14 * at->theta, least)) {
     const double middle = 0.5 * (low + *theta);
@@ -332,13 +340,16 @@ static scene_status make_step(scene_model *m, double left, double *made)
     int last, c;
     status = expand(m, limit);
     if (status != SCENE_OK) return status;
-    theta = fmin(limit, m->usual) / m->unit;
+    theta = known_to_guards(m, fmin(limit, m->usual) / m->unit);
     at = find_edge(m, theta);
     for (i = 0; i < SIGNS; ++i) sides[i] = first_sign(m->row[sign_row[i]], m->order);
+    if (at.guard >= 0) {
+      double crossed = theta;
+      status = cross(m, &at, &crossed);
+      if (at.guard >= 0) theta = crossed;
+    }
     h = theta * m->unit;
     if (at.guard >= 0) {
-      status = cross(m, &at, &theta);
-      h = theta * m->unit;
       m->crossings = h <= 1e-9 * fmax(1.0, m->now.time) ? m->crossings + 1 : 0;
       if (status == SCENE_OK && m->crossings > 20) return SCENE_CHATTERING;
     } else {
