@@ -109,6 +109,12 @@ jerk: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j2-0.3*j1
 initial: {velocity: [1.0, 2.0, 1.2506]}
 """ + SOLVER
 
+# The same beside a constraint whose C turns with the accelerations: they jump along a curve.
+BENT_CURVED = BENT.replace("[ratio, jerk]", "[ratio, power]").replace(
+    'jerk: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j2-0.3*j1-cos(t)"}',
+    "power: {type: variator_sim/PowerFlow, shafts: [a, b], inertias: [1.0, 2.0], efficiency: 0.8,"
+    " smoothing_power: 2.0}")
+
 THREE = """
 shafts: [a, b, c]
 a: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}, {order: 2, sin: 0.1}]}}
@@ -140,6 +146,7 @@ SCENES = {
     "holds": Scene(HOLDS, "time,topic,value\n0,c,2\n0,a,3\n0.3,a,5\n0.4,b,4\n0.5,deep/d,2\n1,ratio,0.7\n"
                           "1.2,c,1\n1.2,b,-1\n1.313,deep/d,-1\n1.5,a,-2\n"),
     "bent": Scene(BENT),
+    "bent_curved": Scene(BENT_CURVED),
     "two_constraints": Scene(THREE % "generalized_gauss"),
     "two_constraints_gauss": Scene(THREE % "gauss"),
 }

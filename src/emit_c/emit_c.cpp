@@ -377,12 +377,13 @@ class Emission {
 
   std::string writeSource() {
     static const char* const kStraightJump = R"c(
-static scene_status jump(scene_model *m, const double *u0, const double *du, const double *dQ)
+static scene_status jump(scene_model *m, const double *u0, const double *du, const double *dQ,
+                         const double *df)
 {
   double x[SIZE];
   int i;
   (void)u0, (void)du;
-  if (!jump_rate(m, dQ, 0, x)) return SCENE_SINGULAR;
+  if (!jump_rate(m, dQ, 0, df, x)) return SCENE_SINGULAR;
   for (i = 0; i < S; ++i) m->now.acceleration[i] += x[i];
   return SCENE_OK;
 }

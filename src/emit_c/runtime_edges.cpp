@@ -173,15 +173,16 @@ static int is_beyond(const scene_model *m, const edge *at)
 
 const char* const kJumpCode = R"c(
 /* ---- Jumps: time, angles and velocities stay, the accelerations move along psi = 0 by
-        J d(epsilon) = dQ + C' L,  C d(epsilon) + dpsi/du du = 0. ---- */
+        J d(epsilon) = dQ + C' L,  C d(epsilon) + dpsi/du du + df' = 0. ---- */
 
-/* At the state that was entered. */
-static int jump_rate(scene_model *m, const double *dQ, const double *du, double *x)
+/* At the state that was entered. df: how f' of the constraints of order 1 jumps, or 0. */
+static int jump_rate(scene_model *m, const double *dQ, const double *du, const double *df,
+                     double *x)
 {
   int i, p;
   if (!factor(m, 1, 3)) return 0;
   for (i = 0; i < S; ++i) x[i] = dQ[i];
-  for (p = 0; p < K; ++p) x[S + p] = 0.0;
+  for (p = 0; p < K; ++p) x[S + p] = df == 0 ? 0.0 : -df[p];
   if (du != 0) {
     at_once(m->row, m->branch, m->piece, 0);
     for (p = 0; p < K; ++p) {
@@ -199,17 +200,18 @@ const char* const kPathCode = R"c(
 /* The path from the inputs u0 to u0 + du, theta from 0 to 1: C turns on it. Dormand and Prince,
    A family of embedded Runge-Kutta formulae, J. Comp. Appl. Math. 6 (1980) 19-26. */
 static int path_rate(scene_model *m, double theta, const double *u0, const double *du,
-                     const double *dQ, double *x)
+                     const double *dQ, const double *df, double *x)
 {
   int i;
   for (i = 0; i < INPUTS; ++i) {
     m->row[INPUT + 3 * i][0] = du == 0 ? u0[i] : u0[i] + theta * du[i];
   }
   enter_state(m);
-  return jump_rate(m, dQ, du, x);
+  return jump_rate(m, dQ, du, df, x);
 }
 
-static scene_status jump(scene_model *m, const double *u0, const double *du, const double *dQ)
+static scene_status jump(scene_model *m, const double *u0, const double *du, const double *dQ,
+                         const double *df)
 {
   static const double a[6][6] = {
       {0.2, 0, 0, 0, 0, 0},
@@ -231,14 +233,14 @@ static scene_status jump(scene_model *m, const double *u0, const double *du, con
     int is_good;
     h = fmin(h, 1.0 - theta);
     for (i = 0; i < S; ++i) begin[i] = m->now.acceleration[i];
-    is_good = path_rate(m, theta, u0, du, dQ, k[0]);
+    is_good = path_rate(m, theta, u0, du, dQ, df, k[0]);
     for (n = 0; n < 6 && is_good; ++n) {
       for (i = 0; i < S; ++i) {
         double sum = 0.0;
         for (j = 0; j <= n; ++j) sum += a[n][j] * k[j][i];
         m->now.acceleration[i] = begin[i] + h * sum;
       }
-      is_good = path_rate(m, theta + c[n] * h, u0, du, dQ, k[n + 1]);
+      is_good = path_rate(m, theta + c[n] * h, u0, du, dQ, df, k[n + 1]);
     }
     for (i = 0; i < S && is_good; ++i) {
       double error = 0.0;
@@ -246,7 +248,7 @@ static scene_status jump(scene_model *m, const double *u0, const double *du, con
       norm = fmax(norm, fabs(h * error) / (0.1 * tolerance_of(m->now.acceleration[i])));
       is_good = isfinite(m->now.acceleration[i]) && isfinite(error);
     }
-    if (is_good && norm <= 1.0) {
+    if (is_good && norm <= 1.0 && df == 0) {
       is_good = !HAS_RESIDUAL || project_onto(m, m->now.acceleration, 1, 2) == SCENE_OK;
       norm = is_good ? norm : INFINITY;
     }

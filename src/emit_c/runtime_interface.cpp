@@ -159,7 +159,7 @@ static scene_status apply_commands(scene_model *m)
     enter_inputs(m, 1.0, 0);
     enter_state(m);
     for (i = 0; i < S; ++i) dQ[i] += m->row[torque_row[i]][0];
-    status = jump(m, u, du, dQ);
+    status = jump(m, u, du, dQ, 0);
     if (status == SCENE_OK && HAS_RESIDUAL) {
       enter_inputs(m, 1.0, 0);
       status = settle_accelerations(m);

@@ -242,6 +242,19 @@ static void look_from(scene_model *m, const scene_state *base, double theta, law
   look(m, theta, found);
 }
 
+/* Where f bends in time or angles, f' jumps: the accelerations go after it, C of the others turning
+   with them. */
+static scene_status follow_kink(scene_model *m)
+{
+  double dQ[S], df[K + 1], u[INPUTS + 1];
+  int i;
+  enter_state(m);
+  for (i = 0; i < S; ++i) dQ[i] = 0.0;
+  for (i = 0; i < K; ++i) df[i] = order_of[i] == 1 ? m->row[residual_row[i]][0] : 0.0;
+  for (i = 0; i < INPUTS; ++i) u[i] = input_value(&m->now.input[i]);
+  return jump(m, u, 0, dQ, df);
+}
+
 /* Over an edge, to the state shortly behind it. *theta: where the step is to end, and has ended. The
    guard's polynomial is off by what the step is: where the state itself passes is tried. Where that
    is behind the step's end, the guard is -1 and nothing has happened. */
@@ -292,16 +305,16 @@ static scene_status cross(scene_model *m, edge *at, double *theta)
   if (!factor(m, 1, 3)) return SCENE_SINGULAR;
   if (at->jumps && has_gap(m, &before, &after)) return SCENE_NO_MOTION;
   status = project_velocities(m);
-  /* Where f bends, f' jumps; the accelerations go along the other constraints. */
-  if (status == SCENE_OK && (IS_CLASSICAL || HAS_RESIDUAL)) {
-    status = IS_CLASSICAL ? follow_least_reaction(m)
-                          : project_onto(m, m->now.acceleration, 1, HAS_ORDER_1 ? 3 : 2);
+  if (status == SCENE_OK && IS_CLASSICAL) status = follow_least_reaction(m);
+  if (status == SCENE_OK && !IS_CLASSICAL && HAS_ORDER_1) status = follow_kink(m);
+  if (status == SCENE_OK && !IS_CLASSICAL && HAS_RESIDUAL) {
+    status = project_onto(m, m->now.acceleration, 1, HAS_ORDER_1 ? 3 : 2);
   }
   if (status != SCENE_OK || IS_CLASSICAL || !at->jumps) return status;
   enter_state(m);
   for (i = 0; i < S; ++i) after.torque[i] -= before.torque[i];
   for (i = 0; i < INPUTS; ++i) u[i] = input_value(&m->now.input[i]);
-  return jump(m, u, 0, after.torque);
+  return jump(m, u, 0, after.torque, 0);
 }
 
 /* No jump was stepped over unseen. */
