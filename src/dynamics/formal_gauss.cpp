@@ -27,6 +27,21 @@ ProjectionResult FormalGauss::project(double t, State& x, State& moved, std::uin
   return ProjectionResult::kConverged;
 }
 
+// epsilon follows Q: where a torque rises by 1e8 N m/s, one ulp of the time is 1e-8 N m.
+void FormalGauss::addReactionRounding(double t, const State& x, double* acceleration) {
+  constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
+  const StateView state = view(t, x);
+  double torque[kMaxShafts];
+  double lambda[kMaxRows] = {};
+  double rest[kMaxShafts];
+  double c0[kMaxRows] = {};
+  if (!drivetrain_.calcRows(state, c0)) return;
+  drivetrain_.calcTorqueRate(state, torque);
+  for (int i = 0; i < S; ++i) torque[i] *= kUlps * state.time;
+  drivetrain_.calcOutOfRange(torque, lambda, rest);
+  for (int i = 0; i < S; ++i) acceleration[i] += std::abs(rest[i]);
+}
+
 InitialResult FormalGauss::start(State& x, double* nearest, bool* velocities_at_fault) {
   const InitialResult result = AccelerationSystem::start(x, nearest, velocities_at_fault);
   if (result != InitialResult::kConsistent || scene_.initial.acceleration.empty()) return result;

@@ -32,6 +32,8 @@ class FormalGauss final : public AccelerationSystem {
   /// Orders 1 and 2 as ever; then the reaction back into range(C^T), from which it drifts.
   ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) override;
 
+  void addReactionRounding(double t, const State& x, double* acceleration) override;
+
   InitialResult start(State& x, double* nearest, bool* velocities_at_fault) override;
   InitialResult accept(double t, bool may_move, bool are_given, State& x, double* epsilon,
                        double* nearest, bool* velocities_at_fault) override;

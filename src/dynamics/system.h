@@ -38,6 +38,10 @@ class System {
     return ProjectionResult::kConverged;
   }
 
+  /// Adds what rounding of the time makes of the accelerations that project() leads to, besides
+  /// that of psi, s values.
+  virtual void addReactionRounding(double /*t*/, const State& /*x*/, double* /*acceleration*/) {}
+
   /// d(x')/dx at (t, x).
   virtual void calcLinearization(double t, const State& x, Linearization& linearization) {
     linearizeByDifferences(*this, t, x, readsAngles(), 1.0, linearization);

@@ -218,6 +218,7 @@ double Integrator::discountRounding(double end, const State& x_old, const State&
   double velocity[kMaxShafts];
   double acceleration[kMaxShafts];
   drivetrain_.calcProjectionRounding(system_.view(end, x), velocity, acceleration);
+  system_.addReactionRounding(end, x, acceleration);
   State left = moved;
   double rounding = 0.0;
   const auto discount = [&](int n, double size) {
