@@ -307,6 +307,9 @@ class RadauStepper final : public Stepper {
       double residual[kMaxShafts];
       const double at_rest[kMaxShafts] = {};
       system.calcStageResidual(from.time, x, at_rest, linearization_, residual);
+      // M is a projector: once more, and what rounding left of the slope along the rows is gone. It
+      // would not become less with h.
+      weighMass(weighted);
       weighMass(weighted);
       for (int j = 0; j < S; ++j) error[last_ + j] = -residual[j];
       for (int n = 0; n < size_; ++n) error[n] += weighted[n];
