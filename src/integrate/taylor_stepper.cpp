@@ -72,7 +72,10 @@ class TaylorStepper final : public Stepper {
   }
 
   /// x' at the end beside that of the series: of an error c h^(N+1) it is off by c (N+1) h^N. What
-  /// the last coefficients do not show (a pole that is near, a branch) is seen here.
+  /// the last coefficients do not show (a pole that is near, a branch) is seen here. Accelerations
+  /// that are no part of x have a tolerance of their own: what dies away is in them by its rate,
+  /// and a step is many times as long as that lasts. (Beside the bend of a torque the accelerations
+  /// of a short step are off by where the bend is: nothing that velocities would notice.)
   double estimateFromEnd(const StepNode& from, const StepNode& to) const override {
     const double h = to.time - from.time;
     const int last = lastTerm();
@@ -83,7 +86,11 @@ class TaylorStepper final : public Stepper {
     for (int n = least_angle_; n < size_; ++n) {
       const double slope = sumOf(coefficients(n), weights, last) * per_power;
       const double defect = std::abs(to.dxdt[n] - slope);
-      norm = worseOf(norm, h * defect / ((last + 1) * tolerance_.of(from.x[n], to.x[n])));
+      const double error = h * defect / ((last + 1) * tolerance_.of(from.x[n], to.x[n]));
+      norm = worseOf(norm, error);
+      if (n < S || size_ != 2 * S) continue;
+      const double allowed = kOfAccelerations * tolerance_.of(from.dxdt[n], to.dxdt[n]);
+      norm = worseOf(norm, std::min(defect / allowed, kNoticed * error));
     }
     return norm;
   }
@@ -139,6 +146,9 @@ class TaylorStepper final : public Stepper {
 
  private:
   static constexpr int kTerms = 3;
+  /// Tolerances: what accelerations that the velocities tell may be off by at the end of a step.
+  static constexpr double kOfAccelerations = 10.0;
+  static constexpr double kNoticed = 30.0;
   static constexpr int kLeastOrder = 3;
   /// Tolerances: what a component at most has that has died away.
   static constexpr double kFaint = 100.0;
