@@ -152,6 +152,7 @@ bool isRefused(Takes takes, const Tree& value) {
 
 struct Outcome {
   bool is_refused = false;
+  bool is_finite = true;  ///< the motion, as far as it came
   std::string message;
   double seconds = 0.0;
 };
@@ -164,7 +165,12 @@ Outcome load(const Tree& tree) {
     Simulation simulation(readScene(tree, factory, nodeNames()));
     simulation.sample();
     simulation.advanceTo(1e-3);
-    simulation.sample();
+    const Sample& sample = simulation.sample();
+    for (int i = 0; i < simulation.scene().shaftCount(); ++i) {
+      outcome.is_finite = outcome.is_finite && std::isfinite(sample.angle[i]) &&
+                          std::isfinite(sample.velocity[i]) &&
+                          std::isfinite(sample.acceleration[i]);
+    }
     outcome.message = simulation.describeStatus();
   } catch (const SceneError& error) {
     outcome.is_refused = true;
@@ -243,6 +249,54 @@ TEST_P(KeyFaults, FaultyValuesAreRefusedOrRun) {
       }
     }
   });
+}
+
+/// Calls `visit(path, number)` for each number in `tree`, wherever it stands.
+void forEachNumber(Tree& tree, const std::string& path,
+                   const std::function<void(const std::string&, Tree&)>& visit) {
+  if (tree.kind() == Tree::Kind::kList) {
+    for (std::size_t n = 0; n < tree.asList().size(); ++n) {
+      forEachNumber(tree.asList()[n], path + "[" + std::to_string(n) + "]", visit);
+    }
+  } else if (tree.kind() == Tree::Kind::kDictionary) {
+    for (auto& [key, value] : tree.asDictionary()) {
+      forEachNumber(value, path.empty() ? key : path + "/" + key, visit);
+    }
+  } else if (tree.kind() == Tree::Kind::kInteger || tree.kind() == Tree::Kind::kReal) {
+    visit(path, tree);
+  }
+}
+
+// Sums and products overflow, or vanish, with them, often where another key is at fault by then.
+TEST_P(KeyFaults, NumbersFarFromOneAreNamedOrRun) {
+  tree_ = readYamlFile(GetParam());
+  std::vector<std::string> paths;
+  forEachNumber(tree_, "", [&](const std::string& path, Tree&) { paths.push_back(path); });
+  EXPECT_GT(paths.size(), 5U);
+  for (const std::string& path : paths) {
+    for (const double value : {1.7e308, -1.7e308, 1e300, 1e160, 9e18, 1e-160, 5e-324, -5e-324}) {
+      Tree tree = tree_;
+      forEachNumber(tree, "", [&](const std::string& here, Tree& number) {
+        if (here == path) number = Tree::real(value);
+      });
+      const Outcome outcome = load(tree);
+      ++tried_;
+      const std::string what =
+          path + ": " + formatNumber(value) + ": " + outcome.message.substr(0, 400);
+      expectPresentable(outcome, what);
+      EXPECT_TRUE(outcome.is_finite) << what;
+      if (outcome.message.empty()) continue;
+      // (Beside another key of the same element the element's name is enough.)
+      const std::string element = path.substr(0, path.find_first_of("/["));
+      EXPECT_NE(outcome.message.find(element), std::string::npos) << what;
+      EXPECT_TRUE(outcome.message.find(formatNumber(value)) != std::string::npos ||
+                  outcome.message.find(Tree::real(value).toText()) != std::string::npos)
+          << what;
+      if (!outcome.is_refused) {
+        EXPECT_NE(outcome.message.find(path + " = "), std::string::npos) << what;
+      }
+    }
+  }
 }
 
 TEST_P(KeyFaults, MissingAndMisspeltKeys) {

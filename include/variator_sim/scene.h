@@ -93,6 +93,9 @@ struct Scene {
   SolverSettings solver;
   /// The scene as read, node parameters left out: what `~scene` publishes as resolved parameters.
   ParameterTree resolved;
+  /// What a message ends with about a start that fails or a stop: numbers so large or small that
+  /// they may be to blame; "" where there are none.
+  std::string extreme_numbers;
 
   int shaftCount() const { return static_cast<int>(shafts.size()); }
   int constraintCount() const { return static_cast<int>(constraints.size()); }

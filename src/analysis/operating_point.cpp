@@ -60,7 +60,8 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
   if (start.result == InitialResult::kSingular || start.result == InitialResult::kNonFinite) {
     throw SceneError(source,
                      "no accelerations follow from this state: a law is not finite there, "
-                     "or the constraints' derivatives have lost rank");
+                     "or the constraints' derivatives have lost rank" +
+                         scene.extreme_numbers);
   }
   if (start.result != InitialResult::kConsistent) throwInitialError(*system, scene, start);
   Sample sample;

@@ -169,7 +169,7 @@ void throwInitialError(PrincipleSystem& system, const Scene& scene, const Start&
       write(search.candidate(n).epsilon);
       text << " with 1/2 R^T J^-1 R = " << formatNumber(search.candidate(n).reaction);
     }
-    throw SceneError(key, text.str() + "; give 'initial/acceleration'");
+    throw SceneError(key, text.str() + "; give 'initial/acceleration'" + scene.extreme_numbers);
   }
   if (start.result != InitialResult::kInconsistent) {
     text << "no " << what << " that satisfy the constraints were found ";
@@ -177,7 +177,7 @@ void throwInitialError(PrincipleSystem& system, const Scene& scene, const Start&
                            : "near those given (there:");
     writeResiduals(text, system.drivetrain(), start.velocities_at_fault, state);
     text << ")";
-    throw SceneError(key, text.str());
+    throw SceneError(key, text.str() + scene.extreme_numbers);
   }
   write(given.data());
   StateView there = state;
@@ -191,7 +191,7 @@ void throwInitialError(PrincipleSystem& system, const Scene& scene, const Start&
   text << "; the nearest consistent " << what << " are ";
   write(start.nearest);
   text << " (write these, or set 'initial/project: true' to start there)";
-  throw SceneError(key, text.str());
+  throw SceneError(key, text.str() + scene.extreme_numbers);
 }
 
 }  // namespace variator_sim

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "model/derivative_check.h"
+#include "model/extreme_numbers.h"
 #include "model/scene_inertia.h"
 #include "model/scene_names.h"
 #include "model/scene_symbols.h"
@@ -152,8 +153,10 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
                            factory.libraries());
   try {
     component->configure(context);
-  } catch (const SceneError&) {
-    throw;
+  } catch (const SceneError& error) {
+    // Of the whole component: a consequence of its numbers.
+    if (error.keyPath() != name) throw;
+    throw SceneError(name, error.message() + scene->extreme_numbers);
   } catch (const std::exception& error) {
     throw SceneError(name, inQuotes(type) + " cannot be configured: " + error.what());
   }
@@ -345,6 +348,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   const SceneNames names = readSceneNames(tree, root, node.keys);
   Scene scene;
   scene.shafts = names.shafts;
+  scene.extreme_numbers = describeExtremeNumbers(tree);
   constexpr int kMostOperands = 50000;
   scene.graph->limitOperands(kMostOperands);
   Faults faults;
@@ -395,6 +399,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
 
 void rereadNumbers(const ParameterTree& tree, Scene* scene) {
   ParameterReader root(tree, "");
+  scene->extreme_numbers = describeExtremeNumbers(tree);
   scene->inertia_harmonics.clear();
   readInertia(root, scene);
   scene->initial = readInitial(root, scene->shafts.size());

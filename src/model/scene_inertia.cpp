@@ -161,8 +161,8 @@ std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::
 
 /// Off-diagonal terms [[a, b, value], ...]. `least` holds the least inertia of every shaft: J is
 /// positive definite at every angle when it is with these on its diagonal.
-void readInertiaCoupling(ParameterReader& root, const std::vector<std::string>& shafts,
-                         const std::vector<double>& least, Eigen::MatrixXd* J) {
+void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least, Scene* scene) {
+  Eigen::MatrixXd* const J = &scene->inertia;
   const ParameterTree* couplings = root.raw(kCouplings);
   if (couplings == nullptr || couplings->kind() == ParameterTree::Kind::kNothing) return;
   if (couplings->kind() != ParameterTree::Kind::kList) {
@@ -172,7 +172,7 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<std::string>& 
   for (std::size_t n = 0; n < couplings->asList().size(); ++n) {
     const ParameterTree& coupling = couplings->asList()[n];
     const std::string path = elementPath(kCouplings, n);
-    const std::pair<int, int> pair = readCoupledShafts(coupling, path, shafts);
+    const std::pair<int, int> pair = readCoupledShafts(coupling, path, scene->shafts);
     if (std::find(coupled.begin(), coupled.end(), pair) != coupled.end()) {
       throw SceneError(path, coupling.toText() +
                                  " couples these shafts a second time; allowed: every pair once");
@@ -193,7 +193,7 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<std::string>& 
                    couplings->toText() +
                        " makes the inertia matrix J indefinite: its smallest eigenvalue is " +
                        ParameterTree::real(calcSmallestEigenvalue(smallest)).toText() +
-                       " kg m^2; allowed: a positive definite J");
+                       " kg m^2; allowed: a positive definite J" + scene->extreme_numbers);
 }
 
 }  // namespace
@@ -210,7 +210,7 @@ void readInertia(ParameterReader& root, Scene* scene) {
     scene->inertia_harmonics.push_back(std::move(inertia.harmonics));
   }
   if (constant) scene->inertia_harmonics.clear();
-  readInertiaCoupling(root, scene->shafts, least, &scene->inertia);
+  readInertiaCoupling(root, least, scene);
 }
 
 }  // namespace variator_sim

@@ -108,9 +108,12 @@ Table Table::read(ParameterReader& reader, const Column& x_column, const Column&
     const double d = h > 0.0 ? (y[k] - y[before]) / h : 0.0;
     const double limit = 1e150;
     if (h < limit && std::abs(d) < limit && std::abs(at.q[k]) < limit) continue;
-    throw SceneError(element(y_column, k), text(y[k]) + " at " + text(x[k]) +
-                                               ": the table is too steep or too wide here; "
-                                               "allowed: slopes and intervals below 1e150");
+    const auto point = [&](std::size_t n) { return text(y[n]) + " at " + text(x[n]); };
+    throw SceneError(element(y_column, k),
+                     point(k) + (k > 0 ? ", after " + point(k - 1) : "") +
+                         (k + 1 < x.size() ? ", before " + point(k + 1) : "") +
+                         ": the table is too steep or too wide here; allowed: slopes and intervals "
+                         "below 1e150");
   }
 
   Table table = through(std::move(x), y, beyond);

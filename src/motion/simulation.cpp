@@ -236,7 +236,7 @@ std::string Simulation::describeStatus() const {
   writeVector(text, sample.velocity, scene.shaftCount());
   text << " rad/s, acceleration = ";
   writeVector(text, sample.acceleration, scene.shaftCount());
-  text << " rad/s^2";
+  text << " rad/s^2" << scene.extreme_numbers;
   return text.str();
 }
 
