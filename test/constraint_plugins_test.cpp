@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "model/derivative_check.h"
 #include "support/count_allocations.h"
 #include "support/derivatives_by_state.h"
 #include "support/scenes.h"
@@ -729,7 +730,11 @@ template <class Seeded>
 std::string messageOf(const std::string& yaml, Seeded fault) {
   SeededFactory factory(fault);
   try {
-    readScene(readYamlText(yaml, "test"), factory);
+    const ParameterTree tree = readYamlText(yaml, "test");
+    const Scene scene = readScene(tree, factory);
+    // Nobody states the derivatives of formulas; that they are right is asked here.
+    const auto verify = tree.asDictionary().find("verify_derivatives");
+    if (verify == tree.asDictionary().end()) verifyDerivatives(scene, Compared::kAll);
   } catch (const SceneError& error) {
     return error.what();
   }
@@ -998,6 +1003,30 @@ TEST(VerifyDerivatives, AcceptsTheSmallestNumbersAndLargePhases) {
   EXPECT_EQ(
       messageOf(sceneOf("1", tiny, "[2, 1]", "[0, 0]"), Seed::kNothing).find("verify_derivatives"),
       std::string::npos);
+}
+
+// Of what differences cannot resolve nothing is asked: formulas are loaded as they are.
+TEST(VerifyDerivatives, AsksNothingOfFormulas) {
+  const std::string start = "initial: {velocity: [12.4]}\ntorques: [it]\nshafts: [a]\n";
+  const char* const laws[] = {
+      "torque: \"-6919.2*cos(1e15*t)\"",
+      "torque: \"-6919.2*cos(9e18*t)*sin(phi1+1e300)\"",
+      "torque: \"tanh(w1/1e-300)*5e-324\"",
+      "torque: \"map(w1, 0.5)\"",
+      "torque: \"sqrt(w1-12.4+1e-300)+(w1-12.4)^0.5\"",
+  };
+  for (const char* law : laws) {
+    const std::string scene =
+        start + "a: {inertia: 1}\ntables: [map]\n" +
+        "map: {x: [0, 100], y: [-1.0e+10, 0.5, 1], values: [[0, 1, 2], [3, 4, 6]]}\n" +
+        "it: {type: variator_sim/ExpressionTorque, shaft: a, " + law + "}\n";
+    SeededFactory factory(Seed::kNothing);
+    try {
+      readScene(readYamlText(scene, "test"), factory);
+    } catch (const SceneError& error) {
+      ADD_FAILURE() << law << ": " << error.what();
+    }
+  }
 }
 
 TEST(VerifyDerivatives, AnInputOfOrder1NeedsTwoDerivativesInEveryPlugin) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "laws/derived.h"
 #include "model/central_difference.h"
 #include "model/check_point.h"
 #include "model/stated_derivative.h"
@@ -17,8 +18,7 @@
 namespace variator_sim {
 namespace {
 
-/// What a state decides.
-using StateFunction = std::function<double(const StateView&)>;
+using StateFunction = std::function<double(const StateView&)>;  ///< what a state decides
 
 /// What does not fit.
 struct Mismatch {
@@ -33,12 +33,11 @@ Mismatch wrongDerivative(const std::string& derivative, double stated, double fo
           "the derivative"};
 }
 
-/// Something that a state decides.
 struct Quantity {
   std::string name;
   double value;
 };
-using Quantities = std::vector<Quantity>;
+using Quantities = std::vector<Quantity>;  ///< what a state decides
 using StateQuantities = std::function<Quantities(const StateView&)>;
 
 /// Every comparison of one component at one point; the first mismatch.
@@ -48,7 +47,6 @@ class DerivativeComparison {
       : scene_(scene), point_(point) {}
 
   const std::optional<Mismatch>& mismatch() const { return mismatch_; }
-
   void checkTorque(const Torque& torque) {
     const CheckPoint motion = motionOf(point_);
     const auto Q_at = [&](const StateView& x) {
@@ -97,10 +95,9 @@ class DerivativeComparison {
   }
 
  private:
-  /// Rounding in what is stated, relative to what it was made of.
-  static constexpr double kRounding = 1e-10;
-  /// The same, relative to what it is elsewhere.
-  static constexpr double kCancellation = 1e-9;
+  // Rounding in what is stated, relative to
+  static constexpr double kRounding = 1e-10;     ///< what it was made of
+  static constexpr double kCancellation = 1e-9;  ///< what it is elsewhere
 
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -476,26 +473,27 @@ void verify(const Scene& scene, const Component& component, const char* kind, Ch
     DerivativeComparison there(scene, nearby);
     check(there, component);
     if (!there.mismatch()) continue;
-    const Mismatch& mismatch = *here.mismatch();
+    const Mismatch& wrong = *here.mismatch();
     throw SceneError(component.name(),
-                     mismatch.what + " of " + kind + " " + inQuotes(component.name()) + " " +
-                         mismatch.claim + ", at " + describe(scene, point) + "; correct " +
-                         mismatch.remedy + ", or load it unchecked with verify_derivatives: false");
+                     wrong.what + " of " + kind + " " + inQuotes(component.name()) + " " +
+                         wrong.claim + ", at " + describe(scene, point) + "; correct " +
+                         wrong.remedy + ", or load it unchecked with verify_derivatives: false" +
+                         scene.extreme_numbers);
   }
 }
 
 }  // namespace
 
-void verifyDerivatives(const Scene& scene) {
+void verifyDerivatives(const Scene& scene, Compared compared) {
   for (const TorquePtr& torque : scene.torques) {
+    if (compared == Compared::kStated && isDerived(*torque)) continue;
     verify(scene, *torque, "torque",
-           [](DerivativeComparison& comparison, const Torque& t) { comparison.checkTorque(t); });
+           [](DerivativeComparison& here, const Torque& t) { here.checkTorque(t); });
   }
   for (const ConstraintPtr& constraint : scene.constraints) {
+    if (compared == Compared::kStated && isDerived(*constraint)) continue;
     verify(scene, *constraint, "constraint",
-           [](DerivativeComparison& comparison, const Constraint& c) {
-             comparison.checkConstraint(c);
-           });
+           [](DerivativeComparison& here, const Constraint& c) { here.checkConstraint(c); });
   }
 }
 

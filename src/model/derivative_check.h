@@ -5,6 +5,12 @@
 
 namespace variator_sim {
 
+/// Whose derivatives are compared.
+enum class Compared {
+  kStated,  ///< of components that state them, opaque functions among these
+  kAll      ///< those that follow from formulas, too: for tests of what makes them
+};
+
 /// Compares, at a few states near the scene's start, every derivative that a constraint or a torque
 /// states with differences of its own function: the partial derivatives of f and psi, C in all its
 /// forms, f', c0, dC/depsilon, dC/dt, dQ/dt, and the derivatives of C, c0 and Q' by the state.
@@ -21,6 +27,9 @@ namespace variator_sim {
 /// against C, the torque, or the torque that moves its shaft. States where something is
 /// not finite are left out, and so are the derivatives by the state that Constraint and Torque make
 /// by default: they are differences themselves, of one step.
-void verifyDerivatives(const Scene& scene);
+///
+/// A formula's derivatives are nobody's statement: they follow from it. What differences have to say
+/// of it is what they cannot resolve (cos(1e15 t), a table with a gap of 1e10), so it is not asked.
+void verifyDerivatives(const Scene& scene, Compared compared = Compared::kStated);
 
 }  // namespace variator_sim
