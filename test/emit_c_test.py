@@ -387,6 +387,13 @@ initial: {velocity: [10.0, 8.0]}
         scene = MOTOR % "" + SLIP.replace("0.3*(", "(1-t)*(")
         self.check_stops("rank", scene, "", 1.0)
 
+    def test_stops_where_a_row_passes_zero(self):
+        # Everything is finite on both sides and steps could well go over it.
+        scene = MOTOR % "" + SLIP
+        start = scene.index('expression: "') + len('expression: "')
+        scene = scene[:start] + "(1.003-t)*(e2-0.8*e1)" + scene[scene.index('"', start):]
+        self.check_stops("passes", scene, "singular", 1.003)
+
     def check_refused(self, scene, *parts):
         path = self.folder / "refused.yaml"
         path.write_text(scene)

@@ -65,6 +65,7 @@ typedef struct {
   double scale[SCENE_SHAFTS + SCENE_CONSTRAINTS];
   int place[SCENE_SHAFTS + SCENE_CONSTRAINTS];
   double length[SCENE_CONSTRAINTS + 1];
+  double longest[SCENE_CONSTRAINTS + 1]; /* that a row of C has been, squared */
 } scene_model;
 )c";
 

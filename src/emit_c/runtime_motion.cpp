@@ -328,12 +328,45 @@ static int keeps_sides(const scene_model *m, const double *sides)
   return 1;
 }
 
+/* The rows of C, K of S each, are kept and compared in J^-1. */
+static void keep_rows(scene_model *m, double *rows)
+{
+  int i, p;
+  for (p = 0; p < K; ++p) {
+    double length = 0.0;
+    for (i = 0; i < S; ++i) {
+      const double entry = m->row[entry_row[S * p + i]][0];
+      rows[S * p + i] = entry;
+      length += entry * entry / inertia(m, i, i);
+    }
+    m->longest[p] = fmax(m->longest[p], length);
+  }
+}
+
+/* No row has vanished, nor turned by more than a right angle: then it vanished on the way. */
+static int keeps_rank(const scene_model *m, const double *rows)
+{
+  int i, p;
+  for (p = 0; p < K; ++p) {
+    double product = 0.0;
+    double length = 0.0;
+    for (i = 0; i < S; ++i) {
+      const double entry = m->row[entry_row[S * p + i]][0] / inertia(m, i, i);
+      product += rows[S * p + i] * entry;
+      length += m->row[entry_row[S * p + i]][0] * entry;
+    }
+    if (!(product > 0.0 && length > 1e-20 * m->longest[p])) return 0;
+  }
+  return 1;
+}
+
 /* One step of at most `left` s; *made: how long it was. */
 static scene_status make_step(scene_model *m, double left, double *made)
 {
   double limit = fmin(left, MAXIMUM_STEP);
   scene_status status = SCENE_OK;
   scene_state before;
+  int loses_rank = 0;
   int i, trial;
   for (i = 0; i < INPUTS; ++i) {
     scene_signal *const s = &m->now.input[i];
@@ -346,13 +379,14 @@ static scene_status make_step(scene_model *m, double left, double *made)
   before = m->now;
   limit = fmax(limit, 4.0 * DBL_EPSILON * fmax(1.0, m->now.time));
   for (trial = 0; trial < 60; ++trial) {
-    double slope[S], sides[SIGNS + 1];
+    double slope[S], sides[SIGNS + 1], rows[K * S + 1];
     double defect = 0.0;
     double theta, h;
     edge at;
     int last, c;
     status = expand(m, limit);
     if (status != SCENE_OK) return status;
+    keep_rows(m, rows);
     theta = known_to_guards(m, fmin(limit, m->usual) / m->unit);
     at = find_edge(m, theta);
     for (i = 0; i < SIGNS; ++i) sides[i] = first_sign(m->row[sign_row[i]], m->order);
@@ -381,6 +415,8 @@ static scene_status make_step(scene_model *m, double left, double *made)
       if (status == SCENE_OK && HAS_NEUTRAL) status = restore_reaction(m);
       if (status == SCENE_OK) status = measure_defect(m, slope, h, last, &defect);
       if (status == SCENE_OK && !keeps_sides(m, sides)) defect = INFINITY;
+      loses_rank = status == SCENE_OK && !keeps_rank(m, rows);
+      if (loses_rank) defect = INFINITY;
       m->crossings = 0;
     }
     if (status == SCENE_OK && defect <= 1.0) {
@@ -392,6 +428,7 @@ static scene_status make_step(scene_model *m, double left, double *made)
     limit = 0.5 * h;
     if (!(limit > 1e-14 * fmax(1.0, m->now.time))) break;
   }
+  if (loses_rank) return SCENE_SINGULAR;
   return status == SCENE_OK ? SCENE_TOO_MANY_STEPS : status;
 }
 )c";
