@@ -289,7 +289,9 @@ TEST(SteppingLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
       offline.advanceTo(static_cast<double>(timed.time) / 1e9);
       ASSERT_EQ(timed.groups.bits(), wanted_at(timed.time / kMs).bits()) << timed.time;
       const std::vector<double> expected = quantitiesOf(offline, timed.groups);
-      ASSERT_EQ(std::memcmp(values.data(), expected.data(), expected.size() * sizeof(double)), 0);
+      // (An empty vector's data may be no pointer at all, which memcmp must not see.)
+      ASSERT_TRUE(expected.empty() || std::memcmp(values.data(), expected.data(),
+                                                  expected.size() * sizeof(double)) == 0);
       ++count;
     }
     loop.setQuantitiesWanted(wanted_at(tick));
