@@ -167,6 +167,34 @@ TEST(LeastReaction, IsTheLeastOverTwoNonlinearAccelerations) {
   }
 }
 
+// psi is followed along a ray by one cubic where it is one, and by many short ones otherwise. A
+// sine that is multiplied by zero makes the difference.
+TEST(LeastReaction, OfACubicIsThatOfTheSameFunctionOfAnyForm) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  for (int round = 0; round < 60; ++round) {
+    TwoShafts machine;
+    machine.torque[0] = 5.0 * uniform(random);
+    machine.torque[1] = 5.0 * uniform(random);
+    const auto term = [&](const char* monomial) {
+      return "+(" + std::to_string(uniform(random)) + ")*" + monomial;
+    };
+    machine.psi = std::to_string(3.0 * uniform(random)) + term("e1") + term("e2") + term("e1^2") +
+                  term("e1*e2") + term("e2^3") + term("e1^2*e2") + term("e1^3");
+    Simulation cubic(test::sceneFromText(machine.text()));
+    EXPECT_EQ(cubic.scene().constraints[0]->accelerationDegree(), 3);
+    const std::string psi = machine.psi;
+    machine.psi += "+0*sin(e1*e2)";
+    Simulation other(test::sceneFromText(machine.text()));
+    EXPECT_EQ(other.scene().constraints[0]->accelerationDegree(), -1);
+    for (int i = 0; i < 2; ++i) {
+      const double expected = other.sample().acceleration[i];
+      EXPECT_NEAR(cubic.sample().acceleration[i], expected, 1e-9 * (1.0 + std::abs(expected)))
+          << psi;
+    }
+  }
+}
+
 TEST(LeastReaction, ATieNamesItsCandidatesAndTheirReactions) {
   TwoShafts scene;
   scene.psi = "e2+3-2*e1^2";

@@ -105,6 +105,9 @@ class Constraint {
   /// The accelerations that the second-order form reads otherwise than with constant coefficients,
   /// bit i for shaft i: the least reaction is looked for over these alone.
   unsigned nonlinearAccelerations() const { return doNonlinearAccelerations(); }
+  /// The degree of the second-order form as a polynomial of the accelerations; -1 where it is none,
+  /// or nobody knows.
+  int accelerationDegree() const { return doAccelerationDegree(); }
   /// Functions of the state at whose zeros psi, though continuous, has a kink in epsilon (abs, min,
   /// max of accelerations), each as a constraint of order 2. The least reaction may lie there.
   const std::vector<ConstraintPtr>& kinks() const { return doKinks(); }
@@ -150,6 +153,7 @@ class Constraint {
   virtual bool doIsLinearInAcceleration() const { return false; }
   /// By default none where psi is linear in them, all otherwise.
   virtual unsigned doNonlinearAccelerations() const;
+  virtual int doAccelerationDegree() const { return isLinearInAcceleration() ? 1 : -1; }
   /// By default none.
   virtual const std::vector<ConstraintPtr>& doKinks() const;
   virtual bool doReadsInputs() const { return false; }

@@ -71,6 +71,7 @@ class FormulaConstraint : public Constraint {
   bool doHasConstantJacobian() const final { return has_constant_jacobian_; }
   bool doIsLinearInAcceleration() const final { return nonlinear_ == 0; }
   unsigned doNonlinearAccelerations() const final { return nonlinear_; }
+  int doAccelerationDegree() const final { return degree_; }
   const std::vector<ConstraintPtr>& doKinks() const final { return kinks_; }
 
  private:
@@ -107,6 +108,7 @@ class FormulaConstraint : public Constraint {
   std::set<int> inputs_;  ///< that it reads
   bool has_constant_jacobian_ = false;
   unsigned nonlinear_ = 0;
+  int degree_ = 1;
   std::vector<ConstraintPtr> kinks_;
 };
 

@@ -98,6 +98,7 @@ bool LeastReactionSearch::lookThrough(int rays, bool is_coarse) {
   is_resolved_ = true;
   for (int ray = 0; ray < rays; ++ray) {
     nextDirection();
+    if (is_cubic_ && scanCubic(reach, parts, ray == 0)) continue;
     Point from;
     evaluate(0.0, &from);
     if (ray == 0) noteStart(from, 0.0);
@@ -111,6 +112,23 @@ bool LeastReactionSearch::lookThrough(int rays, bool is_coarse) {
     }
   }
   return is_resolved_;
+}
+
+bool LeastReactionSearch::scanCubic(double reach, int parts, bool is_first) {
+  Point center;
+  Point end;
+  evaluate(0.0, &center);
+  evaluate(reach, &end);
+  if (!center.is_finite || !end.is_finite) return false;
+  if (is_first) noteStart(center, 0.0);
+  Point from = center;
+  for (int part = 1; part <= parts; ++part) {
+    Point to;
+    interpolate(center, end, static_cast<double>(part) / parts, &to);
+    noteWithin(from, to);
+    from = to;
+  }
+  return true;
 }
 
 void LeastReactionSearch::interpolate(const Point& a, const Point& b, double theta,

@@ -53,6 +53,11 @@ bool LeastReactionSearch::setUp() {
   for (int i = 0; i < S; ++i) {
     if ((nonlinear >> static_cast<unsigned>(i) & 1U) != 0U) which[n_++] = i;
   }
+  is_cubic_ = true;
+  for (int m = 0; m < rowCount(); ++m) {
+    const int degree = row(m).accelerationDegree();
+    is_cubic_ = is_cubic_ && degree >= 0 && degree <= 3;
+  }
   // E: J^-1 times their unit vectors, orthonormal in the metric J (Gram and Schmidt).
   Matrix inverse(S, S);
   E_.resize(S, n_);

@@ -7,8 +7,9 @@
 /// x (n values) moves these and the rest goes along as J has it; v makes zero what of psi = 0 the
 /// others can make zero, at the least distance and by constant coefficients. What they cannot, the
 /// `hard` rest, is to be zero by x alone. So the ball is one of n dimensions, n = 1 in most scenes.
-/// It is looked through along rays, by steps as short as psi asks for there; the least ones found
-/// are starts for descents along psi = 0. A better minimum makes the ball smaller, and it is looked
+/// It is looked through along rays, by steps as short as psi asks for there, or, where psi is a
+/// cubic of the accelerations, by the one cubic that the ray's ends tell; the least ones found are
+/// starts for descents along psi = 0. A better minimum makes the ball smaller, and it is looked
 /// through again until nothing better comes.
 #pragma once
 
@@ -108,6 +109,8 @@ class LeastReactionSearch {
   void interpolate(const Point& a, const Point& b, double theta, Point* p) const;
 
   void scan(const Point& a, const Point& b, int depth);
+  /// The same of a whole ray, along which psi is a cubic. False where that is not finite.
+  bool scanCubic(double reach, int parts, bool is_first);
 
   /// Notes minima of the distance (or, with a hard part, where that is zero or least) in [a, b].
   void noteWithin(const Point& a, const Point& b);
@@ -157,6 +160,7 @@ class LeastReactionSearch {
   const double* free_ = nullptr;
   int n_ = 0;                      // accelerations that psi is not linear in
   int soft_ = 0;                   // rows that the others can make zero
+  bool is_cubic_ = false;          // psi, in the accelerations
   Matrix E_;                       // S x n
   Matrix F_;                       // S x k
   Matrix T_;                       // (v, hard) = T psi

@@ -215,6 +215,10 @@ void FormulaConstraint::compile(Node given, int order, const std::set<int>& inpu
     }
   }
 
+  std::vector<int> accelerations;
+  for (int i = 0; i < s; ++i) accelerations.push_back(slotOf(Source::kAcceleration, i));
+  degree_ = graph.polynomialDegree(second, accelerations);
+
   // Of an opaque function no second derivative is known: they are NaN.
   const bool is_opaque = graph.hasOpaque({given});
   if (order == 1 && is_opaque && graph.hasNonFiniteConstant(c0)) {
