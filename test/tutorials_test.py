@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """The tutorials run as they are written: files and commands are taken out of the pages.
 
-In a page of doc/tutorials, and in doc/stops.md,
+In a page of doc/tutorials, in doc/modelling.md and in doc/stops.md,
 - a fenced block after a line that ends with "`NAME`:" is the file NAME;
 - a block of `sh` is run by bash, all of them of one page in one folder, in order; it has to succeed
   (`|| true` says that it may not);
@@ -80,7 +80,7 @@ class TutorialsTest(unittest.TestCase):
 
 def add_tests():
     """One for each page, so that a failure names it."""
-    pages = [FOLDER / "doc/stops.md", *sorted(FOLDER.glob("doc/tutorials/*.md"))]
+    pages = [FOLDER / "doc/modelling.md", FOLDER / "doc/stops.md", *sorted(FOLDER.glob("doc/tutorials/*.md"))]
     for page in pages:
         setattr(TutorialsTest, f"test_{page.stem}", lambda self, page=page: self.run_page(page))
 
