@@ -43,7 +43,7 @@ class ComponentContext {
   int readShaft(const std::string& key);
   /// Indices of the shafts that the list at `key` names, exactly `count` different ones.
   std::vector<int> readShafts(const std::string& key, int count);
-  /// Declares a commanded input; the index into StateView::input and ::input_rate.
+  /// Declares a commanded input; the index into `input` and `input_rate` of StateView.
   int addInput(const CommandInputSettings& settings);
   const CommandInputSettings& inputSettings(int index) const {
     return inputs_[static_cast<std::size_t>(index)];
