@@ -221,7 +221,9 @@ void StepCurve::enclose(double from, double to, StateBox* box) const {
   for (std::size_t n = 0; n < count_; ++n) {
     Interval range = encloseBetween(component_[n].data(), kDegree, from, to);
     range = {origin_[n] + range.low, origin_[n] + range.high};
-    (n < s ? box->angle : n < 2 * s ? box->velocity : box->acceleration)[n % s] = range;
+    // (A pointer: GCC's UBSan takes such a choice between arrays for a copy of one.)
+    Interval* const part = n < s ? box->angle : n < 2 * s ? box->velocity : box->acceleration;
+    part[n % s] = range;
   }
   if (has_accelerations_) return;
   for (std::size_t i = 0; i < s; ++i) {
