@@ -98,7 +98,8 @@ bool LeastReactionSearch::lookThrough(int rays, bool is_coarse) {
   is_resolved_ = true;
   for (int ray = 0; ray < rays; ++ray) {
     nextDirection();
-    if (is_cubic_ && scanCubic(reach, parts, ray == 0)) continue;
+    // noteWithin quarters each part: as many places as parts, for at most three minima.
+    if (is_cubic_ && scanCubic(reach, parts / 4, ray == 0)) continue;
     Point from;
     evaluate(0.0, &from);
     if (ray == 0) noteStart(from, 0.0);
