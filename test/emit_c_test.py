@@ -394,6 +394,20 @@ initial: {velocity: [10.0, 8.0]}
         scene = scene[:start] + "(1.003-t)*(e2-0.8*e1)" + scene[scene.index('"', start):]
         self.check_stops("passes", scene, "singular", 1.003)
 
+    def test_stops_where_the_branch_of_the_least_reaction_ends(self):
+        scene = """
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [m]
+m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1"}
+constraints: [k]
+k: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.05*e2+e1^3-3*e1+t"}
+principle: gauss
+initial: {velocity: [0.0, 0.0]}
+"""
+        self.check_stops("fold", scene, "", 1.99979)
+
     def check_refused(self, scene, *parts):
         path = self.folder / "refused.yaml"
         path.write_text(scene)
