@@ -19,6 +19,9 @@ void parameters(const std::string& input);
 /// A request of ~step, as it comes over the wire.
 void step(const std::string& input);
 
+/// Damage to a kernel in the cache of machine code: bytes to be changed, and where it is cut off.
+void kernel(const std::string& input);
+
 struct Target {
   const char* name;
   void (*run)(const std::string& input);
