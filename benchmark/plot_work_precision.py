@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Draws work-precision diagrams and writes their tables into doc/benchmarks.md.
 
-Reads the rows of work_precision and scipy_peers.py. One picture per scene (the stiff ones share two),
+Reads the rows of work_precision and scipy_peers.py. One picture per scene (the stiff ones share two, of plot_stiff.py),
 tables between the markers `<!-- begin generated: work precision -->` and `<!-- end generated -->`.
 """
 
@@ -17,6 +17,8 @@ matplotlib.use("Agg")
 from matplotlib import pyplot  # noqa: E402: after the choice of the backend
 from matplotlib.lines import Line2D  # noqa: E402
 from PIL import Image  # noqa: E402: matplotlib needs it too
+
+import plot_stiff  # noqa: E402: beside this file
 
 BEGIN = "<!-- begin generated: work precision -->"
 END = "<!-- end generated -->"
@@ -141,10 +143,8 @@ def shown_curves(curves):
     return drawn
 
 
-def draw_panel(axes, curves, small=False):
+def draw_panel(axes, curves):
     for _, points, style in shown_curves(curves):
-        if small:
-            style = {**style, "markersize": 2.5, "linewidth": 0.7 * style["linewidth"]}
         good = sorted((p for p in points if p.good), key=lambda p: -p.tolerance)
         axes.plot([max(p.error, 1e-16) for p in good], [p.milliseconds for p in good], **style)
         failed = [p for p in points if not p.good]
@@ -200,63 +200,6 @@ def draw_scene(name, curves, folder):
     figure.legend(handles=legend_handles([curves]), loc="center left", bbox_to_anchor=(0.93, 0.5),
                   fontsize=8, frameon=False)
     save(figure, folder / f"{name}.{FORMAT}")
-
-
-def draw_stiff(scenes, folder):
-    names = [name for name in scenes if name.startswith("stiff_slip")]
-    if len(names) < 2:
-        return False
-    columns = 4
-    rows = math.ceil(len(names) / columns)
-    figure, panels = pyplot.subplots(rows, columns, figsize=(13, 3.6 * rows), sharex=True,
-                                     sharey=True, squeeze=False)
-    for axes, name in zip(panels.flat, names):
-        draw_panel(axes, scenes[name], small=True)
-        axes.set_title(f"τ = {name.rsplit('_', 1)[1]} s", fontsize=10, loc="left")
-    for axes in panels[-1]:
-        axes.set_xlabel("error at the end")
-    for row in panels:
-        row[0].set_ylabel("run time, ms")
-    for axes in list(panels.flat)[len(names):]:
-        axes.set_axis_off()
-    figure.suptitle("stiff_slip: slip that relaxes within τ, 3 s", x=0.125, y=0.96, ha="left",
-                    fontsize=11)
-    figure.legend(handles=legend_handles([scenes[name] for name in names]), loc="upper left",
-                  bbox_to_anchor=(0.12, 0.09 / rows), ncol=4, fontsize=8, frameon=False)
-    save(figure, folder / f"stiff_slip.{FORMAT}")
-    return True
-
-
-def draw_tau(scenes, folder, target):
-    """Time to one error against tau."""
-    names = [name for name in scenes if name.startswith("stiff_slip")]
-    if len(names) < 2:
-        return False
-    figure, axes = pyplot.subplots(figsize=(6.4, 4.6))
-    keys = {}
-    for name in names:
-        for label, points, style in shown_curves(scenes[name]):
-            time = time_at(points, target)
-            if time is not None:
-                keys.setdefault(label, (style, []))[1].append(
-                    (float(name.rsplit("_", 1)[1]), time))
-    for style, points in keys.values():
-        axes.plot(*zip(*points), **style)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlim(2e-1, 5e-9)
-    axes.grid(True, which="major", color="#e4e4e4", linewidth=0.7)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.set_title(f"stiff_slip: run time to an error of {target:.0e}", fontsize=10, loc="left")
-    axes.set_xlabel("τ, s (stiffer to the right)")
-    axes.set_ylabel("run time, ms")
-    reached = [{key: points for key, points in scenes[name].items()} for name in names]
-    handles = [handle for handle in legend_handles(reached) if handle.get_label() in keys]
-    figure.legend(handles=handles, loc="center left", bbox_to_anchor=(0.93, 0.5), fontsize=8,
-                  frameon=False)
-    save(figure, folder / f"stiff_tau.{FORMAT}")
-    return True
 
 
 # --- Tables
@@ -406,7 +349,7 @@ def failure_table(scenes):
     return table(["method", "runs", "why, in which scenes (at how many tolerances)"], rows)
 
 
-def make_section(heads, scenes, pictures, tau_target):
+def make_section(heads, scenes, pictures):
     parts = ["Measured on:\n\n" + "\n".join(f"- {line}" for line in heads) + "\n"]
     parts.append("### Summary\n\nRun time of the best method of a family / run time of our best "
                  "one, at equal error: above 1 the peer takes longer. Geometric mean over the "
@@ -446,8 +389,6 @@ def main():
     parser.add_argument("rows", nargs="+", help="CSV files of work_precision and scipy_peers.py")
     parser.add_argument("--document", default="doc/benchmarks.md")
     parser.add_argument("--pictures", default="doc/pictures/benchmarks", help="folder")
-    parser.add_argument("--tau-target", type=float, default=1e-6,
-                        help="error at which run time is drawn against tau")
     arguments = parser.parse_args()
 
     pyplot.rcParams.update({"svg.hashsalt": "variator_sim", "font.size": 9,
@@ -456,19 +397,18 @@ def main():
     folder = pathlib.Path(arguments.pictures)
     folder.mkdir(parents=True, exist_ok=True)
     pictures = []
-    stiff = draw_stiff(scenes, folder)
-    tau = draw_tau(scenes, folder, arguments.tau_target)
+    stiff = sum(name.startswith("stiff_slip") for name in scenes) > 1
     for name, curves in scenes.items():
         if name.startswith("stiff_slip") and stiff:
             continue
         draw_scene(name, curves, folder)
         pictures.append((f"{name}.{FORMAT}", f"Run time against error, {TITLES.get(name, name)}"))
     if stiff:
-        pictures.append((f"stiff_slip.{FORMAT}", "Run time against error of the stiff scenes"))
-    if tau:
-        pictures.append((f"stiff_tau.{FORMAT}", "Run time to one error against tau"))
+        pictures.append(("stiff_slip.png", "Run time of the best method of each family against error, stiff scenes"))
+        pictures.append(("stiff_tau.png", "Run time of the best method of each family to an error of 1e-6 against tau"))
     write_section(pathlib.Path(arguments.document),
-                  make_section(heads, scenes, pictures, arguments.tau_target))
+                  make_section(heads, scenes, pictures))
+    plot_stiff.draw(arguments.document, folder)
 
 
 if __name__ == "__main__":

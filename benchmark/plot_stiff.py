@@ -1,0 +1,127 @@
+#!/usr/bin/python3
+"""Draws the stiff scenes of doc/benchmarks.md from the tables of that page.
+
+Two pictures: run time against error, a panel for each time constant tau of the slip, and run time
+to one error against tau. A line is the best method of a family; the tables name which one.
+"""
+
+import argparse
+import pathlib
+import re
+
+import matplotlib
+
+matplotlib.use("Agg")
+from matplotlib import pyplot  # noqa: E402: after the choice of the backend
+
+# By their columns in the tables; ours last, so that it lies on top.
+FAMILIES = {"SciPy": ("#9c6aa0", "P"), "GSL": ("#4f8a4b", "D"), "Odeint": ("#b07d2b", "s"),
+            "SUNDIALS": ("#5b6f8f", "^"), "ours, best": ("#0b4f9e", "o")}
+NAMES = {"ours, best": "variator_sim"}
+TAU_TARGET = 1e-6
+
+
+def read_times(document):
+    """{tau: {family: [(error, milliseconds)]}} of the tables of run times at equal error."""
+    times = {}
+    text = pathlib.Path(document).read_text(encoding="utf-8")
+    for error, table in re.findall(r"^\*\*Error (\S+)\*\*\n\n((?:\|.*\n)+)", text, flags=re.MULTILINE):
+        header, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
+        for row in rows:
+            cells = dict(zip(header, row))
+            if not cells["scene"].startswith("stiff_slip_"):
+                continue
+            by_family = times.setdefault(float(cells["scene"].rsplit("_", 1)[1]), {})
+            for family in FAMILIES:
+                number = re.match(r"\**([0-9.e+-]*[0-9])", cells.get(family, "-"))
+                if number:
+                    by_family.setdefault(family, []).append((float(error), float(number[1])))
+    return dict(sorted(times.items(), reverse=True))
+
+
+def style(family):
+    colour, marker = FAMILIES[family]
+    ours = family == "ours, best"
+    return {"color": colour, "marker": marker, "markersize": 6 if ours else 5, "linewidth": 2.6 if ours else 1.4,
+            "label": NAMES.get(family, family)}
+
+
+def dress(axes):
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.minorticks_off()
+    axes.grid(True, color="#e4e4e4", linewidth=0.7)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def legend(figure, axes, **place):
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles[::-1], labels[::-1], frameon=False, fontsize=11, **place)
+
+
+def save(figure, path):
+    figure.savefig(path, dpi=100, bbox_inches="tight", metadata={"Software": None})
+    pyplot.close(figure)
+
+
+def draw_panels(times, path):
+    """Run time against error, one panel for each tau."""
+    columns = 4
+    rows = -(-len(times) // columns)
+    figure, panels = pyplot.subplots(rows, columns, figsize=(9.2, 2.9 * rows), sharex=True, sharey=True,
+                                     squeeze=False, layout="constrained")
+    for axes, (tau, by_family) in zip(panels.flat, times.items()):
+        for family in FAMILIES:
+            axes.plot(*zip(*by_family.get(family, [(float("nan"), float("nan"))])), **style(family))
+        dress(axes)
+        axes.set_title(f"τ = {tau:.0e} s".replace("e-0", "e-"), fontsize=12, loc="left")
+    panels[0][0].set_xlim(4e-4, 2.5e-13)
+    panels[0][0].set_xticks([1e-4, 1e-6, 1e-9, 1e-12])
+    panels[0][0].set_xticklabels(["1e-4", "1e-6", "1e-9", "1e-12"])
+    for axes in panels.flat:
+        axes.tick_params(labelsize=10)
+    for axes in list(panels.flat)[len(times):]:
+        axes.set_axis_off()
+    figure.supxlabel("error at the end (smaller to the right)", fontsize=11)
+    figure.supylabel("run time, ms", fontsize=11)
+    legend(figure, panels[0][0], loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=len(FAMILIES))
+    save(figure, path)
+
+
+def draw_taus(times, path):
+    """Run time to one error against tau."""
+    figure, axes = pyplot.subplots(figsize=(7.4, 4.4), layout="constrained")
+    for family in FAMILIES:
+        points = [(tau, milliseconds) for tau, by_family in times.items()
+                  for error, milliseconds in by_family.get(family, []) if error == TAU_TARGET]
+        axes.plot(*zip(*points or [(float("nan"), float("nan"))]), **style(family))
+    dress(axes)
+    axes.set_xlim(2e-1, 5e-9)
+    axes.tick_params(labelsize=11)
+    axes.set_xlabel("τ, s (stiffer to the right)", fontsize=11)
+    axes.set_ylabel(f"run time to an error of {TAU_TARGET:.0e}, ms".replace("e-0", "e-"), fontsize=11)
+    legend(figure, axes, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    save(figure, path)
+
+
+def draw(document, folder):
+    """Both pictures; none of a page without stiff scenes."""
+    times = read_times(document)
+    if len(times) < 2:
+        return
+    draw_panels(times, pathlib.Path(folder) / "stiff_slip.png")
+    draw_taus(times, pathlib.Path(folder) / "stiff_tau.png")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--document", default="doc/benchmarks.md", help="page with the tables")
+    parser.add_argument("--pictures", default="doc/pictures/benchmarks", help="folder")
+    arguments = parser.parse_args()
+    draw(arguments.document, arguments.pictures)
+
+
+if __name__ == "__main__":
+    main()
