@@ -156,5 +156,33 @@ class PlotTest(unittest.TestCase):
         self.check_refused(["run.csv", "--output", "x.what"], "what")
 
 
+    # --- the flow of energy ----------------------------------------------------------------------
+
+    def test_bands_of_power(self):
+        """What brings power and what takes it are stacked apart; the line is their sum: the rate of T."""
+        run = variator_sim.read_run(self.folder / "run.csv")
+        _, axis = plotting.plot_energy(run, path=self.folder / "energy.png")
+        line = [line for line in axis.get_lines() if len(line.get_xdata()) == len(run["time"])][0]
+        powers = [run[name] for name in run if name.endswith("/power")] + [run["power/reactions"]]
+        numpy.testing.assert_allclose(line.get_ydata(), sum(powers))
+        rate = numpy.gradient(run["energy/kinetic"], run["time"])
+        numpy.testing.assert_allclose(line.get_ydata()[2:-2], rate[2:-2], rtol=0.02,
+                                      atol=0.02 * numpy.max(numpy.abs(rate)))
+        heights = numpy.concatenate([band.get_paths()[0].vertices[:, 1] for band in axis.collections])
+        above = sum(numpy.maximum(power, 0.0) for power in powers)
+        below = sum(numpy.minimum(power, 0.0) for power in powers)
+        self.assertAlmostEqual(heights.max(), above.max(), delta=1e-5 * above.max())
+        self.assertAlmostEqual(heights.min(), below.min(), delta=1e-5 * above.max())
+        plotting.plt.close("all")
+
+    def test_bands_from_the_command_line(self):
+        self.assertEqual(self.plot("run.csv", "--energy", "--output", "flow.png").returncode, 0)
+        self.assertTrue((self.folder / "flow.png").exists())
+        self.check_refused(["run.csv", "heavy.csv", "--energy", "--output", "two.png"], "--energy: of one run")
+        subprocess.run([SIMULATE, str(OBSERVED), "--duration", "1", "--output", str(self.folder / "state.csv")],
+                       check=True, timeout=60, stderr=subprocess.DEVNULL)
+        self.check_refused(["state.csv", "--energy", "--output", "none.png"], "state,elements,energy")
+
+
 if __name__ == "__main__":
     rosunit.unitrun(PACKAGE, "plot_test", PlotTest)

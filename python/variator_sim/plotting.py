@@ -3,6 +3,7 @@
 import fnmatch
 
 import matplotlib.pyplot as plt
+import numpy
 from matplotlib.ticker import MaxNLocator
 
 from variator_sim.recordings import difference
@@ -123,6 +124,55 @@ def compare(runs, columns=None, title="", path=None, differences=True):
     if path is not None:
         figure.savefig(path, dpi=110)
     return figure, axes
+
+
+def stack(axis, times, parts, sign):
+    """Bands of one sign, each on the one before; returns the names of those that can be seen."""
+    base = numpy.zeros(len(times))
+    least = 1e-6 * max(numpy.max(numpy.abs(values)) for _, values in parts)
+    names = []
+    for i, (name, values) in enumerate(parts):
+        band = sign * numpy.maximum(sign * values, 0.0)
+        if numpy.max(numpy.abs(band)) > least:
+            axis.fill_between(times, base, base + band, color=COLOURS[i % len(COLOURS)], linewidth=0.0, alpha=0.8,
+                              hatch=("", "//", "..", "xx")[i // len(COLOURS) % 4])
+            names.append(name)
+        base = base + band
+    return names
+
+
+def plot_energy(result, title="", path=None):
+    """Draws where the power comes from and where it goes, as bands over simulated time.
+
+    What brings power lies above the axis, what takes it below, one band an element, the reactions last; the
+    difference, a line, is what the kinetic energy gains.
+
+    Args:
+        result: a run with the columns `elements` and `energy`.
+        path: write the picture there too.
+
+    Returns:
+        The figure, and its axis.
+    """
+    parts = [(name.rsplit("/", 1)[0], numpy.asarray(result[name])) for name in result
+             if name.endswith("/power") and not name.startswith(("inputs/", "outputs/"))]
+    if "power/reactions" not in result or not parts:
+        raise ValueError("this run does not tell where its power goes; run it with the columns state,elements,energy")
+    parts.append(("reactions", numpy.asarray(result["power/reactions"])))
+    times = result["time"]
+    figure, axes = make_panels(1, 1, title)
+    figure.set_size_inches(10, 5)
+    axis = axes[0, 0]
+    drawn = {name for sign in (1.0, -1.0) for name in stack(axis, times, parts, sign)}
+    draw_lines(axis, [], "Power, W")
+    line, = axis.plot(times, sum(values for _, values in parts), color="black", linewidth=1.4)
+    bands = [(plt.Rectangle((0, 0), 1, 1, color=COLOURS[i % len(COLOURS)], alpha=0.8), name)
+             for i, (name, _) in enumerate(parts) if name in drawn]
+    handles, names = zip(*bands, (line, "into kinetic energy"))
+    axis.legend(handles, names, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncol=4)
+    if path is not None:
+        figure.savefig(path, dpi=110)
+    return figure, axis
 
 
 def plot(result, columns=None, title="", path=None):
