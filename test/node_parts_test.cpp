@@ -209,12 +209,12 @@ TEST(PluginLoader, BuiltInTypesAreExportedUnderTheirNames) {
   pluginlib::ClassLoader<Constraint> constraints("variator_sim", "variator_sim::Constraint");
   for (const std::string& type : builtin.constraintTypes()) {
     ASSERT_TRUE(constraints.isClassAvailable(type)) << type;
-    EXPECT_TRUE(constraints.createSharedInstance(type)) << type;
+    EXPECT_TRUE(constraints.createUniqueInstance(type) != nullptr) << type;
   }
   pluginlib::ClassLoader<Torque> torques("variator_sim", "variator_sim::Torque");
   for (const std::string& type : builtin.torqueTypes()) {
     ASSERT_TRUE(torques.isClassAvailable(type)) << type;
-    EXPECT_TRUE(torques.createSharedInstance(type)) << type;
+    EXPECT_TRUE(torques.createUniqueInstance(type) != nullptr) << type;
   }
 }
 

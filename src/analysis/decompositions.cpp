@@ -136,6 +136,14 @@ MatrixXd findKernel(const MatrixXd& M, double threshold) {
   return qr.Q.rightCols(M.cols() - qr.rank);
 }
 
+MatrixXd chooseColumns(const MatrixXd& M, const std::vector<int>& columns) {
+  MatrixXd chosen(M.rows(), count(static_cast<Eigen::Index>(columns.size())));
+  for (std::size_t j = 0; j < columns.size(); ++j) {
+    chosen.col(static_cast<Eigen::Index>(j)) = M.col(columns[j]);
+  }
+  return chosen;
+}
+
 std::vector<std::complex<double>> findEigenvalues(const MatrixXd& M) {
   const int size = count(M.rows());
   const int stride = strideOf(M);

@@ -31,6 +31,9 @@ bool solveSquare(const Eigen::MatrixXd& M, const Eigen::MatrixXd& right, double 
 /// largest are none.
 Eigen::MatrixXd findKernel(const Eigen::MatrixXd& M, double threshold);
 
+/// These columns of M, in this order. (Eigen before 3.4 takes no list for an index.)
+Eigen::MatrixXd chooseColumns(const Eigen::MatrixXd& M, const std::vector<int>& columns);
+
 std::vector<std::complex<double>> findEigenvalues(const Eigen::MatrixXd& M);
 
 }  // namespace variator_sim

@@ -80,13 +80,13 @@ ManifoldCoordinates findCoordinates(const MatrixXd& G, int velocity_rows, const 
     const bool is_kept = std::find(dependent.begin(), dependent.end(), j) == dependent.end();
     if (is_kept) coordinates.kept.push_back(j);
   }
-  const MatrixXd by_kept = rows(Eigen::all, coordinates.kept);
+  const MatrixXd by_kept = chooseColumns(rows, coordinates.kept);
   coordinates.N = MatrixXd::Zero(n, by_kept.cols());
   for (int j = 0; j < by_kept.cols(); ++j) {
     coordinates.N(coordinates.kept[static_cast<std::size_t>(j)], j) = 1.0;
   }
   if (dependent.empty()) return coordinates;
-  const MatrixXd by_dependent = rows(Eigen::all, dependent);
+  const MatrixXd by_dependent = chooseColumns(rows, dependent);
   const MatrixXd follows = solveScaled(by_dependent, -by_kept);
   for (int j = 0; j < follows.rows(); ++j) {
     coordinates.N.row(dependent[static_cast<std::size_t>(j)]) = follows.row(j);

@@ -222,7 +222,7 @@ void Trim::fitMultipliers(VectorXd& v) const {
     if (is_multiplier || is_auxiliary) linear.push_back(j);
   }
   if (linear.empty() || !F.allFinite() || !dF.allFinite()) return;
-  const MatrixXd columns = dF(Eigen::all, linear);
+  const MatrixXd columns = chooseColumns(dF, linear);
   const VectorXd change = solveLeastSquares(columns, -F);
   for (std::size_t n = 0; n < linear.size(); ++n) {
     v(unknowns_[at(linear[n])]) += change(static_cast<int>(n));
@@ -295,7 +295,7 @@ MatrixXd Trim::findFreeDirections(const VectorXd& v, bool counted) const {
   for (int j = 0; j < scaled.cols(); ++j) {
     if (counted || !counts(j)) columns.push_back(j);
   }
-  const MatrixXd kernel = findKernel(scaled(Eigen::all, columns), 1e-8);
+  const MatrixXd kernel = findKernel(chooseColumns(scaled, columns), 1e-8);
   MatrixXd free = MatrixXd::Zero(scaled.cols(), kernel.cols());
   for (int j = 0; j < kernel.rows(); ++j) free.row(columns[at(j)]) = kernel.row(j);
   return free;

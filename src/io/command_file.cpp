@@ -1,11 +1,11 @@
 #include "variator_sim/io/command_file.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <initializer_list>
 #include <system_error>
 
+#include "model/number_text.h"
 #include "text_file.h"
 
 namespace variator_sim {
@@ -15,7 +15,7 @@ constexpr const char* kHeader = "time,topic,value";
 
 bool parseNumber(const std::string& text, double* value) {
   const char* const end = text.data() + text.size();
-  const auto result = std::from_chars(text.data(), end, *value);
+  const auto result = numberFromChars(text.data(), end, *value);
   return result.ec == std::errc() && result.ptr == end && !text.empty();
 }
 

@@ -1,10 +1,11 @@
 #include "variator_sim/io/yaml_text.h"
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <set>
+
+#include "model/number_text.h"
 
 namespace variator_sim {
 namespace {
@@ -14,7 +15,7 @@ std::string realText(double value) {
   if (std::isnan(value)) return ".nan";
   if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
   std::array<char, 32> buffer{};
-  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  const auto result = numberToChars(buffer.data(), buffer.data() + buffer.size(), value);
   std::string text(buffer.data(), result.ptr);
   if (text.find('.') == std::string::npos) {
     const std::size_t exponent = text.find('e');

@@ -14,6 +14,7 @@
 #include <system_error>
 #include <vector>
 
+#include "model/number_text.h"
 #include "text_file.h"
 
 namespace variator_sim {
@@ -44,7 +45,7 @@ bool parseInteger(const std::string& text, int base, std::int64_t* value) {
 
 bool parseReal(const std::string& text, double* value) {
   const char* const end = text.data() + text.size();
-  const auto result = std::from_chars(text.data(), end, *value);
+  const auto result = numberFromChars(text.data(), end, *value);
   return result.ec == std::errc() && result.ptr == end && !text.empty();
 }
 

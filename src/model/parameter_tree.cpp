@@ -3,17 +3,17 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <utility>
 
+#include "model/number_text.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 std::string formatNumber(double value) {
   std::array<char, 32> buffer{};
-  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  const auto result = numberToChars(buffer.data(), buffer.data() + buffer.size(), value);
   return std::string(buffer.data(), result.ptr);
 }
 
@@ -36,7 +36,7 @@ bool parseNumber(const std::string& text, double* value) {
   const char* begin = text.data();
   const char* const end = begin + text.size();
   if (text.size() > 1 && *begin == '+' && begin[1] != '-') ++begin;
-  const auto result = std::from_chars(begin, end, *value);
+  const auto result = numberFromChars(begin, end, *value);
   if (result.ptr != end || begin == end) return false;
   if (result.ec == std::errc::result_out_of_range) {
     *value = std::numeric_limits<double>::quiet_NaN();

@@ -56,13 +56,13 @@ void checkFixed(const std::vector<TrimChoice>& fix) {
 }
 
 void save(const LinearModel& model, const py::object& path) {
-  const auto name = py::module_::import("os").attr("fspath")(path).cast<std::string>();
+  const auto name = py::module::import("os").attr("fspath")(path).cast<std::string>();
   try {
     checkModelPath(name);
   } catch (const UsageError& error) {
     throw py::value_error(error.what());
   }
-  const auto file = py::module_::import("builtins").attr("open")(name, "wb");
+  const auto file = py::module::import("builtins").attr("open")(name, "wb");
   file.attr("write")(py::bytes(writeModel(model, name)));
   file.attr("close")();
 }
@@ -114,7 +114,7 @@ SteadyStates findSteadyStates(const Scene& scene, const TrimOptions& options) {
 py::list toList(const SteadyStates& states, const Scene& scene) {
   const TrimResult& result = states.found;
   if (result.states.empty()) {
-    const py::object type = py::module_::import("variator_sim.errors").attr("NoSteadyState");
+    const py::object type = py::module::import("variator_sim.errors").attr("NoSteadyState");
     PyErr_SetString(type.ptr(), result.message.c_str());
     throw py::error_already_set();
   }
@@ -132,7 +132,7 @@ py::list toList(const SteadyStates& states, const Scene& scene) {
   return list;
 }
 
-void bindAnalysis(py::module_& module) {
+void bindAnalysis(py::module& module) {
   py::class_<LinearModel> model(module, "LinearModel");
   model.def_property_readonly("A", copyOf(&LinearModel::A))
       .def_property_readonly("B", copyOf(&LinearModel::B))

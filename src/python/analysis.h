@@ -34,6 +34,6 @@ SteadyStates findSteadyStates(const Scene& scene, const TrimOptions& options);
 /// A list of SteadyState; raises NoSteadyState where there is none, warns of infinitely many.
 py::list toList(const SteadyStates& states, const Scene& scene);
 
-void bindAnalysis(py::module_& module);
+void bindAnalysis(py::module& module);
 
 }  // namespace variator_sim::python

@@ -105,14 +105,14 @@ void translateErrors() {
       if (pointer) std::rethrow_exception(pointer);
     } catch (const SceneError& error) {
       const py::object python_error = errorClass("SceneError")(error.what(), error.keyPath());
-      PyErr_SetObject(py::type::handle_of(python_error).ptr(), python_error.ptr());
+      PyErr_SetObject(python_error.get_type().ptr(), python_error.ptr());
     } catch (const CommandFileError& error) {
       PyErr_SetString(PyExc_ValueError, error.what());
     }
   });
 }
 
-void bindSample(py::module_& module) {
+void bindSample(py::module& module) {
   py::class_<NamedSample> sample(module, "Sample");
   sample.def_property_readonly("time", [](const NamedSample& self) { return self.sample.time; });
   const auto add = [&sample](const char* name, const double(Sample::*member)[kMaxShafts]) {
@@ -180,7 +180,7 @@ void bindViews(py::class_<PythonSimulation>& simulation) {
           py::arg("groups") = "state");
 }
 
-void bindSimulation(py::module_& module) {
+void bindSimulation(py::module& module) {
   using Self = PythonSimulation;
   py::class_<Self> simulation(module, "Simulation");
   simulation

@@ -22,17 +22,17 @@
 namespace variator_sim::python {
 
 inline py::object errorClass(const char* name) {
-  return py::module_::import("variator_sim.errors").attr(name);
+  return py::module::import("variator_sim.errors").attr(name);
 }
 
 [[noreturn]] inline void raise(const py::object& error) {
-  PyErr_SetObject(py::type::handle_of(error).ptr(), error.ptr());
+  PyErr_SetObject(error.get_type().ptr(), error.ptr());
   throw py::error_already_set();
 }
 
 inline ParameterTree readSceneArgument(const py::object& scene) {
   if (py::isinstance<py::dict>(scene)) return toTree(scene, "");
-  const auto text = py::module_::import("os").attr("fspath")(scene).cast<std::string>();
+  const auto text = py::module::import("os").attr("fspath")(scene).cast<std::string>();
   // No file's name has a line's end; a mapping in one line begins with its brace.
   const bool is_text = text.find('\n') != std::string::npos || text.rfind('{', 0) == 0;
   return is_text ? readYamlText(text, "scene") : readYamlFile(text);

@@ -22,7 +22,7 @@ class LazyLoader {
     try {
       pluginlib::ClassLoader<Base>& found = loader();
       if (!found.isClassAvailable(type)) return nullptr;
-      return wrap(found.createSharedInstance(type));
+      return wrap(std::shared_ptr<Base>(found.createUniqueInstance(type)));
     } catch (const pluginlib::PluginlibException& exception) {
       if (ours) return nullptr;
       throw std::runtime_error(exception.what());

@@ -9,6 +9,7 @@
 
 #include "ros/loop_messages.h"
 #include "variator_sim/scene.h"
+#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 
+#include "model/number_text.h"
 #include "tools/linear_model_file.h"
 #include "tools/sample_writer.h"
 #include "tools/state_file.h"
@@ -41,7 +41,7 @@ void writeText(const std::string& path, const std::string& text) {
 
 bool readTime(const std::string& word, double* time) {
   const char* const end = word.data() + word.size();
-  const auto [rest, error] = std::from_chars(word.data(), end, *time);
+  const auto [rest, error] = numberFromChars(word.data(), end, *time);
   return error == std::errc() && rest == end;
 }
 

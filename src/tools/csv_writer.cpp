@@ -2,11 +2,11 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <system_error>
 
+#include "model/number_text.h"
 #include "tools/sample_writer.h"
 #include "variator_sim/simulation.h"
 
@@ -67,7 +67,7 @@ class CsvWriter : public SampleWriter {
   char* writeNumber(double value, char* end) {
     // The sign of a NaN is the processor's and means nothing.
     if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
-    end = std::to_chars(end, end + kLongestNumber, value).ptr;
+    end = numberToChars(end, end + kLongestNumber, value).ptr;
     *end++ = ',';
     return end;
   }

@@ -1,12 +1,12 @@
 #include "tools/simulate_options.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <system_error>
 #include <utility>
 
+#include "model/number_text.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -33,7 +33,7 @@ ColumnGroups readColumns(const std::string& list) {
 double readNumber(const std::string& option, const std::string& word) {
   double value = 0.0;
   const char* end = word.data() + word.size();
-  const auto [rest, error] = std::from_chars(word.data(), end, value);
+  const auto [rest, error] = numberFromChars(word.data(), end, value);
   if (error != std::errc() || rest != end || !std::isfinite(value)) {
     throw UsageError(option + ": " + inQuotes(word) + " is not a finite number");
   }
