@@ -361,13 +361,16 @@ static int keeps_rank(const scene_model *m, const double *rows)
 }
 
 /* Newton's iteration for the least reaction went to another branch than the series: theirs has
-   ended. (No step is too short for that, and the velocities do not show it.) */
-static int has_leapt(const scene_model *m, const double *of_series)
+   ended. (No step is too short for that, and the velocities do not show it.) A part of what the
+   accelerations change in a step is the series' own error. */
+static int has_leapt(const scene_model *m, const double *begin, const double *of_series)
 {
   int i;
   for (i = 0; i < S && IS_CLASSICAL; ++i) {
     const double moved = fabs(m->now.acceleration[i] - of_series[i]);
-    if (!(moved <= 1e-3 * fmax(1.0, fabs(of_series[i])))) return 1;
+    const double size = fmax(1.0, fabs(of_series[i]));
+    const double change = fabs(of_series[i] - begin[i]);
+    if (!(moved <= fmin(1e-3 * size, 0.1 * change) + 1e-9 * size)) return 1;
   }
   return 0;
 }
@@ -428,7 +431,7 @@ static scene_status make_step(scene_model *m, double left, double *made)
       if (status == SCENE_OK) status = measure_defect(m, slope, h, last, &defect);
       if (status == SCENE_OK && !keeps_sides(m, sides)) defect = INFINITY;
       loses_rank = status == SCENE_OK && !keeps_rank(m, rows);
-      if (loses_rank || (status == SCENE_OK && has_leapt(m, slope))) defect = INFINITY;
+      if (loses_rank || (status == SCENE_OK && has_leapt(m, before.acceleration, slope))) defect = INFINITY;
       m->crossings = 0;
     }
     if (status == SCENE_OK && defect <= 1.0) {
