@@ -181,7 +181,9 @@ class FaultsTest(unittest.TestCase):
         before = client.status.wait_new(lambda s: s.time > start.time + 1.0, 'a second')
         memory = resident_memory(node)
         after = client.status.wait_new(lambda s: s.time > before.time + 3.0, 'three seconds')
-        self.assertLess(resident_memory(node) - memory, 4096)
+        # (AddressSanitizer keeps what is freed for a while.)
+        if 'ASAN_OPTIONS' not in os.environ:
+            self.assertLess(resident_memory(node) - memory, 4096)
         # Every tick was made: simulated time is the number of ticks.
         self.assertEqual(round((after.time - before.time) * 10000), after.ticks - before.ticks)
         # Whoever reads gets what is new.
