@@ -2,11 +2,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <limits>
 #include <pluginlib/class_loader.hpp>
 #include <string>
 #include <vector>
 
+#include "ros/checked_lists.h"
 #include "ros/message_conversion.h"
 #include "ros/node_settings.h"
 #include "ros/plugin_loader.h"
@@ -224,6 +227,72 @@ TEST(PluginLoader, UnknownTypesAreNobodys) {
   EXPECT_EQ(factory.createTorque("no_such_package/Torque"), nullptr);
   EXPECT_NE(factory.createConstraint("variator_sim/ExpressionConstraint"), nullptr);
   EXPECT_EQ(factory.constraintTypes().size(), BuiltinComponentFactory().constraintTypes().size());
+}
+
+// --- messages ------------------------------------------------------------------------------------
+
+template <class Message>
+std::vector<std::uint8_t> bytesOf(const Message& message) {
+  std::vector<std::uint8_t> bytes(ros::serialization::serializationLength(message));
+  ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  ros::serialization::serialize(stream, message);
+  return bytes;
+}
+template <class Message>
+Message messageOf(std::vector<std::uint8_t> bytes) {
+  Message message;
+  ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  ros::serialization::deserialize(stream, message);
+  return message;
+}
+/// The 4 bytes at `place` tell how many entries a list has.
+template <class Message>
+void expectNoRoomForLies(const std::vector<std::uint8_t>& bytes, std::size_t place) {
+  for (const std::uint32_t count : {50U, 100000000U, 0xffffffffU}) {
+    std::vector<std::uint8_t> lie = bytes;
+    std::memcpy(lie.data() + place, &count, sizeof count);
+    EXPECT_THROW(messageOf<Message>(lie), ros::serialization::StreamOverrunException)
+        << place << ' ' << count;
+  }
+}
+
+TEST(Messages, ListsAreAsLongAsTheirBytesAllow) {
+  Step::Request step;
+  step.duration = 0.5;
+  step.command_topics = {"a", "bc"};
+  step.command_values = {1.0, 2.0};
+  const std::vector<std::uint8_t> bytes = bytesOf(step);
+  EXPECT_EQ(messageOf<Step::Request>(bytes).command_topics, step.command_topics);
+  EXPECT_EQ(messageOf<Step::Request>(bytes).command_values, step.command_values);
+  expectNoRoomForLies<Step::Request>(bytes, 8);
+  expectNoRoomForLies<Step::Request>(bytes, 8 + 4 + 4 + 1 + 4 + 2);
+
+  Commands commands;
+  commands.topics = {"abc"};
+  commands.values = {3.0};
+  EXPECT_EQ(messageOf<Commands>(bytesOf(commands)).topics, commands.topics);
+  EXPECT_EQ(messageOf<Commands>(bytesOf(commands)).values, commands.values);
+  expectNoRoomForLies<Commands>(bytesOf(commands), 16);
+
+  SetState::Request state;
+  state.text = "text";
+  state.velocity = {1.0, 2.0};
+  state.project = 1;
+  EXPECT_EQ(messageOf<SetState::Request>(bytesOf(state)).text, state.text);
+  EXPECT_EQ(messageOf<SetState::Request>(bytesOf(state)).velocity, state.velocity);
+  EXPECT_EQ(messageOf<SetState::Request>(bytesOf(state)).project, state.project);
+  for (const std::size_t place : {8U, 12U, 32U}) {
+    expectNoRoomForLies<SetState::Request>(bytesOf(state), place);
+  }
+
+  dynamic_reconfigure::Config config;
+  config.doubles.resize(1);
+  config.doubles[0].name = "real_time_factor";
+  config.doubles[0].value = 2.0;
+  EXPECT_EQ(messageOf<dynamic_reconfigure::Config>(bytesOf(config)).doubles[0].value, 2.0);
+  for (const std::size_t place : {0U, 4U, 8U, 12U}) {
+    expectNoRoomForLies<dynamic_reconfigure::Config>(bytesOf(config), place);
+  }
 }
 
 }  // namespace

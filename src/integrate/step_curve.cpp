@@ -238,8 +238,8 @@ void StepCurve::evaluate(double part, double* angle, double* velocity, double* a
   Row left{};
   for (std::size_t n = 0; n < count_; ++n) {
     cut(component_[n].data(), kDegree, part, left.data(), nullptr);
-    double* const part = n < s ? angle : n < 2 * s ? velocity : acceleration;
-    part[n % s] = origin_[n] + left[kDegree];
+    double* const place = n < s ? angle : n < 2 * s ? velocity : acceleration;
+    place[n % s] = origin_[n] + left[kDegree];
   }
   if (has_accelerations_) return;
   for (std::size_t i = 0; i < s; ++i) {

@@ -1,3 +1,4 @@
+#include "ros/checked_lists.h"
 #include "ros/live_settings.h"
 
 #include <dynamic_reconfigure/server.h>

@@ -6,8 +6,6 @@
 #include <rosgraph_msgs/Clock.h>
 #include <std_msgs/Float64.h>
 #include <std_srvs/Trigger.h>
-#include <variator_sim/Commands.h>
-#include <variator_sim/Step.h>
 
 #include <array>
 #include <atomic>
@@ -16,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "ros/checked_lists.h"
 #include "ros/command_names.h"
 #include "ros/diagnostics.h"
 #include "ros/live_settings.h"

@@ -3,10 +3,10 @@
 
 #include <ros/ros.h>
 #include <variator_sim/GetState.h>
-#include <variator_sim/SetState.h>
 
 #include <string>
 
+#include "ros/checked_lists.h"
 #include "ros/loop_messages.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/simulation.h"
