@@ -216,6 +216,7 @@ void FormulaConstraint::compile(Node given, int order, const std::set<int>& inpu
   }
 
   std::vector<int> accelerations;
+  accelerations.reserve(static_cast<std::size_t>(s));
   for (int i = 0; i < s; ++i) accelerations.push_back(slotOf(Source::kAcceleration, i));
   degree_ = graph.polynomialDegree(second, accelerations);
 

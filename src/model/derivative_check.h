@@ -28,8 +28,9 @@ enum class Compared {
 /// not finite are left out, and so are the derivatives by the state that Constraint and Torque make
 /// by default: they are differences themselves, of one step.
 ///
-/// A formula's derivatives are nobody's statement: they follow from it. What differences have to say
-/// of it is what they cannot resolve (cos(1e15 t), a table with a gap of 1e10), so it is not asked.
+/// A formula's derivatives are nobody's statement: they follow from it. What differences have to
+/// say of it is what they cannot resolve (cos(1e15 t), a table with a gap of 1e10), so it is not
+/// asked.
 void verifyDerivatives(const Scene& scene, Compared compared = Compared::kStated);
 
 }  // namespace variator_sim

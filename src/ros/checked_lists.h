@@ -16,7 +16,7 @@
 
 namespace variator_sim {
 
-// --- the bytes that an entry takes at least: its numbers, and 4 for the length of each text -------
+// The bytes that an entry takes at least: its numbers, and 4 for the length of each text.
 
 inline std::uint32_t leastBytes(const std::string& /*type*/) {
   return 4;
@@ -40,7 +40,7 @@ inline std::uint32_t leastBytes(const dynamic_reconfigure::GroupState& /*type*/)
   return 13;
 }
 
-// --- the fields of each message, in their order ---------------------------------------------------
+// The fields of each message, in their order.
 
 template <class Visit>
 void forEachField(const Commands& /*type*/, Visit visit) {

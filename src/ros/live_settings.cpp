@@ -1,4 +1,3 @@
-#include "ros/checked_lists.h"
 #include "ros/live_settings.h"
 
 #include <dynamic_reconfigure/server.h>
@@ -6,6 +5,7 @@
 
 #include <string>
 
+#include "ros/checked_lists.h"
 #include "ros/node_settings.h"
 #include "ros/stepping_loop.h"
 
