@@ -41,6 +41,8 @@ class FormulaConstraint : public Constraint {
   expression::Graph& graph() const { return *graph_; }
   /// f, psi, or C eta + c0.
   expression::Node function() const { return function_; }
+  /// f' = C epsilon + .. of order 1, psi of order 2.
+  expression::Node secondOrder() const { return second_order_; }
   /// C (s nodes), then c0.
   const std::vector<expression::Node>& row() const { return row_nodes_; }
   const NamedOutputs& namedOutputs() const { return outputs_; }
@@ -86,6 +88,7 @@ class FormulaConstraint : public Constraint {
 
   std::shared_ptr<expression::Graph> graph_;
   expression::Node function_;
+  expression::Node second_order_;
   std::vector<expression::Node> row_nodes_;
 
   // One program per question: none computes more than it is asked for.

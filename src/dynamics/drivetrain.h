@@ -430,10 +430,10 @@ class Drivetrain {
                              const ConstraintSolver& solver, double* rounding,
                              Evaluate evaluate) const;
 
-  /// -J^-1 C^T A^-1 residual over some constraints; `evaluate(m, C)` gives residual and row.
-  template <class Evaluate>
-  bool calcCorrection(const std::vector<int>& rows, ConstraintSolver* solver, double* delta,
-                      Evaluate evaluate);
+  /// -J^-1 C^T A^-1 (residual + C shift) over the constraints of a level of `program_`; without a
+  /// shift nullptr.
+  bool calcCorrection(const double* level, const double* shift, ConstraintSolver* solver,
+                      double* delta);
 
   const int S;  // shafts
   const Scene& scene_;

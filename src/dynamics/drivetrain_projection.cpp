@@ -6,11 +6,15 @@
 
 namespace variator_sim {
 
-template <class Evaluate>
-bool Drivetrain::calcCorrection(const std::vector<int>& rows, ConstraintSolver* solver,
-                                double* delta, Evaluate evaluate) {
+bool Drivetrain::calcCorrection(const double* level, const double* shift, ConstraintSolver* solver,
+                                double* delta) {
   double residual[kMaxRows];
-  for (int r = 0; r < solver->rowCount(); ++r) residual[r] = evaluate(rows[r], solver->row(r));
+  for (int r = 0; r < solver->rowCount(); ++r) {
+    residual[r] = *level++;
+    for (int i = 0; i < S; ++i) solver->row(r)[i] = level[i];
+    for (int i = 0; shift != nullptr && i < S; ++i) residual[r] += level[i] * shift[i];
+    level += S;
+  }
   return withShaftCount(S, [&](auto shafts) {
     if (!solver->isFactored() || !has_constant_rows_) {
       if (!solver->factor(shafts, inertia_)) return false;
@@ -68,15 +72,13 @@ void Drivetrain::addProjectionRounding(const StateView& state, const std::vector
 }
 
 bool Drivetrain::calcVelocityProjection(const StateView& state, double* delta) {
-  return calcCorrection(velocity_rows_, &velocity_solver_, delta, [&](int m, double* C) {
-    return constraint(m).calcVelocityResidualAndJacobian(state, C);
-  });
+  const double* const level = program_.calcVelocityLevel(state);
+  return calcCorrection(level, nullptr, &velocity_solver_, delta);
 }
 
 bool Drivetrain::calcAccelerationProjection(const StateView& state, double* delta) {
-  return calcCorrection(acceleration_rows_, &acceleration_solver_, delta, [&](int m, double* C) {
-    return constraint(m).calcResidualAndJacobian(state, C);
-  });
+  const double* const level = program_.calcAccelerationLevel(state);
+  return calcCorrection(level, nullptr, &acceleration_solver_, delta);
 }
 
 bool Drivetrain::calcStiffProjection(const StateView& state, double h, double* delta) {
@@ -122,11 +124,10 @@ bool Drivetrain::calcStiffProjection(const StateView& state, double h, double* d
 }
 
 bool Drivetrain::calcLinearizedReaction(const StateView& state, const double* free, double* delta) {
-  return calcCorrection(acceleration_rows_, &acceleration_solver_, delta, [&](int m, double* C) {
-    double residual = constraint(m).calcResidualAndJacobian(state, C);
-    for (int i = 0; i < S; ++i) residual += C[i] * (free[i] - state.acceleration[i]);
-    return residual;
-  });
+  double shift[kMaxShafts];
+  for (int i = 0; i < S; ++i) shift[i] = free[i] - state.acceleration[i];
+  const double* const level = program_.calcAccelerationLevel(state);
+  return calcCorrection(level, shift, &acceleration_solver_, delta);
 }
 
 void Drivetrain::calcProjectionRounding(const StateView& state, double* velocity,

@@ -42,8 +42,27 @@ SceneProgram::SceneProgram(const Scene& scene) : scene_(scene), S(scene.shaftCou
   }
 
   std::vector<Node> rows;
+  std::vector<Node> velocities;
+  std::vector<Node> accelerations;
   for (const ConstraintPtr& constraint : scene.constraints) {
     const auto* law = dynamic_cast<const FormulaConstraint*>(constraint.get());
+    // f or psi, and C
+    const auto addLevel = [&](Node residual, std::vector<Node>& level,
+                              std::vector<OpaqueRow>& opaque) {
+      if (!is_here(law)) {
+        opaque.push_back({constraint.get(), static_cast<int>(level.size() / (s + 1))});
+        level.insert(level.end(), s + 1, graph.constant(0.0));
+        return;
+      }
+      level.push_back(residual);
+      level.insert(level.end(), law->row().begin(), law->row().end() - 1);
+    };
+    if (constraint->order() == 1) {
+      addLevel(law == nullptr ? Node{} : law->function(), velocities, opaque_velocities_);
+    }
+    if (constraint->order() < 3) {
+      addLevel(law == nullptr ? Node{} : law->secondOrder(), accelerations, opaque_accelerations_);
+    }
     if (is_here(law)) {
       rows.insert(rows.end(), law->row().begin(), law->row().end());
     } else {
@@ -57,6 +76,8 @@ SceneProgram::SceneProgram(const Scene& scene) : scene_(scene), S(scene.shaftCou
   rate_ = Program(graph, rate);
   rows_ = Program(graph, rows);
   rate_and_rows_ = Program(graph, rate_and_rows);
+  velocity_level_ = Program(graph, velocities);
+  acceleration_level_ = Program(graph, accelerations);
   sum_.resize(rate_and_rows.size());
   for (const auto& table : graph.tables()) tables_.push_back(table.get());
   for (const auto& table : graph.tables2()) tables2_.push_back(table.get());
@@ -66,6 +87,16 @@ const double* SceneProgram::addOpaqueRows(const StateView& state, double* values
   for (const int m : opaque_rows_) {
     double* const row = values + begin + m * (S + 1);
     scene_.constraints[static_cast<std::size_t>(m)]->calcRow(state, row, row + S);
+  }
+  return values;
+}
+
+const double* SceneProgram::addOpaque(const Program& level, const std::vector<OpaqueRow>& opaque,
+                                      const StateView& state, double* values) const {
+  for (const auto& [constraint, row] : opaque) {
+    double* const at = values + row * (S + 1);
+    *at = &level == &velocity_level_ ? constraint->calcVelocityResidualAndJacobian(state, at + 1)
+                                     : constraint->calcResidualAndJacobian(state, at + 1);
   }
   return values;
 }
@@ -89,7 +120,9 @@ std::string SceneProgram::writeSource() const {
   return expression::prelude() + writeFunction(graph, "torque", torque_.outputs()) +
          writeFunction(graph, "rate", rate_.outputs()) +
          writeFunction(graph, "rows", rows_.outputs()) +
-         writeFunction(graph, "rate_and_rows", rate_and_rows_.outputs());
+         writeFunction(graph, "rate_and_rows", rate_and_rows_.outputs()) +
+         writeFunction(graph, "velocity_level", velocity_level_.outputs()) +
+         writeFunction(graph, "acceleration_level", acceleration_level_.outputs());
 }
 
 std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing,
@@ -110,8 +143,12 @@ std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::M
            [](const void* table, int order_x, int order_y, double x, double y) {
              return static_cast<const Table2*>(table)->derivative({order_x, order_y}, x, y);
            }};
-  const std::pair<const char*, Program*> parts[] = {
-      {"torque", &torque_}, {"rate", &rate_}, {"rows", &rows_}, {"rate_and_rows", &rate_and_rows_}};
+  const std::pair<const char*, Program*> parts[] = {{"torque", &torque_},
+                                                    {"rate", &rate_},
+                                                    {"rows", &rows_},
+                                                    {"rate_and_rows", &rate_and_rows_},
+                                                    {"velocity_level", &velocity_level_},
+                                                    {"acceleration_level", &acceleration_level_}};
   // States that have nothing in common, some of them near 0.
   for (int n = 0; n < 16; ++n) {
     double values[6][kMaxInputs];

@@ -40,6 +40,14 @@ class SceneProgram {
     const double* const values = rows_.evaluate(state);
     return opaque_rows_.empty() ? values : addOpaqueRows(state, copyOf(rows_, values), 0);
   }
+  /// Of each constraint of order 1: f, then C (s values). Valid until the next evaluation.
+  const double* calcVelocityLevel(const StateView& state) const {
+    return calcLevel(velocity_level_, opaque_velocities_, state);
+  }
+  /// Of each constraint of order 1 or 2: f' or psi, then C. Valid until the next evaluation.
+  const double* calcAccelerationLevel(const StateView& state) const {
+    return calcLevel(acceleration_level_, opaque_accelerations_, state);
+  }
   /// Q' (s values), then what calcRows gives.
   const double* calcRateAndRows(const StateView& state) const {
     const double* const values = rate_and_rows_.evaluate(state);
@@ -63,6 +71,18 @@ class SceneProgram {
     std::copy_n(values, program.outputs().size(), sum_.begin());
     return sum_.data();
   }
+  /// A constraint that no formula states, and its row among those of a level.
+  struct OpaqueRow {
+    const Constraint* constraint;
+    int row;
+  };
+  const double* calcLevel(const Program& level, const std::vector<OpaqueRow>& opaque,
+                          const StateView& state) const {
+    const double* const values = level.evaluate(state);
+    return opaque.empty() ? values : addOpaque(level, opaque, state, copyOf(level, values));
+  }
+  const double* addOpaque(const Program& level, const std::vector<OpaqueRow>& opaque,
+                          const StateView& state, double* values) const;
   /// Writes the rows that no formula states, counted from `begin`, into `values`.
   const double* addOpaqueRows(const StateView& state, double* values, int begin) const;
   std::string writeSource() const;
@@ -73,6 +93,8 @@ class SceneProgram {
   Program rate_;
   Program rows_;
   Program rate_and_rows_;
+  Program velocity_level_;
+  Program acceleration_level_;
   std::shared_ptr<KernelLibrary> library_;
   std::vector<const void*> tables_;
   std::vector<const void*> tables2_;
@@ -80,6 +102,8 @@ class SceneProgram {
   /// The elements that no formula states: torques, and rows m of constraints.
   std::vector<const Torque*> opaque_torques_;
   std::vector<int> opaque_rows_;
+  std::vector<OpaqueRow> opaque_velocities_;
+  std::vector<OpaqueRow> opaque_accelerations_;
   mutable std::vector<double> sum_;  ///< of formulas and them
 };
 

@@ -167,6 +167,7 @@ void FormulaConstraint::compile(Node given, int order, const std::set<int>& inpu
 
   // The second-order form: f' = C epsilon + ... for order 1, psi itself for order 2.
   const Node second = order == 1 ? graph.totalDerivative(given, rates) : given;
+  second_order_ = second;
   // c0 of the third-order form [12]. The jerks of order 3 occur linearly: c0 is what is left
   // without them.
   Node c0;
