@@ -53,7 +53,7 @@ class Expansion {
     if (system_->series() == nullptr) return false;
     if (!system_->series()->begin(kStart, x_.data(), unit, order)) return false;
     for (int n = 1; n <= order; ++n) {
-      if (!system_->series()->extend()) return false;
+      if (!system_->series()->extendTo(system_->series()->order() + 1)) return false;
     }
     return true;
   }

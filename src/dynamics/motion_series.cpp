@@ -216,8 +216,12 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
     program_.set(row_of_velocity_[i], 0, x[S + i]);
     program_.set(row_of_acceleration_[i], 0, x[2 * S + i]);
   }
-  program_.evaluate(Part::kGiven, 0);
-  program_.evaluate(Part::kAccelerated, 0);
+  if (begin_code_ != nullptr) {
+    program_.noteLimit(begin_code_(program_.rows(), program_.states()) != 0);
+  } else {
+    program_.evaluate(Part::kGiven, 0);
+    program_.evaluate(Part::kAccelerated, 0);
+  }
   for (int m = 0; m < k_; ++m) {
     for (int i = 0; i < S; ++i) solver_.row(m)[i] = program_.coefficients(entryRow(m, i))[0];
   }
@@ -325,21 +329,28 @@ void MotionSeries::beginReaction(const double* x) {
   for (int m = 0; m < k_; ++m) program_.set(row_of_multiplier_[m], 0, lambda[m]);
 }
 
-bool MotionSeries::extend() {
-  const int n = order_ + 1;
-  const OrderCode code =
-      n < static_cast<int>(codes_.size()) ? codes_[static_cast<std::size_t>(n)] : nullptr;
-  if (code != nullptr && program_.isDecided()) {
-    code(program_.rows(), program_.states(), inverse_, unit_);
-  } else {
-    continueTo(n);
+bool MotionSeries::extendTo(int order) {
+  const int before = order_;
+  const bool has_code = order < static_cast<int>(codes_.size());
+  for (int n = before + 1; n <= order; ++n) {
+    if (has_code && program_.isDecided()) {
+      const OrderCode* const codes = codes_.data();
+      for (; n <= order; ++n) codes[n](program_.rows(), program_.states(), inverse_, unit_);
+    } else {
+      continueTo(n);
+    }
   }
+  // Of numbers that are not finite no difference with themselves is 0.
+  double remains = 0.0;
   for (int i = 0; i < S; ++i) {
-    if (std::isfinite(acceleration(i)[n])) continue;
+    const double* const epsilon = acceleration(i);
+    for (int n = before + 1; n <= order; ++n) remains += epsilon[n] - epsilon[n];
+  }
+  if (remains != 0.0) {
     program_.clear();
     return false;
   }
-  order_ = n;
+  order_ = order;
   return true;
 }
 

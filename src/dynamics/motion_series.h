@@ -40,8 +40,9 @@ class MotionSeries {
   /// The motion stands at (t, x), x = (phi, omega, epsilon): coefficient 0. `unit`, s; at most the
   /// order `most` will be asked for, kMostOrder at the most. False where C has lost rank. [loop]
   bool begin(double t, const double* x, double unit, int most);
-  /// One order more, of epsilon. False where it is not finite: no coefficient is left then. [loop]
-  bool extend();
+  /// As far as `order` of epsilon. False where one of the new orders is not finite: no coefficient
+  /// is left then. [loop]
+  bool extendTo(int order);
   int order() const { return order_; }
   /// Another number after every `begin`: whose series these are.
   std::uint64_t stamp() const { return stamp_; }
@@ -66,8 +67,9 @@ class MotionSeries {
   MotionSeries(const Scene& scene, Drivetrain& drivetrain);
   void compile();
 
-  std::string writeOrder() const;
-  std::string writeReaction() const;
+  /// Rows that are read backwards are added to `mirrored`.
+  std::string writeOrder(std::set<int>* mirrored) const;
+  std::string writeReaction(std::set<int>* mirrored) const;
   /// Coefficients at a state that tells code and interpreter apart, as far as they come.
   std::vector<double> expandAt(int state);
   void setInputs(double t, int order);
@@ -103,6 +105,9 @@ class MotionSeries {
   /// One order as machine code, by its number.
   using OrderCode = void (*)(double* rows, double* states, const double* inverse, double unit);
   std::vector<OrderCode> codes_;
+  /// Order 0 of all formulas; not 0 where a part has overflowed.
+  using BeginCode = int (*)(double* rows, double* states);
+  BeginCode begin_code_ = nullptr;
   double unit_ = 1.0;
   int order_ = 0;
   std::uint64_t stamp_ = 0;

@@ -2,6 +2,7 @@
 // constant of each, so that the compiler unrolls every sum.
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <sstream>
 
 #include "dynamics/motion_series.h"
@@ -30,6 +31,7 @@ bool isSame(const std::vector<double>& a, const std::vector<double>& b) {
          });
 }
 
+constexpr const char* kBegin = "series_begin";
 std::string nameOf(int order) {
   return "series_order_" + std::to_string(order);
 }
@@ -37,23 +39,24 @@ std::string nameOf(int order) {
 }  // namespace
 
 /// See continueTo, which it has to equal operation by operation.
-std::string MotionSeries::writeOrder() const {
+std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
   std::ostringstream text;
   const bool moves = !isInertiaConstant();
   const auto at = [this](int row, const std::string& n) {
     return "r[" + std::to_string(program_.offset(row)) + " + (" + n + ")]";
   };
   const auto set = [&](int row, const std::string& n, const std::string& value) {
-    text << "  { const double y = " << value << "; " << at(row, n) << " = y; r["
-         << program_.backwardOffset(row) << " - (" << n << ")] = y; }\n";
+    text << "  { const double y = " << value << "; " << at(row, n) << " = y; "
+         << expression::SeriesProgram::writeMirror(row) << " r[" << program_.backwardOffset(row)
+         << " - (" << n << ")] = y; }\n";
   };
   for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "0.0");
   text << "  series_given(n, r, s);\n  series_trial(n, r, s);\n";
   for (int i = 0; i < S; ++i) {
     text << "  double a" << i << " = " << at(row_of_torque_[i], "n") << ";\n";
     if (moves) {
-      text << "  a" << i << " -= " << at(row_of_inertial_torque_[i], "n") << ";\n  a" << i
-           << " -= " << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n")
+      text << "  a" << i << " -= " << at(row_of_inertial_torque_[i], "n") << ";\n  a" << i << " -= "
+           << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n", mirrored)
            << ";\n";
     }
     const char* const last = is_classical_ ? "n" : "(n - 1)";
@@ -61,14 +64,14 @@ std::string MotionSeries::writeOrder() const {
     for (int m = 0; m < k_; ++m) {
       if (program_.isConstant(entryRow(m, i))) continue;
       rest += (rest.empty() ? "0.0 + " : " + ") +
-              program_.writeConvolution(entryRow(m, i), row_of_multiplier_[m], last);
+              program_.writeConvolution(entryRow(m, i), row_of_multiplier_[m], last, mirrored);
     }
     if (moves && !is_classical_) {
-      rest +=
-          (rest.empty() ? "0.0 + (" : " + (") + at(row_of_connection_[i], "0") + " * " +
-          at(row_of_reaction_rate_[i], "n - 1") + " + " +
-          program_.writeConvolution(row_of_connection_[i], row_of_reaction_rate_[i], "(n - 1)") +
-          ")";
+      rest += (rest.empty() ? "0.0 + (" : " + (") + at(row_of_connection_[i], "0") + " * " +
+              at(row_of_reaction_rate_[i], "n - 1") + " + " +
+              program_.writeConvolution(row_of_connection_[i], row_of_reaction_rate_[i], "(n - 1)",
+                                        mirrored) +
+              ")";
     }
     if (rest.empty()) continue;
     text << "  a" << i << " = a" << i << " + " << (is_classical_ ? "1.0" : "u * (1.0 / n)")
@@ -106,12 +109,12 @@ std::string MotionSeries::writeOrder() const {
     set(row_of_angle_[i], "n + 1", "u * (1.0 / (n + 1)) * " + at(row_of_velocity_[i], "n"));
   }
   text << "  series_accelerated(n, r, s);\n";
-  if (moves && !is_classical_) text << writeReaction();
+  if (moves && !is_classical_) text << writeReaction(mirrored);
   return text.str();
 }
 
 /// See noteReaction.
-std::string MotionSeries::writeReaction() const {
+std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
   std::ostringstream text;
   const auto product = [&](int begin, int i, const auto& factor) {
     text << "0.0";
@@ -129,38 +132,48 @@ std::string MotionSeries::writeReaction() const {
     coefficient(row_of_inertial_torque_[i]);
     text << " - ";
     coefficient(row_of_torque_[i]);
-    text << " + (" << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n")
-         << " - " << program_.writeConvolution(row_of_inertia_[i], row_of_reaction_rate_[i], "n")
+    text << " + ("
+         << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n", mirrored)
+         << " - "
+         << program_.writeConvolution(row_of_inertia_[i], row_of_reaction_rate_[i], "n", mirrored)
          << ");\n";
   }
   for (int i = 0; i < S; ++i) {
     const int row = row_of_reaction_rate_[i];
     text << "  { const double y = ";
     product(J0 + S * S, i, [&](int j) { text << "b" << j; });
-    text << "; r[" << program_.offset(row) << " + n] = y; r[" << program_.backwardOffset(row)
+    text << "; r[" << program_.offset(row) << " + n] = y; "
+         << expression::SeriesProgram::writeMirror(row) << " r[" << program_.backwardOffset(row)
          << " - n] = y; }\n";
   }
   return text.str();
 }
 
 std::string MotionSeries::writeSource() const {
-  std::string text = expression::SeriesProgram::codePrelude();
+  std::set<int> mirrored;
+  std::string text;
   for (const auto& [name, part] : kParts) {
     text += std::string("static inline __attribute__((always_inline)) void ") + name +
-            "(int n, double* restrict r, double* restrict s) {\n" + program_.writeCode(part) +
-            "}\n";
+            "(int n, double* restrict r, double* restrict s) {\n" +
+            program_.writeCode(part, &mirrored) + "}\n";
   }
   text +=
       "static inline __attribute__((always_inline)) void order(int n, double* restrict r,\n"
       "    double* restrict s, const double* restrict k, double u) {\n" +
-      writeOrder() + "}\n";
+      writeOrder(&mirrored) + "}\n";
+  if (!program_.readsTables()) {
+    text += std::string("int ") + kBegin +
+            "(double* restrict r, double* restrict s) {\n  const int n = 0;\n  int limit = 0;\n"
+            "  (void)n, (void)s;\n" +
+            program_.writeBegin() + "  return limit;\n}\n";
+  }
   for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
     text += "void " + nameOf(n) +
             "(double* restrict r, double* restrict s, const double* restrict k, double u) {\n"
             "  order(" +
             std::to_string(n) + ", r, s, k, u);\n}\n";
   }
-  return text;
+  return expression::SeriesProgram::codePrelude() + program_.writeMirrors(mirrored) + text;
 }
 
 bool MotionSeries::use(const KernelLibrary& library) {
@@ -169,14 +182,19 @@ bool MotionSeries::use(const KernelLibrary& library) {
     codes.push_back(reinterpret_cast<OrderCode>(library.find(nameOf(n).c_str())));
     if (codes.back() == nullptr) return false;
   }
+  const auto begin = reinterpret_cast<BeginCode>(library.find(kBegin));
+  if (begin == nullptr && !program_.readsTables()) return false;
   for (int n = 0; n < kStates; ++n) {
     const std::vector<double> interpreted = expandAt(n);
     codes_ = codes;
+    begin_code_ = begin;
     const bool is_same = isSame(interpreted, expandAt(n));
     codes_.clear();
+    begin_code_ = nullptr;
     if (!is_same) return false;
   }
   codes_ = codes;
+  begin_code_ = begin;
   return true;
 }
 
@@ -188,7 +206,7 @@ std::vector<double> MotionSeries::expandAt(int state) {
   std::vector<double> coefficients;
   const int order = orderFor(scene_.solver.relative_tolerance);
   if (!begin(0.37 * state, x, 0.0625, order)) return coefficients;
-  while (this->order() < order && extend()) {
+  while (this->order() < order && extendTo(this->order() + 1)) {
     for (int i = 0; i < S; ++i) {
       coefficients.push_back(acceleration(i)[this->order()]);
       coefficients.push_back(torque(i)[this->order()]);

@@ -1,6 +1,7 @@
-// A SeriesProgram as C: the same operations in the same order for every n >= 1, so that they make
-// the same bits. Order 0, which calls functions and looks up tables, stays the program's own.
+// A SeriesProgram as C: the same operations in the same order, so that they make the same bits.
+// Order 0 stays the program's own where it looks up tables.
 #include <cmath>
+#include <set>
 #include <sstream>
 
 #include "expression/series_program.h"
@@ -29,12 +30,16 @@ static inline __attribute__((always_inline)) double dot(const double* a, const d
 static inline __attribute__((always_inline)) double between(const double* a, const double* b, int low, int high) {
   return low > high ? 0.0 : dot(a + low, b + low, high - low + 1);
 }
+static inline int least(int a, int b) { return a < b ? a : b; }
+static inline __attribute__((always_inline)) double rates(const double* rate, const double* back, double first, int n, int degree) {
+  const double sum = dot(rate, back - (n - 1), least(n - 1, degree + 1));
+  return n - 1 > degree ? sum : sum + rate[n - 1] * first;
+}
 static inline __attribute__((always_inline)) double squareOf(const double* x, const double* back, int n) {
   double sum = 2.0 * dot(x + 1, back - (n - 1), (n - 1) / 2);
   if (n % 2 == 0) sum += x[n / 2] * x[n / 2];
   return sum + 2.0 * (x[0] * x[n]);
 }
-static inline int least(int a, int b) { return a < b ? a : b; }
 static inline int most(int a, int b) { return a > b ? a : b; }
 static inline double sideOf(double a, double b) { return a < b ? -1.0 : a > b ? 1.0 : a - b; }
 )c";
@@ -42,7 +47,10 @@ static inline double sideOf(double a, double b) { return a < b ? -1.0 : a > b ? 
 
 class SeriesWriter {
  public:
-  explicit SeriesWriter(const SeriesProgram& program) : program_(program) { text_.precision(17); }
+  SeriesWriter(const SeriesProgram& program, std::set<int>* mirrored)
+      : program_(program), mirrored_(*mirrored) {
+    text_.precision(17);
+  }
 
   std::string write(SeriesProgram::Part part) {
     const bool corrects = part == SeriesProgram::Part::kAccelerated;
@@ -56,6 +64,13 @@ class SeriesWriter {
       } else {
         write(it);
       }
+    }
+    return text_.str();
+  }
+
+  std::string begin(SeriesProgram::Part part) {
+    for (const int index : program_.programs_[static_cast<std::size_t>(part)]) {
+      begin(program_.instructions_[static_cast<std::size_t>(index)]);
     }
     return text_.str();
   }
@@ -82,19 +97,19 @@ class SeriesWriter {
     return "(r + " + std::to_string(static_cast<std::size_t>(row) * 2 * program_.width_) + ")";
   }
   std::string backward(int row) const {
-    const std::size_t at = static_cast<std::size_t>(row) * 2 * program_.width_ + program_.width_ +
-                           static_cast<std::size_t>(program_.capacity_ - 1 - SeriesProgram::kPad);
-    return "(r + " + std::to_string(at) + ")";
+    mirrored_.insert(row);
+    return "(r + " + std::to_string(program_.backwardOffset(row)) + ")";
   }
   std::string coefficient(int row) const { return forward(row) + "[n]"; }
   void set(int row, const std::string& value, const std::string& at = "n") {
     text_ << "  { const double y = " << value << "; " << forward(row) << "[" << at << "] = y; "
-          << backward(row) << "[-(" << at << ")] = y; }\n";
+          << SeriesProgram::writeMirror(row) << " r[" << program_.backwardOffset(row) << " - ("
+          << at << ")] = y; }\n";
   }
   bool isPolynomial(int row) const { return program_.degree(row) < SeriesProgram::kNoDegree; }
   std::string sumOfRates(int rate, int w) const {
-    return "(dot(" + forward(rate) + ", " + backward(w) + " - (n - 1), n - 1) + " + forward(rate) +
-           "[n - 1] * " + forward(w) + "[0])";
+    return "rates(" + forward(rate) + ", " + backward(w) + ", " + forward(w) + "[0], n, " +
+           std::to_string(program_.degree(rate)) + ")";
   }
   std::string chain(int rate, int w) const { return sumOfRates(rate, w) + " * (1.0 / n)"; }
   /// See SeriesProgram::square.
@@ -109,7 +124,114 @@ class SeriesWriter {
     text << "(" << value << ")";
     return text.str();
   }
+  std::string sumOfTerms(const Instruction& it) const {
+    std::string sum;
+    for (int n = 0; n < it.aux[1]; ++n) {
+      const SeriesProgram::Term& term =
+          program_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)];
+      if (n > 0) sum += " + ";
+      sum += number(term.factor) + " * " + coefficient(term.row);
+    }
+    return sum;
+  }
   std::string state(const Instruction& it) const { return "s[" + std::to_string(it.state) + "]"; }
+
+  /// See SeriesProgram::isAtLimit.
+  void noteLimit(int operand, int result) {
+    if (program_.has_pole_[static_cast<std::size_t>(operand)]) return;
+    text_ << "  if (isinf(" << forward(operand) << "[0]) && isfinite(" << forward(result)
+          << "[0])) limit = 1;\n";
+  }
+  /// Coefficient 0.
+  void begin(const Instruction& it) {
+    const auto first = [this](int row) { return forward(row) + "[0]"; };
+    const int a = it.operands[0];
+    const int b = it.operands[1];
+    const int y = it.result;
+    switch (it.code) {
+      case Code::kLinear:
+        set(y, sumOfTerms(it) + " + " + number(it.constant));
+        return;
+      case Code::kMultiply:
+        set(y, first(a) + " * " + first(b));
+        return;
+      case Code::kSquare:
+        set(y, first(a) + " * " + first(a));
+        return;
+      case Code::kDivide:
+        text_ << "  " << state(it) << " = 1.0 / " << first(b) << ";\n";
+        set(y, first(a) + " / " + first(b));
+        noteLimit(b, y);
+        return;
+      case Code::kRate:
+      case Code::kWronskian:
+        return;
+      case Code::kSign:
+        set(y, "sign_of(" + first(a) + ")");
+        return;
+      case Code::kWhereFinite:
+        text_ << "  " << state(it) << " = where_finite(" << first(a) << ", 1.0);\n";
+        writeBranch(it);
+        return;
+      case Code::kAbs:
+      case Code::kMin:
+      case Code::kMax:
+      case Code::kSelect:
+        text_ << "  " << state(it) << " = 0.0;\n";
+        writeBranch(it);
+        return;
+      default:
+        beginFunction(it);
+        noteLimit(a, y);
+        if (it.begin == SeriesProgram::Begin::kAtan2) noteLimit(b, y);
+        return;
+    }
+  }
+  void beginFunction(const Instruction& it) {
+    const std::string x = forward(it.operands[0]) + "[0]";
+    const auto both = [&](const char* one, const char* other) {
+      set(it.result, std::string(one) + "(" + x + ")");
+      set(it.aux[0], std::string(other) + "(" + x + ")");
+    };
+    const auto withSquare = [&](const char* one, const char* other) {
+      set(it.result, std::string(one) + "(" + x + ")");
+      text_ << "  { const double cosine = " << other << "(" << x << ");\n";
+      set(it.aux[0], "1.0 / (cosine * cosine)");
+      text_ << "  }\n";
+    };
+    switch (it.code) {
+      case Code::kExp:
+        set(it.result, "exp(" + x + ")");
+        return;
+      case Code::kSinCos:
+        both("sin", "cos");
+        return;
+      case Code::kSinhCosh:
+        both("sinh", "cosh");
+        return;
+      case Code::kTan:
+        withSquare("tan", "cos");
+        return;
+      case Code::kTanh:
+        withSquare("tanh", "cosh");
+        return;
+      case Code::kPrimitive: {
+        static constexpr const char* kNames[] = {"log", "atan", "asin", "acos", "atan2"};
+        const bool has_two = it.begin == SeriesProgram::Begin::kAtan2;
+        set(it.result, std::string(kNames[static_cast<std::size_t>(it.begin)]) + "(" + x +
+                           (has_two ? ", " + forward(it.operands[1]) + "[0]" : "") + ")");
+        return;
+      }
+      case Code::kSqrt:
+        set(it.result, "sqrt(" + x + ")");
+        return;
+      case Code::kPower:
+        set(it.result, "pow(" + x + ", " + number(it.constant) + ")");
+        return;
+      default:
+        return;
+    }
+  }
 
   static std::string change(int row) { return "d" + std::to_string(row); }
   /// See SeriesProgram::correct.
@@ -144,17 +266,9 @@ class SeriesWriter {
     const int b = it.operands[1];
     const int y = it.result;
     switch (it.code) {
-      case Code::kLinear: {
-        std::string sum;
-        for (int n = 0; n < it.aux[1]; ++n) {
-          const SeriesProgram::Term& term =
-              program_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)];
-          if (n > 0) sum += " + ";
-          sum += number(term.factor) + " * " + coefficient(term.row);
-        }
-        set(y, sum);
+      case Code::kLinear:
+        set(y, sumOfTerms(it));
         return;
-      }
       case Code::kMultiply:
         set(y, convolveInside(a, b) + " + (" + forward(a) + "[0] * " + coefficient(b) + " + " +
                    coefficient(a) + " * " + forward(b) + "[0])");
@@ -321,15 +435,36 @@ class SeriesWriter {
   }
 
   const SeriesProgram& program_;
+  std::set<int>& mirrored_;
   std::ostringstream text_;
 };
 
-std::string SeriesProgram::writeConvolution(int a, int b, const std::string& n) const {
-  return SeriesWriter(*this).convolveOld(a, b, n);
+std::string SeriesProgram::writeConvolution(int a, int b, const std::string& n,
+                                            std::set<int>* mirrored) const {
+  return SeriesWriter(*this, mirrored).convolveOld(a, b, n);
 }
 
-std::string SeriesProgram::writeCode(Part part) const {
-  return SeriesWriter(*this).write(part);
+std::string SeriesProgram::writeCode(Part part, std::set<int>* mirrored) const {
+  return SeriesWriter(*this, mirrored).write(part);
+}
+
+std::string SeriesProgram::writeBegin() const {
+  std::set<int> unused;  // order 0 reads no row backwards
+  return SeriesWriter(*this, &unused).begin(Part::kGiven) +
+         SeriesWriter(*this, &unused).begin(Part::kAccelerated);
+}
+
+std::string SeriesProgram::writeMirror(int row) {
+  return "if (mirrors_" + std::to_string(row) + ")";
+}
+
+std::string SeriesProgram::writeMirrors(const std::set<int>& mirrored) const {
+  std::string text;
+  for (int row = 0; row < static_cast<int>(degree_.size()); ++row) {
+    text += (row > 0 ? ", " : "enum { ") + std::string("mirrors_") + std::to_string(row) + " = " +
+            (mirrored.count(row) > 0 ? "1" : "0");
+  }
+  return text + " };\n";
 }
 
 }  // namespace variator_sim::expression

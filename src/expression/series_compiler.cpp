@@ -301,7 +301,8 @@ class SeriesCompiler {
     Instruction it;
     it.code = Code::kRate;
     it.operands[0] = x;
-    row = append(it, {}, SeriesProgram::kNoDegree);
+    const bool is_polynomial = degree(x) < SeriesProgram::kNoDegree;
+    row = append(it, {}, is_polynomial ? std::max(0, degree(x) - 1) : SeriesProgram::kNoDegree);
     return row;
   }
   int exponential(int x) {

@@ -56,7 +56,8 @@ double SeriesProgram::convolveOld(int a, int b, int n) const {
 }
 
 double SeriesProgram::sumOfRates(int rate, int w, int n) const {
-  return dot(forward(rate), backward(w) - (n - 1), n - 1) + forward(rate)[n - 1] * forward(w)[0];
+  const double sum = dot(forward(rate), backward(w) - (n - 1), std::min(n - 1, degree(rate) + 1));
+  return n - 1 > degree(rate) ? sum : sum + forward(rate)[n - 1] * forward(w)[0];
 }
 
 double SeriesProgram::square(int a, int n) const {

@@ -19,6 +19,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -73,11 +74,20 @@ class SeriesProgram {
     }
   }
   /// The statements of C that `evaluate` of a part carries out for n >= 1, of `double* r` and
-  /// `double* s`, and what stands before them.
-  std::string writeCode(Part part) const;
+  /// `double* s`, and what stands before them. The rows that they read backwards are added to
+  /// `mirrored`: no others need be written so.
+  std::string writeCode(Part part, std::set<int>* mirrored) const;
+  /// Those of order 0, of all that is made then; what they leave in `int limit` is for noteLimit.
+  /// Not of tables.
+  std::string writeBegin() const;
+  bool readsTables() const { return !pieces_.empty(); }
+  void noteLimit(bool is_reached) { has_limit_ = is_reached; }
   static const char* codePrelude();
   /// `convolveOld` as C, n being C.
-  std::string writeConvolution(int a, int b, const std::string& n) const;
+  std::string writeConvolution(int a, int b, const std::string& n, std::set<int>* mirrored) const;
+  /// What stands before the statement that writes a row backwards, and before all functions.
+  static std::string writeMirror(int row);
+  std::string writeMirrors(const std::set<int>& mirrored) const;
   double* rows() { return rows_.data(); }
   double* states() { return states_.data(); }
   /// The offset of coefficient 0 of a row in rows(), and of the row written backwards.
