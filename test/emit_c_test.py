@@ -2,6 +2,7 @@
 """Scenes written as C: they compile without a warning, agree with `simulate`, allocate nothing."""
 
 import pathlib
+import re
 import shutil
 import subprocess
 import tempfile
@@ -284,6 +285,20 @@ class EmitCTest(unittest.TestCase):
                      "0 after 0.7 s without a command", "| 0 | variator | 1 |"):
             self.assertIn(word, readme)
         self.assertIn("SCENE_3_SHAFTS_X_INPUT_DEEP_D", (folder / "scene_3_shafts_x.h").read_text())
+
+    def test_no_name_of_a_scene_makes_one_that_is_taken(self):
+        folder = self.emit("holds", SCENES["holds"].scene)
+        text = "".join(path.read_text() for path in folder.glob("*.[ch]"))
+        words = set(re.findall(r"[A-Za-z]\w*", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)))
+        ends = {word[len("holds"):].lower() for word in words if word.lower().startswith("holds_")}
+        names = {word[:-len(end)].lower() for word in words for end in ends
+                 if word.lower().endswith(end) and len(word) > len(end)} - {"holds"}
+        self.assertIn("zero", names)
+        for name in names:
+            folder = self.emit(name, SCENES["holds"].scene)
+            source, = [path for path in folder.glob("*.c") if path.name != "main.c"]
+            done = call("gcc", *STRICT, "-fsyntax-only", folder / "main.c", source)
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
 
     def run_harness(self, name, body):
         """Runs `body` in a main of its own; its output."""

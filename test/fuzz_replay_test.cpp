@@ -53,6 +53,16 @@ TEST_P(FuzzReplay, EveryInputComesBackDamaged) {
   RecordProperty("tried", tried);
 }
 
+// Among them scenes and file names that make one name of C twice.
+TEST(FuzzReplay, EmittedProgramsCompileWithoutAWarning) {
+  const std::filesystem::path folder =
+      std::filesystem::path(VARIATOR_SIM_TEST_DIR) / "fuzz" / "corpus" / "emitted";
+  for (const auto& file : std::filesystem::directory_iterator(folder)) {
+    std::ifstream stream(file.path(), std::ios::binary);
+    fuzz::emittedAndCompiled({std::istreambuf_iterator<char>(stream), {}});
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(AllTargets, FuzzReplay, testing::ValuesIn(fuzz::targets()),
                          [](const auto& target) { return std::string(target.param.name); });
 

@@ -115,25 +115,26 @@ bool Program::agrees(Kernel kernel, const KernelTables& tables, const StateView&
   return true;
 }
 
-std::string SceneProgram::writeSource() const {
+std::string SceneProgram::writeSource(const MotionSeries* series) const {
   const Graph& graph = *scene_.graph;
+  if (!isWritable(graph, rate_and_rows_.outputs()) || !isWritable(graph, torque_.outputs())) {
+    return "";
+  }
   return expression::prelude() + writeFunction(graph, "torque", torque_.outputs()) +
          writeFunction(graph, "rate", rate_.outputs()) +
          writeFunction(graph, "rows", rows_.outputs()) +
          writeFunction(graph, "rate_and_rows", rate_and_rows_.outputs()) +
          writeFunction(graph, "velocity_level", velocity_level_.outputs()) +
-         writeFunction(graph, "acceleration_level", acceleration_level_.outputs());
+         writeFunction(graph, "acceleration_level", acceleration_level_.outputs()) +
+         (series == nullptr ? std::string() : series->writeSource());
 }
 
 std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing,
                                           bool* compiled) {
-  if (!isWritable(*scene_.graph, rate_and_rows_.outputs()) ||
-      !isWritable(*scene_.graph, torque_.outputs())) {
-    return "a law reads a function that is not a formula";
-  }
+  const std::string source = writeSource(series);
+  if (source.empty()) return "a law reads a function that is not a formula";
   std::string reason;
-  const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(
-      series == nullptr ? writeSource() : writeSource() + series->writeSource(), missing, &reason);
+  const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(source, missing, &reason);
   if (library == nullptr) return reason;
   *compiled = library->wasCompiled();
   host_ = {tables_.data(), tables2_.data(),

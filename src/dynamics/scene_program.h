@@ -61,6 +61,8 @@ class SceneProgram {
   /// tells whether it had to be compiled. Not in the loop.
   /// `series` of the same scene go along, or nullptr.
   std::string loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing, bool* compiled);
+  /// The C that it is compiled from; empty where a law reads what is no formula.
+  std::string writeSource(const MotionSeries* series) const;
 
  private:
   void copy(const Program& program, const StateView& state, double* values) const {
@@ -85,7 +87,6 @@ class SceneProgram {
                           const StateView& state, double* values) const;
   /// Writes the rows that no formula states, counted from `begin`, into `values`.
   const double* addOpaqueRows(const StateView& state, double* values, int begin) const;
-  std::string writeSource() const;
 
   const Scene& scene_;
   const int S;  // shafts

@@ -37,6 +37,8 @@ extern const char* const kMainCode;
 
 /// `text` with the scene's name in the place of `scene_` and `SCENE_`.
 std::string withName(std::string text, const std::string& name);
+/// `text` for a comment or a string of C, which nothing in it can end.
+std::string harmless(std::string text);
 /// `name` in capitals.
 std::string inCapitals(std::string name);
 

@@ -43,21 +43,10 @@ std::string writeEnum(const std::string& prefix, const std::vector<std::string>&
   std::string text;
   for (std::size_t i = 0; i < names.size(); ++i) {
     std::string name = prefix + inCapitals(asIdentifier(names[i]));
-    if (!taken.insert(name).second) name += "_" + std::to_string(i);
-    taken.insert(name);
+    while (!taken.insert(name).second) name += "_" + std::to_string(i);
     text += std::string(text.empty() ? "" : ", ") + name + " = " + std::to_string(i);
   }
   return text.empty() ? "" : "enum { " + text + " };\n";
-}
-
-/// A comment or a string of C cannot be ended by what it holds.
-std::string harmless(std::string text) {
-  for (char& c : text) {
-    if (c == '*' || c == '\\' || c == '"' || std::iscntrl(static_cast<unsigned char>(c)) != 0) {
-      c = '_';
-    }
-  }
-  return text;
 }
 
 /// One program.
@@ -105,11 +94,11 @@ class Emission {
     made.name = name_;
     made.source = writeSource();
     made.header = writeHeader();
-    made.main =
-        "/* Plays a file of commands (time,topic,value) into a CSV: " + title_ + " */" + kMainCode;
-    made.main = withName(made.main, name_);
+    std::string code = withName(kMainCode, name_);
     const std::string from = name_ + "_header.h";
-    made.main.replace(made.main.find(from), from.size(), name_ + ".h");
+    code.replace(code.find(from), from.size(), name_ + ".h");
+    made.main =
+        "/* Plays a file of commands (time,topic,value) into a CSV: " + title_ + " */" + code;
     made.readme = writeReadme(scene_, name_, title_);
     made.makefile = writeMakefile(name_);
     return made;
@@ -435,9 +424,13 @@ std::string nameForC(const std::string& scene_path) {
   std::string name = asIdentifier(std::filesystem::path(scene_path).stem().string());
   const bool is_plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name[0])) != 0;
   if (!is_plain) name = "scene_" + name;
-  // main.c is another file; the others are headers that the source reads.
-  for (const char* taken : {"main", "math", "float", "string"}) {
-    if (name == taken) return "scene_" + name;
+  // main.c is another file, and the next three are headers that the source reads. With the others
+  // a name of the scene's own (make_step, ZERO_ORDER) would be one that the source has already.
+  std::string lower = name;
+  for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (const char* taken :
+       {"main", "math", "float", "string", "command", "enter", "make", "write", "zero"}) {
+    if (lower == taken) return "scene_" + name;
   }
   return name;
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "emit_c/c_text.h"
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim {
@@ -328,10 +329,11 @@ std::string FormulaRows::nameOfTable(int number) {
       pieces.push_back(table.derivative(i, i < 3 ? x : inside) / kFactorial[i]);
     }
   });
-  tables_ += "\n/* " + table.origin() + " */\nstatic const double " + name + "_points[] = {\n    " +
-             listOf(points) + "};\nstatic const double " + name + "_pieces[] = {\n    " +
-             listOf(pieces) + "};\nstatic const table_of_one " + name + " = {" +
-             std::to_string(points.size()) + ", " + name + "_points, " + name + "_pieces};\n";
+  tables_ += "\n/* " + harmless(table.origin()) + " */\nstatic const double " + name +
+             "_points[] = {\n    " + listOf(points) + "};\nstatic const double " + name +
+             "_pieces[] = {\n    " + listOf(pieces) + "};\nstatic const table_of_one " + name +
+             " = {" + std::to_string(points.size()) + ", " + name + "_points, " + name +
+             "_pieces};\n";
   return name;
 }
 
@@ -354,7 +356,7 @@ std::string FormulaRows::nameOfTable2(int number) {
   const auto points = [&](const char* axis, const std::vector<double>& values) {
     return "static const double " + name + "_" + axis + "[] = {\n    " + listOf(values) + "};\n";
   };
-  tables_ += "\n/* " + table.origin() + " */\n" + points("x", table.pointsX()) +
+  tables_ += "\n/* " + harmless(table.origin()) + " */\n" + points("x", table.pointsX()) +
              points("y", table.pointsY()) + points("pieces", pieces) +
              "static const table_of_two " + name + " = {" + std::to_string(table.pointsX().size()) +
              ", " + std::to_string(table.pointsY().size()) + ", " + name + "_x, " + name + "_y, " +

@@ -118,19 +118,22 @@ together.
 }  // namespace
 
 std::string writeReadme(const Scene& scene, const std::string& name, const std::string& title) {
-  std::string text = "# " + name + "\n\nWritten by `simulate --emit-c` from " + title + ".\n" +
-                     kUse + "\n" + tablesOf(scene) + kLimits;
-  const auto replace = [&text](const std::string& from, const std::string& to) {
-    for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
-      text.replace(at, from.size(), to);
-      at += to.size();
-    }
+  // (The scene's own names stay as they are: one may hold what stands for the scene's.)
+  const auto complete = [&](std::string text) {
+    const auto replace = [&text](const std::string& from, const std::string& to) {
+      for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
+        text.replace(at, from.size(), to);
+        at += to.size();
+      }
+    };
+    replace("scene_@", name);
+    replace("of the order @ORDER@ that", "of the order `SCENE_ORDER` that");
+    replace("@RELATIVE@", numberOf(scene.solver.relative_tolerance));
+    replace("@ABSOLUTE@", numberOf(scene.solver.absolute_tolerance));
+    return withName(text, name);
   };
-  replace("scene_@", name);
-  replace("of the order @ORDER@ that", "of the order `SCENE_ORDER` that");
-  replace("@RELATIVE@", numberOf(scene.solver.relative_tolerance));
-  replace("@ABSOLUTE@", numberOf(scene.solver.absolute_tolerance));
-  return withName(text, name);
+  return "# " + name + "\n\nWritten by `simulate --emit-c` from " + title + ".\n" + complete(kUse) +
+         "\n" + tablesOf(scene) + complete(kLimits);
 }
 
 std::string writeMakefile(const std::string& name) {

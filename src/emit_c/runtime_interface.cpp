@@ -319,6 +319,15 @@ const char *scene_status_text(scene_status status)
 }
 )c";
 
+std::string harmless(std::string text) {
+  for (char& c : text) {
+    const bool is_plain = c >= ' ' && c <= '~';
+    // (A trigraph begins with question marks, and one of them is a backslash.)
+    if (!is_plain || c == '*' || c == '\\' || c == '"' || c == '?') c = '_';
+  }
+  return text;
+}
+
 std::string inCapitals(std::string name) {
   for (char& c : name) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
   return name;

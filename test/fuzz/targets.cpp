@@ -14,6 +14,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "fuzz/checks.h"
 #include "machine_code/kernel_library.h"
 #include "ros/checked_lists.h"
 #include "ros/command_names.h"
@@ -30,16 +31,6 @@
 
 namespace variator_sim::fuzz {
 namespace {
-
-/// What users are told may hold anything but what is promised of it.
-void check(const std::string& message) {
-  bool is_good = message.size() <= kLongestMessage + 100;
-  for (const char c : message)
-    is_good = is_good && !((c >= 0 && c < ' ' && c != '\n') || c == 0x7f);
-  if (is_good) return;
-  std::fprintf(stderr, "not presentable: %s\n", message.c_str());
-  std::abort();
-}
 
 /// Reads `tree` as a scene and moves it a little.
 void run(ParameterTree tree) {
@@ -131,7 +122,9 @@ void parameters(const std::string& input) {
 
 void step(const std::string& input) {
   Step::Request request;
-  std::vector<std::uint8_t> bytes(input.begin(), input.end());
+  std::vector<std::uint8_t> bytes;
+  bytes.reserve(input.size() + 1);  // roscpp's buffer of an empty request is one, too
+  bytes.assign(input.begin(), input.end());
   try {
     ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
     ros::serialization::deserialize(stream, request);
@@ -213,9 +206,9 @@ void kernel(const std::string& input) {
 }
 
 const std::vector<Target>& targets() {
-  static const std::vector<Target> all{{"formula", formula},   {"scene", scene},
-                                       {"commands", commands}, {"parameters", parameters},
-                                       {"step", step},         {"kernel", kernel}};
+  static const std::vector<Target> all{
+      {"formula", formula}, {"scene", scene},   {"commands", commands}, {"parameters", parameters},
+      {"step", step},       {"kernel", kernel}, {"emitted", emitted}};
   return all;
 }
 

@@ -22,6 +22,12 @@ void step(const std::string& input);
 /// Damage to a kernel in the cache of machine code: bytes to be changed, and where it is cut off.
 void kernel(const std::string& input);
 
+/// C that is written for a scene in YAML, and for the machine code of its formulas. A comment in
+/// the first line is the scene's file name. A compiler looks at what one input in 200 becomes.
+void emitted(const std::string& input);
+/// The same, and a compiler looks at it.
+void emittedAndCompiled(const std::string& input);
+
 struct Target {
   const char* name;
   void (*run)(const std::string& input);

@@ -1,0 +1,20 @@
+/// What emitted C may consist of.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace variator_sim::fuzz {
+
+/// The first fault of `text`, or "". Allowed are the characters and tokens that our own templates
+/// have, comments that end, balanced brackets, headers of the standard library and NAME.h, and
+/// calls of the standard library's functions of our choice, of `name`_.. and of functions whose
+/// bodies are in `text`. No trigraphs.
+std::string findFaultOfC(const std::string& text, const std::string& name);
+
+/// What a compiler says of it with `options`, or "" when it compiles without a warning (or none is
+/// there). Started without a shell, on files in a folder of this process alone; `header` is NAME.h.
+std::string compileC(const std::string& text, const std::vector<std::string>& options,
+                     const std::string& name, const std::string& header);
+
+}  // namespace variator_sim::fuzz
