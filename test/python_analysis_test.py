@@ -37,6 +37,24 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, initial
 drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-0.5*w1*abs(w1)"}
 initial: {velocity: [1.0]}
 """
+# One constraint of each order; w2 - i w1 = 0 with i = u + t/10.
+ORDERS = """
+shafts: [a, b, c, d]
+a: {inertia: 1.0}
+b: {inertia: 1.0}
+c: {inertia: 1.0}
+d: {inertia: 1.0}
+torques: [motor]
+motor: {type: variator_sim/CommandedTorque, shaft: a, topic: torque}
+inputs: [u, p]
+u: {topic: u, hold: second_order_lag, time_constant: 0.2, initial: 0.6}
+p: {topic: p, hold: zero_order, initial: 3.0}
+constraints: [first, second, third]
+first: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(u+t/10)*w1"}
+second: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1*e3+sin(phi1)*w3-p"}
+third: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j4-j1"}
+initial: {velocity: [5.0, 3.0, 1.0, 0.0], acceleration: [1.0, 1.1, 3.0, 0.0]}
+"""
 
 
 def simulate(*arguments):
@@ -198,8 +216,53 @@ class PythonAnalysisTest(unittest.TestCase):
         stops = variator_sim.Simulation(FOLDER / "test/scenes/stops.yaml")
         with self.assertRaises(variator_sim.MotionStopped):
             stops.advance(10.0)
-        with self.assertRaises(variator_sim.MotionStopped):
-            stops.linearize()
+        for fault in (stops.linearize, lambda: stops.residuals([0.0, 0.0])):
+            with self.assertRaises(variator_sim.MotionStopped):
+                fault()
+
+    # --- constraints over accelerations -----------------------------------------------------------
+
+    def test_residuals_at_given_accelerations(self):
+        simulation = variator_sim.Simulation(ORDERS)
+        simulation.command("u", 0.8)
+        simulation.advance(0.3)
+        simulation.command("p", 4.0)
+        rates = variator_sim.Simulation(ORDERS)  # of the lag, by differences
+        rates.command("u", 0.8)
+        rates.advance_to(0.3 - 1e-5)
+        before = rates.inputs["u"]
+        rates.advance_to(0.3 + 1e-5)
+        ratio_rate = 0.1 + (rates.inputs["u"] - before) / 2e-5
+        now, state = simulation.sample(), simulation.state()
+        e = numpy.random.default_rng(1).uniform(-5.0, 5.0, (3, 2, 4))
+        found = simulation.residuals(e)
+        self.assertEqual(found.shape, (3, 2, 3))
+        ratio = simulation.inputs["u"] + 0.03
+        self.assertGreater(ratio, 0.66)
+        numpy.testing.assert_allclose(
+            found[..., 0], e[..., 1] - ratio * e[..., 0] - ratio_rate * now.velocity[0], rtol=1e-7)
+        numpy.testing.assert_allclose(
+            found[..., 1], e[..., 0] * e[..., 2] + numpy.sin(now.angle[0]) * now.velocity[2] - 4.0)
+        self.assertTrue(numpy.isnan(found[..., 2]).all())
+        numpy.testing.assert_allclose(simulation.residuals(now.acceleration)[:2], 0.0, atol=1e-12)
+        self.assertEqual(simulation.state(), state)
+
+    def test_arrays_of_accelerations(self):
+        simulation = variator_sim.Simulation(CONFIG / "acceleration_circle.yaml")
+        grid = numpy.arange(24.0).reshape(3, 4, 2)
+        expected = (grid ** 2).sum(axis=-1, keepdims=True) - 4.0
+        for e in (grid, grid.tolist(), grid.astype(int), numpy.asfortranarray(grid),
+                  numpy.repeat(grid, 2, axis=0)[::2]):
+            numpy.testing.assert_array_equal(simulation.residuals(e), expected)
+        self.assertEqual(simulation.residuals(numpy.zeros((0, 2))).shape, (0, 1))
+        self.assertEqual(variator_sim.Simulation(DRAG).residuals([[1.0]]).shape, (1, 0))
+        for e, kind, words in [([1, 2, 3], ValueError, "3 in the last.* 2, .*drive, load"),
+                               (1.0, ValueError, "one number.* 2, one for each shaft"),
+                               ([[1, 2], [3, float("nan")]], ValueError, "nan for shaft 'load'"),
+                               ([float("inf"), 2], ValueError, "inf for shaft 'drive'.*finite"),
+                               ("fast", TypeError, "accelerations")]:
+            with self.subTest(words=words), self.assertRaisesRegex(kind, words):
+                simulation.residuals(e)
 
 
 if __name__ == "__main__":

@@ -25,4 +25,10 @@ struct OperatingPoint {
 OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                                   const std::string& source);
 
+/// What is left of the constraints of `scene` at `point` with these accelerations (s values,
+/// rad/s^2) in place of its own: psi for order 2, f' for order 1, NaN for order 3, which says
+/// nothing of accelerations alone. One value per constraint, in its own unit.
+void calcResiduals(const Scene& scene, const OperatingPoint& point, const double* acceleration,
+                   double* residual);
+
 }  // namespace variator_sim

@@ -4,7 +4,7 @@ import os
 from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Scene = Union[str, "os.PathLike[str]", Mapping[str, Any]]
 Array = NDArray[numpy.float64]
@@ -195,6 +195,23 @@ class Simulation:
         Raises:
             NoSteadyState: with what stands against it.
             SceneError: a name that means nothing.
+        """
+    def residuals(self, accelerations: ArrayLike) -> Array:
+        """What is left of each constraint at the present, were the shafts' accelerations these.
+
+        Time, angles, speeds and inputs in force are the present's; the motion stays where it is.
+
+        Args:
+            accelerations: rad/s^2, of shape (..., shafts), in the order of `shafts`.
+
+        Returns:
+            Of shape (..., constraints), in the order of `constraints`, each in its own unit: psi for
+            order 2, f' = df/dt for order 1, and NaN for order 3, which says nothing of accelerations
+            alone.
+
+        Raises:
+            ValueError: another number of accelerations than of shafts, or one that is not finite.
+            MotionStopped: there is no present.
         """
     @property
     def outputs(self) -> Dict[str, float]:

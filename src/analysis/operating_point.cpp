@@ -1,6 +1,7 @@
 #include "variator_sim/operating_point.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "integrate/diagnosis.h"
 #include "variator_sim/nearest_name.h"
@@ -73,6 +74,22 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
   point.input_rate.assign(scene.inputs.size(), 0.0);
   point.command = point.input;
   return point;
+}
+
+void calcResiduals(const Scene& scene, const OperatingPoint& point, const double* acceleration,
+                   double* residual) {
+  StateView state{};  // no u'': only f'' has it
+  state.time = point.time;
+  state.angle = point.angle.data();
+  state.velocity = point.velocity.data();
+  state.acceleration = acceleration;
+  state.input = point.input.data();
+  state.input_rate = point.input_rate.data();
+  double C[kMaxShafts];
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    *residual++ = constraint->order() == 3 ? std::numeric_limits<double>::quiet_NaN()
+                                           : constraint->calcResidualAndJacobian(state, C);
+  }
 }
 
 }  // namespace variator_sim

@@ -5,6 +5,7 @@
 #include <pybind11/stl.h>
 
 #include <cmath>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -130,6 +131,25 @@ py::list toList(const SteadyStates& states, const Scene& scene) {
         SteadyState{toObject(tree), found.residual, found.undetermined, states.stabilities[i]});
   }
   return list;
+}
+
+void checkAccelerations(const DenseArray& accelerations, const std::vector<std::string>& shafts) {
+  const py::ssize_t dimensions = accelerations.ndim();
+  const auto count = static_cast<py::ssize_t>(shafts.size());
+  if (dimensions == 0 || accelerations.shape(dimensions - 1) != count) {
+    const auto found = dimensions == 0 ? std::string("one number")
+                                       : std::to_string(accelerations.shape(dimensions - 1)) +
+                                             " in the last dimension";
+    throw std::invalid_argument("accelerations: " + found + "; allowed: " + std::to_string(count) +
+                                ", one for each shaft (" + joinNames(shafts) + ")");
+  }
+  const double* const values = accelerations.data();
+  for (py::ssize_t i = 0; i < accelerations.size(); ++i) {
+    if (std::isfinite(values[i])) continue;
+    const std::string& shaft = shafts[static_cast<std::size_t>(i % count)];
+    throw std::invalid_argument("accelerations: " + formatNumber(values[i]) + " for shaft " +
+                                inQuotes(shaft) + "; allowed: finite numbers");
+  }
 }
 
 void bindAnalysis(py::module& module) {

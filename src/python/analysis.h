@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "python/named_sample.h"
 #include "variator_sim/linear_model.h"
 #include "variator_sim/simulation.h"
 #include "variator_sim/trim.h"
@@ -33,6 +34,9 @@ struct SteadyStates {
 SteadyStates findSteadyStates(const Scene& scene, const TrimOptions& options);
 /// A list of SteadyState; raises NoSteadyState where there is none, warns of infinitely many.
 py::list toList(const SteadyStates& states, const Scene& scene);
+
+/// Throws std::invalid_argument unless these are finite, one for each shaft in the last dimension.
+void checkAccelerations(const DenseArray& accelerations, const std::vector<std::string>& shafts);
 
 void bindAnalysis(py::module& module);
 

@@ -21,6 +21,8 @@ namespace variator_sim::python {
 namespace py = pybind11;
 
 using Array = py::array_t<double>;
+/// Of numbers one after the other, whatever the caller's array is like.
+using DenseArray = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 inline Array toArray(const double* values, std::size_t count) {
   return Array(static_cast<py::ssize_t>(count), values);

@@ -172,6 +172,26 @@ class PythonSimulation {
   }
   void reset() { get().reset(); }
 
+  /// (..., s) accelerations, (..., k) residuals.
+  Array residuals(const DenseArray& accelerations) {
+    checkAccelerations(accelerations, scene().shafts);
+    const OperatingPoint point = get().operatingPoint();
+    check();
+    std::vector<py::ssize_t> shape(accelerations.shape(),
+                                   accelerations.shape() + accelerations.ndim());
+    shape.back() = static_cast<py::ssize_t>(scene().constraints.size());
+    Array values(shape);
+    const double* from = accelerations.data();
+    const double* const end = from + accelerations.size();
+    double* to = values.mutable_data();
+    withoutLock([&] {
+      for (; from != end; from += scene().shaftCount(), to += scene().constraints.size()) {
+        calcResiduals(scene(), point, from, to);
+      }
+    });
+    return values;
+  }
+
   LinearModel linearize(const py::object& state, bool project, bool full) {
     if (state.is_none()) sample();  // raises where the motion has stopped
     return linearizeAt(get(), state, project, full);
