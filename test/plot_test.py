@@ -16,12 +16,37 @@ import roslib.packages  # noqa: E402
 import rosunit  # noqa: E402
 
 import variator_sim  # noqa: E402
-from variator_sim import plotting, recordings  # noqa: E402
+from variator_sim import planes, plotting, recordings  # noqa: E402
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
 SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 OBSERVED = FOLDER / "test/scenes/observed.yaml"
+SOFT = """
+shafts: [drive, load]
+drive: {inertia: 1.0}
+load: {inertia: 1.0}
+constraints: [soft]
+soft: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j2-j1"}
+"""
+FREE = "shafts: [drive]\ndrive: {inertia: 2.0}\n"
+CONSTRAINED = """
+shafts: [a, b, c, d]
+a: {inertia: 1.0}
+b: {inertia: 1.0}
+c: {inertia: 1.0}
+d: {inertia: 1.0}
+torques: [motor]
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "5+3*sin(2*t)"}
+inputs: [ratio, push]
+ratio: {topic: ratio, hold: second_order_lag, time_constant: 0.3, initial: 0.6}
+push: {topic: push, hold: zero_order, initial: 0.0}
+constraints: [belt, soft, slip]
+belt: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-ratio*w1"}
+slip: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2+e3^2+sin(phi1)*w3-3-push"}
+soft: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j4-j1"}
+initial: {velocity: [5, 3, 1, 0], acceleration: [1, 0.6, 1.4, 0], project: true}
+"""
 GROUPS = "state,elements,inputs,outputs,energy"
 
 
@@ -182,6 +207,92 @@ class PlotTest(unittest.TestCase):
         subprocess.run([SIMULATE, str(OBSERVED), "--duration", "1", "--output", str(self.folder / "state.csv")],
                        check=True, timeout=60, stderr=subprocess.DEVNULL)
         self.check_refused(["state.csv", "--energy", "--output", "none.png"], "state,elements,energy")
+
+    # --- the plane of accelerations --------------------------------------------------------------
+
+    def draw_plane(self, scene, duration, commands=None, **options):
+        run = variator_sim.simulate(scene, duration, rate=50, columns="state,inputs", commands=commands)
+        figure, axes = planes.plot_acceleration_plane(run, scene, **options)
+        plotting.plt.close(figure)
+        return run, axes
+
+    @staticmethod
+    def curves_of(axis):
+        """Points of each curve; the motion and the points on it were drawn last."""
+        return [numpy.concatenate([path.vertices for path in curve.get_paths()])
+                for curve in axis.collections[:-2]]
+
+    def test_a_curve_that_stays_is_drawn_once(self):
+        run, [axis] = self.draw_plane(FOLDER / "config/acceleration_circle.yaml", 2.0,
+                                      limits=((-3.0, 3.0), (-3.0, 3.0)))
+        [circle] = self.curves_of(axis)
+        numpy.testing.assert_allclose(numpy.hypot(*circle.T), 2.0, atol=1e-3)
+        numpy.testing.assert_allclose(circle.min(axis=0), [-2.0, -2.0], atol=1e-3)
+        self.assertIn("the same at all times", axis.get_title())
+        motion, points = axis.collections[-2:]
+        self.assertEqual(len(motion.get_paths()), len(run["time"]) - 1)
+        rows = [0, 20, 40, 60, 80, 100]
+        numpy.testing.assert_array_equal(
+            points.get_offsets(),
+            numpy.column_stack([run["drive/acceleration"], run["load/acceleration"]])[rows])
+
+    def test_points_lie_on_the_curves_of_their_instants(self):
+        commands = {"ratio": [(0.2, 0.9)], "push": [(0.5, 0.4)]}
+        run, axes = self.draw_plane(CONSTRAINED, 1.0, commands, instants=[0.0, 0.4, 0.9])
+        titles = [axis.get_title() for axis in axes]
+        self.assertEqual(titles, ["belt: f′ = 0", "slip: ψ = 0"])  # `soft` is of order 3
+        self.assertEqual([(axis.get_xlabel(), axis.get_ylabel()) for axis in axes],
+                         [("Acceleration of a, rad/s²", "Acceleration of b, rad/s²"),
+                          ("Acceleration of a, rad/s²", "Acceleration of c, rad/s²")])
+        for axis in axes:
+            curves = self.curves_of(axis)
+            points = axis.collections[-1].get_offsets()
+            self.assertEqual((len(curves), len(points)), (3, 3))
+            size = numpy.diff(axis.get_xlim())[0]
+            for curve, point in zip(curves, points):
+                self.assertLess(numpy.hypot(*(curve - point).T).min(), 0.01 * size)
+        # The belt's ratio is commanded: its line turns with it.
+        slopes = [numpy.polyfit(*curve.T, 1)[0] for curve in self.curves_of(axes[0])]
+        numpy.testing.assert_allclose(slopes, run["inputs/ratio"][[0, 20, 45]], rtol=1e-6)
+        _, axes = self.draw_plane(CONSTRAINED, 0.1, shafts=["c", "b"])
+        self.assertEqual([axis.get_xlabel() for axis in axes], ["Acceleration of c, rad/s²"] * 2)
+
+    def test_what_has_no_plane_is_told(self):
+        circle = str(FOLDER / "config/acceleration_circle.yaml")
+        run = variator_sim.simulate(circle, 1.0)
+        for scene, options, words in [
+                (circle.replace("acceleration_circle", "ratio_steps"), {}, "drive_torque.*state,inputs"),
+                (SOFT, {}, "'soft' is of order 3"), (FREE, {}, "no constraint"),
+                (circle, {"instants": [0.5, 1.5]}, "1.5 s; this run is one from 0 to 1 s"),
+                (circle, {"shafts": ["drive", "lod"]}, "'lod'.*drive, load"),
+                (circle, {"shafts": ["load", "load"]}, "two different")]:
+            with self.subTest(words=words), self.assertRaisesRegex(ValueError, words):
+                planes.plot_acceleration_plane(run, scene, **options)
+        for path, value, words in [("variator/expression", "e1^2+e2^2-4.1", "'variator', of which -0.1 is left"),
+                                   ("variator/expression", "e1^2+e2^2-4+t", "at 0.2 s .* with these values")]:
+            other = variator_sim.Simulation(circle, {path: value, "initial/project": True})
+            with self.subTest(value=value), self.assertRaisesRegex(ValueError, words):
+                planes.plot_acceleration_plane(run, other)
+        belt = {"variator/order": 1, "variator/expression": "w2-0.5*w1", "initial/project": True}
+        with self.assertRaisesRegex(ValueError, "speeds contradict"):
+            planes.plot_acceleration_plane(run, variator_sim.Simulation(circle, belt))
+
+    def test_planes_from_the_command_line(self):
+        scene = str(FOLDER / "config/ratio_steps.yaml")
+        for name in ("steps.bag", "steps.csv"):
+            subprocess.run([SIMULATE, scene, "--duration", "1", "--columns", "state,inputs", "--output",
+                            str(self.folder / name)], check=True, timeout=60, stderr=subprocess.DEVNULL)
+        for words in (["steps.bag"], ["steps.csv", "--scene", scene, "--instants", "0,0.5", "--shafts", "load",
+                                      "drive"]):
+            result = self.plot(*words, "--acceleration-plane", "--output", "plane.png")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertGreater((self.folder / "plane.png").stat().st_size, 10000)
+            (self.folder / "plane.png").unlink()
+        for words, expected in [(["steps.csv", "--acceleration-plane"], "--scene SCENE.yaml"),
+                                (["steps.bag", "--instants", "0,x"], "0,x"),
+                                (["steps.bag", "--acceleration-plane", "--instants", "2"], "from 0 to 1 s")]:
+            with self.subTest(words=words):
+                self.check_refused([*words, "--output", "x.png"], expected)
 
 
 if __name__ == "__main__":

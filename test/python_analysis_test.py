@@ -224,6 +224,7 @@ class PythonAnalysisTest(unittest.TestCase):
 
     def test_residuals_at_given_accelerations(self):
         simulation = variator_sim.Simulation(ORDERS)
+        self.assertEqual(simulation.orders, [1, 2, 3])
         simulation.command("u", 0.8)
         simulation.advance(0.3)
         simulation.command("p", 4.0)

@@ -231,6 +231,9 @@ class Simulation:
     @property
     def constraints(self) -> List[str]: ...
     @property
+    def orders(self) -> List[int]:
+        """Of each constraint: 1, 2 or 3, whether it is one of speeds, accelerations or jerks."""
+    @property
     def topics(self) -> List[str]:
         """What `command` takes."""
     @property

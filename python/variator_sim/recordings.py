@@ -100,6 +100,25 @@ def read_bag(path):
     return Result(["time", *columns], numpy.array(values), {})
 
 
+def read_scene(path):
+    """The scene of the run that `read_run` reads from a bag, as YAML text."""
+    import rosbag
+    path = os.fspath(path)
+    try:
+        with rosbag.Bag(path) as bag:
+            topics = {topic: info.msg_type for topic, info in bag.get_type_and_topic_info().topics.items()}
+            wanted = [topic for topic, kind in topics.items() if kind in KINDS]
+            first = next(bag.read_messages(topics=wanted), None) if wanted else None
+            owner = first.topic.rpartition("/")[0] if first else ""
+            scenes = [topic for topic, kind in topics.items()
+                      if kind == "variator_sim/SceneInfo" and topic.rpartition("/")[0] == owner]
+            for _, message, _ in bag.read_messages(topics=scenes) if scenes else ():
+                return message.parameters
+    except rosbag.ROSBagException as error:
+        raise ValueError(f"{path}: {error}") from None
+    raise ValueError(f"{path} does not hold the scene of its run, the topic {owner}/scene")
+
+
 def numbered(word, values):
     return [f"{word} {i + 1}" for i in range(len(values))]
 

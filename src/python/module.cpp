@@ -162,6 +162,13 @@ void bindViews(py::class_<PythonSimulation>& simulation) {
                                  names.push_back(c->name());
                                return names;
                              })
+      .def_property_readonly("orders",
+                             [](const Self& s) {
+                               std::vector<int> orders;
+                               for (const auto& c : s.scene().constraints)
+                                 orders.push_back(c->order());
+                               return orders;
+                             })
       .def_property_readonly("topics",
                              [](const Self& s) {
                                std::vector<std::string> topics;
