@@ -40,8 +40,8 @@ SolverSettings calcCompanionSettings(const SolverSettings& settings) {
   const double coarseness = std::max(1.0, settings.step / kUsualStep);
   switch (settings.stepper) {
     case StepperKind::kAuto:
-      // Above this tolerance `auto` is by Runge-Kutta methods, whose errors lie far below it.
-      take(StepperKind::kAuto, settings.relative_tolerance > 1e-8 ? 300.0 : 100.0);
+      // Above this tolerance `auto` is by Runge-Kutta methods, whose errors may lie far below it.
+      take(StepperKind::kAuto, settings.relative_tolerance > 1e-6 ? 1e4 : 300.0);
       break;
     case StepperKind::kTaylor:
     case StepperKind::kRadau:
@@ -49,6 +49,8 @@ SolverSettings calcCompanionSettings(const SolverSettings& settings) {
       take(settings.stepper, 100.0);
       break;
     case StepperKind::kDop853:
+      take(StepperKind::kAuto, 1e5);
+      break;
     case StepperKind::kRosenbrock4:
       take(StepperKind::kAuto, 1000.0);
       break;
