@@ -14,8 +14,11 @@ bool Drivetrain::projectResidual(Count shafts, const StateView& state, const dou
   const int k = constraintCount();
   double psi[kMaxRows];
   double l[kMaxRows];
+  const double* level = program_.calcAccelerationLevel(state);
   for (int m = 0; m < k; ++m) {
-    psi[m] = constraint(m).calcResidualAndJacobian(state, solver_.row(m));
+    psi[m] = *level++;
+    for (int i = 0; i < shafts; ++i) solver_.row(m)[i] = level[i];
+    level += shafts;
   }
   if (!solver_.factor(shafts, inertia_)) return false;
   constexpr double kZeros[kMaxRows] = {};
