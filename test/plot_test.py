@@ -254,6 +254,13 @@ class PlotTest(unittest.TestCase):
         # The belt's ratio is commanded: its line turns with it.
         slopes = [numpy.polyfit(*curve.T, 1)[0] for curve in self.curves_of(axes[0])]
         numpy.testing.assert_allclose(slopes, run["inputs/ratio"][[0, 20, 45]], rtol=1e-6)
+        # Where it stands e3 has no slope, and it stands still.
+        still = {"shafts": ["a", "b", "c"], **{name: {"inertia": 1.0} for name in "abc"}, "constraints": ["ring"],
+                 "ring": {"type": "variator_sim/ExpressionConstraint", "order": 2, "expression": "e1^2+e3^2-4"},
+                 "initial": {"acceleration": [2, 1, 0]}}
+        _, [axis] = self.draw_plane(still, 0.1)
+        self.assertEqual(axis.get_ylabel(), "Acceleration of c, rad/s²")
+        numpy.testing.assert_allclose([axis.get_xlim(), axis.get_ylim()], [(0.5, 3.5), (-1.5, 1.5)])
         _, axes = self.draw_plane(CONSTRAINED, 0.1, shafts=["c", "b"])
         self.assertEqual([axis.get_xlabel() for axis in axes], ["Acceleration of c, rad/s²"] * 2)
 

@@ -117,12 +117,12 @@ def choose_planes(simulation, motion, shafts):
 def choose_view(points):
     """Limits of both axes around a path, and whether these are alike enough for one scale."""
     low, high = points.min(axis=0), points.max(axis=0)
-    spans = high - low
-    least = max(spans.max() * 1e-3, 1e-3 * numpy.abs(points).max(), 1e-6)
-    alike = spans.max() <= SPREAD * max(spans.min(), least) or spans.min() <= least
+    middle, spans = 0.5 * (low + high), high - low
+    size = numpy.abs(points).max() or 1.0
+    if spans.max() <= NEAR * size:  # it stands
+        spans = numpy.full(2, size)
+    alike = spans.max() <= SPREAD * spans.min() or spans.min() <= NEAR * spans.max()
     half = 0.75 * (numpy.full(2, spans.max()) if alike else spans)
-    half = numpy.maximum(half, least)
-    middle = 0.5 * (low + high)
     return list(zip(middle - half, middle + half)), alike
 
 
