@@ -6,6 +6,7 @@ import pathlib
 import subprocess
 import tempfile
 import unittest
+from unittest import mock
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
 
@@ -178,6 +179,10 @@ class PlotTest(unittest.TestCase):
         self.check_refused(["run.csv", "--columns", "no*", "--output", "x.png"], "no*")
         self.check_refused(["run.csv", "--compare", "--output", "x.png"], "differ from")
         self.check_refused(["run.csv"], "no screen", "--output")
+        (self.folder / "none").mkdir()
+        (self.folder / "none/matplotlib.py").write_text("raise ImportError", encoding="utf-8")
+        with mock.patch.dict(os.environ, PYTHONPATH=f"{self.folder / 'none'}:{os.environ['PYTHONPATH']}"):
+            self.check_refused(["run.csv", "--output", "x.png"], "apt install python3-matplotlib")
         self.check_refused(["run.csv", "--output", "x.what"], "what")
 
 

@@ -185,6 +185,16 @@ class SweepTest(unittest.TestCase):
                                 stdout=subprocess.PIPE, text=True, timeout=60, check=True)
         self.assertIn("usage: sweep SCENE.yaml", result.stdout)
 
+    def test_a_reader_that_goes_away(self):
+        scene = self.folder / "scene.yaml"
+        scene.write_text(LAG, encoding="utf-8")
+        process = subprocess.Popen([sys.executable, SWEEP, str(scene), "--duration", "1", "--set", "drive/inertia=1,2",
+                                    "--metric", "final(drive/velocity)"], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True)
+        process.stdout.close()
+        self.assertEqual((process.stderr.read(), process.wait(timeout=60)), ("", 0))
+        process.stderr.close()
+
     def test_killed_and_called_again_it_goes_on(self):
         arguments = ["--set", "drive/inertia=0.5:2:2000", "--metric", "max(drive/velocity)"]
         output = self.folder / "out.csv"

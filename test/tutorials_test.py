@@ -55,7 +55,6 @@ class TutorialsTest(unittest.TestCase):
                     file = pathlib.Path(folder, "work", name)
                     file.parent.mkdir(parents=True, exist_ok=True)
                     file.write_text(text, encoding="utf-8")
-                    file.chmod(0o755)
                 elif kind == "sh":
                     printed = self.run_commands(text, f"{folder}/work", environment)
                     ran += 1
