@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Draws work-precision diagrams and writes their tables into doc/benchmarks.md.
 
-Reads the rows of work_precision and scipy_peers.py. One picture per scene (the stiff ones share two, of plot_stiff.py),
+Reads the rows of work_precision and scipy_peers.py. One picture per scene (the stiff ones share two, of plot_families.py),
 tables between the markers `<!-- begin generated: work precision -->` and `<!-- end generated -->`.
 """
 
@@ -18,7 +18,7 @@ from matplotlib import pyplot  # noqa: E402: after the choice of the backend
 from matplotlib.lines import Line2D  # noqa: E402
 from PIL import Image  # noqa: E402: matplotlib needs it too
 
-import plot_stiff  # noqa: E402: beside this file
+import plot_families  # noqa: E402: beside this file
 
 BEGIN = "<!-- begin generated: work precision -->"
 END = "<!-- end generated -->"
@@ -403,12 +403,14 @@ def main():
             continue
         draw_scene(name, curves, folder)
         pictures.append((f"{name}.{FORMAT}", f"Run time against error, {TITLES.get(name, name)}"))
+    if pictures:
+        pictures.insert(0, ("families.png", "Run time of the best method of each family against error, scene by scene"))
     if stiff:
         pictures.append(("stiff_slip.png", "Run time of the best method of each family against error, stiff scenes"))
         pictures.append(("stiff_tau.png", "Run time of the best method of each family to an error of 1e-6 against tau"))
     write_section(pathlib.Path(arguments.document),
                   make_section(heads, scenes, pictures))
-    plot_stiff.draw(arguments.document, folder)
+    plot_families.draw(arguments.document, folder)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 #!/usr/bin/python3
-"""Draws the stiff scenes of doc/benchmarks.md from the tables of that page.
+"""Draws the families of methods of doc/benchmarks.md from the tables of that page.
 
-Two pictures: run time against error, a panel for each time constant tau of the slip, and run time
-to one error against tau. A line is the best method of a family; the tables name which one.
+Three pictures: run time against error, a panel for each scene; the same for the stiff scene, a
+panel for each time constant tau of the slip; and run time to one error against tau. A line is the
+best method of a family; the tables name which one.
 """
 
 import argparse
@@ -17,26 +18,25 @@ from matplotlib import pyplot  # noqa: E402: after the choice of the backend
 # By their columns in the tables; ours last, so that it lies on top.
 FAMILIES = {"SciPy": ("#9c6aa0", "P"), "GSL": ("#4f8a4b", "D"), "Odeint": ("#b07d2b", "s"),
             "SUNDIALS": ("#5b6f8f", "^"), "ours, best": ("#0b4f9e", "o")}
+STIFF = "stiff_slip_"
 NAMES = {"ours, best": "variator_sim"}
 TAU_TARGET = 1e-6
 
 
 def read_times(document):
-    """{tau: {family: [(error, milliseconds)]}} of the tables of run times at equal error."""
+    """{scene: {family: [(error, milliseconds)]}} of the tables of run times at equal error."""
     times = {}
     text = pathlib.Path(document).read_text(encoding="utf-8")
     for error, table in re.findall(r"^\*\*Error (\S+)\*\*\n\n((?:\|.*\n)+)", text, flags=re.MULTILINE):
         header, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
         for row in rows:
             cells = dict(zip(header, row))
-            if not cells["scene"].startswith("stiff_slip_"):
-                continue
-            by_family = times.setdefault(float(cells["scene"].rsplit("_", 1)[1]), {})
+            by_family = times.setdefault(cells["scene"], {})
             for family in FAMILIES:
                 number = re.match(r"\**([0-9.e+-]*[0-9])", cells.get(family, "-"))
                 if number:
                     by_family.setdefault(family, []).append((float(error), float(number[1])))
-    return dict(sorted(times.items(), reverse=True))
+    return times
 
 
 def style(family):
@@ -66,17 +66,16 @@ def save(figure, path):
     pyplot.close(figure)
 
 
-def draw_panels(times, path):
-    """Run time against error, one panel for each tau."""
-    columns = 4
+def draw_panels(times, columns, path):
+    """Run time against error, one panel for each title."""
     rows = -(-len(times) // columns)
     figure, panels = pyplot.subplots(rows, columns, figsize=(9.2, 2.9 * rows), sharex=True, sharey=True,
                                      squeeze=False, layout="constrained")
-    for axes, (tau, by_family) in zip(panels.flat, times.items()):
+    for axes, (title, by_family) in zip(panels.flat, times.items()):
         for family in FAMILIES:
             axes.plot(*zip(*by_family.get(family, [(float("nan"), float("nan"))])), **style(family))
         dress(axes)
-        axes.set_title(f"τ = {tau:.0e} s".replace("e-0", "e-"), fontsize=12, loc="left")
+        axes.set_title(title, fontsize=12, loc="left")
     panels[0][0].set_xlim(4e-4, 2.5e-13)
     panels[0][0].set_xticks([1e-4, 1e-6, 1e-9, 1e-12])
     panels[0][0].set_xticklabels(["1e-4", "1e-6", "1e-9", "1e-12"])
@@ -107,12 +106,18 @@ def draw_taus(times, path):
 
 
 def draw(document, folder):
-    """Both pictures; none of a page without stiff scenes."""
+    """All pictures; those of the stiff scene where there are several of its taus."""
+    folder = pathlib.Path(folder)
     times = read_times(document)
-    if len(times) < 2:
-        return
-    draw_panels(times, pathlib.Path(folder) / "stiff_slip.png")
-    draw_taus(times, pathlib.Path(folder) / "stiff_tau.png")
+    others = {scene: by_family for scene, by_family in times.items() if not scene.startswith(STIFF)}
+    if others:
+        draw_panels(others, 3, folder / "families.png")
+    taus = {float(scene[len(STIFF):]): by_family for scene, by_family in times.items() if scene.startswith(STIFF)}
+    if len(taus) > 1:
+        taus = dict(sorted(taus.items(), reverse=True))
+        titles = {f"τ = {tau:.0e} s".replace("e-0", "e-"): by_family for tau, by_family in taus.items()}
+        draw_panels(titles, 4, folder / "stiff_slip.png")
+        draw_taus(taus, folder / "stiff_tau.png")
 
 
 def main():
