@@ -6,10 +6,11 @@ import io
 import os
 import pathlib
 import subprocess
-import unittest
 
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -18,7 +19,7 @@ SCENES = FOLDER / "config/applications"
 SECONDS = 60
 
 
-class ApplicationsTest(unittest.TestCase):
+class ApplicationsTest(TestCase):
 
     @classmethod
     def setUpClass(cls):

@@ -4,10 +4,11 @@
 import pathlib
 import re
 import subprocess
-import unittest
 
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -19,7 +20,7 @@ ALLOWED = re.compile(r"(Eigen|boost|yaml-cpp|sys)/|[a-z_0-9]+(\.h)?$")
 ALLOWED_LIBRARIES = re.compile(r"(libstdc\+\+|libm|libgcc_s|libc|ld-linux.*|lib[a-z]san)\.so")
 
 
-class CoreIndependenceTest(unittest.TestCase):
+class CoreIndependenceTest(TestCase):
 
     def test_includes(self):
         files = [path for folder in CORE for path in folder.rglob("*.[hc]*")]

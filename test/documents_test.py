@@ -6,10 +6,11 @@ import re
 import subprocess
 import sys
 import tempfile
-import unittest
 
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -45,7 +46,7 @@ def anchors(path):
     return found
 
 
-class DocumentsTest(unittest.TestCase):
+class DocumentsTest(TestCase):
 
     def test_links(self):
         count = 0

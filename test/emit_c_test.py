@@ -6,10 +6,11 @@ import re
 import shutil
 import subprocess
 import tempfile
-import unittest
 
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -163,7 +164,7 @@ def parse(text):
     return lines[0], [list(map(float, line)) for line in lines[1:]]
 
 
-class EmitCTest(unittest.TestCase):
+class EmitCTest(TestCase):
     def setUp(self):
         self.folder = pathlib.Path(tempfile.mkdtemp())
         self.addCleanup(shutil.rmtree, self.folder)

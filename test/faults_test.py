@@ -10,7 +10,6 @@ import socket
 import subprocess
 import sys
 import tempfile
-import unittest
 import xmlrpc.client
 
 with socket.socket() as probe:
@@ -32,6 +31,7 @@ from std_msgs.msg import Float64
 from variator_sim.msg import DrivetrainState, SimulationStatus
 
 from support.node_client import PATIENCE, Listener, NodeClient, wait_for
+from support.subtests import TestCase
 
 PACKAGE = pathlib.Path(rospkg.RosPack().get_path('variator_sim'))
 STEPS = str(PACKAGE / 'test/cases/torque_steps/scene.yaml')
@@ -63,7 +63,7 @@ def resident_memory(process):
     return int(next(line for line in status.splitlines() if line.startswith('VmRSS:')).split()[1])
 
 
-class FaultsTest(unittest.TestCase):
+class FaultsTest(TestCase):
 
     @classmethod
     def setUpClass(cls):

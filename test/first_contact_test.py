@@ -8,10 +8,11 @@ import socket
 import subprocess
 import tempfile
 import threading
-import unittest
 
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -24,7 +25,7 @@ def free_port():
         return probe.getsockname()[1]
 
 
-class FirstContactTest(unittest.TestCase):
+class FirstContactTest(TestCase):
 
     def test_arguments_with_defaults_are_optional(self):
         for file in sorted(FOLDER.glob("launch/*.launch")):

@@ -8,11 +8,12 @@ import pathlib
 import struct
 import subprocess
 import tempfile
-import unittest
 import zipfile
 
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -66,7 +67,7 @@ def read_mat(data):
     return variables
 
 
-class LinearizeTest(unittest.TestCase):
+class LinearizeTest(TestCase):
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory()

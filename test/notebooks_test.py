@@ -4,7 +4,6 @@
 import json
 import os
 import pathlib
-import unittest
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
 
@@ -14,11 +13,13 @@ import matplotlib.pyplot as plt  # noqa: E402
 import roslib.packages  # noqa: E402
 import rosunit  # noqa: E402
 
+from support.subtests import TestCase  # noqa: E402
+
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE)) / "doc/tutorials"
 
 
-class NotebooksTest(unittest.TestCase):
+class NotebooksTest(TestCase):
 
     def test_notebooks(self):
         notebooks = sorted(FOLDER.glob("*.ipynb"))

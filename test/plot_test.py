@@ -5,7 +5,6 @@ import os
 import pathlib
 import subprocess
 import tempfile
-import unittest
 from unittest import mock
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
@@ -16,6 +15,7 @@ import numpy  # noqa: E402
 import roslib.packages  # noqa: E402
 import rosunit  # noqa: E402
 
+from support.subtests import TestCase  # noqa: E402
 import variator_sim  # noqa: E402
 from variator_sim import planes, plotting, recordings  # noqa: E402
 
@@ -51,7 +51,7 @@ initial: {velocity: [5, 3, 1, 0], acceleration: [1, 0.6, 1.4, 0], project: true}
 GROUPS = "state,elements,inputs,outputs,energy"
 
 
-class PlotTest(unittest.TestCase):
+class PlotTest(TestCase):
 
     @classmethod
     def setUpClass(cls):

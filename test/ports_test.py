@@ -9,12 +9,13 @@ import socket
 import subprocess
 import tempfile
 import time
-import unittest
 from unittest import mock
 
 import roslaunch.config
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -51,7 +52,7 @@ def listening(process):
     return found
 
 
-class PortsTest(unittest.TestCase):
+class PortsTest(TestCase):
 
     def start(self, words, ports, **places):
         """A process; and its open ports, as soon as there are that many."""

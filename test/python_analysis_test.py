@@ -5,7 +5,6 @@ import os
 import pathlib
 import subprocess
 import tempfile
-import unittest
 import warnings
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
@@ -15,6 +14,7 @@ import roslib.packages  # noqa: E402
 import rosunit  # noqa: E402
 import yaml  # noqa: E402
 
+from support.subtests import TestCase  # noqa: E402
 import variator_sim  # noqa: E402
 from variator_sim.running import read_commands  # noqa: E402
 
@@ -73,7 +73,7 @@ def run_to(path, instant, commands):
     return simulation
 
 
-class PythonAnalysisTest(unittest.TestCase):
+class PythonAnalysisTest(TestCase):
 
     def check_same(self, model, path):
         with numpy.load(path) as file:

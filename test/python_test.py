@@ -8,7 +8,6 @@ import subprocess
 import tempfile
 import threading
 import time
-import unittest
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
 
@@ -17,6 +16,7 @@ import roslib.packages  # noqa: E402
 import rosunit  # noqa: E402
 import yaml  # noqa: E402
 
+from support.subtests import TestCase  # noqa: E402
 import variator_sim  # noqa: E402
 
 PACKAGE = "variator_sim"
@@ -42,7 +42,7 @@ def from_command_line(*arguments):
     return rows[0], numpy.array(rows[1:], dtype=float)
 
 
-class PythonTest(unittest.TestCase):
+class PythonTest(TestCase):
 
     def check_same(self, result, columns, values):
         self.assertEqual(result.columns, columns)

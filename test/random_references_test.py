@@ -13,10 +13,11 @@ import json
 import pathlib
 import subprocess
 import tempfile
-import unittest
 
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -75,7 +76,7 @@ def count_estimates(reference, tolerance):
     return good, total
 
 
-class RandomReferences(unittest.TestCase):
+class RandomReferences(TestCase):
     def test_estimated_errors_are_within_a_factor_of_ten(self):
         counts = [count_estimates(reference, "1e-6")
                   for reference in json.loads(REFERENCES.read_text())]

@@ -22,6 +22,8 @@ sys.path.insert(0, str(FOLDER / 'rviz'))
 import shapes
 from machine import BELT_SUM, Machine
 
+from support.subtests import TestCase
+
 SCENES = sorted((FOLDER / 'config').glob('**/*.yaml'))
 
 
@@ -43,7 +45,7 @@ def load_markers():
     return module
 
 
-class UrdfTest(unittest.TestCase):
+class UrdfTest(TestCase):
 
     def test_every_shipped_scene_has_its_shafts_as_joints(self):
         self.assertGreater(len(SCENES), 5)
@@ -67,7 +69,7 @@ class UrdfTest(unittest.TestCase):
         self.assertIn("/dev/null: no list 'shafts'", errors)
 
 
-class MachineTest(unittest.TestCase):
+class MachineTest(TestCase):
 
     def test_who_is_joined(self):
         car = Machine(yaml.safe_load((FOLDER / 'config/applications/car.yaml').read_text()))
@@ -116,7 +118,7 @@ class MachineTest(unittest.TestCase):
         self.assertEqual(shapes.torque_arrow((1.0, 0.0), 0.5, 0.0), ([], []))
 
 
-class MarkersTest(unittest.TestCase):
+class MarkersTest(TestCase):
 
     def setUp(self):
         self.module = load_markers()

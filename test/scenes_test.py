@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-import unittest
 
 import roslib.packages
 import rosparam
@@ -15,6 +14,8 @@ import rospy
 import rospkg
 import rostest
 import yaml
+
+from support.subtests import TestCase
 from variator_sim.msg import SceneInfo, SimulationStatus
 
 PATIENCE = 30.0  # s; only a failure takes as long
@@ -50,7 +51,7 @@ def load(name, scene):
     rosparam.upload_params('/' + name, scene)
 
 
-class ScenesTest(unittest.TestCase):
+class ScenesTest(TestCase):
     def expect_refusal(self, name, scene, *parts):
         """The node ends with status 2 and a message that holds all parts."""
         load(name, scene)

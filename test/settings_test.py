@@ -20,13 +20,14 @@ from std_msgs.msg import Float64
 from variator_sim.msg import DrivetrainEnergy, SceneInfo, SimulationStatus
 
 from support.node_client import PATIENCE, Listener, NodeClient, wait_for
+from support.subtests import TestCase
 
 PACKAGE = pathlib.Path(rospkg.RosPack().get_path('variator_sim'))
 STEPS = str(PACKAGE / 'test/cases/torque_steps/scene.yaml')
 SCHED_FIFO = 1
 
 
-class LiveSettingsTest(unittest.TestCase):
+class LiveSettingsTest(TestCase):
 
     def setUp(self):
         self.node = NodeClient('live')
@@ -73,7 +74,7 @@ class LiveSettingsTest(unittest.TestCase):
             self.assertEqual(rospy.get_param('/live/' + name), before[name])
 
 
-class DiagnosticsTest(unittest.TestCase):
+class DiagnosticsTest(TestCase):
 
     def setUp(self):
         self.diagnostics = Listener('/diagnostics', DiagnosticArray).connect()
@@ -140,7 +141,7 @@ class DiagnosticsTest(unittest.TestCase):
         node.trigger('resume')
 
 
-class EnergyTest(unittest.TestCase):
+class EnergyTest(TestCase):
     KINETIC = 0.5 * (0.5 * 10.0 ** 2 + 1.2 * 8.0 ** 2)  # J, at the start
 
     def setUp(self):
@@ -186,7 +187,7 @@ class EnergyTest(unittest.TestCase):
                                + abs(late.applied_power) * 2.0 * (late.time - end))
 
 
-class TimeoutsTest(unittest.TestCase):
+class TimeoutsTest(TestCase):
     """Commands are overdue 0.05 s of simulated time after the tick that took them."""
 
     def setUp(self):
@@ -235,7 +236,7 @@ class TimeoutsTest(unittest.TestCase):
                                  if tick / 1e3 < times[0] + 0.05])
 
 
-class RealTimeTest(unittest.TestCase):
+class RealTimeTest(TestCase):
 
     def start(self, name, prefix=()):
         rosparam.upload_params('/' + name, {**rosparam.load_file(STEPS)[0][0],
@@ -294,7 +295,7 @@ class RealTimeTest(unittest.TestCase):
         self.assertIn('/etc/security/limits.conf', output)
 
 
-class OverridesTest(unittest.TestCase):
+class OverridesTest(TestCase):
 
     def test_of_the_launch_file_take_the_place_of_values(self):
         node = NodeClient('overridden', states=False)

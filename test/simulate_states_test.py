@@ -5,10 +5,11 @@ import os
 import pathlib
 import subprocess
 import tempfile
-import unittest
 
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -37,7 +38,7 @@ def resting(noise="0", timeout="hold: zero_order"):
     return RESTING.replace("NOISE", noise).replace("TIMEOUT", timeout)
 
 
-class SimulateStatesTest(unittest.TestCase):
+class SimulateStatesTest(TestCase):
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory()

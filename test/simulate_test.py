@@ -10,11 +10,12 @@ import signal
 import subprocess
 import tempfile
 import time
-import unittest
 
 import rosbag
 import roslib.packages
 import rosunit
+
+from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -66,7 +67,7 @@ def parse(text):
     return lines[0].split(","), [[float(word) for word in line.split(",")] for line in lines[1:]]
 
 
-class SimulateTest(unittest.TestCase):
+class SimulateTest(TestCase):
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory()

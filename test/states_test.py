@@ -10,6 +10,7 @@ from variator_sim.msg import Commands, SimulationStatus
 from variator_sim.srv import GetState, SetState
 
 from support.node_client import NodeClient, wait_for
+from support.subtests import TestCase
 
 VALUES = ('angle', 'velocity', 'acceleration', 'applied_torque', 'reaction_torque',
           'reaction_torque_rate')
@@ -19,7 +20,7 @@ def values(state):
     return [getattr(state, name) for name in VALUES]
 
 
-class StatesTest(unittest.TestCase):
+class StatesTest(TestCase):
 
     def setUp(self):
         self.saved = self.client('saved')
@@ -131,7 +132,7 @@ class StatesTest(unittest.TestCase):
         self.assertTrue(node.call('get_state', GetState).success)
 
 
-class CommandsTest(unittest.TestCase):
+class CommandsTest(TestCase):
 
     def setUp(self):
         self.node = NodeClient('saved', states=False)

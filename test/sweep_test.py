@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import unittest
 from unittest import mock
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
@@ -18,6 +17,7 @@ import rosunit  # noqa: E402
 
 import variator_sim  # noqa: E402
 from variator_sim import sweeps  # noqa: E402
+from support.subtests import TestCase  # noqa: E402
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
@@ -46,7 +46,7 @@ runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 
-class SweepTest(unittest.TestCase):
+class SweepTest(TestCase):
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory()

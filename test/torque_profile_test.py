@@ -5,9 +5,10 @@ import os
 import subprocess
 import sys
 import tempfile
-import unittest
 
 import rosunit
+
+from support.subtests import TestCase
 
 SCRIPT = os.path.join(os.path.dirname(__file__), "..", "scripts", "torque_profile")
 GOOD = "time,topic,value\n0.5,drive_torque,3\n"
@@ -31,7 +32,7 @@ BAD_FILES = {
 }
 
 
-class TorqueProfileTest(unittest.TestCase):
+class TorqueProfileTest(TestCase):
     def call(self, content, *options):
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "profile.csv")
