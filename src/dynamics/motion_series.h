@@ -44,6 +44,10 @@ class MotionSeries {
   /// is left then. [loop]
   bool extendTo(int order);
   int order() const { return order_; }
+  /// See SeriesProgram::misses; `length`, s. [loop]
+  bool misses(double length, double tolerance) const {
+    return program_.misses(length / unit_, order_, tolerance);
+  }
   /// Another number after every `begin`: whose series these are.
   std::uint64_t stamp() const { return stamp_; }
 

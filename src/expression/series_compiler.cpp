@@ -108,6 +108,9 @@ class SeriesCompiler {
     for (const int row : written) {
       producer_[static_cast<std::size_t>(row)] = static_cast<int>(made_.instructions_.size());
     }
+    if (SeriesProgram::mayBeFlat(it)) {
+      made_.flat_.push_back(static_cast<int>(made_.instructions_.size()));
+    }
     made_.instructions_.push_back(it);
     return it.result;
   }

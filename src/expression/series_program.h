@@ -103,6 +103,12 @@ class SeriesProgram {
     });
   }
 
+  /// True where a function that may be flat (exp, tanh, cosh, a quotient, a negative power) differs
+  /// by more than `tolerance` and than a thousandth of its value from its series up to `order`,
+  /// somewhere between 0 and `theta`: what it does where its argument goes, no coefficient shows.
+  /// [loop]
+  bool misses(double theta, int order, double tolerance) const;
+
   /// After coefficients that are not finite: what they leave in sums. [loop]
   void clear();
 
@@ -188,6 +194,10 @@ class SeriesProgram {
   /// sum_{j=1..n} j x_j w_{n-j} of the rates of x.
   double sumOfRates(int rate, int w, int n) const;
 
+  static bool mayBeFlat(const Instruction& it);
+  static int argumentOf(const Instruction& it);
+  bool movesFar(const Instruction& it, double theta, int order) const;
+  bool differsAt(const Instruction& it, double theta, int order, double tolerance) const;
   void run(const std::vector<int>& program, int n);
   void correct(int n);
   void carryOut(const Instruction& it, int n);
@@ -213,6 +223,7 @@ class SeriesProgram {
   std::vector<bool> has_pole_;  ///< may be infinite without an overflow
   std::vector<Instruction> instructions_;
   std::array<std::vector<int>, 3> programs_;
+  std::vector<int> flat_;  ///< instructions that may be
   std::vector<Term> terms_;
   std::vector<double> states_;
   std::vector<double> changes_;     ///< of the rows

@@ -20,8 +20,7 @@ StepperChoice::StepperChoice(const System& system, const SolverSettings& setting
     first_ = make(settings.relative_tolerance <= kHighOrderBelow ? StepperKind::kDop853
                                                                  : StepperKind::kDopri5);
     implicit_ = make(StepperKind::kRadau);
-    const bool pays = settings.relative_tolerance <= kSeriesBelow;
-    if (pays && system.series() != nullptr) series_ = make(StepperKind::kTaylor);
+    if (system.series() != nullptr) series_ = make(StepperKind::kTaylor);
   }
   reset();
 }

@@ -1,10 +1,9 @@
 /// Which stepper makes the next step: the one that the scene names, or `auto`.
 ///
 /// The rule of `auto`:
-/// - It starts with the motion's series (taylor) where it has one that exists and the relative
-///   tolerance is at most kSeriesBelow. Where one of the functions has no derivatives (a root at 0)
-///   it steps explicitly for kAround steps. Explicitly is dop853 where the relative tolerance is at
-///   most kHighOrderBelow, dopri5 above.
+/// - It starts with the motion's series (taylor) where it has one that exists. Where one of the
+///   functions has no derivatives (a root at 0) it steps explicitly for kAround steps. Explicitly is
+///   dop853 where the relative tolerance is at most kHighOrderBelow, dopri5 above.
 /// - At the start of a motion the Jacobian tells the fastest component: where the first step that
 ///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau begins.
 /// - After five steps that stability and not accuracy limited (|h lambda| at the bound of the
@@ -104,8 +103,6 @@ class StepperChoice {
 
   /// At higher accuracy than this dop853 needs fewer evaluations than dopri5.
   static constexpr double kHighOrderBelow = 1e-5;
-  /// Above it series are no faster than these; interpreted they are slower down to 1e-8.
-  static constexpr double kSeriesBelow = 1e-6;
   /// |h lambda| over its bound: above 1 a step counts kStrong times, above this once. At tight
   /// tolerances a fast component limits steps well below the bound, by its rounding, and implicit
   /// steps of order 13 may be longer even where explicit ones are far from it.

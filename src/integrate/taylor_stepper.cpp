@@ -4,7 +4,8 @@
 /// fall from 1 to the tolerance each is the tolerance^(1/N) of the one before, h is that part of
 /// the radius of convergence, and the step is the longest for which the last three terms keep to
 /// that: one of them may vanish by accident. (Jorba and Zou 2005, see series_program.h, whose N = 1
-/// - ln(tolerance) / 2 counts the work of the coefficients alone.)
+/// - ln(tolerance) / 2 counts the work of the coefficients alone.) What is flat here and not at the
+/// step's end is in no coefficient: functions that saturate are asked inside the step.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -253,7 +254,7 @@ class TaylorStepper final : public Stepper {
     // The series are the system's: another stepper may have been there.
     const bool is_own = series_ != nullptr && series_->stamp() == stamp_;
     if (is_own && from.time == base_time_ && from.x == base_x_ && from.dxdt == base_dxdt_) {
-      if (limit <= limit_ || order_ == most_) return;
+      if (limit <= limit_ || (order_ == most_ && length_ <= limit_)) return;
     }
     if (series_ == nullptr) findSeries(system);
     order_ = 0;
@@ -349,8 +350,13 @@ class TaylorStepper final : public Stepper {
     length_ = series_->unit() * std::exp2(least);
     for (int halvings = 0; halvings < 30; ++halvings) {
       setPowers(length_ / series_->unit());
-      if (!isGrowing(x)) break;
-      length_ *= 0.5;
+      if (isGrowing(x)) {
+        length_ *= 0.5;
+        continue;
+      }
+      const double taken = std::min(length_, limit_);
+      if (!series_->misses(taken, tolerance_.relative)) break;
+      length_ = 0.5 * taken;
     }
   }
 
