@@ -94,6 +94,7 @@ TEST(EmitCRefusals, NamesForC) {
   EXPECT_EQ(nameForC("/a.b/3 shafts-x.yaml"), "scene_3_shafts_x");
   EXPECT_EQ(nameForC("main.yaml"), "scene_main");
   EXPECT_EQ(nameForC("math"), "scene_math");
+  EXPECT_EQ(nameForC(std::string(250, 'a') + ".yaml"), std::string(100, 'a'));
   EXPECT_EQ(nameForC("Zero.yaml"), "scene_Zero");  // ZERO_ORDER is a hold
 }
 

@@ -6,10 +6,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "integrate/guard_search.h"
+#include "integrate/step_curve.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
 
@@ -171,6 +174,42 @@ TEST(GuardsOfFormulas, AreOneForEachArgument) {
   EXPECT_EQ(symbols.guardsOf("max(w1,min(w2,3))").size(), 2U);
   EXPECT_TRUE(symbols.guardsOf("sin(w1)*w2").empty());
   EXPECT_TRUE(symbols.guardsOf("abs(-3)*w2").empty());
+}
+
+/// May leave its branch in all but the shortest times, and notes how often it is asked.
+class Tireless final : public Guard {
+ public:
+  explicit Tireless(int* asked) : Guard(false), asked_(asked) {}
+  int branch(const StateView& /*state*/) const override { return 1; }
+  bool mayLeave(const StateBox& box, int /*branch*/) const override {
+    ++*asked_;
+    return box.time.high - box.time.low > 1e-5;
+  }
+
+ private:
+  int* asked_;
+};
+
+// However many there are, a step is searched within bounded time: the rest of it is another step's.
+TEST(GuardSearches, AskGuardsABoundedNumberOfTimes) {
+  int asked = 0;
+  GuardSearch search;
+  search.setGuards(
+      std::vector<GuardPtr>(500, std::make_shared<Tireless>(&asked)),
+      [](double time, const double* p, const double* w, const double* e) {
+        return StateView{time, p, w, e, nullptr, nullptr};
+      },
+      [](const Interval&, Interval*) {});
+  const double x[3] = {};
+  search.moveBase({0.0, x, x + 1, x + 2, nullptr, nullptr});
+  StepCurve curve;
+  curve.begin(0.0, 1.0, 1, false);
+  for (int n = 0; n < StepCurve::kNodes; ++n) curve.setNode(n, x);
+  curve.finish();
+  const GuardFinding finding = search.find(curve, 1e-9);
+  EXPECT_EQ(finding.kind, GuardFinding::Kind::kUnknown);
+  EXPECT_GT(finding.clear, 0.0);
+  EXPECT_LT(asked, 1500000);
 }
 
 }  // namespace

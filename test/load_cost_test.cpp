@@ -6,6 +6,7 @@
 #include <ctime>
 #include <functional>
 #include <string>
+#include <utility>
 
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
@@ -85,17 +86,31 @@ long peakMemory() {
 }
 
 TEST(LoadCost, FormulasOfManyTerms) {
-  const std::string scenes[] = {
-      ofTorque(sum(24000, [](int i) { return "abs(w1-" + number(i) + ")"; })),
-      ofTorque(sum(9000, [](int i) { return "clamp(w1+" + number(i) + ",w2,phi1)"; })),
-      ofTorque(sum(9000, [](int i) { return "if(w1<w2+" + number(i) + ",1,2)"; })),
-      ofTorque(repeat(
-          24000, [](int i) { return "(w1+" + number(i) + "e-9)"; }, "*")),
+  const Cost cost = load(ofTorque(repeat(
+      24000, [](int i) { return "(w1+" + number(i) + "e-9)"; }, "*")));
+  EXPECT_EQ(cost.error, "");
+  EXPECT_LT(cost.seconds, kLongest);
+  EXPECT_LT(peakMemory(), kMostMemory);
+}
+
+// Each edge would be searched for in each part of each step.
+TEST(LoadCost, FormulasOfManyEdges) {
+  const auto absolutes = [](int count) {
+    return ofTorque(sum(count, [](int i) { return "abs(w1-" + number(i) + ")"; }));
   };
-  for (const std::string& scene : scenes) {
+  EXPECT_EQ(load(absolutes(500)).error, "");
+  const std::pair<std::string, int> scenes[] = {
+      {absolutes(501), 501},
+      {absolutes(24000), 24000},
+      {ofTorque(sum(9000, [](int i) { return "clamp(w1+" + number(i) + ",w2,phi1)"; })), 18000},
+      {ofTorque(sum(9000, [](int i) { return "if(w1<w2+" + number(i) + ",1,2)"; })), 9000},
+  };
+  for (const auto& [scene, edges] : scenes) {
     const Cost cost = load(scene);
-    EXPECT_EQ(cost.error, "");
-    EXPECT_LT(cost.seconds, kLongest) << scene.substr(0, 200);
+    EXPECT_NE(cost.error.find(" make " + number(edges) + " edges at which"), std::string::npos)
+        << cost.error;
+    EXPECT_NE(cost.error.find("allowed: 500 at most"), std::string::npos) << cost.error;
+    EXPECT_LT(cost.seconds, kLongest);
   }
   EXPECT_LT(peakMemory(), kMostMemory);
 }

@@ -424,6 +424,9 @@ std::string nameForC(const std::string& scene_path) {
   std::string name = asIdentifier(std::filesystem::path(scene_path).stem().string());
   const bool is_plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name[0])) != 0;
   if (!is_plain) name = "scene_" + name;
+  // NAME_play is to be the name of a file, too.
+  constexpr std::size_t kLongest = 100;
+  if (name.size() > kLongest) name.resize(kLongest);
   // main.c is another file, and the next three are headers that the source reads. With the others
   // a name of the scene's own (make_step, ZERO_ORDER) would be one that the source has already.
   std::string lower = name;

@@ -8,8 +8,10 @@
 namespace variator_sim {
 namespace {
 
-/// Parts of one step that are enclosed at the most.
+/// Parts of one step that are enclosed at the most, and of how many guards each may be asked for,
+/// so that no number of guards makes one step take seconds.
 constexpr int kMostBoxes = 20000;
+constexpr int kMostQuestions = 500000;
 /// Parts of a step that are longer, and all of which lie on an edge but for rounding, have settled
 /// there; an edge that is crossed is left sooner.
 constexpr double kSettled = 1e-6;
@@ -176,13 +178,14 @@ GuardFinding GuardSearch::find(const StepCurve& curve, double resolution) {
 }
 
 GuardFinding GuardSearch::findEnclosed(const StepCurve& curve, double resolution) {
+  const int most_boxes = std::min(kMostBoxes, kMostQuestions / std::max(1, count()));
   double ends[kMostHalvings + 2];  // of the parts still to be looked at, the nearest last
   int open = 0;
   ends[open++] = 1.0;
   double clear = 0.0;
   for (int boxes = 0; open > 0; ++boxes) {
     const double end = ends[open - 1];
-    if (boxes == kMostBoxes) return {GuardFinding::Kind::kUnknown, clear, end, -1};
+    if (boxes >= most_boxes) return {GuardFinding::Kind::kUnknown, clear, end, -1};
     StateBox box;
     curve.enclose(clear, end, &box);
     if (!mayLeave(box)) {

@@ -281,6 +281,21 @@ class Faults {
   std::string text_;
 };
 
+/// Every step is searched for each edge, in thousands of parts where it has to be: more of them
+/// would keep one step busy for minutes.
+void checkEdges(const Scene& scene) {
+  constexpr std::size_t kMostEdges = 500;
+  std::size_t count = 0;
+  for (const TorquePtr& torque : scene.torques) count += torque->guards().size();
+  for (const ConstraintPtr& constraint : scene.constraints) count += constraint->guards().size();
+  if (count <= kMostEdges) return;
+  throw SceneError("", "abs, min, max, sign, clamp, if, tables and laws that switch make " +
+                           std::to_string(count) +
+                           " edges at which the torques and constraints change their branch; "
+                           "allowed: " +
+                           std::to_string(kMostEdges) + " at most");
+}
+
 }  // namespace
 
 const char* toString(Principle principle) {
@@ -391,6 +406,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
     });
   }
   faults.collect([&] { checkTopics(scene, node.topics); });
+  faults.collect([&] { checkEdges(scene); });
   faults.tell();
   if (verify_derivatives) verifyDerivatives(scene);
   scene.resolved = resolve(tree, names, node.keys, scene, verify_derivatives);

@@ -239,7 +239,8 @@ std::string compileC(const std::string& text, const std::vector<std::string>& op
   words.insert(words.end(), options.begin(), options.end());
   words.push_back(folder.path() / "text.c");
   const int status = call(words, log);
-  std::filesystem::remove(folder.path() / (name + ".h"));
+  std::error_code ignored;
+  std::filesystem::remove(folder.path() / (name + ".h"), ignored);
   if (status <= 0) return "";
   std::ifstream stream(log);
   return "cc: " + std::string(std::istreambuf_iterator<char>(stream), {});
