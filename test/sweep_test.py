@@ -161,6 +161,30 @@ class SweepTest(TestCase):
             with self.subTest(change=change), self.assertRaisesRegex(ValueError, words):
                 variator_sim.sweep(LAG, 1.0, **{**good, **change})
 
+    def test_more_runs_than_memory_holds_are_refused_before_room_is_made_for_them(self):
+        for grid, samples in (({"drive/inertia": "0.1:1:1000000000000"}, 1),
+                              ({"drive/inertia": "0.1:1:5000", "motor/parameters/c": "1:2:5000"}, 1),
+                              ({}, 10**12)):
+            with self.subTest(grid=grid), self.assertRaisesRegex(ValueError, "runs; allowed: 10000000"):
+                sweeps.make_design(grid, {}, samples, 0)
+
+    def test_the_table_is_not_written_over_what_is_read(self):
+        scene = self.folder / "scene.yaml"
+        done = subprocess.run(self.command(scene, "--metric", "final(drive/velocity)"),
+                              capture_output=True, text=True, check=False, timeout=60)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("is the file of the scene", done.stderr)
+        self.assertEqual(scene.read_text(encoding="utf-8"), LAG)
+
+    def test_messages_are_bounded_and_plain(self):
+        for value in ("\x1b[2J\x7f", "1," * 50000):
+            done = subprocess.run(self.command(self.folder / "t.csv", "--metric", "final(drive/velocity)",
+                                               "--set", f"drive/inertia={value}"),
+                                  capture_output=True, text=True, check=False, timeout=60)
+            self.assertEqual(done.returncode, 2)
+            self.assertLess(len(done.stderr), 4100)
+            self.assertTrue(done.stderr.rstrip("\n").isprintable(), repr(done.stderr))
+
     # --- tables, and what is left of them ---------------------------------------------------------
 
     def test_files_and_shards(self):

@@ -1,5 +1,16 @@
 """What goes wrong, as exceptions with their evidence."""
 
+LONGEST_MESSAGE = 4000  # characters
+
+
+def presentable(message):
+    """`message` for a terminal: bounded, control characters as escapes."""
+    message = str(message)
+    if len(message) > LONGEST_MESSAGE:
+        half = LONGEST_MESSAGE // 2
+        message = f"{message[:half]}...{message[-half:]}"
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in message)
+
 
 class SceneError(ValueError):
     """A scene, an override or a state that cannot be run as it is written.

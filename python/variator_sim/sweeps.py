@@ -23,6 +23,7 @@ GROUPS = ("state", "elements", "inputs", "outputs", "energy")
 DISTRIBUTIONS = {"normal": numpy.random.Generator.normal,
                  "uniform": numpy.random.Generator.uniform,
                  "lognormal": numpy.random.Generator.lognormal}
+MOST_RUNS = 10_000_000  # of one sweep: its table is held in memory
 CHUNK_SECONDS = 1.0  # wall time of what is run at once: nothing finished is older when killed
 
 
@@ -52,6 +53,16 @@ class Table(collections.abc.Mapping):
 
 # --- What is run ----------------------------------------------------------------------------------
 
+class TooManyRuns(ValueError):
+    """More than a table in memory can hold."""
+
+
+def check_runs(count):
+    """Before there is room made for so many."""
+    if count > MOST_RUNS:
+        raise TooManyRuns(f"{count} runs; allowed: {MOST_RUNS} at most in one sweep")
+
+
 def read_values(text):
     """Values of one path: "1.2", "1,2,5", "0.1:0.5:50" (50 values, both ends), "log:1e-3:1:20"."""
     try:
@@ -60,9 +71,12 @@ def read_values(text):
         words = text.split(":")
         spaced = numpy.geomspace if words[0] == "log" else numpy.linspace
         first, last, count = words[1:] if words[0] == "log" else words
+        check_runs(int(count))
         values = spaced(float(first), float(last), int(count))
         if len(values) and numpy.isfinite(values).all():
             return values
+    except TooManyRuns:
+        raise
     except ValueError:
         pass
     raise ValueError(f"'{text}': allowed are VALUE, V1,V2,..., FIRST:LAST:COUNT and "
@@ -92,6 +106,7 @@ def make_design(grid, random, samples, seed):
         raise ValueError(f"'{both[0]}' is given twice: in the grid and at random")
     if samples < 1:
         raise ValueError(f"samples: {samples}; allowed: a whole number >= 1")
+    check_runs(math.prod(len(values) for values in grid.values()) * samples)
     points = numpy.array(list(itertools.product(*grid.values())), dtype=float)
     points = numpy.repeat(points.reshape(-1, len(grid)), samples, axis=0)
     columns = [points]
@@ -368,6 +383,21 @@ def run_on_cluster(task, values, runs, scheduler, finished):
                 pending.add(submit())
 
 
+def check_output(output, scene, commands):
+    """Refuses to write over what is read."""
+    if output is None:
+        return
+    for what, read in (("scene", scene), ("commands", commands)):
+        if not isinstance(read, (str, os.PathLike)):
+            continue
+        try:
+            is_same = os.path.samefile(output, read)
+        except (OSError, ValueError):  # one is not there, or a text and no path
+            is_same = False
+        if is_same:
+            raise ValueError(f"output: '{os.fspath(output)}' is the file of the {what}")
+
+
 def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, metrics, rate=100.0,
           times=None, commands=None, overrides=None, output=None, threads=None, shard=(1, 1),
           scheduler=None, progress=False):
@@ -387,6 +417,7 @@ def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, me
         scheduler: address of a Dask scheduler, "tcp://...": its workers run everything.
         progress: a line on standard error.
     """
+    check_output(output, scene, commands)
     paths, values = make_design(grid, random, samples, seed)
     part, parts = shard
     if not 1 <= part <= parts:
