@@ -121,6 +121,10 @@ class PlotTest(TestCase):
             with self.subTest(name=name):
                 self.check_refused([name, "--output", "x.png"], words)
         self.check_refused(["run.csv", "none.csv", "--output", "x.png"], "none.csv")
+        whole = self.folder / "run.bag"
+        (self.folder / "fields.bag").write_bytes(
+            whole.read_bytes().replace(b"float64[] velocity", b"float64[] velosity"))
+        self.check_refused(["fields.bag", "--output", "x.png"], "fields.bag: damaged")
 
     # --- differences ------------------------------------------------------------------------------
 

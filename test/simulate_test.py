@@ -614,6 +614,24 @@ class SimulateTest(TestCase):
             self.assertNotEqual(result.returncode, 0, bag)
             self.assertTrue(result.stderr.startswith(f"plot_bag: {bag}: "), result.stderr)
 
+    def test_plot_bag_reads_damaged_bags_without_a_traceback(self):
+        whole = self.folder / "whole.bag"
+        self.simulate(SHIP, "--duration", "0.1", "--output", whole)
+        bytes_of_whole = whole.read_bytes()
+        plot_bag = pathlib.Path(__file__).resolve().parents[1] / "scripts" / "plot_bag"
+        damaged = {"cut": bytes_of_whole[:len(bytes_of_whole) // 2],
+                   "fields": bytes_of_whole.replace(b"string[] shafts", b"string[] shifts"),
+                   "numbers": bytes_of_whole.replace(b"float64[] velocity", b"float32[] velocity")}
+        for name, content in damaged.items():
+            self.assertNotEqual(content, bytes_of_whole, name)
+            bag = self.folder / f"{name}.bag"
+            bag.write_bytes(content)
+            result = subprocess.run([plot_bag, str(bag)], capture_output=True, text=True,
+                                    env=self.environment, timeout=60, check=False)
+            self.assertEqual(result.returncode, 1, name)
+            self.assertIn(f"plot_bag: {bag}: ", result.stderr)  # behind rosbag's own warnings
+            self.assertNotIn("Traceback", result.stderr)
+
     def test_what_is_read_is_not_written_over(self):
         scene = self.folder / "scene.csv"
         text = pathlib.Path(SHIP).read_text(encoding="utf-8")

@@ -92,6 +92,12 @@ def read_bag(path):
                 samples.setdefault(message.time, {}).update(row)
     except rosbag.ROSBagException as error:
         raise ValueError(f"{path}: {error}") from None
+    except OSError:
+        raise
+    except Exception as error:  # pylint: disable=broad-except
+        # What reading a bag with wrong bytes raises is anything: of structures, names, classes.
+        raise ValueError(f"{path}: damaged, or of other messages than these: "
+                         f"{type(error).__name__}: {error}") from None
     if not samples:
         raise ValueError(f"{path} holds no samples of variator_sim")
     columns = list(dict.fromkeys(name for row in samples.values() for name in row))
