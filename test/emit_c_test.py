@@ -133,6 +133,18 @@ principle: %s
 initial: {velocity: [3.0, 2.5, 1.75], project: true}
 """ + SOLVER
 
+# A function that is flat but for a short while: a swing through a bump that is narrow beside a step.
+FLAT = """
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 1.0}
+torques: [swing, bump]
+swing: {type: variator_sim/ExpressionTorque, shaft: a, torque: "-phi1"}
+bump: {type: variator_sim/ExpressionTorque, shaft: b, torque: "%s"}
+principle: gauss
+initial: {velocity: [1.0, 0.0]}
+"""
+
 SCENES = {
     "ship": shipped("config/ship.yaml", allowed=1e-7),
     "demo": Scene((FOLDER / "config/ship.yaml").read_text(),
@@ -149,6 +161,8 @@ SCENES = {
                           "1.2,c,1\n1.2,b,-1\n1.313,deep/d,-1\n1.5,a,-2\n"),
     "bent": Scene(BENT),
     "bent_curved": Scene(BENT_CURVED),
+    # (Sampled rarely: each call steps to its end.)
+    "flat": Scene(FLAT % "exp(-(20*(w1-0.4))^2)", duration=20.0, rate=0.25),
     "two_constraints": Scene(THREE % "generalized_gauss"),
     "two_constraints_gauss": Scene(THREE % "gauss"),
 }

@@ -229,6 +229,7 @@ class Emission {
     add("SIGNS", std::to_string(formulas_.signs.size()));
     add("TABLES", std::to_string(formulas_.tables.size()));
     add("CONSTANTS", std::to_string(rows_.constants().size()));
+    add("FLATS", std::to_string(rows_.flats().size()));
     text +=
         "  /* rows that are no formulas */\n  TIME = 0,\n  ANGLE = 1,\n  VELOCITY = 1 + S,\n"
         "  ACCELERATION = 1 + 2 * S,\n";
@@ -298,6 +299,25 @@ class Emission {
            constant("double", "initial_multiplier", values(sample.multiplier, K_));
   }
 
+  std::string writeFlats() const {
+    std::vector<int> kinds;
+    std::vector<int> rows;
+    std::vector<int> arguments;
+    std::vector<int> numerators;
+    std::vector<double> exponents;
+    for (const FormulaRows::Flat& it : rows_.flats()) {
+      kinds.push_back(static_cast<int>(it.kind));
+      rows.push_back(it.row);
+      arguments.push_back(it.argument);
+      numerators.push_back(it.numerator);
+      exponents.push_back(it.exponent);
+    }
+    return constant("int", "flat_kind", kinds) + constant("int", "flat_row", rows) +
+           constant("int", "flat_argument", arguments) +
+           constant("int", "flat_numerator", numerators) +
+           constant("double", "flat_exponent", exponents);
+  }
+
   std::string writeConstants() const {
     std::vector<int> orders;
     for (const ConstraintPtr& it : scene_.constraints) orders.push_back(it->order());
@@ -327,7 +347,7 @@ class Emission {
            rowsOf("inertial_row", formulas_.inertial_torque) +
            rowsOf("connection_row", formulas_.connection) + rowsOf("sign_row", signs) +
            constant("int", "sign_jumps", jumps) + constant("int", "constant_row", rows) +
-           constant("double", "constant_value", values) + writePassages();
+           constant("double", "constant_value", values) + writeFlats() + writePassages();
   }
 
   std::string writePassages() const {
@@ -389,7 +409,7 @@ static scene_status jump(scene_model *m, const double *u0, const double *du, con
         "\n   and its own below n. ---- */\n" +
         writeSeriesFunctions(rows_.functions()) + writeFormulas();
     for (const char* const part :
-         {kInputCode, kMatrixCode, kSeriesCode, kProjectionCode, kEdgeCode, kJumpCode,
+         {kInputCode, kMatrixCode, kFlatCode, kSeriesCode, kProjectionCode, kEdgeCode, kJumpCode,
           jumpsStraight() ? kStraightJump : kPathCode, kStepCode, kInterfaceCode}) {
       text += withName(part, name_);
     }

@@ -138,12 +138,28 @@ std::string FormulaRows::operand(const Entry& entry, int k) const {
 std::string FormulaRows::call(const std::string& function,
                               const std::vector<std::string>& arguments) {
   functions_.insert(function);
+  if (is_series_) noteFlat(function, arguments);
   std::string text = function + "(";
   for (const std::string& argument : arguments) text += argument + ", ";
   return text + "n);";
 }
 
+void FormulaRows::noteFlat(const std::string& function, const std::vector<std::string>& arguments) {
+  using Kind = Flat::Kind;
+  // "r[12]"
+  const auto rowAt = [&](std::size_t i) { return std::stoi(arguments[i].substr(2)); };
+  if (function == "exponential") flats_.push_back({Kind::kExponential, rowAt(0), rowAt(1)});
+  if (function == "tangent_hyperbolic") flats_.push_back({Kind::kTanh, rowAt(0), rowAt(2)});
+  if (function == "sinh_cosh") flats_.push_back({Kind::kCosh, rowAt(1), rowAt(2)});
+  if (function == "divide") flats_.push_back({Kind::kQuotient, rowAt(0), rowAt(2), rowAt(1)});
+  if (function == "power") {
+    const double exponent = std::stod(arguments[2]);
+    if (exponent < 0.0) flats_.push_back({Kind::kPower, rowAt(0), rowAt(1), 0, exponent});
+  }
+}
+
 void FormulaRows::writeNode(Node node, Part part) {
+  is_series_ = part != Part::kAtOnce;
   const Entry entry = graph_.entry(node);
   if (entry.operation == Operation::kConstant) {
     if (std::isnan(entry.value)) throw std::invalid_argument("a constant that is no number");

@@ -401,14 +401,6 @@ static double tolerance_of(double size)
   return ABSOLUTE_TOLERANCE + RELATIVE_TOLERANCE * fabs(size);
 }
 
-static double evaluate(const double *c, int last, double theta)
-{
-  double sum = c[last];
-  int n;
-  for (n = last - 1; n >= 0; --n) sum = sum * theta + c[n];
-  return sum;
-}
-
 /* True when the last terms are a small part of the tolerance for a step of theta units. */
 static int is_nothing(const scene_model *m, double theta)
 {
@@ -440,8 +432,8 @@ static int is_growing(const scene_model *m, double theta)
 }
 
 /* The longest step, s, for which the last terms are within the tolerance: three of them, as one
-   may vanish by accident. */
-static double choose_length(const scene_model *m, int terms)
+   may vanish by accident. Up to limit, s, no function does what its series does not show. */
+static double choose_length(const scene_model *m, int terms, double limit)
 {
   const int last = last_term(m);
   const double decay = pow(RELATIVE_TOLERANCE, 1.0 / ORDER);
@@ -456,8 +448,15 @@ static double choose_length(const scene_model *m, int terms)
     }
     if (term > 0.0) theta = fmin(theta, pow(term, -1.0 / n));
   }
-  for (halvings = 0; halvings < 30 && isfinite(theta) && is_growing(m, theta); ++halvings) {
-    theta *= 0.5;
+  for (halvings = 0; halvings < 30; ++halvings) {
+    const double taken = fmin(theta, limit / m->unit);
+    if (isfinite(theta) && is_growing(m, theta)) {
+      theta *= 0.5;
+    } else if (misses(m, taken)) {
+      theta = 0.5 * taken;
+    } else {
+      break;
+    }
   }
   return theta * m->unit;
 }
@@ -478,7 +477,7 @@ static scene_status expand(scene_model *m, double limit)
       small = goes_on && is_nothing(m, limit / m->unit) ? small + 1 : 0;
     }
     if (!goes_on) continue; /* too long a unit overflows; else nothing helps */
-    m->usual = choose_length(m, small >= 2 ? 2 : 3);
+    m->usual = choose_length(m, small >= 2 ? 2 : 3, limit);
     return SCENE_OK;
   }
   return SCENE_NOT_FINITE;
