@@ -213,7 +213,7 @@ drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-50*w1"}
   EXPECT_NEAR(simulation.sample().velocity[0], 0.16, 1e-4);
   simulation.command(0, 4.0);
   simulation.sample();
-  EXPECT_STREQ(simulation.stepperName(), "dopri5");
+  EXPECT_STREQ(simulation.stepperName(), "taylor");
   simulation.advanceTo(120.0);
   EXPECT_TRUE(simulation.isSleeping());
   EXPECT_NEAR(simulation.sample().velocity[0], 0.08, 1e-4);

@@ -119,6 +119,7 @@ class SeriesWriter {
   }
   std::string number(double value) const {
     if (std::isinf(value)) return value > 0.0 ? "(1.0 / 0.0)" : "(-1.0 / 0.0)";
+    if (std::isnan(value)) return "(0.0 / 0.0)";
     std::ostringstream text;
     text.precision(17);
     text << "(" << value << ")";
