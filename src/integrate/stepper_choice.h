@@ -2,8 +2,8 @@
 ///
 /// The rule of `auto`:
 /// - It starts with the motion's series (taylor) where it has one that exists. Where one of the
-///   functions has no derivatives (a root at 0) it steps explicitly for kAround steps. Explicitly is
-///   dop853 where the relative tolerance is at most kHighOrderBelow, dopri5 above.
+///   functions has no derivatives (a root at 0) it steps explicitly for kAround steps, by dop853
+///   where the relative tolerance is at most kHighOrderBelow and by dopri5 above.
 /// - At the start of a motion the Jacobian tells the fastest component: where the first step that
 ///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau begins.
 /// - After five steps that stability and not accuracy limited (|h lambda| at the bound of the
