@@ -10,7 +10,10 @@
 #include <utility>
 #include <vector>
 
+#include "dynamics/drivetrain.h"
+#include "dynamics/motion_series.h"
 #include "dynamics/program.h"
+#include "dynamics/scene_program.h"
 #include "expression/c_code.h"
 #include "machine_code/kernel_library.h"
 #include "support/machine_code_folder.h"
@@ -47,8 +50,9 @@ class Comparison {
       : tape_(graph, outputs), expected_(outputs.size()), computed_(outputs.size()) {
     EXPECT_TRUE(isWritable(graph, outputs));
     std::string reason;
-    library_ = KernelLibrary::load(expression::prelude() + writeFunction(graph, "outputs", outputs),
-                                   KernelLibrary::Missing::kCompile, &reason);
+    library_ =
+        KernelLibrary::load(expression::prelude() + writeFunction(graph, "outputs", outputs, 0),
+                            KernelLibrary::Missing::kCompile, &reason);
     if (library_ == nullptr) {
       ADD_FAILURE() << reason;
       return;
@@ -56,7 +60,8 @@ class Comparison {
     kernel_ = reinterpret_cast<Kernel>(library_->find("outputs"));
     for (const auto& table : graph.tables()) tables_.push_back(table.get());
     for (const auto& table : graph.tables2()) tables2_.push_back(table.get());
-    host_ = {tables_.data(), tables2_.data(),
+    addStructure(graph, outputs, &structure_);
+    host_ = {structure_.constants.data(), tables_.data(), tables2_.data(),
              [](const void* table, int order, double x) {
                return static_cast<const Table*>(table)->derivative(order, x);
              },
@@ -105,6 +110,7 @@ class Comparison {
   Tape tape_;
   std::shared_ptr<KernelLibrary> library_;
   Kernel kernel_ = nullptr;
+  expression::CodeStructure structure_;
   std::vector<const void*> tables_;
   std::vector<const void*> tables2_;
   KernelTables host_{};
@@ -354,6 +360,107 @@ TEST_F(MachineCodeBits, OfMotionsWithOtherOrdersAreTheInterpreters) {
         std::string(constraint) +
         "}\ndrag: {type: variator_sim/ExpressionTorque, shaft: load, torque: '2*cos(t) - w2'}\n"));
   }
+}
+
+// --- scenes that differ in numbers alone -------------------------------------------------------
+
+std::string shipWith(const std::string& gain, const std::string& drag) {
+  return kShafts + R"yaml(
+torques: [engine, drag]
+engine: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "g*(30 - w1) + sin(t)^2", parameters: {g: )yaml" +
+         gain + R"yaml(}}
+drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: )yaml" +
+         drag + R"yaml(}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2 - 0.6*e1) + w2 - 0.6*w1"}
+)yaml";
+}
+
+class SharedMachineCode : public test::MachineCodeFolder {
+ protected:
+  static Simulation interpreted(const std::string& scene) {
+    return Simulation(test::sceneFromText(scene));
+  }
+};
+
+TEST_F(SharedMachineCode, OfOtherNumbersGivesTheBitsOfTheirInterpreter) {
+  Simulation first = interpreted(shipWith("0.7", "'-0.02*w2^2 - 0.1*abs(w2)^1.6'"));
+  ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
+  for (const char* gain : {"0.3", "1.9", "-0.5"}) {
+    SCOPED_TRACE(gain);
+    const std::string scene = shipWith(gain, "'-0.03*w2^2 - 0.25*abs(w2)^1.35'");
+    Simulation other = interpreted(scene);
+    ASSERT_TRUE(other.shareMachineCode(first));
+    EXPECT_EQ(other.machineCode(), "machine code, of another run");
+    Simulation alone = interpreted(scene);
+    other.advanceTo(3.0);
+    alone.advanceTo(3.0);
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_EQ(hex(other.sample().velocity[i]), hex(alone.sample().velocity[i]));
+      EXPECT_EQ(hex(other.sample().acceleration[i]), hex(alone.sample().acceleration[i]));
+    }
+    // The same kernel is in the cache.
+    EXPECT_TRUE(alone.loadMachineCode(false)) << alone.machineCode();
+  }
+}
+
+/// Equal numbers are one: a formula in which two happen to be equal is another one.
+TEST_F(SharedMachineCode, IsNotThatOfFormulasWhoseNumbersAreEqual) {
+  const std::string drag = "'0.04*cos(w2)'";
+  Simulation first = interpreted(shipWith("0.7", drag));
+  ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
+  EXPECT_FALSE(interpreted(shipWith("0.04", drag)).shareMachineCode(first));
+  EXPECT_TRUE(interpreted(shipWith("0.05", drag)).shareMachineCode(first));
+}
+
+TEST_F(SharedMachineCode, IsThatOfTheSameFormulasOnly) {
+  const std::string drag = "'-0.02*w2^2'";
+  Simulation first = interpreted(shipWith("0.7", drag));
+  Simulation without = interpreted(shipWith("0.7", drag));
+  EXPECT_FALSE(first.shareMachineCode(without)) << "nothing to share";
+  ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
+  const char* const others[] = {"'-0.02*w2^3'",   "'-0.02*w1^2'",      "'-0.02*w2^2 - 1.5'",
+                                "'-1*w2^2'",      "'-0.02*w2^2*t'",    "'-0.02*exp(w2)'",
+                                "'-0.02*w2^2.5'", "'0.02 - 0.3*w2^2'", "'-0.02/w2^2'"};
+  for (const char* other : others) {
+    SCOPED_TRACE(other);
+    EXPECT_FALSE(interpreted(shipWith("0.7", other)).shareMachineCode(first));
+  }
+  EXPECT_FALSE(interpreted(shipWith("1", drag)).shareMachineCode(first)) << "1 is written out";
+  EXPECT_FALSE(interpreted(shipWith("0.7", drag) + "principle: gauss\n").shareMachineCode(first));
+  EXPECT_FALSE(interpreted(shipWith("0.7", drag) + "solver: {relative_tolerance: 1.0e-5}\n")
+                   .shareMachineCode(first));
+  EXPECT_FALSE(interpreted(shipWith("0.7", drag) + "solver: {machine_code: never}\n")
+                   .shareMachineCode(first));
+}
+
+/// Sources and what they are made from agree on which scenes are alike.
+TEST_F(SharedMachineCode, IsAskedForWhereTheSourceIsTheSame) {
+  std::vector<std::string> scenes;
+  for (const char* gain : {"0.7", "0.9", "1"}) {
+    for (const char* drag :
+         {"'-0.02*w2^2'", "'-0.02*abs(w2)^1.5'", "'-0.7*w2^2'", "'-w2'", "-3.5"}) {
+      scenes.push_back(shipWith(gain, drag));
+    }
+  }
+  std::vector<std::string> sources;
+  for (const std::string& text : scenes) {
+    const Scene scene = test::sceneFromText(text);
+    Drivetrain drivetrain(scene, Shortcuts{});
+    const auto series = MotionSeries::make(scene, drivetrain);
+    sources.push_back(SceneProgram(scene).writeSource(series.get()));
+  }
+  int alike = 0;
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    Simulation owner = interpreted(scenes[i]);
+    ASSERT_TRUE(owner.loadMachineCode(true)) << owner.machineCode();
+    for (std::size_t j = 0; j < scenes.size(); ++j) {
+      const bool is_shared = interpreted(scenes[j]).shareMachineCode(owner);
+      EXPECT_EQ(is_shared, sources[i] == sources[j]) << scenes[i] << scenes[j];
+      alike += is_shared && i != j ? 1 : 0;
+    }
+  }
+  EXPECT_GT(alike, 8);
 }
 
 }  // namespace

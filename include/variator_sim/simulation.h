@@ -133,6 +133,10 @@ class Simulation {
   /// formulas run as machine code afterwards; false, and `machineCode` says why, when the
   /// interpreter goes on. Not for the real-time loop.
   bool loadMachineCode(bool compile);
+  /// Goes over to the machine code of `other`, if it has some and the scenes differ in numbers
+  /// alone: a small part of what loading costs. True when formulas run as machine code afterwards.
+  /// Not for the real-time loop.
+  bool shareMachineCode(const Simulation& other);
   /// What runs the formulas, as a sentence ("machine code, compiled in 0.12 s", "the interpreter:
   /// no compiler (cc) was found").
   const std::string& machineCode() const;

@@ -160,6 +160,9 @@ class Drivetrain {
                               bool* compiled) {
     return program_.loadMachineCode(series, missing, compiled);
   }
+  bool shareMachineCode(MotionSeries* series, const Drivetrain& other) {
+    return program_.shareMachineCode(series, other.program_);
+  }
 
   /// Where the components change their branches.
   const std::vector<GuardPtr>& guards() const { return guards_; }

@@ -217,7 +217,7 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
     program_.set(row_of_acceleration_[i], 0, x[2 * S + i]);
   }
   if (begin_code_ != nullptr) {
-    program_.noteLimit(begin_code_(program_.rows(), program_.states()) != 0);
+    program_.noteLimit(begin_code_(program_.rows(), program_.states(), constants_) != 0);
   } else {
     program_.evaluate(Part::kGiven, 0);
     program_.evaluate(Part::kAccelerated, 0);
@@ -335,7 +335,8 @@ bool MotionSeries::extendTo(int order) {
   for (int n = before + 1; n <= order; ++n) {
     if (has_code && program_.isDecided()) {
       const OrderCode* const codes = codes_.data();
-      for (; n <= order; ++n) codes[n](program_.rows(), program_.states(), inverse_, unit_);
+      for (; n <= order; ++n)
+        codes[n](program_.rows(), program_.states(), inverse_, constants_, unit_);
     } else {
       continueTo(n);
     }

@@ -57,11 +57,15 @@ class MotionSeries {
   const double* velocity(int i) const { return program_.coefficients(row_of_velocity_[i]); }
   const double* acceleration(int i) const { return program_.coefficients(row_of_acceleration_[i]); }
   double unit() const { return unit_; }
-  /// The orders as C.
+  /// The orders as C, and what that is made from.
   std::string writeSource() const;
-  /// Goes over to their code, which changes no bit. False where it is not there or does not give
-  /// the interpreter's numbers. Not in the loop.
-  bool use(const KernelLibrary& library);
+  void addStructure(expression::CodeStructure* structure) const;
+  /// Goes over to their code, which changes no bit; false where it is not there. `constants` are
+  /// those that `addStructure` has added; they have to outlive it. Not in the loop.
+  bool use(const KernelLibrary& library, const double* constants);
+  /// Whether the code gives the interpreter's numbers. Not in the loop.
+  bool agreesWithInterpreter();
+  void interpret();
   /// The order with which steps of this relative tolerance do the least work.
   static int orderFor(double relative_tolerance);
   /// Coefficients of the applied torque on a shaft, up to order().
@@ -107,11 +111,13 @@ class MotionSeries {
   expression::SeriesProgram program_;
   ConstraintSolver solver_;
   /// One order as machine code, by its number.
-  using OrderCode = void (*)(double* rows, double* states, const double* inverse, double unit);
+  using OrderCode = void (*)(double* rows, double* states, const double* inverse,
+                             const double* constants, double unit);
   std::vector<OrderCode> codes_;
   /// Order 0 of all formulas; not 0 where a part has overflowed.
-  using BeginCode = int (*)(double* rows, double* states);
+  using BeginCode = int (*)(double* rows, double* states, const double* constants);
   BeginCode begin_code_ = nullptr;
+  const double* constants_ = nullptr;
   double unit_ = 1.0;
   int order_ = 0;
   std::uint64_t stamp_ = 0;

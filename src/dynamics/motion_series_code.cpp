@@ -4,8 +4,10 @@
 #include <cmath>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include "dynamics/motion_series.h"
+#include "expression/c_code.h"
 
 namespace variator_sim {
 
@@ -51,7 +53,7 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
          << " - (" << n << ")] = y; }\n";
   };
   for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "0.0");
-  text << "  series_given(n, r, s);\n  series_trial(n, r, s);\n";
+  text << "  series_given(n, r, s, c);\n  series_trial(n, r, s, c);\n";
   for (int i = 0; i < S; ++i) {
     text << "  double a" << i << " = " << at(row_of_torque_[i], "n") << ";\n";
     if (moves) {
@@ -108,7 +110,7 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
     set(row_of_velocity_[i], "n + 1", "u * (1.0 / (n + 1)) * x" + std::to_string(i));
     set(row_of_angle_[i], "n + 1", "u * (1.0 / (n + 1)) * " + at(row_of_velocity_[i], "n"));
   }
-  text << "  series_accelerated(n, r, s);\n";
+  text << "  series_accelerated(n, r, s, c);\n";
   if (moves && !is_classical_) text << writeReaction(mirrored);
   return text.str();
 }
@@ -154,29 +156,47 @@ std::string MotionSeries::writeSource() const {
   std::string text;
   for (const auto& [name, part] : kParts) {
     text += std::string("static inline __attribute__((always_inline)) void ") + name +
-            "(int n, double* restrict r, double* restrict s) {\n" +
-            program_.writeCode(part, &mirrored) + "}\n";
+            "(int n, double* restrict r, double* restrict s, const double* restrict c) {\n" +
+            "  (void)c;\n" + program_.writeCode(part, &mirrored) + "}\n";
   }
   text +=
       "static inline __attribute__((always_inline)) void order(int n, double* restrict r,\n"
-      "    double* restrict s, const double* restrict k, double u) {\n" +
+      "    double* restrict s, const double* restrict k, const double* restrict c, double u) {\n" +
       writeOrder(&mirrored) + "}\n";
   if (!program_.readsTables()) {
     text += std::string("int ") + kBegin +
-            "(double* restrict r, double* restrict s) {\n  const int n = 0;\n  int limit = 0;\n"
-            "  (void)n, (void)s;\n" +
+            "(double* restrict r, double* restrict s, const double* restrict c) {\n"
+            "  const int n = 0;\n  int limit = 0;\n  (void)n, (void)s, (void)c;\n" +
             program_.writeBegin() + "  return limit;\n}\n";
   }
   for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
     text += "void " + nameOf(n) +
-            "(double* restrict r, double* restrict s, const double* restrict k, double u) {\n"
-            "  order(" +
-            std::to_string(n) + ", r, s, k, u);\n}\n";
+            "(double* restrict r, double* restrict s, const double* restrict k,\n"
+            "    const double* restrict c, double u) {\n  order(" +
+            std::to_string(n) + ", r, s, k, c, u);\n}\n";
   }
   return expression::SeriesProgram::codePrelude() + program_.writeMirrors(mirrored) + text;
 }
 
-bool MotionSeries::use(const KernelLibrary& library) {
+void MotionSeries::addStructure(expression::CodeStructure* structure) const {
+  std::vector<int>& words = structure->words;
+  words.insert(words.end(), {S, k_, is_classical_ ? 1 : 0, isInertiaConstant() ? 1 : 0,
+                             orderFor(scene_.solver.relative_tolerance)});
+  for (int m = 0; m < k_; ++m) {
+    words.push_back(drivetrain_.constraint(m).order());
+    words.push_back(row_of_multiplier_[m]);
+    words.push_back(row_of_residual_[m]);
+    for (int i = 0; i < S; ++i) words.push_back(entryRow(m, i));
+  }
+  for (int i = 0; i < S; ++i) {
+    words.insert(words.end(), {row_of_angle_[i], row_of_velocity_[i], row_of_acceleration_[i],
+                               row_of_torque_[i], row_of_inertia_[i], row_of_inertial_torque_[i],
+                               row_of_connection_[i], row_of_reaction_rate_[i]});
+  }
+  program_.addStructure(structure);
+}
+
+bool MotionSeries::use(const KernelLibrary& library, const double* constants) {
   std::vector<OrderCode> codes(1, nullptr);
   for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
     codes.push_back(reinterpret_cast<OrderCode>(library.find(nameOf(n).c_str())));
@@ -184,18 +204,29 @@ bool MotionSeries::use(const KernelLibrary& library) {
   }
   const auto begin = reinterpret_cast<BeginCode>(library.find(kBegin));
   if (begin == nullptr && !program_.readsTables()) return false;
+  codes_ = std::move(codes);
+  begin_code_ = begin;
+  constants_ = constants;
+  return true;
+}
+
+bool MotionSeries::agreesWithInterpreter() {
   for (int n = 0; n < kStates; ++n) {
-    const std::vector<double> interpreted = expandAt(n);
-    codes_ = codes;
-    begin_code_ = begin;
-    const bool is_same = isSame(interpreted, expandAt(n));
-    codes_.clear();
-    begin_code_ = nullptr;
+    const std::vector<double> computed = expandAt(n);
+    std::vector<OrderCode> codes;
+    codes.swap(codes_);
+    const BeginCode begin_code = std::exchange(begin_code_, nullptr);
+    const bool is_same = isSame(expandAt(n), computed);
+    codes_.swap(codes);
+    begin_code_ = begin_code;
     if (!is_same) return false;
   }
-  codes_ = codes;
-  begin_code_ = begin;
   return true;
+}
+
+void MotionSeries::interpret() {
+  codes_.clear();
+  begin_code_ = nullptr;
 }
 
 std::vector<double> MotionSeries::expandAt(int state) {

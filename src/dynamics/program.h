@@ -9,6 +9,7 @@ namespace variator_sim {
 
 /// What kernels ask of their host; as the C of expression/c_code.h declares it.
 struct KernelTables {
+  const double* constants;
   const void* const* tables;
   const void* const* tables2;
   double (*table)(const void* table, int order, double x);
@@ -35,9 +36,9 @@ class Program {
             state.input_rate, state.input_second_rate, tables_, values_.data());
     return values_.data();
   }
-  /// True when `kernel` gives the tape's bits at `state`.
-  bool agrees(Kernel kernel, const KernelTables& tables, const StateView& state) const;
-  /// From now on.
+  /// True when they are the tape's bits at `state`.
+  bool agreesWithInterpreter(const StateView& state) const;
+  /// From now on; the tape when `kernel` is null.
   void use(Kernel kernel, const KernelTables* tables) {
     kernel_ = kernel;
     tables_ = tables;

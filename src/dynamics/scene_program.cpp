@@ -101,12 +101,10 @@ const double* SceneProgram::addOpaque(const Program& level, const std::vector<Op
   return values;
 }
 
-bool Program::agrees(Kernel kernel, const KernelTables& tables, const StateView& state) const {
+bool Program::agreesWithInterpreter(const StateView& state) const {
   const double* const interpreted = tape_.evaluate(state);
-  std::vector<double> computed(outputs_.size());
-  kernel(state.time, state.angle, state.velocity, state.acceleration, state.input, state.input_rate,
-         state.input_second_rate, &tables, computed.data());
-  for (std::size_t i = 0; i < computed.size(); ++i) {
+  const double* const computed = evaluate(state);
+  for (std::size_t i = 0; i < outputs_.size(); ++i) {
     const bool is_nan = std::isnan(computed[i]) && std::isnan(interpreted[i]);
     const bool is_same =
         computed[i] == interpreted[i] && std::signbit(computed[i]) == std::signbit(interpreted[i]);
@@ -115,41 +113,75 @@ bool Program::agrees(Kernel kernel, const KernelTables& tables, const StateView&
   return true;
 }
 
+// --- machine code ----------------------------------------------------------------------------
+
+const std::array<SceneProgram::Part, 6>& SceneProgram::parts() {
+  static const std::array<Part, 6> parts = {
+      {{"torque", &SceneProgram::torque_},
+       {"rate", &SceneProgram::rate_},
+       {"rows", &SceneProgram::rows_},
+       {"rate_and_rows", &SceneProgram::rate_and_rows_},
+       {"velocity_level", &SceneProgram::velocity_level_},
+       {"acceleration_level", &SceneProgram::acceleration_level_}}};
+  return parts;
+}
+
 std::string SceneProgram::writeSource(const MotionSeries* series) const {
   const Graph& graph = *scene_.graph;
   if (!isWritable(graph, rate_and_rows_.outputs()) || !isWritable(graph, torque_.outputs())) {
     return "";
   }
-  return expression::prelude() + writeFunction(graph, "torque", torque_.outputs()) +
-         writeFunction(graph, "rate", rate_.outputs()) +
-         writeFunction(graph, "rows", rows_.outputs()) +
-         writeFunction(graph, "rate_and_rows", rate_and_rows_.outputs()) +
-         writeFunction(graph, "velocity_level", velocity_level_.outputs()) +
-         writeFunction(graph, "acceleration_level", acceleration_level_.outputs()) +
-         (series == nullptr ? std::string() : series->writeSource());
+  std::string source = expression::prelude();
+  expression::CodeStructure before;
+  for (const Part& part : parts()) {
+    const std::vector<Node>& outputs = (this->*part.program).outputs();
+    source += writeFunction(graph, part.name, outputs, before.constants.size());
+    addStructure(graph, outputs, &before);
+  }
+  if (series != nullptr) source += series->writeSource();
+  return source;
 }
 
-std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing,
-                                          bool* compiled) {
-  const std::string source = writeSource(series);
-  if (source.empty()) return "a law reads a function that is not a formula";
-  std::string reason;
-  const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(source, missing, &reason);
-  if (library == nullptr) return reason;
-  *compiled = library->wasCompiled();
-  host_ = {tables_.data(), tables2_.data(),
+void SceneProgram::noteStructure(const MotionSeries* series) {
+  structure_ = {};
+  for (const Part& part : parts()) {
+    addStructure(*scene_.graph, (this->*part.program).outputs(), &structure_);
+  }
+  constants_of_series_ = structure_.constants.size();
+  structure_.words.push_back(series != nullptr ? 1 : 0);
+  if (series != nullptr) series->addStructure(&structure_);
+}
+
+bool SceneProgram::use(const std::shared_ptr<KernelLibrary>& library, MotionSeries* series) {
+  host_ = {structure_.constants.data(), tables_.data(), tables2_.data(),
            [](const void* table, int order, double x) {
              return static_cast<const Table*>(table)->derivative(order, x);
            },
            [](const void* table, int order_x, int order_y, double x, double y) {
              return static_cast<const Table2*>(table)->derivative({order_x, order_y}, x, y);
            }};
-  const std::pair<const char*, Program*> parts[] = {{"torque", &torque_},
-                                                    {"rate", &rate_},
-                                                    {"rows", &rows_},
-                                                    {"rate_and_rows", &rate_and_rows_},
-                                                    {"velocity_level", &velocity_level_},
-                                                    {"acceleration_level", &acceleration_level_}};
+  bool is_there = true;
+  for (const Part& part : parts()) {
+    const auto kernel = reinterpret_cast<Kernel>(library->find(part.name));
+    (this->*part.program).use(kernel, &host_);
+    is_there = is_there && kernel != nullptr;
+  }
+  if (series != nullptr) {
+    const double* const constants = structure_.constants.data() + constants_of_series_;
+    is_there = series->use(*library, constants) && is_there;
+  }
+  library_ = library;
+  if (!is_there) interpret(series);
+  return is_there;
+}
+
+void SceneProgram::interpret(MotionSeries* series) {
+  for (const Part& part : parts()) (this->*part.program).use(nullptr, nullptr);
+  if (series != nullptr) series->interpret();
+  library_ = nullptr;
+}
+
+bool SceneProgram::agreesWithInterpreter(MotionSeries* series) {
   // States that have nothing in common, some of them near 0.
   for (int n = 0; n < 16; ++n) {
     double values[6][kMaxInputs];
@@ -161,21 +193,33 @@ std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::M
     }
     const StateView state{0.37 * n,  values[0], values[1], values[2],
                           values[3], values[4], values[5]};
-    for (const auto& [name, program] : parts) {
-      const auto kernel = reinterpret_cast<Kernel>(library->find(name));
-      if (kernel == nullptr || !program->agrees(kernel, host_, state)) {
-        return "it does not give the interpreter's numbers";
-      }
+    for (const Part& part : parts()) {
+      if (!(this->*part.program).agreesWithInterpreter(state)) return false;
     }
   }
-  if (series != nullptr && !series->use(*library)) {
-    return "it does not give the interpreter's numbers";
+  return series == nullptr || series->agreesWithInterpreter();
+}
+
+std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing,
+                                          bool* compiled) {
+  const std::string source = writeSource(series);
+  if (source.empty()) return "a law reads a function that is not a formula";
+  std::string reason;
+  const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(source, missing, &reason);
+  if (library == nullptr) return reason;
+  *compiled = library->wasCompiled();
+  noteStructure(series);
+  if (use(library, series)) {
+    if (agreesWithInterpreter(series)) return "";
+    interpret(series);
   }
-  library_ = library;
-  for (const auto& [name, program] : parts) {
-    program->use(reinterpret_cast<Kernel>(library->find(name)), &host_);
-  }
-  return "";
+  return "it does not give the interpreter's numbers";
+}
+
+bool SceneProgram::shareMachineCode(MotionSeries* series, const SceneProgram& other) {
+  if (other.library_ == nullptr) return false;
+  noteStructure(series);
+  return structure_.words == other.structure_.words && use(other.library_, series);
 }
 
 }  // namespace variator_sim

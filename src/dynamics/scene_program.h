@@ -6,11 +6,14 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "dynamics/program.h"
+#include "expression/c_code.h"
 #include "machine_code/kernel_library.h"
 #include "variator_sim/scene.h"
 
@@ -61,6 +64,9 @@ class SceneProgram {
   /// tells whether it had to be compiled. Not in the loop.
   /// `series` of the same scene go along, or nullptr.
   std::string loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing, bool* compiled);
+  /// Goes over to the machine code of `other`, if its scene differs in numbers alone. Not in the
+  /// loop.
+  bool shareMachineCode(MotionSeries* series, const SceneProgram& other);
   /// The C that it is compiled from; empty where a law reads what is no formula.
   std::string writeSource(const MotionSeries* series) const;
 
@@ -88,6 +94,19 @@ class SceneProgram {
   /// Writes the rows that no formula states, counted from `begin`, into `values`.
   const double* addOpaqueRows(const StateView& state, double* values, int begin) const;
 
+  /// The functions of the code, in the order in which they are written.
+  struct Part {
+    const char* name;
+    Program SceneProgram::*program;
+  };
+  static const std::array<Part, 6>& parts();
+  /// Notes what the code is made from.
+  void noteStructure(const MotionSeries* series);
+  /// False where the code is not there.
+  bool use(const std::shared_ptr<KernelLibrary>& library, MotionSeries* series);
+  bool agreesWithInterpreter(MotionSeries* series);
+  void interpret(MotionSeries* series);
+
   const Scene& scene_;
   const int S;  // shafts
   Program torque_;
@@ -97,6 +116,8 @@ class SceneProgram {
   Program velocity_level_;
   Program acceleration_level_;
   std::shared_ptr<KernelLibrary> library_;
+  expression::CodeStructure structure_;
+  std::size_t constants_of_series_ = 0;  ///< from which on they are the series'
   std::vector<const void*> tables_;
   std::vector<const void*> tables2_;
   KernelTables host_{};

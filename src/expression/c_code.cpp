@@ -10,13 +10,22 @@
 namespace variator_sim::expression {
 namespace {
 
-/// The bits of a number.
-std::string literal(double value) {
-  if (std::isnan(value)) return "NAN";
-  if (std::isinf(value)) return value > 0.0 ? "INFINITY" : "(-INFINITY)";
-  char text[40];
-  std::snprintf(text, sizeof text, value < 0.0 || std::signbit(value) ? "(%a)" : "%a", value);
-  return text;
+/// Where reachable nodes stand among themselves: how the code counts them.
+std::vector<int> rank(const std::vector<bool>& reachable) {
+  std::vector<int> ranks(reachable.size(), -1);
+  int next = 0;
+  for (std::size_t i = 0; i < reachable.size(); ++i) {
+    if (reachable[i]) ranks[i] = next++;
+  }
+  return ranks;
+}
+
+/// The exponent of a power that is written as products; 0 of any other.
+int multipliedExponent(const Graph& graph, const Graph::Entry& it) {
+  const Node exponent{it.operands[1]};
+  if (it.operation != Operation::kPower || !graph.isConstant(exponent)) return 0;
+  const double value = graph.constantValue(exponent);
+  return isMultipliedPower(value) ? static_cast<int>(value) : 0;
 }
 
 const char* sourceName(Source source) {
@@ -89,13 +98,17 @@ const char* functionName(Operation operation) {
 
 class Writer {
  public:
-  explicit Writer(const Graph& graph) : graph_(graph) {}
+  Writer(const Graph& graph, std::size_t before) : graph_(graph), next_constant_(before) {}
 
   void write(const std::vector<Node>& outputs) {
     const std::vector<bool> reachable = graph_.findReachable(outputs);
+    ranks_ = rank(reachable);
     for (std::size_t i = 0; i < reachable.size(); ++i) {
       const Graph::Entry& it = graph_.entry({static_cast<int>(i)});
       if (!reachable[i]) continue;
+      if (it.operation == Operation::kConstant && !isWrittenOut(it.value)) {
+        constants_[static_cast<int>(i)] = next_constant_++;
+      }
       if (it.operation == Operation::kSin) sines_[it.operands[0]] = static_cast<int>(i);
       if (it.operation == Operation::kCos) cosines_[it.operands[0]] = static_cast<int>(i);
     }
@@ -112,19 +125,23 @@ class Writer {
  private:
   std::string refer(Node node) const {
     const Graph::Entry& entry = graph_.entry(node);
-    if (entry.operation == Operation::kConstant) return literal(entry.value);
+    if (entry.operation == Operation::kConstant) {
+      if (isWrittenOut(entry.value)) {
+        return entry.value == 0.0 ? "0.0" : entry.value > 0.0 ? "1.0" : "(-1.0)";
+      }
+      return "c[" + std::to_string(constants_.at(node.index)) + "]";
+    }
     if (entry.operation == Operation::kVariable) {
       const Source source = sourceOf(entry.slot);
       const std::string name = sourceName(source);
       return source == Source::kTime ? name
                                      : name + "[" + std::to_string(indexOf(entry.slot)) + "]";
     }
-    return "n" + std::to_string(node.index);
+    return "n" + std::to_string(ranks_[static_cast<std::size_t>(node.index)]);
   }
 
   /// x^n by the same products as powerOf.
   std::string power(const std::string& base, int n) {
-    if (n == 0) return "1.0";
     if (n == 1) return base;
     if (n % 2 == 1) return "(" + power(base, n - 1) + " * " + base + ")";
     const std::string root = "q" + std::to_string(++roots_);
@@ -154,11 +171,8 @@ class Writer {
                std::to_string(it.order[0]) + ", " + std::to_string(it.order[1]) + ", " +
                operand(0) + ", " + operand(1) + ")";
       case Operation::kPower: {
-        const Node exponent{it.operands[1]};
-        if (graph_.isConstant(exponent) && isMultipliedPower(graph_.constantValue(exponent))) {
-          const int n = static_cast<int>(graph_.constantValue(exponent));
-          return n < 0 ? "1.0 / " + power(operand(0), -n) : power(operand(0), n);
-        }
+        const int n = multipliedExponent(graph_, it);
+        if (n != 0) return n < 0 ? "1.0 / " + power(operand(0), -n) : power(operand(0), n);
         break;
       }
       default:
@@ -188,12 +202,15 @@ class Writer {
     const Graph::Entry it = graph_.entry(node);
     if (definePair(node, it)) return;
     const std::string value = valueOf(it);
-    text_ += "  const double n" + std::to_string(node.index) + " = " + value + ";\n";
+    text_ += "  const double " + refer(node) + " = " + value + ";\n";
   }
 
   const Graph& graph_;
   std::string text_;
-  std::map<int, int> sines_;  ///< that of a node, and its cosine
+  std::vector<int> ranks_;
+  std::size_t next_constant_;
+  std::map<int, std::size_t> constants_;  ///< where they are, by node
+  std::map<int, int> sines_;              ///< that of a node, and its cosine
   std::map<int, int> cosines_;
   int roots_ = 0;
 };
@@ -218,6 +235,7 @@ static inline void sincos(double x, double* sine, double* cosine) {
 #endif
 
 struct tables {
+  const double* constants;
   const void* const* tables;
   const void* const* tables2;
   double (*table)(const void* table, int order, double x);
@@ -264,14 +282,47 @@ bool isWritable(const Graph& graph, const std::vector<Node>& outputs) {
   return true;
 }
 
+bool isWrittenOut(double value) {
+  return (value == 0.0 && !std::signbit(value)) || value == 1.0 || value == -1.0;
+}
+
+bool CodeStructure::note(double value) {
+  const bool is_written_out = isWrittenOut(value);
+  words.push_back(is_written_out ? static_cast<int>(value) : 2);
+  if (!is_written_out) constants.push_back(value);
+  return is_written_out;
+}
+
+void addStructure(const Graph& graph, const std::vector<Node>& outputs, CodeStructure* structure) {
+  const std::vector<bool> reachable = graph.findReachable(outputs);
+  const std::vector<int> ranks = rank(reachable);
+  std::vector<int>& words = structure->words;
+  for (std::size_t i = 0; i < reachable.size(); ++i) {
+    if (!reachable[i]) continue;
+    const Graph::Entry& it = graph.entry({static_cast<int>(i)});
+    words.push_back(static_cast<int>(it.operation));
+    if (it.operation == Operation::kConstant) {
+      structure->note(it.value);
+      continue;
+    }
+    words.insert(words.end(), {it.slot, it.order[0], it.order[1], multipliedExponent(graph, it)});
+    for (int k = 0; k < operandCount(it.operation); ++k) {
+      words.push_back(ranks[static_cast<std::size_t>(it.operands[k])]);
+    }
+  }
+  words.push_back(-1);
+  for (const Node output : outputs) words.push_back(ranks[static_cast<std::size_t>(output.index)]);
+}
+
 std::string writeFunction(const Graph& graph, const std::string& name,
-                          const std::vector<Node>& outputs) {
-  Writer writer(graph);
+                          const std::vector<Node>& outputs, std::size_t before) {
+  Writer writer(graph, before);
   writer.write(outputs);
   return "\nvoid " + name +
          "(double t, const double* p, const double* w, const double* e, const double* u,\n"
          "    const double* v, const double* a, const struct tables* T, double* y) {\n"
-         "  (void)t, (void)p, (void)w, (void)e, (void)u, (void)v, (void)a, (void)T, (void)y;\n" +
+         "  const double* const restrict c = T->constants;\n"
+         "  (void)t, (void)p, (void)w, (void)e, (void)u, (void)v, (void)a, (void)c, (void)y;\n" +
          writer.text() + "}\n";
 }
 

@@ -1,9 +1,10 @@
 // A SeriesProgram as C: the same operations in the same order, so that they make the same bits.
 // Order 0 stays the program's own where it looks up tables.
-#include <cmath>
+#include <iterator>
 #include <set>
 #include <sstream>
 
+#include "expression/c_code.h"
 #include "expression/series_program.h"
 
 namespace variator_sim::expression {
@@ -48,9 +49,7 @@ static inline double sideOf(double a, double b) { return a < b ? -1.0 : a > b ? 
 class SeriesWriter {
  public:
   SeriesWriter(const SeriesProgram& program, std::set<int>* mirrored)
-      : program_(program), mirrored_(*mirrored) {
-    text_.precision(17);
-  }
+      : program_(program), mirrored_(*mirrored) {}
 
   std::string write(SeriesProgram::Part part) {
     const bool corrects = part == SeriesProgram::Part::kAccelerated;
@@ -117,21 +116,22 @@ class SeriesWriter {
     const std::string x = forward(a);
     return "squareOf(" + x + ", " + backward(a) + ", n)";
   }
-  std::string number(double value) const {
-    if (std::isinf(value)) return value > 0.0 ? "(1.0 / 0.0)" : "(-1.0 / 0.0)";
-    if (std::isnan(value)) return "(0.0 / 0.0)";
-    std::ostringstream text;
-    text.precision(17);
-    text << "(" << value << ")";
-    return text.str();
+  /// Of the terms, then of the instructions: see SeriesProgram::addStructure.
+  std::string number(double value, std::size_t place) const {
+    if (isWrittenOut(value)) return value == 0.0 ? "0.0" : value > 0.0 ? "1.0" : "(-1.0)";
+    return "c[" + std::to_string(place) + "]";
+  }
+  std::string constantOf(const Instruction& it) const {
+    const auto index = static_cast<std::size_t>(&it - program_.instructions_.data());
+    return number(it.constant, program_.terms_.size() + index);
   }
   std::string sumOfTerms(const Instruction& it) const {
     std::string sum;
     for (int n = 0; n < it.aux[1]; ++n) {
-      const SeriesProgram::Term& term =
-          program_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)];
+      const std::size_t place = static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n);
+      const SeriesProgram::Term& term = program_.terms_[place];
       if (n > 0) sum += " + ";
-      sum += number(term.factor) + " * " + coefficient(term.row);
+      sum += number(term.factor, place) + " * " + coefficient(term.row);
     }
     return sum;
   }
@@ -151,7 +151,7 @@ class SeriesWriter {
     const int y = it.result;
     switch (it.code) {
       case Code::kLinear:
-        set(y, sumOfTerms(it) + " + " + number(it.constant));
+        set(y, sumOfTerms(it) + " + " + constantOf(it));
         return;
       case Code::kMultiply:
         set(y, first(a) + " * " + first(b));
@@ -227,7 +227,7 @@ class SeriesWriter {
         set(it.result, "sqrt(" + x + ")");
         return;
       case Code::kPower:
-        set(it.result, "pow(" + x + ", " + number(it.constant) + ")");
+        set(it.result, "pow(" + x + ", " + constantOf(it) + ")");
         return;
       default:
         return;
@@ -330,7 +330,7 @@ class SeriesWriter {
         text_ << "  { const double q = (" << forward(p) << "[n - 1] - (n > 1 ? "
               << convolveOld(w, other, "n - 1") << " : 0.0)) / " << forward(w) << "[0];\n";
         set(other, "q", "(n - 1)");
-        set(y, number(it.constant) + " * q * (1.0 / n)");
+        set(y, constantOf(it) + " * q * (1.0 / n)");
         text_ << "  }\n";
         return;
       }
@@ -343,7 +343,7 @@ class SeriesWriter {
                    " - (n - 1), n - 1)) / (2.0 * " + forward(y) + "[0])");
         return;
       case Code::kPower:
-        set(y, "((" + number(it.constant) + " + 1.0) * (" + chain(rate, y) + ") - " + "(" +
+        set(y, "((" + constantOf(it) + " + 1.0) * (" + chain(rate, y) + ") - " + "(" +
                    convolveInside(a, y) + " + " + coefficient(a) + " * " + forward(y) + "[0])) / " +
                    forward(a) + "[0]");
         return;
@@ -447,6 +447,45 @@ std::string SeriesProgram::writeConvolution(int a, int b, const std::string& n,
 
 std::string SeriesProgram::writeCode(Part part, std::set<int>* mirrored) const {
   return SeriesWriter(*this, mirrored).write(part);
+}
+
+void SeriesProgram::addStructure(CodeStructure* structure) const {
+  std::vector<int>& words = structure->words;
+  const auto count = [&words](std::size_t n) { words.push_back(static_cast<int>(n)); };
+  const auto add = [&](const std::vector<int>& numbers) {
+    count(numbers.size());
+    words.insert(words.end(), numbers.begin(), numbers.end());
+  };
+  count(width_);
+  add(degree_);
+  for (const bool is : accelerated_) count(is ? 1 : 0);
+  for (const bool has : has_pole_) count(has ? 1 : 0);
+  add(accelerations_);
+  for (const std::vector<int>& program : programs_) add(program);
+  // Constants have their places whether they are written out or not.
+  const auto addConstant = [&](double value) {
+    if (structure->note(value)) structure->constants.push_back(value);
+  };
+  count(terms_.size());
+  for (const Term& term : terms_) {
+    count(static_cast<std::size_t>(term.row));
+    addConstant(term.factor);
+  }
+  count(instructions_.size());
+  for (const Instruction& it : instructions_) {
+    words.insert(words.end(), {static_cast<int>(it.code), static_cast<int>(it.begin), it.result,
+                               it.aux[0], it.aux[1], it.state, it.is_tried ? 1 : 0});
+    words.insert(words.end(), std::begin(it.operands), std::end(it.operands));
+    addConstant(it.constant);
+  }
+  count(pieces_.size());
+  for (const Piece& piece : pieces_) {
+    words.insert(words.end(),
+                 {piece.table != nullptr ? 1 : 2, piece.degree[0], piece.degree[1], piece.a});
+    words.insert(words.end(), std::begin(piece.powers_x), std::end(piece.powers_x));
+    words.insert(words.end(), std::begin(piece.powers_y), std::end(piece.powers_y));
+    words.insert(words.end(), std::begin(piece.sums), std::end(piece.sums));
+  }
 }
 
 std::string SeriesProgram::writeBegin() const {

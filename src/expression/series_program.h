@@ -28,6 +28,8 @@
 
 namespace variator_sim::expression {
 
+struct CodeStructure;
+
 /// The rows of coefficients of a set of formulas. One is used by one thread at a time.
 class SeriesProgram {
  public:
@@ -73,6 +75,8 @@ class SeriesProgram {
       run(programs_[static_cast<std::size_t>(part)], n);
     }
   }
+  /// What the C is made from. Its constants are those of `const double* c` there.
+  void addStructure(CodeStructure* structure) const;
   /// The statements of C that `evaluate` of a part carries out for n >= 1, of `double* r` and
   /// `double* s`, and what stands before them. The rows that they read backwards are added to
   /// `mirrored`: no others need be written so.

@@ -87,6 +87,15 @@ bool Motion::loadMachineCode(bool compile) {
   return has_machine_code_;
 }
 
+bool Motion::shareMachineCode(const Motion& other) {
+  if (has_machine_code_ || scene_.solver.machine_code == MachineCode::kNever) {
+    return has_machine_code_;
+  }
+  has_machine_code_ = drivetrain_.shareMachineCode(system_.series(), other.drivetrain_);
+  if (has_machine_code_) machine_code_ = "machine code, of another run";
+  return has_machine_code_;
+}
+
 void Motion::calcConstraintRow(int m, double* C) {
   const StepNode& front = integrator_.front();
   double c0;

@@ -61,6 +61,7 @@ class Motion {
   std::vector<std::string> skips() const;
   bool isSleeping() const { return integrator_.isSleeping(); }
   bool loadMachineCode(bool compile);
+  bool shareMachineCode(const Motion& other);
   const std::string& machineCode() const { return machine_code_; }
   bool hasMachineCode() const { return has_machine_code_; }
 

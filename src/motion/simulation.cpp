@@ -184,6 +184,9 @@ bool Simulation::loadMachineCode(bool compile) {
   if (error_estimate_) error_estimate_->loadMachineCode(compile);
   return motion_->loadMachineCode(compile);
 }
+bool Simulation::shareMachineCode(const Simulation& other) {
+  return motion_->shareMachineCode(*other.motion_);
+}
 const std::string& Simulation::machineCode() const {
   return motion_->machineCode();
 }
