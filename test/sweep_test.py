@@ -133,6 +133,21 @@ class SweepTest(TestCase):
                     for name in ("load/velocity", "load/angle"):
                         self.assertEqual(table[f"final({name})"][row], simulation.sample()[name])
 
+    def test_machine_code_of_one_row_serves_all_and_changes_no_bit(self):
+        def run(machine_code):
+            return variator_sim.sweep(SHIP, 3.0, grid={"load/inertia": [1.9, 2.0, 2.1]},
+                                      random={"propeller/parameters/k": "normal(0.02,0.001)"}, samples=3,
+                                      metrics=["final(load/velocity)", "max(drive/velocity)"],
+                                      overrides={"solver/machine_code": machine_code})
+        with mock.patch.dict(os.environ, {"VARIATOR_SIM_CACHE": str(self.folder / "cache")}):
+            interpreted = run("never")
+            self.assertFalse((self.folder / "cache").exists())
+            compiled = run("always")
+            self.assertEqual(len(list((self.folder / "cache").iterdir())), 1)
+        for name in interpreted:
+            numpy.testing.assert_array_equal(compiled[name], interpreted[name])
+        self.assertEqual(set(interpreted["reason"]), {""})
+
     def test_failed_runs_are_rows(self):
         table = variator_sim.sweep(LAG, 1.0, grid={"drive/inertia": "-1,0,2"},
                                    metrics=["final(drive/velocity)"])
@@ -237,9 +252,9 @@ class SweepTest(TestCase):
         run = []
         whole = sweeps.Task.run
 
-        def counted(task, values, threads):
+        def counted(task, values, threads, compiles):
             run.extend(values[:, 0])
-            return whole(task, values, threads)
+            return whole(task, values, threads, compiles)
 
         call = dict(duration=5.0, grid={"drive/inertia": "0.5:2:2000"},
                     metrics=["max(drive/velocity)"])

@@ -24,6 +24,7 @@ DISTRIBUTIONS = {"normal": numpy.random.Generator.normal,
                  "uniform": numpy.random.Generator.uniform,
                  "lognormal": numpy.random.Generator.lognormal}
 MOST_RUNS = 10_000_000  # of one sweep: its table is held in memory
+COMPILE_SECONDS = 2.0  # what is left of a sweep for machine code to be worth compiling
 CHUNK_SECONDS = 1.0  # wall time of what is run at once: nothing finished is older when killed
 
 
@@ -186,10 +187,10 @@ class Task:
                           read_commands(commands), groups, places)
         self.scene, self.overrides, self.paths = scene, overrides, list(paths)
 
-    def run(self, values, threads):
+    def run(self, values, threads, compiles):
         """Metrics (runs x metrics) and reasons of some rows of values."""
         return _core._sweep(self.scene, self.overrides, self.paths, values.tolist(),
-                            *self.arguments, threads)
+                            *self.arguments, threads, compiles)
 
     def fingerprint(self, values, shard):
         """Of everything that the runs depend on."""
@@ -334,23 +335,30 @@ def chunk_size(size, seconds, left, parts):
     return max(1, min(int(wanted), 8 * size, math.ceil(left / parts)))
 
 
+def is_long(size, seconds, left, parts):
+    """Whether what is left repays compiling, after `size` runs took one of `parts` `seconds`."""
+    return left * seconds / size > COMPILE_SECONDS * parts
+
+
 def run_locally(task, values, runs, threads, finished):
-    first, size = 0, 4 * threads
+    first, size, compiles = 0, threads, False
     while first < len(runs):
         chunk = runs[first:first + size]
         start = time.monotonic()
-        finished(chunk, *task.run(values[chunk], threads))
+        finished(chunk, *task.run(values[chunk], threads, compiles))
+        seconds = time.monotonic() - start
         first += len(chunk)
-        size = chunk_size(len(chunk), time.monotonic() - start, len(runs) - first, 1)
+        compiles = compiles or is_long(len(chunk), seconds, len(runs) - first, 1)
+        size = chunk_size(len(chunk), seconds, len(runs) - first, 1)
 
 
-def _run_remotely(task, values):
+def _run_remotely(task, values, compiles):
     """What a worker does: as many threads as it has."""
     from distributed import get_worker
     start = time.monotonic()
     state = getattr(get_worker(), "state", None)
     threads = getattr(state, "nthreads", 1)
-    metrics, reasons = task.run(values, threads)
+    metrics, reasons = task.run(values, threads, compiles)
     return metrics, list(reasons), time.monotonic() - start
 
 
@@ -362,13 +370,13 @@ def run_on_cluster(task, values, runs, scheduler, finished):
         # A worker's threads are the chunk's: one chunk takes the whole worker.
         workers = max(1, len(client.scheduler_info()["workers"]))
         waiting = list(runs)
-        size = 8
+        size, compiles = 8, False
         chunks = {}
 
         def submit():
             chunk = numpy.array(waiting[:size])
             del waiting[:size]
-            future = client.submit(_run_remotely, task, values[chunk], pure=False,
+            future = client.submit(_run_remotely, task, values[chunk], compiles, pure=False,
                                    retries=10)
             chunks[future.key] = chunk
             return future
@@ -379,6 +387,7 @@ def run_on_cluster(task, values, runs, scheduler, finished):
             chunk = chunks.pop(future.key)
             finished(chunk, metrics, reasons)
             size = chunk_size(len(chunk), seconds, len(waiting), 2 * workers)
+            compiles = compiles or is_long(len(chunk), seconds, len(waiting), workers)
             if waiting:
                 pending.add(submit())
 

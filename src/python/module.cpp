@@ -77,8 +77,9 @@ Metric makeMetric(const MetricTuple& parts) {
 py::tuple sweepRows(const py::object& scene, const py::object& overrides,
                     const std::vector<std::string>& paths,
                     const std::vector<std::vector<double>>& values, const RunRequest& run,
-                    const std::vector<MetricTuple>& metrics, int threads) {
-  SweepRequest request{readSceneArgument(scene), readOverrides(overrides), paths, run, {}};
+                    const std::vector<MetricTuple>& metrics, int threads, bool compiles) {
+  SweepRequest request{
+      readSceneArgument(scene), readOverrides(overrides), paths, run, {}, compiles};
   for (const MetricTuple& metric : metrics) request.metrics.push_back(makeMetric(metric));
   PluginlibComponentFactory factory;
   std::vector<SweepRow> rows;
@@ -228,17 +229,18 @@ PYBIND11_MODULE(_core, module) {
   python::bindSample(module);
   python::bindAnalysis(module);
   python::bindSimulation(module);
-  module.def("_sweep", [](const py::object& scene, const py::object& overrides,
-                          const std::vector<std::string>& paths,
-                          const std::vector<std::vector<double>>& values, double duration,
-                          double rate, const py::object& times,
-                          const std::vector<python::CommandTuple>& commands,
-                          const std::string& columns,
-                          const std::vector<python::MetricTuple>& metrics, int threads) {
-    return python::sweepRows(scene, overrides, paths, values,
-                             python::makeRequest(duration, rate, times, commands, columns, false),
-                             metrics, threads);
-  });
+  module.def(
+      "_sweep",
+      [](const py::object& scene, const py::object& overrides,
+         const std::vector<std::string>& paths, const std::vector<std::vector<double>>& values,
+         double duration, double rate, const py::object& times,
+         const std::vector<python::CommandTuple>& commands, const std::string& columns,
+         const std::vector<python::MetricTuple>& metrics, int threads, bool compiles) {
+        return python::sweepRows(
+            scene, overrides, paths, values,
+            python::makeRequest(duration, rate, times, commands, columns, false), metrics, threads,
+            compiles);
+      });
   module.def("read_commands", [](const std::string& path) {
     std::vector<python::CommandTuple> commands;
     for (const TimedCommand& command : readCommandFile(path)) {

@@ -1,11 +1,13 @@
 #include "python/sweep.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
 #include <limits>
+#include <memory>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -137,12 +139,46 @@ class RowScenes {
   int uses_left_ = 0;
 };
 
+/// Machine code of some runs, never moved, that all rows have theirs from. A scene in which two
+/// numbers happen to be equal has other formulas than one in which they are not: there are a few.
+class CodeOfRows {
+ public:
+  explicit CodeOfRows(bool compiles) : compiles_(compiles) {}
+
+  void giveTo(Simulation& simulation, const std::vector<double>& values, RowScenes& scenes) {
+    const std::size_t ready = ready_;
+    for (std::size_t i = 0; i < ready; ++i) {
+      if (simulation.shareMachineCode(*owners_[i])) return;
+    }
+    if (ready == kMost) return;
+    // Rows that come while one is compiled are interpreted.
+    const std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
+    if (!lock.owns_lock() || tried_ == kMost || ready_ != ready) return;
+    ++tried_;
+    auto owner = std::make_unique<Simulation>(scenes.make(values));
+    const bool always = owner->scene().solver.machine_code == MachineCode::kAlways;
+    if (!owner->loadMachineCode(compiles_ || always)) return;
+    simulation.shareMachineCode(*owner);
+    owners_[ready] = std::move(owner);
+    ++ready_;
+  }
+
+ private:
+  static constexpr std::size_t kMost = 4;
+  const bool compiles_;
+  std::mutex mutex_;
+  std::size_t tried_ = 0;
+  std::array<std::unique_ptr<Simulation>, kMost> owners_;
+  std::atomic<std::size_t> ready_{0};
+};
+
 SweepRow runRow(const SweepRequest& request, const std::vector<double>& values, RowScenes& scenes,
-                const KeepOn& keep_on) {
+                CodeOfRows& code, const KeepOn& keep_on) {
   SweepRow row;
   row.metrics.assign(request.metrics.size(), kNaN);
   try {
     Session session(scenes.make(values));
+    code.giveTo(session.simulation(), values, scenes);
     session.simulation().trackEnergy(request.run.columns.energy);
     const RunRows rows = session.run(request.run, keep_on);
     row.reason = session.simulation().describeStatus();
@@ -190,6 +226,7 @@ std::vector<SweepRow> runSweep(const SweepRequest& request,
   applyOwnOverrides(tree);
   for (const auto& [path, value] : request.overrides) setValue(tree, path, value);
   std::vector<SweepRow> rows(values.size());
+  CodeOfRows code(request.compiles);
   std::atomic<std::size_t> next{0};
   std::atomic<bool> is_cancelled{false};
   std::mutex mutex;
@@ -198,7 +235,7 @@ std::vector<SweepRow> runSweep(const SweepRequest& request,
   const auto work = [&] {
     RowScenes scenes(request, tree, locked);
     for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
-      rows[i] = runRow(request, values[i], scenes, [&] { return !is_cancelled; });
+      rows[i] = runRow(request, values[i], scenes, code, [&] { return !is_cancelled; });
     }
     const std::lock_guard<std::mutex> lock(mutex);
     --running;

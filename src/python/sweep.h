@@ -29,6 +29,8 @@ struct SweepRequest {
   std::vector<std::string> paths;  ///< what differs
   RunRequest run;
   std::vector<Metric> metrics;
+  /// Whether formulas for which there is no machine code in the cache yet are compiled first.
+  bool compiles = false;
 };
 
 /// One run of a sweep.
