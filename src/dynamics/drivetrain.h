@@ -429,9 +429,8 @@ class Drivetrain {
 
   /// |J^-1 C^T A^-1| times what rounding makes of the residuals of some constraints.
   template <class Evaluate>
-  void addProjectionRounding(const StateView& state, const std::vector<int>& rows,
-                             const ConstraintSolver& solver, double* rounding,
-                             Evaluate evaluate) const;
+  void addProjectionRounding(const StateView& state, const ConstraintSolver& solver,
+                             double* rounding, Evaluate evaluate) const;
 
   /// -J^-1 C^T A^-1 (residual + C shift) over the constraints of a level of `program_`; without a
   /// shift nullptr.

@@ -28,24 +28,22 @@ bool Drivetrain::calcCorrection(const double* level, const double* shift, Constr
 }
 
 template <class Evaluate>
-void Drivetrain::addProjectionRounding(const StateView& state, const std::vector<int>& rows,
-                                       const ConstraintSolver& solver, double* rounding,
-                                       Evaluate evaluate) const {
+void Drivetrain::addProjectionRounding(const StateView& state, const ConstraintSolver& solver,
+                                       double* rounding, Evaluate evaluate) const {
   constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
   for (int r = 0; r < solver.rowCount(); ++r) {
-    const int m = rows[static_cast<std::size_t>(r)];
-    const double here = evaluate(m, state);
+    const double here = evaluate(r, state);
     double noise = kUlps * std::abs(here);
     StateView beside = state;
     beside.time = state.time * (1.0 + kUlps);
-    noise += std::abs(evaluate(m, beside) - here);
+    noise += std::abs(evaluate(r, beside) - here);
     // sin(t + 1e8) knows its argument to 1e-8: how far is it from smooth?
     double bend = 0.0;
     for (const double part : {1e-7, 6.18e-8, 3.82e-8, 2.36e-8}) {
       beside.time = state.time + part;
-      double sum = evaluate(m, beside);
+      double sum = evaluate(r, beside);
       beside.time = state.time - part;
-      sum += evaluate(m, beside);
+      sum += evaluate(r, beside);
       bend = std::max(bend, std::abs(sum - 2.0 * here));
     }
     noise += 2.0 * bend;
@@ -57,7 +55,7 @@ void Drivetrain::addProjectionRounding(const StateView& state, const std::vector
       beside.*part = shifted;
       for (int i = 0; i < S; ++i) {
         shifted[i] = (state.*part)[i] * (1.0 + kUlps);
-        noise += std::abs(evaluate(m, beside) - here);
+        noise += std::abs(evaluate(r, beside) - here);
         shifted[i] = (state.*part)[i];
       }
       beside.*part = state.*part;
@@ -134,13 +132,12 @@ void Drivetrain::calcProjectionRounding(const StateView& state, double* velocity
                                         double* acceleration) {
   std::fill_n(velocity, S, 0.0);
   std::fill_n(acceleration, S, 0.0);
-  addProjectionRounding(state, velocity_rows_, velocity_solver_, velocity,
-                        [&](int m, const StateView& at) { return constraint(m).calcResidual(at); });
-  addProjectionRounding(state, acceleration_rows_, acceleration_solver_, acceleration,
-                        [&](int m, const StateView& at) {
-                          double C[kMaxShafts];
-                          return constraint(m).calcResidualAndJacobian(at, C);
-                        });
+  addProjectionRounding(state, velocity_solver_, velocity, [&](int r, const StateView& at) {
+    return program_.calcVelocityLevel(at)[r * (S + 1)];
+  });
+  addProjectionRounding(state, acceleration_solver_, acceleration, [&](int r, const StateView& at) {
+    return program_.calcAccelerationLevel(at)[r * (S + 1)];
+  });
 }
 
 bool Drivetrain::calcJumpRate(const StateView& state, const double* torque_jump,

@@ -120,11 +120,14 @@ class TaylorStepper final : public Stepper {
     const double length = length_ / series_->unit();
     double stiffest = 0.0;
     double factorial = 1.0;
+    double factors[kDerivatives];  // (last - j)! / last!
     for (int k = 2; k <= last; ++k) factorial *= k;
+    factors[0] = 1.0;
+    for (int j = 1; j < kDerivatives; ++j) factors[j] = factors[j - 1] / (last - j + 1);
     for (int n = least_angle_; n < size_; ++n) {
       const double* const c = coefficients(n);
       const double faint = kFaint * tolerance_.of(c[0]);
-      const double rate = exponentialRate(c, last);  // |lambda| unit
+      const double rate = exponentialRate(c, last, factors);  // |lambda| unit
       if (rate > 0.0) {
         const double largest = std::max(std::abs(c[last]), std::abs(c[last - 1]) * rate / last);
         const double delta = largest * (factorial / power(rate, last));
@@ -162,13 +165,9 @@ class TaylorStepper final : public Stepper {
   /// |lambda| of the exponential, or of the pair of them, that the last derivatives d_n = n! c_n
   /// are of: d_n = lambda d_{n-1}, or d_n = a d_{n-1} + b d_{n-2}. 0 where they are of none: those
   /// of a singularity at a distance R grow as n! / R^n.
-  static double exponentialRate(const double* c, int last) {
+  static double exponentialRate(const double* c, int last, const double* factors) {
     double d[kDerivatives];  // the last first, over last!
-    double falling = 1.0;
-    for (int j = 0; j < kDerivatives; ++j) {
-      d[j] = c[last - j] / falling;
-      falling *= last - j;
-    }
+    for (int j = 0; j < kDerivatives; ++j) d[j] = c[last - j] * factors[j];
     const double lambda = d[0] / d[1];
     const auto isSingle = [&](int j) {
       return std::abs(d[j] - lambda * d[j + 1]) <= kMatch * std::abs(d[j]);
