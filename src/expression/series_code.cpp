@@ -1,6 +1,5 @@
 // A SeriesProgram as C: the same operations in the same order, so that they make the same bits.
 // Order 0 stays the program's own where it looks up tables.
-#include <iterator>
 #include <set>
 #include <sstream>
 
@@ -447,45 +446,6 @@ std::string SeriesProgram::writeConvolution(int a, int b, const std::string& n,
 
 std::string SeriesProgram::writeCode(Part part, std::set<int>* mirrored) const {
   return SeriesWriter(*this, mirrored).write(part);
-}
-
-void SeriesProgram::addStructure(CodeStructure* structure) const {
-  std::vector<int>& words = structure->words;
-  const auto count = [&words](std::size_t n) { words.push_back(static_cast<int>(n)); };
-  const auto add = [&](const std::vector<int>& numbers) {
-    count(numbers.size());
-    words.insert(words.end(), numbers.begin(), numbers.end());
-  };
-  count(width_);
-  add(degree_);
-  for (const bool is : accelerated_) count(is ? 1 : 0);
-  for (const bool has : has_pole_) count(has ? 1 : 0);
-  add(accelerations_);
-  for (const std::vector<int>& program : programs_) add(program);
-  // Constants have their places whether they are written out or not.
-  const auto addConstant = [&](double value) {
-    if (structure->note(value)) structure->constants.push_back(value);
-  };
-  count(terms_.size());
-  for (const Term& term : terms_) {
-    count(static_cast<std::size_t>(term.row));
-    addConstant(term.factor);
-  }
-  count(instructions_.size());
-  for (const Instruction& it : instructions_) {
-    words.insert(words.end(), {static_cast<int>(it.code), static_cast<int>(it.begin), it.result,
-                               it.aux[0], it.aux[1], it.state, it.is_tried ? 1 : 0});
-    words.insert(words.end(), std::begin(it.operands), std::end(it.operands));
-    addConstant(it.constant);
-  }
-  count(pieces_.size());
-  for (const Piece& piece : pieces_) {
-    words.insert(words.end(),
-                 {piece.table != nullptr ? 1 : 2, piece.degree[0], piece.degree[1], piece.a});
-    words.insert(words.end(), std::begin(piece.powers_x), std::end(piece.powers_x));
-    words.insert(words.end(), std::begin(piece.powers_y), std::end(piece.powers_y));
-    words.insert(words.end(), std::begin(piece.sums), std::end(piece.sums));
-  }
 }
 
 std::string SeriesProgram::writeBegin() const {

@@ -1,0 +1,101 @@
+/// How the rows of a SeriesProgram are chosen: sums, differences and constant factors of nodes are
+/// gathered into one linear form, which gets a row of its own only where something that is not
+/// linear, or an output, reads it. A product of nodes with constant factors is that of the nodes.
+#pragma once
+
+#include <cstddef>
+#include <initializer_list>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "expression/series_program.h"
+
+namespace variator_sim::expression {
+
+class SeriesCompiler {
+ public:
+  SeriesCompiler(const Graph& graph, SeriesProgram& program) : graph_(graph), made_(program) {}
+
+  void compile(const std::vector<Node>& trial, const std::vector<Node>& others,
+               const std::vector<int>& slots, int order);
+
+ private:
+  using Code = SeriesProgram::Code;
+  using Begin = SeriesProgram::Begin;
+  using Instruction = SeriesProgram::Instruction;
+  using Term = SeriesProgram::Term;
+  /// constant + sum factor row
+  struct Form {
+    double constant = 0.0;
+    std::vector<Term> terms;
+  };
+  /// Forms with more terms get a row, so that what reads them does not repeat them.
+  static constexpr std::size_t kMostTerms = 6;
+
+  int addRow(int degree, bool is_accelerated);
+  int degree(int row) const { return made_.degree(row); }
+
+  /// Appends an instruction; what it writes depends on what it reads.
+  int append(Instruction it, std::initializer_list<int*> results, int degree);
+  bool mayHavePole(const Instruction& it) const;
+  /// Adds an instruction whose rows are there; returns that of its result.
+  int place(const Instruction& it, const std::vector<int>& written);
+  int addState();
+
+  int constantRow(double value);
+  /// The row of a form; `form` is that row from then on.
+  int rowOf(Form& form);
+  int rowOf(int node) { return rowOf(forms_[static_cast<std::size_t>(node)]); }
+
+  /// ka a + kb b
+  static Form combine(const Form& a, double ka, const Form& b, double kb);
+  static Form scaled(const Form& form, double by) { return combine(form, by, Form{}, 0.0); }
+  static Form single(int row, double factor = 1.0) { return Form{0.0, {{row, factor}}}; }
+  /// The factor of a form of one term, which is left without it; 1 of others.
+  double takeFactor(Form& form, int* row);
+
+  Form makeForm(const Graph::Entry& entry);
+  Form multiply(Form& a, Form& b);
+  int product(int x, int y);
+  Form divide(Form& a, Form& b);
+
+  /// The recurrence of other powers divides by x, which may be 0.
+  static constexpr double kMostMultiplied = 1000.0;
+
+  /// x^n by the same products as powerOf.
+  int multipliedPower(int x, int n);
+  Form power(const Graph::Entry& entry);
+
+  // series_compiler_functions.cpp
+
+  /// D of x: its rate, j x_j at j - 1.
+  int rate(int x);
+  int exponential(int x);
+  /// Sine and cosine of one argument; `second` tells which is asked for.
+  int pair(Code code, int x, bool second);
+  int tangent(Code code, int x);
+  /// log x, atan x, asin x, acos x, atan2(x, y).
+  int primitive(Begin begin, int x, int y);
+  int root(int x);
+
+  Form function(const Graph::Entry& entry);
+  int branch(const Graph::Entry& entry, int a);
+  int table(const Graph::Entry& entry, int a);
+
+  /// The first `count` outputs are those of the trial.
+  void findPrograms(std::size_t count);
+
+  const Graph& graph_;
+  SeriesProgram& made_;
+  std::vector<Form> forms_;    ///< of the nodes
+  std::vector<int> producer_;  ///< the instruction that writes a row, or -1
+  std::map<int, int> row_of_slot_;
+  std::map<double, int> row_of_constant_;
+  std::map<std::pair<int, int>, int> product_of_;
+  std::map<std::pair<int, int>, int> quotient_of_;
+  std::map<int, int> rate_of_;
+  std::map<std::pair<Code, int>, std::pair<int, int>> pair_of_;
+};
+
+}  // namespace variator_sim::expression
