@@ -58,9 +58,7 @@ bool LeastReactionSearch::setUp() {
     const int degree = row(m).accelerationDegree();
     is_cubic_ = is_cubic_ && degree >= 0 && degree <= 3;
   }
-  // E: J^-1 times their unit vectors, orthonormal in the metric J (Gram and Schmidt).
   Matrix inverse(S, S);
-  E_.resize(S, n_);
   for (int j = 0; j < S; ++j) {
     double unit[kMaxShafts] = {};
     double column[kMaxShafts];
@@ -68,6 +66,18 @@ bool LeastReactionSearch::setUp() {
     drivetrain_.inertia().solve(unit, column);
     for (int i = 0; i < S; ++i) inverse(i, j) = column[i];
   }
+  // How the others move with these held: no part of the rows that they multiply varies.
+  const Matrix rest = makeBasis(which, inverse);
+  const Matrix C = calcRowsOutside(inverse, rest);
+  separateSoftRows(C, rest);
+  return n_ > 0;
+}
+
+/// E: J^-1 times the unit vectors of the accelerations in `which`, orthonormal in the metric J
+/// (Gram and Schmidt). Returns what is left of J^-1 without it.
+LeastReactionSearch::Matrix LeastReactionSearch::makeBasis(const int* which,
+                                                           const Matrix& inverse) {
+  E_.resize(S, n_);
   for (int a = 0; a < n_; ++a) {
     double column[kMaxShafts];
     for (int i = 0; i < S; ++i) {
@@ -77,7 +87,6 @@ bool LeastReactionSearch::setUp() {
     const double length = std::sqrt(measure(column));
     for (int i = 0; i < S; ++i) E_(i, a) = column[i] / length;
   }
-  // The rest of J^-1: how the others move with these held.
   Matrix rest = inverse;
   for (int i = 0; i < S; ++i) {
     for (int j = 0; j < S; ++j) {
@@ -88,10 +97,16 @@ bool LeastReactionSearch::setUp() {
     rest.row(which[a]).setZero();
     rest.col(which[a]).setZero();
   }
-  // The rows' coefficients outside of these accelerations are the same everywhere.
+  return rest;
+}
+
+/// The rows' coefficients outside of these accelerations, which are the same everywhere, made of
+/// length 1; T has what makes them so.
+LeastReactionSearch::Matrix LeastReactionSearch::calcRowsOutside(const Matrix& inverse,
+                                                                 const Matrix& rest) {
   const int k = rowCount();
   StateView state = state_;
-  Matrix C = Matrix::Zero(k, S);  // there
+  Matrix C = Matrix::Zero(k, S);
   T_ = Matrix::Identity(k, k);
   for (int m = 0; m < k; ++m) {
     double epsilon[kMaxShafts];
@@ -118,8 +133,13 @@ bool LeastReactionSearch::setUp() {
     if (length > 0.0) T_(m, m) = 1.0 / length;
     for (int i = 0; i < S && has_outside; ++i) C(m, i) = values[i] / length;
   }
-  // T: combinations of the rows that are orthonormal there, the longest ones first; what is left
-  // of the others is nothing, and they are hard.
+  return C;
+}
+
+/// T: combinations of the rows that are orthonormal outside, the longest ones first; what is left
+/// of the others there is nothing, and they are hard.
+void LeastReactionSearch::separateSoftRows(Matrix C, const Matrix& rest) {
+  const int k = rowCount();
   F_ = Matrix::Zero(S, k);
   for (soft_ = 0; soft_ < k; ++soft_) {
     int longest = soft_;
@@ -148,7 +168,6 @@ bool LeastReactionSearch::setUp() {
       for (int n = 0; n < k; ++n) T_(m, n) -= product * T_(soft_, n);
     }
   }
-  return n_ > 0;
 }
 
 void LeastReactionSearch::descendAll() {

@@ -89,6 +89,9 @@ class LeastReactionSearch {
 
   // --- E, F, and what makes v of psi -----------------------------------------------------------
   bool setUp();
+  Matrix makeBasis(const int* which, const Matrix& inverse);
+  Matrix calcRowsOutside(const Matrix& inverse, const Matrix& rest);
+  void separateSoftRows(Matrix C, const Matrix& rest);
 
   // --- along rays ------------------------------------------------------------------------------
   /// The direction of the next ray, of length 1.
