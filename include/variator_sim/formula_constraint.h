@@ -85,6 +85,14 @@ class FormulaConstraint : public Constraint {
   /// call it `path`.
   void compile(expression::Node given, int order, const std::set<int>& inputs,
                const std::string& path);
+  struct Formulas;
+  Formulas derive(const std::set<int>& inputs, const std::string& path);
+  /// The function of order 3 with all jerks 0.
+  expression::Node withoutJerks(const std::vector<expression::Node>& C, const std::string& path);
+  void noteNonlinear(const Formulas& formulas);
+  void check(const Formulas& formulas, const std::string& path);
+  /// Throws std::length_error where one becomes too large.
+  void makePrograms(const Formulas& formulas);
 
   std::shared_ptr<expression::Graph> graph_;
   expression::Node function_;

@@ -139,138 +139,157 @@ void FormulaConstraint::doConfigure(ComponentContext& context) {
   }
 }
 
+/// What a constraint's programs compute.
+struct FormulaConstraint::Formulas {
+  std::vector<Node> C;  ///< the derivatives by the highest rates that occur
+  Node second;          ///< f' = C epsilon + ... for order 1, psi itself for order 2
+  Node c0;              ///< of the third-order form [12]
+  std::vector<Node> partials;
+  std::vector<Node> hessian;        ///< H
+  std::vector<Node> jacobian_rate;  ///< D, then H: dC/dt = D + H eta
+};
+
 void FormulaConstraint::compile(Node given, int order, const std::set<int>& inputs,
                                 const std::string& path) {
   Graph& graph = *graph_;
+  const int s = shaftCount();
   function_ = given;
   order_ = order;
-  const int s = shaftCount();
-  const auto size = static_cast<std::size_t>(s);
-  const auto is_zero = [&graph](Node node) { return graph.isConstant(node, 0.0); };
-
-  // C: the derivatives by the highest rates that occur.
-  std::vector<Node> C;
-  C.reserve(size);
-  for (int i = 0; i < s; ++i)
-    C.push_back(graph.differentiate(given, slotOf(kHighest[order - 1], i)));
-
-  const std::vector<Graph::Rate> rates = expression::ratesOf(graph, s, inputs);
-  std::vector<int> slots = {slotOf(Source::kTime)};
-  for (int i = 0; i < s; ++i) {
-    slots.insert(slots.end(), {slotOf(Source::kAngle, i), slotOf(Source::kVelocity, i),
-                               slotOf(Source::kAcceleration, i)});
-  }
   for (const int i : inputs) {
-    slots.push_back(slotOf(Source::kInput, i));
-    if (graph.dependsOn(given, slots.back())) inputs_.insert(i);
+    if (graph.dependsOn(given, slotOf(Source::kInput, i))) inputs_.insert(i);
   }
+  const Formulas formulas = derive(inputs, path);
+  second_order_ = formulas.second;
+  noteNonlinear(formulas);
+  check(formulas, path);
+  try {
+    makePrograms(formulas);
+  } catch (const std::length_error& error) {
+    throw SceneError(path, error.what());
+  }
+  // No derivative reads what the formula itself does not.
+  dependence_ = expression::dependenceOf(graph, {given}, s);
+  has_constant_jacobian_ = std::all_of(formulas.C.begin(), formulas.C.end(),
+                                       [&graph](Node entry) { return graph.isConstant(entry); });
+  row_derivatives_ = expression::StateDerivatives::of(graph, row_nodes_, s);
+}
 
-  // The second-order form: f' = C epsilon + ... for order 1, psi itself for order 2.
-  const Node second = order == 1 ? graph.totalDerivative(given, rates) : given;
-  second_order_ = second;
-  // c0 of the third-order form [12]. The jerks of order 3 occur linearly: c0 is what is left
-  // without them.
-  Node c0;
-  if (order < 3) {
-    c0 = graph.totalDerivative(second, rates);
-  } else {
-    std::vector<Graph::Rate> no_jerks;
+FormulaConstraint::Formulas FormulaConstraint::derive(const std::set<int>& inputs,
+                                                      const std::string& path) {
+  Graph& graph = *graph_;
+  const int s = shaftCount();
+  Formulas made;
+  made.C.reserve(static_cast<std::size_t>(s));
+  for (int i = 0; i < s; ++i) {
+    made.C.push_back(graph.differentiate(function_, slotOf(kHighest[order_ - 1], i)));
+  }
+  const std::vector<Graph::Rate> rates = expression::ratesOf(graph, s, inputs);
+  made.second = order_ == 1 ? graph.totalDerivative(function_, rates) : function_;
+  // The jerks of order 3 occur linearly: c0 is what is left without them.
+  made.c0 = order_ < 3 ? graph.totalDerivative(made.second, rates) : withoutJerks(made.C, path);
+  if (order_ < 3) {
+    std::vector<int> slots = {slotOf(Source::kTime)};
     for (int i = 0; i < s; ++i) {
-      no_jerks.emplace_back(slotOf(Source::kJerk, i), graph.constant(0.0));
-      for (const Node entry : C) {
-        if (!graph.dependsOn(entry, no_jerks.back().first)) continue;
-        throw SceneError(path, "a jerk may occur in a constraint of order 3 linearly only");
-      }
+      slots.insert(slots.end(), {slotOf(Source::kAngle, i), slotOf(Source::kVelocity, i),
+                                 slotOf(Source::kAcceleration, i)});
     }
-    c0 = graph.substitute(given, no_jerks);
-  }
-
-  std::vector<Node> partials;
-  if (order < 3) {
+    for (const int i : inputs) slots.push_back(slotOf(Source::kInput, i));
     for (const int slot : slots) {
-      const Node partial = graph.differentiate(given, slot);
-      if (!is_zero(partial)) {
-        partials.push_back(partial);
-        partial_slots_.push_back(slot);
-      }
+      const Node partial = graph.differentiate(function_, slot);
+      if (graph.isConstant(partial, 0.0)) continue;
+      made.partials.push_back(partial);
+      partial_slots_.push_back(slot);
     }
   }
-  // dC/dt = D + H eta
-  std::vector<Node> jacobian_rate;
-  std::vector<Node> hessian;
-  for (const Node entry : C) {
-    jacobian_rate.push_back(graph.totalDerivative(entry, rates));
+  for (const Node entry : made.C) {
+    made.jacobian_rate.push_back(graph.totalDerivative(entry, rates));
     for (int j = 0; j < s; ++j) {
-      hessian.push_back(graph.differentiate(entry, slotOf(Source::kAcceleration, j)));
+      made.hessian.push_back(graph.differentiate(entry, slotOf(Source::kAcceleration, j)));
     }
   }
-  jacobian_rate.insert(jacobian_rate.end(), hessian.begin(), hessian.end());
-  if (order > 1) {
+  made.jacobian_rate.insert(made.jacobian_rate.end(), made.hessian.begin(), made.hessian.end());
+  return made;
+}
+
+Node FormulaConstraint::withoutJerks(const std::vector<Node>& C, const std::string& path) {
+  Graph& graph = *graph_;
+  std::vector<Graph::Rate> no_jerks;
+  for (int i = 0; i < shaftCount(); ++i) {
+    no_jerks.emplace_back(slotOf(Source::kJerk, i), graph.constant(0.0));
+    for (const Node entry : C) {
+      if (!graph.dependsOn(entry, no_jerks.back().first)) continue;
+      throw SceneError(path, "a jerk may occur in a constraint of order 3 linearly only");
+    }
+  }
+  return graph.substitute(function_, no_jerks);
+}
+
+void FormulaConstraint::noteNonlinear(const Formulas& formulas) {
+  const Graph& graph = *graph_;
+  const int s = shaftCount();
+  if (order_ > 1) {
     const std::vector<unsigned> reads = findReads(graph, Source::kAcceleration, s);
-    nonlinear_ = findPiecewise(graph, reads, given);
+    nonlinear_ = findPiecewise(graph, reads, function_);
     for (int i = 0; i < s; ++i) {
-      bool is_constant = findPiecewise(graph, reads, C[static_cast<std::size_t>(i)]) == 0U;
-      const auto row = hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
-      is_constant = is_constant && std::all_of(row, row + s, is_zero);
+      bool is_constant = findPiecewise(graph, reads, formulas.C[static_cast<std::size_t>(i)]) == 0U;
+      const auto row = formulas.hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
+      is_constant = is_constant && std::all_of(row, row + s, [&graph](Node node) {
+                      return graph.isConstant(node, 0.0);
+                    });
       if (!is_constant) nonlinear_ |= 1U << static_cast<unsigned>(i);
     }
   }
-
   std::vector<int> accelerations;
   accelerations.reserve(static_cast<std::size_t>(s));
   for (int i = 0; i < s; ++i) accelerations.push_back(slotOf(Source::kAcceleration, i));
-  degree_ = graph.polynomialDegree(second, accelerations);
+  degree_ = graph.polynomialDegree(formulas.second, accelerations);
+}
 
+void FormulaConstraint::check(const Formulas& formulas, const std::string& path) {
+  const Graph& graph = *graph_;
   // Of an opaque function no second derivative is known: they are NaN.
-  const bool is_opaque = graph.hasOpaque({given});
-  if (order == 1 && is_opaque && graph.hasNonFiniteConstant(c0)) {
+  const bool is_opaque = graph.hasOpaque({function_});
+  if (order_ == 1 && is_opaque && graph.hasNonFiniteConstant(formulas.c0)) {
     throw SceneError(path,
                      "a constraint of order 1 is differentiated twice, and the opaque function in "
                      "it has first derivatives only; allowed: a function made of Expressions, or a "
                      "constraint of order 2");
   }
-  has_jacobian_rate_ = !is_opaque || !graph.hasNonFiniteConstant(jacobian_rate);
-  std::vector<Node> checked = partials;
-  checked.push_back(c0);
+  has_jacobian_rate_ = !is_opaque || !graph.hasNonFiniteConstant(formulas.jacobian_rate);
+  std::vector<Node> checked = formulas.partials;
+  checked.push_back(formulas.c0);
   if (has_jacobian_rate_) {
-    checked.insert(checked.end(), jacobian_rate.begin(), jacobian_rate.end());
+    checked.insert(checked.end(), formulas.jacobian_rate.begin(), formulas.jacobian_rate.end());
   }
   for (const Node node : checked) {
     if (graph.hasNonFiniteConstant(node)) {
       throw SceneError(path, "a derivative of it has a constant part that is not finite");
     }
   }
+}
 
-  const auto with_C = [&C](Node first) {
+void FormulaConstraint::makePrograms(const Formulas& formulas) {
+  const Graph& graph = *graph_;
+  const auto with_C = [&formulas](Node first) {
     std::vector<Node> nodes = {first};
-    nodes.insert(nodes.end(), C.begin(), C.end());
+    nodes.insert(nodes.end(), formulas.C.begin(), formulas.C.end());
     return nodes;
   };
-  row_nodes_ = C;
-  row_nodes_.push_back(c0);
-  try {
-    row_ = Tape(graph, row_nodes_);
-    if (has_jacobian_rate_) {
-      hessian_ = Tape(graph, hessian);
-      jacobian_rate_ = Tape(graph, jacobian_rate);
-    }
-    if (order < 3) {
-      residual_ = Tape(graph, {given});
-      residual_and_jacobian_ = Tape(graph, with_C(second));
-      partials_ = Tape(graph, partials);
-    }
-    if (order == 1) velocity_level_ = Tape(graph, with_C(given));
-    guards_ = expression::findGuards(graph, {given});
-    instants_ = expression::findInstants(graph, {given});
-  } catch (const std::length_error& error) {
-    throw SceneError(path, error.what());
+  row_nodes_ = formulas.C;
+  row_nodes_.push_back(formulas.c0);
+  row_ = Tape(graph, row_nodes_);
+  if (has_jacobian_rate_) {
+    hessian_ = Tape(graph, formulas.hessian);
+    jacobian_rate_ = Tape(graph, formulas.jacobian_rate);
   }
-
-  // No derivative reads what the formula itself does not.
-  dependence_ = expression::dependenceOf(graph, {given}, s);
-  has_constant_jacobian_ =
-      std::all_of(C.begin(), C.end(), [&graph](Node entry) { return graph.isConstant(entry); });
-  row_derivatives_ = expression::StateDerivatives::of(graph, row_nodes_, s);
+  if (order_ < 3) {
+    residual_ = Tape(graph, {function_});
+    residual_and_jacobian_ = Tape(graph, with_C(formulas.second));
+    partials_ = Tape(graph, formulas.partials);
+  }
+  if (order_ == 1) velocity_level_ = Tape(graph, with_C(function_));
+  guards_ = expression::findGuards(*graph_, {function_});
+  instants_ = expression::findInstants(graph, {function_});
 }
 
 double FormulaConstraint::doCalcResidual(const StateView& state) const {
