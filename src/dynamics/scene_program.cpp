@@ -13,43 +13,58 @@ namespace variator_sim {
 using expression::Graph;
 using expression::Node;
 
+namespace {
+
+/// An element of another graph (made for itself, not by the scene's reader) is one of its own.
+template <class Law, class Element>
+const Law* formulaIn(const Scene& scene, const Element& element) {
+  const auto* law = dynamic_cast<const Law*>(element.get());
+  return law != nullptr && &law->graph() == scene.graph.get() ? law : nullptr;
+}
+
+void addTerms(Graph& graph, const std::vector<FormulaTorque::ShaftNode>& terms,
+              std::vector<Node>& sums) {
+  for (const auto& [shaft, term] : terms) {
+    Node& sum = sums[static_cast<std::size_t>(shaft)];
+    sum = graph.isConstant(sum, 0.0) ? term : graph.add(sum, term);
+  }
+}
+
+}  // namespace
+
 SceneProgram::SceneProgram(const Scene& scene) : scene_(scene), S(scene.shaftCount()) {
   Graph& graph = *scene.graph;
-  const auto s = static_cast<std::size_t>(scene.shaftCount());
-  const std::vector<Node> nothing(s, graph.constant(0.0));
-  // An element of another graph (made for itself, not by the scene's reader) is one of its own.
-  const auto is_here = [&graph](const auto* law) {
-    return law != nullptr && &law->graph() == &graph;
-  };
-
+  const std::vector<Node> nothing(static_cast<std::size_t>(S), graph.constant(0.0));
   std::vector<Node> torque = nothing;
   std::vector<Node> rate = nothing;
-  const auto add = [&graph](const std::vector<FormulaTorque::ShaftNode>& terms,
-                            std::vector<Node>& sums) {
-    for (const auto& [shaft, term] : terms) {
-      Node& sum = sums[static_cast<std::size_t>(shaft)];
-      sum = graph.isConstant(sum, 0.0) ? term : graph.add(sum, term);
-    }
-  };
   for (const TorquePtr& element : scene.torques) {
-    const auto* law = dynamic_cast<const FormulaTorque*>(element.get());
-    if (!is_here(law)) {
+    const auto* law = formulaIn<FormulaTorque>(scene, element);
+    if (law == nullptr) {
       opaque_torques_.push_back(element.get());
       continue;
     }
-    add(law->torques(), torque);
-    add(law->rates(), rate);
+    addTerms(graph, law->torques(), torque);
+    addTerms(graph, law->rates(), rate);
   }
+  torque_ = Program(graph, torque);
+  rate_ = Program(graph, rate);
+  makeRows(rate);
+  for (const auto& table : graph.tables()) tables_.push_back(table.get());
+  for (const auto& table : graph.tables2()) tables2_.push_back(table.get());
+}
 
+void SceneProgram::makeRows(const std::vector<Node>& rate) {
+  Graph& graph = *scene_.graph;
+  const auto s = static_cast<std::size_t>(S);
   std::vector<Node> rows;
   std::vector<Node> velocities;
   std::vector<Node> accelerations;
-  for (const ConstraintPtr& constraint : scene.constraints) {
-    const auto* law = dynamic_cast<const FormulaConstraint*>(constraint.get());
+  for (const ConstraintPtr& constraint : scene_.constraints) {
+    const auto* law = formulaIn<FormulaConstraint>(scene_, constraint);
     // f or psi, and C
     const auto addLevel = [&](Node residual, std::vector<Node>& level,
                               std::vector<OpaqueRow>& opaque) {
-      if (!is_here(law)) {
+      if (law == nullptr) {
         opaque.push_back({constraint.get(), static_cast<int>(level.size() / (s + 1))});
         level.insert(level.end(), s + 1, graph.constant(0.0));
         return;
@@ -63,7 +78,7 @@ SceneProgram::SceneProgram(const Scene& scene) : scene_(scene), S(scene.shaftCou
     if (constraint->order() < 3) {
       addLevel(law == nullptr ? Node{} : law->secondOrder(), accelerations, opaque_accelerations_);
     }
-    if (is_here(law)) {
+    if (law != nullptr) {
       rows.insert(rows.end(), law->row().begin(), law->row().end());
     } else {
       opaque_rows_.push_back(static_cast<int>(rows.size() / (s + 1)));
@@ -72,15 +87,11 @@ SceneProgram::SceneProgram(const Scene& scene) : scene_(scene), S(scene.shaftCou
   }
   std::vector<Node> rate_and_rows = rate;
   rate_and_rows.insert(rate_and_rows.end(), rows.begin(), rows.end());
-  torque_ = Program(graph, torque);
-  rate_ = Program(graph, rate);
   rows_ = Program(graph, rows);
   rate_and_rows_ = Program(graph, rate_and_rows);
   velocity_level_ = Program(graph, velocities);
   acceleration_level_ = Program(graph, accelerations);
   sum_.resize(rate_and_rows.size());
-  for (const auto& table : graph.tables()) tables_.push_back(table.get());
-  for (const auto& table : graph.tables2()) tables2_.push_back(table.get());
 }
 
 const double* SceneProgram::addOpaqueRows(const StateView& state, double* values, int begin) const {

@@ -71,6 +71,8 @@ class SceneProgram {
   std::string writeSource(const MotionSeries* series) const;
 
  private:
+  /// The programs of the constraints; Q' goes along.
+  void makeRows(const std::vector<expression::Node>& rate);
   void copy(const Program& program, const StateView& state, double* values) const {
     const double* const computed = program.evaluate(state);
     for (std::size_t i = 0; i < program.outputs().size(); ++i) values[i] = computed[i];
