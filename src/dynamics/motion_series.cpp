@@ -86,17 +86,16 @@ MotionSeries::MotionSeries(const Scene& scene, Drivetrain& drivetrain)
       is_classical_(scene.principle == Principle::kGauss),
       solver_(S, k_) {}
 
-void MotionSeries::compile() {
+MotionSeries::Formulas MotionSeries::listFormulas() const {
   Graph& graph = *scene_.graph;
-  std::vector<Node> torques(static_cast<std::size_t>(S), graph.constant(0.0));
+  Formulas made;
+  made.torques.assign(static_cast<std::size_t>(S), graph.constant(0.0));
   for (const TorquePtr& element : scene_.torques) {
     for (const auto& [shaft, torque] : formulaIn<FormulaTorque>(scene_, element)->torques()) {
-      Node& sum = torques[static_cast<std::size_t>(shaft)];
+      Node& sum = made.torques[static_cast<std::size_t>(shaft)];
       sum = graph.isConstant(sum, 0.0) ? torque : graph.add(sum, torque);
     }
   }
-  std::vector<Node> residuals;
-  std::vector<Node> rows;
   for (const ConstraintPtr& constraint : scene_.constraints) {
     const auto* law = formulaIn<FormulaConstraint>(scene_, constraint);
     Node residual = law->function();
@@ -107,26 +106,30 @@ void MotionSeries::compile() {
     } else if (constraint->order() == 3) {
       residual = law->row().back();
     }
-    residuals.push_back(residual);
-    rows.insert(rows.end(), law->row().begin(), law->row().end() - 1);
+    made.residuals.push_back(residual);
+    made.rows.insert(made.rows.end(), law->row().begin(), law->row().end() - 1);
   }
-  std::vector<Node> inertias;
   for (int i = 0; i < S && !isInertiaConstant(); ++i) {
-    // J_i, 1/2 J_i' omega^2, 1/2 J_i' omega
     const Node inertia = inertiaOf(graph, scene_, i);
     const Node omega = graph.variable(slotOf(Source::kVelocity, i));
     const Node slope = graph.differentiate(inertia, slotOf(Source::kAngle, i));
     const Node connection = graph.multiply(graph.constant(0.5), graph.multiply(slope, omega));
-    inertias.insert(inertias.end(), {inertia, graph.multiply(connection, omega), connection});
+    made.inertias.insert(made.inertias.end(),
+                         {inertia, graph.multiply(connection, omega), connection});
   }
+  return made;
+}
 
+void MotionSeries::compile() {
+  Graph& graph = *scene_.graph;
+  const Formulas formulas = listFormulas();
   // Of order 3 nothing is tried: its c0 has no accelerations of the order that is looked for.
-  std::vector<Node> trial = residuals;
+  std::vector<Node> trial = formulas.residuals;
   std::vector<Node> others;
-  (is_classical_ ? trial : others)
-      .insert((is_classical_ ? trial : others).end(), rows.begin(), rows.end());
-  others.insert(others.end(), torques.begin(), torques.end());
-  others.insert(others.end(), inertias.begin(), inertias.end());
+  std::vector<Node>& with_rows = is_classical_ ? trial : others;
+  with_rows.insert(with_rows.end(), formulas.rows.begin(), formulas.rows.end());
+  others.insert(others.end(), formulas.torques.begin(), formulas.torques.end());
+  others.insert(others.end(), formulas.inertias.begin(), formulas.inertias.end());
 
   std::vector<int> slots = {slotOf(Source::kTime)};
   for (int i = 0; i < S; ++i) {
@@ -147,7 +150,16 @@ void MotionSeries::compile() {
     }
   }
   program_ = expression::SeriesProgram(graph, trial, others, slots, kMostOrder + 1);
+  for (std::size_t n = known; n < slots.size(); ++n) {
+    const Source source = expression::sourceOf(slots[n]);
+    const int derivative = source == Source::kInput ? 0 : source == Source::kInputRate ? 1 : 2;
+    input_rows_.push_back(
+        {expression::indexOf(slots[n]), derivative, program_.variable(static_cast<int>(n))});
+  }
+  findRows();
+}
 
+void MotionSeries::findRows() {
   int next = 0;
   row_of_time_ = program_.variable(next++);
   for (int i = 0; i < S; ++i) {
@@ -157,12 +169,6 @@ void MotionSeries::compile() {
   }
   for (int m = 0; m < k_; ++m) row_of_multiplier_[m] = program_.variable(next++);
   for (int i = 0; i < S; ++i) row_of_reaction_rate_[i] = program_.variable(next++);
-  for (std::size_t n = known; n < slots.size(); ++n) {
-    const Source source = expression::sourceOf(slots[n]);
-    const int derivative = source == Source::kInput ? 0 : source == Source::kInputRate ? 1 : 2;
-    input_rows_.push_back(
-        {expression::indexOf(slots[n]), derivative, program_.variable(static_cast<int>(n))});
-  }
   next = 0;
   for (int m = 0; m < k_; ++m) row_of_residual_[m] = program_.output(next++);
   for (int m = 0; m < k_; ++m) {

@@ -73,10 +73,23 @@ class MotionSeries {
 
  private:
   MotionSeries(const Scene& scene, Drivetrain& drivetrain);
+  struct Formulas {
+    std::vector<expression::Node> torques;    ///< Q, of the shafts
+    std::vector<expression::Node> residuals;  ///< psi or f'; c0 of order 3
+    std::vector<expression::Node> rows;       ///< C, row by row
+    /// Where it depends on an angle, of each shaft J_i, 1/2 J_i' omega^2 and 1/2 J_i' omega.
+    std::vector<expression::Node> inertias;
+  };
+  Formulas listFormulas() const;
   void compile();
+  /// Where in the program all of it is, in the order in which it was given.
+  void findRows();
 
   /// Rows that are read backwards are added to `mirrored`.
   std::string writeOrder(std::set<int>* mirrored) const;
+  std::string writeCoefficient(int row, const std::string& n) const;
+  std::string writeForceRest(std::set<int>* mirrored) const;
+  std::string writeConstraintRest() const;
   std::string writeReaction(std::set<int>* mirrored) const;
   /// Coefficients at a state that tells code and interpreter apart, as far as they come.
   std::vector<double> expandAt(int state);

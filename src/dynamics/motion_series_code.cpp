@@ -40,24 +40,19 @@ std::string nameOf(int order) {
 
 }  // namespace
 
-/// See continueTo, which it has to equal operation by operation.
-std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
+std::string MotionSeries::writeCoefficient(int row, const std::string& n) const {
+  return "r[" + std::to_string(program_.offset(row)) + " + (" + n + ")]";
+}
+
+/// See calcForceRest.
+std::string MotionSeries::writeForceRest(std::set<int>* mirrored) const {
   std::ostringstream text;
   const bool moves = !isInertiaConstant();
-  const auto at = [this](int row, const std::string& n) {
-    return "r[" + std::to_string(program_.offset(row)) + " + (" + n + ")]";
-  };
-  const auto set = [&](int row, const std::string& n, const std::string& value) {
-    text << "  { const double y = " << value << "; " << at(row, n) << " = y; "
-         << expression::SeriesProgram::writeMirror(row) << " r[" << program_.backwardOffset(row)
-         << " - (" << n << ")] = y; }\n";
-  };
-  for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "0.0");
-  text << "  series_given(n, r, s, c);\n  series_trial(n, r, s, c);\n";
   for (int i = 0; i < S; ++i) {
-    text << "  double a" << i << " = " << at(row_of_torque_[i], "n") << ";\n";
+    text << "  double a" << i << " = " << writeCoefficient(row_of_torque_[i], "n") << ";\n";
     if (moves) {
-      text << "  a" << i << " -= " << at(row_of_inertial_torque_[i], "n") << ";\n  a" << i << " -= "
+      text << "  a" << i << " -= " << writeCoefficient(row_of_inertial_torque_[i], "n") << ";\n  a"
+           << i << " -= "
            << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n", mirrored)
            << ";\n";
     }
@@ -69,8 +64,8 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
               program_.writeConvolution(entryRow(m, i), row_of_multiplier_[m], last, mirrored);
     }
     if (moves && !is_classical_) {
-      rest += (rest.empty() ? "0.0 + (" : " + (") + at(row_of_connection_[i], "0") + " * " +
-              at(row_of_reaction_rate_[i], "n - 1") + " + " +
+      rest += (rest.empty() ? "0.0 + (" : " + (") + writeCoefficient(row_of_connection_[i], "0") +
+              " * " + writeCoefficient(row_of_reaction_rate_[i], "n - 1") + " + " +
               program_.writeConvolution(row_of_connection_[i], row_of_reaction_rate_[i], "(n - 1)",
                                         mirrored) +
               ")";
@@ -79,19 +74,43 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
     text << "  a" << i << " = a" << i << " + " << (is_classical_ ? "1.0" : "u * (1.0 / n)")
          << " * (" << rest << ");\n";
   }
+  return text.str();
+}
+
+/// See calcConstraintRest.
+std::string MotionSeries::writeConstraintRest() const {
+  std::ostringstream text;
   for (int m = 0; m < k_; ++m) {
     const std::string g = "a" + std::to_string(S + m);
     if (drivetrain_.constraint(m).order() < 3) {
-      text << "  const double " << g << " = -" << at(row_of_residual_[m], "n") << ";\n";
+      text << "  const double " << g << " = -" << writeCoefficient(row_of_residual_[m], "n")
+           << ";\n";
       continue;
     }
-    text << "  double " << g << " = u * " << at(row_of_residual_[m], "n - 1") << ";\n";
+    text << "  double " << g << " = u * " << writeCoefficient(row_of_residual_[m], "n - 1")
+         << ";\n";
     for (int i = 0; i < S; ++i) {
-      text << "  for (int j = 1; j < n; ++j) " << g << " += (n - j) * " << at(entryRow(m, i), "j")
-           << " * " << at(row_of_acceleration_[i], "n - j") << ";\n";
+      text << "  for (int j = 1; j < n; ++j) " << g << " += (n - j) * "
+           << writeCoefficient(entryRow(m, i), "j") << " * "
+           << writeCoefficient(row_of_acceleration_[i], "n - j") << ";\n";
     }
     text << "  " << g << " = -" << g << " * (1.0 / n);\n";
   }
+  return text.str();
+}
+
+/// See continueTo, which it has to equal operation by operation.
+std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
+  std::ostringstream text;
+  const auto set = [&](int row, const std::string& n, const std::string& value) {
+    text << "  { const double y = " << value << "; " << writeCoefficient(row, n) << " = y; "
+         << expression::SeriesProgram::writeMirror(row) << " r[" << program_.backwardOffset(row)
+         << " - (" << n << ")] = y; }\n";
+  };
+  for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "0.0");
+  text << "  series_given(n, r, s, c);\n  series_trial(n, r, s, c);\n";
+  text << writeForceRest(mirrored);
+  text << writeConstraintRest();
   const int size = S + k_;
   for (int i = 0; i < size; ++i) {
     text << "  const double x" << i << " = ";
@@ -108,10 +127,11 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
   }
   for (int i = 0; i < S; ++i) {
     set(row_of_velocity_[i], "n + 1", "u * (1.0 / (n + 1)) * x" + std::to_string(i));
-    set(row_of_angle_[i], "n + 1", "u * (1.0 / (n + 1)) * " + at(row_of_velocity_[i], "n"));
+    set(row_of_angle_[i], "n + 1",
+        "u * (1.0 / (n + 1)) * " + writeCoefficient(row_of_velocity_[i], "n"));
   }
   text << "  series_accelerated(n, r, s, c);\n";
-  if (moves && !is_classical_) text << writeReaction(mirrored);
+  if (!isInertiaConstant() && !is_classical_) text << writeReaction(mirrored);
   return text.str();
 }
 
