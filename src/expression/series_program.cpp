@@ -112,6 +112,7 @@ void SeriesProgram::correct(int n) {
   }
 }
 
+// Longer than a screen, as the list of instructions is.
 void SeriesProgram::carryOut(const Instruction& it, int n) {
   const int a = it.operands[0];
   const int b = it.operands[1];
@@ -196,6 +197,7 @@ double SeriesProgram::beginPrimitive(const Instruction& it) const {
   return std::atan2(x, forward(it.operands[1])[0]);
 }
 
+// Longer than a screen, as the list of functions is.
 void SeriesProgram::continueFunction(const Instruction& it, int n) {
   const int a = it.operands[0];
   const int y = it.result;

@@ -17,10 +17,20 @@ State Integrator::goAhead(const StepNode& from, double length) const {
   return x;
 }
 
+/// Halves until nothing lies between a length before the edge and one beyond it.
+template <class IsBeyond>
+static void narrow(const IsBeyond& isBeyond, double* before, double* beyond) {
+  constexpr int kHalvings = 60;
+  for (int halving = 0; halving < kHalvings; ++halving) {
+    const double middle = 0.5 * (*before + *beyond);
+    if (!(middle > *before && middle < *beyond)) break;
+    *(isBeyond(middle) ? beyond : before) = middle;
+  }
+}
+
 bool Integrator::crossEdge() {
   constexpr int kAttempts = 2;
   constexpr int kMostAttempts = 25;
-  constexpr int kHalvings = 60;
   constexpr double kDepth = 1e-5;
   constexpr double kShyOfIt = 0.999;
   const int guard = crossing_.guard;
@@ -55,11 +65,7 @@ bool Integrator::crossEdge() {
     return false;
   }
   double before = 0.0;
-  for (int halving = 0; halving < kHalvings; ++halving) {
-    const double middle = 0.5 * (before + beyond);
-    if (!(middle > before && middle < beyond)) break;
-    (isBeyond(middle) ? beyond : before) = middle;
-  }
+  narrow(isBeyond, &before, &beyond);
   // (A rounding before the edge the torque may be that behind it.)
   const double resolution = 2.0 * shortestStep(absolute(base_.time));
   const double shy_of_it = std::min(kShyOfIt * before, before - resolution);

@@ -216,6 +216,36 @@ int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
   return kNoRest;
 }
 
+/// Tells how a run has ended. Returns the exit status, `exit_status` where that is one already.
+int report(Simulation& simulation, OfflineRun& offline_run, const SimulateOptions& options,
+           bool reader_has_gone, int exit_status) {
+  if (offline_run.refusedCount() > 0) {
+    std::fprintf(stderr, "simulate: warning: %llu commands refused, not finite; the first: %s:%d\n",
+                 static_cast<unsigned long long>(offline_run.refusedCount()),
+                 escaped(options.commands_path, 300).c_str(), offline_run.firstRefusedLine());
+  }
+  if (!simulation.status().ok()) {
+    std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
+    if (exit_status == kSuccess) exit_status = kStopped;
+  } else if (g_signal != 0) {
+    std::fprintf(stderr, "simulate: interrupted at %.6g s\n", simulation.time());
+    exit_status = kSignalBase + g_signal;
+  }
+  try {
+    const int finish_status = finish(simulation, offline_run, options);
+    if (exit_status == kSuccess) exit_status = finish_status;
+  } catch (const OutputError& error) {
+    std::fprintf(stderr, "simulate: %s\n", error.what());
+    exit_status = kBadOutput;
+  }
+  if (!reader_has_gone) {
+    for (const std::string& doubt : describeDoubts(simulation)) {
+      std::fprintf(stderr, "simulate: warning: %s\n", doubt.c_str());
+    }
+  }
+  return exit_status;
+}
+
 /// Runs to the end, a stop, a signal or a closed output.
 int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
         const SimulateOptions& options, const Span& span) {
@@ -268,30 +298,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   }
   progress.clear();
 
-  if (offline_run.refusedCount() > 0) {
-    std::fprintf(stderr, "simulate: warning: %llu commands refused, not finite; the first: %s:%d\n",
-                 static_cast<unsigned long long>(offline_run.refusedCount()),
-                 escaped(options.commands_path, 300).c_str(), offline_run.firstRefusedLine());
-  }
-  if (!simulation.status().ok()) {
-    std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
-    if (exit_status == kSuccess) exit_status = kStopped;
-  } else if (g_signal != 0) {
-    std::fprintf(stderr, "simulate: interrupted at %.6g s\n", simulation.time());
-    exit_status = kSignalBase + g_signal;
-  }
-  try {
-    const int finish_status = finish(simulation, offline_run, options);
-    if (exit_status == kSuccess) exit_status = finish_status;
-  } catch (const OutputError& error) {
-    std::fprintf(stderr, "simulate: %s\n", error.what());
-    exit_status = kBadOutput;
-  }
-  if (!reader_has_gone) {
-    for (const std::string& doubt : describeDoubts(simulation)) {
-      std::fprintf(stderr, "simulate: warning: %s\n", doubt.c_str());
-    }
-  }
+  exit_status = report(simulation, offline_run, options, reader_has_gone, exit_status);
   wall.sampling = offline_run.samplingSeconds();
   if (options.stats) {
     printStatistics(simulation, options.columns.energy, wall, sample_count);
