@@ -19,12 +19,12 @@ State Integrator::goAhead(const StepNode& from, double length) const {
 
 /// Halves until nothing lies between a length before the edge and one beyond it.
 template <class IsBeyond>
-static void narrow(const IsBeyond& isBeyond, double* before, double* beyond) {
+static void narrow(const IsBeyond& is_beyond, double* before, double* beyond) {
   constexpr int kHalvings = 60;
   for (int halving = 0; halving < kHalvings; ++halving) {
     const double middle = 0.5 * (*before + *beyond);
     if (!(middle > *before && middle < *beyond)) break;
-    *(isBeyond(middle) ? beyond : before) = middle;
+    *(is_beyond(middle) ? beyond : before) = middle;
   }
 }
 
