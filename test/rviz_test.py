@@ -47,6 +47,13 @@ def load_markers():
 
 class UrdfTest(TestCase):
 
+    def test_a_reader_that_goes_away(self):
+        process = subprocess.Popen([sys.executable, str(FOLDER / 'scripts/scene_urdf'), str(SCENES[0])],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        process.stdout.close()
+        self.assertEqual((process.stderr.read(), process.wait(timeout=60)), ('', 0))
+        process.stderr.close()
+
     def test_every_shipped_scene_has_its_shafts_as_joints(self):
         self.assertGreater(len(SCENES), 5)
         for path in SCENES:
