@@ -31,38 +31,55 @@ template <class Evaluate>
 void Drivetrain::addProjectionRounding(const StateView& state, const ConstraintSolver& solver,
                                        double* rounding, Evaluate evaluate) const {
   constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
-  for (int r = 0; r < solver.rowCount(); ++r) {
-    const double here = evaluate(r, state);
-    double noise = kUlps * std::abs(here);
-    StateView beside = state;
-    beside.time = state.time * (1.0 + kUlps);
-    noise += std::abs(evaluate(r, beside) - here);
-    // sin(t + 1e8) knows its argument to 1e-8: how far is it from smooth?
-    double bend = 0.0;
-    for (const double part : {1e-7, 6.18e-8, 3.82e-8, 2.36e-8}) {
-      beside.time = state.time + part;
-      double sum = evaluate(r, beside);
-      beside.time = state.time - part;
-      sum += evaluate(r, beside);
-      bend = std::max(bend, std::abs(sum - 2.0 * here));
+  const int k = solver.rowCount();
+  if (k == 0) return;
+  // The residuals of all rows at once: a level's program gives no single one.
+  const auto read = [&](const StateView& at, double* residual) {
+    const double* const level = evaluate(at);
+    for (int r = 0; r < k; ++r) residual[r] = level[r * (S + 1)];
+  };
+  double here[kMaxRows];
+  double there[kMaxRows];
+  double noise[kMaxRows];
+  read(state, here);
+  for (int r = 0; r < k; ++r) noise[r] = kUlps * std::abs(here[r]);
+  StateView beside = state;
+  const auto addChange = [&] {
+    read(beside, there);
+    for (int r = 0; r < k; ++r) noise[r] += std::abs(there[r] - here[r]);
+  };
+  beside.time = state.time * (1.0 + kUlps);
+  addChange();
+  // sin(t + 1e8) knows its argument to 1e-8: how far is it from smooth?
+  double bend[kMaxRows] = {};
+  for (const double part : {1e-7, 6.18e-8, 3.82e-8, 2.36e-8}) {
+    double before[kMaxRows];
+    beside.time = state.time + part;
+    read(beside, there);
+    beside.time = state.time - part;
+    read(beside, before);
+    for (int r = 0; r < k; ++r) {
+      bend[r] = std::max(bend[r], std::abs(there[r] + before[r] - 2.0 * here[r]));
     }
-    noise += 2.0 * bend;
-    beside.time = state.time;
-    double shifted[kMaxShafts];
-    for (const double* StateView::*part :
-         {&StateView::angle, &StateView::velocity, &StateView::acceleration}) {
-      std::copy_n(state.*part, S, shifted);
-      beside.*part = shifted;
-      for (int i = 0; i < S; ++i) {
-        shifted[i] = (state.*part)[i] * (1.0 + kUlps);
-        noise += std::abs(evaluate(r, beside) - here);
-        shifted[i] = (state.*part)[i];
-      }
-      beside.*part = state.*part;
+  }
+  for (int r = 0; r < k; ++r) noise[r] += 2.0 * bend[r];
+  beside.time = state.time;
+  double shifted[kMaxShafts];
+  for (const double* StateView::*part :
+       {&StateView::angle, &StateView::velocity, &StateView::acceleration}) {
+    std::copy_n(state.*part, S, shifted);
+    beside.*part = shifted;
+    for (int i = 0; i < S; ++i) {
+      shifted[i] = (state.*part)[i] * (1.0 + kUlps);
+      addChange();
+      shifted[i] = (state.*part)[i];
     }
+    beside.*part = state.*part;
+  }
+  for (int r = 0; r < k; ++r) {
     double l[kMaxRows] = {};
     double moved[kMaxShafts] = {};
-    l[r] = noise;
+    l[r] = noise[r];
     solver.solve(l, l);
     solver.addReaction(l, moved);
     for (int i = 0; i < S; ++i) rounding[i] += std::abs(moved[i]);
@@ -132,12 +149,10 @@ void Drivetrain::calcProjectionRounding(const StateView& state, double* velocity
                                         double* acceleration) {
   std::fill_n(velocity, S, 0.0);
   std::fill_n(acceleration, S, 0.0);
-  addProjectionRounding(state, velocity_solver_, velocity, [&](int r, const StateView& at) {
-    return program_.calcVelocityLevel(at)[r * (S + 1)];
-  });
-  addProjectionRounding(state, acceleration_solver_, acceleration, [&](int r, const StateView& at) {
-    return program_.calcAccelerationLevel(at)[r * (S + 1)];
-  });
+  addProjectionRounding(state, velocity_solver_, velocity,
+                        [&](const StateView& at) { return program_.calcVelocityLevel(at); });
+  addProjectionRounding(state, acceleration_solver_, acceleration,
+                        [&](const StateView& at) { return program_.calcAccelerationLevel(at); });
 }
 
 bool Drivetrain::calcJumpRate(const StateView& state, const double* torque_jump,
