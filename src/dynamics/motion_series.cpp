@@ -5,9 +5,9 @@
 #include <set>
 #include <stdexcept>
 
+#include "dynamics/formula_laws.h"
 #include "variator_sim/expression/state_derivatives.h"
 #include "variator_sim/formula_constraint.h"
-#include "variator_sim/formula_torque.h"
 
 namespace variator_sim {
 
@@ -18,12 +18,6 @@ using expression::Source;
 using Part = expression::SeriesProgram::Part;
 
 namespace {
-
-template <class Law, class Element>
-const Law* formulaIn(const Scene& scene, const Element& element) {
-  const auto* law = dynamic_cast<const Law*>(element.get());
-  return law != nullptr && &law->graph() == scene.graph.get() ? law : nullptr;
-}
 
 /// J_i(phi_i) = mean + sum cosine cos(order phi) + sine sin(order phi)
 Node inertiaOf(Graph& graph, const Scene& scene, int i) {
@@ -91,10 +85,7 @@ MotionSeries::Formulas MotionSeries::listFormulas() const {
   Formulas made;
   made.torques.assign(static_cast<std::size_t>(S), graph.constant(0.0));
   for (const TorquePtr& element : scene_.torques) {
-    for (const auto& [shaft, torque] : formulaIn<FormulaTorque>(scene_, element)->torques()) {
-      Node& sum = made.torques[static_cast<std::size_t>(shaft)];
-      sum = graph.isConstant(sum, 0.0) ? torque : graph.add(sum, torque);
-    }
+    addTerms(graph, formulaIn<FormulaTorque>(scene_, element)->torques(), made.torques);
   }
   for (const ConstraintPtr& constraint : scene_.constraints) {
     const auto* law = formulaIn<FormulaConstraint>(scene_, constraint);

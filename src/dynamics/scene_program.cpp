@@ -3,34 +3,15 @@
 #include <cmath>
 #include <utility>
 
+#include "dynamics/formula_laws.h"
 #include "dynamics/motion_series.h"
 #include "expression/c_code.h"
 #include "variator_sim/formula_constraint.h"
-#include "variator_sim/formula_torque.h"
 
 namespace variator_sim {
 
 using expression::Graph;
 using expression::Node;
-
-namespace {
-
-/// An element of another graph (made for itself, not by the scene's reader) is one of its own.
-template <class Law, class Element>
-const Law* formulaIn(const Scene& scene, const Element& element) {
-  const auto* law = dynamic_cast<const Law*>(element.get());
-  return law != nullptr && &law->graph() == scene.graph.get() ? law : nullptr;
-}
-
-void addTerms(Graph& graph, const std::vector<FormulaTorque::ShaftNode>& terms,
-              std::vector<Node>& sums) {
-  for (const auto& [shaft, term] : terms) {
-    Node& sum = sums[static_cast<std::size_t>(shaft)];
-    sum = graph.isConstant(sum, 0.0) ? term : graph.add(sum, term);
-  }
-}
-
-}  // namespace
 
 SceneProgram::SceneProgram(const Scene& scene) : scene_(scene), S(scene.shaftCount()) {
   Graph& graph = *scene.graph;
