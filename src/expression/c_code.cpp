@@ -126,10 +126,8 @@ class Writer {
   std::string refer(Node node) const {
     const Graph::Entry& entry = graph_.entry(node);
     if (entry.operation == Operation::kConstant) {
-      if (isWrittenOut(entry.value)) {
-        return entry.value == 0.0 ? "0.0" : entry.value > 0.0 ? "1.0" : "(-1.0)";
-      }
-      return "c[" + std::to_string(constants_.at(node.index)) + "]";
+      const auto place = constants_.find(node.index);
+      return writeNumber(entry.value, place == constants_.end() ? 0 : place->second);
     }
     if (entry.operation == Operation::kVariable) {
       const Source source = sourceOf(entry.slot);
@@ -284,6 +282,11 @@ bool isWritable(const Graph& graph, const std::vector<Node>& outputs) {
 
 bool isWrittenOut(double value) {
   return (value == 0.0 && !std::signbit(value)) || value == 1.0 || value == -1.0;
+}
+
+std::string writeNumber(double value, std::size_t place) {
+  if (!isWrittenOut(value)) return "c[" + std::to_string(place) + "]";
+  return value == 0.0 ? "0.0" : value > 0.0 ? "1.0" : "(-1.0)";
 }
 
 bool CodeStructure::note(double value) {

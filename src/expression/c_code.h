@@ -20,6 +20,8 @@ struct CodeStructure {
 };
 /// True for 0, 1 and -1, which stand in the code: a compiler leaves out what they do.
 bool isWrittenOut(double value);
+/// How the code reads a number: itself where it is written out, else its place in the array.
+std::string writeNumber(double value, std::size_t place);
 
 /// A function of C that computes `outputs`:
 ///     void NAME(double t, const double* p, const double* w, const double* e, const double* u,

@@ -116,13 +116,9 @@ class SeriesWriter {
     return "squareOf(" + x + ", " + backward(a) + ", n)";
   }
   /// Of the terms, then of the instructions: see SeriesProgram::addStructure.
-  std::string number(double value, std::size_t place) const {
-    if (isWrittenOut(value)) return value == 0.0 ? "0.0" : value > 0.0 ? "1.0" : "(-1.0)";
-    return "c[" + std::to_string(place) + "]";
-  }
   std::string constantOf(const Instruction& it) const {
     const auto index = static_cast<std::size_t>(&it - program_.instructions_.data());
-    return number(it.constant, program_.terms_.size() + index);
+    return writeNumber(it.constant, program_.terms_.size() + index);
   }
   std::string sumOfTerms(const Instruction& it) const {
     std::string sum;
@@ -130,7 +126,7 @@ class SeriesWriter {
       const std::size_t place = static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n);
       const SeriesProgram::Term& term = program_.terms_[place];
       if (n > 0) sum += " + ";
-      sum += number(term.factor, place) + " * " + coefficient(term.row);
+      sum += writeNumber(term.factor, place) + " * " + coefficient(term.row);
     }
     return sum;
   }
