@@ -110,6 +110,9 @@ class Simulation {
   /// steps begun anew, so within the tolerance, but not to the bit, as if it had not been saved.
   /// [loop]
   bool saveState(MotionState* state);
+  /// The same state without a history, as the sample at the present has it; the motion goes on as
+  /// if nobody had looked. False when it has stopped. [loop]
+  bool peekState(MotionState* state);
   /// The motion goes on from `state`, at its time. One with a history that is consistent is taken
   /// as it is, to the bit; others are polished onto the constraints, and inconsistent ones moved to
   /// the nearest consistent velocities and accelerations when `project`. "" or why not: then the

@@ -285,6 +285,23 @@ void Motion::carryOutInitialCommands() {
 
 // --- states ----------------------------------------------------------------------------------
 
+bool Motion::peekState(MotionState* state) {
+  const Sample& now = sample();
+  if (!status().ok()) return false;
+  const int S = system_.shafts();
+  *state = MotionState{};
+  state->time = time_;
+  std::copy_n(now.angle, S, state->angle);
+  std::copy_n(now.velocity, S, state->velocity);
+  std::copy_n(now.acceleration, S, state->acceleration);
+  for (int i = 0; i < drivetrain_.inputCount(); ++i) {
+    state->signal[i] = drivetrain_.signal(i);
+    state->signal[i].moveOrigin(present());
+    state->last_command[i] = commands_.lastTime(i);
+  }
+  return true;
+}
+
 bool Motion::saveState(MotionState* state) {
   carryOutCommands();
   if (!status().ok()) return false;

@@ -79,6 +79,7 @@ class Motion {
   const Quantities& quantities() const { return quantities_; }
   void calcQuantities(QuantityGroup group, double* values);
 
+  bool peekState(MotionState* state);
   bool saveState(MotionState* state);
   std::string setState(const MotionState& state, bool project);
 

@@ -168,6 +168,9 @@ void Simulation::refuseCommand() {
 double Simulation::nextTimeout() const {
   return motion_->nextTimeout();
 }
+bool Simulation::peekState(MotionState* state) {
+  return motion_->peekState(state);
+}
 bool Simulation::saveState(MotionState* state) {
   return motion_->saveState(state);
 }

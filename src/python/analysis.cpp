@@ -78,9 +78,9 @@ auto copyOf(Member LinearModel::*member) {
 
 MotionState readState(const py::dict& values, Simulation& simulation) {
   MotionState present;
-  if (!simulation.saveState(&present)) {
+  if (!simulation.peekState(&present)) {
     Simulation start(simulation.scene());
-    start.saveState(&present);
+    start.peekState(&present);
   }
   return readMotionState(toTree(values, ""), simulation.scene(), present);
 }
