@@ -180,9 +180,10 @@ int MotionSeries::orderFor(double relative_tolerance) {
   // Measured: each step has a part of its cost that no order changes, so that more than the 0.5 of
   // the theory pays.
   constexpr double kOrdersPerDigit = 0.75;  // of the natural logarithm
+  constexpr double kFirst = 2.5;
   const double digits = -std::log(std::max(relative_tolerance, 1e-16));
-  return static_cast<int>(
-      std::clamp(std::ceil(1.0 + kOrdersPerDigit * digits), 4.0, static_cast<double>(kMostOrder)));
+  return static_cast<int>(std::clamp(std::ceil(kFirst + kOrdersPerDigit * digits), 4.0,
+                                     static_cast<double>(kMostOrder)));
 }
 
 void MotionSeries::setInputs(double t, int order) {
@@ -222,7 +223,10 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   for (int m = 0; m < k_; ++m) {
     for (int i = 0; i < S; ++i) solver_.row(m)[i] = program_.coefficients(entryRow(m, i))[0];
   }
-  if (k_ > 0 && !solver_.factor(drivetrain_.inertia())) return false;
+  const bool is_regular = k_ == 0 || withShaftCount(S, [this](auto shafts) {
+                            return solver_.factor(shafts, drivetrain_.inertia());
+                          });
+  if (!is_regular) return false;
   if (is_classical_ || !isInertiaConstant()) beginReaction(x);
   if (!isInertiaConstant()) noteInertia();
   knowFurther(0);
@@ -238,7 +242,7 @@ void MotionSeries::knowFurther(int n) {
 
 bool MotionSeries::invert() {
   if (k_ == 1) {
-    invertOneRow();
+    withShaftCount(S, [this](auto shafts) { invertOneRow(shafts); });
     return true;
   }
   const int size = S + k_;
@@ -260,23 +264,29 @@ bool MotionSeries::invert() {
   return true;
 }
 
-void MotionSeries::invertOneRow() {
+template <class Count>
+void MotionSeries::invertOneRow(Count shafts) {
   // With w = J^-1 C^T and A = C w:  [J^-1 - w w^T / A, w / A; -w^T / A, 1 / A], times (a, -g)
+  const Inertia& inertia = drivetrain_.inertia();
+  const double* const C = solver_.row(0);
+  double* const last = inverse_ + shafts * (shafts + 1);
   double w[kMaxShafts];
-  double column[kMaxShafts] = {};
-  drivetrain_.inertia().solve(solver_.row(0), w);
+  inertia.solve(shafts, C, w);
   double A = 0.0;
-  for (int i = 0; i < S; ++i) A += solver_.row(0)[i] * w[i];
+  for (int i = 0; i < shafts; ++i) A += C[i] * w[i];
   const double part = 1.0 / A;
-  for (int j = 0; j < S; ++j) {
+  for (int j = 0; j < shafts; ++j) {
     double unit[kMaxShafts] = {};
+    double column[kMaxShafts];
     unit[j] = 1.0;
-    drivetrain_.inertia().solve(unit, column);
-    for (int i = 0; i < S; ++i) inverse_[i * (S + 1) + j] = column[i] - w[i] * (part * w[j]);
-    inverse_[S * (S + 1) + j] = -part * w[j];
-    inverse_[j * (S + 1) + S] = part * w[j];
+    inertia.solve(shafts, unit, column);
+    for (int i = 0; i < shafts; ++i) {
+      inverse_[i * (shafts + 1) + j] = column[i] - w[i] * (part * w[j]);
+    }
+    last[j] = -part * w[j];
+    inverse_[j * (shafts + 1) + shafts] = part * w[j];
   }
-  inverse_[S * (S + 1) + S] = part;
+  last[shafts] = part;
 }
 
 bool MotionSeries::invertCurved(const StateView& state) {

@@ -98,7 +98,8 @@ class MotionSeries {
   /// The inverse of [J_0 -C_0^T; C_0 0], or of what Newton's iteration has in its place. False
   /// where there is none.
   bool invert();
-  void invertOneRow();
+  template <class Count>
+  void invertOneRow(Count shafts);
   bool invertCurved(const StateView& state);
   /// Velocities and angles of order n + 1.
   void knowFurther(int n);

@@ -33,7 +33,9 @@ class SmallVector {
 
   int size() const { return size_; }
   bool isFinite() const {
-    return std::all_of(begin(), end(), [](double value) { return std::isfinite(value); });
+    double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
+    forEachComponent(0, size_, [&](int i) { poison += 0.0 * values_[i]; });
+    return poison == 0.0;
   }
   void resize(std::size_t size) { *this = SmallVector(static_cast<int>(size)); }
   double& operator[](int i) { return values_[i]; }

@@ -23,6 +23,7 @@ Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
       left_at_sleep_end_(system.size()),
       base_(system),
       front_(system),
+      projection_(system.size()),
       dxdt_new_(system.size()) {
   guards_.setGuards(
       drivetrain_.guards(),
@@ -176,8 +177,9 @@ void Integrator::restart() {
 bool Integrator::letStepperChoose() {
   const double limit = std::min(settings_.maximum_step, endOfReach() - base_.time);
   const double length = stepper_->chooseStep(system_, base_, limit);
-  if (length > 0.0) next_step_ = length;
-  return length > 0.0;
+  is_step_chosen_ = length > 0.0;
+  if (is_step_chosen_) next_step_ = length;
+  return is_step_chosen_;
 }
 
 double Integrator::chooseFirstStep() {

@@ -429,10 +429,12 @@ class Integrator {
   double sleep_end_ = 0.0;
   State left_at_sleep_end_;  // the deviation c there
 
-  StepNode base_;   // where the last step began
-  StepNode front_;  // where it ended
-  State dxdt_new_;  // the stepper's own derivative at the front, before the projection
+  StepNode base_;              // where the last step began
+  StepNode front_;             // where it ended
+  StepProjection projection_;  // at its end
+  State dxdt_new_;             // the stepper's own derivative at the front, before the projection
   double next_step_ = 0.0;
+  bool is_step_chosen_ = false;  // by the stepper
   double step_window_start_ = 0.0;
   int steps_in_window_ = 0;
   double restart_time_ = 0.0;  // fixed steps count from here

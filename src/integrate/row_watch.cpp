@@ -9,7 +9,7 @@ namespace variator_sim {
 void RowWatch::look() {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
     looked_at_.length_squared[m] = system_.rowLengthSquared(m);
-    std::copy_n(system_.row(m), S, looked_at_.row[m]);
+    copyRow(system_.row(m), looked_at_.row[m]);
   }
 }
 
@@ -28,7 +28,7 @@ RowWatch::Verdict RowWatch::note(bool is_start) {
   const bool is_comparable = !is_start && !std::exchange(has_new_rows_, false);
   if (is_comparable && haveTurned()) return Verdict::kTurned;
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-    std::copy_n(looked_at_.row[m], S, rows_[m]);
+    copyRow(looked_at_.row[m], rows_[m]);
   }
   return Verdict::kGood;
 }

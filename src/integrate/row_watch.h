@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "dynamics/principle_system.h"
+#include "dynamics/shaft_count.h"
 
 namespace variator_sim {
 
@@ -51,6 +52,10 @@ class RowWatch {
     Row row[kMaxRows] = {};
     double length_squared[kMaxRows] = {};
   };
+  /// Not as a loop of any length: that becomes a call.
+  void copyRow(const double* from, double* to) const {
+    forEachComponent(0, S, [&](int i) { to[i] = from[i]; });
+  }
   bool haveTurned() const;
 
   /// A row of C shorter than this part of the longest it has been counts as zero.

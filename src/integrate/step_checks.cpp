@@ -44,7 +44,7 @@ double StepChecks::checkTorque(Stepper& stepper, const StepNode& from, StepNode&
     calcTorque(to);
     TorqueGain gain(S);
     stepper.calcTorqueGain(system_, from, to, gain);
-    const double strict = judgeTorque(gain, from, to, ShaftVector(S), ShaftVector(S));
+    const double strict = judgeTorque(gain, from, to, nothing_, nothing_);
     if (strict <= 1.0 || strict != strict) return strict;
     ShaftVector uncertain(S);
     ShaftVector answer(S);

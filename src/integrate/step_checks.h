@@ -50,6 +50,7 @@ class StepChecks {
         drivetrain_(system.drivetrain()),
         tolerance_(tolerance),
         are_steps_fixed_(are_steps_fixed),
+        nothing_(S),
         largest_acceleration_(S),
         largest_torque_(S) {}
 
@@ -164,6 +165,7 @@ class StepChecks {
   Tolerance tolerance_;
   bool are_steps_fixed_;
   double unattainable_ = 0.0;
+  const ShaftVector nothing_;
   ShaftVector largest_acceleration_;  // of late, see noteAccelerations
   ShaftVector largest_torque_;        // that a step began with, N m
 };

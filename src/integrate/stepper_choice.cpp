@@ -78,6 +78,7 @@ void StepperChoice::restart() {
   settling_ = 0;
   suspicions_ = 0;
   quiet_ = 0;
+  unseen_ = 0;
   steps_since_trial_ = 0;
   for (Pair* pair : {&series_, &first_, &implicit_}) {
     if (!pair->outer) continue;
@@ -120,6 +121,9 @@ bool StepperChoice::reconsider(System& system, const StepNode& node, double limi
 
 bool StepperChoice::considerImplicit(System& system, const StepNode& node, double limit,
                                      double* h) {
+  // Of a stepper that nothing is held against not every step is looked at.
+  if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
+  unseen_ = 0;
   const double stiffness = active_->outer->stiffness(node.x, node.dxdt);
   if (stiffness <= mildly()) {
     // A few steps below the bound between others above it clear nobody.
@@ -188,7 +192,7 @@ bool StepperChoice::change(Pair* other, double reached, double h) {
 void StepperChoice::goOverTo(Pair* other) {
   active_ = other;
   ++switches_;
-  suspicions_ = quiet_ = steps_since_trial_ = 0;
+  suspicions_ = quiet_ = unseen_ = steps_since_trial_ = 0;
 }
 
 }  // namespace variator_sim

@@ -25,6 +25,7 @@ class TaylorStepper final : public Stepper {
       : Stepper(system, tolerance),
         S(system.shafts()),
         size_(system.size()),
+        end_(system.size()),
         base_x_(system.size()),
         base_dxdt_(system.size()),
         least_angle_(system.readsAngles() ? 0 : S) {
@@ -32,6 +33,10 @@ class TaylorStepper final : public Stepper {
     const double ratio = std::pow(std::max(tolerance.relative, 1e-16), 1.0 / most_);
     decay_[0] = 1.0;
     for (int k = 1; k < kTerms; ++k) decay_[k] = ratio * decay_[k - 1];
+    // x^m / m! at x = N / e, where a component that has died away limits a step of N terms.
+    early_ = std::max(2, most_ / 4);
+    early_bound_ = 2.0 * kFaint;
+    for (int k = 1; k <= early_; ++k) early_bound_ *= most_ / (kE * k);
   }
   const char* name() const override { return "taylor"; }
   int errorOrder() const override { return most_; }
@@ -56,21 +61,12 @@ class TaylorStepper final : public Stepper {
     expand(system, from, h);
     if (order_ < kLeastOrder) return std::numeric_limits<double>::quiet_NaN();
     evaluate(h, x_new);
-    // What the next term would be, by those before it.
-    const int last = lastTerm();
-    double scale[kTerms];
-    for (int k = firstTerm(); k <= last; ++k) scale[last - k] = powers_[k] * decay_[last - k];
-    double norm = 0.0;
-    for (int n = 0; n < size_; ++n) {
-      const double* const c = coefficients(n);
-      double term = 0.0;
-      for (int k = firstTerm(); k <= last; ++k) {
-        term = std::max(term, std::abs(c[k]) * scale[last - k]);
-      }
-      error_[n] = term;
-      if (n >= least_angle_) norm = worseOf(norm, term / tolerance_.of(from.x[n], x_new[n]));
-    }
-    return x_new.isFinite() ? norm : std::numeric_limits<double>::quiet_NaN();
+    end_ = x_new;
+    if (!x_new.isFinite()) return std::numeric_limits<double>::quiet_NaN();
+    // No longer than `chooseLength` allows: the terms are known to be within this. Accelerations
+    // that follow from the state are judged by its error component by component.
+    if (size_ == 3 * S && h <= length_) return kCaution;
+    return calcLastTerms(from, x_new);
   }
 
   /// x' at the end beside that of the series: of an error c h^(N+1) it is off by c (N+1) h^N. What
@@ -81,18 +77,26 @@ class TaylorStepper final : public Stepper {
   double estimateFromEnd(const StepNode& from, const StepNode& to) const override {
     const double h = to.time - from.time;
     const int last = lastTerm();
-    double weights[kRoom];
-    for (int k = 0; k <= last; ++k) weights[k] = k * powers_[k];
-    const double per_power = 1.0 / h;  // s c'(s) is what the sums are
+    const double part = h / (last + 1);
     double norm = 0.0;
-    for (int n = least_angle_; n < size_; ++n) {
-      const double slope = sumOf(coefficients(n), weights, last) * per_power;
+    const auto judge = [&](int n, double slope) {
       const double defect = std::abs(to.dxdt[n] - slope);
-      const double error = h * defect / ((last + 1) * tolerance_.of(from.x[n], to.x[n]));
+      const double error = part * defect / tolerance_.of(from.x[n], to.x[n]);
       norm = worseOf(norm, error);
-      if (n < S || size_ != 2 * S) continue;
+      if (n < S || size_ != 2 * S) return;
       const double allowed = kOfAccelerations * tolerance_.of(from.dxdt[n], to.dxdt[n]);
       norm = worseOf(norm, std::min(defect / allowed, kNoticed * error));
+    };
+    // Of what is another component's integral the slope is that one's series but for the last term.
+    const int highest = size_ - S;
+    for (int n = least_angle_; n < highest; ++n) {
+      judge(n, end_[n + S] - coefficients(n + S)[last] * powers_[last]);
+    }
+    double weights[kRoom];
+    for (int k = 0; k <= last_power_ + 3; ++k) weights[k] = k * powers_[k];
+    const double per_power = 1.0 / h;  // s c'(s) is what the sums are
+    for (int n = highest; n < size_; ++n) {
+      judge(n, sumOf(coefficients(n), weights) * per_power);
     }
     return norm;
   }
@@ -102,11 +106,11 @@ class TaylorStepper final : public Stepper {
                       TorqueGain& gain) override {
     expand(system, from, limit_);
     setPowers((to.time - from.time) / series_->unit());
+    const double per_unit = 1.0 / series_->unit();
     for (int i = 0; i < S; ++i) {
       const double* const Q = series_->torque(i);
-      gain.change[i] = sumOf(Q, powers_, order_);
-      gain.largest_rate[i] =
-          std::max(std::abs(from.torque_rate[i]), std::abs(Q[1]) / series_->unit());
+      gain.change[i] = sumOf(Q, powers_);
+      gain.largest_rate[i] = std::max(std::abs(from.torque_rate[i]), std::abs(Q[1]) * per_unit);
     }
   }
 
@@ -124,14 +128,17 @@ class TaylorStepper final : public Stepper {
     for (int k = 2; k <= last; ++k) factorial *= k;
     factors[0] = 1.0;
     for (int j = 1; j < kDerivatives; ++j) factors[j] = factors[j - 1] / (last - j + 1);
+    const double early = early_bound_ / power(length, early_);
     for (int n = least_angle_; n < size_; ++n) {
       const double* const c = coefficients(n);
+      // What has died away so far is no more than this in the early terms.
+      if (std::abs(c[early_]) > early * tolerance_.of(c[0])) continue;
       const double faint = kFaint * tolerance_.of(c[0]);
       const double rate = exponentialRate(c, last, factors);  // |lambda| unit
       if (rate > 0.0) {
         const double largest = std::max(std::abs(c[last]), std::abs(c[last - 1]) * rate / last);
         const double delta = largest * (factorial / power(rate, last));
-        if (delta <= faint) stiffest = std::max(stiffest, rate * length * 2.718281828459045 / last);
+        if (delta <= faint) stiffest = std::max(stiffest, rate * length * kE / last);
       } else {
         const double here = largestOf(c + last - 2);
         const double radius = std::sqrt(std::sqrt(largestOf(c + last - 6) / here));
@@ -157,6 +164,8 @@ class TaylorStepper final : public Stepper {
   static constexpr int kLeastOrder = 3;
   /// Tolerances: what a component at most has that has died away.
   static constexpr double kFaint = 100.0;
+
+  static constexpr double kE = 2.718281828459045;
 
   /// Derivatives that an exponential is known by, and what they may depart from it.
   static constexpr int kDerivatives = 7;
@@ -212,20 +221,40 @@ class TaylorStepper final : public Stepper {
 
   void evaluate(double h, State& x) {
     setPowers(h / series_->unit());
-    const int last = lastTerm();
     for (int n = 0; n < size_; ++n) {
       const double* const c = coefficients(n);
-      x[n] = c[0] + sumOf(c, powers_, last);
+      x[n] = c[0] + sumOf(c, powers_);
     }
   }
 
-  /// theta^k as far as a term may need it; the last ones are asked for again and again.
+  /// The error of the last step, component by component: what the next term would be, by those
+  /// before it.
+  double calcLastTerms(const StepNode& from, const State& x_new) {
+    const int last = lastTerm();
+    double scale[kTerms];
+    for (int k = firstTerm(); k <= last; ++k) scale[last - k] = powers_[k] * decay_[last - k];
+    double norm = 0.0;
+    for (int n = 0; n < size_; ++n) {
+      const double* const c = coefficients(n);
+      double term = 0.0;
+      for (int k = firstTerm(); k <= last; ++k) {
+        term = std::max(term, std::abs(c[k]) * scale[last - k]);
+      }
+      error_[n] = term;
+      if (n >= least_angle_) norm = worseOf(norm, term / tolerance_.of(from.x[n], x_new[n]));
+    }
+    return norm;
+  }
+
+  /// theta^k for k = 1 to the last term, and 0 beside them.
   void setPowers(double theta) {
-    if (theta == powers_[1]) return;
-    powers_[0] = 1.0;
+    const int last = lastTerm();
+    if (theta == powers_[1] && last == last_power_) return;
     powers_[1] = theta;
     // By the powers half as high: no long chain of products.
-    for (int k = 2; k <= most_ + 1; ++k) powers_[k] = powers_[k / 2] * powers_[k - k / 2];
+    for (int k = 2; k <= last; ++k) powers_[k] = powers_[k / 2] * powers_[k - k / 2];
+    for (int k = last + 1; k <= last_power_; ++k) powers_[k] = 0.0;
+    last_power_ = last;
   }
 
   /// Two doubles that are added and multiplied at once.
@@ -235,35 +264,43 @@ class TaylorStepper final : public Stepper {
     std::memcpy(&values, from, sizeof values);
     return values;
   }
-  /// sum_{k=1..last} c_k weights_k, in four sums that do not wait for one another.
-  static double sumOf(const double* c, const double* weights, int last) {
+  /// sum c_k weights_k, in four sums that do not wait for one another. Behind the last term weights
+  /// are 0, and coefficients numbers.
+  double sumOf(const double* c, const double* weights) const {
     Two first = {0.0, 0.0};
     Two second = {0.0, 0.0};
-    int k = last;
-    for (; k >= 4; k -= 4) {
-      first += load(c + k - 1) * load(weights + k - 1);
-      second += load(c + k - 3) * load(weights + k - 3);
+    for (int k = 0; k <= last_power_; k += 4) {
+      first += load(c + k) * load(weights + k);
+      second += load(c + k + 2) * load(weights + k + 2);
     }
-    for (; k >= 1; --k) first[1] += c[k] * weights[k];
-    return (first[1] + first[0]) + (second[1] + second[0]);
+    return (first[0] + second[0]) + (first[1] + second[1]);
   }
 
   /// The series at `from`, as far as steps of `limit` need it.
   void expand(System& system, const StepNode& from, double limit) {
     // The series are the system's: another stepper may have been there.
     const bool is_own = series_ != nullptr && series_->stamp() == stamp_;
-    if (is_own && from.time == base_time_ && from.x == base_x_ && from.dxdt == base_dxdt_) {
+    const bool is_base = from.time == base_time_ && isBase(from);
+    if (is_base && is_own) {
       if (limit <= limit_ || (order_ == most_ && length_ <= limit_)) return;
     }
+    if (is_base && !is_own && limit <= limit_) {
+      // Once more, to the bit.
+      limit = limit_;
+      length_ = length_before_;
+    }
+    length_before_ = length_;
     if (series_ == nullptr) findSeries(system);
     order_ = 0;
     base_time_ = from.time;
     base_x_ = from.x;
-    base_dxdt_ = from.dxdt;
     limit_ = limit;
     double x[3 * kMaxShafts];
-    std::copy(from.x.begin(), from.x.end(), x);
-    if (size_ == 2 * S) std::copy_n(from.dxdt.begin() + S, S, x + 2 * S);
+    forEachComponent(0, size_, [&](int n) { x[n] = from.x[n]; });
+    if (size_ == 2 * S) {
+      base_dxdt_ = from.dxdt;
+      std::copy_n(from.dxdt.begin() + S, S, x + 2 * S);
+    }
     if (series_ == nullptr) return;
     // In units of the step no coefficient overflows; without one it has to be found.
     double unit = length_ > 0.0 ? std::min(length_, limit) : limit;
@@ -277,6 +314,11 @@ class TaylorStepper final : public Stepper {
     if (order_ >= kLeastOrder) chooseLength(from.x);
   }
 
+  /// The series are those of this state: accelerations that are no part of it count, too.
+  bool isBase(const StepNode& node) const {
+    return node.x == base_x_ && (size_ == 3 * S || node.dxdt == base_dxdt_);
+  }
+
   void findSeries(const System& system) {
     series_ = system.series();
     if (series_ == nullptr) return;
@@ -288,7 +330,7 @@ class TaylorStepper final : public Stepper {
   }
 
   void makeSeries(const double* x, double unit, double limit) {
-    constexpr double kPart = 1e-3;
+    constexpr double kPart = 0.03;
     order_ = 0;
     is_short_ = false;
     for (int n = least_angle_; n < size_; ++n) nothing_[n] = kPart * tolerance_.of(x[n]);
@@ -332,21 +374,20 @@ class TaylorStepper final : public Stepper {
 
   /// The longest step for which the last terms are within the tolerance.
   void chooseLength(const State& x) {
-    double largest[kTerms] = {};
     const int last = lastTerm();
+    const int terms = last - firstTerm() + 1;
+    double largest[kTerms] = {};  // the last one first
     for (int n = least_angle_; n < size_; ++n) {
-      const double* const c = coefficients(n);
+      const double* const c = coefficients(n) + last;
       const double allowed = 1.0 / (kCaution * tolerance_.of(x[n]));
-      for (int k = firstTerm(); k <= last; ++k) {
-        largest[last - k] = std::max(largest[last - k], std::abs(c[k]) * allowed);
-      }
+      for (int j = 0; j < terms; ++j) largest[j] = std::max(largest[j], std::abs(c[-j]) * allowed);
     }
     double least = std::numeric_limits<double>::infinity();
-    for (int k = firstTerm(); k <= last; ++k) {
-      const double term = largest[last - k] * decay_[last - k];
-      if (term > 0.0) least = std::min(least, -std::log2(term) / k);
+    for (int j = 0; j < terms; ++j) {
+      const double term = largest[j] * decay_[j];
+      if (term > 0.0) least = std::min(least, -logarithm(term) / (last - j));
     }
-    length_ = series_->unit() * std::exp2(least);
+    length_ = series_->unit() * exponential(least);
     for (int halvings = 0; halvings < 30; ++halvings) {
       setPowers(length_ / series_->unit());
       if (isGrowing(x)) {
@@ -357,6 +398,19 @@ class TaylorStepper final : public Stepper {
       if (!series_->misses(taken, tolerance_.relative)) break;
       length_ = 0.5 * taken;
     }
+  }
+
+  /// log2; no step needs to be known to more than seven digits.
+  static double logarithm(double x) {
+    constexpr double kLargest = 1e30;
+    const bool is_moderate = x < kLargest && x * kLargest > 1.0;
+    return is_moderate ? static_cast<double>(std::log2(static_cast<float>(x))) : std::log2(x);
+  }
+
+  static double exponential(double x) {
+    constexpr double kLargest = 100.0;
+    return std::abs(x) < kLargest ? static_cast<double>(std::exp2(static_cast<float>(x)))
+                                  : std::exp2(x);
   }
 
   /// The last term at the length whose powers are set is the largest of all but the first one: that
@@ -376,7 +430,7 @@ class TaylorStepper final : public Stepper {
     }
     return false;
   }
-  static constexpr double kCaution = 0.5;
+  static constexpr double kCaution = 0.25;
 
   const int S;  // shafts
   const int size_;
@@ -384,14 +438,20 @@ class TaylorStepper final : public Stepper {
   int order_ = 0;
   bool is_short_ = false;
   double length_ = 0.0;
+  double length_before_ = 0.0;  // when the series were begun
   /// A term so many before the last one may be larger than the tolerance by the inverse of this: of
   /// N terms that fall from 1 to the tolerance.
   double decay_[kTerms] = {};
   double limit_ = 0.0;
-  static constexpr int kRoom = MotionSeries::kMostOrder + 2;
+  /// Sums go by fours.
+  static constexpr int kRoom = MotionSeries::kMostOrder + 2 + 4;
   const double* rows_[3 * kMaxShafts] = {};  // of coefficients
   double nothing_[3 * kMaxShafts] = {};      // what a term is at most that is none
   double powers_[kRoom] = {};                // of the part of a unit that was looked at last
+  int last_power_ = 0;
+  State end_;  // of the last step, as its series gives it
+  int early_ = 2;
+  double early_bound_ = 0.0;  // tolerances
   double base_time_ = std::numeric_limits<double>::quiet_NaN();
   State base_x_;
   State base_dxdt_;

@@ -133,7 +133,8 @@ bool Integrator::accept(const Trial& trial, double norm) {
 }
 
 void Integrator::chooseNextStep(const Trial& trial, double norm) {
-  double factor = control_.growth(norm);
+  // Who knows the next step beforehand needs no guess of it.
+  double factor = is_step_chosen_ ? 1.0 : control_.growth(norm);
   if (trial.rejections > 0) factor = std::min(1.0, factor);
   // A step cut short by a segment's end or an edge says nothing about the next one's size.
   next_step_ = trial.is_last ? std::max(trial.length, trial.taken * factor) : trial.taken * factor;
@@ -195,7 +196,8 @@ double Integrator::projectEnd(const Stepper& stepper, const State& x_old, double
                               double estimate, State& x) {
   if (!stepper.projects() && !x.isFinite()) return std::numeric_limits<double>::quiet_NaN();
   if (drivetrain_.constraintCount() == 0) return 0.0;
-  StepProjection own(system_.size());
+  StepProjection& own = projection_;
+  own.iterations = 0;
   if (stepper.isImplicit()) {
     own.result = projectStiffly(system_, stepper, end, h, x, own);
   } else if (!stepper.projects()) {
