@@ -285,20 +285,25 @@ void Motion::carryOutInitialCommands() {
 
 // --- states ----------------------------------------------------------------------------------
 
-bool Motion::peekState(MotionState* state) {
-  const Sample& now = sample();
-  if (!status().ok()) return false;
+void Motion::noteState(const double* angle, const double* velocity, const double* acceleration,
+                       MotionState* state) {
   const int S = system_.shafts();
-  *state = MotionState{};
   state->time = time_;
-  std::copy_n(now.angle, S, state->angle);
-  std::copy_n(now.velocity, S, state->velocity);
-  std::copy_n(now.acceleration, S, state->acceleration);
+  std::copy_n(angle, S, state->angle);
+  std::copy_n(velocity, S, state->velocity);
+  std::copy_n(acceleration, S, state->acceleration);
   for (int i = 0; i < drivetrain_.inputCount(); ++i) {
     state->signal[i] = drivetrain_.signal(i);
     state->signal[i].moveOrigin(present());
     state->last_command[i] = commands_.lastTime(i);
   }
+}
+
+bool Motion::peekState(MotionState* state) {
+  const Sample& now = sample();
+  if (!status().ok()) return false;
+  *state = MotionState{};
+  noteState(now.angle, now.velocity, now.acceleration, state);
   return true;
 }
 
@@ -315,15 +320,8 @@ bool Motion::saveState(MotionState* state) {
     cutEnergy(here);
   }
   integrator_.cutAt(time_, here);
-  const int S = system_.shafts();
-  state->time = time_;
-  std::copy_n(here.x.begin(), S, state->angle);
-  std::copy_n(here.x.begin() + S, S, state->velocity);
-  std::copy_n(system_.view(0.0, here.x).acceleration, S, state->acceleration);
-  for (int i = 0; i < drivetrain_.inputCount(); ++i) {
-    state->signal[i] = drivetrain_.signal(i);
-    state->last_command[i] = commands_.lastTime(i);
-  }
+  noteState(here.x.begin(), here.x.begin() + system_.shafts(),
+            system_.view(0.0, here.x).acceleration, state);
   state->history = integrator_.history();
   state->history.energy = energy_.account();
   return beginFrom(*state, here.x, state->acceleration).ok();

@@ -93,6 +93,9 @@ class Motion {
  private:
   /// The present as nodes count it.
   double present() const { return integrator_.origin().relative(time_); }
+  /// The present as `state` tells it, but for a history.
+  void noteState(const double* angle, const double* velocity, const double* acceleration,
+                 MotionState* state);
   /// True when the present lies within the last step, and not at its end.
   bool isInsideStep() const;
 
