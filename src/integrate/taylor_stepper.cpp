@@ -281,10 +281,9 @@ class TaylorStepper final : public Stepper {
     // The series are the system's: another stepper may have been there.
     const bool is_own = series_ != nullptr && series_->stamp() == stamp_;
     const bool is_base = from.time == base_time_ && isBase(from);
-    if (is_base && is_own) {
-      if (limit <= limit_ || (order_ == most_ && length_ <= limit_)) return;
-    }
-    if (is_base && !is_own && limit <= limit_) {
+    const bool reaches = limit <= limit_;
+    if (is_base && is_own && (reaches || (order_ == most_ && length_ <= limit_))) return;
+    if (is_base && !is_own && reaches) {
       // Once more, to the bit.
       limit = limit_;
       length_ = length_before_;
