@@ -3,10 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <random>
 #include <string>
 
@@ -193,6 +195,111 @@ TEST(LeastReaction, OfACubicIsThatOfTheSameFunctionOfAnyForm) {
           << psi;
     }
   }
+}
+
+/// c_0 + c_1 x + c_2 y + c_3 x^2 + c_4 x y + c_5 y^2 + c_6 x^3 + c_7 x^2 y + c_8 x y^2 + c_9 y^3
+struct PlaneCubic {
+  double c[10];
+  double at(double x, double y) const {
+    return c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y +
+           c[6] * x * x * x + c[7] * x * x * y + c[8] * x * y * y + c[9] * y * y * y;
+  }
+  std::string text() const {
+    const char* const powers[] = {"1",    "e1",   "e2",      "e1^2",    "e1*e2",
+                                  "e2^2", "e1^3", "e1^2*e2", "e1*e2^2", "e2^3"};
+    std::string text = "0";
+    for (int n = 0; n < 10; ++n) {
+      char term[64];
+      std::snprintf(term, sizeof term, "+(%.17g)*%s", c[n], powers[n]);
+      text += term;
+    }
+    return text;
+  }
+};
+
+// Of cubics of two accelerations nothing is left out: no point of a grid has less reaction, whether
+// a third acceleration goes along (J = 1), has to obey a row of its own, or there is none.
+TEST(LeastReaction, OfTwoAccelerationsInACubicNoPlaceIsLeftOut) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  const auto someCubic = [&] {
+    PlaneCubic cubic{};
+    for (double& c : cubic.c) c = std::pow(10.0, 1.5 * uniform(random)) * uniform(random);
+    return cubic;
+  };
+  constexpr int kCells = 400;
+  int accepted = 0;
+  for (int round = 0; round < 90; ++round) {
+    const PlaneCubic first = someCubic();
+    const PlaneCubic second = someCubic();
+    const double torque[] = {5.0 * uniform(random), 5.0 * uniform(random)};
+    enum {
+      kAlone,
+      kGoesAlong,
+      kOwnRow
+    } const form = std::array{kAlone, kGoesAlong, kOwnRow}[round % 3];
+    std::string text =
+        "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 1}\nc: {inertia: 1}\ntorques: [p, q]\n";
+    char torques[256];
+    std::snprintf(torques, sizeof torques,
+                  "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"%.17g\"}\n"
+                  "q: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"%.17g\"}\n",
+                  torque[0], torque[1]);
+    const auto row = [](const std::string& name, const std::string& psi) {
+      return name + ": {type: variator_sim/ExpressionConstraint, order: 2, expression: \"" + psi +
+             "\"}\n";
+    };
+    text += torques;
+    text += form == kAlone       ? "constraints: [v]\n" + row("v", first.text())
+            : form == kGoesAlong ? "constraints: [v]\n" + row("v", "e3+" + first.text())
+                                 : "constraints: [v, w]\n" + row("v", first.text()) +
+                                       row("w", "e3+" + second.text());
+    // e3 of the third shaft is 0 where nothing moves it.
+    const auto reaction = [&](double e1, double e2) {
+      const double e3 = form == kAlone       ? 0.0
+                        : form == kGoesAlong ? -first.at(e1, e2)
+                                             : -second.at(e1, e2);
+      return 0.5 * (std::pow(e1 - torque[0], 2) + std::pow(e2 - torque[1], 2) + e3 * e3);
+    };
+    std::unique_ptr<Simulation> simulation;
+    try {
+      simulation = std::make_unique<Simulation>(test::sceneFromText(text));
+    } catch (const SceneError& error) {
+      ADD_FAILURE() << error.what() << "\n" << text;
+      continue;
+    }
+    ++accepted;
+    const Sample& s = simulation->sample();
+    const double found = reaction(s.acceleration[0], s.acceleration[1]);
+    const double reach = std::sqrt(2.0 * found);
+    double least = std::numeric_limits<double>::infinity();
+    for (int n = -kCells; n <= kCells; ++n) {
+      const double e1 = torque[0] + reach * n / kCells;
+      double before = 0.0;
+      for (int m = -kCells; m <= kCells; ++m) {
+        double e2 = torque[1] + reach * m / kCells;
+        if (form == kGoesAlong) {
+          least = std::min(least, reaction(e1, e2));
+          continue;
+        }
+        const double value = first.at(e1, e2);
+        if (m > -kCells && (value < 0.0) != (before < 0.0)) {
+          double low = e2 - reach / kCells;
+          for (int halving = 0; halving < 50; ++halving) {
+            const double middle = 0.5 * (low + e2);
+            ((first.at(e1, middle) < 0.0) == (before < 0.0) ? low : e2) = middle;
+          }
+          least = std::min(least, reaction(e1, e2));
+        }
+        before = value;
+      }
+    }
+    EXPECT_LE(found, least * (1.0 + 1e-9)) << text;
+    for (int m = 0; m < simulation->scene().constraintCount(); ++m) {
+      EXPECT_NEAR(s.residual[m], 0.0, 1e-8 * (1.0 + reach * reach * reach)) << text;
+    }
+  }
+  EXPECT_EQ(accepted, 90);
 }
 
 TEST(LeastReaction, ATieNamesItsCandidatesAndTheirReactions) {

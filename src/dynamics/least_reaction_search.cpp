@@ -30,10 +30,12 @@ LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state, c
     const double before = candidates_[0].reaction;
     // The free accelerations themselves: nothing is less.
     if (!(radius() > smallest_)) return Verdict::kFound;
+    const bool is_whole = n_ == 2 && is_cubic_ && lookThroughPlane();
     // The first look is a coarse one, which may make the ball much smaller.
-    is_certain = lookThrough(n_ == 1 ? 2 : rays, round == 0);
+    is_certain = is_whole || lookThrough(n_ == 1 ? 2 : rays, round == 0);
     descendAll();
     const bool is_better = candidates_[0].reaction < before * (1.0 - 1e-9);
+    if (is_whole && !is_better) return conclude(true);
     quiet = is_better || round == 0 ? 0 : quiet + 1;
     if (n_ > 1 && round > 0) {
       // As many rays as there are minima to be told apart around the ball.
@@ -307,7 +309,8 @@ void LeastReactionSearch::findFirst() {
   for (int i = 0; i < S; ++i) size = std::max(size, std::abs(free_[i]));
   radius_ = 1e-2 * size * std::sqrt(drivetrain_.inertia().entry(0, 0));
   for (int growth = 0; growth < 24 && candidate_count_ == 0; ++growth, radius_ *= 4.0) {
-    lookThrough(n_ == 1 ? 2 : kFewestRays, true);
+    const bool is_whole = n_ == 2 && is_cubic_ && lookThroughPlane();
+    if (!is_whole) lookThrough(n_ == 1 ? 2 : kFewestRays, true);
     descendAll();
   }
 }

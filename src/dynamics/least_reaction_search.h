@@ -8,8 +8,8 @@
 /// others can make zero, at the least distance and by constant coefficients. What they cannot, the
 /// `hard` rest, is to be zero by x alone. So the ball is one of n dimensions, n = 1 in most scenes.
 /// It is looked through along rays, by steps as short as psi asks for there, or, where psi is a
-/// cubic of the accelerations, by the one cubic that the ray's ends tell; the least ones found are
-/// starts for descents along psi = 0. A better minimum makes the ball smaller, and it is looked
+/// cubic of the accelerations, by the one cubic that the ray's ends tell; a cubic of two of them by
+/// boxes, which leave nothing out. The least ones found are starts for descents along psi = 0. A better minimum makes the ball smaller, and it is looked
 /// through again until nothing better comes.
 #pragma once
 
@@ -108,6 +108,15 @@ class LeastReactionSearch {
   /// Notes the starts in the ball, along so many rays. False when psi varies too fast for it.
   bool lookThrough(int rays, bool is_coarse);
 
+  // --- by boxes, where n = 2 and psi is a cubic ------------------------------------------------
+  struct Cubic;
+  /// Notes the starts in the ball, all of them. False where psi is not finite.
+  bool lookThroughPlane();
+  /// Of every row, the plane in units of `reach`.
+  bool fitCubics(double reach, Cubic* cubics);
+  /// Rays go to (x, y) of the plane.
+  void aimAt(double x, double y);
+
   /// Cubic through both ends at the part `theta` of [a, b].
   void interpolate(const Point& a, const Point& b, double theta, Point* p) const;
 
@@ -154,6 +163,11 @@ class LeastReactionSearch {
 
   /// Points that are nearer to each other than this, relative to accelerations, are one.
   static constexpr double kSame = 1e-6;
+  /// Half a box of which a start is made, in radii: less than what makes two starts one.
+  static constexpr int kPlaneDepth = 7;
+  static constexpr double kPlaneLeaf = 1.0 / 128.0;
+  /// What rounding may make of a cubic, of the sum of its coefficients.
+  static constexpr double kCubicNoise = 1e-9;
 
   const int S;  // shafts
   Drivetrain& drivetrain_;
