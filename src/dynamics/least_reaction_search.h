@@ -9,8 +9,9 @@
 /// `hard` rest, is to be zero by x alone. So the ball is one of n dimensions, n = 1 in most scenes.
 /// It is looked through along rays, by steps as short as psi asks for there, or, where psi is a
 /// cubic of the accelerations, by the one cubic that the ray's ends tell; a cubic of two of them by
-/// boxes, which leave nothing out. The least ones found are starts for descents along psi = 0. A better minimum makes the ball smaller, and it is looked
-/// through again until nothing better comes.
+/// boxes, which leave nothing out. The least ones found are starts for descents along psi = 0. A
+/// better minimum makes the ball smaller, and it is looked through again until nothing better
+/// comes.
 #pragma once
 
 #include <algorithm>
