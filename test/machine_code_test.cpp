@@ -228,12 +228,10 @@ TEST_F(MachineCodeBits, OfTablesAreTheInterpreters) {
 
 /// The samples and the end of a motion, commands in it, as text of their bits. At sample
 /// `switch_at` it goes over to machine code.
-std::string play(Scene scene, int switch_at, int samples = 40, double every = 0.05) {
-  scene.solver.machine_code = MachineCode::kAlways;  // who asks for it waits for a busy compiler
-  const int s = scene.shaftCount();
+std::string play(Simulation& simulation, int switch_at, int samples = 40, double every = 0.05) {
+  const Scene& scene = simulation.scene();
+  const auto s = static_cast<std::size_t>(scene.shaftCount());
   const int inputs = scene.inputCount();
-  const auto k = scene.constraints.size();
-  Simulation simulation(std::move(scene));
   std::string text;
   const auto note = [&text](const double* values, std::size_t count) {
     for (std::size_t i = 0; i < count; ++i) text += hex(values[i]) + " ";
@@ -245,18 +243,24 @@ std::string play(Scene scene, int switch_at, int samples = 40, double every = 0.
     }
     simulation.advanceTo(n * every);
     if (inputs > 0 && n % 7 == 3) {
-      const auto& input = simulation.scene().inputs[static_cast<std::size_t>(n % inputs)];
+      const auto& input = scene.inputs[static_cast<std::size_t>(n % inputs)];
       simulation.command(n % inputs, input.initial + 0.05 * n);
     }
     const Sample& sample = simulation.sample();
     for (const double* values : {sample.angle, sample.velocity, sample.acceleration,
                                  sample.applied_torque, sample.reaction_torque}) {
-      note(values, static_cast<std::size_t>(s));
+      note(values, s);
     }
-    note(sample.multiplier, k);
+    note(sample.multiplier, scene.constraints.size());
     text += "\n";
   }
   return text + simulation.describeStatus() + " " + std::to_string(simulation.statistics().steps);
+}
+
+std::string play(Scene scene, int switch_at) {
+  scene.solver.machine_code = MachineCode::kAlways;  // who asks for it waits for a busy compiler
+  Simulation simulation(std::move(scene));
+  return play(simulation, switch_at);
 }
 
 void expectSameBits(const Scene& scene) {
@@ -436,6 +440,55 @@ TEST_F(SharedMachineCode, IsThatOfTheSameFormulasOnly) {
                    .shareMachineCode(first));
   EXPECT_FALSE(interpreted(shipWith("0.7", drag) + "solver: {machine_code: never}\n")
                    .shareMachineCode(first));
+}
+
+/// A scene whose numbers outside its formulas were changed gets the programs of another one.
+TEST_F(SharedMachineCode, GoesAlongWithProgramsOfTheSameScene) {
+  const std::string tests = VARIATOR_SIM_TEST_DIR;
+  const auto withOtherNumbers = [](Scene scene) {
+    scene.inertia *= 1.25;
+    scene.solver.relative_tolerance *= 0.1;
+    scene.initial.acceleration.clear();
+    return scene;
+  };
+  for (const char* name : {"/scenes/car.yaml", "/scenes/observed.yaml", "/scenes/stops.yaml",
+                           "/cases/crank_elastic/scene.yaml", "/cases/first_order_ratio/scene.yaml",
+                           "/../config/ratio_steps.yaml", "/../config/ship.yaml",
+                           "/../config/applications/diesel_locomotive.yaml",
+                           "/../config/applications/vbelt_vehicle.yaml"}) {
+    for (const Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+      for (const bool has_code : {false, true}) {
+        SCOPED_TRACE(std::string(name) + (has_code ? ", machine code" : ""));
+        Scene scene = test::sceneFromFile(tests + name);
+        scene.principle = principle;
+        scene.solver.machine_code = MachineCode::kAlways;
+        scene.initial.acceleration.clear();
+        Simulation like(scene);
+        if (has_code) {
+          EXPECT_TRUE(like.loadMachineCode(true)) << like.machineCode();
+        }
+        play(like, -1);  // it has a past
+        // The kernel has orders for the tolerance; inertias are no part of it.
+        Simulation same(scene, like);
+        EXPECT_EQ(same.hasMachineCode(), has_code);
+        EXPECT_EQ(play(same, -1), play(scene, -1));
+        const Scene changed = withOtherNumbers(scene);
+        Simulation other(changed, like);
+        const std::string alone = play(changed, -1);
+        EXPECT_EQ(play(other, -1), alone);
+        // Not of the same scene: made as if there were no other.
+        const Scene read_again = withOtherNumbers([&] {
+          Scene again = test::sceneFromFile(tests + name);
+          again.principle = principle;
+          again.solver.machine_code = MachineCode::kAlways;
+          again.initial.acceleration.clear();
+          return again;
+        }());
+        Simulation independent(read_again, like);
+        EXPECT_EQ(play(independent, -1), alone);
+      }
+    }
+  }
 }
 
 /// Sources and what they are made from agree on which scenes are alike.

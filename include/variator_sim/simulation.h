@@ -32,6 +32,9 @@ class Simulation {
   /// Time 0 with consistent initial accelerations. Throws SceneError when the scene's initial
   /// values contradict its constraints.
   explicit Simulation(Scene scene);
+  /// The same, made faster where `scene` is a copy of that of `like` whose inertias, initial values
+  /// or settings were changed: programs are copied, and machine code is shared.
+  Simulation(Scene scene, const Simulation& like);
   ~Simulation();
   Simulation(Simulation&&) noexcept;
   Simulation& operator=(Simulation&&) noexcept;

@@ -49,8 +49,9 @@ class AccelerationSystem : public PrincipleSystem {
   const double* calcTorqueRate(double t, const State& x) override;
 
  protected:
-  AccelerationSystem(const Scene& scene, const Shortcuts& shortcuts, bool keeps_reaction_in_range)
-      : PrincipleSystem(scene, shortcuts, 3, true),
+  AccelerationSystem(const Scene& scene, const Shortcuts& shortcuts, const PrincipleSystem* like,
+                     bool keeps_reaction_in_range)
+      : PrincipleSystem(scene, shortcuts, like, 3, true),
         tolerance_{scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
         jump_map_(drivetrain_, scene.solver, keeps_reaction_in_range),
         keeps_reaction_in_range_(keeps_reaction_in_range) {}

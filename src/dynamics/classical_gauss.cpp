@@ -6,8 +6,9 @@
 
 namespace variator_sim {
 
-ClassicalGauss::ClassicalGauss(const Scene& scene, const Shortcuts& shortcuts)
-    : PrincipleSystem(scene, shortcuts, 2, false) {
+ClassicalGauss::ClassicalGauss(const Scene& scene, const Shortcuts& shortcuts,
+                               const PrincipleSystem* like)
+    : PrincipleSystem(scene, shortcuts, like, 2, false) {
   derive_ = deriveOf<ClassicalGauss>;
   for (const ConstraintPtr& constraint : scene.constraints) {
     linear_ = linear_ && constraint->nonlinearAccelerations() == 0;

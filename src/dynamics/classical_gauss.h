@@ -17,7 +17,8 @@ namespace variator_sim {
 /// Constraints of order 1 and 2. See AccelerationSystem for what each method means.
 class ClassicalGauss final : public PrincipleSystem {
  public:
-  explicit ClassicalGauss(const Scene& scene, const Shortcuts& shortcuts = {});
+  explicit ClassicalGauss(const Scene& scene, const Shortcuts& shortcuts = {},
+                          const PrincipleSystem* like = nullptr);
 
   double rowLengthSquared(int m) const override {
     return drivetrain_.accelerationRowLengthSquared(m);

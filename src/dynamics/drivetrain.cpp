@@ -6,14 +6,14 @@
 
 namespace variator_sim {
 
-Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts)
+Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Drivetrain* like)
     : S(scene.shaftCount()),
       scene_(scene),
       inertia_(scene.inertia, scene.inertia_harmonics),
       solver_(S, scene.constraintCount()),
       velocity_solver_(S, countOrders(scene, 1)),
       acceleration_solver_(S, countOrders(scene, 2)),
-      program_(scene) {
+      program_(scene, like != nullptr ? &like->program_ : nullptr) {
   const bool rates = scene.principle == Principle::kGeneralizedGauss;
   reads_.time = false;
   reads_.angle = !inertia_.isConstant() || !shortcuts.skip_angles;
@@ -49,7 +49,12 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts)
   }
   std::sort(instants_.begin(), instants_.end());
   has_constant_rows_ = has_constant_jacobian_ && shortcuts.factor_once;
-  findColumns();
+  if (like != nullptr) {
+    std::copy(std::begin(like->reads_column_), std::end(like->reads_column_),
+              std::begin(reads_column_));
+  } else {
+    findColumns();
+  }
   signals_.resize(scene.inputs.size());
   saved_signals_.resize(scene.inputs.size());
   varying_.reserve(scene.inputs.size());

@@ -26,7 +26,8 @@ namespace variator_sim {
 /// and the counters are the only things that change. All evaluations are [loop].
 class Drivetrain {
  public:
-  Drivetrain(const Scene& scene, const Shortcuts& shortcuts);
+  /// `like`: of a scene with the same elements, or nullptr.
+  Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Drivetrain* like = nullptr);
 
   int shafts() const { return S; }
   const Inertia& inertia() const { return inertia_; }

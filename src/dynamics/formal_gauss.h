@@ -14,8 +14,9 @@ namespace variator_sim {
 /// beside C eta + c0 = 0. The minimum of nothing, but what a user may want to compare.
 class FormalGauss final : public AccelerationSystem {
  public:
-  explicit FormalGauss(const Scene& scene, const Shortcuts& shortcuts = {})
-      : AccelerationSystem(scene, shortcuts, true) {
+  explicit FormalGauss(const Scene& scene, const Shortcuts& shortcuts = {},
+                       const PrincipleSystem* like = nullptr)
+      : AccelerationSystem(scene, shortcuts, like, true) {
     derive_ = deriveOf<FormalGauss>;
   }
 

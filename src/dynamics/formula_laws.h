@@ -17,6 +17,12 @@ const Law* formulaIn(const Scene& scene, const Element& element) {
   return law != nullptr && &law->graph() == scene.graph.get() ? law : nullptr;
 }
 
+/// True where both have the very same elements, and their formulas in the very same graph.
+inline bool haveSameElements(const Scene& one, const Scene& other) {
+  return one.graph == other.graph && one.torques == other.torques &&
+         one.constraints == other.constraints;
+}
+
 /// Adds the terms of a torque to the sums of the shafts.
 inline void addTerms(expression::Graph& graph, const std::vector<FormulaTorque::ShaftNode>& terms,
                      std::vector<expression::Node>& sums) {

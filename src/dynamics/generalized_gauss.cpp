@@ -15,8 +15,9 @@ bool isSimple(const Inertia& inertia) {
 
 }  // namespace
 
-GeneralizedGauss::GeneralizedGauss(const Scene& scene, const Shortcuts& shortcuts)
-    : AccelerationSystem(scene, shortcuts, false) {
+GeneralizedGauss::GeneralizedGauss(const Scene& scene, const Shortcuts& shortcuts,
+                                   const PrincipleSystem* like)
+    : AccelerationSystem(scene, shortcuts, like, false) {
   derive_ = chooseDerive(shortcuts);
 }
 

@@ -9,7 +9,8 @@ namespace variator_sim {
 /// See AccelerationSystem for what it has beside its derivative and its sample.
 class GeneralizedGauss final : public AccelerationSystem {
  public:
-  explicit GeneralizedGauss(const Scene& scene, const Shortcuts& shortcuts = {});
+  explicit GeneralizedGauss(const Scene& scene, const Shortcuts& shortcuts = {},
+                            const PrincipleSystem* like = nullptr);
 
   bool isSpecialized() const override { return derive_ == deriveOneRow; }
 

@@ -3,6 +3,7 @@
 
 #include "dynamics/classical_gauss.h"
 #include "dynamics/formal_gauss.h"
+#include "dynamics/formula_laws.h"
 #include "dynamics/generalized_gauss.h"
 #include "dynamics/principle_system.h"
 
@@ -10,18 +11,22 @@ namespace variator_sim {
 
 namespace {
 
-std::unique_ptr<PrincipleSystem> makeOfPrinciple(const Scene& scene, const Shortcuts& shortcuts) {
+std::unique_ptr<PrincipleSystem> makeOfPrinciple(const Scene& scene, const Shortcuts& shortcuts,
+                                                 const PrincipleSystem* like) {
   if (scene.principle == Principle::kGeneralizedGauss) {
-    return std::make_unique<GeneralizedGauss>(scene, shortcuts);
+    return std::make_unique<GeneralizedGauss>(scene, shortcuts, like);
   }
-  if (scene.hasOrder3()) return std::make_unique<FormalGauss>(scene, shortcuts);
-  return std::make_unique<ClassicalGauss>(scene, shortcuts);
+  if (scene.hasOrder3()) return std::make_unique<FormalGauss>(scene, shortcuts, like);
+  return std::make_unique<ClassicalGauss>(scene, shortcuts, like);
 }
 
 }  // namespace
 
-std::unique_ptr<PrincipleSystem> makeSystem(const Scene& scene, const Shortcuts& shortcuts) {
-  std::unique_ptr<PrincipleSystem> system = makeOfPrinciple(scene, shortcuts);
+std::unique_ptr<PrincipleSystem> makeSystem(const Scene& scene, const Shortcuts& shortcuts,
+                                            const PrincipleSystem* like) {
+  const bool fits = like != nullptr && haveSameElements(scene, like->scene());
+  std::unique_ptr<PrincipleSystem> system =
+      makeOfPrinciple(scene, shortcuts, fits ? like : nullptr);
   const StepperKind stepper = scene.solver.stepper;
   const bool needs_series = stepper == StepperKind::kTaylor || stepper == StepperKind::kTaylorFixed;
   if (needs_series && system->series() == nullptr) {

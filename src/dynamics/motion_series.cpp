@@ -48,7 +48,15 @@ std::set<int> slotsOf(const Graph& graph, const std::vector<Node>& nodes) {
 
 }  // namespace
 
-std::unique_ptr<MotionSeries> MotionSeries::make(const Scene& scene, Drivetrain& drivetrain) {
+std::unique_ptr<MotionSeries> MotionSeries::make(const Scene& scene, Drivetrain& drivetrain,
+                                                 const MotionSeries* like) {
+  // (An inertia that depends on an angle is one of the formulas.)
+  if (like != nullptr && scene.principle == like->scene_.principle &&
+      scene.inertia_harmonics.empty() && like->scene_.inertia_harmonics.empty()) {
+    std::unique_ptr<MotionSeries> series(new MotionSeries(scene, drivetrain));
+    series->copyProgram(*like);
+    return series;
+  }
   std::vector<Node> nodes;
   for (const TorquePtr& element : scene.torques) {
     const auto* law = formulaIn<FormulaTorque>(scene, element);
@@ -147,6 +155,13 @@ void MotionSeries::compile() {
     input_rows_.push_back(
         {expression::indexOf(slots[n]), derivative, program_.variable(static_cast<int>(n))});
   }
+  findRows();
+}
+
+void MotionSeries::copyProgram(const MotionSeries& like) {
+  program_ = like.program_;
+  program_.clear();
+  input_rows_ = like.input_rows_;
   findRows();
 }
 

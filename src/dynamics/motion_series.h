@@ -35,7 +35,9 @@ class MotionSeries {
 
   /// The series of a scene whose elements are all formulas of its graph; nullptr of others, and of
   /// constraints of order 3 under `gauss`. `drivetrain` and `scene` have to outlive it.
-  static std::unique_ptr<MotionSeries> make(const Scene& scene, Drivetrain& drivetrain);
+  /// `like`: those of a scene with the same elements, or nullptr.
+  static std::unique_ptr<MotionSeries> make(const Scene& scene, Drivetrain& drivetrain,
+                                            const MotionSeries* like = nullptr);
 
   /// The motion stands at (t, x), x = (phi, omega, epsilon): coefficient 0. `unit`, s; at most the
   /// order `most` will be asked for, kMostOrder at the most. False where C has lost rank. [loop]
@@ -82,6 +84,8 @@ class MotionSeries {
   };
   Formulas listFormulas() const;
   void compile();
+  /// Instead of `compile`: the program of `like`.
+  void copyProgram(const MotionSeries& like);
   /// Where in the program all of it is, in the order in which it was given.
   void findRows();
 

@@ -21,6 +21,7 @@ namespace variator_sim {
 /// All but `start` are [loop].
 class PrincipleSystem : public System {
  public:
+  const Scene& scene() const { return scene_; }
   Drivetrain& drivetrain() { return drivetrain_; }
   const LeastReactionSearch& search() const { return initial_solver_.search(); }
   bool readsAngles() const override { return drivetrain_.readsAngles(); }
@@ -91,13 +92,15 @@ class PrincipleSystem : public System {
   virtual bool calcSample(double t, const State& x, Sample* sample) = 0;
 
  protected:
-  PrincipleSystem(const Scene& scene, const Shortcuts& shortcuts, int levels,
-                  bool integrates_torque)
+  /// `like`: of a scene with the same elements, or nullptr.
+  PrincipleSystem(const Scene& scene, const Shortcuts& shortcuts, const PrincipleSystem* like,
+                  int levels, bool integrates_torque)
       : System(scene.shaftCount(), levels, integrates_torque),
         scene_(scene),
-        drivetrain_(scene, shortcuts),
+        drivetrain_(scene, shortcuts, like != nullptr ? &like->drivetrain_ : nullptr),
         initial_solver_(drivetrain_),
-        series_(MotionSeries::make(scene, drivetrain_)) {}
+        series_(MotionSeries::make(scene, drivetrain_,
+                                   like != nullptr ? like->series_.get() : nullptr)) {}
 
   const Scene& scene_;
   Drivetrain drivetrain_;
@@ -105,7 +108,9 @@ class PrincipleSystem : public System {
   std::unique_ptr<MotionSeries> series_;
 };
 
-/// The system of a scene's principle and orders. `scene` has to outlive it.
-std::unique_ptr<PrincipleSystem> makeSystem(const Scene& scene, const Shortcuts& shortcuts);
+/// The system of a scene's principle and orders. `scene` has to outlive it. Where the scene of
+/// `like` has the very same elements, its programs are copied and not made again.
+std::unique_ptr<PrincipleSystem> makeSystem(const Scene& scene, const Shortcuts& shortcuts,
+                                            const PrincipleSystem* like = nullptr);
 
 }  // namespace variator_sim

@@ -13,7 +13,12 @@ namespace variator_sim {
 using expression::Graph;
 using expression::Node;
 
-SceneProgram::SceneProgram(const Scene& scene) : scene_(scene), S(scene.shaftCount()) {
+SceneProgram::SceneProgram(const Scene& scene, const SceneProgram* like)
+    : scene_(scene), S(scene.shaftCount()) {
+  if (like != nullptr) {
+    copyPrograms(*like);
+    return;
+  }
   Graph& graph = *scene.graph;
   const std::vector<Node> nothing(static_cast<std::size_t>(S), graph.constant(0.0));
   std::vector<Node> torque = nothing;
@@ -32,6 +37,20 @@ SceneProgram::SceneProgram(const Scene& scene) : scene_(scene), S(scene.shaftCou
   makeRows(rate);
   for (const auto& table : graph.tables()) tables_.push_back(table.get());
   for (const auto& table : graph.tables2()) tables2_.push_back(table.get());
+}
+
+void SceneProgram::copyPrograms(const SceneProgram& like) {
+  for (const Part& part : parts()) {
+    this->*part.program = like.*part.program;
+    (this->*part.program).use(nullptr, nullptr);  // the numbers there are of the other
+  }
+  tables_ = like.tables_;
+  tables2_ = like.tables2_;
+  opaque_torques_ = like.opaque_torques_;
+  opaque_rows_ = like.opaque_rows_;
+  opaque_velocities_ = like.opaque_velocities_;
+  opaque_accelerations_ = like.opaque_accelerations_;
+  sum_.resize(like.sum_.size());
 }
 
 void SceneProgram::makeRows(const std::vector<Node>& rate) {

@@ -24,7 +24,8 @@ class MotionSeries;
 /// `scene` has to outlive it. Evaluations are [loop].
 class SceneProgram {
  public:
-  explicit SceneProgram(const Scene& scene);
+  /// A copy of `like`, for a scene with the same elements; made anew where that is nullptr.
+  explicit SceneProgram(const Scene& scene, const SceneProgram* like = nullptr);
 
   /// Q, N m, s values.
   void calcTorque(const StateView& state, double* torque) const {
@@ -71,6 +72,7 @@ class SceneProgram {
   std::string writeSource(const MotionSeries* series) const;
 
  private:
+  void copyPrograms(const SceneProgram& like);
   /// The programs of the constraints; Q' goes along.
   void makeRows(const std::vector<expression::Node>& rate);
   void copy(const Program& program, const StateView& state, double* values) const {

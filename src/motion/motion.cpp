@@ -8,9 +8,9 @@
 
 namespace variator_sim {
 
-Motion::Motion(Scene scene, const Shortcuts& shortcuts)
+Motion::Motion(Scene scene, const Shortcuts& shortcuts, const Motion* like)
     : scene_(std::move(scene)),
-      own_system_(makeSystem(scene_, shortcuts)),
+      own_system_(makeSystem(scene_, shortcuts, like != nullptr ? &like->system_ : nullptr)),
       system_(*own_system_),
       drivetrain_(system_.drivetrain()),
       integrator_(system_, scene_),
@@ -20,6 +20,8 @@ Motion::Motion(Scene scene, const Shortcuts& shortcuts)
       quantities_(scene_),
       start_(system_),
       first_(system_.size()) {
+  // Before the start, which is searched for with it.
+  if (like != nullptr) shareMachineCode(*like);
   reset();
   if (start_.result == InitialResult::kInconsistent || start_.result == InitialResult::kNotFound ||
       start_.result == InitialResult::kNotUnique || start_.result == InitialResult::kDoubtful) {

@@ -50,7 +50,8 @@ namespace variator_sim {
 /// See Simulation for what each public method promises.
 class Motion {
  public:
-  explicit Motion(Scene scene, const Shortcuts& shortcuts = {});
+  /// `like`: has programs and machine code that may fit, or nullptr.
+  explicit Motion(Scene scene, const Shortcuts& shortcuts = {}, const Motion* like = nullptr);
 
   const Scene& scene() const { return scene_; }
   double time() const { return time_; }

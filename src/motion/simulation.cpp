@@ -14,11 +14,11 @@ namespace variator_sim {
 
 namespace {
 
-std::unique_ptr<Motion> makeMotion(Scene scene) {
+std::unique_ptr<Motion> makeMotion(Scene scene, const Motion* like) {
   if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
-  return std::make_unique<Motion>(std::move(scene));
+  return std::make_unique<Motion>(std::move(scene), Shortcuts{}, like);
 }
 
 void writeVector(std::ostream& out, const double* values, int count) {
@@ -90,7 +90,9 @@ std::string describeRunaway(Motion& motion) {
 
 }  // namespace
 
-Simulation::Simulation(Scene scene) : motion_(makeMotion(std::move(scene))) {}
+Simulation::Simulation(Scene scene) : motion_(makeMotion(std::move(scene), nullptr)) {}
+Simulation::Simulation(Scene scene, const Simulation& like)
+    : motion_(makeMotion(std::move(scene), like.motion_.get())) {}
 Simulation::~Simulation() = default;
 Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;

@@ -42,6 +42,7 @@ using KeepOn = std::function<bool()>;
 class Session {
  public:
   explicit Session(Scene scene) : simulation_(std::move(scene)) {}
+  explicit Session(Simulation simulation) : simulation_(std::move(simulation)) {}
 
   Simulation& simulation() { return simulation_; }
   const Simulation& simulation() const { return simulation_; }

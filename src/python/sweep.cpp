@@ -88,64 +88,13 @@ bool isOfFormulas(const Scene& scene) {
   return !scene.graph->hasOpaque(nodes);
 }
 
-/// Scenes of rows, for one thread: reads what differs, and all of it only where it has to.
-class RowScenes {
- public:
-  /// `tree`: with the overrides that all rows have.
-  RowScenes(const SweepRequest& request, ParameterTree tree, ComponentFactory& factory)
-      : request_(request), tree_(std::move(tree)), factory_(factory) {}
-
-  Scene make(const std::vector<double>& values) {
-    ParameterTree tree = tree_;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      setValue(tree, request_.paths[i], ParameterTree::real(values[i]));
-    }
-    if (uses_left_ > 0) {
-      --uses_left_;
-      Scene scene = model_;
-      rereadNumbers(tree, &scene);
-      return scene;
-    }
-    Scene scene = readScene(tree, factory_, nodeNames());
-    if (!is_known_) inspect(scene);
-    if (keeps_formulas_) {
-      model_ = scene;
-      uses_left_ = kUses;
-    }
-    return scene;
-  }
-
- private:
-  /// After each so many runs the formulas are read anew: their graph grows with every run.
-  static constexpr int kUses = 64;
-
-  void inspect(const Scene& scene) {
-    is_known_ = true;
-    if (!isOfFormulas(scene)) return;
-    const std::vector<std::string>& paths = request_.paths;
-    keeps_formulas_ = std::all_of(paths.begin(), paths.end(), [&](const std::string& path) {
-      return isOutsideFormulas(path, scene);
-    });
-    // Once is enough.
-    setValue(tree_, "verify_derivatives", ParameterTree::boolean(false));
-  }
-
-  const SweepRequest& request_;
-  ParameterTree tree_;
-  ComponentFactory& factory_;
-  bool is_known_ = false;
-  bool keeps_formulas_ = false;
-  Scene model_;
-  int uses_left_ = 0;
-};
-
 /// Machine code of some runs, never moved, that all rows have theirs from. A scene in which two
 /// numbers happen to be equal has other formulas than one in which they are not: there are a few.
 class CodeOfRows {
  public:
   explicit CodeOfRows(bool compiles) : compiles_(compiles) {}
 
-  void giveTo(Simulation& simulation, const std::vector<double>& values, RowScenes& scenes) {
+  void giveTo(Simulation& simulation) {
     const std::size_t ready = ready_;
     for (std::size_t i = 0; i < ready; ++i) {
       if (simulation.shareMachineCode(*owners_[i])) return;
@@ -155,7 +104,7 @@ class CodeOfRows {
     const std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
     if (!lock.owns_lock() || tried_ == kMost || ready_ != ready) return;
     ++tried_;
-    auto owner = std::make_unique<Simulation>(scenes.make(values));
+    auto owner = std::make_unique<Simulation>(simulation.scene(), simulation);
     const bool always = owner->scene().solver.machine_code == MachineCode::kAlways;
     if (!owner->loadMachineCode(compiles_ || always)) return;
     simulation.shareMachineCode(*owner);
@@ -172,13 +121,82 @@ class CodeOfRows {
   std::atomic<std::size_t> ready_{0};
 };
 
-SweepRow runRow(const SweepRequest& request, const std::vector<double>& values, RowScenes& scenes,
-                CodeOfRows& code, const KeepOn& keep_on) {
+/// Makes the machines of rows, for one thread: reads what differs, and all of it only where it has
+/// to.
+class RowMachines {
+ public:
+  /// `tree`: with the overrides that all rows have.
+  RowMachines(const SweepRequest& request, ParameterTree tree, ComponentFactory& factory,
+              CodeOfRows& code)
+      : request_(request), tree_(std::move(tree)), factory_(factory), code_(code) {}
+
+  /// Throws SceneError.
+  Simulation make(const std::vector<double>& values) {
+    Scene scene = readRow(values);
+    if (!keeps_formulas_) {
+      Simulation simulation(std::move(scene));
+      code_.giveTo(simulation);
+      return simulation;
+    }
+    if (like_ == nullptr) like_ = std::make_unique<Simulation>(scene);
+    code_.giveTo(*like_);
+    return Simulation(std::move(scene), *like_);
+  }
+
+ private:
+  /// After each so many runs the formulas are read anew: their graph may grow with every run.
+  static constexpr int kUses = 64;
+
+  Scene readRow(const std::vector<double>& values) {
+    ParameterTree tree = tree_;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      setValue(tree, request_.paths[i], ParameterTree::real(values[i]));
+    }
+    if (uses_left_ > 0) {
+      --uses_left_;
+      Scene scene = model_;
+      rereadNumbers(tree, &scene);
+      return scene;
+    }
+    Scene scene = readScene(tree, factory_, nodeNames());
+    if (!is_known_) inspect(scene);
+    if (keeps_formulas_) {
+      model_ = scene;
+      uses_left_ = kUses;
+      like_.reset();
+    }
+    return scene;
+  }
+
+  void inspect(const Scene& scene) {
+    is_known_ = true;
+    if (!isOfFormulas(scene)) return;
+    const std::vector<std::string>& paths = request_.paths;
+    keeps_formulas_ = std::all_of(paths.begin(), paths.end(), [&](const std::string& path) {
+      return isOutsideFormulas(path, scene);
+    });
+    // Once is enough.
+    setValue(tree_, "verify_derivatives", ParameterTree::boolean(false));
+  }
+
+  const SweepRequest& request_;
+  ParameterTree tree_;
+  ComponentFactory& factory_;
+  CodeOfRows& code_;
+  bool is_known_ = false;
+  bool keeps_formulas_ = false;
+  Scene model_;
+  /// Of the first row that had it.
+  std::unique_ptr<Simulation> like_;
+  int uses_left_ = 0;
+};
+
+SweepRow runRow(const SweepRequest& request, const std::vector<double>& values,
+                RowMachines& machines, const KeepOn& keep_on) {
   SweepRow row;
   row.metrics.assign(request.metrics.size(), kNaN);
   try {
-    Session session(scenes.make(values));
-    code.giveTo(session.simulation(), values, scenes);
+    Session session(machines.make(values));
     session.simulation().trackEnergy(request.run.columns.energy);
     const RunRows rows = session.run(request.run, keep_on);
     row.reason = session.simulation().describeStatus();
@@ -233,9 +251,9 @@ std::vector<SweepRow> runSweep(const SweepRequest& request,
   std::condition_variable one_has_ended;
   std::size_t running = std::min(static_cast<std::size_t>(std::max(threads, 1)), values.size());
   const auto work = [&] {
-    RowScenes scenes(request, tree, locked);
+    RowMachines machines(request, tree, locked, code);
     for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
-      rows[i] = runRow(request, values[i], scenes, code, [&] { return !is_cancelled; });
+      rows[i] = runRow(request, values[i], machines, [&] { return !is_cancelled; });
     }
     const std::lock_guard<std::mutex> lock(mutex);
     --running;
