@@ -165,6 +165,16 @@ class Drivetrain {
     return program_.shareMachineCode(series, other.program_);
   }
 
+  /// Of each constraint of order 1 f and its row of C, one behind the other.
+  void copyVelocityLevel(const StateView& state, double* level) const {
+    std::copy_n(program_.calcVelocityLevel(state),
+                velocity_rows_.size() * (static_cast<std::size_t>(S) + 1), level);
+  }
+  /// What the functions of machine code ask for.
+  const KernelTables* kernelTables() const { return program_.kernelTables(); }
+  /// True when some input moves.
+  bool haveInputsMoved() const { return !varying_.empty(); }
+
   /// Where the components change their branches.
   const std::vector<GuardPtr>& guards() const { return guards_; }
   /// Whose guard it is: the index of a torque or of a constraint, the other one -1.

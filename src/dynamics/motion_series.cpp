@@ -20,9 +20,11 @@ using Part = expression::SeriesProgram::Part;
 namespace {
 
 /// J_i(phi_i) = mean + sum cosine cos(order phi) + sine sin(order phi)
+/// The mean last: where it alone differs, the rest is summed in the same order.
 Node inertiaOf(Graph& graph, const Scene& scene, int i) {
-  Node sum = graph.constant(scene.inertia(i, i));
-  if (scene.inertia_harmonics.empty()) return sum;
+  const Node mean = graph.constant(scene.inertia(i, i));
+  if (scene.inertia_harmonics.empty()) return mean;
+  Node sum = graph.constant(0.0);
   const Node angle = graph.variable(slotOf(Source::kAngle, i));
   for (const InertiaHarmonic& it : scene.inertia_harmonics[static_cast<std::size_t>(i)]) {
     const Node phase = graph.multiply(graph.constant(it.order), angle);
@@ -31,7 +33,7 @@ Node inertiaOf(Graph& graph, const Scene& scene, int i) {
     sum = graph.add(sum, graph.multiply(graph.constant(it.cosine), cosine));
     sum = graph.add(sum, graph.multiply(graph.constant(it.sine), sine));
   }
-  return sum;
+  return graph.add(mean, sum);
 }
 
 /// The slots of all variables that occur in `nodes`.
@@ -189,6 +191,7 @@ void MotionSeries::findRows() {
     row_of_inertial_torque_[i] = program_.output(next++);
     row_of_connection_[i] = program_.output(next++);
   }
+  findLayout();
 }
 
 int MotionSeries::orderFor(double relative_tolerance) {
@@ -205,11 +208,11 @@ void MotionSeries::setInputs(double t, int order) {
   int last = -1;
   for (const InputRow& it : input_rows_) {
     double* const u = input_[it.input];
-    if (it.input != last) drivetrain_.signal(it.input).calcSeries(t, unit_, order + 2, u);
+    if (it.input != last) drivetrain_.signal(it.input).calcSeries(t, own().unit, order + 2, u);
     last = it.input;
     for (int n = 0; n <= order; ++n) {
-      const double rate = (n + 1) * u[n + 1] / unit_;
-      const double second = (n + 2) * (n + 1) * u[n + 2] / (unit_ * unit_);
+      const double rate = (n + 1) * u[n + 1] / own().unit;
+      const double second = (n + 2) * (n + 1) * u[n + 2] / (own().unit * own().unit);
       program_.set(it.row, n, it.derivative == 0 ? u[n] : it.derivative == 1 ? rate : second);
     }
   }
@@ -217,9 +220,14 @@ void MotionSeries::setInputs(double t, int order) {
 
 bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   ++stamp_;
-  unit_ = unit;
-  inverse_[(S + k_) * (S + k_)] = 1.0 / unit;  // exact: a power of 2
-  order_ = 0;
+  is_next_begun_ = false;
+  own().unit = unit;
+  own().inverse[(S + k_) * (S + k_)] = 1.0 / unit;  // exact: a power of 2
+  own().order = 0;
+  if (makes_whole_steps_) {
+    setInputs(t, most);
+    if (beginWhole(t, x)) return true;
+  }
   const StateView state = drivetrain_.view(t, x, x + S, x + 2 * S);
   program_.set(row_of_time_, 0, state.time);
   program_.set(row_of_time_, 1, unit);
@@ -250,8 +258,8 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
 
 void MotionSeries::knowFurther(int n) {
   for (int i = 0; i < S; ++i) {
-    program_.set(row_of_velocity_[i], n + 1, unit_ * (1.0 / (n + 1)) * acceleration(i)[n]);
-    program_.set(row_of_angle_[i], n + 1, unit_ * (1.0 / (n + 1)) * velocity(i)[n]);
+    program_.set(row_of_velocity_[i], n + 1, own().unit * (1.0 / (n + 1)) * acceleration(i)[n]);
+    program_.set(row_of_angle_[i], n + 1, own().unit * (1.0 / (n + 1)) * velocity(i)[n]);
   }
 }
 
@@ -273,8 +281,8 @@ bool MotionSeries::invert() {
       g[column - S] = -1.0;
     }
     if (k_ > 0) solver_.constrain(g, epsilon, mu);
-    for (int i = 0; i < S; ++i) inverse_[i * size + column] = epsilon[i];
-    for (int m = 0; m < k_; ++m) inverse_[(S + m) * size + column] = mu[m];
+    for (int i = 0; i < S; ++i) own().inverse[i * size + column] = epsilon[i];
+    for (int m = 0; m < k_; ++m) own().inverse[(S + m) * size + column] = mu[m];
   }
   return true;
 }
@@ -284,7 +292,7 @@ void MotionSeries::invertOneRow(Count shafts) {
   // With w = J^-1 C^T and A = C w:  [J^-1 - w w^T / A, w / A; -w^T / A, 1 / A], times (a, -g)
   const Inertia& inertia = drivetrain_.inertia();
   const double* const C = solver_.row(0);
-  double* const last = inverse_ + shafts * (shafts + 1);
+  double* const last = own().inverse + shafts * (shafts + 1);
   double w[kMaxShafts];
   inertia.solve(shafts, C, w);
   double A = 0.0;
@@ -296,10 +304,10 @@ void MotionSeries::invertOneRow(Count shafts) {
     unit[j] = 1.0;
     inertia.solve(shafts, unit, column);
     for (int i = 0; i < shafts; ++i) {
-      inverse_[i * (shafts + 1) + j] = column[i] - w[i] * (part * w[j]);
+      own().inverse[i * (shafts + 1) + j] = column[i] - w[i] * (part * w[j]);
     }
     last[j] = -part * w[j];
-    inverse_[j * (shafts + 1) + shafts] = part * w[j];
+    own().inverse[j * (shafts + 1) + shafts] = part * w[j];
   }
   last[shafts] = part;
 }
@@ -326,7 +334,7 @@ bool MotionSeries::invertCurved(const StateView& state) {
     right(column) = 1.0;
     DenseVector solution;
     if (!solveScaled(scaled, right, 1, &solution)) return false;
-    for (int i = 0; i < size; ++i) inverse_[i * size + column] = solution(i);
+    for (int i = 0; i < size; ++i) own().inverse[i * size + column] = solution(i);
   }
   return true;
 }
@@ -352,13 +360,13 @@ void MotionSeries::beginReaction(const double* x) {
 }
 
 bool MotionSeries::extendTo(int order) {
-  const int before = order_;
+  const int before = own().order;
   const bool has_code = order < static_cast<int>(codes_.size());
   for (int n = before + 1; n <= order; ++n) {
     if (has_code && program_.isDecided()) {
       const OrderCode* const codes = codes_.data();
       for (; n <= order; ++n)
-        codes[n](program_.rows(), program_.states(), inverse_, constants_, unit_);
+        codes[n](program_.rows(), program_.states(), own().inverse, constants_, own().unit);
     } else {
       continueTo(n);
     }
@@ -371,9 +379,10 @@ bool MotionSeries::extendTo(int order) {
   }
   if (remains != 0.0) {
     program_.clear();
+    is_next_begun_ = false;
     return false;
   }
-  order_ = order;
+  own().order = order;
   return true;
 }
 
@@ -388,15 +397,15 @@ void MotionSeries::continueTo(int n) {
   const int size = S + k_;
   double solution[kMaxShafts + kMaxRows];
   for (int i = 0; i < size; ++i) {
-    double sum = inverse_[i * size] * right[0];
-    for (int j = 1; j < size; ++j) sum += inverse_[i * size + j] * right[j];
+    double sum = own().inverse[i * size] * right[0];
+    for (int j = 1; j < size; ++j) sum += own().inverse[i * size + j] * right[j];
     solution[i] = sum;
   }
   for (int i = 0; i < S; ++i) program_.set(row_of_acceleration_[i], n, solution[i]);
   for (int m = 0; m < k_; ++m) {
     const double mu = solution[S + m];
     program_.set(row_of_multiplier_[m], is_classical_ ? n : n - 1,
-                 is_classical_ ? mu : mu * n * inverse_[size * size]);
+                 is_classical_ ? mu : mu * n * own().inverse[size * size]);
   }
   knowFurther(n);
   program_.evaluate(Part::kAccelerated, n);
@@ -423,7 +432,7 @@ void MotionSeries::calcForceRest(int n, double* a) const {
                   program_.coefficients(row_of_reaction_rate_[i])[n - 1] +
               program_.convolveOld(row_of_connection_[i], row_of_reaction_rate_[i], n - 1);
     }
-    a[i] = sum + (is_classical_ ? 1.0 : unit_ * (1.0 / n)) * rest;
+    a[i] = sum + (is_classical_ ? 1.0 : own().unit * (1.0 / n)) * rest;
   }
 }
 
@@ -433,7 +442,7 @@ void MotionSeries::calcConstraintRest(int n, double* g) const {
       g[m] = -program_.coefficients(row_of_residual_[m])[n];
       continue;
     }
-    double sum = unit_ * program_.coefficients(row_of_residual_[m])[n - 1];
+    double sum = own().unit * program_.coefficients(row_of_residual_[m])[n - 1];
     for (int i = 0; i < S; ++i) {
       const double* const row = program_.coefficients(entryRow(m, i));
       for (int j = 1; j < n; ++j) sum += (n - j) * row[j] * acceleration(i)[n - j];
@@ -445,7 +454,7 @@ void MotionSeries::calcConstraintRest(int n, double* g) const {
 void MotionSeries::noteReaction(int n) {
   if (is_classical_) return;
   // R_n = sum_j J_j epsilon_{n-j} + n_n - Q_n,  b_n = J_0^-1 (R_n - sum_{j>=1} J_j b_{n-j})
-  const double* const J0 = inverse_ + placeOfInertia();
+  const double* const J0 = own().inverse + placeOfInertia();
   const double* const inverse = J0 + S * S;
   double right[kMaxShafts];
   for (int i = 0; i < S; ++i) {
@@ -465,7 +474,7 @@ void MotionSeries::noteReaction(int n) {
 
 void MotionSeries::noteInertia() {
   const Inertia& inertia = drivetrain_.inertia();
-  double* const J0 = inverse_ + placeOfInertia();
+  double* const J0 = own().inverse + placeOfInertia();
   for (int j = 0; j < S; ++j) {
     double unit[kMaxShafts] = {};
     double column[kMaxShafts];

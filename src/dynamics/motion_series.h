@@ -24,7 +24,9 @@
 #include <vector>
 
 #include "dynamics/drivetrain.h"
+#include "dynamics/series_step.h"
 #include "expression/series_program.h"
+#include "variator_sim/motion_state.h"
 
 namespace variator_sim {
 
@@ -42,13 +44,40 @@ class MotionSeries {
   /// The motion stands at (t, x), x = (phi, omega, epsilon): coefficient 0. `unit`, s; at most the
   /// order `most` will be asked for, kMostOrder at the most. False where C has lost rank. [loop]
   bool begin(double t, const double* x, double unit, int most);
+  // --- whole steps: series_step.inc --------------------------------------------------------------
+  /// True where a step can be made in one: of generalized Gauss, without tables.
+  bool makesWholeSteps() const { return makes_whole_steps_; }
+  /// What is asked of a step.
+  struct Aim {
+    double limit;      ///< the longest step, s
+    double limit_end;  ///< the instant where that ends, s
+    double length;     ///< that the series may have, by the step before, s
+    double absolute;   ///< tolerance
+    double relative;
+    double decay;  ///< of the terms before the last one
+  };
+  /// A step from (t, x), as far as the series allow, and the next series begun at its end; inputs
+  /// stand still. What it came to is good where the caller says so (`acceptStep`); the series are
+  /// those of the step, whose order `last` is. [loop]
+  const SeriesStep& step(double t, const double* x, const Aim& aim);
+  /// The next step may go on from the end of the last one.
+  void acceptStep() { is_next_begun_ = true; }
+  void refuseStep();
+  bool isNextBegunAt(double t, const double* x) const;
+  /// What no constraint can change of the reaction.
+  void keepReaction(const KeptReaction& kept);
+  /// Coefficients of the applied torque on a shaft, of the next series; 0 and 1 are there.
+  const double* nextTorque(int i) const { return step_.next_rows + layout_.torque_at[i]; }
+  /// Inputs have changed.
+  void forgetNext() { is_next_begun_ = false; }
+
   /// As far as `order` of epsilon. False where one of the new orders is not finite: no coefficient
   /// is left then. [loop]
   bool extendTo(int order);
-  int order() const { return order_; }
+  int order() const { return own().order; }
   /// See SeriesProgram::misses; `length`, s. [loop]
   bool misses(double length, double tolerance) const {
-    return program_.misses(length / unit_, order_, tolerance);
+    return program_.misses(length / own().unit, own().order, tolerance);
   }
   /// Another number after every `begin`: whose series these are.
   std::uint64_t stamp() const { return stamp_; }
@@ -58,7 +87,7 @@ class MotionSeries {
   const double* angle(int i) const { return program_.coefficients(row_of_angle_[i]); }
   const double* velocity(int i) const { return program_.coefficients(row_of_velocity_[i]); }
   const double* acceleration(int i) const { return program_.coefficients(row_of_acceleration_[i]); }
-  double unit() const { return unit_; }
+  double unit() const { return own().unit; }
   /// The orders as C, and what that is made from.
   std::string writeSource() const;
   void addStructure(expression::CodeStructure* structure) const;
@@ -95,8 +124,11 @@ class MotionSeries {
   std::string writeForceRest(std::set<int>* mirrored) const;
   std::string writeConstraintRest() const;
   std::string writeReaction(std::set<int>* mirrored) const;
+  std::string writeWholeStep() const;
   /// Coefficients at a state that tells code and interpreter apart, as far as they come.
   std::vector<double> expandAt(int state);
+  /// Order 0, as `begin` makes it.
+  bool beginWhole(double t, const double* x);
   void setInputs(double t, int order);
   void beginReaction(const double* x);
   /// The inverse of [J_0 -C_0^T; C_0 0], or of what Newton's iteration has in its place. False
@@ -114,11 +146,13 @@ class MotionSeries {
   /// J^-1 R of order n, where the inertia depends on an angle.
   void noteReaction(int n);
   void noteInertia();
-  /// Of J_0 in `inverse_`.
+  /// Of J_0 in `inverse`.
   int placeOfInertia() const { return (S + k_) * (S + k_) + 1; }
 
   bool isInertiaConstant() const { return drivetrain_.inertia().isConstant(); }
   int entryRow(int m, int i) const { return row_of_entry_[m][i]; }
+
+  static constexpr int kMostUnknowns = kMaxShafts + kMaxRows;
 
   const Scene& scene_;
   Drivetrain& drivetrain_;
@@ -136,9 +170,37 @@ class MotionSeries {
   using BeginCode = int (*)(double* rows, double* states, const double* constants);
   BeginCode begin_code_ = nullptr;
   const double* constants_ = nullptr;
-  double unit_ = 1.0;
-  int order_ = 0;
+  /// What a series has beside the rows of the program.
+  struct Own {
+    double unit = 1.0;
+    int order = 0;
+    /// The inverse matrix, behind it 1 / unit, and where the inertia depends on an angle J_0 and
+    /// its inverse.
+    double inverse[kMostUnknowns * kMostUnknowns + 1 + 2 * kMaxShafts * kMaxShafts] = {};
+  };
+  Own own_[2];  ///< of the step's series and of the next one's
+  int used_ = 0;
+  Own& own() { return own_[used_]; }
+  const Own& own() const { return own_[used_]; }
+  void turn() {
+    program_.turn();
+    used_ = 1 - used_;
+  }
   std::uint64_t stamp_ = 0;
+
+  void findLayout();
+  void prepareStep();
+  static void interpretStep(SeriesStep* step);
+  static void interpretArrival(SeriesStep* step);
+  friend struct SeriesInterpreter;
+  bool makes_whole_steps_ = false;
+  SeriesLayout layout_ = {};
+  SeriesStep step_ = {};
+  bool is_next_begun_ = false;
+  double next_origin_ = 0.0;
+  using StepCode = void (*)(SeriesStep* step);
+  StepCode step_code_ = interpretStep;
+  StepCode arrive_code_ = interpretArrival;
 
   // Rows of the program.
   int row_of_time_ = -1;
@@ -161,10 +223,6 @@ class MotionSeries {
   int row_of_reaction_rate_[kMaxShafts] = {};    ///< J^-1 R, of Gamma R omega
 
   static constexpr int kRoom = kMostOrder + 1;
-  /// The inverse matrix, behind it 1 / unit, and where the inertia depends on an angle J_0 and its
-  /// inverse.
-  static constexpr int kMostUnknowns = kMaxShafts + kMaxRows;
-  double inverse_[kMostUnknowns * kMostUnknowns + 1 + 2 * kMaxShafts * kMaxShafts] = {};
   double input_[kMaxInputs][kRoom + 3] = {};
 };
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "dynamics/motion_series.h"
+#include "dynamics/series_step_text.h"
 #include "expression/c_code.h"
 
 namespace variator_sim {
@@ -22,6 +23,9 @@ struct NamedPart {
 constexpr NamedPart kParts[] = {{"series_given", Part::kGiven},
                                 {"series_trial", Part::kTrial},
                                 {"series_accelerated", Part::kAccelerated}};
+
+constexpr NamedPart kBeginnings[] = {{"begin_given", Part::kGiven},
+                                     {"begin_accelerated", Part::kAccelerated}};
 
 /// States, some near to 0, at which code has to give the interpreter's numbers.
 constexpr int kStates = 6;
@@ -171,6 +175,65 @@ std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
   return text.str();
 }
 
+/// The functions of series_step.inc, and what stands around them.
+std::string MotionSeries::writeWholeStep() const {
+  std::ostringstream text;
+  text << "#define LAYOUT layout\ntypedef double Real;\n"
+       << kSeriesStepData << "static const struct SeriesLayout layout = {";
+  const auto one = [&text](int value) { text << value << ", "; };
+  const auto array = [&text](const auto& values) {
+    text << "{";
+    for (const int value : values) text << value << ", ";
+    text << "}, ";
+  };
+  const SeriesLayout& it = layout_;
+  for (const int value :
+       {it.shafts, it.rows, it.velocity_rows, it.order, it.least, it.is_inertia_constant,
+        it.is_inertia_diagonal, it.is_row_constant, it.has_residuals, it.time_at, it.time_back}) {
+    one(value);
+  }
+  array(it.component_at);
+  array(it.component_back);
+  array(it.torque_at);
+  array(it.residual_at);
+  array(it.entry_at);
+  array(it.inertia_at);
+  array(it.inertial_torque_at);
+  array(it.reaction_at);
+  array(it.reaction_back);
+  one(it.flats);
+  array(it.flat_at);
+  array(it.flat_divides);
+  text << "};\nstatic void (*const orders[])(double*, double*, const double*, const double*, "
+          "double) = {0";
+  for (int n = 1; n <= layout_.order; ++n) text << ", " << nameOf(n);
+  text << "};\n"
+       << R"c(
+static inline void seriesOrder(struct SeriesStep* it, int next, int n) {
+  orders[n](next ? it->next_rows : it->rows, next ? it->next_states : it->states,
+            next ? it->next_inverse : it->inverse, it->constants, next ? it->next_unit : it->unit);
+}
+static inline void seriesBeginGiven(struct SeriesStep* it) {
+  it->limits |= begin_given(it->next_rows, it->next_states, it->constants);
+}
+static inline void seriesBeginAccelerated(struct SeriesStep* it) {
+  it->limits |= begin_accelerated(it->next_rows, it->next_states, it->constants);
+}
+static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
+  velocity_level(it->origin + it->end, it->x_new, it->x_new + layout.shafts,
+                 it->x_new + 2 * layout.shafts, it->input, it->input_rate, it->input_second_rate,
+                 it->tables, level);
+}
+static inline void seriesTurn(struct SeriesStep* it) { (void)it; }
+static inline __attribute__((always_inline)) double seriesDot(const double* a, const double* b, int count) {
+  return dot(a, b, count);
+}
+)c" << kSeriesStepText
+       << "void series_step(struct SeriesStep* it) { seriesStep(it); }\n"
+          "void series_arrive(struct SeriesStep* it) { seriesArrive(it, 0); }\n";
+  return text.str();
+}
+
 std::string MotionSeries::writeSource() const {
   std::set<int> mirrored;
   std::string text;
@@ -184,10 +247,16 @@ std::string MotionSeries::writeSource() const {
       "    double* restrict s, const double* restrict k, const double* restrict c, double u) {\n" +
       writeOrder(&mirrored) + "}\n";
   if (!program_.readsTables()) {
+    for (const auto& [name, part] : kBeginnings) {
+      text += std::string("static int ") + name +
+              "(double* restrict r, double* restrict s, const double* restrict c) {\n"
+              "  const int n = 0;\n  int limit = 0;\n  (void)n, (void)s, (void)c;\n" +
+              program_.writeBegin(part) + "  return limit;\n}\n";
+    }
     text += std::string("int ") + kBegin +
             "(double* restrict r, double* restrict s, const double* restrict c) {\n"
-            "  const int n = 0;\n  int limit = 0;\n  (void)n, (void)s, (void)c;\n" +
-            program_.writeBegin() + "  return limit;\n}\n";
+            "  const int limit = begin_given(r, s, c);\n"
+            "  return begin_accelerated(r, s, c) || limit;\n}\n";
   }
   for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
     text += "void " + nameOf(n) +
@@ -195,6 +264,7 @@ std::string MotionSeries::writeSource() const {
             "    const double* restrict c, double u) {\n  order(" +
             std::to_string(n) + ", r, s, k, c, u);\n}\n";
   }
+  if (makes_whole_steps_) text += writeWholeStep();
   return expression::SeriesProgram::codePrelude() + program_.writeMirrors(mirrored) + text;
 }
 
@@ -213,6 +283,9 @@ void MotionSeries::addStructure(expression::CodeStructure* structure) const {
                                row_of_torque_[i], row_of_inertia_[i], row_of_inertial_torque_[i],
                                row_of_connection_[i], row_of_reaction_rate_[i]});
   }
+  const auto* const layout = reinterpret_cast<const int*>(&layout_);
+  words.push_back(makes_whole_steps_ ? 1 : 0);
+  words.insert(words.end(), layout, layout + sizeof layout_ / sizeof *layout);
   program_.addStructure(structure);
 }
 
@@ -224,6 +297,13 @@ bool MotionSeries::use(const KernelLibrary& library, const double* constants) {
   }
   const auto begin = reinterpret_cast<BeginCode>(library.find(kBegin));
   if (begin == nullptr && !program_.readsTables()) return false;
+  if (makes_whole_steps_) {
+    const auto step = reinterpret_cast<StepCode>(library.find("series_step"));
+    const auto arrive = reinterpret_cast<StepCode>(library.find("series_arrive"));
+    if (step == nullptr || arrive == nullptr) return false;
+    step_code_ = step;
+    arrive_code_ = arrive;
+  }
   codes_ = std::move(codes);
   begin_code_ = begin;
   constants_ = constants;
@@ -236,9 +316,13 @@ bool MotionSeries::agreesWithInterpreter() {
     std::vector<OrderCode> codes;
     codes.swap(codes_);
     const BeginCode begin_code = std::exchange(begin_code_, nullptr);
+    const StepCode step_code = std::exchange(step_code_, interpretStep);
+    const StepCode arrive_code = std::exchange(arrive_code_, interpretArrival);
     const bool is_same = isSame(expandAt(n), computed);
     codes_.swap(codes);
     begin_code_ = begin_code;
+    step_code_ = step_code;
+    arrive_code_ = arrive_code;
     if (!is_same) return false;
   }
   return true;
@@ -247,6 +331,8 @@ bool MotionSeries::agreesWithInterpreter() {
 void MotionSeries::interpret() {
   codes_.clear();
   begin_code_ = nullptr;
+  step_code_ = interpretStep;
+  arrive_code_ = interpretArrival;
 }
 
 std::vector<double> MotionSeries::expandAt(int state) {
@@ -262,6 +348,21 @@ std::vector<double> MotionSeries::expandAt(int state) {
       coefficients.push_back(acceleration(i)[this->order()]);
       coefficients.push_back(torque(i)[this->order()]);
     }
+  }
+  if (makes_whole_steps_ && this->order() == order) {
+    const double relative = scene_.solver.relative_tolerance;
+    const double limit = state % 3 == 2 ? 0.001 : 1.0;
+    forgetNext();
+    const SeriesStep& made =
+        step(0.37 * state, x,
+             {limit, 0.37 * state + limit, 0.01 * (1 + state), relative, relative, 0.5});
+    if (made.doubt == 0.0) {
+      coefficients.insert(coefficients.end(), made.x_new, made.x_new + 3 * S);
+      coefficients.insert(coefficients.end(), made.eta, made.eta + S);
+      coefficients.push_back(made.taken);
+      coefficients.push_back(made.error);
+    }
+    refuseStep();
   }
   return coefficients;
 }

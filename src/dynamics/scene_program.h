@@ -68,6 +68,7 @@ class SceneProgram {
   /// Goes over to the machine code of `other`, if its scene differs in numbers alone. Not in the
   /// loop.
   bool shareMachineCode(MotionSeries* series, const SceneProgram& other);
+  const KernelTables* kernelTables() const { return &host_; }
   /// The C that it is compiled from; empty where a law reads what is no formula.
   std::string writeSource(const MotionSeries* series) const;
 

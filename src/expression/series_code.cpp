@@ -444,10 +444,9 @@ std::string SeriesProgram::writeCode(Part part, std::set<int>* mirrored) const {
   return SeriesWriter(*this, mirrored).write(part);
 }
 
-std::string SeriesProgram::writeBegin() const {
+std::string SeriesProgram::writeBegin(Part part) const {
   std::set<int> unused;  // order 0 reads no row backwards
-  return SeriesWriter(*this, &unused).begin(Part::kGiven) +
-         SeriesWriter(*this, &unused).begin(Part::kAccelerated);
+  return SeriesWriter(*this, &unused).begin(part);
 }
 
 std::string SeriesProgram::writeMirror(int row) {

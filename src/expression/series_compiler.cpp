@@ -31,7 +31,8 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
     made_.outputs_.push_back(rowOf(forms_[static_cast<std::size_t>(output.index)]));
   }
   findPrograms(trial.size());
-  made_.rows_.assign(made_.degree_.size() * 2 * made_.width_, 0.0);
+  made_.rows_.assign(2 * made_.degree_.size() * 2 * made_.width_, 0.0);
+  made_.states_.resize(2 * made_.states_.size(), 0.0);
   made_.changes_.assign(made_.degree_.size(), 0.0);
   made_.clear();
 }

@@ -67,6 +67,15 @@ bool SeriesProgram::differsAt(const Instruction& it, double theta, int order,
   return !(std::abs(valueAt(forward(row), theta, order) - value) <= allowed);
 }
 
+std::vector<SeriesProgram::FlatFunction> SeriesProgram::listFlatFunctions() const {
+  std::vector<FlatFunction> functions;
+  for (const int index : flat_) {
+    const Instruction& it = instructions_[static_cast<std::size_t>(index)];
+    functions.push_back({argumentOf(it), it.code == Code::kDivide || it.code == Code::kPower});
+  }
+  return functions;
+}
+
 bool SeriesProgram::misses(double theta, int order, double tolerance) const {
   constexpr int kPoints = 8;
   for (const int index : flat_) {

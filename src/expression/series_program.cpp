@@ -2,38 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <utility>
+
+#include "expression/series_dot.h"
 
 namespace variator_sim::expression {
 
 namespace {
-
-/// Two doubles that are added and multiplied at once.
-using Two = double __attribute__((vector_size(16)));
-
-Two load(const double* from) {
-  Two values;
-  std::memcpy(&values, from, sizeof values);
-  return values;
-}
-
-/// sum_{j < count} a[j] b[j], every fourth term into one of four sums. What was written just before
-/// is best left out of it: a load of several numbers waits until each of them has reached memory.
-double dot(const double* a, const double* b, int count) {
-  Two first = {0.0, 0.0};
-  Two second = {0.0, 0.0};
-  int j = 0;
-  for (; j + 4 <= count; j += 4) {
-    first += load(a + j) * load(b + j);
-    second += load(a + j + 2) * load(b + j + 2);
-  }
-  if (j < count) first[0] += a[j] * b[j];
-  if (j + 1 < count) first[1] += a[j + 1] * b[j + 1];
-  if (j + 2 < count) second[0] += a[j + 2] * b[j + 2];
-  return (first[0] + second[0]) + (first[1] + second[1]);
-}
 
 constexpr double kFactorial[] = {1.0, 1.0, 2.0, 6.0, 24.0, 120.0};
 
@@ -71,7 +47,10 @@ double SeriesProgram::square(int a, int n) const {
 
 void SeriesProgram::clear() {
   std::fill(rows_.begin(), rows_.end(), 0.0);
-  for (const auto& [row, value] : constants_) write(row, 0, value);
+  for (int series = 0; series < 2; ++series) {
+    for (const auto& [row, value] : constants_) write(row, 0, value);
+    turn();
+  }
 }
 
 void SeriesProgram::run(const std::vector<int>& program, int n) {

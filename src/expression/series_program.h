@@ -81,19 +81,25 @@ class SeriesProgram {
   /// `double* s`, and what stands before them. The rows that they read backwards are added to
   /// `mirrored`: no others need be written so.
   std::string writeCode(Part part, std::set<int>* mirrored) const;
-  /// Those of order 0, of all that is made then; what they leave in `int limit` is for noteLimit.
-  /// Not of tables.
-  std::string writeBegin() const;
+  /// Those of order 0 of a part; what they leave in `int limit` is for noteLimit. Not of tables.
+  std::string writeBegin(Part part) const;
   bool readsTables() const { return !pieces_.empty(); }
   void noteLimit(bool is_reached) { has_limit_ = is_reached; }
+  bool hasLimit() const { return has_limit_; }
   static const char* codePrelude();
   /// `convolveOld` as C, n being C.
   std::string writeConvolution(int a, int b, const std::string& n, std::set<int>* mirrored) const;
   /// What stands before the statement that writes a row backwards, and before all functions.
   static std::string writeMirror(int row);
   std::string writeMirrors(const std::set<int>& mirrored) const;
-  double* rows() { return rows_.data(); }
-  double* states() { return states_.data(); }
+  double* rows() { return rows_.data() + rows_begin_; }
+  double* states() { return states_.data() + states_begin_; }
+  /// There is room for two series of the same formulas, one of which is used: the other one is from
+  /// now on. Not of tables.
+  void turn() {
+    rows_begin_ = rows_.size() / 2 - rows_begin_;
+    states_begin_ = states_.size() / 2 - states_begin_;
+  }
   /// The offset of coefficient 0 of a row in rows(), and of the row written backwards.
   std::size_t offset(int row) const { return static_cast<std::size_t>(row) * 2 * width_; }
   std::size_t backwardOffset(int row) const {
@@ -115,6 +121,13 @@ class SeriesProgram {
 
   /// After coefficients that are not finite: what they leave in sums. [loop]
   void clear();
+
+  /// A function that may be flat, by the row of its argument.
+  struct FlatFunction {
+    int argument;
+    bool divides;
+  };
+  std::vector<FlatFunction> listFlatFunctions() const;
 
  private:
   friend class SeriesCompiler;
@@ -176,10 +189,8 @@ class SeriesProgram {
   static constexpr int kPad = 4;
   static constexpr int kNoDegree = 1 << 20;
 
-  double* forward(int row) { return rows_.data() + static_cast<std::size_t>(row) * 2 * width_; }
-  const double* forward(int row) const {
-    return rows_.data() + static_cast<std::size_t>(row) * 2 * width_;
-  }
+  double* forward(int row) { return rows_.data() + rows_begin_ + offset(row); }
+  const double* forward(int row) const { return rows_.data() + rows_begin_ + offset(row); }
   /// Where coefficient 0 stands of the row written backwards; zeros follow it.
   const double* backward(int row) const { return forward(row) + width_ + capacity_ - 1 - kPad; }
   void write(int row, int n, double value) {
@@ -188,7 +199,9 @@ class SeriesProgram {
     at[width_ + static_cast<std::size_t>(capacity_ - 1 - kPad - n)] = value;
   }
   int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
-  double& state(const Instruction& it) { return states_[static_cast<std::size_t>(it.state)]; }
+  double& state(const Instruction& it) {
+    return states_[states_begin_ + static_cast<std::size_t>(it.state)];
+  }
 
   /// sum_{j=0..n} a_j b_{n-j}, and 0 < j < n of it, which lower orders have made.
   double convolve(int a, int b, int n) const;
@@ -219,9 +232,11 @@ class SeriesProgram {
   /// Coefficient n of sum_j a_ij (y - y_0)^j, n > 0.
   double sumAlongY(const Piece& piece, int i, int y, int n) const;
 
-  int capacity_ = 0;       ///< coefficients of a row, padding included
-  std::size_t width_ = 0;  ///< the same
-  std::vector<double> rows_;
+  int capacity_ = 0;            ///< coefficients of a row, padding included
+  std::size_t width_ = 0;       ///< the same
+  std::vector<double> rows_;    ///< of both series
+  std::size_t rows_begin_ = 0;  ///< those of the one that is used
+  std::size_t states_begin_ = 0;
   std::vector<int> degree_;
   std::vector<bool> accelerated_;
   std::vector<bool> has_pole_;  ///< may be infinite without an overflow

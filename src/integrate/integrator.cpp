@@ -34,6 +34,7 @@ Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
         drivetrain_.encloseInputs(relative(time.low), relative(time.high), inputs);
       });
   if (guards_.hasJumps()) system_.watch(&watch_);
+  may_make_whole_steps_ = integrates_torque_ && guards_.isEmpty() && !choice_.isFixed();
 }
 
 void Integrator::reset() {
@@ -171,7 +172,8 @@ void Integrator::restart() {
   control_.reset();
   restart_time_ = front_.time;
   fixed_steps_ = 0;
-  if (!choice_.isFixed() && !letStepperChoose()) next_step_ = chooseFirstStep();
+  if (choice_.isFixed() || mayMakeWholeSteps()) return;
+  if (!letStepperChoose()) next_step_ = chooseFirstStep();
 }
 
 bool Integrator::letStepperChoose() {
@@ -286,6 +288,7 @@ bool Integrator::makeStep() {
   base_ = front_;
   system_.noteBase(base_.time, base_.x, base_.dxdt);
   stepper_ = &choice_.stepper();
+  if (makeWholeStep()) return status_.ok();
   const bool is_behind_edge = course_ == Course::kHop;
   const bool is_due = crossing_.isDueAt(base_.time);
   course_ = is_due && crossEdge() ? Course::kHop : Course::kStep;
@@ -304,6 +307,53 @@ bool Integrator::makeStep() {
     followChoice();
   }
   return makeTrials();
+}
+
+void Integrator::leaveWholeStep() {
+  stepper_->restart();
+  front_ = base_;
+}
+
+bool Integrator::makeWholeStep() {
+  if (!mayMakeWholeSteps()) return false;
+  if (!system_.series()->isNextBegunAt(base_.time, base_.x.data())) {
+    system_.series()->keepReaction(system_.keptReaction());
+  }
+  const double segment_end = endOfReach();
+  const bool is_in_reach = segment_end - base_.time <= settings_.maximum_step;
+  const double limit = is_in_reach ? segment_end - base_.time : settings_.maximum_step;
+  const double limit_end = is_in_reach ? segment_end : base_.time + limit;
+  if (!(limit > shortestStep(base_.time))) return false;
+  const SeriesStep* const made = stepper_->makeWholeStep(system_, base_, limit, limit_end);
+  if (made == nullptr) return false;
+  if (!(made->taken > shortestStep(base_.time))) {
+    leaveWholeStep();
+    return false;
+  }
+  front_.time = made->end;
+  front_.x.assign(made->x_new);
+  for (int n = 0; n < 2 * S; ++n) front_.dxdt[n] = front_.x[n + S];
+  const MotionSeries& series = *system_.series();
+  for (int i = 0; i < S; ++i) {
+    front_.dxdt[2 * S + i] = made->eta[i];
+    front_.torque[i] = series.nextTorque(i)[0];
+    front_.torque_rate[i] = series.nextTorque(i)[1] / made->next_unit;
+  }
+  if (!drivetrain_.inertia().isConstant()) system_.view(front_.time, front_.x);
+  course_ = Course::kStep;
+  is_in_corner_ = false;
+  rows_.lookAt(made->C, made->row_length);
+  if (!checks_.isTorqueSeen(made->gain, base_, front_) ||
+      rows_.note(false) != RowWatch::Verdict::kGood) {
+    leaveWholeStep();
+    return false;
+  }
+  drivetrain_.countRightHandSide();
+  ++statistics_.steps;
+  statistics_.projections += static_cast<std::uint64_t>(made->projections);
+  next_step_ = made->length;
+  lookAhead();
+  return true;
 }
 
 void Integrator::stop(StopReason reason) {

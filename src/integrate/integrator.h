@@ -152,6 +152,14 @@ class Integrator {
   /// Nothing changes at the front, exactly.
   bool rests() const;
   bool makeStep();
+  /// The step as the stepper makes it in one, where it does, nothing has an edge and no input
+  /// moves. False when it is to be made the other way: then nothing has happened.
+  bool makeWholeStep();
+  /// It is not good after all.
+  void leaveWholeStep();
+  bool mayMakeWholeSteps() const {
+    return may_make_whole_steps_ && !drivetrain_.haveInputsMoved() && stepper_->makesWholeSteps();
+  }
   /// A step while it is looked for.
   struct Trial {
     double length = 0.0;       ///< that is wanted, s
@@ -404,6 +412,7 @@ class Integrator {
 
   const int S;  // shafts
   const bool integrates_torque_;
+  bool may_make_whole_steps_ = false;
   const SolverSettings& settings_;
   PrincipleSystem& system_;
   Drivetrain& drivetrain_;  // the system's

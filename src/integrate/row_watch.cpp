@@ -13,6 +13,13 @@ void RowWatch::look() {
   }
 }
 
+void RowWatch::lookAt(const Row* rows, const double* length_squared) {
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    looked_at_.length_squared[m] = length_squared[m];
+    copyRow(rows[m], looked_at_.row[m]);
+  }
+}
+
 RowWatch::Verdict RowWatch::note(bool is_start) {
   system_.noteColumns(looked_at_.row);
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {

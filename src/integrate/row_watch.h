@@ -32,6 +32,8 @@ class RowWatch {
 
   /// Remembers the rows of the last derivative taken: where a step has ended or a motion begins.
   void look();
+  /// The same of given rows and their squared lengths.
+  void lookAt(const Row* rows, const double* length_squared);
   /// Judges those that were looked at last. Where a motion begins (`is_start`) there are none to
   /// compare them with.
   Verdict note(bool is_start);

@@ -80,6 +80,10 @@ class StepChecks {
   /// larger in d: what it makes of Q is allowed, too, as long as Q is about linear over so much.
   double checkTorque(Stepper& stepper, const StepNode& from, StepNode& to);
 
+  /// The same where Q at `to` is known and the step's own series tells what Q has gained: false
+  /// where that is to be looked at as above.
+  bool isTorqueSeen(const double* gain, const StepNode& from, const StepNode& to);
+
   /// The counterpart of checkTorque where the torques make the accelerations themselves: an
   /// explicit step of controlled size may not pass over a narrow layer of Q. Its ends tell: false
   /// where Q changes by much that the rates there (trapezoidal rule) do not explain, and a velocity

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "dynamics/projection_result.h"
+#include "dynamics/series_step.h"
 #include "dynamics/shaft_count.h"
 #include "dynamics/state_vector.h"
 #include "dynamics/system.h"
@@ -102,6 +103,16 @@ class Stepper {
   /// any value is. [loop]
   virtual double step(System& system, const StepNode& from, double h, State& x_new,
                       State& dxdt_new) = 0;
+
+  /// A step from `from`, at most by `limit`, that is to end at `limit_end` where it is so long: as
+  /// long as the stepper thinks fit, projected, and judged by what is at its end. Null where it
+  /// makes no such steps. Inputs stand still. [loop]
+  virtual const SeriesStep* makeWholeStep(System& /*system*/, const StepNode& /*from*/,
+                                          double /*limit*/, double /*limit_end*/) {
+    return nullptr;
+  }
+  /// True when it may make the next one so.
+  virtual bool makesWholeSteps() const { return false; }
 
   /// For a stepper whose `step` has no estimate: the error of its last step, from x' at the end.
   /// In units of the tolerance; 0 when `step` gave the estimate already. [loop]

@@ -9,11 +9,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <memory>
 
 #include "dynamics/motion_series.h"
+#include "expression/series_dot.h"
 #include "integrate/stepper.h"
 
 namespace variator_sim {
@@ -44,7 +44,10 @@ class TaylorStepper final : public Stepper {
   bool hasDenseOutput() const override { return true; }
   bool checksDenseOutput() const override { return true; }
 
-  void restart() override { base_time_ = std::numeric_limits<double>::quiet_NaN(); }
+  void restart() override {
+    base_time_ = std::numeric_limits<double>::quiet_NaN();
+    if (series_ != nullptr) series_->forgetNext();
+  }
   /// The length of the last step is the unit of the next series, and so in its rounding.
   void forget() override {
     restart();
@@ -54,6 +57,35 @@ class TaylorStepper final : public Stepper {
   double chooseStep(System& system, const StepNode& from, double limit) override {
     expand(system, from, limit);
     return order_ < kLeastOrder ? 0.0 : std::min(limit, length_);
+  }
+
+  bool makesWholeSteps() const override {
+    return series_ != nullptr && length_ > 0.0 && size_ == 3 * S && series_->makesWholeSteps();
+  }
+
+  const SeriesStep* makeWholeStep(System& /*system*/, const StepNode& from, double limit,
+                                  double limit_end) override {
+    if (!makesWholeSteps()) return nullptr;
+    const SeriesStep& made = series_->step(
+        from.time, from.x.data(),
+        {limit, limit_end, length_, tolerance_.absolute, tolerance_.relative, decay_[1]});
+    if (!(made.doubt == 0.0 && made.moved <= 1.0 && made.error <= 1.0)) {
+      series_->refuseStep();
+      base_time_ = std::numeric_limits<double>::quiet_NaN();
+      return nullptr;
+    }
+    series_->acceptStep();
+    findRows();
+    base_time_ = from.time;
+    base_x_ = from.x;
+    limit_ = limit;
+    order_ = made.last;
+    is_short_ = order_ < most_;
+    length_before_ = length_;
+    length_ = made.length;
+    unit_ = 0.5 * made.unit;
+    stamp_ = series_->stamp();
+    return &made;
   }
 
   double step(System& system, const StepNode& from, double h, State& x_new,
@@ -257,23 +289,9 @@ class TaylorStepper final : public Stepper {
     last_power_ = last;
   }
 
-  /// Two doubles that are added and multiplied at once.
-  using Two = double __attribute__((vector_size(16)));
-  static Two load(const double* from) {
-    Two values;
-    std::memcpy(&values, from, sizeof values);
-    return values;
-  }
-  /// sum c_k weights_k, in four sums that do not wait for one another. Behind the last term weights
-  /// are 0, and coefficients numbers.
+  /// sum c_k weights_k. Behind the last term weights are 0, and coefficients numbers.
   double sumOf(const double* c, const double* weights) const {
-    Two first = {0.0, 0.0};
-    Two second = {0.0, 0.0};
-    for (int k = 0; k <= last_power_; k += 4) {
-      first += load(c + k) * load(weights + k);
-      second += load(c + k + 2) * load(weights + k + 2);
-    }
-    return (first[0] + second[0]) + (first[1] + second[1]);
+    return expression::dot(c, weights, (last_power_ + 4) / 4 * 4);
   }
 
   /// The series at `from`, as far as steps of `limit` need it.
@@ -283,13 +301,15 @@ class TaylorStepper final : public Stepper {
     const bool is_base = from.time == base_time_ && isBase(from);
     const bool reaches = limit <= limit_;
     if (is_base && is_own && (reaches || (order_ == most_ && length_ <= limit_))) return;
-    if (is_base && !is_own && reaches) {
-      // Once more, to the bit.
+    // Once more, to the bit.
+    const bool is_again = is_base && !is_own && reaches;
+    const double length = length_;
+    if (is_again) {
       limit = limit_;
       length_ = length_before_;
     }
     length_before_ = length_;
-    if (series_ == nullptr) findSeries(system);
+    if (series_ == nullptr) series_ = system.series();
     order_ = 0;
     base_time_ = from.time;
     base_x_ = from.x;
@@ -301,8 +321,9 @@ class TaylorStepper final : public Stepper {
       std::copy_n(from.dxdt.begin() + S, S, x + 2 * S);
     }
     if (series_ == nullptr) return;
+    findRows();
     // In units of the step no coefficient overflows; without one it has to be found.
-    double unit = length_ > 0.0 ? std::min(length_, limit) : limit;
+    double unit = is_again ? unit_ : length_ > 0.0 ? std::min(length_, limit) : limit;
     constexpr int kTrials = 12;
     for (int trial = 0; trial < kTrials; ++trial) {
       makeSeries(x, unit, limit);
@@ -310,7 +331,12 @@ class TaylorStepper final : public Stepper {
       unit *= 1.0 / 64.0;
     }
     stamp_ = series_->stamp();
-    if (order_ >= kLeastOrder) chooseLength(from.x);
+    unit_ = 0.5 * series_->unit();  // of which makeSeries makes the power of 2 above
+    if (is_again) {
+      length_ = length;
+    } else if (order_ >= kLeastOrder) {
+      chooseLength(from.x);
+    }
   }
 
   /// The series are those of this state: accelerations that are no part of it count, too.
@@ -318,9 +344,8 @@ class TaylorStepper final : public Stepper {
     return node.x == base_x_ && (size_ == 3 * S || node.dxdt == base_dxdt_);
   }
 
-  void findSeries(const System& system) {
-    series_ = system.series();
-    if (series_ == nullptr) return;
+  /// They have two places, and change them with each whole step.
+  void findRows() {
     for (int i = 0; i < S; ++i) {
       rows_[i] = series_->angle(i);
       rows_[S + i] = series_->velocity(i);
@@ -438,6 +463,7 @@ class TaylorStepper final : public Stepper {
   bool is_short_ = false;
   double length_ = 0.0;
   double length_before_ = 0.0;  // when the series were begun
+  double unit_ = 0.0;           // what they were begun with
   /// A term so many before the last one may be larger than the tolerance by the inverse of this: of
   /// N terms that fall from 1 to the tolerance.
   double decay_[kTerms] = {};

@@ -33,7 +33,8 @@ const std::set<std::string>& libraryFunctions() {
       "memcpy", "memset", "memmove", "ferror", "fflush", "fgets", "fclose", "fopen", "fprintf",
       "fputc", "fputs", "strchr", "strcmp", "strcspn", "strspn", "strtod",
       // of the compiler, and pointers that are called
-      "__attribute__", "always_inline", "vector_size", "__builtin_memcpy", "table", "table2"};
+      "__attribute__", "always_inline", "vector_size", "__builtin_memcpy", "__builtin_fabs",
+      "__builtin_sqrt", "table", "table2"};
   return all;
 }
 

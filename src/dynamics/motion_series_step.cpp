@@ -1,0 +1,220 @@
+// Whole steps of a motion by its series: series_step.inc for the interpreter, and what is around a
+// step of either kind.
+#include <algorithm>
+#include <cmath>
+
+#include "dynamics/motion_series.h"
+#include "expression/series_dot.h"
+
+namespace variator_sim {
+
+using Part = expression::SeriesProgram::Part;
+
+/// What series_step.inc asks for.
+struct SeriesInterpreter {
+  static MotionSeries& of(SeriesStep* it) { return *static_cast<MotionSeries*>(it->host); }
+  static void order(SeriesStep* it, int n) { of(it).continueTo(n); }
+  static void begin(SeriesStep* it, Part part) {
+    of(it).program_.evaluate(part, 0);
+    it->limits = it->limits != 0 || of(it).program_.hasLimit() ? 1 : 0;
+  }
+  static void velocityLevel(SeriesStep* it, double* level) {
+    const int S = it->layout->shafts;
+    const StateView state{it->origin + it->end, it->x_new, it->x_new + S,
+                          it->x_new + 2 * S,    it->input, it->input_rate,
+                          it->input_second_rate};
+    of(it).drivetrain_.copyVelocityLevel(state, level);
+  }
+  static void turn(SeriesStep* it) { of(it).turn(); }
+};
+
+namespace series_step {
+namespace {
+
+inline void seriesOrder(SeriesStep* it, int /*next*/, int n) {
+  SeriesInterpreter::order(it, n);
+}
+inline void seriesBeginGiven(SeriesStep* it) {
+  SeriesInterpreter::begin(it, Part::kGiven);
+}
+inline void seriesBeginAccelerated(SeriesStep* it) {
+  SeriesInterpreter::begin(it, Part::kAccelerated);
+}
+inline void seriesVelocityLevel(SeriesStep* it, double* level) {
+  SeriesInterpreter::velocityLevel(it, level);
+}
+inline void seriesTurn(SeriesStep* it) {
+  SeriesInterpreter::turn(it);
+}
+inline double seriesDot(const double* a, const double* b, int count) {
+  return expression::dot(a, b, count);
+}
+
+#define LAYOUT (*it->layout)
+#include "dynamics/series_step.inc"
+
+}  // namespace
+}  // namespace series_step
+
+void MotionSeries::interpretStep(SeriesStep* step) {
+  series_step::seriesStep(step);
+}
+void MotionSeries::interpretArrival(SeriesStep* step) {
+  series_step::seriesArrive(step, 0);
+}
+
+void MotionSeries::findLayout() {
+  const Inertia& inertia = drivetrain_.inertia();
+  int thirds = 0;
+  int firsts = 0;
+  for (int m = 0; m < k_; ++m) {
+    thirds += drivetrain_.constraint(m).order() == 3 ? 1 : 0;
+    firsts += drivetrain_.constraint(m).order() == 1 ? 1 : 0;
+  }
+  const std::vector<expression::SeriesProgram::FlatFunction> flat = program_.listFlatFunctions();
+  const std::size_t room = sizeof layout_.flat_at / sizeof *layout_.flat_at;
+  makes_whole_steps_ = !is_classical_ && scene_.principle == Principle::kGeneralizedGauss &&
+                       (inertia.isConstant() || inertia.isDiagonal()) &&
+                       (thirds == 0 || thirds == k_) && !program_.readsTables() &&
+                       flat.size() <= room;
+  if (!makes_whole_steps_) return;
+  SeriesLayout& to = layout_;
+  const auto at = [this](int row) { return static_cast<int>(program_.offset(row)); };
+  const auto back = [this](int row) { return static_cast<int>(program_.backwardOffset(row)); };
+  to.shafts = S;
+  to.rows = k_;
+  to.velocity_rows = firsts;
+  to.order = orderFor(scene_.solver.relative_tolerance);
+  to.least = drivetrain_.readsAngles() ? 0 : S;
+  to.is_inertia_constant = inertia.isConstant() ? 1 : 0;
+  to.is_inertia_diagonal = inertia.isDiagonal() ? 1 : 0;
+  to.is_row_constant = drivetrain_.hasConstantJacobian() ? 1 : 0;
+  to.has_residuals = thirds == 0 ? 1 : 0;
+  to.time_at = at(row_of_time_);
+  to.time_back = back(row_of_time_);
+  for (int i = 0; i < S; ++i) {
+    int level = 0;
+    for (const int row : {row_of_angle_[i], row_of_velocity_[i], row_of_acceleration_[i]}) {
+      to.component_at[level * S + i] = at(row);
+      to.component_back[level * S + i] = back(row);
+      ++level;
+    }
+    to.torque_at[i] = at(row_of_torque_[i]);
+    to.reaction_at[i] = at(row_of_reaction_rate_[i]);
+    to.reaction_back[i] = back(row_of_reaction_rate_[i]);
+    if (inertia.isConstant()) continue;
+    to.inertia_at[i] = at(row_of_inertia_[i]);
+    to.inertial_torque_at[i] = at(row_of_inertial_torque_[i]);
+  }
+  for (int m = 0; m < k_; ++m) {
+    to.residual_at[m] = at(row_of_residual_[m]);
+    for (int i = 0; i < S; ++i) to.entry_at[m * S + i] = at(entryRow(m, i));
+  }
+  for (const auto& function : flat) {
+    to.flat_at[to.flats] = at(function.argument);
+    to.flat_divides[to.flats++] = function.divides ? 1 : 0;
+  }
+}
+
+void MotionSeries::keepReaction(const KeptReaction& kept) {
+  step_.has_neutral = kept.exists ? 1 : 0;
+  for (int i = 0; i < S; ++i) {
+    step_.is_neutral[i] = kept.is_free[i] ? 1.0 : 0.0;
+    step_.reaction[i] = kept.value[i];
+  }
+}
+
+bool MotionSeries::isNextBegunAt(double t, const double* x) const {
+  return is_next_begun_ && t == step_.end && drivetrain_.origin() == step_.origin &&
+         std::equal(x, x + 3 * S, step_.x_new);
+}
+
+void MotionSeries::prepareStep() {
+  step_.layout = &layout_;
+  step_.host = this;
+  step_.constants = constants_;
+  step_.tables = drivetrain_.kernelTables();
+  step_.input = drivetrain_.inputs();
+  step_.input_rate = drivetrain_.inputRates();
+  step_.input_second_rate = drivetrain_.inputSecondRates();
+  step_.origin = drivetrain_.origin();
+  const Inertia& inertia = drivetrain_.inertia();
+  for (int j = 0; j < S && inertia.isConstant(); ++j) {
+    double unit[kMaxShafts] = {};
+    double column[kMaxShafts];
+    unit[j] = 1.0;
+    inertia.solve(unit, column);
+    for (int i = 0; i < S; ++i) {
+      step_.inertia[i * S + j] = inertia.entry(i, j);
+      step_.inertia_inverse[i * S + j] = column[i];
+    }
+  }
+}
+
+bool MotionSeries::beginWhole(double t, const double* x) {
+  prepareStep();
+  step_.next_rows = program_.rows();
+  step_.next_states = program_.states();
+  step_.next_inverse = own().inverse;
+  step_.unit = step_.next_unit = own().unit;
+  step_.end = t;
+  std::copy_n(x, 3 * S, step_.x_new);
+  step_.doubt = 0.0;
+  step_.limits = 0;
+  arrive_code_(&step_);
+  program_.noteLimit(step_.limits != 0);
+  return step_.doubt == 0.0;
+}
+
+const SeriesStep& MotionSeries::step(double t, const double* x, const Aim& aim) {
+  int exponent = 0;
+  std::frexp(aim.length, &exponent);
+  const double unit = std::ldexp(1.0, exponent);
+  step_.doubt = 1.0;
+  if (isNextBegunAt(t, x)) {
+    turn();
+    ++stamp_;
+    own_[1 - used_].unit = unit;
+  } else {
+    if (!begin(t, x, unit, layout_.order)) return step_;
+    step_.doubt = 1.0;
+    if (!program_.isDecided() || !extendTo(1)) return step_;
+    turn();
+    own().unit = unit;
+    setInputs(t, layout_.order);
+    turn();
+    prepareStep();
+  }
+  Own& here = own();
+  Own& there = own_[1 - used_];
+  step_.rows = program_.rows();
+  step_.states = program_.states();
+  step_.inverse = here.inverse;
+  program_.turn();
+  step_.next_rows = program_.rows();
+  step_.next_states = program_.states();
+  program_.turn();
+  step_.next_inverse = there.inverse;
+  step_.unit = here.unit;
+  step_.next_unit = unit;
+  step_.time = t;
+  step_.limit = aim.limit;
+  step_.limit_end = aim.limit_end;
+  step_.is_limited = aim.limit <= aim.length ? 1 : 0;
+  step_.absolute = aim.absolute;
+  step_.relative = aim.relative;
+  step_.decay = aim.decay;
+  std::copy_n(x, 3 * S, step_.x);
+  is_next_begun_ = false;
+  step_code_(&step_);
+  here.order = step_.last;
+  there.order = 1;
+  return step_;
+}
+
+void MotionSeries::refuseStep() {
+  is_next_begun_ = false;
+  if (std::isnan(step_.doubt)) program_.clear();
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,33 @@
+/// Sums of products of coefficients.
+#pragma once
+
+#include <cstring>
+
+namespace variator_sim::expression {
+
+/// Two doubles that are added and multiplied at once.
+using Two = double __attribute__((vector_size(16)));
+
+inline Two loadTwo(const double* from) {
+  Two values;
+  std::memcpy(&values, from, sizeof values);
+  return values;
+}
+
+/// sum_{j < count} a[j] b[j], every fourth term into one of four sums. What was written just before
+/// is best left out of it: a load of several numbers waits until each of them has reached memory.
+inline double dot(const double* a, const double* b, int count) {
+  Two first = {0.0, 0.0};
+  Two second = {0.0, 0.0};
+  int j = 0;
+  for (; j + 4 <= count; j += 4) {
+    first += loadTwo(a + j) * loadTwo(b + j);
+    second += loadTwo(a + j + 2) * loadTwo(b + j + 2);
+  }
+  if (j < count) first[0] += a[j] * b[j];
+  if (j + 1 < count) first[1] += a[j + 1] * b[j + 1];
+  if (j + 2 < count) second[0] += a[j + 2] * b[j + 2];
+  return (first[0] + second[0]) + (first[1] + second[1]);
+}
+
+}  // namespace variator_sim::expression
