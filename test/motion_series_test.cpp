@@ -18,6 +18,7 @@ namespace {
 
 constexpr int kOrder = MotionSeries::kMostOrder;
 constexpr double kStart = 0.37;  // s
+constexpr double kSmall = 1e-12;
 
 struct Case {
   std::string name;
@@ -99,6 +100,57 @@ class Expansion {
       EXPECT_NEAR(slope / unit_, dxdt[n], 1e-11 * size) << "x" << n << "' at s = " << s;
     }
   }
+  /// Where no input moves, and the scene has such steps.
+  bool makesWholeSteps() {
+    const MotionSeries* const series = system_->series();
+    return series != nullptr && series->makesWholeSteps() &&
+           !system_->drivetrain().haveInputsMoved();
+  }
+  /// A whole step, which ends on the motion and tells what there is; the next one from there, too.
+  void expectWholeSteps() {
+    MotionSeries& series = *system_->series();
+    series.keepReaction({});
+    State x(system_->size());
+    x.assign(x_.data());
+    double t = kStart;
+    double length = 0.05;
+    for (int steps = 0; steps < 3; ++steps) {
+      const SeriesStep& made = series.step(
+          t, x.data(), {series.isNextBegunAt(t), 0.5, t + 0.5, length, kSmall, kSmall, 0.3});
+      ASSERT_EQ(made.doubt, 0.0);
+      EXPECT_LE(made.moved, 1.0);
+      EXPECT_LE(made.error, 1.0);
+      EXPECT_GT(made.taken, 0.0);
+      EXPECT_LE(made.taken, 0.5);
+      EXPECT_EQ(made.end, made.taken == 0.5 ? t + 0.5 : t + made.taken);
+      series.acceptStep();
+      x.assign(made.x_new);
+      t = made.end;
+      length = made.length;
+      simulation_.advanceTo(t);
+      const Sample& sample = simulation_.sample();
+      State dxdt(system_->size());
+      (*system_)(x, dxdt, t);
+      for (int i = 0; i < S; ++i) {
+        const auto near = [&](double value, double expected, const char* what) {
+          EXPECT_NEAR(value, expected, 1e-9 * std::max(1.0, std::abs(expected)))
+              << what << " of shaft " << i << " after " << steps << " steps";
+        };
+        near(x[i], sample.angle[i], "angle");
+        near(x[S + i], sample.velocity[i], "velocity");
+        near(x[2 * S + i], sample.acceleration[i], "acceleration");
+        near(made.eta[i], dxdt[2 * S + i], "jerk");
+        near(series.nextTorque(i)[0], sample.applied_torque[i], "torque");
+      }
+      // On the constraints, to rounding.
+      State moved(system_->size());
+      std::uint64_t iterations = 0;
+      EXPECT_EQ(system_->project(t, x, moved, &iterations), ProjectionResult::kConverged);
+      for (int n = 0; n < x.size(); ++n) {
+        EXPECT_LE(moved[n], 1e-14 * std::max(1.0, std::abs(x[n]))) << "x" << n;
+      }
+    }
+  }
   void expectMotion(double s) {
     simulation_.advanceTo(kStart + s * unit_);
     const Sample& sample = simulation_.sample();
@@ -158,6 +210,21 @@ start: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j4*(2+0.
 initial: {velocity: [2, 1, 0.5, 0], project: true}
 )yaml";
 
+/// An inertia that depends on the angle, orders 1 and 2.
+const char* const kHarmonics = R"yaml(
+shafts: [a, b, c]
+a: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}, {order: 2, cos: 0.1, sin: -0.15}]}}
+b: {inertia: 0.6}
+c: {inertia: 2.0}
+torques: [motor, drag]
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "20-w1+sin(phi1)"}
+drag: {type: variator_sim/ExpressionTorque, shaft: c, torque: "-0.5*w3"}
+constraints: [gear, slip]
+gear: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(0.5+0.1*sin(t))*w1"}
+slip: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.3*(e3-0.7*e2)*(1+0.01*e3^2)+w3-0.7*w2"}
+initial: {velocity: [2, 1, 0.5], project: true}
+)yaml";
+
 std::vector<Case> makeCases() {
   const std::string start = "initial: {velocity: [5, 3], acceleration: [4, 2.75], project: true}\n";
   const std::string least = "principle: gauss\ninitial: {velocity: [5, 3], project: true}\n";
@@ -177,6 +244,7 @@ std::vector<Case> makeCases() {
       {"order_2_least", twoShafts(order2 + least)},
       {"curved", twoShafts(curved + start, coupled)},
       {"curved_least", twoShafts(curved + least, coupled)},
+      {"harmonics", kHarmonics},
       {"order_3", twoShafts(order3 + start, coupled)},
       {"four", kFour},
       {"circle",
@@ -220,6 +288,16 @@ TEST_P(OfScene, SatisfiesTheEquations) {
     expansion.expectEquations(part * reach);
     expansion.expectMotion(part * reach);
   }
+}
+
+TEST_P(OfScene, MakesWholeStepsAlongTheMotion) {
+  Expansion expansion(test::sceneFromText(GetParam().text));
+  const std::string& name = GetParam().name;
+  // Generalized Gauss, one order or orders 1 and 2, inertias that are constant or not coupled.
+  const bool is_least = name.find("least") != std::string::npos;
+  const bool moves = name.rfind("input_", 0) == 0 && name != "input_zero_order";
+  ASSERT_EQ(expansion.makesWholeSteps(), !is_least && !moves && name != "four" && name != "crank");
+  if (expansion.makesWholeSteps()) expansion.expectWholeSteps();
 }
 
 // In another unit of time it is the same polynomial.

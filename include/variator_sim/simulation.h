@@ -16,6 +16,8 @@ namespace variator_sim {
 
 class ErrorEstimate;
 class Motion;
+class SeriesLanes;
+class StepsTogether;
 
 enum class CommandResult { kAccepted, kClamped, kRefused };
 
@@ -143,6 +145,12 @@ class Simulation {
   /// alone: a small part of what loading costs. True when formulas run as machine code afterwards.
   /// Not for the real-time loop.
   bool shareMachineCode(const Simulation& other);
+  /// What makes steps of this motion and of three others with the same machine code at once;
+  /// nullptr where it has none, or there is none of that kind. Takes a second or two when it has to
+  /// be compiled, which it is if `compile` says so. Not for the real-time loop.
+  std::shared_ptr<SeriesLanes> loadLanes(bool compile);
+  /// Steps are made by `together` where that may be; it has to outlive this. No bit changes.
+  void makeStepsWith(StepsTogether* together);
   /// What runs the formulas, as a sentence ("machine code, compiled in 0.12 s", "the interpreter:
   /// no compiler (cc) was found").
   const std::string& machineCode() const;

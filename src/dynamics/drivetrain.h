@@ -161,6 +161,9 @@ class Drivetrain {
                               bool* compiled) {
     return program_.loadMachineCode(series, missing, compiled);
   }
+  std::shared_ptr<SeriesLanes> loadLanes(MotionSeries& series, KernelLibrary::Missing missing) {
+    return program_.loadLanes(series, missing);
+  }
   bool shareMachineCode(MotionSeries* series, const Drivetrain& other) {
     return program_.shareMachineCode(series, other.program_);
   }

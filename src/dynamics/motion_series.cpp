@@ -197,7 +197,7 @@ void MotionSeries::findRows() {
 int MotionSeries::orderFor(double relative_tolerance) {
   // Measured: each step has a part of its cost that no order changes, so that more than the 0.5 of
   // the theory pays.
-  constexpr double kOrdersPerDigit = 0.75;  // of the natural logarithm
+  constexpr double kOrdersPerDigit = 0.7;  // of the natural logarithm
   constexpr double kFirst = 2.5;
   const double digits = -std::log(std::max(relative_tolerance, 1e-16));
   return static_cast<int>(std::clamp(std::ceil(kFirst + kOrdersPerDigit * digits), 4.0,
@@ -221,6 +221,7 @@ void MotionSeries::setInputs(double t, int order) {
 bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   ++stamp_;
   is_next_begun_ = false;
+  is_fetched_ = true;
   own().unit = unit;
   own().inverse[(S + k_) * (S + k_)] = 1.0 / unit;  // exact: a power of 2
   own().order = 0;

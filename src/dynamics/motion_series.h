@@ -19,6 +19,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -27,8 +28,11 @@
 #include "dynamics/series_step.h"
 #include "expression/series_program.h"
 #include "variator_sim/motion_state.h"
+#include "variator_sim/steps_together.h"
 
 namespace variator_sim {
+
+class SeriesLanes;
 
 /// The series of one scene. Of one thread at a time.
 class MotionSeries {
@@ -49,6 +53,7 @@ class MotionSeries {
   bool makesWholeSteps() const { return makes_whole_steps_; }
   /// What is asked of a step.
   struct Aim {
+    bool goes_on;      ///< the next series is begun there
     double limit;      ///< the longest step, s
     double limit_end;  ///< the instant where that ends, s
     double length;     ///< that the series may have, by the step before, s
@@ -63,12 +68,21 @@ class MotionSeries {
   /// The next step may go on from the end of the last one.
   void acceptStep() { is_next_begun_ = true; }
   void refuseStep();
-  bool isNextBegunAt(double t, const double* x) const;
+  bool isNextBegunAt(double t) const;
+  /// Steps are made with those of other motions where that may be; nullptr: alone. Its owner has to
+  /// outlive this or to take it back.
+  void makeStepsWith(StepsTogether* together) { together_ = together; }
+  /// The coefficients of a step made with others are asked for.
+  void fetch() {
+    if (is_fetched_) return;
+    is_fetched_ = true;
+    together_->fetch(*this);
+  }
   /// What no constraint can change of the reaction.
   void keepReaction(const KeptReaction& kept);
   /// Coefficients of the applied torque on a shaft, of the next series; 0 and 1 are there.
   const double* nextTorque(int i) const { return step_.next_rows + layout_.torque_at[i]; }
-  /// Inputs have changed.
+  /// The motion does not go on from there, or inputs have changed.
   void forgetNext() { is_next_begun_ = false; }
 
   /// As far as `order` of epsilon. False where one of the new orders is not finite: no coefficient
@@ -90,10 +104,12 @@ class MotionSeries {
   double unit() const { return own().unit; }
   /// The orders as C, and what that is made from.
   std::string writeSource() const;
+  /// Whole steps of four motions at once (series_lanes.h); empty where there are none.
+  std::string writeLanesSource() const;
   void addStructure(expression::CodeStructure* structure) const;
   /// Goes over to their code, which changes no bit; false where it is not there. `constants` are
   /// those that `addStructure` has added; they have to outlive it. Not in the loop.
-  bool use(const KernelLibrary& library, const double* constants);
+  bool use(const KernelLibrary& library, const double* constants, std::size_t count);
   /// Whether the code gives the interpreter's numbers. Not in the loop.
   bool agreesWithInterpreter();
   void interpret();
@@ -124,8 +140,14 @@ class MotionSeries {
   std::string writeForceRest(std::set<int>* mirrored) const;
   std::string writeConstraintRest() const;
   std::string writeReaction(std::set<int>* mirrored) const;
+  std::string writeOrders(std::set<int>* mirrored) const;
+  std::string writeLayout() const;
   std::string writeWholeStep() const;
-  /// Coefficients at a state that tells code and interpreter apart, as far as they come.
+  /// States that tell code and interpreter apart.
+  void setAside(int state, double* x) const;
+  /// A step from there, by `code` where that is given.
+  void stepAside(int state, double limit, const std::function<void()>& code = nullptr);
+  /// Coefficients there, as far as they come.
   std::vector<double> expandAt(int state);
   /// Order 0, as `begin` makes it.
   bool beginWhole(double t, const double* x);
@@ -169,7 +191,9 @@ class MotionSeries {
   /// Order 0 of all formulas; not 0 where a part has overflowed.
   using BeginCode = int (*)(double* rows, double* states, const double* constants);
   BeginCode begin_code_ = nullptr;
+  const KernelLibrary* library_ = nullptr;  ///< its code
   const double* constants_ = nullptr;
+  std::size_t constants_count_ = 0;
   /// What a series has beside the rows of the program.
   struct Own {
     double unit = 1.0;
@@ -190,13 +214,20 @@ class MotionSeries {
 
   void findLayout();
   void prepareStep();
+  /// Orders 0 and 1 of a series that no step has begun.
+  bool beginStep(double t, const double* x, double unit);
+  void pointAtRows();
   static void interpretStep(SeriesStep* step);
   static void interpretArrival(SeriesStep* step);
   friend struct SeriesInterpreter;
+  friend class SeriesLanes;
   bool makes_whole_steps_ = false;
   SeriesLayout layout_ = {};
   SeriesStep step_ = {};
   bool is_next_begun_ = false;
+  StepsTogether* together_ = nullptr;
+  const SeriesLanes* lanes_ = nullptr;  ///< where the next series is begun; nullptr: here
+  bool is_fetched_ = true;
   double next_origin_ = 0.0;
   using StepCode = void (*)(SeriesStep* step);
   StepCode step_code_ = interpretStep;

@@ -37,6 +37,32 @@ bool isSame(const std::vector<double>& a, const std::vector<double>& b) {
          });
 }
 
+/// C of numbers as C of four each.
+std::string inLanes(const std::string& text) {
+  static const std::set<std::string> functions{"sin",  "cos",  "sinh",  "cosh", "tan",
+                                               "tanh", "exp",  "log",   "sqrt", "atan",
+                                               "asin", "acos", "atan2", "pow"};
+  const auto isPartOfName = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+  };
+  std::string written;
+  for (std::size_t at = 0; at < text.size();) {
+    std::size_t end = at;
+    while (end < text.size() && isPartOfName(text[end])) ++end;
+    const std::string word = text.substr(at, end - at);
+    if (word == "double") {
+      written += "Real";
+    } else if (functions.count(word) > 0) {
+      written += "each_" + word;
+    } else {
+      written += word;
+    }
+    if (end < text.size()) written += text[end++];
+    at = end;
+  }
+  return written;
+}
+
 constexpr const char* kBegin = "series_begin";
 std::string nameOf(int order) {
   return "series_order_" + std::to_string(order);
@@ -111,7 +137,7 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
          << expression::SeriesProgram::writeMirror(row) << " r[" << program_.backwardOffset(row)
          << " - (" << n << ")] = y; }\n";
   };
-  for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "0.0");
+  for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "zero");
   text << "  series_given(n, r, s, c);\n  series_trial(n, r, s, c);\n";
   text << writeForceRest(mirrored);
   text << writeConstraintRest();
@@ -175,12 +201,38 @@ std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
   return text.str();
 }
 
-/// The functions of series_step.inc, and what stands around them.
-std::string MotionSeries::writeWholeStep() const {
+/// The coefficients of one order, and of order 0, as functions.
+std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
+  std::string text;
+  for (const auto& [name, part] : kParts) {
+    text += std::string("static inline __attribute__((always_inline)) void ") + name +
+            "(int n, double* restrict r, double* restrict s, const double* restrict c) {\n" +
+            "  (void)c;\n" + program_.writeCode(part, mirrored) + "}\n";
+  }
+  text +=
+      "static inline __attribute__((always_inline)) void order(int n, double* restrict r,\n"
+      "    double* restrict s, const double* restrict k, const double* restrict c, double u) {\n" +
+      writeOrder(mirrored) + "}\n";
+  if (!program_.readsTables()) {
+    for (const auto& [name, part] : kBeginnings) {
+      text += std::string("static int ") + name +
+              "(double* restrict r, double* restrict s, const double* restrict c) {\n"
+              "  const int n = 0;\n  int limit = 0;\n  (void)n, (void)s, (void)c;\n" +
+              program_.writeBegin(part) + "  return limit;\n}\n";
+    }
+  }
+  for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
+    text += "void " + nameOf(n) +
+            "(double* restrict r, double* restrict s, const double* restrict k,\n"
+            "    const double* restrict c, double u) {\n  order(" +
+            std::to_string(n) + ", r, s, k, c, u);\n}\n";
+  }
+  return text;
+}
+
+std::string MotionSeries::writeLayout() const {
   std::ostringstream text;
-  text << "#define LAYOUT layout\ntypedef double Real;\n"
-       << kSeriesStepData << "static const struct SeriesLayout layout = {";
-  const auto one = [&text](int value) { text << value << ", "; };
+  text << "static const struct SeriesLayout layout = {";
   const auto array = [&text](const auto& values) {
     text << "{";
     for (const int value : values) text << value << ", ";
@@ -190,7 +242,7 @@ std::string MotionSeries::writeWholeStep() const {
   for (const int value :
        {it.shafts, it.rows, it.velocity_rows, it.order, it.least, it.is_inertia_constant,
         it.is_inertia_diagonal, it.is_row_constant, it.has_residuals, it.time_at, it.time_back}) {
-    one(value);
+    text << value << ", ";
   }
   array(it.component_at);
   array(it.component_back);
@@ -201,14 +253,20 @@ std::string MotionSeries::writeWholeStep() const {
   array(it.inertial_torque_at);
   array(it.reaction_at);
   array(it.reaction_back);
-  one(it.flats);
+  text << it.flats << ", ";
   array(it.flat_at);
   array(it.flat_divides);
-  text << "};\nstatic void (*const orders[])(double*, double*, const double*, const double*, "
-          "double) = {0";
-  for (int n = 1; n <= layout_.order; ++n) text << ", " << nameOf(n);
-  text << "};\n"
-       << R"c(
+  return text.str() + "};\n";
+}
+
+/// The functions of series_step.inc, and what stands around them.
+std::string MotionSeries::writeWholeStep() const {
+  std::string text = std::string("#define LAYOUT layout\n") + kSeriesStepData + writeLayout() +
+                     "static void (*const orders[])(Real*, Real*, const Real*, const Real*, Real) "
+                     "= {0";
+  for (int n = 1; n <= layout_.order; ++n) text += ", " + nameOf(n);
+  text += "};\n";
+  text += R"c(
 static inline void seriesOrder(struct SeriesStep* it, int next, int n) {
   orders[n](next ? it->next_rows : it->rows, next ? it->next_states : it->states,
             next ? it->next_inverse : it->inverse, it->constants, next ? it->next_unit : it->unit);
@@ -219,53 +277,46 @@ static inline void seriesBeginGiven(struct SeriesStep* it) {
 static inline void seriesBeginAccelerated(struct SeriesStep* it) {
   it->limits |= begin_accelerated(it->next_rows, it->next_states, it->constants);
 }
-static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
-  velocity_level(it->origin + it->end, it->x_new, it->x_new + layout.shafts,
-                 it->x_new + 2 * layout.shafts, it->input, it->input_rate, it->input_second_rate,
-                 it->tables, level);
-}
 static inline void seriesTurn(struct SeriesStep* it) { (void)it; }
-static inline __attribute__((always_inline)) double seriesDot(const double* a, const double* b, int count) {
+static inline __attribute__((always_inline)) Real seriesDot(const Real* a, const Real* b, int count) {
   return dot(a, b, count);
 }
-)c" << kSeriesStepText
-       << "void series_step(struct SeriesStep* it) { seriesStep(it); }\n"
-          "void series_arrive(struct SeriesStep* it) { seriesArrive(it, 0); }\n";
-  return text.str();
+)c";
+  return text;
 }
 
 std::string MotionSeries::writeSource() const {
   std::set<int> mirrored;
-  std::string text;
-  for (const auto& [name, part] : kParts) {
-    text += std::string("static inline __attribute__((always_inline)) void ") + name +
-            "(int n, double* restrict r, double* restrict s, const double* restrict c) {\n" +
-            "  (void)c;\n" + program_.writeCode(part, &mirrored) + "}\n";
-  }
-  text +=
-      "static inline __attribute__((always_inline)) void order(int n, double* restrict r,\n"
-      "    double* restrict s, const double* restrict k, const double* restrict c, double u) {\n" +
-      writeOrder(&mirrored) + "}\n";
+  std::string text = writeOrders(&mirrored);
   if (!program_.readsTables()) {
-    for (const auto& [name, part] : kBeginnings) {
-      text += std::string("static int ") + name +
-              "(double* restrict r, double* restrict s, const double* restrict c) {\n"
-              "  const int n = 0;\n  int limit = 0;\n  (void)n, (void)s, (void)c;\n" +
-              program_.writeBegin(part) + "  return limit;\n}\n";
-    }
     text += std::string("int ") + kBegin +
             "(double* restrict r, double* restrict s, const double* restrict c) {\n"
             "  const int limit = begin_given(r, s, c);\n"
             "  return begin_accelerated(r, s, c) || limit;\n}\n";
   }
-  for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
-    text += "void " + nameOf(n) +
-            "(double* restrict r, double* restrict s, const double* restrict k,\n"
-            "    const double* restrict c, double u) {\n  order(" +
-            std::to_string(n) + ", r, s, k, c, u);\n}\n";
+  if (makes_whole_steps_) {
+    text += "typedef double Real;\n" + writeWholeStep() + R"c(
+static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
+  velocity_level(it->origin + it->end, it->x_new, it->x_new + layout.shafts,
+                 it->x_new + 2 * layout.shafts, it->input, it->input_rate, it->input_second_rate,
+                 it->tables, level);
+}
+)c" + kSeriesStepText +
+            "void series_step(struct SeriesStep* it) { seriesStep(it); }\n"
+            "void series_arrive(struct SeriesStep* it) { seriesArrive(it, 0); }\n";
   }
-  if (makes_whole_steps_) text += writeWholeStep();
   return expression::SeriesProgram::codePrelude() + program_.writeMirrors(mirrored) + text;
+}
+
+std::string MotionSeries::writeLanesSource() const {
+  if (!makes_whole_steps_ || layout_.velocity_rows > 0 || program_.hasBranches()) return "";
+  std::set<int> mirrored;
+  const std::string orders = writeOrders(&mirrored);
+  return std::string("#include <math.h>\n#define SERIES_IN_LANES\n") + kSeriesStepLanes +
+         program_.writeMirrors(mirrored) + inLanes(orders) + writeWholeStep() + R"c(
+static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) { (void)it, (void)level; }
+)c" + kSeriesStepText +
+         "void series_step(struct SeriesStep* it) { seriesStep(it); }\n";
 }
 
 void MotionSeries::addStructure(expression::CodeStructure* structure) const {
@@ -289,7 +340,7 @@ void MotionSeries::addStructure(expression::CodeStructure* structure) const {
   program_.addStructure(structure);
 }
 
-bool MotionSeries::use(const KernelLibrary& library, const double* constants) {
+bool MotionSeries::use(const KernelLibrary& library, const double* constants, std::size_t count) {
   std::vector<OrderCode> codes(1, nullptr);
   for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
     codes.push_back(reinterpret_cast<OrderCode>(library.find(nameOf(n).c_str())));
@@ -307,6 +358,8 @@ bool MotionSeries::use(const KernelLibrary& library, const double* constants) {
   codes_ = std::move(codes);
   begin_code_ = begin;
   constants_ = constants;
+  constants_count_ = count;
+  library_ = &library;
   return true;
 }
 
@@ -333,13 +386,40 @@ void MotionSeries::interpret() {
   begin_code_ = nullptr;
   step_code_ = interpretStep;
   arrive_code_ = interpretArrival;
+  library_ = nullptr;
+}
+
+void MotionSeries::setAside(int state, double* x) const {
+  for (int i = 0; i < 3 * S; ++i) {
+    x[i] = (state % 2 == 0 ? 20.0 : 0.5) * std::abs(std::sin(1.0 + 7.3 * state + 3.1 * i));
+  }
+}
+
+void MotionSeries::stepAside(int state, double limit, const std::function<void()>& code) {
+  struct Aside final : StepsTogether {
+    explicit Aside(const std::function<void()>& its_code) : code(its_code) {}
+    bool make(MotionSeries& /*series*/) override {
+      code();
+      return true;
+    }
+    void fetch(MotionSeries& /*series*/) override {}
+    const std::function<void()>& code;
+  } aside(code);
+  StepsTogether* const usual = std::exchange(together_, code ? &aside : nullptr);
+  double x[3 * kMaxShafts];
+  setAside(state, x);
+  forgetNext();
+  const double relative = scene_.solver.relative_tolerance;
+  const double t = 0.37 * state;
+  step(t, x, {false, limit, t + limit, 0.01 * (1 + state), relative, relative, 0.5});
+  is_fetched_ = true;
+  refuseStep();
+  together_ = usual;
 }
 
 std::vector<double> MotionSeries::expandAt(int state) {
   double x[3 * kMaxShafts];
-  for (int i = 0; i < 3 * S; ++i) {
-    x[i] = (state % 2 == 0 ? 20.0 : 0.5) * std::abs(std::sin(1.0 + 7.3 * state + 3.1 * i));
-  }
+  setAside(state, x);
   std::vector<double> coefficients;
   const int order = orderFor(scene_.solver.relative_tolerance);
   if (!begin(0.37 * state, x, 0.0625, order)) return coefficients;
@@ -350,19 +430,13 @@ std::vector<double> MotionSeries::expandAt(int state) {
     }
   }
   if (makes_whole_steps_ && this->order() == order) {
-    const double relative = scene_.solver.relative_tolerance;
-    const double limit = state % 3 == 2 ? 0.001 : 1.0;
-    forgetNext();
-    const SeriesStep& made =
-        step(0.37 * state, x,
-             {limit, 0.37 * state + limit, 0.01 * (1 + state), relative, relative, 0.5});
-    if (made.doubt == 0.0) {
-      coefficients.insert(coefficients.end(), made.x_new, made.x_new + 3 * S);
-      coefficients.insert(coefficients.end(), made.eta, made.eta + S);
-      coefficients.push_back(made.taken);
-      coefficients.push_back(made.error);
+    stepAside(state, state % 3 == 2 ? 0.001 : 1.0);
+    if (step_.doubt == 0.0) {
+      coefficients.insert(coefficients.end(), step_.x_new, step_.x_new + 3 * S);
+      coefficients.insert(coefficients.end(), step_.eta, step_.eta + S);
+      coefficients.push_back(step_.taken);
+      coefficients.push_back(step_.error);
     }
-    refuseStep();
   }
   return coefficients;
 }

@@ -2,6 +2,8 @@
 // step of either kind.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 
 #include "dynamics/motion_series.h"
 #include "expression/series_dot.h"
@@ -9,6 +11,19 @@
 namespace variator_sim {
 
 using Part = expression::SeriesProgram::Part;
+
+namespace {
+
+/// The next power of two beyond a length of normal size; no series begins with another one.
+double powerOfTwoAbove(double length) {
+  std::uint64_t bits = 0;
+  std::memcpy(&bits, &length, sizeof bits);
+  bits = ((bits >> 52) + 1) << 52;
+  std::memcpy(&length, &bits, sizeof bits);
+  return length;
+}
+
+}  // namespace
 
 /// What series_step.inc asks for.
 struct SeriesInterpreter {
@@ -124,9 +139,8 @@ void MotionSeries::keepReaction(const KeptReaction& kept) {
   }
 }
 
-bool MotionSeries::isNextBegunAt(double t, const double* x) const {
-  return is_next_begun_ && t == step_.end && drivetrain_.origin() == step_.origin &&
-         std::equal(x, x + 3 * S, step_.x_new);
+bool MotionSeries::isNextBegunAt(double t) const {
+  return is_next_begun_ && t == step_.end && drivetrain_.origin() == step_.origin;
 }
 
 void MotionSeries::prepareStep() {
@@ -166,50 +180,71 @@ bool MotionSeries::beginWhole(double t, const double* x) {
   return step_.doubt == 0.0;
 }
 
+bool MotionSeries::beginStep(double t, const double* x, double unit) {
+  if (!begin(t, x, unit, layout_.order)) return false;
+  if (!program_.isDecided() || !extendTo(1)) return false;
+  turn();
+  setInputs(t, layout_.order);
+  turn();
+  prepareStep();
+  return true;
+}
+
 const SeriesStep& MotionSeries::step(double t, const double* x, const Aim& aim) {
-  int exponent = 0;
-  std::frexp(aim.length, &exponent);
-  const double unit = std::ldexp(1.0, exponent);
+  const double unit = powerOfTwoAbove(aim.length);
+  step_.is_limited = aim.limit <= aim.length ? 1 : 0;
   step_.doubt = 1.0;
-  if (isNextBegunAt(t, x)) {
-    turn();
+  const bool is_together = together_ != nullptr && step_.is_limited == 0 && !codes_.empty();
+  const bool is_in_lanes = aim.goes_on && lanes_ != nullptr;
+  double here = step_.next_unit;  // of the series that were begun already
+  own_[1 - used_].unit = aim.goes_on && !is_in_lanes ? here : unit;
+  if (is_in_lanes && is_together) {
     ++stamp_;
-    own_[1 - used_].unit = unit;
   } else {
-    if (!begin(t, x, unit, layout_.order)) return step_;
-    step_.doubt = 1.0;
-    if (!program_.isDecided() || !extendTo(1)) return step_;
-    turn();
-    own().unit = unit;
-    setInputs(t, layout_.order);
-    turn();
-    prepareStep();
+    lanes_ = nullptr;
+    if (aim.goes_on && !is_in_lanes) {
+      turn();
+      ++stamp_;
+    } else {
+      // What is begun in the lanes is begun here as it was there.
+      if (!is_in_lanes) here = unit;
+      if (!beginStep(t, x, here)) return step_;
+      step_.doubt = 1.0;
+    }
   }
-  Own& here = own();
-  Own& there = own_[1 - used_];
-  step_.rows = program_.rows();
-  step_.states = program_.states();
-  step_.inverse = here.inverse;
-  program_.turn();
-  step_.next_rows = program_.rows();
-  step_.next_states = program_.states();
-  program_.turn();
-  step_.next_inverse = there.inverse;
-  step_.unit = here.unit;
+  own().unit = here;
+  own_[1 - used_].unit = unit;
+  step_.unit = here;
   step_.next_unit = unit;
   step_.time = t;
   step_.limit = aim.limit;
   step_.limit_end = aim.limit_end;
-  step_.is_limited = aim.limit <= aim.length ? 1 : 0;
   step_.absolute = aim.absolute;
   step_.relative = aim.relative;
   step_.decay = aim.decay;
-  std::copy_n(x, 3 * S, step_.x);
+  forEachComponent(0, 3 * S, [&](int n) { step_.x[n] = x[n]; });
+  pointAtRows();
   is_next_begun_ = false;
-  step_code_(&step_);
-  here.order = step_.last;
-  there.order = 1;
+  if (is_together && together_->make(*this)) {
+    is_fetched_ = false;
+  } else {
+    if (lanes_ != nullptr) return step_;
+    step_code_(&step_);
+  }
+  own().order = step_.last;
+  own_[1 - used_].order = 1;
   return step_;
+}
+
+void MotionSeries::pointAtRows() {
+  step_.rows = program_.rows();
+  step_.states = program_.states();
+  step_.inverse = own().inverse;
+  program_.turn();
+  step_.next_rows = program_.rows();
+  step_.next_states = program_.states();
+  program_.turn();
+  step_.next_inverse = own_[1 - used_].inverse;
 }
 
 void MotionSeries::refuseStep() {

@@ -5,6 +5,7 @@
 
 #include "dynamics/formula_laws.h"
 #include "dynamics/motion_series.h"
+#include "dynamics/series_lanes.h"
 #include "expression/c_code.h"
 #include "variator_sim/formula_constraint.h"
 
@@ -179,7 +180,8 @@ bool SceneProgram::use(const std::shared_ptr<KernelLibrary>& library, MotionSeri
   }
   if (series != nullptr) {
     const double* const constants = structure_.constants.data() + constants_of_series_;
-    is_there = series->use(*library, constants) && is_there;
+    const std::size_t count = structure_.constants.size() - constants_of_series_;
+    is_there = series->use(*library, constants, count) && is_there;
   }
   library_ = library;
   if (!is_there) interpret(series);
@@ -225,6 +227,17 @@ std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::M
     interpret(series);
   }
   return "it does not give the interpreter's numbers";
+}
+
+std::shared_ptr<SeriesLanes> SceneProgram::loadLanes(MotionSeries& series,
+                                                     KernelLibrary::Missing missing) {
+  const std::string source = library_ != nullptr ? series.writeLanesSource() : "";
+  if (source.empty()) return nullptr;
+  std::string reason;
+  const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(source, missing, &reason);
+  if (library == nullptr) return nullptr;
+  auto lanes = std::make_shared<SeriesLanes>(series, library);
+  return lanes->agreesWith(series) ? lanes : nullptr;
 }
 
 bool SceneProgram::shareMachineCode(MotionSeries* series, const SceneProgram& other) {

@@ -20,6 +20,7 @@
 namespace variator_sim {
 
 class MotionSeries;
+class SeriesLanes;
 
 /// `scene` has to outlive it. Evaluations are [loop].
 class SceneProgram {
@@ -68,6 +69,9 @@ class SceneProgram {
   /// Goes over to the machine code of `other`, if its scene differs in numbers alone. Not in the
   /// loop.
   bool shareMachineCode(MotionSeries* series, const SceneProgram& other);
+  /// Machine code of four motions at once, beside that of this one; nullptr where there is none.
+  /// Not in the loop.
+  std::shared_ptr<SeriesLanes> loadLanes(MotionSeries& series, KernelLibrary::Missing missing);
   const KernelTables* kernelTables() const { return &host_; }
   /// The C that it is compiled from; empty where a law reads what is no formula.
   std::string writeSource(const MotionSeries* series) const;

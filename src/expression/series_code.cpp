@@ -16,10 +16,25 @@ static inline __attribute__((always_inline)) Four load(const double* from) {
   __builtin_memcpy(&values, from, sizeof values);
   return values;
 }
-/* sum of a[j] b[j] for j < count, every fourth term into one of four sums */
+/* sum of a[j] b[j] for j < count, every fourth term into one of four sums; those without a term are left out */
 static inline __attribute__((always_inline)) double dot(const double* a, const double* b, int count) {
-  Four sum = {0.0, 0.0, 0.0, 0.0};
-  int j = 0;
+  if (count < 8) {
+    double s0, s1, s2, s3;
+    if (count < 1) return 0.0;
+    s0 = a[0] * b[0];
+    if (count < 2) return s0;
+    if (count > 4) s0 += a[4] * b[4];
+    s1 = a[1] * b[1];
+    if (count < 3) return s0 + s1;
+    if (count > 5) s1 += a[5] * b[5];
+    s2 = a[2] * b[2];
+    if (count < 4) return (s0 + s2) + s1;
+    if (count > 6) s2 += a[6] * b[6];
+    s3 = a[3] * b[3];
+    return (s0 + s2) + (s1 + s3);
+  }
+  Four sum = load(a) * load(b);
+  int j = 4;
   for (; j + 4 <= count; j += 4) sum += load(a + j) * load(b + j);
   double s0 = sum[0], s1 = sum[1], s2 = sum[2];
   if (j < count) s0 += a[j] * b[j];
@@ -41,6 +56,8 @@ static inline __attribute__((always_inline)) double squareOf(const double* x, co
   return sum + 2.0 * (x[0] * x[n]);
 }
 static inline int most(int a, int b) { return a > b ? a : b; }
+static const double zero = 0.0;
+static inline int overflows(double from, double to) { return isinf(from) && isfinite(to); }
 static inline double sideOf(double a, double b) { return a < b ? -1.0 : a > b ? 1.0 : a - b; }
 )c";
 }
@@ -135,8 +152,7 @@ class SeriesWriter {
   /// See SeriesProgram::isAtLimit.
   void noteLimit(int operand, int result) {
     if (program_.has_pole_[static_cast<std::size_t>(operand)]) return;
-    text_ << "  if (isinf(" << forward(operand) << "[0]) && isfinite(" << forward(result)
-          << "[0])) limit = 1;\n";
+    text_ << "  limit |= overflows(" << forward(operand) << "[0], " << forward(result) << "[0]);\n";
   }
   /// Coefficient 0.
   void begin(const Instruction& it) {
@@ -323,7 +339,7 @@ class SeriesWriter {
         const int p = it.operands[2];
         const int w = it.operands[3];
         text_ << "  { const double q = (" << forward(p) << "[n - 1] - (n > 1 ? "
-              << convolveOld(w, other, "n - 1") << " : 0.0)) / " << forward(w) << "[0];\n";
+              << convolveOld(w, other, "n - 1") << " : zero)) / " << forward(w) << "[0];\n";
         set(other, "q", "(n - 1)");
         set(y, constantOf(it) + " * q * (1.0 / n)");
         text_ << "  }\n";

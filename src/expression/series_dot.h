@@ -14,12 +14,19 @@ inline Two loadTwo(const double* from) {
   return values;
 }
 
-/// sum_{j < count} a[j] b[j], every fourth term into one of four sums. What was written just before
-/// is best left out of it: a load of several numbers waits until each of them has reached memory.
+/// sum_{j < count} a[j] b[j], every fourth term into one of four sums, of which those that have no
+/// term are left out. What was written just before is best left out of it, too: a load of several
+/// numbers waits until each of them has reached memory.
 inline double dot(const double* a, const double* b, int count) {
-  Two first = {0.0, 0.0};
-  Two second = {0.0, 0.0};
-  int j = 0;
+  if (count < 4) {
+    if (count < 1) return 0.0;
+    double sum = a[0] * b[0];
+    if (count > 2) sum += a[2] * b[2];
+    return count > 1 ? sum + a[1] * b[1] : sum;
+  }
+  Two first = loadTwo(a) * loadTwo(b);
+  Two second = loadTwo(a + 2) * loadTwo(b + 2);
+  int j = 4;
   for (; j + 4 <= count; j += 4) {
     first += loadTwo(a + j) * loadTwo(b + j);
     second += loadTwo(a + j + 2) * loadTwo(b + j + 2);

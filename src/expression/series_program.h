@@ -84,6 +84,8 @@ class SeriesProgram {
   /// Those of order 0 of a part; what they leave in `int limit` is for noteLimit. Not of tables.
   std::string writeBegin(Part part) const;
   bool readsTables() const { return !pieces_.empty(); }
+  /// True where some coefficients depend on which branch is taken.
+  bool hasBranches() const;
   void noteLimit(bool is_reached) { has_limit_ = is_reached; }
   bool hasLimit() const { return has_limit_; }
   static const char* codePrelude();
@@ -93,7 +95,12 @@ class SeriesProgram {
   static std::string writeMirror(int row);
   std::string writeMirrors(const std::set<int>& mirrored) const;
   double* rows() { return rows_.data() + rows_begin_; }
+  const double* rows() const { return rows_.data() + rows_begin_; }
   double* states() { return states_.data() + states_begin_; }
+  const double* states() const { return states_.data() + states_begin_; }
+  std::size_t rowsSize() const { return rows_.size() / 2; }
+  std::size_t statesSize() const { return states_.size() / 2; }
+  int rowCount() const { return static_cast<int>(degree_.size()); }
   /// There is room for two series of the same formulas, one of which is used: the other one is from
   /// now on. Not of tables.
   void turn() {

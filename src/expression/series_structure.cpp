@@ -1,4 +1,5 @@
 // What the C of a SeriesProgram is made from: of two that are equal here it is the same text.
+#include <algorithm>
 #include <iterator>
 #include <vector>
 
@@ -6,6 +7,13 @@
 #include "expression/series_program.h"
 
 namespace variator_sim::expression {
+
+bool SeriesProgram::hasBranches() const {
+  return std::any_of(instructions_.begin(), instructions_.end(), [](const Instruction& it) {
+    return it.code == Code::kAbs || it.code == Code::kSign || it.code == Code::kMin ||
+           it.code == Code::kMax || it.code == Code::kSelect || it.code == Code::kWhereFinite;
+  });
+}
 
 void SeriesProgram::addStructure(CodeStructure* structure) const {
   std::vector<int>& words = structure->words;

@@ -316,15 +316,15 @@ void Integrator::leaveWholeStep() {
 
 bool Integrator::makeWholeStep() {
   if (!mayMakeWholeSteps()) return false;
-  if (!system_.series()->isNextBegunAt(base_.time, base_.x.data())) {
-    system_.series()->keepReaction(system_.keptReaction());
-  }
+  MotionSeries& series = *system_.series();
+  const bool goes_on = series.isNextBegunAt(base_.time);
+  if (!goes_on) series.keepReaction(system_.keptReaction());
   const double segment_end = endOfReach();
   const bool is_in_reach = segment_end - base_.time <= settings_.maximum_step;
   const double limit = is_in_reach ? segment_end - base_.time : settings_.maximum_step;
   const double limit_end = is_in_reach ? segment_end : base_.time + limit;
   if (!(limit > shortestStep(base_.time))) return false;
-  const SeriesStep* const made = stepper_->makeWholeStep(system_, base_, limit, limit_end);
+  const SeriesStep* const made = stepper_->makeWholeStep(base_, goes_on, limit, limit_end);
   if (made == nullptr) return false;
   if (!(made->taken > shortestStep(base_.time))) {
     leaveWholeStep();
@@ -333,7 +333,6 @@ bool Integrator::makeWholeStep() {
   front_.time = made->end;
   front_.x.assign(made->x_new);
   for (int n = 0; n < 2 * S; ++n) front_.dxdt[n] = front_.x[n + S];
-  const MotionSeries& series = *system_.series();
   for (int i = 0; i < S; ++i) {
     front_.dxdt[2 * S + i] = made->eta[i];
     front_.torque[i] = series.nextTorque(i)[0];

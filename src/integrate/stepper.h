@@ -106,8 +106,8 @@ class Stepper {
 
   /// A step from `from`, at most by `limit`, that is to end at `limit_end` where it is so long: as
   /// long as the stepper thinks fit, projected, and judged by what is at its end. Null where it
-  /// makes no such steps. Inputs stand still. [loop]
-  virtual const SeriesStep* makeWholeStep(System& /*system*/, const StepNode& /*from*/,
+  /// makes no such steps. Inputs stand still; `goes_on`: from the end of the last one. [loop]
+  virtual const SeriesStep* makeWholeStep(const StepNode& /*from*/, bool /*goes_on*/,
                                           double /*limit*/, double /*limit_end*/) {
     return nullptr;
   }

@@ -63,12 +63,11 @@ class TaylorStepper final : public Stepper {
     return series_ != nullptr && length_ > 0.0 && size_ == 3 * S && series_->makesWholeSteps();
   }
 
-  const SeriesStep* makeWholeStep(System& /*system*/, const StepNode& from, double limit,
+  const SeriesStep* makeWholeStep(const StepNode& from, bool goes_on, double limit,
                                   double limit_end) override {
-    if (!makesWholeSteps()) return nullptr;
     const SeriesStep& made = series_->step(
         from.time, from.x.data(),
-        {limit, limit_end, length_, tolerance_.absolute, tolerance_.relative, decay_[1]});
+        {goes_on, limit, limit_end, length_, tolerance_.absolute, tolerance_.relative, decay_[1]});
     if (!(made.doubt == 0.0 && made.moved <= 1.0 && made.error <= 1.0)) {
       series_->refuseStep();
       base_time_ = std::numeric_limits<double>::quiet_NaN();
@@ -153,6 +152,7 @@ class TaylorStepper final : public Stepper {
   double stiffness(const State& /*x_new*/, const State& /*dxdt_new*/) const override {
     const int last = lastTerm();
     if (last < kDerivatives) return 0.0;
+    series_->fetch();
     const double length = length_ / series_->unit();
     double stiffest = 0.0;
     double factorial = 1.0;
@@ -161,7 +161,16 @@ class TaylorStepper final : public Stepper {
     factors[0] = 1.0;
     for (int j = 1; j < kDerivatives; ++j) factors[j] = factors[j - 1] / (last - j + 1);
     const double early = early_bound_ / power(length, early_);
+    double size[3 * kMaxShafts];  // of the last terms, but for the same factor in all
+    double largest_size = 0.0;
     for (int n = least_angle_; n < size_; ++n) {
+      const double* const c = coefficients(n) + last;
+      const double own = std::max(std::abs(c[0]) * length, std::abs(c[-1]));
+      size[n] = own / tolerance_.of(coefficients(n)[0]);
+      largest_size = std::max(largest_size, size[n]);
+    }
+    for (int n = least_angle_; n < size_; ++n) {
+      if (!(size[n] >= kLimiting * largest_size)) continue;
       const double* const c = coefficients(n);
       // What has died away so far is no more than this in the early terms.
       if (std::abs(c[early_]) > early * tolerance_.of(c[0])) continue;
@@ -196,6 +205,9 @@ class TaylorStepper final : public Stepper {
   static constexpr int kLeastOrder = 3;
   /// Tolerances: what a component at most has that has died away.
   static constexpr double kFaint = 100.0;
+
+  /// Of the largest last terms, what those are of a component that limits the steps.
+  static constexpr double kLimiting = 0.05;
 
   static constexpr double kE = 2.718281828459045;
 
@@ -300,7 +312,10 @@ class TaylorStepper final : public Stepper {
     const bool is_own = series_ != nullptr && series_->stamp() == stamp_;
     const bool is_base = from.time == base_time_ && isBase(from);
     const bool reaches = limit <= limit_;
-    if (is_base && is_own && (reaches || (order_ == most_ && length_ <= limit_))) return;
+    if (is_base && is_own && (reaches || (order_ == most_ && length_ <= limit_))) {
+      series_->fetch();
+      return;
+    }
     // Once more, to the bit.
     const bool is_again = is_base && !is_own && reaches;
     const double length = length_;

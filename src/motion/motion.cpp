@@ -98,6 +98,12 @@ bool Motion::shareMachineCode(const Motion& other) {
   return has_machine_code_;
 }
 
+std::shared_ptr<SeriesLanes> Motion::loadLanes(bool compile) {
+  if (!has_machine_code_ || system_.series() == nullptr) return nullptr;
+  using Missing = KernelLibrary::Missing;
+  return drivetrain_.loadLanes(*system_.series(), compile ? Missing::kCompile : Missing::kLeave);
+}
+
 void Motion::calcConstraintRow(int m, double* C) {
   const StepNode& front = integrator_.front();
   double c0;

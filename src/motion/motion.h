@@ -63,6 +63,10 @@ class Motion {
   bool isSleeping() const { return integrator_.isSleeping(); }
   bool loadMachineCode(bool compile);
   bool shareMachineCode(const Motion& other);
+  std::shared_ptr<SeriesLanes> loadLanes(bool compile);
+  void makeStepsWith(StepsTogether* together) {
+    if (system_.series() != nullptr) system_.series()->makeStepsWith(together);
+  }
   const std::string& machineCode() const { return machine_code_; }
   bool hasMachineCode() const { return has_machine_code_; }
 

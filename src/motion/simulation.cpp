@@ -94,6 +94,12 @@ Simulation::Simulation(Scene scene) : motion_(makeMotion(std::move(scene), nullp
 Simulation::Simulation(Scene scene, const Simulation& like)
     : motion_(makeMotion(std::move(scene), like.motion_.get())) {}
 Simulation::~Simulation() = default;
+std::shared_ptr<SeriesLanes> Simulation::loadLanes(bool compile) {
+  return motion_->loadLanes(compile);
+}
+void Simulation::makeStepsWith(StepsTogether* together) {
+  motion_->makeStepsWith(together);
+}
 Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 

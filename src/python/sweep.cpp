@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "python/row_fibers.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/formula_constraint.h"
 #include "variator_sim/formula_torque.h"
@@ -112,6 +113,13 @@ class CodeOfRows {
     ++ready_;
   }
 
+  /// What makes steps of runs like this one together; nullptr where there is none.
+  std::shared_ptr<SeriesLanes> loadLanes(Simulation& simulation) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const bool always = simulation.scene().solver.machine_code == MachineCode::kAlways;
+    return simulation.loadLanes(compiles_ || always);
+  }
+
  private:
   static constexpr std::size_t kMost = 4;
   const bool compiles_;
@@ -127,8 +135,12 @@ class RowMachines {
  public:
   /// `tree`: with the overrides that all rows have.
   RowMachines(const SweepRequest& request, ParameterTree tree, ComponentFactory& factory,
-              CodeOfRows& code)
-      : request_(request), tree_(std::move(tree)), factory_(factory), code_(code) {}
+              CodeOfRows& code, RowFibers& fibers)
+      : request_(request),
+        tree_(std::move(tree)),
+        factory_(factory),
+        code_(code),
+        fibers_(fibers) {}
 
   /// Throws SceneError.
   Simulation make(const std::vector<double>& values) {
@@ -136,16 +148,25 @@ class RowMachines {
     if (!keeps_formulas_) {
       Simulation simulation(std::move(scene));
       code_.giveTo(simulation);
+      stepTogether(simulation);
       return simulation;
     }
     if (like_ == nullptr) like_ = std::make_unique<Simulation>(scene);
     code_.giveTo(*like_);
-    return Simulation(std::move(scene), *like_);
+    Simulation simulation(std::move(scene), *like_);
+    stepTogether(simulation);
+    return simulation;
   }
 
  private:
   /// After each so many runs the formulas are read anew: their graph may grow with every run.
   static constexpr int kUses = 64;
+
+  void stepTogether(Simulation& simulation) {
+    if (!simulation.hasMachineCode()) return;
+    if (!std::exchange(has_asked_for_lanes_, true)) fibers_.setLanes(code_.loadLanes(simulation));
+    if (fibers_.hasLanes()) simulation.makeStepsWith(&fibers_);
+  }
 
   Scene readRow(const std::vector<double>& values) {
     ParameterTree tree = tree_;
@@ -183,6 +204,8 @@ class RowMachines {
   ParameterTree tree_;
   ComponentFactory& factory_;
   CodeOfRows& code_;
+  RowFibers& fibers_;
+  bool has_asked_for_lanes_ = false;
   bool is_known_ = false;
   bool keeps_formulas_ = false;
   Scene model_;
@@ -251,10 +274,13 @@ std::vector<SweepRow> runSweep(const SweepRequest& request,
   std::condition_variable one_has_ended;
   std::size_t running = std::min(static_cast<std::size_t>(std::max(threads, 1)), values.size());
   const auto work = [&] {
-    RowMachines machines(request, tree, locked, code);
-    for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
-      rows[i] = runRow(request, values[i], machines, [&] { return !is_cancelled; });
-    }
+    RowFibers fibers;
+    RowMachines machines(request, tree, locked, code, fibers);
+    fibers.run([&] {
+      for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
+        rows[i] = runRow(request, values[i], machines, [&] { return !is_cancelled; });
+      }
+    });
     const std::lock_guard<std::mutex> lock(mutex);
     --running;
     one_has_ended.notify_one();

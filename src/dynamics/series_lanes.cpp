@@ -1,0 +1,165 @@
+#include "dynamics/series_lanes.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace variator_sim {
+
+SeriesLanes::SeriesLanes(const MotionSeries& like, std::shared_ptr<KernelLibrary> library)
+    : library_(std::move(library)),
+      of_(like.library_),
+      code_(reinterpret_cast<Code>(library_->find("series_step"))) {
+  const Real zero = {};
+  for (int which = 0; which < 2; ++which) {
+    rows_[which].assign(like.program_.rowsSize(), zero);
+    states_[which].assign(like.program_.statesSize() + 1, zero);
+    inverse_[which].assign(sizeof like.own_[0].inverse / sizeof(double), zero);
+  }
+  constants_.assign(like.constants_count_ + 1, zero);
+  const Real one = {1.0, 1.0, 1.0, 1.0};
+  step_.unit = step_.next_unit = step_.absolute = step_.relative = one;
+}
+
+void SeriesLanes::load(const MotionSeries& series, int lane) {
+  const expression::SeriesProgram& program = series.program_;
+  const double* const from = program.rows();
+  for (int row = 0; row < program.rowCount(); ++row) {
+    const std::size_t ahead = program.offset(row);
+    const std::size_t back = program.backwardOffset(row);
+    // Velocities and angles are known to one order more than accelerations.
+    for (std::size_t n = 0; n < 3; ++n) {
+      for (std::vector<Real>& rows : rows_) {
+        rows[ahead + n][lane] = from[ahead + n];
+        rows[back - n][lane] = from[back - n];
+      }
+    }
+  }
+  for (std::size_t i = 0; i < program.statesSize(); ++i) {
+    states_[used_][i][lane] = program.states()[i];
+  }
+  const int size = series.S + series.k_;
+  const int count = size * size + 1 + 2 * series.S * series.S;
+  for (int i = 0; i < count; ++i) {
+    inverse_[used_][static_cast<std::size_t>(i)][lane] = series.own().inverse[i];
+  }
+  for (std::size_t i = 0; i < series.constants_count_; ++i) {
+    constants_[i][lane] = series.constants_[i];
+  }
+  const SeriesStep& its = series.step_;
+  for (int i = 0; i < series.S * series.S; ++i) {
+    step_.inertia[i][lane] = its.inertia[i];
+    step_.inertia_inverse[i][lane] = its.inertia_inverse[i];
+  }
+  for (int i = 0; i < series.S; ++i) {
+    step_.is_neutral[i][lane] = its.is_neutral[i];
+    step_.reaction[i][lane] = its.reaction[i];
+  }
+  step_.has_neutral = its.has_neutral;
+  step_.absolute[lane] = its.absolute;
+  step_.relative[lane] = its.relative;
+  step_.decay[lane] = its.decay;
+}
+
+void SeriesLanes::give(const MotionSeries& series, int lane) {
+  const SeriesStep& its = series.step_;
+  step_.unit[lane] = its.unit;
+  step_.next_unit[lane] = its.next_unit;
+  step_.origin[lane] = its.origin;
+  step_.time[lane] = its.time;
+  step_.limit[lane] = its.limit;
+  step_.limit_end[lane] = its.limit_end;
+  for (int n = 0; n < 3 * series.S; ++n) step_.x[n][lane] = its.x[n];
+}
+
+void SeriesLanes::take(MotionSeries& series, int lane) {
+  SeriesStep& its = series.step_;
+  const int S = series.S;
+  its.last = step_.last;
+  its.projections = step_.projections;
+  its.length = step_.length[lane];
+  its.taken = step_.taken[lane];
+  its.end = step_.end[lane];
+  its.moved = step_.moved[lane];
+  its.error = step_.error[lane];
+  its.doubt = step_.doubt[lane];
+  is_spoilt_[lane] = is_spoilt_[lane] || std::isnan(its.doubt);
+  series.lanes_ = this;
+  for (int n = 0; n < 3 * S; ++n) its.x_new[n] = step_.x_new[n][lane];
+  const std::vector<Real>& next = rows_[1 - used_];
+  for (int i = 0; i < S; ++i) {
+    its.eta[i] = step_.eta[i][lane];
+    its.gain[i] = step_.gain[i][lane];
+    const auto at = static_cast<std::size_t>(series.layout_.torque_at[i]);
+    its.next_rows[at] = next[at][lane];
+    its.next_rows[at + 1] = next[at + 1][lane];
+  }
+  for (int m = 0; m < series.k_; ++m) {
+    its.row_length[m] = step_.row_length[m][lane];
+    for (int i = 0; i < S; ++i) its.C[m][i] = step_.C[m][i][lane];
+  }
+}
+
+void SeriesLanes::clear(int lane) {
+  for (std::vector<Real>& rows : rows_) {
+    for (Real& number : rows) number[lane] = 0.0;
+  }
+  is_spoilt_[lane] = false;
+}
+
+void SeriesLanes::make(const std::array<MotionSeries*, kLanes>& series) {
+  used_ = 1 - used_;  // where the next series were begun
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (series[lane] == nullptr) continue;
+    if (series[lane]->lanes_ != this) {
+      if (is_spoilt_[lane]) clear(lane);
+      load(*series[lane], lane);
+    }
+    give(*series[lane], lane);
+  }
+  step_.rows = rows_[used_].data();
+  step_.states = states_[used_].data();
+  step_.inverse = inverse_[used_].data();
+  step_.next_rows = rows_[1 - used_].data();
+  step_.next_states = states_[1 - used_].data();
+  step_.next_inverse = inverse_[1 - used_].data();
+  step_.constants = constants_.data();
+  step_.is_limited = 0;
+  code_(&step_);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (series[lane] != nullptr) take(*series[lane], lane);
+  }
+}
+
+bool SeriesLanes::agreesWith(MotionSeries& series) {
+  if (code_ == nullptr) return false;
+  for (int state = 0; state < 8; ++state) {
+    series.stepAside(state, 1.0);
+    const SeriesStep alone = series.step_;
+    series.stepAside(state, 1.0, [&] {
+      make({&series, &series, &series, &series});
+      series.lanes_ = nullptr;
+    });
+    const SeriesStep& together = series.step_;
+    if (!(alone.doubt == 0.0)) continue;
+    const bool is_same = std::equal(alone.x_new, alone.x_new + 3 * series.S, together.x_new) &&
+                         std::equal(alone.eta, alone.eta + series.S, together.eta) &&
+                         alone.taken == together.taken && together.doubt == 0.0 &&
+                         alone.error == together.error && alone.moved == together.moved;
+    if (!is_same) return false;
+  }
+  return true;
+}
+
+void SeriesLanes::fetch(MotionSeries& series, int lane) const {
+  double* const to = series.program_.rows();
+  const auto copy = [&](int at) {
+    for (int n = 0; n <= step_.last + 1; ++n) {
+      const auto place = static_cast<std::size_t>(at + n);
+      to[place] = rows_[used_][place][lane];
+    }
+  };
+  for (int n = 0; n < 3 * series.S; ++n) copy(series.layout_.component_at[n]);
+  for (int i = 0; i < series.S; ++i) copy(series.layout_.torque_at[i]);
+}
+
+}  // namespace variator_sim
