@@ -145,7 +145,7 @@ class Simulation {
   /// alone: a small part of what loading costs. True when formulas run as machine code afterwards.
   /// Not for the real-time loop.
   bool shareMachineCode(const Simulation& other);
-  /// What makes steps of this motion and of three others with the same machine code at once;
+  /// What makes steps of this motion and of others with the same machine code at once;
   /// nullptr where it has none, or there is none of that kind. Takes a second or two when it has to
   /// be compiled, which it is if `compile` says so. Not for the real-time loop.
   std::shared_ptr<SeriesLanes> loadLanes(bool compile);

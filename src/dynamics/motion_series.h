@@ -104,7 +104,8 @@ class MotionSeries {
   double unit() const { return own().unit; }
   /// The orders as C, and what that is made from.
   std::string writeSource() const;
-  /// Whole steps of four motions at once (series_lanes.h); empty where there are none.
+  /// Whole steps of several motions at once (series_lanes.h), which stand behind `velocity_level`;
+  /// empty where there are none.
   std::string writeLanesSource() const;
   void addStructure(expression::CodeStructure* structure) const;
   /// Goes over to their code, which changes no bit; false where it is not there. `constants` are

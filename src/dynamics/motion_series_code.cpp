@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "dynamics/motion_series.h"
+#include "dynamics/series_lanes.h"
 #include "dynamics/series_step_text.h"
 #include "expression/c_code.h"
 
@@ -37,7 +38,7 @@ bool isSame(const std::vector<double>& a, const std::vector<double>& b) {
          });
 }
 
-/// C of numbers as C of four each.
+/// C of numbers as C of vectors.
 std::string inLanes(const std::string& text) {
   static const std::set<std::string> functions{"sin",  "cos",  "sinh",  "cosh", "tan",
                                                "tanh", "exp",  "log",   "sqrt", "atan",
@@ -239,9 +240,9 @@ std::string MotionSeries::writeLayout() const {
     text << "}, ";
   };
   const SeriesLayout& it = layout_;
-  for (const int value :
-       {it.shafts, it.rows, it.velocity_rows, it.order, it.least, it.is_inertia_constant,
-        it.is_inertia_diagonal, it.is_row_constant, it.has_residuals, it.time_at, it.time_back}) {
+  for (const int value : {it.shafts, it.rows, it.velocity_rows, it.order, it.least,
+                          it.is_inertia_constant, it.is_inertia_diagonal, it.is_row_constant,
+                          it.has_residuals, it.is_time_in_torque, it.time_at, it.time_back}) {
     text << value << ", ";
   }
   array(it.component_at);
@@ -278,9 +279,6 @@ static inline void seriesBeginAccelerated(struct SeriesStep* it) {
   it->limits |= begin_accelerated(it->next_rows, it->next_states, it->constants);
 }
 static inline void seriesTurn(struct SeriesStep* it) { (void)it; }
-static inline __attribute__((always_inline)) Real seriesDot(const Real* a, const Real* b, int count) {
-  return dot(a, b, count);
-}
 )c";
   return text;
 }
@@ -295,11 +293,14 @@ std::string MotionSeries::writeSource() const {
             "  return begin_accelerated(r, s, c) || limit;\n}\n";
   }
   if (makes_whole_steps_) {
-    text += "typedef double Real;\n" + writeWholeStep() + R"c(
+    text += "typedef double Real;\n#define SERIES_LANES 1\n" + writeWholeStep() + R"c(
+static inline __attribute__((always_inline)) double seriesDot(const double* a, const double* b, int count) {
+  return dot(a, b, count);
+}
 static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
   velocity_level(it->origin + it->end, it->x_new, it->x_new + layout.shafts,
-                 it->x_new + 2 * layout.shafts, it->input, it->input_rate, it->input_second_rate,
-                 it->tables, level);
+                 it->x_new + 2 * layout.shafts, it->input[0], it->input_rate[0],
+                 it->input_second_rate[0], it->tables[0], level);
 }
 )c" + kSeriesStepText +
             "void series_step(struct SeriesStep* it) { seriesStep(it); }\n"
@@ -309,12 +310,21 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
 }
 
 std::string MotionSeries::writeLanesSource() const {
-  if (!makes_whole_steps_ || layout_.velocity_rows > 0 || program_.hasBranches()) return "";
+  if (!makes_whole_steps_ || program_.hasBranches()) return "";
   std::set<int> mirrored;
   const std::string orders = writeOrders(&mirrored);
-  return std::string("#include <math.h>\n#define SERIES_IN_LANES\n") + kSeriesStepLanes +
-         program_.writeMirrors(mirrored) + inLanes(orders) + writeWholeStep() + R"c(
-static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) { (void)it, (void)level; }
+  return std::string("#define SERIES_IN_LANES\n#define SERIES_LANES ") +
+         std::to_string(SeriesLanes::kLanes) + "\n" + kSeriesStepLanes + program_.writeMirrors({}) +
+         inLanes(orders) + writeWholeStep() + R"c(
+static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
+  for (int j = 0; j < SERIES_LANES; ++j) {
+    double x[24], here[64];
+    for (int n = 0; n < 3 * layout.shafts; ++n) x[n] = it->x_new[n][j];
+    velocity_level((it->origin + it->end)[j], x, x + layout.shafts, x + 2 * layout.shafts,
+                   it->input[j], it->input_rate[j], it->input_second_rate[j], it->tables[j], here);
+    for (int n = 0; n < layout.velocity_rows * (layout.shafts + 1); ++n) level[n][j] = here[n];
+  }
+}
 )c" + kSeriesStepText +
          "void series_step(struct SeriesStep* it) { seriesStep(it); }\n";
 }

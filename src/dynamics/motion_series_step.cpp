@@ -35,9 +35,9 @@ struct SeriesInterpreter {
   }
   static void velocityLevel(SeriesStep* it, double* level) {
     const int S = it->layout->shafts;
-    const StateView state{it->origin + it->end, it->x_new, it->x_new + S,
-                          it->x_new + 2 * S,    it->input, it->input_rate,
-                          it->input_second_rate};
+    const StateView state{it->origin + it->end,    it->x_new,    it->x_new + S,
+                          it->x_new + 2 * S,       it->input[0], it->input_rate[0],
+                          it->input_second_rate[0]};
     of(it).drivetrain_.copyVelocityLevel(state, level);
   }
   static void turn(SeriesStep* it) { of(it).turn(); }
@@ -105,6 +105,7 @@ void MotionSeries::findLayout() {
   to.is_inertia_diagonal = inertia.isDiagonal() ? 1 : 0;
   to.is_row_constant = drivetrain_.hasConstantJacobian() ? 1 : 0;
   to.has_residuals = thirds == 0 ? 1 : 0;
+  to.is_time_in_torque = drivetrain_.torquesReadTime() ? 1 : 0;
   to.time_at = at(row_of_time_);
   to.time_back = back(row_of_time_);
   for (int i = 0; i < S; ++i) {
@@ -147,10 +148,10 @@ void MotionSeries::prepareStep() {
   step_.layout = &layout_;
   step_.host = this;
   step_.constants = constants_;
-  step_.tables = drivetrain_.kernelTables();
-  step_.input = drivetrain_.inputs();
-  step_.input_rate = drivetrain_.inputRates();
-  step_.input_second_rate = drivetrain_.inputSecondRates();
+  step_.tables[0] = drivetrain_.kernelTables();
+  step_.input[0] = drivetrain_.inputs();
+  step_.input_rate[0] = drivetrain_.inputRates();
+  step_.input_second_rate[0] = drivetrain_.inputSecondRates();
   step_.origin = drivetrain_.origin();
   const Inertia& inertia = drivetrain_.inertia();
   for (int j = 0; j < S && inertia.isConstant(); ++j) {

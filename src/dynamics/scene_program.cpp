@@ -138,18 +138,26 @@ const std::array<SceneProgram::Part, 6>& SceneProgram::parts() {
   return parts;
 }
 
+template <class IsWanted>
+void SceneProgram::writeParts(const IsWanted& is_wanted, std::string* source) const {
+  const Graph& graph = *scene_.graph;
+  expression::CodeStructure before;
+  for (const Part& part : parts()) {
+    const std::vector<Node>& outputs = (this->*part.program).outputs();
+    if (is_wanted(part)) {
+      *source += writeFunction(graph, part.name, outputs, before.constants.size());
+    }
+    addStructure(graph, outputs, &before);
+  }
+}
+
 std::string SceneProgram::writeSource(const MotionSeries* series) const {
   const Graph& graph = *scene_.graph;
   if (!isWritable(graph, rate_and_rows_.outputs()) || !isWritable(graph, torque_.outputs())) {
     return "";
   }
   std::string source = expression::prelude();
-  expression::CodeStructure before;
-  for (const Part& part : parts()) {
-    const std::vector<Node>& outputs = (this->*part.program).outputs();
-    source += writeFunction(graph, part.name, outputs, before.constants.size());
-    addStructure(graph, outputs, &before);
-  }
+  writeParts([](const Part& /*part*/) { return true; }, &source);
   if (series != nullptr) source += series->writeSource();
   return source;
 }
@@ -231,8 +239,12 @@ std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::M
 
 std::shared_ptr<SeriesLanes> SceneProgram::loadLanes(MotionSeries& series,
                                                      KernelLibrary::Missing missing) {
-  const std::string source = library_ != nullptr ? series.writeLanesSource() : "";
-  if (source.empty()) return nullptr;
+  const std::string steps = library_ != nullptr ? series.writeLanesSource() : "";
+  if (steps.empty()) return nullptr;
+  std::string source = expression::prelude();
+  writeParts([](const Part& part) { return part.program == &SceneProgram::velocity_level_; },
+             &source);
+  source += steps;
   std::string reason;
   const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(source, missing, &reason);
   if (library == nullptr) return nullptr;

@@ -69,7 +69,7 @@ class SceneProgram {
   /// Goes over to the machine code of `other`, if its scene differs in numbers alone. Not in the
   /// loop.
   bool shareMachineCode(MotionSeries* series, const SceneProgram& other);
-  /// Machine code of four motions at once, beside that of this one; nullptr where there is none.
+  /// Machine code of several motions at once, beside that of this one; nullptr where there is none.
   /// Not in the loop.
   std::shared_ptr<SeriesLanes> loadLanes(MotionSeries& series, KernelLibrary::Missing missing);
   const KernelTables* kernelTables() const { return &host_; }
@@ -109,6 +109,9 @@ class SceneProgram {
     Program SceneProgram::*program;
   };
   static const std::array<Part, 6>& parts();
+  /// Adds the functions of the parts that are wanted.
+  template <class IsWanted>
+  void writeParts(const IsWanted& is_wanted, std::string* source) const;
   /// Notes what the code is made from.
   void noteStructure(const MotionSeries* series);
   /// False where the code is not there.

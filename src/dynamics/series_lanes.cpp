@@ -16,8 +16,10 @@ SeriesLanes::SeriesLanes(const MotionSeries& like, std::shared_ptr<KernelLibrary
     inverse_[which].assign(sizeof like.own_[0].inverse / sizeof(double), zero);
   }
   constants_.assign(like.constants_count_ + 1, zero);
-  const Real one = {1.0, 1.0, 1.0, 1.0};
-  step_.unit = step_.next_unit = step_.absolute = step_.relative = one;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    step_.unit[lane] = step_.next_unit[lane] = 1.0;
+    step_.absolute[lane] = step_.relative[lane] = 1.0;
+  }
 }
 
 void SeriesLanes::load(const MotionSeries& series, int lane) {
@@ -116,6 +118,16 @@ void SeriesLanes::make(const std::array<MotionSeries*, kLanes>& series) {
     }
     give(*series[lane], lane);
   }
+  // A lane that is left alone goes on with what it has, but asks nobody who is gone.
+  const MotionSeries& any = **std::find_if(series.begin(), series.end(),
+                                           [](const MotionSeries* it) { return it != nullptr; });
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const SeriesStep& its = (series[lane] != nullptr ? *series[lane] : any).step_;
+    step_.tables[lane] = its.tables[0];
+    step_.input[lane] = its.input[0];
+    step_.input_rate[lane] = its.input_rate[0];
+    step_.input_second_rate[lane] = its.input_second_rate[0];
+  }
   step_.rows = rows_[used_].data();
   step_.states = states_[used_].data();
   step_.inverse = inverse_[used_].data();
@@ -136,7 +148,9 @@ bool SeriesLanes::agreesWith(MotionSeries& series) {
     series.stepAside(state, 1.0);
     const SeriesStep alone = series.step_;
     series.stepAside(state, 1.0, [&] {
-      make({&series, &series, &series, &series});
+      std::array<MotionSeries*, kLanes> all{};
+      all.fill(&series);
+      make(all);
       series.lanes_ = nullptr;
     });
     const SeriesStep& together = series.step_;

@@ -1,4 +1,6 @@
-/// Whole steps of four motions in one: series_step.inc where each number is four, of machine code.
+/// Whole steps of several motions in one: series_step.inc where each number is a vector, of machine
+/// code. With eight a vector is as wide as processors have them, and what a step costs beside its
+/// numbers is shared by as many.
 ///
 /// The motions differ in numbers alone, and in where each of them is: its time, its step. A motion
 /// keeps its lane from step to step; the bits are those that it has alone. Coefficients stay in the
@@ -15,19 +17,22 @@
 namespace variator_sim {
 
 namespace series_lanes {
-/// What is a vector of four in the C.
-struct alignas(32) Real {
-  double lane[4];
+/// What is a vector in the C.
+constexpr int kLanes = 8;
+struct alignas(8 * kLanes) Real {
+  double lane[kLanes];
   double& operator[](int n) { return lane[n]; }
   double operator[](int n) const { return lane[n]; }
 };
+#define SERIES_LANES kLanes
 #include "dynamics/series_step_data.inc"
+#undef SERIES_LANES
 }  // namespace series_lanes
 
 /// Of one thread at a time.
 class SeriesLanes {
  public:
-  static constexpr int kLanes = 4;
+  static constexpr int kLanes = series_lanes::kLanes;
 
   /// `library`: that of `like`, see MotionSeries::loadLanes; at least all of the series to come
   /// share their machine code with it.

@@ -5,7 +5,9 @@ namespace variator_sim {
 
 namespace series_step {
 using Real = double;
+#define SERIES_LANES 1
 #include "dynamics/series_step_data.inc"
+#undef SERIES_LANES
 }  // namespace series_step
 using series_step::SeriesLayout;
 using series_step::SeriesStep;

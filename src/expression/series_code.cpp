@@ -57,6 +57,7 @@ static inline __attribute__((always_inline)) double squareOf(const double* x, co
 }
 static inline int most(int a, int b) { return a > b ? a : b; }
 static const double zero = 0.0;
+#define BACKWARD(row, mirror, n) (r + (mirror) - (n))
 static inline int overflows(double from, double to) { return isinf(from) && isfinite(to); }
 static inline double sideOf(double a, double b) { return a < b ? -1.0 : a > b ? 1.0 : a - b; }
 )c";
@@ -96,12 +97,12 @@ class SeriesWriter {
     std::string high = "n - 1";
     if (isPolynomial(b)) low = "most(1, n - " + std::to_string(program_.degree(b)) + ")";
     if (isPolynomial(a)) high = "least(n - 1, " + std::to_string(program_.degree(a)) + ")";
-    return "between(" + forward(a) + ", " + backward(b) + " - n, " + low + ", " + high + ")";
+    return "between(" + forward(a) + ", " + backward(b, "n") + ", " + low + ", " + high + ")";
   }
   std::string convolveOld(int a, int b, const std::string& n) const {
     std::string high = n;
     if (isPolynomial(a)) high = "least(" + n + ", " + std::to_string(program_.degree(a)) + ")";
-    return "between(" + forward(a) + ", " + backward(b) + " - (" + n + "), 1, " + high + ")";
+    return "between(" + forward(a) + ", " + backward(b, n) + ", 1, " + high + ")";
   }
 
  private:
@@ -111,9 +112,11 @@ class SeriesWriter {
   std::string forward(int row) const {
     return "(r + " + std::to_string(static_cast<std::size_t>(row) * 2 * program_.width_) + ")";
   }
-  std::string backward(int row) const {
+  /// Where a sum begins that goes down from coefficient n of a row.
+  std::string backward(int row, const std::string& n) const {
     mirrored_.insert(row);
-    return "(r + " + std::to_string(program_.backwardOffset(row)) + ")";
+    return "BACKWARD(" + std::to_string(program_.offset(row)) + ", " +
+           std::to_string(program_.backwardOffset(row)) + ", " + n + ")";
   }
   std::string coefficient(int row) const { return forward(row) + "[n]"; }
   void set(int row, const std::string& value, const std::string& at = "n") {
@@ -123,14 +126,14 @@ class SeriesWriter {
   }
   bool isPolynomial(int row) const { return program_.degree(row) < SeriesProgram::kNoDegree; }
   std::string sumOfRates(int rate, int w) const {
-    return "rates(" + forward(rate) + ", " + backward(w) + ", " + forward(w) + "[0], n, " +
+    return "rates(" + forward(rate) + ", " + backward(w, "0") + ", " + forward(w) + "[0], n, " +
            std::to_string(program_.degree(rate)) + ")";
   }
   std::string chain(int rate, int w) const { return sumOfRates(rate, w) + " * (1.0 / n)"; }
   /// See SeriesProgram::square.
   std::string square(int a) const {
     const std::string x = forward(a);
-    return "squareOf(" + x + ", " + backward(a) + ", n)";
+    return "squareOf(" + x + ", " + backward(a, "0") + ", n)";
   }
   /// Of the terms, then of the instructions: see SeriesProgram::addStructure.
   std::string constantOf(const Instruction& it) const {
@@ -350,8 +353,8 @@ class SeriesWriter {
               << sumOfRates(it.operands[2], it.operands[1]) << ";\n";
         return;
       case Code::kSqrt:
-        set(y, "(" + coefficient(a) + " - dot(" + forward(y) + " + 1, " + backward(y) +
-                   " - (n - 1), n - 1)) / (2.0 * " + forward(y) + "[0])");
+        set(y, "(" + coefficient(a) + " - dot(" + forward(y) + " + 1, " + backward(y, "n - 1") +
+                   ", n - 1)) / (2.0 * " + forward(y) + "[0])");
         return;
       case Code::kPower:
         set(y, "((" + constantOf(it) + " + 1.0) * (" + chain(rate, y) + ") - " + "(" +
@@ -405,7 +408,7 @@ class SeriesWriter {
     int before = base;
     for (int i = 2; i <= degree; ++i) {
       text_ << "  if (n >= " << i << ")\n";
-      set(powers[i], "dot(" + forward(base) + " + 1, " + backward(before) + " - (n - 1), n - " +
+      set(powers[i], "dot(" + forward(base) + " + 1, " + backward(before, "n - 1") + ", n - " +
                          std::to_string(i - 1) + ")");
       before = powers[i];
     }
@@ -440,7 +443,7 @@ class SeriesWriter {
       set(piece.sums[i], "inner");
       const int power = i == 1 ? x : piece.powers_x[i];
       text_ << "  if (n >= " << i << ") sum += dot(" << forward(power) << " + " << i << ", "
-            << backward(piece.sums[i]) << " - (n - " << i << "), n - " << i - 1 << "); }\n";
+            << backward(piece.sums[i], "n - " + std::to_string(i)) << ", n - " << i - 1 << "); }\n";
     }
     set(it.result, "sum");
     text_ << "  }\n";

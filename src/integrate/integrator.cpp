@@ -341,11 +341,15 @@ bool Integrator::makeWholeStep() {
   if (!drivetrain_.inertia().isConstant()) system_.view(front_.time, front_.x);
   course_ = Course::kStep;
   is_in_corner_ = false;
+  checks_.noteTorqueSize(base_);
   rows_.lookAt(made->C, made->row_length);
-  if (!checks_.isTorqueSeen(made->gain, base_, front_) ||
-      rows_.note(false) != RowWatch::Verdict::kGood) {
+  if (!rows_.noteStraight()) {
     leaveWholeStep();
     return false;
+  }
+  if (made->moved > kMoved) {
+    State rounding(system_.size());
+    noteRounding(calcRounding(front_.time, front_.x, rounding));
   }
   drivetrain_.countRightHandSide();
   ++statistics_.steps;

@@ -226,6 +226,12 @@ class Integrator {
   /// than the tolerance it is told.
   double discountRounding(double end, const State& x_old, const State& x, const State& moved);
 
+  /// What rounding makes of a move onto the constraints at x, component by component; the largest,
+  /// in tolerances.
+  double calcRounding(double end, const State& x, State& rounding);
+  /// Tells of it where it is more than the tolerance.
+  void noteRounding(double largest);
+
   /// x' at the new front. False when it is not finite.
   bool differentiateFront();
 
@@ -382,6 +388,8 @@ class Integrator {
   static constexpr int kHopeless = 6;
   /// An error norm that makes StepControl take a step no shorter, at every order.
   static constexpr double kSteady = 0.1;
+  /// A whole step that was moved by more than this may have been so by rounding.
+  static constexpr double kMoved = 0.5;
   /// An edge is found to within this part of the step, and the step made again ends by this part
   /// before it.
   static constexpr double kEdgeResolution = 1e-14;

@@ -22,22 +22,38 @@ void RowWatch::lookAt(const Row* rows, const double* length_squared) {
 
 RowWatch::Verdict RowWatch::note(bool is_start) {
   system_.noteColumns(looked_at_.row);
+  if (!areLong()) return Verdict::kVanished;
+  if (drivetrain_.hasConstantRows()) return Verdict::kGood;
+  const bool is_comparable = !is_start && !std::exchange(has_new_rows_, false);
+  if (is_comparable && haveTurned()) return Verdict::kTurned;
+  remember();
+  return Verdict::kGood;
+}
+
+bool RowWatch::noteStraight() {
+  system_.noteColumns(looked_at_.row);
+  if (!areLong()) return false;
+  remember();
+  return true;
+}
+
+bool RowWatch::areLong() {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
     const double length_squared = looked_at_.length_squared[m];
     reference_[m] = std::max(reference_[m], length_squared);
     if (length_squared <= kVanished * kVanished * reference_[m]) {
       vanished_ = m;
       measure_ = std::sqrt(length_squared / reference_[m]);
-      return Verdict::kVanished;
+      return false;
     }
   }
-  if (drivetrain_.hasConstantRows()) return Verdict::kGood;
-  const bool is_comparable = !is_start && !std::exchange(has_new_rows_, false);
-  if (is_comparable && haveTurned()) return Verdict::kTurned;
+  return true;
+}
+
+void RowWatch::remember() {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
     copyRow(looked_at_.row[m], rows_[m]);
   }
-  return Verdict::kGood;
 }
 
 bool RowWatch::haveTurned() const {

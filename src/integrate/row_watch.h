@@ -37,6 +37,8 @@ class RowWatch {
   /// Judges those that were looked at last. Where a motion begins (`is_start`) there are none to
   /// compare them with.
   Verdict note(bool is_start);
+  /// The same of rows that are known not to have turned: false where one has vanished.
+  bool noteStraight();
   /// The next ones are not compared with those before.
   void noteAnew() { has_new_rows_ = true; }
 
@@ -59,6 +61,9 @@ class RowWatch {
     forEachComponent(0, S, [&](int i) { to[i] = from[i]; });
   }
   bool haveTurned() const;
+  /// True where none is short beside the longest it has been.
+  bool areLong();
+  void remember();
 
   /// A row of C shorter than this part of the longest it has been counts as zero.
   static constexpr double kVanished = 1e-10;

@@ -38,9 +38,7 @@ void StepChecks::noteAccelerations(const StepNode& node) {
 double StepChecks::checkTorque(Stepper& stepper, const StepNode& from, StepNode& to) {
   if (integrates_torque_) {
     if (!drivetrain_.hasTorques()) return 0.0;
-    for (int i = 0; i < S; ++i) {
-      largest_torque_[i] = std::max(largest_torque_[i], std::abs(from.torque[i]));
-    }
+    noteTorqueSize(from);
     calcTorque(to);
     TorqueGain gain(S);
     stepper.calcTorqueGain(system_, from, to, gain);
@@ -52,17 +50,6 @@ double StepChecks::checkTorque(Stepper& stepper, const StepNode& from, StepNode&
     return judgeTorque(gain, from, to, uncertain, answer);
   }
   return 0.0;
-}
-
-bool StepChecks::isTorqueSeen(const double* gain, const StepNode& from, const StepNode& to) {
-  if (!drivetrain_.hasTorques()) return true;
-  TorqueGain seen(S);
-  for (int i = 0; i < S; ++i) {
-    largest_torque_[i] = std::max(largest_torque_[i], std::abs(from.torque[i]));
-    seen.change[i] = gain[i];
-    seen.largest_rate[i] = std::max(std::abs(from.torque_rate[i]), std::abs(to.torque_rate[i]));
-  }
-  return judgeTorque(seen, from, to, nothing_, nothing_) <= 1.0;
 }
 
 bool StepChecks::isTorqueFollowed(const Stepper& stepper, const StepNode& from, StepNode& to) {

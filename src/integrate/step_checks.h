@@ -80,9 +80,12 @@ class StepChecks {
   /// larger in d: what it makes of Q is allowed, too, as long as Q is about linear over so much.
   double checkTorque(Stepper& stepper, const StepNode& from, StepNode& to);
 
-  /// The same where Q at `to` is known and the step's own series tells what Q has gained: false
-  /// where that is to be looked at as above.
-  bool isTorqueSeen(const double* gain, const StepNode& from, const StepNode& to);
+  /// A step from there has compared Q by itself.
+  void noteTorqueSize(const StepNode& from) {
+    for (int i = 0; i < S; ++i) {
+      largest_torque_[i] = std::max(largest_torque_[i], std::abs(from.torque[i]));
+    }
+  }
 
   /// The counterpart of checkTorque where the torques make the accelerations themselves: an
   /// explicit step of controlled size may not pass over a narrow layer of Q. Its ends tell: false

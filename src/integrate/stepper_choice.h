@@ -6,7 +6,7 @@
 ///   where the relative tolerance is at most kHighOrderBelow and by dopri5 above.
 /// - At the start of a motion the Jacobian tells the fastest component: where the first step that
 ///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau begins.
-/// - After five steps (or eight, as only every fourth is looked at before there is a suspicion)
+/// - After five steps (or twelve, as only every eighth is looked at before there is a suspicion)
 ///   that stability and not accuracy limited (|h lambda| at the bound of the
 ///   scheme, as Hairer's codes estimate it), or forty well below the bound, it tries implicit
 ///   steps from the same state. When the step sizes that the two error estimates allow say that
@@ -111,7 +111,7 @@ class StepperChoice {
   static constexpr int kStrong = 8;
   static constexpr int kSuspicions = 40;
   static constexpr int kQuiet = 6;
-  static constexpr int kUnseen = 4;
+  static constexpr int kUnseen = 8;
   static constexpr double kStiffStart = 20.0;
   /// Changes of x per step, in tolerances, that are near rest, and so many steps of them.
   static constexpr double kNearRest = 100.0;

@@ -217,25 +217,36 @@ double Integrator::projectEnd(const Stepper& stepper, const State& x_old, double
 
 double Integrator::discountRounding(double end, const State& x_old, const State& x,
                                     const State& moved) {
+  State rounding(x.size());
+  const double largest = calcRounding(end, x, rounding);
+  State left = moved;
+  for (int n = 0; n < x.size(); ++n) left[n] = std::max(0.0, moved[n] - rounding[n]);
+  const double norm = calcErrorNorm(left, x_old, x, tolerance_);
+  if (norm <= 1.0) noteRounding(largest);
+  return norm;
+}
+
+double Integrator::calcRounding(double end, const State& x, State& rounding) {
   double velocity[kMaxShafts];
   double acceleration[kMaxShafts];
   drivetrain_.calcProjectionRounding(system_.view(end, x), velocity, acceleration);
   system_.addReactionRounding(end, x, acceleration);
-  State left = moved;
-  double rounding = 0.0;
-  const auto discount = [&](int n, double size) {
-    left[n] = std::max(0.0, moved[n] - size);
-    rounding = std::max(rounding, size / tolerance_.of(x[n]));
+  double largest = 0.0;
+  const auto note = [&](int n, double size) {
+    rounding[n] = size;
+    largest = std::max(largest, size / tolerance_.of(x[n]));
   };
   for (int i = 0; i < S; ++i) {
-    discount(S + i, velocity[i]);
-    if (integrates_torque_) discount(x.size() - S + i, acceleration[i]);
+    note(S + i, velocity[i]);
+    if (integrates_torque_) note(x.size() - S + i, acceleration[i]);
   }
-  const double norm = calcErrorNorm(left, x_old, x, tolerance_);
-  if (norm <= 1.0 && rounding > 1.0) {
-    statistics_.largest_rounding = std::max(statistics_.largest_rounding, rounding);
+  return largest;
+}
+
+void Integrator::noteRounding(double largest) {
+  if (largest > 1.0) {
+    statistics_.largest_rounding = std::max(statistics_.largest_rounding, largest);
   }
-  return norm;
 }
 
 bool Integrator::differentiateFront() {

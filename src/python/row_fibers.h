@@ -1,8 +1,9 @@
-/// Rows of a sweep in turn, in one thread, so that their steps are made four at a time.
+/// Rows of a sweep in turn, in one thread, so that their steps are made several at a time.
 ///
-/// Each of four fibers runs rows, one after the other. Where a row's motion wants a step that may
-/// be made together with others, its fiber waits; when all of them wait, the lanes make the steps
-/// of all. No row knows of the others, and none gets another bit by them.
+/// Each of the fibers, as many as there are lanes, runs rows, one after the other. Where a row's
+/// motion wants a step that may be made together with others, its fiber waits; when all of them
+/// wait, the lanes make the steps of all. No row knows of the others, and none gets another bit by
+/// them.
 #pragma once
 
 #include <array>
