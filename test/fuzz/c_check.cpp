@@ -125,6 +125,11 @@ class Lexer {
     const std::size_t end = text_.find('\n', at_);
     const std::string line = text_.substr(at_, end - at_);
     static const std::set<std::string> headers{"float", "math", "stdio", "stdlib", "string"};
+    const std::string macro = "#define ";
+    const std::size_t bracket = line.find('(');
+    if (line.rfind(macro, 0) == 0 && bracket != std::string::npos) {
+      defined_.insert(line.substr(macro.size(), bracket - macro.size()));
+    }
     bool is_known = line == "#endif" || line == "#else";
     for (const char* begin : {"#ifdef ", "#ifndef ", "#define "}) {
       is_known = is_known || line.rfind(begin, 0) == 0;
