@@ -167,9 +167,9 @@ bool SeriesLanes::agreesWith(MotionSeries& series) {
 void SeriesLanes::fetch(MotionSeries& series, int lane) const {
   double* const to = series.program_.rows();
   const auto copy = [&](int at) {
-    for (int n = 0; n <= step_.last + 1; ++n) {
-      const auto place = static_cast<std::size_t>(at + n);
-      to[place] = rows_[used_][place][lane];
+    const auto begin = static_cast<std::size_t>(at);
+    for (std::size_t n = begin; n <= begin + static_cast<std::size_t>(step_.last) + 1; ++n) {
+      to[n] = rows_[used_][n][lane];
     }
   };
   for (int n = 0; n < 3 * series.S; ++n) copy(series.layout_.component_at[n]);

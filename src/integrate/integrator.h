@@ -5,6 +5,8 @@
 ///     step:                                          (Integrator::step)
 ///       an input's closed form ends here?   jump if it jumps there; a new beginning
 ///       an edge of a law is due here?       cross it by a series, jump by what the torque jumps
+///       nothing special about this scene?   a whole step by series (makeWholeStep); if it is good:
+///                                           another stepper? at rest?
 ///       until a trial step is good:
 ///         try      from the base, at most to the end of reach      (Stepper::step)
 ///         project  the end onto the constraints                    (projectEnd)
