@@ -221,18 +221,47 @@ TEST(Taylor, MissesNoBumpInsideAStep) {
       const double weight = n == 0 || n == kParts ? 1.0 : n % 2 == 1 ? 4.0 : 2.0;
       impulse += weight * bump.value(std::cos(kEnd * n / kParts)) * kEnd / (3.0 * kParts);
     }
-    const Scene scene = test::sceneFromText(
+    Scene scene = test::sceneFromText(
         "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [p, q]\n"
         "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-phi1\"}\n"
         "q: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" +
-        std::string(bump.torque) + "\"}\nprinciple: gauss\ninitial: {velocity: [1, 0]}\n");
+        std::string(bump.torque) + "\"}\ninitial: {velocity: [1, 0]}\n");
     for (const double tolerance : {1e-4, 1e-6, 1e-9, 1e-12}) {
       for (const StepperKind stepper : {StepperKind::kTaylor, StepperKind::kAuto}) {
+        // Whole steps under one of them, steps piece by piece under the other.
+        scene.principle =
+            stepper == StepperKind::kTaylor ? Principle::kGeneralizedGauss : Principle::kGauss;
         Simulation simulation(test::withStepper(test::withTolerance(scene, tolerance), stepper));
         ASSERT_TRUE(simulation.advanceTo(kEnd).ok()) << bump.torque;
         EXPECT_NEAR(simulation.sample().velocity[1], impulse, 100.0 * tolerance * (1.0 + impulse))
             << bump.torque << ' ' << toString(stepper) << ' ' << tolerance;
       }
+    }
+  }
+}
+
+// A torque that turns over within a layer is in few coefficients before it, and behind it in none:
+// the accelerations are those of before but for what Q tells. In closed form:
+//     omega = F(t - 1.3) - F(-1.3),  F(x) = x atan(k x) - ln(1 + k^2 x^2) / 2k
+TEST(Taylor, WholeStepsSeeATorqueThatTurnsOverInALayer) {
+  for (const double k : {1e3, 1e5}) {
+    const std::string text = std::to_string(k);
+    const Scene scene = test::sceneFromText(
+        "shafts: [a]\na: {inertia: 1}\ntorques: [m]\nm: {type: variator_sim/ExpressionTorque, "
+        "shaft: a, torque: \"atan(" +
+        text + "*(t-1.3))\"}\n");
+    const auto F = [k](double x) {
+      return x * std::atan(k * x) - std::log1p(k * k * x * x) / (2.0 * k);
+    };
+    for (const double tolerance : {1e-3, 1e-6, 1e-9}) {
+      Simulation simulation(
+          test::withStepper(test::withTolerance(scene, tolerance), StepperKind::kTaylor));
+      ASSERT_TRUE(simulation.advanceTo(2.0).ok());
+      const Sample& sample = simulation.sample();
+      EXPECT_NEAR(sample.velocity[0], F(0.7) - F(-1.3), 100.0 * tolerance) << k << ' ' << tolerance;
+      EXPECT_NEAR(sample.acceleration[0], std::atan(k * 0.7), 100.0 * tolerance)
+          << k << ' ' << tolerance;
+      EXPECT_NEAR(sample.reaction_torque[0], 0.0, 100.0 * tolerance) << k << ' ' << tolerance;
     }
   }
 }
