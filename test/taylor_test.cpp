@@ -249,9 +249,10 @@ TEST(Taylor, WholeStepsSeeATorqueThatTurnsOverInALayer) {
         "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 1.5}\ntorques: [m]\n"
         "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"atan(" +
         std::to_string(k) +
-        "*(t-1.3))\"}\nconstraints: [c]\nc: {type: variator_sim/ExpressionConstraint, order: 2, "
+        "*(t-1.3))+2*sin(2*t)\"}\nconstraints: [c]\nc: {type: variator_sim/ExpressionConstraint, "
+        "order: 2, "
         "expression: \"e1^2+e2^2-4\"}\ninitial: {acceleration: [1.2, 1.6]}\n");
-    const double gained = std::atan(k * 0.7) - std::atan(-k * 1.3);
+    const double gained = std::atan(k * 0.7) - std::atan(-k * 1.3) + 2.0 * std::sin(4.0);
     const double angle = 2.0 * std::atan(0.5 * std::exp(-gained / 3.0));
     for (const double tolerance : {1e-3, 1e-6, 1e-9}) {
       Simulation simulation(
