@@ -60,16 +60,20 @@ const Statistics& Motion::statistics() {
   return statistics;
 }
 
+KernelLibrary::Missing Motion::missingCode(bool compile) const {
+  using Missing = KernelLibrary::Missing;
+  const bool is_asked_for = scene_.solver.machine_code == MachineCode::kAlways;
+  const Missing compiling = is_asked_for ? Missing::kCompilePatiently : Missing::kCompile;
+  return compile ? compiling : Missing::kLeave;
+}
+
 bool Motion::loadMachineCode(bool compile) {
   if (has_machine_code_) return true;
   if (scene_.solver.machine_code == MachineCode::kNever) {
     machine_code_ = "the interpreter: 'solver/machine_code' is 'never'";
     return false;
   }
-  using Missing = KernelLibrary::Missing;
-  const bool is_asked_for = scene_.solver.machine_code == MachineCode::kAlways;
-  const Missing compiling = is_asked_for ? Missing::kCompilePatiently : Missing::kCompile;
-  const Missing missing = compile ? compiling : Missing::kLeave;
+  const KernelLibrary::Missing missing = missingCode(compile);
   using Clock = std::chrono::steady_clock;
   const Clock::time_point begin = Clock::now();
   bool compiled = false;
@@ -100,8 +104,7 @@ bool Motion::shareMachineCode(const Motion& other) {
 
 std::shared_ptr<SeriesLanes> Motion::loadLanes(bool compile) {
   if (!has_machine_code_ || system_.series() == nullptr) return nullptr;
-  using Missing = KernelLibrary::Missing;
-  return drivetrain_.loadLanes(*system_.series(), compile ? Missing::kCompile : Missing::kLeave);
+  return drivetrain_.loadLanes(*system_.series(), missingCode(compile));
 }
 
 void Motion::calcConstraintRow(int m, double* C) {

@@ -96,6 +96,8 @@ class Motion {
   void calcConstraintRow(int m, double* C);
 
  private:
+  /// Whether code that is not in the cache is compiled: who asks for it waits for a busy compiler.
+  KernelLibrary::Missing missingCode(bool compile) const;
   /// The present as nodes count it.
   double present() const { return integrator_.origin().relative(time_); }
   /// The present as `state` tells it, but for a history.
