@@ -229,7 +229,6 @@ class MotionSeries {
   StepsTogether* together_ = nullptr;
   const SeriesLanes* lanes_ = nullptr;  ///< where the next series is begun; nullptr: here
   bool is_fetched_ = true;
-  double next_origin_ = 0.0;
   using StepCode = void (*)(SeriesStep* step);
   StepCode step_code_ = interpretStep;
   StepCode arrive_code_ = interpretArrival;

@@ -57,6 +57,7 @@ void SeriesLanes::load(const MotionSeries& series, int lane) {
     step_.reaction[i][lane] = its.reaction[i];
   }
   step_.has_neutral = its.has_neutral;
+  is_loaded_ = true;
   step_.absolute[lane] = its.absolute;
   step_.relative[lane] = its.relative;
   step_.decay[lane] = its.decay;
@@ -161,6 +162,7 @@ bool SeriesLanes::agreesWith(MotionSeries& series) {
                          alone.error == together.error && alone.moved == together.moved;
     if (!is_same) return false;
   }
+  is_loaded_ = false;  // nobody's
   return true;
 }
 

@@ -40,8 +40,10 @@ class SeriesLanes {
 
   /// Whether the lanes give the numbers of `series` alone. Not in the loop.
   bool agreesWith(MotionSeries& series);
-  /// Whether it shares the machine code that this belongs to.
-  bool fits(const MotionSeries& series) const { return series.library_ == of_; }
+  /// Whether it shares the machine code that this belongs to, and what no lane has of its own.
+  bool fits(const MotionSeries& series) const {
+    return series.library_ == of_ && (!is_loaded_ || series.step_.has_neutral == step_.has_neutral);
+  }
   /// A step of each, in the lane that is its place; nullptr leaves a lane alone.
   void make(const std::array<MotionSeries*, kLanes>& series);
   /// Writes the coefficients of the last step in `lane` where `series` has its own.
@@ -64,6 +66,7 @@ class SeriesLanes {
   std::vector<Real> states_[2];
   std::vector<Real> inverse_[2];
   std::vector<Real> constants_;
+  bool is_loaded_ = false;
   bool is_spoilt_[kLanes] = {};  ///< by numbers that are none
   int used_ = 0;  ///< the series of the step to come; the other one is that of the next
   Step step_ = {};
