@@ -33,6 +33,12 @@
 namespace variator_sim {
 
 class SeriesLanes;
+namespace series_plain {
+class SeriesOrder;
+}
+namespace series_fused {
+class SeriesOrder;
+}
 
 /// The series of one scene. Of one thread at a time.
 class MotionSeries {
@@ -163,11 +169,6 @@ class MotionSeries {
   /// Velocities and angles of order n + 1.
   void knowFurther(int n);
   void continueTo(int n);
-  void calcForceRest(int n, double* a) const;
-  /// -g_n
-  void calcConstraintRest(int n, double* g) const;
-  /// J^-1 R of order n, where the inertia depends on an angle.
-  void noteReaction(int n);
   void noteInertia();
   /// Of J_0 in `inverse`.
   int placeOfInertia() const { return (S + k_) * (S + k_) + 1; }
@@ -221,6 +222,8 @@ class MotionSeries {
   static void interpretStep(SeriesStep* step);
   static void interpretArrival(SeriesStep* step);
   friend struct SeriesInterpreter;
+  friend class series_plain::SeriesOrder;
+  friend class series_fused::SeriesOrder;
   friend class SeriesLanes;
   bool makes_whole_steps_ = false;
   SeriesLayout layout_ = {};

@@ -1,4 +1,4 @@
-// The orders of a motion's series as C: the statements of MotionSeries::continueTo with the order a
+// The orders of a motion's series as C: the statements of SeriesOrder::make with the order a
 // constant of each, so that the compiler unrolls every sum.
 #include <algorithm>
 #include <cmath>
@@ -10,6 +10,7 @@
 #include "dynamics/series_lanes.h"
 #include "dynamics/series_step_text.h"
 #include "expression/c_code.h"
+#include "expression/series_dot.h"
 
 namespace variator_sim {
 
@@ -64,6 +65,26 @@ std::string inLanes(const std::string& text) {
   return written;
 }
 
+/// sum_j k[begin + j] factor(j) as C
+template <class Factor>
+std::string writeProduct(int begin, int count, const Factor& factor) {
+  std::string sum;
+  for (int j = 0; j < count; ++j) {
+    const std::string k = "k[" + std::to_string(begin + j) + "]";
+    sum = j == 0 ? k + " * " + factor(j) : "fuse(" + k + ", " + factor(j) + ", " + sum + ")";
+  }
+  return sum;
+}
+
+/// See SeriesOrder::sumOfSlopes.
+constexpr const char* kSumOfSlopes = R"c(
+static inline __attribute__((always_inline)) double sumOfSlopes(const double* c, const double* x, int n) {
+  double s[4] = {zero, zero, zero, zero};
+  for (int j = 1; j < n; ++j) s[j % 4] = fuse((n - j) * c[j], x[n - j], s[j % 4]);
+  return (s[0] + s[2]) + (s[1] + s[3]);
+}
+)c";
+
 constexpr const char* kBegin = "series_begin";
 std::string nameOf(int order) {
   return "series_order_" + std::to_string(order);
@@ -75,7 +96,7 @@ std::string MotionSeries::writeCoefficient(int row, const std::string& n) const 
   return "r[" + std::to_string(program_.offset(row)) + " + (" + n + ")]";
 }
 
-/// See calcForceRest.
+/// See SeriesOrder::calcForceRest.
 std::string MotionSeries::writeForceRest(std::set<int>* mirrored) const {
   std::ostringstream text;
   const bool moves = !isInertiaConstant();
@@ -91,24 +112,24 @@ std::string MotionSeries::writeForceRest(std::set<int>* mirrored) const {
     std::string rest;
     for (int m = 0; m < k_; ++m) {
       if (program_.isConstant(entryRow(m, i))) continue;
-      rest += (rest.empty() ? "0.0 + " : " + ") +
+      rest += (rest.empty() ? "" : " + ") +
               program_.writeConvolution(entryRow(m, i), row_of_multiplier_[m], last, mirrored);
     }
     if (moves && !is_classical_) {
-      rest += (rest.empty() ? "0.0 + (" : " + (") + writeCoefficient(row_of_connection_[i], "0") +
-              " * " + writeCoefficient(row_of_reaction_rate_[i], "n - 1") + " + " +
+      rest += (rest.empty() ? "fuse(" : " + fuse(") + writeCoefficient(row_of_connection_[i], "0") +
+              ", " + writeCoefficient(row_of_reaction_rate_[i], "n - 1") + ", " +
               program_.writeConvolution(row_of_connection_[i], row_of_reaction_rate_[i], "(n - 1)",
                                         mirrored) +
               ")";
     }
     if (rest.empty()) continue;
-    text << "  a" << i << " = a" << i << " + " << (is_classical_ ? "1.0" : "u * (1.0 / n)")
-         << " * (" << rest << ");\n";
+    text << "  a" << i << " = fuse(" << (is_classical_ ? "1.0" : "u * (1.0 / n)") << ", " << rest
+         << ", a" << i << ");\n";
   }
   return text.str();
 }
 
-/// See calcConstraintRest.
+/// See SeriesOrder::calcConstraintRest.
 std::string MotionSeries::writeConstraintRest() const {
   std::ostringstream text;
   for (int m = 0; m < k_; ++m) {
@@ -121,16 +142,15 @@ std::string MotionSeries::writeConstraintRest() const {
     text << "  double " << g << " = u * " << writeCoefficient(row_of_residual_[m], "n - 1")
          << ";\n";
     for (int i = 0; i < S; ++i) {
-      text << "  for (int j = 1; j < n; ++j) " << g << " += (n - j) * "
-           << writeCoefficient(entryRow(m, i), "j") << " * "
-           << writeCoefficient(row_of_acceleration_[i], "n - j") << ";\n";
+      text << "  " << g << " += sumOfSlopes(r + " << program_.offset(entryRow(m, i)) << ", r + "
+           << program_.offset(row_of_acceleration_[i]) << ", n);\n";
     }
     text << "  " << g << " = -" << g << " * (1.0 / n);\n";
   }
   return text.str();
 }
 
-/// See continueTo, which it has to equal operation by operation.
+/// See SeriesOrder::make, which it has to equal operation by operation.
 std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
   std::ostringstream text;
   const auto set = [&](int row, const std::string& n, const std::string& value) {
@@ -144,11 +164,8 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
   text << writeConstraintRest();
   const int size = S + k_;
   for (int i = 0; i < size; ++i) {
-    text << "  const double x" << i << " = ";
-    for (int j = 0; j < size; ++j) {
-      text << (j > 0 ? " + " : "") << "k[" << i * size + j << "] * a" << j;
-    }
-    text << ";\n";
+    text << "  const double x" << i << " = "
+         << writeProduct(i * size, size, [](int j) { return "a" + std::to_string(j); }) << ";\n";
   }
   for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "x" + std::to_string(i));
   for (int m = 0; m < k_; ++m) {
@@ -166,26 +183,16 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
   return text.str();
 }
 
-/// See noteReaction.
+/// See SeriesOrder::noteReaction.
 std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
   std::ostringstream text;
-  const auto product = [&](int begin, int i, const auto& factor) {
-    text << "0.0";
-    for (int j = 0; j < S; ++j) {
-      text << " + k[" << begin + i * S + j << "] * ";
-      factor(j);
-    }
-  };
-  const auto coefficient = [&](int row) { text << "r[" << program_.offset(row) << " + n]"; };
+  const auto coefficient = [&](int row) { return writeCoefficient(row, "n"); };
   const int J0 = placeOfInertia();
   for (int i = 0; i < S; ++i) {
-    text << "  const double b" << i << " = (";
-    product(J0, i, [&](int j) { coefficient(row_of_acceleration_[j]); });
-    text << ") + ";
-    coefficient(row_of_inertial_torque_[i]);
-    text << " - ";
-    coefficient(row_of_torque_[i]);
-    text << " + ("
+    text << "  const double b" << i << " = "
+         << writeProduct(J0 + i * S, S, [&](int j) { return coefficient(row_of_acceleration_[j]); })
+         << " + " << coefficient(row_of_inertial_torque_[i]) << " - "
+         << coefficient(row_of_torque_[i]) << " + ("
          << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n", mirrored)
          << " - "
          << program_.writeConvolution(row_of_inertia_[i], row_of_reaction_rate_[i], "n", mirrored)
@@ -193,11 +200,10 @@ std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
   }
   for (int i = 0; i < S; ++i) {
     const int row = row_of_reaction_rate_[i];
-    text << "  { const double y = ";
-    product(J0 + S * S, i, [&](int j) { text << "b" << j; });
-    text << "; r[" << program_.offset(row) << " + n] = y; "
-         << expression::SeriesProgram::writeMirror(row) << " r[" << program_.backwardOffset(row)
-         << " - n] = y; }\n";
+    text << "  { const double y = "
+         << writeProduct(J0 + S * S + i * S, S, [](int j) { return "b" + std::to_string(j); })
+         << "; " << coefficient(row) << " = y; " << expression::SeriesProgram::writeMirror(row)
+         << " r[" << program_.backwardOffset(row) << " - n] = y; }\n";
   }
   return text.str();
 }
@@ -205,6 +211,7 @@ std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
 /// The coefficients of one order, and of order 0, as functions.
 std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
   std::string text;
+  text += kSumOfSlopes;
   for (const auto& [name, part] : kParts) {
     text += std::string("static inline __attribute__((always_inline)) void ") + name +
             "(int n, double* restrict r, double* restrict s, const double* restrict c) {\n" +
@@ -294,9 +301,6 @@ std::string MotionSeries::writeSource() const {
   }
   if (makes_whole_steps_) {
     text += "typedef double Real;\n#define SERIES_LANES 1\n" + writeWholeStep() + R"c(
-static inline __attribute__((always_inline)) double seriesDot(const double* a, const double* b, int count) {
-  return dot(a, b, count);
-}
 static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
   velocity_level(it->origin + it->end, it->x_new, it->x_new + layout.shafts,
                  it->x_new + 2 * layout.shafts, it->input[0], it->input_rate[0],
@@ -306,16 +310,18 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
             "void series_step(struct SeriesStep* it) { seriesStep(it); }\n"
             "void series_arrive(struct SeriesStep* it) { seriesArrive(it, 0); }\n";
   }
-  return expression::SeriesProgram::codePrelude() + program_.writeMirrors(mirrored) + text;
+  return std::string(expression::arithmeticOfCode()) + expression::SeriesProgram::codePrelude() +
+         program_.writeMirrors(mirrored) + text;
 }
 
 std::string MotionSeries::writeLanesSource() const {
   if (!makes_whole_steps_ || program_.hasBranches()) return "";
   std::set<int> mirrored;
   const std::string orders = writeOrders(&mirrored);
-  return std::string("#define SERIES_IN_LANES\n#define SERIES_LANES ") +
-         std::to_string(SeriesLanes::kLanes) + "\n" + kSeriesStepLanes + program_.writeMirrors({}) +
-         inLanes(orders) + writeWholeStep() + R"c(
+  return std::string(expression::arithmeticOfCode()) +
+         "#define SERIES_IN_LANES\n#define SERIES_LANES " + std::to_string(SeriesLanes::kLanes) +
+         "\n" + kSeriesStepLanes + program_.writeMirrors({}) + inLanes(orders) + writeWholeStep() +
+         R"c(
 static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
   for (int j = 0; j < SERIES_LANES; ++j) {
     double x[24], here[64];

@@ -43,7 +43,6 @@ struct SeriesInterpreter {
   static void turn(SeriesStep* it) { of(it).turn(); }
 };
 
-namespace series_step {
 namespace {
 
 inline void seriesOrder(SeriesStep* it, int /*next*/, int n) {
@@ -61,21 +60,53 @@ inline void seriesVelocityLevel(SeriesStep* it, double* level) {
 inline void seriesTurn(SeriesStep* it) {
   SeriesInterpreter::turn(it);
 }
-inline double seriesDot(const double* a, const double* b, int count) {
-  return expression::dot(a, b, count);
-}
-
-#define LAYOUT (*it->layout)
-#include "dynamics/series_step.inc"
 
 }  // namespace
-}  // namespace series_step
 
+#define LAYOUT (*it->layout)
+
+namespace series_plain {
+using expression::plain::dot;
+using expression::plain::fuse;
+using series_step::Real;
+#include "dynamics/series_order.inc"
+namespace {
+#include "dynamics/series_step.inc"
+}  // namespace
+}  // namespace series_plain
+
+VARIATOR_SIM_BEGIN_FUSED
+namespace series_fused {
+using expression::fused::dot;
+using expression::fused::fuse;
+using series_step::Real;
+#include "dynamics/series_order.inc"
+namespace {
+#include "dynamics/series_step.inc"
+}  // namespace
+}  // namespace series_fused
+VARIATOR_SIM_END_FUSED
+
+void MotionSeries::continueTo(int n) {
+  if (expression::fusesProducts()) {
+    series_fused::SeriesOrder(*this).make(n);
+  } else {
+    series_plain::SeriesOrder(*this).make(n);
+  }
+}
 void MotionSeries::interpretStep(SeriesStep* step) {
-  series_step::seriesStep(step);
+  if (expression::fusesProducts()) {
+    series_fused::seriesStep(step);
+  } else {
+    series_plain::seriesStep(step);
+  }
 }
 void MotionSeries::interpretArrival(SeriesStep* step) {
-  series_step::seriesArrive(step, 0);
+  if (expression::fusesProducts()) {
+    series_fused::seriesArrive(step, 0);
+  } else {
+    series_plain::seriesArrive(step, 0);
+  }
 }
 
 void MotionSeries::findLayout() {

@@ -11,6 +11,28 @@ namespace variator_sim::expression {
 const char* SeriesProgram::codePrelude() {
   return R"c(
 typedef double Four __attribute__((vector_size(32)));
+/* a b + c, rounded once where the processor does that. */
+#if defined(__x86_64__) && !(defined(__FMA__) && defined(__AVX2__))
+#undef FUSES
+#endif
+#ifdef FUSES
+static inline double fuse(double a, double b, double c) { return __builtin_fma(a, b, c); }
+#else
+static inline double fuse(double a, double b, double c) { return a * b + c; }
+#endif
+static inline Four fuseFour(Four a, Four b, Four c) {
+#if defined(FUSES) && defined(__clang__)
+#pragma clang fp contract(fast)
+  return a * b + c;
+#elif defined(FUSES) && defined(__x86_64__)
+  return __builtin_ia32_vfmaddpd256(a, b, c);
+#elif defined(FUSES)
+  for (int j = 0; j < 4; ++j) c[j] = fuse(a[j], b[j], c[j]);
+  return c;
+#else
+  return a * b + c;
+#endif
+}
 static inline __attribute__((always_inline)) Four load(const double* from) {
   Four values;
   __builtin_memcpy(&values, from, sizeof values);
@@ -23,23 +45,23 @@ static inline __attribute__((always_inline)) double dot(const double* a, const d
     if (count < 1) return 0.0;
     s0 = a[0] * b[0];
     if (count < 2) return s0;
-    if (count > 4) s0 += a[4] * b[4];
+    if (count > 4) s0 = fuse(a[4], b[4], s0);
     s1 = a[1] * b[1];
     if (count < 3) return s0 + s1;
-    if (count > 5) s1 += a[5] * b[5];
+    if (count > 5) s1 = fuse(a[5], b[5], s1);
     s2 = a[2] * b[2];
     if (count < 4) return (s0 + s2) + s1;
-    if (count > 6) s2 += a[6] * b[6];
+    if (count > 6) s2 = fuse(a[6], b[6], s2);
     s3 = a[3] * b[3];
     return (s0 + s2) + (s1 + s3);
   }
   Four sum = load(a) * load(b);
   int j = 4;
-  for (; j + 4 <= count; j += 4) sum += load(a + j) * load(b + j);
+  for (; j + 4 <= count; j += 4) sum = fuseFour(load(a + j), load(b + j), sum);
   double s0 = sum[0], s1 = sum[1], s2 = sum[2];
-  if (j < count) s0 += a[j] * b[j];
-  if (j + 1 < count) s1 += a[j + 1] * b[j + 1];
-  if (j + 2 < count) s2 += a[j + 2] * b[j + 2];
+  if (j < count) s0 = fuse(a[j], b[j], s0);
+  if (j + 1 < count) s1 = fuse(a[j + 1], b[j + 1], s1);
+  if (j + 2 < count) s2 = fuse(a[j + 2], b[j + 2], s2);
   return (s0 + s2) + (s1 + sum[3]);
 }
 static inline __attribute__((always_inline)) double between(const double* a, const double* b, int low, int high) {
@@ -48,12 +70,12 @@ static inline __attribute__((always_inline)) double between(const double* a, con
 static inline int least(int a, int b) { return a < b ? a : b; }
 static inline __attribute__((always_inline)) double rates(const double* rate, const double* back, double first, int n, int degree) {
   const double sum = dot(rate, back - (n - 1), least(n - 1, degree + 1));
-  return n - 1 > degree ? sum : sum + rate[n - 1] * first;
+  return n - 1 > degree ? sum : fuse(rate[n - 1], first, sum);
 }
 static inline __attribute__((always_inline)) double squareOf(const double* x, const double* back, int n) {
   double sum = 2.0 * dot(x + 1, back - (n - 1), (n - 1) / 2);
-  if (n % 2 == 0) sum += x[n / 2] * x[n / 2];
-  return sum + 2.0 * (x[0] * x[n]);
+  if (n % 2 == 0) sum = fuse(x[n / 2], x[n / 2], sum);
+  return fuse(2.0 * x[0], x[n], sum);
 }
 static inline int most(int a, int b) { return a > b ? a : b; }
 static const double zero = 0.0;
@@ -91,13 +113,17 @@ class SeriesWriter {
     return text_.str();
   }
 
-  /// See SeriesProgram::convolveInside, convolveOld.
+  /// See SeriesInterpreter::convolveInside, convolveOld.
   std::string convolveInside(int a, int b) const {
     std::string low = "1";
     std::string high = "n - 1";
     if (isPolynomial(b)) low = "most(1, n - " + std::to_string(program_.degree(b)) + ")";
     if (isPolynomial(a)) high = "least(n - 1, " + std::to_string(program_.degree(a)) + ")";
     return "between(" + forward(a) + ", " + backward(b, "n") + ", " + low + ", " + high + ")";
+  }
+  /// See SeriesInterpreter::convolveKnown.
+  std::string convolveKnown(int a, int b) const {
+    return fuse(coefficient(a), forward(b) + "[0]", convolveInside(a, b));
   }
   std::string convolveOld(int a, int b, const std::string& n) const {
     std::string high = n;
@@ -130,7 +156,7 @@ class SeriesWriter {
            std::to_string(program_.degree(rate)) + ")";
   }
   std::string chain(int rate, int w) const { return sumOfRates(rate, w) + " * (1.0 / n)"; }
-  /// See SeriesProgram::square.
+  /// See SeriesInterpreter::square.
   std::string square(int a) const {
     const std::string x = forward(a);
     return "squareOf(" + x + ", " + backward(a, "0") + ", n)";
@@ -140,15 +166,42 @@ class SeriesWriter {
     const auto index = static_cast<std::size_t>(&it - program_.instructions_.data());
     return writeNumber(it.constant, program_.terms_.size() + index);
   }
+  static std::string fuse(const std::string& a, const std::string& b, const std::string& c) {
+    return "fuse(" + a + ", " + b + ", " + c + ")";
+  }
+  /// sum + factor x
+  static std::string addTerm(const std::string& sum, const std::string& factor,
+                             const std::string& x) {
+    if (sum.empty()) return factor == "1.0" ? x : factor + " * " + x;
+    if (factor == "1.0") return sum + " + " + x;
+    return factor == "(-1.0)" ? sum + " - " + x : fuse(factor == "0.0" ? "zero" : factor, x, sum);
+  }
   std::string sumOfTerms(const Instruction& it) const {
     std::string sum;
     for (int n = 0; n < it.aux[1]; ++n) {
       const std::size_t place = static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n);
       const SeriesProgram::Term& term = program_.terms_[place];
-      if (n > 0) sum += " + ";
-      sum += writeNumber(term.factor, place) + " * " + coefficient(term.row);
+      sum = addTerm(sum, writeNumber(term.factor, place), coefficient(term.row));
     }
     return sum;
+  }
+  /// See SeriesInterpreter::changeOfSum, changeOfProduct.
+  std::string changeOfSum(const Instruction& it) const {
+    std::string sum;
+    for (int n = 0; n < it.aux[1]; ++n) {
+      const std::size_t place = static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n);
+      const SeriesProgram::Term& term = program_.terms_[place];
+      if (!program_.isAccelerated(term.row)) continue;
+      sum = addTerm(sum, writeNumber(term.factor, place), change(term.row));
+    }
+    return sum;
+  }
+  std::string changeOfProduct(int a, int b) const {
+    const std::string first = forward(a) + "[0]";
+    const std::string second = forward(b) + "[0]";
+    if (!program_.isAccelerated(a)) return first + " * " + change(b);
+    const std::string sum = change(a) + " * " + second;
+    return program_.isAccelerated(b) ? fuse(first, change(b), sum) : sum;
   }
   std::string state(const Instruction& it) const { return "s[" + std::to_string(it.state) + "]"; }
 
@@ -249,18 +302,15 @@ class SeriesWriter {
   }
 
   static std::string change(int row) { return "d" + std::to_string(row); }
-  /// See SeriesProgram::correct.
+  /// See SeriesInterpreter::correct.
   void correct(const Instruction& it) {
     const int a = it.operands[0];
     const int b = it.code == Code::kSquare ? a : it.operands[1];
     const int y = it.result;
-    if (it.code == Code::kMultiply || it.code == Code::kSquare) {
-      const auto term = [&](int changed, const std::string& product) {
-        return program_.isAccelerated(changed) ? product : std::string("0.0");
-      };
+    const bool is_sum = it.code == Code::kLinear;
+    if (is_sum || it.code == Code::kMultiply || it.code == Code::kSquare) {
       text_ << "  const double " << change(y) << " = "
-            << term(a, change(a) + " * " + forward(b) + "[0]") << " + "
-            << term(b, forward(a) + "[0] * " + change(b)) << ";\n";
+            << (is_sum ? changeOfSum(it) : changeOfProduct(a, b)) << ";\n";
       set(y, coefficient(y) + " + " + change(y));
       return;
     }
@@ -285,15 +335,14 @@ class SeriesWriter {
         set(y, sumOfTerms(it));
         return;
       case Code::kMultiply:
-        set(y, convolveInside(a, b) + " + (" + forward(a) + "[0] * " + coefficient(b) + " + " +
-                   coefficient(a) + " * " + forward(b) + "[0])");
+        set(y, fuse(coefficient(a), forward(b) + "[0]",
+                    fuse(forward(a) + "[0]", coefficient(b), convolveInside(a, b))));
         return;
       case Code::kSquare:
         set(y, square(a));
         return;
       case Code::kDivide:
-        set(y, "(" + coefficient(a) + " - (" + convolveInside(b, y) + " + " + coefficient(b) +
-                   " * " + forward(y) + "[0])) * " + state(it));
+        set(y, "(" + coefficient(a) + " - " + convolveKnown(b, y) + ") * " + state(it));
         return;
       case Code::kRate:
         text_ << "  " << forward(y) << "[n - 1] = n * " << coefficient(a) << ";\n";
@@ -357,9 +406,9 @@ class SeriesWriter {
                    ", n - 1)) / (2.0 * " + forward(y) + "[0])");
         return;
       case Code::kPower:
-        set(y, "((" + constantOf(it) + " + 1.0) * (" + chain(rate, y) + ") - " + "(" +
-                   convolveInside(a, y) + " + " + coefficient(a) + " * " + forward(y) + "[0])) / " +
-                   forward(a) + "[0]");
+        set(y,
+            fuse("zero + " + constantOf(it) + " + 1.0", chain(rate, y), "-" + convolveKnown(a, y)) +
+                " / " + forward(a) + "[0]");
         return;
       default:
         return;
@@ -420,8 +469,8 @@ class SeriesWriter {
     if (piece.table != nullptr) {
       text_ << "  { double sum = " << a(1, 0) << " * " << coefficient(x) << ";\n";
       for (int i = 2; i <= piece.degree[0]; ++i) {
-        text_ << "  if (n >= " << i << ") sum += " << a(i, 0) << " * "
-              << coefficient(piece.powers_x[i]) << ";\n";
+        text_ << "  if (n >= " << i
+              << ") sum = " << fuse(a(i, 0), coefficient(piece.powers_x[i]), "sum") << ";\n";
       }
       set(it.result, "sum");
       text_ << "  }\n";
@@ -433,8 +482,8 @@ class SeriesWriter {
     for (int i = 0; i <= piece.degree[0]; ++i) {
       text_ << "  { double inner = " << a(i, 1) << " * " << coefficient(y) << ";\n";
       for (int j = 2; j <= piece.degree[1]; ++j) {
-        text_ << "  if (n >= " << j << ") inner += " << a(i, j) << " * "
-              << coefficient(piece.powers_y[j]) << ";\n";
+        text_ << "  if (n >= " << j
+              << ") inner = " << fuse(a(i, j), coefficient(piece.powers_y[j]), "inner") << ";\n";
       }
       if (i == 0) {
         text_ << "  sum += inner; }\n";

@@ -39,7 +39,7 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
 
 int SeriesCompiler::addRow(int degree, bool is_accelerated) {
   made_.degree_.push_back(degree);
-  made_.accelerated_.push_back(is_accelerated);
+  made_.accelerated_.push_back(is_accelerated ? 1 : 0);
   made_.has_pole_.push_back(false);
   producer_.push_back(-1);
   return static_cast<int>(made_.degree_.size()) - 1;

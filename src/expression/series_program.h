@@ -29,6 +29,12 @@
 namespace variator_sim::expression {
 
 struct CodeStructure;
+namespace plain {
+class SeriesInterpreter;
+}
+namespace fused {
+class SeriesInterpreter;
+}
 
 /// The rows of coefficients of a set of formulas. One is used by one thread at a time.
 class SeriesProgram {
@@ -56,25 +62,20 @@ class SeriesProgram {
   /// True when all coefficients but the first are 0.
   bool isConstant(int row) const { return degree_[static_cast<std::size_t>(row)] == 0; }
   /// True when it reads an acceleration.
-  bool isAccelerated(int row) const { return accelerated_[static_cast<std::size_t>(row)]; }
+  bool isAccelerated(int row) const { return accelerated_[static_cast<std::size_t>(row)] != 0; }
 
   /// Coefficient n of a variable. [loop]
   void set(int row, int n, double value) { write(row, n, value); }
   /// The coefficients of a row, 0 first.
   const double* coefficients(int row) const { return forward(row); }
-  /// sum_{j=1..n} a_j b_{n-j} of two rows, none of whose coefficients is of this moment. [loop]
-  double convolveOld(int a, int b, int n) const;
+  /// The last coefficient of a row that is a polynomial of s; a number beyond all orders of others.
+  int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
+  /// Where coefficient 0 stands of the row written backwards; zeros follow it.
+  const double* backward(int row) const { return forward(row) + width_ + capacity_ - 1 - kPad; }
   /// Coefficient n of the nodes of a part; those of the variables are there. kAccelerated follows
   /// kTrial, which was made with accelerations of 0 for n > 0, and corrects what that has made: of
-  /// a product it takes a_0 b_n + a_n b_0 anew, and no more. [loop]
-  void evaluate(Part part, int n) {
-    if (part == Part::kGiven && n == 0) has_limit_ = false;
-    if (part == Part::kAccelerated && n > 0) {
-      correct(n);
-    } else {
-      run(programs_[static_cast<std::size_t>(part)], n);
-    }
-  }
+  /// a product it takes a_0 b_n + a_n b_0 anew, of a sum what its terms have become more. [loop]
+  void evaluate(Part part, int n);
   /// What the C is made from. Its constants are those of `const double* c` there.
   void addStructure(CodeStructure* structure) const;
   /// The statements of C that `evaluate` of a part carries out for n >= 1, of `double* r` and
@@ -139,6 +140,8 @@ class SeriesProgram {
  private:
   friend class SeriesCompiler;
   friend class SeriesWriter;
+  friend class plain::SeriesInterpreter;
+  friend class fused::SeriesInterpreter;
 
   enum class Code : std::uint8_t {
     kLinear,
@@ -198,46 +201,26 @@ class SeriesProgram {
 
   double* forward(int row) { return rows_.data() + rows_begin_ + offset(row); }
   const double* forward(int row) const { return rows_.data() + rows_begin_ + offset(row); }
-  /// Where coefficient 0 stands of the row written backwards; zeros follow it.
-  const double* backward(int row) const { return forward(row) + width_ + capacity_ - 1 - kPad; }
   void write(int row, int n, double value) {
     double* const at = forward(row);
     at[n] = value;
     at[width_ + static_cast<std::size_t>(capacity_ - 1 - kPad - n)] = value;
   }
-  int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
   double& state(const Instruction& it) {
     return states_[states_begin_ + static_cast<std::size_t>(it.state)];
   }
-
-  /// sum_{j=0..n} a_j b_{n-j}, and 0 < j < n of it, which lower orders have made.
-  double convolve(int a, int b, int n) const;
-  double convolveInside(int a, int b, int n) const;
-  /// sum_{j=0..n} a_j a_{n-j}
-  double square(int a, int n) const;
-  /// sum_{j=1..n} j x_j w_{n-j} of the rates of x.
-  double sumOfRates(int rate, int w, int n) const;
 
   static bool mayBeFlat(const Instruction& it);
   static int argumentOf(const Instruction& it);
   bool movesFar(const Instruction& it, double theta, int order) const;
   bool differsAt(const Instruction& it, double theta, int order, double tolerance) const;
-  void run(const std::vector<int>& program, int n);
-  void correct(int n);
-  void carryOut(const Instruction& it, int n);
   /// What a row that kTrial has made, or an acceleration, has become more.
   double& change(int row) { return changes_[static_cast<std::size_t>(row)]; }
   double beginPrimitive(const Instruction& it) const;
   /// 1/(1 + exp(x)) where exp overflows, atan, ..: the function has reached its limit for an
   /// operand that has overflowed, and stays there (as its derivatives do: graph.h).
   bool isAtLimit(int operand, int result) const;
-  void continueFunction(const Instruction& it, int n);
-  void continueBranch(const Instruction& it, int n);
-  void continueTable(const Instruction& it, int n);
-  void continueTable2(const Instruction& it, int n);
   void placePiece(const Instruction& it, Piece& piece);
-  /// Coefficient n of sum_j a_ij (y - y_0)^j, n > 0.
-  double sumAlongY(const Piece& piece, int i, int y, int n) const;
 
   int capacity_ = 0;            ///< coefficients of a row, padding included
   std::size_t width_ = 0;       ///< the same
@@ -245,7 +228,7 @@ class SeriesProgram {
   std::size_t rows_begin_ = 0;  ///< those of the one that is used
   std::size_t states_begin_ = 0;
   std::vector<int> degree_;
-  std::vector<bool> accelerated_;
+  std::vector<char> accelerated_;
   std::vector<bool> has_pole_;  ///< may be infinite without an overflow
   std::vector<Instruction> instructions_;
   std::array<std::vector<int>, 3> programs_;

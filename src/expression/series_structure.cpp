@@ -24,7 +24,7 @@ void SeriesProgram::addStructure(CodeStructure* structure) const {
   };
   count(width_);
   add(degree_);
-  for (const bool is : accelerated_) count(is ? 1 : 0);
+  for (const char is : accelerated_) count(is);
   for (const bool has : has_pole_) count(has ? 1 : 0);
   add(accelerations_);
   for (const std::vector<int>& program : programs_) add(program);

@@ -34,7 +34,8 @@ const std::set<std::string>& libraryFunctions() {
       "fputc", "fputs", "strchr", "strcmp", "strcspn", "strspn", "strtod",
       // of the compiler, and pointers that are called
       "__attribute__", "always_inline", "vector_size", "__builtin_memcpy", "__builtin_fabs",
-      "__builtin_sqrt", "table", "table2"};
+      "__builtin_sqrt", "__builtin_fma", "__builtin_ia32_vfmaddpd256", "defined", "contract",
+      "table", "table2"};
   return all;
 }
 
@@ -131,7 +132,8 @@ class Lexer {
       defined_.insert(line.substr(macro.size(), bracket - macro.size()));
     }
     bool is_known = line == "#endif" || line == "#else";
-    for (const char* begin : {"#ifdef ", "#ifndef ", "#define "}) {
+    for (const char* begin :
+         {"#ifdef ", "#ifndef ", "#undef ", "#if ", "#elif ", "#define ", "#pragma "}) {
       is_known = is_known || line.rfind(begin, 0) == 0;
     }
     for (const std::string& header : headers) {
