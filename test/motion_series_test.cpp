@@ -115,15 +115,14 @@ class Expansion {
     double t = kStart;
     double length = 0.05;
     for (int steps = 0; steps < 3; ++steps) {
-      const SeriesStep& made = series.step(
-          t, x.data(), {series.isNextBegunAt(t), 0.5, t + 0.5, length, kSmall, kSmall, 0.3});
-      ASSERT_EQ(made.doubt, 0.0);
-      EXPECT_LE(made.moved, 1.0);
-      EXPECT_LE(made.error, 1.0);
+      const Reach reach{1e9, t + 0.5, 0.5, 1, false};
+      const SeriesStep& made = series.stride(
+          t, x.data(), {series.isNextBegunAt(t), length, kSmall, kSmall, 0.3, reach});
+      ASSERT_EQ(made.made, 1);
+      ASSERT_EQ(made.refused, 0.0);
       EXPECT_GT(made.taken, 0.0);
       EXPECT_LE(made.taken, 0.5);
       EXPECT_EQ(made.end, made.taken == 0.5 ? t + 0.5 : t + made.taken);
-      series.acceptStep();
       x.assign(made.x_new);
       t = made.end;
       length = made.length;
@@ -140,7 +139,7 @@ class Expansion {
         near(x[S + i], sample.velocity[i], "velocity");
         near(x[2 * S + i], sample.acceleration[i], "acceleration");
         near(made.eta[i], dxdt[2 * S + i], "jerk");
-        near(series.nextTorque(i)[0], sample.applied_torque[i], "torque");
+        near(made.node[0].torque[i], sample.applied_torque[i], "torque");
       }
       // On the constraints, to rounding.
       State moved(system_->size());

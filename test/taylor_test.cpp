@@ -267,6 +267,58 @@ TEST(Taylor, WholeStepsSeeATorqueThatTurnsOverInALayer) {
   }
 }
 
+// Steps are made ahead up to the present that is asked for. What they are, where they end and where
+// they stop does not depend on that, nor does what is said of a step on the way.
+TEST(Taylor, StepsMadeAheadAreThoseMadeOneByOne) {
+  const std::string scenes = std::string(VARIATOR_SIM_TEST_DIR) + "/../benchmark/scenes/";
+  const std::string bump =
+      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
+      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
+      "\"-phi1 + exp(-(20*(w1-0.4))^2)\"}\ninitial: {velocity: [1]}\n";
+  const std::string rest =
+      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
+      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
+      "\"-w1 - 0.5*w1^2\"}\ninitial: {velocity: [1]}\n";
+  const std::string swing =
+      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
+      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
+      "\"-phi1 - 0.3*w1\"}\ninitial: {velocity: [1]}\n";
+  const Scene cases[] = {test::sceneFromFile(scenes + "ship.yaml"),
+                         test::sceneFromFile(scenes + "crank.yaml"),
+                         test::sceneFromFile(scenes + "order3.yaml"),
+                         test::sceneFromFile(scenes + "torque_steps.yaml"),
+                         test::sceneFromText(bump),
+                         test::sceneFromText(rest)};
+  for (const Scene& scene : cases) {
+    for (const int maximum_steps : {10000, 13}) {
+      Scene limited = test::withTolerance(scene, 1e-7);
+      limited.solver.maximum_steps = maximum_steps;
+      limited.solver.maximum_step = 100.0;
+      Simulation at_once(limited);
+      Simulation cut(limited);
+      Simulation tracked(limited);
+      tracked.trackEnergy(true);
+      constexpr double kEnd = 150.0;  // s
+      at_once.advanceTo(kEnd);
+      tracked.advanceTo(kEnd);
+      for (int n = 1; n <= 997 && cut.status().ok(); ++n) cut.advanceTo(n * kEnd / 997.0);
+      const Sample& sample = at_once.sample();
+      for (Simulation* other : {&cut, &tracked}) {
+        EXPECT_EQ(other->describeStatus(), at_once.describeStatus());
+        EXPECT_EQ(other->time(), at_once.time());
+        EXPECT_EQ(other->statistics().steps, at_once.statistics().steps);
+        EXPECT_EQ(other->statistics().sleeps, at_once.statistics().sleeps);
+        EXPECT_EQ(other->statistics().stepper_switches, at_once.statistics().stepper_switches);
+        for (int i = 0; i < scene.shaftCount(); ++i) {
+          EXPECT_EQ(other->sample().velocity[i], sample.velocity[i]) << i;
+          EXPECT_EQ(other->sample().acceleration[i], sample.acceleration[i]) << i;
+        }
+      }
+      EXPECT_EQ(cut.energy().applied, at_once.energy().applied);
+    }
+  }
+}
+
 // Damped 1e5 times as much from 1 s to 3 s.
 TEST(Taylor, IsLeftWhileTheMotionIsStiff) {
   const std::string torque = "-(1+5e4*(tanh(10*(t-1))-tanh(10*(t-3))))*(w1-cos(t))";

@@ -57,23 +57,20 @@ class MotionSeries {
   // --- whole steps: series_step.inc --------------------------------------------------------------
   /// True where a step can be made in one: of generalized Gauss, without tables.
   bool makesWholeSteps() const { return makes_whole_steps_; }
-  /// What is asked of a step.
+  /// What is asked of steps.
   struct Aim {
-    bool goes_on;      ///< the next series is begun there
-    double limit;      ///< the longest step, s
-    double limit_end;  ///< the instant where that ends, s
-    double length;     ///< that the series may have, by the step before, s
-    double absolute;   ///< tolerance
+    bool goes_on;     ///< the next series is begun there
+    double length;    ///< that the series may have, by the step before, s
+    double absolute;  ///< tolerance
     double relative;
     double decay;  ///< of the terms before the last one
+    Reach reach;
   };
-  /// A step from (t, x), as far as the series allow, and the next series begun at its end; inputs
-  /// stand still. What it came to is good where the caller says so (`acceptStep`); the series are
-  /// those of the step, whose order `last` is. [loop]
-  const SeriesStep& step(double t, const double* x, const Aim& aim);
-  /// The next step may go on from the end of the last one.
-  void acceptStep() { is_next_begun_ = true; }
-  void refuseStep();
+  /// Steps from (t, x), each as far as its series allow, and the next series begun at the end of
+  /// the last one; inputs stand still. All that were made are good, but the last one where it was
+  /// refused: then the motion does not go on from there. The series are those of the last one, whose
+  /// order `last` is. [loop]
+  const SeriesStep& stride(double t, const double* x, const Aim& aim);
   bool isNextBegunAt(double t) const;
   /// Steps are made with those of other motions where that may be; nullptr: alone. Its owner has to
   /// outlive this or to take it back.
@@ -86,8 +83,6 @@ class MotionSeries {
   }
   /// What no constraint can change of the reaction.
   void keepReaction(const KeptReaction& kept);
-  /// Coefficients of the applied torque on a shaft, of the next series; 0 and 1 are there.
-  const double* nextTorque(int i) const { return step_.next_rows + layout_.torque_at[i]; }
   /// The motion does not go on from there, or inputs have changed.
   void forgetNext() { is_next_begun_ = false; }
 
@@ -152,7 +147,7 @@ class MotionSeries {
   std::string writeWholeStep() const;
   /// States that tell code and interpreter apart.
   void setAside(int state, double* x) const;
-  /// A step from there, by `code` where that is given.
+  /// Steps from there, by `code` where that is given.
   void stepAside(int state, double limit, const std::function<void()>& code = nullptr);
   /// Coefficients there, as far as they come.
   std::vector<double> expandAt(int state);
@@ -219,6 +214,8 @@ class MotionSeries {
   /// Orders 0 and 1 of a series that no step has begun.
   bool beginStep(double t, const double* x, double unit);
   void pointAtRows();
+  /// The units of this series and of the next one.
+  void noteUnits();
   static void interpretStep(SeriesStep* step);
   static void interpretArrival(SeriesStep* step);
   friend struct SeriesInterpreter;

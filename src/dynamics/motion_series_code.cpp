@@ -31,6 +31,7 @@ constexpr NamedPart kBeginnings[] = {{"begin_given", Part::kGiven},
 
 /// States, some near to 0, at which code has to give the interpreter's numbers.
 constexpr int kStates = 6;
+constexpr double kFar = 1e300;  // s
 
 bool isSame(const std::vector<double>& a, const std::vector<double>& b) {
   return a.size() == b.size() &&
@@ -286,6 +287,7 @@ static inline void seriesBeginAccelerated(struct SeriesStep* it) {
   it->limits |= begin_accelerated(it->next_rows, it->next_states, it->constants);
 }
 static inline void seriesTurn(struct SeriesStep* it) { (void)it; }
+static inline void seriesGoOn(struct SeriesStep* it) { (void)it; }
 )c";
   return text;
 }
@@ -307,7 +309,7 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
                  it->input_second_rate[0], it->tables[0], level);
 }
 )c" + kSeriesStepText +
-            "void series_step(struct SeriesStep* it) { seriesStep(it); }\n"
+            "void series_step(struct SeriesStep* it) { seriesStride(it); }\n"
             "void series_arrive(struct SeriesStep* it) { seriesArrive(it, 0); }\n";
   }
   return std::string(expression::arithmeticOfCode()) + expression::SeriesProgram::codePrelude() +
@@ -332,7 +334,7 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
   }
 }
 )c" + kSeriesStepText +
-         "void series_step(struct SeriesStep* it) { seriesStep(it); }\n";
+         "void series_step(struct SeriesStep* it) { seriesStride(it); }\n";
 }
 
 void MotionSeries::addStructure(expression::CodeStructure* structure) const {
@@ -427,9 +429,11 @@ void MotionSeries::stepAside(int state, double limit, const std::function<void()
   forgetNext();
   const double relative = scene_.solver.relative_tolerance;
   const double t = 0.37 * state;
-  step(t, x, {false, limit, t + limit, 0.01 * (1 + state), relative, relative, 0.5});
+  const double length = 0.01 * (1 + state);
+  const Reach reach{kFar, t + limit, limit, 1 + state % 3, state % 2 == 0};
+  stride(t, x, {false, length, relative, relative, 0.5, reach});
   is_fetched_ = true;
-  refuseStep();
+  forgetNext();
   together_ = usual;
 }
 
@@ -447,7 +451,7 @@ std::vector<double> MotionSeries::expandAt(int state) {
   }
   if (makes_whole_steps_ && this->order() == order) {
     stepAside(state, state % 3 == 2 ? 0.001 : 1.0);
-    if (step_.doubt == 0.0) {
+    if (step_.refused == 0.0) {
       coefficients.insert(coefficients.end(), step_.x_new, step_.x_new + 3 * S);
       coefficients.insert(coefficients.end(), step_.eta, step_.eta + S);
       coefficients.push_back(step_.taken);

@@ -12,19 +12,6 @@ namespace variator_sim {
 
 using Part = expression::SeriesProgram::Part;
 
-namespace {
-
-/// The next power of two beyond a length of normal size; no series begins with another one.
-double powerOfTwoAbove(double length) {
-  std::uint64_t bits = 0;
-  std::memcpy(&bits, &length, sizeof bits);
-  bits = ((bits >> 52) + 1) << 52;
-  std::memcpy(&length, &bits, sizeof bits);
-  return length;
-}
-
-}  // namespace
-
 /// What series_step.inc asks for.
 struct SeriesInterpreter {
   static MotionSeries& of(SeriesStep* it) { return *static_cast<MotionSeries*>(it->host); }
@@ -41,6 +28,10 @@ struct SeriesInterpreter {
     of(it).drivetrain_.copyVelocityLevel(state, level);
   }
   static void turn(SeriesStep* it) { of(it).turn(); }
+  static void goOn(SeriesStep* it) {
+    of(it).turn();
+    of(it).noteUnits();
+  }
 };
 
 namespace {
@@ -59,6 +50,9 @@ inline void seriesVelocityLevel(SeriesStep* it, double* level) {
 }
 inline void seriesTurn(SeriesStep* it) {
   SeriesInterpreter::turn(it);
+}
+inline void seriesGoOn(SeriesStep* it) {
+  SeriesInterpreter::goOn(it);
 }
 
 }  // namespace
@@ -96,9 +90,9 @@ void MotionSeries::continueTo(int n) {
 }
 void MotionSeries::interpretStep(SeriesStep* step) {
   if (expression::fusesProducts()) {
-    series_fused::seriesStep(step);
+    series_fused::seriesStride(step);
   } else {
-    series_plain::seriesStep(step);
+    series_plain::seriesStride(step);
   }
 }
 void MotionSeries::interpretArrival(SeriesStep* step) {
@@ -222,14 +216,18 @@ bool MotionSeries::beginStep(double t, const double* x, double unit) {
   return true;
 }
 
-const SeriesStep& MotionSeries::step(double t, const double* x, const Aim& aim) {
-  const double unit = powerOfTwoAbove(aim.length);
-  step_.is_limited = aim.limit <= aim.length ? 1 : 0;
-  step_.doubt = 1.0;
+const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim) {
+  const double unit = series_plain::seriesPowerOfTwoAbove(aim.length);
+  const Reach& reach = aim.reach;
+  step_.made = 0;
+  step_.refused = 1.0;
+  const bool is_in_reach = reach.horizon - t <= reach.maximum;
+  step_.limit = is_in_reach ? reach.horizon - t : reach.maximum;
+  step_.limit_end = is_in_reach ? reach.horizon : t + step_.limit;
+  step_.is_limited = step_.limit <= aim.length ? 1 : 0;
   const bool is_together = together_ != nullptr && step_.is_limited == 0 && !codes_.empty();
   const bool is_in_lanes = aim.goes_on && lanes_ != nullptr;
   double here = step_.next_unit;  // of the series that were begun already
-  own_[1 - used_].unit = aim.goes_on && !is_in_lanes ? here : unit;
   if (is_in_lanes && is_together) {
     ++stamp_;
   } else {
@@ -241,31 +239,46 @@ const SeriesStep& MotionSeries::step(double t, const double* x, const Aim& aim) 
       // What is begun in the lanes is begun here as it was there.
       if (!is_in_lanes) here = unit;
       if (!beginStep(t, x, here)) return step_;
-      step_.doubt = 1.0;
     }
   }
-  own().unit = here;
-  own_[1 - used_].unit = unit;
   step_.unit = here;
   step_.next_unit = unit;
+  noteUnits();
   step_.time = t;
-  step_.limit = aim.limit;
-  step_.limit_end = aim.limit_end;
   step_.absolute = aim.absolute;
   step_.relative = aim.relative;
   step_.decay = aim.decay;
+  step_.most = std::min<int>(reach.most, series_step::SERIES_STRIDE);
+  step_.watches_rest = reach.watches_rest ? 1 : 0;
+  step_.target = reach.target;
+  step_.horizon = reach.horizon;
+  step_.maximum = reach.maximum;
+  step_.counts = 1.0;
   forEachComponent(0, 3 * S, [&](int n) { step_.x[n] = x[n]; });
   pointAtRows();
   is_next_begun_ = false;
   if (is_together && together_->make(*this)) {
     is_fetched_ = false;
   } else {
-    if (lanes_ != nullptr) return step_;
+    if (lanes_ != nullptr) {
+      step_.made = 0;
+      return step_;
+    }
     step_code_(&step_);
+    // Each step has taken the rows of the other series.
+    if (step_code_ != interpretStep && step_.made % 2 == 0) turn();
   }
+  noteUnits();
   own().order = step_.last;
   own_[1 - used_].order = 1;
+  is_next_begun_ = step_.refused == 0.0;
+  if (std::isnan(step_.doubt)) program_.clear();
   return step_;
+}
+
+void MotionSeries::noteUnits() {
+  own().unit = step_.unit;
+  own_[1 - used_].unit = step_.next_unit;
 }
 
 void MotionSeries::pointAtRows() {
@@ -277,11 +290,6 @@ void MotionSeries::pointAtRows() {
   step_.next_states = program_.states();
   program_.turn();
   step_.next_inverse = own_[1 - used_].inverse;
-}
-
-void MotionSeries::refuseStep() {
-  is_next_begun_ = false;
-  if (std::isnan(step_.doubt)) program_.clear();
 }
 
 }  // namespace variator_sim

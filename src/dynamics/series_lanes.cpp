@@ -71,34 +71,48 @@ void SeriesLanes::give(const MotionSeries& series, int lane) {
   step_.time[lane] = its.time;
   step_.limit[lane] = its.limit;
   step_.limit_end[lane] = its.limit_end;
+  step_.target[lane] = its.target;
+  step_.horizon[lane] = its.horizon;
+  step_.maximum[lane] = its.maximum;
+  step_.most = std::min(step_.most, its.most);
+  step_.watches_rest = step_.watches_rest != 0 || its.watches_rest != 0 ? 1 : 0;
   for (int n = 0; n < 3 * series.S; ++n) step_.x[n][lane] = its.x[n];
 }
 
 void SeriesLanes::take(MotionSeries& series, int lane) {
   SeriesStep& its = series.step_;
   const int S = series.S;
+  its.made = step_.made;
+  its.refused = step_.refused[lane];
+  its.time = step_.time[lane];
+  its.unit = step_.unit[lane];
+  its.next_unit = step_.next_unit[lane];
   its.last = step_.last;
-  its.projections = step_.projections;
+  its.limit = step_.limit[lane];
   its.length = step_.length[lane];
-  its.taken = step_.taken[lane];
   its.end = step_.end[lane];
-  its.moved = step_.moved[lane];
-  its.error = step_.error[lane];
   its.doubt = step_.doubt[lane];
   is_spoilt_[lane] = is_spoilt_[lane] || std::isnan(its.doubt);
   series.lanes_ = this;
-  for (int n = 0; n < 3 * S; ++n) its.x_new[n] = step_.x_new[n][lane];
-  const std::vector<Real>& next = rows_[1 - used_];
-  for (int i = 0; i < S; ++i) {
-    its.eta[i] = step_.eta[i][lane];
-    its.gain[i] = step_.gain[i][lane];
-    const auto at = static_cast<std::size_t>(series.layout_.torque_at[i]);
-    its.next_rows[at] = next[at][lane];
-    its.next_rows[at + 1] = next[at + 1][lane];
-  }
-  for (int m = 0; m < series.k_; ++m) {
-    its.row_length[m] = step_.row_length[m][lane];
-    for (int i = 0; i < S; ++i) its.C[m][i] = step_.C[m][i][lane];
+  for (int n = 0; n < 3 * S; ++n) its.x[n] = step_.x[n][lane];
+  for (int made = 0; made < step_.made; ++made) {
+    const series_lanes::SeriesNode& from = step_.node[made];
+    SeriesNode& to = its.node[made];
+    to.end = from.end[lane];
+    to.taken = from.taken[lane];
+    to.length = from.length[lane];
+    to.moved = from.moved[lane];
+    to.projections = from.projections;
+    for (int n = 0; n < 3 * S; ++n) to.x[n] = from.x[n][lane];
+    for (int i = 0; i < S; ++i) {
+      to.eta[i] = from.eta[i][lane];
+      to.torque[i] = from.torque[i][lane];
+      to.torque_rate[i] = from.torque_rate[i][lane];
+    }
+    for (int m = 0; m < series.k_; ++m) {
+      to.row_length[m] = from.row_length[m][lane];
+      for (int i = 0; i < S; ++i) to.C[m][i] = from.C[m][i][lane];
+    }
   }
 }
 
@@ -111,6 +125,8 @@ void SeriesLanes::clear(int lane) {
 
 void SeriesLanes::make(const std::array<MotionSeries*, kLanes>& series) {
   used_ = 1 - used_;  // where the next series were begun
+  step_.most = series_lanes::SERIES_STRIDE;
+  step_.watches_rest = 0;
   for (int lane = 0; lane < kLanes; ++lane) {
     if (series[lane] == nullptr) continue;
     if (series[lane]->lanes_ != this) {
@@ -123,6 +139,7 @@ void SeriesLanes::make(const std::array<MotionSeries*, kLanes>& series) {
   const MotionSeries& any = **std::find_if(series.begin(), series.end(),
                                            [](const MotionSeries* it) { return it != nullptr; });
   for (int lane = 0; lane < kLanes; ++lane) {
+    step_.counts[lane] = series[lane] != nullptr ? 1.0 : 0.0;
     const SeriesStep& its = (series[lane] != nullptr ? *series[lane] : any).step_;
     step_.tables[lane] = its.tables[0];
     step_.input[lane] = its.input[0];
@@ -138,6 +155,8 @@ void SeriesLanes::make(const std::array<MotionSeries*, kLanes>& series) {
   step_.constants = constants_.data();
   step_.is_limited = 0;
   code_(&step_);
+  // Each step has taken the rows of the other series.
+  if (step_.made % 2 == 0) used_ = 1 - used_;
   for (int lane = 0; lane < kLanes; ++lane) {
     if (series[lane] != nullptr) take(*series[lane], lane);
   }
@@ -155,11 +174,15 @@ bool SeriesLanes::agreesWith(MotionSeries& series) {
       series.lanes_ = nullptr;
     });
     const SeriesStep& together = series.step_;
-    if (!(alone.doubt == 0.0)) continue;
-    const bool is_same = std::equal(alone.x_new, alone.x_new + 3 * series.S, together.x_new) &&
-                         std::equal(alone.eta, alone.eta + series.S, together.eta) &&
-                         alone.taken == together.taken && together.doubt == 0.0 &&
-                         alone.error == together.error && alone.moved == together.moved;
+    if (alone.refused != 0.0) continue;
+    bool is_same = alone.made == together.made && together.refused == 0.0;
+    for (int n = 0; n < alone.made && is_same; ++n) {
+      const SeriesNode& one = alone.node[n];
+      const SeriesNode& other = together.node[n];
+      is_same = std::equal(one.x, one.x + 3 * series.S, other.x) &&
+                std::equal(one.eta, one.eta + series.S, other.eta) && one.taken == other.taken &&
+                one.length == other.length && one.moved == other.moved;
+    }
     if (!is_same) return false;
   }
   is_loaded_ = false;  // nobody's

@@ -10,6 +10,16 @@ using Real = double;
 #undef SERIES_LANES
 }  // namespace series_step
 using series_step::SeriesLayout;
+using series_step::SeriesNode;
 using series_step::SeriesStep;
+
+/// How far steps may go on before somebody has to look.
+struct Reach {
+  double target;      ///< s: none follows one that comes to it
+  double horizon;     ///< s: none goes beyond
+  double maximum;     ///< s: none is longer
+  int most;           ///< steps; no more than SERIES_STRIDE are made
+  bool watches_rest;  ///< none follows one in which little has changed
+};
 
 }  // namespace variator_sim

@@ -38,6 +38,7 @@ Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
 }
 
 void Integrator::reset() {
+  ahead_ = nullptr;
   status_ = MotionStatus{};
   statistics_ = Statistics{};
   is_start_ = true;
@@ -144,6 +145,7 @@ void Integrator::moveOrigin(double t) {
 }
 
 void Integrator::restart() {
+  ahead_ = nullptr;
   course_ = Course::kStep;
   crossing_ = Crossing{};
   rest_.reset();
@@ -233,8 +235,8 @@ bool Integrator::jump(const double* u0) {
   return false;
 }
 
-bool Integrator::step() {
-  if (!countStep() || !finishInputSegments() || !makeStep()) {
+bool Integrator::step(double target) {
+  if (!countStep() || !finishInputSegments() || !makeStep(target)) {
     status_.time = absolute(front_.time);
     return false;
   }
@@ -279,7 +281,7 @@ bool Integrator::rests() const {
                      [](double rate) { return rate == 0.0; });
 }
 
-bool Integrator::makeStep() {
+bool Integrator::makeStep(double target) {
   // Before a long step: a controller's machine is to be seen at rest at once.
   if (base_.time == front_.time && rests() && fallAsleep()) {
     ++statistics_.sleeps;
@@ -288,7 +290,7 @@ bool Integrator::makeStep() {
   base_ = front_;
   system_.noteBase(base_.time, base_.x, base_.dxdt);
   stepper_ = &choice_.stepper();
-  if (makeWholeStep()) return status_.ok();
+  if (makeWholeStep(target)) return status_.ok();
   const bool is_behind_edge = course_ == Course::kHop;
   const bool is_due = crossing_.isDueAt(base_.time);
   course_ = is_due && crossEdge() ? Course::kHop : Course::kStep;

@@ -5,7 +5,8 @@
 ///     step:                                          (Integrator::step)
 ///       an input's closed form ends here?   jump if it jumps there; a new beginning
 ///       an edge of a law is due here?       cross it by a series, jump by what the torque jumps
-///       nothing special about this scene?   a whole step by series (makeWholeStep); if it is good:
+///       nothing special about this scene?   a whole step by series (makeWholeStep), or the next
+///                                           one that was made with it; if it is good:
 ///                                           another stepper? at rest?
 ///       until a trial step is good:
 ///         try      from the base, at most to the end of reach      (Stepper::step)
@@ -86,7 +87,10 @@ class Integrator {
   /// The front is a new beginning (start, command, end of an input's segment): derivative, step.
   void restart();
   /// Back to the last good state: the base.
-  void stepBack() { front_ = base_; }
+  void stepBack() {
+    ahead_ = nullptr;
+    front_ = base_;
+  }
   /// The jump map at the front, from the inputs u0 to those that the signals now have. False when
   /// the motion stopped.
   bool jump(const double* u0);
@@ -94,8 +98,10 @@ class Integrator {
   void noteCommand(double time) { rhythm_.note(time); }
 
   // --- steps -----------------------------------------------------------------------------------
-  /// One accepted step from the front. False when the motion stopped.
-  bool step();
+  /// One accepted step from the front. False when the motion stopped. Those that follow may be made
+  /// at once, as far as the first one that comes to `target`, s: whoever looks inside of one has it
+  /// before the next.
+  bool step(double target);
   /// Stops at the instant `time` (s, from the motion's start) for a value that is not finite at
   /// (t, x).
   void stopAtBadValue(double time, double t, const State& x);
@@ -153,12 +159,13 @@ class Integrator {
   bool finishInputSegments();
   /// Nothing changes at the front, exactly.
   bool rests() const;
-  bool makeStep();
+  bool makeStep(double target);
   /// The step as the stepper makes it in one, where it does, nothing has an edge and no input
   /// moves. False when it is to be made the other way: then nothing has happened.
-  bool makeWholeStep();
-  /// It is not good after all.
-  void leaveWholeStep();
+  bool makeWholeStep(double target);
+  bool makeStepsAhead(double target);
+  /// They are not good after all.
+  void leaveWholeSteps();
   bool mayMakeWholeSteps() const {
     return may_make_whole_steps_ && !drivetrain_.haveInputsMoved() && stepper_->makesWholeSteps();
   }
@@ -423,6 +430,9 @@ class Integrator {
   const int S;  // shafts
   const bool integrates_torque_;
   bool may_make_whole_steps_ = false;
+  /// Whole steps that are made and not taken yet.
+  const SeriesNode* ahead_ = nullptr;
+  const SeriesNode* ahead_end_ = nullptr;
   const SolverSettings& settings_;
   PrincipleSystem& system_;
   Drivetrain& drivetrain_;  // the system's

@@ -80,6 +80,8 @@ class Rest {
   /// A step changed x by `change` tolerances at most: true when the term is worth being asked for.
   /// That costs as much as many steps, so after each time it is done half as often.
   bool noteStep(double change);
+  /// A step changed x by more than that.
+  void noteMotion() { quiet_ = 0; }
 
   /// The term of rest from x at t, where the derivative is dxdt, s; 0 when there is none, infinity
   /// when all rates are exactly 0. `left` gets c at its end. [loop]

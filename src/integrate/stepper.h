@@ -104,12 +104,12 @@ class Stepper {
   virtual double step(System& system, const StepNode& from, double h, State& x_new,
                       State& dxdt_new) = 0;
 
-  /// A step from `from`, at most by `limit`, that is to end at `limit_end` where it is so long: as
-  /// long as the stepper thinks fit, projected, and judged by what is at its end. Null where it
-  /// makes no such steps. Inputs stand still; `goes_on`: from the end of the last one. [loop]
-  virtual const SeriesStep* makeWholeStep(const StepNode& /*from*/, bool /*goes_on*/,
-                                          double /*limit*/, double /*limit_end*/) {
-    return nullptr;
+  /// Steps from `from`, one after the other, each as long as the stepper thinks fit, projected, and
+  /// judged by what is at its end: how many are good, and in `made` all of them. 0 where it makes no
+  /// such steps. Inputs stand still; `goes_on`: from the end of the last one. [loop]
+  virtual int makeWholeSteps(const StepNode& /*from*/, bool /*goes_on*/, const Reach& /*reach*/,
+                             const SeriesStep** /*made*/) {
+    return 0;
   }
   /// True when it may make the next one so.
   virtual bool makesWholeSteps() const { return false; }

@@ -45,7 +45,7 @@ class TaylorStepper final : public Stepper {
   bool checksDenseOutput() const override { return true; }
 
   void restart() override {
-    base_time_ = std::numeric_limits<double>::quiet_NaN();
+    base_time_ = refused_at_ = std::numeric_limits<double>::quiet_NaN();
     if (series_ != nullptr) series_->forgetNext();
   }
   /// The length of the last step is the unit of the next series, and so in its rounding.
@@ -63,28 +63,33 @@ class TaylorStepper final : public Stepper {
     return series_ != nullptr && length_ > 0.0 && size_ == 3 * S && series_->makesWholeSteps();
   }
 
-  const SeriesStep* makeWholeStep(const StepNode& from, bool goes_on, double limit,
-                                  double limit_end) override {
-    const SeriesStep& made = series_->step(
+  int makeWholeSteps(const StepNode& from, bool goes_on, const Reach& reach,
+                     const SeriesStep** made) override {
+    if (from.time == refused_at_) return 0;
+    const SeriesStep& it = series_->stride(
         from.time, from.x.data(),
-        {goes_on, limit, limit_end, length_, tolerance_.absolute, tolerance_.relative, decay_[1]});
-    if (!(made.doubt == 0.0 && made.moved <= 1.0 && made.error <= 1.0)) {
-      series_->refuseStep();
+        {goes_on, length_, tolerance_.absolute, tolerance_.relative, decay_[1], reach});
+    *made = &it;
+    const bool is_refused = it.refused != 0.0;
+    const int good = is_refused ? std::max(it.made - 1, 0) : it.made;
+    if (good > 1) length_before_ = it.node[good - 2].length;
+    if (good == 1) length_before_ = length_;
+    if (good > 0) length_ = it.node[good - 1].length;
+    if (is_refused) {
+      // The series are those of what was refused.
+      refused_at_ = good > 0 ? it.node[good - 1].end : from.time;
       base_time_ = std::numeric_limits<double>::quiet_NaN();
-      return nullptr;
+      return good;
     }
-    series_->acceptStep();
     findRows();
-    base_time_ = from.time;
-    base_x_ = from.x;
-    limit_ = limit;
-    order_ = made.last;
+    base_time_ = it.time;
+    base_x_.assign(it.x);
+    limit_ = it.limit;
+    order_ = it.last;
     is_short_ = order_ < most_;
-    length_before_ = length_;
-    length_ = made.length;
-    unit_ = 0.5 * made.unit;
+    unit_ = 0.5 * it.unit;
     stamp_ = series_->stamp();
-    return &made;
+    return good;
   }
 
   double step(System& system, const StepNode& from, double h, State& x_new,
@@ -493,6 +498,8 @@ class TaylorStepper final : public Stepper {
   int early_ = 2;
   double early_bound_ = 0.0;  // tolerances
   double base_time_ = std::numeric_limits<double>::quiet_NaN();
+  /// From where the next step is not made as a whole.
+  double refused_at_ = std::numeric_limits<double>::quiet_NaN();
   State base_x_;
   State base_dxdt_;
   int least_angle_;

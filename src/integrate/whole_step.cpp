@@ -1,56 +1,76 @@
-// A step as the motion's series make it in one (dynamics/series_step.inc): what is asked of it, and
-// what it leaves.
+// Steps as the motion's series make them in one (dynamics/series_step.inc): what is asked of them,
+// and what each leaves. Several are made ahead, as far as the present and as nobody has to look at
+// the series of one before the next; they are taken one by one.
 #include "integrate/integrator.h"
 
 namespace variator_sim {
 
-void Integrator::leaveWholeStep() {
+void Integrator::leaveWholeSteps() {
+  ahead_ = nullptr;
   stepper_->restart();
   front_ = base_;
 }
 
-bool Integrator::makeWholeStep() {
+bool Integrator::makeStepsAhead(double target) {
   if (!mayMakeWholeSteps()) return false;
   MotionSeries& series = *system_.series();
   const bool goes_on = series.isNextBegunAt(base_.time);
   if (!goes_on) series.keepReaction(system_.keptReaction());
-  const double segment_end = endOfReach();
-  const bool is_in_reach = segment_end - base_.time <= settings_.maximum_step;
-  const double limit = is_in_reach ? segment_end - base_.time : settings_.maximum_step;
-  const double limit_end = is_in_reach ? segment_end : base_.time + limit;
-  if (!(limit > shortestStep(base_.time))) return false;
-  const SeriesStep* const made = stepper_->makeWholeStep(base_, goes_on, limit, limit_end);
-  if (made == nullptr) return false;
-  if (!(made->taken > shortestStep(base_.time))) {
-    leaveWholeStep();
+  const double horizon = endOfReach();
+  if (!(std::min(horizon - base_.time, settings_.maximum_step) > shortestStep(base_.time))) {
     return false;
   }
-  front_.time = made->end;
-  front_.x.assign(made->x_new);
-  for (int n = 0; n < 2 * S; ++n) front_.dxdt[n] = front_.x[n + S];
+  const bool watches_rest = !drivetrain_.readsTime() && settings_.sleep;
+  const SeriesStep* made = nullptr;
+  const int count = stepper_->makeWholeSteps(
+      base_, goes_on,
+      {target, horizon, settings_.maximum_step, choice_.stepsUnseen(), watches_rest}, &made);
+  if (count == 0) return false;
+  ahead_ = made->node;
+  ahead_end_ = made->node + count;
+  return true;
+}
+
+bool Integrator::makeWholeStep(double target) {
+  if (ahead_ == nullptr && !makeStepsAhead(target)) return false;
+  const SeriesNode& made = *ahead_;
+  if (++ahead_ == ahead_end_) ahead_ = nullptr;
+  if (!(made.taken > shortestStep(base_.time))) {
+    leaveWholeSteps();
+    return false;
+  }
+  front_.time = made.end;
+  front_.x.assign(made.x);
+  for (int n = 0; n < 2 * S; ++n) front_.dxdt[n] = made.x[n + S];
   for (int i = 0; i < S; ++i) {
-    front_.dxdt[2 * S + i] = made->eta[i];
-    front_.torque[i] = series.nextTorque(i)[0];
-    front_.torque_rate[i] = series.nextTorque(i)[1] / made->next_unit;
+    front_.dxdt[2 * S + i] = made.eta[i];
+    front_.torque[i] = made.torque[i];
+    front_.torque_rate[i] = made.torque_rate[i];
   }
   if (!drivetrain_.inertia().isConstant()) system_.view(front_.time, front_.x);
   course_ = Course::kStep;
   is_in_corner_ = false;
   checks_.noteTorqueSize(base_);
-  rows_.lookAt(made->C, made->row_length);
+  rows_.lookAt(made.C, made.row_length);
   if (!rows_.noteStraight()) {
-    leaveWholeStep();
+    leaveWholeSteps();
     return false;
   }
-  if (made->moved > kMoved) {
+  if (made.moved > kMoved) {
     State rounding(system_.size());
     noteRounding(calcRounding(front_.time, front_.x, rounding));
   }
   drivetrain_.countRightHandSide();
   ++statistics_.steps;
-  statistics_.projections += static_cast<std::uint64_t>(made->projections);
-  next_step_ = made->length;
-  lookAhead();
+  statistics_.projections += static_cast<std::uint64_t>(made.projections);
+  next_step_ = made.length;
+  if (ahead_ != nullptr) {
+    // Nothing is about to rest, and nobody looks.
+    rest_.noteMotion();
+    choice_.noteUnseenStep();
+  } else {
+    lookAhead();
+  }
   return true;
 }
 

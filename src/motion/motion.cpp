@@ -196,7 +196,8 @@ void Motion::moveTo(double time) {
       cutEnergy(end);
       goes_on = integrator_.finishSleep();
     } else {
-      goes_on = integrator_.step();
+      // Who integrates inside of a step looks into each.
+      goes_on = integrator_.step(energy_.isTracked() ? integrator_.front().time : relative());
     }
     if (goes_on) {
       energy_.noteStep(integrator_.base(), integrator_.front(), integrator_.rows(),
