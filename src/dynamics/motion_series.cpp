@@ -191,6 +191,7 @@ void MotionSeries::findRows() {
     row_of_inertial_torque_[i] = program_.output(next++);
     row_of_connection_[i] = program_.output(next++);
   }
+  last_order_ = orderFor(scene_.solver.relative_tolerance);
   findLayout();
 }
 
@@ -220,6 +221,7 @@ void MotionSeries::setInputs(double t, int order) {
 
 bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   ++stamp_;
+  most_ = most;
   is_next_begun_ = false;
   is_fetched_ = true;
   own().unit = unit;
@@ -362,7 +364,7 @@ void MotionSeries::beginReaction(const double* x) {
 
 bool MotionSeries::extendTo(int order) {
   const int before = own().order;
-  const bool has_code = order < static_cast<int>(codes_.size());
+  const bool has_code = most_ < static_cast<int>(codes_.size());
   for (int n = before + 1; n <= order; ++n) {
     if (has_code && program_.isDecided()) {
       const OrderCode* const codes = codes_.data();

@@ -208,7 +208,13 @@ class MotionSeries {
     used_ = 1 - used_;
   }
   std::uint64_t stamp_ = 0;
+  int most_ = 0;        ///< orders that will be asked for
+  int last_order_ = 0;  ///< that steps have
 
+  /// Behind the last order nobody asks what the accelerations of that order make of the formulas.
+  bool isLast(int order) const {
+    return order == last_order_ && !program_.hasAcceleratedFlatFunction();
+  }
   void findLayout();
   void prepareStep();
   /// Orders 0 and 1 of a series that no step has begun.

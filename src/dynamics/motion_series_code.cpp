@@ -42,9 +42,9 @@ bool isSame(const std::vector<double>& a, const std::vector<double>& b) {
 
 /// C of numbers as C of vectors.
 std::string inLanes(const std::string& text) {
-  static const std::set<std::string> functions{"sin",  "cos",  "sinh",  "cosh", "tan",
-                                               "tanh", "exp",  "log",   "sqrt", "atan",
-                                               "asin", "acos", "atan2", "pow"};
+  static const std::set<std::string> functions{"sin",  "cos",  "sincos", "sinh",  "cosh",
+                                               "tan",  "tanh", "exp",    "log",   "sqrt",
+                                               "atan", "asin", "acos",   "atan2", "pow"};
   const auto isPartOfName = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
   };
@@ -179,6 +179,7 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
     set(row_of_angle_[i], "n + 1",
         "u * (1.0 / (n + 1)) * " + writeCoefficient(row_of_velocity_[i], "n"));
   }
+  if (isLast(last_order_)) text << "  if (n == " << last_order_ << ") return;\n";
   text << "  series_accelerated(n, r, s, c);\n";
   if (!isInertiaConstant() && !is_classical_) text << writeReaction(mirrored);
   return text.str();
@@ -230,7 +231,7 @@ std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
               program_.writeBegin(part) + "  return limit;\n}\n";
     }
   }
-  for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
+  for (int n = 1; n <= last_order_; ++n) {
     text += "void " + nameOf(n) +
             "(double* restrict r, double* restrict s, const double* restrict k,\n"
             "    const double* restrict c, double u) {\n  order(" +
@@ -340,7 +341,7 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
 void MotionSeries::addStructure(expression::CodeStructure* structure) const {
   std::vector<int>& words = structure->words;
   words.insert(words.end(), {S, k_, is_classical_ ? 1 : 0, isInertiaConstant() ? 1 : 0,
-                             orderFor(scene_.solver.relative_tolerance)});
+                             last_order_});
   for (int m = 0; m < k_; ++m) {
     words.push_back(drivetrain_.constraint(m).order());
     words.push_back(row_of_multiplier_[m]);
@@ -360,7 +361,7 @@ void MotionSeries::addStructure(expression::CodeStructure* structure) const {
 
 bool MotionSeries::use(const KernelLibrary& library, const double* constants, std::size_t count) {
   std::vector<OrderCode> codes(1, nullptr);
-  for (int n = 1; n <= orderFor(scene_.solver.relative_tolerance); ++n) {
+  for (int n = 1; n <= last_order_; ++n) {
     codes.push_back(reinterpret_cast<OrderCode>(library.find(nameOf(n).c_str())));
     if (codes.back() == nullptr) return false;
   }
@@ -441,7 +442,7 @@ std::vector<double> MotionSeries::expandAt(int state) {
   double x[3 * kMaxShafts];
   setAside(state, x);
   std::vector<double> coefficients;
-  const int order = orderFor(scene_.solver.relative_tolerance);
+  const int order = last_order_;
   if (!begin(0.37 * state, x, 0.0625, order)) return coefficients;
   while (this->order() < order && extendTo(this->order() + 1)) {
     for (int i = 0; i < S; ++i) {

@@ -124,7 +124,7 @@ void MotionSeries::findLayout() {
   to.shafts = S;
   to.rows = k_;
   to.velocity_rows = firsts;
-  to.order = orderFor(scene_.solver.relative_tolerance);
+  to.order = last_order_;
   to.least = drivetrain_.readsAngles() ? 0 : S;
   to.is_inertia_constant = inertia.isConstant() ? 1 : 0;
   to.is_inertia_diagonal = inertia.isDiagonal() ? 1 : 0;
@@ -241,6 +241,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
       if (!beginStep(t, x, here)) return step_;
     }
   }
+  most_ = last_order_;
   step_.unit = here;
   step_.next_unit = unit;
   noteUnits();

@@ -20,6 +20,10 @@ static inline double fuse(double a, double b, double c) { return __builtin_fma(a
 #else
 static inline double fuse(double a, double b, double c) { return a * b + c; }
 #endif
+static inline __attribute__((always_inline)) void store(double* to, Four values) {
+  __builtin_memcpy(to, &values, sizeof values);
+}
+#define SERIES_HAS_FOURS
 static inline Four fuseFour(Four a, Four b, Four c) {
 #if defined(FUSES) && defined(__clang__)
 #pragma clang fp contract(fast)
@@ -272,7 +276,10 @@ class SeriesWriter {
         set(it.result, "exp(" + x + ")");
         return;
       case Code::kSinCos:
-        both("sin", "cos");
+        text_ << "  { double sine, cosine;\n  sincos(" << x << ", &sine, &cosine);\n";
+        set(it.result, "sine");
+        set(it.aux[0], "cosine");
+        text_ << "  }\n";
         return;
       case Code::kSinhCosh:
         both("sinh", "cosh");

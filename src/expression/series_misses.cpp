@@ -67,6 +67,12 @@ bool SeriesProgram::differsAt(const Instruction& it, double theta, int order,
   return !(std::abs(valueAt(forward(row), theta, order) - value) <= allowed);
 }
 
+bool SeriesProgram::hasAcceleratedFlatFunction() const {
+  return std::any_of(flat_.begin(), flat_.end(), [this](int index) {
+    return isAccelerated(instructions_[static_cast<std::size_t>(index)].result);
+  });
+}
+
 std::vector<SeriesProgram::FlatFunction> SeriesProgram::listFlatFunctions() const {
   std::vector<FlatFunction> functions;
   for (const int index : flat_) {

@@ -136,6 +136,8 @@ class SeriesProgram {
     bool divides;
   };
   std::vector<FlatFunction> listFlatFunctions() const;
+  /// True where one of them reads an acceleration.
+  bool hasAcceleratedFlatFunction() const;
 
  private:
   friend class SeriesCompiler;
