@@ -116,8 +116,8 @@ class Expansion {
     double length = 0.05;
     for (int steps = 0; steps < 3; ++steps) {
       const Reach reach{1e9, t + 0.5, 0.5, 1, false};
-      const SeriesStep& made =
-          series.stride(t, x.data(), {series.isNextBegunAt(t), length, kSmall, kSmall, 0.3, reach});
+      const SeriesStep& made = series.stride(
+          t, x.data(), {series.isNextBegunAt(t), length, length, kSmall, kSmall, 0.3, reach});
       ASSERT_EQ(made.made, 1);
       ASSERT_EQ(made.refused, 0.0);
       EXPECT_GT(made.taken, 0.0);

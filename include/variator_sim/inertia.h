@@ -76,6 +76,7 @@ class Inertia {
   std::vector<std::vector<InertiaHarmonic>> harmonics_;
   double mean_[kMaxShafts] = {};
   double inverse_diagonal_[kMaxShafts] = {};
+  double angle_[kMaxShafts];  ///< at which the rest is known, rad
   double first_[kMaxShafts] = {};
   double second_[kMaxShafts] = {};
   bool diagonal_ = true;

@@ -1,6 +1,8 @@
 #include "variator_sim/inertia.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "dynamics/dense.h"
@@ -9,6 +11,7 @@ namespace variator_sim {
 
 Inertia::Inertia(const Eigen::MatrixXd& mean, std::vector<std::vector<InertiaHarmonic>> harmonics)
     : S(static_cast<int>(mean.rows())), harmonics_(std::move(harmonics)) {
+  std::fill_n(angle_, kMaxShafts, std::numeric_limits<double>::quiet_NaN());
   for (int i = 0; i < S; ++i) {
     mean_[i] = mean(i, i);
     for (int j = 0; j < S; ++j) {
@@ -21,9 +24,15 @@ Inertia::Inertia(const Eigen::MatrixXd& mean, std::vector<std::vector<InertiaHar
 }
 
 void Inertia::update(const double* phi) {
+  bool is_same = true;
+  for (int i = 0; i < S; ++i) {
+    if (!harmonics_[static_cast<std::size_t>(i)].empty()) is_same = is_same && phi[i] == angle_[i];
+  }
+  if (is_same) return;
   for (int i = 0; i < S; ++i) {
     const auto& shaft = harmonics_[static_cast<std::size_t>(i)];
     if (shaft.empty()) continue;
+    angle_[i] = phi[i];
     double value = mean_[i];
     double first = 0.0;
     double second = 0.0;

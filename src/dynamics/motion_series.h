@@ -61,6 +61,7 @@ class MotionSeries {
   struct Aim {
     bool goes_on;     ///< the next series is begun there
     double length;    ///< that the series may have, by the step before, s
+    double before;    ///< the same of that one: who begins anew here begins as who goes on, s
     double absolute;  ///< tolerance
     double relative;
     double decay;  ///< of the terms before the last one

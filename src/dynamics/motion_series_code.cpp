@@ -432,7 +432,7 @@ void MotionSeries::stepAside(int state, double limit, const std::function<void()
   const double t = 0.37 * state;
   const double length = 0.01 * (1 + state);
   const Reach reach{kFar, t + limit, limit, 1 + state % 3, state % 2 == 0};
-  stride(t, x, {false, length, relative, relative, 0.5, reach});
+  stride(t, x, {false, length, length, relative, relative, 0.5, reach});
   is_fetched_ = true;
   forgetNext();
   together_ = usual;

@@ -237,7 +237,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
       ++stamp_;
     } else {
       // What is begun in the lanes is begun here as it was there.
-      if (!is_in_lanes) here = unit;
+      if (!is_in_lanes) here = series_plain::seriesPowerOfTwoAbove(aim.before);
       if (!beginStep(t, x, here)) return step_;
     }
   }

@@ -59,9 +59,10 @@ void Integrator::reset() {
 void Integrator::beginAt(const State& x) {
   front_ = StepNode(system_);
   front_.x = x;
+  drivetrain_.resetCounts();
   restart();
-  if (!status_.ok()) return;
-  // Once more, as the first time.
+  if (integrates_torque_ || !status_.ok()) return;
+  // Once more, as the first time: accelerations that are iterated start from those of before.
   drivetrain_.resetCounts();
   restart();
 }
@@ -174,8 +175,10 @@ void Integrator::restart() {
   control_.reset();
   restart_time_ = front_.time;
   fixed_steps_ = 0;
-  if (choice_.isFixed() || mayMakeWholeSteps()) return;
-  if (!letStepperChoose()) next_step_ = chooseFirstStep();
+  if (choice_.isFixed()) return;
+  next_step_ = 0.0;
+  // (Whole steps find theirs.)
+  if (!mayMakeWholeSteps() && !letStepperChoose()) next_step_ = chooseFirstStep();
 }
 
 bool Integrator::letStepperChoose() {
@@ -307,6 +310,7 @@ bool Integrator::makeStep(double target) {
   if (!choice_.isFixed() && !letStepperChoose() && choice_.leaveSeries()) {
     stepper_ = &choice_.stepper();
     followChoice();
+    if (next_step_ == 0.0) next_step_ = chooseFirstStep();
   }
   return makeTrials();
 }

@@ -29,6 +29,7 @@ class TaylorStepper final : public Stepper {
         base_x_(system.size()),
         base_dxdt_(system.size()),
         least_angle_(system.readsAngles() ? 0 : S) {
+    if (size_ == 3 * S) series_ = system.series();
     most_ = MotionSeries::orderFor(tolerance.relative);
     const double ratio = std::pow(std::max(tolerance.relative, 1e-16), 1.0 / most_);
     decay_[0] = 1.0;
@@ -51,7 +52,7 @@ class TaylorStepper final : public Stepper {
   /// The length of the last step is the unit of the next series, and so in its rounding.
   void forget() override {
     restart();
-    length_ = 0.0;
+    length_ = length_before_ = 0.0;
   }
 
   double chooseStep(System& system, const StepNode& from, double limit) override {
@@ -60,20 +61,24 @@ class TaylorStepper final : public Stepper {
   }
 
   bool makesWholeSteps() const override {
-    return series_ != nullptr && length_ > 0.0 && size_ == 3 * S && series_->makesWholeSteps();
+    return size_ == 3 * S && series_ != nullptr && series_->makesWholeSteps();
   }
 
   int makeWholeSteps(const StepNode& from, bool goes_on, const Reach& reach,
                      const SeriesStep** made) override {
     if (from.time == refused_at_) return 0;
-    const SeriesStep& it = series_->stride(
-        from.time, from.x.data(),
-        {goes_on, length_, tolerance_.absolute, tolerance_.relative, decay_[1], reach});
+    // Without a step before, its length is in the coefficients, whatever their unit.
+    const double longest = std::min(reach.horizon - from.time, reach.maximum);
+    const double length = length_ > 0.0 ? length_ : longest;
+    const SeriesStep& it =
+        series_->stride(from.time, from.x.data(),
+                        {goes_on, length, length_before_ > 0.0 ? length_before_ : length,
+                         tolerance_.absolute, tolerance_.relative, decay_[1], reach});
     *made = &it;
     const bool is_refused = it.refused != 0.0;
     const int good = is_refused ? std::max(it.made - 1, 0) : it.made;
     if (good > 1) length_before_ = it.node[good - 2].length;
-    if (good == 1) length_before_ = length_;
+    if (good == 1) length_before_ = length;
     if (good > 0) length_ = it.node[good - 1].length;
     if (is_refused) {
       // The series are those of what was refused.
