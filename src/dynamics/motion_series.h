@@ -69,8 +69,8 @@ class MotionSeries {
   };
   /// Steps from (t, x), each as far as its series allow, and the next series begun at the end of
   /// the last one; inputs stand still. All that were made are good, but the last one where it was
-  /// refused: then the motion does not go on from there. The series are those of the last one, whose
-  /// order `last` is. [loop]
+  /// refused: then the motion does not go on from there. The series are those of the last one,
+  /// whose order `last` is. [loop]
   const SeriesStep& stride(double t, const double* x, const Aim& aim);
   bool isNextBegunAt(double t) const;
   /// Steps are made with those of other motions where that may be; nullptr: alone. Its owner has to

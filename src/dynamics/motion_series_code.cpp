@@ -340,8 +340,8 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
 
 void MotionSeries::addStructure(expression::CodeStructure* structure) const {
   std::vector<int>& words = structure->words;
-  words.insert(words.end(), {S, k_, is_classical_ ? 1 : 0, isInertiaConstant() ? 1 : 0,
-                             last_order_});
+  words.insert(words.end(),
+               {S, k_, is_classical_ ? 1 : 0, isInertiaConstant() ? 1 : 0, last_order_});
   for (int m = 0; m < k_; ++m) {
     words.push_back(drivetrain_.constraint(m).order());
     words.push_back(row_of_multiplier_[m]);

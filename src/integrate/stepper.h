@@ -105,8 +105,8 @@ class Stepper {
                       State& dxdt_new) = 0;
 
   /// Steps from `from`, one after the other, each as long as the stepper thinks fit, projected, and
-  /// judged by what is at its end: how many are good, and in `made` all of them. 0 where it makes no
-  /// such steps. Inputs stand still; `goes_on`: from the end of the last one. [loop]
+  /// judged by what is at its end: how many are good, and in `made` all of them. 0 where it makes
+  /// no such steps. Inputs stand still; `goes_on`: from the end of the last one. [loop]
   virtual int makeWholeSteps(const StepNode& /*from*/, bool /*goes_on*/, const Reach& /*reach*/,
                              const SeriesStep** /*made*/) {
     return 0;
