@@ -31,7 +31,15 @@ class Inertia {
   bool isDiagonal() const { return diagonal_; }
 
   /// J, dJ/dphi and d2J/dphi2 at the angles `phi` (S values, rad).
-  void update(const double* phi);
+  void update(const double* phi) {
+    if (!isAt(phi) || !has_derivatives_) updateAll(phi);
+  }
+  /// J alone.
+  void updateValue(const double* phi) {
+    if (!isAt(phi)) updateAll(phi);
+  }
+  /// J at `phi` has this diagonal, as somebody else has found out.
+  void setValue(const double* phi, const double* diagonal);
 
   /// y = J v.
   void multiply(const double* v, double* y) const {
@@ -68,6 +76,8 @@ class Inertia {
   double second(int i) const { return second_[i]; }
 
  private:
+  bool isAt(const double* phi) const;
+  void updateAll(const double* phi);
   void invert();
 
   const int S;  // shafts
@@ -77,6 +87,7 @@ class Inertia {
   double mean_[kMaxShafts] = {};
   double inverse_diagonal_[kMaxShafts] = {};
   double angle_[kMaxShafts];  ///< at which the rest is known, rad
+  bool has_derivatives_ = false;
   double first_[kMaxShafts] = {};
   double second_[kMaxShafts] = {};
   bool diagonal_ = true;

@@ -105,7 +105,7 @@ void Drivetrain::finishInputSegments(double time, double latest) {
 }
 
 double Drivetrain::calcKineticEnergy(const double* phi, const double* omega) {
-  if (!inertia_.isConstant()) inertia_.update(phi);
+  if (!inertia_.isConstant()) inertia_.updateValue(phi);
   double momentum[kMaxShafts];
   inertia_.multiply(omega, momentum);
   double twice = 0.0;

@@ -31,6 +31,8 @@ class Drivetrain {
 
   int shafts() const { return S; }
   const Inertia& inertia() const { return inertia_; }
+  /// See Inertia::setValue.
+  void setInertia(const double* phi, const double* diagonal) { inertia_.setValue(phi, diagonal); }
   /// What a value of the state is small against, by the tolerances.
   double naturalSize() const {
     return scene_.solver.absolute_tolerance / scene_.solver.relative_tolerance;

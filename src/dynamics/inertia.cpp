@@ -23,12 +23,25 @@ Inertia::Inertia(const Eigen::MatrixXd& mean, std::vector<std::vector<InertiaHar
   invert();
 }
 
-void Inertia::update(const double* phi) {
-  bool is_same = true;
+bool Inertia::isAt(const double* phi) const {
   for (int i = 0; i < S; ++i) {
-    if (!harmonics_[static_cast<std::size_t>(i)].empty()) is_same = is_same && phi[i] == angle_[i];
+    if (!harmonics_[static_cast<std::size_t>(i)].empty() && !(phi[i] == angle_[i])) return false;
   }
-  if (is_same) return;
+  return true;
+}
+
+void Inertia::setValue(const double* phi, const double* diagonal) {
+  for (int i = 0; i < S; ++i) {
+    if (harmonics_[static_cast<std::size_t>(i)].empty()) continue;
+    angle_[i] = phi[i];
+    matrix_[i][i] = diagonal[i];
+  }
+  has_derivatives_ = false;
+  invert();
+}
+
+void Inertia::updateAll(const double* phi) {
+  has_derivatives_ = true;
   for (int i = 0; i < S; ++i) {
     const auto& shaft = harmonics_[static_cast<std::size_t>(i)];
     if (shaft.empty()) continue;

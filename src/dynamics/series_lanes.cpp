@@ -108,6 +108,7 @@ void SeriesLanes::take(MotionSeries& series, int lane) {
       to.eta[i] = from.eta[i][lane];
       to.torque[i] = from.torque[i][lane];
       to.torque_rate[i] = from.torque_rate[i][lane];
+      to.inertia[i] = from.inertia[i][lane];
     }
     for (int m = 0; m < series.k_; ++m) {
       to.row_length[m] = from.row_length[m][lane];

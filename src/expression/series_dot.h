@@ -91,7 +91,7 @@ inline Two fuseTwo(Two a, Two b, Two c) {
 #endif
 
 /// The same sums.
-inline double dot(const double* a, const double* b, int count) {
+__attribute__((always_inline)) inline double dot(const double* a, const double* b, int count) {
   if (count < 4) {
     if (count < 1) return 0.0;
     double sum = a[0] * b[0];

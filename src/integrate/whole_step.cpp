@@ -47,7 +47,7 @@ bool Integrator::makeWholeStep(double target) {
     front_.torque[i] = made.torque[i];
     front_.torque_rate[i] = made.torque_rate[i];
   }
-  if (!drivetrain_.inertia().isConstant()) system_.view(front_.time, front_.x);
+  if (!drivetrain_.inertia().isConstant()) drivetrain_.setInertia(made.x, made.inertia);
   course_ = Course::kStep;
   is_in_corner_ = false;
   checks_.noteTorqueSize(base_);
