@@ -69,10 +69,11 @@ std::string inLanes(const std::string& text) {
 /// sum_j k[begin + j] factor(j) as C
 template <class Factor>
 std::string writeProduct(int begin, int count, const Factor& factor) {
-  std::string sum;
-  for (int j = 0; j < count; ++j) {
-    const std::string k = "k[" + std::to_string(begin + j) + "]";
-    sum = j == 0 ? k + " * " + factor(j) : "fuse(" + k + ", " + factor(j) + ", " + sum + ")";
+  std::string sum = "k[" + std::to_string(begin) + "] * " + factor(0);
+  for (int j = 1; j < count; ++j) {
+    std::ostringstream next;
+    next << "fuse(k[" << begin + j << "], " << factor(j) << ", " << sum << ")";
+    sum = next.str();
   }
   return sum;
 }

@@ -249,7 +249,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
   step_.absolute = aim.absolute;
   step_.relative = aim.relative;
   step_.decay = aim.decay;
-  step_.most = std::min<int>(reach.most, series_step::SERIES_STRIDE);
+  step_.most = std::min<int>(reach.most, series_step::kSeriesStride);
   step_.watches_rest = reach.watches_rest ? 1 : 0;
   step_.target = reach.target;
   step_.horizon = reach.horizon;

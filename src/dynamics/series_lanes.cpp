@@ -126,7 +126,7 @@ void SeriesLanes::clear(int lane) {
 
 void SeriesLanes::make(const std::array<MotionSeries*, kLanes>& series) {
   used_ = 1 - used_;  // where the next series were begun
-  step_.most = series_lanes::SERIES_STRIDE;
+  step_.most = series_lanes::kSeriesStride;
   step_.watches_rest = 0;
   for (int lane = 0; lane < kLanes; ++lane) {
     if (series[lane] == nullptr) continue;

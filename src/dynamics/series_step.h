@@ -18,7 +18,7 @@ struct Reach {
   double target;      ///< s: none follows one that comes to it
   double horizon;     ///< s: none goes beyond
   double maximum;     ///< s: none is longer
-  int most;           ///< steps; no more than SERIES_STRIDE are made
+  int most;           ///< steps; no more than kSeriesStride are made
   bool watches_rest;  ///< none follows one in which little has changed
 };
 

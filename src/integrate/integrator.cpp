@@ -239,7 +239,8 @@ bool Integrator::jump(const double* u0) {
 }
 
 bool Integrator::step(double target) {
-  if (!countStep() || !finishInputSegments() || !makeStep(target)) {
+  // A step that was made ahead has nothing special about its beginning.
+  if (!countStep() || !(ahead_ != nullptr || finishInputSegments()) || !makeStep(target)) {
     status_.time = absolute(front_.time);
     return false;
   }
@@ -286,7 +287,7 @@ bool Integrator::rests() const {
 
 bool Integrator::makeStep(double target) {
   // Before a long step: a controller's machine is to be seen at rest at once.
-  if (base_.time == front_.time && rests() && fallAsleep()) {
+  if (ahead_ == nullptr && base_.time == front_.time && rests() && fallAsleep()) {
     ++statistics_.sleeps;
     return true;
   }

@@ -13,33 +13,26 @@ void RowWatch::look() {
   }
 }
 
-void RowWatch::lookAt(const Row* rows, const double* length_squared) {
-  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-    looked_at_.length_squared[m] = length_squared[m];
-    copyRow(rows[m], looked_at_.row[m]);
-  }
-}
-
 RowWatch::Verdict RowWatch::note(bool is_start) {
   system_.noteColumns(looked_at_.row);
-  if (!areLong()) return Verdict::kVanished;
+  if (!areLong(looked_at_.length_squared)) return Verdict::kVanished;
   if (drivetrain_.hasConstantRows()) return Verdict::kGood;
   const bool is_comparable = !is_start && !std::exchange(has_new_rows_, false);
   if (is_comparable && haveTurned()) return Verdict::kTurned;
-  remember();
+  remember(looked_at_.row);
   return Verdict::kGood;
 }
 
-bool RowWatch::noteStraight() {
-  system_.noteColumns(looked_at_.row);
-  if (!areLong()) return false;
-  remember();
+bool RowWatch::noteStraight(const Row* rows, const double* length_squared) {
+  system_.noteColumns(rows);
+  if (!areLong(length_squared)) return false;
+  remember(rows);
   return true;
 }
 
-bool RowWatch::areLong() {
+bool RowWatch::areLong(const double* lengths_squared) {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-    const double length_squared = looked_at_.length_squared[m];
+    const double length_squared = lengths_squared[m];
     reference_[m] = std::max(reference_[m], length_squared);
     if (length_squared <= kVanished * kVanished * reference_[m]) {
       vanished_ = m;
@@ -50,9 +43,9 @@ bool RowWatch::areLong() {
   return true;
 }
 
-void RowWatch::remember() {
+void RowWatch::remember(const Row* rows) {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-    copyRow(looked_at_.row[m], rows_[m]);
+    copyRow(rows[m], rows_[m]);
   }
 }
 

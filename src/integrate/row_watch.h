@@ -32,13 +32,12 @@ class RowWatch {
 
   /// Remembers the rows of the last derivative taken: where a step has ended or a motion begins.
   void look();
-  /// The same of given rows and their squared lengths.
-  void lookAt(const Row* rows, const double* length_squared);
   /// Judges those that were looked at last. Where a motion begins (`is_start`) there are none to
   /// compare them with.
   Verdict note(bool is_start);
-  /// The same of rows that are known not to have turned: false where one has vanished.
-  bool noteStraight();
+  /// The same of given rows, with their squared lengths, that are known not to have turned: false
+  /// where one has vanished.
+  bool noteStraight(const Row* rows, const double* length_squared);
   /// The next ones are not compared with those before.
   void noteAnew() { has_new_rows_ = true; }
 
@@ -62,8 +61,8 @@ class RowWatch {
   }
   bool haveTurned() const;
   /// True where none is short beside the longest it has been.
-  bool areLong();
-  void remember();
+  bool areLong(const double* lengths_squared);
+  void remember(const Row* rows);
 
   /// A row of C shorter than this part of the longest it has been counts as zero.
   static constexpr double kVanished = 1e-10;

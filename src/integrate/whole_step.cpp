@@ -51,8 +51,7 @@ bool Integrator::makeWholeStep(double target) {
   course_ = Course::kStep;
   is_in_corner_ = false;
   checks_.noteTorqueSize(base_);
-  rows_.lookAt(made.C, made.row_length);
-  if (!rows_.noteStraight()) {
+  if (!rows_.noteStraight(made.C, made.row_length)) {
     leaveWholeSteps();
     return false;
   }
