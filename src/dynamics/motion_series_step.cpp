@@ -60,6 +60,7 @@ inline void seriesGoOn(SeriesStep* it) {
 #define LAYOUT (*it->layout)
 
 namespace series_plain {
+using expression::plain::convolveOld;
 using expression::plain::dot;
 using expression::plain::fuse;
 using series_step::Real;
@@ -71,6 +72,7 @@ namespace {
 
 VARIATOR_SIM_BEGIN_FUSED
 namespace series_fused {
+using expression::fused::convolveOld;
 using expression::fused::dot;
 using expression::fused::fuse;
 using series_step::Real;
@@ -221,9 +223,8 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
   const Reach& reach = aim.reach;
   step_.made = 0;
   step_.refused = 1.0;
-  const bool is_in_reach = reach.horizon - t <= reach.maximum;
-  step_.limit = is_in_reach ? reach.horizon - t : reach.maximum;
-  step_.limit_end = is_in_reach ? reach.horizon : t + step_.limit;
+  step_.limit = reach.longestFrom(t);
+  step_.limit_end = reach.horizon - t <= reach.maximum ? reach.horizon : t + step_.limit;
   step_.is_limited = step_.limit <= aim.length ? 1 : 0;
   const bool is_together = together_ != nullptr && step_.is_limited == 0 && !codes_.empty();
   const bool is_in_lanes = aim.goes_on && lanes_ != nullptr;

@@ -1,6 +1,8 @@
 /// What a whole step by series is made of: series_step.inc, as C++ sees it.
 #pragma once
 
+#include <algorithm>
+
 namespace variator_sim {
 
 namespace series_step {
@@ -20,6 +22,9 @@ struct Reach {
   double maximum;     ///< s: none is longer
   int most;           ///< steps; no more than kSeriesStride are made
   bool watches_rest;  ///< none follows one in which little has changed
+
+  /// The longest step from t, s.
+  double longestFrom(double t) const { return std::min(horizon - t, maximum); }
 };
 
 }  // namespace variator_sim

@@ -180,26 +180,19 @@ class SeriesWriter {
     if (factor == "1.0") return sum + " + " + x;
     return factor == "(-1.0)" ? sum + " - " + x : fuse(factor == "0.0" ? "zero" : factor, x, sum);
   }
-  std::string sumOfTerms(const Instruction& it) const {
+  /// See SeriesInterpreter::carryOut; of changes: changeOfSum.
+  std::string sumOfTerms(const Instruction& it, bool of_changes = false) const {
     std::string sum;
     for (int n = 0; n < it.aux[1]; ++n) {
       const std::size_t place = static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n);
       const SeriesProgram::Term& term = program_.terms_[place];
-      sum = addTerm(sum, writeNumber(term.factor, place), coefficient(term.row));
+      if (of_changes && !program_.isAccelerated(term.row)) continue;
+      sum = addTerm(sum, writeNumber(term.factor, place),
+                    of_changes ? change(term.row) : coefficient(term.row));
     }
     return sum;
   }
-  /// See SeriesInterpreter::changeOfSum, changeOfProduct.
-  std::string changeOfSum(const Instruction& it) const {
-    std::string sum;
-    for (int n = 0; n < it.aux[1]; ++n) {
-      const std::size_t place = static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n);
-      const SeriesProgram::Term& term = program_.terms_[place];
-      if (!program_.isAccelerated(term.row)) continue;
-      sum = addTerm(sum, writeNumber(term.factor, place), change(term.row));
-    }
-    return sum;
-  }
+  /// See SeriesInterpreter::changeOfProduct.
   std::string changeOfProduct(int a, int b) const {
     const std::string first = forward(a) + "[0]";
     const std::string second = forward(b) + "[0]";
@@ -317,7 +310,7 @@ class SeriesWriter {
     const bool is_sum = it.code == Code::kLinear;
     if (is_sum || it.code == Code::kMultiply || it.code == Code::kSquare) {
       text_ << "  const double " << change(y) << " = "
-            << (is_sum ? changeOfSum(it) : changeOfProduct(a, b)) << ";\n";
+            << (is_sum ? sumOfTerms(it, true) : changeOfProduct(a, b)) << ";\n";
       set(y, coefficient(y) + " + " + change(y));
       return;
     }

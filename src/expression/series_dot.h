@@ -3,13 +3,14 @@
 /// What is read twice for that, once in each arithmetic, is text (*.inc).
 #pragma once
 
+#include <algorithm>
 #include <cstring>
 
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
 
-// In between stand functions of processors that have it: nothing may be included there.
+// In between stand functions of processors that have it: nothing but texts may be included there.
 #if defined(__x86_64__) && defined(__clang__)
 #define VARIATOR_SIM_BEGIN_FUSED \
   _Pragma("clang attribute push(__attribute__((target(\"avx2,fma\"))), apply_to = function)")
@@ -48,28 +49,10 @@ inline double fuse(double a, double b, double c) {
   return a * b + c;
 }
 
-/// sum_{j < count} a[j] b[j], every fourth term into one of four sums, of which those that have no
-/// term are left out. What was written just before is best left out of it, too: a load of several
-/// numbers waits until each of them has reached memory.
-inline double dot(const double* a, const double* b, int count) {
-  if (count < 4) {
-    if (count < 1) return 0.0;
-    double sum = a[0] * b[0];
-    if (count > 2) sum += a[2] * b[2];
-    return count > 1 ? sum + a[1] * b[1] : sum;
-  }
-  Two first = loadTwo(a) * loadTwo(b);
-  Two second = loadTwo(a + 2) * loadTwo(b + 2);
-  int j = 4;
-  for (; j + 4 <= count; j += 4) {
-    first += loadTwo(a + j) * loadTwo(b + j);
-    second += loadTwo(a + j + 2) * loadTwo(b + j + 2);
-  }
-  if (j < count) first[0] += a[j] * b[j];
-  if (j + 1 < count) first[1] += a[j + 1] * b[j + 1];
-  if (j + 2 < count) second[0] += a[j + 2] * b[j + 2];
-  return (first[0] + second[0]) + (first[1] + second[1]);
+inline Two fuseTwo(Two a, Two b, Two c) {
+  return a * b + c;
 }
+#include "expression/series_sums.inc"
 
 }  // namespace plain
 
@@ -90,26 +73,7 @@ inline Two fuseTwo(Two a, Two b, Two c) {
 }
 #endif
 
-/// The same sums.
-__attribute__((always_inline)) inline double dot(const double* a, const double* b, int count) {
-  if (count < 4) {
-    if (count < 1) return 0.0;
-    double sum = a[0] * b[0];
-    if (count > 2) sum += a[2] * b[2];
-    return count > 1 ? sum + a[1] * b[1] : sum;
-  }
-  Two first = loadTwo(a) * loadTwo(b);
-  Two second = loadTwo(a + 2) * loadTwo(b + 2);
-  int j = 4;
-  for (; j + 4 <= count; j += 4) {
-    first = fuseTwo(loadTwo(a + j), loadTwo(b + j), first);
-    second = fuseTwo(loadTwo(a + j + 2), loadTwo(b + j + 2), second);
-  }
-  if (j < count) first[0] = fuse(a[j], b[j], first[0]);
-  if (j + 1 < count) first[1] = fuse(a[j + 1], b[j + 1], first[1]);
-  if (j + 2 < count) second[0] = fuse(a[j + 2], b[j + 2], second[0]);
-  return (first[0] + second[0]) + (first[1] + second[1]);
-}
+#include "expression/series_sums.inc"
 
 }  // namespace fused
 VARIATOR_SIM_END_FUSED

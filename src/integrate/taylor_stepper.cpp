@@ -68,8 +68,7 @@ class TaylorStepper final : public Stepper {
                      const SeriesStep** made) override {
     if (from.time == refused_at_) return 0;
     // Without a step before, its length is in the coefficients, whatever their unit.
-    const double longest = std::min(reach.horizon - from.time, reach.maximum);
-    const double length = length_ > 0.0 ? length_ : longest;
+    const double length = length_ > 0.0 ? length_ : reach.longestFrom(from.time);
     const SeriesStep& it =
         series_->stride(from.time, from.x.data(),
                         {goes_on, length, length_before_ > 0.0 ? length_before_ : length,

@@ -16,15 +16,12 @@ bool Integrator::makeStepsAhead(double target) {
   MotionSeries& series = *system_.series();
   const bool goes_on = series.isNextBegunAt(base_.time);
   if (!goes_on) series.keepReaction(system_.keptReaction());
-  const double horizon = endOfReach();
-  if (!(std::min(horizon - base_.time, settings_.maximum_step) > shortestStep(base_.time))) {
-    return false;
-  }
   const bool watches_rest = !drivetrain_.readsTime() && settings_.sleep;
+  const Reach reach{target, endOfReach(), settings_.maximum_step, choice_.stepsUnseen(),
+                    watches_rest};
+  if (!(reach.longestFrom(base_.time) > shortestStep(base_.time))) return false;
   const SeriesStep* made = nullptr;
-  const int count = stepper_->makeWholeSteps(
-      base_, goes_on,
-      {target, horizon, settings_.maximum_step, choice_.stepsUnseen(), watches_rest}, &made);
+  const int count = stepper_->makeWholeSteps(base_, goes_on, reach, &made);
   if (count == 0) return false;
   ahead_ = made->node;
   ahead_end_ = made->node + count;
