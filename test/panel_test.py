@@ -43,6 +43,10 @@ NODE = roslib.packages.find_node('variator_sim', 'variator_sim_node')[0]
 PANEL = str(PACKAGE / 'scripts/panel')
 
 
+def nanoseconds(status):
+    return round(1e9 * status.time)
+
+
 def die_with_parent():
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
@@ -330,11 +334,14 @@ class ServerTest(unittest.TestCase):
     def test_commands_and_services(self):
         socket = Socket(self.panel)
         self.addCleanup(socket.close)
+        # A failure leaves no pause to the tests after it.
+        self.addCleanup(self.client.trigger, 'resume')
         socket.say(call='pause')
         self.client.wait_for_state(SimulationStatus.PAUSED)
-        before = self.client.status.all()[-1].time
+        # In whole nanoseconds, as the node counts: sums of rounded seconds need not be equal.
+        end = nanoseconds(self.client.status.all()[-1]) + 125000000
         socket.say(call='step', arguments={'duration': 0.125})
-        self.client.status.wait_new(lambda status: status.time == before + 0.125, 'the step')
+        self.client.status.wait(lambda status: nanoseconds(status) == end, 'the step')
         socket.say(call='step', arguments={'duration': -1})
         wait_for(lambda: not socket.answer()['ok'], 'a refusal')
         socket.say(call='resume')
