@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "expression/series_arranger.h"
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim::expression {
@@ -31,6 +32,7 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
     made_.outputs_.push_back(rowOf(forms_[static_cast<std::size_t>(output.index)]));
   }
   findPrograms(trial.size());
+  SeriesArranger(made_).arrange();
   made_.rows_.assign(2 * made_.degree_.size() * 2 * made_.width_, 0.0);
   made_.states_.resize(2 * made_.states_.size(), 0.0);
   made_.changes_.assign(made_.degree_.size(), 0.0);

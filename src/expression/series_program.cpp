@@ -39,20 +39,26 @@ const char* arithmeticOfCode() {
 
 namespace plain {
 #include "expression/series_interpreter.inc"
+void evaluate(SeriesProgram& program, SeriesProgram::Part part, int n) {
+  SeriesInterpreter(program).evaluate(part, n);
+}
 }  // namespace plain
 
 VARIATOR_SIM_BEGIN_FUSED
 namespace fused {
 #include "expression/series_interpreter.inc"
+void evaluate(SeriesProgram& program, SeriesProgram::Part part, int n) {
+  SeriesInterpreter(program).evaluate(part, n);
+}
 }  // namespace fused
 VARIATOR_SIM_END_FUSED
 
 void SeriesProgram::evaluate(Part part, int n) {
-  if (part == Part::kGiven && n == 0) has_limit_ = false;
+  if (part == Part::kGiven && n == 0) noteLimit(false);
   if (fusesProducts()) {
-    fused::SeriesInterpreter(*this).evaluate(part, n);
+    fused::evaluate(*this, part, n);
   } else {
-    plain::SeriesInterpreter(*this).evaluate(part, n);
+    plain::evaluate(*this, part, n);
   }
 }
 

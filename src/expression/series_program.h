@@ -87,8 +87,9 @@ class SeriesProgram {
   bool readsTables() const { return !pieces_.empty(); }
   /// True where some coefficients depend on which branch is taken.
   bool hasBranches() const;
-  void noteLimit(bool is_reached) { has_limit_ = is_reached; }
-  bool hasLimit() const { return has_limit_; }
+  void noteLimit(bool is_reached) { has_limit_[series_] = is_reached; }
+  /// True where some function of this series has reached its limit: see isAtLimit.
+  bool hasLimit() const { return has_limit_[series_]; }
   static const char* codePrelude();
   /// `convolveOld` as C, n being C.
   std::string writeConvolution(int a, int b, const std::string& n, std::set<int>* mirrored) const;
@@ -105,6 +106,7 @@ class SeriesProgram {
   /// There is room for two series of the same formulas, one of which is used: the other one is from
   /// now on. Not of tables.
   void turn() {
+    series_ = 1 - series_;
     rows_begin_ = rows_.size() / 2 - rows_begin_;
     states_begin_ = states_.size() / 2 - states_begin_;
   }
@@ -116,7 +118,7 @@ class SeriesProgram {
   /// False while the piece of some table is not known yet, or a part has overflowed: code cannot
   /// find that out.
   bool isDecided() const {
-    return !has_limit_ && std::all_of(pieces_.begin(), pieces_.end(), [](const Piece& piece) {
+    return !hasLimit() && std::all_of(pieces_.begin(), pieces_.end(), [](const Piece& piece) {
       return piece.side[0] != 0 && (piece.table2 == nullptr || piece.side[1] != 0);
     });
   }
@@ -142,6 +144,7 @@ class SeriesProgram {
  private:
   friend class SeriesCompiler;
   friend class SeriesWriter;
+  friend class SeriesArranger;
   friend class plain::SeriesInterpreter;
   friend class fused::SeriesInterpreter;
 
@@ -183,6 +186,48 @@ class SeriesProgram {
   };
   struct Term {
     int row;
+    double factor;
+  };
+  /// What is done with an instruction from order 1 on: an instruction with its kind and its places
+  /// found out. Operands are named as in SeriesInterpreter::carryOut; changes are those of rows.
+  struct Operation {
+    enum class Kind : std::uint8_t {
+      kSumOfOne,
+      kSumOfTwo,
+      kSum,           ///< terms a to b - 1
+      kProduct,       ///< of two that end nowhere
+      kShortProduct,  ///< of two of which one is a polynomial
+      kSquare,
+      kQuotient,
+      kRate,
+      kExp,
+      kPair,
+      kTangent,
+      kPower,
+      kSqrt,
+      kPrimitive,
+      kOther,  ///< an instruction's branch, table or Wronskian
+      // Of what kTrial has made.
+      kBefore,     ///< the change of `row` is counted from here
+      kAfter,      ///< to here
+      kAppearing,  ///< all of `row` is a change
+      kChangeOfProduct,
+      kChangeOfFirst,   ///< b has not changed
+      kChangeOfSecond,  ///< a has not changed
+      kChangeOfSum
+    };
+    Kind kind;
+    int instruction;
+    int result;  ///< where coefficient 0 stands; of changes a row
+    int a = 0;   ///< the same
+    int b = 0;
+    int c = 0;
+    int limits[2] = {};  ///< the last coefficients of the operands
+    int rows[3] = {};    ///< result and operands
+    double factors[2] = {};
+  };
+  struct PlacedTerm {
+    int at;
     double factor;
   };
   /// Of a table: its piece, and rows of powers.
@@ -227,20 +272,23 @@ class SeriesProgram {
   int capacity_ = 0;            ///< coefficients of a row, padding included
   std::size_t width_ = 0;       ///< the same
   std::vector<double> rows_;    ///< of both series
-  std::size_t rows_begin_ = 0;  ///< those of the one that is used
+  std::size_t series_ = 0;      ///< the one that is used
+  std::size_t rows_begin_ = 0;  ///< of its
   std::size_t states_begin_ = 0;
+  std::array<bool, 2> has_limit_ = {};
   std::vector<int> degree_;
   std::vector<char> accelerated_;
   std::vector<bool> has_pole_;  ///< may be infinite without an overflow
   std::vector<Instruction> instructions_;
   std::array<std::vector<int>, 3> programs_;
+  std::array<std::vector<Operation>, 3> operations_;  ///< of the programs
+  std::vector<PlacedTerm> placed_;
   std::vector<int> flat_;  ///< instructions that may be
   std::vector<Term> terms_;
   std::vector<double> states_;
   std::vector<double> changes_;     ///< of the rows
   std::vector<int> accelerations_;  ///< their rows
   std::vector<Piece> pieces_;
-  bool has_limit_ = false;
   std::vector<int> outputs_;
   std::vector<int> variables_;
   std::vector<std::pair<int, double>> constants_;  ///< row and value
