@@ -57,6 +57,17 @@ NamedTables makeTables() {
   return tables;
 }
 
+/// An acceleration that is known.
+class Solved final : public expression::AccelerationSolver {
+ public:
+  Solved(SeriesProgram& program, double value) : program_(program), value_(value) {}
+  void solve(int n) override { program_.set(program_.variable(3), n, value_); }
+
+ private:
+  SeriesProgram& program_;
+  const double value_;
+};
+
 /// The variables t, x, y, e, and their formulas.
 class Formulas {
  public:
@@ -79,16 +90,20 @@ class Formulas {
     }
   }
   static void expand(SeriesProgram& program, const Path& path) {
-    for (int n = 0; n <= kOrder; ++n) {
-      set(program, path, n);
-      const int acceleration = program.variable(3);
-      const double right = program.coefficients(acceleration)[n];
-      if (n > 0) program.set(acceleration, n, 0.0);
-      program.evaluate(Part::kGiven, n);
-      if (n > 0) program.evaluate(Part::kTrial, n);
-      program.set(acceleration, n, right);
-      program.evaluate(Part::kAccelerated, n);
+    for (int n = 0; n <= kOrder; ++n) expandTo(program, path, n);
+  }
+  /// Order n, those before it being there.
+  static void expandTo(SeriesProgram& program, const Path& path, int n) {
+    set(program, path, n);
+    if (n == 0) {
+      program.begin(Part::kGiven);
+      program.begin(Part::kAccelerated);
+      return;
     }
+    const int acceleration = program.variable(3);
+    Solved solver(program, program.coefficients(acceleration)[n]);
+    program.set(acceleration, n, 0.0);
+    program.extend(n, true, solver);
   }
   /// What the tape says of `node` at s.
   double valueAt(Node node, const Path& path, double s) const {
@@ -443,21 +458,20 @@ TEST(Series, AreTheSameWhereAccelerationsAreTriedFirst) {
   Formulas::expand(whole, path);
   const int acceleration = 3;
   for (int n = 0; n <= kOrder; ++n) {
-    Formulas::set(tried, path, n);
-    const double right = tried.coefficients(tried.variable(acceleration))[n];
-    if (n > 0) tried.set(tried.variable(acceleration), n, 0.0);
-    tried.evaluate(Part::kGiven, n);
-    if (n > 0) {
-      tried.evaluate(Part::kTrial, n);
-      // What is tried is known of the first outputs then.
-      SeriesProgram zero = tried;
-      zero.evaluate(Part::kAccelerated, n);
-      for (int i = 0; i < static_cast<int>(trial.size()); ++i) {
-        EXPECT_EQ(tried.coefficients(tried.output(i))[n], zero.coefficients(zero.output(i))[n]);
-      }
+    SeriesProgram before = tried;
+    SeriesProgram zero = tried;
+    Formulas::expandTo(tried, path, n);
+    if (n == 0) continue;
+    // What is tried is known of the first outputs while the acceleration is asked for.
+    for (SeriesProgram* program : {&before, &zero}) {
+      Formulas::set(*program, path, n);
+      program->set(program->variable(acceleration), n, 0.0);
+      Solved nothing(*program, 0.0);
+      program->extend(n, program == &zero, nothing);
     }
-    tried.set(tried.variable(acceleration), n, right);
-    tried.evaluate(Part::kAccelerated, n);
+    for (int i = 0; i < static_cast<int>(trial.size()); ++i) {
+      EXPECT_EQ(before.coefficients(before.output(i))[n], zero.coefficients(zero.output(i))[n]);
+    }
   }
   for (std::size_t i = 0; i < texts.size(); ++i) {
     const int row = static_cast<int>(i);
@@ -490,9 +504,7 @@ TEST(Series, DoNotReadWhatAnEarlierMotionLeft) {
   SeriesProgram fresh = formulas.compile(nodes);
   for (int n = 0; n <= 9; ++n) {
     for (SeriesProgram* program : {&used, &fresh}) {
-      Formulas::set(*program, path, n);
-      program->evaluate(Part::kGiven, n);
-      program->evaluate(Part::kAccelerated, n);
+      Formulas::expandTo(*program, path, n);
     }
     for (int i = 0; i < static_cast<int>(nodes.size()); ++i) {
       EXPECT_EQ(used.coefficients(used.output(i))[n], fresh.coefficients(fresh.output(i))[n])

@@ -192,7 +192,40 @@ void MotionSeries::findRows() {
     row_of_connection_[i] = program_.output(next++);
   }
   last_order_ = orderFor(scene_.solver.relative_tolerance);
+  findOrderPlaces();
   findLayout();
+}
+
+void MotionSeries::findOrderPlaces() {
+  OrderPlaces& to = order_places_;
+  const auto place = [this](int row) { return static_cast<int>(program_.offset(row)); };
+  to = OrderPlaces{};
+  to.has_moving_inertia = !isInertiaConstant();
+  for (int m = 0; m < k_; ++m) {
+    to.is_of_third_order[m] = drivetrain_.constraint(m).order() == 3;
+    to.residual[m] = place(row_of_residual_[m]);
+    to.multiplier[m] = place(row_of_multiplier_[m]);
+  }
+  for (int i = 0; i < S; ++i) {
+    to.angle[i] = place(row_of_angle_[i]);
+    to.velocity[i] = place(row_of_velocity_[i]);
+    to.acceleration[i] = place(row_of_acceleration_[i]);
+    to.torque[i] = place(row_of_torque_[i]);
+    to.reaction_rate[i] = place(row_of_reaction_rate_[i]);
+    if (to.has_moving_inertia) {
+      to.inertia[i] = place(row_of_inertia_[i]);
+      to.inertia_degree[i] = program_.degree(row_of_inertia_[i]);
+      to.inertial_torque[i] = place(row_of_inertial_torque_[i]);
+      to.connection[i] = place(row_of_connection_[i]);
+      to.connection_degree[i] = program_.degree(row_of_connection_[i]);
+    }
+    for (int m = 0; m < k_; ++m) {
+      const int entry = entryRow(m, i);
+      if (program_.isConstant(entry)) continue;
+      to.entries.push_back({place(entry), program_.degree(entry), to.multiplier[m]});
+    }
+    to.entries_end[i] = to.entries.size();
+  }
 }
 
 int MotionSeries::orderFor(double relative_tolerance) {
@@ -243,8 +276,8 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   if (begin_code_ != nullptr) {
     program_.noteLimit(begin_code_(program_.rows(), program_.states(), constants_) != 0);
   } else {
-    program_.evaluate(Part::kGiven, 0);
-    program_.evaluate(Part::kAccelerated, 0);
+    program_.begin(Part::kGiven);
+    program_.begin(Part::kAccelerated);
   }
   for (int m = 0; m < k_; ++m) {
     for (int i = 0; i < S; ++i) solver_.row(m)[i] = program_.coefficients(entryRow(m, i))[0];
@@ -260,9 +293,10 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
 }
 
 void MotionSeries::knowFurther(int n) {
+  const double factor = own().unit * (1.0 / (n + 1));
   for (int i = 0; i < S; ++i) {
-    program_.set(row_of_velocity_[i], n + 1, own().unit * (1.0 / (n + 1)) * acceleration(i)[n]);
-    program_.set(row_of_angle_[i], n + 1, own().unit * (1.0 / (n + 1)) * velocity(i)[n]);
+    program_.set(row_of_velocity_[i], n + 1, factor * acceleration(i)[n]);
+    program_.set(row_of_angle_[i], n + 1, factor * velocity(i)[n]);
   }
 }
 

@@ -216,6 +216,34 @@ class MotionSeries {
   bool isLast(int order) const {
     return order == last_order_ && !program_.hasAcceleratedFlatFunction();
   }
+  /// Where in the rows coefficient 0 stands of what an order asks for (series_order.inc).
+  struct OrderPlaces {
+    struct Entry {
+      int entry;
+      int degree;
+      int multiplier;
+    };
+    bool has_moving_inertia;
+    bool is_of_third_order[kMaxRows];
+    int angle[kMaxShafts];
+    int velocity[kMaxShafts];
+    int acceleration[kMaxShafts];
+    int torque[kMaxShafts];
+    int reaction_rate[kMaxShafts];
+    // Where an inertia depends on an angle.
+    int inertia[kMaxShafts];
+    int inertia_degree[kMaxShafts];
+    int inertial_torque[kMaxShafts];
+    int connection[kMaxShafts];
+    int connection_degree[kMaxShafts];
+    int residual[kMaxRows];
+    int multiplier[kMaxRows];
+    /// Those of C that are not constant, shaft by shaft, and where a shaft's end.
+    std::vector<Entry> entries;
+    std::size_t entries_end[kMaxShafts];
+  };
+  OrderPlaces order_places_ = {};
+  void findOrderPlaces();
   void findLayout();
   void prepareStep();
   /// Orders 0 and 1 of a series that no step has begun.

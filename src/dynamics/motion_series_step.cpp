@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
 
 #include "dynamics/motion_series.h"
 #include "expression/series_dot.h"
@@ -17,7 +18,7 @@ struct SeriesInterpreter {
   static MotionSeries& of(SeriesStep* it) { return *static_cast<MotionSeries*>(it->host); }
   static void order(SeriesStep* it, int n) { of(it).continueTo(n); }
   static void begin(SeriesStep* it, Part part) {
-    of(it).program_.evaluate(part, 0);
+    of(it).program_.begin(part);
     it->limits = it->limits != 0 || of(it).program_.hasLimit() ? 1 : 0;
   }
   static void velocityLevel(SeriesStep* it, double* level) {

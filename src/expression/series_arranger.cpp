@@ -142,7 +142,7 @@ void SeriesArranger::arrangeChange(int index, std::vector<Operation>* operations
   const auto note = [&](Kind kind) {
     for (const int row : written) {
       Operation made = begin(index, kind);
-      made.result = place(row);
+      made.a = place(row);
       made.rows[0] = row;
       operations->push_back(made);
     }
@@ -152,29 +152,47 @@ void SeriesArranger::arrangeChange(int index, std::vector<Operation>* operations
   note(Kind::kAfter);
 }
 
-void SeriesArranger::arrange() {
-  constexpr auto kAccelerated = static_cast<std::size_t>(SeriesProgram::Part::kAccelerated);
-  for (std::size_t part = 0; part < made_.programs_.size(); ++part) {
-    std::vector<Operation>& operations = made_.operations_[part];
-    if (part == kAccelerated) {
-      for (const int row : made_.accelerations_) {
-        Operation made;
-        made.kind = Kind::kAppearing;
-        made.instruction = -1;
-        made.result = place(row);
-        made.rows[0] = row;
-        operations.push_back(made);
-      }
-    }
-    for (const int index : made_.programs_[part]) {
-      const Instruction& it = made_.instructions_[static_cast<std::size_t>(index)];
-      if (part == kAccelerated && it.is_tried) {
-        arrangeChange(index, &operations);
-      } else {
-        operations.push_back(arrange(index));
-      }
+bool SeriesArranger::isWritten(int index, int order) const {
+  const Instruction& it = made_.instructions_[static_cast<std::size_t>(index)];
+  // A rate is written an order later than it is of.
+  const int ends = made_.degree(it.result) + (it.code == Code::kRate ? 1 : 0);
+  return order <= ends;
+}
+
+std::vector<SeriesArranger::Operation> SeriesArranger::arrangeOrder(int order) {
+  using Part = SeriesProgram::Part;
+  std::vector<Operation> operations;
+  const auto program = [this](Part part) {
+    return made_.programs_[static_cast<std::size_t>(part)];
+  };
+  for (const Part part : {Part::kGiven, Part::kTrial}) {
+    for (const int index : program(part)) {
+      if (isWritten(index, order)) operations.push_back(arrange(index));
     }
   }
+  Operation solve;
+  solve.kind = Kind::kSolve;
+  operations.push_back(solve);
+  for (const int row : made_.accelerations_) {
+    Operation appearing;
+    appearing.kind = Kind::kAppearing;
+    appearing.a = place(row);
+    appearing.rows[0] = row;
+    operations.push_back(appearing);
+  }
+  for (const int index : program(Part::kAccelerated)) {
+    if (made_.instructions_[static_cast<std::size_t>(index)].is_tried) {
+      arrangeChange(index, &operations);
+    } else {
+      operations.push_back(arrange(index));
+    }
+  }
+  return operations;
+}
+
+void SeriesArranger::arrange() {
+  made_.operations_[0] = arrangeOrder(1);
+  made_.operations_[1] = arrangeOrder(SeriesProgram::kLongest + 1);
 }
 
 }  // namespace variator_sim::expression

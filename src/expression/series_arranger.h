@@ -21,6 +21,10 @@ class SeriesArranger {
   using Kind = Operation::Kind;
 
   int place(int row) const { return row < 0 ? 0 : static_cast<int>(made_.offset(row)); }
+  /// False where coefficients from `order` on are 0.
+  bool isWritten(int index, int order) const;
+  /// Of order `order` and of those beyond it up to the next one that is arranged.
+  std::vector<Operation> arrangeOrder(int order);
   Operation begin(int index, Kind kind) const;
   Operation arrange(int index);
   Operation sum(int index);

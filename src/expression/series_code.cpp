@@ -117,7 +117,7 @@ class SeriesWriter {
     return text_.str();
   }
 
-  /// See SeriesInterpreter::convolveInside, convolveOld.
+  /// sum_{0 < j < n} a_j b_{n-j}: SeriesInterpreter's products; convolveOld.
   std::string convolveInside(int a, int b) const {
     std::string low = "1";
     std::string high = "n - 1";
@@ -125,7 +125,7 @@ class SeriesWriter {
     if (isPolynomial(a)) high = "least(n - 1, " + std::to_string(program_.degree(a)) + ")";
     return "between(" + forward(a) + ", " + backward(b, "n") + ", " + low + ", " + high + ")";
   }
-  /// See SeriesInterpreter::convolveKnown.
+  /// As SeriesInterpreter::run has it; square, too.
   std::string convolveKnown(int a, int b) const {
     return fuse(coefficient(a), forward(b) + "[0]", convolveInside(a, b));
   }
@@ -160,7 +160,6 @@ class SeriesWriter {
            std::to_string(program_.degree(rate)) + ")";
   }
   std::string chain(int rate, int w) const { return sumOfRates(rate, w) + " * (1.0 / n)"; }
-  /// See SeriesInterpreter::square.
   std::string square(int a) const {
     const std::string x = forward(a);
     return "squareOf(" + x + ", " + backward(a, "0") + ", n)";
@@ -180,7 +179,7 @@ class SeriesWriter {
     if (factor == "1.0") return sum + " + " + x;
     return factor == "(-1.0)" ? sum + " - " + x : fuse(factor == "0.0" ? "zero" : factor, x, sum);
   }
-  /// See SeriesInterpreter::carryOut; of changes: changeOfSum.
+  /// Of what has changed: those of accelerations alone.
   std::string sumOfTerms(const Instruction& it, bool of_changes = false) const {
     std::string sum;
     for (int n = 0; n < it.aux[1]; ++n) {
@@ -192,7 +191,7 @@ class SeriesWriter {
     }
     return sum;
   }
-  /// See SeriesInterpreter::changeOfProduct.
+  /// a_0 b + a b_0 of changes; one factor at least has changed.
   std::string changeOfProduct(int a, int b) const {
     const std::string first = forward(a) + "[0]";
     const std::string second = forward(b) + "[0]";
@@ -302,7 +301,7 @@ class SeriesWriter {
   }
 
   static std::string change(int row) { return "d" + std::to_string(row); }
-  /// See SeriesInterpreter::correct.
+  /// See SeriesArranger::arrangeChange.
   void correct(const Instruction& it) {
     const int a = it.operands[0];
     const int b = it.code == Code::kSquare ? a : it.operands[1];

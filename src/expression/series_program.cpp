@@ -39,26 +39,40 @@ const char* arithmeticOfCode() {
 
 namespace plain {
 #include "expression/series_interpreter.inc"
-void evaluate(SeriesProgram& program, SeriesProgram::Part part, int n) {
-  SeriesInterpreter(program).evaluate(part, n);
+void begin(SeriesProgram& program, SeriesProgram::Part part) {
+  SeriesInterpreter(program).begin(part);
+}
+void extend(SeriesProgram& program, int n, bool corrects, AccelerationSolver& solver) {
+  SeriesInterpreter(program).extend(n, corrects, solver);
 }
 }  // namespace plain
 
 VARIATOR_SIM_BEGIN_FUSED
 namespace fused {
 #include "expression/series_interpreter.inc"
-void evaluate(SeriesProgram& program, SeriesProgram::Part part, int n) {
-  SeriesInterpreter(program).evaluate(part, n);
+void begin(SeriesProgram& program, SeriesProgram::Part part) {
+  SeriesInterpreter(program).begin(part);
+}
+void extend(SeriesProgram& program, int n, bool corrects, AccelerationSolver& solver) {
+  SeriesInterpreter(program).extend(n, corrects, solver);
 }
 }  // namespace fused
 VARIATOR_SIM_END_FUSED
 
-void SeriesProgram::evaluate(Part part, int n) {
-  if (part == Part::kGiven && n == 0) noteLimit(false);
+void SeriesProgram::begin(Part part) {
+  if (part == Part::kGiven) noteLimit(false);
   if (fusesProducts()) {
-    fused::evaluate(*this, part, n);
+    fused::begin(*this, part);
   } else {
-    plain::evaluate(*this, part, n);
+    plain::begin(*this, part);
+  }
+}
+
+void SeriesProgram::extend(int n, bool corrects, AccelerationSolver& solver) {
+  if (fusesProducts()) {
+    fused::extend(*this, n, corrects, solver);
+  } else {
+    plain::extend(*this, n, corrects, solver);
   }
 }
 

@@ -36,6 +36,17 @@ namespace fused {
 class SeriesInterpreter;
 }
 
+/// Who finds the accelerations of an order.
+class AccelerationSolver {
+ public:
+  /// Sets coefficient n of the accelerations; so far they are 0, and the first outputs are known of
+  /// that. [loop]
+  virtual void solve(int n) = 0;
+
+ protected:
+  ~AccelerationSolver() = default;
+};
+
 /// The rows of coefficients of a set of formulas. One is used by one thread at a time.
 class SeriesProgram {
  public:
@@ -72,13 +83,16 @@ class SeriesProgram {
   int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
   /// Where coefficient 0 stands of the row written backwards; zeros follow it.
   const double* backward(int row) const { return forward(row) + width_ + capacity_ - 1 - kPad; }
-  /// Coefficient n of the nodes of a part; those of the variables are there. kAccelerated follows
-  /// kTrial, which was made with accelerations of 0 for n > 0, and corrects what that has made: of
-  /// a product it takes a_0 b_n + a_n b_0 anew, of a sum what its terms have become more. [loop]
-  void evaluate(Part part, int n);
+  /// Coefficient 0 of the nodes of kGiven or kAccelerated; those of the variables are there. [loop]
+  void begin(Part part);
+  /// Coefficient n > 0 of all nodes; those of the variables are there, of accelerations 0. What has
+  /// been tried with them is corrected for those that `solver` finds: a product a b by
+  /// a_0 b_n + a_n b_0, a sum by what its terms have become more. [loop]
+  /// `corrects`: false where nobody asks for that.
+  void extend(int n, bool corrects, AccelerationSolver& solver);
   /// What the C is made from. Its constants are those of `const double* c` there.
   void addStructure(CodeStructure* structure) const;
-  /// The statements of C that `evaluate` of a part carries out for n >= 1, of `double* r` and
+  /// The statements of C that `extend` carries out of a part, of `double* r` and
   /// `double* s`, and what stands before them. The rows that they read backwards are added to
   /// `mirrored`: no others need be written so.
   std::string writeCode(Part part, std::set<int>* mirrored) const;
@@ -188,8 +202,8 @@ class SeriesProgram {
     int row;
     double factor;
   };
-  /// What is done with an instruction from order 1 on: an instruction with its kind and its places
-  /// found out. Operands are named as in SeriesInterpreter::carryOut; changes are those of rows.
+  /// What is done from order 1 on: an instruction with its kind and its places found out. What the
+  /// operands are of which kind, SeriesArranger says.
   struct Operation {
     enum class Kind : std::uint8_t {
       kSumOfOne,
@@ -207,6 +221,7 @@ class SeriesProgram {
       kSqrt,
       kPrimitive,
       kOther,  ///< an instruction's branch, table or Wronskian
+      kSolve,  ///< what comes after it, corrects
       // Of what kTrial has made.
       kBefore,     ///< the change of `row` is counted from here
       kAfter,      ///< to here
@@ -216,10 +231,10 @@ class SeriesProgram {
       kChangeOfSecond,  ///< a has not changed
       kChangeOfSum
     };
-    Kind kind;
-    int instruction;
-    int result;  ///< where coefficient 0 stands; of changes a row
-    int a = 0;   ///< the same
+    Kind kind = Kind::kOther;
+    int instruction = -1;
+    int result = 0;  ///< where coefficient 0 stands
+    int a = 0;       ///< the same
     int b = 0;
     int c = 0;
     int limits[2] = {};  ///< the last coefficients of the operands
@@ -245,6 +260,8 @@ class SeriesProgram {
 
   static constexpr int kPad = 4;
   static constexpr int kNoDegree = 1 << 20;
+  /// Rows that end there or before it are not written beyond it.
+  static constexpr int kLongest = 2;
 
   double* forward(int row) { return rows_.data() + rows_begin_ + offset(row); }
   const double* forward(int row) const { return rows_.data() + rows_begin_ + offset(row); }
@@ -281,7 +298,8 @@ class SeriesProgram {
   std::vector<bool> has_pole_;  ///< may be infinite without an overflow
   std::vector<Instruction> instructions_;
   std::array<std::vector<int>, 3> programs_;
-  std::array<std::vector<Operation>, 3> operations_;  ///< of the programs
+  /// Of an order up to kLongest, and of those beyond it.
+  std::array<std::vector<Operation>, 2> operations_;
   std::vector<PlacedTerm> placed_;
   std::vector<int> flat_;  ///< instructions that may be
   std::vector<Term> terms_;
