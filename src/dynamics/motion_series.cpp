@@ -203,6 +203,7 @@ void MotionSeries::findOrderPlaces() {
   to.has_moving_inertia = !isInertiaConstant();
   for (int m = 0; m < k_; ++m) {
     to.is_of_third_order[m] = drivetrain_.constraint(m).order() == 3;
+    for (int i = 0; i < S; ++i) to.entry[m][i] = place(entryRow(m, i));
     to.residual[m] = place(row_of_residual_[m]);
     to.multiplier[m] = place(row_of_multiplier_[m]);
   }

@@ -225,6 +225,7 @@ class MotionSeries {
     };
     bool has_moving_inertia;
     bool is_of_third_order[kMaxRows];
+    int entry[kMaxRows][kMaxShafts];
     int angle[kMaxShafts];
     int velocity[kMaxShafts];
     int acceleration[kMaxShafts];

@@ -64,6 +64,9 @@ namespace series_plain {
 using expression::plain::convolveOld;
 using expression::plain::dot;
 using expression::plain::fuse;
+using expression::plain::fuseTwo;
+using expression::loadTwo;
+using expression::Two;
 using series_step::Real;
 #include "dynamics/series_order.inc"
 namespace {
@@ -76,6 +79,9 @@ namespace series_fused {
 using expression::fused::convolveOld;
 using expression::fused::dot;
 using expression::fused::fuse;
+using expression::fused::fuseTwo;
+using expression::loadTwo;
+using expression::Two;
 using series_step::Real;
 #include "dynamics/series_order.inc"
 namespace {
