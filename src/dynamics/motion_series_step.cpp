@@ -233,7 +233,8 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
   step_.limit = reach.longestFrom(t);
   step_.limit_end = reach.horizon - t <= reach.maximum ? reach.horizon : t + step_.limit;
   step_.is_limited = step_.limit <= aim.length ? 1 : 0;
-  const bool is_together = together_ != nullptr && step_.is_limited == 0 && !codes_.empty();
+  const bool could_be_together = together_ != nullptr && !codes_.empty();
+  const bool is_together = could_be_together && step_.is_limited == 0;
   const bool is_in_lanes = aim.goes_on && lanes_ != nullptr;
   double here = step_.next_unit;  // of the series that were begun already
   if (is_in_lanes && is_together) {
@@ -257,7 +258,9 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
   step_.absolute = aim.absolute;
   step_.relative = aim.relative;
   step_.decay = aim.decay;
-  step_.most = std::min<int>(reach.most, series_step::kSeriesStride);
+  // Who steps with others makes only such steps alone that have to be.
+  const bool waits_for_others = could_be_together && !is_together;
+  step_.most = waits_for_others ? 1 : std::min<int>(reach.most, series_step::kSeriesStride);
   step_.watches_rest = reach.watches_rest ? 1 : 0;
   step_.target = reach.target;
   step_.horizon = reach.horizon;
