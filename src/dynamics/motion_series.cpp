@@ -201,6 +201,7 @@ void MotionSeries::findOrderPlaces() {
   const auto place = [this](int row) { return static_cast<int>(program_.offset(row)); };
   to = OrderPlaces{};
   to.has_moving_inertia = !isInertiaConstant();
+  to.is_inertia_diagonal = drivetrain_.inertia().isDiagonal();
   for (int m = 0; m < k_; ++m) {
     to.is_of_third_order[m] = drivetrain_.constraint(m).order() == 3;
     for (int i = 0; i < S; ++i) to.entry[m][i] = place(entryRow(m, i));
@@ -213,7 +214,8 @@ void MotionSeries::findOrderPlaces() {
     to.acceleration[i] = place(row_of_acceleration_[i]);
     to.torque[i] = place(row_of_torque_[i]);
     to.reaction_rate[i] = place(row_of_reaction_rate_[i]);
-    if (to.has_moving_inertia) {
+    to.moves[i] = hasMovingInertia(i);
+    if (to.moves[i]) {
       to.inertia[i] = place(row_of_inertia_[i]);
       to.inertia_degree[i] = program_.degree(row_of_inertia_[i]);
       to.inertial_torque[i] = place(row_of_inertial_torque_[i]);

@@ -170,6 +170,10 @@ class MotionSeries {
   int placeOfInertia() const { return (S + k_) * (S + k_) + 1; }
 
   bool isInertiaConstant() const { return drivetrain_.inertia().isConstant(); }
+  /// True where the inertia of shaft i depends on its angle.
+  bool hasMovingInertia(int i) const {
+    return !isInertiaConstant() && !program_.isConstant(row_of_inertia_[i]);
+  }
   int entryRow(int m, int i) const { return row_of_entry_[m][i]; }
 
   static constexpr int kMostUnknowns = kMaxShafts + kMaxRows;
@@ -224,6 +228,8 @@ class MotionSeries {
       int multiplier;
     };
     bool has_moving_inertia;
+    bool is_inertia_diagonal;
+    bool moves[kMaxShafts];  ///< its inertia
     bool is_of_third_order[kMaxRows];
     int entry[kMaxRows][kMaxShafts];
     int angle[kMaxShafts];

@@ -101,14 +101,14 @@ std::string MotionSeries::writeCoefficient(int row, const std::string& n) const 
 /// See SeriesOrder::calcForceRest.
 std::string MotionSeries::writeForceRest(std::set<int>* mirrored) const {
   std::ostringstream text;
-  const bool moves = !isInertiaConstant();
   for (int i = 0; i < S; ++i) {
+    const bool moves = hasMovingInertia(i);
     text << "  double a" << i << " = " << writeCoefficient(row_of_torque_[i], "n") << ";\n";
     if (moves) {
-      text << "  a" << i << " -= " << writeCoefficient(row_of_inertial_torque_[i], "n") << ";\n  a"
-           << i << " -= "
+      text << "  const double rest" << i << " = "
            << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n", mirrored)
-           << ";\n";
+           << ";\n  a" << i << " -= " << writeCoefficient(row_of_inertial_torque_[i], "n")
+           << ";\n  a" << i << " -= rest" << i << ";\n";
     }
     const char* const last = is_classical_ ? "n" : "(n - 1)";
     std::string rest;
@@ -190,23 +190,32 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
 std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
   std::ostringstream text;
   const auto coefficient = [&](int row) { return writeCoefficient(row, "n"); };
+  const bool is_diagonal = drivetrain_.inertia().isDiagonal();
+  const auto multiplyRow = [&](int matrix, int i, const auto& x) {
+    if (!is_diagonal) return writeProduct(matrix + i * S, S, x);
+    return writeProduct(matrix + i * S + i, 1, [&](int) { return x(i); });
+  };
   const int J0 = placeOfInertia();
   for (int i = 0; i < S; ++i) {
+    if (!hasMovingInertia(i) && is_diagonal) continue;
     text << "  const double b" << i << " = "
-         << writeProduct(J0 + i * S, S, [&](int j) { return coefficient(row_of_acceleration_[j]); })
-         << " + " << coefficient(row_of_inertial_torque_[i]) << " - "
-         << coefficient(row_of_torque_[i]) << " + ("
-         << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n", mirrored)
-         << " - "
-         << program_.writeConvolution(row_of_inertia_[i], row_of_reaction_rate_[i], "n", mirrored)
-         << ");\n";
+         << multiplyRow(J0, i, [&](int j) { return coefficient(row_of_acceleration_[j]); });
+    if (hasMovingInertia(i)) {
+      text << " + " << coefficient(row_of_inertial_torque_[i]) << " - "
+           << coefficient(row_of_torque_[i]) << " + (rest" << i << " - "
+           << program_.writeConvolution(row_of_inertia_[i], row_of_reaction_rate_[i], "n", mirrored)
+           << ");\n";
+    } else {
+      text << " - " << coefficient(row_of_torque_[i]) << ";\n";
+    }
   }
   for (int i = 0; i < S; ++i) {
+    if (!hasMovingInertia(i)) continue;
     const int row = row_of_reaction_rate_[i];
     text << "  { const double y = "
-         << writeProduct(J0 + S * S + i * S, S, [](int j) { return "b" + std::to_string(j); })
-         << "; " << coefficient(row) << " = y; " << expression::SeriesProgram::writeMirror(row)
-         << " r[" << program_.backwardOffset(row) << " - n] = y; }\n";
+         << multiplyRow(J0 + S * S, i, [](int j) { return "b" + std::to_string(j); }) << "; "
+         << coefficient(row) << " = y; " << expression::SeriesProgram::writeMirror(row) << " r["
+         << program_.backwardOffset(row) << " - n] = y; }\n";
   }
   return text.str();
 }

@@ -61,12 +61,12 @@ inline void seriesGoOn(SeriesStep* it) {
 #define LAYOUT (*it->layout)
 
 namespace series_plain {
+using expression::loadTwo;
+using expression::Two;
 using expression::plain::convolveOld;
 using expression::plain::dot;
 using expression::plain::fuse;
 using expression::plain::fuseTwo;
-using expression::loadTwo;
-using expression::Two;
 using series_step::Real;
 #include "dynamics/series_order.inc"
 namespace {
@@ -76,12 +76,12 @@ namespace {
 
 VARIATOR_SIM_BEGIN_FUSED
 namespace series_fused {
+using expression::loadTwo;
+using expression::Two;
 using expression::fused::convolveOld;
 using expression::fused::dot;
 using expression::fused::fuse;
 using expression::fused::fuseTwo;
-using expression::loadTwo;
-using expression::Two;
 using series_step::Real;
 #include "dynamics/series_order.inc"
 namespace {
