@@ -18,7 +18,7 @@ SeriesArranger::Operation SeriesArranger::begin(int index, Kind kind) const {
 SeriesArranger::Operation SeriesArranger::sum(int index) {
   const Instruction& it = made_.instructions_[static_cast<std::size_t>(index)];
   const auto term = [&](int n) -> const SeriesProgram::Term& {
-    return made_.terms_[static_cast<std::size_t>(it.aux[0] + n)];
+    return made_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)];
   };
   Operation made = begin(index, it.aux[1] == 1   ? Kind::kSumOfOne
                                 : it.aux[1] == 2 ? Kind::kSumOfTwo
