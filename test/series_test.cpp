@@ -513,5 +513,25 @@ TEST(Series, DoNotReadWhatAnEarlierMotionLeft) {
   }
 }
 
+/// A function that has reached its limit changes no more, whatever it did in an earlier motion.
+TEST(Series, ChangeNothingAtALimit) {
+  Formulas formulas;
+  const std::vector<Node> nodes = {formulas.read("x*atan(exp(800*e))")};
+  SeriesProgram used = formulas.compile(nodes);
+  Path below;
+  below.e[0] = 0.001;
+  for (int n = 0; n <= 3; ++n) Formulas::expandTo(used, below, n);  // e_3 changes it
+  Path at_limit;
+  at_limit.e[0] = 2.0;
+  SeriesProgram fresh = formulas.compile(nodes);
+  for (int n = 0; n <= 9; ++n) {
+    for (SeriesProgram* program : {&used, &fresh}) Formulas::expandTo(*program, at_limit, n);
+    const double expected =
+        n < 4 ? std::atan(1.0) * 2.0 * at_limit.x[static_cast<std::size_t>(n)] : 0.0;
+    EXPECT_DOUBLE_EQ(fresh.coefficients(fresh.output(0))[n], expected) << "order " << n;
+    EXPECT_DOUBLE_EQ(used.coefficients(used.output(0))[n], expected) << "order " << n;
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim::expression

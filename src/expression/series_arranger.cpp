@@ -127,6 +127,14 @@ SeriesArranger::Operation SeriesArranger::changeOfSum(int index) {
   return made;
 }
 
+SeriesArranger::Operation SeriesArranger::noteChange(Kind kind, int row) const {
+  Operation made;
+  made.kind = kind;
+  made.a = place(row);
+  made.rows[0] = row;
+  return made;
+}
+
 void SeriesArranger::arrangeChange(int index, std::vector<Operation>* operations) {
   const Instruction& it = made_.instructions_[static_cast<std::size_t>(index)];
   if (it.code == Code::kMultiply || it.code == Code::kSquare) {
@@ -139,17 +147,9 @@ void SeriesArranger::arrangeChange(int index, std::vector<Operation>* operations
   }
   std::vector<int> written = {it.result};
   if (it.code == Code::kSinCos || it.code == Code::kSinhCosh) written.push_back(it.aux[0]);
-  const auto note = [&](Kind kind) {
-    for (const int row : written) {
-      Operation made = begin(index, kind);
-      made.a = place(row);
-      made.rows[0] = row;
-      operations->push_back(made);
-    }
-  };
-  note(Kind::kBefore);
+  for (const int row : written) operations->push_back(noteChange(Kind::kBefore, row));
   operations->push_back(arrange(index));
-  note(Kind::kAfter);
+  for (const int row : written) operations->push_back(noteChange(Kind::kAfter, row));
 }
 
 bool SeriesArranger::isWritten(int index, int order) const {
@@ -174,11 +174,7 @@ std::vector<SeriesArranger::Operation> SeriesArranger::arrangeOrder(int order) {
   solve.kind = Kind::kSolve;
   operations.push_back(solve);
   for (const int row : made_.accelerations_) {
-    Operation appearing;
-    appearing.kind = Kind::kAppearing;
-    appearing.a = place(row);
-    appearing.rows[0] = row;
-    operations.push_back(appearing);
+    operations.push_back(noteChange(Kind::kAppearing, row));
   }
   for (const int index : program(Part::kAccelerated)) {
     if (made_.instructions_[static_cast<std::size_t>(index)].is_tried) {

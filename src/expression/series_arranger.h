@@ -28,6 +28,8 @@ class SeriesArranger {
   Operation begin(int index, Kind kind) const;
   Operation arrange(int index);
   Operation sum(int index);
+  /// Of no instruction: it is carried out where a function stays at its limit, too.
+  Operation noteChange(Kind kind, int row) const;
   void arrangeChange(int index, std::vector<Operation>* operations);
   Operation changeOfProduct(int index) const;
   Operation changeOfSum(int index);
