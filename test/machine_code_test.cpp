@@ -442,6 +442,29 @@ TEST_F(SharedMachineCode, IsThatOfTheSameFormulasOnly) {
                    .shareMachineCode(first));
 }
 
+/// Of an inertia that moves only what its pattern asks for is written.
+TEST_F(SharedMachineCode, IsThatOfTheSamePatternOfInertiaOnly) {
+  const std::string diagonal = R"yaml(
+shafts: [crank, load]
+crank: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}]}}
+load: {inertia: 1.2}
+initial: {velocity: [10.0, 6.0]}
+tables: [drag_of]
+drag_of: {x: [0, 5, 20], values: [0, -1, -6], beyond: linear}
+torques: [drag]
+drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "3 + drag_of(w2)"}
+constraints: [variator]
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2 - 0.6*e1) + w2 - 0.6*w1"}
+)yaml";
+  const std::string coupled = diagonal + "inertia_coupling: [[crank, load, 0.1]]\n";
+  for (const auto& [one, other] : {std::pair{diagonal, coupled}, std::pair{coupled, diagonal}}) {
+    Simulation first = interpreted(one);
+    ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
+    EXPECT_TRUE(interpreted(one).shareMachineCode(first));
+    EXPECT_FALSE(interpreted(other).shareMachineCode(first));
+  }
+}
+
 /// A scene whose numbers outside its formulas were changed gets the programs of another one.
 TEST_F(SharedMachineCode, GoesAlongWithProgramsOfTheSameScene) {
   const std::string tests = VARIATOR_SIM_TEST_DIR;

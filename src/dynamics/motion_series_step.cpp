@@ -120,13 +120,6 @@ void MotionSeries::findLayout() {
     thirds += drivetrain_.constraint(m).order() == 3 ? 1 : 0;
     firsts += drivetrain_.constraint(m).order() == 1 ? 1 : 0;
   }
-  const std::vector<expression::SeriesProgram::FlatFunction> flat = program_.listFlatFunctions();
-  const std::size_t room = sizeof layout_.flat_at / sizeof *layout_.flat_at;
-  makes_whole_steps_ = !is_classical_ && scene_.principle == Principle::kGeneralizedGauss &&
-                       (inertia.isConstant() || inertia.isDiagonal()) &&
-                       (thirds == 0 || thirds == k_) && !program_.readsTables() &&
-                       flat.size() <= room;
-  if (!makes_whole_steps_) return;
   SeriesLayout& to = layout_;
   const auto at = [this](int row) { return static_cast<int>(program_.offset(row)); };
   const auto back = [this](int row) { return static_cast<int>(program_.backwardOffset(row)); };
@@ -160,6 +153,13 @@ void MotionSeries::findLayout() {
     to.residual_at[m] = at(row_of_residual_[m]);
     for (int i = 0; i < S; ++i) to.entry_at[m * S + i] = at(entryRow(m, i));
   }
+  const std::vector<expression::SeriesProgram::FlatFunction> flat = program_.listFlatFunctions();
+  const std::size_t room = sizeof layout_.flat_at / sizeof *layout_.flat_at;
+  makes_whole_steps_ = !is_classical_ && scene_.principle == Principle::kGeneralizedGauss &&
+                       (inertia.isConstant() || inertia.isDiagonal()) &&
+                       (thirds == 0 || thirds == k_) && !program_.readsTables() &&
+                       flat.size() <= room;
+  if (!makes_whole_steps_) return;
   for (const auto& function : flat) {
     to.flat_at[to.flats] = at(function.argument);
     to.flat_divides[to.flats++] = function.divides ? 1 : 0;
