@@ -198,27 +198,16 @@ void MotionSeries::findRows() {
 
 void MotionSeries::findOrderPlaces() {
   OrderPlaces& to = order_places_;
-  const auto place = [this](int row) { return static_cast<int>(program_.offset(row)); };
   to = OrderPlaces{};
-  to.has_moving_inertia = !isInertiaConstant();
-  to.is_inertia_diagonal = drivetrain_.inertia().isDiagonal();
+  const auto place = [this](int row) { return static_cast<int>(program_.offset(row)); };
   for (int m = 0; m < k_; ++m) {
     to.is_of_third_order[m] = drivetrain_.constraint(m).order() == 3;
-    for (int i = 0; i < S; ++i) to.entry[m][i] = place(entryRow(m, i));
-    to.residual[m] = place(row_of_residual_[m]);
     to.multiplier[m] = place(row_of_multiplier_[m]);
   }
   for (int i = 0; i < S; ++i) {
-    to.angle[i] = place(row_of_angle_[i]);
-    to.velocity[i] = place(row_of_velocity_[i]);
-    to.acceleration[i] = place(row_of_acceleration_[i]);
-    to.torque[i] = place(row_of_torque_[i]);
-    to.reaction_rate[i] = place(row_of_reaction_rate_[i]);
     to.moves[i] = hasMovingInertia(i);
     if (to.moves[i]) {
-      to.inertia[i] = place(row_of_inertia_[i]);
       to.inertia_degree[i] = program_.degree(row_of_inertia_[i]);
-      to.inertial_torque[i] = place(row_of_inertial_torque_[i]);
       to.connection[i] = place(row_of_connection_[i]);
       to.connection_degree[i] = program_.degree(row_of_connection_[i]);
     }
@@ -291,16 +280,11 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   if (!is_regular) return false;
   if (is_classical_ || !isInertiaConstant()) beginReaction(x);
   if (!isInertiaConstant()) noteInertia();
-  knowFurther(0);
-  return is_curved_ ? invertCurved(state) : invert();
-}
-
-void MotionSeries::knowFurther(int n) {
-  const double factor = own().unit * (1.0 / (n + 1));
   for (int i = 0; i < S; ++i) {
-    program_.set(row_of_velocity_[i], n + 1, factor * acceleration(i)[n]);
-    program_.set(row_of_angle_[i], n + 1, factor * velocity(i)[n]);
+    program_.set(row_of_velocity_[i], 1, unit * x[2 * S + i]);
+    program_.set(row_of_angle_[i], 1, unit * x[S + i]);
   }
+  return is_curved_ ? invertCurved(state) : invert();
 }
 
 bool MotionSeries::invert() {

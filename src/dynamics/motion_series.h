@@ -162,8 +162,6 @@ class MotionSeries {
   template <class Count>
   void invertOneRow(Count shafts);
   bool invertCurved(const StateView& state);
-  /// Velocities and angles of order n + 1.
-  void knowFurther(int n);
   void continueTo(int n);
   void noteInertia();
   /// Of J_0 in `inverse`.
@@ -220,30 +218,19 @@ class MotionSeries {
   bool isLast(int order) const {
     return order == last_order_ && !program_.hasAcceleratedFlatFunction();
   }
-  /// Where in the rows coefficient 0 stands of what an order asks for (series_order.inc).
+  /// What an order asks for (series_order.inc) beside the layout: where coefficients 0 stand, and
+  /// where rows end.
   struct OrderPlaces {
     struct Entry {
       int entry;
       int degree;
       int multiplier;
     };
-    bool has_moving_inertia;
-    bool is_inertia_diagonal;
-    bool moves[kMaxShafts];  ///< its inertia
-    bool is_of_third_order[kMaxRows];
-    int entry[kMaxRows][kMaxShafts];
-    int angle[kMaxShafts];
-    int velocity[kMaxShafts];
-    int acceleration[kMaxShafts];
-    int torque[kMaxShafts];
-    int reaction_rate[kMaxShafts];
-    // Where an inertia depends on an angle.
-    int inertia[kMaxShafts];
+    bool moves[kMaxShafts];  ///< its inertia; of those that do:
     int inertia_degree[kMaxShafts];
-    int inertial_torque[kMaxShafts];
     int connection[kMaxShafts];
     int connection_degree[kMaxShafts];
-    int residual[kMaxRows];
+    bool is_of_third_order[kMaxRows];
     int multiplier[kMaxRows];
     /// Those of C that are not constant, shaft by shaft, and where a shaft's end.
     std::vector<Entry> entries;
