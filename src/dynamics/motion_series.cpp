@@ -194,6 +194,7 @@ void MotionSeries::findRows() {
   last_order_ = orderFor(scene_.solver.relative_tolerance);
   findOrderPlaces();
   findLayout();
+  keepInertia();
 }
 
 void MotionSeries::findOrderPlaces() {

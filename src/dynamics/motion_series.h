@@ -239,6 +239,7 @@ class MotionSeries {
   OrderPlaces order_places_ = {};
   void findOrderPlaces();
   void findLayout();
+  void keepInertia();
   void prepareStep();
   /// Orders 0 and 1 of a series that no step has begun.
   bool beginStep(double t, const double* x, double unit);

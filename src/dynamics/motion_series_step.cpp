@@ -166,6 +166,20 @@ void MotionSeries::findLayout() {
   }
 }
 
+void MotionSeries::keepInertia() {
+  const Inertia& inertia = drivetrain_.inertia();
+  for (int j = 0; j < S && inertia.isConstant(); ++j) {
+    double unit[kMaxShafts] = {};
+    double column[kMaxShafts];
+    unit[j] = 1.0;
+    inertia.solve(unit, column);
+    for (int i = 0; i < S; ++i) {
+      step_.inertia[i * S + j] = inertia.entry(i, j);
+      step_.inertia_inverse[i * S + j] = column[i];
+    }
+  }
+}
+
 void MotionSeries::keepReaction(const KeptReaction& kept) {
   step_.has_neutral = kept.exists ? 1 : 0;
   for (int i = 0; i < S; ++i) {
@@ -187,17 +201,6 @@ void MotionSeries::prepareStep() {
   step_.input_rate[0] = drivetrain_.inputRates();
   step_.input_second_rate[0] = drivetrain_.inputSecondRates();
   step_.origin = drivetrain_.origin();
-  const Inertia& inertia = drivetrain_.inertia();
-  for (int j = 0; j < S && inertia.isConstant(); ++j) {
-    double unit[kMaxShafts] = {};
-    double column[kMaxShafts];
-    unit[j] = 1.0;
-    inertia.solve(unit, column);
-    for (int i = 0; i < S; ++i) {
-      step_.inertia[i * S + j] = inertia.entry(i, j);
-      step_.inertia_inverse[i * S + j] = column[i];
-    }
-  }
 }
 
 bool MotionSeries::beginWhole(double t, const double* x) {
