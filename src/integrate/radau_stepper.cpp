@@ -31,7 +31,6 @@ class RadauStepper final : public Stepper {
       : Stepper(system, tolerance),
         name_(name),
         most_(most),
-        newton_tolerance_(std::min(0.03, std::max(0.01, 10.0 * kEpsilon / tolerance.relative))),
         stages_(most),
         tried_(most),
         S(system.shafts()),
@@ -41,6 +40,7 @@ class RadauStepper final : public Stepper {
         matrix_x_(size_),
         rounding_(size_),
         limit_(size_),
+        newton_weight_(size_),
         f_{rounding_, rounding_, rounding_, rounding_, rounding_, rounding_, rounding_},
         parts_(f_),
         Z_(f_),
@@ -54,6 +54,9 @@ class RadauStepper final : public Stepper {
   int errorOrder() const override { return tried_ + 1; }
   double work() const override { return 10.0 * tried_ - 4.0; }
   bool isImplicit() const override { return true; }
+  /// A step that took many iterations is near those that do not converge (Hairer, Wanner, IV.8
+  /// (8.21)).
+  double ease() const override { return (2.0 * kNit + 1.0) / (2.0 * kNit + iterations_); }
   bool keepsConstraints() const override { return true; }
   bool hasDenseOutput() const override { return true; }
   void restart() override {
@@ -160,6 +163,7 @@ class RadauStepper final : public Stepper {
     }
     noteRounding(system, from, h);
     noteLimits(system, from);
+    weighCorrections(from);
     has_converged_ = findStages<kStages>(system, from, h);
     if (!has_converged_) return kNaN;
     for (int n = 0; n < size_; ++n) x_new[n] = from.x[n] + Z_[kStages - 1][n];
@@ -216,7 +220,7 @@ class RadauStepper final : public Stepper {
 
   /// One Newton correction of the stages. Its size, in units of what the iteration may leave.
   template <std::size_t kStages>
-  double correctStages(const StepNode& from) {
+  double correctStages() {
     const RadauMethod::Matrix& T = method_->transform();
     const RadauMethod::Matrix& T_inverse = method_->inverseTransform();
     forEachComponent(0, size_, [&](int n) {
@@ -238,20 +242,21 @@ class RadauStepper final : public Stepper {
       }
     }
     double size = 0.0;
+    double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
     forEachComponent(0, size_, [&](int n) {
       double largest = 0.0;
+      double sum = 0.0;
       for (std::size_t i = 0; i < kStages; ++i) {
         double change = T[i][0] * parts_[0][n];
         for (std::size_t k = 1; k < kStages; ++k) change += T[i][k] * parts_[k][n];
         Z_[i][n] += change;
         largest = std::max(largest, std::abs(change));
-        size += 0.0 * change;  // NaN and infinity stay
+        sum += change;
       }
-      // rounding is no reason to go on
-      const double allowed = std::min(tolerance_.of(from.x[n]), limit_[n]);
-      size = std::max(size, largest / (allowed + rounding_[n] / newton_tolerance_));
+      size = std::max(size, largest * newton_weight_[n]);
+      poison += 0.0 * sum;
     });
-    return size / newton_tolerance_;
+    return size + poison;
   }
 
   /// Simplified Newton iterations on the stages. False when they do not converge.
@@ -261,8 +266,9 @@ class RadauStepper final : public Stepper {
     double previous = 0.0;
     ++quick_steps_;
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+      iterations_ = iteration + 1;
       calcDefects<kStages>(system, from, h);
-      const double size = correctStages<kStages>(from);
+      const double size = correctStages<kStages>();
       if (iteration == kQuick) quick_steps_ = 0;
       if (!std::isfinite(size)) return false;
       if (size == 0.0) return true;
@@ -359,6 +365,13 @@ class RadauStepper final : public Stepper {
       }
     }
   }
+  /// What Newton's iteration may leave is a part of the tolerance; rounding is no reason to go on.
+  void weighCorrections(const StepNode& from) {
+    forEachComponent(0, size_, [&](int n) {
+      const double allowed = std::min(tolerance_.of(from.x[n]), limit_[n]);
+      newton_weight_[n] = 1.0 / (kNewton * allowed + rounding_[n]);
+    });
+  }
   double calcNorm(const State& error, const State& x, const State& x_new) const {
     double norm = 0.0;
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
@@ -382,6 +395,10 @@ class RadauStepper final : public Stepper {
   }
 
   static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+  /// Of the tolerance: what Newton's iteration may leave.
+  static constexpr double kNewton = 0.03;
+  /// 2 kNit + 2 iterations halve the next step.
+  static constexpr double kNit = 3.0;
   static constexpr double kFirstRate = 0.01;
   static constexpr int kLeast = 3;
   /// Steps that polynomials reach beyond their end.
@@ -392,10 +409,10 @@ class RadauStepper final : public Stepper {
 
   const char* name_;
   const int most_;  // stages
-  const double newton_tolerance_;
-  int stages_;  // of the next step
-  int tried_;   // of the last step, whether it was good or not
+  int stages_;      // of the next step
+  int tried_;       // of the last step, whether it was good or not
   int quick_steps_ = 0;
+  int iterations_ = 1;         // of the last step
   bool has_converged_ = true;  // the last try
 
   const int S;  // shafts
@@ -408,6 +425,7 @@ class RadauStepper final : public Stepper {
   State matrix_x_;
   State rounding_;
   State limit_;
+  State newton_weight_;
   Stages f_;      // x_{l+1} - x_l'; minus the residual in the last rows
   Stages parts_;  // of a correction, along the eigenvectors
   Stages Z_;      // what the stages have moved

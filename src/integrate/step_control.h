@@ -34,25 +34,28 @@ inline double worseOf(double a, double b) {
   return a >= b ? a : (b >= a ? b : a + b);
 }
 
-/// Chooses the next step from the error norms of this one and the last accepted one: a
-/// proportional-integral rule (Hairer, Norsett, Wanner: Solving ODE I, IV.2 (2.43c)), which damps
-/// the oscillation between accepting and rejecting where stability, not accuracy, limits the step.
+/// Chooses the next step from the error norms of this one and the last accepted one: of explicit
+/// schemes by a proportional-integral rule (Hairer, Norsett, Wanner: Solving ODE I, IV.2 (2.43c)),
+/// which damps the oscillation between accepting and rejecting where stability, not accuracy,
+/// limits the step. Of implicit ones stability limits none.
 class StepControl {
  public:
   /// `order` p: the error estimate is of order h^p.
   explicit StepControl(int order) : order_(order) {}
-  /// Another estimate's order.
-  void setOrder(int order) { order_ = order; }
+  /// Another estimate's order, and whether stability may limit the steps.
+  void setScheme(int order, bool is_explicit) {
+    order_ = order;
+    beta_ = is_explicit ? 0.04 : 0.0;
+  }
 
   void reset() { previous_norm_ = 1e-4; }
   /// Factor for the step after one with error `norm` <= 1.
   double growth(double norm) {
-    constexpr double kBeta = 0.04;
-    const double alpha = 1.0 / order_ - 0.75 * kBeta;
+    const double alpha = 1.0 / order_ - 0.75 * beta_;
     norm = std::max(norm, 1e-10);
     // No step needs to be known to more than seven digits.
     const float exponent =
-        static_cast<float>(kBeta) * std::log2(static_cast<float>(previous_norm_)) -
+        static_cast<float>(beta_) * std::log2(static_cast<float>(previous_norm_)) -
         static_cast<float>(alpha) * std::log2(static_cast<float>(norm));
     const double factor = kSafety * static_cast<double>(std::exp2(exponent));
     previous_norm_ = std::max(norm, 1e-4);
@@ -70,6 +73,7 @@ class StepControl {
   static constexpr double kMaxShrink = 0.2;
   static constexpr double kBlindShrink = 0.25;  // nothing is known but that the step was too long
   int order_;
+  double beta_ = 0.04;
   double previous_norm_ = 1e-4;
 };
 

@@ -86,6 +86,9 @@ class Stepper {
   virtual const StepProjection& projection() const { return projection_; }
   /// True for an implicit stepper: states that it makes are projected as `projectStiffly` does.
   virtual bool isImplicit() const { return false; }
+  /// How easily its last step was made, 1 at the most: what a next step that the error estimate
+  /// allows is to be shortened by.
+  virtual double ease() const { return 1.0; }
   /// True when its stages hold psi = 0 where the system can (keepsConstraintsInStages).
   virtual bool keepsConstraints() const { return false; }
 

@@ -98,7 +98,7 @@ double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double
 
 double Integrator::attempt(const Trial& trial) {
   double norm = stepAndProject(*stepper_, base_, trial.end, trial.taken, front_.x, dxdt_new_);
-  control_.setOrder(std::max(1, stepper_->errorOrder()));
+  control_.setScheme(std::max(1, stepper_->errorOrder()), !stepper_->isImplicit());
   if (stepper_->projects()) noteDerivative();
   // These decide whether the step is good. They may keep the next one from growing, but not make
   // it shorter: what rounding leaves in them does not fall with the step.
@@ -134,7 +134,7 @@ bool Integrator::accept(const Trial& trial, double norm) {
 
 void Integrator::chooseNextStep(const Trial& trial, double norm) {
   // Who knows the next step beforehand needs no guess of it.
-  double factor = is_step_chosen_ ? 1.0 : control_.growth(norm);
+  double factor = is_step_chosen_ ? 1.0 : stepper_->ease() * control_.growth(norm);
   if (trial.rejections > 0) factor = std::min(1.0, factor);
   // A step cut short by a segment's end or an edge says nothing about the next one's size.
   next_step_ = trial.is_last ? std::max(trial.length, trial.taken * factor) : trial.taken * factor;
