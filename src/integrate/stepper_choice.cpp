@@ -61,6 +61,7 @@ void StepperChoice::reset(bool implicitly) {
   switches_ = 0;
   trial_interval_ = kFirstTrial;
   wait_ = kSuspicions;
+  challenged_ = nullptr;
   restart();
 }
 
@@ -73,6 +74,7 @@ void StepperChoice::forget() {
 }
 
 void StepperChoice::restart() {
+  if (challenged_ != nullptr) giveUpTrial();
   if (settled_ || (automatic_ && active_ == &first_)) active_ = preferred();
   settled_ = false;
   settling_ = 0;
@@ -93,7 +95,11 @@ bool StepperChoice::leaveSeries() {
   return true;
 }
 
-bool StepperChoice::giveUpExplicit() {
+bool StepperChoice::giveUp() {
+  if (challenged_ != nullptr) {
+    giveUpTrial();
+    return true;
+  }
   if (!automatic_ || active_ == &implicit_) return false;
   goOverTo(active_ == &series_ ? &first_ : &implicit_);
   return true;
@@ -111,16 +117,16 @@ bool StepperChoice::settle(const StepNode& node, double change) {
 }
 
 bool StepperChoice::reconsider(System& system, const StepNode& node, double limit, double* h) {
+  if (challenged_ != nullptr) return judgeImplicit(limit, h);
   if (active_ == &implicit_) return considerExplicit(system, node, limit, h);
   if (active_ == &first_ && series_.outer && ++steps_since_trial_ >= kAround) {
     goOverTo(&series_);
     return true;
   }
-  return considerImplicit(system, node, limit, h);
+  return considerImplicit(node, h);
 }
 
-bool StepperChoice::considerImplicit(System& system, const StepNode& node, double limit,
-                                     double* h) {
+bool StepperChoice::considerImplicit(const StepNode& node, const double* h) {
   // Of a stepper that nothing is held against not every step is looked at.
   if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
   unseen_ = 0;
@@ -135,17 +141,34 @@ bool StepperChoice::considerImplicit(System& system, const StepNode& node, doubl
   suspicions_ += stiffness > 1.0 ? kStrong : 1;
   if (suspicions_ < wait_) return false;
   suspicions_ = 0;
-  // The fast components of an explicit run carry an error of the tolerance's size, which an
-  // implicit step damps and its error estimate sees: one step to damp it, the next one counts.
-  StepNode damped = node;
-  State unused(system.size());
-  const double first = std::min(limit, *h);
-  if (!std::isfinite(implicit_.outer->step(system, node, first, damped.x, unused))) return false;
-  damped.time += first;
-  system(damped.x, damped.dxdt, damped.time);
-  const double next = std::min(limit - first, 10.0 * *h);
-  const double reached = next > 0.0 ? tryStep(system, *implicit_.outer, damped, next) : 0.0;
-  return change(&implicit_, reached, *h);  // h stays: it grows within a few steps
+  challenged_ = active_;
+  challenged_step_ = *h;
+  goOverTo(&implicit_);
+  return true;  // h stays: the first step damps
+}
+
+bool StepperChoice::judgeImplicit(double limit, double* h) {
+  if (++steps_since_trial_ == 1) {
+    *h = std::min(limit, 10.0 * challenged_step_);
+    return true;
+  }
+  const double now = challenged_step_ / challenged_->outer->work();
+  const double then = *h / implicit_.outer->work();
+  if (then > kAdvantage * now) {
+    challenged_ = nullptr;
+    wait_ = kSuspicions;
+    return false;
+  }
+  wait_ = std::min(4 * wait_, kStrong * kLastTrial);
+  *h = challenged_step_;
+  giveUpTrial();
+  return true;
+}
+
+void StepperChoice::giveUpTrial() {
+  goOverTo(challenged_);
+  switches_ -= 2;  // nothing came of it
+  challenged_ = nullptr;
 }
 
 bool StepperChoice::considerExplicit(System& system, const StepNode& node, double limit,
@@ -153,7 +176,11 @@ bool StepperChoice::considerExplicit(System& system, const StepNode& node, doubl
   if (++steps_since_trial_ < trial_interval_) return false;
   steps_since_trial_ = 0;
   const double reached = tryStep(system, *preferred()->outer, node, std::min(limit, *h));
-  if (change(preferred(), reached, *h)) {
+  const double now = *h / implicit_.outer->work();
+  const double then = reached / preferred()->outer->work();
+  if (then > kAdvantage * now) {
+    goOverTo(preferred());
+    wait_ = kSuspicions;
     *h = reached;
     return true;
   }
@@ -175,18 +202,6 @@ double StepperChoice::tryStep(System& system, Stepper& stepper, const StepNode& 
     h *= std::max(0.1, factor);
   }
   return 0.0;
-}
-
-bool StepperChoice::change(Pair* other, double reached, double h) {
-  const double now = h / active_->outer->work();
-  const double then = reached / other->outer->work();
-  if (!(then > kAdvantage * now)) {
-    if (other == &implicit_) wait_ = std::min(4 * wait_, kStrong * kLastTrial);
-    return false;
-  }
-  goOverTo(other);
-  wait_ = kSuspicions;
-  return true;
 }
 
 void StepperChoice::goOverTo(Pair* other) {

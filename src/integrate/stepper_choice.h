@@ -8,11 +8,13 @@
 ///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau begins.
 /// - After five steps (or twelve, as only every eighth is looked at before there is a suspicion)
 ///   that stability and not accuracy limited (|h lambda| at the bound of the
-///   scheme, as Hairer's codes estimate it), or forty well below the bound, it tries implicit
-///   steps from the same state. When the step sizes that the two error estimates allow say that
-///   radau gets further for the same work, it goes on with that; else it waits four times as long.
+///   scheme, as Hairer's codes estimate it), or forty well below the bound, it makes two implicit
+///   steps. When the next one that their error estimate allows gets further for the same work than
+///   the last explicit one, it goes on with them; else it goes back and waits four times as long.
+///   The first is as long as the explicit ones: the fast components of an explicit run carry an
+///   error of the tolerance's size, which an implicit step damps and its error estimate sees.
 /// - A step that has to be repeated kHopeless times (integrator.h) goes from the series to explicit
-///   steps, and from these to radau.
+///   steps, and from these to radau; from implicit ones on trial back to where they came from.
 /// - Near rest (kSettling steps in a row that stability limits and that change the state by some
 ///   tolerances only) it goes to radau without a trial, and back at the next command: the error of
 ///   explicit steps at the bound of stability would keep the motion from ever coming to rest.
@@ -81,8 +83,8 @@ class StepperChoice {
 
   /// The motion has no series here: true when another stepper takes over.
   bool leaveSeries();
-  /// The explicit stepper gets nowhere: true when the implicit one takes over.
-  bool giveUpExplicit();
+  /// The stepper gets nowhere: true when another one takes over.
+  bool giveUp();
 
   /// After an accepted step to `node` of a motion that may come to rest, in which x changed by
   /// `change` tolerances: true when the implicit stepper takes over to let it settle. [loop]
@@ -101,17 +103,17 @@ class StepperChoice {
   /// The one that `auto` starts with.
   Pair* preferred() { return series_.outer ? &series_ : &first_; }
 
-  bool considerImplicit(System& system, const StepNode& node, double limit, double* h);
+  /// After an explicit step: true when implicit ones are to be tried from now on.
+  bool considerImplicit(const StepNode& node, const double* h);
+  /// After one of these: true when the next step is not what its error estimate allows.
+  bool judgeImplicit(double limit, double* h);
+  void giveUpTrial();
 
   bool considerExplicit(System& system, const StepNode& node, double limit, double* h);
 
   /// The step that `stepper` could make from `node`: tried from h on, shorter until its error
   /// estimate accepts it; 0 when none of a few is.
   static double tryStep(System& system, Stepper& stepper, const StepNode& node, double h);
-
-  /// Goes over to `other`, which could make steps of size `reached`, when that is better than `h`
-  /// by the one in use.
-  bool change(Pair* other, double reached, double h);
 
   void goOverTo(Pair* other);
 
@@ -143,6 +145,9 @@ class StepperChoice {
   Pair first_;     // the one named, or the explicit one
   Pair implicit_;  // of `auto` only
   Pair* active_ = nullptr;
+  Pair* challenged_ =
+      nullptr;  ///< while implicit steps are tried: what they have to be better than
+  double challenged_step_ = 0.0;
   std::uint64_t switches_ = 0;
   int suspicions_ = 0;
   int quiet_ = 0;

@@ -168,7 +168,7 @@ bool Integrator::refuse(Trial& trial, double norm) {
   // Jacobian by differences, a stage).
   const bool is_hard_pressed = trial.rejections % kHardPressed == kHardPressed - 1;
   if (is_hard_pressed && (hopOverJumpAhead() || !status_.ok())) return false;
-  if (++trial.rejections == kHopeless && choice_.giveUpExplicit()) {
+  if (++trial.rejections == kHopeless && choice_.giveUp()) {
     stepper_ = &choice_.stepper();
     followChoice();
   }
