@@ -319,6 +319,27 @@ TEST(Taylor, StepsMadeAheadAreThoseMadeOneByOne) {
   }
 }
 
+// Where a ramp of an input ends, times are counted anew: the present that is asked for is not there
+// where it was before.
+TEST(Taylor, StepsMadeAheadEndWhereTheyAreToBehindARamp) {
+  const Scene scene = test::sceneFromText(
+      "shafts: [a]\na: {inertia: 1}\ntorques: [m, q]\n"
+      "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, hold: first_order_hold, period: "
+      "0.4}\n"
+      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-60*sin(phi1)\"}\n"
+      "initial: {velocity: [3]}\n");
+  const auto play = [&](Scene given, StepperKind stepper) {
+    given.solver.stepper = stepper;
+    Simulation simulation(given);
+    simulation.advanceTo(0.5);
+    simulation.command(0, 2.0);
+    simulation.advanceTo(1.2);
+    return simulation.sample().velocity[0];
+  };
+  EXPECT_NEAR(play(test::withTolerance(scene, 1e-7), StepperKind::kTaylor),
+              play(test::withTolerance(scene, 1e-11), StepperKind::kDop853), 1e-5);
+}
+
 // Damped 1e5 times as much from 1 s to 3 s.
 TEST(Taylor, IsLeftWhileTheMotionIsStiff) {
   const std::string torque = "-(1+5e4*(tanh(10*(t-1))-tanh(10*(t-3))))*(w1-cos(t))";

@@ -10,6 +10,7 @@ namespace variator_sim {
 Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
     : S(system.shafts()),
       integrates_torque_(system.integratesTorque()),
+      passed_(system),
       settings_(scene.solver),
       system_(system),
       drivetrain_(system.drivetrain()),
@@ -38,7 +39,6 @@ Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
 }
 
 void Integrator::reset() {
-  ahead_ = nullptr;
   status_ = MotionStatus{};
   statistics_ = Statistics{};
   is_start_ = true;
@@ -146,7 +146,6 @@ void Integrator::moveOrigin(double t) {
 }
 
 void Integrator::restart() {
-  ahead_ = nullptr;
   course_ = Course::kStep;
   crossing_ = Crossing{};
   rest_.reset();
@@ -239,8 +238,8 @@ bool Integrator::jump(const double* u0) {
 }
 
 bool Integrator::step(double target) {
-  // A step that was made ahead has nothing special about its beginning.
-  if (!countStep() || !(ahead_ != nullptr || finishInputSegments()) || !makeStep(target)) {
+  passed_.begin = passed_.end = nullptr;
+  if (!countStep(front_.time) || !finishInputSegments() || !makeStep(target)) {
     status_.time = absolute(front_.time);
     return false;
   }
@@ -249,17 +248,21 @@ bool Integrator::step(double target) {
   return true;
 }
 
-bool Integrator::countStep() {
-  if (absolute(front_.time) - step_window_start_ >= 1.0) {
-    step_window_start_ = absolute(front_.time);
+bool Integrator::hasStepLeft(double from) {
+  if (absolute(from) - step_window_start_ >= 1.0) {
+    step_window_start_ = absolute(from);
     steps_in_window_ = 0;
   }
-  if (steps_in_window_ < settings_.maximum_steps) {
-    ++steps_in_window_;
-    return true;
+  return steps_in_window_ < settings_.maximum_steps;
+}
+
+bool Integrator::countStep(double from) {
+  if (!hasStepLeft(from)) {
+    stop(StopReason::kStepLimit);
+    return false;
   }
-  stop(StopReason::kStepLimit);
-  return false;
+  ++steps_in_window_;
+  return true;
 }
 
 bool Integrator::finishInputSegments() {
@@ -287,7 +290,7 @@ bool Integrator::rests() const {
 
 bool Integrator::makeStep(double target) {
   // Before a long step: a controller's machine is to be seen at rest at once.
-  if (ahead_ == nullptr && base_.time == front_.time && rests() && fallAsleep()) {
+  if (base_.time == front_.time && rests() && fallAsleep()) {
     ++statistics_.sleeps;
     return true;
   }

@@ -87,10 +87,7 @@ class Integrator {
   /// The front is a new beginning (start, command, end of an input's segment): derivative, step.
   void restart();
   /// Back to the last good state: the base.
-  void stepBack() {
-    ahead_ = nullptr;
-    front_ = base_;
-  }
+  void stepBack() { front_ = base_; }
   /// The jump map at the front, from the inputs u0 to those that the signals now have. False when
   /// the motion stopped.
   bool jump(const double* u0);
@@ -98,10 +95,18 @@ class Integrator {
   void noteCommand(double time) { rhythm_.note(time); }
 
   // --- steps -----------------------------------------------------------------------------------
-  /// One accepted step from the front. False when the motion stopped. Those that follow may be made
-  /// at once, as far as the first one that comes to `target`, s: whoever looks inside of one has it
-  /// before the next.
+  /// One accepted step from the front. False when the motion stopped. Others may be made before it
+  /// and passed over, as long as they do not come to `target` (s, from the motion's start, for the
+  /// front may begin anew): whoever looks inside of each has it behind them.
   bool step(double target);
+  /// Those steps, from `from` to the nodes.
+  struct PassedSteps {
+    explicit PassedSteps(const System& system) : from(system) {}
+    StepNode from;
+    const SeriesNode* begin = nullptr;
+    const SeriesNode* end = nullptr;
+  };
+  const PassedSteps& passed() const { return passed_; }
   /// Stops at the instant `time` (s, from the motion's start) for a value that is not finite at
   /// (t, x).
   void stopAtBadValue(double time, double t, const State& x);
@@ -155,15 +160,21 @@ class Integrator {
 
   /// The limit of steps is one per simulated time and not per advance: how a motion is cut may not
   /// change it.
-  bool countStep();
+  bool hasStepLeft(double from);
+  bool countStep(double from);
   bool finishInputSegments();
   /// Nothing changes at the front, exactly.
   bool rests() const;
   bool makeStep(double target);
-  /// The step as the stepper makes it in one, where it does, nothing has an edge and no input
-  /// moves. False when it is to be made the other way: then nothing has happened.
+  /// The step, and those before it that are passed over, as the stepper makes them in one, where it
+  /// does, nothing has an edge and no input moves. False when the step from the base is to be made
+  /// the other way.
   bool makeWholeStep(double target);
-  bool makeStepsAhead(double target);
+  /// How many are made as far as `target`, each with what it came to. 0: none.
+  int makeStepsAhead(double target, const SeriesNode** nodes);
+  /// One of them is taken. False when it is no good after all.
+  bool takeWholeStep(double from, const SeriesNode& to);
+  void moveTo(const SeriesNode& made, StepNode* node) const;
   /// They are not good after all.
   void leaveWholeSteps();
   bool mayMakeWholeSteps() const {
@@ -430,9 +441,7 @@ class Integrator {
   const int S;  // shafts
   const bool integrates_torque_;
   bool may_make_whole_steps_ = false;
-  /// Whole steps that are made and not taken yet.
-  const SeriesNode* ahead_ = nullptr;
-  const SeriesNode* ahead_end_ = nullptr;
+  PassedSteps passed_;
   const SolverSettings& settings_;
   PrincipleSystem& system_;
   Drivetrain& drivetrain_;  // the system's

@@ -38,7 +38,7 @@ void StepChecks::noteAccelerations(const StepNode& node) {
 double StepChecks::checkTorque(Stepper& stepper, const StepNode& from, StepNode& to) {
   if (integrates_torque_) {
     if (!drivetrain_.hasTorques()) return 0.0;
-    noteTorqueSize(from);
+    noteTorqueSize(from.torque.data());
     calcTorque(to);
     TorqueGain gain(S);
     stepper.calcTorqueGain(system_, from, to, gain);

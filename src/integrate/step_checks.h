@@ -80,10 +80,10 @@ class StepChecks {
   /// larger in d: what it makes of Q is allowed, too, as long as Q is about linear over so much.
   double checkTorque(Stepper& stepper, const StepNode& from, StepNode& to);
 
-  /// A step from there has compared Q by itself.
-  void noteTorqueSize(const StepNode& from) {
+  /// A step from where Q is this has compared Q by itself.
+  void noteTorqueSize(const double* torque) {
     for (int i = 0; i < S; ++i) {
-      largest_torque_[i] = std::max(largest_torque_[i], std::abs(from.torque[i]));
+      largest_torque_[i] = std::max(largest_torque_[i], std::abs(torque[i]));
     }
   }
 

@@ -65,15 +65,34 @@ EnergyDoubt EnergyMeter::doubt() const {
   return doubt;
 }
 
-EnergyMeter::Power EnergyMeter::powerOf(const StepNode& node) const {
+EnergyMeter::Power EnergyMeter::powerOf(const double* torque, const double* torque_rate,
+                                        const double* omega, const double* epsilon) const {
   Power power;
   for (int i = 0; i < S; ++i) {
-    const double part = node.torque[i] * node.x[S + i];
+    const double part = torque[i] * omega[i];
     power.value += part;
     power.through += std::abs(part);
-    power.rate += node.torque_rate[i] * node.x[S + i] + node.torque[i] * node.dxdt[S + i];
+    power.rate += torque_rate[i] * omega[i] + torque[i] * epsilon[i];
   }
   return power;
+}
+
+void EnergyMeter::notePassed(const StepNode& from, const SeriesNode* begin, const SeriesNode* end) {
+  Power before = powerOf(from);
+  double time = from.time;
+  for (const SeriesNode* node = begin; node != end; ++node) {
+    const double* const omega = node->x + S;
+    const Power after = powerOf(node->torque, node->torque_rate, omega, omega + S);
+    const double h = node->end - time;
+    throughput_ += 0.5 * h * (before.through + after.through);
+    applied_ += estimateWork(h, before, after);
+    if (is_watched_) {
+      if (!drivetrain_.inertia().isConstant()) drivetrain_.setInertia(node->x, node->inertia);
+      watch(node->end, node->x, drivetrain_.calcKineticEnergy(node->x, omega), node->C);
+    }
+    before = after;
+    time = node->end;
+  }
 }
 
 StateView EnergyMeter::view(double t, const State& x) {
@@ -109,18 +128,18 @@ bool EnergyMeter::haveRowsTurned(const Row* rows) const {
   return false;
 }
 
-void EnergyMeter::watch(const StepNode& node, const Row* rows) {
-  reactions_ = calcKinetic(node.x) - start_kinetic_ - applied_;
+void EnergyMeter::watch(double time, const double* x, double kinetic, const Row* rows) {
+  reactions_ = kinetic - start_kinetic_ - applied_;
   if (doubt_since_ >= 0.0) return;
   if (!has_turned_) has_turned_ = haveRowsTurned(rows);
   if (!has_turned_ || !(std::abs(reactions_) > kDoubtful * throughput_)) return;
   // What the tolerance makes of T is nobody's energy.
   double uncertain = 0.0;
   for (int i = 0; i < S; ++i) {
-    const double omega = node.x[S + i];
+    const double omega = x[S + i];
     uncertain += drivetrain_.inertia().entry(i, i) * std::abs(omega) * tolerance_.of(omega);
   }
-  if (std::abs(reactions_) > kCertain * uncertain) doubt_since_ = drivetrain_.origin() + node.time;
+  if (std::abs(reactions_) > kCertain * uncertain) doubt_since_ = drivetrain_.origin() + time;
 }
 
 }  // namespace variator_sim

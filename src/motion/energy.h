@@ -95,8 +95,10 @@ class EnergyMeter {
     throughput_before_ = throughput_;
     throughput_ += 0.5 * h * (begin.through + end.through);
     applied_ += is_tracked_ ? calcWork(from, to, 1.0, inside) : estimateWork(h, begin, end);
-    if (is_watched_) watch(to, rows);
+    if (is_watched_) watch(to.time, to.x.data(), calcKinetic(to.x), rows);
   }
+  /// Steps before that one were passed over, from `from` to the nodes, at whose ends C is theirs.
+  void notePassed(const StepNode& from, const SeriesNode* begin, const SeriesNode* end);
   /// The motion goes on from `present`, to which it has gone in its last step; inputs are still
   /// those of that step.
   template <class Inside>
@@ -146,7 +148,12 @@ class EnergyMeter {
     double rate = 0.0;
     double through = 0.0;
   };
-  Power powerOf(const StepNode& node) const;
+  Power powerOf(const double* torque, const double* torque_rate, const double* omega,
+                const double* epsilon) const;
+  Power powerOf(const StepNode& node) const {
+    return powerOf(node.torque.data(), node.torque_rate.data(), node.x.data() + S,
+                   node.dxdt.data() + S);
+  }
 
   StateView view(double t, const State& x);
   double calcKinetic(const State& x) {
@@ -176,7 +183,7 @@ class EnergyMeter {
   bool haveRowsTurned(const Row* rows) const;
   /// Has C turned since the start, and have the reactions brought or taken a part of the energy
   /// that nobody would leave aside?
-  void watch(const StepNode& node, const Row* rows);
+  void watch(double time, const double* x, double kinetic, const Row* rows);
 
   /// The reactions' part of the applied energy that is worth a word.
   static constexpr double kDoubtful = 0.05;

@@ -197,7 +197,9 @@ void Motion::moveTo(double time) {
       goes_on = integrator_.finishSleep();
     } else {
       // Who integrates inside of a step looks into each.
-      goes_on = integrator_.step(energy_.isTracked() ? integrator_.front().time : relative());
+      goes_on = integrator_.step(energy_.isTracked() ? time_ : time);
+      const Integrator::PassedSteps& passed = integrator_.passed();
+      if (passed.begin != passed.end) energy_.notePassed(passed.from, passed.begin, passed.end);
     }
     if (goes_on) {
       energy_.noteStep(integrator_.base(), integrator_.front(), integrator_.rows(),
