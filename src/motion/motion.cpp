@@ -250,10 +250,11 @@ void Motion::carryOutCommands() {
     carryOutInitialCommands();
     return;
   }
-  const bool is_any_new = isAnyCommandNew();
-  const CommandQueue queue = commands_;
+  if (isAnyCommandNew()) changeInputs(commands_);  // else as if nothing had come
   commands_.clear();
-  if (!is_any_new) return;  // the motion goes on as if nothing had come
+}
+
+void Motion::changeInputs(const CommandQueue& queue) {
   integrator_.noteCommand(time_);
 
   StepNode reached = integrator_.front();

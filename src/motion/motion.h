@@ -115,6 +115,7 @@ class Motion {
   /// All commands that wait take effect at the present, together: inputs that jump move on the
   /// straight line between their old and new values, so that no order means anything.
   void carryOutCommands();
+  void changeInputs(const CommandQueue& queue);
   /// Those before the first advance: a zero-order one is the initial value, no jump, so the
   /// accelerations of least reaction are those with it; the others set targets.
   void carryOutInitialCommands();
