@@ -286,10 +286,11 @@ def delivered_table(scenes):
                          for p in points}, reverse=True)
     tolerances = [t for t in tolerances if t > 0.5e-13]
     rows = []
-    for stepper in OUR_COLOURS:
+    for stepper, given in [("auto", "machine code"), *((stepper, None) for stepper in OUR_COLOURS)]:
         for stiff in (False, True):
-            cells = [stepper, "stiff_*" if stiff else "the others"]
-            curves_of = {name: curves.get((f"ours {stepper}", ours_forms(curves)))
+            cells = [f"{stepper}, {given}" if given else stepper,
+                     "stiff_*" if stiff else "the others"]
+            curves_of = {name: curves.get((f"ours {stepper}", given or ours_forms(curves)))
                          for name, curves in scenes.items() if name.startswith("stiff") == stiff}
             curves_of = {name: points for name, points in curves_of.items() if points}
             if not curves_of:

@@ -260,6 +260,8 @@ class Ours : public Method {
         {"machine_code", ParameterTree::text(form() == "machine code" ? "always" : "never")},
         {"relative_tolerance", ParameterTree::real(tolerance)},
         {"absolute_tolerance", ParameterTree::real(tolerance)},
+        // As the peers, whose steps nothing limits.
+        {"maximum_step", ParameterTree::real(kEnd)},
     });
     CompiledFactory<SceneOf> factory(scene_case_.parameters);
     try {
