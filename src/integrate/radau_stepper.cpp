@@ -56,9 +56,7 @@ class RadauStepper final : public Stepper {
   bool isImplicit() const override { return true; }
   /// A step that took many iterations is near those that do not converge (Hairer, Wanner, IV.8
   /// (8.21)).
-  double ease() const override {
-    return kReserve * (2.0 * kNit + 1.0) / (2.0 * kNit + iterations_);
-  }
+  double ease() const override { return (2.0 * kNit + 1.0) / (2.0 * kNit + iterations_); }
   bool keepsConstraints() const override { return true; }
   bool hasDenseOutput() const override { return true; }
   void restart() override {
@@ -399,8 +397,6 @@ class RadauStepper final : public Stepper {
   static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   /// Of the tolerance: what Newton's iteration may leave.
   static constexpr double kNewton = 0.01;
-  /// Steps that all use their tolerance up add up in a motion that nothing pulls back.
-  static constexpr double kReserve = 0.9;
   /// 2 kNit + 2 iterations halve the next step.
   static constexpr double kNit = 3.0;
   static constexpr double kFirstRate = 0.01;
