@@ -239,7 +239,7 @@ bool Integrator::jump(const double* u0) {
 
 bool Integrator::step(double target) {
   passed_.begin = passed_.end = nullptr;
-  if (!countStep(front_.time) || !finishInputSegments() || !makeStep(target)) {
+  if (!countStep() || !finishInputSegments() || !makeStep(target)) {
     status_.time = absolute(front_.time);
     return false;
   }
@@ -256,8 +256,8 @@ bool Integrator::hasStepLeft(double from) {
   return steps_in_window_ < settings_.maximum_steps;
 }
 
-bool Integrator::countStep(double from) {
-  if (!hasStepLeft(from)) {
+bool Integrator::countStep() {
+  if (!hasStepLeft(front_.time)) {
     stop(StopReason::kStepLimit);
     return false;
   }

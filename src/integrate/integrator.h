@@ -161,7 +161,7 @@ class Integrator {
   /// The limit of steps is one per simulated time and not per advance: how a motion is cut may not
   /// change it.
   bool hasStepLeft(double from);
-  bool countStep(double from);
+  bool countStep();
   bool finishInputSegments();
   /// Nothing changes at the front, exactly.
   bool rests() const;

@@ -123,10 +123,10 @@ bool StepperChoice::reconsider(System& system, const StepNode& node, double limi
     goOverTo(&series_);
     return true;
   }
-  return considerImplicit(node, h);
+  return considerImplicit(node, *h);
 }
 
-bool StepperChoice::considerImplicit(const StepNode& node, const double* h) {
+bool StepperChoice::considerImplicit(const StepNode& node, double h) {
   // Of a stepper that nothing is held against not every step is looked at.
   if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
   unseen_ = 0;
@@ -142,7 +142,7 @@ bool StepperChoice::considerImplicit(const StepNode& node, const double* h) {
   if (suspicions_ < wait_) return false;
   suspicions_ = 0;
   challenged_ = active_;
-  challenged_step_ = *h;
+  challenged_step_ = h;
   goOverTo(&implicit_);
   return true;  // h stays: the first step damps
 }
@@ -152,9 +152,7 @@ bool StepperChoice::judgeImplicit(double limit, double* h) {
     *h = std::min(limit, 10.0 * challenged_step_);
     return true;
   }
-  const double now = challenged_step_ / challenged_->outer->work();
-  const double then = *h / implicit_.outer->work();
-  if (then > kAdvantage * now) {
+  if (getsFurther(implicit_, *h, *challenged_, challenged_step_)) {
     challenged_ = nullptr;
     wait_ = kSuspicions;
     return false;
@@ -176,9 +174,7 @@ bool StepperChoice::considerExplicit(System& system, const StepNode& node, doubl
   if (++steps_since_trial_ < trial_interval_) return false;
   steps_since_trial_ = 0;
   const double reached = tryStep(system, *preferred()->outer, node, std::min(limit, *h));
-  const double now = *h / implicit_.outer->work();
-  const double then = reached / preferred()->outer->work();
-  if (then > kAdvantage * now) {
+  if (getsFurther(*preferred(), reached, implicit_, *h)) {
     goOverTo(preferred());
     wait_ = kSuspicions;
     *h = reached;
@@ -202,6 +198,11 @@ double StepperChoice::tryStep(System& system, Stepper& stepper, const StepNode& 
     h *= std::max(0.1, factor);
   }
   return 0.0;
+}
+
+bool StepperChoice::getsFurther(const Pair& one, double step, const Pair& other,
+                                double other_step) {
+  return step / one.outer->work() > kAdvantage * (other_step / other.outer->work());
 }
 
 void StepperChoice::goOverTo(Pair* other) {

@@ -104,7 +104,7 @@ class StepperChoice {
   Pair* preferred() { return series_.outer ? &series_ : &first_; }
 
   /// After an explicit step: true when implicit ones are to be tried from now on.
-  bool considerImplicit(const StepNode& node, const double* h);
+  bool considerImplicit(const StepNode& node, double h);
   /// After one of these: true when the next step is not what its error estimate allows.
   bool judgeImplicit(double limit, double* h);
   void giveUpTrial();
@@ -115,6 +115,8 @@ class StepperChoice {
   /// estimate accepts it; 0 when none of a few is.
   static double tryStep(System& system, Stepper& stepper, const StepNode& node, double h);
 
+  /// For the same work, and by more than a change costs.
+  static bool getsFurther(const Pair& one, double step, const Pair& other, double other_step);
   void goOverTo(Pair* other);
 
   /// At higher accuracy than this dop853 needs fewer evaluations than dopri5.

@@ -72,7 +72,7 @@ bool Integrator::makeWholeStep(double target) {
     from = node->end;
     const bool is_last = n + 1 == count;
     if (is_last || !hasStepLeft(from)) break;
-    countStep(from);
+    ++steps_in_window_;
     // Nothing is about to rest, and nobody looks.
     rest_.noteMotion();
     choice_.noteUnseenStep();

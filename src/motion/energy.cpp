@@ -84,11 +84,10 @@ void EnergyMeter::notePassed(const StepNode& from, const SeriesNode* begin, cons
     const double* const omega = node->x + S;
     const Power after = powerOf(node->torque, node->torque_rate, omega, omega + S);
     const double h = node->end - time;
-    throughput_ += 0.5 * h * (before.through + after.through);
-    applied_ += estimateWork(h, before, after);
+    addStep(h, before, after, estimateWork(h, before, after));
     if (is_watched_) {
       if (!drivetrain_.inertia().isConstant()) drivetrain_.setInertia(node->x, node->inertia);
-      watch(node->end, node->x, drivetrain_.calcKineticEnergy(node->x, omega), node->C);
+      watch(node->end, node->x, node->C);
     }
     before = after;
     time = node->end;
@@ -128,8 +127,8 @@ bool EnergyMeter::haveRowsTurned(const Row* rows) const {
   return false;
 }
 
-void EnergyMeter::watch(double time, const double* x, double kinetic, const Row* rows) {
-  reactions_ = kinetic - start_kinetic_ - applied_;
+void EnergyMeter::watch(double time, const double* x, const Row* rows) {
+  reactions_ = drivetrain_.calcKineticEnergy(x, x + S) - start_kinetic_ - applied_;
   if (doubt_since_ >= 0.0) return;
   if (!has_turned_) has_turned_ = haveRowsTurned(rows);
   if (!has_turned_ || !(std::abs(reactions_) > kDoubtful * throughput_)) return;

@@ -93,9 +93,9 @@ class EnergyMeter {
     const Power end = powerOf(to);
     applied_before_ = applied_;
     throughput_before_ = throughput_;
-    throughput_ += 0.5 * h * (begin.through + end.through);
-    applied_ += is_tracked_ ? calcWork(from, to, 1.0, inside) : estimateWork(h, begin, end);
-    if (is_watched_) watch(to.time, to.x.data(), calcKinetic(to.x), rows);
+    addStep(h, begin, end,
+            is_tracked_ ? calcWork(from, to, 1.0, inside) : estimateWork(h, begin, end));
+    if (is_watched_) watch(to.time, to.x.data(), rows);
   }
   /// Steps before that one were passed over, from `from` to the nodes, at whose ends C is theirs.
   void notePassed(const StepNode& from, const SeriesNode* begin, const SeriesNode* end);
@@ -155,6 +155,11 @@ class EnergyMeter {
                    node.dxdt.data() + S);
   }
 
+  void addStep(double h, const Power& begin, const Power& end, double work) {
+    throughput_ += 0.5 * h * (begin.through + end.through);
+    applied_ += work;
+  }
+
   StateView view(double t, const State& x);
   double calcKinetic(const State& x) {
     return drivetrain_.calcKineticEnergy(x.data(), x.data() + S);
@@ -183,7 +188,7 @@ class EnergyMeter {
   bool haveRowsTurned(const Row* rows) const;
   /// Has C turned since the start, and have the reactions brought or taken a part of the energy
   /// that nobody would leave aside?
-  void watch(double time, const double* x, double kinetic, const Row* rows);
+  void watch(double time, const double* x, const Row* rows);
 
   /// The reactions' part of the applied energy that is worth a word.
   static constexpr double kDoubtful = 0.05;
