@@ -175,6 +175,11 @@ class Drivetrain {
     std::copy_n(program_.calcVelocityLevel(state),
                 velocity_rows_.size() * (static_cast<std::size_t>(S) + 1), level);
   }
+  /// Of each constraint of order 1 or 2 psi and its row of C.
+  void copyAccelerationLevel(const StateView& state, double* level) const {
+    std::copy_n(program_.calcAccelerationLevel(state),
+                acceleration_rows_.size() * (static_cast<std::size_t>(S) + 1), level);
+  }
   /// What the functions of machine code ask for.
   const KernelTables* kernelTables() const { return program_.kernelTables(); }
   /// True when some input moves.

@@ -28,6 +28,7 @@
 #include "dynamics/series_step.h"
 #include "expression/series_program.h"
 #include "variator_sim/motion_state.h"
+#include "variator_sim/sample.h"
 #include "variator_sim/steps_together.h"
 
 namespace variator_sim {
@@ -73,6 +74,12 @@ class MotionSeries {
   /// whose order `last` is. [loop]
   const SeriesStep& stride(double t, const double* x, const Aim& aim);
   bool isNextBegunAt(double t) const;
+  /// A sample at t inside the last step, which ends at `end`, of the stride whose series had that
+  /// stamp; inputs stand still. All of it is by the series of both ends, velocities and
+  /// accelerations brought onto the constraints. False where that is not to be had: of constraints
+  /// of order 3, of a step that was made otherwise. [loop]
+  bool calcSample(std::uint64_t stamp, double end, double t, std::uint64_t* projections,
+                  Sample* sample);
   /// Steps are made with those of other motions where that may be; nullptr: alone. Its owner has to
   /// outlive this or to take it back.
   void makeStepsWith(StepsTogether* together) { together_ = together; }
@@ -150,6 +157,7 @@ class MotionSeries {
   void setAside(int state, double* x) const;
   /// Steps from there, by `code` where that is given.
   void stepAside(int state, double limit, const std::function<void()>& code = nullptr);
+  bool givesSameNumbers();
   /// Coefficients there, as far as they come.
   std::vector<double> expandAt(int state);
   /// Order 0, as `begin` makes it.
@@ -240,7 +248,14 @@ class MotionSeries {
   void findOrderPlaces();
   void findLayout();
   void keepInertia();
-  void prepareStep();
+  void findSampled();
+  void prepare(SeriesStep* step);
+  /// Coefficients of the step's components: see series_step_sample.inc.
+  void tabulate();
+  /// Before its series are given up.
+  void keepSamples() {
+    if (makes_samples_ && strode_ == stamp_ && table_.stamp != stamp_) tabulate();
+  }
   /// Orders 0 and 1 of a series that no step has begun.
   bool beginStep(double t, const double* x, double unit);
   void pointAtRows();
@@ -248,6 +263,8 @@ class MotionSeries {
   void noteUnits();
   static void interpretStep(SeriesStep* step);
   static void interpretArrival(SeriesStep* step);
+  static void interpretSample(SeriesStep* step, const double* table, double part,
+                              const SeriesSample* to);
   friend struct SeriesInterpreter;
   friend class series_plain::SeriesOrder;
   friend class series_fused::SeriesOrder;
@@ -255,6 +272,18 @@ class MotionSeries {
   bool makes_whole_steps_ = false;
   SeriesLayout layout_ = {};
   SeriesStep step_ = {};
+  bool makes_samples_ = false;
+  std::uint64_t strode_ = 0;  ///< the stamp of the series that a good stride has left
+  /// What samples of a step are made of: its series may be gone then.
+  struct SampleTable {
+    std::uint64_t stamp = 0;
+    int last = 0;
+    double end = 0.0;
+    double per_step = 0.0;  ///< 1/s
+    double rows[(kMostOrder + 5) * (sizeof(SeriesLayout::sampled_at) / sizeof(int))] = {};
+  };
+  SampleTable table_;
+  SeriesStep sample_ = {};
   bool is_next_begun_ = false;
   StepsTogether* together_ = nullptr;
   const SeriesLanes* lanes_ = nullptr;  ///< where the next series is begun; nullptr: here
@@ -262,6 +291,9 @@ class MotionSeries {
   using StepCode = void (*)(SeriesStep* step);
   StepCode step_code_ = interpretStep;
   StepCode arrive_code_ = interpretArrival;
+  using SampleCode = void (*)(SeriesStep* step, const double* table, double part,
+                              const SeriesSample* to);
+  SampleCode sample_code_ = interpretSample;
 
   // Rows of the program.
   int row_of_time_ = -1;

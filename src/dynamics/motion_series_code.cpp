@@ -276,6 +276,10 @@ std::string MotionSeries::writeLayout() const {
   text << it.flats << ", ";
   array(it.flat_at);
   array(it.flat_divides);
+  array(it.constraint_order);
+  array(it.multiplier_at);
+  text << it.sampled << ", " << it.sampled_width << ", ";
+  array(it.sampled_at);
   return text.str() + "};\n";
 }
 
@@ -319,9 +323,23 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
                  it->x_new + 2 * layout.shafts, it->input[0], it->input_rate[0],
                  it->input_second_rate[0], it->tables[0], level);
 }
+#define SERIES_SOME 4
+typedef Four Some;
+static inline Some seriesSpread(double a) { return (Some){a, a, a, a}; }
+static inline Some seriesLoad(const double* from) { return load(from); }
+static inline Some seriesFuse(Some a, Some b, Some c) { return fuseFour(a, b, c); }
+static inline void seriesAccelerationLevel(struct SeriesStep* it, double* level) {
+  acceleration_level(it->origin + it->end, it->x_new, it->x_new + layout.shafts,
+                     it->x_new + 2 * layout.shafts, it->input[0], it->input_rate[0],
+                     it->input_second_rate[0], it->tables[0], level);
+}
 )c" + kSeriesStepText +
+            kSeriesStepSample +
             "void series_step(struct SeriesStep* it) { seriesStride(it); }\n"
-            "void series_arrive(struct SeriesStep* it) { seriesArrive(it, 0); }\n";
+            "void series_arrive(struct SeriesStep* it) { seriesArrive(it, 0); }\n"
+            "void series_sample(struct SeriesStep* it, const Real* table, Real part,\n"
+            "                   const struct SeriesSample* to) {\n"
+            "  seriesSample(it, table, part, to);\n}\n";
   }
   return std::string(expression::arithmeticOfCode()) + expression::SeriesProgram::codePrelude() +
          program_.writeMirrors(mirrored) + text;
@@ -380,9 +398,11 @@ bool MotionSeries::use(const KernelLibrary& library, const double* constants, st
   if (makes_whole_steps_) {
     const auto step = reinterpret_cast<StepCode>(library.find("series_step"));
     const auto arrive = reinterpret_cast<StepCode>(library.find("series_arrive"));
-    if (step == nullptr || arrive == nullptr) return false;
+    const auto sample = reinterpret_cast<SampleCode>(library.find("series_sample"));
+    if (step == nullptr || arrive == nullptr || sample == nullptr) return false;
     step_code_ = step;
     arrive_code_ = arrive;
+    sample_code_ = sample;
   }
   codes_ = std::move(codes);
   begin_code_ = begin;
@@ -393,6 +413,14 @@ bool MotionSeries::use(const KernelLibrary& library, const double* constants, st
 }
 
 bool MotionSeries::agreesWithInterpreter() {
+  keepSamples();
+  const SampleTable table = table_;
+  const bool is_same = givesSameNumbers();
+  table_ = table;
+  return is_same;
+}
+
+bool MotionSeries::givesSameNumbers() {
   for (int n = 0; n < kStates; ++n) {
     const std::vector<double> computed = expandAt(n);
     std::vector<OrderCode> codes;
@@ -400,11 +428,13 @@ bool MotionSeries::agreesWithInterpreter() {
     const BeginCode begin_code = std::exchange(begin_code_, nullptr);
     const StepCode step_code = std::exchange(step_code_, interpretStep);
     const StepCode arrive_code = std::exchange(arrive_code_, interpretArrival);
+    const SampleCode sample_code = std::exchange(sample_code_, interpretSample);
     const bool is_same = isSame(expandAt(n), computed);
     codes_.swap(codes);
     begin_code_ = begin_code;
     step_code_ = step_code;
     arrive_code_ = arrive_code;
+    sample_code_ = sample_code;
     if (!is_same) return false;
   }
   return true;
@@ -415,6 +445,7 @@ void MotionSeries::interpret() {
   begin_code_ = nullptr;
   step_code_ = interpretStep;
   arrive_code_ = interpretArrival;
+  sample_code_ = interpretSample;
   library_ = nullptr;
 }
 
@@ -425,6 +456,7 @@ void MotionSeries::setAside(int state, double* x) const {
 }
 
 void MotionSeries::stepAside(int state, double limit, const std::function<void()>& code) {
+  keepSamples();
   struct Aside final : StepsTogether {
     explicit Aside(const std::function<void()>& its_code) : code(its_code) {}
     bool make(MotionSeries& /*series*/) override {
@@ -467,6 +499,13 @@ std::vector<double> MotionSeries::expandAt(int state) {
       coefficients.insert(coefficients.end(), step_.eta, step_.eta + S);
       coefficients.push_back(step_.taken);
       coefficients.push_back(step_.error);
+      Sample sample;
+      std::uint64_t unused = 0;
+      if (calcSample(stamp_, step_.end, step_.time + 0.3 * step_.taken, &unused, &sample)) {
+        coefficients.insert(coefficients.end(), sample.acceleration, sample.acceleration + S);
+        coefficients.insert(coefficients.end(), sample.reaction_torque_rate,
+                            sample.reaction_torque_rate + S);
+      }
     }
   }
   return coefficients;

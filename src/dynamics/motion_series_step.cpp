@@ -22,11 +22,15 @@ struct SeriesInterpreter {
     it->limits = it->limits != 0 || of(it).program_.hasLimit() ? 1 : 0;
   }
   static void velocityLevel(SeriesStep* it, double* level) {
-    const int S = it->layout->shafts;
-    const StateView state{it->origin + it->end,    it->x_new,    it->x_new + S,
-                          it->x_new + 2 * S,       it->input[0], it->input_rate[0],
-                          it->input_second_rate[0]};
-    of(it).drivetrain_.copyVelocityLevel(state, level);
+    of(it).drivetrain_.copyVelocityLevel(stateOf(*it), level);
+  }
+  static void accelerationLevel(SeriesStep* it, double* level) {
+    of(it).drivetrain_.copyAccelerationLevel(stateOf(*it), level);
+  }
+  static StateView stateOf(const SeriesStep& it) {
+    const int S = it.layout->shafts;
+    return {it.origin + it.end, it.x_new,         it.x_new + S,           it.x_new + 2 * S,
+            it.input[0],        it.input_rate[0], it.input_second_rate[0]};
   }
   static void turn(SeriesStep* it) { of(it).turn(); }
   static void goOn(SeriesStep* it) {
@@ -49,11 +53,24 @@ inline void seriesBeginAccelerated(SeriesStep* it) {
 inline void seriesVelocityLevel(SeriesStep* it, double* level) {
   SeriesInterpreter::velocityLevel(it, level);
 }
+inline void seriesAccelerationLevel(SeriesStep* it, double* level) {
+  SeriesInterpreter::accelerationLevel(it, level);
+}
 inline void seriesTurn(SeriesStep* it) {
   SeriesInterpreter::turn(it);
 }
 inline void seriesGoOn(SeriesStep* it) {
   SeriesInterpreter::goOn(it);
+}
+
+// Components of a sample at once.
+#define SERIES_SOME 2
+using Some = expression::Two;
+inline Some seriesSpread(double a) {
+  return Some{a, a};
+}
+inline Some seriesLoad(const double* from) {
+  return expression::loadTwo(from);
 }
 
 }  // namespace
@@ -68,9 +85,14 @@ using expression::plain::dot;
 using expression::plain::fuse;
 using expression::plain::fuseTwo;
 using series_step::Real;
+using series_step::SeriesSample;
 #include "dynamics/series_order.inc"
 namespace {
+inline Some seriesFuse(Some a, Some b, Some c) {
+  return fuseTwo(a, b, c);
+}
 #include "dynamics/series_step.inc"
+#include "dynamics/series_step_sample.inc"
 }  // namespace
 }  // namespace series_plain
 
@@ -83,9 +105,14 @@ using expression::fused::dot;
 using expression::fused::fuse;
 using expression::fused::fuseTwo;
 using series_step::Real;
+using series_step::SeriesSample;
 #include "dynamics/series_order.inc"
 namespace {
+inline Some seriesFuse(Some a, Some b, Some c) {
+  return fuseTwo(a, b, c);
+}
 #include "dynamics/series_step.inc"
+#include "dynamics/series_step_sample.inc"
 }  // namespace
 }  // namespace series_fused
 VARIATOR_SIM_END_FUSED
@@ -109,6 +136,15 @@ void MotionSeries::interpretArrival(SeriesStep* step) {
     series_fused::seriesArrive(step, 0);
   } else {
     series_plain::seriesArrive(step, 0);
+  }
+}
+
+void MotionSeries::interpretSample(SeriesStep* step, const double* table, double part,
+                                   const SeriesSample* to) {
+  if (expression::fusesProducts()) {
+    series_fused::seriesSample(step, table, part, to);
+  } else {
+    series_plain::seriesSample(step, table, part, to);
   }
 }
 
@@ -150,6 +186,7 @@ void MotionSeries::findLayout() {
     to.inertial_torque_at[i] = at(row_of_inertial_torque_[i]);
   }
   for (int m = 0; m < k_; ++m) {
+    to.multiplier_at[m] = at(row_of_multiplier_[m]);
     to.residual_at[m] = at(row_of_residual_[m]);
     for (int i = 0; i < S; ++i) to.entry_at[m * S + i] = at(entryRow(m, i));
   }
@@ -160,6 +197,8 @@ void MotionSeries::findLayout() {
                        (thirds == 0 || thirds == k_) && !program_.readsTables() &&
                        flat.size() <= room;
   if (!makes_whole_steps_) return;
+  makes_samples_ = thirds == 0;
+  findSampled();
   for (const auto& function : flat) {
     to.flat_at[to.flats] = at(function.argument);
     to.flat_divides[to.flats++] = function.divides ? 1 : 0;
@@ -174,8 +213,8 @@ void MotionSeries::keepInertia() {
     unit[j] = 1.0;
     inertia.solve(unit, column);
     for (int i = 0; i < S; ++i) {
-      step_.inertia[i * S + j] = inertia.entry(i, j);
-      step_.inertia_inverse[i * S + j] = column[i];
+      step_.inertia[i * S + j] = sample_.inertia[i * S + j] = inertia.entry(i, j);
+      step_.inertia_inverse[i * S + j] = sample_.inertia_inverse[i * S + j] = column[i];
     }
   }
 }
@@ -192,19 +231,19 @@ bool MotionSeries::isNextBegunAt(double t) const {
   return is_next_begun_ && t == step_.end && drivetrain_.origin() == step_.origin;
 }
 
-void MotionSeries::prepareStep() {
-  step_.layout = &layout_;
-  step_.host = this;
-  step_.constants = constants_;
-  step_.tables[0] = drivetrain_.kernelTables();
-  step_.input[0] = drivetrain_.inputs();
-  step_.input_rate[0] = drivetrain_.inputRates();
-  step_.input_second_rate[0] = drivetrain_.inputSecondRates();
-  step_.origin = drivetrain_.origin();
+void MotionSeries::prepare(SeriesStep* step) {
+  step->layout = &layout_;
+  step->host = this;
+  step->constants = constants_;
+  step->tables[0] = drivetrain_.kernelTables();
+  step->input[0] = drivetrain_.inputs();
+  step->input_rate[0] = drivetrain_.inputRates();
+  step->input_second_rate[0] = drivetrain_.inputSecondRates();
+  step->origin = drivetrain_.origin();
 }
 
 bool MotionSeries::beginWhole(double t, const double* x) {
-  prepareStep();
+  prepare(&step_);
   step_.next_rows = program_.rows();
   step_.next_states = program_.states();
   step_.next_inverse = own().inverse;
@@ -224,7 +263,7 @@ bool MotionSeries::beginStep(double t, const double* x, double unit) {
   turn();
   setInputs(t, layout_.order);
   turn();
-  prepareStep();
+  prepare(&step_);
   return true;
 }
 
@@ -287,6 +326,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
   own().order = step_.last;
   own_[1 - used_].order = 1;
   is_next_begun_ = step_.refused == 0.0;
+  if (is_next_begun_) strode_ = stamp_;
   if (std::isnan(step_.doubt)) program_.clear();
   return step_;
 }

@@ -112,6 +112,7 @@ void SeriesLanes::take(MotionSeries& series, int lane) {
     }
     for (int m = 0; m < series.k_; ++m) {
       to.row_length[m] = from.row_length[m][lane];
+      to.multiplier[m] = from.multiplier[m][lane];
       for (int i = 0; i < S; ++i) to.C[m][i] = from.C[m][i][lane];
     }
   }
@@ -198,8 +199,7 @@ void SeriesLanes::fetch(MotionSeries& series, int lane) const {
       to[n] = rows_[used_][n][lane];
     }
   };
-  for (int n = 0; n < 3 * series.S; ++n) copy(series.layout_.component_at[n]);
-  for (int i = 0; i < series.S; ++i) copy(series.layout_.torque_at[i]);
+  for (int n = 0; n < series.layout_.sampled; ++n) copy(series.layout_.sampled_at[n]);
 }
 
 }  // namespace variator_sim

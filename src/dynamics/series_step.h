@@ -13,6 +13,7 @@ using Real = double;
 }  // namespace series_step
 using series_step::SeriesLayout;
 using series_step::SeriesNode;
+using series_step::SeriesSample;
 using series_step::SeriesStep;
 
 /// How far steps may go on before somebody has to look.

@@ -370,6 +370,12 @@ bool Integrator::calcUnstepped(double now, State& x) {
   return false;
 }
 
+bool Integrator::calcSample(double now, Sample* sample) {
+  if (course_ != Course::kStep || !(base_.time < front_.time) || now == front_.time) return false;
+  return may_make_whole_steps_ && !drivetrain_.haveInputsMoved() &&
+         stepper_->calcSample(now, base_, front_, &statistics_.projections, sample);
+}
+
 bool Integrator::calcState(double now, State& x) {
   if (calcUnstepped(now, x)) return true;
   x = front_.x;

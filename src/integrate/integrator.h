@@ -126,6 +126,9 @@ class Integrator {
   void calcRest(double time, State& x) const;
 
   // --- inside the last step --------------------------------------------------------------------
+  /// A sample at `now` in one, where the stepper makes such. False where it is to be made from the
+  /// state.
+  bool calcSample(double now, Sample* sample);
   /// x at `now`, by dense output where the stepper has it. False where the motion stopped.
   bool calcState(double now, State& x);
   /// Steps from the base to `now`, which lies inside the last step, to the full order and with the

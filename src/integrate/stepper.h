@@ -17,6 +17,7 @@
 #include "dynamics/state_vector.h"
 #include "dynamics/system.h"
 #include "integrate/step_control.h"
+#include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
@@ -154,6 +155,12 @@ class Stepper {
     return false;
   }
 
+  /// A sample of the motion inside the last step in one, where the stepper makes such; inputs
+  /// stand still, nothing has an edge. False where it does not.
+  virtual bool calcSample(double /*time*/, const StepNode& /*from*/, const StepNode& /*to*/,
+                          std::uint64_t* /*projections*/, Sample* /*sample*/) {
+    return false;
+  }
   /// True when `interpolate` itself finds out how good it is, x' included.
   virtual bool checksDenseOutput() const { return false; }
   /// x' of the dense output at the part `theta` of the last step, of length h, of an implicit

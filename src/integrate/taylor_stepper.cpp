@@ -208,6 +208,13 @@ class TaylorStepper final : public Stepper {
     return true;
   }
 
+  /// The series' stamp is that of the base: whatever makes it another one begins them anew.
+  bool calcSample(double time, const StepNode& from, const StepNode& to, std::uint64_t* projections,
+                  Sample* sample) override {
+    return series_ != nullptr && from.time == base_time_ &&
+           series_->calcSample(stamp_, to.time, time, projections, sample);
+  }
+
  private:
   static constexpr int kTerms = 3;
   /// Tolerances: what accelerations that the velocities tell may be off by at the end of a step.

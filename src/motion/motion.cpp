@@ -117,7 +117,7 @@ void Motion::calcConstraintRow(int m, double* C) {
 
 void Motion::reset() {
   time_ = 0.0;
-  sample_valid_ = false;
+  forgetSample();
   commands_.reset();
   drivetrain_.resetInputs();
   integrator_.reset();
@@ -135,7 +135,7 @@ void Motion::reset() {
 }
 
 void Motion::start() {
-  sample_valid_ = false;
+  forgetSample();
   start_.x.fill(0.0);
   start_.result = system_.start(start_.x, start_.nearest, &start_.velocities_at_fault);
   if (start_.result == InitialResult::kConsistent) {
@@ -154,6 +154,11 @@ bool Motion::isInsideStep() const {
 
 const MotionStatus& Motion::advanceTo(double time) {
   if (!(time > time_)) return status();
+  if (time <= quiet_until_ && status().ok() && commands_.isEmpty()) {
+    time_ = time;
+    sample_valid_ = false;
+    return status();
+  }
   try {
     return advance(time);
   } catch (...) {
@@ -207,7 +212,9 @@ void Motion::moveTo(double time) {
     }
   }
   time_ = goes_on ? time : status().time;
-  sample_valid_ = false;
+  forgetSample();
+  // At a timeout its command acts.
+  quiet_until_ = std::min(quietUntil(), std::nextafter(commands_.nextTimeout(), -1.0));
 }
 
 double Motion::quietUntil() const {
@@ -230,7 +237,7 @@ CommandResult Motion::command(int input, double value) {
   }
   const double clamped = std::min(settings.maximum, std::max(settings.minimum, value));
   commands_.add(input, clamped, time_);
-  sample_valid_ = false;
+  forgetSample();
   ++statistics.commands_accepted;
   if (clamped == value) return CommandResult::kAccepted;
   ++statistics.commands_clamped;
@@ -266,7 +273,7 @@ void Motion::changeInputs(const CommandQueue& queue) {
     cutEnergy(reached);
   }
   integrator_.cutAt(time_, reached);
-  sample_valid_ = false;
+  forgetSample();
   double u0[kMaxInputs];
   std::copy_n(drivetrain_.inputs(), drivetrain_.inputCount(), u0);
   drivetrain_.saveSignals();
@@ -345,7 +352,7 @@ bool Motion::saveState(MotionState* state) {
 const MotionStatus& Motion::beginFrom(const MotionState& state, const State& x,
                                       const double* epsilon) {
   time_ = state.time;
-  sample_valid_ = false;
+  forgetSample();
   commands_.reset();
   for (int i = 0; i < drivetrain_.inputCount(); ++i) {
     drivetrain_.signal(i) = state.signal[i];
@@ -406,15 +413,19 @@ const Sample& Motion::sample() {
 }
 
 void Motion::takeSample() {
+  if (!integrator_.calcSample(present(), &sample_)) takeSampleOfState();
+  sample_.time = time_;
+  sample_valid_ = true;
+  if (energy_.isTracked()) sample_.energy = energy_.calcEnergy(sample_, calcApplied());
+}
+
+void Motion::takeSampleOfState() {
   State x(system_.size());
   if (!integrator_.calcState(present(), x)) time_ = status().time;
   system_.calcSample(present(), x, &sample_);
   // A law that fails once is asked again; a value that does not exist ends the motion.
   if (!isSampleFinite()) system_.calcSample(present(), x, &sample_);
-  sample_.time = time_;
   if (!isSampleFinite() && status().ok()) integrator_.stopAtBadValue(time_, present(), x);
-  sample_valid_ = true;
-  if (energy_.isTracked()) sample_.energy = energy_.calcEnergy(sample_, calcApplied());
 }
 
 bool Motion::isSampleFinite() const {
@@ -453,7 +464,7 @@ OperatingPoint Motion::operatingPoint() {
 void Motion::trackEnergy(bool on) {
   if (on == energy_.isTracked()) return;
   energy_.track(on);
-  sample_valid_ = false;
+  forgetSample();
 }
 
 Energy Motion::energy() {

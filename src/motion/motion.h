@@ -122,7 +122,12 @@ class Motion {
   bool isAnyCommandNew() const;
 
   bool isSampleFinite() const;
+  void forgetSample() {
+    sample_valid_ = false;
+    quiet_until_ = -1.0;
+  }
   void takeSample();
+  void takeSampleOfState();
 
   /// The motion goes on from `state`, with the accelerations `epsilon` and nothing else that this
   /// one has had before.
@@ -149,6 +154,7 @@ class Motion {
   double time_ = 0.0;  // the present
   Sample sample_;
   bool sample_valid_ = false;
+  double quiet_until_ = -1.0;  ///< s: nothing but the present changes as far as there
 };
 
 }  // namespace variator_sim

@@ -1,0 +1,181 @@
+// Samples inside of steps by series: within the tolerance at every time, rates of the reaction
+// included, on the constraints to rounding, and no other for what else was asked.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+struct Case {
+  std::string name;
+  double end;    // s
+  double grows;  // tolerances: what errors of steps add up to
+};
+
+std::string nameOf(const testing::TestParamInfo<Case>& info) {
+  return info.param.name;
+}
+
+class SamplesOfSteps : public testing::TestWithParam<Case> {
+ protected:
+  static constexpr int kSamples = 211;  // several in each step, and none at its ends
+  Scene scene() const {
+    const std::string folder = VARIATOR_SIM_TEST_DIR "/../benchmark/scenes/";
+    return test::sceneFromFile(folder + GetParam().name + ".yaml");
+  }
+  double timeOf(int n) const { return GetParam().end * n / kSamples; }
+};
+
+double errorOf(const double* values, const double* exact, int count) {
+  double largest = 0.0;
+  for (int i = 0; i < count; ++i) {
+    largest = std::max(largest, std::abs(values[i] - exact[i]) / (1.0 + std::abs(exact[i])));
+  }
+  return largest;
+}
+
+// Beside Boost's Fehlberg method at its smallest tolerance.
+TEST_P(SamplesOfSteps, AreWithinTheToleranceInEveryColumn) {
+  Simulation reference(
+      test::withStepper(test::withTolerance(scene(), 1e-13), StepperKind::kFehlberg78));
+  std::vector<Sample> exact;
+  for (int n = 1; n <= kSamples; ++n) {
+    reference.advanceTo(timeOf(n));
+    exact.push_back(reference.sample());
+  }
+  const int S = scene().shaftCount();
+  const int k = scene().constraintCount();
+  for (const double tolerance : {1e-4, 1e-7, 1e-10}) {
+    SCOPED_TRACE(tolerance);
+    Simulation simulation(test::withTolerance(scene(), tolerance));
+    double state = 0.0;
+    double torques = 0.0;
+    double rates = 0.0;
+    double residuals = 0.0;
+    for (int n = 1; n <= kSamples; ++n) {
+      ASSERT_TRUE(simulation.advanceTo(timeOf(n)).ok());
+      const Sample& is = simulation.sample();
+      const Sample& should = exact[static_cast<std::size_t>(n - 1)];
+      EXPECT_EQ(is.time, should.time);
+      state = std::max({state, errorOf(is.angle, should.angle, S),
+                        errorOf(is.velocity, should.velocity, S),
+                        errorOf(is.acceleration, should.acceleration, S)});
+      torques = std::max({torques, errorOf(is.applied_torque, should.applied_torque, S),
+                          errorOf(is.reaction_torque, should.reaction_torque, S)});
+      rates = std::max({rates, errorOf(is.reaction_torque_rate, should.reaction_torque_rate, S),
+                        errorOf(is.multiplier, should.multiplier, k)});
+      for (int m = 0; m < k; ++m) residuals = std::max(residuals, std::abs(is.residual[m]));
+    }
+    // (What a series makes of Lambda by itself is off by some hundred tolerances inside of steps.)
+    const double allowed = GetParam().grows * tolerance;
+    EXPECT_LT(state, allowed);
+    EXPECT_LT(torques, 2.0 * allowed);
+    EXPECT_LT(rates, 5.0 * allowed);
+    EXPECT_LT(residuals, 1e-12);
+  }
+}
+
+// Q, R and R' are those of the accelerations beside them: what is read off twice agrees.
+TEST_P(SamplesOfSteps, KeepTheirColumnsTogether) {
+  Simulation simulation(test::withTolerance(scene(), 1e-9));
+  const int S = scene().shaftCount();
+  constexpr double kApart = 1e-5;  // s
+  for (int n = 2; n <= kSamples; n += 7) {
+    simulation.advanceTo(timeOf(n) - kApart);
+    const Sample before = simulation.sample();
+    simulation.advanceTo(timeOf(n));
+    const Sample now = simulation.sample();
+    simulation.advanceTo(timeOf(n) + kApart);
+    const Sample& behind = simulation.sample();
+    const auto rateOf = [&](const double* late, const double* early) {
+      return (*late - *early) / (2.0 * kApart);
+    };
+    for (int i = 0; i < S; ++i) {
+      const double size = 1.0 + std::abs(now.reaction_torque_rate[i]);
+      EXPECT_NEAR(rateOf(behind.reaction_torque + i, before.reaction_torque + i),
+                  now.reaction_torque_rate[i], 1e-4 * size);
+      EXPECT_NEAR(rateOf(behind.velocity + i, before.velocity + i), now.acceleration[i],
+                  1e-5 * (1.0 + std::abs(now.acceleration[i])));
+      EXPECT_NEAR(rateOf(behind.angle + i, before.angle + i), now.velocity[i],
+                  1e-5 * (1.0 + std::abs(now.velocity[i])));
+    }
+  }
+}
+
+TEST_P(SamplesOfSteps, AreTheSameWhateverElseIsAsked) {
+  const Scene own = test::withTolerance(scene(), 1e-8);
+  Simulation often(own);
+  for (int n = 1; n <= kSamples; ++n) {
+    often.advanceTo(timeOf(n));
+    const Sample& among_others = often.sample();
+    if (n % 30 != 0) continue;
+    Simulation once(own);
+    once.advanceTo(timeOf(n));
+    const Sample& alone = once.sample();
+    for (int i = 0; i < own.shaftCount(); ++i) {
+      EXPECT_EQ(among_others.angle[i], alone.angle[i]);
+      EXPECT_EQ(among_others.acceleration[i], alone.acceleration[i]);
+      EXPECT_EQ(among_others.reaction_torque_rate[i], alone.reaction_torque_rate[i]);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Benchmarks, SamplesOfSteps,
+                         testing::Values(Case{"ship", 20.0, 8.0}, Case{"smooth_linear", 20.0, 4.0},
+                                         Case{"acceleration_circle", 4.0, 4.0},
+                                         Case{"four_shafts", 10.0, 12.0}, Case{"crank", 2.0, 30.0},
+                                         Case{"order1", 20.0, 4.0}, Case{"order3", 20.0, 4.0}),
+                         nameOf);
+
+// The applied torque of a shaft that nothing else moves is known in a closed form.
+TEST(SampleOfAStep, FollowsAClosedForm) {
+  Simulation simulation(test::withTolerance(test::sceneFromText(R"yaml(
+shafts: [free]
+free: {inertia: 2.0}
+initial: {velocity: [3.0]}
+torques: [push]
+push: {type: variator_sim/ExpressionTorque, shaft: free, torque: "-w1"}
+)yaml"),
+                                            1e-11));
+  for (int n = 1; n <= 50; ++n) {
+    const double t = 0.1 * n;
+    simulation.advanceTo(t);
+    const Sample& sample = simulation.sample();
+    const double velocity = 3.0 * std::exp(-0.5 * t);
+    EXPECT_NEAR(sample.velocity[0], velocity, 1e-10);
+    EXPECT_NEAR(sample.angle[0], 2.0 * (3.0 - velocity), 1e-10);
+    EXPECT_NEAR(sample.acceleration[0], -0.5 * velocity, 1e-10);
+    EXPECT_NEAR(sample.applied_torque[0], -velocity, 1e-10);
+    EXPECT_NEAR(sample.reaction_torque[0], 0.0, 1e-10);
+  }
+}
+
+// A command that is late acts at the very instant, whether or not something was asked before.
+TEST(SampleOfAStep, OfTheInstantOfATimeoutIsBehindIt) {
+  const Scene scene = test::sceneFromText(R"yaml(
+shafts: [free]
+free: {inertia: 2.0}
+torques: [push]
+push: {type: variator_sim/CommandedTorque, shaft: free, topic: u, initial: 4, timeout: 0.5, on_timeout: zero}
+)yaml");
+  Simulation often(scene);
+  Simulation once(scene);
+  for (Simulation* simulation : {&often, &once}) simulation->command(0, 6.0);
+  for (int n = 1; n <= 10; ++n) {
+    often.advanceTo(0.05 * n);
+    often.sample();
+  }
+  once.advanceTo(0.5);
+  EXPECT_EQ(often.sample().applied_torque[0], once.sample().applied_torque[0]);
+  EXPECT_EQ(often.sample().velocity[0], once.sample().velocity[0]);
+}
+
+}  // namespace
+}  // namespace variator_sim
