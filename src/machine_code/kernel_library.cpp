@@ -29,10 +29,16 @@ namespace {
 // in vectors of straight-line code all the same.) And every function is to be the library's: what a
 // compiler knows of a function it computes itself, where it finds the argument, with another last
 // bit.
-const char* const kOptions[] = {"-std=c11",        "-O3",
-                                "-march=native",   "-ffp-contract=off",
-                                "-fno-math-errno", "-fno-tree-slp-vectorize",
-                                "-fno-builtin",    "-fPIC",
+const char* const kOptions[] = {"-std=c11",
+                                "-O3",
+                                "-march=native",
+                                "-ffp-contract=off",
+                                "-fno-math-errno",
+                                "-fno-tree-slp-vectorize",
+                                "-fno-builtin",
+                                "-fPIC",
+                                "-fno-semantic-interposition",
+                                "-fno-plt",
                                 "-shared"};
 // s. Whoever has not asked for machine code is not to wait for it.
 constexpr int kPatience = 5;
