@@ -133,9 +133,10 @@ TEST_F(MachineCodeFaults, ACompilerThatMakesSomethingElse) {
     EXPECT_EQ(run().rfind("the interpreter: it cannot be loaded: ", 0), 0U) << run();
     EXPECT_TRUE(kernels().empty()) << "kept though it is of no use";
   }
-  // An object without the functions, and one of other functions.
-  for (const char* script : {"echo 'int other;' > $SOURCE; exec cc \"$@\"",
-                             "sed -i 's/\\([^_]\\)fabs(/\\1-fabs(/' $SOURCE; exec cc \"$@\""}) {
+  // An object without the functions, and one of other functions. (Units are compiled at once.)
+  for (const char* script : {"echo 'static int other;' > $SOURCE; exec cc \"$@\"",
+                             "sed 's/\\([^_-]\\)fabs(/\\1-fabs(/' $SOURCE > $SOURCE.$$; mv "
+                             "$SOURCE.$$ $SOURCE; exec cc \"$@\""}) {
     SCOPED_TRACE(script);
     compileBy(script);
     EXPECT_EQ(run(), "the interpreter: it does not give the interpreter's numbers");

@@ -417,9 +417,13 @@ class Drivetrain {
   /// C_q^T Lambda onto `rates` and psi_q, in all 3S directions; C into the solver's rows.
   void addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
                          double (*psi_q)[kMaxRows]);
-  /// P0 P v + D0 psi at `state`, P0 and D0 column by column. False where C has lost rank.
+  /// The same, and Q'_q, by the scene's program of partial derivatives.
+  void addPartials(const StateView& state, const double* Lambda, double* rates,
+                   double (*psi_q)[kMaxRows]);
+  /// P0 P v + D0 psi by what SceneProgram::calcAccelerationLevel gives, P0 and D0 column by column.
+  /// False where C has lost rank.
   template <class Count>
-  bool projectResidual(Count shafts, const StateView& state, const double* P0, const double* D0,
+  bool projectResidual(Count shafts, const double* level, const double* P0, const double* D0,
                        double* v, double* residual);
   /// P and D of the solver's rows, and -P J^-1 rates_q + D psi_q in all 3S directions. P is NaN
   /// where C has lost rank.

@@ -9,20 +9,36 @@
 namespace variator_sim {
 
 template <class Count>
-bool Drivetrain::projectResidual(Count shafts, const StateView& state, const double* P0,
+bool Drivetrain::projectResidual(Count shafts, const double* level, const double* P0,
                                  const double* D0, double* v, double* residual) {
   const int k = constraintCount();
   double psi[kMaxRows];
-  double l[kMaxRows];
-  const double* level = program_.calcAccelerationLevel(state);
-  for (int m = 0; m < k; ++m) {
-    psi[m] = *level++;
-    for (int i = 0; i < shafts; ++i) solver_.row(m)[i] = level[i];
-    level += shafts;
+  if (k == 1) {
+    // In local variables: what goes through the solver's memory waits there.
+    const double* const C = level + 1;
+    double w[kMaxShafts];
+    inertia_.solve(shafts, C, w);
+    double A = 0.0;
+    double right = 0.0;
+    for (int i = 0; i < shafts; ++i) {
+      A += C[i] * w[i];
+      right += C[i] * v[i];
+    }
+    if (!(A > 0.0)) return false;
+    const double l = right / A;
+    for (int i = 0; i < shafts; ++i) v[i] -= w[i] * l;
+    psi[0] = level[0];
+  } else {
+    double l[kMaxRows];
+    for (int m = 0; m < k; ++m) {
+      psi[m] = *level++;
+      for (int i = 0; i < shafts; ++i) solver_.row(m)[i] = level[i];
+      level += shafts;
+    }
+    if (!solver_.factor(shafts, inertia_)) return false;
+    constexpr double kZeros[kMaxRows] = {};
+    solver_.constrain(shafts, kZeros, v, l);
   }
-  if (!solver_.factor(shafts, inertia_)) return false;
-  constexpr double kZeros[kMaxRows] = {};
-  solver_.constrain(shafts, kZeros, v, l);
   for (int i = 0; i < shafts; ++i) {
     residual[i] = 0.0;
     for (int j = 0; j < shafts; ++j) residual[i] += P0[i + j * shafts] * v[j];
@@ -37,11 +53,12 @@ bool Drivetrain::calcStageResidual(const StateView& state, const double* eta,
   return withShaftCount(S, [&](auto shafts) {
     double rate[kMaxShafts];
     double v[kMaxShafts];
-    calcTorqueRate(shafts, state, rate);
+    const double* const values = program_.calcRateAndLevel(state);
+    for (int i = 0; i < shafts; ++i) rate[i] = values[i];
     makeCovariant(state, rate);
     inertia_.solve(shafts, rate, v);
     for (int i = 0; i < shafts; ++i) v[i] = eta[i] - v[i];
-    return projectResidual(shafts, state, P0.data(), D0.data(), v, residual);
+    return projectResidual(shafts, values + shafts, P0.data(), D0.data(), v, residual);
   });
 }
 
@@ -51,8 +68,12 @@ void Drivetrain::calcStageDerivatives(const StateView& state, const double* Lamb
   double rates[3 * kMaxShafts * kMaxShafts];
   double psi_q[3 * kMaxShafts][kMaxRows];
   std::fill_n(rates, 3 * S * S, 0.0);
-  for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, rates);
-  addRowDerivatives(state, Lambda, rates, psi_q);
+  if (program_.hasPartials()) {
+    addPartials(state, Lambda, rates, psi_q);
+  } else {
+    for (const Torque* torque : torques_) torque->addTorqueRateDerivatives(state, rates);
+    addRowDerivatives(state, Lambda, rates, psi_q);
+  }
   calcProjected(rates, psi_q, projector, pull, derivatives);
 }
 
@@ -64,7 +85,8 @@ bool Drivetrain::calcAccelerationResidual(const StateView& state, const SquareMa
     calcFreeTorque(state, torque);
     inertia_.solve(shafts, torque, v);
     for (int i = 0; i < shafts; ++i) v[i] = state.acceleration[i] - v[i];
-    return projectResidual(shafts, state, P0.data(), D0.data(), v, residual);
+    return projectResidual(shafts, program_.calcAccelerationLevel(state), P0.data(), D0.data(), v,
+                           residual);
   });
 }
 
@@ -120,6 +142,30 @@ void Drivetrain::calcJerkDerivatives(const StateView& state, const double* eta,
       if (constraintCount() > 0) solver_.constrain(shafts, right[q], eta_q, Lambda_q);
     }
   });
+}
+
+void Drivetrain::addPartials(const StateView& state, const double* Lambda, double* rates,
+                             double (*psi_q)[kMaxRows]) {
+  using Kind = SceneProgram::Partial::Kind;
+  for (int q = 0; q < 3 * S; ++q) std::fill_n(psi_q[q], constraintCount(), 0.0);
+  const double* value = program_.calcPartials(state);
+  for (const SceneProgram::Partial& it : program_.partials()) {
+    switch (it.kind) {
+      case Kind::kRate:
+        rates[it.q * S + it.i] += *value;
+        break;
+      case Kind::kEntry:
+        rates[it.q * S + it.i] += *value * Lambda[it.m];
+        break;
+      case Kind::kResidual:
+        psi_q[it.q][it.m] = *value;
+        break;
+    }
+    ++value;
+  }
+  for (int m = 0; m < constraintCount(); ++m) {
+    for (int j = 0; j < S; ++j) solver_.row(m)[j] = psi_q[2 * S + j][m];
+  }
 }
 
 void Drivetrain::addRowDerivatives(const StateView& state, const double* Lambda, double* rates,

@@ -263,6 +263,8 @@ class MotionSeries {
   void noteUnits();
   static void interpretStep(SeriesStep* step);
   static void interpretArrival(SeriesStep* step);
+  static void interpretTable(const SeriesStep* step, const double* rows, double theta,
+                             double* table);
   static void interpretSample(SeriesStep* step, const double* table, double part,
                               const SeriesSample* to);
   friend struct SeriesInterpreter;
@@ -294,6 +296,9 @@ class MotionSeries {
   using SampleCode = void (*)(SeriesStep* step, const double* table, double part,
                               const SeriesSample* to);
   SampleCode sample_code_ = interpretSample;
+  using TableCode = void (*)(const SeriesStep* step, const double* rows, double theta,
+                             double* table);
+  TableCode tabulate_code_ = interpretTable;
 
   // Rows of the program.
   int row_of_time_ = -1;

@@ -241,11 +241,14 @@ std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
               program_.writeBegin(part) + "  return limit;\n}\n";
     }
   }
+  // Orders take the compiler the longest: they go around the units.
   for (int n = 1; n <= last_order_; ++n) {
-    text += "void " + nameOf(n) +
-            "(double* restrict r, double* restrict s, const double* restrict k,\n"
-            "    const double* restrict c, double u) {\n  order(" +
-            std::to_string(n) + ", r, s, k, c, u);\n}\n";
+    const std::string number = std::to_string(n);
+    const std::string head = "void " + nameOf(n) +
+                             "(double* restrict r, double* restrict s, const double* restrict k,\n"
+                             "    const double* restrict c, double u)";
+    text += head + ";\n#if " + number + " % UNITS == UNIT\n" + head + " {\n  order(" + number +
+            ", r, s, k, c, u);\n}\n#endif\n";
   }
   return text;
 }
@@ -309,7 +312,7 @@ static inline void seriesGoOn(struct SeriesStep* it) { (void)it; }
 
 std::string MotionSeries::writeSource() const {
   std::set<int> mirrored;
-  std::string text = writeOrders(&mirrored);
+  std::string text = writeOrders(&mirrored) + KernelLibrary::kFirstUnit;
   if (!program_.readsTables()) {
     text += std::string("int ") + kBegin +
             "(double* restrict r, double* restrict s, const double* restrict c) {\n"
@@ -337,10 +340,14 @@ static inline void seriesAccelerationLevel(struct SeriesStep* it, double* level)
             kSeriesStepSample +
             "void series_step(struct SeriesStep* it) { seriesStride(it); }\n"
             "void series_arrive(struct SeriesStep* it) { seriesArrive(it, 0); }\n"
+            "void series_tabulate(const struct SeriesStep* it, const Real* rows, Real theta, Real* "
+            "table) {\n"
+            "  seriesTabulate(it, rows, theta, table);\n}\n"
             "void series_sample(struct SeriesStep* it, const Real* table, Real part,\n"
             "                   const struct SeriesSample* to) {\n"
             "  seriesSample(it, table, part, to);\n}\n";
   }
+  text += KernelLibrary::kEndOfUnit;
   return std::string(expression::arithmeticOfCode()) + expression::SeriesProgram::codePrelude() +
          program_.writeMirrors(mirrored) + text;
 }
@@ -351,7 +358,8 @@ std::string MotionSeries::writeLanesSource() const {
   const std::string orders = writeOrders(&mirrored);
   return std::string(expression::arithmeticOfCode()) +
          "#define SERIES_IN_LANES\n#define SERIES_LANES " + std::to_string(SeriesLanes::kLanes) +
-         "\n" + kSeriesStepLanes + program_.writeMirrors({}) + inLanes(orders) + writeWholeStep() +
+         "\n" + kSeriesStepLanes + program_.writeMirrors({}) + inLanes(orders) +
+         KernelLibrary::kFirstUnit + writeWholeStep() +
          R"c(
 static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
   for (int j = 0; j < SERIES_LANES; ++j) {
@@ -363,7 +371,8 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
   }
 }
 )c" + kSeriesStepText +
-         "void series_step(struct SeriesStep* it) { seriesStride(it); }\n";
+         "void series_step(struct SeriesStep* it) { seriesStride(it); }\n" +
+         KernelLibrary::kEndOfUnit;
 }
 
 void MotionSeries::addStructure(expression::CodeStructure* structure) const {
@@ -399,7 +408,9 @@ bool MotionSeries::use(const KernelLibrary& library, const double* constants, st
     const auto step = reinterpret_cast<StepCode>(library.find("series_step"));
     const auto arrive = reinterpret_cast<StepCode>(library.find("series_arrive"));
     const auto sample = reinterpret_cast<SampleCode>(library.find("series_sample"));
-    if (step == nullptr || arrive == nullptr || sample == nullptr) return false;
+    const auto table = reinterpret_cast<TableCode>(library.find("series_tabulate"));
+    if (step == nullptr || arrive == nullptr || sample == nullptr || table == nullptr) return false;
+    tabulate_code_ = table;
     step_code_ = step;
     arrive_code_ = arrive;
     sample_code_ = sample;
@@ -429,12 +440,14 @@ bool MotionSeries::givesSameNumbers() {
     const StepCode step_code = std::exchange(step_code_, interpretStep);
     const StepCode arrive_code = std::exchange(arrive_code_, interpretArrival);
     const SampleCode sample_code = std::exchange(sample_code_, interpretSample);
+    const TableCode tabulate_code = std::exchange(tabulate_code_, interpretTable);
     const bool is_same = isSame(expandAt(n), computed);
     codes_.swap(codes);
     begin_code_ = begin_code;
     step_code_ = step_code;
     arrive_code_ = arrive_code;
     sample_code_ = sample_code;
+    tabulate_code_ = tabulate_code;
     if (!is_same) return false;
   }
   return true;
@@ -446,6 +459,7 @@ void MotionSeries::interpret() {
   step_code_ = interpretStep;
   arrive_code_ = interpretArrival;
   sample_code_ = interpretSample;
+  tabulate_code_ = interpretTable;
   library_ = nullptr;
 }
 

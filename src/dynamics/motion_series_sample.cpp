@@ -26,32 +26,9 @@ void MotionSeries::findSampled() {
 
 void MotionSeries::tabulate() {
   const SeriesNode& node = step_.node[step_.made - 1];
-  const int last = step_.last;
-  const int width = layout_.sampled_width;
-  const int multipliers = 3 * S;
-  const int torques = multipliers + k_;
-  const double theta = node.taken / own().unit;
-  double end[sizeof layout_.sampled_at / sizeof(int)] = {};
-  std::copy_n(node.x, multipliers, end);
-  std::copy_n(node.multiplier, k_, end + multipliers);
-  std::copy_n(node.torque, S, end + torques);
-  const double* const rows = program_.rows();
-  double gap[kMaxRows] = {};  // of Lambda, whose last coefficient is not known
-  double power = 1.0;
-  double* to = table_.rows;
-  for (int k = 0; k <= last; ++k, power *= theta, to += width) {
-    if (k == last) std::copy_n(end + multipliers, k_, gap);
-    for (int n = 0; n < layout_.sampled; ++n) {
-      to[n] = rows[layout_.sampled_at[n] + k] * power;
-      end[n] -= to[n];
-    }
-  }
-  std::copy_n(gap, k_, to - width + multipliers);
-  std::fill_n(to, 4 * width, 0.0);  // rows go by fours
-  std::copy_n(end, multipliers, to);
-  std::copy_n(end + torques, S, to + torques);
+  tabulate_code_(&step_, program_.rows(), node.taken / own().unit, table_.rows);
   table_.stamp = stamp_;
-  table_.last = last;
+  table_.last = step_.last;
   table_.end = node.end;
   table_.per_step = 1.0 / node.taken;
 }

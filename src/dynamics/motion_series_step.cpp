@@ -139,6 +139,15 @@ void MotionSeries::interpretArrival(SeriesStep* step) {
   }
 }
 
+void MotionSeries::interpretTable(const SeriesStep* step, const double* rows, double theta,
+                                  double* table) {
+  if (expression::fusesProducts()) {
+    series_fused::seriesTabulate(step, rows, theta, table);
+  } else {
+    series_plain::seriesTabulate(step, rows, theta, table);
+  }
+}
+
 void MotionSeries::interpretSample(SeriesStep* step, const double* table, double part,
                                    const SeriesSample* to) {
   if (expression::fusesProducts()) {

@@ -7,6 +7,7 @@
 #include "dynamics/motion_series.h"
 #include "dynamics/series_lanes.h"
 #include "expression/c_code.h"
+#include "variator_sim/expression/state_derivatives.h"
 #include "variator_sim/formula_constraint.h"
 
 namespace variator_sim {
@@ -36,6 +37,7 @@ SceneProgram::SceneProgram(const Scene& scene, const SceneProgram* like)
   torque_ = Program(graph, torque);
   rate_ = Program(graph, rate);
   makeRows(rate);
+  makePartials(rate);
   for (const auto& table : graph.tables()) tables_.push_back(table.get());
   for (const auto& table : graph.tables2()) tables2_.push_back(table.get());
 }
@@ -52,6 +54,8 @@ void SceneProgram::copyPrograms(const SceneProgram& like) {
   opaque_velocities_ = like.opaque_velocities_;
   opaque_accelerations_ = like.opaque_accelerations_;
   sum_.resize(like.sum_.size());
+  partials_ = like.partials_;
+  has_partials_ = like.has_partials_;
 }
 
 void SceneProgram::makeRows(const std::vector<Node>& rate) {
@@ -92,7 +96,53 @@ void SceneProgram::makeRows(const std::vector<Node>& rate) {
   rate_and_rows_ = Program(graph, rate_and_rows);
   velocity_level_ = Program(graph, velocities);
   acceleration_level_ = Program(graph, accelerations);
+  std::vector<Node> rate_and_level = rate;
+  rate_and_level.insert(rate_and_level.end(), accelerations.begin(), accelerations.end());
+  rate_and_level_ = Program(graph, rate_and_level);
   sum_.resize(rate_and_rows.size());
+}
+
+void SceneProgram::makePartials(const std::vector<Node>& rate) {
+  if (!opaque_torques_.empty() || !opaque_rows_.empty()) return;
+  Graph& graph = *scene_.graph;
+  using Kind = Partial::Kind;
+  std::vector<std::pair<Node, Partial>> functions;
+  for (int i = 0; i < S; ++i) {
+    functions.push_back({rate[static_cast<std::size_t>(i)], {Kind::kRate, 0, i, 0}});
+  }
+  for (int m = 0; m < scene_.constraintCount(); ++m) {
+    const ConstraintPtr& constraint = scene_.constraints[static_cast<std::size_t>(m)];
+    const auto* law = formulaIn<FormulaConstraint>(scene_, constraint);
+    if (constraint->order() == 3) return;
+    for (int i = 0; i < S; ++i) {
+      functions.push_back({law->row()[static_cast<std::size_t>(i)], {Kind::kEntry, m, i, 0}});
+    }
+    functions.push_back({law->secondOrder(), {Kind::kResidual, m, 0, 0}});
+  }
+  std::vector<Node> outputs;
+  std::vector<Partial> partials;
+  const int most = graph.size() + expression::StateDerivatives::kMostNodes;
+  const expression::Source parts[] = {expression::Source::kAngle, expression::Source::kVelocity,
+                                      expression::Source::kAcceleration};
+  for (int q = 0; q < 3 * S; ++q) {
+    for (auto& [function, partial] : functions) {
+      const Node derivative =
+          graph.differentiate(function, expression::slotOf(parts[q / S], q % S));
+      if (graph.size() > most) return;
+      if (graph.isConstant(derivative, 0.0)) continue;
+      partial.q = q;
+      outputs.push_back(derivative);
+      partials.push_back(partial);
+    }
+  }
+  if (graph.hasNonFiniteConstant(outputs) || !isWritable(graph, outputs)) return;
+  try {
+    partials_program_ = Program(graph, outputs);
+  } catch (const std::length_error&) {
+    return;
+  }
+  partials_ = std::move(partials);
+  has_partials_ = true;
 }
 
 const double* SceneProgram::addOpaqueRows(const StateView& state, double* values, int begin) const {
@@ -127,14 +177,16 @@ bool Program::agreesWithInterpreter(const StateView& state) const {
 
 // --- machine code ----------------------------------------------------------------------------
 
-const std::array<SceneProgram::Part, 6>& SceneProgram::parts() {
-  static const std::array<Part, 6> parts = {
+const std::array<SceneProgram::Part, 8>& SceneProgram::parts() {
+  static const std::array<Part, 8> parts = {
       {{"torque", &SceneProgram::torque_},
        {"rate", &SceneProgram::rate_},
        {"rows", &SceneProgram::rows_},
        {"rate_and_rows", &SceneProgram::rate_and_rows_},
        {"velocity_level", &SceneProgram::velocity_level_},
-       {"acceleration_level", &SceneProgram::acceleration_level_}}};
+       {"acceleration_level", &SceneProgram::acceleration_level_},
+       {"rate_and_level", &SceneProgram::rate_and_level_},
+       {"partials", &SceneProgram::partials_program_}}};
   return parts;
 }
 
@@ -157,7 +209,9 @@ std::string SceneProgram::writeSource(const MotionSeries* series) const {
     return "";
   }
   std::string source = expression::prelude();
+  source += std::string(KernelLibrary::kUnits) + KernelLibrary::kFirstUnit;
   writeParts([](const Part& /*part*/) { return true; }, &source);
+  source += KernelLibrary::kEndOfUnit;
   if (series != nullptr) source += series->writeSource();
   return source;
 }
@@ -242,8 +296,10 @@ std::shared_ptr<SeriesLanes> SceneProgram::loadLanes(MotionSeries& series,
   const std::string steps = library_ != nullptr ? series.writeLanesSource() : "";
   if (steps.empty()) return nullptr;
   std::string source = expression::prelude();
+  source += std::string(KernelLibrary::kUnits) + KernelLibrary::kFirstUnit;
   writeParts([](const Part& part) { return part.program == &SceneProgram::velocity_level_; },
              &source);
+  source += KernelLibrary::kEndOfUnit;
   source += steps;
   std::string reason;
   const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(source, missing, &reason);

@@ -53,6 +53,15 @@ class SceneProgram {
   const double* calcAccelerationLevel(const StateView& state) const {
     return calcLevel(acceleration_level_, opaque_accelerations_, state);
   }
+  /// Q' (s values), then what calcAccelerationLevel gives.
+  const double* calcRateAndLevel(const StateView& state) const {
+    const double* const values = rate_and_level_.evaluate(state);
+    if (opaque_torques_.empty() && opaque_accelerations_.empty()) return values;
+    double* const sum = copyOf(rate_and_level_, values);
+    for (const Torque* element : opaque_torques_) element->addTorqueRate(state, sum);
+    addOpaque(acceleration_level_, opaque_accelerations_, state, sum + S);
+    return sum;
+  }
   /// Q' (s values), then what calcRows gives.
   const double* calcRateAndRows(const StateView& state) const {
     const double* const values = rate_and_rows_.evaluate(state);
@@ -61,6 +70,23 @@ class SceneProgram {
     for (const Torque* element : opaque_torques_) element->addTorqueRate(state, sum);
     return addOpaqueRows(state, sum, S);
   }
+
+  /// A derivative by x_q, x = (phi, omega, epsilon), that an implicit step asks for.
+  struct Partial {
+    enum class Kind { kRate, kEntry, kResidual };  ///< of Q'_i, of C_mi, of psi_m (f' of order 1)
+    Kind kind;
+    int m;
+    int i;
+    int q;
+  };
+  /// Those that are not zero everywhere, and their values; valid until the next evaluation.
+  const std::vector<Partial>& partials() const { return partials_; }
+  const double* calcPartials(const StateView& state) const {
+    return partials_program_.evaluate(state);
+  }
+  /// False where some law is no formula, or the derivatives are too many: laws are asked one by
+  /// one.
+  bool hasPartials() const { return has_partials_; }
 
   /// Goes over to machine code, which changes no bit. An empty reason when it did; then `compiled`
   /// tells whether it had to be compiled. Not in the loop.
@@ -80,6 +106,7 @@ class SceneProgram {
   void copyPrograms(const SceneProgram& like);
   /// The programs of the constraints; Q' goes along.
   void makeRows(const std::vector<expression::Node>& rate);
+  void makePartials(const std::vector<expression::Node>& rate);
   void copy(const Program& program, const StateView& state, double* values) const {
     const double* const computed = program.evaluate(state);
     for (std::size_t i = 0; i < program.outputs().size(); ++i) values[i] = computed[i];
@@ -108,7 +135,7 @@ class SceneProgram {
     const char* name;
     Program SceneProgram::*program;
   };
-  static const std::array<Part, 6>& parts();
+  static const std::array<Part, 8>& parts();
   /// Adds the functions of the parts that are wanted.
   template <class IsWanted>
   void writeParts(const IsWanted& is_wanted, std::string* source) const;
@@ -127,6 +154,10 @@ class SceneProgram {
   Program rate_and_rows_;
   Program velocity_level_;
   Program acceleration_level_;
+  Program rate_and_level_;
+  Program partials_program_;
+  std::vector<Partial> partials_;
+  bool has_partials_ = false;
   std::shared_ptr<KernelLibrary> library_;
   expression::CodeStructure structure_;
   std::size_t constants_of_series_ = 0;  ///< from which on they are the series'

@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -20,6 +21,7 @@
 #include <iterator>
 #include <sstream>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace variator_sim {
@@ -38,8 +40,9 @@ const char* const kOptions[] = {"-std=c11",
                                 "-fno-builtin",
                                 "-fPIC",
                                 "-fno-semantic-interposition",
-                                "-fno-plt",
-                                "-shared"};
+                                "-fno-plt"};
+// The text says what of it stands in which of `UNITS` units, which are compiled at once.
+constexpr unsigned kMostUnits = 4;
 // s. Whoever has not asked for machine code is not to wait for it.
 constexpr int kPatience = 5;
 constexpr int kLongPatience = 60;
@@ -144,50 +147,106 @@ std::string findFolder() {
   return "";
 }
 
-/// Runs the compiler; an empty reason when it made `output`.
-std::string compile(const std::string& program, const std::string& source,
-                    const std::string& output, int patience) {
-  std::vector<std::string> arguments{program};
-  arguments.insert(arguments.end(), std::begin(kOptions), std::end(kOptions));
-  arguments.insert(arguments.end(), {"-o", output, source, "-lm"});
-  std::vector<char*> pointers;
-  pointers.reserve(arguments.size() + 1);
-  for (std::string& argument : arguments) pointers.push_back(argument.data());
-  pointers.push_back(nullptr);
+/// One run of the compiler.
+class CompilerRun {
+ public:
+  /// An empty reason when it has begun.
+  std::string start(std::vector<std::string> arguments) {
+    program_ = arguments.front();
+    std::vector<char*> pointers;
+    pointers.reserve(arguments.size() + 1);
+    for (std::string& argument : arguments) pointers.push_back(argument.data());
+    pointers.push_back(nullptr);
 
-  posix_spawn_file_actions_t actions;
-  ::posix_spawn_file_actions_init(&actions);
-  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
-    ::posix_spawn_file_actions_addopen(&actions, stream, "/dev/null", O_RDWR, 0);
-  }
-  // What runs is the compiler's driver, and the work is done by its children: a group of their own,
-  // for all of them to end together.
-  posix_spawnattr_t attributes;
-  ::posix_spawnattr_init(&attributes);
-  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
-  ::posix_spawnattr_setpgroup(&attributes, 0);
-  pid_t child = 0;
-  const int error =
-      ::posix_spawn(&child, program.c_str(), &actions, &attributes, pointers.data(), environ);
-  ::posix_spawnattr_destroy(&attributes);
-  ::posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) return program + " cannot be run: " + std::strerror(error);
-
-  int status = 0;
-  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(patience);
-  for (;;) {
-    const pid_t ended = ::waitpid(child, &status, WNOHANG);
-    if (ended == child) break;
-    if (ended < 0 && errno != EINTR) return program + " got lost: " + describeError();
-    if (std::chrono::steady_clock::now() > give_up) {
-      ::kill(-child, SIGKILL);
-      ::waitpid(child, &status, 0);
-      return program + " took more than " + std::to_string(patience) + " s";
+    posix_spawn_file_actions_t actions;
+    ::posix_spawn_file_actions_init(&actions);
+    for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+      ::posix_spawn_file_actions_addopen(&actions, stream, "/dev/null", O_RDWR, 0);
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    // What runs is the compiler's driver, and the work is done by its children: a group of their
+    // own, for all of them to end together.
+    posix_spawnattr_t attributes;
+    ::posix_spawnattr_init(&attributes);
+    ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+    ::posix_spawnattr_setpgroup(&attributes, 0);
+    const int error =
+        ::posix_spawn(&child_, program_.c_str(), &actions, &attributes, pointers.data(), environ);
+    ::posix_spawnattr_destroy(&attributes);
+    ::posix_spawn_file_actions_destroy(&actions);
+    if (error == 0) return "";
+    child_ = 0;
+    return program_ + " cannot be run: " + std::strerror(error);
   }
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return "";
-  return program + " failed";
+
+  /// An empty reason when it ended well.
+  std::string finish(std::chrono::steady_clock::time_point give_up, int patience) {
+    int status = 0;
+    while (child_ != 0) {
+      const pid_t ended = ::waitpid(child_, &status, WNOHANG);
+      if (ended == child_) {
+        child_ = 0;
+      } else if (ended < 0 && errno != EINTR) {
+        child_ = 0;
+        return program_ + " got lost: " + describeError();
+      } else if (std::chrono::steady_clock::now() > give_up) {
+        end();
+        return program_ + " took more than " + std::to_string(patience) + " s";
+      } else {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+    }
+    return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? "" : program_ + " failed";
+  }
+
+  CompilerRun() = default;
+  CompilerRun(const CompilerRun&) = delete;
+  CompilerRun& operator=(const CompilerRun&) = delete;
+  ~CompilerRun() { end(); }
+
+ private:
+  void end() {
+    if (child_ == 0) return;
+    int status = 0;
+    ::kill(-child_, SIGKILL);
+    ::waitpid(child_, &status, 0);
+    child_ = 0;
+  }
+
+  std::string program_;
+  pid_t child_ = 0;  ///< 0: none
+};
+
+/// Runs the compiler, units at once; an empty reason when it made `output`.
+std::string compile(const std::string& program, const std::string& source, unsigned units,
+                    const std::string& output, int patience) {
+  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(patience);
+  std::vector<std::string> objects;
+  std::string reason;
+  {
+    std::vector<CompilerRun> runs(units);
+    for (unsigned unit = 0; unit < units && reason.empty(); ++unit) {
+      objects.push_back(output + "." + std::to_string(unit) + ".o");
+      std::vector<std::string> arguments{program};
+      arguments.insert(arguments.end(), std::begin(kOptions), std::end(kOptions));
+      arguments.insert(arguments.end(),
+                       {"-DUNITS=" + std::to_string(units), "-DUNIT=" + std::to_string(unit), "-c",
+                        "-o", objects.back(), source});
+      reason = runs[unit].start(std::move(arguments));
+    }
+    for (CompilerRun& run : runs) {
+      if (reason.empty()) reason = run.finish(give_up, patience);
+    }
+  }
+  if (reason.empty()) {
+    std::vector<std::string> arguments{program, "-shared", "-o", output};
+    arguments.insert(arguments.end(), objects.begin(), objects.end());
+    arguments.emplace_back("-lm");
+    CompilerRun link;
+    reason = link.start(std::move(arguments));
+    if (reason.empty()) reason = link.finish(give_up, patience);
+  }
+  for (const std::string& object : objects) ::unlink(object.c_str());
+  return reason;
 }
 
 bool writeAll(const std::string& path, const std::string& text, std::ios::openmode mode) {
@@ -209,7 +268,10 @@ std::string makeKernel(const std::string& compiler, const std::string& source,
   if (!writeAll(text, source, std::ios::trunc)) {
     reason = text + " cannot be written: " + describeError();
   } else {
-    reason = compile(compiler, text, beside, patience);
+    const bool has_units = source.find(KernelLibrary::kUnits) != std::string::npos;
+    const unsigned most = has_units ? kMostUnits : 1;
+    const unsigned units = std::clamp(std::thread::hardware_concurrency(), 1U, most);
+    reason = compile(compiler, text, units, beside, patience);
   }
   if (reason.empty()) {
     // What follows an object's own end is nothing to the loader.

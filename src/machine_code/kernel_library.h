@@ -17,6 +17,13 @@ namespace variator_sim {
 /// Loaded code; gone with its last owner.
 class KernelLibrary {
  public:
+  /// A text with this in it is compiled several times at once, as there are processors, each with
+  /// another `UNIT` of `UNITS`: what is defined in all of them has to be static.
+  static constexpr const char* kUnits = "#ifndef UNITS\n#define UNITS 1\n#define UNIT 0\n#endif\n";
+  /// Around what is in the first of them alone.
+  static constexpr const char* kFirstUnit = "#if UNIT == 0\n";
+  static constexpr const char* kEndOfUnit = "#endif\n";
+
   ~KernelLibrary();
   KernelLibrary(const KernelLibrary&) = delete;
   KernelLibrary& operator=(const KernelLibrary&) = delete;
