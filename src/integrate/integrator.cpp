@@ -209,7 +209,7 @@ double Integrator::chooseFirstStep() {
   const double d2 = size(change) / h0;
   const double largest = std::max(d1, d2);
   double h1 = largest <= 1e-15 ? std::max(1e-6, h0 * 1e-3)
-                               : std::pow(0.01 / largest, 1.0 / stepper_->errorOrder());
+                               : std::pow((stepper_->isImplicit() ? 10.0 : 0.01) / largest, 1.0 / stepper_->errorOrder());
   if (!std::isfinite(h1)) h1 = 1e-3 * h0;  // the Euler step left the domain
   // Without an absolute tolerance nothing that starts from 0 is ever slow enough: let it try.
   h1 = std::max(h1, 1e-6 * h0);

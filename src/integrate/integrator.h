@@ -397,6 +397,9 @@ class Integrator {
   /// the motion turns back at once. What jumps tells so at once; a kink may be touched.
   /// `depth`, s: so far beyond the edge did the step go.
   bool noteCrossing(int guard, int branch, double depth);
+  /// The motion ends at `time`, just before the edge that the series from the base has met: where
+  /// that is does not depend on how long the last step was.
+  void goToEdge(double time);
 
   // --- stops -----------------------------------------------------------------------------------
   void stop(StopReason reason);
@@ -476,6 +479,7 @@ class Integrator {
   State dxdt_new_;             // the stepper's own derivative at the front, before the projection
   double next_step_ = 0.0;
   bool is_step_chosen_ = false;  // by the stepper
+  double own_norm_ = 0.0;        // of the last trial step: its own estimate, without checks
   double step_window_start_ = 0.0;
   int steps_in_window_ = 0;
   double restart_time_ = 0.0;  // fixed steps count from here

@@ -56,7 +56,10 @@ class RadauStepper final : public Stepper {
   bool isImplicit() const override { return true; }
   /// A step that took many iterations is near those that do not converge (Hairer, Wanner, IV.8
   /// (8.21)).
-  double ease() const override { return (2.0 * kNit + 1.0) / (2.0 * kNit + iterations_); }
+  double ease() const override {
+    const double n = is_predicted_ ? iterations_ : std::max(iterations_ - 2, 1);
+    return (2.0 * kNit + 1.0) / (2.0 * kNit + n);
+  }
   bool keepsConstraints() const override { return true; }
   bool hasDenseOutput() const override { return true; }
   void restart() override {
@@ -164,11 +167,12 @@ class RadauStepper final : public Stepper {
     noteRounding(system, from, h);
     noteLimits(system, from);
     weighCorrections(from);
-    has_converged_ = findStages<kStages>(system, from, h);
-    if (!has_converged_) return kNaN;
-    for (int n = 0; n < size_; ++n) x_new[n] = from.x[n] + Z_[kStages - 1][n];
-    end_ = from.time + h;
     step_ = h;
+    has_converged_ = findStages<kStages>(system, from, h);
+    for (int n = 0; n < size_; ++n) x_new[n] = from.x[n] + Z_[kStages - 1][n];
+    if (has_converged_ || refused_ > 0.0) end_ = from.time + h;
+    if (refused_ > 0.0) return refused_;
+    if (!has_converged_) return kNaN;
     return calcError(system, from, h, x_new, is_repeated);
   }
 
@@ -183,8 +187,10 @@ class RadauStepper final : public Stepper {
     end_ = std::numeric_limits<double>::quiet_NaN();
     if (!is_known) {
       for (std::size_t i = 0; i < kStages; ++i) Z_[i].fill(0.0);
+      is_predicted_ = false;
       return;
     }
+    is_predicted_ = true;
     const auto s = static_cast<std::size_t>(last.stages());
     for (std::size_t i = 0; i < s; ++i) last_stages_[i] = Z_[i];
     for (std::size_t i = 0; i < kStages; ++i) {
@@ -265,6 +271,7 @@ class RadauStepper final : public Stepper {
     constexpr int kMaxIterations = 10;
     double previous = 0.0;
     ++quick_steps_;
+    refused_ = 0.0;
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
       iterations_ = iteration + 1;
       calcDefects<kStages>(system, from, h);
@@ -285,10 +292,27 @@ class RadauStepper final : public Stepper {
         // The first rate still has the error of the prediction in it.
         const int rest = kMaxIterations - 1 - iteration;
         if (iteration > 2 && std::pow(rate, rest) / (1.0 - rate) * size > 1.0) return false;
+        // Errors far above the tolerance show long before the stages are known to a part of it.
+        State error(size_);
+        const double norm = calcFilteredDefect(from, h, from.x, error);
+        if (norm > kHopeless + kUncertain * size) {
+          refused_ = norm;
+          return true;
+        }
       }
       previous = size;
     }
     return false;
+  }
+
+  /// (gamma/h M - dx'/dx)^-1 (x' - p'(0)) and its norm.
+  double calcFilteredDefect(const StepNode& from, double h, const State& x_new,
+                            State& error) const {
+    calcSlope(0.0, h, error);
+    for (int n = 0; n < size_; ++n) error[n] = from.dxdt[n] - error[n];
+    weighMass(error);
+    linearization_.solve(error);
+    return calcNorm(error, from.x, x_new);
   }
 
   /// What the slope of the stages' polynomial at the beginning is off, times a step / gamma and
@@ -296,19 +320,14 @@ class RadauStepper final : public Stepper {
   /// more filtered at a first step or after a rejection.
   double calcError(System& system, const StepNode& from, double h, const State& x_new,
                    bool is_repeated) {
-    State weighted(size_);
     State error(size_);
-    calcSlope(0.0, h, weighted);
-    for (int n = 0; n < size_; ++n) {
-      weighted[n] = -weighted[n];
-      error[n] = from.dxdt[n] + weighted[n];
-    }
-    weighMass(error);
-    linearization_.solve(error);
-    double norm = calcNorm(error, from.x, x_new);
+    double norm = calcFilteredDefect(from, h, x_new, error);
     if (norm > 1.0 || is_repeated) {
       State x(size_);
       for (int n = 0; n < size_; ++n) x[n] = from.x[n] + error[n];
+      State weighted(size_);
+      calcSlope(0.0, h, weighted);
+      for (double& value : weighted) value = -value;
       std::copy(x.begin() + S, x.end(), error.begin());
       double residual[kMaxShafts];
       const double at_rest[kMaxShafts] = {};
@@ -366,19 +385,34 @@ class RadauStepper final : public Stepper {
     }
   }
   /// What Newton's iteration may leave is a part of the tolerance; rounding is no reason to go on.
+  /// Velocities that a torque answers to steeply (a narrow layer of friction) have to be known as
+  /// well as the accelerations that they make beside those of x: the torque is integrated by its
+  /// rate, and a step that loses some of it has lost it for good.
   void weighCorrections(const StepNode& from) {
+    const auto& answer = linearization_.block(size_ / S - 1);
     forEachComponent(0, size_, [&](int n) {
-      const double allowed = std::min(tolerance_.of(from.x[n]), limit_[n]);
+      double allowed = std::min(tolerance_.of(from.x[n]), limit_[n]);
+      if (size_ == 3 * S && n >= S && n < 2 * S) {
+        for (int i = 0; i < S; ++i) {
+          const double slope = std::abs(answer(i, n - S));
+          allowed = std::min(allowed, kAnswer * tolerance_.of(from.x[last_ + i]) / slope);
+        }
+      }
       newton_weight_[n] = 1.0 / (kNewton * allowed + rounding_[n]);
     });
   }
+  /// The slope at the beginning has the roundings of all stages in it, each with a weight of about
+  /// the square of their number: what they make of it is no error that shorter steps would not
+  /// have.
   double calcNorm(const State& error, const State& x, const State& x_new) const {
+    const double stages = method_->stages();
+    const double part = stages * stages / (kLeast * kLeast);
     double norm = 0.0;
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
     for (int n = 0; n < size_; ++n) {
       norm =
-          std::max(norm, std::abs(error[n]) /
-                             (std::min(tolerance_.of(x[n], x_new[n]), limit_[n]) + rounding_[n]));
+          std::max(norm, std::abs(error[n]) / (std::min(tolerance_.of(x[n], x_new[n]), limit_[n]) +
+                                               part * rounding_[n]));
       poison += 0.0 * (error[n] + x_new[n]);
     }
     return norm + poison;
@@ -397,9 +431,15 @@ class RadauStepper final : public Stepper {
   static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   /// Of the tolerance: what Newton's iteration may leave.
   static constexpr double kNewton = 0.01;
+  /// Tolerances of the accelerations: what a torque may answer to what is left.
+  static constexpr double kAnswer = 10.0;
   /// 2 kNit + 2 iterations halve the next step.
   static constexpr double kNit = 3.0;
   static constexpr double kFirstRate = 0.01;
+  /// A step is refused in the middle of the iteration where its error is above this, and what a
+  /// correction of one (of what the iteration may leave) still moves that.
+  static constexpr double kHopeless = 2.0;
+  static constexpr double kUncertain = 1e-3;
   static constexpr int kLeast = 3;
   /// Steps that polynomials reach beyond their end.
   static constexpr double kFarthest = 10.0;
@@ -412,8 +452,10 @@ class RadauStepper final : public Stepper {
   int stages_;      // of the next step
   int tried_;       // of the last step, whether it was good or not
   int quick_steps_ = 0;
+  bool is_predicted_ = false;
   int iterations_ = 1;         // of the last step
   bool has_converged_ = true;  // the last try
+  double refused_ = 0.0;       // the error for which the iteration was left, 0 where it was not
 
   const int S;  // shafts
   const int size_;

@@ -51,6 +51,12 @@ class StepControl {
   void reset() { previous_norm_ = 1e-4; }
   /// Factor for the step after one with error `norm` <= 1.
   double growth(double norm) {
+    const double factor = growthBy(norm);
+    previous_norm_ = std::max(norm, 1e-4);
+    return factor;
+  }
+  /// What it would be.
+  double growthBy(double norm) const {
     const double alpha = 1.0 / order_ - 0.75 * beta_;
     norm = std::max(norm, 1e-10);
     // No step needs to be known to more than seven digits.
@@ -58,7 +64,6 @@ class StepControl {
         static_cast<float>(beta_) * std::log2(static_cast<float>(previous_norm_)) -
         static_cast<float>(alpha) * std::log2(static_cast<float>(norm));
     const double factor = kSafety * static_cast<double>(std::exp2(exponent));
-    previous_norm_ = std::max(norm, 1e-4);
     return std::min(kMaxGrowth, std::max(kMaxShrink, factor));
   }
   /// Factor for a new try after one with error `norm` > 1 or NaN.

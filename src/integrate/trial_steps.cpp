@@ -103,6 +103,7 @@ double Integrator::attempt(const Trial& trial) {
   // These decide whether the step is good. They may keep the next one from growing, but not make
   // it shorter: what rounding leaves in them does not fall with the step.
   front_.time = trial.end;
+  own_norm_ = norm;
   if (isGood(norm)) norm = worseOfCheck(norm, checks_.checkTorque(*stepper_, base_, front_));
   if (isGood(norm)) {
     norm = worseOfCheck(norm, checkAccelerations());
@@ -113,7 +114,9 @@ double Integrator::attempt(const Trial& trial) {
   const bool ends_input =
       drivetrain_.inputSegmentEnd() <= front_.time + shortestStep(absolute(front_.time));
   if (isGood(norm) && !choice_.isFixed() && !ends_input) {
-    norm = worseOf(norm, stepper_->estimateFromEnd(base_, front_));
+    const double estimate = stepper_->estimateFromEnd(base_, front_);
+    own_norm_ = worseOf(own_norm_, estimate);
+    norm = worseOf(norm, estimate);
   }
   return norm;
 }
@@ -134,7 +137,14 @@ bool Integrator::accept(const Trial& trial, double norm) {
 
 void Integrator::chooseNextStep(const Trial& trial, double norm) {
   // Who knows the next step beforehand needs no guess of it.
-  double factor = is_step_chosen_ ? 1.0 : stepper_->ease() * control_.growth(norm);
+  double factor = 1.0;
+  if (!is_step_chosen_) {
+    const double ease = stepper_->ease();
+    // Where a check holds it, it stays as long as the estimate alone would let it be.
+    const double least =
+        own_norm_ < norm ? std::min(1.0, ease * control_.growthBy(own_norm_)) : 0.0;
+    factor = std::max(least, ease * control_.growth(norm));
+  }
   if (trial.rejections > 0) factor = std::min(1.0, factor);
   // A step cut short by a segment's end or an edge says nothing about the next one's size.
   next_step_ = trial.is_last ? std::max(trial.length, trial.taken * factor) : trial.taken * factor;
