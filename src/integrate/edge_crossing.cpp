@@ -254,6 +254,20 @@ bool Integrator::differentiateBehind(double late) {
   return true;
 }
 
+void Integrator::goToEdge(double time) {
+  StepNode edge = base_;
+  edge.time = time;
+  front_ = base_;
+  if (!(time > base_.time)) return;
+  edge.x = goAhead(base_, time - base_.time);
+  State moved(system_.size());
+  const ProjectionResult projected =
+      system_.project(time, edge.x, moved, &statistics_.projections);
+  if (projected != ProjectionResult::kConverged) return;
+  system_(edge.x, edge.dxdt, time);
+  if (edge.dxdt.isFinite()) base_ = front_ = edge;
+}
+
 bool Integrator::noteCrossing(int guard, int branch, double depth) {
   const bool jumps = guards_.guard(guard).jumps();
   const double now = absolute(front_.time);
@@ -274,7 +288,7 @@ bool Integrator::noteCrossing(int guard, int branch, double depth) {
     turns_back = next != branch && next != Guard::kOnEdge;
   }
   if (!turns_back) return true;
-  front_ = base_;
+  goToEdge(front_.time - 2.0 * depth);
   stop(StopReason::kChattering);
   status_.torque = drivetrain_.guardOwner(guard).torque;
   status_.constraint = drivetrain_.guardOwner(guard).constraint;

@@ -409,7 +409,7 @@ TEST(LawJumps, CrossedBackAtOnceStops) {
           }
           // It may cross to and fro a few times before it is sure.
           hazard.judge(std::abs(run.end - sliding.at) / tolerance, label,
-                       kAllowed + (is_blurred ? 1e-3 : 2e-6) / tolerance);
+                       kAllowed + (is_blurred ? 1e-3 : 1e-9) / tolerance);
           EXPECT_NE(run.message.find(sliding.culprit), std::string::npos) << run.message;
           const int steps = static_cast<int>(run.statistics.steps + run.statistics.rejected_steps);
           if (steps > most) {
