@@ -166,23 +166,33 @@ void StepChecks::calcAnswers(const StepNode& from, const StepNode& to, ShaftVect
 
 void StepChecks::addTimeNoise(const StepNode& to, ShaftVector& uncertain) {
   if (!drivetrain_.torquesReadTime()) return;
-  constexpr double kSpan = 1e-7;  // s
   constexpr double kMost = 1e-6;  // of the largest Q
   double middle[kMaxShafts];
   double before[kMaxShafts];
   double after[kMaxShafts];
+  ShaftVector bends(S);
+  ShaftVector noise(S);
   const auto torqueAt = [&](double time, double* torque) {
     drivetrain_.calcTorque(system_.view(time, to.x), torque);
   };
   torqueAt(to.time, middle);
-  for (const double part : {1.0, 0.618, 0.382, 0.236}) {
-    torqueAt(to.time - part * kSpan, before);
-    torqueAt(to.time + part * kSpan, after);
+  const double resolved = 64.0 * resolutionOf(drivetrain_.origin() + to.time);
+  for (const double span : {1e-7, 1e-9, 1e-11, 1e-13}) {  // s
+    if (span != 1e-7 && span < resolved) break;
+    bends.fill(0.0);
+    for (const double part : {1.0, 0.618, 0.382, 0.236}) {
+      torqueAt(to.time - part * span, before);
+      torqueAt(to.time + part * span, after);
+      for (int i = 0; i < S; ++i) {
+        bends[i] = std::max(bends[i], std::abs(after[i] - 2.0 * middle[i] + before[i]));
+      }
+    }
     for (int i = 0; i < S; ++i) {
-      const double bend = std::abs(after[i] - 2.0 * middle[i] + before[i]);
-      uncertain[i] = std::max(uncertain[i], std::min(2.0 * bend, kMost * largest_torque_[i]));
+      noise[i] = span == 1e-7 ? bends[i] : std::min(noise[i], bends[i]);
+      uncertain[i] = std::max(uncertain[i], std::min(2.0 * bends[i], kMost * largest_torque_[i]));
     }
   }
+  for (int i = 0; i < S; ++i) uncertain[i] = std::max(uncertain[i], 2.0 * noise[i]);
 }
 
 double StepChecks::judgeTorque(const TorqueGain& gain, const StepNode& from, const StepNode& to,

@@ -123,7 +123,8 @@ class StepChecks {
   void calcAnswers(const StepNode& from, const StepNode& to, ShaftVector& uncertain,
                    ShaftVector& answer);
   /// What rounding inside the laws' formulas of the time makes of Q (sin(t + 1e8) knows its
-  /// argument to 1e-8): how far Q is from smooth over times that are next to nothing.
+  /// argument to 1e-8): how far Q is from smooth over times that are next to nothing. What is so
+  /// over times of any size is rounding, however large (1e10 (sin(t) - 0.999)).
   void addTimeNoise(const StepNode& to, ShaftVector& uncertain);
   /// The size of d, see checkTorque, when `uncertain` is left aside.
   double judgeTorque(const TorqueGain& gain, const StepNode& from, const StepNode& to,
