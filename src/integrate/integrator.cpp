@@ -208,8 +208,11 @@ double Integrator::chooseFirstStep() {
   for (int i = 0; i < x1.size(); ++i) change[i] -= front_.dxdt[i];
   const double d2 = size(change) / h0;
   const double largest = std::max(d1, d2);
+  // A step of the implicit schemes, whose order is high, is judged anyway, and a second step costs
+  // more than one that is refused early.
+  const double aim = stepper_->isImplicit() ? 10.0 : 0.01;
   double h1 = largest <= 1e-15 ? std::max(1e-6, h0 * 1e-3)
-                               : std::pow((stepper_->isImplicit() ? 10.0 : 0.01) / largest, 1.0 / stepper_->errorOrder());
+                               : std::pow(aim / largest, 1.0 / stepper_->errorOrder());
   if (!std::isfinite(h1)) h1 = 1e-3 * h0;  // the Euler step left the domain
   // Without an absolute tolerance nothing that starts from 0 is ever slow enough: let it try.
   h1 = std::max(h1, 1e-6 * h0);
