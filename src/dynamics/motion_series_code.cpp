@@ -242,14 +242,19 @@ std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
     }
   }
   // Orders take the compiler the longest: they go around the units.
+  std::ostringstream orders;
   for (int n = 1; n <= last_order_; ++n) {
-    const std::string number = std::to_string(n);
-    const std::string head = "void " + nameOf(n) +
-                             "(double* restrict r, double* restrict s, const double* restrict k,\n"
-                             "    const double* restrict c, double u)";
-    text += head + ";\n#if " + number + " % UNITS == UNIT\n" + head + " {\n  order(" + number +
-            ", r, s, k, c, u);\n}\n#endif\n";
+    const auto writeHead = [&] {
+      orders << "void " << nameOf(n)
+             << "(double* restrict r, double* restrict s, const double* restrict k,\n"
+                "    const double* restrict c, double u)";
+    };
+    writeHead();
+    orders << ";\n#if " << n << " % UNITS == UNIT\n";
+    writeHead();
+    orders << " {\n  order(" << n << ", r, s, k, c, u);\n}\n#endif\n";
   }
+  text += orders.str();
   return text;
 }
 

@@ -107,6 +107,8 @@ void SceneProgram::makePartials(const std::vector<Node>& rate) {
   Graph& graph = *scene_.graph;
   using Kind = Partial::Kind;
   std::vector<std::pair<Node, Partial>> functions;
+  functions.reserve(static_cast<std::size_t>(S * (1 + scene_.constraintCount())) +
+                    scene_.constraints.size());
   for (int i = 0; i < S; ++i) {
     functions.push_back({rate[static_cast<std::size_t>(i)], {Kind::kRate, 0, i, 0}});
   }

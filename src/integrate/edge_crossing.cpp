@@ -261,8 +261,7 @@ void Integrator::goToEdge(double time) {
   if (!(time > base_.time)) return;
   edge.x = goAhead(base_, time - base_.time);
   State moved(system_.size());
-  const ProjectionResult projected =
-      system_.project(time, edge.x, moved, &statistics_.projections);
+  const ProjectionResult projected = system_.project(time, edge.x, moved, &statistics_.projections);
   if (projected != ProjectionResult::kConverged) return;
   system_(edge.x, edge.dxdt, time);
   if (edge.dxdt.isFinite()) base_ = front_ = edge;
