@@ -209,8 +209,10 @@ double Integrator::chooseFirstStep() {
   const double d2 = size(change) / h0;
   const double largest = std::max(d1, d2);
   // A step of the implicit schemes, whose order is high, is judged anyway, and a second step costs
-  // more than one that is refused early.
-  const double aim = stepper_->isImplicit() ? 10.0 : 0.01;
+  // more than one that is refused early. (What it errs along psi stays where stages do not keep
+  // it.)
+  const bool may_be_refused = stepper_->isImplicit() && system_.keepsConstraintsInStages();
+  const double aim = may_be_refused ? 10.0 : 0.01;
   double h1 = largest <= 1e-15 ? std::max(1e-6, h0 * 1e-3)
                                : std::pow(aim / largest, 1.0 / stepper_->errorOrder());
   if (!std::isfinite(h1)) h1 = 1e-3 * h0;  // the Euler step left the domain

@@ -55,9 +55,11 @@ class RadauStepper final : public Stepper {
   double work() const override { return 10.0 * tried_ - 4.0; }
   bool isImplicit() const override { return true; }
   /// A step that took many iterations is near those that do not converge (Hairer, Wanner, IV.8
-  /// (8.21)).
+  /// (8.21)). One whose stages began from nothing takes two more for that alone. (Where stages do
+  /// not keep psi errors along it add up, and steps are not to grow so fast.)
   double ease() const override {
-    const double n = is_predicted_ ? iterations_ : std::max(iterations_ - 2, 1);
+    const bool has_begun = keeps_psi_ && !is_predicted_;
+    const double n = has_begun ? std::max(iterations_ - 2, 1) : iterations_;
     return (2.0 * kNit + 1.0) / (2.0 * kNit + n);
   }
   bool keepsConstraints() const override { return true; }
@@ -166,6 +168,7 @@ class RadauStepper final : public Stepper {
     }
     noteRounding(system, from, h);
     noteLimits(system, from);
+    keeps_psi_ = system.keepsConstraintsInStages();
     weighCorrections(from);
     step_ = h;
     has_converged_ = findStages<kStages>(system, from, h);
@@ -385,14 +388,14 @@ class RadauStepper final : public Stepper {
     }
   }
   /// What Newton's iteration may leave is a part of the tolerance; rounding is no reason to go on.
-  /// Velocities that a torque answers to steeply (a narrow layer of friction) have to be known as
-  /// well as the accelerations that they make beside those of x: the torque is integrated by its
-  /// rate, and a step that loses some of it has lost it for good.
+  /// Where stages keep psi, velocities that a torque answers to steeply (a narrow layer of
+  /// friction) have to be known as well as the accelerations that they make beside those of x: the
+  /// torque is integrated by its rate, and a step that loses some of it has lost it for good.
   void weighCorrections(const StepNode& from) {
     const auto& answer = linearization_.block(size_ / S - 1);
     forEachComponent(0, size_, [&](int n) {
       double allowed = std::min(tolerance_.of(from.x[n]), limit_[n]);
-      if (size_ == 3 * S && n >= S && n < 2 * S) {
+      if (keeps_psi_ && size_ == 3 * S && n >= S && n < 2 * S) {
         for (int i = 0; i < S; ++i) {
           const double slope = std::abs(answer(i, n - S));
           allowed = std::min(allowed, kAnswer * tolerance_.of(from.x[last_ + i]) / slope);
@@ -453,6 +456,7 @@ class RadauStepper final : public Stepper {
   int tried_;       // of the last step, whether it was good or not
   int quick_steps_ = 0;
   bool is_predicted_ = false;
+  bool keeps_psi_ = false;
   int iterations_ = 1;         // of the last step
   bool has_converged_ = true;  // the last try
   double refused_ = 0.0;       // the error for which the iteration was left, 0 where it was not

@@ -176,9 +176,11 @@ void StepChecks::addTimeNoise(const StepNode& to, ShaftVector& uncertain) {
     drivetrain_.calcTorque(system_.view(time, to.x), torque);
   };
   torqueAt(to.time, middle);
+  int spans = 0;
   const double resolved = 64.0 * resolutionOf(drivetrain_.origin() + to.time);
   for (const double span : {1e-7, 1e-9, 1e-11, 1e-13}) {  // s
     if (span != 1e-7 && span < resolved) break;
+    ++spans;
     bends.fill(0.0);
     for (const double part : {1.0, 0.618, 0.382, 0.236}) {
       torqueAt(to.time - part * span, before);
@@ -192,6 +194,7 @@ void StepChecks::addTimeNoise(const StepNode& to, ShaftVector& uncertain) {
       uncertain[i] = std::max(uncertain[i], std::min(2.0 * bends[i], kMost * largest_torque_[i]));
     }
   }
+  if (spans < 2) return;
   for (int i = 0; i < S; ++i) uncertain[i] = std::max(uncertain[i], 2.0 * noise[i]);
 }
 
