@@ -295,12 +295,15 @@ class RadauStepper final : public Stepper {
         // The first rate still has the error of the prediction in it.
         const int rest = kMaxIterations - 1 - iteration;
         if (iteration > 2 && std::pow(rate, rest) / (1.0 - rate) * size > 1.0) return false;
-        // Errors far above the tolerance show long before the stages are known to a part of it.
-        State error(size_);
-        const double norm = calcFilteredDefect(from, h, from.x, error);
-        if (norm > kHopeless + kUncertain * size) {
-          refused_ = norm;
-          return true;
+        // Errors far above the tolerance show long before the stages are known to a part of it, in
+        // corrections of at least a tolerance.
+        if (iteration == 1 && kNewton * size >= 1.0) {
+          State error(size_);
+          const double norm = calcFilteredDefect(from, h, from.x, error);
+          if (norm > kHopeless + kUncertain * size) {
+            refused_ = norm;
+            return true;
+          }
         }
       }
       previous = size;
