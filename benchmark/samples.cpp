@@ -176,7 +176,7 @@ class Ours {
     for (int n = 1; n <= samples; ++n) {
       simulation.advanceTo(timeOf(n, samples));
       const Sample& sample = simulation.sample();
-      Row& row = rows[n - 1];
+      Row& row = rows[(n - 1) % kSamples];
       for (int i = 0; i < 2; ++i) {
         const auto at = static_cast<std::size_t>(i);
         row.x[at] = sample.angle[i];
@@ -245,7 +245,7 @@ int measure(const std::string& folder) {
   Ours ours(folder);
   constexpr int kDense = 20000;
   constexpr double kUsual = 1e-9;
-  Rows dense(kDense);
+  Rows dense(kSamples);  // which stays in the cache
   ours.at(kUsual);
   double with = std::numeric_limits<double>::infinity();
   double without = with;
