@@ -106,44 +106,33 @@ void SceneProgram::makePartials(const std::vector<Node>& rate) {
   if (!opaque_torques_.empty() || !opaque_rows_.empty()) return;
   Graph& graph = *scene_.graph;
   using Kind = Partial::Kind;
-  std::vector<std::pair<Node, Partial>> functions;
-  functions.reserve(static_cast<std::size_t>(S * (1 + scene_.constraintCount())) +
-                    scene_.constraints.size());
-  for (int i = 0; i < S; ++i) {
-    functions.push_back({rate[static_cast<std::size_t>(i)], {Kind::kRate, 0, i, 0}});
-  }
+  std::vector<Node> functions = rate;
+  std::vector<Partial> partial_of;
+  partial_of.reserve(static_cast<std::size_t>(S));
+  for (int i = 0; i < S; ++i) partial_of.push_back({Kind::kRate, 0, i, 0});
   for (int m = 0; m < scene_.constraintCount(); ++m) {
     const ConstraintPtr& constraint = scene_.constraints[static_cast<std::size_t>(m)];
     const auto* law = formulaIn<FormulaConstraint>(scene_, constraint);
     if (constraint->order() == 3) return;
-    for (int i = 0; i < S; ++i) {
-      functions.push_back({law->row()[static_cast<std::size_t>(i)], {Kind::kEntry, m, i, 0}});
-    }
-    functions.push_back({law->secondOrder(), {Kind::kResidual, m, 0, 0}});
+    functions.insert(functions.end(), law->row().begin(), law->row().end() - 1);
+    functions.push_back(law->secondOrder());
+    for (int i = 0; i < S; ++i) partial_of.push_back({Kind::kEntry, m, i, 0});
+    partial_of.push_back({Kind::kResidual, m, 0, 0});
   }
-  std::vector<Node> outputs;
-  std::vector<Partial> partials;
-  const int most = graph.size() + expression::StateDerivatives::kMostNodes;
-  const expression::Source parts[] = {expression::Source::kAngle, expression::Source::kVelocity,
-                                      expression::Source::kAcceleration};
-  for (int q = 0; q < 3 * S; ++q) {
-    for (auto& [function, partial] : functions) {
-      const Node derivative =
-          graph.differentiate(function, expression::slotOf(parts[q / S], q % S));
-      if (graph.size() > most) return;
-      if (graph.isConstant(derivative, 0.0)) continue;
-      partial.q = q;
-      outputs.push_back(derivative);
-      partials.push_back(partial);
-    }
-  }
-  if (graph.hasNonFiniteConstant(outputs) || !isWritable(graph, outputs)) return;
+  using expression::StateDerivatives;
+  const auto entries = StateDerivatives::list(graph, functions, S);
+  if (!entries) return;
+  const std::vector<Node> outputs = StateDerivatives::nodesOf(*entries);
+  if (!isWritable(graph, outputs)) return;
   try {
     partials_program_ = Program(graph, outputs);
   } catch (const std::length_error&) {
     return;
   }
-  partials_ = std::move(partials);
+  for (const StateDerivatives::Entry& entry : *entries) {
+    partials_.push_back(partial_of[static_cast<std::size_t>(entry.node)]);
+    partials_.back().q = entry.q;
+  }
   has_partials_ = true;
 }
 

@@ -54,10 +54,28 @@ class StateDerivatives {
   /// loading stays well below a second, one evaluation below a millisecond.
   static constexpr int kMostNodes = 100000;
 
-  /// The derivatives of at most kMaxShafts + 1 `nodes`; nothing when they are too large to be made
-  /// (kMostNodes, or the limit of Tape) or have a constant part that is not finite.
+  /// d node / d x_q, `node` being the index among the nodes.
+  struct Entry {
+    int node;
+    int q;
+    Node derivative;
+  };
+  /// Those of `nodes` that are not zero everywhere; nothing when they are too large to be made
+  /// (kMostNodes) or have a constant part that is not finite.
+  static std::optional<std::vector<Entry>> list(Graph& graph, const std::vector<Node>& nodes,
+                                                int shaft_count);
+
+  /// The derivatives of at most kMaxShafts + 1 `nodes`; nothing when `list` has none or they are
+  /// beyond the limit of Tape.
   static std::optional<StateDerivatives> of(Graph& graph, const std::vector<Node>& nodes,
                                             int shaft_count);
+
+  static std::vector<Node> nodesOf(const std::vector<Entry>& entries) {
+    std::vector<Node> nodes;
+    nodes.reserve(entries.size());
+    for (const Entry& entry : entries) nodes.push_back(entry.derivative);
+    return nodes;
+  }
 
   /// Calls use(n, q, d node_n / d x_q) for each entry that is not zero everywhere. [loop]
   template <class Use>
@@ -65,20 +83,18 @@ class StateDerivatives {
     double values[3 * kMaxShafts * (kMaxShafts + 1)];
     tape_.evaluate(state, values);
     for (std::size_t i = 0; i < entries_.size(); ++i) {
-      use(entries_[i].first, entries_[i].second, values[i]);
+      use(entries_[i].node, entries_[i].q, values[i]);
     }
   }
 
  private:
   Tape tape_;
-  std::vector<std::pair<int, int>> entries_;  ///< (n, q) of each output of the tape
+  std::vector<Entry> entries_;  ///< of each output of the tape
 };
 
-inline std::optional<StateDerivatives> StateDerivatives::of(Graph& graph,
-                                                            const std::vector<Node>& nodes,
-                                                            int shaft_count) {
-  StateDerivatives made;
-  std::vector<Node> outputs;
+inline std::optional<std::vector<StateDerivatives::Entry>> StateDerivatives::list(
+    Graph& graph, const std::vector<Node>& nodes, int shaft_count) {
+  std::vector<Entry> entries;
   const int most = graph.size() + kMostNodes;
   const Source parts[] = {Source::kAngle, Source::kVelocity, Source::kAcceleration};
   for (int q = 0; q < 3 * shaft_count; ++q) {
@@ -87,16 +103,25 @@ inline std::optional<StateDerivatives> StateDerivatives::of(Graph& graph,
       const Node derivative = graph.differentiate(nodes[n], slot);
       if (graph.size() > most) return std::nullopt;
       if (graph.isConstant(derivative, 0.0)) continue;
-      outputs.push_back(derivative);
-      made.entries_.emplace_back(static_cast<int>(n), q);
+      entries.push_back({static_cast<int>(n), q, derivative});
     }
   }
-  if (graph.hasNonFiniteConstant(outputs)) return std::nullopt;
+  if (graph.hasNonFiniteConstant(nodesOf(entries))) return std::nullopt;
+  return entries;
+}
+
+inline std::optional<StateDerivatives> StateDerivatives::of(Graph& graph,
+                                                            const std::vector<Node>& nodes,
+                                                            int shaft_count) {
+  std::optional<std::vector<Entry>> entries = list(graph, nodes, shaft_count);
+  if (!entries) return std::nullopt;
+  StateDerivatives made;
   try {
-    made.tape_ = Tape(graph, outputs);
+    made.tape_ = Tape(graph, nodesOf(*entries));
   } catch (const std::length_error&) {
     return std::nullopt;
   }
+  made.entries_ = std::move(*entries);
   return made;
 }
 
