@@ -201,10 +201,6 @@ void MotionSeries::findOrderPlaces() {
   OrderPlaces& to = order_places_;
   to = OrderPlaces{};
   const auto place = [this](int row) { return static_cast<int>(program_.offset(row)); };
-  for (int m = 0; m < k_; ++m) {
-    to.is_of_third_order[m] = drivetrain_.constraint(m).order() == 3;
-    to.multiplier[m] = place(row_of_multiplier_[m]);
-  }
   for (int i = 0; i < S; ++i) {
     to.moves[i] = hasMovingInertia(i);
     if (to.moves[i]) {
@@ -215,7 +211,7 @@ void MotionSeries::findOrderPlaces() {
     for (int m = 0; m < k_; ++m) {
       const int entry = entryRow(m, i);
       if (program_.isConstant(entry)) continue;
-      to.entries.push_back({place(entry), program_.degree(entry), to.multiplier[m]});
+      to.entries.push_back({place(entry), program_.degree(entry), place(row_of_multiplier_[m])});
     }
     to.entries_end[i] = to.entries.size();
   }

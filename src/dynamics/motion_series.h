@@ -238,8 +238,6 @@ class MotionSeries {
     int inertia_degree[kMaxShafts];
     int connection[kMaxShafts];
     int connection_degree[kMaxShafts];
-    bool is_of_third_order[kMaxRows];
-    int multiplier[kMaxRows];
     /// Those of C that are not constant, shaft by shaft, and where a shaft's end.
     std::vector<Entry> entries;
     std::size_t entries_end[kMaxShafts];
@@ -290,15 +288,16 @@ class MotionSeries {
   StepsTogether* together_ = nullptr;
   const SeriesLanes* lanes_ = nullptr;  ///< where the next series is begun; nullptr: here
   bool is_fetched_ = true;
-  using StepCode = void (*)(SeriesStep* step);
-  StepCode step_code_ = interpretStep;
-  StepCode arrive_code_ = interpretArrival;
-  using SampleCode = void (*)(SeriesStep* step, const double* table, double part,
-                              const SeriesSample* to);
-  SampleCode sample_code_ = interpretSample;
-  using TableCode = void (*)(const SeriesStep* step, const double* rows, double theta,
-                             double* table);
-  TableCode tabulate_code_ = interpretTable;
+  /// What series_step.inc and series_step_sample.inc are, interpreted or as machine code.
+  struct StepCodes {
+    void (*step)(SeriesStep* step) = interpretStep;
+    void (*arrive)(SeriesStep* step) = interpretArrival;
+    void (*tabulate)(const SeriesStep* step, const double* rows, double theta,
+                     double* table) = interpretTable;
+    void (*sample)(SeriesStep* step, const double* table, double part,
+                   const SeriesSample* to) = interpretSample;
+  };
+  StepCodes step_codes_;
 
   // Rows of the program.
   int row_of_time_ = -1;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 #include <sstream>
+#include <type_traits>
 #include <utility>
 
 #include "dynamics/motion_series.h"
@@ -410,15 +411,16 @@ bool MotionSeries::use(const KernelLibrary& library, const double* constants, st
   const auto begin = reinterpret_cast<BeginCode>(library.find(kBegin));
   if (begin == nullptr && !program_.readsTables()) return false;
   if (makes_whole_steps_) {
-    const auto step = reinterpret_cast<StepCode>(library.find("series_step"));
-    const auto arrive = reinterpret_cast<StepCode>(library.find("series_arrive"));
-    const auto sample = reinterpret_cast<SampleCode>(library.find("series_sample"));
-    const auto table = reinterpret_cast<TableCode>(library.find("series_tabulate"));
-    if (step == nullptr || arrive == nullptr || sample == nullptr || table == nullptr) return false;
-    tabulate_code_ = table;
-    step_code_ = step;
-    arrive_code_ = arrive;
-    sample_code_ = sample;
+    StepCodes found;
+    const auto find = [&library](const char* name, auto* code) {
+      *code = reinterpret_cast<std::remove_pointer_t<decltype(code)>>(library.find(name));
+      return *code != nullptr;
+    };
+    if (!find("series_step", &found.step) || !find("series_arrive", &found.arrive) ||
+        !find("series_tabulate", &found.tabulate) || !find("series_sample", &found.sample)) {
+      return false;
+    }
+    step_codes_ = found;
   }
   codes_ = std::move(codes);
   begin_code_ = begin;
@@ -442,17 +444,11 @@ bool MotionSeries::givesSameNumbers() {
     std::vector<OrderCode> codes;
     codes.swap(codes_);
     const BeginCode begin_code = std::exchange(begin_code_, nullptr);
-    const StepCode step_code = std::exchange(step_code_, interpretStep);
-    const StepCode arrive_code = std::exchange(arrive_code_, interpretArrival);
-    const SampleCode sample_code = std::exchange(sample_code_, interpretSample);
-    const TableCode tabulate_code = std::exchange(tabulate_code_, interpretTable);
+    const StepCodes step_codes = std::exchange(step_codes_, StepCodes{});
     const bool is_same = isSame(expandAt(n), computed);
     codes_.swap(codes);
     begin_code_ = begin_code;
-    step_code_ = step_code;
-    arrive_code_ = arrive_code;
-    sample_code_ = sample_code;
-    tabulate_code_ = tabulate_code;
+    step_codes_ = step_codes;
     if (!is_same) return false;
   }
   return true;
@@ -461,10 +457,7 @@ bool MotionSeries::givesSameNumbers() {
 void MotionSeries::interpret() {
   codes_.clear();
   begin_code_ = nullptr;
-  step_code_ = interpretStep;
-  arrive_code_ = interpretArrival;
-  sample_code_ = interpretSample;
-  tabulate_code_ = interpretTable;
+  step_codes_ = {};
   library_ = nullptr;
 }
 

@@ -10,10 +10,7 @@ void MotionSeries::findSampled() {
   SeriesLayout& to = layout_;
   const auto add = [&to](int at) { to.sampled_at[to.sampled++] = at; };
   for (int n = 0; n < 3 * S; ++n) add(to.component_at[n]);
-  for (int m = 0; m < k_; ++m) {
-    to.constraint_order[m] = drivetrain_.constraint(m).order();
-    add(static_cast<int>(program_.offset(row_of_multiplier_[m])));
-  }
+  for (int m = 0; m < k_; ++m) add(to.multiplier_at[m]);
   for (int i = 0; i < S; ++i) add(to.torque_at[i]);
   if (!isInertiaConstant()) {
     for (int i = 0; i < S; ++i) add(to.inertia_at[i]);
@@ -26,7 +23,7 @@ void MotionSeries::findSampled() {
 
 void MotionSeries::tabulate() {
   const SeriesNode& node = step_.node[step_.made - 1];
-  tabulate_code_(&step_, program_.rows(), node.taken / own().unit, table_.rows);
+  step_codes_.tabulate(&step_, program_.rows(), node.taken / own().unit, table_.rows);
   table_.stamp = stamp_;
   table_.last = step_.last;
   table_.end = node.end;
@@ -50,7 +47,7 @@ bool MotionSeries::calcSample(std::uint64_t stamp, double end, double t, std::ui
                            sample->residual,        sample->multiplier};
   // From the end, which others are told exactly.
   const double part = 1.0 - (end - t) * table_.per_step;
-  sample_code_(&sample_, table_.rows, part, &to);
+  step_codes_.sample(&sample_, table_.rows, part, &to);
   *projections += static_cast<std::uint64_t>(sample_.projections);
   return sample_.doubt == 0.0;
 }

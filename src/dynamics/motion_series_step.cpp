@@ -195,6 +195,7 @@ void MotionSeries::findLayout() {
     to.inertial_torque_at[i] = at(row_of_inertial_torque_[i]);
   }
   for (int m = 0; m < k_; ++m) {
+    to.constraint_order[m] = drivetrain_.constraint(m).order();
     to.multiplier_at[m] = at(row_of_multiplier_[m]);
     to.residual_at[m] = at(row_of_residual_[m]);
     for (int i = 0; i < S; ++i) to.entry_at[m * S + i] = at(entryRow(m, i));
@@ -261,7 +262,7 @@ bool MotionSeries::beginWhole(double t, const double* x) {
   std::copy_n(x, 3 * S, step_.x_new);
   step_.doubt = 0.0;
   step_.limits = 0;
-  arrive_code_(&step_);
+  step_codes_.arrive(&step_);
   program_.noteLimit(step_.limits != 0);
   return step_.doubt == 0.0;
 }
@@ -327,9 +328,9 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
       step_.made = 0;
       return step_;
     }
-    step_code_(&step_);
+    step_codes_.step(&step_);
     // Each step has taken the rows of the other series.
-    if (step_code_ != interpretStep && step_.made % 2 == 0) turn();
+    if (step_codes_.step != interpretStep && step_.made % 2 == 0) turn();
   }
   noteUnits();
   own().order = step_.last;
