@@ -33,6 +33,7 @@ class RadauStepper final : public Stepper {
         most_(most),
         stages_(most),
         tried_(most),
+        keeps_psi_(system.keepsConstraintsInStages()),
         S(system.shafts()),
         size_(system.size()),
         last_(size_ - S),
@@ -166,16 +167,15 @@ class RadauStepper final : public Stepper {
     for (int p = 0; p < method_->pairs(); ++p) {
       if (!linearization_.factorComplex(p, h / method_->pair(p))) return kNaN;
     }
-    noteRounding(system, from, h);
-    noteLimits(system, from);
-    keeps_psi_ = system.keepsConstraintsInStages();
+    noteRounding(from, h);
+    noteLimits(from);
     weighCorrections(from);
-    step_ = h;
     has_converged_ = findStages<kStages>(system, from, h);
-    for (int n = 0; n < size_; ++n) x_new[n] = from.x[n] + Z_[kStages - 1][n];
-    if (has_converged_ || refused_ > 0.0) end_ = from.time + h;
-    if (refused_ > 0.0) return refused_;
     if (!has_converged_) return kNaN;
+    for (int n = 0; n < size_; ++n) x_new[n] = from.x[n] + Z_[kStages - 1][n];
+    end_ = from.time + h;
+    step_ = h;
+    if (refused_ > 0.0) return refused_;
     return calcError(system, from, h, x_new, is_repeated);
   }
 
@@ -268,7 +268,8 @@ class RadauStepper final : public Stepper {
     return size + poison;
   }
 
-  /// Simplified Newton iterations on the stages. False when they do not converge.
+  /// Simplified Newton iterations on the stages, left where the step is hopeless (`refused_`).
+  /// False when they do not converge.
   template <std::size_t kStages>
   bool findStages(System& system, const StepNode& from, double h) {
     constexpr int kMaxIterations = 10;
@@ -298,8 +299,9 @@ class RadauStepper final : public Stepper {
         // Errors far above the tolerance show long before the stages are known to a part of it, in
         // corrections of at least a tolerance.
         if (iteration == 1 && kNewton * size >= 1.0) {
+          State slope(size_);
           State error(size_);
-          const double norm = calcFilteredDefect(from, h, from.x, error);
+          const double norm = calcFilteredDefect(from, h, from.x, slope, error);
           if (norm > kHopeless + kUncertain * size) {
             refused_ = norm;
             return true;
@@ -311,11 +313,11 @@ class RadauStepper final : public Stepper {
     return false;
   }
 
-  /// (gamma/h M - dx'/dx)^-1 (x' - p'(0)) and its norm.
-  double calcFilteredDefect(const StepNode& from, double h, const State& x_new,
+  /// `slope` p'(0), `error` (gamma/h M - dx'/dx)^-1 (x' - p'(0)), and its norm.
+  double calcFilteredDefect(const StepNode& from, double h, const State& x_new, State& slope,
                             State& error) const {
-    calcSlope(0.0, h, error);
-    for (int n = 0; n < size_; ++n) error[n] = from.dxdt[n] - error[n];
+    calcSlope(0.0, h, slope);
+    for (int n = 0; n < size_; ++n) error[n] = from.dxdt[n] - slope[n];
     weighMass(error);
     linearization_.solve(error);
     return calcNorm(error, from.x, x_new);
@@ -326,13 +328,12 @@ class RadauStepper final : public Stepper {
   /// more filtered at a first step or after a rejection.
   double calcError(System& system, const StepNode& from, double h, const State& x_new,
                    bool is_repeated) {
+    State weighted(size_);
     State error(size_);
-    double norm = calcFilteredDefect(from, h, x_new, error);
+    double norm = calcFilteredDefect(from, h, x_new, weighted, error);
     if (norm > 1.0 || is_repeated) {
       State x(size_);
       for (int n = 0; n < size_; ++n) x[n] = from.x[n] + error[n];
-      State weighted(size_);
-      calcSlope(0.0, h, weighted);
       for (double& value : weighted) value = -value;
       std::copy(x.begin() + S, x.end(), error.begin());
       double residual[kMaxShafts];
@@ -356,9 +357,9 @@ class RadauStepper final : public Stepper {
   /// constraint (tau = 1e-8 s) has epsilon = -(omega_2 - u omega_1)/tau, which no arithmetic of
   /// 16 digits can know better than |omega| 1e-16 / tau; steps much longer than tau know it to
   /// |omega| 1e-16 / h.
-  void noteRounding(const System& system, const StepNode& from, double h) {
+  void noteRounding(const StepNode& from, double h) {
     rounding_.fill(0.0);
-    if (!system.keepsConstraintsInStages()) return;
+    if (!keeps_psi_) return;
     constexpr double kUlps = 64.0 * kEpsilon;
     const auto& by_velocity = linearization_.block(1);
     // The last rows are the accelerations, or the velocities: h times as much.
@@ -372,12 +373,12 @@ class RadauStepper final : public Stepper {
   }
   /// Accelerations that are no state follow from it: errors of the velocities may be so large only
   /// that the accelerations keep their tolerance.
-  void noteLimits(const System& system, const StepNode& from) {
+  void noteLimits(const StepNode& from) {
     limit_.fill(std::numeric_limits<double>::infinity());
     if (size_ == 3 * S) return;
     // Along what psi pulls, the accelerations are those of the stages.
     SquareMatrix by_velocity = linearization_.block(1);
-    if (system.keepsConstraintsInStages()) {
+    if (keeps_psi_) {
       by_velocity = linearization_.projector().lazyProduct(linearization_.block(1));
     }
     for (int i = 0; i < S; ++i) {
@@ -459,7 +460,7 @@ class RadauStepper final : public Stepper {
   int tried_;       // of the last step, whether it was good or not
   int quick_steps_ = 0;
   bool is_predicted_ = false;
-  bool keeps_psi_ = false;
+  const bool keeps_psi_;       // in the stages
   int iterations_ = 1;         // of the last step
   bool has_converged_ = true;  // the last try
   double refused_ = 0.0;       // the error for which the iteration was left, 0 where it was not

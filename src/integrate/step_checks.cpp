@@ -171,7 +171,8 @@ void StepChecks::addTimeNoise(const StepNode& to, ShaftVector& uncertain) {
   double before[kMaxShafts];
   double after[kMaxShafts];
   ShaftVector bends(S);
-  ShaftVector noise(S);
+  ShaftVector noise(S);  // the least bend of any span
+  noise.fill(std::numeric_limits<double>::infinity());
   const auto torqueAt = [&](double time, double* torque) {
     drivetrain_.calcTorque(system_.view(time, to.x), torque);
   };
@@ -179,7 +180,7 @@ void StepChecks::addTimeNoise(const StepNode& to, ShaftVector& uncertain) {
   int spans = 0;
   const double resolved = 64.0 * resolutionOf(drivetrain_.origin() + to.time);
   for (const double span : {1e-7, 1e-9, 1e-11, 1e-13}) {  // s
-    if (span != 1e-7 && span < resolved) break;
+    if (spans > 0 && span < resolved) break;
     ++spans;
     bends.fill(0.0);
     for (const double part : {1.0, 0.618, 0.382, 0.236}) {
@@ -190,7 +191,7 @@ void StepChecks::addTimeNoise(const StepNode& to, ShaftVector& uncertain) {
       }
     }
     for (int i = 0; i < S; ++i) {
-      noise[i] = span == 1e-7 ? bends[i] : std::min(noise[i], bends[i]);
+      noise[i] = std::min(noise[i], bends[i]);
       uncertain[i] = std::max(uncertain[i], std::min(2.0 * bends[i], kMost * largest_torque_[i]));
     }
   }
