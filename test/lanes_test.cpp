@@ -24,9 +24,9 @@ class CountedSteps final : public StepsTogether {
     ++count_;
     return steps_.make(series);
   }
-  void fetch(MotionSeries& series) override {
+  void fetch(MotionSeries& series, int begin, int end) override {
     ++fetched_;
-    steps_.fetch(series);
+    steps_.fetch(series, begin, end);
   }
   int count() const { return count_; }
   int fetched() const { return fetched_; }

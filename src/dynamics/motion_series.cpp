@@ -245,7 +245,7 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   ++stamp_;
   most_ = most;
   is_next_begun_ = false;
-  is_fetched_ = true;
+  fetched_ = kMostSampled;
   own().unit = unit;
   own().inverse[(S + k_) * (S + k_)] = 1.0 / unit;  // exact: a power of 2
   own().order = 0;

@@ -83,12 +83,10 @@ class MotionSeries {
   /// Steps are made with those of other motions where that may be; nullptr: alone. Its owner has to
   /// outlive this or to take it back.
   void makeStepsWith(StepsTogether* together) { together_ = together; }
-  /// The coefficients of a step made with others are asked for.
-  void fetch() {
-    if (is_fetched_) return;
-    is_fetched_ = true;
-    together_->fetch(*this);
-  }
+  /// The coefficients of a step made with others are asked for: those of the state, or all that
+  /// samples are made of. [loop]
+  void fetchState() { fetchUpTo(3 * S); }
+  void fetch() { fetchUpTo(layout_.sampled); }
   /// What no constraint can change of the reaction.
   void keepReaction(const KeptReaction& kept);
   /// The motion does not go on from there, or inputs have changed.
@@ -111,6 +109,8 @@ class MotionSeries {
   const double* velocity(int i) const { return program_.coefficients(row_of_velocity_[i]); }
   const double* acceleration(int i) const { return program_.coefficients(row_of_acceleration_[i]); }
   double unit() const { return own().unit; }
+  /// That of a series whose step may be as long, s.
+  static double unitFor(double length);
   /// The orders as C, and what that is made from.
   std::string writeSource() const;
   /// Whole steps of several motions at once (series_lanes.h), which stand behind `velocity_level`;
@@ -273,6 +273,7 @@ class MotionSeries {
   SeriesLayout layout_ = {};
   SeriesStep step_ = {};
   bool makes_samples_ = false;
+  static constexpr int kMostSampled = sizeof(SeriesLayout::sampled_at) / sizeof(int);
   std::uint64_t strode_ = 0;  ///< the stamp of the series that a good stride has left
   /// What samples of a step are made of: its series may be gone then.
   struct SampleTable {
@@ -280,14 +281,19 @@ class MotionSeries {
     int last = 0;
     double end = 0.0;
     double per_step = 0.0;  ///< 1/s
-    double rows[(kMostOrder + 5) * (sizeof(SeriesLayout::sampled_at) / sizeof(int))] = {};
+    double rows[(kMostOrder + 5) * kMostSampled] = {};
   };
   SampleTable table_;
   SeriesStep sample_ = {};
   bool is_next_begun_ = false;
   StepsTogether* together_ = nullptr;
   const SeriesLanes* lanes_ = nullptr;  ///< where the next series is begun; nullptr: here
-  bool is_fetched_ = true;
+  int fetched_ = kMostSampled;          ///< of layout_.sampled_at: whose coefficients are here
+  void fetchUpTo(int count) {
+    if (fetched_ >= count) return;
+    together_->fetch(*this, fetched_, count);
+    fetched_ = count;
+  }
   /// What series_step.inc and series_step_sample.inc are, interpreted or as machine code.
   struct StepCodes {
     void (*step)(SeriesStep* step) = interpretStep;

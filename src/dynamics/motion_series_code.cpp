@@ -475,7 +475,7 @@ void MotionSeries::stepAside(int state, double limit, const std::function<void()
       code();
       return true;
     }
-    void fetch(MotionSeries& /*series*/) override {}
+    void fetch(MotionSeries& /*series*/, int /*from*/, int /*to*/) override {}
     const std::function<void()>& code;
   } aside(code);
   StepsTogether* const usual = std::exchange(together_, code ? &aside : nullptr);
@@ -487,7 +487,7 @@ void MotionSeries::stepAside(int state, double limit, const std::function<void()
   const double length = 0.01 * (1 + state);
   const Reach reach{kFar, t + limit, limit, 1 + state % 3, state % 2 == 0};
   stride(t, x, {false, length, length, relative, relative, 0.5, reach});
-  is_fetched_ = true;
+  fetched_ = kMostSampled;
   forgetNext();
   together_ = usual;
 }

@@ -277,8 +277,12 @@ bool MotionSeries::beginStep(double t, const double* x, double unit) {
   return true;
 }
 
+double MotionSeries::unitFor(double length) {
+  return series_plain::seriesPowerOfTwoAbove(length);
+}
+
 const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim) {
-  const double unit = series_plain::seriesPowerOfTwoAbove(aim.length);
+  const double unit = unitFor(aim.length);
   const Reach& reach = aim.reach;
   step_.made = 0;
   step_.refused = 1.0;
@@ -298,7 +302,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
       ++stamp_;
     } else {
       // What is begun in the lanes is begun here as it was there.
-      if (!is_in_lanes) here = series_plain::seriesPowerOfTwoAbove(aim.before);
+      if (!is_in_lanes) here = unitFor(aim.before);
       if (!beginStep(t, x, here)) return step_;
     }
   }
@@ -322,7 +326,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
   pointAtRows();
   is_next_begun_ = false;
   if (is_together && together_->make(*this)) {
-    is_fetched_ = false;
+    fetched_ = 0;
   } else {
     if (lanes_ != nullptr) {
       step_.made = 0;

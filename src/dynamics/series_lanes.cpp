@@ -25,16 +25,11 @@ SeriesLanes::SeriesLanes(const MotionSeries& like, std::shared_ptr<KernelLibrary
 void SeriesLanes::load(const MotionSeries& series, int lane) {
   const expression::SeriesProgram& program = series.program_;
   const double* const from = program.rows();
+  // Lanes read no row backwards. Velocities and angles are known to one order more than
+  // accelerations.
   for (int row = 0; row < program.rowCount(); ++row) {
-    const std::size_t ahead = program.offset(row);
-    const std::size_t back = program.backwardOffset(row);
-    // Velocities and angles are known to one order more than accelerations.
-    for (std::size_t n = 0; n < 3; ++n) {
-      for (std::vector<Real>& rows : rows_) {
-        rows[ahead + n][lane] = from[ahead + n];
-        rows[back - n][lane] = from[back - n];
-      }
-    }
+    const std::size_t at = program.offset(row);
+    for (std::size_t n = at; n < at + 3; ++n) rows_[0][n][lane] = rows_[1][n][lane] = from[n];
   }
   for (std::size_t i = 0; i < program.statesSize(); ++i) {
     states_[used_][i][lane] = program.states()[i];
@@ -74,15 +69,25 @@ void SeriesLanes::give(const MotionSeries& series, int lane) {
   step_.target[lane] = its.target;
   step_.horizon[lane] = its.horizon;
   step_.maximum[lane] = its.maximum;
-  step_.most = std::min(step_.most, its.most);
-  step_.watches_rest = step_.watches_rest != 0 || its.watches_rest != 0 ? 1 : 0;
   for (int n = 0; n < 3 * series.S; ++n) step_.x[n][lane] = its.x[n];
+}
+
+void SeriesLanes::goOn(int lane, int shafts) {
+  const double length = step_.length[lane];
+  const double reach = step_.horizon[lane] - step_.end[lane];
+  step_.time[lane] = step_.end[lane];
+  step_.limit[lane] = std::min(reach, step_.maximum[lane]);
+  step_.limit_end[lane] =
+      reach > step_.maximum[lane] ? step_.end[lane] + step_.limit[lane] : step_.horizon[lane];
+  step_.unit[lane] = step_.next_unit[lane];
+  step_.next_unit[lane] = MotionSeries::unitFor(length);
+  for (int n = 0; n < 3 * shafts; ++n) step_.x[n][lane] = step_.x_new[n][lane];
 }
 
 void SeriesLanes::take(MotionSeries& series, int lane) {
   SeriesStep& its = series.step_;
   const int S = series.S;
-  its.made = step_.made;
+  its.made = made_[lane] + step_.made;
   its.refused = step_.refused[lane];
   its.time = step_.time[lane];
   its.unit = step_.unit[lane];
@@ -97,7 +102,7 @@ void SeriesLanes::take(MotionSeries& series, int lane) {
   for (int n = 0; n < 3 * S; ++n) its.x[n] = step_.x[n][lane];
   for (int made = 0; made < step_.made; ++made) {
     const series_lanes::SeriesNode& from = step_.node[made];
-    SeriesNode& to = its.node[made];
+    SeriesNode& to = its.node[made_[lane] + made];
     to.end = from.end[lane];
     to.taken = from.taken[lane];
     to.length = from.length[lane];
@@ -125,23 +130,30 @@ void SeriesLanes::clear(int lane) {
   is_spoilt_[lane] = false;
 }
 
-void SeriesLanes::make(const std::array<MotionSeries*, kLanes>& series) {
+std::array<bool, SeriesLanes::kLanes> SeriesLanes::make(
+    const std::array<MotionSeries*, kLanes>& series) {
   used_ = 1 - used_;  // where the next series were begun
   step_.most = series_lanes::kSeriesStride;
-  step_.watches_rest = 0;
   for (int lane = 0; lane < kLanes; ++lane) {
     if (series[lane] == nullptr) continue;
-    if (series[lane]->lanes_ != this) {
-      if (is_spoilt_[lane]) clear(lane);
-      load(*series[lane], lane);
+    if (made_[lane] > 0) {
+      goOn(lane, series[lane]->S);
+    } else {
+      if (series[lane]->lanes_ != this) {
+        if (is_spoilt_[lane]) clear(lane);
+        load(*series[lane], lane);
+      }
+      give(*series[lane], lane);
     }
-    give(*series[lane], lane);
+    step_.most = std::min(step_.most, series[lane]->step_.most - made_[lane]);
   }
   // A lane that is left alone goes on with what it has, but asks nobody who is gone.
   const MotionSeries& any = **std::find_if(series.begin(), series.end(),
                                            [](const MotionSeries* it) { return it != nullptr; });
+  step_.watches_rest = 0;
   for (int lane = 0; lane < kLanes; ++lane) {
     step_.counts[lane] = series[lane] != nullptr ? 1.0 : 0.0;
+    if (series[lane] != nullptr && series[lane]->step_.watches_rest != 0) step_.watches_rest = 1;
     const SeriesStep& its = (series[lane] != nullptr ? *series[lane] : any).step_;
     step_.tables[lane] = its.tables[0];
     step_.input[lane] = its.input[0];
@@ -159,9 +171,15 @@ void SeriesLanes::make(const std::array<MotionSeries*, kLanes>& series) {
   code_(&step_);
   // Each step has taken the rows of the other series.
   if (step_.made % 2 == 0) used_ = 1 - used_;
+  std::array<bool, kLanes> have_ended{};
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (series[lane] != nullptr) take(*series[lane], lane);
+    if (series[lane] == nullptr) continue;
+    take(*series[lane], lane);
+    const SeriesStep& its = series[lane]->step_;
+    have_ended[lane] = its.made == its.most || step_.goes_on[lane] == 0.0;
+    made_[lane] = have_ended[lane] ? 0 : its.made;
   }
+  return have_ended;
 }
 
 bool SeriesLanes::agreesWith(MotionSeries& series) {
@@ -172,7 +190,8 @@ bool SeriesLanes::agreesWith(MotionSeries& series) {
     series.stepAside(state, 1.0, [&] {
       std::array<MotionSeries*, kLanes> all{};
       all.fill(&series);
-      make(all);
+      while (!make(all)[0]) {
+      }
       series.lanes_ = nullptr;
     });
     const SeriesStep& together = series.step_;
@@ -191,15 +210,14 @@ bool SeriesLanes::agreesWith(MotionSeries& series) {
   return true;
 }
 
-void SeriesLanes::fetch(MotionSeries& series, int lane) const {
+void SeriesLanes::fetch(MotionSeries& series, int lane, int begin, int end) const {
   double* const to = series.program_.rows();
-  const auto copy = [&](int at) {
-    const auto begin = static_cast<std::size_t>(at);
-    for (std::size_t n = begin; n <= begin + static_cast<std::size_t>(step_.last) + 1; ++n) {
-      to[n] = rows_[used_][n][lane];
-    }
-  };
-  for (int n = 0; n < series.layout_.sampled; ++n) copy(series.layout_.sampled_at[n]);
+  const std::vector<Real>& rows = rows_[used_];
+  const int count = step_.last + 2;
+  for (int n = begin; n < end; ++n) {
+    const auto at = static_cast<std::size_t>(series.layout_.sampled_at[n]);
+    for (std::size_t k = at; k < at + static_cast<std::size_t>(count); ++k) to[k] = rows[k][lane];
+  }
 }
 
 }  // namespace variator_sim

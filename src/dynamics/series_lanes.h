@@ -44,10 +44,12 @@ class SeriesLanes {
   bool fits(const MotionSeries& series) const {
     return series.library_ == of_ && (!is_loaded_ || series.step_.has_neutral == step_.has_neutral);
   }
-  /// A step of each, in the lane that is its place; nullptr leaves a lane alone.
-  void make(const std::array<MotionSeries*, kLanes>& series);
-  /// Writes the coefficients of the last step in `lane` where `series` has its own.
-  void fetch(MotionSeries& series, int lane) const;
+  /// Steps of each, in the lane that is its place, until some have made all that they want: true
+  /// for these. The others are to be given again; nullptr leaves a lane alone.
+  std::array<bool, kLanes> make(const std::array<MotionSeries*, kLanes>& series);
+  /// Writes the coefficients of the last step in `lane` where `series` has its own; of which rows:
+  /// see StepsTogether.
+  void fetch(MotionSeries& series, int lane, int begin, int end) const;
 
  private:
   using Real = series_lanes::Real;
@@ -56,6 +58,8 @@ class SeriesLanes {
 
   void load(const MotionSeries& series, int lane);
   void give(const MotionSeries& series, int lane);
+  /// From the end of its last step, as series_step.inc goes on.
+  void goOn(int lane, int shafts);
   void take(MotionSeries& series, int lane);
   void clear(int lane);
 
@@ -68,6 +72,7 @@ class SeriesLanes {
   std::vector<Real> constants_;
   bool is_loaded_ = false;
   bool is_spoilt_[kLanes] = {};  ///< by numbers that are none
+  int made_[kLanes] = {};        ///< steps of those that it is in the middle of
   int used_ = 0;  ///< the series of the step to come; the other one is that of the next
   Step step_ = {};
 };

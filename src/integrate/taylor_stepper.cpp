@@ -163,14 +163,9 @@ class TaylorStepper final : public Stepper {
   double stiffness(const State& /*x_new*/, const State& /*dxdt_new*/) const override {
     const int last = lastTerm();
     if (last < kDerivatives) return 0.0;
-    series_->fetch();
+    series_->fetchState();
     const double length = length_ / series_->unit();
     double stiffest = 0.0;
-    double factorial = 1.0;
-    double factors[kDerivatives];  // (last - j)! / last!
-    for (int k = 2; k <= last; ++k) factorial *= k;
-    factors[0] = 1.0;
-    for (int j = 1; j < kDerivatives; ++j) factors[j] = factors[j - 1] / (last - j + 1);
     const double early = early_bound_ / power(length, early_);
     double size[3 * kMaxShafts];  // of the last terms, but for the same factor in all
     double largest_size = 0.0;
@@ -186,9 +181,11 @@ class TaylorStepper final : public Stepper {
       // What has died away so far is no more than this in the early terms.
       if (std::abs(c[early_]) > early * tolerance_.of(c[0])) continue;
       const double faint = kFaint * tolerance_.of(c[0]);
-      const double rate = exponentialRate(c, last, factors);  // |lambda| unit
+      const double rate = exponentialRate(c, last);  // |lambda| unit
       if (rate > 0.0) {
         const double largest = std::max(std::abs(c[last]), std::abs(c[last - 1]) * rate / last);
+        double factorial = 1.0;
+        for (int k = 2; k <= last; ++k) factorial *= k;
         const double delta = largest * (factorial / power(rate, last));
         if (delta <= faint) stiffest = std::max(stiffest, rate * length * kE / last);
       } else {
@@ -236,9 +233,14 @@ class TaylorStepper final : public Stepper {
   /// |lambda| of the exponential, or of the pair of them, that the last derivatives d_n = n! c_n
   /// are of: d_n = lambda d_{n-1}, or d_n = a d_{n-1} + b d_{n-2}. 0 where they are of none: those
   /// of a singularity at a distance R grow as n! / R^n.
-  static double exponentialRate(const double* c, int last, const double* factors) {
+  static double exponentialRate(const double* c, int last) {
     double d[kDerivatives];  // the last first, over last!
-    for (int j = 0; j < kDerivatives; ++j) d[j] = c[last - j] * factors[j];
+    double factor = 1.0;     // (last - j)! / last!
+    d[0] = c[last];
+    for (int j = 1; j < kDerivatives; ++j) {
+      factor /= last - j + 1;
+      d[j] = c[last - j] * factor;
+    }
     const double lambda = d[0] / d[1];
     const auto isSingle = [&](int j) {
       return std::abs(d[j] - lambda * d[j + 1]) <= kMatch * std::abs(d[j]);

@@ -25,16 +25,20 @@ void RowFibers::run(const std::function<void()>& body) {
   while (std::any_of(fibers_.begin(), fibers_.end(), isAlive)) {
     for (running_ = 0; running_ < kCount; ++running_) {
       Lane& lane = fibers_[static_cast<std::size_t>(running_)];
-      if (isAlive(lane)) lane.fiber = std::move(lane.fiber).resume();
+      if (isAlive(lane) && lane.series == nullptr) lane.fiber = std::move(lane.fiber).resume();
     }
     // All that are alive wait now.
     std::array<MotionSeries*, kCount> wanted{};
     bool any = false;
     for (std::size_t i = 0; i < fibers_.size(); ++i) {
-      wanted[i] = std::exchange(fibers_[i].series, nullptr);
+      wanted[i] = fibers_[i].series;
       any = any || wanted[i] != nullptr;
     }
-    if (any) lanes_->make(wanted);
+    if (!any) continue;
+    const std::array<bool, kCount> have_ended = lanes_->make(wanted);
+    for (std::size_t i = 0; i < fibers_.size(); ++i) {
+      if (have_ended[i]) fibers_[i].series = nullptr;
+    }
   }
   for (Lane& lane : fibers_) {
     if (lane.error) std::rethrow_exception(std::exchange(lane.error, nullptr));
@@ -49,8 +53,8 @@ bool RowFibers::make(MotionSeries& series) {
   return true;
 }
 
-void RowFibers::fetch(MotionSeries& series) {
-  lanes_->fetch(series, running_);
+void RowFibers::fetch(MotionSeries& series, int begin, int end) {
+  lanes_->fetch(series, running_, begin, end);
 }
 
 }  // namespace variator_sim::python

@@ -29,7 +29,7 @@ class RowFibers final : public StepsTogether {
   void run(const std::function<void()>& body);
 
   bool make(MotionSeries& series) override;
-  void fetch(MotionSeries& series) override;
+  void fetch(MotionSeries& series, int begin, int end) override;
 
  private:
   using Fiber = boost::context::fiber;
