@@ -45,11 +45,12 @@ int main(int argc, char** argv) {
     motion.advanceTo(duration);
     motion.sample();
   };
-  constexpr int kRuns = 16;  // of each motion in a round
+  // Of each motion in a round: fibers are made once in a sweep of many rows.
+  constexpr int kRuns = 256;
   using Clock = std::chrono::steady_clock;
   double in_turn = 1e9;
   double at_once = 1e9;
-  for (int round = 0; round < 60; ++round) {
+  for (int round = 0; round < 12; ++round) {
     for (auto& motion : motions) motion->makeStepsWith(nullptr);
     const auto begin = Clock::now();
     for (int run = 0; run < kRuns; ++run) {
