@@ -12,6 +12,7 @@
 #include "dynamics/series_step_text.h"
 #include "expression/c_code.h"
 #include "expression/series_dot.h"
+#include "expression/series_sine_text.h"
 
 namespace variator_sim {
 
@@ -43,9 +44,9 @@ bool isSame(const std::vector<double>& a, const std::vector<double>& b) {
 
 /// C of numbers as C of vectors.
 std::string inLanes(const std::string& text) {
-  static const std::set<std::string> functions{"sin",  "cos",  "sincos", "sinh",  "cosh",
-                                               "tan",  "tanh", "exp",    "log",   "sqrt",
-                                               "atan", "asin", "acos",   "atan2", "pow"};
+  static const std::set<std::string> functions{"cos",  "sinh",  "cosh", "tan",          "tanh",
+                                               "exp",  "log",   "sqrt", "atan",         "asin",
+                                               "acos", "atan2", "pow",  "sineAndCosine"};
   const auto isPartOfName = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
   };
@@ -364,8 +365,8 @@ std::string MotionSeries::writeLanesSource() const {
   const std::string orders = writeOrders(&mirrored);
   return std::string(expression::arithmeticOfCode()) +
          "#define SERIES_IN_LANES\n#define SERIES_LANES " + std::to_string(SeriesLanes::kLanes) +
-         "\n" + kSeriesStepLanes + program_.writeMirrors({}) + inLanes(orders) +
-         KernelLibrary::kFirstUnit + writeWholeStep() +
+         "\n" + expression::kSeriesSineText + kSeriesStepLanes + program_.writeMirrors({}) +
+         inLanes(orders) + KernelLibrary::kFirstUnit + writeWholeStep() +
          R"c(
 static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
   for (int j = 0; j < SERIES_LANES; ++j) {

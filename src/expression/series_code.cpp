@@ -5,11 +5,12 @@
 
 #include "expression/c_code.h"
 #include "expression/series_program.h"
+#include "expression/series_sine_text.h"
 
 namespace variator_sim::expression {
 
-const char* SeriesProgram::codePrelude() {
-  return R"c(
+std::string SeriesProgram::codePrelude() {
+  return std::string(kSeriesSineText) + R"c(
 typedef double Four __attribute__((vector_size(32)));
 /* a b + c, rounded once where the processor does that. */
 #if defined(__x86_64__) && !(defined(__FMA__) && defined(__AVX2__))
@@ -268,7 +269,7 @@ class SeriesWriter {
         set(it.result, "exp(" + x + ")");
         return;
       case Code::kSinCos:
-        text_ << "  { double sine, cosine;\n  sincos(" << x << ", &sine, &cosine);\n";
+        text_ << "  { double sine, cosine;\n  sineAndCosine(" << x << ", &sine, &cosine);\n";
         set(it.result, "sine");
         set(it.aux[0], "cosine");
         text_ << "  }\n";

@@ -37,6 +37,12 @@ const char* arithmeticOfCode() {
   return is_fusing ? "#define FUSES\n" : "";
 }
 
+namespace {
+using std::cos;
+using std::sin;
+#include "expression/series_sine.inc"
+}  // namespace
+
 namespace plain {
 #include "expression/series_interpreter.inc"
 void begin(SeriesProgram& program, SeriesProgram::Part part) {

@@ -104,7 +104,7 @@ class SeriesProgram {
   void noteLimit(bool is_reached) { has_limit_[series_] = is_reached; }
   /// True where some function of this series has reached its limit: see isAtLimit.
   bool hasLimit() const { return has_limit_[series_]; }
-  static const char* codePrelude();
+  static std::string codePrelude();
   /// `convolveOld` as C, n being C.
   std::string writeConvolution(int a, int b, const std::string& n, std::set<int>* mirrored) const;
   /// What stands before the statement that writes a row backwards, and before all functions.
