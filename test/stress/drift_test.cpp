@@ -5,7 +5,8 @@
 // second here. What these errors come to is up to the motion:
 // - where it is restored, they die away: no growth;
 // - of an amplitude or a phase that nothing restores, and of an energy: they add up like t;
-// - of the phase of a motion that keeps its own speed, from errors of the speed that add up: t^2.
+// - of the phase of a motion that keeps its own speed, from errors of the speed that add up: t^2;
+//   from errors of a power that add up, of the energy like t^2: t^3.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -94,11 +95,16 @@ struct Circle {
   static double calcEnergy(const Sample& s) {
     return 0.5 * (kJ[0] * s.velocity[0] * s.velocity[0] + kJ[1] * s.velocity[1] * s.velocity[1]);
   }
+  /// dT/dt
+  static double calcPower(const Sample& s) {
+    return kJ[0] * s.velocity[0] * s.acceleration[0] + kJ[1] * s.velocity[1] * s.acceleration[1];
+  }
 };
 
 TEST(Drift, OfAMotionThatGoesRoundForEver) {
-  Hazard motion("drift", "uniform motion, error against t^2", "10 .. 1e6 s");
+  Hazard motion("drift", "uniform motion, error against t^2 (t^3: order 3)", "10 .. 1e6 s");
   Hazard energy("drift", "kinetic energy, error against t (t^2: order 3)", "10 .. 1e6 s");
+  Hazard power("drift", "power of order 3, error against t", "10 .. 1e4 s");
   Hazard residual("drift", "residual, in 64 roundings", "10 .. 1e6 s");
   for (int order : {1, 2, 3}) {
     const Circle circle{order};
@@ -120,11 +126,16 @@ TEST(Drift, OfAMotionThatGoesRoundForEver) {
                      run.samples = {sample};
                      test::Run exact;
                      exact.samples = {circle.at(t)};
-                     // The accelerations of order 3 are not held to C eps = 0 either: errors of
-                     // theirs add up like t, of the radius like t^2, and of the phase as well.
+                     // psi of order 3 is T'' = 0, and holds neither T' nor T: errors of T' add up
+                     // like t, of T and so of the radius rho like t^2. The phase has the speed
+                     // h / rho^2, h = |x| |eps_t| being kept by R' along x: t^3.
                      motion.judge(calcDifference(run, exact, 2, tolerance, tolerance), label,
-                                  kAllowed * growth(t, 2));
+                                  kAllowed * growth(t, order == 3 ? 3 : 2));
                      const double start = Circle::calcEnergy(circle.at(0.0));
+                     if (order == 3) {
+                       power.judge(std::abs(Circle::calcPower(sample)) / (2.0 * start * tolerance),
+                                   label, kAllowed * growth(t, 1));
+                     }
                      energy.judge(
                          std::abs(Circle::calcEnergy(sample) - start) / (start * tolerance), label,
                          kAllowed * growth(t, order == 3 ? 2 : 1));
