@@ -27,6 +27,8 @@ class PrincipleSystem : public System {
   bool readsAngles() const override { return drivetrain_.readsAngles(); }
   bool readsTime() const override { return drivetrain_.readsTime(); }
   MotionSeries* series() const override { return series_.get(); }
+  bool hasOrder3() const override { return scene_.hasOrder3(); }
+
   /// True when the derivative is made by code for the scene's number of shafts and constraints.
   virtual bool isSpecialized() const { return false; }
 

@@ -46,6 +46,8 @@ class System {
   virtual void calcLinearization(double t, const State& x, Linearization& linearization) {
     linearizeByDifferences(*this, t, x, readsAngles(), 1.0, linearization);
   }
+  /// True where a constraint holds jerks, and nothing holds the accelerations.
+  virtual bool hasOrder3() const { return false; }
   /// True when implicit steps hold psi = 0 in their stages instead of C eta + c0 = 0.
   virtual bool keepsConstraintsInStages() const { return false; }
   /// What implicit steps solve: M x' - f = 0 in its last rows, `rate` the last rows of x'. NaN

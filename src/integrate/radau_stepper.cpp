@@ -34,6 +34,7 @@ class RadauStepper final : public Stepper {
         stages_(most),
         tried_(most),
         keeps_psi_(system.keepsConstraintsInStages()),
+        holds_jerks_(system.hasOrder3()),
         S(system.shafts()),
         size_(system.size()),
         last_(size_ - S),
@@ -349,8 +350,7 @@ class RadauStepper final : public Stepper {
       norm = calcNorm(error, from.x, x_new);
     }
     error_ = error;
-
-    return norm;
+    return holds_jerks_ ? kOfOrder3 * norm : norm;
   }
 
   /// What an ulp of the velocities makes of the accelerations. A short transient of a stiff
@@ -438,6 +438,9 @@ class RadauStepper final : public Stepper {
   static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   /// Of the tolerance: what Newton's iteration may leave.
   static constexpr double kNewton = 0.01;
+  /// Errors count so many times where nothing restores the accelerations: what thousands of steps
+  /// leave in them may be of one sign.
+  static constexpr double kOfOrder3 = 2.0;
   /// Tolerances of the accelerations: what a torque may answer to what is left.
   static constexpr double kAnswer = 10.0;
   /// 2 kNit + 2 iterations halve the next step.
@@ -460,7 +463,8 @@ class RadauStepper final : public Stepper {
   int tried_;       // of the last step, whether it was good or not
   int quick_steps_ = 0;
   bool is_predicted_ = false;
-  const bool keeps_psi_;       // in the stages
+  const bool keeps_psi_;  // in the stages
+  const bool holds_jerks_;
   int iterations_ = 1;         // of the last step
   bool has_converged_ = true;  // the last try
   double refused_ = 0.0;       // the error for which the iteration was left, 0 where it was not
