@@ -121,6 +121,36 @@ void AccelerationSystem::noteColumns(const double (*C)[kMaxShafts]) {
   }
 }
 
+bool AccelerationSystem::answersSteeply(const StepNode& node) {
+  double left[kMaxShafts];  // N m, of what is allowed
+  for (int i = 0; i < S; ++i) {
+    left[i] = drivetrain_.inertia().entry(i, i) * tolerance_.of(node.x[2 * S + i]);
+  }
+  const auto answers = [&](double time, const State& x) {
+    double torque[kMaxShafts];
+    drivetrain_.calcTorque(view(time, x), torque);
+    for (int i = 0; i < S; ++i) {
+      left[i] -= std::abs(torque[i] - node.torque[i]);
+      if (!(left[i] >= 0.0)) return true;
+    }
+    return false;
+  };
+  bool is_steep = false;
+  if (drivetrain_.torquesReadTime()) {
+    constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
+    const double size = std::abs(node.time) + std::abs(drivetrain_.origin());
+    is_steep = answers(node.time - kUlps * size, node.x);
+  }
+  State x = node.x;
+  for (int n = drivetrain_.readsAngles() ? 0 : S; n < 2 * S && !is_steep; ++n) {
+    x[n] += tolerance_.of(x[n]);
+    is_steep = answers(node.time, x);
+    x[n] = node.x[n];
+  }
+  view(node.time, node.x);  // brings J back
+  return is_steep;
+}
+
 bool AccelerationSystem::restoreReaction(StepNode& node, double most) {
   if (!has_neutral_) return false;
   double lost[kMaxShafts];  // R less R at the start
@@ -146,7 +176,8 @@ bool AccelerationSystem::restoreReaction(StepNode& node, double most) {
   for (int i = 0; i < S; ++i) {
     largest = std::max(largest, std::abs(change[i]) / tolerance_.of(node.x[2 * S + i]));
   }
-  const double part = largest > most ? most / largest : 1.0;
+  const bool is_cut = largest > most && answersSteeply(node);
+  const double part = is_cut ? most / largest : 1.0;
   for (int i = 0; i < S; ++i) node.x[2 * S + i] += part * change[i];
   return true;
 }

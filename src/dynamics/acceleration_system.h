@@ -61,6 +61,10 @@ class AccelerationSystem : public PrincipleSystem {
   void copyState(double t, const State& x, Sample* sample) const;
   void calcResiduals(const StateView& state, const double* eta, Sample* sample) const;
 
+  /// Whether errors of a tolerance in angles and velocities, and roundings of the time, make
+  /// accelerations, by Q alone, err by more than theirs.
+  bool answersSteeply(const StepNode& node);
+
   Tolerance tolerance_;
   JumpMap jump_map_;
   bool keeps_reaction_in_range_;

@@ -428,9 +428,9 @@ class Integrator {
   static constexpr int kHardPressed = 4;
   static constexpr double kAhead = 1e-4;
   /// Tolerances by which accelerations may be moved to restore what no constraint can change of the
-  /// reaction: little by little, for what a step leaves is less than its tolerance, and a torque
-  /// that answers steeply to the velocities is not to make their errors those of the accelerations;
-  /// and where the torque has just changed its branch, as it must be.
+  /// reaction: little by little where a torque answers steeply to angles or velocities, which is
+  /// not to make their errors those of the accelerations; at once where none does, or where one has
+  /// just changed its branch, as it must be.
   static constexpr double kLittle = 0.1;
   static constexpr double kAnyway = std::numeric_limits<double>::infinity();
   /// What stands for the error of a step with stages on both sides of a jump.
