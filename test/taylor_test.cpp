@@ -240,6 +240,68 @@ TEST(Taylor, MissesNoBumpInsideAStep) {
   }
 }
 
+// Bumps of a width h, far narrower than any step that does not know of them, wherever in a step
+// they come: an argument that turns in the last eighth of one, or at a value that no double of its
+// size tells from others; 1/cosh of an argument that passes 0 without turning, and is infinite on
+// either side; and again and again. J w' = 1 + 20 b((w - 1.3)/h) takes the less time for a change
+// of w, as b(z) is more; of time itself bumps of 1/h have the impulse of b.
+TEST(Taylor, MissesNoBumpHoweverNarrow) {
+  struct Bump {
+    const char* of;  ///< %: the argument
+    double (*value)(double z);
+  };
+  const Bump bumps[] = {
+      {"exp(-%^2)", [](double z) { return std::exp(-z * z); }},
+      {"exp(-%^4)", [](double z) { return std::exp(-std::pow(z, 4)); }},
+      {"1/cosh(%)^2", [](double z) { return std::pow(std::cosh(z), -2); }},
+      {"1/(1+%^4)", [](double z) { return 1.0 / (1.0 + std::pow(z, 4)); }},
+  };
+  // Simpson's rule on z = x / (1 - x^2)
+  const auto integrate = [](const auto& f) {
+    constexpr int kParts = 20000;
+    double sum = 0.0;
+    for (int n = 1; n < kParts; ++n) {
+      const double x = -1.0 + 2.0 * n / kParts;
+      const double left = 1.0 - x * x;
+      sum += (n % 2 == 1 ? 4.0 : 2.0) * f(x / left) * (1.0 + x * x) / (left * left);
+    }
+    return sum * 2.0 / (3.0 * kParts);
+  };
+  const auto play = [](const Bump& bump, const std::string& argument, const std::string& before,
+                       const std::string& velocity) {
+    std::string law = bump.of;
+    law.replace(law.find('%'), 1, "(" + argument + ")");
+    Scene scene = test::sceneFromText(
+        "shafts: [a]\na: {inertia: 1.5}\ntorques: [m]\n"
+        "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+        before + law + "\"}\ninitial: {velocity: [" + velocity + "]}\n");
+    Simulation simulation(
+        test::withStepper(test::withTolerance(scene, 1e-9), StepperKind::kTaylor));
+    EXPECT_TRUE(simulation.advanceTo(4.0).ok()) << law << ' ' << simulation.describeStatus();
+    return simulation.sample().velocity[0];
+  };
+  for (const Bump& bump : bumps) {
+    const double saved =
+        integrate([&](double z) { return 1.0 - 1.0 / (1.0 + 20.0 * bump.value(z)); });
+    const double impulse = integrate(bump.value);
+    for (const char* const h : {"1e-2", "1e-3", "1e-4", "1e-5", "1e-6"}) {
+      const std::string over = std::string(")/") + h;
+      const double width = std::stod(h);
+      EXPECT_NEAR(play(bump, "(w1-1.3" + over, "1+20*", "0"), 4.0 / 1.5 + width * saved, 1e-7)
+          << bump.of << ' ' << h;
+      const std::string strong = std::string("1/") + h + "*";
+      const double beyond = width * width * width;  // of 1/(1 + z^4), before 0 and after 4 s
+      EXPECT_NEAR(play(bump, "(t-1.3" + over, strong, "1"), 1.0 + impulse / 1.5, 1e-7 + beyond)
+          << bump.of << ' ' << h;
+      if (width < 1e-4) continue;
+      // At 0, where half of it is, pi/3, 2 pi/3 and pi, each a third as wide.
+      EXPECT_NEAR(play(bump, "(sin(3*t)" + over, strong, "1"), 1.0 + 3.5 / 3.0 * impulse / 1.5,
+                  std::max(1e-7, width * width))
+          << bump.of << ' ' << h;
+    }
+  }
+}
+
 // A torque that turns over within a layer is in few coefficients before it, and behind it in none:
 // the accelerations are those of before but for what Q tells. On e1^2 + e2^2 = 4, e = 2 (cos a, sin
 // a), they depend on Q alone (theory.md): tan(a/2) = tan(a_0/2) exp(-(Q - Q_0)/(2 J)).

@@ -16,12 +16,49 @@ static double evaluate(const double *c, int last, double theta)
   return sum;
 }
 
-/* True when function i at theta is not what its series says. */
-static int is_missed_at(const scene_model *m, int i, double theta)
+static double slope_of(const double *c, int last, double theta)
 {
-  const double x = evaluate(m->row[flat_argument[i]], m->order, theta);
+  double sum = last * c[last];
+  int n;
+  for (n = last - 1; n > 0; --n) sum = sum * theta + n * c[n];
+  return sum;
+}
+
+static double reach_of(const double *c, int last, double theta)
+{
+  double sum = 0.0;
+  int n;
+  for (n = last; n > 0; --n) sum = (sum + fabs(c[n])) * theta;
+  return sum;
+}
+
+/* Where c (or its slope) changes its sign between low and high. */
+static double find_zero(double (*of)(const double *c, int last, double theta), const double *c,
+                        int last, double low, double high)
+{
+  const int rises = (*of)(c, last, low) < 0.0;
+  for (;;) {
+    const double middle = 0.5 * (low + high);
+    double there;
+    if (!(low < middle && middle < high)) return middle;
+    there = (*of)(c, last, middle);
+    if (there == 0.0) return middle;
+    if ((there < 0.0) == rises) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+}
+
+/* True when function i at theta, or where its argument is nearer to 0 by unknown, is not what its
+   series says. */
+static int is_missed_at(const scene_model *m, int i, double theta, double unknown)
+{
+  double x = evaluate(m->row[flat_argument[i]], m->order, theta);
   const double series = evaluate(m->row[flat_row[i]], m->order, theta);
   double value = 0.0;
+  x = x < 0.0 ? fmin(0.0, x + unknown) : fmax(0.0, x - unknown);
   switch (flat_kind[i]) {
     case EXPONENTIAL_ROW: value = exp(x); break;
     case TANH_ROW: value = tanh(x); break;
@@ -29,7 +66,9 @@ static int is_missed_at(const scene_model *m, int i, double theta)
     case POWER_ROW: value = pow(x, flat_exponent[i]); break;
     default: value = evaluate(m->row[flat_numerator[i]], m->order, theta) / x; break;
   }
-  return !(fabs(series - value) <= fmax(1e-3 * fabs(value), RELATIVE_TOLERANCE));
+  if (series == value) return 0; /* be it infinite */
+  return !(fabs(series - value) <=
+           (isfinite(value) ? fmax(1e-3 * fabs(value), RELATIVE_TOLERANCE) : 0.0));
 }
 
 /* An exponent that moves by r makes coefficients r^n / n!, of which those of the last order are
@@ -38,33 +77,34 @@ static int moves_far(const scene_model *m, int i, double theta)
 {
   const double *const x = m->row[flat_argument[i]];
   const int divides = flat_kind[i] == QUOTIENT_ROW || flat_kind[i] == POWER_ROW;
-  double reach = 0.0;
-  double power = 1.0;
-  int n;
-  for (n = 1; n <= m->order; ++n) reach += fabs(x[n]) * (power *= theta);
-  return reach > (divides ? 0.9 * fabs(x[0]) : (double)m->order);
+  return reach_of(x, m->order, theta) > (divides ? 0.9 * fabs(x[0]) : (double)m->order);
 }
 
-/* Looks at eight points between 0 and theta, and where the argument turns. */
+/* Looks at eight points between 0 and theta, where the argument turns, and for 1/cosh where it
+   passes 0. */
 static int misses(const scene_model *m, double theta)
 {
   enum { POINTS = 8 };
   int i, j;
   for (i = 0; i < FLATS; ++i) {
-    double at[POINTS + 1];
+    const double *const x = m->row[flat_argument[i]];
+    const int last = m->order;
+    double unknown, low = 0.0;
     if (!moves_far(m, i, theta)) continue;
-    at[0] = m->row[flat_argument[i]][0];
+    unknown = 8.0 * DBL_EPSILON * (fabs(x[0]) + reach_of(x, last, theta)) +
+              (fabs(x[last]) * theta + fabs(x[last - 1])) * pow(theta, last - 1);
     for (j = 1; j <= POINTS; ++j) {
-      if (is_missed_at(m, i, theta * j / POINTS)) return 1;
-      at[j] = evaluate(m->row[flat_argument[i]], m->order, theta * j / POINTS);
-    }
-    for (j = 1; j < POINTS; ++j) {
-      const double before = at[j] - at[j - 1];
-      const double after = at[j + 1] - at[j];
-      if (before * after > 0.0 || before == after) continue;
-      if (is_missed_at(m, i, theta * (j - 0.5 * (after + before) / (after - before)) / POINTS)) {
+      const double high = theta * j / POINTS;
+      if (is_missed_at(m, i, high, 0.0)) return 1;
+      if (slope_of(x, last, low) * slope_of(x, last, high) < 0.0 &&
+          is_missed_at(m, i, find_zero(slope_of, x, last, low, high), unknown)) {
         return 1;
       }
+      if (flat_kind[i] == COSH_ROW && evaluate(x, last, low) * evaluate(x, last, high) < 0.0 &&
+          is_missed_at(m, i, find_zero(evaluate, x, last, low, high), unknown)) {
+        return 1;
+      }
+      low = high;
     }
   }
   return 0;

@@ -2,6 +2,7 @@
 // step may carry x to 0 and beyond. The series of x knows it, for x is smooth on a larger scale.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "expression/series_program.h"
 
@@ -9,11 +10,41 @@ namespace variator_sim::expression {
 
 namespace {
 
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+
 /// sum_k c_k theta^k, k <= order
 double valueAt(const double* c, double theta, int order) {
   double sum = c[order];
   for (int k = order - 1; k >= 0; --k) sum = sum * theta + c[k];
   return sum;
+}
+
+/// sum_{k>0} |c_k| theta^k
+double reachOf(const double* c, double theta, int order) {
+  double sum = 0.0;
+  for (int k = order; k > 0; --k) sum = (sum + std::abs(c[k])) * theta;
+  return sum;
+}
+
+/// sum_k k c_k theta^(k-1)
+double slopeAt(const double* c, double theta, int order) {
+  double sum = order * c[order];
+  for (int k = order - 1; k > 0; --k) sum = sum * theta + k * c[k];
+  return sum;
+}
+
+/// Where `f` changes its sign between two numbers: to a rounding, for what is not flat there may be
+/// as narrow.
+template <class F>
+double findZero(const F& f, double low, double high) {
+  const bool rises = f(low) < 0.0;
+  for (;;) {
+    const double middle = 0.5 * (low + high);
+    if (!(low < middle && middle < high)) return middle;
+    const double there = f(middle);
+    if (there == 0.0) return middle;
+    ((there < 0.0) == rises ? low : high) = middle;
+  }
 }
 
 }  // namespace
@@ -32,17 +63,16 @@ int SeriesProgram::argumentOf(const Instruction& it) {
 bool SeriesProgram::movesFar(const Instruction& it, double theta, int order) const {
   constexpr double kPart = 0.9;
   const double* const x = forward(argumentOf(it));
-  double reach = 0.0;
-  double power = 1.0;
-  for (int k = 1; k <= order; ++k) reach += std::abs(x[k]) * (power *= theta);
+  const double reach = reachOf(x, theta, order);
   const bool is_denominator = it.code == Code::kDivide || it.code == Code::kPower;
   return reach > (is_denominator ? kPart * std::abs(x[0]) : static_cast<double>(order));
 }
 
-bool SeriesProgram::differsAt(const Instruction& it, double theta, int order,
-                              double tolerance) const {
+bool SeriesProgram::differsAt(const Instruction& it, double theta, int order, double tolerance,
+                              double unknown) const {
   constexpr double kPart = 1e-3;
-  const double x = valueAt(forward(argumentOf(it)), theta, order);
+  double x = valueAt(forward(argumentOf(it)), theta, order);
+  x = std::copysign(std::max(0.0, std::abs(x) - unknown), x);
   double value = 0.0;
   int row = it.result;
   switch (it.code) {
@@ -63,8 +93,10 @@ bool SeriesProgram::differsAt(const Instruction& it, double theta, int order,
       value = valueAt(forward(it.operands[0]), theta, order) / x;
       break;
   }
-  const double allowed = std::max(kPart * std::abs(value), tolerance);
-  return !(std::abs(valueAt(forward(row), theta, order) - value) <= allowed);
+  const double series = valueAt(forward(row), theta, order);
+  if (series == value) return false;  // be it infinite
+  const double allowed = std::isfinite(value) ? std::max(kPart * std::abs(value), tolerance) : 0.0;
+  return !(std::abs(series - value) <= allowed);
 }
 
 bool SeriesProgram::hasAcceleratedFlatFunction() const {
@@ -88,20 +120,28 @@ bool SeriesProgram::misses(double theta, int order, double tolerance) const {
     const Instruction& it = instructions_[static_cast<std::size_t>(index)];
     if (!movesFar(it, theta, order)) continue;
     const double* const x = forward(argumentOf(it));
-    double at[kPoints + 1] = {x[0]};
+    const auto value = [&](double part) { return valueAt(x, part, order); };
+    const auto slope = [&](double part) { return slopeAt(x, part, order); };
+    // Nearest to 0, as the argument is no better known than its terms and its end are.
+    const double unknown =
+        8.0 * kEpsilon * (std::abs(x[0]) + reachOf(x, theta, order)) +
+        (std::abs(x[order]) * theta + std::abs(x[order - 1])) * std::pow(theta, order - 1);
+    const auto differs = [&](double part) { return differsAt(it, part, order, tolerance, 0.0); };
+    const auto differsNear = [&](double part) {
+      return differsAt(it, part, order, tolerance, unknown);
+    };
+    double low = 0.0;
     for (int j = 1; j <= kPoints; ++j) {
-      const double part = theta * j / kPoints;
-      if (differsAt(it, part, order, tolerance)) return true;
-      at[j] = valueAt(x, part, order);
-    }
-    // Where the argument turns between two of them, it may come near to where the function is not
-    // flat: the turning point of the parabola through three.
-    for (int j = 1; j < kPoints; ++j) {
-      const double before = at[j] - at[j - 1];
-      const double after = at[j + 1] - at[j];
-      if (before * after > 0.0 || before == after) continue;
-      const double turn = j - 0.5 * (after + before) / (after - before);
-      if (differsAt(it, theta * turn / kPoints, order, tolerance)) return true;
+      const double high = theta * j / kPoints;
+      if (differs(high)) return true;
+      // Where the argument turns it may come near to where the function is not flat; 1/cosh is not
+      // where it passes 0.
+      if (slope(low) * slope(high) < 0.0 && differsNear(findZero(slope, low, high))) return true;
+      if (it.code == Code::kSinhCosh && value(low) * value(high) < 0.0 &&
+          differsNear(findZero(value, low, high))) {
+        return true;
+      }
+      low = high;
     }
   }
   return false;

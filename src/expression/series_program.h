@@ -277,7 +277,9 @@ class SeriesProgram {
   static bool mayBeFlat(const Instruction& it);
   static int argumentOf(const Instruction& it);
   bool movesFar(const Instruction& it, double theta, int order) const;
-  bool differsAt(const Instruction& it, double theta, int order, double tolerance) const;
+  /// Whether it is not what its series says where its argument is, or nearer to 0 by `unknown`.
+  bool differsAt(const Instruction& it, double theta, int order, double tolerance,
+                 double unknown) const;
   /// What a row that kTrial has made, or an acceleration, has become more.
   double& change(int row) { return changes_[static_cast<std::size_t>(row)]; }
   double beginPrimitive(const Instruction& it) const;
