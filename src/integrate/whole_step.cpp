@@ -22,7 +22,7 @@ int Integrator::makeStepsAhead(double target, const SeriesNode** nodes) {
   if (!(reach.longestFrom(base_.time) > shortestStep(base_.time))) return 0;
   const SeriesStep* made = nullptr;
   const int count = stepper_->makeWholeSteps(base_, goes_on, reach, &made);
-  *nodes = made->node;
+  if (count > 0) *nodes = made->node;
   return count;
 }
 
