@@ -96,10 +96,9 @@ class MotionSeries {
   /// is left then. [loop]
   bool extendTo(int order);
   int order() const { return own().order; }
-  /// See SeriesProgram::misses; `length`, s. [loop]
-  bool misses(double length, double tolerance) const {
-    return program_.misses(length / own().unit, own().order, tolerance);
-  }
+  /// True where the series of all formulas are the formulas up to `length`, s, within what the
+  /// tolerance leaves unnoticed (series_resolution.inc). [loop]
+  bool isResolved(double length, double absolute, double relative) const;
   /// Another number after every `begin`: whose series these are.
   std::uint64_t stamp() const { return stamp_; }
 
@@ -153,6 +152,7 @@ class MotionSeries {
   std::string writeOrders(std::set<int>* mirrored) const;
   std::string writeLayout() const;
   std::string writeWholeStep() const;
+  std::string writeHidden() const;
   /// States that tell code and interpreter apart.
   void setAside(int state, double* x) const;
   /// Steps from there, by `code` where that is given.
@@ -223,9 +223,7 @@ class MotionSeries {
   int last_order_ = 0;  ///< that steps have
 
   /// Behind the last order nobody asks what the accelerations of that order make of the formulas.
-  bool isLast(int order) const {
-    return order == last_order_ && !program_.hasAcceleratedFlatFunction();
-  }
+  bool isLast(int order) const { return order == last_order_; }
   /// What an order asks for (series_order.inc) beside the layout: where coefficients 0 stand, and
   /// where rows end.
   struct OrderPlaces {

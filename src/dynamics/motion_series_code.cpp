@@ -12,7 +12,7 @@
 #include "dynamics/series_step_text.h"
 #include "expression/c_code.h"
 #include "expression/series_dot.h"
-#include "expression/series_sine_text.h"
+#include "expression/series_text.h"
 
 namespace variator_sim {
 
@@ -283,14 +283,31 @@ std::string MotionSeries::writeLayout() const {
   array(it.inertial_torque_at);
   array(it.reaction_at);
   array(it.reaction_back);
-  text << it.flats << ", ";
-  array(it.flat_at);
-  array(it.flat_divides);
   array(it.constraint_order);
   array(it.multiplier_at);
   text << it.sampled << ", " << it.sampled_width << ", ";
   array(it.sampled_at);
   return text.str() + "};\n";
+}
+
+/// seriesHides of every operation that may hide something.
+std::string MotionSeries::writeHidden() const {
+  std::ostringstream text;
+  text << "#define SERIES_STATE double\n" << expression::kSeriesOperationText
+       << expression::kSeriesResolutionText
+       << "static SERIES_INLINE Real seriesHidden(const struct SeriesStep* it, int last) {\n"
+          "  const Real* const r = it->rows;\n  Real sum = 0.0 * it->unit;\n  (void)r, (void)last;\n";
+  for (const expression::SeriesOperation& op : program_.resolved()) {
+    if (!seriesMayHide(&op, 0)) continue;
+    if (op.degree <= MotionSeries::kMostOrder) text << "  if (last < " << op.degree << ")\n";
+    text << "  sum += seriesHides(" << op.kind;
+    for (const int row : {op.result, op.second, op.a, op.b}) {
+      text << ", r + " << program_.offset(row < 0 ? op.a : row);
+    }
+    text << ", it->powers, last);\n";
+  }
+  text << "  return sum;\n}\n";
+  return text.str();
 }
 
 /// The functions of series_step.inc, and what stands around them.
@@ -314,7 +331,7 @@ static inline void seriesBeginAccelerated(struct SeriesStep* it) {
 static inline void seriesTurn(struct SeriesStep* it) { (void)it; }
 static inline void seriesGoOn(struct SeriesStep* it) { (void)it; }
 )c";
-  return text;
+  return text + writeHidden();
 }
 
 std::string MotionSeries::writeSource() const {

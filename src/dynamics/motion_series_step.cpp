@@ -15,7 +15,7 @@ using Part = expression::SeriesProgram::Part;
 
 /// What series_step.inc asks for.
 struct SeriesInterpreter {
-  static MotionSeries& of(SeriesStep* it) { return *static_cast<MotionSeries*>(it->host); }
+  static MotionSeries& of(const SeriesStep* it) { return *static_cast<MotionSeries*>(it->host); }
   static void order(SeriesStep* it, int n) { of(it).continueTo(n); }
   static void begin(SeriesStep* it, Part part) {
     of(it).program_.begin(part);
@@ -32,6 +32,7 @@ struct SeriesInterpreter {
     return {it.origin + it.end, it.x_new,         it.x_new + S,           it.x_new + 2 * S,
             it.input[0],        it.input_rate[0], it.input_second_rate[0]};
   }
+  static const expression::SeriesProgram& program(const SeriesStep* it) { return of(it).program_; }
   static void turn(SeriesStep* it) { of(it).turn(); }
   static void goOn(SeriesStep* it) {
     of(it).turn();
@@ -55,6 +56,19 @@ inline void seriesVelocityLevel(SeriesStep* it, double* level) {
 }
 inline void seriesAccelerationLevel(SeriesStep* it, double* level) {
   SeriesInterpreter::accelerationLevel(it, level);
+}
+using series_step::Real;
+using namespace expression;  // NOLINT: its operations are many
+#include "expression/series_resolution.inc"
+double seriesHidden(const SeriesStep* it, int last) {
+  const SeriesProgram& program = SeriesInterpreter::program(it);
+  double sum = 0.0;
+  for (const SeriesOperation& op : program.resolved()) {
+    if (!seriesMayHide(&op, last)) continue;
+    const auto row = [&](int r) { return it->rows + program.offset(r < 0 ? op.a : r); };
+    sum += seriesHides(op.kind, row(op.result), row(op.second), row(op.a), row(op.b), it->powers, last);
+  }
+  return sum;
 }
 inline void seriesTurn(SeriesStep* it) {
   SeriesInterpreter::turn(it);
@@ -200,19 +214,12 @@ void MotionSeries::findLayout() {
     to.residual_at[m] = at(row_of_residual_[m]);
     for (int i = 0; i < S; ++i) to.entry_at[m * S + i] = at(entryRow(m, i));
   }
-  const std::vector<expression::SeriesProgram::FlatFunction> flat = program_.listFlatFunctions();
-  const std::size_t room = sizeof layout_.flat_at / sizeof *layout_.flat_at;
   makes_whole_steps_ = !is_classical_ && scene_.principle == Principle::kGeneralizedGauss &&
                        (inertia.isConstant() || inertia.isDiagonal()) &&
-                       (thirds == 0 || thirds == k_) && !program_.readsTables() &&
-                       flat.size() <= room;
+                       (thirds == 0 || thirds == k_) && !program_.readsTables();
   if (!makes_whole_steps_) return;
   makes_samples_ = thirds == 0;
   findSampled();
-  for (const auto& function : flat) {
-    to.flat_at[to.flats] = at(function.argument);
-    to.flat_divides[to.flats++] = function.divides ? 1 : 0;
-  }
 }
 
 void MotionSeries::keepInertia() {

@@ -5,7 +5,7 @@
 
 #include "expression/c_code.h"
 #include "expression/series_program.h"
-#include "expression/series_sine_text.h"
+#include "expression/series_text.h"
 
 namespace variator_sim::expression {
 

@@ -33,6 +33,7 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
   }
   findPrograms(trial.size());
   SeriesArranger(made_).arrange();
+  made_.listResolved();
   made_.rows_.assign(2 * made_.degree_.size() * 2 * made_.width_, 0.0);
   made_.states_.resize(2 * made_.states_.size(), 0.0);
   made_.changes_.assign(made_.degree_.size(), 0.0);
@@ -90,9 +91,6 @@ bool SeriesCompiler::mayHavePole(const Instruction& it) const {
 int SeriesCompiler::place(const Instruction& it, const std::vector<int>& written) {
   for (const int row : written) {
     producer_[static_cast<std::size_t>(row)] = static_cast<int>(made_.instructions_.size());
-  }
-  if (SeriesProgram::mayBeFlat(it)) {
-    made_.flat_.push_back(static_cast<int>(made_.instructions_.size()));
   }
   made_.instructions_.push_back(it);
   return it.result;

@@ -24,6 +24,7 @@
 #include <tuple>
 #include <vector>
 
+#include "expression/series_operation.h"
 #include "variator_sim/expression/graph.h"
 
 namespace variator_sim::expression {
@@ -137,23 +138,14 @@ class SeriesProgram {
     });
   }
 
-  /// True where a function that may be flat (exp, tanh, cosh, a quotient, a negative power) differs
-  /// by more than `tolerance` and than a thousandth of its value from its series up to `order`,
-  /// somewhere between 0 and `theta`: what it does where its argument goes, no coefficient shows.
-  /// [loop]
-  bool misses(double theta, int order, double tolerance) const;
+  /// True where no output hides more than is allowed for its row between 0 and `theta`: see
+  /// series_resolution.inc. [loop]
+  bool isResolved(double theta, int order, const SeriesOutput* outputs, int count) const;
+  /// The operations that the outputs follow from, in order, with the rows they read.
+  const std::vector<SeriesOperation>& resolved() const { return resolved_; }
 
   /// After coefficients that are not finite: what they leave in sums. [loop]
   void clear();
-
-  /// A function that may be flat, by the row of its argument.
-  struct FlatFunction {
-    int argument;
-    bool divides;
-  };
-  std::vector<FlatFunction> listFlatFunctions() const;
-  /// True where one of them reads an acceleration.
-  bool hasAcceleratedFlatFunction() const;
 
  private:
   friend class SeriesCompiler;
@@ -274,12 +266,8 @@ class SeriesProgram {
     return states_[states_begin_ + static_cast<std::size_t>(it.state)];
   }
 
-  static bool mayBeFlat(const Instruction& it);
-  static int argumentOf(const Instruction& it);
-  bool movesFar(const Instruction& it, double theta, int order) const;
-  /// Whether it is not what its series says where its argument is, or nearer to 0 by `unknown`.
-  bool differsAt(const Instruction& it, double theta, int order, double tolerance,
-                 double unknown) const;
+  SeriesOperation operationOf(const Instruction& it) const;
+  void listResolved();
   /// What a row that kTrial has made, or an acceleration, has become more.
   double& change(int row) { return changes_[static_cast<std::size_t>(row)]; }
   double beginPrimitive(const Instruction& it) const;
@@ -303,7 +291,8 @@ class SeriesProgram {
   /// Of an order up to kLongest, and of those beyond it.
   std::array<std::vector<Operation>, 2> operations_;
   std::vector<PlacedTerm> placed_;
-  std::vector<int> flat_;  ///< instructions that may be
+  std::vector<SeriesOperation> resolved_;
+  mutable std::vector<SeriesRange> ranges_;  ///< room for isResolved, of each row
   std::vector<Term> terms_;
   std::vector<double> states_;
   std::vector<double> changes_;     ///< of the rows

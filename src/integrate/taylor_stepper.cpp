@@ -4,8 +4,8 @@
 /// fall from 1 to the tolerance each is the tolerance^(1/N) of the one before, h is that part of
 /// the radius of convergence, and the step is the longest for which the last three terms keep to
 /// that: one of them may vanish by accident. (Jorba and Zou 2005, see series_program.h, whose N = 1
-/// - ln(tolerance) / 2 counts the work of the coefficients alone.) What is flat here and not at the
-/// step's end is in no coefficient: functions that saturate are asked inside the step.
+/// - ln(tolerance) / 2 counts the work of the coefficients alone.) A step is no longer than all
+/// formulas are what their series say (series_resolution.inc).
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -414,7 +414,7 @@ class TaylorStepper final : public Stepper {
       scale *= theta;
       // Two terms in a row that are nothing: the step cannot be longer than `limit` anyway.
       small = isNothing(theta, scale) ? small + 1 : 0;
-      is_short_ = small >= 2 && order_ > kLeastOrder;
+      is_short_ = small >= 2 && order_ > kLeastOrder && isResolved(limit);
     }
   }
   /// The last terms, those of theta^k = `scale`, are a small part of the tolerance, and of what
@@ -454,9 +454,13 @@ class TaylorStepper final : public Stepper {
         continue;
       }
       const double taken = std::min(length_, limit_);
-      if (!series_->misses(taken, tolerance_.relative)) break;
+      if (isResolved(taken)) break;
       length_ = 0.5 * taken;
     }
+  }
+
+  bool isResolved(double length) const {
+    return series_->isResolved(length, tolerance_.absolute, tolerance_.relative);
   }
 
   /// log2; no step needs to be known to more than seven digits.

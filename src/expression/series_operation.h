@@ -1,0 +1,10 @@
+/// series_operation.inc as C++ sees it.
+#pragma once
+
+namespace variator_sim::expression {
+
+#define SERIES_STATE double
+#include "expression/series_operation.inc"
+#undef SERIES_STATE
+
+}  // namespace variator_sim::expression

@@ -1,0 +1,143 @@
+// Whether the rows of a program are its functions all along a step, of the interpreter's rows.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "expression/series_program.h"
+
+namespace variator_sim::expression {
+
+namespace {
+using Real = double;
+#include "expression/series_resolution.inc"
+//
+#include "expression/series_ranges.inc"
+}  // namespace
+
+/// The operation that states an instruction's function; those of recurrences alone have none.
+SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
+  SeriesOperation made = {SERIES_SUM, it.result, -1, it.operands[0], -1, 0, it.state, 0.0, 0.0};
+  made.degree = degree(it.result);
+  const auto with = [&](int kind, int b = -1, int second = -1) {
+    made.kind = kind;
+    made.b = b;
+    made.second = second;
+    return made;
+  };
+  switch (it.code) {
+    case Code::kMultiply:
+      return with(SERIES_PRODUCT, it.operands[1]);
+    case Code::kSquare:
+      return with(SERIES_PRODUCT, it.operands[0]);
+    case Code::kDivide:
+      return with(SERIES_QUOTIENT, it.operands[1]);
+    case Code::kExp:
+      return with(SERIES_EXP);
+    case Code::kSinCos:
+      return with(SERIES_SINE, -1, it.aux[0]);
+    case Code::kSinhCosh:
+      return with(SERIES_SINH, -1, it.aux[0]);
+    case Code::kTan:
+      return with(SERIES_TAN, -1, it.aux[0]);
+    case Code::kTanh:
+      return with(SERIES_TANH, -1, it.aux[0]);
+    case Code::kPrimitive:
+      switch (it.begin) {
+        case Begin::kLog:
+          return with(SERIES_LOG);
+        case Begin::kAtan:
+          return with(SERIES_ATAN);
+        case Begin::kAsin:
+          return with(SERIES_ASIN);
+        case Begin::kAcos:
+          return with(SERIES_ACOS);
+        case Begin::kAtan2:
+          break;
+      }
+      return with(SERIES_ATAN2, it.operands[1]);
+    case Code::kSqrt:
+      return with(SERIES_SQRT);
+    case Code::kPower:
+      made.f = it.constant;
+      return with(SERIES_POWER);
+    case Code::kAbs:
+      made.f = 1.0;
+      return made;
+    case Code::kMin:
+      return with(SERIES_EITHER, it.operands[1]);
+    case Code::kMax:
+      return with(SERIES_OTHER, it.operands[1]);
+    case Code::kSelect:
+      made.a = it.operands[2];
+      return with(SERIES_EITHER, it.operands[3]);
+    case Code::kWhereFinite:
+      return with(SERIES_FINITE, it.operands[1]);
+    case Code::kTable:
+    case Code::kTable2:
+      made.f = 6.0;
+      made.state = pieces_[static_cast<std::size_t>(it.state)].a;
+      return with(SERIES_TABLE, it.code == Code::kTable2 ? it.operands[1] : -1);
+    case Code::kLinear:
+    case Code::kSign:
+    case Code::kRate:
+    case Code::kWronskian:
+      break;
+  }
+  made.a = -1;
+  return made;
+}
+
+void SeriesProgram::listResolved() {
+  std::vector<char> is_needed(degree_.size(), 0);
+  for (const int row : outputs_) is_needed[static_cast<std::size_t>(row)] = 1;
+  const auto isNeeded = [&](int row) { return row >= 0 && is_needed[static_cast<std::size_t>(row)]; };
+  const auto need = [&](int row) {
+    if (row >= 0) is_needed[static_cast<std::size_t>(row)] = 1;
+  };
+  resolved_.clear();
+  for (auto it = instructions_.rbegin(); it != instructions_.rend(); ++it) {
+    SeriesOperation made = operationOf(*it);
+    if (!isNeeded(it->result) && !isNeeded(made.second)) continue;
+    // The last two terms first, as the list is turned around.
+    for (int n = it->code == Code::kLinear ? (it->aux[1] - 1) / 2 * 2 : -1; n >= 0; n -= 2) {
+      const Term* const term = terms_.data() + it->aux[0] + n;
+      const bool has_two = n + 1 < it->aux[1];
+      made = {n == 0 ? SERIES_SUM : SERIES_MORE, it->result, -1, term[0].row, -1, 0, -1, 0.0, 0.0};
+      made.f = term[0].factor;
+      if (has_two) {
+        made.b = term[1].row;
+        made.g = term[1].factor;
+        need(made.b);
+      }
+      need(made.a);
+      resolved_.push_back(made);
+    }
+    if (it->code == Code::kLinear || made.a < 0) continue;
+    need(made.a);
+    need(made.b);
+    resolved_.push_back(made);
+  }
+  std::reverse(resolved_.begin(), resolved_.end());
+  ranges_.assign(degree_.size(), SeriesRange{});
+}
+
+bool SeriesProgram::isResolved(double theta, int order, const SeriesOutput* outputs,
+                               int count) const {
+  SeriesResolution asked = {resolved_.data(),
+                            static_cast<int>(resolved_.size()),
+                            rows(),
+                            static_cast<int>(2 * width_),
+                            states(),
+                            states_.data(),
+                            ranges_.data(),
+                            rowCount(),
+                            outputs,
+                            count,
+                            order,
+                            theta,
+                            {}};
+  return seriesIsResolved(&asked) != 0;
+}
+
+}  // namespace variator_sim::expression
