@@ -408,39 +408,26 @@ bool MotionSeries::extendTo(int order) {
 }
 
 bool MotionSeries::isResolved(double length, double absolute, double relative) const {
-  expression::SeriesOutput outputs[4 * kMaxShafts + kMaxRows * (1 + kMaxShafts)];
-  int count = 0;
-  const auto allow = [&](int row, double allowed) { outputs[count++] = {row, allowed}; };
-  const auto at = [&](int row) { return std::abs(program_.coefficients(row)[0]); };
-  const auto toleranceOf = [&](double size) { return absolute + relative * size; };
-  // A torque moves velocities by h Q / J, accelerations by Q / J.
-  double acceleration[kMaxShafts];
-  for (int i = 0; i < S; ++i) {
-    const double J = isInertiaConstant() ? drivetrain_.inertia().entry(i, i) : at(row_of_inertia_[i]);
-    acceleration[i] = toleranceOf(at(row_of_acceleration_[i]));
-    const double of_velocity = J * toleranceOf(at(row_of_velocity_[i])) / length;
-    const double of_acceleration = std::max(J * acceleration[i], relative * at(row_of_torque_[i]));
-    const double allowed = std::min(of_velocity, of_acceleration);
-    allow(row_of_torque_[i], allowed);
-    if (isInertiaConstant()) continue;
-    allow(row_of_inertia_[i], relative * J);
-    allow(row_of_inertial_torque_[i], allowed);
-    allow(row_of_connection_[i], std::max(relative * at(row_of_connection_[i]), relative * J / length));
-  }
-  // C epsilon = -psi; of order 3 C eta = -c0, and epsilon moves by h eta.
-  for (int m = 0; m < k_; ++m) {
-    double size = 0.0;
-    double allowed = 0.0;
-    for (int i = 0; i < S; ++i) {
-      const double entry = at(entryRow(m, i));
-      size = std::max(size, entry);
-      allowed = std::max(allowed, entry * acceleration[i]);
-    }
-    const bool is_third = layout_.constraint_order[m] == 3;
-    allow(row_of_residual_[m], is_third ? allowed / length : allowed);
-    for (int i = 0; i < S; ++i) allow(entryRow(m, i), relative * size);
-  }
-  return program_.isResolved(length / own().unit, own().order, outputs, count);
+  double inertia[kMaxShafts];
+  for (int i = 0; i < S; ++i) inertia[i] = drivetrain_.inertia().entry(i, i);
+  const bool moves = !isInertiaConstant();
+  const expression::SeriesOutputs outputs = {S,
+                                             k_,
+                                             row_of_velocity_,
+                                             row_of_acceleration_,
+                                             row_of_torque_,
+                                             row_of_residual_,
+                                             row_of_entry_[0],
+                                             layout_.constraint_order,
+                                             kMaxShafts,
+                                             inertia,
+                                             moves ? row_of_inertia_ : nullptr,
+                                             row_of_inertial_torque_,
+                                             row_of_connection_,
+                                             absolute,
+                                             relative,
+                                             length};
+  return program_.isResolved(length / own().unit, own().order, outputs);
 }
 
 void MotionSeries::noteInertia() {

@@ -293,10 +293,11 @@ std::string MotionSeries::writeLayout() const {
 /// seriesHides of every operation that may hide something.
 std::string MotionSeries::writeHidden() const {
   std::ostringstream text;
-  text << "#define SERIES_STATE double\n" << expression::kSeriesOperationText
-       << expression::kSeriesResolutionText
+  text << "#define SERIES_STATE double\n"
+       << expression::kSeriesOperationText << expression::kSeriesResolutionText
        << "static SERIES_INLINE Real seriesHidden(const struct SeriesStep* it, int last) {\n"
-          "  const Real* const r = it->rows;\n  Real sum = 0.0 * it->unit;\n  (void)r, (void)last;\n";
+          "  const Real* const r = it->rows;\n  Real sum = 0.0 * it->unit;\n  (void)r, "
+          "(void)last;\n";
   for (const expression::SeriesOperation& op : program_.resolved()) {
     if (!seriesMayHide(&op, 0)) continue;
     if (op.degree <= MotionSeries::kMostOrder) text << "  if (last < " << op.degree << ")\n";

@@ -66,7 +66,8 @@ double seriesHidden(const SeriesStep* it, int last) {
   for (const SeriesOperation& op : program.resolved()) {
     if (!seriesMayHide(&op, last)) continue;
     const auto row = [&](int r) { return it->rows + program.offset(r < 0 ? op.a : r); };
-    sum += seriesHides(op.kind, row(op.result), row(op.second), row(op.a), row(op.b), it->powers, last);
+    sum += seriesHides(op.kind, row(op.result), row(op.second), row(op.a), row(op.b), it->powers,
+                       last);
   }
   return sum;
 }

@@ -19,8 +19,8 @@ extern const char* const kHeaderFunctions;
 extern const char* const kInputCode;
 /// J, C and the matrix [J -C^T; C 0] that everything is solved with.
 extern const char* const kMatrixCode;
-/// Whether functions that may be flat are what their series say.
-extern const char* const kFlatCode;
+/// Whether all formulas are what their series say.
+extern const char* const kResolutionCode;
 /// The motion as series, order by order.
 extern const char* const kSeriesCode;
 /// Moving a state onto the constraints.

@@ -15,6 +15,7 @@
 #include "emit_c/formula_rows.h"
 #include "emit_c/readme.h"
 #include "emit_c/scene_formulas.h"
+#include "expression/series_text.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/expression/tape.h"
 
@@ -229,7 +230,7 @@ class Emission {
     add("SIGNS", std::to_string(formulas_.signs.size()));
     add("TABLES", std::to_string(formulas_.tables.size()));
     add("CONSTANTS", std::to_string(rows_.constants().size()));
-    add("FLATS", std::to_string(rows_.flats().size()));
+    add("OPERATIONS", std::to_string(rows_.operations().size()));
     text +=
         "  /* rows that are no formulas */\n  TIME = 0,\n  ANGLE = 1,\n  VELOCITY = 1 + S,\n"
         "  ACCELERATION = 1 + 2 * S,\n";
@@ -299,23 +300,20 @@ class Emission {
            constant("double", "initial_multiplier", values(sample.multiplier, K_));
   }
 
-  std::string writeFlats() const {
-    std::vector<int> kinds;
-    std::vector<int> rows;
-    std::vector<int> arguments;
-    std::vector<int> numerators;
-    std::vector<double> exponents;
-    for (const FormulaRows::Flat& it : rows_.flats()) {
-      kinds.push_back(static_cast<int>(it.kind));
-      rows.push_back(it.row);
-      arguments.push_back(it.argument);
-      numerators.push_back(it.numerator);
-      exponents.push_back(it.exponent);
+  std::string writeOperations() const {
+    std::string text =
+        std::string("\n/* ---- The operations that rows are made by. ---- */\n\n") +
+        "typedef double Real;\n#define SERIES_INLINE inline\n#define SERIES_STATE int\n" +
+        expression::kSeriesOperationText + expression::kSeriesResolutionText +
+        expression::kSeriesRangesText + "static const struct SeriesOperation operation[] = {\n";
+    for (const expression::SeriesOperation& it : rows_.operations()) {
+      text += "    {";
+      for (const int n : {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state}) {
+        text += std::to_string(n) + ", ";
+      }
+      text += literalOf(it.f) + ", " + literalOf(it.g) + "},\n";
     }
-    return constant("int", "flat_kind", kinds) + constant("int", "flat_row", rows) +
-           constant("int", "flat_argument", arguments) +
-           constant("int", "flat_numerator", numerators) +
-           constant("double", "flat_exponent", exponents);
+    return text + "    {0, 0, -1, 0, -1, 0, -1, 0.0, 0.0}};\n";
   }
 
   std::string writeConstants() const {
@@ -347,7 +345,7 @@ class Emission {
            rowsOf("inertial_row", formulas_.inertial_torque) +
            rowsOf("connection_row", formulas_.connection) + rowsOf("sign_row", signs) +
            constant("int", "sign_jumps", jumps) + constant("int", "constant_row", rows) +
-           constant("double", "constant_value", values) + writeFlats() + writePassages();
+           constant("double", "constant_value", values) + writePassages();
   }
 
   std::string writePassages() const {
@@ -407,10 +405,10 @@ static scene_status jump(scene_model *m, const double *u0, const double *du, con
     text +=
         "\n/* ---- Power series: coefficient n of a function, from those of its operands up to n"
         "\n   and its own below n. ---- */\n" +
-        writeSeriesFunctions(rows_.functions()) + writeFormulas();
+        writeSeriesFunctions(rows_.functions()) + writeFormulas() + writeOperations();
     for (const char* const part :
-         {kInputCode, kMatrixCode, kFlatCode, kSeriesCode, kProjectionCode, kEdgeCode, kJumpCode,
-          jumpsStraight() ? kStraightJump : kPathCode, kStepCode, kInterfaceCode}) {
+         {kInputCode, kMatrixCode, kResolutionCode, kSeriesCode, kProjectionCode, kEdgeCode,
+          kJumpCode, jumpsStraight() ? kStraightJump : kPathCode, kStepCode, kInterfaceCode}) {
       text += withName(part, name_);
     }
     return text;

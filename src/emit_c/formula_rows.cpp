@@ -138,23 +138,67 @@ std::string FormulaRows::operand(const Entry& entry, int k) const {
 std::string FormulaRows::call(const std::string& function,
                               const std::vector<std::string>& arguments) {
   functions_.insert(function);
-  if (is_series_) noteFlat(function, arguments);
+  if (is_series_) noteOperation(function, arguments);
   std::string text = function + "(";
   for (const std::string& argument : arguments) text += argument + ", ";
   return text + "n);";
 }
 
-void FormulaRows::noteFlat(const std::string& function, const std::vector<std::string>& arguments) {
-  using Kind = Flat::Kind;
-  // "r[12]"
-  const auto rowAt = [&](std::size_t i) { return std::stoi(arguments[i].substr(2)); };
-  if (function == "exponential") flats_.push_back({Kind::kExponential, rowAt(0), rowAt(1)});
-  if (function == "tangent_hyperbolic") flats_.push_back({Kind::kTanh, rowAt(0), rowAt(2)});
-  if (function == "sinh_cosh") flats_.push_back({Kind::kCosh, rowAt(1), rowAt(2)});
-  if (function == "divide") flats_.push_back({Kind::kQuotient, rowAt(0), rowAt(2), rowAt(1)});
-  if (function == "power") {
-    const double exponent = std::stod(arguments[2]);
-    if (exponent < 0.0) flats_.push_back({Kind::kPower, rowAt(0), rowAt(1), 0, exponent});
+void FormulaRows::noteOperation(const std::string& function,
+                                const std::vector<std::string>& arguments) {
+  using namespace expression;  // NOLINT: its operations are many
+  struct Known {
+    const char* name;
+    int kind;
+    int result, second, a, b;  ///< arguments; -1: none
+    int number;                ///< a factor, an exponent or a branch
+  };
+  static constexpr Known kKnown[] = {
+      {"scale", SERIES_SUM, 0, -1, 1, -1, 2},
+      {"shift", SERIES_SUM, 0, -1, 1, -1, -1},
+      {"add", SERIES_SUM, 0, -1, 1, 2, -1},
+      {"subtract", SERIES_SUM, 0, -1, 1, 2, -1},
+      {"multiply", SERIES_PRODUCT, 0, -1, 1, 2, -1},
+      {"divide", SERIES_QUOTIENT, 0, -1, 1, 2, -1},
+      {"exponential", SERIES_EXP, 0, -1, 1, -1, -1},
+      {"logarithm", SERIES_LOG, 0, -1, 1, -1, -1},
+      {"sine_cosine", SERIES_SINE, 0, 1, 2, -1, -1},
+      {"sinh_cosh", SERIES_SINH, 0, 1, 2, -1, -1},
+      {"tangent", SERIES_TAN, 0, 1, 2, -1, -1},
+      {"tangent_hyperbolic", SERIES_TANH, 0, 1, 2, -1, -1},
+      {"arc_tangent", SERIES_ATAN, 0, -1, 2, -1, -1},
+      {"arc_sine", SERIES_ASIN, 0, -1, 2, -1, -1},
+      {"arc_cosine", SERIES_ACOS, 0, -1, 2, -1, -1},
+      {"arc_tangent_of_two", SERIES_ATAN2, 0, -1, 2, 3, -1},
+      {"square_root", SERIES_SQRT, 0, -1, 1, -1, -1},
+      {"power", SERIES_POWER, 0, -1, 1, -1, 2},
+      {"absolute", SERIES_SUM, 0, -1, 1, -1, -1},
+      {"minimum", SERIES_EITHER, 0, -1, 1, 2, 3},
+      {"maximum", SERIES_OTHER, 0, -1, 1, 2, 3},
+      {"choose", SERIES_EITHER, 0, -1, 3, 4, 5},
+      {"where_finite", SERIES_FINITE, 0, -1, 1, 2, -1},
+      {"look_up", SERIES_TABLE, 0, -1, 1, -1, 5},
+      {"look_up_two", SERIES_TABLE, 0, -1, 1, 2, 7},
+  };
+  for (const Known& it : kKnown) {
+    if (function != it.name) continue;
+    // "r[12]", "r + 12", "b + 3", "p + 6"
+    const auto number = [&](int n) {
+      return std::stoi(arguments[static_cast<std::size_t>(n)].substr(
+          n >= 0 && arguments[static_cast<std::size_t>(n)][1] == '[' ? 2 : 4));
+    };
+    const auto row = [&](int n) { return n < 0 ? -1 : number(n); };
+    SeriesOperation made = {
+        it.kind, row(it.result), row(it.second), row(it.a), row(it.b), 1 << 20, -1, 1.0, 1.0};
+    if (function == "subtract") made.g = -1.0;
+    if (function == "scale" || function == "power") {
+      made.f = std::stod(arguments[static_cast<std::size_t>(it.number)]);
+    } else if (it.number >= 0) {
+      made.state = number(it.number);
+    }
+    if (function == "look_up_two") made.f = 6.0;
+    operations_.push_back(made);
+    return;
   }
 }
 

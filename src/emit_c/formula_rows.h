@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "expression/series_operation.h"
 #include "variator_sim/expression/graph.h"
 
 namespace variator_sim {
@@ -24,16 +25,6 @@ class FormulaRows {
   /// Which function of C holds a statement: that of nodes which read no acceleration, that of those
   /// which do, or that of what is asked for at order 0 only.
   enum class Part { kGiven, kAccelerated, kAtOnce };
-
-  /// A row whose function may be flat, kinds as in runtime_flat.cpp.
-  struct Flat {
-    enum class Kind { kExponential, kTanh, kCosh, kQuotient, kPower };
-    Kind kind;
-    int row;
-    int argument;  ///< a denominator of quotients
-    int numerator = 0;
-    double exponent = 0.0;
-  };
 
   /// Rows from `first_row` on. `row_of_slot`: of the variables, by their slots.
   FormulaRows(const expression::Graph& graph, int first_row, std::map<int, int> row_of_slot)
@@ -55,7 +46,8 @@ class FormulaRows {
   const std::string& tables() const { return tables_; }
   const std::set<std::string>& functions() const { return functions_; }
   const std::map<double, int>& constants() const { return row_of_constant_; }
-  const std::vector<Flat>& flats() const { return flats_; }
+  /// The operations of series_resolution.inc that the rows of series are.
+  const std::vector<expression::SeriesOperation>& operations() const { return operations_; }
   int rows() const { return rows_; }
   int branches() const { return branches_; }
   int pieces() const { return pieces_; }
@@ -72,7 +64,7 @@ class FormulaRows {
   std::string tableOf(const Entry& entry, int result);
   /// "f(r[1], r[2], n);" and f is used.
   std::string call(const std::string& function, const std::vector<std::string>& arguments);
-  void noteFlat(const std::string& function, const std::vector<std::string>& arguments);
+  void noteOperation(const std::string& function, const std::vector<std::string>& arguments);
   std::string row(int index) const { return "r[" + std::to_string(index) + "]"; }
   std::string operand(const Entry& entry, int k) const;
   std::string addRow() { return row(rows_++); }
@@ -95,7 +87,7 @@ class FormulaRows {
   std::map<int, std::string> table_names_;
   std::map<int, std::string> table2_names_;
   std::set<std::string> functions_;
-  std::vector<Flat> flats_;
+  std::vector<expression::SeriesOperation> operations_;
   bool is_series_ = false;  ///< what is written now
   std::string text_[3];
   std::string tables_;

@@ -278,6 +278,57 @@ static void reaction(const scene_model *m, double *R)
 }
 )c";
 
+const char* const kResolutionCode = R"c(
+static double evaluate(const double *c, int last, double theta)
+{
+  double sum = c[last];
+  int n;
+  for (n = last - 1; n >= 0; --n) sum = sum * theta + c[n];
+  return sum;
+}
+
+/* True where all formulas are what their series say, up to theta. */
+static int is_resolved(const scene_model *m, double theta)
+{
+  struct SeriesRange range[ROWS];
+  int velocity[S], acceleration[S], i;
+  struct SeriesOutputs to;
+  struct SeriesResolution it;
+  for (i = 0; i < S; ++i) {
+    velocity[i] = VELOCITY + i;
+    acceleration[i] = ACCELERATION + i;
+  }
+  to.shafts = S;
+  to.constraints = K;
+  to.velocity = velocity;
+  to.acceleration = acceleration;
+  to.torque = torque_row;
+  to.residual = residual_row;
+  to.entry = entry_row;
+  to.order = order_of;
+  to.entry_stride = S;
+  to.inertia = 0;
+  to.inertia_row = inertia_row;
+  to.inertial_torque = inertial_row;
+  to.connection = connection_row;
+  to.absolute = ABSOLUTE_TOLERANCE;
+  to.relative = RELATIVE_TOLERANCE;
+  to.length = theta * m->unit;
+  it.operations = operation;
+  it.count = OPERATIONS;
+  it.rows = m->row[0];
+  it.stride = LENGTH;
+  it.states = m->branch;
+  it.pieces = m->piece;
+  it.ranges = range;
+  it.row_count = ROWS;
+  it.outputs = &to;
+  it.last = m->order;
+  it.theta = theta;
+  return seriesIsResolved(&it);
+}
+)c";
+
 const char* const kSeriesCode = R"c(
 /* ---- The motion as power series of (t - now) / unit ---- */
 
@@ -452,7 +503,7 @@ static double choose_length(const scene_model *m, int terms, double limit)
     const double taken = fmin(theta, limit / m->unit);
     if (isfinite(theta) && is_growing(m, theta)) {
       theta *= 0.5;
-    } else if (misses(m, taken)) {
+    } else if (!is_resolved(m, taken)) {
       theta = 0.5 * taken;
     } else {
       break;
@@ -472,7 +523,8 @@ static scene_status expand(scene_model *m, double limit)
     int goes_on = 1;
     frexp(unit, &exponent);
     if (!begin_series(m, ldexp(1.0, exponent))) return SCENE_SINGULAR;
-    while (goes_on && m->order < ORDER && (small < 2 || m->order <= 3)) {
+    while (goes_on && m->order < ORDER &&
+           (small < 2 || m->order <= 3 || !is_resolved(m, limit / m->unit))) {
       goes_on = extend_series(m);
       small = goes_on && is_nothing(m, limit / m->unit) ? small + 1 : 0;
     }

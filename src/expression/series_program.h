@@ -140,7 +140,7 @@ class SeriesProgram {
 
   /// True where no output hides more than is allowed for its row between 0 and `theta`: see
   /// series_resolution.inc. [loop]
-  bool isResolved(double theta, int order, const SeriesOutput* outputs, int count) const;
+  bool isResolved(double theta, int order, const SeriesOutputs& outputs) const;
   /// The operations that the outputs follow from, in order, with the rows they read.
   const std::vector<SeriesOperation>& resolved() const { return resolved_; }
 

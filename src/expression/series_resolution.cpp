@@ -91,7 +91,9 @@ SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
 void SeriesProgram::listResolved() {
   std::vector<char> is_needed(degree_.size(), 0);
   for (const int row : outputs_) is_needed[static_cast<std::size_t>(row)] = 1;
-  const auto isNeeded = [&](int row) { return row >= 0 && is_needed[static_cast<std::size_t>(row)]; };
+  const auto isNeeded = [&](int row) {
+    return row >= 0 && is_needed[static_cast<std::size_t>(row)];
+  };
   const auto need = [&](int row) {
     if (row >= 0) is_needed[static_cast<std::size_t>(row)] = 1;
   };
@@ -122,8 +124,7 @@ void SeriesProgram::listResolved() {
   ranges_.assign(degree_.size(), SeriesRange{});
 }
 
-bool SeriesProgram::isResolved(double theta, int order, const SeriesOutput* outputs,
-                               int count) const {
+bool SeriesProgram::isResolved(double theta, int order, const SeriesOutputs& outputs) const {
   SeriesResolution asked = {resolved_.data(),
                             static_cast<int>(resolved_.size()),
                             rows(),
@@ -132,8 +133,7 @@ bool SeriesProgram::isResolved(double theta, int order, const SeriesOutput* outp
                             states_.data(),
                             ranges_.data(),
                             rowCount(),
-                            outputs,
-                            count,
+                            &outputs,
                             order,
                             theta,
                             {}};
