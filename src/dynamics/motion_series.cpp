@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <set>
 #include <stdexcept>
 
@@ -428,6 +429,74 @@ bool MotionSeries::isResolved(double length, double absolute, double relative) c
                                              relative,
                                              length};
   return program_.isResolved(length / own().unit, own().order, outputs);
+}
+
+bool MotionSeries::isStepResolved(double t, double h, const double* const* x, double absolute,
+                                  double relative) {
+  constexpr int kOrder = 8;
+  constexpr int kPower = 4;  // of parabolas: polynomials of that order
+  ++stamp_;
+  is_next_begun_ = false;
+  fetched_ = kMostSampled;
+  own().unit = h;
+  own().order = kOrder;
+  const auto setState = [&](double time, const double* state) {
+    program_.set(row_of_time_, 0, time);
+    for (int i = 0; i < S; ++i) {
+      program_.set(row_of_angle_[i], 0, state[i]);
+      program_.set(row_of_velocity_[i], 0, state[S + i]);
+      program_.set(row_of_acceleration_[i], 0, state[2 * S + i]);
+    }
+    program_.begin(Part::kGiven);
+    program_.begin(Part::kAccelerated);
+  };
+  setInputs(t, kOrder);
+  const double origin = drivetrain_.view(t, x[0], x[0] + S, x[0] + 2 * S).time;
+  for (const InputRow& it : input_rows_) {
+    const double* const u = program_.coefficients(it.row);
+    program_.set(it.row, 0, std::accumulate(u, u + kOrder + 1, 0.0));
+  }
+  setState(origin + h, x[2]);
+  at_end_.resize(static_cast<std::size_t>(program_.rowCount()));
+  for (int row = 0; row < program_.rowCount(); ++row) {
+    at_end_[static_cast<std::size_t>(row)] = program_.coefficients(row)[0];
+  }
+  setInputs(t, kOrder);
+  setState(origin, x[0]);
+  if (!program_.mayHideBetween(at_end_, kPower)) return true;
+  // c_0 + c_1 s + c_2 s^2, s = (t - t_0) / h
+  struct Parabolas final : expression::AccelerationSolver {
+    void solve(int n) override {
+      for (int i = 0; i < it.S; ++i) {
+        it.program_.set(it.row_of_acceleration_[i], n, n < 3 ? epsilon[i][n] : 0.0);
+      }
+    }
+    explicit Parabolas(MotionSeries& series) : it(series) {}
+    MotionSeries& it;
+    double epsilon[kMaxShafts][3];
+  } parabolas(*this);
+  const auto fit = [&](int n, double* c) {
+    c[0] = x[0][n];
+    c[1] = 4.0 * x[1][n] - 3.0 * x[0][n] - x[2][n];
+    c[2] = 2.0 * (x[0][n] + x[2][n] - 2.0 * x[1][n]);
+  };
+  for (int i = 0; i < S; ++i) {
+    double omega[3];
+    fit(S + i, omega);
+    fit(2 * S + i, parabolas.epsilon[i]);
+    for (int n = 1; n <= kOrder; ++n) {
+      program_.set(row_of_velocity_[i], n, n < 3 ? omega[n] : 0.0);
+      program_.set(row_of_angle_[i], n, n < 4 ? h * omega[n - 1] / n : 0.0);
+    }
+  }
+  program_.set(row_of_time_, 1, h);
+  for (int n = 1; n <= kOrder; ++n) {
+    for (int i = 0; i < S; ++i) program_.set(row_of_acceleration_[i], n, 0.0);
+    program_.extend(n, true, parabolas);
+  }
+  const bool is_resolved = isResolved(h, absolute, relative);
+  program_.clear();  // of what may be no number
+  return is_resolved;
 }
 
 void MotionSeries::noteInertia() {

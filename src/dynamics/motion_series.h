@@ -99,6 +99,10 @@ class MotionSeries {
   /// True where the series of all formulas are the formulas up to `length`, s, within what the
   /// tolerance leaves unnoticed (series_resolution.inc). [loop]
   bool isResolved(double length, double absolute, double relative) const;
+  /// The same along a step of length h, s, from t that another stepper has made, over the parabolas
+  /// through x = (phi, omega, epsilon) at its beginning, in its middle and at its end. The series
+  /// are those of that step then. [loop]
+  bool isStepResolved(double t, double h, const double* const* x, double absolute, double relative);
   /// Another number after every `begin`: whose series these are.
   std::uint64_t stamp() const { return stamp_; }
 
@@ -303,6 +307,7 @@ class MotionSeries {
   };
   StepCodes step_codes_;
 
+  std::vector<double> at_end_;  ///< of a step: coefficients 0 of all rows
   // Rows of the program.
   int row_of_time_ = -1;
   int row_of_angle_[kMaxShafts] = {};

@@ -308,12 +308,13 @@ class Emission {
         expression::kSeriesRangesText + "static const struct SeriesOperation operation[] = {\n";
     for (const expression::SeriesOperation& it : rows_.operations()) {
       text += "    {";
-      for (const int n : {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state}) {
+      for (const int n :
+           {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state, it.power}) {
         text += std::to_string(n) + ", ";
       }
       text += literalOf(it.f) + ", " + literalOf(it.g) + "},\n";
     }
-    return text + "    {0, 0, -1, 0, -1, 0, -1, 0.0, 0.0}};\n";
+    return text + "    {0, 0, -1, 0, -1, 0, -1, 0, 0.0, 0.0}};\n";
   }
 
   std::string writeConstants() const {

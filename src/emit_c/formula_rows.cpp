@@ -189,7 +189,7 @@ void FormulaRows::noteOperation(const std::string& function,
     };
     const auto row = [&](int n) { return n < 0 ? -1 : number(n); };
     SeriesOperation made = {
-        it.kind, row(it.result), row(it.second), row(it.a), row(it.b), 1 << 20, -1, 1.0, 1.0};
+        it.kind, row(it.result), row(it.second), row(it.a), row(it.b), 1 << 20, -1, 0, 1.0, 1.0};
     if (function == "subtract") made.g = -1.0;
     if (function == "scale" || function == "power") {
       made.f = std::stod(arguments[static_cast<std::size_t>(it.number)]);

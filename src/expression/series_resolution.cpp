@@ -17,7 +17,8 @@ using Real = double;
 
 /// The operation that states an instruction's function; those of recurrences alone have none.
 SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
-  SeriesOperation made = {SERIES_SUM, it.result, -1, it.operands[0], -1, 0, it.state, 0.0, 0.0};
+  SeriesOperation made = {SERIES_SUM, it.result, -1, it.operands[0], -1, 0, it.state,
+                          kNoDegree,  0.0,       0.0};
   made.degree = degree(it.result);
   const auto with = [&](int kind, int b = -1, int second = -1) {
     made.kind = kind;
@@ -105,7 +106,16 @@ void SeriesProgram::listResolved() {
     for (int n = it->code == Code::kLinear ? (it->aux[1] - 1) / 2 * 2 : -1; n >= 0; n -= 2) {
       const Term* const term = terms_.data() + it->aux[0] + n;
       const bool has_two = n + 1 < it->aux[1];
-      made = {n == 0 ? SERIES_SUM : SERIES_MORE, it->result, -1, term[0].row, -1, 0, -1, 0.0, 0.0};
+      made = {n == 0 ? SERIES_SUM : SERIES_MORE,
+              it->result,
+              -1,
+              term[0].row,
+              -1,
+              0,
+              -1,
+              kNoDegree,
+              0.0,
+              0.0};
       made.f = term[0].factor;
       if (has_two) {
         made.b = term[1].row;
@@ -121,6 +131,18 @@ void SeriesProgram::listResolved() {
     resolved_.push_back(made);
   }
   std::reverse(resolved_.begin(), resolved_.end());
+  // Products of products of variables.
+  std::vector<int> power(degree_.size(), kNoDegree);
+  for (const int row : variables_) power[static_cast<std::size_t>(row)] = 1;
+  for (const auto& [row, value] : constants_) power[static_cast<std::size_t>(row)] = 0;
+  for (SeriesOperation& it : resolved_) {
+    const int a = power[static_cast<std::size_t>(it.a)];
+    const int b = it.b < 0 ? 0 : power[static_cast<std::size_t>(it.b)];
+    const int before = it.kind == SERIES_MORE ? power[static_cast<std::size_t>(it.result)] : 0;
+    if (it.kind == SERIES_PRODUCT) it.power = std::min(a + b, kNoDegree);
+    if (it.kind == SERIES_SUM || it.kind == SERIES_MORE) it.power = std::max({a, b, before});
+    power[static_cast<std::size_t>(it.result)] = it.power;
+  }
   ranges_.assign(degree_.size(), SeriesRange{});
 }
 
@@ -138,6 +160,57 @@ bool SeriesProgram::isResolved(double theta, int order, const SeriesOutputs& out
                             theta,
                             {}};
   return seriesIsResolved(&asked) != 0;
+}
+
+bool SeriesProgram::mayHideBetween(const std::vector<double>& there, int power) const {
+  // A part of the distance within which an operation's Taylor series converges, or 1 where that is
+  // unbounded: an argument that moves no further shows its function at both ends.
+  constexpr double kFar = 0.4;
+  for (const SeriesOperation& it : resolved_) {
+    if (it.kind <= SERIES_FINITE || it.power <= power) continue;
+    const auto first = [&](int row) { return forward(row)[0]; };
+    const auto move = [&](int row) {
+      return std::abs(there[static_cast<std::size_t>(row)] - first(row));
+    };
+    const double size = std::abs(first(it.a));
+    const double moved = move(it.a);
+    bool is_far = false;
+    switch (it.kind) {
+      case SERIES_PRODUCT:
+        is_far = moved > kFar * size || move(it.b) > kFar * std::abs(first(it.b));
+        break;
+      case SERIES_QUOTIENT:
+        is_far = move(it.b) > kFar * std::abs(first(it.b));
+        break;
+      case SERIES_TANH:
+        is_far = moved > kFar && size - moved < 19.1;
+        break;
+      case SERIES_TAN:
+        is_far = moved * moved * first(it.second) > kFar * kFar;
+        break;
+      case SERIES_ASIN:
+      case SERIES_ACOS:
+        is_far = moved > kFar * (1.0 - size);
+        break;
+      case SERIES_ATAN2:
+        is_far = moved + move(it.b) > kFar * std::hypot(first(it.a), first(it.b));
+        break;
+      case SERIES_LOG:
+      case SERIES_SQRT:
+        is_far = moved > kFar * size;
+        break;
+      case SERIES_POWER:
+        is_far = std::max(1.0, std::abs(it.f)) * moved > kFar * size;
+        break;
+      case SERIES_TABLE:  // whose pieces steps end at
+        break;
+      default:
+        is_far = moved > kFar;
+        break;
+    }
+    if (is_far) return true;
+  }
+  return false;
 }
 
 }  // namespace variator_sim::expression

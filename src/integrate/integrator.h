@@ -196,6 +196,7 @@ class Integrator {
     /// step begins anew: of its error, when it is much too long for what answers there, its
     /// estimate tells nothing.
     double usual = 0.0;
+    int unresolved = 0;      ///< times that a formula made it shorter
     double grid = 0.0;       ///< the next multiple of a fixed step
     bool has_leapt = false;  ///< its accelerations were those of another branch
   };
@@ -209,6 +210,9 @@ class Integrator {
   /// its derivative where the returned error, in units of the tolerance, is good. The motion may
   /// have stopped.
   double attempt(const Trial& trial);
+  /// True where no formula hides anything inside the step to the front, whose derivative is known.
+  /// Steps by the series have seen to that themselves.
+  bool isResolved(double taken);
   /// The error of a step is at most the tolerance; where steps are fixed, it only exists.
   bool isGood(double norm) const {
     return norm <= 1.0 || (choice_.isFixed() && std::isfinite(norm));
@@ -412,6 +416,8 @@ class Integrator {
   static constexpr double kCrudest = 0.1;
   /// So many rejections of one step make `auto` try implicitly.
   static constexpr int kHopeless = 6;
+  /// Halvings of a step for what a formula may hide: of one so short its stages have seen all.
+  static constexpr int kMostUnresolved = 20;
   /// An error norm that makes StepControl take a step no shorter, at every order.
   static constexpr double kSteady = 0.1;
   /// A whole step that was moved by more than this may have been so by rounding.

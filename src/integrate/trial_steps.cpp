@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "dynamics/motion_series.h"
 #include "integrate/integrator.h"
 
 namespace variator_sim {
@@ -66,6 +67,13 @@ bool Integrator::makeTrials() {
       trial.has_leapt = true;
       norm = std::numeric_limits<double>::quiet_NaN();
     }
+    if (isGood(norm) && trial.unresolved < kMostUnresolved && !isResolved(trial.taken)) {
+      ++trial.unresolved;
+      ++statistics_.rejected_steps;
+      trial.length = 0.5 * trial.taken;
+      front_ = base_;
+      continue;
+    }
     if (isGood(norm)) {
       if (accept(trial, norm)) return true;
       if (!status_.ok()) return false;
@@ -94,6 +102,31 @@ double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double
   const double norm = stepper.step(system_, from, h, x, dxdt);
   if (!isGood(norm)) return norm;
   return worseOf(norm, projectEnd(stepper, from.x, end, h, norm, x));
+}
+
+bool Integrator::isResolved(double taken) {
+  MotionSeries* const series = system_.series();
+  if (series == nullptr || !choice_.isAsideOfSeries()) return true;
+  State middle(system_.size());
+  const double half = 0.5 * taken;
+  if (!stepper_->hasDenseOutput() ||
+      !stepper_->interpolate(system_, base_.time + half, base_, front_, middle)) {
+    for (int n = 0; n < middle.size(); ++n) {
+      middle[n] = 0.5 * (base_.x[n] + front_.x[n]) + 0.25 * half * (base_.dxdt[n] - front_.dxdt[n]);
+    }
+  }
+  // phi, omega, epsilon
+  double x[3][3 * kMaxShafts];
+  const State* const at[] = {&base_.x, &middle, &front_.x};
+  for (int k = 0; k < 3; ++k) std::copy(at[k]->begin(), at[k]->end(), x[k]);
+  for (int i = 0; i < S && !integrates_torque_; ++i) {
+    x[0][2 * S + i] = base_.dxdt[S + i];
+    x[2][2 * S + i] = front_.dxdt[S + i];
+    x[1][2 * S + i] = 0.5 * (x[0][2 * S + i] + x[2][2 * S + i]);
+  }
+  const double* const states[] = {x[0], x[1], x[2]};
+  return series->isStepResolved(base_.time, taken, states, tolerance_.absolute,
+                                tolerance_.relative);
 }
 
 double Integrator::attempt(const Trial& trial) {
