@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <set>
 #include <stdexcept>
 
@@ -431,66 +430,83 @@ bool MotionSeries::isResolved(double length, double absolute, double relative) c
   return program_.isResolved(length / own().unit, own().order, outputs);
 }
 
-bool MotionSeries::isStepResolved(double t, double h, const double* const* x, double absolute,
-                                  double relative) {
-  constexpr int kOrder = 8;
-  constexpr int kPower = 4;  // of parabolas: polynomials of that order
+void MotionSeries::evaluateRows(double t, double h, double part, const double* x) {
   ++stamp_;
   is_next_begun_ = false;
   fetched_ = kMostSampled;
   own().unit = h;
-  own().order = kOrder;
-  const auto setState = [&](double time, const double* state) {
-    program_.set(row_of_time_, 0, time);
-    for (int i = 0; i < S; ++i) {
-      program_.set(row_of_angle_[i], 0, state[i]);
-      program_.set(row_of_velocity_[i], 0, state[S + i]);
-      program_.set(row_of_acceleration_[i], 0, state[2 * S + i]);
-    }
-    program_.begin(Part::kGiven);
-    program_.begin(Part::kAccelerated);
-  };
-  setInputs(t, kOrder);
-  const double origin = drivetrain_.view(t, x[0], x[0] + S, x[0] + 2 * S).time;
+  own().order = kStepOrder;
+  setInputs(t, kStepOrder);
   for (const InputRow& it : input_rows_) {
     const double* const u = program_.coefficients(it.row);
-    program_.set(it.row, 0, std::accumulate(u, u + kOrder + 1, 0.0));
+    double sum = u[kStepOrder];
+    for (int n = kStepOrder - 1; n >= 0; --n) sum = sum * part + u[n];
+    program_.set(it.row, 0, sum);
   }
-  setState(origin + h, x[2]);
-  at_end_.resize(static_cast<std::size_t>(program_.rowCount()));
-  for (int row = 0; row < program_.rowCount(); ++row) {
-    at_end_[static_cast<std::size_t>(row)] = program_.coefficients(row)[0];
+  program_.set(row_of_time_, 0, drivetrain_.origin() + t + part * h);
+  for (int i = 0; i < S; ++i) {
+    program_.set(row_of_angle_[i], 0, x[i]);
+    program_.set(row_of_velocity_[i], 0, x[S + i]);
+    program_.set(row_of_acceleration_[i], 0, x[2 * S + i]);
   }
-  setInputs(t, kOrder);
-  setState(origin, x[0]);
-  if (!program_.mayHideBetween(at_end_, kPower)) return true;
-  // c_0 + c_1 s + c_2 s^2, s = (t - t_0) / h
+  program_.begin(Part::kGiven);
+  program_.begin(Part::kAccelerated);
+}
+
+bool MotionSeries::mayHideAlong(double t, double h, const double* x, const double* x_end) {
+  constexpr int kPower = kStepOrder / 2;  // of parabolas: a polynomial of that order
+  const auto count = static_cast<std::size_t>(program_.rowCount());
+  RowsAtEnd& to = at_end_;
+  to.rows.resize(count);
+  to.before.resize(count);
+  const auto keep = [&](std::vector<double>& rows) {
+    for (std::size_t r = 0; r < count; ++r) {
+      rows[r] = program_.coefficients(static_cast<int>(r))[0];
+    }
+  };
+  if (to.time == drivetrain_.origin() + t && std::equal(x, x + 3 * S, to.x)) {
+    to.rows.swap(to.before);
+  } else {
+    evaluateRows(t, h, 0.0, x);
+    keep(to.before);
+  }
+  evaluateRows(t, h, 1.0, x_end);
+  keep(to.rows);
+  to.time = drivetrain_.origin() + t + h;
+  std::copy_n(x_end, 3 * S, to.x);
+  return program_.mayHideBetween(to.before.data(), to.rows.data(), kPower);
+}
+
+bool MotionSeries::isStepResolved(double t, double h, const double* x, const double* x_middle,
+                                  const double* x_end, double absolute, double relative) {
   struct Parabolas final : expression::AccelerationSolver {
+    explicit Parabolas(MotionSeries& series) : it(series) {}
     void solve(int n) override {
       for (int i = 0; i < it.S; ++i) {
         it.program_.set(it.row_of_acceleration_[i], n, n < 3 ? epsilon[i][n] : 0.0);
       }
     }
-    explicit Parabolas(MotionSeries& series) : it(series) {}
     MotionSeries& it;
     double epsilon[kMaxShafts][3];
   } parabolas(*this);
+  // c_0 + c_1 s + c_2 s^2, s = (t - t_0) / h
   const auto fit = [&](int n, double* c) {
-    c[0] = x[0][n];
-    c[1] = 4.0 * x[1][n] - 3.0 * x[0][n] - x[2][n];
-    c[2] = 2.0 * (x[0][n] + x[2][n] - 2.0 * x[1][n]);
+    c[0] = x[n];
+    c[1] = 4.0 * x_middle[n] - 3.0 * x[n] - x_end[n];
+    c[2] = 2.0 * (x[n] + x_end[n] - 2.0 * x_middle[n]);
   };
+  evaluateRows(t, h, 0.0, x);
   for (int i = 0; i < S; ++i) {
     double omega[3];
     fit(S + i, omega);
     fit(2 * S + i, parabolas.epsilon[i]);
-    for (int n = 1; n <= kOrder; ++n) {
+    for (int n = 1; n <= kStepOrder; ++n) {
       program_.set(row_of_velocity_[i], n, n < 3 ? omega[n] : 0.0);
       program_.set(row_of_angle_[i], n, n < 4 ? h * omega[n - 1] / n : 0.0);
     }
   }
   program_.set(row_of_time_, 1, h);
-  for (int n = 1; n <= kOrder; ++n) {
+  for (int n = 1; n <= kStepOrder; ++n) {
     for (int i = 0; i < S; ++i) program_.set(row_of_acceleration_[i], n, 0.0);
     program_.extend(n, true, parabolas);
   }

@@ -20,6 +20,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -99,10 +100,13 @@ class MotionSeries {
   /// True where the series of all formulas are the formulas up to `length`, s, within what the
   /// tolerance leaves unnoticed (series_resolution.inc). [loop]
   bool isResolved(double length, double absolute, double relative) const;
-  /// The same along a step of length h, s, from t that another stepper has made, over the parabolas
-  /// through x = (phi, omega, epsilon) at its beginning, in its middle and at its end. The series
-  /// are those of that step then. [loop]
-  bool isStepResolved(double t, double h, const double* const* x, double absolute, double relative);
+  /// True where a formula may hide something along a step from t to t + h, s, that another stepper
+  /// has made from x = (phi, omega, epsilon) to x_end. [loop]
+  bool mayHideAlong(double t, double h, const double* x, const double* x_end);
+  /// As isResolved along that step, over the parabolas through x, its middle and x_end. The series
+  /// are those of these. [loop]
+  bool isStepResolved(double t, double h, const double* x, const double* x_middle,
+                      const double* x_end, double absolute, double relative);
   /// Another number after every `begin`: whose series these are.
   std::uint64_t stamp() const { return stamp_; }
 
@@ -187,6 +191,8 @@ class MotionSeries {
   int entryRow(int m, int i) const { return row_of_entry_[m][i]; }
 
   static constexpr int kMostUnknowns = kMaxShafts + kMaxRows;
+  /// Of formulas along a step of another stepper.
+  static constexpr int kStepOrder = 8;
 
   const Scene& scene_;
   Drivetrain& drivetrain_;
@@ -307,7 +313,17 @@ class MotionSeries {
   };
   StepCodes step_codes_;
 
-  std::vector<double> at_end_;  ///< of a step: coefficients 0 of all rows
+  /// Order 0 of all rows for (t, x), a part of a step of length h behind t, whose series have the
+  /// unit h.
+  void evaluateRows(double t, double h, double part, const double* x);
+  /// Coefficients 0 of all rows at the end of the step that mayHideAlong was last asked for, and
+  /// those at its beginning.
+  struct RowsAtEnd {
+    double time = std::numeric_limits<double>::quiet_NaN();  ///< s, from the motion's start
+    double x[3 * kMaxShafts] = {};
+    std::vector<double> rows, before;
+  };
+  RowsAtEnd at_end_;
   // Rows of the program.
   int row_of_time_ = -1;
   int row_of_angle_[kMaxShafts] = {};

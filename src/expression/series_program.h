@@ -141,9 +141,9 @@ class SeriesProgram {
   /// True where no output hides more than is allowed for its row between 0 and `theta`: see
   /// series_resolution.inc. [loop]
   bool isResolved(double theta, int order, const SeriesOutputs& outputs) const;
-  /// True where an operation whose power is above `power` may hide something between the coefficients
-  /// 0, which have just been made, and those of the rows elsewhere. [loop]
-  bool mayHideBetween(const std::vector<double>& there, int power) const;
+  /// True where an operation whose power is above `power` may hide something between coefficients 0
+  /// of all rows here and there. [loop]
+  bool mayHideBetween(const double* here, const double* there, int power) const;
   /// The operations that the outputs follow from, in order, with the rows they read.
   const std::vector<SeriesOperation>& resolved() const { return resolved_; }
 

@@ -162,16 +162,14 @@ bool SeriesProgram::isResolved(double theta, int order, const SeriesOutputs& out
   return seriesIsResolved(&asked) != 0;
 }
 
-bool SeriesProgram::mayHideBetween(const std::vector<double>& there, int power) const {
+bool SeriesProgram::mayHideBetween(const double* here, const double* there, int power) const {
   // A part of the distance within which an operation's Taylor series converges, or 1 where that is
   // unbounded: an argument that moves no further shows its function at both ends.
   constexpr double kFar = 0.4;
   for (const SeriesOperation& it : resolved_) {
     if (it.kind <= SERIES_FINITE || it.power <= power) continue;
-    const auto first = [&](int row) { return forward(row)[0]; };
-    const auto move = [&](int row) {
-      return std::abs(there[static_cast<std::size_t>(row)] - first(row));
-    };
+    const auto first = [&](int row) { return here[row]; };
+    const auto move = [&](int row) { return std::abs(there[row] - here[row]); };
     const double size = std::abs(first(it.a));
     const double moved = move(it.a);
     bool is_far = false;

@@ -145,6 +145,9 @@ class Stepper {
   /// end; about 1 where stability, not accuracy, limits the step. 0 when there is no estimate.
   virtual double stiffness(const State& /*x_new*/, const State& /*dxdt_new*/) const { return 0.0; }
 
+  /// True where steps are made by the motion's series, and none is longer than they show all
+  /// formulas.
+  virtual bool stepsBySeries() const { return false; }
   /// True when `interpolate` gives the motion inside the last step to the order of its error
   /// estimate.
   virtual bool hasDenseOutput() const { return false; }

@@ -43,8 +43,6 @@ class StepperChoice {
   bool isAutomatic() const { return automatic_; }
   /// True when `auto` steps implicitly, and not only because it nears rest.
   bool isImplicit() const { return automatic_ && active_ == &implicit_ && !settled_; }
-  /// True when `auto` does not step by the series although the motion has some.
-  bool isAsideOfSeries() const { return automatic_ && series_.outer && active_ != &series_; }
   /// True when steps have the size that the scene gives, whatever their error.
   bool isFixed() const { return fixed_; }
   /// Makes the steps.

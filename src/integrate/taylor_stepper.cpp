@@ -40,6 +40,7 @@ class TaylorStepper final : public Stepper {
     for (int k = 1; k <= early_; ++k) early_bound_ *= most_ / (kE * k);
   }
   const char* name() const override { return "taylor"; }
+  bool stepsBySeries() const override { return true; }
   int errorOrder() const override { return most_; }
   /// Measured beside radau's: whole steps take less, and much less as machine code; what steps must
   /// not depend on which of them is there.

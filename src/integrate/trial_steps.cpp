@@ -106,26 +106,28 @@ double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double
 
 bool Integrator::isResolved(double taken) {
   MotionSeries* const series = system_.series();
-  if (series == nullptr || !choice_.isAsideOfSeries()) return true;
-  State middle(system_.size());
-  const double half = 0.5 * taken;
-  if (!stepper_->hasDenseOutput() ||
-      !stepper_->interpolate(system_, base_.time + half, base_, front_, middle)) {
-    for (int n = 0; n < middle.size(); ++n) {
-      middle[n] = 0.5 * (base_.x[n] + front_.x[n]) + 0.25 * half * (base_.dxdt[n] - front_.dxdt[n]);
-    }
-  }
+  if (series == nullptr || choice_.isFixed() || stepper_->stepsBySeries()) return true;
   // phi, omega, epsilon
   double x[3][3 * kMaxShafts];
-  const State* const at[] = {&base_.x, &middle, &front_.x};
-  for (int k = 0; k < 3; ++k) std::copy(at[k]->begin(), at[k]->end(), x[k]);
-  for (int i = 0; i < S && !integrates_torque_; ++i) {
-    x[0][2 * S + i] = base_.dxdt[S + i];
-    x[2][2 * S + i] = front_.dxdt[S + i];
-    x[1][2 * S + i] = 0.5 * (x[0][2 * S + i] + x[2][2 * S + i]);
+  const auto copy = [&](const State& from, const double* epsilon, double* to) {
+    std::copy(from.begin(), from.end(), to);
+    if (!integrates_torque_) std::copy_n(epsilon, S, to + 2 * S);
+  };
+  copy(base_.x, base_.dxdt.data() + S, x[0]);
+  copy(front_.x, front_.dxdt.data() + S, x[2]);
+  if (!series->mayHideAlong(base_.time, taken, x[0], x[2])) return true;
+  State middle(system_.size());
+  double epsilon[kMaxShafts];
+  if (!stepper_->hasDenseOutput() ||
+      !stepper_->interpolate(system_, base_.time + 0.5 * taken, base_, front_, middle)) {
+    for (int n = 0; n < middle.size(); ++n) {
+      const double bend = base_.dxdt[n] - front_.dxdt[n];
+      middle[n] = 0.5 * (base_.x[n] + front_.x[n]) + 0.125 * taken * bend;
+    }
   }
-  const double* const states[] = {x[0], x[1], x[2]};
-  return series->isStepResolved(base_.time, taken, states, tolerance_.absolute,
+  for (int i = 0; i < S; ++i) epsilon[i] = 0.5 * (x[0][2 * S + i] + x[2][2 * S + i]);
+  copy(middle, epsilon, x[1]);
+  return series->isStepResolved(base_.time, taken, x[0], x[1], x[2], tolerance_.absolute,
                                 tolerance_.relative);
 }
 
