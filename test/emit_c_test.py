@@ -301,6 +301,47 @@ class EmitCTest(TestCase):
             self.assertIn(word, readme)
         self.assertIn("SCENE_3_SHAFTS_X_INPUT_DEEP_D", (folder / "scene_3_shafts_x.h").read_text())
 
+    def test_overwrites_what_it_wrote_and_nothing_else(self):
+        path = self.folder / "plant.yaml"
+        path.write_text(MOTOR % "" + SLIP)
+        written = ("plant.h", "plant.c", "main.c", "README.md", "Makefile")
+
+        def emit(folder):
+            return call(SIMULATE, path, "--emit-c", folder)
+
+        folder = self.folder / "ours"
+        folder.mkdir()
+        (folder / "notes.txt").write_text("mine")
+        self.assertEqual(emit(folder).returncode, 0)
+        for name in written:
+            with self.subTest(file=name):
+                self.assertEqual(emit(folder).returncode, 0)
+                before = {other: (folder / other).read_text() for other in written}
+                (folder / name).write_text("# mine\n" + before[name])
+                done = emit(folder)
+                self.assertEqual(done.returncode, 3, done.stderr)
+                self.assertIn(f"{folder / name}: is there", done.stderr)
+                self.assertEqual({other: (folder / other).read_text() for other in written},
+                                 {**before, name: "# mine\n" + before[name]})
+                (folder / name).write_text(before[name])
+        self.assertEqual((folder / "notes.txt").read_text(), "mine")
+
+        theirs = self.folder / "theirs"
+        theirs.mkdir()
+        for name in written:
+            for text in ("mine\n", "", "Written by `simulate --emit-c` from plant.yaml.\n"):
+                with self.subTest(file=name, text=text):
+                    (theirs / name).write_text(text)
+                    self.assertEqual(emit(theirs).returncode, 3)
+                    self.assertEqual([(file.name, file.read_text()) for file in theirs.iterdir()],
+                                     [(name, text)])
+                    (theirs / name).unlink()
+        target = self.folder / "target"
+        target.write_text((folder / "Makefile").read_text())
+        (theirs / "Makefile").symlink_to(target)
+        self.assertEqual(emit(theirs).returncode, 3)
+        self.assertEqual(list(theirs.iterdir()), [theirs / "Makefile"])
+
     def test_no_name_of_a_scene_makes_one_that_is_taken(self):
         folder = self.emit("holds", SCENES["holds"].scene)
         text = "".join(path.read_text() for path in folder.glob("*.[ch]"))
