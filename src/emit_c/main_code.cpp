@@ -47,6 +47,7 @@ static int read_commands(const char *path)
     command read;
     char *topic, *value, *end, *value_end;
     int i;
+    if (strchr(line, '\n') == NULL && !feof(file)) return fail(path, "a line is too long");
     line[strcspn(line, "\r\n")] = '\0';
     if (line[strspn(line, " \t")] == '\0' || line[0] == '#') continue;
     if (!has_header) {
