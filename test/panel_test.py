@@ -8,6 +8,7 @@ import io
 import json
 import pathlib
 import re
+import resource
 import signal
 import struct
 import subprocess
@@ -17,6 +18,7 @@ import time
 import unittest
 import urllib.error
 import urllib.request
+from socket import create_connection
 
 import numpy
 import rosbag
@@ -254,6 +256,53 @@ class ServerTest(unittest.TestCase):
                 Socket(self.panel, **headers)
             self.assertEqual(caught.exception.code, 403)
         self.assertEqual(self.panel.get('/../scripts/panel')[0] // 100, 4)
+
+    def test_what_is_no_address_is_a_bad_request(self):
+        for origin in ('http://[bad', 'http://[::1', '//[x]'):
+            self.assertEqual(self.panel.get(Origin=origin)[0], 400, origin)
+        self.assertEqual(self.panel.get(Host='[bad')[0], 403)
+
+    def test_a_column_is_asked_for_once(self):
+        socket = Socket(self.panel)
+        self.addCleanup(socket.close)
+        for names in (['drive/angle'] * 60000, ['drive/angle', 'load/angle', 'drive/angle'],
+                      [f'x{n}' for n in range(3000)], 'drive/angle', ['drive/angle', 1]):
+            for field in ('columns', 'latest'):
+                view = {'columns': [], 'latest': [], 'seconds': 60, field: names}
+                socket.say(show=view)
+                answer = socket.answer()
+                self.assertFalse(answer['ok'])
+                self.assertIn('columns: ', answer['text'])
+                self.assertLess(len(answer['text']), 200)
+        self.assertEqual(self.panel.get('/save.csv?columns=drive/angle,drive/angle')[0], 400)
+        self.assertEqual(self.panel.get('/save.csv?columns=drive/angle')[0], 200)
+
+    def test_it_waits_where_descriptors_run_out(self):
+        panel = PanelProcess('--node', '/served')
+        self.addCleanup(panel.close)
+        self.assertEqual(panel.get()[0], 200)
+        stat = pathlib.Path(f'/proc/{panel.process.pid}/stat')
+
+        def busy():
+            fields = stat.read_text().split()
+            return (int(fields[13]) + int(fields[14])) / 100
+
+        # Fewer than its own half: accepting fails. More: browsers have half of them.
+        for more in (3, 100):
+            with self.subTest(more=more):
+                taken = len(list(pathlib.Path(f'/proc/{panel.process.pid}/fd').iterdir()))
+                before = resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE)
+                resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE, (taken + more, before[1]))
+                strangers = [create_connection(('127.0.0.1', panel.port))
+                             for _ in range(taken + more)]
+                time.sleep(0.5)
+                begin = busy()
+                time.sleep(2.0)
+                self.assertLess(busy() - begin, 1.0, 's of the processor in 2 s')
+                for stranger in strangers:
+                    stranger.close()
+                resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE, before)
+                self.assertEqual(panel.get()[0], 200)
 
     def test_a_token_is_asked_for(self):
         panel = PanelProcess('--node', '/served', '--token', 'secret')
