@@ -6,6 +6,8 @@
 #include <sstream>
 #include <utility>
 
+#include "variator_sim/interruption.h"
+
 namespace variator_sim {
 
 Motion::Motion(Scene scene, const Shortcuts& shortcuts, const Motion* like)
@@ -60,20 +62,20 @@ const Statistics& Motion::statistics() {
   return statistics;
 }
 
-KernelLibrary::Missing Motion::missingCode(bool compile) const {
+KernelLibrary::Missing Motion::missingCode(bool compile, bool patiently) const {
   using Missing = KernelLibrary::Missing;
-  const bool is_asked_for = scene_.solver.machine_code == MachineCode::kAlways;
+  const bool is_asked_for = patiently || scene_.solver.machine_code == MachineCode::kAlways;
   const Missing compiling = is_asked_for ? Missing::kCompilePatiently : Missing::kCompile;
   return compile ? compiling : Missing::kLeave;
 }
 
-bool Motion::loadMachineCode(bool compile) {
+bool Motion::loadMachineCode(bool compile, bool patiently) {
   if (has_machine_code_) return true;
   if (scene_.solver.machine_code == MachineCode::kNever) {
     machine_code_ = "the interpreter: 'solver/machine_code' is 'never'";
     return false;
   }
-  const KernelLibrary::Missing missing = missingCode(compile);
+  const KernelLibrary::Missing missing = missingCode(compile, patiently);
   using Clock = std::chrono::steady_clock;
   const Clock::time_point begin = Clock::now();
   bool compiled = false;
@@ -177,7 +179,8 @@ const MotionStatus& Motion::advance(double time) {
   // Commands that fail to come in time act on their own; they are events of the motion.
   for (double timeout = commands_.nextTimeout(); status().ok() && timeout <= time;
        timeout = commands_.nextTimeout()) {
-    moveTo(std::max(timeout, time_));  // a rounding may lie between them
+    moveTo(std::max(timeout, time_));      // a rounding may lie between them
+    if (time_ < timeout) return status();  // interrupted
     if (status().ok()) {
       integrator_.statistics().command_timeouts +=
           static_cast<std::uint64_t>(commands_.addTimeouts(time_, resolutionOf(time_)));
@@ -193,6 +196,10 @@ void Motion::moveTo(double time) {
   const auto relative = [&] { return integrator_.origin().relative(time); };
   bool goes_on = true;
   while (goes_on && integrator_.front().time < relative()) {
+    if (Interruption::isWanted()) {
+      time = quietUntil();
+      break;
+    }
     if (integrator_.isSleeping()) {
       if (relative() < integrator_.sleepEnd()) break;
       StepNode end = integrator_.front();
