@@ -1,5 +1,6 @@
 #include "ros/server_from_parameters.h"
 
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -9,6 +10,7 @@
 #include "ros/plugin_loader.h"
 #include "ros/simulation_server.h"
 #include "ros/xmlrpc_tree.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/scene.h"
@@ -24,15 +26,6 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
                      "variator_sim.launch scene:=FILE.yaml");
   }
   return toParameterTree(value);
-}
-
-/// Machine code is made before the first tick or not at all.
-void prepareMachineCode(Simulation& simulation) {
-  const MachineCode wanted = simulation.scene().solver.machine_code;
-  const bool is_loaded = simulation.loadMachineCode(wanted != MachineCode::kNever);
-  if (!is_loaded && wanted == MachineCode::kAlways) {
-    ROS_WARN("formulas are run by %s", simulation.machineCode().c_str());
-  }
 }
 
 std::string join(const std::vector<std::string>& names) {
@@ -69,13 +62,29 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     PluginlibComponentFactory factory;
     Simulation simulation(readScene(tree, factory, nodeNames()));
     simulation.estimateErrors(settings.estimate_error);
-    prepareMachineCode(simulation);
-    const SceneInfo scene = toSceneInfo(simulation);
+    const auto tell_ready = [scene = toSceneInfo(simulation), settings, private_handle](
+                                bool is_missed, const std::string& machine_code) {
+      if (is_missed) ROS_WARN("formulas are run by %s", machine_code.c_str());
+      ROS_INFO("%s: %s", private_handle.getNamespace().c_str(),
+               describeReady(scene, machine_code, settings, private_handle).c_str());
+    };
+    const MachineCode wanted = simulation.scene().solver.machine_code;
+    const bool is_ready = simulation.loadMachineCode(false) || wanted == MachineCode::kNever;
     const std::string machine_code = simulation.machineCode();
-    auto server = std::make_shared<SimulationServer>(public_handle, private_handle,
-                                                     std::move(simulation), settings, sharing);
-    ROS_INFO("%s: %s", name_space.c_str(),
-             describeReady(scene, machine_code, settings, private_handle).c_str());
+    // Machine code is made before the first tick or not at all: by another simulation of the scene,
+    // as the node answers meanwhile.
+    std::function<void()> preparation;
+    if (!is_ready) {
+      const auto twin = std::make_shared<Simulation>(simulation.scene(), simulation);
+      twin->estimateErrors(settings.estimate_error);
+      preparation = [twin, tell_ready, is_asked_for = wanted == MachineCode::kAlways] {
+        const bool is_loaded = twin->loadMachineCode(true);
+        if (!Interruption::isWanted()) tell_ready(is_asked_for && !is_loaded, twin->machineCode());
+      };
+    }
+    auto server = std::make_shared<SimulationServer>(
+        public_handle, private_handle, std::move(simulation), settings, sharing, preparation);
+    if (is_ready) tell_ready(false, machine_code);
     return server;
   } catch (const SceneError& error) {
     const char* separator = error.keyPath().empty() ? ": " : "/";
