@@ -209,7 +209,7 @@ void bindSimulation(py::module& module) {
       .def("trim", &Self::trim, py::arg("fix") = py::none(), py::arg("free") = py::none(),
            py::kw_only(), py::arg("accelerating") = false)
       .def("residuals", &Self::residuals, py::arg("accelerations"))
-      .def("compile", [](Self& s) { return s.compile(true); })
+      .def("compile", [](Self& s) { return s.get().loadMachineCode(true); })
       .def("_run", [](Self& s, double duration, double rate, const py::object& times,
                       const std::vector<CommandTuple>& commands, const std::string& columns,
                       bool until_rest) {

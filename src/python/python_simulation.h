@@ -15,7 +15,6 @@
 #include "python/trees.h"
 #include "ros/plugin_loader.h"
 #include "variator_sim/errors.h"
-#include "variator_sim/interruption.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/message_text.h"
 #include "variator_sim/motion_state.h"
@@ -62,18 +61,7 @@ class PythonSimulation {
         names_(std::make_shared<const SampleNames>(session_.simulation())) {
     Simulation& simulation = session_.simulation();
     simulation.trackEnergy(energy);
-    compile(simulation.scene().solver.machine_code == MachineCode::kAlways);
-  }
-
-  /// Loads machine code; Ctrl-C ends a compilation.
-  bool compile(bool compiles) {
-    Simulation& simulation = get();
-    bool is_loaded = false;
-    withoutLock([&] {
-      const Interruption interruption([] { return !hearSignals(); });
-      is_loaded = simulation.loadMachineCode(compiles, compiles);
-    });
-    return is_loaded;
+    simulation.loadMachineCode(simulation.scene().solver.machine_code == MachineCode::kAlways);
   }
 
   /// The simulation, unless another thread has it.

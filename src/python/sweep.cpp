@@ -16,7 +16,6 @@
 #include "variator_sim/errors.h"
 #include "variator_sim/formula_constraint.h"
 #include "variator_sim/formula_torque.h"
-#include "variator_sim/interruption.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/overrides.h"
 
@@ -277,7 +276,6 @@ std::vector<SweepRow> runSweep(const SweepRequest& request,
   const auto work = [&] {
     RowFibers fibers;
     RowMachines machines(request, tree, locked, code, fibers);
-    const Interruption interruption([&] { return is_cancelled.load(); });
     fibers.run([&] {
       for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
         rows[i] = runRow(request, values[i], machines, [&] { return !is_cancelled; });

@@ -230,7 +230,11 @@ void SimulationServer::startThreads(const NodeSettings& settings,
   if (!preparation) return;
   preparation_thread_ = std::thread([this, preparation] {
     const Interruption interruption([this] { return stopping_.load() || ros::isShuttingDown(); });
-    preparation();
+    try {
+      preparation();
+    } catch (const std::exception& error) {
+      if (!Interruption::isWanted()) ROS_WARN("formulas are not compiled: %s", error.what());
+    }
     loop_.endPreparation();
   });
 }

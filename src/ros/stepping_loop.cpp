@@ -132,6 +132,7 @@ bool SteppingLoop::isCalled() const {
 void SteppingLoop::noticeChanges() {
   if (is_preparing_ && prepared_.load(std::memory_order_acquire)) {
     is_preparing_ = false;
+    const Interruption none([] { return false; });  // it is found in the cache, or not
     simulation_.loadMachineCode(/*compile=*/false);
     anchor();
     pushSnapshot(true);

@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "ros/server_from_parameters.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/message_text.h"
 
 namespace {
@@ -60,6 +61,7 @@ void endSoon() {
 std::shared_ptr<variator_sim::SimulationServer> makeServer(const ros::NodeHandle& public_handle,
                                                            const ros::NodeHandle& private_handle) {
   auto server = std::async(std::launch::async, [&] {
+    const variator_sim::Interruption interruption(isEnding);
     return variator_sim::makeServerFromParameters(public_handle, private_handle,
                                                   variator_sim::Sharing::kNothing);
   });
@@ -105,6 +107,7 @@ int runNode(int argc, char** argv) {
     const auto server = makeServer(public_handle, private_handle);
     waitForShutdown();
   } catch (const std::exception& error) {
+    if (isEnding()) return 0;
     ROS_FATAL("%s", error.what());
     return kBadScene;
   }
