@@ -4,12 +4,15 @@
 import asyncio
 import csv
 import ctypes
+import errno
 import io
 import json
+import os
 import pathlib
 import re
 import resource
 import signal
+import socket as tcp
 import struct
 import subprocess
 import sys
@@ -18,7 +21,6 @@ import time
 import unittest
 import urllib.error
 import urllib.request
-from socket import create_connection
 
 import numpy
 import rosbag
@@ -28,6 +30,7 @@ import rospkg
 import rospy
 import rostest
 import tornado.httpclient
+import tornado.web
 import tornado.websocket
 from variator_sim.msg import SimulationStatus
 
@@ -37,6 +40,7 @@ sys.path[:0] = [str(PACKAGE / 'panel'), str(PACKAGE / 'test')]
 # pylint: disable=wrong-import-position
 from guard import Guard
 from sample_table import SampleTable, decimate
+from server import Server
 from support.browser import Browser, find_browser
 from support.node_client import PATIENCE, NodeClient, wait_for
 
@@ -223,6 +227,33 @@ class GuardTest(unittest.TestCase):
         self.assertFalse(guard.allows_token(None))
 
 
+class FullSocket(tcp.socket):
+    """Listens, and has no descriptor left for whoever comes."""
+
+    tries = 0
+
+    def accept(self):
+        self.tries += 1
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+
+class AcceptTest(unittest.TestCase):
+
+    def test_what_fails_is_tried_again_after_a_while(self):
+        with FullSocket() as full:
+            full.bind(('127.0.0.1', 0))
+            full.listen()
+            full.setblocking(False)
+
+            async def serve():
+                Server(tornado.web.Application()).add_sockets([full])
+                await asyncio.sleep(0.7)
+
+            with tcp.create_connection(full.getsockname()):
+                asyncio.run(serve())
+            self.assertIn(full.tries, (1, 2))
+
+
 class ServerTest(unittest.TestCase):
 
     @classmethod
@@ -293,12 +324,12 @@ class ServerTest(unittest.TestCase):
                 taken = len(list(pathlib.Path(f'/proc/{panel.process.pid}/fd').iterdir()))
                 before = resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE)
                 resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE, (taken + more, before[1]))
-                strangers = [create_connection(('127.0.0.1', panel.port))
+                strangers = [tcp.create_connection(('127.0.0.1', panel.port))
                              for _ in range(taken + more)]
                 time.sleep(0.5)
                 begin = busy()
                 time.sleep(2.0)
-                self.assertLess(busy() - begin, 1.0, 's of the processor in 2 s')
+                self.assertLess(busy() - begin, 0.5, 's of the processor in 2 s')
                 for stranger in strangers:
                     stranger.close()
                 resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE, before)
@@ -534,7 +565,7 @@ class PanelSuite(unittest.TestSuite):
 
     def __init__(self):
         super().__init__(unittest.defaultTestLoader.loadTestsFromTestCase(case)
-                         for case in (TableTest, GuardTest, ServerTest, PageTest))
+                         for case in (TableTest, GuardTest, AcceptTest, ServerTest, PageTest))
 
 
 if __name__ == '__main__':
