@@ -156,6 +156,23 @@ class FaultsTest(TestCase):
             wait_for(lambda pid=compiler: not pathlib.Path(f'/proc/{pid}').exists(), 'its end')
         self.assertEqual(list((folder / 'cache').iterdir()), [])
 
+    def test_a_scene_that_takes_long_to_read_holds_nothing_back(self):
+        terms = '*'.join(f'(w1+{i}e-9)' for i in range(24000))
+        rosparam.upload_params('/slow', {
+            'shafts': ['a'], 'a': {'inertia': 1}, 'torques': ['it'],
+            'it': {'type': 'variator_sim/ExpressionTorque', 'shaft': 'a', 'torque': terms}})
+        node = subprocess.Popen([PROGRAM, '__name:=slow'], stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, text=True)
+        self.addCleanup(node.stdout.close)
+        self.addCleanup(node.wait)
+        self.addCleanup(node.kill)
+        listener = Listener('/slow/status', SimulationStatus)
+        self.addCleanup(listener.close)
+        self.assertIn('preparing: ', listener.wait().message)
+        begin = time.monotonic()
+        self.expect_good_end(node, signal.SIGTERM)
+        self.assertLess(time.monotonic() - begin, 5.0)
+
     def test_a_step_is_ended_by_a_pause_and_by_an_order_to_end(self):
         scene = rosparam.load_file(STEPS)[0][0]
         upload('long', start_paused=True, torques=scene['torques'] + ['saw'],

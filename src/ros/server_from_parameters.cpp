@@ -1,8 +1,11 @@
 #include "ros/server_from_parameters.h"
 
+#include <chrono>
 #include <functional>
+#include <future>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -27,6 +30,41 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
   }
   return toParameterTree(value);
 }
+
+/// Where a scene takes long to read, ~status says so until there is a server that does.
+class EarlyStatus {
+ public:
+  explicit EarlyStatus(const ros::NodeHandle& private_handle)
+      : handle_(private_handle), thread_([this] { run(); }) {}
+  ~EarlyStatus() { stop(); }
+  EarlyStatus(const EarlyStatus&) = delete;
+  EarlyStatus& operator=(const EarlyStatus&) = delete;
+
+  /// Subscribers stay connected until this object ends.
+  void stop() {
+    if (!thread_.joinable()) return;
+    is_over_.set_value();
+    thread_.join();
+  }
+
+ private:
+  void run() {
+    const std::future<void> over = is_over_.get_future();
+    if (over.wait_for(std::chrono::milliseconds(500)) == std::future_status::ready) return;
+    publisher_ = handle_.advertise<SimulationStatus>("status", 10);
+    SimulationStatus message;
+    message.message = "preparing: the scene is being read";
+    do {
+      message.header.stamp = ros::Time::now();
+      publisher_.publish(message);
+    } while (over.wait_for(std::chrono::milliseconds(100)) != std::future_status::ready);
+  }
+
+  ros::NodeHandle handle_;
+  ros::Publisher publisher_;
+  std::promise<void> is_over_;
+  std::thread thread_;
+};
 
 std::string join(const std::vector<std::string>& names) {
   std::string text;
@@ -56,6 +94,7 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
                                                            Sharing sharing) {
   const std::string& name_space = private_handle.getNamespace();
   try {
+    EarlyStatus early_status(private_handle);
     ParameterTree tree = readParameters(private_handle);
     applyOwnOverrides(tree);
     const NodeSettings settings = readNodeSettings(tree);
@@ -82,6 +121,7 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
         if (!Interruption::isWanted()) tell_ready(is_asked_for && !is_loaded, twin->machineCode());
       };
     }
+    early_status.stop();
     auto server = std::make_shared<SimulationServer>(
         public_handle, private_handle, std::move(simulation), settings, sharing, preparation);
     if (is_ready) tell_ready(false, machine_code);
