@@ -185,6 +185,7 @@ class CommandLine {
     for (std::string& word : words_) pointers_.push_back(word.data());
     pointers_.push_back(nullptr);
   }
+  CommandLine(CommandLine&&) = default;  // a copy would point into this one
   char* const* arguments() const { return pointers_.data(); }
 
  private:

@@ -7,10 +7,23 @@
 
 namespace variator_sim {
 
-std::int64_t SteppingLoop::steadyNow() {
+namespace {
+
+std::int64_t steadyNow() {
   timespec now{};
   clock_gettime(CLOCK_MONOTONIC, &now);
   return static_cast<std::int64_t>(now.tv_sec) * 1000000000 + now.tv_nsec;
+}
+
+}  // namespace
+
+bool SteppingLoop::hasToYield() {
+  if (isStopping()) return true;
+  const std::atomic<bool>& is_asked = is_serving_ ? pause_wanted_ : request_posted_;
+  if (!is_asked.load(std::memory_order_acquire)) return false;
+  const std::int64_t now = steadyNow();
+  if (asked_since_ == 0) asked_since_ = now;
+  return now - asked_since_ > kPatience;
 }
 
 LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
@@ -20,7 +33,6 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
   const std::lock_guard<std::mutex> one_at_a_time(submitting_);
   if (request.kind == RequestKind::kPause) pause_wanted_.store(false, std::memory_order_relaxed);
   if (isStopping()) return shut_down;
-  requested_at_.store(steadyNow(), std::memory_order_relaxed);
   if (LoopAnswer answer; serveWhileIdle(request, answer)) return answer;
   request_ = request;
   request_posted_.store(true, std::memory_order_release);
@@ -37,6 +49,7 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
 bool SteppingLoop::serveWhileIdle(const LoopRequest& request, LoopAnswer& answer) {
   int waiting = kWaiting;
   if (!idle_.compare_exchange_strong(waiting, kLent, std::memory_order_acq_rel)) return false;
+  const Interruption interruption([this] { return hasToYield(); });
   noticeChanges();
   request_ = request;
   serveRequest();
@@ -48,15 +61,10 @@ bool SteppingLoop::serveWhileIdle(const LoopRequest& request, LoopAnswer& answer
 }
 
 void SteppingLoop::serveRequest() {
-  is_request_begun_ = false;
-  const Interruption interruption([this] {
-    const bool may_end = !is_request_begun_ || pause_wanted_.load(std::memory_order_relaxed);
-    return isStopping() || (may_end && isOverdue(requested_at_.load(std::memory_order_relaxed)));
-  });
   answer_.result = RequestResult::kDone;
   answer_.message.clear();
   catchUp();
-  is_request_begun_ = true;
+  is_serving_ = true;
   const RunState before = state();
   switch (request_.kind) {
     case RequestKind::kPause:
@@ -90,6 +98,7 @@ void SteppingLoop::serveRequest() {
     answer_.message = simulation_.describeStatus();
   }
   pushSnapshot(!stop_told && (state() != before || reset));
+  is_serving_ = false;
 }
 
 void SteppingLoop::serveStep() {

@@ -84,11 +84,6 @@ void SteppingLoop::stop() {
   news_.post();
 }
 
-bool SteppingLoop::hasToYield() const {
-  return isStopping() || (request_posted_.load(std::memory_order_acquire) &&
-                          isOverdue(requested_at_.load(std::memory_order_relaxed)));
-}
-
 void SteppingLoop::run() {
   const Interruption interruption([this] { return hasToYield(); });
   clock_.prepareThread();
@@ -203,6 +198,7 @@ bool SteppingLoop::moveToTick() {
 
 void SteppingLoop::catchUp() {
   const double aim = toSeconds(present_);
+  asked_since_ = 0;
   simulation_.advanceTo(aim);
   if (simulation_.time() < aim && simulation_.status().ok()) {  // interrupted
     constexpr double kRounding = 1e-3;                          // ns

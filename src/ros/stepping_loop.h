@@ -98,8 +98,7 @@ class SteppingLoop {
   /// @{
   /// Hands the request over and waits until the stepping thread has served it; serves it itself
   /// when that thread has nothing to do. One at a time: others wait for their turn, but a step that
-  /// has taken more than kPatience of wall time ends for a pause. A tick that has taken as long
-  /// stays where it is for any request.
+  /// goes on for more than kPatience of wall time ends for a pause, and a tick for any request.
   LoopAnswer submit(const LoopRequest& request);
   /// Machine code is in the cache, or there is none: the motion begins.
   void endPreparation();
@@ -138,10 +137,8 @@ class SteppingLoop {
   /// True while ticks have no need of the simulation, see Simulation::quietUntil.
   bool isQuiet() const { return present_ < quiet_until_; }
   bool isCalled() const;
-  static std::int64_t steadyNow();  ///< ns on CLOCK_MONOTONIC
-  static bool isOverdue(std::int64_t since) { return steadyNow() - since > kPatience; }
-  /// Whether an advance of the motion ends early, where it has come to.
-  bool hasToYield() const;
+  /// Whether an advance of the motion ends early, where it has come to: by whoever steps.
+  bool hasToYield();
   void wakeIfIdle();
   /// What others have asked for without waiting: another time, other settings.
   void noticeChanges();
@@ -194,7 +191,6 @@ class SteppingLoop {
   LoopRequest request_;  ///< the submitter's until posted, the stepping thread's until answered
   LoopAnswer answer_;
   std::mutex submitting_;
-  std::atomic<std::int64_t> requested_at_{0};  ///< ns, see steadyNow
   std::atomic<bool> pause_wanted_{false};
   std::atomic<bool> prepared_{false};
   std::atomic<bool> request_posted_{false};
@@ -223,7 +219,8 @@ class SteppingLoop {
   SampleSchedule samples_due_;
   bool paused_;
   bool is_preparing_ = false;
-  bool is_request_begun_ = false;  ///< and not only what has to be stepped before it
+  bool is_serving_ = false;
+  std::int64_t asked_since_ = 0;  ///< during this advance, ns on CLOCK_MONOTONIC; 0: not yet
   bool clock_started_ = false;
   std::uint64_t jumps_back_ = 0;  ///< of the clock, those served
   bool stop_noticed_ = false;
