@@ -295,6 +295,12 @@ class EmitCTest(TestCase):
         self.assertEqual(call("make", "-C", folder).returncode, 0)
         done = call(folder / "scene_3_shafts_x_play", "--duration", 0.1)
         self.assertEqual(done.returncode, 0, done.stderr)
+        # What has no end is refused.
+        for commands in ("/dev/zero", folder / "long.csv"):
+            (folder / "long.csv").write_text("time,topic,value\n" + "#" * 1000 + "\n")
+            done = call(folder / "scene_3_shafts_x_play", "--duration", 0.1, "--commands", commands)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn("a line is too long", done.stderr)
         readme = (folder / "README.md").read_text()
         for word in ("scene_3_shafts_x_step", "deep/d", "second_order_lag, 0.1 s",
                      "0 after 0.7 s without a command", "| 0 | variator | 1 |"):
