@@ -98,6 +98,8 @@ struct LoopAnswer {
   RequestResult result = RequestResult::kDone;
   TimedSample sample;   ///< of kStep, also when it ended on the way, and of states
   std::string message;  ///< of kStopped and kRefused
+  /// Why it is not kDone, for the caller of a service.
+  std::string describeFault() const;
 };
 
 }  // namespace variator_sim

@@ -17,6 +17,26 @@ std::int64_t steadyNow() {
 
 }  // namespace
 
+std::string LoopAnswer::describeFault() const {
+  switch (result) {
+    case RequestResult::kDone:
+      break;
+    case RequestResult::kNotPaused:
+      return "the simulation is running: pause first (~pause), then ~step";
+    case RequestResult::kStopped:
+      return "the motion has stopped; call ~reset first. " + message;
+    case RequestResult::kRefused:
+      return message;
+    case RequestResult::kInterrupted:
+      return "~pause has ended the step on its way, at the state returned";
+    case RequestResult::kTimeExhausted:
+      return "simulated time has come to the end of its range; call ~reset_time";
+    case RequestResult::kShutDown:
+      return "the node is shutting down";
+  }
+  return "";
+}
+
 bool SteppingLoop::hasToYield() {
   if (isStopping()) return true;
   const std::atomic<bool>& is_asked = is_serving_ ? pause_wanted_ : request_posted_;

@@ -42,11 +42,7 @@ void SimulationServer::answerTrigger(RequestKind kind, std_srvs::Trigger::Respon
   request.kind = kind;
   const LoopAnswer answer = loop_.submit(request);
   response.success = answer.result == RequestResult::kDone;
-  if (answer.result == RequestResult::kStopped) {
-    response.message = "the motion has stopped; call ~reset first. " + answer.message;
-  } else if (answer.result == RequestResult::kShutDown) {
-    response.message = "the node is shutting down";
-  }
+  response.message = answer.describeFault();
 }
 
 std::string SimulationServer::readStepRequest(const Step::Request& message,
@@ -75,27 +71,11 @@ void SimulationServer::answerStep(const Step::Request& message, Step::Response& 
   response.message = readStepRequest(message, request);
   if (!response.message.empty()) return;
   const LoopAnswer answer = loop_.submit(request);
-  switch (answer.result) {
-    case RequestResult::kDone:
-      response.success = true;
-      break;
-    case RequestResult::kNotPaused:
-      response.message = "the simulation is running: pause first (~pause), then ~step";
-      return;
-    case RequestResult::kStopped:
-      response.message = "the motion has stopped; ~reset brings it back. " + answer.message;
-      break;
-    case RequestResult::kInterrupted:
-      response.message = "~pause has ended the step on its way, at the state returned";
-      break;
-    case RequestResult::kRefused:
-    case RequestResult::kTimeExhausted:
-      response.message = "simulated time has come to the end of its range; call ~reset_time";
-      return;
-    case RequestResult::kShutDown:
-      response.message = "the node is shutting down";
-      return;
-  }
+  response.success = answer.result == RequestResult::kDone;
+  response.message = answer.describeFault();
+  const bool has_moved = response.success || answer.result == RequestResult::kStopped ||
+                         answer.result == RequestResult::kInterrupted;
+  if (!has_moved) return;
   // The stamp is simulated time, so that the whole answer is the same on every run.
   step_message_.header.stamp = toStamp(answer.sample.time);
   fillState(answer.sample.sample, toSeconds(answer.sample.time), step_message_);
