@@ -62,13 +62,6 @@ const Statistics& Motion::statistics() {
   return statistics;
 }
 
-KernelLibrary::Missing Motion::missingCode(bool compile, bool patiently) const {
-  using Missing = KernelLibrary::Missing;
-  const bool is_asked_for = patiently || scene_.solver.machine_code == MachineCode::kAlways;
-  const Missing compiling = is_asked_for ? Missing::kCompilePatiently : Missing::kCompile;
-  return compile ? compiling : Missing::kLeave;
-}
-
 bool Motion::loadMachineCode(bool compile, bool patiently) {
   if (has_machine_code_) return true;
   if (scene_.solver.machine_code == MachineCode::kNever) {
@@ -76,18 +69,17 @@ bool Motion::loadMachineCode(bool compile, bool patiently) {
     return false;
   }
   const KernelLibrary::Missing missing = missingCode(compile, patiently);
-  using Clock = std::chrono::steady_clock;
-  const Clock::time_point begin = Clock::now();
+  const auto begin = std::chrono::steady_clock::now();
   bool compiled = false;
   const std::string reason = drivetrain_.loadMachineCode(system_.series(), missing, &compiled);
   has_machine_code_ = reason.empty();
   if (!has_machine_code_) {
     machine_code_ = "the interpreter: " + reason;
   } else if (compiled) {
-    const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
     std::ostringstream text;
     text.precision(2);
-    text << "machine code, compiled in " << seconds << " s";
+    text << "machine code, compiled in " << seconds.count() << " s";
     machine_code_ = text.str();
   } else {
     machine_code_ = "machine code, from the cache";

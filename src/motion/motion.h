@@ -97,7 +97,12 @@ class Motion {
 
  private:
   /// Whether code that is not in the cache is compiled: who asks for it waits for a busy compiler.
-  KernelLibrary::Missing missingCode(bool compile, bool patiently = false) const;
+  KernelLibrary::Missing missingCode(bool compile, bool patiently = false) const {
+    using Missing = KernelLibrary::Missing;
+    const bool waits = patiently || scene_.solver.machine_code == MachineCode::kAlways;
+    if (!compile) return Missing::kLeave;
+    return waits ? Missing::kCompilePatiently : Missing::kCompile;
+  }
   /// The present as nodes count it.
   double present() const { return integrator_.origin().relative(time_); }
   /// The present as `state` tells it, but for a history.
