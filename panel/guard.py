@@ -58,7 +58,8 @@ class Guard:
 
     @staticmethod
     def allows_origin(origin, host):
-        """A browser tells whose page asks; other programs tell nothing."""
+        """A browser tells whose page asks; other programs tell nothing. Raises ValueError where that is
+        no address."""
         return origin is None or urllib.parse.urlsplit(origin).netloc.lower() == host.lower()
 
     def allows_token(self, token):

@@ -4,6 +4,7 @@ import asyncio
 import json
 import math
 import os
+import resource
 import struct
 import threading
 import time
@@ -19,6 +20,8 @@ from sample_table import decimate
 FRAME = 1 / 30       # s between two frames of a browser, at least
 HEARTBEAT = 0.25     # s, at most, also when nothing is new
 BUCKETS = 400        # intervals of a window: two points each
+MOST_NAMES = 2000    # columns in one message
+IDLE = 60.0          # s after which a connection without a request is closed
 DYGRAPHS = "/usr/share/javascript/dygraphs"
 WEB = os.path.join(os.path.dirname(os.path.abspath(__file__)), "web")
 HEADERS = {
@@ -31,6 +34,43 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
+
+
+def check_names(names):
+    """A list of columns: a frame, or a file, has each of them once."""
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ValueError("columns: expected a list of names")
+    if len(names) > MOST_NAMES:
+        raise ValueError(f"columns: {len(names)} names; allowed: at most {MOST_NAMES}")
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"columns: {twice[:80]!r} is named more than once")
+    return names
+
+
+class Server(tornado.httpserver.HTTPServer):
+    """Accepts while less than half of the descriptors are taken by browsers; where none is left it
+    waits, too, instead of trying for ever."""
+
+    def add_sockets(self, sockets):
+        for sock in sockets:
+            asyncio.get_running_loop().add_reader(sock, self._accept, sock)
+
+    def _accept(self, sock):
+        connection = None
+        try:
+            if len(self._connections) < resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2:
+                connection, address = sock.accept()
+        except (BlockingIOError, ConnectionAbortedError):
+            return
+        except OSError:
+            pass
+        if connection is None:
+            loop = asyncio.get_running_loop()
+            loop.remove_reader(sock)
+            loop.call_later(0.5, loop.add_reader, sock, self._accept, sock)
+        else:
+            self._handle_connection(connection, address)
 
 
 class Guarded:
@@ -49,8 +89,11 @@ class Guarded:
         host = self.request.headers.get("Host", "")
         if not guard.allows_host(host):
             raise tornado.web.HTTPError(403, reason="This name is not one of the panel's")
-        if not guard.allows_origin(self.request.headers.get("Origin"), host) or \
-                self.request.headers.get("Sec-Fetch-Site", "same-origin") == "cross-site":
+        try:
+            is_own = guard.allows_origin(self.request.headers.get("Origin"), host)
+        except ValueError as error:
+            raise tornado.web.HTTPError(400, reason="Origin is no address") from error
+        if not is_own or self.request.headers.get("Sec-Fetch-Site", "same-origin") == "cross-site":
             raise tornado.web.HTTPError(403, reason="Asked by a page of another host")
         given = self.get_query_argument("token", None)
         if guard.token is not None and given is not None and guard.allows_token(given):
@@ -80,8 +123,11 @@ class Save(Guarded, tornado.web.RequestHandler):
         if link.scene is None:
             raise tornado.web.HTTPError(404, reason="There is no drivetrain yet")
         known = {column.name: group for group, found in link.columns.items() for column in found}
-        names = [name for name in self.get_query_argument("columns", "").split(",")
-                 if name in known]
+        try:
+            names = [name for name in check_names(self.get_query_argument("columns", "").split(","))
+                     if name in known]
+        except ValueError as error:
+            raise tornado.web.HTTPError(400, reason=str(error)) from error
         try:
             begin = float(self.get_query_argument("begin", "-inf"))
             end = float(self.get_query_argument("end", "inf"))
@@ -146,8 +192,7 @@ class Browser(Guarded, tornado.websocket.WebSocketHandler):
     def _show(self, view):
         """What the page shows: columns over the last `seconds`, or those before `end`; the newest
         value of others."""
-        self.columns = [str(name) for name in view["columns"]]
-        self.latest = [str(name) for name in view["latest"]]
+        self.columns, self.latest = check_names(view["columns"]), check_names(view["latest"])
         self.seconds = min(max(float(view["seconds"]), 0.1), 3600.0)
         self.end = None if view.get("end") is None else float(view["end"])
         self.told_table = None

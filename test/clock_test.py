@@ -5,13 +5,14 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 import roslib.packages
 import rospkg
 import rospy
 import rostest
-from rosgraph_msgs.msg import Clock
+from rosgraph_msgs.msg import Clock, Log
 from variator_sim.msg import SimulationStatus
 
 from support.node_client import Listener, NodeClient, wait_for
@@ -118,6 +119,19 @@ class ClockTest(unittest.TestCase):
         of_follower = self.follower.states.wait(lambda m: m.time == 0.1)
         self.assertEqual(of_owner.velocity, of_follower.velocity)
         self.assertEqual(of_owner.header.stamp, of_follower.header.stamp)
+
+    def test_4b_jumps_back_are_logged_once_a_second(self):
+        log = Listener('/rosout', Log).connect()
+        begin = time.monotonic()
+        for _ in range(20):
+            self.assertTrue(self.owner.trigger('reset_time').success)
+            self.wait_for_time(self.follower, 0)
+            self.assertTrue(self.owner.step(0.01).success)
+            self.wait_for_time(self.follower, 10000000)
+        log.wait(lambda m: m.name == '/follower' and 'jumped back' in m.msg, 'a jump')
+        told = [m for m in log.all() if m.name == '/follower' and 'jumped back' in m.msg]
+        self.assertLessEqual(len(told), time.monotonic() - begin + 2)
+        log.close()
 
     def test_5_lockstep_of_an_owner_gives_the_bytes_of_simulate(self):
         self.assertTrue(self.owner.trigger('reset_time').success)

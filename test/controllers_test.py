@@ -131,6 +131,8 @@ class ControllersTest(unittest.TestCase):
         self.assertEqual([cycle(time) for time in (0.0, 1.0, 2.0, 3.0, 9.0)], [10.0, 10.0, 15.0, 20.0, 20.0])
         with self.assertRaises(ValueError):
             DutyCycle([1.0, 1.0], [0.0, 0.0])
+        with self.assertRaisesRegex(ValueError, 'longer than'):
+            DutyCycle.read('/dev/zero')
 
 
 if __name__ == "__main__":

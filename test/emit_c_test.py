@@ -295,11 +295,58 @@ class EmitCTest(TestCase):
         self.assertEqual(call("make", "-C", folder).returncode, 0)
         done = call(folder / "scene_3_shafts_x_play", "--duration", 0.1)
         self.assertEqual(done.returncode, 0, done.stderr)
+        # What has no end is refused.
+        for commands in ("/dev/zero", folder / "long.csv"):
+            (folder / "long.csv").write_text("time,topic,value\n" + "#" * 1000 + "\n")
+            done = call(folder / "scene_3_shafts_x_play", "--duration", 0.1, "--commands", commands)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn("a line is too long", done.stderr)
         readme = (folder / "README.md").read_text()
         for word in ("scene_3_shafts_x_step", "deep/d", "second_order_lag, 0.1 s",
                      "0 after 0.7 s without a command", "| 0 | variator | 1 |"):
             self.assertIn(word, readme)
         self.assertIn("SCENE_3_SHAFTS_X_INPUT_DEEP_D", (folder / "scene_3_shafts_x.h").read_text())
+
+    def test_overwrites_what_it_wrote_and_nothing_else(self):
+        path = self.folder / "plant.yaml"
+        path.write_text(MOTOR % "" + SLIP)
+        written = ("plant.h", "plant.c", "main.c", "README.md", "Makefile")
+
+        def emit(folder):
+            return call(SIMULATE, path, "--emit-c", folder)
+
+        folder = self.folder / "ours"
+        folder.mkdir()
+        (folder / "notes.txt").write_text("mine")
+        self.assertEqual(emit(folder).returncode, 0)
+        for name in written:
+            with self.subTest(file=name):
+                self.assertEqual(emit(folder).returncode, 0)
+                before = {other: (folder / other).read_text() for other in written}
+                (folder / name).write_text("# mine\n" + before[name])
+                done = emit(folder)
+                self.assertEqual(done.returncode, 3, done.stderr)
+                self.assertIn(f"{folder / name}: is there", done.stderr)
+                self.assertEqual({other: (folder / other).read_text() for other in written},
+                                 {**before, name: "# mine\n" + before[name]})
+                (folder / name).write_text(before[name])
+        self.assertEqual((folder / "notes.txt").read_text(), "mine")
+
+        theirs = self.folder / "theirs"
+        theirs.mkdir()
+        for name in written:
+            for text in ("mine\n", "", "Written by `simulate --emit-c` from plant.yaml.\n"):
+                with self.subTest(file=name, text=text):
+                    (theirs / name).write_text(text)
+                    self.assertEqual(emit(theirs).returncode, 3)
+                    self.assertEqual([(file.name, file.read_text()) for file in theirs.iterdir()],
+                                     [(name, text)])
+                    (theirs / name).unlink()
+        target = self.folder / "target"
+        target.write_text((folder / "Makefile").read_text())
+        (theirs / "Makefile").symlink_to(target)
+        self.assertEqual(emit(theirs).returncode, 3)
+        self.assertEqual(list(theirs.iterdir()), [theirs / "Makefile"])
 
     def test_no_name_of_a_scene_makes_one_that_is_taken(self):
         folder = self.emit("holds", SCENES["holds"].scene)

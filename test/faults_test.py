@@ -10,6 +10,8 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 import xmlrpc.client
 
 with socket.socket() as probe:
@@ -124,6 +126,87 @@ class FaultsTest(TestCase):
                       '; paused, ~resume or ~step moves it'):
             self.assertIn(words, line)
         self.assertEqual(line.count('formulas'), 1)
+
+    def test_it_answers_while_a_compiler_does_not(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        folder = pathlib.Path(folder.name)
+        (folder / 'cc').write_text(f'#!/bin/sh\necho $$ >> {folder}/compilers\nexec sleep 1000\n',
+                                   encoding='utf-8')
+        (folder / 'cc').chmod(0o755)
+        upload('preparing', solver={'machine_code': 'always'})
+        node = subprocess.Popen([PROGRAM, '__name:=preparing'], stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, text=True,
+                                env={**os.environ, 'PATH': f'{folder}:/usr/bin:/bin',
+                                     'VARIATOR_SIM_CACHE': str(folder / 'cache')})
+        self.addCleanup(node.stdout.close)
+        self.addCleanup(node.wait)
+        self.addCleanup(node.kill)
+        client = self.client('preparing', states=False)
+        status = client.status.wait()
+        self.assertEqual((status.state, status.time), (SimulationStatus.RUNNING, 0.0))
+        self.assertIn('the formulas are being compiled', status.message)
+        self.assertTrue(client.trigger('pause').success)
+        self.assertTrue(client.step(0.01).success)
+        compilers = [int(line) for line in (folder / 'compilers').read_text().split()]
+        begin = time.monotonic()
+        self.expect_good_end(node, signal.SIGTERM)
+        self.assertLess(time.monotonic() - begin, 5.0)
+        for compiler in compilers:
+            wait_for(lambda pid=compiler: not pathlib.Path(f'/proc/{pid}').exists(), 'its end')
+        self.assertEqual(list((folder / 'cache').iterdir()), [])
+
+    def test_a_scene_that_takes_long_to_read_holds_nothing_back(self):
+        terms = '*'.join(f'(w1+{i}e-9)' for i in range(24000))
+        rosparam.upload_params('/slow', {
+            'shafts': ['a'], 'a': {'inertia': 1}, 'torques': ['it'],
+            'it': {'type': 'variator_sim/ExpressionTorque', 'shaft': 'a', 'torque': terms}})
+        node = subprocess.Popen([PROGRAM, '__name:=slow'], stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, text=True)
+        self.addCleanup(node.stdout.close)
+        self.addCleanup(node.wait)
+        self.addCleanup(node.kill)
+        listener = Listener('/slow/status', SimulationStatus)
+        self.addCleanup(listener.close)
+        self.assertIn('preparing: ', listener.wait().message)
+        begin = time.monotonic()
+        self.expect_good_end(node, signal.SIGTERM)
+        self.assertLess(time.monotonic() - begin, 5.0)
+
+    def test_a_step_is_ended_by_a_pause_and_by_an_order_to_end(self):
+        scene = rosparam.load_file(STEPS)[0][0]
+        upload('long', start_paused=True, torques=scene['torques'] + ['saw'],
+               saw={'type': 'variator_sim/ExpressionTorque', 'shaft': 'load', 'torque': 'cos(1e4*t)'},
+               solver={'maximum_steps': 1000000000})
+        node = subprocess.Popen([PROGRAM, '__name:=long'], stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, text=True)
+        self.addCleanup(node.stdout.close)
+        self.addCleanup(node.wait)
+        self.addCleanup(node.kill)
+        client = self.client('long', states=False)
+        answers = []
+        caller = threading.Thread(target=lambda: answers.append(client.step(1e6)))
+        caller.start()
+        wait_for(lambda: client.trigger('pause').success and answers, 'the end of the step')
+        caller.join()
+        self.assertFalse(answers[0].success)
+        self.assertIn('~pause has ended the step', answers[0].message)
+        self.assertGreater(answers[0].state.time, 0.0)
+        self.assertTrue(client.step(0.001).success)
+
+        def step_on():
+            try:
+                client.step(1e6)
+            except rospy.ServiceException:
+                pass  # the node has gone
+
+        caller = threading.Thread(target=step_on)
+        caller.start()
+        time.sleep(0.5)  # (nothing tells that it has begun)
+        begin = time.monotonic()
+        self.expect_good_end(node, signal.SIGTERM)
+        self.assertLess(time.monotonic() - begin, 5.0)
+        caller.join()
 
     def test_help_and_unknown_arguments_need_no_master(self):
         environment = dict(os.environ, ROS_MASTER_URI='http://127.0.0.1:1')

@@ -256,8 +256,44 @@ TEST(CommandFile, ReadsFiles) {
   const std::vector<TimedCommand> commands = readCommandFile(file.path());
   ASSERT_EQ(commands.size(), 1U);
   EXPECT_EQ(commands[0].value, 2.0);
-  EXPECT_THROW(readCommandFile("no/such/commands.csv"), CommandFileError);
+  for (const char* unreadable : {"no/such/commands.csv", "/"}) {
+    try {
+      readCommandFile(unreadable);
+      ADD_FAILURE() << unreadable;
+    } catch (const CommandFileError& error) {
+      EXPECT_EQ(
+          std::string(error.what()).rfind(std::string(unreadable) + ":1: cannot be read: ", 0), 0U)
+          << error.what();
+    }
+  }
   EXPECT_THROW(readCommandFile(testing::TempDir()), CommandFileError);
+}
+
+TEST(CommandFile, ACommandFileHasBounds) {
+  const auto faultOf = [](const std::string& text) -> std::string {
+    try {
+      readCommandText(text, "test");
+    } catch (const CommandFileError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const std::string line = "1,a," + std::string(995, '0') + "1";
+  EXPECT_EQ(faultOf("time,topic,value\n" + line + "\n" + line), "");
+  for (const char* end : {"", "\n", "0\n"}) {
+    const std::string fault = faultOf("time,topic,value\n" + line + "0" + end);
+    EXPECT_EQ(fault.rfind("test:2: '1,a,000", 0), 0U) << fault;
+    EXPECT_NE(fault.find("a line of more than 1000 characters"), std::string::npos) << fault;
+  }
+  std::string many = "time,topic,value\n";
+  for (int n = 0; n < 5000001; ++n) many += "0,a,1\n";
+  EXPECT_EQ(faultOf(many).rfind("test:5000002: more than 5000000 commands", 0), 0U);
+}
+
+TEST(CommandFile, ADeviceWithoutAnEndIsRefused) {
+  EXPECT_THROW(readCommandFile("/dev/zero"), CommandFileError);
+  EXPECT_THROW(readYamlFile("/dev/zero"), SceneError);
+  EXPECT_THROW(readYamlText("a: " + std::string(1U << 24U, ' ') + "1", "test"), SceneError);
 }
 
 // rosparam evaluates the first two as Python: what passes here is safe to load there.

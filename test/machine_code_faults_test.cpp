@@ -1,5 +1,6 @@
 // Machine code that cannot be had: the run goes on with the interpreter, and says why.
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -7,6 +8,7 @@
 #include <cmath>
 #include <csignal>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <string>
 #include <thread>
@@ -16,6 +18,7 @@
 #include "support/machine_code_folder.h"
 #include "support/scenes.h"
 #include "variator_sim/formula_torque.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 namespace {
@@ -55,6 +58,42 @@ class MachineCodeFaults : public test::MachineCodeFolder {
     EXPECT_EQ(sentence.rfind("machine code, compiled in ", 0), 0U) << sentence;
   }
   static void expectCached() { EXPECT_EQ(run(), "machine code, from the cache"); }
+
+  /// From now on the compiler's work is done by children, as that of gcc's driver is, and has no
+  /// end.
+  void compileWithoutEnd() {
+    compileBy("sleep 1000 & echo $! > " + (folder() / "worker").string() + ".$$; wait");
+  }
+  std::vector<pid_t> workers() const {
+    std::vector<pid_t> found;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder())) {
+      pid_t worker = 0;
+      if (entry.path().stem() == "worker" && std::ifstream(entry.path()) >> worker) {
+        found.push_back(worker);
+      }
+    }
+    return found;
+  }
+  bool hasWorkers() const { return !workers().empty(); }
+  /// Who has ended and is not asked for yet has no command line.
+  static bool isWorking(pid_t worker) {
+    std::string command;
+    return static_cast<bool>(std::ifstream("/proc/" + std::to_string(worker) + "/cmdline") >>
+                             command);
+  }
+  static ::testing::AssertionResult happensSoon(const std::function<bool()>& is_so) {
+    for (int look = 0; look < 1000; ++look) {
+      if (is_so()) return ::testing::AssertionSuccess();
+      ::usleep(10000);
+    }
+    return ::testing::AssertionFailure() << "not within 10 s";
+  }
+  void expectNoWorkersLeft() const {
+    ASSERT_TRUE(hasWorkers());
+    for (const pid_t worker : workers()) {
+      EXPECT_TRUE(happensSoon([worker] { return !isWorking(worker); })) << "it works for nobody";
+    }
+  }
 };
 
 TEST_F(MachineCodeFaults, NoneOnceCompiledItIsInTheCache) {
@@ -109,21 +148,38 @@ TEST_F(MachineCodeFaults, ACompilerThatFails) {
 }
 
 TEST_F(MachineCodeFaults, ACompilerThatDoesNotEnd) {
-  // Its work is done by a child, as that of gcc's driver is.
-  const fs::path written = folder() / "child";
-  compileBy("sleep 1000 & echo $! > " + written.string() + "; wait");
+  compileWithoutEnd();
   const std::string sentence = run();
   EXPECT_NE(sentence.find(" took more than 5 s"), std::string::npos) << sentence;
-  pid_t child = 0;
-  ASSERT_TRUE(std::ifstream(written) >> child);
-  // A moment passes until it has ended; who has ended and is not asked for yet has no command line.
-  const auto is_working = [child] {
-    std::string command;
-    return static_cast<bool>(std::ifstream("/proc/" + std::to_string(child) + "/cmdline") >>
-                             command);
-  };
-  for (int look = 0; look < 1000 && is_working(); ++look) ::usleep(10000);
-  EXPECT_FALSE(is_working()) << "it works on for nobody";
+  expectNoWorkersLeft();
+}
+
+TEST_F(MachineCodeFaults, AnInterruptedCompilation) {
+  compileWithoutEnd();
+  Simulation simulation(test::sceneFromText(kScene + "solver: {machine_code: always}\n"));
+  {
+    const Interruption interruption([this] { return hasWorkers(); });
+    EXPECT_FALSE(simulation.loadMachineCode(true));
+  }
+  EXPECT_EQ(simulation.machineCode(), "the interpreter: it was interrupted");
+  expectNoWorkersLeft();
+  EXPECT_TRUE(kernels().empty()) << "something is left over";
+}
+
+TEST_F(MachineCodeFaults, CompilersEndWithTheProgramThatStartedThem) {
+  compileWithoutEnd();
+  const pid_t program = ::fork();
+  ASSERT_GE(program, 0);
+  if (program == 0) {
+    Simulation simulation(test::sceneFromText(kScene + "solver: {machine_code: always}\n"));
+    ::_exit(simulation.loadMachineCode(true) ? 0 : 1);
+  }
+  EXPECT_TRUE(happensSoon([this] { return hasWorkers(); })) << "the compiler does not begin";
+  ::kill(program, SIGKILL);
+  int status = 0;
+  ASSERT_EQ(::waitpid(program, &status, 0), program);
+  expectNoWorkersLeft();
+  EXPECT_TRUE(happensSoon([this] { return kernels().empty(); })) << "something is left over";
 }
 
 TEST_F(MachineCodeFaults, ACompilerThatMakesSomethingElse) {
@@ -221,6 +277,26 @@ TEST_F(MachineCodeFaults, ADamagedFileIsMadeAnew) {
   EXPECT_NE(run().find(" cannot be written: "), std::string::npos) << run();
 }
 
+TEST_F(MachineCodeFaults, AKernelThatIsWrongIsMadeAnew) {
+  expectCompiled();
+  ASSERT_EQ(kernels().size(), 1U);
+  const fs::path kernel = kernels()[0];
+  // Written to its end, but of another scene.
+  Simulation other(
+      test::sceneFromText("shafts: [a]\na: {inertia: 1}\ntorques: [it]\n"
+                          "it: {type: variator_sim/ExpressionTorque, shaft: a, "
+                          "torque: \"-w1*w1+cos(t)\"}\nsolver: {machine_code: always}\n"));
+  ASSERT_TRUE(other.loadMachineCode(true)) << other.machineCode();
+  ASSERT_EQ(kernels().size(), 2U);
+  const fs::path strange = kernels()[kernels()[0] == kernel ? 1 : 0];
+  replace(kernel, read(strange));
+  EXPECT_EQ(run(false), "the interpreter: it does not give the interpreter's numbers");
+  EXPECT_EQ(run(false), "the interpreter: it is not in the cache yet");
+  replace(kernel, read(strange));
+  expectCompiled();
+  expectCached();
+}
+
 TEST_F(MachineCodeFaults, AnotherCompilerMakesItAnew) {
   expectCompiled();
   compileBy("exec cc \"$@\"");
@@ -252,6 +328,34 @@ TEST_F(MachineCodeFaults, ManyProcessesAtOnce) {
     EXPECT_EQ(status, 0);
   }
   EXPECT_EQ(kernels().size(), 1U) << "something is left over";
+}
+
+TEST_F(MachineCodeFaults, ProcessesOfOneNumberAtOnce) {
+  // Containers that share a cache. Each process is number 1 of its own namespace.
+  compileBy("cc \"$@\" && sleep 0.3");
+  std::vector<pid_t> containers;
+  for (int n = 0; n < 3; ++n) {
+    const pid_t container = ::fork();
+    ASSERT_GE(container, 0);
+    if (container == 0) {
+      if (::unshare(CLONE_NEWPID) != 0) ::_exit(2);
+      const pid_t first = ::fork();
+      if (first == 0) ::_exit(loadsOne() ? 0 : 1);
+      int status = -1;
+      ::_exit(::waitpid(first, &status, 0) == first && status == 0 ? 0 : 1);
+    }
+    containers.push_back(container);
+  }
+  std::vector<int> ends;
+  for (const pid_t container : containers) {
+    int status = -1;
+    ASSERT_EQ(::waitpid(container, &status, 0), container);
+    ends.push_back(WEXITSTATUS(status));
+  }
+  if (ends[0] == 2) GTEST_SKIP() << "only root makes namespaces";
+  EXPECT_EQ(ends, std::vector<int>(3, 0));
+  EXPECT_EQ(kernels().size(), 1U) << "something is left over";
+  EXPECT_TRUE(loadsOne());
 }
 
 TEST_F(MachineCodeFaults, ManyThreadsAtOnce) {

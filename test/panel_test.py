@@ -4,11 +4,15 @@
 import asyncio
 import csv
 import ctypes
+import errno
 import io
 import json
+import os
 import pathlib
 import re
+import resource
 import signal
+import socket as tcp
 import struct
 import subprocess
 import sys
@@ -26,6 +30,7 @@ import rospkg
 import rospy
 import rostest
 import tornado.httpclient
+import tornado.web
 import tornado.websocket
 from variator_sim.msg import SimulationStatus
 
@@ -35,6 +40,7 @@ sys.path[:0] = [str(PACKAGE / 'panel'), str(PACKAGE / 'test')]
 # pylint: disable=wrong-import-position
 from guard import Guard
 from sample_table import SampleTable, decimate
+from server import Server
 from support.browser import Browser, find_browser
 from support.node_client import PATIENCE, NodeClient, wait_for
 
@@ -221,6 +227,35 @@ class GuardTest(unittest.TestCase):
         self.assertFalse(guard.allows_token(None))
 
 
+class FullSocket(tcp.socket):
+    """Listens, and has no descriptor left for whoever comes."""
+
+    tries = 0
+
+    def accept(self):
+        self.tries += 1
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+
+class AcceptTest(unittest.TestCase):
+
+    def test_what_fails_is_tried_again_after_a_while(self):
+        with FullSocket() as full:
+            full.bind(('127.0.0.1', 0))
+            full.listen()
+            full.setblocking(False)
+
+            async def serve():
+                Server(tornado.web.Application()).add_sockets([full])
+                await asyncio.sleep(0.7)
+
+            with tcp.create_connection(full.getsockname()):
+                loop = asyncio.new_event_loop()
+                loop.run_until_complete(serve())
+                loop.close()
+            self.assertIn(full.tries, (1, 2))
+
+
 class ServerTest(unittest.TestCase):
 
     @classmethod
@@ -254,6 +289,53 @@ class ServerTest(unittest.TestCase):
                 Socket(self.panel, **headers)
             self.assertEqual(caught.exception.code, 403)
         self.assertEqual(self.panel.get('/../scripts/panel')[0] // 100, 4)
+
+    def test_what_is_no_address_is_a_bad_request(self):
+        for origin in ('http://[bad', 'http://[::1', '//[x]'):
+            self.assertEqual(self.panel.get(Origin=origin)[0], 400, origin)
+        self.assertEqual(self.panel.get(Host='[bad')[0], 403)
+
+    def test_a_column_is_asked_for_once(self):
+        socket = Socket(self.panel)
+        self.addCleanup(socket.close)
+        for names in (['drive/angle'] * 60000, ['drive/angle', 'load/angle', 'drive/angle'],
+                      [f'x{n}' for n in range(3000)], 'drive/angle', ['drive/angle', 1]):
+            for field in ('columns', 'latest'):
+                view = {'columns': [], 'latest': [], 'seconds': 60, field: names}
+                socket.say(show=view)
+                answer = socket.answer()
+                self.assertFalse(answer['ok'])
+                self.assertIn('columns: ', answer['text'])
+                self.assertLess(len(answer['text']), 200)
+        self.assertEqual(self.panel.get('/save.csv?columns=drive/angle,drive/angle')[0], 400)
+        self.assertEqual(self.panel.get('/save.csv?columns=drive/angle')[0], 200)
+
+    def test_it_waits_where_descriptors_run_out(self):
+        panel = PanelProcess('--node', '/served')
+        self.addCleanup(panel.close)
+        self.assertEqual(panel.get()[0], 200)
+        stat = pathlib.Path(f'/proc/{panel.process.pid}/stat')
+
+        def busy():
+            fields = stat.read_text().split()
+            return (int(fields[13]) + int(fields[14])) / 100
+
+        # Fewer than its own half: accepting fails. More: browsers have half of them.
+        for more in (3, 100):
+            with self.subTest(more=more):
+                taken = len(list(pathlib.Path(f'/proc/{panel.process.pid}/fd').iterdir()))
+                before = resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE)
+                resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE, (taken + more, before[1]))
+                strangers = [tcp.create_connection(('127.0.0.1', panel.port))
+                             for _ in range(taken + more)]
+                time.sleep(0.5)
+                begin = busy()
+                time.sleep(2.0)
+                self.assertLess(busy() - begin, 0.5, 's of the processor in 2 s')
+                for stranger in strangers:
+                    stranger.close()
+                resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE, before)
+                self.assertEqual(panel.get()[0], 200)
 
     def test_a_token_is_asked_for(self):
         panel = PanelProcess('--node', '/served', '--token', 'secret')
@@ -485,7 +567,7 @@ class PanelSuite(unittest.TestSuite):
 
     def __init__(self):
         super().__init__(unittest.defaultTestLoader.loadTestsFromTestCase(case)
-                         for case in (TableTest, GuardTest, ServerTest, PageTest))
+                         for case in (TableTest, GuardTest, AcceptTest, ServerTest, PageTest))
 
 
 if __name__ == '__main__':

@@ -8,6 +8,7 @@ import tempfile
 
 import roslib.packages
 import rosunit
+import yaml
 
 from support.subtests import TestCase
 
@@ -67,6 +68,26 @@ class SimulateStatesTest(TestCase):
         self.assertEqual(result.returncode, 2, result.stderr)
         for word in words:
             self.assertIn(word, result.stderr)
+
+    def test_an_input_that_contradicts_itself_is_refused(self):
+        holds = {"rate_limit, rate: 3": {"until": 1.5, "target": 0.0, "value": 4.0},
+                 "first_order_hold, period: 2": {"until": 1.9, "since": -0.4},
+                 "first_order_lag, time_constant: 0.5": {"until": 3.0},
+                 "second_order_lag, time_constant: 0.5": {"until": 90.0}}
+        commands = self.write("commands.csv", "time,topic,value\n0.5,torque,5\n")
+        for hold, changes in holds.items():
+            scene = self.write("scene.yaml", resting(timeout="hold: " + hold))
+            state = self.folder / "state.yaml"
+            self.lines(scene, "--commands", commands, "--duration", "1", "--save-state", str(state))
+            whole = ["--from-state", str(state), "--duration", "0.3", "--rate", "10"]
+            self.lines(scene, *whole)
+            for key, value in changes.items():
+                with self.subTest(hold=hold, key=key):
+                    wrong = yaml.safe_load(state.read_text())
+                    wrong["inputs"]["torque"][key] = value
+                    bad = self.write("bad.yaml", yaml.safe_dump(wrong))
+                    self.check_refused([scene, "--from-state", bad, *whole[2:]],
+                                       "inputs/torque/until", "contradicts", "ends at ")
 
     # --- states -----------------------------------------------------------------------------------
 

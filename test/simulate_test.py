@@ -658,6 +658,73 @@ class SimulateTest(TestCase):
         with rosbag.Bag(str(output)) as bag:  # it has its index
             self.assertGreater(bag.get_message_count(), 0)
 
+    def test_a_compiler_that_does_not_end_is_ended_with_the_run(self):
+        folder = self.folder / "bin"
+        folder.mkdir()
+        compilers = self.folder / "compilers"
+        (folder / "cc").write_text("#!/bin/sh\nsleep 1000 & echo $! >> "
+                                   f"{compilers}\nwait\n", encoding="utf-8")
+        (folder / "cc").chmod(0o755)
+        cache = self.folder / "kernels"
+        environment = {**self.environment, "PATH": f"{folder}:/usr/bin:/bin",
+                       "VARIATOR_SIM_CACHE": str(cache)}
+        for words, order, code in (
+                (["--duration", "1", "--set", "solver/machine_code=always"], signal.SIGTERM, 143),
+                (["--duration", "1", "--set", "solver/machine_code=always"], signal.SIGINT, 130),
+                (["--compile"], signal.SIGTERM, 143), (["--compile"], signal.SIGKILL, -9)):
+            with self.subTest(words=words, order=order):
+                compilers.unlink(missing_ok=True)
+                with subprocess.Popen([SIMULATE, SHIP, *words], stdout=subprocess.DEVNULL,
+                                      stderr=subprocess.PIPE, env=environment) as process:
+                    end = time.monotonic() + 30.0
+                    while not (compilers.exists() and compilers.read_text()):
+                        self.assertLess(time.monotonic(), end)
+                        time.sleep(0.01)
+                    begin = time.monotonic()
+                    process.send_signal(order)
+                    process.communicate(timeout=30)
+                    self.assertEqual(process.returncode, code)
+                    self.assertLess(time.monotonic() - begin, 5.0)
+                end = time.monotonic() + 5.0
+                while any(pathlib.Path("/proc", pid).exists()
+                          for pid in compilers.read_text().split()) or list(cache.iterdir()):
+                    self.assertLess(time.monotonic(), end, "compilers, or their files, are left")
+                    time.sleep(0.01)
+
+    def test_machine_code_that_is_asked_for_is_waited_for(self):
+        folder = self.folder / "bin"
+        folder.mkdir()
+        (folder / "cc").write_text("#!/bin/sh\nsleep 6\nPATH=/usr/bin:/bin\nexec cc \"$@\"\n",
+                                   encoding="utf-8")
+        (folder / "cc").chmod(0o755)
+        scene = self.folder / "scene.yaml"
+        scene.write_text("shafts: [a]\na: {inertia: 1.0}\n", encoding="utf-8")
+        self.environment.update(PATH=f"{folder}:/usr/bin:/bin",
+                                VARIATOR_SIM_CACHE=str(self.folder / "kernels"))
+        result = self.simulate(str(scene), "--compile")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("machine code, compiled in ", result.stderr)
+
+    def test_a_long_advance_is_interrupted(self):
+        # 1e9 s to the first sample after the start.
+        scene = self.folder / "scene.yaml"
+        scene.write_text("shafts: [a]\na: {inertia: 1.0}\ntorques: [it]\n"
+                         "it: {type: variator_sim/ExpressionTorque, shaft: a, torque: cos(1e4*t)}\n"
+                         "solver: {maximum_steps: 1000000000, machine_code: never}\n",
+                         encoding="utf-8")
+        for words in (["--times", "0,1e9", "--energy"], ["--linearize", "--at", "1e9"]):
+            with self.subTest(words=words):
+                with subprocess.Popen([SIMULATE, str(scene), *words], stdout=subprocess.PIPE,
+                                      stderr=subprocess.PIPE, env=self.environment) as process:
+                    time.sleep(1.0)
+                    begin = time.monotonic()
+                    process.send_signal(signal.SIGTERM)
+                    output, told = process.communicate(timeout=30)
+                    self.assertLess(time.monotonic() - begin, 5.0)
+                self.assertEqual(process.returncode, 143, told)
+                self.assertIn(b"interrupted at ", told)
+                self.assertLessEqual(output.count(b"\n"), 2)  # header and start
+
     def test_interrupt_keeps_the_samples_and_a_terminal_shows_progress(self):
         output = self.folder / "out.csv"
         terminal, end = pty.openpty()

@@ -19,6 +19,8 @@
 #include <utility>
 #include <vector>
 
+#include "ros/nanoseconds.h"
+#include "ros/state_exchange.h"
 #include "support/scenes.h"
 
 namespace {
@@ -859,6 +861,102 @@ TEST(SteppingLoop, ServesRequestsFromWhicheverThread) {
   late.kind = RequestKind::kStep;
   late.duration = 1;
   EXPECT_EQ(loop.submit(late).result, RequestResult::kShutDown);
+}
+
+// --- what takes long ---------------------------------------------------------------------------
+
+/// A ms of it takes some steps: 1e6 s would take hours.
+constexpr const char* kBusyScene = R"(
+shafts: [a]
+a: {inertia: 1.0}
+torques: [it]
+it: {type: variator_sim/ExpressionTorque, shaft: a, torque: "cos(1e4*t)-w1"}
+solver: {maximum_steps: 1000000000}
+)";
+
+LoopAnswer ask(SteppingLoop& loop, RequestKind kind, std::int64_t duration = 0) {
+  LoopRequest request;
+  request.kind = kind;
+  request.duration = duration;
+  if (kind == RequestKind::kGetState) request.exchange = std::make_shared<StateExchange>();
+  return loop.submit(request);
+}
+
+TEST(SteppingLoop, APauseAndAnEndInterruptALongStep) {
+  SteadyClock clock;
+  NodeSettings settings;
+  settings.start_paused = true;
+  SteppingLoop loop(Simulation(test::sceneFromText(kBusyScene)), settings, clock);
+  std::thread stepping([&loop] { loop.run(); });
+  LoopAnswer answer;
+  std::atomic<bool> is_answered{false};
+  const auto step = [&] {
+    is_answered = false;
+    answer = ask(loop, RequestKind::kStep, 1000000000000000);
+    is_answered = true;
+  };
+  std::thread caller(step);
+  while (!is_answered) EXPECT_EQ(ask(loop, RequestKind::kPause).result, RequestResult::kDone);
+  caller.join();
+  EXPECT_EQ(answer.result, RequestResult::kInterrupted);
+  const std::int64_t reached = answer.sample.time;
+  EXPECT_GT(reached, 0);
+  EXPECT_LT(reached, 1000000000000000);
+  EXPECT_NEAR(answer.sample.sample.time, toSeconds(reached), 2e-9);
+  // It goes on from there.
+  answer = ask(loop, RequestKind::kStep, kMs);
+  EXPECT_EQ(answer.result, RequestResult::kDone);
+  EXPECT_EQ(answer.sample.time, reached + kMs);
+  std::thread last(step);
+  loop.stop();
+  last.join();
+  stepping.join();
+  EXPECT_EQ(answer.result, RequestResult::kShutDown);
+}
+
+TEST(SteppingLoop, ALongTickLetsRequestsThrough) {
+  SteadyClock clock;
+  NodeSettings settings;
+  settings.tick_rate = settings.publish_rate = 0.001;
+  settings.real_time_factor = 0.0;  // the first tick is due at once, at 1000 s
+  SteppingLoop loop(Simulation(test::sceneFromText(kBusyScene)), settings, clock);
+  std::thread stepping([&loop] { loop.run(); });
+  for (const RequestKind kind : {RequestKind::kGetState, RequestKind::kPause}) {
+    const LoopAnswer answer = ask(loop, kind);
+    EXPECT_EQ(answer.result, RequestResult::kDone) << answer.message;
+  }
+  const LoopAnswer answer = ask(loop, RequestKind::kGetState);
+  EXPECT_GT(answer.sample.time, 0);
+  EXPECT_LT(answer.sample.time, 1000000000000);
+  EXPECT_EQ(ask(loop, RequestKind::kResume).result, RequestResult::kDone);
+  loop.stop();
+  stepping.join();
+}
+
+TEST(SteppingLoop, ServesRequestsWhileItIsPrepared) {
+  SteadyClock clock;
+  NodeSettings settings;
+  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
+  loop.beginPreparation();
+  std::thread stepping([&loop] { loop.run(); });
+  LoopSnapshot snapshot;
+  while (!loop.popSnapshot(snapshot)) std::this_thread::yield();
+  EXPECT_TRUE(snapshot.is_preparing);
+  EXPECT_EQ(ask(loop, RequestKind::kGetState).sample.time, 0);
+  EXPECT_EQ(ask(loop, RequestKind::kStep, kMs).result, RequestResult::kNotPaused);
+  EXPECT_EQ(ask(loop, RequestKind::kPause).result, RequestResult::kDone);
+  EXPECT_EQ(ask(loop, RequestKind::kStep, kMs).sample.time, kMs);
+  EXPECT_EQ(ask(loop, RequestKind::kReset).result, RequestResult::kDone);
+  EXPECT_EQ(ask(loop, RequestKind::kResume).result, RequestResult::kDone);
+  const std::int64_t held = ask(loop, RequestKind::kGetState).sample.time;
+  EXPECT_EQ(held, kMs);  // a reset takes the motion back, and not the time
+  EXPECT_EQ(ask(loop, RequestKind::kGetState).sample.time, held);
+  loop.endPreparation();
+  while (snapshot.is_preparing || snapshot.time <= held) {
+    if (!loop.popSnapshot(snapshot)) std::this_thread::yield();
+  }
+  loop.stop();
+  stepping.join();
 }
 
 }  // namespace

@@ -48,7 +48,8 @@ class Simulation {
 
   /// Moves the present to `time` (not before the present: then nothing happens). When the motion
   /// stops on the way, the present stays at the last good state and the status says why; from then
-  /// on nothing moves until `reset`. [loop]
+  /// on nothing moves until `reset`. After an Interruption the present is where the motion has come
+  /// to, and the next advance goes on from there. [loop]
   const MotionStatus& advanceTo(double time);
   /// Up to this time, s, advances do nothing but move the present: it lies inside a step already
   /// made, and no command is pending or overdue. Who does not look at the motion can leave them
@@ -137,10 +138,11 @@ class Simulation {
   std::vector<std::string> skips() const;
 
   /// Goes over to machine code for the scene's formulas, which changes no bit of the motion: from
-  /// the cache, or, when `compile`, by the system's compiler, which takes about a second. True when
-  /// formulas run as machine code afterwards; false, and `machineCode` says why, when the
-  /// interpreter goes on. Not for the real-time loop.
-  bool loadMachineCode(bool compile);
+  /// the cache, or, when `compile`, by the system's compiler, which takes about a second: one that
+  /// takes more than 5 s is given up, unless the scene or the caller (`patiently`) insists on
+  /// machine code. An Interruption ends it. True when formulas run as machine code afterwards;
+  /// false, and `machineCode` says why, when the interpreter goes on. Not for the real-time loop.
+  bool loadMachineCode(bool compile, bool patiently = false);
   /// Goes over to the machine code of `other`, if it has some and the scenes differ in numbers
   /// alone: a small part of what loading costs. True when formulas run as machine code afterwards.
   /// Not for the real-time loop.

@@ -114,6 +114,8 @@ class RatioController:
 class DutyCycle:
     """Commands over time for a controller: straight lines between points, constant beyond the ends."""
 
+    LONGEST = 1 << 24  # characters of a file
+
     def __init__(self, times, values):
         if len(times) != len(values) or not times or any(b <= a for a, b in zip(times, times[1:])):
             raise ValueError("a duty cycle needs as many values as times, and ascending times")
@@ -124,10 +126,14 @@ class DutyCycle:
     def read(cls, path):
         """Of a CSV file with the header time,command."""
         with open(path, newline="", encoding="utf-8") as file:
-            rows = csv.DictReader(line for line in file if line.strip() and not line.lstrip().startswith("#"))
-            if rows.fieldnames != ["time", "command"]:
-                raise ValueError(f"{path}: the header must be time,command")
-            points = [(float(row["time"]), float(row["command"])) for row in rows]
+            text = file.read(cls.LONGEST + 1)
+        if len(text) > cls.LONGEST:
+            raise ValueError(f"{path}: longer than {cls.LONGEST} characters")
+        rows = csv.DictReader(line for line in text.splitlines()
+                              if line.strip() and not line.lstrip().startswith("#"))
+        if rows.fieldnames != ["time", "command"]:
+            raise ValueError(f"{path}: the header must be time,command")
+        points = [(float(row["time"]), float(row["command"])) for row in rows]
         return cls([time for time, _ in points], [value for _, value in points])
 
     def __call__(self, time):

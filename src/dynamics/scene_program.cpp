@@ -271,15 +271,14 @@ std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::M
   const std::string source = writeSource(series);
   if (source.empty()) return "a law reads a function that is not a formula";
   std::string reason;
-  const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(source, missing, &reason);
-  if (library == nullptr) return reason;
-  *compiled = library->wasCompiled();
   noteStructure(series);
-  if (use(library, series)) {
-    if (agreesWithInterpreter(series)) return "";
-    interpret(series);
-  }
-  return "it does not give the interpreter's numbers";
+  const auto library = KernelLibrary::load(source, missing, &reason, [&](const auto& made) {
+    const bool is_right = use(made, series) && agreesWithInterpreter(series);
+    if (!is_right) interpret(series);
+    return is_right;
+  });
+  *compiled = library != nullptr && library->wasCompiled();
+  return reason;
 }
 
 std::shared_ptr<SeriesLanes> SceneProgram::loadLanes(MotionSeries& series,
@@ -293,10 +292,14 @@ std::shared_ptr<SeriesLanes> SceneProgram::loadLanes(MotionSeries& series,
   source += KernelLibrary::kEndOfUnit;
   source += steps;
   std::string reason;
-  const std::shared_ptr<KernelLibrary> library = KernelLibrary::load(source, missing, &reason);
-  if (library == nullptr) return nullptr;
-  auto lanes = std::make_shared<SeriesLanes>(series, library);
-  return lanes->agreesWith(series) ? lanes : nullptr;
+  std::shared_ptr<SeriesLanes> lanes;
+  const auto is_right = [&](const std::shared_ptr<KernelLibrary>& library) {
+    lanes = std::make_shared<SeriesLanes>(series, library);
+    if (!lanes->agreesWith(series)) lanes = nullptr;
+    return lanes != nullptr;
+  };
+  KernelLibrary::load(source, missing, &reason, is_right);
+  return lanes;
 }
 
 bool SceneProgram::shareMachineCode(MotionSeries* series, const SceneProgram& other) {

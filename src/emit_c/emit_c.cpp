@@ -2,12 +2,8 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <set>
-#include <stdexcept>
 #include <utility>
 
 #include "dynamics/motion_series.h"
@@ -427,16 +423,6 @@ static scene_status jump(scene_model *m, const double *u0, const double *du, con
   bool reads_angles_ = false;
 };
 
-void writeFile(const std::filesystem::path& path, const std::string& text) {
-  std::FILE* const file = std::fopen(path.c_str(), "w");
-  const bool is_written =
-      file != nullptr && std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  const int error = errno;
-  const bool is_closed = file == nullptr || std::fclose(file) == 0;
-  if (is_written && is_closed) return;
-  throw std::runtime_error(path.string() + ": " + std::strerror(is_written ? errno : error));
-}
-
 }  // namespace
 
 std::string nameForC(const std::string& scene_path) {
@@ -459,18 +445,6 @@ std::string nameForC(const std::string& scene_path) {
 
 EmittedScene emitScene(Simulation& simulation, const std::string& name, const std::string& title) {
   return Emission(simulation, name, title).write();
-}
-
-void writeEmittedScene(const EmittedScene& scene, const std::string& directory) {
-  const std::filesystem::path folder = directory;
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw std::runtime_error(directory + ": " + error.message());
-  writeFile(folder / (scene.name + ".h"), scene.header);
-  writeFile(folder / (scene.name + ".c"), scene.source);
-  writeFile(folder / "main.c", scene.main);
-  writeFile(folder / "README.md", scene.readme);
-  writeFile(folder / "Makefile", scene.makefile);
 }
 
 }  // namespace variator_sim

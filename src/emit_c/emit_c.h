@@ -24,7 +24,9 @@ std::string nameForC(const std::string& scene_path);
 /// the element and the reason, for what cannot be written.
 EmittedScene emitScene(Simulation& simulation, const std::string& name, const std::string& title);
 
-/// Into files of `directory`, which is made where it is missing. Throws std::runtime_error.
+/// Into files of `directory`, which is made where it is missing. Each ends with a sum of what
+/// stands before it; a file that is there and does not is a user's, and refused before any is
+/// written. Throws std::runtime_error.
 void writeEmittedScene(const EmittedScene& scene, const std::string& directory);
 
 }  // namespace variator_sim

@@ -46,7 +46,11 @@ static int read_commands(const char *path)
   while (fgets(line, (int)sizeof line, file) != NULL) {
     command read;
     char *topic, *value, *end, *value_end;
+    const size_t length = strcspn(line, "\n");
     int i;
+    if (line[length] == '\0' && (length == 0 || length + 1 == sizeof line)) {
+      return fail(path, "a line is too long");
+    }
     line[strcspn(line, "\r\n")] = '\0';
     if (line[strspn(line, " \t")] == '\0' || line[0] == '#') continue;
     if (!has_header) {

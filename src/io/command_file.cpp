@@ -1,17 +1,24 @@
 #include "variator_sim/io/command_file.h"
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 #include <cmath>
+#include <fstream>
 #include <initializer_list>
+#include <sstream>
 #include <system_error>
 
 #include "model/number_text.h"
-#include "text_file.h"
 
 namespace variator_sim {
 namespace {
 
 constexpr const char* kHeader = "time,topic,value";
+// A file without an end (/dev/zero, a pipe) is refused before it takes the memory: 5,000,000
+// commands take 300 MB.
+constexpr std::size_t kLongestLine = 1000;
+constexpr std::size_t kMostCommands = 5000000;
 
 bool parseNumber(const std::string& text, double* value) {
   const char* const end = text.data() + text.size();
@@ -23,9 +30,7 @@ bool isBlankOrComment(const std::string& line) {
   return line.find_first_not_of(" \t") == std::string::npos || line.front() == '#';
 }
 
-}  // namespace
-
-std::vector<TimedCommand> readCommandText(const std::string& text, const std::string& source_name) {
+std::vector<TimedCommand> readCommands(std::istream& lines, const std::string& source_name) {
   std::vector<TimedCommand> commands;
   bool has_header = false;
   int line_number = 0;
@@ -35,12 +40,15 @@ std::vector<TimedCommand> readCommandText(const std::string& text, const std::st
     return CommandFileError(message);
   };
 
-  std::size_t begin = 0;
-  while (begin < text.size()) {
-    const std::size_t end = std::min(text.find('\n', begin), text.size());
-    std::string line = text.substr(begin, end - begin);
-    begin = end + 1;
+  std::array<char, kLongestLine + 2> buffer{};  // and the line's end, and the text's
+  while (lines.getline(buffer.data(), buffer.size()), lines.gcount() > 0) {
     ++line_number;
+    const auto count = static_cast<std::size_t>(lines.gcount());
+    std::string line(buffer.data(), count - (lines.eof() || lines.fail() ? 0 : 1));
+    if (line.size() > kLongestLine) {
+      throw error({inQuotes(line), "..: a line of more than ", std::to_string(kLongestLine),
+                   " characters; expected: ", kHeader});
+    }
     if (!line.empty() && line.back() == '\r') line.pop_back();
     if (isBlankOrComment(line)) continue;
     if (!has_header) {
@@ -72,7 +80,17 @@ std::vector<TimedCommand> readCommandText(const std::string& text, const std::st
     if (!parseNumber(value, &command.value)) {
       throw error({"value ", inQuotes(value), " in ", inQuotes(line), "; expected: a number"});
     }
+    if (commands.size() == kMostCommands) {
+      throw error({"more than ", std::to_string(kMostCommands),
+                   " commands; several runs, each from the state of the one before "
+                   "(--save-state, --from-state), take them in parts"});
+    }
     commands.push_back(std::move(command));
+  }
+  if (lines.bad() || (!lines.eof() && line_number == 0)) {
+    line_number = 1;
+    throw error({"cannot be read: ",
+                 errno != 0 ? std::generic_category().message(errno) : "unknown cause"});
   }
   if (!has_header) {
     ++line_number;
@@ -83,11 +101,17 @@ std::vector<TimedCommand> readCommandText(const std::string& text, const std::st
   return commands;
 }
 
+}  // namespace
+
+std::vector<TimedCommand> readCommandText(const std::string& text, const std::string& source_name) {
+  std::istringstream lines(text);
+  return readCommands(lines, source_name);
+}
+
 std::vector<TimedCommand> readCommandFile(const std::string& path) {
-  std::string text;
-  const std::string failure = readTextFile(path, &text);
-  if (!failure.empty()) throw CommandFileError(path + ":1: cannot be read: " + failure);
-  return readCommandText(text, path);
+  errno = 0;
+  std::ifstream file(path, std::ios::binary);
+  return readCommands(file, path);
 }
 
 }  // namespace variator_sim

@@ -354,6 +354,10 @@ std::string describeTab(const std::string& text, int line) {
 template <class Check>
 ParameterTree readYaml(const std::string& text, const std::string& source_name, Check check) {
   Converter converter(source_name);
+  if (text.size() > kLongestFile) {
+    throw converter.error(YAML::Mark::null_mark(),
+                          "longer than " + std::to_string(kLongestFile) + " bytes");
+  }
   try {
     bool is_empty = false;
     const YAML::Node root = loadOnlyDocument(text, converter, &is_empty);

@@ -2,13 +2,12 @@
 
 #include <dlfcn.h>
 #include <fcntl.h>
-#include <spawn.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <climits>
@@ -23,6 +22,8 @@
 #include <thread>
 #include <utility>
 #include <vector>
+
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 namespace {
@@ -43,9 +44,9 @@ const char* const kOptions[] = {"-std=c11",
                                 "-fno-plt"};
 // The text says what of it stands in which of `UNITS` units, which are compiled at once.
 constexpr unsigned kMostUnits = 4;
-// s. Whoever has not asked for machine code is not to wait for it.
+// s. Who has not asked for machine code does not wait for it; who has can interrupt it.
 constexpr int kPatience = 5;
-constexpr int kLongPatience = 60;
+constexpr int kLongPatience = 600;
 constexpr const char* kNotYet = "it is not in the cache yet";
 
 std::uint64_t mix(std::uint64_t hash, const std::string& text) {
@@ -147,106 +148,165 @@ std::string findFolder() {
   return "";
 }
 
-/// One run of the compiler.
-class CompilerRun {
+/// The files of one compilation, in a folder of its own within the cache. Its name is unique even
+/// where processes of several machines or containers, with equal process numbers, share a cache.
+class Workshop {
  public:
-  /// An empty reason when it has begun.
-  std::string start(std::vector<std::string> arguments) {
-    program_ = arguments.front();
-    std::vector<char*> pointers;
-    pointers.reserve(arguments.size() + 1);
-    for (std::string& argument : arguments) pointers.push_back(argument.data());
-    pointers.push_back(nullptr);
-
-    posix_spawn_file_actions_t actions;
-    ::posix_spawn_file_actions_init(&actions);
-    for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
-      ::posix_spawn_file_actions_addopen(&actions, stream, "/dev/null", O_RDWR, 0);
+  explicit Workshop(const std::string& path) : folder_(path + ".XXXXXX") {
+    if (::mkdtemp(folder_.data()) == nullptr) folder_.clear();
+    for (const char* name : {"/kernel.so", "/kernel.c", "/0.o", "/1.o", "/2.o", "/3.o"}) {
+      files_.push_back(folder_ + name);
     }
-    // What runs is the compiler's driver, and the work is done by its children: a group of their
-    // own, for all of them to end together.
-    posix_spawnattr_t attributes;
-    ::posix_spawnattr_init(&attributes);
-    ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
-    ::posix_spawnattr_setpgroup(&attributes, 0);
-    const int error =
-        ::posix_spawn(&child_, program_.c_str(), &actions, &attributes, pointers.data(), environ);
-    ::posix_spawnattr_destroy(&attributes);
-    ::posix_spawn_file_actions_destroy(&actions);
-    if (error == 0) return "";
-    child_ = 0;
-    return program_ + " cannot be run: " + std::strerror(error);
   }
+  ~Workshop() { remove(); }
+  Workshop(const Workshop&) = delete;
+  Workshop& operator=(const Workshop&) = delete;
 
-  /// An empty reason when it ended well.
-  std::string finish(std::chrono::steady_clock::time_point give_up, int patience) {
-    int status = 0;
-    while (child_ != 0) {
-      const pid_t ended = ::waitpid(child_, &status, WNOHANG);
-      if (ended == child_) {
-        child_ = 0;
-      } else if (ended < 0 && errno != EINTR) {
-        child_ = 0;
-        return program_ + " got lost: " + describeError();
-      } else if (std::chrono::steady_clock::now() > give_up) {
-        end();
-        return program_ + " took more than " + std::to_string(patience) + " s";
-      } else {
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
-      }
-    }
-    return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? "" : program_ + " failed";
+  bool exists() const { return !folder_.empty(); }
+  const std::string& output() const { return files_[0]; }
+  const std::string& source() const { return files_[1]; }
+  const std::string& object(unsigned unit) const { return files_[2 + unit]; }
+  /// (Calls nothing that a forked process must not call.)
+  void remove() const {
+    if (!exists()) return;
+    for (const std::string& file : files_) ::unlink(file.c_str());
+    ::rmdir(folder_.c_str());
   }
-
-  CompilerRun() = default;
-  CompilerRun(const CompilerRun&) = delete;
-  CompilerRun& operator=(const CompilerRun&) = delete;
-  ~CompilerRun() { end(); }
 
  private:
-  void end() {
-    if (child_ == 0) return;
-    int status = 0;
-    ::kill(-child_, SIGKILL);
-    ::waitpid(child_, &status, 0);
-    child_ = 0;
-  }
-
-  std::string program_;
-  pid_t child_ = 0;  ///< 0: none
+  std::string folder_;
+  std::vector<std::string> files_;
 };
 
-/// Runs the compiler, units at once; an empty reason when it made `output`.
-std::string compile(const std::string& program, const std::string& source, unsigned units,
-                    const std::string& output, int patience) {
+/// The command line of one run of the compiler.
+class CommandLine {
+ public:
+  explicit CommandLine(std::vector<std::string> words) : words_(std::move(words)) {
+    for (std::string& word : words_) pointers_.push_back(word.data());
+    pointers_.push_back(nullptr);
+  }
+  CommandLine(CommandLine&&) = default;  // a copy would point into this one
+  char* const* arguments() const { return pointers_.data(); }
+
+ private:
+  std::vector<std::string> words_;
+  std::vector<char*> pointers_;
+};
+
+/// A process between this one and its compilers, which ends them and all that they have started
+/// when it is told to (SIGTERM) or when this process ends, however that comes about. Its code runs
+/// behind a fork of a program with threads: it calls nothing that allocates or locks.
+class Foreman {
+ public:
+  /// `parent` has all signals blocked.
+  [[noreturn]] static void run(pid_t parent, const std::vector<CommandLine>& units,
+                               const CommandLine& link, const Workshop& workshop) {
+    ::setpgid(0, 0);  // Ctrl-C is meant for the parent
+    std::signal(SIGCHLD, SIG_DFL);
+    ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+    ::close_range(0, ~0U, 0);  // nobody is to wait for the end of an output of the parent's
+    for (int stream = 0; stream < 3; ++stream) {
+      if (::open("/dev/null", O_RDWR) != stream) ::_exit(1);
+    }
+    const bool is_made =
+        ::getppid() == parent && makeAll(units.data(), units.size()) && makeAll(&link, 1);
+    if (::getppid() != parent) workshop.remove();
+    ::_exit(is_made ? 0 : 1);
+  }
+
+ private:
+  static pid_t start(const CommandLine& command) {
+    const pid_t child = ::fork();
+    if (child != 0) return child;
+    // A compiler's driver has children of its own: one group, to end together.
+    ::setpgid(0, 0);
+    sigset_t none;
+    ::sigemptyset(&none);
+    ::sigprocmask(SIG_SETMASK, &none, nullptr);
+    ::execve(command.arguments()[0], command.arguments(), environ);
+    ::_exit(127);
+  }
+
+  /// Runs commands at once; false when one fails, and then none goes on.
+  static bool makeAll(const CommandLine* commands, std::size_t count) {
+    pid_t groups[kMostUnits] = {};
+    bool is_good = true;
+    std::size_t left = 0;
+    for (std::size_t n = 0; n < count && is_good; ++n) {
+      const pid_t child = start(commands[n]);
+      is_good = child > 0;
+      if (!is_good) break;
+      ::setpgid(child, child);
+      groups[left++] = child;
+    }
+    sigset_t awaited;
+    ::sigemptyset(&awaited);
+    ::sigaddset(&awaited, SIGCHLD);
+    ::sigaddset(&awaited, SIGTERM);
+    for (int order = SIGTERM; left > 0;) {
+      if (!is_good) endAll(groups, std::exchange(order, SIGKILL));
+      const timespec patience{is_good ? 3600 : 0, 100000000};
+      if (::sigtimedwait(&awaited, nullptr, &patience) == SIGTERM) is_good = false;
+      int status = 0;
+      for (pid_t ended = 0; (ended = ::waitpid(-1, &status, WNOHANG)) > 0; --left) {
+        is_good = is_good && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+        if (is_good) std::replace(std::begin(groups), std::end(groups), ended, pid_t{0});
+      }
+    }
+    if (!is_good) endAll(groups, SIGKILL);
+    return is_good;
+  }
+
+  /// A compiler that hears SIGTERM deletes its files in /tmp.
+  static void endAll(const pid_t (&groups)[kMostUnits], int order) {
+    for (const pid_t group : groups) {
+      if (group > 0) ::kill(-group, order);
+    }
+  }
+};
+
+/// Runs the compiler, units at once; an empty reason when it made `workshop.output()`.
+std::string compile(const std::string& program, unsigned units, const Workshop& workshop,
+                    int patience) {
+  std::vector<CommandLine> commands;
+  std::vector<std::string> link{program, "-shared", "-o", workshop.output()};
+  for (unsigned unit = 0; unit < units; ++unit) {
+    std::vector<std::string> words{program};
+    words.insert(words.end(), std::begin(kOptions), std::end(kOptions));
+    words.insert(words.end(), {"-DUNITS=" + std::to_string(units), "-DUNIT=" + std::to_string(unit),
+                               "-c", "-o", workshop.object(unit), workshop.source()});
+    commands.emplace_back(std::move(words));
+    link.push_back(workshop.object(unit));
+  }
+  link.emplace_back("-lm");
+  const CommandLine link_command(std::move(link));
+
+  const pid_t parent = ::getpid();
+  sigset_t all;
+  sigset_t before;
+  ::sigfillset(&all);
+  ::pthread_sigmask(SIG_SETMASK, &all, &before);  // handlers are this program's alone
+  const pid_t foreman = ::fork();
+  if (foreman == 0) Foreman::run(parent, commands, link_command, workshop);
+  ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  if (foreman < 0) return program + " cannot be run: " + describeError();
+
   const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(patience);
-  std::vector<std::string> objects;
   std::string reason;
-  {
-    std::vector<CompilerRun> runs(units);
-    for (unsigned unit = 0; unit < units && reason.empty(); ++unit) {
-      objects.push_back(output + "." + std::to_string(unit) + ".o");
-      std::vector<std::string> arguments{program};
-      arguments.insert(arguments.end(), std::begin(kOptions), std::end(kOptions));
-      arguments.insert(arguments.end(),
-                       {"-DUNITS=" + std::to_string(units), "-DUNIT=" + std::to_string(unit), "-c",
-                        "-o", objects.back(), source});
-      reason = runs[unit].start(std::move(arguments));
+  int status = 0;
+  for (pid_t ended = 0; (ended = ::waitpid(foreman, &status, WNOHANG)) != foreman;) {
+    if (ended < 0 && errno != EINTR) return program + " got lost: " + describeError();
+    if (reason.empty()) {
+      if (Interruption::isWanted()) reason = "it was interrupted";
+      if (std::chrono::steady_clock::now() > give_up) {
+        reason = program + " took more than " + std::to_string(patience) + " s";
+      }
+      if (!reason.empty()) ::kill(foreman, SIGTERM);
     }
-    for (CompilerRun& run : runs) {
-      if (reason.empty()) reason = run.finish(give_up, patience);
-    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  if (reason.empty()) {
-    std::vector<std::string> arguments{program, "-shared", "-o", output};
-    arguments.insert(arguments.end(), objects.begin(), objects.end());
-    arguments.emplace_back("-lm");
-    CompilerRun link;
-    reason = link.start(std::move(arguments));
-    if (reason.empty()) reason = link.finish(give_up, patience);
-  }
-  for (const std::string& object : objects) ::unlink(object.c_str());
-  return reason;
+  if (!reason.empty()) return reason;
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? "" : program + " failed";
 }
 
 bool writeAll(const std::string& path, const std::string& text, std::ios::openmode mode) {
@@ -259,30 +319,21 @@ bool writeAll(const std::string& path, const std::string& text, std::ios::openmo
 /// Compiles into `path`; an empty reason when that is there afterwards.
 std::string makeKernel(const std::string& compiler, const std::string& source,
                        const std::string& path, int patience) {
-  // Of this process and this call: the nodelets of a manager may compile at once.
-  static std::atomic<int> calls{0};
-  const std::string beside =
-      path + "." + std::to_string(::getpid()) + "." + std::to_string(++calls);
-  const std::string text = beside + ".c";
-  std::string reason;
-  if (!writeAll(text, source, std::ios::trunc)) {
-    reason = text + " cannot be written: " + describeError();
-  } else {
-    const bool has_units = source.find(KernelLibrary::kUnits) != std::string::npos;
-    const unsigned most = has_units ? kMostUnits : 1;
-    const unsigned units = std::clamp(std::thread::hardware_concurrency(), 1U, most);
-    reason = compile(compiler, text, units, beside, patience);
+  const Workshop workshop(path);
+  if (!workshop.exists()) return path + " cannot be written: " + describeError();
+  if (!writeAll(workshop.source(), source, std::ios::trunc)) {
+    return workshop.source() + " cannot be written: " + describeError();
   }
-  if (reason.empty()) {
-    // What follows an object's own end is nothing to the loader.
-    const bool is_whole = writeAll(beside, sumOf(readAll(beside)), std::ios::app);
-    if (!is_whole || ::rename(beside.c_str(), path.c_str()) != 0) {
-      reason = path + " cannot be written: " + describeError();
-    }
-  }
-  ::unlink(text.c_str());
-  ::unlink(beside.c_str());
-  return reason;
+  const bool has_units = source.find(KernelLibrary::kUnits) != std::string::npos;
+  const unsigned most = has_units ? kMostUnits : 1;
+  const unsigned units = std::clamp(std::thread::hardware_concurrency(), 1U, most);
+  const std::string reason = compile(compiler, units, workshop, patience);
+  if (!reason.empty()) return reason;
+  // What follows an object's own end is nothing to the loader.
+  const std::string& output = workshop.output();
+  const bool is_whole = writeAll(output, sumOf(readAll(output)), std::ios::app);
+  if (is_whole && ::rename(output.c_str(), path.c_str()) == 0) return "";
+  return path + " cannot be written: " + describeError();
 }
 
 /// True when `path` is a kernel that was written to its end, by us.
@@ -309,7 +360,7 @@ void* KernelLibrary::find(const char* name) const {
 }
 
 std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Missing missing,
-                                                   std::string* reason) {
+                                                   std::string* reason, const Check& is_right) {
   reason->clear();
   const std::string folder = findFolder();
   if (folder.empty()) {
@@ -320,29 +371,35 @@ std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Mi
   std::string key = source + "\n" + identify(compiler) + "\n" + identifyProcessor();
   for (const char* option : kOptions) key += option;
   const std::string path = folder + "/" + sumOf(key) + ".so";
-  bool was_compiled = false;
   if (missing != Missing::kLeave) *reason = makeFolder(folder);
   if (reason->empty()) *reason = checkFolder(folder);
   if (!reason->empty()) return nullptr;
-  if (!isWhole(path)) {
-    if (missing == Missing::kLeave) {
-      *reason = kNotYet;
-    } else if (compiler.empty()) {
-      *reason = "no compiler (cc) was found";
-    } else {
-      const bool is_patient = missing == Missing::kCompilePatiently;
-      *reason = makeKernel(compiler, source, path, is_patient ? kLongPatience : kPatience);
-      was_compiled = true;
+  for (bool was_compiled = false; !was_compiled;) {
+    if (!isWhole(path)) {
+      if (missing == Missing::kLeave) {
+        *reason = kNotYet;
+      } else if (compiler.empty()) {
+        *reason = "no compiler (cc) was found";
+      } else {
+        const bool is_patient = missing == Missing::kCompilePatiently;
+        *reason = makeKernel(compiler, source, path, is_patient ? kLongPatience : kPatience);
+        was_compiled = true;
+      }
+      if (!reason->empty()) return nullptr;
     }
-    if (!reason->empty()) return nullptr;
+    if (void* handle = ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL); handle == nullptr) {
+      *reason = "it cannot be loaded: " + std::string(::dlerror());
+    } else {
+      std::shared_ptr<KernelLibrary> library(new KernelLibrary(handle, was_compiled));
+      if (!is_right || is_right(library)) return library;
+      *reason = "it does not give the interpreter's numbers";
+    }
+    // Kept, it would be refused by every later run. One from the cache is made anew.
+    ::unlink(path.c_str());
+    if (missing == Missing::kLeave) return nullptr;
+    if (!was_compiled) reason->clear();
   }
-  void* handle = ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (handle == nullptr) {
-    *reason = "it cannot be loaded: " + std::string(::dlerror());
-    ::unlink(path.c_str());  // no use to anybody
-    return nullptr;
-  }
-  return std::shared_ptr<KernelLibrary>(new KernelLibrary(handle, was_compiled));
+  return nullptr;
 }
 
 }  // namespace variator_sim

@@ -2,13 +2,15 @@
 /// kept for the next time.
 ///
 /// A kernel lies in the cache as KEY.so, KEY being a hash of its C, of the compiler and its options
-/// and of the processor. It is written beside that name and renamed, so that two processes may make
-/// it at once; a sum at its end tells whether all of it is there. No shell is involved; nothing is
-/// loaded from a directory that others may write to.
+/// and of the processor. It is made in a folder of that compilation's own and renamed, so that
+/// processes may make it at once; a sum at its end tells whether all of it is there. Compilers end
+/// with the program that has started them. No shell is involved; nothing is loaded from a directory
+/// that others may write to.
 ///
 /// Where: $VARIATOR_SIM_CACHE, or $XDG_CACHE_HOME/variator_sim, or ~/.cache/variator_sim.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -32,12 +34,16 @@ class KernelLibrary {
   void* find(const char* name) const;
 
   /// Whether code that is not in the cache yet is compiled.
-  /// (kCompile: within 5 s, kCompilePatiently: within a minute, or not at all).
+  /// (kCompile: within 5 s, kCompilePatiently: within 10 minutes, or not at all).
   enum class Missing { kCompile, kCompilePatiently, kLeave };
+  /// Whether a library does what it is for.
+  using Check = std::function<bool(const std::shared_ptr<KernelLibrary>&)>;
   /// The library of `source`. Null where there is none, and `reason` then says why, as the end of
-  /// a sentence ("no compiler (cc) was found"). Never throws; takes a second or so to compile.
+  /// a sentence ("no compiler (cc) was found"). One that fails the check is taken out of the cache
+  /// and, if it has not just been compiled, made anew. Never throws; takes a second or so to
+  /// compile, unless an Interruption ends that.
   static std::shared_ptr<KernelLibrary> load(const std::string& source, Missing missing,
-                                             std::string* reason);
+                                             std::string* reason, const Check& is_right = nullptr);
   /// True when the last `load` of this object compiled it.
   bool wasCompiled() const { return was_compiled_; }
 

@@ -299,6 +299,8 @@ CommandSignal CommandSignal::fromTree(ParameterReader& reader,
   past.maximum = 0.0;
   signal.start_time_ = reader.number("since", past);
   signal.segment_end_ = reader.number("until", Range::atLeast(signal.start_time_));
+  const double way = signal.target_ - signal.start_value_;
+  double duration = kSettled * settings.time_constant;
   switch (settings.hold) {
     case Hold::kZeroOrder:
       break;
@@ -313,12 +315,28 @@ CommandSignal CommandSignal::fromTree(ParameterReader& reader,
       break;
     case Hold::kRateLimit:
       signal.form_ = Form::kRamp;
-      signal.slope_ = signal.target_ > signal.start_value_ ? settings.rate : -settings.rate;
+      signal.slope_ = way > 0.0 ? settings.rate : -settings.rate;
+      duration = way / signal.slope_;
       break;
     case Hold::kFirstOrderHold:
       signal.form_ = Form::kRamp;
-      signal.slope_ = (signal.target_ - signal.start_value_) / settings.period;
+      signal.slope_ = way / settings.period;
+      duration = settings.period;
       break;
+  }
+  // Saved times are a few roundings off. A value that arrives at another time than 'until' would
+  // stand still while its rate does not.
+  const double end = signal.start_time_ + duration;
+  const double rounding = 1e-9 * (duration + std::abs(signal.start_time_));
+  if (!(duration > 0.0) || !std::isfinite(way) ||
+      !(std::abs(signal.segment_end_ - end) <= rounding)) {
+    throw SceneError(reader.keyPath("until"),
+                     formatNumber(signal.segment_end_) +
+                         " s contradicts 'value', 'target' and 'since': by this input's hold (" +
+                         toString(settings.hold) + ") the way from " +
+                         formatNumber(signal.start_value_) + " to " + formatNumber(signal.target_) +
+                         " ends at " + formatNumber(end) +
+                         " s; allowed: that time, or 'value' alone for an input that stands still");
   }
   return signal;
 }

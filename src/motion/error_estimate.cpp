@@ -141,8 +141,9 @@ const Sample& ErrorEstimate::sample() {
   const double time = run_.time();  // where a jump led nowhere, the last good one
   if (companion_.time() < time) follow();
   const Sample& other = companion_.sample();
-  if (!companion_.status().ok()) {
-    if (doubt_.stopped < 0.0) doubt_.stopped = companion_.status().time;
+  const bool has_stopped = !companion_.status().ok();
+  if (has_stopped || companion_.time() < time) {  // or was interrupted
+    if (has_stopped && doubt_.stopped < 0.0) doubt_.stopped = companion_.status().time;
     doubt_.reason = companion_.status().reason;
     for (double* error :
          {sample_.angle_error, sample_.velocity_error, sample_.acceleration_error}) {

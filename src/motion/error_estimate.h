@@ -33,7 +33,9 @@ class ErrorEstimate {
   void reset();                                                                ///< [loop]
   /// The run has been set to this: errors are counted from there.
   void setState(const MotionState& state, bool project);
-  bool loadMachineCode(bool compile) { return companion_.loadMachineCode(compile); }
+  bool loadMachineCode(bool compile, bool patiently) {
+    return companion_.loadMachineCode(compile, patiently);
+  }
 
   /// The run's sample at the present, with its estimated errors. [loop]
   const Sample& sample();

@@ -6,6 +6,8 @@
 #include <sstream>
 #include <utility>
 
+#include "variator_sim/interruption.h"
+
 namespace variator_sim {
 
 Motion::Motion(Scene scene, const Shortcuts& shortcuts, const Motion* like)
@@ -60,32 +62,24 @@ const Statistics& Motion::statistics() {
   return statistics;
 }
 
-KernelLibrary::Missing Motion::missingCode(bool compile) const {
-  using Missing = KernelLibrary::Missing;
-  const bool is_asked_for = scene_.solver.machine_code == MachineCode::kAlways;
-  const Missing compiling = is_asked_for ? Missing::kCompilePatiently : Missing::kCompile;
-  return compile ? compiling : Missing::kLeave;
-}
-
-bool Motion::loadMachineCode(bool compile) {
+bool Motion::loadMachineCode(bool compile, bool patiently) {
   if (has_machine_code_) return true;
   if (scene_.solver.machine_code == MachineCode::kNever) {
     machine_code_ = "the interpreter: 'solver/machine_code' is 'never'";
     return false;
   }
-  const KernelLibrary::Missing missing = missingCode(compile);
-  using Clock = std::chrono::steady_clock;
-  const Clock::time_point begin = Clock::now();
+  const KernelLibrary::Missing missing = missingCode(compile, patiently);
+  const auto begin = std::chrono::steady_clock::now();
   bool compiled = false;
   const std::string reason = drivetrain_.loadMachineCode(system_.series(), missing, &compiled);
   has_machine_code_ = reason.empty();
   if (!has_machine_code_) {
     machine_code_ = "the interpreter: " + reason;
   } else if (compiled) {
-    const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
     std::ostringstream text;
     text.precision(2);
-    text << "machine code, compiled in " << seconds << " s";
+    text << "machine code, compiled in " << seconds.count() << " s";
     machine_code_ = text.str();
   } else {
     machine_code_ = "machine code, from the cache";
@@ -177,7 +171,8 @@ const MotionStatus& Motion::advance(double time) {
   // Commands that fail to come in time act on their own; they are events of the motion.
   for (double timeout = commands_.nextTimeout(); status().ok() && timeout <= time;
        timeout = commands_.nextTimeout()) {
-    moveTo(std::max(timeout, time_));  // a rounding may lie between them
+    moveTo(std::max(timeout, time_));      // a rounding may lie between them
+    if (time_ < timeout) return status();  // interrupted
     if (status().ok()) {
       integrator_.statistics().command_timeouts +=
           static_cast<std::uint64_t>(commands_.addTimeouts(time_, resolutionOf(time_)));
@@ -193,6 +188,10 @@ void Motion::moveTo(double time) {
   const auto relative = [&] { return integrator_.origin().relative(time); };
   bool goes_on = true;
   while (goes_on && integrator_.front().time < relative()) {
+    if (Interruption::isWanted()) {
+      time = quietUntil();
+      break;
+    }
     if (integrator_.isSleeping()) {
       if (relative() < integrator_.sleepEnd()) break;
       StepNode end = integrator_.front();

@@ -61,7 +61,7 @@ class Motion {
   std::string describeStepper() const { return integrator_.choice().describe(); }
   std::vector<std::string> skips() const;
   bool isSleeping() const { return integrator_.isSleeping(); }
-  bool loadMachineCode(bool compile);
+  bool loadMachineCode(bool compile, bool patiently);
   bool shareMachineCode(const Motion& other);
   std::shared_ptr<SeriesLanes> loadLanes(bool compile);
   void makeStepsWith(StepsTogether* together) {
@@ -97,7 +97,12 @@ class Motion {
 
  private:
   /// Whether code that is not in the cache is compiled: who asks for it waits for a busy compiler.
-  KernelLibrary::Missing missingCode(bool compile) const;
+  KernelLibrary::Missing missingCode(bool compile, bool patiently = false) const {
+    using Missing = KernelLibrary::Missing;
+    const bool waits = patiently || scene_.solver.machine_code == MachineCode::kAlways;
+    if (!compile) return Missing::kLeave;
+    return waits ? Missing::kCompilePatiently : Missing::kCompile;
+  }
   /// The present as nodes count it.
   double present() const { return integrator_.origin().relative(time_); }
   /// The present as `state` tells it, but for a history.

@@ -191,9 +191,9 @@ double Simulation::quietUntil() const {
   return motion_->quietUntil();
 }
 
-bool Simulation::loadMachineCode(bool compile) {
-  if (error_estimate_) error_estimate_->loadMachineCode(compile);
-  return motion_->loadMachineCode(compile);
+bool Simulation::loadMachineCode(bool compile, bool patiently) {
+  if (error_estimate_) error_estimate_->loadMachineCode(compile, patiently);
+  return motion_->loadMachineCode(compile, patiently);
 }
 bool Simulation::shareMachineCode(const Simulation& other) {
   return motion_->shareMachineCode(*other.motion_);

@@ -38,6 +38,7 @@ Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
   const auto blameCount = [&blame](std::uint64_t count, const char* what) {
     if (count > 0) blame(std::to_string(count) + what);
   };
+  if (snapshot.is_preparing) blame("preparing: the formulas are being compiled");
   if (snapshot.waiting_for_clock) blame("waiting for /clock");
   if (now.lost_time > before.lost_time) blame("fell behind its clock for good");
   const std::uint64_t overruns = added(now.overruns, before.overruns);

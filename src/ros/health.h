@@ -33,8 +33,8 @@ constexpr double kSlow = 0.9;
 
 /// ERROR: the motion has stopped. WARN: since `before` commands were refused, dropped or overdue,
 /// samples were dropped, deadlines were moved, or more than kManyOverruns of the ticks were
-/// overruns; or the real-time factor is below kSlow of the one wanted; or /clock is waited for. OK:
-/// everything else, a pause and a sleep included.
+/// overruns; or the real-time factor is below kSlow of the one wanted; or /clock, or the compiler,
+/// is waited for. OK: everything else, a pause and a sleep included.
 Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
                    const HealthCounts& before);
 

@@ -55,6 +55,7 @@ struct LoopSnapshot {
   RunState state = RunState::kRunning;
   bool state_changed = false;  ///< to be published at once
   StopReason reason = StopReason::kNone;
+  bool is_preparing = false;       ///< machine code is being compiled, and time stands
   bool waiting_for_clock = false;  ///< a followed clock has shown no time yet
   std::int64_t time = 0;           ///< simulated ns, as in TimedSample
   double real_time_factor = 0.0;   ///< measured
@@ -80,6 +81,7 @@ enum class RequestResult {
   kNotPaused,      ///< kStep only
   kStopped,        ///< the motion has stopped: the answer's message says why
   kRefused,        ///< kSetState only: the answer's message says why
+  kInterrupted,    ///< kStep only: a pause has ended it on its way
   kTimeExhausted,  ///< simulated time would leave 64-bit nanoseconds
   kShutDown        ///< the loop has ended
 };
@@ -94,8 +96,10 @@ struct LoopRequest {
 
 struct LoopAnswer {
   RequestResult result = RequestResult::kDone;
-  TimedSample sample;   ///< of kStep, also when the motion stopped on the way, and of states
+  TimedSample sample;   ///< of kStep, also when it ended on the way, and of states
   std::string message;  ///< of kStopped and kRefused
+  /// Why it is not kDone, for the caller of a service.
+  std::string describeFault() const;
 };
 
 }  // namespace variator_sim

@@ -1,7 +1,11 @@
 #include "ros/server_from_parameters.h"
 
+#include <chrono>
+#include <functional>
+#include <future>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -9,6 +13,7 @@
 #include "ros/plugin_loader.h"
 #include "ros/simulation_server.h"
 #include "ros/xmlrpc_tree.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/scene.h"
@@ -26,14 +31,40 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
   return toParameterTree(value);
 }
 
-/// Machine code is made before the first tick or not at all.
-void prepareMachineCode(Simulation& simulation) {
-  const MachineCode wanted = simulation.scene().solver.machine_code;
-  const bool is_loaded = simulation.loadMachineCode(wanted != MachineCode::kNever);
-  if (!is_loaded && wanted == MachineCode::kAlways) {
-    ROS_WARN("formulas are run by %s", simulation.machineCode().c_str());
+/// Where a scene takes long to read, ~status says so until there is a server that does.
+class EarlyStatus {
+ public:
+  explicit EarlyStatus(const ros::NodeHandle& private_handle)
+      : handle_(private_handle), thread_([this] { run(); }) {}
+  ~EarlyStatus() { stop(); }
+  EarlyStatus(const EarlyStatus&) = delete;
+  EarlyStatus& operator=(const EarlyStatus&) = delete;
+
+  /// Subscribers stay connected until this object ends.
+  void stop() {
+    if (!thread_.joinable()) return;
+    is_over_.set_value();
+    thread_.join();
   }
-}
+
+ private:
+  void run() {
+    const std::future<void> over = is_over_.get_future();
+    if (over.wait_for(std::chrono::milliseconds(500)) == std::future_status::ready) return;
+    publisher_ = handle_.advertise<SimulationStatus>("status", 10);
+    SimulationStatus message;
+    message.message = "preparing: the scene is being read";
+    do {
+      message.header.stamp = ros::Time::now();
+      publisher_.publish(message);
+    } while (over.wait_for(std::chrono::milliseconds(100)) != std::future_status::ready);
+  }
+
+  ros::NodeHandle handle_;
+  ros::Publisher publisher_;
+  std::promise<void> is_over_;
+  std::thread thread_;
+};
 
 std::string join(const std::vector<std::string>& names) {
   std::string text;
@@ -63,19 +94,37 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
                                                            Sharing sharing) {
   const std::string& name_space = private_handle.getNamespace();
   try {
+    EarlyStatus early_status(private_handle);
     ParameterTree tree = readParameters(private_handle);
     applyOwnOverrides(tree);
     const NodeSettings settings = readNodeSettings(tree);
     PluginlibComponentFactory factory;
     Simulation simulation(readScene(tree, factory, nodeNames()));
     simulation.estimateErrors(settings.estimate_error);
-    prepareMachineCode(simulation);
-    const SceneInfo scene = toSceneInfo(simulation);
+    const auto tell_ready = [scene = toSceneInfo(simulation), settings, private_handle](
+                                bool is_missed, const std::string& machine_code) {
+      if (is_missed) ROS_WARN("formulas are run by %s", machine_code.c_str());
+      ROS_INFO("%s: %s", private_handle.getNamespace().c_str(),
+               describeReady(scene, machine_code, settings, private_handle).c_str());
+    };
+    const MachineCode wanted = simulation.scene().solver.machine_code;
+    const bool is_ready = simulation.loadMachineCode(false) || wanted == MachineCode::kNever;
     const std::string machine_code = simulation.machineCode();
-    auto server = std::make_shared<SimulationServer>(public_handle, private_handle,
-                                                     std::move(simulation), settings, sharing);
-    ROS_INFO("%s: %s", name_space.c_str(),
-             describeReady(scene, machine_code, settings, private_handle).c_str());
+    // Machine code is made before the first tick or not at all: by another simulation of the scene,
+    // as the node answers meanwhile.
+    std::function<void()> preparation;
+    if (!is_ready) {
+      const auto twin = std::make_shared<Simulation>(simulation.scene(), simulation);
+      twin->estimateErrors(settings.estimate_error);
+      preparation = [twin, tell_ready, is_asked_for = wanted == MachineCode::kAlways] {
+        const bool is_loaded = twin->loadMachineCode(true);
+        if (!Interruption::isWanted()) tell_ready(is_asked_for && !is_loaded, twin->machineCode());
+      };
+    }
+    early_status.stop();
+    auto server = std::make_shared<SimulationServer>(
+        public_handle, private_handle, std::move(simulation), settings, sharing, preparation);
+    if (is_ready) tell_ready(false, machine_code);
     return server;
   } catch (const SceneError& error) {
     const char* separator = error.keyPath().empty() ? ": " : "/";

@@ -9,12 +9,14 @@
 
 #include "ros/nanoseconds.h"
 #include "ros/real_time.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {
 
-constexpr double kLongestStep = 1e6;                     // s
+constexpr const char* kPreparing =
+    "preparing: the formulas are being compiled; the motion begins afterwards";
 constexpr std::int64_t kStatusPeriod = 100000000;        // ns: 10 Hz
 constexpr std::int64_t kDiagnosticsPeriod = 1000000000;  // ns: 1 Hz
 constexpr std::uint32_t kCommandQueue = 1000;            // messages
@@ -72,7 +74,8 @@ ros::NodeHandle withQueue(ros::NodeHandle handle, ros::CallbackQueue& queue) {
 
 SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
                                    const ros::NodeHandle& private_handle, Simulation simulation,
-                                   const NodeSettings& settings, Sharing sharing)
+                                   const NodeSettings& settings, Sharing sharing,
+                                   const std::function<void()>& preparation)
     : public_handle_(withQueue(public_handle, callback_queue_)),
       private_handle_(withQueue(private_handle, callback_queue_)),
       inputs_(simulation.scene().inputs),
@@ -101,7 +104,7 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
         "%s: real_time_factor %g is left aside: /use_sim_time is true, so /clock sets the pace",
         private_handle_.getNamespace().c_str(), settings.real_time_factor);
   }
-  startThreads(settings);
+  startThreads(settings, preparation);
 }
 
 SimulationServer::~SimulationServer() {
@@ -109,7 +112,10 @@ SimulationServer::~SimulationServer() {
   sample_task_.reset();
   loop_.stop();
   callback_queue_.disable();
+  pause_queue_.disable();
+  if (preparation_thread_.joinable()) preparation_thread_.join();
   callback_thread_.join();
+  pause_thread_.join();
   stepping_thread_.join();
   status_thread_.join();
 }
@@ -198,37 +204,14 @@ void SimulationServer::setUpClock() {
 
 void SimulationServer::receiveClock(std::int64_t time) {
   const std::int64_t before = followed_clock_.now();
-  if (followed_clock_.set(time)) {
-    ROS_WARN("%s: /clock has jumped back from %.3f s to %.3f s: the motion starts anew",
-             private_handle_.getNamespace().c_str(), toSeconds(before), toSeconds(time));
-  }
+  if (!followed_clock_.set(time) || !jump_back_log_.passes(steady_clock_.now())) return;
+  ROS_WARN("%s: /clock has jumped back from %.3f s to %.3f s (jump %llu): the motion starts anew",
+           private_handle_.getNamespace().c_str(), toSeconds(before), toSeconds(time),
+           static_cast<unsigned long long>(followed_clock_.jumpsBack()));
 }
 
-void SimulationServer::advertiseServices() {
-  const auto trigger = [this](const char* name, RequestKind kind) {
-    using Callback =
-        boost::function<bool(std_srvs::Trigger::Request&, std_srvs::Trigger::Response&)>;
-    const Callback answer = [this, kind](std_srvs::Trigger::Request&,
-                                         std_srvs::Trigger::Response& response) {
-      answerTrigger(kind, response);
-      return true;
-    };
-    services_.push_back(private_handle_.advertiseService(name, answer));
-  };
-  trigger("pause", RequestKind::kPause);
-  trigger("resume", RequestKind::kResume);
-  trigger("reset", RequestKind::kReset);
-  trigger("reset_time", RequestKind::kResetTime);
-  const boost::function<bool(Step::Request&, Step::Response&)> step =
-      [this](Step::Request& request, Step::Response& response) {
-        answerStep(request, response);
-        return true;
-      };
-  services_.push_back(private_handle_.advertiseService("step", step));
-  state_services_.advertise(private_handle_);
-}
-
-void SimulationServer::startThreads(const NodeSettings& settings) {
+void SimulationServer::startThreads(const NodeSettings& settings,
+                                    const std::function<void()>& preparation) {
   const auto warn = [this](const std::string& refusal) {
     if (!refusal.empty()) {
       ROS_WARN("%s: %s", private_handle_.getNamespace().c_str(), refusal.c_str());
@@ -236,19 +219,31 @@ void SimulationServer::startThreads(const NodeSettings& settings) {
   };
   status_thread_ = std::thread([this] { runStatus(); });
   sample_task_.emplace(loop_.sampleNews(), [this] { publishSamples(); });
+  if (preparation) loop_.beginPreparation();
   stepping_thread_ = std::thread([this] { loop_.run(); });
   if (settings.realtime_priority > 0) {
     warn(setRealTimePriority(stepping_thread_, settings.realtime_priority));
   }
   if (settings.lock_memory) warn(lockMemory());
-  callback_thread_ = std::thread([this] { runCallbacks(); });
+  callback_thread_ = std::thread([this] { runCallbacks(callback_queue_); });
+  pause_thread_ = std::thread([this] { runCallbacks(pause_queue_); });
+  if (!preparation) return;
+  preparation_thread_ = std::thread([this, preparation] {
+    const Interruption interruption([this] { return stopping_.load() || ros::isShuttingDown(); });
+    try {
+      preparation();
+    } catch (const std::exception& error) {
+      if (!Interruption::isWanted()) ROS_WARN("formulas are not compiled: %s", error.what());
+    }
+    loop_.endPreparation();
+  });
 }
 
-void SimulationServer::runCallbacks() {
+void SimulationServer::runCallbacks(ros::CallbackQueue& queue) const {
   // A callback wakes the queue, and so does its end. ros::AsyncSpinner would look ten times a
   // second.
   while (!stopping_.load(std::memory_order_relaxed)) {
-    callback_queue_.callAvailable(ros::WallDuration(1.0));
+    queue.callAvailable(ros::WallDuration(1.0));
   }
 }
 
@@ -264,68 +259,6 @@ void SimulationServer::refreshDemand() {
   loop_.setSamplesWanted(
       energy_wanted || !groups_wanted.isEmpty() || state_publisher_.getNumSubscribers() > 0 ||
       joint_publisher_.getNumSubscribers() > 0 || clock_publisher_.getNumSubscribers() > 0);
-}
-
-void SimulationServer::answerTrigger(RequestKind kind, std_srvs::Trigger::Response& response) {
-  LoopRequest request;
-  request.kind = kind;
-  const LoopAnswer answer = loop_.submit(request);
-  response.success = answer.result == RequestResult::kDone;
-  if (answer.result == RequestResult::kStopped) {
-    response.message = "the motion has stopped; call ~reset first. " + answer.message;
-  } else if (answer.result == RequestResult::kShutDown) {
-    response.message = "the node is shutting down";
-  }
-}
-
-std::string SimulationServer::readStepRequest(const Step::Request& message,
-                                              LoopRequest& request) const {
-  request.kind = RequestKind::kStep;
-  const auto number = [](double value) { return ParameterTree::real(value).toText(); };
-  if (!std::isfinite(message.duration) || message.duration <= 0.0 ||
-      message.duration > kLongestStep) {
-    return "duration is " + number(message.duration) + " s; it must be above 0 and at most 1e6 s";
-  }
-  request.duration = std::llround(message.duration * 1e9);
-  if (request.duration == 0) {
-    return "duration is " + number(message.duration) +
-           " s; simulated time is kept in whole nanoseconds";
-  }
-  CommandGroup group;
-  std::string fault = readCommands(topics_, message.command_topics, message.command_values, group);
-  request.command_count = group.count;
-  request.commands = group.commands;
-  return fault;
-}
-
-void SimulationServer::answerStep(const Step::Request& message, Step::Response& response) {
-  LoopRequest request;
-  response.success = false;
-  response.message = readStepRequest(message, request);
-  if (!response.message.empty()) return;
-  const LoopAnswer answer = loop_.submit(request);
-  switch (answer.result) {
-    case RequestResult::kDone:
-      response.success = true;
-      break;
-    case RequestResult::kNotPaused:
-      response.message = "the simulation is running: pause first (~pause), then ~step";
-      return;
-    case RequestResult::kStopped:
-      response.message = "the motion has stopped; ~reset brings it back. " + answer.message;
-      break;
-    case RequestResult::kRefused:
-    case RequestResult::kTimeExhausted:
-      response.message = "simulated time has come to the end of its range; call ~reset_time";
-      return;
-    case RequestResult::kShutDown:
-      response.message = "the node is shutting down";
-      return;
-  }
-  // The stamp is simulated time, so that the whole answer is the same on every run.
-  step_message_.header.stamp = toStamp(answer.sample.time);
-  fillState(answer.sample.sample, toSeconds(answer.sample.time), step_message_);
-  response.state = step_message_;
 }
 
 void SimulationServer::runStatus() {
@@ -439,7 +372,8 @@ void SimulationServer::publishStatus() {
   message.header.stamp = role_ == ClockRole::kOwner ? toStamp(snapshot_.time) : ros::Time::now();
   message.state = toMessage(snapshot_.state);
   message.stop_reason = toString(snapshot_.reason);
-  message.message = snapshot_.state == RunState::kStopped ? stop_message_.text.data() : "";
+  message.message = snapshot_.is_preparing ? kPreparing : "";
+  if (snapshot_.state == RunState::kStopped) message.message = stop_message_.text.data();
   message.time = toSeconds(snapshot_.time);
   message.real_time_factor = snapshot_.real_time_factor;
   message.ticks = snapshot_.pacing.ticks;

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <atomic>
+#include <functional>
 #include <optional>
 #include <string>
 #include <thread>
@@ -50,7 +51,8 @@ class LogThrottle {
   std::int64_t next_ = 0;
 };
 
-/// Four threads, each with its own part of the data:
+/// Four threads, each with its own part of the data, and a fifth that answers ~pause while a long
+/// ~step has that of callbacks:
 ///
 ///     callbacks --- commands (queue), one request at a time ---> stepping
 ///     stepping  --- samples -----------------------------------> poll thread of roscpp
@@ -66,10 +68,12 @@ class SimulationServer {
 
  public:
   /// Advertises, subscribes and starts the threads. `public_handle` is for joint_states,
-  /// `private_handle` for everything else. Throws SceneError when the topic of a command cannot be
-  /// subscribed to.
+  /// `private_handle` for everything else. The motion begins when `preparation`, which compiles
+  /// machine code in a thread of its own, is over; null for none. Throws SceneError when the topic
+  /// of a command cannot be subscribed to.
   SimulationServer(const ros::NodeHandle& public_handle, const ros::NodeHandle& private_handle,
-                   Simulation simulation, const NodeSettings& settings, Sharing sharing);
+                   Simulation simulation, const NodeSettings& settings, Sharing sharing,
+                   const std::function<void()>& preparation);
   /// Ends the threads; a request under way is answered with a refusal.
   ~SimulationServer();
   SimulationServer(const SimulationServer&) = delete;
@@ -80,10 +84,10 @@ class SimulationServer {
   void subscribeToCommands();
   void setUpClock();
   void advertiseServices();
-  void startThreads(const NodeSettings& settings);
+  void startThreads(const NodeSettings& settings, const std::function<void()>& preparation);
 
   // Callback thread.
-  void runCallbacks();
+  void runCallbacks(ros::CallbackQueue& queue) const;
   void refreshDemand();
   void receiveClock(std::int64_t time);
   void receiveCommands(const Commands& message);
@@ -109,6 +113,7 @@ class SimulationServer {
   void publish(const ros::Publisher& publisher, const Message& message) const;
 
   ros::CallbackQueue callback_queue_;
+  ros::CallbackQueue pause_queue_;
   ros::NodeHandle public_handle_;
   ros::NodeHandle private_handle_;
 
@@ -140,6 +145,7 @@ class SimulationServer {
   // Callback thread.
   DrivetrainState step_message_;
   LogThrottle refused_group_log_;
+  LogThrottle jump_back_log_;
 
   SteadyClock steady_clock_;
   FollowedClock followed_clock_;
@@ -165,7 +171,9 @@ class SimulationServer {
   LiveSettings live_settings_;
   std::vector<ros::ServiceServer> services_;
 
+  std::thread preparation_thread_;
   std::thread callback_thread_;
+  std::thread pause_thread_;
   std::thread stepping_thread_;
   std::thread status_thread_;
   std::optional<PollThreadTask> sample_task_;

@@ -88,14 +88,8 @@ void StateServices::answer(const SetState::Request& message, SetState::Response&
 template <class Response>
 void StateServices::fill(const LoopAnswer& answer, Response& response) {
   response.success = answer.result == RequestResult::kDone;
-  response.message = answer.message;
-  if (answer.result == RequestResult::kShutDown) {
-    response.message = "the node is shutting down";
-    return;
-  }
-  if (answer.result == RequestResult::kStopped) {
-    response.message = "the motion has stopped; call ~reset first. " + answer.message;
-  }
+  response.message = answer.describeFault();
+  if (answer.result == RequestResult::kShutDown) return;
   state_message_.header.stamp = toStamp(answer.sample.time);
   fillState(answer.sample.sample, toSeconds(answer.sample.time), state_message_);
   response.state = state_message_;

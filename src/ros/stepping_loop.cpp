@@ -7,12 +7,11 @@
 #include <utility>
 
 #include "ros/nanoseconds.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 namespace {
 
-/// ~step advances in cuts of this length, ns, to see an order to stop; cuts change no bit.
-constexpr std::int64_t kStepCut = 100000000;
 /// ns between two ticks; 0: unpaced.
 double periodOf(double tick_rate, double real_time_factor) {
   return real_time_factor == 0.0 ? 0.0 : kNanosecondsPerSecond / (tick_rate * real_time_factor);
@@ -58,6 +57,11 @@ void SteppingLoop::wakeIfIdle() {
   if (idle_.fetch_add(0, std::memory_order_acq_rel) != 0) clock_.wake();
 }
 
+void SteppingLoop::endPreparation() {
+  prepared_.store(true, std::memory_order_release);
+  clock_.wake();
+}
+
 void SteppingLoop::setSamplesWanted(bool wanted) {
   if (samples_wanted_.exchange(wanted, std::memory_order_relaxed) != wanted) wakeIfIdle();
 }
@@ -74,40 +78,6 @@ void SteppingLoop::setPublishRate(double rate) {
   clock_.wake();
 }
 
-LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
-  LoopAnswer shut_down;
-  shut_down.result = RequestResult::kShutDown;
-  if (isStopping()) return shut_down;
-  if (LoopAnswer answer; serveWhileIdle(request, answer)) return answer;
-  request_ = request;
-  request_posted_.store(true, std::memory_order_release);
-  clock_.wake();
-  // run() answers a last request before it returns, but one that comes later would wait forever.
-  for (;;) {
-    timespec now{};
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    constexpr std::int64_t kPatience = 50000000;
-    const std::int64_t deadline =
-        static_cast<std::int64_t>(now.tv_sec) * 1000000000 + now.tv_nsec + kPatience;
-    answered_.waitUntil(deadline);
-    if (!request_posted_.load(std::memory_order_acquire)) return answer_;
-    if (isStopping()) return shut_down;
-  }
-}
-
-bool SteppingLoop::serveWhileIdle(const LoopRequest& request, LoopAnswer& answer) {
-  int waiting = kWaiting;
-  if (!idle_.compare_exchange_strong(waiting, kLent, std::memory_order_acq_rel)) return false;
-  noticeChanges();
-  request_ = request;
-  serveRequest();
-  answer = answer_;
-  const bool idle = isIdle();
-  idle_.store(kWaiting, std::memory_order_release);
-  if (!idle) clock_.wake();
-  return true;
-}
-
 void SteppingLoop::stop() {
   stopping_.store(true);
   clock_.wake();
@@ -115,6 +85,7 @@ void SteppingLoop::stop() {
 }
 
 void SteppingLoop::run() {
+  const Interruption interruption([this] { return hasToYield(); });
   clock_.prepareThread();
   clock_started_ = clock_.hasStarted();
   jumps_back_ = clock_.jumpsBack();
@@ -149,10 +120,18 @@ void SteppingLoop::run() {
 bool SteppingLoop::isCalled() const {
   return request_posted_.load(std::memory_order_acquire) ||
          settings_changed_.load(std::memory_order_relaxed) || isStopping() ||
+         (is_preparing_ && prepared_.load(std::memory_order_acquire)) ||
          (followed_ && clock_.jumpsBack() != jumps_back_);
 }
 
 void SteppingLoop::noticeChanges() {
+  if (is_preparing_ && prepared_.load(std::memory_order_acquire)) {
+    is_preparing_ = false;
+    const Interruption none([] { return false; });  // it is found in the cache, or not
+    simulation_.loadMachineCode(/*compile=*/false);
+    anchor();
+    pushSnapshot(true);
+  }
   if (followed_) noticeClock();
   if (settings_changed_.load(std::memory_order_relaxed)) applySettings();
 }
@@ -218,7 +197,13 @@ bool SteppingLoop::moveToTick() {
 }
 
 void SteppingLoop::catchUp() {
-  simulation_.advanceTo(toSeconds(present_));
+  const double aim = toSeconds(present_);
+  asked_since_ = 0;
+  simulation_.advanceTo(aim);
+  if (simulation_.time() < aim && simulation_.status().ok()) {  // interrupted
+    constexpr double kRounding = 1e-3;                          // ns
+    present_ = static_cast<std::int64_t>(simulation_.time() * kNanosecondsPerSecond + kRounding);
+  }
   // Well before the end: what happens there happens at a tick that asks for it.
   constexpr std::int64_t kMargin = 10;
   const double end = simulation_.quietUntil() * kNanosecondsPerSecond;
@@ -287,78 +272,6 @@ void SteppingLoop::applyCommand(const InputCommand& command) {
   quiet_until_ = 0;  // it takes effect at the next advance
   if (simulation_.command(command.input, command.value) == CommandResult::kRefused) {
     refused_commands_.push(command);  // full: counted all the same, only not told
-  }
-}
-
-void SteppingLoop::serveRequest() {
-  answer_.result = RequestResult::kDone;
-  answer_.message.clear();
-  catchUp();
-  const RunState before = state();
-  switch (request_.kind) {
-    case RequestKind::kPause:
-      if (!paused_ && !isIdle()) pushSample();
-      paused_ = true;
-      break;
-    case RequestKind::kResume:
-      if (paused_) {
-        paused_ = false;
-        applyCommands();
-        anchor();
-      }
-      break;
-    case RequestKind::kReset:
-    case RequestKind::kResetTime:
-      resetMotion(request_.kind == RequestKind::kResetTime);
-      break;
-    case RequestKind::kStep:
-      serveStep();
-      break;
-    case RequestKind::kGetState:
-    case RequestKind::kSetState:
-      serveState();
-      break;
-  }
-  const bool stop_told = noticeStop();
-  const bool reset =
-      request_.kind == RequestKind::kReset || request_.kind == RequestKind::kResetTime;
-  if (state() == RunState::kStopped && !reset && request_.kind != RequestKind::kPause) {
-    answer_.result = RequestResult::kStopped;
-    answer_.message = simulation_.describeStatus();
-  }
-  pushSnapshot(!stop_told && (state() != before || reset));
-}
-
-void SteppingLoop::serveStep() {
-  if (!simulation_.status().ok()) {
-    answer_.sample = takeSample();
-    return;  // the caller tells why
-  }
-  if (!paused_) {
-    answer_.result = RequestResult::kNotPaused;
-    return;
-  }
-  if (request_.duration > kLastInstant - present_ - offset_) {
-    answer_.result = RequestResult::kTimeExhausted;
-    return;
-  }
-  applyCommands();
-  for (int i = 0; i < request_.command_count; ++i) {
-    applyCommand(request_.commands[static_cast<std::size_t>(i)]);
-  }
-  const std::int64_t end = present_ + request_.duration;
-  while (present_ < end && simulation_.status().ok()) {
-    if (isStopping()) {
-      answer_.result = RequestResult::kShutDown;
-      break;
-    }
-    present_ = std::min(end, present_ + kStepCut);
-    catchUp();
-  }
-  answer_.sample = takeSample();
-  // A stop is told, with its sample, by noticeStop.
-  if (simulation_.status().ok() && samples_wanted_.load(std::memory_order_relaxed)) {
-    handOver(answer_.sample);
   }
 }
 
@@ -475,6 +388,7 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
     snapshot.real_time_factor = measured_factor_;
   snapshot.wanted_factor = followed_ ? 0.0 : real_time_factor_;
   snapshot.waiting_for_clock = !clock_started_;
+  snapshot.is_preparing = is_preparing_;
   snapshot.residual = residual_;
   snapshot.pacing = pacer_.counters();
   snapshot.lateness_p50 = lateness_p50_;

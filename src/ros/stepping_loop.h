@@ -5,6 +5,7 @@
 #include <atomic>
 #include <boost/lockfree/spsc_queue.hpp>
 #include <cstdint>
+#include <mutex>
 #include <vector>
 
 #include "ros/event_descriptor.h"
@@ -54,15 +55,19 @@ class SteppingLoop {
   void run();
   /// @}
 
+  /// @name Before `run`
+  /// @{
+  /// Holds the motion at its present until `endPreparation`, for machine code that is being
+  /// compiled meanwhile; requests are served.
+  void beginPreparation() { is_preparing_ = true; }
+  /// @}
+
   /// @name For one thread that commands
   /// @{
   /// Wait-free. A full queue drops the command and counts that.
   void command(const InputCommand& command) { commandTogether(&command, 1); }
   /// The same for some that take effect at one instant.
   void commandTogether(const InputCommand* commands, int count);
-  /// Hands the request over and waits until the stepping thread has served it; serves it itself
-  /// when that thread has nothing to do.
-  LoopAnswer submit(const LoopRequest& request);
   /// @}
 
   /// @name For one thread that publishes samples
@@ -91,6 +96,12 @@ class SteppingLoop {
 
   /// @name For any thread
   /// @{
+  /// Hands the request over and waits until the stepping thread has served it; serves it itself
+  /// when that thread has nothing to do. One at a time: others wait for their turn, but a step that
+  /// goes on for more than kPatience of wall time ends for a pause, and a tick for any request.
+  LoopAnswer submit(const LoopRequest& request);
+  /// Machine code is in the cache, or there is none: the motion begins.
+  void endPreparation();
   std::uint64_t droppedCommands() const {
     return dropped_commands_.load(std::memory_order_relaxed);
   }
@@ -114,16 +125,20 @@ class SteppingLoop {
 
  private:
   static constexpr std::int64_t kSliceLength = 100000000;  ///< of the windows, ns
+  static constexpr std::int64_t kPatience = 200000000;     ///< of requests, ns
 
   enum Idleness : int { kAwake, kResting, kWaiting, kLent };
 
   bool isStopping() const { return stopping_.load(std::memory_order_relaxed); }
   bool isIdle() const {
-    return paused_ || !clock_started_ || (!isQuiet() && !simulation_.status().ok());
+    return paused_ || !clock_started_ || is_preparing_ ||
+           (!isQuiet() && !simulation_.status().ok());
   }
   /// True while ticks have no need of the simulation, see Simulation::quietUntil.
   bool isQuiet() const { return present_ < quiet_until_; }
   bool isCalled() const;
+  /// Whether an advance of the motion ends early, where it has come to: by whoever steps.
+  bool hasToYield();
   void wakeIfIdle();
   /// What others have asked for without waiting: another time, other settings.
   void noticeChanges();
@@ -133,7 +148,8 @@ class SteppingLoop {
   void tick();
   /// False when simulated time ends before: the motion is stopped there.
   bool moveToTick();
-  /// Brings the simulation to the present, which ticks may have moved alone.
+  /// Brings the simulation to the present, which ticks may have moved alone. Interrupted, the
+  /// present goes back to where the motion has come to.
   void catchUp();
   /// At rest: waits until a tick is needed and passes over those before it.
   void passOverRest();
@@ -174,6 +190,9 @@ class SteppingLoop {
   SampleRing<StopMessage, 2> stop_messages_;
   LoopRequest request_;  ///< the submitter's until posted, the stepping thread's until answered
   LoopAnswer answer_;
+  std::mutex submitting_;
+  std::atomic<bool> pause_wanted_{false};
+  std::atomic<bool> prepared_{false};
   std::atomic<bool> request_posted_{false};
   std::atomic<bool> stopping_{false};
   /// Not kAwake: a command has to wake the stepping thread. Whoever moves it from kWaiting to kLent
@@ -199,6 +218,9 @@ class SteppingLoop {
   double real_time_factor_;
   SampleSchedule samples_due_;
   bool paused_;
+  bool is_preparing_ = false;
+  bool is_serving_ = false;
+  std::int64_t asked_since_ = 0;  ///< during this advance, ns on CLOCK_MONOTONIC; 0: not yet
   bool clock_started_ = false;
   std::uint64_t jumps_back_ = 0;  ///< of the clock, those served
   bool stop_noticed_ = false;

@@ -4,12 +4,18 @@
 #include <ros/init.h>
 #include <ros/node_handle.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <future>
+#include <memory>
+#include <thread>
 
 #include "ros/server_from_parameters.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/message_text.h"
 
 namespace {
@@ -38,11 +44,41 @@ constexpr char kUsage[] =
     "Exit status: 0 after a shutdown, 2 for a bad scene, parameter or argument.\n"
     "Without a master: rosrun variator_sim simulate --help\n";
 
+bool isEnding() {
+  return !ros::ok() || ros::isShuttingDown();
+}
+
+/// What is under way when a shutdown is asked for has this long: the reading of a scene, or a step,
+/// that does not end must not hold the process.
+void endSoon() {
+  std::thread([] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(700));
+    std::_Exit(0);
+  }).detach();
+}
+
+/// Reads the scene in a thread of its own, for a shutdown to be heard meanwhile.
+std::shared_ptr<variator_sim::SimulationServer> makeServer(const ros::NodeHandle& public_handle,
+                                                           const ros::NodeHandle& private_handle) {
+  auto server = std::async(std::launch::async, [&] {
+    const variator_sim::Interruption interruption(isEnding);
+    return variator_sim::makeServerFromParameters(public_handle, private_handle,
+                                                  variator_sim::Sharing::kNothing);
+  });
+  while (server.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) {
+    if (!isEnding()) continue;
+    endSoon();
+    break;
+  }
+  return server.get();
+}
+
 /// ros::waitForShutdown looks 20 times a second; the end of the global queue wakes us at once.
 void waitForShutdown() {
-  while (ros::ok() && !ros::isShuttingDown()) {
+  while (!isEnding()) {
     ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(1.0));
   }
+  endSoon();
   ros::waitForShutdown();  // until it is complete
 }
 
@@ -68,10 +104,10 @@ int runNode(int argc, char** argv) {
   const ros::NodeHandle private_handle("~");
   // While there is a handle there is a log.
   try {
-    const auto server = variator_sim::makeServerFromParameters(public_handle, private_handle,
-                                                               variator_sim::Sharing::kNothing);
+    const auto server = makeServer(public_handle, private_handle);
     waitForShutdown();
   } catch (const std::exception& error) {
+    if (isEnding()) return 0;
     ROS_FATAL("%s", error.what());
     return kBadScene;
   }

@@ -72,7 +72,7 @@ class Run {
     }
     simulation_.advanceTo(time);
     simulation_.sample();
-    return simulation_.status().ok();
+    return simulation_.status().ok() && simulation_.time() >= time;  // not interrupted
   }
   /// To the first rest until `end`. False when there is none.
   bool advanceToRest(double end, const volatile std::sig_atomic_t* interrupted) {
@@ -96,23 +96,21 @@ bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& comm
                 OperatingPoint* point) {
   double time = 0.0;
   Run run(simulation, commands);
+  const auto tell = [&](std::string why) {
+    if (!simulation.status().ok()) why = simulation.describeStatus();
+    if (*interrupted != 0) why = "interrupted at " + formatNumber(simulation.time()) + " s";
+    std::fprintf(stderr, "simulate: %s\n", why.c_str());
+    return false;
+  };
   if (options.at == "rest") {
     const double end = options.duration > 0.0 ? options.duration : kPatience;
     if (!run.advanceToRest(end, interrupted)) {
-      const std::string why =
-          simulation.status().ok()
-              ? "no rest until " + formatNumber(simulation.time()) +
-                    " s (laws that read the time never rest; --duration waits longer)"
-              : simulation.describeStatus();
-      std::fprintf(stderr, "simulate: %s\n", why.c_str());
-      return false;
+      return tell("no rest until " + formatNumber(simulation.time()) +
+                  " s (laws that read the time never rest; --duration waits longer)");
     }
   } else if (readTime(options.at, &time)) {
     if (!(time >= 0.0) || !std::isfinite(time)) throw UsageError("--at: must be at least 0 s");
-    if (!run.advanceTo(time)) {
-      std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
-      return false;
-    }
+    if (!run.advanceTo(time)) return tell("");
   } else if (isInline(options.at)) {
     *point =
         readOperatingPoint(readYamlText(toFlow(options.at), "--at"), simulation.scene(), "--at");

@@ -83,7 +83,8 @@ OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
 }
 
 bool OfflineRun::reach(double time) {
-  return time <= simulation_.time() || simulation_.advanceTo(time).ok();
+  return time <= simulation_.time() ||
+         (simulation_.advanceTo(time).ok() && simulation_.time() >= time);  // not interrupted
 }
 
 void OfflineRun::applyCommands() {

@@ -26,6 +26,7 @@
 #include "tools/simulate_options.h"
 #include "tools/state_file.h"
 #include "variator_sim/errors.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/io/command_file.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/io/yaml_tree.h"
@@ -364,8 +365,9 @@ int runSimulate(const std::vector<std::string>& words) {
   Simulation simulation = loadSimulation(options);
   if (options.compile) {
     g_signal_is_heard = 1;
-    const bool is_loaded = simulation.loadMachineCode(true);
+    const bool is_loaded = simulation.loadMachineCode(true, /*patiently=*/true);
     std::fprintf(stderr, "simulate: formulas are run by %s\n", simulation.machineCode().c_str());
+    if (!is_loaded && g_signal != 0) return kSignalBase + g_signal;
     return is_loaded ? kSuccess : kBadOutput;
   }
   if (options.explain) return explain(simulation, options);
@@ -413,6 +415,7 @@ int runSimulate(const std::vector<std::string>& words) {
 int main(int argc, char** argv) {
   using namespace variator_sim;
   installSignalHandlers();
+  const Interruption interruption([] { return g_signal != 0; });
   try {
     return runSimulate({argv + 1, argv + argc});
   } catch (const UsageError& error) {
