@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "emit_c/c_text.h"
+#include "model/number_text.h"
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim {
@@ -18,6 +19,7 @@ using expression::Operation;
 std::string literalOf(double value) {
   if (std::isnan(value)) throw std::invalid_argument("a constant that is no number");
   if (std::isinf(value)) return value > 0.0 ? "INFINITY" : "-INFINITY";
+  const DotLocale dot;
   char text[40];
   std::snprintf(text, sizeof text, "%.17g", value);
   // (As short as it may be.)
@@ -153,6 +155,7 @@ void FormulaRows::noteFlat(const std::string& function, const std::vector<std::s
   if (function == "sinh_cosh") flats_.push_back({Kind::kCosh, rowAt(1), rowAt(2)});
   if (function == "divide") flats_.push_back({Kind::kQuotient, rowAt(0), rowAt(2), rowAt(1)});
   if (function == "power") {
+    const DotLocale dot;
     const double exponent = std::stod(arguments[2]);
     if (exponent < 0.0) flats_.push_back({Kind::kPower, rowAt(0), rowAt(1), 0, exponent});
   }
