@@ -24,6 +24,8 @@
 #include <utility>
 #include <vector>
 
+#include "variator_sim/interruption.h"
+
 namespace variator_sim {
 namespace {
 
@@ -188,6 +190,9 @@ class CompilerRun {
       } else if (ended < 0 && errno != EINTR) {
         child_ = 0;
         return program_ + " got lost: " + describeError();
+      } else if (Interruption::isWanted()) {
+        end();
+        return "it was interrupted";
       } else if (std::chrono::steady_clock::now() > give_up) {
         end();
         return program_ + " took more than " + std::to_string(patience) + " s";

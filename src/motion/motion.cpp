@@ -6,6 +6,8 @@
 #include <sstream>
 #include <utility>
 
+#include "variator_sim/interruption.h"
+
 namespace variator_sim {
 
 Motion::Motion(Scene scene, const Shortcuts& shortcuts, const Motion* like)
@@ -177,7 +179,8 @@ const MotionStatus& Motion::advance(double time) {
   // Commands that fail to come in time act on their own; they are events of the motion.
   for (double timeout = commands_.nextTimeout(); status().ok() && timeout <= time;
        timeout = commands_.nextTimeout()) {
-    moveTo(std::max(timeout, time_));  // a rounding may lie between them
+    moveTo(std::max(timeout, time_));      // a rounding may lie between them
+    if (time_ < timeout) return status();  // interrupted
     if (status().ok()) {
       integrator_.statistics().command_timeouts +=
           static_cast<std::uint64_t>(commands_.addTimeouts(time_, resolutionOf(time_)));
@@ -193,6 +196,10 @@ void Motion::moveTo(double time) {
   const auto relative = [&] { return integrator_.origin().relative(time); };
   bool goes_on = true;
   while (goes_on && integrator_.front().time < relative()) {
+    if (Interruption::isWanted()) {
+      time = quietUntil();
+      break;
+    }
     if (integrator_.isSleeping()) {
       if (relative() < integrator_.sleepEnd()) break;
       StepNode end = integrator_.front();

@@ -1,0 +1,25 @@
+/// Lets a program end long work early: compiling and stepping ask between their parts.
+#pragma once
+
+#include <functional>
+
+namespace variator_sim {
+
+/// While it lives, long work of the thread that made it asks `is_wanted` and ends early once that
+/// is true: Simulation::advanceTo stays where it has come to, a compilation gives up.
+class Interruption {
+ public:
+  explicit Interruption(std::function<bool()> is_wanted);
+  ~Interruption();
+  Interruption(const Interruption&) = delete;
+  Interruption& operator=(const Interruption&) = delete;
+
+  /// True when work of the calling thread has to end now. [loop]
+  static bool isWanted();
+
+ private:
+  const std::function<bool()> is_wanted_;
+  const Interruption* const outer_;
+};
+
+}  // namespace variator_sim
