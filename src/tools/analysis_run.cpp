@@ -1,10 +1,8 @@
 #include "tools/analysis_run.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <fstream>
 
 #include "model/number_text.h"
@@ -23,21 +21,6 @@ namespace {
 
 /// How long rest is waited for without --duration, s.
 constexpr double kPatience = 1000.0;
-
-/// Into a file, or to standard output where `path` is empty.
-void writeText(const std::string& path, const std::string& text) {
-  std::FILE* const file = path.empty() ? stdout : std::fopen(path.c_str(), "wb");
-  const std::string name = path.empty() ? "standard output" : path;
-  const auto fail = [&name] { throw OutputError(name + ": " + std::strerror(errno)); };
-  if (file == nullptr) fail();
-  const bool is_written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  const bool is_flushed = std::fflush(file) == 0;
-  if (path.empty() && !(is_written && is_flushed) && errno == EPIPE) {
-    throw OutputClosed("standard output: closed");
-  }
-  if (!is_written || !is_flushed) fail();
-  if (!path.empty() && std::fclose(file) != 0) fail();
-}
 
 bool readTime(const std::string& word, double* time) {
   const char* const end = word.data() + word.size();
@@ -72,7 +55,7 @@ class Run {
     }
     simulation_.advanceTo(time);
     simulation_.sample();
-    return simulation_.status().ok();
+    return simulation_.status().ok() && simulation_.time() >= time;  // not interrupted
   }
   /// To the first rest until `end`. False when there is none.
   bool advanceToRest(double end, const volatile std::sig_atomic_t* interrupted) {
@@ -96,23 +79,21 @@ bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& comm
                 OperatingPoint* point) {
   double time = 0.0;
   Run run(simulation, commands);
+  const auto tell = [&](std::string why) {
+    if (!simulation.status().ok()) why = simulation.describeStatus();
+    if (*interrupted != 0) why = "interrupted at " + formatNumber(simulation.time()) + " s";
+    std::fprintf(stderr, "simulate: %s\n", why.c_str());
+    return false;
+  };
   if (options.at == "rest") {
     const double end = options.duration > 0.0 ? options.duration : kPatience;
     if (!run.advanceToRest(end, interrupted)) {
-      const std::string why =
-          simulation.status().ok()
-              ? "no rest until " + formatNumber(simulation.time()) +
-                    " s (laws that read the time never rest; --duration waits longer)"
-              : simulation.describeStatus();
-      std::fprintf(stderr, "simulate: %s\n", why.c_str());
-      return false;
+      return tell("no rest until " + formatNumber(simulation.time()) +
+                  " s (laws that read the time never rest; --duration waits longer)");
     }
   } else if (readTime(options.at, &time)) {
     if (!(time >= 0.0) || !std::isfinite(time)) throw UsageError("--at: must be at least 0 s");
-    if (!run.advanceTo(time)) {
-      std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
-      return false;
-    }
+    if (!run.advanceTo(time)) return tell("");
   } else if (isInline(options.at)) {
     *point =
         readOperatingPoint(readYamlText(toFlow(options.at), "--at"), simulation.scene(), "--at");
@@ -159,9 +140,9 @@ bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& co
   const LinearModel model =
       linearize(simulation.scene(), point, options.full ? LinearForm::kFull : LinearForm::kMinimal);
   if (!options.output_path.empty()) {
-    writeText(options.output_path, writeModel(model, options.output_path));
+    writeOutput(options.output_path, writeModel(model, options.output_path));
   }
-  writeText("", describeModel(model, options.output_path.empty()));
+  writeOutput("", describeModel(model, options.output_path.empty()));
   return true;
 }
 
@@ -186,7 +167,7 @@ bool runTrim(const Scene& scene, const SimulateOptions& options) {
             describeStability(scene, state.point) + "\n";
     text += is_first ? yaml : asComment(yaml);
   }
-  writeText(options.output_path, text);
+  writeOutput(options.output_path, text);
   return true;
 }
 

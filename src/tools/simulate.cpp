@@ -2,12 +2,10 @@
 
 #include <unistd.h>
 
-#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
-#include <cstring>
 #include <exception>
 #include <limits>
 #include <memory>
@@ -26,6 +24,7 @@
 #include "tools/simulate_options.h"
 #include "tools/state_file.h"
 #include "variator_sim/errors.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/io/command_file.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/io/yaml_tree.h"
@@ -329,12 +328,8 @@ Span spanOf(const SimulateOptions& options, double begin) {
 
 int explain(const Simulation& simulation, const SimulateOptions& options) {
   const std::vector<EquationSection> sections = writeEquations(simulation);
-  const std::string text = options.latex ? layOutLatex(sections, options.scene_path)
-                                         : layOutText(sections, options.scene_path);
-  if (std::fputs(text.c_str(), stdout) < 0 || std::fflush(stdout) != 0) {
-    if (errno == EPIPE) throw OutputClosed("standard output: closed");
-    throw OutputError("standard output: " + std::string(std::strerror(errno)));
-  }
+  writeOutput("", options.latex ? layOutLatex(sections, options.scene_path)
+                                : layOutText(sections, options.scene_path));
   return kSuccess;
 }
 
@@ -358,7 +353,7 @@ int emitC(Simulation& simulation, const SimulateOptions& options) {
 int runSimulate(const std::vector<std::string>& words) {
   const SimulateOptions options = parseSimulateOptions(words);
   if (options.help) {
-    std::fputs(simulateHelp(), stdout);
+    writeOutput("", simulateHelp());
     return kSuccess;
   }
   Simulation simulation = loadSimulation(options);
@@ -413,6 +408,7 @@ int runSimulate(const std::vector<std::string>& words) {
 int main(int argc, char** argv) {
   using namespace variator_sim;
   installSignalHandlers();
+  const Interruption interruption([] { return g_signal != 0; });
   try {
     return runSimulate({argv + 1, argv + argc});
   } catch (const UsageError& error) {
@@ -428,6 +424,6 @@ int main(int argc, char** argv) {
     return kBadUsage;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "simulate: %s\n", presentable(error.what()).c_str());
-    return kBadUsage;
+    return g_signal != 0 ? kSignalBase + g_signal : kBadUsage;
   }
 }
