@@ -271,7 +271,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     bool more = true;
     while (more && g_signal == 0) {
       const Clock::time_point start = Clock::now();
-      more = offline_run.advanceBlock(block_span, &g_signal, block);
+      more = offline_run.advanceBlock(block_span, block);
       const double block_time = secondsSince(start);
       wall.simulation += block_time;
       const double done = simulation.time() - span.begin;
