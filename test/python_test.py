@@ -4,10 +4,13 @@
 import csv
 import os
 import pathlib
+import signal
 import subprocess
+import sys
 import tempfile
 import threading
 import time
+from unittest import mock
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
 
@@ -237,6 +240,170 @@ class PythonTest(TestCase):
         mover.join()
         self.assertGreater(refused, 10)
         self.assertEqual(simulation.time, 20.0)
+
+    def hear(self, call):
+        """Ctrl-C shortly after the beginning of a call that lasts long; s until it is heard."""
+        begin = time.monotonic()
+        # (Another process: a thread would wait for the interpreter's lock.)
+        with subprocess.Popen(["sh", "-c", f"sleep 0.1; kill -INT {os.getpid()}"]) as sender:
+            with self.assertRaises(KeyboardInterrupt):
+                call()
+                sender.wait()
+                self.fail("the call has ended before")
+        return time.monotonic() - begin - 0.1
+
+    def test_ctrl_c_is_heard_in_every_call(self):
+        terms = "*".join(f"(w1+{i}e-9)" for i in range(24000))
+        large = FREE.replace("motor]", "motor, m]") + (
+            f'm: {{type: variator_sim/ExpressionTorque, shaft: drive, torque: "{terms}"}}\n')
+        harmonics = ", ".join(f"{{order: {n + 1}, cos: 0.001}}" for n in range(1000))
+        rippled = variator_sim.Simulation(
+            "shafts: [a, b]\n" + "".join(f"{shaft}: {{inertia: {{mean: 1e6, harmonics: [{harmonics}]}}}}\n"
+                                               for shaft in "ab"))
+        moved = variator_sim.Simulation(SHIP)
+        for name, call in [
+                ("advance", lambda: moved.advance(1e9)),
+                ("simulate", lambda: variator_sim.simulate(SHIP, 1e9, rate=1e-3)),
+                ("sweep", lambda: variator_sim.sweep(SHIP, 1e9, grid={"drive/inertia": [1.0, 1.1]},
+                                                     metrics=["final(load/velocity)"], threads=2)),
+                ("scene", lambda: variator_sim.Simulation(large)), ("trim", rippled.trim),
+                ("linearize", rippled.linearize)]:
+            with self.subTest(call=name):
+                self.assertLess(self.hear(call), 5.0)
+        # The motion goes on from where it was.
+        self.assertTrue(0.0 < moved.time < 1e9)
+        moved.advance(1.0)
+        other = variator_sim.Simulation(SHIP)
+        other.advance_to(moved.time)
+        self.assertEqual(list(other.sample().velocity), list(moved.sample().velocity))
+
+    def test_ctrl_c_is_heard_while_a_compiler_runs(self):
+        with tempfile.TemporaryDirectory() as folder:
+            compiler = pathlib.Path(folder) / "cc"
+            compiler.write_text("#!/bin/sh\nexec sleep 30\n", encoding="utf-8")
+            compiler.chmod(0o755)
+            environment = {"PATH": f"{folder}:{os.environ['PATH']}", "VARIATOR_SIM_CACHE": folder + "/cache"}
+            simulation = variator_sim.Simulation(FREE)
+            with mock.patch.dict(os.environ, environment):
+                self.assertLess(self.hear(simulation.compile), 4.0)
+                self.assertLess(self.hear(lambda: variator_sim.Simulation(FREE, {"solver/machine_code": "always"})),
+                                4.0)
+
+    def test_values_without_an_end(self):
+        endless, twice, deep = [], [], 0.0
+        endless.append(endless)
+        twice += [twice, twice]
+        tree = {}
+        tree["a"] = tree
+        for _ in range(200000):
+            deep = [deep]
+        shared = 0.0
+        for _ in range(60):
+            shared = [shared, shared]
+        simulation = variator_sim.Simulation(FREE)
+        state = simulation.state()
+        state["history"] = state
+        for value, words in ((endless, "nested more than 64 deep"), (twice, "nested more than 64 deep"),
+                             (deep, "nested more than 64 deep"), (shared, "more than 1000000 values"),
+                             ((endless,), "nested more than 64 deep")):
+            with self.subTest(words=words), self.assertRaisesRegex(variator_sim.SceneError, words):
+                variator_sim.Simulation(FREE, {"initial/velocity": value})
+        for call in (lambda: variator_sim.Simulation(tree), lambda: simulation.set_state(state),
+                     lambda: variator_sim.sweep(tree, 1.0, metrics=["final(time)"])):
+            with self.assertRaisesRegex(variator_sim.SceneError, "nested more than 64 deep"):
+                call()
+        with self.assertRaisesRegex(variator_sim.SceneError, "more than 64 keys"):
+            variator_sim.Simulation(FREE, {"a/" * 100000 + "b": 1.0})
+        while isinstance(deep, list):  # (Python's own way to end it is recursive)
+            deep = deep.pop()
+
+    def test_half_of_a_surrogate_pair(self):
+        simulation = variator_sim.Simulation(FREE)
+        half = "\ud800"
+        for call, kind in [
+                (lambda: variator_sim.Simulation(FREE, {half: 1}), ValueError),
+                (lambda: variator_sim.Simulation(FREE, {"drive/inertia": half}), ValueError),
+                (lambda: variator_sim.Simulation({half: 1}), ValueError),
+                (lambda: variator_sim.Simulation(FREE + half), ValueError),
+                (lambda: variator_sim.Simulation(half), ValueError),
+                (lambda: variator_sim.simulate(FREE, 1, commands=half), ValueError),
+                (lambda: simulation.step(0.1, {half: 1}), ValueError),
+                (lambda: simulation.step(0.1, {1: 1}), ValueError),
+                (lambda: simulation.sample()[half], KeyError), (lambda: simulation[half], KeyError),
+                (lambda: simulation.trim(fix={half: 1}), ValueError)]:
+            with self.assertRaises(kind):
+                call()
+        # A file's name need be no UTF-8.
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, os.fsdecode(b"\xff.yaml"))
+            pathlib.Path(path).write_text(FREE, encoding="utf-8")
+            self.assertEqual(variator_sim.Simulation(path).shafts, ["drive"])
+            with self.assertRaisesRegex(ValueError, r"\\xff.csv"):
+                variator_sim.simulate(FREE, 1, commands=os.path.join(folder, os.fsdecode(b"\xff.csv")))
+
+    def test_objects_that_nothing_has_made(self):
+        for kind in (variator_sim.Simulation, variator_sim.Sample, variator_sim.LinearModel, variator_sim.SteadyState):
+            for name in [name for name in vars(kind) if not name.startswith("__")] + ["__repr__"]:
+                with self.subTest(kind=kind, name=name), self.assertRaises(TypeError):
+                    empty = kind.__new__(kind)
+                    value = getattr(empty, name)
+                    value()
+                    self.assertIs(kind, variator_sim.Simulation)
+                    raise TypeError(repr(value))  # of an object as any other
+        with self.assertRaises(TypeError):
+            variator_sim.Simulation.__new__(variator_sim.Simulation)["time"]
+
+    def test_files_that_cannot_be_written_leave_the_old_ones(self):
+        simulation = variator_sim.Simulation(SHIP)
+        result = variator_sim.simulate(SHIP, 0.1)
+        with tempfile.TemporaryDirectory() as folder:
+            for name, write in (("run.csv", result.to_csv), ("model.npz", simulation.linearize().save)):
+                path = pathlib.Path(folder) / name
+                path.write_text("old", encoding="utf-8")
+                link = pathlib.Path(folder) / ("link-" + name)
+                link.symlink_to(path)
+                with mock.patch.object(os, "fsync", side_effect=OSError(28, "No space left on device")):
+                    with self.assertRaisesRegex(OSError, "No space"):
+                        write(link)
+                self.assertEqual(path.read_text(encoding="utf-8"), "old")
+                write(link)
+                self.assertTrue(link.is_symlink())
+                self.assertGreater(path.stat().st_size, 100)
+            self.assertEqual(len(os.listdir(folder)), 4)
+
+    def test_no_locale_changes_a_number(self):
+        script = """
+import locale, os, sys, variator_sim, warnings
+if "LOCPATH" in os.environ:
+    locale.setlocale(locale.LC_ALL, "de_DE.UTF-8")
+    assert locale.localeconv()["decimal_point"] == ","
+warnings.simplefilter("ignore")
+scene, stops, spring = sys.argv[1:]
+crude = variator_sim.Simulation(spring, {"solver/stepper": "rk4", "solver/step": 0.2})
+crude.advance(2.5)
+simulation = variator_sim.Simulation(scene)
+simulation.advance(2.5)
+print(crude.doubts, simulation.doubts, simulation.linearize(), repr(simulation.sample()), simulation.stepper)
+for call in (lambda: simulation.advance(-0.5), lambda: variator_sim.simulate(stops, 10.0),
+             lambda: variator_sim.Simulation(scene, {"drive/inertia": -1.5})):
+    try:
+        call()
+    except (ValueError, RuntimeError) as error:
+        print(error)
+"""
+        spring = FREE.replace("motor]", "motor, spring]") + (
+            "spring: {type: variator_sim/ExpressionTorque, shaft: drive, torque: '-100*phi1'}\n"
+            "initial: {velocity: [3]}\n")
+        with tempfile.TemporaryDirectory() as folder:
+            made = subprocess.run(["localedef", "-i", "de_DE", "-f", "UTF-8", folder + "/de_DE.UTF-8"],
+                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+            if made.returncode != 0:
+                self.skipTest("the sources of a locale with decimal commas are not installed")
+            texts = [subprocess.run([sys.executable, "-c", script, str(SHIP), str(STOPS), spring],
+                                    env={**os.environ, **environment}, check=True, text=True, timeout=60,
+                                    stdout=subprocess.PIPE).stdout for environment in ({}, {"LOCPATH": folder})]
+        self.assertIn("fixed steps of 0.2 s are crude", texts[0])
+        self.assertEqual(*texts)
 
     def test_pictures(self):
         import matplotlib

@@ -3,8 +3,11 @@
 
 import os
 import pathlib
+import resource
+import stat
 import subprocess
 import tempfile
+import threading
 
 import roslib.packages
 import rosunit
@@ -53,10 +56,10 @@ class SimulateStatesTest(TestCase):
         path.write_text(text, encoding="utf-8")
         return str(path)
 
-    def simulate(self, *arguments):
+    def simulate(self, *arguments, **more):
         return subprocess.run([SIMULATE, *arguments], stdout=subprocess.PIPE,
                               stderr=subprocess.PIPE, text=True, env=self.environment, timeout=60,
-                              check=False)
+                              check=False, **more)
 
     def lines(self, *arguments):
         result = self.simulate(*arguments)
@@ -159,6 +162,43 @@ class SimulateStatesTest(TestCase):
         result = self.simulate(STEPS, "--duration", "0.1", "--save-state", "/dev/full")
         self.assertEqual(result.returncode, 3, result.stderr)
         self.assertIn("/dev/full", result.stderr)
+        self.assertIn("No space left", result.stderr)
+
+    def test_what_is_saved_takes_the_place_of_the_old_file_at_once(self):
+        def limit_files():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+        wheel = self.write("wheel.yaml", resting())
+        for name, words in (("keep.yaml", (STEPS, "--duration", "0.1", "--save-state")),
+                            ("steady.yaml", (wheel, "--trim", "--fix", "torque=1", "--output")),
+                            ("model.csv", (wheel, "--linearize", "--at", "0", "--output"))):
+            kept = self.write(name, "old")
+            os.chmod(kept, 0o640)
+            link = self.folder / ("link_" + name)
+            link.symlink_to(name)
+            with self.subTest(file=name):
+                result = self.simulate(*words, kept, preexec_fn=limit_files)
+                self.assertEqual(result.returncode, 3, result.stderr)
+                self.assertIn(f"{kept}: cannot be written: File too large", result.stderr)
+                self.assertEqual(pathlib.Path(kept).read_text(encoding="utf-8"), "old")
+                result = self.simulate(*words, str(link))
+                self.assertEqual(result.returncode, 0, result.stderr)
+                self.assertTrue(link.is_symlink())
+                self.assertGreater(os.stat(kept).st_size, 100)
+                self.assertEqual(stat.S_IMODE(os.stat(kept).st_mode), 0o640)
+        self.assertEqual([path.name for path in self.folder.iterdir() if path.suffix == ".part"], [])
+        # A link that leads to nothing yet, and a FIFO.
+        link = self.folder / "new.yaml"
+        link.symlink_to("target.yaml")
+        fifo = self.folder / "fifo.yaml"
+        os.mkfifo(fifo)
+        read = []
+        reader = threading.Thread(daemon=True, target=lambda: read.append(fifo.read_bytes()))
+        reader.start()
+        for path in (link, fifo):
+            self.simulate(STEPS, "--duration", "0.1", "--save-state", str(path))
+        reader.join(60)
+        self.assertTrue(link.is_symlink())
+        self.assertEqual(read, [(self.folder / "target.yaml").read_bytes()])
 
     # --- rest -------------------------------------------------------------------------------------
 

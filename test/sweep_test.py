@@ -3,10 +3,14 @@
 
 import os
 import pathlib
+import resource
 import signal
+import stat
 import subprocess
 import sys
 import tempfile
+import threading
+import unittest
 from unittest import mock
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
@@ -84,6 +88,7 @@ class SweepTest(TestCase):
         self.assertLess(abs(values[:, 2].mean() - 1.0), 0.1)
         again = sweeps.make_design({"a": "1,2", "b": [3, 4, 5]}, {"c": "normal(1,0.1)"}, 4, 7)[1]
         numpy.testing.assert_array_equal(values, again)
+        self.assertEqual(sweeps.make_design({}, {"c": "normal(1,0.1)"}, 4, 7)[1].shape, (4, 1))
 
     def test_metrics(self):
         table = variator_sim.sweep(
@@ -173,8 +178,12 @@ class SweepTest(TestCase):
                 (dict(random={"drive/inertia": "normal(1,1)"}), "given twice"),
                 (dict(random={"a": "gauss(1,1)"}), "normal"),
                 (dict(samples=0), "samples"), (dict(shard=(3, 2)), "shard"),
+                (dict(threads=3000000000), "threads: 3000000000; allowed: a whole number from 1 to 1024"),
+                (dict(threads=0), "threads: 0"), (dict(seed=-1), "seed: -1; allowed: a whole number >= 0"),
+                (dict(seed=0.5), "seed: 0.5"), (dict(samples=1.5), "samples: 1.5"),
+                (dict(output="/tmp"), "folder"),
                 (dict(overrides={"drive/inertia": 2}), "overridden too")]:
-            with self.subTest(change=change), self.assertRaisesRegex(ValueError, words):
+            with self.subTest(change=change), self.assertRaisesRegex((ValueError, OSError), words):
                 variator_sim.sweep(LAG, 1.0, **{**good, **change})
 
     def test_more_runs_than_memory_holds_are_refused_before_room_is_made_for_them(self):
@@ -268,6 +277,160 @@ class SweepTest(TestCase):
         self.check_same(variator_sim.read_table(output), table)
         self.check_same(table, variator_sim.sweep(self.folder / "scene.yaml", **call))
 
+    # --- what is gone on with ---------------------------------------------------------------------
+
+    def fingerprint(self, scene=LAG, overrides=None, commands=None, rate=100.0):
+        values = numpy.array([[1.0], [2.0]])
+        task = sweeps.Task(scene, 1.0, rate, None, commands, overrides, ["drive/inertia"], values,
+                           ["final(drive/velocity)"])
+        return task.fingerprint(values, (1, 1))
+
+    def test_every_value_counts_to_the_bit(self):
+        curve = LAG + "tables: [curve]\ncurve: {x: [0, 1], values: [0, 1]}\n"
+        x = numpy.linspace(0.0, 10.0, 1200)
+        other = numpy.array(x)
+        other[600] = numpy.nextafter(other[600], 1.0)
+        self.assertEqual(str(x), str(other))
+
+        def of(values):
+            return self.fingerprint(curve, {"curve/x": x, "curve/values": values})
+        tree = {"shafts": ["drive"], "drive": {"inertia": 1.0}, "tables": ["curve"],
+                "curve": {"x": x, "values": x}}
+        commanded = """
+shafts: [drive]
+drive: {inertia: 1.0}
+torques: [motor]
+motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
+"""
+        for first, second in [
+                (of(x), of(other)),
+                (self.fingerprint(tree), self.fingerprint({**tree, "curve": {"x": x, "values": other}})),
+                (self.fingerprint(LAG, {"initial/angle": [0.0]}), self.fingerprint(LAG, {"initial/angle": [-0.0]})),
+                (self.fingerprint(LAG), self.fingerprint(LAG.replace("1 - c", "1 + 0*c - c"))),
+                (self.fingerprint(commanded, commands=[(0.1, "torque", 0.1)]),
+                 self.fingerprint(commanded, commands=[(0.1, "torque", numpy.nextafter(0.1, 1))])),
+                (self.fingerprint(rate=100.0), self.fingerprint(rate=numpy.float32(100.1)))]:
+            self.assertNotEqual(first, second)
+        for first, second in [(of(x), of(list(x))), (of(x), of(numpy.array(x))),
+                              (self.fingerprint(rate=100), self.fingerprint(rate=numpy.float32(100)))]:
+            self.assertEqual(first, second)
+
+    def interrupted(self, output, scene=LAG, **more):
+        """Leaves a journal with its first chunk."""
+        keep = sweeps.Journal.add
+
+        def add(*arguments):
+            keep(*arguments)
+            raise KeyboardInterrupt
+        call = dict(duration=1.0, grid={"drive/inertia": "0.5:2:200"}, metrics=["final(drive/velocity)"], **more)
+        with mock.patch.object(sweeps.Journal, "add", add), self.assertRaises(KeyboardInterrupt):
+            variator_sim.sweep(scene, output=output, threads=1, **call)
+        return call
+
+    def test_another_array_is_another_sweep(self):
+        scene = LAG.replace("1 - c*w1", "curve(w1) - c*w1") + "tables: [curve]\ncurve: {x: [0, 1], values: [0, 1]}\n"
+        x = numpy.linspace(0.0, 10.0, 1200)
+        other = 5.0 + numpy.cos(x)
+        other[10:-10] += 100.0
+        output = self.folder / "out.csv"
+        call = self.interrupted(output, scene, overrides={"curve/x": x, "curve/values": 5.0 + numpy.cos(x)})
+        call["overrides"] = {"curve/x": x, "curve/values": other}
+        with self.assertRaisesRegex(RuntimeError, "other values"):
+            variator_sim.sweep(scene, output=output, **call)
+
+    def test_lines_of_a_journal_that_are_no_rows_are_run_again(self):
+        output = self.folder / "out.csv"
+        journal = self.folder / "out.csv.journal"
+        call = self.interrupted(output)
+        lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
+        lines.insert(1, "\n")
+        journal.write_bytes("".join(lines).encode() + b"\0\0\0\n7\n\xff,1,\n8,1,2,\n,,\n9,0.1")
+        table = variator_sim.sweep(LAG, output=output, **call)
+        self.check_same(table, variator_sim.sweep(LAG, **call))
+        self.check_same(variator_sim.read_table(output), table)
+
+    def test_a_file_that_is_no_journal_is_left_alone(self):
+        journal = self.folder / "out.csv.journal"
+        kept = self.folder / "kept"
+        kept.write_text("mine", encoding="utf-8")
+        for make in (lambda: journal.write_text("mine", encoding="utf-8"), lambda: os.mkfifo(journal),
+                     lambda: journal.symlink_to(kept), journal.mkdir):
+            make()
+            mode = stat.S_IFMT(os.lstat(journal).st_mode)
+            with self.assertRaisesRegex(RuntimeError, "out.csv.journal is"):
+                variator_sim.sweep(LAG, 1.0, grid={"drive/inertia": "1,2"}, metrics=["final(drive/velocity)"],
+                                   output=self.folder / "out.csv")
+            self.assertEqual(stat.S_IFMT(os.lstat(journal).st_mode), mode)
+            self.assertEqual(kept.read_text(encoding="utf-8"), "mine")
+            if journal.is_dir():
+                break
+            if mode == stat.S_IFREG:
+                self.assertEqual(journal.read_text(encoding="utf-8"), "mine")
+            journal.unlink()
+
+    def test_devices_fifos_and_links_stay(self):
+        call = dict(duration=1.0, grid={"drive/inertia": "1,2"}, metrics=["final(drive/velocity)"])
+        fifo, link, target = (self.folder / name for name in ("fifo.csv", "link.csv", "target.csv"))
+        os.mkfifo(fifo)
+        read = []
+        reader = threading.Thread(daemon=True, target=lambda: read.append(fifo.read_bytes()))
+        reader.start()
+        variator_sim.sweep(LAG, output=fifo, **call)
+        reader.join(60)
+        link.symlink_to(target)
+        variator_sim.sweep(LAG, output=link, **call)
+        expected = target.read_bytes()
+        self.assertEqual(expected.count(b"\n"), 3)
+        self.assertEqual(read, [expected])
+        target.chmod(0o640)
+        variator_sim.sweep(LAG, output=link, **call)
+        self.assertEqual(stat.S_IMODE(target.stat().st_mode), 0o640)
+        self.assertTrue(link.is_symlink())
+        self.assertTrue(fifo.is_fifo())
+        self.assertEqual({path.name for path in self.folder.iterdir()}, {"fifo.csv", "link.csv", "target.csv"})
+        # (Not by its own name: a test that fails should not replace the machine's.)
+        link = self.folder / "stdout"
+        link.symlink_to("/dev/stdout")
+        done = subprocess.run(self.command(link, "--metric", "final(drive/velocity)", "--set", "drive/inertia=1,2"),
+                              stdout=subprocess.PIPE, check=True, timeout=60)
+        self.assertEqual(done.stdout.count(b"\n"), 3)
+        self.assertTrue(link.is_symlink())
+
+    @unittest.skipUnless(os.geteuid() == 0, "only root makes devices")
+    def test_a_device_stays_a_device(self):
+        null = self.folder / "null"
+        try:
+            os.mknod(null, 0o666 | stat.S_IFCHR, os.makedev(1, 3))
+        except OSError:
+            self.skipTest("no devices in this container")
+        subprocess.run(self.command(null, "--metric", "final(drive/velocity)", "--set", "drive/inertia=1,2"),
+                       check=True, timeout=60)
+        self.assertTrue(null.is_char_device())
+
+    def test_a_table_that_cannot_be_written_leaves_the_old_one(self):
+        output = self.folder / "out.csv"
+        output.write_text("old", encoding="utf-8")
+        done = subprocess.run(
+            self.command(output, "--metric", "final(drive/velocity)", "--set", "drive/inertia=1:2:50"),
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)),
+            stderr=subprocess.PIPE, text=True, check=False, timeout=60)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("File too large", done.stderr)
+        self.assertEqual(output.read_text(encoding="utf-8"), "old")
+        self.assertEqual(list(self.folder.glob("*.part")), [])
+
+    # --- threads ----------------------------------------------------------------------------------
+
+    def test_threads_that_find_no_memory_end_the_sweep_with_a_message(self):
+        gigabyte = 1 << 30
+        done = subprocess.run(
+            self.command(self.folder / "out.csv", "--metric", "final(drive/velocity)", "--set",
+                         "drive/inertia=0.5:2:300", "--threads", "100"),
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (gigabyte, gigabyte)),
+            stderr=subprocess.PIPE, text=True, check=False, timeout=60)
+        self.assertEqual((done.returncode, done.stderr),
+                         (2, "sweep: this takes more memory than there is; fewer --threads take less\n"))
+
     # --- other machines ---------------------------------------------------------------------------
 
     def start(self, *words):
@@ -279,6 +442,17 @@ class SweepTest(TestCase):
             process.wait()
         self.addCleanup(stop)
         return process
+
+    def test_a_scheduler_that_is_not_there(self):
+        try:
+            import distributed  # noqa: F401
+        except ImportError:
+            self.skipTest("python3-distributed is not installed")
+        with mock.patch.object(sweeps, "CONNECT_SECONDS", 0.5):
+            for address in ("tcp://127.0.0.1:1", "nonsense"):
+                with self.assertRaisesRegex(RuntimeError, f"no Dask scheduler has answered at '{address}'"):
+                    variator_sim.sweep(LAG, 1.0, grid={"drive/inertia": "1,2"}, scheduler=address,
+                                       metrics=["final(drive/velocity)"])
 
     def test_a_worker_of_two_is_killed(self):
         try:

@@ -11,6 +11,7 @@ import numpy
 
 from variator_sim import _core
 from variator_sim.errors import MotionStopped
+from variator_sim.files import whole_file
 
 
 class Result(collections.abc.Mapping):
@@ -56,7 +57,7 @@ class Result(collections.abc.Mapping):
 
     def to_csv(self, path):
         """Writes the file that `simulate --output` writes, in full precision."""
-        with open(path, "w", encoding="utf-8", newline="") as file:
+        with whole_file(path) as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(self.columns)
             writer.writerows(self.values.tolist())
@@ -77,7 +78,7 @@ def read_commands(commands):
     if commands is None:
         return []
     if isinstance(commands, (str, os.PathLike)):
-        listed = _core.read_commands(os.fspath(commands))
+        listed = _core.read_commands(commands)
     elif isinstance(commands, collections.abc.Mapping):
         listed = [(time, topic, value) for topic, points in commands.items()
                   for time, value in points]

@@ -1,14 +1,18 @@
 """Many runs of one scene with other values: designs, runs on all cores or machines, tables."""
 
 import collections.abc
+import contextlib
 import csv
+import errno
 import fcntl
 import hashlib
 import itertools
 import json
 import math
+import numbers
 import os
 import re
+import stat
 import sys
 import time
 
@@ -16,6 +20,7 @@ import numpy
 
 from variator_sim import _core
 from variator_sim.errors import SceneError
+from variator_sim.files import find_regular_file, whole_file
 from variator_sim.running import checked_times, read_commands
 
 KINDS = ("final", "min", "max", "mean", "settling")
@@ -26,6 +31,8 @@ DISTRIBUTIONS = {"normal": numpy.random.Generator.normal,
 MOST_RUNS = 10_000_000  # of one sweep: its table is held in memory
 COMPILE_SECONDS = 2.0  # what is left of a sweep for machine code to be worth compiling
 CHUNK_SECONDS = 1.0  # wall time of what is run at once: nothing finished is older when killed
+MOST_THREADS = 1024
+CONNECT_SECONDS = 5  # for a Dask scheduler to answer
 
 
 class Table(collections.abc.Mapping):
@@ -56,6 +63,14 @@ class Table(collections.abc.Mapping):
 
 class TooManyRuns(ValueError):
     """More than a table in memory can hold."""
+
+
+def whole_number(name, value, least, most=None):
+    """`value` as an int, where it is one within these bounds."""
+    if not isinstance(value, numbers.Integral) or value < least or (most is not None and value > most):
+        allowed = f">= {least}" if most is None else f"from {least} to {most}"
+        raise ValueError(f"{name}: {value!r}; allowed: a whole number {allowed}")
+    return int(value)
 
 
 def check_runs(count):
@@ -105,16 +120,16 @@ def make_design(grid, random, samples, seed):
     both = sorted(set(grid) & set(random))
     if both:
         raise ValueError(f"'{both[0]}' is given twice: in the grid and at random")
-    if samples < 1:
-        raise ValueError(f"samples: {samples}; allowed: a whole number >= 1")
-    check_runs(math.prod(len(values) for values in grid.values()) * samples)
+    samples, seed = whole_number("samples", samples, 1), whole_number("seed", seed, 0)
+    count = math.prod(len(values) for values in grid.values())
+    check_runs(count * samples)
     points = numpy.array(list(itertools.product(*grid.values())), dtype=float)
-    points = numpy.repeat(points.reshape(-1, len(grid)), samples, axis=0)
+    points = numpy.repeat(points.reshape(count, len(grid)), samples, axis=0)
     columns = [points]
-    for i, (name, *numbers) in enumerate(random.values()):
+    for i, (name, *parameters) in enumerate(random.values()):
         # A stream for each path: one more path leaves the others' numbers as they are.
         generator = numpy.random.default_rng([seed, i])
-        columns.append(DISTRIBUTIONS[name](generator, *numbers, size=len(points))[:, None])
+        columns.append(DISTRIBUTIONS[name](generator, *parameters, size=len(points))[:, None])
     return [*grid, *random], numpy.hstack(columns)
 
 
@@ -183,7 +198,7 @@ class Task:
         if times is None and all(kind == "final" for kind, _, _ in read):
             times = [self.duration]  # nothing before the end is looked at
         self.metrics = list(metrics)
-        self.arguments = (self.duration, rate, None if times is None else list(map(float, times)),
+        self.arguments = (self.duration, float(rate), None if times is None else list(map(float, times)),
                           read_commands(commands), groups, places)
         self.scene, self.overrides, self.paths = scene, overrides, list(paths)
 
@@ -193,9 +208,9 @@ class Task:
                             *self.arguments, threads, compiles)
 
     def fingerprint(self, values, shard):
-        """Of everything that the runs depend on."""
-        text = json.dumps([self.scene, self.overrides, self.paths, self.arguments, self.metrics,
-                           list(shard)], sort_keys=True, default=str)
+        """A hash of everything that the runs depend on, every number to its last bit."""
+        text = json.dumps([_core._describe_scene(self.scene, self.overrides), self.paths, self.arguments,
+                           self.metrics, shard])
         return hashlib.sha256(text.encode() + values.tobytes()).hexdigest()
 
 
@@ -204,14 +219,14 @@ class Task:
 class Journal:
     """Finished runs, row by row in a file beside the output, until all are there.
 
-    Killed at any moment it keeps what was finished: a line without its end is cut off.
+    Killed at any moment it keeps what was finished: a line without its end is cut off, and a line
+    that is no row (of a disk that lost power) is passed over, so that its run is made again.
     """
 
     def __init__(self, path, fingerprint, metric_count):
         self.rows = {}
-        self._metric_count = metric_count
         self._path = path
-        self._file = open(path, "a+", encoding="utf-8", newline="")
+        self._file = self._open(path)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -219,17 +234,39 @@ class Journal:
         self._file.seek(0)
         text = self._file.read()
         whole = text[:text.rfind("\n") + 1]
-        if not whole:
+        header, *lines = whole.split("\n")
+        if not whole and fingerprint.startswith(text):
             self._file.truncate(0)
             self._file.write(fingerprint + "\n")
-        elif whole.split("\n", 1)[0] != fingerprint:
-            raise RuntimeError(f"{path} is of an interrupted sweep with other values: finish that "
-                               "one, choose another output, or delete it")
+        elif header != fingerprint:
+            raise RuntimeError(f"{path} is of an interrupted sweep with other values, or no journal: finish "
+                               "that sweep, choose another output, or delete the file")
         else:
-            self._file.truncate(len(whole.encode()))
-            for row in csv.reader(whole.splitlines()[1:]):
-                self.rows[int(row[0])] = ([float(x) for x in row[1:-1]], row[-1])
+            self._file.truncate(len(whole.encode(errors="surrogateescape")))
+            for line in lines:
+                self._read(line, metric_count)
         self._file.flush()
+
+    @staticmethod
+    def _open(path):
+        """The journal itself, never through a link; what is no regular file is left alone."""
+        try:
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
+                                 | os.O_CLOEXEC, 0o666)
+            if stat.S_ISREG(os.fstat(descriptor).st_mode):
+                return os.fdopen(descriptor, "a+", encoding="utf-8", errors="surrogateescape", newline="")
+            os.close(descriptor)
+        except OSError as error:
+            if error.errno not in (errno.ELOOP, errno.EISDIR, errno.ENXIO):
+                raise
+        raise RuntimeError(f"{path} is no regular file: choose another output, or move it away")
+
+    def _read(self, line, metric_count):
+        with contextlib.suppress(ValueError, csv.Error):
+            run, *metrics, reason = next(csv.reader([line]), [""] * 2)
+            metrics = [float(metric) for metric in metrics]
+            if len(metrics) == metric_count:
+                self.rows[int(run)] = (metrics, reason)
 
     def add(self, runs, metrics, reasons):
         writer = csv.writer(self._file, lineterminator="\n")
@@ -273,14 +310,12 @@ def write_rows(table, file):
 
 def write_table(table, path):
     """Writes a CSV or NPZ, whole or not at all."""
-    part = f"{path}.part"
-    if str(path).endswith(".npz"):
-        with open(part, "wb") as file:
+    if os.fspath(path).endswith(".npz"):
+        with whole_file(path, "wb") as file:
             numpy.savez_compressed(file, **{name: table[name] for name in table})
     else:
-        with open(part, "w", encoding="utf-8", newline="") as file:
+        with whole_file(path) as file:
             write_rows(table, file)
-    os.replace(part, path)
 
 
 def read_table(*paths):
@@ -362,10 +397,25 @@ def _run_remotely(task, values, compiles):
     return metrics, list(reasons), time.monotonic() - start
 
 
+def connect(scheduler):
+    """A client of the Dask scheduler at this address."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise RuntimeError("scheduler: Dask is not installed; on Debian and Ubuntu: apt install "
+                           "python3-distributed") from None
+    try:
+        return Client(scheduler, timeout=CONNECT_SECONDS)
+    except (OSError, ValueError, TypeError) as error:
+        raise RuntimeError(f"scheduler: no Dask scheduler has answered at '{scheduler}' within {CONNECT_SECONDS} s "
+                           f"({error}); allowed: the address that dask-scheduler prints, "
+                           "tcp://HOST:8786") from None
+
+
 def run_on_cluster(task, values, runs, scheduler, finished):
     """Chunks to Dask's workers; those of a worker that dies run again elsewhere."""
-    from distributed import Client, as_completed
-    with Client(scheduler) as client:
+    with connect(scheduler) as client:
+        from distributed import as_completed
         client.wait_for_workers(1)
         # A worker's threads are the chunk's: one chunk takes the whole worker.
         workers = max(1, len(client.scheduler_info()["workers"]))
@@ -420,31 +470,33 @@ def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, me
         seed: of the random values, which are the same in every shard.
         metrics: texts such as "final(load/velocity)": final, min, max, mean, settling of a column
             of `simulate`. Times count as sampled: all but final see what `rate` or `times` see.
-        output: file ending in .npz, or a CSV. Interrupted, the same call goes on where it stood.
+        output: file ending in .npz, or a CSV. Interrupted, the same call goes on where it stood
+            (into a device or a FIFO: from the beginning).
         threads: default one a core.
         shard: (i, n): only every n-th run from the i-th, i from 1.
         scheduler: address of a Dask scheduler, "tcp://...": its workers run everything.
         progress: a line on standard error.
     """
     check_output(output, scene, commands)
+    regular = None if output is None else find_regular_file(output)
+    threads = len(os.sched_getaffinity(0)) if threads is None else whole_number("threads", threads, 1, MOST_THREADS)
     paths, values = make_design(grid, random, samples, seed)
-    part, parts = shard
-    if not 1 <= part <= parts:
-        raise ValueError(f"shard: {part}/{parts}; allowed: 1/{parts} to {parts}/{parts}")
+    parts = whole_number("shard", shard[1], 1)
+    part = whole_number("shard", shard[0], 1, parts)
     task = Task(scene, duration, rate, times, commands, overrides, paths, values, metrics)
     wanted = numpy.arange(len(values))[part - 1::parts]
-    journal = Memory() if output is None else Journal(
-        f"{os.fspath(output)}.journal", task.fingerprint(values, shard), len(metrics))
+    journal = Memory() if regular is None else Journal(
+        f"{regular}.journal", task.fingerprint(values, (part, parts)), len(metrics))
     line = Progress(len(wanted), len(journal.rows), progress)
 
-    def finished(runs, numbers, reasons):
-        journal.add(runs, numbers, reasons)
+    def finished(runs, rows, reasons):
+        journal.add(runs, rows, reasons)
         line.update(len(journal.rows), sum(reason != "" for reason in reasons))
 
     try:
         missing = numpy.array([run for run in wanted if run not in journal.rows], dtype=int)
         if scheduler is None:
-            run_locally(task, values, missing, threads or len(os.sched_getaffinity(0)), finished)
+            run_locally(task, values, missing, threads, finished)
         else:
             run_on_cluster(task, values, missing, scheduler, finished)
         results = numpy.array([journal.rows[run][0] for run in wanted]).reshape(len(wanted), -1)

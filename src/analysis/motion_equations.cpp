@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "model/interrupted.h"
 #include "variator_sim/expression/state_derivatives.h"
 #include "variator_sim/formula_constraint.h"
 #include "variator_sim/formula_torque.h"
@@ -285,6 +286,7 @@ DifferentiatedFormulas::DifferentiatedFormulas(MotionEquations& equations,
 }
 
 void DifferentiatedFormulas::evaluate(VectorXd& v, VectorXd& values, MatrixXd& derivatives) const {
+  endIfInterrupted();
   const VariableLayout& layout = equations_.layout();
   if (layout.opaque > 0) equations_.fillOpaque(v);
   const double* const computed = tape_.evaluate(layout.view(v));

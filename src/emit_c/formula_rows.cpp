@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "emit_c/c_text.h"
+#include "model/number_text.h"
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim {
@@ -18,6 +19,7 @@ using expression::Operation;
 std::string literalOf(double value) {
   if (std::isnan(value)) throw std::invalid_argument("a constant that is no number");
   if (std::isinf(value)) return value > 0.0 ? "INFINITY" : "-INFINITY";
+  const DotLocale dot;
   char text[40];
   std::snprintf(text, sizeof text, "%.17g", value);
   // (As short as it may be.)
@@ -192,6 +194,7 @@ void FormulaRows::noteOperation(const std::string& function,
         it.kind, row(it.result), row(it.second), row(it.a), row(it.b), 1 << 20, -1, 0, 1.0, 1.0};
     if (function == "subtract") made.g = -1.0;
     if (function == "scale" || function == "power") {
+      const DotLocale dot;
       made.f = std::stod(arguments[static_cast<std::size_t>(it.number)]);
     } else if (it.number >= 0) {
       made.state = number(it.number);

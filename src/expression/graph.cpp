@@ -5,6 +5,8 @@
 #include <cstring>
 #include <utility>
 
+#include "model/interrupted.h"
+
 namespace variator_sim::expression {
 
 namespace {
@@ -54,6 +56,8 @@ bool Graph::EntryEqual::operator()(const Entry& a, const Entry& b) const {
 }
 
 Node Graph::intern(const Entry& entry) {
+  constexpr std::size_t kBetween = 256;  // entries, between looks at the clock
+  if (entries_.size() % kBetween == 0) endIfInterrupted();
   const auto [position, is_new] = index_of_.emplace(entry, size());
   if (is_new) {
     entries_.push_back(entry);
@@ -194,6 +198,7 @@ std::vector<bool> Graph::findReachable(const std::vector<Node>& nodes) const {
 }
 
 std::vector<int> Graph::listReachable(const std::vector<Node>& nodes) const {
+  endIfInterrupted();
   // Operands have smaller indices: who is largest has no user left to come.
   std::vector<int> waiting;
   waiting.reserve(nodes.size());

@@ -15,13 +15,13 @@
 #include <vector>
 
 #include "model/number_text.h"
+#include "model/tree_bounds.h"
 #include "text_file.h"
 
 namespace variator_sim {
 namespace {
 
-/// Aliases let a few lines stand for any number of values: both are bounded.
-constexpr int kDeepestNesting = 64;
+/// Aliases let a few lines stand for any number of values.
 constexpr int kMostNodes = 100000;
 /// A device may have no end.
 constexpr std::size_t kLongestFile = 1U << 24U;

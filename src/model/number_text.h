@@ -2,11 +2,11 @@
 /// for doubles; GCC's has from version 11 on. No locale changes what they read and write.
 #pragma once
 
+#include <locale.h>
+
 #include <charconv>
 
 #if defined(_GLIBCXX_RELEASE) && _GLIBCXX_RELEASE < 11
-#include <locale.h>
-
 #include <cctype>
 #include <cmath>
 #include <cstdio>
@@ -17,6 +17,23 @@
 #endif
 
 namespace variator_sim {
+
+/// While it lives, printf and strtod of its thread know the decimal point as a dot, whatever
+/// setlocale was told.
+class DotLocale {
+ public:
+  DotLocale() : previous_(uselocale(locale())) {}
+  ~DotLocale() { uselocale(previous_); }
+  DotLocale(const DotLocale&) = delete;
+  DotLocale& operator=(const DotLocale&) = delete;
+
+ private:
+  static locale_t locale() {
+    static const locale_t dot = newlocale(LC_ALL_MASK, "C", nullptr);
+    return dot;
+  }
+  locale_t previous_;
+};
 
 #ifndef VARIATOR_SIM_OWN_NUMBER_TEXT
 
@@ -33,22 +50,6 @@ inline std::from_chars_result numberFromChars(const char* first, const char* las
 }
 
 #else
-
-/// The decimal point is a dot as long as it lives.
-class DotLocale {
- public:
-  DotLocale() : previous_(uselocale(locale())) {}
-  ~DotLocale() { uselocale(previous_); }
-  DotLocale(const DotLocale&) = delete;
-  DotLocale& operator=(const DotLocale&) = delete;
-
- private:
-  static locale_t locale() {
-    static const locale_t dot = newlocale(LC_ALL_MASK, "C", nullptr);
-    return dot;
-  }
-  locale_t previous_;
-};
 
 inline std::to_chars_result copyChars(const char* text, char* first, char* last) {
   const std::size_t size = std::strlen(text);

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/tree_bounds.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -37,6 +38,10 @@ std::vector<std::string> splitPath(const std::string& path) {
     }
   }
   for (const std::string& step : steps) is_valid = is_valid && !step.empty();
+  if (steps.size() > kDeepestNesting) {
+    throw SceneError("", inQuotes(path) + " has more than " + std::to_string(kDeepestNesting) +
+                             " keys, one within the other");
+  }
   if (is_valid) return steps;
   throw SceneError("", inQuotes(path) +
                            " is not a path; expected keys with slashes between, items of a list "

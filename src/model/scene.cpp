@@ -9,6 +9,7 @@
 
 #include "model/derivative_check.h"
 #include "model/extreme_numbers.h"
+#include "model/interrupted.h"
 #include "model/scene_inertia.h"
 #include "model/scene_names.h"
 #include "model/scene_symbols.h"
@@ -151,6 +152,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
 
   ComponentContext context(name, reader, scene->shafts, scene->inputs, scene->symbols, scene->graph,
                            factory.libraries());
+  endIfInterrupted();
   try {
     component->configure(context);
   } catch (const SceneError& error) {

@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "model/interrupted.h"
 #include "model/scene_names.h"
 #include "model/symmetric_matrix.h"
 #include "variator_sim/nearest_name.h"
@@ -59,6 +60,7 @@ double calcLeastInertia(const ShaftInertia& inertia) {
   }
   std::vector<double> values(size, inertia.mean);
   for (const InertiaHarmonic& harmonic : inertia.harmonics) {
+    endIfInterrupted();
     std::size_t other = 0;
     for (double& value : values) {
       value += harmonic.cosine * cosines[other] + harmonic.sine * sines[other];

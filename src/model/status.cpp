@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "model/number_text.h"
+
 namespace variator_sim {
 
 const char* toString(StopReason reason) {
@@ -37,6 +39,7 @@ const char* toString(StopReason reason) {
 
 std::string describe(const EnergyDoubt& doubt) {
   if (!doubt.exists()) return "";
+  const DotLocale dot;
   const double percent =
       doubt.throughput > 0.0 ? 100.0 * std::abs(doubt.reactions) / doubt.throughput : 0.0;
   char share[64] = "while the applied torques brought and took none";
@@ -56,6 +59,7 @@ std::string describe(const EnergyDoubt& doubt) {
 
 std::vector<std::string> describe(const ErrorDoubt& doubt) {
   std::vector<std::string> sentences;
+  const DotLocale dot;
   char text[512];
   const auto add = [&](const char* format, double time, auto... more) {
     std::snprintf(text, sizeof(text), format, time, more...);

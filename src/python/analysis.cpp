@@ -31,7 +31,7 @@ std::vector<TrimChoice> readChoices(const py::object& choices) {
   if (choices.is_none()) return read;
   const auto add = [&read](py::handle name) {
     read.emplace_back();
-    read.back().name = name.cast<std::string>();
+    read.back().name = toText(name, "fix and free");
   };
   if (py::hasattr(choices, "items")) {
     for (const py::handle item : choices.attr("items")()) {
@@ -57,15 +57,14 @@ void checkFixed(const std::vector<TrimChoice>& fix) {
 }
 
 void save(const LinearModel& model, const py::object& path) {
-  const auto name = py::module::import("os").attr("fspath")(path).cast<std::string>();
+  const auto name = py::module::import("os").attr("fsencode")(path).cast<std::string>();
   try {
     checkModelPath(name);
   } catch (const UsageError& error) {
     throw py::value_error(error.what());
   }
-  const auto file = py::module::import("builtins").attr("open")(name, "wb");
-  file.attr("write")(py::bytes(writeModel(model, name)));
-  file.attr("close")();
+  const py::object write = py::module::import("variator_sim.files").attr("write_bytes");
+  write(path, py::bytes(writeModel(model, name)));
 }
 
 /// Arrays of its own: a view would keep the model alive, and be read-only.
@@ -83,16 +82,6 @@ MotionState readState(const py::dict& values, Simulation& simulation) {
     start.peekState(&present);
   }
   return readMotionState(toTree(values, ""), simulation.scene(), present);
-}
-
-LinearModel linearizeAt(Simulation& simulation, const py::object& state, bool project, bool full) {
-  const LinearForm form = full ? LinearForm::kFull : LinearForm::kMinimal;
-  const Scene& scene = simulation.scene();
-  if (state.is_none()) return linearize(scene, simulation.operatingPoint(), form);
-  Simulation there(scene);
-  const std::string fault = there.setState(readState(state.cast<py::dict>(), simulation), project);
-  if (!fault.empty()) throw SceneError("state", fault);
-  return linearize(scene, there.operatingPoint(), form);
 }
 
 TrimOptions readTrimOptions(const py::object& fix, const py::object& free, bool accelerating) {
@@ -154,6 +143,7 @@ void checkAccelerations(const DenseArray& accelerations, const std::vector<std::
 
 void bindAnalysis(py::module& module) {
   py::class_<LinearModel> model(module, "LinearModel");
+  refuseNew(model);
   model.def_property_readonly("A", copyOf(&LinearModel::A))
       .def_property_readonly("B", copyOf(&LinearModel::B))
       .def_property_readonly("C", copyOf(&LinearModel::C))
@@ -182,8 +172,9 @@ void bindAnalysis(py::module& module) {
                std::to_string(self.outputs.size()) + " outputs>";
       });
 
-  py::class_<SteadyState>(module, "SteadyState")
-      .def_readonly("state", &SteadyState::state)
+  py::class_<SteadyState> steady_state(module, "SteadyState");
+  refuseNew(steady_state);
+  steady_state.def_readonly("state", &SteadyState::state)
       .def_readonly("residual", &SteadyState::residual)
       .def_readonly("undetermined", &SteadyState::undetermined)
       .def_readonly("stability", &SteadyState::stability)

@@ -19,10 +19,6 @@ namespace py = pybind11;
 /// `simulation`, or at its start where the motion has stopped. Throws SceneError.
 MotionState readState(const py::dict& values, Simulation& simulation);
 
-/// The model at the present; or, where `state` is a dict and not None, at that state, and the
-/// motion stays where it is.
-LinearModel linearizeAt(Simulation& simulation, const py::object& state, bool project, bool full);
-
 /// Of `fix` a dict of numbers; of `free` the same, or names; None: nothing. Throws SceneError.
 TrimOptions readTrimOptions(const py::object& fix, const py::object& free, bool accelerating);
 

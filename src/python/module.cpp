@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <exception>
 #include <map>
+#include <memory>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "python/python_simulation.h"
 #include "python/sweep.h"
 #include "variator_sim/io/command_file.h"
+#include "variator_sim/io/yaml_text.h"
 
 namespace variator_sim::python {
 namespace {
@@ -83,11 +85,7 @@ py::tuple sweepRows(const py::object& scene, const py::object& overrides,
   for (const MetricTuple& metric : metrics) request.metrics.push_back(makeMetric(metric));
   PluginlibComponentFactory factory;
   std::vector<SweepRow> rows;
-  {
-    const py::gil_scoped_release release;
-    rows = runSweep(request, values, threads, factory, hearSignals);
-  }
-  if (PyErr_Occurred() != nullptr) throw py::error_already_set();
+  withoutLock([&] { rows = runSweep(request, values, threads, factory); });
   Array result({static_cast<py::ssize_t>(rows.size()), static_cast<py::ssize_t>(metrics.size())});
   double* number = result.mutable_data();
   py::list reasons;
@@ -115,6 +113,7 @@ void translateErrors() {
 
 void bindSample(py::module& module) {
   py::class_<NamedSample> sample(module, "Sample");
+  refuseNew(sample);
   sample.def_property_readonly("time", [](const NamedSample& self) { return self.sample.time; });
   const auto add = [&sample](const char* name, const double(Sample::*member)[kMaxShafts]) {
     sample.def_property_readonly(name, [member](const NamedSample& self) {
@@ -192,8 +191,11 @@ void bindSimulation(py::module& module) {
   using Self = PythonSimulation;
   py::class_<Self> simulation(module, "Simulation");
   simulation
-      .def(py::init<const py::object&, const py::object&, bool>(), py::arg("scene"),
-           py::arg("overrides") = py::none(), py::kw_only(), py::arg("energy") = false)
+      .def(py::init([](const py::object& scene, const py::object& overrides, bool energy) {
+             return std::unique_ptr<Self>(::new Self(scene, overrides, energy));
+           }),
+           py::arg("scene"), py::arg("overrides") = py::none(), py::kw_only(),
+           py::arg("energy") = false)
       .def_property_readonly("time", &Self::time)
       .def("advance", &Self::advance, py::arg("duration"))
       .def("advance_to", &Self::advanceTo, py::arg("time"))
@@ -209,7 +211,7 @@ void bindSimulation(py::module& module) {
       .def("trim", &Self::trim, py::arg("fix") = py::none(), py::arg("free") = py::none(),
            py::kw_only(), py::arg("accelerating") = false)
       .def("residuals", &Self::residuals, py::arg("accelerations"))
-      .def("compile", [](Self& s) { return s.get().loadMachineCode(true); })
+      .def("compile", &Self::compile)
       .def("_run", [](Self& s, double duration, double rate, const py::object& times,
                       const std::vector<CommandTuple>& commands, const std::string& columns,
                       bool until_rest) {
@@ -241,9 +243,17 @@ PYBIND11_MODULE(_core, module) {
             python::makeRequest(duration, rate, times, commands, columns, false), metrics, threads,
             compiles);
       });
-  module.def("read_commands", [](const std::string& path) {
+  module.def("_describe_scene", [](const py::object& scene, const py::object& overrides) {
+    // To the bit, unlike Python's str() of an array.
+    std::string text = toYaml(python::readSceneArgument(scene));
+    for (const auto& [path, value] : python::readOverrides(overrides)) {
+      text += toYaml(ParameterTree::text(path)) + toYaml(value);
+    }
+    return text;
+  });
+  module.def("read_commands", [](const py::object& path) {
     std::vector<python::CommandTuple> commands;
-    for (const TimedCommand& command : readCommandFile(path)) {
+    for (const TimedCommand& command : readCommandFile(python::readPath(path))) {
       commands.emplace_back(command.time, command.topic, command.value);
     }
     return commands;

@@ -28,6 +28,12 @@ inline Array toArray(const double* values, std::size_t count) {
   return Array(static_cast<py::ssize_t>(count), values);
 }
 
+/// Python cannot make objects of this type, not even empty ones by `__new__`: pybind11 would read
+/// memory that holds nothing.
+inline void refuseNew(const py::object& type) {
+  reinterpret_cast<PyTypeObject*>(type.ptr())->tp_new = nullptr;
+}
+
 /// Names of a scene's columns that a sample has, shared by all samples of a simulation.
 struct SampleNames {
   explicit SampleNames(const Simulation& simulation)
@@ -62,7 +68,7 @@ struct SampleNames {
   double get(const Sample& sample, py::handle column) const {
     double value;
     if (read(sample, column.ptr(), &value)) return value;
-    const auto name = py::str(column).cast<std::string>();
+    const auto name = py::str(column).attr("encode")("utf-8", "replace").cast<std::string>();
     throw py::key_error(inQuotes(name) + " is no column of a sample" + suggestName(name, names) +
                         "; allowed: " + joinNames(names));
   }

@@ -1,7 +1,7 @@
 /// A simulation as Python sees it.
 #pragma once
 
-#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <memory>
 #include <stdexcept>
@@ -15,6 +15,7 @@
 #include "python/trees.h"
 #include "ros/plugin_loader.h"
 #include "variator_sim/errors.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/message_text.h"
 #include "variator_sim/motion_state.h"
@@ -30,60 +31,98 @@ inline py::object errorClass(const char* name) {
   throw py::error_already_set();
 }
 
+/// The bytes of a file's name, which need be no UTF-8.
+inline std::string readPath(const py::object& path) {
+  return py::module::import("os").attr("fsencode")(path).cast<std::string>();
+}
+
 inline ParameterTree readSceneArgument(const py::object& scene) {
   if (py::isinstance<py::dict>(scene)) return toTree(scene, "");
-  const auto text = py::module::import("os").attr("fspath")(scene).cast<std::string>();
+  const py::object path = py::module::import("os").attr("fspath")(scene);
+  const auto has = [&](const char* method, const char* part) {
+    return py::isinstance<py::str>(path) && path.attr(method)(part).cast<bool>();
+  };
   // No file's name has a line's end; a mapping in one line begins with its brace.
-  const bool is_text = text.find('\n') != std::string::npos || text.rfind('{', 0) == 0;
-  return is_text ? readYamlText(text, "scene") : readYamlFile(text);
+  const bool is_text = has("__contains__", "\n") || has("startswith", "{");
+  return is_text ? readYamlText(toText(path, ""), "scene") : readYamlFile(readPath(path));
 }
 
 inline Overrides readOverrides(const py::object& overrides) {
   Overrides values;
   if (overrides.is_none()) return values;
   for (const auto& [path, value] : overrides.cast<py::dict>()) {
-    const auto name = path.cast<std::string>();
+    const std::string name = toText(path, "overrides");
     values.emplace_back(name, toTree(value, name));
   }
   return values;
 }
 
-/// False on Ctrl-C; called without the interpreter's lock.
-inline bool hearSignals() {
-  const py::gil_scoped_acquire lock;
-  return PyErr_CheckSignals() == 0;
+/// Whether a signal's handler, such as that of Ctrl-C, has raised an exception. Asks the
+/// interpreter, and takes its lock, twenty times a second.
+class SignalWatch {
+ public:
+  bool operator()() {
+    const Clock::time_point now = Clock::now();
+    if (has_raised_ || now < next_) return has_raised_;
+    next_ = now + std::chrono::milliseconds(50);
+    const py::gil_scoped_acquire lock;
+    has_raised_ = PyErr_CheckSignals() != 0;
+    return has_raised_;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point next_ = Clock::now() + std::chrono::milliseconds(50);
+  bool has_raised_ = false;
+};
+
+/// Does `work` without the interpreter's lock; signals interrupt it (Interruption). Throws what
+/// their handlers raise.
+template <typename Work>
+void withoutLock(const Work& work) {
+  try {
+    const py::gil_scoped_release release;
+    const Interruption interruption{SignalWatch()};
+    work();
+  } catch (...) {
+    if (PyErr_Occurred() == nullptr) throw;
+  }
+  if (PyErr_Occurred() != nullptr) throw py::error_already_set();
 }
 
 class PythonSimulation {
  public:
   PythonSimulation(const py::object& scene, const py::object& overrides, bool energy)
-      : session_(readScene(scene, overrides)),
-        names_(std::make_shared<const SampleNames>(session_.simulation())) {
-    Simulation& simulation = session_.simulation();
-    simulation.trackEnergy(energy);
-    simulation.loadMachineCode(simulation.scene().solver.machine_code == MachineCode::kAlways);
+      : simulation_(load(scene, overrides, energy)),
+        names_(std::make_shared<const SampleNames>(simulation_)) {}
+
+  /// pybind11 asks for memory here when the object's __init__ has not been called, as after
+  /// Simulation.__new__. Objects themselves are made by ::new.
+  static void* operator new(std::size_t) {
+    throw py::type_error("Simulation: its __init__ has not been called");
   }
+  static void operator delete(void* memory) { ::operator delete(memory); }
 
   /// The simulation, unless another thread has it.
   Simulation& get() {
     if (is_busy_) throw std::runtime_error("another thread is moving this simulation");
-    return session_.simulation();
+    return simulation_;
   }
-  const Scene& scene() const { return session_.simulation().scene(); }
+  const Scene& scene() const { return simulation_.scene(); }
 
   double time() { return get().time(); }
 
   // --- What is called a million times: as below, or false where it is not that simple.
   bool tryAdvance(double duration) {
-    Simulation& simulation = session_.simulation();
+    Simulation& simulation = simulation_;
     const double time = simulation.time() + duration;
     return !is_busy_ && duration >= 0.0 && time <= simulation.quietUntil() && std::isfinite(time) &&
            simulation.advanceTo(time).ok();
   }
   bool tryRead(PyObject* column, double* value) {
     if (is_busy_) return false;
-    const Sample& taken = session_.simulation().sample();
-    return session_.simulation().status().ok() && names_->read(taken, column, value);
+    const Sample& taken = simulation_.sample();
+    return simulation_.status().ok() && names_->read(taken, column, value);
   }
   double read(py::handle column) { return sample().at(column); }
 
@@ -99,7 +138,7 @@ class PythonSimulation {
     if (time <= simulation.quietUntil()) {
       simulation.advanceTo(time);  // for this the lock is not worth giving away
     } else {
-      withoutLock([&] { session_.advanceTo(time, hearSignals); });
+      move([&] { simulation.advanceTo(time); });
     }
     check();
   }
@@ -112,7 +151,7 @@ class PythonSimulation {
   NamedSample step(double duration, const py::object& commands) {
     if (!commands.is_none()) {
       for (const auto& [topic, value] : commands.cast<py::dict>()) {
-        command(topic.cast<std::string>(), value.cast<double>());
+        command(toText(topic, "commands"), value.cast<double>());
       }
     }
     advance(duration);
@@ -120,7 +159,7 @@ class PythonSimulation {
   }
   bool command(const std::string& topic, double value) {
     Simulation& simulation = get();
-    switch (simulation.command(session_.findInput(topic), value)) {
+    switch (simulation.command(findInput(topic, scene()), value)) {
       case CommandResult::kAccepted:
         return true;
       case CommandResult::kClamped:
@@ -128,7 +167,7 @@ class PythonSimulation {
       case CommandResult::kRefused:
         break;
     }
-    throw std::invalid_argument("command on " + inQuotes(topic) + ": " + std::to_string(value) +
+    throw std::invalid_argument("command on " + inQuotes(topic) + ": " + formatNumber(value) +
                                 "; allowed: any finite number");
   }
   NamedSample sample() {
@@ -167,8 +206,15 @@ class PythonSimulation {
     Simulation& simulation = get();
     if (!simulation.status().ok()) simulation.reset();  // what has stopped takes no state
     const MotionState state = readState(values, simulation);
-    const std::string fault = simulation.setState(state, project);
+    std::string fault;
+    move([&] { fault = simulation.setState(state, project); });
     if (!fault.empty()) throw SceneError("state", fault);
+  }
+  bool compile() {
+    Simulation& simulation = get();
+    bool is_loaded = false;
+    move([&] { is_loaded = simulation.loadMachineCode(true); });
+    return is_loaded;
   }
   void reset() { get().reset(); }
 
@@ -184,7 +230,7 @@ class PythonSimulation {
     const double* from = accelerations.data();
     const double* const end = from + accelerations.size();
     double* to = values.mutable_data();
-    withoutLock([&] {
+    move([&] {
       for (; from != end; from += scene().shaftCount(), to += scene().constraints.size()) {
         calcResiduals(scene(), point, from, to);
       }
@@ -193,33 +239,49 @@ class PythonSimulation {
   }
 
   LinearModel linearize(const py::object& state, bool project, bool full) {
-    if (state.is_none()) sample();  // raises where the motion has stopped
-    return linearizeAt(get(), state, project, full);
+    Simulation& simulation = get();
+    const bool is_here = state.is_none();
+    if (is_here) sample();  // raises where the motion has stopped
+    MotionState there;
+    if (!is_here) there = readState(state.cast<py::dict>(), simulation);
+    LinearModel model;
+    move([&] {
+      std::unique_ptr<Simulation> other;  // the motion stays where it is
+      if (!is_here) {
+        other = std::make_unique<Simulation>(scene());
+        const std::string fault = other->setState(there, project);
+        if (!fault.empty()) throw SceneError("state", fault);
+      }
+      const OperatingPoint point = (is_here ? simulation : *other).operatingPoint();
+      model =
+          variator_sim::linearize(scene(), point, full ? LinearForm::kFull : LinearForm::kMinimal);
+    });
+    return model;
   }
   py::list trim(const py::object& fix, const py::object& free, bool accelerating) {
     const Scene& scene = get().scene();
     const TrimOptions options = readTrimOptions(fix, free, accelerating);
     SteadyStates states;
-    withoutLock([&] { states = findSteadyStates(scene, options); });
+    move([&] { states = findSteadyStates(scene, options); });
     return toList(states, scene);
   }
 
   /// Rows, how many commands lay outside, and None or the error that ended the run.
   py::tuple run(const RunRequest& request) {
-    get().trackEnergy(request.columns.energy || tracksEnergy());
+    get();
     RunRows rows;
-    withoutLock([&] { rows = session_.run(request, hearSignals); });
+    move([&] { rows = python::run(simulation_, request); });
     const auto columns = static_cast<py::ssize_t>(columnsOf(request.columns).size());
     const auto count = static_cast<py::ssize_t>(rows.values.size()) / columns;
     Array values({count, columns}, rows.values.data());
-    const bool is_ok = session_.simulation().status().ok();
+    const bool is_ok = simulation_.status().ok();
     return py::make_tuple(values, rows.ignored_commands, is_ok ? py::none() : stopped());
   }
   std::vector<std::string> columnsOf(const ColumnGroups& groups) {
     return columnNames(get(), groups);
   }
   py::object stopped() {
-    Simulation& simulation = session_.simulation();
+    Simulation& simulation = simulation_;
     const MotionStatus& status = simulation.status();
     const auto name = [](const auto& parts, int index) -> py::object {
       if (index < 0) return py::none();
@@ -231,40 +293,41 @@ class PythonSimulation {
                                        name(scene().torques, status.torque));
   }
 
-  void trackEnergy(bool on) {
-    tracks_energy_ = on;
-    get().trackEnergy(on);
-  }
-  bool tracksEnergy() const { return tracks_energy_; }
-
  private:
-  static Scene readScene(const py::object& scene, const py::object& overrides) {
-    PluginlibComponentFactory factory;
-    return makeScene(readSceneArgument(scene), readOverrides(overrides), factory);
+  static Simulation load(const py::object& scene, const py::object& overrides, bool energy) {
+    const ParameterTree tree = readSceneArgument(scene);
+    const Overrides values = readOverrides(overrides);
+    std::unique_ptr<Simulation> simulation;
+    withoutLock([&] {
+      PluginlibComponentFactory factory;
+      simulation = std::make_unique<Simulation>(
+          readScene(withOverrides(tree, values), factory, nodeNames()));
+      simulation->trackEnergy(energy);
+      simulation->loadMachineCode(simulation->scene().solver.machine_code == MachineCode::kAlways);
+    });
+    return std::move(*simulation);
   }
 
   void check() {
-    if (!session_.simulation().status().ok()) raise(stopped());
+    if (!simulation_.status().ok()) raise(stopped());
   }
 
+  /// Does long work; other threads may not use the simulation meanwhile.
   template <typename Work>
-  void withoutLock(const Work& work) {
+  void move(const Work& work) {
     is_busy_ = true;  // seen by who holds the interpreter's lock, as we do here
     try {
-      const py::gil_scoped_release release;
-      work();
+      withoutLock(work);
     } catch (...) {
       is_busy_ = false;
       throw;
     }
     is_busy_ = false;
-    if (PyErr_Occurred() != nullptr) throw py::error_already_set();
   }
 
-  Session session_;
+  Simulation simulation_;
   std::shared_ptr<const SampleNames> names_;
   bool is_busy_ = false;
-  bool tracks_energy_ = false;
 };
 
 }  // namespace variator_sim::python

@@ -1,78 +1,36 @@
 #include "python/session.h"
 
-#include <algorithm>
-#include <chrono>
-#include <csignal>
 #include <limits>
-#include <stdexcept>
 
-#include "variator_sim/errors.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/io/override_text.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/overrides.h"
 
 namespace variator_sim::python {
-namespace {
 
-/// A span of simulated time that takes about a twentieth of a second.
-class BlockSpan {
- public:
-  explicit BlockSpan(double whole) : span_(std::max(whole / 64.0, kShortest)) {}
-  double span() const { return span_; }
-  void begin() { start_ = Clock::now(); }
-  void end() {
-    const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
-    if (seconds < 0.01) span_ *= 2.0;
-    if (seconds > 0.1) span_ *= 0.5;
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  static constexpr double kShortest = 0.1;  // s; a step of a controller is no block to cut
-  double span_;
-  Clock::time_point start_;
-};
-
-}  // namespace
-
-Scene makeScene(ParameterTree tree, const Overrides& overrides, ComponentFactory& factory) {
+ParameterTree withOverrides(ParameterTree tree, const Overrides& overrides) {
   applyOwnOverrides(tree);
   for (const auto& [path, value] : overrides) setValue(tree, path, value);
-  return readScene(tree, factory, nodeNames());
+  return tree;
 }
 
-void Session::advanceTo(double time, const KeepOn& keep_on) {
-  // Cuts change no bit of a motion.
-  BlockSpan block(time - simulation_.time());
-  while (simulation_.time() < time) {
-    block.begin();
-    const double end = std::min(time, simulation_.time() + block.span());
-    if (!simulation_.advanceTo(end > simulation_.time() ? end : time).ok()) return;
-    block.end();
-    if (simulation_.time() < time && !keep_on()) return;
-  }
-}
-
-RunRows Session::run(const RunRequest& request, const KeepOn& keep_on) {
-  const double begin = simulation_.time();
+RunRows run(Simulation& simulation, const RunRequest& request) {
+  const double begin = simulation.time();
   const double end = begin + request.duration;
-  OfflineRun run(simulation_,
-                 request.has_times ? SampleTimes::at(request.times)
-                                   : SampleTimes::atRate(request.rate, begin, end),
-                 resolveCommands(request.commands, simulation_.scene(), "commands"), end);
-  run.observe(request.columns.quantities);
-  if (request.until_rest) run.endAtRest();
+  OfflineRun offline(simulation,
+                     request.has_times ? SampleTimes::at(request.times)
+                                       : SampleTimes::atRate(request.rate, begin, end),
+                     resolveCommands(request.commands, simulation.scene(), "commands"), end);
+  offline.observe(request.columns.quantities);
+  if (request.until_rest) offline.endAtRest();
   RunRows rows;
-  rows.ignored_commands = run.ignoredCount() + run.pastCount();
-  const RowMaker maker(simulation_, request.columns);
-  const volatile std::sig_atomic_t never = 0;
+  rows.ignored_commands = offline.ignoredCount() + offline.pastCount();
+  const RowMaker maker(simulation, request.columns);
   SampleBlock samples;
   samples.samples.reserve(OfflineRun::kBlockSize);
-  BlockSpan block(request.duration);
-  for (bool more = true; more;) {
-    block.begin();
-    more = run.advanceBlock(block.span(), &never, samples);
-    block.end();
+  constexpr double kNoEnd = std::numeric_limits<double>::infinity();
+  for (bool more = true; more && !Interruption::isWanted();) {
+    more = offline.advanceBlock(kNoEnd, samples);
     const double* quantities = samples.quantities.data();
     for (const Sample& sample : samples.samples) {
       rows.values.resize(rows.values.size() + maker.columnCount());
@@ -80,23 +38,8 @@ RunRows Session::run(const RunRequest& request, const KeepOn& keep_on) {
                   rows.values.data() + rows.values.size() - maker.columnCount());
       quantities += maker.quantityCount();
     }
-    if (more && !keep_on()) break;
   }
   return rows;
-}
-
-int Session::findInput(const std::string& topic) const {
-  const std::vector<CommandInputSettings>& inputs = simulation_.scene().inputs;
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    if (inputs[i].topic == topic) return static_cast<int>(i);
-  }
-  std::vector<std::string> topics;
-  topics.reserve(inputs.size());
-  for (const CommandInputSettings& input : inputs) topics.push_back(input.topic);
-  throw std::invalid_argument("unknown topic " + inQuotes(topic) + suggestName(topic, topics) +
-                              "; " +
-                              (topics.empty() ? "this scene takes no commands"
-                                              : "the scene's topics are " + joinNames(topics)));
 }
 
 }  // namespace variator_sim::python

@@ -2,7 +2,6 @@
 /// interpreter's lock.
 #pragma once
 
-#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,8 +15,8 @@ namespace variator_sim::python {
 
 using Overrides = std::vector<std::pair<std::string, ParameterTree>>;
 
-/// Reads a scene's tree with these values in place of its own. Throws SceneError.
-Scene makeScene(ParameterTree tree, const Overrides& overrides, ComponentFactory& factory);
+/// A scene's tree with these values in place of its own. Throws SceneError.
+ParameterTree withOverrides(ParameterTree tree, const Overrides& overrides);
 
 /// What a run is asked for.
 struct RunRequest {
@@ -36,27 +35,7 @@ struct RunRows {
   std::size_t ignored_commands = 0;  ///< those outside of the run
 };
 
-/// Called between blocks of about a tenth of a second of wall time: false ends what is under way.
-using KeepOn = std::function<bool()>;
-
-class Session {
- public:
-  explicit Session(Scene scene) : simulation_(std::move(scene)) {}
-  explicit Session(Simulation simulation) : simulation_(std::move(simulation)) {}
-
-  Simulation& simulation() { return simulation_; }
-  const Simulation& simulation() const { return simulation_; }
-
-  /// Moves the present to `time`, in blocks. The motion may stop on the way.
-  void advanceTo(double time, const KeepOn& keep_on);
-  /// Runs from the present; ends where the motion stops. Throws CommandFileError.
-  RunRows run(const RunRequest& request, const KeepOn& keep_on);
-
-  /// Index of an input. Throws std::invalid_argument with the nearest topic.
-  int findInput(const std::string& topic) const;
-
- private:
-  Simulation simulation_;
-};
+/// Runs from the present; ends where the motion stops or is interrupted. Throws CommandFileError.
+RunRows run(Simulation& simulation, const RunRequest& request);
 
 }  // namespace variator_sim::python

@@ -6,9 +6,11 @@
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
+#include <exception>
 #include <limits>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <thread>
 #include <utility>
 
@@ -16,43 +18,13 @@
 #include "variator_sim/errors.h"
 #include "variator_sim/formula_constraint.h"
 #include "variator_sim/formula_torque.h"
-#include "variator_sim/io/override_text.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/overrides.h"
 
 namespace variator_sim::python {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-/// Lets several threads make components: plugins are loaded by one at a time.
-class LockedFactory : public ComponentFactory {
- public:
-  explicit LockedFactory(ComponentFactory& factory) : factory_(factory) {}
-  ConstraintPtr createConstraint(const std::string& type) override {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return factory_.createConstraint(type);
-  }
-  TorquePtr createTorque(const std::string& type) override {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return factory_.createTorque(type);
-  }
-  std::vector<std::string> constraintTypes() override {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return factory_.constraintTypes();
-  }
-  std::vector<std::string> torqueTypes() override {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return factory_.torqueTypes();
-  }
-  std::shared_ptr<const void> libraries() override {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return factory_.libraries();
-  }
-
- private:
-  ComponentFactory& factory_;
-  std::mutex mutex_;
-};
 
 double calcSettlingTime(const std::vector<double>& rows, std::size_t width, std::size_t column,
                         double band) {
@@ -215,19 +187,21 @@ class RowMachines {
 };
 
 SweepRow runRow(const SweepRequest& request, const std::vector<double>& values,
-                RowMachines& machines, const KeepOn& keep_on) {
+                RowMachines& machines) {
   SweepRow row;
   row.metrics.assign(request.metrics.size(), kNaN);
   try {
-    Session session(machines.make(values));
-    session.simulation().trackEnergy(request.run.columns.energy);
-    const RunRows rows = session.run(request.run, keep_on);
-    row.reason = session.simulation().describeStatus();
+    Simulation simulation = machines.make(values);
+    simulation.trackEnergy(request.run.columns.energy);
+    const RunRows rows = run(simulation, request.run);
+    row.reason = simulation.describeStatus();
     if (!row.reason.empty()) return row;
-    const std::size_t width = columnNames(session.simulation(), request.run.columns).size();
+    const std::size_t width = columnNames(simulation, request.run.columns).size();
     for (std::size_t i = 0; i < request.metrics.size(); ++i) {
       row.metrics[i] = calcMetric(request.metrics[i], rows.values, width);
     }
+  } catch (const std::bad_alloc&) {
+    throw;  // says nothing of the row
   } catch (const std::exception& error) {
     row.reason = error.what();
   }
@@ -261,42 +235,60 @@ double calcMetric(const Metric& metric, const std::vector<double>& rows, std::si
 
 std::vector<SweepRow> runSweep(const SweepRequest& request,
                                const std::vector<std::vector<double>>& values, int threads,
-                               ComponentFactory& factory, const KeepOn& keep_on) {
-  LockedFactory locked(factory);
-  ParameterTree tree = request.tree;
-  applyOwnOverrides(tree);
-  for (const auto& [path, value] : request.overrides) setValue(tree, path, value);
+                               ComponentFactory& factory) {
+  const ParameterTree tree = withOverrides(request.tree, request.overrides);
   std::vector<SweepRow> rows(values.size());
   CodeOfRows code(request.compiles);
   std::atomic<std::size_t> next{0};
   std::atomic<bool> is_cancelled{false};
   std::mutex mutex;
   std::condition_variable one_has_ended;
-  std::size_t running = std::min(static_cast<std::size_t>(std::max(threads, 1)), values.size());
+  std::size_t running = 0;
+  std::exception_ptr error;  // the first one
   const auto work = [&] {
-    RowFibers fibers;
-    RowMachines machines(request, tree, locked, code, fibers);
-    fibers.run([&] {
-      for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
-        rows[i] = runRow(request, values[i], machines, [&] { return !is_cancelled; });
-      }
-    });
+    try {
+      const Interruption interruption([&] { return is_cancelled.load(); });
+      RowFibers fibers;
+      RowMachines machines(request, tree, factory, code, fibers);
+      fibers.run([&] {
+        try {
+          for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
+            rows[i] = runRow(request, values[i], machines);
+          }
+        } catch (...) {
+          is_cancelled = true;  // the other fibers of this thread end, too
+          throw;
+        }
+      });
+    } catch (...) {
+      is_cancelled = true;
+      const std::lock_guard<std::mutex> lock(mutex);
+      if (!error) error = std::current_exception();
+    }
     const std::lock_guard<std::mutex> lock(mutex);
     --running;
     one_has_ended.notify_one();
   };
   std::vector<std::thread> pool;
-  for (std::size_t i = running; i > 0; --i) pool.emplace_back(work);
-  {
-    std::unique_lock<std::mutex> lock(mutex);
-    while (!one_has_ended.wait_for(lock, std::chrono::milliseconds(50),
-                                   [&] { return running == 0; })) {
-      lock.unlock();
-      if (!is_cancelled && !keep_on()) is_cancelled = true;
-      lock.lock();
-    }
+  std::unique_lock<std::mutex> lock(mutex);
+  try {
+    const auto wanted = static_cast<std::size_t>(std::max(threads, 1));
+    const std::size_t count = std::min(wanted, values.size());
+    pool.reserve(count);
+    for (; running < count; ++running) pool.emplace_back(work);
+  } catch (...) {
+    // Fewer threads give the same rows.
+    if (pool.empty()) error = std::current_exception();
   }
+  while (
+      !one_has_ended.wait_for(lock, std::chrono::milliseconds(50), [&] { return running == 0; })) {
+    lock.unlock();
+    if (Interruption::isWanted()) is_cancelled = true;
+    lock.lock();
+  }
+  lock.unlock();
   for (std::thread& thread : pool) thread.join();
+  if (error) std::rethrow_exception(error);
   return rows;
 }
 

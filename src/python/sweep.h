@@ -39,11 +39,12 @@ struct SweepRow {
   std::string reason;           ///< "" or why it failed
 };
 
-/// Runs every row of `values` (one value a path) on `threads` threads. Between runs, and within
-/// long ones, the calling thread asks `keep_on`; where it says no, all end early. What a row gives
-/// depends neither on the other rows nor on the number of threads.
+/// Runs every row of `values` (one value a path) on `threads` threads, or on as many as can be
+/// started; an Interruption of the calling thread ends all of them. What a row gives depends
+/// neither on the other rows nor on the number of threads. What a thread throws, beyond the faults
+/// that are reasons of rows, ends the others and is thrown.
 std::vector<SweepRow> runSweep(const SweepRequest& request,
                                const std::vector<std::vector<double>>& values, int threads,
-                               ComponentFactory& factory, const KeepOn& keep_on);
+                               ComponentFactory& factory);
 
 }  // namespace variator_sim::python

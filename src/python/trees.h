@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "model/tree_bounds.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/parameter_tree.h"
 
@@ -13,49 +14,76 @@ namespace variator_sim::python {
 
 namespace py = pybind11;
 
-inline ParameterTree toTree(py::handle value, const std::string& path);
-
-inline ParameterTree dictionaryToTree(const py::dict& values, const std::string& path) {
-  ParameterTree::Dictionary dictionary;
-  for (const auto& [key, item] : values) {
-    if (!py::isinstance<py::str>(key)) {
-      throw SceneError(path, "key " + std::string(py::repr(key)) + " is not a text");
-    }
-    const auto name = key.cast<std::string>();
-    std::string item_path = path;
-    if (!path.empty()) item_path += "/";
-    item_path += name;
-    dictionary.emplace(name, toTree(item, item_path));
+/// Throws SceneError where `text` is none, or has no UTF-8: half of a surrogate pair has none.
+inline std::string toText(py::handle text, const std::string& path) {
+  if (!py::isinstance<py::str>(text)) {
+    throw SceneError(path, std::string(py::repr(text)) + " is not a text");
   }
-  return ParameterTree::dictionary(std::move(dictionary));
+  Py_ssize_t size = 0;
+  const char* const bytes = PyUnicode_AsUTF8AndSize(text.ptr(), &size);
+  if (bytes != nullptr) return {bytes, static_cast<std::size_t>(size)};
+  PyErr_Clear();
+  throw SceneError(path, std::string(py::repr(text)) +
+                             " is not valid Unicode: it contains half of a surrogate pair");
 }
 
-/// Arrays and numbers of NumPy are what their `tolist()` is. Throws SceneError with the value's
-/// path.
-inline ParameterTree toTree(py::handle value, const std::string& path) {
-  if (value.is_none()) return {};
-  if (py::isinstance<py::bool_>(value)) return ParameterTree::boolean(value.cast<bool>());
-  if (py::isinstance<py::str>(value)) return ParameterTree::text(value.cast<std::string>());
-  if (py::isinstance<py::dict>(value)) {
-    return dictionaryToTree(py::reinterpret_borrow<py::dict>(value), path);
-  }
-  if (py::hasattr(value, "tolist")) return toTree(value.attr("tolist")(), path);
-  if (py::isinstance<py::float_>(value)) return ParameterTree::real(value.cast<double>());
-  if (py::isinstance<py::int_>(value)) {
-    const long long number = PyLong_AsLongLong(value.ptr());
-    if (number == -1 && PyErr_Occurred() != nullptr) throw py::error_already_set();
-    return ParameterTree::integer(number);
-  }
-  if (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) {
-    ParameterTree::List list;
-    for (const py::handle item : value) {
-      list.push_back(toTree(item, path + "[" + std::to_string(list.size()) + "]"));
+/// Reads one value. Lists, tuples and dicts may hold themselves, or one of them stand in many
+/// places: depth and number of values are bounded.
+class TreeReader {
+ public:
+  /// Throws SceneError with the path of what is at fault.
+  ParameterTree read(py::handle value, const std::string& path, int depth = 0) {
+    if (depth > kDeepestNesting) {
+      throw SceneError(path, "nested more than " + std::to_string(kDeepestNesting) +
+                                 " deep; a list or dict that contains itself has no end");
     }
-    return ParameterTree::list(std::move(list));
+    if (++count_ > kMostValues) {
+      throw SceneError(path, "more than " + std::to_string(kMostValues) + " values");
+    }
+    if (value.is_none()) return {};
+    if (py::isinstance<py::bool_>(value)) return ParameterTree::boolean(value.cast<bool>());
+    if (py::isinstance<py::str>(value)) return ParameterTree::text(toText(value, path));
+    if (py::isinstance<py::dict>(value)) {
+      return readDictionary(py::reinterpret_borrow<py::dict>(value), path, depth);
+    }
+    // Arrays and numbers of NumPy.
+    if (py::hasattr(value, "tolist")) return read(value.attr("tolist")(), path, depth + 1);
+    if (py::isinstance<py::float_>(value)) return ParameterTree::real(value.cast<double>());
+    if (py::isinstance<py::int_>(value)) {
+      const long long number = PyLong_AsLongLong(value.ptr());
+      if (number == -1 && PyErr_Occurred() != nullptr) throw py::error_already_set();
+      return ParameterTree::integer(number);
+    }
+    if (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) {
+      ParameterTree::List list;
+      for (const py::handle item : value) {
+        list.push_back(read(item, path + "[" + std::to_string(list.size()) + "]", depth + 1));
+      }
+      return ParameterTree::list(std::move(list));
+    }
+    throw SceneError(path, std::string(py::repr(value)) +
+                               " is neither a number, a boolean, a text, None, a list, an array "
+                               "nor a dict");
   }
-  throw SceneError(path, std::string(py::repr(value)) +
-                             " is neither a number, a boolean, a text, None, a list, an array nor "
-                             "a dict");
+
+ private:
+  static constexpr int kMostValues = 1000000;
+
+  ParameterTree readDictionary(const py::dict& values, const std::string& path, int depth) {
+    ParameterTree::Dictionary dictionary;
+    for (const auto& [key, item] : values) {
+      const std::string name = toText(key, path);
+      const std::string item_path = path.empty() ? name : path + "/" + name;
+      dictionary.emplace(name, read(item, item_path, depth + 1));
+    }
+    return ParameterTree::dictionary(std::move(dictionary));
+  }
+
+  int count_ = 0;
+};
+
+inline ParameterTree toTree(py::handle value, const std::string& path) {
+  return TreeReader().read(value, path);
 }
 
 inline py::object toObject(const ParameterTree& tree) {

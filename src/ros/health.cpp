@@ -2,6 +2,8 @@
 
 #include <cstdio>
 
+#include "model/number_text.h"
+
 namespace variator_sim {
 namespace {
 
@@ -49,6 +51,7 @@ Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
   // 0 is not measured yet.
   if (snapshot.real_time_factor > 0.0 &&
       snapshot.real_time_factor < kSlow * snapshot.wanted_factor) {
+    const DotLocale dot;
     char text[96];
     std::snprintf(text, sizeof(text), "real-time factor %.3g instead of %.3g",
                   snapshot.real_time_factor, snapshot.wanted_factor);

@@ -1,6 +1,7 @@
 #include "ros/plugin_loader.h"
 
 #include <algorithm>
+#include <mutex>
 #include <pluginlib/class_loader.hpp>
 #include <stdexcept>
 #include <utility>
@@ -9,6 +10,9 @@ namespace variator_sim {
 namespace {
 
 constexpr const char* kPackage = "variator_sim";
+
+/// Packages are searched and libraries loaded by one thread at a time.
+std::mutex g_plugins;
 
 /// One pluginlib loader, made when it is first needed: making it searches all packages.
 template <class Base>
@@ -19,6 +23,7 @@ class LazyLoader {
   std::shared_ptr<Base> create(const std::string& type) {
     // Our own types are all built in: a name in our namespace that is not one of them is misspelt.
     const bool ours = type.rfind(std::string(kPackage) + "/", 0) == 0;
+    const std::lock_guard<std::mutex> lock(g_plugins);
     try {
       pluginlib::ClassLoader<Base>& found = loader();
       if (!found.isClassAvailable(type)) return nullptr;
@@ -33,6 +38,7 @@ class LazyLoader {
   }
 
   void appendTypes(std::vector<std::string>& types) {
+    const std::lock_guard<std::mutex> lock(g_plugins);
     try {
       for (const std::string& type : loader().getDeclaredClasses()) {
         if (std::find(types.begin(), types.end(), type) == types.end()) types.push_back(type);

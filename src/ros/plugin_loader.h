@@ -12,7 +12,7 @@ namespace variator_sim {
 /// Makes the built-in types without looking for any plugin. Any other type is looked up among the
 /// plugins that packages export for variator_sim::Constraint and variator_sim::Torque; only then
 /// are packages searched. Needs no ROS master. A component keeps its library loaded as long as it
-/// lives, also after this factory is gone. Not thread-safe.
+/// lives, also after this factory is gone. Several threads may use it.
 class PluginlibComponentFactory : public ComponentFactory {
  public:
   PluginlibComponentFactory();

@@ -21,6 +21,7 @@
 namespace {
 
 constexpr int kBadScene = 2;
+constexpr int kBadOutput = 3;
 
 constexpr char kUsage[] =
     "Simulates a drivetrain in real time, as its private parameters describe it.\n"
@@ -121,8 +122,9 @@ int main(int argc, char** argv) {
   // Before anything asks for a master.
   for (int i = 1; i < argc; ++i) {
     if (!isHelp(argv[i])) continue;
-    std::fputs(kUsage, stdout);
-    return 0;
+    if (std::fputs(kUsage, stdout) >= 0 && std::fflush(stdout) == 0) return 0;
+    std::perror("variator_sim_node: standard output");
+    return kBadOutput;
   }
   try {
     return runNode(argc, argv);

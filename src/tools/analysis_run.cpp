@@ -1,10 +1,8 @@
 #include "tools/analysis_run.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <fstream>
 
 #include "model/number_text.h"
@@ -23,21 +21,6 @@ namespace {
 
 /// How long rest is waited for without --duration, s.
 constexpr double kPatience = 1000.0;
-
-/// Into a file, or to standard output where `path` is empty.
-void writeText(const std::string& path, const std::string& text) {
-  std::FILE* const file = path.empty() ? stdout : std::fopen(path.c_str(), "wb");
-  const std::string name = path.empty() ? "standard output" : path;
-  const auto fail = [&name] { throw OutputError(name + ": " + std::strerror(errno)); };
-  if (file == nullptr) fail();
-  const bool is_written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  const bool is_flushed = std::fflush(file) == 0;
-  if (path.empty() && !(is_written && is_flushed) && errno == EPIPE) {
-    throw OutputClosed("standard output: closed");
-  }
-  if (!is_written || !is_flushed) fail();
-  if (!path.empty() && std::fclose(file) != 0) fail();
-}
 
 bool readTime(const std::string& word, double* time) {
   const char* const end = word.data() + word.size();
@@ -157,9 +140,9 @@ bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& co
   const LinearModel model =
       linearize(simulation.scene(), point, options.full ? LinearForm::kFull : LinearForm::kMinimal);
   if (!options.output_path.empty()) {
-    writeText(options.output_path, writeModel(model, options.output_path));
+    writeOutput(options.output_path, writeModel(model, options.output_path));
   }
-  writeText("", describeModel(model, options.output_path.empty()));
+  writeOutput("", describeModel(model, options.output_path.empty()));
   return true;
 }
 
@@ -184,7 +167,7 @@ bool runTrim(const Scene& scene, const SimulateOptions& options) {
             describeStability(scene, state.point) + "\n";
     text += is_first ? yaml : asComment(yaml);
   }
-  writeText(options.output_path, text);
+  writeOutput(options.output_path, text);
   return true;
 }
 

@@ -6,6 +6,7 @@
 #include <limits>
 #include <system_error>
 
+#include "io/whole_file.h"
 #include "model/number_text.h"
 #include "tools/sample_writer.h"
 #include "variator_sim/simulation.h"
@@ -24,6 +25,13 @@ std::string makeHeader(const Simulation& simulation, const ColumnGroups& columns
   return header + "\n";
 }
 
+[[noreturn]] void fail(const std::string& name) {
+  const int error = errno;
+  const std::string message = name + ": " + std::generic_category().message(error);
+  if (error == EPIPE) throw OutputClosed(message);
+  throw OutputError(message);
+}
+
 class CsvWriter : public SampleWriter {
  public:
   CsvWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
@@ -34,7 +42,7 @@ class CsvWriter : public SampleWriter {
       file_ = STDOUT_FILENO;
     } else {
       file_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-      if (file_ < 0) fail();
+      if (file_ < 0) fail(name_);
       owns_file_ = true;
     }
     const std::string header = makeHeader(simulation, columns);
@@ -60,7 +68,7 @@ class CsvWriter : public SampleWriter {
     if (!owns_file_) return;
     owns_file_ = false;
     // Some file systems tell only now that the disk is full.
-    if (::close(file_) != 0) fail();
+    if (::close(file_) != 0) fail(name_);
   }
 
  private:
@@ -79,22 +87,7 @@ class CsvWriter : public SampleWriter {
   }
 
   void writeAll(const char* data, std::size_t size) {
-    while (size > 0) {
-      const ssize_t written = ::write(file_, data, size);
-      if (written < 0) {
-        if (errno == EINTR) continue;
-        fail();
-      }
-      data += written;
-      size -= static_cast<std::size_t>(written);
-    }
-  }
-
-  [[noreturn]] void fail() const {
-    const int error = errno;
-    const std::string message = name_ + ": " + std::generic_category().message(error);
-    if (error == EPIPE) throw OutputClosed(message);
-    throw OutputError(message);
+    if (!writeBytes(file_, data, size)) fail(name_);
   }
 
   std::string name_;
@@ -106,6 +99,15 @@ class CsvWriter : public SampleWriter {
 };
 
 }  // namespace
+
+void writeOutput(const std::string& path, const std::string& text) {
+  if (path.empty()) {
+    if (!writeBytes(STDOUT_FILENO, text.data(), text.size())) fail("standard output");
+    return;
+  }
+  const std::string reason = writeWholeFile(path, text);
+  if (!reason.empty()) throw OutputError(path + ": cannot be written: " + reason);
+}
 
 std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Simulation& simulation,
                                             const ColumnGroups& columns) {

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/number_text.h"
 #include "tools/simulate_options.h"
 #include "variator_sim/parameter_tree.h"
 
@@ -212,6 +213,7 @@ std::string writeMat(const LinearModel& model) {
 // --- text ----------------------------------------------------------------------------------------
 
 std::string format(const char* pattern, double value) {
+  const DotLocale dot;
   char text[64];
   std::snprintf(text, sizeof text, pattern, value == 0.0 ? 0.0 : value);
   return text;

@@ -5,7 +5,10 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <stdexcept>
 
+#include "model/number_text.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/simulation.h"
 
@@ -14,28 +17,31 @@ namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
-int findInput(const TimedCommand& command, const Scene& scene, const std::string& path) {
+}  // namespace
+
+int findInput(const std::string& topic, const Scene& scene) {
   std::vector<std::string> topics;
   for (const CommandInputSettings& input : scene.inputs) {
-    if (input.topic == command.topic) return static_cast<int>(topics.size());
+    if (input.topic == topic) return static_cast<int>(topics.size());
     topics.push_back(input.topic);
   }
   const std::string allowed = topics.empty() ? "this scene takes no commands"
                                              : "the scene's topics are " + joinNames(topics);
-  throw CommandFileError(path + ":" + std::to_string(command.line) + ": unknown topic " +
-                         inQuotes(command.topic) + suggestName(command.topic, topics) + "; " +
-                         allowed);
+  throw std::invalid_argument("unknown topic " + inQuotes(topic) + suggestName(topic, topics) +
+                              "; " + allowed);
 }
-
-}  // namespace
 
 std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
                                              const Scene& scene, const std::string& path) {
   std::vector<ResolvedCommand> resolved;
   resolved.reserve(commands.size());
   for (const TimedCommand& command : commands) {
-    resolved.push_back(
-        {command.time, findInput(command, scene, path), command.value, command.line});
+    try {
+      resolved.push_back(
+          {command.time, findInput(command.topic, scene), command.value, command.line});
+    } catch (const std::invalid_argument& error) {
+      throw CommandFileError(path + ":" + std::to_string(command.line) + ": " + error.what());
+    }
   }
   return resolved;
 }
@@ -47,6 +53,7 @@ std::vector<std::string> describeDoubts(const Simulation& simulation) {
   const SolverSettings& solver = simulation.scene().solver;
   const double part = simulation.statistics().largest_error_estimate * solver.relative_tolerance;
   if (part > kCrude) {
+    const DotLocale dot;
     char text[200];
     std::snprintf(text, sizeof(text),
                   "fixed steps of %.6g s are crude: the largest estimated error of one step is "
@@ -141,12 +148,11 @@ void OfflineRun::saveState() {
   if (!has_state_) has_state_ = simulation_.saveState(&state_);
 }
 
-bool OfflineRun::advanceBlock(double span, const volatile std::sig_atomic_t* interrupted,
-                              SampleBlock& block) {
+bool OfflineRun::advanceBlock(double span, SampleBlock& block) {
   block.samples.clear();
   block.quantities.clear();
   const double block_end = simulation_.time() + span;
-  while (block.samples.size() < kBlockSize && *interrupted == 0) {
+  while (block.samples.size() < kBlockSize && !Interruption::isWanted()) {
     const double command_time =
         next_command_ < commands_.size() ? commands_[next_command_].time : kNever;
     const double next = std::min({times_.current(), command_time, nextEvent(), end_});

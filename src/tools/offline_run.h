@@ -1,7 +1,6 @@
 /// Drives a Simulation through its commands and sample times, block by block.
 #pragma once
 
-#include <csignal>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -26,6 +25,9 @@ struct ResolvedCommand {
   double value;  ///< the input's own unit
   int line;      ///< where it stands in its file
 };
+
+/// The input's index. Throws std::invalid_argument with the nearest topic.
+int findInput(const std::string& topic, const Scene& scene);
 
 /// Finds each command's input by its topic. Throws CommandFileError with the nearest topic.
 std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
@@ -63,9 +65,9 @@ class OfflineRun {
   void observe(const std::vector<QuantityGroup>& groups);
 
   /// Moves on until `block` (emptied first) holds kBlockSize samples, the present has moved by
-  /// `span` seconds, `*interrupted` is not 0, the end is reached or the motion stops. False when
+  /// `span` seconds, an Interruption is wanted, the end is reached or the motion stops. False when
   /// there is nothing left to do.
-  bool advanceBlock(double span, const volatile std::sig_atomic_t* interrupted, SampleBlock& block);
+  bool advanceBlock(double span, SampleBlock& block);
 
   /// Commands refused because they are NaN or infinite, and the line of the first.
   std::uint64_t refusedCount() const { return refused_count_; }

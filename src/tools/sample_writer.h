@@ -1,4 +1,4 @@
-/// Where the samples of an offline run go.
+/// Where the samples of an offline run go, and other outputs of the tools.
 #pragma once
 
 #include <memory>
@@ -44,6 +44,10 @@ class SampleWriter {
 /// CSV into a file, or to standard output when `path` is empty. Throws OutputError.
 std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Simulation& simulation,
                                             const ColumnGroups& columns);
+
+/// Writes a text into a file, whole or not at all, or to standard output when `path` is empty.
+/// Throws OutputError.
+void writeOutput(const std::string& path, const std::string& text);
 
 /// A bag with the topics of the groups: `state` and `joint_states`; `elements`, `inputs`,
 /// `outputs`; `energy`; and, once, `scene`. Throws OutputError.

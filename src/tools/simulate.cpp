@@ -2,12 +2,10 @@
 
 #include <unistd.h>
 
-#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
-#include <cstring>
 #include <exception>
 #include <limits>
 #include <memory>
@@ -273,7 +271,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     bool more = true;
     while (more && g_signal == 0) {
       const Clock::time_point start = Clock::now();
-      more = offline_run.advanceBlock(block_span, &g_signal, block);
+      more = offline_run.advanceBlock(block_span, block);
       const double block_time = secondsSince(start);
       wall.simulation += block_time;
       const double done = simulation.time() - span.begin;
@@ -330,12 +328,8 @@ Span spanOf(const SimulateOptions& options, double begin) {
 
 int explain(const Simulation& simulation, const SimulateOptions& options) {
   const std::vector<EquationSection> sections = writeEquations(simulation);
-  const std::string text = options.latex ? layOutLatex(sections, options.scene_path)
-                                         : layOutText(sections, options.scene_path);
-  if (std::fputs(text.c_str(), stdout) < 0 || std::fflush(stdout) != 0) {
-    if (errno == EPIPE) throw OutputClosed("standard output: closed");
-    throw OutputError("standard output: " + std::string(std::strerror(errno)));
-  }
+  writeOutput("", options.latex ? layOutLatex(sections, options.scene_path)
+                                : layOutText(sections, options.scene_path));
   return kSuccess;
 }
 
@@ -359,7 +353,7 @@ int emitC(Simulation& simulation, const SimulateOptions& options) {
 int runSimulate(const std::vector<std::string>& words) {
   const SimulateOptions options = parseSimulateOptions(words);
   if (options.help) {
-    std::fputs(simulateHelp(), stdout);
+    writeOutput("", simulateHelp());
     return kSuccess;
   }
   Simulation simulation = loadSimulation(options);
@@ -431,6 +425,6 @@ int main(int argc, char** argv) {
     return kBadUsage;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "simulate: %s\n", presentable(error.what()).c_str());
-    return kBadUsage;
+    return g_signal != 0 ? kSignalBase + g_signal : kBadUsage;
   }
 }

@@ -1,9 +1,5 @@
 #include "tools/state_file.h"
 
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-
 #include "tools/sample_writer.h"
 #include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
@@ -27,19 +23,12 @@ void readStateFile(const std::string& path, Simulation& simulation) {
 
 void writeStateFile(const std::string& path, const MotionState& state,
                     const Simulation& simulation) {
-  const std::string text =
+  writeOutput(
+      path,
       "# The state of a motion: s, rad, rad/s, rad/s^2, N m, J. What is left out when it is read "
       "is\n"
       "# as the scene has it; without 'history' the motion starts there anew.\n" +
-      toYaml(toTree(state, simulation.scene()));
-  std::FILE* const file = std::fopen(path.c_str(), "w");
-  bool is_good = file != nullptr && std::fputs(text.c_str(), file) >= 0;
-  int error = errno;
-  if (file != nullptr && std::fclose(file) != 0) {
-    if (is_good) error = errno;
-    is_good = false;
-  }
-  if (!is_good) throw OutputError(path + ": cannot be written: " + std::strerror(error));
+          toYaml(toTree(state, simulation.scene())));
 }
 
 }  // namespace variator_sim
