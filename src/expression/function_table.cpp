@@ -1,6 +1,7 @@
 #include "function_table.h"
 
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "characters.h"
@@ -46,11 +47,36 @@ const Function* findFunction(const std::string& name) {
   return nullptr;
 }
 
+std::string explainForeignWord(const std::string& word) {
+  constexpr const char* kAnd =
+      "'if' takes one comparison; both hold in if(a < b, if(c < d, x, y), y)";
+  constexpr const char* kOr =
+      "'if' takes one comparison; one or both hold in if(a < b, x, if(c < d, x, y))";
+  constexpr const char* kNot = "the opposite of a comparison exchanges the two values of its 'if'";
+  constexpr const char* kIntegral =
+      "the integral of a speed is an angle, phi_SHAFT; that of anything else is the velocity of "
+      "one "
+      "more shaft, {inertia: 1}, on which it acts as an ExpressionTorque (doc/modelling.md)";
+  constexpr std::pair<const char*, const char*> kWords[] = {{"and", kAnd},
+                                                            {"&", kAnd},
+                                                            {"or", kOr},
+                                                            {"|", kOr},
+                                                            {"not", kNot},
+                                                            {"!", kNot},
+                                                            {"integral", kIntegral},
+                                                            {"int", kIntegral},
+                                                            {"integrate", kIntegral},
+                                                            {"integ", kIntegral},
+                                                            {"cumsum", kIntegral}};
+  for (const auto& [foreign, way] : kWords) {
+    if (word == foreign) return way;
+  }
+  return "";
+}
+
 std::vector<std::string> functionNames() {
   std::vector<std::string> names;
-  for (const Function& function : kFunctions) {
-    names.emplace_back(function.name);
-  }
+  for (const Function& function : kFunctions) names.emplace_back(function.name);
   return names;
 }
 
