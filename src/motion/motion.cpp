@@ -360,7 +360,7 @@ const MotionStatus& Motion::beginFrom(const MotionState& state, const State& x,
   }
   integrator_.beginFrom(time_, x, epsilon, state.history);
   if (state.history.exists) {
-    energy_.resume(state.history.energy);
+    energy_.resume(state.history.energy, time_);
   } else {
     energy_.begin(integrator_.front(), integrator_.rows());
   }
@@ -473,9 +473,7 @@ Energy Motion::energy() {
 }
 
 EnergyDoubt Motion::energyDoubt() const {
-  const EnergyDoubt doubt = energy_.doubt();
-  // The integrator runs ahead of the present.
-  return !integrator_.isStart() && doubt.since <= time_ ? doubt : EnergyDoubt{};
+  return integrator_.isStart() ? EnergyDoubt{} : energy_.doubt(time_);
 }
 
 void Motion::cutEnergy(const StepNode& node) {
