@@ -230,16 +230,14 @@ double Motion::quietUntil() const {
 
 CommandResult Motion::command(int input, double value) {
   Statistics& statistics = integrator_.statistics();
-  const CommandInputSettings& settings = scene_.inputs[static_cast<std::size_t>(input)];
   if (!std::isfinite(value)) {
     ++statistics.commands_refused;
     return CommandResult::kRefused;
   }
-  const double clamped = std::min(settings.maximum, std::max(settings.minimum, value));
-  commands_.add(input, clamped, time_);
+  const bool is_clamped = commands_.add(input, value, time_);
   forgetSample();
   ++statistics.commands_accepted;
-  if (clamped == value) return CommandResult::kAccepted;
+  if (!is_clamped) return CommandResult::kAccepted;
   ++statistics.commands_clamped;
   return CommandResult::kClamped;
 }

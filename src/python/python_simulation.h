@@ -48,6 +48,11 @@ inline Overrides readOverrides(const py::object& overrides) {
   return values;
 }
 
+/// Warns the caller; throws where warnings are errors.
+inline void warn(const std::string& text) {
+  if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw py::error_already_set();
+}
+
 /// False on Ctrl-C; called without the interpreter's lock.
 inline bool hearSignals() {
   const py::gil_scoped_acquire lock;
@@ -120,10 +125,13 @@ class PythonSimulation {
   }
   bool command(const std::string& topic, double value) {
     Simulation& simulation = get();
-    switch (simulation.command(session_.findInput(topic), value)) {
+    const int input = findInput(scene().inputs, topic);
+    const bool is_first = std::isnan(simulation.firstClampedCommand(input));
+    switch (simulation.command(input, value)) {
       case CommandResult::kAccepted:
         return true;
       case CommandResult::kClamped:
+        if (is_first) warn(describeClamped(scene().inputs[static_cast<std::size_t>(input)], value));
         return false;
       case CommandResult::kRefused:
         break;

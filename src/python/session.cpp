@@ -8,7 +8,6 @@
 
 #include "variator_sim/errors.h"
 #include "variator_sim/io/override_text.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/overrides.h"
 
 namespace variator_sim::python {
@@ -83,20 +82,6 @@ RunRows Session::run(const RunRequest& request, const KeepOn& keep_on) {
     if (more && !keep_on()) break;
   }
   return rows;
-}
-
-int Session::findInput(const std::string& topic) const {
-  const std::vector<CommandInputSettings>& inputs = simulation_.scene().inputs;
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    if (inputs[i].topic == topic) return static_cast<int>(i);
-  }
-  std::vector<std::string> topics;
-  topics.reserve(inputs.size());
-  for (const CommandInputSettings& input : inputs) topics.push_back(input.topic);
-  throw std::invalid_argument("unknown topic " + inQuotes(topic) + suggestName(topic, topics) +
-                              "; " +
-                              (topics.empty() ? "this scene takes no commands"
-                                              : "the scene's topics are " + joinNames(topics)));
 }
 
 }  // namespace variator_sim::python

@@ -52,9 +52,6 @@ class Session {
   /// Runs from the present; ends where the motion stops. Throws CommandFileError.
   RunRows run(const RunRequest& request, const KeepOn& keep_on);
 
-  /// Index of an input. Throws std::invalid_argument with the nearest topic.
-  int findInput(const std::string& topic) const;
-
  private:
   Simulation simulation_;
 };

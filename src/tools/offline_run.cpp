@@ -5,27 +5,14 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <stdexcept>
 
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-
-int findInput(const TimedCommand& command, const Scene& scene, const std::string& path) {
-  std::vector<std::string> topics;
-  for (const CommandInputSettings& input : scene.inputs) {
-    if (input.topic == command.topic) return static_cast<int>(topics.size());
-    topics.push_back(input.topic);
-  }
-  const std::string allowed = topics.empty() ? "this scene takes no commands"
-                                             : "the scene's topics are " + joinNames(topics);
-  throw CommandFileError(path + ":" + std::to_string(command.line) + ": unknown topic " +
-                         inQuotes(command.topic) + suggestName(command.topic, topics) + "; " +
-                         allowed);
-}
 
 }  // namespace
 
@@ -34,8 +21,12 @@ std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& co
   std::vector<ResolvedCommand> resolved;
   resolved.reserve(commands.size());
   for (const TimedCommand& command : commands) {
-    resolved.push_back(
-        {command.time, findInput(command, scene, path), command.value, command.line});
+    try {
+      const int input = findInput(scene.inputs, command.topic);
+      resolved.push_back({command.time, input, command.value, command.line});
+    } catch (const std::invalid_argument& error) {
+      throw CommandFileError(path + ":" + std::to_string(command.line) + ": " + error.what());
+    }
   }
   return resolved;
 }
@@ -53,6 +44,11 @@ std::vector<std::string> describeDoubts(const Simulation& simulation) {
                   "%.2g of the state; lower 'solver/step'",
                   solver.step, part);
     doubts.emplace_back(text);
+  }
+  const std::vector<CommandInputSettings>& inputs = simulation.scene().inputs;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    const double clamped = simulation.firstClampedCommand(static_cast<int>(i));
+    if (!std::isnan(clamped)) doubts.push_back(describeClamped(inputs[i], clamped));
   }
   const std::string energy = describe(simulation.energyDoubt());
   if (!energy.empty()) doubts.push_back(energy);

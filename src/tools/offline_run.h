@@ -32,7 +32,7 @@ std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& co
                                              const Scene& scene, const std::string& path);
 
 /// Sentences about what may be wrong with a run that has come so far: fixed steps that are crude,
-/// reactions that feed or drain the machine.
+/// commands that were clamped, reactions that feed or drain the machine.
 std::vector<std::string> describeDoubts(const Simulation& simulation);
 
 /// Samples in order, and the quantities that go with them.
