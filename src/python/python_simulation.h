@@ -65,6 +65,7 @@ class PythonSimulation {
       : session_(readScene(scene, overrides)),
         names_(std::make_shared<const SampleNames>(session_.simulation())) {
     Simulation& simulation = session_.simulation();
+    for (const std::string& warning : simulation.scene().warnings) warn(warning);
     simulation.trackEnergy(energy);
     simulation.loadMachineCode(simulation.scene().solver.machine_code == MachineCode::kAlways);
   }

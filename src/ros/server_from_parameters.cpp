@@ -80,6 +80,9 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     const NodeSettings settings = readNodeSettings(tree);
     PluginlibComponentFactory factory;
     Simulation simulation(readScene(tree, factory, nodeNames()));
+    for (const std::string& warning : simulation.scene().warnings) {
+      ROS_WARN("%s: %s", name_space.c_str(), warning.c_str());
+    }
     simulation.estimateErrors(settings.estimate_error);
     prepareMachineCode(simulation);
     const SceneInfo scene = toSceneInfo(simulation);
