@@ -151,6 +151,7 @@ class ScenesTest(TestCase):
         scene = yaml.safe_load(GOOD)
         scene['variator'] = {'type': 'variator_sim/SlipRatio', 'shafts': ['drive', 'load'], 'ratio': 0.8,
                              'time_constant': 0.5}
+        scene['engine']['initial'] = 5.0  # without a torque it would rest
         self.check_starts('merged', scene)
 
     def test_no_scene_at_all(self):

@@ -133,32 +133,32 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
   }
 
   // The limits are infinite when they are absent; what is written must be finite.
-  Range limits = allowed;
-  if (reader.has("min")) {
-    limits.minimum = reader.number("min", allowed);
-    limits.minimum_included = true;
-  }
+  Range limits;
+  if (reader.has("min")) limits.minimum = reader.number("min", allowed);
   if (reader.has("max")) {
-    limits.maximum = reader.number("max", limits);
-    limits.maximum_included = true;
+    reader.number("max", allowed);
+    limits.maximum = reader.number("max", Range::atLeast(limits.minimum));
   }
-  settings.minimum = limits.minimum;
-  settings.maximum = limits.maximum;
+  settings.minimum = std::max(limits.minimum, allowed.minimum);
+  settings.maximum = std::min(limits.maximum, allowed.maximum);
   settings.initial = reader.number("initial", Range::any(), 0.0);
-  if (!limits.contains(settings.initial)) {
-    throw SceneError(reader.keyPath("initial"),
-                     formatNumber(settings.initial) +
-                         (reader.has("initial") ? "" : " (the default)") +
-                         " is not allowed; allowed: a number " + limits.toText());
+  for (const Range& range : {limits, allowed}) {
+    if (range.contains(settings.initial)) continue;
+    throw SceneError(
+        reader.keyPath("initial"),
+        formatNumber(settings.initial) + (reader.has("initial") ? "" : " (the default)") +
+            (allowed.contains(settings.initial) ? " is outside of [min, max]" : " is not allowed") +
+            "; allowed: a number " + range.toText());
   }
 
   settings.timeout = reader.number("timeout", Range::notNegative(), 0.0);
   settings.on_timeout = reader.choice("on_timeout", {"hold", "zero"}, "hold") == "zero"
                             ? OnTimeout::kZero
                             : OnTimeout::kHold;
-  if (settings.on_timeout == OnTimeout::kZero && !limits.contains(0.0)) {
+  for (const Range& range : {limits, allowed}) {
+    if (settings.on_timeout != OnTimeout::kZero || range.contains(0.0)) continue;
     throw SceneError(reader.keyPath("on_timeout"),
-                     "'zero' is not allowed for a number " + limits.toText() + "; allowed: hold" +
+                     "'zero' is not allowed for a number " + range.toText() + "; allowed: hold" +
                          (allowed.contains(0.0) ? ", or min and max that contain 0" : ""));
   }
   return settings;
