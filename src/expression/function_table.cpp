@@ -1,7 +1,7 @@
 #include "function_table.h"
 
 #include <algorithm>
-#include <utility>
+#include <initializer_list>
 #include <vector>
 
 #include "characters.h"
@@ -48,30 +48,19 @@ const Function* findFunction(const std::string& name) {
 }
 
 std::string explainForeignWord(const std::string& word) {
-  constexpr const char* kAnd =
-      "'if' takes one comparison; both hold in if(a < b, if(c < d, x, y), y)";
-  constexpr const char* kOr =
-      "'if' takes one comparison; one or both hold in if(a < b, x, if(c < d, x, y))";
-  constexpr const char* kNot = "the opposite of a comparison exchanges the two values of its 'if'";
-  constexpr const char* kIntegral =
-      "the integral of a speed is an angle, phi_SHAFT; that of anything else is the velocity of "
-      "one "
-      "more shaft, {inertia: 1}, on which it acts as an ExpressionTorque (doc/modelling.md)";
-  constexpr std::pair<const char*, const char*> kWords[] = {{"and", kAnd},
-                                                            {"&", kAnd},
-                                                            {"or", kOr},
-                                                            {"|", kOr},
-                                                            {"not", kNot},
-                                                            {"!", kNot},
-                                                            {"integral", kIntegral},
-                                                            {"int", kIntegral},
-                                                            {"integrate", kIntegral},
-                                                            {"integ", kIntegral},
-                                                            {"cumsum", kIntegral}};
-  for (const auto& [foreign, way] : kWords) {
-    if (word == foreign) return way;
+  const auto is_one_of = [&word](std::initializer_list<const char*> words) {
+    return std::find(words.begin(), words.end(), word) != words.end();
+  };
+  if (is_one_of({"and", "&", "or", "|"})) {
+    return "'if' takes one comparison; both hold in if(a < b, if(c < d, x, y), y), one or both in "
+           "if(a < b, x, if(c < d, x, y))";
   }
-  return "";
+  if (is_one_of({"not", "!"})) {
+    return "the opposite of a comparison exchanges the two values of its 'if'";
+  }
+  if (!is_one_of({"integral", "integrate", "integ", "int", "cumsum"})) return "";
+  return "the integral of a speed is an angle, phi_SHAFT; that of anything else is the velocity of "
+         "one more shaft, {inertia: 1}, on which it acts as an ExpressionTorque (doc/modelling.md)";
 }
 
 std::vector<std::string> functionNames() {

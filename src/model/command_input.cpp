@@ -142,25 +142,24 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
   settings.minimum = std::max(limits.minimum, allowed.minimum);
   settings.maximum = std::min(limits.maximum, allowed.maximum);
   settings.initial = reader.number("initial", Range::any(), 0.0);
-  for (const Range& range : {limits, allowed}) {
-    if (range.contains(settings.initial)) continue;
-    throw SceneError(
-        reader.keyPath("initial"),
-        formatNumber(settings.initial) + (reader.has("initial") ? "" : " (the default)") +
-            (allowed.contains(settings.initial) ? " is outside of [min, max]" : " is not allowed") +
-            "; allowed: a number " + range.toText());
-  }
+  const auto check = [&](const char* key, double value, const std::string& shown,
+                         const char* else_allowed) {
+    for (const Range& range : {limits, allowed}) {
+      if (range.contains(value)) continue;
+      throw SceneError(
+          reader.keyPath(key),
+          shown + (allowed.contains(value) ? " is outside of [min, max]" : " is not allowed") +
+              "; allowed: a number " + range.toText() + else_allowed);
+    }
+  };
+  check("initial", settings.initial,
+        formatNumber(settings.initial) + (reader.has("initial") ? "" : " (the default)"), "");
 
   settings.timeout = reader.number("timeout", Range::notNegative(), 0.0);
   settings.on_timeout = reader.choice("on_timeout", {"hold", "zero"}, "hold") == "zero"
                             ? OnTimeout::kZero
                             : OnTimeout::kHold;
-  for (const Range& range : {limits, allowed}) {
-    if (settings.on_timeout != OnTimeout::kZero || range.contains(0.0)) continue;
-    throw SceneError(reader.keyPath("on_timeout"),
-                     "'zero' is not allowed for a number " + range.toText() + "; allowed: hold" +
-                         (allowed.contains(0.0) ? ", or min and max that contain 0" : ""));
-  }
+  if (settings.on_timeout == OnTimeout::kZero) check("on_timeout", 0.0, "'zero'", ", or hold");
   return settings;
 }
 
