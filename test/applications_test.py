@@ -35,6 +35,8 @@ class ApplicationsTest(TestCase):
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=100, check=False,
                 env=dict(os.environ, ROS_MASTER_URI="http://localhost:1"))
             self.assertEqual(result.returncode, 0, result.stderr)
+            # Its ratio alone follows a speed under `gauss`.
+            self.assertEqual(result.stderr.count("take or give energy"), int(name == "vbelt_vehicle"), result.stderr)
             rows = list(csv.DictReader(io.StringIO(result.stdout)))
             self.runs[name] = {key: [float(row[key]) for row in rows] for key in rows[0]}
         return self.runs[name]

@@ -50,6 +50,8 @@ struct Twin {
 const Twin kTwins[] = {
     {"KinematicRatio, shafts: [drive, load], ratio: 0.6", "order: 1, expression: \"w2-0.6*w1\""},
     {"KinematicRatio, shafts: [load, drive], ratio: 0.6", "order: 1, expression: \"w1-0.6*w2\""},
+    {"KinematicRatio, shafts: [drive, load], ratio: \"2*3/10\"",
+     "order: 1, expression: \"w2-0.6*w1\""},
     {"VBeltRatio, shafts: [drive, load], ratio_low: 0.4, ratio_high: 1.3, speed: 4, width: 0.7, "
      "load: 3, load_torque: 11",
      "order: 1, expression: \"w2-(0.4+0.45*(1+tanh(((w1/4)^2-1-3/11)/0.7)))*w1\""},
@@ -443,7 +445,12 @@ struct Fault {
 TEST(Plugins, RefuseFaultsByPath) {
   const Fault faults[] = {
       {"KinematicRatio, shafts: [drive, load], ratio: {topic: r, hold: zero_order}",
-       "it/ratio/hold", "second_order_lag"},
+       "it/ratio/hold", "variator_sim/SlipRatio"},
+      {"KinematicRatio, shafts: [drive, load], ratio: {topic: r, hold: zero_order, time_constant: "
+       "1}",
+       "it/ratio/time_constant", "'first_order_lag' or 'second_order_lag'"},
+      {"VBeltRatio, shafts: [drive, load], ratio_low: \"1-2\", ratio_high: 1, speed: 3",
+       "it/ratio_low", "'1-2' is -1.0; allowed: a number > 0"},
       {"KinematicRatio, shafts: [drive, load], ratio: {topic: r}", "it/ratio/hold", "order 1"},
       {"KinematicRatio, shafts: [drive, load], ratio: {topic: r, hold: second_order_lag}",
        "it/ratio/time_constant", "missing"},

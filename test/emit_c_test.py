@@ -288,6 +288,17 @@ class EmitCTest(TestCase):
             got = call(program, *self.arguments(name))
             self.assertEqual((got.returncode, got.stderr), (0, ""))
 
+    def test_more_commands_than_the_player_has_room_for_are_refused(self):
+        self.emit("tables", SCENES["tables"].scene)
+        commands = self.folder / "many.csv"
+        commands.write_text("time,topic,value\n" + "0.5,throttle,0.5\n" * 10001)
+        words = ["--duration", "0.1", "--commands", commands]
+        got = call(self.compile("tables", "gcc", "-O1"), *words)
+        self.assertEqual((got.returncode, got.stdout), (2, ""))
+        self.assertIn("many.csv: more than 10000 commands: compile main.c with a larger -DMOST_COMMANDS=N", got.stderr)
+        got = call(self.compile("tables", "gcc", "-O1", "-DMOST_COMMANDS=10001"), *words)
+        self.assertEqual((got.returncode, got.stderr), (0, ""))
+
     def test_make_and_the_readme(self):
         folder = self.emit("3 shafts-x", SCENES["holds"].scene)
         self.assertEqual({path.name for path in folder.iterdir()},

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -425,6 +426,35 @@ TEST(EnergyDoubt, IsThereWithoutTrackingAndGoesWithAReset) {
   EXPECT_TRUE(simulation.energyDoubt().exists());
   simulation.advanceTo(20.0);
   EXPECT_EQ(simulation.energyDoubt().since, first.since);
+}
+
+// The reactions of the ship's drive feed it at first and take later: what is told holds when it is
+// told.
+TEST(EnergyDoubt, HoldsAtItsInstantAndGoesWhenTheShareFalls) {
+  Simulation simulation(test::sceneFromFile(VARIATOR_SIM_TEST_DIR "/../config/ship.yaml"));
+  int told = 0;
+  int gone = 0;
+  const std::map<int, double> commands = {{10, 25.0},   {100, 45.0}, {160, 10.0},
+                                          {220, -20.0}, {280, 30.0}, {340, 0.0}};
+  for (int n = 1; n <= 400; ++n) {
+    ASSERT_TRUE(simulation.advanceTo(0.05 * n).ok());
+    if (const auto command = commands.find(n); command != commands.end()) {
+      simulation.command(0, command->second);
+    }
+    const EnergyDoubt doubt = simulation.energyDoubt();
+    if (!doubt.exists()) {
+      EXPECT_EQ(describe(doubt), "");
+      gone += told > 0 ? 1 : 0;
+      continue;
+    }
+    ++told;
+    EXPECT_GT(std::abs(doubt.reactions), 0.05 * doubt.throughput) << describe(doubt);
+    EXPECT_LE(doubt.since, doubt.time);
+    EXPECT_LE(doubt.time, simulation.time());
+    EXPECT_NE(describe(doubt).find(" J by t = "), std::string::npos) << describe(doubt);
+  }
+  EXPECT_GT(told, 10);
+  EXPECT_GT(gone, 10);
 }
 
 TEST(EnergyDoubt, IsNoneOfTheClassicalPrinciple) {

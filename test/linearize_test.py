@@ -176,6 +176,8 @@ class LinearizeTest(TestCase):
         self.check_refused([SHIP, "--linearize", "--at", "velocity=[1]"], "--at/velocity")
         self.check_refused([SHIP, "--linearize", "--at", "velocty=[1, 2]"],
                            "did you mean 'velocity'")
+        self.check_refused([SHIP, "--linearize", "--at", "w_load=74"], "--at/w_load", "lists over the shafts",
+                           "drive, load", "--trim --fix w_drive=VALUE")
         self.check_refused([SHIP, "--linearize", "--at", "-1"], "at least 0 s")
         self.check_refused([SHIP, "--linearize", "--at", str(self.folder / "none.yaml")],
                            "none.yaml")

@@ -238,6 +238,43 @@ TEST(Principles, GaussSolvesNonlinearConstraintsToRoundOff) {
             6 * simulation.statistics().right_hand_sides);
 }
 
+// As DrivetrainState.msg says: C^T multiplier is the covariant rate of the reaction under
+// `generalized_gauss`, and the reaction itself under `gauss`.
+TEST(Principles, MultipliersAreThoseOfTheMessage) {
+  const std::string scene =
+      "shafts: [crank, load]\n"
+      "crank: {inertia: {mean: 1.5, harmonics: [{order: 1, cos: 0.8}]}}\n"
+      "load: {inertia: 2.0}\n"
+      "torques: [motor]\n"
+      "motor: {type: variator_sim/ExpressionTorque, shaft: crank, torque: \"5-0.3*w1\"}\n"
+      "constraints: [variator]\n"
+      "variator: {type: variator_sim/KinematicRatio, shafts: [crank, load], ratio: "
+      "\"0.6+0.1*sin(t)\"}\n"
+      "initial: {velocity: [5, 3]}\n"
+      "principle: ";
+  double difference = 0.0;
+  for (const std::string principle : {"generalized_gauss", "gauss"}) {
+    Simulation simulation(test::withTolerance(test::sceneFromText(scene + principle), 1e-11));
+    for (int n = 1; n <= 20; ++n) {
+      ASSERT_TRUE(simulation.advanceTo(0.1 * n).ok()) << simulation.describeStatus();
+      const Sample& s = simulation.sample();
+      const double J = 1.5 + 0.8 * std::cos(s.angle[0]);
+      const double slope = -0.8 * std::sin(s.angle[0]);
+      const double C[] = {-(0.6 + 0.1 * std::sin(s.time)), 1.0};
+      const double covariant[] = {
+          s.reaction_torque_rate[0] - slope / (2.0 * J) * s.reaction_torque[0] * s.velocity[0],
+          s.reaction_torque_rate[1]};
+      for (int i = 0; i < 2; ++i) {
+        const double told = principle == "gauss" ? s.reaction_torque[i] : covariant[i];
+        EXPECT_NEAR(C[i] * s.multiplier[0], told, 1e-9) << principle;
+        difference =
+            std::max(difference, std::abs(C[i] * s.multiplier[0] - s.reaction_torque_rate[i]));
+      }
+    }
+    EXPECT_GT(std::exchange(difference, 0.0), 0.1) << principle;  // R' itself is something else
+  }
+}
+
 // [18] on a constraint of order 3: R stays in range(C^T) while C eta + c0 = 0; the generalized
 // principle on the same scene leaves that range, because R' = C^T Lambda is not (C^T lambda)'.
 TEST(Principles, GaussOnOrder3IsEquation18) {

@@ -209,6 +209,21 @@ class PlotTest(TestCase):
         self.assertAlmostEqual(heights.min(), below.min(), delta=1e-5 * above.max())
         plotting.plt.close("all")
 
+    def test_bands_of_a_run_with_incomplete_samples(self):
+        run = variator_sim.read_run(self.folder / "run.csv")
+        _, whole = plotting.plot_energy(run)
+        run.values[5, run.columns.index("power/reactions")] = numpy.nan
+        run.values[7, [run.columns.index(name) for name in run if name.endswith("/power")]] = numpy.nan
+        _, axis = plotting.plot_energy(run)
+        self.assertGreater(len(whole.collections), 3)
+        self.assertEqual(len(axis.collections), len(whole.collections))
+        line = [line for line in axis.get_lines() if len(line.get_xdata()) == len(run["time"]) - 2]
+        self.assertTrue(numpy.isfinite(line[0].get_ydata()).all())
+        run.values[:, run.columns.index("power/reactions")] = numpy.nan
+        with self.assertRaisesRegex(ValueError, "no sample of this run has all of its powers"):
+            plotting.plot_energy(run)
+        plotting.plt.close("all")
+
     def test_bands_from_the_command_line(self):
         self.assertEqual(self.plot("run.csv", "--energy", "--output", "flow.png").returncode, 0)
         self.assertTrue((self.folder / "flow.png").exists())

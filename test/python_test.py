@@ -10,6 +10,7 @@ import sys
 import tempfile
 import threading
 import time
+import warnings
 from unittest import mock
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
@@ -104,6 +105,8 @@ class PythonTest(TestCase):
     def test_doubts_are_warnings(self):
         with self.assertWarnsRegex(UserWarning, "the reactions have fed in"):
             variator_sim.simulate(SHIP, 2.0)
+        with self.assertWarnsRegex(UserWarning, "the command 200 on 'torque' is above"):
+            variator_sim.simulate(FREE, 1.0, commands={"torque": [(0.1, 200.0), (0.2, 300.0)]})
         spring = FREE.replace("motor]", "motor, spring]") + (
             "spring: {type: variator_sim/ExpressionTorque, shaft: drive, torque: '-100*phi1'}\n"
             "initial: {velocity: [3]}\nsolver: {stepper: rk4, step: 0.2}\n")
@@ -132,10 +135,15 @@ class PythonTest(TestCase):
         simulation.advance_to(2.0)
         self.assertAlmostEqual(simulation.sample().angle[0], 0.25 + 1.5)
         self.assertEqual(simulation.time, 2.0)
-        self.assertFalse(simulation.command("torque", 200.0))
+        with self.assertWarnsRegex(UserWarning, "the command 200 on 'torque' is above .* 100"):
+            self.assertFalse(simulation.command("torque", 200.0))
         self.assertEqual(simulation.inputs, {"torque": 100.0})
         self.assertEqual(simulation.statistics["commands_clamped"], 1)
         simulation.reset()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # once per input
+            self.assertFalse(simulation.command("torque", 300.0))
+            simulation.reset()
         self.assertEqual(simulation.time, 0.0)
         self.assertEqual(simulation.sample().velocity[0], 0.0)
 
@@ -219,6 +227,10 @@ class PythonTest(TestCase):
                 (lambda: variator_sim.simulate(FREE, times=[1, 0.5]), ValueError, "ascending"),
                 (lambda: variator_sim.simulate(FREE, 1, commands={"torqe": [(0, 1)]}), ValueError,
                  "'torque'"),
+                (lambda: variator_sim.simulate(FREE, 1, commands={"torque": 0.4}), ValueError,
+                 r"'torque': 0.4; allowed: pairs .*{'torque': \[\(0.0, 0.4\)\]}"),
+                (lambda: variator_sim.simulate(FREE, 1, commands={"torque": (1, 0.4)}), ValueError, "'torque': .* pairs"),
+                (lambda: variator_sim.simulate(FREE, 1, commands=[0.4]), ValueError, r"\[0.4\]; allowed: tuples"),
                 (lambda: variator_sim.simulate("no.yaml", 1), variator_sim.SceneError, "no.yaml")]:
             with self.subTest(words=words), self.assertRaisesRegex(kind, words):
                 fault()

@@ -89,6 +89,7 @@ class ScenesTest(TestCase):
                 node.kill()
             output, _ = node.communicate()
             print(output)
+        return output
 
     def test_every_shipped_scene_starts(self):
         files = sorted(glob.glob(os.path.join(PACKAGE, 'config', '**', '*.yaml'), recursive=True))
@@ -100,7 +101,10 @@ class ScenesTest(TestCase):
                                stdout=subprocess.DEVNULL, timeout=PATIENCE)
                 # As roslaunch reads it.
                 scene = rosparam.load_file(file)[0][0]
-                self.check_starts('shipped_' + os.path.basename(file)[:-5], scene)
+                name = os.path.basename(file)[:-5]
+                output = self.check_starts('shipped_' + name, scene)
+                # Its ratio alone follows a speed under `gauss`.
+                self.assertEqual(output.count('take or give energy'), int(name == 'vbelt_vehicle'), output)
 
     def test_launch_file(self):
         info = rospy.wait_for_message('/launched/scene', SceneInfo, PATIENCE)
@@ -134,6 +138,21 @@ class ScenesTest(TestCase):
                         section = section[part]
                     section[key] = value
                 self.expect_refusal('bad', scene, *parts)
+
+    def test_keys_of_an_earlier_scene_are_told(self):
+        # `rosparam set` and `rosparam load` merge dictionaries.
+        load('merged', yaml.safe_load(GOOD))
+        rosparam.upload_params('/merged', {'variator': {'type': 'variator_sim/SlipRatio', 'shafts': ['drive', 'load'],
+                                                        'ratio': 0.8, 'time_constant': 0.5}})
+        output, _ = start('merged').communicate(timeout=PATIENCE)
+        self.assertIn('/merged/variator/expression: unknown key', output)
+        self.assertIn("until 'rosparam delete /merged/variator'", output)
+        rospy.delete_param('/merged/variator')
+        scene = yaml.safe_load(GOOD)
+        scene['variator'] = {'type': 'variator_sim/SlipRatio', 'shafts': ['drive', 'load'], 'ratio': 0.8,
+                             'time_constant': 0.5}
+        scene['engine']['initial'] = 5.0  # without a torque it would rest
+        self.check_starts('merged', scene)
 
     def test_no_scene_at_all(self):
         node = start('empty')

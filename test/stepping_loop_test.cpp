@@ -227,6 +227,23 @@ std::vector<TimedSample> runForEnergy(int from, LoopSnapshot* snapshot) {
   return samples;
 }
 
+TEST(SteppingLoop, TellsTheFirstClampedCommandOfAnInput) {
+  std::string scene = kScene;
+  scene.replace(scene.find("topic: drive_torque"), 0, "max: 40, ");
+  ScriptedClock clock;
+  NodeSettings settings;
+  SteppingLoop loop(Simulation(test::sceneFromText(scene)), settings, clock);
+  clock.on_sleep_ = [&](int tick) {
+    if (tick < 5) loop.command({0, 30.0 + 10.0 * tick});  // 40, 50, 60, 70
+    if (tick == 10) loop.stop();
+  };
+  loop.run();
+  InputCommand command;
+  ASSERT_TRUE(loop.popOddCommand(command));
+  EXPECT_EQ(command.value, 50.0);
+  EXPECT_FALSE(loop.popOddCommand(command));
+}
+
 TEST(SteppingLoop, EnergyCountsFromTheStartForWhoComesLate) {
   LoopSnapshot snapshot;
   const std::vector<TimedSample> all = runForEnergy(0, &snapshot);

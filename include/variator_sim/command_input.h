@@ -4,6 +4,7 @@
 
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "variator_sim/guard.h"
 #include "variator_sim/parameter_tree.h"
@@ -42,9 +43,17 @@ struct CommandInputSettings {
   OnTimeout on_timeout = OnTimeout::kHold;
 };
 
+/// The index of the input that `topic` commands. Throws
+/// std::invalid_argument with the nearest topic and all others.
+int findInput(const std::vector<CommandInputSettings>& inputs, const std::string& topic);
+
+/// A sentence about `command`, which lies outside of [minimum, maximum].
+std::string describeClamped(const CommandInputSettings& settings, double command);
+
 /// Reads topic, hold, time_constant, rate, period, initial, min, max, timeout, on_timeout.
-/// Throws SceneError.
-CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner);
+/// u stays in `allowed`. Throws SceneError.
+CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner,
+                                      Range allowed = Range::any());
 
 /// u(t) since the last command: one closed form between two events.
 class CommandSignal {

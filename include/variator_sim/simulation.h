@@ -61,6 +61,8 @@ class Simulation {
   /// refused, values outside [min, max] clamped; both are counted. A zero-order command at time 0,
   /// before any advance, sets the initial value. [loop]
   CommandResult command(int input, double value);
+  /// The first command to this input that was clamped, through resets; NaN where none was. [loop]
+  double firstClampedCommand(int input) const;
 
   /// Counts a command that was refused before it came here. [loop]
   void refuseCommand();

@@ -1,6 +1,7 @@
 /// Why a motion goes on or has stopped.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -36,16 +37,17 @@ struct MotionStatus {
   bool ok() const { return reason == StopReason::kNone; }
 };
 
-/// Whether the reactions have become a source or a sink to reckon with: under `generalized_gauss`,
-/// where C has turned, they may. Counted at the ends of steps and estimated from these, unless
-/// energy is tracked.
+/// Whether the reactions are a source or a sink to reckon with: under `generalized_gauss`, where C
+/// has turned, they may be. Counted at the ends of steps and estimated from these, unless energy is
+/// tracked.
 struct EnergyDoubt {
-  double since = -1.0;      ///< s, when they had first brought or taken more than 5 % of
-                            ///< `throughput`; below 0: never
+  double since = -1.0;      ///< s, when `isShareLarge` was first so; below 0: never
+  double time = 0.0;        ///< s, that the rest holds at
   double reactions = 0.0;   ///< what they have brought since the start, J; taken: below 0
   double throughput = 0.0;  ///< integral of sum |Q_i omega_i|: what the applied torques have
                             ///< brought and taken, J
-  bool exists() const { return since >= 0.0; }
+  bool isShareLarge() const { return std::abs(reactions) > 0.05 * throughput; }
+  bool exists() const { return since >= 0.0 && isShareLarge(); }
 };
 
 /// The doubt as a sentence with a way out of it; "" when there is none.

@@ -159,7 +159,13 @@ def plot_energy(result, title="", path=None):
     if "power/reactions" not in result or not parts:
         raise ValueError("this run does not tell where its power goes; run it with the columns state,elements,energy")
     parts.append(("reactions", numpy.asarray(result["power/reactions"])))
-    times = result["time"]
+    # A bag's last sample may lack a topic.
+    whole = ~numpy.isnan(sum(values for _, values in parts))
+    if not whole.any():
+        raise ValueError("no sample of this run has all of its powers: were elements and energy recorded at the same "
+                         "instants?")
+    times = result["time"][whole]
+    parts = [(name, values[whole]) for name, values in parts]
     figure, axes = make_panels(1, 1, title)
     figure.set_size_inches(10, 5)
     axis = axes[0, 0]

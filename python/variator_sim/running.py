@@ -80,11 +80,20 @@ def read_commands(commands):
     if isinstance(commands, (str, os.PathLike)):
         listed = _core.read_commands(commands)
     elif isinstance(commands, collections.abc.Mapping):
-        listed = [(time, topic, value) for topic, points in commands.items()
-                  for time, value in points]
+        listed = []
+        for topic, points in commands.items():
+            try:
+                listed += [(time, topic, value) for time, value in points]
+            except (TypeError, ValueError):
+                raise ValueError(f"commands: '{topic}': {str(points)[:80]}; allowed: pairs (time, value), such as "
+                                 f"{{'{topic}': [(0.0, 0.4)]}}") from None
     else:
         listed = list(commands)
-    listed = [(float(time), str(topic), float(value)) for time, topic, value in listed]
+    try:
+        listed = [(float(time), str(topic), float(value)) for time, topic, value in listed]
+    except (TypeError, ValueError):
+        raise ValueError(f"commands: {str(listed)[:80]}; allowed: tuples (time, topic, value) of numbers, a dict of "
+                         "topics with pairs (time, value), or the path of a CSV file") from None
     for time, topic, value in listed:
         if not (math.isfinite(time) and time >= 0.0 and math.isfinite(value)):
             raise ValueError(f"commands: ({time}, '{topic}', {value}); allowed: finite values at "

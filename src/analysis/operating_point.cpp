@@ -49,7 +49,16 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
   readList(reader, "velocity", s, &scene.initial.velocity);
   readList(reader, "acceleration", s, &scene.initial.acceleration);
   readInputs(reader, scene);
-  reader.finish();
+  try {
+    reader.finish();
+  } catch (const SceneError& error) {
+    throw SceneError(error.keyPath(),
+                     error.message() +
+                         "; angle, velocity and acceleration are lists over the shafts (" +
+                         joinNames(scene.shafts) +
+                         "), inputs a dictionary; a steady state at a speed: --trim --fix w_" +
+                         scene.shafts.front() + "=VALUE");
+  }
 
   const std::unique_ptr<PrincipleSystem> system = makeSystem(scene, {});
   Drivetrain& drivetrain = system->drivetrain();

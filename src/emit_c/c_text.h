@@ -37,6 +37,8 @@ extern const char* const kInterfaceCode;
 /// main.c
 extern const char* const kMainCode;
 
+/// Puts `to` in the place of every `from`.
+void replaceAll(std::string& text, const std::string& from, const std::string& to);
 /// `text` with the scene's name in the place of `scene_` and `SCENE_`.
 std::string withName(std::string text, const std::string& name);
 /// `text` for a comment or a string of C, which nothing in it can end.

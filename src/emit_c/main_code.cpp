@@ -16,7 +16,11 @@ typedef struct {
   int input;
 } command;
 
-static command commands[10000];
+#ifndef MOST_COMMANDS
+#define MOST_COMMANDS 10000
+#endif
+
+static command commands[MOST_COMMANDS];
 static int command_count;
 static scene_model model;
 
@@ -39,7 +43,6 @@ static int find_input(const char *name)
 static int read_commands(const char *path)
 {
   FILE *const file = fopen(path, "r");
-  const int most = (int)(sizeof commands / sizeof *commands);
   char line[512];
   int has_header = 0;
   if (file == NULL) return fail(path, "cannot be read");
@@ -70,7 +73,11 @@ static int read_commands(const char *path)
     }
     if (value_end == value || *value_end != '\0') return fail(value, "not a number");
     if (read.input < 0) return fail(topic, "the scene has no such topic");
-    if (command_count == most) return fail(path, "too many commands");
+    if (command_count == MOST_COMMANDS) {
+      fprintf(stderr, "%s: more than %d commands: compile main.c with a larger -DMOST_COMMANDS=N\n",
+              path, MOST_COMMANDS);
+      return 2;
+    }
     for (i = command_count++; i > 0 && commands[i - 1].time > read.time; --i) {
       commands[i] = commands[i - 1];
     }

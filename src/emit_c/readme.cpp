@@ -120,16 +120,10 @@ together.
 std::string writeReadme(const Scene& scene, const std::string& name, const std::string& title) {
   // (The scene's own names stay as they are: one may hold what stands for the scene's.)
   const auto complete = [&](std::string text) {
-    const auto replace = [&text](const std::string& from, const std::string& to) {
-      for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
-        text.replace(at, from.size(), to);
-        at += to.size();
-      }
-    };
-    replace("scene_@", name);
-    replace("of the order @ORDER@ that", "of the order `SCENE_ORDER` that");
-    replace("@RELATIVE@", numberOf(scene.solver.relative_tolerance));
-    replace("@ABSOLUTE@", numberOf(scene.solver.absolute_tolerance));
+    replaceAll(text, "scene_@", name);
+    replaceAll(text, "of the order @ORDER@ that", "of the order `SCENE_ORDER` that");
+    replaceAll(text, "@RELATIVE@", numberOf(scene.solver.relative_tolerance));
+    replaceAll(text, "@ABSOLUTE@", numberOf(scene.solver.absolute_tolerance));
     return withName(text, name);
   };
   return "# " + name + "\n\nWritten by `simulate --emit-c` from " + title + ".\n" + complete(kUse) +

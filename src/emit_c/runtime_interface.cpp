@@ -333,15 +333,16 @@ std::string inCapitals(std::string name) {
   return name;
 }
 
+void replaceAll(std::string& text, const std::string& from, const std::string& to) {
+  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
+    text.replace(at, from.size(), to);
+    at += to.size();
+  }
+}
+
 std::string withName(std::string text, const std::string& name) {
-  const auto replace = [&text](const std::string& from, const std::string& to) {
-    for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
-      text.replace(at, from.size(), to);
-      at += to.size();
-    }
-  };
-  replace("scene_", name + "_");
-  replace("SCENE_", inCapitals(name) + "_");
+  replaceAll(text, "scene_", name + "_");
+  replaceAll(text, "SCENE_", inCapitals(name) + "_");
   return text;
 }
 

@@ -1,6 +1,7 @@
 #include "function_table.h"
 
 #include <algorithm>
+#include <initializer_list>
 #include <vector>
 
 #include "characters.h"
@@ -46,11 +47,25 @@ const Function* findFunction(const std::string& name) {
   return nullptr;
 }
 
+std::string explainForeignWord(const std::string& word) {
+  const auto is_one_of = [&word](std::initializer_list<const char*> words) {
+    return std::find(words.begin(), words.end(), word) != words.end();
+  };
+  if (is_one_of({"and", "&", "or", "|"})) {
+    return "'if' takes one comparison; both hold in if(a < b, if(c < d, x, y), y), one or both in "
+           "if(a < b, x, if(c < d, x, y))";
+  }
+  if (is_one_of({"not", "!"})) {
+    return "the opposite of a comparison exchanges the two values of its 'if'";
+  }
+  if (!is_one_of({"integral", "integrate", "integ", "int", "cumsum"})) return "";
+  return "the integral of a speed is an angle, phi_SHAFT; that of anything else is the velocity of "
+         "one more shaft, {inertia: 1}, on which it acts as an ExpressionTorque (doc/modelling.md)";
+}
+
 std::vector<std::string> functionNames() {
   std::vector<std::string> names;
-  for (const Function& function : kFunctions) {
-    names.emplace_back(function.name);
-  }
+  for (const Function& function : kFunctions) names.emplace_back(function.name);
   return names;
 }
 

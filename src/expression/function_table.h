@@ -17,4 +17,7 @@ struct Function {
 /// The function of that name, or nullptr. parser.h has the list of names.
 const Function* findFunction(const std::string& name);
 
+/// How formulas say what `word` says in other languages ("and", "integral"), or "".
+std::string explainForeignWord(const std::string& word);
+
 }  // namespace variator_sim::expression

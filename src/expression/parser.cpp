@@ -355,9 +355,8 @@ class Parser {
     throw ExpressionError(message, text_, columnOf(text_, where));
   }
 
-  /// The piece at `where` as a user would call it: a name, a number or one character in quotes.
-  std::string describe(std::size_t where) const {
-    if (where == text_.size()) return "the end";
+  /// The piece at `where`: a name, a number or one character.
+  std::string piece(std::size_t where) const {
     std::size_t end = where + 1;
     if (isNameStart(text_[where])) {
       end = endOfName(end);
@@ -366,7 +365,10 @@ class Parser {
     } else {
       while (end < text_.size() && continuesCharacter(text_[end])) ++end;
     }
-    return inQuotes(text_.substr(where, end - where));
+    return text_.substr(where, end - where);
+  }
+  std::string describe(std::size_t where) const {
+    return where == text_.size() ? "the end" : inQuotes(piece(where));
   }
 
   /// No operand begins here.
@@ -374,34 +376,35 @@ class Parser {
     if (position_ > 0 && isAt(position_, '*') && isAt(position_ - 1, '*')) {
       fail(position_ - 1, "'**' is not an operator here: write '^' for powers");
     }
-    if (std::all_of(text_.begin(), text_.end(), isSpace)) {
-      fail(0, "the formula is empty");
-    }
+    if (std::all_of(text_.begin(), text_.end(), isSpace)) fail(0, "the formula is empty");
+    failForeign();
     fail(position_, "expected a number, a name or '(' instead of " + describe(position_));
+  }
+
+  /// Fails where what comes next belongs to other languages.
+  void failForeign() const {
+    if (position_ == text_.size()) return;
+    const std::string way = explainForeignWord(piece(position_));
+    if (!way.empty()) fail(position_, describe(position_) + " is not an operator here: " + way);
   }
 
   /// Behind an operand, what comes next does not continue the formula.
   [[noreturn]] void failOperator() const {
     if (position_ != text_.size()) {
       const char c = text_[position_];
-      if (c == ')' && nesting_ == 0) {
-        fail(position_, "')' without its '('");
-      }
+      if (c == ')' && nesting_ == 0) fail(position_, "')' without its '('");
+      failForeign();
       if (isNameStart(c) || isDigit(c) || c == '(' || c == '.') {
         fail(position_,
              "expected an operator before " + describe(position_) + " (a product needs its '*')");
       }
-      if (c == ',') {
-        fail(position_, "',' separates arguments of functions only");
-      }
+      if (c == ',') fail(position_, "',' separates arguments of functions only");
       if (c == '<' || c == '>') {
         fail(position_, describe(position_) +
                             " compares two values, in the first argument of 'if' only: "
                             "if(a < b, x, y)");
       }
-      if (c == '=') {
-        fail(position_, "'=' is not an operator: a formula is a value");
-      }
+      if (c == '=') fail(position_, "'=' is not an operator: a formula is a value");
     }
     const std::string closing = nesting_ > 0 ? "')'" : "the end";
     fail(position_, "expected an operator or " + closing + " instead of " + describe(position_));
@@ -432,19 +435,16 @@ class Parser {
   }
 
   [[noreturn]] void failUnknown(const std::string& name, std::size_t where) const {
-    const std::string explanation = explain_ ? explain_(name) : "";
+    std::string explanation = explainForeignWord(name);
+    if (explanation.empty() && explain_) explanation = explain_(name);
     if (!explanation.empty()) {
       fail(where, "unknown name " + inQuotes(name) + ": " + explanation);
     }
     std::vector<std::string> names;
-    for (const auto& symbol : symbols_) {
-      names.push_back(symbol.first);
-    }
+    for (const auto& symbol : symbols_) names.push_back(symbol.first);
     names.emplace_back("pi");
     const std::string known = joinNames(names);
-    for (const std::string& function : callableNames()) {
-      names.push_back(function);
-    }
+    for (const std::string& function : callableNames()) names.push_back(function);
     fail(where,
          "unknown name " + inQuotes(name) + suggestName(name, names) + "; known are " + known);
   }
@@ -453,12 +453,11 @@ class Parser {
     if (symbols_.count(name) != 0 || name == "pi") {
       fail(where, inQuotes(name) + " is not a function (a product needs its '*')");
     }
-    std::string hint = explain_ ? explain_(name) : "";
-    if (hint.empty()) {
-      hint = "functions are " + joinNames(callableNames());
-    }
-    fail(where,
-         "unknown function " + inQuotes(name) + suggestName(name, callableNames()) + "; " + hint);
+    std::string hint = explainForeignWord(name);
+    if (hint.empty() && explain_) hint = explain_(name);
+    if (!hint.empty()) fail(where, "unknown function " + inQuotes(name) + ": " + hint);
+    fail(where, "unknown function " + inQuotes(name) + suggestName(name, callableNames()) +
+                    "; functions are " + joinNames(callableNames()));
   }
 
   [[noreturn]] void failNotLinear(std::size_t where, Node value) const {

@@ -58,6 +58,11 @@ std::string explainName(const std::string& name, const std::vector<std::string>&
   if (kind == FormulaKind::kQuantity && is_acceleration) {
     return "a quantity of a law may depend on t, phi, w, inputs and tables only";
   }
+  if (name.compare(0, 2, "Q_") == 0) {
+    return "--explain calls the torque of an element so, and formulas do not read torques; write "
+           "its "
+           "formula here, or take the column ELEMENT/SHAFT/torque (--columns elements)";
+  }
   const int shaft_count = static_cast<int>(shafts.size());
   for (const char* prefix : kPrefixes) {
     if (isNumbered(name, prefix)) {

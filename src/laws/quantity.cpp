@@ -1,6 +1,5 @@
 #include "laws/quantity.h"
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -20,31 +19,9 @@ Expression inputVariable(ComponentContext& context, int index) {
   return {graph, graph.variable(slotOf(Source::kInput, index))};
 }
 
-/// A commanded input of the quantity's own, held to `range`.
-CommandInputSettings readOwnInput(ParameterReader& section, const std::string& owner, Range range) {
-  for (const char* limited : {"min", "max", "initial"}) {
-    if (section.has(limited)) section.number(limited, range);
-  }
-  CommandInputSettings settings = readCommandInput(section, owner);
-  if (!range.contains(settings.initial)) {
-    throw SceneError(section.keyPath("initial"),
-                     ParameterTree::real(settings.initial).toText() +
-                         (section.has("initial") ? "" : " (the default)") +
-                         " is not allowed; allowed: a number " + range.toText());
-  }
-  if (settings.on_timeout == OnTimeout::kZero && !range.contains(0.0)) {
-    throw SceneError(section.keyPath("on_timeout"),
-                     "'zero' would leave the range of the value, a number " + range.toText() +
-                         "; allowed: hold");
-  }
-  settings.minimum = std::max(settings.minimum, range.minimum);
-  settings.maximum = std::min(settings.maximum, range.maximum);
-  return settings;
-}
-
 Expression readCommanded(ComponentContext& context, ParameterReader& section, Range range) {
   for (const char* known : {"times", "values", "input", "topic"}) section.allow(known);
-  const CommandInputSettings settings = readOwnInput(section, context.name(), range);
+  const CommandInputSettings settings = readCommandInput(section, context.name(), range);
   section.finish();
   try {
     return inputVariable(context, context.addInput(settings));

@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 #include <vector>
+
+#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {
@@ -12,11 +15,11 @@ namespace {
 struct HoldName {
   const char* name;
   Hold hold;
-  const char* own_key;  ///< the key that this hold alone reads, or nullptr
+  const char* own_key;  ///< the key that it and few others read, or ""
 };
 
 constexpr std::array<HoldName, 5> kHolds{
-    {{"zero_order", Hold::kZeroOrder, nullptr},
+    {{"zero_order", Hold::kZeroOrder, ""},
      {"first_order_lag", Hold::kFirstOrderLag, "time_constant"},
      {"rate_limit", Hold::kRateLimit, "rate"},
      {"first_order_hold", Hold::kFirstOrderHold, "period"},
@@ -57,14 +60,16 @@ const HoldName& readHold(ParameterReader& reader) {
   const std::string name = reader.choice("hold", names, kHolds[0].name);
   const auto chosen = std::find_if(kHolds.begin(), kHolds.end(),
                                    [&](const HoldName& hold) { return name == hold.name; });
-  for (const HoldName& hold : kHolds) {
-    if (hold.own_key == nullptr || hold.hold == chosen->hold) continue;
-    const bool shared = chosen->own_key != nullptr && std::string(hold.own_key) == chosen->own_key;
-    if (!shared && reader.has(hold.own_key)) {
-      throw SceneError(reader.keyPath(hold.own_key),
-                       "belongs to hold " + inQuotes(std::string(hold.name)) +
-                           ", but this input's hold is " + inQuotes(name));
+  for (const std::string key : {"time_constant", "rate", "period"}) {
+    if (key == chosen->own_key || !reader.has(key)) continue;
+    std::string holds;
+    for (const HoldName& hold : kHolds) {
+      if (hold.own_key != key) continue;
+      holds += (holds.empty() ? "" : " or ") + inQuotes(std::string(hold.name));
     }
+    throw SceneError(reader.keyPath(key), "belongs to hold " + holds +
+                                              ", but this input's hold is " + inQuotes(name) +
+                                              ": leave it out there, or choose such a hold");
   }
   return *chosen;
 }
@@ -77,7 +82,28 @@ const char* toString(Hold hold) {
   return it == kHolds.end() ? "" : it->name;
 }
 
-CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner) {
+int findInput(const std::vector<CommandInputSettings>& inputs, const std::string& topic) {
+  std::vector<std::string> topics;
+  for (const CommandInputSettings& input : inputs) {
+    if (input.topic == topic) return static_cast<int>(topics.size());
+    topics.push_back(input.topic);
+  }
+  throw std::invalid_argument("unknown topic " + inQuotes(topic) + suggestName(topic, topics) +
+                              "; " +
+                              (topics.empty() ? "this scene takes no commands"
+                                              : "the scene's topics are " + joinNames(topics)));
+}
+
+std::string describeClamped(const CommandInputSettings& settings, double command) {
+  const bool is_above = command > settings.maximum;
+  const std::string limit = formatNumber(is_above ? settings.maximum : settings.minimum);
+  return "the command " + formatNumber(command) + " on " + inQuotes(settings.topic) +
+         (is_above ? " is above the input's maximum, " : " is below the input's minimum, ") +
+         limit + ": " + limit + " acts (told once; all are counted as clamped)";
+}
+
+CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner,
+                                      Range allowed) {
   // All known from the start, so that a missing key can be told from a misspelt one.
   for (const char* key : {"topic", "hold", "time_constant", "rate", "period", "initial", "min",
                           "max", "timeout", "on_timeout"}) {
@@ -107,26 +133,33 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
   }
 
   // The limits are infinite when they are absent; what is written must be finite.
-  if (reader.has("min")) settings.minimum = reader.number("min");
-  if (reader.has("max")) settings.maximum = reader.number("max", Range::atLeast(settings.minimum));
-  const Range limits = Range::between(settings.minimum, settings.maximum);
-  settings.initial = reader.number("initial", Range::any(), 0.0);
-  if (!limits.contains(settings.initial)) {
-    throw SceneError(reader.keyPath("initial"),
-                     ParameterTree::real(settings.initial).toText() +
-                         (reader.has("initial") ? "" : " (the default)") +
-                         " is outside of [min, max]; allowed: a number " + limits.toText());
+  Range limits;
+  if (reader.has("min")) limits.minimum = reader.number("min", allowed);
+  if (reader.has("max")) {
+    reader.number("max", allowed);
+    limits.maximum = reader.number("max", Range::atLeast(limits.minimum));
   }
+  settings.minimum = std::max(limits.minimum, allowed.minimum);
+  settings.maximum = std::min(limits.maximum, allowed.maximum);
+  settings.initial = reader.number("initial", Range::any(), 0.0);
+  const auto check = [&](const char* key, double value, const std::string& shown,
+                         const char* else_allowed) {
+    for (const Range& range : {limits, allowed}) {
+      if (range.contains(value)) continue;
+      throw SceneError(
+          reader.keyPath(key),
+          shown + (allowed.contains(value) ? " is outside of [min, max]" : " is not allowed") +
+              "; allowed: a number " + range.toText() + else_allowed);
+    }
+  };
+  check("initial", settings.initial,
+        formatNumber(settings.initial) + (reader.has("initial") ? "" : " (the default)"), "");
 
   settings.timeout = reader.number("timeout", Range::notNegative(), 0.0);
   settings.on_timeout = reader.choice("on_timeout", {"hold", "zero"}, "hold") == "zero"
                             ? OnTimeout::kZero
                             : OnTimeout::kHold;
-  if (settings.on_timeout == OnTimeout::kZero && !limits.contains(0.0)) {
-    throw SceneError(reader.keyPath("on_timeout"), "'zero' would leave [min, max], a number " +
-                                                       limits.toText() +
-                                                       "; allowed: hold, or limits that contain 0");
-  }
+  if (settings.on_timeout == OnTimeout::kZero) check("on_timeout", 0.0, "'zero'", ", or hold");
   return settings;
 }
 

@@ -1,12 +1,14 @@
 #include "variator_sim/scene.h"
 
 #include <algorithm>
-#include <array>
+#include <cmath>
 #include <exception>
+#include <iterator>
 #include <limits>
 #include <set>
 #include <utility>
 
+#include "model/check_point.h"
 #include "model/derivative_check.h"
 #include "model/extreme_numbers.h"
 #include "model/interrupted.h"
@@ -18,42 +20,52 @@
 namespace variator_sim {
 namespace {
 
-constexpr std::array<StepperKind, 13> kSteppers{
-    StepperKind::kAuto,        StepperKind::kRk4,
-    StepperKind::kDopri5,      StepperKind::kDop853,
-    StepperKind::kFehlberg78,  StepperKind::kRosenbrock4,
-    StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
-    StepperKind::kRadau,       StepperKind::kRadau5,
-    StepperKind::kRadau5Fixed, StepperKind::kTaylor,
-    StepperKind::kTaylorFixed};
+/// Values as scenes write them.
+template <class Value>
+using Word = std::pair<const char*, Value>;
 
-Principle readPrinciple(ParameterReader& root) {
-  const std::string generalized_gauss = toString(Principle::kGeneralizedGauss);
-  const std::string gauss = toString(Principle::kGauss);
-  return root.choice("principle", {generalized_gauss, gauss}, generalized_gauss) == gauss
-             ? Principle::kGauss
-             : Principle::kGeneralizedGauss;
+constexpr Word<Principle> kPrinciples[] = {{"generalized_gauss", Principle::kGeneralizedGauss},
+                                           {"gauss", Principle::kGauss}};
+constexpr Word<StepperKind> kSteppers[] = {{"auto", StepperKind::kAuto},
+                                           {"rk4", StepperKind::kRk4},
+                                           {"dopri5", StepperKind::kDopri5},
+                                           {"dop853", StepperKind::kDop853},
+                                           {"fehlberg78", StepperKind::kFehlberg78},
+                                           {"rosenbrock4", StepperKind::kRosenbrock4},
+                                           {"dopri5_fixed", StepperKind::kDopri5Fixed},
+                                           {"rosenbrock4_fixed", StepperKind::kRosenbrock4Fixed},
+                                           {"radau", StepperKind::kRadau},
+                                           {"radau5", StepperKind::kRadau5},
+                                           {"radau5_fixed", StepperKind::kRadau5Fixed},
+                                           {"taylor", StepperKind::kTaylor},
+                                           {"taylor_fixed", StepperKind::kTaylorFixed}};
+constexpr Word<MachineCode> kMachineCodes[] = {
+    {"auto", MachineCode::kAuto}, {"never", MachineCode::kNever}, {"always", MachineCode::kAlways}};
+
+template <class Value, std::size_t count>
+const char* wordOf(const Word<Value> (&words)[count], Value value) {
+  for (const auto& [word, meaning] : words) {
+    if (meaning == value) return word;
+  }
+  return "";
 }
 
-MachineCode readMachineCode(ParameterReader& reader) {
-  const std::string chosen =
-      reader.choice("machine_code", {"auto", "never", "always"}, toString(MachineCode::kAuto));
-  for (const MachineCode one : {MachineCode::kNever, MachineCode::kAlways}) {
-    if (chosen == toString(one)) return one;
-  }
-  return MachineCode::kAuto;
+template <class Value, std::size_t count>
+Value readWord(ParameterReader& reader, const char* key, const Word<Value> (&words)[count],
+               Value preset) {
+  std::vector<std::string> names;
+  for (const auto& word : words) names.emplace_back(word.first);
+  const std::string chosen = reader.choice(key, names, wordOf(words, preset));
+  return std::find_if(std::begin(words), std::end(words),
+                      [&](const auto& word) { return chosen == word.first; })
+      ->second;
 }
 
 SolverSettings readSolver(ParameterReader& root) {
   SolverSettings settings;
   if (!root.has("solver")) return settings;
   ParameterReader reader = root.section("solver");
-  std::vector<std::string> names;
-  names.reserve(kSteppers.size());
-  for (const StepperKind kind : kSteppers) names.emplace_back(toString(kind));
-  const std::string stepper = reader.choice("stepper", names, toString(settings.stepper));
-  settings.stepper = *std::find_if(kSteppers.begin(), kSteppers.end(),
-                                   [&](StepperKind kind) { return stepper == toString(kind); });
+  settings.stepper = readWord(reader, "stepper", kSteppers, settings.stepper);
   // Closer than this to round-off a step cannot be controlled.
   settings.relative_tolerance =
       reader.number("relative_tolerance", Range::between(1e-14, 0.1), settings.relative_tolerance);
@@ -64,7 +76,7 @@ SolverSettings readSolver(ParameterReader& root) {
   settings.maximum_steps =
       reader.integer("maximum_steps", 1, std::numeric_limits<int>::max(), settings.maximum_steps);
   settings.sleep = reader.boolean("sleep", settings.sleep);
-  settings.machine_code = readMachineCode(reader);
+  settings.machine_code = readWord(reader, "machine_code", kMachineCodes, settings.machine_code);
   reader.finish();
   return settings;
 }
@@ -187,7 +199,8 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
                          (is_shared ? "is read by the constraint " + inQuotes(constraint.name())
                                     : std::string("belongs to a constraint")) +
                          " of order 1, which takes inputs with two derivatives only; allowed: hold "
-                         "second_order_lag");
+                         "second_order_lag, with a time_constant (a ratio that may jump: a "
+                         "constraint of order 2, variator_sim/SlipRatio)");
   }
 }
 
@@ -298,60 +311,57 @@ void checkEdges(const Scene& scene) {
                            std::to_string(kMostEdges) + " at most");
 }
 
+/// Whether the reactions of a constraint of order 1 have power under `gauss`: R = C^T lambda has
+/// lambda C omega. For f homogeneous in omega of degree d this is lambda d f = 0 (Euler); else
+/// C omega / f differs from state to state. A constraint that is not zero at rest imposes a motion
+/// and is meant to have power.
+bool takesEnergy(const Constraint& constraint, const Scene& scene) {
+  constexpr double kRounding = 1e-9;
+  Random random;
+  double degree = std::numeric_limits<double>::quiet_NaN();
+  for (int n = 0; n < 16; ++n) {
+    const double speed = std::pow(10.0, n / 4);
+    const CheckPoint point = scaled(shaken(scene, startOf(scene), 1.0, random), 1.0, speed);
+    double C[kMaxShafts];
+    const double at_rest =
+        constraint.calcVelocityResidualAndJacobian(scaled(point, 1.0, 0.0).view(), C);
+    const double f = constraint.calcVelocityResidualAndJacobian(point.view(), C);
+    double power = 0.0;
+    double size = 0.0;
+    for (int i = 0; i < scene.shaftCount(); ++i) {
+      const double part = C[i] * point.velocity[static_cast<std::size_t>(i)];
+      power += part;
+      size += std::abs(part);
+    }
+    if (!std::isfinite(f) || !std::isfinite(size) || !std::isfinite(at_rest)) continue;
+    if (std::abs(at_rest) > kRounding * size) return false;
+    if (std::abs(f) < 1e-3 * size) continue;  // lost in rounding
+    if (std::isnan(degree)) degree = power / f;
+    if (std::abs(power / f - degree) > kRounding * (1.0 + size / std::abs(f))) return true;
+  }
+  return false;
+}
+
+void warnOfEnergy(const Constraint& constraint, Scene* scene) {
+  if (scene->principle != Principle::kGauss || constraint.order() != 1) return;
+  if (!takesEnergy(constraint, *scene)) return;
+  scene->warnings.push_back(
+      "under the principle 'gauss' the reactions of the constraint " + inQuotes(constraint.name()) +
+      " take or give energy (--energy shows how much): it is not proportional to the speeds, so "
+      "C = df/dw is not in their ratio; for a ratio that follows a speed and loses nothing take "
+      "variator_sim/SlipRatio with a short time_constant (doc/constraints.md)");
+}
+
 }  // namespace
 
 const char* toString(Principle principle) {
-  switch (principle) {
-    case Principle::kGeneralizedGauss:
-      return "generalized_gauss";
-    case Principle::kGauss:
-      return "gauss";
-  }
-  return "";
+  return wordOf(kPrinciples, principle);
 }
-
 const char* toString(StepperKind kind) {
-  switch (kind) {
-    case StepperKind::kAuto:
-      return "auto";
-    case StepperKind::kRk4:
-      return "rk4";
-    case StepperKind::kDopri5:
-      return "dopri5";
-    case StepperKind::kDop853:
-      return "dop853";
-    case StepperKind::kFehlberg78:
-      return "fehlberg78";
-    case StepperKind::kRosenbrock4:
-      return "rosenbrock4";
-    case StepperKind::kDopri5Fixed:
-      return "dopri5_fixed";
-    case StepperKind::kRosenbrock4Fixed:
-      return "rosenbrock4_fixed";
-    case StepperKind::kRadau:
-      return "radau";
-    case StepperKind::kRadau5:
-      return "radau5";
-    case StepperKind::kRadau5Fixed:
-      return "radau5_fixed";
-    case StepperKind::kTaylor:
-      return "taylor";
-    case StepperKind::kTaylorFixed:
-      return "taylor_fixed";
-  }
-  return "";
+  return wordOf(kSteppers, kind);
 }
-
 const char* toString(MachineCode machine_code) {
-  switch (machine_code) {
-    case MachineCode::kAuto:
-      return "auto";
-    case MachineCode::kNever:
-      return "never";
-    case MachineCode::kAlways:
-      return "always";
-  }
-  return "";
+  return wordOf(kMachineCodes, machine_code);
 }
 
 bool isFixedStep(StepperKind kind) {
@@ -371,7 +381,8 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   Faults faults;
   bool verify_derivatives = true;
   faults.collect([&] { readInertia(root, &scene); });
-  faults.collect([&] { scene.principle = readPrinciple(root); });
+  faults.collect(
+      [&] { scene.principle = readWord(root, "principle", kPrinciples, scene.principle); });
   faults.collect([&] { scene.initial = readInitial(root, scene.shafts.size()); });
   faults.collect([&] { scene.solver = readSolver(root); });
   faults.collect([&] { verify_derivatives = root.boolean("verify_derivatives", true); });
@@ -412,6 +423,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   faults.tell();
   if (verify_derivatives) verifyDerivatives(scene);
   scene.resolved = resolve(tree, names, node.keys, scene, verify_derivatives);
+  for (const ConstraintPtr& constraint : scene.constraints) warnOfEnergy(*constraint, &scene);
   return scene;
 }
 

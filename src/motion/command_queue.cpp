@@ -1,12 +1,23 @@
 #include "motion/command_queue.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace variator_sim {
 
 namespace {
 constexpr double kNever = std::numeric_limits<double>::infinity();
+
+double clamp(const CommandInputSettings& input, double value) {
+  return std::min(input.maximum, std::max(input.minimum, value));
+}
+}  // namespace
+
+CommandQueue::CommandQueue(const std::vector<CommandInputSettings>& inputs) : inputs_(inputs) {
+  std::fill(std::begin(first_clamped_), std::end(first_clamped_),
+            std::numeric_limits<double>::quiet_NaN());
+  reset();
 }
 
 void CommandQueue::reset() {
@@ -14,9 +25,13 @@ void CommandQueue::reset() {
   std::fill(std::begin(last_time_), std::end(last_time_), kNever);
 }
 
-void CommandQueue::add(int input, double value, double time) {
-  stage(input, value);
+bool CommandQueue::add(int input, double value, double time) {
+  const double clamped = clamp(inputs_[static_cast<std::size_t>(input)], value);
+  stage(input, clamped);
   last_time_[input] = time;
+  if (clamped == value) return false;
+  if (std::isnan(first_clamped_[input])) first_clamped_[input] = value;
+  return true;
 }
 
 void CommandQueue::stage(int input, double value) {
@@ -47,9 +62,7 @@ int CommandQueue::addTimeouts(double time, double rounding) {
     if (last_time_[i] + input.timeout > time + rounding) continue;
     last_time_[i] = kNever;
     ++count;
-    if (input.on_timeout == OnTimeout::kZero) {
-      stage(i, std::min(input.maximum, std::max(input.minimum, 0.0)));
-    }
+    if (input.on_timeout == OnTimeout::kZero) stage(i, clamp(input, 0.0));
   }
   return count;
 }

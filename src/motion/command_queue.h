@@ -18,13 +18,14 @@ class CommandQueue {
   };
 
   /// `inputs` has to outlive this.
-  explicit CommandQueue(const std::vector<CommandInputSettings>& inputs) : inputs_(inputs) {
-    reset();
-  }
+  explicit CommandQueue(const std::vector<CommandInputSettings>& inputs);
   void reset();
 
-  /// A command came at `time`, s. Of several to one input the last one counts.
-  void add(int input, double value, double time);
+  /// A command came at `time`, s; true when it is clamped. Of several to one input the last one
+  /// counts.
+  bool add(int input, double value, double time);
+  /// The first command that was clamped, through resets; NaN where none was.
+  double firstClamped(int input) const { return first_clamped_[input]; }
   bool isEmpty() const { return count_ == 0; }
   int count() const { return count_; }
   const Command& operator[](int n) const { return commands_[n]; }
@@ -47,6 +48,7 @@ class CommandQueue {
   Command commands_[kMaxInputs];
   int count_ = 0;
   double last_time_[kMaxInputs];
+  double first_clamped_[kMaxInputs];
 };
 
 }  // namespace variator_sim

@@ -8,8 +8,8 @@ namespace variator_sim {
 
 void EnergyMeter::begin(const StepNode& start, const Row* rows) {
   start_kinetic_ = calcKinetic(start.x);
-  applied_ = applied_before_ = throughput_ = throughput_before_ = reactions_ = 0.0;
-  doubt_since_ = -1.0;
+  applied_ = applied_before_ = throughput_ = throughput_before_ = 0.0;
+  doubt_ = doubt_before_ = {};
   has_turned_ = false;
   if (!is_watched_) return;
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) calcDirection(rows[m], directions_[m]);
@@ -20,19 +20,19 @@ EnergyAccount EnergyMeter::account() const {
   account.start_kinetic = start_kinetic_;
   account.applied = applied_;
   account.throughput = throughput_;
-  account.reactions = reactions_;
-  account.doubt_since = doubt_since_;
+  account.reactions = doubt_.reactions;
+  account.doubt_since = doubt_.since;
   account.has_turned = has_turned_;
   std::copy_n(&directions_[0][0], kMaxRows * kMaxShafts, &account.directions[0][0]);
   return account;
 }
 
-void EnergyMeter::resume(const EnergyAccount& account) {
+void EnergyMeter::resume(const EnergyAccount& account, double time) {
   start_kinetic_ = account.start_kinetic;
   applied_ = applied_before_ = account.applied;
   throughput_ = throughput_before_ = account.throughput;
-  reactions_ = account.reactions;
-  doubt_since_ = account.doubt_since;
+  doubt_ = {account.doubt_since, time, account.reactions, account.throughput};
+  doubt_before_ = doubt_;
   has_turned_ = account.has_turned;
   std::copy_n(&account.directions[0][0], kMaxRows * kMaxShafts, &directions_[0][0]);
 }
@@ -55,14 +55,6 @@ Energy EnergyMeter::calcEnergy(const Sample& sample, double applied) {
     energy.reaction_power += sample.reaction_torque[i] * sample.velocity[i];
   }
   return energy;
-}
-
-EnergyDoubt EnergyMeter::doubt() const {
-  EnergyDoubt doubt;
-  doubt.since = doubt_since_;
-  doubt.reactions = reactions_;
-  doubt.throughput = throughput_;
-  return doubt;
 }
 
 EnergyMeter::Power EnergyMeter::powerOf(const double* torque, const double* torque_rate,
@@ -127,18 +119,18 @@ bool EnergyMeter::haveRowsTurned(const Row* rows) const {
   return false;
 }
 
-void EnergyMeter::watch(double time, const double* x, const Row* rows) {
-  reactions_ = drivetrain_.calcKineticEnergy(x, x + S) - start_kinetic_ - applied_;
-  if (doubt_since_ >= 0.0) return;
-  if (!has_turned_) has_turned_ = haveRowsTurned(rows);
-  if (!has_turned_ || !(std::abs(reactions_) > kDoubtful * throughput_)) return;
+void EnergyMeter::judge(double time, const double* x) {
+  doubt_.time = drivetrain_.origin() + time;
+  doubt_.reactions = drivetrain_.calcKineticEnergy(x, x + S) - start_kinetic_ - applied_;
+  doubt_.throughput = throughput_;
+  if (doubt_.since >= 0.0 || !has_turned_ || !doubt_.isShareLarge()) return;
   // What the tolerance makes of T is nobody's energy.
   double uncertain = 0.0;
   for (int i = 0; i < S; ++i) {
     const double omega = x[S + i];
     uncertain += drivetrain_.inertia().entry(i, i) * std::abs(omega) * tolerance_.of(omega);
   }
-  if (std::abs(reactions_) > kCertain * uncertain) doubt_since_ = drivetrain_.origin() + time;
+  if (std::abs(doubt_.reactions) > kCertain * uncertain) doubt_.since = doubt_.time;
 }
 
 }  // namespace variator_sim

@@ -82,7 +82,7 @@ class EnergyMeter {
 
   /// The account of the motion up to its present, where it was cut, and the same taken up again.
   EnergyAccount account() const;
-  void resume(const EnergyAccount& account);
+  void resume(const EnergyAccount& account, double time);
 
   /// A step from `from` to `to` was accepted, at whose end C has the rows `rows`; `inside(theta,
   /// x)` is the state at from + theta (to - from). Q and Q' of both are known.
@@ -93,6 +93,7 @@ class EnergyMeter {
     const Power end = powerOf(to);
     applied_before_ = applied_;
     throughput_before_ = throughput_;
+    doubt_before_ = doubt_;
     addStep(h, begin, end,
             is_tracked_ ? calcWork(from, to, 1.0, inside) : estimateWork(h, begin, end));
     if (is_watched_) watch(to.time, to.x.data(), rows);
@@ -112,13 +113,14 @@ class EnergyMeter {
     throughput_ = throughput_before_ + 0.5 * h * (begin.through + powerOf(end).through);
     if (is_tracked_) {
       applied_ = calcApplied(from, to, h / (to.time - from.time), inside);
-      return;
+    } else {
+      // The rate at the end is not known: of order 3.
+      const double rise = power - begin.value;
+      const double bend = h * begin.rate - rise;
+      applied_ = applied_before_ + 0.5 * h * (begin.value + power) +
+                 (std::abs(bend) <= std::abs(begin.value) + std::abs(power) ? h / 6.0 * bend : 0.0);
     }
-    // The rate at the end is not known: of order 3.
-    const double rise = power - begin.value;
-    const double bend = h * begin.rate - rise;
-    applied_ = applied_before_ + 0.5 * h * (begin.value + power) +
-               (std::abs(bend) <= std::abs(begin.value) + std::abs(power) ? h / 6.0 * bend : 0.0);
+    if (is_watched_) judge(present.time, present.x.data());
   }
   /// The same of a motion at rest since `from`.
   void cutAtRest(const StepNode& from, const StepNode& present) {
@@ -137,9 +139,11 @@ class EnergyMeter {
 
   /// Everything at `sample`, where the applied energy is `applied`.
   Energy calcEnergy(const Sample& sample, double applied);
-  double startKinetic() const { return start_kinetic_; }
 
-  EnergyDoubt doubt() const;
+  /// At the last end of a step that is not after `time`, s since the motion's start.
+  const EnergyDoubt& doubt(double time) const {
+    return doubt_.time <= time ? doubt_ : doubt_before_;
+  }
 
  private:
   /// sum Q_i omega_i at a node, its rate, and sum |Q_i omega_i|.
@@ -186,12 +190,13 @@ class EnergyMeter {
   /// Row c of C in coordinates in which J is 1 (but for inertia coupling), as a unit vector.
   void calcDirection(const double* c, double* direction) const;
   bool haveRowsTurned(const Row* rows) const;
-  /// Has C turned since the start, and have the reactions brought or taken a part of the energy
-  /// that nobody would leave aside?
-  void watch(double time, const double* x, const Row* rows);
+  void watch(double time, const double* x, const Row* rows) {
+    has_turned_ = has_turned_ || haveRowsTurned(rows);
+    judge(time, x);
+  }
+  /// Compares the energy of the reactions with what the applied torques have brought and taken.
+  void judge(double time, const double* x);
 
-  /// The reactions' part of the applied energy that is worth a word.
-  static constexpr double kDoubtful = 0.05;
   /// rad, by which C has turned when it counts as turning.
   static constexpr double kTurned = 0.01;
   /// Times that an energy is above what the tolerance makes of it.
@@ -208,8 +213,8 @@ class EnergyMeter {
   double applied_before_ = 0.0;  // J, at the base of the last step
   double throughput_ = 0.0;      // J, integral of sum |Q_i omega_i|, at the front
   double throughput_before_ = 0.0;
-  double reactions_ = 0.0;     // J, at the front, where they are watched
-  double doubt_since_ = -1.0;  // s
+  EnergyDoubt doubt_;  // at the front, where the reactions are watched
+  EnergyDoubt doubt_before_;
   bool has_turned_ = false;
   double directions_[kMaxRows][kMaxShafts] = {};  // of C at the start
 };

@@ -229,16 +229,14 @@ double Motion::quietUntil() const {
 
 CommandResult Motion::command(int input, double value) {
   Statistics& statistics = integrator_.statistics();
-  const CommandInputSettings& settings = scene_.inputs[static_cast<std::size_t>(input)];
   if (!std::isfinite(value)) {
     ++statistics.commands_refused;
     return CommandResult::kRefused;
   }
-  const double clamped = std::min(settings.maximum, std::max(settings.minimum, value));
-  commands_.add(input, clamped, time_);
+  const bool is_clamped = commands_.add(input, value, time_);
   forgetSample();
   ++statistics.commands_accepted;
-  if (clamped == value) return CommandResult::kAccepted;
+  if (!is_clamped) return CommandResult::kAccepted;
   ++statistics.commands_clamped;
   return CommandResult::kClamped;
 }
@@ -359,7 +357,7 @@ const MotionStatus& Motion::beginFrom(const MotionState& state, const State& x,
   }
   integrator_.beginFrom(time_, x, epsilon, state.history);
   if (state.history.exists) {
-    energy_.resume(state.history.energy);
+    energy_.resume(state.history.energy, time_);
   } else {
     energy_.begin(integrator_.front(), integrator_.rows());
   }
@@ -472,9 +470,7 @@ Energy Motion::energy() {
 }
 
 EnergyDoubt Motion::energyDoubt() const {
-  const EnergyDoubt doubt = energy_.doubt();
-  // The integrator runs ahead of the present.
-  return !integrator_.isStart() && doubt.since <= time_ ? doubt : EnergyDoubt{};
+  return integrator_.isStart() ? EnergyDoubt{} : energy_.doubt(time_);
 }
 
 void Motion::cutEnergy(const StepNode& node) {

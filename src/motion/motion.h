@@ -77,6 +77,7 @@ class Motion {
   /// Up to where it has been stepped, s: as far as the present or further.
   double frontTime() const { return integrator_.origin().absolute(integrator_.front().time); }
   CommandResult command(int input, double value);
+  double firstClampedCommand(int input) const { return commands_.firstClamped(input); }
   void exhaustTime() { integrator_.exhaustTime(time_); }
   void refuseCommand() { ++integrator_.statistics().commands_refused; }
   const Sample& sample();

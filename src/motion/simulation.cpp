@@ -114,6 +114,10 @@ const MotionStatus& Simulation::advanceTo(double time) {
   if (error_estimate_) error_estimate_->follow();
   return status;
 }
+double Simulation::firstClampedCommand(int input) const {
+  return motion_->firstClampedCommand(input);
+}
+
 CommandResult Simulation::command(int input, double value) {
   if (error_estimate_) error_estimate_->command(input, value);
   return motion_->command(input, value);

@@ -90,11 +90,18 @@ void withoutLock(const Work& work) {
   if (PyErr_Occurred() != nullptr) throw py::error_already_set();
 }
 
+/// Warns the caller; throws where warnings are errors.
+inline void warn(const std::string& text) {
+  if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw py::error_already_set();
+}
+
 class PythonSimulation {
  public:
   PythonSimulation(const py::object& scene, const py::object& overrides, bool energy)
       : simulation_(load(scene, overrides, energy)),
-        names_(std::make_shared<const SampleNames>(simulation_)) {}
+        names_(std::make_shared<const SampleNames>(simulation_)) {
+    for (const std::string& warning : simulation_.scene().warnings) warn(warning);
+  }
 
   /// pybind11 asks for memory here when the object's __init__ has not been called, as after
   /// Simulation.__new__. Objects themselves are made by ::new.
@@ -159,10 +166,13 @@ class PythonSimulation {
   }
   bool command(const std::string& topic, double value) {
     Simulation& simulation = get();
-    switch (simulation.command(findInput(topic, scene()), value)) {
+    const int input = findInput(scene().inputs, topic);
+    const bool is_first = std::isnan(simulation.firstClampedCommand(input));
+    switch (simulation.command(input, value)) {
       case CommandResult::kAccepted:
         return true;
       case CommandResult::kClamped:
+        if (is_first) warn(describeClamped(scene().inputs[static_cast<std::size_t>(input)], value));
         return false;
       case CommandResult::kRefused:
         break;
@@ -213,7 +223,7 @@ class PythonSimulation {
   bool compile() {
     Simulation& simulation = get();
     bool is_loaded = false;
-    move([&] { is_loaded = simulation.loadMachineCode(true); });
+    move([&] { is_loaded = simulation.loadMachineCode(true, true); });
     return is_loaded;
   }
   void reset() { get().reset(); }

@@ -16,15 +16,10 @@ double toMicroseconds(std::int64_t nanoseconds) {
 }
 
 unsigned char toLevel(HealthLevel level) {
-  switch (level) {
-    case HealthLevel::kOk:
-      return diagnostic_msgs::DiagnosticStatus::OK;
-    case HealthLevel::kWarn:
-      return diagnostic_msgs::DiagnosticStatus::WARN;
-    case HealthLevel::kError:
-      return diagnostic_msgs::DiagnosticStatus::ERROR;
-  }
-  return diagnostic_msgs::DiagnosticStatus::ERROR;
+  using diagnostic_msgs::DiagnosticStatus;
+  constexpr unsigned char kLevels[] = {DiagnosticStatus::OK, DiagnosticStatus::WARN,
+                                       DiagnosticStatus::ERROR};
+  return kLevels[static_cast<std::size_t>(level)];
 }
 
 }  // namespace

@@ -13,17 +13,9 @@ std::uint64_t added(std::uint64_t now, std::uint64_t before) {
 }
 
 const char* nameOf(RunState state) {
-  switch (state) {
-    case RunState::kRunning:
-      return "running";
-    case RunState::kPaused:
-      return "paused";
-    case RunState::kSleeping:
-      return "sleeping: at rest until a command";
-    case RunState::kStopped:
-      return "stopped";
-  }
-  return "";
+  constexpr const char* kNames[] = {"running", "paused", "sleeping: at rest until a command",
+                                    "stopped"};
+  return kNames[static_cast<std::size_t>(state)];
 }
 
 }  // namespace

@@ -103,17 +103,9 @@ SceneInfo toSceneInfo(const Simulation& simulation) {
 }
 
 std::uint8_t toMessage(RunState state) {
-  switch (state) {
-    case RunState::kRunning:
-      return SimulationStatus::RUNNING;
-    case RunState::kPaused:
-      return SimulationStatus::PAUSED;
-    case RunState::kSleeping:
-      return SimulationStatus::SLEEPING;
-    case RunState::kStopped:
-      return SimulationStatus::STOPPED;
-  }
-  return SimulationStatus::STOPPED;
+  constexpr std::uint8_t kStates[] = {SimulationStatus::RUNNING, SimulationStatus::PAUSED,
+                                      SimulationStatus::SLEEPING, SimulationStatus::STOPPED};
+  return kStates[static_cast<std::size_t>(state)];
 }
 
 void fillStatistics(const Statistics& statistics, SimulationStatus& message) {

@@ -72,6 +72,18 @@ std::string join(const std::vector<std::string>& names) {
   return text.empty() ? "none" : text;
 }
 
+/// The way out where a key may be one of an earlier scene, in the dictionary at `place`; or "".
+std::string explainLeftOver(const std::string& message, const std::string& place) {
+  if (message.find("unknown key") == std::string::npos &&
+      message.find("is not read by the formula") == std::string::npos) {
+    return "";
+  }
+  return "\n(rosparam merges what is set or loaded with what is there: keys of an earlier scene "
+         "stay "
+         "until 'rosparam delete " +
+         place + "')";
+}
+
 /// What a user has to know of a node that is ready, on one line; inputs by their full topics.
 std::string describeReady(const SceneInfo& scene, const std::string& machine_code,
                           const NodeSettings& settings, const ros::NodeHandle& private_handle) {
@@ -100,6 +112,9 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     const NodeSettings settings = readNodeSettings(tree);
     PluginlibComponentFactory factory;
     Simulation simulation(readScene(tree, factory, nodeNames()));
+    for (const std::string& warning : simulation.scene().warnings) {
+      ROS_WARN("%s: %s", name_space.c_str(), warning.c_str());
+    }
     simulation.estimateErrors(settings.estimate_error);
     const auto tell_ready = [scene = toSceneInfo(simulation), settings, private_handle](
                                 bool is_missed, const std::string& machine_code) {
@@ -127,8 +142,10 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     if (is_ready) tell_ready(false, machine_code);
     return server;
   } catch (const SceneError& error) {
-    const char* separator = error.keyPath().empty() ? ": " : "/";
-    throw Error(name_space + separator + error.what());
+    const std::string& path = error.keyPath();
+    throw Error(
+        name_space + (path.empty() ? ": " : "/") + error.what() +
+        explainLeftOver(error.message(), name_space + "/" + path.substr(0, path.find('/'))));
   } catch (const std::exception& error) {
     throw Error(name_space + ": " + error.what());
   }

@@ -267,7 +267,7 @@ void SimulationServer::runStatus() {
   std::int64_t next_diagnostics = started_at_ + kDiagnosticsPeriod;
   while (!stopping_.load(std::memory_order_relaxed)) {
     loop_.waitForNews(next_status);
-    logRefusedCommands();
+    logOddCommands();
     LoopSnapshot snapshot;
     bool state_changed = false;
     while (loop_.popSnapshot(snapshot)) {
@@ -409,12 +409,16 @@ void SimulationServer::logReactionEnergy() {
            describe(snapshot_.energy_doubt).c_str());
 }
 
-void SimulationServer::logRefusedCommands() {
+void SimulationServer::logOddCommands() {
   InputCommand command;
-  while (loop_.popRefusedCommand(command)) {
-    if (!refused_log_.passes(steady_clock_.now())) continue;
-    ROS_WARN("Refused %g on %s: commands must be finite.", command.value,
-             command_subscribers_[static_cast<std::size_t>(command.input)].getTopic().c_str());
+  while (loop_.popOddCommand(command)) {
+    const auto input = static_cast<std::size_t>(command.input);
+    const std::string topic = command_subscribers_[input].getTopic();
+    if (std::isfinite(command.value)) {
+      ROS_WARN("%s: %s", topic.c_str(), describeClamped(inputs_[input], command.value).c_str());
+    } else if (refused_log_.passes(steady_clock_.now())) {
+      ROS_WARN("Refused %g on %s: commands must be finite.", command.value, topic.c_str());
+    }
   }
 }
 

@@ -106,7 +106,7 @@ class SimulationServer {
   void runStatus();
   void publishStatus();
   void logTimeTrouble(std::int64_t now);
-  void logRefusedCommands();
+  void logOddCommands();
   void logReactionEnergy();
 
   template <class Message>

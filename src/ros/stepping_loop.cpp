@@ -270,8 +270,10 @@ void SteppingLoop::applyCommand(const InputCommand& command) {
     return;
   }
   quiet_until_ = 0;  // it takes effect at the next advance
-  if (simulation_.command(command.input, command.value) == CommandResult::kRefused) {
-    refused_commands_.push(command);  // full: counted all the same, only not told
+  const bool was_clamped = !std::isnan(simulation_.firstClampedCommand(command.input));
+  const CommandResult result = simulation_.command(command.input, command.value);
+  if (result == CommandResult::kRefused || (result == CommandResult::kClamped && !was_clamped)) {
+    odd_commands_.push(command);  // full: counted all the same, only not told
   }
 }
 

@@ -87,8 +87,9 @@ class SteppingLoop {
   bool popSnapshot(LoopSnapshot& snapshot) { return snapshots_.pop(snapshot); }
   /// Comes before each snapshot of a stopped motion.
   bool popStopMessage(StopMessage& message) { return stop_messages_.pop(message); }
-  /// A command that was refused for being NaN or infinite.
-  bool popRefusedCommand(InputCommand& command) { return refused_commands_.pop(command); }
+  /// A command that was refused for being NaN or infinite, or the first one to its input that was
+  /// clamped.
+  bool popOddCommand(InputCommand& command) { return odd_commands_.pop(command); }
   /// Sleeps until the state has changed, or the loop has ended, or until `deadline` (ns on
   /// CLOCK_MONOTONIC).
   void waitForNews(std::int64_t deadline) { news_.waitUntil(deadline); }
@@ -184,7 +185,7 @@ class SteppingLoop {
 
   // Shared.
   boost::lockfree::spsc_queue<InputCommand, boost::lockfree::capacity<4096>> commands_;
-  boost::lockfree::spsc_queue<InputCommand, boost::lockfree::capacity<64>> refused_commands_;
+  boost::lockfree::spsc_queue<InputCommand, boost::lockfree::capacity<64>> odd_commands_;
   SampleRing<TimedSample, 256> samples_;
   SampleRing<LoopSnapshot, 16> snapshots_;
   SampleRing<StopMessage, 2> stop_messages_;

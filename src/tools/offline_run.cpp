@@ -9,7 +9,6 @@
 
 #include "model/number_text.h"
 #include "variator_sim/interruption.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
@@ -19,26 +18,14 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-int findInput(const std::string& topic, const Scene& scene) {
-  std::vector<std::string> topics;
-  for (const CommandInputSettings& input : scene.inputs) {
-    if (input.topic == topic) return static_cast<int>(topics.size());
-    topics.push_back(input.topic);
-  }
-  const std::string allowed = topics.empty() ? "this scene takes no commands"
-                                             : "the scene's topics are " + joinNames(topics);
-  throw std::invalid_argument("unknown topic " + inQuotes(topic) + suggestName(topic, topics) +
-                              "; " + allowed);
-}
-
 std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
                                              const Scene& scene, const std::string& path) {
   std::vector<ResolvedCommand> resolved;
   resolved.reserve(commands.size());
   for (const TimedCommand& command : commands) {
     try {
-      resolved.push_back(
-          {command.time, findInput(command.topic, scene), command.value, command.line});
+      const int input = findInput(scene.inputs, command.topic);
+      resolved.push_back({command.time, input, command.value, command.line});
     } catch (const std::invalid_argument& error) {
       throw CommandFileError(path + ":" + std::to_string(command.line) + ": " + error.what());
     }
@@ -60,6 +47,11 @@ std::vector<std::string> describeDoubts(const Simulation& simulation) {
                   "%.2g of the state; lower 'solver/step'",
                   solver.step, part);
     doubts.emplace_back(text);
+  }
+  const std::vector<CommandInputSettings>& inputs = simulation.scene().inputs;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    const double clamped = simulation.firstClampedCommand(static_cast<int>(i));
+    if (!std::isnan(clamped)) doubts.push_back(describeClamped(inputs[i], clamped));
   }
   const std::string energy = describe(simulation.energyDoubt());
   if (!energy.empty()) doubts.push_back(energy);

@@ -26,15 +26,12 @@ struct ResolvedCommand {
   int line;      ///< where it stands in its file
 };
 
-/// The input's index. Throws std::invalid_argument with the nearest topic.
-int findInput(const std::string& topic, const Scene& scene);
-
 /// Finds each command's input by its topic. Throws CommandFileError with the nearest topic.
 std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
                                              const Scene& scene, const std::string& path);
 
 /// Sentences about what may be wrong with a run that has come so far: fixed steps that are crude,
-/// reactions that feed or drain the machine.
+/// commands that were clamped, reactions that feed or drain the machine.
 std::vector<std::string> describeDoubts(const Simulation& simulation);
 
 /// Samples in order, and the quantities that go with them.

@@ -1,0 +1,131 @@
+#!/usr/bin/python3
+"""Scripts that install, build and start, as somebody meets them who has just cloned the repository."""
+
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import tempfile
+
+import roslib.packages
+import rosunit
+
+from support.subtests import TestCase
+
+PACKAGE = "variator_sim"
+SCRIPTS = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE)) / "scripts"
+PATIENCE = 100.0  # s; only a failure takes as long
+
+APT = """#!/bin/bash
+for word in "$@"; do if [[ $word == update ]]; then echo "dlstatus:1:50.0:Retrieving file 1 of 2"; exit; fi; done
+for step in 0 4 9 33 66 100; do echo "dlstatus:$step:$step.0000:Retrieving file"; done
+echo "Selecting previously unselected package ninja-build."
+for step in 0 12.5 50 100; do echo "pmstatus:ninja-build:$step:Unpacking ninja-build (amd64)"; done
+exit ${APT_STATUS:-0}
+"""
+
+
+def write(path, text):
+    path.write_text(text, encoding="utf-8")
+    path.chmod(0o755)
+
+
+def call(*words, **options):
+    return subprocess.run([str(word) for word in words], stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                          timeout=PATIENCE, check=False, **options)
+
+
+class ScriptsTest(TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, self.folder)
+
+    def install(self, **variables):
+        """install_dependencies where nothing is installed and apt is a program of the test."""
+        write(self.folder / "apt-get", APT)
+        write(self.folder / "dpkg-query", "#!/bin/sh\nexit 1\n")
+        write(self.folder / "sudo", '#!/bin/sh\nexec "$@"\n')
+        return call(SCRIPTS / "install_dependencies",
+                    env={**os.environ, "PATH": f"{self.folder}:{os.environ['PATH']}", **variables})
+
+    def test_apt_shows_its_progress(self):
+        done = self.install()
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        lines = done.stdout.splitlines()
+        self.assertTrue(lines[0].startswith("Installing "), lines[0])
+        self.assertEqual([line.strip() for line in lines[1:]],
+                         ["lists of packages", "downloading 50 %", "downloading 0 %", "downloading 30 %",
+                          "downloading 60 %", "downloading 100 %", "installing 0 %", "installing 10 %",
+                          "installing 50 %", "installing 100 %"])
+
+    def test_lines_of_dpkg_are_shown_when_apt_fails(self):
+        done = self.install(APT_STATUS="100")
+        self.assertEqual(done.returncode, 1)
+        self.assertEqual(done.stderr, "Selecting previously unselected package ninja-build.\n")
+
+    def copy(self, *names):
+        """A repository with these scripts, whose others do nothing, and a project of CMake."""
+        scripts = self.folder / "scripts"
+        scripts.mkdir(exist_ok=True)
+        for name in ("install_dependencies", "count_tests"):
+            write(scripts / name, "#!/bin/sh\n")
+        for name in names:
+            shutil.copy(SCRIPTS / name, scripts)
+        (self.folder / "CMakeLists.txt").write_text(
+            "cmake_minimum_required(VERSION 3.16)\nproject(p NONE)\nmessage(STATUS told)\n"
+            "if(FAILS)\n  message(FATAL_ERROR why)\nendif()\n", encoding="utf-8")
+
+    def build(self, *words):
+        return call(self.folder / "scripts/build", *words)
+
+    def werror(self):
+        cache = (self.folder / "build/CMakeCache.txt").read_text()
+        return re.search("^VARIATOR_SIM_WERROR:[A-Z]*=(.*)$", cache, re.M)[1]
+
+    def test_cmake_is_quiet_unless_it_fails(self):
+        self.copy("build")
+        done = self.build()
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        self.assertNotIn("told", done.stdout)
+        done = self.build("-DFAILS=ON")
+        self.assertEqual((done.returncode, done.stdout), (1, ""))
+        self.assertIn("told", done.stderr)
+        self.assertIn("why", done.stderr)
+
+    def test_all_builds_have_the_same_flags(self):
+        self.copy("build")
+        self.build()
+        self.assertEqual(self.werror(), "ON")
+        self.build("-DVARIATOR_SIM_WERROR=OFF")
+        self.build()  # what has been said stays
+        self.assertEqual(self.werror(), "OFF")
+        self.copy("demo", "test")
+        write(self.folder / "scripts/build", f'#!/bin/sh\necho "$@" >>{self.folder}/words\nexit 1\n')
+        call(self.folder / "scripts/demo", env={**os.environ, "ROS_MASTER_URI": "http://127.0.0.1:11311",
+                                                "ROS_HOSTNAME": "127.0.0.1"})
+        call(self.folder / "scripts/test")
+        self.assertEqual((self.folder / "words").read_text(), "\n--target=all --target=tests\n")
+
+    def test_a_machine_that_does_not_know_localhost_is_told_at_once(self):
+        self.copy("demo")
+        write(self.folder / "scripts/build", "#!/bin/sh\necho built\nexit 1\n")
+        # Neither file nor server tells the name.
+        empty = self.folder / "empty"
+        write(empty, "")
+        shell = (f"mount --bind {empty} /etc/hosts && mount --bind {empty} /etc/resolv.conf && "
+                 "! getent ahosts localhost >/dev/null && exec \"$0\"")
+        words = ["unshare", "--map-root-user", "--mount", "--net", "sh", "-c", shell]
+        if call(*words, "true").returncode != 0:
+            self.skipTest("mounts of one's own are forbidden here, or localhost needs no file")
+        environment = {name: value for name, value in os.environ.items() if not name.startswith("ROS_")}
+        done = call(*words, self.folder / "scripts/demo", env=environment)
+        self.assertEqual((done.returncode, done.stdout), (1, ""))
+        self.assertIn("add the line '127.0.0.1 localhost' to /etc/hosts", done.stderr)
+        done = call(*words, self.folder / "scripts/demo",
+                    env={**environment, "ROS_MASTER_URI": "http://127.0.0.1:11311", "ROS_IP": "127.0.0.1"})
+        self.assertEqual(done.stdout, "built\n")
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "scripts_test", ScriptsTest)
