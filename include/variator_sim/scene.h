@@ -96,6 +96,8 @@ struct Scene {
   /// What a message ends with about a start that fails or a stop: numbers so large or small that
   /// they may be to blame; "" where there are none.
   std::string extreme_numbers;
+  /// What its author may not expect, a sentence each: to be told when it is loaded.
+  std::vector<std::string> warnings;
 
   int shaftCount() const { return static_cast<int>(shafts.size()); }
   int constraintCount() const { return static_cast<int>(constraints.size()); }

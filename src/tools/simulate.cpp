@@ -362,6 +362,9 @@ int runSimulate(const std::vector<std::string>& words) {
     return kSuccess;
   }
   Simulation simulation = loadSimulation(options);
+  for (const std::string& warning : simulation.scene().warnings) {
+    std::fprintf(stderr, "simulate: warning: %s\n", warning.c_str());
+  }
   if (options.compile) {
     g_signal_is_heard = 1;
     const bool is_loaded = simulation.loadMachineCode(true);
