@@ -474,5 +474,62 @@ u: {topic: u, hold: first_order_lag, time_constant: 0.5}
   EXPECT_NEAR(model.A(1, 2), 0.5, 1e-14);
 }
 
+// A defective 0 is as sensitive as a root of rounding: 1e-8 of the largest entry without deflation.
+TEST(LinearModel, HasExactZerosForATrainThatNothingHolds) {
+  for (const char* ratio : {"1", "0.01", "37.3"}) {
+    for (const char* stiffness : {"0.7", "1e3", "9.1e8"}) {
+      SCOPED_TRACE(std::string(ratio) + ", " + stiffness);
+      const Scene scene = test::sceneFromText(
+          "shafts: [a, b, c]\na: {inertia: 4e4}\nb: {inertia: 0.3}\nc: {inertia: 7}\nprinciple: "
+          "gauss\ntorques: [ab, bc]\nab: {type: variator_sim/ElasticCoupling, shafts: [a, b], "
+          "ratio: " +
+          std::string(ratio) + ", stiffness: " + stiffness +
+          ", damping: 3}\nbc: {type: variator_sim/ElasticCoupling, shafts: [b, c], stiffness: "
+          "51}\n");
+      Simulation simulation(scene);
+      int index = 0;
+      const auto eigenvalues =
+          calcEigenvalues(linearize(scene, simulation.operatingPoint()), &index);
+      EXPECT_EQ(index, 2);
+      ASSERT_EQ(eigenvalues.size(), 6U);
+      EXPECT_EQ(eigenvalues[0], 0.0);
+      EXPECT_EQ(eigenvalues[1], 0.0);
+      for (std::size_t n = 2; n < 6; ++n) {
+        EXPECT_LT(eigenvalues[n].real(), 1e-15 * std::abs(eigenvalues[5])) << n;
+        EXPECT_GT(std::abs(eigenvalues[n]), 1e-3) << n;
+      }
+    }
+  }
+}
+
+TEST(LinearModel, TakesNoSlowEigenvalueForAZero) {
+  LinearModel model;
+  model.A = Eigen::MatrixXd::Zero(3, 3);
+  model.A << -1e-9, 1.0, 0.0, 0.0, -1e3, 2.0, 0.0, 0.0, -1e-14;
+  int index = 7;
+  const auto eigenvalues = calcEigenvalues(model, &index);
+  EXPECT_EQ(index, 0);
+  EXPECT_NEAR(eigenvalues[0].real(), -1e-14, 1e-20);
+  EXPECT_NEAR(eigenvalues[1].real(), -1e-9, 1e-15);
+  EXPECT_NEAR(eigenvalues[2].real(), -1e3, 1e-9);
+}
+
+TEST(LinearModel, CountsIntegratorsOneBehindTheOther) {
+  // A Jordan block of three zeros and the eigenvalue -2, in other coordinates.
+  Eigen::Matrix4d J = Eigen::Matrix4d::Zero();
+  J(0, 1) = 1.0;
+  J(1, 2) = 30.0;
+  J(3, 3) = -2.0;
+  const Eigen::Vector4d v(1.0, 2.0, 3.0, 4.0);
+  const Eigen::Matrix4d T = Eigen::Matrix4d::Identity() - 2.0 / v.squaredNorm() * v * v.transpose();
+  LinearModel model;
+  model.A = T * J * T;
+  int index = 0;
+  const auto eigenvalues = calcEigenvalues(model, &index);
+  EXPECT_EQ(index, 3);
+  for (int n = 0; n < 3; ++n) EXPECT_EQ(eigenvalues[static_cast<std::size_t>(n)], 0.0);
+  EXPECT_NEAR(eigenvalues[3].real(), -2.0, 1e-12);
+}
+
 }  // namespace
 }  // namespace variator_sim

@@ -21,6 +21,16 @@ SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 CONFIG = FOLDER / "config"
 RATIO_STEPS = str(CONFIG / "ratio_steps.yaml")
 SHIP = str(CONFIG / "ship.yaml")
+DRIFT = """
+shafts: [rotor, generator]
+rotor: {inertia: 4e7}
+generator: {inertia: 500}
+torques: [wind, gen, shaft]
+wind: {type: variator_sim/ExpressionTorque, shaft: rotor, torque: 4.2e6}
+gen: {type: variator_sim/ExpressionTorque, shaft: generator, torque: -43000}
+shaft: {type: variator_sim/ElasticCoupling, shafts: [rotor, generator], ratio: 0.01, stiffness: 9e8, damping: 6e6}
+principle: gauss
+"""
 MATRICES = {"A": ("states", "states"), "B": ("states", "inputs"),
             "C": ("outputs", "states"), "D": ("outputs", "inputs")}
 
@@ -163,8 +173,31 @@ class LinearizeTest(TestCase):
         self.assertLess(abs(rate), 1e-8)
 
     def test_what_is_not_there_is_told(self):
-        self.check_refused([SHIP, "--linearize"], "no rest until 1000 s", status=1)
+        self.check_refused([SHIP, "--linearize"], "no rest until 1000 s: constraint 'variator' reads the time; --at 0, "
+                           "or another time", status=1)
         self.check_refused([SHIP, "--trim"], "no steady state", "read the time", status=1)
+
+    def test_a_train_that_nothing_holds(self):
+        """A net torque of -1e5 N m on a rotor and a generator behind a gear: no law reads the time."""
+        scene = self.folder / "drift.yaml"
+        scene.write_text(DRIFT, encoding="utf-8")
+        self.check_refused([scene, "--linearize"], "no rest until 1000 s: the shafts still accelerate, most of all "
+                           "'generator' by -", "--trim --accelerating", "--at 0", status=1)
+        self.check_refused([scene, "--linearize", "--set", "wind/torque=4.2e6 + sin(t)"],
+                           "no rest until 1000 s: torque 'wind' reads the time", status=1)
+        self.check_refused([scene, "--linearize", "--set", "solver={sleep: false}"],
+                           "'solver/sleep: false' allows none", status=1)
+        self.check_refused([scene, "--trim"], "in the torques on shaft 'generator' and the torques on "
+                           "shaft 'rotor' together", "--accelerating", status=1)
+        for full in ([], ["--full"]):
+            report = self.simulate(str(scene), "--linearize", "--at", "0", *full).stdout.splitlines()
+            begin = next(n for n, line in enumerate(report) if line.startswith("eigenvalues"))
+            self.assertEqual([line.split() for line in report[begin + 1:begin + 3]],
+                             [["0", "integrator"]] * 2)
+            self.assertIn("-0.675 +- 14.2142 i", report[begin + 3])
+            self.assertEqual(report[begin + 4], "  (2 integrators stand one behind the other: "
+                             "deviations may grow with the time)")
+            self.assertNotIn("unstable", "".join(report))
 
     def test_words_are_checked(self):
         self.check_refused([SHIP, "--full", "--duration", "1"], "--full belongs to --linearize")

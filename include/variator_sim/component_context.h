@@ -51,6 +51,10 @@ class ComponentContext {
   /// The formulas of the whole scene.
   const std::shared_ptr<expression::Graph>& graph() const { return graph_; }
 
+  /// Tells whoever loads the scene what its author may not expect, a sentence.
+  void warn(std::string sentence) { warnings_.push_back(std::move(sentence)); }
+  const std::vector<std::string>& warnings() const { return warnings_; }
+
   /// Keeps the component's code loaded (ComponentFactory::libraries).
   const std::shared_ptr<const void>& libraries() const { return libraries_; }
 
@@ -73,6 +77,7 @@ class ComponentContext {
   std::shared_ptr<expression::Graph> graph_;
   std::shared_ptr<const void> libraries_;
   std::set<int> used_inputs_;
+  std::vector<std::string> warnings_;
 };
 
 }  // namespace variator_sim

@@ -53,12 +53,16 @@ class Guard {
   virtual bool readsInputs() const { return true; }
   /// True when the law itself may jump where the branch changes, and not only a derivative of it.
   bool jumps() const { return jumps_; }
+  /// The function that has the branches, as formulas write it ("if", "abs"); "" for a table and for
+  /// a law in C++.
+  const char* function() const { return function_; }
 
  protected:
-  explicit Guard(bool jumps) : jumps_(jumps) {}
+  explicit Guard(bool jumps, const char* function = "") : jumps_(jumps), function_(function) {}
 
  private:
   bool jumps_;
+  const char* function_;
 };
 
 using GuardPtr = std::shared_ptr<const Guard>;

@@ -39,7 +39,10 @@ struct LinearModel {
 LinearModel linearize(const Scene& scene, const OperatingPoint& point,
                       LinearForm form = LinearForm::kMinimal);
 
-/// The eigenvalues of A, 1/s, the slowest first; states that nothing reads give exact zeros.
-std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model);
+/// The eigenvalues of A, 1/s, the slowest first; what is 0 to rounding is exactly 0. `zero_index`,
+/// where it is not null: how many integrators stand one behind the other at most, the size of the
+/// largest Jordan block of 0.
+std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model,
+                                                  int* zero_index = nullptr);
 
 }  // namespace variator_sim

@@ -57,6 +57,8 @@ class ParameterTree {
 
 /// The shortest text that reads back as the same number, for messages.
 std::string formatNumber(double value);
+/// "[1, 2.5]"
+std::string formatNumbers(const double* values, int count);
 
 /// Allowed range of a number.
 struct Range {
@@ -131,6 +133,8 @@ class ParameterReader {
   /// From now on the paths of all keys that readers of this thread know go there; nullptr: nowhere.
   /// A test makes its table of keys so.
   static void noteKeys(std::set<std::string>* paths);
+  /// The same of the numbers that are read, or taken as defaults, by their paths.
+  static void noteNumbers(std::map<std::string, double>* numbers);
 
  private:
   const ParameterTree* tree_;

@@ -31,9 +31,13 @@ struct MotionStatus {
   double time = 0.0;     ///< time reached: the last good state stands there, s
   int constraint = -1;   ///< index of the constraint at fault, or -1
   int torque = -1;       ///< index of the torque element at fault, or -1
+  int guard = -1;        ///< kChattering, kStepUnderflow: index of the guard whose branch changes
   double measure = 0.0;  ///< kSingularConstraint: what is left of the rank, relative to its scale;
                          ///< kStepTooLarge: the step's estimated error, relative to the state;
-                         ///< kToleranceTooSmall: what rounding makes, in tolerances
+                         ///< kToleranceTooSmall: what rounding makes, in tolerances;
+                         ///< kStepLimit: the steps of one second at the pace of the last ones;
+                         ///< kStepUnderflow: the largest rate of a state's component, relative to
+                         ///< its size, 1/s
   bool ok() const { return reason == StopReason::kNone; }
 };
 

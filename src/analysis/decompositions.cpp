@@ -111,6 +111,50 @@ int solveShortest(MatrixXd M, const MatrixXd& right, double threshold, MatrixXd&
   return rank;
 }
 
+// D^-1 M D with rows as long as columns, D of powers of two: rounds nothing. (Osborne, On
+// pre-conditioning of matrices, J. ACM 7, 1960.)
+void balance(MatrixXd& M) {
+  constexpr int kSweeps = 10;
+  for (int n = 0; n < kSweeps * M.rows(); ++n) {
+    const auto i = n % M.rows();
+    const double row = M.row(i).norm();
+    const double column = M.col(i).norm();
+    if (row == 0.0 || column == 0.0) continue;
+    const double factor = std::exp2(std::round(0.5 * std::log2(row / column)));
+    M.col(i) *= factor;
+    M.row(i) /= factor;
+  }
+}
+
+// Takes some eigenvalues 0 out of M: with columns N that span its kernel and Q = (N, N') orthogonal
+//     Q^T M Q = (0 B; 0 M'),
+// M' has the others, and a kernel again where 0 has Jordan blocks of two. Returns how many were
+// taken. (Kublanovskaya, On a method of solving the complete eigenvalue problem for a degenerate
+// matrix, USSR Comput. Math. Math. Phys. 6, 1966.)
+int deflateZero(MatrixXd& M) {
+  constexpr double kRounding = 1e-12;
+  const auto size = M.rows();
+  if (size == 0) return 0;
+  // What is small is no zero: the kernel is sought with rows and columns of one length.
+  MatrixXd scaled = M;
+  VectorXd factors = VectorXd::Ones(size);
+  for (int round = 0; round < 4; ++round) {
+    for (int j = 0; j < size; ++j) {
+      const double row = scaled.row(j).norm();
+      if (row > 0.0) scaled.row(j) /= row;
+      const double column = scaled.col(j).norm();
+      if (!(column > 0.0)) continue;
+      scaled.col(j) /= column;
+      factors(j) /= column;
+    }
+  }
+  const MatrixXd kernel = factors.asDiagonal() * findKernel(scaled, kRounding);
+  if (kernel.cols() == 0) return 0;
+  const MatrixXd rest = decompose(kernel, 0.0).Q.rightCols(size - kernel.cols());
+  M = rest.transpose() * M * rest;
+  return count(kernel.cols());
+}
+
 }  // namespace
 
 IndependentRows findIndependentRows(const MatrixXd& M, double threshold) {
@@ -144,22 +188,29 @@ MatrixXd chooseColumns(const MatrixXd& M, const std::vector<int>& columns) {
   return chosen;
 }
 
-std::vector<std::complex<double>> findEigenvalues(const MatrixXd& M) {
+std::vector<std::complex<double>> findEigenvalues(MatrixXd M, int* zero_index) {
+  std::vector<std::complex<double>> values;
+  int index = 0;
+  if (M.allFinite()) {
+    balance(M);
+    while (const int zeros = deflateZero(M)) {
+      values.insert(values.end(), static_cast<std::size_t>(zeros), std::complex<double>());
+      ++index;
+    }
+  }
+  if (zero_index != nullptr) *zero_index = index;
   const int size = count(M.rows());
   const int stride = strideOf(M);
-  MatrixXd A = M;
   VectorXd real = VectorXd::Constant(size, std::numeric_limits<double>::quiet_NaN());
   VectorXd imaginary = real;
   double none = 0.0;
   const int one = 1;
-  if (A.allFinite()) {
+  if (size > 0 && M.allFinite()) {
     callWithWork("dgeev", [&](double* work, const int* work_size, int* info) {
-      dgeev_("N", "N", &size, A.data(), &stride, real.data(), imaginary.data(), &none, &one, &none,
+      dgeev_("N", "N", &size, M.data(), &stride, real.data(), imaginary.data(), &none, &one, &none,
              &one, work, work_size, info);
     });
   }
-  std::vector<std::complex<double>> values;
-  values.reserve(static_cast<std::size_t>(size));
   for (int i = 0; i < size; ++i) values.emplace_back(real(i), imaginary(i));
   return values;
 }

@@ -34,6 +34,8 @@ Eigen::MatrixXd findKernel(const Eigen::MatrixXd& M, double threshold);
 /// These columns of M, in this order. (Eigen before 3.4 takes no list for an index.)
 Eigen::MatrixXd chooseColumns(const Eigen::MatrixXd& M, const std::vector<int>& columns);
 
-std::vector<std::complex<double>> findEigenvalues(const Eigen::MatrixXd& M);
+/// Eigenvalues that are 0 to rounding are exactly 0. `zero_index`, where it is not null: the size
+/// of the largest Jordan block of 0; 0 where M is regular.
+std::vector<std::complex<double>> findEigenvalues(Eigen::MatrixXd M, int* zero_index = nullptr);
 
 }  // namespace variator_sim

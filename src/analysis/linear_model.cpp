@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -369,31 +368,8 @@ LinearModel linearize(const Scene& scene, const OperatingPoint& point, LinearFor
   }
 }
 
-std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model) {
-  std::vector<std::complex<double>> eigenvalues;
-  // States that no other reads, and not even they themselves, are integrators.
-  std::vector<int> left(static_cast<std::size_t>(model.A.cols()));
-  std::iota(left.begin(), left.end(), 0);
-  for (bool found = true; found;) {
-    const auto is_unread = [&](int j) {
-      return std::all_of(left.begin(), left.end(), [&](int i) { return model.A(i, j) == 0.0; });
-    };
-    const auto unread = std::find_if(left.begin(), left.end(), is_unread);
-    found = unread != left.end();
-    if (!found) break;
-    left.erase(unread);
-    eigenvalues.emplace_back(0.0, 0.0);
-  }
-  MatrixXd rest(static_cast<int>(left.size()), static_cast<int>(left.size()));
-  for (std::size_t i = 0; i < left.size(); ++i) {
-    for (std::size_t j = 0; j < left.size(); ++j) {
-      rest(static_cast<int>(i), static_cast<int>(j)) = model.A(left[i], left[j]);
-    }
-  }
-  if (!left.empty()) {
-    const std::vector<std::complex<double>> others = findEigenvalues(rest);
-    eigenvalues.insert(eigenvalues.end(), others.begin(), others.end());
-  }
+std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model, int* zero_index) {
+  std::vector<std::complex<double>> eigenvalues = findEigenvalues(model.A, zero_index);
   std::stable_sort(
       eigenvalues.begin(), eigenvalues.end(),
       [](std::complex<double> a, std::complex<double> b) { return std::abs(a) < std::abs(b); });

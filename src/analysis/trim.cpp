@@ -35,7 +35,6 @@ class Trim {
     VectorXd v;
     double residual = std::numeric_limits<double>::infinity();
     double weighted = std::numeric_limits<double>::infinity();  ///< by the equations' own sizes
-    int worst = 0;                                              ///< the equation of that
   };
   void stateFixed();
   void chooseUnknowns();
@@ -51,6 +50,10 @@ class Trim {
   /// The multipliers enter linearly: those that suit the others best.
   void fitMultipliers(VectorXd& v) const;
   VectorXd sizesOf(const VectorXd& v) const;
+  /// F by the equations' own sizes
+  VectorXd weigh(const VectorXd& F, const MatrixXd& dF, const VectorXd& v) const {
+    return F.cwiseQuotient((dF.cwiseAbs() * sizesOf(v)).cwiseMax(1e-6));
+  }
   Attempt iterate(VectorXd v) const;
   /// Speeds, accelerations and inputs: what steady states are told apart by.
   bool counts(int unknown) const;
@@ -247,10 +250,10 @@ Trim::Attempt Trim::iterate(VectorXd v) const {
     if (!F.allFinite() || !dF.allFinite()) return attempt;
     const VectorXd sizes = sizesOf(v);
     const VectorXd rows = (dF.cwiseAbs() * sizes).cwiseMax(1e-300);
-    const VectorXd weighted = F.cwiseQuotient(rows.cwiseMax(1e-6));
+    const VectorXd weighted = weigh(F, dF, v);
     attempt.v = v;
     attempt.residual = F.size() > 0 ? F.cwiseAbs().maxCoeff() : 0.0;
-    attempt.weighted = F.size() > 0 ? weighted.cwiseAbs().maxCoeff(&attempt.worst) : 0.0;
+    attempt.weighted = F.size() > 0 ? weighted.cwiseAbs().maxCoeff() : 0.0;
     // As small as numbers of this size allow
     const VectorXd allowed = (1e-14 * rows).cwiseMax(kResidual);
     attempt.is_solution = (F.cwiseAbs().array() <= allowed.array()).all();
@@ -395,19 +398,35 @@ double Trim::distance(const VectorXd& v) const {
 }
 
 std::string Trim::explainNone(const Attempt& nearest) {
-  const std::string& name = names_[at(nearest.worst)];
-  const auto reads_time = [this](Node node) {
-    return equations_.graph().dependsOn(node, layout_.slot(layout_.time()));
-  };
+  VectorXd v = nearest.v;
+  VectorXd F;
+  MatrixXd dF;
+  evaluate(v, F, dF);
+  const VectorXd weighted = weigh(F, dF, v);
+  // What is left is spread over all that have a part in it: none of them alone is to blame.
+  constexpr double kPart = 0.1;
+  std::vector<std::string> left;
+  bool reads_time = false;
+  for (int n = 0; n < F.size(); ++n) {
+    if (std::abs(weighted(n)) < kPart * nearest.weighted) continue;
+    const std::string& name = names_[at(n)];
+    left.push_back(name.empty() ? "the torques" : name);
+    const int time = layout_.slot(layout_.time());
+    reads_time = reads_time || equations_.graph().dependsOn(formulas_[at(n)], time);
+  }
+  std::sort(left.begin(), left.end());
+  left.erase(std::unique(left.begin(), left.end()), left.end());
   std::string text = "no steady state found from " + std::to_string(kStarts) +
                      " starts; the nearest leaves " + formatNumber(nearest.residual) + " in " +
-                     (name.empty() ? "the torques" : name);
-  if (std::any_of(formulas_.begin(), formulas_.end(), reads_time)) {
-    text += " (laws read the time: what they do changes)";
-  } else if (!options_.fix.empty()) {
-    text += " (is too much fixed, or too little free?)";
-  }
-  return text;
+                     left.front();
+  for (std::size_t n = 1; n < left.size(); ++n) text += " and " + left[n];
+  if (left.size() > 1) text += " together";
+  if (reads_time) return text + " (laws read the time: what they do changes)";
+  if (!options_.fix.empty()) return text + " (is too much fixed, or too little free?)";
+  if (options_.accelerating) return text;
+  return text +
+         ": whatever is free does not change it (--accelerating finds accelerations in constant "
+         "ratios; --free NAME frees an input)";
 }
 
 TrimResult Trim::find() {

@@ -200,34 +200,37 @@ double Drivetrain::calcResidual(int m, const StateView& state, const double* eta
   return c0;
 }
 
-bool Drivetrain::findNonFinite(const StateView& state, int* torque, int* row) const {
+bool Drivetrain::findNonFinite(StateView state, int* torque, int* row) const {
+  static constexpr double kZeros[kMaxShafts] = {};
+  const auto isFinite = [this](const double* values) {
+    return std::all_of(values, values + S, [](double value) { return std::isfinite(value); });
+  };
+  const auto findTorque = [&](void (Torque::*add)(const StateView&, double*) const) {
+    for (std::size_t j = 0; j < torques_.size() && *torque < 0; ++j) {
+      double value[kMaxShafts] = {};
+      (torques_[j]->*add)(state, value);
+      if (!isFinite(value)) *torque = static_cast<int>(j);
+    }
+    return *torque >= 0;
+  };
   *torque = -1;
   *row = -1;
-  for (std::size_t j = 0; j < torques_.size(); ++j) {
-    double value[kMaxShafts] = {};
-    double rate[kMaxShafts] = {};
-    torques_[j]->addTorque(state, value);
-    torques_[j]->addTorqueRate(state, rate);
-    for (int i = 0; i < S; ++i) {
-      if (!std::isfinite(value[i]) || !std::isfinite(rate[i])) {
-        *torque = static_cast<int>(j);
-        return true;
-      }
-    }
-  }
+  // In the order in which they follow from each other: Q, the accelerations, psi, Q'. What reads
+  // accelerations that are not finite is a consequence of the others.
+  if (findTorque(&Torque::addTorque)) return true;
+  if (!isFinite(state.acceleration)) state.acceleration = kZeros;
   for (int m = 0; m < constraintCount(); ++m) {
     double C[kMaxShafts];
     double c0;
     constraint(m).calcRow(state, C, &c0);
-    bool finite = std::isfinite(c0) &&
-                  (constraint(m).order() == 3 || std::isfinite(constraint(m).calcResidual(state)));
-    for (int i = 0; i < S; ++i) finite = finite && std::isfinite(C[i]);
-    if (!finite) {
-      *row = m;
-      return true;
-    }
+    const bool is_finite =
+        std::isfinite(c0) && isFinite(C) &&
+        (constraint(m).order() == 3 || std::isfinite(constraint(m).calcResidual(state)));
+    if (is_finite) continue;
+    *row = m;
+    return true;
   }
-  return false;
+  return findTorque(&Torque::addTorqueRate);
 }
 
 int Drivetrain::countOrders(const Scene& scene, int highest) {

@@ -396,7 +396,7 @@ class Drivetrain {
 
   /// Which component gives a value that is not finite at `state` (first torques, then constraints),
   /// for messages. Returns false when all are finite.
-  bool findNonFinite(const StateView& state, int* torque, int* row) const;
+  bool findNonFinite(StateView state, int* torque, int* row) const;
 
  private:
   /// Rows and c0 from the scene's program, one behind the other, factored.

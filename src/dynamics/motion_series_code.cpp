@@ -36,10 +36,7 @@ constexpr int kStates = 6;
 constexpr double kFar = 1e300;  // s
 
 bool isSame(const std::vector<double>& a, const std::vector<double>& b) {
-  return a.size() == b.size() &&
-         std::equal(a.begin(), a.end(), b.begin(), [](double one, double other) {
-           return one == other && std::signbit(one) == std::signbit(other);
-         });
+  return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), areSameBits);
 }
 
 /// C of numbers as C of vectors.

@@ -1,6 +1,7 @@
 /// Formulas at run time: interpreted, or as machine code where there is some.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "variator_sim/expression/tape.h"
@@ -19,6 +20,11 @@ struct KernelTables {
 using Kernel = void (*)(double t, const double* p, const double* w, const double* e,
                         const double* u, const double* v, const double* a,
                         const KernelTables* tables, double* y);
+
+/// True for the same bits; NaN is one number.
+inline bool areSameBits(double a, double b) {
+  return (std::isnan(a) && std::isnan(b)) || (a == b && std::signbit(a) == std::signbit(b));
+}
 
 /// A tape, and a kernel that gives the same bits. One is used by one thread at a time.
 class Program {

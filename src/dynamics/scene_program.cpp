@@ -157,13 +157,7 @@ const double* SceneProgram::addOpaque(const Program& level, const std::vector<Op
 bool Program::agreesWithInterpreter(const StateView& state) const {
   const double* const interpreted = tape_.evaluate(state);
   const double* const computed = evaluate(state);
-  for (std::size_t i = 0; i < outputs_.size(); ++i) {
-    const bool is_nan = std::isnan(computed[i]) && std::isnan(interpreted[i]);
-    const bool is_same =
-        computed[i] == interpreted[i] && std::signbit(computed[i]) == std::signbit(interpreted[i]);
-    if (!is_nan && !is_same) return false;
-  }
-  return true;
+  return std::equal(interpreted, interpreted + outputs_.size(), computed, areSameBits);
 }
 
 // --- machine code ----------------------------------------------------------------------------

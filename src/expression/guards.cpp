@@ -22,8 +22,8 @@ namespace {
 /// Of a difference a - b nobody knows the sign that is left by rounding of a and b.
 class SignGuard final : public Guard {
  public:
-  SignGuard(Graph& graph, Node node, bool jumps)
-      : Guard(jumps),
+  SignGuard(Graph& graph, Node node, bool jumps, const char* function = "")
+      : Guard(jumps, function),
         tape_(graph, {node}),
         enclosure_(graph, node),
         is_opaque_(graph.hasOpaque({node})) {
@@ -135,6 +135,18 @@ void count(Graph& graph, Node node) {
       "each other");
 }
 
+/// A function with branches, as formulas write it. Those that jump come last.
+struct Branching {
+  Operation operation;
+  const char* function;
+  bool jumps;
+};
+constexpr Branching kBranching[] = {{Operation::kAbs, "abs", false},
+                                    {Operation::kMin, "min", false},
+                                    {Operation::kMax, "max", false},
+                                    {Operation::kSign, "sign", true},
+                                    {Operation::kSelect, "if", true}};
+
 bool isTime(const Graph::Entry& entry) {
   return entry.operation == Operation::kVariable && entry.slot == slotOf(Source::kTime);
 }
@@ -151,33 +163,27 @@ std::vector<double> findInstants(const Graph& graph, const std::vector<Node>& no
 }
 
 std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
-  // By the index of the node whose sign counts: whether something jumps there.
-  std::map<int, bool> found;
+  // By the index of the node whose sign counts: the last of kBranching that stands there.
+  std::map<int, const Branching*> found;
   for (const int i : graph.listReachable(nodes)) {
     const Graph::Entry entry = graph.entry({i});
-    Node node;
-    switch (entry.operation) {
-      case Operation::kAbs:
-      case Operation::kSign:
-        node = {entry.operands[0]};
-        break;
-      case Operation::kMin:
-      case Operation::kMax:
-      case Operation::kSelect:
-        node = graph.subtract({entry.operands[0]}, {entry.operands[1]});
-        break;
-      default:
-        continue;
-    }
+    const auto* const it =
+        std::find_if(std::begin(kBranching), std::end(kBranching),
+                     [&](const Branching& one) { return one.operation == entry.operation; });
+    if (it == std::end(kBranching)) continue;
+    const Node first{entry.operands[0]};
+    const Node node =
+        operandCount(entry.operation) == 1 ? first : graph.subtract(first, {entry.operands[1]});
     if (graph.isConstant(node)) continue;
-    bool& jumps = found[node.index];
-    jumps = jumps || entry.operation == Operation::kSign || entry.operation == Operation::kSelect;
+    const Branching*& known = found.emplace(node.index, it).first->second;
+    known = std::max(known, it);
   }
   std::vector<GuardPtr> guards;
   guards.reserve(found.size());
-  for (const auto& [index, jumps] : found) {
+  for (const auto& [index, branching] : found) {
     count(graph, Node{index});
-    guards.push_back(std::make_shared<SignGuard>(graph, Node{index}, jumps));
+    guards.push_back(
+        std::make_shared<SignGuard>(graph, Node{index}, branching->jumps, branching->function));
   }
   for (const auto& [argument, points] : findPassages(graph, nodes)) {
     const Node node{argument};

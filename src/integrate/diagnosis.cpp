@@ -2,11 +2,36 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <string>
 #include <vector>
 
 namespace variator_sim {
+
+namespace {
+
+State goOn(const StepNode& front, double h) {
+  State x = front.x;
+  for (int i = 0; i < x.size(); ++i) x[i] += h * front.dxdt[i];
+  return x;
+}
+
+/// Names the first guard whose branch changes within `reach` of the front, on either side.
+void nameGuard(PrincipleSystem& system, const StepNode& front, double reach, MotionStatus* status) {
+  const Drivetrain& drivetrain = system.drivetrain();
+  const auto branchAt = [&](std::size_t guard, double h) {
+    return drivetrain.guards()[guard]->branch(system.view(front.time + h, goOn(front, h)));
+  };
+  for (std::size_t guard = 0; guard < drivetrain.guards().size(); ++guard) {
+    const int here = branchAt(guard, 0.0);
+    if (branchAt(guard, -reach) == here && branchAt(guard, reach) == here) continue;
+    status->guard = static_cast<int>(guard);
+    status->torque = drivetrain.guardOwner(status->guard).torque;
+    status->constraint = drivetrain.guardOwner(status->guard).constraint;
+    return;
+  }
+}
+
+}  // namespace
 
 void diagnoseStop(PrincipleSystem& system, const StepNode& front, const RowWatch& rows,
                   MotionStatus* status) {
@@ -40,23 +65,25 @@ void diagnoseStop(PrincipleSystem& system, const StepNode& front, const RowWatch
     }
   }
   // Just ahead of the front: does a component leave its domain there?
-  double h = 1e-14 * std::max(1.0, std::abs(front.time));
+  const double least = 1e-14 * std::max(1.0, std::abs(front.time));
+  double h = least;
   for (int decade = 0; decade < 12; ++decade, h *= 10.0) {
-    State ahead(system.size());
-    for (int i = 0; i < ahead.size(); ++i) {
-      ahead[i] = front.x[i] + h * front.dxdt[i];
-      if (!std::isfinite(ahead[i])) return;
-    }
+    const State ahead = goOn(front, h);
+    if (!ahead.isFinite()) break;
     if (nameBadValue(system, front.time + h, ahead, status)) return;
   }
+  if (status->reason != StopReason::kStepUnderflow) return;
+  for (int i = 0; i < front.x.size(); ++i) {
+    const double rate = std::abs(front.dxdt[i]) / std::max(1.0, std::abs(front.x[i]));
+    status->measure = std::max(status->measure, rate);
+  }
+  nameGuard(system, front, 1e5 * least, status);
 }
 
 bool nameBadValue(PrincipleSystem& system, double t, const State& x, MotionStatus* status) {
-  static constexpr double kZeros[kMaxShafts] = {};
-  StateView state = system.view(t, x);
+  const StateView state = system.view(t, x);
   bool solved = true;
   for (int i = 0; i < system.shafts(); ++i) solved = solved && std::isfinite(state.acceleration[i]);
-  if (!solved) state.acceleration = kZeros;
   if (system.drivetrain().findNonFinite(state, &status->torque, &status->constraint)) {
     status->reason = StopReason::kNonFiniteValue;
     return true;
@@ -94,104 +121,81 @@ MotionStatus diagnoseStart(PrincipleSystem& system, const Start& start) {
 
 namespace {
 
-void writeResiduals(std::ostream& text, const Drivetrain& drivetrain, bool of_velocities,
-                    const StateView& state) {
-  const std::vector<int>& rows =
-      of_velocities ? drivetrain.velocityRows() : drivetrain.accelerationRows();
-  const char* separator = "";
-  for (int m : rows) {
+/// " residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
+std::string listResiduals(const Drivetrain& drivetrain, bool of_velocities,
+                          const StateView& state) {
+  std::string text;
+  for (int m : of_velocities ? drivetrain.velocityRows() : drivetrain.accelerationRows()) {
     double C[kMaxShafts];
     const Constraint& constraint = drivetrain.constraint(m);
-    text << separator << " residual of '" << constraint.name() << "' = "
-         << formatNumber(of_velocities ? constraint.calcResidual(state)
+    text += (text.empty() ? " residual of '" : ", residual of '") + constraint.name() + "' = " +
+            formatNumber(of_velocities ? constraint.calcResidual(state)
                                        : constraint.calcResidualAndJacobian(state, C));
-    separator = ",";
   }
+  return text;
 }
 
 }  // namespace
 
 std::string describeInconsistency(PrincipleSystem& system, const Start& start,
                                   const double* given) {
+  const int S = system.shafts();
   const bool of_velocities = start.velocities_at_fault;
   const std::string what = of_velocities ? "velocities" : "accelerations";
   StateView state = system.view(0.0, start.x);
   if (!of_velocities) state.acceleration = given;
-  std::ostringstream text;
-  const auto write = [&](const double* values) {
-    text << "[";
-    for (int i = 0; i < system.shafts(); ++i) text << (i ? ", " : "") << formatNumber(values[i]);
-    text << "]";
-  };
   if (start.result == InitialResult::kNotUnique || start.result == InitialResult::kDoubtful) {
     return "which accelerations have the least reaction is not certain; give them";
   }
+  const std::string values = formatNumbers(of_velocities ? state.velocity : given, S);
+  const std::string residuals = listResiduals(system.drivetrain(), of_velocities, state);
   if (start.result != InitialResult::kInconsistent) {
-    text << "no " << what << " that satisfy the constraints were found near ";
-    write(of_velocities ? state.velocity : given);
-    text << " (there:";
-    writeResiduals(text, system.drivetrain(), of_velocities, state);
-    text << ")";
-    return text.str();
+    return "no " + what + " that satisfy the constraints were found near " + values +
+           " (there:" + residuals + ")";
   }
-  text << "the " << what << " ";
-  write(of_velocities ? state.velocity : given);
-  text << " do not satisfy the constraints or the principle:";
-  writeResiduals(text, system.drivetrain(), of_velocities, state);
-  text << "; the nearest consistent " << what << " are ";
-  write(start.nearest);
-  text << " (set these, or have them projected)";
-  return text.str();
+  return "the " + what + " " + values +
+         " do not satisfy the constraints or the principle:" + residuals +
+         "; the nearest consistent " + what + " are " + formatNumbers(start.nearest, S) +
+         " (set these, or have them projected)";
 }
 
 void throwInitialError(PrincipleSystem& system, const Scene& scene, const Start& start) {
   const int S = system.shafts();
-  const InitialConditions& initial = scene.initial;
-  const std::string what = start.velocities_at_fault ? "velocities" : "accelerations";
-  const std::string key = start.velocities_at_fault ? "initial/velocity" : "initial/acceleration";
+  const bool of_velocities = start.velocities_at_fault;
+  const std::string what = of_velocities ? "velocities" : "accelerations";
   const std::vector<double>& given =
-      start.velocities_at_fault ? initial.velocity : initial.acceleration;
-  std::ostringstream text;
-  const auto write = [&](const double* values) {
-    text << "[";
-    for (int i = 0; i < S; ++i) text << (i ? ", " : "") << formatNumber(values[i]);
-    text << "]";
-  };
-  const StateView state = system.view(0.0, start.x);
+      of_velocities ? scene.initial.velocity : scene.initial.acceleration;
+  StateView state = system.view(0.0, start.x);
+  std::string text;
   if (start.result == InitialResult::kNotUnique || start.result == InitialResult::kDoubtful) {
-    const auto& search = system.search();
-    text << (start.result == InitialResult::kNotUnique
-                 ? "more than one has the least reaction, and they lead to different motions: "
-                 : "which one has the least reaction is not certain, the constraints have too "
-                   "many like these: ");
-    for (int n = 0; n < search.candidateCount(); ++n) {
-      text << (n > 0 ? ", " : "");
-      write(search.candidate(n).epsilon);
-      text << " with 1/2 R^T J^-1 R = " << formatNumber(search.candidate(n).reaction);
+    text = start.result == InitialResult::kNotUnique
+               ? "more than one has the least reaction, and they lead to different "
+                 "motions: "
+               : "which one has the least reaction is not certain, the constraints "
+                 "have too many like these: ";
+    for (int n = 0; n < system.search().candidateCount(); ++n) {
+      const auto& candidate = system.search().candidate(n);
+      text += (n > 0 ? ", " : "") + formatNumbers(candidate.epsilon, S) +
+              " with 1/2 R^T J^-1 R = " + formatNumber(candidate.reaction);
     }
-    throw SceneError(key, text.str() + "; give 'initial/acceleration'" + scene.extreme_numbers);
-  }
-  if (start.result != InitialResult::kInconsistent) {
-    text << "no " << what << " that satisfy the constraints were found ";
-    text << (given.empty() ? "from the free accelerations; give 'initial/acceleration' (there:"
-                           : "near those given (there:");
-    writeResiduals(text, system.drivetrain(), start.velocities_at_fault, state);
-    text << ")";
-    throw SceneError(key, text.str() + scene.extreme_numbers);
-  }
-  write(given.data());
-  StateView there = state;
-  (start.velocities_at_fault ? there.velocity : there.acceleration) = given.data();
-  if (scene.principle == Principle::kGauss && !start.velocities_at_fault) {
-    text << " is not what the principle 'gauss' gives:";
+    text += "; give 'initial/acceleration'";
+  } else if (start.result != InitialResult::kInconsistent) {
+    text = "no " + what + " that satisfy the constraints were found " +
+           (given.empty() ? "from the free accelerations; give 'initial/acceleration' (there:"
+                          : "near those given (there:") +
+           listResiduals(system.drivetrain(), of_velocities, state) + ")";
   } else {
-    text << " does not satisfy the constraints:";
+    (of_velocities ? state.velocity : state.acceleration) = given.data();
+    text = formatNumbers(given.data(), S) +
+           (scene.principle == Principle::kGauss && !of_velocities
+                ? " is not what the principle 'gauss' gives:"
+                : " does not satisfy the constraints:") +
+           listResiduals(system.drivetrain(), of_velocities, state) + "; the nearest consistent " +
+           what + " are " + formatNumbers(start.nearest, S) +
+           " (write these, or set 'initial/project: true' to start there)";
   }
-  writeResiduals(text, system.drivetrain(), start.velocities_at_fault, there);
-  text << "; the nearest consistent " << what << " are ";
-  write(start.nearest);
-  text << " (write these, or set 'initial/project: true' to start there)";
-  throw SceneError(key, text.str() + scene.extreme_numbers);
+  throw SceneError(of_velocities ? "initial/velocity" : "initial/acceleration",
+                   text + scene.extreme_numbers);
 }
 
 }  // namespace variator_sim

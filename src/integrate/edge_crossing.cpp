@@ -289,6 +289,7 @@ bool Integrator::noteCrossing(int guard, int branch, double depth) {
   if (!turns_back) return true;
   goToEdge(front_.time - 2.0 * depth);
   stop(StopReason::kChattering);
+  status_.guard = guard;
   status_.torque = drivetrain_.guardOwner(guard).torque;
   status_.constraint = drivetrain_.guardOwner(guard).constraint;
   return false;

@@ -264,6 +264,7 @@ bool Integrator::hasStepLeft(double from) {
 bool Integrator::countStep() {
   if (!hasStepLeft(front_.time)) {
     stop(StopReason::kStepLimit);
+    status_.measure = settings_.maximum_steps / (status_.time - step_window_start_);
     return false;
   }
   ++steps_in_window_;

@@ -15,12 +15,37 @@
 //
 // Source: Armstrong-Helouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and
 // compensation methods for the control of machines with friction, Automatica 30 (1994) 1083-1138.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <vector>
 
 #include "laws/ratio.h"
 #include "variator_sim/laws.h"
 
 namespace variator_sim {
+namespace {
+
+/// Where tanh still rises as the exponential falls T_s is never reached.
+void checkPeak(LawContext& scene, double T_c, double T_s, double w_s, double w_0) {
+  double peak = 0.0;
+  for (double x = 0.01; x < 20.0; x *= 1.02) {  // w/w_0; tanh(20) is 1
+    const double w = x * w_0 / w_s;
+    peak = std::max(peak, (T_c + (T_s - T_c) * std::exp(-w * w)) * std::tanh(x));
+  }
+  if (peak >= T_c + 0.9 * (T_s - T_c)) return;
+  const auto path = [&](const char* key) { return scene.parameters().keyPath(key); };
+  char text[512];
+  std::snprintf(text, sizeof text,
+                "%s: %g N m are never reached, the torque's peak is %.4g N m: the sign is smoothed "
+                "over %s, %g rad/s, and %s is only %g rad/s; '%s: %.1g' comes near",
+                path("static").c_str(), T_s, peak, path("regularization_speed").c_str(), w_0,
+                path("stribeck_speed").c_str(), w_s, path("regularization_speed").c_str(),
+                w_s / 30.0);
+  scene.component().warn(text);
+}
+
+}  // namespace
 
 void Friction::build(LawContext& scene) {
   scene.keys({"coulomb", "static", "stribeck_speed", "viscous", "regularization_speed"});
@@ -40,17 +65,24 @@ void Friction::build(LawContext& scene) {
       is_coupling ? shafts[0].velocity - i * shafts[1].velocity : shafts[0].velocity;
   const Expression coulomb = scene.quantity("coulomb", Range::notNegative(), 0.0);
   Expression level = coulomb;
+  Expression T_s;
+  Expression w_s;
   if (parameters.has("static")) {
     const double least = coulomb.isConstant() ? coulomb.value() : 0.0;
-    const Expression excess = scene.quantity("static", Range::atLeast(least)) - coulomb;
-    const Expression x = w / scene.quantity("stribeck_speed", Range::positive());
-    level += excess * exp(-(x * x));
+    T_s = scene.quantity("static", Range::atLeast(least));
+    w_s = scene.quantity("stribeck_speed", Range::positive());
+    const Expression x = w / w_s;
+    level += (T_s - coulomb) * exp(-(x * x));
   } else if (parameters.has("stribeck_speed")) {
     throw SceneError(parameters.keyPath("stribeck_speed"),
                      "belongs to 'static', which is missing; allowed: both or neither");
   }
   const Expression b = scene.quantity("viscous", Range::notNegative(), 0.0);
   const Expression w_0 = scene.quantity("regularization_speed", Range::positive(), 0.01);
+  if (parameters.has("static") && coulomb.isConstant() && T_s.isConstant() && w_s.isConstant() &&
+      w_0.isConstant()) {
+    checkPeak(scene, coulomb.value(), T_s.value(), w_s.value(), w_0.value());
+  }
   const Expression T = level * tanh(w / w_0) + b * w;
   scene.apply(shafts[0], -T);
   if (is_coupling) scene.apply(shafts[1], i * T);

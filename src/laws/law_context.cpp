@@ -59,8 +59,8 @@ Expression LawContext::quantity(ParameterReader& section, const std::string& key
 
 Expression LawContext::quantity(ParameterReader& section, const std::string& key, Range range,
                                 double default_value) {
-  section.allow(key);
-  return section.has(key) ? quantity(section, key, range) : Expression(default_value);
+  return section.has(key) ? quantity(section, key, range)
+                          : Expression(section.number(key, range, default_value));
 }
 
 Expression LawContext::command() {

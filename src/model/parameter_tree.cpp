@@ -17,6 +17,12 @@ std::string formatNumber(double value) {
   return std::string(buffer.data(), result.ptr);
 }
 
+std::string formatNumbers(const double* values, int count) {
+  std::string text;
+  for (int i = 0; i < count; ++i) text += (i > 0 ? ", " : "[") + formatNumber(values[i]);
+  return text + "]";
+}
+
 namespace {
 
 /// As formatNumber, but always a YAML real ("1.0", "1.0e+20", ".inf").
@@ -158,6 +164,12 @@ const std::string& requireText(const ParameterTree& value, const std::string& pa
 }
 
 thread_local std::set<std::string>* noted_keys = nullptr;
+thread_local std::map<std::string, double>* noted_numbers = nullptr;
+
+double noteNumber(const std::string& path, double number) {
+  if (noted_numbers != nullptr) (*noted_numbers)[path] = number;
+  return number;
+}
 
 const ParameterTree& emptyDictionary() {
   static const ParameterTree empty = ParameterTree::dictionary();
@@ -285,6 +297,10 @@ void ParameterReader::noteKeys(std::set<std::string>* paths) {
   noted_keys = paths;
 }
 
+void ParameterReader::noteNumbers(std::map<std::string, double>* numbers) {
+  noted_numbers = numbers;
+}
+
 void ParameterReader::allow(const std::string& key) {
   known_.insert(key);
   if (noted_keys != nullptr) noted_keys->insert(keyPath(key));
@@ -337,7 +353,7 @@ double ParameterReader::toNumber(const ParameterTree& value, const std::string& 
   if (!range.contains(number)) {
     throw SceneError(path, value.toText() + " is out of range; allowed: " + allowed);
   }
-  return number;
+  return noteNumber(path, number);
 }
 
 double ParameterReader::number(const std::string& key, Range range) {
@@ -348,7 +364,8 @@ double ParameterReader::number(const std::string& key, Range range) {
 
 double ParameterReader::number(const std::string& key, Range range, double default_value) {
   const ParameterTree* value = raw(key);
-  return value == nullptr ? default_value : toNumber(*value, keyPath(key), range);
+  if (value == nullptr) return noteNumber(keyPath(key), default_value);
+  return toNumber(*value, keyPath(key), range);
 }
 
 int ParameterReader::integer(const std::string& key, int minimum, int maximum) {

@@ -175,6 +175,8 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
     throw SceneError(name, inQuotes(type) + " cannot be configured: " + error.what());
   }
   reader.finish();
+  const std::vector<std::string>& warnings = context.warnings();
+  scene->warnings.insert(scene->warnings.end(), warnings.begin(), warnings.end());
   if (used_inputs != nullptr) *used_inputs = context.usedInputs();
   checkOutputNames(name, kind, component->outputNames());
   return component;

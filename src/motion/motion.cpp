@@ -143,7 +143,7 @@ void Motion::start() {
 
 bool Motion::isInsideStep() const {
   const double front = integrator_.front().time;
-  return integrator_.base().time < front && present() != front;
+  return integrator_.base().time < front && presentTime() != front;
 }
 
 const MotionStatus& Motion::advanceTo(double time) {
@@ -263,7 +263,7 @@ void Motion::changeInputs(const CommandQueue& queue) {
 
   StepNode reached = integrator_.front();
   if (integrator_.isSleeping() || isInsideStep()) {
-    if (!integrator_.reach(present(), &reached)) {
+    if (!integrator_.reach(presentTime(), &reached)) {
       time_ = status().time;
       return;
     }
@@ -313,7 +313,7 @@ void Motion::noteState(const double* angle, const double* velocity, const double
   std::copy_n(acceleration, S, state->acceleration);
   for (int i = 0; i < drivetrain_.inputCount(); ++i) {
     state->signal[i] = drivetrain_.signal(i);
-    state->signal[i].moveOrigin(present());
+    state->signal[i].moveOrigin(presentTime());
     state->last_command[i] = commands_.lastTime(i);
   }
 }
@@ -332,7 +332,7 @@ bool Motion::saveState(MotionState* state) {
   if (integrator_.isStart()) energy_.begin(integrator_.front(), integrator_.rows());
   StepNode here = integrator_.front();
   if (integrator_.isSleeping() || isInsideStep()) {
-    if (!integrator_.reach(present(), &here)) {
+    if (!integrator_.reach(presentTime(), &here)) {
       time_ = status().time;
       return false;
     }
@@ -410,7 +410,7 @@ const Sample& Motion::sample() {
 }
 
 void Motion::takeSample() {
-  if (!integrator_.calcSample(present(), &sample_)) takeSampleOfState();
+  if (!integrator_.calcSample(presentTime(), &sample_)) takeSampleOfState();
   sample_.time = time_;
   sample_valid_ = true;
   if (energy_.isTracked()) sample_.energy = energy_.calcEnergy(sample_, calcApplied());
@@ -418,11 +418,11 @@ void Motion::takeSample() {
 
 void Motion::takeSampleOfState() {
   State x(system_.size());
-  if (!integrator_.calcState(present(), x)) time_ = status().time;
-  system_.calcSample(present(), x, &sample_);
+  if (!integrator_.calcState(presentTime(), x)) time_ = status().time;
+  system_.calcSample(presentTime(), x, &sample_);
   // A law that fails once is asked again; a value that does not exist ends the motion.
-  if (!isSampleFinite()) system_.calcSample(present(), x, &sample_);
-  if (!isSampleFinite() && status().ok()) integrator_.stopAtBadValue(time_, present(), x);
+  if (!isSampleFinite()) system_.calcSample(presentTime(), x, &sample_);
+  if (!isSampleFinite() && status().ok()) integrator_.stopAtBadValue(time_, presentTime(), x);
 }
 
 bool Motion::isSampleFinite() const {
@@ -435,14 +435,16 @@ bool Motion::isSampleFinite() const {
 }
 
 void Motion::calcQuantities(QuantityGroup group, double* values) {
+  quantities_.calc(group, present(), values);
+}
+
+StateView Motion::present() {
   const Sample& now = sample();
-  const StateView state = drivetrain_.view(present(), now.angle, now.velocity, now.acceleration);
-  quantities_.calc(group, state, values);
+  return drivetrain_.view(presentTime(), now.angle, now.velocity, now.acceleration);
 }
 
 OperatingPoint Motion::operatingPoint() {
-  const Sample& now = sample();
-  const StateView state = drivetrain_.view(present(), now.angle, now.velocity, now.acceleration);
+  const StateView state = present();
   const int s = system_.shafts();
   const int inputs = drivetrain_.inputCount();
   OperatingPoint point;
@@ -488,11 +490,11 @@ double Motion::calcApplied() {
   if (integrator_.isStart()) energy_.begin(front, integrator_.rows());
   if (integrator_.isSleeping()) {
     State x(system_.size());
-    integrator_.calcRest(present(), x);
+    integrator_.calcRest(presentTime(), x);
     return energy_.calcAppliedAtRest(front, x);
   }
   if (!isInsideStep()) return energy_.applied();
-  const double part = (present() - base.time) / (front.time - base.time);
+  const double part = (presentTime() - base.time) / (front.time - base.time);
   return energy_.calcApplied(base, front, part,
                              [this](double theta, State& x) { integrator_.calcInside(theta, x); });
 }

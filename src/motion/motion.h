@@ -93,8 +93,13 @@ class Motion {
   Energy energy();
   EnergyDoubt energyDoubt() const;
 
-  /// Row m of C at the present, s values; for messages.
+  // For messages
+  /// Row m of C at the present, s values.
   void calcConstraintRow(int m, double* C);
+  /// The present; valid until anything is evaluated elsewhere. Its inertia, too.
+  StateView present();
+  const Inertia& inertia() const { return drivetrain_.inertia(); }
+  const Guard& guard(int n) const { return *drivetrain_.guards()[static_cast<std::size_t>(n)]; }
 
  private:
   /// Whether code that is not in the cache is compiled: who asks for it waits for a busy compiler.
@@ -105,7 +110,7 @@ class Motion {
     return waits ? Missing::kCompilePatiently : Missing::kCompile;
   }
   /// The present as nodes count it.
-  double present() const { return integrator_.origin().relative(time_); }
+  double presentTime() const { return integrator_.origin().relative(time_); }
   /// The present as `state` tells it, but for a history.
   void noteState(const double* angle, const double* velocity, const double* acceleration,
                  MotionState* state);

@@ -1,14 +1,12 @@
 #include "variator_sim/simulation.h"
 
-#include <algorithm>
-#include <cmath>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "motion/error_estimate.h"
 #include "motion/motion.h"
+#include "motion/stop_message.h"
 
 namespace variator_sim {
 
@@ -19,73 +17,6 @@ std::unique_ptr<Motion> makeMotion(Scene scene, const Motion* like) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
   return std::make_unique<Motion>(std::move(scene), Shortcuts{}, like);
-}
-
-void writeVector(std::ostream& out, const double* values, int count) {
-  out << "[";
-  for (int i = 0; i < count; ++i) out << (i ? ", " : "") << formatNumber(values[i]);
-  out << "]";
-}
-
-const char* explain(StopReason reason) {
-  switch (reason) {
-    case StopReason::kNone:
-      return "";
-    case StopReason::kSingularConstraint:
-      return "the derivatives of the constraints by the accelerations have lost rank, so the "
-             "principle no longer determines the jerk";
-    case StopReason::kStepUnderflow:
-      return "the step fell below the resolution of time: the motion changes ever faster here";
-    case StopReason::kNonFiniteValue:
-      return "a value is NaN or infinite here or just ahead";
-    case StopReason::kStepTooLarge:
-      return "the estimated error of one fixed step is a large part of the state: 'solver/step' is "
-             "too large for this motion";
-    case StopReason::kToleranceTooSmall:
-      return "the accelerations follow so steeply from the state that rounding alone moves them by "
-             "more than the tolerance: a larger 'solver/relative_tolerance' or, where the scene "
-             "allows it, 'principle: generalized_gauss', which integrates them";
-    case StopReason::kStepLimit:
-      return "more steps than 'solver/maximum_steps' within one simulated second";
-    case StopReason::kJumpFailed:
-      return "the jump leads to no state on the constraints";
-    case StopReason::kChattering:
-      return "a law jumps, or bends, where the motion turns back at once, so none of its branches "
-             "goes on: a smooth law helps (tanh(w/0.01) for sign(w), sqrt(x^2+1e-6) for abs(x), "
-             "variator_sim/Friction for dry friction)";
-    case StopReason::kTimeExhausted:
-      return "simulated time has come to the end of what messages can hold, 136 years: ~reset_time "
-             "begins it anew";
-    case StopReason::kProjectionFailed:
-      return "no accelerations that satisfy the constraints were found";
-  }
-  return "";
-}
-
-/// Of a step that underflowed at speeds which no machine has: who drives there.
-std::string describeRunaway(Motion& motion) {
-  constexpr double kNoMachine = 1e6;  // rad/s
-  const Sample& sample = motion.sample();
-  double fastest = 0.0;
-  for (int i = 0; i < motion.scene().shaftCount(); ++i) {
-    fastest = std::max(fastest, std::abs(sample.velocity[i]));
-  }
-  if (fastest < kNoMachine) return "";
-  const std::vector<std::string>& names = motion.quantities().names(QuantityGroup::kElements);
-  std::vector<double> values(names.size());
-  motion.calcQuantities(QuantityGroup::kElements, values.data());
-  const std::string power = "/power";
-  std::string driver;
-  double greatest = 0.0;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const std::size_t end = names[i].size() - std::min(names[i].size(), power.size());
-    if (names[i].compare(end, power.size(), power) != 0 || values[i] <= greatest) continue;
-    greatest = values[i];
-    driver = names[i].substr(0, end);
-  }
-  if (driver.empty()) return "";
-  return "; the shafts run away, driven by torque '" + driver +
-         "': is its sign right? (positive accelerates, a load is negative)";
 }
 
 }  // namespace
@@ -214,48 +145,7 @@ bool Simulation::isSleeping() const {
 }
 
 std::string Simulation::describeStatus() const {
-  const MotionStatus& status = motion_->status();
-  if (status.ok()) return "";
-  const Scene& scene = motion_->scene();
-  std::ostringstream text;
-  text << toString(status.reason) << " at t = " << formatNumber(status.time)
-       << " s: " << explain(status.reason);
-  const StepperKind stepper = scene.solver.stepper;
-  if (status.reason == StopReason::kStepUnderflow &&
-      (stepper == StepperKind::kTaylor || stepper == StepperKind::kTaylorFixed)) {
-    text << ", or has no power series here (w^1.5 at w = 0), where 'solver/stepper: auto' goes on";
-  }
-  if (status.reason == StopReason::kStepUnderflow) text << describeRunaway(*motion_);
-  if (status.torque >= 0) {
-    text << "; torque '" << scene.torques[static_cast<std::size_t>(status.torque)]->name() << "'";
-  }
-  if (status.constraint >= 0) {
-    text << "; constraint '"
-         << scene.constraints[static_cast<std::size_t>(status.constraint)]->name() << "'";
-    double C[kMaxShafts] = {};
-    motion_->calcConstraintRow(status.constraint, C);
-    text << ", its C = ";
-    writeVector(text, C, scene.shaftCount());
-  }
-  if (status.reason == StopReason::kSingularConstraint) {
-    text << " (" << status.measure << " of its scale)";
-  }
-  if (status.reason == StopReason::kStepTooLarge) {
-    text << " (the error is " << status.measure << " of it, 'solver/step' "
-         << formatNumber(scene.solver.step) << " s)";
-  }
-  if (status.reason == StopReason::kToleranceTooSmall) {
-    text << " (4 roundings of the state make " << status.measure << " tolerances)";
-  }
-  const Sample& sample = motion_->sample();
-  text << "; last good state: angle = ";
-  writeVector(text, sample.angle, scene.shaftCount());
-  text << " rad, velocity = ";
-  writeVector(text, sample.velocity, scene.shaftCount());
-  text << " rad/s, acceleration = ";
-  writeVector(text, sample.acceleration, scene.shaftCount());
-  text << " rad/s^2" << scene.extreme_numbers;
-  return text.str();
+  return describeStop(*motion_);
 }
 
 }  // namespace variator_sim

@@ -73,6 +73,35 @@ class Run {
   std::size_t next_ = 0;
 };
 
+/// Why the motion does not come to rest, and what does without.
+std::string explainUnrest(Simulation& simulation) {
+  const Scene& scene = simulation.scene();
+  std::string readers;
+  const auto note = [&readers](const char* kind, const auto& law, const Dependence& dependence) {
+    if (dependence.time) readers += (readers.empty() ? "" : ", ") + (kind + inQuotes(law->name()));
+  };
+  for (const TorquePtr& torque : scene.torques) note("torque ", torque, torque->torqueDependence());
+  for (const ConstraintPtr& row : scene.constraints) note("constraint ", row, row->dependence());
+  std::string text = "no rest until " + formatNumber(simulation.time()) + " s: ";
+  if (!scene.solver.sleep) return text + "'solver/sleep: false' allows none";
+  if (isFixedStep(scene.solver.stepper)) return text + "steppers with fixed steps know none";
+  if (!readers.empty()) {
+    text += readers + (readers.find(',') == std::string::npos ? " reads" : " read") + " the time";
+  } else {
+    const Sample& sample = simulation.sample();
+    int fastest = 0;
+    for (int i = 1; i < scene.shaftCount(); ++i) {
+      if (std::abs(sample.acceleration[i]) > std::abs(sample.acceleration[fastest])) fastest = i;
+    }
+    text += "the shafts still accelerate, most of all " +
+            inQuotes(scene.shafts[static_cast<std::size_t>(fastest)]) + " by " +
+            formatNumber(sample.acceleration[fastest]) +
+            " rad/s^2 (--trim --accelerating looks for accelerations in constant ratios; "
+            "--duration waits longer)";
+  }
+  return text + "; --at 0, or another time, takes the model there";
+}
+
 /// False, with a message, when it cannot be reached.
 bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
                 const SimulateOptions& options, const volatile std::sig_atomic_t* interrupted,
@@ -88,8 +117,8 @@ bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& comm
   if (options.at == "rest") {
     const double end = options.duration > 0.0 ? options.duration : kPatience;
     if (!run.advanceToRest(end, interrupted)) {
-      return tell("no rest until " + formatNumber(simulation.time()) +
-                  " s (laws that read the time never rest; --duration waits longer)");
+      return tell(simulation.status().ok() ? explainUnrest(simulation)
+                                           : simulation.describeStatus());
     }
   } else if (readTime(options.at, &time)) {
     if (!(time >= 0.0) || !std::isfinite(time)) throw UsageError("--at: must be at least 0 s");

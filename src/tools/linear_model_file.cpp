@@ -246,15 +246,12 @@ void addMatrix(const Part& part, std::string& text) {
 
 void addEigenvalues(const LinearModel& model, std::string& text) {
   text += "\neigenvalues (1/s)            frequency (rad/s)  damping  time constant (s)\n";
-  const auto eigenvalues = calcEigenvalues(model);
-  double fastest = 0.0;
-  for (const std::complex<double>& value : eigenvalues) {
-    fastest = std::max(fastest, std::abs(value));
-  }
+  int zero_index = 0;
+  const auto eigenvalues = calcEigenvalues(model, &zero_index);
   for (const std::complex<double>& value : eigenvalues) {
     if (value.imag() < 0.0) continue;  // with its conjugate
     const double frequency = std::abs(value);
-    if (frequency <= 1e-11 * fastest) {  // what rounding makes of 0
+    if (frequency == 0.0) {
       text += pad("  0", 30) + "integrator\n";
       continue;
     }
@@ -262,10 +259,16 @@ void addEigenvalues(const LinearModel& model, std::string& text) {
                     (value.imag() != 0.0 ? " +- " + format("%.6g", value.imag()) + " i" : ""),
                 30);
     text += pad(format("%.6g", frequency), 19) + pad(format("%.4f", -value.real() / frequency), 9);
-    text += value.real() < 0.0   ? format("%.6g", -1.0 / value.real())
-            : value.real() > 0.0 ? "unstable"
-                                 : "-";
+    // (Sorted by size: rounding of the others is of the last one's.)
+    const double rounding = 1e-15 * std::abs(eigenvalues.back());
+    text += value.real() < -rounding  ? format("%.6g", -1.0 / value.real())
+            : value.real() > rounding ? "unstable"
+                                      : "-";
     text += "\n";
+  }
+  if (zero_index > 1) {
+    text += "  (" + std::to_string(zero_index) +
+            " integrators stand one behind the other: deviations may grow with the time)\n";
   }
 }
 

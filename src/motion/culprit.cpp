@@ -1,0 +1,313 @@
+#include "motion/culprit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "expression/term_maker.h"
+#include "variator_sim/component_factory.h"
+#include "variator_sim/formula_constraint.h"
+#include "variator_sim/formula_torque.h"
+#include "variator_sim/overrides.h"
+
+namespace variator_sim {
+namespace {
+
+std::size_t at(int n) {
+  return static_cast<std::size_t>(n);
+}
+
+/// The numbers of the scene, with the defaults that were taken, go to `numbers`. None where an
+/// element is another package's, or a number is not allowed.
+std::optional<Scene> read(const ParameterTree& tree, std::map<std::string, double>* numbers) {
+  BuiltinComponentFactory factory;
+  std::optional<Scene> scene;
+  ParameterReader::noteNumbers(numbers);
+  try {
+    scene = readScene(tree, factory);
+  } catch (const std::exception&) {
+  }
+  ParameterReader::noteNumbers(nullptr);
+  return scene;
+}
+
+/// As formulas of the scene call them; tables and rates of inputs have no names there.
+expression::Names nameVariables(const Scene& scene) {
+  using expression::slotOf;
+  using expression::Source;
+  expression::Names names;
+  names.variables[slotOf(Source::kTime)] = {"t", ""};
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    const std::string& shaft = scene.shafts[at(i)];
+    names.variables[slotOf(Source::kAngle, i)] = {"phi_" + shaft, ""};
+    names.variables[slotOf(Source::kVelocity, i)] = {"w_" + shaft, ""};
+    names.variables[slotOf(Source::kAcceleration, i)] = {"e_" + shaft, ""};
+  }
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    names.variables[slotOf(Source::kInput, i)] = {scene.inputs[at(i)].name, ""};
+  }
+  return names;
+}
+
+/// The formulas of an element, what comes first in the motion first.
+std::vector<expression::Node> formulasOf(const Scene& scene, Element element) {
+  std::vector<expression::Node> nodes;
+  if (element.torque >= 0) {
+    const auto* law = dynamic_cast<const FormulaTorque*>(scene.torques[at(element.torque)].get());
+    if (law == nullptr) return {};
+    for (const auto& [shaft, node] : law->torques()) nodes.push_back(node);
+    for (const auto& [shaft, node] : law->rates()) nodes.push_back(node);
+  } else {
+    const auto* law =
+        dynamic_cast<const FormulaConstraint*>(scene.constraints[at(element.constraint)].get());
+    if (law == nullptr) return {};
+    if (law->order() < 3) nodes.push_back(law->function());  // no state has jerks
+    nodes.insert(nodes.end(), law->row().begin(), law->row().end());
+  }
+  return nodes;
+}
+
+}  // namespace
+
+const std::string& nameOf(const Scene& scene, Element element) {
+  return element.torque >= 0 ? scene.torques[at(element.torque)]->name()
+                             : scene.constraints[at(element.constraint)]->name();
+}
+
+std::string describe(const Scene& scene, Element element) {
+  return (element.torque >= 0 ? "torque " : "constraint ") + inQuotes(nameOf(scene, element));
+}
+
+double toOneDigit(double value, bool is_up) {
+  const double exponent = std::floor(std::log10(std::abs(value)));
+  const double digits = std::abs(value) * std::pow(10.0, -exponent);
+  char text[64];
+  std::snprintf(text, sizeof text, "%.0fe%.0f",
+                is_up ? std::ceil(digits - 1e-9) : std::floor(digits + 1e-9), exponent);
+  return std::copysign(std::strtod(text, nullptr), value);
+}
+
+/// A state near to another one.
+class Culprits::Beside {
+ public:
+  Beside(const StateView& state, int S) : view(state) {
+    std::copy_n(state.angle, S, angle);
+    std::copy_n(state.velocity, S, velocity);
+    view.angle = angle;
+    view.velocity = velocity;
+  }
+  Beside(const Beside&) = delete;
+  Beside& operator=(const Beside&) = delete;
+
+  /// Moves the state by many times four roundings, of different sign and size: see
+  /// StepChecks::round.
+  static constexpr double kRoundings = 64.0;
+  void round(int S) {
+    constexpr double kFour = 4.0 * std::numeric_limits<double>::epsilon();
+    for (double* values : {angle, velocity}) {
+      for (int i = 0; i < S; ++i) {
+        const double by = kRoundings * kFour * (1.0 + 0.3 * (i % 3));
+        values[i] += (i % 2 == 0 ? by : -by) * std::max(1e-6, std::abs(values[i]));
+      }
+    }
+  }
+
+  double angle[kMaxShafts];
+  double velocity[kMaxShafts];
+  StateView view;
+};
+
+double Culprits::largestOf(const double* values) const {
+  double largest = 0.0;
+  for (int i = 0; i < S; ++i) largest = std::max(largest, std::abs(values[i]));
+  return largest;
+}
+
+void Culprits::calcAnswer(const Scene& scene, Element element, const StateView& here,
+                          const StateView& beside, double* answer) const {
+  double change[kMaxShafts] = {};
+  if (element.torque >= 0) {
+    double before[kMaxShafts] = {};
+    scene.torques[at(element.torque)]->addTorque(here, before);
+    scene.torques[at(element.torque)]->addTorque(beside, change);
+    for (int i = 0; i < S; ++i) change[i] -= before[i];
+    inertia_.solve(change, answer);
+    return;
+  }
+  // J epsilon changes by C^T l, so that C epsilon makes up for the change of psi.
+  const Constraint& constraint = *scene.constraints[at(element.constraint)];
+  double C[kMaxShafts];
+  const auto calcResidual = [&](const StateView& state) {
+    if (constraint.order() < 3) return constraint.calcResidualAndJacobian(state, C);
+    double c0;
+    constraint.calcRow(state, C, &c0);
+    return c0;
+  };
+  const double after = calcResidual(beside);
+  const double psi = after - calcResidual(here);
+  double A = 0.0;
+  inertia_.solve(C, answer);
+  for (int i = 0; i < S; ++i) A += C[i] * answer[i];
+  for (int i = 0; i < S; ++i) answer[i] *= psi / A;
+}
+
+double Culprits::calcRounding(const Scene& scene, Element element, const StateView& here) const {
+  Beside beside(here, S);
+  beside.round(S);
+  double answer[kMaxShafts];
+  calcAnswer(scene, element, here, beside.view, answer);
+  const SolverSettings& solver = scene_.solver;
+  for (int i = 0; i < S; ++i) {
+    // A motion passes through small accelerations.
+    const double size = std::min(1.0, std::abs(state_.acceleration[i]));
+    answer[i] /=
+        Beside::kRoundings * (solver.absolute_tolerance + solver.relative_tolerance * size);
+  }
+  return largestOf(answer);
+}
+
+double Culprits::calcUnattainable(const Scene& scene, Element element,
+                                  const StateView& here) const {
+  constexpr double kFar = 0.01;  // of the speed, or rad/s
+  double most = calcRounding(scene, element, here);
+  for (int i = 0; i < S; ++i) {
+    for (double by = kFar * std::max(1.0, std::abs(here.velocity[i])); by > 1e-9; by *= 0.7) {
+      for (const double side : {-by, by}) {
+        Beside around(here, S);
+        around.velocity[i] += side;
+        most = std::max(most, calcRounding(scene, element, around.view));
+      }
+    }
+  }
+  return most;
+}
+
+double Culprits::calcSize(const Scene& scene, Element element, const StateView& state) const {
+  if (element.torque < 0) return scene.constraints[at(element.constraint)]->calcResidual(state);
+  double torque[kMaxShafts] = {};
+  scene.torques[at(element.torque)]->addTorque(state, torque);
+  double sum = 0.0;
+  for (int i = 0; i < S; ++i) sum += torque[i];
+  return sum != 0.0 ? sum : torque[0] - torque[S - 1];
+}
+
+template <class Rate>
+Element Culprits::findLargest(const Rate& rate, double least) const {
+  Element found;
+  const auto consider = [&](Element element) {
+    const double its = rate(element);
+    if (!(its > least)) return;
+    least = its;
+    found = element;
+  };
+  for (std::size_t j = 0; j < scene_.torques.size(); ++j) consider({static_cast<int>(j), -1});
+  for (int m = 0; m < scene_.constraintCount(); ++m) consider({-1, m});
+  return found;
+}
+
+Element Culprits::findSteepest() const {
+  return findLargest([&](Element element) { return calcRounding(scene_, element, state_); }, 0.0);
+}
+
+Element Culprits::findFastest(double least) const {
+  constexpr double kLittle = 1e-6;
+  Beside turned(state_, S);
+  Beside faster(state_, S);
+  const double size = largestOf(state_.acceleration);
+  for (int i = 0; i < S; ++i) {
+    turned.angle[i] += i % 2 == 0 ? kLittle : -kLittle;
+    faster.velocity[i] += i % 2 == 0 ? kLittle : -kLittle;
+  }
+  return findLargest(
+      [&](Element element) {
+        // 1/s: d(omega')/d(omega), the root of d(omega')/d(phi), and what the law does by itself.
+        double by_velocity[kMaxShafts];
+        double by_angle[kMaxShafts];
+        double by_itself[kMaxShafts] = {};
+        double rate[kMaxShafts] = {};
+        calcAnswer(scene_, element, state_, faster.view, by_velocity);
+        calcAnswer(scene_, element, state_, turned.view, by_angle);
+        if (element.torque >= 0) scene_.torques[at(element.torque)]->addTorqueRate(state_, rate);
+        if (size > 0.0) inertia_.solve(rate, by_itself);
+        return std::max({largestOf(by_velocity) / kLittle, std::sqrt(largestOf(by_angle) / kLittle),
+                         size > 0.0 ? largestOf(by_itself) / size : 0.0});
+      },
+      least);
+}
+
+std::optional<Remedy> Culprits::findRemedy(Element element, double factor) const {
+  std::optional<Remedy> best;
+  std::map<std::string, double> numbers;
+  ParameterTree tree = scene_.resolved;
+  if (tree.kind() != ParameterTree::Kind::kDictionary) return best;
+  setValue(tree, "verify_derivatives", ParameterTree::boolean(false));
+  if (!read(tree, &numbers)) return best;
+  const double most = calcUnattainable(element);
+  double least = std::numeric_limits<double>::infinity();
+  for (const auto& [path, now] : numbers) {
+    const bool is_its = path.rfind(nameOf(scene_, element) + "/", 0) == 0;
+    if (!is_its || path.find('[') != std::string::npos || now == 0.0) continue;
+    for (const double then : {toOneDigit(now * factor, true), toOneDigit(now / factor, false)}) {
+      ParameterTree other = tree;
+      setValue(other, path, ParameterTree::real(then));
+      const std::optional<Scene> changed = read(other, nullptr);
+      if (!changed || !(factor * calcUnattainable(*changed, element, state_) <= 2.0 * most))
+        continue;
+      double change = 0.0;
+      double size = 0.0;
+      for (int i = 0; i < S; ++i) {
+        Beside elsewhere(state_, S);
+        elsewhere.velocity[i] += std::max(1.0, 0.1 * std::abs(state_.velocity[i]));
+        const double before = calcSize(scene_, element, elsewhere.view);
+        size += std::abs(before);
+        change += std::abs(calcSize(*changed, element, elsewhere.view) - before);
+      }
+      if (!(change < least * size)) continue;
+      least = change / size;
+      best = Remedy{path, now, then};
+    }
+  }
+  return best;
+}
+
+std::string Culprits::findNonFinitePart(Element element) const {
+  constexpr std::size_t kMost = 500;
+  const expression::Graph& graph = *scene_.graph;
+  std::vector<expression::Tape> tapes;
+  std::vector<expression::Node> parts;
+  for (const expression::Node formula : formulasOf(scene_, element)) {
+    for (const int n : graph.listReachable({formula})) parts.push_back({n});
+    if (parts.size() > kMost) return "";
+  }
+  for (const expression::Node part : parts) tapes.emplace_back(graph, std::vector{part});
+  double ahead = 0.0;
+  for (double h = 1e-14; ahead <= 0.01; ahead = h, h *= 10.0) {
+    Beside there(state_, S);
+    there.view.time += ahead;
+    for (int i = 0; i < S; ++i) {
+      there.angle[i] += ahead * state_.velocity[i];
+      if (std::isfinite(state_.acceleration[i]))
+        there.velocity[i] += ahead * state_.acceleration[i];
+    }
+    for (std::size_t n = 0; n < parts.size(); ++n) {
+      double value;
+      tapes[n].evaluate(there.view, &value);
+      if (std::isfinite(value)) continue;
+      // Operands come before: they are finite.
+      try {
+        const expression::Terms terms = makeTerms(graph, {parts[n]}, nameVariables(scene_));
+        return terms.shared.empty() ? toText(*terms.roots.front()) : "";
+      } catch (const std::out_of_range&) {  // a table
+        return "";
+      }
+    }
+  }
+  return "";
+}
+
+}  // namespace variator_sim

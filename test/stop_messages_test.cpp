@@ -1,0 +1,214 @@
+// What a stop says: the element that is to blame, its number, and a value that helps.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+/// How the scene's motion stops until `end`; "" where it does not.
+std::string stopOf(const std::string& scene, double end) {
+  Simulation simulation(test::sceneFromText(scene));
+  simulation.advanceTo(end);
+  return simulation.describeStatus();
+}
+
+void expectText(const std::string& text, const std::string& part) {
+  EXPECT_NE(text.find(part), std::string::npos) << part << " is not in\n" << text;
+}
+void expectNoText(const std::string& text, const std::string& part) {
+  EXPECT_EQ(text.find(part), std::string::npos) << part << " is in\n" << text;
+}
+
+const char* const kTorque = ": {type: variator_sim/ExpressionTorque, shaft: ";
+
+// --- NonFiniteValue --------------------------------------------------------------------------
+
+// Accelerations that are not finite make the rate of every torque so that reads a speed.
+TEST(NonFiniteValue, BlamesTheTorqueThatMakesItAndNotWhatReadsTheAccelerations) {
+  for (const char* principle : {"gauss", "generalized_gauss"}) {
+    for (const char* order : {"[engine, fluid]", "[fluid, engine]"}) {
+      const std::string text = stopOf(
+          std::string("shafts: [pump, turbine]\npump: {inertia: 1.5}\nturbine: {inertia: 3.2}\n") +
+              "torques: " + order + "\nengine" + kTorque +
+              "pump, torque: '30 - 0.1*w_pump'}\nfluid" + kTorque +
+              "pump, torque: '-w_turbine/w_pump'}\nprinciple: " + principle + "\n",
+          1.0);
+      expectText(text, "NonFiniteValue at t = 0 s");
+      expectText(text, "torque 'fluid', its w_turbine/w_pump;");
+      expectNoText(text, "'engine'");
+    }
+  }
+}
+
+// The rate of a root is infinite where the root is 0; that of `late`, which is to blame, comes
+// from its value.
+TEST(NonFiniteValue, AValueIsToBlameBeforeARate) {
+  const std::string text =
+      stopOf(std::string("shafts: [a]\na: {inertia: 1}\ntorques: [root, late]\nroot") + kTorque +
+                 "a, torque: 'sqrt(phi_a)'}\nlate" + kTorque +
+                 "a, torque: '2*log(w_a)'}\nprinciple: gauss\n",
+             1.0);
+  expectText(text, "torque 'late', its log(w_a)");
+}
+
+TEST(NonFiniteValue, NamesThePartJustAhead) {
+  const std::string text =
+      stopOf(std::string("shafts: [a]\na: {inertia: 1}\ntorques: [motor, load]\nmotor") + kTorque +
+                 "a, torque: '4 + w_a'}\nload" + kTorque + "a, torque: '-0.1*sqrt(5 - w_a)'}\n",
+             10.0);
+  expectText(text, "NonFiniteValue at t = ");
+  expectText(text, "torque 'load', its sqrt(5 - w_a)");
+}
+
+TEST(NonFiniteValue, BlamesAConstraintThatHasNoValue) {
+  const std::string text = stopOf(
+      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\nconstraints: [ratio]\nratio: {type: "
+      "variator_sim/ExpressionConstraint, order: 2, expression: 'e_b - e_a/w_a'}\ntorques: [m]\nm" +
+          std::string(kTorque) + "a, torque: '1 - w_a'}\nprinciple: gauss\n",
+      1.0);
+  expectText(text, "constraint 'ratio', its ");
+  expectNoText(text, "torque 'm'");
+}
+
+// --- Chattering ------------------------------------------------------------------------------
+
+std::string chatteringOf(const std::string& torque) {
+  return stopOf(std::string("shafts: [a]\na: {inertia: 1}\ntorques: [push, hold]\npush") + kTorque +
+                    "a, torque: '2 - 0.1*w_a'}\nhold" + kTorque + "a, torque: '" + torque +
+                    "'}\ninitial: {velocity: [1]}\nprinciple: gauss\n",
+                10.0);
+}
+
+TEST(Chattering, HintsAtWhatSuitsTheFunction) {
+  const std::string by_if = chatteringOf("if(w_a < 3, 1, -9)");
+  expectText(by_if, "Chattering at t = ");
+  expectText(by_if, "torque 'hold'");
+  expectText(by_if,
+             "no memory for a hysteresis: blend them over a width, b + (a - b)*(1 - tanh((x "
+             "- y)/width))/2 for if(x < y, a, b)");
+  expectNoText(by_if, "Friction");
+  expectNoText(by_if, "abs(x)");
+  const std::string by_sign = chatteringOf("-9*sign(w_a - 3)");
+  expectText(by_sign, "tanh(w/0.01) for sign(w), variator_sim/Friction for dry friction");
+  expectNoText(by_sign, "'if'");
+}
+
+// A gear that is chosen by the speed alone: as the hint says, it runs, and settles between.
+TEST(Chattering, TheHintForAnIfRuns) {
+  const auto wheel = [](const std::string& gear) {
+    return std::string("shafts: [wheel]\nwheel: {inertia: 163}\ntorques: [engine, road]\nengine") +
+           kTorque + "wheel, torque: '200*(" + gear + ")'}\nroad" + kTorque +
+           "wheel, torque: '-2*w_wheel*abs(w_wheel)'}\nprinciple: gauss\n";
+  };
+  expectText(stopOf(wheel("if(w_wheel < 30, 12.6, 7.7)"), 60.0), "torque 'engine'");
+  Simulation smooth(
+      test::sceneFromText(wheel("7.7 + (12.6 - 7.7)*(1 - tanh((w_wheel - 30)/0.5))/2")));
+  EXPECT_TRUE(smooth.advanceTo(60.0).ok()) << smooth.describeStatus();
+  EXPECT_NEAR(smooth.sample().velocity[0], 30.0, 1.0);
+}
+
+// --- ToleranceTooSmall -----------------------------------------------------------------------
+
+std::string clutchWith(const std::string& more) {
+  return R"yaml(
+shafts: [flywheel, hub, car]
+flywheel: {inertia: 1}
+hub: {inertia: 0.05}
+car: {inertia: 1}
+torques: [motor, clutch, spring]
+motor: {type: variator_sim/ExpressionTorque, shaft: flywheel, torque: "200*sin(100*t)"}
+spring: {type: variator_sim/ElasticCoupling, shafts: [hub, car], stiffness: 160, damping: 1}
+principle: gauss
+initial: {velocity: [100, 90, 90]}
+)yaml" + more;
+}
+
+TEST(ToleranceTooSmall, NamesTheNumberOfTheSteepestLawAndAValueThatWouldDo) {
+  const std::string law =
+      "clutch: {type: variator_sim/Friction, shafts: [flywheel, hub], coulomb: 80, "
+      "regularization_speed: ";
+  const std::string text = stopOf(clutchWith(law + "1e-3}\n"), 0.3);
+  expectText(text, "ToleranceTooSmall at t = ");
+  expectText(text, "most by torque 'clutch': 'clutch/regularization_speed: ");
+  expectText(text, "(it is 0.001)");
+  expectText(text, "'principle: generalized_gauss'");
+  expectText(text, "without a constraint both principles give the same motion");
+  expectNoText(text, "coulomb");
+  const auto valueBehind = [&text](const std::string& key) {
+    const std::size_t begin = text.find("'" + key + ": ") + key.size() + 3;
+    return text.substr(begin, text.find('\'', begin) - begin);
+  };
+  const std::string speed = valueBehind("clutch/regularization_speed");
+  EXPECT_EQ(stopOf(clutchWith(law + speed + "}\n"), 0.3), "") << speed;
+  EXPECT_EQ(stopOf(clutchWith(law + "1e-3}\nsolver: {relative_tolerance: " +
+                              valueBehind("solver/relative_tolerance") + ", absolute_tolerance: " +
+                              valueBehind("solver/absolute_tolerance") + "}\n"),
+                   0.3),
+            "");
+}
+
+// The same law as a formula: its parameter is a key of the scene, too.
+TEST(ToleranceTooSmall, NamesTheParameterOfAFormula) {
+  const std::string text = stopOf(clutchWith(R"yaml(clutch:
+  type: variator_sim/ExpressionTorque
+  shaft: flywheel
+  reaction_on: hub
+  torque: "-height*tanh((w_flywheel - w_hub)/width)"
+  parameters: {height: 80, width: 1e-3}
+)yaml"),
+                                  0.3);
+  expectText(text, "most by torque 'clutch': 'clutch/parameters/width: ");
+}
+
+// --- StepUnderflow, StepLimit ----------------------------------------------------------------
+
+TEST(StepUnderflow, NamesTheTorqueThatRunsAway) {
+  const std::string text =
+      stopOf(std::string("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [brake, "
+                         "blast]\nbrake") +
+                 kTorque + "a, torque: '3 - w_a'}\nblast" + kTorque +
+                 "b, torque: '1/(1 - t)^0.5 - 100*w_b'}\n",
+             2.0);
+  expectText(text, "torque 'blast'");
+  expectNoText(text, "torque 'brake'");
+}
+
+TEST(StepLimit, NamesTheFastestLawAndHowManyStepsWouldDo) {
+  const std::string scene =
+      std::string("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [slow, fast]\nslow") +
+      kTorque + "a, torque: '-w_a'}\nfast" + kTorque +
+      "b, torque: '5*sin(2000*t)'}\nsolver: {stepper: dopri5, maximum_steps: ";
+  const std::string text = stopOf(scene + "200}\n", 1.0);
+  expectText(text, "StepLimit at t = ");
+  expectText(text, "fastest changes torque 'fast'");
+  const std::string key = "'solver/maximum_steps: ";
+  expectText(text, key);
+  const std::size_t begin = text.find(key) + key.size();
+  const std::string steps = text.substr(begin, text.find('\'', begin) - begin);
+  EXPECT_EQ(stopOf(scene + steps + "}\n", 1.0), "");
+}
+
+// --- on load ---------------------------------------------------------------------------------
+
+TEST(Friction, WarnsOfAStaticTorqueThatIsNeverReached) {
+  const auto warningsOf = [](const std::string& numbers) {
+    return test::sceneFromText(
+               "shafts: [a]\na: {inertia: 1}\ntorques: [hold]\nhold: {type: "
+               "variator_sim/Friction, shaft: a, coulomb: 1, static: 1.5, " +
+               numbers + "}\n")
+        .warnings;
+  };
+  const auto warnings = warningsOf("stribeck_speed: 0.01");
+  ASSERT_EQ(warnings.size(), 1U);
+  expectText(warnings[0], "hold/static: 1.5 N m are never reached, the torque's peak is 1 N m");
+  expectText(warnings[0], "'hold/regularization_speed: 0.0003' comes near");
+  EXPECT_TRUE(warningsOf("stribeck_speed: 0.01, regularization_speed: 0.0003").empty());
+  EXPECT_EQ(warningsOf("stribeck_speed: 0.05").size(), 1U);
+  EXPECT_TRUE(warningsOf("stribeck_speed: 0.1").empty());
+}
+
+}  // namespace
+}  // namespace variator_sim
