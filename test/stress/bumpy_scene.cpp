@@ -1,0 +1,685 @@
+#include "stress/bumpy_scene.h"
+
+#include <algorithm>
+#include <array>
+#include <boost/numeric/odeint/stepper/bulirsch_stoer.hpp>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+
+#include "stress/methods.h"
+#include "stress/random.h"
+
+namespace variator_sim::test {
+namespace {
+
+/// To few digits, so that texts stay short.
+double rounded(double value) {
+  char buffer[40];
+  std::snprintf(buffer, sizeof buffer, "%.5g", value);
+  return std::strtod(buffer, nullptr);
+}
+
+std::string written(double value) {
+  char buffer[40];
+  std::snprintf(buffer, sizeof buffer, "%.5g", value);
+  return std::strtod(buffer, nullptr) == value ? buffer : plainly(value);
+}
+
+struct Function {
+  const char* name;
+  double (*value)(double);
+  double (*slope)(double);
+};
+const Function kFunctions[] = {
+    {"sin", std::sin, std::cos},
+    {"cos", std::cos, [](double x) { return -std::sin(x); }},
+    {"tan", std::tan, [](double x) { return 1.0 + std::tan(x) * std::tan(x); }},
+    {"asin", std::asin, [](double x) { return 1.0 / std::sqrt(1.0 - x * x); }},
+    {"atan", std::atan, [](double x) { return 1.0 / (1.0 + x * x); }},
+    {"exp", std::exp, std::exp},
+    {"log", std::log, [](double x) { return 1.0 / x; }},
+    {"sqrt", std::sqrt, [](double x) { return 0.5 / std::sqrt(x); }},
+    {"tanh", std::tanh, [](double x) { return 1.0 - std::tanh(x) * std::tanh(x); }},
+    {"cosh", std::cosh, std::sinh},
+    {"abs", [](double x) { return std::abs(x); }, [](double x) { return x < 0.0 ? -1.0 : 1.0; }},
+};
+
+template <class Combine>
+Formula combine(const Formula& a, char sign, const Formula& b, Combine combined) {
+  return {"(" + a.text + sign + b.text + ")",
+          [a = a.at, b = b.at, combined](Dual x) { return combined(a(x), b(x)); }};
+}
+
+/// max(0, x).
+Formula positive(const Formula& x) {
+  return {"max(0," + x.text + ")", [x = x.at](Dual t) {
+            const Dual value = x(t);
+            return value.value > 0.0 ? value : Dual{};
+          }};
+}
+
+/// if(x < 1, y, 0).
+Formula whereBelow1(const Formula& x, const Formula& y) {
+  return {"if(" + x.text + "<1," + y.text + ",0)",
+          [x = x.at, y = y.at](Dual t) { return x(t).value < 1.0 ? y(t) : Dual{}; }};
+}
+
+}  // namespace
+
+Formula variable() {
+  return {"X", [](Dual x) { return x; }};
+}
+Formula number(double value) {
+  return {"(" + written(value) + ")", [value](Dual) { return Dual{value, 0.0}; }};
+}
+Formula operator+(const Formula& a, const Formula& b) {
+  return combine(a, '+', b, [](Dual x, Dual y) {
+    return Dual{x.value + y.value, x.rate + y.rate};
+  });
+}
+Formula operator-(const Formula& a, const Formula& b) {
+  return combine(a, '-', b, [](Dual x, Dual y) {
+    return Dual{x.value - y.value, x.rate - y.rate};
+  });
+}
+Formula operator*(const Formula& a, const Formula& b) {
+  return combine(a, '*', b, [](Dual x, Dual y) {
+    return Dual{x.value * y.value, x.rate * y.value + x.value * y.rate};
+  });
+}
+Formula operator/(const Formula& a, const Formula& b) {
+  return combine(a, '/', b, [](Dual x, Dual y) {
+    const double value = x.value / y.value;
+    // Beyond the numbers of y nothing changes.
+    return Dual{value, value == 0.0 ? 0.0 : (x.rate - value * y.rate) / y.value};
+  });
+}
+Formula power(const Formula& x, double exponent) {
+  return {"(" + x.text + ")^" + written(exponent), [x = x.at, exponent](Dual t) {
+            const Dual value = x(t);
+            return Dual{std::pow(value.value, exponent),
+                        value.rate * exponent * std::pow(value.value, exponent - 1.0)};
+          }};
+}
+Formula call(const char* name, const Formula& x) {
+  for (const Function& function : kFunctions) {
+    if (std::string(name) != function.name) continue;
+    return {name + ("(" + x.text + ")"), [x = x.at, function](Dual t) {
+              const Dual value = x(t);
+              return Dual{function.value(value.value),
+                          value.rate == 0.0 ? 0.0 : value.rate * function.slope(value.value)};
+            }};
+  }
+  throw std::invalid_argument(name);
+}
+
+namespace {
+
+// --- the reference -------------------------------------------------------------------------------
+
+/// What was commanded of one input, in closed form.
+class Signal {
+ public:
+  Signal(const BumpyScene& scene, int input) : zero_order_(input != 0), scene_(scene) {
+    for (const TimedCommand& command : scene.commands) {
+      if (command.input == input) commands_.push_back(command);
+    }
+  }
+  Dual at(double t) const {
+    Dual u;
+    for (std::size_t n = 0; n < commands_.size() && commands_[n].time <= t; ++n) {
+      const bool is_last = n + 1 == commands_.size() || commands_[n + 1].time > t;
+      u = moved(u, commands_[n].value, (is_last ? t : commands_[n + 1].time) - commands_[n].time);
+    }
+    return u;
+  }
+
+ private:
+  Dual moved(Dual u, double target, double s) const {
+    const double T = scene_.hold_time;
+    const double e = std::exp(-s / T);
+    if (zero_order_ || scene_.hold == "zero_order") return {target, 0.0};
+    if (scene_.hold == "first_order_lag") {
+      return {target + (u.value - target) * e, (target - u.value) * e / T};
+    }
+    if (scene_.hold == "second_order_lag") {
+      const double A = u.value - target;
+      const double B = u.rate + A / T;
+      return {target + (A + B * s) * e, (B - (A + B * s) / T) * e};
+    }
+    const double rate = scene_.hold == "rate_limit" ? std::copysign(1.0 / T, target - u.value)
+                                                    : (target - u.value) / T;
+    if (rate == 0.0 || s >= (target - u.value) / rate) return {target, 0.0};
+    return {u.value + rate * s, rate};
+  }
+  bool zero_order_;
+  const BumpyScene& scene_;
+  std::vector<TimedCommand> commands_;
+};
+
+/// phi_a, w_a, w_b, P = R_a + c R_b, and e_b - c e_a of order 3.
+using State = std::array<double, 5>;
+
+/// Derived by hand: R_b = 2 e_b - load, e_b = c e_a + b, so that (1 + 2 c^2) e_a = P + Q_a + c load
+/// - 2 c b. Under `gauss` R = C^T lambda, so P = 0; under `generalized_gauss` R_a' = -c R_b', so P'
+/// = c' R_b.
+class Equations {
+ public:
+  explicit Equations(const BumpyScene& scene) : scene_(scene), u_(scene, 0), torque_(scene, 1) {}
+
+  Dual argument(Argument argument, double t, const State& y, double e) const {
+    switch (argument) {
+      case Argument::kAngle:
+        return {y[0], y[1]};
+      case Argument::kVelocity:
+        return {y[1], e};
+      case Argument::kInput:
+        return u_.at(t);
+      case Argument::kTable:
+        return {t + scene_.table_offset, 1.0};
+      default:
+        return {t, 1.0};
+    }
+  }
+  Dual sum(const std::vector<Term>& terms, double t, const State& y) const {
+    Dual total;
+    for (const Term& term : terms) {
+      const Dual x = term.formula.at(argument(term.argument, t, y, 0.0));
+      total.value += term.scale * x.value;
+      total.rate += term.scale * x.rate;
+    }
+    return total;
+  }
+  void operator()(const State& y, State& rate, double t) const {
+    const double Q = scene_.base - scene_.damping * y[1] + scene_.drift * std::sin(1.4 * t) +
+                     torque_.at(t).value + sum(scene_.terms, t, y).value;
+    rate = {y[1], Q, 0.0, 0.0, 0.0};
+    if (scene_.order == 0) return;
+    Dual c = sum(scene_.ratio_terms, t, y);
+    c.value += scene_.ratio;
+    const double bumps = sum(scene_.bumps, t, y).value;
+    const double w_b = scene_.order == 1 ? c.value * y[1] : y[2];
+    const double b = scene_.order == 1   ? c.rate * y[1]
+                     : scene_.order == 2 ? (bumps - w_b + c.value * y[1]) / scene_.slip_time
+                                         : y[4];
+    const double e_a =
+        (y[3] + Q + c.value * (scene_.load - 2.0 * b)) / (1.0 + 2.0 * c.value * c.value);
+    const double e_b = c.value * e_a + b;
+    rate[1] = e_a;
+    rate[2] = e_b;
+    if (scene_.principle == Principle::kGeneralizedGauss) {
+      rate[3] = c.rate * (2.0 * e_b - scene_.load);
+    }
+    if (scene_.order == 3) rate[4] = bumps - y[4];
+  }
+  State start(double shift) const {
+    State y{shift, scene_.velocity + shift, 0.0, 0.0, 0.0};
+    const double c = scene_.ratio + sum(scene_.ratio_terms, 0.0, y).value;
+    y[2] = c * y[1];
+    // Free accelerations are those of least reaction.
+    State rate;
+    operator()(y, rate, 0.0);
+    if (scene_.order == 3) {
+      const double Q = rate[1] * (1.0 + 2.0 * c * c) - c * scene_.load;
+      y[4] = 0.5 * scene_.load - c * Q;
+    }
+    return y;
+  }
+  /// No longer than a part of the way to the next feature.
+  double longestStep(double t, const State& y) const {
+    State rate;
+    operator()(y, rate, t);
+    double longest = scene_.end / 20.0;
+    for (const auto* terms : {&scene_.terms, &scene_.ratio_terms, &scene_.bumps}) {
+      for (const Term& term : *terms) {
+        const Dual x = argument(term.argument, t, y, rate[1]);
+        const double bend = term.argument == Argument::kAngle ? std::abs(rate[1]) : 0.0;
+        for (const Feature& feature : term.features) {
+          double away = x.value - feature.at;
+          if (feature.period > 0.0) away = std::remainder(away, feature.period);
+          const double way = std::max(0.5 * feature.width, 0.25 * std::abs(away));
+          longest = std::min({longest, way / std::abs(x.rate), std::sqrt(way / bend)});
+        }
+      }
+    }
+    return longest;
+  }
+
+ private:
+  const BumpyScene& scene_;
+  Signal u_;
+  Signal torque_;
+};
+
+}  // namespace
+
+std::vector<double> BumpyScene::times() const {
+  return evenly(end, 4);
+}
+
+double BumpyScene::rounding() const {
+  double sum = 0.0;
+  for (const Term& term : terms) sum += std::abs(term.scale);
+  for (const Term& term : bumps) sum += std::abs(term.scale);
+  return kEps * sum * (end + std::abs(table_offset));
+}
+
+std::vector<Sample> BumpyScene::reference(double shift, int most) const {
+  namespace odeint = boost::numeric::odeint;
+  const Equations equations(*this);
+  // (Fehlberg's pair of orders 7 and 8 would estimate no error of a torque of time alone.)
+  const double asked = std::max({1e-12, 1e-3 * tolerance, 4.0 * rounding()});
+  odeint::bulirsch_stoer<State> controlled(asked, asked);
+  State y = equations.start(shift);
+  double t = 0.0;
+  double tried = 1e-3 * end;
+  const auto go = [&](double to) {
+    while (t < to) {
+      if (--most < 0 || !std::isfinite(y[1])) return false;
+      const double longest = std::min(to - t, equations.longestStep(t, y));
+      const bool is_last = longest == to - t && tried >= longest;
+      double h = std::min(tried, longest);
+      const double before = tried;
+      if (controlled.try_step(std::cref(equations), y, t, h) == odeint::success) {
+        if (is_last) t = to;
+        tried = std::max(h, before);
+        if (h < before && !is_last && before <= longest) tried = h;
+      } else {
+        tried = h;
+        if (t + h == t) {  // rounding of a jump
+          t = std::nextafter(t, to);
+          tried = 1e-12 * end;
+        }
+      }
+    }
+    return true;
+  };
+  std::vector<Sample> samples;
+  auto command = commands.begin();
+  for (const double time : times()) {
+    for (; command != commands.end() && command->time < time; ++command) {
+      if (!go(command->time)) return {};
+    }
+    if (!go(time)) return {};
+    State rate;
+    equations(y, rate, t);
+    Sample sample;
+    sample.time = t;
+    sample.angle[0] = y[0];
+    sample.velocity[0] = y[1];
+    sample.velocity[1] =
+        order == 1 ? (ratio + equations.sum(ratio_terms, t, y).value) * y[1] : y[2];
+    samples.push_back(sample);
+  }
+  return samples;
+}
+
+// --- as text -------------------------------------------------------------------------------------
+
+namespace {
+
+std::string sumOf(const std::vector<Term>& terms) {
+  static const char* const kNames[] = {"t", "phi1", "w1", "u", "line(t)"};
+  std::string sum;
+  for (const Term& term : terms) {
+    std::string text = "+" + written(term.scale) + "*" + term.formula.text;
+    const std::string by = kNames[static_cast<int>(term.argument)];
+    for (std::size_t at = 0; (at = text.find('X', at)) != std::string::npos; at += by.size()) {
+      text.replace(at, 1, by);
+    }
+    sum += text;
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::string BumpyScene::yaml() const {
+  const Equations equations(*this);
+  const State y = equations.start(0.0);
+  std::string text = order == 0 ? "shafts: [a]\n" : "shafts: [a, b]\nb: {inertia: 2.0}\n";
+  text += "a: {inertia: 1.0}\ninputs: [u]\nu: {topic: u, hold: " + hold;
+  if (hold == "rate_limit") text += ", rate: " + plainly(1.0 / hold_time);
+  if (hold == "first_order_hold") text += ", period: " + plainly(hold_time);
+  if (hold.find("lag") != std::string::npos) text += ", time_constant: " + plainly(hold_time);
+  text += ", initial: 0.0}\ntables: [line]\nline: {x: [0, " + plainly(0.4 * end) + ", " +
+          plainly(end) + "], values: [" + plainly(table_offset) + ", " +
+          plainly(table_offset + 0.4 * end) + ", " + plainly(table_offset + end) +
+          "], beyond: linear}\n";
+  const auto torque = [&](const char* name, const char* shaft, const std::string& formula) {
+    text += std::string(name) + ": {type: variator_sim/ExpressionTorque, shaft: " + shaft +
+            ", torque: \"" + formula + "\"}\n";
+  };
+  text += order == 0 ? "torques: [q, m]\n" : "torques: [q, m, l]\n";
+  std::string q = written(base);
+  if (damping != 0.0) q += "-" + written(damping) + "*w1";
+  if (drift != 0.0) q += "+" + written(drift) + "*sin(1.4*t)";
+  torque("q", "a", q + sumOf(terms));
+  text += "m: {type: variator_sim/CommandedTorque, shaft: a, topic: m}\n";
+  if (order > 0) {
+    torque("l", "b", written(load));
+    const std::string c = "(" + written(ratio) + sumOf(ratio_terms) + ")";
+    text += "constraints: [k]\nk: {type: variator_sim/";
+    if (is_law && order == 1) {
+      text += "KinematicRatio, shafts: [a, b], ratio: \"" + c + "\"}\n";
+    } else if (is_law && order == 2 && bumps.empty()) {
+      text += "SlipRatio, shafts: [a, b], time_constant: " + written(slip_time) + ", ratio: \"" +
+              c + "\"}\n";
+    } else {
+      const auto slip = [&](const std::string& x) { return x + "2-" + c + "*" + x + "1"; };
+      text += "ExpressionConstraint, order: " + std::to_string(order) + ", expression: \"" +
+              (order == 1   ? slip("w")
+               : order == 2 ? written(slip_time) + "*(" + slip("e") + ")+" + slip("w")
+                            : slip("j") + "+" + slip("e")) +
+              (bumps.empty() ? "" : "-(0" + sumOf(bumps) + ")") + "\"}\n";
+    }
+    text += std::string("principle: ") + toString(principle) + "\n";
+  }
+  text += "initial: {velocity: [" + plainly(y[1]) + (order == 0 ? "" : ", " + plainly(y[2])) +
+          "], project: true}\nsolver: {stepper: " + toString(stepper) +
+          ", relative_tolerance: " + plainly(tolerance) +
+          ", absolute_tolerance: " + plainly(tolerance) +
+          ", maximum_step: " + written(maximum_step) + ", maximum_steps: 200000}\n";
+  return text;
+}
+
+std::string BumpyScene::csv() const {
+  std::string text = "time,topic,value\n";
+  for (const TimedCommand& command : commands) {
+    text += plainly(command.time) + (command.input == 0 ? ",u," : ",m,") + plainly(command.value) +
+            "\n";
+  }
+  return text;
+}
+
+// --- the generator -------------------------------------------------------------------------------
+
+namespace {
+
+class Generator {
+ public:
+  explicit Generator(std::uint64_t seed) : random_(seed) {}
+  BumpyScene make();
+
+ private:
+  double logarithmic(double low, double high) {
+    return low * std::pow(high / low, random_.between(0.0, 1.0));
+  }
+  int even(int most) {
+    return 2 * std::max(1, static_cast<int>(logarithmic(1.0, 0.5 * most + 0.99)));
+  }
+
+  Term makeTerm(Argument argument, double from, double length, double narrowest);
+  void addPeriodic(Term* term, double from, double length);
+  void addLocal(Term* term, double from, double length, double narrowest);
+  /// A function of a bump that is as flat.
+  Formula wrapped(const Formula& g);
+
+  Random random_;
+  bool is_aligned_ = false;  ///< to periods of whole steps, where vanishing derivatives hide
+};
+
+Formula Generator::wrapped(const Formula& g) {
+  switch (random_.below(16)) {
+    case 0:
+      return call("log", number(1.0) + g);
+    case 1:
+      return call("exp", g) - number(1.0);
+    case 2:
+      return call("tan", number(0.7) * g);
+    case 3:
+      return call("sin", number(3.0) * g);
+    case 4:
+      return call("asin", number(0.97) * g);
+    case 5:
+      return call("atan", g);
+    case 6:
+      return call("cosh", g) - number(1.0);
+    case 7:
+      return number(1.0) - call("cos", number(2.0) * g);
+    case 8:
+      return g / (number(1.5) - g);
+    case 9:
+      return call("tanh", number(2.0) * g);
+    case 10:
+      return call("sqrt", number(1.0) + g) - number(1.0);
+    case 11:
+      return g * g;
+    default:
+      return g;
+  }
+}
+
+void Generator::addPeriodic(Term* term, double from, double length) {
+  double k = rounded(kPi / length * logarithmic(0.6, 40.0));
+  double phase = rounded(random_.between(-1.0, 1.0)) - k * from;
+  if (is_aligned_) {  // vanishes at the start, and after one step of 1 or the whole way
+    k = kPi * (1 + random_.below(4)) / (length > 30.0 || random_.happens(0.5) ? length : 1.0);
+    phase = -k * from;
+  }
+  const Formula s = call("sin", number(k) * variable() + number(phase));
+  const Formula c = call("cos", number(2.0 * k) * variable() + number(2.0 * phase));
+  const double zero = -phase / k;
+  const double top = zero + 0.5 * kPi / k;
+  int n = even(random_.happens(0.5) ? 12 : 1000);
+  double A = rounded(logarithmic(1.0, 300.0));
+  switch (random_.below(9)) {
+    case 0:
+    case 1:
+      term->formula = power(s, n);
+      break;
+    case 2:
+      term->formula = power(number(0.5) - number(0.5) * c, 0.5 * n + 0.5);
+      break;
+    case 3: {
+      term->formula = s;
+      for (n = 1; n < 1 << (1 + random_.below(10)); n *= 2) term->formula = power(term->formula, 2);
+      break;
+    }
+    case 4:
+      term->formula = power(number(1.0) - c, 0.5 * n) / number(std::pow(2.0, 0.5 * n));
+      break;
+    case 5:
+      term->formula = call("exp", number(0.0) - power(number(A) * s, 2));
+      n = 0;
+      break;
+    case 6:
+      term->formula = call("exp", number(-A * A) * power(s, 2));
+      n = 0;
+      break;
+    case 7:
+      n = even(8);
+      term->formula = number(1.0) / (number(1.0) + power(number(A) * s, n));
+      A *= 0.5 * n;
+      n = 0;
+      break;
+    default:
+      term->formula = number(1.0) / call("cosh", number(A) * s);
+      n = 0;
+      break;
+  }
+  if (n > 0) {
+    term->features.push_back({top, 1.0 / (k * std::sqrt(n)), kPi / k});
+  } else {
+    term->features.push_back({zero, 1.0 / (k * A), kPi / k});
+  }
+}
+
+void Generator::addLocal(Term* term, double from, double length, double narrowest) {
+  const double h = rounded(length * logarithmic(narrowest, 0.2));
+  // Often a few widths behind the start.
+  const double c = rounded(from + (random_.happens(0.3) ? h * random_.between(0.0, 12.0)
+                                                        : length * random_.between(0.0, 1.0)));
+  const Formula S = (variable() - number(c)) / number(h);
+  const auto feature = [&](double at, double width) {
+    term->features.push_back({c + at * h, width * h, 0.0});
+  };
+  feature(0.0, 1.0);
+  const int n = even(random_.happens(0.7) ? 8 : 100);
+  switch (random_.below(12)) {
+    case 0:
+    case 1:
+      term->formula = call("exp", number(0.0) - power(S, 2));
+      return;
+    case 2:
+      term->formula = call("exp", number(0.0) - power(S, 4));
+      return;
+    case 3:
+      term->formula = power(number(1.0) / call("cosh", S), 1 + random_.below(3));
+      return;
+    case 4:
+      for (const double side : {-1.0, 1.0}) feature(side, 2.0 / n);
+      term->formula = number(1.0) / (number(1.0) + power(S, n));
+      return;
+    case 5:
+      term->formula = number(0.5) * (call("tanh", S + number(3.0)) - call("tanh", S - number(3.0)));
+      return;
+    case 6:
+      term->formula = number(0.5) * (call("atan", S + number(1.0)) - call("atan", S - number(1.0)));
+      return;
+    case 7: {  // a triangle of roots of squares
+      const double e = rounded(logarithmic(1e-5, 0.1));
+      const auto root = [&](double at) {
+        feature(at, e);
+        return call("sqrt", power(S - number(at), 2) + number(e * e));
+      };
+      term->formula = number(0.5) * (root(-1.0) + root(1.0)) - root(0.0);
+      return;
+    }
+    case 8:
+      term->formula = power(positive(number(1.0) - power(S, 2)), 1 + random_.below(6));
+      break;
+    case 9:
+      term->formula =
+          whereBelow1(power(S, 2), power(number(1.0) - power(S, 2), 1 + random_.below(6)));
+      break;
+    case 10:  // sets in behind an edge
+      term->formula = power(positive(call("tanh", S)), 1 + random_.below(6));
+      return;
+    default:
+      term->formula =
+          number(0.5) + number(0.5) * call(random_.happens(0.5) ? "tanh" : "sin", call("atan", S));
+      return;
+  }
+  for (const double side : {-1.0, 1.0}) feature(side, 0.1);
+}
+
+Term Generator::makeTerm(Argument argument, double from, double length, double narrowest) {
+  Term term;
+  term.argument = argument;
+  const bool is_bounded = argument != Argument::kAngle && argument != Argument::kVelocity;
+  if (is_bounded && random_.happens(0.15)) {  // zeros of high order at both ends of the way
+    const int n = even(random_.happens(0.5) ? 12 : 400);
+    const Formula y = (variable() - number(from)) / number(length);
+    term.formula = power(number(4.0) * y * (number(1.0) - y), n);
+    term.features.push_back({from + 0.5 * length, 0.5 * length / std::sqrt(n), 0.0});
+  } else if (random_.happens(is_aligned_ ? 0.9 : 0.4)) {
+    addPeriodic(&term, from, length);
+  } else {
+    addLocal(&term, from, length, narrowest);
+  }
+  term.formula = wrapped(term.formula);
+  double width = length;
+  for (const Feature& feature : term.features) width = std::min(width, feature.width);
+  term.scale = rounded(random_.happens(0.6) ? random_.between(0.5, 5.0)
+                                            : random_.between(0.1, 1.0) * std::min(length, 1.0) /
+                                                  std::max(1e-6, width));
+  // (Else a long way becomes ever longer.)
+  if (argument == Argument::kAngle) term.scale = rounded(term.scale / std::max(1.0, length / 3.0));
+  return term;
+}
+
+BumpyScene Generator::make() {
+  static constexpr double kEnds[] = {1.0, 3.0, 3.0, 3.0, 10.0, 100.0, 300.0};
+  static constexpr double kMaximumSteps[] = {0.1, 0.3, 1.0, 1.0, 1.0, 1.0, 10.0, 100.0};
+  static constexpr double kTolerances[] = {1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-9, 1e-10, 1e-11};
+  static constexpr const char* kHolds[] = {"first_order_lag", "rate_limit", "first_order_hold",
+                                           "second_order_lag"};
+  BumpyScene scene;
+  scene.end = random_.oneOf(kEnds);
+  scene.maximum_step = std::max(random_.oneOf(kMaximumSteps), scene.end > 50.0 ? 1.0 : 0.1);
+  scene.tolerance = random_.oneOf(kTolerances);
+  scene.stepper = random_.happens(0.3) ? StepperKind::kTaylor : StepperKind::kAuto;
+  scene.hold = random_.oneOf(kHolds);
+  scene.hold_time = rounded(scene.end * logarithmic(0.005, 0.5));
+  is_aligned_ = random_.happens(0.4);
+  if (is_aligned_ && scene.end > 50.0) scene.maximum_step = 100.0;
+  static constexpr int kOrders[] = {0, 0, 0, 0, 1, 2, 2, 3};
+  scene.order = random_.oneOf(kOrders);
+  if (random_.happens(0.4)) scene.principle = Principle::kGauss;
+  scene.is_law = random_.happens(0.7);
+  scene.velocity = is_aligned_ ? 1.0 : rounded(random_.between(0.5, 2.0));
+  scene.table_offset = is_aligned_ ? 0.0 : rounded(random_.between(-3.0, 3.0));
+
+  static constexpr Argument kArguments[] = {Argument::kTime,  Argument::kTime,
+                                            Argument::kAngle, Argument::kVelocity,
+                                            Argument::kInput, Argument::kTable};
+  const Argument kind = random_.oneOf(kArguments);
+  if (kind == Argument::kVelocity) {
+    scene.base = rounded(random_.between(0.2, 2.0));
+  } else {
+    if (random_.happens(0.3)) scene.base = rounded(random_.between(0.1, 1.0));
+    if (random_.happens(0.2)) scene.damping = rounded(random_.between(0.05, 0.3) / scene.end);
+    if (random_.happens(0.2)) scene.drift = rounded(random_.between(0.1, 0.3));
+    if (kind == Argument::kTime && scene.base == 0.0 && random_.happens(0.4)) scene.velocity = 0.0;
+    if (random_.happens(0.3)) scene.load = rounded(random_.between(0.0, 0.3));
+    if (random_.happens(0.3)) {  // commands, some of them at feet of bumps
+      const int n = 1 + random_.below(11);
+      for (int i = 1; i <= n; ++i) {
+        const double time =
+            is_aligned_ ? scene.end * i / (n + 1) : scene.end * random_.between(0, 1);
+        scene.commands.push_back({rounded(time), 1, random_.happens(0.3) ? 0.0 : rounded(0.1 * i)});
+      }
+    }
+  }
+  const double top = rounded(random_.between(1.0, 2.0));
+  for (int n = 1 + random_.below(2); n > 0; --n) {
+    scene.commands.push_back({rounded(scene.end * random_.between(0.0, 0.7)), 0, n * top});
+  }
+  std::stable_sort(scene.commands.begin(), scene.commands.end(),
+                   [](const auto& a, const auto& b) { return a.time < b.time; });
+
+  const auto from = [&](Argument x) {
+    return x == Argument::kVelocity ? scene.velocity
+           : x == Argument::kTable  ? scene.table_offset
+                                    : 0.0;
+  };
+  const auto length = [&](Argument x) {
+    return x == Argument::kAngle
+               ? scene.velocity * scene.end + scene.base * scene.end * scene.end / 3
+           : x == Argument::kVelocity ? scene.base * scene.end
+           : x == Argument::kInput    ? 2.0 * top
+                                      : scene.end;
+  };
+  const auto make = [&](Argument x, double narrowest) {
+    return makeTerm(x, from(x), length(x), narrowest);
+  };
+  const bool has_bump_in_constraint =
+      scene.order > 0 && kind != Argument::kVelocity && random_.happens(0.5);
+  if (!has_bump_in_constraint) {
+    for (int n = 1 + random_.below(2); n > 0; --n) {
+      const bool is_narrow = kind == Argument::kVelocity || kind == Argument::kAngle;
+      scene.terms.push_back(make(kind, is_narrow ? 1e-5 : 1e-6));
+    }
+  } else if (scene.order == 3 || (scene.order == 2 && random_.happens(0.5))) {
+    scene.bumps.push_back(make(kind == Argument::kAngle ? Argument::kTime : kind, 1e-4));
+  } else {
+    // Of order 1 the ratio is differentiated twice.
+    const bool is_first = scene.order == 1;
+    if (is_first) scene.hold = "second_order_lag";
+    Term term = make(kind, is_first ? 0.03 : 1e-3);
+    term.scale = rounded(random_.between(0.1, 0.4));
+    scene.ratio_terms.push_back(std::move(term));
+  }
+  return scene;
+}
+
+}  // namespace
+
+BumpyScene makeBumpyScene(std::uint64_t seed) {
+  return Generator(seed).make();
+}
+
+}  // namespace variator_sim::test
