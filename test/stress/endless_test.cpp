@@ -56,7 +56,7 @@ std::vector<std::array<double, 2>> RestScene::reference() const {
   double momentum = start;  // of both, by contact: inertias 1 and 2, b at rest
   for (int n = 1; n <= kSteps; ++n) {
     const double t = (n - 0.5) * h;
-    const double aim = v + h / mass * load(t);
+    const double aim = v + h * load(t) / (is_contact ? 1.0 : mass);
     double low = -1e4;
     double high = 1e4;
     for (int i = 0; i < 70; ++i) {
@@ -64,7 +64,7 @@ std::vector<std::array<double, 2>> RestScene::reference() const {
       (middle + h / mass * law(middle, t) < aim ? low : high) = middle;
     }
     v = high;
-    momentum += h * load(t) * (is_contact ? 1.0 / mass * (2.0 / 3.0) : 0.0);
+    momentum += h * load(t);
     if (n % (kSteps / 4) != 0) continue;
     if (is_contact) {
       ends.push_back({(momentum + 2.0 * v) / 3.0, (momentum - v) / 3.0});
