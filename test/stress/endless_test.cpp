@@ -319,21 +319,21 @@ Verdict examine(const RestScene& rest) {
   return verdict;
 }
 
-/// `count` verdicts from `first` on, of a child that is begun anew when a scene has taken `limit`
-/// seconds of its time.
-std::vector<Verdict> examineAll(std::uint64_t first, int count, int limit, int most_endless) {
+/// Verdicts of a child, which is begun anew when a scene has taken `limit` seconds of its time; no
+/// more after `most` of these.
+std::vector<Verdict> examineAll(const std::vector<std::uint64_t>& seeds, int limit, int most) {
   std::vector<Verdict> verdicts;
-  while (static_cast<int>(verdicts.size()) < count && most_endless > 0) {
+  while (verdicts.size() < seeds.size() && most > 0) {
     int ends[2];
     if (pipe(ends) != 0) break;
     std::fflush(stdout);
     const pid_t child = fork();
     if (child == 0) {
       close(ends[0]);
-      for (std::uint64_t n = verdicts.size(); n < static_cast<std::uint64_t>(count); ++n) {
+      for (std::size_t n = verdicts.size(); n < seeds.size(); ++n) {
         const itimerval timer{{0, 0}, {limit, 0}};
         setitimer(ITIMER_PROF, &timer, nullptr);  // SIGPROF ends it
-        const Verdict verdict = examine(makeRestScene(first + n));
+        const Verdict verdict = examine(makeRestScene(seeds[n]));
         if (::write(ends[1], &verdict, sizeof verdict) != sizeof verdict) _exit(1);
       }
       _exit(0);
@@ -343,11 +343,11 @@ std::vector<Verdict> examineAll(std::uint64_t first, int count, int limit, int m
     while (read(ends[0], &verdict, sizeof verdict) == sizeof verdict) verdicts.push_back(verdict);
     close(ends[0]);
     waitpid(child, nullptr, 0);
-    if (static_cast<int>(verdicts.size()) < count) {
+    if (verdicts.size() < seeds.size()) {
       verdicts.emplace_back();
-      --most_endless;
+      --most;
+      if (isLongForm()) std::printf("%zu of %zu\n", verdicts.size(), seeds.size());
     }
-    if (isLongForm()) std::printf("%zu of %d\n", verdicts.size(), count);
   }
   return verdicts;
 }
@@ -367,23 +367,15 @@ TEST(RestReference, KnowsMotionsThatOthersHaveComputed) {
 }
 
 TEST(Endless, NoSceneAtRestOnASwitchIs) {
-  const std::string given = testing::internal::GetArgvs().back();
-  const bool is_one = given.find_first_not_of("0123456789") == std::string::npos;
-  const char* from = std::getenv("VARIATOR_SIM_STRESS_SEED");
-  const std::uint64_t first = std::strtoull(is_one            ? given.c_str()
-                                            : from != nullptr ? from
-                                                              : "1",
-                                            nullptr, 10);
-  const char* most = std::getenv("VARIATOR_SIM_STRESS_COUNT");
-  const int count = is_one ? 1 : most != nullptr ? std::atoi(most) : sizeOf(400, 20000);
-  const std::vector<Verdict> verdicts = examineAll(first, count, 5, sizeOf(2, 20000));
+  const std::vector<std::uint64_t> seeds = givenSeeds(400, 20000);
+  const std::vector<Verdict> verdicts = examineAll(seeds, 5, sizeOf(2, 20000));
 
   Hazard hazard("rest", "laws that jump or bend sharply at rest, made at random",
                 "widths 1e-1 to 1e-9, all steppers");
   std::map<std::string, int> counts;
   for (std::size_t n = 0; n < verdicts.size(); ++n) {
     const Verdict& verdict = verdicts[n];
-    const std::uint64_t seed = first + n;
+    const std::uint64_t seed = seeds[n];
     const std::string kind = verdict.kind;
     const int of_kind = ++counts[kind];
     const bool is_bad =
@@ -393,7 +385,7 @@ TEST(Endless, NoSceneAtRestOnASwitchIs) {
     } else {
       hazard.named(kind, "seed " + std::to_string(seed));
     }
-    if (!is_one && (kind == "right" || of_kind > 3)) continue;
+    if (seeds.size() > 1 && (kind == "right" || of_kind > 3)) continue;
     const RestScene scene = makeRestScene(seed);
     std::printf("seed %llu: %s, error %.3g of what is allowed, %.0f attempted steps %s\n%s%s",
                 static_cast<unsigned long long>(seed), verdict.kind, verdict.error,
@@ -404,7 +396,7 @@ TEST(Endless, NoSceneAtRestOnASwitchIs) {
     }
   }
   for (const auto& [kind, number] : counts) std::printf("%s: %d\n", kind.c_str(), number);
-  EXPECT_EQ(static_cast<int>(verdicts.size()), count) << "too many were endless to go on";
+  EXPECT_EQ(verdicts.size(), seeds.size()) << "too many were endless to go on";
 }
 
 }  // namespace

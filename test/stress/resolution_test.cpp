@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <utility>
@@ -70,31 +71,87 @@ Verdict judge(const BumpyScene& scene, const std::vector<Sample>& samples,
   return verdict;
 }
 
-Verdict examine(const BumpyScene& bumpy) {
+/// Where formulas run and steps are made.
+enum class Means { kInterpreter, kKernel, kLanes, kEmitted };
+
+/// The same motion in every lane, as a sweep plays it; none where nothing was made together.
+std::vector<test::Run> playInLanes(const Scene& scene, Simulation& first, const BumpyScene& bumpy) {
+  python::RowFibers fibers;
+  fibers.setLanes(first.loadLanes(true));
+  std::vector<test::Run> runs;
+  if (!fibers.hasLanes()) return runs;
+  int left = SeriesLanes::kLanes;
+  fibers.run([&] {
+    while (left-- > 0) {
+      Simulation simulation(scene, first);
+      simulation.makeStepsWith(&fibers);
+      runs.push_back(play(simulation, bumpy.times(), bumpy.commands));
+    }
+  });
+  return runs;
+}
+
+/// The emitted program, compiled, up to where it stops.
+test::Run playEmitted(Simulation& simulation, const BumpyScene& bumpy) {
+  std::string folder = (std::filesystem::temp_directory_path() / "resolution_XXXXXX").string();
+  EXPECT_NE(::mkdtemp(folder.data()), nullptr);
+  writeEmittedScene(emitScene(simulation, "bumpy", "bumpy.yaml"), folder);
+  std::ofstream(folder + "/commands.csv") << bumpy.csv();
+  const std::string line = "cd " + folder + " && make -s >log 2>&1 && ./bumpy_play --duration " +
+                           plainly(bumpy.end) + " --rate " + plainly(4.0 / bumpy.end) +
+                           " --commands commands.csv --output motion.csv 2>>log";
+  test::Run run;
+  if (std::system(line.c_str()) != 0) run.reason = StopReason::kStepLimit;
+  std::ifstream file(folder + "/motion.csv");
+  std::string text;
+  std::getline(file, text);
+  // time, then angle, velocity, acceleration, torques and rate of each shaft
+  while (std::getline(file, text)) {
+    std::istringstream row(text);
+    std::vector<double> values;
+    for (std::string cell; std::getline(row, cell, ',');) values.push_back(std::stod(cell));
+    if (values.size() < 7 || values[0] == 0.0) continue;
+    Sample sample;
+    sample.time = values[0];
+    sample.angle[0] = values[1];
+    sample.velocity[0] = values[2];
+    if (bumpy.order > 0) sample.velocity[1] = values[8];
+    run.samples.push_back(sample);
+  }
+  EXPECT_TRUE(!run.samples.empty() || run.reason != StopReason::kNone) << line;
+  std::filesystem::remove_all(folder);
+  return run;
+}
+
+Verdict examine(const BumpyScene& bumpy, Means means = Means::kInterpreter) {
+  const std::vector<Sample> reference = bumpy.reference();
+  if (reference.empty()) return {"unknown", 0.0, kGenerous, ""};
   Verdict verdict;
   try {
     Scene scene = sceneFromText(bumpy.yaml());
-    scene.solver.machine_code = MachineCode::kNever;
+    scene.solver.machine_code = means == Means::kKernel || means == Means::kLanes
+                                    ? MachineCode::kAlways
+                                    : MachineCode::kNever;
     if (!takes(scene, scene.solver.stepper)) scene.solver.stepper = StepperKind::kAuto;
-    const test::Run run = play(scene, bumpy.times(), bumpy.commands);
-    if (run.reason == StopReason::kProjectionFailed && run.samples.empty()) {
-      verdict.kind = "refused";
-      verdict.message = run.message;
-      return verdict;
+    Simulation simulation(scene);
+    std::vector<test::Run> runs;
+    if (means == Means::kEmitted) {
+      runs.push_back(playEmitted(simulation, bumpy));
+    } else if (means == Means::kLanes && simulation.loadMachineCode(true)) {
+      runs = playInLanes(scene, simulation, bumpy);
+    } else if (means != Means::kKernel || simulation.loadMachineCode(true)) {
+      runs.push_back(play(simulation, bumpy.times(), bumpy.commands));
     }
-    const std::vector<Sample> reference = bumpy.reference();
-    if (reference.empty()) {
-      verdict.kind = "unknown";
-      return verdict;
-    }
-    verdict = judge(bumpy, run.samples, reference);
-    if (verdict.kind == "right" && run.reason != StopReason::kNone) {
-      verdict.kind = toString(run.reason);
-      verdict.message = run.message;
+    if (runs.empty()) return {"no machine code", 0.0, kGenerous, simulation.machineCode()};
+    for (const test::Run& run : runs) {
+      verdict = judge(bumpy, run.samples, reference);
+      if (verdict.kind != "right") return verdict;
+      if (run.reason != StopReason::kNone) {
+        return {toString(run.reason), verdict.error, verdict.allowed, run.message};
+      }
     }
   } catch (const SceneError& error) {
-    verdict.kind = "refused";
-    verdict.message = error.what();
+    return {"refused", 0.0, kGenerous, error.what()};
   }
   return verdict;
 }
@@ -162,21 +219,15 @@ void print(std::uint64_t seed, const BumpyScene& scene, const Verdict& verdict) 
   std::fflush(stdout);
 }
 
-TEST(Resolution, NoBumpIsSteppedOver) {
-  const std::string given = testing::internal::GetArgvs().back();
-  const bool is_one = given.find_first_not_of("0123456789") == std::string::npos;
-  const char* from = std::getenv("VARIATOR_SIM_STRESS_SEED");
-  const std::uint64_t first =
-      std::strtoull(is_one ? given.c_str() : from != nullptr ? from : "1", nullptr, 10);
-  const char* most = std::getenv("VARIATOR_SIM_STRESS_COUNT");
-  const int count = is_one ? 1 : most != nullptr ? std::atoi(most) : sizeOf(1500, 100000);
-  std::vector<Verdict> verdicts(static_cast<std::size_t>(count));
-  std::atomic<int> next{0};
+/// Counts what became of `seeds` by `means`, prints the first of each kind that is not right, and
+/// fails for each that is wrong.
+void examineAll(const std::vector<std::uint64_t>& seeds, Means means, const std::string& by) {
+  std::vector<Verdict> verdicts(seeds.size());
+  std::atomic<std::size_t> next{0};
   const auto work = [&] {
-    for (int n = next++; n < count; n = next++) {
-      verdicts[static_cast<std::size_t>(n)] =
-          examine(makeBumpyScene(first + static_cast<std::uint64_t>(n)));
-      if (n % 1000 == 999 && isLongForm()) std::printf("%d of %d\n", n + 1, count);
+    for (std::size_t n = next++; n < seeds.size(); n = next++) {
+      verdicts[n] = examine(makeBumpyScene(seeds[n]), means);
+      if (n % 1000 == 999 && isLongForm()) std::printf("%zu of %zu\n", n + 1, seeds.size());
     }
   };
   std::vector<std::thread> threads;
@@ -185,26 +236,42 @@ TEST(Resolution, NoBumpIsSteppedOver) {
   }
   for (std::thread& thread : threads) thread.join();
 
-  Hazard hazard("inside a step", "bumps, steps and periods made at random",
+  Hazard hazard("inside a step", "bumps, steps and periods made at random, by " + by,
                 "widths 1 to 1e-6, orders 0 to 3");
   std::map<std::string, int> counts;
-  for (int n = 0; n < count; ++n) {
-    const std::uint64_t seed = first + static_cast<std::uint64_t>(n);
-    const Verdict& verdict = verdicts[static_cast<std::size_t>(n)];
-    const std::string label = "seed " + std::to_string(seed);
+  for (std::size_t n = 0; n < seeds.size(); ++n) {
+    const Verdict& verdict = verdicts[n];
+    const std::string label = "seed " + std::to_string(seeds[n]);
     const int of_kind = ++counts[verdict.kind];
     if (verdict.kind == "right" || verdict.kind == "wrong") {
       hazard.judge(verdict.error, label, verdict.allowed);
     } else {
       hazard.named(verdict.kind, label + ": " + verdict.message);
     }
-    if (is_one || (verdict.kind != "right" && of_kind <= 3)) {
-      print(seed, makeBumpyScene(seed), verdict);
+    if (seeds.size() == 1 || (verdict.kind != "right" && of_kind <= 3)) {
+      print(seeds[n], makeBumpyScene(seeds[n]), verdict);
     }
   }
-  for (const auto& [kind, number] : counts) std::printf("%s: %d\n", kind.c_str(), number);
+  for (const auto& [kind, number] : counts) {
+    std::printf("%s: %s: %d\n", by.c_str(), kind.c_str(), number);
+  }
   EXPECT_EQ(counts["refused"], 0);
-  EXPECT_LE(hazard.stops(), count / 50) << "a generator whose scenes stop shows nothing";
+  EXPECT_LE(hazard.stops(), 2 + static_cast<int>(seeds.size()) / 50)
+      << "a generator whose scenes stop shows nothing";
+}
+
+TEST(Resolution, NoBumpIsSteppedOver) {
+  examineAll(givenSeeds(1000, 100000), Means::kInterpreter, "the interpreter");
+}
+
+using ResolutionByMachineCode = MachineCodeFolder;
+
+/// Compilers take a second or two for each.
+TEST_F(ResolutionByMachineCode, NoBumpIsSteppedOver) {
+  const std::vector<std::uint64_t> seeds = givenSeeds(1, 200);
+  examineAll(seeds, Means::kKernel, "kernels");
+  examineAll(seeds, Means::kLanes, "lanes");
+  examineAll(seeds, Means::kEmitted, "emitted C");
 }
 
 }  // namespace
