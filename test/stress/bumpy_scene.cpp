@@ -232,6 +232,12 @@ class Equations {
     State rate;
     operator()(y, rate, t);
     double longest = scene_.end / 20.0;
+    const double moving = 40.0 * scene_.hold_time;
+    const bool is_moving = std::any_of(
+        scene_.commands.begin(), scene_.commands.end(), [&](const TimedCommand& command) {
+          return command.input == 0 && command.time <= t && t < command.time + moving;
+        });
+    if (is_moving) longest = std::min(longest, 0.25 * scene_.hold_time);
     for (const auto* terms : {&scene_.terms, &scene_.ratio_terms, &scene_.bumps}) {
       for (const Term& term : *terms) {
         const Dual x = argument(term.argument, t, y, rate[1]);
@@ -471,7 +477,8 @@ void Generator::addPeriodic(Term* term, double from, double length) {
       term->formula = power(s, n);
       break;
     case 2:
-      term->formula = power(number(0.5) - number(0.5) * c, 0.5 * n + 0.5);
+      // (The power of 0 itself has no series.)
+      term->formula = power(number(0.55) - number(0.45) * c, 0.5 * n + 0.5);
       break;
     case 3: {
       term->formula = s;
