@@ -124,6 +124,57 @@ const Found kFound[] = {
       {2, "a/velocity", 0.067359984692468},
       {3, "a/velocity", 0.099267345862585}}},
     {"diverges_in_time", {{3, "a/velocity", 0.050516197766279}}, "3*exp(-(100*sin(20*t+1))^2)"},
+    // found by resolution_test
+    {"../stress/kept/bump_10005_free_shaft_of_input",
+     {
+         {1.5, "a/velocity", 0.89893, 0.1},
+         {3.0, "a/velocity", 1.42843815028, 0.1},
+     }},
+    {"../stress/kept/bump_10039_free_shaft_of_time",
+     {
+         {1.5, "a/velocity", 2.92045621038, 1e-06},
+         {3.0, "a/velocity", 4.84091242077, 1e-06},
+     }},
+    {"../stress/kept/bump_10040_order2_of_table",
+     {
+         {1.5, "a/velocity", 5.11668975146, 1e-05},
+         {3.0, "a/velocity", 9.54249016974, 1e-05},
+     }},
+    {"../stress/kept/bump_10045_free_shaft_of_angle",
+     {
+         {1.5, "a/velocity", 8.43834256773, 0.1},
+         {3.0, "a/velocity", 15.946219559, 0.1},
+     }},
+    {"../stress/kept/bump_10100_order2_of_input",
+     {
+         {0.5, "a/velocity", 0.406885244972, 1e-05},
+         {1.0, "a/velocity", 0.864430940691, 1e-05},
+     }},
+    {"../stress/kept/bump_10122_order1_of_angle",
+     {
+         {1.5, "a/velocity", 1.24027952901, 1e-07},
+         {3.0, "a/velocity", 1.41256479086, 1e-07},
+     }},
+    {"../stress/kept/bump_10139_order3_of_angle",
+     {
+         {1.5, "a/velocity", 2.20559976756, 0.01},
+         {3.0, "a/velocity", 3.54046440731, 0.01},
+     }},
+    {"../stress/kept/bump_10156_order2_of_time",
+     {
+         {1.5, "a/velocity", -1.07616564502, 0.01},
+         {3.0, "a/velocity", 0.362041114489, 0.01},
+     }},
+    {"../stress/kept/bump_10189_free_shaft_of_table",
+     {
+         {1.5, "a/velocity", 2.69954961962, 1e-06},
+         {3.0, "a/velocity", 4.84909923931, 1e-06},
+     }},
+    {"../stress/kept/bump_10236_order1_of_velocity",
+     {
+         {1.5, "a/velocity", 3.91023534539, 0.01},
+         {3.0, "a/velocity", 5.80110308865, 0.01},
+     }},
     // a sample at the instant of a jump (R5)
     {"R5_sample_at_sign_instant",
      {{0.25, "a/velocity", 0.25}, {0.5, "a/reaction_torque", 0.0}, {0.75, "a/velocity", 1.25}}},
@@ -182,8 +233,14 @@ const Found kFound[] = {
     {"freewheel_hang", {{2, "a/velocity", 0.909292495237}, {3, "a/velocity", 0.371435852926}}},
     {"freewheel_underflow",
      {{0.5, "a/velocity", 4.06566591315}, {1, "a/velocity", 2.533018098081}}},
-    {"hold_by_sign", {{1, "hoist/velocity", 0.0}}, "", 0.0, "", "", 0.0},
-    {"hold_by_sign_geared", {{1, "a/velocity", 0.0}, {1, "b/velocity", 0.0}}, "", 0.0, "", "", 0.0},
+    {"hold_by_sign", {{1, "hoist/velocity", 0.0}}, "", 0.0, "", "", 1e-9},
+    {"hold_by_sign_geared",
+     {{1, "a/velocity", 0.0}, {1, "b/velocity", 0.0}},
+     "",
+     0.0,
+     "",
+     "",
+     1e-9},
     // gear 1 pulls above the threshold, gear 2 does not hold it: a scene without memory has no
     // motion
     {"gear_logic", {{60, "wheel/velocity", 30.0, 0.0}}, "", 0.0, "", "", 60.0},
@@ -232,7 +289,10 @@ void play(const Found& found, Scene scene) {
     const double time = n < found.values.size() ? found.values[n].time : end;
     for (; next < commands.size() && commands[next].time <= time; ++next) {
       simulation.advanceTo(commands[next].time);
-      simulation.command(0, commands[next].value);
+      for (int input = 0; input < scene.inputCount(); ++input) {
+        if (scene.inputs[static_cast<std::size_t>(input)].topic != commands[next].topic) continue;
+        simulation.command(input, commands[next].value);
+      }
     }
     if (!simulation.advanceTo(time).ok() || n == found.values.size()) break;
     const auto& [at, column, value, allowed] = found.values[n];
@@ -288,6 +348,7 @@ TEST_P(FoundScene, IsRightByOtherMeans) {
 
 INSTANTIATE_TEST_SUITE_P(Test, FoundScene, testing::ValuesIn(kFound), [](const auto& of) {
   std::string name = of.param.name;
+  name.erase(0, name.rfind('/') + 1);
   for (char& c : name) c = c == '.' ? '_' : c;
   return name;
 });

@@ -237,11 +237,13 @@ class Equations {
         scene_.commands.begin(), scene_.commands.end(), [&](const TimedCommand& command) {
           return command.input == 0 && command.time <= t && t < command.time + moving;
         });
-    if (is_moving) longest = std::min(longest, 0.25 * scene_.hold_time);
     for (const auto* terms : {&scene_.terms, &scene_.ratio_terms, &scene_.bumps}) {
       for (const Term& term : *terms) {
         const Dual x = argument(term.argument, t, y, rate[1]);
-        const double bend = term.argument == Argument::kAngle ? std::abs(rate[1]) : 0.0;
+        const bool is_input = term.argument == Argument::kInput && is_moving;
+        const double bend = term.argument == Argument::kAngle ? std::abs(rate[1])
+                            : is_input ? 16.0 / (scene_.hold_time * scene_.hold_time)
+                                       : 0.0;
         for (const Feature& feature : term.features) {
           double away = x.value - feature.at;
           if (feature.period > 0.0) away = std::remainder(away, feature.period);

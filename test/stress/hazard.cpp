@@ -18,7 +18,7 @@ bool isLongForm() {
   return form != nullptr && std::string(form) == "long";
 }
 
-std::vector<std::uint64_t> givenSeeds(int brief, int lengthy) {
+std::vector<std::uint64_t> givenSeeds(int brief, int lengthy, std::uint64_t from) {
   const std::string last = testing::internal::GetArgvs().back();
   if (last.find_first_not_of("0123456789") == std::string::npos) {
     return {std::strtoull(last.c_str(), nullptr, 10)};
@@ -29,7 +29,7 @@ std::vector<std::uint64_t> givenSeeds(int brief, int lengthy) {
   };
   std::vector<std::uint64_t> seeds(
       read("VARIATOR_SIM_STRESS_COUNT", static_cast<std::uint64_t>(sizeOf(brief, lengthy))));
-  std::iota(seeds.begin(), seeds.end(), read("VARIATOR_SIM_STRESS_SEED", 1));
+  std::iota(seeds.begin(), seeds.end(), read("VARIATOR_SIM_STRESS_SEED", from));
   return seeds;
 }
 

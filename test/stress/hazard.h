@@ -22,9 +22,9 @@ T sizeOf(T brief, T lengthy) {
 }
 
 /// The seeds of scenes made at random: the one that is the last argument of the program, or
-/// `sizeOf(brief, lengthy)` from VARIATOR_SIM_STRESS_SEED (1) on; VARIATOR_SIM_STRESS_COUNT changes
-/// how many.
-std::vector<std::uint64_t> givenSeeds(int brief, int lengthy);
+/// `sizeOf(brief, lengthy)` from VARIATOR_SIM_STRESS_SEED (`from`) on; VARIATOR_SIM_STRESS_COUNT
+/// changes how many.
+std::vector<std::uint64_t> givenSeeds(int brief, int lengthy, std::uint64_t from = 1);
 
 /// How often a motion may have accumulated the error that a step is allowed: "within the error
 /// asked for" is within so many tolerances.

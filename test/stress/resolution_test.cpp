@@ -266,14 +266,14 @@ void examineAll(const std::vector<std::uint64_t>& seeds, Means means, const std:
 }
 
 TEST(Resolution, NoBumpIsSteppedOver) {
-  examineAll(givenSeeds(1000, 100000), Means::kInterpreter, "the interpreter");
+  examineAll(givenSeeds(900, 100000), Means::kInterpreter, "the interpreter");
 }
 
 using ResolutionByMachineCode = MachineCodeFolder;
 
-/// Compilers take a second or two for each.
+/// Compilers take a second or two for each; seed 101 is one of those that have lanes and a program.
 TEST_F(ResolutionByMachineCode, NoBumpIsSteppedOver) {
-  const std::vector<std::uint64_t> seeds = givenSeeds(1, 200);
+  const std::vector<std::uint64_t> seeds = givenSeeds(1, 200, 101);
   examineAll(seeds, Means::kKernel, "kernels");
   examineAll(seeds, Means::kLanes, "lanes");
   examineAll(seeds, Means::kEmitted, "emitted C");
