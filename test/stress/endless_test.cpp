@@ -367,7 +367,7 @@ TEST(RestReference, KnowsMotionsThatOthersHaveComputed) {
 }
 
 TEST(Endless, NoSceneAtRestOnASwitchIs) {
-  const std::vector<std::uint64_t> seeds = givenSeeds(400, 20000);
+  const std::vector<std::uint64_t> seeds = givenSeeds(150, 20000);
   const std::vector<Verdict> verdicts = examineAll(seeds, 5, sizeOf(2, 20000));
 
   Hazard hazard("rest", "laws that jump or bend sharply at rest, made at random",
