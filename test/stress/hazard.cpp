@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 namespace variator_sim::test {
@@ -17,32 +18,54 @@ bool isLongForm() {
   return form != nullptr && std::string(form) == "long";
 }
 
-Run play(const Scene& scene, const std::vector<double>& times,
+std::vector<std::uint64_t> givenSeeds(int brief, int lengthy, std::uint64_t from) {
+  const std::string last = testing::internal::GetArgvs().back();
+  if (last.find_first_not_of("0123456789") == std::string::npos) {
+    return {std::strtoull(last.c_str(), nullptr, 10)};
+  }
+  const auto read = [](const char* name, std::uint64_t otherwise) {
+    const char* text = std::getenv(name);
+    return text != nullptr ? std::strtoull(text, nullptr, 10) : otherwise;
+  };
+  std::vector<std::uint64_t> seeds(
+      read("VARIATOR_SIM_STRESS_COUNT", static_cast<std::uint64_t>(sizeOf(brief, lengthy))));
+  std::iota(seeds.begin(), seeds.end(), read("VARIATOR_SIM_STRESS_SEED", from));
+  return seeds;
+}
+
+Run play(Simulation& simulation, const std::vector<double>& times,
          const std::vector<TimedCommand>& commands) {
   Run run;
+  auto command = commands.begin();
+  for (double time : times) {
+    while (command != commands.end() && command->time <= time) {
+      if (command->time > simulation.time() && !simulation.advanceTo(command->time).ok()) break;
+      simulation.command(command->input, command->value);
+      ++command;
+    }
+    simulation.advanceTo(time);
+    const Sample sample = simulation.sample();
+    if (!simulation.status().ok()) break;
+    run.samples.push_back(sample);
+  }
+  run.reason = simulation.status().reason;
+  run.message = simulation.describeStatus();
+  run.end = simulation.time();
+  run.statistics = simulation.statistics();
+  return run;
+}
+
+Run play(const Scene& scene, const std::vector<double>& times,
+         const std::vector<TimedCommand>& commands) {
   try {
     Simulation simulation(scene);
-    auto command = commands.begin();
-    for (double time : times) {
-      while (command != commands.end() && command->time <= time) {
-        if (command->time > simulation.time() && !simulation.advanceTo(command->time).ok()) break;
-        simulation.command(command->input, command->value);
-        ++command;
-      }
-      simulation.advanceTo(time);
-      const Sample sample = simulation.sample();
-      if (!simulation.status().ok()) break;
-      run.samples.push_back(sample);
-    }
-    run.reason = simulation.status().reason;
-    run.message = simulation.describeStatus();
-    run.end = simulation.time();
-    run.statistics = simulation.statistics();
+    return play(simulation, times, commands);
   } catch (const SceneError& error) {
+    Run run;
     run.reason = StopReason::kProjectionFailed;
     run.message = error.what();
+    return run;
   }
-  return run;
 }
 
 std::vector<double> evenly(double end, int n) {

@@ -2,6 +2,7 @@
 /// table from.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <string>
@@ -19,6 +20,11 @@ template <class T>
 T sizeOf(T brief, T lengthy) {
   return isLongForm() ? lengthy : brief;
 }
+
+/// The seeds of scenes made at random: the one that is the last argument of the program, or
+/// `sizeOf(brief, lengthy)` from VARIATOR_SIM_STRESS_SEED (`from`) on; VARIATOR_SIM_STRESS_COUNT
+/// changes how many.
+std::vector<std::uint64_t> givenSeeds(int brief, int lengthy, std::uint64_t from = 1);
 
 /// How often a motion may have accumulated the error that a step is allowed: "within the error
 /// asked for" is within so many tolerances.
@@ -43,6 +49,10 @@ struct Run {
 /// Plays `scene` with `commands` (sorted by time), sampled at `times` (sorted). A scene whose start
 /// is refused gives no samples, kProjectionFailed, and the message of the refusal.
 Run play(const Scene& scene, const std::vector<double>& times,
+         const std::vector<TimedCommand>& commands = {});
+
+/// The same of a simulation at time 0.
+Run play(Simulation& simulation, const std::vector<double>& times,
          const std::vector<TimedCommand>& commands = {});
 
 /// n instants evenly from end / n to end.
