@@ -248,6 +248,9 @@ bool Integrator::step(double target) {
     status_.time = absolute(front_.time);
     return false;
   }
+  // A motion may come to rest on an edge that it crosses again and again.
+  double rate = 0.0;
+  if (course_ == Course::kHop && !choice_.isFixed()) lookForRest(&rate);
   // Steps of fixed size have had no need of it.
   if (!integrates_torque_ && choice_.isFixed()) checks_.noteTorque(front_);
   return true;
@@ -462,25 +465,29 @@ void Integrator::calcInside(double theta, State& x) {
   }
 }
 
+bool Integrator::lookForRest(double* rate) {
+  *rate = 0.0;
+  if (drivetrain_.readsTime() || !settings_.sleep) return false;
+  // Angles that nothing reads go on at constant speed.
+  double change = 0.0;
+  for (int n = system_.readsAngles() ? 0 : S; n < front_.x.size(); ++n) {
+    const double allowed = tolerance_.of(front_.x[n]);
+    *rate = std::max(*rate, std::abs(front_.dxdt[n]) / allowed);
+    change = std::max(change, std::abs(front_.x[n] - base_.x[n]) / allowed);
+  }
+  if ((*rate != 0.0 && !rest_.noteStep(change)) || !fallAsleep()) return false;
+  ++statistics_.sleeps;
+  return true;
+}
+
 void Integrator::lookAhead() {
   if (stepper_->isImplicit()) ++statistics_.implicit_steps;
-  if (!drivetrain_.readsTime() && settings_.sleep) {
-    // Angles that nothing reads go on at constant speed.
-    double rate = 0.0;
-    double change = 0.0;
-    for (int n = system_.readsAngles() ? 0 : S; n < front_.x.size(); ++n) {
-      const double allowed = tolerance_.of(front_.x[n]);
-      rate = std::max(rate, std::abs(front_.dxdt[n]) / allowed);
-      change = std::max(change, std::abs(front_.x[n] - base_.x[n]) / allowed);
-    }
-    if ((rate == 0.0 || rest_.noteStep(change)) && fallAsleep()) {
-      ++statistics_.sleeps;
-      return;
-    }
-    if (choice_.settle(front_, rate * (front_.time - base_.time))) {
-      followChoice();
-      return;
-    }
+  double rate = 0.0;
+  if (lookForRest(&rate)) return;
+  if (!drivetrain_.readsTime() && settings_.sleep &&
+      choice_.settle(front_, rate * (front_.time - base_.time))) {
+    followChoice();
+    return;
   }
   if (!choice_.isAutomatic()) return;
   const double limit =
@@ -496,7 +503,7 @@ bool Integrator::fallAsleep() {
   const double term =
       rest_.calcTerm(front_.time, front_.x, front_.dxdt, tolerance_, left_at_sleep_end_);
   const bool sleeps = term >= kLeastSleep * settings_.maximum_step;
-  course_ = sleeps ? Course::kRest : Course::kStep;
+  if (sleeps) course_ = Course::kRest;
   sleep_end_ = front_.time + term;
   return sleeps;
 }

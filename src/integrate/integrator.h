@@ -268,6 +268,8 @@ class Integrator {
 
   /// The stepper has changed: sizes of steps are chosen by its order, without a past.
   void followChoice();
+  /// True when the motion is at rest from the front on. `rate`: its largest, in tolerances per s.
+  bool lookForRest(double* rate);
   /// After an accepted step of adaptive size: another stepper for the next one? at rest?
   void lookAhead();
 
