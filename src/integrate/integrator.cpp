@@ -348,10 +348,13 @@ bool Integrator::stopWhereToleranceIsLost() {
   if (measure > 1.0) {
     statistics_.largest_rounding = std::max(statistics_.largest_rounding, measure);
   }
-  if (!checks_.isToleranceLost()) return false;
+  if (checks_.steepestTorque() < 0) return false;
   front_ = base_;
   explainStop(StopReason::kToleranceTooSmall);
-  if (status_.reason == StopReason::kToleranceTooSmall) status_.measure = measure;
+  if (status_.reason == StopReason::kToleranceTooSmall) {
+    status_.measure = measure;
+    status_.torque = checks_.steepestTorque();
+  }
   return true;
 }
 
@@ -502,7 +505,8 @@ void Integrator::followChoice() {
 bool Integrator::fallAsleep() {
   const double term =
       rest_.calcTerm(front_.time, front_.x, front_.dxdt, tolerance_, left_at_sleep_end_);
-  const bool sleeps = term >= kLeastSleep * settings_.maximum_step;
+  const bool sleeps =
+      term >= std::min(kLeastSleep * settings_.maximum_step, 0.25 * rest_.longestTerm());
   if (sleeps) course_ = Course::kRest;
   sleep_end_ = front_.time + term;
   return sleeps;

@@ -9,6 +9,7 @@
 
 #include "motion/error_estimate.h"
 #include "motion/motion.h"
+#include "variator_sim/laws.h"
 
 namespace variator_sim {
 
@@ -19,6 +20,16 @@ std::unique_ptr<Motion> makeMotion(Scene scene, const Motion* like) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
   return std::make_unique<Motion>(std::move(scene), Shortcuts{}, like);
+}
+
+/// The key that makes a torque answer steeply to the state; the element where none is known.
+std::string steepestKey(const Torque& torque) {
+  if (dynamic_cast<const Friction*>(&torque) != nullptr) {
+    return torque.name() + "/regularization_speed";
+  }
+  if (dynamic_cast<const ElasticCoupling*>(&torque) != nullptr) return torque.name() + "/stiffness";
+  const bool is_formula = dynamic_cast<const ExpressionTorque*>(&torque) != nullptr;
+  return torque.name() + (is_formula ? "/torque" : "");
 }
 
 void writeVector(std::ostream& out, const double* values, int count) {
@@ -242,6 +253,13 @@ std::string Simulation::describeStatus() const {
   }
   if (status.reason == StopReason::kToleranceTooSmall) {
     text << " (4 roundings of the state make " << status.measure << " tolerances)";
+    if (status.torque >= 0) {
+      text << ", most of them by '"
+           << steepestKey(*scene.torques[static_cast<std::size_t>(status.torque)]) << "'";
+    }
+    if (scene.constraints.empty()) {
+      text << "; the scene has no constraint, so both principles give the same motion";
+    }
   }
   const Sample& sample = motion_->sample();
   text << "; last good state: angle = ";
