@@ -18,7 +18,9 @@ class TorqueTangent {
  public:
   TorqueTangent(Drivetrain& drivetrain, const StateView& base) : drivetrain_(drivetrain) {
     const int S = drivetrain.shafts();
+    std::copy_n(base.angle, S, angle_);
     std::copy_n(base.velocity, S, velocity_);
+    drivetrain.calcTorque(base, torque_);
     double epsilon[kMaxShafts] = {};
     double rate[kMaxShafts];
     StateView state = base;
@@ -37,20 +39,27 @@ class TorqueTangent {
 
   /// Q + dQ/domega (omega - omega_0) with Q at omega_0; Q itself where it has no derivative.
   void calcTorque(const StateView& state, double* torque) const {
-    StateView at = state;
-    if (exists_) at.velocity = velocity_;
-    drivetrain_.calcTorque(at, torque);
-    for (int j = 0; j < drivetrain_.shafts() && exists_; ++j) {
+    const int S = drivetrain_.shafts();
+    if (exists_ && std::equal(angle_, angle_ + S, state.angle)) {
+      std::copy_n(torque_, S, torque);
+    } else {
+      StateView at = state;
+      if (exists_) at.velocity = velocity_;
+      drivetrain_.calcTorque(at, torque);
+    }
+    for (int j = 0; j < S && exists_; ++j) {
       const double change = state.velocity[j] - velocity_[j];
       if (change == 0.0) continue;
-      for (int i = 0; i < drivetrain_.shafts(); ++i) torque[i] += slope_[j][i] * change;
+      for (int i = 0; i < S; ++i) torque[i] += slope_[j][i] * change;
     }
   }
 
  private:
   const Drivetrain& drivetrain_;
   bool exists_ = true;
+  double angle_[kMaxShafts] = {};
   double velocity_[kMaxShafts] = {};
+  double torque_[kMaxShafts] = {};
   double slope_[kMaxShafts][kMaxShafts];  // [j][i]: dQ_i/domega_j
 };
 
