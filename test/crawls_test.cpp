@@ -45,7 +45,7 @@ Played expectNoCrawl(const std::string& yaml, double end) {
   std::uint64_t best = kMostSteps;
   for (const StepperKind kind : {StepperKind::kRadau, StepperKind::kDop853, StepperKind::kTaylor}) {
     if (!test::takes(scene, kind)) continue;
-    const Played named = run(scene, kind, end);
+    const Played named = run(scene, kind, end, kMostSteps / 4);
     if (!named.status.ok()) continue;
     best = std::min(best, named.tried());
     for (int i = 0; i < scene.shaftCount(); ++i) {
@@ -73,7 +73,7 @@ std::string shaft(const std::string& inertia, const std::string& torque, double 
 // again, one in time, a drive that the friction holds.
 TEST(Crawls, AShaftThatFrictionStops) {
   for (const std::string& w0 : kWidths) {
-    for (const char* const inertia : {"0.002", "1", "50"}) {
+    for (const char* const inertia : {"0.002", "50"}) {
       const std::string tanh = "tanh(w1/" + w0 + ")";
       for (const std::string& law : std::vector<std::string>{
                "-" + tanh, "0.3-" + tanh, "-if(w1>0,2*" + tanh + "," + tanh + ")",
@@ -88,12 +88,16 @@ TEST(Crawls, AShaftThatFrictionStops) {
 // Slow drives: the shaft creeps with what the friction answers, or slips and sticks.
 TEST(Crawls, AShaftThatASlowTorqueDrives) {
   for (const std::string& w0 : kWidths) {
-    expectNoCrawl(shaft("1", "0.5*sin(t)-tanh(w1/" + w0 + ")", 0.0, "gauss"), 2.0);
-    expectNoCrawl(shaft("0.002", "0.5*sin(t)-tanh(w1/" + w0 + ")", 0.0, "gauss"), 2.0);
-    expectNoCrawl(shaft("1", "1.5*sin(3*t)-tanh(w1/" + w0 + ")", 0.0, "gauss"), 2.0);
-    expectNoCrawl(
-        shaft("1", "1.2*sin(3*t)-(1+0.3*exp(-(w1/0.05)^2))*tanh(w1/" + w0 + ")", 0.0, "gauss"),
-        2.0);
+    const std::string creeps = "0.5*sin(t)-tanh(w1/" + w0 + ")";
+    expectNoCrawl(shaft("1", creeps, 0.0, "gauss"), 2.0);
+    expectNoCrawl(shaft("0.002", creeps, 0.0, "gauss"), 2.0);
+    for (const std::string& principle : kPrinciples) {
+      expectNoCrawl(shaft("1", "1.5*sin(3*t)-tanh(w1/" + w0 + ")", 0.0, principle), 2.0);
+      if (std::stod(w0) < 1e-6 && principle != "gauss") continue;
+      expectNoCrawl(
+          shaft("1", "1.2*sin(3*t)-(1+0.3*exp(-(w1/0.05)^2))*tanh(w1/" + w0 + ")", 0.0, principle),
+          2.0);
+    }
   }
 }
 
@@ -119,6 +123,10 @@ initial: {velocity: [0.2, 0.2]}
       const double creep = std::stod(w0) * std::atanh(0.2 / 1.5);
       EXPECT_NEAR(sticks.sample.velocity[1], 0.2 - creep, 1e-3 * creep + 1e-9);
       expectNoCrawl(scene, 10.0);
+      const std::string gauss = "principle: gauss";
+      std::string integrated = scene;
+      integrated.replace(integrated.find(gauss), gauss.size(), "principle: generalized_gauss");
+      expectNoCrawl(integrated, 10.0);
     }
   }
 }
@@ -126,24 +134,28 @@ initial: {velocity: [0.2, 0.2]}
 // A clutch behind a gear, whatever order holds that.
 TEST(Crawls, AClutchBehindAGear) {
   for (const std::string& principle : kPrinciples) {
-    for (const std::string& w0 : std::vector<std::string>{"1e-2", "1e-4", "1e-6"}) {
-      for (const char* const gear :
-           {"order: 1, expression: \"w_b-0.5*w_a\"", "order: 2, expression: \"e_b-0.5*e_a\"",
-            "order: 2, expression: \"0.01*(e_b-0.5*e_a)+w_b-0.5*w_a\""}) {
-        expectNoCrawl(R"yaml(
+    for (const std::string& w0 : std::vector<std::string>{"1e-2", "1e-6"}) {
+      for (const char* const drive : {"10-0.1*w_a", "3*sin(2*t)"}) {
+        for (const char* const gear :
+             {"order: 1, expression: \"w_b-0.5*w_a\"", "order: 2, expression: \"e_b-0.5*e_a\"",
+              "order: 2, expression: \"0.01*(e_b-0.5*e_a)+w_b-0.5*w_a\""}) {
+          std::ostringstream scene;
+          scene << R"yaml(
 shafts: [a, b, c]
 a: {inertia: 0.5}
 b: {inertia: 0.1}
 c: {inertia: 2}
 torques: [motor, clutch, load]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "10-0.1*w_a"}
-clutch: {type: variator_sim/Friction, shafts: [b, c], coulomb: 6, regularization_speed: )yaml" +
-                          w0 + R"yaml(}
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: ")yaml"
+                << drive << R"yaml("}
+clutch: {type: variator_sim/Friction, shafts: [b, c], coulomb: 6, regularization_speed: )yaml"
+                << w0 << R"yaml(}
 load: {type: variator_sim/ExpressionTorque, shaft: c, torque: "-0.02*w_c*abs(w_c)"}
 constraints: [gear]
-gear: {type: variator_sim/ExpressionConstraint, )yaml" +
-                          gear + "}\nprinciple: " + principle + "\n",
-                      3.0);
+gear: {type: variator_sim/ExpressionConstraint, )yaml"
+                << gear << "}\nprinciple: " << principle << "\n";
+          expectNoCrawl(scene.str(), 3.0);
+        }
       }
     }
   }

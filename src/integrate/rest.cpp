@@ -112,7 +112,7 @@ double Rest::calcTerm(double t, const State& x, const State& dxdt, const Toleran
       size = std::max(size, part);
     }
     if (!areAccelerationsNear(r, tolerance)) return term;
-    if (term > 0.0 && size > kSteepest * std::max(last, kUnderflow)) return term;
+    if (term > 0.0 && size > kSteepest * last) return term;
     term = deviation_.time();
     last = size;
     for (int n = 0; n < left.size(); ++n) left[n] = deviation_[n];

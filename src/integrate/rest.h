@@ -111,7 +111,6 @@ class Rest {
   /// Growth of c while t doubles that is no drift or swing (t^3 grows by 8): an unstable state, or
   /// one that rounding of A makes look so.
   static constexpr double kSteepest = 16.0;
-  static constexpr double kUnderflow = 1e-100;  // tolerances: below, digits may be missing
   /// A part of the fastest rate of A that slow ones may err by: A may come from differences.
   static constexpr double kNoise = 1e-10;
   static constexpr double kUlps = 4.0;

@@ -20,7 +20,7 @@
 ///   explicit steps at the bound of stability would keep the motion from ever coming to rest.
 /// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
 ///   one step by the series, or an explicit one, in the same way, and goes back when that gets
-///   further.
+///   further, as far as it is stable.
 /// All of it depends on the motion only, so it repeats to the bit.
 #pragma once
 
