@@ -48,15 +48,12 @@ std::string StepperChoice::describe() const {
   return text.str();
 }
 
-double StepperChoice::calcFastestRate(System& system, const StepNode& node) {
+bool StepperChoice::isStiffStart(System& system, const StepNode& node, double h) const {
+  if (!automatic_) return false;
   Linearization linearization(system.shafts(), system.size() / system.shafts());
   system.calcLinearization(node.time, node.x, linearization);
   const double rate = linearization.calcFastestRate();
-  return std::isfinite(rate) ? rate : 0.0;
-}
-
-bool StepperChoice::isStiffStart(System& system, const StepNode& node, double h) const {
-  return automatic_ && h * calcFastestRate(system, node) > kStiffStart;
+  return std::isfinite(rate) && h * rate > kStiffStart;
 }
 
 void StepperChoice::reset(bool implicitly) {
@@ -176,10 +173,7 @@ bool StepperChoice::considerExplicit(System& system, const StepNode& node, doubl
                                      double* h) {
   if (++steps_since_trial_ < trial_interval_) return false;
   steps_since_trial_ = 0;
-  double reached = tryStep(system, *preferred()->outer, node, std::min(limit, *h));
-  // What has died away below the tolerance limits no single step.
-  const double rate = calcFastestRate(system, node);
-  if (reached * rate > kStable) reached = kStable / rate;
+  const double reached = tryStep(system, *preferred()->outer, node, std::min(limit, *h));
   if (getsFurther(*preferred(), reached, implicit_, *h)) {
     goOverTo(preferred());
     wait_ = kSuspicions;

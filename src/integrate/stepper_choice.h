@@ -20,7 +20,7 @@
 ///   explicit steps at the bound of stability would keep the motion from ever coming to rest.
 /// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
 ///   one step by the series, or an explicit one, in the same way, and goes back when that gets
-///   further, as far as it is stable.
+///   further.
 /// All of it depends on the motion only, so it repeats to the bit.
 #pragma once
 
@@ -111,9 +111,6 @@ class StepperChoice {
 
   bool considerExplicit(System& system, const StepNode& node, double limit, double* h);
 
-  /// |lambda| of the fastest component at `node`, 1/s; 0 where it does not exist.
-  static double calcFastestRate(System& system, const StepNode& node);
-
   /// The step that `stepper` could make from `node`: tried from h on, shorter until its error
   /// estimate accepts it; 0 when none of a few is.
   static double tryStep(System& system, Stepper& stepper, const StepNode& node, double h);
@@ -133,8 +130,6 @@ class StepperChoice {
   static constexpr int kQuiet = 6;
   static constexpr int kUnseen = 8;
   static constexpr double kStiffStart = 20.0;
-  /// |h lambda| up to which steps by series, the explicit ones that reach furthest, are stable.
-  static constexpr double kStable = 10.0;
   /// Changes of x per step, in tolerances, that are near rest, and so many steps of them.
   static constexpr double kNearRest = 100.0;
   static constexpr int kSettling = 10;
