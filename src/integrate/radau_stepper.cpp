@@ -342,7 +342,12 @@ class RadauStepper final : public Stepper {
       linearization_.solve(error);
       norm = calcNorm(error, from.x, x_new);
     }
-    error_ = error;
+    // What rounding makes of it is nothing that calcNorm counts, nor checks of the accelerations.
+    const double stages = method_->stages();
+    for (int n = 0; n < size_; ++n) {
+      const double rounding = stages * stages / (kLeast * kLeast) * rounding_[n];
+      error_[n] = std::copysign(std::max(0.0, std::abs(error[n]) - rounding), error[n]);
+    }
     return holds_jerks_ ? kOfOrder3 * norm : norm;
   }
 
