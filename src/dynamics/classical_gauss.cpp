@@ -273,7 +273,12 @@ void ClassicalGauss::calcMultipliers(const StateView& state, double* lambda) {
 
 void ClassicalGauss::calcAccelerations(const StateView& state) {
   double torque[kMaxShafts];
-  drivetrain_.calcFreeTorque(state, torque);
+  if (tangent_ != nullptr) {
+    tangent_->calcTorque(state, torque);
+    drivetrain_.subtractInertialTorque(state, torque);
+  } else {
+    drivetrain_.calcFreeTorque(state, torque);
+  }
   calcAccelerations(state, torque);
 }
 

@@ -10,6 +10,7 @@
 
 #include "dynamics/principle_system.h"
 #include "dynamics/projection.h"
+#include "dynamics/torque_tangent.h"
 #include "integrate/guard_search.h"
 
 namespace variator_sim {
@@ -31,10 +32,13 @@ class ClassicalGauss final : public PrincipleSystem {
   void derive(const State& x, State& dxdt, double t);
 
   void calcLinearization(double t, const State& x, Linearization& linearization) override {
+    const TorqueTangent tangent(drivetrain_, drivetrain_.view(t, x.data(), x.data() + S, epsilon_));
+    tangent_ = &tangent;
     // Differences may look behind a jump; no stage has been there.
     JumpWatch* const watch = std::exchange(watch_, nullptr);
     linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);
     watch_ = watch;
+    tangent_ = nullptr;
   }
 
   /// See Drivetrain::calcAccelerationResidual; only where psi is linear in the accelerations, so
@@ -101,6 +105,7 @@ class ClassicalGauss final : public PrincipleSystem {
   template <class MoveTo>
   MotionStatus follow(const StateView& state, MoveTo move_to);
 
+  const TorqueTangent* tangent_ = nullptr;  // stands for Q while a linearization is made
   JumpWatch* watch_ = nullptr;
   bool linear_ = true;
   double epsilon_[kMaxShafts] = {};

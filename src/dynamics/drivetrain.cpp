@@ -131,6 +131,10 @@ void Drivetrain::addCovariantRate(const StateView& state, double* rate) const {
 
 void Drivetrain::calcFreeTorque(const StateView& state, double* torque) const {
   calcTorque(state, torque);
+  subtractInertialTorque(state, torque);
+}
+
+void Drivetrain::subtractInertialTorque(const StateView& state, double* torque) const {
   if (inertia_.isConstant()) return;
   for (int i = 0; i < S; ++i) {
     torque[i] -= 0.5 * inertia_.first(i) * state.velocity[i] * state.velocity[i];

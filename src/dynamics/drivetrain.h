@@ -225,8 +225,8 @@ class Drivetrain {
 
   /// Q - n, the torque that J epsilon would balance without reaction; n = 1/2 J' omega^2.
   void calcFreeTorque(const StateView& state, double* torque) const;
-  /// (Q - n - J epsilon)' + J eta = Q' - J' omega epsilon - n', with n' = 1/2 J'' omega^3 +
-  /// J' omega epsilon: the rate of R is J eta minus this.
+  void subtractInertialTorque(const StateView& state, double* torque) const;  // n
+  /// Q' - J' omega epsilon - n', n' = 1/2 J'' omega^3 + J' omega epsilon: R' is J eta minus this.
   void calcFreeTorqueRate(const StateView& state, double* rate) const {
     calcTorqueRate(state, rate);
     if (!inertia_.isConstant()) addInertialRate(state, rate);

@@ -4,6 +4,7 @@
 
 #include "dynamics/drivetrain.h"
 #include "dynamics/shaft_count.h"
+#include "dynamics/torque_tangent.h"
 #include "model/central_difference.h"
 
 namespace variator_sim {
@@ -97,13 +98,14 @@ void Drivetrain::calcAccelerationDerivatives(const StateView& state, const doubl
   double torques[3 * kMaxShafts * kMaxShafts];
   double psi_q[3 * kMaxShafts][kMaxRows];
   std::fill_n(torques, 3 * S * S, 0.0);
+  const TorqueTangent tangent(*this, state);
   const auto differentiate = [&](int q, const StateView& above, const StateView& below,
                                  double width) {
     if (q >= directions) return;
     double upper[kMaxShafts];
     double lower[kMaxShafts];
-    calcTorque(above, upper);
-    calcTorque(below, lower);
+    tangent.calcTorque(above, upper);
+    tangent.calcTorque(below, lower);
     for (int i = 0; i < S; ++i) torques[q * S + i] = (upper[i] - lower[i]) / width;
   };
   forEachShift(state, S, differentiate, naturalSize());

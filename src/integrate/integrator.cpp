@@ -248,6 +248,9 @@ bool Integrator::step(double target) {
     status_.time = absolute(front_.time);
     return false;
   }
+  // A motion may come to rest on an edge that it crosses again and again.
+  double rate = 0.0;
+  if (course_ == Course::kHop && !choice_.isFixed()) lookForRest(&rate);
   // Steps of fixed size have had no need of it.
   if (!integrates_torque_ && choice_.isFixed()) checks_.noteTorque(front_);
   return true;
@@ -346,10 +349,13 @@ bool Integrator::stopWhereToleranceIsLost() {
   if (measure > 1.0) {
     statistics_.largest_rounding = std::max(statistics_.largest_rounding, measure);
   }
-  if (!checks_.isToleranceLost()) return false;
+  if (checks_.steepestTorque() < 0) return false;
   front_ = base_;
   explainStop(StopReason::kToleranceTooSmall);
-  if (status_.reason == StopReason::kToleranceTooSmall) status_.measure = measure;
+  if (status_.reason == StopReason::kToleranceTooSmall) {
+    status_.measure = measure;
+    status_.torque = checks_.steepestTorque();
+  }
   return true;
 }
 
@@ -463,25 +469,29 @@ void Integrator::calcInside(double theta, State& x) {
   }
 }
 
+bool Integrator::lookForRest(double* rate) {
+  *rate = 0.0;
+  if (drivetrain_.readsTime() || !settings_.sleep) return false;
+  // Angles that nothing reads go on at constant speed.
+  double change = 0.0;
+  for (int n = system_.readsAngles() ? 0 : S; n < front_.x.size(); ++n) {
+    const double allowed = tolerance_.of(front_.x[n]);
+    *rate = std::max(*rate, std::abs(front_.dxdt[n]) / allowed);
+    change = std::max(change, std::abs(front_.x[n] - base_.x[n]) / allowed);
+  }
+  if ((*rate != 0.0 && !rest_.noteStep(change)) || !fallAsleep()) return false;
+  ++statistics_.sleeps;
+  return true;
+}
+
 void Integrator::lookAhead() {
   if (stepper_->isImplicit()) ++statistics_.implicit_steps;
-  if (!drivetrain_.readsTime() && settings_.sleep) {
-    // Angles that nothing reads go on at constant speed.
-    double rate = 0.0;
-    double change = 0.0;
-    for (int n = system_.readsAngles() ? 0 : S; n < front_.x.size(); ++n) {
-      const double allowed = tolerance_.of(front_.x[n]);
-      rate = std::max(rate, std::abs(front_.dxdt[n]) / allowed);
-      change = std::max(change, std::abs(front_.x[n] - base_.x[n]) / allowed);
-    }
-    if ((rate == 0.0 || rest_.noteStep(change)) && fallAsleep()) {
-      ++statistics_.sleeps;
-      return;
-    }
-    if (choice_.settle(front_, rate * (front_.time - base_.time))) {
-      followChoice();
-      return;
-    }
+  double rate = 0.0;
+  if (lookForRest(&rate)) return;
+  if (!drivetrain_.readsTime() && settings_.sleep &&
+      choice_.settle(front_, rate * (front_.time - base_.time))) {
+    followChoice();
+    return;
   }
   if (!choice_.isAutomatic()) return;
   const double limit =
@@ -496,8 +506,9 @@ void Integrator::followChoice() {
 bool Integrator::fallAsleep() {
   const double term =
       rest_.calcTerm(front_.time, front_.x, front_.dxdt, tolerance_, left_at_sleep_end_);
-  const bool sleeps = term >= kLeastSleep * settings_.maximum_step;
-  course_ = sleeps ? Course::kRest : Course::kStep;
+  const bool sleeps =
+      term >= std::min(kLeastSleep * settings_.maximum_step, 0.25 * rest_.longestTerm());
+  if (sleeps) course_ = Course::kRest;
   sleep_end_ = front_.time + term;
   return sleeps;
 }

@@ -272,6 +272,8 @@ class Integrator {
 
   /// The stepper has changed: sizes of steps are chosen by its order, without a past.
   void followChoice();
+  /// True when the motion is at rest from the front on. `rate`: its largest, in tolerances per s.
+  bool lookForRest(double* rate);
   /// After an accepted step of adaptive size: another stepper for the next one? at rest?
   void lookAhead();
 
@@ -420,6 +422,8 @@ class Integrator {
   static constexpr int kMostUnresolved = 20;
   /// An error norm that makes StepControl take a step no shorter, at every order.
   static constexpr double kSteady = 0.1;
+  /// A step made with more ease than this does not shorten the next one for that alone.
+  static constexpr double kEasy = 0.75;
   /// A whole step that was moved by more than this may have been so by rounding.
   static constexpr double kMoved = 0.5;
   /// An edge is found to within this part of the step, and the step made again ends by this part

@@ -57,13 +57,8 @@ class RadauStepper final : public Stepper {
   double work() const override { return 10.0 * tried_ - 4.0; }
   bool isImplicit() const override { return true; }
   /// A step that took many iterations is near those that do not converge (Hairer, Wanner, IV.8
-  /// (8.21)). One whose stages began from nothing takes two more for that alone. (Where stages do
-  /// not keep psi errors along it add up, and steps are not to grow so fast.)
-  double ease() const override {
-    const bool has_begun = keeps_psi_ && !is_predicted_;
-    const double n = has_begun ? std::max(iterations_ - 2, 1) : iterations_;
-    return (2.0 * kNit + 1.0) / (2.0 * kNit + n);
-  }
+  /// (8.21)).
+  double ease() const override { return (2.0 * kNit + 1.0) / (2.0 * kNit + iterations_); }
   bool keepsConstraints() const override { return true; }
   bool hasDenseOutput() const override { return true; }
   void restart() override {
@@ -191,10 +186,8 @@ class RadauStepper final : public Stepper {
     end_ = std::numeric_limits<double>::quiet_NaN();
     if (!is_known) {
       for (std::size_t i = 0; i < kStages; ++i) Z_[i].fill(0.0);
-      is_predicted_ = false;
       return;
     }
-    is_predicted_ = true;
     const auto s = static_cast<std::size_t>(last.stages());
     for (std::size_t i = 0; i < s; ++i) last_stages_[i] = Z_[i];
     for (std::size_t i = 0; i < kStages; ++i) {
@@ -349,7 +342,12 @@ class RadauStepper final : public Stepper {
       linearization_.solve(error);
       norm = calcNorm(error, from.x, x_new);
     }
-    error_ = error;
+    // What rounding makes of it is nothing that calcNorm counts, nor checks of the accelerations.
+    const double stages = method_->stages();
+    for (int n = 0; n < size_; ++n) {
+      const double rounding = stages * stages / (kLeast * kLeast) * rounding_[n];
+      error_[n] = std::copysign(std::max(0.0, std::abs(error[n]) - rounding), error[n]);
+    }
     return holds_jerks_ ? kOfOrder3 * norm : norm;
   }
 
@@ -462,7 +460,6 @@ class RadauStepper final : public Stepper {
   int stages_;      // of the next step
   int tried_;       // of the last step, whether it was good or not
   int quick_steps_ = 0;
-  bool is_predicted_ = false;
   const bool keeps_psi_;  // in the stages
   const bool holds_jerks_;
   int iterations_ = 1;         // of the last step

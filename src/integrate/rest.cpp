@@ -97,12 +97,12 @@ double Rest::calcTerm(double t, const State& x, const State& dxdt, const Toleran
     if (system_.readsAngles()) dropRounding(linearization, x, r);
   }
   const double fastest = linearization.calcFastestRate();
-  const double longest = std::min(1.0 / (kNoise * fastest), kForever);  // NaN when fastest is
+  longest_ = std::min(1.0 / (kNoise * fastest), kForever);  // NaN when fastest is
   deviation_.begin(linearization, r);
   if (!(deviation_.time() > 0.0)) return 0.0;
   double term = 0.0;
   double last = 0.0;
-  while (deviation_.time() <= longest) {
+  while (deviation_.time() <= longest_) {
     double size = 0.0;
     for (int n = 0; n < x.size(); ++n) {
       const double allowed =

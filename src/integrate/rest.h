@@ -88,6 +88,9 @@ class Rest {
   double calcTerm(double t, const State& x, const State& dxdt, const Tolerance& tolerance,
                   State& left);
 
+  /// No term is longer than this, s: of slow modes beside very fast ones too little is known.
+  double longestTerm() const { return longest_; }
+
   /// A tenth of the error allowed.
   static constexpr double kLeft = 0.1;
 
@@ -121,6 +124,7 @@ class Rest {
   Linearization linearization_;
   Deviation deviation_;
   ShaftVector rounding_;  // of accelerations, rad/s^2
+  double longest_ = kForever;
   int quiet_ = 0;
   int needed_ = kQuiet;
 };

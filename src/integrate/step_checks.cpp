@@ -73,6 +73,7 @@ double StepChecks::checkAccelerations(const Stepper& stepper, const StepNode& fr
                                       const State& x, const State* dxdt) {
   if (!integrates_torque_) {
     unattainable_ = 0.0;
+    steepest_ = -1;
     const double h = end - from.time;
     const State& error = stepper.error();
     State here(x.size());
@@ -117,9 +118,38 @@ double StepChecks::checkAccelerations(const Stepper& stepper, const StepNode& fr
       const double largest = std::max(largest_acceleration_[n - S], std::abs(here[n]));
       unattainable_ = worseOf(unattainable_, uncertain[n] / tolerance_.of(largest));
     }
+    if (unattainable_ > kAttainable) findSteepest(end, x, rounded, uncertain);
     return norm;
   }
   return 0.0;
+}
+
+void StepChecks::findSteepest(double end, const State& x, const State& rounded,
+                              const State& uncertain) {
+  const StateView here = drivetrain_.view(end, x.data(), x.data() + S, x.data() + S);
+  StateView beside = here;
+  beside.angle = rounded.data();
+  beside.velocity = rounded.data() + S;
+  ShaftVector size(S);
+  double largest = 0.0;
+  int steepest = 0;
+  const auto& torques = system_.scene().torques;
+  for (std::size_t j = 0; j < torques.size(); ++j) {
+    double torque[kMaxShafts] = {};
+    double moved[kMaxShafts] = {};
+    torques[j]->addTorque(here, torque);
+    torques[j]->addTorque(beside, moved);
+    for (int i = 0; i < S; ++i) {
+      size[i] += std::abs(torque[i]) / inertiaOf(i);
+      const double change = std::abs(moved[i] - torque[i]) / inertiaOf(i);
+      if (!(change > largest)) continue;
+      largest = change;
+      steepest = static_cast<int>(j);
+    }
+  }
+  for (int i = 0; i < S; ++i) {
+    if (!(uncertain[S + i] <= kAttainable * tolerance_.of(size[i]))) steepest_ = steepest;
+  }
 }
 
 void StepChecks::calcTorque(StepNode& node) {

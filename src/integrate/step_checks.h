@@ -104,9 +104,10 @@ class StepChecks {
   /// What four roundings of the state make of accelerations that follow from it, in tolerances, as
   /// the last checkAccelerations found it; 0 where it had no need to know.
   double unattainable() const { return unattainable_; }
-  /// True when that is too much: accelerations are not known to the tolerance, whatever the steps.
+  /// The torque element that answers most steeply where that is too much, even beside the torques
+  /// that balance each other in an acceleration: these are known to the tolerance only. -1 else.
   /// (Errors of a step up to rounding are ignored, and some of them add up.)
-  bool isToleranceLost() const { return unattainable_ > kAttainable; }
+  int steepestTorque() const { return steepest_; }
 
  private:
   /// The view of a node whose accelerations are known and no state.
@@ -116,6 +117,8 @@ class StepChecks {
   void calcTorque(StepNode& node);
   double inertiaOf(int i) const { return drivetrain_.inertia().entry(i, i); }
 
+  /// See steepestTorque. `uncertain` is what `rounded`, beside x, makes of the accelerations.
+  void findSteepest(double end, const State& x, const State& rounded, const State& uncertain);
   /// The error of acceleration i that is allowed in a step, times its inertia, N m.
   double calcAllowed(const StepNode& from, const StepNode& to, int i) const;
   /// What rounding of each angle and velocity at `to` makes of Q (`uncertain`, N m), and what the
@@ -151,7 +154,7 @@ class StepChecks {
   /// too large.
   double checkFirstSlope(const Stepper& stepper, const StepNode& from, double end) const;
 
-  /// See isToleranceLost.
+  /// See steepestTorque.
   static constexpr double kAttainable = 50.0;
   /// The |h lambda| (h^2 times a stiffness) of explicit steps is some ten at most.
   static constexpr double kMostStable = 100.0;
@@ -173,6 +176,7 @@ class StepChecks {
   Tolerance tolerance_;
   bool are_steps_fixed_;
   double unattainable_ = 0.0;
+  int steepest_ = -1;
   const ShaftVector nothing_;
   ShaftVector largest_acceleration_;  // of late, see noteAccelerations
   ShaftVector largest_torque_;        // that a step began with, N m

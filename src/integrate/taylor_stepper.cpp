@@ -394,6 +394,10 @@ class TaylorStepper final : public Stepper {
     order_ = 0;
     is_short_ = false;
     for (int n = least_angle_; n < size_; ++n) nothing_[n] = kPart * tolerance_.of(x[n]);
+    // Accelerations that follow from the state have terms (k / limit) times as large.
+    for (int n = S; n < 2 * S && size_ == 2 * S; ++n) {
+      nothing_[n] = std::min(nothing_[n], kPart * tolerance_.of(x[n + S]) * limit / most_);
+    }
     int exponent = 0;
     std::frexp(unit, &exponent);
     unit = std::ldexp(1.0, exponent);

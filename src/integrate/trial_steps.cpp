@@ -178,7 +178,10 @@ void Integrator::chooseNextStep(const Trial& trial, double norm) {
     // Where a check holds it, it stays as long as the estimate alone would let it be.
     const double least =
         own_norm_ < norm ? std::min(1.0, ease * control_.growthBy(own_norm_)) : 0.0;
-    factor = std::max(least, ease * control_.growth(norm));
+    const double growth = control_.growth(norm);
+    factor = std::max(least, ease * growth);
+    // What Newton's iteration leaves in the estimate does not fall with the step, either.
+    if (ease > kEasy) factor = std::max(factor, std::min(1.0, growth));
   }
   if (trial.rejections > 0) factor = std::min(1.0, factor);
   // A step cut short by a segment's end or an edge says nothing about the next one's size.

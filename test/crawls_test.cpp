@@ -1,0 +1,234 @@
+// Motions that crawled: each has a slow motion that some stepper follows in a few steps. `auto`
+// takes at most three times as many as the best stepper by name, and none takes thousands.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr int kMostSteps = 2000;  // of one second: more is a crawl
+
+struct Played {
+  MotionStatus status;
+  std::string text;
+  Sample sample;
+  Statistics statistics;
+  std::uint64_t tried() const { return statistics.steps + statistics.rejected_steps; }
+};
+
+Played run(Scene scene, StepperKind stepper, double end, int most_steps = kMostSteps) {
+  scene.solver.maximum_steps = most_steps;
+  Simulation simulation(test::withStepper(scene, stepper));
+  Played result;
+  result.status = simulation.advanceTo(end);
+  result.text = simulation.describeStatus();
+  result.sample = simulation.sample();
+  result.statistics = simulation.statistics();
+  return result;
+}
+
+/// Runs to `end` by `auto` and by name, and compares their steps. Returns what `auto` came to.
+Played expectNoCrawl(const std::string& yaml, double end) {
+  SCOPED_TRACE(yaml);
+  const Scene scene = test::sceneFromText(yaml);
+  Played chosen = run(scene, StepperKind::kAuto, end);
+  EXPECT_TRUE(chosen.status.ok()) << chosen.text;
+  std::uint64_t best = kMostSteps;
+  for (const StepperKind kind : {StepperKind::kRadau, StepperKind::kDop853, StepperKind::kTaylor}) {
+    if (!test::takes(scene, kind)) continue;
+    const Played named = run(scene, kind, end, kMostSteps / 4);
+    if (!named.status.ok()) continue;
+    best = std::min(best, named.tried());
+    for (int i = 0; i < scene.shaftCount(); ++i) {
+      EXPECT_NEAR(named.sample.velocity[i], chosen.sample.velocity[i], 1e-6);
+    }
+  }
+  EXPECT_LE(chosen.tried(), 3 * best + 30) << "of the best one by name: " << best;
+  EXPECT_LT(chosen.tried(), 1500U);
+  return chosen;
+}
+
+const std::vector<std::string> kWidths{"1e-2", "1e-3", "1e-4", "1e-5", "1e-6", "1e-7"};
+const std::vector<std::string> kPrinciples{"gauss", "generalized_gauss"};
+
+std::string shaft(const std::string& inertia, const std::string& torque, double velocity,
+                  const std::string& principle) {
+  std::ostringstream text;
+  text << "shafts: [a]\na: {inertia: " << inertia << "}\ntorques: [q]\n"
+       << "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" << torque << "\"}\n"
+       << "initial: {velocity: [" << velocity << "]}\nprinciple: " << principle << "\n";
+  return text.str();
+}
+
+// Rest in a layer of friction, whatever stands beside it: an edge that rounding crosses again and
+// again, one in time, a drive that the friction holds.
+TEST(Crawls, AShaftThatFrictionStops) {
+  for (const std::string& w0 : kWidths) {
+    for (const char* const inertia : {"0.002", "50"}) {
+      const std::string tanh = "tanh(w1/" + w0 + ")";
+      for (const std::string& law : std::vector<std::string>{
+               "-" + tanh, "0.3-" + tanh, "-if(w1>0,2*" + tanh + "," + tanh + ")",
+               "-if(t<0.5,1,1.6)*" + tanh}) {
+        expectNoCrawl(shaft(inertia, law, 3.0, "gauss"), 2.0);
+      }
+      expectNoCrawl(shaft(inertia, "-" + tanh, 3.0, "generalized_gauss"), 2.0);
+    }
+  }
+}
+
+// Slow drives: the shaft creeps with what the friction answers, or slips and sticks.
+TEST(Crawls, AShaftThatASlowTorqueDrives) {
+  for (const std::string& w0 : kWidths) {
+    const std::string creeps = "0.5*sin(t)-tanh(w1/" + w0 + ")";
+    expectNoCrawl(shaft("1", creeps, 0.0, "gauss"), 2.0);
+    expectNoCrawl(shaft("0.002", creeps, 0.0, "gauss"), 2.0);
+    for (const std::string& principle : kPrinciples) {
+      expectNoCrawl(shaft("1", "1.5*sin(3*t)-tanh(w1/" + w0 + ")", 0.0, principle), 2.0);
+      if (std::stod(w0) < 1e-6 && principle != "gauss") continue;
+      expectNoCrawl(
+          shaft("1", "1.2*sin(3*t)-(1+0.3*exp(-(w1/0.05)^2))*tanh(w1/" + w0 + ")", 0.0, principle),
+          2.0);
+    }
+  }
+}
+
+// A mass on a belt sticks: its speed is that of the belt but for a creep, known in closed form.
+TEST(Crawls, AMassThatSticksToABelt) {
+  for (const std::string& w0 : kWidths) {
+    for (const char* const stribeck : {"", ", static: 2, stribeck_speed: 0.05"}) {
+      const std::string scene = R"yaml(
+shafts: [belt, mass]
+belt: {inertia: 1}
+mass: {inertia: 1}
+torques: [spring, friction]
+spring: {type: variator_sim/ExpressionTorque, shaft: mass, torque: "-phi_mass"}
+friction: {type: variator_sim/Friction, shafts: [belt, mass], coulomb: 1.5, regularization_speed: )yaml" +
+                                w0 + stribeck + R"yaml(}
+constraints: [drive]
+drive: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w_belt - 0.2"}
+principle: gauss
+initial: {velocity: [0.2, 0.2]}
+)yaml";
+      const Played sticks = expectNoCrawl(scene, 1.0);
+      if (*stribeck != '\0' || std::stod(w0) > 1e-4) continue;
+      const double creep = std::stod(w0) * std::atanh(0.2 / 1.5);
+      EXPECT_NEAR(sticks.sample.velocity[1], 0.2 - creep, 1e-3 * creep + 1e-9);
+      expectNoCrawl(scene, 10.0);
+      const std::string gauss = "principle: gauss";
+      std::string integrated = scene;
+      integrated.replace(integrated.find(gauss), gauss.size(), "principle: generalized_gauss");
+      expectNoCrawl(integrated, 10.0);
+    }
+  }
+}
+
+// A clutch behind a gear, whatever order holds that.
+TEST(Crawls, AClutchBehindAGear) {
+  for (const std::string& principle : kPrinciples) {
+    for (const std::string& w0 : std::vector<std::string>{"1e-2", "1e-6"}) {
+      for (const char* const drive : {"10-0.1*w_a", "3*sin(2*t)"}) {
+        for (const char* const gear :
+             {"order: 1, expression: \"w_b-0.5*w_a\"", "order: 2, expression: \"e_b-0.5*e_a\"",
+              "order: 2, expression: \"0.01*(e_b-0.5*e_a)+w_b-0.5*w_a\""}) {
+          std::ostringstream scene;
+          scene << R"yaml(
+shafts: [a, b, c]
+a: {inertia: 0.5}
+b: {inertia: 0.1}
+c: {inertia: 2}
+torques: [motor, clutch, load]
+motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: ")yaml"
+                << drive << R"yaml("}
+clutch: {type: variator_sim/Friction, shafts: [b, c], coulomb: 6, regularization_speed: )yaml"
+                << w0 << R"yaml(}
+load: {type: variator_sim/ExpressionTorque, shaft: c, torque: "-0.02*w_c*abs(w_c)"}
+constraints: [gear]
+gear: {type: variator_sim/ExpressionConstraint, )yaml"
+                << gear << "}\nprinciple: " << principle << "\n";
+          expectNoCrawl(scene.str(), 3.0);
+        }
+      }
+    }
+  }
+}
+
+std::string clutchOf(const std::string& w0) {
+  return R"yaml(
+shafts: [flywheel, hub, car]
+flywheel: {inertia: 1}
+hub: {inertia: 0.05}
+car: {inertia: 1}
+torques: [motor, clutch, spring]
+motor: {type: variator_sim/ExpressionTorque, shaft: flywheel, torque: "200*sin(100*t)"}
+clutch: {type: variator_sim/Friction, shafts: [flywheel, hub], coulomb: 80, regularization_speed: )yaml" +
+         w0 + R"yaml(}
+spring: {type: variator_sim/ElasticCoupling, shafts: [hub, car], stiffness: 160, damping: 1}
+principle: gauss
+initial: {velocity: [100, 90, 90]}
+)yaml";
+}
+
+// Rounding of 94 rad/s makes 1e-8 rad/s^2 of the accelerations, which is nothing beside the
+// torques that balance each other in them.
+TEST(Crawls, AClutchWhoseTorquesCancelKeepsItsTolerance) {
+  const Played regularized = run(test::sceneFromText(clutchOf("1e-3")), StepperKind::kAuto, 0.45);
+  ASSERT_TRUE(regularized.status.ok()) << regularized.text;
+  // A dry clutch that locks and slips by events.
+  EXPECT_NEAR(regularized.sample.velocity[0], 94.66966463, 2e-3);
+  EXPECT_NEAR(regularized.sample.velocity[2], 96.04620816, 2e-3);
+  EXPECT_LT(regularized.tried(), 1500U);
+  const Played narrow = run(test::sceneFromText(clutchOf("1e-4")), StepperKind::kAuto, 0.45, 10000);
+  EXPECT_TRUE(narrow.status.ok()) << narrow.text;
+}
+
+TEST(Crawls, AToleranceThatAClutchPutsOutOfReachIsNamedWithItsKey) {
+  const Played lost = run(test::sceneFromText(clutchOf("1e-6")), StepperKind::kAuto, 0.45);
+  EXPECT_EQ(lost.status.reason, StopReason::kToleranceTooSmall) << lost.text;
+  EXPECT_NE(lost.text.find("most of them by 'clutch/regularization_speed'"), std::string::npos)
+      << lost.text;
+  EXPECT_NE(lost.text.find("no constraint, so both principles give the same motion"),
+            std::string::npos)
+      << lost.text;
+}
+
+// A command each 10 ms begins the motion anew: steps of its length are good, and nothing is
+// learned by changing the stepper.
+TEST(Crawls, CommandsEach10Milliseconds) {
+  const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/applications/";
+  const Scene scene = test::sceneFromFile(root + "car.yaml");
+  Simulation simulation(scene);
+  const auto command = [&](const std::string& topic, double value) {
+    for (int i = 0; i < scene.inputCount(); ++i) {
+      if (scene.inputs[static_cast<std::size_t>(i)].topic == topic) simulation.command(i, value);
+    }
+  };
+  for (int k = 0; k < 1000; ++k) {
+    const double t = 0.01 * k;
+    ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
+    command("throttle", 0.4 * (1.0 + 0.05 * std::sin(3.0 * t)));
+    command("clutch", 75.0 + 15.0 * t);
+    command("ratio", 0.07 + 0.02 * t);
+  }
+  const Statistics& counts = simulation.statistics();
+  EXPECT_GT(counts.steps, 900U);
+  EXPECT_LT(counts.steps, 3000U);
+  EXPECT_LT(counts.rejected_steps, counts.steps);
+  // "..; changed 700 times)"
+  const std::string text = simulation.describeStepper();
+  const std::size_t changed = text.find("changed ");
+  if (changed != std::string::npos) {
+    EXPECT_LT(std::stoi(text.substr(changed + 8)), 20) << text;
+  }
+}
+
+}  // namespace
+}  // namespace variator_sim
