@@ -114,6 +114,27 @@ TEST_P(SavedStates, GoOnToTheBit) {
   }
 }
 
+/// A scene that has its initial values projected (`initial/project`) moves no saved state.
+TEST_P(SavedStates, AreNotProjectedWhereTheyAreConsistent) {
+  const Case& parameters = GetParam();
+  const double save_at = parameters.save_at.front();
+  Simulation saved(scene());
+  std::vector<Command> before;
+  for (const Command& command : parameters.commands) {
+    if (command.time <= save_at) before.push_back(command);
+  }
+  if (save_at > 0.0) run(saved, before, save_at);
+  MotionState state;
+  ASSERT_TRUE(saved.saveState(&state)) << saved.describeStatus();
+  Simulation restored(strangerOf(scene()));
+  ASSERT_EQ(restored.setState(state, true), "");
+  const double end = save_at + 0.1 * (parameters.end - save_at);
+  const std::vector<Sample> a = run(saved, {}, end);
+  const std::vector<Sample> b = run(restored, {}, end);
+  EXPECT_TRUE(areSame(a.front(), b.front(), saved.scene().shaftCount()));
+  EXPECT_TRUE(areSame(a.back(), b.back(), saved.scene().shaftCount()));
+}
+
 /// Saving costs no more than the tolerance.
 TEST_P(SavedStates, DisturbTheMotionWithinTheTolerance) {
   const Case& parameters = GetParam();
@@ -219,6 +240,25 @@ drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-5*w1"}
 initial: {velocity: [3.0]}
 )yaml";
 
+const char* const kReadsTime = R"yaml(
+shafts: [a, b]
+a: {inertia: 1.3}
+b: {inertia: 2.0}
+torques: [q]
+q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1-0.2*w1"}
+constraints: [k]
+k: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.4*(e2-0.6*e1)+w2-0.6*w1+0.2*sin(1.9*t)"}
+initial: {velocity: [3, 4], acceleration: [0.5, 0.8], project: true}
+)yaml";
+
+/// Saved at the instant at which its torque jumps.
+const char* const kJump = R"yaml(
+shafts: [a]
+a: {inertia: 1.0}
+torques: [q]
+q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "2 + sign(t-0.5) + sin(3*t)"}
+)yaml";
+
 std::string withSolver(const char* scene, const char* solver) {
   return std::string(scene) + "solver: {" + solver + "}\n";
 }
@@ -305,6 +345,8 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"inputs", kInputs, {0.0, 0.45, 0.6, 1.0, 1.21, 1.6}, 3.0, kInputCommands},
         Case{"order1", kOrder1, {0.5, 0.9, 2.0}, 4.0, kOrder1Commands},
         Case{"gauss_branches", kGaussBranches, {0.5, 1.7}, 3.0, {}},
+        Case{"reads_time", kReadsTime, {0.37}, 2.018, {}}, Case{"jump", kJump, {0.5}, 1.0, {}},
+        Case{"gauss_jump", std::string("principle: gauss") + kJump, {0.5}, 1.0, {}},
         Case{"free_shaft", kFreeShaft, {1.0, 2.5}, 6.0, {}},
         Case{"resting", kResting, {1.0, 50.0}, 200.0, {{100.0, 0, 2.0}}},
         Case{"dopri5", withSolver(kInputs, "stepper: dopri5"), {0.6}, 3.0, kInputCommands},

@@ -1,6 +1,7 @@
 /// Where a law changes its branch: kinks (abs, min, max), jumps (sign) and the points of tables.
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -45,8 +46,14 @@ class Guard {
   virtual bool isRounding(const StateBox& /*box*/) const { return false; }
   /// True when nothing is known of it but its branch at single states: `mayLeave` is always true.
   virtual bool isOpaque() const { return false; }
-  /// The signed distance to the edge of an opaque guard, in whatever unit.
+  /// The signed distance to the edge, in whatever unit; of guards with a `rate`, and opaque ones.
   virtual double distance(const StateView& /*state*/) const { return 0.0; }
+  /// Encloses the rate of the distance, 1/s, along motions in `box`; infinite where it is not
+  /// known.
+  virtual Interval rate(const StateBox& /*box*/) const {
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    return {-kInfinity, kInfinity};
+  }
   /// True when it may change while the shafts stay as they are: it reads the time or an input.
   virtual bool readsTime() const { return true; }
   /// True when it reads a commanded input.

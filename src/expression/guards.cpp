@@ -18,21 +18,14 @@ namespace variator_sim::expression {
 namespace {
 
 /// The sign of a formula.
-///
-/// Of a difference a - b nobody knows the sign that is left by rounding of a and b.
 class SignGuard final : public Guard {
  public:
   SignGuard(Graph& graph, Node node, bool jumps, const char* function = "")
       : Guard(jumps, function),
         tape_(graph, {node}),
         enclosure_(graph, node),
-        is_opaque_(graph.hasOpaque({node})) {
-    const Graph::Entry entry = graph.entry(node);
-    if (entry.operation != Operation::kAdd && entry.operation != Operation::kSubtract) return;
-    const Node a = graph.make(Operation::kAbs, {entry.operands[0]});
-    const Node b = graph.make(Operation::kAbs, {entry.operands[1]});
-    size_.emplace(graph, graph.add(a, b));
-  }
+        rate_(rateOf(graph, node)),
+        is_opaque_(graph.hasOpaque({node})) {}
 
   int branch(const StateView& state) const override {
     const double value = distance(state);
@@ -44,10 +37,11 @@ class SignGuard final : public Guard {
     return branch > 0 ? !(range.low > 0.0) : !(range.high < 0.0);
   }
   bool isRounding(const StateBox& box) const override {
-    if (!size_) return false;
-    const double noise = 16.0 * std::numeric_limits<double>::epsilon() * size_->evaluate(box).high;
+    constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
     const Interval range = enclosure_.evaluate(box);
-    return range.low >= -noise && range.high <= noise;
+    const Interval rounded = enclosure_.evaluate(box, kRounding);
+    const double noise = std::max(range.low - rounded.low, rounded.high - range.high);
+    return std::isfinite(noise) && range.low >= -noise && range.high <= noise;
   }
   bool isOpaque() const override { return is_opaque_; }
   double distance(const StateView& state) const override {
@@ -55,14 +49,41 @@ class SignGuard final : public Guard {
     tape_.evaluate(state, &value);
     return value;
   }
+  Interval rate(const StateBox& box) const override {
+    return rate_ ? rate_->evaluate(box) : Guard::rate(box);
+  }
   bool readsTime() const override { return enclosure_.readsTime() || enclosure_.readsInputs(); }
   bool readsInputs() const override { return enclosure_.readsInputs(); }
 
  private:
+  /// Nothing where it jumps, and where it reads what a box does not hold the rate of.
+  static std::optional<IntervalProgram> rateOf(Graph& graph, Node node) {
+    std::vector<Graph::Rate> rates;
+    for (const int i : graph.listReachable({node})) {
+      const Graph::Entry& entry = graph.entry({i});
+      const Operation operation = entry.operation;
+      if (operation == Operation::kSign || operation == Operation::kSelect) return std::nullopt;
+      if (operation != Operation::kVariable && operation != Operation::kOpaque) continue;
+      const Source source =
+          operation == Operation::kVariable ? sourceOf(entry.slot) : Source::kInput;
+      const int index = indexOf(entry.slot);
+      const int slot = entry.slot;
+      if (source == Source::kTime) {
+        rates.emplace_back(slot, graph.constant(1.0));
+      } else if (source == Source::kAngle || source == Source::kVelocity) {
+        const Source next = source == Source::kAngle ? Source::kVelocity : Source::kAcceleration;
+        rates.emplace_back(slot, graph.variable(slotOf(next, index)));
+      } else {
+        return std::nullopt;
+      }
+    }
+    return IntervalProgram(graph, graph.totalDerivative(node, rates));
+  }
+
   Tape tape_;
   IntervalProgram enclosure_;
-  std::optional<IntervalProgram> size_;  ///< |a| + |b|
-  bool is_opaque_;                       ///< nothing is known of it over a box
+  std::optional<IntervalProgram> rate_;
+  bool is_opaque_;  ///< nothing is known of it over a box
 };
 
 /// Between which of the points of a table the value of a formula lies.

@@ -219,7 +219,7 @@ IntervalProgram::IntervalProgram(const Graph& graph, Node node) {
   }
 }
 
-Interval IntervalProgram::evaluate(const StateBox& box) const {
+Interval IntervalProgram::evaluate(const StateBox& box, double rounding) const {
   const auto at = [&](int index) -> const Interval& {
     return registers_[static_cast<std::size_t>(index < 0 ? 0 : index)];
   };
@@ -243,6 +243,8 @@ Interval IntervalProgram::evaluate(const StateBox& box) const {
             evaluateOperation(step.operation, a, b, at(step.operands[2]), at(step.operands[3])));
         break;
     }
+    registers_[i].low -= rounding * std::abs(registers_[i].low);
+    registers_[i].high += rounding * std::abs(registers_[i].high);
   }
   return registers_.empty() ? kEverything : registers_.back();
 }

@@ -17,9 +17,10 @@ class IntervalProgram {
   IntervalProgram() = default;
   IntervalProgram(const Graph& graph, Node node);
 
-  /// Infinite where nothing is known (outside of a domain, too). One program is used by one thread
-  /// at a time: it keeps its registers. [loop]
-  Interval evaluate(const StateBox& box) const;
+  /// Infinite where nothing is known (outside of a domain, too). Every operation's result, and what
+  /// is read, is widened by the part `rounding` of itself. One program is used by one thread at a
+  /// time: it keeps its registers. [loop]
+  Interval evaluate(const StateBox& box, double rounding = 0.0) const;
   /// True when the time occurs.
   bool readsTime() const { return reads_time_; }
   /// True when an input occurs.

@@ -28,6 +28,19 @@ static void narrow(const IsBeyond& is_beyond, double* before, double* beyond) {
   }
 }
 
+template <class Go>
+bool Integrator::haveAccelerationsJumped(const Go& go, double before, double beyond) {
+  constexpr double kJump = 1e-5;
+  go(before);
+  const State first = front_.dxdt;
+  go(beyond);
+  for (int n = first.size() - S; n < first.size(); ++n) {
+    const double size = 1.0 + std::abs(first[n]);
+    if (!(std::abs(front_.dxdt[n] - first[n]) <= kJump * size)) return true;
+  }
+  return false;
+}
+
 bool Integrator::crossEdge() {
   constexpr int kAttempts = 2;
   constexpr int kMostAttempts = 25;
@@ -35,8 +48,11 @@ bool Integrator::crossEdge() {
   constexpr double kShyOfIt = 0.999;
   const int guard = crossing_.guard;
   // The step before may have ended a little beyond it, by the error of its dense output.
-  if (guards_.side(guard) != crossing_.side) return false;
+  // A motion that begins on the edge goes to the side on which it is beyond rounding.
+  const bool begins_on_edge = crossing_.side == Guard::kOnEdge;
+  if (!begins_on_edge && guards_.side(guard) != crossing_.side) return false;
   int branch = Guard::kOnEdge;
+  bool settles = false;
   // Accelerations that the principle gives are known at a state, not along a series. They may go
   // on in the corner that an edge is for them (least_reaction.h).
   const int owner = drivetrain_.guardOwner(guard).constraint;
@@ -52,29 +68,38 @@ bool Integrator::crossEdge() {
       front_.dxdt = base_.dxdt;
     }
     branch = guards_.guard(guard).branch(viewOf(front_));
-    return branch != Guard::kOnEdge && branch != guards_.side(guard);
+    if (begins_on_edge && guards_.isNear(guard, viewOf(front_), S)) return false;
+    return (branch != Guard::kOnEdge || settles) && branch != crossing_.side;
   };
-  double beyond = crossing_.length;
+  const bool searches = follows || begins_on_edge || guards_.isNear(guard, viewOf(base_), S);
+  // No farther than where an input's closed form ends, but for rounding.
+  const double resolution = 2.0 * shortestStep(absolute(base_.time));
+  const double most = drivetrain_.inputSegmentEnd() - base_.time + resolution;
+  double beyond = std::min(crossing_.length, most);
   int attempt = 0;
-  while (!isBeyond(beyond) && ++attempt < (follows ? kMostAttempts : kAttempts) &&
-         (!follows || isSeriesGood(beyond))) {
-    beyond *= 4.0;
+  while (!isBeyond(beyond) && beyond < most && ++attempt < (searches ? kMostAttempts : kAttempts) &&
+         (!searches || isSeriesGood(beyond))) {
+    beyond = std::min(4.0 * beyond, most);
   }
-  if (!isBeyond(beyond) || base_.time + beyond >= drivetrain_.inputSegmentEnd()) {
+  if (!isBeyond(beyond) && beyond == most) return goToSegmentEnd();
+  // An argument may come to its edge and stay there: a law that jumps has a value of its own then.
+  settles = !isBeyond(beyond) && branch == Guard::kOnEdge && guards_.guard(guard).jumps();
+  if (!isBeyond(beyond)) {
     front_ = base_;
     return false;
   }
   double before = 0.0;
   narrow(isBeyond, &before, &beyond);
   // (A rounding before the edge the torque may be that behind it.)
-  const double resolution = 2.0 * shortestStep(absolute(base_.time));
   const double shy_of_it = std::min(kShyOfIt * before, before - resolution);
   if (shy_of_it > 0.0 && !isSeriesGood(shy_of_it)) {
     front_ = base_;
     return false;
   }
-  const double depth = kDepth * beyond + resolution;
-  const double reached = isBeyond(beyond + depth) ? beyond + depth : beyond;
+  const double depth =
+      std::min(begins_on_edge ? crossing_.length : kDepth * beyond + resolution, most - beyond);
+  const double reached =
+      isBeyond(beyond + depth) ? leaveRounding(guard, beyond, depth, most) : beyond;
   // A kink bends the accelerations. Where they jump, the least reaction that they followed has
   // ended there, and the next one is another motion's: as at a fold of a smooth psi.
   if (follows && haveAccelerationsJumped(isBeyond, before, reached)) {
@@ -83,7 +108,44 @@ bool Integrator::crossEdge() {
     return false;
   }
   isBeyond(reached);
-  return enterBranch(reached - beyond) && noteCrossing(guard, branch, depth);
+  const double edge = base_.time + beyond - depth;
+  return enterBranch(reached - beyond) &&
+         noteCrossing(guard, branch, std::max(depth, reached - beyond), edge);
+}
+
+double Integrator::leaveRounding(int guard, double beyond, double depth, double most) {
+  const double reached = beyond + depth;
+  for (double length = reached; length <= most; depth *= 4.0, length = beyond + depth) {
+    if (length > reached && !isSeriesGood(length)) break;
+    front_.time = base_.time + length;
+    front_.x = goAhead(base_, length);
+    if (!guards_.isNear(guard, viewOf(front_), S)) return length;
+    if (!(depth > 0.0)) break;
+  }
+  return reached;
+}
+
+bool Integrator::goToSegmentEnd() {
+  const double length = drivetrain_.inputSegmentEnd() - base_.time;
+  const double shy_of_it = 0.999 * length;
+  crossing_ = Crossing{};
+  if (!isSeriesGood(shy_of_it)) {
+    front_ = base_;
+    return false;
+  }
+  drivetrain_.calcTorque(system_.view(base_.time, base_.x), front_.torque.data());
+  for (int i = 0; i < S; ++i) front_.torque[i] += length * base_.torque_rate[i];
+  front_.time = drivetrain_.inputSegmentEnd();
+  front_.x = goAhead(base_, length);
+  front_.dxdt = base_.dxdt;
+  State moved(system_.size());
+  if (system_.project(front_.time, front_.x, moved, &statistics_.projections) !=
+      ProjectionResult::kConverged) {
+    return refuseEdge();
+  }
+  is_end_on_edge_ = true;
+  ++statistics_.steps;
+  return true;
 }
 
 bool Integrator::isSeriesGood(double length) {
@@ -123,9 +185,11 @@ bool Integrator::crossJumpAhead(double reach) {
   ahead.time += reach;
   ahead.x = goAhead(base_, reach);
   for (int i = 0; i < guards_.count(); ++i) {
-    if (!guards_.guard(i).jumps() || !guards_.hasLeft(i, viewOf(ahead))) continue;
+    const int side = guards_.side(i);
+    if (!guards_.guard(i).jumps() || side == Guard::kOnEdge) continue;
+    if (guards_.guard(i).branch(viewOf(ahead)) == side) continue;
     crossing_.guard = i;
-    crossing_.side = guards_.side(i);
+    crossing_.side = side;
     crossing_.at = base_.time;
     crossing_.length = reach;
     if (crossEdge()) return true;
@@ -145,9 +209,9 @@ bool Integrator::enterBranch(double late) {
   const StateView there = viewOf(front_);
   for (int i = 0; i < guards_.count(); ++i) {
     const int branch = guards_.guard(i).branch(there);
-    if (branch == Guard::kOnEdge || branch == guards_.side(i)) continue;
-    const int row = drivetrain_.guardOwner(i).constraint;
     const bool jumps_here = guards_.guard(i).jumps();
+    if (branch == guards_.side(i) || (branch == Guard::kOnEdge && !jumps_here)) continue;
+    const int row = drivetrain_.guardOwner(i).constraint;
     if (row < 0) {
       jumps = jumps || jumps_here;
     } else {
@@ -201,56 +265,66 @@ bool Integrator::refuseEdge() {
 bool Integrator::jumpOverEdge(double late) {
   const double length = front_.time - base_.time;
   double before[kMaxShafts];
+  drivetrain_.calcTorque(system_.view(base_.time, base_.x), before);
+  for (int i = 0; i < S; ++i) before[i] += length * base_.torque_rate[i];
+  const State x = front_.x;
+  if (!jumpFrom(before)) {
+    refuseEdge();
+    status_.time = absolute(front_.time);
+    return false;
+  }
+  if (!integrates_torque_) return true;
+  double change[kMaxShafts];
+  for (int i = 0; i < S; ++i) change[i] = front_.x[2 * S + i] - x[2 * S + i];
+  return catchUp(change, late) || refuseEdge();
+}
+
+bool Integrator::jumpFrom(const double* before) {
   double torque_jump[kMaxShafts];
   bool is_any = false;
-  drivetrain_.calcTorque(system_.view(base_.time, base_.x), before);
   drivetrain_.calcTorque(system_.view(front_.time, front_.x), torque_jump);
   for (int i = 0; i < S; ++i) {
-    torque_jump[i] -= before[i] + length * base_.torque_rate[i];
+    torque_jump[i] -= before[i];
     is_any = is_any || std::abs(torque_jump[i]) > 1e-15 * std::abs(before[i]);
   }
   if (!is_any) return true;
   State x = front_.x;
   const MotionStatus result =
       system_.jumpTorque(front_.time, x, torque_jump, &statistics_.projections);
-  if (!result.ok()) {
-    refuseEdge();
-    status_ = result;
-    status_.time = absolute(front_.time);
-    return false;
+  if (result.ok()) {
+    front_.x = x;
+    return true;
   }
-  if (!integrates_torque_) return true;
-  double change[kMaxShafts];
-  for (int i = 0; i < S; ++i) change[i] = x[2 * S + i] - front_.x[2 * S + i];
-  front_.x = x;
-  return catchUp(change, late) || refuseEdge();
+  status_ = result;
+  status_.time = absolute(front_.time);
+  return false;
 }
 
 bool Integrator::catchUp(const double* change, double late) {
+  const StepNode there = front_;
   for (int i = 0; i < S; ++i) {
     front_.x[S + i] += late * change[i];
     front_.x[i] += 0.5 * late * late * change[i];
   }
   State moved(system_.size());
-  return system_.project(front_.time, front_.x, moved, &statistics_.projections) ==
-         ProjectionResult::kConverged;
+  if (system_.project(front_.time, front_.x, moved, &statistics_.projections) !=
+      ProjectionResult::kConverged) {
+    return false;
+  }
+  // Where the torque throws the motion back over the edge, noteCrossing is to see it beyond.
+  for (int i = 0; i < guards_.count(); ++i) {
+    const int branch = guards_.guard(i).branch(viewOf(there));
+    if (guards_.guard(i).branch(viewOf(front_)) != branch) front_ = there;
+  }
+  return true;
 }
 
 bool Integrator::differentiateBehind(double late) {
   system_(front_.x, front_.dxdt, front_.time);
   double change[kMaxShafts];
   for (int i = 0; i < S; ++i) change[i] = front_.dxdt[S + i] - base_.dxdt[S + i];
-  const StepNode there = front_;
   if (!catchUp(change, late)) return false;
   system_(front_.x, front_.dxdt, front_.time);
-  // Where the torque throws the motion back over the edge, noteCrossing is to see it beyond.
-  for (int i = 0; i < guards_.count(); ++i) {
-    const int branch = guards_.guard(i).branch(viewOf(there));
-    if (guards_.guard(i).branch(viewOf(front_)) == branch) continue;
-    front_ = there;
-    system_(front_.x, front_.dxdt, front_.time);
-    break;
-  }
   return true;
 }
 
@@ -267,12 +341,14 @@ void Integrator::goToEdge(double time) {
   if (edge.dxdt.isFinite()) base_ = front_ = edge;
 }
 
-bool Integrator::noteCrossing(int guard, int branch, double depth) {
+bool Integrator::noteCrossing(int guard, int branch, double depth, double edge) {
   const bool jumps = guards_.guard(guard).jumps();
   const double now = absolute(front_.time);
   const bool at_once = guard == last_crossing_.guard &&
                        now - last_crossing_.time <= kAtOnce * (depth + last_crossing_.depth);
-  last_crossing_ = {guard, now, depth, at_once ? last_crossing_.count + 1 : 0};
+  // An edge that is crossed again the same way was cut short by a command, and not crossed back.
+  const int turns = branch != last_crossing_.branch ? 1 : 0;
+  last_crossing_ = {guard, branch, now, depth, at_once ? last_crossing_.count + turns : 0};
   if (!jumps && !integrates_torque_ && last_crossing_.count >= kMostTouches) {
     // Accelerations of least reaction may go on in the corner itself (least_reaction.h).
     guards_.mute(guard);
@@ -287,11 +363,8 @@ bool Integrator::noteCrossing(int guard, int branch, double depth) {
     turns_back = next != branch && next != Guard::kOnEdge;
   }
   if (!turns_back) return true;
-  goToEdge(front_.time - 2.0 * depth);
-  stop(StopReason::kChattering);
-  status_.guard = guard;
-  status_.torque = drivetrain_.guardOwner(guard).torque;
-  status_.constraint = drivetrain_.guardOwner(guard).constraint;
+  goToEdge(edge);
+  stopChattering(guard);
   return false;
 }
 

@@ -47,6 +47,14 @@ bool Integrator::isEdgeOfTime(double taken) {
   return guards_.isClear(box);
 }
 
+int Integrator::nearJump() {
+  system_(front_.x, front_.dxdt, front_.time);
+  for (int i = 0; i < guards_.count(); ++i) {
+    if (guards_.guard(i).jumps() && guards_.isNear(i, viewOf(front_), S)) return i;
+  }
+  return -1;
+}
+
 bool Integrator::endsOnEdge(double taken) {
   for (int i = 0; i < guards_.count(); ++i) {
     const int side = guards_.side(i);
@@ -78,6 +86,7 @@ Integrator::Look Integrator::shortOfEnd(double taken, double* next) {
 Integrator::Look Integrator::lookAtEnd(double taken, double* next) {
   if (!front_.x.isFinite()) return Look::kClear;
   system_(front_.x, front_.dxdt, front_.time);
+  if (endsOnEdge(taken)) return shortOfEnd(taken, next);
   if (!guards_.hasAnyLeft(viewOf(front_))) return Look::kClear;
   // The cubic through both ends tells about where.
   curve_.begin(absolute(base_.time), taken, S, integrates_torque_);
@@ -159,9 +168,10 @@ void Integrator::traceStep(double taken) {
 
 void Integrator::meetEdgeAtStart() {
   for (int i = 0; i < guards_.count(); ++i) {
-    if (guards_.side(i) != Guard::kOnEdge || !guards_.guard(i).jumps()) continue;
+    if (!guards_.guard(i).jumps()) continue;
+    if (guards_.side(i) != Guard::kOnEdge && !guards_.isNear(i, viewOf(front_), S)) continue;
     crossing_.guard = i;
-    crossing_.side = guards_.side(i);
+    crossing_.side = Guard::kOnEdge;
     crossing_.at = front_.time;
     crossing_.length = 2.0 * shortestStep(std::max(1.0, std::abs(absolute(front_.time))));
     return;

@@ -12,9 +12,10 @@ namespace {
 /// so that no number of guards makes one step take seconds.
 constexpr int kMostBoxes = 20000;
 constexpr int kMostQuestions = 500000;
-/// Parts of a step that are longer, and all of which lie on an edge but for rounding, have settled
-/// there; an edge that is crossed is left sooner.
+/// Parts of a step that are longer (of it, and s), and all of which lie on an edge but for
+/// rounding, have settled there; an edge that is crossed is left sooner.
 constexpr double kSettled = 1e-6;
+constexpr double kSettledTime = 1e-10;
 /// Halvings: parts of a step are never shorter than 2^-kMostHalvings.
 constexpr int kMostHalvings = 52;
 /// Points of a step at which an opaque guard is looked at, first and at the most.
@@ -36,6 +37,19 @@ bool isPoint(const StateBox& box, int shafts) {
   return true;
 }
 
+/// A state, its accelerations to within the part `width`.
+StateBox boxAround(const StateView& state, int shafts, double width) {
+  StateBox box;
+  box.time = {state.time, state.time};
+  for (int n = 0; n < shafts; ++n) {
+    const double beside = width * (1.0 + std::abs(state.acceleration[n]));
+    box.angle[n] = {state.angle[n], state.angle[n]};
+    box.velocity[n] = {state.velocity[n], state.velocity[n]};
+    box.acceleration[n] = {state.acceleration[n] - beside, state.acceleration[n] + beside};
+  }
+  return box;
+}
+
 }  // namespace
 
 void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view, InputRange input_range) {
@@ -44,6 +58,7 @@ void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view, InputRange 
   input_range_ = std::move(input_range);
   sides_.assign(guards_.size(), Guard::kOnEdge);
   step_sides_ = sides_;
+  leaves_.assign(guards_.size(), 0.0);
   muted_.assign(guards_.size(), 0);
   for (const GuardPtr& guard : guards_) {
     (guard->isOpaque() ? has_opaque_ : has_enclosed_) = true;
@@ -79,18 +94,17 @@ void GuardSearch::mute(int index) {
   muted_[static_cast<std::size_t>(index)] = kMuted;
 }
 
+bool GuardSearch::isNear(int index, const StateView& state, int shafts) {
+  StateBox box = boxAround(state, shafts, 0.0);
+  addInputs(box);
+  return guards_[static_cast<std::size_t>(index)]->isRounding(box);
+}
+
 void GuardSearch::muteOnEdge(int index, const StateView& state, int shafts) {
   constexpr double kNear = 1e-10;
   const auto i = static_cast<std::size_t>(index);
   if (guards_[i]->jumps() || guards_[i]->isOpaque()) return;
-  StateBox box;
-  box.time = {state.time, state.time};
-  for (int n = 0; n < shafts; ++n) {
-    const double width = kNear * (1.0 + std::abs(state.acceleration[n]));
-    box.angle[n] = {state.angle[n], state.angle[n]};
-    box.velocity[n] = {state.velocity[n], state.velocity[n]};
-    box.acceleration[n] = {state.acceleration[n] - width, state.acceleration[n] + width};
-  }
+  StateBox box = boxAround(state, shafts, kNear);
   addInputs(box);
   const bool is_on_edge = sides_[i] == Guard::kOnEdge || guards_[i]->mayLeave(box, sides_[i]);
   if (is_on_edge) muted_[i] = std::max(muted_[i], 1);
@@ -132,22 +146,43 @@ StateView GuardSearch::at(const StepCurve& curve, double part) {
 void GuardSearch::settleSides(const StepCurve& curve, double resolution) {
   step_sides_ = sides_;
   for (std::size_t i = 0; i < guards_.size(); ++i) {
-    if (muted_[i] > 0) {
-      step_sides_[i] = Guard::kOnEdge;
-      continue;
+    leaves_[i] = 0.0;
+    const bool is_muted = muted_[i] > 0;
+    const bool is_near = !is_muted && isNear(static_cast<int>(i), at(curve, 0.0), curve.shafts());
+    if (is_muted || is_near) step_sides_[i] = Guard::kOnEdge;
+    if (is_muted) continue;
+    double part = resolution;
+    for (; step_sides_[i] == Guard::kOnEdge && part <= 1.0; part *= 4.0) {
+      const StateView state = at(curve, part);
+      if (is_near && isNear(static_cast<int>(i), state, curve.shafts())) continue;
+      step_sides_[i] = guards_[i]->branch(state);
+      leaves_[i] = part;
     }
-    for (double part = resolution; step_sides_[i] == Guard::kOnEdge && part <= 1.0; part *= 4.0) {
-      step_sides_[i] = guards_[i]->branch(at(curve, part));
-    }
+    if (sides_[i] == Guard::kOnEdge || step_sides_[i] == sides_[i]) continue;
+    // It is crossed there. (A jump is not, as long as the motion stays within rounding of it.)
+    const bool stays = step_sides_[i] == Guard::kOnEdge && guards_[i]->jumps();
+    if (!stays) step_sides_[i] = sides_[i];
+    leaves_[i] = 0.0;
   }
 }
 
-bool GuardSearch::mayLeave(StateBox& box) {
+bool GuardSearch::staysByRate(std::size_t i, const StepCurve& curve, double from, double to,
+                              const StateBox& box) {
+  const Interval rate = guards_[i]->rate(box);
+  const double steepest = std::max(std::abs(rate.low), std::abs(rate.high));
+  if (!std::isfinite(steepest)) return false;
+  const double reach = 0.5 * (to - from) * curve.duration() * steepest;
+  const double value = guards_[i]->distance(at(curve, 0.5 * (from + to)));
+  return (step_sides_[i] > 0 ? value : -value) > reach;
+}
+
+bool GuardSearch::mayLeave(const StepCurve& curve, double from, double to, StateBox& box) {
   addInputs(box);
   for (std::size_t n = 0; n < guards_.size(); ++n) {
     const std::size_t i = (last_ + n) % guards_.size();
     if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
-    if (guards_[i]->mayLeave(box, step_sides_[i])) {
+    if (to <= leaves_[i] || !guards_[i]->mayLeave(box, step_sides_[i])) continue;
+    if (!staysByRate(i, curve, from, to, box)) {
       last_ = i;
       return true;
     }
@@ -188,12 +223,13 @@ GuardFinding GuardSearch::findEnclosed(const StepCurve& curve, double resolution
     if (boxes >= most_boxes) return {GuardFinding::Kind::kUnknown, clear, end, -1};
     StateBox box;
     curve.enclose(clear, end, &box);
-    if (!mayLeave(box)) {
+    if (!mayLeave(curve, clear, end, box)) {
       clear = end;
       --open;
       continue;
     }
-    if (end - clear > kSettled && haveSettled(box)) {
+    const double part = end - clear;
+    if (part > kSettled && part * curve.duration() > kSettledTime && haveSettled(box)) {
       clear = end;
       --open;
       continue;
@@ -207,6 +243,7 @@ GuardFinding GuardSearch::findEnclosed(const StepCurve& curve, double resolution
     const StateView state = at(curve, end);
     for (std::size_t i = 0; i < guards_.size(); ++i) {
       if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
+      if (end <= leaves_[i]) continue;
       const int branch = guards_[i]->branch(state);
       if (branch == step_sides_[i]) continue;
       // A step that ends on an edge which it cannot but cross has its end on neither branch.

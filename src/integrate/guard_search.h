@@ -59,6 +59,10 @@ class GuardSearch {
   /// `state`. [loop]
   void muteOnEdge(int index, const StateView& state, int shafts);
 
+  /// Whether the guard's argument is zero but for rounding at `state`: its sign there decides
+  /// nothing. [loop]
+  bool isNear(int index, const StateView& state, int shafts);
+
   /// Leaves none of them alone any more.
   void reset();
 
@@ -72,9 +76,15 @@ class GuardSearch {
  private:
   /// The view of the step at `part`.
   StateView at(const StepCurve& curve, double part);
-  /// Branches of guards that start on an edge: those that they come to first.
+  /// Branches of guards that start on an edge, or within rounding of it: those that they come to
+  /// first. Until then their signs decide nothing.
   void settleSides(const StepCurve& curve, double resolution);
-  bool mayLeave(StateBox& box);
+  /// In `box`, which holds the step between two parts of it.
+  bool mayLeave(const StepCurve& curve, double from, double to, StateBox& box);
+  /// Whether a guard keeps its branch there by its value in the middle and its rate: these tell
+  /// even where its argument is a small difference of what moves much.
+  bool staysByRate(std::size_t i, const StepCurve& curve, double from, double to,
+                   const StateBox& box);
   /// True when all guards that do not keep their branches in `box` lie on their edges there.
   bool haveSettled(const StateBox& box) const;
   /// Gives `box` the inputs over its time.
@@ -88,6 +98,7 @@ class GuardSearch {
   InputRange input_range_;
   std::vector<int> sides_;
   std::vector<int> step_sides_;  ///< the same, edges settled
+  std::vector<double> leaves_;   ///< the part of the step at which a guard has left rounding
   std::vector<int> muted_;       ///< steps for which it still has to keep its branch
   std::size_t last_ = 0;         ///< that could not be excluded: looked at first
   bool has_opaque_ = false;

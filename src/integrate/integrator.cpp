@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "integrate/diagnosis.h"
 
@@ -131,10 +132,11 @@ void Integrator::beginNowhere(const State& x, const MotionStatus& status) {
 
 void Integrator::cutAt(double time, const StepNode& node) {
   front_ = node;
-  drivetrain_.moveOrigin(relative(time));
+  const double now = relative(time);
+  drivetrain_.moveOrigin(now);
   drivetrain_.setOrigin(time);
   origin_.moveTo(time);
-  front_.time = 0.0;
+  front_.time = std::max(0.0, node.time - now);
   drivetrain_.refreshInputs(front_.time);
   base_ = front_;
 }
@@ -148,6 +150,7 @@ void Integrator::moveOrigin(double t) {
 void Integrator::restart() {
   course_ = Course::kStep;
   crossing_ = Crossing{};
+  is_end_on_edge_ = false;
   rest_.reset();
   choice_.restart();
   stepper_ = &choice_.stepper();
@@ -284,6 +287,7 @@ bool Integrator::finishInputSegments() {
     copyInputs(u0);
     drivetrain_.finishInputSegments(front_.time, reached);
     if (haveInputsJumped(u0) && !jump(u0)) return false;
+    if (std::exchange(is_end_on_edge_, false) && !jumpFrom(front_.torque.data())) return false;
     restart();
     if (!status_.ok()) return false;
   }
@@ -333,6 +337,13 @@ void Integrator::stop(StopReason reason) {
   status_.time = absolute(front_.time);
 }
 
+void Integrator::stopChattering(int guard) {
+  stop(StopReason::kChattering);
+  status_.guard = guard;
+  status_.torque = drivetrain_.guardOwner(guard).torque;
+  status_.constraint = drivetrain_.guardOwner(guard).constraint;
+}
+
 void Integrator::explainStop(StopReason otherwise) {
   stop(otherwise);
   diagnoseStop(system_, front_, rows_, &status_);
@@ -349,7 +360,8 @@ bool Integrator::stopWhereToleranceIsLost() {
   if (measure > 1.0) {
     statistics_.largest_rounding = std::max(statistics_.largest_rounding, measure);
   }
-  if (checks_.steepestTorque() < 0) return false;
+  // A branch that rounding flips is no accuracy that is lost.
+  if (checks_.steepestTorque() < 0 || nearJump() >= 0) return false;
   front_ = base_;
   explainStop(StopReason::kToleranceTooSmall);
   if (status_.reason == StopReason::kToleranceTooSmall) {
@@ -357,116 +369,6 @@ bool Integrator::stopWhereToleranceIsLost() {
     status_.torque = checks_.steepestTorque();
   }
   return true;
-}
-
-bool Integrator::isDenseOutputGood() const {
-  if (!stepper_->hasDenseOutput()) return false;
-  // Where accelerations follow from the state, an error of it may be large for them.
-  return integrates_torque_ || stepper_->checksDenseOutput();
-}
-
-bool Integrator::calcUnstepped(double now, State& x) {
-  switch (course_) {
-    case Course::kStep:
-      return false;
-    case Course::kHop:
-      x = now == front_.time ? front_.x : goAhead(base_, now - base_.time);
-      // Where the laws are on the branch behind the edge, so is the state: no torque of one side
-      // beside accelerations of the other.
-      if (!guards_.hasAnyLeft(system_.view(now, x))) x = front_.x;
-      return true;
-    case Course::kRest:
-      calcRest(now, x);
-      return true;
-  }
-  return false;
-}
-
-bool Integrator::calcSample(double now, Sample* sample) {
-  if (course_ != Course::kStep || !(base_.time < front_.time) || now == front_.time) return false;
-  return may_make_whole_steps_ && !drivetrain_.haveInputsMoved() &&
-         stepper_->calcSample(now, base_, front_, &statistics_.projections, sample);
-}
-
-bool Integrator::calcState(double now, State& x) {
-  if (calcUnstepped(now, x)) return true;
-  x = front_.x;
-  if (!(base_.time < front_.time) || now == front_.time) return true;
-  if (isDenseOutputGood() && stepper_->interpolate(system_, now, base_, front_, x)) {
-    State moved(system_.size());
-    State slope(system_.size());
-    const double h = front_.time - base_.time;
-    if (stepper_->keepsConstraints()) stepper_->calcSlope((now - base_.time) / h, h, slope);
-    const ProjectionResult result =
-        stepper_->isImplicit()
-            ? projectStiffly(system_, *stepper_, now, h, slope, x, moved, &statistics_.projections)
-            : system_.project(now, x, moved, &statistics_.projections);
-    if (result == ProjectionResult::kConverged) return true;
-  }
-  StepNode node(system_);
-  const bool is_reached = reach(now, &node);
-  x = is_reached ? node.x : base_.x;
-  return is_reached;
-}
-
-bool Integrator::reach(double now, StepNode* node) {
-  *node = base_;
-  if (calcUnstepped(now, node->x)) {
-    node->time = now;
-    return true;
-  }
-  Stepper& stepper = choice_.innerOf(*stepper_);
-  stepper.restart();  // what was asked for before is to change no bit of this
-  double h = now - base_.time;
-  int steps = 0;
-  while (now - node->time > shortestStep(now)) {
-    if (++steps > settings_.maximum_steps) {
-      stop(StopReason::kStepLimit);
-      status_.time = absolute(node->time);
-      return false;
-    }
-    const bool last = node->time + h >= now;
-    const double end = last ? now : node->time + h;
-    const StepNode start = *node;
-    if (!(end > start.time)) {
-      base_ = front_ = start;
-      explainStop();
-      return false;
-    }
-    double norm = stepAndProject(stepper, start, end, end - start.time, node->x, node->dxdt);
-    if (norm <= 1.0) {
-      const State* dxdt = stepper.projects() ? &node->dxdt : nullptr;
-      norm = worseOf(norm, checks_.checkAccelerations(stepper, start, end, node->x, dxdt));
-    }
-    if (isGood(norm)) {
-      node->time = end;
-      if (!last && !stepper.projects()) system_(node->x, node->dxdt, end);
-      h *= 2.0;
-    } else {
-      *node = start;
-      h = 0.5 * (end - start.time);  // rare: a shorter step is nearly always better
-    }
-  }
-  node->time = now;
-  return true;
-}
-
-void Integrator::calcInside(double theta, State& x) {
-  const double h = front_.time - base_.time;
-  if (course_ != Course::kHop) {
-    if (stepper_->hasDenseOutput() &&
-        stepper_->interpolate(system_, base_.time + theta * h, base_, front_, x)) {
-      return;
-    }
-    // A step that was good is so for a part of it.
-    State unused(system_.size());
-    if (std::isfinite(choice_.innerOf(*stepper_).step(system_, base_, theta * h, x, unused))) {
-      return;
-    }
-  }
-  for (int n = 0; n < x.size(); ++n) {
-    x[n] = base_.x[n] + theta * (front_.x[n] - base_.x[n]);
-  }
 }
 
 bool Integrator::lookForRest(double* rate) {

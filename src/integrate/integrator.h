@@ -82,7 +82,8 @@ class Integrator {
   void leaveStart() { is_start_ = false; }
   bool isStart() const { return is_start_; }
   /// The motion goes on from `node`, at the instant `time` (s, from the motion's start): what is
-  /// done to its inputs comes between this and `restart`.
+  /// done to its inputs comes between this and `restart`. (A node may lie just behind an edge at
+  /// that instant.)
   void cutAt(double time, const StepNode& node);
   /// The front is a new beginning (start, command, end of an input's segment): derivative, step.
   void restart();
@@ -116,6 +117,14 @@ class Integrator {
     status_.time = time;
   }
 
+  /// After a step, whose energy is known by then: what ends on an edge begins anew at once. False
+  /// when the motion stopped.
+  bool finishEnd() {
+    if (!is_end_on_edge_ || finishInputSegments()) return true;
+    status_.time = absolute(front_.time);
+    return false;
+  }
+
   // --- rest ------------------------------------------------------------------------------------
   bool isSleeping() const { return course_ == Course::kRest; }
   /// Until when nothing is stepped.
@@ -129,8 +138,9 @@ class Integrator {
   /// A sample at `now` in one, where the stepper makes such. False where it is to be made from the
   /// state.
   bool calcSample(double now, Sample* sample);
-  /// x at `now`, by dense output where the stepper has it. False where the motion stopped.
-  bool calcState(double now, State& x);
+  /// x at `now`, by dense output where the stepper has it. False where the motion stopped. `now`
+  /// becomes the instant just behind an edge where it lies on one: x and laws are of one side.
+  bool calcState(double* now, State& x);
   /// Steps from the base to `now`, which lies inside the last step, to the full order and with the
   /// full error control: what the motion continues from after a command. False, and the motion
   /// stopped, in the odd case that no step however short succeeds.
@@ -146,8 +156,8 @@ class Integrator {
     kHop,   ///< from base to front, over an edge, by a series
     kRest   ///< from the front on, without being stepped
   };
-  /// x at `now` of a motion that is not stepped there. False where it is.
-  bool calcUnstepped(double now, State& x);
+  /// x at `now` of a motion that is not stepped there, see calcState. False where it is.
+  bool calcUnstepped(double* now, State& x);
 
   double absolute(double t) const { return origin_.absolute(t); }
   double relative(double time) const { return origin_.relative(time); }
@@ -283,7 +293,6 @@ class Integrator {
     return worseOf(norm, check <= 1.0 ? std::min(check, kSteady) : check);
   }
 
-  double checkAccelerations();
   /// True, and the motion stopped at the base, when the accelerations that follow from the state
   /// are not known to the tolerance any more.
   bool stopWhereToleranceIsLost();
@@ -328,6 +337,9 @@ class Integrator {
   /// A step that ends on an edge and goes on beyond it is made again, to shortly before it:
   /// standing on it no branch is that of the motion.
   bool endsOnEdge(double taken);
+  /// The guard on whose edge, or within rounding of it, the front lies; of a jump. -1: there is
+  /// none.
+  int nearJump();
   Look shortOfEnd(double taken, double* next);
   /// The same for a step whose error was too large: whether it ended beyond an edge.
   Look lookAtEnd(double taken, double* next);
@@ -366,17 +378,14 @@ class Integrator {
   /// Whether the accelerations at two lengths next to each other are not the same. `go` brings the
   /// front there, with its derivative.
   template <class Go>
-  bool haveAccelerationsJumped(const Go& go, double before, double beyond) {
-    constexpr double kJump = 1e-5;
-    go(before);
-    const State first = front_.dxdt;
-    go(beyond);
-    for (int n = first.size() - S; n < first.size(); ++n) {
-      const double size = 1.0 + std::abs(first[n]);
-      if (!(std::abs(front_.dxdt[n] - first[n]) <= kJump * size)) return true;
-    }
-    return false;
-  }
+  bool haveAccelerationsJumped(const Go& go, double before, double beyond);
+
+  /// The length of the step over an edge at the length `beyond`, by `depth` at least and `most` at
+  /// the most, that brings the argument of `guard` out of rounding: the side is decided once.
+  double leaveRounding(int guard, double beyond, double depth, double most);
+  /// The step across an edge that lies where an input's closed form ends goes as far as there: the
+  /// beginning there decides, with all that begins at that instant. False when it is too long.
+  bool goToSegmentEnd();
 
   /// Whether the series from the base is good up to `length` from there, still on its branch: the
   /// rate of the velocities there is what it says, within the tolerance that they make of it.
@@ -392,6 +401,8 @@ class Integrator {
 
   /// The jump map by what the torque at the front is more than its rate at the base tells.
   bool jumpOverEdge(double late);
+  /// The jump map at the front, where the torque was `before` (N m, S values).
+  bool jumpFrom(const double* before);
   /// The series has gone on behind the edge for `late`, s, with the accelerations before it: moves
   /// angles and velocities to what those behind it, which differ by `change`, make of that time.
   /// False when they cannot be projected.
@@ -401,14 +412,16 @@ class Integrator {
 
   /// After `guard` was left for `branch` by a step: false, and the motion stopped, when
   /// the motion turns back at once. What jumps tells so at once; a kink may be touched.
-  /// `depth`, s: so far beyond the edge did the step go.
-  bool noteCrossing(int guard, int branch, double depth);
+  /// `depth`, s: so far beyond the edge did the step go. The motion stops at `edge`.
+  bool noteCrossing(int guard, int branch, double depth, double edge);
   /// The motion ends at `time`, just before the edge that the series from the base has met: where
   /// that is does not depend on how long the last step was.
   void goToEdge(double time);
 
   // --- stops -----------------------------------------------------------------------------------
   void stop(StopReason reason);
+  /// Neither branch of `guard` goes on.
+  void stopChattering(int guard);
   /// Stops at the front, where no step however short succeeds, and finds out why (diagnosis.h);
   /// `otherwise` is the reason where nothing more is found.
   void explainStop(StopReason otherwise = StopReason::kStepUnderflow);
@@ -509,11 +522,14 @@ class Integrator {
   /// The last edge that was crossed.
   struct LastCrossing {
     int guard = -1;
+    int branch = 0;  // that was entered
     double time = 0.0;
     double depth = 0.0;
-    int count = 0;  // of crossings of it before, each at once after the other
+    int count = 0;  // of crossings of it before, each at once back after the other
   };
   LastCrossing last_crossing_;
+  /// The front, where an input's closed form ends, lies on an edge, and its torque is that before.
+  bool is_end_on_edge_ = false;
 };
 
 }  // namespace variator_sim

@@ -34,6 +34,8 @@ bool Integrator::aim(Trial& trial) {
   if (trial.taken > (is_fixed ? 0.0 : std::max(shortestStep(base_.time), 1e-290))) return true;
   if (!hopOverJumpAhead() && status_.ok()) {
     explainStop(trial.has_leapt ? StopReason::kProjectionFailed : StopReason::kStepUnderflow);
+    const int guard = status_.reason == StopReason::kStepUnderflow ? nearJump() : -1;
+    if (guard >= 0) stopChattering(guard);
   }
   return false;
 }
@@ -140,8 +142,13 @@ double Integrator::attempt(const Trial& trial) {
   front_.time = trial.end;
   own_norm_ = norm;
   if (isGood(norm)) norm = worseOfCheck(norm, checks_.checkTorque(*stepper_, base_, front_));
-  if (isGood(norm)) {
-    norm = worseOfCheck(norm, checkAccelerations());
+  // Just before a jump of the torque what lies beside the end may lie behind it.
+  const bool is_before_jump =
+      crossing_.isDueAt(front_.time) && guards_.guard(crossing_.guard).jumps();
+  if (isGood(norm) && !is_before_jump) {
+    const State* dxdt = stepper_->projects() ? &dxdt_new_ : nullptr;
+    const double check = checks_.checkAccelerations(*stepper_, base_, front_.time, front_.x, dxdt);
+    norm = worseOfCheck(norm, check);
     if (!choice_.isFixed() && stopWhereToleranceIsLost()) return norm;
   }
   if (isGood(norm) && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
@@ -328,13 +335,6 @@ bool Integrator::noteRows() {
     status_.measure = rows_.measure();
   }
   return verdict == RowWatch::Verdict::kGood;
-}
-
-double Integrator::checkAccelerations() {
-  // Just before a jump of the torque what lies beside the end may lie behind it.
-  if (crossing_.isDueAt(front_.time) && guards_.guard(crossing_.guard).jumps()) return 0.0;
-  const State* dxdt = stepper_->projects() ? &dxdt_new_ : nullptr;
-  return checks_.checkAccelerations(*stepper_, base_, front_.time, front_.x, dxdt);
 }
 
 }  // namespace variator_sim

@@ -208,6 +208,7 @@ void Motion::moveTo(double time) {
     if (goes_on) {
       energy_.noteStep(integrator_.base(), integrator_.front(), integrator_.rows(),
                        [this](double theta, State& x) { integrator_.calcInside(theta, x); });
+      goes_on = integrator_.finishEnd();
     }
   }
   time_ = goes_on ? time : status().time;
@@ -302,105 +303,6 @@ void Motion::carryOutInitialCommands() {
   start();
 }
 
-// --- states ----------------------------------------------------------------------------------
-
-void Motion::noteState(const double* angle, const double* velocity, const double* acceleration,
-                       MotionState* state) {
-  const int S = system_.shafts();
-  state->time = time_;
-  std::copy_n(angle, S, state->angle);
-  std::copy_n(velocity, S, state->velocity);
-  std::copy_n(acceleration, S, state->acceleration);
-  for (int i = 0; i < drivetrain_.inputCount(); ++i) {
-    state->signal[i] = drivetrain_.signal(i);
-    state->signal[i].moveOrigin(presentTime());
-    state->last_command[i] = commands_.lastTime(i);
-  }
-}
-
-bool Motion::peekState(MotionState* state) {
-  const Sample& now = sample();
-  if (!status().ok()) return false;
-  *state = MotionState{};
-  noteState(now.angle, now.velocity, now.acceleration, state);
-  return true;
-}
-
-bool Motion::saveState(MotionState* state) {
-  carryOutCommands();
-  if (!status().ok()) return false;
-  if (integrator_.isStart()) energy_.begin(integrator_.front(), integrator_.rows());
-  StepNode here = integrator_.front();
-  if (integrator_.isSleeping() || isInsideStep()) {
-    if (!integrator_.reach(presentTime(), &here)) {
-      time_ = status().time;
-      return false;
-    }
-    cutEnergy(here);
-  }
-  integrator_.cutAt(time_, here);
-  noteState(here.x.begin(), here.x.begin() + system_.shafts(),
-            system_.view(0.0, here.x).acceleration, state);
-  state->history = integrator_.history();
-  state->history.energy = energy_.account();
-  return beginFrom(*state, here.x, state->acceleration).ok();
-}
-
-const MotionStatus& Motion::beginFrom(const MotionState& state, const State& x,
-                                      const double* epsilon) {
-  time_ = state.time;
-  forgetSample();
-  commands_.reset();
-  for (int i = 0; i < drivetrain_.inputCount(); ++i) {
-    drivetrain_.signal(i) = state.signal[i];
-    commands_.setLastTime(i, state.last_command[i]);
-  }
-  integrator_.beginFrom(time_, x, epsilon, state.history);
-  if (state.history.exists) {
-    energy_.resume(state.history.energy, time_);
-  } else {
-    energy_.begin(integrator_.front(), integrator_.rows());
-  }
-  return status();
-}
-
-std::string Motion::setState(const MotionState& state, bool project) {
-  MotionState before;
-  if (!saveState(&before)) return "the motion has stopped";
-  for (int i = 0; i < drivetrain_.inputCount(); ++i) drivetrain_.signal(i) = state.signal[i];
-  drivetrain_.setOrigin(state.time);
-  drivetrain_.refreshInputs(0.0);
-  const int S = system_.shafts();
-  const auto stateOf = [&](const MotionState& from) {
-    State x(system_.size());
-    std::copy_n(from.angle, S, x.begin());
-    std::copy_n(from.velocity, S, x.begin() + S);
-    if (x.size() > 2 * S) std::copy_n(from.acceleration, S, x.begin() + 2 * S);
-    return x;
-  };
-  Start start(system_);
-  start.x = stateOf(state);
-  double epsilon[kMaxShafts];
-  std::copy_n(state.acceleration, S, epsilon);
-  const bool has_history = state.history.exists;
-  start.result = system_.accept(0.0, project, state.is_acceleration_given || has_history, start.x,
-                                epsilon, start.nearest, &start.velocities_at_fault);
-  std::string fault;
-  if (start.result == InitialResult::kConsistent) {
-    // What was saved goes on to the bit; what somebody has written is polished.
-    const MotionStatus result = has_history && !project
-                                    ? beginFrom(state, stateOf(state), state.acceleration)
-                                    : beginFrom(state, start.x, epsilon);
-    if (result.ok()) return "";
-    fault = std::string("the motion cannot go on from there: ") + toString(result.reason);
-  } else {
-    start.x = stateOf(state);
-    fault = describeInconsistency(system_, start, state.acceleration);
-  }
-  beginFrom(before, stateOf(before), before.acceleration);
-  return fault;
-}
-
 // --- samples ---------------------------------------------------------------------------------
 
 const Sample& Motion::sample() {
@@ -410,7 +312,8 @@ const Sample& Motion::sample() {
 }
 
 void Motion::takeSample() {
-  if (!integrator_.calcSample(presentTime(), &sample_)) takeSampleOfState();
+  sampled_at_ = presentTime();
+  if (!integrator_.calcSample(sampled_at_, &sample_)) takeSampleOfState();
   sample_.time = time_;
   sample_valid_ = true;
   if (energy_.isTracked()) sample_.energy = energy_.calcEnergy(sample_, calcApplied());
@@ -418,11 +321,14 @@ void Motion::takeSample() {
 
 void Motion::takeSampleOfState() {
   State x(system_.size());
-  if (!integrator_.calcState(presentTime(), x)) time_ = status().time;
-  system_.calcSample(presentTime(), x, &sample_);
+  if (!integrator_.calcState(&sampled_at_, x)) {
+    time_ = status().time;
+    sampled_at_ = presentTime();
+  }
+  system_.calcSample(sampled_at_, x, &sample_);
   // A law that fails once is asked again; a value that does not exist ends the motion.
-  if (!isSampleFinite()) system_.calcSample(presentTime(), x, &sample_);
-  if (!isSampleFinite() && status().ok()) integrator_.stopAtBadValue(time_, presentTime(), x);
+  if (!isSampleFinite()) system_.calcSample(sampled_at_, x, &sample_);
+  if (!isSampleFinite() && status().ok()) integrator_.stopAtBadValue(time_, sampled_at_, x);
 }
 
 bool Motion::isSampleFinite() const {
@@ -440,7 +346,7 @@ void Motion::calcQuantities(QuantityGroup group, double* values) {
 
 StateView Motion::present() {
   const Sample& now = sample();
-  return drivetrain_.view(presentTime(), now.angle, now.velocity, now.acceleration);
+  return drivetrain_.view(sampled_at_, now.angle, now.velocity, now.acceleration);
 }
 
 OperatingPoint Motion::operatingPoint() {

@@ -164,6 +164,7 @@ class Motion {
   bool has_machine_code_ = false;
   double time_ = 0.0;  // the present
   Sample sample_;
+  double sampled_at_ = 0.0;  // as nodes count it: the present, or just behind an edge there
   bool sample_valid_ = false;
   double quiet_until_ = -1.0;  ///< s: nothing but the present changes as far as there
 };
