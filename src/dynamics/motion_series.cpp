@@ -192,6 +192,8 @@ void MotionSeries::findRows() {
     row_of_connection_[i] = program_.output(next++);
   }
   last_order_ = orderFor(scene_.solver.relative_tolerance);
+  at_end_.rows.resize(static_cast<std::size_t>(program_.rowCount()));
+  at_end_.before.resize(at_end_.rows.size());
   findOrderPlaces();
   findLayout();
   keepInertia();
@@ -457,8 +459,6 @@ bool MotionSeries::mayHideAlong(double t, double h, const double* x, const doubl
   constexpr int kPower = kStepOrder / 2;  // of parabolas: a polynomial of that order
   const auto count = static_cast<std::size_t>(program_.rowCount());
   RowsAtEnd& to = at_end_;
-  to.rows.resize(count);
-  to.before.resize(count);
   const auto keep = [&](std::vector<double>& rows) {
     for (std::size_t r = 0; r < count; ++r) {
       rows[r] = program_.coefficients(static_cast<int>(r))[0];
