@@ -70,8 +70,6 @@ std::unique_ptr<MotionSeries> MotionSeries::make(const Scene& scene, Drivetrain&
     if (law == nullptr) return nullptr;
     nodes.push_back(law->function());
   }
-  const bool is_classical = scene.principle == Principle::kGauss;
-  if (is_classical && scene.hasOrder3()) return nullptr;
   if (!expression::SeriesProgram::hasSeries(*scene.graph, nodes)) return nullptr;
   std::unique_ptr<MotionSeries> series(new MotionSeries(scene, drivetrain));
   try {

@@ -107,7 +107,7 @@ double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double
 }
 
 bool Integrator::isResolved(double taken) {
-  MotionSeries* const series = system_.series();
+  MotionSeries* const series = system_.formulas();
   if (series == nullptr || choice_.isFixed() || stepper_->stepsBySeries()) return true;
   // phi, omega, epsilon
   double x[3][3 * kMaxShafts];
