@@ -189,7 +189,6 @@ std::unique_ptr<Stepper> makeDop853Stepper(const System& system, Tolerance toler
 std::unique_ptr<Stepper> makeTaylorStepper(const System& system, Tolerance tolerance);
 /// Radau IIA with 3, 5 or 7 stages, which goes down to 3 where Newton's iteration fails.
 std::unique_ptr<Stepper> makeRadauStepper(const System& system, Tolerance tolerance,
-                                          const char* name, int most_stages);
-std::unique_ptr<Stepper> makeRosenbrock4Stepper(const System& system, Tolerance tolerance);
+                                          int most_stages);
 
 }  // namespace variator_sim
