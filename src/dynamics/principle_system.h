@@ -25,7 +25,6 @@ class PrincipleSystem : public System {
   Drivetrain& drivetrain() { return drivetrain_; }
   const LeastReactionSearch& search() const { return initial_solver_.search(); }
   bool readsAngles() const override { return drivetrain_.readsAngles(); }
-  bool readsTime() const override { return drivetrain_.readsTime(); }
   MotionSeries* series() const override { return series_.get(); }
   bool hasOrder3() const override { return scene_.hasOrder3(); }
 

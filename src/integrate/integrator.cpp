@@ -312,7 +312,7 @@ bool Integrator::makeStep(double target) {
   crossing_ = Crossing{};
   // The step before the edge says nothing about this branch. An implicit one that is much too
   // long for a swing or for something that grows damps it without its estimate showing anything.
-  if (is_behind_edge && !choice_.isFixed() && stepper_->isImplicit()) {
+  if (is_behind_edge && stepper_->isImplicit()) {
     const double first = std::max(chooseFirstStep(), kLeastRestart * next_step_);
     next_step_ = std::min(next_step_, first);
   }
@@ -389,10 +389,10 @@ bool Integrator::calcState(double now, State& x) {
     State moved(system_.size());
     State slope(system_.size());
     const double h = front_.time - base_.time;
-    if (stepper_->keepsConstraints()) stepper_->calcSlope((now - base_.time) / h, h, slope);
+    if (stepper_->isImplicit()) stepper_->calcSlope((now - base_.time) / h, h, slope);
     const ProjectionResult result =
         stepper_->isImplicit()
-            ? projectStiffly(system_, *stepper_, now, h, slope, x, moved, &statistics_.projections)
+            ? system_.projectStiffly(now, h, slope, x, moved, &statistics_.projections)
             : system_.project(now, x, moved, &statistics_.projections);
     if (result == ProjectionResult::kConverged) return true;
   }

@@ -63,7 +63,6 @@ class RadauStepper final : public Stepper {
     const double n = has_begun ? std::max(iterations_ - 2, 1) : iterations_;
     return (2.0 * kNit + 1.0) / (2.0 * kNit + n);
   }
-  bool keepsConstraints() const override { return true; }
   bool hasDenseOutput() const override { return true; }
   void restart() override {
     matrix_time_ = std::numeric_limits<double>::quiet_NaN();
