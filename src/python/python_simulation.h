@@ -1,12 +1,10 @@
 /// A simulation as Python sees it.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <stdexcept>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "python/analysis.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
-#include <limits>
 #include <stdexcept>
 
 #include "variator_sim/errors.h"
