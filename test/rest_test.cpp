@@ -237,7 +237,7 @@ TEST(Sleep, SamplesAreThoseOfTheMotionThatNeverSleeps) {
        {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
         StepperKind::kRadau, StepperKind::kTaylor}) {
     SCOPED_TRACE(toString(stepper));
-    const Scene scene = test::withStepper(test::withTolerance(steady(), tolerance), stepper);
+    const Scene scene = test::withStepper(test::withTolerance(steady(), kTolerance), stepper);
     Simulation sleeping(scene);
     Simulation awake(sleepless(scene));
     sleeping.command(0, 8.0);
@@ -245,7 +245,7 @@ TEST(Sleep, SamplesAreThoseOfTheMotionThatNeverSleeps) {
     for (double t : {1.0, 10.0, 30.0, 50.0, 70.0, 90.0, 120.0, 200.0, 500.0, 2000.0}) {
       sleeping.advanceTo(t);
       awake.advanceTo(t);
-      expectNear(sleeping.sample(), awake.sample(), kFactor, tolerance);
+      expectNear(sleeping.sample(), awake.sample(), kFactor, kTolerance);
     }
     // dopri5's steps are as long as its stability allows: its own errors keep it moving
     if (stepper != StepperKind::kDopri5) {
