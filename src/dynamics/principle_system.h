@@ -25,7 +25,6 @@ class PrincipleSystem : public System {
   Drivetrain& drivetrain() { return drivetrain_; }
   const LeastReactionSearch& search() const { return initial_solver_.search(); }
   bool readsAngles() const override { return drivetrain_.readsAngles(); }
-  bool readsTime() const override { return drivetrain_.readsTime(); }
   MotionSeries* series() const override {
     const bool is_formal = scene_.principle == Principle::kGauss && hasOrder3();
     return is_formal ? nullptr : series_.get();

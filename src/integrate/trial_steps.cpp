@@ -264,7 +264,7 @@ double Integrator::projectEnd(const Stepper& stepper, const State& x_old, double
     return std::numeric_limits<double>::quiet_NaN();
   }
   // Stages that hold psi = 0 themselves leave rounding to the projection, no error.
-  if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) return 0.0;
+  if (stepper.isImplicit() && system_.keepsConstraintsInStages()) return 0.0;
   const double norm = calcErrorNorm(projection.moved, x_old, x, tolerance_);
   if (norm <= kSteady || norm <= estimate) return norm;
   return discountRounding(end, x_old, x, projection.moved);
