@@ -67,7 +67,6 @@ class FormulaRows {
   std::string statementOf(const Entry& entry, int result);
   std::string statementOfFunction(const Entry& entry, int result);
   std::string statementOfBranch(const Entry& entry, int result);
-  std::string multiplyOrScale(const Entry& entry, int result);
   std::string powerOf(const Entry& entry, int result);
   std::string tableOf(const Entry& entry, int result);
   /// "f(r[1], r[2], n);" and f is used.

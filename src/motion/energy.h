@@ -137,7 +137,6 @@ class EnergyMeter {
 
   /// Everything at `sample`, where the applied energy is `applied`.
   Energy calcEnergy(const Sample& sample, double applied);
-  double startKinetic() const { return start_kinetic_; }
 
   EnergyDoubt doubt() const;
 

@@ -20,7 +20,6 @@ class RestWatch {
   static constexpr double kInterval = 0.05;  // s
 
   void begin() { next_ = 0.0; }
-  bool isOn() const { return next_ < kNever || isReached(); }
   double nextLook() const { return next_; }
   bool isReached() const { return is_reached_; }
   /// The first look since which it has been steady, s.
