@@ -125,7 +125,7 @@ class LinearizeTest(TestCase):
     def test_models_without_inputs(self):
         for ending in ("npz", "mat"):
             path = self.folder / f"model.{ending}"
-            self.simulate(str(FOLDER / "config/acceleration_circle.yaml"), "--linearize", "--at", "1", "--output", str(path))
+            self.simulate(str(CONFIG / "acceleration_circle.yaml"), "--linearize", "--at", "1", "--output", str(path))
             with self.subTest(ending=ending):
                 if ending == "mat":
                     model = read_mat(path.read_bytes())

@@ -1,8 +1,8 @@
 """Makes files of NumPy and MATLAB of linear models.
 
-`simulate --linearize` runs this file by itself: it reads the model as CSV from standard input and writes the content of
-the file to standard output, or the reason why there is none (exit status 1). So it imports nothing of the package, whose
-compiled module is not needed here.
+`simulate --linearize` runs this file by itself: it reads the model as CSV from standard input and writes the
+content of the file to standard output, or the reason why there is none (exit status 1). So it imports nothing of the
+package, whose compiled module is not needed here.
 """
 
 import collections
@@ -21,8 +21,10 @@ def _read(text):
     for row in csv.DictReader(io.StringIO(text)):
         rows[row["matrix"]].append(row)
     names = {kind: [row["row"] for row in rows[vector]] for kind, vector in NAMED_BY.items()}
-    model = {name: numpy.array([float(row["value"]) for row in rows[name]]).reshape([len(names[kind]) for kind in kinds])
-             for name, kinds in SHAPES.items()}
+    model = {}
+    for name, kinds in SHAPES.items():
+        values = numpy.array([float(row["value"]) for row in rows[name]])
+        model[name] = values.reshape([len(names[kind]) for kind in kinds])
     model.update((kind, numpy.array(texts, dtype=str)) for kind, texts in names.items())
     return model
 
