@@ -18,7 +18,8 @@ from matplotlib import pyplot  # noqa: E402: after the choice of the backend
 from matplotlib.lines import Line2D  # noqa: E402
 from PIL import Image  # noqa: E402: matplotlib needs it too
 
-import plot_families  # noqa: E402: beside this file
+import kernel_tables  # noqa: E402: beside this file, as the next
+import plot_families  # noqa: E402
 
 BEGIN = "<!-- begin generated: work precision -->"
 END = "<!-- end generated -->"
@@ -65,7 +66,7 @@ def read_rows(paths):
     heads = []
     scenes = {}
     for path in paths:
-        lines = pathlib.Path(path).read_text().splitlines()
+        lines = kernel_tables.read_lines(path)
         heads += [line[1:].strip() for line in lines if line.startswith("#")]
         for row in csv.DictReader(line for line in lines if not line.startswith("#")):
             curves = scenes.setdefault(row["scene"], {})
