@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "variator_sim/interruption.h"
 #include "variator_sim/motion_state.h"
 #include "variator_sim/operating_point.h"
 #include "variator_sim/quantity_group.h"
@@ -50,6 +51,10 @@ class Simulation {
   /// stops on the way, the present stays at the last good state and the status says why; from then
   /// on nothing moves until `reset`. [loop]
   const MotionStatus& advanceTo(double time);
+  /// Where `interruption` is true, which is asked before each trial step and within long searches,
+  /// advances return early: the present is where the motion has come to, and it may go on from
+  /// there. It is called by whoever advances; {} ends it.
+  void interruptBy(const Interruption& interruption);
   /// Up to this time, s, advances do nothing but move the present: it lies inside a step already
   /// made, and no command is pending or overdue. Who does not look at the motion can leave them
   /// out. [loop]

@@ -87,7 +87,9 @@ ErrorEstimate::ErrorEstimate(Motion& run)
     : run_(run),
       companion_(makeCompanion(run.scene())),
       relative_(run.scene().solver.relative_tolerance),
-      absolute_(run.scene().solver.absolute_tolerance) {}
+      absolute_(run.scene().solver.absolute_tolerance) {
+  companion_.interruptBy(run.interruption());
+}
 
 void ErrorEstimate::setState(const MotionState& state, bool project) {
   companion_.setState(state, project);
@@ -141,9 +143,10 @@ const Sample& ErrorEstimate::sample() {
   const double time = run_.time();  // where a jump led nowhere, the last good one
   if (companion_.time() < time) follow();
   const Sample& other = companion_.sample();
-  if (!companion_.status().ok()) {
-    if (doubt_.stopped < 0.0) doubt_.stopped = companion_.status().time;
-    doubt_.reason = companion_.status().reason;
+  const bool has_stopped = !companion_.status().ok();
+  if (has_stopped && doubt_.stopped < 0.0) doubt_.stopped = companion_.status().time;
+  if (has_stopped) doubt_.reason = companion_.status().reason;
+  if (has_stopped || companion_.time() < time) {  // or it was interrupted
     for (double* error :
          {sample_.angle_error, sample_.velocity_error, sample_.acceleration_error}) {
       std::fill_n(error, kMaxShafts, std::numeric_limits<double>::quiet_NaN());

@@ -29,6 +29,7 @@ class ErrorEstimate {
 
   /// The companion follows to the present of the run. [loop]
   void follow() { companion_.advanceTo(run_.time()); }
+  void interruptBy(const Interruption& interruption) { companion_.interruptBy(interruption); }
   void command(int input, double value) { companion_.command(input, value); }  ///< [loop]
   void reset();                                                                ///< [loop]
   /// The run has been set to this: errors are counted from there.

@@ -178,10 +178,9 @@ const MotionStatus& Motion::advance(double time) {
   for (double timeout = commands_.nextTimeout(); status().ok() && timeout <= time;
        timeout = commands_.nextTimeout()) {
     moveTo(std::max(timeout, time_));  // a rounding may lie between them
-    if (status().ok()) {
-      integrator_.statistics().command_timeouts +=
-          static_cast<std::uint64_t>(commands_.addTimeouts(time_, resolutionOf(time_)));
-    }
+    if (time_ < timeout || !status().ok()) return status();
+    integrator_.statistics().command_timeouts +=
+        static_cast<std::uint64_t>(commands_.addTimeouts(time_, resolutionOf(time_)));
     if (timeout < time) carryOutCommands();
   }
   moveTo(time);
@@ -211,7 +210,8 @@ void Motion::moveTo(double time) {
                        [this](double theta, State& x) { integrator_.calcInside(theta, x); });
     }
   }
-  time_ = goes_on ? time : status().time;
+  const double reached = std::min(time, std::max(time_, frontTime()));  // where interrupted
+  time_ = goes_on ? time : (status().ok() ? reached : status().time);
   forgetSample();
   // At a timeout its command acts.
   quiet_until_ = std::min(quietUntil(), std::nextafter(commands_.nextTimeout(), -1.0));

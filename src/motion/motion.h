@@ -72,6 +72,8 @@ class Motion {
 
   void reset();
   const MotionStatus& advanceTo(double time);
+  void interruptBy(const Interruption& interruption) { integrator_.interruptBy(interruption); }
+  const Interruption& interruption() const { return integrator_.interruption(); }
   double quietUntil() const;
   double nextTimeout() const { return commands_.nextTimeout(); }
   /// Up to where it has been stepped, s: as far as the present or further.

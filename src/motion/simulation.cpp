@@ -114,6 +114,10 @@ const MotionStatus& Simulation::advanceTo(double time) {
   if (error_estimate_) error_estimate_->follow();
   return status;
 }
+void Simulation::interruptBy(const Interruption& interruption) {
+  motion_->interruptBy(interruption);
+  if (error_estimate_) error_estimate_->interruptBy(interruption);
+}
 CommandResult Simulation::command(int input, double value) {
   if (error_estimate_) error_estimate_->command(input, value);
   return motion_->command(input, value);

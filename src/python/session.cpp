@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <csignal>
-#include <limits>
 #include <stdexcept>
 
 #include "variator_sim/errors.h"
@@ -14,23 +12,30 @@
 namespace variator_sim::python {
 namespace {
 
-/// A span of simulated time that takes about a twentieth of a second.
-class BlockSpan {
+/// Asks `keep_on` about twenty times a second while a simulation is moved.
+class Watch {
  public:
-  explicit BlockSpan(double whole) : span_(std::max(whole / 64.0, kShortest)) {}
-  double span() const { return span_; }
-  void begin() { start_ = Clock::now(); }
-  void end() {
-    const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
-    if (seconds < 0.01) span_ *= 2.0;
-    if (seconds > 0.1) span_ *= 0.5;
+  Watch(Simulation& simulation, const KeepOn& keep_on)
+      : simulation_(simulation), keep_on_(keep_on) {
+    simulation.interruptBy([this] { return isOver(); });
+  }
+  ~Watch() { simulation_.interruptBy({}); }
+  Watch(const Watch&) = delete;
+  Watch& operator=(const Watch&) = delete;
+
+  bool isOver() {
+    const Clock::time_point now = Clock::now();
+    if (is_over_ || now < next_) return is_over_;
+    next_ = now + std::chrono::milliseconds(50);
+    return is_over_ = !keep_on_();
   }
 
  private:
   using Clock = std::chrono::steady_clock;
-  static constexpr double kShortest = 0.1;  // s; a step of a controller is no block to cut
-  double span_;
-  Clock::time_point start_;
+  Simulation& simulation_;
+  const KeepOn& keep_on_;
+  Clock::time_point next_ = Clock::now() + std::chrono::milliseconds(50);
+  bool is_over_ = false;
 };
 
 }  // namespace
@@ -42,15 +47,8 @@ Scene makeScene(ParameterTree tree, const Overrides& overrides, ComponentFactory
 }
 
 void Session::advanceTo(double time, const KeepOn& keep_on) {
-  // Cuts change no bit of a motion.
-  BlockSpan block(time - simulation_.time());
-  while (simulation_.time() < time) {
-    block.begin();
-    const double end = std::min(time, simulation_.time() + block.span());
-    if (!simulation_.advanceTo(end > simulation_.time() ? end : time).ok()) return;
-    block.end();
-    if (simulation_.time() < time && !keep_on()) return;
-  }
+  const Watch watch(simulation_, keep_on);
+  simulation_.advanceTo(time);
 }
 
 RunRows Session::run(const RunRequest& request, const KeepOn& keep_on) {
@@ -65,14 +63,11 @@ RunRows Session::run(const RunRequest& request, const KeepOn& keep_on) {
   RunRows rows;
   rows.ignored_commands = run.ignoredCount() + run.pastCount();
   const RowMaker maker(simulation_, request.columns);
-  const volatile std::sig_atomic_t never = 0;
   SampleBlock samples;
   samples.samples.reserve(OfflineRun::kBlockSize);
-  BlockSpan block(request.duration);
-  for (bool more = true; more;) {
-    block.begin();
-    more = run.advanceBlock(block.span(), &never, samples);
-    block.end();
+  Watch watch(simulation_, keep_on);
+  for (bool more = true; more && !watch.isOver();) {
+    more = run.advanceBlock(request.duration, samples);
     const double* quantities = samples.quantities.data();
     for (const Sample& sample : samples.samples) {
       rows.values.resize(rows.values.size() + maker.columnCount());
@@ -80,7 +75,6 @@ RunRows Session::run(const RunRequest& request, const KeepOn& keep_on) {
                   rows.values.data() + rows.values.size() - maker.columnCount());
       quantities += maker.quantityCount();
     }
-    if (more && !keep_on()) break;
   }
   return rows;
 }

@@ -36,7 +36,7 @@ struct RunRows {
   std::size_t ignored_commands = 0;  ///< those outside of the run
 };
 
-/// Called between blocks of about a tenth of a second of wall time: false ends what is under way.
+/// Called about twenty times a second of wall time: false ends what is under way.
 using KeepOn = std::function<bool()>;
 
 class Session {
@@ -47,7 +47,7 @@ class Session {
   Simulation& simulation() { return simulation_; }
   const Simulation& simulation() const { return simulation_; }
 
-  /// Moves the present to `time`, in blocks. The motion may stop on the way.
+  /// Moves the present to `time`. The motion may stop on the way.
   void advanceTo(double time, const KeepOn& keep_on);
   /// Runs from the present; ends where the motion stops. Throws CommandFileError.
   RunRows run(const RunRequest& request, const KeepOn& keep_on);

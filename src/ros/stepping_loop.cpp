@@ -39,6 +39,7 @@ SteppingLoop::SteppingLoop(Simulation simulation, const NodeSettings& settings, 
       real_time_factor_(wanted_factor_),
       paused_(settings.start_paused) {
   samples_due_.setRate(settings.publish_rate, tick_rate_ * real_time_factor_);
+  simulation_.interruptBy([this] { return isStopping(); });
 }
 
 void SteppingLoop::commandTogether(const InputCommand* commands, int count) {

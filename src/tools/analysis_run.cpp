@@ -72,11 +72,11 @@ class Run {
     }
     simulation_.advanceTo(time);
     simulation_.sample();
-    return simulation_.status().ok();
+    return simulation_.status().ok() && simulation_.time() >= time;
   }
   /// To the first rest until `end`. False when there is none.
-  bool advanceToRest(double end, const volatile std::sig_atomic_t* interrupted) {
-    for (double time = simulation_.time(); time < end && *interrupted == 0;) {
+  bool advanceToRest(double end) {
+    for (double time = simulation_.time(); time < end;) {
       time = std::min(end, time + std::max(0.05, 0.01 * time));
       if (!advanceTo(time)) return false;
       if (simulation_.isSleeping()) return true;
@@ -90,27 +90,32 @@ class Run {
   std::size_t next_ = 0;
 };
 
+/// `otherwise`: where the motion has not stopped.
+void tellWhy(const Simulation& simulation, const std::string& otherwise) {
+  const std::string why = simulation.status().ok() ? otherwise : simulation.describeStatus();
+  std::fprintf(stderr, "simulate: %s\n", why.c_str());
+}
+
 /// False, with a message, when it cannot be reached.
 bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
-                const SimulateOptions& options, const volatile std::sig_atomic_t* interrupted,
-                OperatingPoint* point) {
+                const SimulateOptions& options, OperatingPoint* point) {
   double time = 0.0;
   Run run(simulation, commands);
   if (options.at == "rest") {
     const double end = options.duration > 0.0 ? options.duration : kPatience;
-    if (!run.advanceToRest(end, interrupted)) {
-      const std::string why =
-          simulation.status().ok()
-              ? "no rest until " + formatNumber(simulation.time()) +
-                    " s (laws that read the time never rest; --duration waits longer)"
-              : simulation.describeStatus();
-      std::fprintf(stderr, "simulate: %s\n", why.c_str());
+    if (!run.advanceToRest(end)) {
+      const std::string until = formatNumber(simulation.time()) + " s";
+      tellWhy(simulation,
+              simulation.time() < end
+                  ? "interrupted at " + until
+                  : "no rest until " + until +
+                        " (laws that read the time never rest; --duration waits longer)");
       return false;
     }
   } else if (readTime(options.at, &time)) {
     if (!(time >= 0.0) || !std::isfinite(time)) throw UsageError("--at: must be at least 0 s");
     if (!run.advanceTo(time)) {
-      std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
+      tellWhy(simulation, "interrupted at " + formatNumber(simulation.time()) + " s");
       return false;
     }
   } else if (isInline(options.at)) {
@@ -151,11 +156,11 @@ std::string asComment(const std::string& text) {
 }  // namespace
 
 bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
-                  const SimulateOptions& options, const volatile std::sig_atomic_t* interrupted) {
+                  const SimulateOptions& options) {
   // A path that means nothing is told before the run.
   if (!options.output_path.empty()) checkModelPath(options.output_path);
   OperatingPoint point;
-  if (!reachPoint(simulation, commands, options, interrupted, &point)) return false;
+  if (!reachPoint(simulation, commands, options, &point)) return false;
   const LinearModel model =
       linearize(simulation.scene(), point, options.full ? LinearForm::kFull : LinearForm::kMinimal);
   if (!options.output_path.empty()) {

@@ -1,7 +1,6 @@
 /// `simulate --linearize` and `simulate --trim`.
 #pragma once
 
-#include <csignal>
 #include <string>
 #include <vector>
 
@@ -15,7 +14,7 @@ namespace variator_sim {
 /// SceneError, UsageError, OutputError. False when the motion stops on the way, or comes to no
 /// rest.
 bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
-                  const SimulateOptions& options, const volatile std::sig_atomic_t* interrupted);
+                  const SimulateOptions& options);
 
 /// Writes the steady state. False when there is none.
 bool runTrim(const Scene& scene, const SimulateOptions& options);

@@ -83,7 +83,8 @@ OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
 }
 
 bool OfflineRun::reach(double time) {
-  return time <= simulation_.time() || simulation_.advanceTo(time).ok();
+  return time <= simulation_.time() ||
+         (simulation_.advanceTo(time).ok() && simulation_.time() >= time);  // else: interrupted
 }
 
 void OfflineRun::applyCommands() {
@@ -140,12 +141,11 @@ void OfflineRun::saveState() {
   if (!has_state_) has_state_ = simulation_.saveState(&state_);
 }
 
-bool OfflineRun::advanceBlock(double span, const volatile std::sig_atomic_t* interrupted,
-                              SampleBlock& block) {
+bool OfflineRun::advanceBlock(double span, SampleBlock& block) {
   block.samples.clear();
   block.quantities.clear();
   const double block_end = simulation_.time() + span;
-  while (block.samples.size() < kBlockSize && *interrupted == 0) {
+  while (block.samples.size() < kBlockSize) {
     const double command_time =
         next_command_ < commands_.size() ? commands_[next_command_].time : kNever;
     const double next = std::min({times_.current(), command_time, nextEvent(), end_});

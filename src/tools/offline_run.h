@@ -1,7 +1,6 @@
 /// Drives a Simulation through its commands and sample times, block by block.
 #pragma once
 
-#include <csignal>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -63,9 +62,9 @@ class OfflineRun {
   void observe(const std::vector<QuantityGroup>& groups);
 
   /// Moves on until `block` (emptied first) holds kBlockSize samples, the present has moved by
-  /// `span` seconds, `*interrupted` is not 0, the end is reached or the motion stops. False when
-  /// there is nothing left to do.
-  bool advanceBlock(double span, const volatile std::sig_atomic_t* interrupted, SampleBlock& block);
+  /// `span` seconds, the end is reached, the motion stops or is interrupted. False when there is
+  /// nothing left to do.
+  bool advanceBlock(double span, SampleBlock& block);
 
   /// Commands refused because they are NaN or infinite, and the line of the first.
   std::uint64_t refusedCount() const { return refused_count_; }

@@ -272,7 +272,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     bool more = true;
     while (more && g_signal == 0) {
       const Clock::time_point start = Clock::now();
-      more = offline_run.advanceBlock(block_span, &g_signal, block);
+      more = offline_run.advanceBlock(block_span, block);
       const double block_time = secondsSince(start);
       wall.simulation += block_time;
       const double done = simulation.time() - span.begin;
@@ -368,6 +368,7 @@ int runSimulate(const std::vector<std::string>& words) {
     std::fprintf(stderr, "simulate: formulas are run by %s\n", simulation.machineCode().c_str());
     return is_loaded ? kSuccess : kBadOutput;
   }
+  simulation.interruptBy([] { return g_signal != 0; });
   if (options.explain) return explain(simulation, options);
   if (!options.emit_c_path.empty()) return emitC(simulation, options);
   if (options.trim) return runTrim(simulation.scene(), options) ? kSuccess : kStopped;
@@ -375,7 +376,7 @@ int runSimulate(const std::vector<std::string>& words) {
   if (options.linearize) {
     if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
     const bool is_done =
-        runLinearize(simulation, readCommands(options, simulation.scene()), options, &g_signal);
+        runLinearize(simulation, readCommands(options, simulation.scene()), options);
     if (g_signal != 0) return kSignalBase + g_signal;
     return is_done ? kSuccess : kStopped;
   }
