@@ -61,7 +61,7 @@ const MotionStatus& Motion::beginFrom(const MotionState& state, const State& x,
   }
   integrator_.beginFrom(time_, x, epsilon, state.history);
   if (state.history.exists) {
-    energy_.resume(state.history.energy);
+    energy_.resume(state.history.energy, time_);
   } else {
     energy_.begin(integrator_.front(), integrator_.rows());
   }
