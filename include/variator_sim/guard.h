@@ -66,7 +66,8 @@ class Guard {
   /// Between which distances a guard that is linear, or has a `rate`, keeps a branch, not kOnEdge;
   /// they themselves do not count.
   virtual Interval bounds(int /*branch*/) const { return {}; }
-  /// The parts of the state that it may read: a bit for each of those of LinearValue.
+  /// The parts of the state that it, or its `rate`, may read: a bit for each of those of
+  /// LinearValue.
   virtual unsigned reads() const { return ~0U; }
   /// True when it may change while the shafts stay as they are: it reads the time or an input.
   virtual bool readsTime() const { return true; }
