@@ -172,6 +172,35 @@ TEST(InsideOfAStep, WhatSettlesOnAnEdgeIsNotSearched) {
   }
 }
 
+// At rest beside an edge rounding decides the side. Where the torque is the same on both, steps go
+// on as if it were not there: they are as long as the motion lets them be. (Found in the field: one
+// step was refused 2,483 times.)
+TEST(InsideOfAStep, AtRestAnEdgeThatChangesNothingIsLeftAlone) {
+  const std::string loss =
+      "-(if(tanh(w1/wr) > 0, tanh(w1/wr)*max((0.75*(if(t < 0.5, 0, -0.5)) + 0.625)/0.625,"
+      " (-3*(if(t < 0.5, 0, -0.5)) + 2.5)/2.5), -tanh(w1/wr)*min((0.75*(if(t < 0.5, 0, -0.5)) -"
+      " 0.625)/0.625, (-3*(if(t < 0.5, 0, -0.5)) - 2.5)/2.5)))";
+  for (const StepperKind stepper : {StepperKind::kAuto, StepperKind::kRadau}) {
+    for (const char* principle : kPrinciples) {
+      Scene scene = test::sceneFromText(
+          "shafts: [input]\ninput: {inertia: 0.002}\ntorques: [load, loss]\n"
+          "load: {type: variator_sim/ExpressionTorque, shaft: input,"
+          " torque: \"if(t < 0.5, 0, 1)\"}\n"
+          "loss: {type: variator_sim/ExpressionTorque, shaft: input, torque: \"" +
+          loss + "\", parameters: {wr: 1.0e-4}}\ninitial: {velocity: [10]}\nprinciple: " +
+          principle + "\n");
+      scene.solver.stepper = stepper;
+      Simulation simulation(std::move(scene));
+      ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << label(stepper, principle);
+      // The load and 1.6 tanh(w/wr) are in balance.
+      EXPECT_NEAR(simulation.sample().velocity[0], 1e-4 * std::atanh(0.625), 1e-11)
+          << label(stepper, principle);
+      const Statistics& counts = simulation.statistics();
+      EXPECT_LT(counts.steps + counts.rejected_steps, 600U) << label(stepper, principle);
+    }
+  }
+}
+
 // sign of the time and of a speed: the accelerations jump with the torque, and no reaction is left
 // on a free shaft.
 TEST(JumpsOfLaws, MoveTheAccelerations) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <random>
@@ -15,6 +16,7 @@
 #include "integrate/step_curve.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim::expression {
 namespace {
@@ -189,6 +191,101 @@ class Tireless final : public Guard {
  private:
   int* asked_;
 };
+
+/// A search along given angles and velocities of two shafts.
+class Searched {
+ public:
+  explicit Searched(std::vector<GuardPtr> guards) {
+    search_.setGuards(
+        std::move(guards),
+        [](double time, const double* p, const double* w, const double* e) {
+          return StateView{time, p, w, e, nullptr, nullptr};
+        },
+        [](const Interval&, Interval*) {});
+  }
+  /// `x(part)` gives phi and omega at a part of the step from 1 s to 1.5 s.
+  template <class Curve>
+  GuardFinding along(const Curve& x) {
+    constexpr double kDuration = 0.5;
+    StepCurve curve;
+    curve.begin(1.0, kDuration, 2, false);
+    for (int n = 0; n < StepCurve::kNodes; ++n) curve.setNode(n, x(StepCurve::node(n)).data());
+    curve.finish();
+    double angle[2];
+    double velocity[2];
+    double acceleration[2];
+    curve.evaluate(0.0, angle, velocity, acceleration);
+    search_.moveBase({1.0, angle, velocity, acceleration, nullptr, nullptr});
+    return search_.find(curve, 1e-13);
+  }
+
+ private:
+  GuardSearch search_;
+};
+
+// A linear guard is a polynomial whose roots are isolated; the same guard, written so that it does
+// not seem linear, is enclosed over boxes. Both find the first crossing, and where there is none
+// neither does.
+TEST(GuardSearches, FindTheSameByPolynomialsAndByBoxes) {
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  int crossings = 0;
+  int clear = 0;
+  for (const std::string argument :
+       {"w1-w2", "2*w1-0.3", "-phi1/3+0.1", "0.4*e1-w2", "t-1.25+0.1*w1", "w1-(0.2*t+phi2)"}) {
+    Symbols symbols;
+    Searched by_polynomial(symbols.guardsOf("sign(" + argument + ")"));
+    Searched by_boxes(symbols.guardsOf("sign(" + argument + "+0*phi1^2)"));
+    for (int n = 0; n < 300; ++n) {
+      double c[4][5];
+      for (auto& row : c) {
+        for (double& value : row) value = any(random);
+      }
+      const auto x = [&](double part) {
+        std::array<double, 4> values{};
+        for (std::size_t i = 0; i < 4; ++i) {
+          values[i] = c[i][0] + c[i][1] * part + c[i][2] * std::sin(6.0 * part + c[i][3]);
+        }
+        return values;
+      };
+      const GuardFinding a = by_polynomial.along(x);
+      const GuardFinding b = by_boxes.along(x);
+      ASSERT_EQ(a.kind, b.kind) << argument << ", " << n;
+      EXPECT_NEAR(a.clear, b.clear, 1e-12) << argument << ", " << n;
+      EXPECT_NEAR(a.beyond, b.beyond, 1e-12) << argument << ", " << n;
+      ++(a.kind == GuardFinding::Kind::kCrossing ? crossings : clear);
+    }
+  }
+  EXPECT_GT(crossings, 500);
+  EXPECT_GT(clear, 500);
+}
+
+// A parabola that dips below an edge for 1e-5 of the step crosses it, one that stays above by
+// little more than rounding does not.
+TEST(GuardSearches, SeeTheBriefestDipAndNoTouch) {
+  Symbols symbols;
+  Searched search(symbols.guardsOf("max(w1,0)"));
+  const auto dips = [](double least) {
+    return [least](double part) {
+      const double off = part - 0.3;
+      return std::array<double, 4>{0.0, 0.0, off * off + least, 0.0};
+    };
+  };
+  const GuardFinding dip = search.along(dips(-2.5e-11));
+  EXPECT_EQ(dip.kind, GuardFinding::Kind::kCrossing);
+  EXPECT_NEAR(dip.clear, 0.3 - 5e-6, 1e-9);
+  EXPECT_LE(dip.beyond, 0.3);
+  EXPECT_EQ(search.along(dips(1e-13)).kind, GuardFinding::Kind::kClear);
+}
+
+TEST(GuardSearches, EndSoonWhereTheyAreInterrupted) {
+  int asked = 0;
+  Searched search({std::make_shared<Tireless>(&asked)});
+  const Interruption interruption([] { return true; });
+  const auto still = [](double) { return std::array<double, 4>{}; };
+  EXPECT_EQ(search.along(still).kind, GuardFinding::Kind::kUnknown);
+  EXPECT_LT(asked, 200);
+}
 
 // However many there are, a step is searched within bounded time: the rest of it is another step's.
 TEST(GuardSearches, AskGuardsABoundedNumberOfTimes) {

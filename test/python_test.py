@@ -235,6 +235,30 @@ class PythonTest(TestCase):
             with self.subTest(words=words), self.assertRaisesRegex(kind, words):
                 fault()
 
+    def test_control_c_is_heard_where_a_motion_crawls(self):
+        # By dopri5 a step is as short as the stiffness asks for: 3e8 in one second of the motion.
+        crawl = """
+shafts: [a]
+a: {inertia: 1}
+torques: [drag]
+drag: {type: variator_sim/ExpressionTorque, shaft: a, torque: "sin(t) - 1e9*w_a"}
+solver: {stepper: dopri5, maximum_steps: 2000000000}
+"""
+        simulation = variator_sim.Simulation(crawl)
+        for run in (lambda: simulation.advance_to(1e6), lambda: variator_sim.simulate(crawl, 1e6),
+                    lambda: variator_sim.sweep(crawl, 1e6, grid={"a/inertia": [1.0, 2.0]},
+                                               metrics=["final(a/velocity)"], times=[1e6],
+                                               threads=2)):
+            alarm = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+            alarm.start()
+            begin = time.monotonic()
+            with self.assertRaises(KeyboardInterrupt):
+                run()
+            self.assertLess(time.monotonic() - begin, 10.0)
+            alarm.join()
+        self.assertGreater(simulation.time, 0.0)  # and it goes on from there
+        simulation.advance(1e-9)
+
     def test_another_thread_goes_on_meanwhile(self):
         # Stiff and long enough for many blocks; whoever moves it must not hold the others up.
         simulation = variator_sim.Simulation(SHIP, {"solver/maximum_step": 1e-4})

@@ -725,6 +725,30 @@ class SimulateTest(TestCase):
                 self.assertIn(b"interrupted at ", told)
                 self.assertLessEqual(output.count(b"\n"), 2)  # header and start
 
+    def test_a_run_that_crawls_hears_signals(self):
+        # By dopri5 a step is as short as the stiffness asks for: 3e8 in one second of the motion.
+        scene = self.folder / "crawl.yaml"
+        scene.write_text("""shafts: [a]
+a: {inertia: 1}
+torques: [drag]
+drag: {type: variator_sim/ExpressionTorque, shaft: a, torque: "sin(t) - 1e9*w_a"}
+solver: {stepper: dopri5, maximum_steps: 2000000000}
+""", encoding="utf-8")
+        for order, status in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
+            output = self.folder / f"{status}.csv"
+            with subprocess.Popen([SIMULATE, str(scene), "--times", "0,1e-9,1e6", "--output",
+                                   str(output)], stderr=subprocess.PIPE,
+                                  env=self.environment) as process:
+                time.sleep(2.0)
+                begin = time.monotonic()
+                process.send_signal(order)
+                words = process.communicate(timeout=60)[1]
+                self.assertLess(time.monotonic() - begin, 5.0)
+                self.assertEqual(process.returncode, status, words)
+            self.assertIn(b"simulate: interrupted at ", words)
+            rows = parse(output.read_text(encoding="utf-8"))[1]
+            self.assertEqual(len(rows), 2)  # what lay before the crawl
+
     def test_interrupt_keeps_the_samples_and_a_terminal_shows_progress(self):
         output = self.folder / "out.csv"
         terminal, end = pty.openpty()

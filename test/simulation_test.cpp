@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "support/scenes.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 namespace {
@@ -539,6 +540,65 @@ TEST(Simulation, GoesOnWhereRampsEndTogether) {
     }
     EXPECT_GT(apart, 10);
   }
+}
+
+// Wherever it is interrupted a motion is where it has come to, and goes on from there.
+TEST(Interruptions, LeaveAMotionThatGoesOn) {
+  const auto make = [] {
+    Scene scene = test::sceneFromText(kTwoCommands);
+    scene.solver.maximum_step = 0.02;
+    Simulation simulation(std::move(scene));
+    simulation.trackEnergy(true);
+    simulation.command(0, 3.0);
+    return simulation;
+  };
+  Simulation whole = make();
+  whole.advanceTo(2.0);
+  const Sample& expected = whole.sample();
+  int interrupted = 0;
+  for (int n = 1; n <= 60; ++n) {
+    Simulation simulation = make();
+    {
+      int asked = 0;
+      const Interruption interruption([&] { return ++asked >= n; });
+      ASSERT_TRUE(simulation.advanceTo(2.0).ok());
+      const double time = simulation.time();
+      ASSERT_LE(time, 2.0);
+      interrupted += time < 2.0;
+      EXPECT_EQ(simulation.sample().time, time);
+      EXPECT_TRUE(std::isfinite(simulation.sample().acceleration[1]));
+      // Nothing moves as long as it lasts.
+      if (time < 2.0) {
+        simulation.advanceTo(2.0);
+        EXPECT_EQ(simulation.time(), time);
+      }
+    }
+    ASSERT_TRUE(simulation.advanceTo(2.0).ok());
+    const Sample& reached = simulation.sample();
+    EXPECT_EQ(reached.time, 2.0);
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_NEAR(reached.velocity[i], expected.velocity[i], 1e-8) << n;
+      EXPECT_NEAR(reached.acceleration[i], expected.acceleration[i], 1e-7) << n;
+    }
+    EXPECT_NEAR(reached.energy.applied, expected.energy.applied, 1e-6) << n;
+  }
+  EXPECT_GT(interrupted, 10);
+}
+
+// A command's timeout behind the interruption is no event yet.
+TEST(Interruptions, LeaveTimeoutsToCome) {
+  Simulation simulation(test::sceneFromText(
+      "shafts: [a]\na: {inertia: 1}\ntorques: [m]\n"
+      "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, timeout: 0.5}\n"));
+  simulation.command(0, 1.0);
+  {
+    const Interruption interruption([] { return true; });
+    simulation.advanceTo(2.0);
+    EXPECT_LT(simulation.time(), 0.5);
+    EXPECT_EQ(simulation.statistics().command_timeouts, 0U);
+  }
+  simulation.advanceTo(2.0);
+  EXPECT_EQ(simulation.statistics().command_timeouts, 1U);
 }
 
 }  // namespace

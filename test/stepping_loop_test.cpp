@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
@@ -194,6 +195,39 @@ TEST(SteppingLoop, AllocatesNothingPerTick) {
   allocations = 0;
   loop.run();
   EXPECT_EQ(allocations.load(), 0);
+}
+
+// The steps of one tick may take for ever: here 3e9 of them.
+TEST(SteppingLoop, StopsInTheMidstOfATickThatCrawls) {
+  ScriptedClock clock;
+  NodeSettings settings;
+  settings.tick_rate = settings.publish_rate = 0.1;
+  SteppingLoop loop(
+      Simulation(test::sceneFromText("shafts: [a]\na: {inertia: 1}\ntorques: [drag]\n"
+                                     "drag: {type: variator_sim/ExpressionTorque, shaft: a,"
+                                     " torque: \"sin(t) - 1e9*w_a\"}\n"
+                                     "solver: {stepper: dopri5, maximum_steps: 2000000000}\n")),
+      settings, clock);
+  std::atomic<bool> ticks{false};
+  std::atomic<bool> has_ended{false};
+  clock.on_sleep_ = [&](int) { ticks = true; };
+  std::thread thread([&] {
+    loop.run();
+    has_ended = true;
+  });
+  const auto wait = [](const std::atomic<bool>& flag) {
+    for (int n = 0; n < 1000 && !flag; ++n) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return flag.load();
+  };
+  EXPECT_TRUE(wait(ticks));
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  EXPECT_FALSE(has_ended);
+  loop.stop();
+  EXPECT_TRUE(wait(has_ended));
+  if (!has_ended) std::_Exit(1);  // nothing else ends that thread
+  thread.join();
 }
 
 /// Runs 3 s with commands, energy being wanted from tick `from` on; the samples that have it.

@@ -24,6 +24,12 @@ struct StateBox {
   const Interval* input = nullptr;    ///< of each input of the scene; null: nothing is known
 };
 
+/// A value that is linear in the state and the time, less a constant.
+struct LinearValue {
+  double time = 0.0;
+  double state[3 * kMaxShafts] = {};  ///< by angles, velocities, accelerations: kMaxShafts of each
+};
+
 /// Tells on which branch of a law a state lies. On one branch the law is smooth; a step ends where
 /// the branch changes, however briefly it does.
 ///
@@ -46,7 +52,8 @@ class Guard {
   virtual bool isRounding(const StateBox& /*box*/) const { return false; }
   /// True when nothing is known of it but its branch at single states: `mayLeave` is always true.
   virtual bool isOpaque() const { return false; }
-  /// The signed distance to the edge, in whatever unit; of guards with a `rate`, and opaque ones.
+  /// The signed distance to the edge, in whatever unit; of guards with a `rate`, linear and opaque
+  /// ones. Of those with `bounds` it is the value that they bound.
   virtual double distance(const StateView& /*state*/) const { return 0.0; }
   /// Encloses the rate of the distance, 1/s, along motions in `box`; infinite where it is not
   /// known.
@@ -54,6 +61,14 @@ class Guard {
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
     return {-kInfinity, kInfinity};
   }
+  /// How the value of a linear guard follows from the state and the time; nullptr of others.
+  virtual const LinearValue* linear() const { return nullptr; }
+  /// Between which distances a guard that is linear, or has a `rate`, keeps a branch, not kOnEdge;
+  /// they themselves do not count.
+  virtual Interval bounds(int /*branch*/) const { return {}; }
+  /// The parts of the state that it, or its `rate`, may read: a bit for each of those of
+  /// LinearValue.
+  virtual unsigned reads() const { return ~0U; }
   /// True when it may change while the shafts stay as they are: it reads the time or an input.
   virtual bool readsTime() const { return true; }
   /// True when it reads a commanded input.

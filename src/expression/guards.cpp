@@ -17,31 +17,63 @@
 namespace variator_sim::expression {
 namespace {
 
-/// The sign of a formula.
-class SignGuard final : public Guard {
- public:
-  SignGuard(Graph& graph, Node node, bool jumps, const char* function = "")
-      : Guard(jumps, function),
-        tape_(graph, {node}),
-        enclosure_(graph, node),
-        rate_(rateOf(graph, node)),
-        is_opaque_(graph.hasOpaque({node})) {}
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 
-  int branch(const StateView& state) const override {
-    const double value = distance(state);
-    return value > 0.0 ? 1 : (value < 0.0 ? -1 : kOnEdge);
+/// `node` as a linear form of the state and the time, where it is written as one.
+std::optional<LinearValue> findLinearValue(const Graph& graph, Node node) {
+  using Form = std::map<int, double>;  // by slot, kNumber: what depends on none
+  constexpr int kNumber = -1;
+  std::map<int, Form> forms;
+  for (const int i : graph.listReachable({node})) {
+    const Graph::Entry& entry = graph.entry({i});
+    Form form;
+    const auto add = [&](int operand, double factor) {
+      for (const auto& [slot, value] : forms[entry.operands[operand]]) form[slot] += factor * value;
+    };
+    const auto isNumber = [&](int operand) { return graph.isConstant({entry.operands[operand]}); };
+    const auto numberOf = [&](int operand) {
+      return graph.constantValue({entry.operands[operand]});
+    };
+    if (entry.operation == Operation::kConstant) {
+      form[kNumber] = entry.value;
+    } else if (entry.operation == Operation::kVariable &&
+               sourceOf(entry.slot) <= Source::kAcceleration) {
+      form[entry.slot] = 1.0;
+    } else if (entry.operation == Operation::kNegate) {
+      add(0, -1.0);
+    } else if (entry.operation == Operation::kAdd || entry.operation == Operation::kSubtract) {
+      add(0, 1.0);
+      add(1, entry.operation == Operation::kAdd ? 1.0 : -1.0);
+    } else if (entry.operation == Operation::kMultiply && (isNumber(0) || isNumber(1))) {
+      add(isNumber(0) ? 1 : 0, numberOf(isNumber(0) ? 0 : 1));
+    } else if (entry.operation == Operation::kDivide && isNumber(1)) {
+      add(0, 1.0 / numberOf(1));
+    } else {
+      return std::nullopt;
+    }
+    forms[i] = std::move(form);
   }
+  LinearValue linear;
+  for (const auto& [slot, value] : forms[node.index]) {
+    if (!std::isfinite(value)) return std::nullopt;
+    if (slot == kNumber) continue;
+    const int kind = static_cast<int>(sourceOf(slot)) - static_cast<int>(Source::kAngle);
+    (kind < 0 ? linear.time : linear.state[kind * kMaxShafts + indexOf(slot)]) = value;
+  }
+  return linear;
+}
+
+/// Where the value of a formula lies.
+class FormulaGuard : public Guard {
+ public:
+  int branch(const StateView& state) const override { return branchOf(distance(state)); }
   bool mayLeave(const StateBox& box, int branch) const override {
     const Interval range = enclosure_.evaluate(box);
-    if (branch == kOnEdge) return range.low != 0.0 || range.high != 0.0;
-    return branch > 0 ? !(range.low > 0.0) : !(range.high < 0.0);
-  }
-  bool isRounding(const StateBox& box) const override {
-    constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
-    const Interval range = enclosure_.evaluate(box);
-    const Interval rounded = enclosure_.evaluate(box, kRounding);
-    const double noise = std::max(range.low - rounded.low, rounded.high - range.high);
-    return std::isfinite(noise) && range.low >= -noise && range.high <= noise;
+    if (branch == kOnEdge) return range.low != range.high || branchOf(range.low) != kOnEdge;
+    const Interval kept = bounds(branch);
+    const bool is_above = std::isinf(kept.low) || range.low > kept.low;
+    const bool is_below = std::isinf(kept.high) || range.high < kept.high;
+    return !(is_above && is_below);
   }
   bool isOpaque() const override { return is_opaque_; }
   double distance(const StateView& state) const override {
@@ -52,8 +84,23 @@ class SignGuard final : public Guard {
   Interval rate(const StateBox& box) const override {
     return rate_ ? rate_->evaluate(box) : Guard::rate(box);
   }
+  const LinearValue* linear() const override { return linear_ ? &*linear_ : nullptr; }
+  unsigned reads() const override { return enclosure_.reads() | (rate_ ? rate_->reads() : 0U); }
   bool readsTime() const override { return enclosure_.readsTime() || enclosure_.readsInputs(); }
   bool readsInputs() const override { return enclosure_.readsInputs(); }
+
+ protected:
+  FormulaGuard(Graph& graph, Node node, bool jumps, const char* function = "")
+      : Guard(jumps, function),
+        tape_(graph, {node}),
+        enclosure_(graph, node),
+        rate_(rateOf(graph, node)),
+        linear_(findLinearValue(graph, node)),
+        is_opaque_(graph.hasOpaque({node})) {}
+  Interval enclose(const StateBox& box, double rounding = 0.0) const {
+    return enclosure_.evaluate(box, rounding);
+  }
+  virtual int branchOf(double value) const = 0;
 
  private:
   /// Nothing where it jumps, and where it reads what a box does not hold the rate of.
@@ -83,7 +130,31 @@ class SignGuard final : public Guard {
   Tape tape_;
   IntervalProgram enclosure_;
   std::optional<IntervalProgram> rate_;
+  std::optional<LinearValue> linear_;
   bool is_opaque_;  ///< nothing is known of it over a box
+};
+
+/// The sign of a formula.
+class SignGuard final : public FormulaGuard {
+ public:
+  SignGuard(Graph& graph, Node node, bool jumps, const char* function = "")
+      : FormulaGuard(graph, node, jumps, function) {}
+
+  bool isRounding(const StateBox& box) const override {
+    constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
+    const Interval range = enclose(box);
+    const Interval rounded = enclose(box, kRounding);
+    const double noise = std::max(range.low - rounded.low, rounded.high - range.high);
+    return std::isfinite(noise) && range.low >= -noise && range.high <= noise;
+  }
+  Interval bounds(int branch) const override {
+    return branch > 0 ? Interval{0.0, kUnbounded} : Interval{-kUnbounded, 0.0};
+  }
+
+ private:
+  int branchOf(double value) const override {
+    return value > 0.0 ? 1 : (value < 0.0 ? -1 : kOnEdge);
+  }
 };
 
 /// Between which of the points of a table the value of a formula lies.
@@ -91,40 +162,31 @@ class SignGuard final : public Guard {
 /// At a point only the third derivative of the table jumps. By how little its argument goes beyond
 /// one, some `kSlack` of the distance to the next, leaves the value what it was to all digits: an
 /// argument that settles on a point (an idle speed, a pedal let go) is not to be searched for ever.
-class PointsGuard final : public Guard {
+class PointsGuard final : public FormulaGuard {
  public:
-  PointsGuard(const Graph& graph, Node node, const std::vector<double>& points)
-      : Guard(false), tape_(graph, {node}), enclosure_(graph, node), points_(points) {
+  PointsGuard(Graph& graph, Node node, const std::vector<double>& points)
+      : FormulaGuard(graph, node, false), points_(points) {
     for (std::size_t k = 0; k < points.size(); ++k) {
-      double distance = std::numeric_limits<double>::infinity();
+      double distance = kUnbounded;
       if (k > 0) distance = points[k] - points[k - 1];
       if (k + 1 < points.size()) distance = std::min(distance, points[k + 1] - points[k]);
       slack_.push_back(kSlack * distance);
     }
   }
 
-  int branch(const StateView& state) const override {
-    double value;
-    tape_.evaluate(state, &value);
+  Interval bounds(int branch) const override {
+    const auto below = static_cast<std::size_t>(branch);
+    return {branch == 0 ? -kUnbounded : points_[below - 1] - slack_[below - 1],
+            below == points_.size() ? kUnbounded : points_[below] + slack_[below]};
+  }
+
+ private:
+  static constexpr double kSlack = 1e-5;
+  int branchOf(double value) const override {
     const auto above = std::lower_bound(points_.begin(), points_.end(), value);
     const bool on_point = above != points_.end() && *above == value;
     return on_point || std::isnan(value) ? kOnEdge : static_cast<int>(above - points_.begin());
   }
-  bool mayLeave(const StateBox& box, int branch) const override {
-    const Interval range = enclosure_.evaluate(box);
-    if (branch == kOnEdge) return range.low != range.high;
-    const auto below = static_cast<std::size_t>(branch);
-    const bool is_above = branch == 0 || range.low > points_[below - 1] - slack_[below - 1];
-    const bool is_below = below == points_.size() || range.high < points_[below] + slack_[below];
-    return !(is_above && is_below);
-  }
-  bool readsTime() const override { return enclosure_.readsTime() || enclosure_.readsInputs(); }
-  bool readsInputs() const override { return enclosure_.readsInputs(); }
-
- private:
-  static constexpr double kSlack = 1e-5;
-  Tape tape_;
-  IntervalProgram enclosure_;
   std::vector<double> points_;
   std::vector<double> slack_;  ///< of each point
 };

@@ -21,6 +21,8 @@ class IntervalProgram {
   /// is read, is widened by the part `rounding` of itself. One program is used by one thread at a
   /// time: it keeps its registers. [loop]
   Interval evaluate(const StateBox& box, double rounding = 0.0) const;
+  /// The parts of the state that occur, as Guard::reads tells them.
+  unsigned reads() const { return reads_; }
   /// True when the time occurs.
   bool readsTime() const { return reads_time_; }
   /// True when an input occurs.
@@ -37,6 +39,7 @@ class IntervalProgram {
   };
   std::vector<Step> steps_;
   mutable std::vector<Interval> registers_;  ///< one for each step; constants are written once
+  unsigned reads_ = 0;
   bool reads_time_ = false;
   bool reads_inputs_ = false;
 };

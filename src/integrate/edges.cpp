@@ -33,10 +33,38 @@ Integrator::Look Integrator::lookInside(double taken, double* next) {
   StateBox box;
   encloseStep(S, curveEnd(base_), curveEnd(front_), taken, &box);
   box.time = {absolute(base_.time), absolute(front_.time)};
+  guards_.ignoreNone();
+  is_still_ = isStill(box);
   if (endsOnEdge(taken)) return shortOfEnd(taken, next);
   if (guards_.isClear(box)) return keepCrossing();
   traceStep(taken);
   return aimAtEdge(taken, next);
+}
+
+bool Integrator::isStill(const StateBox& box) const {
+  const auto moves = [this](const Interval& range) {
+    return !(range.high - range.low <= tolerance_.of(range.low, range.high));
+  };
+  for (int i = 0; i < S; ++i) {
+    if (moves(box.angle[i]) || moves(box.velocity[i]) || moves(box.acceleration[i])) return false;
+  }
+  return true;
+}
+
+bool Integrator::isHarmless(int guard, const StateView& beyond) {
+  if (!is_still_ || guards_.guard(guard).readsTime() || drivetrain_.guardOwner(guard).torque < 0) {
+    return false;
+  }
+  double before[kMaxShafts];
+  double behind[kMaxShafts];
+  const StateView here = viewOf(base_);
+  drivetrain_.calcTorque(here, before);
+  drivetrain_.calcTorque(beyond, behind);
+  for (int i = 0; i < S; ++i) {
+    const double allowed = drivetrain_.inertia().entry(i, i) * tolerance_.of(here.acceleration[i]);
+    if (!(std::abs(behind[i] - before[i]) <= allowed)) return false;
+  }
+  return true;
 }
 
 bool Integrator::isEdgeOfTime(double taken) {
@@ -67,7 +95,7 @@ bool Integrator::endsOnEdge(double taken) {
     beyond.time += ahead;
     for (int n = 0; n < beyond.x.size(); ++n) beyond.x[n] += ahead * front_.dxdt[n];
     const int branch = guards_.guard(i).branch(viewOf(beyond));
-    if (branch == Guard::kOnEdge || branch == side) continue;
+    if (branch == Guard::kOnEdge || branch == side || isHarmless(i, viewOf(beyond))) continue;
     crossing_.guard = i;
     crossing_.side = side;
     return true;
@@ -86,6 +114,8 @@ Integrator::Look Integrator::shortOfEnd(double taken, double* next) {
 Integrator::Look Integrator::lookAtEnd(double taken, double* next) {
   if (!front_.x.isFinite()) return Look::kClear;
   system_(front_.x, front_.dxdt, front_.time);
+  guards_.ignoreNone();
+  is_still_ = false;
   if (endsOnEdge(taken)) return shortOfEnd(taken, next);
   if (!guards_.hasAnyLeft(viewOf(front_))) return Look::kClear;
   // The cubic through both ends tells about where.
@@ -105,7 +135,10 @@ Integrator::Look Integrator::lookAtEnd(double taken, double* next) {
   curve_.finish();
   const double refused = *next;
   const Look look = aimAtEdge(taken, next, false);
-  if (look != Look::kShorter || *next <= 0.9 * taken) return look;
+  if (look != Look::kShorter || *next <= 0.9 * taken) {
+    crossing_.is_guess = look == Look::kShorter;
+    return look;
+  }
   *next = refused;
   return Look::kClear;
 }
@@ -113,7 +146,12 @@ Integrator::Look Integrator::lookAtEnd(double taken, double* next) {
 Integrator::Look Integrator::aimAtEdge(double taken, double* next, bool may_cross) {
   const double shortest = 2.0 * shortestStep(absolute(base_.time));
   const double resolution = std::max(kEdgeResolution, shortest / taken);
-  const GuardFinding finding = guards_.find(curve_, resolution);
+  GuardFinding finding = guards_.find(curve_, resolution);
+  while (finding.kind == GuardFinding::Kind::kCrossing &&
+         isHarmless(finding.guard, guards_.at(curve_, finding.beyond))) {
+    guards_.ignore(finding.guard);
+    finding = guards_.find(curve_, resolution);
+  }
   if (finding.kind == GuardFinding::Kind::kClear) return keepCrossing();
   crossing_ = Crossing{};
   if (finding.kind == GuardFinding::Kind::kUnknown) {
@@ -145,6 +183,15 @@ Integrator::Look Integrator::aimAtEdge(double taken, double* next, bool may_cros
 Integrator::Look Integrator::keepCrossing() {
   if (!crossing_.isDueAt(front_.time)) crossing_ = Crossing{};
   return Look::kClear;
+}
+
+void Integrator::forgetCrossing(bool was_due) {
+  if (was_due) next_step_ = std::min(next_step_, crossing_.otherwise);
+  // (The accelerations that a psi gives may have leapt to behind one of its own.)
+  const bool is_false =
+      was_due && crossing_.is_guess && drivetrain_.guardOwner(crossing_.guard).torque >= 0;
+  if (is_false) ++last_crossing_.false_guesses;
+  crossing_ = Crossing{};
 }
 
 void Integrator::traceStep(double taken) {

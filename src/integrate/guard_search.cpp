@@ -1,9 +1,13 @@
 #include "integrate/guard_search.h"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <utility>
+
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 namespace {
@@ -25,16 +29,23 @@ constexpr int kMostPoints = 1024;
 /// Steps for which a guard has to keep its branch to be looked at again.
 constexpr int kMuted = 20;
 
-/// True when the states of `box` cannot be told from each other.
-bool isPoint(const StateBox& box, int shafts) {
-  constexpr double kSame = 1e-12;
-  const auto same = [](const Interval& a) {
-    return a.high - a.low <= kSame * (1e-3 + std::max(std::abs(a.low), std::abs(a.high)));
-  };
-  for (int i = 0; i < shafts; ++i) {
-    if (!same(box.angle[i]) || !same(box.velocity[i]) || !same(box.acceleration[i])) return false;
+/// Relative to its size (and 1e-3): what moves by no more stands still.
+constexpr double kSame = 1e-12;
+/// Boxes after which an interruption is asked for.
+constexpr int kAskAfter = 64;
+
+/// Of a polynomial that falls through 0 once from 0 to 1: where, by Newton's iteration within a
+/// bracket, which goes a little beyond the root to close it from either side.
+void narrow(const StepCurve::Coefficients& gap, double resolution, double* low, double* high) {
+  constexpr int kIterations = 60;
+  double at = gap.front() / (gap.front() - gap.back());
+  for (int n = 0; n<kIterations&& * high - *low> resolution; ++n) {
+    double slope;
+    const double value = StepCurve::valueAt(gap, at, &slope);
+    (value > 0.0 ? *low : *high) = at;
+    at += (value > 0.0 ? 0.25 : -0.25) * resolution - value / slope;
+    if (!(at > *low && at < *high)) at = 0.5 * (*low + *high);
   }
-  return true;
 }
 
 /// A state, its accelerations to within the part `width`.
@@ -50,6 +61,10 @@ StateBox boxAround(const StateView& state, int shafts, double width) {
   return box;
 }
 
+bool mayHaveSettled(const StepCurve& curve, double part) {
+  return part > kSettled && part * curve.duration() > kSettledTime;
+}
+
 }  // namespace
 
 void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view, InputRange input_range) {
@@ -60,10 +75,15 @@ void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view, InputRange 
   step_sides_ = sides_;
   leaves_.assign(guards_.size(), 0.0);
   muted_.assign(guards_.size(), 0);
+  ignored_.assign(guards_.size(), 0);
+  std::size_t most = 1;  // polynomials that one of them needs
   for (const GuardPtr& guard : guards_) {
-    (guard->isOpaque() ? has_opaque_ : has_enclosed_) = true;
+    has_opaque_ = has_opaque_ || guard->isOpaque();
+    const unsigned reads = guard->reads() & ((1U << 3 * kMaxShafts) - 1U);
+    if (guard->linear() == nullptr) most = std::max(most, std::bitset<32>(reads).count());
     reads_inputs_ = reads_inputs_ || (!guard->isOpaque() && guard->readsInputs());
   }
+  parts_.resize((kMostHalvings + 2) * most);
 }
 
 void GuardSearch::addInputs(StateBox& box) {
@@ -143,16 +163,19 @@ StateView GuardSearch::at(const StepCurve& curve, double part) {
   return view_(curve.time() + part * curve.duration(), angle_, velocity_, acceleration_);
 }
 
-void GuardSearch::settleSides(const StepCurve& curve, double resolution) {
+void GuardSearch::settleSides(const StepCurve& curve, double resolution, const StateView& first,
+                              const StateBox& box) {
   step_sides_ = sides_;
   for (std::size_t i = 0; i < guards_.size(); ++i) {
     leaves_[i] = 0.0;
-    const bool is_muted = muted_[i] > 0;
-    const bool is_near = !is_muted && isNear(static_cast<int>(i), at(curve, 0.0), curve.shafts());
-    if (is_muted || is_near) step_sides_[i] = Guard::kOnEdge;
-    if (is_muted) continue;
-    double part = resolution;
-    for (; step_sides_[i] == Guard::kOnEdge && part <= 1.0; part *= 4.0) {
+    const bool is_alone = muted_[i] > 0 || ignored_[i] != 0;
+    if (is_alone || !guards_[i]->mayLeave(box, sides_[i])) {
+      step_sides_[i] = Guard::kOnEdge;
+      continue;
+    }
+    const bool is_near = isNear(static_cast<int>(i), first, curve.shafts());
+    if (is_near) step_sides_[i] = Guard::kOnEdge;
+    for (double part = resolution; step_sides_[i] == Guard::kOnEdge && part <= 1.0; part *= 4.0) {
       const StateView state = at(curve, part);
       if (is_near && isNear(static_cast<int>(i), state, curve.shafts())) continue;
       step_sides_[i] = guards_[i]->branch(state);
@@ -173,37 +196,34 @@ bool GuardSearch::staysByRate(std::size_t i, const StepCurve& curve, double from
   if (!std::isfinite(steepest)) return false;
   const double reach = 0.5 * (to - from) * curve.duration() * steepest;
   const double value = guards_[i]->distance(at(curve, 0.5 * (from + to)));
-  return (step_sides_[i] > 0 ? value : -value) > reach;
-}
-
-bool GuardSearch::mayLeave(const StepCurve& curve, double from, double to, StateBox& box) {
-  addInputs(box);
-  for (std::size_t n = 0; n < guards_.size(); ++n) {
-    const std::size_t i = (last_ + n) % guards_.size();
-    if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
-    if (to <= leaves_[i] || !guards_[i]->mayLeave(box, step_sides_[i])) continue;
-    if (!staysByRate(i, curve, from, to, box)) {
-      last_ = i;
-      return true;
-    }
-  }
-  return false;
-}
-
-bool GuardSearch::haveSettled(const StateBox& box) const {
-  for (std::size_t i = 0; i < guards_.size(); ++i) {
-    if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
-    // (What jumps may be crossed back at once, and then there is no motion on the edge.)
-    const bool has_settled = !guards_[i]->jumps() && guards_[i]->isRounding(box);
-    if (guards_[i]->mayLeave(box, step_sides_[i]) && !has_settled) return false;
-  }
-  return true;
+  const Interval kept = guards_[i]->bounds(step_sides_[i]);
+  return value - reach > kept.low && value + reach < kept.high;
 }
 
 GuardFinding GuardSearch::find(const StepCurve& curve, double resolution) {
-  settleSides(curve, resolution);
+  double angle[kMaxShafts];
+  double velocity[kMaxShafts];
+  double acceleration[kMaxShafts];
+  curve.evaluate(0.0, angle, velocity, acceleration);
+  const StateView first{curve.time(), angle, velocity, acceleration, nullptr, nullptr};
+  StateBox box;
+  curve.enclose(&box);
+  addInputs(box);
+  settleSides(curve, resolution, first, box);
   GuardFinding finding;
-  if (has_enclosed_) finding = findEnclosed(curve, resolution);
+  for (std::size_t i = 0; i < guards_.size(); ++i) {
+    if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
+    if (guards_[i]->linear() != nullptr) {
+      findLinear(i, curve, resolution, guards_[i]->distance(first), &finding);
+    } else {
+      findEnclosed(i, curve, resolution, &finding);
+    }
+  }
+  // Of several at one instant it is the first.
+  for (std::size_t i = 0; finding.guard > static_cast<int>(i); ++i) {
+    if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
+    noteIfLeft(i, curve, finding.clear, finding.beyond, &finding);
+  }
   for (int i = 0; has_opaque_ && i < count(); ++i) {
     if (guards_[static_cast<std::size_t>(i)]->isOpaque()) {
       findOpaque(i, curve, resolution, &finding);
@@ -212,49 +232,126 @@ GuardFinding GuardSearch::find(const StepCurve& curve, double resolution) {
   return finding;
 }
 
-GuardFinding GuardSearch::findEnclosed(const StepCurve& curve, double resolution) {
-  const int most_boxes = std::min(kMostBoxes, kMostQuestions / std::max(1, count()));
+bool GuardSearch::noteIfLeft(std::size_t i, const StepCurve& curve, double clear, double end,
+                             GuardFinding* finding) {
+  if (end <= leaves_[i]) return false;
+  const int branch = guards_[i]->branch(at(curve, end));
+  if (branch == step_sides_[i]) return false;
+  // A step that ends on an edge which it cannot but cross has its end on neither branch.
+  if (branch == Guard::kOnEdge && !(end == 1.0 && guards_[i]->jumps())) return false;
+  *finding = {GuardFinding::Kind::kCrossing, clear, end, static_cast<int>(i)};
+  return true;
+}
+
+template <class Look>
+void GuardSearch::halve(std::size_t i, const StepCurve& curve, double resolution, std::size_t count,
+                        const Look& look, GuardFinding* finding) {
+  const int most_boxes = std::max(1, std::min(kMostBoxes, kMostQuestions / this->count()));
   double ends[kMostHalvings + 2];  // of the parts still to be looked at, the nearest last
-  int open = 0;
-  ends[open++] = 1.0;
+  int open = 1;
+  ends[0] = finding->clear;
   double clear = 0.0;
-  for (int boxes = 0; open > 0; ++boxes) {
+  for (int boxes = 1; open > 0; ++boxes) {
     const double end = ends[open - 1];
-    if (boxes >= most_boxes) return {GuardFinding::Kind::kUnknown, clear, end, -1};
-    StateBox box;
-    curve.enclose(clear, end, &box);
-    if (!mayLeave(curve, clear, end, box)) {
-      clear = end;
-      --open;
-      continue;
-    }
-    const double part = end - clear;
-    if (part > kSettled && part * curve.duration() > kSettledTime && haveSettled(box)) {
-      clear = end;
-      --open;
-      continue;
-    }
-    const bool reads_time = guards_[last_]->readsTime();
-    const bool is_short = end - clear <= resolution || open > kMostHalvings;
-    if (!is_short && (reads_time || !isPoint(box, curve.shafts()))) {
+    StepCurve::Coefficients* const here = &parts_[static_cast<std::size_t>(open - 1) * count];
+    const Verdict verdict = look(here, clear, end);
+    if (verdict == Verdict::kFound) return;
+    const bool may_halve = end - clear > resolution && open <= kMostHalvings;
+    if (verdict == Verdict::kUnclear && may_halve) {
+      const bool is_over = boxes % kAskAfter == 0 && Interruption::isWanted();
+      if (boxes >= most_boxes || is_over) {
+        *finding = {GuardFinding::Kind::kUnknown, clear, end, -1};
+        return;
+      }
+      StepCurve::Coefficients* const earlier = here + count;
+      for (std::size_t n = 0; n < count; ++n) StepCurve::halve(here[n], &earlier[n]);
       ends[open++] = 0.5 * (clear + end);
       continue;
     }
-    const StateView state = at(curve, end);
-    for (std::size_t i = 0; i < guards_.size(); ++i) {
-      if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
-      if (end <= leaves_[i]) continue;
-      const int branch = guards_[i]->branch(state);
-      if (branch == step_sides_[i]) continue;
-      // A step that ends on an edge which it cannot but cross has its end on neither branch.
-      const bool ends_on_edge = end == 1.0 && guards_[i]->jumps();
-      if (branch == Guard::kOnEdge && !ends_on_edge) continue;
-      return {GuardFinding::Kind::kCrossing, clear, end, static_cast<int>(i)};
-    }
+    if (verdict != Verdict::kClear && noteIfLeft(i, curve, clear, end, finding)) return;
     clear = end;
     --open;
   }
-  return {};
+}
+
+void GuardSearch::findLinear(std::size_t i, const StepCurve& curve, double resolution, double first,
+                             GuardFinding* finding) {
+  using Coefficients = StepCurve::Coefficients;
+  const LinearValue& form = *guards_[i]->linear();
+  double size;
+  const Coefficients change = curve.combine(form, &size);
+  const Interval kept = guards_[i]->bounds(step_sides_[i]);
+  for (const double sense : {1.0, -1.0}) {
+    const double bound = sense > 0.0 ? kept.low : kept.high;
+    if (std::isinf(bound)) continue;
+    Coefficients gap;  // positive on the branch of the base
+    for (std::size_t n = 0; n < gap.size(); ++n) gap[n] = sense * (first - bound + change[n]);
+    if (*std::min_element(gap.begin(), gap.end()) > 0.0) continue;
+    const double noise = 16.0 * std::numeric_limits<double>::epsilon() * (size + std::abs(bound));
+    const auto look = [&](const Coefficients* here, double clear, double end) {
+      const auto [least, most] = std::minmax_element(here->begin(), here->end());
+      if (*least > 0.0 || end <= leaves_[i]) return Verdict::kClear;
+      const bool is_rounding = *least >= -noise && *most <= noise && !guards_[i]->jumps();
+      if (is_rounding && mayHaveSettled(curve, end - clear)) return Verdict::kClear;
+      const double still = std::max(noise, 1e-3 * kSame);
+      if (form.time == 0.0 && *most - *least <= still) return Verdict::kStands;
+      int changes = 0;
+      for (std::size_t n = 1; n < here->size(); ++n) {
+        changes += ((*here)[n] > 0.0) != ((*here)[n - 1] > 0.0) ? 1 : 0;
+      }
+      if (changes != 1 || !(here->front() > 0.0) || !(here->back() < 0.0)) return Verdict::kUnclear;
+      const double width = end - clear;
+      double low = 0.0;
+      double high = 1.0;
+      narrow(*here, resolution / width, &low, &high);
+      // (By rounding the guard itself may be left a little later.)
+      double beyond = clear + high * width;
+      const double root = clear + low * width;
+      bool is_left = noteIfLeft(i, curve, root, beyond, finding);
+      while (!is_left && beyond < end) {
+        beyond = std::min(end, root + 8.0 * (beyond - root) + resolution);
+        is_left = noteIfLeft(i, curve, root, beyond, finding);
+      }
+      return is_left ? Verdict::kFound : Verdict::kClear;
+    };
+    parts_[0] = StepCurve::head(gap, finding->clear);
+    halve(i, curve, resolution, 1, look, finding);
+  }
+}
+
+void GuardSearch::findEnclosed(std::size_t i, const StepCurve& curve, double resolution,
+                               GuardFinding* finding) {
+  const Guard& guard = *guards_[i];
+  int part[3 * kMaxShafts];
+  double origin[3 * kMaxShafts];
+  std::size_t count = 0;
+  for (int n = 0; n < 3 * kMaxShafts; ++n) {
+    if ((guard.reads() >> n & 1U) == 0 || n % kMaxShafts >= curve.shafts()) continue;
+    part[count] = n;
+    parts_[count] = StepCurve::head(curve.part(n, &origin[count]), finding->clear);
+    ++count;
+  }
+  StateBox box;
+  const auto look = [&](const StepCurve::Coefficients* here, double clear, double end) {
+    box.time = {curve.time() + clear * curve.duration(), curve.time() + end * curve.duration()};
+    bool stands = !guard.readsTime();
+    for (std::size_t n = 0; n < count; ++n) {
+      const Interval range = StepCurve::rangeOf(here[n], origin[n]);
+      const double size = 1e-3 + std::max(std::abs(range.low), std::abs(range.high));
+      stands = stands && range.high - range.low <= kSame * size;
+      *StepCurve::partOf(&box, part[n]) = range;
+    }
+    if (guard.readsInputs()) addInputs(box);
+    if (end <= leaves_[i] || !guard.mayLeave(box, step_sides_[i]) ||
+        staysByRate(i, curve, clear, end, box)) {
+      return Verdict::kClear;
+    }
+    // (What jumps may be crossed back at once, and then there is no motion on the edge.)
+    const bool may_settle = mayHaveSettled(curve, end - clear) && !guard.jumps();
+    if (may_settle && guard.isRounding(box)) return Verdict::kClear;
+    return stands ? Verdict::kStands : Verdict::kUnclear;
+  };
+  halve(i, curve, resolution, count, look, finding);
 }
 
 double GuardSearch::distanceAt(int index, const StepCurve& curve, double part) {

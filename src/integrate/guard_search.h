@@ -1,13 +1,17 @@
 /// Looks inside a step for the first change of a branch.
 ///
-/// Over a part of the step every guard is enclosed (guard.h); where the enclosure stays on its
-/// branch nothing can have happened, however briefly. Other parts are halved, the earlier half
-/// first, until they are as short as the resolution: there the branch at the end decides. So an
-/// even number of crossings is found as well as an odd one. Of a guard that is known at single
-/// states only many of them are looked at, and around every least distance more.
+/// One guard after the other is enclosed (guard.h) over the step, as far as what was found before;
+/// where the enclosure stays on its branch nothing can have happened, however briefly. Other parts
+/// are halved, the earlier half first, until they are as short as the resolution: there the branch
+/// at the end decides. So an even number of crossings is found as well as an odd one. A guard that
+/// is linear is one polynomial: where its coefficients change their sign once there is one root,
+/// and it is narrowed at once (Descartes' rule of signs). Of a guard that is known at single states
+/// only many of them are looked at, and around every least distance more.
 #pragma once
 
+#include <algorithm>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "integrate/step_curve.h"
@@ -26,6 +30,28 @@ struct GuardFinding {
   double clear = 1.0;
   double beyond = 1.0;
   int guard = -1;
+};
+
+/// The edge that comes next.
+struct Crossing {
+  int guard = -1;
+  int side = 0;           ///< that it leaves
+  double at = 0.0;        ///< where the step before it ends
+  double length = 0.0;    ///< of the step across, s
+  bool is_guess = false;  ///< told by a step that was refused
+  /// The next step where it is not there after all, s.
+  double otherwise = std::numeric_limits<double>::infinity();
+  bool isDueAt(double time) const { return guard >= 0 && at == time; }
+};
+
+/// The last edge that was crossed.
+struct LastCrossing {
+  int guard = -1;
+  int branch = 0;  ///< that was entered
+  double time = 0.0;
+  double depth = 0.0;
+  int count = 0;          ///< of crossings of it before, each at once back after the other
+  int false_guesses = 0;  ///< since then: edges of refused steps that were not there
 };
 
 class GuardSearch {
@@ -63,33 +89,50 @@ class GuardSearch {
   /// nothing. [loop]
   bool isNear(int index, const StateView& state, int shafts);
 
+  /// In the step that is looked at a guard is left alone. [loop]
+  void ignore(int index) { ignored_[static_cast<std::size_t>(index)] = 1; }
+  void ignoreNone() { std::fill(ignored_.begin(), ignored_.end(), 0); }
+
   /// Leaves none of them alone any more.
   void reset();
 
   /// True when no guard can leave its branch in `box`, which holds all states of the step from the
   /// base; it gets its inputs here. [loop]
   bool isClear(StateBox& box);
+  /// The view of the step at `part`. [loop]
+  StateView at(const StepCurve& curve, double part);
   /// The first crossing in a step from the base that went along `curve`; `resolution` is the
   /// shortest part that can be told from none. [loop]
   GuardFinding find(const StepCurve& curve, double resolution);
 
  private:
-  /// The view of the step at `part`.
-  StateView at(const StepCurve& curve, double part);
   /// Branches of guards that start on an edge, or within rounding of it: those that they come to
-  /// first. Until then their signs decide nothing.
-  void settleSides(const StepCurve& curve, double resolution);
-  /// In `box`, which holds the step between two parts of it.
-  bool mayLeave(const StepCurve& curve, double from, double to, StateBox& box);
-  /// Whether a guard keeps its branch there by its value in the middle and its rate: these tell
-  /// even where its argument is a small difference of what moves much.
+  /// first. Until then their signs decide nothing. Those that stay on their branches in `box`,
+  /// which holds the step from `first` on, are not looked at.
+  void settleSides(const StepCurve& curve, double resolution, const StateView& first,
+                   const StateBox& box);
+  /// Whether a guard keeps its branch between two parts of the step, which `box` holds, by its
+  /// value in the middle and its rate: these tell even where its argument is a small difference of
+  /// what moves much.
   bool staysByRate(std::size_t i, const StepCurve& curve, double from, double to,
                    const StateBox& box);
-  /// True when all guards that do not keep their branches in `box` lie on their edges there.
-  bool haveSettled(const StateBox& box) const;
   /// Gives `box` the inputs over its time.
   void addInputs(StateBox& box);
-  GuardFinding findEnclosed(const StepCurve& curve, double resolution);
+  /// A guard that is linear: `first` is its value at the beginning.
+  void findLinear(std::size_t i, const StepCurve& curve, double resolution, double first,
+                  GuardFinding* finding);
+  /// A guard that is known over a box.
+  void findEnclosed(std::size_t i, const StepCurve& curve, double resolution,
+                    GuardFinding* finding);
+  enum class Verdict { kClear, kUnclear, kStands, kFound };
+  /// Looks at the first `count` of `parts_`, which are polynomials as far as the finding before, by
+  /// `look` at them between two parts of the step.
+  template <class Look>
+  void halve(std::size_t i, const StepCurve& curve, double resolution, std::size_t count,
+             const Look& look, GuardFinding* finding);
+  /// True, and noted, when a guard has left its branch by `end`; up to `clear` it has not.
+  bool noteIfLeft(std::size_t i, const StepCurve& curve, double clear, double end,
+                  GuardFinding* finding);
   void findOpaque(int index, const StepCurve& curve, double resolution, GuardFinding* finding);
   double distanceAt(int index, const StepCurve& curve, double part);
 
@@ -100,11 +143,12 @@ class GuardSearch {
   std::vector<int> step_sides_;  ///< the same, edges settled
   std::vector<double> leaves_;   ///< the part of the step at which a guard has left rounding
   std::vector<int> muted_;       ///< steps for which it still has to keep its branch
-  std::size_t last_ = 0;         ///< that could not be excluded: looked at first
+  std::vector<char> ignored_;
+  std::size_t last_ = 0;  ///< that could not be excluded: looked at first
   bool has_opaque_ = false;
-  bool has_enclosed_ = false;
   bool reads_inputs_ = false;  ///< an enclosed guard does
   Interval inputs_[kMaxInputs];
+  std::vector<StepCurve::Coefficients> parts_;
   double angle_[kMaxShafts] = {};
   double velocity_[kMaxShafts] = {};
   double acceleration_[kMaxShafts] = {};

@@ -316,8 +316,7 @@ bool Integrator::makeStep(double target) {
   course_ = is_due && crossEdge() ? Course::kHop : Course::kStep;
   if (course_ == Course::kHop) return true;
   if (!status_.ok()) return false;
-  if (is_due) next_step_ = std::min(next_step_, crossing_.otherwise);
-  crossing_ = Crossing{};
+  forgetCrossing(is_due);
   // The step before the edge says nothing about this branch. An implicit one that is much too
   // long for a swing or for something that grows damps it without its estimate showing anything.
   if (is_behind_edge && stepper_->isImplicit()) {

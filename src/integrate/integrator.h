@@ -96,7 +96,8 @@ class Integrator {
   void noteCommand(double time) { rhythm_.note(time); }
 
   // --- steps -----------------------------------------------------------------------------------
-  /// One accepted step from the front. False when the motion stopped. Others may be made before it
+  /// One accepted step from the front. False when the motion stopped, or an Interruption ended the
+  /// trials; then the front is where it was. Others may be made before it
   /// and passed over, as long as they do not come to `target` (s, from the motion's start, for the
   /// front may begin anew): whoever looks inside of each has it behind them.
   bool step(double target);
@@ -179,9 +180,8 @@ class Integrator {
   /// Nothing changes at the front, exactly.
   bool rests() const;
   bool makeStep(double target);
-  /// The step, and those before it that are passed over, as the stepper makes them in one, where it
-  /// does, nothing has an edge and no input moves. False when the step from the base is to be made
-  /// the other way.
+  /// The step, and those passed over before it, as the stepper makes them in one, where it does,
+  /// nothing has an edge and no input moves. False: it is to be made the other way.
   bool makeWholeStep(double target);
   /// How many are made as far as `target`, each with what it came to. 0: none.
   int makeStepsAhead(double target, const SeriesNode** nodes);
@@ -280,7 +280,7 @@ class Integrator {
   /// stopped or the step is to be repeated shorter.
   bool finishStep();
 
-  /// The stepper has changed: sizes of steps are chosen by its order, without a past.
+  /// The stepper has changed: its order chooses the size of steps, without a past.
   void followChoice();
   /// True when the motion is at rest from the front on. `rate`: its largest, in tolerances per s.
   bool lookForRest(double* rate);
@@ -319,8 +319,8 @@ class Integrator {
     kCrossed   ///< the edge was at the base: the step went across it, and no further
   };
 
-  /// The front is where the next step begins. Accelerations of least reaction that go on in a
-  /// corner of psi (least_reaction.h) only seem to leave it, to either side, by rounding.
+  /// The front is where the next step begins. (Accelerations of least reaction that go on in a
+  /// corner of psi only seem to leave it: least_reaction.h.)
   void moveGuards();
 
   /// The state of a node whose derivative is known.
@@ -331,6 +331,11 @@ class Integrator {
   /// front, whose derivative is known. kShorter: it has to be made again with the length `next`, to
   /// shortly before the first edge.
   Look lookInside(double taken, double* next);
+  /// Nothing moves by more than its tolerance from the base to the front.
+  bool isStill(const StateBox& box) const;
+  /// In such a step the torques behind an edge of the state are those before it: rounding decides
+  /// the side, and it makes no difference.
+  bool isHarmless(int guard, const StateView& beyond);
   /// The step to the front meets edges by the time alone, and the torque, which is integrated, is
   /// compared at its end: the one behind may be as long as it would have been.
   bool isEdgeOfTime(double taken);
@@ -348,6 +353,8 @@ class Integrator {
   Look aimAtEdge(double taken, double* next, bool may_cross = true);
   /// An edge that was found by a longer step stays the next one only when this one ends there.
   Look keepCrossing();
+  /// The one that may have been due at the base is not there.
+  void forgetCrossing(bool was_due);
 
   /// The motion inside the step from base to front as polynomials: by the dense output where there
   /// is one, and else by shorter steps from the base.
@@ -403,9 +410,8 @@ class Integrator {
   bool jumpOverEdge(double late);
   /// The jump map at the front, where the torque was `before` (N m, S values).
   bool jumpFrom(const double* before);
-  /// The series has gone on behind the edge for `late`, s, with the accelerations before it: moves
-  /// angles and velocities to what those behind it, which differ by `change`, make of that time.
-  /// False when they cannot be projected.
+  /// The series has gone on behind the edge for `late` s with the accelerations before it: moves x
+  /// to what those behind it, which differ by `change`, make of that time. False: not projected.
   bool catchUp(const double* change, double late);
   /// x' at the front, behind a jump of accelerations that follow from the state, and that move.
   bool differentiateBehind(double late);
@@ -445,6 +451,8 @@ class Integrator {
   static constexpr double kMargin = 1e-7;
   /// Trial steps that look for an edge from one base.
   static constexpr int kMostLooks = 100;
+  /// So many edges that refused steps told of, and that were not there, make no more be told of.
+  static constexpr int kMostFalseGuesses = 5;
   /// An edge is crossed back at once when that takes so many times what going beyond it took.
   static constexpr double kAtOnce = 100.0;
   /// After so many refusals of a step a jump is looked for, at most so far (of the longest step).
@@ -492,6 +500,7 @@ class Integrator {
   bool is_start_ = true;  // nothing has moved yet
   bool starts_implicitly_ = false;
   Course course_ = Course::kStep;
+  bool is_still_ = false;      // the last trial step that was looked into
   bool is_in_corner_ = false;  // of psi: the front
   double sleep_end_ = 0.0;
   State left_at_sleep_end_;  // the deviation c there
@@ -508,25 +517,7 @@ class Integrator {
   double restart_time_ = 0.0;  // fixed steps count from here
   std::uint64_t fixed_steps_ = 0;
 
-  /// The edge that comes next.
-  struct Crossing {
-    int guard = -1;
-    int side = 0;         // that it leaves
-    double at = 0.0;      // where the step before it ends
-    double length = 0.0;  // of the step across, s
-    // the next step where it is not there after all, s
-    double otherwise = std::numeric_limits<double>::infinity();
-    bool isDueAt(double time) const { return guard >= 0 && at == time; }
-  };
   Crossing crossing_;
-  /// The last edge that was crossed.
-  struct LastCrossing {
-    int guard = -1;
-    int branch = 0;  // that was entered
-    double time = 0.0;
-    double depth = 0.0;
-    int count = 0;  // of crossings of it before, each at once back after the other
-  };
   LastCrossing last_crossing_;
   /// The front, where an input's closed form ends, lies on an edge, and its torque is that before.
   bool is_end_on_edge_ = false;

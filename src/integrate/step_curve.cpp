@@ -75,41 +75,19 @@ const Basis& basis() {
   return made;
 }
 
-/// Both parts of a polynomial in Bernstein's form, cut at `part`; either may be null.
-void cut(const double* b, std::size_t degree, double part, double* left, double* right) {
-  Row work{};
-  std::copy_n(b, degree + 1, work.begin());
-  for (std::size_t level = 0; level <= degree; ++level) {
-    if (left != nullptr) left[level] = work[0];
-    if (right != nullptr) right[degree - level] = work[degree - level];
-    for (std::size_t i = 0; i + level < degree; ++i) {
-      work[i] += part * (work[i + 1] - work[i]);
-    }
-  }
-}
-
-/// The range of the coefficients of the polynomial `b` between two parts of the step.
-Interval encloseBetween(const double* b, std::size_t degree, double from, double to) {
-  Row part{};
-  Row rest{};
-  std::copy_n(b, degree + 1, part.begin());
-  if (to < 1.0) {
-    cut(b, degree, to, rest.data(), nullptr);
-    part = rest;
-  }
-  if (from > 0.0) {
-    cut(part.data(), degree, from / to, nullptr, rest.data());
-    part = rest;
-  }
-  const auto end = part.begin() + static_cast<std::ptrdiff_t>(degree) + 1;
-  const auto range = std::minmax_element(part.begin(), end);
-  return {*range.first, *range.second};
-}
-
 /// Bernstein coefficients of (d/dtheta)/duration of a polynomial of degree kDegree.
 void differentiate(const Row& b, double duration, double* slope) {
   const double scale = static_cast<double>(kDegree) / duration;
   for (std::size_t i = 0; i < kDegree; ++i) slope[i] = scale * (b[i + 1] - b[i]);
+}
+
+/// The same polynomial, of `degree`, as one of the next degree.
+void elevate(double* b, std::size_t degree) {
+  b[degree + 1] = b[degree];
+  for (std::size_t i = degree; i > 0; --i) {
+    const double part = static_cast<double>(i) / static_cast<double>(degree + 1);
+    b[i] = part * b[i - 1] + (1.0 - part) * b[i];
+  }
 }
 
 /// The Bernstein coefficients of the polynomial of degree 2 m - 1 that has the first m of
@@ -138,13 +116,7 @@ Interval encloseHermite(const double* at_from, const double* at_to, std::size_t 
   const std::size_t n = 2 * m - 1;
   makeHermite(at_from, at_to, m, high);
   makeHermite(at_from, at_to, m - 1, low);
-  for (std::size_t degree = n - 2; degree < n; ++degree) {  // elevates `low` to degree n
-    low[degree + 1] = low[degree];
-    for (std::size_t i = degree; i > 0; --i) {
-      const double part = static_cast<double>(i) / static_cast<double>(degree + 1);
-      low[i] = part * low[i - 1] + (1.0 - part) * low[i];
-    }
-  }
+  for (std::size_t degree = n - 2; degree < n; ++degree) elevate(low, degree);
   double doubt = 0.0;
   for (std::size_t i = 0; i <= n; ++i) doubt = std::max(doubt, std::abs(high[i] - low[i]));
   const auto range = std::minmax_element(high, high + n + 1);
@@ -215,38 +187,102 @@ void StepCurve::finish() {
   }
 }
 
-void StepCurve::enclose(double from, double to, StateBox* box) const {
-  box->time = {time_ + from * duration_, time_ + to * duration_};
+StepCurve::Coefficients StepCurve::part(int index, double* origin) const {
+  const auto shaft = static_cast<std::size_t>(index % kMaxShafts);
+  const int kind = index / kMaxShafts;
   const auto s = static_cast<std::size_t>(shafts_);
-  for (std::size_t n = 0; n < count_; ++n) {
-    Interval range = encloseBetween(component_[n].data(), kDegree, from, to);
-    range = {origin_[n] + range.low, origin_[n] + range.high};
-    // (A pointer: GCC's UBSan takes such a choice between arrays for a copy of one.)
-    Interval* const part = n < s ? box->angle : n < 2 * s ? box->velocity : box->acceleration;
-    part[n % s] = range;
+  if (kind < 2 || has_accelerations_) {
+    const std::size_t n = static_cast<std::size_t>(kind) * s + shaft;
+    *origin = origin_[n];
+    return component_[n];
   }
-  if (has_accelerations_) return;
-  for (std::size_t i = 0; i < s; ++i) {
-    Row slope{};
-    differentiate(component_[s + i], duration_, slope.data());
-    box->acceleration[i] = encloseBetween(slope.data(), kDegree - 1, from, to);
+  *origin = 0.0;
+  Row slope{};
+  differentiate(component_[s + shaft], duration_, slope.data());
+  elevate(slope.data(), kDegree - 1);
+  return slope;
+}
+
+void StepCurve::enclose(StateBox* box) const {
+  box->time = {time_, time_ + duration_};
+  for (int kind = 0; kind < 3; ++kind) {
+    for (int i = 0; i < shafts_; ++i) {
+      double origin;
+      const Coefficients own = part(kind * kMaxShafts + i, &origin);
+      *partOf(box, kind * kMaxShafts + i) = rangeOf(own, origin);
+    }
   }
+}
+
+Interval* StepCurve::partOf(StateBox* box, int index) {
+  const int kind = index / kMaxShafts;
+  // (A pointer: GCC's UBSan takes such a choice between arrays for a copy of one.)
+  Interval* const parts = kind == 0 ? box->angle : kind == 1 ? box->velocity : box->acceleration;
+  return parts + index % kMaxShafts;
+}
+
+Interval StepCurve::rangeOf(const Coefficients& whole, double origin) {
+  const auto [low, high] = std::minmax_element(whole.begin(), whole.end());
+  return {origin + *low, origin + *high};
+}
+
+StepCurve::Coefficients StepCurve::combine(const LinearValue& form, double* size) const {
+  Coefficients sum{};
+  *size = std::abs(form.time) * (std::abs(time_) + duration_);
+  for (std::size_t j = 0; j < kSize; ++j) {
+    sum[j] = form.time * duration_ * static_cast<double>(j) / kDegree;
+  }
+  for (int n = 0; n < 3 * kMaxShafts; ++n) {
+    if (form.state[n] == 0.0 || n % kMaxShafts >= shafts_) continue;
+    double origin;
+    const Coefficients own = part(n, &origin);
+    const double first = own[0];  // the value at the step's start is known better
+    double largest = 0.0;
+    for (std::size_t j = 0; j < kSize; ++j) {
+      sum[j] += form.state[n] * (own[j] - first);
+      largest = std::max(largest, std::abs(origin + own[j]));
+    }
+    *size += std::abs(form.state[n]) * largest;
+  }
+  return sum;
+}
+
+void StepCurve::halve(Coefficients& whole, Coefficients* earlier) {
+  Row work = whole;
+  for (std::size_t level = 0; level < kSize; ++level) {
+    (*earlier)[level] = work[0];
+    whole[kDegree - level] = work[kDegree - level];
+    for (std::size_t i = 0; i + level < kDegree; ++i) work[i] = 0.5 * (work[i] + work[i + 1]);
+  }
+}
+
+StepCurve::Coefficients StepCurve::head(const Coefficients& whole, double part) {
+  if (part == 1.0) return whole;
+  Row work = whole;
+  Coefficients head{};
+  for (std::size_t level = 0; level < kSize; ++level) {
+    head[level] = work[0];
+    for (std::size_t i = 0; i + level < kDegree; ++i) work[i] += part * (work[i + 1] - work[i]);
+  }
+  return head;
+}
+
+double StepCurve::valueAt(const Coefficients& whole, double part, double* slope) {
+  Row work = whole;
+  for (std::size_t level = kDegree; level > 1; --level) {
+    for (std::size_t i = 0; i < level; ++i) work[i] += part * (work[i + 1] - work[i]);
+  }
+  *slope = static_cast<double>(kDegree) * (work[1] - work[0]);
+  return work[0] + part * (work[1] - work[0]);
 }
 
 void StepCurve::evaluate(double part, double* angle, double* velocity, double* acceleration) const {
   const auto s = static_cast<std::size_t>(shafts_);
-  Row left{};
   for (std::size_t n = 0; n < count_; ++n) {
-    cut(component_[n].data(), kDegree, part, left.data(), nullptr);
+    double slope;
     double* const place = n < s ? angle : n < 2 * s ? velocity : acceleration;
-    place[n % s] = origin_[n] + left[kDegree];
-  }
-  if (has_accelerations_) return;
-  for (std::size_t i = 0; i < s; ++i) {
-    Row slope{};
-    differentiate(component_[s + i], duration_, slope.data());
-    cut(slope.data(), kDegree - 1, part, left.data(), nullptr);
-    acceleration[i] = left[kDegree - 1];
+    place[n % s] = origin_[n] + valueAt(component_[n], part, &slope);
+    if (n >= s && !has_accelerations_) acceleration[n - s] = slope / duration_;
   }
 }
 

@@ -46,13 +46,29 @@ class StepCurve {
   double duration() const { return duration_; }
   int shafts() const { return shafts_; }
 
-  /// Encloses the states between two parts of the step. [loop]
-  void enclose(double from, double to, StateBox* box) const;
+  /// Bernstein coefficients of one polynomial: their range encloses it.
+  using Coefficients = std::array<double, kNodes>;
+  /// Encloses all states of the step. [loop]
+  void enclose(StateBox* box) const;
+  /// One part of the state, counted as in LinearValue, less `*origin`. [loop]
+  Coefficients part(int index, double* origin) const;
+  /// What a linear form becomes from its value at the beginning on; `*size` is that of its terms,
+  /// which tells their rounding. [loop]
+  Coefficients combine(const LinearValue& form, double* size) const;
+  /// Where `box` has that part; all that it may be by its polynomial. [loop]
+  static Interval* partOf(StateBox* box, int index);
+  static Interval rangeOf(const Coefficients& whole, double origin);
+  /// Both halves of a polynomial: `whole` becomes the later one. [loop]
+  static void halve(Coefficients& whole, Coefficients* earlier);
+  /// It as far as `part`, from 0 to 1. [loop]
+  static Coefficients head(const Coefficients& whole, double part);
+  /// Its value at `part`, and the slope by that. [loop]
+  static double valueAt(const Coefficients& whole, double part, double* slope);
+
   /// phi, omega and epsilon (s values each) at a part of the step. [loop]
   void evaluate(double part, double* angle, double* velocity, double* acceleration) const;
 
  private:
-  using Coefficients = std::array<double, kNodes>;
   double time_ = 0.0;
   double duration_ = 0.0;
   int shafts_ = 0;

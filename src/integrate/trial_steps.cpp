@@ -4,6 +4,7 @@
 
 #include "dynamics/motion_series.h"
 #include "integrate/integrator.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 
@@ -43,11 +44,14 @@ bool Integrator::aim(Trial& trial) {
 bool Integrator::makeTrials() {
   Trial trial = firstTrial();
   while (aim(trial)) {
+    if (trial.looks + trial.rejections > 0 && Interruption::isWanted()) return false;
     watch_.begin();
     double norm = attempt(trial);
     const bool stages_left = watch_.end();
     if (!status_.ok()) return false;
-    if (!guards_.isEmpty() && std::isfinite(norm) && trial.looks < kMostLooks) {
+    const bool is_blind = last_crossing_.false_guesses > kMostFalseGuesses && !isGood(norm) &&
+                          trial.rejections < kHardPressed;
+    if (!guards_.isEmpty() && std::isfinite(norm) && trial.looks < kMostLooks && !is_blind) {
       // An edge may be the reason for an error that is too large.
       const Look look = isGood(norm) ? lookInside(trial.taken, &trial.length)
                                      : lookAtEnd(trial.taken, &trial.length);
@@ -63,7 +67,8 @@ bool Integrator::makeTrials() {
         continue;
       }
       // A torque that jumps was met by the stages and not by the motion: too long a step.
-      if (stages_left && !choice_.isFixed() && norm <= 1.0) norm = kStagesLeft;
+      const bool counts = stages_left && !is_still_;
+      if (counts && !choice_.isFixed() && norm <= 1.0) norm = kStagesLeft;
     }
     if (isGood(norm) && trial.rejections >= kHopeless && haveAccelerationsLeapt()) {
       trial.has_leapt = true;

@@ -189,7 +189,7 @@ void Motion::moveTo(double time) {
   bool goes_on = true;
   while (goes_on && integrator_.front().time < relative()) {
     if (Interruption::isWanted()) {
-      time = quietUntil();
+      goes_on = false;
       break;
     }
     if (integrator_.isSleeping()) {
@@ -211,7 +211,7 @@ void Motion::moveTo(double time) {
       goes_on = integrator_.finishEnd();
     }
   }
-  time_ = goes_on ? time : status().time;
+  time_ = goes_on ? time : (status().ok() ? quietUntil() : status().time);  // or interrupted
   forgetSample();
   // At a timeout its command acts.
   quiet_until_ = std::min(quietUntil(), std::nextafter(commands_.nextTimeout(), -1.0));
