@@ -9,6 +9,7 @@ import argparse
 import collections
 import csv
 import pathlib
+import sys
 
 END = "<!-- end generated -->"
 SHIP = (("compiled", "by hand", "1.3"), ("compiled, shafts known", "by hand", ""),
@@ -19,9 +20,16 @@ FORMS = ("compiled", "SlipRatio", "formulas")
 Row = collections.namedtuple("Row", "table scene variant median minimum steps difference")
 
 
+def read_lines(path):
+    try:
+        return pathlib.Path(path).read_text().splitlines()
+    except FileNotFoundError:
+        sys.exit(f"'{path}' is not there: scripts/benchmark makes it, in output/benchmark/")
+
+
 def read_rows(path):
     """The head (comments) and the rows."""
-    lines = pathlib.Path(path).read_text().splitlines()
+    lines = read_lines(path)
     head = [line[1:].strip() for line in lines if line.startswith("#")]
     rows = [Row(row["table"], row["scene"], row["variant"], float(row["median"]),
                 float(row["minimum"]), row["steps"], row["difference"])

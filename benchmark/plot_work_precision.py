@@ -18,7 +18,8 @@ from matplotlib import pyplot  # noqa: E402: after the choice of the backend
 from matplotlib.lines import Line2D  # noqa: E402
 from PIL import Image  # noqa: E402: matplotlib needs it too
 
-import plot_families  # noqa: E402: beside this file
+import kernel_tables  # noqa: E402: beside this file, as the next
+import plot_families  # noqa: E402
 
 BEGIN = "<!-- begin generated: work precision -->"
 END = "<!-- end generated -->"
@@ -37,8 +38,7 @@ TITLES = {
 }
 FAMILIES = ("SUNDIALS", "Odeint", "GSL", "SciPy")
 OUR_COLOURS = {"auto": "#0b4f9e", "dopri5": "#d1495b", "fehlberg78": "#e0901f",
-               "dop853": "#00897b", "rosenbrock4": "#7b2d8b", "radau": "#6a1b4d",
-               "radau5": "#c2185b"}
+               "dop853": "#00897b", "radau": "#6a1b4d"}
 PEER_COLOURS = {"SUNDIALS": "#8395ad", "Odeint": "#b3956a", "GSL": "#86a383", "SciPy": "#b48fb5"}
 MARKERS = "osD^v<>pPX*h"
 
@@ -66,7 +66,7 @@ def read_rows(paths):
     heads = []
     scenes = {}
     for path in paths:
-        lines = pathlib.Path(path).read_text().splitlines()
+        lines = kernel_tables.read_lines(path)
         heads += [line[1:].strip() for line in lines if line.startswith("#")]
         for row in csv.DictReader(line for line in lines if not line.startswith("#")):
             curves = scenes.setdefault(row["scene"], {})

@@ -174,11 +174,8 @@ principle: )yaml" + principle + "\nlast: {type: variator_sim/ExpressionConstrain
 INSTANTIATE_TEST_SUITE_P(Steppers, Allocation,
                          testing::Values(StepperKind::kAuto, StepperKind::kRk4,
                                          StepperKind::kDopri5, StepperKind::kDop853,
-                                         StepperKind::kFehlberg78, StepperKind::kRosenbrock4,
-                                         StepperKind::kRadau, StepperKind::kRadau5,
-                                         StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
-                                         StepperKind::kRadau5Fixed, StepperKind::kTaylor,
-                                         StepperKind::kTaylorFixed),
+                                         StepperKind::kFehlberg78, StepperKind::kRadau,
+                                         StepperKind::kTaylor, StepperKind::kTaylorFixed),
                          [](const auto& test) { return std::string(toString(test.param)); });
 
 TEST(Allocation, NoneWhenAMotionStops) {
@@ -214,8 +211,7 @@ initial: {velocity: [5, 3]}
 
 // The change from the explicit to the implicit stepper included.
 TEST(Allocation, NoneOnAStiffScene) {
-  for (StepperKind stepper :
-       {StepperKind::kAuto, StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
+  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kRadau}) {
     Simulation simulation(test::withStepper(stiffScene(), stepper));
     const long before = allocations;
     double sum = 0.0;
@@ -243,18 +239,15 @@ TEST(Allocation, NoneOnAStiffScene) {
 TEST(Allocation, NoneInImplicitStepsOfAnyScene) {
   const Scene scenes[] = {stiffScene("principle: gauss\n"), test::sceneFromText(kScene)};
   for (const Scene& scene : scenes) {
-    for (StepperKind stepper :
-         {StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
-      Simulation simulation(test::withStepper(test::withTolerance(scene, 1e-5), stepper));
-      simulation.command(0, 2.0);
-      const long before = allocations;
-      for (int n = 1; n <= 20; ++n) {
-        simulation.advanceTo(n / 20.0);
-        simulation.sample();
-      }
-      EXPECT_EQ(allocations - before, 0) << toString(stepper);
-      EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+    Simulation simulation(test::withStepper(test::withTolerance(scene, 1e-5), StepperKind::kRadau));
+    simulation.command(0, 2.0);
+    const long before = allocations;
+    for (int n = 1; n <= 20; ++n) {
+      simulation.advanceTo(n / 20.0);
+      simulation.sample();
     }
+    EXPECT_EQ(allocations - before, 0);
+    EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
   }
 }
 

@@ -16,9 +16,9 @@
 namespace variator_sim {
 namespace {
 
-constexpr StepperKind kSteppers[] = {
-    StepperKind::kAuto,   StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kRadau,
-    StepperKind::kRadau5, StepperKind::kTaylor, StepperKind::kRk4};
+constexpr StepperKind kSteppers[] = {StepperKind::kAuto,       StepperKind::kDopri5,
+                                     StepperKind::kFehlberg78, StepperKind::kRadau,
+                                     StepperKind::kTaylor,     StepperKind::kRk4};
 
 const char* const kFreeShaft = R"yaml(
 shafts: [wheel]

@@ -10,8 +10,7 @@
 namespace variator_sim {
 namespace {
 
-constexpr StepperKind kSteppers[] = {StepperKind::kAuto,   StepperKind::kTaylor,
-                                     StepperKind::kRadau,  StepperKind::kRadau5,
+constexpr StepperKind kSteppers[] = {StepperKind::kAuto, StepperKind::kTaylor, StepperKind::kRadau,
                                      StepperKind::kDopri5, StepperKind::kDop853};
 constexpr const char* kPrinciples[] = {"generalized_gauss", "gauss"};
 

@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 import zipfile
 
+import numpy
 import roslib.packages
 import rosunit
 
@@ -67,11 +68,12 @@ def read_mat(data):
         kind, rows, columns, imaginary, length = struct.unpack("<5I", data[:20])
         assert imaginary == 0
         name = data[20:20 + length].rstrip(b"\0").decode("ascii")
-        end = 20 + length + 8 * rows * columns
-        values = [value for (value,) in struct.iter_unpack("<d", data[20 + length:end])]
+        code, width = {0: "<d", 51: "<c"}[kind], {0: 8, 51: 1}[kind]  # doubles, letters in bytes
+        end = 20 + length + width * rows * columns
+        values = [value for (value,) in struct.iter_unpack(code, data[20 + length:end])]
         table = [[values[j * rows + i] for j in range(columns)] for i in range(rows)]
-        if kind == 1:
-            table = ["".join(chr(int(letter)) for letter in row).rstrip() for row in table]
+        if code == "<c":
+            table = [b"".join(row).decode("ascii").rstrip() for row in table]
         variables[name] = table
         data = data[end:]
     return variables
@@ -129,6 +131,38 @@ class LinearizeTest(TestCase):
             self.assertEqual([value for row in mat[matrix] for value in row], values)
         self.assertEqual(mat["time"], [[2.0]])
         self.assertEqual(npz["time"], ([2.0], ()))
+
+    def test_models_without_inputs(self):
+        for ending in ("npz", "mat"):
+            path = self.folder / f"model.{ending}"
+            self.simulate(str(CONFIG / "acceleration_circle.yaml"), "--linearize", "--at", "1", "--output", str(path))
+            with self.subTest(ending=ending):
+                if ending == "mat":
+                    model = read_mat(path.read_bytes())
+                    self.assertEqual((model["inputs"], model["u"]), ([], []))
+                    self.assertEqual([len(row) for row in model["B"]], [0] * len(model["x"]))
+                else:
+                    model = numpy.load(path)
+                    self.assertEqual(model["inputs"].shape, (0,))
+                    self.assertEqual(model["B"].shape, (len(model["x"]), 0))
+
+    def test_libraries_that_are_missing_are_told_before_the_run(self):
+        (self.folder / "scipy.py").write_text("raise ImportError('none here')\n", encoding="utf-8")
+        (self.folder / "numpy.py").write_text("raise ImportError('none here')\n", encoding="utf-8")
+        self.environment["PYTHONPATH"] = str(self.folder)
+        for ending, package in (("npz", "python3-numpy"), ("mat", "python3-scipy")):
+            path = self.folder / f"model.{ending}"
+            path.write_text("old", encoding="utf-8")
+            # The run itself would end with status 1.
+            self.check_refused([SHIP, "--linearize", "--output", str(path)], f".{ending} needs {package}",
+                               f"apt install {package}", ".csv", status=3)
+            self.assertEqual(path.read_text(encoding="utf-8"), "old")
+        self.simulate(SHIP, "--linearize", "--at", "1", "--output", str(self.folder / "model.csv"))
+
+    def test_files_that_cannot_be_written(self):
+        for ending in ("csv", "npz", "mat"):
+            self.check_refused([SHIP, "--linearize", "--at", "1", "--output", f"/no/folder/model.{ending}"],
+                               "/no/folder", status=3)
 
     def test_all_states_beside_coordinates(self):
         full = self.simulate(RATIO_STEPS, "--linearize", "--at", "2", "--full").stdout

@@ -170,8 +170,7 @@ TEST(SceneReader, KeepsNoNamesButItsOwn) {
 TEST(SceneReader, NamesPrinciplesAndSteppersAsTheSceneDoes) {
   EXPECT_STREQ(toString(Principle::kGeneralizedGauss), "generalized_gauss");
   for (const char* name :
-       {"auto", "rk4", "dopri5", "dop853", "fehlberg78", "rosenbrock4", "radau", "radau5",
-        "dopri5_fixed", "rosenbrock4_fixed", "radau5_fixed", "taylor", "taylor_fixed"}) {
+       {"auto", "rk4", "dopri5", "dop853", "fehlberg78", "radau", "taylor", "taylor_fixed"}) {
     const Scene scene = read(base() + "solver: {stepper: " + name + "}\n");
     EXPECT_STREQ(toString(scene.solver.stepper), name);
     EXPECT_EQ(scene.resolved.asDictionary().at("solver").asDictionary().at("stepper").asText(),
@@ -180,14 +179,11 @@ TEST(SceneReader, NamesPrinciplesAndSteppersAsTheSceneDoes) {
 }
 
 TEST(SceneReader, KnowsWhichSteppersHaveFixedSteps) {
-  for (StepperKind kind :
-       {StepperKind::kRk4, StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
-        StepperKind::kRadau5Fixed, StepperKind::kTaylorFixed}) {
+  for (StepperKind kind : {StepperKind::kRk4, StepperKind::kTaylorFixed}) {
     EXPECT_TRUE(isFixedStep(kind)) << toString(kind);
   }
   for (StepperKind kind : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853,
-                           StepperKind::kFehlberg78, StepperKind::kRosenbrock4, StepperKind::kRadau,
-                           StepperKind::kRadau5, StepperKind::kTaylor}) {
+                           StepperKind::kFehlberg78, StepperKind::kRadau, StepperKind::kTaylor}) {
     EXPECT_FALSE(isFixedStep(kind)) << toString(kind);
   }
 }
@@ -406,11 +402,26 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{base() + "solver: {stepper: dopri}\n",
                  "solver/stepper",
                  {"'dopri'", "did you mean 'dopri5'",
-                  "auto, rk4, dopri5, dop853, fehlberg78, rosenbrock4, dopri5_fixed, "
-                  "rosenbrock4_fixed, radau, radau5, radau5_fixed, taylor, taylor_fixed"}},
-        BadScene{base() + "solver: {stepper: rosenbrock}\n",
+                  "auto, rk4, dopri5, dop853, fehlberg78, radau, taylor, taylor_fixed"}},
+        BadScene{base() + "solver: {stepper: rosenbrock4}\n",
                  "solver/stepper",
-                 {"'rosenbrock'", "did you mean 'rosenbrock4'", "rosenbrock4_fixed"}},
+                 {"'rosenbrock4' was removed; use 'radau'; allowed: auto, rk4, dopri5, dop853, "
+                  "fehlberg78, radau, taylor, taylor_fixed"}},
+        BadScene{base() + "solver: {stepper: rosenbrock4_fixed}\n",
+                 "solver/stepper",
+                 {"'rosenbrock4_fixed' was removed; use 'radau'"}},
+        BadScene{base() + "solver: {stepper: radau5}\n",
+                 "solver/stepper",
+                 {"'radau5' was removed; use 'radau'"}},
+        BadScene{base() + "solver: {stepper: radau5_fixed}\n",
+                 "solver/stepper",
+                 {"'radau5_fixed' was removed; use 'radau'"}},
+        BadScene{base() + "solver: {stepper: dopri5_fixed}\n",
+                 "solver/stepper",
+                 {"'dopri5_fixed' was removed; use 'rk4'"}},
+        BadScene{base() + "solver: {stepper: [radau5]}\n",
+                 "solver/stepper",
+                 {"expected one of auto, rk4,", "a list"}},
         BadScene{base() + "solver: {stepper: rada}\n",
                  "solver/stepper",
                  {"'rada'", "did you mean 'radau'"}},

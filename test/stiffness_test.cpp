@@ -84,11 +84,9 @@ class StiffSlip : public testing::TestWithParam<int> {
 
 TEST_P(StiffSlip, IsFollowedToTheTolerance) {
   const Scene scene = slipScene(tau());
-  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kRadau, StepperKind::kRadau5}) {
-    const bool is_mild = GetParam() <= 3;
-    const StepperKind other = is_mild                           ? StepperKind::kDop853
-                              : stepper == StepperKind::kRadau5 ? StepperKind::kRadau
-                                                                : StepperKind::kRadau5;
+  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kRadau}) {
+    const bool is_mild = GetParam() <= 5;
+    const StepperKind other = is_mild ? StepperKind::kDop853 : StepperKind::kRadau;
     const Result reference = run(scene, other, is_mild ? 1e-12 : 1e-10);
     for (double tolerance : {1e-4, 1e-6, 1e-8}) {
       const Result result = run(scene, stepper, tolerance);
@@ -246,17 +244,16 @@ principle: gauss
 )yaml");
   Scene fine = test::withStepper(test::withTolerance(scene, 1e-12), StepperKind::kDop853);
   fine.solver.maximum_step = 1e-5;  // 0.6 of the creep's time constant
-  for (StepperKind stepper : {StepperKind::kRadau, StepperKind::kRadau5}) {
-    Simulation reference(fine);
-    Simulation simulation(test::withStepper(test::withTolerance(scene, kTolerance), stepper));
-    for (int n = 1; n <= 100; ++n) {
-      const double time = 0.025 * n + 0.0037;
-      ASSERT_TRUE(reference.advanceTo(time).ok()) << reference.describeStatus();
-      ASSERT_TRUE(simulation.advanceTo(time).ok()) << simulation.describeStatus();
-      EXPECT_NEAR(simulation.sample().acceleration[0], reference.sample().acceleration[0],
-                  100.0 * kTolerance)
-          << toString(stepper) << " at " << time;
-    }
+  Simulation reference(fine);
+  Simulation simulation(
+      test::withStepper(test::withTolerance(scene, kTolerance), StepperKind::kRadau));
+  for (int n = 1; n <= 100; ++n) {
+    const double time = 0.025 * n + 0.0037;
+    ASSERT_TRUE(reference.advanceTo(time).ok()) << reference.describeStatus();
+    ASSERT_TRUE(simulation.advanceTo(time).ok()) << simulation.describeStatus();
+    EXPECT_NEAR(simulation.sample().acceleration[0], reference.sample().acceleration[0],
+                100.0 * kTolerance)
+        << time;
   }
 }
 
@@ -265,27 +262,24 @@ principle: gauss
 // torques.
 TEST(SlipRelaxation, DecaysExponentiallyHoweverShortTheTimeConstant) {
   constexpr double kTolerance = 1e-8;
-  for (StepperKind stepper :
-       {StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4}) {
-    for (double tau : {1e-2, 1e-4, 1e-6}) {
-      Scene scene = test::withTolerance(slipScene(tau, "0.5"), kTolerance);
-      Simulation simulation(test::withStepper(std::move(scene), stepper));
-      // 3 - 0.5 * 5 = 0.5 rad/s at the start
-      for (double part : {0.3, 1.0, 2.0, 5.0, 10.0, 40.0, 1000.0}) {
-        ASSERT_TRUE(simulation.advanceTo(part * tau).ok()) << simulation.describeStatus();
-        const Sample& s = simulation.sample();
-        const double slip = 0.5 * std::exp(-part);
-        EXPECT_NEAR(s.velocity[1] - 0.5 * s.velocity[0], slip, 50.0 * kTolerance)
-            << toString(stepper) << ", tau " << tau << ", " << part << " tau";
-        // its rate, as exactly as the slip itself is known relative to its start
-        EXPECT_NEAR(tau * (s.acceleration[1] - 0.5 * s.acceleration[0]), -slip, 50.0 * kTolerance)
-            << toString(stepper) << ", tau " << tau << ", " << part << " tau";
-      }
-      ASSERT_TRUE(simulation.advanceTo(kEnd).ok()) << simulation.describeStatus();
+  for (double tau : {1e-2, 1e-4, 1e-6}) {
+    Scene scene = test::withTolerance(slipScene(tau, "0.5"), kTolerance);
+    Simulation simulation(test::withStepper(std::move(scene), StepperKind::kRadau));
+    // 3 - 0.5 * 5 = 0.5 rad/s at the start
+    for (double part : {0.3, 1.0, 2.0, 5.0, 10.0, 40.0, 1000.0}) {
+      ASSERT_TRUE(simulation.advanceTo(part * tau).ok()) << simulation.describeStatus();
       const Sample& s = simulation.sample();
-      EXPECT_NEAR(s.velocity[1] - 0.5 * s.velocity[0],
-                  kEnd < 40.0 * tau ? 0.5 * std::exp(-kEnd / tau) : 0.0, 50.0 * kTolerance);
+      const double slip = 0.5 * std::exp(-part);
+      EXPECT_NEAR(s.velocity[1] - 0.5 * s.velocity[0], slip, 50.0 * kTolerance)
+          << "tau " << tau << ", " << part << " tau";
+      // its rate, as exactly as the slip itself is known relative to its start
+      EXPECT_NEAR(tau * (s.acceleration[1] - 0.5 * s.acceleration[0]), -slip, 50.0 * kTolerance)
+          << "tau " << tau << ", " << part << " tau";
     }
+    ASSERT_TRUE(simulation.advanceTo(kEnd).ok()) << simulation.describeStatus();
+    const Sample& s = simulation.sample();
+    EXPECT_NEAR(s.velocity[1] - 0.5 * s.velocity[0],
+                kEnd < 40.0 * tau ? 0.5 * std::exp(-kEnd / tau) : 0.0, 50.0 * kTolerance);
   }
 }
 
@@ -505,9 +499,7 @@ TEST(Linearization, RefusesAMatrixThatIsNotFinite) {
 // --- fixed steps ------------------------------------------------------------------------------
 TEST(FixedSteps, AreAsManyAsTheDurationHolds) {
   const Scene scene = slipScene(0.1);
-  for (StepperKind stepper :
-       {StepperKind::kRk4, StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
-        StepperKind::kRadau5Fixed, StepperKind::kTaylorFixed}) {
+  for (StepperKind stepper : {StepperKind::kRk4, StepperKind::kTaylorFixed}) {
     for (double step : {0.1, 0.01, 0.001}) {
       Scene fixed = test::withStepper(test::withTolerance(scene, 1e-6), stepper);
       fixed.solver.step = step;
@@ -527,40 +519,32 @@ TEST(FixedSteps, AreAsManyAsTheDurationHolds) {
 
 TEST(FixedSteps, ReportAnEstimateThatFallsWithTheStep) {
   const Scene scene = shipScene();
-  for (StepperKind stepper : {StepperKind::kDopri5Fixed, StepperKind::kRosenbrock4Fixed,
-                              StepperKind::kRadau5Fixed}) {  // (of a series nothing is left)
-    double previous = 0.0;
-    for (double step : {0.04, 0.02, 0.01}) {
-      Scene fixed = test::withStepper(test::withTolerance(scene, 1e-9), stepper);
-      fixed.solver.step = step;
-      Simulation simulation(std::move(fixed));
-      ASSERT_TRUE(simulation.advanceTo(2.0).ok()) << simulation.describeStatus();
-      const double estimate = simulation.statistics().largest_error_estimate;
-      if (previous > 0.0) {
-        EXPECT_LT(estimate, previous / 8.0) << toString(stepper) << ", " << step;
-      }
-      previous = estimate;
+  double previous = 0.0;
+  for (double step : {0.04, 0.02, 0.01}) {
+    // (of a series nothing is left)
+    Scene fixed = test::withStepper(test::withTolerance(scene, 1e-9), StepperKind::kRk4);
+    fixed.solver.step = step;
+    Simulation simulation(std::move(fixed));
+    ASSERT_TRUE(simulation.advanceTo(2.0).ok()) << simulation.describeStatus();
+    const double estimate = simulation.statistics().largest_error_estimate;
+    if (previous > 0.0) {
+      EXPECT_LT(estimate, previous / 8.0) << step;
     }
+    previous = estimate;
   }
   const Result adaptive = run(scene, StepperKind::kDopri5, 1e-9);
   EXPECT_EQ(adaptive.statistics.largest_error_estimate, 0.0);  // of fixed steps only
 }
 
 // Steps 1e4 times as long as tau.
-TEST(FixedSteps, ByRadauAreStableWhereRungeKuttaIsNot) {
+TEST(FixedSteps, OfRungeKuttaAreUnstableOnAStiffScene) {
   const Scene scene = slipScene(1e-6);
-  const Result reference = run(scene, StepperKind::kRadau5, 1e-9);
-  const auto follow = [&](StepperKind stepper) {
-    Scene fixed = test::withStepper(test::withTolerance(scene, 1e-6), stepper);
-    fixed.solver.step = 0.01;
-    Simulation simulation(std::move(fixed));
-    const bool arrived = simulation.advanceTo(kEnd).ok();
-    if (!arrived) return std::numeric_limits<double>::infinity();
-    return distance(simulation.sample(), reference.sample, 1.0);
-  };
-  EXPECT_LT(follow(StepperKind::kRadau5Fixed), 1e-3);
-  EXPECT_GT(follow(StepperKind::kRk4), 1.0);
-  EXPECT_GT(follow(StepperKind::kDopri5Fixed), 1.0);
+  const Result reference = run(scene, StepperKind::kRadau, 1e-9);
+  Scene fixed = test::withStepper(test::withTolerance(scene, 1e-6), StepperKind::kRk4);
+  fixed.solver.step = 0.01;
+  Simulation simulation(std::move(fixed));
+  const bool arrives = simulation.advanceTo(kEnd).ok();
+  EXPECT_TRUE(!arrives || distance(simulation.sample(), reference.sample, 1.0) > 1.0);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@ import collections
 import csv
 import pathlib
 import statistics
+import sys
 
 BEGIN = "<!-- begin generated: realtime -->"
 END = "<!-- end generated -->"
@@ -74,7 +75,10 @@ FLOOD = (("seconds", "measured, s"), ("commands sent", "commands sent since the 
 
 def read_rows(path):
     """The head (comments), and the values by (row, variant, quantity), each by round."""
-    lines = pathlib.Path(path).read_text().splitlines()
+    try:
+        lines = pathlib.Path(path).read_text().splitlines()
+    except FileNotFoundError:
+        sys.exit(f"'{path}' is not there: scripts/benchmark_realtime makes it, in output/benchmark/realtime.csv")
     head = [line[1:].strip() for line in lines if line.startswith("#")]
     values = collections.defaultdict(dict)
     for row in csv.DictReader(line for line in lines if not line.startswith("#")):

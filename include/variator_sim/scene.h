@@ -34,13 +34,8 @@ enum class StepperKind {
   kDopri5,
   kDop853,
   kFehlberg78,
-  kRosenbrock4,
   kRadau,
-  kRadau5,
   kTaylor,
-  kDopri5Fixed,
-  kRosenbrock4Fixed,
-  kRadau5Fixed,
   kTaylorFixed
 };
 /// True for steppers that take steps of `solver/step`, whatever their error.

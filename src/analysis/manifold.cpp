@@ -1,7 +1,6 @@
 #include "analysis/manifold.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "analysis/decompositions.h"
 #include "variator_sim/errors.h"

@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <memory>
 #include <vector>
 
 #include "variator_sim/expression/tape.h"

@@ -1,7 +1,5 @@
 #include "analysis/trim_names.h"
 
-#include <algorithm>
-
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {

@@ -1,8 +1,6 @@
 /// What the systems share whose state has accelerations: x = (phi, omega, epsilon).
 #pragma once
 
-#include <algorithm>
-
 #include "dynamics/jump.h"
 #include "dynamics/principle_system.h"
 #include "dynamics/projection.h"

@@ -3,9 +3,6 @@
 /// and no torque is asked for its rate, but where R' is published. (Order 3: formal_gauss.h.)
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <utility>
 
 #include "dynamics/principle_system.h"

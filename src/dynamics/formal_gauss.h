@@ -2,10 +2,6 @@
 /// J epsilon + n - Q = C^T lambda gives the jerk, and x = (phi, omega, epsilon).
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
 #include "dynamics/acceleration_system.h"
 
 namespace variator_sim {

@@ -2,8 +2,6 @@
 /// principle at one instant.
 #pragma once
 
-#include <cmath>
-
 #include "dynamics/drivetrain.h"
 #include "dynamics/least_reaction.h"
 #include "dynamics/least_reaction_search.h"

@@ -14,9 +14,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <limits>
 #include <memory>
 
 #include "dynamics/drivetrain.h"

@@ -4,9 +4,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
-#include <vector>
 
 #include "dynamics/drivetrain.h"
 #include "dynamics/projection.h"

@@ -14,11 +14,8 @@
 /// comes.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
-#include <utility>
 
 #include "dynamics/drivetrain.h"
 #include "dynamics/least_reaction.h"

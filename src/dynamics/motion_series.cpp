@@ -70,8 +70,6 @@ std::unique_ptr<MotionSeries> MotionSeries::make(const Scene& scene, Drivetrain&
     if (law == nullptr) return nullptr;
     nodes.push_back(law->function());
   }
-  const bool is_classical = scene.principle == Principle::kGauss;
-  if (is_classical && scene.hasOrder3()) return nullptr;
   if (!expression::SeriesProgram::hasSeries(*scene.graph, nodes)) return nullptr;
   std::unique_ptr<MotionSeries> series(new MotionSeries(scene, drivetrain));
   try {
@@ -192,6 +190,8 @@ void MotionSeries::findRows() {
     row_of_connection_[i] = program_.output(next++);
   }
   last_order_ = orderFor(scene_.solver.relative_tolerance);
+  at_end_.rows.resize(static_cast<std::size_t>(program_.rowCount()));
+  at_end_.before.resize(at_end_.rows.size());
   findOrderPlaces();
   findLayout();
   keepInertia();
@@ -457,8 +457,6 @@ bool MotionSeries::mayHideAlong(double t, double h, const double* x, const doubl
   constexpr int kPower = kStepOrder / 2;  // of parabolas: a polynomial of that order
   const auto count = static_cast<std::size_t>(program_.rowCount());
   RowsAtEnd& to = at_end_;
-  to.rows.resize(count);
-  to.before.resize(count);
   const auto keep = [&](std::vector<double>& rows) {
     for (std::size_t r = 0; r < count; ++r) {
       rows[r] = program_.coefficients(static_cast<int>(r))[0];

@@ -47,8 +47,8 @@ class MotionSeries {
  public:
   static constexpr int kMostOrder = 30;
 
-  /// The series of a scene whose elements are all formulas of its graph; nullptr of others, and of
-  /// constraints of order 3 under `gauss`. `drivetrain` and `scene` have to outlive it.
+  /// The series of a scene whose elements are all formulas of its graph; nullptr of others. Of
+  /// constraints of order 3 under `gauss` only isStepResolved is to be asked. `drivetrain` and `scene` have to outlive it.
   /// `like`: those of a scene with the same elements, or nullptr.
   static std::unique_ptr<MotionSeries> make(const Scene& scene, Drivetrain& drivetrain,
                                             const MotionSeries* like = nullptr);

@@ -1,5 +1,4 @@
 // Samples of a motion inside a step by its series: what is around series_step_sample.inc.
-#include <algorithm>
 #include <cstdint>
 
 #include "dynamics/motion_series.h"

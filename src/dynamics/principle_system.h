@@ -25,8 +25,12 @@ class PrincipleSystem : public System {
   Drivetrain& drivetrain() { return drivetrain_; }
   const LeastReactionSearch& search() const { return initial_solver_.search(); }
   bool readsAngles() const override { return drivetrain_.readsAngles(); }
-  bool readsTime() const override { return drivetrain_.readsTime(); }
-  MotionSeries* series() const override { return series_.get(); }
+  MotionSeries* series() const override {
+    const bool is_formal = scene_.principle == Principle::kGauss && hasOrder3();
+    return is_formal ? nullptr : series_.get();
+  }
+  /// Its formulas as series, for steps of other schemes; nullptr where some are none.
+  MotionSeries* formulas() const { return series_.get(); }
   bool hasOrder3() const override { return scene_.hasOrder3(); }
 
   /// True when the derivative is made by code for the scene's number of shafts and constraints.

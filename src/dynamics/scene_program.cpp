@@ -1,7 +1,6 @@
 #include "dynamics/scene_program.h"
 
 #include <cmath>
-#include <utility>
 
 #include "dynamics/formula_laws.h"
 #include "dynamics/motion_series.h"

@@ -27,9 +27,8 @@ class System {
   /// x' at (t, x). NaN where there is none.
   void operator()(const State& x, State& dxdt, double t) { derive_(*this, x, dxdt, t); }
 
-  /// True when some derivative depends on an angle, or on the time.
+  /// True when some derivative depends on an angle.
   virtual bool readsAngles() const { return true; }
-  virtual bool readsTime() const { return true; }
 
   /// Projects x, which stands at t, onto the constraints; `moved` gets by how much.
   virtual ProjectionResult project(double /*t*/, State& /*x*/, State& moved,

@@ -1,7 +1,6 @@
 /// Formulas of a scene as statements of C on rows of power series.
 #pragma once
 
-#include <functional>
 #include <map>
 #include <set>
 #include <string>

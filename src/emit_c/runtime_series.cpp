@@ -499,7 +499,7 @@ static double choose_length(const scene_model *m, int terms, double limit)
     }
     if (term > 0.0) theta = fmin(theta, pow(term, -1.0 / n));
   }
-  for (halvings = 0; halvings < 30; ++halvings) {
+  for (halvings = 0; halvings < 60; ++halvings) {
     const double taken = fmin(theta, limit / m->unit);
     if (isfinite(theta) && is_growing(m, theta)) {
       theta *= 0.5;

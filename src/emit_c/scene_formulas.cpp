@@ -1,6 +1,5 @@
 #include "emit_c/scene_formulas.h"
 
-#include <algorithm>
 #include <map>
 #include <set>
 #include <utility>

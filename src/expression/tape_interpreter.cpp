@@ -1,5 +1,4 @@
 #include <cmath>
-#include <cstddef>
 
 #include "instruction_set.h"
 #include "variator_sim/expression/tape.h"

@@ -1,6 +1,5 @@
 #include "expression/term_maker.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace variator_sim::expression {

@@ -47,10 +47,10 @@ bool Integrator::calcState(double* at, State& x) {
     State moved(system_.size());
     State slope(system_.size());
     const double h = front_.time - base_.time;
-    if (stepper_->keepsConstraints()) stepper_->calcSlope((now - base_.time) / h, h, slope);
+    if (stepper_->isImplicit()) stepper_->calcSlope((now - base_.time) / h, h, slope);
     const ProjectionResult result =
         stepper_->isImplicit()
-            ? projectStiffly(system_, *stepper_, now, h, slope, x, moved, &statistics_.projections)
+            ? system_.projectStiffly(now, h, slope, x, moved, &statistics_.projections)
             : system_.project(now, x, moved, &statistics_.projections);
     if (result == ProjectionResult::kConverged) return true;
   }

@@ -319,7 +319,7 @@ bool Integrator::makeStep(double target) {
   forgetCrossing(is_due);
   // The step before the edge says nothing about this branch. An implicit one that is much too
   // long for a swing or for something that grows damps it without its estimate showing anything.
-  if (is_behind_edge && !choice_.isFixed() && stepper_->isImplicit()) {
+  if (is_behind_edge && stepper_->isImplicit()) {
     const double first = std::max(chooseFirstStep(), kLeastRestart * next_step_);
     next_step_ = std::min(next_step_, first);
   }

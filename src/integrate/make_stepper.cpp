@@ -18,18 +18,11 @@ std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tol
     case StepperKind::kRk4:
       return makeRk4Stepper(system, tolerance);
     case StepperKind::kDopri5:
-    case StepperKind::kDopri5Fixed:
       return makeDopri5Stepper(system, tolerance);
     case StepperKind::kFehlberg78:
       return makeFehlberg78Stepper(system, tolerance);
-    case StepperKind::kRosenbrock4:
-    case StepperKind::kRosenbrock4Fixed:
-      return makeRosenbrock4Stepper(system, tolerance);
     case StepperKind::kRadau:
-      return makeRadauStepper(system, tolerance, "radau", chooseStages(tolerance.relative));
-    case StepperKind::kRadau5:
-    case StepperKind::kRadau5Fixed:
-      return makeRadauStepper(system, tolerance, "radau5", 3);
+      return makeRadauStepper(system, tolerance, chooseStages(tolerance.relative));
     case StepperKind::kTaylor:
     case StepperKind::kTaylorFixed:
       return makeTaylorStepper(system, tolerance);

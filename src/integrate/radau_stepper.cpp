@@ -18,18 +18,17 @@ namespace {
 ///
 /// A stiff constraint whose C turns with time or state pulls the accelerations back along a moving
 /// direction J^-1 C^T. Its limit is a differential-algebraic system of index 2, on which this
-/// method keeps its order and Rosenbrock methods do not: rosenbrock4's error grows like h^5/tau
-/// there. So the stages hold psi = 0 itself, in place of its derivative C eta + c0 = 0 that has
-/// 1/tau in it (Drivetrain::calcStageResidual); Newton's iteration then converges whatever tau.
+/// method keeps its order (Rosenbrock methods do not). So the stages hold psi = 0 itself, in place
+/// of its derivative C eta + c0 = 0 that has 1/tau in it (Drivetrain::calcStageResidual); Newton's
+/// iteration then converges whatever tau.
 ///
 /// The stages Z_i = y_i - x, h A x'(y) = Z are found by simplified Newton iterations with the exact
 /// matrix at the beginning of the step, decoupled into one real system and some complex ones of
 /// S x S (linearization.h) by the eigenvectors T of A^-1.
 class RadauStepper final : public Stepper {
  public:
-  RadauStepper(const System& system, Tolerance tolerance, const char* name, int most)
+  RadauStepper(const System& system, Tolerance tolerance, int most)
       : Stepper(system, tolerance),
-        name_(name),
         most_(most),
         stages_(most),
         tried_(most),
@@ -52,14 +51,13 @@ class RadauStepper final : public Stepper {
     method_ = &RadauMethod::withStages(stages_);
   }
 
-  const char* name() const override { return name_; }
+  const char* name() const override { return "radau"; }
   int errorOrder() const override { return tried_ + 1; }
   double work() const override { return 10.0 * tried_ - 4.0; }
   bool isImplicit() const override { return true; }
   /// A step that took many iterations is near those that do not converge (Hairer, Wanner, IV.8
   /// (8.21)).
   double ease() const override { return (2.0 * kNit + 1.0) / (2.0 * kNit + iterations_); }
-  bool keepsConstraints() const override { return true; }
   bool hasDenseOutput() const override { return true; }
   void restart() override {
     matrix_time_ = std::numeric_limits<double>::quiet_NaN();
@@ -455,7 +453,6 @@ class RadauStepper final : public Stepper {
   static constexpr int kQuick = 4;
   static constexpr int kQuickSteps = 5;
 
-  const char* name_;
   const int most_;  // stages
   int stages_;      // of the next step
   int tried_;       // of the last step, whether it was good or not
@@ -488,8 +485,8 @@ class RadauStepper final : public Stepper {
 }  // namespace
 
 std::unique_ptr<Stepper> makeRadauStepper(const System& system, Tolerance tolerance,
-                                          const char* name, int most_stages) {
-  return std::make_unique<RadauStepper>(system, tolerance, name, most_stages);
+                                          int most_stages) {
+  return std::make_unique<RadauStepper>(system, tolerance, most_stages);
 }
 
 }  // namespace variator_sim

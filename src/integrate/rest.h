@@ -15,10 +15,6 @@
 /// that ends only by rounding; slow modes, drifting and swinging, and saddles have short terms.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
 #include "dynamics/linearization.h"
 #include "dynamics/principle_system.h"
 #include "integrate/step_control.h"

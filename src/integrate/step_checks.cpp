@@ -84,7 +84,7 @@ double StepChecks::checkAccelerations(const Stepper& stepper, const StepNode& fr
     }
     State beside(x.size());
     for (int n = 0; n < x.size(); ++n) beside[n] = x[n] + error[n];
-    if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) {
+    if (stepper.isImplicit() && system_.keepsConstraintsInStages()) {
       StepProjection projection(x.size());
       projection.result = projectStiffly(system_, stepper, end, h, beside, projection);
       if (projection.result != ProjectionResult::kConverged) {
@@ -97,10 +97,10 @@ double StepChecks::checkAccelerations(const Stepper& stepper, const StepNode& fr
     double stability = 0.0;
     if (!stepper.isImplicit()) {
       if (isUnstable(h, x, beside, change)) stability = kUnstable;
-    } else if (stepper.keepsConstraints() && isOnSlowMotion(h, x, beside, change)) {
+    } else if (isOnSlowMotion(h, x, beside, change)) {
       stability = checkFirstSlope(stepper, from, end);
-      // A step that is refused for it need not be judged further; one of fixed size stays.
-      if (!(stability <= 1.0) && !are_steps_fixed_) return stability;
+      // A step that is refused for it need not be judged further.
+      if (!(stability <= 1.0)) return stability;
     }
     double norm = stability;
     for (int n = S; n < x.size(); ++n) {

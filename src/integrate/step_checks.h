@@ -19,23 +19,12 @@
 
 namespace variator_sim {
 
-/// Projects x, which a step of size h by `stepper` has reached at t, as that stepper's states need
-/// it; `slope` is x' of its polynomial there (of a stepper that keeps constraints).
-inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& stepper, double t,
-                                       double h, const State& slope, State& x, State& moved,
-                                       std::uint64_t* iterations) {
-  // Accelerations that are no state are the slope's; without one there is nothing stiff to do.
-  return system.integratesTorque() || stepper.keepsConstraints()
-             ? system.projectStiffly(t, h, slope, x, moved, iterations)
-             : system.project(t, x, moved, iterations);
-}
-/// The same at the end of the stepper's last step.
+/// Projects x, which the last step of an implicit stepper, of size h, has reached at `end`.
 inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& stepper, double end,
                                        double h, State& x, StepProjection& projection) {
   State slope(x.size());
-  if (stepper.keepsConstraints()) stepper.calcSlope(1.0, end - (end - h), slope);
-  return projectStiffly(system, stepper, end, h, slope, x, projection.moved,
-                        &projection.iterations);
+  stepper.calcSlope(1.0, end - (end - h), slope);
+  return system.projectStiffly(end, h, slope, x, projection.moved, &projection.iterations);
 }
 
 /// The checks of the steps of one motion. Norms are in units of the tolerance, and a step is good

@@ -85,13 +85,12 @@ class Stepper {
   /// (first same as last); `projection` then tells how that went.
   virtual bool projects() const { return false; }
   virtual const StepProjection& projection() const { return projection_; }
-  /// True for an implicit stepper: states that it makes are projected as `projectStiffly` does.
+  /// True for an implicit stepper: states that it makes are projected as `projectStiffly` does, and
+  /// its stages hold psi = 0 where the system can (keepsConstraintsInStages).
   virtual bool isImplicit() const { return false; }
   /// How easily its last step was made, 1 at the most: what a next step that the error estimate
   /// allows is to be shortened by.
   virtual double ease() const { return 1.0; }
-  /// True when its stages hold psi = 0 where the system can (keepsConstraintsInStages).
-  virtual bool keepsConstraints() const { return false; }
 
   /// Forgets what belongs to a state: inputs may have changed under it.
   virtual void restart() {}
@@ -125,21 +124,9 @@ class Stepper {
   }
 
   /// What the last step, which went from `from` to `to` (x' there is not known yet), takes for the
-  /// change of Q. By default from the inside of the step, at the points of Radau's quadrature of
-  /// order 5. [loop]
+  /// change of Q. [loop]
   virtual void calcTorqueGain(System& system, const StepNode& from, const StepNode& to,
-                              TorqueGain& gain) {
-    if (system.integratesTorque()) {
-      constexpr double kPoints[] = {0.15505102572168219, 0.64494897427831781, 1.0};
-      constexpr double kWeights[] = {0.37640306270046728, 0.51248582618842162, 1.0 / 9.0};
-      const double h = to.time - from.time;
-      for (int i = 0; i < 3; ++i) {
-        State x = to.x;
-        if (i < 2) interpolate(system, from.time + kPoints[i] * h, from, to, x);
-        gain.add(h, kWeights[i], system.calcTorqueRate(from.time + kPoints[i] * h, x));
-      }
-    }
-  }
+                              TorqueGain& gain) = 0;
 
   /// |h lambda| of the last step over the bound of the scheme's stability, estimated from x' at its
   /// end; about 1 where stability, not accuracy, limits the step. 0 when there is no estimate.
@@ -167,7 +154,7 @@ class Stepper {
   /// True when `interpolate` itself finds out how good it is, x' included.
   virtual bool checksDenseOutput() const { return false; }
   /// x' of the dense output at the part `theta` of the last step, of length h, of an implicit
-  /// stepper that keeps constraints. [loop]
+  /// stepper. [loop]
   virtual void calcSlope(double /*theta*/, double /*h*/, State& /*slope*/) const {}
   /// The estimated error of x at the end of the last step, component by component.
   const State& error() const { return error_; }
@@ -192,7 +179,6 @@ std::unique_ptr<Stepper> makeDop853Stepper(const System& system, Tolerance toler
 std::unique_ptr<Stepper> makeTaylorStepper(const System& system, Tolerance tolerance);
 /// Radau IIA with 3, 5 or 7 stages, which goes down to 3 where Newton's iteration fails.
 std::unique_ptr<Stepper> makeRadauStepper(const System& system, Tolerance tolerance,
-                                          const char* name, int most_stages);
-std::unique_ptr<Stepper> makeRosenbrock4Stepper(const System& system, Tolerance tolerance);
+                                          int most_stages);
 
 }  // namespace variator_sim

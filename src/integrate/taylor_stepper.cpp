@@ -452,7 +452,7 @@ class TaylorStepper final : public Stepper {
       if (term > 0.0) least = std::min(least, -logarithm(term) / (last - j));
     }
     length_ = series_->unit() * exponential(least);
-    for (int halvings = 0; halvings < 30; ++halvings) {
+    for (int halvings = 0; halvings < 60; ++halvings) {
       setPowers(length_ / series_->unit());
       if (isGrowing(x)) {
         length_ *= 0.5;

@@ -112,7 +112,7 @@ double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double
 }
 
 bool Integrator::isResolved(double taken) {
-  MotionSeries* const series = system_.series();
+  MotionSeries* const series = system_.formulas();
   if (series == nullptr || choice_.isFixed() || stepper_->stepsBySeries()) return true;
   // phi, omega, epsilon
   double x[3][3 * kMaxShafts];
@@ -269,7 +269,7 @@ double Integrator::projectEnd(const Stepper& stepper, const State& x_old, double
     return std::numeric_limits<double>::quiet_NaN();
   }
   // Stages that hold psi = 0 themselves leave rounding to the projection, no error.
-  if (stepper.keepsConstraints() && system_.keepsConstraintsInStages()) return 0.0;
+  if (stepper.isImplicit() && system_.keepsConstraintsInStages()) return 0.0;
   const double norm = calcErrorNorm(projection.moved, x_old, x, tolerance_);
   if (norm <= kSteady || norm <= estimate) return norm;
   return discountRounding(end, x_old, x, projection.moved);

@@ -12,7 +12,6 @@
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
-#include <vector>
 
 #include "model/number_text.h"
 #include "model/tree_bounds.h"

@@ -31,12 +31,7 @@ constexpr Word<StepperKind> kSteppers[] = {{"auto", StepperKind::kAuto},
                                            {"dopri5", StepperKind::kDopri5},
                                            {"dop853", StepperKind::kDop853},
                                            {"fehlberg78", StepperKind::kFehlberg78},
-                                           {"rosenbrock4", StepperKind::kRosenbrock4},
-                                           {"dopri5_fixed", StepperKind::kDopri5Fixed},
-                                           {"rosenbrock4_fixed", StepperKind::kRosenbrock4Fixed},
                                            {"radau", StepperKind::kRadau},
-                                           {"radau5", StepperKind::kRadau5},
-                                           {"radau5_fixed", StepperKind::kRadau5Fixed},
                                            {"taylor", StepperKind::kTaylor},
                                            {"taylor_fixed", StepperKind::kTaylorFixed}};
 constexpr Word<MachineCode> kMachineCodes[] = {
@@ -51,20 +46,44 @@ const char* wordOf(const Word<Value> (&words)[count], Value value) {
 }
 
 template <class Value, std::size_t count>
-Value readWord(ParameterReader& reader, const char* key, const Word<Value> (&words)[count],
-               Value preset) {
+std::vector<std::string> namesOf(const Word<Value> (&words)[count]) {
   std::vector<std::string> names;
   for (const auto& word : words) names.emplace_back(word.first);
-  const std::string chosen = reader.choice(key, names, wordOf(words, preset));
+  return names;
+}
+
+template <class Value, std::size_t count>
+Value readWord(ParameterReader& reader, const char* key, const Word<Value> (&words)[count],
+               Value preset) {
+  const std::string chosen = reader.choice(key, namesOf(words), wordOf(words, preset));
   return std::find_if(std::begin(words), std::end(words),
                       [&](const auto& word) { return chosen == word.first; })
       ->second;
+}
+
+/// Steppers of earlier versions, and which does their work now.
+constexpr Word<const char*> kRemovedSteppers[] = {{"rosenbrock4", "radau"},
+                                                  {"rosenbrock4_fixed", "radau"},
+                                                  {"radau5", "radau"},
+                                                  {"radau5_fixed", "radau"},
+                                                  {"dopri5_fixed", "rk4"}};
+
+void refuseRemovedStepper(ParameterReader& reader) {
+  const ParameterTree* given = reader.raw("stepper");
+  if (given == nullptr || given->kind() != ParameterTree::Kind::kText) return;
+  for (const auto& [name, successor] : kRemovedSteppers) {
+    if (given->asText() != name) continue;
+    throw SceneError(reader.keyPath("stepper"), inQuotes(name) + " was removed; use " +
+                                                    inQuotes(successor) +
+                                                    "; allowed: " + joinNames(namesOf(kSteppers)));
+  }
 }
 
 SolverSettings readSolver(ParameterReader& root) {
   SolverSettings settings;
   if (!root.has("solver")) return settings;
   ParameterReader reader = root.section("solver");
+  refuseRemovedStepper(reader);
   settings.stepper = readWord(reader, "stepper", kSteppers, settings.stepper);
   // Closer than this to round-off a step cannot be controlled.
   settings.relative_tolerance =
@@ -367,9 +386,7 @@ const char* toString(MachineCode machine_code) {
 }
 
 bool isFixedStep(StepperKind kind) {
-  return kind == StepperKind::kRk4 || kind == StepperKind::kDopri5Fixed ||
-         kind == StepperKind::kRosenbrock4Fixed || kind == StepperKind::kRadau5Fixed ||
-         kind == StepperKind::kTaylorFixed;
+  return kind == StepperKind::kRk4 || kind == StepperKind::kTaylorFixed;
 }
 
 Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const NodeNames& node) {

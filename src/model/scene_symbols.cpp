@@ -1,7 +1,6 @@
 #include "model/scene_symbols.h"
 
 #include <memory>
-#include <utility>
 
 #include "variator_sim/component_context.h"
 #include "variator_sim/expression/parser.h"

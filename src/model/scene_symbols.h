@@ -1,7 +1,6 @@
 /// Reads what a scene names for all of its components.
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "model/scene_names.h"

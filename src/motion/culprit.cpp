@@ -183,6 +183,12 @@ double Culprits::calcUnattainable(const Scene& scene, Element element,
         most = std::max(most, calcRounding(scene, element, around.view));
       }
     }
+    // A layer narrower than that lies where the shaft stands, or turns with another one.
+    for (int other = -1; other < S; ++other) {
+      Beside around(here, S);
+      around.velocity[i] = other < 0 ? 0.0 : here.velocity[other];
+      most = std::max(most, calcRounding(scene, element, around.view));
+    }
   }
   return most;
 }

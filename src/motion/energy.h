@@ -16,7 +16,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "dynamics/principle_system.h"
 #include "integrate/step_control.h"

@@ -36,8 +36,6 @@ SolverSettings calcCompanionSettings(const SolverSettings& settings) {
     companion.relative_tolerance = tighten(settings.relative_tolerance);
     companion.absolute_tolerance = tighten(settings.absolute_tolerance);
   };
-  constexpr double kUsualStep = 1e-3;  // s
-  const double coarseness = std::max(1.0, settings.step / kUsualStep);
   switch (settings.stepper) {
     case StepperKind::kAuto:
       // Above this tolerance `auto` is by Runge-Kutta methods, whose errors may lie far below it.
@@ -51,32 +49,21 @@ SolverSettings calcCompanionSettings(const SolverSettings& settings) {
     case StepperKind::kDop853:
       take(StepperKind::kAuto, 1e5);
       break;
-    case StepperKind::kRosenbrock4:
-      take(StepperKind::kAuto, 1000.0);
-      break;
     case StepperKind::kDopri5:
       take(StepperKind::kAuto, 100.0);
-      break;
-    case StepperKind::kRadau5:
-      take(StepperKind::kRadau, 100.0);
       break;
     case StepperKind::kTaylorFixed:
       take(StepperKind::kTaylorFixed, 1e4);  // the same steps, of an order two or three higher
       break;
-    case StepperKind::kRk4:
-    case StepperKind::kDopri5Fixed: {
-      // Their tolerance means nothing; the error goes with some power of the step.
-      const bool is_rk4 = settings.stepper == StepperKind::kRk4;
+    case StepperKind::kRk4: {
+      // Its tolerance means nothing; the error goes with some power of the step.
+      constexpr double kUsualStep = 1e-3;  // s
+      const double coarseness = std::max(1.0, settings.step / kUsualStep);
       companion.stepper = StepperKind::kAuto;
-      companion.relative_tolerance =
-          std::min(1e-8, is_rk4 ? 1e-13 * coarseness * coarseness : kLeastTolerance * coarseness);
+      companion.relative_tolerance = std::min(1e-8, 1e-13 * coarseness * coarseness);
       companion.absolute_tolerance = companion.relative_tolerance;
       break;
     }
-    case StepperKind::kRosenbrock4Fixed:
-    case StepperKind::kRadau5Fixed:
-      companion.step = 0.5 * settings.step;
-      break;
   }
   constexpr int kMost = std::numeric_limits<int>::max() / 4;
   companion.maximum_steps = 4 * std::min(settings.maximum_steps, kMost);
@@ -109,12 +96,7 @@ void ErrorEstimate::forget() {
 std::string ErrorEstimate::describe() const {
   const SolverSettings& solver = companion_.scene().solver;
   std::ostringstream text;
-  text << toString(solver.stepper);
-  if (solver.step < run_.scene().solver.step) {
-    text << " with steps of " << solver.step << " s";
-  } else {
-    text << " at a relative tolerance of " << solver.relative_tolerance;
-  }
+  text << toString(solver.stepper) << " at a relative tolerance of " << solver.relative_tolerance;
   return text.str();
 }
 

@@ -58,13 +58,17 @@ void checkFixed(const std::vector<TrimChoice>& fix) {
 
 void save(const LinearModel& model, const py::object& path) {
   const auto name = py::module::import("os").attr("fsencode")(path).cast<std::string>();
+  py::object content = py::bytes(writeModel(model));
   try {
-    checkModelPath(name);
+    const std::string ending = endingOfModel(name);
+    if (ending != ".csv") {
+      content = py::module::import("variator_sim.linear_model_files")
+                    .attr("convert")(writeModel(model), ending);
+    }
   } catch (const UsageError& error) {
     throw py::value_error(error.what());
   }
-  const py::object write = py::module::import("variator_sim.files").attr("write_bytes");
-  write(path, py::bytes(writeModel(model, name)));
+  py::module::import("variator_sim.files").attr("write_bytes")(path, content);
 }
 
 /// Arrays of its own: a view would keep the model alive, and be read-only.

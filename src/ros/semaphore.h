@@ -37,12 +37,6 @@ class Semaphore {
     return result == 0;
   }
 
-  /// Forgets all posts so far.
-  void drain() {
-    while (sem_trywait(&semaphore_) == 0) {
-    }
-  }
-
  private:
   sem_t semaphore_;
 };

@@ -1,6 +1,5 @@
 #include "ros/simulation_server.h"
 
-#include <algorithm>
 #include <array>
 #include <boost/function.hpp>
 #include <boost/make_shared.hpp>

@@ -1,10 +1,19 @@
 #include "tools/analysis_run.h"
 
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
+#include <filesystem>
 #include <fstream>
+#include <memory>
 
+#include "io/whole_file.h"
 #include "model/number_text.h"
 #include "tools/linear_model_file.h"
 #include "tools/sample_writer.h"
@@ -149,6 +158,50 @@ TrimChoice readChoice(const std::string& option, const std::string& text, bool n
   return choice;
 }
 
+/// The Python program that knows the formats of NumPy and MATLAB; it lies where the program does.
+std::string findConverter() {
+  const auto program = std::filesystem::read_symlink("/proc/self/exe");
+  const auto prefix = program.parent_path().parent_path().parent_path();
+  return prefix / VARIATOR_SIM_PYTHON_FOLDER / "linear_model_files.py";
+}
+
+/// A model's CSV as the content of a file with this ending; an empty text tells only whether that
+/// can be made. Throws OutputError.
+std::string convertModel(const std::string& csv, std::string ending) {
+  using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
+  const File input(std::tmpfile(), std::fclose);
+  const File output(std::tmpfile(), std::fclose);
+  if (!input || !output || !writeBytes(::fileno(input.get()), csv.data(), csv.size()) ||
+      ::lseek(::fileno(input.get()), 0, SEEK_SET) != 0) {
+    throw OutputError(std::string("no temporary file can be written: ") + std::strerror(errno));
+  }
+  std::string python = "/usr/bin/python3";
+  std::string converter = findConverter();
+  char* const words[] = {python.data(), converter.data(), ending.data(), nullptr};
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawn_file_actions_adddup2(&actions, ::fileno(input.get()), STDIN_FILENO);
+  ::posix_spawn_file_actions_adddup2(&actions, ::fileno(output.get()), STDOUT_FILENO);
+  posix_spawnattr_t attributes;  // a group of its own: Ctrl-C ends the motion, not the writing
+  ::posix_spawnattr_init(&attributes);
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+  pid_t child = 0;
+  const int error = ::posix_spawn(&child, words[0], &actions, &attributes, words, environ);
+  ::posix_spawnattr_destroy(&attributes);
+  ::posix_spawn_file_actions_destroy(&actions);
+  if (error != 0) throw OutputError(python + " (python3) cannot be run: " + std::strerror(error));
+  int status = -1;
+  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) continue;
+  std::string content;
+  std::rewind(output.get());
+  char bytes[4096];
+  while (const std::size_t size = std::fread(bytes, 1, sizeof bytes, output.get())) {
+    content.append(bytes, size);
+  }
+  if (status == 0) return content;
+  throw OutputError(content.empty() ? python + " " + converter + " failed" : content);
+}
+
 std::string asComment(const std::string& text) {
   std::string commented = "# ";
   for (std::size_t n = 0; n < text.size(); ++n) {
@@ -162,16 +215,18 @@ std::string asComment(const std::string& text) {
 
 bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
                   const SimulateOptions& options, const volatile std::sig_atomic_t* interrupted) {
-  // A path that means nothing is told before the run.
-  if (!options.output_path.empty()) checkModelPath(options.output_path);
+  const std::string& path = options.output_path;
+  // A path that means nothing, and a library that is missing, are told before the run.
+  const std::string ending = path.empty() ? "" : endingOfModel(path);
+  const bool converts = ending == ".npz" || ending == ".mat";
+  if (converts) convertModel("", ending);
   OperatingPoint point;
   if (!reachPoint(simulation, commands, options, interrupted, &point)) return false;
   const LinearModel model =
       linearize(simulation.scene(), point, options.full ? LinearForm::kFull : LinearForm::kMinimal);
-  if (!options.output_path.empty()) {
-    writeOutput(options.output_path, writeModel(model, options.output_path));
-  }
-  writeOutput("", describeModel(model, options.output_path.empty()));
+  const std::string csv = writeModel(model);
+  if (!path.empty()) writeOutput(path, converts ? convertModel(csv, ending) : csv);
+  writeOutput("", describeModel(model, path.empty()));
   return true;
 }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <csignal>
-#include <string>
 #include <vector>
 
 #include "tools/offline_run.h"

@@ -3,7 +3,6 @@
 
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "tools/offline_run.h"
 #include "tools/simulate_options.h"

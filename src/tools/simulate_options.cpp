@@ -1,6 +1,5 @@
 #include "tools/simulate_options.h"
 
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <system_error>

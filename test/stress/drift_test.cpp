@@ -113,9 +113,7 @@ TEST(Drift, OfAMotionThatGoesRoundForEver) {
       for (double tolerance : tolerances()) {
         const Scene asked = withMethod(scene, stepper, tolerance);
         // one tolerance of each method for 1e6 s, the others for a part of it
-        const bool is_slow = tolerance < 1e-8 &&
-                             (stepper == StepperKind::kRosenbrock4 ||
-                              stepper == StepperKind::kRadau5 || stepper == StepperKind::kDopri5);
+        const bool is_slow = tolerance < 1e-8 && stepper == StepperKind::kDopri5;
         const double longest = order == 2 && tolerance == 1e-8 ? 1e6 : 1e4;
         const double end = sizeOf(is_slow ? 100.0 : 1000.0, longest);
         judgeAlong(motion, asked, decades(end),
@@ -218,9 +216,7 @@ TEST(Drift, OfASwingWithoutDamping) {
             // the swing's velocity is 0.1 rad/s
             asked.solver.absolute_tolerance = 0.1 * frequency * tolerance;
             asked.solver.maximum_step = 1.0 / frequency;
-            const bool is_slow = tolerance < 1e-8 && (stepper == StepperKind::kRosenbrock4 ||
-                                                      stepper == StepperKind::kRadau5 ||
-                                                      stepper == StepperKind::kDopri5);
+            const bool is_slow = tolerance < 1e-8 && stepper == StepperKind::kDopri5;
             const bool is_long =
                 order == 2 && tolerance == 1e-8 && principle == Principle::kGeneralizedGauss;
             const double longest = is_long ? 1e6 : 1e4;
@@ -250,8 +246,7 @@ TEST(Drift, OfASwingWithoutDamping) {
                          const double size = 0.1 * frequency * 0.7;
                          double broken = std::abs(R[0]);
                          broken = std::max(broken, std::abs(order == 0 ? R[1] : R[1] + 0.5 * R[2]));
-                         const bool is_implicit =
-                             stepper == StepperKind::kRadau || stepper == StepperKind::kRadau5;
+                         const bool is_implicit = stepper == StepperKind::kRadau;
                          // Weights of dense output are up to a thousand, so samples inside a
                          // step round by as much. Newton's iteration of implicit steps leaves a
                          // part of a tolerance.

@@ -388,11 +388,8 @@ TEST(Jumps, RampsTendToTheJump) {
                 "theta = " + text(theta) + ", " + hold + " " + describe(stepper, tolerance);
             // 0.5 + h is known to 1.1e-16 s: the ramp's width to 2.2e-16 / h of itself.
             const double rounding = 2.3e-16 / h * D / (circle.a * circle.J) / tolerance;
-            // rosenbrock4 takes differences by time within its steps, too.
-            const double differences = stepper == StepperKind::kRosenbrock4 ? 2.0 : 1.0;
             // (The growth is that of small errors: a tenth more for others.)
-            hazard.compare(run, exact, scene, label,
-                           1.1 * (kAllowed + differences * rounding) * growth);
+            hazard.compare(run, exact, scene, label, 1.1 * (kAllowed + rounding) * growth);
             if (rounding < 1.0) {
               EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
             }

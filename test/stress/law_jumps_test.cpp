@@ -399,9 +399,7 @@ TEST(LawJumps, CrossedBackAtOnceStops) {
               sliding.name + " " + principle + " " + describe(stepper, tolerance);
           // (An implicit stepper under `gauss` feels both sides in its Jacobian by differences.)
           const bool is_blurred =
-              principle == std::string("gauss") &&
-              (stepper == StepperKind::kRadau || stepper == StepperKind::kRadau5 ||
-               stepper == StepperKind::kRosenbrock4);
+              principle == std::string("gauss") && stepper == StepperKind::kRadau;
           if (run.reason != StopReason::kChattering) {
             if (!is_blurred) hazard.judge(HUGE_VAL, label + ": " + run.message);
             EXPECT_NE(run.reason, StopReason::kNone) << label;

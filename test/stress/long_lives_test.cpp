@@ -334,8 +334,6 @@ TEST(LongLives, NeutralModesDoNotDrift) {
     }
     for (StepperKind stepper : steppersOf(plain)) {
       for (double tolerance : {1e-4, 1e-8}) {
-        // Thousands of steps in every second; what they do is done within the shorter time.
-        if (stepper == StepperKind::kRosenbrock4 && tolerance < 1e-6 && !isLongForm()) continue;
         const Scene scene = withFewSteps(plain, stepper, tolerance);
         Simulation simulation(scene);
         const double start = form.calc(simulation.sample().reaction_torque);

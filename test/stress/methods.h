@@ -16,9 +16,9 @@
 namespace variator_sim::test {
 
 /// All steppers that choose their steps themselves.
-constexpr StepperKind kAdaptiveSteppers[] = {
-    StepperKind::kAuto,  StepperKind::kDopri5, StepperKind::kDop853,      StepperKind::kFehlberg78,
-    StepperKind::kRadau, StepperKind::kRadau5, StepperKind::kRosenbrock4, StepperKind::kTaylor};
+constexpr StepperKind kAdaptiveSteppers[] = {StepperKind::kAuto,   StepperKind::kDopri5,
+                                             StepperKind::kDop853, StepperKind::kFehlberg78,
+                                             StepperKind::kRadau,  StepperKind::kTaylor};
 
 /// Those that choose their steps, of those that `scene` takes.
 inline std::vector<StepperKind> steppersOf(const Scene& scene) {
@@ -55,8 +55,7 @@ inline Scene withFewSteps(Scene scene, StepperKind stepper, double tolerance) {
 /// implicit stepper at an edge, and rounding of the state alone under `gauss`.
 inline void expectNoStop(const Run& run, const Scene& scene, const std::string& label) {
   const StepperKind stepper = scene.solver.stepper;
-  const bool is_implicit = stepper == StepperKind::kRadau || stepper == StepperKind::kRadau5 ||
-                           stepper == StepperKind::kRosenbrock4;
+  const bool is_implicit = stepper == StepperKind::kRadau;
   const bool is_known =
       (is_implicit &&
        (run.reason == StopReason::kStepUnderflow || run.reason == StopReason::kStepLimit)) ||

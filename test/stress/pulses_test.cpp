@@ -103,10 +103,7 @@ void compareAll(Hazard& hazard, const std::string& yaml, const Run& exact,
                 Columns columns = Columns::kVelocityAndAcceleration, bool explicit_only = false) {
   const Scene plain = sceneFromText(yaml);
   for (StepperKind stepper : steppersOf(plain)) {
-    if (explicit_only && (stepper == StepperKind::kRadau || stepper == StepperKind::kRadau5 ||
-                          stepper == StepperKind::kRosenbrock4)) {
-      continue;
-    }
+    if (explicit_only && stepper == StepperKind::kRadau) continue;
     for (double tolerance : sweptTolerances()) {
       const double most = allowed(tolerance);
       if (!std::isfinite(most)) continue;

@@ -126,19 +126,9 @@ std::vector<Play> plays() {
 }
 
 const std::vector<StepperKind>& allSteppers() {
-  static const std::vector<StepperKind> kinds = {StepperKind::kAuto,
-                                                 StepperKind::kDopri5,
-                                                 StepperKind::kDop853,
-                                                 StepperKind::kFehlberg78,
-                                                 StepperKind::kRadau,
-                                                 StepperKind::kRadau5,
-                                                 StepperKind::kRosenbrock4,
-                                                 StepperKind::kRk4,
-                                                 StepperKind::kDopri5Fixed,
-                                                 StepperKind::kRadau5Fixed,
-                                                 StepperKind::kRosenbrock4Fixed,
-                                                 StepperKind::kTaylor,
-                                                 StepperKind::kTaylorFixed};
+  static const std::vector<StepperKind> kinds = {
+      StepperKind::kAuto,  StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
+      StepperKind::kRadau, StepperKind::kRk4,    StepperKind::kTaylor, StepperKind::kTaylorFixed};
   return kinds;
 }
 
@@ -241,8 +231,7 @@ void forEachRun(const std::function<void(const Play&, const std::string&)>& use)
         if (isFixedStep(stepper) && tolerance < 1e-5) continue;
         if (!isLongForm() && tolerance < 1e-5 &&
             (listed.end > 100.0 ||
-             (stepper != StepperKind::kAuto && stepper != StepperKind::kRadau &&
-              stepper != StepperKind::kRadau5))) {
+             (stepper != StepperKind::kAuto && stepper != StepperKind::kRadau))) {
           continue;
         }
         Play play = listed;

@@ -71,12 +71,8 @@ TEST(Stiffness, SlowMotionOfAStiffVariator) {
       for (StepperKind stepper : adaptiveSteppers(scene)) {
         for (double tolerance : tolerances()) {
           const Scene asked = withMethod(scene, stepper, tolerance);
-          // Rosenbrock's methods lose an order where the direction of C turns and the time constant
-          // is short (doc/scene.md): their errors are some times those of others.
-          const double allowed =
-              stepper == StepperKind::kRosenbrock4 && tau < 1e-3 ? 5.0 * kAllowed : kAllowed;
           compareApart(hazard, accelerations, play(asked, times), exact, asked,
-                       motion.label() + ", " + methodLabel(stepper, tolerance), allowed);
+                       motion.label() + ", " + methodLabel(stepper, tolerance), kAllowed);
         }
       }
     }
@@ -299,8 +295,6 @@ TEST(Stiffness, ElasticCoupling) {
             for (double tolerance : tolerances()) {
               const Scene asked = withMethod(scene, stepper, tolerance);
               double allowed = kAllowed * growth;
-              // Rosenbrock's methods lose an order there too.
-              if (stepper == StepperKind::kRosenbrock4 && damping_ratio > 1.0) allowed *= 5.0;
               // Accelerations that are a state and are projected onto those of the torques know
               // these to the rounding of the angles, of size 1 (doc/stability.md).
               if (order == 3 && principle == Principle::kGauss) {
