@@ -17,11 +17,12 @@ State Integrator::goAhead(const StepNode& from, double length) const {
   return x;
 }
 
-/// Halves until nothing lies between a length before the edge and one beyond it.
+/// Halves until nothing lies between a length before the edge and one beyond it, or, by many
+/// halvings, no more than `resolution`.
 template <class IsBeyond>
-static void narrow(const IsBeyond& is_beyond, double* before, double* beyond) {
-  constexpr int kHalvings = 60;
-  for (int halving = 0; halving < kHalvings; ++halving) {
+static void narrow(const IsBeyond& is_beyond, double resolution, double* before, double* beyond) {
+  constexpr int kMany = 60;
+  for (int n = 0; n < kMany || *beyond - *before > resolution; ++n) {
     const double middle = 0.5 * (*before + *beyond);
     if (!(middle > *before && middle < *beyond)) break;
     *(is_beyond(middle) ? beyond : before) = middle;
@@ -89,7 +90,7 @@ bool Integrator::crossEdge() {
     return false;
   }
   double before = 0.0;
-  narrow(isBeyond, &before, &beyond);
+  narrow(isBeyond, resolution, &before, &beyond);
   // (A rounding before the edge the torque may be that behind it.)
   const double shy_of_it = std::min(kShyOfIt * before, before - resolution);
   if (shy_of_it > 0.0 && !isSeriesGood(shy_of_it)) {

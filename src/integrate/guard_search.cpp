@@ -61,6 +61,16 @@ StateBox boxAround(const StateView& state, int shafts, double width) {
   return box;
 }
 
+/// Widens `range` to hold the slopes of a polynomial over `duration`, s.
+void includeSlopes(const StepCurve::Coefficients& whole, double duration, Interval* range) {
+  const double scale = static_cast<double>(whole.size() - 1) / duration;
+  for (std::size_t n = 1; n < whole.size(); ++n) {
+    const double slope = scale * (whole[n] - whole[n - 1]);
+    range->low = std::min(range->low, slope);
+    range->high = std::max(range->high, slope);
+  }
+}
+
 bool mayHaveSettled(const StepCurve& curve, double part) {
   return part > kSettled && part * curve.duration() > kSettledTime;
 }
@@ -342,10 +352,16 @@ void GuardSearch::findEnclosed(std::size_t i, const StepCurve& curve, double res
       *StepCurve::partOf(&box, part[n]) = range;
     }
     if (guard.readsInputs()) addInputs(box);
-    if (end <= leaves_[i] || !guard.mayLeave(box, step_sides_[i]) ||
-        staysByRate(i, curve, clear, end, box)) {
-      return Verdict::kClear;
+    if (end <= leaves_[i] || !guard.mayLeave(box, step_sides_[i])) return Verdict::kClear;
+    // (Dense output of an angle has other slopes than that of its velocity, next to stages far
+    // off.)
+    StateBox along = box;
+    for (std::size_t n = 0; n < count; ++n) {
+      if (part[n] >= 2 * kMaxShafts) continue;
+      Interval* const rate = StepCurve::partOf(&along, part[n] + kMaxShafts);
+      includeSlopes(here[n], (end - clear) * curve.duration(), rate);
     }
+    if (staysByRate(i, curve, clear, end, along)) return Verdict::kClear;
     // (What jumps may be crossed back at once, and then there is no motion on the edge.)
     const bool may_settle = mayHaveSettled(curve, end - clear) && !guard.jumps();
     if (may_settle && guard.isRounding(box)) return Verdict::kClear;
