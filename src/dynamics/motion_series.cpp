@@ -191,7 +191,7 @@ void MotionSeries::findRows() {
   }
   last_order_ = orderFor(scene_.solver.relative_tolerance);
   at_end_.rows.resize(static_cast<std::size_t>(program_.rowCount()));
-  at_end_.before.resize(at_end_.rows.size());
+  at_end_.before = at_end_.middle = at_end_.rows;
   findOrderPlaces();
   findLayout();
   keepInertia();
@@ -407,7 +407,8 @@ bool MotionSeries::extendTo(int order) {
   return true;
 }
 
-bool MotionSeries::isResolved(double length, double absolute, double relative) const {
+bool MotionSeries::isResolved(double length, double absolute, double relative,
+                              const double* const* at) const {
   double inertia[kMaxShafts];
   for (int i = 0; i < S; ++i) inertia[i] = drivetrain_.inertia().entry(i, i);
   const bool moves = !isInertiaConstant();
@@ -427,7 +428,7 @@ bool MotionSeries::isResolved(double length, double absolute, double relative) c
                                              absolute,
                                              relative,
                                              length};
-  return program_.isResolved(length / own().unit, own().order, outputs);
+  return program_.isResolved(length / own().unit, own().order, outputs, at);
 }
 
 void MotionSeries::evaluateRows(double t, double h, double part, const double* x) {
@@ -453,23 +454,23 @@ void MotionSeries::evaluateRows(double t, double h, double part, const double* x
   program_.begin(Part::kAccelerated);
 }
 
+void MotionSeries::keepRows(std::vector<double>* rows) const {
+  for (std::size_t r = 0; r < rows->size(); ++r) {
+    (*rows)[r] = program_.coefficients(static_cast<int>(r))[0];
+  }
+}
+
 bool MotionSeries::mayHideAlong(double t, double h, const double* x, const double* x_end) {
   constexpr int kPower = kStepOrder / 2;  // of parabolas: a polynomial of that order
-  const auto count = static_cast<std::size_t>(program_.rowCount());
   RowsAtEnd& to = at_end_;
-  const auto keep = [&](std::vector<double>& rows) {
-    for (std::size_t r = 0; r < count; ++r) {
-      rows[r] = program_.coefficients(static_cast<int>(r))[0];
-    }
-  };
   if (to.time == drivetrain_.origin() + t && std::equal(x, x + 3 * S, to.x)) {
     to.rows.swap(to.before);
   } else {
     evaluateRows(t, h, 0.0, x);
-    keep(to.before);
+    keepRows(&to.before);
   }
   evaluateRows(t, h, 1.0, x_end);
-  keep(to.rows);
+  keepRows(&to.rows);
   to.time = drivetrain_.origin() + t + h;
   std::copy_n(x_end, 3 * S, to.x);
   return program_.mayHideBetween(to.before.data(), to.rows.data(), kPower);
@@ -493,6 +494,8 @@ bool MotionSeries::isStepResolved(double t, double h, const double* x, const dou
     c[1] = 4.0 * x_middle[n] - 3.0 * x[n] - x_end[n];
     c[2] = 2.0 * (x[n] + x_end[n] - 2.0 * x_middle[n]);
   };
+  evaluateRows(t, h, 0.5, x_middle);
+  keepRows(&at_end_.middle);
   evaluateRows(t, h, 0.0, x);
   for (int i = 0; i < S; ++i) {
     double omega[3];
@@ -508,7 +511,8 @@ bool MotionSeries::isStepResolved(double t, double h, const double* x, const dou
     for (int i = 0; i < S; ++i) program_.set(row_of_acceleration_[i], n, 0.0);
     program_.extend(n, true, parabolas);
   }
-  const bool is_resolved = isResolved(h, absolute, relative);
+  const double* const at[] = {at_end_.before.data(), at_end_.middle.data(), at_end_.rows.data()};
+  const bool is_resolved = isResolved(h, absolute, relative, at);
   program_.clear();  // of what may be no number
   return is_resolved;
 }

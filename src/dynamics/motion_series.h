@@ -48,8 +48,8 @@ class MotionSeries {
   static constexpr int kMostOrder = 30;
 
   /// The series of a scene whose elements are all formulas of its graph; nullptr of others. Of
-  /// constraints of order 3 under `gauss` only isStepResolved is to be asked. `drivetrain` and `scene` have to outlive it.
-  /// `like`: those of a scene with the same elements, or nullptr.
+  /// constraints of order 3 under `gauss` only isStepResolved is to be asked. `drivetrain` and
+  /// `scene` have to outlive it. `like`: those of a scene with the same elements, or nullptr.
   static std::unique_ptr<MotionSeries> make(const Scene& scene, Drivetrain& drivetrain,
                                             const MotionSeries* like = nullptr);
 
@@ -99,11 +99,13 @@ class MotionSeries {
   int order() const { return own().order; }
   /// True where the series of all formulas are the formulas up to `length`, s, within what the
   /// tolerance leaves unnoticed (series_resolution.inc). [loop]
-  bool isResolved(double length, double absolute, double relative) const;
+  bool isResolved(double length, double absolute, double relative,
+                  const double* const* at = nullptr) const;
   /// True where a formula may hide something along a step from t to t + h, s, that another stepper
   /// has made from x = (phi, omega, epsilon) to x_end. [loop]
   bool mayHideAlong(double t, double h, const double* x, const double* x_end);
-  /// As isResolved along that step, over the parabolas through x, its middle and x_end. The series
+  /// As isResolved along that step, of which mayHideAlong has just been asked, over the parabolas
+  /// through x, its middle and x_end. The series
   /// are those of these. [loop]
   bool isStepResolved(double t, double h, const double* x, const double* x_middle,
                       const double* x_end, double absolute, double relative);
@@ -313,6 +315,7 @@ class MotionSeries {
   };
   StepCodes step_codes_;
 
+  void keepRows(std::vector<double>* rows) const;
   /// Order 0 of all rows for (t, x), a part of a step of length h behind t, whose series have the
   /// unit h.
   void evaluateRows(double t, double h, double part, const double* x);
@@ -321,7 +324,7 @@ class MotionSeries {
   struct RowsAtEnd {
     double time = std::numeric_limits<double>::quiet_NaN();  ///< s, from the motion's start
     double x[3 * kMaxShafts] = {};
-    std::vector<double> rows, before;
+    std::vector<double> rows, before, middle;
   };
   RowsAtEnd at_end_;
   // Rows of the program.

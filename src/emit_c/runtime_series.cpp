@@ -323,6 +323,7 @@ static int is_resolved(const scene_model *m, double theta)
   it.ranges = range;
   it.row_count = ROWS;
   it.outputs = &to;
+  it.at[0] = it.at[1] = it.at[2] = 0;
   it.last = m->order;
   it.theta = theta;
   return seriesIsResolved(&it);

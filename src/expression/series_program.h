@@ -139,8 +139,9 @@ class SeriesProgram {
   }
 
   /// True where no output hides more than is allowed for its row between 0 and `theta`: see
-  /// series_resolution.inc. [loop]
-  bool isResolved(double theta, int order, const SeriesOutputs& outputs) const;
+  /// series_resolution.inc; `at`: SeriesResolution::at, or nullptr. [loop]
+  bool isResolved(double theta, int order, const SeriesOutputs& outputs,
+                  const double* const* at) const;
   /// True where an operation whose power is above `power` may hide something between coefficients 0
   /// of all rows here and there. [loop]
   bool mayHideBetween(const double* here, const double* there, int power) const;

@@ -146,7 +146,8 @@ void SeriesProgram::listResolved() {
   ranges_.assign(degree_.size(), SeriesRange{});
 }
 
-bool SeriesProgram::isResolved(double theta, int order, const SeriesOutputs& outputs) const {
+bool SeriesProgram::isResolved(double theta, int order, const SeriesOutputs& outputs,
+                               const double* const* at) const {
   SeriesResolution asked = {resolved_.data(),
                             static_cast<int>(resolved_.size()),
                             rows(),
@@ -156,9 +157,11 @@ bool SeriesProgram::isResolved(double theta, int order, const SeriesOutputs& out
                             ranges_.data(),
                             rowCount(),
                             &outputs,
+                            {},
                             order,
                             theta,
                             {}};
+  if (at != nullptr) std::copy_n(at, 3, asked.at);
   return seriesIsResolved(&asked) != 0;
 }
 

@@ -274,7 +274,15 @@ bool Integrator::countStep() {
     return false;
   }
   ++steps_in_window_;
-  return true;
+  // Steps that get nowhere beside a jump go to and fro across it within its rounding.
+  const double taken = front_.time - base_.time;
+  stuck_steps_ = taken > 0.0 && taken < kStuck ? stuck_steps_ + 1 : 0;
+  if (stuck_steps_ < kMostStuck) return true;
+  stuck_steps_ = 0;
+  const int guard = nearJump();
+  if (guard < 0) return true;
+  stopChattering(guard);
+  return false;
 }
 
 bool Integrator::finishInputSegments() {
