@@ -130,10 +130,10 @@ TEST(ToleranceTooSmall, NamesTheNumberOfTheSteepestLawAndAValueThatWouldDo) {
   const std::string law =
       "clutch: {type: variator_sim/Friction, shafts: [flywheel, hub], coulomb: 80, "
       "regularization_speed: ";
-  const std::string text = stopOf(clutchWith(law + "1e-3}\n"), 0.3);
+  const std::string text = stopOf(clutchWith(law + "1e-6}\n"), 0.3);
   expectText(text, "ToleranceTooSmall at t = ");
   expectText(text, "most by torque 'clutch': 'clutch/regularization_speed: ");
-  expectText(text, "(it is 0.001)");
+  expectText(text, "(it is 1e-06)");
   expectText(text, "'principle: generalized_gauss'");
   expectText(text, "without a constraint both principles give the same motion");
   expectNoText(text, "coulomb");
@@ -143,7 +143,7 @@ TEST(ToleranceTooSmall, NamesTheNumberOfTheSteepestLawAndAValueThatWouldDo) {
   };
   const std::string speed = valueBehind("clutch/regularization_speed");
   EXPECT_EQ(stopOf(clutchWith(law + speed + "}\n"), 0.3), "") << speed;
-  EXPECT_EQ(stopOf(clutchWith(law + "1e-3}\nsolver: {relative_tolerance: " +
+  EXPECT_EQ(stopOf(clutchWith(law + "1e-6}\nsolver: {relative_tolerance: " +
                               valueBehind("solver/relative_tolerance") + ", absolute_tolerance: " +
                               valueBehind("solver/absolute_tolerance") + "}\n"),
                    0.3),
@@ -157,7 +157,7 @@ TEST(ToleranceTooSmall, NamesTheParameterOfAFormula) {
   shaft: flywheel
   reaction_on: hub
   torque: "-height*tanh((w_flywheel - w_hub)/width)"
-  parameters: {height: 80, width: 1e-3}
+  parameters: {height: 80, width: 1e-6}
 )yaml"),
                                   0.3);
   expectText(text, "most by torque 'clutch': 'clutch/parameters/width: ");

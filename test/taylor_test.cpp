@@ -143,13 +143,12 @@ TEST(Taylor, StepsWhereAFormulaHasSeriesAllTheSame) {
   }
 }
 
-// From rest no series exists of |w|^1.5, nor at later stops.
+// At rest no series exists of |w|^1.5: the event at the start leads to where one does, with a short
+// reach. At later stops none exists.
 TEST(Taylor, IsLeftWhereThereIsNoSeriesAndComesBack) {
   const std::string torque = "5*cos(t)-3*abs(w1)^1.5*sign(w1)";
   Simulation simulation(oneShaft(torque, StepperKind::kAuto));
   EXPECT_STREQ(simulation.stepperName(), "taylor");
-  ASSERT_TRUE(simulation.advanceTo(1e-9).ok());
-  EXPECT_STRNE(simulation.stepperName(), "taylor");
   expectMotionOfDop853(simulation, torque, 1.0, 1e-6);
   EXPECT_TRUE(comesBack(simulation, 5.0));
   EXPECT_GE(simulation.statistics().stepper_switches, 2u);

@@ -287,25 +287,46 @@ std::string MotionSeries::writeLayout() const {
   return text.str() + "};\n";
 }
 
-/// seriesHides of every operation that may hide something.
+/// seriesHides of every operation that may hide something; each row's reach is summed up once.
 std::string MotionSeries::writeHidden() const {
-  std::ostringstream text;
-  text << "#define SERIES_STATE double\n"
-       << expression::kSeriesOperationText << expression::kSeriesResolutionText
-       << "static SERIES_INLINE Real seriesHidden(const struct SeriesStep* it, int last) {\n"
-          "  const Real* const r = it->rows;\n  Real sum = 0.0 * it->unit;\n  (void)r, "
-          "(void)last;\n";
+  std::ostringstream rows;
+  std::ostringstream sums;
+  std::set<int> reached;
+  const auto reach = [&](int row) {
+    const std::string name = std::to_string(row);
+    if (reached.insert(row).second) {
+      rows << "  Real u" << name << ", w" << name << " = seriesReach(r + " << program_.offset(row)
+           << ", p, last, &u" << name << ");\n";
+    }
+    return "w" + name + ", u" + name;
+  };
   for (const expression::SeriesOperation& op : program_.resolved()) {
     if (!seriesMayHide(&op, 0)) continue;
-    if (op.degree <= MotionSeries::kMostOrder) text << "  if (last < " << op.degree << ")\n";
-    text << "  sum += seriesHides(" << op.kind;
-    for (const int row : {op.result, op.second, op.a, op.b}) {
-      text << ", r + " << program_.offset(row < 0 ? op.a : row);
+    const int b = op.b < 0 ? op.a : op.b;
+    if (op.degree <= MotionSeries::kMostOrder) sums << "  if (last < " << op.degree << ")\n";
+    sums << "  sum += seriesHides(" << op.kind;
+    for (const int row : {op.result, op.second, op.a, b}) {
+      sums << ", r + " << program_.offset(row < 0 ? op.a : row);
     }
-    text << ", it->powers, last);\n";
+    sums << ", " << reach(op.kind == expression::SERIES_QUOTIENT ? b : op.a) << ", " << reach(b)
+         << ", p, last);\n";
   }
-  text << "  return sum;\n}\n";
-  return text.str();
+  return "#define SERIES_STATE double\n" + std::string(expression::kSeriesOperationText) +
+         expression::kSeriesResolutionText +
+         "static SERIES_INLINE Real seriesHiddenUpTo(const struct SeriesStep* it, int last) {\n"
+         "  const Real* const r = it->rows;\n  const Real* const p = it->powers;\n"
+         "  Real sum = 0.0 * it->unit;\n  (void)r, (void)p, (void)last;\n" +
+         rows.str() + sums.str() + "  return sum;\n}\n" + R"c(
+static __attribute__((noinline)) Real seriesHiddenOfAll(const struct SeriesStep* it) {
+  return seriesHiddenUpTo(it, LAYOUT.order);
+}
+static __attribute__((noinline)) Real seriesHiddenOfFew(const struct SeriesStep* it, int last) {
+  return seriesHiddenUpTo(it, last);
+}
+static inline Real seriesHidden(const struct SeriesStep* it, int last) {
+  return last == LAYOUT.order ? seriesHiddenOfAll(it) : seriesHiddenOfFew(it, last);
+}
+)c";
 }
 
 /// The functions of series_step.inc, and what stands around them.

@@ -66,8 +66,12 @@ double seriesHidden(const SeriesStep* it, int last) {
   for (const SeriesOperation& op : program.resolved()) {
     if (!seriesMayHide(&op, last)) continue;
     const auto row = [&](int r) { return it->rows + program.offset(r < 0 ? op.a : r); };
-    sum += seriesHides(op.kind, row(op.result), row(op.second), row(op.a), row(op.b), it->powers,
-                       last);
+    double upper, other_upper;
+    const double other = seriesReach(row(op.b), it->powers, last, &other_upper);
+    const int first = op.kind == SERIES_QUOTIENT ? op.b : op.a;
+    const double reach = seriesReach(row(first), it->powers, last, &upper);
+    sum += seriesHides(op.kind, row(op.result), row(op.second), row(op.a), row(op.b), reach, upper,
+                       other, other_upper, it->powers, last);
   }
   return sum;
 }

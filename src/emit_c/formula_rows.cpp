@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <limits>
 #include <stdexcept>
 
@@ -195,7 +196,7 @@ void FormulaRows::noteOperation(const std::string& function,
     if (function == "subtract") made.g = -1.0;
     if (function == "scale" || function == "power") {
       const DotLocale dot;
-      made.f = std::stod(arguments[static_cast<std::size_t>(it.number)]);
+      made.f = std::strtod(arguments[static_cast<std::size_t>(it.number)].c_str(), nullptr);
     } else if (it.number >= 0) {
       made.state = number(it.number);
     }

@@ -246,8 +246,11 @@ Interval IntervalProgram::evaluate(const StateBox& box, double rounding) const {
             evaluateOperation(step.operation, a, b, at(step.operands[2]), at(step.operands[3])));
         break;
     }
-    registers_[i].low -= rounding * std::abs(registers_[i].low);
-    registers_[i].high += rounding * std::abs(registers_[i].high);
+    // (0 times infinity is no number.)
+    if (rounding > 0.0) {
+      registers_[i].low -= rounding * std::abs(registers_[i].low);
+      registers_[i].high += rounding * std::abs(registers_[i].high);
+    }
   }
   return registers_.empty() ? kEverything : registers_.back();
 }
