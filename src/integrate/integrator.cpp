@@ -423,6 +423,7 @@ bool Integrator::fallAsleep() {
 }
 
 bool Integrator::finishSleep() {
+  if (!countStep()) return false;  // terms may be as short as steps
   State x(system_.size());
   calcRest(sleep_end_, x);
   front_.time = sleep_end_;

@@ -443,6 +443,8 @@ class Integrator {
   static constexpr int kMostStuck = 50;
   /// Halvings of a step for what a formula may hide: of one so short its stages have seen all.
   static constexpr int kMostUnresolved = 20;
+  /// Shortest steps: nothing that a scene states is as short.
+  static constexpr double kUnresolvable = 1e4;
   /// An error norm that makes StepControl take a step no shorter, at every order.
   static constexpr double kSteady = 0.1;
   /// A step made with more ease than this does not shorten the next one for that alone.

@@ -74,7 +74,9 @@ bool Integrator::makeTrials() {
       trial.has_leapt = true;
       norm = std::numeric_limits<double>::quiet_NaN();
     }
-    if (isGood(norm) && trial.unresolved < kMostUnresolved && !isResolved(trial.taken)) {
+    const bool may_halve = trial.unresolved < kMostUnresolved &&
+                           trial.taken > kUnresolvable * shortestStep(absolute(base_.time));
+    if (isGood(norm) && may_halve && !isResolved(trial.taken)) {
       ++trial.unresolved;
       ++statistics_.rejected_steps;
       trial.length = 0.5 * trial.taken;
