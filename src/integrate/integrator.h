@@ -437,8 +437,8 @@ class Integrator {
   static constexpr double kCrudest = 0.1;
   /// So many rejections of one step make `auto` try implicitly.
   static constexpr int kHopeless = 6;
-  /// Nothing that a scene states happens within this, s; so many accepted steps in a row are shorter
-  /// only where two branches of a jump throw the motion back at each other.
+  /// Nothing that a scene states happens within this, s; so many accepted steps in a row are
+  /// shorter only where two branches of a jump throw the motion back at each other.
   static constexpr double kStuck = 1e-15;
   static constexpr int kMostStuck = 50;
   /// Halvings of a step for what a formula may hide: of one so short its stages have seen all.
@@ -520,7 +520,7 @@ class Integrator {
   double own_norm_ = 0.0;        // of the last trial step: its own estimate, without checks
   double step_window_start_ = 0.0;
   int steps_in_window_ = 0;
-  int stuck_steps_ = 0;  // accepted in a row, each shorter than kStuck
+  int stuck_steps_ = 0;        // accepted in a row, each shorter than kStuck
   double restart_time_ = 0.0;  // fixed steps count from here
   std::uint64_t fixed_steps_ = 0;
 

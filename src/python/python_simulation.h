@@ -103,7 +103,7 @@ class PythonSimulation {
   }
 
   /// pybind11 asks for memory here when the object's __init__ has not been called, as after
-  /// Simulation.__new__. Objects themselves are made by ::new.
+  /// Simulation.__new__. Objects themselves are made by the global operator.
   static void* operator new(std::size_t) {
     throw py::type_error("Simulation: its __init__ has not been called");
   }
