@@ -308,7 +308,7 @@ std::string MotionSeries::writeHidden() const {
     for (const int row : {op.result, op.second, op.a, b}) {
       sums << ", r + " << program_.offset(row < 0 ? op.a : row);
     }
-    sums << ", " << reach(op.kind == expression::SERIES_QUOTIENT ? b : op.a) << ", " << reach(b)
+    sums << ", " << reach(op.kind == expression::kSeriesQuotient ? b : op.a) << ", " << reach(b)
          << ", p, last);\n";
   }
   return "#define SERIES_STATE double\n" + std::string(expression::kSeriesOperationText) +

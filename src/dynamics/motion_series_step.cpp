@@ -68,7 +68,7 @@ double seriesHidden(const SeriesStep* it, int last) {
     const auto row = [&](int r) { return it->rows + program.offset(r < 0 ? op.a : r); };
     double upper, other_upper;
     const double other = seriesReach(row(op.b), it->powers, last, &other_upper);
-    const int first = op.kind == SERIES_QUOTIENT ? op.b : op.a;
+    const int first = op.kind == kSeriesQuotient ? op.b : op.a;
     const double reach = seriesReach(row(first), it->powers, last, &upper);
     sum += seriesHides(op.kind, row(op.result), row(op.second), row(op.a), row(op.b), reach, upper,
                        other, other_upper, it->powers, last);

@@ -17,7 +17,7 @@ using Real = double;
 
 /// The operation that states an instruction's function; those of recurrences alone have none.
 SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
-  SeriesOperation made = {SERIES_SUM, it.result, -1, it.operands[0], -1, 0, it.state,
+  SeriesOperation made = {kSeriesSum, it.result, -1, it.operands[0], -1, 0, it.state,
                           kNoDegree,  0.0,       0.0};
   made.degree = degree(it.result);
   const auto with = [&](int kind, int b = -1, int second = -1) {
@@ -28,57 +28,57 @@ SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
   };
   switch (it.code) {
     case Code::kMultiply:
-      return with(SERIES_PRODUCT, it.operands[1]);
+      return with(kSeriesProduct, it.operands[1]);
     case Code::kSquare:
-      return with(SERIES_PRODUCT, it.operands[0]);
+      return with(kSeriesProduct, it.operands[0]);
     case Code::kDivide:
-      return with(SERIES_QUOTIENT, it.operands[1]);
+      return with(kSeriesQuotient, it.operands[1]);
     case Code::kExp:
-      return with(SERIES_EXP);
+      return with(kSeriesExp);
     case Code::kSinCos:
-      return with(SERIES_SINE, -1, it.aux[0]);
+      return with(kSeriesSine, -1, it.aux[0]);
     case Code::kSinhCosh:
-      return with(SERIES_SINH, -1, it.aux[0]);
+      return with(kSeriesSinh, -1, it.aux[0]);
     case Code::kTan:
-      return with(SERIES_TAN, -1, it.aux[0]);
+      return with(kSeriesTan, -1, it.aux[0]);
     case Code::kTanh:
-      return with(SERIES_TANH, -1, it.aux[0]);
+      return with(kSeriesTanh, -1, it.aux[0]);
     case Code::kPrimitive:
       switch (it.begin) {
         case Begin::kLog:
-          return with(SERIES_LOG);
+          return with(kSeriesLog);
         case Begin::kAtan:
-          return with(SERIES_ATAN);
+          return with(kSeriesAtan);
         case Begin::kAsin:
-          return with(SERIES_ASIN);
+          return with(kSeriesAsin);
         case Begin::kAcos:
-          return with(SERIES_ACOS);
+          return with(kSeriesAcos);
         case Begin::kAtan2:
           break;
       }
-      return with(SERIES_ATAN2, it.operands[1]);
+      return with(kSeriesAtan2, it.operands[1]);
     case Code::kSqrt:
-      return with(SERIES_SQRT);
+      return with(kSeriesSqrt);
     case Code::kPower:
       made.f = it.constant;
-      return with(SERIES_POWER);
+      return with(kSeriesPower);
     case Code::kAbs:
       made.f = 1.0;
       return made;
     case Code::kMin:
-      return with(SERIES_EITHER, it.operands[1]);
+      return with(kSeriesEither, it.operands[1]);
     case Code::kMax:
-      return with(SERIES_OTHER, it.operands[1]);
+      return with(kSeriesOther, it.operands[1]);
     case Code::kSelect:
       made.a = it.operands[2];
-      return with(SERIES_EITHER, it.operands[3]);
+      return with(kSeriesEither, it.operands[3]);
     case Code::kWhereFinite:
-      return with(SERIES_FINITE, it.operands[1]);
+      return with(kSeriesFinite, it.operands[1]);
     case Code::kTable:
     case Code::kTable2:
       made.f = 6.0;
       made.state = pieces_[static_cast<std::size_t>(it.state)].a;
-      return with(SERIES_TABLE, it.code == Code::kTable2 ? it.operands[1] : -1);
+      return with(kSeriesTable, it.code == Code::kTable2 ? it.operands[1] : -1);
     case Code::kLinear:
     case Code::kSign:
     case Code::kRate:
@@ -106,7 +106,7 @@ void SeriesProgram::listResolved() {
     for (int n = it->code == Code::kLinear ? (it->aux[1] - 1) / 2 * 2 : -1; n >= 0; n -= 2) {
       const Term* const term = terms_.data() + it->aux[0] + n;
       const bool has_two = n + 1 < it->aux[1];
-      made = {n == 0 ? SERIES_SUM : SERIES_MORE,
+      made = {n == 0 ? kSeriesSum : kSeriesMore,
               it->result,
               -1,
               term[0].row,
@@ -138,9 +138,9 @@ void SeriesProgram::listResolved() {
   for (SeriesOperation& it : resolved_) {
     const int a = power[static_cast<std::size_t>(it.a)];
     const int b = it.b < 0 ? 0 : power[static_cast<std::size_t>(it.b)];
-    const int before = it.kind == SERIES_MORE ? power[static_cast<std::size_t>(it.result)] : 0;
-    if (it.kind == SERIES_PRODUCT) it.power = std::min(a + b, kNoDegree);
-    if (it.kind == SERIES_SUM || it.kind == SERIES_MORE) it.power = std::max({a, b, before});
+    const int before = it.kind == kSeriesMore ? power[static_cast<std::size_t>(it.result)] : 0;
+    if (it.kind == kSeriesProduct) it.power = std::min(a + b, kNoDegree);
+    if (it.kind == kSeriesSum || it.kind == kSeriesMore) it.power = std::max({a, b, before});
     power[static_cast<std::size_t>(it.result)] = it.power;
   }
   ranges_.assign(degree_.size(), SeriesRange{});
@@ -170,40 +170,40 @@ bool SeriesProgram::mayHideBetween(const double* here, const double* there, int 
   // unbounded: an argument that moves no further shows its function at both ends.
   constexpr double kFar = 0.4;
   for (const SeriesOperation& it : resolved_) {
-    if (it.kind <= SERIES_FINITE || it.power <= power) continue;
+    if (it.kind <= kSeriesFinite || it.power <= power) continue;
     const auto first = [&](int row) { return here[row]; };
     const auto move = [&](int row) { return std::abs(there[row] - here[row]); };
     const double size = std::abs(first(it.a));
     const double moved = move(it.a);
     bool is_far = false;
     switch (it.kind) {
-      case SERIES_PRODUCT:
+      case kSeriesProduct:
         is_far = moved > kFar * size || move(it.b) > kFar * std::abs(first(it.b));
         break;
-      case SERIES_QUOTIENT:
+      case kSeriesQuotient:
         is_far = move(it.b) > kFar * std::abs(first(it.b));
         break;
-      case SERIES_TANH:
+      case kSeriesTanh:
         is_far = moved > kFar && size - moved < 19.1;
         break;
-      case SERIES_TAN:
+      case kSeriesTan:
         is_far = moved * moved * first(it.second) > kFar * kFar;
         break;
-      case SERIES_ASIN:
-      case SERIES_ACOS:
+      case kSeriesAsin:
+      case kSeriesAcos:
         is_far = moved > kFar * (1.0 - size);
         break;
-      case SERIES_ATAN2:
+      case kSeriesAtan2:
         is_far = moved + move(it.b) > kFar * std::hypot(first(it.a), first(it.b));
         break;
-      case SERIES_LOG:
-      case SERIES_SQRT:
+      case kSeriesLog:
+      case kSeriesSqrt:
         is_far = moved > kFar * size;
         break;
-      case SERIES_POWER:
+      case kSeriesPower:
         is_far = std::max(1.0, std::abs(it.f)) * moved > kFar * size;
         break;
-      case SERIES_TABLE:  // whose pieces steps end at
+      case kSeriesTable:  // whose pieces steps end at
         break;
       default:
         is_far = moved > kFar;

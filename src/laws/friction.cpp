@@ -29,7 +29,9 @@ namespace {
 /// Where tanh still rises as the exponential falls T_s is never reached.
 void checkPeak(LawContext& scene, double T_c, double T_s, double w_s, double w_0) {
   double peak = 0.0;
-  for (double x = 0.01; x < 20.0; x *= 1.02) {  // w/w_0; tanh(20) is 1
+  double x = 0.01;    // w/w_0
+  while (x < 20.0) {  // tanh(20) is 1
+    x *= 1.02;
     const double w = x * w_0 / w_s;
     peak = std::max(peak, (T_c + (T_s - T_c) * std::exp(-w * w)) * std::tanh(x));
   }

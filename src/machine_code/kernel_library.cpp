@@ -327,7 +327,7 @@ std::string makeKernel(const std::string& compiler, const std::string& source,
   const bool has_units = source.find(KernelLibrary::kUnits) != std::string::npos;
   const unsigned most = has_units ? kMostUnits : 1;
   const unsigned units = std::clamp(std::thread::hardware_concurrency(), 1U, most);
-  const std::string reason = compile(compiler, units, workshop, patience);
+  std::string reason = compile(compiler, units, workshop, patience);
   if (!reason.empty()) return reason;
   // What follows an object's own end is nothing to the loader.
   const std::string& output = workshop.output();

@@ -2,9 +2,8 @@
 /// for doubles; GCC's has from version 11 on. No locale changes what they read and write.
 #pragma once
 
-#include <locale.h>
-
 #include <charconv>
+#include <clocale>
 
 #if defined(_GLIBCXX_RELEASE) && _GLIBCXX_RELEASE < 11
 #include <cctype>

@@ -173,10 +173,12 @@ double Culprits::calcRounding(const Scene& scene, Element element, const StateVi
 
 double Culprits::calcUnattainable(const Scene& scene, Element element,
                                   const StateView& here) const {
-  constexpr double kFar = 0.01;  // of the speed, or rad/s
+  constexpr double kFar = 0.015;  // of the speed, or rad/s
   double most = calcRounding(scene, element, here);
   for (int i = 0; i < S; ++i) {
-    for (double by = kFar * std::max(1.0, std::abs(here.velocity[i])); by > 1e-9; by *= 0.7) {
+    double by = kFar * std::max(1.0, std::abs(here.velocity[i]));
+    while (by > 1e-9) {
+      by *= 0.7;
       for (const double side : {-by, by}) {
         Beside around(here, S);
         around.velocity[i] += side;
@@ -290,9 +292,10 @@ std::string Culprits::findNonFinitePart(Element element) const {
     for (const int n : graph.listReachable({formula})) parts.push_back({n});
     if (parts.size() > kMost) return "";
   }
+  tapes.reserve(parts.size());
   for (const expression::Node part : parts) tapes.emplace_back(graph, std::vector{part});
   double ahead = 0.0;
-  for (double h = 1e-14; ahead <= 0.01; ahead = h, h *= 10.0) {
+  for (int power = -14; power <= -1; ahead = std::pow(10.0, power), ++power) {
     Beside there(state_, S);
     there.view.time += ahead;
     for (int i = 0; i < S; ++i) {
