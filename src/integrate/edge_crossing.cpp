@@ -116,12 +116,15 @@ bool Integrator::crossEdge() {
 
 double Integrator::leaveRounding(int guard, double beyond, double depth, double most) {
   const double reached = beyond + depth;
-  for (double length = reached; length <= most; depth *= 4.0, length = beyond + depth) {
+  double length = reached;
+  while (length <= most) {
     if (length > reached && !isSeriesGood(length)) break;
     front_.time = base_.time + length;
     front_.x = goAhead(base_, length);
     if (!guards_.isNear(guard, viewOf(front_), S)) return length;
     if (!(depth > 0.0)) break;
+    depth *= 4.0;
+    length = beyond + depth;
   }
   return reached;
 }

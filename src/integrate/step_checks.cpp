@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "integrate/time_origin.h"
+
 namespace variator_sim {
 
 void StepChecks::reset() {
