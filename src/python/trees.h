@@ -73,7 +73,9 @@ class TreeReader {
     ParameterTree::Dictionary dictionary;
     for (const auto& [key, item] : values) {
       const std::string name = toText(key, path);
-      const std::string item_path = path.empty() ? name : path + "/" + name;
+      std::string item_path = path;
+      if (!path.empty()) item_path += '/';
+      item_path += name;
       dictionary.emplace(name, read(item, item_path, depth + 1));
     }
     return ParameterTree::dictionary(std::move(dictionary));
