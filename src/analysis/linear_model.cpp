@@ -12,14 +12,98 @@
 #include <utility>
 
 #include "analysis/decompositions.h"
-#include "analysis/manifold.h"
 #include "analysis/model_formulas.h"
+#include "variator_sim/errors.h"
 
 namespace variator_sim {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+constexpr const char* kLostRank =
+    "the constraints' derivatives by the highest rates have lost rank here (or a value is not "
+    "finite): there is no linear model at this state";
+
+/// Solves M x = right with rows and columns of M brought to like sizes. Throws SceneError where M
+/// is singular or not finite.
+MatrixXd solveScaled(const MatrixXd& M, const MatrixXd& right) {
+  const auto inverse_of = [](const VectorXd& sizes) -> VectorXd {
+    return (sizes.array() > 0.0).select(sizes.cwiseInverse(), 1.0);
+  };
+  const VectorXd row = inverse_of(M.cwiseAbs().rowwise().maxCoeff());
+  const MatrixXd by_rows = row.asDiagonal() * M;
+  const VectorXd column = inverse_of(by_rows.cwiseAbs().colwise().maxCoeff().transpose());
+  const MatrixXd scaled = by_rows * column.asDiagonal();
+  MatrixXd solution;
+  if (!scaled.allFinite() || !solveSquare(scaled, row.asDiagonal() * right, 1e-13, solution)) {
+    throw SceneError("", kLostRank);
+  }
+  return column.asDiagonal() * solution;
+}
+
+/// Some columns from `first` on that `rows` can be solved for, and as many rows as are independent.
+/// `rank` < 0: as many as there are.
+std::vector<int> findDependent(const MatrixXd& rows, int first, int rank, const VectorXd& inertia,
+                               MatrixXd& independent) {
+  const MatrixXd scaled =
+      rows.middleCols(first, inertia.size()) * inertia.cwiseSqrt().cwiseInverse().asDiagonal();
+  IndependentRows found = findIndependentRows(scaled, 1e-9);
+  const auto independent_rows = static_cast<int>(found.pivots.size());
+  if (rank < 0) rank = independent_rows;
+  if (independent_rows < rank) throw SceneError("", kLostRank);
+  independent = found.transform.topRows(rank) * rows;
+  found.pivots.resize(at(rank));
+  for (int& pivot : found.pivots) pivot += first;
+  return found.pivots;
+}
+
+/// Some of the states, which the others follow from: x = N x_kept wherever G x = 0.
+struct ManifoldCoordinates {
+  std::vector<int> kept;
+  MatrixXd N;
+};
+
+/// Leaves out velocities (columns `shafts` to 2 `shafts` - 1) for the first `velocity_rows` rows of
+/// G and accelerations, the columns behind them, for the others, which may be dependent: those that
+/// the rows turn most in the metric of `inertia` (one entry a shaft). Throws SceneError where the
+/// rows have lost rank.
+ManifoldCoordinates findCoordinates(const MatrixXd& G, int velocity_rows, const VectorXd& inertia) {
+  const int n = static_cast<int>(G.cols());
+  const int S = static_cast<int>(inertia.size());
+  const int others = static_cast<int>(G.rows()) - velocity_rows;
+  std::vector<int> dependent;
+  MatrixXd rows(0, n);
+  const auto leave_out = [&](const MatrixXd& of, int first, int rank) {
+    if (of.rows() == 0) return;
+    MatrixXd independent;
+    const std::vector<int> more = findDependent(of, first, rank, inertia, independent);
+    dependent.insert(dependent.end(), more.begin(), more.end());
+    MatrixXd both(rows.rows() + independent.rows(), n);
+    both << rows, independent;
+    rows = both;
+  };
+  leave_out(G.topRows(velocity_rows), S, velocity_rows);
+  leave_out(G.bottomRows(others), 2 * S, -1);
+
+  ManifoldCoordinates coordinates;
+  for (int j = 0; j < n; ++j) {
+    const bool is_kept = std::find(dependent.begin(), dependent.end(), j) == dependent.end();
+    if (is_kept) coordinates.kept.push_back(j);
+  }
+  const MatrixXd by_kept = chooseColumns(rows, coordinates.kept);
+  coordinates.N = MatrixXd::Zero(n, by_kept.cols());
+  for (int j = 0; j < by_kept.cols(); ++j) {
+    coordinates.N(coordinates.kept[at(j)], j) = 1.0;
+  }
+  if (dependent.empty()) return coordinates;
+  const MatrixXd by_dependent = chooseColumns(rows, dependent);
+  const MatrixXd follows = solveScaled(by_dependent, -by_kept);
+  for (int j = 0; j < follows.rows(); ++j) {
+    coordinates.N.row(dependent[at(j)]) = follows.row(j);
+  }
+  return coordinates;
+}
 
 class Linearizer {
  public:
@@ -33,13 +117,15 @@ class Linearizer {
     int rate_state = -1;  ///< of u'
   };
   void namePaths();
+  void chainVariables();
   void solveUnknowns();
   void checkPoint();
   /// d(y)/d(all variables) at v
   MatrixXd calcSensitivity(VectorXd& v);
-  /// What a formula's derivatives by all variables are by the model's states (columns 0..n-1),
-  /// commands and the rates of commands.
-  MatrixXd reduce(const MatrixXd& by_variables) const;
+  /// E's derivatives by its unknowns, at the last evaluation.
+  MatrixXd byUnknowns() const {
+    return chooseColumns(derivatives_.topRows(formulas_.equations()), formulas_.unknowns);
+  }
   /// Of x' in the model's order.
   MatrixXd calcRates(const MatrixXd& sensitivity) const;
   MatrixXd calcFeedthrough(const VectorXd& v);
@@ -60,7 +146,9 @@ class Linearizer {
   std::unique_ptr<DifferentiatedFormulas> program_;
   std::vector<Path> paths_;
   std::vector<int> state_variables_;  ///< of the model's states
-  int motion_states_;                 ///< the first of them: (phi, omega[, epsilon])
+  /// The variables by the model's states (columns 0..n-1), commands and the rates of commands.
+  MatrixXd chain_;
+  int motion_states_;  ///< the first of them: (phi, omega[, epsilon])
   VectorXd v_;
   VectorXd values_;
   MatrixXd derivatives_;
@@ -83,6 +171,7 @@ Linearizer::Linearizer(const Scene& scene, const OperatingPoint& point, bool num
     v_(layout_.acceleration(i)) = point.acceleration[at(i)];
   }
   namePaths();
+  chainVariables();
   program_ = std::make_unique<DifferentiatedFormulas>(equations_, formulas_.all);
 }
 
@@ -110,15 +199,34 @@ void Linearizer::namePaths() {
   }
 }
 
+void Linearizer::chainVariables() {
+  const int n = static_cast<int>(state_variables_.size());
+  const int U = layout_.U;
+  chain_ = MatrixXd::Zero(layout_.size(), n + 2 * U);
+  for (int j = 0; j < n; ++j) chain_(state_variables_[at(j)], j) = 1.0;
+  for (int i = 0; i < U; ++i) {
+    const Path& path = paths_[at(i)];
+    const double tau = scene_.inputs[at(i)].time_constant;
+    if (path.state < 0) {
+      chain_(layout_.input(i), n + i) = 1.0;
+      chain_(layout_.inputRate(i), n + U + i) = 1.0;
+    } else if (path.rate_state < 0) {  // u' = (command - u) / tau
+      chain_(layout_.inputRate(i), path.state) = -1.0 / tau;
+      chain_(layout_.inputRate(i), n + i) = 1.0 / tau;
+    } else {  // u'' = (command - u - 2 tau u') / tau^2
+      chain_(layout_.inputSecondRate(i), path.state) = -1.0 / (tau * tau);
+      chain_(layout_.inputSecondRate(i), path.rate_state) = -2.0 / tau;
+      chain_(layout_.inputSecondRate(i), n + i) = 1.0 / (tau * tau);
+    }
+  }
+}
+
 void Linearizer::solveUnknowns() {
   const int count = formulas_.equations();
   const VectorXd given = v_;
   for (int round = 0; round < 10; ++round) {
     program_->evaluate(v_, values_, derivatives_);
-    MatrixXd M(count, count);
-    for (int n = 0; n < count; ++n)
-      M.col(n) = derivatives_.col(formulas_.unknowns[at(n)]).head(count);
-    const VectorXd change = solveScaled(M, -values_.head(count));
+    const VectorXd change = solveScaled(byUnknowns(), -values_.head(count));
     double moved = 0.0;
     for (int n = 0; n < count; ++n) {
       double& value = v_(formulas_.unknowns[at(n)]);
@@ -159,40 +267,9 @@ void Linearizer::checkPoint() {
 
 MatrixXd Linearizer::calcSensitivity(VectorXd& v) {
   program_->evaluate(v, values_, derivatives_);
-  const int count = formulas_.equations();
-  MatrixXd M(count, count);
-  MatrixXd right = -derivatives_.topRows(count);
-  for (int n = 0; n < count; ++n) {
-    M.col(n) = derivatives_.col(formulas_.unknowns[at(n)]).head(count);
-    right.col(formulas_.unknowns[at(n)]).setZero();
-  }
-  return solveScaled(M, right);
-}
-
-MatrixXd Linearizer::reduce(const MatrixXd& by_variables) const {
-  const int n = static_cast<int>(state_variables_.size());
-  const int U = layout_.U;
-  MatrixXd reduced = MatrixXd::Zero(by_variables.rows(), n + 2 * U);
-  for (int j = 0; j < n; ++j) reduced.col(j) = by_variables.col(state_variables_[at(j)]);
-  for (int i = 0; i < U; ++i) {
-    const Path& path = paths_[at(i)];
-    const double tau = scene_.inputs[at(i)].time_constant;
-    const auto by_u = by_variables.col(layout_.input(i));
-    const auto by_rate = by_variables.col(layout_.inputRate(i));
-    const auto by_second = by_variables.col(layout_.inputSecondRate(i));
-    if (path.state < 0) {
-      reduced.col(n + i) += by_u;
-      reduced.col(n + U + i) += by_rate;
-    } else if (path.rate_state < 0) {  // u' = (command - u) / tau
-      reduced.col(path.state) -= by_rate / tau;
-      reduced.col(n + i) += by_rate / tau;
-    } else {  // u'' = (command - u - 2 tau u') / tau^2
-      reduced.col(path.state) -= by_second / (tau * tau);
-      reduced.col(path.rate_state) -= 2.0 / tau * by_second;
-      reduced.col(n + i) += by_second / (tau * tau);
-    }
-  }
-  return reduced;
+  MatrixXd right = -derivatives_.topRows(formulas_.equations());
+  for (const int y : formulas_.unknowns) right.col(y).setZero();
+  return solveScaled(byUnknowns(), right);
 }
 
 MatrixXd Linearizer::calcRates(const MatrixXd& sensitivity) const {
@@ -208,7 +285,7 @@ MatrixXd Linearizer::calcRates(const MatrixXd& sensitivity) const {
     if (path.state >= 0) by_variables(path.state, layout_.inputRate(i)) = 1.0;
     if (path.rate_state >= 0) by_variables(path.rate_state, layout_.inputSecondRate(i)) = 1.0;
   }
-  return reduce(by_variables);
+  return by_variables * chain_;
 }
 
 MatrixXd Linearizer::calcFeedthrough(const VectorXd& v) {
@@ -286,14 +363,12 @@ LinearModel Linearizer::make(LinearForm form) {
   const VectorXd values = values_;
   // Formulas behind E, with what their unknowns do
   const int count = formulas_.equations();
-  MatrixXd others = by_variables.bottomRows(by_variables.rows() - count);
+  const MatrixXd others = by_variables.bottomRows(by_variables.rows() - count);
   MatrixXd direct = others;
   for (const int y : formulas_.unknowns) direct.col(y).setZero();
-  for (int q = 0; q < count; ++q) {
-    direct += others.col(formulas_.unknowns[at(q)]) * sensitivity.row(q);
-  }
+  direct += chooseColumns(others, formulas_.unknowns) * sensitivity;
   const MatrixXd rates = calcRates(sensitivity);
-  const MatrixXd rows = reduce(direct);
+  const MatrixXd rows = direct * chain_;
   feedthrough_ = rates.rightCols(U);
 
   LinearModel model;
@@ -326,7 +401,7 @@ MatrixXd Linearizer::calcManifoldRows(const MatrixXd& rows, const MatrixXd& sens
   MatrixXd reactions = rows.middleRows(constraints.rows(), formulas_.conserved_rows).leftCols(n);
   if (kind_ == MotionKind::kFormal) {
     // a = J^-1 (R - C^T lambda) stays 0.
-    reactions = reduce(sensitivity).middleRows(layout_.S + layout_.k, layout_.S).leftCols(n);
+    reactions = (sensitivity.middleRows(layout_.S + layout_.k, layout_.S) * chain_).leftCols(n);
   } else if (formulas_.conserved_rows == layout_.S && layout_.k > 0) {
     // Of a constant C: h.R, C h = 0
     MatrixXd C(layout_.k, layout_.S);
@@ -347,9 +422,7 @@ void Linearizer::keepToManifold(const MatrixXd& G, LinearModel& model) const {
   for (const int j : kept) names.push_back(model.states[at(j)]);
   model.states = std::move(names);
   const auto choose = [&kept = kept](const MatrixXd& of) -> MatrixXd {
-    MatrixXd chosen(static_cast<int>(kept.size()), of.cols());
-    for (int j = 0; j < chosen.rows(); ++j) chosen.row(j) = of.row(kept[at(j)]);
-    return chosen;
+    return chooseColumns(of.transpose(), kept).transpose();
   };
   model.A = choose(model.A * N);
   model.B = choose(model.B);
