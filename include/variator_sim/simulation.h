@@ -14,10 +14,9 @@
 
 namespace variator_sim {
 
-class ErrorEstimate;
-class Motion;
 class SeriesLanes;
 class StepsTogether;
+struct Motion;
 
 enum class CommandResult { kAccepted, kClamped, kRefused };
 
@@ -58,14 +57,11 @@ class Simulation {
 
   /// A command at the present. All commands given at one present take effect when the present is
   /// next sampled or advanced, together: of two to one input the last counts. NaN and infinity are
-  /// refused, values outside [min, max] clamped; both are counted. A zero-order command at time 0,
-  /// before any advance, sets the initial value. [loop]
+  /// refused, whatever `input` is, values outside [min, max] clamped; both are counted. A
+  /// zero-order command at time 0, before any advance, sets the initial value. [loop]
   CommandResult command(int input, double value);
   /// The first command to this input that was clamped, through resets; NaN where none was. [loop]
   double firstClampedCommand(int input) const;
-
-  /// Counts a command that was refused before it came here. [loop]
-  void refuseCommand();
   /// Stops the motion at its present because whoever moves it can count time no further.
   void exhaustTime();
 
@@ -100,7 +96,6 @@ class Simulation {
   /// to two times the motion again and changes no bit of it. To be called before the first advance
   /// or after a reset. Not for the real-time loop.
   void estimateErrors(bool on);
-  bool estimatesErrors() const { return error_estimate_ != nullptr; }
   /// Where the estimates of the samples taken so far were not to be trusted. [loop]
   ErrorDoubt errorDoubt() const;
   /// How errors are estimated: "auto at a relative tolerance of 1e-11"; "" where they are not.
@@ -165,8 +160,8 @@ class Simulation {
   bool isSleeping() const;
 
  private:
+  friend struct Motion;
   std::unique_ptr<Motion> motion_;
-  std::unique_ptr<ErrorEstimate> error_estimate_;  // none: errors are not estimated
 };
 
 }  // namespace variator_sim
