@@ -44,8 +44,8 @@ class Trim {
   struct Linearized {
     VectorXd F;
     MatrixXd dF;
-    VectorXd sizes;    ///< of the unknowns
-    VectorXd rows;     ///< of the equations, as those make them
+    VectorXd sizes;    ///< sizes of the unknowns
+    VectorXd rows;     ///< sizes of the equations, as those of the unknowns make them
     VectorXd weights;  ///< their reciprocals, bounded
     VectorXd weighted() const { return F.cwiseProduct(weights); }
     MatrixXd scaled() const { return weights.asDiagonal() * dF * sizes.asDiagonal(); }
@@ -56,13 +56,10 @@ class Trim {
   const TrimQuantity& findQuantity(const std::string& name, bool is_fixed) const;
   std::string nameOf(int variable) const;
 
-  VectorXd unknownsOf(const VectorXd& v) const {
-    return chooseColumns(v.transpose(), unknowns_).transpose();
-  }
+  VectorXd unknownsOf(const VectorXd& v) const { return chooseRows(v, unknowns_); }
   VectorXd sizesOf(const VectorXd& v) const { return unknownsOf(v).cwiseAbs().cwiseMax(1.0); }
   /// v with its unknowns changed by `change`.
   VectorXd moved(VectorXd v, const VectorXd& change) const;
-  VectorXd evaluate(VectorXd v) const;
   Linearized linearize(VectorXd v) const;
   VectorXd startAt(int n) const;
   /// The multipliers enter linearly: those that suit the others best.
@@ -196,13 +193,6 @@ VectorXd Trim::moved(VectorXd v, const VectorXd& change) const {
   return v;
 }
 
-VectorXd Trim::evaluate(VectorXd v) const {
-  VectorXd F;
-  MatrixXd unused;
-  program_->evaluate(v, F, unused);
-  return F;
-}
-
 Trim::Linearized Trim::linearize(VectorXd v) const {
   Linearized it;
   MatrixXd all;
@@ -271,8 +261,8 @@ Trim::Attempt Trim::iterate(VectorXd v) const {
   constexpr double kLongest = 4.0;  // of each unknown's size
   v = fitMultipliers(v);
   Attempt attempt;
+  Linearized here = linearize(v);
   for (int round = 0; round < kIterations; ++round) {
-    const Linearized here = linearize(v);
     if (!here.F.allFinite() || !here.dF.allFinite()) return attempt;
     const VectorXd weighted = here.weighted();
     attempt.v = v;
@@ -290,9 +280,11 @@ Trim::Attempt Trim::iterate(VectorXd v) const {
     bool is_better = false;
     for (double part = 1.0; part > 1e-6 && !is_better; part *= 0.5) {
       const VectorXd next = moved(v, part * here.sizes.cwiseProduct(step));
-      const VectorXd F = evaluate(next);
-      is_better = F.allFinite() && F.cwiseProduct(here.weights).norm() < merit;
-      if (is_better) v = next;
+      Linearized there = linearize(next);
+      is_better = there.F.allFinite() && there.F.cwiseProduct(here.weights).norm() < merit;
+      if (!is_better) continue;
+      v = next;
+      here = std::move(there);
     }
     if (!is_better) return attempt;
   }
@@ -372,7 +364,7 @@ bool Trim::isStill(const VectorXd& v) const {
 
 TrimState Trim::stateOf(const Attempt& attempt, const MatrixXd& free) const {
   TrimState state;
-  // What Newton's iteration leaves of 0 where it converges slowly
+  // Newton's iteration leaves so little of 0 where it converges slowly.
   const VectorXd v = (attempt.v.array().abs() < 1e-30).select(0.0, attempt.v);
   OperatingPoint& point = state.point;
   point.time = v(layout_.time());
@@ -400,7 +392,7 @@ double Trim::distance(const VectorXd& v) const {
 
 std::string Trim::explainNone(const Attempt& nearest) {
   const VectorXd weighted = linearize(nearest.v).weighted();
-  // What is left is spread over all that have a part in it: none of them alone is to blame.
+  // The rest is spread over all that have a part in it: none of them alone is to blame.
   constexpr double kPart = 0.1;
   std::vector<std::string> left;
   bool reads_time = false;

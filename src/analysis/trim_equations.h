@@ -1,4 +1,4 @@
-/// What is 0 in a steady state. Constant speeds: epsilon = eta = 0, and
+/// The equations of a steady state. Constant speeds: epsilon = eta = 0, and
 ///     R = C^T lambda                                 the torques are in balance
 ///     f = 0, f' = 0, psi = 0, C eta + c0 = 0         the constraints hold, and go on to hold
 ///     R' = C^T Lambda + Gamma R omega                (generalized_gauss)
@@ -27,7 +27,7 @@ std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& s
 struct TrimQuantity {
   std::string name;
   int variable = -1;
-  expression::Node formula;  ///< of one that is no variable
+  expression::Node formula;  ///< if it is no variable
 };
 
 /// Variables first; of several names of one the first is told.

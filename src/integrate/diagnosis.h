@@ -8,7 +8,7 @@
 
 namespace variator_sim {
 
-/// What a search for the state at time 0 came to.
+/// The result of a search for the state at time 0.
 struct Start {
   explicit Start(const System& system) : x(system.size()) {}
   State x;

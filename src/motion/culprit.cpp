@@ -232,7 +232,7 @@ Culprits::Shafts Culprits::calcAnswer(const Scene& scene, Element element, const
   return answer;
 }
 
-/// What four roundings of the state make of the accelerations, in tolerances.
+/// The accelerations that four roundings of the state make, in tolerances.
 double Culprits::calcRounding(const Scene& scene, Element element, const StateView& here) const {
   // By many times four, of different sign and size: see StepChecks::round.
   constexpr double kTimes = 64.0;

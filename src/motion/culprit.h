@@ -35,8 +35,8 @@ class Culprits {
   /// The element that changes the accelerations fastest, by itself or with the state; none where
   /// that is slower than `least`, 1/s.
   Element findFastest(double least) const;
-  /// What four roundings of the state make of the accelerations by way of this element of a scene
-  /// like this one, at most at speeds around, in tolerances.
+  /// The accelerations that four roundings of the state make by way of this element of a scene like
+  /// this one, at most at speeds around, in tolerances.
   double calcUnattainable(const Scene& scene, Element element) const;
   /// The number of an element whose change would lessen its largest answer to rounding `factor`
   /// times, and its new value. Where several would do it is the one that changes the element least

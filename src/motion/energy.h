@@ -1,4 +1,4 @@
-/// Where the energy of a motion comes from and goes to.
+/// The account of a motion's energy: its sources and its sinks.
 ///
 ///     T = 1/2 omega^T J omega        T' = sum Q_i omega_i + sum R_i omega_i
 ///

@@ -10,7 +10,7 @@
 namespace variator_sim {
 namespace {
 
-/// What rounding makes of a column within a few hundred steps, of its largest value so far. Both
+/// The rounding of a column within a few hundred steps, relative to its largest value so far. Both
 /// motions share a part of it, so their difference does not show it.
 constexpr double kRounding = 8e-15;
 constexpr double kGrowth = 1e8;     // tolerances

@@ -24,7 +24,7 @@ namespace variator_sim {
 
 struct Motion;
 
-/// The companion gets the commands of the run, and follows it, by who moves the run.
+/// The Simulation that moves the run gives the companion the same commands, and moves it, too.
 class ErrorEstimate {
  public:
   /// The run is at its start.

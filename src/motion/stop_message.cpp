@@ -13,7 +13,7 @@
 namespace variator_sim {
 namespace {
 
-/// What no motion of a machine does, 1/s.
+/// Rates that no motion of a machine has, 1/s.
 constexpr double kEverFaster = 1e6;
 
 /// How a law that branches by `function` is made smooth.
