@@ -346,8 +346,8 @@ std::vector<NamedKernel> makeScalingKernels() {
 /// One way to run a scene; `run` does it once.
 struct Variant {
   std::string name;
-  std::unique_ptr<Motion> simulation;
-  std::function<void(Motion&)> run;
+  std::unique_ptr<Simulation> simulation;
+  std::function<void(Simulation&)> run;
 };
 
 /// Two ways with the same motion, the one that saves second.
@@ -360,11 +360,11 @@ struct Comparison {
 
 constexpr double kEnd = 20.0;  ///< s
 
-void runFromStart(Motion& simulation) {
+void runFromStart(Simulation& simulation) {
   simulation.reset();
   simulation.advanceTo(kEnd);
 }
-void runWithSamples(Motion& simulation) {
+void runWithSamples(Simulation& simulation) {
   simulation.reset();
   for (int n = 1; n <= 100 * static_cast<int>(kEnd); ++n) {
     simulation.advanceTo(0.01 * n);
@@ -372,21 +372,23 @@ void runWithSamples(Motion& simulation) {
   }
 }
 /// From where the last run ended.
-void runLong(Motion& simulation) {
+void runLong(Simulation& simulation) {
   simulation.advanceTo(simulation.time() + 1e5);
 }
-void runTicks(Motion& simulation) {
+void runTicks(Simulation& simulation) {
   const double start = simulation.time();
   for (int n = 1; n <= 100000; ++n) simulation.advanceTo(start + 1e-3 * n);
 }
 
 using Change = std::function<void(Scene&, Shortcuts&)>;
 
-std::unique_ptr<Motion> makeSimulation(const std::string& text, const Change& change) {
+std::unique_ptr<Simulation> makeSimulation(const std::string& text, const Change& change) {
   Scene scene = read(text);
   Shortcuts shortcuts;
   change(scene, shortcuts);
-  return std::make_unique<Motion>(std::move(scene), shortcuts);
+  auto simulation = std::make_unique<Simulation>(scene);
+  Motion::of(*simulation) = std::make_unique<Motion>(std::move(scene), shortcuts);
+  return simulation;
 }
 
 Comparison compare(const std::string& skip, const std::string& scene, const std::string& text,

@@ -167,7 +167,8 @@ struct Result {
 };
 
 Result run(Scene scene, const Shortcuts& shortcuts = {}) {
-  Motion simulation(std::move(scene), shortcuts);
+  Simulation simulation(scene);
+  Motion::of(simulation) = std::make_unique<Motion>(std::move(scene), shortcuts);
   Result result;
   for (int n = 1; n <= 20; ++n) {
     simulation.advanceTo(kEnd * n / 20.0);

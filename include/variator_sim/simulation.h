@@ -14,10 +14,9 @@
 
 namespace variator_sim {
 
-class ErrorEstimate;
-class Motion;
 class SeriesLanes;
 class StepsTogether;
+struct Motion;
 
 enum class CommandResult { kAccepted, kClamped, kRefused };
 
@@ -52,21 +51,18 @@ class Simulation {
   /// to, and the next advance goes on from there. [loop]
   const MotionStatus& advanceTo(double time);
   /// Up to this time, s, advances do nothing but move the present: it lies inside a step already
-  /// made, and no command is pending or overdue. Who does not look at the motion can leave them
-  /// out. [loop]
+  /// made, and no command is pending or overdue. A caller that does not read the motion can leave
+  /// them out. [loop]
   double quietUntil() const;
 
   /// A command at the present. All commands given at one present take effect when the present is
   /// next sampled or advanced, together: of two to one input the last counts. NaN and infinity are
-  /// refused, values outside [min, max] clamped; both are counted. A zero-order command at time 0,
-  /// before any advance, sets the initial value. [loop]
+  /// refused, whatever `input` is, values outside [min, max] clamped; both are counted. A
+  /// zero-order command at time 0, before any advance, sets the initial value. [loop]
   CommandResult command(int input, double value);
   /// The first command to this input that was clamped, through resets; NaN where none was. [loop]
   double firstClampedCommand(int input) const;
-
-  /// Counts a command that was refused before it came here. [loop]
-  void refuseCommand();
-  /// Stops the motion at its present because whoever moves it can count time no further.
+  /// Stops the motion at its present because its caller can count time no further.
   void exhaustTime();
 
   /// When the next input goes without a command for its timeout, s; infinity when none will. [loop]
@@ -81,14 +77,14 @@ class Simulation {
   /// Names of a group's quantities, in the order of their values.
   const std::vector<std::string>& quantityNames(QuantityGroup group) const;
   /// A group's values at the present, after its commands, into `values`, which has room for as many
-  /// as there are names. Nobody else pays for them, and they change no bit of the motion; a value
+  /// as there are names. They cost nothing where they are not asked for, and change no bit; a value
   /// that does not exist is NaN. [loop]
   void calcQuantities(QuantityGroup group, double* values);
 
   /// Whether samples have the energies, and each step's are integrated to about the tolerance of
   /// the motion, which costs about as much as the step again; otherwise they are estimated from its
-  /// ends. Holds for later steps, through resets: to be set before the first advance by who wants
-  /// the whole motion integrated. Changes no bit of the motion. [loop]
+  /// ends. Holds for later steps, through resets: to be set before the first advance if the whole
+  /// motion is to be integrated. Changes no bit of the motion. [loop]
   void trackEnergy(bool on);
   /// The energies at the present, after its commands, tracked or not. [loop]
   Energy energy();
@@ -100,8 +96,7 @@ class Simulation {
   /// to two times the motion again and changes no bit of it. To be called before the first advance
   /// or after a reset. Not for the real-time loop.
   void estimateErrors(bool on);
-  bool estimatesErrors() const { return error_estimate_ != nullptr; }
-  /// Where the estimates of the samples taken so far were not to be trusted. [loop]
+  /// Says where the estimates of the samples taken so far were not to be trusted. [loop]
   ErrorDoubt errorDoubt() const;
   /// How errors are estimated: "auto at a relative tolerance of 1e-11"; "" where they are not.
   std::string describeErrorEstimate() const;
@@ -119,7 +114,7 @@ class Simulation {
   /// [loop]
   bool saveState(MotionState* state);
   /// The same state without a history, as the sample at the present has it; the motion goes on as
-  /// if nobody had looked. False when it has stopped. [loop]
+  /// if it had not been read. False when it has stopped. [loop]
   bool peekState(MotionState* state);
   /// The motion goes on from `state`, at its time. One with a history that is consistent is taken
   /// as it is, to the bit; others are polished onto the constraints, and inconsistent ones moved to
@@ -136,7 +131,7 @@ class Simulation {
   /// The same as a sentence with its reasons, e.g. "auto (taylor, the series of this scene; radau
   /// when stability limits its steps)".
   std::string describeStepper() const;
-  /// What the scene does not need and so is not computed, e.g. "stages of the angles".
+  /// Lists all that the scene does not need and so is not computed, e.g. "stages of the angles".
   std::vector<std::string> skips() const;
 
   /// Goes over to machine code for the scene's formulas, which changes no bit of the motion: from
@@ -149,14 +144,14 @@ class Simulation {
   /// alone: a small part of what loading costs. True when formulas run as machine code afterwards.
   /// Not for the real-time loop.
   bool shareMachineCode(const Simulation& other);
-  /// What makes steps of this motion and of others with the same machine code at once;
+  /// Makes steps of this motion and of others with the same machine code at once;
   /// nullptr where it has none, or there is none of that kind. Takes a second or two when it has to
   /// be compiled, which it is if `compile` says so. Not for the real-time loop.
   std::shared_ptr<SeriesLanes> loadLanes(bool compile);
   /// Steps are made by `together` where that may be; it has to outlive this. No bit changes.
   void makeStepsWith(StepsTogether* together);
-  /// What runs the formulas, as a sentence ("machine code, compiled in 0.12 s", "the interpreter:
-  /// no compiler (cc) was found").
+  /// Says what runs the formulas, in a sentence ("machine code, compiled in 0.12 s", "the
+  /// interpreter: no compiler (cc) was found").
   const std::string& machineCode() const;
   /// True when formulas run as machine code. [loop]
   bool hasMachineCode() const;
@@ -165,8 +160,8 @@ class Simulation {
   bool isSleeping() const;
 
  private:
+  friend struct Motion;
   std::unique_ptr<Motion> motion_;
-  std::unique_ptr<ErrorEstimate> error_estimate_;  // none: errors are not estimated
 };
 
 }  // namespace variator_sim

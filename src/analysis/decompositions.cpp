@@ -12,7 +12,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // LAPACK's interface for Fortran (LAPACK Users' Guide, 3rd ed., 1999): columns one after the other,
-// everything by address; `work_size` of -1 asks how much work space is best.
+// everything by address.
 // NOLINTBEGIN(readability-identifier-naming): Fortran's names
 extern "C" {
 void dgeqp3_(const int* rows, const int* columns, double* A, const int* stride, int* pivots,
@@ -31,21 +31,19 @@ void dgeev_(const char* left, const char* right, const int* size, double* A, con
 
 namespace {
 
-// Calls `routine(work, work_size, info)` for the size of its work space, then with it.
-template <typename Routine>
-void callWithWork(const char* name, const Routine& routine) {
-  int info = 0;
-  int size = -1;
-  double best = 0.0;
-  routine(&best, &size, &info);
-  size = std::max(1, static_cast<int>(best));
-  VectorXd work(size);
-  if (info == 0) routine(work.data(), &size, &info);
-  if (info != 0) {
-    throw std::runtime_error(std::string("LAPACK's ") + name +
+// Work space of a routine for matrices of this size, and what it says of its success.
+struct Work {
+  explicit Work(Eigen::Index rows, Eigen::Index columns)
+      : space(40 * (rows + columns + 1)), size(static_cast<int>(space.size())) {}
+  void check(const char* routine) const {
+    if (info == 0) return;
+    throw std::runtime_error(std::string("LAPACK's ") + routine +
                              " failed: info = " + std::to_string(info));
   }
-}
+  VectorXd space;
+  int size;
+  int info = 0;
+};
 
 int count(Eigen::Index n) {
   return static_cast<int>(n);
@@ -71,17 +69,18 @@ PivotedQr decompose(const MatrixXd& M, double threshold) {
   qr.Q.leftCols(columns) = M;
   const int stride = strideOf(qr.Q);
   VectorXd tau = VectorXd::Zero(std::max(1, reflectors));
-  callWithWork("dgeqp3", [&](double* work, const int* size, int* info) {
-    dgeqp3_(&rows, &columns, qr.Q.data(), &stride, qr.pivots.data(), tau.data(), work, size, info);
-  });
+  Work work(rows, columns);
+  dgeqp3_(&rows, &columns, qr.Q.data(), &stride, qr.pivots.data(), tau.data(), work.space.data(),
+          &work.size, &work.info);
+  work.check("dgeqp3");
   for (int& pivot : qr.pivots) --pivot;
   while (qr.rank < reflectors &&
          std::abs(qr.Q(qr.rank, qr.rank)) > threshold * std::abs(qr.Q(0, 0))) {
     ++qr.rank;
   }
-  callWithWork("dorgqr", [&](double* work, const int* size, int* info) {
-    dorgqr_(&rows, &rows, &reflectors, qr.Q.data(), &stride, tau.data(), work, size, info);
-  });
+  dorgqr_(&rows, &rows, &reflectors, qr.Q.data(), &stride, tau.data(), work.space.data(),
+          &work.size, &work.info);
+  work.check("dorgqr");
   qr.Q.conservativeResize(rows, rows);
   return qr;
 }
@@ -102,10 +101,10 @@ int solveShortest(MatrixXd M, const MatrixXd& right, double threshold, MatrixXd&
   int rank = 0;
   const int stride = strideOf(M);
   const int stride_X = strideOf(X);
-  callWithWork("dgelsy", [&](double* work, const int* size, int* info) {
-    dgelsy_(&rows, &columns, &sides, M.data(), &stride, X.data(), &stride_X, pivots.data(),
-            &threshold, &rank, work, size, info);
-  });
+  Work work(rows + sides, columns);
+  dgelsy_(&rows, &columns, &sides, M.data(), &stride, X.data(), &stride_X, pivots.data(),
+          &threshold, &rank, work.space.data(), &work.size, &work.info);
+  work.check("dgelsy");
   X.conservativeResize(columns, sides);
   if (rank == 0) X.setZero();
   return rank;
@@ -135,7 +134,7 @@ int deflateZero(MatrixXd& M) {
   constexpr double kRounding = 1e-12;
   const auto size = M.rows();
   if (size == 0) return 0;
-  // What is small is no zero: the kernel is sought with rows and columns of one length.
+  // Small entries are no zeros: the kernel is sought with rows and columns of one length.
   MatrixXd scaled = M;
   VectorXd factors = VectorXd::Ones(size);
   for (int round = 0; round < 4; ++round) {
@@ -206,10 +205,10 @@ std::vector<std::complex<double>> findEigenvalues(MatrixXd M, int* zero_index) {
   double none = 0.0;
   const int one = 1;
   if (size > 0 && M.allFinite()) {
-    callWithWork("dgeev", [&](double* work, const int* work_size, int* info) {
-      dgeev_("N", "N", &size, M.data(), &stride, real.data(), imaginary.data(), &none, &one, &none,
-             &one, work, work_size, info);
-    });
+    Work work(size, size);
+    dgeev_("N", "N", &size, M.data(), &stride, real.data(), imaginary.data(), &none, &one, &none,
+           &one, work.space.data(), &work.size, &work.info);
+    work.check("dgeev");
   }
   for (int i = 0; i < size; ++i) values.emplace_back(real(i), imaginary(i));
   return values;

@@ -31,8 +31,11 @@ bool solveSquare(const Eigen::MatrixXd& M, const Eigen::MatrixXd& right, double 
 /// largest are none.
 Eigen::MatrixXd findKernel(const Eigen::MatrixXd& M, double threshold);
 
-/// These columns of M, in this order. (Eigen before 3.4 takes no list for an index.)
+/// These columns, or rows, of M, in this order. (Eigen before 3.4 takes no list for an index.)
 Eigen::MatrixXd chooseColumns(const Eigen::MatrixXd& M, const std::vector<int>& columns);
+inline Eigen::MatrixXd chooseRows(const Eigen::MatrixXd& M, const std::vector<int>& rows) {
+  return chooseColumns(M.transpose(), rows).transpose();
+}
 
 /// Eigenvalues that are 0 to rounding are exactly 0. `zero_index`, where it is not null: the size
 /// of the largest Jordan block of 0; 0 where M is regular.

@@ -12,8 +12,8 @@
 #include <utility>
 
 #include "analysis/decompositions.h"
-#include "analysis/manifold.h"
 #include "analysis/model_formulas.h"
+#include "variator_sim/errors.h"
 
 namespace variator_sim {
 namespace {
@@ -21,35 +21,119 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+constexpr const char* kLostRank =
+    "the constraints' derivatives by the highest rates have lost rank here (or a value is not "
+    "finite): there is no linear model at this state";
+
+/// Solves M x = right with rows and columns of M brought to like sizes. Throws SceneError where M
+/// is singular or not finite.
+MatrixXd solveScaled(const MatrixXd& M, const MatrixXd& right) {
+  const auto inverse_of = [](const VectorXd& sizes) -> VectorXd {
+    return (sizes.array() > 0.0).select(sizes.cwiseInverse(), 1.0);
+  };
+  const VectorXd row = inverse_of(M.cwiseAbs().rowwise().maxCoeff());
+  const MatrixXd by_rows = row.asDiagonal() * M;
+  const VectorXd column = inverse_of(by_rows.cwiseAbs().colwise().maxCoeff().transpose());
+  const MatrixXd scaled = by_rows * column.asDiagonal();
+  MatrixXd solution;
+  if (!scaled.allFinite() || !solveSquare(scaled, row.asDiagonal() * right, 1e-13, solution)) {
+    throw SceneError("", kLostRank);
+  }
+  return column.asDiagonal() * solution;
+}
+
+/// Some columns from `first` on that `rows` can be solved for, and as many rows as are independent.
+/// `rank` < 0: as many as there are.
+std::vector<int> findDependent(const MatrixXd& rows, int first, int rank, const VectorXd& inertia,
+                               MatrixXd& independent) {
+  const MatrixXd scaled =
+      rows.middleCols(first, inertia.size()) * inertia.cwiseSqrt().cwiseInverse().asDiagonal();
+  IndependentRows found = findIndependentRows(scaled, 1e-9);
+  const auto independent_rows = static_cast<int>(found.pivots.size());
+  if (rank < 0) rank = independent_rows;
+  if (independent_rows < rank) throw SceneError("", kLostRank);
+  independent = found.transform.topRows(rank) * rows;
+  found.pivots.resize(at(rank));
+  for (int& pivot : found.pivots) pivot += first;
+  return found.pivots;
+}
+
+/// Some of the states, which the others follow from: x = N x_kept wherever G x = 0.
+struct ManifoldCoordinates {
+  std::vector<int> kept;
+  MatrixXd N;
+};
+
+/// Leaves out velocities (columns `shafts` to 2 `shafts` - 1) for the first `velocity_rows` rows of
+/// G and accelerations, the columns behind them, for the others, which may be dependent: those that
+/// the rows turn most in the metric of `inertia` (one entry a shaft). Throws SceneError where the
+/// rows have lost rank.
+ManifoldCoordinates findCoordinates(const MatrixXd& G, int velocity_rows, const VectorXd& inertia) {
+  const int n = static_cast<int>(G.cols());
+  const int S = static_cast<int>(inertia.size());
+  const int others = static_cast<int>(G.rows()) - velocity_rows;
+  std::vector<int> dependent;
+  MatrixXd rows(0, n);
+  const auto leave_out = [&](const MatrixXd& of, int first, int rank) {
+    if (of.rows() == 0) return;
+    MatrixXd independent;
+    const std::vector<int> more = findDependent(of, first, rank, inertia, independent);
+    dependent.insert(dependent.end(), more.begin(), more.end());
+    MatrixXd both(rows.rows() + independent.rows(), n);
+    both << rows, independent;
+    rows = both;
+  };
+  leave_out(G.topRows(velocity_rows), S, velocity_rows);
+  leave_out(G.bottomRows(others), 2 * S, -1);
+
+  ManifoldCoordinates coordinates;
+  for (int j = 0; j < n; ++j) {
+    const bool is_kept = std::find(dependent.begin(), dependent.end(), j) == dependent.end();
+    if (is_kept) coordinates.kept.push_back(j);
+  }
+  const MatrixXd by_kept = chooseColumns(rows, coordinates.kept);
+  coordinates.N = MatrixXd::Zero(n, by_kept.cols());
+  for (int j = 0; j < by_kept.cols(); ++j) {
+    coordinates.N(coordinates.kept[at(j)], j) = 1.0;
+  }
+  if (dependent.empty()) return coordinates;
+  const MatrixXd by_dependent = chooseColumns(rows, dependent);
+  const MatrixXd follows = solveScaled(by_dependent, -by_kept);
+  for (int j = 0; j < follows.rows(); ++j) {
+    coordinates.N.row(dependent[at(j)]) = follows.row(j);
+  }
+  return coordinates;
+}
+
 class Linearizer {
  public:
   Linearizer(const Scene& scene, const OperatingPoint& point, bool numeric);
   LinearModel make(LinearForm form);
 
  private:
-  /// How u and u' of an input follow from the model's states and commands.
-  struct Path {
-    int state = -1;       ///< of u; -1 for an input that is its command
-    int rate_state = -1;  ///< of u'
-  };
-  void namePaths();
+  void chooseStates();
+  void chainVariables();
   void solveUnknowns();
   void checkPoint();
-  /// d(y)/d(all variables) at v
-  MatrixXd calcSensitivity(VectorXd& v);
-  /// What a formula's derivatives by all variables are by the model's states (columns 0..n-1),
-  /// commands and the rates of commands.
-  MatrixXd reduce(const MatrixXd& by_variables) const;
-  /// Of x' in the model's order.
-  MatrixXd calcRates(const MatrixXd& sensitivity) const;
-  MatrixXd calcFeedthrough(const VectorXd& v);
+  /// E's derivatives by its unknowns, at the last evaluation.
+  MatrixXd byUnknowns() const {
+    return chooseColumns(derivatives_.topRows(formulas_.equations()), formulas_.unknowns);
+  }
+  /// All variables along the solutions of E, at v, by the columns of chain_.
+  MatrixXd calcVariables(VectorXd v);
+  /// The rates of the model's states: rows of such a matrix, or of the variables themselves.
+  MatrixXd ratesOfStates(const MatrixXd& variables) const;
   MatrixXd calcFeedthroughRate();
-  VectorXd calcVariableRates() const;
-  /// What keeps the motion on its manifold, by the model's states.
-  MatrixXd calcManifoldRows(const MatrixXd& rows, const MatrixXd& sensitivity) const;
+  /// The equations that keep the motion on its manifold, by the model's states.
+  MatrixXd calcManifoldRows(const MatrixXd& rows, const MatrixXd& variables) const;
   void keepToManifold(const MatrixXd& G, LinearModel& model) const;
   void nameModel(LinearModel& model) const;
   std::string shaftName(int i) const { return scene_.shafts[at(i)]; }
+  /// The model's state that a variable is, or -1.
+  int stateOf(int variable) const;
+  int states() const { return static_cast<int>(state_variables_.size()); }
+  /// The variable that is the rate of another one, or -1.
+  int rateOf(int variable) const;
 
   const Scene& scene_;
   const OperatingPoint& point_;
@@ -58,9 +142,10 @@ class Linearizer {
   const VariableLayout& layout_;
   ModelFormulas formulas_;
   std::unique_ptr<DifferentiatedFormulas> program_;
-  std::vector<Path> paths_;
   std::vector<int> state_variables_;  ///< of the model's states
-  int motion_states_;                 ///< the first of them: (phi, omega[, epsilon])
+  /// The variables by the model's states (columns 0..n-1), commands and the rates of commands.
+  MatrixXd chain_;
+  int motion_states_;  ///< the first of them: (phi, omega[, epsilon])
   VectorXd v_;
   VectorXd values_;
   MatrixXd derivatives_;
@@ -82,23 +167,36 @@ Linearizer::Linearizer(const Scene& scene, const OperatingPoint& point, bool num
     v_(layout_.velocity(i)) = point.velocity[at(i)];
     v_(layout_.acceleration(i)) = point.acceleration[at(i)];
   }
-  namePaths();
+  chooseStates();
+  chainVariables();
   program_ = std::make_unique<DifferentiatedFormulas>(equations_, formulas_.all);
 }
 
-void Linearizer::namePaths() {
+int Linearizer::stateOf(int variable) const {
+  const auto found = std::find(state_variables_.begin(), state_variables_.end(), variable);
+  return found == state_variables_.end() ? -1 : static_cast<int>(found - state_variables_.begin());
+}
+
+int Linearizer::rateOf(int variable) const {
+  if (variable >= layout_.angle(0) && variable < layout_.jerk(0)) return variable + layout_.S;
+  const int m = variable - layout_.multiplier(0);
+  if (kind_ == MotionKind::kFormal && m >= 0 && m < layout_.k) return layout_.multiplierRate(m);
+  const int input = variable - layout_.input(0);
+  if (input >= 0 && input < layout_.U) return layout_.inputRate(input);
+  const int rate = variable - layout_.inputRate(0);
+  return rate >= 0 && rate < layout_.U ? layout_.inputSecondRate(rate) : -1;
+}
+
+void Linearizer::chooseStates() {
   for (int n = 0; n < motion_states_; ++n) state_variables_.push_back(layout_.angle(n));
   for (int i = 0; i < layout_.U; ++i) {
     const CommandInputSettings& input = scene_.inputs[at(i)];
     v_(layout_.input(i)) = point_.input[at(i)];
     v_(layout_.inputRate(i)) = point_.input_rate[at(i)];
-    Path path;
     if (input.hold == Hold::kFirstOrderLag || input.hold == Hold::kSecondOrderLag) {
-      path.state = static_cast<int>(state_variables_.size());
       state_variables_.push_back(layout_.input(i));
     }
     if (input.hold == Hold::kSecondOrderLag) {
-      path.rate_state = static_cast<int>(state_variables_.size());
       state_variables_.push_back(layout_.inputRate(i));
       // (tau d/dt + 1)^2 u = command
       const double tau = input.time_constant;
@@ -106,7 +204,29 @@ void Linearizer::namePaths() {
           (point_.command[at(i)] - point_.input[at(i)] - 2.0 * tau * point_.input_rate[at(i)]) /
           (tau * tau);
     }
-    paths_.push_back(path);
+  }
+}
+
+void Linearizer::chainVariables() {
+  const int n = states();
+  const int U = layout_.U;
+  chain_ = MatrixXd::Zero(layout_.size(), n + 2 * U);
+  for (int j = 0; j < n; ++j) chain_(state_variables_[at(j)], j) = 1.0;
+  for (int i = 0; i < U; ++i) {
+    const int state = stateOf(layout_.input(i));
+    const int rate_state = stateOf(layout_.inputRate(i));
+    const double tau = scene_.inputs[at(i)].time_constant;
+    if (state < 0) {
+      chain_(layout_.input(i), n + i) = 1.0;
+      chain_(layout_.inputRate(i), n + U + i) = 1.0;
+    } else if (rate_state < 0) {  // u' = (command - u) / tau
+      chain_(layout_.inputRate(i), state) = -1.0 / tau;
+      chain_(layout_.inputRate(i), n + i) = 1.0 / tau;
+    } else {  // u'' = (command - u - 2 tau u') / tau^2
+      chain_(layout_.inputSecondRate(i), state) = -1.0 / (tau * tau);
+      chain_(layout_.inputSecondRate(i), rate_state) = -2.0 / tau;
+      chain_(layout_.inputSecondRate(i), n + i) = 1.0 / (tau * tau);
+    }
   }
 }
 
@@ -115,10 +235,7 @@ void Linearizer::solveUnknowns() {
   const VectorXd given = v_;
   for (int round = 0; round < 10; ++round) {
     program_->evaluate(v_, values_, derivatives_);
-    MatrixXd M(count, count);
-    for (int n = 0; n < count; ++n)
-      M.col(n) = derivatives_.col(formulas_.unknowns[at(n)]).head(count);
-    const VectorXd change = solveScaled(M, -values_.head(count));
+    const VectorXd change = solveScaled(byUnknowns(), -values_.head(count));
     double moved = 0.0;
     for (int n = 0; n < count; ++n) {
       double& value = v_(formulas_.unknowns[at(n)]);
@@ -146,7 +263,7 @@ void Linearizer::checkPoint() {
   const int first = formulas_.equations();
   for (int r = 0; r < formulas_.velocity_rows + formulas_.acceleration_rows; ++r) {
     const double value = values_(first + r);
-    // What a relative change of 1e-7 of the state makes
+    // A relative change of 1e-7 of the state makes so much.
     double scale = 0.0;
     for (int n = 0; n < layout_.size(); ++n) {
       scale += std::abs(derivatives_(first + r, n)) * std::max(1.0, std::abs(v_(n)));
@@ -157,93 +274,36 @@ void Linearizer::checkPoint() {
   }
 }
 
-MatrixXd Linearizer::calcSensitivity(VectorXd& v) {
+MatrixXd Linearizer::calcVariables(VectorXd v) {
   program_->evaluate(v, values_, derivatives_);
-  const int count = formulas_.equations();
-  MatrixXd M(count, count);
-  MatrixXd right = -derivatives_.topRows(count);
-  for (int n = 0; n < count; ++n) {
-    M.col(n) = derivatives_.col(formulas_.unknowns[at(n)]).head(count);
-    right.col(formulas_.unknowns[at(n)]).setZero();
+  const MatrixXd sensitivity =
+      solveScaled(byUnknowns(), -derivatives_.topRows(formulas_.equations()) * chain_);
+  MatrixXd variables = chain_;
+  for (int q = 0; q < sensitivity.rows(); ++q) {
+    variables.row(formulas_.unknowns[at(q)]) = sensitivity.row(q);
   }
-  return solveScaled(M, right);
+  return variables;
 }
 
-MatrixXd Linearizer::reduce(const MatrixXd& by_variables) const {
-  const int n = static_cast<int>(state_variables_.size());
-  const int U = layout_.U;
-  MatrixXd reduced = MatrixXd::Zero(by_variables.rows(), n + 2 * U);
-  for (int j = 0; j < n; ++j) reduced.col(j) = by_variables.col(state_variables_[at(j)]);
-  for (int i = 0; i < U; ++i) {
-    const Path& path = paths_[at(i)];
-    const double tau = scene_.inputs[at(i)].time_constant;
-    const auto by_u = by_variables.col(layout_.input(i));
-    const auto by_rate = by_variables.col(layout_.inputRate(i));
-    const auto by_second = by_variables.col(layout_.inputSecondRate(i));
-    if (path.state < 0) {
-      reduced.col(n + i) += by_u;
-      reduced.col(n + U + i) += by_rate;
-    } else if (path.rate_state < 0) {  // u' = (command - u) / tau
-      reduced.col(path.state) -= by_rate / tau;
-      reduced.col(n + i) += by_rate / tau;
-    } else {  // u'' = (command - u - 2 tau u') / tau^2
-      reduced.col(path.state) -= by_second / (tau * tau);
-      reduced.col(path.rate_state) -= 2.0 / tau * by_second;
-      reduced.col(n + i) += by_second / (tau * tau);
-    }
-  }
-  return reduced;
-}
-
-MatrixXd Linearizer::calcRates(const MatrixXd& sensitivity) const {
-  const int S = layout_.S;
-  const int n = static_cast<int>(state_variables_.size());
-  MatrixXd by_variables = MatrixXd::Zero(n, layout_.size());
-  // phi' = omega (, omega' = epsilon)
-  for (int i = 0; i < motion_states_ - S; ++i) by_variables(i, layout_.velocity(i)) = 1.0;
-  // The first unknowns are the last rows' rates: eta, or epsilon.
-  by_variables.middleRows(motion_states_ - S, S) = sensitivity.topRows(S);
-  for (int i = 0; i < layout_.U; ++i) {
-    const Path& path = paths_[at(i)];
-    if (path.state >= 0) by_variables(path.state, layout_.inputRate(i)) = 1.0;
-    if (path.rate_state >= 0) by_variables(path.rate_state, layout_.inputSecondRate(i)) = 1.0;
-  }
-  return reduce(by_variables);
-}
-
-MatrixXd Linearizer::calcFeedthrough(const VectorXd& v) {
-  VectorXd there = v;
-  return calcRates(calcSensitivity(there)).rightCols(layout_.U);
-}
-
-// v' along the motion.
-VectorXd Linearizer::calcVariableRates() const {
-  VectorXd rates = VectorXd::Zero(layout_.size());
-  rates(layout_.time()) = 1.0;
-  for (int i = 0; i < layout_.S; ++i) {
-    rates(layout_.angle(i)) = v_(layout_.velocity(i));
-    rates(layout_.velocity(i)) = v_(layout_.acceleration(i));
-    rates(layout_.acceleration(i)) = v_(layout_.jerk(i));
-  }
-  for (int i = 0; i < layout_.U; ++i) {
-    rates(layout_.input(i)) = v_(layout_.inputRate(i));
-    rates(layout_.inputRate(i)) = v_(layout_.inputSecondRate(i));
-  }
-  for (int m = 0; m < layout_.k && kind_ == MotionKind::kFormal; ++m) {
-    rates(layout_.multiplier(m)) = v_(layout_.multiplierRate(m));
-  }
+MatrixXd Linearizer::ratesOfStates(const MatrixXd& variables) const {
+  MatrixXd rates(states(), variables.cols());
+  for (int j = 0; j < states(); ++j) rates.row(j) = variables.row(rateOf(state_variables_[at(j)]));
   return rates;
 }
 
 MatrixXd Linearizer::calcFeedthroughRate() {
   if (feedthrough_.isZero(0.0)) return feedthrough_;
-  const VectorXd rates = calcVariableRates();
+  // v' along the motion
+  VectorXd rates = VectorXd::Zero(layout_.size());
+  rates(layout_.time()) = 1.0;
   double h = 1e-3;
   for (int n = 0; n < rates.size(); ++n) {
+    if (rateOf(n) >= 0) rates(n) = v_(rateOf(n));
     h = std::min(h, 1e-3 * std::max(1.0, std::abs(v_(n))) / (std::abs(rates(n)) + 1e-300));
   }
   const auto difference = [&](double step) -> MatrixXd {
-    return calcFeedthrough(v_ + step * rates) - calcFeedthrough(v_ - step * rates);
+    return ratesOfStates(calcVariables(v_ + step * rates) - calcVariables(v_ - step * rates))
+        .rightCols(layout_.U);
   };
   return (8.0 * difference(h) - difference(2.0 * h)) / (12.0 * h);
 }
@@ -257,8 +317,9 @@ void Linearizer::nameModel(LinearModel& model) const {
   for (int i = 0; i < layout_.U; ++i) {
     const CommandInputSettings& input = scene_.inputs[at(i)];
     model.inputs.push_back(input.name);
-    if (paths_[at(i)].state >= 0) model.states.push_back("inputs/" + input.name);
-    if (paths_[at(i)].rate_state >= 0) model.states.push_back("inputs/" + input.name + "/rate");
+    if (stateOf(layout_.input(i)) >= 0) model.states.push_back("inputs/" + input.name);
+    if (stateOf(layout_.inputRate(i)) >= 0)
+      model.states.push_back("inputs/" + input.name + "/rate");
     if (input.hold == Hold::kRateLimit || input.hold == Hold::kFirstOrderHold) {
       model.notes.push_back(inQuotes(input.name) + " is what its hold (" + toString(input.hold) +
                             ") gives, not the command: that hold is not linear in it");
@@ -279,21 +340,14 @@ void Linearizer::nameModel(LinearModel& model) const {
 LinearModel Linearizer::make(LinearForm form) {
   solveUnknowns();
   checkPoint();
-  const int n = static_cast<int>(state_variables_.size());
+  const int n = states();
   const int U = layout_.U;
-  const MatrixXd sensitivity = calcSensitivity(v_);
-  const MatrixXd by_variables = derivatives_;
-  const VectorXd values = values_;
+  const MatrixXd variables = calcVariables(v_);
+  const MatrixXd rates = ratesOfStates(variables);
   // Formulas behind E, with what their unknowns do
-  const int count = formulas_.equations();
-  MatrixXd others = by_variables.bottomRows(by_variables.rows() - count);
-  MatrixXd direct = others;
-  for (const int y : formulas_.unknowns) direct.col(y).setZero();
-  for (int q = 0; q < count; ++q) {
-    direct += others.col(formulas_.unknowns[at(q)]) * sensitivity.row(q);
-  }
-  const MatrixXd rates = calcRates(sensitivity);
-  const MatrixXd rows = reduce(direct);
+  const MatrixXd rows =
+      derivatives_.bottomRows(derivatives_.rows() - formulas_.equations()) * variables;
+  const VectorXd values = values_;
   feedthrough_ = rates.rightCols(U);
 
   LinearModel model;
@@ -305,30 +359,27 @@ LinearModel Linearizer::make(LinearForm form) {
   model.B = model.A * feedthrough_ + rates.middleCols(n, U) - B1_rate;
   model.C = outputs.leftCols(n);
   model.D = outputs.middleCols(n, U) + model.C * feedthrough_;
-  model.x.resize(n);
-  for (int j = 0; j < n; ++j) model.x(j) = v_(state_variables_[at(j)]);
-  const VectorXd variable_rates = calcVariableRates();
-  model.x_rate.resize(n);
-  for (int j = 0; j < n; ++j) model.x_rate(j) = variable_rates(state_variables_[at(j)]);
+  model.x = chooseRows(v_, state_variables_);
+  model.x_rate = ratesOfStates(v_);
   model.u = VectorXd(U);
   for (int i = 0; i < U; ++i) {
-    model.u(i) = paths_[at(i)].state < 0 ? point_.input[at(i)] : point_.command[at(i)];
+    model.u(i) = stateOf(layout_.input(i)) < 0 ? point_.input[at(i)] : point_.command[at(i)];
   }
   model.y = values.tail(formulas_.outputs);
-  if (form == LinearForm::kMinimal) keepToManifold(calcManifoldRows(rows, sensitivity), model);
+  if (form == LinearForm::kMinimal) keepToManifold(calcManifoldRows(rows, variables), model);
   return model;
 }
 
-MatrixXd Linearizer::calcManifoldRows(const MatrixXd& rows, const MatrixXd& sensitivity) const {
-  const int n = static_cast<int>(state_variables_.size());
+MatrixXd Linearizer::calcManifoldRows(const MatrixXd& rows, const MatrixXd& variables) const {
+  const int n = states();
   const MatrixXd constraints =
       rows.topRows(formulas_.velocity_rows + formulas_.acceleration_rows).leftCols(n);
   MatrixXd reactions = rows.middleRows(constraints.rows(), formulas_.conserved_rows).leftCols(n);
   if (kind_ == MotionKind::kFormal) {
     // a = J^-1 (R - C^T lambda) stays 0.
-    reactions = reduce(sensitivity).middleRows(layout_.S + layout_.k, layout_.S).leftCols(n);
+    reactions = variables.middleRows(layout_.auxiliary(0), layout_.S).leftCols(n);
   } else if (formulas_.conserved_rows == layout_.S && layout_.k > 0) {
-    // Of a constant C: h.R, C h = 0
+    // A constant C keeps h.R for every h with C h = 0.
     MatrixXd C(layout_.k, layout_.S);
     for (int i = 0; i < layout_.S; ++i) {
       C.col(i) = derivatives_.col(layout_.jerk(i)).segment(layout_.S, layout_.k);
@@ -346,16 +397,11 @@ void Linearizer::keepToManifold(const MatrixXd& G, LinearModel& model) const {
   names.reserve(kept.size());
   for (const int j : kept) names.push_back(model.states[at(j)]);
   model.states = std::move(names);
-  const auto choose = [&kept = kept](const MatrixXd& of) -> MatrixXd {
-    MatrixXd chosen(static_cast<int>(kept.size()), of.cols());
-    for (int j = 0; j < chosen.rows(); ++j) chosen.row(j) = of.row(kept[at(j)]);
-    return chosen;
-  };
-  model.A = choose(model.A * N);
-  model.B = choose(model.B);
+  model.A = chooseRows(model.A * N, kept);
+  model.B = chooseRows(model.B, kept);
   model.C = model.C * N;
-  model.x = choose(model.x);
-  model.x_rate = choose(model.x_rate);
+  model.x = chooseRows(model.x, kept);
+  model.x_rate = chooseRows(model.x_rate, kept);
 }
 
 }  // namespace

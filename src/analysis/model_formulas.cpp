@@ -1,147 +1,97 @@
 #include "analysis/model_formulas.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace variator_sim {
 namespace {
 
 using expression::Node;
 
-class Maker {
- public:
-  Maker(MotionEquations& equations, const Scene& scene)
-      : scene_(scene), kind_(kindOf(scene)), equations_(equations), layout_(equations.layout()) {}
-  ModelFormulas make() {
-    stateMotion();
-    if (kind_ == MotionKind::kFormal || hasConnection()) stateAuxiliary();
-    stateRows();
-    if (kind_ == MotionKind::kGeneralized) stateConserved();
-    stateOutputs();
-    return std::move(formulas_);
+/// E and its unknowns y.
+void addEquations(MotionEquations& equations, MotionKind kind, ModelFormulas& formulas) {
+  expression::Graph& graph = equations.graph();
+  const VariableLayout& layout = equations.layout();
+  const auto add = [&](Node equation, int unknown) {
+    formulas.all.push_back(equation);
+    formulas.unknowns.push_back(unknown);
+  };
+  const bool is_classical = kind == MotionKind::kClassical;
+  const bool is_formal = kind == MotionKind::kFormal;
+  for (int i = 0; i < layout.S; ++i) {
+    add(is_classical ? equations.balance(i) : equations.balanceOfRates(i),
+        is_classical ? layout.acceleration(i) : layout.jerk(i));
   }
-
- private:
-  bool hasConnection() const {
-    return kind_ == MotionKind::kGeneralized && !equations_.hasConstantInertia();
+  for (int m = 0; m < layout.k; ++m) {
+    const ConstraintFormulas& constraint = equations.constraints()[at(m)];
+    add(is_classical ? constraint.acceleration : constraint.jerk,
+        is_classical ? layout.multiplier(m) : layout.multiplierRate(m));
   }
-  void stateMotion();
-  void stateAuxiliary();
-  void stateRows();
-  void stateConserved();
-  void stateOutputs();
-
-  const Scene& scene_;
-  const MotionKind kind_;
-  MotionEquations& equations_;
-  const VariableLayout& layout_;
-  ModelFormulas formulas_;
-};
-
-void Maker::stateMotion() {
-  expression::Graph& graph = equations_.graph();
-  const int S = layout_.S;
-  const int k = layout_.k;
-  std::vector<Node>& E = formulas_.all;
-  std::vector<int>& y = formulas_.unknowns;
-  for (int i = 0; i < S; ++i) {
-    if (kind_ == MotionKind::kClassical) {
-      const Node C_lambda = equations_.combine(i, layout_.multiplier(0));
-      E.push_back(graph.subtract(equations_.reaction(i), C_lambda));
-      y.push_back(layout_.acceleration(i));
-      continue;
-    }
-    Node rest = graph.subtract(equations_.reactionRate(i),
-                               equations_.combine(i, layout_.multiplierRate(0)));
-    if (hasConnection()) rest = graph.subtract(rest, equations_.connection(i));
-    for (int m = 0; m < k && kind_ == MotionKind::kFormal; ++m) {
-      const Node turn = equations_.constraints()[at(m)].C_rate[at(i)];
-      rest = graph.subtract(rest, graph.multiply(equations_.variable(layout_.multiplier(m)), turn));
-    }
-    E.push_back(rest);
-    y.push_back(layout_.jerk(i));
+  if (!is_formal && (is_classical || equations.hasConstantInertia())) return;
+  for (int i = 0; i < layout.S; ++i) {
+    const Node torque = is_formal ? equations.balance(i) : equations.reaction(i);
+    add(graph.subtract(equations.auxiliaryTorque(i), torque), layout.auxiliary(i));
   }
-  for (int m = 0; m < k; ++m) {
-    const ConstraintFormulas& constraint = equations_.constraints()[at(m)];
-    const bool is_classical = kind_ == MotionKind::kClassical;
-    E.push_back(is_classical ? constraint.acceleration : constraint.jerk);
-    y.push_back(is_classical ? layout_.multiplier(m) : layout_.multiplierRate(m));
-  }
-}
-
-void Maker::stateAuxiliary() {
-  expression::Graph& graph = equations_.graph();
-  const int S = layout_.S;
-  std::vector<Node>& E = formulas_.all;
-  std::vector<int>& y = formulas_.unknowns;
-  for (int i = 0; i < S; ++i) {
-    Node rest = graph.subtract(equations_.auxiliaryTorque(i), equations_.reaction(i));
-    if (kind_ == MotionKind::kFormal) {
-      rest = graph.add(rest, equations_.combine(i, layout_.multiplier(0)));
-    }
-    E.push_back(rest);
-    y.push_back(layout_.auxiliary(i));
-  }
-  for (int m = 0; m < layout_.k && kind_ == MotionKind::kFormal; ++m) {
+  for (int m = 0; m < layout.k && is_formal; ++m) {
     Node sum = graph.constant(0.0);
-    for (int i = 0; i < S; ++i) {
-      sum = graph.add(sum, graph.multiply(equations_.constraints()[at(m)].C[at(i)],
-                                          equations_.variable(layout_.auxiliary(i))));
+    for (int i = 0; i < layout.S; ++i) {
+      sum = graph.add(sum, graph.multiply(equations.constraints()[at(m)].C[at(i)],
+                                          equations.variable(layout.auxiliary(i))));
     }
-    E.push_back(sum);
-    y.push_back(layout_.multiplier(m));
+    add(sum, layout.multiplier(m));
   }
 }
 
-void Maker::stateRows() {
-  for (const ConstraintFormulas& constraint : equations_.constraints()) {
-    if (constraint.velocity == Node{}) continue;
-    formulas_.all.push_back(constraint.velocity);
-    ++formulas_.velocity_rows;
-  }
-  if (kind_ == MotionKind::kClassical) return;
-  for (const ConstraintFormulas& constraint : equations_.constraints()) {
-    if (constraint.acceleration == Node{}) continue;
-    formulas_.all.push_back(constraint.acceleration);
-    ++formulas_.acceleration_rows;
-  }
+void addRows(const MotionEquations& equations, MotionKind kind, ModelFormulas& formulas) {
+  const auto add = [&](Node ConstraintFormulas::*level) {
+    int count = 0;
+    for (const ConstraintFormulas& constraint : equations.constraints()) {
+      if (constraint.*level == Node{}) continue;
+      formulas.all.push_back(constraint.*level);
+      ++count;
+    }
+    return count;
+  };
+  formulas.velocity_rows = add(&ConstraintFormulas::velocity);
+  if (kind == MotionKind::kClassical) return;
+  formulas.acceleration_rows = add(&ConstraintFormulas::acceleration);
 }
 
-void Maker::stateConserved() {
+void addConserved(MotionEquations& equations, ModelFormulas& formulas) {
   // R' = C^T Lambda: h.R stays as it is for every h with C h = 0 at all states. With an inertia
   // that depends on the angle it is R_i / sqrt(J_i) of a shaft that no constraint reads.
-  expression::Graph& graph = equations_.graph();
-  const auto& constraints = equations_.constraints();
+  expression::Graph& graph = equations.graph();
+  const auto& constraints = equations.constraints();
   const bool is_constant =
-      equations_.hasConstantInertia() &&
+      equations.hasConstantInertia() &&
       std::all_of(constraints.begin(), constraints.end(),
                   [](const ConstraintFormulas& constraint) { return constraint.has_constant_C; });
-  if (!equations_.hasConstantInertia() && !equations_.hasDiagonalInertia()) return;
-  for (int i = 0; i < layout_.S; ++i) {
+  if (!equations.hasConstantInertia() && !equations.hasDiagonalInertia()) return;
+  for (int i = 0; i < equations.layout().S; ++i) {
     const bool is_neutral = std::all_of(
         constraints.begin(), constraints.end(),
         [&](const ConstraintFormulas& it) { return graph.isConstant(it.C[at(i)], 0.0); });
     if (!is_neutral && !is_constant) continue;
-    const Node root = graph.make(expression::Operation::kSqrt, equations_.inertia(i, i));
-    const Node row = equations_.reaction(i);
-    // (Of a constant C all R_i are stated; findConserved combines them.)
-    formulas_.all.push_back(equations_.hasConstantInertia() ? row : graph.divide(row, root));
-    ++formulas_.conserved_rows;
+    const Node root = graph.make(expression::Operation::kSqrt, equations.inertia(i, i));
+    const Node row = equations.reaction(i);
+    // (Of a constant C all R_i are stated; calcManifoldRows combines them.)
+    formulas.all.push_back(equations.hasConstantInertia() ? row : graph.divide(row, root));
+    ++formulas.conserved_rows;
   }
 }
 
-void Maker::stateOutputs() {
-  std::vector<Node>& all = formulas_.all;
+void addOutputs(MotionEquations& equations, const Scene& scene, ModelFormulas& formulas) {
+  const VariableLayout& layout = equations.layout();
+  std::vector<Node>& all = formulas.all;
   const std::size_t before = all.size();
-  for (int i = 0; i < layout_.S; ++i) {
-    for (const int variable : {layout_.angle(i), layout_.velocity(i), layout_.acceleration(i)}) {
-      all.push_back(equations_.variable(variable));
+  for (int i = 0; i < layout.S; ++i) {
+    for (const int variable : {layout.angle(i), layout.velocity(i), layout.acceleration(i)}) {
+      all.push_back(equations.variable(variable));
     }
-    all.push_back(equations_.torque(i));
-    all.push_back(equations_.reaction(i));
+    all.push_back(equations.torque(i));
+    all.push_back(equations.reaction(i));
   }
-  for (const Output& output : scene_.outputs) all.push_back(output.node());
-  formulas_.outputs = static_cast<int>(all.size() - before);
+  for (const Output& output : scene.outputs) all.push_back(output.node());
+  formulas.outputs = static_cast<int>(all.size() - before);
 }
 
 }  // namespace
@@ -152,7 +102,13 @@ MotionKind kindOf(const Scene& scene) {
 }
 
 ModelFormulas makeModelFormulas(MotionEquations& equations, const Scene& scene) {
-  return Maker(equations, scene).make();
+  const MotionKind kind = kindOf(scene);
+  ModelFormulas formulas;
+  addEquations(equations, kind, formulas);
+  addRows(equations, kind, formulas);
+  if (kind == MotionKind::kGeneralized) addConserved(equations, formulas);
+  addOutputs(equations, scene, formulas);
+  return formulas;
 }
 
 std::vector<std::string> outputNames(const Scene& scene) {

@@ -1,4 +1,4 @@
-/// What a principle asks of a motion, as formulas E(v, y) = 0, with y what follows from the state x
+/// A principle's equations of motion, as formulas E(v, y) = 0, with y what follows from the state x
 /// and the inputs:
 ///     generalized_gauss    y = (eta, Lambda[, a])          R' - Gamma R omega - C^T Lambda,
 ///                                                          C eta + c0[, J a - R]
@@ -23,8 +23,8 @@ struct ModelFormulas {
   std::vector<int> unknowns;  ///< y, variables, as many as E has formulas
   int velocity_rows = 0;      ///< f
   int acceleration_rows = 0;  ///< f', psi; where the accelerations are states
-  int conserved_rows = 0;     ///< what of R constraints may never change
-  int outputs = 0;            ///< of the model, as outputNames has them
+  int conserved_rows = 0;     ///< parts of R that constraints may never change
+  int outputs = 0;            ///< outputs of the model, as outputNames has them
   int equations() const { return static_cast<int>(unknowns.size()); }
 };
 

@@ -200,6 +200,22 @@ Node MotionEquations::connection(int i) {
                          variable(layout_.auxiliary(i)));
 }
 
+Node MotionEquations::balance(int i) {
+  return graph_.subtract(reaction(i), combine(i, layout_.multiplier(0)));
+}
+
+Node MotionEquations::balanceOfRates(int i) {
+  Node rest = graph_.subtract(reactionRate(i), combine(i, layout_.multiplierRate(0)));
+  if (!with_rates_of_c_) {
+    return hasConstantInertia() ? rest : graph_.subtract(rest, connection(i));
+  }
+  for (int m = 0; m < layout_.k; ++m) {
+    const Node turn = constraints_[static_cast<std::size_t>(m)].C_rate[static_cast<std::size_t>(i)];
+    rest = graph_.subtract(rest, graph_.multiply(variable(layout_.multiplier(m)), turn));
+  }
+  return rest;
+}
+
 Node MotionEquations::auxiliaryTorque(int i) {
   Node sum = graph_.constant(0.0);
   for (int j = 0; j < layout_.S; ++j) {

@@ -81,6 +81,11 @@ class MotionEquations {
   expression::Node reactionRate(int i);
   /// Gamma R omega [6], with a = J^-1 R: what R' is beside C^T Lambda, N m/s
   expression::Node connection(int i);
+  /// R_i - sum_m C_mi lambda_m: 0 where the torques are in balance (gauss, steady states)
+  expression::Node balance(int i);
+  /// What that has by the principle of a rate, 0 along the motion: R' - C^T Lambda - Gamma R omega
+  /// (generalized_gauss), or with the rates of C the whole rate of R - C^T lambda (gauss)
+  expression::Node balanceOfRates(int i);
   /// sum_j J_ij a_j
   expression::Node auxiliaryTorque(int i);
   /// sum_m C_mi times the variable `first + m`

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "integrate/diagnosis.h"
+#include "motion/stop_message.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {

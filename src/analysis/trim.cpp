@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
 #include "analysis/decompositions.h"
 #include "analysis/trim_equations.h"
-#include "analysis/trim_names.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -24,6 +24,10 @@ constexpr int kStarts = 96;
 constexpr double kResidual = 1e-10;
 constexpr double kPi = 3.14159265358979323846;
 
+double largestOf(const VectorXd& v) {
+  return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0;
+}
+
 class Trim {
  public:
   Trim(const Scene& scene, const TrimOptions& options, bool numeric);
@@ -36,27 +40,35 @@ class Trim {
     double residual = std::numeric_limits<double>::infinity();
     double weighted = std::numeric_limits<double>::infinity();  ///< by the equations' own sizes
   };
+  /// The equations at v, linearised in the unknowns.
+  struct Linearized {
+    VectorXd F;
+    MatrixXd dF;
+    VectorXd sizes;    ///< sizes of the unknowns
+    VectorXd rows;     ///< sizes of the equations, as those of the unknowns make them
+    VectorXd weights;  ///< their reciprocals, bounded
+    VectorXd weighted() const { return F.cwiseProduct(weights); }
+    MatrixXd scaled() const { return weights.asDiagonal() * dF * sizes.asDiagonal(); }
+  };
   void stateFixed();
   void chooseUnknowns();
   void refuseAcceleration(int variable) const;
-  void add(Node equation, std::string name) {
-    formulas_.push_back(equation);
-    names_.push_back(std::move(name));
-  }
-  /// Values and derivatives by the unknowns.
-  void evaluate(VectorXd& v, VectorXd& F, MatrixXd& dF) const;
+  const TrimQuantity& findQuantity(const std::string& name, bool is_fixed) const;
+  std::string nameOf(int variable) const;
+
+  VectorXd unknownsOf(const VectorXd& v) const { return chooseRows(v, unknowns_); }
+  VectorXd sizesOf(const VectorXd& v) const { return unknownsOf(v).cwiseAbs().cwiseMax(1.0); }
+  /// v with its unknowns changed by `change`.
+  VectorXd moved(VectorXd v, const VectorXd& change) const;
+  Linearized linearize(VectorXd v) const;
   VectorXd startAt(int n) const;
-  double halton(int n, int dimension) const;
   /// The multipliers enter linearly: those that suit the others best.
-  void fitMultipliers(VectorXd& v) const;
-  VectorXd sizesOf(const VectorXd& v) const;
-  /// F by the equations' own sizes
-  VectorXd weigh(const VectorXd& F, const MatrixXd& dF, const VectorXd& v) const {
-    return F.cwiseQuotient((dF.cwiseAbs() * sizesOf(v)).cwiseMax(1e-6));
-  }
+  VectorXd fitMultipliers(const VectorXd& v) const;
   Attempt iterate(VectorXd v) const;
   /// Speeds, accelerations and inputs: what steady states are told apart by.
   bool counts(int unknown) const;
+  /// Only those of the unknowns, the others 0.
+  VectorXd countedOf(VectorXd unknowns) const;
   /// Directions, in unknowns by their sizes, that the linearised equations leave free; `counted`:
   /// otherwise of angles and multipliers alone.
   MatrixXd findFreeDirections(const VectorXd& v, bool counted) const;
@@ -73,9 +85,8 @@ class Trim {
   const TrimOptions& options_;
   MotionEquations equations_;
   const VariableLayout& layout_;
-  TrimNames trim_names_;
-  std::vector<Node> formulas_;
-  std::vector<std::string> names_;  ///< of the formulas, for messages
+  std::vector<NamedFormula> formulas_;
+  std::vector<TrimQuantity> quantities_;
   std::unique_ptr<DifferentiatedFormulas> program_;
   std::vector<int> unknowns_;
   VectorXd base_;
@@ -86,7 +97,8 @@ Trim::Trim(const Scene& scene, const TrimOptions& options, bool numeric)
       options_(options),
       equations_(scene, numeric, scene.principle == Principle::kGauss),
       layout_(equations_.layout()),
-      trim_names_(scene, layout_) {
+      formulas_(makeBalance(equations_, scene, options.accelerating)),
+      quantities_(listTrimQuantities(equations_, scene)) {
   base_ = VectorXd::Zero(layout_.size());
   for (int i = 0; i < layout_.S; ++i) {
     base_(layout_.angle(i)) = scene.initial.angle[at(i)];
@@ -94,28 +106,41 @@ Trim::Trim(const Scene& scene, const TrimOptions& options, bool numeric)
     if (options.accelerating) base_(layout_.acceleration(i)) = 1.0;
   }
   for (int i = 0; i < layout_.U; ++i) base_(layout_.input(i)) = scene.inputs[at(i)].initial;
-  for (const NamedFormula& it : makeBalance(equations_, scene, options.accelerating)) {
-    add(it.formula, it.name);
-  }
   stateFixed();
   chooseUnknowns();
-  program_ = std::make_unique<DifferentiatedFormulas>(equations_, formulas_);
+  std::vector<Node> nodes;
+  for (const NamedFormula& it : formulas_) nodes.push_back(it.formula);
+  program_ = std::make_unique<DifferentiatedFormulas>(equations_, nodes);
+}
+
+const TrimQuantity& Trim::findQuantity(const std::string& name, bool is_fixed) const {
+  std::vector<std::string> names;
+  for (const TrimQuantity& quantity : quantities_) {
+    if (!is_fixed && quantity.variable <= layout_.time()) continue;
+    if (quantity.name == name) return quantity;
+    names.push_back(quantity.name);
+  }
+  throw SceneError("", inQuotes(name) + " cannot be " + (is_fixed ? "fixed" : "free") +
+                           suggestName(name, names) + "; allowed: " + joinNames(names));
+}
+
+std::string Trim::nameOf(int variable) const {
+  const auto is_it = [&](const TrimQuantity& it) { return it.variable == variable; };
+  const auto found = std::find_if(quantities_.begin(), quantities_.end(), is_it);
+  return found == quantities_.end() ? "" : found->name;
 }
 
 void Trim::stateFixed() {
   expression::Graph& graph = equations_.graph();
   for (const TrimChoice& choice : options_.fix) {
-    const int variable = trim_names_.findVariable(choice.name);
-    refuseAcceleration(variable);
-    if (variable >= 0) {
-      base_(variable) = choice.value;
-      continue;
+    const TrimQuantity& quantity = findQuantity(choice.name, true);
+    refuseAcceleration(quantity.variable);
+    if (quantity.variable >= 0) {
+      base_(quantity.variable) = choice.value;
+    } else {
+      const Node equation = graph.subtract(quantity.formula, graph.constant(choice.value));
+      formulas_.push_back({equation, inQuotes(choice.name)});
     }
-    const TrimNames::Quantity quantity = trim_names_.findQuantity(choice.name);
-    const Node node = quantity.output >= 0   ? scene_.outputs[at(quantity.output)].node()
-                      : quantity.is_reaction ? equations_.reaction(quantity.shaft)
-                                             : equations_.torque(quantity.shaft);
-    add(graph.subtract(node, graph.constant(choice.value)), inQuotes(choice.name));
   }
 }
 
@@ -123,59 +148,64 @@ void Trim::refuseAcceleration(int variable) const {
   const bool is_acceleration =
       variable >= layout_.acceleration(0) && variable < layout_.acceleration(layout_.S);
   if (!is_acceleration || options_.accelerating) return;
-  throw SceneError("", inQuotes(trim_names_.nameOf(variable)) +
+  throw SceneError("", inQuotes(nameOf(variable)) +
                            " is 0 where speeds are constant; steady states with accelerations "
                            "are those in constant ratios (--accelerating)");
 }
 
 void Trim::chooseUnknowns() {
-  std::vector<int> free;
+  std::set<int> unknowns;
   for (int i = 0; i < layout_.S; ++i) {
-    const auto reads = [&](Node node) {
-      return equations_.graph().dependsOn(node, layout_.slot(layout_.angle(i)));
+    const auto reads = [&](const NamedFormula& it) {
+      return equations_.graph().dependsOn(it.formula, layout_.slot(layout_.angle(i)));
     };
     if (equations_.hasNumericLaws() || std::any_of(formulas_.begin(), formulas_.end(), reads)) {
-      free.push_back(layout_.angle(i));
+      unknowns.insert(layout_.angle(i));
     }
-    free.push_back(layout_.velocity(i));
-    if (options_.accelerating) free.push_back(layout_.acceleration(i));
-  }
-  for (const TrimChoice& choice : options_.free) {
-    const int variable = trim_names_.findFree(choice.name);
-    refuseAcceleration(variable);
-    if (std::isfinite(choice.value)) base_(variable) = choice.value;
-    free.push_back(variable);
-  }
-  for (const TrimChoice& choice : options_.fix) {
-    const int variable = trim_names_.findVariable(choice.name);
-    for (const TrimChoice& other : options_.free) {
-      if (variable < 0 || trim_names_.findFree(other.name) != variable) continue;
-      throw SceneError("", inQuotes(choice.name) + " is both fixed and free");
-    }
-    free.erase(std::remove(free.begin(), free.end(), variable), free.end());
+    unknowns.insert(layout_.velocity(i));
+    if (options_.accelerating) unknowns.insert({layout_.acceleration(i), layout_.jerk(i)});
+    unknowns.insert(layout_.auxiliary(i));
   }
   for (int m = 0; m < layout_.k; ++m) {
-    free.push_back(layout_.multiplier(m));
-    free.push_back(layout_.multiplierRate(m));
+    unknowns.insert({layout_.multiplier(m), layout_.multiplierRate(m)});
   }
-  for (int i = 0; i < layout_.S; ++i) {
-    if (options_.accelerating) free.push_back(layout_.jerk(i));
-    free.push_back(layout_.auxiliary(i));
+  if (options_.accelerating) unknowns.insert(layout_.growth());
+  std::set<int> free;
+  for (const TrimChoice& choice : options_.free) {
+    const int variable = findQuantity(choice.name, false).variable;
+    refuseAcceleration(variable);
+    if (std::isfinite(choice.value)) base_(variable) = choice.value;
+    free.insert(variable);
   }
-  if (options_.accelerating) free.push_back(layout_.growth());
-  std::sort(free.begin(), free.end());
-  free.erase(std::unique(free.begin(), free.end()), free.end());
-  unknowns_ = std::move(free);
+  unknowns.insert(free.begin(), free.end());
+  for (const TrimChoice& choice : options_.fix) {
+    const int variable = findQuantity(choice.name, true).variable;
+    if (variable >= 0 && free.count(variable) > 0) {
+      throw SceneError("", inQuotes(choice.name) + " is both fixed and free");
+    }
+    unknowns.erase(variable);
+  }
+  unknowns_.assign(unknowns.begin(), unknowns.end());
 }
 
-void Trim::evaluate(VectorXd& v, VectorXd& F, MatrixXd& dF) const {
+VectorXd Trim::moved(VectorXd v, const VectorXd& change) const {
+  for (int j = 0; j < change.size(); ++j) v(unknowns_[at(j)]) += change(j);
+  return v;
+}
+
+Trim::Linearized Trim::linearize(VectorXd v) const {
+  Linearized it;
   MatrixXd all;
-  program_->evaluate(v, F, all);
-  dF.resize(F.size(), static_cast<int>(unknowns_.size()));
-  for (int j = 0; j < dF.cols(); ++j) dF.col(j) = all.col(unknowns_[at(j)]);
+  program_->evaluate(v, it.F, all);
+  it.dF = chooseColumns(all, unknowns_);
+  it.sizes = sizesOf(v);
+  it.rows = it.dF.cwiseAbs() * it.sizes;
+  it.weights = it.rows.cwiseMax(1e-6).cwiseInverse();
+  return it;
 }
 
-double Trim::halton(int n, int dimension) const {
+/// The n-th number of Halton's sequence of that dimension, in [0, 1).
+double halton(int n, int dimension) {
   constexpr int kPrimes[] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
   const int base = kPrimes[dimension % 12];
   double value = 0.0;
@@ -213,67 +243,48 @@ VectorXd Trim::startAt(int n) const {
   return v;
 }
 
-void Trim::fitMultipliers(VectorXd& v) const {
-  VectorXd F;
-  MatrixXd dF;
-  evaluate(v, F, dF);
-  std::vector<int> linear;
-  for (int j = 0; j < static_cast<int>(unknowns_.size()); ++j) {
+VectorXd Trim::fitMultipliers(const VectorXd& v) const {
+  const Linearized here = linearize(v);
+  if (!here.F.allFinite() || !here.dF.allFinite()) return v;
+  MatrixXd by_multipliers = here.dF;
+  for (int j = 0; j < by_multipliers.cols(); ++j) {
     const int variable = unknowns_[at(j)];
     const bool is_multiplier = variable >= layout_.multiplier(0) && variable < layout_.growth();
     const bool is_auxiliary = variable >= layout_.auxiliary(0) && variable < layout_.input(0);
-    if (is_multiplier || is_auxiliary) linear.push_back(j);
+    if (!is_multiplier && !is_auxiliary) by_multipliers.col(j).setZero();
   }
-  if (linear.empty() || !F.allFinite() || !dF.allFinite()) return;
-  const MatrixXd columns = chooseColumns(dF, linear);
-  const VectorXd change = solveLeastSquares(columns, -F);
-  for (std::size_t n = 0; n < linear.size(); ++n) {
-    v(unknowns_[at(linear[n])]) += change(static_cast<int>(n));
-  }
-}
-
-VectorXd Trim::sizesOf(const VectorXd& v) const {
-  VectorXd sizes(static_cast<int>(unknowns_.size()));
-  for (int j = 0; j < sizes.size(); ++j) sizes(j) = std::max(1.0, std::abs(v(unknowns_[at(j)])));
-  return sizes;
+  return moved(v, solveLeastSquares(by_multipliers, -here.F));
 }
 
 Trim::Attempt Trim::iterate(VectorXd v) const {
   constexpr int kIterations = 80;
   constexpr double kLongest = 4.0;  // of each unknown's size
-  fitMultipliers(v);
-  VectorXd F;
-  MatrixXd dF;
+  v = fitMultipliers(v);
   Attempt attempt;
+  Linearized here = linearize(v);
   for (int round = 0; round < kIterations; ++round) {
-    evaluate(v, F, dF);
-    if (!F.allFinite() || !dF.allFinite()) return attempt;
-    const VectorXd sizes = sizesOf(v);
-    const VectorXd rows = (dF.cwiseAbs() * sizes).cwiseMax(1e-300);
-    const VectorXd weighted = weigh(F, dF, v);
+    if (!here.F.allFinite() || !here.dF.allFinite()) return attempt;
+    const VectorXd weighted = here.weighted();
     attempt.v = v;
-    attempt.residual = F.size() > 0 ? F.cwiseAbs().maxCoeff() : 0.0;
-    attempt.weighted = F.size() > 0 ? weighted.cwiseAbs().maxCoeff() : 0.0;
+    attempt.residual = largestOf(here.F);
+    attempt.weighted = largestOf(weighted);
     // As small as numbers of this size allow
-    const VectorXd allowed = (1e-14 * rows).cwiseMax(kResidual);
-    attempt.is_solution = (F.cwiseAbs().array() <= allowed.array()).all();
+    const VectorXd allowed = (1e-14 * here.rows).cwiseMax(kResidual);
+    attempt.is_solution = (here.F.cwiseAbs().array() <= allowed.array()).all();
     const double merit = weighted.norm();
     if (merit == 0.0) return attempt;
 
-    const VectorXd weights = rows.cwiseMax(1e-6).cwiseInverse();
-    VectorXd step =
-        solveLeastSquares(weights.asDiagonal() * dF * sizes.asDiagonal(), -weighted, 1e-11);
+    VectorXd step = solveLeastSquares(here.scaled(), -weighted, 1e-11);
     const double longest = step.cwiseAbs().maxCoeff();
     if (longest > kLongest) step *= kLongest / longest;
     bool is_better = false;
     for (double part = 1.0; part > 1e-6 && !is_better; part *= 0.5) {
-      VectorXd next = v;
-      for (int j = 0; j < step.size(); ++j) next(unknowns_[at(j)]) += part * sizes(j) * step(j);
-      VectorXd F_next;
-      MatrixXd unused;
-      evaluate(next, F_next, unused);
-      is_better = F_next.allFinite() && F_next.cwiseProduct(weights).norm() < merit;
-      if (is_better) v = next;
+      const VectorXd next = moved(v, part * here.sizes.cwiseProduct(step));
+      Linearized there = linearize(next);
+      is_better = there.F.allFinite() && there.F.cwiseProduct(here.weights).norm() < merit;
+      if (!is_better) continue;
+      v = next;
+      here = std::move(there);
     }
     if (!is_better) return attempt;
   }
@@ -286,14 +297,15 @@ bool Trim::counts(int unknown) const {
          (variable >= layout_.input(0) && variable < layout_.multiplier(0));
 }
 
+VectorXd Trim::countedOf(VectorXd unknowns) const {
+  for (int j = 0; j < unknowns.size(); ++j) {
+    if (!counts(j)) unknowns(j) = 0.0;
+  }
+  return unknowns;
+}
+
 MatrixXd Trim::findFreeDirections(const VectorXd& v, bool counted) const {
-  VectorXd there = v;
-  VectorXd F;
-  MatrixXd dF;
-  evaluate(there, F, dF);
-  const VectorXd sizes = sizesOf(v);
-  const VectorXd rows = (dF.cwiseAbs() * sizes).cwiseMax(1e-6);
-  const MatrixXd scaled = rows.cwiseInverse().asDiagonal() * dF * sizes.asDiagonal();
+  const MatrixXd scaled = linearize(v).scaled();
   std::vector<int> columns;
   for (int j = 0; j < scaled.cols(); ++j) {
     if (counted || !counts(j)) columns.push_back(j);
@@ -308,34 +320,21 @@ bool Trim::isOneOfMany(const VectorXd& v, const MatrixXd& free) const {
   constexpr double kWay = 0.05;  // of each unknown's size
   const VectorXd sizes = sizesOf(v);
   for (int column = 0; column < free.cols(); ++column) {
-    VectorXd direction = free.col(column);
-    for (int j = 0; j < direction.size(); ++j) {
-      if (!counts(j)) direction(j) = 0.0;
-    }
-    const double length = direction.cwiseAbs().maxCoeff();
+    const VectorXd direction = free.col(column);
+    const double length = largestOf(countedOf(direction));
     if (length < 1e-7) continue;
-    VectorXd beside = v;
-    for (int j = 0; j < sizes.size(); ++j) {
-      beside(unknowns_[at(j)]) += kWay * sizes(j) * free(j, column) / length;
-    }
-    const Attempt attempt = iterate(beside);
-    double moved = 0.0;
-    for (int j = 0; j < sizes.size(); ++j) {
-      const int variable = unknowns_[at(j)];
-      if (!counts(j) || !attempt.is_solution) continue;
-      moved = std::max(moved, std::abs(attempt.v(variable) - v(variable)) / sizes(j));
-    }
-    if (moved > 0.5 * kWay && moved < 2.0 * kWay) return true;
+    const Attempt attempt = iterate(moved(v, kWay / length * sizes.cwiseProduct(direction)));
+    if (!attempt.is_solution) continue;
+    const VectorXd change = unknownsOf(attempt.v) - unknownsOf(v);
+    const double way = largestOf(countedOf(change.cwiseQuotient(sizes)));
+    if (way > 0.5 * kWay && way < 2.0 * kWay) return true;
   }
   return false;
 }
 
 bool Trim::isSame(const VectorXd& a, const VectorXd& b) const {
   const VectorXd sizes = sizesOf(a);
-  VectorXd difference(sizes.size());
-  for (int j = 0; j < sizes.size(); ++j) {
-    difference(j) = (a(unknowns_[at(j)]) - b(unknowns_[at(j)])) / sizes(j);
-  }
+  VectorXd difference = (unknownsOf(a) - unknownsOf(b)).cwiseQuotient(sizes);
   const MatrixXd free = findFreeDirections(a, false);
   difference -= free * (free.transpose() * difference);
   for (int j = 0; j < sizes.size(); ++j) {
@@ -365,7 +364,7 @@ bool Trim::isStill(const VectorXd& v) const {
 
 TrimState Trim::stateOf(const Attempt& attempt, const MatrixXd& free) const {
   TrimState state;
-  // What Newton's iteration leaves of 0 where it converges slowly
+  // Newton's iteration leaves so little of 0 where it converges slowly.
   const VectorXd v = (attempt.v.array().abs() < 1e-30).select(0.0, attempt.v);
   OperatingPoint& point = state.point;
   point.time = v(layout_.time());
@@ -379,7 +378,7 @@ TrimState Trim::stateOf(const Attempt& attempt, const MatrixXd& free) const {
   point.command = point.input;
   state.residual = attempt.residual;
   for (int j = 0; j < free.rows(); ++j) {
-    const std::string name = trim_names_.nameOf(unknowns_[at(j)]);
+    const std::string name = nameOf(unknowns_[at(j)]);
     if (counts(j) && free.row(j).norm() > 1e-7) state.undetermined.push_back(name);
   }
   return state;
@@ -387,32 +386,21 @@ TrimState Trim::stateOf(const Attempt& attempt, const MatrixXd& free) const {
 
 /// How far speeds, accelerations and inputs are from the start.
 double Trim::distance(const VectorXd& v) const {
-  const VectorXd sizes = sizesOf(base_);
-  double sum = 0.0;
-  for (int j = 0; j < sizes.size(); ++j) {
-    const int variable = unknowns_[at(j)];
-    if (!counts(j)) continue;
-    sum += std::pow((v(variable) - base_(variable)) / sizes(j), 2);
-  }
-  return sum;
+  const VectorXd difference = unknownsOf(v) - unknownsOf(base_);
+  return countedOf(difference.cwiseQuotient(sizesOf(base_))).squaredNorm();
 }
 
 std::string Trim::explainNone(const Attempt& nearest) {
-  VectorXd v = nearest.v;
-  VectorXd F;
-  MatrixXd dF;
-  evaluate(v, F, dF);
-  const VectorXd weighted = weigh(F, dF, v);
-  // What is left is spread over all that have a part in it: none of them alone is to blame.
+  const VectorXd weighted = linearize(nearest.v).weighted();
+  // The rest is spread over all that have a part in it: none of them alone is to blame.
   constexpr double kPart = 0.1;
   std::vector<std::string> left;
   bool reads_time = false;
-  for (int n = 0; n < F.size(); ++n) {
+  for (int n = 0; n < weighted.size(); ++n) {
     if (std::abs(weighted(n)) < kPart * nearest.weighted) continue;
-    const std::string& name = names_[at(n)];
+    const auto& [formula, name] = formulas_[at(n)];
     left.push_back(name.empty() ? "the torques" : name);
-    const int time = layout_.slot(layout_.time());
-    reads_time = reads_time || equations_.graph().dependsOn(formulas_[at(n)], time);
+    reads_time = reads_time || equations_.graph().dependsOn(formula, layout_.slot(layout_.time()));
   }
   std::sort(left.begin(), left.end());
   left.erase(std::unique(left.begin(), left.end()), left.end());

@@ -4,8 +4,6 @@ namespace variator_sim {
 
 using expression::Node;
 
-namespace {}  // namespace
-
 std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& scene,
                                       bool accelerating) {
   std::vector<NamedFormula> balance;
@@ -14,22 +12,13 @@ std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& s
     if (!equations.graph().isConstant(equation, 0.0)) balance.push_back({equation, name});
   };
   expression::Graph& graph = equations.graph();
-  const bool is_gauss = scene.principle == Principle::kGauss;
   for (int i = 0; i < layout.S; ++i) {
     const std::string shaft = "shaft " + inQuotes(scene.shafts[at(i)]);
-    add(graph.subtract(equations.reaction(i), equations.combine(i, layout.multiplier(0))),
-        "the torques on " + shaft);
-    Node rate =
-        graph.subtract(equations.reactionRate(i), equations.combine(i, layout.multiplierRate(0)));
-    for (int m = 0; m < layout.k && is_gauss; ++m) {
-      const Node turn = equations.constraints()[at(m)].C_rate[at(i)];
-      rate = graph.subtract(rate, graph.multiply(equations.variable(layout.multiplier(m)), turn));
-    }
-    if (!is_gauss && !equations.hasConstantInertia()) {
-      rate = graph.subtract(rate, equations.connection(i));
+    add(equations.balance(i), "the torques on " + shaft);
+    if (scene.principle != Principle::kGauss && !equations.hasConstantInertia()) {
       add(graph.subtract(equations.auxiliaryTorque(i), equations.reaction(i)), "");
     }
-    add(rate, "the rates of the torques on " + shaft);
+    add(equations.balanceOfRates(i), "the rates of the torques on " + shaft);
     if (!accelerating) continue;
     add(graph.subtract(equations.variable(layout.jerk(i)),
                        graph.multiply(equations.variable(layout.growth()),
@@ -44,6 +33,33 @@ std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& s
     add(it.jerk, "the rate of " + name);
   }
   return balance;
+}
+
+std::vector<TrimQuantity> listTrimQuantities(MotionEquations& equations, const Scene& scene) {
+  const VariableLayout& layout = equations.layout();
+  std::vector<TrimQuantity> list;
+  for (int i = 0; i < layout.S; ++i) {
+    const std::string& shaft = scene.shafts[at(i)];
+    list.push_back({"phi_" + shaft, layout.angle(i), {}});
+    list.push_back({"w_" + shaft, layout.velocity(i), {}});
+    list.push_back({"e_" + shaft, layout.acceleration(i), {}});
+  }
+  for (int i = 0; i < layout.U; ++i) {
+    list.push_back({scene.inputs[at(i)].name, layout.input(i), {}});
+  }
+  list.push_back({"t", layout.time(), {}});
+  for (int i = 0; i < layout.S; ++i) {
+    const std::string& shaft = scene.shafts[at(i)];
+    list.push_back({shaft + "/angle", layout.angle(i), {}});
+    list.push_back({shaft + "/velocity", layout.velocity(i), {}});
+    list.push_back({shaft + "/acceleration", layout.acceleration(i), {}});
+  }
+  for (int i = 0; i < layout.S; ++i) {
+    list.push_back({scene.shafts[at(i)] + "/applied_torque", -1, equations.torque(i)});
+    list.push_back({scene.shafts[at(i)] + "/reaction_torque", -1, equations.reaction(i)});
+  }
+  for (const Output& output : scene.outputs) list.push_back({output.name(), -1, output.node()});
+  return list;
 }
 
 }  // namespace variator_sim

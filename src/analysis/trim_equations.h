@@ -1,9 +1,10 @@
-/// What is 0 in a steady state. Constant speeds: epsilon = eta = 0, and
+/// The equations of a steady state. Constant speeds: epsilon = eta = 0, and
 ///     R = C^T lambda                                 the torques are in balance
 ///     f = 0, f' = 0, psi = 0, C eta + c0 = 0         the constraints hold, and go on to hold
 ///     R' = C^T Lambda + Gamma R omega                (generalized_gauss)
 ///     R' = C^T lambda' + (dC/dt)^T lambda            (gauss)
 /// with R = J epsilon + n - Q. Accelerations in constant ratios: eta = mu epsilon beside these.
+/// And what may be fixed or free in one, by name.
 #pragma once
 
 #include <string>
@@ -21,5 +22,15 @@ struct NamedFormula {
 /// Those that are not 0 = 0. Under `gauss` the equations have to have the rates of C.
 std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& scene,
                                       bool accelerating);
+
+/// A variable, or a quantity that is none: an output, or a torque of a shaft.
+struct TrimQuantity {
+  std::string name;
+  int variable = -1;
+  expression::Node formula;  ///< if it is no variable
+};
+
+/// Variables first; of several names of one the first is told.
+std::vector<TrimQuantity> listTrimQuantities(MotionEquations& equations, const Scene& scene);
 
 }  // namespace variator_sim

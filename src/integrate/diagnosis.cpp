@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string>
-#include <vector>
 
 namespace variator_sim {
 
@@ -117,85 +115,6 @@ MotionStatus diagnoseStart(PrincipleSystem& system, const Start& start) {
       break;
   }
   return status;
-}
-
-namespace {
-
-/// " residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
-std::string listResiduals(const Drivetrain& drivetrain, bool of_velocities,
-                          const StateView& state) {
-  std::string text;
-  for (int m : of_velocities ? drivetrain.velocityRows() : drivetrain.accelerationRows()) {
-    double C[kMaxShafts];
-    const Constraint& constraint = drivetrain.constraint(m);
-    text += (text.empty() ? " residual of '" : ", residual of '") + constraint.name() + "' = " +
-            formatNumber(of_velocities ? constraint.calcResidual(state)
-                                       : constraint.calcResidualAndJacobian(state, C));
-  }
-  return text;
-}
-
-}  // namespace
-
-std::string describeInconsistency(PrincipleSystem& system, const Start& start,
-                                  const double* given) {
-  const int S = system.shafts();
-  const bool of_velocities = start.velocities_at_fault;
-  const std::string what = of_velocities ? "velocities" : "accelerations";
-  StateView state = system.view(0.0, start.x);
-  if (!of_velocities) state.acceleration = given;
-  if (start.result == InitialResult::kNotUnique || start.result == InitialResult::kDoubtful) {
-    return "which accelerations have the least reaction is not certain; give them";
-  }
-  const std::string values = formatNumbers(of_velocities ? state.velocity : given, S);
-  const std::string residuals = listResiduals(system.drivetrain(), of_velocities, state);
-  if (start.result != InitialResult::kInconsistent) {
-    return "no " + what + " that satisfy the constraints were found near " + values +
-           " (there:" + residuals + ")";
-  }
-  return "the " + what + " " + values +
-         " do not satisfy the constraints or the principle:" + residuals +
-         "; the nearest consistent " + what + " are " + formatNumbers(start.nearest, S) +
-         " (set these, or have them projected)";
-}
-
-void throwInitialError(PrincipleSystem& system, const Scene& scene, const Start& start) {
-  const int S = system.shafts();
-  const bool of_velocities = start.velocities_at_fault;
-  const std::string what = of_velocities ? "velocities" : "accelerations";
-  const std::vector<double>& given =
-      of_velocities ? scene.initial.velocity : scene.initial.acceleration;
-  StateView state = system.view(0.0, start.x);
-  std::string text;
-  if (start.result == InitialResult::kNotUnique || start.result == InitialResult::kDoubtful) {
-    text = start.result == InitialResult::kNotUnique
-               ? "more than one has the least reaction, and they lead to different "
-                 "motions: "
-               : "which one has the least reaction is not certain, the constraints "
-                 "have too many like these: ";
-    for (int n = 0; n < system.search().candidateCount(); ++n) {
-      const auto& candidate = system.search().candidate(n);
-      text += (n > 0 ? ", " : "") + formatNumbers(candidate.epsilon, S) +
-              " with 1/2 R^T J^-1 R = " + formatNumber(candidate.reaction);
-    }
-    text += "; give 'initial/acceleration'";
-  } else if (start.result != InitialResult::kInconsistent) {
-    text = "no " + what + " that satisfy the constraints were found " +
-           (given.empty() ? "from the free accelerations; give 'initial/acceleration' (there:"
-                          : "near those given (there:") +
-           listResiduals(system.drivetrain(), of_velocities, state) + ")";
-  } else {
-    (of_velocities ? state.velocity : state.acceleration) = given.data();
-    text = formatNumbers(given.data(), S) +
-           (scene.principle == Principle::kGauss && !of_velocities
-                ? " is not what the principle 'gauss' gives:"
-                : " does not satisfy the constraints:") +
-           listResiduals(system.drivetrain(), of_velocities, state) + "; the nearest consistent " +
-           what + " are " + formatNumbers(start.nearest, S) +
-           " (write these, or set 'initial/project: true' to start there)";
-  }
-  throw SceneError(of_velocities ? "initial/velocity" : "initial/acceleration",
-                   text + scene.extreme_numbers);
 }
 
 }  // namespace variator_sim

@@ -1,7 +1,6 @@
-/// Why a motion stops, or cannot start: the only place that finds it out.
+/// Why a motion stops, or cannot start: the only place that finds it out. motion/stop_message.h
+/// puts it into words.
 #pragma once
-
-#include <string>
 
 #include "dynamics/principle_system.h"
 #include "integrate/row_watch.h"
@@ -9,7 +8,7 @@
 
 namespace variator_sim {
 
-/// What a search for the state at time 0 came to.
+/// The result of a search for the state at time 0.
 struct Start {
   explicit Start(const System& system) : x(system.size()) {}
   State x;
@@ -29,13 +28,5 @@ bool nameBadValue(PrincipleSystem& system, double t, const State& x, MotionStatu
 
 /// The status of a motion that starts as `start` says. [loop]
 MotionStatus diagnoseStart(PrincipleSystem& system, const Start& start);
-
-/// A sentence: why a state, whose accelerations are `given`, cannot be gone on from.
-std::string describeInconsistency(PrincipleSystem& system, const Start& start, const double* given);
-
-/// Throws a SceneError that says what is wrong with initial values which contradict the
-/// constraints, and what would do.
-[[noreturn]] void throwInitialError(PrincipleSystem& system, const Scene& scene,
-                                    const Start& start);
 
 }  // namespace variator_sim

@@ -136,6 +136,8 @@ class Integrator {
   void calcRest(double time, State& x) const;
 
   // --- inside the last step --------------------------------------------------------------------
+  /// True when `now` lies within the last step, and not at its end.
+  bool isInsideStep(double now) const { return base_.time < front_.time && now != front_.time; }
   /// A sample at `now` in one, where the stepper makes such. False where it is to be made from the
   /// state.
   bool calcSample(double now, Sample* sample);

@@ -1,13 +1,13 @@
 #include "motion/command_queue.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace variator_sim {
 
 namespace {
 constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 double clamp(const CommandInputSettings& input, double value) {
   return std::min(input.maximum, std::max(input.minimum, value));
@@ -15,14 +15,18 @@ double clamp(const CommandInputSettings& input, double value) {
 }  // namespace
 
 CommandQueue::CommandQueue(const std::vector<CommandInputSettings>& inputs) : inputs_(inputs) {
-  std::fill(std::begin(first_clamped_), std::end(first_clamped_),
-            std::numeric_limits<double>::quiet_NaN());
+  std::fill_n(first_clamped_, kMaxInputs, kNone);
   reset();
 }
 
 void CommandQueue::reset() {
-  count_ = 0;
-  std::fill(std::begin(last_time_), std::end(last_time_), kNever);
+  clear();
+  std::fill_n(last_time_, kMaxInputs, kNever);
+}
+
+void CommandQueue::clear() {
+  is_empty_ = true;
+  std::fill_n(value_, kMaxInputs, kNone);
 }
 
 bool CommandQueue::add(int input, double value, double time) {
@@ -34,32 +38,23 @@ bool CommandQueue::add(int input, double value, double time) {
   return true;
 }
 
-void CommandQueue::stage(int input, double value) {
-  for (int n = 0; n < count_; ++n) {
-    if (commands_[n].input != input) continue;
-    commands_[n].value = value;
-    return;
-  }
-  commands_[count_++] = {input, value};
+double CommandQueue::timeoutOf(int i) const {
+  const double timeout = inputs_[static_cast<std::size_t>(i)].timeout;
+  return timeout > 0.0 ? last_time_[i] + timeout : kNever;
 }
 
 double CommandQueue::nextTimeout() const {
   double next = kNever;
-  int i = 0;
-  for (const CommandInputSettings& input : inputs_) {
-    const double last = last_time_[i++];
-    if (input.timeout > 0.0 && last != kNever) next = std::min(next, last + input.timeout);
-  }
+  const int count = static_cast<int>(inputs_.size());
+  for (int i = 0; i < count; ++i) next = std::min(next, timeoutOf(i));
   return next;
 }
 
 int CommandQueue::addTimeouts(double time, double rounding) {
   int count = 0;
-  int next = 0;
-  for (const CommandInputSettings& input : inputs_) {
-    const int i = next++;
-    if (input.timeout <= 0.0 || last_time_[i] == kNever) continue;
-    if (last_time_[i] + input.timeout > time + rounding) continue;
+  for (int i = 0; i < static_cast<int>(inputs_.size()); ++i) {
+    if (timeoutOf(i) > time + rounding) continue;
+    const CommandInputSettings& input = inputs_[static_cast<std::size_t>(i)];
     last_time_[i] = kNever;
     ++count;
     if (input.on_timeout == OnTimeout::kZero) stage(i, clamp(input, 0.0));

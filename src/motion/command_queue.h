@@ -1,6 +1,7 @@
 /// Commands between their coming and their taking effect.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "variator_sim/command_input.h"
@@ -8,15 +9,10 @@
 
 namespace variator_sim {
 
-/// Those that wait for the present to move, and when inputs are to fall back because none has come.
-/// All are [loop].
+/// Those that wait for the present to be settled, and when inputs are to fall back because none has
+/// come. All are [loop].
 class CommandQueue {
  public:
-  struct Command {
-    int input;
-    double value;
-  };
-
   /// `inputs` has to outlive this.
   explicit CommandQueue(const std::vector<CommandInputSettings>& inputs);
   void reset();
@@ -26,10 +22,11 @@ class CommandQueue {
   bool add(int input, double value, double time);
   /// The first command that was clamped, through resets; NaN where none was.
   double firstClamped(int input) const { return first_clamped_[input]; }
-  bool isEmpty() const { return count_ == 0; }
-  int count() const { return count_; }
-  const Command& operator[](int n) const { return commands_[n]; }
-  void clear() { count_ = 0; }
+  bool isEmpty() const { return is_empty_; }
+  /// Whether a command waits for this input, and its value.
+  bool hasCommand(int input) const { return !std::isnan(value_[input]); }
+  double value(int input) const { return value_[input]; }
+  void clear();
 
   /// When the first input is to fall back, s; infinity when none is.
   double nextTimeout() const;
@@ -42,11 +39,16 @@ class CommandQueue {
   int addTimeouts(double time, double rounding);
 
  private:
-  void stage(int input, double value);
+  /// When input i is to fall back, s.
+  double timeoutOf(int i) const;
+  void stage(int input, double value) {
+    value_[input] = value;
+    is_empty_ = false;
+  }
 
   const std::vector<CommandInputSettings>& inputs_;
-  Command commands_[kMaxInputs];
-  int count_ = 0;
+  bool is_empty_ = true;
+  double value_[kMaxInputs];  // NaN: none waits
   double last_time_[kMaxInputs];
   double first_clamped_[kMaxInputs];
 };

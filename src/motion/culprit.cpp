@@ -4,9 +4,10 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 #include <map>
+#include <optional>
 #include <stdexcept>
-#include <utility>
 #include <vector>
 
 #include "expression/term_maker.h"
@@ -20,6 +21,11 @@ namespace {
 
 std::size_t at(int n) {
   return static_cast<std::size_t>(n);
+}
+
+const std::string& nameOf(const Scene& scene, Element element) {
+  return element.torque >= 0 ? scene.torques[at(element.torque)]->name()
+                             : scene.constraints[at(element.constraint)]->name();
 }
 
 /// The numbers of the scene, with the defaults that were taken, go to `numbers`. None where an
@@ -72,14 +78,36 @@ std::vector<expression::Node> formulasOf(const Scene& scene, Element element) {
   return nodes;
 }
 
-}  // namespace
+/// A state near to another one, to be changed.
+struct Beside {
+  Beside(const StateView& state, int S) : view(state) {
+    std::copy_n(state.angle, S, angle);
+    std::copy_n(state.velocity, S, velocity);
+    view.angle = angle;
+    view.velocity = velocity;
+  }
+  Beside(const Beside&) = delete;
+  Beside& operator=(const Beside&) = delete;
 
-const std::string& nameOf(const Scene& scene, Element element) {
-  return element.torque >= 0 ? scene.torques[at(element.torque)]->name()
-                             : scene.constraints[at(element.constraint)]->name();
+  double angle[kMaxShafts] = {};
+  double velocity[kMaxShafts] = {};
+  StateView view;
+};
+
+/// The size of what the element of `scene` gives at `state`.
+double calcSize(const Scene& scene, Element element, const StateView& state, int S) {
+  if (element.torque < 0) return scene.constraints[at(element.constraint)]->calcResidual(state);
+  double torque[kMaxShafts] = {};
+  scene.torques[at(element.torque)]->addTorque(state, torque);
+  double sum = 0.0;
+  for (int i = 0; i < S; ++i) sum += torque[i];
+  return sum != 0.0 ? sum : torque[0] - torque[S - 1];
 }
 
+}  // namespace
+
 std::string describe(const Scene& scene, Element element) {
+  if (!element.exists()) return "";
   return (element.torque >= 0 ? "torque " : "constraint ") + inQuotes(nameOf(scene, element));
 }
 
@@ -92,117 +120,20 @@ double toOneDigit(double value, bool is_up) {
   return std::copysign(std::strtod(text, nullptr), value);
 }
 
-/// A state near to another one.
-class Culprits::Beside {
- public:
-  Beside(const StateView& state, int S) : view(state) {
-    std::copy_n(state.angle, S, angle);
-    std::copy_n(state.velocity, S, velocity);
-    view.angle = angle;
-    view.velocity = velocity;
-  }
-  Beside(const Beside&) = delete;
-  Beside& operator=(const Beside&) = delete;
+std::string assign(const std::string& path, double value) {
+  return "'" + path + ": " + formatNumber(value) + "'";
+}
 
-  /// Moves the state by many times four roundings, of different sign and size: see
-  /// StepChecks::round.
-  static constexpr double kRoundings = 64.0;
-  void round(int S) {
-    constexpr double kFour = 4.0 * std::numeric_limits<double>::epsilon();
-    for (double* values : {angle, velocity}) {
-      for (int i = 0; i < S; ++i) {
-        const double by = kRoundings * kFour * (1.0 + 0.3 * (i % 3));
-        values[i] += (i % 2 == 0 ? by : -by) * std::max(1e-6, std::abs(values[i]));
-      }
-    }
+/// A value for each shaft; 0 where there is none.
+struct Culprits::Shafts {
+  double values[kMaxShafts] = {};
+  double& operator[](int i) { return values[i]; }
+  double largest() const {
+    double most = 0.0;
+    for (const double value : values) most = std::max(most, std::abs(value));
+    return most;
   }
-
-  double angle[kMaxShafts];
-  double velocity[kMaxShafts];
-  StateView view;
 };
-
-double Culprits::largestOf(const double* values) const {
-  double largest = 0.0;
-  for (int i = 0; i < S; ++i) largest = std::max(largest, std::abs(values[i]));
-  return largest;
-}
-
-void Culprits::calcAnswer(const Scene& scene, Element element, const StateView& here,
-                          const StateView& beside, double* answer) const {
-  double change[kMaxShafts] = {};
-  if (element.torque >= 0) {
-    double before[kMaxShafts] = {};
-    scene.torques[at(element.torque)]->addTorque(here, before);
-    scene.torques[at(element.torque)]->addTorque(beside, change);
-    for (int i = 0; i < S; ++i) change[i] -= before[i];
-    inertia_.solve(change, answer);
-    return;
-  }
-  // J epsilon changes by C^T l, so that C epsilon makes up for the change of psi.
-  const Constraint& constraint = *scene.constraints[at(element.constraint)];
-  double C[kMaxShafts];
-  const auto calcResidual = [&](const StateView& state) {
-    if (constraint.order() < 3) return constraint.calcResidualAndJacobian(state, C);
-    double c0;
-    constraint.calcRow(state, C, &c0);
-    return c0;
-  };
-  const double after = calcResidual(beside);
-  const double psi = after - calcResidual(here);
-  double A = 0.0;
-  inertia_.solve(C, answer);
-  for (int i = 0; i < S; ++i) A += C[i] * answer[i];
-  for (int i = 0; i < S; ++i) answer[i] *= psi / A;
-}
-
-double Culprits::calcRounding(const Scene& scene, Element element, const StateView& here) const {
-  Beside beside(here, S);
-  beside.round(S);
-  double answer[kMaxShafts];
-  calcAnswer(scene, element, here, beside.view, answer);
-  const SolverSettings& solver = scene_.solver;
-  for (int i = 0; i < S; ++i) {
-    // A motion passes through small accelerations.
-    const double size = std::min(1.0, std::abs(state_.acceleration[i]));
-    answer[i] /=
-        Beside::kRoundings * (solver.absolute_tolerance + solver.relative_tolerance * size);
-  }
-  return largestOf(answer);
-}
-
-double Culprits::calcUnattainable(const Scene& scene, Element element,
-                                  const StateView& here) const {
-  constexpr double kFar = 0.015;  // of the speed, or rad/s
-  double most = calcRounding(scene, element, here);
-  for (int i = 0; i < S; ++i) {
-    double by = kFar * std::max(1.0, std::abs(here.velocity[i]));
-    while (by > 1e-9) {
-      by *= 0.7;
-      for (const double side : {-by, by}) {
-        Beside around(here, S);
-        around.velocity[i] += side;
-        most = std::max(most, calcRounding(scene, element, around.view));
-      }
-    }
-    // A layer narrower than that lies where the shaft stands, or turns with another one.
-    for (int other = -1; other < S; ++other) {
-      Beside around(here, S);
-      around.velocity[i] = other < 0 ? 0.0 : here.velocity[other];
-      most = std::max(most, calcRounding(scene, element, around.view));
-    }
-  }
-  return most;
-}
-
-double Culprits::calcSize(const Scene& scene, Element element, const StateView& state) const {
-  if (element.torque < 0) return scene.constraints[at(element.constraint)]->calcResidual(state);
-  double torque[kMaxShafts] = {};
-  scene.torques[at(element.torque)]->addTorque(state, torque);
-  double sum = 0.0;
-  for (int i = 0; i < S; ++i) sum += torque[i];
-  return sum != 0.0 ? sum : torque[0] - torque[S - 1];
-}
 
 template <class Rate>
 Element Culprits::findLargest(const Rate& rate, double least) const {
@@ -223,40 +154,129 @@ Element Culprits::findSteepest() const {
 }
 
 Element Culprits::findFastest(double least) const {
-  constexpr double kLittle = 1e-6;
+  constexpr double kLittle = 1e-6;  // rad, rad/s
   Beside turned(state_, S);
   Beside faster(state_, S);
-  const double size = largestOf(state_.acceleration);
+  Shafts size;
   for (int i = 0; i < S; ++i) {
     turned.angle[i] += i % 2 == 0 ? kLittle : -kLittle;
     faster.velocity[i] += i % 2 == 0 ? kLittle : -kLittle;
+    size[i] = state_.acceleration[i];
   }
-  return findLargest(
-      [&](Element element) {
-        // 1/s: d(omega')/d(omega), the root of d(omega')/d(phi), and what the law does by itself.
-        double by_velocity[kMaxShafts];
-        double by_angle[kMaxShafts];
-        double by_itself[kMaxShafts] = {};
-        double rate[kMaxShafts] = {};
-        calcAnswer(scene_, element, state_, faster.view, by_velocity);
-        calcAnswer(scene_, element, state_, turned.view, by_angle);
-        if (element.torque >= 0) scene_.torques[at(element.torque)]->addTorqueRate(state_, rate);
-        if (size > 0.0) inertia_.solve(rate, by_itself);
-        return std::max({largestOf(by_velocity) / kLittle, std::sqrt(largestOf(by_angle) / kLittle),
-                         size > 0.0 ? largestOf(by_itself) / size : 0.0});
-      },
-      least);
+  // 1/s: d(omega')/d(omega), the root of d(omega')/d(phi), and what the law does by itself.
+  const auto rate = [&](Element element) {
+    const double by_velocity = calcAnswer(scene_, element, state_, faster.view).largest();
+    const double by_angle = calcAnswer(scene_, element, state_, turned.view).largest();
+    const double most = std::max(by_velocity / kLittle, std::sqrt(by_angle / kLittle));
+    if (!(size.largest() > 0.0) || element.torque < 0) return most;
+    Shafts torque_rate;
+    Shafts by_itself;
+    scene_.torques[at(element.torque)]->addTorqueRate(state_, torque_rate.values);
+    inertia_.solve(torque_rate.values, by_itself.values);
+    return std::max(most, by_itself.largest() / size.largest());
+  };
+  return findLargest(rate, least);
 }
 
-std::optional<Remedy> Culprits::findRemedy(Element element, double factor) const {
-  std::optional<Remedy> best;
+double Culprits::calcUnattainable(const Scene& scene, Element element) const {
+  constexpr double kFar = 0.015;  // of the speed, or rad/s
+  double most = calcRounding(scene, element, state_);
+  const auto try_speed = [&](int i, double speed) {
+    Beside around(state_, S);
+    around.velocity[i] = speed;
+    most = std::max(most, calcRounding(scene, element, around.view));
+  };
+  for (int i = 0; i < S; ++i) {
+    const double speed = state_.velocity[i];
+    double by = kFar * std::max(1.0, std::abs(speed));
+    while (by > 1e-9) {
+      by *= 0.7;
+      try_speed(i, speed - by);
+      try_speed(i, speed + by);
+    }
+    // A layer narrower than that lies where the shaft stands, or turns with another one.
+    try_speed(i, 0.0);
+    for (int other = 0; other < S; ++other) try_speed(i, state_.velocity[other]);
+  }
+  return most;
+}
+
+/// The accelerations that `element` of `scene` makes of a change of the state, rad/s^2.
+Culprits::Shafts Culprits::calcAnswer(const Scene& scene, Element element, const StateView& here,
+                                      const StateView& beside) const {
+  Shafts answer;
+  if (element.torque >= 0) {
+    Shafts before;
+    Shafts change;
+    scene.torques[at(element.torque)]->addTorque(here, before.values);
+    scene.torques[at(element.torque)]->addTorque(beside, change.values);
+    for (int i = 0; i < S; ++i) change[i] -= before[i];
+    inertia_.solve(change.values, answer.values);
+    return answer;
+  }
+  // J epsilon changes by C^T l, so that C epsilon makes up for the change of psi.
+  const Constraint& constraint = *scene.constraints[at(element.constraint)];
+  double C[kMaxShafts];
+  const auto calcResidual = [&](const StateView& state) {
+    if (constraint.order() < 3) return constraint.calcResidualAndJacobian(state, C);
+    double c0;
+    constraint.calcRow(state, C, &c0);
+    return c0;
+  };
+  const double after = calcResidual(beside);
+  const double psi = after - calcResidual(here);
+  double A = 0.0;
+  inertia_.solve(C, answer.values);
+  for (int i = 0; i < S; ++i) A += C[i] * answer[i];
+  for (int i = 0; i < S; ++i) answer[i] *= psi / A;
+  return answer;
+}
+
+/// The accelerations that four roundings of the state make, in tolerances.
+double Culprits::calcRounding(const Scene& scene, Element element, const StateView& here) const {
+  // By many times four, of different sign and size: see StepChecks::round.
+  constexpr double kTimes = 64.0;
+  constexpr double kFour = 4.0 * std::numeric_limits<double>::epsilon();
+  Beside beside(here, S);
+  for (double* values : {beside.angle, beside.velocity}) {
+    for (int i = 0; i < S; ++i) {
+      const double by = kTimes * kFour * (1.0 + 0.3 * (i % 3));
+      values[i] += (i % 2 == 0 ? by : -by) * std::max(1e-6, std::abs(values[i]));
+    }
+  }
+  Shafts answer = calcAnswer(scene, element, here, beside.view);
+  const SolverSettings& solver = scene_.solver;
+  for (int i = 0; i < S; ++i) {
+    // A motion passes through small accelerations.
+    const double size = std::min(1.0, std::abs(state_.acceleration[i]));
+    answer[i] /= kTimes * (solver.absolute_tolerance + solver.relative_tolerance * size);
+  }
+  return answer.largest();
+}
+
+/// How much an element of the changed scene differs elsewhere, of its size.
+double Culprits::calcChange(const Scene& changed, Element element) const {
+  double change = 0.0;
+  double size = 0.0;
+  for (int i = 0; i < S; ++i) {
+    Beside elsewhere(state_, S);
+    elsewhere.velocity[i] += std::max(1.0, 0.1 * std::abs(state_.velocity[i]));
+    const double before = calcSize(scene_, element, elsewhere.view, S);
+    size += std::abs(before);
+    change += std::abs(calcSize(changed, element, elsewhere.view, S) - before);
+  }
+  return change / size;
+}
+
+std::string Culprits::findRemedy(Element element, double factor) const {
   std::map<std::string, double> numbers;
   ParameterTree tree = scene_.resolved;
-  if (tree.kind() != ParameterTree::Kind::kDictionary) return best;
+  if (tree.kind() != ParameterTree::Kind::kDictionary) return "";
   setValue(tree, "verify_derivatives", ParameterTree::boolean(false));
-  if (!read(tree, &numbers)) return best;
-  const double most = calcUnattainable(element);
+  if (!read(tree, &numbers)) return "";
+  const double most = calcUnattainable(scene_, element);
   double least = std::numeric_limits<double>::infinity();
+  std::string best;
   for (const auto& [path, now] : numbers) {
     const bool is_its = path.rfind(nameOf(scene_, element) + "/", 0) == 0;
     if (!is_its || path.find('[') != std::string::npos || now == 0.0) continue;
@@ -264,20 +284,11 @@ std::optional<Remedy> Culprits::findRemedy(Element element, double factor) const
       ParameterTree other = tree;
       setValue(other, path, ParameterTree::real(then));
       const std::optional<Scene> changed = read(other, nullptr);
-      if (!changed || !(factor * calcUnattainable(*changed, element, state_) <= 2.0 * most))
-        continue;
-      double change = 0.0;
-      double size = 0.0;
-      for (int i = 0; i < S; ++i) {
-        Beside elsewhere(state_, S);
-        elsewhere.velocity[i] += std::max(1.0, 0.1 * std::abs(state_.velocity[i]));
-        const double before = calcSize(scene_, element, elsewhere.view);
-        size += std::abs(before);
-        change += std::abs(calcSize(*changed, element, elsewhere.view) - before);
-      }
-      if (!(change < least * size)) continue;
-      least = change / size;
-      best = Remedy{path, now, then};
+      if (!changed || !(factor * calcUnattainable(*changed, element) <= 2.0 * most)) continue;
+      const double change = calcChange(*changed, element);
+      if (!(change < least)) continue;
+      least = change;
+      best = assign(path, then) + " (it is " + formatNumber(now) + ")";
     }
   }
   return best;
@@ -286,34 +297,32 @@ std::optional<Remedy> Culprits::findRemedy(Element element, double factor) const
 std::string Culprits::findNonFinitePart(Element element) const {
   constexpr std::size_t kMost = 500;
   const expression::Graph& graph = *scene_.graph;
-  std::vector<expression::Tape> tapes;
   std::vector<expression::Node> parts;
   for (const expression::Node formula : formulasOf(scene_, element)) {
     for (const int n : graph.listReachable({formula})) parts.push_back({n});
     if (parts.size() > kMost) return "";
   }
-  tapes.reserve(parts.size());
-  for (const expression::Node part : parts) tapes.emplace_back(graph, std::vector{part});
+  const expression::Tape tape(graph, parts);
   double ahead = 0.0;
   for (int power = -14; power <= -1; ahead = std::pow(10.0, power), ++power) {
     Beside there(state_, S);
     there.view.time += ahead;
     for (int i = 0; i < S; ++i) {
+      const double epsilon = state_.acceleration[i];
       there.angle[i] += ahead * state_.velocity[i];
-      if (std::isfinite(state_.acceleration[i]))
-        there.velocity[i] += ahead * state_.acceleration[i];
+      if (std::isfinite(epsilon)) there.velocity[i] += ahead * epsilon;
     }
-    for (std::size_t n = 0; n < parts.size(); ++n) {
-      double value;
-      tapes[n].evaluate(there.view, &value);
-      if (std::isfinite(value)) continue;
-      // Operands come before: they are finite.
-      try {
-        const expression::Terms terms = makeTerms(graph, {parts[n]}, nameVariables(scene_));
-        return terms.shared.empty() ? toText(*terms.roots.front()) : "";
-      } catch (const std::out_of_range&) {  // a table
-        return "";
-      }
+    // Operands come before what is made of them.
+    const double* const begin = tape.evaluate(there.view);
+    const double* const end = begin + parts.size();
+    const double* const bad = std::find_if(begin, end, [](double x) { return !std::isfinite(x); });
+    if (bad == end) continue;
+    try {
+      const auto part = parts[static_cast<std::size_t>(bad - begin)];
+      const expression::Terms terms = makeTerms(graph, {part}, nameVariables(scene_));
+      return terms.shared.empty() ? toText(*terms.roots.front()) : "";
+    } catch (const std::out_of_range&) {  // a table
+      return "";
     }
   }
   return "";

@@ -4,51 +4,136 @@
 #include <cmath>
 
 namespace variator_sim {
+namespace {
 
-void EnergyMeter::begin(const StepNode& start, const Row* rows) {
-  start_kinetic_ = calcKinetic(start.x);
-  applied_ = applied_before_ = throughput_ = throughput_before_ = 0.0;
-  doubt_ = doubt_before_ = {};
-  has_turned_ = false;
-  if (!is_watched_) return;
-  for (int m = 0; m < drivetrain_.constraintCount(); ++m) calcDirection(rows[m], directions_[m]);
-}
+/// rad, by which C has turned when it counts as turning.
+constexpr double kTurned = 0.01;
+/// Times that an energy is above what the tolerance makes of it.
+constexpr double kCertain = 100.0;
+constexpr int kHalvings = 4;
 
-EnergyAccount EnergyMeter::account() const {
-  EnergyAccount account;
-  account.start_kinetic = start_kinetic_;
-  account.applied = applied_;
-  account.throughput = throughput_;
-  account.reactions = doubt_.reactions;
-  account.doubt_since = doubt_.since;
-  account.has_turned = has_turned_;
-  std::copy_n(&directions_[0][0], kMaxRows * kMaxShafts, &account.directions[0][0]);
-  return account;
+}  // namespace
+
+EnergyMeter::EnergyMeter(Integrator& integrator, PrincipleSystem& system)
+    : S(system.shafts()),
+      integrator_(integrator),
+      drivetrain_(system.drivetrain()),
+      tolerance_{system.scene().solver.absolute_tolerance,
+                 system.scene().solver.relative_tolerance},
+      is_watched_(system.scene().principle == Principle::kGeneralizedGauss &&
+                  !drivetrain_.hasConstantRows() && drivetrain_.constraintCount() > 0) {}
+
+void EnergyMeter::begin() {
+  const State& x = integrator_.front().x;
+  resume({}, 0.0);
+  account_.start_kinetic = drivetrain_.calcKineticEnergy(x.data(), x.data() + S);
+  for (int m = 0; m < drivetrain_.constraintCount() && is_watched_; ++m) {
+    calcDirection(integrator_.rows()[m], account_.directions[m]);
+  }
 }
 
 void EnergyMeter::resume(const EnergyAccount& account, double time) {
-  start_kinetic_ = account.start_kinetic;
-  applied_ = applied_before_ = account.applied;
-  throughput_ = throughput_before_ = account.throughput;
-  doubt_ = {account.doubt_since, time, account.reactions, account.throughput};
-  doubt_before_ = doubt_;
-  has_turned_ = account.has_turned;
-  std::copy_n(&account.directions[0][0], kMaxRows * kMaxShafts, &directions_[0][0]);
+  account_ = account;
+  judged_at_ = time;
+  applied_before_ = account.applied;
+  before_ = doubtAtFront();
 }
 
-double EnergyMeter::calcAppliedAtRest(const StepNode& from, const State& x) {
+void EnergyMeter::noteStep() {
+  const StepNode& from = integrator_.base();
+  const StepNode& to = integrator_.front();
+  const double h = to.time - from.time;
+  const Power begin = powerOf(from);
+  const Power end = powerOf(to);
+  applied_before_ = account_.applied;
+  before_ = doubtAtFront();
+  addStep(h, begin, end, is_tracked_ ? calcWork(1.0) : estimateWork(h, begin, end));
+  if (is_watched_) watch(to.time, to.x.data(), integrator_.rows());
+}
+
+void EnergyMeter::notePassed() {
+  const Integrator::PassedSteps& passed = integrator_.passed();
+  if (passed.begin == passed.end) return;
+  Power before = powerOf(passed.from);
+  double time = passed.from.time;
+  for (const SeriesNode* node = passed.begin; node != passed.end; ++node) {
+    const double* const omega = node->x + S;
+    const Power after = powerOf(node->torque, node->torque_rate, omega, omega + S);
+    const double h = node->end - time;
+    addStep(h, before, after, estimateWork(h, before, after));
+    if (is_watched_) {
+      if (!drivetrain_.inertia().isConstant()) drivetrain_.setInertia(node->x, node->inertia);
+      watch(node->end, node->x, node->C);
+    }
+    before = after;
+    time = node->end;
+  }
+}
+
+void EnergyMeter::cut(const StepNode& present) {
+  if (integrator_.isSleeping()) {
+    account_.applied = calcAppliedAtRest(present.x);
+    return;
+  }
+  const StepNode& from = integrator_.base();
+  const double h = present.time - from.time;
+  StepNode end = present;
+  calcTorque(end.time, end.x, end.torque.data());
+  const Power begin = powerOf(from);
+  const Power power = powerOf(end);
+  account_.throughput = before_.throughput + 0.5 * h * (begin.through + power.through);
+  if (is_tracked_) {
+    account_.applied = applied_before_ + calcWork(h / (integrator_.front().time - from.time));
+  } else {
+    // The rate at the end is not known: of order 3.
+    const double bend = h * begin.rate - (power.value - begin.value);
+    const bool is_bend_small = std::abs(bend) <= std::abs(begin.value) + std::abs(power.value);
+    account_.applied = applied_before_ + 0.5 * h * (begin.value + power.value) +
+                       (is_bend_small ? h / 6.0 * bend : 0.0);
+  }
+  if (is_watched_) judge(present.time, present.x.data());
+}
+
+double EnergyMeter::calcApplied(double now) const {
+  if (integrator_.isSleeping()) {
+    State x(integrator_.front().x.size());
+    integrator_.calcRest(now, x);
+    return calcAppliedAtRest(x);
+  }
+  if (!integrator_.isInsideStep(now)) return account_.applied;
+  const double begin = integrator_.base().time;
+  return applied_before_ + calcWork((now - begin) / (integrator_.front().time - begin));
+}
+
+double EnergyMeter::calcAppliedAtRest(const State& x) const {
+  const StepNode& from = integrator_.front();
   double Q[kMaxShafts];
-  drivetrain_.calcTorque(view(from.time, from.x), Q);
+  calcTorque(from.time, from.x, Q);
   double work = 0.0;
   for (int i = 0; i < S; ++i) work += Q[i] * (x[i] - from.x[i]);
-  return applied_ + work;
+  return account_.applied + work;
 }
 
-Energy EnergyMeter::calcEnergy(const Sample& sample, double applied) {
+double EnergyMeter::calcWork(double part) const {
+  const StepNode& from = integrator_.base();
+  const double h = integrator_.front().time - from.time;
+  const auto power = [&](double theta) {
+    State x(from.x.size());
+    integrator_.calcInside(theta, x);
+    double Q[kMaxShafts];
+    calcTorque(from.time + theta * h, x, Q);
+    double sum = 0.0;
+    for (int i = 0; i < S; ++i) sum += Q[i] * x[S + i];
+    return sum;
+  };
+  return h * integrate(power, 0.0, part, std::max(tolerance_.relative, 1e-13), kHalvings);
+}
+
+Energy EnergyMeter::calcEnergy(const Sample& sample, double now) {
   Energy energy;
+  energy.applied = calcApplied(now);
   energy.kinetic = drivetrain_.calcKineticEnergy(sample.angle, sample.velocity);
-  energy.applied = applied;
-  energy.reactions = energy.kinetic - start_kinetic_ - applied;
+  energy.reactions = energy.kinetic - account_.start_kinetic - energy.applied;
   for (int i = 0; i < S; ++i) {
     energy.applied_power += sample.applied_torque[i] * sample.velocity[i];
     energy.reaction_power += sample.reaction_torque[i] * sample.velocity[i];
@@ -68,26 +153,14 @@ EnergyMeter::Power EnergyMeter::powerOf(const double* torque, const double* torq
   return power;
 }
 
-void EnergyMeter::notePassed(const StepNode& from, const SeriesNode* begin, const SeriesNode* end) {
-  Power before = powerOf(from);
-  double time = from.time;
-  for (const SeriesNode* node = begin; node != end; ++node) {
-    const double* const omega = node->x + S;
-    const Power after = powerOf(node->torque, node->torque_rate, omega, omega + S);
-    const double h = node->end - time;
-    addStep(h, before, after, estimateWork(h, before, after));
-    if (is_watched_) {
-      if (!drivetrain_.inertia().isConstant()) drivetrain_.setInertia(node->x, node->inertia);
-      watch(node->end, node->x, node->C);
-    }
-    before = after;
-    time = node->end;
-  }
+void EnergyMeter::calcTorque(double t, const State& x, double* Q) const {
+  // Torques do not read accelerations.
+  drivetrain_.calcTorque(drivetrain_.view(t, x.data(), x.data() + S, x.data() + S), Q);
 }
 
-StateView EnergyMeter::view(double t, const State& x) {
-  // Torques do not read accelerations.
-  return drivetrain_.view(t, x.data(), x.data() + S, x.data() + S);
+void EnergyMeter::addStep(double h, const Power& begin, const Power& end, double work) {
+  account_.throughput += 0.5 * h * (begin.through + end.through);
+  account_.applied += work;
 }
 
 double EnergyMeter::estimateWork(double h, const Power& begin, const Power& end) {
@@ -107,29 +180,29 @@ void EnergyMeter::calcDirection(const double* c, double* direction) const {
   for (int i = 0; i < S; ++i) direction[i] *= scale;
 }
 
-bool EnergyMeter::haveRowsTurned(const Row* rows) const {
+bool EnergyMeter::haveRowsTurned(const double (*rows)[kMaxShafts]) const {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
     double direction[kMaxShafts];
     calcDirection(rows[m], direction);
     double cosine = 0.0;
-    for (int i = 0; i < S; ++i) cosine += direction[i] * directions_[m][i];
+    for (int i = 0; i < S; ++i) cosine += direction[i] * account_.directions[m][i];
     if (1.0 - cosine * cosine > kTurned * kTurned) return true;
   }
   return false;
 }
 
 void EnergyMeter::judge(double time, const double* x) {
-  doubt_.time = drivetrain_.origin() + time;
-  doubt_.reactions = drivetrain_.calcKineticEnergy(x, x + S) - start_kinetic_ - applied_;
-  doubt_.throughput = throughput_;
-  if (doubt_.since >= 0.0 || !has_turned_ || !doubt_.isShareLarge()) return;
-  // What the tolerance makes of T is nobody's energy.
+  judged_at_ = drivetrain_.origin() + time;
+  account_.reactions =
+      drivetrain_.calcKineticEnergy(x, x + S) - account_.start_kinetic - account_.applied;
+  if (account_.doubt_since >= 0.0 || !account_.has_turned || !doubtAtFront().isShareLarge()) return;
+  // The tolerance makes this of T.
   double uncertain = 0.0;
   for (int i = 0; i < S; ++i) {
     const double omega = x[S + i];
     uncertain += drivetrain_.inertia().entry(i, i) * std::abs(omega) * tolerance_.of(omega);
   }
-  if (std::abs(doubt_.reactions) > kCertain * uncertain) doubt_.since = doubt_.time;
+  if (std::abs(account_.reactions) > kCertain * uncertain) account_.doubt_since = judged_at_;
 }
 
 }  // namespace variator_sim

@@ -5,10 +5,12 @@
 #include <limits>
 #include <sstream>
 
+#include "motion/motion.h"
+
 namespace variator_sim {
 namespace {
 
-/// What rounding makes of a column within a few hundred steps, of its largest value so far. Both
+/// The rounding of a column within a few hundred steps, relative to its largest value so far. Both
 /// motions share a part of it, so their difference does not show it.
 constexpr double kRounding = 8e-15;
 constexpr double kGrowth = 1e8;     // tolerances
@@ -70,24 +72,13 @@ SolverSettings calcCompanionSettings(const SolverSettings& settings) {
   return companion;
 }
 
-ErrorEstimate::ErrorEstimate(Motion& run)
-    : run_(run),
-      companion_(makeCompanion(run.scene())),
-      relative_(run.scene().solver.relative_tolerance),
-      absolute_(run.scene().solver.absolute_tolerance) {}
-
-void ErrorEstimate::setState(const MotionState& state, bool project) {
-  companion_.setState(state, project);
-  forget();
-}
-
-void ErrorEstimate::reset() {
-  companion_.reset();
-  forget();
-}
+ErrorEstimate::ErrorEstimate(const Scene& scene)
+    : companion_(makeCompanion(scene)),
+      relative_(scene.solver.relative_tolerance),
+      absolute_(scene.solver.absolute_tolerance) {}
 
 void ErrorEstimate::forget() {
-  for (Column& column : columns_) column = {};
+  std::fill_n(largest_[0], 3 * kMaxShafts, 0.0);
   is_grown_ = false;
   counts_differ_ = -1.0;
   doubt_ = {};
@@ -100,68 +91,60 @@ std::string ErrorEstimate::describe() const {
   return text.str();
 }
 
-bool ErrorEstimate::compare(const double* run, const double* companion, Column& column,
+bool ErrorEstimate::compare(const double* run, const double* companion, double* largest,
                             double* error) {
   bool is_at_rounding = true;
-  for (int i = 0; i < run_.scene().shaftCount(); ++i) {
-    double& largest = column.largest[i];
-    largest = std::max(largest, std::abs(run[i]));
+  for (int i = 0; i < companion_.scene().shaftCount(); ++i) {
+    largest[i] = std::max(largest[i], std::abs(run[i]));
     const double difference = std::abs(run[i] - companion[i]);
-    const double rounding = kRounding * largest;
+    const double rounding = kRounding * largest[i];
     error[i] = std::max(difference, rounding);
     is_at_rounding = is_at_rounding && difference <= rounding;
     const double least = 1e3 * absolute_;
-    const double limit = std::min(kGrowth * (absolute_ + relative_ * largest),
-                                  std::max(kLargePart * largest, least));
+    const double limit = std::min(kGrowth * (absolute_ + relative_ * largest[i]),
+                                  std::max(kLargePart * largest[i], least));
     is_grown_ = is_grown_ || difference > limit;
   }
   return is_at_rounding;
 }
 
-const Sample& ErrorEstimate::sample() {
-  sample_ = run_.sample();
-  const double time = run_.time();  // where a jump led nowhere, the last good one
-  if (companion_.time() < time) follow();
+void ErrorEstimate::judge(const Motion& run, Sample* sample) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  companion_.advanceTo(run.time);
   const Sample& other = companion_.sample();
   const bool has_stopped = !companion_.status().ok();
-  if (has_stopped || companion_.time() < time) {  // or was interrupted
+  if (has_stopped || companion_.time() < run.time) {  // or was interrupted
     if (has_stopped && doubt_.stopped < 0.0) doubt_.stopped = companion_.status().time;
     doubt_.reason = companion_.status().reason;
-    for (double* error :
-         {sample_.angle_error, sample_.velocity_error, sample_.acceleration_error}) {
-      std::fill_n(error, kMaxShafts, std::numeric_limits<double>::quiet_NaN());
-    }
-    return sample_;
+    std::fill_n(sample->angle_error, kMaxShafts, kUnknown);
+    std::fill_n(sample->velocity_error, kMaxShafts, kUnknown);
+    std::fill_n(sample->acceleration_error, kMaxShafts, kUnknown);
+    return;
   }
   is_grown_ = false;
-  bool is_at_rounding = compare(sample_.angle, other.angle, columns_[0], sample_.angle_error);
-  is_at_rounding = compare(sample_.velocity, other.velocity, columns_[1], sample_.velocity_error) &&
-                   is_at_rounding;
-  is_at_rounding =
-      compare(sample_.acceleration, other.acceleration, columns_[2], sample_.acceleration_error) &&
-      is_at_rounding;
-  note(sample_, is_at_rounding);
-  return sample_;
-}
-
-void ErrorEstimate::note(const Sample& sample, bool is_at_rounding) {
-  if (is_grown_ && doubt_.grown < 0.0) doubt_.grown = sample.time;
-  noteEdges();
-  if (sample.time <= 0.0) return;  // where both are the same
+  const bool are_at_rounding[] = {
+      compare(sample->angle, other.angle, largest_[0], sample->angle_error),
+      compare(sample->velocity, other.velocity, largest_[1], sample->velocity_error),
+      compare(sample->acceleration, other.acceleration, largest_[2], sample->acceleration_error)};
+  if (is_grown_ && doubt_.grown < 0.0) doubt_.grown = sample->time;
+  noteEdges(run);
+  if (sample->time <= 0.0) return;  // where both are the same
   ++doubt_.samples;
-  if (!is_at_rounding) return;
-  if (doubt_.rounding_samples++ == 0) doubt_.rounding = sample.time;
+  if (!are_at_rounding[0] || !are_at_rounding[1] || !are_at_rounding[2]) return;
+  if (doubt_.rounding_samples++ == 0) doubt_.rounding = sample->time;
 }
 
 /// Both run ahead of the present, by different steps: only a difference that is older than the last
 /// step of either is one.
-void ErrorEstimate::noteEdges() {
-  if (run_.statistics().kinks == companion_.statistics().kinks) {
+void ErrorEstimate::noteEdges(const Motion& run) {
+  if (run.integrator.statistics().kinks == companion_.statistics().kinks) {
     counts_differ_ = -1.0;
     return;
   }
-  if (counts_differ_ < 0.0) counts_differ_ = std::max(run_.frontTime(), companion_.frontTime());
-  if (doubt_.parted < 0.0 && run_.time() > counts_differ_) doubt_.parted = run_.time();
+  if (counts_differ_ < 0.0) {
+    counts_differ_ = std::max(run.frontTime(), Motion::of(companion_)->frontTime());
+  }
+  if (doubt_.parted < 0.0 && run.time > counts_differ_) doubt_.parted = run.time;
 }
 
 }  // namespace variator_sim

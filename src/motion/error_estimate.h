@@ -15,52 +15,42 @@
 
 #include <string>
 
-#include "motion/motion.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
+#include "variator_sim/simulation.h"
 #include "variator_sim/status.h"
 
 namespace variator_sim {
 
+struct Motion;
+
+/// The Simulation that moves the run gives the companion the same commands, and moves it, too.
 class ErrorEstimate {
  public:
-  /// `run` has to outlive this and to be at its start.
-  explicit ErrorEstimate(Motion& run);
+  /// The run is at its start.
+  explicit ErrorEstimate(const Scene& scene);
 
-  /// The companion follows to the present of the run. [loop]
-  void follow() { companion_.advanceTo(run_.time()); }
-  void command(int input, double value) { companion_.command(input, value); }  ///< [loop]
-  void reset();                                                                ///< [loop]
-  /// The run has been set to this: errors are counted from there.
-  void setState(const MotionState& state, bool project);
-  bool loadMachineCode(bool compile, bool patiently) {
-    return companion_.loadMachineCode(compile, patiently);
-  }
-
-  /// The run's sample at the present, with its estimated errors. [loop]
-  const Sample& sample();
+  Simulation& companion() { return companion_; }
+  /// Errors are counted from here on.
+  void forget();
+  /// Writes the estimated errors of the run's sample at its present into it. [loop]
+  void judge(const Motion& run, Sample* sample);
   const ErrorDoubt& doubt() const { return doubt_; }
   std::string describe() const;
 
  private:
-  void forget();
-  /// One of angle, velocity and acceleration: the estimates of all shafts.
-  struct Column {
-    double largest[kMaxShafts] = {};  ///< magnitude up to now
-  };
-  /// True when all of them are at rounding.
-  bool compare(const double* run, const double* companion, Column& column, double* error);
-  void note(const Sample& sample, bool is_at_rounding);
-  void noteEdges();
+  /// Estimates the errors of a column; true when those of all shafts are at rounding. `largest`:
+  /// the magnitudes up to now.
+  bool compare(const double* run, const double* companion, double* largest, double* error);
+  /// Notes where the laws of both have jumped a different number of times.
+  void noteEdges(const Motion& run);
 
-  Motion& run_;
-  Motion companion_;
-  double relative_;  // tolerances of the run
-  double absolute_;
-  Column columns_[3];
+  Simulation companion_;
+  const double relative_;  // tolerances of the run
+  const double absolute_;
+  double largest_[3][kMaxShafts] = {};
   bool is_grown_ = false;        // by the last sample
   double counts_differ_ = -1.0;  // since when, s
-  Sample sample_;
   ErrorDoubt doubt_;
 };
 

@@ -1,172 +1,131 @@
 /// The motion of a scene: the present, its commands and its samples.
 ///
 /// The integrator runs freely ahead of the present, by steps of its own choice; the present lies in
-/// its last one. Samples are taken from inside that step and commands cut it, so that nobody's
-/// sampling rate, tick or advance changes one bit of the motion:
-///
-///     advanceTo(time):
-///       carry out the commands that wait
-///       for every timeout on the way, then to `time`:
-///         while the integrator's last step ends before it:
-///           one step more (integrator.h), or the end of a rest; account for its energy
-///         the present moves there
+/// its last one. Samples are taken from inside that step and commands cut it, so that no sampling
+/// rate, tick or advance changes one bit of the motion:
 ///
 ///     command(input, value):
 ///       clamp it; it waits with the others of this present
 ///
-///     carry out the commands that wait (before the next advance or sample):
-///       before the first advance: they are initial values; start anew
+///     settle(), before the present moves and before anything is read there:
+///       no command waits?        done
+///       before the first advance: commands are initial values; start anew
 ///       make the step again up to the present
 ///       inputs take their new closed forms; those that jump do so together, by the jump map
 ///       the integrator begins anew from there
 ///
+///     advanceTo(time):
+///       settle
+///       for every timeout on the way, then to `time`:
+///         while the integrator's last step ends before it:
+///           one step more (integrator.h), or the end of a rest; account for its energy
+///         the present moves there
+///         a timeout's command acts: settle
+///
 ///     sample():
-///       carry out the commands that wait
 ///       the state at the present, from inside the last step; everything published from it
 ///
 ///     reset():
 ///       the state at time 0 again, with the inputs as the scene has them
 ///
 ///     saveState():
-///       carry out the commands that wait
+///       settle
 ///       make the step again up to the present
-///       go on from what is saved, as who restores it will
+///       go on from there, as a motion does that the state is restored to
 #pragma once
 
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "dynamics/principle_system.h"
 #include "integrate/diagnosis.h"
 #include "integrate/integrator.h"
 #include "motion/command_queue.h"
 #include "motion/energy.h"
+#include "motion/error_estimate.h"
 #include "motion/quantities.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
 
-/// See Simulation for what each public method promises.
-class Motion {
- public:
+/// The parts of a Simulation, and how its present moves. All but its construction are [loop].
+struct Motion {
   /// `like`: has programs and machine code that may fit, or nullptr.
-  explicit Motion(Scene scene, const Shortcuts& shortcuts = {}, const Motion* like = nullptr);
+  explicit Motion(Scene its_scene, const Shortcuts& shortcuts = {}, const Motion* like = nullptr);
+  /// For the core and its tests.
+  static std::unique_ptr<Motion>& of(Simulation& simulation) { return simulation.motion_; }
 
-  const Scene& scene() const { return scene_; }
-  double time() const { return time_; }
-  const MotionStatus& status() const { return integrator_.status(); }
-  const Statistics& statistics();
-  const char* stepperName() const { return integrator_.choice().stepper().name(); }
-  std::string describeStepper() const { return integrator_.choice().describe(); }
-  std::vector<std::string> skips() const;
-  bool isSleeping() const { return integrator_.isSleeping(); }
-  bool loadMachineCode(bool compile, bool patiently);
-  bool shareMachineCode(const Motion& other);
-  std::shared_ptr<SeriesLanes> loadLanes(bool compile);
-  void makeStepsWith(StepsTogether* together) {
-    if (system_.series() != nullptr) system_.series()->makeStepsWith(together);
-  }
-  const std::string& machineCode() const { return machine_code_; }
-  bool hasMachineCode() const { return has_machine_code_; }
+  const MotionStatus& status() const { return integrator.status(); }
+  /// The present as nodes count it.
+  double presentTime() const { return integrator.origin().relative(time); }
+  /// Up to where it has been stepped, s: as far as the present or further.
+  double frontTime() const { return integrator.origin().absolute(integrator.front().time); }
+  /// See Simulation.
+  double quietUntil() const;
 
   void reset();
-  const MotionStatus& advanceTo(double time);
-  double quietUntil() const;
-  double nextTimeout() const { return commands_.nextTimeout(); }
-  /// Up to where it has been stepped, s: as far as the present or further.
-  double frontTime() const { return integrator_.origin().absolute(integrator_.front().time); }
-  CommandResult command(int input, double value);
-  double firstClampedCommand(int input) const { return commands_.firstClamped(input); }
-  void exhaustTime() { integrator_.exhaustTime(time_); }
-  void refuseCommand() { ++integrator_.statistics().commands_refused; }
-  const Sample& sample();
-  OperatingPoint operatingPoint();
-  const Quantities& quantities() const { return quantities_; }
-  void calcQuantities(QuantityGroup group, double* values);
+  const MotionStatus& advanceTo(double end);
+  /// The only place where commands are carried out. All that wait take effect at the present,
+  /// together: inputs that jump move on the straight line between their old and new values, so that
+  /// no order means anything.
+  void settle();
+  /// The state at the present, as it is.
+  Sample& sample();
+  /// The same as a view; valid until anything is evaluated elsewhere.
+  StateView view();
+  /// See Simulation.
+  bool shareMachineCode(const Motion& other);
 
-  bool peekState(MotionState* state);
-  bool saveState(MotionState* state);
-  std::string setState(const MotionState& state, bool project);
-
-  void trackEnergy(bool on);
-  Energy energy();
-  EnergyDoubt energyDoubt() const;
-
-  // For messages
-  /// Row m of C at the present, s values.
-  void calcConstraintRow(int m, double* C);
-  /// The present; valid until anything is evaluated elsewhere. Its inertia, too.
-  StateView present();
-  const Inertia& inertia() const { return drivetrain_.inertia(); }
-  const Guard& guard(int n) const { return *drivetrain_.guards()[static_cast<std::size_t>(n)]; }
-
- private:
-  /// Whether code that is not in the cache is compiled: who asks for it waits for a busy compiler.
-  KernelLibrary::Missing missingCode(bool compile, bool patiently = false) const {
-    using Missing = KernelLibrary::Missing;
-    const bool waits = patiently || scene_.solver.machine_code == MachineCode::kAlways;
-    if (!compile) return Missing::kLeave;
-    return waits ? Missing::kCompilePatiently : Missing::kCompile;
-  }
-  /// The present as nodes count it.
-  double presentTime() const { return integrator_.origin().relative(time_); }
-  /// The present as `state` tells it, but for a history.
-  void noteState(const double* angle, const double* velocity, const double* acceleration,
-                 MotionState* state);
-  /// True when the present lies within the last step, and not at its end.
-  bool isInsideStep() const;
-
-  /// The state at time 0 with the inputs as they are.
-  void start();
-  const MotionStatus& advance(double time);
-  /// Brings the present to `time`, or to where the motion stops.
-  void moveTo(double time);
-
-  /// All commands that wait take effect at the present, together: inputs that jump move on the
-  /// straight line between their old and new values, so that no order means anything.
-  void carryOutCommands();
-  void changeInputs(const CommandQueue& queue);
-  /// Those before the first advance: a zero-order one is the initial value, no jump, so the
-  /// accelerations of least reaction are those with it; the others set targets.
-  void carryOutInitialCommands();
-  bool isAnyCommandNew() const;
-
-  bool isSampleFinite() const;
+  /// The motion goes on from `state`, with the values x and the accelerations `epsilon`, and
+  /// nothing else that this one has had before.
+  const MotionStatus& beginFrom(const MotionState& state, const State& x, const double* epsilon);
+  /// The node at the present: the front, or the step made again up to there. False when the motion
+  /// stopped.
+  bool cutStep(StepNode* node);
   void forgetSample() {
-    sample_valid_ = false;
+    is_sample_valid_ = false;
     quiet_until_ = -1.0;
   }
-  void takeSample();
+
+  const Scene scene;
+  const std::unique_ptr<PrincipleSystem> own_system;
+  PrincipleSystem& system;
+  Drivetrain& drivetrain;  ///< the system's
+  Integrator integrator;
+  EnergyMeter energy_meter;
+  CommandQueue commands;
+  const Quantities quantities;
+  std::unique_ptr<ErrorEstimate> error_estimate;  ///< none: errors are not estimated
+  std::string machine_code = "the interpreter";   ///< or another sentence
+  bool has_machine_code = false;
+  double time = 0.0;  ///< the present
+
+ private:
+  /// The state at time 0 with the inputs as they are.
+  void start();
+  const MotionStatus& advance(double end);
+  /// Brings the present to `end`, or to where the motion stops.
+  void moveTo(double end);
+  /// One accepted step, or the end of a rest; account for its energy. False when the motion
+  /// stopped.
+  bool step(double end);
+
+  bool isAnyCommandNew() const;
+  void changeInputs();
+  /// Before the first advance: a zero-order command is the initial value, no jump, so the
+  /// accelerations of least reaction are those with it; the others set targets.
+  void changeInitialInputs();
+
+  bool isSampleFinite() const;
   void takeSampleOfState();
 
-  /// The motion goes on from `state`, with the accelerations `epsilon` and nothing else that this
-  /// one has had before.
-  const MotionStatus& beginFrom(const MotionState& state, const State& x, const double* epsilon);
-
-  /// The motion goes on from `node`, inside the last step or at rest.
-  void cutEnergy(const StepNode& node);
-  /// The applied energy at the present, J.
-  double calcApplied();
-
-  Scene scene_;
-  std::unique_ptr<PrincipleSystem> own_system_;
-  PrincipleSystem& system_;
-  Drivetrain& drivetrain_;  // the system's
-  Integrator integrator_;
-  EnergyMeter energy_;
-  CommandQueue commands_;
-  Quantities quantities_;
   Start start_;  // the last one looked for
   State first_;  // at time 0, with the inputs as the scene has them
   bool knows_first_ = false;
-  std::string machine_code_ = "the interpreter";
-  bool has_machine_code_ = false;
-  double time_ = 0.0;  // the present
   Sample sample_;
   double sampled_at_ = 0.0;  // as nodes count it: the present, or just behind an edge there
-  bool sample_valid_ = false;
-  double quiet_until_ = -1.0;  ///< s: nothing but the present changes as far as there
+  bool is_sample_valid_ = false;
+  double quiet_until_ = -1.0;  // s: nothing but the present changes as far as there
 };
 
 }  // namespace variator_sim

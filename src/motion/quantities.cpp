@@ -5,34 +5,18 @@
 namespace variator_sim {
 
 const char* toString(QuantityGroup group) {
-  switch (group) {
-    case QuantityGroup::kElements:
-      return "elements";
-    case QuantityGroup::kInputs:
-      return "inputs";
-    case QuantityGroup::kOutputs:
-      return "outputs";
-  }
-  return "";
+  constexpr const char* kNames[] = {"elements", "inputs", "outputs"};  // as they are enumerated
+  return kNames[static_cast<std::size_t>(group)];
 }
 
 Quantities::Quantities(const Scene& scene) : scene_(scene) {
-  nameElements();
-  const auto of = [this](QuantityGroup group) -> std::vector<std::string>& {
-    return names_[static_cast<std::size_t>(group)];
-  };
-  for (const CommandInputSettings& input : scene.inputs) {
-    of(QuantityGroup::kInputs).push_back(input.name);
-  }
-  for (const Output& output : scene.outputs) of(QuantityGroup::kOutputs).push_back(output.name());
-}
-
-void Quantities::nameElements() {
-  std::vector<std::string>& names = names_[static_cast<std::size_t>(QuantityGroup::kElements)];
-  const auto add_outputs = [&names](const auto& element) {
-    const std::vector<std::string> outputs = element.outputNames();
-    for (const std::string& output : outputs) names.push_back(element.name() + "/" + output);
-    return outputs.size();
+  auto& [names, inputs, outputs] = names_;
+  for (const CommandInputSettings& input : scene.inputs) inputs.push_back(input.name);
+  for (const Output& output : scene.outputs) outputs.push_back(output.name());
+  const auto add_outputs = [&names = names](const auto& element) {
+    const std::vector<std::string> its = element.outputNames();
+    for (const std::string& output : its) names.push_back(element.name() + "/" + output);
+    return its.size();
   };
   for (const TorquePtr& torque : scene_.torques) {
     shafts_.push_back(torque->shafts());

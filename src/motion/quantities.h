@@ -25,7 +25,6 @@ class Quantities {
   void calc(QuantityGroup group, const StateView& state, double* values) const;
 
  private:
-  void nameElements();
   void calcElements(const StateView& state, double* values) const;
 
   const Scene& scene_;

@@ -3,108 +3,122 @@
 #include <string>
 
 #include "motion/motion.h"
+#include "motion/stop_message.h"
 
 namespace variator_sim {
 
-void Motion::noteState(const double* angle, const double* velocity, const double* acceleration,
-                       MotionState* state) {
-  const int S = system_.shafts();
-  state->time = time_;
-  std::copy_n(angle, S, state->angle);
-  std::copy_n(velocity, S, state->velocity);
-  std::copy_n(acceleration, S, state->acceleration);
-  for (int i = 0; i < drivetrain_.inputCount(); ++i) {
-    state->signal[i] = drivetrain_.signal(i);
-    state->signal[i].moveOrigin(presentTime());
-    state->last_command[i] = commands_.lastTime(i);
+namespace {
+
+/// The present of a motion but for its history.
+MotionState stateAtPresent(const Motion& motion, const double* angle, const double* velocity,
+                           const double* acceleration) {
+  const int S = motion.system.shafts();
+  MotionState state;
+  state.time = motion.time;
+  std::copy_n(angle, S, state.angle);
+  std::copy_n(velocity, S, state.velocity);
+  std::copy_n(acceleration, S, state.acceleration);
+  for (int i = 0; i < motion.drivetrain.inputCount(); ++i) {
+    state.signal[i] = motion.drivetrain.signal(i);
+    state.signal[i].moveOrigin(motion.presentTime());
+    state.last_command[i] = motion.commands.lastTime(i);
   }
+  return state;
 }
 
-bool Motion::peekState(MotionState* state) {
-  const Sample& now = sample();
+State valuesOf(const MotionState& state, const System& system) {
+  const int S = system.shafts();
+  State x(system.size());
+  std::copy_n(state.angle, S, x.begin());
+  std::copy_n(state.velocity, S, x.begin() + S);
+  if (x.size() > 2 * S) std::copy_n(state.acceleration, S, x.begin() + 2 * S);
+  return x;
+}
+
+}  // namespace
+
+bool Simulation::peekState(MotionState* state) {
+  motion_->settle();
+  const Sample& now = motion_->sample();
   if (!status().ok()) return false;
-  *state = MotionState{};
-  noteState(now.angle, now.velocity, now.acceleration, state);
+  *state = stateAtPresent(*motion_, now.angle, now.velocity, now.acceleration);
   return true;
 }
 
-bool Motion::saveState(MotionState* state) {
-  carryOutCommands();
-  if (!status().ok()) return false;
-  if (integrator_.isStart()) energy_.begin(integrator_.front(), integrator_.rows());
-  StepNode here = integrator_.front();
-  if (integrator_.isSleeping() || isInsideStep()) {
-    if (!integrator_.reach(presentTime(), &here)) {
-      time_ = status().time;
-      return false;
-    }
-    cutEnergy(here);
-  }
+bool Simulation::saveState(MotionState* state) {
+  Motion& motion = *motion_;
+  Integrator& integrator = motion.integrator;
+  motion.settle();
+  StepNode here(motion.system);
+  if (!status().ok() || !motion.cutStep(&here)) return false;
   // A motion that stands just behind an edge goes on from there, as that which is restored does.
-  if (here.time > presentTime()) time_ = integrator_.origin().absolute(here.time);
-  integrator_.cutAt(time_, here);
-  noteState(here.x.begin(), here.x.begin() + system_.shafts(),
-            system_.view(0.0, here.x).acceleration, state);
-  state->history = integrator_.history();
-  state->history.energy = energy_.account();
-  return beginFrom(*state, here.x, state->acceleration).ok();
+  if (here.time > motion.presentTime()) motion.time = integrator.origin().absolute(here.time);
+  integrator.cutAt(motion.time, here);
+  *state = stateAtPresent(motion, here.x.begin(), here.x.begin() + motion.system.shafts(),
+                          motion.system.view(0.0, here.x).acceleration);
+  state->history = integrator.history();
+  state->history.energy = motion.energy_meter.account();
+  return motion.beginFrom(*state, here.x, state->acceleration).ok();
 }
 
 const MotionStatus& Motion::beginFrom(const MotionState& state, const State& x,
                                       const double* epsilon) {
-  time_ = state.time;
+  time = state.time;
   forgetSample();
-  commands_.reset();
-  for (int i = 0; i < drivetrain_.inputCount(); ++i) {
-    drivetrain_.signal(i) = state.signal[i];
-    commands_.setLastTime(i, state.last_command[i]);
+  commands.reset();
+  for (int i = 0; i < drivetrain.inputCount(); ++i) {
+    drivetrain.signal(i) = state.signal[i];
+    commands.setLastTime(i, state.last_command[i]);
   }
-  integrator_.beginFrom(time_, x, epsilon, state.history);
+  integrator.beginFrom(time, x, epsilon, state.history);
   if (state.history.exists) {
-    energy_.resume(state.history.energy, time_);
+    energy_meter.resume(state.history.energy, time);
   } else {
-    energy_.begin(integrator_.front(), integrator_.rows());
+    energy_meter.begin();
   }
   return status();
 }
 
-std::string Motion::setState(const MotionState& state, bool project) {
+std::string Simulation::setState(const MotionState& state, bool project) {
+  Motion& motion = *motion_;
+  PrincipleSystem& system = motion.system;
   MotionState before;
   if (!saveState(&before)) return "the motion has stopped";
-  for (int i = 0; i < drivetrain_.inputCount(); ++i) drivetrain_.signal(i) = state.signal[i];
-  drivetrain_.setOrigin(state.time);
-  drivetrain_.refreshInputs(0.0);
-  const int S = system_.shafts();
-  const bool has_history = state.history.exists;
-  const auto stateOf = [&](const MotionState& from) {
-    State x(system_.size());
-    std::copy_n(from.angle, S, x.begin());
-    std::copy_n(from.velocity, S, x.begin() + S);
-    if (x.size() > 2 * S) std::copy_n(from.acceleration, S, x.begin() + 2 * S);
-    return x;
-  };
-  Start start(system_);
+  for (int i = 0; i < motion.drivetrain.inputCount(); ++i) {
+    motion.drivetrain.signal(i) = state.signal[i];
+  }
+  motion.drivetrain.setOrigin(state.time);
+  motion.drivetrain.refreshInputs(0.0);
+  const State given = valuesOf(state, system);
+  Start start(system);
   double epsilon[kMaxShafts];
   const auto accept = [&](bool may_move) {
-    start.x = stateOf(state);
-    std::copy_n(state.acceleration, S, epsilon);
-    start.result = system_.accept(0.0, may_move, state.is_acceleration_given || has_history,
-                                  start.x, epsilon, start.nearest, &start.velocities_at_fault);
+    start.x = given;
+    std::copy_n(state.acceleration, system.shafts(), epsilon);
+    const bool are_given = state.is_acceleration_given || state.history.exists;
+    start.result = system.accept(0.0, may_move, are_given, start.x, epsilon, start.nearest,
+                                 &start.velocities_at_fault);
     return start.result == InitialResult::kConsistent;
   };
   std::string fault;
   // A saved state that is consistent goes on to the bit; a written one is polished.
-  const bool is_saved = has_history && accept(false);
+  const bool is_saved = state.history.exists && accept(false);
   if (is_saved || accept(project)) {
-    const MotionStatus result = is_saved ? beginFrom(state, stateOf(state), state.acceleration)
-                                         : beginFrom(state, start.x, epsilon);
-    if (result.ok()) return "";
-    fault = std::string("the motion cannot go on from there: ") + toString(result.reason);
+    const MotionStatus& result = is_saved ? motion.beginFrom(state, given, state.acceleration)
+                                          : motion.beginFrom(state, start.x, epsilon);
+    if (!result.ok()) {
+      fault = std::string("the motion cannot go on from there: ") + toString(result.reason);
+    }
   } else {
-    start.x = stateOf(state);
-    fault = describeInconsistency(system_, start, state.acceleration);
+    start.x = given;
+    fault = describeInconsistency(system, start, state.acceleration);
   }
-  beginFrom(before, stateOf(before), before.acceleration);
+  if (!fault.empty()) {
+    motion.beginFrom(before, valuesOf(before, system), before.acceleration);
+  } else if (motion.error_estimate) {
+    motion.error_estimate->companion().setState(state, project);
+    motion.error_estimate->forget();
+  }
   return fault;
 }
 

@@ -8,17 +8,13 @@
 #include <vector>
 
 #include "motion/culprit.h"
+#include "motion/motion.h"
 
 namespace variator_sim {
-
 namespace {
 
-/// What no motion of a machine does, 1/s.
+/// Rates that no motion of a machine has, 1/s.
 constexpr double kEverFaster = 1e6;
-
-std::string assign(const std::string& path, double value) {
-  return "'" + path + ": " + formatNumber(value) + "'";
-}
 
 /// How a law that branches by `function` is made smooth.
 std::string smoothLawFor(const std::string& function) {
@@ -42,10 +38,10 @@ class StopMessage {
  public:
   explicit StopMessage(Motion& motion)
       : motion_(motion),
-        scene_(motion.scene()),
+        scene_(motion.scene),
         status_(motion.status()),
-        state_(motion.present()),
-        culprits_(scene_, motion.inertia(), state_),
+        state_(motion.view()),
+        culprits_(scene_, motion.drivetrain.inertia(), state_),
         culprit_{status_.torque, status_.constraint} {}
 
   std::string write();
@@ -55,13 +51,12 @@ class StopMessage {
   std::string explainUnderflow();
   std::string explainLostTolerance();
   std::string explainStepLimit() const;
-  std::string describeRunaway();
-  /// By torques, or constraints where they are not at fault themselves.
-  std::string describeCulprit() const {
-    return culprit_.exists() ? describe(scene_, culprit_) : "";
-  }
+  std::string describeRunaway() const;
+  std::string describeRow() const;
   std::string functionOfGuard() const {
-    return status_.guard < 0 ? "" : motion_.guard(status_.guard).function();
+    return status_.guard < 0
+               ? ""
+               : motion_.drivetrain.guards()[static_cast<std::size_t>(status_.guard)]->function();
   }
 
   Motion& motion_;
@@ -69,7 +64,7 @@ class StopMessage {
   const MotionStatus& status_;
   const StateView state_;
   const Culprits culprits_;
-  Element culprit_;
+  Element culprit_;  // as the status has it, or found
 };
 
 std::string StopMessage::explain() {
@@ -125,35 +120,30 @@ std::string StopMessage::explainUnderflow() {
 std::string StopMessage::explainLostTolerance() {
   // Far enough below the bound of 50 (step_checks.h): what the motion shows now, and what it may
   // come to where the law is steepest.
-  culprit_ = culprits_.findSteepest();
-  const double most = culprit_.exists() ? culprits_.calcUnattainable(culprit_) : 0.0;
+  const Element steepest = culprits_.findSteepest();
+  const double most = steepest.exists() ? culprits_.calcUnattainable(scene_, steepest) : 0.0;
   const double factor = std::max(status_.measure / 5.0, most / 25.0);
   std::ostringstream text;
   text << "the accelerations follow so steeply from the state that rounding alone moves them by "
           "more than the tolerance";
-  if (culprit_.exists()) {
-    text << ", most by " << describeCulprit();
-    const std::optional<Remedy> remedy = culprits_.findRemedy(culprit_, factor);
-    if (remedy) {
-      text << ": " << assign(remedy->path, remedy->then) << " (it is " << formatNumber(remedy->now)
-           << ") would not";
-    }
-    culprit_ = {};
+  if (steepest.exists()) {
+    text << ", most by " << describe(scene_, steepest);
+    const std::string remedy = culprits_.findRemedy(steepest, factor);
+    if (!remedy.empty()) text << ": " << remedy << " would not";
   }
+  culprit_ = {};  // is told
   const SolverSettings& solver = scene_.solver;
-  text << "; otherwise "
-       << assign("solver/relative_tolerance",
-                 std::min(0.1, toOneDigit(factor * solver.relative_tolerance, true)));
+  const double relative = std::min(0.1, toOneDigit(factor * solver.relative_tolerance, true));
+  text << "; otherwise " << assign("solver/relative_tolerance", relative);
   if (solver.absolute_tolerance > 0.0) {
-    text << " with "
-         << assign("solver/absolute_tolerance",
-                   toOneDigit(factor * solver.absolute_tolerance, true));
+    const double absolute = toOneDigit(factor * solver.absolute_tolerance, true);
+    text << " with " << assign("solver/absolute_tolerance", absolute);
   }
-  text << " or 'principle: generalized_gauss', which integrates the accelerations";
-  text << (scene_.constraints.empty()
+  text << " or 'principle: generalized_gauss', which integrates the accelerations"
+       << (scene_.constraints.empty()
                ? " (without a constraint both principles give the same motion)"
-               : " (another motion where C turns)");
-  text << " (4 roundings of the state make " << status_.measure << " tolerances)";
+               : " (another motion where C turns)")
+       << " (4 roundings of the state make " << status_.measure << " tolerances)";
   return text.str();
 }
 
@@ -171,29 +161,37 @@ std::string StopMessage::explainStepLimit() const {
   return fastest.exists() ? text + "; fastest changes " + describe(scene_, fastest) : text;
 }
 
-/// Of a step that underflowed at speeds which no machine has: who drives there.
-std::string StopMessage::describeRunaway() {
+/// The driver of shafts that underflowed at speeds which no machine has.
+std::string StopMessage::describeRunaway() const {
   constexpr double kNoMachine = 1e6;  // rad/s
   double fastest = 0.0;
   for (int i = 0; i < scene_.shaftCount(); ++i) {
     fastest = std::max(fastest, std::abs(state_.velocity[i]));
   }
   if (fastest < kNoMachine) return "";
-  const std::vector<std::string>& names = motion_.quantities().names(QuantityGroup::kElements);
-  std::vector<double> values(names.size());
-  motion_.calcQuantities(QuantityGroup::kElements, values.data());
-  const std::string power = "/power";
-  std::string driver;
+  const TorquePtr* driver = nullptr;
   double greatest = 0.0;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const std::size_t end = names[i].size() - std::min(names[i].size(), power.size());
-    if (names[i].compare(end, power.size(), power) != 0 || values[i] <= greatest) continue;
-    greatest = values[i];
-    driver = names[i].substr(0, end);
+  for (const TorquePtr& torque : scene_.torques) {
+    double Q[kMaxShafts] = {};
+    torque->addTorque(state_, Q);
+    double power = 0.0;
+    for (int i = 0; i < scene_.shaftCount(); ++i) power += Q[i] * state_.velocity[i];
+    if (power <= greatest) continue;
+    greatest = power;
+    driver = &torque;
   }
-  if (driver.empty()) return "";
-  return "; the shafts run away, driven by torque '" + driver +
+  if (driver == nullptr) return "";
+  return "; the shafts run away, driven by torque '" + (*driver)->name() +
          "': is its sign right? (positive accelerates, a load is negative)";
+}
+
+std::string StopMessage::describeRow() const {
+  double C[kMaxShafts] = {};
+  double c0;
+  const StepNode& front = motion_.integrator.front();
+  const StateView there = motion_.system.view(front.time, front.x);
+  motion_.drivetrain.constraint(status_.constraint).calcRow(there, C, &c0);
+  return ", its C = " + formatNumbers(C, scene_.shaftCount());
 }
 
 std::string StopMessage::write() {
@@ -201,16 +199,12 @@ std::string StopMessage::write() {
   text << toString(status_.reason) << " at t = " << formatNumber(status_.time)
        << " s: " << explain();
   const int S = scene_.shaftCount();
-  if (culprit_.exists()) text << "; " << describeCulprit();
+  if (culprit_.exists()) text << "; " << describe(scene_, culprit_);
   if (status_.reason == StopReason::kNonFiniteValue && culprit_.exists()) {
     const std::string part = culprits_.findNonFinitePart(culprit_);
     if (!part.empty()) text << ", its " << part;
   }
-  if (status_.constraint >= 0) {
-    double C[kMaxShafts] = {};
-    motion_.calcConstraintRow(status_.constraint, C);
-    text << ", its C = " << formatNumbers(C, S);
-  }
+  if (status_.constraint >= 0) text << describeRow();
   if (status_.reason == StopReason::kSingularConstraint) {
     text << " (" << status_.measure << " of its scale)";
   }
@@ -225,10 +219,106 @@ std::string StopMessage::write() {
   return text.str();
 }
 
+/// " residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
+std::string listResiduals(PrincipleSystem& system, const Start& start, const StateView& state) {
+  const Drivetrain& drivetrain = system.drivetrain();
+  const bool of_velocities = start.velocities_at_fault;
+  std::string text;
+  for (int m : of_velocities ? drivetrain.velocityRows() : drivetrain.accelerationRows()) {
+    double C[kMaxShafts];
+    const Constraint& constraint = drivetrain.constraint(m);
+    text += (text.empty() ? " residual of '" : ", residual of '") + constraint.name() + "' = " +
+            formatNumber(of_velocities ? constraint.calcResidual(state)
+                                       : constraint.calcResidualAndJacobian(state, C));
+  }
+  return text;
+}
+
+std::string levelOf(const Start& start) {
+  return start.velocities_at_fault ? "velocities" : "accelerations";
+}
+
+bool isUncertain(const Start& start) {
+  return start.result == InitialResult::kNotUnique || start.result == InitialResult::kDoubtful;
+}
+
+/// `near`: where consistent values were looked for; they were not found there.
+std::string tellNotFound(const Start& start, const std::string& near,
+                         const std::string& residuals) {
+  return "no " + levelOf(start) + " that satisfy the constraints were found " + near +
+         " (there:" + residuals + ")";
+}
+
+/// `remedy`: what to do with the nearest values.
+std::string tellNearest(PrincipleSystem& system, const Start& start, const std::string& residuals,
+                        const std::string& remedy) {
+  return residuals + "; the nearest consistent " + levelOf(start) + " are " +
+         formatNumbers(start.nearest, system.shafts()) + " (" + remedy + ")";
+}
+
+/// The candidates that have the same reaction, or may have.
+std::string listCandidates(PrincipleSystem& system, const Start& start) {
+  std::string text =
+      start.result == InitialResult::kNotUnique
+          ? "more than one has the least reaction, and they lead to different motions: "
+          : "which one has the least reaction is not certain, the constraints have too many like "
+            "these: ";
+  for (int n = 0; n < system.search().candidateCount(); ++n) {
+    const auto& candidate = system.search().candidate(n);
+    text += (n > 0 ? ", " : "") + formatNumbers(candidate.epsilon, system.shafts()) +
+            " with 1/2 R^T J^-1 R = " + formatNumber(candidate.reaction);
+  }
+  return text + "; give 'initial/acceleration'";
+}
+
 }  // namespace
 
 std::string describeStop(Motion& motion) {
   return motion.status().ok() ? "" : StopMessage(motion).write();
+}
+
+std::string describeInconsistency(PrincipleSystem& system, const Start& start,
+                                  const double* given) {
+  if (isUncertain(start)) {
+    return "which accelerations have the least reaction is not certain; give them";
+  }
+  StateView state = system.view(0.0, start.x);
+  if (!start.velocities_at_fault) state.acceleration = given;
+  const std::string values =
+      formatNumbers(start.velocities_at_fault ? state.velocity : given, system.shafts());
+  const std::string residuals = listResiduals(system, start, state);
+  if (start.result != InitialResult::kInconsistent) {
+    return tellNotFound(start, "near " + values, residuals);
+  }
+  return "the " + levelOf(start) + " " + values +
+         " do not satisfy the constraints or the principle:" +
+         tellNearest(system, start, residuals, "set these, or have them projected");
+}
+
+void throwInitialError(PrincipleSystem& system, const Scene& scene, const Start& start) {
+  const bool of_velocities = start.velocities_at_fault;
+  const std::vector<double>& given =
+      of_velocities ? scene.initial.velocity : scene.initial.acceleration;
+  StateView state = system.view(0.0, start.x);
+  std::string text;
+  if (isUncertain(start)) {
+    text = listCandidates(system, start);
+  } else if (start.result != InitialResult::kInconsistent) {
+    const std::string near = given.empty()
+                                 ? "from the free accelerations; give 'initial/acceleration'"
+                                 : "near those given";
+    text = tellNotFound(start, near, listResiduals(system, start, state));
+  } else {
+    (of_velocities ? state.velocity : state.acceleration) = given.data();
+    const bool by_principle = scene.principle == Principle::kGauss && !of_velocities;
+    text = formatNumbers(given.data(), system.shafts()) +
+           (by_principle ? " is not what the principle 'gauss' gives:"
+                         : " does not satisfy the constraints:") +
+           tellNearest(system, start, listResiduals(system, start, state),
+                       "write these, or set 'initial/project: true' to start there");
+  }
+  throw SceneError(of_velocities ? "initial/velocity" : "initial/acceleration",
+                   text + scene.extreme_numbers);
 }
 
 }  // namespace variator_sim

@@ -40,7 +40,7 @@ std::vector<std::string> topicsOf(const std::vector<CommandInputSettings>& input
 
 DrivetrainState makeState(const Simulation& simulation) {
   DrivetrainState message;
-  prepareState(simulation.scene(), simulation.estimatesErrors(), message);
+  prepareState(simulation.scene(), !simulation.describeErrorEstimate().empty(), message);
   return message;
 }
 

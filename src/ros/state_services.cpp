@@ -16,7 +16,7 @@ namespace variator_sim {
 
 StateServices::StateServices(const Simulation& simulation, SteppingLoop& loop)
     : scene_(simulation.scene()), loop_(loop) {
-  prepareState(scene_, simulation.estimatesErrors(), state_message_);
+  prepareState(scene_, !simulation.describeErrorEstimate().empty(), state_message_);
 }
 
 void StateServices::advertise(ros::NodeHandle& private_handle) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <thread>
 #include <utility>
 
@@ -266,7 +267,7 @@ void SteppingLoop::applyCommands() {
 
 void SteppingLoop::applyCommand(const InputCommand& command) {
   if (command.input == InputCommand::kRefused) {
-    simulation_.refuseCommand();
+    simulation_.command(command.input, std::numeric_limits<double>::quiet_NaN());
     return;
   }
   quiet_until_ = 0;  // it takes effect at the next advance
