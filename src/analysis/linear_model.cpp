@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <stdexcept>
 #include <utility>
 
 #include "analysis/decompositions.h"
@@ -23,7 +22,7 @@ using Eigen::VectorXd;
 
 class Linearizer {
  public:
-  Linearizer(const Scene& scene, const OperatingPoint& point, bool numeric);
+  Linearizer(const Scene& scene, const OperatingPoint& point);
   LinearModel make(LinearForm form);
 
  private:
@@ -36,7 +35,7 @@ class Linearizer {
   void solveUnknowns();
   void checkPoint();
   /// d(y)/d(all variables) at v
-  MatrixXd calcSensitivity(VectorXd& v);
+  MatrixXd calcSensitivity(const VectorXd& v);
   /// What a formula's derivatives by all variables are by the model's states (columns 0..n-1),
   /// commands and the rates of commands.
   MatrixXd reduce(const MatrixXd& by_variables) const;
@@ -67,11 +66,11 @@ class Linearizer {
   MatrixXd feedthrough_;  ///< B1
 };
 
-Linearizer::Linearizer(const Scene& scene, const OperatingPoint& point, bool numeric)
+Linearizer::Linearizer(const Scene& scene, const OperatingPoint& point)
     : scene_(scene),
       point_(point),
       kind_(kindOf(scene)),
-      equations_(scene, numeric, kind_ == MotionKind::kFormal),
+      equations_(scene, kind_ == MotionKind::kFormal),
       layout_(equations_.layout()),
       formulas_(makeModelFormulas(equations_, scene)),
       motion_states_((kind_ == MotionKind::kClassical ? 2 : 3) * layout_.S) {
@@ -157,7 +156,7 @@ void Linearizer::checkPoint() {
   }
 }
 
-MatrixXd Linearizer::calcSensitivity(VectorXd& v) {
+MatrixXd Linearizer::calcSensitivity(const VectorXd& v) {
   program_->evaluate(v, values_, derivatives_);
   const int count = formulas_.equations();
   MatrixXd M(count, count);
@@ -212,8 +211,7 @@ MatrixXd Linearizer::calcRates(const MatrixXd& sensitivity) const {
 }
 
 MatrixXd Linearizer::calcFeedthrough(const VectorXd& v) {
-  VectorXd there = v;
-  return calcRates(calcSensitivity(there)).rightCols(layout_.U);
+  return calcRates(calcSensitivity(v)).rightCols(layout_.U);
 }
 
 // v' along the motion.
@@ -270,9 +268,9 @@ void Linearizer::nameModel(LinearModel& model) const {
                           "; as outputs they are whole");
   }
   model.outputs = outputNames(scene_);
-  if (equations_.hasNumericLaws()) {
+  if (program_->hasDifferences()) {
     model.notes.emplace_back(
-        "some laws are no formulas, or too large: their derivatives are differences");
+        "some laws call opaque functions, or are too large: their derivatives are differences");
   }
 }
 
@@ -361,11 +359,7 @@ void Linearizer::keepToManifold(const MatrixXd& G, LinearModel& model) const {
 }  // namespace
 
 LinearModel linearize(const Scene& scene, const OperatingPoint& point, LinearForm form) {
-  try {
-    return Linearizer(scene, point, false).make(form);
-  } catch (const std::length_error&) {
-    return Linearizer(scene, point, true).make(form);
-  }
+  return Linearizer(scene, point).make(form);
 }
 
 std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model, int* zero_index) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <stdexcept>
 #include <utility>
 
 #include "analysis/decompositions.h"
@@ -26,7 +25,7 @@ constexpr double kPi = 3.14159265358979323846;
 
 class Trim {
  public:
-  Trim(const Scene& scene, const TrimOptions& options, bool numeric);
+  Trim(const Scene& scene, const TrimOptions& options);
   TrimResult find();
 
  private:
@@ -81,10 +80,10 @@ class Trim {
   VectorXd base_;
 };
 
-Trim::Trim(const Scene& scene, const TrimOptions& options, bool numeric)
+Trim::Trim(const Scene& scene, const TrimOptions& options)
     : scene_(scene),
       options_(options),
-      equations_(scene, numeric, scene.principle == Principle::kGauss),
+      equations_(scene, scene.principle == Principle::kGauss),
       layout_(equations_.layout()),
       trim_names_(scene, layout_) {
   base_ = VectorXd::Zero(layout_.size());
@@ -134,7 +133,7 @@ void Trim::chooseUnknowns() {
     const auto reads = [&](Node node) {
       return equations_.graph().dependsOn(node, layout_.slot(layout_.angle(i)));
     };
-    if (equations_.hasNumericLaws() || std::any_of(formulas_.begin(), formulas_.end(), reads)) {
+    if (std::any_of(formulas_.begin(), formulas_.end(), reads)) {
       free.push_back(layout_.angle(i));
     }
     free.push_back(layout_.velocity(i));
@@ -484,11 +483,7 @@ TrimResult Trim::find() {
 }  // namespace
 
 TrimResult trim(const Scene& scene, const TrimOptions& options) {
-  try {
-    return Trim(scene, options, false).find();
-  } catch (const std::length_error&) {
-    return Trim(scene, options, true).find();
-  }
+  return Trim(scene, options).find();
 }
 
 }  // namespace variator_sim

@@ -30,7 +30,7 @@ Quantities::Quantities(const Scene& scene) : scene_(scene) {
 void Quantities::nameElements() {
   std::vector<std::string>& names = names_[static_cast<std::size_t>(QuantityGroup::kElements)];
   const auto add_outputs = [&names](const auto& element) {
-    const std::vector<std::string> outputs = element.outputNames();
+    const std::vector<std::string>& outputs = element.outputs().names();
     for (const std::string& output : outputs) names.push_back(element.name() + "/" + output);
     return outputs.size();
   };
@@ -72,11 +72,11 @@ void Quantities::calcElements(const StateView& state, double* values) const {
       power += Q[i] * state.velocity[i];
     }
     *values++ = power;
-    scene_.torques[j]->calcOutputs(state, values);
+    scene_.torques[j]->outputs().evaluate(state, values);
     values += torque_outputs_[j];
   }
   for (std::size_t m = 0; m < scene_.constraints.size(); ++m) {
-    scene_.constraints[m]->calcOutputs(state, values);
+    scene_.constraints[m]->outputs().evaluate(state, values);
     values += constraint_outputs_[m];
   }
 }
