@@ -36,131 +36,10 @@
 namespace variator_sim::benchmark {
 namespace {
 
-// --- compiled components: what a user's own plugins look like --------------------------------
-
-/// 12 s/(s^2 + 0.04), s = (50 - w)/50, on `shaft`.
-class KlossTorque : public Torque {
-  void doConfigure(ComponentContext& context) override { shaft_ = context.readShaft("shaft"); }
-  void doAddTorque(const StateView& x, double* torque) const override {
-    torque[shaft_] += kMotor.torque(x.velocity[shaft_]);
-  }
-  void doAddTorqueRate(const StateView& x, double* rate) const override {
-    rate[shaft_] += kMotor.torqueRate(x.velocity[shaft_], x.acceleration[shaft_]);
-  }
-  Dependence doTorqueDependence() const override { return {false, false}; }
-  Dependence doRateDependence() const override { return {false, false}; }
-
-  static constexpr KlossMotor<double> kMotor = Ship<double>::kMotor;
-  int shaft_ = 0;
-};
-
-/// -0.02 w^2 on `shaft`.
-class SquareTorque : public Torque {
-  void doConfigure(ComponentContext& context) override { shaft_ = context.readShaft("shaft"); }
-  void doAddTorque(const StateView& x, double* torque) const override {
-    torque[shaft_] -= 0.02 * (x.velocity[shaft_] * x.velocity[shaft_]);
-  }
-  void doAddTorqueRate(const StateView& x, double* rate) const override {
-    rate[shaft_] -= 0.04 * (x.velocity[shaft_] * x.acceleration[shaft_]);
-  }
-  Dependence doTorqueDependence() const override { return {false, false}; }
-  Dependence doRateDependence() const override { return {false, false}; }
-
-  int shaft_ = 0;
-};
-
-/// The ship's variator; its row is the hand-written scene's.
-class ShipVariator : public Constraint {
-  void doConfigure(ComponentContext& /*context*/) override {}
-  double doCalcResidual(const StateView& x) const override {
-    double psi;
-    Ship<double>::residual(x.time, x.angle, x.velocity, x.acceleration, &psi);
-    return psi;
-  }
-  double doCalcResidualAndJacobian(const StateView& x, double* C) const override {
-    double c0;
-    doCalcRow(x, C, &c0);
-    return doCalcResidual(x);
-  }
-  void doCalcRow(const StateView& x, double* C, double* c0) const override {
-    double row[1][2];
-    Ship<double>::row(x.time, x.angle, x.velocity, x.acceleration, row, c0);
-    C[0] = row[0][0];
-    C[1] = row[0][1];
-  }
-  void doCalcPartials(const StateView& x, ConstraintPartials& partials) const override {
-    double c0;
-    doCalcRow(x, partials.acceleration, &c0);
-    const double* w = x.velocity;
-    const double* e = x.acceleration;
-    const double u = 0.6 + 0.2 * std::sin(0.7 * x.time);
-    partials.velocity[0] = -u;
-    partials.velocity[1] = 1.0;
-    const double g = 0.2 + 0.01 * (e[0] * e[0] + e[1] * e[1]);
-    partials.time = -0.14 * std::cos(0.7 * x.time) * (g * e[0] + w[0]);
-  }
-  Dependence doDependence() const override { return {true, false}; }
-};
-
-/// 0.2 (e_b - 0.6 e_a)(1 + 0.05 (e_a^2 + e_b^2)) + w_b - 0.6 w_a on `shafts` [a, b].
-class BentVariator : public Constraint {
-  void doConfigure(ComponentContext& context) override {
-    const std::vector<int> shafts = context.readShafts("shafts", 2);
-    a_ = shafts[0];
-    b_ = shafts[1];
-  }
-  double doCalcResidual(const StateView& x) const override {
-    const double ea = x.acceleration[a_];
-    const double eb = x.acceleration[b_];
-    return (eb - 0.6 * ea) * (0.2 + 0.01 * (ea * ea + eb * eb)) + x.velocity[b_] -
-           0.6 * x.velocity[a_];
-  }
-  double doCalcResidualAndJacobian(const StateView& x, double* C) const override {
-    double c0;
-    doCalcRow(x, C, &c0);
-    return doCalcResidual(x);
-  }
-  void doCalcRow(const StateView& x, double* C, double* c0) const override {
-    const double ea = x.acceleration[a_];
-    const double eb = x.acceleration[b_];
-    const double slip = eb - 0.6 * ea;
-    const double g = 0.2 + 0.01 * (ea * ea + eb * eb);
-    const double bend = 0.02 * slip;
-    std::fill_n(C, shaftCount(), 0.0);
-    C[a_] = bend * ea - 0.6 * g;
-    C[b_] = bend * eb + g;
-    *c0 = slip;
-  }
-  void doCalcPartials(const StateView& x, ConstraintPartials& partials) const override {
-    double c0;
-    doCalcRow(x, partials.acceleration, &c0);
-    partials.velocity[a_] = -0.6;
-    partials.velocity[b_] = 1.0;
-  }
-  Dependence doDependence() const override { return {false, false}; }
-
-  int a_ = 0;
-  int b_ = 1;
-};
-
-class Factory : public BuiltinComponentFactory {
- public:
-  ConstraintPtr createConstraint(const std::string& type) override {
-    if (type == "benchmark/ShipVariator") return std::make_shared<ShipVariator>();
-    if (type == "benchmark/BentVariator") return std::make_shared<BentVariator>();
-    return BuiltinComponentFactory::createConstraint(type);
-  }
-  TorquePtr createTorque(const std::string& type) override {
-    if (type == "benchmark/KlossTorque") return std::make_shared<KlossTorque>();
-    if (type == "benchmark/SquareTorque") return std::make_shared<SquareTorque>();
-    return BuiltinComponentFactory::createTorque(type);
-  }
-};
-
 // --- scenes ----------------------------------------------------------------------------------
 
 Scene read(const std::string& text) {
-  Factory factory;
+  BuiltinComponentFactory factory;
   return readScene(readYamlText(text, "scene"), factory);
 }
 
@@ -168,28 +47,19 @@ std::string number(int value) {
   return std::to_string(value);
 }
 
-enum class Form { kFormulas, kCompiled };
-
-const char* toString(Form form) {
-  return form == Form::kFormulas ? "formulas" : "compiled";
-}
-
 /// A motor of Kloss's characteristic, or a load of the speed's square, on shaft `i` (from 1).
-std::string torqueText(int i, Form form) {
+std::string torqueText(int i) {
   const bool is_motor = i % 2 == 1;
   const std::string w = "w" + number(i);
-  std::string text = "q" + number(i) + ": {shaft: s" + number(i) + ", type: ";
-  if (form == Form::kCompiled) {
-    return text + (is_motor ? "benchmark/KlossTorque}\n" : "benchmark/SquareTorque}\n");
-  }
   const std::string slip = "((50-" + w + ")/50)";
-  return text + "variator_sim/ExpressionTorque, torque: \"" +
+  return "q" + number(i) + ": {shaft: s" + number(i) +
+         ", type: variator_sim/ExpressionTorque, torque: \"" +
          (is_motor ? "12*" + slip + "/(" + slip + "^2+0.04)" : "-0.02*" + w + "^2") + "\"}\n";
 }
 
 /// `shafts` shafts of such torques; `constraints` lines for the constraints c1, c2, ...;
 /// `harmonics` behind every mean inertia.
-std::string sceneText(int shafts, Form torques, const std::vector<std::string>& constraints,
+std::string sceneText(int shafts, const std::vector<std::string>& constraints,
                       const std::string& harmonics = "") {
   std::string names;
   std::string torque_names;
@@ -206,7 +76,7 @@ std::string sceneText(int shafts, Form torques, const std::vector<std::string>& 
     velocity *= 0.5;
     body += "s" + number(i) + ": {inertia: " +
             (harmonics.empty() ? mean : "{mean: " + mean + ", harmonics: " + harmonics + "}") +
-            "}\n" + torqueText(i, torques);
+            "}\n" + torqueText(i);
   }
   for (std::size_t m = 0; m < constraints.size(); ++m) {
     const std::string name = "c" + std::to_string(m + 1);
@@ -217,13 +87,11 @@ std::string sceneText(int shafts, Form torques, const std::vector<std::string>& 
          constraint_names + "]\ninitial: {velocity: [" + velocities + "], project: true}\n" + body;
 }
 
-std::string shipText(Form torques, Form constraint, const std::string& harmonics = "") {
-  const std::string row = constraint == Form::kCompiled
-                              ? "type: benchmark/ShipVariator"
-                              : "type: variator_sim/ExpressionConstraint, order: 2, expression: "
-                                "\"0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2)) + "
-                                "w2-(0.6+0.2*sin(0.7*t))*w1\"";
-  return sceneText(2, torques, {row}, harmonics);
+std::string shipText(const std::string& harmonics = "") {
+  const std::string row =
+      "type: variator_sim/ExpressionConstraint, order: 2, expression: "
+      "\"0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2)) + w2-(0.6+0.2*sin(0.7*t))*w1\"";
+  return sceneText(2, {row}, harmonics);
 }
 
 /// Constraints between neighbouring shafts: `line(a, b)` for each pair.
@@ -234,11 +102,8 @@ std::vector<std::string> between(int count, Line line) {
   return lines;
 }
 
-std::string bentText(int shafts, int constraints, Form form) {
-  return sceneText(shafts, form, between(constraints, [&](const auto& a, const auto& b) {
-                     if (form == Form::kCompiled) {
-                       return "type: benchmark/BentVariator, shafts: [s" + a + ", s" + b + "]";
-                     }
+std::string bentText(int shafts, int constraints) {
+  return sceneText(shafts, between(constraints, [](const auto& a, const auto& b) {
                      return "type: variator_sim/ExpressionConstraint, order: 2, expression: "
                             "\"0.2*(e" +
                             b + "-0.6*e" + a + ")*(1+0.05*(e" + a + "^2+e" + b + "^2)) + w" + b +
@@ -246,8 +111,8 @@ std::string bentText(int shafts, int constraints, Form form) {
                    }));
 }
 
-std::string slipText(int shafts, int constraints, Form torques, const std::string& ratio) {
-  return sceneText(shafts, torques, between(constraints, [&](const auto& a, const auto& b) {
+std::string slipText(int shafts, int constraints, const std::string& ratio) {
+  return sceneText(shafts, between(constraints, [&](const auto& a, const auto& b) {
                      return "type: variator_sim/SlipRatio, shafts: [s" + a + ", s" + b +
                             "], time_constant: 0.2, ratio: " + ratio;
                    }));
@@ -316,11 +181,8 @@ struct NamedKernel {
 };
 
 std::vector<NamedKernel> makeShipKernels() {
-  const std::string compiled = shipText(Form::kCompiled, Form::kCompiled);
-  const std::string formulas = shipText(Form::kFormulas, Form::kFormulas);
+  const std::string formulas = shipText();
   return {{"ship", "by hand", makeHandKernel()},
-          {"ship", "compiled", makeKernel(compiled)},
-          {"ship", "compiled, shafts known", makeKernel(compiled, false)},
           {"ship", "formulas", makeKernel(formulas)},
           {"ship", "formulas, shafts known", makeKernel(formulas, false)}};
 }
@@ -330,14 +192,11 @@ std::vector<NamedKernel> makeScalingKernels() {
   for (int s = 2; s <= kMaxShafts; ++s) {
     for (int k = 1; k < s && k <= 4; ++k) {
       const std::string size = number(s) + " " + number(k);
-      for (const Form form : {Form::kCompiled, Form::kFormulas}) {
-        kernels.push_back({size, toString(form), makeKernel(bentText(s, k, form))});
-      }
-      kernels.push_back({size, "SlipRatio", makeKernel(slipText(s, k, Form::kCompiled, kTable))});
+      kernels.push_back({size, "formulas", makeKernel(bentText(s, k))});
+      kernels.push_back({size, "SlipRatio", makeKernel(slipText(s, k, kTable))});
     }
   }
-  const std::string compiled = bentText(2, 1, Form::kCompiled);
-  kernels.push_back({"2 1", "compiled, shafts known", makeKernel(compiled, false)});
+  kernels.push_back({"2 1", "formulas, shafts known", makeKernel(bentText(2, 1), false)});
   return kernels;
 }
 
@@ -402,8 +261,7 @@ Comparison compare(const std::string& skip, const std::string& scene, const std:
 
 std::vector<Comparison> makeComparisons() {
   std::vector<Comparison> list;
-  const std::string ship = shipText(Form::kFormulas, Form::kFormulas);
-  const std::string compiled_ship = shipText(Form::kCompiled, Form::kCompiled);
+  const std::string ship = shipText();
   const auto add = [&](const char* skip, const std::string& name, const std::string& text,
                        bool Shortcuts::*flag, bool specialize = true) {
     for (const double tolerance : {1e-4, 1e-9}) {
@@ -418,15 +276,11 @@ std::vector<Comparison> makeComparisons() {
                              set(false), set(true)));
     }
   };
-  add("factored once", "2 shafts, 1 SlipRatio", slipText(2, 1, Form::kCompiled, "0.6"),
-      &Shortcuts::factor_once);
-  add("factored once", "8 shafts, 4 SlipRatio", slipText(8, 4, Form::kCompiled, "0.6"),
-      &Shortcuts::factor_once);
-  add("angles not stepped", "ship, compiled", compiled_ship, &Shortcuts::skip_angles);
-  add("angles not stepped", "8 shafts, 4 variators", bentText(8, 4, Form::kCompiled),
-      &Shortcuts::skip_angles);
-  add("shape (2, 1) compiled", "ship, compiled", compiled_ship, &Shortcuts::specialize);
-  add("shape (2, 1) compiled", "ship, formulas", ship, &Shortcuts::specialize);
+  add("factored once", "2 shafts, 1 SlipRatio", slipText(2, 1, "0.6"), &Shortcuts::factor_once);
+  add("factored once", "8 shafts, 4 SlipRatio", slipText(8, 4, "0.6"), &Shortcuts::factor_once);
+  add("angles not stepped", "ship", ship, &Shortcuts::skip_angles);
+  add("angles not stepped", "8 shafts, 4 variators", bentText(8, 4), &Shortcuts::skip_angles);
+  add("shape (2, 1) compiled", "ship", ship, &Shortcuts::specialize);
 
   // A harmonic of amplitude 0: J is evaluated and inverted everywhere, and stays the same.
   for (const double tolerance : {1e-4, 1e-9}) {
@@ -436,30 +290,25 @@ std::vector<Comparison> makeComparisons() {
     };
     const std::string name = tolerance > 1e-5 ? ", 1e-4" : ", 1e-9";
     Comparison comparison =
-        compare("constant inertia", "ship, compiled" + name,
-                shipText(Form::kCompiled, Form::kCompiled, "[{order: 1, cos: 0}]"), set, set);
-    comparison.variants[1].simulation = makeSimulation(compiled_ship, set);
+        compare("constant inertia", "ship" + name, shipText("[{order: 1, cos: 0}]"), set, set);
+    comparison.variants[1].simulation = makeSimulation(ship, set);
     list.push_back(std::move(comparison));
   }
 
-  for (const Form form : {Form::kCompiled, Form::kFormulas}) {
-    const std::string text =
-        sceneText(2, form, {"type: variator_sim/KinematicRatio, shafts: [s1, s2], ratio: 0.5"});
-    list.push_back(compare(
-        "no acceleration state", std::string("constant ratio, ") + toString(form), text,
-        [](Scene& scene, Shortcuts& /*shortcuts*/) {
-          scene.principle = Principle::kGeneralizedGauss;
-        },
-        [](Scene& scene, Shortcuts& /*shortcuts*/) { scene.principle = Principle::kGauss; }));
-  }
+  list.push_back(compare(
+      "no acceleration state", "constant ratio",
+      sceneText(2, {"type: variator_sim/KinematicRatio, shafts: [s1, s2], ratio: 0.5"}),
+      [](Scene& scene, Shortcuts& /*shortcuts*/) {
+        scene.principle = Principle::kGeneralizedGauss;
+      },
+      [](Scene& scene, Shortcuts& /*shortcuts*/) { scene.principle = Principle::kGauss; }));
 
   // What 100 samples per second cost: the same stepper without and with them.
   for (const StepperKind kind :
        {StepperKind::kFehlberg78, StepperKind::kDop853, StepperKind::kDopri5}) {
     const auto set = [=](Scene& scene, Shortcuts& /*shortcuts*/) { scene.solver.stepper = kind; };
-    Comparison comparison =
-        compare("dense output", std::string("ship, compiled, ") + variator_sim::toString(kind),
-                compiled_ship, set, set);
+    Comparison comparison = compare(
+        "dense output", std::string("ship, ") + variator_sim::toString(kind), ship, set, set);
     comparison.variants[0].name = "100 samples/s";
     comparison.variants[0].run = runWithSamples;
     comparison.variants[1].name = "no samples";
@@ -474,7 +323,7 @@ std::vector<Comparison> makeRests() {
   for (const bool ticks : {false, true}) {
     Comparison comparison = compare(
         "sleep", ticks ? "at rest, advanced by 1 ms" : "at rest, advanced by 1e5 s",
-        slipText(2, 1, Form::kCompiled, "0.6"),
+        slipText(2, 1, "0.6"),
         [](Scene& scene, Shortcuts& /*shortcuts*/) { scene.solver.sleep = false; },
         [](Scene& scene, Shortcuts& /*shortcuts*/) { scene.solver.sleep = true; });
     comparison.seconds = ticks ? 100.0 : 1e5;

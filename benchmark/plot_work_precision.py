@@ -108,8 +108,8 @@ def best_of(curves, wanted, target):
 
 
 def ours_forms(curves):
-    """Compiled where the scene has it, else formulas."""
-    return "compiled" if any(form == "compiled" for _, form in curves) else "formulas"
+    """Machine code where it was measured, else formulas."""
+    return "machine code" if any(form == "machine code" for _, form in curves) else "formulas"
 
 
 # --- Pictures
@@ -130,7 +130,7 @@ def shown_curves(curves):
                        "linewidth": 0.9, "zorder": 2}))
     form_of_fixed = ours_forms(curves)
     for stepper, colour in reversed(list(OUR_COLOURS.items())):
-        for form in ("formulas", "compiled"):
+        for form in ("formulas", "machine code"):
             points = curves.get((f"ours {stepper}", form))
             if points is None or (stepper != "auto" and form != form_of_fixed):
                 continue
@@ -228,7 +228,7 @@ def target_table(scenes, target):
             cells.append("-")
         else:
             cells.append(f"**{ours[0]:.3g}** {short_name(ours[1][0])}")
-        for form in ("compiled", "formulas"):
+        for form in ("machine code", "formulas"):
             points = curves.get(("ours auto", form))
             cells.append(show_time(time_at(points, target)) if points else "-")
         peers = []
@@ -246,8 +246,8 @@ def target_table(scenes, target):
         else:
             cells.append(f"{min(peers) / ours[0]:.2g}")
         rows.append(cells)
-    return table(["scene", "ours, best", "auto, compiled", "auto, formulas", "SUNDIALS", "Odeint",
-                  "GSL", "SciPy", "best peer / ours"], rows)
+    return table(["scene", "ours, best", "auto, machine code", "auto, formulas", "SUNDIALS",
+                  "Odeint", "GSL", "SciPy", "best peer / ours"], rows)
 
 
 def summary_table(scenes):
@@ -368,7 +368,7 @@ def make_section(heads, scenes, pictures):
     for target in TARGETS:
         parts.append(f"**Error {show_exponent(target)}**\n\n" + target_table(scenes, target))
     parts.append("### Error delivered / tolerance asked, ours\n\nThe largest over the scenes, at "
-                 "the end of the run; compiled where the scene has that form. `monotone`: scenes "
+                 "the end of the run; machine code where it was measured. `monotone`: scenes "
                  "in which every smaller tolerance gave a smaller error, down to 1e-12.\n\n" +
                  delivered_table(scenes))
     parts.append("### Run time of `auto` / the best fixed stepper of ours\n\nAt equal error, same "

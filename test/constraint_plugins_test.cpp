@@ -1,26 +1,22 @@
 // The ready-made constraints against the same formulas typed into a scene, in rows and in motion;
 // jumps of a commanded ratio against fast ramps; derivatives of the rows by the state and what they
-// depend on; faults of their keys; that the documentation's examples are read; and that a wrong
-// derivative or statement is caught at load, a right one with kinks not.
+// depend on; faults of their keys; that the documentation's examples are read; and that formulas
+// are loaded whose derivatives differences cannot resolve.
 #include <gtest/gtest.h>
 
 #include <array>
-#include <atomic>
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
 #include <memory>
-#include <random>
 #include <set>
 #include <sstream>
 #include <string>
 #include <vector>
 
-#include "model/derivative_check.h"
 #include "support/count_allocations.h"
 #include "support/derivatives_by_state.h"
 #include "support/scenes.h"
-#include "variator_sim/formula_constraint.h"
+#include "variator_sim/constraint.h"
 #include "variator_sim/table.h"
 
 namespace variator_sim {
@@ -83,7 +79,7 @@ TEST(Plugins, HaveTheRowsOfTheirFormulas) {
     const Constraint& plugin = *a.constraints[0];
     const Constraint& formula = *b.constraints[0];
     ASSERT_EQ(plugin.order(), formula.order());
-    EXPECT_EQ(plugin.isLinearInAcceleration(), formula.isLinearInAcceleration());
+    EXPECT_EQ(plugin.nonlinearAccelerations(), formula.nonlinearAccelerations());
     for (int n = 0; n < 5; ++n) {
       const double angle[] = {0.2 * n, 1.0 - n};
       const double velocity[] = {4.0 + 0.7 * n, 3.1 - 0.9 * n};
@@ -136,9 +132,7 @@ TEST(Plugins, AllocateNothing) {
     plugin.calcRow(x, C, &c0);
     plugin.calcResidual(x);
     if (plugin.order() < 3) plugin.calcResidualAndJacobian(x, C);
-    if (plugin.order() == 1) plugin.calcVelocityResidualAndJacobian(x, C);
     plugin.calcPartials(x, partials);
-    plugin.calcInputJacobian(x, 1, &c0);
     plugin.calcJacobianRate(x, C, H);
     plugin.calcHessian(x, H);
     double dC[12];
@@ -289,10 +283,10 @@ TEST(Plugins, AnImposedRatioEntersWithItsTwoDerivatives) {
     commanded.constraints[0]->calcRow(x, C, &c0);
     EXPECT_NEAR(C[0], -input[1], 1e-14);
     EXPECT_NEAR(c0, -(2.0 * 0.2 * 1.3 + -0.9 * 4.0), 1e-12);
-    double Cu[2] = {7.0, 7.0};
-    commanded.constraints[0]->calcInputJacobian(x, 2, Cu);
-    EXPECT_EQ(Cu[0], 0.0);
-    EXPECT_NEAR(Cu[1], -4.0, 1e-14);
+    ConstraintPartials partials;
+    commanded.constraints[0]->calcPartials(x, partials);
+    EXPECT_EQ(partials.input[0], 0.0);
+    EXPECT_NEAR(partials.input[1], -4.0, 1e-14);
   }
 }
 
@@ -579,124 +573,8 @@ TEST(Documentation, ExamplesAreReadRunAndEveryKeyIsThere) {
 
 // ----------------------------------------------------------------------------- verify_derivatives
 
-enum class Seed {
-  kNothing,
-  kPartial,
-  kPartialOfTime,
-  kInput,
-  kRow,
-  kRowC,
-  kResidual,
-  kLinear,
-  kHessian,
-  kRate,
-  kRowByState,
-  kRateOfRowByState,
-  kUnwritten,
-  kNoTime,
-  kNoAngle,
-  kConstant
-};
-
-/// psi = 0.2 e2 (1 + e1^2) - 0.6 w1 sin(t) + w2 + 2 u + sin(phi2), with one seeded fault.
-class Faulty : public Constraint {
- public:
-  explicit Faulty(Seed seed) : seed_(seed) {}
-
- protected:
-  void doConfigure(ComponentContext& context) override {
-    CommandInputSettings input;
-    input.owner = context.name();
-    input.topic = "u";
-    input_ = context.addInput(input);
-  }
-  bool doReadsInputs() const override { return true; }
-  bool doIsLinearInAcceleration() const override { return seed_ == Seed::kLinear; }
-  double doCalcResidual(const StateView& x) const override {
-    const double* e = x.acceleration;
-    return 0.2 * e[1] * (1 + e[0] * e[0]) - 0.6 * x.velocity[0] * std::sin(x.time) + x.velocity[1] +
-           2 * x.input[input_] + std::sin(x.angle[1]);
-  }
-  void doCalcPartials(const StateView& x, ConstraintPartials& p) const override {
-    const double* e = x.acceleration;
-    p.time = -0.6 * x.velocity[0] * std::cos(x.time) * (seed_ == Seed::kPartialOfTime ? -1 : 1);
-    p.angle[1] = std::cos(x.angle[1]);
-    p.velocity[0] = -0.6 * std::sin(x.time);
-    p.velocity[1] = 1;
-    p.acceleration[0] = 0.4 * e[1] * e[0];
-    p.acceleration[1] = 0.2 * (1 + e[0] * e[0]) * (seed_ == Seed::kPartial ? 1.001 : 1);
-    p.input[input_] = seed_ == Seed::kInput ? 0 : 2;
-  }
-  void doCalcRow(const StateView& x, double* C, double* c0) const override {
-    Constraint::doCalcRow(x, C, c0);
-    if (seed_ == Seed::kRow) *c0 += 0.1;
-    if (seed_ == Seed::kRowC) C[1] *= 1.001;
-  }
-  double doCalcResidualAndJacobian(const StateView& x, double* C) const override {
-    return Constraint::doCalcResidualAndJacobian(x, C) + (seed_ == Seed::kResidual ? 1e-3 : 0);
-  }
-  void doCalcHessian(const StateView& x, double* H) const override {
-    Constraint::doCalcHessian(x, H);
-    if (seed_ == Seed::kHessian) H[3] = 1.0;
-  }
-  void doCalcJacobianRate(const StateView& x, double* D, double* H) const override {
-    Constraint::doCalcJacobianRate(x, D, H);
-    if (seed_ == Seed::kRate) D[0] += 1.0;
-  }
-  void doCalcRowDerivatives(const StateView& x, double* dC, double* dc0) const override {
-    const double unwritten = dC[0];
-    Constraint::doCalcRowDerivatives(x, dC, dc0);
-    if (seed_ == Seed::kUnwritten) dC[0] = unwritten;
-    if (seed_ == Seed::kRowByState) dC[5 * 2 + 0] *= 1.001;  // dC1/de2 = 0.4 e1
-    if (seed_ == Seed::kRateOfRowByState) dc0[3] += 1e-3;    // dc0/dw2 = cos(phi2)
-  }
-  Dependence doDependence() const override {
-    return {seed_ != Seed::kNoTime, seed_ != Seed::kNoAngle};
-  }
-  bool doHasConstantJacobian() const override { return seed_ == Seed::kConstant; }
-
- private:
-  Seed seed_;
-  int input_ = 0;
-};
-
-/// Q2 = -0.02 w2^2 - 3 sin(phi2) + cos(t), with one seeded fault.
-class FaultyTorque : public Torque {
- public:
-  enum class Fault { kNothing, kRate, kRateByState, kTime, kAngle, kRateTime, kRateAngle, kShafts };
-  explicit FaultyTorque(Fault fault) : fault_(fault) {}
-
- protected:
-  void doConfigure(ComponentContext& /*context*/) override {}
-  void doAddTorque(const StateView& x, double* torque) const override {
-    torque[1] +=
-        -0.02 * x.velocity[1] * x.velocity[1] - 3 * std::sin(x.angle[1]) + std::cos(x.time);
-  }
-  void doAddTorqueRate(const StateView& x, double* rate) const override {
-    if (fault_ == Fault::kRate) return;  // forgotten
-    rate[1] += -0.04 * x.velocity[1] * x.acceleration[1] -
-               3 * std::cos(x.angle[1]) * x.velocity[1] - std::sin(x.time);
-  }
-  void doAddTorqueRateDerivatives(const StateView& x, double* derivatives) const override {
-    const double w = x.velocity[1];
-    derivatives[1 * 2 + 1] += 3 * std::sin(x.angle[1]) * w;
-    derivatives[3 * 2 + 1] -= 0.04 * x.acceleration[1] + 3 * std::cos(x.angle[1]);
-    derivatives[5 * 2 + 1] -= 0.04 * w * (fault_ == Fault::kRateByState ? 1.001 : 1);
-  }
-  Dependence doTorqueDependence() const override {
-    return {fault_ != Fault::kTime, fault_ != Fault::kAngle};
-  }
-  Dependence doRateDependence() const override {
-    return {fault_ != Fault::kRateTime, fault_ != Fault::kRateAngle};
-  }
-  std::vector<int> doShafts() const override { return {fault_ == Fault::kShafts ? 0 : 1}; }
-
- private:
-  Fault fault_;
-};
-
 /// f = omega_b - u omega_a, as a function template that is also read by Expressions.
-class FirstOrderWithInput : public FormulaConstraint {
+class FirstOrderWithInput : public Constraint {
  public:
   template <class T>
   static T calcResidual(const T& u, const T& w_a, const T& w_b) {
@@ -710,305 +588,26 @@ class FirstOrderWithInput : public FormulaConstraint {
   }
 };
 
-class SeededFactory : public BuiltinComponentFactory {
- public:
-  explicit SeededFactory(Seed seed) : seed_(seed) {}
-  explicit SeededFactory(FaultyTorque::Fault fault) : fault_(fault) {}
+class Factory : public BuiltinComponentFactory {
   ConstraintPtr createConstraint(const std::string& type) override {
-    if (type == "test/Faulty") return std::make_shared<Faulty>(seed_);
     if (type == "test/First") return std::make_shared<FirstOrderWithInput>();
     return BuiltinComponentFactory::createConstraint(type);
   }
-  TorquePtr createTorque(const std::string& type) override {
-    if (type == "test/Faulty") return std::make_shared<FaultyTorque>(fault_);
-    return BuiltinComponentFactory::createTorque(type);
-  }
-
- private:
-  Seed seed_ = Seed::kNothing;
-  FaultyTorque::Fault fault_ = FaultyTorque::Fault::kNothing;
 };
 
-const char* const kSeeded =
-    "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: [it]\nit: {type: "
-    "test/Faulty}\ninitial: {velocity: [5, 3]}\n";
-
-template <class Seeded>
-std::string messageOf(const std::string& yaml, Seeded fault) {
-  SeededFactory factory(fault);
+std::string messageOf(const std::string& yaml) {
+  Factory factory;
   try {
-    const ParameterTree tree = readYamlText(yaml, "test");
-    const Scene scene = readScene(tree, factory);
-    // Nobody states the derivatives of formulas; that they are right is asked here.
-    const auto verify = tree.asDictionary().find("verify_derivatives");
-    if (verify == tree.asDictionary().end()) verifyDerivatives(scene, Compared::kAll);
+    readScene(readYamlText(yaml, "test"), factory);
   } catch (const SceneError& error) {
     return error.what();
   }
   return "";
 }
 
-TEST(VerifyDerivatives, CatchesASeededFaultAndNamesIt) {
-  EXPECT_EQ(messageOf(kSeeded, Seed::kNothing), "");
-  const std::pair<Seed, const char*> seeds[] = {
-      {Seed::kPartial, "d psi/d e2 of"},
-      {Seed::kPartialOfTime, "d psi/d t of"},
-      {Seed::kInput, "d psi/d the input 'u' of"},
-      {Seed::kRow, "c0 of"},
-      {Seed::kRowC, "C2 of calcRow of"},
-      {Seed::kResidual, "psi of calcResidualAndJacobian of"},
-      {Seed::kLinear, "d C1/d e1 (isLinearInAcceleration) of"},
-      {Seed::kHessian, "d C2/d e2 of"},
-      {Seed::kRate, "d C1/dt (calcJacobianRate) of"},
-      {Seed::kRowByState, "d C1/d e2 (calcRowDerivatives) of"},
-      {Seed::kRateOfRowByState, "d c0/d w2 (calcRowDerivatives) of"},
-      {Seed::kUnwritten, "d C1/d phi1 (calcRowDerivatives) of constraint 'it' is not written"},
-      {Seed::kNoTime,
-       "of constraint 'it' is stated not to depend on the time (dependence), but it is"},
-      {Seed::kNoAngle,
-       "of constraint 'it' is stated not to depend on the angles (dependence), but it is"},
-      {Seed::kConstant,
-       "C1 of constraint 'it' is stated to be constant (hasConstantJacobian), but it is"},
-  };
-  for (const auto& [seed, words] : seeds) {
-    const std::string message = messageOf(kSeeded, seed);
-    EXPECT_NE(message.find(words), std::string::npos) << words << " not in: " << message;
-    EXPECT_NE(message.find("constraint 'it'"), std::string::npos) << message;
-    EXPECT_NE(message.find("acceleration = ["), std::string::npos) << message;
-    EXPECT_EQ(messageOf(std::string(kSeeded) + "verify_derivatives: false\n", seed), "");
-  }
-}
-
-TEST(VerifyDerivatives, CatchesAFaultOfATorque) {
-  const std::string scene =
-      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [it]\nit: {type: test/Faulty}\n"
-      "initial: {velocity: [5, 3], acceleration: [1, 1]}\n";
-  EXPECT_EQ(messageOf(scene, FaultyTorque::Fault::kNothing), "");
-  const std::pair<FaultyTorque::Fault, const char*> faults[] = {
-      {FaultyTorque::Fault::kRate, "dQ/dt of shaft 'b' of torque 'it' is stated as 0"},
-      {FaultyTorque::Fault::kRateByState,
-       "d Q'/d e2 of shaft 'b' (addTorqueRateDerivatives) of torque 'it' is stated as -0.12"},
-      {FaultyTorque::Fault::kTime,
-       "Q of shaft 'b' of torque 'it' is stated not to depend on the time (torqueDependence), but "
-       "it is"},
-      {FaultyTorque::Fault::kAngle,
-       "Q of shaft 'b' of torque 'it' is stated not to depend on the angles"},
-      {FaultyTorque::Fault::kRateTime,
-       "dQ/dt of shaft 'b' of torque 'it' is stated not to depend on the time (rateDependence)"},
-      {FaultyTorque::Fault::kRateAngle,
-       "dQ/dt of shaft 'b' of torque 'it' is stated not to depend on the angles"},
-      {FaultyTorque::Fault::kShafts,
-       "Q of shaft 'b' of torque 'it' is stated to be 0 (shafts), but it is"},
-  };
-  for (const auto& [fault, words] : faults) {
-    const std::string message = messageOf(scene, fault);
-    EXPECT_NE(message.find(words), std::string::npos) << words << " not in: " << message;
-    EXPECT_EQ(messageOf(scene + "verify_derivatives: false\n", fault), "");
-  }
-}
-
-/// psi = e2 - e1 + sin(1e5 w1): differences of one step miss its second derivative everywhere.
-class Wavy : public Constraint {
- protected:
-  void doConfigure(ComponentContext& /*context*/) override {}
-  double doCalcResidual(const StateView& x) const override {
-    return x.acceleration[1] - x.acceleration[0] + std::sin(1e5 * x.velocity[0]);
-  }
-  void doCalcPartials(const StateView& x, ConstraintPartials& p) const override {
-    p.velocity[0] = 1e5 * std::cos(1e5 * x.velocity[0]);
-    p.acceleration[0] = -1.0;
-    p.acceleration[1] = 1.0;
-  }
-};
-
-/// The same that states what the default gives, but for rounding.
-class WavyStatement : public Wavy {
- protected:
-  void doCalcRowDerivatives(const StateView& x, double* dC, double* dc0) const override {
-    Constraint::doCalcRowDerivatives(x, dC, dc0);
-    dc0[2] *= 1.0 + 1e-14;  // by w1
-  }
-};
-
-TEST(VerifyDerivatives, LeavesTheDefaultDifferencesAlone) {
-  class Factory : public BuiltinComponentFactory {
-   public:
-    ConstraintPtr createConstraint(const std::string& type) override {
-      if (type == "test/Wavy") return std::make_shared<Wavy>();
-      return std::make_shared<WavyStatement>();
-    }
-  };
-  const auto load = [](const std::string& type) {
-    Factory factory;
-    readScene(readYamlText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: "
-                           "[it]\nit: {type: test/" +
-                               type +
-                               "}\ninitial: {velocity: [5, 3], acceleration: [1, 1], project: "
-                               "true}\n",
-                           "test"),
-              factory);
-  };
-  EXPECT_NO_THROW(load("Wavy"));
-  EXPECT_THROW(load("WavyStatement"), SceneError);
-}
-
 TEST(VerifyDerivatives, IsABoolean) {
-  EXPECT_NE(messageOf(std::string(kSeeded) + "verify_derivatives: 3\n", Seed::kNothing)
-                .find("verify_derivatives"),
-            std::string::npos);
-}
-
-TEST(VerifyDerivatives, DoesNotCryAtKinksSteepsAndPoles) {
-  const char* const torques[] = {
-      "abs(w1)*w1-abs(w2)",
-      "max(w1, 0)+min(w2, w1)+sign(w1)",
-      "sign(w1-5)*w1",
-      "100*tanh(w1/1e-6)",
-      "100*tanh(w1/1e-9)",
-      "100*tanh((w1-5)/1e-8)",
-      "1e8*(w1-w2)+sin(1e5*t)",
-      "sqrt(w1)+log(w2)",
-      "sqrt(abs(w1))",
-      "1/w1",
-      "1e12+w1",
-      "1e-12*w1^3",
-      "exp(50*t)",
-      "(w1-5)^2*1e-3+1e9*(phi1-phi2)",
-      "abs(abs(w1-5)-1e-3)",
-      "max(min(w1,1e-4),-1e-4)",
-      "w1^3*cos(20*phi1)",
-  };
-  for (const char* torque : torques) {
-    for (const char* start : {"[0, 0]", "[5, 3]", "[1e-4, 0]", "[300, -200]"}) {
-      const std::string scene =
-          "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [it]\n"
-          "it: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-          std::string(torque) + "\"}\nconstraints: [psi]\npsi: {type: " +
-          "variator_sim/ExpressionConstraint, order: 2, expression: \"e2-0.5*e1+1e-3*(" + torque +
-          ")\"}\ninitial: {velocity: " + start + ", acceleration: [3, 1]}\n";
-      EXPECT_EQ(messageOf(scene, Seed::kNothing), "") << torque << start;
-    }
-  }
-}
-
-std::string sceneOf(const std::string& torque, const std::string& constraint,
-                    const std::string& velocity, const std::string& acceleration) {
-  return "shafts: [a, b]\na: {inertia: 0.3}\nb: {inertia: 2}\ntorques: [it]\nit: {type: "
-         "variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-         torque + "\"}\nconstraints: [v]\nv: {type: variator_sim/" + constraint +
-         "}\ninitial: {velocity: " + velocity + ", acceleration: " + acceleration +
-         ", project: true}\n";
-}
-
-// The belt's tanh in every state: at its ends the law is a constant but for its tail.
-TEST(VerifyDerivatives, AcceptsALawWhereverItSaturates) {
-  std::mt19937 random(1);
-  const auto number = [&random](double from, double to) {
-    return std::uniform_real_distribution<double>(from, to)(random);
-  };
-  for (int n = 0; n < 300; ++n) {
-    const double low = number(0.2, 1.0);
-    const double speed = std::pow(10.0, number(-0.5, 2.5));
-    const double width = std::pow(10.0, number(-1.5, 0.5));
-    const double w1 = speed * std::pow(10.0, number(-2.0, 1.2)) * (n % 4 == 0 ? -1.0 : 1.0);
-    const std::string law = "VBeltRatio, shafts: [a, b], ratio_low: " + std::to_string(low) +
-                            ", ratio_high: " + std::to_string(low + number(0.05, 2.0)) +
-                            ", speed: " + std::to_string(speed) +
-                            ", width: " + std::to_string(width);
-    const std::string scene =
-        sceneOf("3-0.1*w1", law, "[" + std::to_string(w1) + ", " + std::to_string(low * w1) + "]",
-                "[0, 0]");
-    ASSERT_EQ(messageOf(scene, Seed::kNothing), "") << scene;
-  }
-}
-
-/// A formula of t, phi, w (and e) at random, `depth` deep.
-std::string randomFormula(std::mt19937& random, int depth, bool has_accelerations) {
-  const auto choose = [&random](int count) {
-    return static_cast<int>(random() % static_cast<unsigned>(count));
-  };
-  const auto number = [&] {
-    const double size = std::pow(10.0, 0.01 * choose(600) - 3.0);
-    return std::to_string(choose(2) == 0 ? size : -size);
-  };
-  if (depth == 0) {
-    const char* const variables[] = {"t", "phi1", "phi2", "w1", "w2", "e1", "e2"};
-    return choose(5) < 3 ? variables[choose(has_accelerations ? 7 : 5)] : number();
-  }
-  const auto part = [&] { return "(" + randomFormula(random, depth - 1, has_accelerations) + ")"; };
-  const auto factor = [&] { return number() + "*" + part(); };
-  switch (choose(16)) {
-    case 0:
-    case 1:
-      return part() + "+" + part();
-    case 2:
-      return part() + "-" + part();
-    case 3:
-    case 4:
-      return part() + "*" + part();
-    case 5:
-      return part() + "/(1+" + part() + "^2)";
-    case 6:
-      return "1/(1+exp(" + factor() + "))";
-    case 7:
-    case 8:
-      return "tanh(" + factor() + ")";
-    case 9:
-      return "sin(" + factor() + ")";
-    case 10:
-      return "atan(" + factor() + ")";
-    case 11:
-      return "exp(-" + part() + "^2)";
-    case 12:
-      return "1/cosh(" + part() + ")";
-    case 13:
-      return "sqrt(1e-4+" + part() + "^2)";
-    case 14:
-      return "log(1+" + part() + "^2)";
-    default:
-      return "max(" + part() + ", abs(" + part() + "))";
-  }
-}
-
-TEST(VerifyDerivatives, AcceptsFormulasAtRandom) {
-  std::mt19937 random(3);
-  int accepted = 0;
-  for (int n = 0; n < 600; ++n) {
-    const int order = 1 + n % 3;
-    const int depth = 1 + n / 3 % 3;
-    const std::string starts[] = {"w2-w1*(0.5+0.1*(", "e2-0.5*e1+3*((", "j2-0.5*j1+0.2*(("};
-    const std::string law = "ExpressionConstraint, order: " + std::to_string(order) +
-                            ", expression: \"" + starts[order - 1] +
-                            randomFormula(random, depth, order > 1) + "))\"";
-    const double size = std::pow(10.0, n % 5 - 2);
-    const std::string velocity =
-        "[" + std::to_string(0.7 * size) + ", " + std::to_string(-0.4 * size) + "]";
-    const std::string scene =
-        sceneOf(randomFormula(random, depth, false), law, velocity, "[3, -7]");
-    const std::string message = messageOf(scene, Seed::kNothing);
-    // exp of a large constant, say, is no formula.
-    EXPECT_EQ(message.find("verify_derivatives"), std::string::npos) << message << "\n" << scene;
-    if (message.empty()) ++accepted;
-  }
-  EXPECT_GT(accepted, 580);
-}
-
-TEST(VerifyDerivatives, AcceptsTheSmallestNumbersAndLargePhases) {
-  const std::string any = "ExpressionConstraint, order: 2, expression: e2-e1";
-  EXPECT_EQ(messageOf(sceneOf("5e-324*w1", any, "[5, 3]", "[1, 1]"), Seed::kNothing), "");
-  EXPECT_EQ(messageOf(sceneOf("1e-310*sin(w1)*w2", any, "[5, 3]", "[1, 1]"), Seed::kNothing), "");
-  for (const char* phase : {"9.0e+18", "-1e15", "7", "1e300"}) {
-    const std::string scene =
-        std::string("shafts: [a]\na: {inertia: 1}\ntorques: [cut]\n") +
-        "cut: {type: variator_sim/CuttingTorque, shaft: a, torque: 42, begin: -5, ramp: 1, "
-        "tooth_passing: {teeth: 4, amplitude: 0.3, phase: " +
-        phase + "}}\ninitial: {velocity: [5]}\n";
-    EXPECT_EQ(messageOf(scene, Seed::kNothing), "") << phase;
-  }
-  // f and its derivatives are denormal numbers: none of its own, but no derivative is wrong.
-  const std::string tiny = "ExpressionConstraint, order: 1, expression: \"5e-324*(w2-0.5*w1)\"";
-  EXPECT_EQ(
-      messageOf(sceneOf("1", tiny, "[2, 1]", "[0, 0]"), Seed::kNothing).find("verify_derivatives"),
+  EXPECT_NE(
+      messageOf("shafts: [a]\na: {inertia: 1}\nverify_derivatives: 3\n").find("verify_derivatives"),
       std::string::npos);
 }
 
@@ -1027,12 +626,7 @@ TEST(VerifyDerivatives, AsksNothingOfFormulas) {
         start + "a: {inertia: 1}\ntables: [map]\n" +
         "map: {x: [0, 100], y: [-1.0e+10, 0.5, 1], values: [[0, 1, 2], [3, 4, 6]]}\n" +
         "it: {type: variator_sim/ExpressionTorque, shaft: a, " + law + "}\n";
-    SeededFactory factory(Seed::kNothing);
-    try {
-      readScene(readYamlText(scene, "test"), factory);
-    } catch (const SceneError& error) {
-      ADD_FAILURE() << law << ": " << error.what();
-    }
+    EXPECT_EQ(messageOf(scene), "") << law;
   }
 }
 
@@ -1040,10 +634,10 @@ TEST(VerifyDerivatives, AnInputOfOrder1NeedsTwoDerivativesInEveryPlugin) {
   const std::string scene =
       "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: [it]\nit: {type: "
       "test/First, topic: u, ";
-  EXPECT_NE(messageOf(scene + "hold: first_order_lag, time_constant: 1}\n", Seed::kNothing)
-                .find("second_order_lag"),
-            std::string::npos);
-  EXPECT_EQ(messageOf(scene + "hold: second_order_lag, time_constant: 1}\n", Seed::kNothing), "");
+  EXPECT_NE(
+      messageOf(scene + "hold: first_order_lag, time_constant: 1}\n").find("second_order_lag"),
+      std::string::npos);
+  EXPECT_EQ(messageOf(scene + "hold: second_order_lag, time_constant: 1}\n"), "");
 }
 
 }  // namespace

@@ -398,29 +398,29 @@ TEST(CornersOfPsi, EndALeastReactionByName) {
   }
 }
 
-/// A spring that is met at an angle, in C++; its switch is one number.
+/// A depth below the angle of 1 rad that no formula tells.
+class Depth : public OpaqueFunction {
+ public:
+  Depth() : OpaqueFunction(1) {}
+  double value(const double* x) const override { return x[0] - 1.0; }
+  void calcGradient(const double* /*x*/, double* gradient) const override { gradient[0] = 1.0; }
+};
+
+/// A spring that is met at an angle; what it switches by is an opaque function.
 class Stop : public Torque {
  public:
   explicit Stop(bool jumps) : jumps_(jumps) {}
 
  private:
-  void doConfigure(ComponentContext& /*context*/) override {}
-  void doAddTorque(const StateView& x, double* torque) const override {
-    const double depth = x.angle[0] - 1.0;
-    if (depth > 0.0) torque[0] -= jumps_ ? 4.0 : 100.0 * depth;
+  void build(LawContext& scene) override {
+    const Shaft shaft = scene.shaftAt(0);
+    const Expression depth = scene.function(std::make_shared<Depth>(), {shaft.angle});
+    scene.apply(shaft, -where(depth < 0.0, 0.0, jumps_ ? Expression(4.0) : 100.0 * depth));
   }
-  void doAddTorqueRate(const StateView& x, double* rate) const override {
-    if (!jumps_ && x.angle[0] > 1.0) rate[0] -= 100.0 * x.velocity[0];
-  }
-  int doSwitchCount() const override { return 1; }
-  void doCalcSwitches(const StateView& x, double* values) const override {
-    values[0] = x.angle[0] - 1.0;
-  }
-  bool doSwitchJumps(int /*index*/) const override { return jumps_; }
   bool jumps_;
 };
 
-// A plugin's switch: met and left within one step, and declared as a jump.
+// An opaque switching function: met and left within one step, with a kink and with a jump.
 TEST(SwitchesOfPlugins, AreSeenInsideAStep) {
   for (const char* principle : kPrinciples) {
     for (StepperKind stepper : kControlled) {
@@ -429,7 +429,7 @@ TEST(SwitchesOfPlugins, AreSeenInsideAStep) {
         if (jumps && is_implicit && principle == std::string("gauss")) continue;  // as above
         if (stepper == StepperKind::kTaylor) continue;                            // needs formulas
         Scene scene = freeShaft("0*t", stepper, principle, "1");
-        scene.torques.push_back(std::make_shared<Stop>(jumps));
+        test::addTorque(scene, std::make_shared<Stop>(jumps));
         Simulation simulation(std::move(scene));
         ASSERT_TRUE(simulation.advanceTo(3.0).ok())
             << label(stepper, principle) << simulation.describeStatus();

@@ -184,15 +184,18 @@ std::vector<EquationSection> explain(const std::string& yaml, ComponentFactory& 
   return writeEquations(Simulation(readScene(readYamlText(yaml, "scene"), factory)));
 }
 
-/// An element that no formula states.
+class Square final : public OpaqueFunction {
+ public:
+  Square() : OpaqueFunction(1) {}
+  double value(const double* x) const override { return x[0] * x[0]; }
+  void calcGradient(const double* x, double* gradient) const override { gradient[0] = 2.0 * x[0]; }
+};
+
 class OpaqueTorque final : public Torque {
-  void doConfigure(ComponentContext& context) override { shaft_ = context.readShaft("shaft"); }
-  void doAddTorque(const StateView& /*state*/, double* torque) const override {
-    torque[shaft_] += 2.0;
+  void build(LawContext& scene) override {
+    const Shaft shaft = scene.shaft("shaft");
+    scene.apply(shaft, -scene.function(std::make_shared<Square>(), {shaft.velocity}));
   }
-  void doAddTorqueRate(const StateView& /*state*/, double* /*rate*/) const override {}
-  std::vector<int> doShafts() const override { return {shaft_}; }
-  int shaft_ = 0;
 };
 
 class Factory final : public BuiltinComponentFactory {
@@ -222,8 +225,7 @@ initial: {acceleration: [1.0, 0.0]}
 TEST(ExplainedScene, TellsOfEveryElement) {
   Factory factory;
   const std::string text = layOutText(explain(kScene, factory), "scene");
-  const char* const expected[] = {"given by its own code",
-                                  "J_a = 2 + 0.3*cos(2*phi_a)",
+  const char* const expected[] = {"J_a = 2 + 0.3*cos(2*phi_a)",
                                   "Q_coupling_a  = -transmitted_torque",
                                   "Q_spring  = map(w_b)",
                                   "Q_spring' = e_b*map'(w_b)",

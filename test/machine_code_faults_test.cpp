@@ -17,8 +17,8 @@
 #include "machine_code/kernel_library.h"
 #include "support/machine_code_folder.h"
 #include "support/scenes.h"
-#include "variator_sim/formula_torque.h"
 #include "variator_sim/interruption.h"
+#include "variator_sim/torque.h"
 
 namespace variator_sim {
 namespace {
@@ -378,7 +378,7 @@ class Drag : public OpaqueFunction {
   void calcGradient(const double* /*x*/, double* gradient) const override { gradient[0] = -0.3; }
 };
 
-class OpaqueTorque : public FormulaTorque {
+class OpaqueTorque : public Torque {
   void build(LawContext& scene) override {
     scene.apply(scene.shaftAt(0),
                 scene.function(std::make_shared<Drag>(), {scene.shaftAt(0).velocity}));

@@ -15,31 +15,15 @@ namespace variator_sim {
 namespace {
 
 class FakeConstraint : public Constraint {
- protected:
-  void doConfigure(ComponentContext& context) override {
-    shafts_ = context.readShafts("shafts", 2);
-    ratio_ = context.parameters().number("ratio", Range::any(), 1.0);
+  void build(LawContext& scene) override {
+    const std::vector<Shaft> shafts = scene.shafts("shafts", 2);
+    const double ratio = scene.number("ratio", Range::any(), 1.0);
+    scene.constrain(shafts[0].acceleration - ratio * shafts[1].acceleration);
   }
-  double doCalcResidual(const StateView& state) const override {
-    return state.acceleration[shafts_[0]] - ratio_ * state.acceleration[shafts_[1]];
-  }
-  void doCalcPartials(const StateView& /*state*/, ConstraintPartials& partials) const override {
-    partials.acceleration[shafts_[0]] = 1.0;
-    partials.acceleration[shafts_[1]] = -ratio_;
-  }
-
- private:
-  std::vector<int> shafts_;
-  double ratio_ = 1.0;
 };
 
 class ThrowingTorque : public Torque {
- protected:
-  void doConfigure(ComponentContext& /*context*/) override {
-    throw std::runtime_error("no licence found");
-  }
-  void doAddTorque(const StateView& /*state*/, double* /*torque*/) const override {}
-  void doAddTorqueRate(const StateView& /*state*/, double* /*torque_rate*/) const override {}
+  void build(LawContext& /*scene*/) override { throw std::runtime_error("no licence found"); }
 };
 
 class FakeFactory : public ComponentFactory {
@@ -635,32 +619,22 @@ TEST(BuiltinComponents, AreMadeByTheirFullNames) {
   EXPECT_EQ(factory.createTorque("CommandedTorque"), nullptr);
 }
 
-// psi = epsilon_1^2 epsilon_2 + phi_1^3 + t omega_2 + 2 u_1 with its partial derivatives only.
+// psi = epsilon_1^2 epsilon_2 + phi_1^3 + t omega_2 + 2 u_1
 class CubicConstraint : public Constraint {
- protected:
-  void doConfigure(ComponentContext& /*context*/) override {}
-  double doCalcResidual(const StateView& x) const override {
-    const double* e = x.acceleration;
-    return e[0] * e[0] * e[1] + x.angle[0] * x.angle[0] * x.angle[0] + x.time * x.velocity[1] +
-           2.0 * x.input[1];
+  void build(LawContext& scene) override {
+    const Shaft a = scene.shaftAt(0);
+    const Shaft b = scene.shaftAt(1);
+    scene.constrain(a.acceleration * a.acceleration * b.acceleration + a.angle * a.angle * a.angle +
+                    scene.time() * b.velocity + 2.0 * scene.command());
   }
-  void doCalcPartials(const StateView& x, ConstraintPartials& partials) const override {
-    partials.time = x.velocity[1];
-    partials.angle[0] = 3.0 * x.angle[0] * x.angle[0];
-    partials.velocity[1] = x.time;
-    partials.acceleration[0] = 2.0 * x.acceleration[0] * x.acceleration[1];
-    partials.acceleration[1] = x.acceleration[0] * x.acceleration[0];
-    partials.input[1] = 2.0;
-  }
-  bool doReadsInputs() const override { return true; }
 };
 
-TEST(ConstraintDefaults, ComposeRowJacobiansAndHessianFromPartials) {
+TEST(ConstraintOfAPlugin, HasTheRowJacobiansAndHessianOfItsFormula) {
   CubicConstraint constraint;
-  const ParameterTree none = ParameterTree::dictionary();
-  ParameterReader reader(none, "cubic");
+  const ParameterTree tree = readYamlText("topic: u", "test");
+  ParameterReader reader(tree, "cubic");
   const std::vector<std::string> shafts{"a", "b"};
-  std::vector<CommandInputSettings> inputs;
+  std::vector<CommandInputSettings> inputs(1);
   ComponentContext context("cubic", reader, shafts, inputs);
   constraint.configure(context);
 
@@ -669,7 +643,7 @@ TEST(ConstraintDefaults, ComposeRowJacobiansAndHessianFromPartials) {
   const double acceleration[] = {7.0, -11.0};
   const double input[] = {0.0, 1.5};
   const double input_rate[] = {1e300, 13.0};
-  const StateView state{0.5, angle, velocity, acceleration, input, input_rate};
+  const StateView state{0.5, angle, velocity, acceleration, input, input_rate, input_rate};
 
   double C[2] = {-1.0, -1.0};
   EXPECT_EQ(constraint.calcResidualAndJacobian(state, C), 49.0 * -11.0 + 8.0 + 2.5 + 3.0);
@@ -683,10 +657,10 @@ TEST(ConstraintDefaults, ComposeRowJacobiansAndHessianFromPartials) {
   EXPECT_EQ(C[1], 49.0);
   EXPECT_EQ(c0, 5.0 + 12.0 * 3.0 + 0.5 * -11.0 + 2.0 * 13.0);
 
-  double Cu[2] = {-1.0, -1.0};
-  constraint.calcInputJacobian(state, 2, Cu);
-  EXPECT_EQ(Cu[0], 0.0);
-  EXPECT_EQ(Cu[1], 2.0);
+  ConstraintPartials partials;
+  constraint.calcPartials(state, partials);
+  EXPECT_EQ(partials.input[0], 0.0);
+  EXPECT_EQ(partials.input[1], 2.0);
 
   double H[4] = {};
   constraint.calcHessian(state, H);

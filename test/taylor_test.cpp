@@ -416,21 +416,25 @@ TEST(Taylor, IsLeftWhileTheMotionIsStiff) {
   }
 }
 
-/// A law that nobody can see into.
+class Drag : public OpaqueFunction {
+ public:
+  Drag() : OpaqueFunction(1) {}
+  double value(const double* x) const override { return -0.1 * x[0]; }
+  void calcGradient(const double* /*x*/, double* gradient) const override { gradient[0] = -0.1; }
+};
+
+/// A law without series.
 class Opaque : public Torque {
-  void doConfigure(ComponentContext& /*context*/) override {}
-  void doAddTorque(const StateView& x, double* torque) const override {
-    torque[0] -= 0.1 * x.velocity[0];
-  }
-  void doAddTorqueRate(const StateView& x, double* rate) const override {
-    rate[0] -= 0.1 * x.acceleration[0];
+  void build(LawContext& scene) override {
+    const Shaft shaft = scene.shaftAt(0);
+    scene.apply(shaft, scene.function(std::make_shared<Drag>(), {shaft.velocity}));
   }
 };
 
 TEST(Taylor, IsRefusedWhereTheMotionHasNoSeries) {
   for (StepperKind stepper : {StepperKind::kTaylor, StepperKind::kTaylorFixed}) {
     Scene opaque = oneShaft("1-w1", stepper);
-    opaque.torques.push_back(std::make_shared<Opaque>());
+    test::addTorque(opaque, std::make_shared<Opaque>());
     Scene third = test::withStepper(
         test::sceneFromText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\nconstraints: [k]\n"
                             "k: {type: variator_sim/ExpressionConstraint, order: 3, expression: "

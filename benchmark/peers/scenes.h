@@ -30,12 +30,6 @@ struct PlainScene {
   static constexpr bool kLinear = true;  ///< psi linear in the accelerations
   static constexpr bool kConstantInertia = true;
   static constexpr int kEvents = 0;
-  // What our compiled form says of itself, so that nothing is computed that nobody reads.
-  static constexpr bool kConstraintReadsTime = true;
-  static constexpr bool kTorqueReadsTime = false;
-  static constexpr bool kRateReadsTime = false;
-  static constexpr bool kTorqueReadsAngle = false;  ///< its rate too
-  static constexpr bool kConstantC = false;
 };
 
 /// Two shafts, one constraint: N is C turned by a right angle.
@@ -131,10 +125,6 @@ struct Ship : TwoShafts {
 template <class R>
 struct SmoothLinear : TwoShafts {
   using K = typename ConstantOf<R>::Type;
-  static constexpr bool kConstraintReadsTime = false;
-  static constexpr bool kTorqueReadsTime = true;
-  static constexpr bool kRateReadsTime = true;
-  static constexpr bool kConstantC = true;
   static constexpr K kInertia[2] = {K(0.6L), K(1.5L)};
   static constexpr K kEnd = K(20);
   explicit SmoothLinear(const SceneParameters& /*parameters*/) {}
@@ -168,8 +158,6 @@ template <class R>
 struct AccelerationCircle : TwoShafts {
   using K = typename ConstantOf<R>::Type;
   static constexpr bool kLinear = false;
-  static constexpr bool kConstraintReadsTime = false;
-  static constexpr bool kTorqueReadsTime = true;
   static constexpr K kInertia[2] = {K(1.5L), K(1.5L)};
   static constexpr K kEnd = K(5);
   explicit AccelerationCircle(const SceneParameters& /*parameters*/) {}
@@ -351,7 +339,6 @@ struct FourShafts : PlainScene {
   static constexpr int kShafts = 4;
   static constexpr int kConstraints = 2;
   static constexpr bool kLinear = false;
-  static constexpr bool kTorqueReadsAngle = true;
   static constexpr K kInertia[4] = {K(1.0L), K(0.5L), K(0.8L), K(2.5L)};
   static constexpr K kEnd = K(10);
   static constexpr KlossMotor<R> kMotor = {K(20), K(60)};
@@ -429,8 +416,6 @@ struct Crank : PlainScene {
   static constexpr int kConstraints = 1;
   static constexpr bool kLinear = false;
   static constexpr bool kConstantInertia = false;
-  static constexpr bool kConstraintReadsTime = false;
-  static constexpr bool kTorqueReadsAngle = true;
   static constexpr K kInertia[3] = {K(1.0L), K(0.2L), K(3.0L)};  ///< of the first shaft the mean
   static constexpr K kEnd = K(2);
   explicit Crank(const SceneParameters& /*parameters*/) {}

@@ -33,7 +33,7 @@ class ComponentContext {
 
   /// The component's own name in the scene.
   const std::string& name() const { return name_; }
-  /// The component's own dictionary. Keys left unread are an error after doConfigure.
+  /// The component's own dictionary. Keys left unread are an error after `build`.
   ParameterReader& parameters() { return parameters_; }
   /// Names of the scene's shafts, in the order of the indices 1..s.
   const std::vector<std::string>& shaftNames() const { return shaft_names_; }

@@ -2,18 +2,21 @@
 #pragma once
 
 #include <memory>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "variator_sim/component_context.h"
+#include "variator_sim/expression/state_derivatives.h"
+#include "variator_sim/expression/tape.h"
 #include "variator_sim/guard.h"
+#include "variator_sim/law_context.h"
+#include "variator_sim/named_outputs.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
 
-/// Partial derivatives of psi; s values per array. Zero when handed to a constraint, which writes
-/// only those that are not zero.
+/// Partial derivatives of psi; s values per array.
 struct ConstraintPartials {
   double time = 0.0;                     ///< dpsi/dt
   double angle[kMaxShafts] = {};         ///< dpsi/dphi
@@ -32,147 +35,147 @@ using ConstraintPtr = std::shared_ptr<Constraint>;
 /// The motion obeys its third-order form C eta + c0 = 0 [12]: psi differentiated once, f twice. All
 /// forms of one constraint have the same C: df/domega = df'/depsilon = df''/deta.
 ///
-/// A plugin of order 2 writes psi and its partial derivatives; from them are composed here
-///     C = dpsi/depsilon,   c0 = dpsi/dt + dpsi/dphi omega + dpsi/domega epsilon + dpsi/du u'.
-/// A plugin that can do it in fewer operations overrides doCalcRow as well. A plugin of order 1
-/// writes f and its partial derivatives and must override doCalcRow, which needs second
-/// derivatives; one of order 3 needs doCalcRow only.
+/// It says in `build` what is zero; C, c0, all derivatives, its dependences and its guards follow
+/// from that.
+///
+///     class Slip : public variator_sim::Constraint {
+///       void build(variator_sim::LawContext& scene) override {
+///         const auto s = scene.shafts("shafts", 2);
+///         const double tau = scene.number("time_constant", variator_sim::Range::positive());
+///         scene.constrain(tau * (s[1].acceleration - s[0].acceleration) + s[1].velocity -
+///                         s[0].velocity);
+///       }
+///     };
+///
+/// Its order is that of the highest derivative in it. A jerk may occur linearly only; a constraint
+/// of order 1 is differentiated twice, and takes commanded inputs with two derivatives
+/// (`second_order_lag`) only. A law that is no formula calls an OpaqueFunction.
 ///
 /// Evaluations are const, allocate nothing, take no lock and do not throw: they run in the
-/// real-time loop. A value that does not exist is returned as NaN and stops the motion by name.
+/// real-time loop. A value that does not exist is NaN and stops the motion by name. One instance is
+/// evaluated by one thread at a time.
 class Constraint {
  public:
   virtual ~Constraint() = default;
   Constraint(const Constraint&) = delete;
   Constraint& operator=(const Constraint&) = delete;
 
-  /// Reads the parameters. Called once, before any evaluation. Throws SceneError.
-  void configure(ComponentContext& context) {
-    name_ = context.name();
-    shaft_count_ = context.shaftCount();
-    doConfigure(context);
-  }
+  /// Builds the law. Called once, before any evaluation. Throws SceneError.
+  void configure(ComponentContext& context);
   /// The constraint's name in the scene.
   const std::string& name() const { return name_; }
   /// Number of shafts s of the scene.
   int shaftCount() const { return shaft_count_; }
-
   /// 1, 2 or 3.
-  int order() const { return doOrder(); }
+  int order() const { return order_; }
+
+  expression::Graph& graph() const { return *graph_; }
+  /// f, psi, or C eta + c0.
+  expression::Node function() const { return function_; }
+  /// f' = C epsilon + .. of order 1, psi of order 2.
+  expression::Node secondOrder() const { return second_order_; }
+  /// C (s nodes), then c0.
+  const std::vector<expression::Node>& row() const { return row_nodes_; }
+  /// True when an OpaqueFunction is called.
+  bool callsOpaqueFunction() const { return graph_->hasOpaque({function_}); }
 
   /// What is to be zero: f (order 1) or psi (order 2), in the constraint's own unit. Not for order
   /// 3, whose residual C eta + c0 needs the jerk.
-  double calcResidual(const StateView& state) const { return doCalcResidual(state); }
-  /// Order 1 only: f and C = df/domega (s values, all written).
-  double calcVelocityResidualAndJacobian(const StateView& state, double* C) const {
-    return doCalcVelocityResidualAndJacobian(state, C);
-  }
+  double calcResidual(const StateView& state) const;
   /// Orders 1 and 2: the second-order form, f' or psi, and its C = d/depsilon (s values, all
   /// written).
-  double calcResidualAndJacobian(const StateView& state, double* C) const {
-    return doCalcResidualAndJacobian(state, C);
-  }
+  double calcResidualAndJacobian(const StateView& state, double* C) const;
   /// C (s values, all written) and c0 of C eta + c0 = 0 [12].
-  void calcRow(const StateView& state, double* C, double* c0) const { doCalcRow(state, C, c0); }
-  /// dpsi/du of all inputs (input_count values, all written): what a jump of u does to psi.
-  void calcInputJacobian(const StateView& state, int input_count, double* Cu) const {
-    doCalcInputJacobian(state, input_count, Cu);
-  }
+  void calcRow(const StateView& state, double* C, double* c0) const;
   /// Orders 1 and 2: the partial derivatives of f or psi, all of them.
-  void calcPartials(const StateView& state, ConstraintPartials& partials) const {
-    partials = {};
-    doCalcPartials(state, partials);
-  }
+  void calcPartials(const StateView& state, ConstraintPartials& partials) const;
   /// The parts of dC/dt = D + H eta: D (s values) and H = dC/depsilon (s x s values, row by row),
   /// all written. Only the classical Gauss principle asks for them.
-  void calcJacobianRate(const StateView& state, double* D, double* H) const {
-    doCalcJacobianRate(state, D, H);
-  }
+  void calcJacobianRate(const StateView& state, double* D, double* H) const;
   /// H = dC/depsilon (s x s values, row by row, all written): for psi its second derivatives. It
   /// steers Newton's iteration for the accelerations of least reaction.
-  void calcHessian(const StateView& state, double* H) const { doCalcHessian(state, H); }
+  void calcHessian(const StateView& state, double* H) const { hessian_.evaluate(state, H); }
   /// d(C, c0)/d(phi, omega, epsilon): 3s directions, the first s by the angles; all written.
   /// dC_i/dx_q to dC[q * s + i], dc0/dx_q to dc0[q]. Only stiff steppers ask for it.
-  void calcRowDerivatives(const StateView& state, double* dC, double* dc0) const {
-    doCalcRowDerivatives(state, dC, dc0);
-  }
+  void calcRowDerivatives(const StateView& state, double* dC, double* dc0) const;
+
   /// What f or psi and its derivatives depend on.
-  Dependence dependence() const { return doDependence(); }
+  Dependence dependence() const { return dependence_; }
   /// True when C is the same at every state: it is factored once.
-  bool hasConstantJacobian() const { return doHasConstantJacobian(); }
-  /// True when C does not depend on epsilon: a jump is then one exact linear projection.
-  bool isLinearInAcceleration() const { return doIsLinearInAcceleration(); }
+  bool hasConstantJacobian() const { return has_constant_jacobian_; }
   /// The accelerations that the second-order form reads otherwise than with constant coefficients,
-  /// bit i for shaft i: the least reaction is looked for over these alone.
-  unsigned nonlinearAccelerations() const { return doNonlinearAccelerations(); }
-  /// The degree of the second-order form as a polynomial of the accelerations; -1 where it is none,
-  /// or nobody knows.
-  int accelerationDegree() const { return doAccelerationDegree(); }
+  /// bit i for shaft i: the least reaction is looked for over these alone. Where there is none, C
+  /// does not depend on epsilon, and a jump is one exact linear projection.
+  unsigned nonlinearAccelerations() const { return nonlinear_; }
+  /// The degree of the second-order form as a polynomial of the accelerations; -1 where it is none.
+  int accelerationDegree() const { return degree_; }
   /// Functions of the state at whose zeros psi, though continuous, has a kink in epsilon (abs, min,
   /// max of accelerations), each as a constraint of order 2. The least reaction may lie there.
-  const std::vector<ConstraintPtr>& kinks() const { return doKinks(); }
+  const std::vector<ConstraintPtr>& kinks() const { return kinks_; }
   /// True when psi reads a commanded input.
-  bool readsInputs() const { return doReadsInputs(); }
+  bool readsInputs() const { return !inputs_.empty(); }
   /// Where this law changes its branch, see Guard: a step ends there, for the error estimate of one
-  /// that runs over a kink knows little of it. Asked for once, after `configure`.
-  std::vector<GuardPtr> guards() const;
+  /// that runs over a kink knows little of it.
+  const std::vector<GuardPtr>& guards() const { return guards_; }
   /// The instants, s, at which this law or a derivative of it that counts is not smooth (the points
   /// of a table over time, say), in any order: steps end there.
-  std::vector<double> instants() const { return doInstants(); }
-  /// What this constraint tells beside its residual ("slip"), named as elements are. Asked for
-  /// once, after `configure`.
-  std::vector<std::string> outputNames() const { return doOutputNames(); }
-  /// Their values, outputNames().size() of them, all written. Only for samples, and only while
-  /// somebody wants to see them.
-  void calcOutputs(const StateView& state, double* values) const { doCalcOutputs(state, values); }
+  const std::vector<double>& instants() const { return instants_; }
+  /// What this constraint tells beside its residual ("slip").
+  const NamedOutputs& outputs() const { return outputs_; }
 
  protected:
   Constraint() = default;
-  /// One that is made by another and not configured.
-  Constraint(std::string name, int shaft_count)
-      : name_(std::move(name)), shaft_count_(shaft_count) {}
-  virtual void doConfigure(ComponentContext& context) = 0;
-  virtual int doOrder() const { return 2; }
-  virtual double doCalcResidual(const StateView& state) const = 0;
-  /// Partial derivatives of f or psi. Adds nothing to entries that are zero: `partials` arrives
-  /// zeroed.
-  virtual void doCalcPartials(const StateView& state, ConstraintPartials& partials) const = 0;
-
-  virtual double doCalcVelocityResidualAndJacobian(const StateView& state, double* C) const;
-  virtual double doCalcResidualAndJacobian(const StateView& state, double* C) const;
-  virtual void doCalcRow(const StateView& state, double* C, double* c0) const;
-  virtual void doCalcInputJacobian(const StateView& state, int input_count, double* Cu) const;
-  /// By default central differences of C.
-  virtual void doCalcHessian(const StateView& state, double* H) const;
-  /// By default central differences of C along the motion, and doCalcHessian.
-  virtual void doCalcJacobianRate(const StateView& state, double* D, double* H) const;
-  /// By default central differences of doCalcRow.
-  virtual void doCalcRowDerivatives(const StateView& state, double* dC, double* dc0) const;
-  virtual Dependence doDependence() const { return {}; }
-  virtual bool doHasConstantJacobian() const { return false; }
-  virtual bool doIsLinearInAcceleration() const { return false; }
-  /// By default none where psi is linear in them, all otherwise.
-  virtual unsigned doNonlinearAccelerations() const;
-  virtual int doAccelerationDegree() const { return isLinearInAcceleration() ? 1 : -1; }
-  /// By default none.
-  virtual const std::vector<ConstraintPtr>& doKinks() const;
-  virtual bool doReadsInputs() const { return false; }
-  /// How many switches this law has: functions of the state that are zero where f, psi or c0 has a
-  /// kink.
-  virtual int doSwitchCount() const { return 0; }
-  /// Their values, doSwitchCount() of them, all written.
-  virtual void doCalcSwitches(const StateView& /*state*/, double* /*values*/) const {}
-  /// True when the law itself jumps at the zeros of a switch, and not only a derivative of it.
-  virtual bool doSwitchJumps(int /*index*/) const { return false; }
-  /// Guards beside those of the switches.
-  virtual std::vector<GuardPtr> doGuards() const { return {}; }
-  virtual std::vector<double> doInstants() const { return {}; }
-  virtual std::vector<std::string> doOutputNames() const { return {}; }
-  virtual void doCalcOutputs(const StateView& /*state*/, double* /*values*/) const {}
+  /// States the law. Called once. Throws SceneError.
+  virtual void build(LawContext& scene) = 0;
 
  private:
+  class Kink;
+  /// One that is made by another and not configured.
+  Constraint(std::string name, int shaft_count, std::shared_ptr<expression::Graph> graph)
+      : name_(std::move(name)), shaft_count_(shaft_count), graph_(std::move(graph)) {}
+
+  /// Makes the programs of `given`, a function of order `order` that may read `inputs`; messages
+  /// call it `path`.
+  void compile(expression::Node given, int order, const std::set<int>& inputs,
+               const std::string& path);
+  struct Formulas;
+  Formulas derive(const std::set<int>& inputs, const std::string& path);
+  /// The function of order 3 with all jerks 0.
+  expression::Node withoutJerks(const std::vector<expression::Node>& C, const std::string& path);
+  void noteNonlinear(const Formulas& formulas);
+  void check(const Formulas& formulas, const std::string& path) const;
+  /// Throws std::length_error where one becomes too large.
+  void makePrograms(const Formulas& formulas);
+
   std::string name_;
   int shaft_count_ = 0;
+  std::shared_ptr<expression::Graph> graph_;
+  expression::Node function_;
+  expression::Node second_order_;
+  std::vector<expression::Node> row_nodes_;
+
+  // One program per question: none computes more than it is asked for.
+  expression::Tape residual_;                     ///< f or psi
+  expression::Tape residual_and_jacobian_;        ///< f' or psi, then C
+  expression::Tape row_;                          ///< C, then c0
+  expression::Tape partials_;                     ///< those of partial_slots_
+  expression::Tape hessian_;                      ///< H = dC/depsilon, s x s
+  expression::Tape jacobian_rate_;                ///< D, then H
+  expression::StateDerivatives row_derivatives_;  ///< of C, then c0
+  std::vector<int> partial_slots_;                ///< variables by which psi has a derivative
+  std::vector<GuardPtr> guards_;
+  std::vector<double> instants_;  ///< s
+  NamedOutputs outputs_;
+  int order_ = 2;
+  Dependence dependence_;
+  std::set<int> inputs_;  ///< that it reads
+  bool has_constant_jacobian_ = false;
+  unsigned nonlinear_ = 0;
+  int degree_ = 1;
+  std::vector<ConstraintPtr> kinks_;
 };
+
+/// An older name of the class.
+using FormulaConstraint = Constraint;
 
 }  // namespace variator_sim

@@ -2,98 +2,98 @@
 /// stands where its formula does: in src/laws, in the file of its name.
 #pragma once
 
-#include "variator_sim/formula_constraint.h"
-#include "variator_sim/formula_torque.h"
+#include "variator_sim/constraint.h"
+#include "variator_sim/torque.h"
 
 namespace variator_sim {
 
 /// The accelerations of two shafts on a circle.
-class AccelerationMagnitude : public FormulaConstraint {
+class AccelerationMagnitude : public Constraint {
   void build(LawContext& scene) override;
 };
 
 /// A constraint that the scene states as a formula.
-class ExpressionConstraint : public FormulaConstraint {
+class ExpressionConstraint : public Constraint {
   void build(LawContext& scene) override;
 };
 
 /// The jerk of a shaft as a function of time: a kinematically controlled start.
-class ImposedJerk : public FormulaConstraint {
+class ImposedJerk : public Constraint {
   void build(LawContext& scene) override;
 };
 
 /// An acceleration that follows its target with limited jerk.
-class JerkLimit : public FormulaConstraint {
+class JerkLimit : public Constraint {
   void build(LawContext& scene) override;
 };
 
 /// A variator without slip: an imposed ratio of two speeds.
-class KinematicRatio : public FormulaConstraint {
+class KinematicRatio : public Constraint {
   void build(LawContext& scene) override;
 };
 
 /// Imposed power, or an efficiency, between the masses of two shafts.
-class PowerFlow : public FormulaConstraint {
+class PowerFlow : public Constraint {
   void build(LawContext& scene) override;
 };
 
 /// A variator whose slip relaxes.
-class SlipRatio : public FormulaConstraint {
+class SlipRatio : public Constraint {
   void build(LawContext& scene) override;
 };
 
 /// A friction variator with its characteristic.
-class TractionCurve : public FormulaConstraint {
+class TractionCurve : public Constraint {
   void build(LawContext& scene) override;
 };
 
 /// An automatic V-belt variator.
-class VBeltRatio : public FormulaConstraint {
+class VBeltRatio : public Constraint {
   void build(LawContext& scene) override;
 };
 
 /// A torque that is commanded from outside.
-class CommandedTorque : public FormulaTorque {
+class CommandedTorque : public Torque {
   void build(LawContext& scene) override;
 };
 
 /// The torque of a machine tool's cut.
-class CuttingTorque : public FormulaTorque {
+class CuttingTorque : public Torque {
   void build(LawContext& scene) override;
 };
 
 /// A Diesel engine in the mean over its cycles.
-class DieselEngine : public FormulaTorque {
+class DieselEngine : public Torque {
   void build(LawContext& scene) override;
 };
 
 /// A massless elastic link with damping.
-class ElasticCoupling : public FormulaTorque {
+class ElasticCoupling : public Torque {
   void build(LawContext& scene) override;
 };
 
 /// A torque that the scene states as a formula.
-class ExpressionTorque : public FormulaTorque {
+class ExpressionTorque : public Torque {
   void build(LawContext& scene) override;
 };
 
 /// Coulomb, Stribeck and viscous friction.
-class Friction : public FormulaTorque {
+class Friction : public Torque {
   void build(LawContext& scene) override;
 };
 
 /// A motor by its torque over the speed.
-class MotorCurve : public FormulaTorque {
+class MotorCurve : public Torque {
   void build(LawContext& scene) override;
 };
 
 /// A ship's propeller.
-class Propeller : public FormulaTorque {
+class Propeller : public Torque {
   void build(LawContext& scene) override;
 };
 
 /// Running resistance of a vehicle.
-class VehicleResistance : public FormulaTorque {
+class VehicleResistance : public Torque {
   void build(LawContext& scene) override;
 };
 

@@ -26,9 +26,8 @@ struct StateView {
   const double* input_second_rate = nullptr;
 };
 
-/// What a component reads beside velocities, accelerations and inputs. What nobody reads is left
-/// out of the stepping; a component that says false and reads it all the same gives wrong motions,
-/// so the load check compares (derivative_check.h).
+/// Tells whether a law reads the time and the angles. Derivatives by a quantity that no law reads
+/// are left out of the stepping.
 struct Dependence {
   bool time = true;
   bool angle = true;

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <stdexcept>
 #include <utility>
 
 #include "analysis/decompositions.h"
@@ -107,7 +106,7 @@ ManifoldCoordinates findCoordinates(const MatrixXd& G, int velocity_rows, const 
 
 class Linearizer {
  public:
-  Linearizer(const Scene& scene, const OperatingPoint& point, bool numeric);
+  Linearizer(const Scene& scene, const OperatingPoint& point);
   LinearModel make(LinearForm form);
 
  private:
@@ -152,11 +151,11 @@ class Linearizer {
   MatrixXd feedthrough_;  ///< B1
 };
 
-Linearizer::Linearizer(const Scene& scene, const OperatingPoint& point, bool numeric)
+Linearizer::Linearizer(const Scene& scene, const OperatingPoint& point)
     : scene_(scene),
       point_(point),
       kind_(kindOf(scene)),
-      equations_(scene, numeric, kind_ == MotionKind::kFormal),
+      equations_(scene, kind_ == MotionKind::kFormal),
       layout_(equations_.layout()),
       formulas_(makeModelFormulas(equations_, scene)),
       motion_states_((kind_ == MotionKind::kClassical ? 2 : 3) * layout_.S) {
@@ -331,9 +330,9 @@ void Linearizer::nameModel(LinearModel& model) const {
                           "; as outputs they are whole");
   }
   model.outputs = outputNames(scene_);
-  if (equations_.hasNumericLaws()) {
+  if (program_->hasDifferences()) {
     model.notes.emplace_back(
-        "some laws are no formulas, or too large: their derivatives are differences");
+        "some laws call opaque functions, or are too large: their derivatives are differences");
   }
 }
 
@@ -407,11 +406,7 @@ void Linearizer::keepToManifold(const MatrixXd& G, LinearModel& model) const {
 }  // namespace
 
 LinearModel linearize(const Scene& scene, const OperatingPoint& point, LinearForm form) {
-  try {
-    return Linearizer(scene, point, false).make(form);
-  } catch (const std::length_error&) {
-    return Linearizer(scene, point, true).make(form);
-  }
+  return Linearizer(scene, point).make(form);
 }
 
 std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model, int* zero_index) {

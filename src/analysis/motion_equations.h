@@ -18,12 +18,11 @@ inline std::size_t at(int i) {
 
 /// Where everything stands in the vector v of variables. Arrays that a StateView points to are
 /// longer here: behind the accelerations stand the jerks and `a`, behind the inputs the
-/// multipliers, mu and what laws without a formula give.
+/// multipliers and mu.
 struct VariableLayout {
-  int S = 0;       ///< shafts
-  int k = 0;       ///< constraints
-  int U = 0;       ///< inputs
-  int opaque = 0;  ///< what laws without a formula give
+  int S = 0;  ///< shafts
+  int k = 0;  ///< constraints
+  int U = 0;  ///< inputs
 
   int time() const { return 0; }
   int angle(int i) const { return 1 + i; }
@@ -38,8 +37,7 @@ struct VariableLayout {
   int multiplierRate(int m) const { return multiplier(k) + m; }
   /// mu of eta = mu epsilon.
   int growth() const { return multiplierRate(k); }
-  int opaqueValue(int j) const { return growth() + 1 + j; }
-  int inputRate(int i) const { return opaqueValue(opaque) + i; }
+  int inputRate(int i) const { return growth() + 1 + i; }
   int inputSecondRate(int i) const { return inputRate(U) + i; }
   int size() const { return inputSecondRate(U); }
 
@@ -58,13 +56,11 @@ struct ConstraintFormulas {
   bool has_constant_C = false;
 };
 
-/// The formulas of a scene, in a copy of its graph. A law that is no formula, or reads a function
-/// whose second derivatives nobody knows, gives variables instead, whose derivatives are
-/// differences.
+/// The formulas of a scene, in a copy of its graph.
 class MotionEquations {
  public:
-  /// `numeric`: all laws by differences. `with_rates_of_c`: see ConstraintFormulas.
-  MotionEquations(const Scene& scene, bool numeric, bool with_rates_of_c);
+  /// `with_rates_of_c`: see ConstraintFormulas.
+  MotionEquations(const Scene& scene, bool with_rates_of_c);
 
   const VariableLayout& layout() const { return layout_; }
   expression::Graph& graph() { return graph_; }
@@ -94,48 +90,40 @@ class MotionEquations {
   /// The total derivative by time along the motion.
   expression::Node rate(expression::Node node) { return graph_.totalDerivative(node, rates_); }
 
-  /// True when some derivatives are differences.
-  bool hasNumericLaws() const { return !opaque_torques_.empty() || !opaque_constraints_.empty(); }
-  /// What laws without a formula give, into v.
-  void fillOpaque(Eigen::VectorXd& v) const;
-  /// Its derivatives by all variables.
-  Eigen::MatrixXd calcOpaqueDerivatives(const Eigen::VectorXd& v) const;
-
  private:
-  void addTorques(bool numeric);
-  void addConstraint(const Constraint& constraint, bool numeric);
-  void addOpaqueConstraint(const Constraint& constraint, int first);
-  int opaqueSize(const Constraint& constraint) const;
-  int countOpaque(bool numeric);
-  bool isFormula(const Torque& torque) const;
-  bool isFormula(const Constraint& constraint) const;
+  void addConstraint(const Constraint& constraint);
 
   const Scene& scene_;
+  std::vector<expression::Node> torques_;  ///< of the scene's graph, before it is copied
   expression::Graph graph_;
   VariableLayout layout_;
   bool with_rates_of_c_;
   std::vector<expression::Graph::Rate> rates_;
-  std::vector<expression::Node> torques_;
-  std::vector<expression::Node> opaque_torque_rates_;
   std::vector<ConstraintFormulas> constraints_;
-  std::vector<const Torque*> opaque_torques_;
-  std::vector<const Constraint*> opaque_constraints_;
 };
 
-/// Some formulas and their derivatives by all variables.
+/// Some formulas and their derivatives by all variables: exact, or central differences where those
+/// are too large to be made.
 class DifferentiatedFormulas {
  public:
-  /// Throws std::length_error when the derivatives are too large to be made.
   DifferentiatedFormulas(MotionEquations& equations, const std::vector<expression::Node>& formulas);
 
-  /// At v, whose opaque part is written.
-  void evaluate(Eigen::VectorXd& v, Eigen::VectorXd& values, Eigen::MatrixXd& derivatives) const;
+  /// True when derivatives are differences, be it those of an opaque function.
+  bool hasDifferences() const { return has_differences_; }
+  void evaluate(const Eigen::VectorXd& v, Eigen::VectorXd& values,
+                Eigen::MatrixXd& derivatives) const;
 
  private:
-  const MotionEquations& equations_;
+  /// False, and nothing done, when they are too large.
+  bool differentiate(expression::Graph& graph, const std::vector<expression::Node>& formulas);
+  Eigen::MatrixXd calcDifferences(const Eigen::VectorXd& v) const;
+
+  const VariableLayout& layout_;
   int count_;
   expression::Tape tape_;                     ///< the formulas, then those of entries_
   std::vector<std::pair<int, int>> entries_;  ///< (formula, variable)
+  bool has_differences_ = false;
+  bool is_exact_;
 };
 
 }  // namespace variator_sim

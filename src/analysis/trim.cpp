@@ -30,7 +30,7 @@ double largestOf(const VectorXd& v) {
 
 class Trim {
  public:
-  Trim(const Scene& scene, const TrimOptions& options, bool numeric);
+  Trim(const Scene& scene, const TrimOptions& options);
   TrimResult find();
 
  private:
@@ -92,10 +92,10 @@ class Trim {
   VectorXd base_;
 };
 
-Trim::Trim(const Scene& scene, const TrimOptions& options, bool numeric)
+Trim::Trim(const Scene& scene, const TrimOptions& options)
     : scene_(scene),
       options_(options),
-      equations_(scene, numeric, scene.principle == Principle::kGauss),
+      equations_(scene, scene.principle == Principle::kGauss),
       layout_(equations_.layout()),
       formulas_(makeBalance(equations_, scene, options.accelerating)),
       quantities_(listTrimQuantities(equations_, scene)) {
@@ -159,7 +159,7 @@ void Trim::chooseUnknowns() {
     const auto reads = [&](const NamedFormula& it) {
       return equations_.graph().dependsOn(it.formula, layout_.slot(layout_.angle(i)));
     };
-    if (equations_.hasNumericLaws() || std::any_of(formulas_.begin(), formulas_.end(), reads)) {
+    if (std::any_of(formulas_.begin(), formulas_.end(), reads)) {
       unknowns.insert(layout_.angle(i));
     }
     unknowns.insert(layout_.velocity(i));
@@ -472,11 +472,7 @@ TrimResult Trim::find() {
 }  // namespace
 
 TrimResult trim(const Scene& scene, const TrimOptions& options) {
-  try {
-    return Trim(scene, options, false).find();
-  } catch (const std::length_error&) {
-    return Trim(scene, options, true).find();
-  }
+  return Trim(scene, options).find();
 }
 
 }  // namespace variator_sim

@@ -434,12 +434,9 @@ class Drivetrain {
   void findColumns();
   template <class Law>
   void noteBranches(const Law& law, GuardOwner owner) {
-    for (GuardPtr& guard : law.guards()) {
-      guards_.push_back(std::move(guard));
-      guard_owners_.push_back(owner);
-    }
-    const std::vector<double> instants = law.instants();
-    instants_.insert(instants_.end(), instants.begin(), instants.end());
+    guards_.insert(guards_.end(), law.guards().begin(), law.guards().end());
+    guard_owners_.resize(guards_.size(), owner);
+    instants_.insert(instants_.end(), law.instants().begin(), law.instants().end());
   }
   static int rowOf(const std::vector<int>& rows, int row) {
     return row < 0 ? -1 : rows[static_cast<std::size_t>(row)];

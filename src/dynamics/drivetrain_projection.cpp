@@ -170,9 +170,9 @@ bool Drivetrain::calcJumpRate(const StateView& state, const double* torque_jump,
     }
     c0[m] = 0.0;
     if (row.readsInputs()) {
-      double Cu[kMaxInputs];
-      row.calcInputJacobian(state, inputCount(), Cu);
-      for (int i = 0; i < inputCount(); ++i) c0[m] += Cu[i] * input_jump[i];
+      ConstraintPartials partials;
+      row.calcPartials(state, partials);
+      for (int i = 0; i < inputCount(); ++i) c0[m] += partials.input[i] * input_jump[i];
     }
   }
   if (!solver_.factor(inertia_)) {

@@ -1,20 +1,22 @@
-/// The laws of a scene that are formulas of its own graph.
+/// The laws of a scene, formulas of its graph, together.
 #pragma once
 
 #include <cstddef>
 #include <vector>
 
-#include "variator_sim/formula_torque.h"
+#include "variator_sim/errors.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
 
-/// `element` as the law that it is; null where that is none of this scene's graph. (An element of
-/// another graph, made for itself and not by the scene's reader, is one of its own.)
-template <class Law, class Element>
-const Law* formulaIn(const Scene& scene, const Element& element) {
-  const auto* law = dynamic_cast<const Law*>(element.get());
-  return law != nullptr && &law->graph() == scene.graph.get() ? law : nullptr;
+/// Throws SceneError where a law was configured with another graph than the scene's.
+inline void requireOwnFormulas(const Scene& scene) {
+  const auto require = [&scene](const auto& law) {
+    if (&law->graph() == scene.graph.get()) return;
+    throw SceneError(law->name(), "is an element of another scene");
+  };
+  for (const TorquePtr& torque : scene.torques) require(torque);
+  for (const ConstraintPtr& constraint : scene.constraints) require(constraint);
 }
 
 /// True where both have the very same elements, and their formulas in the very same graph.
@@ -23,13 +25,48 @@ inline bool haveSameElements(const Scene& one, const Scene& other) {
          one.constraints == other.constraints;
 }
 
-/// Adds the terms of a torque to the sums of the shafts.
-inline void addTerms(expression::Graph& graph, const std::vector<FormulaTorque::ShaftNode>& terms,
-                     std::vector<expression::Node>& sums) {
-  for (const auto& [shaft, term] : terms) {
-    expression::Node& sum = sums[static_cast<std::size_t>(shaft)];
-    sum = graph.isConstant(sum, 0.0) ? term : graph.add(sum, term);
+/// The sums of Q (`terms` Torque::torques) or Q' (Torque::rates) over all torques, by shaft.
+inline std::vector<expression::Node> sumTorques(
+    const Scene& scene, const std::vector<Torque::ShaftNode>& (Torque::*terms)() const) {
+  expression::Graph& graph = *scene.graph;
+  std::vector<expression::Node> sums(scene.shafts.size(), graph.constant(0.0));
+  for (const TorquePtr& element : scene.torques) {
+    for (const auto& [shaft, term] : (*element.*terms)()) {
+      expression::Node& sum = sums[static_cast<std::size_t>(shaft)];
+      sum = graph.isConstant(sum, 0.0) ? term : graph.add(sum, term);
+    }
   }
+  return sums;
+}
+
+/// psi, f' of order 1, c0 of order 3.
+inline expression::Node residualOf(const Constraint& constraint) {
+  return constraint.order() == 3 ? constraint.row().back() : constraint.secondOrder();
+}
+
+/// first + sum cosine cos(order phi_i) + sine sin(order phi_i): of the mean, J_i(phi_i).
+inline expression::Node addHarmonics(expression::Graph& graph, const Scene& scene, int i,
+                                     expression::Node first) {
+  if (scene.inertia_harmonics.empty()) return first;
+  using expression::Operation;
+  expression::Node sum = first;
+  const expression::Node angle = graph.variable(slotOf(expression::Source::kAngle, i));
+  for (const InertiaHarmonic& it : scene.inertia_harmonics[static_cast<std::size_t>(i)]) {
+    const expression::Node phase = graph.multiply(graph.constant(it.order), angle);
+    const expression::Node cosine = graph.make(Operation::kCos, phase);
+    const expression::Node sine = graph.make(Operation::kSin, phase);
+    sum = graph.add(sum, graph.multiply(graph.constant(it.cosine), cosine));
+    sum = graph.add(sum, graph.multiply(graph.constant(it.sine), sine));
+  }
+  return sum;
+}
+
+/// 1/2 J_i' omega_i of the inertia J_i of shaft i.
+inline expression::Node connectionOf(expression::Graph& graph, expression::Node inertia, int i) {
+  const expression::Node omega = graph.variable(slotOf(expression::Source::kVelocity, i));
+  const expression::Node slope =
+      graph.differentiate(inertia, slotOf(expression::Source::kAngle, i));
+  return graph.multiply(graph.constant(0.5), graph.multiply(slope, omega));
 }
 
 }  // namespace variator_sim

@@ -18,8 +18,7 @@ JumpMap::JumpMap(Drivetrain& drivetrain, const SolverSettings& settings,
       consistency_(drivetrain) {
   for (int m = 0; m < drivetrain.constraintCount(); ++m) {
     const Constraint& constraint = drivetrain.constraint(m);
-    straight_ = straight_ && constraint.isLinearInAcceleration() &&
-                constraint.nonlinearAccelerations() == 0 && !constraint.readsInputs();
+    straight_ = straight_ && constraint.nonlinearAccelerations() == 0 && !constraint.readsInputs();
   }
 }
 

@@ -7,7 +7,6 @@
 
 #include "dynamics/formula_laws.h"
 #include "variator_sim/expression/state_derivatives.h"
-#include "variator_sim/formula_constraint.h"
 
 namespace variator_sim {
 
@@ -18,23 +17,6 @@ using expression::Source;
 using Part = expression::SeriesProgram::Part;
 
 namespace {
-
-/// J_i(phi_i) = mean + sum cosine cos(order phi) + sine sin(order phi)
-/// The mean last: where it alone differs, the rest is summed in the same order.
-Node inertiaOf(Graph& graph, const Scene& scene, int i) {
-  const Node mean = graph.constant(scene.inertia(i, i));
-  if (scene.inertia_harmonics.empty()) return mean;
-  Node sum = graph.constant(0.0);
-  const Node angle = graph.variable(slotOf(Source::kAngle, i));
-  for (const InertiaHarmonic& it : scene.inertia_harmonics[static_cast<std::size_t>(i)]) {
-    const Node phase = graph.multiply(graph.constant(it.order), angle);
-    const Node cosine = graph.make(expression::Operation::kCos, phase);
-    const Node sine = graph.make(expression::Operation::kSin, phase);
-    sum = graph.add(sum, graph.multiply(graph.constant(it.cosine), cosine));
-    sum = graph.add(sum, graph.multiply(graph.constant(it.sine), sine));
-  }
-  return graph.add(mean, sum);
-}
 
 /// The slots of all variables that occur in `nodes`.
 std::set<int> slotsOf(const Graph& graph, const std::vector<Node>& nodes) {
@@ -61,14 +43,10 @@ std::unique_ptr<MotionSeries> MotionSeries::make(const Scene& scene, Drivetrain&
   }
   std::vector<Node> nodes;
   for (const TorquePtr& element : scene.torques) {
-    const auto* law = formulaIn<FormulaTorque>(scene, element);
-    if (law == nullptr) return nullptr;
-    for (const auto& [shaft, torque] : law->torques()) nodes.push_back(torque);
+    for (const auto& [shaft, torque] : element->torques()) nodes.push_back(torque);
   }
   for (const ConstraintPtr& constraint : scene.constraints) {
-    const auto* law = formulaIn<FormulaConstraint>(scene, constraint);
-    if (law == nullptr) return nullptr;
-    nodes.push_back(law->function());
+    nodes.push_back(constraint->function());
   }
   if (!expression::SeriesProgram::hasSeries(*scene.graph, nodes)) return nullptr;
   std::unique_ptr<MotionSeries> series(new MotionSeries(scene, drivetrain));
@@ -91,28 +69,17 @@ MotionSeries::MotionSeries(const Scene& scene, Drivetrain& drivetrain)
 MotionSeries::Formulas MotionSeries::listFormulas() const {
   Graph& graph = *scene_.graph;
   Formulas made;
-  made.torques.assign(static_cast<std::size_t>(S), graph.constant(0.0));
-  for (const TorquePtr& element : scene_.torques) {
-    addTerms(graph, formulaIn<FormulaTorque>(scene_, element)->torques(), made.torques);
-  }
+  made.torques = sumTorques(scene_, &Torque::torques);
   for (const ConstraintPtr& constraint : scene_.constraints) {
-    const auto* law = formulaIn<FormulaConstraint>(scene_, constraint);
-    Node residual = law->function();
-    if (constraint->order() == 1) {
-      std::set<int> inputs;
-      for (int i = 0; i < scene_.inputCount(); ++i) inputs.insert(i);
-      residual = graph.totalDerivative(residual, expression::ratesOf(graph, S, inputs));
-    } else if (constraint->order() == 3) {
-      residual = law->row().back();
-    }
-    made.residuals.push_back(residual);
-    made.rows.insert(made.rows.end(), law->row().begin(), law->row().end() - 1);
+    made.residuals.push_back(residualOf(*constraint));
+    made.rows.insert(made.rows.end(), constraint->row().begin(), constraint->row().end() - 1);
   }
   for (int i = 0; i < S && !isInertiaConstant(); ++i) {
-    const Node inertia = inertiaOf(graph, scene_, i);
+    // The mean last: where it alone differs, the rest is summed in the same order.
+    const Node harmonics = addHarmonics(graph, scene_, i, graph.constant(0.0));
+    const Node inertia = graph.add(graph.constant(scene_.inertia(i, i)), harmonics);
     const Node omega = graph.variable(slotOf(Source::kVelocity, i));
-    const Node slope = graph.differentiate(inertia, slotOf(Source::kAngle, i));
-    const Node connection = graph.multiply(graph.constant(0.5), graph.multiply(slope, omega));
+    const Node connection = connectionOf(graph, inertia, i);
     made.inertias.insert(made.inertias.end(),
                          {inertia, graph.multiply(connection, omega), connection});
   }

@@ -7,7 +7,6 @@
 #include "dynamics/series_lanes.h"
 #include "expression/c_code.h"
 #include "variator_sim/expression/state_derivatives.h"
-#include "variator_sim/formula_constraint.h"
 
 namespace variator_sim {
 
@@ -20,20 +19,10 @@ SceneProgram::SceneProgram(const Scene& scene, const SceneProgram* like)
     copyPrograms(*like);
     return;
   }
+  requireOwnFormulas(scene);
   Graph& graph = *scene.graph;
-  const std::vector<Node> nothing(static_cast<std::size_t>(S), graph.constant(0.0));
-  std::vector<Node> torque = nothing;
-  std::vector<Node> rate = nothing;
-  for (const TorquePtr& element : scene.torques) {
-    const auto* law = formulaIn<FormulaTorque>(scene, element);
-    if (law == nullptr) {
-      opaque_torques_.push_back(element.get());
-      continue;
-    }
-    addTerms(graph, law->torques(), torque);
-    addTerms(graph, law->rates(), rate);
-  }
-  torque_ = Program(graph, torque);
+  const std::vector<Node> rate = sumTorques(scene, &Torque::rates);
+  torque_ = Program(graph, sumTorques(scene, &Torque::torques));
   rate_ = Program(graph, rate);
   makeRows(rate);
   makePartials(rate);
@@ -48,46 +37,25 @@ void SceneProgram::copyPrograms(const SceneProgram& like) {
   }
   tables_ = like.tables_;
   tables2_ = like.tables2_;
-  opaque_torques_ = like.opaque_torques_;
-  opaque_rows_ = like.opaque_rows_;
-  opaque_velocities_ = like.opaque_velocities_;
-  opaque_accelerations_ = like.opaque_accelerations_;
-  sum_.resize(like.sum_.size());
   partials_ = like.partials_;
   has_partials_ = like.has_partials_;
 }
 
 void SceneProgram::makeRows(const std::vector<Node>& rate) {
   Graph& graph = *scene_.graph;
-  const auto s = static_cast<std::size_t>(S);
   std::vector<Node> rows;
   std::vector<Node> velocities;
   std::vector<Node> accelerations;
   for (const ConstraintPtr& constraint : scene_.constraints) {
-    const auto* law = formulaIn<FormulaConstraint>(scene_, constraint);
+    const std::vector<Node>& row = constraint->row();
     // f or psi, and C
-    const auto addLevel = [&](Node residual, std::vector<Node>& level,
-                              std::vector<OpaqueRow>& opaque) {
-      if (law == nullptr) {
-        opaque.push_back({constraint.get(), static_cast<int>(level.size() / (s + 1))});
-        level.insert(level.end(), s + 1, graph.constant(0.0));
-        return;
-      }
+    const auto add_level = [&row](Node residual, std::vector<Node>& level) {
       level.push_back(residual);
-      level.insert(level.end(), law->row().begin(), law->row().end() - 1);
+      level.insert(level.end(), row.begin(), row.end() - 1);
     };
-    if (constraint->order() == 1) {
-      addLevel(law == nullptr ? Node{} : law->function(), velocities, opaque_velocities_);
-    }
-    if (constraint->order() < 3) {
-      addLevel(law == nullptr ? Node{} : law->secondOrder(), accelerations, opaque_accelerations_);
-    }
-    if (law != nullptr) {
-      rows.insert(rows.end(), law->row().begin(), law->row().end());
-    } else {
-      opaque_rows_.push_back(static_cast<int>(rows.size() / (s + 1)));
-      rows.insert(rows.end(), s + 1, graph.constant(0.0));
-    }
+    if (constraint->order() == 1) add_level(constraint->function(), velocities);
+    if (constraint->order() < 3) add_level(constraint->secondOrder(), accelerations);
+    rows.insert(rows.end(), row.begin(), row.end());
   }
   std::vector<Node> rate_and_rows = rate;
   rate_and_rows.insert(rate_and_rows.end(), rows.begin(), rows.end());
@@ -98,11 +66,9 @@ void SceneProgram::makeRows(const std::vector<Node>& rate) {
   std::vector<Node> rate_and_level = rate;
   rate_and_level.insert(rate_and_level.end(), accelerations.begin(), accelerations.end());
   rate_and_level_ = Program(graph, rate_and_level);
-  sum_.resize(rate_and_rows.size());
 }
 
 void SceneProgram::makePartials(const std::vector<Node>& rate) {
-  if (!opaque_torques_.empty() || !opaque_rows_.empty()) return;
   Graph& graph = *scene_.graph;
   using Kind = Partial::Kind;
   std::vector<Node> functions = rate;
@@ -111,10 +77,9 @@ void SceneProgram::makePartials(const std::vector<Node>& rate) {
   for (int i = 0; i < S; ++i) partial_of.push_back({Kind::kRate, 0, i, 0});
   for (int m = 0; m < scene_.constraintCount(); ++m) {
     const ConstraintPtr& constraint = scene_.constraints[static_cast<std::size_t>(m)];
-    const auto* law = formulaIn<FormulaConstraint>(scene_, constraint);
     if (constraint->order() == 3) return;
-    functions.insert(functions.end(), law->row().begin(), law->row().end() - 1);
-    functions.push_back(law->secondOrder());
+    functions.insert(functions.end(), constraint->row().begin(), constraint->row().end() - 1);
+    functions.push_back(constraint->secondOrder());
     for (int i = 0; i < S; ++i) partial_of.push_back({Kind::kEntry, m, i, 0});
     partial_of.push_back({Kind::kResidual, m, 0, 0});
   }
@@ -133,24 +98,6 @@ void SceneProgram::makePartials(const std::vector<Node>& rate) {
     partials_.back().q = entry.q;
   }
   has_partials_ = true;
-}
-
-const double* SceneProgram::addOpaqueRows(const StateView& state, double* values, int begin) const {
-  for (const int m : opaque_rows_) {
-    double* const row = values + begin + m * (S + 1);
-    scene_.constraints[static_cast<std::size_t>(m)]->calcRow(state, row, row + S);
-  }
-  return values;
-}
-
-const double* SceneProgram::addOpaque(const Program& level, const std::vector<OpaqueRow>& opaque,
-                                      const StateView& state, double* values) const {
-  for (const auto& [constraint, row] : opaque) {
-    double* const at = values + row * (S + 1);
-    *at = &level == &velocity_level_ ? constraint->calcVelocityResidualAndJacobian(state, at + 1)
-                                     : constraint->calcResidualAndJacobian(state, at + 1);
-  }
-  return values;
 }
 
 bool Program::agreesWithInterpreter(const StateView& state) const {

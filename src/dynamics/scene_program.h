@@ -1,8 +1,7 @@
 /// The formulas of a scene as programs: those of all elements together, so that what they have in
 /// common is computed once.
 ///
-/// Q is the sum of all torques; C and c0 are those of all constraints [12]. What no formula states
-/// (a plugin with a law of its own) is asked for one by one.
+/// Q is the sum of all torques; C and c0 are those of all constraints [12].
 #pragma once
 
 #include <algorithm>
@@ -30,45 +29,31 @@ class SceneProgram {
 
   /// Q, N m, s values.
   void calcTorque(const StateView& state, double* torque) const {
-    copy(torque_, state, torque);
-    for (const Torque* element : opaque_torques_) element->addTorque(state, torque);
+    std::copy_n(torque_.evaluate(state), S, torque);
   }
   /// Its total rate Q', N m/s, s values.
   void calcTorqueRate(const StateView& state, double* rate) const {
-    copy(rate_, state, rate);
-    for (const Torque* element : opaque_torques_) element->addTorqueRate(state, rate);
+    std::copy_n(rate_.evaluate(state), S, rate);
   }
 
-  /// One behind the other: for each constraint C (s values) and c0. Valid until the next
-  /// evaluation.
-  const double* calcRows(const StateView& state) const {
-    const double* const values = rows_.evaluate(state);
-    return opaque_rows_.empty() ? values : addOpaqueRows(state, copyOf(rows_, values), 0);
-  }
-  /// Of each constraint of order 1: f, then C (s values). Valid until the next evaluation.
+  // Each of these is valid until the next evaluation.
+  /// One behind the other: for each constraint C (s values) and c0.
+  const double* calcRows(const StateView& state) const { return rows_.evaluate(state); }
+  /// Of each constraint of order 1: f, then C (s values).
   const double* calcVelocityLevel(const StateView& state) const {
-    return calcLevel(velocity_level_, opaque_velocities_, state);
+    return velocity_level_.evaluate(state);
   }
-  /// Of each constraint of order 1 or 2: f' or psi, then C. Valid until the next evaluation.
+  /// Of each constraint of order 1 or 2: f' or psi, then C.
   const double* calcAccelerationLevel(const StateView& state) const {
-    return calcLevel(acceleration_level_, opaque_accelerations_, state);
+    return acceleration_level_.evaluate(state);
   }
   /// Q' (s values), then what calcAccelerationLevel gives.
   const double* calcRateAndLevel(const StateView& state) const {
-    const double* const values = rate_and_level_.evaluate(state);
-    if (opaque_torques_.empty() && opaque_accelerations_.empty()) return values;
-    double* const sum = copyOf(rate_and_level_, values);
-    for (const Torque* element : opaque_torques_) element->addTorqueRate(state, sum);
-    addOpaque(acceleration_level_, opaque_accelerations_, state, sum + S);
-    return sum;
+    return rate_and_level_.evaluate(state);
   }
   /// Q' (s values), then what calcRows gives.
   const double* calcRateAndRows(const StateView& state) const {
-    const double* const values = rate_and_rows_.evaluate(state);
-    if (opaque_torques_.empty() && opaque_rows_.empty()) return values;
-    double* const sum = copyOf(rate_and_rows_, values);
-    for (const Torque* element : opaque_torques_) element->addTorqueRate(state, sum);
-    return addOpaqueRows(state, sum, S);
+    return rate_and_rows_.evaluate(state);
   }
 
   /// A derivative by x_q, x = (phi, omega, epsilon), that an implicit step asks for.
@@ -84,7 +69,7 @@ class SceneProgram {
   const double* calcPartials(const StateView& state) const {
     return partials_program_.evaluate(state);
   }
-  /// False where some law is no formula, or the derivatives are too many: laws are asked one by
+  /// False where the derivatives are too many, or a constraint is of order 3: laws are asked one by
   /// one.
   bool hasPartials() const { return has_partials_; }
 
@@ -107,28 +92,6 @@ class SceneProgram {
   /// The programs of the constraints; Q' goes along.
   void makeRows(const std::vector<expression::Node>& rate);
   void makePartials(const std::vector<expression::Node>& rate);
-  void copy(const Program& program, const StateView& state, double* values) const {
-    const double* const computed = program.evaluate(state);
-    for (std::size_t i = 0; i < program.outputs().size(); ++i) values[i] = computed[i];
-  }
-  double* copyOf(const Program& program, const double* values) const {
-    std::copy_n(values, program.outputs().size(), sum_.begin());
-    return sum_.data();
-  }
-  /// A constraint that no formula states, and its row among those of a level.
-  struct OpaqueRow {
-    const Constraint* constraint;
-    int row;
-  };
-  const double* calcLevel(const Program& level, const std::vector<OpaqueRow>& opaque,
-                          const StateView& state) const {
-    const double* const values = level.evaluate(state);
-    return opaque.empty() ? values : addOpaque(level, opaque, state, copyOf(level, values));
-  }
-  const double* addOpaque(const Program& level, const std::vector<OpaqueRow>& opaque,
-                          const StateView& state, double* values) const;
-  /// Writes the rows that no formula states, counted from `begin`, into `values`.
-  const double* addOpaqueRows(const StateView& state, double* values, int begin) const;
 
   /// The functions of the code, in the order in which they are written.
   struct Part {
@@ -164,12 +127,6 @@ class SceneProgram {
   std::vector<const void*> tables_;
   std::vector<const void*> tables2_;
   KernelTables host_{};
-  /// The elements that no formula states: torques, and rows m of constraints.
-  std::vector<const Torque*> opaque_torques_;
-  std::vector<int> opaque_rows_;
-  std::vector<OpaqueRow> opaque_velocities_;
-  std::vector<OpaqueRow> opaque_accelerations_;
-  mutable std::vector<double> sum_;  ///< of formulas and them
 };
 
 }  // namespace variator_sim

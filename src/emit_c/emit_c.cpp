@@ -68,8 +68,8 @@ class Emission {
     add(series, formulas_.inertia);
     add(series, formulas_.inertial_torque);
     add(series, formulas_.connection);
-    for (const SignEdge& it : formulas_.signs) series.push_back(it.distance);
-    for (const TableEdge& it : formulas_.tables) series.push_back(it.argument);
+    for (const expression::Branch& it : formulas_.signs) series.push_back(it.argument);
+    for (const expression::Passage& it : formulas_.tables) series.push_back(it.argument);
     std::vector<Node> at_once = formulas_.velocity_residual;
     add(at_once, formulas_.curvature);
     add(at_once, formulas_.input_slope);
@@ -132,8 +132,7 @@ class Emission {
   bool jumpsStraight() const {
     return std::all_of(scene_.constraints.begin(), scene_.constraints.end(),
                        [](const ConstraintPtr& it) {
-                         return it->isLinearInAcceleration() && it->nonlinearAccelerations() == 0 &&
-                                !it->readsInputs();
+                         return it->nonlinearAccelerations() == 0 && !it->readsInputs();
                        });
   }
 
@@ -331,8 +330,8 @@ class Emission {
     }
     std::vector<Node> signs;
     std::vector<int> jumps;
-    for (const SignEdge& it : formulas_.signs) {
-      signs.push_back(it.distance);
+    for (const expression::Branch& it : formulas_.signs) {
+      signs.push_back(it.argument);
       jumps.push_back(static_cast<int>(it.jumps));
     }
     std::vector<int> rows;
@@ -359,7 +358,7 @@ class Emission {
     std::vector<int> counts;
     std::string points;
     std::string list;
-    for (const TableEdge& it : formulas_.tables) {
+    for (const expression::Passage& it : formulas_.tables) {
       const std::string name = "passage_" + std::to_string(arguments.size());
       arguments.push_back(it.argument);
       counts.push_back(static_cast<int>(it.points.size()));

@@ -3,21 +3,10 @@
 
 #include <vector>
 
-#include "variator_sim/expression/graph.h"
+#include "variator_sim/expression/guards.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
-
-/// A sign at which a formula changes its branch, and whether something jumps there.
-struct SignEdge {
-  expression::Node distance;
-  bool jumps;
-};
-/// Points of tables that an argument passes.
-struct TableEdge {
-  expression::Node argument;
-  std::vector<double> points;
-};
 
 /// Nodes by shaft i, constraint m and input n.
 struct SceneFormulas {
@@ -30,8 +19,8 @@ struct SceneFormulas {
   std::vector<expression::Node> inertia;            ///< J_ii
   std::vector<expression::Node> inertial_torque;    ///< 1/2 J_i' omega^2
   std::vector<expression::Node> connection;         ///< 1/2 J_i' omega
-  std::vector<SignEdge> signs;
-  std::vector<TableEdge> tables;
+  std::vector<expression::Branch> signs;            ///< where formulas change their branch
+  std::vector<expression::Passage> tables;
   bool inertia_varies = false;
 };
 

@@ -1,8 +1,9 @@
 // Derivatives, and what they need to know of growth.
 #include <cmath>
-#include <limits>
+#include <memory>
 #include <utility>
 
+#include "expression/opaque_slope.h"
 #include "variator_sim/expression/graph.h"
 
 namespace variator_sim::expression {
@@ -263,15 +264,25 @@ Node Graph::deriveTable(const Entry& it, Node da, Node db) {
              product(table2(table, a, b, {it.order[0], it.order[1] + 1}), db));
 }
 
+std::shared_ptr<const OpaqueFunction> Graph::slopeOf(
+    const std::shared_ptr<const OpaqueFunction>& function, int by) {
+  for (const std::shared_ptr<const OpaqueFunction>& known : functions_) {
+    const auto* slope = dynamic_cast<const OpaqueSlope*>(known.get());
+    if (slope != nullptr && slope->is(function.get(), by)) return known;
+  }
+  return std::make_shared<const OpaqueSlope>(function, by);
+}
+
 Node Graph::deriveOpaque(const Entry& it, const Derivatives& derivatives) {
-  const std::shared_ptr<const OpaqueFunction> function = opaqueOf(it);
+  const int by = it.order[0];
+  const std::shared_ptr<const OpaqueFunction> function =
+      by == 0 ? opaqueOf(it) : slopeOf(opaqueOf(it), by);
   const Node arguments[4] = {
       {it.operands[0]}, {it.operands[1]}, {it.operands[2]}, {it.operands[3]}};
   Node sum = constant(0.0);
   for (int i = 0; i < function->argumentCount(); ++i) {
-    const Node slope = it.order[0] == 0 ? opaque(function, arguments, i + 1)
-                                        : constant(std::numeric_limits<double>::quiet_NaN());
-    sum = add(sum, product(slope, derivatives[static_cast<std::size_t>(it.operands[i])]));
+    sum = add(sum, product(opaque(function, arguments, i + 1),
+                           derivatives[static_cast<std::size_t>(it.operands[i])]));
   }
   return sum;
 }

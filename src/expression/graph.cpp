@@ -5,6 +5,7 @@
 #include <cstring>
 #include <utility>
 
+#include "expression/opaque_slope.h"
 #include "model/interrupted.h"
 
 namespace variator_sim::expression {
@@ -232,6 +233,14 @@ bool Graph::hasOpaque(const std::vector<Node>& nodes) const {
   const std::vector<int> reachable = listReachable(nodes);
   return std::any_of(reachable.begin(), reachable.end(),
                      [&](int i) { return entry({i}).operation == Operation::kOpaque; });
+}
+
+bool Graph::hasDifference(const std::vector<Node>& nodes) const {
+  const std::vector<int> reachable = listReachable(nodes);
+  return std::any_of(reachable.begin(), reachable.end(), [&](int i) {
+    return entry({i}).operation == Operation::kOpaque &&
+           dynamic_cast<const OpaqueSlope*>(opaqueOf(entry({i})).get()) != nullptr;
+  });
 }
 
 bool Graph::hasNonFiniteConstant(const std::vector<Node>& nodes) const {

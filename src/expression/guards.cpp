@@ -191,24 +191,6 @@ class PointsGuard final : public FormulaGuard {
   std::vector<double> slack_;  ///< of each point
 };
 
-/// Points that an argument passes: the node of the argument, and they.
-using Passage = std::pair<int, std::vector<double>>;
-
-/// Of all tables in `nodes`, each once.
-std::set<Passage> findPassages(const Graph& graph, const std::vector<Node>& nodes) {
-  std::set<Passage> passages;
-  for (const int i : graph.listReachable(nodes)) {
-    const Graph::Entry& entry = graph.entry({i});
-    if (entry.operation == Operation::kTable) {
-      passages.emplace(entry.operands[0], graph.tableOf(entry)->points());
-    } else if (entry.operation == Operation::kTable2) {
-      passages.emplace(entry.operands[0], graph.table2Of(entry)->pointsX());
-      passages.emplace(entry.operands[1], graph.table2Of(entry)->pointsY());
-    }
-  }
-  return passages;
-}
-
 /// A guard repeats what it reads, so guards within guards could fill any memory.
 void count(Graph& graph, Node node) {
   constexpr std::size_t kMostSteps = 500000;
@@ -236,16 +218,25 @@ bool isTime(const Graph::Entry& entry) {
 
 }  // namespace
 
-std::vector<double> findInstants(const Graph& graph, const std::vector<Node>& nodes) {
-  std::vector<double> instants;
-  for (const auto& [argument, points] : findPassages(graph, nodes)) {
-    if (!isTime(graph.entry({argument}))) continue;
-    instants.insert(instants.end(), points.begin(), points.end());
+std::vector<Passage> findPassages(const Graph& graph, const std::vector<Node>& nodes) {
+  std::set<std::pair<int, std::vector<double>>> found;
+  for (const int i : graph.listReachable(nodes)) {
+    const Graph::Entry& entry = graph.entry({i});
+    if (entry.operation == Operation::kTable) {
+      found.emplace(entry.operands[0], graph.tableOf(entry)->points());
+    } else if (entry.operation == Operation::kTable2) {
+      found.emplace(entry.operands[0], graph.table2Of(entry)->pointsX());
+      found.emplace(entry.operands[1], graph.table2Of(entry)->pointsY());
+    }
   }
-  return instants;
+  std::vector<Passage> passages;
+  for (const auto& [argument, points] : found) {
+    if (!graph.isConstant(Node{argument})) passages.push_back({Node{argument}, points});
+  }
+  return passages;
 }
 
-std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
+std::vector<Branch> findBranches(Graph& graph, const std::vector<Node>& nodes) {
   // By the index of the node whose sign counts: the last of kBranching that stands there.
   std::map<int, const Branching*> found;
   for (const int i : graph.listReachable(nodes)) {
@@ -261,25 +252,38 @@ std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
     const Branching*& known = found.emplace(node.index, it).first->second;
     known = std::max(known, it);
   }
-  std::vector<GuardPtr> guards;
-  guards.reserve(found.size());
-  for (const auto& [index, branching] : found) {
-    count(graph, Node{index});
-    guards.push_back(
-        std::make_shared<SignGuard>(graph, Node{index}, branching->jumps, branching->function));
+  std::vector<Branch> branches;
+  branches.reserve(found.size());
+  for (const auto& [index, it] : found) branches.push_back({Node{index}, it->function, it->jumps});
+  return branches;
+}
+
+std::vector<double> findInstants(const Graph& graph, const std::vector<Node>& nodes) {
+  std::vector<double> instants;
+  for (const Passage& it : findPassages(graph, nodes)) {
+    if (!isTime(graph.entry(it.argument))) continue;
+    instants.insert(instants.end(), it.points.begin(), it.points.end());
   }
-  for (const auto& [argument, points] : findPassages(graph, nodes)) {
-    const Node node{argument};
-    if (graph.isConstant(node) || isTime(graph.entry(node))) continue;
-    count(graph, node);
-    if (graph.hasOpaque({node})) {
-      for (const double point : points) {
-        const Node distance = graph.subtract(node, graph.constant(point));
+  return instants;
+}
+
+std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
+  std::vector<GuardPtr> guards;
+  for (const Branch& it : findBranches(graph, nodes)) {
+    count(graph, it.argument);
+    guards.push_back(std::make_shared<SignGuard>(graph, it.argument, it.jumps, it.function));
+  }
+  for (const Passage& it : findPassages(graph, nodes)) {
+    if (isTime(graph.entry(it.argument))) continue;
+    count(graph, it.argument);
+    if (graph.hasOpaque({it.argument})) {
+      for (const double point : it.points) {
+        const Node distance = graph.subtract(it.argument, graph.constant(point));
         guards.push_back(std::make_shared<SignGuard>(graph, distance, false));
       }
       continue;
     }
-    guards.push_back(std::make_shared<PointsGuard>(graph, node, points));
+    guards.push_back(std::make_shared<PointsGuard>(graph, it.argument, it.points));
   }
   return guards;
 }

@@ -25,7 +25,7 @@ double selectOf(double a, double b, double yes, double no) {
 
 }  // namespace
 
-void Tape::carryOut(const Call& call) const noexcept {
+void Tape::carryOut(const Call& call) const {
   double* const r = registers_.data();
   double x[OpaqueFunction::kMostArguments] = {};
   for (int i = 0; i < call.function->argumentCount(); ++i) x[i] = r[call.arguments[i]];
@@ -124,7 +124,7 @@ void Tape::carryOut(const Call& call) const noexcept {
 #define C r[fieldOf(it->tail, kCField)]
 #define D r[fieldOf(it->tail, kDField)]
 
-const double* Tape::evaluate(const StateView& state) const noexcept {
+const double* Tape::evaluate(const StateView& state) const {
   static const void* const kLabels[] = {
       // clang-format off
       VARIATOR_SIM_PAIRS(VARIATOR_SIM_PAIR_LABEL)

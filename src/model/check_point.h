@@ -1,9 +1,8 @@
-/// The states at which the derivatives of a scene's components are checked.
+/// States at which the laws of a scene are checked.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <string>
 
 #include "variator_sim/scene.h"
 #include "variator_sim/types.h"
@@ -26,13 +25,8 @@ struct CheckPoint {
   }
 };
 
-/// The point plus h times a direction.
-CheckPoint moved(const CheckPoint& from, const CheckPoint& direction, double h);
 /// Time and angles times one factor, velocities and accelerations times another.
 CheckPoint scaled(const CheckPoint& point, double of_place, double of_motion);
-/// d/dt along the motion with the accelerations held.
-CheckPoint motionOf(const CheckPoint& point);
-double largestEntry(const CheckPoint& direction);
 
 /// Uniform in [-1, 1], the same numbers on every run and machine.
 class Random {
@@ -50,9 +44,5 @@ class Random {
 CheckPoint startOf(const Scene& scene);
 /// `point` with every part moved by up to `by`, relative to its size and at least 1.
 CheckPoint shaken(const Scene& scene, const CheckPoint& point, double by, Random& random);
-
-/// For messages.
-std::string describe(double value);
-std::string describe(const Scene& scene, const CheckPoint& point);
 
 }  // namespace variator_sim

@@ -197,7 +197,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   const std::vector<std::string>& warnings = context.warnings();
   scene->warnings.insert(scene->warnings.end(), warnings.begin(), warnings.end());
   if (used_inputs != nullptr) *used_inputs = context.usedInputs();
-  checkOutputNames(name, kind, component->outputNames());
+  checkOutputNames(name, kind, component->outputs().names());
   return component;
 }
 
@@ -343,14 +343,14 @@ bool takesEnergy(const Constraint& constraint, const Scene& scene) {
   for (int n = 0; n < 16; ++n) {
     const double speed = std::pow(10.0, n / 4);
     const CheckPoint point = scaled(shaken(scene, startOf(scene), 1.0, random), 1.0, speed);
-    double C[kMaxShafts];
-    const double at_rest =
-        constraint.calcVelocityResidualAndJacobian(scaled(point, 1.0, 0.0).view(), C);
-    const double f = constraint.calcVelocityResidualAndJacobian(point.view(), C);
+    const double at_rest = constraint.calcResidual(scaled(point, 1.0, 0.0).view());
+    const double f = constraint.calcResidual(point.view());
+    ConstraintPartials partials;
+    constraint.calcPartials(point.view(), partials);
     double power = 0.0;
     double size = 0.0;
     for (int i = 0; i < scene.shaftCount(); ++i) {
-      const double part = C[i] * point.velocity[static_cast<std::size_t>(i)];
+      const double part = partials.velocity[i] * point.velocity[static_cast<std::size_t>(i)];
       power += part;
       size += std::abs(part);
     }

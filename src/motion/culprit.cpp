@@ -12,8 +12,6 @@
 
 #include "expression/term_maker.h"
 #include "variator_sim/component_factory.h"
-#include "variator_sim/formula_constraint.h"
-#include "variator_sim/formula_torque.h"
 #include "variator_sim/overrides.h"
 
 namespace variator_sim {
@@ -64,16 +62,13 @@ expression::Names nameVariables(const Scene& scene) {
 std::vector<expression::Node> formulasOf(const Scene& scene, Element element) {
   std::vector<expression::Node> nodes;
   if (element.torque >= 0) {
-    const auto* law = dynamic_cast<const FormulaTorque*>(scene.torques[at(element.torque)].get());
-    if (law == nullptr) return {};
-    for (const auto& [shaft, node] : law->torques()) nodes.push_back(node);
-    for (const auto& [shaft, node] : law->rates()) nodes.push_back(node);
+    const Torque& law = *scene.torques[at(element.torque)];
+    for (const auto& [shaft, node] : law.torques()) nodes.push_back(node);
+    for (const auto& [shaft, node] : law.rates()) nodes.push_back(node);
   } else {
-    const auto* law =
-        dynamic_cast<const FormulaConstraint*>(scene.constraints[at(element.constraint)].get());
-    if (law == nullptr) return {};
-    if (law->order() < 3) nodes.push_back(law->function());  // no state has jerks
-    nodes.insert(nodes.end(), law->row().begin(), law->row().end());
+    const Constraint& law = *scene.constraints[at(element.constraint)];
+    if (law.order() < 3) nodes.push_back(law.function());  // no state has jerks
+    nodes.insert(nodes.end(), law.row().begin(), law.row().end());
   }
   return nodes;
 }

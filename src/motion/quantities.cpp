@@ -14,7 +14,7 @@ Quantities::Quantities(const Scene& scene) : scene_(scene) {
   for (const CommandInputSettings& input : scene.inputs) inputs.push_back(input.name);
   for (const Output& output : scene.outputs) outputs.push_back(output.name());
   const auto add_outputs = [&names = names](const auto& element) {
-    const std::vector<std::string> its = element.outputNames();
+    const std::vector<std::string>& its = element.outputs().names();
     for (const std::string& output : its) names.push_back(element.name() + "/" + output);
     return its.size();
   };
@@ -56,11 +56,11 @@ void Quantities::calcElements(const StateView& state, double* values) const {
       power += Q[i] * state.velocity[i];
     }
     *values++ = power;
-    scene_.torques[j]->calcOutputs(state, values);
+    scene_.torques[j]->outputs().evaluate(state, values);
     values += torque_outputs_[j];
   }
   for (std::size_t m = 0; m < scene_.constraints.size(); ++m) {
-    scene_.constraints[m]->calcOutputs(state, values);
+    scene_.constraints[m]->outputs().evaluate(state, values);
     values += constraint_outputs_[m];
   }
 }

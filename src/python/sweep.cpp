@@ -16,8 +16,6 @@
 
 #include "python/row_fibers.h"
 #include "variator_sim/errors.h"
-#include "variator_sim/formula_constraint.h"
-#include "variator_sim/formula_torque.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/overrides.h"
 
@@ -45,20 +43,11 @@ double calcMean(const std::vector<double>& rows, std::size_t width, std::size_t 
   return span > 0.0 ? integral / span : rows[column];
 }
 
-/// Laws that are formulas to the last: their derivatives cannot but fit.
+/// True when no law calls an opaque function: there is no gradient to check.
 bool isOfFormulas(const Scene& scene) {
-  std::vector<expression::Node> nodes;
-  for (const TorquePtr& torque : scene.torques) {
-    const auto* const law = dynamic_cast<const FormulaTorque*>(torque.get());
-    if (law == nullptr || &law->graph() != scene.graph.get()) return false;
-    for (const auto& [shaft, node] : law->torques()) nodes.push_back(node);
-  }
-  for (const ConstraintPtr& constraint : scene.constraints) {
-    const auto* const law = dynamic_cast<const FormulaConstraint*>(constraint.get());
-    if (law == nullptr || &law->graph() != scene.graph.get()) return false;
-    nodes.insert(nodes.end(), law->row().begin(), law->row().end());
-  }
-  return !scene.graph->hasOpaque(nodes);
+  const auto is_formula = [](const auto& law) { return !law->callsOpaqueFunction(); };
+  return std::all_of(scene.torques.begin(), scene.torques.end(), is_formula) &&
+         std::all_of(scene.constraints.begin(), scene.constraints.end(), is_formula);
 }
 
 /// Machine code of some runs, never moved, that all rows have theirs from. A scene in which two

@@ -5,10 +5,6 @@
 #include <set>
 #include <utility>
 
-#include "variator_sim/expression/state_derivatives.h"
-#include "variator_sim/formula_constraint.h"
-#include "variator_sim/formula_torque.h"
-
 namespace variator_sim {
 
 using expression::Graph;
@@ -58,33 +54,23 @@ class Writer {
 
  private:
   // ------------------------------------------------------------------------------ what is written
-  template <class Law, class Element>
-  const Law* formulaOf(const Element& element) const {
-    const auto* law = dynamic_cast<const Law*>(&element);
-    return law != nullptr && &law->graph() == &graph_ ? law : nullptr;
-  }
-
   /// All that is to be written of the scene's graph, with its names.
   void findNodes(expression::Names& names) {
     for (const TorquePtr& torque : scene_.torques) {
-      const auto* law = formulaOf<FormulaTorque>(*torque);
-      if (law == nullptr) continue;
-      for (const auto& [i, node] : law->torques()) call(torqueSymbol(*torque, i), node, names);
+      for (const auto& [i, node] : torque->torques()) call(torqueSymbol(*torque, i), node, names);
       if (is_classical_) continue;
-      for (const auto& [i, node] : law->rates()) {
+      for (const auto& [i, node] : torque->rates()) {
         call(withPrime(torqueSymbol(*torque, i)), node, names);
       }
     }
     for (const ConstraintPtr& constraint : scene_.constraints) {
-      const auto* law = formulaOf<FormulaConstraint>(*constraint);
-      if (law == nullptr) continue;
-      add(functionSymbol(*constraint), law->function());
+      add(functionSymbol(*constraint), constraint->function());
       for (int i = 0; i < scene_.shaftCount(); ++i) {
-        add(rowSymbol(*constraint, "C", "C", i), law->row()[static_cast<std::size_t>(i)]);
+        add(rowSymbol(*constraint, "C", "C", i), constraint->row()[static_cast<std::size_t>(i)]);
       }
-      if (!is_classical_) add(rowSymbol(*constraint, "c0", "c_{0}"), law->row().back());
-      if (is_classical_ && law->order() == 1) {
-        add(withPrime(functionSymbol(*constraint)), rateOf(*law));
+      if (!is_classical_) add(rowSymbol(*constraint, "c0", "c_{0}"), constraint->row().back());
+      if (is_classical_ && constraint->order() == 1) {
+        add(withPrime(functionSymbol(*constraint)), constraint->secondOrder());
       }
     }
   }
@@ -112,14 +98,6 @@ class Writer {
       }
     }
     if (sections_.back().equations.empty()) sections_.pop_back();
-  }
-
-  /// f' of a constraint of order 1.
-  Node rateOf(const FormulaConstraint& law) const {
-    std::set<int> inputs;
-    for (int i = 0; i < scene_.inputCount(); ++i) inputs.insert(i);
-    return graph_.totalDerivative(law.function(),
-                                  expression::ratesOf(graph_, scene_.shaftCount(), inputs));
   }
 
   // ------------------------------------------------------------------------------------- symbols
@@ -167,11 +145,8 @@ class Writer {
 
   /// C of a shaft in the equations of motion: a number, or its name.
   TermPtr entry(const Constraint& constraint, int i) const {
-    const auto* law = formulaOf<FormulaConstraint>(constraint);
-    if (law != nullptr) {
-      const Node C = law->row()[static_cast<std::size_t>(i)];
-      if (graph_.isConstant(C)) return makeNumber(graph_.constantValue(C));
-    }
+    const Node C = constraint.row()[static_cast<std::size_t>(i)];
+    if (graph_.isConstant(C)) return makeNumber(graph_.constantValue(C));
     return makeSymbol(rowSymbol(constraint, "C", "C", i));
   }
 
@@ -248,19 +223,14 @@ class Writer {
     }
     begin("torque " + describe(torque.name()) + " on " + where + ", N m" +
           (is_classical_ ? "" : " and N m/s"));
-    const auto* law = formulaOf<FormulaTorque>(torque);
-    if (law == nullptr) {
-      sayPlain("given by its own code");
-      return;
-    }
-    for (const auto& [i, node] : law->torques()) {
+    for (const auto& [i, node] : torque.torques()) {
       define(torqueSymbol(torque, i), node);
     }
     if (is_classical_) return;
-    for (const auto& [i, node] : law->rates()) {
+    for (const auto& [i, node] : torque.rates()) {
       define(withPrime(torqueSymbol(torque, i)), node);
     }
-    for (const auto& [i, node] : law->torques()) {
+    for (const auto& [i, node] : torque.torques()) {
       if (hasRate(torque, i)) continue;
       const Symbol Q = torqueSymbol(torque, i);
       fallen_.push_back({withPrime(Q).text + " is 0: the torque is constant",
@@ -269,9 +239,7 @@ class Writer {
   }
 
   bool hasRate(const Torque& torque, int i) const {
-    const auto* law = formulaOf<FormulaTorque>(torque);
-    if (law == nullptr) return true;
-    return std::any_of(law->rates().begin(), law->rates().end(),
+    return std::any_of(torque.rates().begin(), torque.rates().end(),
                        [i](const auto& rate) { return rate.first == i; });
   }
 
@@ -284,18 +252,13 @@ class Writer {
   void writeConstraint(const Constraint& constraint) {
     begin("constraint " + describe(constraint.name()) + ", order " +
           std::to_string(constraint.order()));
-    const auto* law = formulaOf<FormulaConstraint>(constraint);
-    if (law == nullptr) {
-      sayPlain("given by its own code");
-      return;
-    }
-    define(functionSymbol(constraint), law->function());
+    define(functionSymbol(constraint), constraint.function());
     if (is_classical_ && constraint.order() == 1) {
-      define(withPrime(functionSymbol(constraint)), rateOf(*law));
+      define(withPrime(functionSymbol(constraint)), constraint.secondOrder());
     }
     static constexpr const char* kHighest[] = {"velocity", "acceleration", "jerk"};
     for (int i = 0; i < scene_.shaftCount(); ++i) {
-      const Node C = law->row()[static_cast<std::size_t>(i)];
+      const Node C = constraint.row()[static_cast<std::size_t>(i)];
       const Symbol symbol = rowSymbol(constraint, "C", "C", i);
       if (!graph_.isConstant(C, 0.0)) {
         define(symbol, C);
@@ -308,11 +271,11 @@ class Writer {
     }
     if (is_classical_) return;
     const Symbol c0 = rowSymbol(constraint, "c0", "c_{0}");
-    if (graph_.isConstant(law->row().back(), 0.0)) {
+    if (graph_.isConstant(constraint.row().back(), 0.0)) {
       const Words why = plainWords(" is 0: nothing else in the constraint changes");
       fallen_.push_back({c0.text + why.text, "$" + c0.latex + "$" + why.latex});
     } else {
-      define(c0, law->row().back());
+      define(c0, constraint.row().back());
     }
   }
 
@@ -346,8 +309,7 @@ class Writer {
         for (int i = 0; i < scene_.shaftCount(); ++i) {
           sum.push_back(makeProduct(entry(*constraint, i), shaft(Source::kJerk, i)));
         }
-        const auto* law = formulaOf<FormulaConstraint>(*constraint);
-        if (law == nullptr || !graph_.isConstant(law->row().back(), 0.0)) {
+        if (!graph_.isConstant(constraint->row().back(), 0.0)) {
           sum.push_back(makeSymbol(rowSymbol(*constraint, "c0", "c_{0}")));
         }
         equate(makeSum(sum), makeNumber(0.0));

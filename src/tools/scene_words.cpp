@@ -5,8 +5,6 @@
 #include <set>
 
 #include "variator_sim/expression/parser.h"
-#include "variator_sim/formula_constraint.h"
-#include "variator_sim/formula_torque.h"
 
 namespace variator_sim {
 
@@ -122,15 +120,14 @@ struct NamedNode {
 
 std::vector<NamedNode> findOutputs(const Scene& scene) {
   std::vector<NamedNode> outputs;
-  const auto add = [&](const auto* law) {
-    if (law == nullptr || &law->graph() != scene.graph.get()) return;
-    for (std::size_t i = 0; i < law->namedOutputs().names().size(); ++i) {
-      outputs.push_back(
-          {law->name(), law->namedOutputs().names()[i], law->namedOutputs().nodes()[i]});
+  const auto add = [&outputs](const auto& law) {
+    const NamedOutputs& of = law.outputs();
+    for (std::size_t i = 0; i < of.names().size(); ++i) {
+      outputs.push_back({law.name(), of.names()[i], of.nodes()[i]});
     }
   };
-  for (const auto& torque : scene.torques) add(dynamic_cast<const FormulaTorque*>(torque.get()));
-  for (const auto& law : scene.constraints) add(dynamic_cast<const FormulaConstraint*>(law.get()));
+  for (const TorquePtr& torque : scene.torques) add(*torque);
+  for (const ConstraintPtr& constraint : scene.constraints) add(*constraint);
   return outputs;
 }
 

@@ -280,56 +280,60 @@ struct Fault {
   }
 };
 
-/// -k w |w| on shaft 1 and a cosine, with faults in Q and in Q'.
-class FaultyTorque : public Torque {
+/// x, with faults in its value and in its derivative.
+class Faulty : public OpaqueFunction {
  public:
-  FaultyTorque(Fault* torque, Fault* rate) : torque_(torque), rate_(rate) {}
+  Faulty(Fault* value, Fault* slope) : OpaqueFunction(1), value_(value), slope_(slope) {}
+  double value(const double* x) const override {
+    return value_->strikes() ? value_->value() : x[0];
+  }
+  void calcGradient(const double* /*x*/, double* gradient) const override {
+    gradient[0] = slope_->strikes() ? slope_->value() : 1.0;
+  }
 
  private:
-  void doConfigure(ComponentContext& /*context*/) override {}
-  void doAddTorque(const StateView& x, double* torque) const override {
-    torque[0] += 2.0 * std::cos(3.0 * x.time) - 0.4 * x.velocity[0];
-    if (torque_->strikes()) torque[0] = torque_->value();
+  Fault* value_;
+  Fault* slope_;
+};
+
+/// 2 cos(3 t) - 0.4 w1, with faults in Q and in Q'.
+class FaultyTorque : public Torque {
+ public:
+  explicit FaultyTorque(Fault* faults) : faults_(faults) {}
+
+ private:
+  void build(LawContext& scene) override {
+    const Shaft a = scene.shaftAt(0);
+    const auto f = std::make_shared<Faulty>(faults_, faults_ + 1);
+    scene.apply(a, 2.0 * cos(3.0 * scene.time()) - 0.4 * scene.function(f, {a.velocity}));
   }
-  void doAddTorqueRate(const StateView& x, double* rate) const override {
-    rate[0] += -6.0 * std::sin(3.0 * x.time) - 0.4 * x.acceleration[0];
-    if (rate_->strikes()) rate[0] = rate_->value();
-  }
-  Fault* torque_;
-  Fault* rate_;
+  Fault* faults_;
 };
 
 /// 0.3 (e2 - 0.6 e1) + w2 - 0.6 w1, with faults in psi and in its derivatives.
 class FaultyConstraint : public Constraint {
  public:
-  FaultyConstraint(Fault* residual, Fault* partials) : residual_(residual), partials_(partials) {}
+  explicit FaultyConstraint(Fault* faults) : faults_(faults) {}
 
  private:
-  void doConfigure(ComponentContext& /*context*/) override {}
-  double doCalcResidual(const StateView& x) const override {
-    if (residual_->strikes()) return residual_->value();
-    return 0.3 * (x.acceleration[1] - 0.6 * x.acceleration[0]) + x.velocity[1] -
-           0.6 * x.velocity[0];
+  void build(LawContext& scene) override {
+    const Shaft a = scene.shaftAt(0);
+    const Shaft b = scene.shaftAt(1);
+    const auto f = std::make_shared<Faulty>(faults_, faults_ + 1);
+    scene.constrain(0.3 * (scene.function(f, {b.acceleration}) - 0.6 * a.acceleration) +
+                    b.velocity - 0.6 * a.velocity);
   }
-  void doCalcPartials(const StateView& /*x*/, ConstraintPartials& p) const override {
-    p.velocity[0] = -0.6;
-    p.velocity[1] = 1.0;
-    p.acceleration[0] = -0.18;
-    p.acceleration[1] = partials_->strikes() ? partials_->value() : 0.3;
-  }
-  bool doIsLinearInAcceleration() const override { return true; }
-  Fault* residual_;
-  Fault* partials_;
+  Fault* faults_;
 };
 
 class FaultyFactory : public BuiltinComponentFactory {
  public:
   ConstraintPtr createConstraint(const std::string& type) override {
-    if (type == "test/Faulty") return std::make_shared<FaultyConstraint>(&faults[2], &faults[3]);
+    if (type == "test/Faulty") return std::make_shared<FaultyConstraint>(faults + 2);
     return BuiltinComponentFactory::createConstraint(type);
   }
   TorquePtr createTorque(const std::string& type) override {
-    if (type == "test/Faulty") return std::make_shared<FaultyTorque>(&faults[0], &faults[1]);
+    if (type == "test/Faulty") return std::make_shared<FaultyTorque>(faults);
     return BuiltinComponentFactory::createTorque(type);
   }
   Fault faults[4];  ///< of Q, Q', psi, its derivatives

@@ -526,28 +526,32 @@ TEST(FromRest, ImposedJerks) {
   }
 }
 
-// --- switches of plugins -------------------------------------------------------------------------
+// --- opaque switches -------------------------------------------------------------------------
 
-/// A stop in C++ that pushes back by `stiffness` times the depth, or by as much at once. Its switch
-/// is one number.
+/// A depth that no formula tells.
+class Depth : public OpaqueFunction {
+ public:
+  explicit Depth(double at) : OpaqueFunction(1), at_(at) {}
+  double value(const double* x) const override { return x[0] - at_; }
+  void calcGradient(const double* /*x*/, double* gradient) const override { gradient[0] = 1.0; }
+
+ private:
+  double at_;
+};
+
+/// A stop that pushes back by `stiffness` times the depth, or by as much at once, by an opaque
+/// function.
 class Stop : public Torque {
  public:
   Stop(double at, double stiffness, bool jumps) : at_(at), stiffness_(stiffness), jumps_(jumps) {}
 
  private:
-  void doConfigure(ComponentContext& /*context*/) override {}
-  void doAddTorque(const StateView& x, double* torque) const override {
-    const double depth = x.angle[0] - at_;
-    if (depth > 0.0) torque[0] -= stiffness_ * (jumps_ ? 1.0 : depth);
+  void build(LawContext& scene) override {
+    const Shaft shaft = scene.shaftAt(0);
+    const Expression depth = scene.function(std::make_shared<Depth>(at_), {shaft.angle});
+    const Expression push = jumps_ ? Expression(stiffness_) : stiffness_ * depth;
+    scene.apply(shaft, -where(depth < 0.0, 0.0, push));
   }
-  void doAddTorqueRate(const StateView& x, double* rate) const override {
-    if (!jumps_ && x.angle[0] > at_) rate[0] -= stiffness_ * x.velocity[0];
-  }
-  int doSwitchCount() const override { return 1; }
-  void doCalcSwitches(const StateView& x, double* values) const override {
-    values[0] = x.angle[0] - at_;
-  }
-  bool doSwitchJumps(int /*index*/) const override { return jumps_; }
   double at_;
   double stiffness_;
   bool jumps_;
@@ -569,7 +573,7 @@ TEST(Pulses, OfPluginsSwitches) {
         });
         Scene plain = sceneFromText(
             withPrinciple("shafts: [a]\na: {inertia: 1}\ninitial: {velocity: [1]}\n", principle));
-        plain.torques.push_back(std::make_shared<Stop>(at, stiffness, jumps));
+        addTorque(plain, std::make_shared<Stop>(at, stiffness, jumps));
         for (StepperKind stepper : steppersOf(plain)) {
           for (double tolerance : sweptTolerances()) {
             const Scene scene = withFewSteps(plain, stepper, tolerance);

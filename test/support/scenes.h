@@ -33,6 +33,15 @@ inline Scene withStepper(Scene scene, StepperKind stepper) {
   return scene;
 }
 
+/// Adds an element that takes no keys.
+inline void addTorque(Scene& scene, const TorquePtr& torque) {
+  const ParameterTree none = ParameterTree::dictionary();
+  ParameterReader reader(none, "added");
+  ComponentContext context("added", reader, scene.shafts, scene.inputs, scene.symbols, scene.graph);
+  torque->configure(context);
+  scene.torques.push_back(torque);
+}
+
 /// False where `scene` refuses it: `taylor` needs a motion that has series.
 inline bool takes(const Scene& scene, StepperKind stepper) {
   if (stepper != StepperKind::kTaylor && stepper != StepperKind::kTaylorFixed) return true;

@@ -1,6 +1,6 @@
 /// A torque from a function that formulas cannot see into: a map of measurements with an
 /// interpolation of one's own.
-#include <variator_sim/formula_torque.h>
+#include <variator_sim/torque.h>
 
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
@@ -49,7 +49,7 @@ class MotorMap : public variator_sim::OpaqueFunction {
 };
 
 /// Q = M(omega, u) on one shaft, N m. Keys: `shaft`, `command` u (from 0 to 1).
-class MeasuredMotor : public variator_sim::FormulaTorque {
+class MeasuredMotor : public variator_sim::Torque {
   void build(variator_sim::LawContext& scene) override {
     const variator_sim::Shaft shaft = scene.shaft("shaft");
     const auto u = scene.quantity("command", variator_sim::Range::between(0.0, 1.0));

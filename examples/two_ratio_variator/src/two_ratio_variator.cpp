@@ -1,5 +1,5 @@
 /// A constraint of one's own: C, c0 and all other derivatives follow from the formula.
-#include <variator_sim/formula_constraint.h>
+#include <variator_sim/constraint.h>
 
 #include <pluginlib/class_list_macros.hpp>
 
@@ -8,7 +8,7 @@ namespace two_ratio_variator {
 /// psi = tau (epsilon_b - i epsilon_a) + omega_b - i omega_a, rad/s, with the ratio i going
 /// smoothly from i_1 to i_2 as omega_a passes omega_0: i = i_1 + (i_2 - i_1) (1 + tanh((omega_a -
 /// omega_0)/w))/2
-class TwoRatioVariator : public variator_sim::FormulaConstraint {
+class TwoRatioVariator : public variator_sim::Constraint {
   void build(variator_sim::LawContext& scene) override {
     const auto s = scene.shafts("shafts", 2);
     const auto low = scene.quantity("low"), high = scene.quantity("high");              // 1

@@ -124,7 +124,7 @@ class Graph {
   Node table(const std::shared_ptr<const Table>& table, Node x, int order = 0);
   Node table2(const std::shared_ptr<const Table2>& table, Node x, Node y, Table2::Order order = {});
   /// `function` of as many `arguments` as it has, or its derivative by argument `by`, counted
-  /// from 1. The derivatives of a derivative are NaN: nobody knows them.
+  /// from 1. The derivatives of a derivative are differences (opaque_slope.h).
   Node opaque(const std::shared_ptr<const OpaqueFunction>& function, const Node (&arguments)[4],
               int by = 0);
   /// left <= right ? yes : no; NaN when left and right cannot be compared.
@@ -184,9 +184,11 @@ class Graph {
   const std::shared_ptr<const OpaqueFunction>& opaqueOf(const Entry& entry) const {
     return functions_[static_cast<std::size_t>(entry.slot)];
   }
-  /// True when one of `nodes` needs a function that cannot be seen into: it has no series, no text
-  /// and no second derivatives.
+  /// True when one of `nodes` needs a function that cannot be seen into: it has no series and no
+  /// text.
   bool hasOpaque(const std::vector<Node>& nodes) const;
+  /// True when one of `nodes` needs a second derivative of such a function, which is a difference.
+  bool hasDifference(const std::vector<Node>& nodes) const;
   const Entry& entry(Node node) const { return entries_[static_cast<std::size_t>(node.index)]; }
   /// All formulas that are parsed into this graph may have so many numbers and names: what loading
   /// a scene takes grows with them.
@@ -233,6 +235,9 @@ class Graph {
   Node derivePower(Node node, Node da, Node db);
   Node deriveTable(const Entry& it, Node da, Node db);
   Node deriveOpaque(const Entry& it, const Derivatives& derivatives);
+  /// The derivative of `function` by argument `by` as a function.
+  std::shared_ptr<const OpaqueFunction> slopeOf(
+      const std::shared_ptr<const OpaqueFunction>& function, int by);
   // Makers for derivatives. A factor that is zero by the rules of differentiation removes its
   // product, and constant factors are gathered.
   Node product(Node a, Node b);

@@ -16,11 +16,11 @@ namespace variator_sim {
 ///       }
 ///     };
 ///
-/// f has to be continuously differentiable and a function of its arguments alone. It has no second
-/// derivatives: where a formula needs them, the state's derivatives are central differences, and a
-/// constraint of order 1 cannot contain it. At load the gradient is compared with the values,
-/// through the laws that call f. Both methods are [loop]: they allocate nothing, take no lock and
-/// do not throw; a value that does not exist is NaN.
+/// f has to be continuously differentiable and a function of its arguments alone. Its second
+/// derivatives, where formulas need them, are central differences of the gradient; a constraint of
+/// order 1, whose motion would hang on them, cannot contain it. At load the gradient is compared
+/// with the values, through the laws that call f. Both methods are [loop]: they allocate nothing,
+/// take no lock and do not throw; a value that does not exist is NaN.
 class OpaqueFunction {
  public:
   static constexpr int kMostArguments = 4;

@@ -3,7 +3,6 @@
 
 #include <optional>
 #include <set>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -45,9 +44,9 @@ inline Dependence dependenceOf(const Graph& graph, const std::vector<Node>& node
   return dependence;
 }
 
-/// The exact derivatives of some nodes by (phi, omega, epsilon), 3s directions q, the first s by
-/// the angles. Entries that are zero by the rules of differentiation are neither stored nor
-/// computed.
+/// The derivatives of some nodes by (phi, omega, epsilon), 3s directions q, the first s by the
+/// angles. They are exact; entries that are zero by the rules of differentiation are neither stored
+/// nor computed. Central differences replace those that are too large to be made.
 class StateDerivatives {
  public:
   /// Derivatives are made until the graph has grown by this many nodes: what they add to a scene's
@@ -64,65 +63,23 @@ class StateDerivatives {
   /// (kMostNodes) or have a constant part that is not finite.
   static std::optional<std::vector<Entry>> list(Graph& graph, const std::vector<Node>& nodes,
                                                 int shaft_count);
+  static std::vector<Node> nodesOf(const std::vector<Entry>& entries);
 
-  /// The derivatives of at most kMaxShafts + 1 `nodes`; nothing when `list` has none or they are
-  /// beyond the limit of Tape.
-  static std::optional<StateDerivatives> of(Graph& graph, const std::vector<Node>& nodes,
-                                            int shaft_count);
+  StateDerivatives() = default;
+  StateDerivatives(Graph& graph, const std::vector<Node>& nodes, int shaft_count);
 
-  static std::vector<Node> nodesOf(const std::vector<Entry>& entries) {
-    std::vector<Node> nodes;
-    nodes.reserve(entries.size());
-    for (const Entry& entry : entries) nodes.push_back(entry.derivative);
-    return nodes;
-  }
-
-  /// Calls use(n, q, d node_n / d x_q) for each entry that is not zero everywhere. [loop]
-  template <class Use>
-  void evaluate(const StateView& state, Use use) const {
-    double values[3 * kMaxShafts * (kMaxShafts + 1)];
-    tape_.evaluate(state, values);
-    for (std::size_t i = 0; i < entries_.size(); ++i) {
-      use(entries_[i].node, entries_[i].q, values[i]);
-    }
-  }
+  /// Those that are computed; all others are zero everywhere.
+  const std::vector<Entry>& entries() const { return entries_; }
+  bool areDifferences() const { return are_differences_; }
+  /// One value for each of `entries`; valid until the next evaluation. [loop]
+  const double* evaluate(const StateView& state) const;
 
  private:
-  Tape tape_;
-  std::vector<Entry> entries_;  ///< of each output of the tape
+  Tape tape_;  ///< of the entries, or of the nodes themselves where `are_differences_`
+  std::vector<Entry> entries_;
+  int shaft_count_ = 0;
+  bool are_differences_ = false;
+  mutable std::vector<double> differences_;
 };
-
-inline std::optional<std::vector<StateDerivatives::Entry>> StateDerivatives::list(
-    Graph& graph, const std::vector<Node>& nodes, int shaft_count) {
-  std::vector<Entry> entries;
-  const int most = graph.size() + kMostNodes;
-  const Source parts[] = {Source::kAngle, Source::kVelocity, Source::kAcceleration};
-  for (int q = 0; q < 3 * shaft_count; ++q) {
-    const int slot = slotOf(parts[q / shaft_count], q % shaft_count);
-    for (std::size_t n = 0; n < nodes.size(); ++n) {
-      const Node derivative = graph.differentiate(nodes[n], slot);
-      if (graph.size() > most) return std::nullopt;
-      if (graph.isConstant(derivative, 0.0)) continue;
-      entries.push_back({static_cast<int>(n), q, derivative});
-    }
-  }
-  if (graph.hasNonFiniteConstant(nodesOf(entries))) return std::nullopt;
-  return entries;
-}
-
-inline std::optional<StateDerivatives> StateDerivatives::of(Graph& graph,
-                                                            const std::vector<Node>& nodes,
-                                                            int shaft_count) {
-  std::optional<std::vector<Entry>> entries = list(graph, nodes, shaft_count);
-  if (!entries) return std::nullopt;
-  StateDerivatives made;
-  try {
-    made.tape_ = Tape(graph, nodesOf(*entries));
-  } catch (const std::length_error&) {
-    return std::nullopt;
-  }
-  made.entries_ = std::move(*entries);
-  return made;
-}
 
 }  // namespace variator_sim::expression

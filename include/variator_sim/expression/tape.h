@@ -51,14 +51,14 @@ class Tape {
 
   /// Writes `outputCount()` values. It reads only those arrays of `state` that occur in the
   /// formulas, all of them before it writes `outputs`. For the real-time loop: allocates nothing,
-  /// takes no lock, does not throw. One tape is used by one thread at a time: it keeps its
-  /// registers.
-  void evaluate(const StateView& state, double* outputs) const noexcept {
+  /// takes no lock, throws only what an opaque function throws. One tape is used by one thread at a
+  /// time: it keeps its registers.
+  void evaluate(const StateView& state, double* outputs) const {
     const double* values = evaluate(state);
     std::copy(values, values + output_count_, outputs);
   }
   /// The same where they are: valid until the next evaluation.
-  const double* evaluate(const StateView& state) const noexcept;
+  const double* evaluate(const StateView& state) const;
 
  private:
   friend class TapeBuilder;
@@ -80,7 +80,7 @@ class Tape {
     std::uint16_t index;
   };
 
-  void carryOut(const Call& call) const noexcept;
+  void carryOut(const Call& call) const;
 
   std::vector<Load> loads_;  ///< by source
   int load_end_[static_cast<int>(Source::kJerk)] = {};

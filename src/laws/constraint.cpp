@@ -1,9 +1,10 @@
-#include "variator_sim/formula_constraint.h"
+#include "variator_sim/constraint.h"
 
 #include <algorithm>
 #include <stdexcept>
 #include <string>
 
+#include "variator_sim/errors.h"
 #include "variator_sim/expression/guards.h"
 
 namespace variator_sim {
@@ -98,20 +99,12 @@ std::vector<Node> findKinks(Graph& graph, const std::vector<unsigned>& reads, No
   return kinks;
 }
 
-/// The first output of `tape`; the others are the row C.
-double evaluateWithRow(const Tape& tape, const StateView& state, double* C) {
-  const double* const values = tape.evaluate(state);
-  std::copy(values + 1, values + tape.outputCount(), C);
-  return values[0];
-}
-
 }  // namespace
 
 /// A function of the accelerations at whose zeros a constraint has a kink.
-class FormulaConstraint::Kink final : public FormulaConstraint {
+class Constraint::Kink final : public Constraint {
  public:
-  Kink(const FormulaConstraint& of, Node function)
-      : FormulaConstraint(of.name(), of.shaftCount(), of.graph_) {
+  Kink(const Constraint& of, Node function) : Constraint(of.name(), of.shaftCount(), of.graph_) {
     compile(function, 2, of.inputs_, of.name());
   }
 
@@ -119,7 +112,9 @@ class FormulaConstraint::Kink final : public FormulaConstraint {
   void build(LawContext& /*scene*/) override {}
 };
 
-void FormulaConstraint::doConfigure(ComponentContext& context) {
+void Constraint::configure(ComponentContext& context) {
+  name_ = context.name();
+  shaft_count_ = context.shaftCount();
   graph_ = context.graph();
   Graph& graph = *graph_;
   LawContext law(context);
@@ -140,7 +135,7 @@ void FormulaConstraint::doConfigure(ComponentContext& context) {
 }
 
 /// What a constraint's programs compute.
-struct FormulaConstraint::Formulas {
+struct Constraint::Formulas {
   std::vector<Node> C;  ///< the derivatives by the highest rates that occur
   Node second;          ///< f' = C epsilon + ... for order 1, psi itself for order 2
   Node c0;              ///< of the third-order form [12]
@@ -149,8 +144,8 @@ struct FormulaConstraint::Formulas {
   std::vector<Node> jacobian_rate;  ///< D, then H: dC/dt = D + H eta
 };
 
-void FormulaConstraint::compile(Node given, int order, const std::set<int>& inputs,
-                                const std::string& path) {
+void Constraint::compile(Node given, int order, const std::set<int>& inputs,
+                         const std::string& path) {
   Graph& graph = *graph_;
   const int s = shaftCount();
   function_ = given;
@@ -171,11 +166,10 @@ void FormulaConstraint::compile(Node given, int order, const std::set<int>& inpu
   dependence_ = expression::dependenceOf(graph, {given}, s);
   has_constant_jacobian_ = std::all_of(formulas.C.begin(), formulas.C.end(),
                                        [&graph](Node entry) { return graph.isConstant(entry); });
-  row_derivatives_ = expression::StateDerivatives::of(graph, row_nodes_, s);
+  row_derivatives_ = expression::StateDerivatives(graph, row_nodes_, s);
 }
 
-FormulaConstraint::Formulas FormulaConstraint::derive(const std::set<int>& inputs,
-                                                      const std::string& path) {
+Constraint::Formulas Constraint::derive(const std::set<int>& inputs, const std::string& path) {
   Graph& graph = *graph_;
   const int s = shaftCount();
   Formulas made;
@@ -211,7 +205,7 @@ FormulaConstraint::Formulas FormulaConstraint::derive(const std::set<int>& input
   return made;
 }
 
-Node FormulaConstraint::withoutJerks(const std::vector<Node>& C, const std::string& path) {
+Node Constraint::withoutJerks(const std::vector<Node>& C, const std::string& path) {
   Graph& graph = *graph_;
   std::vector<Graph::Rate> no_jerks;
   for (int i = 0; i < shaftCount(); ++i) {
@@ -224,7 +218,7 @@ Node FormulaConstraint::withoutJerks(const std::vector<Node>& C, const std::stri
   return graph.substitute(function_, no_jerks);
 }
 
-void FormulaConstraint::noteNonlinear(const Formulas& formulas) {
+void Constraint::noteNonlinear(const Formulas& formulas) {
   const Graph& graph = *graph_;
   const int s = shaftCount();
   if (order_ > 1) {
@@ -245,22 +239,17 @@ void FormulaConstraint::noteNonlinear(const Formulas& formulas) {
   degree_ = graph.polynomialDegree(formulas.second, accelerations);
 }
 
-void FormulaConstraint::check(const Formulas& formulas, const std::string& path) {
+void Constraint::check(const Formulas& formulas, const std::string& path) const {
   const Graph& graph = *graph_;
-  // Of an opaque function no second derivative is known: they are NaN.
-  const bool is_opaque = graph.hasOpaque({function_});
-  if (order_ == 1 && is_opaque && graph.hasNonFiniteConstant(formulas.c0)) {
+  if (order_ == 1 && graph.hasDifference({formulas.c0})) {
     throw SceneError(path,
                      "a constraint of order 1 is differentiated twice, and the opaque function in "
                      "it has first derivatives only; allowed: a function made of Expressions, or a "
                      "constraint of order 2");
   }
-  has_jacobian_rate_ = !is_opaque || !graph.hasNonFiniteConstant(formulas.jacobian_rate);
   std::vector<Node> checked = formulas.partials;
   checked.push_back(formulas.c0);
-  if (has_jacobian_rate_) {
-    checked.insert(checked.end(), formulas.jacobian_rate.begin(), formulas.jacobian_rate.end());
-  }
+  checked.insert(checked.end(), formulas.jacobian_rate.begin(), formulas.jacobian_rate.end());
   for (const Node node : checked) {
     if (graph.hasNonFiniteConstant(node)) {
       throw SceneError(path, "a derivative of it has a constant part that is not finite");
@@ -268,55 +257,46 @@ void FormulaConstraint::check(const Formulas& formulas, const std::string& path)
   }
 }
 
-void FormulaConstraint::makePrograms(const Formulas& formulas) {
+void Constraint::makePrograms(const Formulas& formulas) {
   const Graph& graph = *graph_;
-  const auto with_C = [&formulas](Node first) {
-    std::vector<Node> nodes = {first};
-    nodes.insert(nodes.end(), formulas.C.begin(), formulas.C.end());
-    return nodes;
-  };
   row_nodes_ = formulas.C;
   row_nodes_.push_back(formulas.c0);
   row_ = Tape(graph, row_nodes_);
-  if (has_jacobian_rate_) {
-    hessian_ = Tape(graph, formulas.hessian);
-    jacobian_rate_ = Tape(graph, formulas.jacobian_rate);
-  }
+  hessian_ = Tape(graph, formulas.hessian);
+  jacobian_rate_ = Tape(graph, formulas.jacobian_rate);
   if (order_ < 3) {
     residual_ = Tape(graph, {function_});
-    residual_and_jacobian_ = Tape(graph, with_C(formulas.second));
+    std::vector<Node> second = {formulas.second};
+    second.insert(second.end(), formulas.C.begin(), formulas.C.end());
+    residual_and_jacobian_ = Tape(graph, second);
     partials_ = Tape(graph, formulas.partials);
   }
-  if (order_ == 1) velocity_level_ = Tape(graph, with_C(function_));
   guards_ = expression::findGuards(*graph_, {function_});
   instants_ = expression::findInstants(graph, {function_});
 }
 
-double FormulaConstraint::doCalcResidual(const StateView& state) const {
+double Constraint::calcResidual(const StateView& state) const {
   double psi = 0.0;  // of order 3, which has no residual at this level
   residual_.evaluate(state, &psi);
   return psi;
 }
 
-double FormulaConstraint::doCalcVelocityResidualAndJacobian(const StateView& state,
-                                                            double* C) const {
-  return evaluateWithRow(velocity_level_, state, C);
+double Constraint::calcResidualAndJacobian(const StateView& state, double* C) const {
+  const double* const values = residual_and_jacobian_.evaluate(state);
+  std::copy_n(values + 1, shaft_count_, C);
+  return values[0];
 }
 
-double FormulaConstraint::doCalcResidualAndJacobian(const StateView& state, double* C) const {
-  return evaluateWithRow(residual_and_jacobian_, state, C);
-}
-
-void FormulaConstraint::doCalcRow(const StateView& state, double* C, double* c0) const {
+void Constraint::calcRow(const StateView& state, double* C, double* c0) const {
   double values[kMaxShafts + 1];
   row_.evaluate(state, values);
   std::copy(values, values + shaftCount(), C);
   *c0 = values[shaftCount()];
 }
 
-void FormulaConstraint::doCalcPartials(const StateView& state, ConstraintPartials& partials) const {
-  double values[1 + 3 * kMaxShafts + kMaxInputs];
-  partials_.evaluate(state, values);
+void Constraint::calcPartials(const StateView& state, ConstraintPartials& partials) const {
+  partials = {};
+  const double* const values = partials_.evaluate(state);
   for (std::size_t i = 0; i < partial_slots_.size(); ++i) {
     const int index = expression::indexOf(partial_slots_[i]);
     switch (expression::sourceOf(partial_slots_[i])) {
@@ -339,36 +319,20 @@ void FormulaConstraint::doCalcPartials(const StateView& state, ConstraintPartial
   }
 }
 
-void FormulaConstraint::doCalcHessian(const StateView& state, double* H) const {
-  if (!has_jacobian_rate_) {
-    Constraint::doCalcHessian(state, H);
-    return;
-  }
-  hessian_.evaluate(state, H);
-}
-
-void FormulaConstraint::doCalcRowDerivatives(const StateView& state, double* dC,
-                                             double* dc0) const {
-  if (!row_derivatives_) {
-    Constraint::doCalcRowDerivatives(state, dC, dc0);
-    return;
-  }
-  const int s = shaftCount();
+void Constraint::calcRowDerivatives(const StateView& state, double* dC, double* dc0) const {
+  const int s = shaft_count_;
   std::fill_n(dC, 3 * s * s, 0.0);
   std::fill_n(dc0, 3 * s, 0.0);
-  row_derivatives_->evaluate(
-      state, [&](int of, int by, double value) { (of < s ? dC[by * s + of] : dc0[by]) = value; });
+  const double* value = row_derivatives_.evaluate(state);
+  for (const auto& entry : row_derivatives_.entries()) {
+    (entry.node < s ? dC[entry.q * s + entry.node] : dc0[entry.q]) = *value++;
+  }
 }
 
-void FormulaConstraint::doCalcJacobianRate(const StateView& state, double* D, double* H) const {
-  if (!has_jacobian_rate_) {
-    Constraint::doCalcJacobianRate(state, D, H);
-    return;
-  }
-  double values[kMaxShafts * (1 + kMaxShafts)];
-  jacobian_rate_.evaluate(state, values);
-  std::copy(values, values + shaftCount(), D);
-  std::copy(values + shaftCount(), values + shaftCount() * (1 + shaftCount()), H);
+void Constraint::calcJacobianRate(const StateView& state, double* D, double* H) const {
+  const double* const values = jacobian_rate_.evaluate(state);
+  std::copy_n(values, shaft_count_, D);
+  std::copy_n(values + shaft_count_, shaft_count_ * shaft_count_, H);
 }
 
 }  // namespace variator_sim

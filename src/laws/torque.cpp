@@ -1,7 +1,9 @@
-#include "variator_sim/formula_torque.h"
+#include "variator_sim/torque.h"
 
+#include <algorithm>
 #include <stdexcept>
 
+#include "variator_sim/errors.h"
 #include "variator_sim/expression/guards.h"
 
 namespace variator_sim {
@@ -12,7 +14,7 @@ using expression::Tape;
 
 namespace {
 
-std::vector<Node> nodesOf(const std::vector<FormulaTorque::ShaftNode>& formulas) {
+std::vector<Node> nodesOf(const std::vector<Torque::ShaftNode>& formulas) {
   std::vector<Node> nodes;
   nodes.reserve(formulas.size());
   for (const auto& [shaft, node] : formulas) nodes.push_back(node);
@@ -20,7 +22,7 @@ std::vector<Node> nodesOf(const std::vector<FormulaTorque::ShaftNode>& formulas)
 }
 
 /// Adds the values of a tape, one for each of `formulas`, to their shafts.
-void addTo(double* shafts, const std::vector<FormulaTorque::ShaftNode>& formulas, const Tape& tape,
+void addTo(double* shafts, const std::vector<Torque::ShaftNode>& formulas, const Tape& tape,
            const StateView& state) {
   double values[kMaxShafts];
   tape.evaluate(state, values);
@@ -29,7 +31,9 @@ void addTo(double* shafts, const std::vector<FormulaTorque::ShaftNode>& formulas
 
 }  // namespace
 
-void FormulaTorque::doConfigure(ComponentContext& context) {
+void Torque::configure(ComponentContext& context) {
+  name_ = context.name();
+  shaft_count_ = context.shaftCount();
   graph_ = context.graph();
   Graph& graph = *graph_;
   LawContext law(context);
@@ -64,31 +68,34 @@ void FormulaTorque::doConfigure(ComponentContext& context) {
   }
   torque_dependence_ = expression::dependenceOf(graph, torque, context.shaftCount());
   rate_dependence_ = expression::dependenceOf(graph, rate, context.shaftCount());
-  rate_derivatives_ = expression::StateDerivatives::of(graph, rate, context.shaftCount());
+  rate_derivatives_ = expression::StateDerivatives(graph, rate, context.shaftCount());
 }
 
-std::vector<int> FormulaTorque::doShafts() const {
+bool Torque::callsOpaqueFunction() const {
+  return graph_->hasOpaque(nodesOf(torques_));
+}
+
+std::vector<int> Torque::shafts() const {
   std::vector<int> shafts;
   for (const auto& [shaft, torque] : torques_) shafts.push_back(shaft);
+  std::sort(shafts.begin(), shafts.end());
   return shafts;
 }
 
-void FormulaTorque::doAddTorque(const StateView& state, double* torque) const {
+void Torque::addTorque(const StateView& state, double* torque) const {
   addTo(torque, torques_, torque_, state);
 }
 
-void FormulaTorque::doAddTorqueRate(const StateView& state, double* torque_rate) const {
+void Torque::addTorqueRate(const StateView& state, double* torque_rate) const {
   if (!rates_.empty()) addTo(torque_rate, rates_, rate_, state);
 }
 
-void FormulaTorque::doAddTorqueRateDerivatives(const StateView& state, double* derivatives) const {
-  if (!rate_derivatives_) {
-    Torque::doAddTorqueRateDerivatives(state, derivatives);
-    return;
+void Torque::addTorqueRateDerivatives(const StateView& state, double* derivatives) const {
+  const double* value = rate_derivatives_.evaluate(state);
+  for (const auto& entry : rate_derivatives_.entries()) {
+    const int shaft = rates_[static_cast<std::size_t>(entry.node)].first;
+    derivatives[entry.q * shaft_count_ + shaft] += *value++;
   }
-  rate_derivatives_->evaluate(state, [&](int of, int by, double value) {
-    derivatives[by * shaftCount() + rates_[static_cast<std::size_t>(of)].first] += value;
-  });
 }
 
 }  // namespace variator_sim
