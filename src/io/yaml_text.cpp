@@ -1,28 +1,11 @@
 #include "variator_sim/io/yaml_text.h"
 
 #include <array>
-#include <cmath>
 #include <cstdio>
 #include <set>
 
-#include "model/number_text.h"
-
 namespace variator_sim {
 namespace {
-
-/// Shortest digits that read back to the same double, with the dot that YAML 1.1 asks of a real.
-std::string realText(double value) {
-  if (std::isnan(value)) return ".nan";
-  if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-  std::array<char, 32> buffer{};
-  const auto result = numberToChars(buffer.data(), buffer.data() + buffer.size(), value);
-  std::string text(buffer.data(), result.ptr);
-  if (text.find('.') == std::string::npos) {
-    const std::size_t exponent = text.find('e');
-    text.insert(exponent == std::string::npos ? text.size() : exponent, ".0");
-  }
-  return text;
-}
 
 bool isPlain(const std::string& text) {
   // What some YAML version takes for a boolean or for nothing.
@@ -72,7 +55,7 @@ std::string leafText(const ParameterTree& tree) {
     case ParameterTree::Kind::kInteger:
       return std::to_string(tree.asInteger());
     case ParameterTree::Kind::kReal:
-      return realText(tree.asReal());
+      return formatReal(tree.asReal());
     case ParameterTree::Kind::kText:
       return quotedScalar(tree.asText());
     case ParameterTree::Kind::kList:
