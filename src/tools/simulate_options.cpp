@@ -92,6 +92,12 @@ class OptionParser {
 
   /// Throws UsageError, and CLI::CallForHelp.
   void parse(const std::vector<std::string>& words, const std::string& scene) {
+    for (const std::string& word : words) {
+      // CLI11 would take the word behind it.
+      if (word.size() > 3 && word.compare(0, 2, "--") == 0 && word.find('=') + 1 == word.size()) {
+        throw UsageError(word.substr(0, word.size() - 1) + " needs a value");
+      }
+    }
     try {
       app_.parse(std::vector<std::string>(words.rbegin(), words.rend()));
     } catch (const CLI::ArgumentMismatch& error) {
