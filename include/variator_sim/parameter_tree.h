@@ -8,6 +8,7 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "variator_sim/errors.h"
@@ -23,22 +24,26 @@ class ParameterTree {
   using Dictionary = std::map<std::string, ParameterTree>;
 
   ParameterTree() = default;
-  static ParameterTree boolean(bool value);
-  static ParameterTree integer(std::int64_t value);
-  static ParameterTree real(double value);
-  static ParameterTree text(std::string value);
-  static ParameterTree list(List values = {});
-  static ParameterTree dictionary(Dictionary values = {});
+  static ParameterTree boolean(bool value) { return ParameterTree(value); }
+  static ParameterTree integer(std::int64_t value) { return ParameterTree(value); }
+  static ParameterTree real(double value) { return ParameterTree(value); }
+  static ParameterTree text(std::string value) { return ParameterTree(std::move(value)); }
+  static ParameterTree list(List values = {}) { return ParameterTree(std::move(values)); }
+  static ParameterTree dictionary(Dictionary values = {}) {
+    return ParameterTree(std::move(values));
+  }
 
-  Kind kind() const { return kind_; }
-  bool asBoolean() const { return boolean_; }
-  std::int64_t asInteger() const { return integer_; }
-  double asReal() const { return real_; }
-  const std::string& asText() const { return text_; }
-  const List& asList() const { return list_; }
-  const Dictionary& asDictionary() const { return dictionary_; }
-  List& asList() { return list_; }
-  Dictionary& asDictionary() { return dictionary_; }
+  Kind kind() const { return static_cast<Kind>(value_.index()); }
+  // Values of another kind: false, 0 or empty.
+  bool asBoolean() const { return get<bool>(); }
+  std::int64_t asInteger() const { return get<std::int64_t>(); }
+  double asReal() const { return get<double>(); }
+  const std::string& asText() const { return get<std::string>(); }
+  const List& asList() const { return get<List>(); }
+  const Dictionary& asDictionary() const { return get<Dictionary>(); }
+  // Of values of their kind only.
+  List& asList() { return std::get<List>(value_); }
+  Dictionary& asDictionary() { return std::get<Dictionary>(value_); }
 
   /// The value as a user would type it (YAML flow style), for error messages; long ones are cut.
   std::string toText() const;
@@ -46,17 +51,25 @@ class ParameterTree {
   std::string describeKind() const;
 
  private:
-  Kind kind_ = Kind::kNothing;
-  bool boolean_ = false;
-  std::int64_t integer_ = 0;
-  double real_ = 0.0;
-  std::string text_;
-  List list_;
-  Dictionary dictionary_;
+  /// In the order of Kind.
+  using Value =
+      std::variant<std::monostate, bool, std::int64_t, double, std::string, List, Dictionary>;
+
+  explicit ParameterTree(Value value) : value_(std::move(value)) {}
+  template <class T>
+  const T& get() const {
+    static const T none{};
+    const T* const value = std::get_if<T>(&value_);
+    return value != nullptr ? *value : none;
+  }
+
+  Value value_;
 };
 
 /// The shortest text that reads back as the same number, for messages.
 std::string formatNumber(double value);
+/// As formatNumber, but always a real of YAML ("1.0", "1.0e+20", ".inf").
+std::string formatReal(double value);
 /// "[1, 2.5]"
 std::string formatNumbers(const double* values, int count);
 
@@ -119,7 +132,7 @@ class ParameterReader {
   /// The value at `key` as it is, or nullptr; counts as read.
   const ParameterTree* raw(const std::string& key);
   /// The same; SceneError that `what` is expected when it is missing.
-  const ParameterTree& require(const std::string& key, const char* what);
+  const ParameterTree& require(const std::string& key, const std::string& what);
 
   /// Converts a value that stands at `path` to a number, with the checks of `number`.
   static double toNumber(const ParameterTree& value, const std::string& path,

@@ -14,12 +14,12 @@
 #include "variator_sim/expression/parser.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <system_error>
 
 #include "characters.h"
 #include "function_table.h"
-#include "model/number_text.h"
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/parameter_tree.h"
 
@@ -194,7 +194,7 @@ class Parser {
     const std::size_t end = endOfNumber(begin);
     const std::string digits = text_.substr(begin, end - begin);
     double value = 0.0;
-    const auto [stop, error] = numberFromChars(digits.data(), digits.data() + digits.size(), value);
+    const auto [stop, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
     if (error == std::errc::result_out_of_range) {
       fail(begin, "the number " + digits + " is too large or too small for double precision");
     }

@@ -1,8 +1,8 @@
 // Terms as text and as LaTeX.
+#include <charconv>
 #include <cmath>
 
 #include "expression/term.h"
-#include "model/number_text.h"
 
 namespace variator_sim::expression {
 
@@ -263,12 +263,12 @@ class Printer {
 std::string toShortText(double value) {
   char buffer[32];
   char* const last = buffer + sizeof buffer;
-  std::string text(buffer, numberToChars(buffer, last, value).ptr);
+  std::string text(buffer, std::to_chars(buffer, last, value).ptr);
   if (significantDigits(text) > 12) {
     double rounded = value;
-    const char* const end = numberToChars(buffer, last, value, 15).ptr;
-    numberFromChars(buffer, end, rounded);
-    const std::string shorter(buffer, numberToChars(buffer, last, rounded).ptr);
+    const char* const end = std::to_chars(buffer, last, value, std::chars_format::general, 15).ptr;
+    std::from_chars(buffer, end, rounded);
+    const std::string shorter(buffer, std::to_chars(buffer, last, rounded).ptr);
     if (significantDigits(shorter) <= 12) text = shorter;
   }
   // 1e-09 and 1e+20 are 1e-9 and 1e20.

@@ -20,12 +20,6 @@ constexpr const char* kHeader = "time,topic,value";
 constexpr std::size_t kLongestLine = 1000;
 constexpr std::size_t kMostCommands = 5000000;
 
-bool parseNumber(const std::string& text, double* value) {
-  const char* const end = text.data() + text.size();
-  const auto result = numberFromChars(text.data(), end, *value);
-  return result.ec == std::errc() && result.ptr == end && !text.empty();
-}
-
 bool isBlankOrComment(const std::string& line) {
   return line.find_first_not_of(" \t") == std::string::npos || line.front() == '#';
 }
@@ -69,7 +63,7 @@ std::vector<TimedCommand> readCommands(std::istream& lines, const std::string& s
     const std::string time = line.substr(0, first);
     command.topic = line.substr(first + 1, second - first - 1);
     const std::string value = line.substr(second + 1);
-    if (!parseNumber(time, &command.time) || !std::isfinite(command.time) || command.time < 0.0) {
+    if (!readWhole(time, &command.time) || !std::isfinite(command.time) || command.time < 0.0) {
       throw error(
           {"time ", inQuotes(time), " in ", inQuotes(line), "; expected: a finite number >= 0, s"});
     }
@@ -77,7 +71,7 @@ std::vector<TimedCommand> readCommands(std::istream& lines, const std::string& s
       throw error({"topic ", inQuotes(command.topic), " in ", inQuotes(line),
                    "; expected: the topic of a commanded input, without blanks"});
     }
-    if (!parseNumber(value, &command.value)) {
+    if (!readWhole(value, &command.value)) {
       throw error({"value ", inQuotes(value), " in ", inQuotes(line), "; expected: a number"});
     }
     if (commands.size() == kMostCommands) {

@@ -1,31 +1,15 @@
 #include "variator_sim/io/yaml_text.h"
 
-#include <array>
-#include <cmath>
-#include <cstdio>
-#include <set>
+#include <yaml-cpp/emitter.h>
+#include <yaml-cpp/emittermanip.h>
 
-#include "model/number_text.h"
+#include <set>
 
 namespace variator_sim {
 namespace {
 
-/// Shortest digits that read back to the same double, with the dot that YAML 1.1 asks of a real.
-std::string realText(double value) {
-  if (std::isnan(value)) return ".nan";
-  if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-  std::array<char, 32> buffer{};
-  const auto result = numberToChars(buffer.data(), buffer.data() + buffer.size(), value);
-  std::string text(buffer.data(), result.ptr);
-  if (text.find('.') == std::string::npos) {
-    const std::size_t exponent = text.find('e');
-    text.insert(exponent == std::string::npos ? text.size() : exponent, ".0");
-  }
-  return text;
-}
-
+/// True for names and types that no version of YAML takes for a boolean or for nothing.
 bool isPlain(const std::string& text) {
-  // What some YAML version takes for a boolean or for nothing.
   static const std::set<std::string> kReserved = {"y",  "n",   "yes",  "no",   "true",
                                                   "on", "off", "null", "false"};
   if (text.empty()) return false;
@@ -39,77 +23,53 @@ bool isPlain(const std::string& text) {
   return kReserved.count(lower) == 0;
 }
 
-std::string quotedScalar(const std::string& text) {
-  if (isPlain(text)) return text;
-  std::string result = "\"";
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (c == '"' || c == '\\') {
-      result += '\\';
-      result += c;
-    } else if (byte < 0x20 || byte == 0x7f) {
-      std::array<char, 8> escape{};
-      std::snprintf(escape.data(), escape.size(), "\\x%02x", byte);
-      result += escape.data();
-    } else {
-      result += c;
-    }
-  }
-  return result + "\"";
+void writeText(const std::string& text, YAML::Emitter& emitter) {
+  if (!isPlain(text)) emitter << YAML::DoubleQuoted;
+  emitter << text;
 }
 
-bool isBranch(const ParameterTree& tree) {
-  return (tree.kind() == ParameterTree::Kind::kList && !tree.asList().empty()) ||
-         (tree.kind() == ParameterTree::Kind::kDictionary && !tree.asDictionary().empty());
-}
-
-std::string leafText(const ParameterTree& tree) {
+// Numbers are written as texts: yaml-cpp's own have fewer digits.
+void write(const ParameterTree& tree, YAML::Emitter& emitter) {
   switch (tree.kind()) {
     case ParameterTree::Kind::kNothing:
-      return "null";
+      emitter << YAML::Null;
+      break;
     case ParameterTree::Kind::kBoolean:
-      return tree.asBoolean() ? "true" : "false";
+      emitter << (tree.asBoolean() ? "true" : "false");
+      break;
     case ParameterTree::Kind::kInteger:
-      return std::to_string(tree.asInteger());
+      emitter << std::to_string(tree.asInteger());
+      break;
     case ParameterTree::Kind::kReal:
-      return realText(tree.asReal());
+      emitter << formatReal(tree.asReal());
+      break;
     case ParameterTree::Kind::kText:
-      return quotedScalar(tree.asText());
+      writeText(tree.asText(), emitter);
+      break;
     case ParameterTree::Kind::kList:
-      return "[]";
+      if (tree.asList().empty()) emitter << YAML::Flow;
+      emitter << YAML::BeginSeq;
+      for (const ParameterTree& entry : tree.asList()) write(entry, emitter);
+      emitter << YAML::EndSeq;
+      break;
     case ParameterTree::Kind::kDictionary:
-      return "{}";
-  }
-  return "null";
-}
-
-/// Appends `tree` after "key:" or "-", at `indent` columns.
-void append(const ParameterTree& tree, const std::string& indent, std::string& text) {
-  if (!isBranch(tree)) {
-    text += " " + leafText(tree) + "\n";
-    return;
-  }
-  text += "\n";
-  if (tree.kind() == ParameterTree::Kind::kList) {
-    for (const ParameterTree& entry : tree.asList()) {
-      text += indent + "-";
-      append(entry, indent + "  ", text);
-    }
-  } else {
-    for (const auto& [key, entry] : tree.asDictionary()) {
-      text += indent + quotedScalar(key) + ":";
-      append(entry, indent + "  ", text);
-    }
+      if (tree.asDictionary().empty()) emitter << YAML::Flow;
+      emitter << YAML::BeginMap;
+      for (const auto& [key, entry] : tree.asDictionary()) {
+        writeText(key, emitter);
+        write(entry, emitter);
+      }
+      emitter << YAML::EndMap;
+      break;
   }
 }
 
 }  // namespace
 
 std::string toYaml(const ParameterTree& tree) {
-  std::string text;
-  append(tree, "", text);
-  // The root has no "key:" in front of it.
-  return text.substr(1);
+  YAML::Emitter emitter;
+  write(tree, emitter);
+  return std::string(emitter.c_str(), emitter.size()) + "\n";
 }
 
 }  // namespace variator_sim

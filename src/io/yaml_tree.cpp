@@ -5,6 +5,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -12,6 +13,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
 
 #include "model/number_text.h"
 #include "model/tree_bounds.h"
@@ -27,27 +29,6 @@ constexpr std::size_t kLongestFile = 1U << 24U;
 /// No number is longer.
 constexpr std::size_t kLongestNumber = 100;
 
-std::string withoutUnderscores(const std::string& text) {
-  std::string digits;
-  for (const char c : text) {
-    if (c != '_') digits += c;
-  }
-  return digits;
-}
-
-/// False unless all of `text` is an integer in `base`.
-bool parseInteger(const std::string& text, int base, std::int64_t* value) {
-  const char* const end = text.data() + text.size();
-  const auto result = std::from_chars(text.data(), end, *value, base);
-  return result.ec == std::errc() && result.ptr == end && !text.empty();
-}
-
-bool parseReal(const std::string& text, double* value) {
-  const char* const end = text.data() + text.size();
-  const auto result = numberFromChars(text.data(), end, *value);
-  return result.ec == std::errc() && result.ptr == end && !text.empty();
-}
-
 /// "1:30.5" = 1 * 60 + 30.5 (YAML 1.1); without a colon a plain number.
 bool parseSexagesimal(const std::string& text, double* value) {
   *value = 0.0;
@@ -55,7 +36,7 @@ bool parseSexagesimal(const std::string& text, double* value) {
   while (begin <= text.size()) {
     const std::size_t colon = std::min(text.find(':', begin), text.size());
     double part = 0.0;
-    if (!parseReal(text.substr(begin, colon - begin), &part)) return false;
+    if (!readWhole(text.substr(begin, colon - begin), &part)) return false;
     *value = *value * 60.0 + part;
     begin = colon + 1;
   }
@@ -116,7 +97,8 @@ ParameterTree resolvePlain(const std::string& text) {
   if (!is_real && !kInteger.matches(text)) return ParameterTree::text(text);
 
   const bool has_sign = is_negative || text.front() == '+';
-  const std::string digits = withoutUnderscores(text.substr(has_sign ? 1 : 0));
+  std::string digits = text.substr(has_sign ? 1 : 0);
+  digits.erase(std::remove(digits.begin(), digits.end(), '_'), digits.end());
   const bool is_sexagesimal = digits.find(':') != std::string::npos;
   double real = 0.0;
   if (is_real || is_sexagesimal) {
@@ -125,18 +107,19 @@ ParameterTree resolvePlain(const std::string& text) {
     return ParameterTree::integer(static_cast<std::int64_t>(sign * real));
   }
 
-  int base = 10;
-  std::string number = digits;
-  if (digits.size() > 1 && digits.front() == '0') {
-    base = digits[1] == 'x' ? 16 : digits[1] == 'b' ? 2 : 8;
-    number = digits.substr(base == 8 ? 1 : 2);
-  }
+  const bool is_decimal = digits.size() == 1 || digits.front() != '0';
+  const bool is_octal = !is_decimal && std::isdigit(static_cast<unsigned char>(digits[1])) != 0;
+  const int base = is_decimal ? 10 : is_octal ? 8 : digits[1] == 'x' ? 16 : 2;
+  const std::string number =
+      (is_negative ? "-" : "") + digits.substr(is_decimal || is_octal ? 0 : 2);
   std::int64_t integer = 0;
-  if (parseInteger((is_negative ? "-" : "") + number, base, &integer)) {
+  const auto [rest, error] =
+      std::from_chars(number.data(), number.data() + number.size(), integer, base);
+  if (error == std::errc() && rest == number.data() + number.size()) {
     return ParameterTree::integer(integer);
   }
   // More than 64 bits: a number all the same.
-  if (base == 10 && parseReal(number, &real)) return ParameterTree::real(sign * real);
+  if (is_decimal && readWhole(digits, &real)) return ParameterTree::real(sign * real);
   return ParameterTree::text(text);
 }
 
@@ -210,7 +193,7 @@ class Converter {
         return ParameterTree::real(static_cast<double>(value.asInteger()));
       }
       double real = 0.0;
-      if (parseReal(text, &real)) return ParameterTree::real(real);
+      if (readWhole(text, &real)) return ParameterTree::real(real);
     }
     throw tagError(node);
   }
@@ -349,9 +332,8 @@ std::string describeTab(const std::string& text, int line) {
   return "";
 }
 
-/// The tree of `text`; `check` may refuse it, and is told where its root stands.
-template <class Check>
-ParameterTree readYaml(const std::string& text, const std::string& source_name, Check check) {
+ParameterTree readYaml(const std::string& text, const std::string& source_name,
+                       bool requires_mapping) {
   Converter converter(source_name);
   if (text.size() > kLongestFile) {
     throw converter.error(YAML::Mark::null_mark(),
@@ -361,7 +343,13 @@ ParameterTree readYaml(const std::string& text, const std::string& source_name, 
     bool is_empty = false;
     const YAML::Node root = loadOnlyDocument(text, converter, &is_empty);
     ParameterTree tree = converter.convert(root, 0);
-    check(converter, tree, is_empty ? YAML::Mark() : root.Mark());
+    const ParameterTree::Kind kind = tree.kind();
+    if (requires_mapping && kind != ParameterTree::Kind::kDictionary) {
+      throw converter.error(
+          is_empty ? YAML::Mark() : root.Mark(),
+          "expected a mapping (key: value), got " + tree.describeKind() +
+              (kind == ParameterTree::Kind::kNothing ? "" : ": " + tree.toText()));
+    }
     return tree;
   } catch (const YAML::Exception& error) {
     throw converter.error(error.mark,
@@ -374,19 +362,11 @@ ParameterTree readYaml(const std::string& text, const std::string& source_name, 
 }  // namespace
 
 ParameterTree readYamlText(const std::string& text, const std::string& source_name) {
-  return readYaml(
-      text, source_name,
-      [](const Converter& converter, const ParameterTree& tree, const YAML::Mark& mark) {
-        if (tree.kind() == ParameterTree::Kind::kDictionary) return;
-        const bool is_nothing = tree.kind() == ParameterTree::Kind::kNothing;
-        throw converter.error(mark, "expected a mapping (key: value), got " + tree.describeKind() +
-                                        (is_nothing ? std::string() : ": " + tree.toText()));
-      });
+  return readYaml(text, source_name, /*requires_mapping=*/true);
 }
 
 ParameterTree readYamlValue(const std::string& text, const std::string& source_name) {
-  return readYaml(text, source_name,
-                  [](const Converter&, const ParameterTree&, const YAML::Mark&) {});
+  return readYaml(text, source_name, /*requires_mapping=*/false);
 }
 
 ParameterTree readYamlFile(const std::string& path) {

@@ -224,10 +224,7 @@ double CommandSignal::value(double time) const {
   switch (form_) {
     case Form::kConstant:
       break;
-    case Form::kExponential: {
-      const double elapsed = (time - start_time_) * inverse_time_constant_;
-      return start_value_ - (target_ - start_value_) * std::expm1(-elapsed);
-    }
+    case Form::kExponential:  // b = 0
     case Form::kCritical: {
       const double x = (time - start_time_) * inverse_time_constant_;
       return start_value_ + (start_value_ - target_) * std::expm1(-x) + linear_ * x * std::exp(-x);
@@ -260,10 +257,7 @@ double CommandSignal::rate(double time) const {
   switch (form_) {
     case Form::kConstant:
       break;
-    case Form::kExponential: {
-      const double elapsed = (time - start_time_) * inverse_time_constant_;
-      return (target_ - start_value_) * inverse_time_constant_ * std::exp(-elapsed);
-    }
+    case Form::kExponential:  // b = 0
     case Form::kCritical: {
       const double x = (time - start_time_) * inverse_time_constant_;
       const double a = start_value_ - target_;
@@ -297,7 +291,7 @@ void CommandSignal::calcSeries(double time, double unit, int order, double* coef
       // d^n/dx^n (a + b x) exp(-x) = (-1)^n (a + b x - n b) exp(-x), x = (t - start) / tau
       const double x = (time - start_time_) * inverse_time_constant_;
       const double a = start_value_ - target_;
-      const double b = form_ == Form::kCritical ? linear_ : 0.0;
+      const double b = linear_;
       double scale = std::exp(-x);
       for (int n = 1; n <= order; ++n) {
         scale *= -unit * inverse_time_constant_ / n;

@@ -3,17 +3,18 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <system_error>
 #include <utility>
 
-#include "model/number_text.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 std::string formatNumber(double value) {
   std::array<char, 32> buffer{};
-  const auto result = numberToChars(buffer.data(), buffer.data() + buffer.size(), value);
+  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
   return std::string(buffer.data(), result.ptr);
 }
 
@@ -23,9 +24,6 @@ std::string formatNumbers(const double* values, int count) {
   return text + "]";
 }
 
-namespace {
-
-/// As formatNumber, but always a YAML real ("1.0", "1.0e+20", ".inf").
 std::string formatReal(double value) {
   if (std::isnan(value)) return ".nan";
   if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
@@ -36,19 +34,29 @@ std::string formatReal(double value) {
   return text;
 }
 
+namespace {
+
 /// False unless the whole text is a number. A text too large or too small for a double counts as
 /// infinity or as NaN: neither passes for a finite number.
 bool parseNumber(const std::string& text, double* value) {
   const char* begin = text.data();
   const char* const end = begin + text.size();
   if (text.size() > 1 && *begin == '+' && begin[1] != '-') ++begin;
-  const auto result = numberFromChars(begin, end, *value);
+  const auto result = std::from_chars(begin, end, *value);
   if (result.ptr != end || begin == end) return false;
   if (result.ec == std::errc::result_out_of_range) {
     *value = std::numeric_limits<double>::quiet_NaN();
     return true;
   }
   return result.ec == std::errc();
+}
+
+/// False unless `value` is a number, be it as a text.
+bool findNumber(const ParameterTree& value, double* number) {
+  if (value.kind() == ParameterTree::Kind::kText) return parseNumber(value.asText(), number);
+  const bool is_integer = value.kind() == ParameterTree::Kind::kInteger;
+  *number = is_integer ? static_cast<double>(value.asInteger()) : value.asReal();
+  return is_integer || value.kind() == ParameterTree::Kind::kReal;
 }
 
 /// True when a YAML reader would take the bare text as this text.
@@ -156,10 +164,13 @@ std::string elementPath(const std::string& path, std::size_t index) {
   return path + "[" + std::to_string(index) + "]";
 }
 
+void requireKind(ParameterTree::Kind kind, const ParameterTree& value, const std::string& path,
+                 const std::string& what) {
+  if (value.kind() != kind) throw SceneError(path, "expected " + what + ", " + describe(value));
+}
+
 const std::string& requireText(const ParameterTree& value, const std::string& path) {
-  if (value.kind() != ParameterTree::Kind::kText) {
-    throw SceneError(path, "expected a text, " + describe(value));
-  }
+  requireKind(ParameterTree::Kind::kText, value, path, "a text");
   return value.asText();
 }
 
@@ -178,48 +189,6 @@ const ParameterTree& emptyDictionary() {
 
 }  // namespace
 
-ParameterTree ParameterTree::boolean(bool value) {
-  ParameterTree tree;
-  tree.kind_ = Kind::kBoolean;
-  tree.boolean_ = value;
-  return tree;
-}
-
-ParameterTree ParameterTree::integer(std::int64_t value) {
-  ParameterTree tree;
-  tree.kind_ = Kind::kInteger;
-  tree.integer_ = value;
-  return tree;
-}
-
-ParameterTree ParameterTree::real(double value) {
-  ParameterTree tree;
-  tree.kind_ = Kind::kReal;
-  tree.real_ = value;
-  return tree;
-}
-
-ParameterTree ParameterTree::text(std::string value) {
-  ParameterTree tree;
-  tree.kind_ = Kind::kText;
-  tree.text_ = std::move(value);
-  return tree;
-}
-
-ParameterTree ParameterTree::list(List values) {
-  ParameterTree tree;
-  tree.kind_ = Kind::kList;
-  tree.list_ = std::move(values);
-  return tree;
-}
-
-ParameterTree ParameterTree::dictionary(Dictionary values) {
-  ParameterTree tree;
-  tree.kind_ = Kind::kDictionary;
-  tree.dictionary_ = std::move(values);
-  return tree;
-}
-
 std::string ParameterTree::toText() const {
   std::string text;
   append(*this, &text);
@@ -231,23 +200,9 @@ std::string ParameterTree::toText() const {
 }
 
 std::string ParameterTree::describeKind() const {
-  switch (kind_) {
-    case Kind::kNothing:
-      return "nothing";
-    case Kind::kBoolean:
-      return "a boolean";
-    case Kind::kInteger:
-      return "an integer";
-    case Kind::kReal:
-      return "a number";
-    case Kind::kText:
-      return "a text";
-    case Kind::kList:
-      return "a list";
-    case Kind::kDictionary:
-      return "a dictionary";
-  }
-  return "nothing";
+  constexpr const char* kNames[] = {"nothing", "a boolean", "an integer",  "a number",
+                                    "a text",  "a list",    "a dictionary"};
+  return kNames[value_.index()];
 }
 
 bool Range::contains(double value) const {
@@ -271,9 +226,7 @@ std::string Range::toText() const {
 
 ParameterReader::ParameterReader(const ParameterTree& tree, std::string path)
     : tree_(&tree), path_(std::move(path)) {
-  if (tree.kind() != ParameterTree::Kind::kDictionary) {
-    throw SceneError(path_, "expected a dictionary, " + describe(tree));
-  }
+  requireKind(ParameterTree::Kind::kDictionary, tree, path_, "a dictionary");
 }
 
 std::string ParameterReader::keyPath(const std::string& key) const {
@@ -286,11 +239,8 @@ bool ParameterReader::has(const std::string& key) const {
 
 bool ParameterReader::isNumber(const std::string& key) const {
   if (!has(key)) return false;
-  const ParameterTree& value = tree_->asDictionary().at(key);
   double unused = 0.0;
-  return value.kind() == ParameterTree::Kind::kInteger ||
-         value.kind() == ParameterTree::Kind::kReal ||
-         (value.kind() == ParameterTree::Kind::kText && parseNumber(value.asText(), &unused));
+  return findNumber(tree_->asDictionary().at(key), &unused);
 }
 
 void ParameterReader::noteKeys(std::set<std::string>* paths) {
@@ -312,7 +262,7 @@ const ParameterTree* ParameterReader::raw(const std::string& key) {
   return found == tree_->asDictionary().end() ? nullptr : &found->second;
 }
 
-const ParameterTree& ParameterReader::require(const std::string& key, const char* what) {
+const ParameterTree& ParameterReader::require(const std::string& key, const std::string& what) {
   const ParameterTree* value = raw(key);
   if (value != nullptr) return *value;
   std::vector<std::string> unread;
@@ -320,7 +270,7 @@ const ParameterTree& ParameterReader::require(const std::string& key, const char
     if (known_.count(entry.first) == 0) unread.push_back(entry.first);
   }
   const std::string misspelt = findNearestName(key, unread);
-  throw SceneError(keyPath(key), "missing; expected " + std::string(what) +
+  throw SceneError(keyPath(key), "missing; expected " + what +
                                      (misspelt.empty() ? ""
                                                        : " (is " + inQuotes(misspelt) +
                                                              " meant for " + inQuotes(key) + "?)"));
@@ -328,22 +278,7 @@ const ParameterTree& ParameterReader::require(const std::string& key, const char
 
 double ParameterReader::toNumber(const ParameterTree& value, const std::string& path, Range range) {
   double number = 0.0;
-  bool is_number = false;
-  switch (value.kind()) {
-    case ParameterTree::Kind::kInteger:
-      number = static_cast<double>(value.asInteger());
-      is_number = true;
-      break;
-    case ParameterTree::Kind::kReal:
-      number = value.asReal();
-      is_number = true;
-      break;
-    case ParameterTree::Kind::kText:
-      is_number = parseNumber(value.asText(), &number);
-      break;
-    default:
-      break;
-  }
+  const bool is_number = findNumber(value, &number);
   const bool any = range.toText() == Range::any().toText();
   const std::string allowed = any ? "a finite number" : "a number " + range.toText();
   if (!is_number) throw SceneError(path, "expected " + allowed + ", " + describe(value));
@@ -359,7 +294,7 @@ double ParameterReader::toNumber(const ParameterTree& value, const std::string& 
 double ParameterReader::number(const std::string& key, Range range) {
   const bool any = range.toText() == Range::any().toText();
   const std::string what = any ? "a number" : "a number " + range.toText();
-  return toNumber(require(key, what.c_str()), keyPath(key), range);
+  return toNumber(require(key, what), keyPath(key), range);
 }
 
 double ParameterReader::number(const std::string& key, Range range, double default_value) {
@@ -371,17 +306,12 @@ double ParameterReader::number(const std::string& key, Range range, double defau
 int ParameterReader::integer(const std::string& key, int minimum, int maximum) {
   const std::string what =
       "an integer from " + std::to_string(minimum) + " to " + std::to_string(maximum);
-  const ParameterTree& value = require(key, what.c_str());
-  double number = 0.0;
-  switch (value.kind()) {
-    case ParameterTree::Kind::kInteger:
-    case ParameterTree::Kind::kReal:
-    case ParameterTree::Kind::kText:
-      number = toNumber(value, keyPath(key));
-      break;
-    default:
-      throw SceneError(keyPath(key), "expected " + what + ", " + describe(value));
-  }
+  const ParameterTree& value = require(key, what);
+  const bool is_scalar = value.kind() == ParameterTree::Kind::kInteger ||
+                         value.kind() == ParameterTree::Kind::kReal ||
+                         value.kind() == ParameterTree::Kind::kText;
+  if (!is_scalar) throw SceneError(keyPath(key), "expected " + what + ", " + describe(value));
+  const double number = toNumber(value, keyPath(key));
   if (number != std::floor(number)) {
     throw SceneError(keyPath(key), value.toText() + " is not an integer; allowed: " + what);
   }
@@ -398,9 +328,7 @@ int ParameterReader::integer(const std::string& key, int minimum, int maximum, i
 bool ParameterReader::boolean(const std::string& key, bool default_value) {
   const ParameterTree* value = raw(key);
   if (value == nullptr) return default_value;
-  if (value->kind() != ParameterTree::Kind::kBoolean) {
-    throw SceneError(keyPath(key), "expected true or false, " + describe(*value));
-  }
+  requireKind(ParameterTree::Kind::kBoolean, *value, keyPath(key), "true or false");
   return value->asBoolean();
 }
 
@@ -430,10 +358,8 @@ std::string ParameterReader::formula(const std::string& key) {
 std::string ParameterReader::choice(const std::string& key,
                                     const std::vector<std::string>& allowed) {
   const std::string what = "one of " + joinNames(allowed);
-  const ParameterTree& value = require(key, what.c_str());
-  if (value.kind() != ParameterTree::Kind::kText) {
-    throw SceneError(keyPath(key), "expected " + what + ", " + describe(value));
-  }
+  const ParameterTree& value = require(key, what);
+  requireKind(ParameterTree::Kind::kText, value, keyPath(key), what);
   const std::string& name = value.asText();
   if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
     throw SceneError(keyPath(key), inQuotes(name) + " is not allowed" + suggestName(name, allowed) +
@@ -451,10 +377,8 @@ std::vector<double> ParameterReader::numbers(const std::string& key, std::size_t
                                              Range range) {
   const std::string what =
       "a list of " + std::to_string(size) + (size == 1 ? " number" : " numbers");
-  const ParameterTree& value = require(key, what.c_str());
-  if (value.kind() != ParameterTree::Kind::kList) {
-    throw SceneError(keyPath(key), "expected " + what + ", " + describe(value));
-  }
+  const ParameterTree& value = require(key, what);
+  requireKind(ParameterTree::Kind::kList, value, keyPath(key), what);
   const ParameterTree::List& list = value.asList();
   if (list.size() != size) {
     throw SceneError(keyPath(key), "expected " + what + ", got " + std::to_string(list.size()) +
@@ -470,9 +394,7 @@ std::vector<double> ParameterReader::numbers(const std::string& key, std::size_t
 std::vector<std::string> ParameterReader::names(const std::string& key) {
   const ParameterTree* value = raw(key);
   if (value == nullptr || value->kind() == ParameterTree::Kind::kNothing) return {};
-  if (value->kind() != ParameterTree::Kind::kList) {
-    throw SceneError(keyPath(key), "expected a list of names, " + describe(*value));
-  }
+  requireKind(ParameterTree::Kind::kList, *value, keyPath(key), "a list of names");
   std::vector<std::string> names;
   for (std::size_t i = 0; i < value->asList().size(); ++i) {
     names.push_back(requireText(value->asList()[i], elementPath(keyPath(key), i)));
@@ -483,9 +405,7 @@ std::vector<std::string> ParameterReader::names(const std::string& key) {
 std::map<std::string, double> ParameterReader::numberDictionary(const std::string& key) {
   const ParameterTree* value = raw(key);
   if (value == nullptr || value->kind() == ParameterTree::Kind::kNothing) return {};
-  if (value->kind() != ParameterTree::Kind::kDictionary) {
-    throw SceneError(keyPath(key), "expected a dictionary of numbers, " + describe(*value));
-  }
+  requireKind(ParameterTree::Kind::kDictionary, *value, keyPath(key), "a dictionary of numbers");
   std::map<std::string, double> numbers;
   for (const auto& [name, number] : value->asDictionary()) {
     numbers[name] = toNumber(number, keyPath(key) + "/" + name);

@@ -235,16 +235,11 @@ void checkTopics(const Scene& scene, const std::vector<std::string>& taken) {
   }
 }
 
-ParameterTree toTree(const std::vector<std::string>& names) {
-  ParameterTree::List values;
-  for (const std::string& name : names) values.push_back(ParameterTree::text(name));
-  return ParameterTree::list(std::move(values));
-}
-
-ParameterTree toTree(const std::vector<double>& numbers) {
-  ParameterTree::List values;
-  for (const double number : numbers) values.push_back(ParameterTree::real(number));
-  return ParameterTree::list(std::move(values));
+template <class Values, class Make>
+ParameterTree toTree(const Values& values, Make make) {
+  ParameterTree::List list;
+  for (const auto& value : values) list.push_back(make(value));
+  return ParameterTree::list(std::move(list));
 }
 
 /// `tree` without the node's keys and with the defaults that were taken.
@@ -253,12 +248,9 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
                       bool verify_derivatives) {
   ParameterTree::Dictionary root = tree.asDictionary();
   for (const std::string& key : node_keys) root.erase(key);
-  root["shafts"] = toTree(names.shafts);
-  root["torques"] = toTree(names.torques);
-  root["constraints"] = toTree(names.constraints);
-  root["inputs"] = toTree(names.inputs);
-  root["tables"] = toTree(names.tables);
-  root["outputs"] = toTree(names.outputs);
+  for (const SceneList& list : kSceneLists) {
+    root[list.key] = toTree(names.*list.names, ParameterTree::text);
+  }
   for (int i = 0; i < scene.shaftCount(); ++i) {
     const auto n = static_cast<std::size_t>(i);
     if (!scene.inertia_harmonics.empty() && !scene.inertia_harmonics[n].empty()) continue;
@@ -269,11 +261,12 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
   root["verify_derivatives"] = ParameterTree::boolean(verify_derivatives);
   root["principle"] = ParameterTree::text(toString(scene.principle));
 
-  ParameterTree::Dictionary initial{{"angle", toTree(scene.initial.angle)},
-                                    {"velocity", toTree(scene.initial.velocity)},
-                                    {"project", ParameterTree::boolean(scene.initial.project)}};
+  ParameterTree::Dictionary initial{
+      {"angle", toTree(scene.initial.angle, ParameterTree::real)},
+      {"velocity", toTree(scene.initial.velocity, ParameterTree::real)},
+      {"project", ParameterTree::boolean(scene.initial.project)}};
   if (!scene.initial.acceleration.empty()) {
-    initial["acceleration"] = toTree(scene.initial.acceleration);
+    initial["acceleration"] = toTree(scene.initial.acceleration, ParameterTree::real);
   }
   root["initial"] = ParameterTree::dictionary(std::move(initial));
 

@@ -61,36 +61,15 @@ void checkNames(const SceneNames& lists, const std::vector<std::string>& node_ke
       }
     }
   };
-  check("shafts", lists.shafts);
-  check("torques", lists.torques);
-  check("constraints", lists.constraints);
-  check("inputs", lists.inputs);
-  check("tables", lists.tables);
-  check("outputs", lists.outputs);
+  for (const SceneList& list : kSceneLists) check(list.key, lists.*list.names);
 }
 
-SceneNames readLists(const ParameterTree& tree, ParameterReader& root,
-                     const std::vector<std::string>& node_keys) {
+SceneNames readLists(ParameterReader& root, const std::vector<std::string>& node_keys) {
   const std::string shafts_expected =
       "a list of 1 to " + std::to_string(kMaxShafts) + " names of shafts";
-  if (!root.has("shafts")) {
-    std::vector<std::string> keys;
-    for (const auto& entry : tree.asDictionary()) {
-      if (!contains(sceneKeys(), entry.first)) keys.push_back(entry.first);
-    }
-    const std::string misspelt = findNearestName("shafts", keys);
-    throw SceneError(
-        "shafts", "missing; expected " + shafts_expected +
-                      (misspelt.empty() ? std::string()
-                                        : " (is " + inQuotes(misspelt) + " meant for 'shafts'?)"));
-  }
+  root.require("shafts", shafts_expected);
   SceneNames lists;
-  lists.shafts = root.names("shafts");
-  lists.torques = root.names("torques");
-  lists.constraints = root.names("constraints");
-  lists.inputs = root.names("inputs");
-  lists.tables = root.names("tables");
-  lists.outputs = root.names("outputs");
+  for (const SceneList& list : kSceneLists) lists.*list.names = root.names(list.key);
   if (lists.shafts.empty() || lists.shafts.size() > static_cast<std::size_t>(kMaxShafts)) {
     throw SceneError("shafts",
                      std::to_string(lists.shafts.size()) + " shafts; allowed: " + shafts_expected);
@@ -144,8 +123,9 @@ void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& al
 }  // namespace
 
 std::vector<std::string> SceneNames::all() const {
-  return joined(joined(joined(shafts, torques), joined(constraints, inputs)),
-                joined(tables, outputs));
+  std::vector<std::string> names;
+  for (const SceneList& list : kSceneLists) names = joined(names, this->*list.names);
+  return names;
 }
 
 bool isName(const std::string& name) {
@@ -159,7 +139,7 @@ bool isName(const std::string& name) {
 SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
                           const std::vector<std::string>& node_keys) {
   for (const std::string& key : joined(sceneKeys(), node_keys)) root.allow(key);
-  SceneNames lists = readLists(tree, root, node_keys);
+  SceneNames lists = readLists(root, node_keys);
   const std::vector<std::string> names = lists.all();
   // A name whose dictionary is missing is told first: the misspelt dictionary is then no riddle.
   for (const std::string& name : names) root.allow(name);

@@ -20,6 +20,16 @@ struct SceneNames {
   std::vector<std::string> all() const;
 };
 
+/// One of them, and the key at the scene's root.
+struct SceneList {
+  const char* key;
+  std::vector<std::string> SceneNames::*names;
+};
+constexpr SceneList kSceneLists[] = {
+    {"shafts", &SceneNames::shafts},           {"torques", &SceneNames::torques},
+    {"constraints", &SceneNames::constraints}, {"inputs", &SceneNames::inputs},
+    {"tables", &SceneNames::tables},           {"outputs", &SceneNames::outputs}};
+
 /// Reads the lists and refuses what `tree` has at its root beside them, the names in them, and the
 /// keys of the scene and of the node. `root` reads `tree`. Throws SceneError.
 SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,

@@ -57,7 +57,7 @@ void checkFixed(const std::vector<TrimChoice>& fix) {
 }
 
 void save(const LinearModel& model, const py::object& path) {
-  const auto name = py::module::import("os").attr("fsencode")(path).cast<std::string>();
+  const std::string name = readPath(path);
   py::object content = py::bytes(writeModel(model));
   try {
     const std::string ending = endingOfModel(name);
@@ -108,14 +108,9 @@ SteadyStates findSteadyStates(const Scene& scene, const TrimOptions& options) {
 py::list toList(const SteadyStates& states, const Scene& scene) {
   const TrimResult& result = states.found;
   if (result.states.empty()) {
-    const py::object type = py::module::import("variator_sim.errors").attr("NoSteadyState");
-    PyErr_SetString(type.ptr(), result.message.c_str());
-    throw py::error_already_set();
+    raise(errorClass("NoSteadyState")(result.message));
   }
-  const bool is_determined = result.states.front().undetermined.empty();
-  if (!is_determined && PyErr_WarnEx(PyExc_UserWarning, result.message.c_str(), 1) != 0) {
-    throw py::error_already_set();
-  }
+  if (!result.states.front().undetermined.empty()) warn(result.message);
   py::list list;
   for (std::size_t i = 0; i < result.states.size(); ++i) {
     const TrimState& found = result.states[i];

@@ -52,11 +52,7 @@ class FastCall {
     const Py_ssize_t named = names == nullptr ? 0 : PyTuple_GET_SIZE(names);
     std::vector<PyObject*> all{self};
     all.insert(all.end(), arguments, arguments + count + named);
-#if PY_VERSION_HEX < 0x03090000  // its name was provisional
-    return _PyObject_Vectorcall(bound_, all.data(), static_cast<std::size_t>(count) + 1, names);
-#else
     return PyObject_Vectorcall(bound_, all.data(), static_cast<std::size_t>(count) + 1, names);
-#endif
   }
 
   inline static PyObject* bound_ = nullptr;

@@ -147,34 +147,22 @@ void bindSample(py::module& module) {
 /// What can be seen of it.
 void bindViews(py::class_<PythonSimulation>& simulation) {
   using Self = PythonSimulation;
-  simulation
-      .def_property_readonly("outputs",
-                             [](Self& s) { return s.quantities(QuantityGroup::kOutputs); })
-      .def_property_readonly("inputs", [](Self& s) { return s.quantities(QuantityGroup::kInputs); })
-      .def_property_readonly("elements",
-                             [](Self& s) { return s.quantities(QuantityGroup::kElements); })
-      .def_property_readonly("energy", &Self::energy)
-      .def_property_readonly("shafts", [](const Self& s) { return s.scene().shafts; })
-      .def_property_readonly("constraints",
-                             [](const Self& s) {
-                               std::vector<std::string> names;
-                               for (const auto& c : s.scene().constraints)
-                                 names.push_back(c->name());
-                               return names;
-                             })
-      .def_property_readonly("orders",
-                             [](const Self& s) {
-                               std::vector<int> orders;
-                               for (const auto& c : s.scene().constraints)
-                                 orders.push_back(c->order());
-                               return orders;
-                             })
-      .def_property_readonly("topics",
-                             [](const Self& s) {
-                               std::vector<std::string> topics;
-                               for (const auto& i : s.scene().inputs) topics.push_back(i.topic);
-                               return topics;
-                             })
+  for (const QuantityGroup group : kQuantityGroups) {
+    simulation.def_property_readonly(toString(group),
+                                     [group](Self& s) { return s.quantities(group); });
+  }
+  const auto add_list = [&simulation](const char* name, auto parts, auto value) {
+    simulation.def_property_readonly(name, [parts, value](const Self& s) {
+      py::list list;
+      for (const auto& part : s.scene().*parts) list.append(value(part));
+      return list;
+    });
+  };
+  add_list("shafts", &Scene::shafts, [](const std::string& shaft) { return shaft; });
+  add_list("constraints", &Scene::constraints, [](const auto& row) { return row->name(); });
+  add_list("orders", &Scene::constraints, [](const auto& row) { return row->order(); });
+  add_list("topics", &Scene::inputs, [](const auto& input) { return input.topic; });
+  simulation.def_property_readonly("energy", &Self::energy)
       .def_property_readonly("scene", [](const Self& s) { return toObject(s.scene().resolved); })
       .def_property_readonly("stepper", [](Self& s) { return s.get().describeStepper(); })
       .def_property_readonly("machine_code", [](Self& s) { return s.get().machineCode(); })

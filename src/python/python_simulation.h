@@ -21,20 +21,6 @@
 
 namespace variator_sim::python {
 
-inline py::object errorClass(const char* name) {
-  return py::module::import("variator_sim.errors").attr(name);
-}
-
-[[noreturn]] inline void raise(const py::object& error) {
-  PyErr_SetObject(error.get_type().ptr(), error.ptr());
-  throw py::error_already_set();
-}
-
-/// The bytes of a file's name, which need be no UTF-8.
-inline std::string readPath(const py::object& path) {
-  return py::module::import("os").attr("fsencode")(path).cast<std::string>();
-}
-
 inline ParameterTree readSceneArgument(const py::object& scene) {
   if (py::isinstance<py::dict>(scene)) return toTree(scene, "");
   const py::object path = py::module::import("os").attr("fspath")(scene);
@@ -87,11 +73,6 @@ void withoutLock(const Work& work) {
     if (PyErr_Occurred() == nullptr) throw;
   }
   if (PyErr_Occurred() != nullptr) throw py::error_already_set();
-}
-
-/// Warns the caller; throws where warnings are errors.
-inline void warn(const std::string& text) {
-  if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw py::error_already_set();
 }
 
 class PythonSimulation {

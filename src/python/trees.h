@@ -1,4 +1,4 @@
-/// Python's values as parameter trees and back.
+/// Python's values as parameter trees and back, and its errors.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -13,6 +13,25 @@
 namespace variator_sim::python {
 
 namespace py = pybind11;
+
+inline py::object errorClass(const char* name) {
+  return py::module::import("variator_sim.errors").attr(name);
+}
+
+[[noreturn]] inline void raise(const py::object& error) {
+  PyErr_SetObject(error.get_type().ptr(), error.ptr());
+  throw py::error_already_set();
+}
+
+/// The bytes of a file's name, which need be no UTF-8.
+inline std::string readPath(const py::object& path) {
+  return py::module::import("os").attr("fsencode")(path).cast<std::string>();
+}
+
+/// Warns the caller; throws where warnings are errors.
+inline void warn(const std::string& text) {
+  if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw py::error_already_set();
+}
 
 /// Throws SceneError where `text` is none, or has no UTF-8: half of a surrogate pair has none.
 inline std::string toText(py::handle text, const std::string& path) {

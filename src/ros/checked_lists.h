@@ -11,96 +11,48 @@
 
 #include <cstdint>
 #include <cstring>
-#include <string>
+#include <memory>
 #include <vector>
 
 namespace variator_sim {
 
-// The bytes that an entry takes at least: its numbers, and 4 for the length of each text.
+/// Reads fields from a stream of roscpp, lists only if they fit.
+template <class Stream>
+class CheckedReader {
+ public:
+  explicit CheckedReader(Stream& stream) : stream_(stream) {}
 
-inline std::uint32_t leastBytes(const std::string& /*type*/) {
-  return 4;
-}
-inline std::uint32_t leastBytes(double /*type*/) {
-  return 8;
-}
-inline std::uint32_t leastBytes(const dynamic_reconfigure::BoolParameter& /*type*/) {
-  return 5;
-}
-inline std::uint32_t leastBytes(const dynamic_reconfigure::IntParameter& /*type*/) {
-  return 8;
-}
-inline std::uint32_t leastBytes(const dynamic_reconfigure::StrParameter& /*type*/) {
-  return 8;
-}
-inline std::uint32_t leastBytes(const dynamic_reconfigure::DoubleParameter& /*type*/) {
-  return 12;
-}
-inline std::uint32_t leastBytes(const dynamic_reconfigure::GroupState& /*type*/) {
-  return 13;
-}
-
-// The fields of each message, in their order.
-
-template <class Visit>
-void forEachField(const Commands& /*type*/, Visit visit) {
-  visit(&Commands::header);
-  visit(&Commands::topics);
-  visit(&Commands::values);
-}
-template <class Visit>
-void forEachField(const Step::Request& /*type*/, Visit visit) {
-  visit(&Step::Request::duration);
-  visit(&Step::Request::command_topics);
-  visit(&Step::Request::command_values);
-}
-template <class Visit>
-void forEachField(const SetState::Request& /*type*/, Visit visit) {
-  visit(&SetState::Request::text);
-  visit(&SetState::Request::angle);
-  visit(&SetState::Request::velocity);
-  visit(&SetState::Request::acceleration);
-  visit(&SetState::Request::project);
-}
-template <class Visit>
-void forEachField(const dynamic_reconfigure::Config& /*type*/, Visit visit) {
-  visit(&dynamic_reconfigure::Config::bools);
-  visit(&dynamic_reconfigure::Config::ints);
-  visit(&dynamic_reconfigure::Config::strs);
-  visit(&dynamic_reconfigure::Config::doubles);
-  visit(&dynamic_reconfigure::Config::groups);
-}
-
-template <class Stream, class T>
-void readField(Stream& stream, T& field) {
-  stream.next(field);
-}
-/// Throws ros::serialization::StreamOverrunException, as roscpp does where a message is too short.
-template <class Stream, class T>
-void readField(Stream& stream, std::vector<T>& list) {
-  std::uint32_t count = 0;
-  if (stream.getLength() >= sizeof count) {
-    std::memcpy(&count, stream.getData(), sizeof count);
-    const auto rest = static_cast<std::uint32_t>(stream.getLength() - sizeof count);
-    if (count > rest / leastBytes(T{})) ros::serialization::throwStreamOverrun();
+  template <class T>
+  void next(T& field) {
+    stream_.next(field);
   }
-  stream.next(list);
-}
+  /// Throws ros::serialization::StreamOverrunException, as roscpp does where a message is too
+  /// short.
+  template <class T>
+  void next(std::vector<T>& list) {
+    std::uint32_t count = 0;
+    if (stream_.getLength() >= sizeof count) {
+      // An empty entry is the shortest: its numbers, and 4 bytes for the length of each text.
+      const std::uint32_t least = ros::serialization::serializationLength(T{});
+      std::memcpy(&count, stream_.getData(), sizeof count);
+      const auto rest = static_cast<std::uint32_t>(stream_.getLength() - sizeof count);
+      if (count > rest / least) ros::serialization::throwStreamOverrun();
+    }
+    stream_.next(list);
+  }
 
-template <class Message>
-struct CheckedSerializer {
-  template <class Stream>
-  static void write(Stream& stream, const Message& message) {
-    forEachField(message, [&](auto field) { stream.next(message.*field); });
-  }
-  template <class Stream>
-  static void read(Stream& stream, Message& message) {
-    forEachField(message, [&](auto field) { readField(stream, message.*field); });
-  }
-  static std::uint32_t serializedLength(const Message& message) {
-    ros::serialization::LStream stream;
-    write(stream, message);
-    return stream.getLength();
+ private:
+  Stream& stream_;
+};
+
+/// Reads checked lists by the generated list of a message's fields, which is at hand as that of the
+/// message with another allocator.
+template <template <class> class Message>
+struct CheckedSerializer : ros::serialization::Serializer<Message<std::allocator<char>>> {
+  template <class Stream, class T>
+  static void read(Stream& stream, T& message) {
+    CheckedReader<Stream> reader(stream);
+    CheckedSerializer::template allInOne<CheckedReader<Stream>, T&>(reader, message);
   }
 };
 
@@ -110,15 +62,15 @@ namespace ros::serialization {
 
 template <>
 struct Serializer<variator_sim::Commands>
-    : variator_sim::CheckedSerializer<variator_sim::Commands> {};
+    : variator_sim::CheckedSerializer<variator_sim::Commands_> {};
 template <>
 struct Serializer<variator_sim::Step::Request>
-    : variator_sim::CheckedSerializer<variator_sim::Step::Request> {};
+    : variator_sim::CheckedSerializer<variator_sim::StepRequest_> {};
 template <>
 struct Serializer<variator_sim::SetState::Request>
-    : variator_sim::CheckedSerializer<variator_sim::SetState::Request> {};
+    : variator_sim::CheckedSerializer<variator_sim::SetStateRequest_> {};
 template <>
 struct Serializer<dynamic_reconfigure::Config>
-    : variator_sim::CheckedSerializer<dynamic_reconfigure::Config> {};
+    : variator_sim::CheckedSerializer<dynamic_reconfigure::Config_> {};
 
 }  // namespace ros::serialization

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "ros/loop_messages.h"
+#include "variator_sim/command_input.h"
 
 namespace variator_sim {
 
@@ -15,9 +16,8 @@ struct CommandGroup {
   std::array<InputCommand, kMaxInputs> commands{};
 };
 
-/// Checks all before anything changes; why they are refused, or "". `known`: the scene's topics in
-/// the order of its inputs.
-std::string readCommands(const std::vector<std::string>& known,
+/// Checks all before anything changes; why they are refused, or "".
+std::string readCommands(const std::vector<CommandInputSettings>& inputs,
                          const std::vector<std::string>& topics, const std::vector<double>& values,
                          CommandGroup& group);
 

@@ -36,30 +36,26 @@ class LiveSettings::Server {
 
  private:
   void change(VariatorSimConfig& config) {
-    if (config.real_time_factor != in_force_.real_time_factor) {
-      std::string fault = findFaultOfRealTimeFactor(config.real_time_factor);
-      if (fault.empty() && follows_clock_) {
-        fault = " is left aside: /use_sim_time is true, so /clock sets the pace";
-      }
-      if (fault.empty()) {
-        loop_.setRealTimeFactor(config.real_time_factor);
-      } else {
-        ROS_WARN("%s: real_time_factor %g%s; it stays %g", name_.c_str(), config.real_time_factor,
-                 fault.c_str(), in_force_.real_time_factor);
-        config.real_time_factor = in_force_.real_time_factor;
-      }
+    std::string fault = findFaultOfRealTimeFactor(config.real_time_factor);
+    if (fault.empty() && follows_clock_) {
+      fault = " is left aside: /use_sim_time is true, so /clock sets the pace";
     }
-    if (config.publish_rate != in_force_.publish_rate) {
-      const std::string fault = findFaultOfPublishRate(config.publish_rate, tick_rate_);
-      if (fault.empty()) {
-        loop_.setPublishRate(config.publish_rate);
-      } else {
-        ROS_WARN("%s: publish_rate %g%s; it stays %g Hz", name_.c_str(), config.publish_rate,
-                 fault.c_str(), in_force_.publish_rate);
-        config.publish_rate = in_force_.publish_rate;
-      }
-    }
+    change("real_time_factor", fault, "", config.real_time_factor, in_force_.real_time_factor,
+           &SteppingLoop::setRealTimeFactor);
+    change("publish_rate", findFaultOfPublishRate(config.publish_rate, tick_rate_), " Hz",
+           config.publish_rate, in_force_.publish_rate, &SteppingLoop::setPublishRate);
     in_force_ = config;
+  }
+  void change(const char* name, const std::string& fault, const char* unit, double& value,
+              double in_force, void (SteppingLoop::*set)(double)) {
+    if (value == in_force) return;
+    if (fault.empty()) {
+      (loop_.*set)(value);
+      return;
+    }
+    ROS_WARN("%s: %s %g%s; it stays %g%s", name_.c_str(), name, value, fault.c_str(), in_force,
+             unit);
+    value = in_force;
   }
 
   std::string name_;

@@ -7,16 +7,6 @@
 
 namespace variator_sim {
 
-namespace {
-
-std::int64_t steadyNow() {
-  timespec now{};
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return static_cast<std::int64_t>(now.tv_sec) * 1000000000 + now.tv_nsec;
-}
-
-}  // namespace
-
 std::string LoopAnswer::describeFault() const {
   switch (result) {
     case RequestResult::kDone:
@@ -41,7 +31,7 @@ bool SteppingLoop::hasToYield() {
   if (isStopping()) return true;
   const std::atomic<bool>& is_asked = is_serving_ ? pause_wanted_ : request_posted_;
   if (!is_asked.load(std::memory_order_acquire)) return false;
-  const std::int64_t now = steadyNow();
+  const std::int64_t now = steadyTime();
   if (asked_since_ == 0) asked_since_ = now;
   return now - asked_since_ > kPatience;
 }
@@ -60,7 +50,7 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
   // run() answers a last request before it returns, but one that comes later would wait forever.
   for (;;) {
     constexpr std::int64_t kLook = 50000000;
-    answered_.waitUntil(steadyNow() + kLook);
+    answered_.waitUntil(steadyTime() + kLook);
     if (!request_posted_.load(std::memory_order_acquire)) return answer_;
     if (isStopping()) return shut_down;
   }

@@ -24,7 +24,8 @@ ros::Time toStamp(std::int64_t nanoseconds) {
                    static_cast<std::uint32_t>(nanoseconds % kSecond));
 }
 
-void prepareState(const Scene& scene, bool has_errors, DrivetrainState& message) {
+DrivetrainState makeState(const Scene& scene, bool has_errors) {
+  DrivetrainState message;
   const std::size_t shafts = scene.shafts.size();
   for (std::vector<double>* values :
        {&message.angle, &message.velocity, &message.acceleration, &message.applied_torque,
@@ -37,6 +38,7 @@ void prepareState(const Scene& scene, bool has_errors, DrivetrainState& message)
        {&message.angle_error, &message.velocity_error, &message.acceleration_error}) {
     errors->assign(has_errors ? shafts : 0, 0.0);
   }
+  return message;
 }
 
 void fillState(const Sample& sample, double time, DrivetrainState& message) {
@@ -63,9 +65,11 @@ void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message) {
   message.reaction_power = energy.reaction_power;
 }
 
-void prepareQuantities(const Simulation& simulation, QuantityGroup group, NamedValues& message) {
+NamedValues makeQuantities(const Simulation& simulation, QuantityGroup group) {
+  NamedValues message;
   message.name = simulation.quantityNames(group);
   message.value.assign(message.name.size(), 0.0);
+  return message;
 }
 
 void fillQuantities(const double* values, double time, NamedValues& message) {
@@ -73,11 +77,13 @@ void fillQuantities(const double* values, double time, NamedValues& message) {
   copy(values, message.value);
 }
 
-void prepareJointState(const Scene& scene, sensor_msgs::JointState& message) {
+sensor_msgs::JointState makeJointState(const Scene& scene) {
+  sensor_msgs::JointState message;
   message.name = scene.shafts;
   message.position.assign(scene.shafts.size(), 0.0);
   message.velocity.assign(scene.shafts.size(), 0.0);
   message.effort.assign(scene.shafts.size(), 0.0);
+  return message;
 }
 
 void fillJointState(const Sample& sample, sensor_msgs::JointState& message) {

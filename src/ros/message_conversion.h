@@ -23,9 +23,9 @@ struct Scene;
 /// Simulated time, ns >= 0, as a stamp (saturates at the last second that a stamp can hold).
 ros::Time toStamp(std::int64_t nanoseconds);
 
-/// Gives the message its array sizes, once; `fillState` then allocates nothing. Without
-/// `has_errors` the arrays of estimated errors stay empty.
-void prepareState(const Scene& scene, bool has_errors, DrivetrainState& message);
+/// Makes a message with its array sizes; `fillState` then allocates nothing. Without `has_errors`
+/// the arrays of estimated errors stay empty.
+DrivetrainState makeState(const Scene& scene, bool has_errors);
 /// All but the header. `time` is the message's simulated time, s (sample.time counts from the last
 /// reset).
 void fillState(const Sample& sample, double time, DrivetrainState& message);
@@ -33,13 +33,13 @@ void fillState(const Sample& sample, double time, DrivetrainState& message);
 /// All but the header; `time` as in fillState.
 void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message);
 
-/// Names and array sizes of a group's quantities, once.
-void prepareQuantities(const Simulation& simulation, QuantityGroup group, NamedValues& message);
+/// Makes a message with names and array sizes of a group's quantities.
+NamedValues makeQuantities(const Simulation& simulation, QuantityGroup group);
 /// All but the header; `values` as many as there are names, `time` as in fillState.
 void fillQuantities(const double* values, double time, NamedValues& message);
 
-/// Joint names and array sizes, once.
-void prepareJointState(const Scene& scene, sensor_msgs::JointState& message);
+/// Makes a message with joint names and array sizes.
+sensor_msgs::JointState makeJointState(const Scene& scene);
 /// All but the header: position, velocity, effort (the applied torque).
 void fillJointState(const Sample& sample, sensor_msgs::JointState& message);
 

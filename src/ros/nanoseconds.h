@@ -1,8 +1,9 @@
-/// Simulated time in whole nanoseconds.
+/// Time in whole nanoseconds.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
+#include <ctime>
 #include <limits>
 
 namespace variator_sim {
@@ -16,6 +17,18 @@ static_assert(kLastInstant < std::numeric_limits<std::int64_t>::max() / 2);
 /// The double nearest to ns * 1e-9: both operands are exact, one rounding by the division.
 inline double toSeconds(std::int64_t nanoseconds) {
   return static_cast<double>(nanoseconds) / kNanosecondsPerSecond;
+}
+
+/// Now on CLOCK_MONOTONIC, ns.
+inline std::int64_t steadyTime() {
+  timespec time{};
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return static_cast<std::int64_t>(time.tv_sec) * 1000000000 + time.tv_nsec;
+}
+
+inline timespec toTimespec(std::int64_t nanoseconds) {
+  return {static_cast<time_t>(nanoseconds / 1000000000),
+          static_cast<long>(nanoseconds % 1000000000)};
 }
 
 /// The nearest integer, at most kLastInstant: sums of two of them still fit.

@@ -3,7 +3,8 @@
 #include <sys/prctl.h>
 
 #include <cerrno>
-#include <ctime>
+
+#include "ros/nanoseconds.h"
 
 namespace variator_sim {
 
@@ -12,15 +13,11 @@ void SteadyClock::prepareThread() {
 }
 
 std::int64_t SteadyClock::now() {
-  timespec time{};
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return static_cast<std::int64_t>(time.tv_sec) * 1000000000 + time.tv_nsec;
+  return steadyTime();
 }
 
 void SteadyClock::sleepUntil(std::int64_t deadline) {
-  timespec time{};
-  time.tv_sec = static_cast<time_t>(deadline / 1000000000);
-  time.tv_nsec = static_cast<long>(deadline % 1000000000);
+  const timespec time = toTimespec(deadline);
   while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr) == EINTR) {
   }
 }

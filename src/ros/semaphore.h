@@ -5,7 +5,8 @@
 
 #include <cerrno>
 #include <cstdint>
-#include <ctime>
+
+#include "ros/nanoseconds.h"
 
 namespace variator_sim {
 
@@ -27,9 +28,7 @@ class Semaphore {
 
   /// Until posted or until `deadline`, ns on CLOCK_MONOTONIC. True when posted.
   bool waitUntil(std::int64_t deadline) {
-    timespec time{};
-    time.tv_sec = static_cast<time_t>(deadline / 1000000000);
-    time.tv_nsec = static_cast<long>(deadline % 1000000000);
+    const timespec time = toTimespec(deadline);
     int result = 0;
     do {
       result = sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &time);

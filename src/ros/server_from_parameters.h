@@ -3,8 +3,6 @@
 
 #include <memory>
 
-#include "ros/sharing.h"
-
 namespace ros {
 class NodeHandle;
 }
@@ -12,6 +10,10 @@ class NodeHandle;
 namespace variator_sim {
 
 class SimulationServer;
+
+/// Whether messages are handed to subscribers in the same process as they are. Then each message is
+/// a new one; otherwise one is filled again and again.
+enum class Sharing { kNothing, kMessages };
 
 /// Reads the scene and the node's settings from the private parameters and starts; what is returned
 /// runs until it is destroyed. Throws std::runtime_error with a message that begins with the

@@ -1,6 +1,5 @@
 #include "ros/simulation_server.h"
 
-#include <array>
 #include <boost/function.hpp>
 #include <boost/make_shared.hpp>
 #include <cmath>
@@ -31,33 +30,6 @@ void checkTopic(const CommandInputSettings& input) {
   }
 }
 
-std::vector<std::string> topicsOf(const std::vector<CommandInputSettings>& inputs) {
-  std::vector<std::string> topics;
-  topics.reserve(inputs.size());
-  for (const CommandInputSettings& input : inputs) topics.push_back(input.topic);
-  return topics;
-}
-
-DrivetrainState makeState(const Simulation& simulation) {
-  DrivetrainState message;
-  prepareState(simulation.scene(), !simulation.describeErrorEstimate().empty(), message);
-  return message;
-}
-
-sensor_msgs::JointState makeJointState(const Scene& scene) {
-  sensor_msgs::JointState message;
-  prepareJointState(scene, message);
-  return message;
-}
-
-std::array<NamedValues, kQuantityGroups.size()> makeQuantities(const Simulation& simulation) {
-  std::array<NamedValues, kQuantityGroups.size()> messages;
-  for (const QuantityGroup group : kQuantityGroups) {
-    prepareQuantities(simulation, group, messages[static_cast<std::size_t>(group)]);
-  }
-  return messages;
-}
-
 ClockRole roleFor(const NodeSettings& settings) {
   if (settings.publish_clock) return ClockRole::kOwner;
   return ros::Time::isSystemTime() ? ClockRole::kWall : ClockRole::kFollower;
@@ -78,15 +50,15 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
     : public_handle_(withQueue(public_handle, callback_queue_)),
       private_handle_(withQueue(private_handle, callback_queue_)),
       inputs_(simulation.scene().inputs),
-      topics_(topicsOf(inputs_)),
       scene_message_(toSceneInfo(simulation)),
       role_(roleFor(settings)),
       sharing_(sharing),
-      state_message_(makeState(simulation)),
-      quantity_messages_(makeQuantities(simulation)),
+      state_message_(makeState(simulation.scene(), !simulation.describeErrorEstimate().empty())),
+      quantity_messages_{makeQuantities(simulation, kQuantityGroups[0]),
+                         makeQuantities(simulation, kQuantityGroups[1]),
+                         makeQuantities(simulation, kQuantityGroups[2])},
       joint_message_(makeJointState(simulation.scene())),
-      step_message_(makeState(simulation)),
-      state_services_(simulation, loop_),
+      services_(simulation, loop_),
       loop_(std::move(simulation), settings,
             role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)
                                           : steady_clock_),
@@ -96,7 +68,8 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
   for (const CommandInputSettings& input : inputs_) checkTopic(input);
   advertiseTopics();
   subscribeToCommands();
-  advertiseServices();
+  ros::NodeHandle pause_handle = withQueue(private_handle_, pause_queue_);
+  services_.advertise(private_handle_, pause_handle);
   setUpClock();
   if (role_ == ClockRole::kFollower && settings.real_time_factor != 1.0) {
     ROS_WARN(
@@ -159,7 +132,7 @@ void SimulationServer::subscribeToCommands() {
 
 void SimulationServer::receiveCommands(const Commands& message) {
   CommandGroup group;
-  const std::string fault = readCommands(topics_, message.topics, message.values, group);
+  const std::string fault = readCommands(inputs_, message.topics, message.values, group);
   if (fault.empty()) {
     loop_.commandTogether(group.commands.data(), group.count);
     return;

@@ -5,7 +5,6 @@
 #include <ros/ros.h>
 #include <rosgraph_msgs/Clock.h>
 #include <std_msgs/Float64.h>
-#include <std_srvs/Trigger.h>
 
 #include <array>
 #include <atomic>
@@ -23,8 +22,8 @@
 #include "ros/node_settings.h"
 #include "ros/pacing_clock.h"
 #include "ros/poll_thread_task.h"
-#include "ros/sharing.h"
-#include "ros/state_services.h"
+#include "ros/server_from_parameters.h"
+#include "ros/services.h"
 #include "ros/stepping_loop.h"
 #include "variator_sim/simulation.h"
 
@@ -64,8 +63,6 @@ class LogThrottle {
 /// the status thread. Callbacks have their own queue and one thread: the node's global queue is not
 /// used.
 class SimulationServer {
-  using QuantityMessages = std::array<NamedValues, kQuantityGroups.size()>;
-
  public:
   /// Advertises, subscribes and starts the threads. `public_handle` is for joint_states,
   /// `private_handle` for everything else. The motion begins when `preparation`, which compiles
@@ -83,7 +80,6 @@ class SimulationServer {
   void advertiseTopics();
   void subscribeToCommands();
   void setUpClock();
-  void advertiseServices();
   void startThreads(const NodeSettings& settings, const std::function<void()>& preparation);
 
   // Callback thread.
@@ -91,10 +87,6 @@ class SimulationServer {
   void refreshDemand();
   void receiveClock(std::int64_t time);
   void receiveCommands(const Commands& message);
-  void answerTrigger(RequestKind kind, std_srvs::Trigger::Response& response);
-  void answerStep(const Step::Request& request, Step::Response& response);
-  /// Checks all of the request before anything changes; why it is refused, or "".
-  std::string readStepRequest(const Step::Request& message, LoopRequest& request) const;
 
   // Poll thread.
   void publishSamples();
@@ -119,7 +111,6 @@ class SimulationServer {
 
   // Constant after construction.
   std::vector<CommandInputSettings> inputs_;
-  std::vector<std::string> topics_;  ///< of the inputs, as in the scene
   SceneInfo scene_message_;
   ClockRole role_;
   Sharing sharing_;
@@ -127,7 +118,7 @@ class SimulationServer {
   // Poll thread.
   DrivetrainState state_message_;
   DrivetrainEnergy energy_message_;
-  QuantityMessages quantity_messages_;
+  std::vector<NamedValues> quantity_messages_;  ///< of each group
   sensor_msgs::JointState joint_message_;
   std::int64_t published_time_ = 0;  ///< simulated, ns: what /clock says
 
@@ -143,13 +134,12 @@ class SimulationServer {
   std::int64_t started_at_ = 0;  ///< ns on the steady clock
 
   // Callback thread.
-  DrivetrainState step_message_;
   LogThrottle refused_group_log_;
   LogThrottle jump_back_log_;
 
   SteadyClock steady_clock_;
   FollowedClock followed_clock_;
-  StateServices state_services_;
+  Services services_;
   SteppingLoop loop_;
   std::vector<double> quantities_;            ///< of the sample being published
   std::atomic<bool> clock_requested_{false};  ///< somebody has just subscribed to /clock
@@ -169,7 +159,6 @@ class SimulationServer {
   ros::Subscriber group_subscriber_;
   ros::Subscriber clock_subscriber_;
   LiveSettings live_settings_;
-  std::vector<ros::ServiceServer> services_;
 
   std::thread preparation_thread_;
   std::thread callback_thread_;

@@ -19,6 +19,7 @@
 #include "tools/sample_writer.h"
 #include "tools/state_file.h"
 #include "tools/steady_state.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/linear_model.h"
@@ -30,12 +31,6 @@ namespace {
 
 /// How long rest is waited for without --duration, s.
 constexpr double kPatience = 1000.0;
-
-bool readTime(const std::string& word, double* time) {
-  const char* const end = word.data() + word.size();
-  const auto [rest, error] = numberFromChars(word.data(), end, *time);
-  return error == std::errc() && rest == end;
-}
 
 /// `velocity=[10, 5], inputs={throttle: 0.5}` as YAML.
 std::string toFlow(const std::string& inline_state) {
@@ -67,8 +62,8 @@ class Run {
     return simulation_.status().ok() && simulation_.time() >= time;  // not interrupted
   }
   /// To the first rest until `end`. False when there is none.
-  bool advanceToRest(double end, const volatile std::sig_atomic_t* interrupted) {
-    for (double time = simulation_.time(); time < end && *interrupted == 0;) {
+  bool advanceToRest(double end) {
+    for (double time = simulation_.time(); time < end && !Interruption::isWanted();) {
       time = std::min(end, time + std::max(0.05, 0.01 * time));
       if (!advanceTo(time)) return false;
       if (simulation_.isSleeping()) return true;
@@ -113,23 +108,22 @@ std::string explainUnrest(Simulation& simulation) {
 
 /// False, with a message, when it cannot be reached.
 bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
-                const SimulateOptions& options, const volatile std::sig_atomic_t* interrupted,
-                OperatingPoint* point) {
+                const SimulateOptions& options, OperatingPoint* point) {
   double time = 0.0;
   Run run(simulation, commands);
   const auto tell = [&](std::string why) {
     if (!simulation.status().ok()) why = simulation.describeStatus();
-    if (*interrupted != 0) why = "interrupted at " + formatNumber(simulation.time()) + " s";
+    if (Interruption::isWanted()) why = "interrupted at " + formatNumber(simulation.time()) + " s";
     std::fprintf(stderr, "simulate: %s\n", why.c_str());
     return false;
   };
   if (options.at == "rest") {
     const double end = options.duration > 0.0 ? options.duration : kPatience;
-    if (!run.advanceToRest(end, interrupted)) {
+    if (!run.advanceToRest(end)) {
       return tell(simulation.status().ok() ? explainUnrest(simulation)
                                            : simulation.describeStatus());
     }
-  } else if (readTime(options.at, &time)) {
+  } else if (readWhole(options.at, &time)) {
     if (!(time >= 0.0) || !std::isfinite(time)) throw UsageError("--at: must be at least 0 s");
     if (!run.advanceTo(time)) return tell("");
   } else if (isInline(options.at)) {
@@ -151,7 +145,7 @@ TrimChoice readChoice(const std::string& option, const std::string& text, bool n
     if (needs_value) throw UsageError(option + ": " + inQuotes(text) + " is not NAME=VALUE");
     return choice;
   }
-  if (!readTime(text.substr(equals + 1), &choice.value) || !std::isfinite(choice.value)) {
+  if (!readWhole(text.substr(equals + 1), &choice.value) || !std::isfinite(choice.value)) {
     throw UsageError(option + ": " + inQuotes(text) +
                      " has no finite number behind the equals sign");
   }
@@ -214,14 +208,14 @@ std::string asComment(const std::string& text) {
 }  // namespace
 
 bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
-                  const SimulateOptions& options, const volatile std::sig_atomic_t* interrupted) {
+                  const SimulateOptions& options) {
   const std::string& path = options.output_path;
   // A path that means nothing, and a library that is missing, are told before the run.
   const std::string ending = path.empty() ? "" : endingOfModel(path);
   const bool converts = ending == ".npz" || ending == ".mat";
   if (converts) convertModel("", ending);
   OperatingPoint point;
-  if (!reachPoint(simulation, commands, options, interrupted, &point)) return false;
+  if (!reachPoint(simulation, commands, options, &point)) return false;
   const LinearModel model =
       linearize(simulation.scene(), point, options.full ? LinearForm::kFull : LinearForm::kMinimal);
   const std::string csv = writeModel(model);

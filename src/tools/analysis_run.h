@@ -1,7 +1,6 @@
 /// `simulate --linearize` and `simulate --trim`.
 #pragma once
 
-#include <csignal>
 #include <vector>
 
 #include "tools/offline_run.h"
@@ -11,10 +10,10 @@
 namespace variator_sim {
 
 /// Brings `simulation` to where `--at` says, writes its linear model and prints a report. Throws
-/// SceneError, UsageError, OutputError. False when the motion stops on the way, or comes to no
-/// rest.
+/// SceneError, UsageError, OutputError. False when the motion stops on the way, comes to no rest or
+/// is interrupted (Interruption).
 bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
-                  const SimulateOptions& options, const volatile std::sig_atomic_t* interrupted);
+                  const SimulateOptions& options);
 
 /// Writes the steady state. False when there is none.
 bool runTrim(const Scene& scene, const SimulateOptions& options);

@@ -23,11 +23,12 @@ ros::Time stampOf(double time) {
 class BagWriter : public SampleWriter {
  public:
   BagWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
-      : path_(path), columns_(columns) {
-    prepareState(simulation.scene(), columns_.errors, state_);
-    prepareJointState(simulation.scene(), joint_state_);
+      : path_(path),
+        columns_(columns),
+        state_(makeState(simulation.scene(), columns.errors)),
+        joint_state_(makeJointState(simulation.scene())) {
     for (const QuantityGroup group : columns_.quantities) {
-      prepareQuantities(simulation, group, quantities_.emplace_back());
+      quantities_.push_back(makeQuantities(simulation, group));
     }
     guard([&] {
       bag_->open(path, rosbag::bagmode::Write);

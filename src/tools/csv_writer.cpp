@@ -2,12 +2,12 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <charconv>
 #include <cmath>
 #include <limits>
 #include <system_error>
 
 #include "io/whole_file.h"
-#include "model/number_text.h"
 #include "tools/sample_writer.h"
 #include "variator_sim/simulation.h"
 
@@ -75,7 +75,7 @@ class CsvWriter : public SampleWriter {
   char* writeNumber(double value, char* end) {
     // The sign of a NaN is the processor's and means nothing.
     if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
-    end = numberToChars(end, end + kLongestNumber, value).ptr;
+    end = std::to_chars(end, end + kLongestNumber, value).ptr;
     *end++ = ',';
     return end;
   }

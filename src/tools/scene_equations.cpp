@@ -23,6 +23,12 @@ using expression::TermPtr;
 
 namespace {
 
+/// A sentence about a symbol, which begins with it.
+Words about(const Symbol& symbol, const std::string& rest) {
+  const Words words = plainWords(rest);
+  return {symbol.text + words.text, "$" + symbol.latex + "$" + words.latex};
+}
+
 Symbol withPrime(const Symbol& symbol) {
   return {symbol.text + "'", symbol.latex + "'"};
 }
@@ -179,14 +185,13 @@ class Writer {
 
   void writeNames(const std::vector<Words>& described) {
     begin("names");
-    const bool has_jerks = !is_classical_;
-    const Words symbols = has_jerks
-                              ? Words{"phi, w, e, j", "$\\varphi, \\omega, \\varepsilon, \\eta$"}
-                              : Words{"phi, w, e", "$\\varphi, \\omega, \\varepsilon$"};
-    const Words what = plainWords(
-        has_jerks ? ": angle, velocity, acceleration, jerk of a shaft, rad, rad/s, rad/s^2, rad/s^3"
-                  : ": angle, velocity, acceleration of a shaft, rad, rad/s, rad/s^2");
-    say({symbols.text + what.text, symbols.latex + what.latex});
+    if (is_classical_) {
+      say(about({"phi, w, e", "\\varphi, \\omega, \\varepsilon"},
+                ": angle, velocity, acceleration of a shaft, rad, rad/s, rad/s^2"));
+    } else {
+      say(about({"phi, w, e, j", "\\varphi, \\omega, \\varepsilon, \\eta"},
+                ": angle, velocity, acceleration, jerk of a shaft, rad, rad/s, rad/s^2, rad/s^3"));
+    }
     say({"t: time, s; x': the rate of x", "$t$: time, s; $x'$: the rate of $x$"});
     for (const Words& words : described) say(words);
   }
@@ -232,9 +237,8 @@ class Writer {
     }
     for (const auto& [i, node] : torque.torques()) {
       if (hasRate(torque, i)) continue;
-      const Symbol Q = torqueSymbol(torque, i);
-      fallen_.push_back({withPrime(Q).text + " is 0: the torque is constant",
-                         "$" + withPrime(Q).latex + "$ is 0: the torque is constant"});
+      const Symbol rate = withPrime(torqueSymbol(torque, i));
+      fallen_.push_back(about(rate, " is 0: the torque is constant"));
     }
   }
 
@@ -264,16 +268,14 @@ class Writer {
         define(symbol, C);
         continue;
       }
-      const Words why = plainWords(" is 0: " + constraint.name() + " does not read the " +
-                                   kHighest[constraint.order() - 1] + " of " +
-                                   scene_.shafts[static_cast<std::size_t>(i)]);
-      fallen_.push_back({symbol.text + why.text, "$" + symbol.latex + "$" + why.latex});
+      fallen_.push_back(about(symbol, " is 0: " + constraint.name() + " does not read the " +
+                                          kHighest[constraint.order() - 1] + " of " +
+                                          scene_.shafts[static_cast<std::size_t>(i)]));
     }
     if (is_classical_) return;
     const Symbol c0 = rowSymbol(constraint, "c0", "c_{0}");
     if (graph_.isConstant(constraint.row().back(), 0.0)) {
-      const Words why = plainWords(" is 0: nothing else in the constraint changes");
-      fallen_.push_back({c0.text + why.text, "$" + c0.latex + "$" + why.latex});
+      fallen_.push_back(about(c0, " is 0: nothing else in the constraint changes"));
     } else {
       define(c0, constraint.row().back());
     }

@@ -374,7 +374,7 @@ int runSimulate(const std::vector<std::string>& words) {
   if (options.linearize) {
     if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
     const bool is_done =
-        runLinearize(simulation, readCommands(options, simulation.scene()), options, &g_signal);
+        runLinearize(simulation, readCommands(options, simulation.scene()), options);
     if (g_signal != 0) return kSignalBase + g_signal;
     return is_done ? kSuccess : kStopped;
   }

@@ -1,5 +1,6 @@
 #include "tools/simulate_options.h"
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 #include <filesystem>
 #include <system_error>
@@ -11,16 +12,6 @@
 namespace variator_sim {
 namespace {
 
-const std::vector<std::string>& optionNames() {
-  static const std::vector<std::string> names = {
-      "--duration", "--rate",       "--times",      "--commands", "--output",     "--columns",
-      "--set",      "--from-state", "--save-state", "--save-at",  "--until-rest", "--energy",
-      "--error",    "--stats",      "--explain",    "--latex",    "--compile",    "--emit-c",
-      "--help",     "--linearize",  "--at",         "--full",     "--trim",       "--accelerating",
-      "--fix",      "--free"};
-  return names;
-}
-
 ColumnGroups readColumns(const std::string& list) {
   try {
     return readColumnGroups(list);
@@ -31,9 +22,7 @@ ColumnGroups readColumns(const std::string& list) {
 
 double readNumber(const std::string& option, const std::string& word) {
   double value = 0.0;
-  const char* end = word.data() + word.size();
-  const auto [rest, error] = numberFromChars(word.data(), end, value);
-  if (error != std::errc() || rest != end || !std::isfinite(value)) {
+  if (!readWhole(word, &value) || !std::isfinite(value)) {
     throw UsageError(option + ": " + inQuotes(word) + " is not a finite number");
   }
   return value;
@@ -66,122 +55,96 @@ OutputFormat formatOf(const std::string& path) {
   throw UsageError("--output: " + inQuotes(path) + " ends neither with .csv nor with .bag");
 }
 
-/// Walks through the words; an option's value is the next word or stands behind an equals sign.
-class CommandLine {
+/// Options for CLI11. Each occurrence is taken where it stands: the last one counts, the first
+/// error is told, and an error behind --help is none.
+class OptionParser {
  public:
-  explicit CommandLine(const std::vector<std::string>& words) : words_(words) {}
+  OptionParser() {
+    app_.set_help_flag();
+    app_.allow_extras();
+    app_.option_defaults()->disable_flag_override();
+  }
 
-  bool next() {
-    if (index_ == words_.size()) return false;
-    name_ = words_[index_++];
-    has_value_ = false;
-    const std::size_t equals = name_.find('=');
-    if (isOption() && equals != std::string::npos) {
-      value_ = name_.substr(equals + 1);
-      name_.resize(equals);
-      has_value_ = true;
-    }
-    return true;
+  void help(const std::string& names) {
+    app_.add_flag_callback(names, [] { throw CLI::CallForHelp(); })->trigger_on_parse();
   }
-  bool isOption() const { return name_.size() > 1 && name_.front() == '-'; }
-  const std::string& name() const { return name_; }
-  const std::string& value() {
-    if (!has_value_) {
-      if (index_ == words_.size()) throw UsageError(name_ + " needs a value");
-      value_ = words_[index_++];
-      has_value_ = true;
-    }
-    return value_;
+  void flag(const std::string& name, bool& is_given) {
+    app_.add_flag_callback(name, [&is_given] { is_given = true; })->trigger_on_parse();
   }
-  void refuseValue() const {
-    if (has_value_) throw UsageError(name_ + " takes no value");
+  template <class Take>
+  void take(const std::string& name, Take take) {
+    const CLI::callback_t callback = [take](const CLI::results_t& words) {
+      take(words.back());
+      return true;
+    };
+    app_.add_option(name, callback)->trigger_on_parse();
+  }
+  void text(const std::string& name, std::string& text) {
+    take(name, [&text](const std::string& word) { text = word; });
+  }
+  void list(const std::string& name, std::vector<std::string>& list) {
+    take(name, [&list](const std::string& word) { list.push_back(word); });
+  }
+  void number(const std::string& name, double& number) {
+    take(name, [name, &number](const std::string& word) { number = readNumber(name, word); });
+  }
+  bool has(const std::string& name) const { return app_.count(name) > 0; }
+
+  /// Throws UsageError, and CLI::CallForHelp.
+  void parse(const std::vector<std::string>& words, const std::string& scene) {
+    for (const std::string& word : words) {
+      // CLI11 would take the word behind it.
+      if (word.size() > 3 && word.compare(0, 2, "--") == 0 && word.find('=') + 1 == word.size()) {
+        throw UsageError(word.substr(0, word.size() - 1) + " needs a value");
+      }
+    }
+    try {
+      app_.parse(std::vector<std::string>(words.rbegin(), words.rend()));
+    } catch (const CLI::ArgumentMismatch& error) {
+      // The message begins with the option's name, that of a flag without its dashes.
+      const std::string message = error.what();
+      const std::string name = message.substr(0, message.find_first_of(": "));
+      throw UsageError(name.front() == '-' ? name + " needs a value"
+                                           : "--" + name + " takes no value");
+    }
+    for (const std::string& word : app_.remaining()) refuse(word, scene);
   }
 
  private:
-  const std::vector<std::string>& words_;
-  std::size_t index_ = 0;
-  std::string name_;
-  std::string value_;
-  bool has_value_ = false;
+  [[noreturn]] void refuse(const std::string& word, const std::string& scene) const {
+    if (word.size() < 2 || word.front() != '-') {
+      throw UsageError(inQuotes(word) + " is one word too many: the scene is " + inQuotes(scene));
+    }
+    std::vector<std::string> names;
+    for (const CLI::Option* option : app_.get_options()) names.push_back(option->get_name());
+    const std::string name = word.substr(0, word.find('='));
+    throw UsageError("unknown option " + inQuotes(name) + suggestName(name, names));
+  }
+
+  CLI::App app_;
 };
 
-/// What an option without a value sets, or nullptr.
-bool* findFlag(const std::string& name, SimulateOptions& options, bool& add_energy) {
-  if (name == "--energy") return &add_energy;
-  if (name == "--error") return &options.estimate_errors;
-  if (name == "--stats") return &options.stats;
-  if (name == "--compile") return &options.compile;
-  if (name == "--explain") return &options.explain;
-  if (name == "--until-rest") return &options.until_rest;
-  if (name == "--linearize") return &options.linearize;
-  if (name == "--full") return &options.full;
-  if (name == "--trim") return &options.trim;
-  if (name == "--accelerating") return &options.accelerating;
-  return name == "--latex" ? &options.latex : nullptr;
-}
-
-/// True when `name` is an option whose value is a text, which `options` then have.
-bool readText(const std::string& name, CommandLine& word, SimulateOptions& options) {
-  if (name == "--commands") {
-    options.commands_path = word.value();
-  } else if (name == "--output") {
-    options.output_path = word.value() == "-" ? "" : word.value();
-  } else if (name == "--columns") {
-    options.columns = readColumns(word.value());
-  } else if (name == "--set") {
-    options.overrides.push_back(word.value());
-  } else if (name == "--from-state") {
-    options.from_state_path = word.value();
-  } else if (name == "--save-state") {
-    options.save_state_path = word.value();
-  } else if (name == "--emit-c") {
-    options.emit_c_path = word.value();
-    if (options.emit_c_path.empty()) throw UsageError("--emit-c: needs a folder");
-  } else if (name == "--at") {
-    options.at = word.value();
-  } else if (name == "--fix") {
-    options.fix.push_back(word.value());
-  } else if (name == "--free") {
-    options.free.push_back(word.value());
-  } else {
-    return false;
+/// Refuses options without the one that they belong to, and two modes at once.
+void checkModes(const OptionParser& given) {
+  using Pair = std::pair<const char*, const char*>;
+  for (const auto& [option, mode] : {Pair{"--latex", "--explain"},
+                                     {"--at", "--linearize"},
+                                     {"--full", "--linearize"},
+                                     {"--fix", "--trim"},
+                                     {"--free", "--trim"},
+                                     {"--accelerating", "--trim"}}) {
+    if (!given.has(option) || given.has(mode)) continue;
+    throw UsageError(std::string(option) + " belongs to " + mode);
   }
-  return true;
-}
-
-/// Of what is done instead of running: which options belong to what.
-void checkInstead(const SimulateOptions& options) {
-  const SimulateOptions defaults;
-  const struct {
-    const char* option;
-    bool is_given;
-    const char* of;
-    bool is_of_given;
-  } parts[] = {{"--latex", options.latex, "--explain", options.explain},
-               {"--at", options.at != defaults.at, "--linearize", options.linearize},
-               {"--full", options.full, "--linearize", options.linearize},
-               {"--fix", !options.fix.empty(), "--trim", options.trim},
-               {"--free", !options.free.empty(), "--trim", options.trim},
-               {"--accelerating", options.accelerating, "--trim", options.trim}};
-  for (const auto& part : parts) {
-    if (!part.is_given || part.is_of_given) continue;
-    throw UsageError(std::string(part.option) + " belongs to " + part.of);
-  }
-  const char* first = nullptr;
-  for (const auto& [name, is_given] : {std::pair<const char*, bool>{"--compile", options.compile},
-                                       {"--emit-c", !options.emit_c_path.empty()},
-                                       {"--explain", options.explain},
-                                       {"--linearize", options.linearize},
-                                       {"--trim", options.trim}}) {
-    if (!is_given) continue;
-    if (first != nullptr) {
-      throw UsageError(std::string(first) + " and " + name + " exclude each other");
-    }
-    first = name;
+  std::string first;
+  for (const char* mode : {"--compile", "--emit-c", "--explain", "--linearize", "--trim"}) {
+    if (!given.has(mode)) continue;
+    if (!first.empty()) throw UsageError(first + " and " + mode + " exclude each other");
+    first = mode;
   }
 }
 
-/// What is read is not written over.
+/// Refuses to write over a file that is read.
 void refuseOverwriting(const SimulateOptions& options) {
   struct File {
     const char* what;
@@ -208,12 +171,17 @@ void refuseOverwriting(const SimulateOptions& options) {
   refuse("--save-state", state, output);
 }
 
-/// What belongs together, and what does not; fills in what follows.
-void completeOptions(bool has_rate, SimulateOptions& options) {
+/// Checks how options go together, and fills in the values that follow.
+void completeOptions(const OptionParser& given, SimulateOptions& options) {
+  options.has_duration = given.has("--duration");
+  options.has_times = given.has("--times");
+  options.has_save_time = given.has("--save-at");
+  if (options.duration < 0.0) throw UsageError("--duration: must be at least 0 s");
+  if (options.rate <= 0.0) throw UsageError("--rate: must be above 0 Hz");
   if (options.scene_path.empty()) throw UsageError("no scene given");
-  checkInstead(options);
+  checkModes(given);
   if (options.explain || options.linearize || options.trim || !options.emit_c_path.empty()) return;
-  if (options.has_times && has_rate) {
+  if (options.has_times && given.has("--rate")) {
     throw UsageError("--rate and --times exclude each other");
   }
   if (!options.has_duration && !options.compile) {
@@ -238,45 +206,47 @@ void completeOptions(bool has_rate, SimulateOptions& options) {
 
 SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   SimulateOptions options;
-  bool has_rate = false;
-  bool add_energy = false;
-  CommandLine word(words);
-  while (word.next()) {
-    const std::string& name = word.name();
-    if (name == "--help" || name == "-h") {
-      options.help = true;
-      return options;
-    }
-    if (name == "--duration") {
-      options.duration = readNumber(name, word.value());
-      if (options.duration < 0.0) throw UsageError("--duration: must be at least 0 s");
-      options.has_duration = true;
-    } else if (name == "--rate") {
-      options.rate = readNumber(name, word.value());
-      if (options.rate <= 0.0) throw UsageError("--rate: must be above 0 Hz");
-      has_rate = true;
-    } else if (name == "--save-at") {
-      options.save_time = readNumber(name, word.value());
-      options.has_save_time = true;
-    } else if (name == "--times") {
-      options.times = readTimes(word.value());
-      options.has_times = true;
-    } else if (readText(name, word, options)) {
-      continue;
-    } else if (bool* flag = findFlag(name, options, add_energy)) {
-      word.refuseValue();
-      *flag = true;
-    } else if (word.isOption()) {
-      throw UsageError("unknown option " + inQuotes(name) + suggestName(name, optionNames()));
-    } else if (options.scene_path.empty()) {
-      options.scene_path = name;
-    } else {
-      throw UsageError(inQuotes(name) + " is one word too many: the scene is " +
-                       inQuotes(options.scene_path));
-    }
+  bool adds_energy = false;
+  OptionParser parser;
+  parser.text("scene", options.scene_path);
+  parser.number("--duration", options.duration);
+  parser.number("--rate", options.rate);
+  parser.take("--times", [&](const std::string& word) { options.times = readTimes(word); });
+  parser.text("--commands", options.commands_path);
+  parser.take("--output",
+              [&](const std::string& word) { options.output_path = word == "-" ? "" : word; });
+  parser.take("--columns", [&](const std::string& word) { options.columns = readColumns(word); });
+  parser.list("--set", options.overrides);
+  parser.text("--from-state", options.from_state_path);
+  parser.text("--save-state", options.save_state_path);
+  parser.number("--save-at", options.save_time);
+  parser.flag("--until-rest", options.until_rest);
+  parser.flag("--energy", adds_energy);
+  parser.flag("--error", options.estimate_errors);
+  parser.flag("--stats", options.stats);
+  parser.flag("--explain", options.explain);
+  parser.flag("--latex", options.latex);
+  parser.flag("--compile", options.compile);
+  parser.take("--emit-c", [&](const std::string& word) {
+    if (word.empty()) throw UsageError("--emit-c: needs a folder");
+    options.emit_c_path = word;
+  });
+  parser.flag("--linearize", options.linearize);
+  parser.text("--at", options.at);
+  parser.flag("--full", options.full);
+  parser.flag("--trim", options.trim);
+  parser.flag("--accelerating", options.accelerating);
+  parser.list("--fix", options.fix);
+  parser.list("--free", options.free);
+  parser.help("--help,-h");
+  try {
+    parser.parse(words, options.scene_path);
+  } catch (const CLI::CallForHelp&) {
+    options.help = true;
+    return options;
   }
-  completeOptions(has_rate, options);
-  options.columns.energy = options.columns.energy || add_energy;
+  completeOptions(parser, options);
+  options.columns.energy = options.columns.energy || adds_energy;
   if (options.estimate_errors && !options.columns.state) {
     throw UsageError(
         "--error: its columns stand beside those of the group 'state', which --columns "

@@ -135,9 +135,13 @@ void step(const std::string& input) {
   } catch (const std::bad_alloc&) {
     return;
   }
+  std::vector<CommandInputSettings> inputs(3);
+  inputs[0].topic = "drive_torque";
+  inputs[1].topic = "throttle";
+  inputs[2].topic = "ratio";
   CommandGroup group;
-  const std::string fault = readCommands({"drive_torque", "throttle", "ratio"},
-                                         request.command_topics, request.command_values, group);
+  const std::string fault =
+      readCommands(inputs, request.command_topics, request.command_values, group);
   check(fault);
   for (int i = 0; i < group.count && fault.empty(); ++i) {
     if (!std::isfinite(group.commands[static_cast<std::size_t>(i)].value)) std::abort();
