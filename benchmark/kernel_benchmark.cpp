@@ -452,8 +452,7 @@ std::vector<Comparison> makeComparisons() {
   }
 
   // What 100 samples per second cost: the same stepper without and with them.
-  for (const StepperKind kind :
-       {StepperKind::kFehlberg78, StepperKind::kDop853, StepperKind::kDopri5}) {
+  for (const StepperKind kind : {StepperKind::kFehlberg78, StepperKind::kDopri5}) {
     const auto set = [=](Scene& scene, Shortcuts& /*shortcuts*/) { scene.solver.stepper = kind; };
     Comparison comparison =
         compare("dense output", std::string("ship, compiled, ") + variator_sim::toString(kind),

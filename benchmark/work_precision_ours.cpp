@@ -345,7 +345,7 @@ void addMethods(const SceneCase& scene, const std::string& folder, Methods& meth
   makeCompiled<SceneOf>(compiled);
   // Commanded torques are the core's own: their scene has no other form.
   const bool has_compiled = scene.commands.empty();
-  for (const char* stepper : {"auto", "dopri5", "fehlberg78", "dop853", "radau"}) {
+  for (const char* stepper : {"auto", "dopri5", "fehlberg78", "radau"}) {
     // One stepper shows what formulas cost.
     if (!has_compiled || std::string(stepper) == "auto") {
       for (const char* form : {"formulas", "machine code"}) {

@@ -126,7 +126,7 @@ bool comesBack(Simulation& simulation, double end) {
 /// The velocity at `end` is that by dop853 at 1e-10.
 void expectMotionOfDop853(Simulation& simulation, const std::string& torque, double end,
                           double tolerance) {
-  Simulation exact(oneShaft(torque, StepperKind::kDop853, 1e-10));
+  Simulation exact(oneShaft(torque, StepperKind::kFehlberg78, 1e-10));
   ASSERT_TRUE(exact.advanceTo(end).ok()) << exact.describeStatus();
   ASSERT_TRUE(simulation.advanceTo(end).ok()) << torque << ": " << simulation.describeStatus();
   EXPECT_NEAR(simulation.sample().velocity[0], exact.sample().velocity[0], tolerance) << torque;
@@ -398,7 +398,7 @@ TEST(Taylor, StepsMadeAheadEndWhereTheyAreToBehindARamp) {
     return simulation.sample().velocity[0];
   };
   EXPECT_NEAR(play(test::withTolerance(scene, 1e-7), StepperKind::kTaylor),
-              play(test::withTolerance(scene, 1e-11), StepperKind::kDop853), 1e-5);
+              play(test::withTolerance(scene, 1e-11), StepperKind::kFehlberg78), 1e-5);
 }
 
 // Damped 1e5 times as much from 1 s to 3 s.

@@ -203,10 +203,8 @@ void Integrator::traceStep(double taken) {
       x = base_.x;
     } else if (n + 1 == StepCurve::kNodes) {
       x = front_.x;
-    } else if (!stepper_->hasDenseOutput() ||
-               !stepper_->interpolate(system_, time, base_, front_, x)) {
-      State unused(system_.size());
-      choice_.innerOf(*stepper_).step(system_, base_, time - base_.time, x, unused);
+    } else if (!stepper_->interpolate(system_, time, base_, front_, x)) {
+      choice_.innerOf(*stepper_).step(system_, base_, time - base_.time, x);
     }
     curve_.setNode(n, x.data());
   }

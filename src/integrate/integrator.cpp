@@ -24,9 +24,7 @@ Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
       rows_(system),
       left_at_sleep_end_(system.size()),
       base_(system),
-      front_(system),
-      projection_(system.size()),
-      dxdt_new_(system.size()) {
+      front_(system) {
   guards_.setGuards(
       drivetrain_.guards(),
       [this](double time, const double* angle, const double* velocity, const double* acceleration) {

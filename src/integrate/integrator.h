@@ -241,18 +241,17 @@ class Integrator {
   /// after many refusals accounts for: they are those of another branch of psi = 0.
   bool haveAccelerationsLeapt() const;
 
-  /// A step of length h from `from` to `end`, on the constraints: x there, dxdt if the stepper
-  /// projects. The error, in units of the tolerance.
-  double stepAndProject(Stepper& stepper, const StepNode& from, double end, double h, State& x,
-                        State& dxdt);
+  /// A step of length h from `from` to `end`, on the constraints: x there. The error, in units of
+  /// the tolerance.
+  double stepAndProject(Stepper& stepper, const StepNode& from, double end, double h, State& x);
 
   /// Where a step from the base has to end at the latest: the end of an input's segment, an instant
   /// at which a law is not smooth, or where a command is expected.
   double endOfReach() const;
 
-  /// Projects x, to which `stepper` has gone from x_old by h and which stands at `end`, if the
-  /// stepper has not done so; the size of the move in units of the tolerance (an error measure that
-  /// is independent of the stepper's), or NaN when it failed.
+  /// Projects x, to which `stepper` has gone from x_old by h and which stands at `end`; the size of
+  /// the move in units of the tolerance (an error measure that is independent of the stepper's), or
+  /// NaN when it failed.
   ///
   /// What rounding alone makes of it counts for nothing: shorter steps do not help. It is looked at
   /// where the move is more than a step's own error `estimate`.
@@ -300,7 +299,6 @@ class Integrator {
   /// From the front on nothing is stepped until the end of the term (rest.h). False when that is
   /// too short to be worth its search.
   bool fallAsleep();
-  bool isDenseOutputGood() const;
 
   /// What the rows of C tell at the front. False when it is no good; where one has vanished the
   /// motion has stopped.
@@ -511,10 +509,8 @@ class Integrator {
   double sleep_end_ = 0.0;
   State left_at_sleep_end_;  // the deviation c there
 
-  StepNode base_;              // where the last step began
-  StepNode front_;             // where it ended
-  StepProjection projection_;  // at its end
-  State dxdt_new_;             // the stepper's own derivative at the front, before the projection
+  StepNode base_;   // where the last step began
+  StepNode front_;  // where it ended
   double next_step_ = 0.0;
   bool is_step_chosen_ = false;  // by the stepper
   double own_norm_ = 0.0;        // of the last trial step: its own estimate, without checks
