@@ -33,6 +33,7 @@
 #include "dynamics/principle_system.h"
 #include "integrate/command_rhythm.h"
 #include "integrate/guard_search.h"
+#include "integrate/progress.h"
 #include "integrate/rest.h"
 #include "integrate/row_watch.h"
 #include "integrate/step_checks.h"
@@ -172,9 +173,7 @@ class Integrator {
   /// The next step as the stepper knows it beforehand. False when it does not.
   bool letStepperChoose();
 
-  /// The limit of steps is one per simulated time and not per advance: how a motion is cut may not
-  /// change it.
-  bool hasStepLeft(double from);
+  /// The motion goes on from the front. False, and the motion stopped, when it gets nowhere.
   bool countStep();
   bool finishInputSegments();
   /// Nothing changes at the front, exactly.
@@ -435,14 +434,8 @@ class Integrator {
   static constexpr double kCrudest = 0.1;
   /// So many rejections of one step make `auto` try implicitly.
   static constexpr int kHopeless = 6;
-  /// Nothing that a scene states happens within this, s; so many accepted steps in a row are
-  /// shorter only where two branches of a jump throw the motion back at each other.
-  static constexpr double kStuck = 1e-15;
-  static constexpr int kMostStuck = 50;
   /// Halvings of a step for what a formula may hide: of one so short its stages have seen all.
   static constexpr int kMostUnresolved = 20;
-  /// Shortest steps: nothing that a scene states is as short.
-  static constexpr double kUnresolvable = 1e4;
   /// An error norm that makes StepControl take a step no shorter, at every order.
   static constexpr double kSteady = 0.1;
   /// A step made with more ease than this does not shorten the next one for that alone.
@@ -514,9 +507,7 @@ class Integrator {
   double next_step_ = 0.0;
   bool is_step_chosen_ = false;  // by the stepper
   double own_norm_ = 0.0;        // of the last trial step: its own estimate, without checks
-  double step_window_start_ = 0.0;
-  int steps_in_window_ = 0;
-  int stuck_steps_ = 0;        // accepted in a row, each shorter than kStuck
+  Progress progress_;
   double restart_time_ = 0.0;  // fixed steps count from here
   std::uint64_t fixed_steps_ = 0;
 

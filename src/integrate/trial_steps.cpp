@@ -74,8 +74,8 @@ bool Integrator::makeTrials() {
       trial.has_leapt = true;
       norm = std::numeric_limits<double>::quiet_NaN();
     }
-    const bool may_halve = trial.unresolved < kMostUnresolved &&
-                           trial.taken > kUnresolvable * shortestStep(absolute(base_.time));
+    const bool may_halve =
+        trial.unresolved < kMostUnresolved && trial.taken > Progress::leastAt(absolute(base_.time));
     if (isGood(norm) && may_halve && !isResolved(trial.taken)) {
       ++trial.unresolved;
       ++statistics_.rejected_steps;
