@@ -1,4 +1,4 @@
-// What a motion leaves out because nothing needs it - stages of angles, factorizations, sizes
+// What a motion leaves out because nothing needs it - derivatives by angles, factorizations, sizes
 // looked up while running - changes nothing of it but rounding.
 #include <gtest/gtest.h>
 
@@ -238,7 +238,7 @@ TEST_P(Skips, ChangeNothingButRounding) {
   }
 }
 
-// fehlberg78 skips no angles.
+// Another scheme at a tighter tolerance.
 TEST_P(Skips, LeaveTheMotionRight) {
   const Result exact = run(scene(StepperKind::kFehlberg78, 1e-12));
   for (StepperKind stepper :

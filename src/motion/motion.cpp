@@ -33,7 +33,7 @@ Motion::Motion(Scene scene, const Shortcuts& shortcuts, const Motion* like)
 
 std::vector<std::string> Motion::skips() const {
   std::vector<std::string> skips;
-  if (!system_.readsAngles()) skips.emplace_back("stages of the angles (nothing reads them)");
+  if (!system_.readsAngles()) skips.emplace_back("derivatives by the angles (nothing reads them)");
   if (drivetrain_.hasConstantRows() && drivetrain_.constraintCount() > 0) {
     skips.emplace_back("factorizations but the first (C and J are constant)");
   }
