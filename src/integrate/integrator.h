@@ -347,7 +347,7 @@ class Integrator {
   Look lookAtEnd(double taken, double* next);
 
   /// The first edge along the curve: crossed where it is at the base, the step to it otherwise.
-  Look aimAtEdge(double taken, double* next, bool may_cross = true);
+  Look aimAtEdge(double taken, double* next);
   /// An edge that was found by a longer step stays the next one only when this one ends there.
   Look keepCrossing();
   /// The one that may have been due at the base is not there.
