@@ -17,9 +17,7 @@ StepperChoice::StepperChoice(const System& system, const SolverSettings& setting
   if (!automatic_) {
     first_ = make(settings.stepper);
   } else {
-    first_ = make(system.series() != nullptr               ? StepperKind::kTaylor
-                  : relative_tolerance_ <= kHighOrderBelow ? StepperKind::kFehlberg78
-                                                           : StepperKind::kDopri5);
+    first_ = make(system.series() != nullptr ? StepperKind::kTaylor : StepperKind::kDopri5);
     implicit_ = make(StepperKind::kRadau);
   }
   reset();
@@ -31,13 +29,8 @@ std::string StepperChoice::describe() const {
   text << "auto (";
   text << stepper().name();
   if (active_ == &first_) {
-    if (first_.outer->stepsBySeries()) {
-      text << ", the series of this scene";
-    } else {
-      text << ", as the relative tolerance is "
-           << (relative_tolerance_ <= kHighOrderBelow ? "at most " : "above ") << kHighOrderBelow;
-    }
-    text << "; " << implicit_.outer->name() << " when stability limits its steps";
+    text << (stepper().stepsBySeries() ? ", the series of this scene; " : ", without series; ")
+         << implicit_.outer->name() << " when stability limits its steps";
   } else if (why_ == Why::kNoSeries) {
     text << ", as there is no power series here";
   } else {
