@@ -304,8 +304,7 @@ std::vector<Comparison> makeComparisons() {
       [](Scene& scene, Shortcuts& /*shortcuts*/) { scene.principle = Principle::kGauss; }));
 
   // What 100 samples per second cost: the same stepper without and with them.
-  for (const StepperKind kind :
-       {StepperKind::kFehlberg78, StepperKind::kDop853, StepperKind::kDopri5}) {
+  for (const StepperKind kind : {StepperKind::kFehlberg78, StepperKind::kDopri5}) {
     const auto set = [=](Scene& scene, Shortcuts& /*shortcuts*/) { scene.solver.stepper = kind; };
     Comparison comparison = compare(
         "dense output", std::string("ship, ") + variator_sim::toString(kind), ship, set, set);

@@ -38,7 +38,7 @@ TITLES = {
 }
 FAMILIES = ("SUNDIALS", "Odeint", "GSL", "SciPy")
 OUR_COLOURS = {"auto": "#0b4f9e", "dopri5": "#d1495b", "fehlberg78": "#e0901f",
-               "dop853": "#00897b", "radau": "#6a1b4d"}
+               "radau": "#6a1b4d"}
 PEER_COLOURS = {"SUNDIALS": "#8395ad", "Odeint": "#b3956a", "GSL": "#86a383", "SciPy": "#b48fb5"}
 MARKERS = "osD^v<>pPX*h"
 

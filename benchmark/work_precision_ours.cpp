@@ -143,7 +143,7 @@ template <template <class> class SceneOf>
 void addMethods(const SceneCase& scene, const std::string& folder, Methods& methods,
                 SceneTag<SceneOf> /*tag*/) {
   const ParameterTree formulas = readTree<SceneOf>(scene, folder);
-  for (const char* stepper : {"auto", "dopri5", "fehlberg78", "dop853", "radau"}) {
+  for (const char* stepper : {"auto", "dopri5", "fehlberg78", "radau"}) {
     for (const char* form : {"formulas", "machine code"}) {
       methods.push_back(std::make_unique<Ours<SceneOf>>(stepper, form, scene, formulas, folder));
     }

@@ -43,7 +43,8 @@ Played expectNoCrawl(const std::string& yaml, double end) {
   Played chosen = run(scene, StepperKind::kAuto, end);
   EXPECT_TRUE(chosen.status.ok()) << chosen.text;
   std::uint64_t best = kMostSteps;
-  for (const StepperKind kind : {StepperKind::kRadau, StepperKind::kDop853, StepperKind::kTaylor}) {
+  for (const StepperKind kind :
+       {StepperKind::kRadau, StepperKind::kFehlberg78, StepperKind::kTaylor}) {
     if (!test::takes(scene, kind)) continue;
     const Played named = run(scene, kind, end, kMostSteps / 4);
     if (!named.status.ok()) continue;

@@ -16,8 +16,8 @@ namespace variator_sim {
 namespace {
 
 constexpr StepperKind kSteppers[] = {
-    StepperKind::kAuto,  StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
-    StepperKind::kRadau, StepperKind::kTaylor, StepperKind::kRk4,    StepperKind::kTaylorFixed};
+    StepperKind::kAuto,   StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kRadau,
+    StepperKind::kTaylor, StepperKind::kRk4,    StepperKind::kTaylorFixed};
 
 const char* const kCircle = R"yaml(
 shafts: [drive, load]

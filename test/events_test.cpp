@@ -11,7 +11,7 @@ namespace variator_sim {
 namespace {
 
 constexpr StepperKind kSteppers[] = {StepperKind::kAuto, StepperKind::kTaylor, StepperKind::kRadau,
-                                     StepperKind::kDopri5, StepperKind::kDop853};
+                                     StepperKind::kDopri5, StepperKind::kFehlberg78};
 constexpr const char* kPrinciples[] = {"generalized_gauss", "gauss"};
 
 /// One shaft of unit inertia.
@@ -112,7 +112,7 @@ TEST(CommandsAtAKink, ChangeNothingThatNoLawReads) {
       SCOPED_TRACE(text);
       Simulation plain(test::sceneFromText(text));
       ASSERT_TRUE(plain.advanceTo(2.0).ok()) << plain.describeStatus();
-      for (const StepperKind stepper : {StepperKind::kAuto, StepperKind::kDop853}) {
+      for (const StepperKind stepper : {StepperKind::kAuto, StepperKind::kFehlberg78}) {
         for (const bool ramps : {false, true}) {
           Simulation simulation(test::withStepper(test::sceneFromText(text), stepper));
           if (ramps) simulation.command(1, 1.0);  // arrives at 1 s
@@ -214,7 +214,7 @@ TEST(RestOnAJump, IsChatteringAtOnce) {
     EXPECT_EQ(simulation.status().reason, StopReason::kChattering) << simulation.describeStatus();
     EXPECT_NE(simulation.describeStatus().find("torque 'q'"), std::string::npos);
     EXPECT_LT(simulation.time(), 1e-6);
-    EXPECT_LT(simulation.statistics().steps + simulation.statistics().rejected_steps, 200U);
+    EXPECT_LT(simulation.statistics().steps + simulation.statistics().rejected_steps, 300U);
   };
   for (const char* torque : {kHeld, "if(w1 > 0, -300, 500)", "if(w1 >= 0, -300, 500)",
                              "100 - 400*sign(3*w1)", "t - 5*sign(w1)"}) {

@@ -110,7 +110,7 @@ TEST(SceneFormulas, ReadInputsInConstraintsOfOrder1) {
   const std::vector<Command> commands = {{0.35, 0, 0.8}, {1.0, 0, 0.5}, {1.75, 0, 0.7}};
   const std::string input =
       "topic: lever, hold: second_order_lag, time_constant: 0.2, initial: 0.6";
-  for (const char* stepper : {"dop853", "radau", "taylor"}) {
+  for (const char* stepper : {"fehlberg78", "radau", "taylor"}) {
     const std::string shafts = R"yaml(
 shafts: [drive, load]
 drive: {inertia: 0.5}

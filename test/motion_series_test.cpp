@@ -29,7 +29,7 @@ struct Case {
 class Expansion {
  public:
   explicit Expansion(const Scene& scene)
-      : scene_(test::withStepper(test::withTolerance(scene, 1e-13), StepperKind::kDop853)),
+      : scene_(test::withStepper(test::withTolerance(scene, 1e-13), StepperKind::kFehlberg78)),
         simulation_(scene_),
         system_(makeSystem(scene_, {})),
         S(scene_.shaftCount()) {

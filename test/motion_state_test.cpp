@@ -350,7 +350,7 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"free_shaft", kFreeShaft, {1.0, 2.5}, 6.0, {}},
         Case{"resting", kResting, {1.0, 50.0}, 200.0, {{100.0, 0, 2.0}}},
         Case{"dopri5", withSolver(kInputs, "stepper: dopri5"), {0.6}, 3.0, kInputCommands},
-        Case{"dop853", withSolver(kInputs, "stepper: dop853"), {0.6}, 3.0, kInputCommands},
+        Case{"fehlberg78", withSolver(kInputs, "stepper: fehlberg78"), {0.6}, 3.0, kInputCommands},
         Case{"radau", withSolver(kInputs, "stepper: radau"), {0.6}, 3.0, kInputCommands},
         Case{"taylor_fixed",
              withSolver(kInputs, "stepper: taylor_fixed, step: 0.003"),

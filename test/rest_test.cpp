@@ -233,9 +233,8 @@ TEST(Sleep, BeginsByItselfAtALargeTolerance) {
 }
 
 TEST(Sleep, SamplesAreThoseOfTheMotionThatNeverSleeps) {
-  for (StepperKind stepper :
-       {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
-        StepperKind::kRadau, StepperKind::kTaylor}) {
+  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kFehlberg78,
+                              StepperKind::kRadau, StepperKind::kTaylor}) {
     SCOPED_TRACE(toString(stepper));
     const Scene scene = test::withStepper(test::withTolerance(steady(), kTolerance), stepper);
     Simulation sleeping(scene);

@@ -154,7 +154,7 @@ TEST(SceneReader, KeepsNoNamesButItsOwn) {
 TEST(SceneReader, NamesPrinciplesAndSteppersAsTheSceneDoes) {
   EXPECT_STREQ(toString(Principle::kGeneralizedGauss), "generalized_gauss");
   for (const char* name :
-       {"auto", "rk4", "dopri5", "dop853", "fehlberg78", "radau", "taylor", "taylor_fixed"}) {
+       {"auto", "rk4", "dopri5", "fehlberg78", "radau", "taylor", "taylor_fixed"}) {
     const Scene scene = read(base() + "solver: {stepper: " + name + "}\n");
     EXPECT_STREQ(toString(scene.solver.stepper), name);
     EXPECT_EQ(scene.resolved.asDictionary().at("solver").asDictionary().at("stepper").asText(),
@@ -166,8 +166,8 @@ TEST(SceneReader, KnowsWhichSteppersHaveFixedSteps) {
   for (StepperKind kind : {StepperKind::kRk4, StepperKind::kTaylorFixed}) {
     EXPECT_TRUE(isFixedStep(kind)) << toString(kind);
   }
-  for (StepperKind kind : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853,
-                           StepperKind::kFehlberg78, StepperKind::kRadau, StepperKind::kTaylor}) {
+  for (StepperKind kind : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kFehlberg78,
+                           StepperKind::kRadau, StepperKind::kTaylor}) {
     EXPECT_FALSE(isFixedStep(kind)) << toString(kind);
   }
 }
@@ -386,11 +386,11 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{base() + "solver: {stepper: dopri}\n",
                  "solver/stepper",
                  {"'dopri'", "did you mean 'dopri5'",
-                  "auto, rk4, dopri5, dop853, fehlberg78, radau, taylor, taylor_fixed"}},
+                  "auto, rk4, dopri5, fehlberg78, radau, taylor, taylor_fixed"}},
         BadScene{base() + "solver: {stepper: rosenbrock4}\n",
                  "solver/stepper",
-                 {"'rosenbrock4' was removed; use 'radau'; allowed: auto, rk4, dopri5, dop853, "
-                  "fehlberg78, radau, taylor, taylor_fixed"}},
+                 {"'rosenbrock4' was removed; use 'radau'; allowed: auto, rk4, dopri5, fehlberg78, "
+                  "radau, taylor, taylor_fixed"}},
         BadScene{base() + "solver: {stepper: rosenbrock4_fixed}\n",
                  "solver/stepper",
                  {"'rosenbrock4_fixed' was removed; use 'radau'"}},
@@ -400,6 +400,9 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{base() + "solver: {stepper: radau5_fixed}\n",
                  "solver/stepper",
                  {"'radau5_fixed' was removed; use 'radau'"}},
+        BadScene{base() + "solver: {stepper: dop853}\n",
+                 "solver/stepper",
+                 {"'dop853' was removed; use 'fehlberg78'"}},
         BadScene{base() + "solver: {stepper: dopri5_fixed}\n",
                  "solver/stepper",
                  {"'dopri5_fixed' was removed; use 'rk4'"}},

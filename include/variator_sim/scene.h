@@ -28,16 +28,7 @@ enum class Principle {
 };
 const char* toString(Principle principle);
 
-enum class StepperKind {
-  kAuto,
-  kRk4,
-  kDopri5,
-  kDop853,
-  kFehlberg78,
-  kRadau,
-  kTaylor,
-  kTaylorFixed
-};
+enum class StepperKind { kAuto, kRk4, kDopri5, kFehlberg78, kRadau, kTaylor, kTaylorFixed };
 /// True for steppers that take steps of `solver/step`, whatever their error.
 bool isFixedStep(StepperKind kind);
 const char* toString(StepperKind kind);

@@ -131,7 +131,8 @@ class Simulation {
   /// The same as a sentence with its reasons, e.g. "auto (taylor, the series of this scene; radau
   /// when stability limits its steps)".
   std::string describeStepper() const;
-  /// Lists all that the scene does not need and so is not computed, e.g. "stages of the angles".
+  /// Lists all that the scene does not need and so is not computed, e.g. "derivatives by the
+  /// angles".
   std::vector<std::string> skips() const;
 
   /// Goes over to machine code for the scene's formulas, which changes no bit of the motion: from

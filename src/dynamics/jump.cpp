@@ -14,7 +14,7 @@ JumpMap::JumpMap(Drivetrain& drivetrain, const SolverSettings& settings,
       // A jump's error stays for good and adds to those of all other jumps: a tenth.
       tolerance_{0.1 * settings.absolute_tolerance,
                  std::max(0.1 * settings.relative_tolerance, 1e-14)},
-      stepper_(makeStepper(StepperKind::kDop853, path_, tolerance_)),
+      stepper_(makeStepper(StepperKind::kFehlberg78, path_, tolerance_)),
       consistency_(drivetrain) {
   for (int m = 0; m < drivetrain.constraintCount(); ++m) {
     const Constraint& constraint = drivetrain.constraint(m);
@@ -116,9 +116,8 @@ MotionStatus JumpMap::integrate(State& e, State& rate, std::uint64_t* projection
 
 double JumpMap::tryStep(double theta, const State& e, const State& rate, double h, State& e_new,
                         std::uint64_t* projections) {
-  State rate_new(S);
   State moved(S);
-  const double norm = stepper_->step(path_, StepNode(theta, e, rate), h, e_new, rate_new);
+  const double norm = stepper_->step(path_, StepNode(theta, e, rate), h, e_new);
   if (!(norm <= 1.0)) return norm;
   const auto projected = projectAccelerations(drivetrain_, path_.at(theta + h, e_new.data()),
                                               e_new.data(), moved.data(), projections);

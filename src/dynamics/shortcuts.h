@@ -7,7 +7,7 @@ namespace variator_sim {
 /// for rounding.
 struct Shortcuts {
   bool specialize = true;   ///< code made for two shafts and one constraint
-  bool skip_angles = true;  ///< no stages of angles that nothing reads
+  bool skip_angles = true;  ///< no derivatives by angles that nothing reads
   bool factor_once = true;  ///< one factorization where C and J are constant
 };
 

@@ -134,7 +134,7 @@ Integrator::Look Integrator::lookAtEnd(double taken, double* next) {
   }
   curve_.finish();
   const double refused = *next;
-  const Look look = aimAtEdge(taken, next, false);
+  const Look look = aimAtEdge(taken, next);
   if (look != Look::kShorter || *next <= 0.9 * taken) {
     crossing_.is_guess = look == Look::kShorter;
     return look;
@@ -143,7 +143,7 @@ Integrator::Look Integrator::lookAtEnd(double taken, double* next) {
   return Look::kClear;
 }
 
-Integrator::Look Integrator::aimAtEdge(double taken, double* next, bool may_cross) {
+Integrator::Look Integrator::aimAtEdge(double taken, double* next) {
   const double shortest = 2.0 * shortestStep(absolute(base_.time));
   const double resolution = std::max(kEdgeResolution, shortest / taken);
   GuardFinding finding = guards_.find(curve_, resolution);
@@ -170,7 +170,7 @@ Integrator::Look Integrator::aimAtEdge(double taken, double* next, bool may_cros
   }
   crossing_.at = base_.time;
   crossing_.length += *next;
-  if (may_cross && crossEdge()) {
+  if (crossEdge()) {
     course_ = Course::kHop;
     return Look::kCrossed;
   }
@@ -203,10 +203,8 @@ void Integrator::traceStep(double taken) {
       x = base_.x;
     } else if (n + 1 == StepCurve::kNodes) {
       x = front_.x;
-    } else if (!stepper_->hasDenseOutput() ||
-               !stepper_->interpolate(system_, time, base_, front_, x)) {
-      State unused(system_.size());
-      choice_.innerOf(*stepper_).step(system_, base_, time - base_.time, x, unused);
+    } else if (!stepper_->interpolate(system_, time, base_, front_, x)) {
+      choice_.innerOf(*stepper_).step(system_, base_, time - base_.time, x);
     }
     curve_.setNode(n, x.data());
   }

@@ -5,12 +5,6 @@
 
 namespace variator_sim {
 
-bool Integrator::isDenseOutputGood() const {
-  if (!stepper_->hasDenseOutput()) return false;
-  // Where accelerations follow from the state, an error of it may be large for them.
-  return integrates_torque_ || stepper_->checksDenseOutput();
-}
-
 bool Integrator::calcUnstepped(double* now, State& x) {
   switch (course_) {
     case Course::kStep:
@@ -43,7 +37,9 @@ bool Integrator::calcState(double* at, State& x) {
   x = front_.x;
   if (!(base_.time < front_.time)) *at = front_.time;
   if (!(base_.time < front_.time) || now == front_.time) return true;
-  if (isDenseOutputGood() && stepper_->interpolate(system_, now, base_, front_, x)) {
+  // Where accelerations follow from the state, an error of dense output may be large for them.
+  if ((integrates_torque_ || stepper_->stepsBySeries()) &&
+      stepper_->interpolate(system_, now, base_, front_, x)) {
     State moved(system_.size());
     State slope(system_.size());
     const double h = front_.time - base_.time;
@@ -83,14 +79,13 @@ bool Integrator::reach(double now, StepNode* node) {
       explainStop();
       return false;
     }
-    double norm = stepAndProject(stepper, start, end, end - start.time, node->x, node->dxdt);
+    double norm = stepAndProject(stepper, start, end, end - start.time, node->x);
     if (norm <= 1.0) {
-      const State* dxdt = stepper.projects() ? &node->dxdt : nullptr;
-      norm = worseOf(norm, checks_.checkAccelerations(stepper, start, end, node->x, dxdt));
+      norm = worseOf(norm, checks_.checkAccelerations(stepper, start, end, node->x));
     }
     if (isGood(norm)) {
       node->time = end;
-      if (!last && !stepper.projects()) system_(node->x, node->dxdt, end);
+      if (!last) system_(node->x, node->dxdt, end);
       h *= 2.0;
     } else {
       *node = start;
@@ -104,15 +99,9 @@ bool Integrator::reach(double now, StepNode* node) {
 void Integrator::calcInside(double theta, State& x) {
   const double h = front_.time - base_.time;
   if (course_ != Course::kHop) {
-    if (stepper_->hasDenseOutput() &&
-        stepper_->interpolate(system_, base_.time + theta * h, base_, front_, x)) {
-      return;
-    }
+    if (stepper_->interpolate(system_, base_.time + theta * h, base_, front_, x)) return;
     // A step that was good is so for a part of it.
-    State unused(system_.size());
-    if (std::isfinite(choice_.innerOf(*stepper_).step(system_, base_, theta * h, x, unused))) {
-      return;
-    }
+    if (std::isfinite(choice_.innerOf(*stepper_).step(system_, base_, theta * h, x))) return;
   }
   for (int n = 0; n < x.size(); ++n) {
     x[n] = base_.x[n] + theta * (front_.x[n] - base_.x[n]);

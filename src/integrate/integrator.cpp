@@ -25,8 +25,7 @@ Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
       left_at_sleep_end_(system.size()),
       base_(system),
       front_(system),
-      projection_(system.size()),
-      dxdt_new_(system.size()) {
+      progress_(scene.solver.maximum_steps) {
   guards_.setGuards(
       drivetrain_.guards(),
       [this](double time, const double* angle, const double* velocity, const double* acceleration) {
@@ -43,8 +42,7 @@ void Integrator::reset() {
   status_ = MotionStatus{};
   statistics_ = Statistics{};
   is_start_ = true;
-  step_window_start_ = 0.0;
-  steps_in_window_ = 0;
+  progress_.begin(0.0);
   rhythm_.reset();
   choice_.forget();
   choice_.reset(starts_implicitly_);
@@ -86,7 +84,7 @@ void Integrator::beginFrom(double time, const State& x, const double* epsilon,
   const Statistics counted = statistics_;
   reset();
   statistics_ = counted;
-  step_window_start_ = time;
+  progress_.begin(time);
   choice_.reset(history.is_implicit);
   origin_.moveTo(time);
   drivetrain_.setOrigin(time);
@@ -259,26 +257,15 @@ bool Integrator::step(double target) {
   return true;
 }
 
-bool Integrator::hasStepLeft(double from) {
-  if (absolute(from) - step_window_start_ >= 1.0) {
-    step_window_start_ = absolute(from);
-    steps_in_window_ = 0;
-  }
-  return steps_in_window_ < settings_.maximum_steps;
-}
-
 bool Integrator::countStep() {
-  if (!hasStepLeft(front_.time)) {
+  const double now = absolute(front_.time);
+  if (!progress_.count(now)) {
     stop(StopReason::kStepLimit);
-    status_.measure = settings_.maximum_steps / (status_.time - step_window_start_);
+    status_.measure = progress_.rateAt(now);
     return false;
   }
-  ++steps_in_window_;
+  if (!progress_.isStuck(now, front_.time - base_.time)) return true;
   // Steps that get nowhere beside a jump go to and fro across it within its rounding.
-  const double taken = front_.time - base_.time;
-  stuck_steps_ = taken > 0.0 && taken < kStuck ? stuck_steps_ + 1 : 0;
-  if (stuck_steps_ < kMostStuck) return true;
-  stuck_steps_ = 0;
   const int guard = nearJump();
   if (guard < 0) return true;
   stopChattering(guard);

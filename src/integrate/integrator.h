@@ -33,6 +33,7 @@
 #include "dynamics/principle_system.h"
 #include "integrate/command_rhythm.h"
 #include "integrate/guard_search.h"
+#include "integrate/progress.h"
 #include "integrate/rest.h"
 #include "integrate/row_watch.h"
 #include "integrate/step_checks.h"
@@ -174,9 +175,7 @@ class Integrator {
   /// The next step as the stepper knows it beforehand. False when it does not.
   bool letStepperChoose();
 
-  /// The limit of steps is one per simulated time and not per advance: how a motion is cut may not
-  /// change it.
-  bool hasStepLeft(double from);
+  /// The motion goes on from the front. False, and the motion stopped, when it gets nowhere.
   bool countStep();
   bool finishInputSegments();
   /// Nothing changes at the front, exactly.
@@ -243,18 +242,17 @@ class Integrator {
   /// after many refusals accounts for: they are those of another branch of psi = 0.
   bool haveAccelerationsLeapt() const;
 
-  /// A step of length h from `from` to `end`, on the constraints: x there, dxdt if the stepper
-  /// projects. The error, in units of the tolerance.
-  double stepAndProject(Stepper& stepper, const StepNode& from, double end, double h, State& x,
-                        State& dxdt);
+  /// A step of length h from `from` to `end`, on the constraints: x there. The error, in units of
+  /// the tolerance.
+  double stepAndProject(Stepper& stepper, const StepNode& from, double end, double h, State& x);
 
   /// Where a step from the base has to end at the latest: the end of an input's segment, an instant
   /// at which a law is not smooth, or where a command is expected.
   double endOfReach() const;
 
-  /// Projects x, to which `stepper` has gone from x_old by h and which stands at `end`, if the
-  /// stepper has not done so; the size of the move in units of the tolerance (an error measure that
-  /// is independent of the stepper's), or NaN when it failed.
+  /// Projects x, to which `stepper` has gone from x_old by h and which stands at `end`; the size of
+  /// the move in units of the tolerance (an error measure that is independent of the stepper's), or
+  /// NaN when it failed.
   ///
   /// What rounding alone makes of it counts for nothing: shorter steps do not help. It is looked at
   /// where the move is more than a step's own error `estimate`.
@@ -302,7 +300,6 @@ class Integrator {
   /// From the front on nothing is stepped until the end of the term (rest.h). False when that is
   /// too short to be worth its search.
   bool fallAsleep();
-  bool isDenseOutputGood() const;
 
   /// What the rows of C tell at the front. False when it is no good; where one has vanished the
   /// motion has stopped.
@@ -352,7 +349,7 @@ class Integrator {
   Look lookAtEnd(double taken, double* next);
 
   /// The first edge along the curve: crossed where it is at the base, the step to it otherwise.
-  Look aimAtEdge(double taken, double* next, bool may_cross = true);
+  Look aimAtEdge(double taken, double* next);
   /// An edge that was found by a longer step stays the next one only when this one ends there.
   Look keepCrossing();
   /// The one that may have been due at the base is not there.
@@ -439,14 +436,8 @@ class Integrator {
   static constexpr double kCrudest = 0.1;
   /// So many rejections of one step make `auto` try implicitly.
   static constexpr int kHopeless = 6;
-  /// Nothing that a scene states happens within this, s; so many accepted steps in a row are
-  /// shorter only where two branches of a jump throw the motion back at each other.
-  static constexpr double kStuck = 1e-15;
-  static constexpr int kMostStuck = 50;
   /// Halvings of a step for what a formula may hide: of one so short its stages have seen all.
   static constexpr int kMostUnresolved = 20;
-  /// Shortest steps: nothing that a scene states is as short.
-  static constexpr double kUnresolvable = 1e4;
   /// An error norm that makes StepControl take a step no shorter, at every order.
   static constexpr double kSteady = 0.1;
   /// A step made with more ease than this does not shorten the next one for that alone.
@@ -513,16 +504,12 @@ class Integrator {
   double sleep_end_ = 0.0;
   State left_at_sleep_end_;  // the deviation c there
 
-  StepNode base_;              // where the last step began
-  StepNode front_;             // where it ended
-  StepProjection projection_;  // at its end
-  State dxdt_new_;             // the stepper's own derivative at the front, before the projection
+  StepNode base_;   // where the last step began
+  StepNode front_;  // where it ended
   double next_step_ = 0.0;
   bool is_step_chosen_ = false;  // by the stepper
   double own_norm_ = 0.0;        // of the last trial step: its own estimate, without checks
-  double step_window_start_ = 0.0;
-  int steps_in_window_ = 0;
-  int stuck_steps_ = 0;        // accepted in a row, each shorter than kStuck
+  Progress progress_;
   double restart_time_ = 0.0;  // fixed steps count from here
   std::uint64_t fixed_steps_ = 0;
 

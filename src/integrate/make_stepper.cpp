@@ -17,8 +17,6 @@ std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tol
   switch (kind) {
     case StepperKind::kRk4:
       return makeRk4Stepper(system, tolerance);
-    case StepperKind::kDopri5:
-      return makeDopri5Stepper(system, tolerance);
     case StepperKind::kFehlberg78:
       return makeFehlberg78Stepper(system, tolerance);
     case StepperKind::kRadau:
@@ -26,11 +24,11 @@ std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tol
     case StepperKind::kTaylor:
     case StepperKind::kTaylorFixed:
       return makeTaylorStepper(system, tolerance);
-    case StepperKind::kDop853:
+    case StepperKind::kDopri5:
     case StepperKind::kAuto:
       break;
   }
-  return makeDop853Stepper(system, tolerance);
+  return makeDopri5Stepper(system, tolerance);
 }
 
 }  // namespace variator_sim

@@ -58,7 +58,6 @@ class RadauStepper final : public Stepper {
   /// A step that took many iterations is near those that do not converge (Hairer, Wanner, IV.8
   /// (8.21)).
   double ease() const override { return (2.0 * kNit + 1.0) / (2.0 * kNit + iterations_); }
-  bool hasDenseOutput() const override { return true; }
   void restart() override {
     matrix_time_ = std::numeric_limits<double>::quiet_NaN();
     end_ = std::numeric_limits<double>::quiet_NaN();
@@ -67,8 +66,7 @@ class RadauStepper final : public Stepper {
     has_converged_ = true;
   }
 
-  double step(System& system, const StepNode& from, double h, State& x_new,
-              State& /*dxdt_new*/) override {
+  double step(System& system, const StepNode& from, double h, State& x_new) override {
     // The matrix belongs to the point, not to the step: a repeated step keeps it.
     const bool is_repeated = from.time == matrix_time_ && from.x == matrix_x_;
     if (!is_repeated) {

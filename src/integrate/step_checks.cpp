@@ -72,24 +72,21 @@ bool StepChecks::isTorqueFollowed(const Stepper& stepper, const StepNode& from, 
 }
 
 double StepChecks::checkAccelerations(const Stepper& stepper, const StepNode& from, double end,
-                                      const State& x, const State* dxdt) {
+                                      const State& x) {
   if (!integrates_torque_) {
     unattainable_ = 0.0;
     steepest_ = -1;
     const double h = end - from.time;
     const State& error = stepper.error();
     State here(x.size());
-    if (dxdt != nullptr) {
-      here = *dxdt;
-    } else {
-      system_(x, here, end);
-    }
+    system_(x, here, end);
     State beside(x.size());
     for (int n = 0; n < x.size(); ++n) beside[n] = x[n] + error[n];
     if (stepper.isImplicit() && system_.keepsConstraintsInStages()) {
-      StepProjection projection(x.size());
-      projection.result = projectStiffly(system_, stepper, end, h, beside, projection);
-      if (projection.result != ProjectionResult::kConverged) {
+      State moved(x.size());
+      std::uint64_t iterations = 0;
+      if (projectStiffly(system_, stepper, end, h, beside, moved, &iterations) !=
+          ProjectionResult::kConverged) {
         return std::numeric_limits<double>::quiet_NaN();
       }
     }

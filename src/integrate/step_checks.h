@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "dynamics/principle_system.h"
@@ -21,10 +22,11 @@ namespace variator_sim {
 
 /// Projects x, which the last step of an implicit stepper, of size h, has reached at `end`.
 inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& stepper, double end,
-                                       double h, State& x, StepProjection& projection) {
+                                       double h, State& x, State& moved,
+                                       std::uint64_t* iterations) {
   State slope(x.size());
   stepper.calcSlope(1.0, end - (end - h), slope);
-  return system.projectStiffly(end, h, slope, x, projection.moved, &projection.iterations);
+  return system.projectStiffly(end, h, slope, x, moved, iterations);
 }
 
 /// The checks of the steps of one motion. Norms are in units of the tolerance, and a step is good
@@ -85,11 +87,11 @@ class StepChecks {
   /// Where the accelerations are no part of the state but follow from it: what the error of x at
   /// the end of the step makes of them. (Short time constants make it large.) What rounding of x
   /// alone would make counts for nothing here: shorter steps do not help. It is left in
-  /// `unattainable`. `dxdt` is x' at (end, x) where the stepper knows it, or none.
+  /// `unattainable`.
   ///
   /// Implicit stages that hold psi = 0 have errors along that, and so has x once it is projected.
   double checkAccelerations(const Stepper& stepper, const StepNode& from, double end,
-                            const State& x, const State* dxdt);
+                            const State& x);
   /// What four roundings of the state make of accelerations that follow from it, in tolerances, as
   /// the last checkAccelerations found it; 0 where it had no need to know.
   double unattainable() const { return unattainable_; }

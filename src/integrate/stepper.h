@@ -9,11 +9,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <vector>
 
-#include "dynamics/projection_result.h"
 #include "dynamics/series_step.h"
-#include "dynamics/shaft_count.h"
 #include "dynamics/state_vector.h"
 #include "dynamics/system.h"
 #include "integrate/step_control.h"
@@ -43,31 +40,12 @@ struct TorqueGain {
   explicit TorqueGain(int shafts) : change(shafts), largest_rate(shafts) {}
   ShaftVector change;        ///< h sum b_i Q'_i, N m
   ShaftVector largest_rate;  ///< max |Q'_i|, N m/s
-  void add(double h, double weight, const double* rate) { add(change.size(), h, weight, rate); }
-  /// Of a step of an explicit scheme: its weights b, and Q' at its stages.
-  template <class Weights>
-  void addStages(double h, const Weights& b, const std::vector<ShaftVector>& rates) {
-    withShaftCount(change.size(), [&](auto shafts) {
-      for (std::size_t i = 0; i < rates.size(); ++i) add(shafts, h, b[i], rates[i].data());
-    });
-  }
-
- private:
-  template <class Count>
-  void add(Count shafts, double h, double weight, const double* rate) {
-    for (int i = 0; i < shafts; ++i) {
+  void add(double h, double weight, const double* rate) {
+    for (int i = 0; i < change.size(); ++i) {
       change[i] += h * weight * rate[i];
       largest_rate[i] = std::max(largest_rate[i], std::abs(rate[i]));
     }
   }
-};
-
-/// What a stepper that projects its result found.
-struct StepProjection {
-  explicit StepProjection(int size) : moved(size) {}
-  ProjectionResult result = ProjectionResult::kConverged;
-  State moved;  ///< by how much, per component
-  std::uint64_t iterations = 0;
 };
 
 /// Steps x' = system(t, x).
@@ -81,10 +59,6 @@ class Stepper {
   virtual int errorOrder() const = 0;
   /// What one step costs, in evaluations of the derivative.
   virtual double work() const = 0;
-  /// True when `step` projects x_new onto the constraints itself and leaves x' there in dxdt_new
-  /// (first same as last); `projection` then tells how that went.
-  virtual bool projects() const { return false; }
-  virtual const StepProjection& projection() const { return projection_; }
   /// True for an implicit stepper: states that it makes are projected as `projectStiffly` does, and
   /// its stages hold psi = 0 where the system can (keepsConstraintsInStages).
   virtual bool isImplicit() const { return false; }
@@ -101,11 +75,9 @@ class Stepper {
   virtual double chooseStep(System& /*system*/, const StepNode& /*from*/, double /*limit*/) {
     return 0.0;
   }
-  /// One step by h from `from`, whose derivative is known: x_new and, if it projects, dxdt_new.
-  /// Returns the estimated local error: its largest component in units of the tolerance; NaN when
-  /// any value is. [loop]
-  virtual double step(System& system, const StepNode& from, double h, State& x_new,
-                      State& dxdt_new) = 0;
+  /// One step by h from `from`, whose derivative is known. Returns the estimated local error: its
+  /// largest component in units of the tolerance; NaN when any value is. [loop]
+  virtual double step(System& system, const StepNode& from, double h, State& x_new) = 0;
 
   /// Steps from `from`, one after the other, each as long as the stepper thinks fit, projected, and
   /// judged by what is at its end: how many are good, and in `made` all of them. 0 where it makes
@@ -135,11 +107,9 @@ class Stepper {
   /// True where steps are made by the motion's series, and none is longer than they show all
   /// formulas.
   virtual bool stepsBySeries() const { return false; }
-  /// True when `interpolate` gives the motion inside the last step to the order of its error
-  /// estimate.
-  virtual bool hasDenseOutput() const { return false; }
-  /// x at `time` inside the last step made, which went from `from` to `to`. False where that is not
-  /// within the tolerance: a shorter step has to get there. [loop]
+  /// x at `time` inside the last step made, which went from `from` to `to`, by dense output of the
+  /// order of the error estimate. False where there is none: a shorter step has to get there.
+  /// [loop]
   virtual bool interpolate(System& /*system*/, double /*time*/, const StepNode& /*from*/,
                            const StepNode& /*to*/, State& /*x*/) {
     return false;
@@ -151,8 +121,6 @@ class Stepper {
                           std::uint64_t* /*projections*/, Sample* /*sample*/) {
     return false;
   }
-  /// True when `interpolate` itself finds out how good it is, x' included.
-  virtual bool checksDenseOutput() const { return false; }
   /// x' of the dense output at the part `theta` of the last step, of length h, of an implicit
   /// stepper. [loop]
   virtual void calcSlope(double /*theta*/, double /*h*/, State& /*slope*/) const {}
@@ -161,21 +129,18 @@ class Stepper {
 
  protected:
   Stepper(const System& system, Tolerance tolerance)
-      : tolerance_(tolerance), error_(system.size()), projection_(system.size()) {}
+      : tolerance_(tolerance), error_(system.size()) {}
   Tolerance tolerance_;
   State error_;
-  StepProjection projection_;
 };
 
-/// The stepper of one kind, which is not kAuto, for the states of `system`. Where that reads no
-/// angles the stages of explicit ones leave them out.
+/// The stepper of one kind, which is not kAuto, for the states of `system`.
 std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tolerance tolerance);
 
 // Those that makeStepper chooses from.
 std::unique_ptr<Stepper> makeRk4Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeFehlberg78Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeDopri5Stepper(const System& system, Tolerance tolerance);
-std::unique_ptr<Stepper> makeDop853Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeTaylorStepper(const System& system, Tolerance tolerance);
 /// Radau IIA with 3, 5 or 7 stages, which goes down to 3 where Newton's iteration fails.
 std::unique_ptr<Stepper> makeRadauStepper(const System& system, Tolerance tolerance,

@@ -17,10 +17,8 @@ StepperChoice::StepperChoice(const System& system, const SolverSettings& setting
   if (!automatic_) {
     first_ = make(settings.stepper);
   } else {
-    first_ = make(settings.relative_tolerance <= kHighOrderBelow ? StepperKind::kDop853
-                                                                 : StepperKind::kDopri5);
+    first_ = make(system.series() != nullptr ? StepperKind::kTaylor : StepperKind::kDopri5);
     implicit_ = make(StepperKind::kRadau);
-    if (system.series() != nullptr) series_ = make(StepperKind::kTaylor);
   }
   reset();
 }
@@ -29,19 +27,17 @@ std::string StepperChoice::describe() const {
   if (!automatic_) return std::string(stepper().name()) + " (as the scene says)";
   std::ostringstream text;
   text << "auto (";
-  if (active_ == &series_) {
-    text << series_.outer->name() << ", the series of this scene; " << implicit_.outer->name()
-         << " when stability limits its steps";
-  } else if (active_ == &first_) {
-    text << first_.outer->name() << ", as the relative tolerance is "
-         << (relative_tolerance_ <= kHighOrderBelow ? "at most " : "above ") << kHighOrderBelow
-         << "; " << implicit_.outer->name() << " when stability limits its steps";
+  text << stepper().name();
+  if (active_ == &first_) {
+    text << (stepper().stepsBySeries() ? ", the series of this scene; " : ", without series; ")
+         << implicit_.outer->name() << " when stability limits its steps";
+  } else if (why_ == Why::kNoSeries) {
+    text << ", as there is no power series here";
   } else {
-    text << implicit_.outer->name() << ", as stability limited the steps of "
-         << (series_.outer ? series_ : first_).outer->name()
-         << (settled_         ? " near rest"
-             : switches_ == 0 ? " at the start"
-                              : "");
+    text << ", as stability limited the steps of " << first_.outer->name()
+         << (why_ == Why::kNearRest ? " near rest"
+             : switches_ == 0       ? " at the start"
+                                    : "");
   }
   if (switches_ > 0) text << "; changed " << switches_ << (switches_ == 1 ? " time" : " times");
   text << ")";
@@ -57,7 +53,8 @@ bool StepperChoice::isStiffStart(System& system, const StepNode& node, double h)
 }
 
 void StepperChoice::reset(bool implicitly) {
-  active_ = implicitly ? &implicit_ : automatic_ ? preferred() : &first_;
+  active_ = implicitly ? &implicit_ : &first_;
+  why_ = Why::kStiff;
   switches_ = 0;
   trial_interval_ = kFirstTrial;
   wait_ = kSuspicions;
@@ -66,7 +63,7 @@ void StepperChoice::reset(bool implicitly) {
 }
 
 void StepperChoice::forget() {
-  for (Pair* pair : {&series_, &first_, &implicit_}) {
+  for (Pair* pair : {&first_, &implicit_}) {
     if (!pair->outer) continue;
     pair->outer->forget();
     pair->inner->forget();
@@ -75,14 +72,14 @@ void StepperChoice::forget() {
 
 void StepperChoice::restart() {
   if (challenged_ != nullptr) giveUpTrial();
-  if (settled_ || (automatic_ && active_ == &first_)) active_ = preferred();
-  settled_ = false;
+  if (why_ != Why::kStiff) active_ = &first_;
+  why_ = Why::kStiff;
   settling_ = 0;
   suspicions_ = 0;
   quiet_ = 0;
   unseen_ = 0;
   steps_since_trial_ = 0;
-  for (Pair* pair : {&series_, &first_, &implicit_}) {
+  for (Pair* pair : {&first_, &implicit_}) {
     if (!pair->outer) continue;
     pair->outer->restart();
     pair->inner->restart();
@@ -90,8 +87,10 @@ void StepperChoice::restart() {
 }
 
 bool StepperChoice::leaveSeries() {
-  if (!automatic_ || active_ != &series_) return false;
-  goOverTo(&first_);
+  if (!automatic_ || active_ == &implicit_ || !first_.outer->stepsBySeries()) return false;
+  goOverTo(&implicit_);
+  why_ = Why::kNoSeries;
+  trial_interval_ = kAround;
   return true;
 }
 
@@ -101,7 +100,7 @@ bool StepperChoice::giveUp() {
     return true;
   }
   if (!automatic_ || active_ == &implicit_) return false;
-  goOverTo(active_ == &series_ ? &first_ : &implicit_);
+  goOverTo(&implicit_);
   return true;
 }
 
@@ -112,17 +111,13 @@ bool StepperChoice::settle(const StepNode& node, double change) {
   settling_ = near_rest ? settling_ + 1 : 0;
   if (settling_ < kSettling) return false;
   goOverTo(&implicit_);
-  settled_ = true;
+  why_ = Why::kNearRest;
   return true;
 }
 
 bool StepperChoice::reconsider(System& system, const StepNode& node, double limit, double* h) {
   if (challenged_ != nullptr) return judgeImplicit(limit, h);
   if (active_ == &implicit_) return considerExplicit(system, node, limit, h);
-  if (active_ == &first_ && series_.outer && ++steps_since_trial_ >= kAround) {
-    goOverTo(&series_);
-    return true;
-  }
   return considerImplicit(node, *h);
 }
 
@@ -173,9 +168,9 @@ bool StepperChoice::considerExplicit(System& system, const StepNode& node, doubl
                                      double* h) {
   if (++steps_since_trial_ < trial_interval_) return false;
   steps_since_trial_ = 0;
-  const double reached = tryStep(system, *preferred()->outer, node, std::min(limit, *h));
-  if (getsFurther(*preferred(), reached, implicit_, *h)) {
-    goOverTo(preferred());
+  const double reached = tryStep(system, *first_.outer, node, std::min(limit, *h));
+  if (getsFurther(first_, reached, implicit_, *h)) {
+    goOverTo(&first_);
     wait_ = kSuspicions;
     *h = reached;
     return true;
@@ -186,9 +181,8 @@ bool StepperChoice::considerExplicit(System& system, const StepNode& node, doubl
 
 double StepperChoice::tryStep(System& system, Stepper& stepper, const StepNode& node, double h) {
   State x(system.size());
-  State dxdt(system.size());
   for (int attempt = 0; attempt < 4; ++attempt) {
-    const double norm = stepper.step(system, node, h, x, dxdt);
+    const double norm = stepper.step(system, node, h, x);
     if (!std::isfinite(norm)) {
       h *= 0.1;
       continue;
@@ -207,6 +201,7 @@ bool StepperChoice::getsFurther(const Pair& one, double step, const Pair& other,
 
 void StepperChoice::goOverTo(Pair* other) {
   active_ = other;
+  why_ = Why::kStiff;
   ++switches_;
   suspicions_ = quiet_ = unseen_ = steps_since_trial_ = 0;
 }

@@ -1,9 +1,10 @@
 /// Which stepper makes the next step: the one that the scene names, or `auto`.
 ///
 /// The rule of `auto`:
-/// - It starts with the motion's series (taylor) where it has one that exists. Where one of the
-///   functions has no derivatives (a root at 0) it steps explicitly for kAround steps, by dop853
-///   where the relative tolerance is at most kHighOrderBelow and by dopri5 above.
+/// - It starts with the motion's series (taylor). Where a function of the scene is opaque, and the
+///   motion has none, it steps by dopri5: fehlberg78 needs a sixth less right-hand sides at 1e-9
+///   and more above 1e-7, but 13 for each sample, as it has no dense output.
+/// - Where no series exists for a moment (a root at 0) radau makes kAround steps or more.
 /// - At the start of a motion the Jacobian tells the fastest component: where the first step that
 ///   the slopes suggest is kStiffStart times as long as its 1/|lambda|, radau begins.
 /// - After five steps (or twelve, as only every eighth is looked at before there is a suspicion)
@@ -13,14 +14,13 @@
 ///   the last explicit one, it goes on with them; else it goes back and waits four times as long.
 ///   The first is as long as the explicit ones: the fast components of an explicit run carry an
 ///   error of the tolerance's size, which an implicit step damps and its error estimate sees.
-/// - A step that has to be repeated kHopeless times (integrator.h) goes from the series to explicit
-///   steps, and from these to radau; from implicit ones on trial back to where they came from.
+/// - A step that has to be repeated kHopeless times (integrator.h) goes to radau; from implicit
+///   ones on trial back to where they came from.
 /// - Near rest (kSettling steps in a row that stability limits and that change the state by some
 ///   tolerances only) it goes to radau without a trial, and back at the next command: the error of
 ///   explicit steps at the bound of stability would keep the motion from ever coming to rest.
 /// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
-///   one step by the series, or an explicit one, in the same way, and goes back when that gets
-///   further.
+///   one step by what it started with in the same way, and goes back when that gets further.
 /// All of it depends on the motion only, so it repeats to the bit.
 #pragma once
 
@@ -42,17 +42,14 @@ class StepperChoice {
 
   bool isAutomatic() const { return automatic_; }
   /// True when `auto` steps implicitly, and not only because it nears rest.
-  bool isImplicit() const { return automatic_ && active_ == &implicit_ && !settled_; }
+  bool isImplicit() const { return active_ == &implicit_ && why_ == Why::kStiff; }
   /// True when steps have the size that the scene gives, whatever their error.
   bool isFixed() const { return fixed_; }
   /// Makes the steps.
   Stepper& stepper() { return *active_->outer; }
   /// One of the same kind as `stepper`, for steps aside that leave its dense output whole.
   Stepper& innerOf(const Stepper& stepper) {
-    for (Pair* pair : {&series_, &first_}) {
-      if (&stepper == pair->outer.get()) return *pair->inner;
-    }
-    return *implicit_.inner;
+    return &stepper == first_.outer.get() ? *first_.inner : *implicit_.inner;
   }
   const Stepper& stepper() const { return *active_->outer; }
   std::uint64_t switches() const { return switches_; }
@@ -81,7 +78,7 @@ class StepperChoice {
     settling_ = 0;
   }
 
-  /// The motion has no series here: true when another stepper takes over.
+  /// The motion has no series here: true when the implicit stepper takes over for some steps.
   bool leaveSeries();
   /// The stepper gets nowhere: true when another one takes over.
   bool giveUp();
@@ -100,9 +97,6 @@ class StepperChoice {
     std::unique_ptr<Stepper> inner;
   };
 
-  /// The one that `auto` starts with.
-  Pair* preferred() { return series_.outer ? &series_ : &first_; }
-
   /// After an explicit step: true when implicit ones are to be tried from now on.
   bool considerImplicit(const StepNode& node, double h);
   /// After one of these: true when the next step is not what its error estimate allows.
@@ -119,12 +113,10 @@ class StepperChoice {
   static bool getsFurther(const Pair& one, double step, const Pair& other, double other_step);
   void goOverTo(Pair* other);
 
-  /// At higher accuracy than this dop853 needs fewer evaluations than dopri5.
-  static constexpr double kHighOrderBelow = 1e-5;
   /// |h lambda| over its bound: above 1 a step counts kStrong times, above this once. At tight
   /// tolerances a fast component limits steps well below the bound, by its rounding, and implicit
   /// steps of order 13 may be longer even where explicit ones are far from it.
-  double mildly() const { return relative_tolerance_ <= kHighOrderBelow ? 0.1 : 0.25; }
+  double mildly() const { return relative_tolerance_ <= 1e-5 ? 0.1 : 0.25; }
   static constexpr int kStrong = 8;
   static constexpr int kSuspicions = 40;
   static constexpr int kQuiet = 6;
@@ -133,7 +125,7 @@ class StepperChoice {
   /// Changes of x per step, in tolerances, that are near rest, and so many steps of them.
   static constexpr double kNearRest = 100.0;
   static constexpr int kSettling = 10;
-  /// Explicit steps before the series is tried again.
+  /// Implicit steps before a series that did not exist is tried again.
   static constexpr int kAround = 10;
   static constexpr int kFirstTrial = 25;
   static constexpr int kLastTrial = 1000;
@@ -143,8 +135,7 @@ class StepperChoice {
   bool automatic_;
   bool fixed_;
   double relative_tolerance_;
-  Pair series_;    // of `auto` where the motion has series
-  Pair first_;     // the one named, or the explicit one
+  Pair first_;     // the one named, or what `auto` starts with
   Pair implicit_;  // of `auto` only
   Pair* active_ = nullptr;
   Pair* challenged_ =
@@ -154,7 +145,9 @@ class StepperChoice {
   int suspicions_ = 0;
   int quiet_ = 0;
   int unseen_ = 0;  ///< steps since it was last asked for
-  bool settled_ = false;
+  /// Reasons for implicit steps. All but the first one end with the next command.
+  enum class Why { kStiff, kNearRest, kNoSeries };
+  Why why_ = Why::kStiff;
   int settling_ = 0;
   int wait_ = kSuspicions;
   int steps_since_trial_ = 0;

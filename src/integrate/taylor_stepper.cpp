@@ -45,8 +45,6 @@ class TaylorStepper final : public Stepper {
   /// Measured beside radau's: whole steps take less, and much less as machine code; what steps must
   /// not depend on which of them is there.
   double work() const override { return (makesWholeSteps() ? 0.75 : 2.0) * most_; }
-  bool hasDenseOutput() const override { return true; }
-  bool checksDenseOutput() const override { return true; }
 
   void restart() override {
     base_time_ = refused_at_ = std::numeric_limits<double>::quiet_NaN();
@@ -99,8 +97,7 @@ class TaylorStepper final : public Stepper {
     return good;
   }
 
-  double step(System& system, const StepNode& from, double h, State& x_new,
-              State& /*dxdt_new*/) override {
+  double step(System& system, const StepNode& from, double h, State& x_new) override {
     expand(system, from, h);
     if (order_ < kLeastOrder) return std::numeric_limits<double>::quiet_NaN();
     evaluate(h, x_new);

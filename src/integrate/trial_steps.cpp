@@ -74,8 +74,8 @@ bool Integrator::makeTrials() {
       trial.has_leapt = true;
       norm = std::numeric_limits<double>::quiet_NaN();
     }
-    const bool may_halve = trial.unresolved < kMostUnresolved &&
-                           trial.taken > kUnresolvable * shortestStep(absolute(base_.time));
+    const bool may_halve =
+        trial.unresolved < kMostUnresolved && trial.taken > Progress::leastAt(absolute(base_.time));
     if (isGood(norm) && may_halve && !isResolved(trial.taken)) {
       ++trial.unresolved;
       ++statistics_.rejected_steps;
@@ -107,8 +107,8 @@ bool Integrator::haveAccelerationsLeapt() const {
 }
 
 double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double end, double h,
-                                  State& x, State& dxdt) {
-  const double norm = stepper.step(system_, from, h, x, dxdt);
+                                  State& x) {
+  const double norm = stepper.step(system_, from, h, x);
   if (!isGood(norm)) return norm;
   return worseOf(norm, projectEnd(stepper, from.x, end, h, norm, x));
 }
@@ -127,8 +127,7 @@ bool Integrator::isResolved(double taken) {
   if (!series->mayHideAlong(base_.time, taken, x[0], x[2])) return true;
   State middle(system_.size());
   double epsilon[kMaxShafts];
-  if (!stepper_->hasDenseOutput() ||
-      !stepper_->interpolate(system_, base_.time + 0.5 * taken, base_, front_, middle)) {
+  if (!stepper_->interpolate(system_, base_.time + 0.5 * taken, base_, front_, middle)) {
     for (int n = 0; n < middle.size(); ++n) {
       const double bend = base_.dxdt[n] - front_.dxdt[n];
       middle[n] = 0.5 * (base_.x[n] + front_.x[n]) + 0.125 * taken * bend;
@@ -141,9 +140,8 @@ bool Integrator::isResolved(double taken) {
 }
 
 double Integrator::attempt(const Trial& trial) {
-  double norm = stepAndProject(*stepper_, base_, trial.end, trial.taken, front_.x, dxdt_new_);
+  double norm = stepAndProject(*stepper_, base_, trial.end, trial.taken, front_.x);
   control_.setScheme(std::max(1, stepper_->errorOrder()), !stepper_->isImplicit());
-  if (stepper_->projects()) noteDerivative();
   // These decide whether the step is good. They may keep the next one from growing, but not make
   // it shorter: what rounding leaves in them does not fall with the step.
   front_.time = trial.end;
@@ -153,9 +151,7 @@ double Integrator::attempt(const Trial& trial) {
   const bool is_before_jump =
       crossing_.isDueAt(front_.time) && guards_.guard(crossing_.guard).jumps();
   if (isGood(norm) && !is_before_jump) {
-    const State* dxdt = stepper_->projects() ? &dxdt_new_ : nullptr;
-    const double check = checks_.checkAccelerations(*stepper_, base_, front_.time, front_.x, dxdt);
-    norm = worseOfCheck(norm, check);
+    norm = worseOfCheck(norm, checks_.checkAccelerations(*stepper_, base_, front_.time, front_.x));
     if (!choice_.isFixed() && stopWhereToleranceIsLost()) return norm;
   }
   if (isGood(norm) && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
@@ -256,25 +252,19 @@ double Integrator::endOfReach() const {
 
 double Integrator::projectEnd(const Stepper& stepper, const State& x_old, double end, double h,
                               double estimate, State& x) {
-  if (!stepper.projects() && !x.isFinite()) return std::numeric_limits<double>::quiet_NaN();
+  if (!x.isFinite()) return std::numeric_limits<double>::quiet_NaN();
   if (drivetrain_.constraintCount() == 0) return 0.0;
-  StepProjection& own = projection_;
-  own.iterations = 0;
-  if (stepper.isImplicit()) {
-    own.result = projectStiffly(system_, stepper, end, h, x, own);
-  } else if (!stepper.projects()) {
-    own.result = system_.project(end, x, own.moved, &own.iterations);
-  }
-  const StepProjection& projection = stepper.projects() ? stepper.projection() : own;
-  statistics_.projections += projection.iterations;
-  if (projection.result != ProjectionResult::kConverged) {
-    return std::numeric_limits<double>::quiet_NaN();
-  }
+  State moved(x.size());
+  const ProjectionResult result =
+      stepper.isImplicit()
+          ? projectStiffly(system_, stepper, end, h, x, moved, &statistics_.projections)
+          : system_.project(end, x, moved, &statistics_.projections);
+  if (result != ProjectionResult::kConverged) return std::numeric_limits<double>::quiet_NaN();
   // Stages that hold psi = 0 themselves leave rounding to the projection, no error.
   if (stepper.isImplicit() && system_.keepsConstraintsInStages()) return 0.0;
-  const double norm = calcErrorNorm(projection.moved, x_old, x, tolerance_);
+  const double norm = calcErrorNorm(moved, x_old, x, tolerance_);
   if (norm <= kSteady || norm <= estimate) return norm;
-  return discountRounding(end, x_old, x, projection.moved);
+  return discountRounding(end, x_old, x, moved);
 }
 
 double Integrator::discountRounding(double end, const State& x_old, const State& x,
@@ -312,13 +302,9 @@ void Integrator::noteRounding(double largest) {
 }
 
 bool Integrator::differentiateFront() {
-  const bool moved = system_.restoreReaction(front_, kLittle);
-  if (stepper_->projects() && !moved) {
-    front_.dxdt = dxdt_new_;
-  } else {
-    system_(front_.x, front_.dxdt, front_.time);
-    noteDerivative();
-  }
+  system_.restoreReaction(front_, kLittle);
+  system_(front_.x, front_.dxdt, front_.time);
+  noteDerivative();
   return front_.dxdt.isFinite();
 }
 

@@ -71,8 +71,7 @@ bool Integrator::makeWholeStep(double target) {
     }
     from = node->end;
     const bool is_last = n + 1 == count;
-    if (is_last || !hasStepLeft(from)) break;
-    ++steps_in_window_;
+    if (is_last || !progress_.count(absolute(from))) break;
     // Nothing is about to rest, and nobody looks.
     rest_.noteMotion();
     choice_.noteUnseenStep();

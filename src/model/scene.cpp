@@ -29,7 +29,6 @@ constexpr Word<Principle> kPrinciples[] = {{"generalized_gauss", Principle::kGen
 constexpr Word<StepperKind> kSteppers[] = {{"auto", StepperKind::kAuto},
                                            {"rk4", StepperKind::kRk4},
                                            {"dopri5", StepperKind::kDopri5},
-                                           {"dop853", StepperKind::kDop853},
                                            {"fehlberg78", StepperKind::kFehlberg78},
                                            {"radau", StepperKind::kRadau},
                                            {"taylor", StepperKind::kTaylor},
@@ -62,11 +61,9 @@ Value readWord(ParameterReader& reader, const char* key, const Word<Value> (&wor
 }
 
 /// Steppers of earlier versions, and which does their work now.
-constexpr Word<const char*> kRemovedSteppers[] = {{"rosenbrock4", "radau"},
-                                                  {"rosenbrock4_fixed", "radau"},
-                                                  {"radau5", "radau"},
-                                                  {"radau5_fixed", "radau"},
-                                                  {"dopri5_fixed", "rk4"}};
+constexpr Word<const char*> kRemovedSteppers[] = {
+    {"rosenbrock4", "radau"},  {"rosenbrock4_fixed", "radau"}, {"radau5", "radau"},
+    {"radau5_fixed", "radau"}, {"dop853", "fehlberg78"},       {"dopri5_fixed", "rk4"}};
 
 void refuseRemovedStepper(ParameterReader& reader) {
   const ParameterTree* given = reader.raw("stepper");

@@ -48,9 +48,6 @@ SolverSettings calcCompanionSettings(const SolverSettings& settings) {
     case StepperKind::kFehlberg78:
       take(settings.stepper, 100.0);
       break;
-    case StepperKind::kDop853:
-      take(StepperKind::kAuto, 1e5);
-      break;
     case StepperKind::kDopri5:
       take(StepperKind::kAuto, 100.0);
       break;

@@ -178,7 +178,7 @@ std::vector<std::string> Simulation::skips() const {
   const Drivetrain& drivetrain = motion_->drivetrain;
   const PrincipleSystem& system = motion_->system;
   std::vector<std::string> skips;
-  if (!system.readsAngles()) skips.emplace_back("stages of the angles (nothing reads them)");
+  if (!system.readsAngles()) skips.emplace_back("derivatives by the angles (nothing reads them)");
   if (drivetrain.hasConstantRows() && drivetrain.constraintCount() > 0) {
     skips.emplace_back("factorizations but the first (C and J are constant)");
   }

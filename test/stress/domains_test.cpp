@@ -358,7 +358,7 @@ void sweepFaults(Hazard& hazard, const std::vector<std::pair<int, int>>& plans) 
   for (const char* principle : kPrinciples) {
     FaultyFactory sound;
     const test::Run reference =
-        play(withSolver(faultyScene(sound, principle), StepperKind::kDop853, 1e-12), times);
+        play(withSolver(faultyScene(sound, principle), StepperKind::kFehlberg78, 1e-12), times);
     ASSERT_EQ(reference.samples.size(), times.size()) << reference.message;
     for (int place = 0; place < 4; ++place) {
       for (const Fault::Kind kind : {Fault::Kind::kNan, Fault::Kind::kInfinity}) {
@@ -418,7 +418,7 @@ TEST(Domains, PluginsThatThrow) {
   for (const char* principle : kPrinciples) {
     FaultyFactory sound;
     const test::Run reference =
-        play(withSolver(faultyScene(sound, principle), StepperKind::kDop853, 1e-12), times);
+        play(withSolver(faultyScene(sound, principle), StepperKind::kFehlberg78, 1e-12), times);
     for (int place = 0; place < 4; ++place) {
       for (StepperKind stepper : steppersOf(faultyScene(sound, principle))) {
         for (int once = 1; once < sizeOf(800, 3000); once += sizeOf(157, 13)) {

@@ -100,7 +100,7 @@ TEST(Jumps, SizeOfTheStep) {
           for (StepperKind stepper : steppersOf(plain)) {
             for (double tolerance : tolerances()) {
               // Many steps of the map, the same under every stepper.
-              if (!isLongForm() && exponent == 6 && stepper != StepperKind::kDop853) continue;
+              if (!isLongForm() && exponent == 6 && stepper != StepperKind::kFehlberg78) continue;
               const Scene scene = withSolver(plain, stepper, tolerance);
               const test::Run run = play(scene, times, {{instant, input, D}});
               const std::string label = "theta = " + text(theta) + ", step of " + text(D) +

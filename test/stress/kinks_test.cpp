@@ -292,7 +292,7 @@ void compareWithShortSteps(Hazard& hazard, Hazard& accelerations, const std::str
                            double longest = 1e-3, double reference_tolerance = 1e-13) {
   for (const char* principle : kPrinciples) {
     const Scene plain = sceneFromText(yaml + "principle: " + principle + "\n");
-    Scene tight = withSolver(plain, StepperKind::kDop853, reference_tolerance);
+    Scene tight = withSolver(plain, StepperKind::kFehlberg78, reference_tolerance);
     tight.solver.maximum_step = longest;
     const test::Run reference = play(tight, times, commands);
     ASSERT_EQ(reference.samples.size(), times.size()) << label << ": " << reference.message;

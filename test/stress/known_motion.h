@@ -35,9 +35,8 @@ inline Scene withMethod(Scene scene, StepperKind stepper, double tolerance) {
 /// All that choose their steps by their error, of those that `scene` takes.
 inline std::vector<StepperKind> adaptiveSteppers(const Scene& scene) {
   std::vector<StepperKind> taken;
-  for (StepperKind stepper :
-       {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
-        StepperKind::kRadau, StepperKind::kTaylor}) {
+  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kFehlberg78,
+                              StepperKind::kRadau, StepperKind::kTaylor}) {
     if (takes(scene, stepper)) taken.push_back(stepper);
   }
   return taken;

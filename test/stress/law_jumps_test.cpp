@@ -269,7 +269,8 @@ TEST(LawJumps, AreCommandsAtTheirInstants) {
                               plainly(value) + "}") +
                    end;
           };
-          Scene tight = withFewSteps(sceneFromText(commanded(before)), StepperKind::kDop853, 1e-13);
+          Scene tight =
+              withFewSteps(sceneFromText(commanded(before)), StepperKind::kFehlberg78, 1e-13);
           tight.solver.sleep = false;
           std::vector<TimedCommand> commands;
           std::string law;
@@ -479,7 +480,7 @@ TEST(KinksOfOrder1, OfASpeedAreLimitsOfSmoothOnes) {
                                           : "(0.5*(w1+sqrt(w1^2+" + exactly(d * d) + ")))";
           const Scene scene =
               withFewSteps(sceneFromText(yaml(bent, k * (is_abs ? root : 0.5 * (w0 + root)))),
-                           StepperKind::kDop853, 1e-9);
+                           StepperKind::kFehlberg78, 1e-9);
           smooth.compare(play(scene, times), exact, scene, what + ", width " + text(d),
                          kAllowed + 10.0 * (1.0 + k) * d / 1e-9);
         }

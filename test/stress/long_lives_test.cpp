@@ -261,7 +261,7 @@ TEST(LongLives, RatiosOfALateTime) {
                     2.0L * 3.14159265358979323846264338327950288L));
       const test::Run reference =
           play(withFewSteps(sceneFromText(yaml("sin(0.7*t+" + exactly(phase) + ")")),
-                            StepperKind::kDop853, 1e-12),
+                            StepperKind::kFehlberg78, 1e-12),
                times);
       ASSERT_EQ(reference.reason, StopReason::kNone) << reference.message;
       const Scene plain = sceneFromText(yaml("sin(0.7*(t+" + exactly(late) + "))"));
@@ -328,7 +328,7 @@ TEST(LongLives, NeutralModesDoNotDrift) {
     const bool is_free = form.shafts == 1;
     test::Run reference;
     if (is_free) {
-      Scene tight = withFewSteps(plain, StepperKind::kDop853, 1e-12);
+      Scene tight = withFewSteps(plain, StepperKind::kFehlberg78, 1e-12);
       tight.principle = Principle::kGauss;
       reference = play(tight, times);
     }

@@ -127,8 +127,8 @@ std::vector<Play> plays() {
 
 const std::vector<StepperKind>& allSteppers() {
   static const std::vector<StepperKind> kinds = {
-      StepperKind::kAuto,  StepperKind::kDopri5, StepperKind::kDop853, StepperKind::kFehlberg78,
-      StepperKind::kRadau, StepperKind::kRk4,    StepperKind::kTaylor, StepperKind::kTaylorFixed};
+      StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kRadau,
+      StepperKind::kRk4,  StepperKind::kTaylor, StepperKind::kTaylorFixed};
   return kinds;
 }
 

@@ -548,8 +548,9 @@ TEST(Starts, AtRestWithUndefinedRatios) {
           const std::string label =
               std::string(law.name) + ", " + toString(principle) + ", " + toString(stepper);
           if (law.is_continuous && principle == Principle::kGauss) {
-            const StepperKind other =
-                stepper == StepperKind::kDop853 ? StepperKind::kDopri5 : StepperKind::kDop853;
+            const StepperKind other = stepper == StepperKind::kFehlberg78
+                                          ? StepperKind::kDopri5
+                                          : StepperKind::kFehlberg78;
             const std::vector<double> times = {0.0, 0.1, 1.0};
             hazard.compare(run, play(withMethod(scene, other, 1e-12), times),
                            withMethod(scene, stepper, 1e-8), label, kAllowed, Columns::kAll);
@@ -650,7 +651,7 @@ TEST(Starts, AtRestWithEveryLaw) {
           scene.solver.maximum_steps = 20000;
           for (double tolerance : {1e-6, 1e-8}) {
             if (!isLongForm() && tolerance < 1e-6) continue;
-            const test::Run explicitly = play_at(scene, StepperKind::kDop853, 1e-3 * tolerance);
+            const test::Run explicitly = play_at(scene, StepperKind::kFehlberg78, 1e-3 * tolerance);
             const test::Run implicitly = play_at(scene, StepperKind::kRadau, 1e-3 * tolerance);
             for (StepperKind stepper : adaptiveSteppers(scene)) {
               const test::Run& reference = stepper == StepperKind::kRadau ? explicitly : implicitly;
