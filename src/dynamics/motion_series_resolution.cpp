@@ -33,20 +33,15 @@ void MotionSeries::setVariables(double t, double h, double part, const double* x
   fetched_ = kMostSampled;
   own().unit = h;
   own().order = kStepOrder;
-  setInputs(t, kStepOrder);
-  for (const InputRow& it : input_rows_) {
-    const double* const u = program_.coefficients(it.row);
-    double sum = u[kStepOrder];
-    for (int n = kStepOrder - 1; n >= 0; --n) sum = sum * part + u[n];
-    program_.set(it.row, 0, sum);
-  }
+  setInputs(t + part * h, 0);  // by the closed form that they have at t
   setState(drivetrain_.origin() + t + part * h, x);
 }
 
 bool MotionSeries::mayHideAlong(double t, double h, const double* x, const double* x_end) {
   if (!program_.canHide()) return false;
   setVariables(t, h, 0.0, x);
-  // Mostly those of the last step's end. (After a command or behind a segment's end they are not.)
+  // (After a command, or behind the end of an input's closed form, they are not those of the last
+  // step's end.)
   if (!program_.areArgumentsNoted()) {
     beginRows();
     program_.noteArguments();
@@ -93,6 +88,7 @@ bool MotionSeries::isStepResolved(double t, double h, const double* x, const dou
       program_.set(row_of_angle_[i], n, n < 4 ? h * omega[n - 1] / n : 0.0);
     }
   }
+  setInputs(t, kStepOrder);
   program_.set(row_of_time_, 1, h);
   for (int n = 1; n <= kStepOrder; ++n) {
     for (int i = 0; i < S; ++i) program_.set(row_of_acceleration_[i], n, 0.0);

@@ -1,5 +1,5 @@
-/// The text of series_step_data.inc, series_arrival.inc, series_step.inc, series_step_sample.inc and
-/// series_step_lanes.inc, for kernels.
+/// The text of series_step_data.inc, series_arrival.inc, series_step.inc, series_step_sample.inc
+/// and series_step_lanes.inc, for kernels.
 #pragma once
 
 namespace variator_sim {

@@ -300,8 +300,8 @@ class Emission {
     std::string text = std::string("\n/* ---- The operations that rows are made by. ---- */\n\n") +
                        "typedef double Real;\n#define SERIES_INLINE inline\n#define "
                        "SERIES_RARE\n#define SERIES_STATE int\n" +
-                       expression::kSeriesOperationText +
-                       expression::kSeriesResolutionText + expression::kSeriesRangesText +
+                       expression::kSeriesOperationText + expression::kSeriesResolutionText +
+                       expression::kSeriesRangesText +
                        "static const struct SeriesOperation operation[] = {\n";
     for (const expression::SeriesOperation& it : rows_.operations()) {
       text += "    {";

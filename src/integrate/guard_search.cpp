@@ -36,6 +36,20 @@ constexpr int kMostGuesses = 3;
 /// Boxes after which an interruption is asked for.
 constexpr int kAskAfter = 64;
 
+/// Of a polynomial that falls through 0 once from 0 to 1: where, by Newton's iteration within a
+/// bracket, which goes a little beyond the root to close it from either side.
+void narrow(const StepCurve::Coefficients& gap, double resolution, double* low, double* high) {
+  constexpr int kIterations = 60;
+  double at = gap.front() / (gap.front() - gap.back());
+  for (int n = 0; n<kIterations&& * high - *low> resolution; ++n) {
+    double slope;
+    const double value = StepCurve::valueAt(gap, at, &slope);
+    (value > 0.0 ? *low : *high) = at;
+    at += (value > 0.0 ? 0.25 : -0.25) * resolution - value / slope;
+    if (!(at > *low && at < *high)) at = 0.5 * (*low + *high);
+  }
+}
+
 /// Between two parts of a step at which a guard's gap, f, is not negative and negative: closer
 /// ones, by Chandrupatla's method (A new hybrid quadratic/bisection algorithm for finding the zero
 /// of a nonlinear function without using derivatives, Adv. Eng. Softw. 28 (1997) 145): bisection
@@ -360,9 +374,7 @@ void GuardSearch::findLinear(std::size_t i, const StepCurve& curve, double resol
       const double width = end - clear;
       double low = 0.0;
       double high = 1.0;
-      double slope;
-      const auto value = [&](double part) { return StepCurve::valueAt(*here, part, &slope); };
-      narrow(value, resolution / width, here->front(), here->back(), &low, &high);
+      narrow(*here, resolution / width, &low, &high);
       // (By rounding the guard itself may be left a little later.)
       double beyond = clear + high * width;
       const double root = clear + low * width;

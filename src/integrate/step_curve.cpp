@@ -1,6 +1,5 @@
 #include "integrate/step_curve.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -31,19 +30,40 @@ double binomial(std::size_t n, std::size_t k) {
   return value;
 }
 
-/// From values at the nodes to Bernstein coefficients: the inverse of B_j(theta_i).
+/// From values at the nodes to Bernstein coefficients: the inverse of B_j(theta_i), by Gauss and
+/// Jordan.
 Matrix makeTransform(const Row& nodes) {
-  Matrix values{};
+  Matrix left{};
+  Matrix right{};
   for (std::size_t i = 0; i < kSize; ++i) {
     for (std::size_t j = 0; j < kSize; ++j) {
-      values[i][j] = binomial(kDegree, j) * std::pow(nodes[i], static_cast<double>(j)) *
-                     std::pow(1.0 - nodes[i], static_cast<double>(kDegree - j));
+      left[i][j] = binomial(kDegree, j) * std::pow(nodes[i], static_cast<double>(j)) *
+                   std::pow(1.0 - nodes[i], static_cast<double>(kDegree - j));
+    }
+    right[i][i] = 1.0;
+  }
+  for (std::size_t k = 0; k < kSize; ++k) {
+    std::size_t pivot = k;
+    for (std::size_t i = k + 1; i < kSize; ++i) {
+      if (std::abs(left[i][k]) > std::abs(left[pivot][k])) pivot = i;
+    }
+    std::swap(left[k], left[pivot]);
+    std::swap(right[k], right[pivot]);
+    const double scale = 1.0 / left[k][k];
+    for (std::size_t j = 0; j < kSize; ++j) {
+      left[k][j] *= scale;
+      right[k][j] *= scale;
+    }
+    for (std::size_t i = 0; i < kSize; ++i) {
+      if (i == k) continue;
+      const double factor = left[i][k];
+      for (std::size_t j = 0; j < kSize; ++j) {
+        left[i][j] -= factor * left[k][j];
+        right[i][j] -= factor * right[k][j];
+      }
     }
   }
-  using Square = Eigen::Matrix<double, kSize, kSize, Eigen::RowMajor>;
-  Matrix transform{};
-  Eigen::Map<Square>(transform[0].data()) = Eigen::Map<const Square>(values[0].data()).inverse();
-  return transform;
+  return right;
 }
 
 struct Basis {
