@@ -329,5 +329,24 @@ TEST(MotionSeries, AreNoneOfOrder3UnderGauss) {
   EXPECT_FALSE(expansion.expand(0.25, 1));
 }
 
+// What was seen of a function at the last step's end tells nothing of the next step's beginning
+// once a command has moved an input: exp(-(w - u)^2) is as large at w = 1.4 for u = 0.4 as at w =
+// 101 for u = 100, and on the way there it comes from exp(-9801).
+TEST(MotionSeries, MayHideSomethingBehindACommand) {
+  const Scene scene = test::sceneFromText(heldInput("zero_order") + R"yaml(shafts: [a]
+a: {inertia: 1.0}
+torques: [bump]
+bump: {type: variator_sim/ExpressionTorque, shaft: a, torque: "exp(-(w1-u)^2)"}
+)yaml");
+  const std::unique_ptr<PrincipleSystem> system = makeSystem(scene, {});
+  system->drivetrain().resetInputs();
+  MotionSeries& series = *system->formulas();
+  const double slow[] = {0.0, 1.4, 0.0};
+  const double fast[] = {0.0, 101.0, 0.0};
+  EXPECT_FALSE(series.mayHideAlong(0.0, 0.1, slow, slow));
+  system->drivetrain().signal(0).command(scene.inputs[0], 0.1, 100.0);
+  EXPECT_TRUE(series.mayHideAlong(0.1, 0.1, slow, fast));
+}
+
 }  // namespace
 }  // namespace variator_sim

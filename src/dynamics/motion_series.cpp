@@ -157,31 +157,13 @@ void MotionSeries::findRows() {
     row_of_connection_[i] = program_.output(next++);
   }
   last_order_ = orderFor(scene_.solver.relative_tolerance);
-  at_end_.rows.resize(static_cast<std::size_t>(program_.rowCount()));
-  at_end_.before = at_end_.middle = at_end_.rows;
-  findOrderPlaces();
-  findLayout();
-  keepInertia();
-}
-
-void MotionSeries::findOrderPlaces() {
-  OrderPlaces& to = order_places_;
-  to = OrderPlaces{};
-  const auto place = [this](int row) { return static_cast<int>(program_.offset(row)); };
-  for (int i = 0; i < S; ++i) {
-    to.moves[i] = hasMovingInertia(i);
-    if (to.moves[i]) {
-      to.inertia_degree[i] = program_.degree(row_of_inertia_[i]);
-      to.connection[i] = place(row_of_connection_[i]);
-      to.connection_degree[i] = program_.degree(row_of_connection_[i]);
-    }
-    for (int m = 0; m < k_; ++m) {
-      const int entry = entryRow(m, i);
-      if (program_.isConstant(entry)) continue;
-      to.entries.push_back({place(entry), program_.degree(entry), place(row_of_multiplier_[m])});
-    }
-    to.entries_end[i] = to.entries.size();
+  for (std::vector<double>& rows : rows_along_) {
+    rows.resize(static_cast<std::size_t>(program_.rowCount()));
   }
+  findLayout();
+  if (!isInertiaConstant()) return;
+  copyInertia(step_.inertia, step_.inertia_inverse);
+  copyInertia(sample_.inertia, sample_.inertia_inverse);
 }
 
 int MotionSeries::orderFor(double relative_tolerance) {
@@ -208,6 +190,24 @@ void MotionSeries::setInputs(double t, int order) {
   }
 }
 
+void MotionSeries::setState(double time, const double* x) {
+  program_.set(row_of_time_, 0, time);
+  for (int i = 0; i < S; ++i) {
+    program_.set(row_of_angle_[i], 0, x[i]);
+    program_.set(row_of_velocity_[i], 0, x[S + i]);
+    program_.set(row_of_acceleration_[i], 0, x[2 * S + i]);
+  }
+}
+
+void MotionSeries::beginRows() {
+  if (begin_code_ != nullptr) {
+    program_.noteLimit(begin_code_(program_.rows(), program_.states(), constants_) != 0);
+  } else {
+    program_.begin(Part::kGiven);
+    program_.begin(Part::kAccelerated);
+  }
+}
+
 bool MotionSeries::begin(double t, const double* x, double unit, int most) {
   ++stamp_;
   most_ = most;
@@ -221,20 +221,10 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
     if (beginWhole(t, x)) return true;
   }
   const StateView state = drivetrain_.view(t, x, x + S, x + 2 * S);
-  program_.set(row_of_time_, 0, state.time);
-  program_.set(row_of_time_, 1, unit);
   setInputs(t, most);
-  for (int i = 0; i < S; ++i) {
-    program_.set(row_of_angle_[i], 0, x[i]);
-    program_.set(row_of_velocity_[i], 0, x[S + i]);
-    program_.set(row_of_acceleration_[i], 0, x[2 * S + i]);
-  }
-  if (begin_code_ != nullptr) {
-    program_.noteLimit(begin_code_(program_.rows(), program_.states(), constants_) != 0);
-  } else {
-    program_.begin(Part::kGiven);
-    program_.begin(Part::kAccelerated);
-  }
+  setState(state.time, x);
+  program_.set(row_of_time_, 1, unit);
+  beginRows();
   for (int m = 0; m < k_; ++m) {
     for (int i = 0; i < S; ++i) solver_.row(m)[i] = program_.coefficients(entryRow(m, i))[0];
   }
@@ -243,7 +233,10 @@ bool MotionSeries::begin(double t, const double* x, double unit, int most) {
                           });
   if (!is_regular) return false;
   if (is_classical_ || !isInertiaConstant()) beginReaction(x);
-  if (!isInertiaConstant()) noteInertia();
+  if (!isInertiaConstant()) {
+    double* const J0 = own().inverse + placeOfInertia();
+    copyInertia(J0, J0 + S * S);
+  }
   for (int i = 0; i < S; ++i) {
     program_.set(row_of_velocity_[i], 1, unit * x[2 * S + i]);
     program_.set(row_of_angle_[i], 1, unit * x[S + i]);
@@ -374,126 +367,15 @@ bool MotionSeries::extendTo(int order) {
   return true;
 }
 
-bool MotionSeries::isResolved(double length, double absolute, double relative,
-                              const double* const* at) const {
-  double inertia[kMaxShafts];
-  for (int i = 0; i < S; ++i) inertia[i] = drivetrain_.inertia().entry(i, i);
-  const bool moves = !isInertiaConstant();
-  const expression::SeriesOutputs outputs = {S,
-                                             k_,
-                                             row_of_velocity_,
-                                             row_of_acceleration_,
-                                             row_of_torque_,
-                                             row_of_residual_,
-                                             row_of_entry_[0],
-                                             layout_.constraint_order,
-                                             kMaxShafts,
-                                             inertia,
-                                             moves ? row_of_inertia_ : nullptr,
-                                             row_of_inertial_torque_,
-                                             row_of_connection_,
-                                             absolute,
-                                             relative,
-                                             length};
-  return program_.isResolved(length / own().unit, own().order, outputs, at);
-}
-
-void MotionSeries::evaluateRows(double t, double h, double part, const double* x) {
-  ++stamp_;
-  is_next_begun_ = false;
-  fetched_ = kMostSampled;
-  own().unit = h;
-  own().order = kStepOrder;
-  setInputs(t, kStepOrder);
-  for (const InputRow& it : input_rows_) {
-    const double* const u = program_.coefficients(it.row);
-    double sum = u[kStepOrder];
-    for (int n = kStepOrder - 1; n >= 0; --n) sum = sum * part + u[n];
-    program_.set(it.row, 0, sum);
-  }
-  program_.set(row_of_time_, 0, drivetrain_.origin() + t + part * h);
-  for (int i = 0; i < S; ++i) {
-    program_.set(row_of_angle_[i], 0, x[i]);
-    program_.set(row_of_velocity_[i], 0, x[S + i]);
-    program_.set(row_of_acceleration_[i], 0, x[2 * S + i]);
-  }
-  program_.begin(Part::kGiven);
-  program_.begin(Part::kAccelerated);
-}
-
-void MotionSeries::keepRows(std::vector<double>* rows) const {
-  for (std::size_t r = 0; r < rows->size(); ++r) {
-    (*rows)[r] = program_.coefficients(static_cast<int>(r))[0];
-  }
-}
-
-bool MotionSeries::mayHideAlong(double t, double h, const double* x, const double* x_end) {
-  constexpr int kPower = kStepOrder / 2;  // of parabolas: a polynomial of that order
-  RowsAtEnd& to = at_end_;
-  if (to.time == drivetrain_.origin() + t && std::equal(x, x + 3 * S, to.x)) {
-    to.rows.swap(to.before);
-  } else {
-    evaluateRows(t, h, 0.0, x);
-    keepRows(&to.before);
-  }
-  evaluateRows(t, h, 1.0, x_end);
-  keepRows(&to.rows);
-  to.time = drivetrain_.origin() + t + h;
-  std::copy_n(x_end, 3 * S, to.x);
-  return program_.mayHideBetween(to.before.data(), to.rows.data(), kPower);
-}
-
-bool MotionSeries::isStepResolved(double t, double h, const double* x, const double* x_middle,
-                                  const double* x_end, double absolute, double relative) {
-  struct Parabolas final : expression::AccelerationSolver {
-    explicit Parabolas(MotionSeries& series) : it(series) {}
-    void solve(int n) override {
-      for (int i = 0; i < it.S; ++i) {
-        it.program_.set(it.row_of_acceleration_[i], n, n < 3 ? epsilon[i][n] : 0.0);
-      }
-    }
-    MotionSeries& it;
-    double epsilon[kMaxShafts][3];
-  } parabolas(*this);
-  // c_0 + c_1 s + c_2 s^2, s = (t - t_0) / h
-  const auto fit = [&](int n, double* c) {
-    c[0] = x[n];
-    c[1] = 4.0 * x_middle[n] - 3.0 * x[n] - x_end[n];
-    c[2] = 2.0 * (x[n] + x_end[n] - 2.0 * x_middle[n]);
-  };
-  evaluateRows(t, h, 0.5, x_middle);
-  keepRows(&at_end_.middle);
-  evaluateRows(t, h, 0.0, x);
-  for (int i = 0; i < S; ++i) {
-    double omega[3];
-    fit(S + i, omega);
-    fit(2 * S + i, parabolas.epsilon[i]);
-    for (int n = 1; n <= kStepOrder; ++n) {
-      program_.set(row_of_velocity_[i], n, n < 3 ? omega[n] : 0.0);
-      program_.set(row_of_angle_[i], n, n < 4 ? h * omega[n - 1] / n : 0.0);
-    }
-  }
-  program_.set(row_of_time_, 1, h);
-  for (int n = 1; n <= kStepOrder; ++n) {
-    for (int i = 0; i < S; ++i) program_.set(row_of_acceleration_[i], n, 0.0);
-    program_.extend(n, true, parabolas);
-  }
-  const double* const at[] = {at_end_.before.data(), at_end_.middle.data(), at_end_.rows.data()};
-  const bool is_resolved = isResolved(h, absolute, relative, at);
-  program_.clear();  // of what may be no number
-  return is_resolved;
-}
-
-void MotionSeries::noteInertia() {
+void MotionSeries::copyInertia(double* J, double* J_inverse) const {
   const Inertia& inertia = drivetrain_.inertia();
-  double* const J0 = own().inverse + placeOfInertia();
   for (int j = 0; j < S; ++j) {
     double unit[kMaxShafts] = {};
     double column[kMaxShafts];
     unit[j] = 1.0;
     inertia.solve(unit, column);
-    for (int i = 0; i < S; ++i) J0[i * S + j] = inertia.entry(i, j);
-    for (int i = 0; i < S; ++i) J0[(S + i) * S + j] = column[i];
+    for (int i = 0; i < S; ++i) J[i * S + j] = inertia.entry(i, j);
+    for (int i = 0; i < S; ++i) J_inverse[i * S + j] = column[i];
   }
 }
 

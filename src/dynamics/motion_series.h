@@ -161,6 +161,7 @@ class MotionSeries {
   std::string writeReaction(std::set<int>* mirrored) const;
   std::string writeOrders(std::set<int>* mirrored) const;
   std::string writeLayout() const;
+  std::vector<int> layoutWords() const;
   std::string writeWholeStep() const;
   std::string writeHidden() const;
   /// States that tell code and interpreter apart.
@@ -173,6 +174,9 @@ class MotionSeries {
   /// Order 0, as `begin` makes it.
   bool beginWhole(double t, const double* x);
   void setInputs(double t, int order);
+  void setState(double time, const double* x);
+  /// Order 0 of all formulas.
+  void beginRows();
   void beginReaction(const double* x);
   /// The inverse of [J_0 -C_0^T; C_0 0], or of what Newton's iteration has in its place. False
   /// where there is none.
@@ -181,7 +185,8 @@ class MotionSeries {
   void invertOneRow(Count shafts);
   bool invertCurved(const StateView& state);
   void continueTo(int n);
-  void noteInertia();
+  /// J and its inverse, by columns.
+  void copyInertia(double* J, double* J_inverse) const;
   /// Of J_0 in `inverse`.
   int placeOfInertia() const { return (S + k_) * (S + k_) + 1; }
 
@@ -194,7 +199,7 @@ class MotionSeries {
 
   static constexpr int kMostUnknowns = kMaxShafts + kMaxRows;
   /// Of formulas along a step of another stepper.
-  static constexpr int kStepOrder = 8;
+  static constexpr int kStepOrder = expression::SeriesProgram::kAlong;
 
   const Scene& scene_;
   Drivetrain& drivetrain_;
@@ -236,26 +241,7 @@ class MotionSeries {
 
   /// Behind the last order nobody asks what the accelerations of that order make of the formulas.
   bool isLast(int order) const { return order == last_order_; }
-  /// What an order asks for (series_order.inc) beside the layout: where coefficients 0 stand, and
-  /// where rows end.
-  struct OrderPlaces {
-    struct Entry {
-      int entry;
-      int degree;
-      int multiplier;
-    };
-    bool moves[kMaxShafts];  ///< its inertia; of those that do:
-    int inertia_degree[kMaxShafts];
-    int connection[kMaxShafts];
-    int connection_degree[kMaxShafts];
-    /// Those of C that are not constant, shaft by shaft, and where a shaft's end.
-    std::vector<Entry> entries;
-    std::size_t entries_end[kMaxShafts];
-  };
-  OrderPlaces order_places_ = {};
-  void findOrderPlaces();
   void findLayout();
-  void keepInertia();
   void findSampled();
   void prepare(SeriesStep* step);
   /// Coefficients of the step's components: see series_step_sample.inc.
@@ -269,12 +255,6 @@ class MotionSeries {
   void pointAtRows();
   /// The units of this series and of the next one.
   void noteUnits();
-  static void interpretStep(SeriesStep* step);
-  static void interpretArrival(SeriesStep* step);
-  static void interpretTable(const SeriesStep* step, const double* rows, double theta,
-                             double* table);
-  static void interpretSample(SeriesStep* step, const double* table, double part,
-                              const SeriesSample* to);
   friend struct SeriesInterpreter;
   friend class series_plain::SeriesOrder;
   friend class series_fused::SeriesOrder;
@@ -306,27 +286,24 @@ class MotionSeries {
   }
   /// What series_step.inc and series_step_sample.inc are, interpreted or as machine code.
   struct StepCodes {
-    void (*step)(SeriesStep* step) = interpretStep;
-    void (*arrive)(SeriesStep* step) = interpretArrival;
+    void (*step)(SeriesStep* step) = nullptr;
+    void (*arrive)(SeriesStep* step) = nullptr;
     void (*tabulate)(const SeriesStep* step, const double* rows, double theta,
-                     double* table) = interpretTable;
+                     double* table) = nullptr;
     void (*sample)(SeriesStep* step, const double* table, double part,
-                   const SeriesSample* to) = interpretSample;
+                   const SeriesSample* to) = nullptr;
   };
+  static const StepCodes& interpretedCodes();
+  const StepCodes& stepCodes() const {
+    return step_codes_.step != nullptr ? step_codes_ : interpretedCodes();
+  }
+  /// Machine code, where there is some.
   StepCodes step_codes_;
 
-  void keepRows(std::vector<double>* rows) const;
-  /// Order 0 of all rows for (t, x), a part of a step of length h behind t, whose series have the
-  /// unit h.
-  void evaluateRows(double t, double h, double part, const double* x);
-  /// Coefficients 0 of all rows at the end of the step that mayHideAlong was last asked for, and
-  /// those at its beginning.
-  struct RowsAtEnd {
-    double time = std::numeric_limits<double>::quiet_NaN();  ///< s, from the motion's start
-    double x[3 * kMaxShafts] = {};
-    std::vector<double> rows, before, middle;
-  };
-  RowsAtEnd at_end_;
+  /// Variables of the program at a part of a step of length h from t, where the state is x.
+  void setVariables(double t, double h, double part, const double* x);
+  /// Coefficients 0 of all rows at a step's beginning, in its middle and at its end.
+  std::vector<double> rows_along_[3];
   // Rows of the program.
   int row_of_time_ = -1;
   int row_of_angle_[kMaxShafts] = {};

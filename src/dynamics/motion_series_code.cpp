@@ -1,7 +1,5 @@
 // The orders of a motion's series as C: the statements of SeriesOrder::make with the order a
 // constant of each, so that the compiler unrolls every sum.
-#include <algorithm>
-#include <cmath>
 #include <set>
 #include <sstream>
 #include <type_traits>
@@ -30,14 +28,6 @@ constexpr NamedPart kParts[] = {{"series_given", Part::kGiven},
 
 constexpr NamedPart kBeginnings[] = {{"begin_given", Part::kGiven},
                                      {"begin_accelerated", Part::kAccelerated}};
-
-/// States, some near to 0, at which code has to give the interpreter's numbers.
-constexpr int kStates = 6;
-constexpr double kFar = 1e300;  // s
-
-bool isSame(const std::vector<double>& a, const std::vector<double>& b) {
-  return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), areSameBits);
-}
 
 /// C of numbers as C of vectors.
 std::string inLanes(const std::string& text) {
@@ -258,33 +248,10 @@ std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
 }
 
 std::string MotionSeries::writeLayout() const {
-  std::ostringstream text;
-  text << "static const struct SeriesLayout layout = {";
-  const auto array = [&text](const auto& values) {
-    text << "{";
-    for (const int value : values) text << value << ", ";
-    text << "}, ";
-  };
-  const SeriesLayout& it = layout_;
-  for (const int value : {it.shafts, it.rows, it.velocity_rows, it.order, it.least,
-                          it.is_inertia_constant, it.is_inertia_diagonal, it.is_row_constant,
-                          it.has_residuals, it.is_time_in_torque, it.time_at, it.time_back}) {
-    text << value << ", ";
-  }
-  array(it.component_at);
-  array(it.component_back);
-  array(it.torque_at);
-  array(it.residual_at);
-  array(it.entry_at);
-  array(it.inertia_at);
-  array(it.inertial_torque_at);
-  array(it.reaction_at);
-  array(it.reaction_back);
-  array(it.constraint_order);
-  array(it.multiplier_at);
-  text << it.sampled << ", " << it.sampled_width << ", ";
-  array(it.sampled_at);
-  return text.str() + "};\n";
+  // (Arrays within a struct need no braces of their own.)
+  std::string text = "static const struct SeriesLayout layout = {";
+  for (const int value : layoutWords()) text += std::to_string(value) + ", ";
+  return text + "};\n";
 }
 
 /// seriesHides of every operation that may hide something; each row's reach is summed up once.
@@ -379,8 +346,8 @@ static inline void seriesAccelerationLevel(struct SeriesStep* it, double* level)
                      it->x_new + 2 * layout.shafts, it->input[0], it->input_rate[0],
                      it->input_second_rate[0], it->tables[0], level);
 }
-)c" + kSeriesStepText +
-            kSeriesStepSample +
+)c" + kSeriesStepArrival +
+            kSeriesStepText + kSeriesStepSample +
             "void series_step(struct SeriesStep* it) { seriesStride(it); }\n"
             "void series_arrive(struct SeriesStep* it) { seriesArrive(it, 0); }\n"
             "void series_tabulate(const struct SeriesStep* it, const Real* rows, Real theta, Real* "
@@ -413,29 +380,22 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
     for (int n = 0; n < layout.velocity_rows * (layout.shafts + 1); ++n) level[n][j] = here[n];
   }
 }
-)c" + kSeriesStepText +
-         "void series_step(struct SeriesStep* it) { seriesStride(it); }\n" +
+)c" + kSeriesStepArrival +
+         kSeriesStepText + "void series_step(struct SeriesStep* it) { seriesStride(it); }\n" +
          KernelLibrary::kEndOfUnit;
+}
+
+std::vector<int> MotionSeries::layoutWords() const {
+  const auto* const words = reinterpret_cast<const int*>(&layout_);
+  return {words, words + sizeof layout_ / sizeof *words};
 }
 
 void MotionSeries::addStructure(expression::CodeStructure* structure) const {
   std::vector<int>& words = structure->words;
-  words.insert(words.end(),
-               {S, k_, is_classical_ ? 1 : 0, isInertiaConstant() ? 1 : 0, last_order_});
-  for (int m = 0; m < k_; ++m) {
-    words.push_back(drivetrain_.constraint(m).order());
-    words.push_back(row_of_multiplier_[m]);
-    words.push_back(row_of_residual_[m]);
-    for (int i = 0; i < S; ++i) words.push_back(entryRow(m, i));
-  }
-  for (int i = 0; i < S; ++i) {
-    words.insert(words.end(), {row_of_angle_[i], row_of_velocity_[i], row_of_acceleration_[i],
-                               row_of_torque_[i], row_of_inertia_[i], row_of_inertial_torque_[i],
-                               row_of_connection_[i], row_of_reaction_rate_[i]});
-  }
-  const auto* const layout = reinterpret_cast<const int*>(&layout_);
-  words.push_back(makes_whole_steps_ ? 1 : 0);
-  words.insert(words.end(), layout, layout + sizeof layout_ / sizeof *layout);
+  const std::vector<int> layout = layoutWords();
+  words.insert(words.end(), layout.begin(), layout.end());
+  words.insert(words.end(), {is_classical_ ? 1 : 0, makes_whole_steps_ ? 1 : 0});
+  words.insert(words.end(), row_of_connection_, row_of_connection_ + S);
   program_.addStructure(structure);
 }
 
@@ -465,99 +425,6 @@ bool MotionSeries::use(const KernelLibrary& library, const double* constants, st
   constants_count_ = count;
   library_ = &library;
   return true;
-}
-
-bool MotionSeries::agreesWithInterpreter() {
-  keepSamples();
-  const SampleTable table = table_;
-  const bool is_same = givesSameNumbers();
-  table_ = table;
-  return is_same;
-}
-
-bool MotionSeries::givesSameNumbers() {
-  for (int n = 0; n < kStates; ++n) {
-    const std::vector<double> computed = expandAt(n);
-    std::vector<OrderCode> codes;
-    codes.swap(codes_);
-    const BeginCode begin_code = std::exchange(begin_code_, nullptr);
-    const StepCodes step_codes = std::exchange(step_codes_, StepCodes{});
-    const bool is_same = isSame(expandAt(n), computed);
-    codes_.swap(codes);
-    begin_code_ = begin_code;
-    step_codes_ = step_codes;
-    if (!is_same) return false;
-  }
-  return true;
-}
-
-void MotionSeries::interpret() {
-  codes_.clear();
-  begin_code_ = nullptr;
-  step_codes_ = {};
-  library_ = nullptr;
-}
-
-void MotionSeries::setAside(int state, double* x) const {
-  for (int i = 0; i < 3 * S; ++i) {
-    x[i] = (state % 2 == 0 ? 20.0 : 0.5) * std::abs(std::sin(1.0 + 7.3 * state + 3.1 * i));
-  }
-}
-
-void MotionSeries::stepAside(int state, double limit, const std::function<void()>& code) {
-  keepSamples();
-  struct Aside final : StepsTogether {
-    explicit Aside(const std::function<void()>& its_code) : code(its_code) {}
-    bool make(MotionSeries& /*series*/) override {
-      code();
-      return true;
-    }
-    void fetch(MotionSeries& /*series*/, int /*from*/, int /*to*/) override {}
-    const std::function<void()>& code;
-  } aside(code);
-  StepsTogether* const usual = std::exchange(together_, code ? &aside : nullptr);
-  double x[3 * kMaxShafts];
-  setAside(state, x);
-  forgetNext();
-  const double relative = scene_.solver.relative_tolerance;
-  const double t = 0.37 * state;
-  const double length = 0.01 * (1 + state);
-  const Reach reach{kFar, t + limit, limit, 1 + state % 3, state % 2 == 0};
-  stride(t, x, {false, length, length, relative, relative, 0.5, reach});
-  fetched_ = kMostSampled;
-  forgetNext();
-  together_ = usual;
-}
-
-std::vector<double> MotionSeries::expandAt(int state) {
-  double x[3 * kMaxShafts];
-  setAside(state, x);
-  std::vector<double> coefficients;
-  const int order = last_order_;
-  if (!begin(0.37 * state, x, 0.0625, order)) return coefficients;
-  while (this->order() < order && extendTo(this->order() + 1)) {
-    for (int i = 0; i < S; ++i) {
-      coefficients.push_back(acceleration(i)[this->order()]);
-      coefficients.push_back(torque(i)[this->order()]);
-    }
-  }
-  if (makes_whole_steps_ && this->order() == order) {
-    stepAside(state, state % 3 == 2 ? 0.001 : 1.0);
-    if (step_.refused == 0.0) {
-      coefficients.insert(coefficients.end(), step_.x_new, step_.x_new + 3 * S);
-      coefficients.insert(coefficients.end(), step_.eta, step_.eta + S);
-      coefficients.push_back(step_.taken);
-      coefficients.push_back(step_.error);
-      Sample sample;
-      std::uint64_t unused = 0;
-      if (calcSample(stamp_, step_.end, step_.time + 0.3 * step_.taken, &unused, &sample)) {
-        coefficients.insert(coefficients.end(), sample.acceleration, sample.acceleration + S);
-        coefficients.insert(coefficients.end(), sample.reaction_torque_rate,
-                            sample.reaction_torque_rate + S);
-      }
-    }
-  }
-  return coefficients;
 }
 
 }  // namespace variator_sim

@@ -22,7 +22,7 @@ void MotionSeries::findSampled() {
 
 void MotionSeries::tabulate() {
   const SeriesNode& node = step_.node[step_.made - 1];
-  step_codes_.tabulate(&step_, program_.rows(), node.taken / own().unit, table_.rows);
+  stepCodes().tabulate(&step_, program_.rows(), node.taken / own().unit, table_.rows);
   table_.stamp = stamp_;
   table_.last = step_.last;
   table_.end = node.end;
@@ -46,7 +46,7 @@ bool MotionSeries::calcSample(std::uint64_t stamp, double end, double t, std::ui
                            sample->residual,        sample->multiplier};
   // From the end, which others are told exactly.
   const double part = 1.0 - (end - t) * table_.per_step;
-  step_codes_.sample(&sample_, table_.rows, part, &to);
+  stepCodes().sample(&sample_, table_.rows, part, &to);
   *projections += static_cast<std::uint64_t>(sample_.projections);
   return sample_.doubt == 0.0;
 }

@@ -61,19 +61,7 @@ using series_step::Real;
 using namespace expression;  // NOLINT: its operations are many
 #include "expression/series_resolution.inc"
 double seriesHidden(const SeriesStep* it, int last) {
-  const SeriesProgram& program = SeriesInterpreter::program(it);
-  double sum = 0.0;
-  for (const SeriesOperation& op : program.resolved()) {
-    if (!seriesMayHide(&op, last)) continue;
-    const auto row = [&](int r) { return it->rows + program.offset(r < 0 ? op.a : r); };
-    double upper, other_upper;
-    const double other = seriesReach(row(op.b), it->powers, last, &other_upper);
-    const int first = op.kind == kSeriesQuotient ? op.b : op.a;
-    const double reach = seriesReach(row(first), it->powers, last, &upper);
-    sum += seriesHides(op.kind, row(op.result), row(op.second), row(op.a), row(op.b), reach, upper,
-                       other, other_upper, it->powers, last);
-  }
-  return sum;
+  return SeriesInterpreter::program(it).mayHide(last, it->powers) ? 1.0 : 0.0;
 }
 inline void seriesTurn(SeriesStep* it) {
   SeriesInterpreter::turn(it);
@@ -97,42 +85,14 @@ inline Some seriesLoad(const double* from) {
 #define LAYOUT (*it->layout)
 
 namespace series_plain {
-using expression::loadTwo;
-using expression::Two;
-using expression::plain::convolveOld;
-using expression::plain::dot;
-using expression::plain::fuse;
-using expression::plain::fuseTwo;
-using series_step::Real;
-using series_step::SeriesSample;
-#include "dynamics/series_order.inc"
-namespace {
-inline Some seriesFuse(Some a, Some b, Some c) {
-  return fuseTwo(a, b, c);
-}
-#include "dynamics/series_step.inc"
-#include "dynamics/series_step_sample.inc"
-}  // namespace
+namespace arithmetic = expression::plain;
+#include "dynamics/series_interpreted.inc"
 }  // namespace series_plain
 
 VARIATOR_SIM_BEGIN_FUSED
 namespace series_fused {
-using expression::loadTwo;
-using expression::Two;
-using expression::fused::convolveOld;
-using expression::fused::dot;
-using expression::fused::fuse;
-using expression::fused::fuseTwo;
-using series_step::Real;
-using series_step::SeriesSample;
-#include "dynamics/series_order.inc"
-namespace {
-inline Some seriesFuse(Some a, Some b, Some c) {
-  return fuseTwo(a, b, c);
-}
-#include "dynamics/series_step.inc"
-#include "dynamics/series_step_sample.inc"
-}  // namespace
+namespace arithmetic = expression::fused;
+#include "dynamics/series_interpreted.inc"
 }  // namespace series_fused
 VARIATOR_SIM_END_FUSED
 
@@ -143,37 +103,13 @@ void MotionSeries::continueTo(int n) {
     series_plain::SeriesOrder(*this).make(n);
   }
 }
-void MotionSeries::interpretStep(SeriesStep* step) {
-  if (expression::fusesProducts()) {
-    series_fused::seriesStride(step);
-  } else {
-    series_plain::seriesStride(step);
-  }
-}
-void MotionSeries::interpretArrival(SeriesStep* step) {
-  if (expression::fusesProducts()) {
-    series_fused::seriesArrive(step, 0);
-  } else {
-    series_plain::seriesArrive(step, 0);
-  }
-}
 
-void MotionSeries::interpretTable(const SeriesStep* step, const double* rows, double theta,
-                                  double* table) {
-  if (expression::fusesProducts()) {
-    series_fused::seriesTabulate(step, rows, theta, table);
-  } else {
-    series_plain::seriesTabulate(step, rows, theta, table);
-  }
-}
-
-void MotionSeries::interpretSample(SeriesStep* step, const double* table, double part,
-                                   const SeriesSample* to) {
-  if (expression::fusesProducts()) {
-    series_fused::seriesSample(step, table, part, to);
-  } else {
-    series_plain::seriesSample(step, table, part, to);
-  }
+const MotionSeries::StepCodes& MotionSeries::interpretedCodes() {
+  static constexpr StepCodes kPlain = {series_plain::seriesStride, series_plain::seriesBegin,
+                                       series_plain::seriesTabulate, series_plain::seriesSample};
+  static constexpr StepCodes kFused = {series_fused::seriesStride, series_fused::seriesBegin,
+                                       series_fused::seriesTabulate, series_fused::seriesSample};
+  return expression::fusesProducts() ? kFused : kPlain;
 }
 
 void MotionSeries::findLayout() {
@@ -227,20 +163,6 @@ void MotionSeries::findLayout() {
   findSampled();
 }
 
-void MotionSeries::keepInertia() {
-  const Inertia& inertia = drivetrain_.inertia();
-  for (int j = 0; j < S && inertia.isConstant(); ++j) {
-    double unit[kMaxShafts] = {};
-    double column[kMaxShafts];
-    unit[j] = 1.0;
-    inertia.solve(unit, column);
-    for (int i = 0; i < S; ++i) {
-      step_.inertia[i * S + j] = sample_.inertia[i * S + j] = inertia.entry(i, j);
-      step_.inertia_inverse[i * S + j] = sample_.inertia_inverse[i * S + j] = column[i];
-    }
-  }
-}
-
 void MotionSeries::keepReaction(const KeptReaction& kept) {
   step_.has_neutral = kept.exists ? 1 : 0;
   for (int i = 0; i < S; ++i) {
@@ -274,7 +196,7 @@ bool MotionSeries::beginWhole(double t, const double* x) {
   std::copy_n(x, 3 * S, step_.x_new);
   step_.doubt = 0.0;
   step_.limits = 0;
-  step_codes_.arrive(&step_);
+  stepCodes().arrive(&step_);
   program_.noteLimit(step_.limits != 0);
   return step_.doubt == 0.0;
 }
@@ -344,9 +266,9 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
       step_.made = 0;
       return step_;
     }
-    step_codes_.step(&step_);
-    // Each step has taken the rows of the other series.
-    if (step_codes_.step != interpretStep && step_.made % 2 == 0) turn();
+    stepCodes().step(&step_);
+    // Each step of machine code has taken the rows of the other series.
+    if (step_codes_.step != nullptr && step_.made % 2 == 0) turn();
   }
   noteUnits();
   own().order = step_.last;

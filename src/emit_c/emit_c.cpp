@@ -295,19 +295,11 @@ class Emission {
            constant("double", "initial_multiplier", values(sample.multiplier, K_));
   }
 
-  /// kSeriesResolutionText as C99 alone.
-  static std::string withoutVectors() {
-    std::string text = expression::kSeriesResolutionText;
-    const std::string end = "#endif\n";
-    const std::size_t begin = text.find("#ifdef SERIES_HAS_FOURS");
-    return text.erase(begin, text.find(end, begin) + end.size() - begin);
-  }
-
   std::string writeOperations() const {
     std::string text = std::string("\n/* ---- The operations that rows are made by. ---- */\n\n") +
                        "typedef double Real;\n#define SERIES_INLINE inline\n#define "
                        "SERIES_RARE\n#define SERIES_STATE int\n" +
-                       expression::kSeriesOperationText + withoutVectors() +
+                       expression::kSeriesOperationText + expression::kSeriesResolutionText +
                        expression::kSeriesRangesText +
                        "static const struct SeriesOperation operation[] = {\n";
     for (const expression::SeriesOperation& it : rows_.operations()) {

@@ -112,24 +112,26 @@ double SeriesProgram::beginPrimitive(const Instruction& it) const {
   return std::atan2(x, forward(it.operands[1])[0]);
 }
 
-void SeriesProgram::placePiece(const Instruction& it, Piece& piece) {
+void SeriesProgram::placePiece(const Instruction& it, Piece& piece, int order) {
   const bool left_of_x = piece.side[0] < 0;
   const bool left_of_y = piece.side[1] < 0;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double* const a = states_.data() + piece.a;
   const double x0 = forward(it.operands[0])[0];
   const double x = left_of_x ? std::nextafter(x0, -kInfinity) : x0;
+  const int most_x = order == 0 ? 0 : piece.degree[0];
   if (piece.table != nullptr) {
-    for (int i = 0; i <= piece.degree[0]; ++i) {
-      const int order = piece.order[0] + i;
-      a[6 * i] = piece.table->derivative(order, order < 3 ? x0 : x) / kFactorial[i];
+    for (int i = 0; i <= most_x; ++i) {
+      const int n = piece.order[0] + i;
+      a[6 * i] = piece.table->derivative(n, n < 3 ? x0 : x) / kFactorial[i];
     }
     return;
   }
   const double y0 = forward(it.operands[1])[0];
   const double y = left_of_y ? std::nextafter(y0, -kInfinity) : y0;
-  for (int i = 0; i <= piece.degree[0]; ++i) {
-    for (int j = 0; j <= piece.degree[1]; ++j) {
+  const int most_y = order == 0 ? 0 : piece.degree[1];
+  for (int i = 0; i <= most_x; ++i) {
+    for (int j = 0; j <= most_y; ++j) {
       a[6 * i + j] = piece.table2->derivative({piece.order[0] + i, piece.order[1] + j}, x, y) /
                      (kFactorial[i] * kFactorial[j]);
     }

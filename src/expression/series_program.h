@@ -142,9 +142,21 @@ class SeriesProgram {
   /// series_resolution.inc; `at`: SeriesResolution::at, or nullptr. [loop]
   bool isResolved(double theta, int order, const SeriesOutputs& outputs,
                   const double* const* at) const;
-  /// True where an operation whose power is above `power` may hide something between coefficients 0
-  /// of all rows here and there. [loop]
-  bool mayHideBetween(const double* here, const double* there, int power) const;
+  /// True where an operation may hide more than it shows up to `theta`, whose powers are given.
+  /// [loop]
+  bool mayHide(int order, const double* powers) const;
+  /// The order of series along parabolas of the variables.
+  static constexpr int kAlong = 8;
+  /// True where some function along parabolas of the variables is no polynomial of that order.
+  bool canHide() const { return !hiding_.empty(); }
+  /// Keeps the arguments of these functions, of which coefficients 0 are known, and the variables.
+  /// [loop]
+  void noteArguments();
+  /// True where the variables are those of the last noteArguments, but for rounding. [loop]
+  bool areArgumentsNoted() const;
+  /// True where one of them has moved so far from where it was noted that its function may hide
+  /// something between. [loop]
+  bool haveArgumentsGoneFar() const;
   /// The operations that the outputs follow from, in order, with the rows they read.
   const std::vector<SeriesOperation>& resolved() const { return resolved_; }
 
@@ -272,13 +284,15 @@ class SeriesProgram {
 
   SeriesOperation operationOf(const Instruction& it) const;
   void listResolved();
+  SeriesResolution resolution(int order) const;
   /// What a row that kTrial has made, or an acceleration, has become more.
   double& change(int row) { return changes_[static_cast<std::size_t>(row)]; }
   double beginPrimitive(const Instruction& it) const;
   /// 1/(1 + exp(x)) where exp overflows, atan, ..: the function has reached its limit for an
   /// operand that has overflowed, and stays there (as its derivatives do: graph.h).
   bool isAtLimit(int operand, int result) const;
-  void placePiece(const Instruction& it, Piece& piece);
+  /// The coefficients of a table's piece, of which order 0 needs the first one alone.
+  void placePiece(const Instruction& it, Piece& piece, int order);
 
   int capacity_ = 0;            ///< coefficients of a row, padding included
   std::size_t width_ = 0;       ///< the same
@@ -297,6 +311,8 @@ class SeriesProgram {
   std::vector<PlacedTerm> placed_;
   std::vector<SeriesOperation> resolved_;
   mutable std::vector<SeriesRange> ranges_;  ///< room for isResolved, of each row
+  std::vector<SeriesOperation> hiding_;      ///< those of resolved_ that canHide means
+  std::vector<double> arguments_;            ///< a, b and second of each of them, variables
   std::vector<Term> terms_;
   std::vector<double> states_;
   std::vector<double> changes_;     ///< of the rows

@@ -1,6 +1,7 @@
 // Whether the rows of a program are its functions all along a step, of the interpreter's rows.
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -17,75 +18,35 @@ using Real = double;
 
 /// The operation that states an instruction's function; those of recurrences alone have none.
 SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
+  constexpr int kNone = -1;
+  // By Code and by Begin.
+  constexpr int kKinds[] = {
+      kNone,         kSeriesProduct, kSeriesProduct, kSeriesQuotient, kNone,         kSeriesExp,
+      kSeriesSine,   kSeriesSinh,    kSeriesTan,     kSeriesTanh,     kNone,         kNone,
+      kSeriesSqrt,   kSeriesPower,   kSeriesSum,     kNone,           kSeriesEither, kSeriesOther,
+      kSeriesEither, kSeriesFinite,  kSeriesTable,   kSeriesTable};
+  constexpr int kPrimitives[] = {kSeriesLog, kSeriesAtan, kSeriesAsin, kSeriesAcos, kSeriesAtan2};
   SeriesOperation made = {kSeriesSum, it.result, -1, it.operands[0], -1, 0, it.state,
                           kNoDegree,  0.0,       0.0};
+  made.kind = it.code == Code::kPrimitive ? kPrimitives[static_cast<int>(it.begin)]
+                                          : kKinds[static_cast<int>(it.code)];
+  const bool is_of_two =
+      made.kind <= kSeriesQuotient || made.kind == kSeriesAtan2 || made.kind == kSeriesTable;
+  if (is_of_two) made.b = it.operands[1];
   made.degree = degree(it.result);
-  const auto with = [&](int kind, int b = -1, int second = -1) {
-    made.kind = kind;
-    made.b = b;
-    made.second = second;
-    return made;
-  };
-  switch (it.code) {
-    case Code::kMultiply:
-      return with(kSeriesProduct, it.operands[1]);
-    case Code::kSquare:
-      return with(kSeriesProduct, it.operands[0]);
-    case Code::kDivide:
-      return with(kSeriesQuotient, it.operands[1]);
-    case Code::kExp:
-      return with(kSeriesExp);
-    case Code::kSinCos:
-      return with(kSeriesSine, -1, it.aux[0]);
-    case Code::kSinhCosh:
-      return with(kSeriesSinh, -1, it.aux[0]);
-    case Code::kTan:
-      return with(kSeriesTan, -1, it.aux[0]);
-    case Code::kTanh:
-      return with(kSeriesTanh, -1, it.aux[0]);
-    case Code::kPrimitive:
-      switch (it.begin) {
-        case Begin::kLog:
-          return with(kSeriesLog);
-        case Begin::kAtan:
-          return with(kSeriesAtan);
-        case Begin::kAsin:
-          return with(kSeriesAsin);
-        case Begin::kAcos:
-          return with(kSeriesAcos);
-        case Begin::kAtan2:
-          break;
-      }
-      return with(kSeriesAtan2, it.operands[1]);
-    case Code::kSqrt:
-      return with(kSeriesSqrt);
-    case Code::kPower:
-      made.f = it.constant;
-      return with(kSeriesPower);
-    case Code::kAbs:
-      made.f = 1.0;
-      return made;
-    case Code::kMin:
-      return with(kSeriesEither, it.operands[1]);
-    case Code::kMax:
-      return with(kSeriesOther, it.operands[1]);
-    case Code::kSelect:
-      made.a = it.operands[2];
-      return with(kSeriesEither, it.operands[3]);
-    case Code::kWhereFinite:
-      return with(kSeriesFinite, it.operands[1]);
-    case Code::kTable:
-    case Code::kTable2:
-      made.f = 6.0;
-      made.state = pieces_[static_cast<std::size_t>(it.state)].a;
-      return with(kSeriesTable, it.code == Code::kTable2 ? it.operands[1] : -1);
-    case Code::kLinear:
-    case Code::kSign:
-    case Code::kRate:
-    case Code::kWronskian:
-      break;
+  if (it.code == Code::kSquare) made.b = made.a;
+  if (made.kind >= kSeriesSine && made.kind <= kSeriesTanh) made.second = it.aux[0];
+  if (it.code == Code::kPower) made.f = it.constant;
+  if (it.code == Code::kAbs) made.f = 1.0;
+  if (it.code == Code::kSelect) {
+    made.a = it.operands[2];
+    made.b = it.operands[3];
   }
-  made.a = -1;
+  if (made.kind == kSeriesTable) {
+    made.f = 6.0;
+    made.state = pieces_[static_cast<std::size_t>(it.state)].a;
+  }
+  if (made.kind == kNone) made.a = -1;
   return made;
 }
 
@@ -131,83 +92,96 @@ void SeriesProgram::listResolved() {
     resolved_.push_back(made);
   }
   std::reverse(resolved_.begin(), resolved_.end());
-  // Products of products of variables.
+  // Along parabolas of the variables, time being the first of them: sums and products of these.
   std::vector<int> power(degree_.size(), kNoDegree);
-  for (const int row : variables_) power[static_cast<std::size_t>(row)] = 1;
+  for (const int row : variables_) power[static_cast<std::size_t>(row)] = 2;
+  power[static_cast<std::size_t>(variables_.front())] = 1;
   for (const auto& [row, value] : constants_) power[static_cast<std::size_t>(row)] = 0;
   for (SeriesOperation& it : resolved_) {
     const int a = power[static_cast<std::size_t>(it.a)];
     const int b = it.b < 0 ? 0 : power[static_cast<std::size_t>(it.b)];
     const int before = it.kind == kSeriesMore ? power[static_cast<std::size_t>(it.result)] : 0;
     if (it.kind == kSeriesProduct) it.power = std::min(a + b, kNoDegree);
-    if (it.kind == kSeriesSum || it.kind == kSeriesMore) it.power = std::max({a, b, before});
+    if (it.kind < kSeriesFinite) it.power = std::max({a, b, before});
     power[static_cast<std::size_t>(it.result)] = it.power;
   }
   ranges_.assign(degree_.size(), SeriesRange{});
+  hiding_.clear();
+  for (const SeriesOperation& it : resolved_) {
+    // (Steps end at the pieces of tables.)
+    const bool may_hide = it.kind > kSeriesFinite && it.kind != kSeriesTable;
+    if (may_hide && it.power > kAlong) hiding_.push_back(it);
+  }
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  arguments_.assign(3 * hiding_.size() + variables_.size(), kNone);
+}
+
+SeriesResolution SeriesProgram::resolution(int order) const {
+  SeriesResolution asked = {};
+  asked.operations = resolved_.data();
+  asked.count = static_cast<int>(resolved_.size());
+  asked.rows = rows();
+  asked.stride = static_cast<int>(2 * width_);
+  asked.states = states();
+  asked.pieces = states_.data();
+  asked.ranges = ranges_.data();
+  asked.row_count = rowCount();
+  asked.last = order;
+  return asked;
 }
 
 bool SeriesProgram::isResolved(double theta, int order, const SeriesOutputs& outputs,
                                const double* const* at) const {
-  SeriesResolution asked = {resolved_.data(),
-                            static_cast<int>(resolved_.size()),
-                            rows(),
-                            static_cast<int>(2 * width_),
-                            states(),
-                            states_.data(),
-                            ranges_.data(),
-                            rowCount(),
-                            &outputs,
-                            {},
-                            order,
-                            theta,
-                            {}};
+  SeriesResolution asked = resolution(order);
+  asked.outputs = &outputs;
+  asked.theta = theta;
   if (at != nullptr) std::copy_n(at, 3, asked.at);
   return seriesIsResolved(&asked) != 0;
 }
 
-bool SeriesProgram::mayHideBetween(const double* here, const double* there, int power) const {
-  // A part of the distance within which an operation's Taylor series converges, or 1 where that is
-  // unbounded: an argument that moves no further shows its function at both ends.
-  constexpr double kFar = 0.4;
-  for (const SeriesOperation& it : resolved_) {
-    if (it.kind <= kSeriesFinite || it.power <= power) continue;
-    const auto first = [&](int row) { return here[row]; };
-    const auto move = [&](int row) { return std::abs(there[row] - here[row]); };
-    const double size = std::abs(first(it.a));
-    const double moved = move(it.a);
-    bool is_far = false;
-    switch (it.kind) {
-      case kSeriesProduct:
-        is_far = moved > kFar * size || move(it.b) > kFar * std::abs(first(it.b));
-        break;
-      case kSeriesQuotient:
-        is_far = move(it.b) > kFar * std::abs(first(it.b));
-        break;
-      case kSeriesTanh:
-        is_far = moved > kFar && size - moved < 19.1;
-        break;
-      case kSeriesTan:
-        is_far = moved * moved * first(it.second) > kFar * kFar;
-        break;
-      case kSeriesAsin:
-      case kSeriesAcos:
-        is_far = moved > kFar * (1.0 - size);
-        break;
-      case kSeriesAtan2:
-        is_far = moved + move(it.b) > kFar * std::hypot(first(it.a), first(it.b));
-        break;
-      case kSeriesLog:
-      case kSeriesSqrt:
-        is_far = moved > kFar * size;
-        break;
-      case kSeriesPower:
-        is_far = std::max(1.0, std::abs(it.f)) * moved > kFar * size;
-        break;
-      case kSeriesTable:  // whose pieces steps end at
-        break;
-      default:
-        is_far = moved > kFar;
-        break;
+bool SeriesProgram::mayHide(int order, const double* powers) const {
+  SeriesResolution asked = resolution(order);
+  std::copy_n(powers, std::size(asked.powers), asked.powers);
+  return seriesFirstHiding(&asked) < asked.count;
+}
+
+void SeriesProgram::noteArguments() {
+  double* to = arguments_.data();
+  for (const SeriesOperation& it : hiding_) {
+    *to++ = forward(it.a)[0];
+    *to++ = forward(it.b < 0 ? it.a : it.b)[0];
+    *to++ = forward(it.second < 0 ? it.a : it.second)[0];
+  }
+  for (const int row : variables_) *to++ = forward(row)[0];
+}
+
+bool SeriesProgram::areArgumentsNoted() const {
+  constexpr double kRounding = 1e-14;
+  const double* noted = arguments_.data() + 3 * hiding_.size();
+  return std::all_of(variables_.begin(), variables_.end(), [&](int row) {
+    const double value = forward(row)[0];
+    return std::abs(value - *noted++) <= kRounding * std::abs(value);
+  });
+}
+
+bool SeriesProgram::haveArgumentsGoneFar() const {
+  constexpr double kFar = 0.4;  // of the distance within which an operation's series converges
+  const double* from = arguments_.data();
+  for (const SeriesOperation& it : hiding_) {
+    const double a = *from++;
+    const double b = *from++;
+    const double second = *from++;
+    const double other = it.b < 0 ? 0.0 : std::abs(forward(it.b)[0] - b);
+    double moved = std::abs(forward(it.a)[0] - a);
+    bool is_far;
+    if (it.kind == kSeriesProduct) {
+      is_far = moved > kFar * std::abs(a) || other > kFar * std::abs(b);
+    } else {
+      if (it.kind == kSeriesQuotient) moved = other;
+      if (it.kind == kSeriesAtan2) moved += other;
+      if (it.kind == kSeriesPower) moved *= std::max(1.0, std::abs(it.f));
+      is_far = seriesIsFar(it.kind, kFar, 1.0, a, b, second, moved) > 0.0 &&
+               !(seriesIsFlat(it.kind, a, moved) > 0.0);
     }
     if (is_far) return true;
   }

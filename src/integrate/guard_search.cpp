@@ -31,6 +31,8 @@ constexpr int kMuted = 20;
 
 /// Relative to its size (and 1e-3): what moves by no more stands still.
 constexpr double kSame = 1e-12;
+/// Roots that are guessed of a guard whose rate is not known, in one step.
+constexpr int kMostGuesses = 3;
 /// Boxes after which an interruption is asked for.
 constexpr int kAskAfter = 64;
 
@@ -45,6 +47,44 @@ void narrow(const StepCurve::Coefficients& gap, double resolution, double* low, 
     (value > 0.0 ? *low : *high) = at;
     at += (value > 0.0 ? 0.25 : -0.25) * resolution - value / slope;
     if (!(at > *low && at < *high)) at = 0.5 * (*low + *high);
+  }
+}
+
+/// Between two parts of a step at which a guard's gap, f, is not negative and negative: closer
+/// ones, by Chandrupatla's method (A new hybrid quadratic/bisection algorithm for finding the zero
+/// of a nonlinear function without using derivatives, Adv. Eng. Softw. 28 (1997) 145): bisection
+/// where the inverse parabola through the last three points does not fall between the ends.
+template <class Gap>
+void narrow(const Gap& gap, double resolution, double f_low, double f_high, double* low,
+            double* high) {
+  constexpr int kIterations = 80;
+  double a = *high;
+  double fa = f_high;
+  double b = *low;
+  double fb = f_low;
+  double t = fa / (fa - fb);
+  for (int n = 0; n<kIterations&& * high - *low> resolution; ++n) {
+    const double least = std::min(0.5, 0.5 * resolution / std::abs(b - a));
+    const double x = a + std::clamp(t, least, 1.0 - least) * (b - a);
+    if (!(x > *low && x < *high)) return;
+    const double fx = gap(x);
+    double c = a;
+    double fc = fa;
+    if ((fx < 0.0) != (fa < 0.0)) {
+      c = b;
+      fc = fb;
+      b = a;
+      fb = fa;
+    }
+    a = x;
+    fa = fx;
+    (fx < 0.0 ? *high : *low) = x;
+    const double xi = (a - b) / (c - b);
+    const double phi = (fa - fb) / (fc - fb);
+    t = 0.5;
+    if (phi * phi < xi && (1.0 - phi) * (1.0 - phi) < 1.0 - xi) {
+      t = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb);
+    }
   }
 }
 
@@ -200,14 +240,35 @@ void GuardSearch::settleSides(const StepCurve& curve, double resolution, const S
 }
 
 bool GuardSearch::staysByRate(std::size_t i, const StepCurve& curve, double from, double to,
-                              const StateBox& box) {
-  const Interval rate = guards_[i]->rate(box);
+                              const Interval& rate) {
   const double steepest = std::max(std::abs(rate.low), std::abs(rate.high));
   if (!std::isfinite(steepest)) return false;
   const double reach = 0.5 * (to - from) * curve.duration() * steepest;
   const double value = guards_[i]->distance(at(curve, 0.5 * (from + to)));
   const Interval kept = guards_[i]->bounds(step_sides_[i]);
   return value - reach > kept.low && value + reach < kept.high;
+}
+
+template <class IsClear>
+GuardSearch::Verdict GuardSearch::crossOnce(std::size_t i, const StepCurve& curve,
+                                            double resolution, double clear, double end,
+                                            const IsClear& is_clear, GuardFinding* finding) {
+  const Guard& guard = *guards_[i];
+  const Interval kept = guard.bounds(step_sides_[i]);
+  const double first = guard.distance(at(curve, clear));
+  const double last = guard.distance(at(curve, end));
+  if (!(first > kept.low && first < kept.high)) return Verdict::kUnclear;
+  if (last > kept.low && last < kept.high)
+    return is_clear(end) ? Verdict::kClear : Verdict::kUnclear;
+  if (!(last < kept.low || last > kept.high)) return Verdict::kUnclear;
+  const double sense = last < kept.low ? 1.0 : -1.0;
+  const double bound = last < kept.low ? kept.low : kept.high;
+  const auto gap = [&](double part) { return sense * (guard.distance(at(curve, part)) - bound); };
+  double low = clear;
+  double high = end;
+  narrow(gap, resolution, sense * (first - bound), sense * (last - bound), &low, &high);
+  const bool is_left = is_clear(low) && noteIfLeft(i, curve, low, high, finding);
+  return is_left ? Verdict::kFound : Verdict::kUnclear;
 }
 
 GuardFinding GuardSearch::find(const StepCurve& curve, double resolution) {
@@ -341,8 +402,10 @@ void GuardSearch::findEnclosed(std::size_t i, const StepCurve& curve, double res
     parts_[count] = StepCurve::head(curve.part(n, &origin[count]), finding->clear);
     ++count;
   }
+  int guesses = 0;
   StateBox box;
-  const auto look = [&](const StepCurve::Coefficients* here, double clear, double end) {
+  // What the guard reads, between two parts of the step; true where all of it stands still.
+  const auto enclose = [&](const StepCurve::Coefficients* here, double clear, double end) {
     box.time = {curve.time() + clear * curve.duration(), curve.time() + end * curve.duration()};
     bool stands = !guard.readsTime();
     for (std::size_t n = 0; n < count; ++n) {
@@ -352,6 +415,10 @@ void GuardSearch::findEnclosed(std::size_t i, const StepCurve& curve, double res
       *StepCurve::partOf(&box, part[n]) = range;
     }
     if (guard.readsInputs()) addInputs(box);
+    return stands;
+  };
+  const auto look = [&](const StepCurve::Coefficients* here, double clear, double end) {
+    const bool stands = enclose(here, clear, end);
     if (end <= leaves_[i] || !guard.mayLeave(box, step_sides_[i])) return Verdict::kClear;
     // (Dense output of an angle has other slopes than that of its velocity, next to stages far
     // off.)
@@ -361,11 +428,29 @@ void GuardSearch::findEnclosed(std::size_t i, const StepCurve& curve, double res
       Interval* const rate = StepCurve::partOf(&along, part[n] + kMaxShafts);
       includeSlopes(here[n], (end - clear) * curve.duration(), rate);
     }
-    if (staysByRate(i, curve, clear, end, along)) return Verdict::kClear;
+    const Interval rate = guard.rate(along);
+    if (staysByRate(i, curve, clear, end, rate)) return Verdict::kClear;
     // (What jumps may be crossed back at once, and then there is no motion on the edge.)
     const bool may_settle = mayHaveSettled(curve, end - clear) && !guard.jumps();
     if (may_settle && guard.isRounding(box)) return Verdict::kClear;
-    return stands ? Verdict::kStands : Verdict::kUnclear;
+    if (stands) return Verdict::kStands;
+    if (rate.low > 0.0 || rate.high < 0.0) {
+      const auto always = [](double) { return true; };
+      return crossOnce(i, curve, resolution, clear, end, always, finding);
+    }
+    // Of a guard that reads inputs no rate is known: a guess is asked whether all before it is
+    // clear.
+    if (std::isfinite(rate.low) || ++guesses > kMostGuesses) return Verdict::kUnclear;
+    const auto isClearUpTo = [&](double to) {
+      if (to >= end) return false;  // as `box` has just told
+      StepCurve::Coefficients before[3 * kMaxShafts];
+      for (std::size_t n = 0; n < count; ++n) {
+        before[n] = StepCurve::head(here[n], (to - clear) / (end - clear));
+      }
+      enclose(before, clear, to);
+      return !guard.mayLeave(box, step_sides_[i]);
+    };
+    return crossOnce(i, curve, resolution, clear, end, isClearUpTo, finding);
   };
   halve(i, curve, resolution, count, look, finding);
 }

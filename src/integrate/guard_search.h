@@ -111,11 +111,10 @@ class GuardSearch {
   /// which holds the step from `first` on, are not looked at.
   void settleSides(const StepCurve& curve, double resolution, const StateView& first,
                    const StateBox& box);
-  /// Whether a guard keeps its branch between two parts of the step, which `box` holds, by its
-  /// value in the middle and its rate: these tell even where its argument is a small difference of
-  /// what moves much.
+  /// Whether a guard keeps its branch between two parts of the step, by its value in the middle and
+  /// its rate between: these tell even where its argument is a small difference of what moves much.
   bool staysByRate(std::size_t i, const StepCurve& curve, double from, double to,
-                   const StateBox& box);
+                   const Interval& rate);
   /// Gives `box` the inputs over its time.
   void addInputs(StateBox& box);
   /// A guard that is linear: `first` is its value at the beginning.
@@ -125,6 +124,11 @@ class GuardSearch {
   void findEnclosed(std::size_t i, const StepCurve& curve, double resolution,
                     GuardFinding* finding);
   enum class Verdict { kClear, kUnclear, kStands, kFound };
+  /// A guard that crosses its edge at most once between two parts of the step: `is_clear` tells of
+  /// a part whether the guard cannot have left its branch before.
+  template <class IsClear>
+  Verdict crossOnce(std::size_t i, const StepCurve& curve, double resolution, double clear,
+                    double end, const IsClear& is_clear, GuardFinding* finding);
   /// Looks at the first `count` of `parts_`, which are polynomials as far as the finding before, by
   /// `look` at them between two parts of the step.
   template <class Look>
