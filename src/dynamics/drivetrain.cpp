@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "variator_sim/formula_constraint.h"
+
 namespace variator_sim {
 
 Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Drivetrain* like)
@@ -251,29 +253,12 @@ void Drivetrain::note(const Dependence& dependence) {
 }
 
 void Drivetrain::findColumns() {
-  constexpr int kStates = 6;
-  double number = 0.5;
-  const auto next = [&number] {  // the golden ratio's multiples modulo 1: evenly spread
-    number += 0.6180339887498949;
-    number -= std::floor(number);
-    return 0.1 + 3.0 * number;
-  };
-  for (int n = 0; n < kStates; ++n) {
-    double x[3][kMaxShafts];
-    double input[3][kMaxInputs];
-    for (auto& part : x) {
-      for (double& value : part) value = (n % 2 == 0 ? 1.0 : -1.0) * next();
-    }
-    for (auto& part : input) {
-      for (double& value : part) value = next();
-    }
-    const StateView state{next(), x[0], x[1], x[2], input[0], input[1], input[2]};
-    if (!inertia_.isConstant()) inertia_.update(x[0]);
-    for (const Constraint* row : constraints_) {
-      double C[kMaxShafts];
-      double c0;
-      row->calcRow(state, C, &c0);
-      for (int i = 0; i < S; ++i) reads_column_[i] = reads_column_[i] || C[i] != 0.0;
+  for (const Constraint* constraint : constraints_) {
+    const auto* law = dynamic_cast<const FormulaConstraint*>(constraint);
+    for (int i = 0; i < S; ++i) {
+      const bool is_zero =
+          law != nullptr && law->graph().isConstant(law->row()[static_cast<std::size_t>(i)], 0.0);
+      reads_column_[i] = reads_column_[i] || !is_zero;
     }
   }
 }

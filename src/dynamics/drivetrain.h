@@ -62,7 +62,7 @@ class Drivetrain {
   bool hasConstantRows() const { return has_constant_rows_; }
   /// True when C and J are the same at every state, whether or not that is made use of.
   bool hasConstantJacobian() const { return has_constant_jacobian_; }
-  /// False when no constraint reads the highest derivative of shaft i, at some states apart.
+  /// False when no constraint's formula has the highest derivative of shaft i.
   bool readsColumn(int i) const { return reads_column_[i]; }
   /// Begins to count right-hand sides and Newton's iterations anew.
   void resetCounts();
@@ -429,8 +429,8 @@ class Drivetrain {
 
   static int countOrders(const Scene& scene, int highest);
   void note(const Dependence& dependence);
-  /// reads_column_: a component of C that is zero at several states that have nothing in common is
-  /// zero everywhere.
+  /// Finds reads_column_: a component of C is zero everywhere where the constraint's formula says
+  /// so; a law that is no formula may have any.
   void findColumns();
   template <class Law>
   void noteBranches(const Law& law, GuardOwner owner) {
