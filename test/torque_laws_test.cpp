@@ -8,7 +8,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
 #include <functional>
 #include <limits>
 #include <map>
@@ -20,6 +19,7 @@
 
 #include "support/count_allocations.h"
 #include "support/derivatives_by_state.h"
+#include "support/documents.h"
 #include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/table.h"
@@ -807,30 +807,23 @@ TEST(Table, EndsAsAsked) {
 }
 
 TEST(Table, RefusesWhatIsNoTable) {
-  const auto expect_error = [](const std::string& lists, const std::string& path,
-                               const std::string& words) {
-    try {
-      tableOf(lists, Table::Beyond::kConstant);
-      ADD_FAILURE() << "accepted " << lists;
-    } catch (const SceneError& error) {
-      EXPECT_EQ(error.keyPath(), path) << error.what();
-      EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
-    }
-  };
-  expect_error("{x: [1, 2]}", "it/y", "missing; expected a list of 2 numbers");
-  expect_error("{y: [1, 2]}", "it/x", "missing; expected a list of 2 numbers");
-  expect_error("{xx: [1, 2], y: [1, 2]}", "it/x", "is 'xx' meant for 'x'?");
-  expect_error("{x: [1], y: [1]}", "it/x", "a list of 2 numbers, got 1");
-  expect_error("{x: [], y: []}", "it/x", "a list of 2 numbers, got 0");
-  expect_error("{x: 1, y: [1, 2]}", "it/x", "a list of 2 numbers");
-  expect_error("{x: [1, 2, 3], y: [1, 2]}", "it/y", "a list of 3 numbers, got 2");
-  expect_error("{x: [1, two], y: [1, 2]}", "it/x[1]", "two");
-  expect_error("{x: [1, 2], y: [1, .nan]}", "it/y[1]", "finite");
-  expect_error("{x: [1, 2, 2], y: [1, 2, 3]}", "it/x[2]", "2.0 does not lie above 2.0");
-  expect_error("{x: [1, 2, 1.5], y: [1, 2, 3]}", "it/x[2]", "strictly increasing");
-  expect_error("{x: [0, 1e-300], y: [0, 1]}", "it/y[1]", "too steep");
-  expect_error("{x: [-1e308, 1e308], y: [0, 1]}", "it/y[1]", "too wide");
-  expect_error("{x: [0, 1, 2], y: [-1e308, 1e308, 0]}", "it/y[1]", "too steep");
+  test::expectFaults(test::readFaults("", R"(
+{x: [1, 2]} => it/y: missing; expected a list of 2 numbers
+{y: [1, 2]} => it/x: missing; expected a list of 2 numbers
+{xx: [1, 2], y: [1, 2]} => it/x: is 'xx' meant for 'x'?
+{x: [1], y: [1]} => it/x: a list of 2 numbers, got 1
+{x: [], y: []} => it/x: a list of 2 numbers, got 0
+{x: 1, y: [1, 2]} => it/x: a list of 2 numbers
+{x: [1, 2, 3], y: [1, 2]} => it/y: a list of 3 numbers, got 2
+{x: [1, two], y: [1, 2]} => it/x[1]: two
+{x: [1, 2], y: [1, .nan]} => it/y[1]: finite
+{x: [1, 2, 2], y: [1, 2, 3]} => it/x[2]: 2.0 does not lie above 2.0
+{x: [1, 2, 1.5], y: [1, 2, 3]} => it/x[2]: strictly increasing
+{x: [0, 1e-300], y: [0, 1]} => it/y[1]: too steep
+{x: [-1e308, 1e308], y: [0, 1]} => it/y[1]: too wide
+{x: [0, 1, 2], y: [-1e308, 1e308, 0]} => it/y[1]: too steep
+)"),
+                     [](const std::string& lists) { tableOf(lists, Table::Beyond::kConstant); });
 }
 
 // ------------------------------------------------------------------------------------------ errors
@@ -1064,31 +1057,6 @@ TEST(InputValue, IsLimitedToItsRange) {
 
 // ----------------------------------------------------------------------------------- documentation
 
-/// The documentation's examples: what stands between ```yaml and ```.
-std::vector<std::string> readExamples() {
-  std::ifstream file(std::string(VARIATOR_SIM_TEST_DIR) + "/../doc/torques.md");
-  std::vector<std::string> examples;
-  bool inside = false;
-  for (std::string line; std::getline(file, line);) {
-    if (line == "```yaml") {
-      inside = true;
-      examples.emplace_back();
-    } else if (line == "```") {
-      inside = false;
-    } else if (inside) {
-      examples.back() += line + "\n";
-    }
-  }
-  return examples;
-}
-
-std::string readDocumentation() {
-  std::ifstream file(std::string(VARIATOR_SIM_TEST_DIR) + "/../doc/torques.md");
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
 /// A scene of two shafts with the elements of `examples`.
 Scene sceneOfExamples(const std::vector<std::string>& examples) {
   std::string text;
@@ -1106,47 +1074,9 @@ Scene sceneOfExamples(const std::vector<std::string>& examples) {
       names + "]\n" + text);
 }
 
-/// The keys in the first column of the tables "| key | ..." below the heading of a type.
-std::set<std::string> documentedKeys(const std::string& type) {
-  std::set<std::string> keys;
-  std::stringstream documentation(readDocumentation());
-  bool in_section = false;
-  bool in_table = false;
-  for (std::string line; std::getline(documentation, line);) {
-    if (line.rfind("## ", 0) == 0) in_section = line == "## " + type;
-    if (line.rfind("| key |", 0) == 0) in_table = true;
-    if (line.empty()) in_table = false;
-    const std::size_t begin = line.find('`');
-    if (!in_section || !in_table || begin == std::string::npos) continue;
-    keys.insert(line.substr(begin + 1, line.find('`', begin + 1) - begin - 1));
-  }
-  return keys;
-}
-
-/// The keys that the message for an unknown one in `dictionary`, a part of `scene`, allows.
-std::set<std::string> allowedKeys(const ParameterTree& scene, ParameterTree& dictionary) {
-  std::set<std::string> keys;
-  dictionary.asDictionary()["unknown_key"] = ParameterTree::integer(1);
-  try {
-    BuiltinComponentFactory factory;
-    readScene(scene, factory);
-    ADD_FAILURE() << "accepted";
-  } catch (const SceneError& error) {
-    const std::string message = error.what();
-    const std::size_t list = message.find("allowed: ");
-    EXPECT_NE(message.find("unknown_key: unknown key"), std::string::npos) << message;
-    std::stringstream names(message.substr(list + 9));
-    for (std::string name; std::getline(names, name, ',');) {
-      keys.insert(name.substr(name.find_first_not_of(' ')));
-    }
-  }
-  dictionary.asDictionary().erase("unknown_key");
-  return keys;
-}
-
 TEST(Documentation, ExamplesAreReadAndEveryTypeAndKeyIsThere) {
   std::map<std::string, std::set<std::string>> keys;
-  for (const std::string& example : readExamples()) {
+  for (const std::string& example : test::readExamples("torques.md")) {
     SCOPED_TRACE(example);
     ASSERT_NO_THROW(sceneOfExamples({example}));
     ParameterTree scene = sceneOfExamples({example}).resolved;
@@ -1154,12 +1084,12 @@ TEST(Documentation, ExamplesAreReadAndEveryTypeAndKeyIsThere) {
     for (const auto& named : elements.asDictionary()) {
       ParameterTree& element = scene.asDictionary().at(named.first);
       std::set<std::string>& known = keys[element.asDictionary().at("type").asText()];
-      known.merge(allowedKeys(scene, element));
+      known.merge(test::allowedKeys(scene, element));
       for (auto& [key, value] : element.asDictionary()) {
         const bool is_commanded = value.kind() == ParameterTree::Kind::kDictionary &&
                                   value.asDictionary().count("topic") != 0;
         if (value.kind() == ParameterTree::Kind::kDictionary && !is_commanded) {
-          known.merge(allowedKeys(scene, value));
+          known.merge(test::allowedKeys(scene, value));
         }
       }
     }
@@ -1167,7 +1097,7 @@ TEST(Documentation, ExamplesAreReadAndEveryTypeAndKeyIsThere) {
   std::set<std::string> types{"variator_sim/CommandedTorque", "variator_sim/ExpressionTorque"};
   for (auto& [type, known] : keys) {
     known.erase("type");
-    EXPECT_EQ(documentedKeys(type.substr(type.find('/') + 1)), known) << type;
+    EXPECT_EQ(test::documentedKeys("torques.md", type.substr(type.find('/') + 1)), known) << type;
     types.insert(type);
   }
   // The other two are documented with the scene's format.
@@ -1176,7 +1106,7 @@ TEST(Documentation, ExamplesAreReadAndEveryTypeAndKeyIsThere) {
 }
 
 TEST(Documentation, ExamplesRunTogether) {
-  Simulation simulation(sceneOfExamples(readExamples()));
+  Simulation simulation(sceneOfExamples(test::readExamples("torques.md")));
   for (int n = 1; n <= 40; ++n) {
     if (n == 10) {
       for (int i = 0; i < simulation.scene().inputCount(); ++i) simulation.command(i, 0.6);
@@ -1290,7 +1220,7 @@ TEST(Laws, HaveTheDerivativesOfTheirRatesAndDependOnWhatTheyState) {
 
 /// All elements of the documentation at extreme states, but for those that others cover.
 TEST(Laws, AreFiniteFarAway) {
-  const Scene scene = sceneOfExamples(readExamples());
+  const Scene scene = sceneOfExamples(test::readExamples("torques.md"));
   double input[kMaxInputs] = {};
   double input_rate[kMaxInputs] = {};
   for (double& u : input) u = 0.5;
@@ -1317,7 +1247,7 @@ TEST(Laws, AreFiniteFarAway) {
 }
 
 TEST(Laws, PassOnWhatIsNotANumber) {
-  const Scene scene = sceneOfExamples(readExamples());
+  const Scene scene = sceneOfExamples(test::readExamples("torques.md"));
   const double nothing[] = {kNan, kNan};
   const double acceleration[] = {1.0, 2.0};
   double input[kMaxInputs] = {};
@@ -1335,7 +1265,7 @@ TEST(Laws, PassOnWhatIsNotANumber) {
 
 #ifdef VARIATOR_SIM_COUNTS_ALLOCATIONS
 TEST(Laws, AllocateNothing) {
-  const Scene scene = sceneOfExamples(readExamples());
+  const Scene scene = sceneOfExamples(test::readExamples("torques.md"));
   double input[kMaxInputs] = {};
   double input_rate[kMaxInputs] = {};
   for (double& u : input) u = 0.5;
