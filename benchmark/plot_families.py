@@ -16,7 +16,7 @@ matplotlib.use("Agg")
 from matplotlib import pyplot  # noqa: E402: after the choice of the backend
 
 # By their columns in the tables; ours last, so that it lies on top.
-FAMILIES = {"SciPy": ("#9c6aa0", "P"), "GSL": ("#4f8a4b", "D"), "Odeint": ("#b07d2b", "s"),
+FAMILIES = {"GSL": ("#4f8a4b", "D"), "Odeint": ("#b07d2b", "s"),
             "SUNDIALS": ("#5b6f8f", "^"), "ours, best": ("#0b4f9e", "o")}
 STIFF = "stiff_slip_"
 NAMES = {"ours, best": "variator_sim"}

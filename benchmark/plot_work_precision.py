@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Draws work-precision diagrams and writes their tables into doc/benchmarks.md.
 
-Reads the rows of work_precision and scipy_peers.py. One picture per scene (the stiff ones share two, of plot_families.py),
+Reads the rows of work_precision. One picture per scene (the stiff ones share two, of plot_families.py),
 tables between the markers `<!-- begin generated: work precision -->` and `<!-- end generated -->`.
 """
 
@@ -36,10 +36,10 @@ TITLES = {
     "order3": "order3: constraint between the jerks, 20 s",
     "stiff_start": "stiff_start: slip at the start decays within 5e-4 s, 3 s",
 }
-FAMILIES = ("SUNDIALS", "Odeint", "GSL", "SciPy")
+FAMILIES = ("SUNDIALS", "Odeint", "GSL")
 OUR_COLOURS = {"auto": "#0b4f9e", "dopri5": "#d1495b", "fehlberg78": "#e0901f",
                "radau": "#6a1b4d"}
-PEER_COLOURS = {"SUNDIALS": "#8395ad", "Odeint": "#b3956a", "GSL": "#86a383", "SciPy": "#b48fb5"}
+PEER_COLOURS = {"SUNDIALS": "#8395ad", "Odeint": "#b3956a", "GSL": "#86a383"}
 MARKERS = "osD^v<>pPX*h"
 
 
@@ -53,8 +53,7 @@ class Point(collections.namedtuple("Point", "error milliseconds tolerance status
 
 def family_of(method):
     first = method.split()[0]
-    return {"ours": "ours", "sundials": "SUNDIALS", "odeint": "Odeint", "gsl": "GSL",
-            "scipy": "SciPy"}[first]
+    return {"ours": "ours", "sundials": "SUNDIALS", "odeint": "Odeint", "gsl": "GSL"}[first]
 
 
 def short_name(method):
@@ -125,7 +124,7 @@ def shown_curves(curves):
         marker = MARKERS[index[family] % len(MARKERS)]
         index[family] += 1
         drawn.append((method.replace("sundials", "SUNDIALS").replace("odeint", "Odeint")
-                      .replace("gsl", "GSL").replace("scipy", "SciPy"), points,
+                      .replace("gsl", "GSL"), points,
                       {"color": PEER_COLOURS[family], "marker": marker, "markersize": 4,
                        "linewidth": 0.9, "zorder": 2}))
     form_of_fixed = ours_forms(curves)
@@ -246,8 +245,8 @@ def target_table(scenes, target):
         else:
             cells.append(f"{min(peers) / ours[0]:.2g}")
         rows.append(cells)
-    return table(["scene", "ours, best", "auto, machine code", "auto, formulas", "SUNDIALS",
-                  "Odeint", "GSL", "SciPy", "best peer / ours"], rows)
+    return table(["scene", "ours, best", "auto, machine code", "auto, formulas", "SUNDIALS", "Odeint",
+                  "GSL", "best peer / ours"], rows)
 
 
 def summary_table(scenes):
@@ -387,7 +386,7 @@ def write_section(path, section):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("rows", nargs="+", help="CSV files of work_precision and scipy_peers.py")
+    parser.add_argument("rows", nargs="+", help="CSV files of work_precision")
     parser.add_argument("--document", default="doc/benchmarks.md")
     parser.add_argument("--pictures", default="doc/pictures/benchmarks", help="folder")
     arguments = parser.parse_args()

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "support/scenes.h"
@@ -13,11 +14,6 @@
 
 namespace variator_sim {
 namespace {
-
-struct Case {
-  std::string name;
-  StepperKind stepper;
-};
 
 std::string casePath(const std::string& name) {
   return std::string(VARIATOR_SIM_TEST_DIR) + "/cases/" + name;
@@ -42,12 +38,13 @@ void compareColumn(const ParameterTree& sample, const std::string& column, const
   }
 }
 
-class Cases : public testing::TestWithParam<Case> {};
+class Cases : public testing::TestWithParam<std::tuple<const char*, StepperKind>> {};
 
 TEST_P(Cases, AgreeWithTheReference) {
-  const std::string folder = casePath(GetParam().name);
+  const auto [name, stepper] = GetParam();
+  const std::string folder = casePath(name);
   Scene scene = test::withTolerance(test::sceneFromFile(folder + "/scene.yaml"), 1e-11);
-  scene.solver.stepper = GetParam().stepper;
+  scene.solver.stepper = stepper;
   Simulation simulation(std::move(scene));
 
   std::vector<TimedCommand> commands;
@@ -92,26 +89,13 @@ TEST_P(Cases, AgreeWithTheReference) {
 
 INSTANTIATE_TEST_SUITE_P(
     AllCases, Cases,
-    testing::Values(
-        Case{"slip_ship", StepperKind::kAuto}, Case{"slip_ship", StepperKind::kDopri5},
-        Case{"slip_ship", StepperKind::kTaylor}, Case{"slip_ship", StepperKind::kFehlberg78},
-        Case{"slip_ship", StepperKind::kRadau}, Case{"acceleration_circle", StepperKind::kAuto},
-        Case{"acceleration_circle", StepperKind::kDopri5},
-        Case{"acceleration_circle", StepperKind::kTaylor},
-        Case{"acceleration_circle", StepperKind::kFehlberg78},
-        Case{"acceleration_circle", StepperKind::kRadau},
-
-        Case{"crank_elastic", StepperKind::kAuto}, Case{"crank_elastic", StepperKind::kDopri5},
-        Case{"crank_elastic", StepperKind::kTaylor},
-        Case{"crank_elastic", StepperKind::kFehlberg78}, Case{"crank_elastic", StepperKind::kRadau},
-        Case{"first_order_ratio", StepperKind::kAuto},
-        Case{"first_order_ratio", StepperKind::kDopri5},
-        Case{"first_order_ratio", StepperKind::kTaylor},
-        Case{"first_order_ratio", StepperKind::kFehlberg78},
-        Case{"first_order_ratio", StepperKind::kRadau}, Case{"torque_steps", StepperKind::kAuto},
-        Case{"torque_steps", StepperKind::kDopri5}, Case{"torque_steps", StepperKind::kTaylor},
-        Case{"torque_steps", StepperKind::kFehlberg78}, Case{"torque_steps", StepperKind::kRadau}),
-    [](const auto& test) { return test.param.name + "_" + toString(test.param.stepper); });
+    testing::Combine(testing::Values("slip_ship", "acceleration_circle", "crank_elastic",
+                                     "first_order_ratio", "torque_steps"),
+                     testing::Values(StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kTaylor,
+                                     StepperKind::kFehlberg78, StepperKind::kRadau)),
+    [](const auto& test) {
+      return std::get<0>(test.param) + std::string("_") + toString(std::get<1>(test.param));
+    });
 
 }  // namespace
 }  // namespace variator_sim

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "support/clutch.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -162,37 +163,24 @@ gear: {type: variator_sim/ExpressionConstraint, )yaml"
   }
 }
 
-std::string clutchOf(const std::string& w0) {
-  return R"yaml(
-shafts: [flywheel, hub, car]
-flywheel: {inertia: 1}
-hub: {inertia: 0.05}
-car: {inertia: 1}
-torques: [motor, clutch, spring]
-motor: {type: variator_sim/ExpressionTorque, shaft: flywheel, torque: "200*sin(100*t)"}
-clutch: {type: variator_sim/Friction, shafts: [flywheel, hub], coulomb: 80, regularization_speed: )yaml" +
-         w0 + R"yaml(}
-spring: {type: variator_sim/ElasticCoupling, shafts: [hub, car], stiffness: 160, damping: 1}
-principle: gauss
-initial: {velocity: [100, 90, 90]}
-)yaml";
-}
-
 // Rounding of 94 rad/s makes 1e-8 rad/s^2 of the accelerations, which is nothing beside the
 // torques that balance each other in them.
 TEST(Crawls, AClutchWhoseTorquesCancelKeepsItsTolerance) {
-  const Played regularized = run(test::sceneFromText(clutchOf("1e-3")), StepperKind::kAuto, 0.45);
+  const Played regularized =
+      run(test::sceneFromText(test::withDryClutch("1e-3")), StepperKind::kAuto, 0.45);
   ASSERT_TRUE(regularized.status.ok()) << regularized.text;
   // A dry clutch that locks and slips by events.
   EXPECT_NEAR(regularized.sample.velocity[0], 94.66966463, 2e-3);
   EXPECT_NEAR(regularized.sample.velocity[2], 96.04620816, 2e-3);
   EXPECT_LT(regularized.tried(), 1500U);
-  const Played narrow = run(test::sceneFromText(clutchOf("1e-4")), StepperKind::kAuto, 0.45, 10000);
+  const Played narrow =
+      run(test::sceneFromText(test::withDryClutch("1e-4")), StepperKind::kAuto, 0.45, 10000);
   EXPECT_TRUE(narrow.status.ok()) << narrow.text;
 }
 
 TEST(Crawls, AToleranceThatAClutchPutsOutOfReachIsNamedWithItsKey) {
-  const Played lost = run(test::sceneFromText(clutchOf("1e-6")), StepperKind::kAuto, 0.45);
+  const Played lost =
+      run(test::sceneFromText(test::withDryClutch("1e-6")), StepperKind::kAuto, 0.45);
   EXPECT_EQ(lost.status.reason, StopReason::kToleranceTooSmall) << lost.text;
   EXPECT_NE(lost.text.find("most by torque 'clutch': 'clutch/regularization_speed: "),
             std::string::npos)

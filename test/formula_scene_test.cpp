@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "support/faults.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -306,12 +307,6 @@ std::string errorOf(const std::string& yaml) {
   return "";
 }
 
-void expectError(const std::string& yaml, const std::string& path, const std::string& part) {
-  const std::string error = errorOf(yaml);
-  EXPECT_EQ(error.find(path + ":"), 0U) << error;
-  EXPECT_NE(error.find(part), std::string::npos) << error;
-}
-
 /// A torque by formula beside an input `lever` and a table `curve`.
 std::string withTorque(const std::string& keys) {
   return "inputs: [lever]\nlever: {topic: lever}\ntables: [curve]\ncurve: {x: [0, 1], values: [0, "
@@ -323,51 +318,54 @@ TEST(SceneFormulas, NameWhatIsWrong) {
   EXPECT_EQ(errorOf(withTorque("torque: 'lever*curve(w_drive)'")), "");
   // Inputs and tables that nobody reads are none of their scene's faults.
   EXPECT_EQ(errorOf(withTorque("torque: 't'")), "");
-  expectError(withTorque("torque: 'levr'"), "it/torque", "did you mean 'lever'?");
-  expectError(withTorque("torque: 'w_driv'"), "it/torque", "did you mean 'w_drive'?");
-  expectError(withTorque("torque: 'curv(1)'"), "it/torque", "did you mean 'curve'?");
-  expectError(withTorque("torque: 'lever(1)'"), "it/torque", "'lever' is not a function");
-  expectError(withTorque("torque: 'e_drive'"), "it/torque", "its rate would need the jerk");
-  expectError(withTorque("torque: 'j_drive'"), "it/torque", "constraints of order 3 only");
-  expectError(withTorque("torque: 'w1', parameters: {k: 2}"), "it/parameters/k",
-              "'k' is not read by the formula 'w1'");
-  expectError(withTorque("torque: 'w1*lever', parameters: {lever: 2}"), "it/parameters/lever",
-              "already the name of an input");
-  expectError(withTorque("torque: 'w1*curve', parameters: {curve: 2}"), "it/parameters/curve",
-              "already the name of a table");
-  expectError(withTorque("torque: 'w1*w_load', parameters: {w_load: 2}"), "it/parameters/w_load",
-              "is the name of a variable");
-  expectError(withTorque("torque: 'w1*if', parameters: {if: 2}"), "it/parameters/if",
-              "already the name of a function");
-  expectError(withTorque("torque: 'w1', reaction_on: drive"), "it/reaction_on", "the two cancel");
-  expectError(withTorque("torque: 'w1', reaction_on: laod"), "it/reaction_on",
-              "did you mean 'load'?");
+  const auto read = [](const std::string& keys) {
+    test::sceneFromText(kShafts + withTorque(keys));
+  };
+  test::expectFaults(test::readFaults("", R"(
+torque: 'levr' => it/torque: did you mean 'lever'?
+torque: 'w_driv' => it/torque: did you mean 'w_drive'?
+torque: 'curv(1)' => it/torque: did you mean 'curve'?
+torque: 'lever(1)' => it/torque: 'lever' is not a function
+torque: 'e_drive' => it/torque: its rate would need the jerk
+torque: 'j_drive' => it/torque: constraints of order 3 only
+torque: 'w1', parameters: {k: 2} => it/parameters/k: 'k' is not read by the formula 'w1'
+torque: 'w1*lever', parameters: {lever: 2} => it/parameters/lever: already the name of an input
+torque: 'w1*curve', parameters: {curve: 2} => it/parameters/curve: already the name of a table
+torque: 'w1*w_load', parameters: {w_load: 2} => it/parameters/w_load: is the name of a variable
+torque: 'w1*if', parameters: {if: 2} => it/parameters/if: already the name of a function
+torque: 'w1', reaction_on: drive => it/reaction_on: the two cancel
+torque: 'w1', reaction_on: laod => it/reaction_on: did you mean 'load'?
+)"),
+                     read);
 }
 
 TEST(SceneFormulas, RefuseNamesThatMeanSomethingElse) {
-  expectError("inputs: [sin]\nsin: {topic: a}", "inputs[0]", "already the name of a function");
-  expectError("inputs: [w2]\nw2: {topic: a}", "inputs[0]", "the name of a variable");
-  expectError("inputs: [t]\nt: {topic: a}", "inputs[0]", "the name of a variable");
-  expectError("tables: [w_drive]\nw_drive: {x: [0, 1], values: [0, 1]}", "tables[0]",
-              "the name of a variable");
-  expectError("tables: [pi]\npi: {x: [0, 1], values: [0, 1]}", "tables[0]", "the name of a number");
-  expectError("inputs: [load]", "inputs[0]", "listed twice");
-  expectError("inputs: [a]\ntables: [a]\na: {topic: a}", "tables[0]", "listed twice");
-  expectError("inputs: [a]", "a", "missing");
-  expectError("a: {topic: a}", "a", "inputs, tables");
-  expectError("inputs: [a]\na: {topic: a, gain: 2}", "a/gain", "unknown key");
-  expectError("inputs: [a, b]\na: {topic: a}\nb: {topic: a}", "b/topic", "is used twice");
-  expectError("tables: [a]\na: {x: [0, 1], values: [0, 1], beyond: cubic}", "a/beyond",
-              "constant, linear");
-  expectError("tables: [a]\na: {x: [0, 1], values: [0, 1, 2]}", "a/values", "2");
+  test::expectFaults(test::readFaults(kShafts, R"(
+inputs: [sin] / sin: {topic: a} => inputs[0]: already the name of a function
+inputs: [w2] / w2: {topic: a} => inputs[0]: the name of a variable
+inputs: [t] / t: {topic: a} => inputs[0]: the name of a variable
+tables: [w_drive] / w_drive: {x: [0, 1], values: [0, 1]} => tables[0]: the name of a variable
+tables: [pi] / pi: {x: [0, 1], values: [0, 1]} => tables[0]: the name of a number
+inputs: [load] => inputs[0]: listed twice
+inputs: [a] / tables: [a] / a: {topic: a} => tables[0]: listed twice
+inputs: [a] => a: missing
+a: {topic: a} => a: inputs, tables
+inputs: [a] / a: {topic: a, gain: 2} => a/gain: unknown key
+inputs: [a, b] / a: {topic: a} / b: {topic: a} => b/topic: is used twice
+tables: [a] / a: {x: [0, 1], values: [0, 1], beyond: cubic} => a/beyond: constant, linear
+tables: [a] / a: {x: [0, 1], values: [0, 1, 2]} => a/values: 2
+)"),
+                     test::sceneFromText);
 }
 
 TEST(SceneFormulas, TakeSmoothInputsInOrder1) {
   const std::string constraint =
       "constraints: [gear]\ngear: {type: variator_sim/ExpressionConstraint, order: 1, expression: "
       "'w_load - i*w_drive'}\n";
-  expectError(constraint + "inputs: [i]\ni: {topic: i, initial: 0.6}", "i/hold",
-              "read by the constraint 'gear' of order 1");
+  test::expectFaults(test::readFaults(kShafts + constraint, R"(
+inputs: [i] / i: {topic: i, initial: 0.6} => i/hold: read by the constraint 'gear' of order 1
+)"),
+                     test::sceneFromText);
   EXPECT_EQ(errorOf(constraint + "inputs: [i]\ni: {topic: i, hold: second_order_lag, "
                                  "time_constant: 0.1, initial: 0.6}"),
             "");

@@ -3,22 +3,18 @@
 
 import ast
 import csv
-import os
 import pathlib
 import struct
-import subprocess
-import tempfile
 import zipfile
 
 import numpy
 import roslib.packages
 import rosunit
 
-from support.subtests import TestCase
+from support.simulate import SimulateTestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
-SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 CONFIG = FOLDER / "config"
 RATIO_STEPS = str(CONFIG / "ratio_steps.yaml")
 SHIP = str(CONFIG / "ship.yaml")
@@ -79,36 +75,13 @@ def read_mat(data):
     return variables
 
 
-class LinearizeTest(TestCase):
-
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-        self.environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1",
-                                VARIATOR_SIM_CACHE=str(self.folder / "cache"))
-
-    def run_simulate(self, *arguments):
-        return subprocess.run([SIMULATE, *arguments], stdout=subprocess.PIPE,
-                              stderr=subprocess.PIPE, text=True, env=self.environment, timeout=60,
-                              check=False)
-
-    def simulate(self, *arguments):
-        result = self.run_simulate(*arguments)
-        self.assertEqual(result.returncode, 0, result.stderr)
-        return result
-
-    def check_refused(self, arguments, *words, status=2):
-        result = self.run_simulate(*arguments)
-        self.assertEqual(result.returncode, status, result.stderr)
-        for word in words:
-            self.assertIn(word, result.stderr)
+class LinearizeTest(SimulateTestCase):
 
     def test_files_hold_the_same_model(self):
         paths = {}
         for ending in ("csv", "npz", "mat"):
             paths[ending] = self.folder / f"model.{ending}"
-            report = self.simulate(RATIO_STEPS, "--linearize", "--at", "2", "--output",
+            report = self.check_simulate(RATIO_STEPS, "--linearize", "--at", "2", "--output",
                                    str(paths[ending])).stdout
             self.assertIn("load/acceleration", report)
             self.assertIn("time constant", report)
@@ -135,7 +108,8 @@ class LinearizeTest(TestCase):
     def test_models_without_inputs(self):
         for ending in ("npz", "mat"):
             path = self.folder / f"model.{ending}"
-            self.simulate(str(CONFIG / "acceleration_circle.yaml"), "--linearize", "--at", "1", "--output", str(path))
+            self.check_simulate(str(CONFIG / "acceleration_circle.yaml"), "--linearize", "--at", "1",
+                                "--output", str(path))
             with self.subTest(ending=ending):
                 if ending == "mat":
                     model = read_mat(path.read_bytes())
@@ -157,7 +131,7 @@ class LinearizeTest(TestCase):
             self.check_refused([SHIP, "--linearize", "--output", str(path)], f".{ending} needs {package}",
                                f"apt install {package}", ".csv", status=3)
             self.assertEqual(path.read_text(encoding="utf-8"), "old")
-        self.simulate(SHIP, "--linearize", "--at", "1", "--output", str(self.folder / "model.csv"))
+        self.check_simulate(SHIP, "--linearize", "--at", "1", "--output", str(self.folder / "model.csv"))
 
     def test_files_that_cannot_be_written(self):
         for ending in ("csv", "npz", "mat"):
@@ -165,42 +139,42 @@ class LinearizeTest(TestCase):
                                "/no/folder", status=3)
 
     def test_all_states_beside_coordinates(self):
-        full = self.simulate(RATIO_STEPS, "--linearize", "--at", "2", "--full").stdout
+        full = self.check_simulate(RATIO_STEPS, "--linearize", "--at", "2", "--full").stdout
         self.assertIn("6 states", full)
         self.assertIn("drive/acceleration  -1.16444", full)
 
     def test_trim_leads_to_a_linear_model(self):
         path = self.folder / "state.yaml"
-        result = self.simulate(RATIO_STEPS, "--trim", "--fix", "drive_torque=5", "--fix",
+        result = self.check_simulate(RATIO_STEPS, "--trim", "--fix", "drive_torque=5", "--fix",
                                "w_drive=10", "--free", "load_torque", "--output", str(path))
         self.assertIn("one steady state found", result.stderr)
         self.assertRegex(path.read_text(encoding="utf-8"), r"velocity: 10\b")
         # A run that starts there stays there.
-        run = self.simulate(RATIO_STEPS, "--from-state", str(path), "--times", "2")
+        run = self.check_simulate(RATIO_STEPS, "--from-state", str(path), "--times", "2")
         header, row = (line.split(",") for line in run.stdout.splitlines())
         self.assertAlmostEqual(float(row[header.index("load/velocity")]), 8.0, delta=1e-7)
-        report = self.simulate(RATIO_STEPS, "--linearize", "--at", str(path)).stdout
+        report = self.check_simulate(RATIO_STEPS, "--linearize", "--at", str(path)).stdout
         self.assertRegex(report, r"drive/velocity +10 +0\n")
-        inline = self.simulate(
+        inline = self.check_simulate(
             RATIO_STEPS, "--linearize", "--at",
             "velocity=[10, 8], acceleration=[0, 0], inputs={drive_torque: 5, load_torque: 3.85}")
         self.assertEqual(inline.stdout, report)
 
     def test_models_at_states_that_runs_have_saved(self):
         path = self.folder / "saved.yaml"
-        self.simulate(RATIO_STEPS, "--duration", "2", "--save-state", str(path))
-        saved = self.simulate(RATIO_STEPS, "--linearize", "--at", str(path)).stdout
-        reached = self.simulate(RATIO_STEPS, "--linearize", "--at", "2").stdout
+        self.check_simulate(RATIO_STEPS, "--duration", "2", "--save-state", str(path))
+        saved = self.check_simulate(RATIO_STEPS, "--linearize", "--at", str(path)).stdout
+        reached = self.check_simulate(RATIO_STEPS, "--linearize", "--at", "2").stdout
         self.assertEqual(saved, reached)
-        later = self.simulate(RATIO_STEPS, "--linearize", "--at", "3", "--from-state", str(path))
+        later = self.check_simulate(RATIO_STEPS, "--linearize", "--at", "3", "--from-state", str(path))
         self.assertEqual(later.stdout,
-                         self.simulate(RATIO_STEPS, "--linearize", "--at", "3").stdout)
+                         self.check_simulate(RATIO_STEPS, "--linearize", "--at", "3").stdout)
 
     def test_commands_lead_to_rest(self):
         commands = self.folder / "commands.csv"
         commands.write_text("time,topic,value\n0,drive_torque,5\n0,load_torque,3\n",
                             encoding="utf-8")
-        report = self.simulate(RATIO_STEPS, "--linearize", "--at", "rest", "--commands",
+        report = self.check_simulate(RATIO_STEPS, "--linearize", "--at", "rest", "--commands",
                                str(commands)).stdout
         rate = float(next(line.split()[2] for line in report.splitlines()
                           if line.startswith("drive/velocity")))
@@ -224,7 +198,7 @@ class LinearizeTest(TestCase):
         self.check_refused([scene, "--trim"], "in the torques on shaft 'generator' and the torques on "
                            "shaft 'rotor' together", "--accelerating", status=1)
         for full in ([], ["--full"]):
-            report = self.simulate(str(scene), "--linearize", "--at", "0", *full).stdout.splitlines()
+            report = self.check_simulate(str(scene), "--linearize", "--at", "0", *full).stdout.splitlines()
             begin = next(n for n, line in enumerate(report) if line.startswith("eigenvalues"))
             self.assertEqual([line.split() for line in report[begin + 1:begin + 3]],
                              [["0", "integrator"]] * 2)
@@ -252,7 +226,7 @@ class LinearizeTest(TestCase):
     def test_every_application_has_a_model_along_its_commands(self):
         for scene in sorted((CONFIG / "applications").glob("*.yaml")):
             with self.subTest(scene=scene.name):
-                report = self.simulate(str(scene), "--linearize", "--at", "20", "--commands",
+                report = self.check_simulate(str(scene), "--linearize", "--at", "20", "--commands",
                                        str(scene.with_suffix(".csv"))).stdout
                 self.assertIn("eigenvalues", report)
 

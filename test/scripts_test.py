@@ -17,6 +17,8 @@ PACKAGE = "variator_sim"
 SCRIPTS = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE)) / "scripts"
 PATIENCE = 100.0  # s; only a failure takes as long
 
+SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
+
 APT = """#!/bin/bash
 for word in "$@"; do if [[ $word == update ]]; then echo "dlstatus:1:50.0:Retrieving file 1 of 2"; exit; fi; done
 for step in 0 4 9 33 66 100; do echo "dlstatus:$step:$step.0000:Retrieving file"; done
@@ -125,6 +127,47 @@ class ScriptsTest(TestCase):
         done = call(*words, self.folder / "scripts/demo",
                     env={**environment, "ROS_MASTER_URI": "http://127.0.0.1:11311", "ROS_IP": "127.0.0.1"})
         self.assertEqual(done.stdout, "built\n")
+
+    def golden(self, action, *words):
+        return call(SCRIPTS / "golden", action, *words, "--only", "^torque_steps, .*auto$",
+                    "--scenes", "0", "--processes", "1", "--cache", self.folder / "cache")
+
+    def test_golden_tells_which_runs_differ(self):
+        # Answers what stands in the file `answer`, and saves a state.
+        program = self.folder / "lib/package/simulate"
+        program.parent.mkdir(parents=True)
+        write(program, f"""#!/bin/bash
+cat {self.folder}/answer
+echo "steps: 7" >&2
+for word in "$@"; do if [[ $last == --save-state ]]; then echo state >"$word"; fi; last=$word; done
+if [[ "$*" == *--error* ]]; then echo "simulate: StepLimit" >&2; exit 1; fi
+""")
+        (self.folder / "answer").write_text("time,a/angle\n0,1\n")
+        words = [self.folder / "runs", "--program", program, "--ways", "program,error,states"]
+        done = self.golden("record", *words)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        self.assertIn("3 runs recorded", done.stdout)
+        self.assertIn('"1 StepLimit"', (self.folder / "runs").read_text())
+        done = self.golden("compare", *words)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for kind in ("samples", "cost", "end"):
+            self.assertIn(f"{kind}: 0 of 3 runs differ", done.stdout)
+        (self.folder / "answer").write_text("time,a/angle\n0,1.0000000000000002\n")
+        done = self.golden("compare", *words)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn("samples: 3 of 3 runs differ\n  program: torque_steps, its own, auto\n",
+                      done.stdout)
+        self.assertIn("cost: 0 of 3", done.stdout)
+
+    def test_golden_compares_with_references(self):
+        done = self.golden("references", "--program", SIMULATE, "--ways", "program")
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        self.assertIn("test/cases, program: 1 runs, 0 above 1 tolerances", done.stdout)
+        coarse = self.folder / "simulate"
+        write(coarse, f'#!/bin/sh\n{SIMULATE} "$@" --set solver/relative_tolerance=1e-4\n')
+        done = self.golden("references", "--program", coarse, "--ways", "program")
+        self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
+        self.assertIn("test/cases, program: 1 runs, 1 above 1 tolerances", done.stdout)
 
 
 if __name__ == "__main__":

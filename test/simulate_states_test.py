@@ -5,19 +5,16 @@ import os
 import pathlib
 import resource
 import stat
-import subprocess
-import tempfile
 import threading
 
 import roslib.packages
 import rosunit
 import yaml
 
-from support.subtests import TestCase
+from support.simulate import SimulateTestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
-SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 STEPS = str(FOLDER / "test/cases/torque_steps/scene.yaml")
 
 COMMANDS = """time,topic,value
@@ -42,35 +39,10 @@ def resting(noise="0", timeout="hold: zero_order"):
     return RESTING.replace("NOISE", noise).replace("TIMEOUT", timeout)
 
 
-class SimulateStatesTest(TestCase):
-
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-        self.environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1",
-                                VARIATOR_SIM_CACHE=str(self.folder / "cache"))
-
-    def write(self, name, text):
-        path = self.folder / name
-        path.write_text(text, encoding="utf-8")
-        return str(path)
-
-    def simulate(self, *arguments, **more):
-        return subprocess.run([SIMULATE, *arguments], stdout=subprocess.PIPE,
-                              stderr=subprocess.PIPE, text=True, env=self.environment, timeout=60,
-                              check=False, **more)
+class SimulateStatesTest(SimulateTestCase):
 
     def lines(self, *arguments):
-        result = self.simulate(*arguments)
-        self.assertEqual(result.returncode, 0, result.stderr)
-        return result.stdout.splitlines()
-
-    def check_refused(self, arguments, *words):
-        result = self.simulate(*arguments)
-        self.assertEqual(result.returncode, 2, result.stderr)
-        for word in words:
-            self.assertIn(word, result.stderr)
+        return self.check_simulate(*arguments).stdout.splitlines()
 
     def test_an_input_that_contradicts_itself_is_refused(self):
         holds = {"rate_limit, rate: 3": {"until": 1.5, "target": 0.0, "value": 4.0},

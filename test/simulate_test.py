@@ -8,18 +8,16 @@ import pty
 import resource
 import signal
 import subprocess
-import tempfile
 import time
 
 import rosbag
 import roslib.packages
 import rosunit
 
-from support.subtests import TestCase
+from support.simulate import SIMULATE, SimulateTestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
-SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 SHIP = str(FOLDER / "config/ship.yaml")
 RATIO_STEPS = str(FOLDER / "config/ratio_steps.yaml")
 
@@ -67,37 +65,10 @@ def parse(text):
     return lines[0].split(","), [[float(word) for word in line.split(",")] for line in lines[1:]]
 
 
-class SimulateTest(TestCase):
-
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-        # Nobody is there: the tool needs no master. Machine code is made for the test alone.
-        self.environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1",
-                                VARIATOR_SIM_CACHE=str(self.folder / "cache"))
-
-    def write(self, name, text):
-        path = self.folder / name
-        path.write_text(text, encoding="utf-8")
-        return str(path)
-
-    def simulate(self, *arguments, **options):
-        options.setdefault("stdout", subprocess.PIPE)
-        return subprocess.run([SIMULATE, *arguments], stderr=subprocess.PIPE, text=True,
-                              env=self.environment, timeout=60, check=False, **options)
+class SimulateTest(SimulateTestCase):
 
     def samples(self, *arguments):
-        result = self.simulate(*arguments)
-        self.assertEqual(result.returncode, 0, result.stderr)
-        return parse(result.stdout)
-
-    def check_refused(self, arguments, *words):
-        result = self.simulate(*arguments)
-        self.assertEqual(result.returncode, 2, result.stderr)
-        self.assertEqual(result.stdout, "")
-        for word in words:
-            self.assertIn(word, result.stderr)
+        return parse(self.check_simulate(*arguments).stdout)
 
     def test_help(self):
         result = self.simulate("--help")

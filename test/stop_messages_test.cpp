@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "support/clutch.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -112,25 +113,8 @@ TEST(Chattering, TheHintForAnIfRuns) {
 
 // --- ToleranceTooSmall -----------------------------------------------------------------------
 
-std::string clutchWith(const std::string& more) {
-  return R"yaml(
-shafts: [flywheel, hub, car]
-flywheel: {inertia: 1}
-hub: {inertia: 0.05}
-car: {inertia: 1}
-torques: [motor, clutch, spring]
-motor: {type: variator_sim/ExpressionTorque, shaft: flywheel, torque: "200*sin(100*t)"}
-spring: {type: variator_sim/ElasticCoupling, shafts: [hub, car], stiffness: 160, damping: 1}
-principle: gauss
-initial: {velocity: [100, 90, 90]}
-)yaml" + more;
-}
-
 TEST(ToleranceTooSmall, NamesTheNumberOfTheSteepestLawAndAValueThatWouldDo) {
-  const std::string law =
-      "clutch: {type: variator_sim/Friction, shafts: [flywheel, hub], coulomb: 80, "
-      "regularization_speed: ";
-  const std::string text = stopOf(clutchWith(law + "1e-6}\n"), 0.3);
+  const std::string text = stopOf(test::withDryClutch("1e-6"), 0.3);
   expectText(text, "ToleranceTooSmall at t = ");
   expectText(text, "most by torque 'clutch': 'clutch/regularization_speed: ");
   expectText(text, "(it is 1e-06)");
@@ -142,17 +126,17 @@ TEST(ToleranceTooSmall, NamesTheNumberOfTheSteepestLawAndAValueThatWouldDo) {
     return text.substr(begin, text.find('\'', begin) - begin);
   };
   const std::string speed = valueBehind("clutch/regularization_speed");
-  EXPECT_EQ(stopOf(clutchWith(law + speed + "}\n"), 0.3), "") << speed;
-  EXPECT_EQ(stopOf(clutchWith(law + "1e-6}\nsolver: {relative_tolerance: " +
-                              valueBehind("solver/relative_tolerance") + ", absolute_tolerance: " +
-                              valueBehind("solver/absolute_tolerance") + "}\n"),
+  EXPECT_EQ(stopOf(test::withDryClutch(speed), 0.3), "") << speed;
+  EXPECT_EQ(stopOf(test::withDryClutch("1e-6") +
+                       "solver: {relative_tolerance: " + valueBehind("solver/relative_tolerance") +
+                       ", absolute_tolerance: " + valueBehind("solver/absolute_tolerance") + "}\n",
                    0.3),
             "");
 }
 
 // The same law as a formula: its parameter is a key of the scene, too.
 TEST(ToleranceTooSmall, NamesTheParameterOfAFormula) {
-  const std::string text = stopOf(clutchWith(R"yaml(clutch:
+  const std::string text = stopOf(test::withClutch(R"yaml(clutch:
   type: variator_sim/ExpressionTorque
   shaft: flywheel
   reaction_on: hub

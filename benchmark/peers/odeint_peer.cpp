@@ -27,34 +27,38 @@ double chooseFirstStep(const SceneCase& scene) {
   return scene.tau > 0.0 ? std::clamp(0.1 * scene.tau, 1e-9, 1e-3) : 1e-3;
 }
 
-/// integrate_adaptive with a controlled stepper over std::array.
-template <template <class> class SceneOf, template <class...> class Stepper>
-class ControlledOdeint : public PeerMethod<SceneOf> {
+/// integrate_adaptive over a vector of this type.
+template <template <class> class SceneOf, class State>
+class OdeintMethod : public PeerMethod<SceneOf> {
+ protected:
   using Base = PeerMethod<SceneOf>;
-  using State = std::array<double, Base::kState>;
 
- public:
-  ControlledOdeint(std::string name, const SceneCase& scene)
-      : Base(std::move(name), scene), first_step_(chooseFirstStep(scene)) {}
+  OdeintMethod(std::string name, const SceneCase& scene, double first_step)
+      : Base(std::move(name), scene), first_step_(first_step) {}
 
-  std::string prepare(double tolerance) override {
-    tolerance_ = tolerance;
-    return "";
-  }
-  bool run() override {
+  /// Plays the problem with the stepper of `make(tolerance)`; `jacobian`: nothing, or what the
+  /// system needs beside its right-hand sides.
+  template <class MakeStepper, class... Jacobian>
+  bool playWith(const MakeStepper& make, const Jacobian&... jacobian) {
     this->failure_ = "ok";
     this->steps_ = 0;
     auto& problem = this->problem_;
-    const auto system = [&problem](const State& x, State& dxdt, double t) {
-      if (!problem(t, x.data(), dxdt.data())) throw TimeOut();
+    const auto rates = [&problem](const State& x, State& dxdt, double t) {
+      if (!problem(t, &x[0], &dxdt[0])) throw TimeOut();
     };
+    State state{};
+    if constexpr (sizeof...(Jacobian) > 0) state.resize(Base::kState);
     try {
       return problem.play(this->x_, [&](double t0, double t1, double* x) {
-        State state;
         std::copy(x, x + Base::kState, state.begin());
-        this->steps_ += odeint::integrate_adaptive(
-            odeint::make_controlled<Stepper<State>>(tolerance_, tolerance_), system, state, t0, t1,
-            first_step_);
+        const auto advance = [&](const auto& system) {
+          return odeint::integrate_adaptive(make(tolerance_), system, state, t0, t1, first_step_);
+        };
+        if constexpr (sizeof...(Jacobian) > 0) {
+          this->steps_ += advance(std::make_pair(rates, jacobian...));
+        } else {
+          this->steps_ += advance(rates);
+        }
         std::copy(state.begin(), state.end(), x);
         return true;
       });
@@ -65,8 +69,29 @@ class ControlledOdeint : public PeerMethod<SceneOf> {
   }
 
  private:
+  std::string prepare(double tolerance) override {
+    tolerance_ = tolerance;
+    return "";
+  }
+
   double tolerance_ = 0.0;
   double first_step_;
+};
+
+template <template <class> class SceneOf>
+using Array = std::array<double, PeerMethod<SceneOf>::kState>;
+
+/// A controlled stepper over std::array.
+template <template <class> class SceneOf, template <class...> class Stepper>
+class ControlledOdeint : public OdeintMethod<SceneOf, Array<SceneOf>> {
+ public:
+  ControlledOdeint(std::string name, const SceneCase& scene)
+      : OdeintMethod<SceneOf, Array<SceneOf>>(std::move(name), scene, chooseFirstStep(scene)) {}
+  bool run() override {
+    return this->playWith([](double tolerance) {
+      return odeint::make_controlled<Stepper<Array<SceneOf>>>(tolerance, tolerance);
+    });
+  }
 };
 
 template <class State>
@@ -76,98 +101,43 @@ using Fehlberg78 = odeint::runge_kutta_fehlberg78<State>;
 
 /// The extrapolation method is a controlled stepper by itself.
 template <template <class> class SceneOf>
-class BulirschStoerOdeint : public PeerMethod<SceneOf> {
-  using Base = PeerMethod<SceneOf>;
-  using State = std::array<double, Base::kState>;
-
+class BulirschStoerOdeint : public OdeintMethod<SceneOf, Array<SceneOf>> {
  public:
   BulirschStoerOdeint(std::string name, const SceneCase& scene)
-      : Base(std::move(name), scene), first_step_(10.0 * chooseFirstStep(scene)) {}
-
-  std::string prepare(double tolerance) override {
-    tolerance_ = tolerance;
-    return "";
-  }
+      : OdeintMethod<SceneOf, Array<SceneOf>>(std::move(name), scene,
+                                              10.0 * chooseFirstStep(scene)) {}
   bool run() override {
-    this->failure_ = "ok";
-    this->steps_ = 0;
-    auto& problem = this->problem_;
-    const auto system = [&problem](const State& x, State& dxdt, double t) {
-      if (!problem(t, x.data(), dxdt.data())) throw TimeOut();
-    };
-    try {
-      return problem.play(this->x_, [&](double t0, double t1, double* x) {
-        State state;
-        std::copy(x, x + Base::kState, state.begin());
-        this->steps_ +=
-            odeint::integrate_adaptive(odeint::bulirsch_stoer<State>(tolerance_, tolerance_),
-                                       system, state, t0, t1, first_step_);
-        std::copy(state.begin(), state.end(), x);
-        return true;
-      });
-    } catch (const std::exception&) {
-      this->failure_ = "step adjustment failed";
-      return false;
-    }
+    return this->playWith([](double tolerance) {
+      return odeint::bulirsch_stoer<Array<SceneOf>>(tolerance, tolerance);
+    });
   }
-
- private:
-  double tolerance_ = 0.0;
-  double first_step_;
 };
 
 /// rosenbrock4 with exact Jacobians; it works on uBLAS types only.
 template <template <class> class SceneOf>
-class RosenbrockOdeint : public PeerMethod<SceneOf> {
-  using Base = PeerMethod<SceneOf>;
+class RosenbrockOdeint : public OdeintMethod<SceneOf, ublas::vector<double>> {
   using State = ublas::vector<double>;
   using Matrix = ublas::matrix<double>;
 
  public:
   RosenbrockOdeint(std::string name, const SceneCase& scene)
-      : Base(std::move(name), scene), first_step_(chooseFirstStep(scene)) {}
-
-  std::string prepare(double tolerance) override {
-    tolerance_ = tolerance;
-    return "";
-  }
+      : OdeintMethod<SceneOf, State>(std::move(name), scene, chooseFirstStep(scene)) {}
   bool run() override {
-    constexpr int N = Base::kState;
-    this->failure_ = "ok";
-    this->steps_ = 0;
-    auto& problem = this->problem_;
-    const auto system = [&problem](const State& x, State& dxdt, double t) {
-      if (!problem(t, &x[0], &dxdt[0])) throw TimeOut();
+    const auto make = [](double tolerance) {
+      return odeint::make_controlled<odeint::rosenbrock4<double>>(tolerance, tolerance);
     };
-    const auto jacobian = [&problem](const State& x, Matrix& entries, const double& t,
-                                     State& dfdt) {
+    const auto jacobian = [this](const State& x, Matrix& entries, const double& t, State& dfdt) {
+      constexpr int N = PeerMethod<SceneOf>::kState;
       double columns[N * N];
-      problem.jacobian(t, &x[0], columns, &dfdt[0]);
+      this->problem_.jacobian(t, &x[0], columns, &dfdt[0]);
       for (int i = 0; i < N; ++i) {
         for (int j = 0; j < N; ++j) {
           entries(static_cast<std::size_t>(i), static_cast<std::size_t>(j)) = columns[i + N * j];
         }
       }
     };
-    try {
-      return problem.play(this->x_, [&](double t0, double t1, double* x) {
-        State state(N);
-        std::copy(x, x + N, state.begin());
-        this->steps_ += odeint::integrate_adaptive(
-            odeint::make_controlled<odeint::rosenbrock4<double>>(tolerance_, tolerance_),
-            std::make_pair(system, jacobian), state, t0, t1, first_step_);
-        std::copy(state.begin(), state.end(), x);
-        return true;
-      });
-    } catch (const std::exception&) {
-      this->failure_ = "step adjustment failed";
-      return false;
-    }
+    return this->playWith(make, jacobian);
   }
-
- private:
-  double tolerance_ = 0.0;
-  double first_step_;
 };
 
 template <template <class> class SceneOf>

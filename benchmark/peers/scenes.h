@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cmath>
+#include <initializer_list>
 
 #include "dual.h"
 
@@ -42,6 +43,12 @@ struct TwoShafts : PlainScene {
     N[0][1] = -C[0][0];
   }
 };
+
+/// x in long double, as a scene's scalars.
+template <class R>
+void setState(R* x, std::initializer_list<long double> values) {
+  for (const long double value : values) *x++ = R(typename ConstantOf<R>::Type(value));
+}
 
 /// epsilon of least reaction for one constraint that is linear in epsilon: J epsilon = Q + C^T l.
 template <class Scene, class R>
@@ -89,9 +96,7 @@ struct Ship : TwoShafts {
   explicit Ship(const SceneParameters& /*parameters*/) {}
 
   static void initial(R* x) {
-    const long double start[6] = {
-        0.0L, 0.0L, 5.0L, 2.0L, 8.7766140234030305241L, 6.0165615693436304098L};
-    for (int i = 0; i < 6; ++i) x[i] = R(K(start[i]));
+    setState(x, {0.0L, 0.0L, 5.0L, 2.0L, 8.7766140234030305241L, 6.0165615693436304098L});
   }
   static void torque(const R& /*t*/, const R* /*phi*/, const R* w, R* Q) {
     Q[0] = kMotor.torque(w[0]);
@@ -130,8 +135,7 @@ struct SmoothLinear : TwoShafts {
   explicit SmoothLinear(const SceneParameters& /*parameters*/) {}
 
   static void initial(R* x) {
-    const long double start[6] = {0.0L, 0.0L, 10.0L, 7.0L, 0.0L, 0.0L};
-    for (int i = 0; i < 6; ++i) x[i] = R(K(start[i]));
+    setState(x, {0.0L, 0.0L, 10.0L, 7.0L, 0.0L, 0.0L});
     findLeastReaction(SmoothLinear({}), x);
   }
   static void torque(const R& t, const R* /*phi*/, const R* w, R* Q) {
@@ -162,10 +166,7 @@ struct AccelerationCircle : TwoShafts {
   static constexpr K kEnd = K(5);
   explicit AccelerationCircle(const SceneParameters& /*parameters*/) {}
 
-  static void initial(R* x) {
-    const long double start[6] = {0.0L, 0.0L, 0.0L, 0.0L, 1.2L, 1.6L};
-    for (int i = 0; i < 6; ++i) x[i] = R(K(start[i]));
-  }
+  static void initial(R* x) { setState(x, {0.0L, 0.0L, 0.0L, 0.0L, 1.2L, 1.6L}); }
   static void torque(const R& t, const R* /*phi*/, const R* /*w*/, R* Q) {
     Q[0] = K(3) * t;
     Q[1] = R(K(0));
@@ -196,8 +197,7 @@ struct TorqueSteps : TwoShafts {
   explicit TorqueSteps(const SceneParameters& /*parameters*/) {}
 
   static void initial(R* x) {
-    const long double start[6] = {0.0L, 0.0L, 10.0L, 8.0L, 0.0L, 0.0L};
-    for (int i = 0; i < 6; ++i) x[i] = R(K(start[i]));
+    setState(x, {0.0L, 0.0L, 10.0L, 8.0L, 0.0L, 0.0L});
     findLeastReaction(TorqueSteps({}), x);
   }
   static K eventTime(int event) { return K(0.5L) * K(event); }
@@ -250,8 +250,7 @@ struct StiffSlip : TwoShafts {
   /// The double numbers that our scene and the peers start with.
   void initial(R* x) const {
     if (parameters.slips_at_start) {
-      const long double start[6] = {0.0L, 0.0L, 5.0L, 2.0L, 0.0L, 0.0L};
-      for (int i = 0; i < 6; ++i) x[i] = R(K(start[i]));
+      setState(x, {0.0L, 0.0L, 5.0L, 2.0L, 0.0L, 0.0L});
       findLeastReaction(*this, x);
       return;
     }
@@ -352,19 +351,8 @@ struct FourShafts : PlainScene {
     N[1][3] = -C[1][2];
   }
   static void initial(R* x) {
-    const long double start[12] = {0.0L,
-                                   0.0L,
-                                   0.0L,
-                                   0.0L,
-                                   10.0L,
-                                   7.0L,
-                                   7.0L,
-                                   5.6L,
-                                   18.22722053114120627745L,
-                                   12.75905437179884439422L,
-                                   -0.4181321623640764628555L,
-                                   -0.3350661376058696561941L};
-    for (int i = 0; i < 12; ++i) x[i] = R(K(start[i]));
+    setState(x, {0.0L, 0.0L, 0.0L, 0.0L, 10.0L, 7.0L, 7.0L, 5.6L, 18.22722053114120627745L,
+                 12.75905437179884439422L, -0.4181321623640764628555L, -0.3350661376058696561941L});
   }
   static void torque(const R& /*t*/, const R* phi, const R* w, R* Q) {
     const R twist = phi[1] - phi[2];
@@ -427,16 +415,8 @@ struct Crank : PlainScene {
     N[1][2] = -C[0][1];
   }
   static void initial(R* x) {
-    const long double start[9] = {0.0L,
-                                  0.0L,
-                                  0.0L,
-                                  10.0L,
-                                  10.0L,
-                                  7.0L,
-                                  15.833333333333333333L,
-                                  -0.61495035182037140116L,
-                                  -0.4317929022600517712L};
-    for (int i = 0; i < 9; ++i) x[i] = R(K(start[i]));
+    setState(x, {0.0L, 0.0L, 0.0L, 10.0L, 10.0L, 7.0L, 15.833333333333333333L,
+                 -0.61495035182037140116L, -0.4317929022600517712L});
   }
   static void torque(const R& /*t*/, const R* phi, const R* w, R* Q) {
     using std::sin;
@@ -496,8 +476,7 @@ struct Order1 : TwoShafts {
   explicit Order1(const SceneParameters& /*parameters*/) {}
 
   static void initial(R* x) {
-    const long double start[6] = {0.0L, 0.0L, 4.0L, 2.0L, 0.0L, 0.0L};
-    for (int i = 0; i < 6; ++i) x[i] = R(K(start[i]));
+    setState(x, {0.0L, 0.0L, 4.0L, 2.0L, 0.0L, 0.0L});
     findLeastReaction(Order1({}), x);
   }
   static void torque(const R& /*t*/, const R* /*phi*/, const R* w, R* Q) {
@@ -537,10 +516,7 @@ struct Order3 : TwoShafts {
   static constexpr K kEnd = K(20);
   explicit Order3(const SceneParameters& /*parameters*/) {}
 
-  static void initial(R* x) {
-    const long double start[6] = {0.0L, 0.0L, 5.0L, 2.0L, 10.0L, 4.0L};
-    for (int i = 0; i < 6; ++i) x[i] = R(K(start[i]));
-  }
+  static void initial(R* x) { setState(x, {0.0L, 0.0L, 5.0L, 2.0L, 10.0L, 4.0L}); }
   static void torque(const R& /*t*/, const R* /*phi*/, const R* w, R* Q) {
     Q[0] = K(25) - K(0.6L) * w[0];
     Q[1] = K(-0.02L) * (w[1] * w[1]);

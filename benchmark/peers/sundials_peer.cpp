@@ -48,6 +48,22 @@ class SundialsMethod : public PeerMethod<SceneOf> {
   /// The initial state as the solver's vector, for its creation.
   void setInitial() { std::copy(this->problem_.initial(), this->problem_.initial() + kState, y()); }
   double* y() { return NV_DATA_S(y_); }
+  /// Plays the problem; `advance` brings y from t0 to t1, counts its steps, and returns the
+  /// solver's flag.
+  template <class Advance>
+  bool playWith(const char* solver, const Advance& advance) {
+    this->failure_ = "ok";
+    this->steps_ = 0;
+    return this->problem_.play(this->x_, [&](double t0, double t1, double* x) {
+      std::copy(x, x + kState, y());
+      long steps = 0;
+      const int flag = advance(t0, t1, &steps);
+      std::copy(y(), y() + kState, x);
+      this->steps_ += static_cast<std::uint64_t>(steps);
+      if (flag < 0) this->failure_ = std::string(solver) + " error " + std::to_string(flag);
+      return flag >= 0;
+    });
+  }
 
   static int evaluate(realtype t, N_Vector x, N_Vector dxdt, void* problem) {
     return (*static_cast<Problem*>(problem))(t, NV_DATA_S(x), NV_DATA_S(dxdt)) ? 0 : -1;
@@ -101,20 +117,13 @@ class Cvode : public SundialsMethod<SceneOf> {
     return good ? "" : "CVODE refuses its settings";
   }
   bool run() override {
-    this->failure_ = "ok";
-    this->steps_ = 0;
-    return this->problem_.play(this->x_, [this](double t0, double t1, double* x) {
-      std::copy(x, x + Base::kState, this->y());
+    return this->playWith("CVODE", [this](double t0, double t1, long* steps) {
       CVodeReInit(memory_, t0, this->y_);
       CVodeSetStopTime(memory_, t1);
       realtype t = t0;
       const int flag = CVode(memory_, t1, this->y_, &t, CV_NORMAL);
-      std::copy(this->y(), this->y() + Base::kState, x);
-      long steps = 0;
-      CVodeGetNumSteps(memory_, &steps);
-      this->steps_ += static_cast<std::uint64_t>(steps);
-      if (flag < 0) this->failure_ = "CVODE error " + std::to_string(flag);
-      return flag >= 0;
+      CVodeGetNumSteps(memory_, steps);
+      return flag;
     });
   }
 
@@ -184,21 +193,14 @@ class Ida : public SundialsMethod<SceneOf> {
     return good ? "" : "IDA refuses its settings";
   }
   bool run() override {
-    this->failure_ = "ok";
-    this->steps_ = 0;
-    return this->problem_.play(this->x_, [this](double t0, double t1, double* x) {
-      std::copy(x, x + Base::kState, this->y());
-      calcDerivative(this->problem_.scene(), t0, x, NV_DATA_S(rate_));
+    return this->playWith("IDA", [this](double t0, double t1, long* steps) {
+      calcDerivative(this->problem_.scene(), t0, this->y(), NV_DATA_S(rate_));
       IDAReInit(memory_, t0, this->y_, rate_);
       IDASetStopTime(memory_, t1);
       realtype t = t0;
       const int flag = IDASolve(memory_, t1, &t, this->y_, rate_, IDA_NORMAL);
-      std::copy(this->y(), this->y() + Base::kState, x);
-      long steps = 0;
-      IDAGetNumSteps(memory_, &steps);
-      this->steps_ += static_cast<std::uint64_t>(steps);
-      if (flag < 0) this->failure_ = "IDA error " + std::to_string(flag);
-      return flag >= 0;
+      IDAGetNumSteps(memory_, steps);
+      return flag;
     });
   }
 
@@ -260,20 +262,13 @@ class Erk : public SundialsMethod<SceneOf> {
     return good ? "" : "ARKODE refuses its settings";
   }
   bool run() override {
-    this->failure_ = "ok";
-    this->steps_ = 0;
-    return this->problem_.play(this->x_, [this](double t0, double t1, double* x) {
-      std::copy(x, x + Base::kState, this->y());
+    return this->playWith("ARKODE", [this](double t0, double t1, long* steps) {
       ERKStepReInit(memory_, Base::evaluate, t0, this->y_);
       ERKStepSetStopTime(memory_, t1);
       realtype t = t0;
       const int flag = ERKStepEvolve(memory_, t1, this->y_, &t, ARK_NORMAL);
-      std::copy(this->y(), this->y() + Base::kState, x);
-      long steps = 0;
-      ERKStepGetNumSteps(memory_, &steps);
-      this->steps_ += static_cast<std::uint64_t>(steps);
-      if (flag < 0) this->failure_ = "ARKODE error " + std::to_string(flag);
-      return flag >= 0;
+      ERKStepGetNumSteps(memory_, steps);
+      return flag;
     });
   }
 
@@ -312,20 +307,13 @@ class Dirk : public SundialsMethod<SceneOf> {
     return good ? "" : "ARKODE refuses its settings";
   }
   bool run() override {
-    this->failure_ = "ok";
-    this->steps_ = 0;
-    return this->problem_.play(this->x_, [this](double t0, double t1, double* x) {
-      std::copy(x, x + Base::kState, this->y());
+    return this->playWith("ARKODE", [this](double t0, double t1, long* steps) {
       ARKStepReInit(memory_, nullptr, Base::evaluate, t0, this->y_);
       ARKStepSetStopTime(memory_, t1);
       realtype t = t0;
       const int flag = ARKStepEvolve(memory_, t1, this->y_, &t, ARK_NORMAL);
-      std::copy(this->y(), this->y() + Base::kState, x);
-      long steps = 0;
-      ARKStepGetNumSteps(memory_, &steps);
-      this->steps_ += static_cast<std::uint64_t>(steps);
-      if (flag < 0) this->failure_ = "ARKODE error " + std::to_string(flag);
-      return flag >= 0;
+      ARKStepGetNumSteps(memory_, steps);
+      return flag;
     });
   }
 

@@ -48,29 +48,26 @@ TEST(Domains, FiniteEscape) {
         // One instant a run: each is judged by its own growth.
         for (double part : {0.3, 0.9, 0.99, 0.9999, 0.999999, 1.5}) {
           const std::vector<double> times = {part * T};
-          for (StepperKind stepper : steppersOf(plain)) {
-            for (double tolerance : sweptTolerances()) {
-              const Scene scene = withSolver(plain, stepper, tolerance);
-              const test::Run run = play(scene, times);
-              const std::string label = std::string(principle) + " " + text(k) + " w^" + text(n) +
-                                        " to " + text(part) + " T " + describe(stepper, tolerance);
-              // So near that T itself is not known well enough: nothing is asked there.
-              if (part < 1.0 && kAllowed * tolerance * n > 1.0 - part) continue;
-              if (part > 1.0) {
-                hazard.stopped(run.reason, label);
-                EXPECT_LE(run.end, T * (1.0 + kAllowed * tolerance)) << label;
-                EXPECT_GE(run.end, T * (1.0 - kAllowed * tolerance) - 1e-3 * T) << label;
-                continue;
-              }
-              const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
-                sample.velocity[0] = w0 * std::pow(1.0 - t / T, -1.0 / (n - 1.0));
-                sample.acceleration[0] = k * std::pow(sample.velocity[0], n) / J;
-              });
-              // A relative error d of w at any time moves T by (n - 1)(T - t) d or less, and that
-              // comes back as d n/(1 - part) in w' at the most (errors of earlier steps weigh
-              // less).
-              hazard.compare(run, exact, scene, label, kAllowed * n / (1.0 - part));
+          for (const Method& method : methodsOf(plain, sweptTolerances())) {
+            const test::Run run = play(method.scene, times);
+            const std::string label = std::string(principle) + " " + text(k) + " w^" + text(n) +
+                                      " to " + text(part) + " T " + method.name;
+            // So near that T itself is not known well enough: nothing is asked there.
+            if (part < 1.0 && kAllowed * method.tolerance * n > 1.0 - part) continue;
+            if (part > 1.0) {
+              hazard.stopped(run.reason, label);
+              EXPECT_LE(run.end, T * (1.0 + kAllowed * method.tolerance)) << label;
+              EXPECT_GE(run.end, T * (1.0 - kAllowed * method.tolerance) - 1e-3 * T) << label;
+              continue;
             }
+            const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
+              sample.velocity[0] = w0 * std::pow(1.0 - t / T, -1.0 / (n - 1.0));
+              sample.acceleration[0] = k * std::pow(sample.velocity[0], n) / J;
+            });
+            // A relative error d of w at any time moves T by (n - 1)(T - t) d or less, and that
+            // comes back as d n/(1 - part) in w' at the most (errors of earlier steps weigh
+            // less).
+            hazard.compare(run, exact, method.scene, label, kAllowed * n / (1.0 - part));
           }
         }
       }
@@ -101,34 +98,32 @@ TEST(Domains, TurningPoint) {
           exactly(p) + "*t\"}\nprinciple: " + principle + "\ninitial: {acceleration: [0, 0]}\n");
       for (double part : {0.5, 0.9, 0.999, 1.5}) {
         const std::vector<double> times = evenly(part * end, 8);
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : sweptTolerances()) {
-            Scene scene = withSolver(plain, stepper, tolerance);
-            scene.solver.maximum_steps = 20000;  // none of these needs so many in a second
-            const test::Run run = play(scene, times);
-            const std::string label = std::string(principle) + " p = " + text(p) + " to " +
-                                      text(part) + " of it " + describe(stepper, tolerance);
-            const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
-              if (t >= end) return;
-              sample.acceleration[0] = branch(p * t);
-              sample.velocity[0] = integrate([&](double x) { return branch(p * x); }, 0.0, t, 400);
-            });
-            if (part < 1.0) {
-              // psi is kept, so e1 is no worse than rounding makes it.
-              hazard.compare(run, exact, scene, label);
-              continue;
-            }
-            test::Run before = run;
-            while (!before.samples.empty() && before.samples.back().time >= end) {
-              before.samples.pop_back();
-            }
-            hazard.judge(calcDifference(before, exact, 2, tolerance, tolerance), label);
-            hazard.stopped(run.reason, label);
-            // Where psi turns back like a square, e1 is a tolerance off where t is its square off.
-            EXPECT_LE(run.end, end * (1.0 + 1e-9 + tolerance * tolerance))
-                << label << ": " << run.message;
-            EXPECT_GE(run.end, 0.99 * end) << label << ": " << run.message;
+        for (const Method& method : methodsOf(plain, sweptTolerances())) {
+          Scene scene = method.scene;
+          scene.solver.maximum_steps = 20000;  // none of these needs so many in a second
+          const test::Run run = play(scene, times);
+          const std::string label = std::string(principle) + " p = " + text(p) + " to " +
+                                    text(part) + " of it " + method.name;
+          const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
+            if (t >= end) return;
+            sample.acceleration[0] = branch(p * t);
+            sample.velocity[0] = integrate([&](double x) { return branch(p * x); }, 0.0, t, 400);
+          });
+          if (part < 1.0) {
+            // psi is kept, so e1 is no worse than rounding makes it.
+            hazard.compare(run, exact, scene, label);
+            continue;
           }
+          test::Run before = run;
+          while (!before.samples.empty() && before.samples.back().time >= end) {
+            before.samples.pop_back();
+          }
+          hazard.judge(calcDifference(before, exact, 2, method.tolerance, method.tolerance), label);
+          hazard.stopped(run.reason, label);
+          // Where psi turns back like a square, e1 is a tolerance off where t is its square off.
+          EXPECT_LE(run.end, end * (1.0 + 1e-9 + method.tolerance * method.tolerance))
+              << label << ": " << run.message;
+          EXPECT_GE(run.end, 0.99 * end) << label << ": " << run.message;
         }
       }
     }
@@ -191,22 +186,18 @@ TEST(Domains, RootsLogsAndPoles) {
             sample.velocity[1] = std::sin(t);
           }
         });
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : sweptTolerances()) {
-            const Scene scene = withSolver(plain, stepper, tolerance);
-            const test::Run run = play(scene, times);
-            const std::string label = std::string(principle) + " " +
-                                      (place == 0 ? "torque " + torque : psi) + " " +
-                                      describe(stepper, tolerance);
-            test::Run known = run;
-            while (!known.samples.empty() && known.samples.back().time >= T) {
-              known.samples.pop_back();
-            }
-            hazard.judge(calcDifference(known, exact, 2, tolerance, tolerance), label);
-            hazard.stopped(run.reason, label);
-            EXPECT_LE(run.end, T * (1.0 + 1e-12)) << label << ": " << run.message;
-            EXPECT_GE(run.end, 0.81) << label << ": " << run.message;
+        for (const Method& method : methodsOf(plain, sweptTolerances())) {
+          const test::Run run = play(method.scene, times);
+          const std::string label = std::string(principle) + " " +
+                                    (place == 0 ? "torque " + torque : psi) + " " + method.name;
+          test::Run known = run;
+          while (!known.samples.empty() && known.samples.back().time >= T) {
+            known.samples.pop_back();
           }
+          hazard.judge(calcDifference(known, exact, 2, method.tolerance, method.tolerance), label);
+          hazard.stopped(run.reason, label);
+          EXPECT_LE(run.end, T * (1.0 + 1e-12)) << label << ": " << run.message;
+          EXPECT_GE(run.end, 0.81) << label << ": " << run.message;
         }
       }
     }
@@ -225,35 +216,32 @@ TEST(Domains, PolesAreNotSteppedAcross) {
         const double c = std::pow(10.0, decade);
         const std::string f = exactly(c) + "/(0.817-t)^" + std::to_string(order);
         const Scene plain = sceneFromText(oneShaft(principle, "1.5*" + f, 0.0));
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : sweptTolerances()) {
-            Scene scene = withSolver(plain, stepper, tolerance);
-            // A pulse of a formula in t is seen where it is wider than solver/maximum_step
-            // (doc/scene.md): wherever this one is 100 tolerances of the acceleration high. Under
-            // gauss a step sees what that makes of the velocity, 500 tolerances * width at the
-            // most.
-            const double width = 2.0 * std::pow(c / (kAllowed * tolerance), 1.0 / order);
-            const bool is_state = std::string(principle) == "generalized_gauss";
-            if (width < (is_state ? sizeOf(0.3, 0.01) : 0.3)) continue;
-            scene.solver.maximum_step = std::min(1.0, 0.2 * width);
-            const test::Run run = play(scene, times);
-            const std::string label =
-                std::string(principle) + " " + f + " " + describe(stepper, tolerance);
-            // A pole that has moved no velocity by a tolerance within one step cannot be seen; what
-            // it did is then judged: the principal value (order 1), or nothing at all.
-            if (run.reason == StopReason::kNone) {
-              const double t = 1.2;
-              const double part =
-                  order == 1 ? c * std::log(T / (t - T)) : std::numeric_limits<double>::quiet_NaN();
-              const test::Run& end = run;
-              const double error = std::abs(end.samples.back().velocity[0] - part) /
-                                   (tolerance * (1.0 + std::abs(part)));
-              hazard.judge(error, label + " (it did not stop)");
-              continue;
-            }
-            hazard.stopped(run.reason, label);
-            EXPECT_LE(run.end, T * (1.0 + 1e-9)) << label << ": " << run.message;
+        for (const Method& method : methodsOf(plain, sweptTolerances())) {
+          Scene scene = method.scene;
+          // A pulse of a formula in t is seen where it is wider than solver/maximum_step
+          // (doc/scene.md): wherever this one is 100 tolerances of the acceleration high. Under
+          // gauss a step sees what that makes of the velocity, 500 tolerances * width at the
+          // most.
+          const double width = 2.0 * std::pow(c / (kAllowed * method.tolerance), 1.0 / order);
+          const bool is_state = std::string(principle) == "generalized_gauss";
+          if (width < (is_state ? sizeOf(0.3, 0.01) : 0.3)) continue;
+          scene.solver.maximum_step = std::min(1.0, 0.2 * width);
+          const test::Run run = play(scene, times);
+          const std::string label = std::string(principle) + " " + f + " " + method.name;
+          // A pole that has moved no velocity by a tolerance within one step cannot be seen; what
+          // it did is then judged: the principal value (order 1), or nothing at all.
+          if (run.reason == StopReason::kNone) {
+            const double t = 1.2;
+            const double part =
+                order == 1 ? c * std::log(T / (t - T)) : std::numeric_limits<double>::quiet_NaN();
+            const test::Run& end = run;
+            const double error = std::abs(end.samples.back().velocity[0] - part) /
+                                 (method.tolerance * (1.0 + std::abs(part)));
+            hazard.judge(error, label + " (it did not stop)");
+            continue;
           }
+          hazard.stopped(run.reason, label);
+          EXPECT_LE(run.end, T * (1.0 + 1e-9)) << label << ": " << run.message;
         }
       }
     }

@@ -66,7 +66,7 @@ struct Circle {
   std::string yaml() const {
     const Sample start = at(0.0);
     const auto list = [](const double* x) {
-      return "[" + yamlText(x[0]) + ", " + yamlText(x[1]) + "]";
+      return "[" + plainly(x[0]) + ", " + plainly(x[1]) + "]";
     };
     return "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\ntorques: []\nconstraints: [p]\n"
            "p: {type: variator_sim/ExpressionConstraint, order: " +
@@ -109,38 +109,34 @@ TEST(Drift, OfAMotionThatGoesRoundForEver) {
   for (int order : {1, 2, 3}) {
     const Circle circle{order};
     const Scene scene = sceneFromText(circle.yaml());
-    for (StepperKind stepper : adaptiveSteppers(scene)) {
-      for (double tolerance : tolerances()) {
-        const Scene asked = withMethod(scene, stepper, tolerance);
-        // one tolerance of each method for 1e6 s, the others for a part of it
-        const bool is_slow = tolerance < 1e-8 && stepper == StepperKind::kDopri5;
-        const double longest = order == 2 && tolerance == 1e-8 ? 1e6 : 1e4;
-        const double end = sizeOf(is_slow ? 100.0 : 1000.0, longest);
-        judgeAlong(motion, asked, decades(end),
-                   "order " + std::to_string(order) + ", " + methodLabel(stepper, tolerance),
-                   [&](const Sample& sample, const std::string& label) {
-                     const double t = sample.time;
-                     test::Run run;
-                     run.samples = {sample};
-                     test::Run exact;
-                     exact.samples = {circle.at(t)};
-                     // psi of order 3 is T'' = 0, and holds neither T' nor T: errors of T' add up
-                     // like t, of T and so of the radius rho like t^2. The phase has the speed
-                     // h / rho^2, h = |x| |eps_t| being kept by R' along x: t^3.
-                     motion.judge(calcDifference(run, exact, 2, tolerance, tolerance), label,
-                                  kAllowed * growth(t, order == 3 ? 3 : 2));
-                     const double start = Circle::calcEnergy(circle.at(0.0));
-                     if (order == 3) {
-                       power.judge(std::abs(Circle::calcPower(sample)) / (2.0 * start * tolerance),
-                                   label, kAllowed * growth(t, 1));
-                     }
-                     energy.judge(
-                         std::abs(Circle::calcEnergy(sample) - start) / (start * tolerance), label,
-                         kAllowed * growth(t, order == 3 ? 2 : 1));
-                     // Of order 3, C eta + c0 = 0 is solved anew for each sample.
-                     residual.judge(std::abs(sample.residual[0]) / (9.0 * kEpsilon), label, 64.0);
-                   });
-      }
+    for (const Method& method : methodsOf(scene, tolerances())) {
+      // one tolerance of each method for 1e6 s, the others for a part of it
+      const bool is_slow = method.tolerance < 1e-8 && method.stepper == StepperKind::kDopri5;
+      const double longest = order == 2 && method.tolerance == 1e-8 ? 1e6 : 1e4;
+      const double end = sizeOf(is_slow ? 100.0 : 1000.0, longest);
+      judgeAlong(
+          motion, method.scene, decades(end), "order " + std::to_string(order) + ", " + method.name,
+          [&](const Sample& sample, const std::string& label) {
+            const double t = sample.time;
+            test::Run run;
+            run.samples = {sample};
+            test::Run exact;
+            exact.samples = {circle.at(t)};
+            // psi of order 3 is T'' = 0, and holds neither T' nor T: errors of T' add up
+            // like t, of T and so of the radius rho like t^2. The phase has the speed
+            // h / rho^2, h = |x| |eps_t| being kept by R' along x: t^3.
+            motion.judge(calcDifference(run, exact, 2, method.tolerance, method.tolerance), label,
+                         kAllowed * growth(t, order == 3 ? 3 : 2));
+            const double start = Circle::calcEnergy(circle.at(0.0));
+            if (order == 3) {
+              power.judge(std::abs(Circle::calcPower(sample)) / (2.0 * start * method.tolerance),
+                          label, kAllowed * growth(t, 1));
+            }
+            energy.judge(std::abs(Circle::calcEnergy(sample) - start) / (start * method.tolerance),
+                         label, kAllowed * growth(t, order == 3 ? 2 : 1));
+            // Of order 3, C eta + c0 = 0 is solved anew for each sample.
+            residual.judge(std::abs(sample.residual[0]) / (9.0 * kEpsilon), label, 64.0);
+          });
     }
   }
 }
@@ -157,30 +153,27 @@ TEST(Drift, OfAnEnergyThatIsPrescribed) {
         "p: {type: variator_sim/ExpressionConstraint, order: " +
         std::to_string(order) + ", expression: \"" +
         (order == 1 ? "0.4*w1^2+w2^2-(4.5+sin(t))" : "0.8*w1*e1+2*w2*e2-cos(t)") +
-        "\"}\ninitial: {velocity: [1.5, " + yamlText(std::sqrt(4.5 - 0.4 * 1.5 * 1.5)) +
+        "\"}\ninitial: {velocity: [1.5, " + plainly(std::sqrt(4.5 - 0.4 * 1.5 * 1.5)) +
         "], project: true}\nprinciple: gauss\n");
     for (Principle principle : {Principle::kGauss, Principle::kGeneralizedGauss}) {
-      for (StepperKind stepper : adaptiveSteppers(scene)) {
-        for (double tolerance : tolerances()) {
-          Scene asked = withMethod(scene, stepper, tolerance);
-          asked.principle = principle;
-          const double end = sizeOf(100.0, tolerance == 1e-8 ? 1e5 : 1e3);
-          judgeAlong(
-              energy, asked, decades(end),
-              "order " + std::to_string(order) + ", " + toString(principle) + ", " +
-                  methodLabel(stepper, tolerance),
-              [&](const Sample& sample, const std::string& label) {
-                const double T = Circle::calcEnergy(sample);
-                const double exact = 4.5 + std::sin(sample.time);
-                energy.judge(std::abs(T - exact) / (4.5 * tolerance), label,
-                             kAllowed * growth(sample.time, order == 1 ? 0 : 1));
-                // what the sizes of its terms round to; |eps| may be larger than |w|
-                const double size = 1.0 +
-                                    std::abs(0.8 * sample.velocity[0] * sample.acceleration[0]) +
-                                    std::abs(2.0 * sample.velocity[1] * sample.acceleration[1]) + T;
-                residual.judge(std::abs(sample.residual[0]) / (size * kEpsilon), label, 64.0);
-              });
-        }
+      for (const Method& method : methodsOf(scene, tolerances())) {
+        Scene asked = method.scene;
+        asked.principle = principle;
+        const double end = sizeOf(100.0, method.tolerance == 1e-8 ? 1e5 : 1e3);
+        judgeAlong(
+            energy, asked, decades(end),
+            "order " + std::to_string(order) + ", " + toString(principle) + ", " + method.name,
+            [&](const Sample& sample, const std::string& label) {
+              const double T = Circle::calcEnergy(sample);
+              const double exact = 4.5 + std::sin(sample.time);
+              energy.judge(std::abs(T - exact) / (4.5 * method.tolerance), label,
+                           kAllowed * growth(sample.time, order == 1 ? 0 : 1));
+              // what the sizes of its terms round to; |eps| may be larger than |w|
+              const double size = 1.0 +
+                                  std::abs(0.8 * sample.velocity[0] * sample.acceleration[0]) +
+                                  std::abs(2.0 * sample.velocity[1] * sample.acceleration[1]) + T;
+              residual.judge(std::abs(sample.residual[0]) / (size * kEpsilon), label, 64.0);
+            });
       }
     }
   }
@@ -210,50 +203,49 @@ TEST(Drift, OfASwingWithoutDamping) {
           }
           return sum;
         };
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
-          for (double tolerance : tolerances()) {
-            Scene asked = withMethod(scene, stepper, tolerance);
-            // the swing's velocity is 0.1 rad/s
-            asked.solver.absolute_tolerance = 0.1 * frequency * tolerance;
-            asked.solver.maximum_step = 1.0 / frequency;
-            const bool is_slow = tolerance < 1e-8 && stepper == StepperKind::kDopri5;
-            const bool is_long =
-                order == 2 && tolerance == 1e-8 && principle == Principle::kGeneralizedGauss;
-            const double longest = is_long ? 1e6 : 1e4;
-            const double end = frequency < 1.0 ? 1e6 : sizeOf(is_slow ? 100.0 : 1000.0, longest);
-            if (!isLongForm() && frequency < 1.0 && tolerance < 1e-8) continue;
-            judgeAlong(motion, asked, decades(end),
-                       "order " + std::to_string(order) + ", " + toString(principle) + ", " +
-                           text(frequency) + " rad/s, " + methodLabel(stepper, tolerance),
-                       [&](const Sample& sample, const std::string& label) {
-                         const double t = sample.time;
-                         const double allowed = kAllowed * growth(frequency * t, 1);
-                         const Sample exact = drive.at(t);
-                         // The swing itself: what the centre does is not restored by anything, and
-                         // is judged by its invariant below.
-                         const double theta = sample.angle[0] - sample.angle[1];
-                         const double speed = sample.velocity[0] - sample.velocity[1];
-                         const double error = std::max(
-                             std::abs(theta - (exact.angle[0] - exact.angle[1])) * frequency / 0.1,
+        for (const Method& method : methodsOf(scene, tolerances())) {
+          Scene asked = method.scene;
+          // the swing's velocity is 0.1 rad/s
+          asked.solver.absolute_tolerance = 0.1 * frequency * method.tolerance;
+          asked.solver.maximum_step = 1.0 / frequency;
+          const bool is_slow = method.tolerance < 1e-8 && method.stepper == StepperKind::kDopri5;
+          const bool is_long =
+              order == 2 && method.tolerance == 1e-8 && principle == Principle::kGeneralizedGauss;
+          const double longest = is_long ? 1e6 : 1e4;
+          const double end = frequency < 1.0 ? 1e6 : sizeOf(is_slow ? 100.0 : 1000.0, longest);
+          if (!isLongForm() && frequency < 1.0 && method.tolerance < 1e-8) continue;
+          judgeAlong(
+              motion, asked, decades(end),
+              "order " + std::to_string(order) + ", " + toString(principle) + ", " +
+                  text(frequency) + " rad/s, " + method.name,
+              [&](const Sample& sample, const std::string& label) {
+                const double t = sample.time;
+                const double allowed = kAllowed * growth(frequency * t, 1);
+                const Sample exact = drive.at(t);
+                // The swing itself: what the centre does is not restored by anything, and
+                // is judged by its invariant below.
+                const double theta = sample.angle[0] - sample.angle[1];
+                const double speed = sample.velocity[0] - sample.velocity[1];
+                const double error =
+                    std::max(std::abs(theta - (exact.angle[0] - exact.angle[1])) * frequency / 0.1,
                              std::abs(speed - (exact.velocity[0] - exact.velocity[1])) / 0.1);
-                         motion.judge(error / tolerance, label, allowed);
-                         const double start = calcEnergy(drive.at(0.0));
-                         energy.judge(std::abs(calcEnergy(sample) - start) / (start * tolerance),
-                                      label, allowed);
-                         // C = (0, -1/2, 1), and nothing constrains the first shaft. Linear in the
-                         // state, so that every Runge-Kutta step keeps it; a rounding per step.
-                         const double* R = sample.reaction_torque;
-                         const double size = 0.1 * frequency * 0.7;
-                         double broken = std::abs(R[0]);
-                         broken = std::max(broken, std::abs(order == 0 ? R[1] : R[1] + 0.5 * R[2]));
-                         const bool is_implicit = stepper == StepperKind::kRadau;
-                         // Weights of dense output are up to a thousand, so samples inside a
-                         // step round by as much. Newton's iteration of implicit steps leaves a
-                         // part of a tolerance.
-                         const double unit = is_implicit ? 1e-2 * tolerance : kEpsilon;
-                         invariant.judge(broken / (size * unit), label, 100.0 * allowed);
-                       });
-          }
+                motion.judge(error / method.tolerance, label, allowed);
+                const double start = calcEnergy(drive.at(0.0));
+                energy.judge(std::abs(calcEnergy(sample) - start) / (start * method.tolerance),
+                             label, allowed);
+                // C = (0, -1/2, 1), and nothing constrains the first shaft. Linear in the
+                // state, so that every Runge-Kutta step keeps it; a rounding per step.
+                const double* R = sample.reaction_torque;
+                const double size = 0.1 * frequency * 0.7;
+                double broken = std::abs(R[0]);
+                broken = std::max(broken, std::abs(order == 0 ? R[1] : R[1] + 0.5 * R[2]));
+                const bool is_implicit = method.stepper == StepperKind::kRadau;
+                // Weights of dense output are up to a thousand, so samples inside a
+                // step round by as much. Newton's iteration of implicit steps leaves a
+                // part of a tolerance.
+                const double unit = is_implicit ? 1e-2 * method.tolerance : kEpsilon;
+                invariant.judge(broken / (size * unit), label, 100.0 * allowed);
+              });
         }
       }
     }
@@ -278,29 +270,26 @@ TEST(Drift, OfARestoredVariator) {
         // pumps like a swing; with a constant one its errors just add up.
         if (principle == Principle::kGeneralizedGauss) known.swing = 0.0;
         const Scene scene = known.scene();
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
-          for (double tolerance : tolerances()) {
-            const Scene asked = withMethod(scene, stepper, tolerance);
-            const bool is_long =
-                order == 2 && !nonlinear && stepper == StepperKind::kAuto && tolerance == 1e-8;
-            const double end = sizeOf(30.0, is_long ? 1e6 : tolerance < 1e-8 ? 1e3 : 1e4);
-            judgeAlong(
-                motion, asked, decades(end), known.label() + ", " + methodLabel(stepper, tolerance),
-                [&](const Sample& sample, const std::string& label) {
-                  test::Run run;
-                  run.samples = {sample};
-                  test::Run exact;
-                  exact.samples = {known.at(sample.time)};
-                  const double allowed =
-                      kAllowed * growth(sample.time, principle == Principle::kGauss ? 0 : 1);
-                  motion.judge(calcDifference(run, exact, 2, tolerance, tolerance, Columns::kAll),
-                               label, allowed);
-                  // psi is a difference of terms of size 5, made of time itself, whose rounding is
-                  // that of t
-                  residual.judge(std::abs(sample.residual[0]) / (10.0 * kEpsilon), label,
-                                 64.0 * (1.0 + sample.time));
-                });
-          }
+        for (const Method& method : methodsOf(scene, tolerances())) {
+          const bool is_long = order == 2 && !nonlinear && method.stepper == StepperKind::kAuto &&
+                               method.tolerance == 1e-8;
+          const double end = sizeOf(30.0, is_long ? 1e6 : method.tolerance < 1e-8 ? 1e3 : 1e4);
+          judgeAlong(motion, method.scene, decades(end), known.label() + ", " + method.name,
+                     [&](const Sample& sample, const std::string& label) {
+                       test::Run run;
+                       run.samples = {sample};
+                       test::Run exact;
+                       exact.samples = {known.at(sample.time)};
+                       const double allowed =
+                           kAllowed * growth(sample.time, principle == Principle::kGauss ? 0 : 1);
+                       motion.judge(calcDifference(run, exact, 2, method.tolerance,
+                                                   method.tolerance, Columns::kAll),
+                                    label, allowed);
+                       // psi is a difference of terms of size 5, made of time itself, whose
+                       // rounding is that of t
+                       residual.judge(std::abs(sample.residual[0]) / (10.0 * kEpsilon), label,
+                                      64.0 * (1.0 + sample.time));
+                     });
         }
       }
     }

@@ -97,22 +97,19 @@ TEST(Jumps, SizeOfTheStep) {
           const double beta = input == 0 ? 0.0 : std::acos(0.0);
           const test::Run exact = motion(circle, times, {{instant, circle.turn(theta, D, beta)}});
           const double allowed = kAllowed * circle.growth(theta, D, beta);
-          for (StepperKind stepper : steppersOf(plain)) {
-            for (double tolerance : tolerances()) {
-              // Many steps of the map, the same under every stepper.
-              if (!isLongForm() && exponent == 6 && stepper != StepperKind::kFehlberg78) continue;
-              const Scene scene = withSolver(plain, stepper, tolerance);
-              const test::Run run = play(scene, times, {{instant, input, D}});
-              const std::string label = "theta = " + text(theta) + ", step of " + text(D) +
-                                        " on shaft " + std::to_string(input + 1) + " " +
-                                        describe(stepper, tolerance);
-              hazard.compare(run, exact, scene, label, allowed);
-              // Where the growth allows everything the circle is what is left to be kept.
-              if (run.reason == StopReason::kNone && allowed * tolerance > 0.1) {
-                const double* e = run.samples.back().acceleration;
-                hazard.judge(std::abs(std::hypot(e[0], e[1]) - circle.a) / (3.0 * tolerance),
-                             label + ", radius");
-              }
+          for (const Method& method : methodsOf(plain, tolerances())) {
+            // Many steps of the map, the same under every stepper.
+            if (!isLongForm() && exponent == 6 && method.stepper != StepperKind::kFehlberg78)
+              continue;
+            const test::Run run = play(method.scene, times, {{instant, input, D}});
+            const std::string label = "theta = " + text(theta) + ", step of " + text(D) +
+                                      " on shaft " + std::to_string(input + 1) + " " + method.name;
+            hazard.compare(run, exact, method.scene, label, allowed);
+            // Where the growth allows everything the circle is what is left to be kept.
+            if (run.reason == StopReason::kNone && allowed * method.tolerance > 0.1) {
+              const double* e = run.samples.back().acceleration;
+              hazard.judge(std::abs(std::hypot(e[0], e[1]) - circle.a) / (3.0 * method.tolerance),
+                           label + ", radius");
             }
           }
         }
@@ -156,17 +153,13 @@ TEST(Jumps, StepAtEveryTick) {
       const std::vector<double> times = evenly(1.0, 16);
       const test::Run exact = motion(circle, times, turns);
       const Scene plain = circle.scene();
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : tolerances()) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          const test::Run run = play(scene, times, commands);
-          // n jumps, each good to a tenth of a tolerance (src/dynamics/jump.h)
-          hazard.compare(
-              run, exact, scene,
-              std::to_string(n) + " steps of " + text(size) + " " + describe(stepper, tolerance),
-              (kAllowed + 0.1 * n) * worst);
-          EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-        }
+      for (const Method& method : methodsOf(plain, tolerances())) {
+        const test::Run run = play(method.scene, times, commands);
+        // n jumps, each good to a tenth of a tolerance (src/dynamics/jump.h)
+        hazard.compare(run, exact, method.scene,
+                       std::to_string(n) + " steps of " + text(size) + " " + method.name,
+                       (kAllowed + 0.1 * n) * worst);
+        EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
       }
     }
   }
@@ -190,17 +183,13 @@ TEST(Jumps, TwoAtOneInstant) {
           const double growth = circle.growth(theta, std::hypot(m, n), std::atan2(n, m));
           const Scene plain = circle.scene();
           const test::Run exact = motion(circle, times, {{0.5, after}});
-          for (StepperKind stepper : steppersOf(plain)) {
-            for (double tolerance : tolerances()) {
-              const Scene scene = withSolver(plain, stepper, tolerance);
-              const test::Run run = play(scene, times, commands);
-              hazard.compare(run, exact, scene,
-                             "theta = " + text(theta) + ", steps of " + text(m) + ", " + text(n) +
-                                 (swapped ? " (second first) " : " ") +
-                                 describe(stepper, tolerance),
-                             kAllowed * growth);
-              EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-            }
+          for (const Method& method : methodsOf(plain, tolerances())) {
+            const test::Run run = play(method.scene, times, commands);
+            hazard.compare(run, exact, method.scene,
+                           "theta = " + text(theta) + ", steps of " + text(m) + ", " + text(n) +
+                               (swapped ? " (second first) " : " ") + method.name,
+                           kAllowed * growth);
+            EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
           }
         }
       }
@@ -233,15 +222,12 @@ TEST(Jumps, LinearConstraint) {
           sample.velocity[0] = e * std::max(0.0, t - 0.45);
           sample.velocity[1] = r * sample.velocity[0];
         });
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : tolerances()) {
-            const Scene scene = withSolver(plain, stepper, tolerance);
-            const test::Run run = play(scene, times, {{0.45, 0, D}});
-            hazard.compare(run, exact, scene,
-                           std::string(principle) + " order " + std::to_string(order) +
-                               ", step of " + text(D) + " " + describe(stepper, tolerance));
-            EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-          }
+        for (const Method& method : methodsOf(plain, tolerances())) {
+          const test::Run run = play(method.scene, times, {{0.45, 0, D}});
+          hazard.compare(run, exact, method.scene,
+                         std::string(principle) + " order " + std::to_string(order) + ", step of " +
+                             text(D) + " " + method.name);
+          EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
         }
       }
     }
@@ -328,20 +314,17 @@ TEST(Jumps, BranchThatCannotBeReached) {
                                  (1e-6 * (near - curve.start)))
                       : 0.0;
         const double allowed = kAllowed * 6.0 * std::max(1.0, std::min(slope, 1e4));
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : {1e-4, 1e-8}) {
-            const Scene scene = withSolver(plain, stepper, tolerance);
-            const test::Run run = play(scene, times, {{0.5, 0, D}});
-            const std::string label = std::string(curve.expression) + ", step of " + text(D) + " " +
-                                      describe(stepper, tolerance);
-            if (reachable) {
-              hazard.compare(run, exact, scene, label, allowed);
-            } else {
-              hazard.stopped(run.reason, label);
-            }
-            if (run.reason != StopReason::kNone) {
-              EXPECT_DOUBLE_EQ(run.end, 0.5) << label << ": " << run.message;
-            }
+        for (const Method& method : methodsOf(plain, {1e-4, 1e-8})) {
+          const test::Run run = play(method.scene, times, {{0.5, 0, D}});
+          const std::string label =
+              std::string(curve.expression) + ", step of " + text(D) + " " + method.name;
+          if (reachable) {
+            hazard.compare(run, exact, method.scene, label, allowed);
+          } else {
+            hazard.stopped(run.reason, label);
+          }
+          if (run.reason != StopReason::kNone) {
+            EXPECT_DOUBLE_EQ(run.end, 0.5) << label << ": " << run.message;
           }
         }
       }
@@ -380,19 +363,15 @@ TEST(Jumps, RampsTendToTheJump) {
             sample.acceleration[i] = e(after);
           }
         });
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : tolerances()) {
-            const Scene scene = withSolver(plain, stepper, tolerance);
-            const test::Run run = play(scene, times, {{0.5, 0, D}});
-            const std::string label =
-                "theta = " + text(theta) + ", " + hold + " " + describe(stepper, tolerance);
-            // 0.5 + h is known to 1.1e-16 s: the ramp's width to 2.2e-16 / h of itself.
-            const double rounding = 2.3e-16 / h * D / (circle.a * circle.J) / tolerance;
-            // (The growth is that of small errors: a tenth more for others.)
-            hazard.compare(run, exact, scene, label, 1.1 * (kAllowed + rounding) * growth);
-            if (rounding < 1.0) {
-              EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-            }
+        for (const Method& method : methodsOf(plain, tolerances())) {
+          const test::Run run = play(method.scene, times, {{0.5, 0, D}});
+          const std::string label = "theta = " + text(theta) + ", " + hold + " " + method.name;
+          // 0.5 + h is known to 1.1e-16 s: the ramp's width to 2.2e-16 / h of itself.
+          const double rounding = 2.3e-16 / h * D / (circle.a * circle.J) / method.tolerance;
+          // (The growth is that of small errors: a tenth more for others.)
+          hazard.compare(run, exact, method.scene, label, 1.1 * (kAllowed + rounding) * growth);
+          if (rounding < 1.0) {
+            EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
           }
         }
         // First order: the velocity at the end of a ramp differs from that after a jump by about h.

@@ -95,16 +95,13 @@ TEST(Kinks, AtTimes) {
               sample.acceleration[1] = 1.0;
             }
           });
-          for (StepperKind stepper : steppersOf(plain)) {
-            for (double tolerance : sweptTolerances()) {
-              const Scene scene = withSolver(plain, stepper, tolerance);
-              const test::Run run = play(scene, times);
-              const std::string label = std::string(principle) + " " +
-                                        (place == 0 ? "torque " : "psi ") + formula + " " +
-                                        describe(stepper, tolerance);
-              hazard.compare(run, exact, scene, label);
-              EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-            }
+          for (const Method& method : methodsOf(plain, sweptTolerances())) {
+            const test::Run run = play(method.scene, times);
+            const std::string label = std::string(principle) + " " +
+                                      (place == 0 ? "torque " : "psi ") + formula + " " +
+                                      method.name;
+            hazard.compare(run, exact, method.scene, label);
+            EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
           }
         }
       }
@@ -184,15 +181,12 @@ TEST(Kinks, AtZeroSpeed) {
                                plainly(e0) + ", " + plainly(0.5 * e0) + "], project: true}\n");
           // w = drive/damping where the damping is negative grows like exp(-damping t).
           const double growth = std::exp(std::max({0.0, -below.damping, -above.damping}) * 3.0);
-          for (StepperKind stepper : steppersOf(plain)) {
-            for (double tolerance : sweptTolerances()) {
-              const Scene scene = withSolver(plain, stepper, tolerance);
-              const test::Run run = play(scene, times);
-              const std::string label = std::string(principle) + " " + torque + " order " +
-                                        std::to_string(order) + " " + describe(stepper, tolerance);
-              hazard.compare(run, exact, scene, label, kAllowed * growth);
-              EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-            }
+          for (const Method& method : methodsOf(plain, sweptTolerances())) {
+            const test::Run run = play(method.scene, times);
+            const std::string label = std::string(principle) + " " + torque + " order " +
+                                      std::to_string(order) + " " + method.name;
+            hazard.compare(run, exact, method.scene, label, kAllowed * growth);
+            EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
           }
         }
       }
@@ -221,15 +215,12 @@ TEST(Kinks, OfConstraintsAtZeroSpeed) {
           "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1+w1-1+" +
           exactly(strength) + "*min(0,w1)\"}\nprinciple: " + principle +
           "\ninitial: {velocity: [-0.9, 0]}\n");
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : sweptTolerances()) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          const test::Run run = play(scene, times);
-          const std::string label = std::string(principle) + " K = " + text(strength) + " " +
-                                    describe(stepper, tolerance);
-          hazard.compare(run, exact, scene, label);
-          EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-        }
+      for (const Method& method : methodsOf(plain, sweptTolerances())) {
+        const test::Run run = play(method.scene, times);
+        const std::string label =
+            std::string(principle) + " K = " + text(strength) + " " + method.name;
+        hazard.compare(run, exact, method.scene, label);
+        EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
       }
     }
   }
@@ -261,21 +252,17 @@ TEST(Kinks, AtAnAngle) {
           "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-" +
           exactly(k) + "*max(0,phi1)\"}\nconstraints: []\nprinciple: " + principle +
           "\ninitial: {angle: [-0.7], velocity: [2]}\n");
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : sweptTolerances()) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          const test::Run run = play(scene, times);
-          const std::string label =
-              std::string(principle) + " k = " + text(k) + " " + describe(stepper, tolerance);
-          // In the stop an error of the velocity of d is one of the acceleration of frequency d,
-          // and one of the acceleration (whose size is w0 frequency) comes back as velocity.
-          const double allowed = kAllowed * std::max(1.0, frequency);
-          hazard.compare(run, exact, scene, label, allowed);
-          // An implicit step whose matrix is from before the stop knows nothing of it, and Newton's
-          // iteration may fail at every length: a stop by name (weakness: it need not be).
-          if (stepper == StepperKind::kRadau) continue;
-          EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-        }
+      for (const Method& method : methodsOf(plain, sweptTolerances())) {
+        const test::Run run = play(method.scene, times);
+        const std::string label = std::string(principle) + " k = " + text(k) + " " + method.name;
+        // In the stop an error of the velocity of d is one of the acceleration of frequency d,
+        // and one of the acceleration (whose size is w0 frequency) comes back as velocity.
+        const double allowed = kAllowed * std::max(1.0, frequency);
+        hazard.compare(run, exact, method.scene, label, allowed);
+        // An implicit step whose matrix is from before the stop knows nothing of it, and Newton's
+        // iteration may fail at every length: a stop by name (weakness: it need not be).
+        if (method.stepper == StepperKind::kRadau) continue;
+        EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
       }
     }
   }
@@ -283,7 +270,7 @@ TEST(Kinks, AtAnAngle) {
 
 // --- built-in laws -------------------------------------------------------------------------------
 
-/// A scene with one of the built-in laws against a reference by dop853 at a far tighter tolerance
+/// A scene with one of the built-in laws against a reference by fehlberg78 at a far tighter tolerance
 /// with short steps, so that nothing is stepped over. Under `gauss` the accelerations are no part
 /// of the state but a function of it, as steep as the law is: they have a line of their own.
 void compareWithShortSteps(Hazard& hazard, Hazard& accelerations, const std::string& label,
@@ -296,19 +283,16 @@ void compareWithShortSteps(Hazard& hazard, Hazard& accelerations, const std::str
     tight.solver.maximum_step = longest;
     const test::Run reference = play(tight, times, commands);
     ASSERT_EQ(reference.samples.size(), times.size()) << label << ": " << reference.message;
-    for (StepperKind stepper : steppersOf(plain)) {
-      for (double tolerance : sweptTolerances()) {
-        const Scene scene = withSolver(plain, stepper, tolerance);
-        const test::Run run = play(scene, times, commands);
-        const std::string full = label + " " + principle + " " + describe(stepper, tolerance);
-        if (scene.principle == Principle::kGauss) {
-          hazard.compare(run, reference, scene, full, kAllowed * growth, Columns::kVelocity);
-          accelerations.compare(run, reference, scene, full, kAllowed * growth);
-        } else {
-          hazard.compare(run, reference, scene, full, kAllowed * growth);
-        }
-        EXPECT_EQ(run.reason, StopReason::kNone) << full << ": " << run.message;
+    for (const Method& method : methodsOf(plain, sweptTolerances())) {
+      const test::Run run = play(method.scene, times, commands);
+      const std::string full = label + " " + principle + " " + method.name;
+      if (method.scene.principle == Principle::kGauss) {
+        hazard.compare(run, reference, method.scene, full, kAllowed * growth, Columns::kVelocity);
+        accelerations.compare(run, reference, method.scene, full, kAllowed * growth);
+      } else {
+        hazard.compare(run, reference, method.scene, full, kAllowed * growth);
       }
+      EXPECT_EQ(run.reason, StopReason::kNone) << full << ": " << run.message;
     }
   }
 }
@@ -477,18 +461,15 @@ TEST(Kinks, RateLimitsAndClamps) {
         sample.velocity[0] = w;
         sample.acceleration[0] = u_end - c * w;
       });
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : sweptTolerances()) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          const test::Run run = play(scene, times, commands);
-          const std::string label =
-              std::string(principle) + " rate " + text(rate) + " " + describe(stepper, tolerance);
-          // The ends of a ramp are known to 2e-16 s, its torque to that times the rate.
-          const double rounding = 2.3e-16 * rate / J / tolerance;
-          hazard.compare(run, exact, scene, label, kAllowed + rounding);
-          if (rounding < 0.1) {
-            EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-          }
+      for (const Method& method : methodsOf(plain, sweptTolerances())) {
+        const test::Run run = play(method.scene, times, commands);
+        const std::string label =
+            std::string(principle) + " rate " + text(rate) + " " + method.name;
+        // The ends of a ramp are known to 2e-16 s, its torque to that times the rate.
+        const double rounding = 2.3e-16 * rate / J / method.tolerance;
+        hazard.compare(run, exact, method.scene, label, kAllowed + rounding);
+        if (rounding < 0.1) {
+          EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
         }
       }
     }

@@ -4,52 +4,12 @@
 
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "stress/hazard.h"
-#include "support/scenes.h"
+#include "stress/methods.h"
 
 namespace variator_sim::test {
-
-/// A number to the last bit.
-inline std::string exactText(double value) {
-  char buffer[40];
-  std::snprintf(buffer, sizeof buffer, "(%.17g)", value);
-  return buffer;
-}
-/// The same, for a value of its own in YAML.
-inline std::string yamlText(double value) {
-  char buffer[40];
-  std::snprintf(buffer, sizeof buffer, "%.17g", value);
-  return buffer;
-}
-
-inline Scene withMethod(Scene scene, StepperKind stepper, double tolerance) {
-  scene.solver.stepper = stepper;
-  return withTolerance(std::move(scene), tolerance);
-}
-
-/// All that choose their steps by their error, of those that `scene` takes.
-inline std::vector<StepperKind> adaptiveSteppers(const Scene& scene) {
-  std::vector<StepperKind> taken;
-  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kFehlberg78,
-                              StepperKind::kRadau, StepperKind::kTaylor}) {
-    if (takes(scene, stepper)) taken.push_back(stepper);
-  }
-  return taken;
-}
-
-/// The samples of a function of time.
-template <class Function>
-Run tabulate(const std::vector<double>& times, Function at) {
-  Run run;
-  for (double time : times) run.samples.push_back(at(time));
-  run.end = times.back();
-  return run;
-}
 
 /// Two shafts and a variator of a ratio u(t) = u0 + u1 sin(0.7 t), made the other way round: the
 /// motion
@@ -93,27 +53,27 @@ struct KnownMotion {
   }
 
   std::string yaml() const {
-    const std::string T = "(t*" + exactText(1.0 / time_scale) + ")";
-    const std::string u = "(" + exactText(ratio) + "+" + exactText(swing) + "*sin(0.7*" + T + "))";
-    const std::string du = "(" + exactText(0.7 * swing) + "*cos(0.7*" + T + "))";
+    const std::string T = "(t*" + exactly(1.0 / time_scale) + ")";
+    const std::string u = "(" + exactly(ratio) + "+" + exactly(swing) + "*sin(0.7*" + T + "))";
+    const std::string du = "(" + exactly(0.7 * swing) + "*cos(0.7*" + T + "))";
     const std::string I = "(0.5*((1-cos(1.7*" + T + "))/1.7-(1-cos(0.3*" + T + "))/0.3))";
-    const std::string W1 = "(5+" + exactText(trend) + "*" + T + "+sin(" + T + "))";
-    const std::string A1 = "(" + exactText(trend) + "+cos(" + T + "))";
-    const std::string W2 = "(" + exactText(5.0 * ratio) + "+" + exactText(ratio * trend) + "*" + T +
-                           "+" + exactText(ratio) + "*sin(" + T + ")+" +
-                           exactText(swing * trend / 0.7) + "*(1-cos(0.7*" + T + "))+" +
-                           exactText(swing) + "*" + I + ")";
+    const std::string W1 = "(5+" + exactly(trend) + "*" + T + "+sin(" + T + "))";
+    const std::string A1 = "(" + exactly(trend) + "+cos(" + T + "))";
+    const std::string W2 = "(" + exactly(5.0 * ratio) + "+" + exactly(ratio * trend) + "*" + T +
+                           "+" + exactly(ratio) + "*sin(" + T + ")+" +
+                           exactly(swing * trend / 0.7) + "*(1-cos(0.7*" + T + "))+" +
+                           exactly(swing) + "*" + I + ")";
     const double wa = time_scale / angle_scale;
     const double ea = wa * time_scale;
     const double ja = ea * time_scale;
     const auto times = [](const char* variable, double factor) {
-      return "(" + std::string(variable) + "*" + exactText(factor) + ")";
+      return "(" + std::string(variable) + "*" + exactly(factor) + ")";
     };
     const std::string slip_velocity = "(" + times("w2", wa) + "-" + u + "*" + times("w1", wa) +
                                       "-(" + W2 + "-" + u + "*" + W1 + "))";
     const std::string slip_acceleration =
         "(" + times("e2", ea) + "-" + u + "*" + times("e1", ea) + ")";
-    const std::string tau = exactText(time_constant);
+    const std::string tau = exactly(time_constant);
     std::string psi;
     if (order == 1) {
       psi = slip_velocity;
@@ -124,45 +84,45 @@ struct KnownMotion {
       }
       psi += "+" + slip_velocity;
     } else {
-      const std::string square = exactText(time_constant * time_constant);
+      const std::string square = exactly(time_constant * time_constant);
       psi = square + "*(" + times("j2", ja) + "-" + u + "*" + times("j1", ja) + ")+2*" + tau + "*" +
             slip_acceleration + "+" + slip_velocity + "-" + square + "*" + du + "*" + A1;
     }
     const double L = hasReactionOfItsOwn() ? 0.0 : reaction;
-    const std::string R2 = "(" + exactText(L) + "*sin(" + T + "))";
+    const std::string R2 = "(" + exactly(L) + "*sin(" + T + "))";
     const std::string R1 = principle == Principle::kGauss
                                ? "(-" + u + "*" + R2 + ")"
-                               : "(-" + exactText(L) + "*(" + exactText(ratio) + "*sin(" + T +
-                                     ")+" + exactText(swing) + "*" + I + "))";
-    std::string J1 = exactText(inertia[0]);
+                               : "(-" + exactly(L) + "*(" + exactly(ratio) + "*sin(" + T + ")+" +
+                                     exactly(swing) + "*" + I + "))";
+    std::string J1 = exactly(inertia[0]);
     std::string n1;
     if (harmonic != 0.0) {
-      n1 = "-" + exactText(0.5 * inertia[0] * harmonic) + "*sin(phi1)*" + times("w1", wa) + "^2";
-      J1 = "(" + J1 + "+" + exactText(inertia[0] * harmonic) + "*cos(phi1))";
+      n1 = "-" + exactly(0.5 * inertia[0] * harmonic) + "*sin(phi1)*" + times("w1", wa) + "^2";
+      J1 = "(" + J1 + "+" + exactly(inertia[0] * harmonic) + "*cos(phi1))";
     }
     const std::string A2 = "(" + u + "*" + A1 + ")";
-    const std::string c = exactText(coupling);
+    const std::string c = exactly(coupling);
     const double torque_scale = inertia_scale * angle_scale / (time_scale * time_scale);
     const std::string Q1 =
-        exactText(torque_scale) + "*(" + J1 + "*" + A1 + "+" + c + "*" + A2 + n1 + "-" + R1 + ")";
-    const std::string Q2 = exactText(torque_scale) + "*(" + exactText(inertia[1]) + "*" + A2 + "+" +
-                           c + "*" + A1 + "-" + R2 + ")";
+        exactly(torque_scale) + "*(" + J1 + "*" + A1 + "+" + c + "*" + A2 + n1 + "-" + R1 + ")";
+    const std::string Q2 = exactly(torque_scale) + "*(" + exactly(inertia[1]) + "*" + A2 + "+" + c +
+                           "*" + A1 + "-" + R2 + ")";
     const auto restore = [&](const char* variable, const std::string& speed) {
       return restoring == 0.0 ? std::string()
-                              : "-" + exactText(restoring * torque_scale) + "*(" +
+                              : "-" + exactly(restoring * torque_scale) + "*(" +
                                     times(variable, wa) + "-" + speed + ")";
     };
     std::string text = "shafts: [a, b]\n";
     if (harmonic != 0.0) {
-      text += "a: {inertia: {mean: " + yamlText(inertia_scale * inertia[0]) +
-              ", harmonics: [{order: 1, cos: " + yamlText(inertia_scale * inertia[0] * harmonic) +
+      text += "a: {inertia: {mean: " + plainly(inertia_scale * inertia[0]) +
+              ", harmonics: [{order: 1, cos: " + plainly(inertia_scale * inertia[0] * harmonic) +
               "}]}}\n";
     } else {
-      text += "a: {inertia: " + yamlText(inertia_scale * inertia[0]) + "}\n";
+      text += "a: {inertia: " + plainly(inertia_scale * inertia[0]) + "}\n";
     }
-    text += "b: {inertia: " + yamlText(inertia_scale * inertia[1]) + "}\n";
+    text += "b: {inertia: " + plainly(inertia_scale * inertia[1]) + "}\n";
     if (coupling != 0.0) {
-      text += "inertia_coupling: [[a, b, " + yamlText(inertia_scale * coupling) + "]]\n";
+      text += "inertia_coupling: [[a, b, " + plainly(inertia_scale * coupling) + "]]\n";
     }
     text += "torques: [qa, qb]\n";
     text += "qa: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" + Q1 +
@@ -170,12 +130,11 @@ struct KnownMotion {
     text += "qb: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" + Q2 +
             restore("w2", W2) + "\"}\n";
     text += "constraints: [v]\nv: {type: variator_sim/ExpressionConstraint, order: " +
-            std::to_string(order) + ", expression: \"" + exactText(psi_scale) + "*(" + psi +
-            ")\"}\n";
+            std::to_string(order) + ", expression: \"" + exactly(psi_scale) + "*(" + psi + ")\"}\n";
     text += std::string("principle: ") + toString(principle) + "\n";
     const Sample start = at(0.0);
     const auto list = [](const double* x) {
-      return "[" + yamlText(x[0]) + ", " + yamlText(x[1]) + "]";
+      return "[" + plainly(x[0]) + ", " + plainly(x[1]) + "]";
     };
     text += "initial: {angle: " + list(start.angle) + ", velocity: " + list(start.velocity);
     // Under gauss the accelerations follow from the rest, but with order 3.
@@ -244,7 +203,7 @@ struct KnownMotion {
   }
 
   Run exact(const std::vector<double>& times) const {
-    return tabulate(times, [this](double t) { return at(t); });
+    return tabulate(times, [this](double t, Sample& sample) { sample = at(t); });
   }
 
   std::string label() const {
@@ -287,10 +246,10 @@ struct ElasticDrive {
     text +=
         "a: {inertia: 0.4}\nb: {inertia: 0.7}\ntorques: [m, k]\n"
         "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: " +
-        yamlText(motor) +
+        plainly(motor) +
         "}\n"
         "k: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: " +
-        yamlText(stiffness) + ", damping: " + yamlText(damping()) + "}\n";
+        plainly(stiffness) + ", damping: " + plainly(damping()) + "}\n";
     if (order == 0) {
       text += "constraints: []\n";
     } else {
@@ -303,7 +262,7 @@ struct ElasticDrive {
     }
     const auto list = [&](const double* x) {
       std::string values;
-      for (int i = 0; i < s; ++i) values += (i ? ", " : "[") + yamlText(x[i]);
+      for (int i = 0; i < s; ++i) values += (i ? ", " : "[") + plainly(x[i]);
       return values + "]";
     };
     text += "initial: {angle: " + list(start.angle) + ", velocity: " + list(start.velocity);
@@ -380,10 +339,6 @@ inline void compareApart(Hazard& hazard, Hazard& accelerations, const Run& run,
   hazard.compare(split(run, false), split(reference, false), scene, label, allowed, Columns::kAll);
   accelerations.compare(split(run, true), split(reference, true), scene, label + ", accelerations",
                         allowed, Columns::kVelocity);
-}
-
-inline std::string methodLabel(StepperKind stepper, double tolerance) {
-  return std::string(toString(stepper)) + " at " + text(tolerance);
 }
 
 }  // namespace variator_sim::test

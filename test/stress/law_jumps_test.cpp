@@ -109,21 +109,18 @@ void compareAll(Hazard& hazard, Hazard* free, const std::string& yaml, const Run
                 double rounding, double torque) {
   for (const char* principle : kPrinciples) {
     const Scene plain = sceneFromText(yaml + "principle: " + principle + "\n");
-    for (StepperKind stepper : steppersOf(plain)) {
-      for (double tolerance : sweptTolerances()) {
-        const Scene scene = withFewSteps(plain, stepper, tolerance);
-        const test::Run run = play(scene, times);
-        const std::string full =
-            std::string(principle) + " " + label + " " + describe(stepper, tolerance);
-        hazard.compare(run, exact, scene, full, kAllowed * growth + rounding / tolerance);
-        expectNoStop(run, scene, full);
-        if (free == nullptr || !scene.constraints.empty()) continue;
-        double most = 0.0;
-        for (const Sample& sample : run.samples) {
-          most = std::max(most, std::abs(sample.reaction_torque[0]));
-        }
-        free->judge(most / (kEps * torque), full, 64.0);
+    for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
+      const test::Run run = play(method.scene, times);
+      const std::string full = std::string(principle) + " " + label + " " + method.name;
+      hazard.compare(run, exact, method.scene, full,
+                     kAllowed * growth + rounding / method.tolerance);
+      expectNoStop(run, method.scene, full);
+      if (free == nullptr || !method.scene.constraints.empty()) continue;
+      double most = 0.0;
+      for (const Sample& sample : run.samples) {
+        most = std::max(most, std::abs(sample.reaction_torque[0]));
       }
+      free->judge(most / (kEps * torque), full, 64.0);
     }
   }
 }
@@ -269,8 +266,8 @@ TEST(LawJumps, AreCommandsAtTheirInstants) {
                               plainly(value) + "}") +
                    end;
           };
-          Scene tight =
-              withFewSteps(sceneFromText(commanded(before)), StepperKind::kFehlberg78, 1e-13);
+          Scene tight = withSolver(withFewSteps(sceneFromText(commanded(before))),
+                                   StepperKind::kFehlberg78, 1e-13);
           tight.solver.sleep = false;
           std::vector<TimedCommand> commands;
           std::string law;
@@ -312,17 +309,14 @@ TEST(LawJumps, AreCommandsAtTheirInstants) {
               curved(psi,
                      "{type: variator_sim/ExpressionTorque, shaft: a, torque: \"" + law + "\"}") +
               end);
-          for (StepperKind stepper : steppersOf(plain)) {
-            for (double tolerance : sweptTolerances()) {
-              const Scene scene = withFewSteps(plain, stepper, tolerance);
-              const test::Run run = play(scene, times);
-              const std::string label = std::string(principle) + " " + law + " on " + psi + " " +
-                                        describe(stepper, tolerance);
-              // accelerations that change quickly where the speed is passed
-              hazard.compare(run, reference, scene, label,
-                             kAllowed * (of == 2 ? 1.0 + K : 1.0) + 1e-11 / tolerance);
-              expectNoStop(run, scene, label);
-            }
+          for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
+            const test::Run run = play(method.scene, times);
+            const std::string label =
+                std::string(principle) + " " + law + " on " + psi + " " + method.name;
+            // accelerations that change quickly where the speed is passed
+            hazard.compare(run, reference, method.scene, label,
+                           kAllowed * (of == 2 ? 1.0 + K : 1.0) + 1e-11 / method.tolerance);
+            expectNoStop(run, method.scene, label);
           }
         }
       }
@@ -393,28 +387,25 @@ TEST(LawJumps, CrossedBackAtOnceStops) {
     for (const char* principle : kPrinciples) {
       if (sliding.name == "order 3" && principle[0] == 'g' && principle[1] == 'a') continue;
       const Scene plain = sceneFromText(sliding.yaml + "principle: " + principle + "\n");
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : sweptTolerances()) {
-          const test::Run run = play(withFewSteps(plain, stepper, tolerance), {sliding.at + 10.0});
-          const std::string label =
-              sliding.name + " " + principle + " " + describe(stepper, tolerance);
-          // (An implicit stepper under `gauss` feels both sides in its Jacobian by differences.)
-          const bool is_blurred =
-              principle == std::string("gauss") && stepper == StepperKind::kRadau;
-          if (run.reason != StopReason::kChattering) {
-            if (!is_blurred) hazard.judge(HUGE_VAL, label + ": " + run.message);
-            EXPECT_NE(run.reason, StopReason::kNone) << label;
-            continue;
-          }
-          // It may cross to and fro a few times before it is sure.
-          hazard.judge(std::abs(run.end - sliding.at) / tolerance, label,
-                       kAllowed + (is_blurred ? 1e-3 : 1e-9) / tolerance);
-          EXPECT_NE(run.message.find(sliding.culprit), std::string::npos) << run.message;
-          const int steps = static_cast<int>(run.statistics.steps + run.statistics.rejected_steps);
-          if (steps > most) {
-            most = steps;
-            where = label;
-          }
+      for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
+        const test::Run run = play(method.scene, {sliding.at + 10.0});
+        const std::string label = sliding.name + " " + principle + " " + method.name;
+        // (An implicit stepper under `gauss` feels both sides in its Jacobian by differences.)
+        const bool is_blurred =
+            principle == std::string("gauss") && method.stepper == StepperKind::kRadau;
+        if (run.reason != StopReason::kChattering) {
+          if (!is_blurred) hazard.judge(HUGE_VAL, label + ": " + run.message);
+          EXPECT_NE(run.reason, StopReason::kNone) << label;
+          continue;
+        }
+        // It may cross to and fro a few times before it is sure.
+        hazard.judge(std::abs(run.end - sliding.at) / method.tolerance, label,
+                     kAllowed + (is_blurred ? 1e-3 : 1e-9) / method.tolerance);
+        EXPECT_NE(run.message.find(sliding.culprit), std::string::npos) << run.message;
+        const int steps = static_cast<int>(run.statistics.steps + run.statistics.rejected_steps);
+        if (steps > most) {
+          most = steps;
+          where = label;
         }
       }
     }
@@ -467,20 +458,17 @@ TEST(KinksOfOrder1, OfASpeedAreLimitsOfSmoothOnes) {
         const std::string what =
             std::string(principle) + (is_abs ? " abs" : " max") + ", k " + text(k);
         const Scene kinked = sceneFromText(yaml(is_abs ? "abs(w1)" : "max(0,w1)", c0 * w0));
-        for (StepperKind stepper : steppersOf(kinked)) {
-          for (double tolerance : sweptTolerances()) {
-            const Scene scene = withFewSteps(kinked, stepper, tolerance);
-            hazard.compare(play(scene, times), exact, scene,
-                           what + " " + describe(stepper, tolerance), kAllowed * (1.0 + k));
-          }
+        for (const Method& method : methodsOf(withFewSteps(kinked), sweptTolerances())) {
+          hazard.compare(play(method.scene, times), exact, method.scene, what + " " + method.name,
+                         kAllowed * (1.0 + k));
         }
         for (double d : {1e-2, 1e-4, 1e-6}) {
           const double root = std::sqrt(w0 * w0 + d * d);
           const std::string bent = is_abs ? "sqrt(w1^2+" + exactly(d * d) + ")"
                                           : "(0.5*(w1+sqrt(w1^2+" + exactly(d * d) + ")))";
-          const Scene scene =
-              withFewSteps(sceneFromText(yaml(bent, k * (is_abs ? root : 0.5 * (w0 + root)))),
-                           StepperKind::kFehlberg78, 1e-9);
+          const Scene scene = withSolver(
+              withFewSteps(sceneFromText(yaml(bent, k * (is_abs ? root : 0.5 * (w0 + root))))),
+              StepperKind::kFehlberg78, 1e-9);
           smooth.compare(play(scene, times), exact, scene, what + ", width " + text(d),
                          kAllowed + 10.0 * (1.0 + k) * d / 1e-9);
         }
@@ -518,15 +506,12 @@ TEST(KinksOfOrder1, OfTime) {
             exactly(K) + (is_abs ? "*abs(t-0.637)" : "*max(0,t-0.637)") +
             "\"}\ninitial: {velocity: [0, " + plainly(is_abs ? K * a : 0.0) +
             "]}\nprinciple: " + principle + "\n");
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : sweptTolerances()) {
-            const Scene scene = withFewSteps(plain, stepper, tolerance);
-            const test::Run run = play(scene, times);
-            const std::string label = std::string(principle) + (is_abs ? " abs" : " max") + ", K " +
-                                      text(K) + " " + describe(stepper, tolerance);
-            hazard.compare(run, exact, scene, label);
-            expectNoStop(run, scene, label);
-          }
+        for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
+          const test::Run run = play(method.scene, times);
+          const std::string label = std::string(principle) + (is_abs ? " abs" : " max") + ", K " +
+                                    text(K) + " " + method.name;
+          hazard.compare(run, exact, method.scene, label);
+          expectNoStop(run, method.scene, label);
         }
       }
     }

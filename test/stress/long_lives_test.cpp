@@ -86,25 +86,22 @@ TEST(LongLives, ShortRampsAtLateTimes) {
               });
               const Scene plain = sceneFromText(commanded(hold.keys, order, w0, reads_time) +
                                                 "principle: " + principle + "\n");
-              for (StepperKind stepper : steppersOf(plain)) {
-                for (double tolerance : sweptTolerances()) {
-                  const Scene scene = withFewSteps(plain, stepper, tolerance);
-                  const test::Run run = play(scene, times, {{instant, 0, u}});
-                  const std::string label = std::string(principle) + " " + hold.keys + " at " +
-                                            plainly(instant) + ", order " + std::to_string(order) +
-                                            (form == 0    ? " from rest "
-                                             : reads_time ? " reads t "
-                                                          : " ") +
-                                            describe(stepper, tolerance);
-                  // Instants count from the command: nothing is lost to the time's own rounding,
-                  // but what the velocity before it has collected.
-                  // A ramp below the resolution of the time is a jump.
-                  const bool is_jump = width < kEps * instant;
-                  hazard.compare(run, exact, scene, label,
-                                 kAllowed + (form == 0 ? 0.0 : 1e-14 * instant / tolerance) +
-                                     (is_jump ? 2.0 * u * width / J / tolerance : 0.0));
-                  expectNoStop(run, scene, label);
-                }
+              for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
+                const test::Run run = play(method.scene, times, {{instant, 0, u}});
+                const std::string label = std::string(principle) + " " + hold.keys + " at " +
+                                          plainly(instant) + ", order " + std::to_string(order) +
+                                          (form == 0    ? " from rest "
+                                           : reads_time ? " reads t "
+                                                        : " ") +
+                                          method.name;
+                // Instants count from the command: nothing is lost to the time's own rounding,
+                // but what the velocity before it has collected.
+                // A ramp below the resolution of the time is a jump.
+                const bool is_jump = width < kEps * instant;
+                hazard.compare(run, exact, method.scene, label,
+                               kAllowed + (form == 0 ? 0.0 : 1e-14 * instant / method.tolerance) +
+                                   (is_jump ? 2.0 * u * width / J / method.tolerance : 0.0));
+                expectNoStop(run, method.scene, label);
               }
             }
           }
@@ -143,7 +140,7 @@ TEST(LongLives, TheSameCommandAtAnyTime) {
             "expression: \"" +
             psi + "\"}\nprinciple: " + principle + "\n");
         for (StepperKind stepper : steppersOf(plain)) {
-          const Scene scene = withFewSteps(plain, stepper, 1e-8);
+          const Scene scene = withSolver(withFewSteps(plain), stepper, 1e-8);
           test::Run first;
           for (double instant : {0.0009765625, 1024.0, 16777216.0}) {
             std::vector<double> times;
@@ -214,21 +211,18 @@ TEST(LongLives, FormulasOfALateTime) {
                               : "w1-" + sine) +
                 "\"}\ninitial: {velocity: [" + plainly(place == 2 ? at_start : 0.0) +
                 ", 0], project: true}\nprinciple: " + principle + "\n");
-            for (StepperKind stepper : steppersOf(plain)) {
-              for (double tolerance : sweptTolerances()) {
-                const Scene scene = withFewSteps(plain, stepper, tolerance);
-                const test::Run run = play(scene, times);
-                const std::string label = std::string(principle) + " " + sine + ", place " +
-                                          std::to_string(place) + " " +
-                                          describe(stepper, tolerance);
-                // Both the argument's sum and its product are rounded.
-                const double rounding = 2.0 * kEps * (late + 10.0) * z;
-                const double steep = size * std::max(1.0, place == 2 ? z : 1.0 / z);
-                hazard.compare(run, exact, scene, label,
-                               kAllowed + 20.0 * rounding * steep / tolerance);
-                // (More rounding of a constraint than that may stop it by name.)
-                if (rounding * size < 100.0 * tolerance) expectNoStop(run, scene, label);
-              }
+            for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
+              const test::Run run = play(method.scene, times);
+              const std::string label = std::string(principle) + " " + sine + ", place " +
+                                        std::to_string(place) + " " + method.name;
+              // Both the argument's sum and its product are rounded.
+              const double rounding = 2.0 * kEps * (late + 10.0) * z;
+              const double steep = size * std::max(1.0, place == 2 ? z : 1.0 / z);
+              hazard.compare(run, exact, method.scene, label,
+                             kAllowed + 20.0 * rounding * steep / method.tolerance);
+              // (More rounding of a constraint than that may stop it by name.)
+              if (rounding * size < 100.0 * method.tolerance)
+                expectNoStop(run, method.scene, label);
             }
           }
         }
@@ -260,23 +254,21 @@ TEST(LongLives, RatiosOfALateTime) {
           std::fmod(static_cast<long double>(0.7) * static_cast<long double>(late),
                     2.0L * 3.14159265358979323846264338327950288L));
       const test::Run reference =
-          play(withFewSteps(sceneFromText(yaml("sin(0.7*t+" + exactly(phase) + ")")),
-                            StepperKind::kFehlberg78, 1e-12),
+          play(withSolver(withFewSteps(sceneFromText(yaml("sin(0.7*t+" + exactly(phase) + ")"))),
+                          StepperKind::kFehlberg78, 1e-12),
                times);
       ASSERT_EQ(reference.reason, StopReason::kNone) << reference.message;
       const Scene plain = sceneFromText(yaml("sin(0.7*(t+" + exactly(late) + "))"));
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : sweptTolerances()) {
-          const Scene scene = withFewSteps(plain, stepper, tolerance);
-          const test::Run run = play(scene, times);
-          const std::string label =
-              std::string(principle) + " late " + text(late) + " " + describe(stepper, tolerance);
-          // What an argument's rounding makes of psi is 0.2 w1 times that, 1/tau of it in the
-          // accelerations; relative to those and to the speeds:
-          const double rounding = kEps * 0.7 * late;
-          hazard.compare(run, reference, scene, label, kAllowed + 100.0 * rounding / tolerance);
-          expectNoStop(run, scene, label);
-        }
+      for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
+        const test::Run run = play(method.scene, times);
+        const std::string label =
+            std::string(principle) + " late " + text(late) + " " + method.name;
+        // What an argument's rounding makes of psi is 0.2 w1 times that, 1/tau of it in the
+        // accelerations; relative to those and to the speeds:
+        const double rounding = kEps * 0.7 * late;
+        hazard.compare(run, reference, method.scene, label,
+                       kAllowed + 100.0 * rounding / method.tolerance);
+        expectNoStop(run, method.scene, label);
       }
     }
   }
@@ -328,26 +320,23 @@ TEST(LongLives, NeutralModesDoNotDrift) {
     const bool is_free = form.shafts == 1;
     test::Run reference;
     if (is_free) {
-      Scene tight = withFewSteps(plain, StepperKind::kFehlberg78, 1e-12);
+      Scene tight = withSolver(withFewSteps(plain), StepperKind::kFehlberg78, 1e-12);
       tight.principle = Principle::kGauss;
       reference = play(tight, times);
     }
-    for (StepperKind stepper : steppersOf(plain)) {
-      for (double tolerance : {1e-4, 1e-8}) {
-        const Scene scene = withFewSteps(plain, stepper, tolerance);
-        Simulation simulation(scene);
-        const double start = form.calc(simulation.sample().reaction_torque);
-        const test::Run run = play(scene, times);
-        const std::string label = std::string(form.name) + " " + describe(stepper, tolerance);
-        expectNoStop(run, scene, label);
-        double most = 0.0;
-        for (const Sample& sample : run.samples) {
-          most = std::max(most, std::abs(form.calc(sample.reaction_torque) - start));
-        }
-        // A sample lies inside of a step, where R is known to its error; drift would add them up.
-        hazard.judge(most / tolerance, label, 10.0);
-        if (is_free) motion.compare(run, reference, scene, label);
+    for (const Method& method : methodsOf(withFewSteps(plain), {1e-4, 1e-8})) {
+      Simulation simulation(method.scene);
+      const double start = form.calc(simulation.sample().reaction_torque);
+      const test::Run run = play(method.scene, times);
+      const std::string label = std::string(form.name) + " " + method.name;
+      expectNoStop(run, method.scene, label);
+      double most = 0.0;
+      for (const Sample& sample : run.samples) {
+        most = std::max(most, std::abs(form.calc(sample.reaction_torque) - start));
       }
+      // A sample lies inside of a step, where R is known to its error; drift would add them up.
+      hazard.judge(most / method.tolerance, label, 10.0);
+      if (is_free) motion.compare(run, reference, method.scene, label);
     }
   }
 }
@@ -383,35 +372,33 @@ TEST(LongLives, LockstepThatBeginsLate) {
             "\"}\nconstraints: [v]\nv: {type: "
             "variator_sim/ExpressionConstraint, order: 2, expression: \"" +
             psi + "\"}\nprinciple: " + principle + "\n");
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : {1e-6, 1e-9}) {
-            if (!isLongForm() && tolerance > 1e-8) continue;
-            const Scene scene = withFewSteps(plain, stepper, tolerance);
-            for (bool is_exact : {true, false}) {
-              const double begin = is_exact ? 8388608.0 : 1e7;
-              const double tick = is_exact ? 0.0009765625 : 0.001;
-              std::vector<double> late;
-              std::vector<double> early;
-              std::vector<TimedCommand> late_commands;
-              std::vector<TimedCommand> early_commands;
-              for (int n = 1; n <= ticks; ++n) {
-                late.push_back(begin + n * tick);
-                early.push_back(late.back() - begin);  // exact
-                const double value = 3.0 + 2.0 * std::sin(0.05 * n) + (n % 7 == 0 ? 1.0 : 0.0);
-                late_commands.push_back({late.back(), 0, value});
-                early_commands.push_back({early.back(), 0, value});
-              }
-              const test::Run a = play(scene, late, late_commands);
-              const test::Run b = play(scene, early, early_commands);
-              const std::string label = std::string(principle) + " " + keys + " " +
-                                        std::to_string(form) + " " + describe(stepper, tolerance);
-              EXPECT_EQ(a.reason, StopReason::kNone) << label << ": " << a.message;
-              EXPECT_EQ(b.reason, StopReason::kNone) << label << ": " << b.message;
-              // (Ramps end where the time is rounded to.)
-              const bool is_ramp = keys.find("rate_limit") != std::string::npos;
-              (is_exact ? exact : close)
-                  .compare(a, b, scene, label, is_exact && !is_bent && !is_ramp ? 1.0 : kAllowed);
+        for (const Method& method : methodsOf(withFewSteps(plain), {1e-6, 1e-9})) {
+          if (!isLongForm() && method.tolerance > 1e-8) continue;
+          for (bool is_exact : {true, false}) {
+            const double begin = is_exact ? 8388608.0 : 1e7;
+            const double tick = is_exact ? 0.0009765625 : 0.001;
+            std::vector<double> late;
+            std::vector<double> early;
+            std::vector<TimedCommand> late_commands;
+            std::vector<TimedCommand> early_commands;
+            for (int n = 1; n <= ticks; ++n) {
+              late.push_back(begin + n * tick);
+              early.push_back(late.back() - begin);  // exact
+              const double value = 3.0 + 2.0 * std::sin(0.05 * n) + (n % 7 == 0 ? 1.0 : 0.0);
+              late_commands.push_back({late.back(), 0, value});
+              early_commands.push_back({early.back(), 0, value});
             }
+            const test::Run a = play(method.scene, late, late_commands);
+            const test::Run b = play(method.scene, early, early_commands);
+            const std::string label = std::string(principle) + " " + keys + " " +
+                                      std::to_string(form) + " " + method.name;
+            EXPECT_EQ(a.reason, StopReason::kNone) << label << ": " << a.message;
+            EXPECT_EQ(b.reason, StopReason::kNone) << label << ": " << b.message;
+            // (Ramps end where the time is rounded to.)
+            const bool is_ramp = keys.find("rate_limit") != std::string::npos;
+            (is_exact ? exact : close)
+                .compare(a, b, method.scene, label,
+                         is_exact && !is_bent && !is_ramp ? 1.0 : kAllowed);
           }
         }
       }

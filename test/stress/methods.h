@@ -45,8 +45,7 @@ inline Scene withSolver(Scene scene, StepperKind stepper, double tolerance) {
 
 /// The same where nothing needs many steps in a second (but for the long form's 1,000 kinks in
 /// one), and whatever does is told soon.
-inline Scene withFewSteps(Scene scene, StepperKind stepper, double tolerance) {
-  scene = withSolver(std::move(scene), stepper, tolerance);
+inline Scene withFewSteps(Scene scene) {
   scene.solver.maximum_steps = isLongForm() ? 200000 : 10000;
   return scene;
 }
@@ -66,6 +65,26 @@ inline void expectNoStop(const Run& run, const Scene& scene, const std::string& 
 
 inline std::string describe(StepperKind stepper, double tolerance) {
   return std::string(toString(stepper)) + " at " + text(tolerance);
+}
+
+/// A scene by one stepper at one tolerance.
+struct Method {
+  StepperKind stepper;
+  double tolerance;
+  std::string name;
+  Scene scene;
+};
+
+/// `scene` by all that choose their steps, of those that it takes, at each of `tolerances`.
+inline std::vector<Method> methodsOf(const Scene& scene, const std::vector<double>& tolerances) {
+  std::vector<Method> methods;
+  for (StepperKind stepper : steppersOf(scene)) {
+    for (double tolerance : tolerances) {
+      methods.push_back({stepper, tolerance, describe(stepper, tolerance),
+                         withSolver(scene, stepper, tolerance)});
+    }
+  }
+  return methods;
 }
 
 /// A number in full precision, in parentheses: for formulas.

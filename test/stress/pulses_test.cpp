@@ -102,21 +102,18 @@ void compareAll(Hazard& hazard, const std::string& yaml, const Run& exact,
                 const std::vector<double>& times, const std::string& label, Allowed allowed,
                 Columns columns = Columns::kVelocityAndAcceleration, bool explicit_only = false) {
   const Scene plain = sceneFromText(yaml);
-  for (StepperKind stepper : steppersOf(plain)) {
-    if (explicit_only && stepper == StepperKind::kRadau) continue;
-    for (double tolerance : sweptTolerances()) {
-      const double most = allowed(tolerance);
-      if (!std::isfinite(most)) continue;
-      const Scene scene = withFewSteps(plain, stepper, tolerance);
-      const test::Run run = play(scene, times);
-      const std::string full = label + " " + describe(stepper, tolerance);
-      hazard.compare(run, exact, scene, full, most, columns);
-      // What rounding of the time and the angle makes of so steep a law may stop it, too.
-      constexpr double kNoTolerance = 1e300;
-      const bool is_rounded =
-          run.reason == StopReason::kStepUnderflow && most > 1.005 * allowed(kNoTolerance);
-      if (!is_rounded) expectNoStop(run, scene, full);
-    }
+  for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
+    if (explicit_only && method.stepper == StepperKind::kRadau) continue;
+    const double most = allowed(method.tolerance);
+    if (!std::isfinite(most)) continue;
+    const test::Run run = play(method.scene, times);
+    const std::string full = label + " " + method.name;
+    hazard.compare(run, exact, method.scene, full, most, columns);
+    // What rounding of the time and the angle makes of so steep a law may stop it, too.
+    constexpr double kNoTolerance = 1e300;
+    const bool is_rounded =
+        run.reason == StopReason::kStepUnderflow && most > 1.005 * allowed(kNoTolerance);
+    if (!is_rounded) expectNoStop(run, method.scene, full);
   }
 }
 
@@ -574,18 +571,15 @@ TEST(Pulses, OfPluginsSwitches) {
         Scene plain = sceneFromText(
             withPrinciple("shafts: [a]\na: {inertia: 1}\ninitial: {velocity: [1]}\n", principle));
         addTorque(plain, std::make_shared<Stop>(at, stiffness, jumps));
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : sweptTolerances()) {
-            const Scene scene = withFewSteps(plain, stepper, tolerance);
-            const test::Run run = play(scene, times);
-            const std::string label = std::string(principle) + (jumps ? " jump, " : " spring, ") +
-                                      text(inside) + " s " + describe(stepper, tolerance);
-            // An error of the acceleration in the spring is one of the velocity over frequency;
-            // accelerations are as large as pi/inside.
-            hazard.compare(run, exact, scene, label,
-                           kAllowed * (1.0 + kPi / inside * (jumps ? 0.0 : 1.0)), Columns::kAll);
-            expectNoStop(run, scene, label);
-          }
+        for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
+          const test::Run run = play(method.scene, times);
+          const std::string label = std::string(principle) + (jumps ? " jump, " : " spring, ") +
+                                    text(inside) + " s " + method.name;
+          // An error of the acceleration in the spring is one of the velocity over frequency;
+          // accelerations are as large as pi/inside.
+          hazard.compare(run, exact, method.scene, label,
+                         kAllowed * (1.0 + kPi / inside * (jumps ? 0.0 : 1.0)), Columns::kAll);
+          expectNoStop(run, method.scene, label);
         }
       }
     }

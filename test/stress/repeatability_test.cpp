@@ -239,7 +239,7 @@ void forEachRun(const std::function<void(const Play&, const std::string&)>& use)
         play.scene = withTolerance(std::move(play.scene), tolerance);
         play.scene.solver.step = play.end > 100.0 ? 0.2 : 0.007;
         play.scene.solver.maximum_steps = sizeOf(300, 20000);
-        use(play, play.name + ", " + methodLabel(stepper, tolerance));
+        use(play, play.name + ", " + describe(stepper, tolerance));
       }
     }
   }
@@ -474,18 +474,17 @@ TEST(Repeatability, Sleep) {
         const std::vector<TimedCommand> commands = {
             {0.0, 0, 3.0}, {200.0, 0, 4.0}, {200.5, 0, 2.0}, {500.0, 0, 0.0}};
         const std::vector<double> times = evenly(700.0, 70);
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
+        for (StepperKind stepper : steppersOf(scene)) {
           for (double tolerance : isLongForm() ? std::vector<double>{1e-4, 1e-6, 1e-8, 1e-10}
                                                : std::vector<double>{1e-4, 1e-8}) {
-            Scene asleep = withMethod(scene, stepper, tolerance);
+            Scene asleep = withSolver(scene, stepper, tolerance);
             Scene awake = asleep;
             awake.solver.sleep = false;
             const test::Run sleeping = play(asleep, times, commands);
             sleeps += static_cast<int>(sleeping.statistics.sleeps);
             hazard.compare(sleeping, play(awake, times, commands), asleep,
                            "order " + std::to_string(order) + ", " + toString(principle) +
-                               ", damping " + text(damping) + ", " +
-                               methodLabel(stepper, tolerance),
+                               ", damping " + text(damping) + ", " + describe(stepper, tolerance),
                            kAllowed, Columns::kAll);
           }
         }

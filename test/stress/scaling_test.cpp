@@ -58,14 +58,10 @@ TEST(Scaling, InertiaRatios) {
       motion.reaction = 3.0 * std::min(1.0, ratio);
       const auto exact = motion.exact(times);
       const Scene scene = motion.scene();
-      for (StepperKind stepper : adaptiveSteppers(scene)) {
-        for (double tolerance : tolerances()) {
-          const Scene asked = withMethod(scene, stepper, tolerance);
-          hazard.compare(
-              play(asked, times), exact, asked,
-              motion.label() + ", ratio " + text(ratio) + ", " + methodLabel(stepper, tolerance),
-              kAllowed, Columns::kAll);
-        }
+      for (const Method& method : methodsOf(scene, tolerances())) {
+        hazard.compare(play(method.scene, times), exact, method.scene,
+                       motion.label() + ", ratio " + text(ratio) + ", " + method.name, kAllowed,
+                       Columns::kAll);
       }
     }
   }
@@ -86,14 +82,11 @@ TEST(Scaling, NearlySingularInertia) {
         motion.reaction = rest;
         const auto exact = motion.exact(times);
         const Scene scene = motion.scene();
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
-          for (double tolerance : tolerances()) {
-            const Scene asked = withMethod(scene, stepper, tolerance);
-            hazard.compare(play(asked, times), exact, asked,
-                           motion.label() + ", J12 " + text(sign) + " - " + text(sign * rest) +
-                               ", " + methodLabel(stepper, tolerance),
-                           kAllowed, Columns::kAll);
-          }
+        for (const Method& method : methodsOf(scene, tolerances())) {
+          hazard.compare(play(method.scene, times), exact, method.scene,
+                         motion.label() + ", J12 " + text(sign) + " - " + text(sign * rest) + ", " +
+                             method.name,
+                         kAllowed, Columns::kAll);
         }
       }
     }
@@ -112,15 +105,12 @@ void sweepUnits(Hazard& hazard, const char* unit, int largest,
       Scene scene = motion.scene();
       // seconds of the scene: these limits are no part of the motion
       scene.solver.maximum_step *= motion.time_scale;
-      for (StepperKind stepper : adaptiveSteppers(scene)) {
-        for (double tolerance : tolerances()) {
-          Scene asked = withMethod(scene, stepper, tolerance);
-          asked.solver.absolute_tolerance = 0.0;
-          hazard.compare(play(asked, times), exact, asked,
-                         motion.label() + ", " + unit + " times " + text(factor) + ", " +
-                             methodLabel(stepper, tolerance),
-                         kAllowed, Columns::kAll);
-        }
+      for (const Method& method : methodsOf(scene, tolerances())) {
+        Scene asked = method.scene;
+        asked.solver.absolute_tolerance = 0.0;
+        hazard.compare(play(asked, times), exact, asked,
+                       motion.label() + ", " + unit + " times " + text(factor) + ", " + method.name,
+                       kAllowed, Columns::kAll);
       }
     }
   }
@@ -163,15 +153,12 @@ TEST(Scaling, AbsoluteTolerance) {
       motion.angle_scale = factor;
       const auto exact = motion.exact(times);
       const Scene scene = motion.scene();
-      for (StepperKind stepper : adaptiveSteppers(scene)) {
-        for (double tolerance : tolerances()) {
-          Scene asked = withMethod(scene, stepper, tolerance);
-          asked.solver.absolute_tolerance = tolerance * factor;
-          hazard.compare(play(asked, times), exact, asked,
-                         motion.label() + ", angles times " + text(factor) + ", " +
-                             methodLabel(stepper, tolerance),
-                         kAllowed, Columns::kAll);
-        }
+      for (const Method& method : methodsOf(scene, tolerances())) {
+        Scene asked = method.scene;
+        asked.solver.absolute_tolerance = method.tolerance * factor;
+        hazard.compare(play(asked, times), exact, asked,
+                       motion.label() + ", angles times " + text(factor) + ", " + method.name,
+                       kAllowed, Columns::kAll);
       }
     }
   }
@@ -188,16 +175,13 @@ TEST(Scaling, UnitOfAngleOfACurvedTorque) {
         const double inertia = order == 0 ? 1.5 : 1.0 + 0.25 * 2.0;
         const auto velocity = [&](double t) { return start / (1.0 + 2.0 * 4.0 * t / inertia); };
         const std::vector<double> times = evenly(kEnd, 12);
-        const auto exact = tabulate(times, [&](double t) {
-          Sample sample;
-          sample.time = t;
+        const auto exact = tabulate(times, [&](double t, Sample& sample) {
           sample.velocity[0] = velocity(t);
           sample.acceleration[0] = -2.0 / unit / inertia * sample.velocity[0] * sample.velocity[0];
           sample.angle[0] = unit * (1.0 + inertia / 2.0 * std::log1p(2.0 * 4.0 * t / inertia));
           sample.velocity[1] = 0.5 * sample.velocity[0];
           sample.acceleration[1] = 0.5 * sample.acceleration[0];
           sample.angle[1] = 0.5 * sample.angle[0];
-          return sample;
         });
         std::string yaml = order == 0 ? "shafts: [a]\na: {inertia: 1.5}\nconstraints: []\n"
                                       : "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\n"
@@ -209,25 +193,22 @@ TEST(Scaling, UnitOfAngleOfACurvedTorque) {
                                                           : "j2-0.5*j1") +
                                             "\"}\n";
         yaml += "torques: [q]\nq: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-" +
-                exactText(2.0 / unit) + "*w1*abs(w1)\"}\n";
+                exactly(2.0 / unit) + "*w1*abs(w1)\"}\n";
         const auto list = [&](double value) {
-          return "[" + yamlText(value) + (order == 0 ? "" : ", " + yamlText(0.5 * value)) + "]";
+          return "[" + plainly(value) + (order == 0 ? "" : ", " + plainly(0.5 * value)) + "]";
         };
         yaml += "initial: {angle: " + list(unit) + ", velocity: " + list(start);
         if (order == 3) yaml += ", acceleration: " + list(-2.0 / unit / inertia * start * start);
         yaml += std::string("}\nprinciple: ") + toString(principle) + "\n";
         Scene scene = sceneFromText(yaml);
         scene.solver.maximum_steps = 20000;
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
-          for (double tolerance : tolerances()) {
-            Scene asked = withMethod(scene, stepper, tolerance);
-            asked.solver.absolute_tolerance = 0.0;
-            hazard.compare(play(asked, times), exact, asked,
-                           "order " + std::to_string(order) + ", " + toString(principle) +
-                               ", angles times " + text(unit) + ", " +
-                               methodLabel(stepper, tolerance),
-                           kAllowed, Columns::kAll);
-          }
+        for (const Method& method : methodsOf(scene, tolerances())) {
+          Scene asked = method.scene;
+          asked.solver.absolute_tolerance = 0.0;
+          hazard.compare(play(asked, times), exact, asked,
+                         "order " + std::to_string(order) + ", " + toString(principle) +
+                             ", angles times " + text(unit) + ", " + method.name,
+                         kAllowed, Columns::kAll);
         }
       }
     }

@@ -68,17 +68,13 @@ TEST(Singularity, ScaleOfPsi) {
       for (const std::string& factor : factors) {
         const std::string scaled = factor + "*(" + formula.expression + ")";
         const Scene plain = sceneFromText(twoShafts(principle, formula, scaled));
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : tolerances()) {
-            const Scene scene = withSolver(plain, stepper, tolerance);
-            const test::Run run = play(scene, times);
-            hazard.compare(
-                run, reference, scene,
-                std::string(principle) + " " + scaled + " " + describe(stepper, tolerance));
-            if (factor.rfind("exp(20", 0) == 0) continue;
-            EXPECT_EQ(run.reason, StopReason::kNone)
-                << scaled << ", " << describe(stepper, tolerance) << ": " << run.message;
-          }
+        for (const Method& method : methodsOf(plain, tolerances())) {
+          const test::Run run = play(method.scene, times);
+          hazard.compare(run, reference, method.scene,
+                         std::string(principle) + " " + scaled + " " + method.name);
+          if (factor.rfind("exp(20", 0) == 0) continue;
+          EXPECT_EQ(run.reason, StopReason::kNone)
+              << scaled << ", " << method.name << ": " << run.message;
         }
       }
     }
@@ -164,15 +160,11 @@ TEST(Singularity, OneComponentIsZeroThroughout) {
           sample.acceleration[free] = 4.0 / J * std::exp(-2.0 * t / J);
         });
         const Scene plain = sceneFromText(yaml);
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : tolerances()) {
-            const Scene scene = withSolver(plain, stepper, tolerance);
-            const test::Run run = play(scene, times);
-            hazard.compare(
-                run, exact, scene,
-                std::string(principle) + " " + expression + " " + describe(stepper, tolerance));
-            EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-          }
+        for (const Method& method : methodsOf(plain, tolerances())) {
+          const test::Run run = play(method.scene, times);
+          hazard.compare(run, exact, method.scene,
+                         std::string(principle) + " " + expression + " " + method.name);
+          EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
         }
       }
     }
@@ -218,15 +210,11 @@ TEST(Singularity, ComponentsPassThroughZero) {
         }
         reached = t;
       });
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : tolerances()) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          const test::Run run = play(scene, times);
-          hazard.compare(
-              run, exact, scene,
-              std::string(principle) + " nu = " + text(nu) + " " + describe(stepper, tolerance));
-          EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-        }
+      for (const Method& method : methodsOf(plain, tolerances())) {
+        const test::Run run = play(method.scene, times);
+        hazard.compare(run, exact, method.scene,
+                       std::string(principle) + " nu = " + text(nu) + " " + method.name);
+        EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
       }
     }
   }
@@ -277,20 +265,16 @@ TEST(Singularity, ConstraintNearlyVanishes) {
     const auto theta = [&](double t) {
       return circle.theta((std::atan((t - 1.0) / root) + std::atan(1.0 / root)) / root);
     };
-    for (StepperKind stepper : steppersOf(plain)) {
-      for (double tolerance : tolerances()) {
-        const Scene scene = withSolver(plain, stepper, tolerance);
-        const test::Run run = play(scene, times);
-        const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
-          const double a = delta + (t - 1.0) * (t - 1.0);
-          sample.acceleration[0] = a * std::cos(theta(t));
-          sample.acceleration[1] = a * std::sin(theta(t));
-        });
-        test::Run bare = run;
-        for (Sample& sample : bare.samples) std::fill(sample.velocity, sample.velocity + 2, 0.0);
-        hazard.compare(bare, exact, scene,
-                       "to " + text(delta) + " " + describe(stepper, tolerance));
-      }
+    for (const Method& method : methodsOf(plain, tolerances())) {
+      const test::Run run = play(method.scene, times);
+      const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
+        const double a = delta + (t - 1.0) * (t - 1.0);
+        sample.acceleration[0] = a * std::cos(theta(t));
+        sample.acceleration[1] = a * std::sin(theta(t));
+      });
+      test::Run bare = run;
+      for (Sample& sample : bare.samples) std::fill(sample.velocity, sample.velocity + 2, 0.0);
+      hazard.compare(bare, exact, method.scene, "to " + text(delta) + " " + method.name);
     }
   }
 }
@@ -320,24 +304,20 @@ TEST(Singularity, ConstraintVanishes) {
         sample.acceleration[1] = a * std::sin(theta);
       });
       times.push_back(1.5 * T);
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : tolerances()) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          test::Run run = play(scene, times);
-          const std::string label =
-              "T = " + text(T) + ", exponent " + text(p) + " " + describe(stepper, tolerance);
-          for (Sample& sample : run.samples) std::fill(sample.velocity, sample.velocity + 2, 0.0);
-          // Up to the stop it is right ...
-          const double error = calcDifference(run, exact, 2, tolerance, tolerance);
-          hazard.judge(error, label);
-          // ... and the stop comes there. Only a step that leaves C as it was (its zero lies
-          // inside, and beyond it C grows again in the same direction) may pass: where the motion
-          // is not determined, no error tells of that (doc/stability.md).
-          if (run.reason == StopReason::kNone) continue;
-          hazard.stopped(run.reason, label);
-          EXPECT_LE(run.end, T * (1.0 + 1e-9)) << label;
-          EXPECT_GE(run.end, 0.99 * T) << label << ": " << run.message;
-        }
+      for (const Method& method : methodsOf(plain, tolerances())) {
+        test::Run run = play(method.scene, times);
+        const std::string label = "T = " + text(T) + ", exponent " + text(p) + " " + method.name;
+        for (Sample& sample : run.samples) std::fill(sample.velocity, sample.velocity + 2, 0.0);
+        // Up to the stop it is right ...
+        const double error = calcDifference(run, exact, 2, method.tolerance, method.tolerance);
+        hazard.judge(error, label);
+        // ... and the stop comes there. Only a step that leaves C as it was (its zero lies
+        // inside, and beyond it C grows again in the same direction) may pass: where the motion
+        // is not determined, no error tells of that (doc/stability.md).
+        if (run.reason == StopReason::kNone) continue;
+        hazard.stopped(run.reason, label);
+        EXPECT_LE(run.end, T * (1.0 + 1e-9)) << label;
+        EXPECT_GE(run.end, 0.99 * T) << label << ": " << run.message;
       }
     }
   }
@@ -371,15 +351,11 @@ TEST(Singularity, TimeConstantGoesThroughZero) {
         sample.acceleration[0] = -u / 1.5 * rate / A;
         sample.acceleration[1] = rate / A / 0.8;
       });
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : tolerances()) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          const test::Run run = play(scene, times);
-          hazard.compare(run, exact, scene,
-                         std::string(principle) + " q = " + std::to_string(q) + " " +
-                             describe(stepper, tolerance));
-          EXPECT_TRUE(run.reason == StopReason::kNone || run.end > 0.9 * T) << run.message;
-        }
+      for (const Method& method : methodsOf(plain, tolerances())) {
+        const test::Run run = play(method.scene, times);
+        hazard.compare(run, exact, method.scene,
+                       std::string(principle) + " q = " + std::to_string(q) + " " + method.name);
+        EXPECT_TRUE(run.reason == StopReason::kNone || run.end > 0.9 * T) << run.message;
       }
     }
   }
@@ -407,22 +383,19 @@ TEST(Singularity, SampledExactlyAtTheSingularInstant) {
         sample.acceleration[0] = -u / 1.5 * rate;
         sample.acceleration[1] = rate / 0.8;
       });
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : tolerances()) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          const std::string label = std::string(principle) + " q = " + std::to_string(q) + " " +
-                                    describe(stepper, tolerance);
-          const test::Run run = play(scene, times);
-          hazard.compare(run, exact, scene, label);
-          // The time never goes back behind a sample that has been given.
-          if (!run.samples.empty()) {
-            EXPECT_GE(run.end, run.samples.back().time) << label << ": " << run.message;
-          }
-          // The motion without that sample ends in the same way.
-          std::vector<double> others = times;
-          others.erase(others.begin() + 3);
-          EXPECT_EQ(play(scene, others).reason, run.reason) << label << ": " << run.message;
+      for (const Method& method : methodsOf(plain, tolerances())) {
+        const std::string label =
+            std::string(principle) + " q = " + std::to_string(q) + " " + method.name;
+        const test::Run run = play(method.scene, times);
+        hazard.compare(run, exact, method.scene, label);
+        // The time never goes back behind a sample that has been given.
+        if (!run.samples.empty()) {
+          EXPECT_GE(run.end, run.samples.back().time) << label << ": " << run.message;
         }
+        // The motion without that sample ends in the same way.
+        std::vector<double> others = times;
+        others.erase(others.begin() + 3);
+        EXPECT_EQ(play(method.scene, others).reason, run.reason) << label << ": " << run.message;
       }
     }
   }
@@ -445,29 +418,27 @@ TEST(Singularity, EnergyRunsOut) {
           exactly(power) + "\"}\nprinciple: " + principle + "\ninitial: {velocity: [2, -1]}\n");
       std::vector<double> times = evenly(0.999 * end, 10);
       times.push_back(1.1 * end);
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : tolerances()) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          const test::Run run = play(scene, times);
-          const std::string label =
-              std::string(principle) + " P = " + text(power) + " " + describe(stepper, tolerance);
-          double worst = 0.0;
-          for (const Sample& sample : run.samples) {
-            const double* w = sample.velocity;
-            const double energy = 0.5 * (1.5 * w[0] * w[0] + 0.8 * w[1] * w[1]);
-            const double error = std::abs(energy - (E - power * sample.time));
-            // dE = J w dw, each w within a tolerance of itself
-            const double unit =
-                tolerance * (1.5 * std::abs(w[0]) * (1.0 + 2.0) + 0.8 * std::abs(w[1]) * 2.0) +
-                1e-300;
-            worst = std::max(worst, error / unit);
-          }
-          hazard.judge(worst, label);
-          hazard.stopped(run.reason, label);
-          // The energy is known to a tolerance of its scale, and so is its end.
-          EXPECT_LE(run.end, end * (1.0 + 1e-6) + kAllowed * tolerance * 3.0 * E / power) << label;
-          EXPECT_GE(run.end, 0.99 * end) << label << ": " << run.message;
+      for (const Method& method : methodsOf(plain, tolerances())) {
+        const test::Run run = play(method.scene, times);
+        const std::string label =
+            std::string(principle) + " P = " + text(power) + " " + method.name;
+        double worst = 0.0;
+        for (const Sample& sample : run.samples) {
+          const double* w = sample.velocity;
+          const double energy = 0.5 * (1.5 * w[0] * w[0] + 0.8 * w[1] * w[1]);
+          const double error = std::abs(energy - (E - power * sample.time));
+          // dE = J w dw, each w within a tolerance of itself
+          const double unit =
+              method.tolerance * (1.5 * std::abs(w[0]) * (1.0 + 2.0) + 0.8 * std::abs(w[1]) * 2.0) +
+              1e-300;
+          worst = std::max(worst, error / unit);
         }
+        hazard.judge(worst, label);
+        hazard.stopped(run.reason, label);
+        // The energy is known to a tolerance of its scale, and so is its end.
+        EXPECT_LE(run.end, end * (1.0 + 1e-6) + kAllowed * method.tolerance * 3.0 * E / power)
+            << label;
+        EXPECT_GE(run.end, 0.99 * end) << label << ": " << run.message;
       }
     }
   }
@@ -542,17 +513,14 @@ TEST(Singularity, RowsBecomeDependent) {
           const std::string q = "(t-" + exactly(T) + ")^" + std::to_string(degree);
           const Scene plain = sceneFromText(
               threeShafts(principle, order, k, k + "+" + q + "*(" + other + ")") + start);
-          for (StepperKind stepper : steppersOf(plain)) {
-            for (double tolerance : tolerances()) {
-              const Scene scene = withSolver(plain, stepper, tolerance);
-              const test::Run run = play(scene, times);
-              const std::string label = std::string(principle) + " order " + std::to_string(order) +
-                                        " T = " + text(T) + " degree " + std::to_string(degree) +
-                                        " " + describe(stepper, tolerance);
-              hazard.compare(run, reference, scene, label);
-              EXPECT_TRUE(run.reason == StopReason::kNone || run.end > 0.5 * T)
-                  << label << ": " << run.message;
-            }
+          for (const Method& method : methodsOf(plain, tolerances())) {
+            const test::Run run = play(method.scene, times);
+            const std::string label = std::string(principle) + " order " + std::to_string(order) +
+                                      " T = " + text(T) + " degree " + std::to_string(degree) +
+                                      " " + method.name;
+            hazard.compare(run, reference, method.scene, label);
+            EXPECT_TRUE(run.reason == StopReason::kNone || run.end > 0.5 * T)
+                << label << ": " << run.message;
           }
         }
       }
@@ -582,25 +550,24 @@ TEST(Singularity, StateMakesRowsDependent) {
           "\"w1*e1+w2*e2+w3*e3+1\"}\nprinciple: " +
           std::string(principle) + "\ninitial: {velocity: [" + plainly(2.0 + d) + ", " +
           plainly(2.0 - d) + ", 2]}\n");
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : tolerances()) {
-          const test::Run run = play(withSolver(plain, stepper, tolerance), times);
-          const std::string label =
-              std::string(principle) + " d = " + text(d) + " " + describe(stepper, tolerance);
-          double worst = 0.0;
-          for (const Sample& sample : run.samples) {
-            const double* w = sample.velocity;
-            const double energy = 0.5 * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
-            const double exact = 6.0 + d * d - power * sample.time;
-            worst = std::max(worst, std::abs(energy - exact) / (tolerance * (1.0 + 2.0 * exact)));
-          }
-          hazard.judge(worst, label);
-          hazard.stopped(run.reason, label);
-          // The energy is known to a tolerance of its scale, and so is the end of what can go.
-          const double scale = 1.0 + 2.0 * (6.0 + d * d);
-          EXPECT_LE(run.end, end * (1.0 + 1e-6) + kAllowed * tolerance * scale / power) << label;
-          EXPECT_GE(run.end, 0.9 * end) << label << ": " << run.message;
+      for (const Method& method : methodsOf(plain, tolerances())) {
+        const test::Run run = play(method.scene, times);
+        const std::string label = std::string(principle) + " d = " + text(d) + " " + method.name;
+        double worst = 0.0;
+        for (const Sample& sample : run.samples) {
+          const double* w = sample.velocity;
+          const double energy = 0.5 * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+          const double exact = 6.0 + d * d - power * sample.time;
+          worst =
+              std::max(worst, std::abs(energy - exact) / (method.tolerance * (1.0 + 2.0 * exact)));
         }
+        hazard.judge(worst, label);
+        hazard.stopped(run.reason, label);
+        // The energy is known to a tolerance of its scale, and so is the end of what can go.
+        const double scale = 1.0 + 2.0 * (6.0 + d * d);
+        EXPECT_LE(run.end, end * (1.0 + 1e-6) + kAllowed * method.tolerance * scale / power)
+            << label;
+        EXPECT_GE(run.end, 0.9 * end) << label << ": " << run.message;
       }
     }
   }

@@ -24,7 +24,7 @@ std::vector<double> tolerances() {
 
 std::string list(const std::vector<double>& values) {
   std::string line = "[";
-  for (std::size_t i = 0; i < values.size(); ++i) line += (i ? ", " : "") + yamlText(values[i]);
+  for (std::size_t i = 0; i < values.size(); ++i) line += (i ? ", " : "") + plainly(values[i]);
   return line + "]";
 }
 
@@ -63,28 +63,24 @@ TEST(Starts, OffAPlaneOfAccelerationsOrVelocities) {
               for (int i = 0; i < 2; ++i) {
                 values[static_cast<std::size_t>(i)] = right[i] + distance * d[i];
               }
-              for (StepperKind stepper : adaptiveSteppers(scene)) {
-                for (double tolerance : tolerances()) {
-                  const Scene asked = withMethod(scene, stepper, tolerance);
-                  const std::string label = motion.label() + ", off by " + text(distance) +
-                                            (project ? ", projected, " : ", ") +
-                                            methodLabel(stepper, tolerance);
-                  const test::Run run = play(asked, times);
-                  // Moving a start that nobody allowed to move is another motion than the one asked
-                  // for.
-                  if (!project && std::abs(distance) > 1e-7 && run.reason == StopReason::kNone) {
-                    hazard.judge(std::numeric_limits<double>::infinity(), label + " (accepted)");
-                    continue;
-                  }
-                  // What can be projected, is: velocities of size 5 and a distance of 1e6 leave
-                  // roundings of 1e6.
-                  const double rounding =
-                      std::abs(distance) * std::numeric_limits<double>::epsilon() / tolerance;
-                  hazard.compare(run, exact, asked, label, kAllowed * (1.0 + rounding),
-                                 Columns::kAll);
-                  if (project) {
-                    EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-                  }
+              for (const Method& method : methodsOf(scene, tolerances())) {
+                const std::string label = motion.label() + ", off by " + text(distance) +
+                                          (project ? ", projected, " : ", ") + method.name;
+                const test::Run run = play(method.scene, times);
+                // Moving a start that nobody allowed to move is another motion than the one asked
+                // for.
+                if (!project && std::abs(distance) > 1e-7 && run.reason == StopReason::kNone) {
+                  hazard.judge(std::numeric_limits<double>::infinity(), label + " (accepted)");
+                  continue;
+                }
+                // What can be projected, is: velocities of size 5 and a distance of 1e6 leave
+                // roundings of 1e6.
+                const double rounding =
+                    std::abs(distance) * std::numeric_limits<double>::epsilon() / method.tolerance;
+                hazard.compare(run, exact, method.scene, label, kAllowed * (1.0 + rounding),
+                               Columns::kAll);
+                if (project) {
+                  EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
                 }
               }
             }
@@ -135,15 +131,12 @@ TEST(Starts, OffACircleOfAccelerations) {
           "initial: {acceleration: " +
           list({radius * std::cos(direction), radius * std::sin(direction)}) +
           ", project: true}\n"));
-      const auto exact =
-          tabulate(times, [&](double t) { return AccelerationCircle::at(direction, t); });
-      for (StepperKind stepper : adaptiveSteppers(scene)) {
-        for (double tolerance : tolerances()) {
-          const Scene asked = withMethod(scene, stepper, tolerance);
-          hazard.compare(play(asked, times), exact, asked,
-                         "direction " + text(direction) + ", radius " + text(radius) + ", " +
-                             methodLabel(stepper, tolerance));
-        }
+      const auto exact = tabulate(
+          times, [&](double t, Sample& sample) { sample = AccelerationCircle::at(direction, t); });
+      for (const Method& method : methodsOf(scene, tolerances())) {
+        hazard.compare(
+            play(method.scene, times), exact, method.scene,
+            "direction " + text(direction) + ", radius " + text(radius) + ", " + method.name);
       }
     }
   }
@@ -151,8 +144,8 @@ TEST(Starts, OffACircleOfAccelerations) {
     const Scene scene = sceneFromText(
         AccelerationCircle::yaml(std::string("initial: {acceleration: [0, 0], project: ") +
                                  (project ? "true" : "false") + "}\n"));
-    for (StepperKind stepper : adaptiveSteppers(scene)) {
-      const test::Run run = play(withMethod(scene, stepper, 1e-8), times);
+    for (StepperKind stepper : steppersOf(scene)) {
+      const test::Run run = play(withSolver(scene, stepper, 1e-8), times);
       hazard.stopped(run.reason, std::string("the centre, ") + toString(stepper));
     }
   }
@@ -209,8 +202,8 @@ TEST(Starts, ExactlyAtSingularPoints) {
             "constraints: [" +
             names + "]\n" + lines + "principle: " + toString(principle) +
             "\ninitial: {project: " + (project ? "true" : "false") + place.initial + "}\n");
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
-          const test::Run run = play(withMethod(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
+        for (StepperKind stepper : steppersOf(scene)) {
+          const test::Run run = play(withSolver(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
           const std::string label = std::string(place.name) + ", " + toString(principle) +
                                     (project ? ", projected, " : ", ") + toString(stepper);
           hazard.stopped(run.reason, label);
@@ -239,18 +232,15 @@ TEST(Starts, OnAPowerOfAConstraint) {
                           "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"") +
               psi + "\"}\nprinciple: " + toString(principle) + "\ninitial: {acceleration: " +
               start + ", project: " + (project ? "true" : "false") + "}\n");
-          const auto exact = tabulate(times, [&](double t) {
-            Sample sample;
-            sample.time = t;
+          const auto exact = tabulate(times, [&](double t, Sample& sample) {
             for (int i = 0; i < 2; ++i) {
               sample.angle[i] = 0.5 * (i + 1) * e1 * t * t;
               sample.velocity[i] = (i + 1) * e1 * t;
               sample.acceleration[i] = (i + 1) * e1;
             }
-            return sample;
           });
-          for (StepperKind stepper : adaptiveSteppers(scene)) {
-            const Scene asked = withMethod(scene, stepper, 1e-8);
+          for (StepperKind stepper : steppersOf(scene)) {
+            const Scene asked = withSolver(scene, stepper, 1e-8);
             hazard.compare(play(asked, times), exact, asked,
                            std::string(psi) + ", " + toString(principle) + ", from " + start +
                                (project ? ", projected, " : ", ") + toString(stepper),
@@ -274,8 +264,8 @@ TEST(Starts, AtRestWithManyLeastReactions) {
           "c: {type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 2}\n"
           "principle: " +
           toString(principle) + "\n");
-      for (StepperKind stepper : adaptiveSteppers(scene)) {
-        const test::Run run = play(withMethod(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
+      for (StepperKind stepper : steppersOf(scene)) {
+        const test::Run run = play(withSolver(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
         hazard.stopped(run.reason, std::string("inertias 1.5 and ") + inertia + ", " +
                                        toString(principle) + ", " + toString(stepper));
       }
@@ -307,26 +297,19 @@ TEST(Starts, NearSingularPoints) {
               ")\"}\nprinciple: " + toString(principle) +
               "\ninitial: {angle: " + list({start, 0.0}) + ", velocity: [1, 2]" +
               (order == 3 ? ", acceleration: " + list({e1, 2.0 * e1}) : "") + "}\n");
-          const auto exact = tabulate(times, [&](double t) {
-            Sample sample;
-            sample.time = t;
+          const auto exact = tabulate(times, [&](double t, Sample& sample) {
             sample.angle[0] = start + t + 0.5 * e1 * t * t;
             sample.velocity[0] = 1.0 + e1 * t;
             sample.acceleration[0] = e1;
             sample.angle[1] = 2.0 * (sample.angle[0] - start);
             sample.velocity[1] = 2.0 * sample.velocity[0];
             sample.acceleration[1] = 2.0 * e1;
-            return sample;
           });
-          for (StepperKind stepper : adaptiveSteppers(scene)) {
-            for (double tolerance : tolerances()) {
-              const Scene asked = withMethod(scene, stepper, tolerance);
-              hazard.compare(play(asked, times), exact, asked,
-                             "order " + std::to_string(order) + ", " + toString(principle) +
-                                 ", phi1 from " + text(start) + ", " +
-                                 methodLabel(stepper, tolerance),
-                             kAllowed, Columns::kAll);
-            }
+          for (const Method& method : methodsOf(scene, tolerances())) {
+            hazard.compare(play(method.scene, times), exact, method.scene,
+                           "order " + std::to_string(order) + ", " + toString(principle) +
+                               ", phi1 from " + text(start) + ", " + method.name,
+                           kAllowed, Columns::kAll);
           }
         }
       }
@@ -347,7 +330,7 @@ TEST(Starts, NearlyDependentRows) {
         const double part = std::ldexp(1.0, -exponent);
         const std::string first = letter + "1-0.5*" + letter + "2";
         const std::string second =
-            first + "+" + exactText(part) + "*(" + letter + "3-0.25*" + letter + "2)";
+            first + "+" + exactly(part) + "*(" + letter + "3-0.25*" + letter + "2)";
         const double e1 = 3.0 / inertia;
         const Scene scene = sceneFromText(
             "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 2}\nc: {inertia: 0.5}\n"
@@ -360,24 +343,18 @@ TEST(Starts, NearlyDependentRows) {
             "\ninitial: {velocity: [0, 0, 0]" +
             (order == 3 ? ", acceleration: " + list({e1, 2.0 * e1, 0.5 * e1}) : "") + "}\n");
         const double gear[3] = {1.0, 2.0, 0.5};
-        const auto exact = tabulate(times, [&](double t) {
-          Sample sample;
-          sample.time = t;
+        const auto exact = tabulate(times, [&](double t, Sample& sample) {
           for (int i = 0; i < 3; ++i) {
             sample.angle[i] = gear[i] * e1 * (1.0 - std::cos(t));
             sample.velocity[i] = gear[i] * e1 * std::sin(t);
             sample.acceleration[i] = gear[i] * e1 * std::cos(t);
           }
-          return sample;
         });
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
-          for (double tolerance : tolerances()) {
-            const Scene asked = withMethod(scene, stepper, tolerance);
-            hazard.compare(play(asked, times), exact, asked,
-                           "order " + std::to_string(order) + ", " + toString(principle) + ", 2^-" +
-                               std::to_string(exponent) + ", " + methodLabel(stepper, tolerance),
-                           kAllowed, Columns::kAll);
-          }
+        for (const Method& method : methodsOf(scene, tolerances())) {
+          hazard.compare(play(method.scene, times), exact, method.scene,
+                         "order " + std::to_string(order) + ", " + toString(principle) + ", 2^-" +
+                             std::to_string(exponent) + ", " + method.name,
+                         kAllowed, Columns::kAll);
         }
       }
     }
@@ -418,33 +395,27 @@ TEST(Starts, AtRestUnderAMotor) {
         const bool is_third = constraint.find("order: 3") != std::string::npos;
         Scene scene = sceneFromText(restScene(
             "m",
-            "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: " + yamlText(torque) +
+            "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: " + plainly(torque) +
                 "}\n" + (is_third ? "initial: {acceleration: " + list({e1, 0.5 * e1}) + "}\n" : ""),
             constraint, principle));
         scene.solver.maximum_steps = 2000;
-        const auto exact = tabulate(times, [&](double t) {
-          Sample sample;
-          sample.time = t;
+        const auto exact = tabulate(times, [&](double t, Sample& sample) {
           sample.angle[0] = 0.5 * e1 * t * t;
           sample.velocity[0] = e1 * t;
           sample.acceleration[0] = e1;
           sample.angle[1] = 0.5 * sample.angle[0];
           sample.velocity[1] = 0.5 * sample.velocity[0];
           sample.acceleration[1] = 0.5 * e1;
-          return sample;
         });
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
-          for (double tolerance : tolerances()) {
-            for (bool relative_only : {false, true}) {
-              Scene asked = withMethod(scene, stepper, tolerance);
-              if (relative_only) asked.solver.absolute_tolerance = 0.0;
-              hazard.compare(play(asked, times), exact, asked,
-                             std::string(toString(principle)) + ", " + constraint.substr(0, 80) +
-                                 ", torque " + text(torque) + ", " +
-                                 methodLabel(stepper, tolerance) +
-                                 (relative_only ? " relative" : ""),
-                             kAllowed, Columns::kAll);
-            }
+        for (const Method& method : methodsOf(scene, tolerances())) {
+          for (bool relative_only : {false, true}) {
+            Scene asked = method.scene;
+            if (relative_only) asked.solver.absolute_tolerance = 0.0;
+            hazard.compare(play(asked, times), exact, asked,
+                           std::string(toString(principle)) + ", " + constraint.substr(0, 80) +
+                               ", torque " + text(torque) + ", " + method.name +
+                               (relative_only ? " relative" : ""),
+                           kAllowed, Columns::kAll);
           }
         }
       }
@@ -471,31 +442,24 @@ TEST(Starts, AtRestUntilACommand) {
           for (double later : {0.1, 1.0, 2.0}) times.push_back(begin + later);
           // R jumps by C^T Lambda alone, so accelerations jump to those of the gear at every order.
           const double e1 = 4.0 / (0.8 + 0.25 * 2.0);
-          const auto exact = tabulate(times, [&](double t) {
-            Sample sample;
-            sample.time = t;
+          const auto exact = tabulate(times, [&](double t, Sample& sample) {
             const double since = t - begin;
-            if (since < 0.0) return sample;
+            if (since < 0.0) return;
             sample.angle[0] = 0.5 * e1 * since * since;
             sample.velocity[0] = e1 * since;
             sample.acceleration[0] = e1;
             sample.angle[1] = 0.5 * sample.angle[0];
             sample.velocity[1] = 0.5 * sample.velocity[0];
             sample.acceleration[1] = 0.5 * e1;
-            return sample;
           });
-          for (StepperKind stepper : adaptiveSteppers(scene)) {
-            for (double tolerance : tolerances()) {
-              const Scene asked = withMethod(scene, stepper, tolerance);
-              // begin + later is rounded in the 16th digit
-              const double rounding =
-                  begin * std::numeric_limits<double>::epsilon() / tolerance * 4.0;
-              hazard.compare(play(asked, times, {{begin, 0, 4.0}}), exact, asked,
-                             "order " + std::to_string(order) + ", " + toString(principle) +
-                                 ", at " + text(begin) + (sleep ? ", " : ", no sleep, ") +
-                                 methodLabel(stepper, tolerance),
-                             kAllowed * (1.0 + rounding), Columns::kAll);
-            }
+          for (const Method& method : methodsOf(scene, tolerances())) {
+            // begin + later is rounded in the 16th digit
+            const double rounding =
+                begin * std::numeric_limits<double>::epsilon() / method.tolerance * 4.0;
+            hazard.compare(play(method.scene, times, {{begin, 0, 4.0}}), exact, method.scene,
+                           "order " + std::to_string(order) + ", " + toString(principle) + ", at " +
+                               text(begin) + (sleep ? ", " : ", no sleep, ") + method.name,
+                           kAllowed * (1.0 + rounding), Columns::kAll);
           }
         }
       }
@@ -543,8 +507,8 @@ TEST(Starts, AtRestWithUndefinedRatios) {
         std::string yaml = restScene("m", "m: " + law.torque + "\n", law.constraint, principle);
         if (project) yaml += "initial: {project: true}\n";
         const Scene scene = sceneFromText(yaml);
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
-          const test::Run run = play(withMethod(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
+        for (StepperKind stepper : steppersOf(scene)) {
+          const test::Run run = play(withSolver(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
           const std::string label =
               std::string(law.name) + ", " + toString(principle) + ", " + toString(stepper);
           if (law.is_continuous && principle == Principle::kGauss) {
@@ -552,8 +516,8 @@ TEST(Starts, AtRestWithUndefinedRatios) {
                                           ? StepperKind::kDopri5
                                           : StepperKind::kFehlberg78;
             const std::vector<double> times = {0.0, 0.1, 1.0};
-            hazard.compare(run, play(withMethod(scene, other, 1e-12), times),
-                           withMethod(scene, stepper, 1e-8), label, kAllowed, Columns::kAll);
+            hazard.compare(run, play(withSolver(scene, other, 1e-12), times),
+                           withSolver(scene, stepper, 1e-8), label, kAllowed, Columns::kAll);
             continue;
           }
           hazard.stopped(run.reason, label);
@@ -579,32 +543,26 @@ TEST(Starts, AtRestWithADirection) {
   }
   const double accelerations[2] = {e1, 3.0 - 0.8 * e1};
   const std::vector<double> times = evenly(kEnd, 6);
-  const auto exact = tabulate(times, [&](double t) {
-    Sample sample;
-    sample.time = t;
+  const auto exact = tabulate(times, [&](double t, Sample& sample) {
     for (int i = 0; i < 2; ++i) {
       sample.angle[i] = 0.5 * accelerations[i] * t * t;
       sample.velocity[i] = accelerations[i] * t;
       sample.acceleration[i] = accelerations[i];
     }
-    return sample;
   });
   for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
     const Scene scene = sceneFromText(
         restScene("m", "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\n",
                   formula(2, "e2-0.5*e1+atan2(w2,w1)"), principle));
-    for (StepperKind stepper : adaptiveSteppers(scene)) {
-      for (double tolerance : tolerances()) {
-        const Scene asked = withMethod(scene, stepper, tolerance);
-        hazard.compare(play(asked, times), exact, asked,
-                       std::string(toString(principle)) + ", " + methodLabel(stepper, tolerance),
-                       kAllowed, Columns::kAll);
-      }
+    for (const Method& method : methodsOf(scene, tolerances())) {
+      hazard.compare(play(method.scene, times), exact, method.scene,
+                     std::string(toString(principle)) + ", " + method.name, kAllowed,
+                     Columns::kAll);
     }
   }
 }
 
-// Laws that are defined at rest, by each stepper against dop853 and radau at a tolerance a
+// Laws that are defined at rest, by each stepper against fehlberg78 and radau at a tolerance a
 // thousand times tighter.
 TEST(Starts, AtRestWithEveryLaw) {
   Hazard hazard("starts", "at rest: every shipped law", "two methods, 1e-3 of the tolerance");
@@ -638,7 +596,7 @@ TEST(Starts, AtRestWithEveryLaw) {
       "{type: variator_sim/JerkLimit, shaft: b, limit: 4, time_constant: 0.2, acceleration: 3}"};
   const std::vector<double> times = evenly(3.0, 6);
   const auto play_at = [&](const Scene& scene, StepperKind stepper, double tolerance) {
-    return play(withMethod(scene, stepper, tolerance), times);
+    return play(withSolver(scene, stepper, tolerance), times);
   };
   for (const std::string& motor : motors) {
     for (const std::string& load : loads) {
@@ -653,10 +611,10 @@ TEST(Starts, AtRestWithEveryLaw) {
             if (!isLongForm() && tolerance < 1e-6) continue;
             const test::Run explicitly = play_at(scene, StepperKind::kFehlberg78, 1e-3 * tolerance);
             const test::Run implicitly = play_at(scene, StepperKind::kRadau, 1e-3 * tolerance);
-            for (StepperKind stepper : adaptiveSteppers(scene)) {
+            for (StepperKind stepper : steppersOf(scene)) {
               const test::Run& reference = stepper == StepperKind::kRadau ? explicitly : implicitly;
               const test::Run run = play_at(scene, stepper, tolerance);
-              const std::string label = name + ", " + methodLabel(stepper, tolerance);
+              const std::string label = name + ", " + describe(stepper, tolerance);
               // Where the motion ends it ends for all: one that goes on beyond a reference that
               // stopped for good is wrong.
               if (run.reason == StopReason::kNone && reference.reason != StopReason::kNone &&
@@ -665,7 +623,7 @@ TEST(Starts, AtRestWithEveryLaw) {
                              label + " goes on beyond: " + reference.message);
                 continue;
               }
-              hazard.compare(run, reference, withMethod(scene, stepper, tolerance), label, kAllowed,
+              hazard.compare(run, reference, withSolver(scene, stepper, tolerance), label, kAllowed,
                              Columns::kAll);
             }
           }

@@ -113,15 +113,11 @@ TEST(StepSizes, Tolerances) {
       const Scene plain = sceneFromText(known.yaml + "principle: " + principle + "\n");
       const std::vector<double> times = evenly(known.end, 9);
       const test::Run exact = tabulate(times, known.write);
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : tolerances) {
-          const Scene scene = withSolver(plain, stepper, tolerance);
-          const test::Run run = play(scene, times);
-          // Accelerations of slip are velocities over tau under gauss: 20 times their rounding.
-          hazard.compare(run, exact, scene,
-                         known.name + " " + principle + " " + describe(stepper, tolerance),
-                         kAllowed + 20.0 * roundingOf(run, tolerance));
-        }
+      for (const Method& method : methodsOf(plain, tolerances)) {
+        const test::Run run = play(method.scene, times);
+        // Accelerations of slip are velocities over tau under gauss: 20 times their rounding.
+        hazard.compare(run, exact, method.scene, known.name + " " + principle + " " + method.name,
+                       kAllowed + 20.0 * roundingOf(run, method.tolerance));
       }
     }
   }
@@ -140,18 +136,15 @@ TEST(StepSizes, NoAbsoluteTolerance) {
       const Scene plain = sceneFromText(known.yaml + "principle: " + principle + "\n");
       const std::vector<double> times = evenly(known.end, 9);
       const test::Run exact = tabulate(times, known.write);
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : tolerances) {
-          Scene scene = withSolver(plain, stepper, tolerance);
-          scene.solver.absolute_tolerance = 0.0;
-          scene.solver.maximum_steps = 100000;
-          const test::Run run = play(scene, times);
-          // calcDifference measures in the largest value of the column so far; the angles do not
-          // count.
-          hazard.compare(run, exact, scene,
-                         known.name + " " + principle + " " + describe(stepper, tolerance),
-                         kAllowed + 20.0 * roundingOf(run, tolerance));
-        }
+      for (const Method& method : methodsOf(plain, tolerances)) {
+        Scene scene = method.scene;
+        scene.solver.absolute_tolerance = 0.0;
+        scene.solver.maximum_steps = 100000;
+        const test::Run run = play(scene, times);
+        // calcDifference measures in the largest value of the column so far; the angles do not
+        // count.
+        hazard.compare(run, exact, scene, known.name + " " + principle + " " + method.name,
+                       kAllowed + 20.0 * roundingOf(run, method.tolerance));
       }
     }
   }
@@ -258,18 +251,15 @@ TEST(StepSizes, LateTimes) {
             "k: {type: variator_sim/ExpressionConstraint, order: " +
             std::to_string(order) + ", expression: \"" + v + "2-0.5*" + v +
             "1\"}\nprinciple: " + principle + "\n");
-        for (StepperKind stepper : steppersOf(plain)) {
-          for (double tolerance : {1e-4, 1e-8}) {
-            const Scene scene = withSolver(plain, stepper, tolerance);
-            // A rest sleeps, so 1e9 s take no time.
-            const test::Run run =
-                T > 0.0 ? play(scene, times, {{T, 0, 1.0}}) : play(scene, times, {{0.0, 0, 1.0}});
-            const double rounding = 4.0 * 1.2e-16 * T / tolerance;
-            const std::string label = "T = " + text(T) + " " + principle + " order " +
-                                      std::to_string(order) + " " + describe(stepper, tolerance);
-            hazard.compare(run, exact, scene, label, kAllowed + 10.0 * rounding);
-            EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-          }
+        for (const Method& method : methodsOf(plain, {1e-4, 1e-8})) {
+          // A rest sleeps, so 1e9 s take no time.
+          const test::Run run = T > 0.0 ? play(method.scene, times, {{T, 0, 1.0}})
+                                        : play(method.scene, times, {{0.0, 0, 1.0}});
+          const double rounding = 4.0 * 1.2e-16 * T / method.tolerance;
+          const std::string label = "T = " + text(T) + " " + principle + " order " +
+                                    std::to_string(order) + " " + method.name;
+          hazard.compare(run, exact, method.scene, label, kAllowed + 10.0 * rounding);
+          EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
         }
       }
     }
@@ -301,16 +291,13 @@ TEST(StepSizes, LateTimesInFormulas) {
           "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
           "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
           y + "^3/(1+" + y + "^3)\"}\nconstraints: []\nprinciple: " + principle + "\n");
-      for (StepperKind stepper : steppersOf(plain)) {
-        for (double tolerance : {1e-4, 1e-8}) {
-          Scene scene = withSolver(plain, stepper, tolerance);
-          scene.solver.maximum_step = std::max(1.0, 1e-4 * T);
-          const test::Run run = play(scene, times);
-          const std::string label =
-              "T = " + text(T) + " " + principle + " " + describe(stepper, tolerance);
-          hazard.compare(run, exact, scene, label, kAllowed + 10.0 * 4.8e-16 * T / tolerance);
-          EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-        }
+      for (const Method& method : methodsOf(plain, {1e-4, 1e-8})) {
+        Scene scene = method.scene;
+        scene.solver.maximum_step = std::max(1.0, 1e-4 * T);
+        const test::Run run = play(scene, times);
+        const std::string label = "T = " + text(T) + " " + principle + " " + method.name;
+        hazard.compare(run, exact, scene, label, kAllowed + 10.0 * 4.8e-16 * T / method.tolerance);
+        EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
       }
     }
   }

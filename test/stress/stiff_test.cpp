@@ -68,12 +68,9 @@ TEST(Stiffness, SlowMotionOfAStiffVariator) {
       motion.time_constant = tau;
       const Scene scene = limited(motion.scene());
       const auto exact = motion.exact(times);
-      for (StepperKind stepper : adaptiveSteppers(scene)) {
-        for (double tolerance : tolerances()) {
-          const Scene asked = withMethod(scene, stepper, tolerance);
-          compareApart(hazard, accelerations, play(asked, times), exact, asked,
-                       motion.label() + ", " + methodLabel(stepper, tolerance), kAllowed);
-        }
+      for (const Method& method : methodsOf(scene, tolerances())) {
+        compareApart(hazard, accelerations, play(method.scene, times), exact, method.scene,
+                     motion.label() + ", " + method.name, kAllowed);
       }
     }
   }
@@ -104,31 +101,28 @@ TEST(Stiffness, TransientOfAStiffVariator) {
             if (time > 60.0 * tau) times.push_back(time);
           }
           const auto exact = motion.exact(times);
-          for (StepperKind stepper : adaptiveSteppers(scene)) {
-            for (double tolerance : tolerances()) {
-              const Scene asked = withMethod(scene, stepper, tolerance);
-              const std::string label = motion.label() + ", " + methodLabel(stepper, tolerance);
-              const auto run = play(asked, times);
-              // Where accelerations are a state of slip / tau at first, one rounding of that stays
-              // in the part that C leaves free, and velocities go on by it.
-              const double rounding = principle == Principle::kGauss
-                                          ? 0.0
-                                          : std::numeric_limits<double>::epsilon() * motion.slip /
-                                                tau * kEnd / tolerance;
-              const double allowed = kAllowed + rounding;
-              compareApart(hazard, accelerations, run, exact, asked, label, allowed);
-              if (run.samples.size() <= early.size() || times.size() == early.size()) continue;
-              test::Run later;
-              test::Run exact_later;
-              for (std::size_t n = early.size(); n < run.samples.size(); ++n) {
-                later.samples.push_back(run.samples[n]);
-                exact_later.samples.push_back(exact.samples[n]);
-              }
-              // Steps in the transient may err by tolerance * slip / tau in an acceleration. That
-              // is along J^-1 (-u, 1), as C is constant, and decays like the slip itself.
-              compareApart(hazard, accelerations, later, exact_later, asked,
-                           label + ", after the transient", allowed);
+          for (const Method& method : methodsOf(scene, tolerances())) {
+            const std::string label = motion.label() + ", " + method.name;
+            const auto run = play(method.scene, times);
+            // Where accelerations are a state of slip / tau at first, one rounding of that stays
+            // in the part that C leaves free, and velocities go on by it.
+            const double rounding = principle == Principle::kGauss
+                                        ? 0.0
+                                        : std::numeric_limits<double>::epsilon() * motion.slip /
+                                              tau * kEnd / method.tolerance;
+            const double allowed = kAllowed + rounding;
+            compareApart(hazard, accelerations, run, exact, method.scene, label, allowed);
+            if (run.samples.size() <= early.size() || times.size() == early.size()) continue;
+            test::Run later;
+            test::Run exact_later;
+            for (std::size_t n = early.size(); n < run.samples.size(); ++n) {
+              later.samples.push_back(run.samples[n]);
+              exact_later.samples.push_back(exact.samples[n]);
             }
+            // Steps in the transient may err by tolerance * slip / tau in an acceleration. That
+            // is along J^-1 (-u, 1), as C is constant, and decays like the slip itself.
+            compareApart(hazard, accelerations, later, exact_later, method.scene,
+                         label + ", after the transient", allowed);
           }
         }
       }
@@ -187,7 +181,7 @@ class FrictionStop {
 /// (`order` 0: alone; w2 = 0.5 w1 otherwise), which has the friction.
 std::string frictionScene(int order, Principle principle, double speed) {
   const std::string friction =
-      "{type: variator_sim/Friction, coulomb: 2, regularization_speed: " + yamlText(speed) +
+      "{type: variator_sim/Friction, coulomb: 2, regularization_speed: " + plainly(speed) +
       ", shaft: ";
   std::string yaml;
   if (order == 0) {
@@ -201,7 +195,7 @@ std::string frictionScene(int order, Principle principle, double speed) {
     // Order 3 does not say what the accelerations are: those of the gear.
     if (order == 3) {
       const double a = (0.25 - 1.0 * std::tanh(0.5 / speed)) / 1.5;
-      yaml += ", acceleration: [" + yamlText(a) + ", " + yamlText(0.5 * a) + "]";
+      yaml += ", acceleration: [" + plainly(a) + ", " + plainly(0.5 * a) + "]";
     }
     yaml += "}\n";
   }
@@ -235,32 +229,25 @@ TEST(Stiffness, FrictionStopsAShaft) {
         for (double part : {0.1, 0.5, 0.9}) times.push_back(part * arrival);
       }
       for (double late : {0.0, 0.1, 1.0, 5.0}) times.push_back(settled + late);
-      const auto exact = tabulate(times, [&](double t) {
-        Sample sample;
-        sample.time = t;
+      const auto exact = tabulate(times, [&](double t, Sample& sample) {
         sample.velocity[0] = stop.velocity(t);
         sample.acceleration[0] = stop.acceleration(sample.velocity[0]);
         sample.velocity[1] = 0.5 * sample.velocity[0];
         sample.acceleration[1] = 0.5 * sample.acceleration[0];
-        return sample;
       });
       for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
         const Scene scene = limited(sceneFromText(frictionScene(order, principle, speed)));
-        for (StepperKind stepper : adaptiveSteppers(scene)) {
-          for (double tolerance : tolerances()) {
-            const Scene asked = withMethod(scene, stepper, tolerance);
-            const std::string label = "order " + std::to_string(order) + ", " +
-                                      toString(principle) + ", slope " + text(2.0 / speed) + ", " +
-                                      methodLabel(stepper, tolerance);
-            const test::Run run = withoutAngles(play(asked, times));
-            // Under gauss the accelerations follow from the velocities. Where the whole layer is
-            // narrower than what the velocities may err by, those say nothing of them.
-            if (principle == Principle::kGauss && 20.0 * layer < kAllowed * tolerance) {
-              hazard.compare(run, exact, asked, label, kAllowed, Columns::kVelocity);
-              continue;
-            }
-            compareApart(hazard, accelerations, run, exact, asked, label);
+        for (const Method& method : methodsOf(scene, tolerances())) {
+          const std::string label = "order " + std::to_string(order) + ", " + toString(principle) +
+                                    ", slope " + text(2.0 / speed) + ", " + method.name;
+          const test::Run run = withoutAngles(play(method.scene, times));
+          // Under gauss the accelerations follow from the velocities. Where the whole layer is
+          // narrower than what the velocities may err by, those say nothing of them.
+          if (principle == Principle::kGauss && 20.0 * layer < kAllowed * method.tolerance) {
+            hazard.compare(run, exact, method.scene, label, kAllowed, Columns::kVelocity);
+            continue;
           }
+          compareApart(hazard, accelerations, run, exact, method.scene, label);
         }
       }
     }
@@ -289,24 +276,22 @@ TEST(Stiffness, ElasticCoupling) {
               1.0 + (damping_ratio == 0.0 ? frequency * end
                                           : std::min(frequency * end, 0.5 / damping_ratio));
           const std::vector<double> times = evenly(end, 16);
-          const auto exact = tabulate(times, [&](double t) { return drive.at(t); });
+          const auto exact =
+              tabulate(times, [&](double t, Sample& sample) { sample = drive.at(t); });
           const Scene scene = limited(sceneFromText(drive.yaml()));
-          for (StepperKind stepper : adaptiveSteppers(scene)) {
-            for (double tolerance : tolerances()) {
-              const Scene asked = withMethod(scene, stepper, tolerance);
-              double allowed = kAllowed * growth;
-              // Accelerations that are a state and are projected onto those of the torques know
-              // these to the rounding of the angles, of size 1 (doc/stability.md).
-              if (order == 3 && principle == Principle::kGauss) {
-                allowed +=
-                    64.0 * std::numeric_limits<double>::epsilon() * drive.stiffness / tolerance;
-              }
-              compareApart(hazard, accelerations, play(asked, times), exact, asked,
-                           "order " + std::to_string(order) + ", " + toString(principle) +
-                               ", stiffness " + text(drive.stiffness) + ", damping ratio " +
-                               text(damping_ratio) + ", " + methodLabel(stepper, tolerance),
-                           allowed);
+          for (const Method& method : methodsOf(scene, tolerances())) {
+            double allowed = kAllowed * growth;
+            // Accelerations that are a state and are projected onto those of the torques know
+            // these to the rounding of the angles, of size 1 (doc/stability.md).
+            if (order == 3 && principle == Principle::kGauss) {
+              allowed += 64.0 * std::numeric_limits<double>::epsilon() * drive.stiffness /
+                         method.tolerance;
             }
+            compareApart(hazard, accelerations, play(method.scene, times), exact, method.scene,
+                         "order " + std::to_string(order) + ", " + toString(principle) +
+                             ", stiffness " + text(drive.stiffness) + ", damping ratio " +
+                             text(damping_ratio) + ", " + method.name,
+                         allowed);
           }
         }
       }
