@@ -24,14 +24,12 @@ class ParameterTree {
   using Dictionary = std::map<std::string, ParameterTree>;
 
   ParameterTree() = default;
-  static ParameterTree boolean(bool value) { return ParameterTree(value); }
-  static ParameterTree integer(std::int64_t value) { return ParameterTree(value); }
-  static ParameterTree real(double value) { return ParameterTree(value); }
-  static ParameterTree text(std::string value) { return ParameterTree(std::move(value)); }
-  static ParameterTree list(List values = {}) { return ParameterTree(std::move(values)); }
-  static ParameterTree dictionary(Dictionary values = {}) {
-    return ParameterTree(std::move(values));
-  }
+  static ParameterTree boolean(bool value) { return make(value); }
+  static ParameterTree integer(std::int64_t value) { return make(value); }
+  static ParameterTree real(double value) { return make(value); }
+  static ParameterTree text(std::string value) { return make(std::move(value)); }
+  static ParameterTree list(List values = {}) { return make(std::move(values)); }
+  static ParameterTree dictionary(Dictionary values = {}) { return make(std::move(values)); }
 
   Kind kind() const { return static_cast<Kind>(value_.index()); }
   // Values of another kind: false, 0 or empty.
@@ -55,7 +53,12 @@ class ParameterTree {
   using Value =
       std::variant<std::monostate, bool, std::int64_t, double, std::string, List, Dictionary>;
 
-  explicit ParameterTree(Value value) : value_(std::move(value)) {}
+  template <class T>
+  static ParameterTree make(T value) {
+    ParameterTree tree;
+    tree.value_.template emplace<T>(std::move(value));
+    return tree;
+  }
   template <class T>
   const T& get() const {
     static const T none{};
