@@ -35,14 +35,23 @@ InitialResult InitialConditionSolver::findLeastReaction(const StateView& state, 
   }
   if (!drivetrain_.hasAccelerationRows()) return InitialResult::kConsistent;
   double multipliers[kMaxShafts] = {};
-  const bool is_found = solver_.solve(state, torque, 0, epsilon, multipliers);
+  bool is_found = solver_.solve(state, torque, 0, epsilon, multipliers);
+  if (!is_found) {
+    // Far from psi = 0 Newton's iteration may lead away; damped steps to the solution of the
+    // linearised constraints come near first.
+    std::copy_n(free, S, epsilon);
+    approach(state, free, epsilon);
+    std::fill_n(multipliers, S, 0.0);
+    is_found = solver_.solve(state, torque, 0, epsilon, multipliers);
+  }
   if (drivetrain_.nonlinearAccelerations() == 0) {
     if (is_found) return InitialResult::kConsistent;
     std::copy_n(free, S, epsilon);
     return explain(state, epsilon);
   }
   using Verdict = LeastReactionSearch::Verdict;
-  const Verdict verdict = search_.find(state, torque, free, is_found ? epsilon : nullptr);
+  if (is_found) search_.add(epsilon, free);
+  const Verdict verdict = search_.find(state, torque, free);
   const bool has_any = search_.candidateCount() > 0;
   std::copy_n(has_any ? search_.candidate(0).epsilon : free, S, epsilon);
   switch (verdict) {
@@ -98,6 +107,19 @@ InitialResult InitialConditionSolver::explain(const StateView& state, const doub
     }
   }
   return InitialResult::kSingular;
+}
+
+void InitialConditionSolver::approach(const StateView& given, const double* free, double* epsilon) {
+  StateView state = given;
+  state.acceleration = epsilon;
+  for (int iteration = 0; iteration < 100; ++iteration) {
+    double delta[kMaxShafts];
+    if (!drivetrain_.calcLinearizedReaction(state, free, delta)) return;
+    for (int i = 0; i < S; ++i) {
+      if (!std::isfinite(delta[i])) return;
+      epsilon[i] += 0.5 * (free[i] + delta[i] - epsilon[i]);
+    }
+  }
 }
 
 }  // namespace variator_sim

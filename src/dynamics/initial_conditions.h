@@ -59,6 +59,9 @@ class InitialConditionSolver {
 
   InitialResult explain(const StateView& state, const double* epsilon);
 
+  /// Up to 100 half steps towards the least reaction of the linearised constraints, from `epsilon`.
+  void approach(const StateView& given, const double* free, double* epsilon);
+
   const int S;  // shafts
   Drivetrain& drivetrain_;
   LeastReactionSolver solver_;

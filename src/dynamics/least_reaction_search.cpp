@@ -1,272 +1,191 @@
 #include "dynamics/least_reaction_search.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
 
 namespace variator_sim {
 
-namespace {
-
-/// T with T A T^T = diag(1, .., 1, 0, .., 0) of a symmetric semi-definite A; `rank` gets the number
-/// of ones, one for each eigenvalue above `least`.
-DenseMatrix orthonormalize(const DenseMatrix& A, double least, int* rank) {
-  const Eigen::SelfAdjointEigenSolver<DenseMatrix> solver(A);
-  const auto n = static_cast<int>(A.rows());
-  DenseMatrix T = solver.eigenvectors().transpose().colwise().reverse();  // the largest first
-  for (*rank = 0; *rank < n; ++*rank) {
-    const double eigenvalue = solver.eigenvalues()(n - 1 - *rank);
-    if (!(eigenvalue > least)) break;
-    T.row(*rank) /= std::sqrt(eigenvalue);
-  }
-  return T;
+void LeastReactionSearch::add(const double* epsilon, const double* free) {
+  free_ = free;
+  record(epsilon, true);
 }
 
-}  // namespace
-
 LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state, const double* torque,
-                                                       const double* free, const double* first) {
-  constexpr int kMostRounds = 14;
+                                                       const double* free) {
   state_ = state;
   torque_ = torque;
   free_ = free;
-  next_ray_ = 0;
-  setUp();
-  if (first != nullptr) record(Eigen::Map<const Vector>(first, S), true);
-  const int fewest_rays = n_ == 1 ? 2 : 32;
-  // A cubic is its own interpolation; parts are only to tell its minima apart.
-  const int fewest_parts = is_cubic_ ? 4 : n_ == 1 ? 64 : 16;
-  if (candidate_count_ == 0) findFirst(3 * fewest_rays, fewest_parts);
+  evaluations_ = 0;
+  ray_ = 0;
+  random_ = 20;
+  if (!setUp()) return conclude(false);
+  if (candidate_count_ == 0) findFirst();
   if (candidate_count_ == 0) return Verdict::kNone;
   smallest_ = calcRoundingDistance();
   bool is_certain = true;
-  int rays = fewest_rays;
-  int parts = fewest_parts;
+  int rays = kFewestRays;
   int quiet = 0;
-  for (int round = 0; round < kMostRounds && quiet < 2; ++round) {
+  for (int round = 0; round < kMostRounds && quiet < (n_ == 1 ? 1 : 2); ++round) {
     const double before = candidates_[0].reaction;
-    const double radius = std::sqrt(2.0 * before);
     // The free accelerations themselves: nothing is less.
-    if (!(radius > smallest_)) return Verdict::kFound;
-    lookThrough(radius, rays, parts);
-    quiet = candidates_[0].reaction < before * (1.0 - 1e-9) ? 0 : quiet + 1;
-    // Minima must be told apart: by several parts each along a ray, and by as many rays as there
-    // are minima around the ball.
-    const double per_ray = std::max(1.0, static_cast<double>(noted_) / rays);
-    const double wanted_rays = n_ == 1 ? rays : fewest_rays * std::pow(per_ray, n_ - 1);
-    const double wanted_parts = is_cubic_ ? parts : kPartsPerMinimum * per_ray;
-    is_certain = std::max<double>(rays, wanted_rays) * std::max<double>(parts, wanted_parts) <=
-                 kMostEvaluations;
-    if (!is_certain) continue;
-    if (wanted_rays > rays || wanted_parts > parts) quiet = 0;
-    if (wanted_rays > rays) rays = static_cast<int>(1.25 * wanted_rays);
-    if (wanted_parts > parts) parts = static_cast<int>(2.0 * wanted_parts);
+    if (!(radius() > smallest_)) return Verdict::kFound;
+    const bool is_whole = n_ == 2 && is_cubic_ && lookThroughPlane();
+    // The first look is a coarse one, which may make the ball much smaller.
+    is_certain = is_whole || lookThrough(n_ == 1 ? 2 : rays, round == 0);
+    descendAll();
+    const bool is_better = candidates_[0].reaction < before * (1.0 - 1e-9);
+    if (is_whole && !is_better) return conclude(true);
+    quiet = is_better || round == 0 ? 0 : quiet + 1;
+    if (n_ > 1 && round > 0) {
+      // As many rays as there are minima to be told apart around the ball.
+      const double wanted = kFewestRays * std::pow(std::max(1.0, minimaPerRay()), n_ - 1);
+      if (wanted > rays && rays < kMostRays) quiet = 0;
+      is_certain = is_certain && wanted <= kMostRays;
+      rays = static_cast<int>(std::min<double>(std::max<double>(rays, wanted), kMostRays));
+    }
   }
   return conclude(is_certain && quiet > 0);
 }
 
-void LeastReactionSearch::setUp() {
+bool LeastReactionSearch::setUp() {
   const unsigned nonlinear = drivetrain_.nonlinearAccelerations();
   n_ = 0;
   int which[kMaxShafts];
-  J_.resize(S, S);
-  inverse_.resize(S, S);
-  for (int j = 0; j < S; ++j) {
-    if ((nonlinear >> static_cast<unsigned>(j) & 1U) != 0U) which[n_++] = j;
-    const Vector unit = Vector::Unit(S, j);
-    drivetrain_.inertia().multiply(unit.data(), J_.col(j).data());
-    drivetrain_.inertia().solve(unit.data(), inverse_.col(j).data());
+  for (int i = 0; i < S; ++i) {
+    if ((nonlinear >> static_cast<unsigned>(i) & 1U) != 0U) which[n_++] = i;
   }
   is_cubic_ = true;
   for (int m = 0; m < rowCount(); ++m) {
     const int degree = row(m).accelerationDegree();
     is_cubic_ = is_cubic_ && degree >= 0 && degree <= 3;
   }
-  // E = J^-1 U T^T of the unit vectors U of these accelerations, with E^T J E = 1.
-  Matrix columns(S, n_);
-  Matrix gram(n_, n_);
-  for (int a = 0; a < n_; ++a) {
-    columns.col(a) = inverse_.col(which[a]);
-    for (int b = 0; b < n_; ++b) gram(a, b) = inverse_(which[a], which[b]);
+  Matrix inverse(S, S);
+  for (int j = 0; j < S; ++j) {
+    double unit[kMaxShafts] = {};
+    double column[kMaxShafts];
+    unit[j] = 1.0;
+    drivetrain_.inertia().solve(unit, column);
+    for (int i = 0; i < S; ++i) inverse(i, j) = column[i];
   }
-  int rank;
-  E_ = columns * orthonormalize(gram, 0.0, &rank).transpose();
   // How the others move with these held: no part of the rows that they multiply varies.
-  Matrix rest = inverse_ - E_ * E_.transpose();
+  const Matrix rest = makeBasis(which, inverse);
+  const Matrix C = calcRowsOutside(inverse, rest);
+  separateSoftRows(C, rest);
+  return n_ > 0;
+}
+
+/// E: J^-1 times the unit vectors of the accelerations in `which`, orthonormal in the metric J
+/// (Gram and Schmidt). Returns what is left of J^-1 without it.
+LeastReactionSearch::Matrix LeastReactionSearch::makeBasis(const int* which,
+                                                           const Matrix& inverse) {
+  E_.resize(S, n_);
+  for (int a = 0; a < n_; ++a) {
+    double column[kMaxShafts];
+    for (int i = 0; i < S; ++i) {
+      column[i] = inverse(i, which[a]);
+      for (int b = 0; b < a; ++b) column[i] -= E_(i, b) * E_(which[a], b);
+    }
+    const double length = std::sqrt(measure(column));
+    for (int i = 0; i < S; ++i) E_(i, a) = column[i] / length;
+  }
+  Matrix rest = inverse;
+  for (int i = 0; i < S; ++i) {
+    for (int j = 0; j < S; ++j) {
+      for (int a = 0; a < n_; ++a) rest(i, j) -= E_(i, a) * E_(j, a);
+    }
+  }
   for (int a = 0; a < n_; ++a) {
     rest.row(which[a]).setZero();
     rest.col(which[a]).setZero();
   }
-  Vector length;
-  const Matrix C = calcRowsOutside(rest, &length);
-  const Matrix toC = rest * C.transpose();
-  T_ = orthonormalize(C * toC, 1e-10, &soft_);
-  F_ = toC * T_.topRows(soft_).transpose();
-  T_ *= length.cwiseInverse().asDiagonal();
+  return rest;
 }
 
-LeastReactionSearch::Matrix LeastReactionSearch::calcRowsOutside(const Matrix& rest,
-                                                                 Vector* length) const {
+/// The rows' coefficients outside of these accelerations, which are the same everywhere, made of
+/// length 1; T has what makes them so.
+LeastReactionSearch::Matrix LeastReactionSearch::calcRowsOutside(const Matrix& inverse,
+                                                                 const Matrix& rest) {
   const int k = rowCount();
-  Matrix C = Matrix::Zero(k, S);
-  length->setOnes(k);
   StateView state = state_;
-  Vector values(S);
+  Matrix C = Matrix::Zero(k, S);
+  T_ = Matrix::Identity(k, k);
   for (int m = 0; m < k; ++m) {
     double epsilon[kMaxShafts];
+    double values[kMaxShafts] = {};
     std::copy_n(free_, S, epsilon);
     state.acceleration = epsilon;
     for (int attempt = 0; attempt < 8; ++attempt) {
-      row(m).calcResidualAndJacobian(state, values.data());
-      if (values.allFinite()) break;
-      for (int i = 0; i < S; ++i) epsilon[i] = 0.6 * free_[i] + 0.3 * attempt + 0.1 * i;
+      row(m).calcResidualAndJacobian(state, values);
+      double poison = 0.0;
+      for (int i = 0; i < S; ++i) poison += 0.0 * values[i];
+      if (poison == 0.0) break;
+      for (int i = 0; i < S; ++i) epsilon[i] = free_[i] * nextUniform() + nextUniform();
     }
-    const double whole = values.dot(inverse_ * values);
-    const double outside = values.dot(rest * values);
+    double whole = 0.0;
+    double outside = 0.0;
+    for (int i = 0; i < S; ++i) {
+      for (int j = 0; j < S; ++j) {
+        whole += values[i] * inverse(i, j) * values[j];
+        outside += values[i] * rest(i, j) * values[j];
+      }
+    }
     const bool has_outside = outside > 1e-20 * whole;
-    const double size = std::sqrt(has_outside ? outside : whole);
-    if (size > 0.0) (*length)(m) = size;
-    if (has_outside) C.row(m) = values.transpose() / size;
+    const double length = std::sqrt(has_outside ? outside : whole);
+    if (length > 0.0) T_(m, m) = 1.0 / length;
+    for (int i = 0; i < S && has_outside; ++i) C(m, i) = values[i] / length;
   }
   return C;
 }
 
-LeastReactionSearch::Vector LeastReactionSearch::calcDirection(int ray) const {
-  double values[kMaxShafts] = {};
-  Eigen::Map<Vector> direction(values, n_);
-  if (n_ == 1) {
-    direction(0) = ray % 2 == 0 ? 1.0 : -1.0;
-  } else if (n_ == 2) {
-    const double angle = 2.399963229728653 * ray;  // the golden angle: never twice alike
-    direction(0) = std::cos(angle);
-    direction(1) = std::sin(angle);
-  } else {
-    // Normal deviates prefer no direction.
-    std::minstd_rand random(static_cast<unsigned>(ray) + 1U);
-    std::normal_distribution<double> normal;
-    for (int a = 0; a < n_; ++a) direction(a) = normal(random);
-    direction.normalize();
-  }
-  return E_ * direction;
-}
-
-LeastReactionSearch::Sample LeastReactionSearch::evaluate(const Vector& along, double t) const {
-  const Vector aimed = Eigen::Map<const Vector>(free_, S) + t * along;
-  StateView state = state_;
-  state.acceleration = aimed.data();
-  Vector psi(rowCount());
-  Vector rate(rowCount());
-  Vector C(S);
-  for (int m = 0; m < rowCount(); ++m) {
-    psi(m) = row(m).calcResidualAndJacobian(state, C.data());
-    rate(m) = C.dot(along);
-  }
-  return {t, T_ * psi, T_ * rate};
-}
-
-LeastReactionSearch::Sample LeastReactionSearch::interpolate(const Sample& a, const Sample& b,
-                                                             double theta) {
-  const double h = b.t - a.t;
-  const double rest = 1.0 - theta;
-  const Vector change = b.v - a.v;
-  const Vector left = h * a.dv - change;
-  const Vector right = change - h * b.dv;
-  return {a.t + theta * h, a.v + theta * (change + rest * (rest * left + theta * right)),
-          (change + (rest * rest - 2.0 * theta * rest) * left +
-           (2.0 * theta * rest - theta * theta) * right) /
-              h};
-}
-
-double LeastReactionSearch::calcSlope(const Sample& sample) const {
-  const int hard = rowCount() - soft_;
-  return hard == 0 ? sample.t + sample.v.dot(sample.dv)
-                   : sample.v.tail(hard).dot(sample.dv.tail(hard));
-}
-
-void LeastReactionSearch::lookThrough(double radius, int rays, int parts) {
-  // Starts of minima just inside may lie just outside.
-  constexpr double kBeyond = 1.2;
-  start_count_ = 0;
-  noted_ = 0;
-  apart_ = (n_ == 1 ? 1e-6 : 0.03) * radius;
-  for (int ray = 0; ray < rays; ++ray) {
-    const Vector along = calcDirection(next_ray_++);
-    Sample from = evaluate(along, 0.0);
-    if (ray == 0) noteStart(from, along, 1.0);
-    for (int part = 1; part <= parts; ++part) {
-      const Sample to = evaluate(along, kBeyond * radius * part / parts);
-      if (from.isFinite() && to.isFinite()) {
-        lookWithin(from, to, along);
-      } else {
-        noteStart(from.isFinite() ? from : to, along, 4.0);  // the end of psi's domain
+/// T: combinations of the rows that are orthonormal outside, the longest ones first; what is left
+/// of the others there is nothing, and they are hard.
+void LeastReactionSearch::separateSoftRows(Matrix C, const Matrix& rest) {
+  const int k = rowCount();
+  F_ = Matrix::Zero(S, k);
+  for (soft_ = 0; soft_ < k; ++soft_) {
+    int longest = soft_;
+    double most = 0.0;
+    for (int m = soft_; m < k; ++m) {
+      double square = 0.0;
+      for (int i = 0; i < S; ++i) {
+        for (int j = 0; j < S; ++j) square += C(m, i) * rest(i, j) * C(m, j);
       }
-      from = to;
+      if (!(square > most)) continue;
+      most = square;
+      longest = m;
+    }
+    if (!(most > 1e-10)) break;
+    for (int i = 0; i < S; ++i) std::swap(C(soft_, i), C(longest, i));
+    for (int m = 0; m < k; ++m) std::swap(T_(soft_, m), T_(longest, m));
+    for (int i = 0; i < S; ++i) C(soft_, i) /= std::sqrt(most);
+    for (int m = 0; m < k; ++m) T_(soft_, m) /= std::sqrt(most);
+    for (int i = 0; i < S; ++i) {
+      for (int j = 0; j < S; ++j) F_(i, soft_) += rest(i, j) * C(soft_, j);
+    }
+    for (int m = soft_ + 1; m < k; ++m) {
+      double product = 0.0;
+      for (int i = 0; i < S; ++i) product += C(m, i) * F_(i, soft_);
+      for (int i = 0; i < S; ++i) C(m, i) -= product * C(soft_, i);
+      for (int n = 0; n < k; ++n) T_(m, n) -= product * T_(soft_, n);
     }
   }
+}
+
+void LeastReactionSearch::descendAll() {
   for (int n = 0; n < start_count_; ++n) {
     // On one line the starts are the minima themselves.
-    if (n_ == 1 && starts_[n].value > 3.0 * hopeful()) break;
+    if (n_ == 1 && candidate_count_ > 0 && starts_[n].value > 3.0 * 2.0 * candidates_[0].reaction) {
+      break;
+    }
     descend(starts_[n].epsilon);
   }
 }
 
-void LeastReactionSearch::lookWithin(const Sample& from, const Sample& to, const Vector& along) {
-  constexpr int kParts = 4;
-  const int hard = rowCount() - soft_;
-  Sample left = from;
-  for (int part = 1; part <= kParts; ++part) {
-    const Sample right = part < kParts ? interpolate(from, to, 0.25 * part) : to;
-    const double a = calcSlope(left);
-    const double b = calcSlope(right);
-    if (hard == 1 && (left.v(soft_) < 0.0) != (right.v(soft_) < 0.0)) {
-      const double zero = left.v(soft_) / (left.v(soft_) - right.v(soft_));
-      noteStart(interpolate(left, right, zero), along, 1.0);
-    } else if (a < 0.0 && b >= 0.0) {
-      noteStart(interpolate(left, right, a / (a - b)), along, hard > 0 ? 4.0 : 1.0);
-    }
-    left = right;
-  }
-}
-
-template <class Item, class Compare>
-void LeastReactionSearch::keep(const Item& item, double Item::*value, int most, Item* items,
-                               int* count, Compare compare) {
-  for (int n = 0; n < *count; ++n) {
-    const Twin twin = compare(items[n]);
-    if (twin == Twin::kNone) continue;
-    if (twin == Twin::kBetter) return;
-    std::move(items + n + 1, items + *count, items + n);
-    --*count;
-    break;
-  }
-  int place = *count;
-  while (place > 0 && items[place - 1].*value > item.*value) --place;
-  if (place == most) return;
-  *count = std::min(*count + 1, most);
-  std::move_backward(items + place, items + *count - 1, items + *count);
-  items[place] = item;
-}
-
-void LeastReactionSearch::noteStart(const Sample& sample, const Vector& along, double penalty) {
-  if (!sample.isFinite()) return;
-  const Vector v = sample.v.head(soft_);
-  const Start start{Eigen::Map<const Vector>(free_, S) + sample.t * along - F_ * v,
-                    (sample.t * sample.t + v.squaredNorm()) * penalty};
-  if (penalty == 1.0) ++noted_;
-  keep(start, &Start::value, kMostStarts, starts_, &start_count_, [&](const Start& other) {
-    if (measure(other.epsilon - start.epsilon) > apart_ * apart_) return Twin::kNone;
-    return start.value < other.value ? Twin::kWorse : Twin::kBetter;
-  });
-}
-
-double LeastReactionSearch::measure(const Vector& v) const {
-  return v.dot(J_ * v);
-}
-
-double LeastReactionSearch::squaredDistance(const Vector& epsilon) const {
-  return measure(epsilon - Eigen::Map<const Vector>(free_, S));
+double LeastReactionSearch::squaredDistance(const double* epsilon) const {
+  double change[kMaxShafts];
+  for (int i = 0; i < S; ++i) change[i] = epsilon[i] - free_[i];
+  return measure(change);
 }
 
 double LeastReactionSearch::hopeful() const {
@@ -274,95 +193,153 @@ double LeastReactionSearch::hopeful() const {
                               : std::numeric_limits<double>::infinity();
 }
 
-void LeastReactionSearch::descend(Vector epsilon) {
+void LeastReactionSearch::descend(const double* start) {
+  double epsilon[kMaxShafts];
+  std::copy_n(start, S, epsilon);
   StateView state = state_;
-  state.acceleration = epsilon.data();
-  if (!solver_.retract(state, epsilon.data())) return;
+  state.acceleration = epsilon;
+  if (!solver_.retract(state, epsilon)) return;
   double value = squaredDistance(epsilon);
   bool is_stuck = false;  // on a kink, maybe
   for (int iteration = 0; iteration < 25; ++iteration) {
-    Vector delta(S);
-    if (!drivetrain_.calcLinearizedReaction(state, free_, delta.data())) break;
-    const Vector old = epsilon;
-    delta += Eigen::Map<const Vector>(free_, S) - epsilon;
-    if (!(delta.cwiseAbs().maxCoeff() > 1e-6 * epsilon.cwiseAbs().maxCoeff())) break;
+    double delta[kMaxShafts];
+    double old[kMaxShafts];
+    if (!drivetrain_.calcLinearizedReaction(state, free_, delta)) break;
+    double length = 0.0;
+    double size = 0.0;
+    for (int i = 0; i < S; ++i) {
+      old[i] = epsilon[i];
+      delta[i] += free_[i] - epsilon[i];
+      length = std::max(length, std::abs(delta[i]));
+      size = std::max(size, std::abs(epsilon[i]));
+    }
+    if (!(length > 1e-6 * size)) break;
     // Far from the least and without much hope to get there.
     if (iteration >= 3 && value - 4.0 * measure(delta) > hopeful()) return;
     bool is_less = false;
     double fraction = 1.0;
     for (int halving = 0; halving < 10 && !is_less; ++halving, fraction *= 0.5) {
-      epsilon = old + fraction * delta;
-      if (!solver_.retract(state, epsilon.data())) continue;
+      for (int i = 0; i < S; ++i) epsilon[i] = old[i] + fraction * delta[i];
+      if (!solver_.retract(state, epsilon)) continue;
       const double now = squaredDistance(epsilon);
       is_less = now < value * (1.0 - 1e-6 * fraction);
       if (is_less) value = now;
     }
     if (!is_less) {
-      epsilon = old;
+      std::copy_n(old, S, epsilon);
       is_stuck = !drivetrain_.kinks().empty();
       break;
     }
   }
-  if (value <= hopeful() || is_stuck) polish(state, epsilon, value);
-}
-
-void LeastReactionSearch::polish(const StateView& state, const Vector& epsilon, double value) {
+  if (value > hopeful() && !is_stuck) return;
+  // The multipliers that leave the least of R.
   double multipliers[kMaxShafts] = {};
-  Vector polished = epsilon;
+  double polished[kMaxShafts];
+  std::copy_n(epsilon, S, polished);
   calcMultipliers(state, multipliers);
   bool is_polished = false;
-  const auto take = [&](const Vector& point) {
-    record(point, true);
-    is_polished = is_polished || squaredDistance(point) <= value * (1.0 + 1e-9);
-  };
-  if (solver_.solve(state_, torque_, 0, polished.data(), multipliers)) take(polished);
-  solver_.solveCorners(state_, torque_, epsilon.data(),
-                       [&](const double* corner) { take(Eigen::Map<const Vector>(corner, S)); });
+  if (solver_.solve(state_, torque_, 0, polished, multipliers)) {
+    record(polished, true);
+    is_polished = squaredDistance(polished) <= value * (1.0 + 1e-9);
+  }
+  solver_.solveCorners(state_, torque_, epsilon, [&](const double* corner) {
+    record(corner, true);
+    is_polished = is_polished || squaredDistance(corner) <= value * (1.0 + 1e-9);
+  });
   if (!is_polished) record(epsilon, false);
 }
 
 void LeastReactionSearch::calcMultipliers(const StateView& state, double* multipliers) const {
-  Matrix Ct(S, rowCount());
-  for (int m = 0; m < rowCount(); ++m) row(m).calcResidualAndJacobian(state, Ct.col(m).data());
-  const Vector distance =
-      Eigen::Map<const Vector>(state.acceleration, S) - Eigen::Map<const Vector>(free_, S);
-  const Vector lambda = solveLu(Ct.transpose() * inverse_ * Ct, Ct.transpose() * distance);
-  if (lambda.allFinite()) std::copy_n(lambda.data(), std::min(rowCount(), S), multipliers);
+  const int k = rowCount();
+  double C[kMaxRows][kMaxShafts];
+  Matrix A(k, k);
+  Vector right(k);
+  for (int m = 0; m < k; ++m) row(m).calcResidualAndJacobian(state, C[m]);
+  for (int m = 0; m < k; ++m) {
+    double weighted[kMaxShafts];
+    drivetrain_.inertia().solve(C[m], weighted);
+    right(m) = 0.0;
+    for (int i = 0; i < S; ++i) right(m) += C[m][i] * (state.acceleration[i] - free_[i]);
+    for (int n = 0; n < k; ++n) {
+      A(m, n) = 0.0;
+      for (int i = 0; i < S; ++i) A(m, n) += C[n][i] * weighted[i];
+    }
+  }
+  right = solveLu(A, right);
+  if (!right.allFinite()) return;
+  for (int m = 0; m < k && m < S; ++m) multipliers[m] = right(m);
 }
 
-void LeastReactionSearch::record(const Vector& epsilon, bool is_stationary) {
-  Candidate candidate{{}, 0.5 * squaredDistance(epsilon), is_stationary};
+void LeastReactionSearch::record(const double* epsilon, bool is_stationary) {
+  Candidate candidate;
+  candidate.is_stationary = is_stationary;
+  std::copy_n(epsilon, S, candidate.epsilon);
+  candidate.reaction = 0.5 * squaredDistance(epsilon);
   if (!std::isfinite(candidate.reaction)) return;
-  std::copy_n(epsilon.data(), S, candidate.epsilon);
-  const double size = std::max(epsilon.cwiseAbs().maxCoeff(),
-                               Eigen::Map<const Vector>(free_, S).cwiseAbs().maxCoeff());
-  keep(candidate, &Candidate::reaction, kMostCandidates, candidates_, &candidate_count_,
-       [&](const Candidate& other) {
-         const Vector apart = Eigen::Map<const Vector>(other.epsilon, S) - epsilon;
-         if (!(apart.cwiseAbs().maxCoeff() <= kSame * size)) return Twin::kNone;
-         // The same one: the better digits.
-         const bool is_better = candidate.reaction < other.reaction * (1.0 - 1e-12);
-         return !other.is_stationary || (is_better && is_stationary) ? Twin::kWorse : Twin::kBetter;
-       });
+  double size = 0.0;
+  for (int i = 0; i < S; ++i) {
+    size = std::max({size, std::abs(epsilon[i]), std::abs(free_[i])});
+  }
+  for (int n = 0; n < candidate_count_; ++n) {
+    double apart = 0.0;
+    for (int i = 0; i < S; ++i) {
+      apart = std::max(apart, std::abs(candidates_[n].epsilon[i] - epsilon[i]));
+    }
+    // The same one: the better digits.
+    if (apart <= kSame * size) {
+      const bool is_better = candidate.reaction < candidates_[n].reaction * (1.0 - 1e-12);
+      if (candidates_[n].is_stationary && (!is_better || !is_stationary)) return;
+      std::move(candidates_ + n + 1, candidates_ + candidate_count_, candidates_ + n);
+      --candidate_count_;
+      break;
+    }
+  }
+  int place = candidate_count_;
+  while (place > 0 && candidates_[place - 1].reaction > candidate.reaction) --place;
+  if (place == kMostCandidates) return;
+  candidate_count_ = std::min(candidate_count_ + 1, kMostCandidates);
+  std::move_backward(candidates_ + place, candidates_ + candidate_count_ - 1,
+                     candidates_ + candidate_count_);
+  candidates_[place] = candidate;
 }
 
-void LeastReactionSearch::findFirst(int rays, int parts) {
-  double radius = 1e-3;
-  for (int i = 0; i < S; ++i) radius = std::max(radius, std::abs(free_[i]));
-  radius *= 1e-2 * std::sqrt(J_(0, 0));
-  for (int growth = 0; growth < 24 && candidate_count_ == 0; ++growth, radius *= 4.0) {
-    lookThrough(radius, rays, parts);
+void LeastReactionSearch::findFirst() {
+  radius_ = 0.0;
+  double size = 1e-3;
+  for (int i = 0; i < S; ++i) size = std::max(size, std::abs(free_[i]));
+  radius_ = 1e-2 * size * std::sqrt(drivetrain_.inertia().entry(0, 0));
+  for (int growth = 0; growth < 24 && candidate_count_ == 0; ++growth, radius_ *= 4.0) {
+    const bool is_whole = n_ == 2 && is_cubic_ && lookThroughPlane();
+    if (!is_whole) lookThrough(n_ == 1 ? 2 : kFewestRays, true);
+    descendAll();
   }
 }
 
 double LeastReactionSearch::calcRoundingDistance() const {
   constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+  const Inertia& inertia = drivetrain_.inertia();
   // f = J^-1 q is known to eps |J^-1| |q|, |q| = |J| |f|: much less well than to eps |f| where J is
   // nearly singular.
-  const Vector f = Eigen::Map<const Vector>(free_, S).cwiseAbs();
-  const Matrix J = J_.cwiseAbs();
-  const Vector rounding = kEpsilon * (inverse_.cwiseAbs() * (J * f));
-  return std::max(64.0 * kEpsilon * f.maxCoeff(), std::sqrt(rounding.dot(J * rounding)));
+  double q[kMaxShafts];
+  double rounding[kMaxShafts] = {};
+  double size = 0.0;
+  for (int i = 0; i < S; ++i) {
+    size = std::max(size, std::abs(free_[i]));
+    q[i] = 0.0;
+    for (int j = 0; j < S; ++j) q[i] += std::abs(inertia.entry(i, j) * free_[j]);
+  }
+  for (int j = 0; j < S; ++j) {
+    double unit[kMaxShafts] = {};
+    double column[kMaxShafts];
+    unit[j] = 1.0;
+    inertia.solve(unit, column);
+    for (int i = 0; i < S; ++i) rounding[i] += kEpsilon * std::abs(column[i]) * q[j];
+  }
+  double square = 0.0;
+  for (int i = 0; i < S; ++i) {
+    for (int j = 0; j < S; ++j) square += std::abs(inertia.entry(i, j)) * rounding[i] * rounding[j];
+  }
+  return std::max(64.0 * kEpsilon * size, std::sqrt(square));
 }
 
 LeastReactionSearch::Verdict LeastReactionSearch::conclude(bool is_certain) const {
