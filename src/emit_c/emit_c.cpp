@@ -295,11 +295,20 @@ class Emission {
            constant("double", "initial_multiplier", values(sample.multiplier, K_));
   }
 
+  /// The text of the check without the sums by fours, whose vectors emitted programs do not have.
+  static std::string withoutVectors() {
+    std::string text = expression::kSeriesResolutionText;
+    const std::string end = "#else\n";
+    const std::size_t begin = text.find("#ifdef SERIES_HAS_FOURS");
+    text.erase(begin, text.find(end, begin) + end.size() - begin);
+    return text.erase(text.find("#endif\n", begin), 7);
+  }
+
   std::string writeOperations() const {
     std::string text = std::string("\n/* ---- The operations that rows are made by. ---- */\n\n") +
                        "typedef double Real;\n#define SERIES_INLINE inline\n#define "
                        "SERIES_RARE\n#define SERIES_STATE int\n" +
-                       expression::kSeriesOperationText + expression::kSeriesResolutionText +
+                       expression::kSeriesOperationText + withoutVectors() +
                        expression::kSeriesRangesText +
                        "static const struct SeriesOperation operation[] = {\n";
     for (const expression::SeriesOperation& it : rows_.operations()) {

@@ -386,7 +386,7 @@ TEST(Domains, PluginsThatReturnNan) {
                 "once, at call 1 to 3000, or each 100th to 1000th call");
   std::vector<std::pair<int, int>> plans;
   for (int period : {100, 333, 1000}) plans.emplace_back(period, 0);
-  const int step = sizeOf(97, 7);
+  const int step = sizeOf(266, 7);
   for (int once = 1; once < sizeOf(800, 3000); once += step) plans.emplace_back(0, once);
   sweepFaults(hazard, plans);
 }
