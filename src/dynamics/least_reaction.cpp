@@ -14,7 +14,7 @@ bool LeastReactionSolver::solve(const StateView& given, const double* torque, un
   state.acceleration = epsilon;
   Vector step;
   if (!calcStep(state, torque, epsilon, multipliers, &step)) return false;
-  // Near equilibrium epsilon is the small difference of large terms; this is what they round to.
+  // Near equilibrium epsilon is the small difference of large terms; their rounding is the floor.
   double free[kMaxShafts];
   drivetrain_.inertia().solve(torque, free);
   double rounding = 1e-290;
@@ -22,12 +22,12 @@ bool LeastReactionSolver::solve(const StateView& given, const double* torque, un
     rounding =
         std::max(rounding, 64.0 * std::numeric_limits<double>::epsilon() * std::abs(free[i]));
   }
-  // (Across a kink it may never get shorter.)
+  // (Across a kink the step may never get shorter.)
   const int most_halvings = drivetrain_.kinks().empty() ? 40 : 10;
   for (int iteration = 0; iteration < 200; ++iteration) {
     const double length = calcLength(step);
     // Natural monotonicity (Deuflhard): the next step, which does not depend on how the equations
-    // are scaled, must be shorter; halve otherwise.
+    // are scaled, must be shorter; otherwise the step is halved.
     double fraction = 1.0;
     double epsilon_old[kMaxShafts];
     double multipliers_old[kMaxShafts];
@@ -46,7 +46,7 @@ bool LeastReactionSolver::solve(const StateView& given, const double* torque, un
     }
     if (!shorter) return false;
     if (isSmall(next, epsilon, rounding)) {
-      // The last correction is below what can be told apart; make it, and polish psi alone.
+      // The last correction is below the resolution; it is made, and psi alone is refined.
       for (int i = 0; i < S; ++i) epsilon[i] += next(i);
       for (int m = 0; m < row_count_; ++m) multipliers[m] += next(S + m);
       if (corner != 0) return true;
@@ -92,7 +92,7 @@ bool LeastReactionSolver::continueFrom(const StateView& given, const double* tor
       return accept(point);
     }
   }
-  // A kink was met or left: the nearest of the points that are the least on all of their sides.
+  // A kink was met or left: take the nearest point that is the minimum on all of its sides.
   double least = std::numeric_limits<double>::infinity();
   const auto consider = [&] {
     double distance = 0.0;
@@ -157,7 +157,7 @@ bool LeastReactionSolver::retract(const StateView& state, double* epsilon) {
       isConsistent(state)) {
     return true;
   }
-  // Full steps may run to and fro over a kink or away: only those that make psi less.
+  // Full steps may oscillate over a kink or diverge: only steps that reduce psi are made.
   at = given;
   Vector delta(S);
   if (!drivetrain_.calcAccelerationProjection(state, delta.data())) return false;
@@ -189,7 +189,7 @@ bool LeastReactionSolver::retract(const StateView& state, double* epsilon) {
     }
   }
   if (!isConsistent(state)) return false;
-  // (Where C vanishes psi is small near by, and zero nowhere near.)
+  // (Near a zero of C psi is small but has no zero.)
   for (int r = 0; r < k; ++r) {
     if (!(drivetrain_.accelerationRowLengthSquared(r) * weight[r] > kVanished)) return false;
   }
@@ -367,7 +367,7 @@ bool LeastReactionSolver::isSmall(const Vector& step, const double* epsilon,
                                   double rounding) const {
   double scale = 0.0;
   for (int i = 0; i < S; ++i) scale = std::max(scale, std::abs(epsilon[i]));
-  // Quadratic convergence: the step after one of 1e-9 is lost in rounding.
+  // Convergence is quadratic: the step after one of 1e-9 is below rounding.
   return calcLength(step) <= std::max(1e-9 * scale, rounding);
 }
 

@@ -10,28 +10,29 @@
 
 namespace variator_sim {
 
-/// Where psi is linear in pieces (abs, min, max of accelerations) the nearest point may be a corner
-/// of psi = 0. There some functions are zero beside psi, the kinks (Constraint::kinks): they join
-/// the constraints, with multipliers of their own. A set of kinks is a number, bit j for kink j.
+/// If psi is piecewise linear (abs, min, max of accelerations), the nearest point may be a corner
+/// of psi = 0. Some functions beside psi are zero there, the kinks (Constraint::kinks): they join
+/// the constraints, with their own multipliers. A set of kinks is a number, bit j for kink j.
 class LeastReactionSolver {
  public:
-  /// Accelerations count as consistent when the nearest point of psi = 0 is not further away than
-  /// this, relative to max(1, |epsilon|): what is left of a value printed with ten digits.
+  /// Largest distance of consistent accelerations from psi = 0, relative to max(1, |epsilon|): the
+  /// rounding of values printed with ten digits.
   static constexpr double kConsistent = 1e-9;
 
   explicit LeastReactionSolver(Drivetrain& drivetrain)
       : S(drivetrain.shafts()), drivetrain_(drivetrain) {}
 
-  /// Stationarity under psi = 0 and the kinks of `corner` = 0,
+  /// Solves for stationarity under psi = 0 and the kinks of `corner` = 0,
   ///     J epsilon + n - Q - C^T lambda - (d kinks)^T mu = 0,
   /// by damped Newton from the accelerations in `epsilon` (S values) and the multipliers (S places:
-  /// one per row of accelerationRows(), then one per kink of the corner); `torque` is Q - n. False
-  /// when it does not converge to a point where psi is zero.
+  /// one per row of accelerationRows(), then one per kink of the corner); `torque` is Q - n.
+  /// Returns false without convergence to a point with psi = 0.
   bool solve(const StateView& given, const double* torque, unsigned corner, double* epsilon,
              double* multipliers);
 
-  /// The stationary point that continues the one in `epsilon` (S values, a little earlier): on the
-  /// same piece of psi, in the same corner, or the nearest one beyond. `corner` gets its kinks.
+  /// Finds the stationary point that continues the one in `epsilon` (S values, slightly earlier):
+  /// on the same piece of psi, in the same corner, or the nearest one beyond. `corner` gets its
+  /// kinks.
   bool continueFrom(const StateView& given, const double* torque, double* epsilon,
                     double* multipliers, unsigned* corner);
 
@@ -57,15 +58,15 @@ class LeastReactionSolver {
   bool calcJerk(const StateView& state, unsigned corner, const double* multipliers, double* eta,
                 double* reaction_rate);
 
-  /// Moves `epsilon`, to which `state` points, onto psi = 0 near by. False when that fails.
+  /// Moves `epsilon`, to which `state` points, onto psi = 0 near by. Returns false on failure.
   bool retract(const StateView& state, double* epsilon);
 
-  /// True when psi = 0 is as near to `state` as consistent accelerations have it.
+  /// True when psi = 0 is within the distance of consistent accelerations from `state`.
   bool isConsistent(const StateView& state, double allowed = kConsistent);
 
  private:
   static constexpr int kMostKinks = static_cast<int>(Drivetrain::kMostKinks);
-  /// Of all kinks, so many nearest ones may meet in a corner that is looked at.
+  /// Number of nearest kinks that may meet in an examined corner.
   static constexpr int kMostMeeting = 4;
   using Matrix = DenseMatrix;
   using Vector = DenseVector;
@@ -81,9 +82,9 @@ class LeastReactionSolver {
     int nearest[kMostKinks] = {};      ///< kinks, the nearest first
     double distance[kMostKinks] = {};  ///< from epsilon, by kink
     double gradient[kMostKinks][kMaxShafts] = {};
-    unsigned sides = 0;  ///< those with a value above 0
+    unsigned sides = 0;  ///< kinks with a value above 0
     double scale = 0.0;  ///< of epsilon
-    /// Those that epsilon lies on.
+    /// The kinks that epsilon lies on.
     unsigned zeros() const {
       unsigned set = 0;
       for (int n = 0; n < count; ++n) {
@@ -96,8 +97,8 @@ class LeastReactionSolver {
 
   bool calcKinks(const StateView& given, const double* epsilon, KinkValues* values) const;
 
-  /// By so much may accelerations be off psi = 0 for the rounding of what psi reads: 1/tau times
-  /// that of the velocities where a slip has the short time constant tau, say.
+  /// Distance of accelerations from psi = 0 through rounding of psi's operands: for example 1/tau
+  /// times that of the velocities if a slip has the short time constant tau.
   double calcRounding(const StateView& state) const;
 
   /// Calls `visit` with every set of the nearest kinks that leaves at most S equations.
@@ -117,7 +118,7 @@ class LeastReactionSolver {
     }
   }
 
-  /// Calls `visit` with every subset of `set`: those of its kinks that a side lies above.
+  /// Calls `visit` with every subset of `set`: the kinks above which a side lies.
   template <class Visit>
   static void forEachPattern(unsigned set, Visit visit) {
     if (set == 0) return;
@@ -126,13 +127,13 @@ class LeastReactionSolver {
       if (above == 0) return;
     }
   }
-  /// Of a set, kink j.
+  /// Returns true if a set contains kink j.
   static bool contains(unsigned set, int j) { return (set >> static_cast<unsigned>(j) & 1U) != 0U; }
-  /// epsilon, moved off the kinks in `set` by kAside of its size, above those in `above`.
+  /// Returns epsilon moved off the kinks in `set` by kAside of its size, above those in `above`.
   Vector calcAside(const KinkValues& values, unsigned set, unsigned above) const;
 
-  /// True when the reaction does not fall from the stationary point in a corner to any of its
-  /// sides: on each one -R lies in the cone of the normals there,
+  /// True when the reaction does not decrease from the stationary point in a corner to any of its
+  /// sides: on each side -R lies in the cone of the normals there,
   ///     R = C^T lambda + sum nu_j n_j,   nu_j >= 0,
   /// with the C of that side and n_j the derivative of kink j, which leads into it.
   bool isLeastAtCorner(const StateView& given, const double* torque, const Point& point);
@@ -141,17 +142,17 @@ class LeastReactionSolver {
     return &drivetrain_.constraint(drivetrain_.accelerationRows()[static_cast<std::size_t>(m)]);
   }
 
-  /// The rows of accelerationRows(), then the kinks of `corner`.
+  /// Selects the rows of accelerationRows(), then the kinks of `corner`.
   void select(unsigned corner);
 
-  /// The step (delta epsilon, delta multipliers) of Newton's iteration at (epsilon, multipliers).
-  /// False when the matrix is singular or not finite.
+  /// Computes the Newton step (delta epsilon, delta multipliers) at (epsilon, multipliers). Returns
+  /// false when the matrix is singular or not finite.
   bool calcStep(const StateView& state, const double* torque, const double* epsilon,
                 const double* multipliers, Vector* step);
 
-  /// J in its place of a matrix for the accelerations and a multiplier of each row.
+  /// Returns a matrix for the accelerations and one multiplier per row that contains J.
   Matrix makeInertiaBlock() const;
-  /// C, -C^T and - multiplier H of row m.
+  /// Adds C, -C^T and - multiplier H of row m.
   void addRow(int m, const double* C, const double* H, double multiplier, Matrix* K) const;
 
   double calcLength(const Vector& step) const { return step.head(S).cwiseAbs().maxCoeff(); }
@@ -160,7 +161,7 @@ class LeastReactionSolver {
 
   /// A row of C with this part of its squared length has vanished.
   static constexpr double kVanished = 1e-12;
-  /// So far aside of a corner, relative to epsilon, is a side of it looked at.
+  /// Distance from a corner, relative to epsilon, at which its sides are examined.
   static constexpr double kAside = 1e-10;
 
   const int S;  // shafts

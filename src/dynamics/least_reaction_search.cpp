@@ -48,12 +48,12 @@ LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state, c
   for (int round = 0; round < kMostRounds && quiet < 2; ++round) {
     const double before = candidates_[0].reaction;
     const double radius = std::sqrt(2.0 * before);
-    // The free accelerations themselves: nothing is less.
+    // The free accelerations themselves are the minimum.
     if (!(radius > smallest_)) return Verdict::kFound;
     lookThrough(radius, rays, parts);
     quiet = candidates_[0].reaction < before * (1.0 - 1e-9) ? 0 : quiet + 1;
-    // Minima must be told apart: by several parts each along a ray, and by as many rays as there
-    // are minima around the ball.
+    // Minima must be separated: by several parts each along a ray, and by as many rays as there are
+    // minima around the ball.
     const double per_ray = std::max(1.0, static_cast<double>(noted_) / rays);
     const double wanted_rays = n_ == 1 ? rays : fewest_rays * std::pow(per_ray, n_ - 1);
     const double wanted_parts = is_cubic_ ? parts : kPartsPerMinimum * per_ray;
@@ -93,7 +93,7 @@ void LeastReactionSearch::setUp() {
   }
   int rank;
   E_ = columns * orthonormalize(gram, 0.0, &rank).transpose();
-  // How the others move with these held: no part of the rows that they multiply varies.
+  // Motion of the other accelerations with these held: the rows that they multiply are constant.
   Matrix rest = inverse_ - E_ * E_.transpose();
   for (int a = 0; a < n_; ++a) {
     rest.row(which[a]).setZero();
@@ -139,11 +139,11 @@ LeastReactionSearch::Vector LeastReactionSearch::calcDirection(int ray) const {
   if (n_ == 1) {
     direction(0) = ray % 2 == 0 ? 1.0 : -1.0;
   } else if (n_ == 2) {
-    const double angle = 2.399963229728653 * ray;  // the golden angle: never twice alike
+    const double angle = 2.399963229728653 * ray;  // the golden angle: no direction repeats
     direction(0) = std::cos(angle);
     direction(1) = std::sin(angle);
   } else {
-    // Normal deviates prefer no direction.
+    // Normal deviates are isotropic.
     std::minstd_rand random(static_cast<unsigned>(ray) + 1U);
     std::normal_distribution<double> normal;
     for (int a = 0; a < n_; ++a) direction(a) = normal(random);
@@ -186,7 +186,7 @@ double LeastReactionSearch::calcSlope(const Sample& sample) const {
 }
 
 void LeastReactionSearch::lookThrough(double radius, int rays, int parts) {
-  // Starts of minima just inside may lie just outside.
+  // Starts for minima just inside the ball may lie just outside.
   constexpr double kBeyond = 1.2;
   start_count_ = 0;
   noted_ = 0;
@@ -279,14 +279,14 @@ void LeastReactionSearch::descend(Vector epsilon) {
   state.acceleration = epsilon.data();
   if (!solver_.retract(state, epsilon.data())) return;
   double value = squaredDistance(epsilon);
-  bool is_stuck = false;  // on a kink, maybe
+  bool is_stuck = false;  // possibly on a kink
   for (int iteration = 0; iteration < 25; ++iteration) {
     Vector delta(S);
     if (!drivetrain_.calcLinearizedReaction(state, free_, delta.data())) break;
     const Vector old = epsilon;
     delta += Eigen::Map<const Vector>(free_, S) - epsilon;
     if (!(delta.cwiseAbs().maxCoeff() > 1e-6 * epsilon.cwiseAbs().maxCoeff())) break;
-    // Far from the least and without much hope to get there.
+    // The descent is far from the minimum and unlikely to reach it.
     if (iteration >= 3 && value - 4.0 * measure(delta) > hopeful()) return;
     bool is_less = false;
     double fraction = 1.0;
@@ -340,7 +340,7 @@ void LeastReactionSearch::record(const Vector& epsilon, bool is_stationary) {
        [&](const Candidate& other) {
          const Vector apart = Eigen::Map<const Vector>(other.epsilon, S) - epsilon;
          if (!(apart.cwiseAbs().maxCoeff() <= kSame * size)) return Twin::kNone;
-         // The same one: the better digits.
+         // Both are the same point: keep the more accurate one.
          const bool is_better = candidate.reaction < other.reaction * (1.0 - 1e-12);
          return !other.is_stationary || (is_better && is_stationary) ? Twin::kWorse : Twin::kBetter;
        });
