@@ -59,7 +59,7 @@ class AccelerationSystem : public PrincipleSystem {
   void copyState(double t, const State& x, Sample* sample) const;
   void calcResiduals(const StateView& state, const double* eta, Sample* sample) const;
 
-  /// Returns true where errors of one tolerance in angles and velocities, or rounding of the time,
+  /// Returns true if errors of one tolerance in angles and velocities, or rounding of the time,
   /// change the accelerations through Q by more than their tolerance.
   bool answersSteeply(const StepNode& node);
 

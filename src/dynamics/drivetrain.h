@@ -267,7 +267,7 @@ class Drivetrain {
 
   /// One step of Newton's iteration onto f = 0 (orders 1) by the velocities, in the metric J:
   ///     delta omega = -J^-1 C^T A^-1 f.
-  /// Writes delta (S values). False where C has lost rank.
+  /// Writes delta (S values). False if C has lost rank.
   bool calcVelocityProjection(const StateView& state, double* delta);
   /// The same onto psi = 0 or f' = 0 (orders 2 and 1) by the accelerations.
   bool calcAccelerationProjection(const StateView& state, double* delta);
@@ -281,7 +281,7 @@ class Drivetrain {
   ///     delta_omega^T J delta_omega / h^2 + delta_epsilon^T J delta_epsilon,
   /// h the step: delta epsilon = -J^-1 C^T l, delta omega = -h^2 J^-1 B^T l, B = dpsi/domega,
   ///     (C J^-1 C^T + h^2 B J^-1 B^T) l = psi.
-  /// Writes `delta`: S velocities, then S accelerations. False where the matrix is singular.
+  /// Writes `delta`: S velocities, then S accelerations. False if the matrix is singular.
   bool calcStiffProjection(const StateView& state, double h, double* delta);
 
   /// True when implicit steps may keep psi = 0 in their stages instead of C eta + c0 = 0: all
@@ -331,7 +331,7 @@ class Drivetrain {
 
   /// The least-reaction accelerations of the second-order forms linearised at `state`:
   ///     free - J^-1 C^T A^-1 (psi + C (free - epsilon)),
-  /// as the correction to `free` (S values each). False where C has lost rank.
+  /// as the correction to `free` (S values each). False if C has lost rank.
   bool calcLinearizedReaction(const StateView& state, const double* free, double* delta);
   /// Squared length of row r of accelerationRows() in the last acceleration projection.
   double accelerationRowLengthSquared(int r) const {
@@ -353,7 +353,7 @@ class Drivetrain {
 
   /// d epsilon / d theta of the jump map at `state`, whose inputs stand at theta:
   ///     C d_epsilon + dpsi/du Delta_u = 0,   J d_epsilon = Delta_Q + C^T Lambda.
-  /// False where C has lost rank; the rate is NaN then.
+  /// False if C has lost rank; the rate is NaN then.
   bool calcJumpRate(const StateView& state, const double* torque_jump, const double* input_jump,
                     double* rate);
 
@@ -363,7 +363,7 @@ class Drivetrain {
   /// would require a large Lambda, while psi of order 2 stays 0 and order 3 keeps its C:
   ///     C(theta, e) = (1 - theta) C0(e) + theta C1(e),   J de/dtheta = C^T Lambda,
   ///     C de/dtheta + f1'(e) - f0'(e) = 0.
-  /// Writes the change of epsilon (S values). False where C loses rank.
+  /// Writes the change of epsilon (S values). False if C loses rank.
   bool calcKinkJump(StateView before, StateView after, double* change);
 
   /// The jerk that keeps R = C^T lambda, i.e. the derivative of J epsilon + n - Q = C^T lambda:

@@ -192,7 +192,7 @@ class MotionSeries {
   int placeOfInertia() const { return (S + k_) * (S + k_) + 1; }
 
   bool isInertiaConstant() const { return drivetrain_.inertia().isConstant(); }
-  /// True where the inertia of shaft i depends on its angle.
+  /// True if the inertia of shaft i depends on its angle.
   bool hasMovingInertia(int i) const {
     return !isInertiaConstant() && !program_.isConstant(row_of_inertia_[i]);
   }

@@ -17,7 +17,7 @@
 namespace variator_sim {
 
 /// Newton's iteration on `values` (`count` values, in place): `correct(delta)` writes one
-/// correction at the present values and returns false where C has lost rank. `moved` gets |delta_i|
+/// correction at the present values and returns false if C has lost rank. `moved` gets |delta_i|
 /// summed over the iterations, `iterations` is increased by those done.
 template <class Count, class Correct>
 ProjectionResult iterateProjection(Count count, Correct correct, double* values, double* moved,
