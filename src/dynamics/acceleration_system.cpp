@@ -122,7 +122,7 @@ void AccelerationSystem::noteColumns(const double (*C)[kMaxShafts]) {
 }
 
 bool AccelerationSystem::answersSteeply(const StepNode& node) {
-  double left[kMaxShafts];  // N m, of what is allowed
+  double left[kMaxShafts];  // N m, remaining allowance
   for (int i = 0; i < S; ++i) {
     left[i] = drivetrain_.inertia().entry(i, i) * tolerance_.of(node.x[2 * S + i]);
   }
@@ -189,7 +189,7 @@ const double* AccelerationSystem::calcTorqueRate(double t, const State& x) {
 }
 
 void AccelerationSystem::copyRates(const State& x, State& dxdt) const {
-  // A loop, for the copy of a few numbers not to become a call of memmove.
+  // A loop keeps the copy of a few numbers from becoming a call of memmove.
   for (int n = 0; n < 2 * S; ++n) dxdt[n] = x[n + S];
 }
 

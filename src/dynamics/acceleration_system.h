@@ -1,4 +1,4 @@
-/// What the systems share whose state has accelerations: x = (phi, omega, epsilon).
+/// The common base of systems with accelerations in their state: x = (phi, omega, epsilon).
 #pragma once
 
 #include "dynamics/jump.h"
@@ -8,7 +8,7 @@
 
 namespace variator_sim {
 
-/// The derivative and the sample are the derived classes'.
+/// Derived classes implement the derivative and the sample.
 class AccelerationSystem : public PrincipleSystem {
  public:
   double rowLengthSquared(int m) const override { return drivetrain_.solver().rowLengthSquared(m); }
@@ -59,8 +59,8 @@ class AccelerationSystem : public PrincipleSystem {
   void copyState(double t, const State& x, Sample* sample) const;
   void calcResiduals(const StateView& state, const double* eta, Sample* sample) const;
 
-  /// Whether errors of a tolerance in angles and velocities, and roundings of the time, make
-  /// accelerations, by Q alone, err by more than theirs.
+  /// Returns true if errors of one tolerance in angles and velocities, or rounding of the time,
+  /// change the accelerations through Q by more than their tolerance.
   bool answersSteeply(const StepNode& node);
 
   Tolerance tolerance_;
@@ -68,9 +68,9 @@ class AccelerationSystem : public PrincipleSystem {
   bool keeps_reaction_in_range_;
   bool has_neutral_ = false;
   bool is_neutral_[kMaxShafts] = {};
-  /// N m; over the root of the inertia where that depends on the angle: R' = C^T Lambda + Gamma R
-  /// omega [6] is R_i' = 1/2 J_i'/J_i omega_i R_i there, and so R_i / sqrt(J_i) is what stays.
-  /// (Between coupled ones that depend on angles nothing so simple does.)
+  /// N m; divided by sqrt(J_i) where the inertia depends on the angle: R' = C^T Lambda + Gamma R
+  /// omega [6] becomes R_i' = 1/2 J_i'/J_i omega_i R_i there, so R_i / sqrt(J_i) is invariant.
+  /// (Coupled inertias that depend on angles have no such simple invariant.)
   double reaction_at_start_[kMaxShafts] = {};
 };
 

@@ -105,7 +105,7 @@ InitialResult ClassicalGauss::start(State& x, double* nearest, bool* velocities_
   InitialResult result = initial_solver_.findLeastReaction(state, epsilon_);
   if (!scene_.initial.acceleration.empty() &&
       (result == InitialResult::kNotUnique || result == InitialResult::kDoubtful)) {
-    // Those given choose among the stationary ones.
+    // The given accelerations select one of the stationary points.
     std::copy_n(scene_.initial.acceleration.begin(), S, epsilon_);
     std::copy(epsilon_, epsilon_ + S, guess_);
     calcMultipliers(state, lambda_guess_);
@@ -120,7 +120,7 @@ InitialResult ClassicalGauss::start(State& x, double* nearest, bool* velocities_
       scene_.initial.project) {
     return result;
   }
-  // The accelerations are no data here; given ones may only say what follows anyway.
+  // The accelerations follow from the state here; given ones must agree with them.
   return areNear(scene_.initial.acceleration.data(), epsilon_) ? result
                                                                : InitialResult::kInconsistent;
 }
@@ -171,7 +171,7 @@ MotionStatus ClassicalGauss::jump(double t, State& x, const double* u0, const do
 
 MotionStatus ClassicalGauss::jumpTorque(double t, State& x, const double* torque_jump,
                                         std::uint64_t* /*projections*/) {
-  if (linear_) return {};  // one solution, wherever it is looked for from
+  if (linear_) return {};  // the solution is unique
   const StateView state = drivetrain_.view(t, x.data(), x.data() + S, epsilon_);
   return follow(state, [&](double part, double* torque) {
     drivetrain_.calcFreeTorque(state, torque);
@@ -182,7 +182,7 @@ MotionStatus ClassicalGauss::jumpTorque(double t, State& x, const double* torque
 template <class MoveTo>
 MotionStatus ClassicalGauss::follow(const StateView& state, MoveTo move_to) {
   constexpr double kLeastPart = 1e-6;
-  // The point at `part` of the jump, from the guess, which it becomes.
+  // Solves for the point at `part` of the jump, from the guess, and stores it as the next guess.
   const auto goTo = [&](double part) {
     double torque[kMaxShafts];
     move_to(part, torque);
@@ -197,7 +197,7 @@ MotionStatus ClassicalGauss::follow(const StateView& state, MoveTo move_to) {
   MotionStatus failed;
   failed.reason = StopReason::kJumpFailed;
   if (linear_) return goTo(1.0) ? MotionStatus{} : failed;
-  goTo(0.0);  // the guess is of a little earlier
+  goTo(0.0);  // the guess is slightly older
   double part = 1.0;
   for (double done = 0.0; done < 1.0;) {
     const double next = std::min(1.0, done + part);
@@ -251,7 +251,7 @@ bool ClassicalGauss::calcSample(double t, const State& x, Sample* sample) {
     regular =
         drivetrain_.calcFormalJerk(state, sample->multiplier, eta, sample->reaction_torque_rate);
   } else {
-    // In a corner of psi C is not one: the kinks that meet there have multipliers of their own.
+    // C is not unique in a corner of psi: the kinks that meet there have their own multipliers.
     regular = initial_solver_.solver().calcJerk(state, corner_, multipliers_, eta,
                                                 sample->reaction_torque_rate);
     std::copy_n(multipliers_, drivetrain_.constraintCount(), sample->multiplier);
@@ -288,7 +288,7 @@ void ClassicalGauss::calcAccelerations(const StateView& state, const double* tor
     // A lambda = -(b + C epsilon_free) is one correction from the free accelerations.
     drivetrain_.inertia().solve(torque, epsilon_);
     if (drivetrain_.constraintCount() == 0) return;
-    // (Nearly dependent rows take a few, as in ConstraintSolver::refine.)
+    // (Nearly dependent rows take a few corrections, as in ConstraintSolver::refine.)
     double delta[kMaxShafts];
     bool solved = drivetrain_.calcAccelerationProjection(state, delta);
     for (int i = 0; i < S && solved; ++i) epsilon_[i] += delta[i];
@@ -298,7 +298,7 @@ void ClassicalGauss::calcAccelerations(const StateView& state, const double* tor
     }
     if (solved) return;
   } else {
-    // With the multipliers of the same place: from others the iteration may take another branch.
+    // The multipliers belong to the same point: others may lead the iteration to another branch.
     std::copy(guess_, guess_ + S, epsilon_);
     std::fill_n(multipliers_, S, 0.0);
     std::copy_n(lambda_guess_, kMaxRows, multipliers_);

@@ -9,38 +9,38 @@
 
 namespace variator_sim {
 
-/// Rows of the largest system: accelerations and multipliers of a scene, and as many more.
+/// Rows of the largest system: accelerations and multipliers of a scene, at most kMaxShafts each.
 constexpr int kMaxDense = 2 * kMaxShafts;
 using DenseMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxDense, kMaxDense>;
 using DenseVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDense, 1>;
 
-/// s x s, and what is as large as that.
+/// A matrix of s x s entries.
 using SquareMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxShafts, kMaxShafts>;
 
-/// x of A x = b, by LU with partial pivoting. Not finite where A is singular. [loop]
+/// Solves A x = b by LU with partial pivoting. The result is not finite if A is singular. [loop]
 DenseVector solveLu(const DenseMatrix& A, const DenseVector& b);
 
-/// The same with every row scaled by its largest entry, which makes the pivoting blind to the units
-/// of an equation (A and b are scaled in place), and `refinements` times solved again for what is
-/// left. False where A is singular or anything is not finite. [loop]
+/// The same with every row scaled by its largest entry, which makes the pivoting independent of the
+/// equations' units (A and b are scaled in place), with `refinements` steps of iterative
+/// refinement. Returns false if A is singular or a number is not finite. [loop]
 bool solveScaled(DenseMatrix& A, DenseVector& b, int refinements, DenseVector* x);
 
-/// b becomes A^-1 b, A symmetric, by L D L^T. False where an entry of D is not above `least`.
-/// [loop]
+/// Replaces b by A^-1 b, A symmetric, by L D L^T. Returns false if an entry of D is not above
+/// `least`. [loop]
 bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b);
 
-/// The inverse of a symmetric positive definite matrix of n rows, made symmetric itself. [loop]
+/// Computes the symmetric inverse of a symmetric positive definite matrix of n rows. [loop]
 void invertSymmetric(int n, const double (&A)[kMaxShafts][kMaxShafts],
                      double (&inverse)[kMaxShafts][kMaxShafts]);
 
-/// The factors of a square matrix of up to kMaxShafts rows, to be solved with many times.
+/// The factors of a square matrix of up to kMaxShafts rows, for many solutions.
 template <class Scalar>
 class DenseLu {
  public:
   /// Factors the n x n matrix at `A`, column by column. [loop]
   void factor(const Scalar* A, int n);
-  /// x becomes A^-1 x (n values). [loop]
+  /// Replaces x by A^-1 x (n values). [loop]
   void solve(Scalar* x) const;
 
  private:

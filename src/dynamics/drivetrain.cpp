@@ -22,7 +22,7 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Dri
   for (const TorquePtr& torque : scene.torques) {
     torques_.push_back(torque.get());
     torques_read_time_ = torques_read_time_ || torque->torqueDependence().time;
-    // Q' shows nothing of a jump of Q.
+    // Q' does not contain a jump of Q.
     if (!torque->guards().empty()) note(torque->torqueDependence());
     if (rates) note(torque->rateDependence());
     if (!rates || scene.hasOrder3()) note(torque->torqueDependence());
@@ -221,8 +221,8 @@ bool Drivetrain::findNonFinite(StateView state, int* torque, int* row) const {
   };
   *torque = -1;
   *row = -1;
-  // In the order in which they follow from each other: Q, the accelerations, psi, Q'. What reads
-  // accelerations that are not finite is a consequence of the others.
+  // The order of dependence is Q, the accelerations, psi, Q'. A law that reads accelerations which
+  // are not finite is a consequence of an earlier one.
   if (findTorque(&Torque::addTorque)) return true;
   if (!isFinite(state.acceleration)) state.acceleration = kZeros;
   for (int m = 0; m < constraintCount(); ++m) {
@@ -280,8 +280,8 @@ bool Drivetrain::solveFormal(const double* lambda, const double* H, const double
       for (int j = 0; j < S; ++j) K(i, j) -= lambda[m] * H[(m * S + i) * S + j];
     }
   }
-  // y is as large as rows of C are near to each other, and what rounding of the factors makes of
-  // the zeros in K meets it: that is given back by solving for what is left.
+  // y is large where rows of C are nearly dependent, and multiplies the rounding errors of the
+  // zeros in K: iterative refinement removes them.
   constexpr int kRefinements = 2;
   DenseVector solution;
   if (!solveScaled(K, b, kRefinements, &solution)) return false;

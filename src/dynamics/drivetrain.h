@@ -1,5 +1,5 @@
-/// One scene, evaluated: torques, inertia, constraints, inputs. What is integrated, and
-/// by which principle, is the systems' matter (generalized_gauss.h, classical_gauss.h).
+/// One scene, evaluated: torques, inertia, constraints, inputs. The systems choose the state and
+/// the principle (generalized_gauss.h, classical_gauss.h).
 #pragma once
 
 #include <algorithm>
@@ -19,18 +19,18 @@
 
 namespace variator_sim {
 
-/// The scene is constant; the inputs' current closed forms, the inertia at the last angle asked for
-/// and the counters are the only things that change. All evaluations are [loop].
+/// The scene is constant; only the inputs' current closed forms, the inertia at the last evaluated
+/// angle and the counters change. All evaluations are [loop].
 class Drivetrain {
  public:
-  /// `like`: of a scene with the same elements, or nullptr.
+  /// `like`: the drivetrain of a scene with the same elements, or nullptr.
   Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Drivetrain* like = nullptr);
 
   int shafts() const { return S; }
   const Inertia& inertia() const { return inertia_; }
   /// See Inertia::setValue.
   void setInertia(const double* phi, const double* diagonal) { inertia_.setValue(phi, diagonal); }
-  /// What a value of the state is small against, by the tolerances.
+  /// Returns the ratio of absolute and relative tolerance, against which state values are small.
   double naturalSize() const {
     return scene_.solver.absolute_tolerance / scene_.solver.relative_tolerance;
   }
@@ -47,24 +47,24 @@ class Drivetrain {
   const std::vector<int>& accelerationRows() const { return acceleration_rows_; }
   /// The accelerations that some constraint is not linear in, bit i for shaft i.
   unsigned nonlinearAccelerations() const { return nonlinear_accelerations_; }
-  /// Where psi has kinks in epsilon: see Constraint::kinks.
+  /// The kinks of psi in epsilon: see Constraint::kinks.
   static constexpr std::size_t kMostKinks = 16;
   const std::vector<const Constraint*>& kinks() const { return kinks_; }
   bool hasOrder3() const { return static_cast<int>(acceleration_rows_.size()) < constraintCount(); }
 
-  // --- what need not be computed (decided once, at load) ---
-  /// True when a derivative of the state depends on an angle; the angles are a quadrature
-  /// otherwise.
+  // --- evaluations that can be skipped (decided once, at load) ---
+  /// True when a derivative of the state depends on an angle; otherwise the angles are a
+  /// quadrature.
   bool readsAngles() const { return reads_.angle; }
-  /// True when a derivative of the state depends on the time, be it through an input that moves.
+  /// True when a derivative of the state depends on the time, possibly through an input that moves.
   bool readsTime() const { return reads_.time || !varying_.empty(); }
   /// True when C and J are the same at every state: A is factored once.
   bool hasConstantRows() const { return has_constant_rows_; }
-  /// True when C and J are the same at every state, whether or not that is made use of.
+  /// True when C and J are the same at every state, even if `factor_once` is off.
   bool hasConstantJacobian() const { return has_constant_jacobian_; }
   /// False when no constraint's formula has the highest derivative of shaft i.
   bool readsColumn(int i) const { return reads_column_[i]; }
-  /// Begins to count right-hand sides and Newton's iterations anew.
+  /// Resets the counters of right-hand sides and Newton iterations.
   void resetCounts();
 
   // --- inputs ----------------------------------------------------------------------------------
@@ -73,31 +73,30 @@ class Drivetrain {
   const double* inputs() const { return input_; }
   const double* inputRates() const { return input_rate_; }
   const double* inputSecondRates() const { return input_second_rate_; }
-  /// Remembers all signals, and goes back to them at `time`.
+  /// Saves all signals, and restores them at `time`.
   void saveSignals() { std::copy(signals_.begin(), signals_.end(), saved_signals_.begin()); }
   void restoreSignals(double time);
-  /// Times are counted from `by` seconds later from now on; laws are given the sum of both, what
-  /// is counted from and the time.
+  /// Moves the origin of times `by` seconds later; laws receive the sum of origin and time.
   void moveOrigin(double by) {
     for (CommandSignal& signal : signals_) signal.moveOrigin(by);
   }
   void setOrigin(double origin) { origin_ = origin; }
   double origin() const { return origin_; }
-  /// Re-evaluates every u and u' at `time` and finds out which of them vary: to be called after a
-  /// signal was changed and before anything is evaluated.
+  /// Re-evaluates every u and u' at `time` and determines which of them vary: the caller does this
+  /// after a signal was changed and before an evaluation.
   void refreshInputs(double time);
   /// Encloses every input between two times of their closed forms. [loop]
   void encloseInputs(double from, double to, Interval* inputs) const;
-  /// When the first of the inputs' closed forms ends.
+  /// The time, s, at which the first of the inputs' closed forms ends.
   double inputSegmentEnd() const;
-  /// At `time`, moves the inputs whose closed form ends until `latest` past that end.
+  /// At `time`, advances the inputs whose closed form ends until `latest` to their next one.
   void finishInputSegments(double time, double latest);
 
-  /// T = 1/2 omega^T J omega, J; brings J to phi.
+  /// Returns T = 1/2 omega^T J omega, J; updates J to phi.
   double calcKineticEnergy(const double* phi, const double* omega);
 
   // --- evaluations -----------------------------------------------------------------------------
-  /// u and u' at t.
+  // Evaluates u and u' at t.
   void evaluateInputs(double t) {
     if (!varying_.empty()) moveInputs(t);
   }
@@ -108,7 +107,7 @@ class Drivetrain {
       if (needs_second_rate_) input_second_rate_[i] = signals_[i].secondRate(t);
     }
   }
-  /// A view of (t, phi, omega, epsilon) with the inputs at t; J is brought to phi.
+  /// Returns a view of (t, phi, omega, epsilon) with the inputs at t; updates J to phi.
   StateView view(double t, const double* phi, const double* omega, const double* epsilon) {
     evaluateInputs(t);
     if (!inertia_.isConstant()) inertia_.update(phi);
@@ -116,9 +115,9 @@ class Drivetrain {
   }
 
   /// The jerk of a scene with one constraint and a simple inertia at x = (phi, omega, epsilon), the
-  /// formulas of principle.h in local variables: this is where most runs spend their time, and
-  /// every number that goes through the solver's memory waits there. Torques before the row, whose
-  /// result is needed last. False, and nothing done, where A is not positive.
+  /// formulas of principle.h in local variables: most runs spend their time here, and numbers in
+  /// the solver's memory cost store and load latency. Torques come before the row, whose result is
+  /// needed last. Returns false, without effect, if A is not positive.
   template <int kShafts>
   bool calcJerkOfOneRow(double t, const double* x, double* eta) {
     ++right_hand_sides_;
@@ -167,24 +166,24 @@ class Drivetrain {
     return program_.shareMachineCode(series, other.program_);
   }
 
-  /// Of each constraint of order 1 f and its row of C, one behind the other.
+  /// Copies f and the row of C of each constraint of order 1, consecutively.
   void copyVelocityLevel(const StateView& state, double* level) const {
     std::copy_n(program_.calcVelocityLevel(state),
                 velocity_rows_.size() * (static_cast<std::size_t>(S) + 1), level);
   }
-  /// Of each constraint of order 1 or 2 psi and its row of C.
+  /// Copies psi and the row of C of each constraint of order 1 or 2.
   void copyAccelerationLevel(const StateView& state, double* level) const {
     std::copy_n(program_.calcAccelerationLevel(state),
                 acceleration_rows_.size() * (static_cast<std::size_t>(S) + 1), level);
   }
-  /// What the functions of machine code ask for.
+  /// The tables that functions of machine code read.
   const KernelTables* kernelTables() const { return program_.kernelTables(); }
   /// True when some input moves.
   bool haveInputsMoved() const { return !varying_.empty(); }
 
-  /// Where the components change their branches.
+  /// The switching functions of all components.
   const std::vector<GuardPtr>& guards() const { return guards_; }
-  /// Whose guard it is: the index of a torque or of a constraint, the other one -1.
+  /// The owner of a switching function: the index of a torque or of a constraint, the other one -1.
   struct GuardOwner {
     int torque;
     int constraint;
@@ -192,12 +191,11 @@ class Drivetrain {
   const GuardOwner& guardOwner(int guard) const {
     return guard_owners_[static_cast<std::size_t>(guard)];
   }
-  /// The first instant after `time`, s, at which some law is not smooth; infinity when there is
-  /// none.
+  /// Returns the first instant after `time`, s, at which a law is not smooth; infinity if none.
   double nextInstant(double time) const;
 
   void countRightHandSide() { ++right_hand_sides_; }
-  /// A step of Newton's iteration for the accelerations of least reaction.
+  /// Counts one Newton iteration for the accelerations of least reaction.
   void countNewtonIteration() { ++newton_iterations_; }
   std::uint64_t newtonIterations() const { return newton_iterations_; }
 
@@ -216,14 +214,15 @@ class Drivetrain {
   }
   /// True when Q reads the time itself.
   bool torquesReadTime() const { return torques_read_time_; }
-  /// What calcTorqueRate came to last, at the last derivative of a state, say.
+  /// The last result of calcTorqueRate, for example at the last derivative of a state.
   const double* torqueRate() const { return torque_rate_; }
   bool hasTorques() const { return !torques_.empty(); }
 
   /// Q - n, the torque that J epsilon would balance without reaction; n = 1/2 J' omega^2.
   void calcFreeTorque(const StateView& state, double* torque) const;
   void subtractInertialTorque(const StateView& state, double* torque) const;  // n
-  /// Q' - J' omega epsilon - n', n' = 1/2 J'' omega^3 + J' omega epsilon: R' is J eta minus this.
+  /// Q' - J' omega epsilon - n', n' = 1/2 J'' omega^3 + J' omega epsilon: R' is J eta minus this
+  /// rate.
   void calcFreeTorqueRate(const StateView& state, double* rate) const {
     calcTorqueRate(state, rate);
     if (!inertia_.isConstant()) addInertialRate(state, rate);
@@ -236,24 +235,25 @@ class Drivetrain {
                  0.5 * inertia_.second(i) * w * w * w;
     }
   }
-  /// Of Q' in `rate`: -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; for constant J it is Q'.
+  /// Turns Q' in `rate` into -g = Q' - J' omega epsilon - n' + Gamma R omega [6]; Q' if J is
+  /// constant.
   void makeCovariant(const StateView& state, double* rate) const {
     if (!inertia_.isConstant()) addCovariantRate(state, rate);
   }
   /// R = J epsilon + n - Q, S values, given Q.
   void calcReaction(const StateView& state, const double* torque, double* reaction) const;
-  /// Gamma^rho_{i i} R_rho omega_i = 1/2 J_i' omega_i (J^-1 R)_i: what R' has beyond its covariant
-  /// form G [6]. Only where the inertia depends on the angle.
+  /// Gamma^rho_{i i} R_rho omega_i = 1/2 J_i' omega_i (J^-1 R)_i: the difference of R' and its
+  /// covariant form G [6]. It is not zero only for an inertia that depends on the angle.
   void calcConnection(const StateView& state, const double* reaction, double* connection) const;
 
-  /// Rows of C and c0 of all constraints, factored. False where C has lost rank.
+  /// Evaluates and factors C and c0 of all constraints. Returns false if C has lost rank.
   bool calcRows(const StateView& state, double* c0) { return calcRows(S, state, c0); }
   template <class Count>
   bool calcRows(Count shafts, const StateView& state, double* c0) {
     return takeRows(shafts, program_.calcRows(state), c0);
   }
 
-  /// The same, and Q' as calcTorqueRate gives it, in one program.
+  /// The same, and Q' as in calcTorqueRate, in one program.
   template <class Count>
   bool calcRowsAndTorqueRate(Count shafts, const StateView& state, double* c0, double* rate) {
     const double* values = program_.calcRateAndRows(state);
@@ -262,26 +262,26 @@ class Drivetrain {
     return takeRows(shafts, values + shafts, c0);
   }
 
-  /// Where C is constant: makes sure that it has been factored. False where it has lost rank.
+  /// Factors a constant C unless that was done before. Returns false if it has lost rank.
   bool factorOnce(const StateView& state);
 
   /// One step of Newton's iteration onto f = 0 (orders 1) by the velocities, in the metric J:
   ///     delta omega = -J^-1 C^T A^-1 f.
-  /// Writes delta (S values). False where C has lost rank.
+  /// Writes delta (S values). False if C has lost rank.
   bool calcVelocityProjection(const StateView& state, double* delta);
   /// The same onto psi = 0 or f' = 0 (orders 2 and 1) by the accelerations.
   bool calcAccelerationProjection(const StateView& state, double* delta);
-  /// True when the last one was by nearly dependent rows.
+  /// True when the last projection had nearly dependent rows.
   bool areAccelerationRowsIll() const { return acceleration_solver_.isIll(); }
   /// One step of Newton's iteration onto psi = 0 by velocities and accelerations together, for
-  /// scenes without constraints of order 1. Where psi changes much more with a velocity than with
-  /// an acceleration (a short slip time constant tau), accelerations alone would have to make up
-  /// for every rounding of the velocities, 1/tau times as large. Among all (delta omega, delta
-  /// epsilon) that lead to the linearised psi = 0 this takes the least
+  /// scenes without constraints of order 1. If psi changes much more with a velocity than with an
+  /// acceleration (a short slip time constant tau), accelerations alone would have to compensate
+  /// every rounding of the velocities, 1/tau times as large. Among all (delta omega, delta epsilon)
+  /// that lead to the linearised psi = 0 this is the one with the least
   ///     delta_omega^T J delta_omega / h^2 + delta_epsilon^T J delta_epsilon,
   /// h the step: delta epsilon = -J^-1 C^T l, delta omega = -h^2 J^-1 B^T l, B = dpsi/domega,
   ///     (C J^-1 C^T + h^2 B J^-1 B^T) l = psi.
-  /// Writes `delta`: S velocities, then S accelerations. False where the matrix is singular.
+  /// Writes `delta`: S velocities, then S accelerations. False if the matrix is singular.
   bool calcStiffProjection(const StateView& state, double h, double* delta);
 
   /// True when implicit steps may keep psi = 0 in their stages instead of C eta + c0 = 0: all
@@ -294,16 +294,16 @@ class Drivetrain {
   /// J^-1 C^T A^-1 and the projector P = I - D C onto the jerks that C leaves free,
   ///     residual = P0 P (eta - eta_free) + D0 psi
   /// is zero where eta obeys the principle and psi = 0. P0 and D0 are P and D at the beginning of
-  /// the step (S x S; S values per constraint): P and D themselves turn with C, and 1/tau or 1/h
-  /// times the turn would spill the one part over into the other. False where C has lost rank.
+  /// the step (S x S; S values per constraint): P and D rotate with C, and 1/tau or 1/h times the
+  /// rotation would mix the two parts. Returns false if C has lost rank.
   bool calcStageResidual(const StateView& state, const double* eta, const SquareMatrix& P0,
                          const SquareMatrix& D0, double* residual);
 
   /// Its derivatives where it is zero and the multipliers are `Lambda`: by eta, P (`projector`),
   /// and by (phi, omega, epsilon), 3S directions of S values,
   ///     -P J^-1 (Q'_q + C_q^T Lambda) + D psi_q;   and D (`pull`).
-  /// How J changes with the angles is left out: it is never stiff, and the derivatives steer
-  /// Newton's iteration only.
+  /// The change of J with the angles is neglected: it is never stiff, and the derivatives only
+  /// direct Newton's iteration.
   void calcStageDerivatives(const StateView& state, const double* Lambda, SquareMatrix& projector,
                             SquareMatrix& pull, double* derivatives);
 
@@ -331,19 +331,19 @@ class Drivetrain {
 
   /// The least-reaction accelerations of the second-order forms linearised at `state`:
   ///     free - J^-1 C^T A^-1 (psi + C (free - epsilon)),
-  /// as the correction to `free` (S values each). False where C has lost rank.
+  /// as the correction to `free` (S values each). False if C has lost rank.
   bool calcLinearizedReaction(const StateView& state, const double* free, double* delta);
   /// Squared length of row r of accelerationRows() in the last acceleration projection.
   double accelerationRowLengthSquared(int r) const {
     return acceleration_solver_.rowLengthSquared(r);
   }
   const double* accelerationRow(int r) const { return acceleration_solver_.row(r); }
-  /// What rounding of time, angles, velocities and accelerations at `state` makes of a projection
-  /// onto the constraints: of each velocity and each acceleration (S values each). Residuals are
-  /// evaluated beside the state, some roundings off in each of its parts. Needs the last
-  /// projection's rows. Not cheap; for steps that seem too long.
+  /// Estimates the effect of rounding of time, angles, velocities and accelerations at `state` on a
+  /// projection onto the constraints: on each velocity and each acceleration (S values each).
+  /// Residuals are evaluated at states perturbed by a few roundings. Needs the last projection's
+  /// rows. Not cheap; for steps with large estimated errors.
   void calcProjectionRounding(const StateView& state, double* velocity, double* acceleration);
-  /// The constraint at which the last projection lost rank.
+  /// Index of the constraint at which the last projection lost rank.
   int singularVelocityConstraint() const {
     return rowOf(velocity_rows_, velocity_solver_.singularRow());
   }
@@ -353,17 +353,17 @@ class Drivetrain {
 
   /// d epsilon / d theta of the jump map at `state`, whose inputs stand at theta:
   ///     C d_epsilon + dpsi/du Delta_u = 0,   J d_epsilon = Delta_Q + C^T Lambda.
-  /// False where C has lost rank; the rate is NaN then.
+  /// False if C has lost rank; the rate is NaN then.
   bool calcJumpRate(const StateView& state, const double* torque_jump, const double* input_jump,
                     double* rate);
 
-  /// What a kink of constraints of order 1 does to the accelerations: f' is f0'(e) = C0 e + b0
-  /// `before` it and f1'(e) = C1 e + b1 `after`. A smooth f would go from the one to the other
-  /// within next to no time, with every weight theta between 0 and 1 on the second, and its large
-  /// f'' would meet a large Lambda, while psi of order 2 stays 0 and order 3 keeps its C:
+  /// The effect of a kink of constraints of order 1 on the accelerations: f' is f0'(e) = C0 e + b0
+  /// `before` it and f1'(e) = C1 e + b1 `after`. A smooth f would pass from one to the other in a
+  /// vanishing time, with the weight theta of the second rising from 0 to 1, and its large f''
+  /// would require a large Lambda, while psi of order 2 stays 0 and order 3 keeps its C:
   ///     C(theta, e) = (1 - theta) C0(e) + theta C1(e),   J de/dtheta = C^T Lambda,
   ///     C de/dtheta + f1'(e) - f0'(e) = 0.
-  /// Writes the change of epsilon (S values). False where C loses rank.
+  /// Writes the change of epsilon (S values). False if C loses rank.
   bool calcKinkJump(StateView before, StateView after, double* change);
 
   /// The jerk that keeps R = C^T lambda, i.e. the derivative of J epsilon + n - Q = C^T lambda:
@@ -384,19 +384,19 @@ class Drivetrain {
   /// lambda (k values) of the part of `reaction` in range(C^T): A lambda = C J^-1 R. Needs
   /// calcRows.
   void calcMultipliers(const double* reaction, double* lambda) const;
-  /// The same, and `rest` = J^-1 (C^T lambda - R) (S values): by so much do accelerations change
-  /// for R to lie in range(C^T). C rest = 0.
+  /// The same, and `rest` = J^-1 (C^T lambda - R) (S values): the change of the accelerations that
+  /// brings R into range(C^T). C rest = 0.
   void calcOutOfRange(const double* reaction, double* lambda, double* rest) const;
 
-  /// What is left of f, psi, or C eta + c0.
+  /// Returns the residual of f, psi, or C eta + c0.
   double calcResidual(int m, const StateView& state, const double* eta) const;
 
-  /// Which component gives a value that is not finite at `state` (first torques, then constraints),
+  /// Finds the component whose value is not finite at `state` (first torques, then constraints),
   /// for messages. Returns false when all are finite.
   bool findNonFinite(StateView state, int* torque, int* row) const;
 
  private:
-  /// Rows and c0 from the scene's program, one behind the other, factored.
+  /// Evaluates rows and c0 by the scene's program and factors them.
   template <class Count>
   bool takeRows(Count shafts, const double* values, double* c0) {
     for (int m = 0; m < constraintCount(); ++m) {
@@ -411,14 +411,15 @@ class Drivetrain {
   /// - J' omega epsilon - n' + Gamma R omega.
   void addCovariantRate(const StateView& state, double* rate) const;
 
-  /// C_q^T Lambda onto `rates` and psi_q, in all 3S directions; C into the solver's rows.
+  /// Adds C_q^T Lambda to `rates` and writes psi_q, in all 3S directions; writes C into the
+  /// solver's rows.
   void addRowDerivatives(const StateView& state, const double* Lambda, double* rates,
                          double (*psi_q)[kMaxRows]);
   /// The same, and Q'_q, by the scene's program of partial derivatives.
   void addPartials(const StateView& state, const double* Lambda, double* rates,
                    double (*psi_q)[kMaxRows]);
-  /// P0 P v + D0 psi by what SceneProgram::calcAccelerationLevel gives, P0 and D0 column by column.
-  /// False where C has lost rank.
+  /// P0 P v + D0 psi from SceneProgram::calcAccelerationLevel, P0 and D0 column by column. Returns
+  /// false if C has lost rank.
   template <class Count>
   bool projectResidual(Count shafts, const double* level, const double* P0, const double* D0,
                        double* v, double* residual);
@@ -429,8 +430,8 @@ class Drivetrain {
 
   static int countOrders(const Scene& scene, int highest);
   void note(const Dependence& dependence);
-  /// Finds reads_column_: a component of C is zero everywhere where the constraint's formula says
-  /// so; a law that is no formula may have any.
+  /// Finds reads_column_: a component of C is zero everywhere if the constraint's formula says so;
+  /// a law that is no formula may have any component.
   void findColumns();
   template <class Law>
   void noteBranches(const Law& law, GuardOwner owner) {
@@ -446,13 +447,13 @@ class Drivetrain {
   bool solveFormal(const double* lambda, const double* H, const double* right, const double* c0,
                    double* x) const;
 
-  /// |J^-1 C^T A^-1| times what rounding makes of the residuals of some constraints.
+  /// |J^-1 C^T A^-1| times the rounding error of the residuals of some constraints.
   template <class Evaluate>
   void addProjectionRounding(const StateView& state, const ConstraintSolver& solver,
                              double* rounding, Evaluate evaluate) const;
 
-  /// -J^-1 C^T A^-1 (residual + C shift) over the constraints of a level of `program_`; without a
-  /// shift nullptr.
+  /// -J^-1 C^T A^-1 (residual + C shift) over the constraints of a level of `program_`; `shift` may
+  /// be nullptr.
   bool calcCorrection(const double* level, const double* shift, ConstraintSolver* solver,
                       double* delta);
 
@@ -461,7 +462,7 @@ class Drivetrain {
   Inertia inertia_;
   ConstraintSolver solver_;               // all constraints
   ConstraintSolver velocity_solver_;      // those of order 1
-  ConstraintSolver acceleration_solver_;  // those of order 1 and 2
+  ConstraintSolver acceleration_solver_;  // constraints of order 1 and 2
   SceneProgram program_;
   std::vector<const Torque*> torques_;
   std::vector<const Constraint*> constraints_;
@@ -485,10 +486,10 @@ class Drivetrain {
   bool reads_column_[kMaxShafts] = {};
   bool torques_read_time_ = false;
   bool keeps_constraints_in_stages_ = true;
-  /// Of calcJerkOfOneRow: what never changes of it is written once.
+  /// The view of calcJerkOfOneRow; its constant members are written once.
   StateView view_{0.0, nullptr, nullptr, nullptr, input_, input_rate_, input_second_rate_};
   bool needs_second_rate_ = false;  ///< some constraint of order 1 reads an input
-  double origin_ = 0.0;             ///< from which times are counted, s
+  double origin_ = 0.0;             ///< origin of times, s
   std::uint64_t right_hand_sides_ = 0;
   std::uint64_t newton_iterations_ = 0;
 };

@@ -14,7 +14,7 @@ bool Drivetrain::projectResidual(Count shafts, const double* level, const double
   const int k = constraintCount();
   double psi[kMaxRows];
   if (k == 1) {
-    // In local variables: what goes through the solver's memory waits there.
+    // Local variables avoid the store and load latency of the solver's memory.
     const double* const C = level + 1;
     double w[kMaxShafts];
     inertia_.solve(shafts, C, w);
@@ -196,7 +196,7 @@ void Drivetrain::calcProjected(const double* rates, const double (*psi_q)[kMaxRo
     return;
   }
   withShaftCount(S, [&](auto shafts) {
-    // x + D (y - C x), the part of x that C leaves free and D y
+    // x + D (y - C x): the part of x in the null space of C, plus D y
     const auto combine = [&](double* x, const double* y) {
       double l[kMaxRows] = {};
       solver_.multiply(shafts, x, l);

@@ -33,7 +33,7 @@ void Drivetrain::addProjectionRounding(const StateView& state, const ConstraintS
   constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
   const int k = solver.rowCount();
   if (k == 0) return;
-  // The residuals of all rows at once: a level's program gives no single one.
+  // The residuals of all rows are read at once: a level's program has no single ones.
   const auto read = [&](const StateView& at, double* residual) {
     const double* const level = evaluate(at);
     for (int r = 0; r < k; ++r) residual[r] = level[r * (S + 1)];
@@ -50,7 +50,7 @@ void Drivetrain::addProjectionRounding(const StateView& state, const ConstraintS
   };
   beside.time = state.time * (1.0 + kUlps);
   addChange();
-  // sin(t + 1e8) knows its argument to 1e-8: how far is it from smooth?
+  // sin(t + 1e8) has an argument known to 1e-8: second differences measure this roughness.
   double bend[kMaxRows] = {};
   for (const double part : {1e-7, 6.18e-8, 3.82e-8, 2.36e-8}) {
     double before[kMaxRows];
@@ -114,7 +114,7 @@ bool Drivetrain::calcStiffProjection(const StateView& state, double h, double* d
     double length = 0.0;
     for (int i = 0; i < S; ++i) weighted[r][i] *= h * h;
     for (int i = 0; i < 2 * S; ++i) length += rows[r][i] * weighted[r][i];
-    // Rows of length 1 make the matrix blind to the units of psi.
+    // Rows of length 1 make the matrix independent of the units of psi.
     scale[r] = 1.0 / std::sqrt(length);
     l(r) = constraint.calcResidual(state) * scale[r];
   }
@@ -212,8 +212,8 @@ bool Drivetrain::calcKinkJump(StateView before, StateView after, double* change)
     solver_.constrain(gap, rate, Lambda);
     return true;
   };
-  // Of the classical Runge-Kutta method, for nothing here is stiff; where C does not turn one
-  // step is exact.
+  // Steps of the classical Runge-Kutta method, as nothing here is stiff; one step is exact if C
+  // does not rotate.
   constexpr int kSteps = 200;
   constexpr double kTurned = 1e-12;
   double k1[kMaxShafts];

@@ -27,7 +27,7 @@ ProjectionResult FormalGauss::project(double t, State& x, State& moved, std::uin
   return ProjectionResult::kConverged;
 }
 
-// epsilon follows Q: where a torque rises by 1e8 N m/s, one ulp of the time is 1e-8 N m.
+// epsilon follows Q: with a torque that rises by 1e8 N m/s, one ulp of the time is 1e-8 N m.
 void FormalGauss::addReactionRounding(double t, const State& x, double* acceleration) {
   constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
   const StateView state = view(t, x);

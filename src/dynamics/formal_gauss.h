@@ -7,7 +7,7 @@
 namespace variator_sim {
 
 /// With constraints of order 3, equation [18]: J epsilon + n - Q = C^T lambda differentiated,
-/// beside C eta + c0 = 0. The minimum of nothing, but what a user may want to compare.
+/// beside C eta + c0 = 0. It minimises nothing, but users may want to compare it.
 class FormalGauss final : public AccelerationSystem {
  public:
   explicit FormalGauss(const Scene& scene, const Shortcuts& shortcuts = {},
@@ -26,7 +26,7 @@ class FormalGauss final : public AccelerationSystem {
                                   State& moved, std::uint64_t* iterations) override {
     return project(t, x, moved, iterations);
   }
-  /// Orders 1 and 2 as ever; then the reaction back into range(C^T), from which it drifts.
+  /// Projects orders 1 and 2, then corrects the reaction's drift from range(C^T).
   ProjectionResult project(double t, State& x, State& moved, std::uint64_t* iterations) override;
 
   void addReactionRounding(double t, const State& x, double* acceleration) override;
@@ -41,7 +41,7 @@ class FormalGauss final : public AccelerationSystem {
   bool calcJerk(const StateView& state, double* torque, double* reaction, double* lambda,
                 double* eta, double* reaction_rate);
 
-  /// The initial reaction must lie in range(C^T): accelerations that make it so.
+  /// Accepts accelerations whose reaction lies in range(C^T), or moves them there.
   InitialResult acceptReaction(double t, bool may_move, State& x, double* nearest);
 
   /// epsilon = J^-1 (Q - n + C^T lambda) with the lambda of the part of R in range(C^T).

@@ -1,4 +1,4 @@
-/// The laws of a scene, formulas of its graph, together.
+/// Sums and residuals of a scene's laws as formulas of its graph.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,7 @@ inline void requireOwnFormulas(const Scene& scene) {
   for (const ConstraintPtr& constraint : scene.constraints) require(constraint);
 }
 
-/// True where both have the very same elements, and their formulas in the very same graph.
+/// Returns true if both have identical elements with their formulas in the same graph.
 inline bool haveSameElements(const Scene& one, const Scene& other) {
   return one.graph == other.graph && one.torques == other.torques &&
          one.constraints == other.constraints;
@@ -44,7 +44,7 @@ inline expression::Node residualOf(const Constraint& constraint) {
   return constraint.order() == 3 ? constraint.row().back() : constraint.secondOrder();
 }
 
-/// first + sum cosine cos(order phi_i) + sine sin(order phi_i): of the mean, J_i(phi_i).
+/// first + sum cosine cos(order phi_i) + sine sin(order phi_i): J_i(phi_i) if `first` is the mean.
 inline expression::Node addHarmonics(expression::Graph& graph, const Scene& scene, int i,
                                      expression::Node first) {
   if (scene.inertia_harmonics.empty()) return first;

@@ -6,7 +6,7 @@
 
 namespace variator_sim {
 
-/// See AccelerationSystem for what it has beside its derivative and its sample.
+/// Adds the derivative and the sample to AccelerationSystem.
 class GeneralizedGauss final : public AccelerationSystem {
  public:
   explicit GeneralizedGauss(const Scene& scene, const Shortcuts& shortcuts = {},
@@ -29,13 +29,14 @@ class GeneralizedGauss final : public AccelerationSystem {
   bool calcSample(double t, const State& x, Sample* sample) override;
 
  private:
-  /// x' by code for a number of shafts that is known when compiled.
+  /// x' by code for a number of shafts known at compile time.
   template <int kShafts>
   static void derive(System& self, const State& x, State& dxdt, double t);
   /// The same for two shafts with a constant diagonal inertia and one constraint: most scenes.
   static void deriveOneRow(System& self, const State& x, State& dxdt, double t);
   Derive chooseDerive(const Shortcuts& shortcuts) const;
-  /// eta and Lambda. False, and eta NaN, where C has lost rank. `shafts`: see ConstraintSolver.
+  /// Computes eta and Lambda; false, and eta NaN, if C has lost rank. `shafts`: see
+  /// ConstraintSolver.
   template <class Count>
   bool calcJerk(Count shafts, const StateView& state, double* eta, double* Lambda);
 };

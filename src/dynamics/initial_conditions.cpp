@@ -97,7 +97,7 @@ InitialResult InitialConditionSolver::explain(const StateView& state, const doub
   int torque;
   int constraint;
   if (drivetrain_.findNonFinite(there, &torque, &constraint)) return InitialResult::kNonFinite;
-  // On psi = 0 the motion could start but for C; elsewhere there is nowhere to start.
+  // Reports a lost rank only on psi = 0; elsewhere no start was found at all.
   double delta[kMaxShafts];
   if (drivetrain_.calcAccelerationProjection(there, delta)) return InitialResult::kNotFound;
   for (int m : drivetrain_.accelerationRows()) {

@@ -16,11 +16,11 @@ enum class InitialResult {
   kNonFinite,     ///< a torque or a constraint is not finite there
   kNotFound,      ///< Newton's iteration found no accelerations with psi = 0
   kNotUnique,     ///< several accelerations have the same least reaction
-  kDoubtful       ///< there may be accelerations with a lesser reaction than those found
+  kDoubtful       ///< accelerations with a lesser reaction may exist
 };
 
-/// Solves for the accelerations at one (t, phi, omega, u). Not for the running loop, but free of
-/// allocation all the same: a command at the first instant calls it anew.
+/// Solves for the accelerations at one (t, phi, omega, u). It allocates nothing, although it does
+/// not run in the loop: a command at the first instant calls it again.
 class InitialConditionSolver {
  public:
   static constexpr double kConsistent = LeastReactionSolver::kConsistent;
@@ -32,29 +32,29 @@ class InitialConditionSolver {
         search_(drivetrain, solver_) {}
 
   LeastReactionSolver& solver() { return solver_; }
-  /// What findLeastReaction came to, with the reactions.
+  /// The search of the last findLeastReaction, with the reactions.
   const LeastReactionSearch& search() const { return search_; }
 
-  /// Takes given velocities: consistent ones are polished onto f = 0 (constraints of order 1),
-  /// inconsistent ones moved there only when `may_move`. `nearest` (S values) gets the nearest
+  /// Accepts given velocities: consistent ones are refined to f = 0 (constraints of order 1),
+  /// inconsistent ones moved there only if `may_move`. `nearest` (S values) receives the nearest
   /// consistent velocities. `state.velocity` must point to `omega` (S values).
   InitialResult acceptVelocities(const StateView& state, bool may_move, double* omega,
                                  double* nearest);
 
-  /// Accelerations of least reaction: the classical Gauss principle, minimise 1/2 R^T J^-1 R under
-  /// psi = 0. Where psi is linear in epsilon its one stationary point is the least; otherwise a
-  /// first one is, for the search to find a better one.
-  /// `state.acceleration` must point to `epsilon` (S values, written).
+  /// Finds the accelerations of least reaction: the classical Gauss principle, minimise 1/2 R^T
+  /// J^-1 R under psi = 0. If psi is linear in epsilon, the only stationary point is the minimum;
+  /// otherwise the search starts from a first stationary point. `state.acceleration` must point to
+  /// `epsilon` (S values, written).
   InitialResult findLeastReaction(const StateView& state, double* epsilon);
 
-  /// Takes given accelerations: consistent ones are polished onto psi = 0, inconsistent ones moved
-  /// there only when `may_move`. `nearest` (S values) gets the nearest consistent accelerations.
+  /// Accepts given accelerations: consistent ones are refined to psi = 0, inconsistent ones moved
+  /// there only if `may_move`. `nearest` (S values) receives the nearest consistent accelerations.
   /// `state.acceleration` must point to `epsilon` (S values).
   InitialResult acceptAccelerations(const StateView& state, bool may_move, double* epsilon,
                                     double* nearest);
 
  private:
-  /// `values` become `nearest` when these are as near as consistent values print, or `may_move`.
+  /// Replaces `values` by `nearest` if they agree to the printed digits, or if `may_move`.
   InitialResult acceptNearest(bool may_move, double* values, const double* nearest) const;
 
   InitialResult explain(const StateView& state, const double* epsilon);

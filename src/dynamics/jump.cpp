@@ -11,7 +11,7 @@ JumpMap::JumpMap(Drivetrain& drivetrain, const SolverSettings& settings,
     : S(drivetrain.shafts()),
       drivetrain_(drivetrain),
       path_(drivetrain, keeps_reaction_in_range),
-      // A jump's error stays for good and adds to those of all other jumps: a tenth.
+      // A jump's error persists and adds to those of other jumps: a tenth of the tolerance.
       tolerance_{0.1 * settings.absolute_tolerance,
                  std::max(0.1 * settings.relative_tolerance, 1e-14)},
       stepper_(makeStepper(StepperKind::kFehlberg78, path_, tolerance_)),
@@ -63,18 +63,18 @@ MotionStatus JumpMap::integrate(State& e, State& rate, std::uint64_t* projection
   control.reset();
   double theta = 0.0;
   double h = 0.1;
-  double usual = h;  // but for kinks
+  double usual = h;  // without kinks
   bool rejected = false;
   calcKinks(e, 0.0, kinks_);
   if (liesOnKink(e) && !hop(&theta, e, rate, kShortest, projections)) return explain(e, theta);
-  // Of steps from here, one of `beyond` passes a kink; those that do not are this much shorter.
+  // A step of length `beyond` from here passes a kink; shorter ones may not.
   double beyond = std::numeric_limits<double>::infinity();
   for (int step = 0; step < kMaxSteps; ++step) {
     h = std::min(h, 1.0 - theta);
     State e_new(S);
     const double norm = tryStep(theta, e, rate, h, e_new, projections);
     if (norm <= 1.0 && passesKink(e_new, theta + h)) {
-      // Halve the way to the kink; the last step before it is as long as a hop.
+      // Bisect the distance to the kink; the last step before it has the length of a hop.
       beyond = h;
       const double resolution = std::max(kKinkResolution * tolerance_.relative, kShortest);
       if (beyond > resolution) {
@@ -121,7 +121,7 @@ double JumpMap::tryStep(double theta, const State& e, const State& rate, double 
   if (!(norm <= 1.0)) return norm;
   const auto projected = projectAccelerations(drivetrain_, path_.at(theta + h, e_new.data()),
                                               e_new.data(), moved.data(), projections);
-  // What the projection had to move is a second, independent measure of the error.
+  // The projection's correction is a second, independent measure of the error.
   return projected == ProjectionResult::kConverged
              ? worseOf(norm, calcErrorNorm(moved, e, e_new, tolerance_))
              : std::numeric_limits<double>::quiet_NaN();
@@ -168,14 +168,14 @@ bool JumpMap::hop(double* theta, State& e, State& rate, double length, std::uint
   State there = e;
   double stretch = 2.0 * length;
   for (int n = 0; n < 10; ++n, stretch *= 4.0) {
-    // Until rounding does not hide on which side it ends.
+    // The step is extended until rounding does not hide the side on which it ends.
     for (int i = 0; i < S; ++i) there[i] = e[i] + stretch * rate[i];
     if (!liesOnKinkAt(there, end)) break;
   }
   std::copy_n(kinks_, count, beyond);
   State rate_there(S);
   path_(there, rate_there, end);
-  // To the kink with the rate before it, then with the one behind it.
+  // The rate before the kink holds up to it, the rate behind it from there on.
   double part = 1.0;
   for (std::size_t j = 0; j < count; ++j) {
     if (before[j] * beyond[j] <= 0.0 && before[j] != beyond[j]) {

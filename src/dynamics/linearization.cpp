@@ -20,7 +20,7 @@ Linearization::Linearization(int shafts, int levels)
 
 double Linearization::calcFastestRate() const {
   constexpr int kIterations = 48;
-  constexpr int kCounted = 24;  // the last ones, once the fastest one prevails
+  constexpr int kCounted = 24;  // the last powers, when the fastest component dominates
   State x(L * S);
   for (int n = 0; n < x.size(); ++n) x[n] = 1.0 / (n + 1);
   double log_growth = 0.0;
@@ -45,11 +45,11 @@ double Linearization::calcFastestRate() const {
   return std::exp(log_growth / kCounted);
 }
 
-// Matrices of up to kInverted rows are inverted, and their size is known when compiled.
+// Matrices of up to kInverted rows are inverted, with their size known at compile time.
 namespace {
 constexpr int kInverted = 4;
 
-/// Without the checks for infinities of std::complex's operator.
+/// Multiplies without the checks for infinities of std::complex's operator.
 double multiply(double a, double b) {
   return a * b;
 }
@@ -62,8 +62,8 @@ double invert(double a) {
 std::complex<double> invert(std::complex<double> a) {
   return std::conj(a) * (1.0 / std::norm(a));
 }
-/// f(x + d) - f(x - d) by its two halves. Where a jump or a kink lies between, the branch of x is
-/// that of the smaller one.
+/// Returns f(x + d) - f(x - d) from its two halves. With a jump or a kink between, the smaller half
+/// has the mode of x.
 double differenceOf(double forward, double backward) {
   constexpr double kUnlike = 10.0;
   const double larger = std::max(std::abs(forward), std::abs(backward));
@@ -110,7 +110,7 @@ void Linearization::solveLevels(const Factors<Scalar>& factors, Scalar* r) const
   const int s = kIsInverted ? kShafts : S;
   const Scalar g = factors.g;
   Scalar* last = r + (kLevels - 1) * s;
-  // p_l = g (r_l + p_{l+1}): what k_l is but for its part in k_{L-1}
+  // p_l = g (r_l + p_{l+1}): k_l without its part in k_{L-1}
   Scalar p[kShafts];
   Scalar right[kShafts];
   for (int i = 0; i < s; ++i) p[i] = 0.0;

@@ -5,7 +5,7 @@
 /// implicit step, I/g - dx'/dx with g = h gamma, need not be factored as a whole: from the upper
 /// rows k_l = g (r_l + k_{l+1}), so only
 ///     W = M/g - sum_l g^(L-1-l) E_l        (S x S)
-/// is. M is the identity, or the mass matrix where the last row is implicit, M x_{L-1}' = f.
+/// is. M is the identity, or the mass matrix if the last row is implicit, M x_{L-1}' = f.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@
 
 namespace variator_sim {
 
-/// See above; `levels` is L.
+/// The matrix of an implicit step; `levels` is L.
 class Linearization {
  public:
   static constexpr int kMaxLevels = 3;
@@ -37,21 +37,21 @@ class Linearization {
   SquareMatrix& mass() { return mass_; }
   const SquareMatrix& mass() const { return mass_; }
 
-  /// P of Drivetrain::calcStageResidual where the linearization was made.
+  /// P of Drivetrain::calcStageResidual at the point of linearization.
   SquareMatrix& projector() { return projector_; }
   const SquareMatrix& projector() const { return projector_; }
-  /// D of Drivetrain::calcStageResidual where the linearization was made: column m is what psi_m
-  /// pulls the accelerations back along.
+  /// D of Drivetrain::calcStageResidual at the point of linearization: column m is the direction in
+  /// which psi_m corrects the accelerations.
   SquareMatrix& pull() { return pull_; }
   const SquareMatrix& pull() const { return pull_; }
 
-  /// |lambda| of the fastest component, about (1/s): the spectral radius of dx'/dx, where M is the
-  /// identity, by the growth of its powers.
+  /// Estimates |lambda| of the fastest component (1/s): the spectral radius of dx'/dx for M = I, by
+  /// the growth of its powers.
   double calcFastestRate() const;
 
-  /// Prepares solutions with g = h gamma. False when W is singular or not finite. [loop]
+  /// Prepares solutions with g = h gamma. Returns false if W is singular or not finite. [loop]
   bool factor(double g);
-  /// The same for up to kMaxComplex complex g beside it, by their index.
+  /// The same for up to kMaxComplex additional complex g, by their index.
   bool factorComplex(int index, Complex g);
 
   /// Solves (M/g - dx'/dx) k = r in place. [loop]
@@ -61,7 +61,7 @@ class Linearization {
  private:
   using Blocks = std::array<SquareMatrix, static_cast<std::size_t>(kMaxLevels)>;
 
-  /// The factors of W: its inverse where it is small, which is fastest.
+  /// The factors of W, or the inverse of a small W, which is fastest.
   template <class Scalar>
   struct Factors {
     Scalar g{};
@@ -91,9 +91,9 @@ class Linearization {
 
 class System;
 
-/// Writes the blocks of `linearization` by central differences of `system`, for systems that have
-/// no derivatives of their own. Without `reads_angles` the first block is zero. `natural_size`, the
-/// ratio of absolute and relative tolerance: see calcShift. [loop]
+/// Writes the blocks of `linearization` by central differences of `system`, for systems without
+/// their own derivatives. Without `reads_angles` the first block is zero. `natural_size`, the ratio
+/// of absolute and relative tolerance: see calcShift. [loop]
 void linearizeByDifferences(System& system, double t, const State& x, bool reads_angles,
                             double natural_size, Linearization& linearization);
 

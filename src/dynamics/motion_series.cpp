@@ -75,7 +75,7 @@ MotionSeries::Formulas MotionSeries::listFormulas() const {
     made.rows.insert(made.rows.end(), constraint->row().begin(), constraint->row().end() - 1);
   }
   for (int i = 0; i < S && !isInertiaConstant(); ++i) {
-    // The mean last: where it alone differs, the rest is summed in the same order.
+    // The mean comes last: scenes that differ in it alone sum the rest in the same order.
     const Node harmonics = addHarmonics(graph, scene_, i, graph.constant(0.0));
     const Node inertia = graph.add(graph.constant(scene_.inertia(i, i)), harmonics);
     const Node omega = graph.variable(slotOf(Source::kVelocity, i));
@@ -89,7 +89,7 @@ MotionSeries::Formulas MotionSeries::listFormulas() const {
 void MotionSeries::compile() {
   Graph& graph = *scene_.graph;
   const Formulas formulas = listFormulas();
-  // Of order 3 nothing is tried: its c0 has no accelerations of the order that is looked for.
+  // Order 3 needs no trial: its c0 has no accelerations of the order to be solved for.
   std::vector<Node> trial = formulas.residuals;
   std::vector<Node> others;
   std::vector<Node>& with_rows = is_classical_ ? trial : others;
@@ -103,7 +103,7 @@ void MotionSeries::compile() {
       slots.push_back(slotOf(part, i));
     }
   }
-  // Lambda or lambda, J^-1 R: rows that no formula reads.
+  // Lambda or lambda, J^-1 R: these rows are read by no formula.
   for (int m = 0; m < k_ + S; ++m) slots.push_back(slotOf(Source::kJerk, m));
   std::vector<Node> all = trial;
   all.insert(all.end(), others.begin(), others.end());
@@ -167,8 +167,8 @@ void MotionSeries::findRows() {
 }
 
 int MotionSeries::orderFor(double relative_tolerance) {
-  // Measured: each step has a part of its cost that no order changes, so that more than the 0.5 of
-  // the theory pays.
+  // Measured: each step has a cost that does not depend on the order, so that more than the 0.5 of
+  // the theory is optimal.
   constexpr double kOrdersPerDigit = 0.7;  // of the natural logarithm
   constexpr double kFirst = 2.5;
   const double digits = -std::log(std::max(relative_tolerance, 1e-16));
@@ -352,7 +352,7 @@ bool MotionSeries::extendTo(int order) {
       continueTo(n);
     }
   }
-  // Of numbers that are not finite no difference with themselves is 0.
+  // Numbers that are not finite have no difference of 0 with themselves.
   double remains = 0.0;
   for (int i = 0; i < S; ++i) {
     const double* const epsilon = acceleration(i);

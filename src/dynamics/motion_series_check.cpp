@@ -1,4 +1,4 @@
-// Whether the machine code of a motion's series gives the interpreter's numbers.
+// Compares the machine code of a motion's series with the interpreter.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace variator_sim {
 
 namespace {
 
-/// States, some near to 0, at which code has to give the interpreter's numbers.
+/// Number of states, some near 0, at which code has to agree with the interpreter.
 constexpr int kStates = 6;
 constexpr double kFar = 1e300;  // s
 

@@ -29,7 +29,7 @@ constexpr NamedPart kParts[] = {{"series_given", Part::kGiven},
 constexpr NamedPart kBeginnings[] = {{"begin_given", Part::kGiven},
                                      {"begin_accelerated", Part::kAccelerated}};
 
-/// C of numbers as C of vectors.
+/// Rewrites C of numbers as C of vectors.
 std::string inLanes(const std::string& text) {
   static const std::set<std::string> functions{"cos",  "sinh",  "cosh", "tan",          "tanh",
                                                "exp",  "log",   "sqrt", "atan",         "asin",
@@ -55,7 +55,7 @@ std::string inLanes(const std::string& text) {
   return written;
 }
 
-/// sum_j k[begin + j] factor(j) as C
+/// Writes sum_j k[begin + j] factor(j) as C.
 template <class Factor>
 std::string writeProduct(int begin, int count, const Factor& factor) {
   std::string sum = "k[" + std::to_string(begin) + "] * " + factor(0);
@@ -141,7 +141,7 @@ std::string MotionSeries::writeConstraintRest() const {
   return text.str();
 }
 
-/// See SeriesOrder::make, which it has to equal operation by operation.
+/// Writes SeriesOrder::make, operation by operation.
 std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
   std::ostringstream text;
   const auto set = [&](int row, const std::string& n, const std::string& value) {
@@ -209,7 +209,7 @@ std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
   return text.str();
 }
 
-/// The coefficients of one order, and of order 0, as functions.
+/// Writes the coefficients of one order, and of order 0, as functions.
 std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
   std::string text;
   text += kSumOfSlopes;
@@ -230,7 +230,7 @@ std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
               program_.writeBegin(part) + "  return limit;\n}\n";
     }
   }
-  // Orders take the compiler the longest: they go around the units.
+  // Orders take the compiler the longest: they are distributed over the units.
   std::ostringstream orders;
   for (int n = 1; n <= last_order_; ++n) {
     const auto writeHead = [&] {
@@ -248,13 +248,13 @@ std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
 }
 
 std::string MotionSeries::writeLayout() const {
-  // (Arrays within a struct need no braces of their own.)
+  // (Arrays within a struct may omit their braces.)
   std::string text = "static const struct SeriesLayout layout = {";
   for (const int value : layoutWords()) text += std::to_string(value) + ", ";
   return text + "};\n";
 }
 
-/// seriesHides of every operation that may hide something; each row's reach is summed up once.
+/// Writes seriesHides of every operation that may be unresolved, and each row's reach once.
 std::string MotionSeries::writeHidden() const {
   std::ostringstream rows;
   std::ostringstream sums;
@@ -296,7 +296,7 @@ static inline Real seriesHidden(const struct SeriesStep* it, int last) {
 )c";
 }
 
-/// The functions of series_step.inc, and what stands around them.
+/// Writes the functions of series_step.inc and their environment.
 std::string MotionSeries::writeWholeStep() const {
   std::string text = std::string("#define LAYOUT layout\n") + kSeriesStepData + writeLayout() +
                      "static void (*const orders[])(Real*, Real*, const Real*, const Real*, Real) "

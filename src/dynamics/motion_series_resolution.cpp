@@ -1,4 +1,4 @@
-// Whether the series of a motion's formulas are the formulas all along a step.
+// Checks that the series of a motion's formulas resolve the formulas along a step.
 #include "dynamics/motion_series.h"
 
 namespace variator_sim {
@@ -33,15 +33,14 @@ void MotionSeries::setVariables(double t, double h, double part, const double* x
   fetched_ = kMostSampled;
   own().unit = h;
   own().order = kStepOrder;
-  setInputs(t + part * h, 0);  // by the closed form that they have at t
+  setInputs(t + part * h, 0);  // by their closed form at t
   setState(drivetrain_.origin() + t + part * h, x);
 }
 
 bool MotionSeries::mayHideAlong(double t, double h, const double* x, const double* x_end) {
   if (!program_.canHide()) return false;
   setVariables(t, h, 0.0, x);
-  // (After a command, or behind the end of an input's closed form, they are not those of the last
-  // step's end.)
+  // (They differ from the last step's end after a command or the end of an input's closed form.)
   if (!program_.areArgumentsNoted()) {
     beginRows();
     program_.noteArguments();

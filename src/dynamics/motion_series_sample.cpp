@@ -1,4 +1,4 @@
-// Samples of a motion inside a step by its series: what is around series_step_sample.inc.
+// Samples of a motion inside a step by its series, around series_step_sample.inc.
 #include <cstdint>
 
 #include "dynamics/motion_series.h"
@@ -44,7 +44,7 @@ bool MotionSeries::calcSample(std::uint64_t stamp, double end, double t, std::ui
                            sample->acceleration,    sample->applied_torque,
                            sample->reaction_torque, sample->reaction_torque_rate,
                            sample->residual,        sample->multiplier};
-  // From the end, which others are told exactly.
+  // Count from the end, which the caller knows exactly.
   const double part = 1.0 - (end - t) * table_.per_step;
   stepCodes().sample(&sample_, table_.rows, part, &to);
   *projections += static_cast<std::uint64_t>(sample_.projections);

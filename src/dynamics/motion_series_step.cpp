@@ -1,5 +1,5 @@
-// Whole steps of a motion by its series: series_step.inc for the interpreter, and what is around a
-// step of either kind.
+// Steps of a motion by its series: series_step.inc for the interpreter, and the code around a step
+// of either kind.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace variator_sim {
 
 using Part = expression::SeriesProgram::Part;
 
-/// What series_step.inc asks for.
+/// The functions that series_step.inc calls.
 struct SeriesInterpreter {
   static MotionSeries& of(const SeriesStep* it) { return *static_cast<MotionSeries*>(it->host); }
   static void order(SeriesStep* it, int n) { of(it).continueTo(n); }
@@ -226,7 +226,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
   const bool could_be_together = together_ != nullptr && !codes_.empty();
   const bool is_together = could_be_together && step_.is_limited == 0;
   const bool is_in_lanes = aim.goes_on && lanes_ != nullptr;
-  double here = step_.next_unit;  // of the series that were begun already
+  double here = step_.next_unit;  // the unit of the series already begun
   if (is_in_lanes && is_together) {
     ++stamp_;
   } else {
@@ -235,7 +235,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
       turn();
       ++stamp_;
     } else {
-      // What is begun in the lanes is begun here as it was there.
+      // A series begun in the lanes is begun here in the same way.
       if (!is_in_lanes) here = unitFor(aim.before);
       if (!beginStep(t, x, here)) return step_;
     }
@@ -248,7 +248,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
   step_.absolute = aim.absolute;
   step_.relative = aim.relative;
   step_.decay = aim.decay;
-  // Who steps with others makes only such steps alone that have to be.
+  // A motion that steps with others makes a single step only if necessary.
   const bool waits_for_others = could_be_together && !is_together;
   step_.most = waits_for_others ? 1 : std::min<int>(reach.most, series_step::kSeriesStride);
   step_.watches_rest = reach.watches_rest ? 1 : 0;
@@ -267,7 +267,7 @@ const SeriesStep& MotionSeries::stride(double t, const double* x, const Aim& aim
       return step_;
     }
     stepCodes().step(&step_);
-    // Each step of machine code has taken the rows of the other series.
+    // Each step of machine code has switched to the rows of the other series.
     if (step_codes_.step != nullptr && step_.made % 2 == 0) turn();
   }
   noteUnits();

@@ -1,4 +1,4 @@
-/// Formulas at run time: interpreted, or as machine code where there is some.
+/// Formulas at run time: interpreted, or as machine code if there is some.
 #pragma once
 
 #include <cmath>
@@ -8,7 +8,7 @@
 
 namespace variator_sim {
 
-/// What kernels ask of their host; as the C of expression/c_code.h declares it.
+/// The host's tables for kernels, as declared by the C of expression/c_code.h.
 struct KernelTables {
   const double* constants;
   const void* const* tables;
@@ -26,7 +26,7 @@ inline bool areSameBits(double a, double b) {
   return (std::isnan(a) && std::isnan(b)) || (a == b && std::signbit(a) == std::signbit(b));
 }
 
-/// A tape, and a kernel that gives the same bits. One is used by one thread at a time.
+/// A tape, and a kernel that gives the same bits. One thread may use it at a time.
 class Program {
  public:
   Program() = default;
@@ -42,9 +42,9 @@ class Program {
             state.input_rate, state.input_second_rate, tables_, values_.data());
     return values_.data();
   }
-  /// True when they are the tape's bits at `state`.
+  /// True when the outputs are the tape's bits at `state`.
   bool agreesWithInterpreter(const StateView& state) const;
-  /// From now on; the tape when `kernel` is null.
+  /// Uses `kernel` from now on; the tape if it is null.
   void use(Kernel kernel, const KernelTables* tables) {
     kernel_ = kernel;
     tables_ = tables;

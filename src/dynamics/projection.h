@@ -2,10 +2,9 @@
 ///
 /// psi' = 0 alone lets psi drift with the integrator's error. Newton's iteration
 ///     delta epsilon = -J^-1 C^T A^-1 psi
-/// moves epsilon along range(J^-1 C^T) only: the part of the reaction that the constraint cannot
-/// change stays as it is, and for constant C the invariant R(t) - R(0) in range(C^T) survives. A
-/// constraint of order 1 is kept twice, f = 0 by the velocities and then f' = 0 by the
-/// accelerations.
+/// moves epsilon along range(J^-1 C^T) only: the null-space component of the reaction is unchanged,
+/// and for constant C the invariant R(t) - R(0) in range(C^T) holds. A constraint of order 1 is
+/// kept twice, f = 0 by the velocities and then f' = 0 by the accelerations.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +17,7 @@
 namespace variator_sim {
 
 /// Newton's iteration on `values` (`count` values, in place): `correct(delta)` writes one
-/// correction at the present values and returns false where C has lost rank. `moved` gets |delta_i|
+/// correction at the present values and returns false if C has lost rank. `moved` gets |delta_i|
 /// summed over the iterations, `iterations` is increased by those done.
 template <class Count, class Correct>
 ProjectionResult iterateProjection(Count count, Correct correct, double* values, double* moved,

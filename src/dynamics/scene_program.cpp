@@ -33,7 +33,7 @@ SceneProgram::SceneProgram(const Scene& scene, const SceneProgram* like)
 void SceneProgram::copyPrograms(const SceneProgram& like) {
   for (const Part& part : parts()) {
     this->*part.program = like.*part.program;
-    (this->*part.program).use(nullptr, nullptr);  // the numbers there are of the other
+    (this->*part.program).use(nullptr, nullptr);  // its constants belong to the other scene
   }
   tables_ = like.tables_;
   tables2_ = like.tables2_;
@@ -188,7 +188,7 @@ void SceneProgram::interpret(MotionSeries* series) {
 }
 
 bool SceneProgram::agreesWithInterpreter(MotionSeries* series) {
-  // States that have nothing in common, some of them near 0.
+  // Unrelated states, some of them near 0.
   for (int n = 0; n < 16; ++n) {
     double values[6][kMaxInputs];
     for (int i = 0; i < kMaxInputs; ++i) {

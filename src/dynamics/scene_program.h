@@ -1,5 +1,5 @@
-/// The formulas of a scene as programs: those of all elements together, so that what they have in
-/// common is computed once.
+/// The formulas of a scene as programs over all elements, so that common subexpressions are
+/// computed once.
 ///
 /// Q is the sum of all torques; C and c0 are those of all constraints [12].
 #pragma once
@@ -24,7 +24,7 @@ class SeriesLanes;
 /// `scene` has to outlive it. Evaluations are [loop].
 class SceneProgram {
  public:
-  /// A copy of `like`, for a scene with the same elements; made anew where that is nullptr.
+  /// Copies `like`, for a scene with the same elements; compiles if that is nullptr.
   explicit SceneProgram(const Scene& scene, const SceneProgram* like = nullptr);
 
   /// Q, N m, s values.
@@ -37,26 +37,26 @@ class SceneProgram {
   }
 
   // Each of these is valid until the next evaluation.
-  /// One behind the other: for each constraint C (s values) and c0.
+  /// For each constraint, consecutively: C (s values) and c0.
   const double* calcRows(const StateView& state) const { return rows_.evaluate(state); }
-  /// Of each constraint of order 1: f, then C (s values).
+  /// For each constraint of order 1: f, then C (s values).
   const double* calcVelocityLevel(const StateView& state) const {
     return velocity_level_.evaluate(state);
   }
-  /// Of each constraint of order 1 or 2: f' or psi, then C.
+  /// For each constraint of order 1 or 2: f' or psi, then C.
   const double* calcAccelerationLevel(const StateView& state) const {
     return acceleration_level_.evaluate(state);
   }
-  /// Q' (s values), then what calcAccelerationLevel gives.
+  /// Q' (s values), then the values of calcAccelerationLevel.
   const double* calcRateAndLevel(const StateView& state) const {
     return rate_and_level_.evaluate(state);
   }
-  /// Q' (s values), then what calcRows gives.
+  /// Q' (s values), then the values of calcRows.
   const double* calcRateAndRows(const StateView& state) const {
     return rate_and_rows_.evaluate(state);
   }
 
-  /// A derivative by x_q, x = (phi, omega, epsilon), that an implicit step asks for.
+  /// A derivative by x_q, x = (phi, omega, epsilon), for implicit steps.
   struct Partial {
     enum class Kind { kRate, kEntry, kResidual };  ///< of Q'_i, of C_mi, of psi_m (f' of order 1)
     Kind kind;
@@ -64,32 +64,32 @@ class SceneProgram {
     int i;
     int q;
   };
-  /// Those that are not zero everywhere, and their values; valid until the next evaluation.
+  /// Derivatives that are not zero everywhere, and their values; valid until the next evaluation.
   const std::vector<Partial>& partials() const { return partials_; }
   const double* calcPartials(const StateView& state) const {
     return partials_program_.evaluate(state);
   }
-  /// False where the derivatives are too many, or a constraint is of order 3: laws are asked one by
-  /// one.
+  /// False if there are too many derivatives or a constraint of order 3: laws are differentiated
+  /// singly.
   bool hasPartials() const { return has_partials_; }
 
-  /// Goes over to machine code, which changes no bit. An empty reason when it did; then `compiled`
-  /// tells whether it had to be compiled. Not in the loop.
-  /// `series` of the same scene go along, or nullptr.
+  /// Switches to machine code, which changes no bit. Returns an empty reason on success; then
+  /// `compiled` tells whether it had to be compiled. `series`, if not nullptr, of the same scene
+  /// switch as well. Not in the loop.
   std::string loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing, bool* compiled);
-  /// Goes over to the machine code of `other`, if its scene differs in numbers alone. Not in the
+  /// Switches to the machine code of `other`, if its scene differs in numbers alone. Not in the
   /// loop.
   bool shareMachineCode(MotionSeries* series, const SceneProgram& other);
-  /// Machine code of several motions at once, beside that of this one; nullptr where there is none.
-  /// Not in the loop.
+  /// Loads machine code of several motions at once; returns nullptr if there is none. Not in the
+  /// loop.
   std::shared_ptr<SeriesLanes> loadLanes(MotionSeries& series, KernelLibrary::Missing missing);
   const KernelTables* kernelTables() const { return &host_; }
-  /// The C that it is compiled from; empty where a law reads what is no formula.
+  /// Returns the C source; empty if a law reads an opaque function.
   std::string writeSource(const MotionSeries* series) const;
 
  private:
   void copyPrograms(const SceneProgram& like);
-  /// The programs of the constraints; Q' goes along.
+  /// Makes the programs of the constraints, with Q'.
   void makeRows(const std::vector<expression::Node>& rate);
   void makePartials(const std::vector<expression::Node>& rate);
 
@@ -99,12 +99,12 @@ class SceneProgram {
     Program SceneProgram::*program;
   };
   static const std::array<Part, 8>& parts();
-  /// Adds the functions of the parts that are wanted.
+  /// Adds the functions of the selected parts.
   template <class IsWanted>
   void writeParts(const IsWanted& is_wanted, std::string* source) const;
-  /// Notes what the code is made from.
+  /// Notes the structure of the code.
   void noteStructure(const MotionSeries* series);
-  /// False where the code is not there.
+  /// Returns false if the code is missing.
   bool use(const std::shared_ptr<KernelLibrary>& library, MotionSeries* series);
   bool agreesWithInterpreter(MotionSeries* series);
   void interpret(MotionSeries* series);
@@ -123,7 +123,7 @@ class SceneProgram {
   bool has_partials_ = false;
   std::shared_ptr<KernelLibrary> library_;
   expression::CodeStructure structure_;
-  std::size_t constants_of_series_ = 0;  ///< from which on they are the series'
+  std::size_t constants_of_series_ = 0;  ///< index of the first constant of the series
   std::vector<const void*> tables_;
   std::vector<const void*> tables2_;
   KernelTables host_{};

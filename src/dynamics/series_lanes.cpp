@@ -132,7 +132,7 @@ void SeriesLanes::clear(int lane) {
 
 std::array<bool, SeriesLanes::kLanes> SeriesLanes::make(
     const std::array<MotionSeries*, kLanes>& series) {
-  used_ = 1 - used_;  // where the next series were begun
+  used_ = 1 - used_;  // the next series were begun there
   step_.most = series_lanes::kSeriesStride;
   for (int lane = 0; lane < kLanes; ++lane) {
     if (series[lane] == nullptr) continue;
@@ -147,7 +147,7 @@ std::array<bool, SeriesLanes::kLanes> SeriesLanes::make(
     }
     step_.most = std::min(step_.most, series[lane]->step_.most - made_[lane]);
   }
-  // A lane that is left alone goes on with what it has, but asks nobody who is gone.
+  // A lane without a motion continues with its data, but never calls a deleted motion.
   const MotionSeries& any = **std::find_if(series.begin(), series.end(),
                                            [](const MotionSeries* it) { return it != nullptr; });
   step_.watches_rest = 0;
@@ -169,7 +169,7 @@ std::array<bool, SeriesLanes::kLanes> SeriesLanes::make(
   step_.constants = constants_.data();
   step_.is_limited = 0;
   code_(&step_);
-  // Each step has taken the rows of the other series.
+  // Each step has switched to the rows of the other series.
   if (step_.made % 2 == 0) used_ = 1 - used_;
   std::array<bool, kLanes> have_ended{};
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -206,7 +206,7 @@ bool SeriesLanes::agreesWith(MotionSeries& series) {
     }
     if (!is_same) return false;
   }
-  is_loaded_ = false;  // nobody's
+  is_loaded_ = false;  // no series owns the lanes' data
   return true;
 }
 

@@ -1,10 +1,9 @@
-/// Whole steps of several motions in one: series_step.inc where each number is a vector, of machine
-/// code. With eight a vector is as wide as processors have them, and what a step costs beside its
-/// numbers is shared by as many.
+/// Steps of several motions at once: series_step.inc with vectors for numbers, as machine code.
+/// Eight lanes fill the widest vectors of processors and share the overhead of a step.
 ///
-/// The motions differ in numbers alone, and in where each of them is: its time, its step. A motion
-/// keeps its lane from step to step; the bits are those that it has alone. Coefficients stay in the
-/// lanes until somebody asks for them.
+/// The motions differ only in their numbers, times and steps. A motion keeps its lane from step to
+/// step; its bits are those of steps alone. Coefficients stay in the lanes until the motion fetches
+/// them.
 #pragma once
 
 #include <array>
@@ -17,7 +16,7 @@
 namespace variator_sim {
 
 namespace series_lanes {
-/// What is a vector in the C.
+/// Numbers per vector in the C.
 constexpr int kLanes = 8;
 struct alignas(8 * kLanes) Real {
   double lane[kLanes];
@@ -29,7 +28,7 @@ struct alignas(8 * kLanes) Real {
 #undef SERIES_LANES
 }  // namespace series_lanes
 
-/// Of one thread at a time.
+/// One thread may use it at a time.
 class SeriesLanes {
  public:
   static constexpr int kLanes = series_lanes::kLanes;
@@ -38,17 +37,16 @@ class SeriesLanes {
   /// share their machine code with it.
   SeriesLanes(const MotionSeries& like, std::shared_ptr<KernelLibrary> library);
 
-  /// Whether the lanes give the numbers of `series` alone. Not in the loop.
+  /// Returns true if the lanes give the numbers of `series` alone. Not in the loop.
   bool agreesWith(MotionSeries& series);
-  /// Whether it shares the machine code that this belongs to, and what no lane has of its own.
+  /// Returns true if `series` shares this machine code and all data common to the lanes.
   bool fits(const MotionSeries& series) const {
     return series.library_ == of_ && (!is_loaded_ || series.step_.has_neutral == step_.has_neutral);
   }
-  /// Steps of each, in the lane that is its place, until some have made all that they want: true
-  /// for these. The others are to be given again; nullptr leaves a lane alone.
+  /// Steps each motion, in the lane of its index, until some have made all their steps: true for
+  /// these. The caller passes the others again; nullptr leaves a lane idle.
   std::array<bool, kLanes> make(const std::array<MotionSeries*, kLanes>& series);
-  /// Writes the coefficients of the last step in `lane` where `series` has its own; of which rows:
-  /// see StepsTogether.
+  /// Copies the coefficients of the last step in `lane` to `series`; StepsTogether lists the rows.
   void fetch(MotionSeries& series, int lane, int begin, int end) const;
 
  private:
@@ -58,7 +56,7 @@ class SeriesLanes {
 
   void load(const MotionSeries& series, int lane);
   void give(const MotionSeries& series, int lane);
-  /// From the end of its last step, as series_step.inc goes on.
+  /// Continues from the end of the lane's last step, as series_step.inc does.
   void goOn(int lane, int shafts);
   void take(MotionSeries& series, int lane);
   void clear(int lane);
@@ -71,9 +69,9 @@ class SeriesLanes {
   std::vector<Real> inverse_[2];
   std::vector<Real> constants_;
   bool is_loaded_ = false;
-  bool is_spoilt_[kLanes] = {};  ///< by numbers that are none
-  int made_[kLanes] = {};        ///< steps of those that it is in the middle of
-  int used_ = 0;  ///< the series of the step to come; the other one is that of the next
+  bool is_spoilt_[kLanes] = {};  ///< by numbers that are not finite
+  int made_[kLanes] = {};        ///< steps made of the current batch
+  int used_ = 0;                 ///< series of the coming step; the other one is the next step's
   Step step_ = {};
 };
 

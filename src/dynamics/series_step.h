@@ -1,4 +1,4 @@
-/// What a whole step by series is made of: series_step.inc, as C++ sees it.
+/// The data of a step by series: series_step.inc as C++.
 #pragma once
 
 #include <algorithm>
@@ -16,15 +16,15 @@ using series_step::SeriesNode;
 using series_step::SeriesSample;
 using series_step::SeriesStep;
 
-/// How far steps may go on before somebody has to look.
+/// Limits up to which steps continue without a check by the caller.
 struct Reach {
-  double target;      ///< s: none follows one that comes to it
-  double horizon;     ///< s: none goes beyond
-  double maximum;     ///< s: none is longer
+  double target;      ///< s: no step follows one that reaches it
+  double horizon;     ///< s: no step ends beyond it
+  double maximum;     ///< s: maximum step length
   int most;           ///< steps; no more than kSeriesStride are made
-  bool watches_rest;  ///< none follows one in which little has changed
+  bool watches_rest;  ///< no step follows one with little change
 
-  /// The longest step from t, s.
+  /// Returns the longest step from t, s.
   double longestFrom(double t) const { return std::min(horizon - t, maximum); }
 };
 

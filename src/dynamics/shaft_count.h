@@ -5,8 +5,8 @@
 
 namespace variator_sim {
 
-/// Returns body(count), with the number of shafts as a constant of its own type where there are
-/// few, and as an int else. For what is small and asked for at every step.
+/// Returns body(count), with a small number of shafts as a constant of its own type, and as an int
+/// else. For small functions called at every step.
 template <class Body>
 inline auto withShaftCount(int shafts, const Body& body) {
   switch (shafts) {

@@ -1,14 +1,14 @@
-/// What a scene does not need, and can be made to do all the same.
+/// Evaluations that a scene can skip.
 #pragma once
 
 namespace variator_sim {
 
-/// For tests and benchmarks, which turn off what they measure: the motion is the same without, but
-/// for rounding.
+/// Switches for tests and benchmarks: the motion is the same without the shortcuts, except for
+/// rounding.
 struct Shortcuts {
   bool specialize = true;   ///< code made for two shafts and one constraint
-  bool skip_angles = true;  ///< no derivatives by angles that nothing reads
-  bool factor_once = true;  ///< one factorization where C and J are constant
+  bool skip_angles = true;  ///< no derivatives by angles that no law reads
+  bool factor_once = true;  ///< one factorization if C and J are constant
 };
 
 }  // namespace variator_sim

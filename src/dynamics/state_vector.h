@@ -1,5 +1,4 @@
-/// Vectors of a scene's size, which is known when it is loaded: numbers in place, nothing
-/// allocated.
+/// Vectors of a scene's size, known at load: numbers in place, without allocation.
 #pragma once
 
 #include <algorithm>
@@ -10,11 +9,11 @@
 
 namespace variator_sim {
 
-/// Up to `kCapacity` doubles and how many there are. Copies copy just these.
+/// Holds up to `kCapacity` doubles and their number. Copies copy just these.
 template <int kCapacity>
 class SmallVector {
  public:
-  // As containers of the standard library call them.
+  // Names of the standard library's containers.
   using value_type = double;
   using iterator = double*;
   using const_iterator = const double*;
@@ -46,7 +45,7 @@ class SmallVector {
   double* end() { return values_ + size_; }
   const double* end() const { return values_ + size_; }
   void fill(double value) { std::fill_n(values_, size_, value); }
-  /// Takes its values from an array of as many.
+  /// Copies the values from an array of the same size.
   void assign(const double* values) {
     forEachComponent(0, size_, [&](int i) { values_[i] = values[i]; });
   }
@@ -57,7 +56,7 @@ class SmallVector {
 
  private:
   void copy(const SmallVector& other) {
-    // Not as a loop of any length: that becomes a call, which costs more than it does.
+    // A loop of any length would become a call, which costs more than the loop.
     forEachComponent(0, size_, [&](int i) { values_[i] = other.values_[i]; });
   }
   int size_;

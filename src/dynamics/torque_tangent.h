@@ -1,8 +1,8 @@
 /// The applied torque Q near a state, linear in the velocities.
 ///
-/// Differences over a shift know nothing of a layer that is narrower (dry friction with
+/// Differences over a shift do not resolve a narrower layer (dry friction with
 /// `regularization_speed: 1e-6`), and Newton's iteration of an implicit step fails with them. The
-/// total rate Q' is linear in epsilon and so tells dQ/domega exactly:
+/// total rate Q' is linear in epsilon and so gives dQ/domega exactly:
 ///     dQ/domega e_j = Q'(phi, omega, e_j) - Q'(phi, omega, 0).
 #pragma once
 
@@ -37,7 +37,7 @@ class TorqueTangent {
     }
   }
 
-  /// Q + dQ/domega (omega - omega_0) with Q at omega_0; Q itself where it has no derivative.
+  /// Q + dQ/domega (omega - omega_0) with Q at omega_0; Q itself if it has no derivative.
   void calcTorque(const StateView& state, double* torque) const {
     const int S = drivetrain_.shafts();
     if (exists_ && std::equal(angle_, angle_ + S, state.angle)) {

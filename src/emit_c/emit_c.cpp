@@ -34,7 +34,7 @@ std::string asIdentifier(const std::string& text) {
   return name;
 }
 
-/// NAME_<kind>_<name> for each, no two alike.
+/// Writes NAME_<kind>_<name> for each, without duplicates.
 std::string writeEnum(const std::string& prefix, const std::vector<std::string>& names) {
   std::set<std::string> taken;
   std::string text;
@@ -46,7 +46,7 @@ std::string writeEnum(const std::string& prefix, const std::vector<std::string>&
   return text.empty() ? "" : "enum { " + text + " };\n";
 }
 
-/// One program.
+/// The parts of one program.
 class Emission {
  public:
   Emission(Simulation& simulation, std::string name, const std::string& title)
@@ -128,7 +128,7 @@ class Emission {
         scene_.constraints.begin(), scene_.constraints.end(),
         [&](const ConstraintPtr& it) { return it->order() >= low && it->order() <= high; });
   }
-  /// C depends neither on an acceleration nor on an input: a jump is one projection (jump.h).
+  /// True if C depends on no acceleration and no input: a jump is one projection (jump.h).
   bool jumpsStraight() const {
     return std::all_of(scene_.constraints.begin(), scene_.constraints.end(),
                        [](const ConstraintPtr& it) {
@@ -136,8 +136,8 @@ class Emission {
                        });
   }
 
-  /// Shafts of whose reaction no C has a part; with a constant C and J what C has no part of is
-  /// neutral on all of them.
+  /// Finds shafts whose reaction no C contains; these are all shafts if C and J, and so the null
+  /// space, are constant.
   std::vector<int> findNeutral() const {
     const auto shafts = static_cast<std::size_t>(S);
     std::vector<int> neutral(shafts, 1);
@@ -438,11 +438,11 @@ std::string nameForC(const std::string& scene_path) {
   std::string name = asIdentifier(std::filesystem::path(scene_path).stem().string());
   const bool is_plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name[0])) != 0;
   if (!is_plain) name = "scene_" + name;
-  // NAME_play is to be the name of a file, too.
+  // NAME_play becomes the name of a file, too.
   constexpr std::size_t kLongest = 100;
   if (name.size() > kLongest) name.resize(kLongest);
-  // main.c is another file, and the next three are headers that the source reads. With the others
-  // a name of the scene's own (make_step, ZERO_ORDER) would be one that the source has already.
+  // main.c is another file, and the next three are headers that the source reads. With the others a
+  // name of the scene (make_step, ZERO_ORDER) would collide with one in the source.
   std::string lower = name;
   for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   for (const char* taken :

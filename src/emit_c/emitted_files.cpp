@@ -22,7 +22,7 @@ struct EmittedFile {
   const char* end_comment;
 };
 
-/// `text` and a last line that tells it from all that simulate has not written.
+/// Returns `text` with a last line that identifies files written by simulate.
 std::string withSum(const EmittedFile& file, const std::string& text) {
   std::uint64_t hash = 14695981039346656037ULL;  // FNV-1a
   for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
@@ -32,7 +32,7 @@ std::string withSum(const EmittedFile& file, const std::string& text) {
          "\n";
 }
 
-/// Whether `path` is free, or holds what simulate wrote, unchanged.
+/// Returns true if `path` is free, or holds an unchanged file written by simulate.
 bool mayReplace(const fs::path& path, const EmittedFile& file) {
   const fs::file_type type = fs::symlink_status(path).type();
   if (type == fs::file_type::not_found) return true;

@@ -23,7 +23,7 @@ std::string literalOf(double value) {
   const DotLocale dot;
   char text[40];
   std::snprintf(text, sizeof text, "%.17g", value);
-  // (As short as it may be.)
+  // (The shortest text that reads back is used.)
   for (int digits = 1; digits < 17; ++digits) {
     char shorter[40];
     std::snprintf(shorter, sizeof shorter, "%.*g", digits, value);
@@ -58,8 +58,8 @@ std::string join(const Values& values, Write write) {
 
 constexpr double kFactorial[] = {1.0, 1.0, 2.0, 6.0, 24.0, 120.0};
 
-/// Points that pieces are counted from, each piece's a little inside of it as far as the third
-/// derivatives go: the lower one of its two, the first one of the piece below all.
+/// Calls `use` with the point from which each piece is counted: the lower one of its two, for the
+/// lowest piece the first; third derivatives are taken slightly inside of the piece.
 template <class Use>
 void forEachPiece(const std::vector<double>& points, Use use) {
   for (std::size_t k = 0; k <= points.size(); ++k) {
@@ -95,7 +95,7 @@ void FormulaRows::write(const std::vector<Node>& series, const std::vector<Node>
     if (reads) accelerated_.insert(node.index);
     noteGrowth(node, entry);
   }
-  // Series first: a pair of sine and cosine is made where its first one stands.
+  // Series come first: a pair of sine and cosine is made at the place of its first one.
   for (std::size_t i = 0; i < in_series.size(); ++i) {
     const Node node{static_cast<int>(i)};
     if (in_series[i]) writeNode(node, isAccelerated(node) ? Part::kAccelerated : Part::kGiven);
@@ -242,7 +242,7 @@ void FormulaRows::writeNode(Node node, Part part) {
                            : rows_++;
     row_of_node_[node.index] = result;
     statement = statementOf(entry, result);
-    // (Those of tables have blocks of rows of their own.)
+    // (Tables have their own blocks of rows.)
     if (result < 0)
       row_of_node_[node.index] = rows_ - (entry.operation == Operation::kTable ? 6 : 11);
   }
@@ -285,7 +285,7 @@ std::string FormulaRows::statementOf(const Entry& entry, int result) {
       break;
   }
   std::string statement = statementOfFunction(entry, result);
-  // What has a limit where its operand overflows.
+  // Functions that reach a limit when their operand overflows.
   const int inner = entry.operation == Operation::kDivide ? 1 : 0;
   const int of = entry.operands[inner];
   const bool has_limit = entry.operation == Operation::kDivide ||

@@ -12,32 +12,32 @@
 
 namespace variator_sim {
 
-/// A double as C, to the last bit.
+/// Writes a double as C, exactly.
 std::string literalOf(double value);
 std::string listOf(const std::vector<double>& values);
 std::string listOf(const std::vector<int>& values);
 
-/// Every node of the formulas gets a row of coefficients, and a statement that makes coefficient n
-/// of it by one of the functions of c_text.h.
+/// Every node of the formulas gets a row of coefficients, and a statement that computes coefficient
+/// n by one of the functions of c_text.h.
 class FormulaRows {
  public:
-  /// Which function of C holds a statement: that of nodes which read no acceleration, that of those
-  /// which do, or that of what is asked for at order 0 only.
+  /// The C function that holds a statement: of nodes without accelerations, of nodes with
+  /// accelerations, or of nodes needed at order 0 only.
   enum class Part { kGiven, kAccelerated, kAtOnce };
 
-  /// Rows from `first_row` on. `row_of_slot`: of the variables, by their slots.
+  /// Uses rows from `first_row` on. `row_of_slot`: rows of the variables, by their slots.
   FormulaRows(const expression::Graph& graph, int first_row, std::map<int, int> row_of_slot)
       : graph_(graph), row_of_slot_(std::move(row_of_slot)), rows_(first_row) {}
 
-  /// Makes the rows of all that `series` needs as series and then of what `at_once` needs at order
-  /// 0. Throws std::invalid_argument for what has no series.
+  /// Makes the rows that `series` needs as series, then those that `at_once` needs at order 0.
+  /// Throws std::invalid_argument for functions without series.
   void write(const std::vector<expression::Node>& series,
              const std::vector<expression::Node>& at_once);
 
   int rowOf(expression::Node node) const { return row_of_node_.at(node.index); }
-  /// True when it reads an acceleration.
+  /// True when `node` depends on an acceleration.
   bool isAccelerated(expression::Node node) const { return accelerated_.count(node.index) > 0; }
-  /// A row that stays `value`.
+  /// Returns a row with the constant `value`.
   int constantRow(double value);
 
   const std::string& statements(Part part) const { return text_[static_cast<std::size_t>(part)]; }
@@ -45,7 +45,7 @@ class FormulaRows {
   const std::string& tables() const { return tables_; }
   const std::set<std::string>& functions() const { return functions_; }
   const std::map<double, int>& constants() const { return row_of_constant_; }
-  /// The operations of series_resolution.inc that the rows of series are.
+  /// The rows of series as operations of series_resolution.inc.
   const std::vector<expression::SeriesOperation>& operations() const { return operations_; }
   int rows() const { return rows_; }
   int branches() const { return branches_; }
@@ -60,13 +60,13 @@ class FormulaRows {
   std::string statementOfBranch(const Entry& entry, int result);
   std::string powerOf(const Entry& entry, int result);
   std::string tableOf(const Entry& entry, int result);
-  /// "f(r[1], r[2], n);" and f is used.
+  /// Writes "f(r[1], r[2], n);" and notes that f is used.
   std::string call(const std::string& function, const std::vector<std::string>& arguments);
   void noteOperation(const std::string& function, const std::vector<std::string>& arguments);
   std::string row(int index) const { return "r[" + std::to_string(index) + "]"; }
   std::string operand(const Entry& entry, int k) const;
   std::string addRow() { return row(rows_++); }
-  /// Rows of x^n by as few products as powerOf makes; the statements go into `text`.
+  /// Makes rows of x^n by the products of powerOf; the statements are appended to `text`.
   std::string multipliedPower(const std::string& base, int n, std::string& text);
   std::string nameOfTable(int number);
   std::string nameOfTable2(int number);
@@ -86,7 +86,7 @@ class FormulaRows {
   std::map<int, std::string> table2_names_;
   std::set<std::string> functions_;
   std::vector<expression::SeriesOperation> operations_;
-  bool is_series_ = false;  ///< what is written now
+  bool is_series_ = false;  ///< true while series are written
   std::string text_[3];
   std::string tables_;
   int rows_;

@@ -118,7 +118,7 @@ together.
 }  // namespace
 
 std::string writeReadme(const Scene& scene, const std::string& name, const std::string& title) {
-  // (The scene's own names stay as they are: one may hold what stands for the scene's.)
+  // (Names from the scene are not replaced: one may contain the placeholder of the scene's name.)
   const auto complete = [&](std::string text) {
     replaceAll(text, "scene_@", name);
     replaceAll(text, "of the order @ORDER@ that", "of the order `SCENE_ORDER` that");

@@ -1,4 +1,4 @@
-/// What stands beside an emitted program.
+/// The README beside an emitted program.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace variator_sim {
 
-/// README.md: how to step the scene in a controller, what its numbers mean and what it cannot do.
+/// Writes README.md: stepping the scene in a controller, the meaning of its numbers, its limits.
 std::string writeReadme(const Scene& scene, const std::string& name, const std::string& title);
 std::string writeMakefile(const std::string& name);
 

@@ -1,5 +1,5 @@
-// Edges and jumps in every emitted program (integrate/guard_search.h and dynamics/jump.h tell the
-// ideas).
+// Events and jumps in every emitted program (explained in integrate/guard_search.h and
+// dynamics/jump.h).
 #include "emit_c/c_text.h"
 
 namespace variator_sim {

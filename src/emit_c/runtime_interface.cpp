@@ -1,4 +1,4 @@
-// What a controller sees of an emitted program.
+// The controller's interface of an emitted program.
 #include <cctype>
 
 #include "emit_c/c_text.h"

@@ -1,5 +1,5 @@
-// What every emitted program has: projections and steps (dynamics/projection.h and
-// integrate/integrator.h tell the ideas).
+// Projections and steps of every emitted program (explained in dynamics/projection.h and
+// integrate/integrator.h).
 #include "emit_c/c_text.h"
 
 namespace variator_sim {

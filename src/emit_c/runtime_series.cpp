@@ -1,4 +1,4 @@
-// What every emitted program has: inputs, matrices, series. The equations are those of
+// Inputs, matrices and series of every emitted program, with the equations of
 // dynamics/motion_series.h.
 #include "emit_c/c_text.h"
 

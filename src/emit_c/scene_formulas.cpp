@@ -85,7 +85,7 @@ void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFor
   }
 }
 
-/// f' jumps where f bends; where C does so too, the motion across is more than a projection.
+/// Rejects kinks of f in velocities: f' and C jump there, and the motion is more than a projection.
 void refuseBentVelocities(const Scene& scene) {
   Graph& graph = *scene.graph;
   for (const ConstraintPtr& constraint : scene.constraints) {

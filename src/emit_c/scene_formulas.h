@@ -1,4 +1,4 @@
-/// Which formulas of a scene an emitted program needs.
+/// The formulas of a scene that an emitted program needs.
 #pragma once
 
 #include <vector>
@@ -19,12 +19,12 @@ struct SceneFormulas {
   std::vector<expression::Node> inertia;            ///< J_ii
   std::vector<expression::Node> inertial_torque;    ///< 1/2 J_i' omega^2
   std::vector<expression::Node> connection;         ///< 1/2 J_i' omega
-  std::vector<expression::Branch> signs;            ///< where formulas change their branch
+  std::vector<expression::Branch> signs;            ///< switching functions of formulas
   std::vector<expression::Passage> tables;
   bool inertia_varies = false;
 };
 
-/// Throws SceneError, with the element and the reason, for what an emitted program cannot do.
+/// Throws SceneError, with the element and the reason, for elements that C does not support.
 SceneFormulas collectFormulas(const Scene& scene);
 
 }  // namespace variator_sim

@@ -14,7 +14,7 @@ struct SeriesFunction {
   const char* text;
 };
 
-/// They stand behind what they need.
+/// Functions come after those they need.
 constexpr SeriesFunction kFunctions[] = {
     {"convolve", {}, R"c(
 /* sum of a[j] b[n-j] for low <= j <= high */

@@ -10,7 +10,7 @@
 namespace variator_sim::expression {
 namespace {
 
-/// Where reachable nodes stand among themselves: how the code counts them.
+/// Returns the index of each reachable node among these: the number it has in the code.
 std::vector<int> rank(const std::vector<bool>& reachable) {
   std::vector<int> ranks(reachable.size(), -1);
   int next = 0;
@@ -20,7 +20,7 @@ std::vector<int> rank(const std::vector<bool>& reachable) {
   return ranks;
 }
 
-/// The exponent of a power that is written as products; 0 of any other.
+/// Returns the exponent of a power that is written as products; 0 for any other.
 int multipliedExponent(const Graph& graph, const Graph::Entry& it) {
   const Node exponent{it.operands[1]};
   if (it.operation != Operation::kPower || !graph.isConstant(exponent)) return 0;
@@ -138,7 +138,7 @@ class Writer {
     return "n" + std::to_string(ranks_[static_cast<std::size_t>(node.index)]);
   }
 
-  /// x^n by the same products as powerOf.
+  /// Writes x^n by the same products as powerOf.
   std::string power(const std::string& base, int n) {
     if (n == 1) return base;
     if (n % 2 == 1) return "(" + power(base, n - 1) + " * " + base + ")";
@@ -181,7 +181,7 @@ class Writer {
     return call + ")";
   }
 
-  /// Sine and cosine of one argument in one call; true when `node` is of such a pair.
+  /// Writes sine and cosine of one argument in one call; true when `node` belongs to such a pair.
   bool definePair(Node node, const Graph::Entry& it) {
     if (it.operation != Operation::kSin && it.operation != Operation::kCos) return false;
     const auto sine = sines_.find(it.operands[0]);
@@ -207,8 +207,8 @@ class Writer {
   std::string text_;
   std::vector<int> ranks_;
   std::size_t next_constant_;
-  std::map<int, std::size_t> constants_;  ///< where they are, by node
-  std::map<int, int> sines_;              ///< that of a node, and its cosine
+  std::map<int, std::size_t> constants_;  ///< indices of constants, by node
+  std::map<int, int> sines_;              ///< a sine's node, and its cosine
   std::map<int, int> cosines_;
   int roots_ = 0;
 };

@@ -1,4 +1,4 @@
-/// What a character of a formula is. std::isalpha and friends depend on the locale.
+/// Classes of characters in formulas. std::isalpha and its relatives depend on the locale.
 #pragma once
 
 #include <cstddef>
@@ -26,7 +26,7 @@ inline bool continuesCharacter(char c) {
   return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U;
 }
 
-/// The column, from 1, of the character at `offset`.
+/// Returns the column, from 1, of the character at `offset`.
 inline int columnOf(const std::string& text, std::size_t offset) {
   int column = 1;
   for (std::size_t i = 0; i < offset && i < text.size(); ++i) {

@@ -1,4 +1,4 @@
-// Derivatives, and what they need to know of growth.
+// Derivatives, and the traits of growth that they need.
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -10,7 +10,7 @@ namespace variator_sim::expression {
 
 namespace {
 
-/// Powers that are not near their limit even where their base overflows: 1e308^0.01 is 1200.
+/// Returns true for powers far from their limit although the base overflows: 1e308^0.01 is 1200.
 bool isSlowPower(double exponent) {
   return std::abs(exponent) < 0.1;
 }
@@ -19,13 +19,13 @@ bool isSlowPower(double exponent) {
 
 // ---------------------------------------------------------------------------------------- traits
 
-// Longer than a screen, as the list of operations is.
+// The list of operations makes this function long.
 Graph::Traits Graph::findTraits(const Entry& entry) const {
-  Traits all;   // what holds for each operand
-  Traits some;  // what holds for one of them
+  Traits all;   // traits of every operand
+  Traits some;  // traits of at least one operand
   all.is_positive = all.is_not_negative = true;
   const int count = operandCount(entry.operation);
-  // Of a select the first two are compared only.
+  // A select only compares its first two operands.
   for (int i = entry.operation == Operation::kSelect ? 2 : 0; i < count; ++i) {
     const Traits& operand = traits({entry.operands[i]});
     all.is_positive = all.is_positive && operand.is_positive;
@@ -38,7 +38,7 @@ Graph::Traits Graph::findTraits(const Entry& entry) const {
   }
   const auto grow = [&some] {
     some.has_growth = some.may_overflow = true;
-    some.may_have_pole = false;  // where a pole is an argument, growth outweighs it
+    some.may_have_pole = false;  // growth outweighs a pole in the argument
   };
   Traits& it = some;
   const bool one_is_positive = some.is_positive;
@@ -115,7 +115,7 @@ Graph::Traits Graph::findTraits(const Entry& entry) const {
       if (table2Of(entry)->isBounded()) it.may_overflow = it.may_have_pole = false;
       break;
     case Operation::kOpaque:
-      it.may_have_pole = true;  // as far as anybody knows
+      it.may_have_pole = true;  // not known otherwise
       break;
     case Operation::kMax:
       it.is_positive = one_is_positive;
@@ -134,9 +134,9 @@ Graph::Traits Graph::findTraits(const Entry& entry) const {
 
 // ----------------------------------------------------------------------------------- derivatives
 
-// A zero here is a derivative that vanishes by the rules, whatever the point: dropping its product
-// keeps the true derivative also where the other factor is infinite or NaN (that point makes the
-// formula itself NaN or infinite). A zero that the user wrote is left to run time by multiply().
+// A zero here is a derivative that vanishes by the rules at every point: dropping its product keeps
+// the true derivative even if the other factor is infinite or NaN (the formula itself is NaN or
+// infinite there). multiply() leaves a zero that the user wrote to run time.
 Node Graph::product(Node a, Node b) {
   if (isConstant(a, 0.0) || isConstant(b, 0.0)) {
     return constant(0.0);
@@ -144,7 +144,7 @@ Node Graph::product(Node a, Node b) {
   if (isConstant(b)) {
     std::swap(a, b);
   }
-  // c1 (c2 x) = (c1 c2) x: another rounding, of a derivative only.
+  // c1 (c2 x) = (c1 c2) x: this changes the rounding of derivatives only.
   if (isConstant(a) && entry(b).operation == Operation::kMultiply && isConstant(operand(b, 0))) {
     const double factor = constantValue(a) * constantValue(operand(b, 0));
     if (std::isnormal(factor)) {
@@ -166,16 +166,16 @@ Node Graph::whereFinite(Node node, Node value) {
   return isConstant(value, 0.0) ? value : make(Operation::kWhereFinite, node, value);
 }
 
-// 1/b, atan(b), b^-2, .. with b = 1 + exp(x): where b has overflowed they are at their limit, to
-// all digits, and no x moves them. Not so at a pole: 1/(1/x) is x at 0, too. So nothing is said
-// where b may have one.
+// 1/b, atan(b), b^-2, .. with b = 1 + exp(x): once b has overflowed they are at their limit, to all
+// digits, for every x. A pole is different: 1/(1/x) is x at 0, too. So the rule excludes every b
+// that may have one.
 Node Graph::insideLimit(Node node, Node derivative) {
   const Traits& it = traits(node);
   return it.may_overflow && !it.may_have_pole ? whereFinite(node, derivative) : derivative;
 }
 
-// A power of two: it rounds nothing. exp(x) x' stays finite as long as exp(x) does, for x' up to
-// 1e30; third derivatives, made in its cube, keep their digits down to 1e-217.
+// The scale is a power of two, which does not round. exp(x) x' is finite as long as exp(x) is, for
+// x' up to 1e30; third derivatives, scaled by its cube, keep their digits down to 1e-217.
 double Graph::scaleFor(Node node) const {
   return traits(node).has_growth ? 0x1p-100 : 1.0;
 }
@@ -230,8 +230,8 @@ Node Graph::deriveFunction(Node node, Node da) {
 Node Graph::derivePower(Node node, Node da, Node db) {
   const Node a = operand(node, 0);
   const Node b = operand(node, 1);
-  // (a^b)' = b a^(b-1) a' + a^b log(a) b'. Each term only if its derivative is not zero by the
-  // rules: a^c has a derivative also at a <= 0, where log(a) has no value.
+  // (a^b)' = b a^(b-1) a' + a^b log(a) b'. A term is added only if its derivative is not zero by
+  // the rules: a^c has a derivative also at a <= 0, although log(a) has no value.
   Node derivative = constant(0.0);
   if (isConstant(b) && !isSlowPower(constantValue(b))) {
     da = insideLimit(a, da);
@@ -361,7 +361,7 @@ void Graph::deriveInto(Node node, const std::vector<Rate>& rates, Derivatives& d
 
 Node Graph::differentiate(Node node, int slot) {
   const double scale = scaleFor(node);
-  // Moved out meanwhile: nothing below may see a half-filled table twice.
+  // The table is moved out: no call below may see it half-filled.
   Derivatives derivatives = std::move(partials_[{slot, scale}]);
   deriveInto(node, {{slot, constant(scale)}}, derivatives);
   const Node derivative = derivatives[static_cast<std::size_t>(node.index)];

@@ -6,7 +6,7 @@ namespace {
 using expression::Graph;
 using expression::Node;
 
-/// The graph that one of some expressions lives in; null when all are constants.
+/// Returns the graph of the expressions; null when all are constants.
 template <class... Expressions>
 Graph* graphOf(const Expressions&... expressions) {
   Graph* graph = nullptr;
@@ -14,8 +14,8 @@ Graph* graphOf(const Expressions&... expressions) {
   return graph;
 }
 
-/// What `make` makes in the graph of `expressions`. Constants have none: a graph of the moment
-/// computes theirs, as run time would.
+/// Returns the result of `make` in the graph of `expressions`. For constants, which have none, a
+/// temporary graph computes it as run time would.
 template <class Make, class... Expressions>
 Expression makeIn(const Make& make, const Expressions&... expressions) {
   Graph* graph = graphOf(expressions...);
@@ -40,7 +40,7 @@ Expression operator/(const Expression& a, const Expression& b) {
 }
 
 Expression where(const Comparison& condition, const Expression& yes, const Expression& no) {
-  // select tells <=; a < b is what b <= a is not.
+  // select has <=; a < b is the negation of b <= a.
   const Expression& left = condition.is_strict ? condition.right : condition.left;
   const Expression& right = condition.is_strict ? condition.left : condition.right;
   const Expression& holds = condition.is_strict ? no : yes;

@@ -5,7 +5,7 @@ namespace variator_sim::expression {
 
 namespace {
 
-/// Two lines: the text around `column`, cut to fit a terminal, and a caret below it.
+/// Returns two lines: the text around `column`, cut to fit a terminal, and a caret below it.
 std::string showPlace(const std::string& text, int column) {
   constexpr int kBefore = 50;
   constexpr int kAfter = 25;

@@ -10,14 +10,14 @@ namespace variator_sim::expression {
 struct Function {
   const char* name;
   int argument_count;
-  /// Of that many arguments; null for `if`, whose first argument is no value.
+  /// Makes the node from its arguments; null for `if`, whose first argument is no value.
   Node (*make)(Graph& graph, const Node* arguments);
 };
 
-/// The function of that name, or nullptr. parser.h has the list of names.
+/// Returns the function of that name, or nullptr. parser.h has the list of names.
 const Function* findFunction(const std::string& name);
 
-/// How formulas say what `word` says in other languages ("and", "integral"), or "".
+/// Explains the formula's equivalent of a `word` of other languages ("and", "integral"), or "".
 std::string explainForeignWord(const std::string& word);
 
 }  // namespace variator_sim::expression

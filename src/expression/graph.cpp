@@ -18,7 +18,7 @@ std::uint64_t bitsOf(double value) {
   return bits;
 }
 
-/// The index of `table` (or of a function) in `tables`, to which it is added when it is new.
+/// Returns the index of `table` (or of a function) in `tables`, and adds a new one.
 template <class T>
 int indexIn(std::vector<std::shared_ptr<const T>>& tables, const std::shared_ptr<const T>& table) {
   const auto found = std::find(tables.begin(), tables.end(), table);
@@ -57,7 +57,7 @@ bool Graph::EntryEqual::operator()(const Entry& a, const Entry& b) const {
 }
 
 Node Graph::intern(const Entry& entry) {
-  constexpr std::size_t kBetween = 256;  // entries, between looks at the clock
+  constexpr std::size_t kBetween = 256;  // entries between two checks of the clock
   if (entries_.size() % kBetween == 0) endIfInterrupted();
   const auto [position, is_new] = index_of_.emplace(entry, size());
   if (is_new) {
@@ -83,7 +83,7 @@ Node Graph::internOperation(Operation operation, Node a, Node b, Node c, Node d)
     return constant(evaluateOperation(operation, values));
   }
   if (isCommutative(operation)) {
-    // One order for both: constants first, then by age.
+    // Both operands are sorted: constants first, then by age.
     const bool swap =
         isConstant(a) != isConstant(b) ? isConstant(b) : entry.operands[0] > entry.operands[1];
     if (swap) {
@@ -187,7 +187,7 @@ std::vector<bool> Graph::findReachable(const std::vector<Node>& nodes) const {
   for (const Node node : nodes) {
     reachable[static_cast<std::size_t>(node.index)] = true;
   }
-  // Operands have smaller indices: one sweep, no recursion, however deep the formula is.
+  // Operands have smaller indices: one sweep suffices for formulas of any depth.
   for (std::size_t i = reachable.size(); i-- > 0;) {
     if (reachable[i]) {
       for (int k = 0; k < operandCount(entries_[i].operation); ++k) {
@@ -200,7 +200,7 @@ std::vector<bool> Graph::findReachable(const std::vector<Node>& nodes) const {
 
 std::vector<int> Graph::listReachable(const std::vector<Node>& nodes) const {
   endIfInterrupted();
-  // Operands have smaller indices: who is largest has no user left to come.
+  // Operands have smaller indices: all users of the node with the largest index are known.
   std::vector<int> waiting;
   waiting.reserve(nodes.size());
   for (const Node node : nodes) waiting.push_back(node.index);

@@ -19,9 +19,9 @@ namespace {
 
 constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 
-/// `node` as a linear form of the state and the time, where it is written as one.
+/// Returns `node` as a linear form of the state and the time, if it is written as one.
 std::optional<LinearValue> findLinearValue(const Graph& graph, Node node) {
-  using Form = std::map<int, double>;  // by slot, kNumber: what depends on none
+  using Form = std::map<int, double>;  // by slot; kNumber: the constant term
   constexpr int kNumber = -1;
   std::map<int, Form> forms;
   for (const int i : graph.listReachable({node})) {
@@ -63,7 +63,7 @@ std::optional<LinearValue> findLinearValue(const Graph& graph, Node node) {
   return linear;
 }
 
-/// Where the value of a formula lies.
+/// A switching function given by the value of a formula.
 class FormulaGuard : public Guard {
  public:
   int branch(const StateView& state) const override { return branchOf(distance(state)); }
@@ -103,7 +103,7 @@ class FormulaGuard : public Guard {
   virtual int branchOf(double value) const = 0;
 
  private:
-  /// Nothing where it jumps, and where it reads what a box does not hold the rate of.
+  /// Returns nothing for formulas that jump or read a variable whose rate a box does not hold.
   static std::optional<IntervalProgram> rateOf(Graph& graph, Node node) {
     std::vector<Graph::Rate> rates;
     for (const int i : graph.listReachable({node})) {
@@ -131,10 +131,10 @@ class FormulaGuard : public Guard {
   IntervalProgram enclosure_;
   std::optional<IntervalProgram> rate_;
   std::optional<LinearValue> linear_;
-  bool is_opaque_;  ///< nothing is known of it over a box
+  bool is_opaque_;  ///< intervals cannot enclose it
 };
 
-/// The sign of a formula.
+/// The sign of a formula as mode.
 class SignGuard final : public FormulaGuard {
  public:
   SignGuard(Graph& graph, Node node, bool jumps, const char* function = "")
@@ -157,11 +157,11 @@ class SignGuard final : public FormulaGuard {
   }
 };
 
-/// Between which of the points of a table the value of a formula lies.
+/// The piece of a table, between two of its points, that contains the value of a formula.
 ///
-/// At a point only the third derivative of the table jumps. By how little its argument goes beyond
-/// one, some `kSlack` of the distance to the next, leaves the value what it was to all digits: an
-/// argument that settles on a point (an idle speed, a pedal let go) is not to be searched for ever.
+/// At a point only the third derivative of the table jumps. If the argument passes it by less than
+/// `kSlack` of the distance to the next, the value keeps all digits: an argument that settles on a
+/// point (an idle speed, a released pedal) must not cause endless event localization.
 class PointsGuard final : public FormulaGuard {
  public:
   PointsGuard(Graph& graph, Node node, const std::vector<double>& points)
@@ -188,10 +188,10 @@ class PointsGuard final : public FormulaGuard {
     return on_point || std::isnan(value) ? kOnEdge : static_cast<int>(above - points_.begin());
   }
   std::vector<double> points_;
-  std::vector<double> slack_;  ///< of each point
+  std::vector<double> slack_;  ///< slack of each point
 };
 
-/// A guard repeats what it reads, so guards within guards could fill any memory.
+/// Limits steps: a switching function repeats its operands, so nested ones could fill any memory.
 void count(Graph& graph, Node node) {
   constexpr std::size_t kMostSteps = 500000;
   if (graph.countGuardSteps(graph.listReachable({node}).size(), kMostSteps)) return;
@@ -200,7 +200,7 @@ void count(Graph& graph, Node node) {
       "each other");
 }
 
-/// A function with branches, as formulas write it. Those that jump come last.
+/// A function with branches, as formulas write it. Functions that jump come last.
 struct Branching {
   Operation operation;
   const char* function;
@@ -237,7 +237,7 @@ std::vector<Passage> findPassages(const Graph& graph, const std::vector<Node>& n
 }
 
 std::vector<Branch> findBranches(Graph& graph, const std::vector<Node>& nodes) {
-  // By the index of the node whose sign counts: the last of kBranching that stands there.
+  // Key: the index of the node whose sign decides; value: the last such entry of kBranching.
   std::map<int, const Branching*> found;
   for (const int i : graph.listReachable(nodes)) {
     const Graph::Entry entry = graph.entry({i});

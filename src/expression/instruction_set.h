@@ -1,5 +1,4 @@
-/// The instructions of a Tape: tape_compiler.cpp writes them, tape_interpreter.cpp carries them
-/// out.
+/// The instructions of a Tape: tape_compiler.cpp writes them, tape_interpreter.cpp executes them.
 #pragma once
 
 #include <cstddef>
@@ -27,16 +26,16 @@ constexpr int kTriadBase = kPairBase + 4;
 constexpr int kQuadBase = kTriadBase + 4 * kForms;
 constexpr int kArithmeticCount = kQuadBase + 4 * 4 * 4;
 
-// Up to so many of these with the same code, one behind the other, are one run: the code of the
-// first says how many follow, that of the others is not looked at.
+// Consecutive instructions with the same code form a run of up to this length: the code of the
+// first tells how many follow, the codes of the others are ignored.
 constexpr int kLongestRun = 4;
 constexpr int kFunctionBase = kArithmeticCount * kLongestRun;
 constexpr int runCode(int code, int length) {
   return code * kLongestRun + length - 1;
 }
 
-// Fields of an instruction. In the head: code, register of the result, operands A and B; in the
-// tail operands C and D. Operands are registers, with the exceptions that FunctionCode names.
+// Fields of an instruction. The head has the code, the result's register, operands A and B; the
+// tail has operands C and D. Operands are registers, with the exceptions that FunctionCode names.
 constexpr int kFieldBits = 16;
 enum HeadField : int { kCodeField, kResultField, kAField, kBField };
 enum TailField : int { kCField, kDField };
@@ -84,10 +83,10 @@ enum FunctionCode : int {
   VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_CODE)
 #undef VARIATOR_SIM_CODE
       kCodeSinCos,  ///< B: register of the cosine
-  kCodeTable,       ///< A: x, B: which table, C: order of the derivative
-  kCodeTable2,      ///< A: x, B: y, C: which table, D: 256 times the order by y and that by x
-  kCodeOpaque,      ///< A: which call
-  kCodeCopy,        ///< an output that is another one, too
+  kCodeTable,       ///< A: x, B: table's index, C: order of the derivative
+  kCodeTable2,      ///< A: x, B: y, C: table's index, D: 256 times the order by y and that by x
+  kCodeOpaque,      ///< A: index of the call
+  kCodeCopy,        ///< copies one output to another
   kCodeReturn,
   kCodeCount
 };

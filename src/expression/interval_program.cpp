@@ -16,7 +16,7 @@ constexpr double kHalfPi = 1.5707963267948966;
 bool contains(const Interval& a, double x) {
   return a.low <= x && x <= a.high;
 }
-/// What is not a number is not known.
+/// Replaces NaN by the unbounded interval.
 Interval orEverything(const Interval& a) {
   return a.low <= a.high ? a : kEverything;
 }
@@ -32,7 +32,7 @@ Interval add(const Interval& a, const Interval& b) {
 Interval subtract(const Interval& a, const Interval& b) {
   return {a.low - b.high, a.high - b.low};
 }
-/// 0 times an infinite end is 0: the end itself is never reached.
+/// Returns 0 for 0 times an infinite end, which is never reached.
 double productOf(double a, double b) {
   return a == 0.0 || b == 0.0 ? 0.0 : a * b;
 }
@@ -45,7 +45,7 @@ Interval divide(const Interval& a, const Interval& b) {
   if (contains(b, 0.0)) return kEverything;
   return multiply(a, hull(1.0 / b.high, 1.0 / b.low));
 }
-/// x^n of an integer n.
+/// Encloses x^n for an integer n.
 Interval integerPower(const Interval& a, double n) {
   if (n < 0.0) return divide({1.0, 1.0}, integerPower(a, -n));
   const double low = std::pow(a.low, n);
@@ -68,13 +68,13 @@ Interval power(const Interval& a, const Interval& b) {
   if (a.low == 0.0 && b.low <= 0.0) all.high = kInfinity;
   return all;
 }
-/// cos over [low, high].
+/// Encloses cos over [low, high].
 Interval cosine(const Interval& a) {
   if (!(a.high - a.low < 4.0 * kHalfPi) || !(std::abs(a.low) < 1e15)) return {-1.0, 1.0};
   const double first = std::cos(a.low);
   const double last = std::cos(a.high);
   Interval all = hull(first, last);
-  // A rounding beyond is near enough to an extreme to count as having it.
+  // An interval that ends within rounding of an extreme includes it.
   const double slack = 1e-15 * (1.0 + std::abs(a.low) + std::abs(a.high));
   const auto hasMultiple = [&](double offset) {  // offset + 2 pi k within
     const double k = std::ceil((a.low - slack - offset) / (4.0 * kHalfPi));
@@ -141,7 +141,7 @@ Interval evaluateOperation(Operation operation, const Interval& a, const Interva
     case Operation::kAtan:
       return increasing(a, [](double x) { return std::atan(x); });
     case Operation::kAtan2: {
-      // Off the cut along the negative second operand the extremes lie in the corners.
+      // The extremes lie in the corners, except on the cut along the negative second operand.
       const bool is_off_cut = a.low > 0.0 || a.high < 0.0 || b.low > 0.0;
       if (!is_off_cut) return {-2.0 * kHalfPi, 2.0 * kHalfPi};
       const auto [least, largest] =
@@ -246,7 +246,7 @@ Interval IntervalProgram::evaluate(const StateBox& box, double rounding) const {
             evaluateOperation(step.operation, a, b, at(step.operands[2]), at(step.operands[3])));
         break;
     }
-    // (0 times infinity is no number.)
+    // (0 times infinity is NaN.)
     if (rounding > 0.0) {
       registers_[i].low -= rounding * std::abs(registers_[i].low);
       registers_[i].high += rounding * std::abs(registers_[i].high);

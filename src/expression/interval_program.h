@@ -11,15 +11,15 @@ namespace variator_sim::expression {
 
 /// Encloses one node of a graph over a box of states: natural interval arithmetic (Moore: Interval
 /// Analysis, 1966), whose result holds every value that the formula takes in the box. Rounding is
-/// not directed outwards: it is what the formula's own rounding is.
+/// not directed outwards: it equals the formula's own rounding.
 class IntervalProgram {
  public:
   IntervalProgram() = default;
   IntervalProgram(const Graph& graph, Node node);
 
-  /// Infinite where nothing is known (outside of a domain, too). Every operation's result, and what
-  /// is read, is widened by the part `rounding` of itself. One program is used by one thread at a
-  /// time: it keeps its registers. [loop]
+  /// Returns an infinite interval if no bound is known (also outside of a domain). Results and
+  /// operands are widened by the part `rounding` of themselves. One thread may use a program at a
+  /// time, as it keeps its registers. [loop]
   Interval evaluate(const StateBox& box, double rounding = 0.0) const;
   /// The parts of the state that occur, as Guard::reads tells them.
   unsigned reads() const { return reads_; }
@@ -38,7 +38,7 @@ class IntervalProgram {
     Table2::Order order;
   };
   std::vector<Step> steps_;
-  mutable std::vector<Interval> registers_;  ///< one for each step; constants are written once
+  mutable std::vector<Interval> registers_;  ///< one per step; constants are written once
   unsigned reads_ = 0;
   bool reads_time_ = false;
   bool reads_inputs_ = false;

@@ -10,8 +10,8 @@
 
 namespace variator_sim::expression {
 
-/// df/dx_by, `by` counted from 1. Its value is what f states, its gradient central differences of
-/// order 4 of that:
+/// df/dx_by, `by` counted from 1. Its value is f's gradient entry, its gradient central differences
+/// of order 4 of this entry:
 ///     dg/dx = (8 (g(x + h) - g(x - h)) - (g(x + 2h) - g(x - 2h))) / 12h
 class OpaqueSlope final : public OpaqueFunction {
  public:
@@ -26,7 +26,7 @@ class OpaqueSlope final : public OpaqueFunction {
     return gradient[by_ - 1];
   }
   void calcGradient(const double* x, double* gradient) const override {
-    // Truncation h^4/30 and rounding 1e-16/h are both below 1e-11 where f is smooth over 1/50 of x.
+    // Truncation h^4/30 and rounding 1e-16/h are both below 1e-11 if f is smooth over 1/50 of x.
     constexpr double kStep = 1e-4;
     double moved[kMostArguments];
     std::copy_n(x, argumentCount(), moved);

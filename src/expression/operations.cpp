@@ -1,4 +1,4 @@
-// What operations compute.
+// Values of operations.
 #include <cmath>
 #include <limits>
 
@@ -69,7 +69,7 @@ double powerOf(double x, double exponent) {
   return root * root;
 }
 
-// Longer than a screen, as the list of operations is.
+// The list of operations makes this function long.
 double evaluateOperation(Operation operation, const double* operands) {
   const double a = operands[0];
   switch (operation) {

@@ -29,8 +29,8 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// Reads one text. A rule's function takes what the rule describes, makes its nodes and leaves the
-/// position at what comes next; it throws where that is impossible.
+/// Reads one text. A rule's function consumes the rule's text, makes its nodes and leaves the
+/// position at the next token; it throws on an error.
 class Parser {
  public:
   Parser(const std::string& text, const SymbolTable& symbols, Graph& graph,
@@ -52,7 +52,7 @@ class Parser {
 
  private:
   // ------------------------------------------------------------------------------------------ text
-  /// To `offset` or, from white space, to the token behind it: the position is never in between.
+  /// Moves to `offset` or, from white space, to the token behind it, never in between.
   void moveTo(std::size_t offset) {
     position_ = offset;
     while (position_ < text_.size() && isSpace(text_[position_])) ++position_;
@@ -71,13 +71,13 @@ class Parser {
     return true;
   }
 
-  /// The first place from `offset` on at which there is no digit.
+  /// Returns the first position from `offset` on without a digit.
   std::size_t skipDigits(std::size_t offset) const {
     while (isDigitAt(offset)) ++offset;
     return offset;
   }
 
-  /// Where the name that begins at `offset` ends.
+  /// Returns the end of the name that begins at `offset`.
   std::size_t endOfName(std::size_t offset) const {
     while (offset < text_.size() && (isNameStart(text_[offset]) || isDigit(text_[offset]))) {
       ++offset;
@@ -89,14 +89,14 @@ class Parser {
     return isDigitAt(offset) || (isAt(offset, '.') && isDigitAt(offset + 1));
   }
 
-  /// Where the number that begins at `offset` ends.
+  /// Returns the end of the number that begins at `offset`.
   std::size_t endOfNumber(std::size_t offset) const {
     std::size_t end = skipDigits(offset);
     if (isAt(end, '.')) end = skipDigits(end + 1);
     if (isAt(end, 'e') || isAt(end, 'E')) {
       const bool has_sign = isAt(end + 1, '+') || isAt(end + 1, '-');
       const std::size_t power = end + (has_sign ? 2 : 1);
-      // Otherwise the letter is no part of the number, and number() says what is wrong with it.
+      // Otherwise the letter is no part of the number, and number() reports the error.
       if (isDigitAt(power)) end = skipDigits(power);
     }
     return end;
@@ -137,7 +137,7 @@ class Parser {
     return is_negative ? graph_.negate(value) : value;
   }
 
-  /// True when they make negative what they stand before.
+  /// Returns true when the signs negate their operand.
   bool signs() {
     bool is_negative = false;
     for (;;) {
@@ -209,7 +209,7 @@ class Parser {
     return graph_.constant(value);
   }
 
-  /// `name` was taken from `where`; it has no arguments.
+  /// Reads a variable: `name` was read at `where`; it has no arguments.
   Node variable(const std::string& name, std::size_t where) {
     countOperand(where);
     const auto symbol = symbols_.find(name);
@@ -224,7 +224,7 @@ class Parser {
     failUnknown(name, where);
   }
 
-  /// `name` was taken from `where`; its arguments come next.
+  /// Reads a call: `name` was read at `where`; its arguments come next.
   Node call(const std::string& name, std::size_t where) {
     const Function* function = findFunction(name);
     if (function == nullptr && tables_.count(name) == 0) failUnknownFunction(name, where);
@@ -250,7 +250,7 @@ class Parser {
                                : applyTable(tables_.at(name), arguments, where);
   }
 
-  /// Behind the '(' of an `if` at `where`.
+  /// Reads behind the '(' of an `if` at `where`.
   Node choice(std::size_t where) {
     const Node left = sum();
     const bool is_less = isAt(position_, '<');
@@ -267,7 +267,7 @@ class Parser {
     if (isAt(position_, ',')) failChoice(where);
     endParenthesis();
     if (readsLinear(left) || readsLinear(right)) failNotLinear(where, graph_.subtract(left, right));
-    // a < b is not b <= a, and a > b is not a <= b.
+    // a < b is the negation of b <= a, and a > b that of a <= b.
     const Node low = is_less == has_equal ? left : right;
     const Node high = is_less == has_equal ? right : left;
     return graph_.select(low, high, values[has_equal ? 0 : 1], values[has_equal ? 1 : 0]);
@@ -279,7 +279,7 @@ class Parser {
                     " numbers and names in all; a table may take their place");
   }
 
-  /// Behind a '(' at `where`.
+  /// Reads behind a '(' at `where`.
   void beginParenthesis(std::size_t where) {
     if (++nesting_ > kMaxNesting) {
       fail(where, "nested deeper than " + std::to_string(kMaxNesting) + " levels");
@@ -327,7 +327,7 @@ class Parser {
     return checked(value, where);
   }
 
-  /// Whether one of `linear_` occurs in `node`.
+  /// Returns true if one of `linear_` occurs in `node`.
   bool readsLinear(Node node) {
     if (linear_.empty()) return false;
     // Operands precede their users.
@@ -355,7 +355,7 @@ class Parser {
     throw ExpressionError(message, text_, columnOf(text_, where));
   }
 
-  /// The piece at `where`: a name, a number or one character.
+  /// Returns the token at `where`: a name, a number or one character.
   std::string piece(std::size_t where) const {
     std::size_t end = where + 1;
     if (isNameStart(text_[where])) {
@@ -371,7 +371,7 @@ class Parser {
     return where == text_.size() ? "the end" : inQuotes(piece(where));
   }
 
-  /// No operand begins here.
+  /// Fails as no operand begins here.
   [[noreturn]] void failOperand() const {
     if (position_ > 0 && isAt(position_, '*') && isAt(position_ - 1, '*')) {
       fail(position_ - 1, "'**' is not an operator here: write '^' for powers");
@@ -381,14 +381,14 @@ class Parser {
     fail(position_, "expected a number, a name or '(' instead of " + describe(position_));
   }
 
-  /// Fails where what comes next belongs to other languages.
+  /// Fails if the next token belongs to other languages.
   void failForeign() const {
     if (position_ == text_.size()) return;
     const std::string way = explainForeignWord(piece(position_));
     if (!way.empty()) fail(position_, describe(position_) + " is not an operator here: " + way);
   }
 
-  /// Behind an operand, what comes next does not continue the formula.
+  /// Fails as the token behind an operand does not continue the formula.
   [[noreturn]] void failOperator() const {
     if (position_ != text_.size()) {
       const char c = text_[position_];
@@ -410,7 +410,7 @@ class Parser {
     fail(position_, "expected an operator or " + closing + " instead of " + describe(position_));
   }
 
-  /// Behind the first value in an `if`.
+  /// Fails as no comparison follows the first value in an `if`.
   [[noreturn]] void failComparison() const {
     const bool is_end = position_ == text_.size();
     if (!is_end && text_.find_first_of(",)=!", position_) != position_) failOperator();
@@ -423,11 +423,11 @@ class Parser {
          "the value elsewhere");
   }
 
-  /// Of a name that needs arguments.
+  /// Returns the kind of a name that needs arguments.
   std::string kindOf(const std::string& name) const {
     return (tables_.count(name) != 0 ? "the table " : "the function ") + inQuotes(name);
   }
-  /// All names that can be called.
+  /// Returns all names that can be called.
   std::vector<std::string> callableNames() const {
     std::vector<std::string> names = functionNames();
     for (const auto& table : tables_) names.push_back(table.first);
@@ -463,7 +463,7 @@ class Parser {
   [[noreturn]] void failNotLinear(std::size_t where, Node value) const {
     std::string names;
     for (const auto& [name, variable] : linear_) {
-      if (used_.count(name) == 0) continue;  // of two names for one variable
+      if (used_.count(name) == 0) continue;  // unused name of a variable with two names
       if (!graph_.dependsOn(value, graph_.entry(variable).slot)) continue;
       names += (names.empty() ? "" : ", ") + name;
     }
@@ -481,7 +481,7 @@ class Parser {
 
   std::size_t position_ = 0;
   int nesting_ = 0;
-  std::vector<bool> reads_linear_;  ///< of the nodes of the graph, as far as asked for
+  std::vector<bool> reads_linear_;  ///< per node of the graph, as far as computed
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Formulas of a scene: what their names mean.
+// Formulas of a scene: the meaning of their names.
 #include <algorithm>
 #include <cstddef>
 #include <iterator>
@@ -21,7 +21,7 @@ bool isNumbered(const std::string& name, const std::string& prefix) {
                      isDigit);
 }
 
-/// "w1, w2".
+/// Returns a list such as "w1, w2".
 std::string listNumbered(const std::string& prefix, int count) {
   std::vector<std::string> names;
   for (int i = 1; i <= count; ++i) {
@@ -41,7 +41,7 @@ bool isVariable(const std::string& name, const std::string& prefix,
          std::find(shafts.begin(), shafts.end(), name.substr(begin)) != shafts.end();
 }
 
-/// Why the name of a variable means nothing here, or an empty string.
+/// Explains why the name of a variable has no meaning here; empty if it has one.
 std::string explainName(const std::string& name, const std::vector<std::string>& shafts,
                         FormulaKind kind) {
   const bool order3 = kind == FormulaKind::kOrder3;
@@ -73,7 +73,7 @@ std::string explainName(const std::string& name, const std::vector<std::string>&
   return "";
 }
 
-/// Throws SceneError when a parameter's name cannot be told from something else.
+/// Throws SceneError when a parameter's name is ambiguous.
 void checkParameterName(const std::string& name, const std::string& path,
                         const ComponentContext& context) {
   const std::string shown = inQuotes(name);
@@ -91,7 +91,7 @@ void checkParameterName(const std::string& name, const std::string& path,
 /// The variables of a formula by their names.
 struct Variables {
   SymbolTable symbols;
-  SymbolTable jerks;  ///< those of `symbols` in which it has to be linear
+  SymbolTable jerks;  ///< symbols in which the formula has to be linear
 };
 
 Variables nameVariables(const ComponentContext& context, FormulaKind kind, Graph& graph) {

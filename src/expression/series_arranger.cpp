@@ -154,7 +154,7 @@ void SeriesArranger::arrangeChange(int index, std::vector<Operation>* operations
 
 bool SeriesArranger::isWritten(int index, int order) const {
   const Instruction& it = made_.instructions_[static_cast<std::size_t>(index)];
-  // A rate is written an order later than it is of.
+  // A rate is written one order after its operand.
   const int ends = made_.degree(it.result) + (it.code == Code::kRate ? 1 : 0);
   return order <= ends;
 }

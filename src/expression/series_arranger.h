@@ -1,4 +1,4 @@
-/// What a SeriesProgram does from order 1 on, with everything found out beforehand that can be.
+/// Precomputes the operations of a SeriesProgram from order 1 on.
 #pragma once
 
 #include <vector>
@@ -11,7 +11,7 @@ class SeriesArranger {
  public:
   explicit SeriesArranger(SeriesProgram& program) : made_(program) {}
 
-  /// Makes the operations of all parts of a program whose instructions are there.
+  /// Makes the operations of all parts of a program with complete instructions.
   void arrange();
 
  private:
@@ -21,14 +21,14 @@ class SeriesArranger {
   using Kind = Operation::Kind;
 
   int place(int row) const { return row < 0 ? 0 : static_cast<int>(made_.offset(row)); }
-  /// False where coefficients from `order` on are 0.
+  /// Returns false if coefficients from `order` on are 0.
   bool isWritten(int index, int order) const;
-  /// Of order `order` and of those beyond it up to the next one that is arranged.
+  /// Arranges the operations from `order` up to the next arranged order.
   std::vector<Operation> arrangeOrder(int order);
   Operation begin(int index, Kind kind) const;
   Operation arrange(int index);
   Operation sum(int index);
-  /// Of no instruction: it is carried out where a function stays at its limit, too.
+  /// Belongs to no instruction: it is executed also for a function that stays at its limit.
   Operation noteChange(Kind kind, int row) const;
   void arrangeChange(int index, std::vector<Operation>* operations);
   Operation changeOfProduct(int index) const;

@@ -1,5 +1,5 @@
 // A SeriesProgram as C: the same operations in the same order, so that they make the same bits.
-// Order 0 stays the program's own where it looks up tables.
+// Order 0 remains interpreted if it looks up tables.
 #include <set>
 #include <sstream>
 
@@ -118,7 +118,7 @@ class SeriesWriter {
     return text_.str();
   }
 
-  /// sum_{0 < j < n} a_j b_{n-j}: SeriesInterpreter's products; convolveOld.
+  /// Writes sum_{0 < j < n} a_j b_{n-j}: SeriesInterpreter's products; convolveOld.
   std::string convolveInside(int a, int b) const {
     std::string low = "1";
     std::string high = "n - 1";
@@ -126,7 +126,7 @@ class SeriesWriter {
     if (isPolynomial(a)) high = "least(n - 1, " + std::to_string(program_.degree(a)) + ")";
     return "between(" + forward(a) + ", " + backward(b, "n") + ", " + low + ", " + high + ")";
   }
-  /// As SeriesInterpreter::run has it; square, too.
+  /// As in SeriesInterpreter::run; square, too.
   std::string convolveKnown(int a, int b) const {
     return fuse(coefficient(a), forward(b) + "[0]", convolveInside(a, b));
   }
@@ -143,7 +143,7 @@ class SeriesWriter {
   std::string forward(int row) const {
     return "(r + " + std::to_string(static_cast<std::size_t>(row) * 2 * program_.width_) + ")";
   }
-  /// Where a sum begins that goes down from coefficient n of a row.
+  /// Returns the start of a sum that runs down from coefficient n of a row.
   std::string backward(int row, const std::string& n) const {
     mirrored_.insert(row);
     return "BACKWARD(" + std::to_string(program_.offset(row)) + ", " +
@@ -165,7 +165,7 @@ class SeriesWriter {
     const std::string x = forward(a);
     return "squareOf(" + x + ", " + backward(a, "0") + ", n)";
   }
-  /// Of the terms, then of the instructions: see SeriesProgram::addStructure.
+  /// Constants of the terms, then of the instructions: see SeriesProgram::addStructure.
   std::string constantOf(const Instruction& it) const {
     const auto index = static_cast<std::size_t>(&it - program_.instructions_.data());
     return writeNumber(it.constant, program_.terms_.size() + index);
@@ -173,14 +173,14 @@ class SeriesWriter {
   static std::string fuse(const std::string& a, const std::string& b, const std::string& c) {
     return "fuse(" + a + ", " + b + ", " + c + ")";
   }
-  /// sum + factor x
+  /// Writes sum + factor x.
   static std::string addTerm(const std::string& sum, const std::string& factor,
                              const std::string& x) {
     if (sum.empty()) return factor == "1.0" ? x : factor + " * " + x;
     if (factor == "1.0") return sum + " + " + x;
     return factor == "(-1.0)" ? sum + " - " + x : fuse(factor == "0.0" ? "zero" : factor, x, sum);
   }
-  /// Of what has changed: those of accelerations alone.
+  /// Writes the sum of terms; of changes, terms of accelerations alone.
   std::string sumOfTerms(const Instruction& it, bool of_changes = false) const {
     std::string sum;
     for (int n = 0; n < it.aux[1]; ++n) {
@@ -192,7 +192,7 @@ class SeriesWriter {
     }
     return sum;
   }
-  /// a_0 b + a b_0 of changes; one factor at least has changed.
+  /// Writes a_0 b + a b_0 of changes; at least one factor has changed.
   std::string changeOfProduct(int a, int b) const {
     const std::string first = forward(a) + "[0]";
     const std::string second = forward(b) + "[0]";
@@ -207,7 +207,7 @@ class SeriesWriter {
     if (program_.has_pole_[static_cast<std::size_t>(operand)]) return;
     text_ << "  limit |= overflows(" << forward(operand) << "[0], " << forward(result) << "[0]);\n";
   }
-  /// Coefficient 0.
+  /// Writes coefficient 0.
   void begin(const Instruction& it) {
     const auto first = [this](int row) { return forward(row) + "[0]"; };
     const int a = it.operands[0];
@@ -452,7 +452,7 @@ class SeriesWriter {
     }
   }
 
-  /// (x - x_0)^i, up to `degree`.
+  /// Writes (x - x_0)^i, up to `degree`.
   void writePowers(int base, const int* powers, int degree) {
     int before = base;
     for (int i = 2; i <= degree; ++i) {

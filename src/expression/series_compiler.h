@@ -1,6 +1,6 @@
-/// How the rows of a SeriesProgram are chosen: sums, differences and constant factors of nodes are
-/// gathered into one linear form, which gets a row of its own only where something that is not
-/// linear, or an output, reads it. A product of nodes with constant factors is that of the nodes.
+/// Chooses the rows of a SeriesProgram: sums, differences and constant factors of nodes are
+/// gathered into one linear form, which gets a row only if a nonlinear operation or an output reads
+/// it. Constant factors are moved out of products of nodes.
 #pragma once
 
 #include <cstddef>
@@ -30,29 +30,29 @@ class SeriesCompiler {
     double constant = 0.0;
     std::vector<Term> terms;
   };
-  /// Forms with more terms get a row, so that what reads them does not repeat them.
+  /// Forms with more terms get a row, so that their readers do not repeat them.
   static constexpr std::size_t kMostTerms = 6;
 
   int addRow(int degree, bool is_accelerated);
   int degree(int row) const { return made_.degree(row); }
 
-  /// Appends an instruction; what it writes depends on what it reads.
+  /// Appends an instruction; the kind of its result follows from its operands.
   int append(Instruction it, std::initializer_list<int*> results, int degree);
   bool mayHavePole(const Instruction& it) const;
-  /// Adds an instruction whose rows are there; returns that of its result.
+  /// Adds an instruction with existing rows; returns the row of its result.
   int place(const Instruction& it, const std::vector<int>& written);
   int addState();
 
   int constantRow(double value);
-  /// The row of a form; `form` is that row from then on.
+  /// Returns the row of a form; `form` becomes that row.
   int rowOf(Form& form);
   int rowOf(int node) { return rowOf(forms_[static_cast<std::size_t>(node)]); }
 
-  /// ka a + kb b
+  /// Returns ka a + kb b.
   static Form combine(const Form& a, double ka, const Form& b, double kb);
   static Form scaled(const Form& form, double by) { return combine(form, by, Form{}, 0.0); }
   static Form single(int row, double factor = 1.0) { return Form{0.0, {{row, factor}}}; }
-  /// The factor of a form of one term, which is left without it; 1 of others.
+  /// Removes and returns the factor of a form of one term; returns 1 for others.
   double takeFactor(Form& form, int* row);
 
   Form makeForm(const Graph::Entry& entry);
@@ -63,19 +63,19 @@ class SeriesCompiler {
   /// The recurrence of other powers divides by x, which may be 0.
   static constexpr double kMostMultiplied = 1000.0;
 
-  /// x^n by the same products as powerOf.
+  /// Returns the row of x^n by the same products as powerOf.
   int multipliedPower(int x, int n);
   Form power(const Graph::Entry& entry);
 
   // series_compiler_functions.cpp
 
-  /// D of x: its rate, j x_j at j - 1.
+  /// Returns D of x: its rate, j x_j at j - 1.
   int rate(int x);
   int exponential(int x);
-  /// Sine and cosine of one argument; `second` tells which is asked for.
+  /// Returns sine or, with `second`, cosine of one argument.
   int pair(Code code, int x, bool second);
   int tangent(Code code, int x);
-  /// log x, atan x, asin x, acos x, atan2(x, y).
+  /// Returns log x, atan x, asin x, acos x or atan2(x, y).
   int primitive(Begin begin, int x, int y);
   int root(int x);
 
@@ -83,7 +83,7 @@ class SeriesCompiler {
   int branch(const Graph::Entry& entry, int a);
   int table(const Graph::Entry& entry, int a);
 
-  /// The first `count` outputs are those of the trial.
+  /// Finds the programs; the first `count` outputs belong to the trial.
   void findPrograms(std::size_t count);
 
   const Graph& graph_;

@@ -1,5 +1,4 @@
-// Instructions of functions, branches and tables: a row, and those beside it that its recurrence
-// needs.
+// Instructions of functions, branches and tables: a row, and the rows that its recurrence needs.
 #include <algorithm>
 #include <stdexcept>
 #include <vector>
@@ -81,7 +80,7 @@ int SeriesCompiler::primitive(Begin begin, int x, int y) {
       break;
     }
     case Begin::kAtan2: {
-      // (x y' ..): of atan2(x, y) the rate is (y x' - x y') / (x^2 + y^2)
+      // (x y' ..): the rate of atan2(x, y) is (y x' - x y') / (x^2 + y^2)
       Instruction wronskian;
       wronskian.code = Code::kWronskian;
       wronskian.operands[0] = y;

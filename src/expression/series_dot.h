@@ -1,6 +1,6 @@
-/// Sums of products of coefficients, in two arithmetics: where the processor has an instruction for
-/// a b + c that rounds once, machine code uses it, and so does the interpreter, to the same bits.
-/// What is read twice for that, once in each arithmetic, is text (*.inc).
+/// Sums of products of coefficients, in two arithmetics: if the processor has an instruction for a
+/// b + c that rounds once, machine code and the interpreter use it, to the same bits. The texts
+/// (*.inc) are compiled twice, once in each arithmetic.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 #include <immintrin.h>
 #endif
 
-// In between stand functions of processors that have it: nothing but texts may be included there.
+// The functions between require such a processor: only texts (*.inc) may be included there.
 #if defined(__x86_64__) && defined(__clang__)
 #define VARIATOR_SIM_BEGIN_FUSED \
   _Pragma("clang attribute push(__attribute__((target(\"avx2,fma\"))), apply_to = function)")
@@ -25,16 +25,16 @@
 
 namespace variator_sim::expression {
 
-/// Whether products are added before they are rounded: where the processor does that, unless
-/// somebody has turned it off. [loop]
+/// Returns true if products are added before they are rounded: the default on processors that can.
+/// [loop]
 bool fusesProducts();
-/// For tests: the arithmetic of what is set up from now on. True changes nothing where the
-/// processor has no instruction for it.
+/// For tests: sets the arithmetic of later programs. True has no effect on a processor without the
+/// instruction.
 void fuseProducts(bool on);
-/// What stands before the C of kernels: their arithmetic, too.
+/// Returns the head of the C of kernels, including their arithmetic.
 const char* arithmeticOfCode();
 
-/// Two doubles that are added and multiplied at once.
+/// Two doubles, added and multiplied by vector instructions.
 using Two = double __attribute__((vector_size(16)));
 
 inline Two loadTwo(const double* from) {

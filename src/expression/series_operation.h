@@ -1,4 +1,4 @@
-/// series_operation.inc as C++ sees it.
+/// series_operation.inc as C++.
 #pragma once
 
 namespace variator_sim::expression {

@@ -1,4 +1,4 @@
-// Whether the rows of a program are its functions all along a step, of the interpreter's rows.
+// Checks that the interpreter's rows resolve the functions of a program along a step.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -16,10 +16,10 @@ using Real = double;
 #include "expression/series_ranges.inc"
 }  // namespace
 
-/// The operation that states an instruction's function; those of recurrences alone have none.
+/// Returns the operation of an instruction's function; instructions of recurrences alone have none.
 SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
   constexpr int kNone = -1;
-  // By Code and by Begin.
+  // Kinds by Code, then by Begin.
   constexpr int kKinds[] = {
       kNone,         kSeriesProduct, kSeriesProduct, kSeriesQuotient, kNone,         kSeriesExp,
       kSeriesSine,   kSeriesSinh,    kSeriesTan,     kSeriesTanh,     kNone,         kNone,
@@ -63,7 +63,7 @@ void SeriesProgram::listResolved() {
   for (auto it = instructions_.rbegin(); it != instructions_.rend(); ++it) {
     SeriesOperation made = operationOf(*it);
     if (!isNeeded(it->result) && !isNeeded(made.second)) continue;
-    // The last two terms first, as the list is turned around.
+    // The last two terms come first, as the list is reversed.
     for (int n = it->code == Code::kLinear ? (it->aux[1] - 1) / 2 * 2 : -1; n >= 0; n -= 2) {
       const Term* const term = terms_.data() + it->aux[0] + n;
       const bool has_two = n + 1 < it->aux[1];
@@ -108,7 +108,7 @@ void SeriesProgram::listResolved() {
   ranges_.assign(degree_.size(), SeriesRange{});
   hiding_.clear();
   for (const SeriesOperation& it : resolved_) {
-    // (Steps end at the pieces of tables.)
+    // (Steps end at the points of tables.)
     const bool may_hide = it.kind > kSeriesFinite && it.kind != kSeriesTable;
     if (may_hide && it.power > kAlong) hiding_.push_back(it);
   }
@@ -165,7 +165,7 @@ bool SeriesProgram::areArgumentsNoted() const {
 }
 
 bool SeriesProgram::haveArgumentsGoneFar() const {
-  constexpr double kFar = 0.4;  // of the distance within which an operation's series converges
+  constexpr double kFar = 0.4;  // part of the radius of convergence of an operation
   const double* from = arguments_.data();
   for (const SeriesOperation& it : hiding_) {
     const double a = *from++;

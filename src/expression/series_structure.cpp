@@ -1,4 +1,4 @@
-// What the C of a SeriesProgram is made from: of two that are equal here it is the same text.
+// The structure of a SeriesProgram's C: equal structures have the same text.
 #include <algorithm>
 #include <iterator>
 #include <vector>
@@ -28,7 +28,7 @@ void SeriesProgram::addStructure(CodeStructure* structure) const {
   for (const bool has : has_pole_) count(has ? 1 : 0);
   add(accelerations_);
   for (const std::vector<int>& program : programs_) add(program);
-  // Constants have their places whether they are written out or not.
+  // Every constant has its index, even if it is written out.
   const auto addConstant = [&](double value) {
     if (structure->note(value)) structure->constants.push_back(value);
   };

@@ -1,5 +1,5 @@
 // The makers of nodes, which simplify.
-// Every rewriting here is exact in floating point (but for the sign of a zero): it moves signs,
+// Every rewriting here is exact in floating point (except for the sign of a zero): it moves signs,
 // drops neutral elements, or scales by powers of two.
 #include <cmath>
 #include <utility>

@@ -1,10 +1,9 @@
-// How the program is made:
-//   1. lower: powers with small integer exponents become multiplications; what no output needs is
-//      left behind;
-//   2. fuse: a sum, product, ... that only one other needs joins it in one instruction. The
-//      roundings stay those of the separate operations;
-//   3. schedule (tape_schedule.h): what the longest remaining chain waits for goes first, and what
-//      has the same code with it;
+// Steps of compilation:
+//   1. lower: powers with small integer exponents become multiplications; unused nodes are dropped;
+//   2. fuse: a sum, product, ... with a single reader joins it in one instruction. The roundings
+//   remain those of the separate operations;
+//   3. schedule (tape_schedule.h): the step on the longest remaining chain goes first, with steps
+//   of the same code;
 //   4. allocate: a register is free again after its last reader.
 #include <algorithm>
 #include <array>
@@ -34,7 +33,7 @@ int functionCode(Operation operation) {
   }
 }
 
-/// Which of the four operations, or -1.
+/// Returns the index of one of the four operations, or -1.
 int arithmeticOf(Operation operation) {
   switch (operation) {
     case Operation::kAdd:
@@ -74,7 +73,7 @@ class TapeBuilder {
   const Graph::Entry& entry(int index) const { return graph_.entry({index}); }
   bool isLeaf(int index) const { return operandCount(entry(index).operation) == 0; }
 
-  /// x^n by the same products as powerOf.
+  /// Makes x^n by the same products as powerOf.
   Node lowerPower(Node base, double exponent) {
     if (exponent < 0.0) {
       return graph_.divide(graph_.constant(1.0), lowerPower(base, -exponent));
@@ -212,7 +211,7 @@ class TapeBuilder {
     }
     for (int x = 0; x < nodeCount(); ++x) {
       if (sine_of[at(x)] >= 0 && cosine_of[at(x)] >= 0) {
-        // One step for both, kept where the earlier one stood: all readers come later.
+        // Both become one step, at the place of the earlier one: all readers come later.
         const int first = std::min(sine_of[at(x)], cosine_of[at(x)]);
         const int second = std::max(sine_of[at(x)], cosine_of[at(x)]);
         setStep(first, kCodeSinCos, {x});
@@ -223,7 +222,7 @@ class TapeBuilder {
     }
   }
 
-  /// The derivatives of one call are one step, where the earliest stood.
+  /// Merges the derivatives of one call into one step, at the place of the earliest.
   void shareGradients() {
     std::map<std::array<int, 5>, int> first_of;
     for (int i = 0; i < nodeCount(); ++i) {
@@ -251,8 +250,8 @@ class TapeBuilder {
     return static_cast<int>(tape_.registers_.size()) - 1;
   }
 
-  /// The outputs have the first registers, one behind the other; the first of several that are one
-  /// node is where that is computed.
+  /// Assigns the first registers to the outputs, consecutively; a node with several outputs is
+  /// computed in the first of them.
   void reserveOutputs() {
     output_of_.assign(needed_.size(), -1);
     for (std::size_t k = 0; k < outputs_.size(); ++k) {
@@ -310,7 +309,7 @@ class TapeBuilder {
     finishOutputs();
   }
 
-  /// Outputs that are another one, too, are copied; then the program ends.
+  /// Copies outputs that repeat another one, and ends the program.
   void finishOutputs() {
     for (std::size_t k = 0; k < outputs_.size(); ++k) {
       const int computed = register_of_[at(outputs_[k].index)];
@@ -330,7 +329,7 @@ class TapeBuilder {
     pack();
   }
 
-  /// Of instructions of one code behind one another the first says how many they are.
+  /// Writes the length of a run of instructions with one code into its first.
   void gatherRuns() {
     for (std::size_t i = 0; i < program_.size();) {
       const int code = program_[i].code;
@@ -356,7 +355,7 @@ class TapeBuilder {
     }
   }
 
-  /// The index of `table` in `tables`, to which it is added when it is new.
+  /// Returns the index of `table` in `tables`, and adds a new one.
   template <class T>
   static int indexIn(std::vector<std::shared_ptr<const T>>& tables,
                      const std::shared_ptr<const T>& table) {
@@ -366,7 +365,7 @@ class TapeBuilder {
     return static_cast<int>(index);
   }
 
-  /// Adds to `instruction`, where node i is one of a table, which one and what of it.
+  /// Adds the table of node i, if it reads one, and the derivative's order to `instruction`.
   void nameTable(int i, Draft& instruction) {
     const Graph::Entry& it = entry(i);
     if (instruction.code == kCodeTable) {
@@ -378,7 +377,7 @@ class TapeBuilder {
     }
   }
 
-  /// Adds the call of a step to the tape, and to `instruction` which one it is.
+  /// Adds the call of a step to the tape, and its index to `instruction`.
   void nameCall(const Step& step, Draft& instruction) {
     Tape::Call call = {};
     call.function = graph_.opaqueOf(entry(step.results[0]));
@@ -421,7 +420,7 @@ class TapeBuilder {
   std::vector<Step> steps_;
   std::vector<int> order_;
   std::vector<Draft> program_;
-  std::vector<int> output_of_;  ///< of a node: which output it is; -1: none
+  std::vector<int> output_of_;  ///< output index by node; -1: none
   std::vector<int> register_of_;
   std::vector<int> free_registers_;
 };

@@ -7,8 +7,8 @@ namespace variator_sim::expression {
 
 namespace {
 
-/// Sine and cosine of one argument; glibc computes both in little more than the time of one, with
-/// the bits of sin() and cos().
+/// Computes sine and cosine of one argument; glibc computes both in little more than the time of
+/// one, with the bits of sin() and cos().
 void computeSinCos(double x, double* sine, double* cosine) {
 #if defined(__GLIBC__) && defined(_GNU_SOURCE)
   ::sincos(x, sine, cosine);
@@ -41,13 +41,13 @@ void Tape::carryOut(const Call& call) const {
 }
 
 // Computed goto, a language extension of GCC and Clang: every run jumps to the next one itself, so
-// that the processor predicts each jump by its own history. Where each evaluation waits for the
-// last, a switch in a loop took 1 to 6 % longer for right-hand sides of scenes of 2 to 8 shafts.
+// that the processor predicts each jump by its own history. With evaluations that depend on each
+// other a switch in a loop took 1 to 6 % longer for right-hand sides of scenes of 2 to 8 shafts.
 //
-// Loads and jumps are what limits a long program, the way of a result through memory to the next
-// instruction a short one. Hence runs, fields in two words, and an order that serves both: together
-// they took 3 to 5 % off the right-hand side of the ship of benchmark/kernel_benchmark.cpp, 9 % off
-// that of four shafts with two variators, 19 % off that of eight with four.
+// Loads and jumps limit a long program, the latency of a result through memory a short one. Hence
+// runs, fields in two words, and an order that serves both: together they took 3 to 5 % off the
+// right-hand side of the ship of benchmark/kernel_benchmark.cpp, 9 % off that of four shafts with
+// two variators, 19 % off that of eight with four.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic"
 
@@ -56,7 +56,7 @@ void Tape::carryOut(const Call& call) const {
 #define VARIATOR_SIM_APPLY_2(x, y) ((x) * (y))
 #define VARIATOR_SIM_APPLY_3(x, y) ((x) / (y))
 
-// Everything that has a label, in the order of the codes of instruction_set.h.
+// All labels, in the order of the codes of instruction_set.h.
 // clang-format off
 #define VARIATOR_SIM_PAIRS(X) X(0) X(1) X(2) X(3)
 #define VARIATOR_SIM_TRIADS_OF(X, o1)                 \
@@ -87,7 +87,7 @@ void Tape::carryOut(const Call& call) const {
 #define VARIATOR_SIM_NEXT \
   VARIATOR_SIM_ADVANCE;   \
   goto* kLabels[fieldOf(head, kCodeField)]
-// A run of four begins at its first label, a shorter one further down.
+// A run of four begins at its first label, a shorter one at a later label.
 #define VARIATOR_SIM_RUN(name, body) \
   name##_4 : {                       \
     body;                            \

@@ -15,8 +15,8 @@ std::size_t at(int index) {
   return static_cast<std::size_t>(index);
 }
 
-// Rough numbers of cycles until another instruction can go on with the result. Every one of them
-// goes through memory.
+// Approximate latencies, in cycles, until another instruction can use the result. All results go
+// through memory.
 constexpr int kThroughMemory = 8;
 int latencyOf(Arithmetic operation) {
   return operation == kOver ? 13 : 3;
@@ -52,8 +52,8 @@ int latencyOf(int code) {
     case kCodeSqrt:
       return kThroughMemory + 20;
     default:
-      // Less than a call takes: most of them read the time alone, which is there before the state
-      // is, and would keep what waits for the state from being begun.
+      // This is less than a call takes: most calls read the time alone, which is known before the
+      // state, and would delay steps that wait for the state.
       return kThroughMemory + 15;
   }
 }
@@ -73,7 +73,7 @@ class Scheduler {
     while (!codes_.empty()) {
       const auto [priority, code] = codes_.top();
       codes_.pop();
-      // Its steps may have gone with earlier ones.
+      // Its steps may have been scheduled with earlier ones.
       if (ready_[at(code)].empty() || ready_[at(code)].top().first != priority) continue;
       takeRun(code);
     }
@@ -81,12 +81,12 @@ class Scheduler {
   }
 
  private:
-  using Ranked = std::pair<int, int>;  // priority, and what has it
+  using Ranked = std::pair<int, int>;  // priority and its owner
 
   int count() const { return static_cast<int>(steps_.size()); }
 
   void findReaders() {
-    std::vector<int> step_of(steps_.size(), -1);  // of a node: which one computes it
+    std::vector<int> step_of(steps_.size(), -1);  // step that computes each node
     for (int i = 0; i < count(); ++i) {
       if (steps_[at(i)].code < 0) continue;
       for (const int result : steps_[at(i)].results) {
@@ -107,7 +107,7 @@ class Scheduler {
     }
   }
 
-  /// The longest chain from a step on. Readers come behind what they read.
+  /// Finds the longest chain from each step. Readers come after their operands.
   void findPriorities() {
     priority_.assign(steps_.size(), 0);
     for (int i = count() - 1; i >= 0; --i) {
@@ -120,12 +120,12 @@ class Scheduler {
 
   void makeReady(int i) {
     const int code = steps_[at(i)].code;
-    // Of equal ones the first.
+    // Among equal priorities the first step wins.
     ready_[at(code)].emplace(priority_[at(i)], -i);
     codes_.emplace(priority_[at(i)], code);
   }
 
-  /// The most urgent steps of one code.
+  /// Schedules the most urgent steps of one code.
   void takeRun(int code) {
     auto& ready = ready_[at(code)];
     for (int n = 0; n < kLongestRun && !ready.empty(); ++n) {

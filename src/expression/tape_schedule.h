@@ -1,11 +1,11 @@
-/// The order in which the steps of a Tape are carried out.
+/// The execution order of the steps of a Tape.
 #pragma once
 
 #include <vector>
 
 namespace variator_sim::expression {
 
-/// What becomes one instruction. Step i computes node i, and what else is in `results`.
+/// One future instruction. Step i computes node i, and the other nodes in `results`.
 struct Step {
   int code = -1;  ///< -1: a constant, a variable, or part of another's instruction
   int results[4] = {-1, -1, -1, -1};
@@ -13,9 +13,9 @@ struct Step {
   int operand_count = 0;
 };
 
-/// All steps that have a code. Operands come before their readers, what the longest remaining chain
-/// waits for goes first, and with it what has the same code and is ready, too: one jump then leads
-/// to several instructions (kLongestRun).
+/// Orders all steps that have a code. Operands come before their readers, the step on the longest
+/// remaining chain first, with ready steps of the same code: one jump then leads to several
+/// instructions (kLongestRun).
 std::vector<int> schedule(const std::vector<Step>& steps);
 
 }  // namespace variator_sim::expression

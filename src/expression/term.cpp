@@ -22,7 +22,7 @@ bool isInteger(double value) {
   return value == std::trunc(value);
 }
 
-/// number * factors, as simple as that is.
+/// Returns number * factors in its simplest form.
 TermPtr finishProduct(double number, std::vector<Factor> factors) {
   if (number == 0.0 || factors.empty()) return makeNumber(number);
   if (factors.size() == 1 && factors[0].exponent == 1.0) {
@@ -33,7 +33,7 @@ TermPtr finishProduct(double number, std::vector<Factor> factors) {
       return makeSum(parts);
     }
   }
-  // Names before functions before sums.
+  // Names come before functions, functions before sums.
   std::stable_sort(factors.begin(), factors.end(), [](const Factor& a, const Factor& b) {
     const auto rank = [](const Term& term) {
       return term.kind == Kind::kSymbol ? 0 : term.kind == Kind::kSum ? 2 : 1;
@@ -46,14 +46,14 @@ TermPtr finishProduct(double number, std::vector<Factor> factors) {
   return product;
 }
 
-/// The number in front of `term`, and the rest.
+/// Splits `term` into the number in front of it and the rest.
 std::pair<double, TermPtr> splitNumber(const TermPtr& term) {
   if (term->kind == Kind::kNumber) return {term->number, makeNumber(1.0)};
   if (term->kind != Kind::kProduct) return {1.0, term};
   return {term->number, finishProduct(1.0, term->factors)};
 }
 
-/// The same for products that differ in the order of their factors only.
+/// Returns a key that ignores the order of factors.
 std::string keyOf(const Term& term) {
   if (term.kind != Kind::kProduct) return toText(term);
   std::vector<std::string> factors;
@@ -66,8 +66,8 @@ std::string keyOf(const Term& term) {
   return key;
 }
 
-/// Derivatives of what grows are made in the scale of 2^-100 (graph.h). Here it is taken out of a
-/// sum or a choice, to meet its inverse further up.
+/// Derivatives of growing functions are made in the scale of 2^-100 (graph.h), which is moved out
+/// of a sum or a choice, to cancel with its inverse further up.
 constexpr double kScale = 0x1p-100;
 bool isScaled(double number) {
   return std::abs(number) < 1e-20;
@@ -174,7 +174,7 @@ TermPtr makePower(const TermPtr& base, const TermPtr& exponent) {
   if (n == 1.0) return base;
   if (base->kind == Kind::kProduct && isInteger(n)) {
     std::vector<Factor> factors = base->factors;
-    // (x^0.5)^2 is x only where x >= 0, where both have a value.
+    // (x^0.5)^2 is x only for x >= 0; both have a value there.
     for (Factor& factor : factors) factor.exponent *= n;
     return finishProduct(powerOf(base->number, n), std::move(factors));
   }

@@ -1,6 +1,6 @@
 /// Formulas as people write them: sums of terms, products with one number in front, fractions,
-/// powers. What is made here is for reading: it is simplified as on paper, so that its value is
-/// that of the node it was made from to a few roundings, and where everything in it is finite.
+/// powers. Terms are for reading: they are simplified as on paper, so that a term has its node's
+/// value to a few roundings if all of its parts are finite.
 #pragma once
 
 #include <memory>
@@ -9,7 +9,7 @@
 
 namespace variator_sim::expression {
 
-/// Something that is called by a name.
+/// A named quantity or function.
 struct Symbol {
   std::string text;
   std::string latex;
@@ -18,7 +18,7 @@ struct Symbol {
 class Term;
 using TermPtr = std::shared_ptr<const Term>;
 
-/// base^exponent in a product; what has a negative exponent is divided by.
+/// base^exponent in a product; factors with a negative exponent are divisors.
 struct Factor {
   TermPtr base;
   double exponent = 1.0;
@@ -29,7 +29,7 @@ class Term {
   enum class Kind {
     kNumber,
     kSymbol,
-    kSum,      ///< of `parts`, none of them a sum
+    kSum,      ///< `parts`, none of them a sum
     kProduct,  ///< `number` times `factors`, no base of which is a number or (to a power that is an
                ///< integer) a product
     kPower,    ///< parts[0]^parts[1]
@@ -46,7 +46,7 @@ class Term {
 
 TermPtr makeNumber(double value);
 TermPtr makeSymbol(Symbol symbol);
-/// Like terms are added up, and a sum does not begin with a minus when it can be helped.
+/// Adds up like terms, and avoids a minus at the beginning of a sum.
 TermPtr makeSum(const std::vector<TermPtr>& parts);
 TermPtr makeProduct(const TermPtr& a, const TermPtr& b);
 TermPtr makePower(const TermPtr& base, const TermPtr& exponent);
@@ -62,23 +62,23 @@ TermPtr makeChoice(TermPtr left, TermPtr right, TermPtr yes, TermPtr no);
 inline bool isNumber(const Term& term, double value) {
   return term.kind == Term::Kind::kNumber && term.number == value;
 }
-/// How many operations it takes to write it; functions count twice, names nothing.
+/// Returns the number of operations in a term; functions count twice, names nothing.
 int weightOf(const Term& term);
-/// How often the name occurs in it.
+/// Returns the number of occurrences of a name.
 int countOccurrences(const Term& term, const std::string& name);
 
-/// As formulas of a scene are written (parser.h): with as few parentheses as needed, and spaces
+/// Writes a term as a formula of a scene (parser.h), with as few parentheses as needed, and spaces
 /// around the signs of sums only.
 std::string toText(const Term& term);
-/// For amsmath.
+/// Writes a term in LaTeX for amsmath.
 std::string toLatex(const Term& term);
-/// The terms of a sum with their signs, one by one ("a", "- b", "+ c"), for who breaks lines; of
-/// anything else one.
+/// Writes the terms of a sum with their signs, one by one ("a", "- b", "+ c"), for line breaks; one
+/// for any other term.
 std::vector<std::string> toLatexTerms(const Term& term);
-/// The name of something in a scene, upright, in LaTeX.
+/// Writes the name of an element of a scene, upright, in LaTeX.
 std::string latexName(const std::string& name);
 
-/// The shortest text that reads back as `value`, or one of 15 digits where that is much shorter:
+/// Returns the shortest text that reads back as `value`, or 15 digits if that is much shorter:
 /// 0.1 + 0.2 is 0.3.
 std::string toShortText(double value);
 

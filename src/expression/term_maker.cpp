@@ -6,7 +6,7 @@ namespace variator_sim::expression {
 
 namespace {
 
-/// Shorter parts are not worth a name, but where they have one already.
+/// Least weight of a part that gets a name, unless it has one already.
 constexpr int kLeastWeight = 2;
 
 struct FunctionName {
@@ -40,13 +40,13 @@ Symbol functionOf(Operation operation) {
   return {};
 }
 
-/// T', T'', .. of a table's name.
+/// Returns T', T'', .. for a table's name.
 Symbol derivativeOf(const Symbol& table, int order) {
   const std::string primes(static_cast<std::size_t>(order), '\'');
   return {table.text + primes, table.latex + primes};
 }
 
-/// T_10 of a table of two variables: the derivative by the first one.
+/// Returns T_10 for the derivative of a table of two variables by the first one.
 Symbol derivativeOf(Symbol table, int order_x, int order_y) {
   if (order_x + order_y == 0) return table;
   const std::string x = std::to_string(order_x);
@@ -54,12 +54,12 @@ Symbol derivativeOf(Symbol table, int order_x, int order_y) {
   return {table.text + "'" + x + y, table.latex + "^{(" + x + "," + y + ")}"};
 }
 
-/// Extreme factors, which derivatives of what grows have in between, belong to no name.
+/// Returns true for extreme factors, temporary in derivatives of growing functions: no name.
 bool isExtreme(double number) {
   return number != 0.0 && (std::abs(number) < 1e-20 || std::abs(number) > 1e20);
 }
 
-/// One attempt, with the nodes in `unnamed` written out wherever they occur.
+/// One attempt, with the nodes in `unnamed` always written out.
 class TermMaker {
  public:
   TermMaker(const Graph& graph, const std::vector<Node>& nodes, const Names& names,
@@ -79,11 +79,11 @@ class TermMaker {
   }
 
   const Terms& made() const { return made_; }
-  /// The nodes behind `made().shared`.
+  /// The nodes of `made().shared`.
   const std::vector<int>& named() const { return named_; }
 
  private:
-  /// By how many others each node is needed.
+  /// Returns the number of readers of each node.
   std::vector<int> countUses(const std::vector<Node>& nodes) const {
     const std::vector<bool> reachable = graph_.findReachable(nodes);
     std::vector<int> uses(reachable.size(), 0);
@@ -98,7 +98,7 @@ class TermMaker {
     return uses;
   }
 
-  /// From here on the node is called by a name, when that is worth while.
+  /// Gives the node a name, if its weight justifies one.
   void nameIt(int index) {
     TermPtr& term = terms_[static_cast<std::size_t>(index)];
     double scale = 1.0;
@@ -188,8 +188,8 @@ class TermMaker {
 
   const Graph& graph_;
   const Names& names_;
-  std::vector<TermPtr> terms_;             ///< by index; null where nothing needs the node
-  std::map<std::string, Symbol> name_of_;  ///< by what has it
+  std::vector<TermPtr> terms_;             ///< by index; null for unused nodes
+  std::map<std::string, Symbol> name_of_;  ///< by key of the named term
   int last_name_ = 0;
   Terms made_;
   std::vector<int> named_;
@@ -198,7 +198,7 @@ class TermMaker {
 }  // namespace
 
 Terms makeTerms(const Graph& graph, const std::vector<Node>& nodes, const Names& names) {
-  // As products and sums are gathered, some names turn out to be used once or not at all.
+  // Gathering products and sums may leave names that are used once or not at all.
   std::set<int> unnamed;
   for (;;) {
     const TermMaker maker(graph, nodes, names, unnamed);

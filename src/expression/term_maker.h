@@ -1,4 +1,4 @@
-/// From nodes of a graph to terms for reading; what occurs in several places gets a name.
+/// Converts nodes of a graph to terms for reading; repeated parts get a name.
 #pragma once
 
 #include <map>
@@ -12,20 +12,19 @@
 
 namespace variator_sim::expression {
 
-/// What things are called.
+/// The names of variables, tables and nodes.
 struct Names {
   std::map<int, Symbol> variables;  ///< by slot
   std::map<int, Symbol> tables;     ///< of one variable, by Graph::Entry::slot
   std::map<int, Symbol> tables2;    ///< of two variables
-  std::map<int, Symbol> nodes;      ///< by index: what a node is called where it is used repeatedly
+  std::map<int, Symbol> nodes;      ///< by index: names of nodes that are used repeatedly
   std::set<std::string> taken;      ///< names that a1, a2, .. may not take
 };
 
 /// Some nodes of a graph for reading.
 struct Terms {
   std::vector<TermPtr> roots;  ///< one for each node
-  /// What occurs in at least two places, and is worth a name: `name = term`, each before it is used
-  /// by another one.
+  /// Repeated parts that deserve a name: `name = term`, each before another one uses it.
   std::vector<std::pair<Symbol, TermPtr>> shared;
 };
 

@@ -10,14 +10,14 @@ namespace {
 
 using Kind = Term::Kind;
 
-/// How tightly what a term is written with holds together.
+/// The precedence of a written term's outer operation.
 enum Binding { kLoose, kAdditive, kMultiplicative, kPowerful, kAtomic };
 
 int significantDigits(const std::string& text) {
   const std::string digits = text.substr(0, text.find('e'));
   int count = 0;
   bool begun = false;
-  int zeros = 0;  // that may be trailing
+  int zeros = 0;  // zeros that may be trailing
   for (const char c : digits) {
     if (c < '0' || c > '9') continue;
     begun = begun || c != '0';
@@ -64,17 +64,17 @@ Fraction toFraction(double value) {
 
 // ------------------------------------------------------------------------------------------- text
 
-/// What differs between text and LaTeX; the rest is common.
+/// The base class of printers: subclasses implement the differences of text and LaTeX.
 class Printer {
  public:
   explicit Printer(bool is_latex) : is_latex_(is_latex) {}
 
-  /// In parentheses where it binds less than `least`.
+  /// Prints a term, in parentheses if it binds less than `least`.
   std::string print(const Term& term, int least = kLoose) const {
     const std::string text = printBare(term);
     return bindingOf(term) < least ? parenthesized(text) : text;
   }
-  /// The terms of a sum, each with its sign.
+  /// Prints the terms of a sum, each with its sign.
   std::vector<std::string> printTerms(const Term& term) const {
     if (term.kind != Kind::kSum) return {print(term)};
     std::vector<std::string> terms;
@@ -163,7 +163,7 @@ class Printer {
     return mantissa == "1" ? power : mantissa + " \\cdot " + power;
   }
 
-  /// `base` to a power that has been printed; "" is 1.
+  /// Prints `base` with a printed power; "" is 1.
   std::string raised(const Term& base, const std::string& exponent) const {
     if (exponent.empty()) return print(base, kPowerful);
     if (!is_latex_) return print(base, kAtomic) + "^" + exponent;
@@ -172,7 +172,7 @@ class Printer {
     return print(base, kAtomic) + "^{" + exponent + "}";
   }
 
-  /// A function with a name of its own, like \tanh.
+  /// True for a function with its own LaTeX name, like \tanh.
   static bool isFunction(const Term& call) {
     return !call.symbol.latex.empty() && call.symbol.latex.front() == '\\' &&
            call.symbol.latex.compare(0, 7, "\\mathrm") != 0;
@@ -236,7 +236,7 @@ class Printer {
            alone(below.text, below.count) + "}";
   }
 
-  /// The only factor over or under a bar needs no parentheses.
+  /// Removes parentheses, which a single factor over or under a bar does not need.
   static std::string alone(const std::string& text, int count) {
     const std::string begin = "\\left(";
     const std::string end = "\\right)";
@@ -245,7 +245,7 @@ class Printer {
         text.compare(text.size() - end.size(), end.size(), end) != 0) {
       return text;
     }
-    // One pair, not two side by side.
+    // The outer parentheses are one pair, not two side by side.
     std::string inner = text.substr(begin.size(), text.size() - begin.size() - end.size());
     int depth = 0;
     for (std::size_t i = 0; i < inner.size(); ++i) {

@@ -28,10 +28,9 @@
 namespace variator_sim {
 namespace {
 
-// Every operation is to round by itself, as the interpreter's do. (GCC 12 fuses products and sums
-// in vectors of straight-line code all the same.) And every function is to be the library's: what a
-// compiler knows of a function it computes itself, where it finds the argument, with another last
-// bit.
+// Every operation must round separately, as the interpreter's do. (GCC 12 nevertheless fuses
+// products and sums in vectors of straight-line code.) And every function must be the library's: a
+// compiler evaluates known functions of constant arguments itself, with another last bit.
 const char* const kOptions[] = {"-std=c11",
                                 "-O3",
                                 "-march=native",
@@ -42,9 +41,9 @@ const char* const kOptions[] = {"-std=c11",
                                 "-fPIC",
                                 "-fno-semantic-interposition",
                                 "-fno-plt"};
-// The text says what of it stands in which of `UNITS` units, which are compiled at once.
+// The text assigns its parts to `UNITS` units, which are compiled in parallel.
 constexpr unsigned kMostUnits = 4;
-// s. Who has not asked for machine code does not wait for it; who has can interrupt it.
+// s. A user who did not request machine code does not wait longer; one who did can interrupt it.
 constexpr int kPatience = 5;
 constexpr int kLongPatience = 600;
 constexpr const char* kNotYet = "it is not in the cache yet";
@@ -82,7 +81,7 @@ std::string findCompiler() {
   return "";
 }
 
-/// What tells one compiler from the next version of it.
+/// Returns a text that differs between versions of a compiler.
 std::string identify(const std::string& program) {
   char resolved[PATH_MAX];
   if (::realpath(program.c_str(), resolved) == nullptr) return program;
@@ -93,7 +92,7 @@ std::string identify(const std::string& program) {
   return text.str();
 }
 
-/// The lines about the first processor that tell which instructions it has.
+/// Returns the lines about the first processor that list its instructions.
 std::string identifyProcessor() {
   std::ifstream file("/proc/cpuinfo");
   std::string text;
@@ -109,7 +108,7 @@ std::string describeError() {
   return std::strerror(errno);
 }
 
-/// Makes the folder and those above it.
+/// Makes the folder and its parents.
 std::string makeFolder(const std::string& folder) {
   for (std::size_t end = folder.find('/', 1);; end = folder.find('/', end + 1)) {
     const std::string part = folder.substr(0, end);
@@ -120,7 +119,7 @@ std::string makeFolder(const std::string& folder) {
   }
 }
 
-/// An empty reason when the folder is there, ours and nobody else's.
+/// Returns an empty reason when the folder exists and only the current user can write to it.
 std::string checkFolder(const std::string& folder) {
   struct stat status = {};
   if (::lstat(folder.c_str(), &status) != 0) {
@@ -149,7 +148,7 @@ std::string findFolder() {
 }
 
 /// The files of one compilation, in a folder of its own within the cache. Its name is unique even
-/// where processes of several machines or containers, with equal process numbers, share a cache.
+/// if processes of several machines or containers, with equal process numbers, share a cache.
 class Workshop {
  public:
   explicit Workshop(const std::string& path) : folder_(path + ".XXXXXX") {
@@ -194,17 +193,17 @@ class CommandLine {
 };
 
 /// A process between this one and its compilers, which ends them and all that they have started
-/// when it is told to (SIGTERM) or when this process ends, however that comes about. Its code runs
-/// behind a fork of a program with threads: it calls nothing that allocates or locks.
+/// when it is told to (SIGTERM) or when this process ends, for any reason. Its code runs after a
+/// fork of a program with threads: it calls no function that allocates or locks.
 class Foreman {
  public:
-  /// `parent` has all signals blocked.
+  /// Runs the foreman; `parent` has all signals blocked.
   [[noreturn]] static void run(pid_t parent, const std::vector<CommandLine>& units,
                                const CommandLine& link, const Workshop& workshop) {
     ::setpgid(0, 0);  // Ctrl-C is meant for the parent
     std::signal(SIGCHLD, SIG_DFL);
     ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-    ::close_range(0, ~0U, 0);  // nobody is to wait for the end of an output of the parent's
+    ::close_range(0, ~0U, 0);  // the parent's outputs must not stay open
     for (int stream = 0; stream < 3; ++stream) {
       if (::open("/dev/null", O_RDWR) != stream) ::_exit(1);
     }
@@ -218,7 +217,7 @@ class Foreman {
   static pid_t start(const CommandLine& command) {
     const pid_t child = ::fork();
     if (child != 0) return child;
-    // A compiler's driver has children of its own: one group, to end together.
+    // A compiler's driver has children: one group ends together.
     ::setpgid(0, 0);
     sigset_t none;
     ::sigemptyset(&none);
@@ -227,7 +226,7 @@ class Foreman {
     ::_exit(127);
   }
 
-  /// Runs commands at once; false when one fails, and then none goes on.
+  /// Runs commands in parallel; ends all and returns false when one fails.
   static bool makeAll(const CommandLine* commands, std::size_t count) {
     pid_t groups[kMostUnits] = {};
     bool is_good = true;
@@ -257,7 +256,7 @@ class Foreman {
     return is_good;
   }
 
-  /// A compiler that hears SIGTERM deletes its files in /tmp.
+  /// A compiler that receives SIGTERM deletes its files in /tmp.
   static void endAll(const pid_t (&groups)[kMostUnits], int order) {
     for (const pid_t group : groups) {
       if (group > 0) ::kill(-group, order);
@@ -265,7 +264,7 @@ class Foreman {
   }
 };
 
-/// Runs the compiler, units at once; an empty reason when it made `workshop.output()`.
+/// Runs the compiler, units in parallel; returns an empty reason when it made `workshop.output()`.
 std::string compile(const std::string& program, unsigned units, const Workshop& workshop,
                     int patience) {
   std::vector<CommandLine> commands;
@@ -285,7 +284,7 @@ std::string compile(const std::string& program, unsigned units, const Workshop& 
   sigset_t all;
   sigset_t before;
   ::sigfillset(&all);
-  ::pthread_sigmask(SIG_SETMASK, &all, &before);  // handlers are this program's alone
+  ::pthread_sigmask(SIG_SETMASK, &all, &before);  // handlers run in this program only
   const pid_t foreman = ::fork();
   if (foreman == 0) Foreman::run(parent, commands, link_command, workshop);
   ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
@@ -316,7 +315,7 @@ bool writeAll(const std::string& path, const std::string& text, std::ios::openmo
   return file.good();
 }
 
-/// Compiles into `path`; an empty reason when that is there afterwards.
+/// Compiles into `path`; returns an empty reason when it exists afterwards.
 std::string makeKernel(const std::string& compiler, const std::string& source,
                        const std::string& path, int patience) {
   const Workshop workshop(path);
@@ -329,14 +328,14 @@ std::string makeKernel(const std::string& compiler, const std::string& source,
   const unsigned units = std::clamp(std::thread::hardware_concurrency(), 1U, most);
   std::string reason = compile(compiler, units, workshop, patience);
   if (!reason.empty()) return reason;
-  // What follows an object's own end is nothing to the loader.
+  // The loader ignores bytes after an object's end.
   const std::string& output = workshop.output();
   const bool is_whole = writeAll(output, sumOf(readAll(output)), std::ios::app);
   if (is_whole && ::rename(output.c_str(), path.c_str()) == 0) return "";
   return path + " cannot be written: " + describeError();
 }
 
-/// True when `path` is a kernel that was written to its end, by us.
+/// True when `path` is a kernel of this user, written completely.
 bool isWhole(const std::string& path) {
   struct stat status = {};
   if (::lstat(path.c_str(), &status) != 0 || !S_ISREG(status.st_mode) ||
@@ -394,7 +393,7 @@ std::shared_ptr<KernelLibrary> KernelLibrary::load(const std::string& source, Mi
       if (!is_right || is_right(library)) return library;
       *reason = "it does not give the interpreter's numbers";
     }
-    // Kept, it would be refused by every later run. One from the cache is made anew.
+    // If kept, it would be rejected by every later run. One from the cache is compiled again.
     ::unlink(path.c_str());
     if (missing == Missing::kLeave) return nullptr;
     if (!was_compiled) reason->clear();

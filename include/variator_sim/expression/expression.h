@@ -4,7 +4,7 @@
 ///     scene.constrain(tau * (b.acceleration - i * a.acceleration) + v * tanh(slip / v));
 ///
 /// An Expression is a name for a node of the scene's graph (graph.h): writing one computes nothing
-/// but constants. Derivatives, dependences and edges follow from it.
+/// but constants. Derivatives, dependences and events follow from it.
 #pragma once
 
 #include <stdexcept>
@@ -15,9 +15,9 @@ namespace variator_sim {
 
 class Expression {
  public:
-  /// A constant.
+  /// Makes a constant.
   Expression(double value = 0.0) : value_(value) {}  // NOLINT(google-explicit-constructor)
-  /// A node of `graph`, which has to outlive this.
+  /// Names a node of `graph`, which has to outlive this.
   Expression(expression::Graph& graph, expression::Node node) {
     if (graph.isConstant(node)) {
       value_ = graph.constantValue(node);
@@ -27,16 +27,17 @@ class Expression {
     }
   }
 
-  /// This in `graph`. Throws std::logic_error when it belongs to another one.
+  /// Returns this expression's node in `graph`. Throws std::logic_error when it belongs to another
+  /// one.
   expression::Node in(expression::Graph& graph) const {
     if (graph_ == nullptr) return graph.constant(value_);
     if (graph_ != &graph) throw std::logic_error("an Expression of another scene");
     return node_;
   }
-  /// Where it lives; null for a constant.
+  /// The graph of the node; null for a constant.
   expression::Graph* graph() const { return graph_; }
   bool isConstant() const { return graph_ == nullptr; }
-  /// Of a constant.
+  /// The value of a constant.
   double value() const { return value_; }
 
  private:
@@ -52,7 +53,7 @@ struct Comparison {
   bool is_strict;  ///< left < right; else left <= right
 };
 
-/// What an operation makes of its operands. Constants among themselves are computed at once.
+/// Applies an operation to its operands. Operations on constants alone are computed at once.
 Expression apply(expression::Operation operation, const Expression& a);
 Expression apply(expression::Operation operation, const Expression& a, const Expression& b);
 
@@ -68,7 +69,7 @@ inline Expression operator-(const Expression& a, const Expression& b) {
 inline Expression operator*(const Expression& a, const Expression& b) {
   return apply(expression::Operation::kMultiply, a, b);
 }
-/// By a constant: times its reciprocal.
+/// Division by a constant multiplies by its reciprocal.
 Expression operator/(const Expression& a, const Expression& b);
 inline Expression& operator+=(Expression& a, const Expression& b) {
   return a = a + b;
@@ -119,7 +120,7 @@ inline Expression sqrt(const Expression& a) {
 inline Expression pow(const Expression& base, const Expression& exponent) {
   return apply(expression::Operation::kPower, base, exponent);
 }
-/// Kinks and jumps: steps end where the motion meets them.
+/// Kinks and jumps: steps end at these events.
 inline Expression abs(const Expression& a) {
   return apply(expression::Operation::kAbs, a);
 }
@@ -148,7 +149,7 @@ inline Comparison operator>(const Expression& a, const Expression& b) {
 inline Comparison operator>=(const Expression& a, const Expression& b) {
   return {b, a, false};
 }
-/// `yes` where the comparison holds, `no` elsewhere: the if(a < b, x, y) of formulas.
+/// Returns `yes` if the comparison holds, `no` otherwise: the if(a < b, x, y) of formulas.
 Expression where(const Comparison& condition, const Expression& yes, const Expression& no);
 
 }  // namespace variator_sim

@@ -17,7 +17,7 @@
 
 namespace variator_sim::expression {
 
-/// A subexpression of one Graph. Copies are free; a node means nothing to another graph.
+/// A subexpression of one Graph. Copies are free; a node is meaningless in another graph.
 struct Node {
   int index = -1;
 };
@@ -70,45 +70,45 @@ constexpr int kLargestMultipliedPower = 16;
 /// True when x^exponent is computed by multiplications (and one division when it is negative).
 bool isMultipliedPower(double exponent);
 
-// What run time computes where std:: is not enough. NaN never gets lost: a comparison with NaN has
-// no answer, so its result is NaN.
+// Functions at run time that std:: lacks. They keep NaN: a comparison with NaN is undecided, so its
+// result is NaN.
 /// -1, 0, 1, or NaN.
 double signOf(double x);
 /// The smaller one; NaN when either is NaN (std::min may drop it).
 double minimumOf(double a, double b);
 /// The larger one; NaN when either is NaN.
 double maximumOf(double a, double b);
-/// `value` where `a` is finite, 0 where it is infinite, NaN where it is NaN.
+/// Returns `value` if `a` is finite, 0 if it is infinite, NaN if it is NaN.
 double whereFinite(double a, double value);
 /// x^exponent for an exponent that is a constant: x^n = (x^(n/2))^2 for even n, x^(n-1) x for odd
 /// n, x^-n = 1/x^n while isMultipliedPower (at most |n| - 1 rounded products, so a relative error
 /// below |n| units of round-off), std::pow otherwise.
 double powerOf(double x, double exponent);
-/// The value of an operation with `operandCount` operands as run time computes it; not of tables
+/// Returns the value of an operation with `operandCount` operands as at run time; not for tables
 /// and kOpaque.
 double evaluateOperation(Operation operation, const double* operands);
 
 /// The graph. Makers return the existing node when the same subexpression was made before, compute
 /// constants as run time would, and simplify; the value of a node made by them is, bit by bit, the
 /// value of the formula as it is written (but for the sign of a zero, which only 1/0 and atan2 can
-/// show). They do not touch 0*x, 0/x and x - x, which are NaN where x is not finite; derivatives,
-/// whose zeros hold everywhere, do. Operands precede their users: their indices are smaller.
+/// show). They keep 0*x, 0/x and x - x, which are NaN if x is not finite; derivatives, whose zeros
+/// hold everywhere, simplify them. Operands precede their users: their indices are smaller.
 class Graph {
  public:
   struct Entry {
     Operation operation = Operation::kConstant;
     int operands[4] = {-1, -1, -1, -1};
-    int slot = -1;       ///< of kVariable; which table or function of the graph
+    int slot = -1;       ///< of kVariable; index of a table or function of the graph
     double value = 0.0;  ///< of kConstant
-    /// Of the derivative, of kTable by a, of kTable2 by a and b; of kOpaque 0 the value, n the
-    /// derivative by argument n.
+    /// Orders of the derivative: for kTable by a, for kTable2 by a and b; for kOpaque 0 is the
+    /// value, n the derivative by argument n.
     int order[2] = {};
   };
   /// The rate of the variable in a slot, for totalDerivative, or its value, for substitute.
   using Rate = std::pair<int, Node>;
 
   Node constant(double value);
-  /// The variable in `slot` (not negative); what a slot means is the caller's business.
+  /// The variable in `slot` (not negative); the caller defines the meaning of slots.
   Node variable(int slot);
 
   Node negate(Node a);
@@ -119,37 +119,36 @@ class Graph {
   Node power(Node base, Node exponent);
   Node minimum(Node a, Node b) { return make(Operation::kMin, a, b); }
   Node maximum(Node a, Node b) { return make(Operation::kMax, a, b); }
-  /// The derivative of this order of a table at x; 0 where the order is above that of its
-  /// polynomials.
+  /// The derivative of this order of a table at x; 0 if the order exceeds that of its polynomials.
   Node table(const std::shared_ptr<const Table>& table, Node x, int order = 0);
   Node table2(const std::shared_ptr<const Table2>& table, Node x, Node y, Table2::Order order = {});
   /// `function` of as many `arguments` as it has, or its derivative by argument `by`, counted
   /// from 1. The derivatives of a derivative are differences (opaque_slope.h).
   Node opaque(const std::shared_ptr<const OpaqueFunction>& function, const Node (&arguments)[4],
               int by = 0);
-  /// left <= right ? yes : no; NaN when left and right cannot be compared.
+  /// Makes left <= right ? yes : no; NaN when left and right cannot be compared.
   Node select(Node left, Node right, Node yes, Node no);
-  /// Any operation with operands, simplified as by the maker of its name. Unused operands are left
-  /// out: make(Operation::kSin, x). Not for tables and kOpaque.
+  /// Makes any operation with operands, simplified as by the maker of its name. Unused operands are
+  /// omitted: make(Operation::kSin, x). Not for tables and kOpaque.
   Node make(Operation operation, Node a, Node b = {}, Node c = {}, Node d = {});
-  /// What `entry` is in the graph `source`, here, of these operands.
+  /// Copies `entry` of the graph `source` to this graph, with these operands.
   Node remake(const Graph& source, const Entry& entry, const Node (&operands)[4]);
 
   /// The exact partial derivative by the variable in `slot`. Kinks: |x|' = sign(x) x', the
   /// derivative of sign is 0, that of min and max is the active operand's (the first one's in a
   /// tie).
   ///
-  /// It has a value wherever the formula has one, also where exp, sinh, cosh or c^x in it overflow
-  /// or nearly do. 1/(1 + exp(x)) is 0 there to all digits, and so is its derivative, though its
-  /// parts are inf/inf^2: what goes through an infinite part into a quotient, atan, .. counts
-  /// nothing. And before exp(x) overflows, exp(x) x' may: derivatives of such formulas are made in
-  /// the scale 2^-100.
+  /// It has a value wherever the formula has one, even if exp, sinh, cosh or c^x in it overflow or
+  /// nearly do. 1/(1 + exp(x)) is 0 there to all digits, and so is its derivative, though its parts
+  /// are inf/inf^2: contributions through an infinite part into a quotient, atan, .. vanish. And
+  /// exp(x) x' may overflow before exp(x): derivatives of such formulas are made in the scale
+  /// 2^-100.
   Node differentiate(Node node, int slot);
   /// The sum of (partial derivative by slot) times (rate of slot), made in one sweep. Variables
   /// without a rate are held constant.
   Node totalDerivative(Node node, const std::vector<Rate>& rates);
 
-  /// `node` with each variable in the slots of `values` replaced by its value.
+  /// Returns `node` with each variable in the slots of `values` replaced by its value.
   Node substitute(Node node, const std::vector<Rate>& values);
 
   bool isConstant(Node node) const { return entry(node).operation == Operation::kConstant; }
@@ -161,8 +160,8 @@ class Graph {
   double constantValue(Node node) const { return entry(node).value; }
   /// True when the variable in `slot` occurs in `node`.
   bool dependsOn(Node node, int slot) const;
-  /// The degree of `node` as a polynomial of the variables in `slots`, whatever the others are; -1
-  /// where it is none, or not written as one.
+  /// The degree of `node` as a polynomial of the variables in `slots`, for all values of the
+  /// others; -1 if it is none, or not written as one.
   int polynomialDegree(Node node, const std::vector<int>& slots) const;
   /// True when a constant that is NaN or infinite occurs in one of `nodes`.
   bool hasNonFiniteConstant(const std::vector<Node>& nodes) const;
@@ -170,10 +169,10 @@ class Graph {
     return hasNonFiniteConstant(std::vector<Node>{node});
   }
 
-  /// All tables, by number.
+  /// All tables, by index.
   const std::vector<std::shared_ptr<const Table>>& tables() const { return tables_; }
   const std::vector<std::shared_ptr<const Table2>>& tables2() const { return tables2_; }
-  /// The table of an entry of kTable, of kTable2.
+  /// The table of an entry of kTable or kTable2.
   const std::shared_ptr<const Table>& tableOf(const Entry& entry) const {
     return tables_[static_cast<std::size_t>(entry.slot)];
   }
@@ -184,37 +183,36 @@ class Graph {
   const std::shared_ptr<const OpaqueFunction>& opaqueOf(const Entry& entry) const {
     return functions_[static_cast<std::size_t>(entry.slot)];
   }
-  /// True when one of `nodes` needs a function that cannot be seen into: it has no series and no
-  /// text.
+  /// True when one of `nodes` needs an opaque function, which has no series and no text.
   bool hasOpaque(const std::vector<Node>& nodes) const;
   /// True when one of `nodes` needs a second derivative of such a function, which is a difference.
   bool hasDifference(const std::vector<Node>& nodes) const;
   const Entry& entry(Node node) const { return entries_[static_cast<std::size_t>(node.index)]; }
-  /// All formulas that are parsed into this graph may have so many numbers and names: what loading
-  /// a scene takes grows with them.
+  /// Limits the numbers and names of all formulas parsed into this graph: the time of loading a
+  /// scene grows with them.
   void limitOperands(int most) { most_operands_ = most; }
   int mostOperands() const { return most_operands_; }
   /// Counts an operand that stands in a formula; false when there are too many.
   bool countOperand() { return ++operands_ <= most_operands_; }
-  /// The same of the steps that guards take together.
+  /// The same for the total number of steps of switching functions.
   bool countGuardSteps(std::size_t steps, std::size_t most) {
     return (guard_steps_ += steps) <= most;
   }
   /// Number of nodes; all indices are below it.
   int size() const { return static_cast<int>(entries_.size()); }
-  /// For every index up to the largest of `nodes`: whether one of `nodes` needs it.
+  /// Tells for every index up to the largest of `nodes` if one of `nodes` needs it.
   std::vector<bool> findReachable(const std::vector<Node>& nodes) const;
-  /// The indices of those that are, ascending: operands come first. It takes the time of what is
-  /// found, not that of the graph.
+  /// Lists the indices of needed nodes, ascending: operands come first. The time is proportional to
+  /// the list, not to the graph.
   std::vector<int> listReachable(const std::vector<Node>& nodes) const;
 
  private:
-  /// What the form of a node tells about its value.
+  /// Properties of a node's value that follow from its form.
   struct Traits {
-    bool is_positive = false;      ///< > 0 but for underflow
+    bool is_positive = false;      ///< > 0 except for underflow
     bool is_not_negative = false;  ///< >= 0
     bool has_growth = false;       ///< exp, sinh, cosh or c^x occurs
-    bool may_overflow = false;     ///< because of them
+    bool may_overflow = false;     ///< through growth
     bool may_have_pole = false;    ///< may be infinite for another reason
   };
   struct EntryHash {
@@ -243,7 +241,7 @@ class Graph {
   Node product(Node a, Node b);
   Node quotient(Node a, Node b);
   Node difference(Node a, Node b);
-  /// `derivative`, that of `node`, for a function which has a limit where `node` goes to infinity.
+  /// Returns `derivative`, that of `node`, for a function with a limit for infinite `node`.
   Node insideLimit(Node node, Node derivative);
   Node whereFinite(Node node, Node value);
 
@@ -253,13 +251,13 @@ class Graph {
   double scaleFor(Node node) const;
 
   std::vector<Entry> entries_;
-  std::vector<Traits> traits_;  ///< of the entries
+  std::vector<Traits> traits_;  ///< traits of the entries
   std::unordered_map<Entry, int, EntryHash, EntryEqual> index_of_;
   std::vector<std::shared_ptr<const Table>> tables_;
   std::vector<std::shared_ptr<const Table2>> tables2_;
   std::vector<std::shared_ptr<const OpaqueFunction>> functions_;
   std::map<std::pair<int, double>, Derivatives> partials_;  ///< by slot and scale
-  int operands_ = 0;                                        ///< of formulas, as they are written
+  int operands_ = 0;                                        ///< operands of formulas as written
   int most_operands_ = std::numeric_limits<int>::max();
   std::size_t guard_steps_ = 0;
 };

@@ -1,4 +1,4 @@
-/// Functions that formulas call and cannot see into: a measured map in the user's own code, say.
+/// Opaque functions that formulas call: for example a measured map in the user's code.
 #pragma once
 
 #include <stdexcept>
@@ -18,7 +18,7 @@ namespace variator_sim {
 ///
 /// f has to be continuously differentiable and a function of its arguments alone. Its second
 /// derivatives, where formulas need them, are central differences of the gradient; a constraint of
-/// order 1, whose motion would hang on them, cannot contain it. At load the gradient is compared
+/// order 1, whose motion would depend on them, cannot contain it. At load the gradient is compared
 /// with the values, through the laws that call f. Both methods are [loop]: they allocate nothing,
 /// take no lock and do not throw; a value that does not exist is NaN.
 class OpaqueFunction {
@@ -33,9 +33,9 @@ class OpaqueFunction {
   virtual ~OpaqueFunction() = default;
 
   int argumentCount() const { return argument_count_; }
-  /// f at x, argumentCount() numbers.
+  /// Returns f at x, argumentCount() numbers.
   virtual double value(const double* x) const = 0;
-  /// df/dx_i, as many; entries that are 0 need not be written.
+  /// Writes df/dx_i, argumentCount() numbers; entries that are 0 may be omitted.
   virtual void calcGradient(const double* x, double* gradient) const = 0;
 
  private:

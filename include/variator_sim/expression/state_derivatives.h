@@ -1,4 +1,4 @@
-/// Derivatives of formulas by the whole state, and what they depend on.
+/// Derivatives of formulas by the whole state, and their dependences.
 #pragma once
 
 #include <optional>
@@ -11,9 +11,9 @@
 
 namespace variator_sim::expression {
 
-/// The rates of everything a formula of a scene of `shaft_count` shafts and of inputs reads, for
+/// Returns the rates of all variables of a scene with `shaft_count` shafts, for
 /// Graph::totalDerivative: phi' = omega, omega' = epsilon, t' = 1, u' and u'' of the inputs,
-/// epsilon held, as its rate is multiplied by C.
+/// epsilon constant, as its rate is multiplied by C.
 inline std::vector<Graph::Rate> ratesOf(Graph& graph, int shaft_count,
                                         const std::set<int>& inputs) {
   std::vector<Graph::Rate> rates = {{slotOf(Source::kTime), graph.constant(1.0)}};
@@ -31,7 +31,7 @@ inline std::vector<Graph::Rate> ratesOf(Graph& graph, int shaft_count,
   return rates;
 }
 
-/// Which of time and angles occur in `nodes`, in a scene of `shaft_count` shafts.
+/// Tells if time and angles occur in `nodes`, in a scene of `shaft_count` shafts.
 inline Dependence dependenceOf(const Graph& graph, const std::vector<Node>& nodes,
                                int shaft_count) {
   Dependence dependence{false, false};
@@ -49,8 +49,8 @@ inline Dependence dependenceOf(const Graph& graph, const std::vector<Node>& node
 /// nor computed. Central differences replace those that are too large to be made.
 class StateDerivatives {
  public:
-  /// Derivatives are made until the graph has grown by this many nodes: what they add to a scene's
-  /// loading stays well below a second, one evaluation below a millisecond.
+  /// Largest growth of the graph by derivatives, in nodes: they add well below a second to a
+  /// scene's loading, and one evaluation takes below a millisecond.
   static constexpr int kMostNodes = 100000;
 
   /// d node / d x_q, `node` being the index among the nodes.
@@ -59,8 +59,8 @@ class StateDerivatives {
     int q;
     Node derivative;
   };
-  /// Those of `nodes` that are not zero everywhere; nothing when they are too large to be made
-  /// (kMostNodes) or have a constant part that is not finite.
+  /// Lists derivatives of `nodes` that are not zero everywhere; returns nothing if they are too
+  /// large (kMostNodes) or have a constant part that is not finite.
   static std::optional<std::vector<Entry>> list(Graph& graph, const std::vector<Node>& nodes,
                                                 int shaft_count);
   static std::vector<Node> nodesOf(const std::vector<Entry>& entries);
@@ -68,10 +68,10 @@ class StateDerivatives {
   StateDerivatives() = default;
   StateDerivatives(Graph& graph, const std::vector<Node>& nodes, int shaft_count);
 
-  /// Those that are computed; all others are zero everywhere.
+  /// The computed derivatives; all others are zero everywhere.
   const std::vector<Entry>& entries() const { return entries_; }
   bool areDifferences() const { return are_differences_; }
-  /// One value for each of `entries`; valid until the next evaluation. [loop]
+  /// Returns one value per entry of `entries`; valid until the next evaluation. [loop]
   const double* evaluate(const StateView& state) const;
 
  private:

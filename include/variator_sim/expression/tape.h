@@ -1,4 +1,4 @@
-/// Formulas at run time: a short program over registers.
+/// Formulas at run time: a program over registers.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace variator_sim::expression {
 
-/// Where a variable comes from.
+/// The source of a variable.
 enum class Source : std::uint8_t {
   kTime,
   kAngle,
@@ -23,7 +23,7 @@ enum class Source : std::uint8_t {
   kJerk  ///< for derivations only: a StateView holds none, a Tape refuses it
 };
 
-/// The slot, for Graph::variable, of element `index` (0 for time) of a source.
+/// Returns the slot, for Graph::variable, of element `index` (0 for time) of a source.
 constexpr int slotOf(Source source, int index = 0) {
   return static_cast<int>(source) * 4096 + index;
 }
@@ -46,33 +46,33 @@ class Tape {
   Tape(const Graph& graph, const std::vector<Node>& outputs);
 
   int outputCount() const { return output_count_; }
-  /// Number of instructions, for tests and curiosity.
+  /// Number of instructions, for tests.
   int size() const { return program_.empty() ? 0 : static_cast<int>(program_.size()) - 1; }
 
   /// Writes `outputCount()` values. It reads only those arrays of `state` that occur in the
-  /// formulas, all of them before it writes `outputs`. For the real-time loop: allocates nothing,
-  /// takes no lock, throws only what an opaque function throws. One tape is used by one thread at a
-  /// time: it keeps its registers.
+  /// formulas, all of them before it writes `outputs`. For the real-time loop: it allocates
+  /// nothing, takes no lock, and throws only an opaque function's exceptions. One thread may use a
+  /// tape at a time, as it keeps its registers.
   void evaluate(const StateView& state, double* outputs) const {
     const double* values = evaluate(state);
     std::copy(values, values + output_count_, outputs);
   }
-  /// The same where they are: valid until the next evaluation.
+  /// Returns the outputs in place: valid until the next evaluation.
   const double* evaluate(const StateView& state) const;
 
  private:
   friend class TapeBuilder;
 
-  /// Fields of 16 bits, in two words that are loaded at once: see instruction_set.h.
+  /// Fields of 16 bits, in two words loaded together: see instruction_set.h.
   struct Instruction {
     std::uint64_t head;
     std::uint64_t tail;
   };
-  /// A function of the user's own: its value, or those of its derivatives that the program needs.
+  /// An opaque function: its value, or the derivatives that the program needs.
   struct Call {
     std::shared_ptr<const OpaqueFunction> function;
     std::uint16_t arguments[OpaqueFunction::kMostArguments];  ///< registers
-    /// Of the value, then of the derivatives by each argument; -1 where nobody asks.
+    /// Registers of the value, then of the derivatives by each argument; -1 if not needed.
     int results[1 + OpaqueFunction::kMostArguments];
   };
   struct Load {
