@@ -130,7 +130,7 @@ class Constraint {
 
  private:
   class Kink;
-  /// Makes a constraint for another one, which is not configured.
+  /// Makes a kink of another constraint, without `configure`.
   Constraint(std::string name, int shaft_count, std::shared_ptr<expression::Graph> graph)
       : name_(std::move(name)), shaft_count_(shaft_count), graph_(std::move(graph)) {}
 

@@ -86,7 +86,7 @@ class Inertia {
   std::vector<std::vector<InertiaHarmonic>> harmonics_;
   double mean_[kMaxShafts] = {};
   double inverse_diagonal_[kMaxShafts] = {};
-  double angle_[kMaxShafts];  ///< at which the rest is known, rad
+  double angle_[kMaxShafts];  ///< angles of the values below, rad
   bool has_derivatives_ = false;
   double first_[kMaxShafts] = {};
   double second_[kMaxShafts] = {};

@@ -76,8 +76,8 @@ class LawContext {
   Expression function(std::shared_ptr<const OpaqueFunction> f, std::vector<Expression> arguments);
   /// Returns `table` at x.
   Expression lookUp(const Table& table, const Expression& x);
-  /// Rises from 0 at `begin` to 1 at `end`, two times continuously differentiable: with z = (x -
-  /// begin)/(end - begin) it is 10 z^3 - 15 z^4 + 6 z^5 between them.
+  /// Rises from 0 at `begin` to 1 at `end`, two times continuously differentiable: with
+  /// z = (x - begin)/(end - begin) it is 10 z^3 - 15 z^4 + 6 z^5 between them.
   Expression smoothStep(const Expression& x, double begin, double end);
 
   // --- the law ---------------------------------------------------------------------------------

@@ -9,7 +9,7 @@
 namespace variator_sim {
 
 enum class StopReason : std::uint8_t {
-  kNone,                ///< the motion goes on
+  kNone,                ///< the motion is running
   kSingularConstraint,  ///< C has lost rank: the principle no longer determines the jerk
   kStepUnderflow,       ///< the step fell below the resolution of time
   kNonFiniteValue,      ///< a torque or a constraint gave NaN or infinity
@@ -46,7 +46,7 @@ struct MotionStatus {
 /// unless energy is tracked.
 struct EnergyDoubt {
   double since = -1.0;      ///< s, when `isShareLarge` first held; below 0: never
-  double time = 0.0;        ///< s, time at which the rest holds
+  double time = 0.0;        ///< s, time of the values below
   double reactions = 0.0;   ///< work of the reactions since the start, J
   double throughput = 0.0;  ///< integral of sum |Q_i omega_i|, the work that the applied torques
                             ///< have brought and taken, J
