@@ -71,9 +71,9 @@ class ParameterTree {
 
 /// Returns the shortest text that reads back as the same number, for messages.
 std::string formatNumber(double value);
-/// As formatNumber, but always a real of YAML ("1.0", "1.0e+20", ".inf").
+/// Returns the same, but always a real of YAML ("1.0", "1.0e+20", ".inf").
 std::string formatReal(double value);
-/// "[1, 2.5]"
+/// Returns "[1, 2.5]".
 std::string formatNumbers(const double* values, int count);
 
 /// Allowed range of a number.

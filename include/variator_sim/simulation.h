@@ -1,4 +1,4 @@
-/// The motion of one scene: steps it, takes commands, gives samples. Knows no wall clock.
+/// The motion of one scene: advances, takes commands, returns samples. Independent of wall time.
 #pragma once
 
 #include <memory>
@@ -87,7 +87,7 @@ class Simulation {
   void trackEnergy(bool on);
   /// Returns the energies at the current time, after its commands, tracked or not. [loop]
   Energy energy();
-  /// [loop]
+  /// Returns the doubt about the reactions as a source or sink of energy. [loop]
   EnergyDoubt energyDoubt() const;
 
   /// Puts estimates of the global errors in angles, velocities and accelerations into samples or
@@ -100,7 +100,7 @@ class Simulation {
   /// Describes the estimate: "auto at a relative tolerance of 1e-11"; "" if there is none.
   std::string describeErrorEstimate() const;
 
-  /// [loop]
+  /// Returns why the motion has stopped, if it has. [loop]
   const MotionStatus& status() const;
   const Statistics& statistics() const;
 

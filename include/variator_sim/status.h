@@ -25,7 +25,7 @@ enum class StopReason : std::uint8_t {
 /// Returns the name that users see: "SingularConstraint", "StepUnderflow", ...; "" for kNone.
 const char* toString(StopReason reason);
 
-/// What the stepping loop returns: plain data, no allocation.
+/// Status of the stepping loop: plain data, no allocation.
 struct MotionStatus {
   StopReason reason = StopReason::kNone;
   double time = 0.0;     ///< time of the last accepted state, s

@@ -343,7 +343,7 @@ LinearModel Linearizer::make(LinearForm form) {
   const int U = layout_.U;
   const MatrixXd variables = calcVariables(v_);
   const MatrixXd rates = ratesOfStates(variables);
-  // Formulas behind E, along the solutions of E
+  // The formulas behind E, along the solutions of E.
   const MatrixXd rows =
       derivatives_.bottomRows(derivatives_.rows() - formulas_.equations()) * variables;
   const VectorXd values = values_;

@@ -268,7 +268,7 @@ Trim::Attempt Trim::iterate(VectorXd v) const {
     attempt.v = v;
     attempt.residual = largestOf(here.F);
     attempt.weighted = largestOf(weighted);
-    // The least residual that rounding of numbers of this size allows
+    // The least residual that rounding of numbers of this size allows.
     const VectorXd allowed = (1e-14 * here.rows).cwiseMax(kResidual);
     attempt.is_solution = (here.F.cwiseAbs().array() <= allowed.array()).all();
     const double merit = weighted.norm();

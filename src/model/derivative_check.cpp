@@ -62,7 +62,7 @@ std::optional<double> findDisagreement(const std::function<double(double)>& func
     if (std::abs(d->central - stated) <= kTolerance * size + slack) return std::nullopt;
     differences.push_back(*d);
   }
-  // The two consecutive steps that agree best.
+  // Take the two consecutive steps that agree best.
   double best = std::numeric_limits<double>::infinity();
   std::size_t at = 0;
   for (std::size_t n = 0; n + 1 < differences.size(); ++n) {

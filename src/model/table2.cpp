@@ -35,7 +35,7 @@ std::vector<Stencil> makeStencils(const TableAxis& axis) {
     for (int k = 0; k < 4; ++k) {
       const int datum = stencil.first + k;
       if (datum < 0 || datum >= n) continue;
-      // All data 0 but this one.
+      // Set all data to 0 but this one.
       const auto y = [datum](int point) { return point == datum ? 1.0 : 0.0; };
       const auto d = [&](int left) { return (y(left + 1) - y(left)) / (at(left + 1) - at(left)); };
       const auto slope = [&](int point) {

@@ -24,10 +24,10 @@
 
 namespace variator_sim {
 
-/// The integral of f over [from, to] by the rules of Gauss (3 points) and Kronrod (7, degree 11),
-/// the interval halved up to `depth` times where their difference d says that the latter errs by
-/// more than `tolerance` of the integral of |f|. It errs by about d^2, and by less than
-/// (10 d)^(3/2) where f is less smooth.
+/// Returns the integral of f over [from, to] by the rules of Gauss (3 points) and Kronrod (7,
+/// degree 11). The interval is halved up to `depth` times while their difference d says that the
+/// latter errs by more than `tolerance` of the integral of |f|. It errs by about d^2, and by less
+/// than (10 d)^(3/2) if f is less smooth.
 template <class Function>
 double integrate(const Function& f, double from, double to, double tolerance, int depth) {
   constexpr double kNodes[] = {0.960491268708020283, 0.774596669241483377, 0.434243749346802558};

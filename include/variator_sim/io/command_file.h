@@ -26,7 +26,7 @@ struct TimedCommand {
 /// commands. Throws CommandFileError.
 std::vector<TimedCommand> readCommandFile(const std::string& path);
 
-/// As readCommandFile; `source_name` stands for the file in messages.
+/// Reads `text` as readCommandFile does; `source_name` stands for the file in messages.
 std::vector<TimedCommand> readCommandText(const std::string& text, const std::string& source_name);
 
 }  // namespace variator_sim
