@@ -1,5 +1,5 @@
-/// Commanded inputs u(t): how samples that arrive at instants become a function of time with an
-/// exact value and an exact rate (theory: "holds"). Pure data and closed forms; no time is kept.
+/// Commanded inputs u(t): holds turn samples into a function of time with an exact value and an
+/// exact rate (theory: "holds"). Pure data and closed forms; nothing here keeps time.
 #pragma once
 
 #include <limits>
@@ -11,7 +11,7 @@
 
 namespace variator_sim {
 
-/// What u does between two commands.
+/// The course of u between two commands.
 enum class Hold {
   kZeroOrder,       ///< u = command; u' is an impulse at each command (the jump map)
   kFirstOrderLag,   ///< tau u' = command - u
@@ -20,17 +20,17 @@ enum class Hold {
   kSecondOrderLag   ///< (tau d/dt + 1)^2 u = command, critically damped: u and u' are continuous
 };
 
-/// As scenes write it.
+/// Returns the hold's name in scenes.
 const char* toString(Hold hold);
 
-/// What happens when no command has come for `timeout` seconds of simulated time.
+/// The action when no command has come for `timeout` seconds of simulated time.
 enum class OnTimeout { kHold, kZero };
 
 /// The settings of one commanded input; constant during a run.
 struct CommandInputSettings {
   std::string topic;       ///< name of the topic the commands arrive on
-  std::string topic_path;  ///< where that stands in the scene, for messages; may be empty
-  std::string name;        ///< what the scene calls it: the topic, where it has no name of its own
+  std::string topic_path;  ///< path of the topic in the scene, for messages; may be empty
+  std::string name;        ///< the input's name in the scene: the topic, unless it has its own
   std::string owner;       ///< name of the torque or constraint that reads it
   Hold hold = Hold::kZeroOrder;
   double time_constant = 0.0;                                 ///< tau of the lags, s
@@ -43,11 +43,11 @@ struct CommandInputSettings {
   OnTimeout on_timeout = OnTimeout::kHold;
 };
 
-/// The index of the input that `topic` commands. Throws
-/// std::invalid_argument with the nearest topic and all others.
+/// Returns the index of the input that `topic` commands. Throws std::invalid_argument with the
+/// nearest topic and all others.
 int findInput(const std::vector<CommandInputSettings>& inputs, const std::string& topic);
 
-/// A sentence about `command`, which lies outside of [minimum, maximum].
+/// Returns a sentence that `command` lies outside of [minimum, maximum].
 std::string describeClamped(const CommandInputSettings& settings, double command);
 
 /// Reads topic, hold, time_constant, rate, period, initial, min, max, timeout, on_timeout.
@@ -58,38 +58,38 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
 /// u(t) since the last command: one closed form between two events.
 class CommandSignal {
  public:
-  /// Constant u = `settings.initial`.
+  /// Sets the constant u = `settings.initial`.
   void reset(const CommandInputSettings& settings);
 
-  /// A command at `time` (already clamped, finite). Returns true when u itself jumps, so that the
+  /// Takes a command at `time` (already clamped, finite). Returns true when u itself jumps: the
   /// caller must run the jump map (unless nothing has moved yet: then it is the initial value).
-  /// Ramps and lags of the first order that are over within `resolution`, s, are jumps.
+  /// First-order ramps and lags that are over within `resolution`, s, are jumps.
   bool command(const CommandInputSettings& settings, double time, double value,
                double resolution = 0.0);
-  /// Times are counted from `by` seconds later from now on.
+  /// Moves the origin of time `by` seconds later.
   void moveOrigin(double by);
 
-  /// u at `time`, at or after the last event.
+  /// Returns u at `time`, at or after the last event.
   double value(double time) const;
-  /// Holds every u between two times without an event between them.
+  /// Encloses u between two times without an event between them.
   Interval enclose(double from, double to) const;
-  /// u' at `time`, right-hand limit at an event, left-hand limit at `segmentEnd()`.
+  /// Returns u' at `time`: right-hand limit at an event, left-hand limit at `segmentEnd()`.
   double rate(double time) const;
-  /// u'' at `time` where it exists between two commands: of kSecondOrderLag; 0 otherwise.
+  /// Returns u'' at `time` between two commands for kSecondOrderLag; 0 otherwise.
   double secondRate(double time) const;
-  /// The coefficients 0 to `order` of u as a series in (t - time) / unit. [loop]
+  /// Writes the coefficients 0 to `order` of u as a series in (t - time) / unit. [loop]
   void calcSeries(double time, double unit, int order, double* coefficients) const;
-  /// When the current closed form ends (a ramp or a lag that arrives), or infinity.
+  /// Returns the end of the current closed form (a ramp or a lag arrives), or infinity.
   double segmentEnd() const { return segment_end_; }
   /// Moves past `segmentEnd()`: u stays at its target from there.
   void finishSegment();
   /// True when u' = 0 for good: the input costs nothing per stage.
   bool isConstant() const { return form_ == Form::kConstant; }
-  /// What u tends to.
+  /// Returns the limit of u.
   double target() const { return target_; }
 
-  /// The closed form as a tree, and back to the bit. Throws SceneError where it is none of an input
-  /// with these settings.
+  /// Saves and restores the closed form to the bit. Throws SceneError for a form that no input with
+  /// these settings has.
   ParameterTree toTree() const;
   static CommandSignal fromTree(ParameterReader& reader, const CommandInputSettings& settings);
 

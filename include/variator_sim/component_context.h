@@ -1,4 +1,4 @@
-/// What a torque or a constraint learns about its scene while it is configured.
+/// The scene as a torque or a constraint sees it while it is configured.
 #pragma once
 
 #include <memory>
@@ -31,39 +31,39 @@ class ComponentContext {
         graph_(std::move(graph)),
         libraries_(std::move(libraries)) {}
 
-  /// The component's own name in the scene.
+  /// Returns the component's name in the scene.
   const std::string& name() const { return name_; }
-  /// The component's own dictionary. Keys left unread are an error after `build`.
+  /// Returns the component's own dictionary. Keys left unread are an error after `build`.
   ParameterReader& parameters() { return parameters_; }
-  /// Names of the scene's shafts, in the order of the indices 1..s.
+  /// Returns the names of the scene's shafts, in the order of the indices 1..s.
   const std::vector<std::string>& shaftNames() const { return shaft_names_; }
   int shaftCount() const { return static_cast<int>(shaft_names_.size()); }
 
-  /// Index (from 0) of the shaft that `key` names. SceneError with the nearest name otherwise.
+  /// Returns the index (from 0) of the shaft that `key` names. SceneError with the nearest name.
   int readShaft(const std::string& key);
-  /// Indices of the shafts that the list at `key` names, exactly `count` different ones.
+  /// Returns the indices of exactly `count` different shafts that the list at `key` names.
   std::vector<int> readShafts(const std::string& key, int count);
-  /// Declares a commanded input; the index into `input` and `input_rate` of StateView.
+  /// Declares a commanded input; returns the index into `input` and `input_rate` of StateView.
   int addInput(const CommandInputSettings& settings);
   const CommandInputSettings& inputSettings(int index) const {
     return inputs_[static_cast<std::size_t>(index)];
   }
-  /// The formulas of the whole scene.
+  /// Returns the formulas of the whole scene.
   const std::shared_ptr<expression::Graph>& graph() const { return graph_; }
 
-  /// Tells whoever loads the scene what its author may not expect, a sentence.
+  /// Adds a sentence that warns the author of the scene.
   void warn(std::string sentence) { warnings_.push_back(std::move(sentence)); }
   const std::vector<std::string>& warnings() const { return warnings_; }
 
   /// Keeps the component's code loaded (ComponentFactory::libraries).
   const std::shared_ptr<const void>& libraries() const { return libraries_; }
 
-  /// The inputs and tables that the scene names for all of its components.
+  /// Returns the inputs and tables that the scene names for all of its components.
   const SceneSymbols& symbols() const { return symbols_; }
-  /// Index of the scene's input that is called `name` by the value at `path`; the component reads
-  /// it. SceneError with the nearest name where there is none.
+  /// Returns the index of the scene's input `name`, as the value at `path` calls it, and counts it
+  /// as used by the component. Throws SceneError with the nearest name if there is none.
   int useInput(const std::string& name, const std::string& path);
-  /// Indices of the inputs that the component has declared or uses, each once.
+  /// Returns the indices of the inputs that the component has declared or uses, each once.
   const std::set<int>& usedInputs() const { return used_inputs_; }
 
  private:

@@ -14,15 +14,14 @@ namespace variator_sim {
 class ComponentFactory {
  public:
   virtual ~ComponentFactory() = default;
-  /// A new, not yet configured component, or nullptr for a type that is not known.
-  /// Throws std::runtime_error when the type is known and cannot be loaded.
+  /// Returns a new, not yet configured component, or nullptr for an unknown type. Throws
+  /// std::runtime_error when the type is known and cannot be loaded.
   virtual ConstraintPtr createConstraint(const std::string& type) = 0;
   virtual TorquePtr createTorque(const std::string& type) = 0;
-  /// All types known, for error messages.
+  /// Returns all known types, for error messages.
   virtual std::vector<std::string> constraintTypes() = 0;
   virtual std::vector<std::string> torqueTypes() = 0;
-  /// What keeps the code of its components loaded while somebody holds it; null where nothing has
-  /// to.
+  /// Returns a handle that keeps the code of the components loaded; null if none is needed.
   virtual std::shared_ptr<const void> libraries() { return nullptr; }
 };
 

@@ -35,8 +35,8 @@ using ConstraintPtr = std::shared_ptr<Constraint>;
 /// The motion obeys its third-order form C eta + c0 = 0 [12]: psi differentiated once, f twice. All
 /// forms of one constraint have the same C: df/domega = df'/depsilon = df''/deta.
 ///
-/// It says in `build` what is zero; C, c0, all derivatives, its dependences and its guards follow
-/// from that.
+/// `build` states the function that is zero; C, c0, all derivatives, dependences and switching
+/// functions (guards) follow from it.
 ///
 ///     class Slip : public variator_sim::Constraint {
 ///       void build(variator_sim::LawContext& scene) override {
@@ -62,65 +62,65 @@ class Constraint {
 
   /// Builds the law. Called once, before any evaluation. Throws SceneError.
   void configure(ComponentContext& context);
-  /// The constraint's name in the scene.
+  /// Returns the constraint's name in the scene.
   const std::string& name() const { return name_; }
-  /// Number of shafts s of the scene.
+  /// Returns the number of shafts s of the scene.
   int shaftCount() const { return shaft_count_; }
-  /// 1, 2 or 3.
+  /// Returns 1, 2 or 3.
   int order() const { return order_; }
 
   expression::Graph& graph() const { return *graph_; }
-  /// f, psi, or C eta + c0.
+  /// Returns f, psi, or C eta + c0.
   expression::Node function() const { return function_; }
-  /// f' = C epsilon + .. of order 1, psi of order 2.
+  /// Returns f' = C epsilon + .. for order 1, psi for order 2.
   expression::Node secondOrder() const { return second_order_; }
-  /// C (s nodes), then c0.
+  /// Returns C (s nodes), then c0.
   const std::vector<expression::Node>& row() const { return row_nodes_; }
-  /// True when an OpaqueFunction is called.
+  /// True when the law calls an OpaqueFunction.
   bool callsOpaqueFunction() const { return graph_->hasOpaque({function_}); }
 
-  /// What is to be zero: f (order 1) or psi (order 2), in the constraint's own unit. Not for order
-  /// 3, whose residual C eta + c0 needs the jerk.
+  /// Returns f (order 1) or psi (order 2), in the constraint's own unit. Not for order 3, whose
+  /// residual C eta + c0 needs the jerk.
   double calcResidual(const StateView& state) const;
-  /// Orders 1 and 2: the second-order form, f' or psi, and its C = d/depsilon (s values, all
-  /// written).
+  /// Orders 1 and 2: returns the second-order form, f' or psi, and writes its C = d/depsilon (s
+  /// values).
   double calcResidualAndJacobian(const StateView& state, double* C) const;
-  /// C (s values, all written) and c0 of C eta + c0 = 0 [12].
+  /// Writes C (s values) and c0 of C eta + c0 = 0 [12].
   void calcRow(const StateView& state, double* C, double* c0) const;
-  /// Orders 1 and 2: the partial derivatives of f or psi, all of them.
+  /// Orders 1 and 2: writes all partial derivatives of f or psi.
   void calcPartials(const StateView& state, ConstraintPartials& partials) const;
-  /// The parts of dC/dt = D + H eta: D (s values) and H = dC/depsilon (s x s values, row by row),
-  /// all written. Only the classical Gauss principle asks for them.
+  /// Writes the parts of dC/dt = D + H eta: D (s values) and H = dC/depsilon (s x s values, row by
+  /// row). Only the classical Gauss principle needs them.
   void calcJacobianRate(const StateView& state, double* D, double* H) const;
-  /// H = dC/depsilon (s x s values, row by row, all written): for psi its second derivatives. It
-  /// steers Newton's iteration for the accelerations of least reaction.
+  /// Writes H = dC/depsilon (s x s values, row by row), for psi its second derivatives, which
+  /// Newton's iteration for the accelerations of least reaction uses.
   void calcHessian(const StateView& state, double* H) const { hessian_.evaluate(state, H); }
-  /// d(C, c0)/d(phi, omega, epsilon): 3s directions, the first s by the angles; all written.
-  /// dC_i/dx_q to dC[q * s + i], dc0/dx_q to dc0[q]. Only stiff steppers ask for it.
+  /// Writes d(C, c0)/d(phi, omega, epsilon): 3s directions, the first s by the angles; dC_i/dx_q at
+  /// dC[q * s + i], dc0/dx_q at dc0[q]. Only stiff steppers need it.
   void calcRowDerivatives(const StateView& state, double* dC, double* dc0) const;
 
-  /// What f or psi and its derivatives depend on.
+  /// Tells whether f or psi and its derivatives read the time and the angles.
   Dependence dependence() const { return dependence_; }
-  /// True when C is the same at every state: it is factored once.
+  /// True when C is the same at every state: the solver factors it once.
   bool hasConstantJacobian() const { return has_constant_jacobian_; }
-  /// The accelerations that the second-order form reads otherwise than with constant coefficients,
-  /// bit i for shaft i: the least reaction is looked for over these alone. Where there is none, C
-  /// does not depend on epsilon, and a jump is one exact linear projection.
+  /// Returns the accelerations that the second-order form reads other than with constant
+  /// coefficients, bit i for shaft i: the search for the least reaction varies these alone. If
+  /// there are none, C does not depend on epsilon, and a jump is one exact linear projection.
   unsigned nonlinearAccelerations() const { return nonlinear_; }
-  /// The degree of the second-order form as a polynomial of the accelerations; -1 where it is none.
+  /// Returns the degree of the second-order form as a polynomial of the accelerations, or -1.
   int accelerationDegree() const { return degree_; }
-  /// Functions of the state at whose zeros psi, though continuous, has a kink in epsilon (abs, min,
-  /// max of accelerations), each as a constraint of order 2. The least reaction may lie there.
+  /// Returns functions of the state at whose zeros psi, though continuous, has a kink in epsilon
+  /// (abs, min, max of accelerations), as constraints of order 2. The least reaction may lie there.
   const std::vector<ConstraintPtr>& kinks() const { return kinks_; }
   /// True when psi reads a commanded input.
   bool readsInputs() const { return !inputs_.empty(); }
-  /// Where this law changes its branch, see Guard: a step ends there, for the error estimate of one
-  /// that runs over a kink knows little of it.
+  /// Returns the law's switching functions. Steps end at their zeros, because an error estimate
+  /// across a kink is unreliable.
   const std::vector<GuardPtr>& guards() const { return guards_; }
-  /// The instants, s, at which this law or a derivative of it that counts is not smooth (the points
-  /// of a table over time, say), in any order: steps end there.
+  /// Returns the instants, s, in any order, at which this law or a derivative of it that counts is
+  /// not smooth (the points of a table over time, say): steps end there.
   const std::vector<double>& instants() const { return instants_; }
-  /// What this constraint tells beside its residual ("slip").
+  /// Returns the named outputs of this constraint ("slip").
   const NamedOutputs& outputs() const { return outputs_; }
 
  protected:
@@ -130,21 +130,20 @@ class Constraint {
 
  private:
   class Kink;
-  /// One that is made by another and not configured.
+  /// Makes a kink of another constraint, without `configure`.
   Constraint(std::string name, int shaft_count, std::shared_ptr<expression::Graph> graph)
       : name_(std::move(name)), shaft_count_(shaft_count), graph_(std::move(graph)) {}
 
-  /// Makes the programs of `given`, a function of order `order` that may read `inputs`; messages
-  /// call it `path`.
+  /// Compiles `given`, a function of order `order` that may read `inputs`; messages call it `path`.
   void compile(expression::Node given, int order, const std::set<int>& inputs,
                const std::string& path);
   struct Formulas;
   Formulas derive(const std::set<int>& inputs, const std::string& path);
-  /// The function of order 3 with all jerks 0.
+  /// Returns the function of order 3 with all jerks 0.
   expression::Node withoutJerks(const std::vector<expression::Node>& C, const std::string& path);
   void noteNonlinear(const Formulas& formulas);
   void check(const Formulas& formulas, const std::string& path) const;
-  /// Throws std::length_error where one becomes too large.
+  /// Throws std::length_error if a program becomes too large.
   void makePrograms(const Formulas& formulas);
 
   std::string name_;
@@ -154,21 +153,21 @@ class Constraint {
   expression::Node second_order_;
   std::vector<expression::Node> row_nodes_;
 
-  // One program per question: none computes more than it is asked for.
+  // One program per quantity: none computes more than its caller needs.
   expression::Tape residual_;                     ///< f or psi
   expression::Tape residual_and_jacobian_;        ///< f' or psi, then C
   expression::Tape row_;                          ///< C, then c0
-  expression::Tape partials_;                     ///< those of partial_slots_
+  expression::Tape partials_;                     ///< with respect to partial_slots_
   expression::Tape hessian_;                      ///< H = dC/depsilon, s x s
   expression::Tape jacobian_rate_;                ///< D, then H
   expression::StateDerivatives row_derivatives_;  ///< of C, then c0
-  std::vector<int> partial_slots_;                ///< variables by which psi has a derivative
+  std::vector<int> partial_slots_;                ///< variables that psi has a derivative by
   std::vector<GuardPtr> guards_;
   std::vector<double> instants_;  ///< s
   NamedOutputs outputs_;
   int order_ = 2;
   Dependence dependence_;
-  std::set<int> inputs_;  ///< that it reads
+  std::set<int> inputs_;  ///< inputs that the law reads
   bool has_constant_jacobian_ = false;
   unsigned nonlinear_ = 0;
   int degree_ = 1;

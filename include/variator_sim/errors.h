@@ -10,7 +10,7 @@
 
 namespace variator_sim {
 
-/// What all have in common: whatever is at fault, the message can be shown to a user.
+/// Base of all errors of this package: the message can be shown to a user.
 class Error : public std::runtime_error {
  public:
   explicit Error(const std::string& message) : std::runtime_error(presentable(message)) {}
@@ -25,9 +25,9 @@ class SceneError : public Error {
         key_path_(std::move(key_path)),
         message_(std::move(message)) {}
 
-  /// The key at fault, from the scene's root, e.g. "variator/parameters/tau".
+  /// Returns the key at fault, from the scene's root, e.g. "variator/parameters/tau".
   const std::string& keyPath() const { return key_path_; }
-  /// What is wrong with it: what() without the path.
+  /// Returns the fault: what() without the path.
   const std::string& message() const { return message_; }
 
  private:

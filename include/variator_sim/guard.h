@@ -1,4 +1,4 @@
-/// Where a law changes its branch: kinks (abs, min, max), jumps (sign) and the points of tables.
+/// Switching functions of laws: kinks (abs, min, max), jumps (sign) and the points of tables.
 #pragma once
 
 #include <limits>
@@ -9,7 +9,7 @@
 
 namespace variator_sim {
 
-/// All numbers from low to high; the ends may be infinite.
+/// The interval from low to high; the ends may be infinite.
 struct Interval {
   double low = 0.0;
   double high = 0.0;
@@ -21,62 +21,62 @@ struct StateBox {
   Interval angle[kMaxShafts];         ///< rad
   Interval velocity[kMaxShafts];      ///< rad/s
   Interval acceleration[kMaxShafts];  ///< rad/s^2
-  const Interval* input = nullptr;    ///< of each input of the scene; null: nothing is known
+  const Interval* input = nullptr;    ///< one per input of the scene; null: unknown
 };
 
-/// A value that is linear in the state and the time, less a constant.
+/// A value that is linear in the state and the time, up to a constant.
 struct LinearValue {
   double time = 0.0;
   double state[3 * kMaxShafts] = {};  ///< by angles, velocities, accelerations: kMaxShafts of each
 };
 
-/// Tells on which branch of a law a state lies. On one branch the law is smooth; a step ends where
-/// the branch changes, however briefly it does.
+/// A switching function: it tells in which mode of a law a state lies. In one mode the law is
+/// smooth; a step ends where the mode changes, however briefly.
 ///
 /// Evaluations are const, allocate nothing, take no lock and do not throw.
 class Guard {
  public:
-  /// Of a state from which no branch can be told: exactly on the edge, or NaN.
+  /// The mode of a state exactly at a zero of the switching function, or of NaN.
   static constexpr int kOnEdge = -1000000;
 
   virtual ~Guard() = default;
   Guard(const Guard&) = delete;
   Guard& operator=(const Guard&) = delete;
 
-  /// A number that is the same on one branch.
+  /// Returns a number that is the same throughout one mode.
   virtual int branch(const StateView& state) const = 0;
-  /// False when all of `box` certainly lies on `branch`, or, of kOnEdge, on the edge.
+  /// False when all of `box` certainly lies in mode `branch`, or, for kOnEdge, at the zero.
   virtual bool mayLeave(const StateBox& box, int branch) const = 0;
-  /// True when the distance to the edge is no more than rounding in all of `box`: a state that
-  /// settles on an edge is not to be searched for ever.
+  /// True when the switching function is no more than rounding in all of `box`: event localization
+  /// must end for a state that settles at a zero.
   virtual bool isRounding(const StateBox& /*box*/) const { return false; }
-  /// True when nothing is known of it but its branch at single states: `mayLeave` is always true.
+  /// True when only the mode at single states is known: `mayLeave` is always true.
   virtual bool isOpaque() const { return false; }
-  /// The signed distance to the edge, in whatever unit; of guards with a `rate`, linear and opaque
-  /// ones. Of those with `bounds` it is the value that they bound.
+  /// Returns the switching function, in any unit, for linear and opaque guards and those with a
+  /// `rate`; for guards with `bounds` the value that these bound.
   virtual double distance(const StateView& /*state*/) const { return 0.0; }
-  /// Encloses the rate of the distance, 1/s, along motions in `box`; infinite where it is not
-  /// known.
+  /// Encloses the rate of the switching function, 1/s, along motions in `box`; infinite if it is
+  /// not known.
   virtual Interval rate(const StateBox& /*box*/) const {
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
     return {-kInfinity, kInfinity};
   }
-  /// How the value of a linear guard follows from the state and the time; nullptr of others.
+  /// Returns the linear value of a linear guard; nullptr for others.
   virtual const LinearValue* linear() const { return nullptr; }
-  /// Between which distances a guard that is linear, or has a `rate`, keeps a branch, not kOnEdge;
-  /// they themselves do not count.
+  /// Returns the open interval of distances in which a guard that is linear, or has a `rate`, keeps
+  /// its mode, which is not kOnEdge.
   virtual Interval bounds(int /*branch*/) const { return {}; }
-  /// The parts of the state that it, or its `rate`, may read: a bit for each of those of
-  /// LinearValue.
+  /// Returns the components of the state that the guard or its `rate` may read, one bit for each of
+  /// those of LinearValue.
   virtual unsigned reads() const { return ~0U; }
-  /// True when it may change while the shafts stay as they are: it reads the time or an input.
+  /// True when the mode may change while the shafts do not: the law reads the time or an input.
   virtual bool readsTime() const { return true; }
-  /// True when it reads a commanded input.
+  /// True when the guard reads a commanded input.
   virtual bool readsInputs() const { return true; }
-  /// True when the law itself may jump where the branch changes, and not only a derivative of it.
+  /// True when the law itself may jump at a mode change, and not only a derivative of it.
   bool jumps() const { return jumps_; }
-  /// The function that has the branches, as formulas write it ("if", "abs"); "" for a table and for
-  /// a law in C++.
+  /// Returns the function that has the modes, as formulas write it ("if", "abs"); "" for a table
+  /// and for a law in C++.
   const char* function() const { return function_; }
 
  protected:

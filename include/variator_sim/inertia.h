@@ -30,15 +30,15 @@ class Inertia {
   bool isConstant() const { return constant_; }
   bool isDiagonal() const { return diagonal_; }
 
-  /// J, dJ/dphi and d2J/dphi2 at the angles `phi` (S values, rad).
+  /// Computes J, dJ/dphi and d2J/dphi2 at the angles `phi` (S values, rad).
   void update(const double* phi) {
     if (!isAt(phi) || !has_derivatives_) updateAll(phi);
   }
-  /// J alone.
+  /// Computes J alone.
   void updateValue(const double* phi) {
     if (!isAt(phi)) updateAll(phi);
   }
-  /// J at `phi` has this diagonal, as somebody else has found out.
+  /// Sets J at `phi` from this diagonal, which the caller has computed.
   void setValue(const double* phi, const double* diagonal);
 
   /// y = J v.
@@ -53,8 +53,8 @@ class Inertia {
       y[i] = sum;
     }
   }
-  /// y = J^-1 v. `shafts` is their number, as an int or as a constant of its own type, which lets
-  /// the compiler unroll.
+  /// y = J^-1 v. `shafts` is the number of shafts, as an int or as a constant of its own type, with
+  /// which the compiler unrolls.
   template <class Count>
   void solve(Count shafts, const double* v, double* y) const {
     if (isDiagonal()) {
@@ -68,10 +68,10 @@ class Inertia {
     }
   }
   void solve(const double* v, double* y) const { solve(S, v, y); }
-  /// 1 / J_i of a diagonal J.
+  /// Returns 1 / J_i of a diagonal J.
   double inverse(int i) const { return inverse_diagonal_[i]; }
   double entry(int i, int j) const { return matrix_[i][j]; }
-  /// dJ_i/dphi_i, kg m^2/rad, and the second derivative, kg m^2/rad^2.
+  /// Return dJ_i/dphi_i, kg m^2/rad, and the second derivative, kg m^2/rad^2.
   double first(int i) const { return first_[i]; }
   double second(int i) const { return second_[i]; }
 
@@ -86,7 +86,7 @@ class Inertia {
   std::vector<std::vector<InertiaHarmonic>> harmonics_;
   double mean_[kMaxShafts] = {};
   double inverse_diagonal_[kMaxShafts] = {};
-  double angle_[kMaxShafts];  ///< at which the rest is known, rad
+  double angle_[kMaxShafts];  ///< angles of the values below, rad
   bool has_derivatives_ = false;
   double first_[kMaxShafts] = {};
   double second_[kMaxShafts] = {};

@@ -1,12 +1,12 @@
-/// Lets a program end long work early: compiling and stepping ask between their parts.
+/// Lets a program end long work early: compiling and stepping poll it between their parts.
 #pragma once
 
 #include <functional>
 
 namespace variator_sim {
 
-/// While it lives, long work of the thread that made it asks `is_wanted` and ends early once that
-/// is true: Simulation::advanceTo stays where it has come to, a compilation gives up.
+/// While it exists, long work of its thread polls `is_wanted` and ends early once that is true:
+/// Simulation::advanceTo stays at the time reached, a compilation is given up.
 class Interruption {
  public:
   explicit Interruption(std::function<bool()> is_wanted);

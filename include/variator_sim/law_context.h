@@ -1,4 +1,4 @@
-/// What the author of a law writes with: its keys in the scene, and its formulas.
+/// The interface of a law's `build`: reads its keys of the scene and states its formulas.
 ///
 ///     void build(LawContext& scene) override {
 ///       const std::vector<Shaft> shafts = scene.shafts("shafts", 2);
@@ -35,73 +35,73 @@ class LawContext {
  public:
   explicit LawContext(ComponentContext& context) : context_(context), place_(context.name()) {}
 
-  // --- what the scene says ---------------------------------------------------------------------
+  // --- keys of the scene -----------------------------------------------------------------------
   /// The law's own dictionary.
   ParameterReader& parameters() { return context_.parameters(); }
   ComponentContext& component() const { return context_; }
-  /// All keys that the law knows, for the message when one is misspelt.
+  /// Declares all keys of the law, for the message when one is misspelt.
   void keys(std::initializer_list<const char*> keys);
 
-  /// The shaft that `key` names, and the `count` different ones that the list at `key` does.
-  /// All throw SceneError.
+  /// Return the shaft that `key` names, and the `count` different ones of the list at `key`. All
+  /// throw SceneError.
   Shaft shaft(const std::string& key);
   std::vector<Shaft> shafts(const std::string& key, int count);
-  /// The shaft of this index in the scene, from 0.
+  /// Returns the shaft of this index in the scene, from 0.
   Shaft shaftAt(int index);
 
-  /// A number in `range`, constant during a run.
+  /// Returns a number in `range`, constant during a run.
   double number(const std::string& key, Range range = Range::any());
   double number(const std::string& key, Range range, double default_value);
 
-  /// A quantity in `range` that may change during a run:
+  /// Returns a quantity in `range` that may change during a run:
   ///     ratio: 0.6
   ///     ratio: "0.6 + 0.1*sin(t)"                          # a formula of t, inputs and tables
   ///     ratio: {times: [0, 2, 5], values: [0.4, 0.8, 0.6]} # s; C2, constant beyond the ends
   ///     ratio: {topic: ratio, hold: ..., initial: 0.6}     # commanded
   ///     ratio: {input: NAME}                               # one of the scene's `inputs`
-  /// Numbers, tables and what is commanded are held to `range`; of a formula only its constants
-  /// can be.
+  /// Numbers, tables and commanded values are checked against `range`; of a formula only its
+  /// constants can be.
   Expression quantity(const std::string& key, Range range = Range::any());
   Expression quantity(const std::string& key, Range range, double default_value);
-  /// The same of a key in a dictionary of the law's.
+  /// Reads the quantity from a dictionary of the law.
   Expression quantity(ParameterReader& section, const std::string& key, Range range);
   Expression quantity(ParameterReader& section, const std::string& key, Range range,
                       double default_value);
-  /// The input that the law's own keys `topic`, `hold`, .. declare (command_input.h).
+  /// Returns the input that the law's own keys `topic`, `hold`, .. declare (command_input.h).
   Expression command();
 
-  /// t, s.
+  /// Returns t, s.
   Expression time();
-  /// `f` at its arguments: a function that states its values and first derivatives in C++.
+  /// Returns `f` at its arguments: a function that states its values and first derivatives in C++.
   Expression function(std::shared_ptr<const OpaqueFunction> f, std::vector<Expression> arguments);
-  /// `table` at x.
+  /// Returns `table` at x.
   Expression lookUp(const Table& table, const Expression& x);
-  /// From 0 at `begin` to 1 at `end`, two times continuously differentiable: with
+  /// Rises from 0 at `begin` to 1 at `end`, two times continuously differentiable: with
   /// z = (x - begin)/(end - begin) it is 10 z^3 - 15 z^4 + 6 z^5 between them.
   Expression smoothStep(const Expression& x, double begin, double end);
 
   // --- the law ---------------------------------------------------------------------------------
-  /// psi = 0. Its order is that of the highest derivative in it: 1 with velocities, 2 with
+  /// States psi = 0. Its order is that of the highest derivative in it: 1 with velocities, 2 with
   /// accelerations, 3 with jerks. For constraints.
   void constrain(const Expression& psi) { psi_ = psi; }
-  /// A torque on `shaft`, N m, positive accelerates. For torques.
+  /// Adds a torque on `shaft`, N m, positive accelerates. For torques.
   void apply(const Shaft& shaft, const Expression& torque);
-  /// A torque on `a` and its reaction, the opposite, on `b`.
+  /// Adds a torque on `a` and its reaction, the opposite, on `b`.
   void applyBetween(const Shaft& a, const Shaft& b, const Expression& torque) {
     apply(a, torque);
     apply(b, -torque);
   }
-  /// A quantity of this element that can be looked at (`--columns elements`).
+  /// Names a quantity of this element for output (`--columns elements`).
   void output(const std::string& name, const Expression& value) {
     outputs_.emplace_back(name, value);
   }
 
-  /// Messages about the law as a whole tell of its `key` instead of its name.
+  /// Makes messages about the law as a whole refer to its `key` instead of its name.
   void tellOf(const std::string& key) { place_ = parameters().keyPath(key); }
 
   const std::string& place() const { return place_; }
   const Expression& psi() const { return psi_; }
-  /// By the index of the shaft, in the order of the first `apply`.
+  /// Returns the torques by index of the shaft, in the order of the first `apply`.
   const std::vector<std::pair<int, Expression>>& torques() const { return torques_; }
   const std::vector<std::pair<std::string, Expression>>& outputs() const { return outputs_; }
 

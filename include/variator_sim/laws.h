@@ -1,5 +1,5 @@
-/// The constraints and torques of this package. What each says, with its units, keys and sources,
-/// stands where its formula does: in src/laws, in the file of its name.
+/// The constraints and torques of this package. The file of its name in src/laws states each one's
+/// equations, units, keys and sources.
 #pragma once
 
 #include "variator_sim/constraint.h"

@@ -15,8 +15,8 @@ enum class LinearForm {
   kFull      ///< all of (phi, omega, epsilon), or (phi, omega), as the principle integrates them
 };
 
-/// x' = A x + B u,  y = C x + D u, in deviations from the operating point. What the states mean:
-/// doc/linear_models.md.
+/// x' = A x + B u,  y = C x + D u, in deviations from the operating point. doc/linear_models.md
+/// explains the states.
 struct LinearModel {
   std::vector<std::string> states;   ///< "drive/velocity", "inputs/throttle" (of a lag)
   std::vector<std::string> inputs;   ///< the commands, by the inputs' names
@@ -28,20 +28,20 @@ struct LinearModel {
   Eigen::VectorXd x;       ///< the states there
   Eigen::VectorXd u;       ///< the commands there
   Eigen::VectorXd y;       ///< the outputs there
-  Eigen::VectorXd x_rate;  ///< x' there: what the deviations are not told
+  Eigen::VectorXd x_rate;  ///< x' there, which the deviations leave out
   double time = 0.0;       ///< s
-  /// What a reader has to know beside the numbers, a sentence each.
+  /// Remarks on the numbers, a sentence each.
   std::vector<std::string> notes;
 };
 
-/// The model of `scene` at `point`, whose accelerations have to satisfy the constraints. Throws
-/// SceneError where there is none: off the constraints, where C has lost rank, in a corner of psi.
+/// Returns the model of `scene` at `point`, whose accelerations have to satisfy the constraints.
+/// Throws SceneError off the constraints, where C has lost rank, and in a corner of psi.
 LinearModel linearize(const Scene& scene, const OperatingPoint& point,
                       LinearForm form = LinearForm::kMinimal);
 
-/// The eigenvalues of A, 1/s, the slowest first; what is 0 to rounding is exactly 0. `zero_index`,
-/// where it is not null: how many integrators stand one behind the other at most, the size of the
-/// largest Jordan block of 0.
+/// Returns the eigenvalues of A, 1/s, the slowest first; those that are 0 to rounding are exactly
+/// 0. `zero_index`, unless null, receives the size of the largest Jordan block of 0: the length of
+/// the longest chain of integrators.
 std::vector<std::complex<double>> calcEigenvalues(const LinearModel& model,
                                                   int* zero_index = nullptr);
 

@@ -1,4 +1,4 @@
-/// The state of a motion: all that the motion to come depends on beside the scene.
+/// The state of a motion: with the scene it determines the motion to come.
 #pragma once
 
 #include <limits>
@@ -11,32 +11,32 @@ namespace variator_sim {
 
 struct Scene;
 
-/// What no constraint can change of the reaction, and so is kept as it was at the start: where
-/// `exists`, of the shafts that are `free` or, where C is constant, of the part out of range(C^T).
+/// The null-space component of the reaction, which no constraint can change and the solver keeps.
+/// If `exists`: of the shafts that are `free` or, for constant C, the part out of range(C^T).
 struct KeptReaction {
   bool exists = false;
   bool is_free[kMaxShafts] = {};
   double value[kMaxShafts] = {};  ///< N m; per root of kg m^2 where inertias depend on angles
 };
 
-/// Where the energy of a motion has come from since its start.
+/// Sources of the energy of a motion since its start.
 struct EnergyAccount {
   double start_kinetic = 0.0;  ///< J
   double applied = 0.0;        ///< J, brought by the applied torques
-  double throughput = 0.0;     ///< J, what they have brought and taken
+  double throughput = 0.0;     ///< J, brought and taken: integral of sum |Q_i omega_i|
   double reactions = 0.0;      ///< J, brought by the reactions, at the end of the last step
   double doubt_since = -1.0;   ///< s, see EnergyDoubt
-  bool has_turned = false;     ///< C has, since the start
+  bool has_turned = false;     ///< C has turned since the start
   double directions[kMaxConstraints][kMaxShafts] = {};  ///< of the rows of C at the start
 };
 
-/// Plain data. The angles, velocities, accelerations and inputs are the state that theory speaks
-/// of; the history is what else a motion has behind it. Without one the state is that of a start.
+/// Plain data. Angles, velocities, accelerations and inputs are the state of the theory; the
+/// history is all else that later steps depend on. Without one the state is that of a start.
 struct MotionState {
   struct History {
     bool exists = false;
     bool is_implicit = false;                  ///< the steps of `auto` are implicit
-    double longest_row[kMaxConstraints] = {};  ///< square of the longest that a row of C has been
+    double longest_row[kMaxConstraints] = {};  ///< square of the greatest length of each row of C
     KeptReaction kept_reaction;
     EnergyAccount energy;
   };
@@ -45,18 +45,18 @@ struct MotionState {
   double angle[kMaxShafts] = {};         ///< rad
   double velocity[kMaxShafts] = {};      ///< rad/s
   double acceleration[kMaxShafts] = {};  ///< rad/s^2
-  bool is_acceleration_given = true;     ///< or those of least reaction are meant
+  bool is_acceleration_given = true;     ///< false: accelerations of least reaction are meant
   CommandSignal signal[kMaxInputs];      ///< their times count from `time`
-  double last_command[kMaxInputs] = {};  ///< s, when it came; infinity: none, or it timed out
+  double last_command[kMaxInputs] = {};  ///< s, time of the last one; infinity: none, or timed out
   History history;
 };
 
-/// The state as a tree that can be read back to the bit, with the scene's own names.
+/// Returns the state as a tree that restores it to the bit, with the scene's own names.
 ParameterTree toTree(const MotionState& state, const Scene& scene);
 
-/// Reads a tree of toTree, or one that has a part of it: what it leaves out is as in `otherwise`,
-/// and the result has no history then. One with a history has to have everything. Throws SceneError
-/// with the key's path.
+/// Reads a tree of toTree, or a part of one: values left out are those of `otherwise`, and the
+/// result has no history then. A tree with a history has to be complete. Throws SceneError with the
+/// key's path.
 MotionState readMotionState(const ParameterTree& tree, const Scene& scene,
                             const MotionState& otherwise);
 

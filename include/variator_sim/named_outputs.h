@@ -1,4 +1,4 @@
-/// What an element tells by name beside its law.
+/// Named outputs of an element beside its law.
 #pragma once
 
 #include <string>
@@ -9,17 +9,17 @@
 
 namespace variator_sim {
 
-/// The outputs that a law names (LawContext::output). They are computed for samples only, and only
-/// while somebody wants to see them.
+/// The outputs that a law names (LawContext::output), computed for samples only, and only on
+/// request.
 class NamedOutputs {
  public:
   NamedOutputs() = default;
   explicit NamedOutputs(const LawContext& law);
 
   const std::vector<std::string>& names() const { return names_; }
-  /// Of the scene's graph, one for each name.
+  /// Returns one node of the scene's graph for each name.
   const std::vector<expression::Node>& nodes() const { return nodes_; }
-  /// One value for each name. [loop]
+  /// Writes one value for each name. [loop]
   void evaluate(const StateView& state, double* values) const { tape_.evaluate(state, values); }
 
  private:

@@ -7,11 +7,11 @@
 
 namespace variator_sim {
 
-/// The candidate that is most like `name` (fewest edits: insertion, deletion, substitution, swap of
+/// Returns the candidate most like `name` (fewest edits: insertion, deletion, substitution, swap of
 /// neighbours; letter case counts half), or an empty string when none is near enough to be meant.
 std::string findNearestName(const std::string& name, const std::vector<std::string>& candidates);
 
-/// " (did you mean 'x'?)" for the nearest candidate, or an empty string.
+/// Returns " (did you mean 'x'?)" for the nearest candidate, or an empty string.
 std::string suggestName(const std::string& name, const std::vector<std::string>& candidates);
 
 }  // namespace variator_sim

@@ -1,5 +1,5 @@
-/// What the node keeps for itself of a scene's names: it reads its own parameters from the same
-/// tree and publishes beside the scene's topics.
+/// Names that the node reserves in a scene: it reads its own parameters from the same tree and
+/// publishes beside the scene's topics.
 #pragma once
 
 #include <string>
@@ -7,17 +7,17 @@
 
 namespace variator_sim {
 
-/// What a program that runs scenes keeps for itself ("the node" in messages).
+/// Names that a program which runs scenes reserves ("the node" in messages).
 struct NodeNames {
-  /// Keys at the scene's root that it reads for itself. They may stand in a scene and mean nothing
-  /// to it; no shaft, torque or constraint may take them.
+  /// Keys at the scene's root that the program reads. A scene may have them without effect; no
+  /// shaft, torque or constraint may take them.
   std::vector<std::string> keys;
-  /// Private topics that it publishes itself. No commanded input may take one: the program would
+  /// Private topics that the program publishes. No commanded input may take one: the program would
   /// read its own messages.
   std::vector<std::string> topics;
 };
 
-/// Those of variator_sim_node.
+/// Returns the names of variator_sim_node.
 inline NodeNames nodeNames() {
   return {{"tick_rate", "publish_rate", "real_time_factor", "publish_clock", "start_paused",
            "realtime_priority", "lock_memory", "estimate_error", "overrides"},

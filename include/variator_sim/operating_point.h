@@ -1,4 +1,4 @@
-/// One instant of a motion, as linear models and trim take and give it.
+/// One instant of a motion, as linear models and trim use it.
 #pragma once
 
 #include <vector>
@@ -15,19 +15,20 @@ struct OperatingPoint {
   std::vector<double> acceleration;  ///< epsilon, rad/s^2, s values
   std::vector<double> input;         ///< u in force, its own unit, one per input of the scene
   std::vector<double> input_rate;    ///< u', its own unit per second
-  std::vector<double> command;       ///< what u tends to
+  std::vector<double> command;       ///< limits of u
 };
 
-/// The state that `tree` describes, with consistent accelerations. Keys, all optional: `time` (s),
-/// `angle`, `velocity`, `acceleration` (s numbers each), `inputs` (a dictionary of numbers, by the
-/// inputs' names). What is left out is as at the start of the scene; without `acceleration` these
-/// are those of least reaction. `source` stands before the keys in messages. Throws SceneError.
+/// Returns the state that `tree` describes, with consistent accelerations. Keys, all optional:
+/// `time` (s), `angle`, `velocity`, `acceleration` (s numbers each), `inputs` (a dictionary of
+/// numbers, by the inputs' names). Missing keys are as at the scene's start, a missing
+/// `acceleration` of least reaction. `source` stands before the keys in messages. Throws
+/// SceneError.
 OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                                   const std::string& source);
 
-/// What is left of the constraints of `scene` at `point` with these accelerations (s values,
-/// rad/s^2) in place of its own: psi for order 2, f' for order 1, NaN for order 3, which says
-/// nothing of accelerations alone. One value per constraint, in its own unit.
+/// Computes the residuals of the constraints of `scene` at `point` with these accelerations (s
+/// values, rad/s^2) in place of its own: psi for order 2, f' for order 1, NaN for order 3, which
+/// does not limit accelerations alone. One value per constraint, in its own unit.
 void calcResiduals(const Scene& scene, const OperatingPoint& point, const double* acceleration,
                    double* residual);
 

@@ -1,4 +1,4 @@
-/// Quantities that a scene defines for whoever watches it.
+/// Quantities that a scene defines for its observers.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@
 
 namespace variator_sim {
 
-/// A quantity y(t, phi, omega, epsilon) that a scene states as a formula. The motion does not know
-/// it: it is computed for samples only, and only while somebody wants to see it.
+/// A quantity y(t, phi, omega, epsilon) that a scene states as a formula. The motion does not
+/// depend on it: it is computed for samples only, and only on request.
 ///
 /// Keys: `expression` (its own unit; names t, phi1.., w1.., e1.. and the parameters), `parameters`
 /// (optional dictionary of numbers).
@@ -21,11 +21,11 @@ class Output {
   /// Reads the keys. Throws SceneError.
   explicit Output(ComponentContext& context);
 
-  /// Its name in the scene.
+  /// Returns its name in the scene.
   const std::string& name() const { return name_; }
-  /// NaN where it has none, which stops nothing. [loop]
+  /// Returns NaN for a value that does not exist, which stops nothing. [loop]
   double calcValue(const StateView& state) const { return *formula_.evaluate(state); }
-  /// The formula, of the scene's graph.
+  /// Returns the formula, of the scene's graph.
   expression::Node node() const { return node_; }
 
  private:

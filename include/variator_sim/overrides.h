@@ -1,4 +1,4 @@
-/// Values that take the place of a scene's before it is read.
+/// Values that replace those of a scene before it is read.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@ namespace variator_sim {
 
 /// Puts `value` at `path` of a scene's tree: keys with slashes between, items of a list by their
 /// index from 0 ("drive/inertia", "load/inertia/harmonics/0/cosine", "initial/velocity[1]").
-/// Dictionaries that are missing on the way are made; whether the scene knows the key is seen by
-/// who reads it. Throws SceneError, with the nearest path of the tree, where the path leads into a
-/// number or a text, or to an item that a list does not have.
+/// Missing dictionaries on the way are made; the reader of the scene checks whether it knows the
+/// key. Throws SceneError, with the nearest path of the tree, if the path leads into a number or a
+/// text, or to an item that a list does not have.
 void setValue(ParameterTree& tree, const std::string& path, ParameterTree value);
 
 }  // namespace variator_sim

@@ -32,24 +32,24 @@ class ParameterTree {
   static ParameterTree dictionary(Dictionary values = {}) { return make(std::move(values)); }
 
   Kind kind() const { return static_cast<Kind>(value_.index()); }
-  // Values of another kind: false, 0 or empty.
+  // Return false, 0 or empty for values of another kind.
   bool asBoolean() const { return get<bool>(); }
   std::int64_t asInteger() const { return get<std::int64_t>(); }
   double asReal() const { return get<double>(); }
   const std::string& asText() const { return get<std::string>(); }
   const List& asList() const { return get<List>(); }
   const Dictionary& asDictionary() const { return get<Dictionary>(); }
-  // Of values of their kind only.
+  // Only for values of their own kind.
   List& asList() { return std::get<List>(value_); }
   Dictionary& asDictionary() { return std::get<Dictionary>(value_); }
 
-  /// The value as a user would type it (YAML flow style), for error messages; long ones are cut.
+  /// Returns the value as a user would type it (YAML flow style), for messages; long ones are cut.
   std::string toText() const;
-  /// "a number", "a list", …, for error messages.
+  /// Returns "a number", "a list", …, for error messages.
   std::string describeKind() const;
 
  private:
-  /// In the order of Kind.
+  /// The alternatives stand in the order of Kind.
   using Value =
       std::variant<std::monostate, bool, std::int64_t, double, std::string, List, Dictionary>;
 
@@ -69,11 +69,11 @@ class ParameterTree {
   Value value_;
 };
 
-/// The shortest text that reads back as the same number, for messages.
+/// Returns the shortest text that reads back as the same number, for messages.
 std::string formatNumber(double value);
-/// As formatNumber, but always a real of YAML ("1.0", "1.0e+20", ".inf").
+/// Returns the same, but always a real of YAML ("1.0", "1.0e+20", ".inf").
 std::string formatReal(double value);
-/// "[1, 2.5]"
+/// Returns "[1, 2.5]".
 std::string formatNumbers(const double* values, int count);
 
 /// Allowed range of a number.
@@ -91,13 +91,13 @@ struct Range {
   }
   static Range between(double minimum, double maximum) { return {minimum, maximum, true, true}; }
   bool contains(double value) const;
-  /// "> 0", "from 0 to 1", "any finite number".
+  /// Returns "> 0", "from 0 to 1", "any finite number".
   std::string toText() const;
 };
 
-/// Reads one dictionary of a tree with checks and remembers which keys were asked for, so that
-/// `finish` can refuse the rest. Every failure is a SceneError with the key's full path.
-/// Numbers may be integers, reals, or texts that are numbers ("1e-9"); they must be finite.
+/// Reads one dictionary of a tree with checks and remembers which keys it has read, so that
+/// `finish` can reject the rest. Every failure is a SceneError with the key's full path. Numbers
+/// may be integers, reals, or texts that are numbers ("1e-9"); they must be finite.
 class ParameterReader {
  public:
   /// `tree` must outlive the reader and be a dictionary (SceneError otherwise); `path` is the
@@ -105,7 +105,7 @@ class ParameterReader {
   ParameterReader(const ParameterTree& tree, std::string path);
 
   const std::string& path() const { return path_; }
-  /// Full path of a key below this dictionary.
+  /// Returns the full path of a key below this dictionary.
   std::string keyPath(const std::string& key) const;
   bool has(const std::string& key) const;
   /// True when the value at `key` is a number, be it as a text.
@@ -118,23 +118,23 @@ class ParameterReader {
   bool boolean(const std::string& key, bool default_value);
   std::string text(const std::string& key);
   std::string text(const std::string& key, const std::string& default_value);
-  /// A formula: a text, or a number taken as its text with full precision.
+  /// Reads a formula: a text, or a number taken as its text with full precision.
   std::string formula(const std::string& key);
-  /// A text out of `allowed`.
+  /// Reads a text out of `allowed`.
   std::string choice(const std::string& key, const std::vector<std::string>& allowed);
   std::string choice(const std::string& key, const std::vector<std::string>& allowed,
                      const std::string& default_value);
-  /// A list of exactly `size` numbers.
+  /// Reads a list of exactly `size` numbers.
   std::vector<double> numbers(const std::string& key, std::size_t size, Range range = Range::any());
-  /// A list of texts; an absent key or nothing gives an empty list.
+  /// Reads a list of texts; an absent key or nothing gives an empty list.
   std::vector<std::string> names(const std::string& key);
-  /// A dictionary of numbers; an absent key gives an empty one.
+  /// Reads a dictionary of numbers; an absent key gives an empty one.
   std::map<std::string, double> numberDictionary(const std::string& key);
-  /// A reader of the dictionary at `key`; `finish` it before this one.
+  /// Returns a reader of the dictionary at `key`; `finish` it before this one.
   ParameterReader section(const std::string& key);
-  /// The value at `key` as it is, or nullptr; counts as read.
+  /// Returns the value at `key` as it is, or nullptr; counts as read.
   const ParameterTree* raw(const std::string& key);
-  /// The same; SceneError that `what` is expected when it is missing.
+  /// Does the same; throws SceneError that `what` is expected when it is missing.
   const ParameterTree& require(const std::string& key, const std::string& what);
 
   /// Converts a value that stands at `path` to a number, with the checks of `number`.
@@ -143,13 +143,13 @@ class ParameterReader {
 
   /// Counts `key` as read (or as known, for the suggestion when another is misspelt).
   void allow(const std::string& key);
-  /// SceneError for the first key of the dictionary that nobody asked for, with the nearest known.
+  /// Throws SceneError for the first unread key of the dictionary, with the nearest known.
   void finish() const;
 
-  /// From now on the paths of all keys that readers of this thread know go there; nullptr: nowhere.
-  /// A test makes its table of keys so.
+  /// Records from now on the paths of all keys that readers of this thread know; nullptr ends the
+  /// record. A test makes its table of keys with it.
   static void noteKeys(std::set<std::string>* paths);
-  /// The same of the numbers that are read, or taken as defaults, by their paths.
+  /// Records likewise the numbers that are read, or taken as defaults, by their paths.
   static void noteNumbers(std::map<std::string, double>* numbers);
 
  private:

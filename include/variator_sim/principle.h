@@ -14,35 +14,36 @@
 
 namespace variator_sim {
 
-/// Room for the rows of any drivetrain: k < s.
+/// Capacity for the rows of any drivetrain: k < s.
 constexpr int kMaxRows = kMaxConstraints;
 
-/// The linear algebra of k constraints over s shafts: rows of C, B = C J^-1 and A = C B^T as
-/// L D L^T. Everything lies in arrays of fixed size. What most runs spend their time with takes the
-/// number of shafts, as an int or as a constant of its own type, which lets the compiler unroll.
+/// The linear algebra of k constraints over s shafts: rows of C, B = C J^-1 and A = C B^T as L D
+/// L^T. All arrays have fixed size. The functions that most runs spend their time in take the
+/// number of shafts, as an int or as a constant of its own type, with which the compiler unrolls.
 class ConstraintSolver {
  public:
-  /// Pivots of A below this part of their diagonal entry count as zero: two rows of C then differ
-  /// in direction (in the metric J^-1) by less than 1e-6, and half the digits of eta would be gone.
+  /// Pivots of A below this fraction of their diagonal entry count as zero: two rows of C then
+  /// differ in direction (in the metric J^-1) by less than 1e-6, and half the digits of eta are
+  /// lost.
   static constexpr double kRankTolerance = 1e-12;
 
   ConstraintSolver(int shafts, int k) : S(shafts), k_(shafts > 1 ? k : 0) {}
   int rowCount() const { return k_; }
 
-  /// Row m of C, S values, to be written before `factor`.
+  /// Returns row m of C, S values, to be written before `factor`.
   double* row(int m) { return C_[m]; }
   const double* row(int m) const { return C_[m]; }
-  /// Diagonal of A, i.e. the squared length of row m of C in the metric J^-1. Valid after `factor`.
+  /// Returns A_mm, i.e. the squared length of row m of C in the metric J^-1. Valid after `factor`.
   double rowLengthSquared(int m) const { return A_diagonal_[m]; }
-  /// Notes it where A was made elsewhere.
+  /// Sets A_mm if A was formed elsewhere.
   void noteLengthSquared(int m, double length_squared) { A_diagonal_[m] = length_squared; }
-  /// After `factor` returned false: the row at which rank is lost, and its pivot over its diagonal
-  /// entry.
+  /// Return, after `factor` returned false, the row at which rank is lost, and its pivot over its
+  /// diagonal entry.
   int singularRow() const { return singular_row_; }
   double singularMeasure() const { return singular_measure_; }
 
-  /// The smallest pivot of A over its diagonal entry (1 when k < 2: one row is compared with none),
-  /// and its row. Valid after `factor` returned true.
+  /// Returns the smallest pivot of A over its diagonal entry (1 when k < 2: a single row cannot be
+  /// dependent), and its row. Valid after `factor` returned true.
   double calcSmallestPivot(int* row) const {
     double smallest = 1.0;
     *row = -1;
@@ -57,7 +58,7 @@ class ConstraintSolver {
 
   /// True when the last `factor` succeeded.
   bool isFactored() const { return is_factored_; }
-  /// Forms and factors A. False when C has not full rank (or is not finite).
+  /// Forms and factors A. Returns false when C has not full rank (or is not finite).
   bool factor(const Inertia& J) { return factor(S, J); }
   template <class Count>
   bool factor(Count shafts, const Inertia& J) {
@@ -78,7 +79,7 @@ class ConstraintSolver {
         pivot -= L_[m][n] * entry;
       }
       D_[m] = pivot;
-      D_inverse_[m] = 1.0 / pivot;  // begun here, done when the solution needs it
+      D_inverse_[m] = 1.0 / pivot;  // started here, done when the solution needs it
       if (!(pivot > kRankTolerance * diagonal)) {
         singular_row_ = m;
         singular_measure_ = diagonal > 0.0 ? pivot / diagonal : 0.0;
@@ -103,7 +104,7 @@ class ConstraintSolver {
     }
   }
 
-  /// C v, k values.
+  /// Computes C v, k values.
   void multiply(const double* v, double* Cv) const { multiply(S, v, Cv); }
   template <class Count>
   void multiply(Count shafts, const double* v, double* Cv) const {
@@ -122,8 +123,8 @@ class ConstraintSolver {
     }
   }
 
-  /// Given eta_free in `eta` (S values) and c0 (k values): the constrained jerk and, when asked
-  /// for, Lambda (k values). Needs `factor`.
+  /// Turns eta_free in `eta` (S values) into the constrained jerk for c0 (k values) and writes
+  /// Lambda (k values) unless it is null. Needs `factor`.
   void constrain(const double* c0, double* eta, double* Lambda) const {
     constrain(S, c0, eta, Lambda);
   }
@@ -140,8 +141,8 @@ class ConstraintSolver {
   bool isIll() const { return is_ill_; }
 
  private:
-  /// A = C J^-1 C^T has the square of C's condition. What is left of C eta + c0 is known to C's own
-  /// precision, so solving for it again gives back what the square has cost.
+  /// Refines the solution: A = C J^-1 C^T has the square of C's condition, but the residual of C
+  /// eta + c0 is known to C's own precision, so a second solve restores the digits lost.
   void refine(const double* c0, double* eta, double* Lambda) const {
     for (int round = 0; round < 3; ++round) {
       double rest[kMaxRows] = {};
@@ -153,7 +154,7 @@ class ConstraintSolver {
     }
   }
 
-  /// A pivot of this part of its diagonal entry costs six digits.
+  /// A pivot of this fraction of its diagonal entry costs six digits.
   static constexpr double kIll = 1e-6;
 
   const int S;  // shafts

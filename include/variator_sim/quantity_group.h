@@ -1,4 +1,4 @@
-/// What can be seen of a motion beside its Sample: groups of named quantities.
+/// Groups of named quantities of a motion beside its Sample.
 #pragma once
 
 #include <array>
@@ -7,7 +7,7 @@ namespace variator_sim {
 
 /// The names of a group and their order depend on the scene only (Simulation::quantityNames).
 enum class QuantityGroup {
-  kElements,  ///< what torques and constraints do: ELEMENT/SHAFT/torque, N m, for each shaft that a
+  kElements,  ///< torques and constraints: ELEMENT/SHAFT/torque, N m, for each shaft that a
               ///< torque acts on; ELEMENT/power, the sum of torque * velocity over these, W;
               ///< ELEMENT/OUTPUT, its own unit
   kInputs,    ///< commanded inputs in force, after hold and clamp, each in its own unit
@@ -17,7 +17,7 @@ enum class QuantityGroup {
 constexpr std::array<QuantityGroup, 3> kQuantityGroups{
     QuantityGroup::kElements, QuantityGroup::kInputs, QuantityGroup::kOutputs};
 
-/// "elements", "inputs", "outputs": the group's columns and its topic.
+/// Returns "elements", "inputs", "outputs": the name of the group's columns and its topic.
 const char* toString(QuantityGroup group);
 
 }  // namespace variator_sim

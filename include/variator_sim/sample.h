@@ -5,8 +5,8 @@
 
 namespace variator_sim {
 
-/// Where the energy of a motion comes from and goes to: kinetic - kinetic at the start = applied +
-/// reactions, and the rate of kinetic is the sum of both powers.
+/// The energy balance of a motion: kinetic - kinetic at the start = applied + reactions, and the
+/// rate of kinetic is the sum of both powers.
 struct Energy {
   double kinetic = 0.0;         ///< T = 1/2 omega^T J omega, J
   double applied = 0.0;         ///< of the applied torques since the start of the motion, J
@@ -15,7 +15,7 @@ struct Energy {
   double reaction_power = 0.0;  ///< sum R_i omega_i, W
 };
 
-/// Only the first s (shafts) or k (constraints) entries of an array mean something.
+/// Only the first s (shafts) or k (constraints) entries of an array are valid.
 struct Sample {
   double time = 0.0;                             ///< t, s
   double angle[kMaxShafts] = {};                 ///< phi, rad
@@ -26,9 +26,8 @@ struct Sample {
   double reaction_torque_rate[kMaxShafts] = {};  ///< R', N m/s
   double residual[kMaxConstraints] = {};         ///< psi, the constraint's own unit
   double multiplier[kMaxConstraints] = {};       ///< Lambda of R' = C^T Lambda [12, 15]
-  Energy energy;                                 ///< where it is tracked (Simulation::trackEnergy)
-  /// Estimated global errors, at least 0, where they are estimated (Simulation::estimateErrors);
-  /// NaN where nothing is known of them.
+  Energy energy;                                 ///< if tracked (Simulation::trackEnergy)
+  /// Estimated global errors, at least 0, with Simulation::estimateErrors; NaN if unknown.
   double angle_error[kMaxShafts] = {};         ///< rad
   double velocity_error[kMaxShafts] = {};      ///< rad/s
   double acceleration_error[kMaxShafts] = {};  ///< rad/s^2

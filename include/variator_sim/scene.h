@@ -1,6 +1,6 @@
-/// The model: what is constant during a run. A Scene is complete and valid once it exists. Copies
-/// share its components, and components may keep scratch memory: what is simulated in several
-/// threads at once is read once for each.
+/// The model: all that is constant during a run. A Scene is complete and valid once it exists.
+/// Copies share its components, and components may keep scratch memory: a scene that several
+/// threads simulate is read once for each.
 #pragma once
 
 #include <Eigen/Core>
@@ -33,11 +33,11 @@ enum class StepperKind { kAuto, kRk4, kDopri5, kFehlberg78, kRadau, kTaylor, kTa
 bool isFixedStep(StepperKind kind);
 const char* toString(StepperKind kind);
 
-/// Whether formulas run as machine code, which is compiled at run time and changes no bit.
+/// Selects whether formulas run as machine code, compiled at run time, which changes no bit.
 enum class MachineCode {
-  kAuto,   ///< where it is in the cache, or the run is long enough to repay compiling it
+  kAuto,   ///< from the cache, or compiled if the run is long enough to repay it
   kNever,  ///< the interpreter
-  kAlways  ///< compiled before the first step where it is not in the cache
+  kAlways  ///< compiled before the first step unless it is in the cache
 };
 const char* toString(MachineCode machine_code);
 
@@ -49,7 +49,7 @@ struct SolverSettings {
   double maximum_step = 1.0;    ///< of adaptive steppers, s: no feature narrower is stepped over
   int maximum_steps = 1000000;  ///< within one second of simulated time
   MachineCode machine_code = MachineCode::kAuto;
-  bool sleep = true;  ///< stop stepping at rest (doc/theory.md), until a command comes
+  bool sleep = true;  ///< stop stepping at equilibrium (doc/theory.md), until a command comes
 };
 
 struct InitialConditions {
@@ -64,7 +64,7 @@ struct Scene {
   /// J, kg m^2, s x s, symmetric; where a shaft has harmonics its entry is the mean. Positive
   /// definite at every angle.
   Eigen::MatrixXd inertia;
-  /// What each shaft's inertia adds with its angle: s lists, or none when all are constant.
+  /// Harmonics of each shaft's inertia: s lists, or none when all are constant.
   std::vector<std::vector<InertiaHarmonic>> inertia_harmonics;
   std::vector<TorquePtr> torques;
   std::vector<ConstraintPtr> constraints;
@@ -72,17 +72,17 @@ struct Scene {
   std::vector<Output> outputs;
   /// The formulas of all torques and constraints.
   std::shared_ptr<expression::Graph> graph = std::make_shared<expression::Graph>();
-  /// The inputs and tables that have names of their own.
+  /// The inputs and tables that have their own names.
   SceneSymbols symbols;
   Principle principle = Principle::kGeneralizedGauss;
   InitialConditions initial;
   SolverSettings solver;
-  /// The scene as read, node parameters left out: what `~scene` publishes as resolved parameters.
+  /// The scene as read, without node parameters: `~scene` publishes it as resolved parameters.
   ParameterTree resolved;
-  /// What a message ends with about a start that fails or a stop: numbers so large or small that
-  /// they may be to blame; "" where there are none.
+  /// End of messages about a failed start or a stop: numbers so large or small that they may be to
+  /// blame; "" if there are none.
   std::string extreme_numbers;
-  /// What its author may not expect, a sentence each: to be told when it is loaded.
+  /// Warnings for the author when the scene is loaded, a sentence each.
   std::vector<std::string> warnings;
 
   int shaftCount() const { return static_cast<int>(shafts.size()); }
@@ -95,17 +95,16 @@ struct Scene {
   int inputCount() const { return static_cast<int>(inputs.size()); }
 };
 
-/// Reads a whole scene. Components are made by `factory`. Throws SceneError on the first fault.
-/// `node`: names that the program which runs it keeps; a scene is one of variator_sim_node's where
-/// nothing else is said.
+/// Reads a whole scene. `factory` makes the components. `node`: names that the program which runs
+/// it reserves, by default those of variator_sim_node. Throws SceneError on the first fault.
 Scene readScene(const ParameterTree& tree, ComponentFactory& factory,
                 const NodeNames& node = nodeNames());
 
-/// Reads anew what no formula depends on, inertias, initial conditions and the solver's settings,
-/// from a tree that differs from that of `scene` in nothing else; `scene->resolved` is emptied.
-/// Much faster than readScene. Throws SceneError, as that would; `scene` is of no use then.
+/// Reads anew inertias, initial conditions and the solver's settings, which no formula depends on,
+/// from a tree that differs from that of `scene` in nothing else; empties `scene->resolved`. Much
+/// faster than readScene. Throws SceneError as readScene does; `scene` is then invalid.
 void rereadNumbers(const ParameterTree& tree, Scene* scene);
-/// True for a path of what rereadNumbers reads.
+/// True for a path that rereadNumbers reads.
 bool isOutsideFormulas(const std::string& path, const Scene& scene);
 
 }  // namespace variator_sim

@@ -1,4 +1,4 @@
-/// What a scene names for all of its components: inputs and tables.
+/// Inputs and tables that a scene names for all of its components.
 #pragma once
 
 #include <map>

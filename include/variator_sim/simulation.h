@@ -1,4 +1,4 @@
-/// The motion of one scene: steps it, takes commands, gives samples. Knows no wall clock.
+/// The motion of one scene: advances, takes commands, returns samples. Independent of wall time.
 #pragma once
 
 #include <memory>
@@ -20,21 +20,21 @@ struct Motion;
 
 enum class CommandResult { kAccepted, kClamped, kRefused };
 
-/// How it is used:
-///     simulation.advanceTo(t);          // the present moves to t
-///     simulation.command(input, value); // takes effect at the present
-///     simulation.sample();              // all columns at the present, after its commands
+/// Usage:
+///     simulation.advanceTo(t);          // moves the current time to t
+///     simulation.command(input, value); // takes effect at the current time
+///     simulation.sample();              // all columns at the current time, after its commands
 /// The motion depends on the scene and on the (time, input, value) of the commands only: neither
-/// where it is sampled nor how its advances are cut changes one bit of it.
+/// sample times nor the division into advances change one bit of it.
 ///
 /// Methods marked [loop] allocate nothing, lock nothing and do not throw.
 class Simulation {
  public:
-  /// Time 0 with consistent initial accelerations. Throws SceneError when the scene's initial
-  /// values contradict its constraints.
+  /// Starts at time 0 with consistent initial accelerations. Throws SceneError when the scene's
+  /// initial values contradict its constraints.
   explicit Simulation(Scene scene);
-  /// The same, made faster where `scene` is a copy of that of `like` whose inertias, initial values
-  /// or settings were changed: programs are copied, and machine code is shared.
+  /// Starts faster if `scene` is a copy of that of `like` with changed inertias, initial values or
+  /// settings: programs are copied, and machine code is shared.
   Simulation(Scene scene, const Simulation& like);
   ~Simulation();
   Simulation(Simulation&&) noexcept;
@@ -42,122 +42,120 @@ class Simulation {
 
   const Scene& scene() const;
 
-  /// The present, s. [loop]
+  /// Returns the current time, s. [loop]
   double time() const;
 
-  /// Moves the present to `time` (not before the present: then nothing happens). When the motion
-  /// stops on the way, the present stays at the last good state and the status says why; from then
-  /// on nothing moves until `reset`. After an Interruption the present is where the motion has come
-  /// to, and the next advance goes on from there. [loop]
+  /// Moves the current time to `time`; does nothing for an earlier time. When the motion stops on
+  /// the way, the time stays at the last accepted state and the status says why; from then on
+  /// nothing moves until `reset`. After an Interruption the time is the one reached, and the next
+  /// advance continues from there. [loop]
   const MotionStatus& advanceTo(double time);
-  /// Up to this time, s, advances do nothing but move the present: it lies inside a step already
-  /// made, and no command is pending or overdue. A caller that does not read the motion can leave
-  /// them out. [loop]
+  /// Returns the time, s, up to which advances only move the current time: it lies inside a step
+  /// already made, and no command is pending or overdue. A caller that does not read the motion can
+  /// leave them out. [loop]
   double quietUntil() const;
 
-  /// A command at the present. All commands given at one present take effect when the present is
-  /// next sampled or advanced, together: of two to one input the last counts. NaN and infinity are
-  /// refused, whatever `input` is, values outside [min, max] clamped; both are counted. A
-  /// zero-order command at time 0, before any advance, sets the initial value. [loop]
+  /// Takes a command at the current time. All commands of one time take effect together when the
+  /// motion is next sampled or advanced: the last one to an input counts. NaN and infinity are
+  /// rejected for any `input`, values outside [min, max] clamped; both are counted. A zero-order
+  /// command at time 0, before any advance, sets the initial value. [loop]
   CommandResult command(int input, double value);
-  /// The first command to this input that was clamped, through resets; NaN where none was. [loop]
+  /// Returns the first clamped command to this input, through resets; NaN if none. [loop]
   double firstClampedCommand(int input) const;
-  /// Stops the motion at its present because its caller can count time no further.
+  /// Stops the motion because its caller cannot represent later times.
   void exhaustTime();
 
-  /// When the next input goes without a command for its timeout, s; infinity when none will. [loop]
+  /// Returns the time, s, of the next command timeout of any input; infinity if none. [loop]
   double nextTimeout() const;
 
-  /// Everything at the present, after its commands. [loop]
+  /// Returns everything at the current time, after its commands. [loop]
   const Sample& sample();
 
-  /// The present, after its commands, for `linearize` (linear_model.h).
+  /// Returns the current state, after its commands, for `linearize` (linear_model.h).
   OperatingPoint operatingPoint();
 
-  /// Names of a group's quantities, in the order of their values.
+  /// Returns the names of a group's quantities, in the order of their values.
   const std::vector<std::string>& quantityNames(QuantityGroup group) const;
-  /// A group's values at the present, after its commands, into `values`, which has room for as many
-  /// as there are names. They cost nothing where they are not asked for, and change no bit; a value
-  /// that does not exist is NaN. [loop]
+  /// Writes a group's values at the current time, after its commands, one for each name. They cost
+  /// nothing unless requested, and change no bit; a value that does not exist is NaN. [loop]
   void calcQuantities(QuantityGroup group, double* values);
 
-  /// Whether samples have the energies, and each step's are integrated to about the tolerance of
-  /// the motion, which costs about as much as the step again; otherwise they are estimated from its
-  /// ends. Holds for later steps, through resets: to be set before the first advance if the whole
-  /// motion is to be integrated. Changes no bit of the motion. [loop]
+  /// Puts energies into samples or not. If on, those of each step are integrated to about the
+  /// tolerance of the motion, which costs about as much as the step again; otherwise they are
+  /// estimated from its ends. Holds for later steps, through resets: set it before the first
+  /// advance to integrate the whole motion. Changes no bit of the motion. [loop]
   void trackEnergy(bool on);
-  /// The energies at the present, after its commands, tracked or not. [loop]
+  /// Returns the energies at the current time, after its commands, tracked or not. [loop]
   Energy energy();
-  /// [loop]
+  /// Returns the doubt about the reactions as a source or sink of energy. [loop]
   EnergyDoubt energyDoubt() const;
 
-  /// Whether samples have estimates of their own global errors, in angles, velocities and
-  /// accelerations, by a second motion of the same scene that is stepped more finely: it costs one
-  /// to two times the motion again and changes no bit of it. To be called before the first advance
-  /// or after a reset. Not for the real-time loop.
+  /// Puts estimates of the global errors in angles, velocities and accelerations into samples or
+  /// not. A second motion of the same scene is stepped more finely: it costs one to two times the
+  /// motion again and changes no bit of it. Call before the first advance or after a reset; not in
+  /// the real-time loop.
   void estimateErrors(bool on);
-  /// Says where the estimates of the samples taken so far were not to be trusted. [loop]
+  /// Returns where the estimates of the samples so far are unreliable. [loop]
   ErrorDoubt errorDoubt() const;
-  /// How errors are estimated: "auto at a relative tolerance of 1e-11"; "" where they are not.
+  /// Describes the estimate: "auto at a relative tolerance of 1e-11"; "" if there is none.
   std::string describeErrorEstimate() const;
 
-  /// [loop]
+  /// Returns why the motion has stopped, if it has. [loop]
   const MotionStatus& status() const;
   const Statistics& statistics() const;
 
-  /// Back to time 0 and the initial state; commands and counters are forgotten. [loop]
+  /// Returns to time 0 and the initial state; forgets commands and counters. [loop]
   void reset();
 
-  /// Writes the state at the present, after its commands; false when the motion has stopped. The
-  /// motion goes on from what is written, exactly as one does that is given it by `setState`: with
-  /// steps begun anew, so within the tolerance, but not to the bit, as if it had not been saved.
-  /// [loop]
+  /// Writes the current state, after its commands; false when the motion has stopped. The motion
+  /// continues exactly as one that `setState` gives this state: its steps restart, so it agrees
+  /// with the motion that was not saved within the tolerance, not to the bit. [loop]
   bool saveState(MotionState* state);
-  /// The same state without a history, as the sample at the present has it; the motion goes on as
-  /// if it had not been read. False when it has stopped. [loop]
+  /// Writes the same state without a history, as the current sample has it; the motion is not
+  /// affected. False when it has stopped. [loop]
   bool peekState(MotionState* state);
-  /// The motion goes on from `state`, at its time. One with a history that is consistent is taken
-  /// as it is, to the bit; others are polished onto the constraints, and inconsistent ones moved to
-  /// the nearest consistent velocities and accelerations when `project`. "" or why not: then the
-  /// motion goes on as after `saveState`. Counters count on.
+  /// Continues the motion from `state`, at its time. A consistent state with a history is taken as
+  /// it is, to the bit; others are polished onto the constraints, and inconsistent ones moved to
+  /// the nearest consistent velocities and accelerations when `project`. Returns "" or the reason
+  /// for a failure: the motion then continues as after `saveState`. Counters count on.
   std::string setState(const MotionState& state, bool project = false);
 
-  /// The status as a sentence: reason, time, C, which constraint, last good state. "" while
-  /// running.
+  /// Returns the status as a sentence: reason, time, C, which constraint, last accepted state. ""
+  /// while running.
   std::string describeStatus() const;
 
-  /// The stepper in use ("taylor"): what `auto` came to.
+  /// Returns the stepper in use ("taylor"), which `auto` may have chosen.
   const char* stepperName() const;
-  /// The same as a sentence with its reasons, e.g. "auto (taylor, the series of this scene; radau
-  /// when stability limits its steps)".
+  /// Returns the same as a sentence with its reasons, e.g. "auto (taylor, the series of this scene;
+  /// radau when stability limits its steps)".
   std::string describeStepper() const;
-  /// Lists all that the scene does not need and so is not computed, e.g. "derivatives by the
-  /// angles".
+  /// Lists the quantities that the scene does not need and the solver skips, e.g. "derivatives by
+  /// the angles".
   std::vector<std::string> skips() const;
 
-  /// Goes over to machine code for the scene's formulas, which changes no bit of the motion: from
+  /// Switches to machine code for the scene's formulas, which changes no bit of the motion: from
   /// the cache, or, when `compile`, by the system's compiler, which takes about a second: one that
   /// takes more than 5 s is given up, unless the scene or the caller (`patiently`) insists on
-  /// machine code. An Interruption ends it. True when formulas run as machine code afterwards;
-  /// false, and `machineCode` says why, when the interpreter goes on. Not for the real-time loop.
+  /// machine code. An Interruption ends it. True when formulas run as machine code afterwards; if
+  /// false, `machineCode` says why. Not for the real-time loop.
   bool loadMachineCode(bool compile, bool patiently = false);
-  /// Goes over to the machine code of `other`, if it has some and the scenes differ in numbers
-  /// alone: a small part of what loading costs. True when formulas run as machine code afterwards.
+  /// Switches to the machine code of `other`, if it has some and the scenes differ in numbers
+  /// alone: a small part of the cost of loading. True when formulas run as machine code afterwards.
   /// Not for the real-time loop.
   bool shareMachineCode(const Simulation& other);
-  /// Makes steps of this motion and of others with the same machine code at once;
-  /// nullptr where it has none, or there is none of that kind. Takes a second or two when it has to
-  /// be compiled, which it is if `compile` says so. Not for the real-time loop.
+  /// Returns lanes that step this motion and others with the same machine code at once; nullptr if
+  /// there is no such code. Compiling it, which `compile` allows, takes a second or two. Not for
+  /// the real-time loop.
   std::shared_ptr<SeriesLanes> loadLanes(bool compile);
-  /// Steps are made by `together` where that may be; it has to outlive this. No bit changes.
+  /// Makes `together`, which has to outlive this, make steps if it can. No bit changes.
   void makeStepsWith(StepsTogether* together);
-  /// Says what runs the formulas, in a sentence ("machine code, compiled in 0.12 s", "the
-  /// interpreter: no compiler (cc) was found").
+  /// Says in a sentence how formulas run ("machine code, compiled in 0.12 s", "the interpreter: no
+  /// compiler (cc) was found").
   const std::string& machineCode() const;
   /// True when formulas run as machine code. [loop]
   bool hasMachineCode() const;
 
-  /// True while the motion is at rest and not stepped: a command wakes it. [loop]
+  /// True while the motion is asleep at an equilibrium: a command wakes it. [loop]
   bool isSleeping() const;
 
  private:

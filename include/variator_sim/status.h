@@ -1,4 +1,4 @@
-/// Why a motion goes on or has stopped.
+/// The status of a motion: running, or stopped for a reason.
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace variator_sim {
 
 enum class StopReason : std::uint8_t {
-  kNone,                ///< the motion goes on
+  kNone,                ///< the motion is running
   kSingularConstraint,  ///< C has lost rank: the principle no longer determines the jerk
   kStepUnderflow,       ///< the step fell below the resolution of time
   kNonFiniteValue,      ///< a torque or a constraint gave NaN or infinity
@@ -18,60 +18,59 @@ enum class StopReason : std::uint8_t {
   kStepLimit,           ///< more steps than `solver/maximum_steps` within one simulated second
   kJumpFailed,          ///< no state on the constraint is reached by a jump of the inputs
   kProjectionFailed,    ///< Newton's iteration onto the constraint did not converge
-  kChattering,          ///< a law jumps where the motion crosses back at once
-  kTimeExhausted        ///< the node's simulated time, in whole nanoseconds, has come to its end
+  kChattering,          ///< a law jumps and the motion crosses back at once
+  kTimeExhausted        ///< the node's simulated time, in whole nanoseconds, is exhausted
 };
 
-/// The name that users see: "SingularConstraint", "StepUnderflow", ...; "" for kNone.
+/// Returns the name that users see: "SingularConstraint", "StepUnderflow", ...; "" for kNone.
 const char* toString(StopReason reason);
 
-/// What the stepping loop returns: plain data, no allocation.
+/// Status of the stepping loop: plain data, no allocation.
 struct MotionStatus {
   StopReason reason = StopReason::kNone;
-  double time = 0.0;     ///< time reached: the last good state stands there, s
+  double time = 0.0;     ///< time of the last accepted state, s
   int constraint = -1;   ///< index of the constraint at fault, or -1
   int torque = -1;       ///< index of the torque element at fault, or -1
-  int guard = -1;        ///< kChattering, kStepUnderflow: index of the guard whose branch changes
-  double measure = 0.0;  ///< kSingularConstraint: what is left of the rank, relative to its scale;
+  int guard = -1;        ///< kChattering, kStepUnderflow: index of the guard whose mode changes
+  double measure = 0.0;  ///< kSingularConstraint: the remaining rank, relative to its scale;
                          ///< kStepTooLarge: the step's estimated error, relative to the state;
-                         ///< kToleranceTooSmall: what rounding makes, in tolerances;
+                         ///< kToleranceTooSmall: effect of rounding, in tolerances;
                          ///< kStepLimit: the steps of one second at the pace of the last ones;
                          ///< kStepUnderflow: the largest rate of a state's component, relative to
                          ///< its size, 1/s
   bool ok() const { return reason == StopReason::kNone; }
 };
 
-/// Whether the reactions are a source or a sink to reckon with: under `generalized_gauss`, where C
-/// has turned, they may be. Counted at the ends of steps and estimated from these, unless energy is
-/// tracked.
+/// Tells whether the reactions are a considerable source or sink of energy: under
+/// `generalized_gauss` they may be once C has turned. Judged at step ends and estimated from these,
+/// unless energy is tracked.
 struct EnergyDoubt {
-  double since = -1.0;      ///< s, when `isShareLarge` was first so; below 0: never
-  double time = 0.0;        ///< s, that the rest holds at
-  double reactions = 0.0;   ///< what they have brought since the start, J; taken: below 0
-  double throughput = 0.0;  ///< integral of sum |Q_i omega_i|: what the applied torques have
-                            ///< brought and taken, J
+  double since = -1.0;      ///< s, when `isShareLarge` first held; below 0: never
+  double time = 0.0;        ///< s, time of the values below
+  double reactions = 0.0;   ///< work of the reactions since the start, J
+  double throughput = 0.0;  ///< integral of sum |Q_i omega_i|, the work that the applied torques
+                            ///< have brought and taken, J
   bool isShareLarge() const { return std::abs(reactions) > 0.05 * throughput; }
   bool exists() const { return since >= 0.0 && isShareLarge(); }
 };
 
-/// The doubt as a sentence with a way out of it; "" when there is none.
+/// Describes the doubt and a remedy in a sentence; "" when there is none.
 std::string describe(const EnergyDoubt& doubt);
 
-/// Where estimates of global errors are not to be trusted, as the samples taken have shown: times
-/// in s, below 0 where it has not happened.
+/// Times, s, from which estimates of global errors are unreliable, as the samples taken have shown;
+/// below 0: never.
 struct ErrorDoubt {
-  double stopped =
-      -1.0;  ///< the motion that is compared with stopped: nothing is known from here on
+  double stopped = -1.0;                  ///< the second motion stopped: no estimate from here on
   StopReason reason = StopReason::kNone;  ///< why
   double grown = -1.0;  ///< an estimate is above 1e8 tolerances or a tenth of its column: errors no
                         ///< longer grow in proportion
   double parted = -1.0;    ///< the laws of both motions have jumped a different number of times
   double rounding = -1.0;  ///< the first sample that was at rounding in every column
-  std::uint64_t rounding_samples = 0;  ///< how many were
-  std::uint64_t samples = 0;           ///< of how many
+  std::uint64_t rounding_samples = 0;  ///< number of samples at rounding
+  std::uint64_t samples = 0;           ///< number of all samples
 };
 
-/// The doubts as sentences; none when there are none.
+/// Describes the doubts as sentences; none when there are none.
 std::vector<std::string> describe(const ErrorDoubt& doubt);
 
 /// Counters since the start or the last reset.
@@ -84,14 +83,14 @@ struct Statistics {
   std::uint64_t implicit_steps = 0;     ///< of the accepted steps, those by an implicit stepper
   std::uint64_t stepper_switches = 0;   ///< changes of stepper by `auto`
   std::uint64_t kinks = 0;              ///< steps that ended where a law has a kink
-  std::uint64_t sleeps = 0;             ///< times that the motion came to rest
+  std::uint64_t sleeps = 0;             ///< times that the motion came to equilibrium
   double largest_error_estimate = 0.0;  ///< of fixed steps, in units of the tolerance
-  double largest_rounding = 0.0;        ///< what rounding of the time and the state made of a
+  double largest_rounding = 0.0;        ///< effect of rounding of the time and the state on a
                                         ///< step's end beyond its tolerance, in tolerances
   std::uint64_t jumps = 0;              ///< instants at which inputs jumped
   std::uint64_t commands_accepted = 0;
   std::uint64_t commands_clamped = 0;  ///< accepted after clamping to [min, max]
-  std::uint64_t commands_refused = 0;  ///< NaN or infinite, or refused on their way
+  std::uint64_t commands_refused = 0;  ///< NaN or infinite, or rejected on their way
   std::uint64_t command_timeouts = 0;
 };
 

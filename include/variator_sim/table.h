@@ -34,7 +34,7 @@ namespace variator_sim {
 class Table {
  public:
   enum class Beyond { kConstant, kLinear };
-  /// Of the polynomials: derivatives of higher order are 0.
+  /// Degree of the polynomials: derivatives of higher order are 0.
   static constexpr int kDegree = 5;
   /// A list of numbers in a scene.
   struct Column {
@@ -42,9 +42,9 @@ class Table {
     Range range;
   };
 
-  /// y = 0.
+  /// Makes y = 0.
   Table() = default;
-  /// Through the points (x, y), two at least, x strictly increasing.
+  /// Makes a table through the points (x, y), two at least, x strictly increasing.
   static Table through(std::vector<double> x, const std::vector<double>& y, Beyond beyond);
   /// Reads two lists of equally many numbers, two at least, x strictly increasing.
   /// Throws SceneError.
@@ -54,15 +54,15 @@ class Table {
   double value(double x) const { return derivative(0, x); }      ///< y
   double slope(double x) const { return derivative(1, x); }      ///< dy/dx
   double curvature(double x) const { return derivative(2, x); }  ///< d2y/dx2
-  /// d^order y/dx^order; from the third on right-hand at the points, from the sixth on 0.
+  /// Returns d^order y/dx^order; from the third on right-hand at the points, from the sixth on 0.
   double derivative(int order, double x) const;
-  /// Holds every value of that derivative in `x`; infinite where nothing better is cheap. [loop]
+  /// Encloses that derivative over `x`; infinite if no better bound is cheap. [loop]
   Interval enclose(int order, const Interval& x) const;
-  /// The x_k, at which the third derivative jumps; none of a table that was not read.
+  /// Returns the x_k, at which the third derivative jumps; none of a table that was not read.
   std::vector<double> points() const;
-  /// True when y has a largest value: nothing grows beyond the ends.
+  /// True when y is bounded: nothing grows beyond the ends.
   bool isBounded() const;
-  /// The path of the dictionary in the scene that it was read from; empty of any other.
+  /// Returns the path of its dictionary in the scene; empty for a table that was not read.
   const std::string& origin() const { return origin_; }
 
  private:

@@ -39,22 +39,21 @@ class Table2 {
     const char* values;
   };
 
-  /// Two points at least along each axis. Throws SceneError.
+  /// Reads a table with two points at least along each axis. Throws SceneError.
   static Table2 read(ParameterReader& reader, const Keys& keys, Table::Beyond beyond);
 
   /// Evaluations allocate nothing and do not throw; NaN gives NaN. [loop]
   double value(double x, double y) const { return derivative({}, x, y); }
-  /// d^(m + n) z / dx^m dy^n; 0 where m or n is above five.
+  /// Returns d^(m + n) z / dx^m dy^n; 0 if m or n is above five.
   double derivative(Order order, double x, double y) const;
-  /// Holds every value of that derivative in a rectangle; infinite where nothing better is cheap.
-  /// [loop]
+  /// Encloses that derivative over a rectangle; infinite if no better bound is cheap. [loop]
   Interval enclose(Order order, const Interval& x, const Interval& y) const;
-  /// The x_i and the y_j, at which third derivatives jump.
+  /// Returns the x_i and the y_j, at which third derivatives jump.
   const std::vector<double>& pointsX() const;
   const std::vector<double>& pointsY() const;
-  /// True when nothing grows beyond the edges.
+  /// True when z is bounded: nothing grows beyond the edges.
   bool isBounded() const;
-  /// The path of the dictionary in the scene that it was read from.
+  /// Returns the path of its dictionary in the scene.
   const std::string& origin() const { return origin_; }
 
  private:

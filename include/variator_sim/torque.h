@@ -15,9 +15,9 @@
 
 namespace variator_sim {
 
-/// One torque element. It says in `build` which torques Q it applies (positive accelerates); their
+/// One torque element. `build` states the torques Q that it applies (positive accelerates); their
 /// total rate Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon + dQ/du u', its derivatives,
-/// dependences and guards follow from them.
+/// dependences and switching functions (guards) follow from them.
 ///
 ///     class Brake : public variator_sim::Torque {
 ///       void build(variator_sim::LawContext& scene) override {
@@ -42,40 +42,40 @@ class Torque {
 
   /// Builds the law. Called once, before any evaluation. Throws SceneError.
   void configure(ComponentContext& context);
-  /// The element's name in the scene.
+  /// Returns the element's name in the scene.
   const std::string& name() const { return name_; }
-  /// Number of shafts s of the scene.
+  /// Returns the number of shafts s of the scene.
   int shaftCount() const { return shaft_count_; }
 
   expression::Graph& graph() const { return *graph_; }
-  /// Q, N m, each shaft once.
+  /// Returns Q, N m, each shaft once.
   const std::vector<ShaftNode>& torques() const { return torques_; }
-  /// Q', N m/s, of those shafts; 0 left out.
+  /// Returns Q', N m/s, of those shafts; 0 left out.
   const std::vector<ShaftNode>& rates() const { return rates_; }
-  /// True when an OpaqueFunction is called.
+  /// True when the law calls an OpaqueFunction.
   bool callsOpaqueFunction() const;
-  /// The shafts, by index, that this element acts on, ascending. For the load only.
+  /// Returns the shafts, by index, that this element acts on, ascending. Not for the loop.
   std::vector<int> shafts() const;
 
   /// Q += this element's torques, N m, s values. `state.acceleration` is not read.
   void addTorque(const StateView& state, double* torque) const;
   /// Q' += the total rate of this element's torques, N m/s, s values.
   void addTorqueRate(const StateView& state, double* torque_rate) const;
-  /// dQ'/d(phi, omega, epsilon): 3s directions of s values each, the first s by the angles. Adds
-  /// dQ'_i/dx_q to derivatives[q * s + i]. Only stiff steppers ask for it.
+  /// Adds dQ'_i/dx_q to derivatives[q * s + i], x = (phi, omega, epsilon): 3s directions of s
+  /// values each, the first s by the angles. Only stiff steppers need it.
   void addTorqueRateDerivatives(const StateView& state, double* derivatives) const;
 
-  /// What Q and what Q' depend on. An elastic coupling's torque depends on the angles, its rate
-  /// does not.
+  /// Tell whether Q and Q' read the time and the angles. An elastic coupling's torque reads the
+  /// angles, its rate does not.
   Dependence torqueDependence() const { return torque_dependence_; }
   Dependence rateDependence() const { return rate_dependence_; }
-  /// Where this law changes its branch, see Guard: a step ends there, for the error estimate of one
-  /// that runs over a kink knows little of it.
+  /// Returns the law's switching functions. Steps end at their zeros, because an error estimate
+  /// across a kink is unreliable.
   const std::vector<GuardPtr>& guards() const { return guards_; }
-  /// The instants, s, at which this law or a derivative of it that counts is not smooth (the points
-  /// of a table over time, say), in any order: steps end there.
+  /// Returns the instants, s, in any order, at which this law or a derivative of it that counts is
+  /// not smooth (the points of a table over time, say): steps end there.
   const std::vector<double>& instants() const { return instants_; }
-  /// What this element tells beside its torques ("slip"). `state.acceleration` may be read.
+  /// Returns the named outputs of this element ("slip"). `state.acceleration` may be read.
   const NamedOutputs& outputs() const { return outputs_; }
 
  protected:
@@ -89,9 +89,9 @@ class Torque {
   std::shared_ptr<expression::Graph> graph_;
   std::vector<ShaftNode> torques_;
   std::vector<ShaftNode> rates_;
-  expression::Tape torque_;                        ///< of torques_
-  expression::Tape rate_;                          ///< of rates_
-  expression::StateDerivatives rate_derivatives_;  ///< of rates_
+  expression::Tape torque_;                        ///< torques_
+  expression::Tape rate_;                          ///< rates_
+  expression::StateDerivatives rate_derivatives_;  ///< derivatives of rates_
   Dependence torque_dependence_;
   Dependence rate_dependence_;
   std::vector<GuardPtr> guards_;

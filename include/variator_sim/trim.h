@@ -14,12 +14,12 @@ namespace variator_sim {
 /// `SHAFT/reaction_torque` and the scene's outputs.
 struct TrimChoice {
   std::string name;
-  /// What it is to be; of what is free, where the search starts (NaN: as at the scene's start).
+  /// The fixed value; for a free quantity the start of the search (NaN: the scene's start).
   double value = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// What is not named: velocities, and angles that laws read, are free; inputs and the time are what
-/// they are at the scene's start.
+/// Quantities without a name here: velocities, and angles that laws read, are free; inputs and the
+/// time are as at the scene's start.
 struct TrimOptions {
   std::vector<TrimChoice> fix;
   std::vector<TrimChoice> free;
@@ -30,7 +30,7 @@ struct TrimOptions {
 
 struct TrimState {
   OperatingPoint point;
-  /// What is left of the equations, N m, N m/s, or the constraint's own unit: the largest.
+  /// The largest residual of the equations, N m, N m/s, or the constraint's own unit.
   double residual = 0.0;
   /// Speeds, accelerations and inputs that may change together from here on without leaving the
   /// steady states. Not empty: this is one of infinitely many.
@@ -38,15 +38,15 @@ struct TrimState {
 };
 
 struct TrimResult {
-  /// Those found, the nearest to the scene's start first. Of infinitely many, one.
+  /// The states found, the nearest to the scene's start first; one of infinitely many.
   std::vector<TrimState> states;
-  /// What was found, or why nothing was, as a sentence.
+  /// The result, or the reason why there is none, as a sentence.
   std::string message;
 };
 
-/// Looks for x' = 0 but for the angles (or epsilon' = mu epsilon), and R = C^T lambda under both
+/// Solves x' = 0 but for the angles (or epsilon' = mu epsilon), and R = C^T lambda under both
 /// principles (doc/linear_models.md), by Newton's iteration with exact derivatives from several
-/// starts, the same ones at every call. Throws SceneError for a name that means nothing.
+/// starts, the same ones at every call. Throws SceneError for an unknown name.
 TrimResult trim(const Scene& scene, const TrimOptions& options);
 
 }  // namespace variator_sim

@@ -3,15 +3,15 @@
 
 namespace variator_sim {
 
-/// Most shafts s of one drivetrain.
+/// Largest number of shafts s of one drivetrain.
 constexpr int kMaxShafts = 8;
-/// Most constraints k; k < s.
+/// Largest number of constraints k; k < s.
 constexpr int kMaxConstraints = kMaxShafts - 1;
-/// Most commanded inputs u of one drivetrain.
+/// Largest number of commanded inputs u of one drivetrain.
 constexpr int kMaxInputs = 32;
 
 /// The state that torques and constraints are evaluated at. It owns nothing: the arrays belong to
-/// whoever integrates and are valid during the call only.
+/// the caller and are valid during the call only.
 struct StateView {
   double time;             ///< t, s
   const double* angle;     ///< phi, s values, rad
@@ -22,12 +22,12 @@ struct StateView {
   const double* input_rate;  ///< u', one value per commanded input, its own unit per second
   /// u'', one value per commanded input, its own unit per second squared: of inputs with
   /// `second_order_lag`; 0 for all others, whose u' is not differentiable at a command. Only a
-  /// constraint of order 1 needs it. Null where nobody may ask.
+  /// constraint of order 1 needs it; null when no law may read it.
   const double* input_second_rate = nullptr;
 };
 
-/// Tells whether a law reads the time and the angles. Derivatives by a quantity that no law reads
-/// are left out of the stepping.
+/// Tells whether a law reads the time and the angles. The solver omits derivatives by a quantity
+/// that no law reads.
 struct Dependence {
   bool time = true;
   bool angle = true;

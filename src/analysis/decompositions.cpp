@@ -31,7 +31,7 @@ void dgeev_(const char* left, const char* right, const int* size, double* A, con
 
 namespace {
 
-// Work space of a routine for matrices of this size, and what it says of its success.
+// Work space of a routine for matrices of this size, and its return code.
 struct Work {
   explicit Work(Eigen::Index rows, Eigen::Index columns)
       : space(40 * (rows + columns + 1)), size(static_cast<int>(space.size())) {}
@@ -52,7 +52,7 @@ int strideOf(const MatrixXd& M) {
   return std::max(1, count(M.rows()));
 }
 
-// M P = Q R with pivots that never grow, and how many of them count.
+// M P = Q R with pivots that never grow, and the numerical rank.
 struct PivotedQr {
   MatrixXd Q;               // rows x rows
   std::vector<int> pivots;  // from 0
@@ -85,8 +85,8 @@ PivotedQr decompose(const MatrixXd& M, double threshold) {
   return qr;
 }
 
-// X of least length among those of least |M X - right|, and M's rank. Not numbers where M or right
-// are none, with which LAPACK may never end.
+// Returns M's rank and the X of least length that minimizes |M X - right|. X is NaN if M or right
+// is not finite, with which LAPACK may never end.
 int solveShortest(MatrixXd M, const MatrixXd& right, double threshold, MatrixXd& X) {
   const int rows = count(M.rows());
   const int columns = count(M.cols());
@@ -125,16 +125,16 @@ void balance(MatrixXd& M) {
   }
 }
 
-// Takes some eigenvalues 0 out of M: with columns N that span its kernel and Q = (N, N') orthogonal
+// Deflates some eigenvalues 0 of M: with columns N that span its kernel and Q = (N, N') orthogonal
 //     Q^T M Q = (0 B; 0 M'),
-// M' has the others, and a kernel again where 0 has Jordan blocks of two. Returns how many were
-// taken. (Kublanovskaya, On a method of solving the complete eigenvalue problem for a degenerate
-// matrix, USSR Comput. Math. Math. Phys. 6, 1966.)
+// M' has the others, and a kernel again if 0 has Jordan blocks of two. Returns the number deflated.
+// (Kublanovskaya, On a method of solving the complete eigenvalue problem for a degenerate matrix,
+// USSR Comput. Math. Math. Phys. 6, 1966.)
 int deflateZero(MatrixXd& M) {
   constexpr double kRounding = 1e-12;
   const auto size = M.rows();
   if (size == 0) return 0;
-  // Small entries are no zeros: the kernel is sought with rows and columns of one length.
+  // Small entries are no zeros: scale rows and columns to one length before the kernel is sought.
   MatrixXd scaled = M;
   VectorXd factors = VectorXd::Ones(size);
   for (int round = 0; round < 4; ++round) {
@@ -174,7 +174,7 @@ bool solveSquare(const MatrixXd& M, const MatrixXd& right, double threshold, Mat
 }
 
 MatrixXd findKernel(const MatrixXd& M, double threshold) {
-  // M^T P = Q R: what is left of Q is at right angles to all rows of M.
+  // M^T P = Q R: the remaining columns of Q are orthogonal to all rows of M.
   const PivotedQr qr = decompose(M.transpose(), threshold);
   return qr.Q.rightCols(M.cols() - qr.rank);
 }

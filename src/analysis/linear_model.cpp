@@ -24,8 +24,8 @@ constexpr const char* kLostRank =
     "the constraints' derivatives by the highest rates have lost rank here (or a value is not "
     "finite): there is no linear model at this state";
 
-/// Solves M x = right with rows and columns of M brought to like sizes. Throws SceneError where M
-/// is singular or not finite.
+/// Solves M x = right with rows and columns of M scaled to like sizes. Throws SceneError if M is
+/// singular or not finite.
 MatrixXd solveScaled(const MatrixXd& M, const MatrixXd& right) {
   const auto inverse_of = [](const VectorXd& sizes) -> VectorXd {
     return (sizes.array() > 0.0).select(sizes.cwiseInverse(), 1.0);
@@ -41,8 +41,8 @@ MatrixXd solveScaled(const MatrixXd& M, const MatrixXd& right) {
   return column.asDiagonal() * solution;
 }
 
-/// Some columns from `first` on that `rows` can be solved for, and as many rows as are independent.
-/// `rank` < 0: as many as there are.
+/// Returns columns from `first` on that `rows` can be solved for, as many as there are independent
+/// rows (`rank` < 0) or `rank`.
 std::vector<int> findDependent(const MatrixXd& rows, int first, int rank, const VectorXd& inertia,
                                MatrixXd& independent) {
   const MatrixXd scaled =
@@ -57,7 +57,7 @@ std::vector<int> findDependent(const MatrixXd& rows, int first, int rank, const 
   return found.pivots;
 }
 
-/// Some of the states, which the others follow from: x = N x_kept wherever G x = 0.
+/// States that determine the others: x = N x_kept for all x with G x = 0.
 struct ManifoldCoordinates {
   std::vector<int> kept;
   MatrixXd N;
@@ -65,8 +65,8 @@ struct ManifoldCoordinates {
 
 /// Leaves out velocities (columns `shafts` to 2 `shafts` - 1) for the first `velocity_rows` rows of
 /// G and accelerations, the columns behind them, for the others, which may be dependent: those that
-/// the rows turn most in the metric of `inertia` (one entry a shaft). Throws SceneError where the
-/// rows have lost rank.
+/// the rows turn most in the metric of `inertia` (one entry a shaft). Throws SceneError if the rows
+/// have lost rank.
 ManifoldCoordinates findCoordinates(const MatrixXd& G, int velocity_rows, const VectorXd& inertia) {
   const int n = static_cast<int>(G.cols());
   const int S = static_cast<int>(inertia.size());
@@ -114,24 +114,24 @@ class Linearizer {
   void chainVariables();
   void solveUnknowns();
   void checkPoint();
-  /// E's derivatives by its unknowns, at the last evaluation.
+  /// Returns E's derivatives by its unknowns, at the last evaluation.
   MatrixXd byUnknowns() const {
     return chooseColumns(derivatives_.topRows(formulas_.equations()), formulas_.unknowns);
   }
-  /// All variables along the solutions of E, at v, by the columns of chain_.
+  /// Returns all variables along the solutions of E, at v, by the columns of chain_.
   MatrixXd calcVariables(VectorXd v);
-  /// The rates of the model's states: rows of such a matrix, or of the variables themselves.
+  /// Returns the rates of the model's states: rows of such a matrix, or of the variables.
   MatrixXd ratesOfStates(const MatrixXd& variables) const;
   MatrixXd calcFeedthroughRate();
-  /// The equations that keep the motion on its manifold, by the model's states.
+  /// Returns the equations that keep the motion on its manifold, by the model's states.
   MatrixXd calcManifoldRows(const MatrixXd& rows, const MatrixXd& variables) const;
   void keepToManifold(const MatrixXd& G, LinearModel& model) const;
   void nameModel(LinearModel& model) const;
   std::string shaftName(int i) const { return scene_.shafts[at(i)]; }
-  /// The model's state that a variable is, or -1.
+  /// Returns the model's state that a variable is, or -1.
   int stateOf(int variable) const;
   int states() const { return static_cast<int>(state_variables_.size()); }
-  /// The variable that is the rate of another one, or -1.
+  /// Returns the variable that is the rate of another one, or -1.
   int rateOf(int variable) const;
 
   const Scene& scene_;
@@ -141,10 +141,10 @@ class Linearizer {
   const VariableLayout& layout_;
   ModelFormulas formulas_;
   std::unique_ptr<DifferentiatedFormulas> program_;
-  std::vector<int> state_variables_;  ///< of the model's states
+  std::vector<int> state_variables_;  ///< variables that are states of the model
   /// The variables by the model's states (columns 0..n-1), commands and the rates of commands.
   MatrixXd chain_;
-  int motion_states_;  ///< the first of them: (phi, omega[, epsilon])
+  int motion_states_;  ///< the first states: (phi, omega[, epsilon])
   VectorXd v_;
   VectorXd values_;
   MatrixXd derivatives_;
@@ -262,7 +262,7 @@ void Linearizer::checkPoint() {
   const int first = formulas_.equations();
   for (int r = 0; r < formulas_.velocity_rows + formulas_.acceleration_rows; ++r) {
     const double value = values_(first + r);
-    // A relative change of 1e-7 of the state makes so much.
+    // The residual that a relative change of 1e-7 of the state makes.
     double scale = 0.0;
     for (int n = 0; n < layout_.size(); ++n) {
       scale += std::abs(derivatives_(first + r, n)) * std::max(1.0, std::abs(v_(n)));
@@ -343,7 +343,7 @@ LinearModel Linearizer::make(LinearForm form) {
   const int U = layout_.U;
   const MatrixXd variables = calcVariables(v_);
   const MatrixXd rates = ratesOfStates(variables);
-  // Formulas behind E, with what their unknowns do
+  // The formulas behind E, along the solutions of E.
   const MatrixXd rows =
       derivatives_.bottomRows(derivatives_.rows() - formulas_.equations()) * variables;
   const VectorXd values = values_;

@@ -7,7 +7,7 @@ namespace {
 
 using expression::Node;
 
-/// E and its unknowns y.
+/// Adds E and its unknowns y.
 void addEquations(MotionEquations& equations, MotionKind kind, ModelFormulas& formulas) {
   expression::Graph& graph = equations.graph();
   const VariableLayout& layout = equations.layout();
@@ -57,8 +57,8 @@ void addRows(const MotionEquations& equations, MotionKind kind, ModelFormulas& f
 }
 
 void addConserved(MotionEquations& equations, ModelFormulas& formulas) {
-  // R' = C^T Lambda: h.R stays as it is for every h with C h = 0 at all states. With an inertia
-  // that depends on the angle it is R_i / sqrt(J_i) of a shaft that no constraint reads.
+  // R' = C^T Lambda: h.R is conserved for every h with C h = 0 at all states. With an inertia that
+  // depends on the angle it is R_i / sqrt(J_i) of a shaft that no constraint reads.
   expression::Graph& graph = equations.graph();
   const auto& constraints = equations.constraints();
   const bool is_constant =
@@ -73,7 +73,7 @@ void addConserved(MotionEquations& equations, ModelFormulas& formulas) {
     if (!is_neutral && !is_constant) continue;
     const Node root = graph.make(expression::Operation::kSqrt, equations.inertia(i, i));
     const Node row = equations.reaction(i);
-    // (Of a constant C all R_i are stated; calcManifoldRows combines them.)
+    // (For a constant C all R_i are stated; calcManifoldRows combines them.)
     formulas.all.push_back(equations.hasConstantInertia() ? row : graph.divide(row, root));
     ++formulas.conserved_rows;
   }

@@ -1,5 +1,5 @@
 /// The equations of a motion as formulas over one vector of variables, with their exact
-/// derivatives: what linear models and trim are made of. Not for the loop.
+/// derivatives, for linear models and trim. Not for the loop.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,14 +11,13 @@
 
 namespace variator_sim {
 
-/// An index of the standard library's.
+/// Converts to an index of the standard library.
 inline std::size_t at(int i) {
   return static_cast<std::size_t>(i);
 }
 
-/// Where everything stands in the vector v of variables. Arrays that a StateView points to are
-/// longer here: behind the accelerations stand the jerks and `a`, behind the inputs the
-/// multipliers and mu.
+/// The positions in the vector v of variables. Arrays that a StateView points to are longer here:
+/// behind the accelerations stand the jerks and `a`, behind the inputs the multipliers and mu.
 struct VariableLayout {
   int S = 0;  ///< shafts
   int k = 0;  ///< constraints
@@ -29,24 +28,24 @@ struct VariableLayout {
   int velocity(int i) const { return angle(S) + i; }
   int acceleration(int i) const { return velocity(S) + i; }
   int jerk(int i) const { return acceleration(S) + i; }
-  /// An auxiliary acceleration, J^-1 times a torque.
+  /// Returns an auxiliary acceleration, J^-1 times a torque.
   int auxiliary(int i) const { return jerk(S) + i; }
   int input(int i) const { return auxiliary(S) + i; }
-  /// lambda of R = C^T lambda, and what makes R': Lambda (generalized_gauss) or lambda' (gauss).
+  /// Return lambda of R = C^T lambda, and Lambda (generalized_gauss) or lambda' (gauss) of R'.
   int multiplier(int m) const { return input(U) + m; }
   int multiplierRate(int m) const { return multiplier(k) + m; }
-  /// mu of eta = mu epsilon.
+  /// Returns mu of eta = mu epsilon.
   int growth() const { return multiplierRate(k); }
   int inputRate(int i) const { return growth() + 1 + i; }
   int inputSecondRate(int i) const { return inputRate(U) + i; }
   int size() const { return inputSecondRate(U); }
 
-  /// The slot of variable n in the graph.
+  /// Returns the slot of variable n in the graph.
   int slot(int n) const;
   StateView view(const Eigen::VectorXd& v) const;
 };
 
-/// A constraint's levels; those that it has not are Node{}.
+/// A constraint's levels; absent ones are Node{}.
 struct ConstraintFormulas {
   expression::Node velocity;             ///< f, of order 1
   expression::Node acceleration;         ///< f' or psi, of orders 1 and 2
@@ -66,35 +65,35 @@ class MotionEquations {
   expression::Graph& graph() { return graph_; }
   expression::Node variable(int n) { return graph_.variable(layout_.slot(n)); }
 
-  /// Q_i, N m
+  /// Returns Q_i, N m.
   expression::Node torque(int i) const { return torques_[static_cast<std::size_t>(i)]; }
-  /// J_ij, kg m^2
+  /// Returns J_ij, kg m^2.
   expression::Node inertia(int i, int j);
   bool hasConstantInertia() const { return scene_.inertia_harmonics.empty(); }
   bool hasDiagonalInertia() const;
-  /// R_i = (J epsilon)_i + n_i - Q_i, N m, and its rate, N m/s
+  /// Returns R_i = (J epsilon)_i + n_i - Q_i, N m, or its rate, N m/s.
   expression::Node reaction(int i);
   expression::Node reactionRate(int i);
-  /// Gamma R omega [6], with a = J^-1 R: what R' is beside C^T Lambda, N m/s
+  /// Returns Gamma R omega [6], with a = J^-1 R: the part of R' beside C^T Lambda, N m/s.
   expression::Node connection(int i);
-  /// R_i - sum_m C_mi lambda_m: 0 where the torques are in balance (gauss, steady states)
+  /// Returns R_i - sum_m C_mi lambda_m: 0 if the torques balance (gauss, steady states).
   expression::Node balance(int i);
-  /// What that has by the principle of a rate, 0 along the motion: R' - C^T Lambda - Gamma R omega
-  /// (generalized_gauss), or with the rates of C the whole rate of R - C^T lambda (gauss)
+  /// Returns R' - C^T Lambda - Gamma R omega (generalized_gauss), or with the rates of C the whole
+  /// rate of R - C^T lambda (gauss): 0 along the motion by the principle of a rate.
   expression::Node balanceOfRates(int i);
-  /// sum_j J_ij a_j
+  /// Returns sum_j J_ij a_j.
   expression::Node auxiliaryTorque(int i);
-  /// sum_m C_mi times the variable `first + m`
+  /// Returns sum_m C_mi times the variable `first + m`.
   expression::Node combine(int i, int first);
   const std::vector<ConstraintFormulas>& constraints() const { return constraints_; }
-  /// The total derivative by time along the motion.
+  /// Returns the total derivative by time along the motion.
   expression::Node rate(expression::Node node) { return graph_.totalDerivative(node, rates_); }
 
  private:
   void addConstraint(const Constraint& constraint);
 
   const Scene& scene_;
-  std::vector<expression::Node> torques_;  ///< of the scene's graph, before it is copied
+  std::vector<expression::Node> torques_;  ///< in the scene's graph, before it is copied
   expression::Graph graph_;
   VariableLayout layout_;
   bool with_rates_of_c_;
@@ -102,19 +101,19 @@ class MotionEquations {
   std::vector<ConstraintFormulas> constraints_;
 };
 
-/// Some formulas and their derivatives by all variables: exact, or central differences where those
-/// are too large to be made.
+/// Formulas and their derivatives by all variables: exact, or central differences if the exact ones
+/// are too large.
 class DifferentiatedFormulas {
  public:
   DifferentiatedFormulas(MotionEquations& equations, const std::vector<expression::Node>& formulas);
 
-  /// True when derivatives are differences, be it those of an opaque function.
+  /// True when derivatives are differences, also inside of an opaque function.
   bool hasDifferences() const { return has_differences_; }
   void evaluate(const Eigen::VectorXd& v, Eigen::VectorXd& values,
                 Eigen::MatrixXd& derivatives) const;
 
  private:
-  /// False, and nothing done, when they are too large.
+  /// Returns false and does nothing when the derivatives are too large.
   bool differentiate(expression::Graph& graph, const std::vector<expression::Node>& formulas);
   Eigen::MatrixXd calcDifferences(const Eigen::VectorXd& v) const;
 

@@ -1,5 +1,5 @@
 // There may be more equations (trim_equations.h) than unknowns, most of them 0 = 0, and angles that
-// nothing determines: steps are the least ones that solve the linearised equations best.
+// nothing determines: steps are least-squares solutions of least length.
 #include "variator_sim/trim.h"
 
 #include <algorithm>
@@ -38,14 +38,14 @@ class Trim {
     bool is_solution = false;
     VectorXd v;
     double residual = std::numeric_limits<double>::infinity();
-    double weighted = std::numeric_limits<double>::infinity();  ///< by the equations' own sizes
+    double weighted = std::numeric_limits<double>::infinity();  ///< by the sizes of the equations
   };
   /// The equations at v, linearised in the unknowns.
   struct Linearized {
     VectorXd F;
     MatrixXd dF;
     VectorXd sizes;    ///< sizes of the unknowns
-    VectorXd rows;     ///< sizes of the equations, as those of the unknowns make them
+    VectorXd rows;     ///< sizes of the equations, from those of the unknowns
     VectorXd weights;  ///< their reciprocals, bounded
     VectorXd weighted() const { return F.cwiseProduct(weights); }
     MatrixXd scaled() const { return weights.asDiagonal() * dF * sizes.asDiagonal(); }
@@ -58,21 +58,21 @@ class Trim {
 
   VectorXd unknownsOf(const VectorXd& v) const { return chooseRows(v, unknowns_); }
   VectorXd sizesOf(const VectorXd& v) const { return unknownsOf(v).cwiseAbs().cwiseMax(1.0); }
-  /// v with its unknowns changed by `change`.
+  /// Returns v with its unknowns changed by `change`.
   VectorXd moved(VectorXd v, const VectorXd& change) const;
   Linearized linearize(VectorXd v) const;
   VectorXd startAt(int n) const;
-  /// The multipliers enter linearly: those that suit the others best.
+  /// Returns v with the best multipliers, which enter linearly.
   VectorXd fitMultipliers(const VectorXd& v) const;
   Attempt iterate(VectorXd v) const;
-  /// Speeds, accelerations and inputs: what steady states are told apart by.
+  /// True for speeds, accelerations and inputs, which distinguish steady states.
   bool counts(int unknown) const;
-  /// Only those of the unknowns, the others 0.
+  /// Returns only these unknowns, the others 0.
   VectorXd countedOf(VectorXd unknowns) const;
-  /// Directions, in unknowns by their sizes, that the linearised equations leave free; `counted`:
-  /// otherwise of angles and multipliers alone.
+  /// Returns directions, in unknowns by their sizes, that the linearised equations leave free;
+  /// `counted`: otherwise of angles and multipliers alone.
   MatrixXd findFreeDirections(const VectorXd& v, bool counted) const;
-  /// True where some way along `free` leads to another steady state, and v is no double root.
+  /// True if a step along `free` leads to another steady state, and v is no double root.
   bool isOneOfMany(const VectorXd& v, const MatrixXd& free) const;
   bool isSame(const VectorXd& a, const VectorXd& b) const;
   std::string leavesLimits(const VectorXd& v) const;
@@ -204,7 +204,7 @@ Trim::Linearized Trim::linearize(VectorXd v) const {
   return it;
 }
 
-/// The n-th number of Halton's sequence of that dimension, in [0, 1).
+/// Returns the n-th number of Halton's sequence of that dimension, in [0, 1).
 double halton(int n, int dimension) {
   constexpr int kPrimes[] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
   const int base = kPrimes[dimension % 12];
@@ -224,7 +224,7 @@ VectorXd Trim::startAt(int n) const {
   for (int i = 0; i < layout_.S; ++i) size = std::max(size, std::abs(base_(layout_.velocity(i))));
   constexpr double kParts[] = {1.0, 0.3, 3.0, 30.0, 10.0, 100.0};
   size *= kParts[n % 6];
-  const bool is_positive = n % 4 < 2;  // where most steady states are
+  const bool is_positive = n % 4 < 2;  // most steady states are there
   for (int j = 0; j < static_cast<int>(unknowns_.size()); ++j) {
     const int variable = unknowns_[at(j)];
     const double place = halton(n, j);
@@ -268,7 +268,7 @@ Trim::Attempt Trim::iterate(VectorXd v) const {
     attempt.v = v;
     attempt.residual = largestOf(here.F);
     attempt.weighted = largestOf(weighted);
-    // As small as numbers of this size allow
+    // The least residual that rounding of numbers of this size allows.
     const VectorXd allowed = (1e-14 * here.rows).cwiseMax(kResidual);
     attempt.is_solution = (here.F.cwiseAbs().array() <= allowed.array()).all();
     const double merit = weighted.norm();
@@ -339,7 +339,7 @@ bool Trim::isSame(const VectorXd& a, const VectorXd& b) const {
   difference -= free * (free.transpose() * difference);
   for (int j = 0; j < sizes.size(); ++j) {
     if (unknowns_[at(j)] >= layout_.velocity(0)) continue;
-    // A turn more is the same place.
+    // Angles a full turn apart are the same place.
     const double angle = difference(j) * sizes(j);
     difference(j) = angle - 2.0 * kPi * std::round(angle / (2.0 * kPi));
   }
@@ -364,7 +364,7 @@ bool Trim::isStill(const VectorXd& v) const {
 
 TrimState Trim::stateOf(const Attempt& attempt, const MatrixXd& free) const {
   TrimState state;
-  // Newton's iteration leaves so little of 0 where it converges slowly.
+  // Newton's iteration leaves such remainders of 0 if it converges slowly.
   const VectorXd v = (attempt.v.array().abs() < 1e-30).select(0.0, attempt.v);
   OperatingPoint& point = state.point;
   point.time = v(layout_.time());
@@ -384,7 +384,7 @@ TrimState Trim::stateOf(const Attempt& attempt, const MatrixXd& free) const {
   return state;
 }
 
-/// How far speeds, accelerations and inputs are from the start.
+/// Returns the distance of speeds, accelerations and inputs from the start.
 double Trim::distance(const VectorXd& v) const {
   const VectorXd difference = unknownsOf(v) - unknownsOf(base_);
   return countedOf(difference.cwiseQuotient(sizesOf(base_))).squaredNorm();
@@ -392,7 +392,7 @@ double Trim::distance(const VectorXd& v) const {
 
 std::string Trim::explainNone(const Attempt& nearest) {
   const VectorXd weighted = linearize(nearest.v).weighted();
-  // The rest is spread over all that have a part in it: none of them alone is to blame.
+  // A residual that is spread over many equations is the fault of no single one.
   constexpr double kPart = 0.1;
   std::vector<std::string> left;
   bool reads_time = false;

@@ -4,7 +4,7 @@
 ///     R' = C^T Lambda + Gamma R omega                (generalized_gauss)
 ///     R' = C^T lambda' + (dC/dt)^T lambda            (gauss)
 /// with R = J epsilon + n - Q. Accelerations in constant ratios: eta = mu epsilon beside these.
-/// And what may be fixed or free in one, by name.
+/// And the quantities that may be fixed or free in one, by name.
 #pragma once
 
 #include <string>
@@ -16,21 +16,21 @@ namespace variator_sim {
 
 struct NamedFormula {
   expression::Node formula;
-  std::string name;  ///< for messages; "" where there is nothing to say
+  std::string name;  ///< for messages; "" if none
 };
 
-/// Those that are not 0 = 0. Under `gauss` the equations have to have the rates of C.
+/// Returns those equations that are not 0 = 0. `gauss` needs equations with the rates of C.
 std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& scene,
                                       bool accelerating);
 
-/// A variable, or a quantity that is none: an output, or a torque of a shaft.
+/// A variable, or another quantity: an output, or a torque of a shaft.
 struct TrimQuantity {
   std::string name;
   int variable = -1;
-  expression::Node formula;  ///< if it is no variable
+  expression::Node formula;  ///< if it is not a variable
 };
 
-/// Variables first; of several names of one the first is told.
+/// Lists variables first; the first of several names of one is the one for messages.
 std::vector<TrimQuantity> listTrimQuantities(MotionEquations& equations, const Scene& scene);
 
 }  // namespace variator_sim

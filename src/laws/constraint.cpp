@@ -21,7 +21,7 @@ namespace {
 /// The variables of highest derivative in a constraint of each order, from 1.
 constexpr Source kHighest[] = {Source::kVelocity, Source::kAcceleration, Source::kJerk};
 
-/// The order of `function`: that of the highest derivative it reads; 0 when it reads none.
+/// Returns the order of `function`: that of the highest derivative it reads; 0 if it reads none.
 int orderOf(const Graph& graph, Node function, int shaft_count) {
   for (int order = 3; order > 0; --order) {
     for (int i = 0; i < shaft_count; ++i) {
@@ -37,7 +37,7 @@ bool isPiecewise(Operation operation) {
          operation == Operation::kSelect;
 }
 
-/// For every node of the graph, which of the s variables of `source` it reads, bit i for shaft i.
+/// Returns for every node of the graph the variables of `source` it reads, bit i for shaft i.
 std::vector<unsigned> findReads(const Graph& graph, Source source, int s) {
   std::vector<unsigned> reads(static_cast<std::size_t>(graph.size()), 0U);
   for (int n = 0; n < graph.size(); ++n) {
@@ -55,24 +55,24 @@ std::vector<unsigned> findReads(const Graph& graph, Source source, int s) {
   return reads;
 }
 
-/// What of `reads` abs, min, max, sign and comparisons in `node` read: there it is linear in pieces
-/// at best, for all that its second derivatives are zero.
+/// Returns the part of `reads` that abs, min, max, sign and comparisons in `node` read: there it is
+/// at best piecewise linear, although its second derivatives are zero.
 unsigned findPiecewise(const Graph& graph, const std::vector<unsigned>& reads, Node node) {
   unsigned mask = 0;
   for (const int n : graph.listReachable({node})) {
     const Graph::Entry& entry = graph.entry({n});
     if (!isPiecewise(entry.operation)) continue;
-    // On its branches a select is what they are.
+    // In each mode a select is one of its last operands, so only its comparison counts.
     const int compared = entry.operation == Operation::kSelect ? 2 : operandCount(entry.operation);
     for (int p = 0; p < compared; ++p) mask |= reads[static_cast<std::size_t>(entry.operands[p])];
   }
   return mask;
 }
 
-/// More kinks than these in the accelerations are not told apart.
+/// Largest number of kinks in the accelerations that the solver distinguishes.
 constexpr std::size_t kMostKinks = 16;
 
-/// The functions at whose zeros `given` has a kink in the accelerations but does not jump.
+/// Returns functions at whose zeros `given` has a kink in the accelerations but does not jump.
 std::vector<Node> findKinks(Graph& graph, const std::vector<unsigned>& reads, Node given, int s) {
   std::vector<Node> kinks;
   const std::vector<bool> reachable = graph.findReachable({given});
@@ -88,7 +88,7 @@ std::vector<Node> findKinks(Graph& graph, const std::vector<unsigned>& reads, No
       continue;
     }
     if (std::find(kinks.begin(), kinks.end(), found) != kinks.end()) continue;
-    // (A kink of what is constant in pieces, as abs(sign(e1)), is none.)
+    // (A kink of a piecewise constant, as abs(sign(e1)), is none.)
     bool moves = false;
     for (int i = 0; i < s; ++i) {
       const Node slope = graph.differentiate(found, slotOf(Source::kAcceleration, i));
@@ -134,7 +134,7 @@ void Constraint::configure(ComponentContext& context) {
   }
 }
 
-/// What a constraint's programs compute.
+/// The formulas of a constraint's programs.
 struct Constraint::Formulas {
   std::vector<Node> C;  ///< the derivatives by the highest rates that occur
   Node second;          ///< f' = C epsilon + ... for order 1, psi itself for order 2
@@ -179,7 +179,7 @@ Constraint::Formulas Constraint::derive(const std::set<int>& inputs, const std::
   }
   const std::vector<Graph::Rate> rates = expression::ratesOf(graph, s, inputs);
   made.second = order_ == 1 ? graph.totalDerivative(function_, rates) : function_;
-  // The jerks of order 3 occur linearly: c0 is what is left without them.
+  // The jerks of order 3 occur linearly: c0 is the function without them.
   made.c0 = order_ < 3 ? graph.totalDerivative(made.second, rates) : withoutJerks(made.C, path);
   if (order_ < 3) {
     std::vector<int> slots = {slotOf(Source::kTime)};
@@ -276,7 +276,7 @@ void Constraint::makePrograms(const Formulas& formulas) {
 }
 
 double Constraint::calcResidual(const StateView& state) const {
-  double psi = 0.0;  // of order 3, which has no residual at this level
+  double psi = 0.0;  // for order 3, which has no residual at this level
   residual_.evaluate(state, &psi);
   return psi;
 }

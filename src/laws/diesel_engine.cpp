@@ -8,9 +8,9 @@
 //     F   = F_0 tanh(w/w_0) + F_1 w
 //     Q'  = r' T + (r dT/dw - dF/dw) epsilon,   r' = (1 - g) u' + (1 - u) dg/dw epsilon
 // S is the step of degree five, so Q is two times continuously differentiable: the table is
-// (table.h), it does not overshoot, and beyond its ends it keeps its first and its last value.
-// Nothing stalls the engine by itself: let the table fall to 0 towards speed 0, and towards the
-// speed at which the fuel is cut.
+// (table.h), it does not overshoot, and beyond its ends it keeps its first and its last value. The
+// law does not stall the engine: let the table fall to 0 towards speed 0, and towards the speed at
+// which the fuel is cut.
 //
 // Keys: `shaft`, `full_load`: {`speed` (rad/s, increasing), `torque` >= 0 (N m)}, `rack` u
 // (from 0 to 1), and optionally

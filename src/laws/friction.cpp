@@ -26,7 +26,7 @@
 namespace variator_sim {
 namespace {
 
-/// Where tanh still rises as the exponential falls T_s is never reached.
+/// T_s is never reached if tanh still rises while the exponential falls.
 void checkPeak(LawContext& scene, double T_c, double T_s, double w_s, double w_0) {
   double peak = 0.0;
   double x = 0.01;    // w/w_0

@@ -83,7 +83,7 @@ Expression LawContext::function(std::shared_ptr<const OpaqueFunction> f,
   expression::Graph& graph = *context_.graph();
   expression::Node nodes[OpaqueFunction::kMostArguments];
   for (std::size_t i = 0; i < count; ++i) nodes[i] = arguments[i].in(graph);
-  // The graph and its programs may outlive the component: its library stays until f is gone.
+  // The graph and its programs may outlive the component, so f keeps its library loaded.
   const OpaqueFunction* const raw = f.get();
   const std::shared_ptr<const OpaqueFunction> held(
       raw, [f = std::move(f), libraries = context_.libraries()](const OpaqueFunction*) mutable {
@@ -99,7 +99,7 @@ Expression LawContext::lookUp(const Table& table, const Expression& x) {
 }
 
 Expression LawContext::smoothStep(const Expression& x, double begin, double end) {
-  // A table that levels off at both ends is just that polynomial between two points.
+  // A table that levels off at both ends is exactly that polynomial between two points.
   return lookUp(Table::through({begin, end}, {0.0, 1.0}, Table::Beyond::kConstant), x);
 }
 

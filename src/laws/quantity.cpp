@@ -26,12 +26,12 @@ Expression readCommanded(ComponentContext& context, ParameterReader& section, Ra
   try {
     return inputVariable(context, context.addInput(settings));
   } catch (const SceneError& error) {
-    // The context takes the topic for a key of the component itself.
+    // The context reports the topic as a key of the component itself.
     throw SceneError(section.keyPath("topic"), error.message());
   }
 }
 
-/// One of the scene's inputs, which has to stay within `range` by its own limits.
+/// Returns one of the scene's inputs, whose own limits have to stay within `range`.
 Expression readShared(ComponentContext& context, ParameterReader& section, Range range) {
   const std::string path = section.keyPath("input");
   const std::string name = section.text("input");

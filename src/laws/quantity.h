@@ -8,8 +8,8 @@
 
 namespace variator_sim {
 
-/// The quantity at `key` of `section`, a dictionary of the component's; its forms and `range` are
-/// told in law_context.h. Throws SceneError.
+/// Reads the quantity at `key` of `section`, a dictionary of the component's; law_context.h lists
+/// its forms and explains `range`. Throws SceneError.
 Expression readQuantity(ComponentContext& context, ParameterReader& section, const std::string& key,
                         Range range);
 

@@ -5,7 +5,7 @@
 
 namespace variator_sim {
 
-/// `ratio`, default 1, any number but 0. Throws SceneError.
+/// Reads `ratio`, default 1, any number but 0. Throws SceneError.
 inline Expression readRatio(LawContext& scene) {
   const Expression ratio = scene.quantity("ratio", Range::any(), 1.0);
   if (ratio.isConstant() && ratio.value() == 0.0) {

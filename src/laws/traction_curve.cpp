@@ -1,15 +1,15 @@
 // A friction variator with its characteristic, order 2 (rad/s), driving shaft a, driven shaft b:
 //     psi = omega_b - i omega_a (1 - s(M)),     s = s_n sinh(g M/M_n)/sinh(g),
 //     M = J_b epsilon_b + L + k omega_b |omega_b|
-// M is the torque transmitted to b, as its acceleration shows it: what speeds up its inertia J_b
-// and what its known load takes. The slip s grows in proportion to M at first and ever faster
-// towards the limit of traction; s_n is the slip at the nominal torque M_n, g how sharply it
-// bends. psi is nonlinear in epsilon_b. |omega_b| is omega_b^2/sqrt(omega_b^2 + omega_r^2),
-// smooth. C = i omega_a ds/dM J_b vanishes at omega_a = 0: the scene starts in motion. Where the
-// speeds change fast, put elastic links between the variator and the other masses. After Mal'tsev:
-// Stability of motion of a stepless drive with regard to the variator's characteristic and the
-// elasticity of links, Theory of mechanisms and machines 29 (Kharkov 1980), 121-125 (in Russian):
-// the idea of the characteristic; the formula is our choice.
+// M is the torque transmitted to b, as its acceleration shows it: the torque that accelerates its
+// inertia J_b plus its known load. The slip s grows in proportion to M at first and ever faster
+// towards the limit of traction; s_n is the slip at the nominal torque M_n, g how sharply it bends.
+// psi is nonlinear in epsilon_b. |omega_b| is omega_b^2/sqrt(omega_b^2 + omega_r^2), smooth.
+// C = i omega_a ds/dM J_b vanishes at omega_a = 0: the scene starts in motion. If the speeds change
+// fast, put elastic links between the variator and the other masses. After Mal'tsev: Stability of
+// motion of a stepless drive with regard to the variator's characteristic and the elasticity of
+// links, Theory of mechanisms and machines 29 (Kharkov 1980), 121-125 (in Russian): the idea of the
+// characteristic; the formula is our choice.
 //
 // Keys: `shafts` [a, b], `ratio` i (a number, a table over time, or commanded with any hold),
 // `inertia` J_b > 0 (kg m^2), `nominal_torque` M_n > 0 (N m), `nominal_slip` 0 < s_n < 1,

@@ -32,7 +32,7 @@ namespace {
 
 constexpr double kGravity = 9.80665;  // m/s^2, standard
 
-/// tan alpha. Steeper than 45 degrees no vehicle runs.
+/// Reads tan alpha. Vehicles run on slopes up to 45 degrees.
 Expression readGrade(LawContext& scene) {
   const Range grades = Range::between(-1.0, 1.0);
   ParameterReader& parameters = scene.parameters();

@@ -1,4 +1,4 @@
-/// Central differences by the state: what plugins without derivatives of their own fall back to.
+/// Central differences by the state, the fallback for plugins without derivatives of their own.
 #pragma once
 
 #include <algorithm>
@@ -9,9 +9,9 @@
 
 namespace variator_sim {
 
-/// By how much value i of `values` (`count` of them) is shifted to each side: by a part of itself,
-/// or of `natural_size` where that is larger, or, at zero, of the largest among them. Angles are
-/// never shifted by more than that part of 1: laws know them by their sine and cosine. [loop]
+/// Returns the shift of value i of `values` (`count` of them) to each side: a fraction of itself,
+/// or of `natural_size` if that is larger, or, at zero, of the largest among them. Angles shift by
+/// at most that fraction of 1: laws know them by their sine and cosine. [loop]
 inline double calcShift(const double* values, int count, int i, bool are_angles,
                         double natural_size) {
   double size = std::max(natural_size, std::abs(values[i]));
@@ -22,7 +22,7 @@ inline double calcShift(const double* values, int count, int i, bool are_angles,
   return std::cbrt(std::numeric_limits<double>::epsilon()) * size;
 }
 
-/// For each of the 3s directions of (phi, omega, epsilon): calls use(q, above, below, width) with
+/// Calls use(q, above, below, width) for each of the 3s directions of (phi, omega, epsilon), with
 /// views shifted by half the width to both sides, see calcShift. [loop]
 template <class Use>
 void forEachShift(const StateView& state, int shaft_count, Use use, double natural_size = 1.0) {

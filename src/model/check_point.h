@@ -25,10 +25,10 @@ struct CheckPoint {
   }
 };
 
-/// Time and angles times one factor, velocities and accelerations times another.
+/// Scales time and angles by one factor, velocities and accelerations by another.
 CheckPoint scaled(const CheckPoint& point, double of_place, double of_motion);
 
-/// Uniform in [-1, 1], the same numbers on every run and machine.
+/// A source of numbers uniform in [-1, 1], the same on every run and machine.
 class Random {
  public:
   double operator()() {
@@ -40,9 +40,9 @@ class Random {
   std::uint64_t state_ = 20240229;
 };
 
-/// The scene's initial state.
+/// Returns the scene's initial state.
 CheckPoint startOf(const Scene& scene);
-/// `point` with every part moved by up to `by`, relative to its size and at least 1.
+/// Returns `point` with every part moved by up to `by`, relative to its size and at least 1.
 CheckPoint shaken(const Scene& scene, const CheckPoint& point, double by, Random& random);
 
 }  // namespace variator_sim

@@ -15,7 +15,7 @@ namespace {
 struct HoldName {
   const char* name;
   Hold hold;
-  const char* own_key;  ///< the key that it and few others read, or ""
+  const char* own_key;  ///< the key that only this and few other holds read, or ""
 };
 
 constexpr std::array<HoldName, 5> kHolds{
@@ -28,7 +28,7 @@ constexpr std::array<HoldName, 5> kHolds{
 /// Time constants after which a lag has arrived: exp(-50) of the way is less than any rounding.
 constexpr double kSettled = 50.0;
 
-/// Relative graph name: parts of letters, digits and underscores, joined by single slashes.
+/// True for a relative graph name: letters, digits and underscores, joined by single slashes.
 bool isRelativeTopic(const std::string& topic) {
   const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
   const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
@@ -104,7 +104,7 @@ std::string describeClamped(const CommandInputSettings& settings, double command
 
 CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner,
                                       Range allowed) {
-  // All known from the start, so that a missing key can be told from a misspelt one.
+  // All keys are known from the start, so that a missing one can be told from a misspelt one.
   for (const char* key : {"topic", "hold", "time_constant", "rate", "period", "initial", "min",
                           "max", "timeout", "on_timeout"}) {
     reader.allow(key);
@@ -132,7 +132,7 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
       break;
   }
 
-  // The limits are infinite when they are absent; what is written must be finite.
+  // Absent limits are infinite; written ones must be finite.
   Range limits;
   if (reader.has("min")) limits.minimum = reader.number("min", allowed);
   if (reader.has("max")) {
@@ -215,7 +215,7 @@ bool CommandSignal::command(const CommandInputSettings& settings, double time, d
     segment_end_ = time + duration;
     return false;
   }
-  // A jump; also what is left of a ramp shorter than the resolution of time.
+  // A jump, or the remainder of a ramp shorter than the resolution of time.
   finishSegment();
   return true;
 }

@@ -25,8 +25,8 @@ struct Difference {
   double kink;    ///< right-hand less left-hand derivative
 };
 
-/// Differences around 0 with the step h, `here` being the value there; nothing where some value is
-/// not finite.
+/// Returns differences around 0 with the step h, `here` being the value there; nothing if some
+/// value is not finite.
 std::optional<Difference> calcDifference(const std::function<double(double)>& function, double here,
                                          double h) {
   const std::array<double, 4> f{function(-2.0 * h), function(-h), function(h), function(2.0 * h)};
@@ -44,9 +44,9 @@ std::optional<Difference> calcDifference(const std::function<double(double)>& fu
   return d;
 }
 
-/// The derivative of `function` (of a step h) at 0 by differences of order 4, when it is not
-/// `stated` beyond doubt; nothing otherwise. `scale` is a step that matters, `slack` the rounding
-/// in `stated`.
+/// Returns the derivative of `function` (of a step h) at 0 by differences of order 4 if it
+/// contradicts `stated` with certainty; nothing otherwise. `scale` is a step that matters, `slack`
+/// the rounding in `stated`.
 std::optional<double> findDisagreement(const std::function<double(double)>& function, double stated,
                                        double scale, double slack) {
   const double here = function(0.0);
@@ -62,7 +62,7 @@ std::optional<double> findDisagreement(const std::function<double(double)>& func
     if (std::abs(d->central - stated) <= kTolerance * size + slack) return std::nullopt;
     differences.push_back(*d);
   }
-  // The two consecutive steps that agree best.
+  // Take the two consecutive steps that agree best.
   double best = std::numeric_limits<double>::infinity();
   std::size_t at = 0;
   for (std::size_t n = 0; n + 1 < differences.size(); ++n) {
@@ -95,7 +95,7 @@ struct Mismatch {
   double found;
 };
 
-/// The first derivative of `f` at x that its values contradict.
+/// Returns the first derivative of `f` at x that its values contradict.
 std::optional<Mismatch> findMismatch(const OpaqueFunction& f, const Arguments& x) {
   constexpr double kRounding = 1e-10;  ///< in a gradient, relative to its largest entry
   Arguments gradient{};
@@ -116,7 +116,7 @@ std::optional<Mismatch> findMismatch(const OpaqueFunction& f, const Arguments& x
   return std::nullopt;
 }
 
-/// An opaque function where a law calls it.
+/// A call of an opaque function by a law.
 struct Call {
   std::shared_ptr<const OpaqueFunction> function;
   expression::Tape arguments;

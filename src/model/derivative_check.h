@@ -1,4 +1,4 @@
-/// The gradients that opaque functions state, against their values.
+/// Checks the gradients that opaque functions state against their values.
 #pragma once
 
 #include "variator_sim/scene.h"
@@ -9,10 +9,10 @@ namespace variator_sim {
 /// that its law calls it with at the scene's start and at a few states near it. Throws SceneError
 /// at the first entry that does not fit, with both values and the arguments.
 ///
-/// Differences are noisy and blind at kinks, so an entry is refused only where they are beyond
-/// doubt: they converge as the step shrinks, they agree from both sides, and what they converge to
-/// is not what is stated; and all that at a second state nearby as well. Arguments at which
-/// something is not finite are left out.
+/// Differences are noisy and blind at kinks, so an entry is rejected only if they are certain: they
+/// converge as the step shrinks, they agree from both sides, and their limit is not the stated
+/// value; and all that at a second state nearby as well. Arguments with values that are not finite
+/// are skipped.
 void verifyDerivatives(const Scene& scene);
 
 }  // namespace variator_sim

@@ -6,7 +6,7 @@
 namespace variator_sim {
 namespace {
 
-/// What a message has room for.
+/// Largest number of values in one message.
 constexpr std::size_t kMostTold = 4;
 
 bool isExtreme(double value) {
@@ -33,7 +33,7 @@ std::string describeExtremeNumbers(const ParameterTree& scene) {
   if (scene.kind() != ParameterTree::Kind::kDictionary) return "";
   std::vector<std::string> found;
   for (const auto& [key, value] : scene.asDictionary()) {
-    // Numbers at the root are the node's.
+    // Numbers at the root belong to the node.
     const bool holds = value.kind() == ParameterTree::Kind::kDictionary ||
                        value.kind() == ParameterTree::Kind::kList;
     if (holds) collect(value, key, found);

@@ -1,4 +1,4 @@
-/// Numbers of a scene that sums and products overflow or vanish with.
+/// Numbers of a scene with which sums and products overflow or vanish.
 #pragma once
 
 #include <string>
@@ -7,9 +7,9 @@
 
 namespace variator_sim {
 
-/// The numbers of a scene, as read, that share no digit with a number near 1: beyond 1e16, or below
-/// 1e-16 but not 0. As what a message about their consequences ends with, which names another key
-/// or none: "; numbers that may be to blame: a/inertia = 1.7e+308"; "" where there are none.
+/// Returns the numbers of a scene that share no digit with a number near 1: beyond 1e16, or below
+/// 1e-16 but not 0, as the end of a message about their consequences: "; numbers that may be to
+/// blame: a/inertia = 1.7e+308"; "" if there are none.
 std::string describeExtremeNumbers(const ParameterTree& scene);
 
 }  // namespace variator_sim

@@ -11,8 +11,8 @@ unsigned byteAt(const std::string& text, std::size_t i) {
   return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U;
 }
 
-/// How many bytes the character at `i` has; 0 where none begins that can be shown: a control
-/// character (those behind 0x7f, too: to some terminals 0x9b begins a command) or no UTF-8.
+/// Returns the number of bytes of the character at `i`; 0 unless one begins there that can be
+/// shown: no control character (also above 0x7f: some terminals obey 0x9b), and valid UTF-8.
 std::size_t lengthOfCharacter(const std::string& text, std::size_t i) {
   const unsigned first = byteAt(text, i);
   if (first < 0x80U) return first >= 0x20U && first != 0x7fU ? 1 : 0;
@@ -41,7 +41,7 @@ constexpr const char* kCut = "...";
 
 std::string shown(const std::string& text, std::size_t most, bool keeps_lines) {
   std::string result;
-  std::size_t whole = 0;  // how much of it leaves room for the dots
+  std::size_t whole = 0;  // the length that leaves room for the dots
   for (std::size_t i = 0; i < text.size();) {
     const std::size_t length = lengthOfCharacter(text, i);
     if (length > 0) {

@@ -23,7 +23,7 @@ bool differInCaseOnly(const std::string& a, const std::string& b) {
                     [](char x, char y) { return substitutionCost(x, y) <= kCaseEdit; });
 }
 
-/// Optimal string alignment distance, in half edits.
+/// Returns the optimal string alignment distance, in half edits.
 int calcDistance(const std::string& a, const std::string& b) {
   std::vector<int> before_last(b.size() + 1);
   std::vector<int> last(b.size() + 1);
@@ -41,7 +41,7 @@ int calcDistance(const std::string& a, const std::string& b) {
       }
     }
   }
-  // However many letters: a name in capitals is the same name.
+  // The number of letters does not matter: a name in capitals is the same name.
   return differInCaseOnly(a, b) ? std::min(row[b.size()], kCaseEdit) : row[b.size()];
 }
 
@@ -54,7 +54,7 @@ bool isNear(int distance, std::size_t length) {
 }  // namespace
 
 std::string findNearestName(const std::string& name, const std::vector<std::string>& candidates) {
-  // Nobody means a name by a text of this length, and distances take time.
+  // A text of this length is no misspelt name, and distances take time.
   constexpr std::size_t kLongestName = 200;
   if (name.size() > kLongestName) return "";
   std::string nearest;
@@ -68,7 +68,7 @@ std::string findNearestName(const std::string& name, const std::vector<std::stri
   for (const std::string& candidate : candidates) {
     if (candidate.size() > kLongestName) continue;
     consider(candidate, calcDistance(name, candidate), std::max(name.size(), candidate.size()));
-    // A name without its package or folder ("ExpressionTorque"): that part counts as one edit.
+    // A missing package or folder before the name ("ExpressionTorque") counts as one edit.
     const std::size_t slash = candidate.rfind('/');
     if (slash == std::string::npos || name.find('/') != std::string::npos) continue;
     const std::string base = candidate.substr(slash + 1);

@@ -1,4 +1,4 @@
-/// Doubles to text and back. No locale changes what is read and written.
+/// Converts doubles to text and back, independently of the locale.
 #pragma once
 
 #include <charconv>
@@ -8,8 +8,8 @@
 
 namespace variator_sim {
 
-/// While it lives, printf and strtod of its thread know the decimal point as a dot, whatever
-/// setlocale was told.
+/// While it exists, printf and strtod of its thread use a dot as the decimal point, whatever
+/// setlocale has set.
 class DotLocale {
  public:
   DotLocale() : previous_(uselocale(locale())) {}
@@ -25,7 +25,7 @@ class DotLocale {
   locale_t previous_;
 };
 
-/// Reads a text that is a number from its beginning to its end. False for others.
+/// Reads a text that is a number from its beginning to its end. Returns false for others.
 inline bool readWhole(const std::string& text, double* value) {
   const char* const end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, *value);

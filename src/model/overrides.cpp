@@ -14,7 +14,7 @@ namespace {
 
 using Kind = ParameterTree::Kind;
 
-/// Paths of a tree beyond these are not looked through for one that is near.
+/// Largest number of paths of a tree that the search for a near one visits.
 constexpr std::size_t kMostPaths = 1000;
 
 bool isIndex(const std::string& step) {
@@ -22,7 +22,7 @@ bool isIndex(const std::string& step) {
                      [](unsigned char c) { return std::isdigit(c) != 0; });
 }
 
-/// "a/b[1]" as a, b, 1.
+/// Splits "a/b[1]" into a, b, 1.
 std::vector<std::string> splitPath(const std::string& path) {
   std::vector<std::string> steps(1);
   bool is_valid = true;
@@ -68,7 +68,7 @@ std::string join(const std::vector<std::string>& steps, std::size_t count) {
   return path;
 }
 
-/// The way from a tree's root to one of its values.
+/// The path from a tree's root to one of its values.
 class Walk {
  public:
   Walk(ParameterTree& tree, const std::string& path)
@@ -119,13 +119,13 @@ class Walk {
   ParameterTree& tree_;
   const std::string& path_;
   std::vector<std::string> steps_;
-  std::size_t at_ = 0;  // the step that is next
+  std::size_t at_ = 0;  // the next step
 };
 
 }  // namespace
 
 void setValue(ParameterTree& tree, const std::string& path, ParameterTree value) {
-  // On a copy: a path that leads nowhere leaves nothing behind.
+  // Works on a copy, so that a path that leads nowhere changes nothing.
   ParameterTree changed = tree;
   Walk(changed, path).toEnd() = std::move(value);
   tree = std::move(changed);

@@ -36,8 +36,8 @@ std::string formatReal(double value) {
 
 namespace {
 
-/// False unless the whole text is a number. A text too large or too small for a double counts as
-/// infinity or as NaN: neither passes for a finite number.
+/// Returns false unless the whole text is a number. A text too large or too small for a double
+/// counts as infinity or as NaN, which are not finite numbers.
 bool parseNumber(const std::string& text, double* value) {
   const char* begin = text.data();
   const char* const end = begin + text.size();
@@ -51,7 +51,7 @@ bool parseNumber(const std::string& text, double* value) {
   return result.ec == std::errc();
 }
 
-/// False unless `value` is a number, be it as a text.
+/// Returns false unless `value` is a number or a text that is one.
 bool findNumber(const ParameterTree& value, double* number) {
   if (value.kind() == ParameterTree::Kind::kText) return parseNumber(value.asText(), number);
   const bool is_integer = value.kind() == ParameterTree::Kind::kInteger;
@@ -107,7 +107,7 @@ std::string quote(const std::string& text) {
   return "\"" + quoted + "\"";
 }
 
-/// Appends `tree`, and stops once the text is longer than can be shown.
+/// Appends `tree`, and stops once the text is longer than a message shows.
 void append(const ParameterTree& tree, std::string* text) {
   if (text->size() > kLongestQuote) return;
   switch (tree.kind()) {
@@ -124,7 +124,7 @@ void append(const ParameterTree& tree, std::string* text) {
       *text += formatReal(tree.asReal());
       break;
     case ParameterTree::Kind::kText:
-      // (No more than can be shown, of a text of any length.)
+      // (Cut first: a text may have any length.)
       *text += quote(tree.asText().substr(0, kLongestQuote + 1));
       break;
     case ParameterTree::Kind::kList: {
@@ -154,7 +154,7 @@ void append(const ParameterTree& tree, std::string* text) {
   }
 }
 
-/// "got a text: abc", or "got nothing".
+/// Returns "got a text: abc", or "got nothing".
 std::string describe(const ParameterTree& value) {
   if (value.kind() == ParameterTree::Kind::kNothing) return "got nothing";
   return "got " + value.describeKind() + ": " + value.toText();
@@ -193,7 +193,7 @@ std::string ParameterTree::toText() const {
   std::string text;
   append(*this, &text);
   if (text.size() <= kLongestQuote) return text;
-  // Not within a UTF-8 character.
+  // The cut must not split a UTF-8 character.
   std::size_t length = kLongestQuote - 3;
   while (length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) --length;
   return text.substr(0, length) + "...";

@@ -20,7 +20,7 @@
 namespace variator_sim {
 namespace {
 
-/// Values as scenes write them.
+/// The words of scenes for values.
 template <class Value>
 using Word = std::pair<const char*, Value>;
 
@@ -60,7 +60,7 @@ Value readWord(ParameterReader& reader, const char* key, const Word<Value> (&wor
       ->second;
 }
 
-/// Steppers of earlier versions, and which does their work now.
+/// Steppers of earlier versions and their successors.
 constexpr Word<const char*> kRemovedSteppers[] = {
     {"rosenbrock4", "radau"},  {"rosenbrock4_fixed", "radau"}, {"radau5", "radau"},
     {"radau5_fixed", "radau"}, {"dop853", "fehlberg78"},       {"dopri5_fixed", "rk4"}};
@@ -82,7 +82,7 @@ SolverSettings readSolver(ParameterReader& root) {
   ParameterReader reader = root.section("solver");
   refuseRemovedStepper(reader);
   settings.stepper = readWord(reader, "stepper", kSteppers, settings.stepper);
-  // Closer than this to round-off a step cannot be controlled.
+  // A step cannot be controlled to tolerances closer to round-off than this.
   settings.relative_tolerance =
       reader.number("relative_tolerance", Range::between(1e-14, 0.1), settings.relative_tolerance);
   settings.absolute_tolerance =
@@ -114,12 +114,12 @@ InitialConditions readInitial(ParameterReader& root, std::size_t shaft_count) {
   return initial;
 }
 
-/// One kind of component as the scene and the factory know it.
+/// A kind of component, as the scene and the factory know it.
 struct ComponentKind {
   const char* name;
   const char* list;
-  std::vector<std::string> columns;  ///< NAME/COLUMN that each has: no output's name
-  /// Asked for only when a message needs them: a factory may have to search for plugins.
+  std::vector<std::string> columns;  ///< NAME/COLUMN of each component, taken for outputs
+  /// Called only when a message needs the types: a factory may have to search for plugins.
   std::vector<std::string> (ComponentFactory::*types)();
 };
 const ComponentKind kTorqueKind{"torque", "torques", {"power"}, &ComponentFactory::torqueTypes};
@@ -146,7 +146,7 @@ const ComponentKind kConstraintKind{
                 "; allowed: " + (types.empty() ? "none" : joinNames(types)));
 }
 
-/// A component's outputs become columns NAME/OUTPUT.
+/// Rejects outputs whose columns NAME/OUTPUT are taken.
 void checkOutputNames(const std::string& component, const ComponentKind& kind,
                       const std::vector<std::string>& outputs) {
   std::vector<std::string> taken = kind.columns;
@@ -161,7 +161,7 @@ void checkOutputNames(const std::string& component, const ComponentKind& kind,
   }
 }
 
-/// `create` makes a component of a type; the rest is the same for torques and constraints.
+/// Makes and configures components of one kind; `create` makes one of a type.
 template <typename Create>
 auto readComponent(const std::string& name, ParameterReader& root, const ComponentKind& kind,
                    const ComponentKind& other, ComponentFactory& factory, Create create,
@@ -184,7 +184,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   try {
     component->configure(context);
   } catch (const SceneError& error) {
-    // Of the whole component: a consequence of its numbers.
+    // An error of the whole component follows from its numbers.
     if (error.keyPath() != name) throw;
     throw SceneError(name, error.message() + scene->extreme_numbers);
   } catch (const std::exception& error) {
@@ -198,8 +198,8 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   return component;
 }
 
-/// A constraint of order 1 is differentiated twice, and its inputs with it: a jump of u or u' would
-/// need an impulse.
+/// Rejects inputs without two derivatives: a constraint of order 1 is differentiated twice, so a
+/// jump of u or u' would need an impulse.
 void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
                          const std::set<int>& used_inputs) {
   if (constraint.order() != 1) return;
@@ -207,7 +207,7 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
     const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(index)];
     if (input.hold == Hold::kSecondOrderLag) continue;
     const bool is_shared = input.owner != constraint.name();
-    // Where its dictionary stands, if it has one of its own.
+    // The message names the input's own dictionary, if it has one.
     const std::size_t end = input.topic_path.rfind('/');
     const std::string place = is_shared                  ? input.owner
                               : end == std::string::npos ? constraint.name()
@@ -239,7 +239,7 @@ ParameterTree toTree(const Values& values, Make make) {
   return ParameterTree::list(std::move(list));
 }
 
-/// `tree` without the node's keys and with the defaults that were taken.
+/// Returns `tree` without the node's keys and with the defaults that were taken.
 ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
                       const std::vector<std::string>& node_keys, const Scene& scene,
                       bool verify_derivatives) {
@@ -280,7 +280,7 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
   return ParameterTree::dictionary(std::move(root));
 }
 
-/// What is wrong with parts of a scene that can be read each by itself: told together.
+/// Collects the faults of independent parts of a scene for one message.
 class Faults {
  public:
   template <class Read>
@@ -293,7 +293,7 @@ class Faults {
       text_ += count_ == 1 ? error.message() : std::string("\n") + error.what();
     }
   }
-  /// Throws a SceneError when there is any: at the first one's path.
+  /// Throws a SceneError with all faults, at the path of the first, if there are any.
   void tell() const {
     if (count_ == 0) return;
     const int rest = count_ - kMostTold;
@@ -307,8 +307,8 @@ class Faults {
   std::string text_;
 };
 
-/// Every step is searched for each edge, in thousands of parts where it has to be: more of them
-/// would keep one step busy for minutes.
+/// Limits the number of switching functions: each step is searched for the zeros of each, if
+/// necessary in thousands of parts, so more of them would keep one step busy for minutes.
 void checkEdges(const Scene& scene) {
   constexpr std::size_t kMostEdges = 500;
   std::size_t count = 0;
@@ -322,8 +322,8 @@ void checkEdges(const Scene& scene) {
                            std::to_string(kMostEdges) + " at most");
 }
 
-/// Whether the reactions of a constraint of order 1 have power under `gauss`: R = C^T lambda has
-/// lambda C omega. For f homogeneous in omega of degree d this is lambda d f = 0 (Euler); else
+/// Tells whether the reactions of a constraint of order 1 have power under `gauss`: R = C^T lambda
+/// has lambda C omega. For f homogeneous in omega of degree d this is lambda d f = 0 (Euler); else
 /// C omega / f differs from state to state. A constraint that is not zero at rest imposes a motion
 /// and is meant to have power.
 bool takesEnergy(const Constraint& constraint, const Scene& scene) {
@@ -396,7 +396,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   faults.collect([&] { scene.solver = readSolver(root); });
   faults.collect([&] { verify_derivatives = root.boolean("verify_derivatives", true); });
   faults.collect([&] { scene.symbols = readSceneSymbols(root, names, scene.inputs); });
-  // Without these names formulas would be blamed for what is not theirs.
+  // Without these names formulas would be blamed for other faults.
   if (scene.symbols.inputs.size() + scene.symbols.tables.size() <
       names.inputs.size() + names.tables.size()) {
     faults.tell();

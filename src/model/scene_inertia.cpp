@@ -20,7 +20,7 @@ struct ShaftInertia {
   std::vector<InertiaHarmonic> harmonics;
 };
 
-/// Two of one order are one.
+/// Adds a harmonic to the one of its order.
 void add(const InertiaHarmonic& harmonic, std::vector<InertiaHarmonic>* all) {
   const auto same = std::find_if(all->begin(), all->end(), [&](const InertiaHarmonic& other) {
     return other.order == harmonic.order;
@@ -42,7 +42,7 @@ double calcInertia(const ShaftInertia& inertia, double angle) {
   return value;
 }
 
-/// The least inertia over all angles: the best of a fine grid, refined by golden sections.
+/// Returns the least inertia over all angles: the best of a fine grid, refined by golden sections.
 double calcLeastInertia(const ShaftInertia& inertia) {
   int highest = 1;
   for (const InertiaHarmonic& harmonic : inertia.harmonics) {
@@ -50,7 +50,7 @@ double calcLeastInertia(const ShaftInertia& inertia) {
   }
   const int points = 64 * highest;
   const double spacing = 2.0 * 3.14159265358979323846 / points;
-  // A harmonic of an angle of the grid has the cosine and sine of another one.
+  // Angles of the grid times an order are angles of the grid: their cosines are tabulated.
   const auto size = static_cast<std::size_t>(points);
   std::vector<double> cosines;
   std::vector<double> sines;
@@ -86,7 +86,7 @@ double calcLeastInertia(const ShaftInertia& inertia) {
   return std::min(calcInertia(inertia, best), calcInertia(inertia, 0.5 * (low + high)));
 }
 
-/// `inertia`: a number, or {mean, harmonics: [{order, cos, sin}, ...]}; positive at every angle.
+/// Reads a number, or {mean, harmonics: [{order, cos, sin}, ...]}; positive at every angle.
 ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
   ParameterReader reader = root.section(shaft);
   reader.allow("inertia");
@@ -136,7 +136,7 @@ SceneError unexpectedCoupling(const std::string& path, const ParameterTree& valu
                               value.describeKind() + ": " + value.toText());
 }
 
-/// The two shafts of a coupling [a, b, value], in ascending order.
+/// Reads the two shafts of a coupling [a, b, value], in ascending order.
 std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::string& path,
                                       const std::vector<std::string>& shafts) {
   if (coupling.kind() != ParameterTree::Kind::kList || coupling.asList().size() != 3) {
@@ -161,8 +161,8 @@ std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::
   return std::minmax(pair[0], pair[1]);
 }
 
-/// Off-diagonal terms [[a, b, value], ...]. `least` holds the least inertia of every shaft: J is
-/// positive definite at every angle when it is with these on its diagonal.
+/// Reads off-diagonal terms [[a, b, value], ...]. `least` holds the least inertia of every shaft: J
+/// is positive definite at every angle when it is with these on its diagonal.
 void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least, Scene* scene) {
   Eigen::MatrixXd* const J = &scene->inertia;
   const ParameterTree* couplings = root.raw(kCouplings);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kLongestName = 100;
 
-/// Keys at the scene's root that are not names in one of its lists.
+/// Returns the keys at the scene's root that are not names in one of its lists.
 const std::vector<std::string>& sceneKeys() {
   static const std::vector<std::string> keys{
       "shafts",  "inertia_coupling", "torques",           "constraints",
@@ -31,7 +31,7 @@ std::vector<std::string> joined(std::vector<std::string> first,
   return first;
 }
 
-/// Valid names, unique together, none of them a key of the scene or of the node.
+/// Rejects invalid and repeated names, and keys of the scene or of the node.
 void checkNames(const SceneNames& lists, const std::vector<std::string>& node_keys) {
   std::map<std::string, std::string> listed_in;
   const auto check = [&](const char* list, const std::vector<std::string>& names) {
@@ -86,7 +86,7 @@ SceneNames readLists(ParameterReader& root, const std::vector<std::string>& node
   return lists;
 }
 
-/// The list that the name of such a dictionary is likely to be missing in.
+/// Returns the list in which the name of such a dictionary is probably missing.
 std::string likelyList(const ParameterTree& value) {
   const ParameterTree::Dictionary& keys = value.asDictionary();
   for (const auto& [key, list] : {std::pair{"inertia", "'shafts'"},
@@ -99,8 +99,8 @@ std::string likelyList(const ParameterTree& value) {
   return "";
 }
 
-/// Refuses keys at the root that are neither the scene's, nor the node's, nor a listed name. Plain
-/// values come first: a misspelt list would otherwise be blamed on the dictionaries it orders.
+/// Rejects keys at the root that are neither the scene's, nor the node's, nor a listed name, plain
+/// values first: a misspelt list would otherwise be blamed on the dictionaries it orders.
 void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& allowed) {
   const auto is_dictionary = [](const ParameterTree& value) {
     return value.kind() == ParameterTree::Kind::kDictionary;
@@ -141,7 +141,7 @@ SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
   for (const std::string& key : joined(sceneKeys(), node_keys)) root.allow(key);
   SceneNames lists = readLists(root, node_keys);
   const std::vector<std::string> names = lists.all();
-  // A name whose dictionary is missing is told first: the misspelt dictionary is then no riddle.
+  // A name without a dictionary is reported first: it explains the misspelt dictionary.
   for (const std::string& name : names) root.allow(name);
   for (const std::string& name : names) {
     if (!root.has(name)) root.section(name);

@@ -20,7 +20,7 @@ struct SceneNames {
   std::vector<std::string> all() const;
 };
 
-/// One of them, and the key at the scene's root.
+/// One list of names, and its key at the scene's root.
 struct SceneList {
   const char* key;
   std::vector<std::string> SceneNames::*names;
@@ -30,15 +30,15 @@ constexpr SceneList kSceneLists[] = {
     {"constraints", &SceneNames::constraints}, {"inputs", &SceneNames::inputs},
     {"tables", &SceneNames::tables},           {"outputs", &SceneNames::outputs}};
 
-/// Reads the lists and refuses what `tree` has at its root beside them, the names in them, and the
-/// keys of the scene and of the node. `root` reads `tree`. Throws SceneError.
+/// Reads the lists and rejects all that `tree` has at its root beside them, the names in them, and
+/// the keys of the scene and of the node. `root` reads `tree`. Throws SceneError.
 SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
                           const std::vector<std::string>& node_keys);
 
-/// ^[A-Za-z][A-Za-z0-9_]*$
+/// True for ^[A-Za-z][A-Za-z0-9_]*$.
 bool isName(const std::string& name);
 
-/// "list[index]"
+/// Returns "list[index]".
 std::string elementPath(const std::string& list, std::size_t index);
 
 }  // namespace variator_sim

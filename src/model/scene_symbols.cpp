@@ -8,7 +8,7 @@
 namespace variator_sim {
 namespace {
 
-/// Formulas call inputs and tables by their names.
+/// Rejects names of inputs and tables that formulas cannot use.
 void checkFormulaNames(const SceneNames& scene, const char* list,
                        const std::vector<std::string>& names) {
   for (std::size_t i = 0; i < names.size(); ++i) {

@@ -1,4 +1,4 @@
-/// Reads what a scene names for all of its components.
+/// Reads the inputs and tables that a scene names for all of its components.
 #pragma once
 
 #include <vector>

@@ -15,7 +15,7 @@ int sizeOf(const Eigen::MatrixXd& A) {
   return static_cast<int>(A.rows());
 }
 
-/// The rows and columns `first`, first + 1, ..., n - 1, 0, ..., first - 1 of A, in this order.
+/// Returns rows and columns `first`, first + 1, ..., n - 1, 0, ..., first - 1 of A, in this order.
 Rows turned(const Eigen::MatrixXd& A, int first) {
   const int n = sizeOf(A);
   Rows rows{};
@@ -28,8 +28,8 @@ Rows turned(const Eigen::MatrixXd& A, int first) {
   return rows;
 }
 
-/// D of A = L D L^T. Where A is not positive definite some entry is not above 0, and those behind
-/// it mean nothing.
+/// Returns D of A = L D L^T. If A is not positive definite, some entry is not above 0, and those
+/// behind it are invalid.
 std::array<double, kMaxShafts> calcPivots(const Rows& A, std::size_t n) {
   Rows L{};
   std::array<double, kMaxShafts> D{};
@@ -45,7 +45,7 @@ std::array<double, kMaxShafts> calcPivots(const Rows& A, std::size_t n) {
   return D;
 }
 
-/// A becomes R^T A R with the rotation R in the plane of p and q that makes A_pq vanish.
+/// Replaces A by R^T A R with the rotation R in the plane of p and q that makes A_pq vanish.
 void rotate(Rows& A, std::size_t n, std::size_t p, std::size_t q) {
   const double theta = (A[q][q] - A[p][p]) / (2.0 * A[p][q]);
   const double tangent =
@@ -90,7 +90,7 @@ double calcSmallestEigenvalue(const Eigen::MatrixXd& A) {
   return smallest;
 }
 
-// The pivot of a row that is eliminated last.
+// It is the pivot of a row that is eliminated last.
 double calcFreeDiagonal(const Eigen::MatrixXd& A, int i) {
   const int n = sizeOf(A);
   return calcPivots(turned(A, (i + 1) % n),

@@ -1,5 +1,5 @@
-/// What a scene is checked for, of symmetric matrices of up to kMaxShafts rows: once per scene, so
-/// in plain loops. Eigen's decompositions of matrices of any size take the compiler ten seconds.
+/// Checks of symmetric matrices of up to kMaxShafts rows: once per scene, so in plain loops.
+/// Eigen's decompositions of matrices of any size take the compiler ten seconds.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,8 +10,8 @@ bool isPositiveDefinite(const Eigen::MatrixXd& A);
 
 double calcSmallestEigenvalue(const Eigen::MatrixXd& A);
 
-/// 1 / (A^-1)_ii of a positive definite A: of an inertia matrix, what accelerates shaft i by
-/// 1 rad/s^2 while all others are free, N m.
+/// Returns 1 / (A^-1)_ii of a positive definite A: for an inertia matrix the torque, N m, that
+/// accelerates shaft i by 1 rad/s^2 while all others are free.
 double calcFreeDiagonal(const Eigen::MatrixXd& A, int i);
 
 }  // namespace variator_sim

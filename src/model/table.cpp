@@ -13,7 +13,7 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-/// The list at `key`: `size` numbers, or however many (but two at least) when `size` is 0.
+/// Reads the list at `key`: `size` numbers, or any number from two on when `size` is 0.
 Numbers readColumn(ParameterReader& reader, const Table::Column& column, std::size_t size) {
   const ParameterTree* list = reader.raw(column.key);
   if (list != nullptr && list->kind() == ParameterTree::Kind::kList && size == 0) {
@@ -28,7 +28,7 @@ struct Derivatives {
   Numbers q;
 };
 
-/// Slope of a point between intervals of slopes d_l, d_r and widths h_l, h_r.
+/// Returns the slope of a point between intervals of slopes d_l, d_r and widths h_l, h_r.
 double limitedSlope(double d_l, double d_r, double h_l, double h_r) {
   if (!(d_l * d_r > 0.0)) return 0.0;
   const double steepest = 1.25 * std::min(std::abs(d_l), std::abs(d_r));
@@ -64,7 +64,7 @@ Derivatives calcDerivatives(const Numbers& x, const Numbers& y, Table::Beyond be
   for (std::size_t k = 1; k + 1 < n; ++k) {
     const double s = limitedSlope(d[k - 1], d[k], h[k - 1], h[k]);
     double q = 2.0 * (d[k] - d[k - 1]) / (h[k - 1] + h[k]);
-    // Both intervals allow q = 0, so what the second limit leaves keeps the first one.
+    // Both intervals allow q = 0, so the second limit does not violate the first one.
     q = limitedCurvature(q, -1.0, s, d[k - 1], h[k - 1]);
     q = limitedCurvature(q, 1.0, s, d[k], h[k]);
     at.s[k] = s;
@@ -149,7 +149,7 @@ Interval Table::enclose(int order, const Interval& x) const {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   if (!curve_ || order > kTableDegree) return {0.0, 0.0};
   if (order > 0 || !(x.low <= x.high)) return {-kInfinity, kInfinity};
-  // Monotone between two points: the extremes lie at points and at the ends.
+  // y is monotone between two points: the extremes lie at points and at the ends.
   const auto end = [this](double at) {
     const double y = value(at);  // 0 * infinity beyond the last point
     return std::isnan(y) ? curve_->cells[curve_->axis.find(at).cell][0] : y;

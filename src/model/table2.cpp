@@ -15,15 +15,15 @@ using Numbers = std::vector<double>;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kCoefficients = kTableDegree + 1;
 
-/// The polynomial of a cell, as it depends on the data: the coefficient of t^m is the sum of
-/// weight[k][m] times the datum of point first + k. A cell sees the two points at its ends and one
-/// more on either side.
+/// The polynomial of a cell as a function of the data: the coefficient of t^m is the sum of
+/// weight[k][m] times the datum of point first + k. A cell depends on the two points at its ends
+/// and one more on either side.
 struct Stencil {
   int first = 0;
   std::array<TableCell, 4> weight{};
 };
 
-/// One row for each cell of an axis.
+/// Returns one stencil for each cell of an axis.
 std::vector<Stencil> makeStencils(const TableAxis& axis) {
   const Numbers& x = axis.points();
   const auto n = static_cast<int>(x.size());
@@ -35,7 +35,7 @@ std::vector<Stencil> makeStencils(const TableAxis& axis) {
     for (int k = 0; k < 4; ++k) {
       const int datum = stencil.first + k;
       if (datum < 0 || datum >= n) continue;
-      // All data 0 but this one.
+      // Set all data to 0 but this one.
       const auto y = [datum](int point) { return point == datum ? 1.0 : 0.0; };
       const auto d = [&](int left) { return (y(left + 1) - y(left)) / (at(left + 1) - at(left)); };
       const auto slope = [&](int point) {
@@ -65,7 +65,7 @@ std::vector<Stencil> makeStencils(const TableAxis& axis) {
 /// Coefficients of t^m u^n of one cell: [m][n].
 using Patch = std::array<TableCell, kCoefficients>;
 
-/// The patch of two stencils over the data z, rows by x.
+/// Returns the patch of two stencils over the data z, rows by x.
 Patch makePatch(const Stencil& along_x, const Stencil& along_y, const std::vector<Numbers>& z) {
   Patch patch{};
   const auto rows = static_cast<int>(z.size());
@@ -99,8 +99,8 @@ double evaluatePatch(const Patch& patch, double t, double u, int order_t, int or
   return evaluateCell(in_t, t, order_t);
 }
 
-/// Holds the values of a derivative of a patch in a rectangle: its Taylor series about the middle,
-/// which ends, each term at its largest.
+/// Encloses a derivative of a patch in a rectangle: its Taylor series about the middle, which ends,
+/// each term at its largest.
 Interval enclosePatch(const Patch& patch, const Interval& t, const Interval& u, int order_t,
                       int order_u) {
   const double middle_t = 0.5 * (t.low + t.high);
@@ -178,7 +178,7 @@ std::vector<Numbers> readRows(ParameterReader& reader, const Table2::Keys& keys,
 struct Table2::Surface {
   TableAxis x;
   TableAxis y;
-  std::vector<Patch> patches;  ///< of all cells, row by row
+  std::vector<Patch> patches;  ///< one per cell, row by row
 
   const Patch& patch(std::size_t cell_x, std::size_t cell_y) const {
     return patches[cell_x * y.cellCount() + cell_y];
@@ -222,7 +222,7 @@ Interval Table2::enclose(Order order, const Interval& x, const Interval& y) cons
   const TableAxis::Place y0 = surface_->y.find(y.low);
   const TableAxis::Place y1 = surface_->y.find(y.high);
   if ((x1.cell - x0.cell + 1) * (y1.cell - y0.cell + 1) > kMostCells) return everything;
-  // The part of a cell that lies in the interval from `from` to `to`.
+  // Returns the part of a cell that lies in the interval from `from` to `to`.
   const auto part = [](const TableAxis& axis, std::size_t cell, const TableAxis::Place& from,
                        const TableAxis::Place& to) {
     const bool is_inner = cell > 0 && cell + 1 < axis.cellCount();

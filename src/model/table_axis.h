@@ -22,12 +22,12 @@ using TableCell = std::array<double, kTableDegree + 1>;
 class TableAxis {
  public:
   TableAxis() = default;
-  /// `is_flat_beyond`: what the table says does not depend on where in cells 0 and n one is.
+  /// `is_flat_beyond`: the table is constant in cells 0 and n.
   TableAxis(std::vector<double> points, bool is_flat_beyond)
       : points_(std::move(points)), is_flat_beyond_(is_flat_beyond) {}
 
   /// A number in its cell. In a cell between two points the coordinate t goes from 0 to 1; beyond
-  /// the ends it is the distance from the end, of its sign. t is NaN where x is.
+  /// the ends it is the signed distance from the end. t is NaN for an x that is NaN.
   struct Place {
     std::size_t cell;
     double t;
@@ -46,7 +46,7 @@ class TableAxis {
   const std::vector<double>& points() const { return points_; }
   std::size_t cellCount() const { return points_.size() + 1; }
   bool isFlatBeyond() const { return is_flat_beyond_; }
-  /// Of the inner cells 1 to n - 1.
+  /// Return the lower end, width and 1/width of the inner cells 1 to n - 1.
   double low(std::size_t cell) const { return points_[cell - 1]; }
   double width(std::size_t cell) const { return points_[cell] - points_[cell - 1]; }
   double scale(std::size_t cell) const { return 1.0 / width(cell); }
@@ -59,14 +59,14 @@ class TableAxis {
 /// Throws SceneError unless the numbers of the list at `path` are in strictly increasing order.
 void checkIncreasing(const std::vector<double>& x, const std::string& path);
 
-/// n!/(n - order)!
+/// Returns n!/(n - order)!.
 inline double fallingFactorial(int n, int order) {
   double product = 1.0;
   for (int k = 0; k < order; ++k) product *= n - k;
   return product;
 }
 
-/// d^order/dt^order of a polynomial at t.
+/// Returns d^order/dt^order of a polynomial at t.
 inline double evaluateCell(const TableCell& c, double t, int order) {
   switch (order) {
     case 0:
@@ -85,8 +85,8 @@ inline double evaluateCell(const TableCell& c, double t, int order) {
   return sum;
 }
 
-/// The polynomial with the values y, slopes s and second derivatives q at the ends of a cell of
-/// width h.
+/// Returns the polynomial with the values y, slopes s and second derivatives q at the ends of a
+/// cell of width h.
 inline TableCell hermiteCell(double h, const double (&y)[2], const double (&s)[2],
                              const double (&q)[2]) {
   const double rise = y[1] - y[0];

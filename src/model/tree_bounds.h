@@ -1,4 +1,4 @@
-/// Bounds of parameter trees, wherever they come from: readers walk through them recursively.
+/// Bounds of parameter trees from all sources: readers walk through them recursively.
 #pragma once
 
 namespace variator_sim {

@@ -1,4 +1,4 @@
-/// Commands between their coming and their taking effect.
+/// Commands between their arrival and their effect.
 #pragma once
 
 #include <cmath>
@@ -9,37 +9,37 @@
 
 namespace variator_sim {
 
-/// Those that wait for the present to be settled, and when inputs are to fall back because none has
-/// come. All are [loop].
+/// Commands that wait for the motion to be settled at the current time, and the timeouts of the
+/// inputs. All are [loop].
 class CommandQueue {
  public:
   /// `inputs` has to outlive this.
   explicit CommandQueue(const std::vector<CommandInputSettings>& inputs);
   void reset();
 
-  /// A command came at `time`, s; true when it is clamped. Of several to one input the last one
-  /// counts.
+  /// Adds a command that came at `time`, s; true when it is clamped. The last of several to one
+  /// input counts.
   bool add(int input, double value, double time);
-  /// The first command that was clamped, through resets; NaN where none was.
+  /// Returns the first command that was clamped, through resets; NaN if none was.
   double firstClamped(int input) const { return first_clamped_[input]; }
   bool isEmpty() const { return is_empty_; }
-  /// Whether a command waits for this input, and its value.
+  /// Tell whether a command waits for this input, and its value.
   bool hasCommand(int input) const { return !std::isnan(value_[input]); }
   double value(int input) const { return value_[input]; }
   void clear();
 
-  /// When the first input is to fall back, s; infinity when none is.
+  /// Returns the time of the next timeout of any input, s; infinity if there is none.
   double nextTimeout() const;
-  /// When the last command to an input came, s; infinity where none has, or it has timed out.
+  /// Returns the time of the last command to an input, s; infinity: none, or it timed out.
   double lastTime(int input) const { return last_time_[input]; }
   void setLastTime(int input, double time) { last_time_[input] = time; }
 
-  /// Adds what inputs fall back to whose command is overdue at `time`; two that are meant for one
-  /// instant may be `rounding` apart. Returns how many.
+  /// Adds the fallback commands of inputs that are overdue at `time`; two that are meant for one
+  /// instant may be `rounding` apart. Returns their number.
   int addTimeouts(double time, double rounding);
 
  private:
-  /// When input i is to fall back, s.
+  /// Returns the time of the timeout of input i, s.
   double timeoutOf(int i) const;
   void stage(int input, double value) {
     value_[input] = value;

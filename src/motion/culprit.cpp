@@ -26,8 +26,8 @@ const std::string& nameOf(const Scene& scene, Element element) {
                              : scene.constraints[at(element.constraint)]->name();
 }
 
-/// The numbers of the scene, with the defaults that were taken, go to `numbers`. None where an
-/// element is another package's, or a number is not allowed.
+/// Reads the scene, and its numbers, with the defaults that were taken, into `numbers`. Nothing if
+/// an element is another package's, or a number is not allowed.
 std::optional<Scene> read(const ParameterTree& tree, std::map<std::string, double>* numbers) {
   BuiltinComponentFactory factory;
   std::optional<Scene> scene;
@@ -40,7 +40,7 @@ std::optional<Scene> read(const ParameterTree& tree, std::map<std::string, doubl
   return scene;
 }
 
-/// As formulas of the scene call them; tables and rates of inputs have no names there.
+/// Returns the variables' names in formulas of the scene; tables and rates of inputs have none.
 expression::Names nameVariables(const Scene& scene) {
   using expression::slotOf;
   using expression::Source;
@@ -58,7 +58,7 @@ expression::Names nameVariables(const Scene& scene) {
   return names;
 }
 
-/// The formulas of an element, what comes first in the motion first.
+/// Returns the formulas of an element in the order in which the motion uses them.
 std::vector<expression::Node> formulasOf(const Scene& scene, Element element) {
   std::vector<expression::Node> nodes;
   if (element.torque >= 0) {
@@ -73,7 +73,7 @@ std::vector<expression::Node> formulasOf(const Scene& scene, Element element) {
   return nodes;
 }
 
-/// A state near to another one, to be changed.
+/// A state near another one, to be changed.
 struct Beside {
   Beside(const StateView& state, int S) : view(state) {
     std::copy_n(state.angle, S, angle);
@@ -89,7 +89,7 @@ struct Beside {
   StateView view;
 };
 
-/// The size of what the element of `scene` gives at `state`.
+/// Returns the size of the output of an element of `scene` at `state`.
 double calcSize(const Scene& scene, Element element, const StateView& state, int S) {
   if (element.torque < 0) return scene.constraints[at(element.constraint)]->calcResidual(state);
   double torque[kMaxShafts] = {};
@@ -119,7 +119,7 @@ std::string assign(const std::string& path, double value) {
   return "'" + path + ": " + formatNumber(value) + "'";
 }
 
-/// A value for each shaft; 0 where there is none.
+/// A value for each shaft; 0 by default.
 struct Culprits::Shafts {
   double values[kMaxShafts] = {};
   double& operator[](int i) { return values[i]; }
@@ -158,7 +158,7 @@ Element Culprits::findFastest(double least) const {
     faster.velocity[i] += i % 2 == 0 ? kLittle : -kLittle;
     size[i] = state_.acceleration[i];
   }
-  // 1/s: d(omega')/d(omega), the root of d(omega')/d(phi), and what the law does by itself.
+  // 1/s: d(omega')/d(omega), the root of d(omega')/d(phi), and the law's explicit rate.
   const auto rate = [&](Element element) {
     const double by_velocity = calcAnswer(scene_, element, state_, faster.view).largest();
     const double by_angle = calcAnswer(scene_, element, state_, turned.view).largest();
@@ -189,14 +189,14 @@ double Culprits::calcUnattainable(const Scene& scene, Element element) const {
       try_speed(i, speed - by);
       try_speed(i, speed + by);
     }
-    // A layer narrower than that lies where the shaft stands, or turns with another one.
+    // A narrower layer lies at the speed 0, or at that of another shaft.
     try_speed(i, 0.0);
     for (int other = 0; other < S; ++other) try_speed(i, state_.velocity[other]);
   }
   return most;
 }
 
-/// The accelerations that `element` of `scene` makes of a change of the state, rad/s^2.
+/// Returns the change of the accelerations by `element` for a change of the state, rad/s^2.
 Culprits::Shafts Culprits::calcAnswer(const Scene& scene, Element element, const StateView& here,
                                       const StateView& beside) const {
   Shafts answer;
@@ -227,9 +227,9 @@ Culprits::Shafts Culprits::calcAnswer(const Scene& scene, Element element, const
   return answer;
 }
 
-/// The accelerations that four roundings of the state make, in tolerances.
+/// Returns the accelerations that four roundings of the state make, in tolerances.
 double Culprits::calcRounding(const Scene& scene, Element element, const StateView& here) const {
-  // By many times four, of different sign and size: see StepChecks::round.
+  // Uses a multiple of four roundings, of different sign and size: see StepChecks::round.
   constexpr double kTimes = 64.0;
   constexpr double kFour = 4.0 * std::numeric_limits<double>::epsilon();
   Beside beside(here, S);
@@ -249,7 +249,7 @@ double Culprits::calcRounding(const Scene& scene, Element element, const StateVi
   return answer.largest();
 }
 
-/// How much an element of the changed scene differs elsewhere, of its size.
+/// Returns the relative change of an element of the changed scene at another state.
 double Culprits::calcChange(const Scene& changed, Element element) const {
   double change = 0.0;
   double size = 0.0;
@@ -307,7 +307,7 @@ std::string Culprits::findNonFinitePart(Element element) const {
       there.angle[i] += ahead * state_.velocity[i];
       if (std::isfinite(epsilon)) there.velocity[i] += ahead * epsilon;
     }
-    // Operands come before what is made of them.
+    // Operands precede their users.
     const double* const begin = tape.evaluate(there.view);
     const double* const end = begin + parts.size();
     const double* const bad = std::find_if(begin, end, [](double x) { return !std::isfinite(x); });

@@ -1,5 +1,4 @@
-/// Which element of a scene is to blame for a stop: each is asked for its own share. Not in the
-/// loop.
+/// Finds the element of a scene that caused a stop, by the share of each. Not in the loop.
 #pragma once
 
 #include <string>
@@ -16,35 +15,35 @@ struct Element {
   bool exists() const { return torque >= 0 || constraint >= 0; }
 };
 
-/// "torque 'clutch'"; "" where there is none.
+/// Returns "torque 'clutch'"; "" if there is none.
 std::string describe(const Scene& scene, Element element);
 
-/// The next number of one digit away from 0, or towards it.
+/// Returns the next number of one digit away from 0, or towards it.
 double toOneDigit(double value, bool is_up);
-/// "'KEY: VALUE'"
+/// Returns "'KEY: VALUE'".
 std::string assign(const std::string& path, double value);
 
 class Culprits {
  public:
-  /// All have to outlive it; `inertia` is at `state`.
+  /// All have to outlive it; `inertia` is evaluated at `state`.
   Culprits(const Scene& scene, const Inertia& inertia, const StateView& state)
       : scene_(scene), S(scene.shaftCount()), inertia_(inertia), state_(state) {}
 
-  /// The element that makes most of the accelerations' answer to rounding of the state.
+  /// Returns the element with most of the accelerations' response to rounding of the state.
   Element findSteepest() const;
-  /// The element that changes the accelerations fastest, by itself or with the state; none where
-  /// that is slower than `least`, 1/s.
+  /// Returns the element that changes the accelerations fastest, by itself or with the state; none
+  /// if that is slower than `least`, 1/s.
   Element findFastest(double least) const;
-  /// The accelerations that four roundings of the state make by way of this element of a scene like
-  /// this one, at most at speeds around, in tolerances.
+  /// Returns the accelerations that four roundings of the state make through this element of a
+  /// scene like this one, at most at speeds around, in tolerances.
   double calcUnattainable(const Scene& scene, Element element) const;
-  /// The number of an element whose change would lessen its largest answer to rounding `factor`
-  /// times, and its new value. Where several would do it is the one that changes the element least
-  /// elsewhere: a width rather than a height. "" for elements of other packages, and where no
-  /// single number is to blame.
+  /// Returns the number of an element whose change would lessen its largest response to rounding
+  /// `factor` times, and its new value. If several would, it is the one that changes the element
+  /// least elsewhere: a width rather than a height. "" for elements of other packages, and if no
+  /// single number suffices.
   std::string findRemedy(Element element, double factor) const;
-  /// The part of an element's formulas that is not finite here, or ahead within a hundredth of a
-  /// second, while what it is made of is: "sqrt(10 - w_load)"; "" where it is no formula.
+  /// Returns the part of an element's formulas that is not finite here, or within the next 0.01 s,
+  /// while its operands are: "sqrt(10 - w_load)"; "" for laws without formulas.
   std::string findNonFinitePart(Element element) const;
 
  private:

@@ -6,9 +6,9 @@
 namespace variator_sim {
 namespace {
 
-/// rad, by which C has turned when it counts as turning.
+/// Angle, rad, from which on C counts as turned.
 constexpr double kTurned = 0.01;
-/// Times that an energy is above what the tolerance makes of it.
+/// Factor above the tolerance's effect from which on an energy is certain.
 constexpr double kCertain = 100.0;
 constexpr int kHalvings = 4;
 
@@ -85,7 +85,7 @@ void EnergyMeter::cut(const StepNode& present) {
   if (is_tracked_) {
     account_.applied = applied_before_ + calcWork(h / (integrator_.front().time - from.time));
   } else {
-    // The rate at the end is not known: of order 3.
+    // The rate at the end is not known for order 3.
     const double bend = h * begin.rate - (power.value - begin.value);
     const bool is_bend_small = std::abs(bend) <= std::abs(begin.value) + std::abs(power.value);
     account_.applied = applied_before_ + 0.5 * h * (begin.value + power.value) +
@@ -196,7 +196,7 @@ void EnergyMeter::judge(double time, const double* x) {
   account_.reactions =
       drivetrain_.calcKineticEnergy(x, x + S) - account_.start_kinetic - account_.applied;
   if (account_.doubt_since >= 0.0 || !account_.has_turned || !doubtAtFront().isShareLarge()) return;
-  // The tolerance makes this of T.
+  // The uncertainty of T at this tolerance.
   double uncertain = 0.0;
   for (int i = 0; i < S; ++i) {
     const double omega = x[S + i];

@@ -7,11 +7,11 @@
 ///     applied   = integral of sum Q_i omega_i
 ///     reactions = T - T(0) - applied
 ///
-/// One quadrature and exact bookkeeping: Q and omega are what a step knows best, while R has the
-/// accelerations, which dense output knows worst, and a quadrature of its own would leave a
-/// remainder that belongs to none of both.
+/// One quadrature and exact bookkeeping: Q and omega are the most accurate values of a step, while
+/// R contains the accelerations, which dense output knows worst, and a quadrature of its own would
+/// leave a remainder that belongs to neither.
 ///
-/// All of it stands beside the motion: nothing here goes into a step, its size or its error.
+/// The account is a pure observer: it affects no step, step size or error.
 #pragma once
 
 #include <cmath>
@@ -24,10 +24,10 @@
 
 namespace variator_sim {
 
-/// The integral of f over [from, to] by the rules of Gauss (3 points) and Kronrod (7, degree 11),
-/// the interval halved up to `depth` times where their difference d says that the latter errs by
-/// more than `tolerance` of the integral of |f|. It errs by about d^2, and by less than
-/// (10 d)^(3/2) where f is less smooth.
+/// Returns the integral of f over [from, to] by the rules of Gauss (3 points) and Kronrod (7,
+/// degree 11). The interval is halved up to `depth` times while their difference d says that the
+/// latter errs by more than `tolerance` of the integral of |f|. It errs by about d^2, and by less
+/// than (10 d)^(3/2) if f is less smooth.
 template <class Function>
 double integrate(const Function& f, double from, double to, double tolerance, int depth) {
   constexpr double kNodes[] = {0.960491268708020283, 0.774596669241483377, 0.434243749346802558};
@@ -61,28 +61,28 @@ class EnergyMeter {
   /// Both have to outlive this.
   EnergyMeter(Integrator& integrator, PrincipleSystem& system);
 
-  /// Whether the applied energy of the steps to come is integrated inside each, to about the
+  /// Sets whether the applied energy of the steps to come is integrated inside each, to about the
   /// tolerance of the motion, or estimated from their ends.
   void track(bool on) { is_tracked_ = on; }
   bool isTracked() const { return is_tracked_; }
 
-  /// The motion begins at the integrator's front.
+  /// Begins the account at the integrator's step end.
   void begin();
-  /// The account of the motion up to its present, where it was cut, and the same taken up again.
+  /// Returns the account up to the current time of a cut motion, and restores it.
   const EnergyAccount& account() const { return account_; }
   void resume(const EnergyAccount& account, double time);
 
-  /// The integrator has made a step; Q and Q' at both of its ends are known.
+  /// Accounts for a step of the integrator; Q and Q' at both of its ends are known.
   void noteStep();
-  /// It has passed over steps before that one.
+  /// Accounts for the steps of a batch before that one.
   void notePassed();
-  /// The motion goes on from `present`, to which it has gone in its last step or at rest; inputs
-  /// are still those of that step.
+  /// Continues from `present`, which the motion has reached in its last step or at equilibrium;
+  /// inputs are still those of that step.
   void cut(const StepNode& present);
 
-  /// Everything at `sample`, taken at `now` as nodes count it.
+  /// Returns all energies at `sample`, taken at the node time `now`.
   Energy calcEnergy(const Sample& sample, double now);
-  /// At the last end of a step that is not after `time`, s since the motion's start.
+  /// Returns the doubt at the last step end that is not after `time`, s since the start.
   EnergyDoubt doubt(double time) const { return judged_at_ <= time ? doubtAtFront() : before_; }
 
  private:
@@ -101,26 +101,26 @@ class EnergyMeter {
   void calcTorque(double t, const State& x, double* Q) const;
 
   void addStep(double h, const Power& begin, const Power& end, double work);
-  /// The work of Q over the given part of the last step, by quadrature.
+  /// Returns the work of Q over the given part of the last step, by quadrature.
   double calcWork(double part) const;
-  /// Trapezoid with end corrections, of order 4; without them where the rates are steeper than a
-  /// step of this size can follow.
+  /// Returns the trapezoid with end corrections, of order 4; without them if the rates are too
+  /// steep for a step of this size.
   static double estimateWork(double h, const Power& begin, const Power& end);
-  /// The applied energy at `now`, J; of a motion that rests, with the angles of x.
+  /// Returns the applied energy at `now`, J; of a motion at equilibrium, with the angles of x.
   double calcApplied(double now) const;
   double calcAppliedAtRest(const State& x) const;
 
   EnergyDoubt doubtAtFront() const {
     return {account_.doubt_since, judged_at_, account_.reactions, account_.throughput};
   }
-  /// Row c of C in coordinates in which J is 1 (but for inertia coupling), as a unit vector.
+  /// Writes row c of C in coordinates in which J is 1 (but for inertia coupling), as a unit vector.
   void calcDirection(const double* c, double* direction) const;
   bool haveRowsTurned(const double (*rows)[kMaxShafts]) const;
   void watch(double time, const double* x, const double (*rows)[kMaxShafts]) {
     account_.has_turned = account_.has_turned || haveRowsTurned(rows);
     judge(time, x);
   }
-  /// Compares the energy of the reactions with what the applied torques have brought and taken.
+  /// Compares the energy of the reactions with the throughput of the applied torques.
   void judge(double time, const double* x);
 
   const int S;  // shafts
@@ -129,10 +129,10 @@ class EnergyMeter {
   const Tolerance tolerance_;
   const bool is_watched_;
   bool is_tracked_ = false;
-  EnergyAccount account_;  // at the front; reactions only where they are watched
+  EnergyAccount account_;  // at the step end; reactions only if they are watched
   double judged_at_ = 0.0;
-  double applied_before_ = 0.0;  // J, at the base of the last step
-  EnergyDoubt before_;           // there
+  double applied_before_ = 0.0;  // J, at the start of the last step
+  EnergyDoubt before_;           // at the start of the last step
 };
 
 }  // namespace variator_sim

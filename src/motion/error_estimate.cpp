@@ -10,7 +10,7 @@
 namespace variator_sim {
 namespace {
 
-/// The rounding of a column within a few hundred steps, relative to its largest value so far. Both
+/// Rounding of a column within a few hundred steps, relative to its largest value so far. Both
 /// motions share a part of it, so their difference does not show it.
 constexpr double kRounding = 8e-15;
 constexpr double kGrowth = 1e8;     // tolerances
@@ -25,9 +25,9 @@ Scene makeCompanion(const Scene& scene) {
 
 }  // namespace
 
-// Measured over random scenes (doc/scene.md). A stepper beside itself at a tolerance k times
-// smaller is good as long as its error goes with its tolerance; where the order is low a better one
-// is cheaper, and `auto` is the one that gets across every edge.
+// Measured over random scenes (doc/scene.md). The same stepper at a tolerance k times smaller is a
+// good companion as long as its error goes with its tolerance; a higher order is cheaper for
+// steppers of low order, and `auto` is the one that passes every event.
 SolverSettings calcCompanionSettings(const SolverSettings& settings) {
   SolverSettings companion = settings;
   const auto take = [&](StepperKind stepper, double factor) {
@@ -40,7 +40,7 @@ SolverSettings calcCompanionSettings(const SolverSettings& settings) {
   };
   switch (settings.stepper) {
     case StepperKind::kAuto:
-      // Above this tolerance `auto` is by Runge-Kutta methods, whose errors may lie far below it.
+      // Above this tolerance `auto` uses Runge-Kutta methods, whose errors may lie far below it.
       take(StepperKind::kAuto, settings.relative_tolerance > 1e-6 ? 1e4 : 300.0);
       break;
     case StepperKind::kTaylor:
@@ -55,7 +55,7 @@ SolverSettings calcCompanionSettings(const SolverSettings& settings) {
       take(StepperKind::kTaylorFixed, 1e4);  // the same steps, of an order two or three higher
       break;
     case StepperKind::kRk4: {
-      // Its tolerance means nothing; the error goes with some power of the step.
+      // The stepper ignores the tolerance; the error goes with some power of the step.
       constexpr double kUsualStep = 1e-3;  // s
       const double coarseness = std::max(1.0, settings.step / kUsualStep);
       companion.stepper = StepperKind::kAuto;
@@ -125,14 +125,14 @@ void ErrorEstimate::judge(const Motion& run, Sample* sample) {
       compare(sample->acceleration, other.acceleration, largest_[2], sample->acceleration_error)};
   if (is_grown_ && doubt_.grown < 0.0) doubt_.grown = sample->time;
   noteEdges(run);
-  if (sample->time <= 0.0) return;  // where both are the same
+  if (sample->time <= 0.0) return;  // both are the same at the start
   ++doubt_.samples;
   if (!are_at_rounding[0] || !are_at_rounding[1] || !are_at_rounding[2]) return;
   if (doubt_.rounding_samples++ == 0) doubt_.rounding = sample->time;
 }
 
-/// Both run ahead of the present, by different steps: only a difference that is older than the last
-/// step of either is one.
+/// Both motions run ahead of the current time, by different steps: a difference counts only if it
+/// is older than the last step of either.
 void ErrorEstimate::noteEdges(const Motion& run) {
   if (run.integrator.statistics().kinks == companion_.statistics().kinks) {
     counts_differ_ = -1.0;

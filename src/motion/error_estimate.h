@@ -6,11 +6,11 @@
 ///     x(t) - x*(t) = (x(t) - y(t)) + (y(t) - x*(t)),    x run, y companion, x* exact,
 ///
 /// and the last part is small against the first one: the estimate is |x - y|, in angles, velocities
-/// and accelerations alike. What dense output, projections, jumps and edges of laws do to the run
-/// is in it. What both share is rounding: the estimate is no less than that.
+/// and accelerations alike. It contains the errors of dense output, projections, jumps and events
+/// of the run, but not the rounding that both share, which bounds the estimate from below.
 ///
-/// It is an estimate: where errors do not grow in proportion (near an unstable rest, in chaos) or
-/// where both motions pass a law's edges differently, it says so (ErrorDoubt).
+/// If errors do not grow in proportion (near an unstable equilibrium, in chaos), or both motions
+/// pass a law's events differently, the estimate says so (ErrorDoubt).
 #pragma once
 
 #include <string>
@@ -24,25 +24,25 @@ namespace variator_sim {
 
 struct Motion;
 
-/// The Simulation that moves the run gives the companion the same commands, and moves it, too.
+/// The Simulation gives the companion the same commands as the run and advances it, too.
 class ErrorEstimate {
  public:
-  /// The run is at its start.
+  /// Expects the run at its start.
   explicit ErrorEstimate(const Scene& scene);
 
   Simulation& companion() { return companion_; }
-  /// Errors are counted from here on.
+  /// Counts errors from here on.
   void forget();
-  /// Writes the estimated errors of the run's sample at its present into it. [loop]
+  /// Writes the estimated errors of the run's sample at its current time into it. [loop]
   void judge(const Motion& run, Sample* sample);
   const ErrorDoubt& doubt() const { return doubt_; }
   std::string describe() const;
 
  private:
   /// Estimates the errors of a column; true when those of all shafts are at rounding. `largest`:
-  /// the magnitudes up to now.
+  /// the largest magnitudes so far.
   bool compare(const double* run, const double* companion, double* largest, double* error);
-  /// Notes where the laws of both have jumped a different number of times.
+  /// Notes when the laws of both have jumped a different number of times.
   void noteEdges(const Motion& run);
 
   Simulation companion_;
@@ -50,11 +50,11 @@ class ErrorEstimate {
   const double absolute_;
   double largest_[3][kMaxShafts] = {};
   bool is_grown_ = false;        // by the last sample
-  double counts_differ_ = -1.0;  // since when, s
+  double counts_differ_ = -1.0;  // start of the difference, s
   ErrorDoubt doubt_;
 };
 
-/// How the companion of a run with these settings is stepped.
+/// Returns the settings of the companion of a run with these settings.
 SolverSettings calcCompanionSettings(const SolverSettings& settings);
 
 }  // namespace variator_sim

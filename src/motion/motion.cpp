@@ -20,7 +20,7 @@ Motion::Motion(Scene its_scene, const Shortcuts& shortcuts, const Motion* like)
       quantities(scene),
       start_(system),
       first_(system.size()) {
-  // Before the start, which is searched for with it.
+  // Before the start: the search for it uses the machine code, too.
   if (like != nullptr) shareMachineCode(*like);
   reset();
   if (start_.result == InitialResult::kInconsistent || start_.result == InitialResult::kNotFound ||
@@ -52,7 +52,7 @@ void Motion::reset() {
     return;
   }
   start();
-  // (Where accelerations are no part of the state, a start also leaves guesses of them.)
+  // (If accelerations are no part of the state, a start also leaves guesses of them.)
   knows_first_ =
       system.integratesTorque() && start_.result == InitialResult::kConsistent && status().ok();
   first_ = integrator.front().x;
@@ -70,7 +70,7 @@ void Motion::start() {
   energy_meter.begin();
 }
 
-// --- the present -----------------------------------------------------------------------------
+// --- the current time ------------------------------------------------------------------------
 
 const MotionStatus& Motion::advanceTo(double end) {
   if (!(end > time)) return status();
@@ -82,7 +82,7 @@ const MotionStatus& Motion::advanceTo(double end) {
   try {
     return advance(end);
   } catch (...) {
-    // Plugins do not throw; one that does leaves a motion that can go on from its last step.
+    // Plugins do not throw; after one that does the motion can continue from its last step.
     integrator.stepBack();
     time = frontTime();
     integrator.restart();
@@ -93,7 +93,7 @@ const MotionStatus& Motion::advanceTo(double end) {
 const MotionStatus& Motion::advance(double end) {
   settle();
   integrator.leaveStart();
-  // Commands that fail to come in time act on their own; they are events of the motion.
+  // Timeouts of commands are events of the motion and act without a caller.
   for (double timeout = commands.nextTimeout(); status().ok() && timeout <= end;
        timeout = commands.nextTimeout()) {
     moveTo(std::max(timeout, time));      // a rounding may lie between them
@@ -155,7 +155,7 @@ void Motion::settle() {
   if (commands.isEmpty() || !status().ok()) return;
   if (integrator.isStart()) {
     changeInitialInputs();
-  } else if (isAnyCommandNew()) {  // else as if nothing had come
+  } else if (isAnyCommandNew()) {  // otherwise the commands change nothing
     changeInputs();
   }
   commands.clear();
@@ -196,7 +196,7 @@ void Motion::changeInputs() {
     jumps = signal.command(input, 0.0, commands.value(i), resolutionOf(time)) || jumps;
   }
   if (jumps && !integrator.jump(u0)) {
-    integrator.stepBack();  // the last good state: before these commands
+    integrator.stepBack();  // the last accepted state: before these commands
     drivetrain.restoreSignals(0.0);
     return;
   }
@@ -232,7 +232,7 @@ void Motion::takeSampleOfState() {
     sampled_at_ = presentTime();
   }
   system.calcSample(sampled_at_, x, &sample_);
-  // A law that fails once is asked again; a value that does not exist ends the motion.
+  // A failed evaluation is repeated once; a value that does not exist ends the motion.
   if (!isSampleFinite()) system.calcSample(sampled_at_, x, &sample_);
   if (!isSampleFinite() && status().ok()) integrator.stopAtBadValue(time, sampled_at_, x);
 }

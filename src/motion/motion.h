@@ -1,16 +1,16 @@
-/// The motion of a scene: the present, its commands and its samples.
+/// The motion of a scene: its current time, its commands and its samples.
 ///
-/// The integrator runs freely ahead of the present, by steps of its own choice; the present lies in
-/// its last one. Samples are taken from inside that step and commands cut it, so that no sampling
-/// rate, tick or advance changes one bit of the motion:
+/// The integrator runs freely ahead of the current time, by steps of its own choice; the current
+/// time lies in its last one. Samples are taken from inside that step and commands cut it, so that
+/// no sampling rate, tick or advance changes one bit of the motion:
 ///
 ///     command(input, value):
-///       clamp it; it waits with the others of this present
+///       clamp it; it waits with the others of this time
 ///
-///     settle(), before the present moves and before anything is read there:
+///     settle(), before the current time moves and before the state is read there:
 ///       no command waits?        done
 ///       before the first advance: commands are initial values; start anew
-///       make the step again up to the present
+///       make the step again up to the current time
 ///       inputs take their new closed forms; those that jump do so together, by the jump map
 ///       the integrator begins anew from there
 ///
@@ -18,20 +18,20 @@
 ///       settle
 ///       for every timeout on the way, then to `time`:
 ///         while the integrator's last step ends before it:
-///           one step more (integrator.h), or the end of a rest; account for its energy
-///         the present moves there
+///           one step more (integrator.h), or the end of a sleep; account for its energy
+///         the current time moves there
 ///         a timeout's command acts: settle
 ///
 ///     sample():
-///       the state at the present, from inside the last step; everything published from it
+///       the current state, from inside the last step; everything published from it
 ///
 ///     reset():
 ///       the state at time 0 again, with the inputs as the scene has them
 ///
 ///     saveState():
 ///       settle
-///       make the step again up to the present
-///       go on from there, as a motion does that the state is restored to
+///       make the step again up to the current time
+///       continue from there, as a motion restored from the state does
 #pragma once
 
 #include <memory>
@@ -48,7 +48,7 @@
 
 namespace variator_sim {
 
-/// The parts of a Simulation, and how its present moves. All but its construction are [loop].
+/// The parts of a Simulation, and the advance of its time. All but its construction are [loop].
 struct Motion {
   /// `like`: has programs and machine code that may fit, or nullptr.
   explicit Motion(Scene its_scene, const Shortcuts& shortcuts = {}, const Motion* like = nullptr);
@@ -56,31 +56,31 @@ struct Motion {
   static std::unique_ptr<Motion>& of(Simulation& simulation) { return simulation.motion_; }
 
   const MotionStatus& status() const { return integrator.status(); }
-  /// The present as nodes count it.
+  /// Returns the current time as nodes count it.
   double presentTime() const { return integrator.origin().relative(time); }
-  /// Up to where it has been stepped, s: as far as the present or further.
+  /// Returns the time up to which steps are made, s: the current time or later.
   double frontTime() const { return integrator.origin().absolute(integrator.front().time); }
   /// See Simulation.
   double quietUntil() const;
 
   void reset();
   const MotionStatus& advanceTo(double end);
-  /// The only place where commands are carried out. All that wait take effect at the present,
-  /// together: inputs that jump move on the straight line between their old and new values, so that
-  /// no order means anything.
+  /// Carries out commands; nothing else does. All that wait take effect together at the current
+  /// time: inputs that jump move on the straight line between their old and new values, so that no
+  /// order means anything.
   void settle();
-  /// The state at the present, as it is.
+  /// Returns the current state without settling commands.
   Sample& sample();
-  /// The same as a view; valid until anything is evaluated elsewhere.
+  /// Returns the same as a view; valid until the next evaluation elsewhere.
   StateView view();
   /// See Simulation.
   bool shareMachineCode(const Motion& other);
 
-  /// The motion goes on from `state`, with the values x and the accelerations `epsilon`, and
-  /// nothing else that this one has had before.
+  /// Continues from `state`, with the values x and the accelerations `epsilon`, without any history
+  /// of this motion.
   const MotionStatus& beginFrom(const MotionState& state, const State& x, const double* epsilon);
-  /// The node at the present: the front, or the step made again up to there. False when the motion
-  /// stopped.
+  /// Writes the node at the current time: the step end, or the step made again up to there. False
+  /// when the motion stopped.
   bool cutStep(StepNode* node);
   void forgetSample() {
     is_sample_valid_ = false;
@@ -95,37 +95,37 @@ struct Motion {
   EnergyMeter energy_meter;
   CommandQueue commands;
   const Quantities quantities;
-  std::unique_ptr<ErrorEstimate> error_estimate;  ///< none: errors are not estimated
+  std::unique_ptr<ErrorEstimate> error_estimate;  ///< null: errors are not estimated
   std::string machine_code = "the interpreter";   ///< or another sentence
   bool has_machine_code = false;
-  double time = 0.0;  ///< the present
+  double time = 0.0;  ///< the current time
 
  private:
-  /// The state at time 0 with the inputs as they are.
+  /// Computes the state at time 0 with the inputs as they are.
   void start();
   const MotionStatus& advance(double end);
-  /// Brings the present to `end`, or to where the motion stops.
+  /// Moves the current time to `end`, or to the time of a stop.
   void moveTo(double end);
-  /// One accepted step, or the end of a rest; account for its energy. False when the motion
+  /// Makes one accepted step or ends a sleep, and accounts for its energy. False when the motion
   /// stopped.
   bool step(double end);
 
   bool isAnyCommandNew() const;
   void changeInputs();
-  /// Before the first advance: a zero-order command is the initial value, no jump, so the
-  /// accelerations of least reaction are those with it; the others set targets.
+  /// Applies commands before the first advance: a zero-order command is the initial value, no jump,
+  /// so the accelerations of least reaction are those with it; the others set targets.
   void changeInitialInputs();
 
   bool isSampleFinite() const;
   void takeSampleOfState();
 
-  Start start_;  // the last one looked for
+  Start start_;  // the last start searched for
   State first_;  // at time 0, with the inputs as the scene has them
   bool knows_first_ = false;
   Sample sample_;
-  double sampled_at_ = 0.0;  // as nodes count it: the present, or just behind an edge there
+  double sampled_at_ = 0.0;  // as nodes count it: the current time, or just behind an event there
   bool is_sample_valid_ = false;
-  double quiet_until_ = -1.0;  // s: nothing but the present changes as far as there
+  double quiet_until_ = -1.0;  // s: up to here nothing but the current time changes
 };
 
 }  // namespace variator_sim

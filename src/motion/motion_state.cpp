@@ -110,7 +110,7 @@ MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
   return history;
 }
 
-/// The shafts' own values; all of them where `needs_all`.
+/// Reads the shafts' values; all of them are required if `needs_all`.
 void readShafts(ParameterReader& root, const Scene& scene, bool needs_all, MotionState* state) {
   if (!needs_all && !root.has("shafts")) return;
   ParameterReader shafts = root.section("shafts");
@@ -195,7 +195,7 @@ MotionState readMotionState(const ParameterTree& tree, const Scene& scene,
   root.integer("variator_sim_state", kVersion, kVersion, kVersion);
   state.time = needs_all ? root.number("time", Range::notNegative())
                          : root.number("time", Range::notNegative(), otherwise.time);
-  // Timeouts go with it.
+  // Timeouts move with the time.
   for (double& last : state.last_command) last += state.time - otherwise.time;
   readShafts(root, scene, needs_all, &state);
   readInputs(root, scene, needs_all, &state);

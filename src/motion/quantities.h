@@ -1,4 +1,4 @@
-/// Named quantities of a scene at a state: what its elements do, its inputs, its own outputs.
+/// Named quantities of a scene at a state: of its elements, its inputs, its own outputs.
 #pragma once
 
 #include <array>
@@ -11,8 +11,8 @@
 
 namespace variator_sim {
 
-/// They stand aside of the motion: nothing of it is computed from them, and they are computed for
-/// who asks only.
+/// They are pure observers: the motion does not depend on them, and they are computed only on
+/// request.
 class Quantities {
  public:
   /// `scene` has to outlive it.
@@ -21,7 +21,7 @@ class Quantities {
   const std::vector<std::string>& names(QuantityGroup group) const {
     return names_[static_cast<std::size_t>(group)];
   }
-  /// names(group).size() values. NaN where there is none. [loop]
+  /// Writes names(group).size() values, NaN for those that do not exist. [loop]
   void calc(QuantityGroup group, const StateView& state, double* values) const;
 
  private:
@@ -29,7 +29,7 @@ class Quantities {
 
   const Scene& scene_;
   std::array<std::vector<std::string>, kQuantityGroups.size()> names_;
-  /// Per torque and per constraint.
+  /// Shafts per torque and per constraint.
   std::vector<std::vector<int>> shafts_;
   std::vector<std::size_t> torque_outputs_;
   std::vector<std::size_t> constraint_outputs_;

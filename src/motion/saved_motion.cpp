@@ -1,4 +1,4 @@
-/// The present of a motion as a state that is saved, and from which one goes on.
+/// Saves the current state of a motion, and continues from a saved one.
 #include <algorithm>
 #include <string>
 
@@ -9,7 +9,7 @@ namespace variator_sim {
 
 namespace {
 
-/// The present of a motion but for its history.
+/// Returns the current state of a motion but for its history.
 MotionState stateAtPresent(const Motion& motion, const double* angle, const double* velocity,
                            const double* acceleration) {
   const int S = motion.system.shafts();
@@ -51,7 +51,7 @@ bool Simulation::saveState(MotionState* state) {
   motion.settle();
   StepNode here(motion.system);
   if (!status().ok() || !motion.cutStep(&here)) return false;
-  // A motion that stands just behind an edge goes on from there, as that which is restored does.
+  // A motion just behind an event continues from there, as a restored one does.
   if (here.time > motion.presentTime()) motion.time = integrator.origin().absolute(here.time);
   integrator.cutAt(motion.time, here);
   *state = stateAtPresent(motion, here.x.begin(), here.x.begin() + motion.system.shafts(),
@@ -101,7 +101,7 @@ std::string Simulation::setState(const MotionState& state, bool project) {
     return start.result == InitialResult::kConsistent;
   };
   std::string fault;
-  // A saved state that is consistent goes on to the bit; a written one is polished.
+  // A saved state that is consistent continues to the bit; a written one is polished.
   const bool is_saved = state.history.exists && accept(false);
   if (is_saved || accept(project)) {
     const MotionStatus& result = is_saved ? motion.beginFrom(state, given, state.acceleration)

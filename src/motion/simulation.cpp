@@ -21,7 +21,7 @@ std::unique_ptr<Motion> makeMotion(Scene scene, const Motion* like) {
   return std::make_unique<Motion>(std::move(scene), Shortcuts{}, like);
 }
 
-/// Whether code that is not in the cache is compiled, and waits for a busy compiler.
+/// Tells whether missing code is compiled, and whether a busy compiler is waited for.
 KernelLibrary::Missing missingCode(const SolverSettings& solver, bool compile, bool patiently) {
   using Missing = KernelLibrary::Missing;
   if (!compile) return Missing::kLeave;
@@ -94,7 +94,7 @@ double Simulation::nextTimeout() const {
   return motion_->commands.nextTimeout();
 }
 
-// --- the present, after its commands ---------------------------------------------------------
+// --- state at the current time, after its commands -------------------------------------------
 
 const Sample& Simulation::sample() {
   motion_->settle();
@@ -154,7 +154,7 @@ std::string Simulation::describeErrorEstimate() const {
   return motion_->error_estimate ? motion_->error_estimate->describe() : "";
 }
 
-// --- what is told of it ----------------------------------------------------------------------
+// --- descriptions ----------------------------------------------------------------------------
 
 const Statistics& Simulation::statistics() const {
   Statistics& statistics = motion_->integrator.statistics();

@@ -13,10 +13,10 @@
 namespace variator_sim {
 namespace {
 
-/// Rates that no motion of a machine has, 1/s.
+/// Rate that no motion of a machine exceeds, 1/s.
 constexpr double kEverFaster = 1e6;
 
-/// How a law that branches by `function` is made smooth.
+/// Returns a way to smooth a law with modes by `function`.
 std::string smoothLawFor(const std::string& function) {
   const std::string sign = "tanh(w/0.01) for sign(w)";
   const std::string abs = "sqrt(x^2+1e-6) for abs(x)";
@@ -64,7 +64,7 @@ class StopMessage {
   const MotionStatus& status_;
   const StateView state_;
   const Culprits culprits_;
-  Element culprit_;  // as the status has it, or found
+  Element culprit_;  // from the status, or found
 };
 
 std::string StopMessage::explain() {
@@ -118,8 +118,8 @@ std::string StopMessage::explainUnderflow() {
 }
 
 std::string StopMessage::explainLostTolerance() {
-  // Far enough below the bound of 50 (step_checks.h): what the motion shows now, and what it may
-  // come to where the law is steepest.
+  // Stays well below the bound of 50 (step_checks.h): for the current measure, and for the largest
+  // one where the law is steepest.
   const Element steepest = culprits_.findSteepest();
   const double most = steepest.exists() ? culprits_.calcUnattainable(scene_, steepest) : 0.0;
   const double factor = std::max(status_.measure / 5.0, most / 25.0);
@@ -131,7 +131,7 @@ std::string StopMessage::explainLostTolerance() {
     const std::string remedy = culprits_.findRemedy(steepest, factor);
     if (!remedy.empty()) text << ": " << remedy << " would not";
   }
-  culprit_ = {};  // is told
+  culprit_ = {};  // already in the text
   const SolverSettings& solver = scene_.solver;
   const double relative = std::min(0.1, toOneDigit(factor * solver.relative_tolerance, true));
   text << "; otherwise " << assign("solver/relative_tolerance", relative);
@@ -161,7 +161,7 @@ std::string StopMessage::explainStepLimit() const {
   return fastest.exists() ? text + "; fastest changes " + describe(scene_, fastest) : text;
 }
 
-/// The driver of shafts that underflowed at speeds which no machine has.
+/// Returns the driver of shafts that underflowed at speeds which no machine has.
 std::string StopMessage::describeRunaway() const {
   constexpr double kNoMachine = 1e6;  // rad/s
   double fastest = 0.0;
@@ -219,7 +219,7 @@ std::string StopMessage::write() {
   return text.str();
 }
 
-/// " residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
+/// Returns " residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
 std::string listResiduals(PrincipleSystem& system, const Start& start, const StateView& state) {
   const Drivetrain& drivetrain = system.drivetrain();
   const bool of_velocities = start.velocities_at_fault;
@@ -242,21 +242,21 @@ bool isUncertain(const Start& start) {
   return start.result == InitialResult::kNotUnique || start.result == InitialResult::kDoubtful;
 }
 
-/// `near`: where consistent values were looked for; they were not found there.
+/// Says that no consistent values were found at `near`, the place of the search.
 std::string tellNotFound(const Start& start, const std::string& near,
                          const std::string& residuals) {
   return "no " + levelOf(start) + " that satisfy the constraints were found " + near +
          " (there:" + residuals + ")";
 }
 
-/// `remedy`: what to do with the nearest values.
+/// Returns the nearest values with `remedy`, their use.
 std::string tellNearest(PrincipleSystem& system, const Start& start, const std::string& residuals,
                         const std::string& remedy) {
   return residuals + "; the nearest consistent " + levelOf(start) + " are " +
          formatNumbers(start.nearest, system.shafts()) + " (" + remedy + ")";
 }
 
-/// The candidates that have the same reaction, or may have.
+/// Returns the candidates that have the same reaction, or may have.
 std::string listCandidates(PrincipleSystem& system, const Start& start) {
   std::string text =
       start.result == InitialResult::kNotUnique

@@ -1,5 +1,5 @@
-/// Why a motion has stopped or cannot start, in words: the element that is to blame, and what would
-/// help. Not in the loop.
+/// Explains in words why a motion has stopped or cannot start: the element to blame, and a remedy.
+/// Not in the loop.
 #pragma once
 
 #include <string>
@@ -11,14 +11,14 @@ namespace variator_sim {
 
 struct Motion;
 
-/// A sentence for the status of a motion that has stopped; "" while it goes on.
+/// Returns a sentence for the status of a motion that has stopped; "" while it runs.
 std::string describeStop(Motion& motion);
 
-/// A sentence: why a state, whose accelerations are `given`, cannot be gone on from.
+/// Returns a sentence why a motion cannot continue from a state with the accelerations `given`.
 std::string describeInconsistency(PrincipleSystem& system, const Start& start, const double* given);
 
-/// Throws a SceneError that says what is wrong with initial values which contradict the
-/// constraints, and what would do.
+/// Throws a SceneError that explains initial values which contradict the constraints, with a
+/// remedy.
 [[noreturn]] void throwInitialError(PrincipleSystem& system, const Scene& scene,
                                     const Start& start);
 

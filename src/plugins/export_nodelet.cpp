@@ -1,5 +1,4 @@
-/// Registers the nodelet with pluginlib, apart from the components: who wants these needs no
-/// nodelets.
+/// Registers the nodelet with pluginlib, apart from the components: their users need no nodelets.
 #include <pluginlib/class_list_macros.hpp>
 
 #include "ros/variator_nodelet.h"

@@ -17,16 +17,16 @@ class CommandFileError : public Error {
 struct TimedCommand {
   double time = 0.0;   ///< s, >= 0
   std::string topic;   ///< not yet known to exist in the scene
-  double value = 0.0;  ///< unit of the input; may be NaN or infinite: the simulation refuses those
+  double value = 0.0;  ///< unit of the input; may be NaN or infinite: the simulation rejects those
   int line = 0;        ///< in the file, from 1, for messages
 };
 
-/// The commands in order of time; of equal times in the order of the file. Blank lines and lines
-/// that start with # are skipped. Lines have at most 1000 characters, a file 5,000,000 commands.
-/// Throws CommandFileError.
+/// Returns the commands in order of time; at equal times in the order of the file. Blank lines and
+/// lines that start with # are skipped. Lines have at most 1000 characters, a file 5,000,000
+/// commands. Throws CommandFileError.
 std::vector<TimedCommand> readCommandFile(const std::string& path);
 
-/// As readCommandFile; `source_name` stands for the file in messages.
+/// Reads `text` as readCommandFile does; `source_name` stands for the file in messages.
 std::vector<TimedCommand> readCommandText(const std::string& text, const std::string& source_name);
 
 }  // namespace variator_sim

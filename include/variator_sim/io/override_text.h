@@ -11,9 +11,8 @@ namespace variator_sim {
 /// "initial/velocity=[5, 2]". Throws SceneError.
 void applyOverride(ParameterTree& tree, const std::string& text);
 
-/// The same for what the tree says under its own key `overrides`, which goes: one text with spaces
-/// between its overrides (a value with spaces stands in brackets or quotes), or a list of texts.
-/// Later ones win.
+/// Applies and removes the tree's own key `overrides`: one text with spaces between its overrides
+/// (a value with spaces stands in brackets or quotes), or a list of texts. Later ones win.
 void applyOwnOverrides(ParameterTree& tree);
 
 }  // namespace variator_sim

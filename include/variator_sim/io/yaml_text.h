@@ -7,8 +7,8 @@
 
 namespace variator_sim {
 
-/// The whole tree, uncut, in block style. Read again (YAML 1.1 or 1.2) it gives the same tree:
-/// reals keep every bit and stay reals, texts stay texts.
+/// Returns the whole tree, uncut, in block style. Read again (YAML 1.1 or 1.2) it gives the same
+/// tree: reals keep every bit and stay reals, texts stay texts.
 std::string toYaml(const ParameterTree& tree);
 
 }  // namespace variator_sim

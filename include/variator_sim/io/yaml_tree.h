@@ -14,10 +14,10 @@ namespace variator_sim {
 /// "file:line:column".
 ParameterTree readYamlFile(const std::string& path);
 
-/// As readYamlFile; `source_name` stands for the file in messages.
+/// Reads `text` as readYamlFile does; `source_name` stands for the file in messages.
 ParameterTree readYamlText(const std::string& text, const std::string& source_name);
 
-/// As readYamlText, but the root may be anything: a number, a text, a list, nothing.
+/// Reads `text`, whose root may be anything: a number, a text, a list, nothing.
 ParameterTree readYamlValue(const std::string& text, const std::string& source_name);
 
 }  // namespace variator_sim
