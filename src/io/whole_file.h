@@ -11,8 +11,7 @@ namespace variator_sim {
 /// replaced. Returns "" or why it cannot be written.
 std::string writeWholeFile(const std::string& path, const std::string& text);
 
-/// Writes all bytes to a descriptor of any kind. Returns false on failure, with the reason in
-/// errno.
+/// Writes all bytes to `file`. Returns false on failure, with the reason in errno.
 bool writeBytes(int file, const char* data, std::size_t size);
 
 }  // namespace variator_sim
