@@ -132,8 +132,7 @@ class DrivetrainLink:
     # --- Subscriptions
 
     def look_at(self, groups):
-        """Sets the groups that pages show; None: there is no page. Groups whose names are not known yet are received
-        once."""
+        """Sets the groups that pages show; None: no page. Groups of unknown names are received once."""
         wanted = set()
         if groups is not None and self.scene is not None:
             wanted = set(groups) | {group for group in TYPES if not self.table.knows(group)
@@ -145,7 +144,7 @@ class DrivetrainLink:
 
     def inputs_move(self):
         """False when no command has come and no input has changed for a while: then what is known
-        of them stays true, and nobody has to listen."""
+        of them stays true, and no subscription is needed."""
         status = self.status
         counts = status and (status.commands_accepted, status.command_timeouts)
         known = (counts, self.table.latest(

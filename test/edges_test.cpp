@@ -29,8 +29,7 @@ std::string text(double value) {
   return buffer;
 }
 
-/// Returns whether the stepper resolves a pulse of this duration, s; fixed steps have the size
-/// kStep.
+/// True if steps, of size kStep where fixed, resolve a pulse of this duration, s.
 constexpr double kStep = 2e-4;
 bool isMeantFor(StepperKind stepper, double duration) {
   return !isFixedStep(stepper) || duration > 10.0 * kStep;

@@ -217,9 +217,8 @@ struct PlaneCubic {
   }
 };
 
-// The search misses no minimum of cubics of two accelerations: no point of a grid has less
-// reaction, whether a third acceleration is free (J = 1), obeys a row of its own, or does not
-// exist.
+// The search finds the minimum for cubics of two accelerations: no grid point has less reaction, if
+// a third one is free (J = 1), obeys a row of its own, or does not exist.
 TEST(LeastReaction, OfTwoAccelerationsInACubicNoPlaceIsLeftOut) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);

@@ -222,7 +222,7 @@ void SteppingLoop::passOverRest() {
     needed = std::min(needed, samples_due_.nextTick());
   }
   const bool can_wait = needed > pacer_.tick() + 1;
-  // What came before the flag was set has woken nobody.
+  // A request before the flag was set has not woken this thread.
   if (can_wait && commands_.read_available() == 0 && !isCalled()) {
     clock_.waitUntil(pacer_.dueTime(needed));
   }
@@ -239,7 +239,7 @@ void SteppingLoop::passOverRest() {
 
 void SteppingLoop::waitWhileIdle() {
   idle_.exchange(kResting, std::memory_order_acq_rel);
-  // What came before the flag was set has woken nobody.
+  // A request before the flag was set has not woken this thread.
   if (commands_.read_available() == 0 && !isCalled() && clock_started_ == clock_.hasStarted()) {
     idle_.store(kWaiting, std::memory_order_release);
     clock_.waitUntil(PacingClock::kForever);

@@ -120,8 +120,7 @@ TEST(Domains, TurningPoint) {
           }
           hazard.judge(calcDifference(before, exact, 2, method.tolerance, method.tolerance), label);
           hazard.stopped(run.reason, label);
-          // If psi turns back like a square, an error of e1 by a tolerance is one of t by its
-          // square.
+          // If psi turns back like a square, t errs by the square of e1's error.
           EXPECT_LE(run.end, end * (1.0 + 1e-9 + method.tolerance * method.tolerance))
               << label << ": " << run.message;
           EXPECT_GE(run.end, 0.99 * end) << label << ": " << run.message;

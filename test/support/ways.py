@@ -167,8 +167,7 @@ def play_c(work):
     return Outcome(done.returncode, done.stdout, done.stderr.strip(), text)
 
 
-# share: one of so many random scenes. Execution paths that need a compiler run a scene by one
-# principle.
+# share: one of so many random scenes. Paths that need a compiler run a scene by one principle.
 Way = collections.namedtuple("Way", "play principles steppers share")
 WAYS = {
     "interpreter": Way(play_module, PRINCIPLES, ADAPTIVE + FIXED, 1),
