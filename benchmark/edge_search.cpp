@@ -1,5 +1,5 @@
-/// What one search for events inside a step costs: of steps of 0.1 s of the scenes given, with
-/// their commands, each along the motion as samples show it.
+/// The cost of one search for events inside a step: for steps of 0.1 s of the given scenes, with
+/// their commands, each along the sampled motion.
 ///
 /// usage: edge_search config/applications/*.yaml
 #include <algorithm>

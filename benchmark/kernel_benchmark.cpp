@@ -1,4 +1,4 @@
-// What one right-hand side costs, how that grows with the scene, what each skip saves.
+// The cost of one right-hand side, its growth with the scene, and the savings of each skip.
 //
 // Alone: Google Benchmark over the right-hand sides. With --output: the rows of the tables of
 // doc/benchmarks.md, which says what each of them means. There the variants of a table run in turn,
@@ -139,7 +139,7 @@ void evaluateInChain(const Values& start, int count, RightHandSide&& evaluate) {
   ::benchmark::DoNotOptimize(x);
 }
 
-/// The ship as somebody would write it for this one scene, constants known to the compiler.
+/// The ship hand-written for this one scene, with constants known to the compiler.
 [[gnu::noinline]] void calcShipByHand(const std::array<double, 6>& x, std::array<double, 6>& dxdt,
                                       double t) {
   calcDerivative(Ship<double>({}), t, x.data(), dxdt.data());
@@ -303,7 +303,7 @@ std::vector<Comparison> makeComparisons() {
       },
       [](Scene& scene, Shortcuts& /*shortcuts*/) { scene.principle = Principle::kGauss; }));
 
-  // What 100 samples per second cost: the same stepper without and with them.
+  // The cost of 100 samples per second: the same stepper without and with them.
   for (const StepperKind kind : {StepperKind::kFehlberg78, StepperKind::kDopri5}) {
     const auto set = [=](Scene& scene, Shortcuts& /*shortcuts*/) { scene.solver.stepper = kind; };
     Comparison comparison = compare(

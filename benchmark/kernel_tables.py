@@ -50,7 +50,7 @@ def show(value):
 
 
 def show_ratios(row, base):
-    """Of the medians, of the least times."""
+    """Returns the ratios of the medians and of the least times."""
     return [show(row.median / base.median), show(row.minimum / base.minimum)]
 
 

@@ -45,7 +45,7 @@ int main(int argc, char** argv) {
     motion.advanceTo(duration);
     motion.sample();
   };
-  // Of each motion in a round: fibers are made once in a sweep of many rows.
+  // Runs of each motion in a round, since a sweep of many rows makes its fibers once.
   constexpr int kRuns = 256;
   using Clock = std::chrono::steady_clock;
   double in_turn = 1e9;

@@ -114,7 +114,7 @@ def ours_forms(curves):
 # --- Pictures
 
 def shown_curves(curves):
-    """What is drawn, peers first so that ours lie on top: (label, points, style)."""
+    """Returns the curves, peers first so that ours lie on top: (label, points, style)."""
     drawn = []
     index = collections.Counter()
     for (method, form), points in sorted(curves.items(), key=lambda item: item[0]):
@@ -300,7 +300,7 @@ def delivered_table(scenes):
                 cells.append(f"{max(ratios):.2g}" if ratios else "-")
             monotone = 0
             for points in curves_of.values():
-                # The floor of double precision is not held against anybody.
+                # Errors at the floor of double precision count as monotone.
                 errors = [p.error for p in sorted(points, key=lambda p: -p.tolerance) if p.good]
                 monotone += all(b < a or b < 1e-12 for a, b in zip(errors, errors[1:]))
             cells.append(f"{monotone} of {len(curves_of)}")

@@ -2,9 +2,8 @@
 /// own dense output, with the state alone and with all columns. Rows as of work_precision; the
 /// error is the largest of any angle, speed or acceleration at any sample.
 ///
-/// usage: samples benchmark/scenes
-/// The reference is Odeint's fehlberg78 in long double from sample to sample. What a sample of ours
-/// costs stands in the head: of 1,000 a second, less a run without any.
+/// usage: samples benchmark/scenes The reference is Odeint's fehlberg78 in long double from sample
+/// to sample. The head has the cost of a sample of ours: of 1,000 a second, less a run without any.
 #include <algorithm>
 #include <array>
 #include <boost/numeric/odeint.hpp>
@@ -55,7 +54,7 @@ double timeOf(int sample, int count) {
 
 const Ship<double> kShip{SceneParameters{}};
 
-/// What a peer's state is worth in the other columns.
+/// Computes the other columns from a peer's state.
 void completeRow(double t, Row* row) {
   const double* const x = row->x.data();
   double C[1][2];

@@ -1,5 +1,5 @@
 /// A sweep as one writes it by hand: the ship of benchmark/scenes for many inertias of its drive,
-/// by Boost.Odeint, one run a thread by OpenMP. What benchmark/sweep.py compares `sweep` with.
+/// by Boost.Odeint, one run a thread by OpenMP. benchmark/sweep.py compares `sweep` with it.
 ///
 /// usage: sweep_odeint RUNS TOLERANCE THREADS
 /// Prints, for each run, the speed of the load after 20 s.

@@ -1,5 +1,5 @@
 // Work against precision: our steppers beside general solvers, on hand-written scenes for those.
-// What is measured and what it means: doc/benchmarks.md.
+// doc/benchmarks.md explains the measurement.
 #include <algorithm>
 #include <chrono>
 #include <cmath>

@@ -2,7 +2,7 @@
 
 import collections
 
-# Topics of the node, each published while somebody subscribes to it.
+# Topics of the node, each published while it has subscribers.
 GROUPS = ("state", "elements", "inputs", "outputs", "energy")
 
 Column = collections.namedtuple("Column", "name group unit quantity")
@@ -18,7 +18,7 @@ ENERGY_QUANTITIES = (  # field of DrivetrainEnergy, column, unit
 
 
 def state_columns(scene):
-    """Of a SceneInfo: shaft by shaft, then constraint by constraint."""
+    """Columns of a SceneInfo: shaft by shaft, then constraint by constraint."""
     columns = []
     for names, quantities in ((scene.shafts, SHAFT_QUANTITIES),
                               (scene.constraints, CONSTRAINT_QUANTITIES)):
@@ -33,7 +33,7 @@ def energy_columns():
 
 
 def named_columns(group, names, units):
-    """Of a NamedValues of `group`; `units` tells those of inputs by their topics."""
+    """Columns of a NamedValues of `group`; `units` has those of inputs by their topics."""
     if group != "elements":
         return [Column(f"{group}/{name}", group, units.get(name, ""), group) for name in names]
     columns = []

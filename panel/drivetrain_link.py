@@ -26,7 +26,7 @@ TRIGGERS = ("pause", "resume", "reset", "reset_time")
 
 
 class DrivetrainLink:
-    """Subscribes to a lazy topic of the node only while somebody looks at it. Methods may be called
+    """Subscribes to a lazy topic of the node only while a page shows it. Methods may be called
     from any thread, none of them waits for the node but `call`."""
 
     def __init__(self, node):
@@ -54,7 +54,7 @@ class DrivetrainLink:
         rospy.Subscriber(node + "/status", SimulationStatus, self._take_status, queue_size=10)
         rospy.Subscriber(node + "/parameter_updates", Config, self._take_settings)
 
-    # --- What it tells
+    # --- Results
 
     def is_alive(self):
         return self._heard is not None and time.monotonic() - self._heard < SILENCE
@@ -129,11 +129,10 @@ class DrivetrainLink:
             self.table.add_group(group, [column.name for column in found])
             self.scene_number += 1
 
-    # --- What is looked at
+    # --- Subscriptions
 
     def look_at(self, groups):
-        """The groups that somebody looks at; None: nobody looks at all. Those whose names are not
-        known yet are heard once."""
+        """Sets the groups that pages show; None: no page. Groups of unknown names are received once."""
         wanted = set()
         if groups is not None and self.scene is not None:
             wanted = set(groups) | {group for group in TYPES if not self.table.knows(group)
@@ -145,7 +144,7 @@ class DrivetrainLink:
 
     def inputs_move(self):
         """False when no command has come and no input has changed for a while: then what is known
-        of them stays true, and nobody has to listen."""
+        of them stays true, and no subscription is needed."""
         status = self.status
         counts = status and (status.commands_accepted, status.command_timeouts)
         known = (counts, self.table.latest(
@@ -178,7 +177,7 @@ class DrivetrainLink:
             self._subscribers[group] = subscriber
 
     def _do_work(self):
-        """What may wait for the master or take long, one thing after the other."""
+        """Does work that may wait for the master or take long, one task after the other."""
         while True:
             task = self._work.get()
             try:
@@ -186,7 +185,7 @@ class DrivetrainLink:
             except Exception as error:  # pylint: disable=broad-except
                 rospy.logwarn("panel: %s", error)
 
-    # --- What can be asked of it
+    # --- Requests
 
     def command(self, topic, value):
         publisher = self._commands.get(topic)

@@ -1,6 +1,6 @@
-"""Who may use the panel.
+"""Access control of the panel.
 
-On the loopback address: whoever asks for it by a name of the loopback address (a page of another
+On the loopback address: requests by a name of the loopback address (a page of another
 host whose name was made to mean 127.0.0.1, DNS rebinding, asks by its own name) and, in a browser,
 from the panel's own page (Origin). Beyond it, also a token is needed: once in the address, then in
 a cookie that other pages cannot make a browser send.

@@ -1,4 +1,4 @@
-"""What has come of a drivetrain: a row per instant, a column per quantity, NaN where nothing came."""
+"""The samples of a drivetrain: a row per instant, a column per quantity, NaN without a value."""
 
 import math
 import threading

@@ -1,4 +1,4 @@
-"""What the panel tells of a scene: its inputs with limits and units, its equations."""
+"""The panel's view of a scene: its inputs with limits and units, its equations."""
 
 import math
 import subprocess
@@ -16,8 +16,8 @@ UNITS = {"acceleration": "rad/s²", "command": "1", "coulomb": "N m", "damping":
 
 
 def read_inputs(scene):
-    """Of a SceneInfo, per commanded input: topic, unit ("" where only the scene's author knows),
-    initial, min and max (None without a limit), hold."""
+    """Reads from a SceneInfo, per commanded input: topic, unit ("" if unknown), initial, min and max (None without a
+    limit), hold."""
     tree = yaml.safe_load(scene.parameters) or {}
     found = {}
 

@@ -74,7 +74,7 @@ class Server(tornado.httpserver.HTTPServer):
 
 
 class Guarded:
-    """What every handler of the panel does first."""
+    """Common first part of every handler of the panel."""
 
     def set_default_headers(self):
         for name, value in HEADERS.items():
@@ -190,7 +190,7 @@ class Browser(Guarded, tornado.websocket.WebSocketHandler):
             self.write_message(json.dumps(words))
 
     def _show(self, view):
-        """What the page shows: columns over the last `seconds`, or those before `end`; the newest
+        """Sets the content of the page: columns over the last `seconds`, or those before `end`; the newest
         value of others."""
         self.columns, self.latest = check_names(view["columns"]), check_names(view["latest"])
         self.seconds = min(max(float(view["seconds"]), 0.1), 3600.0)
@@ -289,8 +289,7 @@ class Panel(tornado.web.Application):
         ], websocket_ping_interval=10, websocket_max_message_size=1 << 20)
 
     def look(self):
-        """Tells the link which groups somebody looks at. Inputs that rest are not looked at for the
-        sake of the sliders."""
+        """Tells the link which groups are shown. The sliders do not subscribe to inputs at rest."""
         if not self.browsers:
             self.link.look_at(None)
             return

@@ -26,7 +26,7 @@ printf '%s\n' "${COMPREPLY[@]}"
 
 
 def offered(*words, folder=None, bash=("-i",)):
-    """What TAB behind the last of the words offers."""
+    """Returns the completions that TAB offers behind the last word."""
     command = ["bash", "--norc", *bash, "-c", ASK, "bash", str(SIMULATE.parents[2]),
                str(FOLDER / "completion/60.variator_sim.bash"), *words]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False,
@@ -72,7 +72,7 @@ class CompletionTest(unittest.TestCase):
         self.assertEqual(offered("simulate", "scene.yaml", "--columns", "state,en"), {"state,energy"})
 
     def test_scripts_are_not_burdened(self):
-        """Where nobody types nothing is defined."""
+        """A shell that is not interactive defines no completion."""
         self.assertEqual(offered("simulate", "--", bash=()), set())
 
 

@@ -549,7 +549,7 @@ TEST(VerifyDerivatives, IsABoolean) {
       std::string::npos);
 }
 
-// Of what differences cannot resolve nothing is asked: formulas are loaded as they are.
+// Derivatives that differences cannot resolve are not checked: such formulas are loaded.
 TEST(VerifyDerivatives, AsksNothingOfFormulas) {
   const std::string start = "initial: {velocity: [12.4]}\ntorques: [it]\nshafts: [a]\n";
   const char* const laws[] = {

@@ -16,7 +16,7 @@ PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
 PAGES = sorted([*FOLDER.glob("*.md"), *FOLDER.glob("doc/**/*.md"), *FOLDER.glob("examples/**/*.md")])
 
-# What a reader of the scene asks its section for: reader.number("inertia"), scene.quantity("ratio")
+# Keys that a reader of the scene reads: reader.number("inertia"), scene.quantity("ratio")
 ASKED = re.compile(r"\b(?:number|numbers|quantity|text|integer|boolean|choice|names|shafts?|section|has|allow|formula)"
                    r'\(\s*"([a-z_]+)"')
 READERS = [*FOLDER.glob("src/laws/*.cpp"), *FOLDER.glob("src/model/*.cpp"),
@@ -84,7 +84,7 @@ class DocumentsTest(TestCase):
                                      "run scripts/draw_diagrams")
 
     def test_every_key_is_documented(self):
-        """What the reader asks for stands, as `key`, in the pages of reference."""
+        """The pages of reference have each key that the reader reads, as `key`."""
         text = "\n".join((FOLDER / page).read_text(encoding="utf-8") for page in REFERENCE)
         # `inertia/mean` is the key `mean` too, {order, cos, sin} three keys.
         documented = {word for code in re.findall(r"`([^`\n]+)`|^    (.*)$", text, flags=re.MULTILINE)

@@ -1,5 +1,5 @@
-// What happens inside a step: pulses, jumps of laws, known instants; by every stepper, against
-// motions known in closed form.
+// Events inside a step: pulses, jumps of laws, known instants; by every stepper, against motions
+// known in closed form.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -29,7 +29,7 @@ std::string text(double value) {
   return buffer;
 }
 
-/// Of a pulse that lasts so long, s: are steps of fixed size (kStep) meant for it?
+/// True if steps, of size kStep where fixed, resolve a pulse of this duration, s.
 constexpr double kStep = 2e-4;
 bool isMeantFor(StepperKind stepper, double duration) {
   return !isFixedStep(stepper) || duration > 10.0 * kStep;
@@ -47,7 +47,7 @@ Scene freeShaft(const std::string& torque, StepperKind stepper, const std::strin
   return scene;
 }
 
-/// What may be lost: fixed steps have no tolerance to keep, but a pulse that is missed is.
+/// Allowed loss: larger for fixed steps, which keep no tolerance, but less than a missed pulse.
 double allowed(StepperKind stepper) {
   return isFixedStep(stepper) ? 1e-4 : 1e-7;
 }
@@ -172,9 +172,9 @@ TEST(InsideOfAStep, WhatSettlesOnAnEdgeIsNotSearched) {
   }
 }
 
-// At rest beside an edge rounding decides the side. Where the torque is the same on both, steps go
-// on as if it were not there: they are as long as the motion lets them be. (Found in the field: one
-// step was refused 2,483 times.)
+// At rest beside an edge rounding decides the side. If the torque is the same on both, steps ignore
+// the event: the motion alone limits their size. (Found in the field: one step was rejected 2,483
+// times.)
 TEST(InsideOfAStep, AtRestAnEdgeThatChangesNothingIsLeftAlone) {
   const std::string loss =
       "-(if(tanh(w1/wr) > 0, tanh(w1/wr)*max((0.75*(if(t < 0.5, 0, -0.5)) + 0.625)/0.625,"
@@ -260,7 +260,7 @@ TEST(JumpsOfLaws, DoWhatCommandsDo) {
   }
 }
 
-// What is crossed back at once has no motion, and that is said at once and with the law's name.
+// A motion that crosses back at once cannot continue; the stop comes at once and names the law.
 TEST(JumpsOfLaws, CrossedBackAtOnceIsChattering) {
   for (const char* principle : kPrinciples) {
     for (StepperKind stepper : kControlled) {
@@ -385,8 +385,8 @@ TEST(CornersOfPsi, AreEnteredAndLeftUnderGauss) {
   EXPECT_LT(cornered.statistics().steps, 1000U);
 }
 
-// Where the corner is sharper the least reaction ends there, as at a fold of the smooth one: the
-// accelerations would have to jump.
+// At a sharper corner the least reaction ends, as at a fold of the smooth one: the accelerations
+// would have to jump.
 TEST(CornersOfPsi, EndALeastReactionByName) {
   for (const char* size : {"0.07", "-0.05", "-0.02"}) {
     Simulation cornered = corneredRatio(size, kCorner);

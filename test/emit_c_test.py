@@ -20,7 +20,7 @@ STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshado
 PATIENCE = 120.0  # s; only a failure takes as long
 SOLVER = "solver: {relative_tolerance: 1e-11, absolute_tolerance: 1e-11}\n"
 
-# What the library of mathematics has, and what compilers ask for on their own account.
+# Symbols of the library of mathematics, and those that compilers add on their own account.
 FREESTANDING = set("""acos asin atan atan2 cos cosh exp expm1 fabs fmax fmin frexp ldexp log pow sin
                       sincos sinh sqrt tan tanh memcpy memset memmove __stack_chk_fail
                       _GLOBAL_OFFSET_TABLE_""".split())
@@ -306,7 +306,7 @@ class EmitCTest(TestCase):
         self.assertEqual(call("make", "-C", folder).returncode, 0)
         done = call(folder / "scene_3_shafts_x_play", "--duration", 0.1)
         self.assertEqual(done.returncode, 0, done.stderr)
-        # What has no end is refused.
+        # A stream without an end is rejected.
         for commands in ("/dev/zero", folder / "long.csv"):
             (folder / "long.csv").write_text("time,topic,value\n" + "#" * 1000 + "\n")
             done = call(folder / "scene_3_shafts_x_play", "--duration", 0.1, "--commands", commands)

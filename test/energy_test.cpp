@@ -1,5 +1,5 @@
-// Where the energy goes: against closed forms, against a quadrature of the samples' own columns,
-// and that nobody's looking changes the motion or the account.
+// The energy account: against closed forms and a quadrature of the samples' own columns; samples
+// change neither the motion nor the account.
 #include "motion/energy.h"
 
 #include <gtest/gtest.h>

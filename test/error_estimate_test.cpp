@@ -1,5 +1,5 @@
-// Estimated global errors: against closed forms, by every stepper; that nobody's estimate changes
-// the motion; and that what makes them worthless is told.
+// Estimated global errors: against closed forms, by every stepper; estimates leave the motion
+// unchanged, and their loss of validity is reported.
 #include "motion/error_estimate.h"
 
 #include <gtest/gtest.h>
@@ -75,7 +75,7 @@ TEST_P(ErrorEstimates, AreThoseOfTheAccelerationCircle) {
   for (const Coverage& column : columns) EXPECT_GE(column.part(), 0.95) << &column - columns;
 }
 
-// What a command does is done to both: w = 2 up to 1 s, then to 5 as 5 - 3 exp(1 - t).
+// A command acts on both motions: w = 2 up to 1 s, then to 5 as 5 - 3 exp(1 - t).
 TEST_P(ErrorEstimates, GoOnAcrossACommand) {
   const std::string scene = R"yaml(
 shafts: [a]
@@ -203,7 +203,7 @@ TEST(ErrorEstimate, TellsThatALawJumpsForOneOfBothOnly) {
         "))\"}\ninitial: {angle: [1, 0]}\nsolver: {stepper: dopri5, relative_tolerance: 1e-5, "
         "absolute_tolerance: 1e-5}\n");
   };
-  // Where w1 is largest, near 2.3 s, and how far off it is there.
+  // The maximum of w1, near 2.3 s, and its error there.
   double peak = 0.0;
   double peak_error = 0.0;
   double peak_time = 2.35;

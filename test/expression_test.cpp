@@ -394,8 +394,8 @@ TEST(ExpressionDerivatives, AtKinksAndEdges) {
   EXPECT_TRUE(std::isnan(derivative("abs(x)", kNan)));
 }
 
-// Where exp overflows, and where only its derivative would, derivatives are those of the formula:
-// most of all where that is constant to all digits.
+// If exp overflows, or only its derivative would, derivatives are those of the formula, even if
+// that is constant to all digits.
 TEST(ExpressionDerivatives, ExistWhereTheValueDoes) {
   struct Row {
     const char* text;  // of u = k (x - 1)

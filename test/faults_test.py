@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What the node does when others fail: its master, its subscribers, itself. Starts a master of its
+"""The node's behaviour when its master, its subscribers or itself fail. Starts a master of its
 own on a free port."""
 
 import os
@@ -269,7 +269,7 @@ class FaultsTest(TestCase):
             self.assertLess(resident_memory(node) - memory, 4096)
         # Every tick was made: simulated time is the number of ticks.
         self.assertEqual(round((after.time - before.time) * 10000), after.ticks - before.ticks)
-        # Whoever reads gets what is new.
+        # A subscriber that reads gets the newest messages.
         reader = Listener('/watched/state', DrivetrainState)
         self.addCleanup(reader.close)
         reader.wait(lambda m: m.time > after.time, 'a new state')

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What somebody meets who starts the node for the first time. Masters of its own on free ports."""
+"""The first start of the node by a new user. Masters of its own on free ports."""
 
 import os
 import pathlib

@@ -1,4 +1,4 @@
-// What formulas say beyond arithmetic: comparisons, limits and tables.
+// Formulas beyond arithmetic: comparisons, limits and tables.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -227,7 +227,7 @@ TEST(TableNode, HasGuardsAtItsPoints) {
   f.tables["map"] = table(kMap);
   EXPECT_EQ(findGuards(f.graph, {f.read("curve(x) + 3*curve(x)")}).size(), 1U);
   EXPECT_EQ(findGuards(f.graph, {f.read("map(x, y)")}).size(), 2U);
-  // Of the time they are instants.
+  // Switching functions of the time become known instants.
   EXPECT_TRUE(findGuards(f.graph, {f.read("curve(t)*x")}).empty());
   EXPECT_EQ(findInstants(f.graph, {f.read("curve(t)*x")}),
             (std::vector<double>{-1.0, 0.5, 2.0, 2.5, 4.0}));

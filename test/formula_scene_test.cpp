@@ -316,7 +316,7 @@ std::string withTorque(const std::string& keys) {
 
 TEST(SceneFormulas, NameWhatIsWrong) {
   EXPECT_EQ(errorOf(withTorque("torque: 'lever*curve(w_drive)'")), "");
-  // Inputs and tables that nobody reads are none of their scene's faults.
+  // Unused inputs and tables are no faults of a scene.
   EXPECT_EQ(errorOf(withTorque("torque: 't'")), "");
   const auto read = [](const std::string& keys) {
     test::sceneFromText(kShafts + withTorque(keys));

@@ -310,7 +310,7 @@ void play(const Found& found, Scene scene) {
   EXPECT_LT(statistics.steps + statistics.rejected_steps, 20000u);
 }
 
-/// What does not end within 5 s of its process' time fails, and the next test goes on.
+/// A run that exceeds 5 s of its process' time fails, and the next test goes on.
 void inChild(const std::function<void()>& body) {
   std::fflush(nullptr);
   const pid_t child = fork();

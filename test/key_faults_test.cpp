@@ -44,7 +44,7 @@ std::vector<std::string> stepsOf(const std::string& path) {
   return steps;
 }
 
-/// What holds the last step of `path`, a dictionary, or nullptr.
+/// Returns the dictionary that holds the last key of `path`, or nullptr.
 Tree* holderOf(Tree& tree, const std::vector<std::string>& steps) {
   Tree* here = &tree;
   for (std::size_t i = 0; i + 1 < steps.size(); ++i) {
@@ -104,7 +104,7 @@ const std::vector<std::pair<const char*, Tree>>& faultyValues() {
   return values;
 }
 
-/// What a key takes, by its name; kSeveral: not the same everywhere.
+/// The type of a key's value, by the key's name; kSeveral: it depends on the place.
 enum class Takes { kNumber, kQuantity, kText, kBoolean, kList, kDictionary, kSeveral };
 
 const std::map<std::string, Takes>& table() {

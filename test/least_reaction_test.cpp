@@ -217,8 +217,8 @@ struct PlaneCubic {
   }
 };
 
-// Of cubics of two accelerations nothing is left out: no point of a grid has less reaction, whether
-// a third acceleration goes along (J = 1), has to obey a row of its own, or there is none.
+// The search finds the minimum for cubics of two accelerations: no grid point has less reaction, if
+// a third one is free (J = 1), obeys a row of its own, or does not exist.
 TEST(LeastReaction, OfTwoAccelerationsInACubicNoPlaceIsLeftOut) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
@@ -499,8 +499,8 @@ solver: {sleep: false}
   }
 }
 
-// Where J is nearly singular J^-1 Q is known to many roundings: a start whose reaction is nothing
-// but those is found, not doubted.
+// If J is nearly singular, J^-1 Q has a large rounding error: a start whose reaction is only that
+// error is accepted.
 TEST(LeastReaction, OfNothingIsFoundWhereJIsNearlySingular) {
   for (double gap : {1e-2, 1e-4, 1e-5, 1e-6, 1e-7}) {
     const double c = -(1.0 - gap);

@@ -45,7 +45,7 @@ Scene startAt(Scene scene, const OperatingPoint& point) {
   return scene;
 }
 
-/// Where the shipped commands have led to after `time`.
+/// Returns the point that the shipped commands reach after `time`.
 OperatingPoint runTo(const Scene& scene, const std::string& commands_path, double time) {
   Simulation simulation(scene);
   if (std::filesystem::exists(commands_path)) {
@@ -63,7 +63,7 @@ OperatingPoint runTo(const Scene& scene, const std::string& commands_path, doubl
   return simulation.operatingPoint();
 }
 
-/// What is different about a run.
+/// The perturbation of a run.
 struct Push {
   int state = -1;  ///< of the minimal model, at the start
   int input = -1;  ///< a command at step kSteps / 4
@@ -206,7 +206,7 @@ class Comparison {
     const MatrixXd narrow = run(push, h) - run(push, -h);
     const MatrixXd wide = run(push, 2.0 * h) - run(push, -2.0 * h);
     const MatrixXd measured = (8.0 * narrow - wide) / (12.0 * h);
-    // What the tolerance of the runs leaves open
+    // Error of the differences due to the tolerance of the runs
     const double noise = 1e-11 / h;
     for (const auto* models : {&along_full_, &along_minimal_}) {
       const bool is_same = std::all_of(models->begin(), models->end(), [&](const LinearModel& it) {

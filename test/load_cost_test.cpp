@@ -1,5 +1,5 @@
-// What loading a scene may cost, whatever the scene says: 5 s and 500 MB. (What is left of those
-// is for slower machines and sanitizers: the worst of these takes a tenth.)
+// The cost limit of loading any scene: 5 s and 500 MB. (The margin is for slower machines and
+// sanitizers: the worst of these takes a tenth.)
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
@@ -62,7 +62,7 @@ struct Cost {
   std::string error;
 };
 
-/// Of loading, s of processor time, up to where a run would begin.
+/// Processor time of loading, s, up to the beginning of a run.
 Cost load(const std::string& scene) {
   Cost cost{};
   const std::clock_t begin = std::clock();

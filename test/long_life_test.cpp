@@ -121,8 +121,8 @@ TEST(LateTimes, RoundingOfTheTimeStopsNothing) {
   }
 }
 
-// What no constraint can change of the reaction is a constant of the motion: a free shaft never has
-// one, and with constant C it stays on R(0) + range(C^T).
+// The null-space component of the reaction is a constant of the motion: a free shaft never has one,
+// and with constant C the reaction stays on R(0) + range(C^T).
 TEST(NeutralModes, DoNotDrift) {
   // A sample lies inside a step; errors of steps that added up would be ten times that.
   constexpr double kInsideOfAStep = 3e-9;

@@ -52,7 +52,7 @@ class MachineCodeFaults : public test::MachineCodeFolder {
     }
     return simulation.machineCode();
   }
-  /// (Who asks for it waits for a busy compiler.)
+  /// (`always` waits for a busy compiler.)
   static void expectCompiled() {
     const std::string sentence = run(true, "solver: {machine_code: always}\n");
     EXPECT_EQ(sentence.rfind("machine code, compiled in ", 0), 0U) << sentence;
@@ -75,7 +75,7 @@ class MachineCodeFaults : public test::MachineCodeFolder {
     return found;
   }
   bool hasWorkers() const { return !workers().empty(); }
-  /// Who has ended and is not asked for yet has no command line.
+  /// A process that has ended and is not reaped yet has no command line.
   static bool isWorking(pid_t worker) {
     std::string command;
     return static_cast<bool>(std::ifstream("/proc/" + std::to_string(worker) + "/cmdline") >>
@@ -222,7 +222,7 @@ TEST_F(MachineCodeFaults, APlaceThatOthersWriteTo) {
     fs::permissions(cache(), bit, fs::perm_options::remove);
     expectCached();
   }
-  // Nor one that somebody else can put another in the place of.
+  // A link, which another user could redirect, is rejected, too.
   fs::rename(cache(), folder() / "elsewhere");
   fs::create_directory_symlink(folder() / "elsewhere", cache());
   EXPECT_EQ(run(), "the interpreter: " + cache().string() + " is no folder");

@@ -141,7 +141,7 @@ TEST_F(MachineCodeBits, OfEveryOperationAreTheInterpreters) {
   for (const Operation operation : kOfOne) outputs.push_back(graph.make(operation, v.a));
   for (const Operation operation : kOfTwo) outputs.push_back(graph.make(operation, v.a, v.b));
   outputs.push_back(graph.select(v.a, v.b, v.b, graph.variable(slotOf(Source::kTime))));
-  // What a compiler might fuse.
+  // Operations that a compiler might fuse.
   outputs.push_back(graph.add(graph.multiply(v.a, v.b), graph.multiply(v.b, v.b)));
   outputs.push_back(graph.subtract(graph.multiply(v.a, v.a), v.b));
   for (const Source source : {Source::kAngle, Source::kAcceleration, Source::kInput}) {
@@ -258,7 +258,7 @@ std::string play(Simulation& simulation, int switch_at, int samples = 40, double
 }
 
 std::string play(Scene scene, int switch_at) {
-  scene.solver.machine_code = MachineCode::kAlways;  // who asks for it waits for a busy compiler
+  scene.solver.machine_code = MachineCode::kAlways;  // kAlways waits for a busy compiler
   Simulation simulation(std::move(scene));
   return play(simulation, switch_at);
 }
@@ -364,7 +364,7 @@ TEST_F(MachineCodeBits, OfMotionsWithOtherOrdersAreTheInterpreters) {
   }
 }
 
-/// Where tanh is 1 to all digits its rate is 0, of either sign.
+/// If tanh is 1 to all digits, its rate is 0, of either sign.
 TEST_F(MachineCodeBits, OfFunctionsThatAreConstantToAllDigitsAreTheInterpreters) {
   for (const char* law : {"Friction, coulomb: 1}\nprinciple: generalized_gauss\n",
                           "Friction, coulomb: 1, regularization_speed: 1e-5}\nprinciple: gauss\n",
@@ -396,7 +396,7 @@ class SharedMachineCode : public test::MachineCodeFolder {
  protected:
   static Simulation interpreted(const std::string& text) {
     Scene scene = test::sceneFromText(text);
-    // Who asks for it waits for a busy compiler.
+    // kAlways waits for a busy compiler.
     MachineCode& wanted = scene.solver.machine_code;
     if (wanted == MachineCode::kAuto) wanted = MachineCode::kAlways;
     return Simulation(std::move(scene));
@@ -454,7 +454,7 @@ TEST_F(SharedMachineCode, IsThatOfTheSameFormulasOnly) {
                    .shareMachineCode(first));
 }
 
-/// Of an inertia that moves only what its pattern asks for is written.
+/// The code for a moving inertia has only the entries of its pattern.
 TEST_F(SharedMachineCode, IsThatOfTheSamePatternOfInertiaOnly) {
   const std::string diagonal = R"yaml(
 shafts: [crank, load]

@@ -76,7 +76,7 @@ TEST(MessageText, BoundsWholeMessages) {
     EXPECT_FALSE(hasControl(message));
   }
   EXPECT_EQ(messages[3], "a\nb");
-  // Told again by somebody else, it says the same.
+  // A message that is quoted again stays the same.
   EXPECT_EQ(presentable(messages[0]), messages[0]);
 }
 

@@ -58,7 +58,7 @@ class Expansion {
     }
     return true;
   }
-  /// Of angles, then velocities, then accelerations.
+  /// Coefficients of angles, then velocities, then accelerations.
   const double* coefficients(int n) const {
     const MotionSeries& series = *system_->series();
     return n < S       ? series.angle(n)
@@ -100,7 +100,7 @@ class Expansion {
       EXPECT_NEAR(slope / unit_, dxdt[n], 1e-11 * size) << "x" << n << "' at s = " << s;
     }
   }
-  /// Where no input moves, and the scene has such steps.
+  /// True if no input moves and the scene has such steps.
   bool makesWholeSteps() {
     const MotionSeries* const series = system_->series();
     return series != nullptr && series->makesWholeSteps() &&
@@ -329,9 +329,9 @@ TEST(MotionSeries, AreNoneOfOrder3UnderGauss) {
   EXPECT_FALSE(expansion.expand(0.25, 1));
 }
 
-// What was seen of a function at the last step's end tells nothing of the next step's beginning
-// once a command has moved an input: exp(-(w - u)^2) is as large at w = 1.4 for u = 0.4 as at w =
-// 101 for u = 100, and on the way there it comes from exp(-9801).
+// A function's values at the last step's end do not predict the next step's beginning after a
+// command has moved an input: exp(-(w - u)^2) is as large at w = 1.4 for u = 0.4 as at w = 101 for
+// u = 100, and on the way there it comes from exp(-9801).
 TEST(MotionSeries, MayHideSomethingBehindACommand) {
   const Scene scene = test::sceneFromText(heldInput("zero_order") + R"yaml(shafts: [a]
 a: {inertia: 1.0}

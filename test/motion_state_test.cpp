@@ -95,7 +95,7 @@ TEST_P(SavedStates, GoOnToTheBit) {
     MotionState state;
     ASSERT_TRUE(saved.saveState(&state)) << saved.describeStatus();
     const Scene same = scene();
-    // Of a stranger's past nothing is left.
+    // The history of another motion is dropped.
     Simulation restored(strangerOf(scene()));
     restored.advanceTo(0.3 * parameters.end);
     const MotionState read = readMotionState(throughText(toTree(state, same)), same, MotionState());
@@ -280,7 +280,7 @@ MotionState present(Simulation& simulation) {
   return state;
 }
 
-/// As somebody writes it who knows nothing of the motion's past.
+/// A state without the motion's history.
 MotionState written(const std::string& yaml, const Simulation& simulation,
                     const MotionState& otherwise) {
   return readMotionState(readYamlText(yaml, "state"), simulation.scene(), otherwise);

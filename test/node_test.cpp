@@ -130,10 +130,10 @@ class Node {
     return states_;
   }
 
-  /// Of the first shaft in the last state received; for conditions.
+  /// Torque of the first shaft in the last state received; for conditions.
   double lastTorque() const { return states_.empty() ? 0.0 : states_.back().applied_torque[0]; }
 
-  /// Of the last state received, or -1; for conditions.
+  /// Time of the last state received, or -1; for conditions.
   double lastTime() const { return states_.empty() ? -1.0 : states_.back().time; }
 
   void forgetStates() {
@@ -388,7 +388,7 @@ TEST(Node, LockstepGivesTheBytesOfTheOfflineSimulation) {
   }
 }
 
-/// What comes on the topic of one group.
+/// Receives the messages on the topic of one group.
 class QuantityListener {
  public:
   QuantityListener(Node& node, QuantityGroup group)

@@ -115,7 +115,7 @@ TEST(Nodelet, ABadSceneIsRefusedAndTheManagerGoesOn) {
   EXPECT_TRUE(step("/inside/one", 0.001).success);
 }
 
-// What is received in the publisher's process is the message that was published: roscpp numbers
+// A subscriber in the publisher's process receives the published object itself: roscpp numbers
 // messages (header.seq) only when it serializes them.
 TEST(Nodelet, MessagesAreNotCopiedWithinTheProcess) {
   nodelet::Loader loader;

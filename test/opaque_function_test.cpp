@@ -129,7 +129,7 @@ TEST(OpaqueFunction, HasFurtherDerivativesByDifferences) {
   EXPECT_FALSE(expression::StateDerivatives(graph, {slope}, 2).areDifferences());
 }
 
-/// What a test makes of the shafts and of x^2 y + sin z; as a formula, or as an opaque function.
+/// A law of the shafts with x^2 y + sin z; as a formula, or as an opaque function.
 struct Case {
   const char* name;
   Expression (*law)(LawContext& scene, const std::vector<Shaft>& s, bool is_opaque);

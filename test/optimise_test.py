@@ -33,7 +33,7 @@ class OptimiseTest(unittest.TestCase):
         errors = values - example.TRUTH
         self.assertLess(numpy.abs(errors / deviations).max(), 4.0)
         self.assertLess(numpy.abs(deviations / example.TRUTH).max(), 0.005)
-        # What is left is the noise.
+        # The remainder is the noise.
         run = example.run(values, recording["time"])
         left = numpy.concatenate([run[name] - recording[name] for name in example.COLUMNS])
         self.assertLess(abs(numpy.sqrt(numpy.mean(left ** 2)) / example.NOISE - 1.0), 0.15)

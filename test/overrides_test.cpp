@@ -25,7 +25,7 @@ ParameterTree sceneWith(const std::string& override_text) {
   return tree;
 }
 
-/// What `key` at the root has become.
+/// Returns the overridden value of `key` at the root.
 std::string valueOf(const std::string& key, const std::string& override_text) {
   return sceneWith(override_text).asDictionary().at(key).toText();
 }

@@ -165,7 +165,7 @@ TEST(Pacer, ANewPeriodCountsFromNow) {
   EXPECT_EQ(pacer.counters().overruns, 0u);
 }
 
-// What was late when the period changed is not made up for, and not hidden either.
+// Lateness at a change of the period is neither caught up nor hidden.
 TEST(Pacer, ANewPeriodCountsTheBacklogAsLost) {
   ManualClock clock;
   Pacer pacer(clock, 1e6);

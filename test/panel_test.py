@@ -102,7 +102,7 @@ class PanelProcess:
 
 
 class Socket:
-    """What a page says and hears."""
+    """The messages that a page sends and receives."""
 
     def __init__(self, panel, **headers):
         self._loop = asyncio.new_event_loop()
@@ -228,7 +228,7 @@ class GuardTest(unittest.TestCase):
 
 
 class FullSocket(tcp.socket):
-    """Listens, and has no descriptor left for whoever comes."""
+    """Listens, without a descriptor left for a connection."""
 
     tries = 0
 
@@ -365,7 +365,7 @@ class ServerTest(unittest.TestCase):
         socket.say(show={'columns': [], 'latest': ['power/applied'], 'seconds': 10})
         socket.frames_until(lambda head, rows: 'power/applied' in head['latest'], 'power')
         wait_for(lambda: socket.frame() and subscribed() == {'energy'}, 'energy alone')
-        # What a slider shows is listened to only while it can change.
+        # The input behind a slider is observed only while it can change.
         socket.say(show={'columns': [], 'latest': ['inputs/ratio'], 'seconds': 10})
         wait_for(lambda: socket.frame() and not subscribed(), 'inputs that rest')
         self.assertEqual(socket.frame()[0]['latest'], {'inputs/ratio': 0.5})

@@ -193,7 +193,7 @@ class PlotTest(TestCase):
     # --- the flow of energy ----------------------------------------------------------------------
 
     def test_bands_of_power(self):
-        """What brings power and what takes it are stacked apart; the line is their sum: the rate of T."""
+        """Sources and sinks of power are stacked apart; the line is their sum: the rate of T."""
         run = variator_sim.read_run(self.folder / "run.csv")
         _, axis = plotting.plot_energy(run, path=self.folder / "energy.png")
         line = [line for line in axis.get_lines() if len(line.get_xdata()) == len(run["time"])][0]
@@ -278,7 +278,7 @@ class PlotTest(TestCase):
         # The belt's ratio is commanded: its line turns with it.
         slopes = [numpy.polyfit(*curve.T, 1)[0] for curve in self.curves_of(axes[0])]
         numpy.testing.assert_allclose(slopes, run["inputs/ratio"][[0, 20, 45]], rtol=1e-6)
-        # Where it stands e3 has no slope, and it stands still.
+        # At its position e3 has no slope, and it stands still.
         still = {"shafts": ["a", "b", "c"], **{name: {"inertia": 1.0} for name in "abc"}, "constraints": ["ring"],
                  "ring": {"type": "variator_sim/ExpressionConstraint", "order": 2, "expression": "e1^2+e3^2-4"},
                  "initial": {"acceleration": [2, 1, 0]}}

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Who can reach a running node: on which addresses its ports and a master's are open, and what the launch
+"""Access to a running node: on which addresses its ports and a master's are open, and what the launch
 files ask for (doc/security.md)."""
 
 import os

@@ -13,7 +13,7 @@ from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
-# Those that read a recording or speak with a node at once.
+# Programs that read a recording or connect to a node at once.
 NEEDING_THE_PACKAGE = ("drivetrain_markers", "duty_cycle", "panel", "plot_bag", "ratio_controller",
                        "speed_controller", "sweep", "torque_profile")
 

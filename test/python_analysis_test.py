@@ -147,7 +147,7 @@ class PythonAnalysisTest(TestCase):
         self.assertAlmostEqual(min(model.eigenvalues.real), -2.0)
         self.assertEqual(model.time, 3.0)
         self.assertEqual(simulation.sample()["drive/velocity"], before)
-        # The motion goes on to the bit as one that nobody has asked.
+        # The motion goes on, to the bit, like one without the request.
         other = variator_sim.Simulation(DRAG)
         simulation.advance_to(9.0)
         other.advance_to(9.0)

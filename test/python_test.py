@@ -260,7 +260,7 @@ solver: {stepper: dopri5, maximum_steps: 2000000000}
         simulation.advance(1e-9)
 
     def test_another_thread_goes_on_meanwhile(self):
-        # Stiff and long enough for many blocks; whoever moves it must not hold the others up.
+        # Stiff and long enough for many blocks; the thread that moves it must not block the others.
         simulation = variator_sim.Simulation(SHIP, {"solver/maximum_step": 1e-4})
         mover = threading.Thread(target=simulation.advance, args=(20.0,))
         mover.start()

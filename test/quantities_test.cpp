@@ -1,4 +1,4 @@
-// What is told of a motion beside its state: by name, for who asks, and never in its way.
+// Quantities of a motion beside its state: by name, on request, without effect on the motion.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -50,7 +50,7 @@ std::map<std::string, double> valuesOf(Simulation& simulation, QuantityGroup gro
   return by_name;
 }
 
-/// What two runs are told to do alike.
+/// The actions common to two runs.
 void commandAt(Simulation& simulation, int n) {
   if (n == 40) simulation.command(0, 25.0);  // clamped to 10
   if (n == 70) simulation.command(1, 0.8);

@@ -57,7 +57,7 @@ def worst_error(expected, got):
 def count_estimates(reference, tolerance):
     """How many estimated errors there are, and how many are within a factor of ten of the true one.
 
-    What the references themselves do not know counts as right where the estimate is as small.
+    A value that the references do not resolve counts as right if its estimate is as small.
     """
     got = simulate(reference, "--error", "--set", f"solver/relative_tolerance={tolerance}",
                    "--set", f"solver/absolute_tolerance={tolerance}")

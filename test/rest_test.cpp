@@ -726,7 +726,7 @@ TEST(Sleep, WaitsForAModeOfHalfADay) {
   }
 }
 
-// What is left of a velocity, 1e-12 rad/s, would turn the shaft by 1e-5 rad.
+// A residual velocity of 1e-12 rad/s would turn the shaft by 1e-5 rad.
 TEST(Sleep, AnglesDoNotCreep) {
   for (const char* principle : kPrinciples) {
     for (double decay : {0.02, 1.0, 50.0}) {

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What rviz is shown: the URDF of every shipped scene, belts, arrows, markers of a state."""
+"""The input of rviz: the URDF of every shipped scene, belts, arrows, markers of a state."""
 
 import importlib.machinery
 import importlib.util

@@ -73,7 +73,7 @@ TEST_P(SamplesOfSteps, AreWithinTheToleranceInEveryColumn) {
                         errorOf(is.multiplier, should.multiplier, k)});
       for (int m = 0; m < k; ++m) residuals = std::max(residuals, std::abs(is.residual[m]));
     }
-    // (What a series makes of Lambda by itself is off by some hundred tolerances inside of steps.)
+    // (Lambda of a series alone has errors of some hundred tolerances inside of steps.)
     const double allowed = GetParam().grows * tolerance;
     EXPECT_LT(state, allowed);
     EXPECT_LT(torques, 2.0 * allowed);

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Scripts that install, build and start, as somebody meets them who has just cloned the repository."""
+"""Scripts that install, build and start, run in a fresh clone of the repository."""
 
 import os
 import pathlib

@@ -75,7 +75,7 @@ TEST(SeriesSine, IsWithinNineTenthsOfAUnitInTheLastPlace) {
   EXPECT_LT(worst, 0.9);
 }
 
-/// Where nearly all digits of x are those of n pi / 2.
+/// Arguments that agree with n pi / 2 in nearly all digits.
 TEST(SeriesSine, IsGoodBesideItsZeros) {
   constexpr long double kHalfPi = 1.570796326794896619231321691639751442L;
   for (int n = 1; n < 667000; ++n) {
@@ -105,7 +105,7 @@ TEST(SeriesSine, IsTheLibrarysFarAway) {
   }
 }
 
-/// Where it goes, by the code `machine_code`, at the end of each tenth of a second.
+/// Returns the states after each tenth of a second, computed by `machine_code`.
 std::vector<double> play(const Scene& like, MachineCode machine_code) {
   Scene scene = like;
   scene.solver.machine_code = machine_code;

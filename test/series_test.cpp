@@ -24,7 +24,7 @@ using Numbers = std::vector<double>;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr int kOrder = 31;
 
-/// Where the variables of a formula are at s: t = t_0 + t_1 s, the others any polynomial.
+/// The variables of a formula at s: t = t_0 + t_1 s, the others any polynomial.
 struct Path {
   Numbers t = {0.3, 1.0};
   Numbers x = {0.7, 0.5, -0.2, 0.1};
@@ -105,7 +105,7 @@ class Formulas {
     program.set(acceleration, n, 0.0);
     program.extend(n, true, solver);
   }
-  /// What the tape says of `node` at s.
+  /// The value of `node` at s by the tape.
   double valueAt(Node node, const Path& path, double s) const {
     const auto sum = [s](const Numbers& c) {
       double value = 0.0;
@@ -279,7 +279,7 @@ TEST(Series, OfConstantsEndAtOnce) {
 
 // -------------------------------------------------------------------------------------- branches
 
-/// Of a motion which begins on an edge, the branch is that which it goes into.
+/// A motion that begins on a switching surface takes the mode that it moves into.
 TEST(Series, OnAnEdgeGoIntoTheDirectionOfTheMotion) {
   for (const Numbers& way :
        {Numbers{0.0, 0.5, 0.3}, Numbers{0.0, -0.5, 0.3}, Numbers{0.0, 0.0, 0.4, 1.0},
@@ -331,7 +331,7 @@ TEST(Series, WhereAFormulaHasNoneAreNotFinite) {
     Formulas::expand(program, path);
     const double* const c = program.coefficients(program.output(0));
     EXPECT_FALSE(std::isfinite(c[1])) << text;
-    // What they leave behind is gone after `clear`.
+    // `clear` removes their coefficients.
     program.clear();
     const Node node = formulas.read(text);
     path.x = {0.6, -0.2, 0.1};
@@ -462,7 +462,7 @@ TEST(Series, AreTheSameWhereAccelerationsAreTriedFirst) {
     SeriesProgram zero = tried;
     Formulas::expandTo(tried, path, n);
     if (n == 0) continue;
-    // What is tried is known of the first outputs while the acceleration is asked for.
+    // The first outputs know the trial value while the acceleration is solved for.
     for (SeriesProgram* program : {&before, &zero}) {
       Formulas::set(*program, path, n);
       program->set(program->variable(acceleration), n, 0.0);

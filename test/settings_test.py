@@ -51,8 +51,8 @@ class LiveSettingsTest(TestCase):
         self.assertEqual(self.change(real_time_factor=4.0)['real_time_factor'], 4.0)
         self.assertEqual(rospy.get_param('/live/real_time_factor'), 4.0)
         self.node.status.wait_new(lambda s: s.real_time_factor > 2.0, 'a faster simulation')
-        # States come every 10 ms of wall time: 10 ticks at first, then 40. Where the factor changes
-        # they are counted anew, so one interval may be anything up to the sum. A node that did not
+        # States come every 10 ms of wall time: 10 ticks at first, then 40. A change of the factor
+        # restarts the count, so one interval may be anything up to the sum. A node that did not
         # have its turn for 20 ms sends one between, too.
         intervals = self.intervals()
         self.assertLessEqual(max(intervals), 50, intervals)
@@ -258,7 +258,7 @@ class RealTimeTest(TestCase):
         return node
 
     def stop(self, node):
-        """What the node has said; it has to end well."""
+        """Returns the node's output; it has to end well."""
         node.send_signal(signal.SIGINT)
         output, _ = node.communicate(timeout=PATIENCE)
         self.assertEqual(node.returncode, 0, output)

@@ -1,5 +1,5 @@
-// What Simulation promises beside the physics: samples do not change the motion, commands act
-// together and exactly in time, every stop has a name, bad values are refused.
+// The promises of Simulation beside the physics: samples do not change the motion, commands act
+// together and exactly in time, every stop has a name, bad values are rejected.
 #include "variator_sim/simulation.h"
 
 #include <gtest/gtest.h>

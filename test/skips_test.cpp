@@ -1,5 +1,5 @@
-// What a motion leaves out because nothing needs it - derivatives by angles, factorizations, sizes
-// looked up while running - changes nothing of it but rounding.
+// Skipping unneeded work - derivatives by angles, factorizations, sizes looked up while running -
+// changes a motion by rounding only.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -326,7 +326,7 @@ TEST(CommandRhythm, MayBreakOffAndBeginAgain) {
   }
 }
 
-// Where a ramp is meant to end, the next command is expected, too; they are a rounding apart.
+// The end of a ramp and the next expected command are a rounding apart.
 TEST(CommandRhythm, GoesWithRamps) {
   for (const char* principle : {"generalized_gauss", "gauss"}) {
     for (int period : {1, 3, 7, 10, 33, 70, 100}) {  // ms
@@ -382,7 +382,7 @@ TEST(CommandRhythm, ExpectsAThirdIntervalAfterTwoEqualOnes) {
     for (std::int64_t k = n; k < n + 3; ++k) rhythm.note(static_cast<double>(k * 1000000) / 1e9);
     ASSERT_EQ(rhythm.next(), static_cast<double>((n + 3) * 1000000) / 1e9) << n;
   }
-  // Where doubles are coarser than nanoseconds nothing is expected.
+  // No command is expected at times at which doubles are coarser than nanoseconds.
   rhythm.reset();
   EXPECT_EQ(next_after(1e7), never);
   EXPECT_EQ(next_after(1e7 + 1.0), never);

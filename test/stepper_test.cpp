@@ -112,8 +112,8 @@ TEST(StepperOrder, RadauOfThreeStages) {
   expectOrder(StepperKind::kRadau, 8, 5.0, 1e-9);
 }
 
-/// What a step of order 13 leaves is seen in a motion in closed form only, and one that Newton's
-/// iteration is done with at once: w = sin(3 t) + exp(-t).
+/// The error of a step of order 13 shows only against a closed form whose Newton iteration
+/// converges at once: w = sin(3 t) + exp(-t).
 const char* const kLinear = R"yaml(
 shafts: [a]
 a: {inertia: 1.0}
@@ -247,7 +247,7 @@ TEST(RadauMethod, TakesItsStagesApart) {
       }
     }
   }
-  // Of three stages all is known in closed form.
+  // Three stages have closed forms.
   const double root = std::sqrt(6.0);
   const RadauMethod& method = RadauMethod::withStages(3);
   EXPECT_NEAR(method.points()[0], (4.0 - root) / 10.0, 1e-16);
@@ -260,7 +260,7 @@ TEST(RadauMethod, TakesItsStagesApart) {
   EXPECT_NEAR(weights[2], 1.0 / 3.0, 1e-15);
 }
 
-// What a polynomial of degree s moves, its weights have to give back, inside the step and beyond.
+// The weights have to reproduce a polynomial of degree s, inside the step and beyond.
 TEST(RadauMethod, WeighsItsStagesAsAPolynomialDoes) {
   for (const int stages : {3, 5, 7}) {
     const RadauMethod& method = RadauMethod::withStages(stages);

@@ -412,8 +412,8 @@ TEST(SteppingLoop, TellsItsRealTimeFactorAndLateness) {
 }
 
 // --- ticks inside a step -----------------------------------------------------------------------
-// Ticks that nobody looks at move the present alone. What is asked in between is what it would be
-// if every tick had been made: commands at their ticks, timeouts between two of them, samples.
+// Unobserved ticks move the current time alone. Results in between are those of a loop that makes
+// every tick: commands at their ticks, timeouts between two of them, samples.
 TEST(SteppingLoop, TicksInsideAStepChangeNothing) {
   constexpr const char* kOverdue = R"(
 shafts: [drive]
@@ -512,7 +512,7 @@ TEST(SteppingLoop, StopsAtTheEndOfTimeAndSaysSo) {
 }
 
 // --- at rest ----------------------------------------------------------------------------------
-/// What is to come of commands at their ticks, and what has come, compared sample by sample.
+/// Expected and actual samples of commands at their ticks, compared one by one.
 void expectSamplesAsOffline(SteppingLoop& loop, const std::map<std::int64_t, double>& commands,
                             std::int64_t interval, std::int64_t end) {
   Simulation offline(test::sceneFromText(kRestingScene));
@@ -570,7 +570,7 @@ TEST(SteppingLoop, ARestIsOneWaitPerSampleOrStatus) {
   }
 }
 
-// Whoever comes while the motion rests gets the samples that are due from then on.
+// A subscriber that comes while the motion rests gets the samples that are due from then on.
 TEST(SteppingLoop, AllocatesNothingAtRest) {
   EventClock clock;
   NodeSettings settings;

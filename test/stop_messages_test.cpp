@@ -1,4 +1,4 @@
-// What a stop says: the element that is to blame, its number, and a value that helps.
+// Stop messages: the element at fault, its number, and a value that helps.
 #include <gtest/gtest.h>
 
 #include <string>

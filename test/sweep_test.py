@@ -148,7 +148,7 @@ class SweepTest(TestCase):
             interpreted = run("never")
             self.assertFalse((self.folder / "cache").exists())
             compiled = run("always")
-            # Of one motion, and of several at once.
+            # One entry for one motion, one for several lanes.
             self.assertEqual(len(list((self.folder / "cache").iterdir())), 2)
         for name in interpreted:
             numpy.testing.assert_array_equal(compiled[name], interpreted[name])

@@ -132,7 +132,7 @@ void expectMotionOfFehlberg78(Simulation& simulation, const std::string& torque,
   EXPECT_NEAR(simulation.sample().velocity[0], exact.sample().velocity[0], tolerance) << torque;
 }
 
-// Where parts overflow, on kinks and on the points of powers whose recurrence would divide by zero.
+// Series at overflows, on kinks and at points of powers whose recurrence would divide by zero.
 TEST(Taylor, StepsWhereAFormulaHasSeriesAllTheSame) {
   for (const char* torque :
        {"5/(1+exp(100*(w1-3)))-0.1*w1+20*cos(t)", "5-0.001*w1^20", "5*cos(t)-2*w1*abs(w1)",
@@ -197,8 +197,8 @@ verify_derivatives: false
   }
 }
 
-// What a function that is flat here does where its argument goes is in none of its derivatives: a
-// swing through narrow bumps, of closed form but for an integral.
+// The derivatives of a function that is flat here do not show its values further along its
+// argument: a swing through narrow bumps, of closed form but for an integral.
 TEST(Taylor, MissesNoBumpInsideAStep) {
   struct Bump {
     const char* torque;  ///< N m, over w1
@@ -330,8 +330,8 @@ TEST(Taylor, WholeStepsSeeATorqueThatTurnsOverInALayer) {
   }
 }
 
-// Steps are made ahead up to the present that is asked for. What they are, where they end and where
-// they stop does not depend on that, nor does what is said of a step on the way.
+// Step batches end at the requested time. The steps, their ends and their stops do not depend on
+// it, nor do the samples of a step on the way.
 TEST(Taylor, StepsMadeAheadAreThoseMadeOneByOne) {
   const std::string scenes = std::string(VARIATOR_SIM_TEST_DIR) + "/../benchmark/scenes/";
   const std::string bump =
@@ -382,8 +382,8 @@ TEST(Taylor, StepsMadeAheadAreThoseMadeOneByOne) {
   }
 }
 
-// Where a ramp of an input ends, times are counted anew: the present that is asked for is not there
-// where it was before.
+// The end of an input's ramp moves the time origin, and with it the requested time in relative
+// terms.
 TEST(Taylor, StepsMadeAheadEndWhereTheyAreToBehindARamp) {
   const Scene scene = test::sceneFromText(
       "shafts: [a]\na: {inertia: 1}\ntorques: [m, q]\n"

@@ -31,7 +31,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // ------------------------------------------------------------------------------------------ motion
 
-/// What a closed form and its derivative are computed in.
+/// The number type of a closed form and its derivative.
 using Wide = long double;
 using Pair = std::array<Wide, 2>;
 

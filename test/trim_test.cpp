@@ -226,7 +226,7 @@ TEST(OperatingPoint, IsCompletedFromTheScene) {
   EXPECT_EQ(point.velocity, (std::vector<double>{30.0, 18.0}));
   EXPECT_EQ(point.angle, (std::vector<double>{0.0, 0.0}));
   EXPECT_EQ(point.input, (std::vector<double>{0.5, 0.0}));
-  // Of least reaction: psi = 0 there
+  // The least reaction has psi = 0
   EXPECT_NEAR(point.acceleration[1], 0.6 * point.acceleration[0], 1e-9);
   EXPECT_NO_THROW(linearize(scene, point));
   EXPECT_THROW(readOperatingPoint(readYamlText("{velocity: [1]}", "s"), scene, "s"), SceneError);

@@ -34,7 +34,7 @@ def blocks(page):
 
 
 def pattern(text):
-    """What is printed, with "..." for anything, as a regular expression."""
+    """Turns printed text, with "..." for anything, into a regular expression."""
     return r"\s+".join(re.escape(word).replace(r"\.\.\.", ".*?") for word in text.split())
 
 
@@ -64,7 +64,7 @@ class TutorialsTest(unittest.TestCase):
 
     def run_commands(self, text, folder, environment):
         pathlib.Path(folder).mkdir(exist_ok=True)
-        # What one block exports the next ones know.
+        # The exports of a block hold in the next ones.
         script = f"[ ! -f ../env ] || . ../env; set -eo pipefail\n{text}\nset +e; export -p > ../env\n"
         process = subprocess.Popen(["bash", "-c", script], cwd=folder, env=environment, text=True,
                                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)

@@ -38,13 +38,13 @@ INSIDE = "VARIATOR_SIM_INSIDE_NAMESPACE"
 NODE_IP, CONTROLLER_IP = "10.77.0.1", "10.77.0.2"
 PATIENCE = 60.0  # s; only a failure takes as long
 SKIPPED = 77  # ctest's SKIP_RETURN_CODE of this test
-# Root needs no user namespace; anybody else becomes root in one of his own.
+# Root needs no user namespace; another user becomes root in one of its own.
 UNSHARE = ["unshare", "--net"] + (["--map-root-user"] if os.geteuid() != 0 else [])
 PROBE = "ip link add name probe0 type veth peer name probe1 && unshare --net true"
 
 
 def why_not():
-    """What keeps namespaces from this process, "" when nothing does."""
+    """Returns why this process cannot use namespaces, or ""."""
     try:
         result = subprocess.run(UNSHARE + ["sh", "-c", PROBE], stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT, text=True, check=False, timeout=30)
@@ -165,7 +165,7 @@ class TwoMachinesTest(unittest.TestCase):
         cls.machine.run("ip", "address", "add", f"{NODE_IP}/24", "dev", "cable")
         cls.machine.run("ip", "link", "set", "cable", "up")
 
-        # What both users set: where the master is, and the address that the other side can reach.
+        # Both users set the master's address, and the address that the other side can reach.
         os.environ["ROS_MASTER_URI"] = f"http://{NODE_IP}:11311"
         os.environ["ROS_LOG_DIR"] = folder.name
         os.environ.pop("ROS_HOSTNAME", None)

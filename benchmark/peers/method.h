@@ -1,4 +1,4 @@
-/// What the driver runs: one solver on one scene.
+/// The interface for the driver: one solver on one scene.
 #pragma once
 
 #include <array>
@@ -37,7 +37,7 @@ double secondsSince(std::chrono::time_point<Clock> start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// What a run delivered.
+/// The result of a run.
 struct Outcome {
   std::array<double, kMaxState> state{};
   std::uint64_t right_hand_sides = 0;
@@ -63,7 +63,7 @@ class Method {
   virtual bool run() = 0;
   /// As run, but gives up after `seconds`. The driver calls it first, untimed.
   virtual bool runGuarded(double seconds) = 0;
-  /// Of the last run. Not timed.
+  /// Returns the result of the last run. Not timed.
   virtual Outcome outcome() = 0;
 
  private:
@@ -133,7 +133,7 @@ class PeerProblem {
   ProcessorClock::time_point deadline_ = ProcessorClock::time_point::max();
 };
 
-/// What peers share: the problem, its last state, the guard.
+/// Common base of the peers: the problem, its last state, the time limit.
 template <template <class> class SceneOf>
 class PeerMethod : public Method {
  public:

@@ -19,13 +19,13 @@
 
 namespace variator_sim::benchmark {
 
-/// What a scene is made with; only the stiff ones look at it.
+/// Parameters of a scene; only stiff ones read them.
 struct SceneParameters {
   long double tau = 0.0L;
   bool slips_at_start = false;
 };
 
-/// What scenes share that have no events and a constant inertia.
+/// Common base of scenes without events and with a constant inertia.
 struct PlainScene {
   static constexpr int kOrder = 2;
   static constexpr bool kLinear = true;  ///< psi linear in the accelerations

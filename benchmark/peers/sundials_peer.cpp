@@ -22,7 +22,7 @@ namespace {
 /// Attempts at one step; the defaults of 7 to 10 end some runs on stiff scenes that can go on.
 constexpr int kMaxFails = 100;
 
-/// What the SUNDIALS peers share: context, vectors, matrix, and the callbacks on a scene.
+/// Common base of the SUNDIALS peers: context, vectors, matrix, and the callbacks on a scene.
 template <template <class> class SceneOf>
 class SundialsMethod : public PeerMethod<SceneOf> {
   using Base = PeerMethod<SceneOf>;

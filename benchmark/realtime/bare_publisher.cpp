@@ -1,5 +1,5 @@
-// What somebody would write for one message at a rate: a timed loop that fills and publishes it.
-// Without a publish rate the loop only turns, in a process that has called ros::init.
+// A minimal publisher of one message at a rate: a timed loop that fills and publishes it. Without a
+// publish rate the loop only turns, in a process that has called ros::init.
 #include <ros/ros.h>
 #include <variator_sim/DrivetrainState.h>
 

@@ -41,7 +41,7 @@ int main(int argc, char** argv) {
     publisher.publish(command);
     ++sent;
   }
-  // What is still in the queue leaves first.
+  // Messages in the queue are sent first.
   ros::WallDuration(0.5).sleep();
   std::printf("%ld\n", sent);
   return 0;

@@ -51,7 +51,7 @@ def wait_for(condition, what):
 
 
 def die_with_parent(signal_number):
-    """What a child calls before its program starts: it does not survive this one."""
+    """Returns a function for a child to call before its program starts: it then dies with this one."""
     libc = ctypes.CDLL(None)
 
     def call():
@@ -75,7 +75,7 @@ def memory(process):
 
 
 class StatusLog:
-    """What one node says on ~status, with the instants of arrival."""
+    """Records one node's ~status, with the instants of arrival."""
 
     def __init__(self, name):
         self.received = []
@@ -112,7 +112,7 @@ class Session:
         os.environ.pop("ROS_HOSTNAME", None)
         os.environ["ROS_IP"] = "127.0.0.1"
         with open(self.folder / "roscore.txt", "wb") as log:
-            # Of its own group: roscore starts others.
+            # It gets a process group of its own, since roscore starts others.
             self.roscore = subprocess.Popen(
                 ["roscore", "-p", str(port)], stdout=log, stderr=log, start_new_session=True,
                 preexec_fn=die_with_parent(signal.SIGTERM))

@@ -1,4 +1,4 @@
-// Where power comes from and where it goes, as a Sankey diagram: what flows in flows out.
+// Sources and sinks of power, as a Sankey diagram: what flows in flows out.
 import {show} from "./plots.js";
 
 const SVG = "http://www.w3.org/2000/svg";

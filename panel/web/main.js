@@ -35,7 +35,7 @@ function hold(window) {
   ask();
 }
 
-// What the page shows now; what it does not show is not asked for.
+// The content that the page shows now; the rest is not requested.
 function ask() {
   if (!scene) return;
   const flow = view === "energy"

@@ -122,7 +122,7 @@ class Plot {
       }
       rows[i] = row;
     }
-    // What is zero but for rounding is drawn as zero.
+    // Values that are zero but for rounding are drawn as zero.
     const flat = greatest - least < FLAT && Math.abs(greatest) < FLAT && !this.names.some((name) => name.endsWith("/residual"));
     const valueRange = flat ? [-1, 1] : null;
     this.last = rows[rows.length - 1];

@@ -39,7 +39,7 @@ class Plane:
         self.offset = 0.0
         left = float(self.residual(acceleration))
         if self.order == 1:
-            # What the rates of commanded inputs add, which runs do not tell, is the same for all
+            # The term of the commanded inputs' rates, which runs do not have, is the same for all
             # accelerations.
             self.offset = left
         elif not abs(left) <= NEAR * size * numpy.linalg.norm(self.gradient(acceleration)) + 1e-9:

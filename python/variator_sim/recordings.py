@@ -95,7 +95,7 @@ def read_bag(path):
     except OSError:
         raise
     except Exception as error:  # pylint: disable=broad-except
-        # What reading a bag with wrong bytes raises is anything: of structures, names, classes.
+        # A bag with wrong bytes may raise any exception: of structures, names, classes.
         raise ValueError(f"{path}: damaged, or of other messages than these: "
                          f"{type(error).__name__}: {error}") from None
     if not samples:
@@ -143,7 +143,7 @@ def difference(run, reference, column):
     if not (len(times) and len(others)):
         return numpy.array([]), numpy.array([])
     instants = numpy.union1d(times, others)
-    # What differs by rounding alone is one instant.
+    # Times that differ by rounding alone are one instant.
     if len(instants) > 1:
         apart = numpy.diff(instants, prepend=-numpy.inf) > 1e-9 * max(1.0, abs(instants[-1]))
         instants = instants[apart]

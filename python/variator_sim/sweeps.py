@@ -59,7 +59,7 @@ class Table(collections.abc.Mapping):
         return f"<Table of {len(self['run'])} runs, {failed} failed: {', '.join(self)}>"
 
 
-# --- What is run ----------------------------------------------------------------------------------
+# --- The runs -------------------------------------------------------------------------------------
 
 class TooManyRuns(ValueError):
     """More than a table in memory can hold."""
@@ -179,7 +179,7 @@ def read_one(scene, overrides, paths, values):
 
 
 class Task:
-    """What all runs of a sweep have in common: plain values, so it can be sent to other machines."""
+    """The common part of all runs of a sweep: plain values, so it can be sent to other machines."""
 
     def __init__(self, scene, duration, rate, times, commands, overrides, paths, values, metrics):
         if not isinstance(scene, collections.abc.Mapping):
@@ -214,7 +214,7 @@ class Task:
         return hashlib.sha256(text.encode() + values.tobytes()).hexdigest()
 
 
-# --- Where finished runs are kept -----------------------------------------------------------------
+# --- Storage of finished runs ---------------------------------------------------------------------
 
 class Journal:
     """Finished runs, row by row in a file beside the output, until all are there.
@@ -388,7 +388,7 @@ def run_locally(task, values, runs, threads, finished):
 
 
 def _run_remotely(task, values, compiles):
-    """What a worker does: as many threads as it has."""
+    """Runs a worker's part, on as many threads as it has."""
     from distributed import get_worker
     start = time.monotonic()
     state = getattr(get_worker(), "state", None)

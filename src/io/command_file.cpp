@@ -15,7 +15,7 @@ namespace variator_sim {
 namespace {
 
 constexpr const char* kHeader = "time,topic,value";
-// A file without an end (/dev/zero, a pipe) is refused before it takes the memory: 5,000,000
+// A file without an end (/dev/zero, a pipe) is rejected before it exhausts the memory: 5,000,000
 // commands take 300 MB.
 constexpr std::size_t kLongestLine = 1000;
 constexpr std::size_t kMostCommands = 5000000;

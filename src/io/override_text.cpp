@@ -15,7 +15,7 @@ bool isSpace(char c) {
   return c == ' ' || c == '\t' || c == '\n' || c == '\r';
 }
 
-/// Takes a text apart at the spaces outside of brackets and quotes.
+/// Splits a text at the spaces outside of brackets and quotes.
 class Splitter {
  public:
   std::vector<std::string> split(const std::string& text) {
@@ -36,7 +36,7 @@ class Splitter {
     if (!word_.empty()) words_.push_back(word_);
     word_.clear();
   }
-  /// Brackets and quotes, as far as they tell where spaces end nothing.
+  /// Tracks brackets and quotes, within which a space ends no word.
   void take(char c) {
     if (quote_ != 0) {
       const bool is_escaped = quote_ == '"' && escapes_;
@@ -44,7 +44,7 @@ class Splitter {
       if (c == quote_ && !is_escaped) quote_ = 0;
       return;
     }
-    // Within a plain text it is an apostrophe.
+    // A quote within a plain text is an apostrophe.
     const bool begins = word_.empty() || std::string("=[{,: '\"").find(word_.back()) != word_.npos;
     if ((c == '\'' || c == '"') && begins) {
       quote_ = c;

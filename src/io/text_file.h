@@ -15,7 +15,7 @@ inline std::string readTextFile(const std::string& path, std::string* text,
   errno = 0;
   std::ifstream file(path, std::ios::binary);
   char buffer[4096];
-  // A folder opens and fails only when it is read.
+  // A folder can be opened; only reading it fails.
   while (file && (file.read(buffer, sizeof(buffer)), file.gcount() > 0)) {
     text->append(buffer, static_cast<std::size_t>(file.gcount()));
     if (text->size() > most) return "it is longer than " + std::to_string(most) + " bytes";

@@ -16,7 +16,7 @@ std::string describeError() {
   return std::generic_category().message(errno);
 }
 
-/// The file at the end of all links, which need not be there.
+/// Returns the file at the end of all links, which need not exist.
 std::string followLinks(std::filesystem::path path) {
   constexpr int kMostLinks = 40;  // as Linux follows
   std::error_code error;
@@ -26,12 +26,12 @@ std::string followLinks(std::filesystem::path path) {
   return path.string();
 }
 
-/// Closes `file`, too.
+/// Writes the text and closes `file`.
 std::string writeAll(int file, const std::string& text, bool syncs) {
   std::string reason;
   if (!writeBytes(file, text.data(), text.size())) reason = describeError();
   if (reason.empty() && syncs && ::fsync(file) != 0) reason = describeError();
-  // Some file systems tell only now that the disk is full.
+  // Some file systems report a full disk only on close.
   if (::close(file) != 0 && reason.empty()) reason = describeError();
   return reason;
 }

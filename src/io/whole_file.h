@@ -1,4 +1,4 @@
-/// Files that are written whole or not at all.
+/// Writes files atomically.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@ namespace variator_sim {
 /// replaced. Returns "" or why it cannot be written.
 std::string writeWholeFile(const std::string& path, const std::string& text);
 
-/// Writes all of it, into whatever `file` is. False where that fails, for the reason in errno.
+/// Writes all bytes to `file`. Returns false on failure, with the reason in errno.
 bool writeBytes(int file, const char* data, std::size_t size);
 
 }  // namespace variator_sim

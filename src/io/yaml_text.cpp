@@ -8,7 +8,7 @@
 namespace variator_sim {
 namespace {
 
-/// True for names and types that no version of YAML takes for a boolean or for nothing.
+/// Returns true for texts that no version of YAML reads as a boolean or null.
 bool isPlain(const std::string& text) {
   static const std::set<std::string> kReserved = {"y",  "n",   "yes",  "no",   "true",
                                                   "on", "off", "null", "false"};
@@ -28,7 +28,7 @@ void writeText(const std::string& text, YAML::Emitter& emitter) {
   emitter << text;
 }
 
-// Numbers are written as texts: yaml-cpp's own have fewer digits.
+// Numbers are written as texts, since yaml-cpp writes fewer digits.
 void write(const ParameterTree& tree, YAML::Emitter& emitter) {
   switch (tree.kind()) {
     case ParameterTree::Kind::kNothing:

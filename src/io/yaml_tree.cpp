@@ -22,11 +22,11 @@
 namespace variator_sim {
 namespace {
 
-/// Aliases let a few lines stand for any number of values.
+/// Bounds the values: aliases let a few lines stand for any number of them.
 constexpr int kMostNodes = 100000;
-/// A device may have no end.
+/// Bytes; a device may have no end.
 constexpr std::size_t kLongestFile = 1U << 24U;
-/// No number is longer.
+/// Characters of the longest accepted number.
 constexpr std::size_t kLongestNumber = 100;
 
 /// "1:30.5" = 1 * 60 + 30.5 (YAML 1.1); without a colon a plain number.
@@ -43,8 +43,8 @@ bool parseSexagesimal(const std::string& text, double* value) {
   return true;
 }
 
-/// An extended regular expression of POSIX, for whole texts. (That of the C++ library takes the
-/// compiler longer than the rest of this file.)
+/// An extended regular expression of POSIX that matches whole texts. (The C++ library's takes
+/// longer to compile than the rest of this file.)
 class Pattern {
  public:
   explicit Pattern(const std::string& expression) {
@@ -66,7 +66,7 @@ class Pattern {
   regex_t compiled_{};
 };
 
-/// What a plain scalar means. The expressions are those of PyYAML's resolver.
+/// Resolves a plain scalar by the expressions of PyYAML's resolver.
 ParameterTree resolvePlain(const std::string& text) {
   static const Pattern kNothing("~|null|Null|NULL");
   static const Pattern kTrue("yes|Yes|YES|true|True|TRUE|on|On|ON");
@@ -250,8 +250,8 @@ class Converter {
   int node_count_ = 0;
 };
 
-/// Hears what a text says before anything is built of it: where its documents and their roots
-/// begin, and that it is of no more than kMostNodes values.
+/// Checks a text before a tree is built: records where its documents and their roots begin, and
+/// bounds its values by kMostNodes.
 class Listener : public YAML::EventHandler {
  public:
   explicit Listener(const Converter& converter) : converter_(converter) {}
@@ -293,9 +293,9 @@ class Listener : public YAML::EventHandler {
   int value_count_ = 0;
 };
 
-/// The root of the only document of `text`, or nothing where there is none. What can begin no
-/// document (a comma) yaml-cpp takes for an empty one and leaves in place, again and again: so
-/// documents are asked for one by one, and each has to begin behind the last.
+/// Returns the root of the only document of `text`, or a null node if there is none. yaml-cpp reads
+/// a token that can begin no document (a comma) as an empty document without consuming it: so
+/// documents are read one by one, and each has to begin behind the last.
 YAML::Node loadOnlyDocument(const std::string& text, const Converter& converter, bool* is_empty) {
   Listener listener(converter);
   std::istringstream stream(text);
@@ -318,7 +318,7 @@ YAML::Node loadOnlyDocument(const std::string& text, const Converter& converter,
   return YAML::Load(text);
 }
 
-/// What yaml-cpp does not say of a fault on the 0-based `line`: a tab indents it, or the one
+/// Explains a fault on the 0-based `line` that yaml-cpp does not: a tab indents it, or the one
 /// before.
 std::string describeTab(const std::string& text, int line) {
   std::istringstream lines(text);

@@ -25,7 +25,7 @@ struct SteadyState {
   std::string stability;
 };
 
-/// {"w_drive": 10}, or of what is free a name or a list of names: without a start.
+/// Reads {"w_drive": 10}, or, for free quantities without a start, a name or a list of names.
 std::vector<TrimChoice> readChoices(const py::object& choices) {
   std::vector<TrimChoice> read;
   if (choices.is_none()) return read;
@@ -71,7 +71,7 @@ void save(const LinearModel& model, const py::object& path) {
   py::module::import("variator_sim.files").attr("write_bytes")(path, content);
 }
 
-/// Arrays of its own: a view would keep the model alive, and be read-only.
+/// Copies arrays: a view would keep the model alive, and be read-only.
 template <typename Member>
 auto copyOf(Member LinearModel::*member) {
   return [member](const LinearModel& model) -> Member { return model.*member; };

@@ -15,23 +15,23 @@ namespace variator_sim::python {
 
 namespace py = pybind11;
 
-/// Reads a dict as Simulation::setState takes it; what it leaves out is as at the present of
-/// `simulation`, or at its start where the motion has stopped. Throws SceneError.
+/// Reads a dict for Simulation::setState; missing values are those of the current time of
+/// `simulation`, or of its start if the motion has stopped. Throws SceneError.
 MotionState readState(const py::dict& values, Simulation& simulation);
 
-/// Of `fix` a dict of numbers; of `free` the same, or names; None: nothing. Throws SceneError.
+/// Reads `fix`, a dict of numbers, and `free`, the same or names; None: empty. Throws SceneError.
 TrimOptions readTrimOptions(const py::object& fix, const py::object& free, bool accelerating);
 
 struct SteadyStates {
   TrimResult found;
-  std::vector<std::string> stabilities;  ///< of each of them
+  std::vector<std::string> stabilities;  ///< one per state
 };
-/// Knows nothing of Python. Throws SceneError.
+/// Does not depend on Python. Throws SceneError.
 SteadyStates findSteadyStates(const Scene& scene, const TrimOptions& options);
-/// A list of SteadyState; raises NoSteadyState where there is none, warns of infinitely many.
+/// Returns a list of SteadyState; raises NoSteadyState if it is empty, warns of infinitely many.
 py::list toList(const SteadyStates& states, const Scene& scene);
 
-/// Throws std::invalid_argument unless these are finite, one for each shaft in the last dimension.
+/// Throws std::invalid_argument unless all are finite and the last dimension is the shaft count.
 void checkAccelerations(const DenseArray& accelerations, const std::vector<std::string>& shafts);
 
 void bindAnalysis(py::module& module);

@@ -7,7 +7,7 @@
 namespace variator_sim::python {
 namespace {
 
-/// The simulation of an object, or nullptr before its `__init__`.
+/// Returns the simulation of an object, or nullptr before its `__init__`.
 PythonSimulation* find(PyObject* self) {
   const auto* const instance = reinterpret_cast<const py::detail::instance*>(self);
   void* const* const values = instance->simple_layout ? instance->simple_value_holder
@@ -26,11 +26,11 @@ PyObject* read(PythonSimulation& simulation, PyObject* column) {
   return simulation.tryRead(column, &value) ? PyFloat_FromDouble(value) : nullptr;
 }
 
-/// A method that tries `kShort`, which gives nullptr, with nothing done, where it does not apply.
+/// A method that tries `kShort`, which returns nullptr, without effect, if it does not apply.
 template <PyObject* (*kShort)(PythonSimulation&, PyObject*)>
 class FastCall {
  public:
-  /// Takes the place of the method `name`, for good.
+  /// Replaces the method `name` permanently.
   static void put(const py::object& type, const char* name) {
     bound_ = py::object(type.attr(name)).release().ptr();
     definition_ = {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(&call)),

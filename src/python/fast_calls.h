@@ -5,8 +5,8 @@
 
 namespace variator_sim::python {
 
-/// Puts shorter ways before `advance` and `[column]` of Simulation: one argument of the expected
-/// kind and nothing that fails; all else goes on as bound.
+/// Puts fast paths before `advance` and `[column]` of Simulation, for one argument of the expected
+/// type and no failure; other calls take the bound methods.
 void addFastCalls(const pybind11::object& simulation_type);
 
 }  // namespace variator_sim::python

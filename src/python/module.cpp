@@ -1,4 +1,4 @@
-/// The Python module variator_sim._core: what it has, by which names.
+/// The Python module variator_sim._core: its names and their bindings.
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -75,7 +75,7 @@ Metric makeMetric(const MetricTuple& parts) {
   return {kinds.at(kind), column, band};
 }
 
-/// Values of the metrics, runs x metrics, and the runs' reasons.
+/// Returns the values of the metrics, runs x metrics, and the runs' reasons.
 py::tuple sweepRows(const py::object& scene, const py::object& overrides,
                     const std::vector<std::string>& paths,
                     const std::vector<std::vector<double>>& values, const RunRequest& run,
@@ -97,8 +97,7 @@ py::tuple sweepRows(const py::object& scene, const py::object& overrides,
 }
 
 void translateErrors() {
-  // (By value is how pybind11 calls it.)
-  // NOLINTNEXTLINE(performance-unnecessary-value-param)
+  // (pybind11 calls it by value.) NOLINTNEXTLINE(performance-unnecessary-value-param)
   py::register_exception_translator([](std::exception_ptr pointer) {
     try {
       if (pointer) std::rethrow_exception(pointer);
@@ -144,7 +143,7 @@ void bindSample(py::module& module) {
   });
 }
 
-/// What can be seen of it.
+/// Binds the read-only properties.
 void bindViews(py::class_<PythonSimulation>& simulation) {
   using Self = PythonSimulation;
   for (const QuantityGroup group : kQuantityGroups) {
@@ -232,7 +231,7 @@ PYBIND11_MODULE(_core, module) {
             compiles);
       });
   module.def("_describe_scene", [](const py::object& scene, const py::object& overrides) {
-    // To the bit, unlike Python's str() of an array.
+    // Numbers keep all bits, unlike Python's str() of an array.
     std::string text = toYaml(python::readSceneArgument(scene));
     for (const auto& [path, value] : python::readOverrides(overrides)) {
       text += toYaml(ParameterTree::text(path)) + toYaml(value);

@@ -21,15 +21,15 @@ namespace variator_sim::python {
 namespace py = pybind11;
 
 using Array = py::array_t<double>;
-/// Of numbers one after the other, whatever the caller's array is like.
+/// Contiguous doubles, converted from the caller's array if need be.
 using DenseArray = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 inline Array toArray(const double* values, std::size_t count) {
   return Array(static_cast<py::ssize_t>(count), values);
 }
 
-/// Python cannot make objects of this type, not even empty ones by `__new__`: pybind11 would read
-/// memory that holds nothing.
+/// Forbids objects made by Python, even empty ones by `__new__`: pybind11 would read memory that is
+/// not initialized.
 inline void refuseNew(const py::object& type) {
   reinterpret_cast<PyTypeObject*>(type.ptr())->tp_new = nullptr;
 }
@@ -40,7 +40,7 @@ struct SampleNames {
       : names(columnNames(simulation, {})),
         shafts(simulation.scene().shafts.size()),
         constraints(simulation.scene().constraints.size()) {
-    // Every column is one of a sample's numbers: numbered ones tell which.
+    // Every column is one number of a sample; a sample of indices shows which.
     constexpr std::size_t kNumbers = sizeof(Sample) / sizeof(double);
     static_assert(std::is_standard_layout_v<Sample> && kNumbers * sizeof(double) == sizeof(Sample));
     double numbers[kNumbers];
@@ -54,7 +54,7 @@ struct SampleNames {
     }
   }
 
-  /// Reads a column of `sample`. False where there is none of this name.
+  /// Reads a column of `sample`. Returns false if there is none of this name.
   bool read(const Sample& sample, PyObject* column, double* value) const {
     PyObject* const place = PyDict_GetItemWithError(places.ptr(), column);
     if (place == nullptr) {

@@ -1,4 +1,4 @@
-/// A simulation as Python sees it.
+/// A simulation bound to Python.
 #pragma once
 
 #include <chrono>
@@ -27,7 +27,7 @@ inline ParameterTree readSceneArgument(const py::object& scene) {
   const auto has = [&](const char* method, const char* part) {
     return py::isinstance<py::str>(path) && path.attr(method)(part).cast<bool>();
   };
-  // No file's name has a line's end; a mapping in one line begins with its brace.
+  // File names have no line breaks, and a mapping in one line begins with its brace.
   const bool is_text = has("__contains__", "\n") || has("startswith", "{");
   return is_text ? readYamlText(toText(path, ""), "scene") : readYamlFile(readPath(path));
 }
@@ -42,8 +42,8 @@ inline Overrides readOverrides(const py::object& overrides) {
   return values;
 }
 
-/// Whether a signal's handler, such as that of Ctrl-C, has raised an exception. Asks the
-/// interpreter, and takes its lock, twenty times a second.
+/// Detects exceptions raised by signal handlers, such as that of Ctrl-C. Polls the interpreter,
+/// with its lock, twenty times a second.
 class SignalWatch {
  public:
   bool operator()() {
@@ -61,8 +61,8 @@ class SignalWatch {
   bool has_raised_ = false;
 };
 
-/// Does `work` without the interpreter's lock; signals interrupt it (Interruption). Throws what
-/// their handlers raise.
+/// Does `work` without the interpreter's lock; signals interrupt it (Interruption). Rethrows the
+/// exceptions of their handlers.
 template <typename Work>
 void withoutLock(const Work& work) {
   try {
@@ -83,14 +83,14 @@ class PythonSimulation {
     for (const std::string& warning : simulation_.scene().warnings) warn(warning);
   }
 
-  /// pybind11 asks for memory here when the object's __init__ has not been called, as after
-  /// Simulation.__new__. Objects themselves are made by the global operator.
+  /// pybind11 calls this operator when the object's __init__ has not been called, as after
+  /// Simulation.__new__. The global operator makes the objects themselves.
   static void* operator new(std::size_t) {
     throw py::type_error("Simulation: its __init__ has not been called");
   }
   static void operator delete(void* memory) { ::operator delete(memory); }
 
-  /// The simulation, unless another thread has it.
+  /// Returns the simulation; throws if another thread is using it.
   Simulation& get() {
     if (is_busy_) throw std::runtime_error("another thread is moving this simulation");
     return simulation_;
@@ -99,7 +99,7 @@ class PythonSimulation {
 
   double time() { return get().time(); }
 
-  // --- What is called a million times: as below, or false where it is not that simple.
+  // --- Fast paths of the methods below; they return false when they do not apply.
   bool tryAdvance(double duration) {
     Simulation& simulation = simulation_;
     const double time = simulation.time() + duration;
@@ -123,7 +123,7 @@ class PythonSimulation {
                                   formatNumber(simulation.time()) + " s");
     }
     if (time <= simulation.quietUntil()) {
-      simulation.advanceTo(time);  // for this the lock is not worth giving away
+      simulation.advanceTo(time);  // too short to release the lock for
     } else {
       move([&] { simulation.advanceTo(time); });
     }
@@ -194,7 +194,7 @@ class PythonSimulation {
   }
   void setState(const py::dict& values, bool project) {
     Simulation& simulation = get();
-    if (!simulation.status().ok()) simulation.reset();  // what has stopped takes no state
+    if (!simulation.status().ok()) simulation.reset();  // a stopped motion accepts no state
     const MotionState state = readState(values, simulation);
     std::string fault;
     move([&] { fault = simulation.setState(state, project); });
@@ -208,7 +208,7 @@ class PythonSimulation {
   }
   void reset() { get().reset(); }
 
-  /// (..., s) accelerations, (..., k) residuals.
+  /// Maps (..., s) accelerations to (..., k) residuals.
   Array residuals(const DenseArray& accelerations) {
     checkAccelerations(accelerations, scene().shafts);
     const OperatingPoint point = get().operatingPoint();
@@ -231,12 +231,12 @@ class PythonSimulation {
   LinearModel linearize(const py::object& state, bool project, bool full) {
     Simulation& simulation = get();
     const bool is_here = state.is_none();
-    if (is_here) sample();  // raises where the motion has stopped
+    if (is_here) sample();  // raises if the motion has stopped
     MotionState there;
     if (!is_here) there = readState(state.cast<py::dict>(), simulation);
     LinearModel model;
     move([&] {
-      std::unique_ptr<Simulation> other;  // the motion stays where it is
+      std::unique_ptr<Simulation> other;  // the motion itself is not moved
       if (!is_here) {
         other = std::make_unique<Simulation>(scene());
         const std::string fault = other->setState(there, project);
@@ -256,7 +256,7 @@ class PythonSimulation {
     return toList(states, scene);
   }
 
-  /// Rows, how many commands lay outside, and None or the error that ended the run.
+  /// Returns rows, the number of commands outside, and None or the error that ended the run.
   py::tuple run(const RunRequest& request) {
     get();
     RunRows rows;
@@ -302,10 +302,10 @@ class PythonSimulation {
     if (!simulation_.status().ok()) raise(stopped());
   }
 
-  /// Does long work; other threads may not use the simulation meanwhile.
+  /// Does long work; other threads must not use the simulation meanwhile.
   template <typename Work>
   void move(const Work& work) {
-    is_busy_ = true;  // seen by who holds the interpreter's lock, as we do here
+    is_busy_ = true;  // read and written under the interpreter's lock
     try {
       withoutLock(work);
     } catch (...) {

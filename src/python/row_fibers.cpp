@@ -7,7 +7,7 @@
 namespace variator_sim::python {
 
 void RowFibers::run(const std::function<void()>& body) {
-  // Room for reading a scene, in which formulas may be nested.
+  // Bytes; reading a scene with nested formulas needs so much.
   constexpr std::size_t kStack = 4 << 20;
   for (Lane& lane : fibers_) {
     lane.fiber = Fiber(std::allocator_arg, boost::context::protected_fixedsize_stack(kStack),
@@ -27,7 +27,7 @@ void RowFibers::run(const std::function<void()>& body) {
       Lane& lane = fibers_[static_cast<std::size_t>(running_)];
       if (isAlive(lane) && lane.series == nullptr) lane.fiber = std::move(lane.fiber).resume();
     }
-    // All that are alive wait now.
+    // All live fibers wait now.
     std::array<MotionSeries*, kCount> wanted{};
     bool any = false;
     for (std::size_t i = 0; i < fibers_.size(); ++i) {

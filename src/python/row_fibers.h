@@ -1,9 +1,8 @@
-/// Rows of a sweep in turn, in one thread, so that their steps are made several at a time.
+/// Runs rows of a sweep on fibers of one thread, so that SIMD lanes make several steps at a time.
 ///
-/// Each of the fibers, as many as there are lanes, runs rows, one after the other. Where a row's
-/// motion wants a step that may be made together with others, its fiber waits; when all of them
-/// wait, the lanes make the steps of all. No row knows of the others, and none gets another bit by
-/// them.
+/// There is one fiber per lane, and each runs rows one after the other. A fiber waits when its
+/// motion needs a step that may be made in a lane; when all fibers wait, the lanes make the steps
+/// of all. Rows do not depend on each other: their results are the same to the bit.
 #pragma once
 
 #include <array>
@@ -17,15 +16,15 @@
 
 namespace variator_sim::python {
 
-/// Of one thread.
+/// The fibers of one thread.
 class RowFibers final : public StepsTogether {
  public:
-  /// Motions have to be told of this (Simulation::makeStepsWith) for their steps to be made
-  /// together, and share the machine code that the lanes belong to.
+  /// Sets the lanes. Motions register with Simulation::makeStepsWith and share the lanes' machine
+  /// code.
   void setLanes(std::shared_ptr<SeriesLanes> lanes) { lanes_ = std::move(lanes); }
   bool hasLanes() const { return lanes_ != nullptr; }
 
-  /// Calls `body` in each fiber; returns when all have ended. What one of them throws is thrown.
+  /// Calls `body` in each fiber; returns when all have ended. Rethrows an exception of a fiber.
   void run(const std::function<void()>& body);
 
   bool make(MotionSeries& series) override;

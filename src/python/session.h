@@ -1,5 +1,5 @@
-/// One simulation as Python drives it. Knows nothing of Python: it is called with or without the
-/// interpreter's lock.
+/// Runs of one simulation for Python. It does not depend on Python, and is called with or without
+/// the interpreter's lock.
 #pragma once
 
 #include <string>
@@ -15,12 +15,12 @@ namespace variator_sim::python {
 
 using Overrides = std::vector<std::pair<std::string, ParameterTree>>;
 
-/// A scene's tree with these values in place of its own. Throws SceneError.
+/// Returns a scene's tree with these values in place of its own. Throws SceneError.
 ParameterTree withOverrides(ParameterTree tree, const Overrides& overrides);
 
-/// What a run is asked for.
+/// The request for a run.
 struct RunRequest {
-  double duration = 0.0;  ///< s, from the present
+  double duration = 0.0;  ///< s, from the current time
   double rate = 100.0;    ///< samples per second; unused when there are times
   bool has_times = false;
   std::vector<double> times;           ///< s, ascending
@@ -35,7 +35,7 @@ struct RunRows {
   std::size_t ignored_commands = 0;  ///< those outside of the run
 };
 
-/// Runs from the present; ends where the motion stops or is interrupted. Throws CommandFileError.
+/// Runs from the current time until the end, a stop or an interruption. Throws CommandFileError.
 RunRows run(Simulation& simulation, const RunRequest& request);
 
 }  // namespace variator_sim::python

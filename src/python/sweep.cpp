@@ -43,15 +43,15 @@ double calcMean(const std::vector<double>& rows, std::size_t width, std::size_t 
   return span > 0.0 ? integral / span : rows[column];
 }
 
-/// True when no law calls an opaque function: there is no gradient to check.
+/// Returns true when no law calls an opaque function: there is no gradient to check.
 bool isOfFormulas(const Scene& scene) {
   const auto is_formula = [](const auto& law) { return !law->callsOpaqueFunction(); };
   return std::all_of(scene.torques.begin(), scene.torques.end(), is_formula) &&
          std::all_of(scene.constraints.begin(), scene.constraints.end(), is_formula);
 }
 
-/// Machine code of some runs, never moved, that all rows have theirs from. A scene in which two
-/// numbers happen to be equal has other formulas than one in which they are not: there are a few.
+/// Machine code of some runs, never moved, which all rows share. A scene in which two numbers
+/// happen to be equal has other formulas than one in which they differ, so there are a few.
 class CodeOfRows {
  public:
   explicit CodeOfRows(bool compiles) : compiles_(compiles) {}
@@ -62,7 +62,7 @@ class CodeOfRows {
       if (simulation.shareMachineCode(*owners_[i])) return;
     }
     if (ready == kMost) return;
-    // Rows that come while one is compiled are interpreted.
+    // Rows that start during a compilation are interpreted.
     const std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
     if (!lock.owns_lock() || tried_ == kMost || ready_ != ready) return;
     ++tried_;
@@ -74,7 +74,7 @@ class CodeOfRows {
     ++ready_;
   }
 
-  /// What makes steps of runs like this one together; nullptr where there is none.
+  /// Returns the lanes that make steps of such runs together, or nullptr.
   std::shared_ptr<SeriesLanes> loadLanes(Simulation& simulation) {
     const std::lock_guard<std::mutex> lock(mutex_);
     const bool always = simulation.scene().solver.machine_code == MachineCode::kAlways;
@@ -90,11 +90,10 @@ class CodeOfRows {
   std::atomic<std::size_t> ready_{0};
 };
 
-/// Makes the machines of rows, for one thread: reads what differs, and all of it only where it has
-/// to.
+/// Makes the simulations of rows, for one thread; reads only changed values if that suffices.
 class RowMachines {
  public:
-  /// `tree`: with the overrides that all rows have.
+  /// `tree` includes the overrides common to all rows.
   RowMachines(const SweepRequest& request, ParameterTree tree, ComponentFactory& factory,
               CodeOfRows& code, RowFibers& fibers)
       : request_(request),
@@ -120,7 +119,7 @@ class RowMachines {
   }
 
  private:
-  /// After each so many runs the formulas are read anew: their graph may grow with every run.
+  /// Runs after which the formulas are read anew, since their graph may grow with every run.
   static constexpr int kUses = 64;
 
   void stepTogether(Simulation& simulation) {
@@ -157,7 +156,7 @@ class RowMachines {
     keeps_formulas_ = std::all_of(paths.begin(), paths.end(), [&](const std::string& path) {
       return isOutsideFormulas(path, scene);
     });
-    // Once is enough.
+    // One check suffices for all rows.
     setValue(tree_, "verify_derivatives", ParameterTree::boolean(false));
   }
 
@@ -170,7 +169,7 @@ class RowMachines {
   bool is_known_ = false;
   bool keeps_formulas_ = false;
   Scene model_;
-  /// Of the first row that had it.
+  /// Simulation of the first row with these formulas.
   std::unique_ptr<Simulation> like_;
   int uses_left_ = 0;
 };
@@ -190,7 +189,7 @@ SweepRow runRow(const SweepRequest& request, const std::vector<double>& values,
       row.metrics[i] = calcMetric(request.metrics[i], rows.values, width);
     }
   } catch (const std::bad_alloc&) {
-    throw;  // says nothing of the row
+    throw;  // no fault of the row
   } catch (const std::exception& error) {
     row.reason = error.what();
   }
@@ -245,7 +244,7 @@ std::vector<SweepRow> runSweep(const SweepRequest& request,
             rows[i] = runRow(request, values[i], machines);
           }
         } catch (...) {
-          is_cancelled = true;  // the other fibers of this thread end, too
+          is_cancelled = true;  // also ends the other fibers of this thread
           throw;
         }
       });

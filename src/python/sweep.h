@@ -1,4 +1,4 @@
-/// Many runs of one scene with other values, on all cores. Knows nothing of Python.
+/// Many runs of one scene with other values, on all cores. It does not depend on Python.
 #pragma once
 
 #include <string>
@@ -14,22 +14,22 @@ enum class MetricKind { kFinal, kMinimum, kMaximum, kMean, kSettlingTime };
 struct Metric {
   MetricKind kind = MetricKind::kFinal;
   std::size_t column = 0;  ///< of RunRequest::columns
-  /// Of kSettlingTime: the part of the whole change, end minus start, that counts as settled.
+  /// For kSettlingTime: half width of the settled band, as a part of the change, end minus start.
   double band = 0.02;
 };
 
-/// `rows` of `column_count` values, the time first; NaN without rows. kMean: over time, by
-/// trapezoids. kSettlingTime: the first sample from which on the value stays within the band
+/// Evaluates `rows` of `column_count` values, the time first; NaN without rows. kMean: over time,
+/// by trapezoids. kSettlingTime: the first sample from which on the value stays within the band
 /// around its last one, s since the start.
 double calcMetric(const Metric& metric, const std::vector<double>& rows, std::size_t column_count);
 
 struct SweepRequest {
   ParameterTree tree;
   Overrides overrides;             ///< the same for all runs
-  std::vector<std::string> paths;  ///< what differs
+  std::vector<std::string> paths;  ///< keys whose values differ
   RunRequest run;
   std::vector<Metric> metrics;
-  /// Whether formulas for which there is no machine code in the cache yet are compiled first.
+  /// Compiles formulas without machine code in the cache before the runs.
   bool compiles = false;
 };
 
@@ -40,9 +40,9 @@ struct SweepRow {
 };
 
 /// Runs every row of `values` (one value a path) on `threads` threads, or on as many as can be
-/// started; an Interruption of the calling thread ends all of them. What a row gives depends
-/// neither on the other rows nor on the number of threads. What a thread throws, beyond the faults
-/// that are reasons of rows, ends the others and is thrown.
+/// started; an Interruption of the calling thread ends all of them. A row's result depends neither
+/// on the other rows nor on the number of threads. Any exception of a thread other than a row's
+/// fault ends the others and is rethrown.
 std::vector<SweepRow> runSweep(const SweepRequest& request,
                                const std::vector<std::vector<double>>& values, int threads,
                                ComponentFactory& factory);

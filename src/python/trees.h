@@ -23,7 +23,7 @@ inline py::object errorClass(const char* name) {
   throw py::error_already_set();
 }
 
-/// The bytes of a file's name, which need be no UTF-8.
+/// Returns the bytes of a file's name, which need not be UTF-8.
 inline std::string readPath(const py::object& path) {
   return py::module::import("os").attr("fsencode")(path).cast<std::string>();
 }
@@ -33,7 +33,7 @@ inline void warn(const std::string& text) {
   if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw py::error_already_set();
 }
 
-/// Throws SceneError where `text` is none, or has no UTF-8: half of a surrogate pair has none.
+/// Throws SceneError if `text` is no str, or has no UTF-8, as half of a surrogate pair.
 inline std::string toText(py::handle text, const std::string& path) {
   if (!py::isinstance<py::str>(text)) {
     throw SceneError(path, std::string(py::repr(text)) + " is not a text");
@@ -46,11 +46,11 @@ inline std::string toText(py::handle text, const std::string& path) {
                              " is not valid Unicode: it contains half of a surrogate pair");
 }
 
-/// Reads one value. Lists, tuples and dicts may hold themselves, or one of them stand in many
-/// places: depth and number of values are bounded.
+/// Reads one value. Lists, tuples and dicts may contain themselves or be shared, so depth and
+/// number of values are bounded.
 class TreeReader {
  public:
-  /// Throws SceneError with the path of what is at fault.
+  /// Throws SceneError with the path of the faulty value.
   ParameterTree read(py::handle value, const std::string& path, int depth = 0) {
     if (depth > kDeepestNesting) {
       throw SceneError(path, "nested more than " + std::to_string(kDeepestNesting) +

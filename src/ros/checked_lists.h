@@ -1,6 +1,6 @@
-/// Lists in messages to the node, read only where the bytes that came can hold them: roscpp makes
-/// room for as many entries as a message says that it has before it looks, so that a dozen bytes
-/// would take gigabytes. To be included wherever one of these messages is read, before it is.
+/// Reads lists in messages only if the received bytes can hold them: roscpp allocates as many
+/// entries as a message claims before it checks, so that a dozen bytes would take gigabytes.
+/// Include it before each of these messages.
 #pragma once
 
 #include <dynamic_reconfigure/Config.h>
@@ -45,8 +45,7 @@ class CheckedReader {
   Stream& stream_;
 };
 
-/// Reads checked lists by the generated list of a message's fields, which is at hand as that of the
-/// message with another allocator.
+/// Reads checked lists by the generated field list, instantiated for another allocator.
 template <template <class> class Message>
 struct CheckedSerializer : ros::serialization::Serializer<Message<std::allocator<char>>> {
   template <class Stream, class T>

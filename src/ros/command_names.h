@@ -16,7 +16,7 @@ struct CommandGroup {
   std::array<InputCommand, kMaxInputs> commands{};
 };
 
-/// Checks all before anything changes; why they are refused, or "".
+/// Checks all commands before any takes effect. Returns why they are rejected, or "".
 std::string readCommands(const std::vector<CommandInputSettings>& inputs,
                          const std::vector<std::string>& topics, const std::vector<double>& values,
                          CommandGroup& group);

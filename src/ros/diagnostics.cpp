@@ -29,7 +29,7 @@ class Diagnostics::Publisher {
   Publisher(ros::NodeHandle public_handle, const ros::NodeHandle& private_handle,
             std::vector<std::string> constraints)
       : constraints_(std::move(constraints)),
-        // The updater does not tell whether anybody listens.
+        // The updater does not report whether it has subscribers.
         listeners_(public_handle.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 1)),
         updater_(public_handle, private_handle, private_handle.getNamespace()) {
     updater_.setHardwareID("none");

@@ -22,8 +22,8 @@ class Diagnostics {
               std::vector<std::string> constraints);
   ~Diagnostics();
 
-  /// To be called once a second: what has happened since the last call is judged, and published
-  /// when somebody subscribes to /diagnostics.
+  /// Judges the events since the last call, and publishes the result if /diagnostics has
+  /// subscribers. The caller calls it once a second.
   void update(const LoopSnapshot& snapshot, std::uint64_t commands_dropped,
               std::uint64_t samples_dropped);
 

@@ -10,7 +10,7 @@
 
 namespace variator_sim {
 
-/// An eventfd: readable from the first `post` on until `clear`. The one who posts never waits.
+/// An eventfd: readable from the first `post` on until `clear`. `post` never blocks.
 class EventDescriptor {
  public:
   /// Throws std::system_error when the process has no descriptor left.

@@ -7,7 +7,7 @@
 namespace variator_sim {
 namespace {
 
-/// What has been added; a reset begins at 0.
+/// Returns the increment of a counter that a reset sets to 0.
 std::uint64_t added(std::uint64_t now, std::uint64_t before) {
   return now >= before ? now - before : now;
 }

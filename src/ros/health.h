@@ -1,4 +1,4 @@
-/// Whether a simulation is well: the rule behind its diagnostics. Knows nothing of ROS.
+/// The rule behind a simulation's diagnostics. It does not depend on ROS.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ struct Health {
   std::string summary;  ///< what is wrong, or the state
 };
 
-/// What has happened since the node's start, or the last reset, whichever each count is from.
+/// Counters since the node's start or the last reset.
 struct HealthCounts {
   std::uint64_t ticks = 0;
   std::uint64_t overruns = 0;
@@ -26,9 +26,9 @@ struct HealthCounts {
   std::uint64_t samples_dropped = 0;
 };
 
-/// More than this part of the ticks being overruns is not well.
+/// Largest healthy fraction of overruns among the ticks.
 constexpr double kManyOverruns = 0.01;
-/// A real-time factor below this part of the one wanted is not well.
+/// Smallest healthy ratio of measured to wanted real-time factor.
 constexpr double kSlow = 0.9;
 
 /// ERROR: the motion has stopped. WARN: since `before` commands were refused, dropped or overdue,

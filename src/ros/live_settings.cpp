@@ -22,7 +22,8 @@ class LiveSettings::Server {
         server_(handle) {
     in_force_.real_time_factor = settings.real_time_factor;
     in_force_.publish_rate = settings.publish_rate;
-    // The server calls back at once, with what it made of the parameters: it is told better.
+    // The server calls back at once with its own reading of the parameters; these values replace
+    // it.
     server_.setCallback([this](VariatorSimConfig& config, std::uint32_t) {
       if (is_set_up_) {
         change(config);

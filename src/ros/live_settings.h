@@ -1,4 +1,4 @@
-/// What can be changed while the node runs, by dynamic_reconfigure.
+/// Settings that dynamic_reconfigure changes while the node runs.
 #pragma once
 
 #include <memory>
@@ -12,12 +12,12 @@ namespace variator_sim {
 class SteppingLoop;
 struct NodeSettings;
 
-/// Serves `real_time_factor` and `publish_rate`. A value that is not allowed is refused with a
-/// warning, and what is in force stays. Its service is called in the thread that serves the node
-/// handle's callback queue.
+/// Serves `real_time_factor` and `publish_rate`. Rejects values out of range with a warning and
+/// keeps the present ones. Its service runs in the thread that serves the node handle's callback
+/// queue.
 class LiveSettings {
  public:
-  /// `handle` is the private one. `follows_clock`: the pace is not ours to change.
+  /// `handle` is the private one. `follows_clock`: a followed clock sets the pace.
   LiveSettings(const ros::NodeHandle& handle, const NodeSettings& settings, bool follows_clock,
                SteppingLoop& loop);
   ~LiveSettings();

@@ -1,8 +1,7 @@
-/// On which addresses a node's ports are open. Where ROS_HOSTNAME or ROS_IP names this machine
-/// alone, roscpp keeps the port of its topics and services to the loopback interface, but opens
-/// that of its XML-RPC, by which whoever reaches it can shut a node down, to everybody. So this
-/// program's bind() stands in front of the C library's: there is no other way to tell xmlrpcpp
-/// where to listen.
+/// Restricts the addresses on which a node's ports are open. If ROS_HOSTNAME or ROS_IP names the
+/// loopback interface, roscpp binds its topics and services to it, but opens its XML-RPC port, by
+/// which any client can shut a node down, on all interfaces. This bind() replaces the C library's:
+/// xmlrpcpp has no other way to choose the address.
 #include <arpa/inet.h>
 #include <dlfcn.h>
 #include <netinet/in.h>
@@ -20,7 +19,7 @@ bool isThisMachine(const char* name) {
          std::strcmp(name, "::1") == 0;
 }
 
-/// ROS_HOSTNAME stands above ROS_IP.
+/// ROS_HOSTNAME takes precedence over ROS_IP.
 bool isForThisMachineOnly() {
   for (const char* variable : {"ROS_HOSTNAME", "ROS_IP"}) {
     const char* name = std::getenv(variable);
@@ -29,7 +28,7 @@ bool isForThisMachineOnly() {
   return false;
 }
 
-/// `address`, the loopback interface's where it was that of all interfaces.
+/// Returns `address`, with the loopback interface in place of all interfaces.
 sockaddr_storage restricted(const sockaddr* address, socklen_t length) {
   sockaddr_storage to{};
   std::memcpy(&to, address, length);

@@ -1,4 +1,4 @@
-/// What the stepping loop and those around it tell each other.
+/// Messages between the stepping loop and the other threads.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ namespace variator_sim {
 
 enum class RunState : std::uint8_t { kRunning, kPaused, kSleeping, kStopped };
 
-/// Some of the groups of quantities.
+/// A set of groups of quantities.
 class QuantityGroups {
  public:
   QuantityGroups() = default;
@@ -35,7 +35,7 @@ struct StateExchange;
 
 /// A command on its way to an input of the scene.
 struct InputCommand {
-  static constexpr int kRefused = -1;  ///< in the place of one that was refused on its way
+  static constexpr int kRefused = -1;  ///< replaces a command that was rejected on its way
   int input = 0;
   double value = 0.0;
 };
@@ -46,11 +46,11 @@ struct TimedSample {
   std::int64_t time = 0;        ///< simulated ns since the start or the last reset of time
   std::int64_t clock_time = 0;  ///< when it was taken, ns on the pacing clock; on a followed clock,
                                 ///< which moves by steps, when its tick was due
-  bool has_energy = false;      ///< somebody wanted it when the sample was taken
+  bool has_energy = false;      ///< energy was requested when the sample was taken
   QuantityGroups groups;        ///< likewise: their values come with the sample, group after group
 };
 
-/// What the loop tells about itself.
+/// State and counters of the loop.
 struct LoopSnapshot {
   RunState state = RunState::kRunning;
   bool state_changed = false;  ///< to be published at once
@@ -69,8 +69,8 @@ struct LoopSnapshot {
   std::array<double, kMaxConstraints> residual{};  ///< when last sampled: about ten times a second
 };
 
-/// Why the motion stopped, a C string. Apart from the snapshots, which lockstep makes by the
-/// thousand.
+/// Why the motion stopped, a C string. It is separate from the snapshots, of which lockstep makes
+/// thousands.
 struct StopMessage {
   std::array<char, 1024> text{};
 };
@@ -98,7 +98,7 @@ struct LoopAnswer {
   RequestResult result = RequestResult::kDone;
   TimedSample sample;   ///< of kStep, also when it ended on the way, and of states
   std::string message;  ///< of kStopped and kRefused
-  /// Why it is not kDone, for the caller of a service.
+  /// Explains to the caller of a service why the result is not kDone.
   std::string describeFault() const;
 };
 

@@ -1,4 +1,4 @@
-// Requests of other threads: how they come to the stepping loop, and what it does.
+// Requests of other threads: their way to the stepping loop, and its answers.
 #include <algorithm>
 
 #include "ros/nanoseconds.h"
@@ -114,7 +114,7 @@ void SteppingLoop::serveRequest() {
 void SteppingLoop::serveStep() {
   if (!simulation_.status().ok()) {
     answer_.sample = takeSample();
-    return;  // the caller tells why
+    return;  // the caller reports why
   }
   if (!paused_) {
     answer_.result = RequestResult::kNotPaused;
@@ -135,7 +135,7 @@ void SteppingLoop::serveStep() {
     answer_.result = isStopping() ? RequestResult::kShutDown : RequestResult::kInterrupted;
   }
   answer_.sample = takeSample();
-  // A stop is told, with its sample, by noticeStop.
+  // noticeStop reports a stop with its sample.
   if (simulation_.status().ok() && samples_wanted_.load(std::memory_order_relaxed)) {
     handOver(answer_.sample);
   }

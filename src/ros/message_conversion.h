@@ -1,4 +1,4 @@
-/// Samples, counters and scenes as messages: the one place where both are known.
+/// Converts samples, counters and scenes to messages; no other file knows both.
 #pragma once
 
 #include <sensor_msgs/JointState.h>
@@ -26,29 +26,29 @@ ros::Time toStamp(std::int64_t nanoseconds);
 /// Makes a message with its array sizes; `fillState` then allocates nothing. Without `has_errors`
 /// the arrays of estimated errors stay empty.
 DrivetrainState makeState(const Scene& scene, bool has_errors);
-/// All but the header. `time` is the message's simulated time, s (sample.time counts from the last
-/// reset).
+/// Fills in all but the header. `time` is the message's simulated time, s (sample.time counts from
+/// the last reset).
 void fillState(const Sample& sample, double time, DrivetrainState& message);
 
-/// All but the header; `time` as in fillState.
+/// Fills in all but the header; `time` as in fillState.
 void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message);
 
 /// Makes a message with names and array sizes of a group's quantities.
 NamedValues makeQuantities(const Simulation& simulation, QuantityGroup group);
-/// All but the header; `values` as many as there are names, `time` as in fillState.
+/// Fills in all but the header from one value per name; `time` as in fillState.
 void fillQuantities(const double* values, double time, NamedValues& message);
 
 /// Makes a message with joint names and array sizes.
 sensor_msgs::JointState makeJointState(const Scene& scene);
-/// All but the header: position, velocity, effort (the applied torque).
+/// Fills in position, velocity and effort (the applied torque), not the header.
 void fillJointState(const Sample& sample, sensor_msgs::JointState& message);
 
 SceneInfo toSceneInfo(const Simulation& simulation);
 
-/// The constant of SimulationStatus.
+/// Returns the constant of SimulationStatus.
 std::uint8_t toMessage(RunState state);
 
-/// The counters that the simulation itself keeps.
+/// Fills in the counters that the simulation itself keeps.
 void fillStatistics(const Statistics& statistics, SimulationStatus& message);
 
 }  // namespace variator_sim

@@ -14,12 +14,12 @@ constexpr std::int64_t kLastInstant =
     std::int64_t{std::numeric_limits<std::uint32_t>::max()} * 1000000000;
 static_assert(kLastInstant < std::numeric_limits<std::int64_t>::max() / 2);
 
-/// The double nearest to ns * 1e-9: both operands are exact, one rounding by the division.
+/// Returns the double nearest to ns * 1e-9: both operands are exact, so only the division rounds.
 inline double toSeconds(std::int64_t nanoseconds) {
   return static_cast<double>(nanoseconds) / kNanosecondsPerSecond;
 }
 
-/// Now on CLOCK_MONOTONIC, ns.
+/// Returns the time of CLOCK_MONOTONIC, ns.
 inline std::int64_t steadyTime() {
   timespec time{};
   clock_gettime(CLOCK_MONOTONIC, &time);
@@ -31,7 +31,7 @@ inline timespec toTimespec(std::int64_t nanoseconds) {
           static_cast<long>(nanoseconds % 1000000000)};
 }
 
-/// The nearest integer, at most kLastInstant: sums of two of them still fit.
+/// Returns the nearest integer, at most kLastInstant: sums of two results still fit.
 inline std::int64_t toCount(double value) {
   return value < static_cast<double>(kLastInstant) ? std::llround(value) : kLastInstant;
 }

@@ -5,7 +5,7 @@
 namespace variator_sim {
 namespace {
 
-// Slow enough for anybody, and far from the ends of 64-bit nanoseconds.
+// Hz. It keeps ticks far from the ends of 64-bit nanoseconds.
 constexpr double kSlowestTickRate = 1e-3;
 constexpr double kFastestTickRate = 1e5;
 constexpr double kSlowestPublishRate = 1e-3;

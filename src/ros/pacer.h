@@ -1,4 +1,4 @@
-/// When the next tick may begin. Time is injected, so tests pass hours in no time.
+/// Decides when the next tick may begin. Time is injected, so tests simulate hours at once.
 #pragma once
 
 #include <cstdint>
@@ -15,18 +15,18 @@ namespace variator_sim {
 /// scene too heavy for its rate) the deadlines move by that lateness, which is counted as lost
 /// time, instead of a longer burst.
 ///
-/// A clock that is followed moves by steps, so ticks that wait for it are late by its step and not
-/// by a fault: there, lateness and overruns are not measured, and up to `kMostBehindFollowed` is
-/// caught up, since simulated time is to stay with the clock.
+/// A followed clock moves by steps, so ticks that wait for it are late by its step and not by a
+/// fault: the pacer then measures no lateness or overruns, and catches up as much as
+/// `kMostBehindFollowed`, since simulated time stays with the clock.
 ///
 /// All methods are for one thread. [loop]
 class Pacer {
  public:
-  /// Most wall time that is caught up in one burst, ns.
+  /// Longest wall time caught up in one burst, ns.
   static constexpr std::int64_t kMostBehind = 250000000;
-  /// Most time of a followed clock that is caught up in one burst, ns.
+  /// Longest time of a followed clock caught up in one burst, ns.
   static constexpr std::int64_t kMostBehindFollowed = 10000000000;
-  /// Longest uninterrupted sleep, ns: how soon a request is seen at a slow tick rate.
+  /// Longest uninterrupted sleep, ns: the latency of requests at a slow tick rate.
   static constexpr std::int64_t kLongestSleep = 20000000;
 
   struct Counters {
@@ -39,39 +39,38 @@ class Pacer {
   /// this pacer.
   Pacer(PacingClock& clock, double period);
 
-  /// Counts deadlines from now: after a pause, a reset, a change of period.
+  /// Counts deadlines from now, after a pause, a reset or a change of period.
   void anchor();
-  /// A new period, counted from now: neither a burst nor a stall comes of it. A backlog of ticks is
-  /// forgotten and counted as lost time.
+  /// Sets a period that counts from now and so causes neither a burst nor a stall. Drops a backlog
+  /// of ticks and counts it as lost time.
   void setPeriod(double period);
 
   /// Sleeps until the next tick is due, at most about kLongestSleep. True when the tick may begin;
-  /// false when it is not due yet: look for requests and call again.
+  /// false when it is not due yet: the caller then serves requests and calls again.
   bool waitForTick();
 
-  /// @name Only when paced: passing over ticks that nobody needs
-  /// @{
-  /// When tick n is due, ns on the clock.
+  /// @name Only when paced: skipping unneeded ticks
+  /// @{ Returns when tick n is due, ns on the clock.
   std::int64_t dueTime(std::int64_t n) const;
-  /// The last tick that is due by now; below tick() when the clock stands before the anchor.
+  /// Returns the last tick due by now; below tick() while the clock stands before the anchor.
   std::int64_t lastDueTick() const;
-  /// The next tick is the one after `n`, n >= tick().
+  /// Makes the tick after `n` the next one, n >= tick().
   void passOver(std::int64_t n);
   /// @}
 
-  /// The last tick: how many there have been since the anchor.
+  /// Index of the last tick, counted from the anchor.
   std::int64_t tick() const { return tick_; }
-  /// When the last tick began, ns.
+  /// Start of the last tick, ns.
   std::int64_t tickStart() const { return tick_start_; }
-  /// When the last tick was due, ns; when it began, when unpaced.
+  /// Due time of the last tick, ns; its start when unpaced.
   std::int64_t tickDue() const { return tick_due_; }
-  /// How late the last tick began, ns >= 0; 0 when unpaced or on a followed clock.
+  /// Lateness of the last tick, ns >= 0; 0 when unpaced or on a followed clock.
   std::int64_t lateness() const { return lateness_; }
   const Counters& counters() const { return counters_; }
   bool isPaced() const { return period_ > 0.0; }
-  /// Whether somebody else's clock sets the pace.
+  /// True if a followed clock sets the pace.
   bool isFollowed() const { return followed_; }
-  /// ns of the clock; 0 when unpaced.
+  /// Period, ns of the clock; 0 when unpaced.
   double period() const { return period_; }
 
  private:

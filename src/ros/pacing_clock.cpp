@@ -35,7 +35,7 @@ bool FollowedClock::set(std::int64_t time) {
   if (!started && time == 0) return false;
   const bool jumped_back = started && time < time_.load();
   time_.store(time);
-  // Whoever sees the jump sees the time after it, too.
+  // A thread that sees the jump also sees the time after it.
   if (jumped_back) jumps_back_.fetch_add(1, std::memory_order_release);
   if (!started) started_.store(true, std::memory_order_release);
   if (jumped_back || !started || time >= awaited_.load()) woken_.post();

@@ -1,4 +1,4 @@
-/// The clocks that ticks are paced by.
+/// The clocks that pace ticks.
 #pragma once
 
 #include <atomic>
@@ -9,8 +9,8 @@
 
 namespace variator_sim {
 
-/// A clock and waiting on it. Times are ns since an instant of the clock's own. The stepping thread
-/// calls these methods; `wake` is for any thread.
+/// A clock on which threads wait. Times are ns since an epoch of its own. The stepping thread calls
+/// these methods; any thread may call `wake`.
 class PacingClock {
  public:
   static constexpr std::int64_t kForever = std::numeric_limits<std::int64_t>::max();
@@ -19,21 +19,21 @@ class PacingClock {
   /// Called once by the thread that paces, before its first sleep.
   virtual void prepareThread() {}
   virtual std::int64_t now() = 0;
-  /// For the short sleep before a tick, as exact as can be: returns at `deadline` or soon after; at
+  /// Sleeps precisely for the short time before a tick: returns at `deadline` or soon after, at
   /// once when it has passed. May return earlier.
   virtual void sleepUntil(std::int64_t deadline) = 0;
-  /// For long waits (deadline may be kForever): `wake` ends them, also one that comes before.
+  /// Waits for long (deadline may be kForever); `wake` ends the wait, also if it was called before.
   /// May return earlier.
   virtual void waitUntil(std::int64_t deadline) = 0;
   virtual void wake() = 0;
 
   /// False until the clock has shown its first time.
   virtual bool hasStarted() { return true; }
-  /// How often it has jumped back.
+  /// Number of backward jumps.
   virtual std::uint64_t jumpsBack() { return 0; }
-  /// True when others move this clock: by steps, at any speed, with pauses.
+  /// True when another process moves this clock: by steps, at any speed, with pauses.
   virtual bool isFollowed() const { return false; }
-  /// ns of wall time, for rates.
+  /// Wall time for rates, ns.
   virtual std::int64_t wallTime() { return now(); }
 };
 
@@ -51,12 +51,12 @@ class SteadyClock : public PacingClock {
   Semaphore woken_;
 };
 
-/// A clock that another thread sets, such as one that receives /clock. Waiting threads are woken
-/// when the time they wait for has come; while nobody sets the clock they wait, and return now and
-/// then (kLongestWait) unless they wait forever.
+/// A clock that another thread sets, such as one that receives /clock. Waiting threads wake when
+/// the clock reaches their deadline; while the clock is not set, they return every kLongestWait
+/// unless they wait forever.
 class FollowedClock : public PacingClock {
  public:
-  /// One thread sets. A time of 0 before any other means that there is no time yet. True when the
+  /// One thread calls this. An initial 0 means that there is no time yet. Returns true when the
   /// clock has jumped back.
   bool set(std::int64_t time);
 

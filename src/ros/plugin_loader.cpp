@@ -21,7 +21,7 @@ class LazyLoader {
   explicit LazyLoader(const char* base_class) : base_class_(base_class) {}
 
   std::shared_ptr<Base> create(const std::string& type) {
-    // Our own types are all built in: a name in our namespace that is not one of them is misspelt.
+    // The types of this package are all built in, so an unknown name in its namespace is misspelt.
     const bool ours = type.rfind(std::string(kPackage) + "/", 0) == 0;
     const std::lock_guard<std::mutex> lock(g_plugins);
     try {
@@ -44,7 +44,7 @@ class LazyLoader {
         if (std::find(types.begin(), types.end(), type) == types.end()) types.push_back(type);
       }
     } catch (const std::runtime_error&) {
-      // Packages cannot be searched: the built-in types are all there is to list.
+      // Packages cannot be searched, so the list has the built-in types only.
     }
   }
 

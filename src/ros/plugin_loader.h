@@ -1,4 +1,4 @@
-/// Components out of shared libraries of any package, by pluginlib.
+/// Loads components from shared libraries of any package by pluginlib.
 #pragma once
 
 #include <memory>
@@ -9,20 +9,21 @@
 
 namespace variator_sim {
 
-/// Makes the built-in types without looking for any plugin. Any other type is looked up among the
-/// plugins that packages export for variator_sim::Constraint and variator_sim::Torque; only then
-/// are packages searched. Needs no ROS master. A component keeps its library loaded as long as it
-/// lives, also after this factory is gone. Several threads may use it.
+/// Makes the built-in types without a search. It looks up any other type among the plugins that
+/// packages export for variator_sim::Constraint and variator_sim::Torque, and only then searches
+/// packages. It needs no ROS master. A component keeps its library loaded after this factory is
+/// gone. Several threads may use it.
 class PluginlibComponentFactory : public ComponentFactory {
  public:
   PluginlibComponentFactory();
   ~PluginlibComponentFactory() override;
 
-  /// nullptr for an unknown type. Throws std::runtime_error, with pluginlib's reason, when the type
-  /// is exported but its library cannot be loaded, or when packages cannot be searched at all.
+  /// Returns nullptr for an unknown type. Throws std::runtime_error, with pluginlib's reason, when
+  /// the type is exported but its library cannot be loaded, or when packages cannot be searched at
+  /// all.
   ConstraintPtr createConstraint(const std::string& type) override;
   TorquePtr createTorque(const std::string& type) override;
-  /// Built-in types and those that packages export (searches them).
+  /// Returns built-in types and those that packages export (searches them).
   std::vector<std::string> constraintTypes() override;
   std::vector<std::string> torqueTypes() override;
   std::shared_ptr<const void> libraries() override;

@@ -10,7 +10,8 @@
 namespace variator_sim {
 
 /// roscpp copies the callback before it runs it, so that it may run after the descriptor has been
-/// taken from the set: the copies share this, which knows whether there is still something to call.
+/// taken from the set: the copies share this object, which knows whether the function may still be
+/// called.
 class PollThreadTask::Guarded {
  public:
   Guarded(EventDescriptor& event, std::function<void()> function)

@@ -8,12 +8,12 @@
 
 namespace variator_sim {
 
-/// Runs a function on roscpp's poll thread after each post of an event. What is published there
-/// goes to the sockets before that thread sleeps again; published anywhere else, it has to be woken
-/// for that. As all connections of the process wait meanwhile, the function must not block.
+/// Runs a function on roscpp's poll thread after each post of an event. A message published there
+/// reaches the sockets before that thread sleeps again; a message from another thread has to wake
+/// it first. All connections of the process wait meanwhile, so the function must not block.
 class PollThreadTask {
  public:
-  /// `event` must outlive this object. To be made after the first ros::NodeHandle.
+  /// `event` must outlive this object. Requires an existing ros::NodeHandle.
   PollThreadTask(EventDescriptor& event, std::function<void()> function);
   /// Waits for the end of a call under way.
   ~PollThreadTask();

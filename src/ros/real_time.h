@@ -1,5 +1,5 @@
-/// What Linux offers to be on time: priority, and memory that stays. Both may be refused to
-/// ordinary users; then the node goes on without, as the log says.
+/// Real-time priority and locked memory of Linux. An ordinary user may lack the right to both; then
+/// the node runs without them and logs it.
 #pragma once
 
 #include <string>
@@ -7,12 +7,12 @@
 
 namespace variator_sim {
 
-/// SCHED_FIFO with `priority` (1 to 99) for `thread`. Why not, and what to do, or "".
+/// Sets SCHED_FIFO with `priority` (1 to 99). Returns why not and the remedy, or "".
 std::string setRealTimePriority(std::thread& thread, int priority);
 
-/// Keeps in memory what the process has mapped by now, from its next use on. What is mapped later
-/// is not locked: a stepping loop that is set up maps nothing more, and a limit can fail no later
-/// allocation. Why not, and what to do, or "".
+/// Locks the pages that the process has mapped by now, from their next use on. Later mappings are
+/// not locked: a running stepping loop maps nothing more, and a limit can fail no later allocation.
+/// Returns why not and the remedy, or "".
 std::string lockMemory();
 
 }  // namespace variator_sim

@@ -16,16 +16,16 @@ namespace variator_sim {
 /// boost::lockfree::spsc_queue refuses the newest entry when full, and its oldest can be taken by
 /// the consumer only; a state that is shown late is worth less than a new one. So each slot here is
 /// a sequence lock: the producer marks it odd, writes, and marks it with the entry's number; the
-/// consumer copies and then looks whether the mark is still that number. The payload is copied in
+/// consumer copies and then checks that the mark is still that number. The payload is copied in
 /// atomic words, so that an overwritten copy is stale and no data race.
 ///
-/// An entry may have numbers behind it, whose count the program knows only when it runs.
+/// An entry may be followed by numbers, whose count is known at run time.
 template <class T, std::size_t kCapacity>
 class SampleRing {
   static_assert(std::is_trivially_copyable_v<T>, "entries are copied word by word");
 
  public:
-  /// `most_numbers` may stand behind an entry.
+  /// At most `most_numbers` numbers follow an entry.
   explicit SampleRing(std::size_t most_numbers = 0)
       : most_numbers_(most_numbers),
         stride_(kHeader + kWords + most_numbers),
@@ -52,8 +52,8 @@ class SampleRing {
     written_.store(number + 1, std::memory_order_release);
   }
 
-  /// Consumer only. False when there is nothing new. `numbers`, if they are wanted, has room for as
-  /// many as there may be; those behind the entry's own mean nothing.
+  /// Consumer only. Returns false when there is no new entry. `numbers`, unless null, has room for
+  /// the maximum; numbers beyond the entry's own are undefined.
   bool pop(T& entry, double* numbers = nullptr) {
     for (;;) {
       const std::uint64_t written = written_.load(std::memory_order_acquire);

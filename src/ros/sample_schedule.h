@@ -1,4 +1,4 @@
-/// Which ticks have a sample.
+/// Selects the ticks at which samples are taken.
 #pragma once
 
 #include <algorithm>
@@ -9,20 +9,20 @@
 
 namespace variator_sim {
 
-/// Paced, one tick in so many has a sample: publish_rate counts wall time, so what goes over the
-/// wire does not grow with the speed. Where ticks come too slowly for that (a node that its scene
-/// overloads), one has a sample, too, when the last is twice 1 / publish_rate ago. Unpaced, a tick
-/// has one when the last is 1 / publish_rate ago. [loop]
+/// Paced, every k-th tick has a sample: publish_rate counts wall time, so the traffic does not grow
+/// with the speed. If ticks come too slowly for that (the scene overloads the node), a tick also
+/// has a sample when the last is twice 1 / publish_rate ago. Unpaced, a tick has one when the last
+/// is 1 / publish_rate ago. [loop]
 class SampleSchedule {
  public:
-  /// `publish_rate` in Hz; `speed`: ticks per s of the clock, 0 when unpaced. To be followed by
+  /// `publish_rate` in Hz; `speed`: ticks per s of the clock, 0 when unpaced. The caller then calls
   /// `countFrom`.
   void setRate(double publish_rate, double speed) {
     interval_ = toCount(kNanosecondsPerSecond / publish_rate);
     ticks_per_sample_ = std::max(1.0, speed / publish_rate);
   }
 
-  /// Samples are counted from `tick`, which is now, ns on the clock.
+  /// Counts samples from `tick`, which begins at `now`, ns on the clock.
   void countFrom(std::int64_t tick, std::int64_t now) {
     base_ = tick;
     count_ = 0;
@@ -31,7 +31,7 @@ class SampleSchedule {
     last_time_ = now;
   }
 
-  /// Whether the last tick of `pacer` has a sample; to be asked once a tick.
+  /// Returns whether the last tick of `pacer` has a sample. The caller calls it once a tick.
   bool isDue(const Pacer& pacer) {
     if (pacer.isPaced()) {
       const bool is_overdue =
@@ -45,9 +45,9 @@ class SampleSchedule {
     return true;
   }
 
-  /// When paced: the next tick with a sample.
+  /// Next tick with a sample; paced only.
   std::int64_t nextTick() const { return next_tick_; }
-  /// When paced: samples up to `tick` have been taken or are left out, `now`, ns on the clock.
+  /// Skips the samples up to `tick`, at `now`, ns on the clock; paced only.
   void passOver(std::int64_t tick, std::int64_t now) {
     last_time_ = now;
     while (next_tick_ <= tick) {
@@ -60,7 +60,7 @@ class SampleSchedule {
  private:
   double ticks_per_sample_ = 1.0;
   std::int64_t interval_ = 0;   ///< unpaced, ns
-  std::int64_t base_ = 0;       ///< the tick that samples are counted from
+  std::int64_t base_ = 0;       ///< the tick from which samples are counted
   std::int64_t count_ = 0;      ///< since then
   std::int64_t next_tick_ = 0;  ///< paced only
   std::int64_t next_time_ = 0;  ///< unpaced only, ns on the clock

@@ -10,7 +10,7 @@
 
 namespace variator_sim {
 
-/// A POSIX semaphore: the one who posts never waits.
+/// A POSIX semaphore; `post` never blocks.
 class Semaphore {
  public:
   Semaphore() { sem_init(&semaphore_, 0, 0); }
@@ -26,7 +26,7 @@ class Semaphore {
     }
   }
 
-  /// Until posted or until `deadline`, ns on CLOCK_MONOTONIC. True when posted.
+  /// Waits for a post or `deadline`, ns on CLOCK_MONOTONIC. Returns true when posted.
   bool waitUntil(std::int64_t deadline) {
     const timespec time = toTimespec(deadline);
     int result = 0;

@@ -31,7 +31,7 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
   return toParameterTree(value);
 }
 
-/// Where a scene takes long to read, ~status says so until there is a server that does.
+/// Publishes ~status while a scene is read, until the server does.
 class EarlyStatus {
  public:
   explicit EarlyStatus(const ros::NodeHandle& private_handle)
@@ -72,7 +72,8 @@ std::string join(const std::vector<std::string>& names) {
   return text.empty() ? "none" : text;
 }
 
-/// The way out where a key may be one of an earlier scene, in the dictionary at `place`; or "".
+/// Returns the remedy if a key may be left over from an earlier scene, in the dictionary at
+/// `place`; or "".
 std::string explainLeftOver(const std::string& message, const std::string& place) {
   if (message.find("unknown key") == std::string::npos &&
       message.find("is not read by the formula") == std::string::npos) {
@@ -84,7 +85,7 @@ std::string explainLeftOver(const std::string& message, const std::string& place
          place + "')";
 }
 
-/// What a user has to know of a node that is ready, on one line; inputs by their full topics.
+/// Returns a line for the log about a node that is ready; inputs by their full topics.
 std::string describeReady(const SceneInfo& scene, const std::string& machine_code,
                           const NodeSettings& settings, const ros::NodeHandle& private_handle) {
   std::vector<std::string> topics;
@@ -125,8 +126,8 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     const MachineCode wanted = simulation.scene().solver.machine_code;
     const bool is_ready = simulation.loadMachineCode(false) || wanted == MachineCode::kNever;
     const std::string machine_code = simulation.machineCode();
-    // Machine code is made before the first tick or not at all: by another simulation of the scene,
-    // as the node answers meanwhile.
+    // Machine code is compiled before the first tick or not at all. Another simulation of the scene
+    // compiles it, since the node answers meanwhile.
     std::function<void()> preparation;
     if (!is_ready) {
       const auto twin = std::make_shared<Simulation>(simulation.scene(), simulation);

@@ -1,4 +1,4 @@
-/// A simulation as the parameter server describes it.
+/// Makes a simulation from the parameter server.
 #pragma once
 
 #include <memory>
@@ -11,14 +11,14 @@ namespace variator_sim {
 
 class SimulationServer;
 
-/// Whether messages are handed to subscribers in the same process as they are. Then each message is
-/// a new one; otherwise one is filled again and again.
+/// kMessages: subscribers in the same process share each message, so each is a new object.
+/// kNothing: one message object is refilled.
 enum class Sharing { kNothing, kMessages };
 
-/// Reads the scene and the node's settings from the private parameters and starts; what is returned
+/// Reads the scene and the node's settings from the private parameters and starts a server, which
 /// runs until it is destroyed. Throws std::runtime_error with a message that begins with the
-/// parameter's full name. A shared pointer: whoever holds it needs no more of the server, and its
-/// header with all of roscpp and all messages stays out of programs and nodelets.
+/// parameter's full name. The shared pointer spares programs and nodelets the server's header with
+/// all of roscpp and all messages.
 std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle& public_handle,
                                                            const ros::NodeHandle& private_handle,
                                                            Sharing sharing);

@@ -17,7 +17,7 @@ namespace variator_sim {
 
 class SteppingLoop;
 
-/// Served where the callbacks of the handles are.
+/// Services that run in the thread of the handles' callbacks.
 class Services {
  public:
   /// `loop` must outlive this.
@@ -29,7 +29,7 @@ class Services {
   template <class Service, class Answer>
   void add(ros::NodeHandle& handle, const char* name, Answer answer);
 
-  /// Tell why a request is refused, or "". All of it is checked before anything changes.
+  /// Return why a request is rejected, or "". They check all of it before any change.
   std::string read(const Step::Request& message, LoopRequest& request) const;
   std::string read(const SetState::Request& message, StateExchange& exchange) const;
   /// Fills in success, message and state of an answer.

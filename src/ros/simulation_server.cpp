@@ -20,7 +20,7 @@ constexpr std::int64_t kDiagnosticsPeriod = 1000000000;  // ns: 1 Hz
 constexpr std::uint32_t kCommandQueue = 1000;            // messages
 constexpr std::uint32_t kStateQueue = 100;               // messages
 constexpr std::uint32_t kClockQueue = 100;               // messages
-constexpr std::int64_t kClockPatience = 5000000000;  // ns: then the log tells what is waited for
+constexpr std::int64_t kClockPatience = 5000000000;      // ns: then the log reports the wait
 
 void checkTopic(const CommandInputSettings& input) {
   const std::string key = input.owner + "/topic";
@@ -35,7 +35,7 @@ ClockRole roleFor(const NodeSettings& settings) {
   return ros::Time::isSystemTime() ? ClockRole::kWall : ClockRole::kFollower;
 }
 
-/// Callbacks of handles made from this one come in the queue.
+/// Returns a handle whose callbacks, and those of handles made from it, come in the queue.
 ros::NodeHandle withQueue(ros::NodeHandle handle, ros::CallbackQueue& queue) {
   handle.setCallbackQueue(&queue);
   return handle;
@@ -93,7 +93,7 @@ SimulationServer::~SimulationServer() {
 }
 
 void SimulationServer::advertiseTopics() {
-  // A new subscriber of states is served from the next tick on, without anybody polling.
+  // A new subscriber of states is served from the next tick on, without polling.
   const ros::SubscriberStatusCallback refresh = [this](const ros::SingleSubscriberPublisher&) {
     refreshDemand();
   };
@@ -145,7 +145,7 @@ void SimulationServer::receiveCommands(const Commands& message) {
 void SimulationServer::setUpClock() {
   const std::string& name = private_handle_.getNamespace();
   if (role_ == ClockRole::kOwner) {
-    // Whoever subscribes while time stands still has to learn what time it is.
+    // A subscriber that comes while time stands still has to learn the time.
     const ros::SubscriberStatusCallback greet = [this](const ros::SingleSubscriberPublisher&) {
       refreshDemand();
       clock_requested_.store(true);
@@ -212,7 +212,7 @@ void SimulationServer::startThreads(const NodeSettings& settings,
 }
 
 void SimulationServer::runCallbacks(ros::CallbackQueue& queue) const {
-  // A callback wakes the queue, and so does its end. ros::AsyncSpinner would look ten times a
+  // A callback wakes the queue, and so does its end. ros::AsyncSpinner would poll ten times a
   // second.
   while (!stopping_.load(std::memory_order_relaxed)) {
     queue.callAvailable(ros::WallDuration(1.0));
@@ -291,7 +291,7 @@ void SimulationServer::publishSamples() {
   TimedSample timed;
   while (loop_.popSample(timed, quantities_.data())) {
     if (role_ == ClockRole::kOwner) {
-      // Before the messages that are stamped with it.
+      // The clock precedes the messages stamped with it.
       published_time_ = timed.time;
       publishClock();
     }

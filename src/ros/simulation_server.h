@@ -29,14 +29,14 @@
 
 namespace variator_sim {
 
-/// Where ticks and stamps come from.
+/// Source of ticks and stamps.
 enum class ClockRole {
   kWall,      ///< ticks by the wall clock, stamps by ROS time
   kFollower,  ///< /use_sim_time: ticks and stamps by /clock
   kOwner      ///< publish_clock: ticks by the wall clock, stamps by simulated time, told on /clock
 };
 
-/// Lets a line of one kind into the log once in a while.
+/// Limits the rate of log lines of one kind.
 class LogThrottle {
  public:
   /// `now` in ns.
@@ -51,27 +51,26 @@ class LogThrottle {
 };
 
 /// Four threads, each with its own part of the data, and a fifth that answers ~pause while a long
-/// ~step has that of callbacks:
+/// ~step occupies the callback thread:
 ///
 ///     callbacks --- commands (queue), one request at a time ---> stepping
 ///     stepping  --- samples -----------------------------------> poll thread of roscpp
 ///     stepping  --- snapshots, refused commands ---------------> status
 ///
 /// The stepping thread runs the SteppingLoop and calls nothing of ROS, so neither a slow subscriber
-/// nor a full socket delays a step. Samples are published where sockets are written anyway, which
-/// spares waking one more thread for each; what may take its time, the diagnostics and the log, has
-/// the status thread. Callbacks have their own queue and one thread: the node's global queue is not
-/// used.
+/// nor a full socket delays a step. Samples are published in the thread that writes the sockets,
+/// which spares waking another one; slow work, the diagnostics and the log, is the status thread's.
+/// Callbacks have their own queue and one thread: the node's global queue is not used.
 class SimulationServer {
  public:
   /// Advertises, subscribes and starts the threads. `public_handle` is for joint_states,
-  /// `private_handle` for everything else. The motion begins when `preparation`, which compiles
-  /// machine code in a thread of its own, is over; null for none. Throws SceneError when the topic
-  /// of a command cannot be subscribed to.
+  /// `private_handle` for everything else. The motion begins after `preparation`, which compiles
+  /// machine code in a thread of its own; null for none. Throws SceneError when the topic of a
+  /// command cannot be subscribed to.
   SimulationServer(const ros::NodeHandle& public_handle, const ros::NodeHandle& private_handle,
                    Simulation simulation, const NodeSettings& settings, Sharing sharing,
                    const std::function<void()>& preparation);
-  /// Ends the threads; a request under way is answered with a refusal.
+  /// Ends the threads; a pending request fails.
   ~SimulationServer();
   SimulationServer(const SimulationServer&) = delete;
   SimulationServer& operator=(const SimulationServer&) = delete;
@@ -120,7 +119,7 @@ class SimulationServer {
   DrivetrainEnergy energy_message_;
   std::vector<NamedValues> quantity_messages_;  ///< of each group
   sensor_msgs::JointState joint_message_;
-  std::int64_t published_time_ = 0;  ///< simulated, ns: what /clock says
+  std::int64_t published_time_ = 0;  ///< simulated time of /clock, ns
 
   // Status thread.
   SimulationStatus status_message_;
@@ -142,7 +141,7 @@ class SimulationServer {
   Services services_;
   SteppingLoop loop_;
   std::vector<double> quantities_;            ///< of the sample being published
-  std::atomic<bool> clock_requested_{false};  ///< somebody has just subscribed to /clock
+  std::atomic<bool> clock_requested_{false};  ///< /clock has a new subscriber
   std::atomic<bool> stopping_{false};
 
   // Publishers may be used by any thread.

@@ -58,7 +58,7 @@ void SteppingLoop::serveState() {
     const std::int64_t shown = sampleTime();
     answer_.message = changeState(simulation_, *request_.exchange);
     if (!answer_.message.empty()) answer_.result = RequestResult::kRefused;
-    // Samples go on in time.
+    // Time of samples never goes back.
     present_ = std::llround(simulation_.time() * kNanosecondsPerSecond);
     offset_ = shown - present_;
     anchor();

@@ -1,4 +1,4 @@
-/// States of the motion that are asked for and set while it runs. Knows nothing of ROS.
+/// Reads and sets states of a running motion. It does not depend on ROS.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@ namespace variator_sim {
 
 class Simulation;
 
-/// Of whoever asks, and the stepping thread's while it serves.
+/// A request, owned by its caller, and by the stepping thread while that serves it.
 struct StateExchange {
   // To be set.
   ParameterTree change = ParameterTree::dictionary();  ///< of readMotionState
@@ -23,7 +23,7 @@ struct StateExchange {
   MotionState state;
 };
 
-/// Sets what `exchange` asks for. "" or why not: then nothing has changed. Allocates.
+/// Sets the requested state. Returns "", or why not: then the motion is unchanged. Allocates.
 std::string changeState(Simulation& simulation, const StateExchange& exchange);
 
 }  // namespace variator_sim

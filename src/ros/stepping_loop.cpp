@@ -13,7 +13,7 @@
 namespace variator_sim {
 namespace {
 
-/// ns between two ticks; 0: unpaced.
+/// Returns the time between two ticks, ns; 0: unpaced.
 double periodOf(double tick_rate, double real_time_factor) {
   return real_time_factor == 0.0 ? 0.0 : kNanosecondsPerSecond / (tick_rate * real_time_factor);
 }
@@ -53,8 +53,8 @@ void SteppingLoop::commandTogether(const InputCommand* commands, int count) {
 }
 
 void SteppingLoop::wakeIfIdle() {
-  // Read-modify-write on both sides: either this one comes first and the stepping thread sees what
-  // came before it waits, or it comes second and sees that there is somebody to wake.
+  // Read-modify-write on both sides: either this one comes first and the stepping thread sees the
+  // request before it waits, or it comes second and sees that the thread waits.
   if (idle_.fetch_add(0, std::memory_order_acq_rel) != 0) clock_.wake();
 }
 
@@ -128,7 +128,7 @@ bool SteppingLoop::isCalled() const {
 void SteppingLoop::noticeChanges() {
   if (is_preparing_ && prepared_.load(std::memory_order_acquire)) {
     is_preparing_ = false;
-    const Interruption none([] { return false; });  // it is found in the cache, or not
+    const Interruption none([] { return false; });  // the cache has it, or not
     simulation_.loadMachineCode(/*compile=*/false);
     anchor();
     pushSnapshot(true);
@@ -174,7 +174,7 @@ void SteppingLoop::tick() {
   if (!isQuiet() || has_sample || commands_.read_available() > 0) {
     catchUp();
     if (noticeStop()) return;
-    // Commands that arrived since the last tick take effect now: never before they were given.
+    // Commands that arrived since the last tick take effect now, never before their arrival.
     applyCommands();
     if (has_sample) pushSample();
   }
@@ -205,7 +205,7 @@ void SteppingLoop::catchUp() {
     constexpr double kRounding = 1e-3;                          // ns
     present_ = static_cast<std::int64_t>(simulation_.time() * kNanosecondsPerSecond + kRounding);
   }
-  // Well before the end: what happens there happens at a tick that asks for it.
+  // Stay well before the end, so that events there occur at a tick that advances the simulation.
   constexpr std::int64_t kMargin = 10;
   const double end = simulation_.quietUntil() * kNanosecondsPerSecond;
   quiet_until_ = end < static_cast<double>(kLastInstant) ? static_cast<std::int64_t>(end) - kMargin
@@ -214,7 +214,7 @@ void SteppingLoop::catchUp() {
 
 void SteppingLoop::passOverRest() {
   idle_.exchange(kResting, std::memory_order_acq_rel);
-  // Status is told ten times a second, samples when they are due.
+  // Status is due ten times a second, samples by their own schedule.
   const double ticks_per_slice = std::ceil(static_cast<double>(kSliceLength) / pacer_.period());
   std::int64_t needed =
       pacer_.tick() + std::max<std::int64_t>(1, static_cast<std::int64_t>(ticks_per_slice));
@@ -222,7 +222,7 @@ void SteppingLoop::passOverRest() {
     needed = std::min(needed, samples_due_.nextTick());
   }
   const bool can_wait = needed > pacer_.tick() + 1;
-  // What came before the flag was set has woken nobody.
+  // A request before the flag was set has not woken this thread.
   if (can_wait && commands_.read_available() == 0 && !isCalled()) {
     clock_.waitUntil(pacer_.dueTime(needed));
   }
@@ -239,11 +239,11 @@ void SteppingLoop::passOverRest() {
 
 void SteppingLoop::waitWhileIdle() {
   idle_.exchange(kResting, std::memory_order_acq_rel);
-  // What came before the flag was set has woken nobody.
+  // A request before the flag was set has not woken this thread.
   if (commands_.read_available() == 0 && !isCalled() && clock_started_ == clock_.hasStarted()) {
     idle_.store(kWaiting, std::memory_order_release);
     clock_.waitUntil(PacingClock::kForever);
-    // Whoever has borrowed the simulation meanwhile gives it back; nothing is late while idle.
+    // A submitter that has borrowed the simulation gives it back first; no tick is late while idle.
     int waiting = kWaiting;
     while (!idle_.compare_exchange_strong(waiting, kAwake, std::memory_order_acq_rel)) {
       waiting = kWaiting;
@@ -254,7 +254,7 @@ void SteppingLoop::waitWhileIdle() {
   }
   if (isCalled()) return;
   if (commands_.read_available() > 0) {
-    // They count and are refused now; what they move shows in the next sample.
+    // They count and are rejected now; their effect shows in the next sample.
     applyCommands();
     pushSnapshot(false);
   }
@@ -274,12 +274,12 @@ void SteppingLoop::applyCommand(const InputCommand& command) {
   const bool was_clamped = !std::isnan(simulation_.firstClampedCommand(command.input));
   const CommandResult result = simulation_.command(command.input, command.value);
   if (result == CommandResult::kRefused || (result == CommandResult::kClamped && !was_clamped)) {
-    odd_commands_.push(command);  // full: counted all the same, only not told
+    odd_commands_.push(command);  // full: counted, but not reported
   }
 }
 
 void SteppingLoop::resetMotion(bool reset_time) {
-  // Commands from before the reset are forgotten with the motion that they were meant for.
+  // Commands from before the reset are dropped with the motion that they were for.
   commands_.consume_all([](const InputCommand&) {});
   offset_ = reset_time ? 0 : sampleTime();
   present_ = 0;
@@ -322,7 +322,7 @@ bool SteppingLoop::noticeStop() {
 std::int64_t SteppingLoop::sampleTime() {
   const MotionStatus& status = simulation_.status();
   if (status.ok()) return offset_ + present_;
-  // Stopped between two instants of ours.
+  // The motion stopped between two ticks.
   return offset_ + std::llround(status.time * kNanosecondsPerSecond);
 }
 
@@ -359,7 +359,7 @@ void SteppingLoop::endSliceIfDue(std::int64_t now) {
   if (now < slice_end_) return;
   ++slice_count_;
   constexpr std::int64_t kSlices = LatenessWindow::kSlices;
-  // The oldest start still known: of the slice kSlices before this one, or the anchor's.
+  // The oldest start kept: that of the slice kSlices before this one, or the anchor.
   const std::int64_t oldest = std::max<std::int64_t>(0, slice_count_ - kSlices);
   const SliceStart& start = slice_starts_[static_cast<std::size_t>(oldest % kSlices)];
   if (now > start.wall_time) {
@@ -400,7 +400,7 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   snapshot.statistics = simulation_.statistics();
   snapshot.energy_doubt = simulation_.energyDoubt();
   if (snapshot.state == RunState::kStopped) {
-    // The motion is over: this allocates, and nobody is waiting for a tick.
+    // The motion is over, so no tick is delayed if this allocates.
     const std::string text = simulation_.describeStatus();
     StopMessage message;
     std::copy_n(text.begin(), std::min(text.size(), message.text.size() - 1), message.text.begin());

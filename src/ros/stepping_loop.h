@@ -1,4 +1,4 @@
-/// The thread that steps, and its mailboxes. It knows nothing of ROS.
+/// The stepping thread and its mailboxes. It does not depend on ROS.
 #pragma once
 
 #include <array>
@@ -32,15 +32,15 @@ namespace variator_sim {
 ///
 /// A command takes effect at the first tick after its arrival; while paused, at the present.
 ///
-/// A tick whose instant lies inside a step already made moves the present alone: the simulation
-/// follows when a sample, a command or the status asks for it, or the next step is due. What it is
-/// asked is the same, and so are steps, stops and samples; but code and data that have left the
-/// processor's caches since the last tick need not come back for nothing.
+/// A tick whose instant lies inside a step already made moves the current time alone: the
+/// simulation follows when a sample, a command or the status needs it, or the next step is due.
+/// Steps, stops and samples are the same; but code and data that have left the processor's caches
+/// since the last tick are not reloaded for nothing.
 ///
-/// While the motion sleeps nobody needs ticks but those with a sample or a status: the thread waits
-/// for the next of these, or until it is woken, and the ticks between are passed over. What a tick
-/// of a sleeping motion does to it is move the present, so times, samples and commands are those of
-/// a loop that makes every tick.
+/// While the motion sleeps, only ticks with a sample or a status are needed: the thread waits for
+/// the next of these, or for a wake-up, and skips the ticks between. A tick only moves the current
+/// time of a sleeping motion, so times, samples and commands are those of a loop that makes every
+/// tick.
 ///
 /// On a followed clock the first tick waits until the clock has started, simulated time stands
 /// while the clock does, and a jump back is a reset of motion and time.
@@ -56,17 +56,15 @@ class SteppingLoop {
   /// @}
 
   /// @name Before `run`
-  /// @{
-  /// Holds the motion at its present until `endPreparation`, for machine code that is being
-  /// compiled meanwhile; requests are served.
+  /// @{ Holds the motion at the current time until `endPreparation`, while machine code is
+  /// compiled; requests are served.
   void beginPreparation() { is_preparing_ = true; }
   /// @}
 
   /// @name For one thread that commands
-  /// @{
-  /// Wait-free. A full queue drops the command and counts that.
+  /// @{ Queues a command, wait-free. A full queue drops and counts it.
   void command(const InputCommand& command) { commandTogether(&command, 1); }
-  /// The same for some that take effect at one instant.
+  /// Queues commands that take effect at one instant.
   void commandTogether(const InputCommand* commands, int count);
   /// @}
 
@@ -76,22 +74,21 @@ class SteppingLoop {
   bool popSample(TimedSample& sample, double* quantities = nullptr) {
     return samples_.pop(sample, quantities);
   }
-  /// Of all groups.
+  /// Number of quantities in all groups.
   std::size_t quantityCount() const { return quantities_.size(); }
-  /// Posted when there is something to pop.
+  /// The event posted when there is a sample to pop.
   EventDescriptor& sampleNews() { return sample_news_; }
   /// @}
 
-  /// @name For one thread that tells of the loop
+  /// @name For one thread that reports on the loop
   /// @{
   bool popSnapshot(LoopSnapshot& snapshot) { return snapshots_.pop(snapshot); }
-  /// Comes before each snapshot of a stopped motion.
+  /// Pops the message that precedes each snapshot of a stopped motion.
   bool popStopMessage(StopMessage& message) { return stop_messages_.pop(message); }
-  /// A command that was refused for being NaN or infinite, or the first one to its input that was
-  /// clamped.
+  /// Pops a command that was rejected for being NaN or infinite, or the first one to its input that
+  /// was clamped.
   bool popOddCommand(InputCommand& command) { return odd_commands_.pop(command); }
-  /// Sleeps until the state has changed, or the loop has ended, or until `deadline` (ns on
-  /// CLOCK_MONOTONIC).
+  /// Sleeps until the state changes, the loop ends, or `deadline` (ns on CLOCK_MONOTONIC).
   void waitForNews(std::int64_t deadline) { news_.waitUntil(deadline); }
   /// @}
 
@@ -101,26 +98,27 @@ class SteppingLoop {
   /// when that thread has nothing to do. One at a time: others wait for their turn, but a step that
   /// goes on for more than kPatience of wall time ends for a pause, and a tick for any request.
   LoopAnswer submit(const LoopRequest& request);
-  /// Machine code is in the cache, or there is none: the motion begins.
+  /// Begins the motion: machine code is in the cache, or there is none.
   void endPreparation();
   std::uint64_t droppedCommands() const {
     return dropped_commands_.load(std::memory_order_relaxed);
   }
   std::uint64_t droppedSamples() const { return samples_.dropped(); }
-  /// Whether anybody wants samples at publish_rate.
+  /// Turns samples at publish_rate on or off.
   void setSamplesWanted(bool wanted);
-  /// Whether samples are to have the energies.
+  /// Turns the energies of samples on or off.
   void setEnergyWanted(bool wanted) { energy_wanted_.store(wanted, std::memory_order_relaxed); }
-  /// Which groups of quantities samples are to have.
+  /// Selects the groups of quantities in samples.
   void setQuantitiesWanted(QuantityGroups groups) {
     groups_wanted_.store(groups.bits(), std::memory_order_relaxed);
   }
   /// Ends `run`; requests from then on, and one under way, are answered with kShutDown.
   void stop();
-  /// Simulated s per s of the clock, >= 0 (0: unpaced), from the present on: deadlines count anew,
-  /// so neither a burst nor a stall comes of it. Nothing on a followed clock, which sets the pace.
+  /// Sets the simulated s per s of the clock, >= 0 (0: unpaced), from the current time on:
+  /// deadlines count anew, which causes neither a burst nor a stall. No effect on a followed clock,
+  /// which sets the pace.
   void setRealTimeFactor(double factor);
-  /// States per s of the clock, > 0 and at most the tick rate.
+  /// Sets the states per s of the clock, > 0 and at most the tick rate.
   void setPublishRate(double rate);
   /// @}
 
@@ -135,48 +133,48 @@ class SteppingLoop {
     return paused_ || !clock_started_ || is_preparing_ ||
            (!isQuiet() && !simulation_.status().ok());
   }
-  /// True while ticks have no need of the simulation, see Simulation::quietUntil.
+  /// True while ticks need not advance the simulation, see Simulation::quietUntil.
   bool isQuiet() const { return present_ < quiet_until_; }
   bool isCalled() const;
-  /// Whether an advance of the motion ends early, where it has come to: by whoever steps.
+  /// Returns whether the stepping thread has to end an advance of the motion early.
   bool hasToYield();
   void wakeIfIdle();
-  /// What others have asked for without waiting: another time, other settings.
+  /// Applies settings and times that other threads have requested without waiting.
   void noticeChanges();
   void noticeClock();
   void applySettings();
   RunState state() const;
   void tick();
-  /// False when simulated time ends before: the motion is stopped there.
+  /// Returns false, and stops the motion, when simulated time ends before.
   bool moveToTick();
-  /// Brings the simulation to the present, which ticks may have moved alone. Interrupted, the
-  /// present goes back to where the motion has come to.
+  /// Advances the simulation to the current time, which ticks may have moved alone. An interruption
+  /// sets the current time back to that of the motion.
   void catchUp();
-  /// At rest: waits until a tick is needed and passes over those before it.
+  /// At rest: waits until a tick is needed and skips those before it.
   void passOverRest();
   void waitWhileIdle();
   void serveRequest();
-  /// On the submitter's thread, while the stepping thread waits for something to do: false when it
-  /// does not wait. Spares a controller in lockstep two changes of thread per step.
+  /// Serves a request on the submitter's thread while the stepping thread is idle; returns false
+  /// when it is not. Spares a controller in lockstep two thread switches per step.
   bool serveWhileIdle(const LoopRequest& request, LoopAnswer& answer);
   void serveStep();
   void serveState();
   void resetMotion(bool reset_time);
   void applyCommands();
   void applyCommand(const InputCommand& command);
-  /// Ticks and deadlines count from the present.
+  /// Counts ticks and deadlines from the current time.
   void anchor();
-  /// After anything that may have ended the motion: true when it has just stopped.
+  /// Called after each action that may stop the motion; returns true when it has just stopped.
   bool noticeStop();
-  /// Of the simulation where it is: at the present, for those who have caught up. Its quantities
-  /// are in `quantities_` until the next one is taken.
+  /// Samples the simulation at its own time, which is the current one after `catchUp`. The
+  /// quantities are in `quantities_` until the next call.
   TimedSample takeSample();
-  /// To the thread that publishes, which is woken: the sample just taken.
+  /// Passes the sample just taken to the publishing thread and wakes it.
   void handOver(const TimedSample& sample);
   void pushSample();
   void pushSnapshot(bool state_changed);
   void endSliceIfDue(std::int64_t now);
-  /// Simulated ns of the simulation's present, offset included.
+  /// Simulated time of the simulation, ns, offset included.
   std::int64_t sampleTime();
 
   /// The values of the last sample's groups, the stepping thread's own.
@@ -196,8 +194,8 @@ class SteppingLoop {
   std::atomic<bool> prepared_{false};
   std::atomic<bool> request_posted_{false};
   std::atomic<bool> stopping_{false};
-  /// Not kAwake: a command has to wake the stepping thread. Whoever moves it from kWaiting to kLent
-  /// owns all that is the stepping thread's, until he moves it back.
+  /// Not kAwake: a command has to wake the stepping thread. The thread that moves it from kWaiting
+  /// to kLent owns the stepping thread's data until it moves it back.
   std::atomic<int> idle_{kAwake};
   std::atomic<bool> samples_wanted_{false};
   std::atomic<bool> energy_wanted_{false};
@@ -231,7 +229,7 @@ class SteppingLoop {
   std::int64_t anchor_ = 0;       ///< the scene's time at tick 0, ns
   std::int64_t moment_ = 0;       ///< when the last tick was due, ns on the clock
 
-  /// Where the last slices of the windows began: a ring.
+  /// A ring of the starts of the windows' last slices.
   struct SliceStart {
     std::int64_t wall_time = 0;  ///< ns
     std::int64_t time = 0;       ///< the scene's, ns
@@ -242,7 +240,7 @@ class SteppingLoop {
   double measured_factor_ = 0.0;
   std::array<double, kMaxConstraints> residual_{};
   LatenessWindow lateness_;
-  // Of that window at the end of the last slice, ns.
+  // Lateness in that window at the end of the last slice, ns.
   std::int64_t lateness_p50_ = 0;
   std::int64_t lateness_p99_ = 0;
   std::int64_t lateness_max_ = 0;

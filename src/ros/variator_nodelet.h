@@ -9,12 +9,11 @@ namespace variator_sim {
 
 class SimulationServer;
 
-/// Has its own threads and callback queue, as the node has: the manager's threads are not used.
+/// A nodelet with its own threads and callback queue, as the node has: the manager's are not used.
 /// Nodelets of the same manager get its messages without a copy.
 class VariatorNodelet : public nodelet::Nodelet {
  private:
-  /// Throws when the scene is bad, after it has logged why: then the manager refuses to load it,
-  /// and goes on.
+  /// Throws, after it has logged why, when the scene is bad: then the manager rejects the nodelet.
   void onInit() override;
 
   std::shared_ptr<SimulationServer> server_;

@@ -49,8 +49,8 @@ bool isEnding() {
   return !ros::ok() || ros::isShuttingDown();
 }
 
-/// What is under way when a shutdown is asked for has this long: the reading of a scene, or a step,
-/// that does not end must not hold the process.
+/// Bounds the time of a shutdown: a scene's reading, or a step, that does not end must not hold the
+/// process.
 void endSoon() {
   std::thread([] {
     std::this_thread::sleep_for(std::chrono::milliseconds(700));
@@ -58,7 +58,7 @@ void endSoon() {
   }).detach();
 }
 
-/// Reads the scene in a thread of its own, for a shutdown to be heard meanwhile.
+/// Reads the scene in a thread of its own, so that a shutdown is noticed meanwhile.
 std::shared_ptr<variator_sim::SimulationServer> makeServer(const ros::NodeHandle& public_handle,
                                                            const ros::NodeHandle& private_handle) {
   auto server = std::async(std::launch::async, [&] {
@@ -74,7 +74,8 @@ std::shared_ptr<variator_sim::SimulationServer> makeServer(const ros::NodeHandle
   return server.get();
 }
 
-/// ros::waitForShutdown looks 20 times a second; the end of the global queue wakes us at once.
+/// ros::waitForShutdown polls 20 times a second; the end of the global queue wakes this thread at
+/// once.
 void waitForShutdown() {
   while (!isEnding()) {
     ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(1.0));
@@ -103,7 +104,7 @@ int runNode(int argc, char** argv) {
   }
   const ros::NodeHandle public_handle;
   const ros::NodeHandle private_handle("~");
-  // While there is a handle there is a log.
+  // The log exists while a handle does.
   try {
     const auto server = makeServer(public_handle, private_handle);
     waitForShutdown();
@@ -129,7 +130,7 @@ int main(int argc, char** argv) {
   try {
     return runNode(argc, argv);
   } catch (const std::exception& error) {
-    // Of roscpp itself, before there is a log: no name can be made of __name:='a b'.
+    // roscpp itself throws before there is a log, as for __name:='a b'.
     std::fprintf(stderr, "variator_sim_node: %s\n", presentable(error.what()).c_str());
   }
   return kBadScene;

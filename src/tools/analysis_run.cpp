@@ -29,7 +29,7 @@
 namespace variator_sim {
 namespace {
 
-/// How long rest is waited for without --duration, s.
+/// Longest wait for rest without --duration, s.
 constexpr double kPatience = 1000.0;
 
 /// `velocity=[10, 5], inputs={throttle: 0.5}` as YAML.
@@ -48,7 +48,7 @@ class Run {
  public:
   Run(Simulation& simulation, const std::vector<ResolvedCommand>& commands)
       : simulation_(simulation), commands_(commands) {
-    // Those before a state that the run goes on from are over.
+    // Commands before the state from which the run continues are past.
     while (next_ < commands_.size() && commands_[next_].time < simulation.time()) ++next_;
   }
 
@@ -61,7 +61,7 @@ class Run {
     simulation_.sample();
     return simulation_.status().ok() && simulation_.time() >= time;  // not interrupted
   }
-  /// To the first rest until `end`. False when there is none.
+  /// Advances to the first rest until `end`. Returns false when there is none.
   bool advanceToRest(double end) {
     for (double time = simulation_.time(); time < end && !Interruption::isWanted();) {
       time = std::min(end, time + std::max(0.05, 0.01 * time));
@@ -77,7 +77,7 @@ class Run {
   std::size_t next_ = 0;
 };
 
-/// Why the motion does not come to rest, and what does without.
+/// Explains why the motion does not come to rest, and the option that needs none.
 std::string explainUnrest(Simulation& simulation) {
   const Scene& scene = simulation.scene();
   std::string readers;
@@ -106,7 +106,7 @@ std::string explainUnrest(Simulation& simulation) {
   return text + "; --at 0, or another time, takes the model there";
 }
 
-/// False, with a message, when it cannot be reached.
+/// Returns false, with a message, when the point cannot be reached.
 bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
                 const SimulateOptions& options, OperatingPoint* point) {
   double time = 0.0;
@@ -152,15 +152,15 @@ TrimChoice readChoice(const std::string& option, const std::string& text, bool n
   return choice;
 }
 
-/// The Python program that knows the formats of NumPy and MATLAB; it lies where the program does.
+/// Returns the path of the Python converter for NumPy and MATLAB, beside this program.
 std::string findConverter() {
   const auto program = std::filesystem::read_symlink("/proc/self/exe");
   const auto prefix = program.parent_path().parent_path().parent_path();
   return prefix / VARIATOR_SIM_PYTHON_FOLDER / "linear_model_files.py";
 }
 
-/// A model's CSV as the content of a file with this ending; an empty text tells only whether that
-/// can be made. Throws OutputError.
+/// Converts a model's CSV to the content of a file with this ending; an empty text only checks that
+/// the conversion is possible. Throws OutputError.
 std::string convertModel(const std::string& csv, std::string ending) {
   using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
   const File input(std::tmpfile(), std::fclose);
@@ -210,7 +210,7 @@ std::string asComment(const std::string& text) {
 bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
                   const SimulateOptions& options) {
   const std::string& path = options.output_path;
-  // A path that means nothing, and a library that is missing, are told before the run.
+  // An invalid path or a missing library is reported before the run.
   const std::string ending = path.empty() ? "" : endingOfModel(path);
   const bool converts = ending == ".npz" || ending == ".mat";
   if (converts) convertModel("", ending);

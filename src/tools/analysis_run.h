@@ -9,13 +9,13 @@
 
 namespace variator_sim {
 
-/// Brings `simulation` to where `--at` says, writes its linear model and prints a report. Throws
-/// SceneError, UsageError, OutputError. False when the motion stops on the way, comes to no rest or
-/// is interrupted (Interruption).
+/// Brings `simulation` to the point of `--at`, writes its linear model and prints a report. Throws
+/// SceneError, UsageError, OutputError. Returns false when the motion stops on the way, comes to no
+/// rest or is interrupted (Interruption).
 bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
                   const SimulateOptions& options);
 
-/// Writes the steady state. False when there is none.
+/// Writes the steady state. Returns false when there is none.
 bool runTrim(const Scene& scene, const SimulateOptions& options);
 
 }  // namespace variator_sim

@@ -39,7 +39,7 @@ class BagWriter : public SampleWriter {
     try {
       if (bag_ != nullptr) finish();
     } catch (const OutputError&) {
-      // Somebody is on the way out already, for a reason of its own.
+      // The caller already reports an earlier error.
     }
   }
 
@@ -62,7 +62,7 @@ class BagWriter : public SampleWriter {
 
   void writeSample(const Sample& sample, const double* quantities) {
     const ros::Time stamp = stampOf(sample.time);
-    // A bag files nothing under time 0; the message's own stamp keeps it.
+    // A bag accepts no entry at time 0; the message's own stamp keeps it.
     const ros::Time filed = std::max(stamp, ros::TIME_MIN);
     if (columns_.state) {
       state_.header.stamp = stamp;
@@ -92,7 +92,7 @@ class BagWriter : public SampleWriter {
     try {
       action();
     } catch (const rosbag::BagException& error) {
-      // rosbag does not tell the system's reason.
+      // rosbag does not report the system's reason.
       const int reason = errno;
       std::string message = path_ + ": " + error.what();
       if (reason != 0) message += " (" + std::generic_category().message(reason) + ")";
@@ -104,7 +104,7 @@ class BagWriter : public SampleWriter {
   }
 
   /// rosbag closes a bag in its destructor, too, which fails again and ends the program: a bag that
-  /// cannot be completed is never destroyed. True when there is something in its file.
+  /// cannot be completed is never destroyed. Returns true when the file has content.
   bool abandon() {
     static rosbag::Bag* abandoned = nullptr;
     abandoned = bag_.release();

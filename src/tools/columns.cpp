@@ -12,7 +12,7 @@ namespace {
 constexpr const char* kShaftColumns[] = {"angle",           "velocity",
                                          "acceleration",    "applied_torque",
                                          "reaction_torque", "reaction_torque_rate"};
-/// So many of them, the first ones, have an estimated error.
+/// Number of leading columns with an estimated error.
 constexpr int kEstimated = 3;
 constexpr const char* kEnergyColumns[] = {"energy/kinetic", "energy/applied", "energy/reactions",
                                           "power/applied", "power/reactions"};
@@ -70,7 +70,7 @@ std::vector<std::string> columnNames(const Simulation& simulation, const ColumnG
     }
   }
   for (const QuantityGroup group : groups.quantities) {
-    // Elements have names of their own in the scene; of inputs and outputs the group is part.
+    // Elements have unique names in the scene; names of inputs and outputs include the group.
     const std::string prefix =
         group == QuantityGroup::kElements ? "" : std::string(toString(group)) + "/";
     for (const std::string& name : simulation.quantityNames(group)) names.push_back(prefix + name);

@@ -1,4 +1,4 @@
-/// The columns of samples: their names and their values, in one order for all who write them.
+/// The columns of samples: names and values, in one order for all writers.
 #pragma once
 
 #include <stdexcept>
@@ -12,7 +12,7 @@ namespace variator_sim {
 
 class Simulation;
 
-/// The groups of columns (of a bag: topics) that samples are written with, in this order.
+/// The groups of columns (of topics in a bag) to write, in this order.
 struct ColumnGroups {
   bool state = true;
   bool errors = false;                    ///< estimated, beside those of the state
@@ -20,13 +20,13 @@ struct ColumnGroups {
   bool energy = false;
 };
 
-/// "state,energy": each group once. Throws std::invalid_argument.
+/// Reads a list such as "state,energy", each group once. Throws std::invalid_argument.
 ColumnGroups readColumnGroups(const std::string& list);
 
-/// "time" and what follows, e.g. "drive/velocity", "outputs/ratio", "energy/kinetic".
+/// Returns "time" and the other columns, e.g. "drive/velocity", "outputs/ratio", "energy/kinetic".
 std::vector<std::string> columnNames(const Simulation& simulation, const ColumnGroups& groups);
 
-/// Puts one sample's values into rows as `columnNames` names them.
+/// Writes one sample's values in the order of `columnNames`.
 class RowMaker {
  public:
   RowMaker(const Simulation& simulation, const ColumnGroups& groups);

@@ -67,13 +67,13 @@ class CsvWriter : public SampleWriter {
   void close() override {
     if (!owns_file_) return;
     owns_file_ = false;
-    // Some file systems tell only now that the disk is full.
+    // Some file systems report a full disk only on close.
     if (::close(file_) != 0) fail(name_);
   }
 
  private:
   char* writeNumber(double value, char* end) {
-    // The sign of a NaN is the processor's and means nothing.
+    // The sign of a NaN depends on the processor and has no meaning.
     if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
     end = std::to_chars(end, end + kLongestNumber, value).ptr;
     *end++ = ',';

@@ -13,10 +13,10 @@ bool isZero(const Equation& equation) {
   return expression::isNumber(*equation.right, 0.0);
 }
 
-/// Where to break `text`, which is longer than `room`: before the sign of a sum or behind a comma,
-/// as far outside of parentheses and as far to the right as can be. 0: nowhere.
+/// Returns the position at which to break `text`, which is longer than `room`: before the sign of a
+/// sum or behind a comma, as far outside of parentheses and as far right as possible. 0: none.
 std::size_t findBreak(const std::string& text, std::size_t room) {
-  // A level of parentheses is worth this many characters.
+  // Penalty of a level of parentheses, characters.
   constexpr int kLevel = 25;
   std::size_t best = 0;
   int best_worth = 0;
@@ -38,7 +38,7 @@ std::size_t findBreak(const std::string& text, std::size_t room) {
   return best;
 }
 
-/// `text` behind `margin`, the lines after the first one indented as far.
+/// Wraps `text` behind `margin` and indents the further lines as far.
 std::string wrap(const std::string& margin, std::string text) {
   std::string lines = margin;
   const std::string indent(margin.size() + 4, ' ');
@@ -53,7 +53,7 @@ std::string wrap(const std::string& margin, std::string text) {
   return lines + text + "\n";
 }
 
-/// Words are broken at spaces, but not within (x, y).
+/// Breaks words at spaces, but not within (x, y).
 std::string wrapWords(const std::string& text) {
   std::string lines;
   std::string line = "  ";
@@ -74,7 +74,7 @@ std::string wrapWords(const std::string& text) {
   return lines + line + "\n";
 }
 
-/// About how wide LaTeX becomes, in characters.
+/// Estimates the width of typeset LaTeX, in characters.
 std::size_t visibleWidth(const std::string& latex) {
   std::size_t width = 0;
   for (std::size_t i = 0; i < latex.size(); ++i) {
@@ -120,7 +120,7 @@ std::string layOutText(const std::vector<EquationSection>& sections, const std::
     for (const Words& words : section.sentences) text += wrapWords(words.text);
     std::size_t width = 0;
     for (const Equation& it : section.equations) {
-      // What is zero stands by itself.
+      // Vanishing parts are listed by themselves.
       if (isZero(it)) continue;
       width = std::max(width, expression::toText(*it.left).size());
     }

@@ -1,4 +1,4 @@
-/// What `simulate --explain` prints: the equations of a scene, laid out.
+/// Lays out the equations of a scene for `simulate --explain`.
 #pragma once
 
 #include <string>
@@ -8,9 +8,9 @@
 
 namespace variator_sim {
 
-/// For a terminal: equal signs below each other, sums broken where a line would be too long.
+/// Lays out for a terminal: aligned equal signs, broken sums in place of long lines.
 std::string layOutText(const std::vector<EquationSection>& sections, const std::string& title);
-/// A whole document for pdflatex with amsmath.
+/// Returns a whole document for pdflatex with amsmath.
 std::string layOutLatex(const std::vector<EquationSection>& sections, const std::string& title);
 
 }  // namespace variator_sim

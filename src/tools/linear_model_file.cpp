@@ -15,7 +15,7 @@ namespace {
 using Eigen::MatrixXd;
 using Names = std::vector<std::string>;
 
-/// What a file has, in order.
+/// A part of a file, in order.
 struct Part {
   const char* name;
   MatrixXd values;
@@ -88,7 +88,7 @@ void addEigenvalues(const LinearModel& model, std::string& text) {
                     (value.imag() != 0.0 ? " +- " + format("%.6g", value.imag()) + " i" : ""),
                 30);
     text += pad(format("%.6g", frequency), 19) + pad(format("%.4f", -value.real() / frequency), 9);
-    // (Sorted by size: rounding of the others is of the last one's.)
+    // (They are sorted by size, and the largest sets the rounding of all.)
     const double rounding = 1e-15 * std::abs(eigenvalues.back());
     text += value.real() < -rounding  ? format("%.6g", -1.0 / value.real())
             : value.real() > rounding ? "unstable"

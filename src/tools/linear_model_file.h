@@ -7,13 +7,13 @@
 
 namespace variator_sim {
 
-/// For reading: states, eigenvalues, notes; the matrices where `with_matrices`.
+/// Returns a report of states, eigenvalues and notes, with the matrices if `with_matrices`.
 std::string describeModel(const LinearModel& model, bool with_matrices);
 
-/// What the path of a model's file ends with: .csv, .npz or .mat. Throws UsageError for others.
+/// Returns the extension of a model's file: .csv, .npz or .mat. Throws UsageError for others.
 std::string endingOfModel(const std::string& path);
 
-/// The whole model as CSV, matrix,row,column,value, a line per entry: numbers to the bit.
+/// Returns the model as CSV, matrix,row,column,value, a line per entry, without loss of digits.
 std::string writeModel(const LinearModel& model);
 
 }  // namespace variator_sim

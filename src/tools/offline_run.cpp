@@ -35,7 +35,7 @@ std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& co
 
 std::vector<std::string> describeDoubts(const Simulation& simulation) {
   std::vector<std::string> doubts;
-  // Fixed steps have no tolerance to keep: whoever asked for them hears when they are crude.
+  // Fixed steps keep no tolerance, so the user is warned when they are crude.
   constexpr double kCrude = 1e-3;
   const SolverSettings& solver = simulation.scene().solver;
   const double part = simulation.statistics().largest_error_estimate * solver.relative_tolerance;
@@ -74,7 +74,7 @@ OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
   const auto first_ignored = first_after(end);
   ignored_count_ = static_cast<std::size_t>(commands_.end() - first_ignored);
   commands_.erase(first_ignored, commands_.end());
-  // One at the beginning has been given already, or is new: given twice it changes nothing.
+  // A command at the beginning may have been applied already; applying it twice has no effect.
   const auto first =
       first_after(std::nextafter(simulation.time(), -std::numeric_limits<double>::infinity()));
   past_count_ = static_cast<std::size_t>(first - commands_.begin());
@@ -113,7 +113,7 @@ void OfflineRun::takeSample(SampleBlock& block) {
 
 void OfflineRun::addSample(SampleBlock& block) {
   const Sample& taken = simulation_.sample();
-  if (!simulation_.status().ok()) return;  // a jump that leads nowhere
+  if (!simulation_.status().ok()) return;  // a failed jump
   block.samples.push_back(taken);
   for (const QuantityGroup group : groups_) {
     const std::size_t begin = block.quantities.size();

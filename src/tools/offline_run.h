@@ -30,11 +30,11 @@ struct ResolvedCommand {
 std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
                                              const Scene& scene, const std::string& path);
 
-/// Sentences about what may be wrong with a run that has come so far: fixed steps that are crude,
-/// commands that were clamped, reactions that feed or drain the machine.
+/// Returns warnings about the run so far: crude fixed steps, clamped commands, reactions that feed
+/// or drain the machine.
 std::vector<std::string> describeDoubts(const Simulation& simulation);
 
-/// Samples in order, and the quantities that go with them.
+/// Samples in order, and their quantities.
 struct SampleBlock {
   std::vector<Sample> samples;
   std::vector<double> quantities;  ///< sample after sample, within it group after group
@@ -42,34 +42,34 @@ struct SampleBlock {
 
 class OfflineRun {
  public:
-  /// From the simulation's present to `end`. `commands` must be sorted by time; those outside of
-  /// the run are left out.
+  /// Runs from the simulation's current time to `end`. `commands` must be sorted by time; the run
+  /// ignores commands outside of it.
   OfflineRun(Simulation& simulation, SampleTimes times, std::vector<ResolvedCommand> commands,
              double end);
 
-  /// Saves the state at `time` and goes on from there; at the end where that comes first.
+  /// Saves the state at `time` and continues from it; saves the end if that comes first.
   void saveStateAt(double time) { save_time_ = time; }
-  /// Saves it now, unless it has been saved.
+  /// Saves the state now, unless it has been saved.
   void saveState();
-  /// nullptr when the motion stopped before.
+  /// Returns nullptr when the motion stopped before.
   const MotionState* savedState() const { return has_state_ ? &state_ : nullptr; }
 
   /// Ends the run once the motion has come to rest, after the last command.
   void endAtRest() { rest_.begin(); }
   const RestWatch& rest() const { return rest_; }
 
-  /// Samples are to have the quantities of these groups.
+  /// Adds the quantities of these groups to samples.
   void observe(const std::vector<QuantityGroup>& groups);
 
-  /// Moves on until `block` (emptied first) holds kBlockSize samples, the present has moved by
-  /// `span` seconds, an Interruption is wanted, the end is reached or the motion stops. False when
-  /// there is nothing left to do.
+  /// Advances until `block` (emptied first) holds kBlockSize samples, the current time has moved by
+  /// `span` seconds, an Interruption is requested, the end is reached or the motion stops. Returns
+  /// false when the run is complete.
   bool advanceBlock(double span, SampleBlock& block);
 
-  /// Commands refused because they are NaN or infinite, and the line of the first.
+  /// Number of commands rejected because they are NaN or infinite, and the line of the first.
   std::uint64_t refusedCount() const { return refused_count_; }
   int firstRefusedLine() const { return first_refused_line_; }
-  /// Commands after the end of the run, and those before its beginning.
+  /// Number of commands outside of the run.
   std::size_t ignoredCount() const { return ignored_count_; }
   std::size_t pastCount() const { return past_count_; }
 
@@ -83,7 +83,7 @@ class OfflineRun {
  private:
   bool reach(double time);
   void applyCommands();
-  /// When something is due beside commands and samples.
+  /// Next instant due beside commands and samples.
   double nextEvent() const;
   void serveEvents();
   void takeSample(SampleBlock& block);

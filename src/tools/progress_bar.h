@@ -1,4 +1,4 @@
-/// A line on a terminal that shows how far a long run has come.
+/// A progress line on a terminal.
 #pragma once
 
 #include <chrono>
@@ -14,9 +14,9 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  /// `simulated_time`: how far the motion has come, s. Draws at most ten times per second.
+  /// `simulated_time`: s. Draws at most ten times per second.
   void update(double simulated_time);
-  /// Takes the line away.
+  /// Erases the line.
   void clear();
 
  private:

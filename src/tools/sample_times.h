@@ -21,7 +21,7 @@ class SampleTimes {
     times.current_ = begin;
     return times;
   }
-  /// These instants, which must be ascending.
+  /// Uses the given instants, which must be ascending.
   static SampleTimes at(std::vector<double> instants) {
     SampleTimes times;
     times.instants_ = std::move(instants);
@@ -29,7 +29,7 @@ class SampleTimes {
     return times;
   }
 
-  /// The run ends sooner, at `end`: what lies beyond is not sampled. A rate samples the end.
+  /// Ends the run sooner, at `end`; later instants are not sampled. A rate samples the end.
   void endAt(double end) {
     end_ = end;
     if (current_ <= end) return;
@@ -37,7 +37,7 @@ class SampleTimes {
     instants_.clear();
   }
 
-  /// The instant to sample next; infinity after the last.
+  /// Next instant to sample; infinity after the last.
   double current() const { return current_; }
   void next() {
     if (rate_ == 0.0) {

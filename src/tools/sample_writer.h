@@ -1,4 +1,4 @@
-/// Where the samples of an offline run go, and other outputs of the tools.
+/// Writers of the samples of an offline run, and of other outputs.
 #pragma once
 
 #include <memory>
@@ -12,13 +12,14 @@ namespace variator_sim {
 
 class Simulation;
 
-/// The output cannot be written; what() names it and the system's reason.
+/// Thrown if an output cannot be written; what() names it and the system's reason.
 class OutputError : public Error {
  public:
   using Error::Error;
 };
 
-/// Whoever read our output has gone (`simulate ... | head`): nobody wants the rest.
+/// Thrown if the reader of the output has gone (`simulate ... | head`), so that the rest is
+/// useless.
 class OutputClosed : public OutputError {
  public:
   using OutputError::OutputError;
@@ -30,8 +31,7 @@ class SampleWriter {
   SampleWriter(const SampleWriter&) = delete;
   SampleWriter& operator=(const SampleWriter&) = delete;
 
-  /// Writes the samples, in order, with the quantities of the groups that its columns have. Throws
-  /// OutputError.
+  /// Writes the samples in order, with the quantities of its columns' groups. Throws OutputError.
   virtual void write(const SampleBlock& block) = 0;
   /// Completes the output. Called once, after the last `write`. Throws OutputError.
   virtual void close() = 0;
@@ -40,15 +40,15 @@ class SampleWriter {
   SampleWriter() = default;
 };
 
-/// CSV into a file, or to standard output when `path` is empty. Throws OutputError.
+/// Writes CSV to a file, or to standard output when `path` is empty. Throws OutputError.
 std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Simulation& simulation,
                                             const ColumnGroups& columns);
 
-/// Writes a text into a file, whole or not at all, or to standard output when `path` is empty.
-/// Throws OutputError.
+/// Writes a text to a file atomically, or to standard output when `path` is empty. Throws
+/// OutputError.
 void writeOutput(const std::string& path, const std::string& text);
 
-/// A bag with the topics of the groups: `state` and `joint_states`; `elements`, `inputs`,
+/// Writes a bag with the topics of the groups: `state` and `joint_states`; `elements`, `inputs`,
 /// `outputs`; `energy`; and, once, `scene`. Throws OutputError.
 std::unique_ptr<SampleWriter> makeBagWriter(const std::string& path, const Simulation& simulation,
                                             const ColumnGroups& columns);

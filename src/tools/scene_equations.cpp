@@ -23,7 +23,7 @@ using expression::TermPtr;
 
 namespace {
 
-/// A sentence about a symbol, which begins with it.
+/// Returns a sentence that begins with a symbol.
 Words about(const Symbol& symbol, const std::string& rest) {
   const Words words = plainWords(rest);
   return {symbol.text + words.text, "$" + symbol.latex + "$" + words.latex};
@@ -60,7 +60,7 @@ class Writer {
 
  private:
   // ------------------------------------------------------------------------------ what is written
-  /// All that is to be written of the scene's graph, with its names.
+  /// Collects the named nodes of the scene's graph.
   void findNodes(expression::Names& names) {
     for (const TorquePtr& torque : scene_.torques) {
       for (const auto& [i, node] : torque->torques()) call(torqueSymbol(*torque, i), node, names);
@@ -80,7 +80,7 @@ class Writer {
       }
     }
   }
-  /// What is called so wherever it occurs in others; the first name counts.
+  /// Gives a node the symbol that other formulas use for it; the first symbol counts.
   void call(const Symbol& symbol, Node node, expression::Names& names) {
     add(symbol, node);
     const Operation operation = graph_.entry(node).operation;
@@ -89,7 +89,7 @@ class Writer {
   }
   void add(const Symbol& symbol, Node node) { roots_.emplace_back(symbol, node); }
 
-  /// What has no place of its own further down.
+  /// Writes the shared terms that no later section defines.
   void writeShared(const expression::Terms& terms) {
     begin("parts in common, each computed once");
     for (const auto& [name, term] : terms.shared) {
@@ -114,7 +114,7 @@ class Writer {
   }
   Symbol inertiaSymbol(int i) const { return shaftSymbol("J", "J", i); }
 
-  /// Q_motor; of an element with several shafts Q_clutch_a.
+  /// Returns Q_motor, or Q_clutch_a for an element with several shafts.
   Symbol torqueSymbol(const Torque& torque, int i) const {
     Symbol symbol{"Q_" + torque.name(), latexName(torque.name())};
     if (torque.shafts().size() > 1) {
@@ -128,7 +128,7 @@ class Writer {
     return {symbol.text, "Q_{" + symbol.latex + "}"};
   }
 
-  /// psi, or psi_belt where there are several constraints; `of` a shaft besides.
+  /// Returns psi, or psi_belt if there are several constraints; `of`: a shaft.
   Symbol rowSymbol(const Constraint& constraint, const char* text, const char* latex,
                    int of = -1) const {
     std::string name = text;
@@ -149,7 +149,7 @@ class Writer {
     return {name, formula};
   }
 
-  /// C of a shaft in the equations of motion: a number, or its name.
+  /// Returns C of a shaft in the equations of motion: a number, or its name.
   TermPtr entry(const Constraint& constraint, int i) const {
     const Node C = constraint.row()[static_cast<std::size_t>(i)];
     if (graph_.isConstant(C)) return makeNumber(graph_.constantValue(C));
@@ -247,7 +247,7 @@ class Writer {
                        [i](const auto& rate) { return rate.first == i; });
   }
 
-  /// f or psi, as it is called; of order 3 C j + c0.
+  /// Returns the name of f or psi; for order 3, C j + c0.
   Symbol functionSymbol(const Constraint& constraint) const {
     return constraint.order() == 1 ? rowSymbol(constraint, "f", "f")
                                    : rowSymbol(constraint, "psi", "\\psi");
@@ -323,7 +323,7 @@ class Writer {
     }
   }
 
-  /// The shaft's own equation, of torques or of their rates.
+  /// Writes the shaft's own equation, in torques or in their rates.
   void writeShaft(int i, bool has_rates) {
     const Source of = has_rates ? Source::kJerk : Source::kAcceleration;
     std::vector<TermPtr> left;
@@ -349,8 +349,8 @@ class Writer {
     equate(makeSum(left), makeSum(right));
   }
 
-  /// -J' w^2/2, or what its rate and the connection make of it (theory.md):
-  /// -2 J' w e - J'' w^3/2 + J' w (J^-1 R)/2.
+  /// Adds -J' w^2/2, or, from its rate and the connection (theory.md), -2 J' w e - J'' w^3/2 + J' w
+  /// (J^-1 R)/2.
   void addInertialTorque(int i, bool has_rates, std::vector<TermPtr>& right) const {
     const Symbol J = inertiaSymbol(i);
     const TermPtr first = makeSymbol({J.text + "'", J.latex + "'"});
@@ -401,10 +401,10 @@ class Writer {
   const Scene& scene_;
   Graph& graph_;
   const bool is_classical_;                     ///< accelerations follow from torques; no rates
-  std::vector<std::pair<Symbol, Node>> roots_;  ///< all that is to be written
+  std::vector<std::pair<Symbol, Node>> roots_;  ///< all nodes to write
   std::map<int, Symbol> defined_;   ///< by the node's index: the one place where it is written out
   std::map<int, TermPtr> term_of_;  ///< by the node's index
-  std::vector<Words> fallen_;       ///< what is zero, and why
+  std::vector<Words> fallen_;       ///< vanishing terms, with reasons
   std::vector<EquationSection> sections_;
 };
 

@@ -1,7 +1,7 @@
-/// What a scene's motion obeys, written out: its laws and its equations of motion.
+/// Writes out a scene's laws and its equations of motion.
 ///
-/// It stands with `simulate`, which alone shows it: it joins what the model, the formulas and the
-/// motion know of themselves into sentences for people, and nothing that moves needs it.
+/// Only `simulate` shows them, so this file stands with it: it turns names and formulas of the
+/// model into text for readers, and no computation depends on it.
 #pragma once
 
 #include <vector>
@@ -23,8 +23,8 @@ struct EquationSection {
   std::vector<Equation> equations;
 };
 
-/// The names, the parts in common, every torque and constraint, the equations of motion, and what
-/// is not computed.
+/// Returns the names, the shared terms, every torque and constraint, the equations of motion, and
+/// the terms that are not computed.
 std::vector<EquationSection> writeEquations(const Simulation& simulation);
 
 }  // namespace variator_sim

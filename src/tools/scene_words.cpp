@@ -19,10 +19,10 @@ using expression::Symbol;
 
 namespace {
 
-/// Longer tables are not written out.
+/// Points of the longest table that is written out.
 constexpr std::size_t kMostPoints = 8;
 
-/// Letters, digits and underscores only.
+/// Replaces all but letters, digits and underscores.
 std::string toIdentifier(std::string name) {
   for (char& c : name) {
     const bool is_fit = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
@@ -31,7 +31,7 @@ std::string toIdentifier(std::string name) {
   return name;
 }
 
-/// Names that mean one thing each.
+/// A set of unique names.
 class Register {
  public:
   explicit Register(const Scene& scene) : scene_(scene) {
@@ -43,7 +43,7 @@ class Register {
     return taken_.count(name) == 0 && expression::isValidName(name) &&
            expression::describeTakenName(name, scene_.shafts).empty();
   }
-  /// The first of the names that is free, the last one with a number if none is.
+  /// Returns the first name that is free, or the last one with a number if none is.
   Symbol take(const std::vector<std::string>& names) {
     auto name = std::find_if(names.begin(), names.end(),
                              [this](const std::string& it) { return isFree(it); });
@@ -83,7 +83,7 @@ void nameVariables(const Scene& scene, Register& free, Names& names) {
 }
 
 void nameTables(const Scene& scene, Register& free, Names& names) {
-  // A table that is read twice is there twice.
+  // A table that is read twice occurs twice.
   std::map<std::string, Symbol> by_origin;
   int anonymous_count = 0;
   const auto name = [&](const std::string& origin) -> Symbol {
@@ -137,7 +137,7 @@ void nameOutputs(const Scene& scene, Register& free, Names& names) {
     if (names.nodes.count(it.node.index) != 0) continue;
     const Operation operation = scene.graph->entry(it.node).operation;
     if (operation == Operation::kVariable || operation == Operation::kConstant) continue;
-    // One of several slips is called by its element, too.
+    // The names of several slips include their elements.
     const bool is_alone =
         std::count_if(outputs.begin(), outputs.end(),
                       [&](const NamedNode& other) { return other.output == it.output; }) == 1;

@@ -1,4 +1,4 @@
-/// What is said about a scene calls its things as the scene does: shafts, inputs, tables, outputs.
+/// Names shafts, inputs, tables and outputs in texts as the scene does.
 #pragma once
 
 #include <string>
@@ -10,21 +10,21 @@
 
 namespace variator_sim {
 
-/// Text and LaTeX of the same words.
+/// Text and LaTeX of a phrase.
 using Words = expression::Symbol;
 
-/// Words without formulas: in LaTeX what means something there is escaped.
+/// Returns words without formulas, escaped for LaTeX.
 Words plainWords(const std::string& text);
 
 /// w_drive and the like.
 Words shaftWords(const Scene& scene, expression::Source of, int shaft);
 
-/// What the formulas of the scene call their variables, tables and, by the outputs of elements,
-/// their parts. `w_drive`, inputs and tables are called as formulas call them; an input without a
-/// name goes by its topic, a table without a name by its place in the scene, each made unique.
+/// Returns the names of the formulas' variables, tables and, by the outputs of elements, terms.
+/// `w_drive`, inputs and tables keep their names in formulas; an input without a name gets its
+/// topic, a table without a name its place in the scene, each made unique.
 expression::Names nameThings(const Scene& scene);
 
-/// What the inputs and tables that occur in `nodes` are, one by one.
+/// Describes the inputs and tables that occur in `nodes`, one by one.
 std::vector<Words> describeThings(const Scene& scene, const expression::Names& names,
                                   const std::vector<expression::Node>& nodes);
 

@@ -44,7 +44,7 @@ enum ExitStatus {
 };
 
 volatile std::sig_atomic_t g_signal = 0;
-/// Whether something looks at g_signal: before, there is nothing that would have to end well.
+/// True once g_signal is polled; before that, no output has to be completed.
 volatile std::sig_atomic_t g_signal_is_heard = 0;
 
 void takeSignal(int signal) {
@@ -59,13 +59,13 @@ void takeSignal(int signal) {
 void installSignalHandlers() {
   struct sigaction action = {};
   action.sa_handler = takeSignal;
-  action.sa_flags = static_cast<int>(SA_RESETHAND);  // the second Ctrl-C ends us at once
+  action.sa_flags = static_cast<int>(SA_RESETHAND);  // the second Ctrl-C ends the process at once
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
   ::sigaction(SIGHUP, &action, nullptr);  // a terminal that is closed
-  // A reader that goes away is an error of write(), not the end of this program.
+  // A closed reader is an error of write(), not the end of this program.
   std::signal(SIGPIPE, SIG_IGN);
-  // Neither is a file that may not grow any more (`ulimit -f`).
+  // So is a file that reached its size limit (`ulimit -f`).
   std::signal(SIGXFSZ, SIG_IGN);
 }
 
@@ -80,7 +80,7 @@ struct WallTimes {
   double output = 0.0;      ///< formatting and writing
 };
 
-/// What has become of the energy since the start, in three lines.
+/// Prints the energy account since the start, in three lines.
 void printEnergy(Simulation& simulation, bool is_tracked) {
   const Energy energy = simulation.energy();
   const char* const note = is_tracked ? "" : " (estimated; --energy integrates it)";
@@ -143,7 +143,7 @@ std::vector<ResolvedCommand> readCommands(const SimulateOptions& options, const 
 
 Simulation loadSimulation(const SimulateOptions& options) {
   ParameterTree tree = readYamlFile(options.scene_path);
-  std::string source = options.scene_path;  // of what is at fault
+  std::string source = options.scene_path;  // of the fault
   try {
     applyOwnOverrides(tree);
     if (!options.overrides.empty()) source = "--set";
@@ -156,8 +156,8 @@ Simulation loadSimulation(const SimulateOptions& options) {
   }
 }
 
-/// Machine code for the scene's formulas: from the cache, or compiled where the scene asks for it
-/// or the rest of the run repays it.
+/// Chooses machine code for the scene's formulas: from the cache, or compiled if the scene requires
+/// it or the rest of the run repays it.
 class MachineCodeChoice {
  public:
   explicit MachineCodeChoice(Simulation& simulation) : simulation_(simulation) {
@@ -165,7 +165,7 @@ class MachineCodeChoice {
     is_decided_ = simulation.loadMachineCode(always) || always;
     if (always && !simulation.hasMachineCode()) warn();
   }
-  /// After `seconds` of wall time on the part `done` of the run.
+  /// Decides again after `seconds` of wall time on the part `done` of the run.
   void reconsider(double seconds, double done) {
     constexpr double kUsualCompile = 0.3;  // s
     if (is_decided_ || seconds < kUsualCompile ||
@@ -188,13 +188,13 @@ class MachineCodeChoice {
   bool is_decided_ = false;
 };
 
-/// From when to when the motion is simulated, s.
+/// The simulated time interval, s.
 struct Span {
   double begin;
   double end;
 };
 
-/// What a run leaves beside its samples. Returns the exit status.
+/// Writes the outputs of a run beside its samples. Returns the exit status.
 int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOptions& options) {
   if (!options.save_state_path.empty()) {
     offline_run.saveState();  // of a run that was interrupted
@@ -215,7 +215,7 @@ int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
   return kNoRest;
 }
 
-/// Tells how a run has ended. Returns the exit status, `exit_status` where that is one already.
+/// Reports how a run has ended. Returns the exit status, `exit_status` if that is an error already.
 int report(Simulation& simulation, OfflineRun& offline_run, const SimulateOptions& options,
            bool reader_has_gone, int exit_status) {
   if (offline_run.refusedCount() > 0) {
@@ -262,7 +262,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   SampleBlock block;
   block.samples.reserve(OfflineRun::kBlockSize);
   if (options.stats) offline_run.measureSampling();
-  // Not 0, however short the run.
+  // The span is positive, however short the run.
   double block_span = std::max(duration / 64.0, std::numeric_limits<double>::min());
   MachineCodeChoice machine_code(simulation);
   int exit_status = kSuccess;
@@ -289,7 +289,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     writer.close();
     wall.output += secondsSince(output_start);
   } catch (const OutputClosed&) {
-    reader_has_gone = true;  // as intended by whoever closed it: quietly
+    reader_has_gone = true;  // the reader closed it on purpose, so no message
   } catch (const OutputError& error) {
     progress.clear();
     std::fprintf(stderr, "simulate: %s\n", error.what());
@@ -305,7 +305,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
   return exit_status;
 }
 
-/// From `begin` on. Throws UsageError where the instants asked for lie outside.
+/// Returns the span from `begin`. Throws UsageError if requested instants lie outside.
 Span spanOf(const SimulateOptions& options, double begin) {
   const Span span{begin, options.has_duration ? begin + options.duration : options.times.back()};
   const auto check = [&](const char* option, double time) {

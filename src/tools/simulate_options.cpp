@@ -55,8 +55,8 @@ OutputFormat formatOf(const std::string& path) {
   throw UsageError("--output: " + inQuotes(path) + " ends neither with .csv nor with .bag");
 }
 
-/// Options for CLI11. Each occurrence is taken where it stands: the last one counts, the first
-/// error is told, and an error behind --help is none.
+/// Options for CLI11, processed in order: the last occurrence counts, the first error is reported,
+/// and an error behind --help is ignored.
 class OptionParser {
  public:
   OptionParser() {
@@ -93,7 +93,7 @@ class OptionParser {
   /// Throws UsageError, and CLI::CallForHelp.
   void parse(const std::vector<std::string>& words, const std::string& scene) {
     for (const std::string& word : words) {
-      // CLI11 would take the word behind it.
+      // CLI11 would consume the next word.
       if (word.size() > 3 && word.compare(0, 2, "--") == 0 && word.find('=') + 1 == word.size()) {
         throw UsageError(word.substr(0, word.size() - 1) + " needs a value");
       }
@@ -124,7 +124,7 @@ class OptionParser {
   CLI::App app_;
 };
 
-/// Refuses options without the one that they belong to, and two modes at once.
+/// Rejects options without the one that they belong to, and two modes at once.
 void checkModes(const OptionParser& given) {
   using Pair = std::pair<const char*, const char*>;
   for (const auto& [option, mode] : {Pair{"--latex", "--explain"},
@@ -144,7 +144,7 @@ void checkModes(const OptionParser& given) {
   }
 }
 
-/// Refuses to write over a file that is read.
+/// Rejects outputs that overwrite an input file.
 void refuseOverwriting(const SimulateOptions& options) {
   struct File {
     const char* what;
@@ -171,7 +171,7 @@ void refuseOverwriting(const SimulateOptions& options) {
   refuse("--save-state", state, output);
 }
 
-/// Checks how options go together, and fills in the values that follow.
+/// Checks combinations of options and fills in derived values.
 void completeOptions(const OptionParser& given, SimulateOptions& options) {
   options.has_duration = given.has("--duration");
   options.has_times = given.has("--times");

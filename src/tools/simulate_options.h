@@ -9,7 +9,7 @@
 
 namespace variator_sim {
 
-/// A command line that cannot be followed; what() says which word and what is allowed.
+/// Thrown for an invalid command line; what() names the word and the allowed values.
 class UsageError : public Error {
  public:
   using Error::Error;
@@ -41,19 +41,19 @@ struct SimulateOptions {
   bool stats = false;
   bool linearize = false;         ///< write a linear model instead of running
   bool full = false;              ///< of it: all states, and not only coordinates on psi = 0
-  std::string at = "rest";        ///< where: a time, "rest", a file or a state
+  std::string at = "rest";        ///< the point: a time, "rest", a file or a state
   bool trim = false;              ///< write a steady state instead of running
   bool accelerating = false;      ///< of it: accelerations in constant ratios
   std::vector<std::string> fix;   ///< of it: NAME=VALUE
   std::vector<std::string> free;  ///< of it: NAME or NAME=START
-  bool compile = false;           ///< fill the cache of machine code, and nothing else
-  std::string emit_c_path;        ///< a folder for the scene as C, and nothing else; empty: none
+  bool compile = false;           ///< only fill the cache of machine code
+  std::string emit_c_path;        ///< folder: only write the scene as C; empty: none
 };
 
 /// Reads the words after the program's name. Throws UsageError.
 SimulateOptions parseSimulateOptions(const std::vector<std::string>& words);
 
-/// The whole text of --help.
+/// Returns the text of --help.
 const char* simulateHelp();
 
 }  // namespace variator_sim

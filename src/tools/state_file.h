@@ -9,9 +9,8 @@ namespace variator_sim {
 
 class Simulation;
 
-/// The simulation goes on from the state in a file; what the file leaves out is as in the
-/// simulation. Inconsistent values are moved where the scene's `initial/project` says so. Throws
-/// SceneError.
+/// Continues the simulation from the state in a file; missing values are the simulation's.
+/// Inconsistent values are projected if the scene's `initial/project` allows it. Throws SceneError.
 void readStateFile(const std::string& path, Simulation& simulation);
 
 /// Throws OutputError.

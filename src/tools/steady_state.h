@@ -1,4 +1,4 @@
-/// Steady states as users get them, from the command line and from Python.
+/// Steady states for the command line and for Python.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 
 namespace variator_sim {
 
-/// A state that a motion can go on from, its inputs at rest where they are.
+/// Returns a state from which a motion can continue, its inputs constant.
 MotionState makeState(const OperatingPoint& point, const Scene& scene);
 
-/// "stable, ..." or "unstable: ...", by the eigenvalues of the linear model there, or why that is
-/// not known.
+/// Returns "stable, ..." or "unstable: ...", by the eigenvalues of the linear model there, or why
+/// that is not known.
 std::string describeStability(const Scene& scene, const OperatingPoint& point);
 
 }  // namespace variator_sim

@@ -22,7 +22,7 @@ const std::set<std::string>& keywords() {
   return all;
 }
 
-/// What our templates call of others.
+/// Returns the library functions that the templates call.
 const std::set<std::string>& libraryFunctions() {
   static const std::set<std::string> all{
       // mathematics
@@ -184,7 +184,7 @@ class Lexer {
   std::set<std::string> defined_;
 };
 
-/// Of this process alone.
+/// A temporary folder of this process.
 class Folder {
  public:
   Folder() {

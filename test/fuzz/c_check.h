@@ -1,4 +1,4 @@
-/// What emitted C may consist of.
+/// Checks the vocabulary of emitted C.
 #pragma once
 
 #include <string>
@@ -12,8 +12,8 @@ namespace variator_sim::fuzz {
 /// bodies are in `text`. No trigraphs.
 std::string findFaultOfC(const std::string& text, const std::string& name);
 
-/// What a compiler says of it with `options`, or "" when it compiles without a warning (or none is
-/// there). Started without a shell, on files in a folder of this process alone; `header` is NAME.h.
+/// Returns the compiler's messages with `options`, or "" without any (or without a compiler).
+/// Started without a shell, on files in a folder of this process alone; `header` is NAME.h.
 std::string compileC(const std::string& text, const std::vector<std::string>& options,
                      const std::string& name, const std::string& header);
 

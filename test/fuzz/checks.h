@@ -1,4 +1,4 @@
-/// What all targets ask of texts for users.
+/// Checks of texts for users, common to all targets.
 #pragma once
 
 #include <cstdio>
@@ -18,7 +18,7 @@ inline bool isPresentable(const std::string& text, const std::string& allowed) {
   return true;
 }
 
-/// What users are told may hold anything but what is promised of it.
+/// Messages to users may have any content within these promises.
 inline void check(const std::string& message) {
   if (message.size() <= kLongestMessage + 100 && isPresentable(message, "\n")) return;
   std::fprintf(stderr, "not presentable: %s\n", message.c_str());

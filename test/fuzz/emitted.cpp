@@ -25,7 +25,7 @@
 namespace variator_sim::fuzz {
 namespace {
 
-/// What 4 kB of a scene may become.
+/// Largest C program emitted for 4 kB of a scene.
 constexpr std::size_t kLongestC = 8U << 20U;
 
 void require(const std::string& fault, const char* where) {
@@ -71,7 +71,7 @@ void checkKernel(const Scene& scene, bool is_compiled) {
   if (text.size() > kLongestC) require(std::to_string(text.size()) + " bytes", "kernel");
   require(findFaultOfC(text, "kernel"), "kernel");
   if (!is_compiled) return;
-  // Nobody reads it: what a program computes for another part of it may be of no use to this one.
+  // Results may be unused: a part of a program may not need all that another computes.
   const std::vector<std::string> options{"-std=c11", "-Wno-unused-variable",
                                          "-Wno-unused-parameter", "-Wno-psabi"};
   require(compileC(text, options, "kernel", ""), "kernel");

@@ -1,4 +1,4 @@
-/// What is fuzzed: each takes any bytes, and has to come back, without a crash and in bounded time.
+/// The fuzz targets: each accepts any bytes and has to return, without a crash and in bounded time.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@ void formula(const std::string& input);
 void scene(const std::string& input);
 /// A command file.
 void commands(const std::string& input);
-/// What a parameter server answers, in XML.
+/// Reads the XML answer of a parameter server.
 void parameters(const std::string& input);
 /// A request of ~step, as it comes over the wire.
 void step(const std::string& input);

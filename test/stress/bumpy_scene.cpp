@@ -97,7 +97,7 @@ namespace {
 
 // --- the reference -------------------------------------------------------------------------------
 
-/// What was commanded of one input, in closed form.
+/// The commands to one input, in closed form.
 class Signal {
  public:
   Signal(const BumpyScene& scene, int input) : zero_order_(input != 0), scene_(scene) {

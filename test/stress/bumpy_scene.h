@@ -68,7 +68,7 @@ struct BumpyScene {
   std::string yaml() const;
   std::string csv() const;
   std::vector<double> times() const;
-  /// What rounding of a bump's argument makes of the velocity: it is known no better, rad/s.
+  /// Error of the velocity by rounding of a bump's argument, rad/s.
   double rounding() const;
   /// Velocities and the angle of a at times(), from a start moved by `shift` of angle and velocity.
   /// Empty where more than `most` steps are needed.

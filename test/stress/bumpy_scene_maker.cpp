@@ -302,7 +302,7 @@ BumpyScene Generator::make() {
   } else if (scene.order == 3 || (scene.order == 2 && random_.happens(0.5))) {
     scene.bumps.push_back(make(kind == Argument::kAngle ? Argument::kTime : kind, 1e-4));
   } else {
-    // Of order 1 the ratio is differentiated twice.
+    // A ratio of order 1 is differentiated twice.
     const bool is_first = scene.order == 1;
     if (is_first) scene.hold = "second_order_lag";
     Term term = make(kind, is_first ? 0.03 : 1e-3);

@@ -120,7 +120,7 @@ TEST(Domains, TurningPoint) {
           }
           hazard.judge(calcDifference(before, exact, 2, method.tolerance, method.tolerance), label);
           hazard.stopped(run.reason, label);
-          // Where psi turns back like a square, e1 is a tolerance off where t is its square off.
+          // If psi turns back like a square, t errs by the square of e1's error.
           EXPECT_LE(run.end, end * (1.0 + 1e-9 + method.tolerance * method.tolerance))
               << label << ": " << run.message;
           EXPECT_GE(run.end, 0.99 * end) << label << ": " << run.message;
@@ -250,7 +250,7 @@ TEST(Domains, PolesAreNotSteppedAcross) {
 
 // --- plugins that fail now and then --------------------------------------------------------------
 
-/// What a failing component does at each n-th evaluation of one of its functions.
+/// The behaviour of a failing component at each n-th evaluation of one of its functions.
 struct Fault {
   enum class Kind { kNan, kInfinity, kThrow } kind = Kind::kNan;
   int period = 0;  ///< 0: never
@@ -442,7 +442,7 @@ TEST(Domains, PluginsThatThrow) {
           } catch (const std::runtime_error&) {
             ++thrown;
           }
-          // What came before the throw is right ...
+          // The motion before the throw is right ...
           hazard.judge(calcDifference(first, reference, 2, 1e-7, 1e-7),
                        label + " before the throw");
           // ... and so is what comes if one goes on, or the motion has stopped by name ...

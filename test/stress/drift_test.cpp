@@ -2,7 +2,7 @@
 // energy as long as their theory says, and errors grow no faster than theory has them grow.
 //
 // Theory: every step adds an error of about a tolerance, and about one step is made per radian or
-// second here. What these errors come to is up to the motion:
+// second here. The motion decides how these errors grow:
 // - where it is restored, they die away: no growth;
 // - of an amplitude or a phase that nothing restores, and of an energy: they add up like t;
 // - of the phase of a motion that keeps its own speed, from errors of the speed that add up: t^2;
@@ -23,8 +23,8 @@ namespace {
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-/// Growth over `radians` of a motion (about a step each) by the given power. What is allowed to any
-/// motion, kAllowed, is what ten of them may come to.
+/// Growth over `radians` of a motion (about a step each) by the given power. The allowance of any
+/// motion, kAllowed, covers ten radians.
 double growth(double radians, int power) {
   return std::pow(std::max(1.0, 0.1 * radians), power);
 }
@@ -134,7 +134,7 @@ TEST(Drift, OfAMotionThatGoesRoundForEver) {
             }
             energy.judge(std::abs(Circle::calcEnergy(sample) - start) / (start * method.tolerance),
                          label, kAllowed * growth(t, order == 3 ? 2 : 1));
-            // Of order 3, C eta + c0 = 0 is solved anew for each sample.
+            // For order 3, C eta + c0 = 0 is solved anew for each sample.
             residual.judge(std::abs(sample.residual[0]) / (9.0 * kEpsilon), label, 64.0);
           });
     }

@@ -270,7 +270,7 @@ RestScene makeRestScene(std::uint64_t seed) {
   return scene;
 }
 
-/// What a scene came to, of a size that a pipe takes whole.
+/// The result of a scene, of a size that a pipe transfers atomically.
 struct Verdict {
   char kind[24] = "endless";
   double error = 0.0;  ///< rad/s

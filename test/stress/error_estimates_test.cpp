@@ -28,7 +28,7 @@ double processorSeconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// What became of estimates.
+/// Outcome of the estimates.
 struct Tally {
   int scenes = 0;
   int left_out = 0;  ///< no truth, or no start

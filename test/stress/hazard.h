@@ -1,5 +1,5 @@
-/// What the stress tests share: how a run is judged, and the report that scripts/stress makes its
-/// table from.
+/// Common parts of the stress tests: the judgement of a run, and the report for the table of
+/// scripts/stress.
 #pragma once
 
 #include <cstdint>
@@ -85,8 +85,8 @@ class Hazard {
   void stopped(StopReason reason, const std::string& label);
   /// A run that the program refused to begin, or warned of: counted among the stops as `name`.
   void named(const std::string& name, const std::string& label);
-  /// `run` against `reference`: stopped by name, or judged. Where the run stopped, what it gave up
-  /// to there is judged too.
+  /// `run` against `reference`: stopped by name, or judged. The samples before a stop are judged
+  /// too.
   void compare(const Run& run, const Run& reference, const Scene& scene, const std::string& label,
                double allowed = kAllowed, Columns columns = Columns::kVelocityAndAcceleration);
 

@@ -105,7 +105,7 @@ TEST(Jumps, SizeOfTheStep) {
             const std::string label = "theta = " + text(theta) + ", step of " + text(D) +
                                       " on shaft " + std::to_string(input + 1) + " " + method.name;
             hazard.compare(run, exact, method.scene, label, allowed);
-            // Where the growth allows everything the circle is what is left to be kept.
+            // If the growth allows any error, the circle remains as the only condition.
             if (run.reason == StopReason::kNone && allowed * method.tolerance > 0.1) {
               const double* e = run.samples.back().acceleration;
               hazard.judge(std::abs(std::hypot(e[0], e[1]) - circle.a) / (3.0 * method.tolerance),

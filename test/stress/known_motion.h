@@ -235,7 +235,7 @@ struct ElasticDrive {
 
   double behind() const { return order == 0 ? kJ2 : kJ2 + kGear * kGear * kJ3; }
   double reduced() const { return kJ1 * behind() / (kJ1 + behind()); }
-  /// Of the swing without damping, rad/s.
+  /// Frequency of the swing without damping, rad/s.
   double frequency() const { return std::sqrt(stiffness / reduced()); }
   double damping() const { return 2.0 * damping_ratio * reduced() * frequency(); }
 

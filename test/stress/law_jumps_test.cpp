@@ -249,7 +249,7 @@ std::string curved(const char* psi, const std::string& torque) {
          psi + "\"}\ninitial: {velocity: [3, 1]}\n";
 }
 
-/// What the law does is what commands of the same size do at the same instants.
+/// The law has the effect of commands of the same size at the same instants.
 TEST(LawJumps, AreCommandsAtTheirInstants) {
   Hazard hazard("jumps of laws", "on a curved psi: the same as by commands",
                 "sizes 1e-3 to 30 N m, of time and speed");

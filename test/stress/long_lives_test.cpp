@@ -263,8 +263,8 @@ TEST(LongLives, RatiosOfALateTime) {
         const test::Run run = play(method.scene, times);
         const std::string label =
             std::string(principle) + " late " + text(late) + " " + method.name;
-        // What an argument's rounding makes of psi is 0.2 w1 times that, 1/tau of it in the
-        // accelerations; relative to those and to the speeds:
+        // An argument's rounding changes psi by 0.2 w1 times that, and the accelerations by 1/tau
+        // of it; relative to those and to the speeds:
         const double rounding = kEps * 0.7 * late;
         hazard.compare(run, reference, method.scene, label,
                        kAllowed + 100.0 * rounding / method.tolerance);
@@ -276,8 +276,8 @@ TEST(LongLives, RatiosOfALateTime) {
 
 // --- neutral modes -------------------------------------------------------------------------------
 
-/// What no constraint can change of the reaction stays what it was at the start: nothing on a free
-/// shaft, c2 R1 - c1 R2 beside a gear, whatever the torques do.
+/// The null-space component of the reaction keeps its start value: 0 on a free shaft, c2 R1 - c1 R2
+/// beside a gear, for any torques.
 TEST(LongLives, NeutralModesDoNotDrift) {
   Hazard hazard("long lives", "reactions that no constraint can change, in tolerances",
                 "to 3e3 s, 1e5 s in the long form");

@@ -20,7 +20,7 @@ constexpr StepperKind kAdaptiveSteppers[] = {StepperKind::kAuto, StepperKind::kD
                                              StepperKind::kFehlberg78, StepperKind::kRadau,
                                              StepperKind::kTaylor};
 
-/// Those that choose their steps, of those that `scene` takes.
+/// Adaptive steppers that `scene` accepts.
 inline std::vector<StepperKind> steppersOf(const Scene& scene) {
   std::vector<StepperKind> taken;
   for (StepperKind stepper : kAdaptiveSteppers) {
@@ -43,15 +43,15 @@ inline Scene withSolver(Scene scene, StepperKind stepper, double tolerance) {
   return withTolerance(withStepper(std::move(scene), stepper), tolerance);
 }
 
-/// The same where nothing needs many steps in a second (but for the long form's 1,000 kinks in
-/// one), and whatever does is told soon.
+/// Limits the steps for scenes that need few in a second (but for the long form's 1,000 kinks in
+/// one), so that a crawl is reported soon.
 inline Scene withFewSteps(Scene scene) {
   scene.solver.maximum_steps = isLongForm() ? 200000 : 10000;
   return scene;
 }
 
-/// Nothing in `scene` has a reason to stop. What doc/stability.md lists as not promised may: an
-/// implicit stepper by name at an edge, and rounding of the state alone under `gauss`.
+/// Nothing in `scene` has a reason to stop. Exceptions are those of doc/stability.md: an implicit
+/// stepper by name at an event, and rounding of the state alone under `gauss`.
 inline void expectNoStop(const Run& run, const Scene& scene, const std::string& label) {
   const StepperKind stepper = scene.solver.stepper;
   const bool is_implicit = stepper == StepperKind::kRadau;

@@ -206,7 +206,7 @@ TEST(Permutations, OfLists) {
             Order order = all[list];
             int n = 0;
             while (std::next_permutation(order.begin(), order.end())) {
-              // Of 120 orders of five torques in the brief form every ninth.
+              // The brief form takes every ninth of the 120 orders of five torques.
               if (n++ % sizeOf(all[list].size() > 3 ? 9 : 2, 1) != 0) continue;
               const test::Run run =
                   playIn(lists, list == 0 ? order : all[0], list == 1 ? order : all[1],

@@ -1,7 +1,7 @@
-/// What is narrower than a step: pulses of time, angle and velocity, pairs of crossings that barely
-/// are, many crossings within a step, tables whose points lie closer together than steps, and
-/// motions that set in from rest. All against closed forms; nothing but a look inside of the steps
-/// can see most of them.
+/// Features narrower than a step: pulses of time, angle and velocity, pairs of crossings that
+/// barely are, many crossings within a step, tables whose points lie closer together than steps,
+/// and motions that set in from rest. All against closed forms; nothing but a look inside of the
+/// steps can see most of them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@
 namespace variator_sim::test {
 namespace {
 
-/// Of a period of 1.
+/// Widths of pulses with a period of 1.
 std::vector<double> widths() {
   return isLongForm() ? std::vector<double>{1e-1, 3e-2, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7}
                       : std::vector<double>{1e-1, 1e-3, 1e-5, 1e-7};
@@ -109,7 +109,7 @@ void compareAll(Hazard& hazard, const std::string& yaml, const Run& exact,
     const test::Run run = play(method.scene, times);
     const std::string full = label + " " + method.name;
     hazard.compare(run, exact, method.scene, full, most, columns);
-    // What rounding of the time and the angle makes of so steep a law may stop it, too.
+    // Rounding of the time and the angle in so steep a law may stop it, too.
     constexpr double kNoTolerance = 1e300;
     const bool is_rounded =
         run.reason == StopReason::kStepUnderflow && most > 1.005 * allowed(kNoTolerance);

@@ -40,7 +40,7 @@ struct RandomScene {
 
 RandomScene makeRandomScene(std::uint64_t seed);
 
-/// What a scene came to, run by three methods.
+/// The result of a scene, run by three methods.
 struct Finding {
   enum class Kind {
     kAgrees,   ///< every run within what was asked for

@@ -1,5 +1,5 @@
 // Hazard 11: scenes made at random, run by several methods, must agree within what was asked for or
-// stop by name. What was once wrong is kept in the folder kept.
+// stop by name. The folder `kept` has the scenes that once failed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -25,7 +25,7 @@ TEST(RandomScene, IsTheSameForTheSameSeed) {
   EXPECT_NE(scene.yaml(), makeRandomScene(8).yaml());
 }
 
-// What the generator is for: every kind of scene is among the first few hundred.
+// The generator covers every kind of scene within the first few hundred.
 TEST(RandomScene, CoversEveryKind) {
   std::map<std::string, int> found;
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
@@ -77,7 +77,7 @@ void note(Hazard& hazard, const Finding& finding, const std::string& label) {
 }
 
 TEST(RandomScenes, AgreeOrStopByName) {
-  // Another first seed hunts where nobody has been: VARIATOR_SIM_STRESS_SEED=100000.
+  // Another first seed runs new scenes: VARIATOR_SIM_STRESS_SEED=100000.
   const char* given = std::getenv("VARIATOR_SIM_STRESS_SEED");
   const std::uint64_t first = given != nullptr ? std::strtoull(given, nullptr, 10) : 1;
   const int count = sizeOf(500, 10000);

@@ -132,7 +132,7 @@ const std::vector<StepperKind>& allSteppers() {
   return kinds;
 }
 
-/// What a run is compared by: samples at instants that every run visits, and how it ended.
+/// The compared data of a run: samples at instants that every run visits, and how it ended.
 struct Record {
   std::vector<Sample> samples;
   MotionStatus status;

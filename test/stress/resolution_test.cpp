@@ -71,7 +71,7 @@ Verdict judge(const BumpyScene& scene, const std::vector<Sample>& samples,
   return verdict;
 }
 
-/// Where formulas run and steps are made.
+/// The execution path of formulas and steps.
 enum class Means { kInterpreter, kKernel, kLanes, kEmitted };
 
 /// The same motion in every lane, as a sweep plays it; none where nothing was made together.
@@ -160,7 +160,7 @@ Verdict examine(const BumpyScene& bumpy, Means means = Means::kInterpreter) {
   return verdict;
 }
 
-/// What the generator, the text and the reference are for a known motion of `hunt`.
+/// The scene, text and reference of a known motion of `hunt`.
 BumpyScene byHand(Argument argument, double scale, const Formula& formula, Feature feature) {
   BumpyScene scene;
   scene.terms.push_back({scale, formula, {feature}, argument});

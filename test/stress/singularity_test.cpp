@@ -282,7 +282,7 @@ TEST(Singularity, ConstraintNearlyVanishes) {
 /// a = 1 - t/T goes through zero at T, where C = 0 and the motion is not determined any more: the
 /// accelerations behind it are (1 - t/T)(cos theta, sin theta) with
 ///     tan((theta - beta)/2) = c |1 - t/T|^p,   p = m T / J,
-/// for any c. It has to stop there (or, under a stepper that steps across, nobody knows what c is).
+/// for any c. It has to stop there (or, under a stepper that steps across, c is undefined).
 TEST(Singularity, ConstraintVanishes) {
   Hazard hazard("singularity", "C goes through zero", "exponents 0.3 to 3 of the approach");
   const std::vector<double> instants =
@@ -324,7 +324,7 @@ TEST(Singularity, ConstraintVanishes) {
 }
 
 /// Slip s = w2 - u w1 with tau s' + s = 0 and tau = (T - t)/q: s = s0 (1 - t/T)^q, and C = tau (-u,
-/// 1) passes through zero at T. What follows is not determined; it stops, or goes on smoothly.
+/// 1) passes through zero at T. The motion beyond is not determined; it stops, or goes on smoothly.
 TEST(Singularity, TimeConstantGoesThroughZero) {
   Hazard hazard("singularity", "tau of a slip goes through zero", "q = 1, 2, 3");
   const double T = 0.737;
@@ -483,8 +483,8 @@ TEST(Singularity, RankIsBelowTheNumberOfConstraints) {
 }
 
 /// Two rows, of which the second one is the first plus q(t) times another: as long as q is not zero
-/// the motion is that of q = 1. Where q passes through zero it stops, or goes on as if nothing had
-/// been (both sides have the same motion).
+/// the motion is that of q = 1. At q = 0 it stops, or goes on unchanged (both sides have the same
+/// motion).
 TEST(Singularity, RowsBecomeDependent) {
   Hazard hazard("singularity", "rows become dependent along the way",
                 "q of degree 1 to 3, orders 1 to 3");

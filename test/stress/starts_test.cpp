@@ -67,14 +67,13 @@ TEST(Starts, OffAPlaneOfAccelerationsOrVelocities) {
                 const std::string label = motion.label() + ", off by " + text(distance) +
                                           (project ? ", projected, " : ", ") + method.name;
                 const test::Run run = play(method.scene, times);
-                // Moving a start that nobody allowed to move is another motion than the one asked
-                // for.
+                // A start that is moved without permission makes another motion than the given one.
                 if (!project && std::abs(distance) > 1e-7 && run.reason == StopReason::kNone) {
                   hazard.judge(std::numeric_limits<double>::infinity(), label + " (accepted)");
                   continue;
                 }
-                // What can be projected, is: velocities of size 5 and a distance of 1e6 leave
-                // roundings of 1e6.
+                // Starts are projected if possible: velocities of size 5 and a distance of 1e6
+                // leave roundings of 1e6.
                 const double rounding =
                     std::abs(distance) * std::numeric_limits<double>::epsilon() / method.tolerance;
                 hazard.compare(run, exact, method.scene, label, kAllowed * (1.0 + rounding),
@@ -215,8 +214,8 @@ TEST(Starts, ExactlyAtSingularPoints) {
   }
 }
 
-// A power of a constraint has C = 0 wherever it holds. Whoever finds the motion all the same finds
-// that of the gear.
+// A power of a constraint has C = 0 wherever it holds. A stepper that finds a motion nevertheless
+// finds that of the gear.
 TEST(Starts, OnAPowerOfAConstraint) {
   Hazard hazard("starts", "powers of psi: C = 0 all the way", "psi^2, psi^3");
   const std::vector<double> times = evenly(kEnd, 6);
@@ -615,8 +614,8 @@ TEST(Starts, AtRestWithEveryLaw) {
               const test::Run& reference = stepper == StepperKind::kRadau ? explicitly : implicitly;
               const test::Run run = play_at(scene, stepper, tolerance);
               const std::string label = name + ", " + describe(stepper, tolerance);
-              // Where the motion ends it ends for all: one that goes on beyond a reference that
-              // stopped for good is wrong.
+              // The motion ends for all steppers: one that goes on beyond a reference that stopped
+              // for good is wrong.
               if (run.reason == StopReason::kNone && reference.reason != StopReason::kNone &&
                   reference.reason != StopReason::kStepLimit) {
                 hazard.judge(std::numeric_limits<double>::infinity(),

@@ -104,8 +104,8 @@ TEST(Stiffness, TransientOfAStiffVariator) {
           for (const Method& method : methodsOf(scene, tolerances())) {
             const std::string label = motion.label() + ", " + method.name;
             const auto run = play(method.scene, times);
-            // Where accelerations are a state of slip / tau at first, one rounding of that stays
-            // in the part that C leaves free, and velocities go on by it.
+            // If accelerations are a state and begin with slip / tau, one rounding of that stays in
+            // the null-space part of C and is integrated into the velocities.
             const double rounding = principle == Principle::kGauss
                                         ? 0.0
                                         : std::numeric_limits<double>::epsilon() * motion.slip /
@@ -241,8 +241,8 @@ TEST(Stiffness, FrictionStopsAShaft) {
           const std::string label = "order " + std::to_string(order) + ", " + toString(principle) +
                                     ", slope " + text(2.0 / speed) + ", " + method.name;
           const test::Run run = withoutAngles(play(method.scene, times));
-          // Under gauss the accelerations follow from the velocities. Where the whole layer is
-          // narrower than what the velocities may err by, those say nothing of them.
+          // Under gauss the accelerations follow from the velocities. If the whole layer is
+          // narrower than the velocities' tolerance, the velocities do not determine them.
           if (principle == Principle::kGauss && 20.0 * layer < kAllowed * method.tolerance) {
             hazard.compare(run, exact, method.scene, label, kAllowed, Columns::kVelocity);
             continue;

@@ -24,7 +24,7 @@ def find_browser():
 
 
 class Browser:
-    """One page. What a page throws or complains of is kept in `complaints`."""
+    """One page. `complaints` has the errors and warnings of the page."""
 
     def __init__(self, url, width=1440, height=900):
         self._folder = tempfile.TemporaryDirectory(prefix="browser_", ignore_cleanup_errors=True)

@@ -1,5 +1,4 @@
-/// What is refused, in tables: a row for each text, with the key that is at fault and words of the
-/// message.
+/// Tables of rejected texts: a row for each, with the key at fault and words of the message.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -167,7 +167,7 @@ def play_c(work):
     return Outcome(done.returncode, done.stdout, done.stderr.strip(), text)
 
 
-# share: one of so many random scenes. What takes a compiler runs a scene by one principle.
+# share: one of so many random scenes. Paths that need a compiler run a scene by one principle.
 Way = collections.namedtuple("Way", "play principles steppers share")
 WAYS = {
     "interpreter": Way(play_module, PRINCIPLES, ADAPTIVE + FIXED, 1),
@@ -232,7 +232,7 @@ def play_all(jobs, options):
 
 
 def prepare(options):
-    """What all runs have in common, before there are processes that run them."""
+    """The common part of all runs, prepared before processes start."""
     pathlib.Path(options.cache).mkdir(mode=0o700, parents=True, exist_ok=True)
     os.environ["VARIATOR_SIM_CACHE"] = options.cache
     if OF_MODULE.intersection(options.ways):

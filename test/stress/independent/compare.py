@@ -89,7 +89,7 @@ def worst_errors(expected, got):
 
 
 def examine(job):
-    """What one seed came to: (seed, {stepper: (kind, detail, errors)})."""
+    """The result of one seed: (seed, {stepper: (kind, detail, errors)})."""
     seed, options = job
     warnings.simplefilter("ignore")
     folder = pathlib.Path(tempfile.mkdtemp(prefix="scene_"))

@@ -1,6 +1,6 @@
 """Formulas as graphs: exact derivatives and straight-line Python code.
 
-Every operation is kept once (equal ones are the same node). What has a kink is split into a smooth
+Every operation is kept once (equal ones are the same node). A function with a kink is split into a smooth
 formula and a mode: abs(x) = m x with m = sign of x, which stays as it is between two events. So what
 an integrator sees is smooth, and kinks are met by finding the zeros of guards.
 """
@@ -186,7 +186,7 @@ SLOPES = {
 
 
 class Modes:
-    """What is frozen between two events: the sign of an argument, or the piece of a table."""
+    """The quantity frozen between two events: the sign of an argument, or the piece of a table."""
 
     def __init__(self):
         self.guards = []  # of a sign: (node,); of a table: (node, knots)

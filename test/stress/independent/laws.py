@@ -146,7 +146,7 @@ class Input:
 
 
 class Build:
-    """What a law sees of the scene while it is made."""
+    """A law's view of the scene during its construction."""
 
     def __init__(self, shafts, t, phi, w, e, j, modes):
         self.shafts, self.t, self.phi, self.w, self.e, self.j = shafts, t, phi, w, e, j
@@ -168,7 +168,7 @@ class Build:
         return self.modes.piece(Table(*SMOOTH_STEP), x)
 
     def names(self, d, order):
-        """What a formula may read. order -1: a torque."""
+        """Variables that a formula may read. order -1: a torque."""
         names = {"t": self.t}
         for i in range(len(self.shafts)):
             names[f"phi{i + 1}"] = self.phi[i]

@@ -132,7 +132,7 @@ class Motion:
         least = force(self.kept)
         whole = force(range(k))
 
-        # Where C reads accelerations (or the sign of one) psi may have many points of least reaction.
+        # If C reads accelerations (or the sign of one), psi may have many points of least reaction.
         accelerations = set(name("e"))
         self.nonlinear = any(reads(C[c][i], accelerations) for c in self.kept for i in range(s)) or any(
             reads(x, accelerations) for x, _ in self.modes.guards)
@@ -619,7 +619,7 @@ class Motion:
             self.e, self.l = self._solve_gauss(t, self.q, self.w, self.e, self.l)
 
     def _distance(self, i, value):
-        """Of guard i from the end of its present mode, and d distance / d value."""
+        """The distance of guard i from the end of its present mode, and d distance / d value."""
         table = self.modes.guards[i][1]
         if table is None:
             return self.M[i] * value, self.M[i]

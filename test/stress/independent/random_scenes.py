@@ -365,7 +365,7 @@ def find_inputs(x):
 
 
 def features(scene):
-    """What laws, holds and functions a scene has, as a set of texts."""
+    """The laws, holds and functions of a scene, as a set of texts."""
     found = {scene.get("principle", "generalized_gauss"), f"{len(scene['shafts'])} shafts"}
     for name in scene["torques"] + scene.get("constraints", []):
         d = scene[name]
