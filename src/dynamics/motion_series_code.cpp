@@ -248,8 +248,10 @@ std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
 }
 
 std::string MotionSeries::writeLayout() const {
-  // (Arrays within a struct may omit their braces.)
-  std::string text = "static const struct SeriesLayout layout = {";
+  // Arrays within a struct may omit their braces: the layout is the words that it is read from.
+  std::string text =
+      "#pragma GCC diagnostic ignored \"-Wmissing-braces\"\n"
+      "static const struct SeriesLayout layout = {";
   for (const int value : layoutWords()) text += std::to_string(value) + ", ";
   return text + "};\n";
 }
