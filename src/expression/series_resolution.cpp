@@ -106,11 +106,23 @@ void SeriesProgram::listResolved() {
     power[static_cast<std::size_t>(it.result)] = it.power;
   }
   ranges_.assign(degree_.size(), SeriesRange{});
+  // Arguments whose ends are far apart tell nothing of the way between them if they turn on it, as
+  // x^4 does: a product that a function's argument follows from is asked, too.
+  std::vector<char> is_argument(degree_.size(), 0);
   hiding_.clear();
-  for (const SeriesOperation& it : resolved_) {
+  for (auto it = resolved_.rbegin(); it != resolved_.rend(); ++it) {
     // (Steps end at the points of tables.)
-    const bool may_hide = it.kind > kSeriesFinite && it.kind != kSeriesTable;
-    if (may_hide && it.power > kAlong) hiding_.push_back(it);
+    const bool may_hide =
+        it->kind > kSeriesFinite && it->kind != kSeriesTable && it->power > kAlong;
+    const bool is_function = may_hide && it->kind != kSeriesProduct;
+    const bool leads_on = is_argument[static_cast<std::size_t>(it->result)] != 0;
+    if (may_hide || (leads_on && it->kind == kSeriesProduct && it->power > 1)) {
+      hiding_.push_back(*it);
+    }
+    if (!is_function && !leads_on) continue;
+    for (const int row : {it->a, it->b}) {
+      if (row >= 0) is_argument[static_cast<std::size_t>(row)] = 1;
+    }
   }
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   arguments_.assign(3 * hiding_.size() + variables_.size(), kNone);
