@@ -62,19 +62,6 @@ InitialResult AccelerationSystem::accept(double t, bool may_move, bool are_given
   return result;
 }
 
-MotionStatus AccelerationSystem::jump(double t, State& x, const double* u0, const double* u1,
-                                      std::uint64_t* projections) {
-  const StateView state = view(t, x);  // brings J to phi
-  return jump_map_.apply(state.time, x.data(), x.data() + S, u0, u1, x.data() + 2 * S, projections);
-}
-
-MotionStatus AccelerationSystem::jumpTorque(double t, State& x, const double* torque_jump,
-                                            std::uint64_t* projections) {
-  const StateView state = view(t, x);
-  return jump_map_.applyTorque(state.time, x.data(), x.data() + S, torque_jump, x.data() + 2 * S,
-                               projections);
-}
-
 bool AccelerationSystem::crossKink(const StepNode& from, StepNode& to) {
   double change[kMaxShafts];
   State there = to.x;

@@ -1,7 +1,6 @@
 /// The common base of systems with accelerations in their state: x = (phi, omega, epsilon).
 #pragma once
 
-#include "dynamics/jump.h"
 #include "dynamics/principle_system.h"
 #include "dynamics/projection.h"
 #include "variator_sim/sample.h"
@@ -30,10 +29,7 @@ class AccelerationSystem : public PrincipleSystem {
   InitialResult accept(double t, bool may_move, bool are_given, State& x, double* epsilon,
                        double* nearest, bool* velocities_at_fault) override;
 
-  MotionStatus jump(double t, State& x, const double* u0, const double* u1,
-                    std::uint64_t* projections) override;
-  MotionStatus jumpTorque(double t, State& x, const double* torque_jump,
-                          std::uint64_t* projections) override;
+  bool keepsReactionInRange() const override { return keeps_reaction_in_range_; }
 
   bool crossKink(const StepNode& from, StepNode& to) override;
 
@@ -51,7 +47,6 @@ class AccelerationSystem : public PrincipleSystem {
                      bool keeps_reaction_in_range)
       : PrincipleSystem(scene, shortcuts, like, 3, true),
         tolerance_{scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
-        jump_map_(drivetrain_, scene.solver, keeps_reaction_in_range),
         keeps_reaction_in_range_(keeps_reaction_in_range) {}
 
   /// phi' = omega, omega' = epsilon.
@@ -64,7 +59,6 @@ class AccelerationSystem : public PrincipleSystem {
   bool answersSteeply(const StepNode& node);
 
   Tolerance tolerance_;
-  JumpMap jump_map_;
   bool keeps_reaction_in_range_;
   bool has_neutral_ = false;
   bool is_neutral_[kMaxShafts] = {};

@@ -8,7 +8,6 @@
 #include "dynamics/principle_system.h"
 #include "dynamics/projection.h"
 #include "dynamics/torque_tangent.h"
-#include "integrate/guard_search.h"
 
 namespace variator_sim {
 
@@ -32,7 +31,7 @@ class ClassicalGauss final : public PrincipleSystem {
     const TorqueTangent tangent(drivetrain_, drivetrain_.view(t, x.data(), x.data() + S, epsilon_));
     tangent_ = &tangent;
     // Differences may look behind a jump; no stage has been there.
-    JumpWatch* const watch = std::exchange(watch_, nullptr);
+    StageWatch* const watch = std::exchange(watch_, nullptr);
     linearizeByDifferences(*this, t, x, readsAngles(), drivetrain_.naturalSize(), linearization);
     watch_ = watch;
     tangent_ = nullptr;
@@ -76,7 +75,7 @@ class ClassicalGauss final : public PrincipleSystem {
 
   bool isInCorner() const override { return corner_ != 0; }
 
-  void watch(JumpWatch* watch) override { watch_ = watch; }
+  void watch(StageWatch* watch) override { watch_ = watch; }
 
   /// Newton's iteration starts from the accelerations at the beginning of the step, whoever asks
   /// and in whatever order: samples may not change the motion.
@@ -103,7 +102,7 @@ class ClassicalGauss final : public PrincipleSystem {
   MotionStatus follow(const StateView& state, MoveTo move_to);
 
   const TorqueTangent* tangent_ = nullptr;  // stands for Q while a linearization is made
-  JumpWatch* watch_ = nullptr;
+  StageWatch* watch_ = nullptr;
   bool linear_ = true;
   double epsilon_[kMaxShafts] = {};
   double guess_[kMaxShafts] = {};

@@ -8,15 +8,23 @@
 #include "dynamics/drivetrain.h"
 #include "dynamics/initial_conditions.h"
 #include "dynamics/motion_series.h"
+#include "dynamics/step_node.h"
 #include "dynamics/system.h"
-#include "integrate/guard_search.h"
-#include "integrate/step_control.h"
-#include "integrate/stepper.h"
+#include "dynamics/tolerance.h"
 #include "variator_sim/motion_state.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/status.h"
 
 namespace variator_sim {
+
+/// Sees the state of every stage of a step.
+class StageWatch {
+ public:
+  virtual void note(const StateView& state) = 0;  // [loop]
+
+ protected:
+  ~StageWatch() = default;
+};
 
 /// All but `start` are [loop].
 class PrincipleSystem : public System {
@@ -59,13 +67,21 @@ class PrincipleSystem : public System {
   virtual InitialResult accept(double t, bool may_move, bool are_given, State& x, double* epsilon,
                                double* nearest, bool* velocities_at_fault) = 0;
 
-  /// What a jump of the inputs from u0 to u1 at t does to x. On failure x is unchanged.
-  virtual MotionStatus jump(double t, State& x, const double* u0, const double* u1,
-                            std::uint64_t* projections) = 0;
-  /// What a jump of the applied torque by `torque_jump` (N m, s values) to that at (t, x) does to
-  /// x, or to the accelerations that follow from it.
-  virtual MotionStatus jumpTorque(double t, State& x, const double* torque_jump,
-                                  std::uint64_t* projections) = 0;
+  /// Moves x as a jump of the inputs from u0 to u1 at t asks for, where the accelerations follow
+  /// from the state. (Where they are part of it, JumpMap does.) On failure x is unchanged.
+  virtual MotionStatus jump(double /*t*/, State& /*x*/, const double* /*u0*/, const double* /*u1*/,
+                            std::uint64_t* /*projections*/) {
+    return {};
+  }
+  /// Likewise, what a jump of the applied torque by `torque_jump` (N m, s values) to that at (t, x)
+  /// does to the accelerations that follow from x.
+  virtual MotionStatus jumpTorque(double /*t*/, State& /*x*/, const double* /*torque_jump*/,
+                                  std::uint64_t* /*projections*/) {
+    return {};
+  }
+  /// True when R stays C^T lambda along a jump (the formal equations [18]) instead of changing by
+  /// C^T Lambda. The same wherever C does not depend on epsilon.
+  virtual bool keepsReactionInRange() const { return false; }
 
   /// Constraints of order 1 have a kink between two nodes that are next to nothing apart: moves the
   /// accelerations at `to`, which are those at `from`, as f' = 0 asks. False where C loses rank.
@@ -76,7 +92,7 @@ class PrincipleSystem : public System {
 
   /// Tells `watch` of every state at which the derivative is taken, where a torque that jumps makes
   /// it another one.
-  virtual void watch(JumpWatch* /*watch*/) {}
+  virtual void watch(StageWatch* /*watch*/) {}
 
   /// R' = C^T Lambda: what no C has ever had a part of is a constant of the reaction R, and not the
   /// integrator's business. It is kept as it is at the start: `noteReaction` there (and wherever a

@@ -1,5 +1,5 @@
 /// What is integrated: x' = f(t, x), and what else a step of it needs to know. A principle is one
-/// of these (generalized_gauss.h, classical_gauss.h), and so is the path of a jump (jump.h).
+/// of these (generalized_gauss.h, classical_gauss.h), and so is the path of a jump (jump_map.h).
 #pragma once
 
 #include <cstdint>

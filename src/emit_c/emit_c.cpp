@@ -128,7 +128,7 @@ class Emission {
         scene_.constraints.begin(), scene_.constraints.end(),
         [&](const ConstraintPtr& it) { return it->order() >= low && it->order() <= high; });
   }
-  /// True if C depends on no acceleration and no input: a jump is one projection (jump.h).
+  /// True if C depends on no acceleration and no input: a jump is one projection (jump_map.h).
   bool jumpsStraight() const {
     return std::all_of(scene_.constraints.begin(), scene_.constraints.end(),
                        [](const ConstraintPtr& it) {

@@ -1,5 +1,5 @@
 // Events and jumps in every emitted program (explained in integrate/guard_search.h and
-// dynamics/jump.h).
+// integrate/jump_map.h).
 #include "emit_c/c_text.h"
 
 namespace variator_sim {

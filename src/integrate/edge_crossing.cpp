@@ -294,7 +294,7 @@ bool Integrator::jumpFrom(const double* before) {
   if (!is_any) return true;
   State x = front_.x;
   const MotionStatus result =
-      system_.jumpTorque(front_.time, x, torque_jump, &statistics_.projections);
+      jump_map_.applyTorque(front_.time, x, torque_jump, &statistics_.projections);
   if (result.ok()) {
     front_.x = x;
     return true;

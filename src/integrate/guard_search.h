@@ -14,6 +14,7 @@
 #include <limits>
 #include <vector>
 
+#include "dynamics/principle_system.h"
 #include "integrate/step_curve.h"
 #include "variator_sim/guard.h"
 
@@ -160,7 +161,7 @@ class GuardSearch {
 
 /// Watches the stages of a step: whether one of them lies behind a jump that the step, which begins
 /// before it, does not cross.
-class JumpWatch {
+class JumpWatch final : public StageWatch {
  public:
   explicit JumpWatch(const GuardSearch& guards) : guards_(guards) {}
   void begin() {
@@ -173,7 +174,7 @@ class JumpWatch {
     return has_left_;
   }
   /// A stage at `state`. [loop]
-  void note(const StateView& state) {
+  void note(const StateView& state) override {
     if (!is_on_ || has_left_) return;
     for (int i = 0; i < guards_.count() && !has_left_; ++i) {
       has_left_ = guards_.guard(i).jumps() && guards_.hasLeft(i, state);

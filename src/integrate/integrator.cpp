@@ -19,6 +19,7 @@ Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
       stepper_(&choice_.stepper()),
       tolerance_{scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
       checks_(system, tolerance_, choice_.isFixed()),
+      jump_map_(system, scene.solver),
       control_(1),
       rest_(system),
       rows_(system),
@@ -236,7 +237,8 @@ bool Integrator::jump(const double* u0) {
   drivetrain_.refreshInputs(front_.time);
   double u1[kMaxInputs];
   copyInputs(u1);
-  const MotionStatus result = system_.jump(front_.time, front_.x, u0, u1, &statistics_.projections);
+  const MotionStatus result =
+      jump_map_.apply(front_.time, front_.x, u0, u1, &statistics_.projections);
   if (result.ok()) return true;
   status_ = result;
   status_.time = absolute(front_.time);

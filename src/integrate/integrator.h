@@ -33,6 +33,7 @@
 #include "dynamics/principle_system.h"
 #include "integrate/command_rhythm.h"
 #include "integrate/guard_search.h"
+#include "integrate/jump_map.h"
 #include "integrate/progress.h"
 #include "integrate/rest.h"
 #include "integrate/row_watch.h"
@@ -485,6 +486,7 @@ class Integrator {
   Stepper* stepper_;  // that made the last step
   Tolerance tolerance_;
   StepChecks checks_;
+  JumpMap jump_map_;
   StepControl control_;
   Rest rest_;
   RowWatch rows_;

@@ -12,28 +12,13 @@
 
 #include "dynamics/series_step.h"
 #include "dynamics/state_vector.h"
+#include "dynamics/step_node.h"
 #include "dynamics/system.h"
-#include "integrate/step_control.h"
+#include "dynamics/tolerance.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
-
-/// A state of a motion and its derivative.
-struct StepNode {
-  explicit StepNode(const System& system)
-      : x(system.size()),
-        dxdt(system.size()),
-        torque(system.shafts()),
-        torque_rate(system.shafts()) {}
-  StepNode(double t, const State& at, const State& slope)
-      : time(t), x(at), dxdt(slope), torque(0), torque_rate(0) {}
-  double time = 0.0;
-  State x;
-  State dxdt;
-  ShaftVector torque;       ///< Q there, N m, where StepChecks has written it
-  ShaftVector torque_rate;  ///< Q' there, N m/s, likewise
-};
 
 /// What the torque rates at the stages of a step add up to.
 struct TorqueGain {

@@ -155,7 +155,7 @@ TEST(Jumps, StepAtEveryTick) {
       const Scene plain = circle.scene();
       for (const Method& method : methodsOf(plain, tolerances())) {
         const test::Run run = play(method.scene, times, commands);
-        // n jumps, each good to a tenth of a tolerance (src/dynamics/jump.h)
+        // n jumps, each good to a tenth of a tolerance (src/integrate/jump_map.h)
         hazard.compare(run, exact, method.scene,
                        std::to_string(n) + " steps of " + text(size) + " " + method.name,
                        (kAllowed + 0.1 * n) * worst);

@@ -16,8 +16,8 @@
 #include <algorithm>
 #include <memory>
 
-#include "dynamics/drivetrain.h"
 #include "dynamics/least_reaction.h"
+#include "dynamics/principle_system.h"
 #include "dynamics/projection.h"
 #include "integrate/step_control.h"
 #include "integrate/stepper.h"
@@ -27,18 +27,18 @@ namespace variator_sim {
 
 class JumpMap {
  public:
-  /// `keeps_reaction_in_range`: R stays C^T lambda along the jump (the formal equations [18])
-  /// instead of changing by C^T Lambda. The same wherever C does not depend on epsilon.
-  JumpMap(Drivetrain& drivetrain, const SolverSettings& settings, bool keeps_reaction_in_range);
+  /// `system` has to outlive this.
+  JumpMap(PrincipleSystem& system, const SolverSettings& settings);
 
-  /// Moves `epsilon` (S values) from inputs u0 to u1 (inputCount values) at fixed (t, phi, omega).
-  /// On failure `epsilon` is unchanged and the status says why, its time excepted. [loop]
-  MotionStatus apply(double t, const double* phi, const double* omega, const double* u0,
-                     const double* u1, double* epsilon, std::uint64_t* projections);
+  /// Moves the accelerations of x, those that follow from it included, from inputs u0 to u1
+  /// (inputCount values) at fixed (t, phi, omega). On failure x is unchanged and the status says
+  /// why, its time excepted. [loop]
+  MotionStatus apply(double t, State& x, const double* u0, const double* u1,
+                     std::uint64_t* projections);
   /// The same for a torque that jumps by `torque_jump` (N m, S values) while the inputs stay.
   /// [loop]
-  MotionStatus applyTorque(double t, const double* phi, const double* omega,
-                           const double* torque_jump, double* epsilon, std::uint64_t* projections);
+  MotionStatus applyTorque(double t, State& x, const double* torque_jump,
+                           std::uint64_t* projections);
 
  private:
   /// Moves `epsilon` along the path that was begun.
@@ -128,7 +128,8 @@ class JumpMap {
   static constexpr double kKinkResolution = 0.1;
 
   const int S;  // shafts
-  Drivetrain& drivetrain_;
+  PrincipleSystem& system_;
+  Drivetrain& drivetrain_;  // the system's
   Path path_;
   Tolerance tolerance_;
   std::unique_ptr<Stepper> stepper_;

@@ -1,4 +1,4 @@
-#include "dynamics/jump.h"
+#include "integrate/jump_map.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,34 +6,37 @@
 
 namespace variator_sim {
 
-JumpMap::JumpMap(Drivetrain& drivetrain, const SolverSettings& settings,
-                 bool keeps_reaction_in_range)
-    : S(drivetrain.shafts()),
-      drivetrain_(drivetrain),
-      path_(drivetrain, keeps_reaction_in_range),
+JumpMap::JumpMap(PrincipleSystem& system, const SolverSettings& settings)
+    : S(system.shafts()),
+      system_(system),
+      drivetrain_(system.drivetrain()),
+      path_(drivetrain_, system.keepsReactionInRange()),
       // A jump's error persists and adds to those of other jumps: a tenth of the tolerance.
       tolerance_{0.1 * settings.absolute_tolerance,
                  std::max(0.1 * settings.relative_tolerance, 1e-14)},
       stepper_(makeStepper(StepperKind::kFehlberg78, path_, tolerance_)),
-      consistency_(drivetrain) {
-  for (int m = 0; m < drivetrain.constraintCount(); ++m) {
-    const Constraint& constraint = drivetrain.constraint(m);
+      consistency_(drivetrain_) {
+  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
+    const Constraint& constraint = drivetrain_.constraint(m);
     straight_ = straight_ && constraint.nonlinearAccelerations() == 0 && !constraint.readsInputs();
   }
 }
 
-MotionStatus JumpMap::apply(double t, const double* phi, const double* omega, const double* u0,
-                            const double* u1, double* epsilon, std::uint64_t* projections) {
-  path_.begin(t, phi, omega, u0, u1);
-  return follow(epsilon, projections);
+MotionStatus JumpMap::apply(double t, State& x, const double* u0, const double* u1,
+                            std::uint64_t* projections) {
+  if (!system_.integratesTorque()) return system_.jump(t, x, u0, u1, projections);
+  const StateView state = system_.view(t, x);  // brings J to phi
+  path_.begin(state.time, x.data(), x.data() + S, u0, u1);
+  return follow(x.data() + 2 * S, projections);
 }
 
-MotionStatus JumpMap::applyTorque(double t, const double* phi, const double* omega,
-                                  const double* torque_jump, double* epsilon,
+MotionStatus JumpMap::applyTorque(double t, State& x, const double* torque_jump,
                                   std::uint64_t* projections) {
-  path_.begin(t, phi, omega, drivetrain_.inputs(), drivetrain_.inputs());
+  if (!system_.integratesTorque()) return system_.jumpTorque(t, x, torque_jump, projections);
+  const StateView state = system_.view(t, x);  // brings J to phi
+  path_.begin(state.time, x.data(), x.data() + S, drivetrain_.inputs(), drivetrain_.inputs());
   path_.setTorqueJump(torque_jump);
-  return follow(epsilon, projections);
+  return follow(x.data() + 2 * S, projections);
 }
 
 MotionStatus JumpMap::follow(double* epsilon, std::uint64_t* projections) {
