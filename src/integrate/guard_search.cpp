@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "integrate/bracket.h"
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
@@ -36,58 +37,6 @@ constexpr int kMostGuesses = 3;
 /// Boxes after which an interruption is asked for.
 constexpr int kAskAfter = 64;
 
-/// Of a polynomial that falls through 0 once from 0 to 1: where, by Newton's iteration within a
-/// bracket, which goes a little beyond the root to close it from either side.
-void narrow(const StepCurve::Coefficients& gap, double resolution, double* low, double* high) {
-  constexpr int kIterations = 60;
-  double at = gap.front() / (gap.front() - gap.back());
-  for (int n = 0; n<kIterations&& * high - *low> resolution; ++n) {
-    double slope;
-    const double value = StepCurve::valueAt(gap, at, &slope);
-    (value > 0.0 ? *low : *high) = at;
-    at += (value > 0.0 ? 0.25 : -0.25) * resolution - value / slope;
-    if (!(at > *low && at < *high)) at = 0.5 * (*low + *high);
-  }
-}
-
-/// Between two parts of a step at which a guard's gap, f, is not negative and negative: closer
-/// ones, by Chandrupatla's method (A new hybrid quadratic/bisection algorithm for finding the zero
-/// of a nonlinear function without using derivatives, Adv. Eng. Softw. 28 (1997) 145): bisection
-/// where the inverse parabola through the last three points does not fall between the ends.
-template <class Gap>
-void narrow(const Gap& gap, double resolution, double f_low, double f_high, double* low,
-            double* high) {
-  constexpr int kIterations = 80;
-  double a = *high;
-  double fa = f_high;
-  double b = *low;
-  double fb = f_low;
-  double t = fa / (fa - fb);
-  for (int n = 0; n<kIterations&& * high - *low> resolution; ++n) {
-    const double least = std::min(0.5, 0.5 * resolution / std::abs(b - a));
-    const double x = a + std::clamp(t, least, 1.0 - least) * (b - a);
-    if (!(x > *low && x < *high)) return;
-    const double fx = gap(x);
-    double c = a;
-    double fc = fa;
-    if ((fx < 0.0) != (fa < 0.0)) {
-      c = b;
-      fc = fb;
-      b = a;
-      fb = fa;
-    }
-    a = x;
-    fa = fx;
-    (fx < 0.0 ? *high : *low) = x;
-    const double xi = (a - b) / (c - b);
-    const double phi = (fa - fb) / (fc - fb);
-    t = 0.5;
-    if (phi * phi < xi && (1.0 - phi) * (1.0 - phi) < 1.0 - xi) {
-      t = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb);
-    }
-  }
-}
-
 /// A state, its accelerations to within the part `width`.
 StateBox boxAround(const StateView& state, int shafts, double width) {
   StateBox box;
@@ -109,6 +58,18 @@ void includeSlopes(const StepCurve::Coefficients& whole, double duration, Interv
     range->low = std::min(range->low, slope);
     range->high = std::max(range->high, slope);
   }
+}
+
+/// The rate of a guard in `box`, with the slopes of the first `count` polynomials, those of the
+/// parts `part` of the state, over `duration`, s. (Dense output of an angle has other slopes than
+/// that of its velocity, next to stages far off.)
+Interval rateAlong(const Guard& guard, StateBox box, const StepCurve::Coefficients* polynomials,
+                   const int* part, std::size_t count, double duration) {
+  for (std::size_t n = 0; n < count; ++n) {
+    if (part[n] >= 2 * kMaxShafts) continue;
+    includeSlopes(polynomials[n], duration, StepCurve::partOf(&box, part[n] + kMaxShafts));
+  }
+  return guard.rate(box);
 }
 
 bool mayHaveSettled(const StepCurve& curve, double part) {
@@ -266,7 +227,7 @@ GuardSearch::Verdict GuardSearch::crossOnce(std::size_t i, const StepCurve& curv
   const auto gap = [&](double part) { return sense * (guard.distance(at(curve, part)) - bound); };
   double low = clear;
   double high = end;
-  narrow(gap, resolution, sense * (first - bound), sense * (last - bound), &low, &high);
+  narrowBracket(gap, resolution, sense * (first - bound), sense * (last - bound), &low, &high);
   const bool is_left = is_clear(low) && noteIfLeft(i, curve, low, high, finding);
   return is_left ? Verdict::kFound : Verdict::kUnclear;
 }
@@ -374,7 +335,7 @@ void GuardSearch::findLinear(std::size_t i, const StepCurve& curve, double resol
       const double width = end - clear;
       double low = 0.0;
       double high = 1.0;
-      narrow(*here, resolution / width, &low, &high);
+      narrowBracket(*here, resolution / width, &low, &high);
       // (By rounding the guard itself may be left a little later.)
       double beyond = clear + high * width;
       const double root = clear + low * width;
@@ -420,15 +381,8 @@ void GuardSearch::findEnclosed(std::size_t i, const StepCurve& curve, double res
   const auto look = [&](const StepCurve::Coefficients* here, double clear, double end) {
     const bool stands = enclose(here, clear, end);
     if (end <= leaves_[i] || !guard.mayLeave(box, step_sides_[i])) return Verdict::kClear;
-    // (Dense output of an angle has other slopes than that of its velocity, next to stages far
-    // off.)
-    StateBox along = box;
-    for (std::size_t n = 0; n < count; ++n) {
-      if (part[n] >= 2 * kMaxShafts) continue;
-      Interval* const rate = StepCurve::partOf(&along, part[n] + kMaxShafts);
-      includeSlopes(here[n], (end - clear) * curve.duration(), rate);
-    }
-    const Interval rate = guard.rate(along);
+    const double duration = (end - clear) * curve.duration();
+    const Interval rate = rateAlong(guard, box, here, part, count, duration);
     if (staysByRate(i, curve, clear, end, rate)) return Verdict::kClear;
     // (What jumps may be crossed back at once, and then there is no motion on the edge.)
     const bool may_settle = mayHaveSettled(curve, end - clear) && !guard.jumps();

@@ -11,7 +11,6 @@
 
 #include <algorithm>
 #include <functional>
-#include <limits>
 #include <vector>
 
 #include "dynamics/principle_system.h"
@@ -31,28 +30,6 @@ struct GuardFinding {
   double clear = 1.0;
   double beyond = 1.0;
   int guard = -1;
-};
-
-/// The edge that comes next.
-struct Crossing {
-  int guard = -1;
-  int side = 0;           ///< that it leaves
-  double at = 0.0;        ///< where the step before it ends
-  double length = 0.0;    ///< of the step across, s
-  bool is_guess = false;  ///< told by a step that was refused
-  /// The next step where it is not there after all, s.
-  double otherwise = std::numeric_limits<double>::infinity();
-  bool isDueAt(double time) const { return guard >= 0 && at == time; }
-};
-
-/// The last edge that was crossed.
-struct LastCrossing {
-  int guard = -1;
-  int branch = 0;  ///< that was entered
-  double time = 0.0;
-  double depth = 0.0;
-  int count = 0;          ///< of crossings of it before, each at once back after the other
-  int false_guesses = 0;  ///< since then: edges of refused steps that were not there
 };
 
 class GuardSearch {

@@ -164,4 +164,58 @@ bool Rest::areAccelerationsNear(const State& r, const Tolerance& tolerance) cons
   return true;
 }
 
+bool Sleep::beginExactly() {
+  if (drivetrain_.readsTime() || !step_.settings.sleep || step_.choice.isFixed()) return false;
+  // Angles that nothing reads go on at constant speed.
+  const bool is_exact = std::all_of(end_.dxdt.begin() + (system_.readsAngles() ? 0 : S),
+                                    end_.dxdt.end(), [](double rate) { return rate == 0.0; });
+  if (!is_exact || !begin()) return false;
+  ++step_.statistics.sleeps;
+  return true;
+}
+
+bool Sleep::beginAfterStep(double* rate) {
+  *rate = 0.0;
+  if (drivetrain_.readsTime() || !step_.settings.sleep) return false;
+  // Angles that nothing reads go on at constant speed.
+  double change = 0.0;
+  for (int n = system_.readsAngles() ? 0 : S; n < end_.x.size(); ++n) {
+    const double allowed = tolerance_.of(end_.x[n]);
+    *rate = std::max(*rate, std::abs(end_.dxdt[n]) / allowed);
+    change = std::max(change, std::abs(end_.x[n] - start_.x[n]) / allowed);
+  }
+  if ((*rate != 0.0 && !rest_.noteStep(change)) || !begin()) return false;
+  ++step_.statistics.sleeps;
+  return true;
+}
+
+bool Sleep::begin() {
+  // In longest steps: a shorter term saves less than its search costs.
+  constexpr double kLeastSleep = 20.0;
+  const double term = rest_.calcTerm(end_.time, end_.x, end_.dxdt, tolerance_, left_);
+  const bool sleeps =
+      term >= std::min(kLeastSleep * step_.settings.maximum_step, 0.25 * rest_.longestTerm());
+  if (sleeps) step_.phase = StepPhase::kSleeping;
+  term_end_ = end_.time + term;
+  return sleeps;
+}
+
+void Sleep::finish() {
+  State x(system_.size());
+  calcState(term_end_, x);
+  end_.time = term_end_;
+  end_.x = x;
+  for (int n = 0; n < x.size(); ++n) x[n] += left_[n];
+  State moved(system_.size());
+  const ProjectionResult projected =
+      system_.project(end_.time, x, moved, &step_.statistics.projections);
+  if (projected == ProjectionResult::kConverged) end_.x = x;
+}
+
+void Sleep::calcState(double time, State& x) const {
+  x = end_.x;
+  if (system_.readsAngles()) return;
+  for (int n = 0; n < S; ++n) x[n] += (time - end_.time) * end_.x[S + n];
+}
+
 }  // namespace variator_sim

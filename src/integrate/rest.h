@@ -17,7 +17,7 @@
 
 #include "dynamics/linearization.h"
 #include "dynamics/principle_system.h"
-#include "integrate/step_control.h"
+#include "integrate/current_step.h"
 
 namespace variator_sim {
 
@@ -123,6 +123,36 @@ class Rest {
   double longest_ = kForever;
   int quiet_ = 0;
   int needed_ = kQuiet;
+};
+
+/// The sleep of a motion at rest: it is not stepped until the end of its term. All are [loop].
+class Sleep : private StepPart {
+ public:
+  explicit Sleep(CurrentStep& step)
+      : StepPart(step), rest_(step.system), left_(step.system.size()) {}
+
+  void reset() { rest_.reset(); }
+  /// A step was no rest.
+  void noteMotion() { rest_.noteMotion(); }
+  /// True when nothing changes at the end of the step, exactly, and the motion sleeps from there.
+  bool beginExactly();
+  /// True when the motion sleeps from the end of the last step on. `rate`: the largest of its
+  /// rates, in tolerances per s.
+  bool beginAfterStep(double* rate);
+  /// The motion sleeps on from the end of the step. False when the term is too short to be worth
+  /// its search.
+  bool begin();
+  /// Until when nothing is stepped.
+  double end() const { return term_end_; }
+  /// Moves the end of the step to where the sleep ends.
+  void finish();
+  /// x at `time` of a motion at rest: that of the step's end, angles gone on at constant speed.
+  void calcState(double time, State& x) const;
+
+ private:
+  Rest rest_;
+  double term_end_ = 0.0;
+  State left_;  // the deviation c there
 };
 
 }  // namespace variator_sim

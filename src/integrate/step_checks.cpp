@@ -13,6 +13,75 @@ void StepChecks::reset() {
   largest_torque_.fill(0.0);
 }
 
+double StepChecks::stepAndProject(Stepper& stepper, const StepNode& from, double end, double h,
+                                  State& x) {
+  const double norm = stepper.step(system_, from, h, x);
+  if (!isGood(norm)) return norm;
+  return worseOf(norm, projectEnd(stepper, from.x, end, h, norm, x));
+}
+
+double StepChecks::projectEnd(const Stepper& stepper, const State& x_old, double end, double h,
+                              double estimate, State& x) {
+  if (!x.isFinite()) return std::numeric_limits<double>::quiet_NaN();
+  if (drivetrain_.constraintCount() == 0) return 0.0;
+  State moved(x.size());
+  const ProjectionResult result =
+      stepper.isImplicit() ? projectStiffly(stepper, end, h, x, moved, &statistics_.projections)
+                           : system_.project(end, x, moved, &statistics_.projections);
+  if (result != ProjectionResult::kConverged) return std::numeric_limits<double>::quiet_NaN();
+  // Stages that hold psi = 0 themselves leave rounding to the projection, no error.
+  if (stepper.isImplicit() && system_.keepsConstraintsInStages()) return 0.0;
+  const double norm = calcErrorNorm(moved, x_old, x, tolerance_);
+  if (norm <= kSteadyNorm || norm <= estimate) return norm;
+  return discountRounding(end, x_old, x, moved);
+}
+
+double StepChecks::discountRounding(double end, const State& x_old, const State& x,
+                                    const State& moved) {
+  State rounding(x.size());
+  const double largest = calcRounding(end, x, rounding);
+  State left = moved;
+  for (int n = 0; n < x.size(); ++n) left[n] = std::max(0.0, moved[n] - rounding[n]);
+  const double norm = calcErrorNorm(left, x_old, x, tolerance_);
+  if (norm <= 1.0) noteRounding(largest);
+  return norm;
+}
+
+double StepChecks::calcRounding(double end, const State& x, State& rounding) {
+  double velocity[kMaxShafts];
+  double acceleration[kMaxShafts];
+  drivetrain_.calcProjectionRounding(system_.view(end, x), velocity, acceleration);
+  system_.addReactionRounding(end, x, acceleration);
+  double largest = 0.0;
+  const auto note = [&](int n, double size) {
+    rounding[n] = size;
+    largest = std::max(largest, size / tolerance_.of(x[n]));
+  };
+  for (int i = 0; i < S; ++i) {
+    note(S + i, velocity[i]);
+    if (integrates_torque_) note(x.size() - S + i, acceleration[i]);
+  }
+  return largest;
+}
+
+void StepChecks::noteRounding(double largest) {
+  if (largest > 1.0) {
+    statistics_.largest_rounding = std::max(statistics_.largest_rounding, largest);
+  }
+}
+
+void StepChecks::noteProjectionRounding(double end, const State& x) {
+  State rounding(x.size());
+  noteRounding(calcRounding(end, x, rounding));
+}
+
+ProjectionResult StepChecks::projectStiffly(const Stepper& stepper, double end, double h, State& x,
+                                            State& moved, std::uint64_t* iterations) {
+  State slope(x.size());
+  stepper.calcSlope(1.0, end - (end - h), slope);
+  return system_.projectStiffly(end, h, slope, x, moved, iterations);
+}
+
 void StepChecks::noteTorque(StepNode& node) {
   calcTorque(node);
   noteTorqueRate(node);
@@ -85,7 +154,7 @@ double StepChecks::checkAccelerations(const Stepper& stepper, const StepNode& fr
     if (stepper.isImplicit() && system_.keepsConstraintsInStages()) {
       State moved(x.size());
       std::uint64_t iterations = 0;
-      if (projectStiffly(system_, stepper, end, h, beside, moved, &iterations) !=
+      if (projectStiffly(stepper, end, h, beside, moved, &iterations) !=
           ProjectionResult::kConverged) {
         return std::numeric_limits<double>::quiet_NaN();
       }

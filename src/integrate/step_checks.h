@@ -17,36 +17,46 @@
 #include "dynamics/projection.h"
 #include "integrate/step_control.h"
 #include "integrate/stepper.h"
+#include "variator_sim/status.h"
 
 namespace variator_sim {
 
-/// Projects x, which the last step of an implicit stepper, of size h, has reached at `end`.
-inline ProjectionResult projectStiffly(PrincipleSystem& system, const Stepper& stepper, double end,
-                                       double h, State& x, State& moved,
-                                       std::uint64_t* iterations) {
-  State slope(x.size());
-  stepper.calcSlope(1.0, end - (end - h), slope);
-  return system.projectStiffly(end, h, slope, x, moved, iterations);
-}
+/// An error norm that makes StepControl take a step no shorter, at every order.
+constexpr double kSteadyNorm = 0.1;
 
 /// The checks of the steps of one motion. Norms are in units of the tolerance, and a step is good
 /// at most 1. All are [loop].
 class StepChecks {
  public:
-  /// `system` has to outlive this. `are_steps_fixed`: errors are told and refuse no step.
-  StepChecks(PrincipleSystem& system, Tolerance tolerance, bool are_steps_fixed)
+  /// `system` and `statistics` have to outlive this. `are_steps_fixed`: errors are told and reject
+  /// no step.
+  StepChecks(PrincipleSystem& system, Tolerance tolerance, bool are_steps_fixed,
+             Statistics& statistics)
       : S(system.shafts()),
         integrates_torque_(system.integratesTorque()),
         system_(system),
         drivetrain_(system.drivetrain()),
         tolerance_(tolerance),
         are_steps_fixed_(are_steps_fixed),
+        statistics_(statistics),
         nothing_(S),
         largest_acceleration_(S),
         largest_torque_(S) {}
 
   /// Forgets what belongs to a motion.
   void reset();
+
+  /// The error of a step is at most the tolerance; where steps are fixed, it only exists.
+  bool isGood(double norm) const {
+    return norm <= 1.0 || (are_steps_fixed_ && std::isfinite(norm));
+  }
+  /// A step of length h from `from` to `end`, on the constraints: x there. The error, in units of
+  /// the tolerance.
+  double stepAndProject(Stepper& stepper, const StepNode& from, double end, double h, State& x);
+  /// Counts what rounding alone makes of a move onto the constraints that has come to x.
+  void noteProjectionRounding(double end, const State& x);
+  /// Counts such a rounding, in tolerances.
+  void noteRounding(double largest);
 
   /// Writes Q and Q' of `node`, whose derivative is known and is the last that was taken.
   void noteTorque(StepNode& node);
@@ -101,6 +111,24 @@ class StepChecks {
   int steepestTorque() const { return steepest_; }
 
  private:
+  /// Projects x, to which `stepper` has gone from x_old by h and which stands at `end`; the size of
+  /// the move in units of the tolerance (an error measure that is independent of the stepper's), or
+  /// NaN when it failed.
+  ///
+  /// Rounding alone counts for nothing: shorter steps do not help. The rounding is calculated only
+  /// where the move is more than a step's own error `estimate`.
+  double projectEnd(const Stepper& stepper, const State& x_old, double end, double h,
+                    double estimate, State& x);
+  /// The size of a move onto the constraints without what rounding makes of it; where that is more
+  /// than the tolerance it is told.
+  double discountRounding(double end, const State& x_old, const State& x, const State& moved);
+  /// Calculates the rounding of a move onto the constraints at x, component by component. Returns
+  /// the largest, in tolerances.
+  double calcRounding(double end, const State& x, State& rounding);
+  /// Projects x, which the last step of an implicit stepper, of size h, has reached at `end`.
+  ProjectionResult projectStiffly(const Stepper& stepper, double end, double h, State& x,
+                                  State& moved, std::uint64_t* iterations);
+
   /// The view of a node whose accelerations are known and no state.
   StateView viewDerived(const StepNode& node) {
     return drivetrain_.view(node.time, node.x.data(), node.x.data() + S, node.dxdt.data() + S);
@@ -166,6 +194,7 @@ class StepChecks {
   Drivetrain& drivetrain_;  // the system's
   Tolerance tolerance_;
   bool are_steps_fixed_;
+  Statistics& statistics_;
   double unattainable_ = 0.0;
   int steepest_ = -1;
   const ShaftVector nothing_;

@@ -14,8 +14,8 @@
 ///   the last explicit one, it goes on with them; else it goes back and waits four times as long.
 ///   The first is as long as the explicit ones: the fast components of an explicit run carry an
 ///   error of the tolerance's size, which an implicit step damps and its error estimate sees.
-/// - A step that has to be repeated kHopeless times (integrator.h) goes to radau; from implicit
-///   ones on trial back to where they came from.
+/// - A step that has to be repeated kMaxRejections times (trial_steps.h) goes to radau; from
+///   implicit ones on trial back to where they came from.
 /// - Near rest (kSettling steps in a row that stability limits and that change the state by some
 ///   tolerances only) it goes to radau without a trial, and back at the next command: the error of
 ///   explicit steps at the bound of stability would keep the motion from ever coming to rest.

@@ -14,6 +14,7 @@
 
 #include "dynamics/motion_series.h"
 #include "expression/series_dot.h"
+#include "integrate/series_stiffness.h"
 #include "integrate/stepper.h"
 
 namespace variator_sim {
@@ -36,8 +37,8 @@ class TaylorStepper final : public Stepper {
     for (int k = 1; k < kTerms; ++k) decay_[k] = ratio * decay_[k - 1];
     // x^m / m! at x = N / e, where a component that has died away limits a step of N terms.
     early_ = std::max(2, most_ / 4);
-    early_bound_ = 2.0 * kFaint;
-    for (int k = 1; k <= early_; ++k) early_bound_ *= most_ / (kE * k);
+    early_bound_ = 2.0 * series_stiffness::kFaint;
+    for (int k = 1; k <= early_; ++k) early_bound_ *= most_ / (series_stiffness::kE * k);
   }
   const char* name() const override { return "taylor"; }
   bool stepsBySeries() const override { return true; }
@@ -154,45 +155,12 @@ class TaylorStepper final : public Stepper {
     }
   }
 
-  /// What limits the steps and is itself of the tolerance's size: a component that has died away,
-  /// which is in the coefficients as delta lambda^n / n! and allows about |lambda h|^N / N! = 1, or
-  /// a singularity of size delta at a distance R, which allows |h| < R. Of a motion that swings or
-  /// turns so fast delta is far above the tolerance.
   double stiffness(const State& /*x_new*/, const State& /*dxdt_new*/) const override {
     const int last = lastTerm();
-    if (last < kDerivatives) return 0.0;
+    if (last < series_stiffness::kDerivatives) return 0.0;
     series_->fetchState();
-    const double length = length_ / series_->unit();
-    double stiffest = 0.0;
-    const double early = early_bound_ / power(length, early_);
-    double size[3 * kMaxShafts];  // of the last terms, but for the same factor in all
-    double largest_size = 0.0;
-    for (int n = least_angle_; n < size_; ++n) {
-      const double* const c = coefficients(n) + last;
-      const double own = std::max(std::abs(c[0]) * length, std::abs(c[-1]));
-      size[n] = own / tolerance_.of(coefficients(n)[0]);
-      largest_size = std::max(largest_size, size[n]);
-    }
-    for (int n = least_angle_; n < size_; ++n) {
-      if (!(size[n] >= kLimiting * largest_size)) continue;
-      const double* const c = coefficients(n);
-      // What has died away so far is no more than this in the early terms.
-      if (std::abs(c[early_]) > early * tolerance_.of(c[0])) continue;
-      const double faint = kFaint * tolerance_.of(c[0]);
-      const double rate = exponentialRate(c, last);  // |lambda| unit
-      if (rate > 0.0) {
-        const double largest = std::max(std::abs(c[last]), std::abs(c[last - 1]) * rate / last);
-        double factorial = 1.0;
-        for (int k = 2; k <= last; ++k) factorial *= k;
-        const double delta = largest * (factorial / power(rate, last));
-        if (delta <= faint) stiffest = std::max(stiffest, rate * length * kE / last);
-      } else {
-        const double here = largestOf(c + last - 2);
-        const double radius = std::sqrt(std::sqrt(largestOf(c + last - 6) / here));
-        if (here * power(radius, last - 1) <= faint) stiffest = std::max(stiffest, length / radius);
-      }
-    }
-    return stiffest;
+    return series_stiffness::estimate(rows_, least_angle_, size_, last, length_ / series_->unit(),
+                                      early_, early_bound_, tolerance_);
   }
 
   bool interpolate(System& system, double time, const StepNode& from, const StepNode& /*to*/,
@@ -216,62 +184,6 @@ class TaylorStepper final : public Stepper {
   static constexpr double kOfAccelerations = 10.0;
   static constexpr double kNoticed = 30.0;
   static constexpr int kLeastOrder = 3;
-  /// Tolerances: what a component at most has that has died away.
-  static constexpr double kFaint = 100.0;
-
-  /// Of the largest last terms, what those are of a component that limits the steps.
-  static constexpr double kLimiting = 0.05;
-
-  static constexpr double kE = 2.718281828459045;
-
-  /// Derivatives that an exponential is known by, and what they may depart from it.
-  static constexpr int kDerivatives = 7;
-  static constexpr double kMatch = 0.02;
-
-  /// |lambda| of the exponential, or of the pair of them, that the last derivatives d_n = n! c_n
-  /// are of: d_n = lambda d_{n-1}, or d_n = a d_{n-1} + b d_{n-2}. 0 where they are of none: those
-  /// of a singularity at a distance R grow as n! / R^n.
-  static double exponentialRate(const double* c, int last) {
-    double d[kDerivatives];  // the last first, over last!
-    double factor = 1.0;     // (last - j)! / last!
-    d[0] = c[last];
-    for (int j = 1; j < kDerivatives; ++j) {
-      factor /= last - j + 1;
-      d[j] = c[last - j] * factor;
-    }
-    const double lambda = d[0] / d[1];
-    const auto isSingle = [&](int j) {
-      return std::abs(d[j] - lambda * d[j + 1]) <= kMatch * std::abs(d[j]);
-    };
-    if (isSingle(1) && isSingle(2) && isSingle(3) && isSingle(4)) {
-      return std::abs(lambda);
-    }
-    const double det = d[1] * d[3] - d[2] * d[2];
-    const double a = (d[0] * d[3] - d[1] * d[2]) / det;
-    const double b = (d[1] * d[1] - d[0] * d[2]) / det;
-    const auto isPair = [&](int j) {
-      const double first = a * d[j + 1];
-      const double second = b * d[j + 2];
-      return std::abs(d[j] - first - second) <= kMatch * (std::abs(first) + std::abs(second));
-    };
-    if (!isPair(2) || !isPair(3) || !isPair(4)) return 0.0;
-    const double square = 0.25 * a * a + b;
-    return square < 0.0 ? std::sqrt(-b) : std::abs(0.5 * a) + std::sqrt(square);
-  }
-
-  /// Of three coefficients: one of them may vanish by accident.
-  static double largestOf(const double* c) {
-    return std::max({std::abs(c[0]), std::abs(c[1]), std::abs(c[2])});
-  }
-
-  static double power(double base, int exponent) {
-    double result = 1.0;
-    for (; exponent > 0; exponent >>= 1, base *= base) {
-      if ((exponent & 1) != 0) result *= base;
-    }
-    return result;
-  }
-
   /// Of component n of x.
   const double* coefficients(int n) const { return rows_[n]; }
   /// The same for all of them, although angles and velocities are known further: what is linear in

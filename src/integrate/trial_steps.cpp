@@ -1,333 +1,285 @@
+#include "integrate/trial_steps.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "dynamics/motion_series.h"
-#include "integrate/integrator.h"
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
 
-Integrator::Trial Integrator::firstTrial() {
+TrialSteps::TrialSteps(CurrentStep& step, GuardSearch& guards, EventCrossing& crossing,
+                       EventHandler& events, StepSize& size)
+    : StepPart(step),
+      guards_(guards),
+      crossing_(crossing),
+      events_(events),
+      size_(size),
+      watch_(guards) {
+  if (guards_.hasJumps()) system_.watch(&watch_);
+}
+
+void TrialSteps::restart() {
+  restart_time_ = end_.time;
+  fixed_steps_ = 0;
+}
+
+bool TrialSteps::make() {
+  Trial trial = first();
+  while (aim(trial)) {
+    if (trial.searches + trial.rejections > 0 && Interruption::isWanted()) return false;
+    watch_.begin();
+    double norm = attempt(trial);
+    const bool stages_left = watch_.end();
+    if (!step_.status.ok()) return false;
+    const EventHandler::Finding finding = locateEvents(trial, stages_left, &norm);
+    if (finding == EventHandler::Finding::kCrossed) return true;
+    if (!step_.status.ok()) return false;
+    if (finding == EventHandler::Finding::kShorter) continue;
+    if (step_.checks.isGood(norm) && trial.rejections >= kMaxRejections &&
+        haveAccelerationsLeapt()) {
+      trial.has_leapt = true;
+      norm = std::numeric_limits<double>::quiet_NaN();
+    }
+    if (isHiding(trial, norm)) continue;
+    if (step_.checks.isGood(norm)) {
+      if (accept(trial, norm)) return true;
+      if (!step_.status.ok()) return false;
+      norm = std::numeric_limits<double>::quiet_NaN();
+    }
+    if (!reject(trial, norm)) break;
+  }
+  return step_.phase == StepPhase::kCrossing;
+}
+
+EventHandler::Finding TrialSteps::locateEvents(Trial& trial, bool stages_left, double* norm) {
+  // Attempts that look for an event from one start.
+  constexpr int kMaxSearches = 100;
+  // So many events that rejected steps told of, and that were not there, make no more be told of.
+  constexpr int kMaxFalseGuesses = 5;
+  // This stands for the error of a step with stages on both sides of a jump.
+  constexpr double kStagesLeftNorm = 100.0;
+  using Finding = EventHandler::Finding;
+  const bool is_good = step_.checks.isGood(*norm);
+  const bool is_blind = crossing_.falseGuesses() > kMaxFalseGuesses && !is_good &&
+                        trial.rejections < kRejectionsBeforeJump;
+  if (guards_.isEmpty() || !std::isfinite(*norm) || trial.searches >= kMaxSearches || is_blind) {
+    return Finding::kClear;
+  }
+  // An event may be the reason for an error that is too large.
+  const Finding finding = is_good ? events_.locate(trial.taken, &trial.length)
+                                  : events_.locateByEnd(trial.taken, &trial.length);
+  if (!step_.status.ok()) return finding;
+  if (finding == Finding::kShorter) {
+    if (!step_.stepper->isImplicit() || events_.isEventOfTime(trial.taken)) {
+      trial.usual = std::max(trial.usual, trial.taken);
+    }
+    ++trial.searches;
+    ++step_.statistics.rejected_steps;
+    end_ = start_;
+  } else if (finding == Finding::kClear) {
+    // A torque that jumps was met by the stages and not by the motion: too long a step.
+    const bool counts = stages_left && !events_.isStill();
+    if (counts && !step_.choice.isFixed() && *norm <= 1.0) *norm = kStagesLeftNorm;
+  }
+  return finding;
+}
+
+bool TrialSteps::isHiding(Trial& trial, double norm) {
+  // Halvings of a step for what a formula may hide: of one so short its stages have seen all.
+  constexpr int kMaxHalvings = 20;
+  const bool may_halve = trial.unresolved < kMaxHalvings &&
+                         trial.taken > Progress::leastAt(step_.absolute(start_.time));
+  if (!step_.checks.isGood(norm) || !may_halve || isResolved(trial.taken)) return false;
+  ++trial.unresolved;
+  ++step_.statistics.rejected_steps;
+  trial.length = 0.5 * trial.taken;
+  end_ = start_;
+  return true;
+}
+
+TrialSteps::Trial TrialSteps::first() {
   Trial trial;
-  trial.segment_end = endOfReach();
-  trial.length = std::min(next_step_, settings_.maximum_step);
-  if (choice_.isFixed()) {
+  trial.segment_end = size_.endOfReach();
+  trial.length = std::min(step_.next_length, step_.settings.maximum_step);
+  if (step_.choice.isFixed()) {
     // Multiples of the step, not sums of it: no rounding piles up.
-    // (A step across an edge may have gone a little beyond the next one.)
+    // (A step across an event may have gone a little beyond the next one.)
     do {
-      trial.grid = restart_time_ + static_cast<double>(++fixed_steps_) * settings_.step;
-    } while (!(trial.grid > base_.time));
+      trial.grid = restart_time_ + static_cast<double>(++fixed_steps_) * step_.settings.step;
+    } while (!(trial.grid > start_.time));
     --fixed_steps_;
     trial.segment_end = std::min(trial.grid, trial.segment_end);
-    trial.length = trial.segment_end - base_.time;
+    trial.length = trial.segment_end - start_.time;
   }
   return trial;
 }
 
-bool Integrator::aim(Trial& trial) {
+bool TrialSteps::aim(Trial& trial) {
   // Up to the end of an input's segment at the most, and not leaving a sliver before it.
-  const double reach = trial.looks > 0 ? trial.length : 1.01 * trial.length;
-  trial.is_last = base_.time + reach >= trial.segment_end;
-  trial.end = trial.is_last ? trial.segment_end : base_.time + trial.length;
-  const bool is_fixed = choice_.isFixed();
-  trial.taken = trial.is_last || is_fixed ? trial.end - base_.time : trial.length;
-  if (trial.taken > (is_fixed ? 0.0 : std::max(shortestStep(base_.time), 1e-290))) return true;
-  if (!hopOverJumpAhead() && status_.ok()) {
-    explainStop(trial.has_leapt ? StopReason::kProjectionFailed : StopReason::kStepUnderflow);
-    const int guard = status_.reason == StopReason::kStepUnderflow ? nearJump() : -1;
-    if (guard >= 0) stopChattering(guard);
+  const double reach = trial.searches > 0 ? trial.length : 1.01 * trial.length;
+  trial.is_last = start_.time + reach >= trial.segment_end;
+  trial.end = trial.is_last ? trial.segment_end : start_.time + trial.length;
+  const bool is_fixed = step_.choice.isFixed();
+  trial.taken = trial.is_last || is_fixed ? trial.end - start_.time : trial.length;
+  if (trial.taken > (is_fixed ? 0.0 : std::max(shortestStep(start_.time), 1e-290))) return true;
+  if (!crossing_.crossJumpAhead() && step_.status.ok()) {
+    step_.explainStop(trial.has_leapt ? StopReason::kProjectionFailed : StopReason::kStepUnderflow);
+    const int guard =
+        step_.status.reason == StopReason::kStepUnderflow ? crossing_.findJumpNear() : -1;
+    if (guard >= 0) step_.stopChattering(guard);
   }
   return false;
 }
 
-bool Integrator::makeTrials() {
-  Trial trial = firstTrial();
-  while (aim(trial)) {
-    if (trial.looks + trial.rejections > 0 && Interruption::isWanted()) return false;
-    watch_.begin();
-    double norm = attempt(trial);
-    const bool stages_left = watch_.end();
-    if (!status_.ok()) return false;
-    const bool is_blind = last_crossing_.false_guesses > kMostFalseGuesses && !isGood(norm) &&
-                          trial.rejections < kHardPressed;
-    if (!guards_.isEmpty() && std::isfinite(norm) && trial.looks < kMostLooks && !is_blind) {
-      // An edge may be the reason for an error that is too large.
-      const Look look = isGood(norm) ? lookInside(trial.taken, &trial.length)
-                                     : lookAtEnd(trial.taken, &trial.length);
-      if (look == Look::kCrossed) return true;
-      if (!status_.ok()) return false;
-      if (look == Look::kShorter) {
-        if (!stepper_->isImplicit() || isEdgeOfTime(trial.taken)) {
-          trial.usual = std::max(trial.usual, trial.taken);
-        }
-        ++trial.looks;
-        ++statistics_.rejected_steps;
-        front_ = base_;
-        continue;
-      }
-      // A torque that jumps was met by the stages and not by the motion: too long a step.
-      const bool counts = stages_left && !is_still_;
-      if (counts && !choice_.isFixed() && norm <= 1.0) norm = kStagesLeft;
-    }
-    if (isGood(norm) && trial.rejections >= kHopeless && haveAccelerationsLeapt()) {
-      trial.has_leapt = true;
-      norm = std::numeric_limits<double>::quiet_NaN();
-    }
-    const bool may_halve =
-        trial.unresolved < kMostUnresolved && trial.taken > Progress::leastAt(absolute(base_.time));
-    if (isGood(norm) && may_halve && !isResolved(trial.taken)) {
-      ++trial.unresolved;
-      ++statistics_.rejected_steps;
-      trial.length = 0.5 * trial.taken;
-      front_ = base_;
-      continue;
-    }
-    if (isGood(norm)) {
-      if (accept(trial, norm)) return true;
-      if (!status_.ok()) return false;
-      norm = std::numeric_limits<double>::quiet_NaN();
-    }
-    if (!refuse(trial, norm)) break;
-  }
-  return course_ == Course::kHop;
-}
-
-bool Integrator::haveAccelerationsLeapt() const {
-  // A psi that is linear in them has one branch only.
-  const bool has_branches = drivetrain_.nonlinearAccelerations() != 0;
-  if (integrates_torque_ || !has_branches || choice_.isFixed()) return false;
-  constexpr double kLeap = 1e-5;
-  const double part = std::max(kLeap, 10.0 * settings_.relative_tolerance);
-  for (int n = S; n < 2 * S; ++n) {
-    const double change = std::abs(front_.dxdt[n] - base_.dxdt[n]);
-    if (!(change <= part * (1.0 + std::abs(base_.dxdt[n])))) return true;
-  }
-  return false;
-}
-
-double Integrator::stepAndProject(Stepper& stepper, const StepNode& from, double end, double h,
-                                  State& x) {
-  const double norm = stepper.step(system_, from, h, x);
-  if (!isGood(norm)) return norm;
-  return worseOf(norm, projectEnd(stepper, from.x, end, h, norm, x));
-}
-
-bool Integrator::isResolved(double taken) {
-  MotionSeries* const series = system_.formulas();
-  if (series == nullptr || choice_.isFixed() || stepper_->stepsBySeries()) return true;
-  // phi, omega, epsilon
-  double x[3][3 * kMaxShafts];
-  const auto copy = [&](const State& from, const double* epsilon, double* to) {
-    std::copy(from.begin(), from.end(), to);
-    if (!integrates_torque_) std::copy_n(epsilon, S, to + 2 * S);
+double TrialSteps::attempt(const Trial& trial) {
+  // A check that is passed counts only so much that steps stay about as long as they are.
+  const auto worseOfCheck = [](double own, double check) {
+    return worseOf(own, check <= 1.0 ? std::min(check, kSteadyNorm) : check);
   };
-  copy(base_.x, base_.dxdt.data() + S, x[0]);
-  copy(front_.x, front_.dxdt.data() + S, x[2]);
-  if (!series->mayHideAlong(base_.time, taken, x[0], x[2])) return true;
-  State middle(system_.size());
-  double epsilon[kMaxShafts];
-  if (!stepper_->interpolate(system_, base_.time + 0.5 * taken, base_, front_, middle)) {
-    for (int n = 0; n < middle.size(); ++n) {
-      const double bend = base_.dxdt[n] - front_.dxdt[n];
-      middle[n] = 0.5 * (base_.x[n] + front_.x[n]) + 0.125 * taken * bend;
-    }
-  }
-  for (int i = 0; i < S; ++i) epsilon[i] = 0.5 * (x[0][2 * S + i] + x[2][2 * S + i]);
-  copy(middle, epsilon, x[1]);
-  return series->isStepResolved(base_.time, taken, x[0], x[1], x[2], tolerance_.absolute,
-                                tolerance_.relative);
-}
-
-double Integrator::attempt(const Trial& trial) {
-  double norm = stepAndProject(*stepper_, base_, trial.end, trial.taken, front_.x);
-  control_.setScheme(std::max(1, stepper_->errorOrder()), !stepper_->isImplicit());
+  double norm = step_.checks.stepAndProject(*step_.stepper, start_, trial.end, trial.taken, end_.x);
+  size_.followScheme();
   // These decide whether the step is good. They may keep the next one from growing, but not make
   // it shorter: what rounding leaves in them does not fall with the step.
-  front_.time = trial.end;
+  end_.time = trial.end;
   own_norm_ = norm;
-  if (isGood(norm)) norm = worseOfCheck(norm, checks_.checkTorque(*stepper_, base_, front_));
+  if (step_.checks.isGood(norm))
+    norm = worseOfCheck(norm, step_.checks.checkTorque(*step_.stepper, start_, end_));
   // Just before a jump of the torque what lies beside the end may lie behind it.
   const bool is_before_jump =
-      crossing_.isDueAt(front_.time) && guards_.guard(crossing_.guard).jumps();
-  if (isGood(norm) && !is_before_jump) {
-    norm = worseOfCheck(norm, checks_.checkAccelerations(*stepper_, base_, front_.time, front_.x));
-    if (!choice_.isFixed() && stopWhereToleranceIsLost()) return norm;
+      crossing_.next().isDueAt(end_.time) && guards_.guard(crossing_.next().guard).jumps();
+  if (step_.checks.isGood(norm) && !is_before_jump) {
+    norm = worseOfCheck(norm,
+                        step_.checks.checkAccelerations(*step_.stepper, start_, end_.time, end_.x));
+    if (!step_.choice.isFixed() && stopWhereToleranceIsLost()) return norm;
   }
-  if (isGood(norm) && !differentiateFront()) norm = std::numeric_limits<double>::quiet_NaN();
+  if (step_.checks.isGood(norm) && !step_.differentiateEnd())
+    norm = std::numeric_limits<double>::quiet_NaN();
   // Where an input's closed form ends, its rate may be that behind the end.
   const bool ends_input =
-      drivetrain_.inputSegmentEnd() <= front_.time + shortestStep(absolute(front_.time));
-  if (isGood(norm) && !choice_.isFixed() && !ends_input) {
-    const double estimate = stepper_->estimateFromEnd(base_, front_);
+      drivetrain_.inputSegmentEnd() <= end_.time + shortestStep(step_.absolute(end_.time));
+  if (step_.checks.isGood(norm) && !step_.choice.isFixed() && !ends_input) {
+    const double estimate = step_.stepper->estimateFromEnd(start_, end_);
     own_norm_ = worseOf(own_norm_, estimate);
     norm = worseOf(norm, estimate);
   }
   return norm;
 }
 
-bool Integrator::accept(const Trial& trial, double norm) {
-  ++statistics_.steps;
-  if (choice_.isFixed()) {
+bool TrialSteps::accept(const Trial& trial, double norm) {
+  ++step_.statistics.steps;
+  if (step_.choice.isFixed()) {
     if (trial.end == trial.grid) ++fixed_steps_;
   } else {
     chooseNextStep(trial, norm);
   }
-  if (!finishStep()) return false;
-  if (!guards_.isEmpty()) moveGuards();
-  if (choice_.isFixed()) return isFixedStepFine(norm);
-  lookAhead();
+  if (!step_.checkEnd()) return false;
+  if (!guards_.isEmpty()) crossing_.updateBranches();
+  return !step_.choice.isFixed() || isFixedStepFine(norm);
+}
+
+bool TrialSteps::reject(Trial& trial, double norm) {
+  end_ = start_;
+  crossing_.next() = NextEvent{};
+  if (step_.choice.isFixed()) {
+    step_.explainStop();
+    return false;
+  }
+  ++step_.statistics.rejected_steps;
+  trial.length = trial.taken * size_.shrink(norm);
+  // Where no step however short succeeds, it may be for a jump just ahead that they all feel (a
+  // Jacobian by differences, a stage).
+  const bool is_hard_pressed =
+      trial.rejections % kRejectionsBeforeJump == kRejectionsBeforeJump - 1;
+  if (is_hard_pressed && (crossing_.crossJumpAhead() || !step_.status.ok())) return false;
+  if (++trial.rejections == kMaxRejections && step_.choice.giveUp()) {
+    step_.stepper = &step_.choice.stepper();
+    size_.forgetErrors();
+  }
   return true;
 }
 
-void Integrator::chooseNextStep(const Trial& trial, double norm) {
-  // Who knows the next step beforehand needs no guess of it.
-  double factor = 1.0;
-  if (!is_step_chosen_) {
-    const double ease = stepper_->ease();
-    // Where a check holds it, it stays as long as the estimate alone would let it be.
-    const double least =
-        own_norm_ < norm ? std::min(1.0, ease * control_.growthBy(own_norm_)) : 0.0;
-    const double growth = control_.growth(norm);
-    factor = std::max(least, ease * growth);
-    // What Newton's iteration leaves in the estimate does not fall with the step, either.
-    if (ease > kEasy) factor = std::max(factor, std::min(1.0, growth));
+bool TrialSteps::isResolved(double taken) {
+  MotionSeries* const series = system_.formulas();
+  if (series == nullptr || step_.choice.isFixed() || step_.stepper->stepsBySeries()) return true;
+  // phi, omega, epsilon
+  double x[3][3 * kMaxShafts];
+  const auto copy = [&](const State& from, const double* epsilon, double* to) {
+    std::copy(from.begin(), from.end(), to);
+    if (!integrates_torque_) std::copy_n(epsilon, S, to + 2 * S);
+  };
+  copy(start_.x, start_.dxdt.data() + S, x[0]);
+  copy(end_.x, end_.dxdt.data() + S, x[2]);
+  if (!series->mayHideAlong(start_.time, taken, x[0], x[2])) return true;
+  State middle(system_.size());
+  double epsilon[kMaxShafts];
+  if (!step_.stepper->interpolate(system_, start_.time + 0.5 * taken, start_, end_, middle)) {
+    for (int n = 0; n < middle.size(); ++n) {
+      const double bend = start_.dxdt[n] - end_.dxdt[n];
+      middle[n] = 0.5 * (start_.x[n] + end_.x[n]) + 0.125 * taken * bend;
+    }
   }
-  if (trial.rejections > 0) factor = std::min(1.0, factor);
-  // A step cut short by a segment's end or an edge says nothing about the next one's size.
-  next_step_ = trial.is_last ? std::max(trial.length, trial.taken * factor) : trial.taken * factor;
-  crossing_.otherwise = next_step_;
-  if (trial.usual > trial.taken) next_step_ = std::max(next_step_, trial.usual);
+  for (int i = 0; i < S; ++i) epsilon[i] = 0.5 * (x[0][2 * S + i] + x[2][2 * S + i]);
+  copy(middle, epsilon, x[1]);
+  return series->isStepResolved(start_.time, taken, x[0], x[1], x[2], tolerance_.absolute,
+                                tolerance_.relative);
 }
 
-bool Integrator::isFixedStepFine(double norm) {
-  const double estimate = worseOf(norm, stepper_->estimateFromEnd(base_, front_));
-  statistics_.largest_error_estimate = std::max(statistics_.largest_error_estimate, estimate);
+void TrialSteps::chooseNextStep(const Trial& trial, double norm) {
+  double factor = size_.growth(norm, own_norm_);
+  if (trial.rejections > 0) factor = std::min(1.0, factor);
+  // A step cut short by a segment's end or an event says nothing about the next one's size.
+  double& next = step_.next_length;
+  next = trial.is_last ? std::max(trial.length, trial.taken * factor) : trial.taken * factor;
+  crossing_.next().otherwise = next;
+  if (trial.usual > trial.taken) next = std::max(next, trial.usual);
+}
+
+bool TrialSteps::isFixedStepFine(double norm) {
+  // Error of one fixed step, relative to the state (and to absolute / relative tolerance where that
+  // is larger), above which the motion stops.
+  constexpr double kMaxFixedError = 0.1;
+  const double estimate = worseOf(norm, step_.stepper->estimateFromEnd(start_, end_));
+  step_.statistics.largest_error_estimate =
+      std::max(step_.statistics.largest_error_estimate, estimate);
   // The tolerance is no bound for steps of fixed size; but a step whose error is a part of the
   // state itself describes nothing any more.
-  const double part = estimate * settings_.relative_tolerance;
-  if (part <= kCrudest) return true;  // not when NaN
-  front_ = base_;
-  stop(StopReason::kStepTooLarge);
-  status_.measure = part;
+  const double part = estimate * step_.settings.relative_tolerance;
+  if (part <= kMaxFixedError) return true;  // not when NaN
+  end_ = start_;
+  step_.stop(StopReason::kStepTooLarge);
+  step_.status.measure = part;
   return false;
 }
 
-bool Integrator::refuse(Trial& trial, double norm) {
-  front_ = base_;
-  crossing_ = Crossing{};
-  if (choice_.isFixed()) {
-    explainStop();
-    return false;
+bool TrialSteps::haveAccelerationsLeapt() const {
+  // A psi that is linear in them has one branch only.
+  const bool has_branches = drivetrain_.nonlinearAccelerations() != 0;
+  if (integrates_torque_ || !has_branches || step_.choice.isFixed()) return false;
+  constexpr double kLeap = 1e-5;
+  const double part = std::max(kLeap, 10.0 * step_.settings.relative_tolerance);
+  for (int n = S; n < 2 * S; ++n) {
+    const double change = std::abs(end_.dxdt[n] - start_.dxdt[n]);
+    if (!(change <= part * (1.0 + std::abs(start_.dxdt[n])))) return true;
   }
-  ++statistics_.rejected_steps;
-  trial.length = trial.taken * control_.shrink(norm);
-  // Where no step however short succeeds, it may be for a jump just ahead that they all feel (a
-  // Jacobian by differences, a stage).
-  const bool is_hard_pressed = trial.rejections % kHardPressed == kHardPressed - 1;
-  if (is_hard_pressed && (hopOverJumpAhead() || !status_.ok())) return false;
-  if (++trial.rejections == kHopeless && choice_.giveUp()) {
-    stepper_ = &choice_.stepper();
-    followChoice();
+  return false;
+}
+
+bool TrialSteps::stopWhereToleranceIsLost() {
+  const double measure = step_.checks.unattainable();
+  if (measure > 1.0) {
+    step_.statistics.largest_rounding = std::max(step_.statistics.largest_rounding, measure);
+  }
+  // A branch that rounding flips is no accuracy that is lost.
+  if (step_.checks.steepestTorque() < 0 || crossing_.findJumpNear() >= 0) return false;
+  end_ = start_;
+  step_.explainStop(StopReason::kToleranceTooSmall);
+  if (step_.status.reason == StopReason::kToleranceTooSmall) {
+    step_.status.measure = measure;
+    step_.status.torque = step_.checks.steepestTorque();
   }
   return true;
-}
-
-bool Integrator::hopOverJumpAhead() {
-  if (!guards_.hasJumps() || !crossJumpAhead(kAhead * settings_.maximum_step)) return false;
-  course_ = Course::kHop;
-  return true;
-}
-
-double Integrator::endOfReach() const {
-  const double now = absolute(base_.time);
-  const double instant = drivetrain_.nextInstant(now + 2.0 * shortestStep(now));
-  const double segment_end = std::min(drivetrain_.inputSegmentEnd(), relative(instant));
-  const double expected = rhythm_.next();
-  const double rounding = shortestStep(expected);  // not more than this lies between equals
-  const bool is_ahead = expected - now > rounding;
-  return is_ahead && relative(expected) <= segment_end + rounding ? relative(expected)
-                                                                  : segment_end;
-}
-
-double Integrator::projectEnd(const Stepper& stepper, const State& x_old, double end, double h,
-                              double estimate, State& x) {
-  if (!x.isFinite()) return std::numeric_limits<double>::quiet_NaN();
-  if (drivetrain_.constraintCount() == 0) return 0.0;
-  State moved(x.size());
-  const ProjectionResult result =
-      stepper.isImplicit()
-          ? projectStiffly(system_, stepper, end, h, x, moved, &statistics_.projections)
-          : system_.project(end, x, moved, &statistics_.projections);
-  if (result != ProjectionResult::kConverged) return std::numeric_limits<double>::quiet_NaN();
-  // Stages that hold psi = 0 themselves leave rounding to the projection, no error.
-  if (stepper.isImplicit() && system_.keepsConstraintsInStages()) return 0.0;
-  const double norm = calcErrorNorm(moved, x_old, x, tolerance_);
-  if (norm <= kSteady || norm <= estimate) return norm;
-  return discountRounding(end, x_old, x, moved);
-}
-
-double Integrator::discountRounding(double end, const State& x_old, const State& x,
-                                    const State& moved) {
-  State rounding(x.size());
-  const double largest = calcRounding(end, x, rounding);
-  State left = moved;
-  for (int n = 0; n < x.size(); ++n) left[n] = std::max(0.0, moved[n] - rounding[n]);
-  const double norm = calcErrorNorm(left, x_old, x, tolerance_);
-  if (norm <= 1.0) noteRounding(largest);
-  return norm;
-}
-
-double Integrator::calcRounding(double end, const State& x, State& rounding) {
-  double velocity[kMaxShafts];
-  double acceleration[kMaxShafts];
-  drivetrain_.calcProjectionRounding(system_.view(end, x), velocity, acceleration);
-  system_.addReactionRounding(end, x, acceleration);
-  double largest = 0.0;
-  const auto note = [&](int n, double size) {
-    rounding[n] = size;
-    largest = std::max(largest, size / tolerance_.of(x[n]));
-  };
-  for (int i = 0; i < S; ++i) {
-    note(S + i, velocity[i]);
-    if (integrates_torque_) note(x.size() - S + i, acceleration[i]);
-  }
-  return largest;
-}
-
-void Integrator::noteRounding(double largest) {
-  if (largest > 1.0) {
-    statistics_.largest_rounding = std::max(statistics_.largest_rounding, largest);
-  }
-}
-
-bool Integrator::differentiateFront() {
-  system_.restoreReaction(front_, kLittle);
-  system_(front_.x, front_.dxdt, front_.time);
-  noteDerivative();
-  return front_.dxdt.isFinite();
-}
-
-void Integrator::noteDerivative() {
-  checks_.noteTorqueRate(front_);
-  rows_.look();
-  is_in_corner_ = system_.isInCorner();
-}
-
-bool Integrator::finishStep() {
-  checks_.noteAccelerations(front_);
-  if (!checks_.isTorqueFollowed(*stepper_, base_, front_)) return false;
-  return noteRows();
-}
-
-bool Integrator::noteRows() {
-  const RowWatch::Verdict verdict = rows_.note(base_.time == front_.time);
-  if (verdict == RowWatch::Verdict::kVanished) {
-    stop(StopReason::kSingularConstraint);
-    status_.constraint = rows_.vanished();
-    status_.measure = rows_.measure();
-  }
-  return verdict == RowWatch::Verdict::kGood;
 }
 
 }  // namespace variator_sim

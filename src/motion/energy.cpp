@@ -24,7 +24,7 @@ EnergyMeter::EnergyMeter(Integrator& integrator, PrincipleSystem& system)
                   !drivetrain_.hasConstantRows() && drivetrain_.constraintCount() > 0) {}
 
 void EnergyMeter::begin() {
-  const State& x = integrator_.front().x;
+  const State& x = integrator_.stepEnd().x;
   resume({}, 0.0);
   account_.start_kinetic = drivetrain_.calcKineticEnergy(x.data(), x.data() + S);
   for (int m = 0; m < drivetrain_.constraintCount() && is_watched_; ++m) {
@@ -40,8 +40,8 @@ void EnergyMeter::resume(const EnergyAccount& account, double time) {
 }
 
 void EnergyMeter::noteStep() {
-  const StepNode& from = integrator_.base();
-  const StepNode& to = integrator_.front();
+  const StepNode& from = integrator_.stepStart();
+  const StepNode& to = integrator_.stepEnd();
   const double h = to.time - from.time;
   const Power begin = powerOf(from);
   const Power end = powerOf(to);
@@ -52,7 +52,7 @@ void EnergyMeter::noteStep() {
 }
 
 void EnergyMeter::notePassed() {
-  const Integrator::PassedSteps& passed = integrator_.passed();
+  const StepBatch::Passed& passed = integrator_.passed();
   if (passed.begin == passed.end) return;
   Power before = powerOf(passed.from);
   double time = passed.from.time;
@@ -75,7 +75,7 @@ void EnergyMeter::cut(const StepNode& present) {
     account_.applied = calcAppliedAtRest(present.x);
     return;
   }
-  const StepNode& from = integrator_.base();
+  const StepNode& from = integrator_.stepStart();
   const double h = present.time - from.time;
   StepNode end = present;
   calcTorque(end.time, end.x, end.torque.data());
@@ -83,7 +83,7 @@ void EnergyMeter::cut(const StepNode& present) {
   const Power power = powerOf(end);
   account_.throughput = before_.throughput + 0.5 * h * (begin.through + power.through);
   if (is_tracked_) {
-    account_.applied = applied_before_ + calcWork(h / (integrator_.front().time - from.time));
+    account_.applied = applied_before_ + calcWork(h / (integrator_.stepEnd().time - from.time));
   } else {
     // The rate at the end is not known for order 3.
     const double bend = h * begin.rate - (power.value - begin.value);
@@ -96,17 +96,17 @@ void EnergyMeter::cut(const StepNode& present) {
 
 double EnergyMeter::calcApplied(double now) const {
   if (integrator_.isSleeping()) {
-    State x(integrator_.front().x.size());
+    State x(integrator_.stepEnd().x.size());
     integrator_.calcRest(now, x);
     return calcAppliedAtRest(x);
   }
-  if (!integrator_.isInsideStep(now)) return account_.applied;
-  const double begin = integrator_.base().time;
-  return applied_before_ + calcWork((now - begin) / (integrator_.front().time - begin));
+  if (!integrator_.inside().contains(now)) return account_.applied;
+  const double begin = integrator_.stepStart().time;
+  return applied_before_ + calcWork((now - begin) / (integrator_.stepEnd().time - begin));
 }
 
 double EnergyMeter::calcAppliedAtRest(const State& x) const {
-  const StepNode& from = integrator_.front();
+  const StepNode& from = integrator_.stepEnd();
   double Q[kMaxShafts];
   calcTorque(from.time, from.x, Q);
   double work = 0.0;
@@ -115,11 +115,11 @@ double EnergyMeter::calcAppliedAtRest(const State& x) const {
 }
 
 double EnergyMeter::calcWork(double part) const {
-  const StepNode& from = integrator_.base();
-  const double h = integrator_.front().time - from.time;
+  const StepNode& from = integrator_.stepStart();
+  const double h = integrator_.stepEnd().time - from.time;
   const auto power = [&](double theta) {
     State x(from.x.size());
-    integrator_.calcInside(theta, x);
+    integrator_.inside().calcPart(theta, x);
     double Q[kMaxShafts];
     calcTorque(from.time + theta * h, x, Q);
     double sum = 0.0;

@@ -55,7 +55,7 @@ void Motion::reset() {
   // (If accelerations are no part of the state, a start also leaves guesses of them.)
   knows_first_ =
       system.integratesTorque() && start_.result == InitialResult::kConsistent && status().ok();
-  first_ = integrator.front().x;
+  first_ = integrator.stepEnd().x;
 }
 
 void Motion::start() {
@@ -112,7 +112,7 @@ void Motion::moveTo(double end) {
   if (!status().ok()) return;
   const auto relative = [&] { return integrator.origin().relative(end); };
   bool goes_on = true;
-  while (goes_on && integrator.front().time < relative()) {
+  while (goes_on && integrator.stepEnd().time < relative()) {
     const bool is_wanted = !Interruption::isWanted();
     if (is_wanted && integrator.isSleeping() && relative() < integrator.sleepEnd()) break;
     goes_on = is_wanted && step(end);
@@ -126,7 +126,7 @@ void Motion::moveTo(double end) {
 bool Motion::step(double end) {
   bool goes_on = false;
   if (integrator.isSleeping()) {
-    StepNode wake = integrator.front();
+    StepNode wake = integrator.stepEnd();
     wake.time = integrator.sleepEnd();
     integrator.calcRest(wake.time, wake.x);
     energy_meter.cut(wake);
@@ -143,7 +143,7 @@ bool Motion::step(double end) {
 
 double Motion::quietUntil() const {
   if (!status().ok() || !commands.isEmpty()) return time;
-  const double front = integrator.front().time;
+  const double front = integrator.stepEnd().time;
   double reached = frontTime();
   if (integrator.origin().relative(reached) > front) reached = std::nextafter(reached, 0.0);
   return std::max(time, std::min(reached, commands.nextTimeout()));
@@ -169,9 +169,9 @@ bool Motion::isAnyCommandNew() const {
 }
 
 bool Motion::cutStep(StepNode* node) {
-  *node = integrator.front();
-  if (!integrator.isSleeping() && !integrator.isInsideStep(presentTime())) return true;
-  if (!integrator.reach(presentTime(), node)) {
+  *node = integrator.stepEnd();
+  if (!integrator.isSleeping() && !integrator.inside().contains(presentTime())) return true;
+  if (!integrator.inside().reach(presentTime(), node)) {
     time = status().time;
     return false;
   }
@@ -218,7 +218,7 @@ void Motion::changeInitialInputs() {
 Sample& Motion::sample() {
   if (is_sample_valid_) return sample_;
   sampled_at_ = presentTime();
-  if (!integrator.calcSample(sampled_at_, &sample_)) takeSampleOfState();
+  if (!integrator.inside().calcSample(sampled_at_, &sample_)) takeSampleOfState();
   sample_.time = time;
   is_sample_valid_ = true;
   if (energy_meter.isTracked()) sample_.energy = energy_meter.calcEnergy(sample_, presentTime());
@@ -227,7 +227,7 @@ Sample& Motion::sample() {
 
 void Motion::takeSampleOfState() {
   State x(system.size());
-  if (!integrator.calcState(&sampled_at_, x)) {
+  if (!integrator.inside().calcState(&sampled_at_, x)) {
     time = status().time;
     sampled_at_ = presentTime();
   }

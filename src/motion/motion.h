@@ -59,7 +59,7 @@ struct Motion {
   /// Returns the current time as nodes count it.
   double presentTime() const { return integrator.origin().relative(time); }
   /// Returns the time up to which steps are made, s: the current time or later.
-  double frontTime() const { return integrator.origin().absolute(integrator.front().time); }
+  double frontTime() const { return integrator.origin().absolute(integrator.stepEnd().time); }
   /// See Simulation.
   double quietUntil() const;
 

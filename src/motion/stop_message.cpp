@@ -188,7 +188,7 @@ std::string StopMessage::describeRunaway() const {
 std::string StopMessage::describeRow() const {
   double C[kMaxShafts] = {};
   double c0;
-  const StepNode& front = motion_.integrator.front();
+  const StepNode& front = motion_.integrator.stepEnd();
   const StateView there = motion_.system.view(front.time, front.x);
   motion_.drivetrain.constraint(status_.constraint).calcRow(there, C, &c0);
   return ", its C = " + formatNumbers(C, scene_.shaftCount());

@@ -1,0 +1,42 @@
+/// The motion inside the last step: states, samples, and what goes on from there.
+#pragma once
+
+#include "integrate/current_step.h"
+#include "integrate/guard_search.h"
+#include "integrate/rest.h"
+
+namespace variator_sim {
+
+/// All are [loop].
+class InsideStep : private StepPart {
+ public:
+  InsideStep(CurrentStep& step, const GuardSearch& guards, const Sleep& sleep)
+      : StepPart(step), guards_(guards), sleep_(sleep) {}
+
+  /// True when `now` lies within the last step, and not at its end.
+  bool contains(double now) const { return start_.time < end_.time && now != end_.time; }
+  /// A sample at `now` in one, where the stepper makes such. False where it is to be made from the
+  /// state.
+  bool calcSample(double now, Sample* sample);
+  /// x at `now`, by dense output where the stepper has it. False where the motion stopped. `now`
+  /// becomes the instant just behind an event where it lies on one: x and laws are of one side.
+  bool calcState(double* now, State& x);
+  /// Steps from the start to `now`, which lies inside the last step, to the full order and with the
+  /// full error control: what the motion continues from after a command. False, and the motion
+  /// stopped, in the odd case that no step however short succeeds.
+  bool reach(double now, StepNode* node);
+  /// x at start + theta (end - start): within about the tolerance, not projected, and without a
+  /// word in the status.
+  void calcPart(double theta, State& x);
+
+ private:
+  /// x at `now` of a motion that is not stepped there, see calcState. False where it is.
+  bool calcUnstepped(double* now, State& x);
+  /// x at `now` by dense output, projected. False where there is none.
+  bool interpolate(double now, State& x);
+
+  const GuardSearch& guards_;
+  const Sleep& sleep_;
+};
+
+}  // namespace variator_sim
