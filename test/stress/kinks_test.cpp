@@ -270,9 +270,10 @@ TEST(Kinks, AtAnAngle) {
 
 // --- built-in laws -------------------------------------------------------------------------------
 
-/// A scene with one of the built-in laws against a reference by fehlberg78 at a far tighter tolerance
-/// with short steps, so that nothing is stepped over. Under `gauss` the accelerations are no part
-/// of the state but a function of it, as steep as the law is: they have a line of their own.
+/// A scene with one of the built-in laws against a reference by fehlberg78 at a far tighter
+/// tolerance with short steps, so that nothing is stepped over. Under `gauss` the accelerations are
+/// no part of the state but a function of it, as steep as the law is: they have a line of their
+/// own.
 void compareWithShortSteps(Hazard& hazard, Hazard& accelerations, const std::string& label,
                            const std::string& yaml, const std::vector<double>& times,
                            const std::vector<TimedCommand>& commands = {}, double growth = 1.0,
