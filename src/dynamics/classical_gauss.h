@@ -42,8 +42,8 @@ class ClassicalGauss final : public PrincipleSystem {
   bool keepsConstraintsInStages() const override {
     return linear_ && drivetrain_.canKeepConstraintsInStages();
   }
-  /// What implicit steps solve: M x' - f = 0 in its last S rows, `rate` the last rows of x', the
-  /// accelerations.
+  /// Computes the residual of an implicit stage: M x' - f in its last S rows, `rate` the last rows
+  /// of x', the accelerations.
   void calcStageResidual(double t, const State& x, const double* rate,
                          const Linearization& linearization, double* residual) override;
   /// Its derivatives at x, whose derivative is dxdt.
@@ -77,8 +77,8 @@ class ClassicalGauss final : public PrincipleSystem {
 
   void watch(StageWatch* watch) override { watch_ = watch; }
 
-  /// Newton's iteration starts from the accelerations at the beginning of the step, whoever asks
-  /// and in whatever order: samples may not change the motion.
+  /// Newton's iteration starts from the accelerations at the beginning of the step for every caller
+  /// and in every order: samples may not change the motion.
   void noteBase(double t, const State& x, const State& dxdt) override;
 
   bool calcSample(double t, const State& x, Sample* sample) override;

@@ -10,7 +10,7 @@
 
 namespace variator_sim {
 
-/// Where psi is linear in pieces (abs, min, max of accelerations) the nearest point may be a corner
+/// If psi is linear in pieces (abs, min, max of accelerations), the nearest point may be a corner
 /// of psi = 0. There some functions are zero beside psi, the kinks (Constraint::kinks): they join
 /// the constraints, with multipliers of their own. A set of kinks is a number, bit j for kink j.
 class LeastReactionSolver {
@@ -65,7 +65,7 @@ class LeastReactionSolver {
 
  private:
   static constexpr int kMostKinks = static_cast<int>(Drivetrain::kMostKinks);
-  /// Of all kinks, so many nearest ones may meet in a corner that is looked at.
+  /// The number of nearest kinks that may meet in a corner that is examined.
   static constexpr int kMostMeeting = 4;
   using Matrix = DenseMatrix;
   using Vector = DenseVector;
@@ -83,7 +83,7 @@ class LeastReactionSolver {
     double gradient[kMostKinks][kMaxShafts] = {};
     unsigned sides = 0;  ///< those with a value above 0
     double scale = 0.0;  ///< of epsilon
-    /// Those that epsilon lies on.
+    /// Returns the kinks that epsilon lies on.
     unsigned zeros() const {
       unsigned set = 0;
       for (int n = 0; n < count; ++n) {

@@ -1,6 +1,6 @@
 /// The least of all least reactions: the point of psi = 0 nearest to the free accelerations.
 ///
-/// Where psi is nonlinear in epsilon the distance may have many minima on psi = 0. One found at a
+/// If psi is nonlinear in epsilon, the distance may have many minima on psi = 0. One found at a
 /// distance r bounds the search to the ball of radius r (in the metric J) around the free
 /// accelerations f. psi reads only some accelerations other than linearly, n of them: with
 ///     epsilon = f + E x - F v(x),   |epsilon - f|^2 = |x|^2 + |v(x)|^2,
@@ -110,7 +110,7 @@ class LeastReactionSearch {
   struct Cubic;
   /// Notes the starts in the ball, all of them. False where psi is not finite.
   bool lookThroughPlane();
-  /// Of every row, the plane in units of `reach`.
+  /// Fits the cubic of every row, the plane in units of `reach`.
   bool fitCubics(double reach, Cubic* cubics);
   /// Rays go to (x, y) of the plane.
   void aimAt(double x, double y);
@@ -155,7 +155,7 @@ class LeastReactionSearch {
   /// Without a candidate nothing bounds the ball: it grows until there is one.
   void findFirst();
 
-  /// What is left of the free accelerations by rounding, and is no distance.
+  /// Returns the distance that rounding of the free accelerations accounts for.
   double calcRoundingDistance() const;
   Verdict conclude(bool is_certain) const;
 
@@ -164,7 +164,7 @@ class LeastReactionSearch {
   /// Half a box of which a start is made, in radii: less than what makes two starts one.
   static constexpr int kPlaneDepth = 7;
   static constexpr double kPlaneLeaf = 1.0 / 128.0;
-  /// What rounding may make of a cubic, of the sum of its coefficients.
+  /// The effect of rounding on a cubic, relative to the sum of its coefficients.
   static constexpr double kCubicNoise = 1e-9;
 
   const int S;  // shafts

@@ -57,8 +57,7 @@ class MotionSeries {
   /// Begins a series at (t, x), x = (phi, omega, epsilon): coefficient 0. `unit`, s; `most`: the
   /// highest order to come, at most kMostOrder. Returns false if C has lost rank. [loop]
   bool begin(double t, const double* x, double unit, int most);
-  // --- steps in one: series_step.inc
-  // --------------------------------------------------------------
+  // --- steps in one: series_step.inc -----------------------------------------------------------
   /// True if a step can be made in one: under generalized Gauss, without tables.
   bool makesWholeSteps() const { return makes_whole_steps_; }
   /// The requirements on steps.

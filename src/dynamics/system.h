@@ -1,4 +1,4 @@
-/// What is integrated: x' = f(t, x), and what else a step of it needs to know. A principle is one
+/// The system x' = f(t, x) to be integrated, and what a step needs beside it. A principle is one
 /// of these (generalized_gauss.h, classical_gauss.h), and so is the path of a jump (jump_map.h).
 #pragma once
 
@@ -49,8 +49,8 @@ class System {
   virtual bool hasOrder3() const { return false; }
   /// True when implicit steps hold psi = 0 in their stages instead of C eta + c0 = 0.
   virtual bool keepsConstraintsInStages() const { return false; }
-  /// What implicit steps solve: M x' - f = 0 in its last rows, `rate` the last rows of x'. NaN
-  /// where C has lost rank.
+  /// Computes the residual of an implicit stage: M x' - f in its last rows, `rate` the last rows of
+  /// x'. NaN if C has lost rank.
   virtual void calcStageResidual(double t, const State& x, const double* rate,
                                  const Linearization& /*linearization*/, double* residual) {
     State dxdt(size_);
@@ -78,7 +78,7 @@ class System {
   System(const System&) = default;
   System& operator=(const System&) = delete;
 
-  /// What makes x'. It is called more often than anything else: a function pointer that is chosen
+  /// Computes x'. It is called more often than anything else: a function pointer that is chosen
   /// once, for the scene's size, costs half of a virtual function that then chooses.
   using Derive = void (*)(System& self, const State& x, State& dxdt, double t);
   /// The one that calls `T::derive`.

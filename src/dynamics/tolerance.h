@@ -8,7 +8,7 @@
 
 namespace variator_sim {
 
-/// What an error may be: absolute + relative |x|.
+/// The allowed error of a component x: absolute + relative |x|.
 struct Tolerance {
   double absolute;
   double relative;

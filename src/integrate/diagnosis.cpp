@@ -52,7 +52,7 @@ void diagnoseStop(PrincipleSystem& system, const StepNode& front, const RowWatch
   }
   status->constraint = -1;
   for (int m = 0; m < drivetrain.constraintCount(); ++m) {
-    // Where C goes to zero like sqrt(t* - t) the step underflows first, at C ~ 1e-8.
+    // If C goes to zero like sqrt(t* - t), the step underflows first, at C ~ 1e-8.
     const double left =
         std::sqrt(drivetrain.solver().rowLengthSquared(m) / std::max(rows.reference(m), 1e-300));
     if (left < 1e-5) {

@@ -371,7 +371,7 @@ bool EventCrossing::catchUp(const double* change, double late) {
       ProjectionResult::kConverged) {
     return false;
   }
-  // Where the torque throws the motion back over the edge, noteCrossing is to see it beyond.
+  // If the torque throws the motion back over the event, noteCrossing needs the node beyond it.
   for (int i = 0; i < guards_.count(); ++i) {
     const int branch = guards_.guard(i).branch(step_.viewOf(there));
     if (guards_.guard(i).branch(step_.viewOf(end_)) != branch) end_ = there;

@@ -251,7 +251,7 @@ GuardFinding GuardSearch::find(const StepCurve& curve, double resolution) {
       findEnclosed(i, curve, resolution, &finding);
     }
   }
-  // Of several at one instant it is the first.
+  // The first of several events at one instant is reported.
   for (std::size_t i = 0; finding.guard > static_cast<int>(i); ++i) {
     if (guards_[i]->isOpaque() || step_sides_[i] == Guard::kOnEdge) continue;
     noteIfLeft(i, curve, finding.clear, finding.beyond, &finding);
@@ -365,7 +365,7 @@ void GuardSearch::findEnclosed(std::size_t i, const StepCurve& curve, double res
   }
   int guesses = 0;
   StateBox box;
-  // What the guard reads, between two parts of the step; true where all of it stands still.
+  // Encloses the variables that the guard reads between two parts of the step; true if none moves.
   const auto enclose = [&](const StepCurve::Coefficients* here, double clear, double end) {
     box.time = {curve.time() + clear * curve.duration(), curve.time() + end * curve.duration()};
     bool stands = !guard.readsTime();
@@ -392,8 +392,8 @@ void GuardSearch::findEnclosed(std::size_t i, const StepCurve& curve, double res
       const auto always = [](double) { return true; };
       return crossOnce(i, curve, resolution, clear, end, always, finding);
     }
-    // Of a guard that reads inputs no rate is known: a guess is asked whether all before it is
-    // clear.
+    // The rate of a guard that reads inputs is unknown: a guess is tested by whether all before it
+    // is clear.
     if (std::isfinite(rate.low) || ++guesses > kMostGuesses) return Verdict::kUnclear;
     const auto isClearUpTo = [&](double to) {
       if (to >= end) return false;  // as `box` has just told

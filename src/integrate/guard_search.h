@@ -19,7 +19,7 @@
 
 namespace variator_sim {
 
-/// What was found in a step; parts of it run from 0 to 1.
+/// The result of a search in a step, whose parts run from 0 to 1.
 struct GuardFinding {
   enum class Kind {
     kClear,     ///< every guard stays on its branch

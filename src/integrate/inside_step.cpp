@@ -10,8 +10,8 @@ bool InsideStep::calcUnstepped(double* now, State& x) {
       return false;
     case StepPhase::kCrossing:
       x = step_.extrapolate(start_, *now - start_.time);
-      // Where the laws are on the branch behind the edge, or on the edge, so are the state and its
-      // time: no torque of one side beside accelerations of the other.
+      // If the laws are at the event or behind it, so are the state and its time: no torque of one
+      // side stands beside accelerations of the other.
       if (*now == end_.time || !guards_.hasAnyLeft(system_.view(*now, x))) {
         x = end_.x;
         *now = end_.time;
@@ -44,7 +44,7 @@ bool InsideStep::calcState(double* at, State& x) {
 }
 
 bool InsideStep::interpolate(double now, State& x) {
-  // Where accelerations follow from the state, an error of dense output may be large for them.
+  // An error of dense output may be large in accelerations that follow from the state.
   if (!integrates_torque_ && !step_.stepper->stepsBySeries()) return false;
   if (!step_.stepper->interpolate(system_, now, start_, end_, x)) return false;
   State moved(system_.size());

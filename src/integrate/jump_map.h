@@ -4,12 +4,12 @@
 /// faster ramps: with theta from 0 to 1, u = u0 + theta (u1 - u0), Delta_Q = Q(u1) - Q(u0),
 ///     d epsilon / d theta = J^-1 (Delta_Q + C^T Lambda),
 ///     C d epsilon / d theta + dpsi/du (u1 - u0) = 0.
-/// Where C depends neither on epsilon nor on an input this is one exact linear projection;
+/// If C depends neither on epsilon nor on an input, this is one exact linear projection;
 /// otherwise it is integrated with error control and projected.
 ///
-/// Where psi has a kink in epsilon (abs, min, max of accelerations) C jumps. A step ends there, a
+/// At a kink of psi in epsilon (abs, min, max of accelerations) C jumps. A step ends there, a
 /// hop too short to matter leads over it, and the path goes on with the C of the other side: the
-/// limit of ever less rounded kinks. Where both sides push back to the kink, that limit stays in
+/// limit of ever less rounded kinks. If both sides push back to the kink, that limit stays in
 /// the corner; C is not one there, and the jump fails.
 #pragma once
 

@@ -172,7 +172,7 @@ class Dopri5Stepper final : public ExplicitStepper {
     return true;
   }
 
-  /// What stands for the error of a step that is too long to have one.
+  /// The error norm given to a step that is too long to have one.
   static constexpr double kUnresolved = 4.0;
 
   State end_;  // x_new

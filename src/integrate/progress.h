@@ -14,8 +14,8 @@ class Progress {
   /// At most `most` within a second.
   explicit Progress(int most) : most_(most) {}
 
-  /// Nothing that a scene states happens within this around `time`, s: no formula hides anything
-  /// in a step that is shorter, and a motion that makes only such steps gets nowhere. [loop]
+  /// Returns the shortest length of a step that counts as progress at `time`, s: a scene states
+  /// nothing so short, and formulas have no unresolved features in a shorter step. [loop]
   static double leastAt(double time) { return std::max(kLeast, kTold * resolutionOf(time)); }
 
   /// A motion begins at `time`.
@@ -47,7 +47,7 @@ class Progress {
 
  private:
   static constexpr double kLeast = 1e-15;  // s
-  /// What is told from one time to the next, in resolutions of time.
+  /// The shortest length that counts as progress, in resolutions of time.
   static constexpr double kTold = 1e4;
   static constexpr int kMostShort = 50;
   const int most_;

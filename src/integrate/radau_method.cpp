@@ -126,7 +126,7 @@ const RadauMethod& RadauMethod::withStages(int stages) {
   return stages == 3 ? kThree : stages == 5 ? kFive : kSeven;
 }
 
-// Where A^-1 has the eigenvalue m its eigenvector is a polynomial of degree s with
+// The eigenvector of A^-1 for the eigenvalue m is a polynomial of degree s with
 //     p' - m p = M,  p(0) = 0,  M the polynomial of the points:
 // p = -(M/m + M'/m^2 + ...), and m is a root of M(0) m^s + M'(0) m^(s-1) + ... = 0.
 RadauMethod::RadauMethod(int stages) : stages_(stages) {

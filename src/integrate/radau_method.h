@@ -18,7 +18,7 @@ class RadauMethod {
   using Vector = std::array<double, kMaxStages>;
   using Matrix = std::array<Vector, kMaxStages>;
 
-  /// Of 3, 5 or 7 stages: worked out once, in extended precision.
+  /// Returns the method of 3, 5 or 7 stages: worked out once, in extended precision.
   static const RadauMethod& withStages(int stages);
 
   int stages() const { return stages_; }

@@ -195,7 +195,8 @@ class RadauStepper final : public Stepper {
     }
   }
 
-  /// What the stages lack: f - h^-1 A^-1 Z of the upper rows, minus the residual in the last.
+  /// Computes the stages' defects: f - h^-1 A^-1 Z of the upper rows, minus the residual in the
+  /// last.
   template <std::size_t kStages>
   void calcDefects(System& system, const StepNode& from, double h) {
     const RadauMethod::Matrix& inverse = method_->inverse();
@@ -313,7 +314,7 @@ class RadauStepper final : public Stepper {
     return calcNorm(error, from.x, x_new);
   }
 
-  /// What the slope of the stages' polynomial at the beginning is off, times a step / gamma and
+  /// Returns the error of the slope of the stages' polynomial at the beginning, times h / gamma and
   /// filtered: (gamma/h M - dx'/dx)^-1 (x' - p'(0)), Hairer's and Wanner's estimate (8.20), once
   /// more filtered at a first step or after a rejection.
   double calcError(System& system, const StepNode& from, double h, const State& x_new,
@@ -338,7 +339,7 @@ class RadauStepper final : public Stepper {
       linearization_.solve(error);
       norm = calcNorm(error, from.x, x_new);
     }
-    // What rounding makes of it is nothing that calcNorm counts, nor checks of the accelerations.
+    // Neither calcNorm nor the checks of the accelerations count its part due to rounding.
     const double stages = method_->stages();
     for (int n = 0; n < size_; ++n) {
       const double rounding = stages * stages / (kLeast * kLeast) * rounding_[n];
@@ -347,7 +348,7 @@ class RadauStepper final : public Stepper {
     return holds_jerks_ ? kOfOrder3 * norm : norm;
   }
 
-  /// What an ulp of the velocities makes of the accelerations. A short transient of a stiff
+  /// Returns the effect of an ulp of the velocities on the accelerations. A transient of a stiff
   /// constraint (tau = 1e-8 s) has epsilon = -(omega_2 - u omega_1)/tau, which no arithmetic of
   /// 16 digits can know better than |omega| 1e-16 / tau; steps much longer than tau know it to
   /// |omega| 1e-16 / h.
@@ -385,8 +386,8 @@ class RadauStepper final : public Stepper {
       }
     }
   }
-  /// What Newton's iteration may leave is a part of the tolerance; rounding is no reason to go on.
-  /// Where stages keep psi, velocities that a torque answers to steeply (a narrow layer of
+  /// Newton's iteration may leave a part of the tolerance; rounding is no reason to go on.
+  /// If stages keep psi, velocities that a torque answers to steeply (a narrow layer of
   /// friction) have to be known as well as the accelerations that they make beside those of x: the
   /// torque is integrated by its rate, and a step that loses some of it has lost it for good.
   void weighCorrections(const StepNode& from) {
@@ -430,7 +431,7 @@ class RadauStepper final : public Stepper {
   }
 
   static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-  /// Of the tolerance: what Newton's iteration may leave.
+  /// The part of the tolerance that Newton's iteration may leave.
   static constexpr double kNewton = 0.01;
   /// Errors count so many times where nothing restores the accelerations: what thousands of steps
   /// leave in them may be of one sign.

@@ -93,10 +93,10 @@ class Rest {
  private:
   /// Angle n at the end of the time; 0 once it may have passed through there.
   double angleAfter(const State& x, int n) const;
-  /// What rounding makes of the accelerations where they follow from torques that cancel: of Q, R,
-  /// and each of the state's values in them.
+  /// Computes the effect of rounding on accelerations that follow from torques that cancel: of Q,
+  /// R, and each of the state's values in them.
   void calcRounding(double t, const State& x, const Linearization& linearization);
-  /// Where angles are read, all velocities end at 0 in rest. Torques that cancel leave a rounding
+  /// If angles are read, all velocities end at 0 in rest. Torques that cancel leave a rounding
   /// that would drive whatever settles slowly, anew in each term: accelerations that rounding alone
   /// tells from those that the velocities make, at angles of equilibrium, are taken to be these.
   void dropRounding(const Linearization& linearization, const State& x, State& r) const;

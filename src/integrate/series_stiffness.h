@@ -9,12 +9,12 @@
 
 namespace variator_sim::series_stiffness {
 
-/// Tolerances: what a component at most has that has died away.
+/// The largest size of a component that has died away, in tolerances.
 constexpr double kFaint = 100.0;
-/// Of the largest last terms, what those are of a component that limits the steps.
+/// The part of the largest last terms above which a component limits the steps.
 constexpr double kLimiting = 0.05;
 constexpr double kE = 2.718281828459045;
-/// Derivatives that an exponential is known by, and what they may depart from it.
+/// The number of derivatives that show an exponential, and their allowed relative departure.
 constexpr int kDerivatives = 7;
 constexpr double kMatch = 0.02;
 
@@ -49,7 +49,7 @@ inline double exponentialRate(const double* c, int last) {
   return square < 0.0 ? std::sqrt(-b) : std::abs(0.5 * a) + std::sqrt(square);
 }
 
-/// Of three coefficients: one of them may vanish by accident.
+/// Returns the largest of three coefficients: one of them may vanish by accident.
 inline double largestOf(const double* c) {
   return std::max({std::abs(c[0]), std::abs(c[1]), std::abs(c[2])});
 }
@@ -70,7 +70,8 @@ inline double power(double base, int exponent) {
 /// singularity of size delta at a distance R, which allows |h| < R. Of a motion that swings or
 /// turns so fast delta is far above the tolerance.
 ///
-/// What has died away is no more than `early_bound` / length^early tolerances in the term `early`.
+/// A component that has died away has at most `early_bound` / length^early tolerances in its term
+/// `early`.
 inline double estimate(const double* const* rows, int first, int count, int last, double length,
                        int early, double early_bound, const Tolerance& tolerance) {
   double stiffest = 0.0;
@@ -86,7 +87,7 @@ inline double estimate(const double* const* rows, int first, int count, int last
   for (int n = first; n < count; ++n) {
     if (!(size[n] >= kLimiting * largest_size)) continue;
     const double* const c = rows[n];
-    // What has died away so far is no more than this in the early terms.
+    // A component that has died away has at most this in its early terms.
     if (std::abs(c[early]) > most_early * tolerance.of(c[0])) continue;
     const double faint = kFaint * tolerance.of(c[0]);
     const double rate = exponentialRate(c, last);  // |lambda| unit

@@ -1,4 +1,4 @@
-/// What must hold of a step beside its error estimate.
+/// Checks of a step beside its error estimate.
 ///
 /// An estimate is of the states of the stages. A torque that acts in a narrow layer between two
 /// stages, and accelerations that answer to the least change of the state, are none of its business
@@ -73,12 +73,12 @@ class StepChecks {
   /// is what the stages have not seen of it: an error J^-1 d of the accelerations. Its size; 0
   /// where the torque is no rate's integral. Writes Q at `to`.
   ///
-  /// What rounding of the angles and velocities makes of Q counts for nothing: a hard coupling
+  /// The effect on Q of rounding in the angles and velocities does not count: a hard coupling
   /// between shafts that have turned many times makes it large.
   ///
-  /// Where Q answers strongly to the velocities (stiff friction, under an implicit step) an error
-  /// of the accelerations that is allowed has moved them, over the step, by enough to be many times
-  /// larger in d: what it makes of Q is allowed, too, as long as Q is about linear over so much.
+  /// If Q is steep in the velocities (stiff friction, under an implicit step), an allowed error of
+  /// the accelerations has moved the velocities over the step by enough to be many times larger in
+  /// d: its effect on Q is allowed, too, as long as Q is about linear over so much.
   double checkTorque(Stepper& stepper, const StepNode& from, StepNode& to);
 
   /// A step from where Q is this has compared Q by itself.
@@ -94,16 +94,15 @@ class StepChecks {
   /// could err by that. Writes Q and Q' at `to`, whose derivative is known.
   bool isTorqueFollowed(const Stepper& stepper, const StepNode& from, StepNode& to);
 
-  /// Where the accelerations are no part of the state but follow from it: what the error of x at
-  /// the end of the step makes of them. (Short time constants make it large.) What rounding of x
-  /// alone would make counts for nothing here: shorter steps do not help. It is left in
-  /// `unattainable`.
+  /// Returns the error of accelerations that follow from the state, due to the error of x at the
+  /// end of the step, in tolerances. (Short time constants make it large.) The part due to rounding
+  /// of x alone does not count: shorter steps do not help. It is left in `unattainable`.
   ///
   /// Implicit stages that hold psi = 0 have errors along that, and so has x once it is projected.
   double checkAccelerations(const Stepper& stepper, const StepNode& from, double end,
                             const State& x);
-  /// What four roundings of the state make of accelerations that follow from it, in tolerances, as
-  /// the last checkAccelerations found it; 0 where it had no need to know.
+  /// Returns the effect of four roundings of the state on accelerations that follow from it, in
+  /// tolerances, as the last checkAccelerations found it; 0 if it had no need to know.
   double unattainable() const { return unattainable_; }
   /// The torque element that answers most steeply where that is too much, even beside the torques
   /// that balance each other in an acceleration: these are known to the tolerance only. -1 else.
@@ -140,13 +139,14 @@ class StepChecks {
   void findSteepest(double end, const State& x, const State& rounded, const State& uncertain);
   /// The error of acceleration i that is allowed in a step, times its inertia, N m.
   double calcAllowed(const StepNode& from, const StepNode& to, int i) const;
-  /// What rounding of each angle and velocity at `to` makes of Q (`uncertain`, N m), and what the
-  /// allowed errors of the accelerations do, by way of the velocities (`answer`, N m).
+  /// Computes the effect on Q of rounding in each angle and velocity at `to` (`uncertain`, N m),
+  /// and that of the allowed errors of the accelerations through the velocities (`answer`, N m).
   void calcAnswers(const StepNode& from, const StepNode& to, ShaftVector& uncertain,
                    ShaftVector& answer);
-  /// What rounding inside the laws' formulas of the time makes of Q (sin(t + 1e8) knows its
-  /// argument to 1e-8): how far Q is from smooth over times that are next to nothing. What is so
-  /// over times of any size is rounding, however large (1e10 (sin(t) - 0.999)).
+  /// Adds the effect on Q of rounding inside the laws' formulas of the time (sin(t + 1e8) knows its
+  /// argument to 1e-8): the departure of Q from a smooth function over negligible times. A
+  /// departure that is the same over times of any size is rounding, however large (1e10 (sin(t) -
+  /// 0.999)).
   void addTimeNoise(const StepNode& to, ShaftVector& uncertain);
   /// The size of d, see checkTorque, when `uncertain` is left aside.
   double judgeTorque(const TorqueGain& gain, const StepNode& from, const StepNode& to,
@@ -177,7 +177,7 @@ class StepChecks {
   static constexpr double kAttainable = 50.0;
   /// The |h lambda| (h^2 times a stiffness) of explicit steps is some ten at most.
   static constexpr double kMostStable = 100.0;
-  /// What stands for the error of a step beyond that.
+  /// The error norm given to a step beyond that.
   static constexpr double kUnstable = 4.0;
   /// The |h lambda| above which an implicit step is on a slow motion.
   static constexpr double kSlow = 10.0;

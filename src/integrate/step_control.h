@@ -27,7 +27,7 @@ class StepControl {
     previous_norm_ = std::max(norm, 1e-4);
     return factor;
   }
-  /// What it would be.
+  /// Returns the growth for another norm, and changes nothing.
   double growthBy(double norm) const {
     const double alpha = 1.0 / order_ - 0.75 * beta_;
     norm = std::max(norm, 1e-10);

@@ -9,7 +9,7 @@
 
 namespace variator_sim {
 
-/// What is known of a motion at one end of a step. Arrays of s values; jerks may be missing.
+/// The motion at one end of a step. Arrays of s values; jerks may be missing.
 struct CurveEnd {
   const double* angle;
   const double* velocity;
@@ -31,7 +31,7 @@ class StepCurve {
   static constexpr int kNodes = 9;
   static constexpr int kMostComponents = 3 * kMaxShafts;
 
-  /// Where x is to be known: theta of the nodes 0 to kNodes - 1, the first 0 and the last 1.
+  /// Returns theta of the nodes 0 to kNodes - 1 at which x is sampled, the first 0 and the last 1.
   static double node(int index);
 
   /// A step from `time` by `duration` s of `shafts` shafts; x is (phi, omega), and epsilon where
@@ -52,10 +52,10 @@ class StepCurve {
   void enclose(StateBox* box) const;
   /// One part of the state, counted as in LinearValue, less `*origin`. [loop]
   Coefficients part(int index, double* origin) const;
-  /// What a linear form becomes from its value at the beginning on; `*size` is that of its terms,
-  /// which tells their rounding. [loop]
+  /// Returns a linear form as a polynomial from its value at the beginning on; `*size` is that of
+  /// its terms, which tells their rounding. [loop]
   Coefficients combine(const LinearValue& form, double* size) const;
-  /// Where `box` has that part; all that it may be by its polynomial. [loop]
+  /// Returns the place of that part in `box`, its enclosure by the polynomial. [loop]
   static Interval* partOf(StateBox* box, int index);
   static Interval rangeOf(const Coefficients& whole, double origin);
   /// Both halves of a polynomial: `whole` becomes the later one. [loop]

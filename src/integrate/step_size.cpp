@@ -63,11 +63,11 @@ double StepSize::growth(double norm, double estimate) {
   // A stepper that knows the next step beforehand needs no guess of it.
   if (is_chosen_) return 1.0;
   const double ease = step_.stepper->ease();
-  // Where a check holds it, it stays as long as the estimate alone would let it be.
+  // A check may keep the step from growing, but not make it shorter than the estimate alone would.
   const double least = estimate < norm ? std::min(1.0, ease * control_.growthBy(estimate)) : 0.0;
   const double growth = control_.growth(norm);
   const double factor = std::max(least, ease * growth);
-  // What Newton's iteration leaves in the estimate does not fall with the step, either.
+  // The part of the estimate that Newton's iteration leaves does not fall with the step, either.
   return ease > kEasy ? std::max(factor, std::min(1.0, growth)) : factor;
 }
 

@@ -20,7 +20,7 @@
 
 namespace variator_sim {
 
-/// What the torque rates at the stages of a step add up to.
+/// Sums the torque rates at the stages of a step.
 struct TorqueGain {
   explicit TorqueGain(int shafts) : change(shafts), largest_rate(shafts) {}
   ShaftVector change;        ///< h sum b_i Q'_i, N m
@@ -42,7 +42,7 @@ class Stepper {
   /// p of the error estimate h^p of the last step, which the step-size control rests on; 0: none,
   /// fixed steps.
   virtual int errorOrder() const = 0;
-  /// What one step costs, in evaluations of the derivative.
+  /// Returns the cost of one step, in evaluations of the derivative.
   virtual double work() const = 0;
   /// True for an implicit stepper: states that it makes are projected as `projectStiffly` does, and
   /// its stages hold psi = 0 where the system can (keepsConstraintsInStages).
@@ -80,8 +80,8 @@ class Stepper {
     return 0.0;
   }
 
-  /// What the last step, which went from `from` to `to` (x' there is not known yet), takes for the
-  /// change of Q. [loop]
+  /// Adds the change of Q that the scheme's weights give for the last step, which went from `from`
+  /// to `to` (x' there is not known yet). [loop]
   virtual void calcTorqueGain(System& system, const StepNode& from, const StepNode& to,
                               TorqueGain& gain) = 0;
 
@@ -122,7 +122,7 @@ class Stepper {
 /// The stepper of one kind, which is not kAuto, for the states of `system`.
 std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tolerance tolerance);
 
-// Those that makeStepper chooses from.
+// makeStepper chooses from these.
 std::unique_ptr<Stepper> makeRk4Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeFehlberg78Stepper(const System& system, Tolerance tolerance);
 std::unique_ptr<Stepper> makeDopri5Stepper(const System& system, Tolerance tolerance);

@@ -122,12 +122,12 @@ bool StepperChoice::reconsider(System& system, const StepNode& node, double limi
 }
 
 bool StepperChoice::considerImplicit(const StepNode& node, double h) {
-  // Of a stepper that nothing is held against not every step is looked at.
+  // A stepper that shows no sign of stiffness is not examined at every step.
   if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
   unseen_ = 0;
   const double stiffness = active_->outer->stiffness(node.x, node.dxdt);
   if (stiffness <= mildly()) {
-    // A few steps below the bound between others above it clear nobody.
+    // Isolated non-stiff steps do not reset the stiffness counter.
     if (++quiet_ >= kQuiet) suspicions_ = quiet_ = 0;
     return false;
   }

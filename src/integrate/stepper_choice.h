@@ -53,7 +53,7 @@ class StepperChoice {
   }
   const Stepper& stepper() const { return *active_->outer; }
   std::uint64_t switches() const { return switches_; }
-  /// What steps, and why.
+  /// Returns the stepper in use and the reason for it, as a sentence.
   std::string describe() const;
 
   /// True when a motion that starts at `node` with a step of size h is better begun implicitly.

@@ -128,7 +128,7 @@ class TaylorStepper final : public Stepper {
       const double allowed = kOfAccelerations * tolerance_.of(from.dxdt[n], to.dxdt[n]);
       norm = worseOf(norm, std::min(defect / allowed, kNoticed * error));
     };
-    // Of what is another component's integral the slope is that one's series but for the last term.
+    // The slope of another component's integral is that one's series but for the last term.
     const int highest = size_ - S;
     for (int n = least_angle_; n < highest; ++n) {
       judge(n, end_[n + S] - coefficients(n + S)[last] * powers_[last]);
@@ -184,7 +184,7 @@ class TaylorStepper final : public Stepper {
   static constexpr double kOfAccelerations = 10.0;
   static constexpr double kNoticed = 30.0;
   static constexpr int kLeastOrder = 3;
-  /// Of component n of x.
+  /// Returns those of component n of x.
   const double* coefficients(int n) const { return rows_[n]; }
   /// The same for all of them, although angles and velocities are known further: what is linear in
   /// the coefficients of every order (an invariant of the reaction, say) stays so.

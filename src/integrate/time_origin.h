@@ -1,4 +1,4 @@
-/// What times are counted from.
+/// The instant that times of nodes are counted from.
 #pragma once
 
 #include <cmath>

@@ -156,7 +156,7 @@ double TrialSteps::attempt(const Trial& trial) {
   }
   if (step_.checks.isGood(norm) && !step_.differentiateEnd())
     norm = std::numeric_limits<double>::quiet_NaN();
-  // Where an input's closed form ends, its rate may be that behind the end.
+  // At the end of an input's closed form its rate may be that of the next one.
   const bool ends_input =
       drivetrain_.inputSegmentEnd() <= end_.time + shortestStep(step_.absolute(end_.time));
   if (step_.checks.isGood(norm) && !step_.choice.isFixed() && !ends_input) {
@@ -188,8 +188,8 @@ bool TrialSteps::reject(Trial& trial, double norm) {
   }
   ++step_.statistics.rejected_steps;
   trial.length = trial.taken * size_.shrink(norm);
-  // Where no step however short succeeds, it may be for a jump just ahead that they all feel (a
-  // Jacobian by differences, a stage).
+  // A jump just ahead, which a stage or a Jacobian by differences meets, makes every step fail,
+  // however short.
   const bool is_hard_pressed =
       trial.rejections % kRejectionsBeforeJump == kRejectionsBeforeJump - 1;
   if (is_hard_pressed && (crossing_.crossJumpAhead() || !step_.status.ok())) return false;
