@@ -144,6 +144,22 @@ TEST(LeastReaction, IsTheLeastOfAllMinima) {
   EXPECT_EQ(found, kScenes);
 }
 
+TEST(LeastReaction, IsFoundInAWellThatIsNarrowBesideTheFirstGuess) {
+  // psi = slope e2 + e1^3 - 3 e1: at the free e1 = 1 lies e2 = 2 / slope, far from the least one.
+  for (const double slope : {0.5, 0.05, 0.005}) {
+    TwoShafts scene;
+    scene.torque[0] = 1.0;
+    scene.psi = formatNumber(slope) + "*e2+e1^3-3*e1";
+    const auto cost = [&](double e1) {
+      return scene.reaction(e1, (3.0 * e1 - e1 * e1 * e1) / slope);
+    };
+    Simulation simulation(test::sceneFromText(scene.text()));
+    const Sample& s = simulation.sample();
+    const double reaction = scene.reaction(s.acceleration[0], s.acceleration[1]);
+    EXPECT_LE(reaction, findLeast(cost, -3.0, 3.0) * (1.0 + 1e-8)) << scene.psi;
+  }
+}
+
 TEST(LeastReaction, IsTheLeastOverTwoNonlinearAccelerations) {
   // psi = e3 - e1 - e2 + sin(2 e1) - 3 cos(e2) + offset, J = 1: many minima over (e1, e2).
   for (double offset : {-9.0, -4.0, 2.0, 5.0, 11.0}) {

@@ -138,8 +138,8 @@ bool AccelerationSystem::answersSteeply(const StepNode& node) {
   return is_steep;
 }
 
-bool AccelerationSystem::restoreReaction(StepNode& node, double most) {
-  if (!has_neutral_) return false;
+void AccelerationSystem::restoreReaction(StepNode& node, double most) {
+  if (!has_neutral_) return;
   double lost[kMaxShafts];  // R less R at the start
   double change[kMaxShafts];
   const StateView state = view(node.time, node.x);
@@ -152,10 +152,10 @@ bool AccelerationSystem::restoreReaction(StepNode& node, double most) {
   // J d_epsilon = C^T lambda - lost, C d_epsilon = 0.
   double lambda[kMaxRows] = {};
   if (drivetrain_.hasConstantJacobian()) {
-    if (!drivetrain_.factorOnce(state)) return false;
+    if (!drivetrain_.factorOnce(state)) return;
   } else {
     double unused[kMaxRows] = {};
-    if (!drivetrain_.calcRows(state, unused)) return false;
+    if (!drivetrain_.calcRows(state, unused)) return;
     for (int i = 0; i < S; ++i) lost[i] = is_neutral_[i] ? lost[i] : 0.0;
   }
   drivetrain_.calcOutOfRange(lost, lambda, change);
@@ -166,7 +166,6 @@ bool AccelerationSystem::restoreReaction(StepNode& node, double most) {
   const bool is_cut = largest > most && answersSteeply(node);
   const double part = is_cut ? most / largest : 1.0;
   for (int i = 0; i < S; ++i) node.x[2 * S + i] += part * change[i];
-  return true;
 }
 
 const double* AccelerationSystem::calcTorqueRate(double t, const State& x) {

@@ -35,7 +35,7 @@ class AccelerationSystem : public PrincipleSystem {
 
   void noteReaction(const StepNode& node) override;
   void noteColumns(const double (*C)[kMaxShafts]) override;
-  bool restoreReaction(StepNode& node, double most) override;
+  void restoreReaction(StepNode& node, double most) override;
   KeptReaction keptReaction() const override;
   void keepReaction(const KeptReaction& kept) override;
 

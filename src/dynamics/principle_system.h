@@ -101,8 +101,8 @@ class PrincipleSystem : public System {
   virtual void noteColumns(const double (* /*C*/)[kMaxShafts]) {}
   /// Moves the accelerations of a node, whose torque is known, to where that part of the reaction
   /// is what it was, along psi = 0; by at most `most` tolerances where a torque answers steeply to
-  /// the state. False when there was nothing to do.
-  virtual bool restoreReaction(StepNode& /*node*/, double /*most*/) { return false; }
+  /// the state.
+  virtual void restoreReaction(StepNode& /*node*/, double /*most*/) {}
 
   /// The same constant, for a motion that is saved and goes on elsewhere.
   virtual KeptReaction keptReaction() const { return {}; }
