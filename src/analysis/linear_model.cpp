@@ -119,7 +119,7 @@ class Linearizer {
     return chooseColumns(derivatives_.topRows(formulas_.equations()), formulas_.unknowns);
   }
   /// Returns all variables along the solutions of E, at v, by the columns of chain_.
-  MatrixXd calcVariables(VectorXd v);
+  MatrixXd calcVariables(const VectorXd& v);
   /// Returns the rates of the model's states: rows of such a matrix, or of the variables.
   MatrixXd ratesOfStates(const MatrixXd& variables) const;
   MatrixXd calcFeedthroughRate();
@@ -273,7 +273,7 @@ void Linearizer::checkPoint() {
   }
 }
 
-MatrixXd Linearizer::calcVariables(VectorXd v) {
+MatrixXd Linearizer::calcVariables(const VectorXd& v) {
   program_->evaluate(v, values_, derivatives_);
   const MatrixXd sensitivity =
       solveScaled(byUnknowns(), -derivatives_.topRows(formulas_.equations()) * chain_);

@@ -60,7 +60,7 @@ class Trim {
   VectorXd sizesOf(const VectorXd& v) const { return unknownsOf(v).cwiseAbs().cwiseMax(1.0); }
   /// Returns v with its unknowns changed by `change`.
   VectorXd moved(VectorXd v, const VectorXd& change) const;
-  Linearized linearize(VectorXd v) const;
+  Linearized linearize(const VectorXd& v) const;
   VectorXd startAt(int n) const;
   /// Returns v with the best multipliers, which enter linearly.
   VectorXd fitMultipliers(const VectorXd& v) const;
@@ -193,7 +193,7 @@ VectorXd Trim::moved(VectorXd v, const VectorXd& change) const {
   return v;
 }
 
-Trim::Linearized Trim::linearize(VectorXd v) const {
+Trim::Linearized Trim::linearize(const VectorXd& v) const {
   Linearized it;
   MatrixXd all;
   program_->evaluate(v, it.F, all);
