@@ -21,6 +21,7 @@ import time
 import unittest
 import urllib.error
 import urllib.request
+import xmlrpc.client
 
 import numpy
 import rosbag
@@ -94,6 +95,21 @@ class PanelProcess:
                 return answer.status, answer.read()
         except urllib.error.HTTPError as error:
             return error.code, error.read()
+
+    def has_all_subscribers(self):
+        """Whether every subscriber of what the panel publishes has connected to it."""
+        master = rospy.get_master()
+        published, subscribed, _ = master.getSystemState()[2]
+        subscribed = dict(subscribed)
+        for node in {node for _, nodes in published for node in nodes if 'panel' in node}:
+            server = xmlrpc.client.ServerProxy(master.lookupNode(node)[2])
+            if server.getPid('/panel_test')[2] != self.process.pid:
+                continue
+            wanted = {topic for topic, nodes in published if node in nodes and topic in subscribed}
+            connected = [entry[4] for entry in server.getBusInfo('/panel_test')[2]
+                         if entry[2] == 'o' and entry[5]]
+            return all(connected.count(topic) >= len(subscribed[topic]) for topic in wanted)
+        return False
 
     def close(self):
         self.process.send_signal(signal.SIGTERM)
@@ -313,7 +329,9 @@ class ServerTest(unittest.TestCase):
     def test_it_waits_where_descriptors_run_out(self):
         panel = PanelProcess('--node', '/served')
         self.addCleanup(panel.close)
-        self.assertEqual(panel.get()[0], 200)
+        # rospy's own server spins while it cannot accept a subscriber, so all of them come before.
+        wait_for(lambda: panel.get('/save.csv?columns=drive/angle')[0] == 200, 'its scene')
+        wait_for(panel.has_all_subscribers, 'subscribers of its topics')
         stat = pathlib.Path(f'/proc/{panel.process.pid}/stat')
 
         def busy():
