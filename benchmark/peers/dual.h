@@ -72,6 +72,18 @@ struct Dual {
   }
   friend Dual operator/(T a, const Dual& b) { return Dual(a) / b; }
   friend Dual sin(const Dual& a) { return a.chain(std::sin(a.value), std::cos(a.value)); }
+  friend Dual exp(const Dual& a) {
+    const T e = std::exp(a.value);
+    return a.chain(e, e);
+  }
+  friend Dual sqrt(const Dual& a) {
+    const T root = std::sqrt(a.value);
+    return a.chain(root, T(0.5) / root);
+  }
+  friend Dual tanh(const Dual& a) {
+    const T y = std::tanh(a.value);
+    return a.chain(y, (T(1) - y) * (T(1) + y));
+  }
   friend Dual cos(const Dual& a) { return a.chain(std::cos(a.value), -std::sin(a.value)); }
 };
 

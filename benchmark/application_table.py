@@ -1,0 +1,68 @@
+#!/usr/bin/python3
+"""The tables of the application scenes, from the rows of `applications`, into doc/benchmarks.md.
+
+They stand between the markers `<!-- begin generated: applications -->` and `<!-- end generated -->`.
+"""
+
+import argparse
+import math
+import pathlib
+
+import kernel_tables  # beside this file
+import plot_work_precision as work_precision
+
+TARGETS = (1e-4, 1e-6, 1e-9)
+SAMPLED = " sampled"  # behind the name of a scene of which 100 samples a second are taken
+HEADERS = ("best peer", "peer, ms", "ours", "interpreter", "peer / ours")
+
+
+def ratios_line(name, ratios):
+    return [name, *(f"**{ratio:.2f}**" if ratio else "-" for ratio in ratios)]
+
+
+def make_tables(scenes):
+    """One table for each error, and the summary: the mean and the least ratio."""
+    means, leasts, parts = [], [], []
+    for target in TARGETS:
+        rows, ratios = [], []
+        for name, curves in scenes.items():
+            peer = work_precision.best_of(curves, lambda m, _: not m.startswith("ours"), target)
+            ours, slow = (work_precision.time_at(curves.get(("ours auto", form), []), target)
+                          for form in ("machine code", "formulas"))
+            if peer and ours:
+                ratios.append(peer[0] / ours)
+            rows.append([name, peer[1][0] if peer else "-",
+                         work_precision.show_time(peer and peer[0]),
+                         work_precision.show_time(ours), work_precision.show_time(slow),
+                         f"{peer[0] / ours:.2f}" if peer and ours else "-"])
+        means.append(math.exp(sum(map(math.log, ratios)) / len(ratios)) if ratios else None)
+        leasts.append(min(ratios, default=None))
+        title = f"Error {work_precision.show_exponent(target)}"
+        parts.append(f"**{title}**\n\n" + work_precision.table(["scene", *HEADERS], rows))
+    summary = work_precision.table(
+        ["best peer / ours", *map(work_precision.show_exponent, TARGETS)],
+        [ratios_line("geometric mean", means), ratios_line("least", leasts)])
+    return "\n".join([summary, *parts])
+
+
+def make_section(path):
+    heads, scenes = work_precision.read_rows([path])
+    plain = {name: curves for name, curves in scenes.items() if not name.endswith(SAMPLED)}
+    sampled = {name[:-len(SAMPLED)]: curves for name, curves in scenes.items()
+               if name.endswith(SAMPLED)}
+    return ("\n".join(f"- {line}" for line in heads) + "\n\n### Without samples\n\n" +
+            make_tables(plain) + "\n### With 100 samples a second, all columns\n\n" +
+            make_tables(sampled))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("rows", help="CSV file of applications")
+    parser.add_argument("--document", default="doc/benchmarks.md")
+    arguments = parser.parse_args()
+    kernel_tables.write_section(pathlib.Path(arguments.document), "applications",
+                                make_section(arguments.rows))
+
+
+if __name__ == "__main__":
+    main()
