@@ -134,6 +134,63 @@ INSTANTIATE_TEST_SUITE_P(Benchmarks, SamplesOfSteps,
                                          Case{"order1", 20.0, 4.0}, Case{"order3", 20.0, 4.0}),
                          nameOf);
 
+// Accelerations that follow from the state: those of a sample inside an implicit step are within
+// the tolerance, and a sample costs no step.
+class SamplesOfImplicitSteps : public testing::TestWithParam<std::string> {
+ protected:
+  static constexpr int kSamples = 1811;
+  static constexpr double kEnd = 18.0;  // s
+  Scene scene(double tolerance) const {
+    const std::string folder = VARIATOR_SIM_TEST_DIR "/../config/applications/";
+    return test::withTolerance(test::sceneFromFile(folder + GetParam() + ".yaml"), tolerance);
+  }
+  /// All inputs are at 0.4 of their largest values from 1 s on.
+  static std::vector<Sample> play(Simulation* simulation, int samples) {
+    const auto& inputs = simulation->scene().inputs;
+    simulation->advanceTo(1.0);
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      simulation->command(static_cast<int>(i), 0.4 * inputs[i].maximum);
+    }
+    std::vector<Sample> all;
+    for (int n = 1; n <= samples; ++n) {
+      simulation->advanceTo(1.0 + kEnd * n / samples);
+      EXPECT_TRUE(simulation->status().ok());
+      all.push_back(simulation->sample());
+    }
+    return all;
+  }
+};
+
+TEST_P(SamplesOfImplicitSteps, AreWithinTheTolerance) {
+  Simulation reference(test::withStepper(scene(1e-12), StepperKind::kFehlberg78));
+  const std::vector<Sample> exact = play(&reference, kSamples);
+  for (const double tolerance : {1e-3, 1e-5, 1e-7, 1e-9}) {
+    SCOPED_TRACE(tolerance);
+    Simulation simulation(test::withStepper(scene(tolerance), StepperKind::kRadau));
+    const std::vector<Sample> samples = play(&simulation, kSamples);
+    double worst = 0.0;
+    for (std::size_t n = 0; n < samples.size(); ++n) {
+      const int S = simulation.scene().shaftCount();
+      worst = std::max({worst, errorOf(samples[n].velocity, exact[n].velocity, S),
+                        errorOf(samples[n].acceleration, exact[n].acceleration, S)});
+    }
+    EXPECT_LT(worst, tolerance);
+  }
+}
+
+TEST_P(SamplesOfImplicitSteps, CostNoStep) {
+  Simulation sampled(test::withStepper(scene(1e-6), StepperKind::kRadau));
+  Simulation plain(test::withStepper(scene(1e-6), StepperKind::kRadau));
+  play(&sampled, kSamples);
+  play(&plain, 1);
+  const auto evaluations =
+      sampled.statistics().right_hand_sides - plain.statistics().right_hand_sides;
+  EXPECT_LT(static_cast<double>(evaluations), 4.0 * kSamples);
+}
+
+INSTANTIATE_TEST_SUITE_P(Applications, SamplesOfImplicitSteps,
+                         testing::Values("machine_tool", "car"));
+
 // The applied torque of a shaft that nothing else moves is known in a closed form.
 TEST(SampleOfAStep, FollowsAClosedForm) {
   Simulation simulation(test::withTolerance(test::sceneFromText(R"yaml(

@@ -44,18 +44,31 @@ bool InsideStep::calcState(double* at, State& x) {
 }
 
 bool InsideStep::interpolate(double now, State& x) {
-  // An error of dense output may be large in accelerations that follow from the state.
-  if (!integrates_torque_ && !step_.stepper->stepsBySeries()) return false;
+  const bool is_implicit = step_.stepper->isImplicit();
+  if (!integrates_torque_ && !step_.stepper->stepsBySeries() && !is_implicit) return false;
   if (!step_.stepper->interpolate(system_, now, start_, end_, x)) return false;
   State moved(system_.size());
   State slope(system_.size());
   const double h = end_.time - start_.time;
-  if (step_.stepper->isImplicit()) step_.stepper->calcSlope((now - start_.time) / h, h, slope);
+  if (is_implicit) step_.stepper->calcSlope((now - start_.time) / h, h, slope);
   const ProjectionResult result =
-      step_.stepper->isImplicit()
-          ? system_.projectStiffly(now, h, slope, x, moved, &step_.statistics.projections)
-          : system_.project(now, x, moved, &step_.statistics.projections);
-  return result == ProjectionResult::kConverged;
+      is_implicit ? system_.projectStiffly(now, h, slope, x, moved, &step_.statistics.projections)
+                  : system_.project(now, x, moved, &step_.statistics.projections);
+  if (result != ProjectionResult::kConverged) return false;
+  return integrates_torque_ || !is_implicit || followsMotion(now, slope, x);
+}
+
+bool InsideStep::followsMotion(double now, const State& slope, const State& x) {
+  State first(system_.size());
+  State rate(system_.size());
+  step_.stepper->calcSlope(0.0, end_.time - start_.time, first);
+  system_(x, rate, now);
+  for (int n = S; n < x.size(); ++n) {
+    const double allowed = tolerance_.of(rate[n]);
+    if (!(std::abs(first[n] - start_.dxdt[n]) <= kLargerAtStart * allowed)) return false;
+    if (!(std::abs(slope[n] - rate[n]) <= allowed)) return false;
+  }
+  return true;
 }
 
 bool InsideStep::reach(double now, StepNode* node) {
