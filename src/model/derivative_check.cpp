@@ -134,8 +134,10 @@ std::vector<Call> listCalls(const expression::Graph& graph,
   for (const int n : graph.listReachable(nodes)) {
     const expression::Graph::Entry& entry = graph.entry({n});
     if (entry.operation != expression::Operation::kOpaque || entry.order[0] != 0) continue;
+    const int count = graph.opaqueOf(entry)->argumentCount();
     std::vector<expression::Node> arguments;
-    for (int i = 0; i < graph.opaqueOf(entry)->argumentCount(); ++i) {
+    arguments.reserve(static_cast<std::size_t>(count));
+    for (int i = 0; i < count; ++i) {
       arguments.push_back({entry.operands[i]});
     }
     calls.push_back({graph.opaqueOf(entry), expression::Tape(graph, arguments)});
