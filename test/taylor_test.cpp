@@ -241,6 +241,42 @@ TEST(Taylor, MissesNoBumpInsideAStep) {
   }
 }
 
+// Values at a step's ends and middle may cover the range of a function that is not resolved between
+// them: two tanh that rise from -1 to 1 have a difference of 0 at all three, and a bump that comes
+// back at both ends has its largest and least value there. Of time alone the impulse of
+// tanh(z + 3) - tanh(z - 3) is 12 for each unit of z.
+TEST(OtherSteppers, MissNoBumpBetweenValuesThatCoverItsRange) {
+  const auto returning = [](double t) {
+    return 1.0 - std::cos(2.0 / std::cosh(222.39 * std::sin(3.141592653589793 * t)));
+  };
+  double sum = 0.0;
+  constexpr int kParts = 100000;  // of a period, by the rule of trapezoids
+  for (int n = 0; n < kParts; ++n) sum += returning((n + 0.5) / kParts) / kParts;
+  const struct {
+    const char* torque;
+    double impulse;  // in 10 s
+  } bumps[] = {
+      {"4*(tanh((t-2.4665)/2e-3+3)-tanh((t-2.4665)/2e-3-3))", 4.0 * 12.0 * 2e-3},
+      {"4*(1-cos(2/cosh(222.39*sin(3.141592653589793*t))))", 4.0 * 10.0 * sum},
+  };
+  for (const auto& bump : bumps) {
+    for (const char* const principle : {"gauss", "generalized_gauss"}) {
+      const Scene scene = test::sceneFromText(
+          "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
+          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+          std::string(bump.torque) + "\"}\nprinciple: " + principle +
+          "\ninitial: {velocity: [1]}\n");
+      for (const StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78,
+                                        StepperKind::kRadau, StepperKind::kAuto}) {
+        Simulation simulation(test::withStepper(test::withTolerance(scene, 1e-9), stepper));
+        ASSERT_TRUE(simulation.advanceTo(10.0).ok()) << bump.torque;
+        EXPECT_NEAR(simulation.sample().velocity[0], 1.0 + bump.impulse, 1e-6)
+            << bump.torque << ' ' << principle << ' ' << toString(stepper);
+      }
+    }
+  }
+}
+
 // Bumps of a width h, far narrower than any step that does not know of them, wherever in a step
 // they come: an argument that turns in the last eighth of one, or at a value that no double of its
 // size tells from others; 1/cosh of an argument that passes 0 without turning, and is infinite on
