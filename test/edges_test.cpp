@@ -629,5 +629,27 @@ TEST(ImplicitSteps, StayInANarrowLayerOfFriction) {
   }
 }
 
+/// A clamped contact torque of 1 N m that 1.5 N m on shaft a exceed: behind the edge both shafts
+/// have 0.5 rad/s^2, so that the motion goes on along the edge, where rounding chooses the side.
+/// Samples of it are of their own instant.
+TEST(CrossedEdges, AreSampledAtTheInstantAsked) {
+  const double width = 1e-5;  // rad/s
+  for (const StepperKind stepper :
+       {StepperKind::kAuto, StepperKind::kRadau, StepperKind::kTaylor}) {
+    const Scene scene = test::sceneFromText(
+        "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [load, law]\n"
+        "load: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1.5\"}\n"
+        "law: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
+        "\"-clamp((w1-w2)/1e-5,-1,1)\", reaction_on: b}\n");
+    Simulation simulation(test::withTolerance(test::withStepper(scene, stepper), 1e-9));
+    for (int n = 1; n <= 400; ++n) {
+      const double t = 0.005 * n;
+      ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
+      ASSERT_NEAR(simulation.sample().velocity[0], 0.5 * t, 2.0 * width) << t;
+      ASSERT_NEAR(simulation.sample().velocity[1], 0.5 * t, 2.0 * width) << t;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim

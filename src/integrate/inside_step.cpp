@@ -4,6 +4,13 @@
 
 namespace variator_sim {
 
+bool InsideStep::isNearEnd(const State& x) const {
+  for (int n = 0; n < 2 * S; ++n) {  // accelerations may jump
+    if (!(std::abs(x[n] - end_.x[n]) <= tolerance_.of(end_.x[n]))) return false;
+  }
+  return true;
+}
+
 bool InsideStep::calcUnstepped(double* now, State& x) {
   switch (step_.phase) {
     case StepPhase::kStepping:
@@ -11,8 +18,9 @@ bool InsideStep::calcUnstepped(double* now, State& x) {
     case StepPhase::kCrossing:
       x = step_.extrapolate(start_, *now - start_.time);
       // If the laws are at the event or behind it, so are the state and its time: no torque of one
-      // side stands beside accelerations of the other.
-      if (*now == end_.time || !guards_.hasAnyLeft(system_.view(*now, x))) {
+      // side stands beside accelerations of the other. (Along an edge, where rounding chooses the
+      // side, the motion may be extrapolated far.)
+      if (*now == end_.time || (isNearEnd(x) && !guards_.hasAnyLeft(system_.view(*now, x)))) {
         x = end_.x;
         *now = end_.time;
       }
