@@ -72,7 +72,7 @@ struct BumpyScene {
   double rounding() const;
   /// Velocities and the angle of a at times(), from a start moved by `shift` of angle and velocity.
   /// Empty where more than `most` steps are needed.
-  std::vector<Sample> reference(double shift = 0.0, int most = 50000) const;
+  std::vector<Sample> reference(double shift = 0.0, int most = 1000000) const;
 };
 
 /// The same for the same seed.
