@@ -4,23 +4,19 @@
 
 namespace variator_sim {
 
-bool InsideStep::isNearEnd(const State& x) const {
-  for (int n = 0; n < 2 * S; ++n) {  // accelerations may jump
-    if (!(std::abs(x[n] - end_.x[n]) <= tolerance_.of(end_.x[n]))) return false;
-  }
-  return true;
-}
-
 bool InsideStep::calcUnstepped(double* now, State& x) {
+  bool is_near = true;
   switch (step_.phase) {
     case StepPhase::kStepping:
       return false;
     case StepPhase::kCrossing:
       x = step_.extrapolate(start_, *now - start_.time);
       // If the laws are at the event or behind it, so are the state and its time: no torque of one
-      // side stands beside accelerations of the other. (Along an edge, where rounding chooses the
-      // side, the motion may be extrapolated far.)
-      if (*now == end_.time || (isNearEnd(x) && !guards_.hasAnyLeft(system_.view(*now, x)))) {
+      // side stands beside accelerations of the other. (Far along an edge rounding chooses it.)
+      for (int n = 0; n < 2 * S; ++n) {
+        is_near = is_near && std::abs(x[n] - end_.x[n]) <= tolerance_.of(end_.x[n]);
+      }
+      if (*now == end_.time || (is_near && !guards_.hasAnyLeft(system_.view(*now, x)))) {
         x = end_.x;
         *now = end_.time;
       }

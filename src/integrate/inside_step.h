@@ -32,9 +32,6 @@ class InsideStep : private StepPart {
  private:
   /// x at `now` of a motion that is not stepped there, see calcState. False where it is.
   bool calcUnstepped(double* now, State& x);
-  /// True where angles and velocities of x differ from the step's end by no more than the
-  /// tolerance.
-  bool isNearEnd(const State& x) const;
   /// x at `now` by dense output, projected. False where there is none.
   bool interpolate(double now, State& x);
   /// True where the defect of a collocation polynomial p shows that accelerations, which follow
