@@ -177,6 +177,8 @@ class MotionSeries {
   void setState(double time, const double* x);
   /// Begins order 0 of all formulas.
   void beginRows();
+  /// Begins order 0 of what noteArguments reads, at least.
+  void beginArguments();
   void beginReaction(const double* x);
   /// Computes the inverse of [J_0 -C_0^T; C_0 0], or of its replacement in Newton's iteration.
   /// Returns false if it is singular.

@@ -37,16 +37,24 @@ void MotionSeries::setVariables(double t, double h, double part, const double* x
   setState(drivetrain_.origin() + t + part * h, x);
 }
 
+void MotionSeries::beginArguments() {
+  if (begin_code_ != nullptr) {
+    beginRows();
+  } else {
+    program_.begin(expression::SeriesProgram::Part::kArguments);
+  }
+}
+
 bool MotionSeries::mayHideAlong(double t, double h, const double* x, const double* x_end) {
   if (!program_.canHide()) return false;
   setVariables(t, h, 0.0, x);
   // (They differ from the last step's end after a command or the end of an input's closed form.)
   if (!program_.areArgumentsNoted()) {
-    beginRows();
+    beginArguments();
     program_.noteArguments();
   }
   setVariables(t, h, 1.0, x_end);
-  beginRows();
+  beginArguments();
   const bool may_hide = program_.haveArgumentsGoneFar();
   program_.noteArguments();
   return may_hide;

@@ -31,9 +31,9 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
   for (const Node output : outputs) {
     made_.outputs_.push_back(rowOf(forms_[static_cast<std::size_t>(output.index)]));
   }
+  made_.listResolved();
   findPrograms(trial.size());
   SeriesArranger(made_).arrange();
-  made_.listResolved();
   made_.rows_.assign(2 * made_.degree_.size() * 2 * made_.width_, 0.0);
   made_.states_.resize(2 * made_.states_.size(), 0.0);
   made_.changes_.assign(made_.degree_.size(), 0.0);
@@ -274,10 +274,8 @@ SeriesCompiler::Form SeriesCompiler::power(const Graph::Entry& entry) {
   return single(exponential(rowOf(product)));
 }
 
-void SeriesCompiler::findPrograms(std::size_t count) {
+std::vector<bool> SeriesCompiler::findNeeded(std::vector<int> open) const {
   std::vector<bool> needed(made_.instructions_.size(), false);
-  std::vector<int> open(made_.outputs_.begin(),
-                        made_.outputs_.begin() + static_cast<std::ptrdiff_t>(count));
   while (!open.empty()) {
     const int row = open.back();
     open.pop_back();
@@ -291,6 +289,17 @@ void SeriesCompiler::findPrograms(std::size_t count) {
           made_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)].row);
     }
   }
+  return needed;
+}
+
+void SeriesCompiler::findPrograms(std::size_t count) {
+  const auto first = made_.outputs_.begin();
+  const std::vector<bool> needed = findNeeded({first, first + static_cast<std::ptrdiff_t>(count)});
+  std::vector<int> arguments;
+  for (const SeriesOperation& it : made_.hiding_) {
+    arguments.insert(arguments.end(), {it.a, it.b, it.kind == kSeriesTan ? it.second : -1});
+  }
+  const std::vector<bool> leads = findNeeded(arguments);
   for (std::size_t i = 0; i < needed.size(); ++i) {
     const bool is_accelerated = made_.isAccelerated(made_.instructions_[i].result);
     const int index = static_cast<int>(i);
@@ -298,6 +307,7 @@ void SeriesCompiler::findPrograms(std::size_t count) {
     if (!is_accelerated) made_.programs_[0].push_back(index);
     if (is_accelerated && needed[i]) made_.programs_[1].push_back(index);
     if (is_accelerated) made_.programs_[2].push_back(index);
+    if (leads[i]) made_.programs_[3].push_back(index);
   }
 }
 

@@ -83,6 +83,8 @@ class SeriesCompiler {
   int branch(const Graph::Entry& entry, int a);
   int table(const Graph::Entry& entry, int a);
 
+  /// Marks the instructions that the rows in `open` follow from; -1 for no row.
+  std::vector<bool> findNeeded(std::vector<int> open) const;
   /// Finds the programs; the first `count` outputs belong to the trial.
   void findPrograms(std::size_t count);
 

@@ -52,8 +52,8 @@ class AccelerationSolver {
 class SeriesProgram {
  public:
   /// Groups of nodes: without accelerations; with accelerations and needed by the first outputs;
-  /// all with accelerations.
-  enum class Part { kGiven, kTrial, kAccelerated };
+  /// all with accelerations; those that the arguments of noteArguments follow from.
+  enum class Part { kGiven, kTrial, kAccelerated, kArguments };
 
   /// True when all of `nodes` have series: no function in them is opaque.
   static bool hasSeries(const Graph& graph, const std::vector<Node>& nodes) {
@@ -84,7 +84,8 @@ class SeriesProgram {
   int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
   /// Coefficient 0 of the row written backwards; zeros follow it.
   const double* backward(int row) const { return forward(row) + width_ + capacity_ - 1 - kPad; }
-  /// Computes coefficient 0 of the nodes of kGiven or kAccelerated from those of the variables.
+  /// Computes coefficient 0 of the nodes of a part from those of the variables. kArguments is no
+  /// beginning of a series.
   /// [loop]
   void begin(Part part);
   /// Computes coefficient n > 0 of all nodes from those of the variables, 0 for accelerations.
@@ -303,7 +304,7 @@ class SeriesProgram {
   std::vector<char> accelerated_;
   std::vector<bool> has_pole_;  ///< may be infinite without an overflow
   std::vector<Instruction> instructions_;
-  std::array<std::vector<int>, 3> programs_;
+  std::array<std::vector<int>, 4> programs_;
   /// For orders up to kLongest, and for those beyond it.
   std::array<std::vector<Operation>, 2> operations_;
   std::vector<PlacedTerm> placed_;

@@ -187,7 +187,8 @@ bool SeriesProgram::haveArgumentsGoneFar() const {
     double moved = std::abs(forward(it.a)[0] - a);
     bool is_far;
     if (it.kind == kSeriesProduct) {
-      is_far = moved > kFar * std::abs(a) || other > kFar * std::abs(b);
+      // (One that is nearly constant leaves a multiple of the other one, which is checked itself.)
+      is_far = moved > kFar * std::abs(a) && other > kFar * std::abs(b);
     } else {
       if (it.kind == kSeriesQuotient) moved = other;
       if (it.kind == kSeriesAtan2) moved += other;

@@ -24,7 +24,9 @@ class TableAxis {
   TableAxis() = default;
   /// `is_flat_beyond`: the table is constant in cells 0 and n.
   TableAxis(std::vector<double> points, bool is_flat_beyond)
-      : points_(std::move(points)), is_flat_beyond_(is_flat_beyond) {}
+      : points_(std::move(points)), is_flat_beyond_(is_flat_beyond) {
+    for (std::size_t cell = 1; cell < points_.size(); ++cell) scales_.push_back(1.0 / width(cell));
+  }
 
   /// A number in its cell. In a cell between two points the coordinate t goes from 0 to 1; beyond
   /// the ends it is the signed distance from the end. t is NaN for an x that is NaN.
@@ -49,10 +51,11 @@ class TableAxis {
   /// Return the lower end, width and 1/width of the inner cells 1 to n - 1.
   double low(std::size_t cell) const { return points_[cell - 1]; }
   double width(std::size_t cell) const { return points_[cell] - points_[cell - 1]; }
-  double scale(std::size_t cell) const { return 1.0 / width(cell); }
+  double scale(std::size_t cell) const { return scales_[cell - 1]; }
 
  private:
   std::vector<double> points_;
+  std::vector<double> scales_;  ///< 1/width, divided once
   bool is_flat_beyond_ = true;
 };
 
