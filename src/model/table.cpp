@@ -139,7 +139,13 @@ Table Table::through(Numbers x, const Numbers& y, Beyond beyond) {
 
 double Table::derivative(int order, double x) const {
   if (!curve_ || order > kTableDegree) return std::isnan(x) ? x : 0.0;
-  const TableAxis::Place at = curve_->axis.find(x);
+  // A smooth step is constant nearly all the time.
+  const TableAxis& axis = curve_->axis;
+  const bool is_below = x < axis.points().front();
+  if (axis.isFlatBeyond() && (is_below || x >= axis.points().back())) {
+    return order > 0 ? 0.0 : (is_below ? curve_->cells.front() : curve_->cells.back())[0];
+  }
+  const TableAxis::Place at = axis.find(x);
   double value = evaluateCell(curve_->cells[at.cell], at.t, order);
   for (int k = 0; k < order; ++k) value *= at.scale;
   return value;
