@@ -23,7 +23,7 @@
 #include <utility>
 #include <vector>
 
-#include "dynamics/generalized_gauss.h"
+#include "dynamics/system.h"
 #include "motion/motion.h"
 #include "peers/method.h"
 #include "variator_sim/component_factory.h"
@@ -157,7 +157,7 @@ Kernel makeKernel(const std::string& text, bool specialize = true) {
     Owner(Scene read_scene, const Shortcuts& shortcuts)
         : scene(std::move(read_scene)), system(scene, shortcuts) {}
     Scene scene;
-    GeneralizedGauss system;
+    System system;
   };
   Shortcuts shortcuts;
   shortcuts.specialize = specialize;

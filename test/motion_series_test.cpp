@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/principle_system.h"
+#include "dynamics/system.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -31,9 +31,9 @@ class Expansion {
   explicit Expansion(const Scene& scene)
       : scene_(test::withStepper(test::withTolerance(scene, 1e-13), StepperKind::kFehlberg78)),
         simulation_(scene_),
-        system_(makeSystem(scene_, {})),
+        system_(scene_),
         S(scene_.shaftCount()) {
-    Drivetrain& drivetrain = system_->drivetrain();
+    Drivetrain& drivetrain = system_.drivetrain();
     drivetrain.resetInputs();
     for (int i = 0; i < scene_.inputCount(); ++i) {
       simulation_.command(i, 1.5);
@@ -51,16 +51,16 @@ class Expansion {
   /// False where the scene has no series there.
   bool expand(double unit, int order) {
     unit_ = unit;
-    if (system_->series() == nullptr) return false;
-    if (!system_->series()->begin(kStart, x_.data(), unit, order)) return false;
+    if (system_.series() == nullptr) return false;
+    if (!system_.series()->begin(kStart, x_.data(), unit, order)) return false;
     for (int n = 1; n <= order; ++n) {
-      if (!system_->series()->extendTo(system_->series()->order() + 1)) return false;
+      if (!system_.series()->extendTo(system_.series()->order() + 1)) return false;
     }
     return true;
   }
   /// Coefficients of angles, then velocities, then accelerations.
   const double* coefficients(int n) const {
-    const MotionSeries& series = *system_->series();
+    const MotionSeries& series = *system_.series();
     return n < S       ? series.angle(n)
            : n < 2 * S ? series.velocity(n - S)
                        : series.acceleration(n - 2 * S);
@@ -85,13 +85,13 @@ class Expansion {
 
   /// x' of the polynomial is what the system says of x.
   void expectEquations(double s) {
-    State x(system_->size());
-    State dxdt(system_->size());
+    State x(system_.size());
+    State dxdt(system_.size());
     for (int n = 0; n < x.size(); ++n) x[n] = sum(coefficients(n), s);
     // Under `gauss` accelerations are looked for from these on.
     for (int n = 0; n < x.size(); ++n) dxdt[n] = x_[static_cast<std::size_t>(S + n) % x_.size()];
-    system_->noteBase(kStart, x, dxdt);
-    (*system_)(x, dxdt, kStart + s * unit_);
+    system_.noteBase(kStart, x, dxdt);
+    system_(x, dxdt, kStart + s * unit_);
     double size = 1.0;
     for (int n = 0; n < x.size(); ++n) size = std::max({size, std::abs(x[n]), std::abs(dxdt[n])});
     for (int n = 0; n < x.size(); ++n) {
@@ -102,15 +102,15 @@ class Expansion {
   }
   /// True if no input moves and the scene has such steps.
   bool makesWholeSteps() {
-    const MotionSeries* const series = system_->series();
+    const MotionSeries* const series = system_.series();
     return series != nullptr && series->makesWholeSteps() &&
-           !system_->drivetrain().haveInputsMoved();
+           !system_.drivetrain().haveInputsMoved();
   }
   /// A whole step, which ends on the motion and tells what there is; the next one from there, too.
   void expectWholeSteps() {
-    MotionSeries& series = *system_->series();
+    MotionSeries& series = *system_.series();
     series.keepReaction({});
-    State x(system_->size());
+    State x(system_.size());
     x.assign(x_.data());
     double t = kStart;
     double length = 0.05;
@@ -128,8 +128,8 @@ class Expansion {
       length = made.length;
       simulation_.advanceTo(t);
       const Sample& sample = simulation_.sample();
-      State dxdt(system_->size());
-      (*system_)(x, dxdt, t);
+      State dxdt(system_.size());
+      system_(x, dxdt, t);
       for (int i = 0; i < S; ++i) {
         const auto near = [&](double value, double expected, const char* what) {
           EXPECT_NEAR(value, expected, 1e-9 * std::max(1.0, std::abs(expected)))
@@ -142,9 +142,9 @@ class Expansion {
         near(made.node[0].torque[i], sample.applied_torque[i], "torque");
       }
       // On the constraints, to rounding.
-      State moved(system_->size());
+      State moved(system_.size());
       std::uint64_t iterations = 0;
-      EXPECT_EQ(system_->project(t, x, moved, &iterations), ProjectionResult::kConverged);
+      EXPECT_EQ(system_.project(t, x, moved, &iterations), ProjectionResult::kConverged);
       for (int n = 0; n < x.size(); ++n) {
         EXPECT_LE(moved[n], 1e-14 * std::max(1.0, std::abs(x[n]))) << "x" << n;
       }
@@ -162,14 +162,14 @@ class Expansion {
       near(sum(coefficients(i), s), sample.angle[i], "angle");
       near(sum(coefficients(S + i), s), sample.velocity[i], "velocity");
       near(sum(coefficients(2 * S + i), s), sample.acceleration[i], "acceleration");
-      near(sum(system_->series()->torque(i), s), sample.applied_torque[i], "torque");
+      near(sum(system_.series()->torque(i), s), sample.applied_torque[i], "torque");
     }
   }
 
  private:
   const Scene scene_;
   Simulation simulation_;
-  std::unique_ptr<PrincipleSystem> system_;
+  System system_;
   const int S;  // shafts
   std::vector<double> x_;
   double unit_ = 1.0;
@@ -338,13 +338,13 @@ a: {inertia: 1.0}
 torques: [bump]
 bump: {type: variator_sim/ExpressionTorque, shaft: a, torque: "exp(-(w1-u)^2)"}
 )yaml");
-  const std::unique_ptr<PrincipleSystem> system = makeSystem(scene, {});
-  system->drivetrain().resetInputs();
-  MotionSeries& series = *system->formulas();
+  System system(scene);
+  system.drivetrain().resetInputs();
+  MotionSeries& series = *system.formulas();
   const double slow[] = {0.0, 1.4, 0.0};
   const double fast[] = {0.0, 101.0, 0.0};
   EXPECT_FALSE(series.mayHideAlong(0.0, 0.1, slow, slow));
-  system->drivetrain().signal(0).command(scene.inputs[0], 0.1, 100.0);
+  system.drivetrain().signal(0).command(scene.inputs[0], 0.1, 100.0);
   EXPECT_TRUE(series.mayHideAlong(0.1, 0.1, slow, fast));
 }
 

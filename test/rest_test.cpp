@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "dynamics/classical_gauss.h"
+#include "dynamics/system.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -92,7 +92,7 @@ TEST(Deviation, OfASlowModeMadeByFastOnes) {
 // --- how often it is asked for -------------------------------------------------------------------
 TEST(Rest, IsAskedForLessAndLessOften) {
   const Scene scene = test::sceneFromText("shafts: [a]\na: {inertia: 1}\nprinciple: gauss\n");
-  ClassicalGauss system(scene);
+  System system(scene);
   Rest rest(system);
   rest.reset();
   std::vector<int> asked;

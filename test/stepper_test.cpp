@@ -8,7 +8,7 @@
 #include <complex>
 #include <vector>
 
-#include "dynamics/generalized_gauss.h"
+#include "dynamics/system.h"
 #include "integrate/radau_method.h"
 #include "integrate/step_control.h"
 #include "support/scenes.h"
@@ -64,7 +64,7 @@ std::unique_ptr<Stepper> make(StepperKind kind, const System& system) {
 
 /// Equal steps to kEnd, no projection.
 Result integrate(const Scene& scene, StepperKind kind, int steps) {
-  GeneralizedGauss drivetrain(scene);
+  System drivetrain(scene);
   const auto stepper = make(kind, drivetrain);
   Result result;
   result.x = initialState(scene);
@@ -135,7 +135,7 @@ struct RadauErrors {
 };
 RadauErrors followLinearMotion(int stages, int steps) {
   const Scene scene = test::sceneFromText(kLinear);
-  GeneralizedGauss drivetrain(scene);
+  System drivetrain(scene);
   const auto stepper = makeRadauStepper(drivetrain, {1e-13, 0.0}, stages);
   const double h = kEnd / steps;
   RadauErrors errors;
@@ -176,7 +176,7 @@ TEST(StepperOrder, RadauOfAnyNumberOfStages) {
 // that it has no trouble with bring them back.
 TEST(Radau, HasFewerStagesWhereNewtonsIterationFails) {
   const Scene scene = test::sceneFromText(kShip);
-  GeneralizedGauss drivetrain(scene);
+  System drivetrain(scene);
   const auto stepper = makeRadauStepper(drivetrain, kUnit, 7);
   StepNode node(0.0, initialState(scene), State(kSize));
   State x(kSize);
@@ -284,7 +284,7 @@ TEST(RadauMethod, WeighsItsStagesAsAPolynomialDoes) {
 // The estimated local error falls with h^errorOrder.
 TEST(StepperErrorEstimate, HasTheOrderThatStepControlAssumes) {
   const Scene scene = test::sceneFromText(kShip);
-  const GeneralizedGauss drivetrain(scene);
+  const System drivetrain(scene);
   for (StepperKind kind : {StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kRadau}) {
     const int order = make(kind, drivetrain)->errorOrder();
     const int steps = order == 8 ? 48 : 256;
@@ -297,7 +297,7 @@ TEST(StepperErrorEstimate, HasTheOrderThatStepControlAssumes) {
 /// Largest error of the dense output inside one step of size h from the start.
 double worstInside(StepperKind kind, double h) {
   const Scene scene = test::sceneFromText(kShip);
-  GeneralizedGauss drivetrain(scene);
+  System drivetrain(scene);
   const auto stepper = make(kind, drivetrain);
   const auto exact = makeStepper(StepperKind::kFehlberg78, drivetrain, kUnit);
   StepNode from(0.0, initialState(scene), State(kSize));

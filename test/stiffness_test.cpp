@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/generalized_gauss.h"
 #include "dynamics/linearization.h"
+#include "dynamics/system.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -329,7 +329,7 @@ void expectNear(const Linearization& a, const Linearization& b, double tolerance
 }
 
 void expectExactLinearization(const Scene& scene) {
-  GeneralizedGauss system(scene);
+  System system(scene);
   for (double t : {0.0, 0.4, 1.7}) {
     SCOPED_TRACE(t);
     const State x = stateAt(scene, t);
@@ -344,7 +344,7 @@ void expectExactLinearization(const Scene& scene) {
 
 /// residual(x, eta) of the stages by differences around a point where it is zero.
 void expectExactStageLinearization(const Scene& scene) {
-  GeneralizedGauss system(scene);
+  System system(scene);
   const int S = scene.shaftCount();
   ASSERT_TRUE(system.keepsConstraintsInStages());
   for (double t : {0.0, 0.4, 1.7}) {

@@ -60,22 +60,22 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                          scene.shafts.front() + "=VALUE");
   }
 
-  const std::unique_ptr<PrincipleSystem> system = makeSystem(scene, {});
-  Drivetrain& drivetrain = system->drivetrain();
+  System system(scene);
+  Drivetrain& drivetrain = system.drivetrain();
   drivetrain.setOrigin(point.time);
   drivetrain.resetInputs();
-  Start start(*system);
+  Start start(system);
   start.x.fill(0.0);
-  start.result = system->start(start.x, start.nearest, &start.velocities_at_fault);
+  start.result = system.start(start.x, start.nearest, &start.velocities_at_fault);
   if (start.result == InitialResult::kSingular || start.result == InitialResult::kNonFinite) {
     throw SceneError(source,
                      "no accelerations follow from this state: a law is not finite there, "
                      "or the constraints' derivatives have lost rank" +
                          scene.extreme_numbers);
   }
-  if (start.result != InitialResult::kConsistent) throwInitialError(*system, scene, start);
+  if (start.result != InitialResult::kConsistent) throwInitialError(system, scene, start);
   Sample sample;
-  system->calcSample(0.0, start.x, &sample);
+  system.calcSample(0.0, start.x, &sample);
   point.angle.assign(sample.angle, sample.angle + s);
   point.velocity.assign(sample.velocity, sample.velocity + s);
   point.acceleration.assign(sample.acceleration, sample.acceleration + s);

@@ -1,17 +1,15 @@
 /// An end of a step.
 #pragma once
 
-#include "dynamics/system.h"
+#include "dynamics/state_vector.h"
 
 namespace variator_sim {
 
+class System;
+
 /// A state of a motion and its derivative.
 struct StepNode {
-  explicit StepNode(const System& system)
-      : x(system.size()),
-        dxdt(system.size()),
-        torque(system.shafts()),
-        torque_rate(system.shafts()) {}
+  explicit StepNode(const System& system);
   StepNode(double t, const State& at, const State& slope)
       : time(t), x(at), dxdt(slope), torque(0), torque_rate(0) {}
   double time = 0.0;

@@ -6,7 +6,7 @@
 
 namespace variator_sim {
 
-CurrentStep::CurrentStep(PrincipleSystem& its_system, const Scene& scene)
+CurrentStep::CurrentStep(System& its_system, const Scene& scene)
     : S(its_system.shafts()),
       integrates_torque(its_system.integratesTorque()),
       settings(scene.solver),
@@ -43,7 +43,7 @@ bool CurrentStep::differentiateEnd() {
   // torque answers steeply to angles or velocities: their errors are not to become those of the
   // accelerations.
   constexpr double kRestoreCap = 0.1;
-  system.restoreReaction(end, kRestoreCap);
+  system.reaction().correct(end, kRestoreCap);
   system(end.x, end.dxdt, end.time);
   noteDerivative();
   return end.dxdt.isFinite();

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "dynamics/principle_system.h"
+#include "dynamics/system.h"
 #include "integrate/progress.h"
 #include "integrate/row_watch.h"
 #include "integrate/step_checks.h"
@@ -27,7 +27,7 @@ enum class StepPhase {
 /// All are [loop].
 struct CurrentStep {
   /// Both have to outlive this.
-  CurrentStep(PrincipleSystem& its_system, const Scene& scene);
+  CurrentStep(System& its_system, const Scene& scene);
 
   double absolute(double t) const { return origin.absolute(t); }
   double relative(double time) const { return origin.relative(time); }
@@ -59,7 +59,7 @@ struct CurrentStep {
   const int S;  // shafts
   const bool integrates_torque;
   const SolverSettings& settings;
-  PrincipleSystem& system;
+  System& system;
   Drivetrain& drivetrain;  // the system's
   const Tolerance tolerance;
   StepperChoice choice;
@@ -96,7 +96,7 @@ class StepPart {
   const int S;  // shafts
   const bool integrates_torque_;
   CurrentStep& step_;
-  PrincipleSystem& system_;
+  System& system_;
   Drivetrain& drivetrain_;
   const Tolerance& tolerance_;
   StepNode& start_;

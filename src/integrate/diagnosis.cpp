@@ -14,7 +14,7 @@ State goOn(const StepNode& front, double h) {
 }
 
 /// Names the first guard whose branch changes within `reach` of the front, on either side.
-void nameGuard(PrincipleSystem& system, const StepNode& front, double reach, MotionStatus* status) {
+void nameGuard(System& system, const StepNode& front, double reach, MotionStatus* status) {
   const Drivetrain& drivetrain = system.drivetrain();
   const auto branchAt = [&](std::size_t guard, double h) {
     return drivetrain.guards()[guard]->branch(system.view(front.time + h, goOn(front, h)));
@@ -31,7 +31,7 @@ void nameGuard(PrincipleSystem& system, const StepNode& front, double reach, Mot
 
 }  // namespace
 
-void diagnoseStop(PrincipleSystem& system, const StepNode& front, const RowWatch& rows,
+void diagnoseStop(System& system, const StepNode& front, const RowWatch& rows,
                   MotionStatus* status) {
   Drivetrain& drivetrain = system.drivetrain();
   if (nameBadValue(system, front.time, front.x, status)) return;
@@ -78,7 +78,7 @@ void diagnoseStop(PrincipleSystem& system, const StepNode& front, const RowWatch
   nameGuard(system, front, 1e5 * least, status);
 }
 
-bool nameBadValue(PrincipleSystem& system, double t, const State& x, MotionStatus* status) {
+bool nameBadValue(System& system, double t, const State& x, MotionStatus* status) {
   const StateView state = system.view(t, x);
   bool solved = true;
   for (int i = 0; i < system.shafts(); ++i) solved = solved && std::isfinite(state.acceleration[i]);
@@ -90,7 +90,7 @@ bool nameBadValue(PrincipleSystem& system, double t, const State& x, MotionStatu
   return !solved;
 }
 
-MotionStatus diagnoseStart(PrincipleSystem& system, const Start& start) {
+MotionStatus diagnoseStart(System& system, const Start& start) {
   Drivetrain& drivetrain = system.drivetrain();
   MotionStatus status;
   switch (start.result) {

@@ -2,7 +2,7 @@
 /// puts it into words.
 #pragma once
 
-#include "dynamics/principle_system.h"
+#include "dynamics/system.h"
 #include "integrate/row_watch.h"
 #include "variator_sim/status.h"
 
@@ -19,14 +19,14 @@ struct Start {
 
 /// Finds out why no step from `front`, however short, succeeds, and writes it into `status`, whose
 /// reason stays where nothing is found. [loop]
-void diagnoseStop(PrincipleSystem& system, const StepNode& front, const RowWatch& rows,
+void diagnoseStop(System& system, const StepNode& front, const RowWatch& rows,
                   MotionStatus* status);
 
 /// Names a value that is not finite at (t, x) in the status: a torque, a constraint, or, under the
 /// classical principle, accelerations that do not exist. False when there is none. [loop]
-bool nameBadValue(PrincipleSystem& system, double t, const State& x, MotionStatus* status);
+bool nameBadValue(System& system, double t, const State& x, MotionStatus* status);
 
 /// The status of a motion that starts as `start` says. [loop]
-MotionStatus diagnoseStart(PrincipleSystem& system, const Start& start);
+MotionStatus diagnoseStart(System& system, const Start& start);
 
 }  // namespace variator_sim

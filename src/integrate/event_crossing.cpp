@@ -280,7 +280,7 @@ bool EventCrossing::enterBranch(double late) {
   if ((integrates_torque_ || change.torque_jumps) && !jumpTorque(late)) return false;
   step_.checks.noteTorque(end_);
   // However far: a torque has just changed its branch, and so must the reaction's drift.
-  system_.restoreReaction(end_, std::numeric_limits<double>::infinity());
+  system_.reaction().correct(end_, std::numeric_limits<double>::infinity());
   if (integrates_torque_ || !change.torque_jumps) {
     system_(end_.x, end_.dxdt, end_.time);
   } else if (!differentiateBehind(late)) {

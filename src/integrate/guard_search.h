@@ -13,7 +13,7 @@
 #include <functional>
 #include <vector>
 
-#include "dynamics/principle_system.h"
+#include "dynamics/system.h"
 #include "integrate/step_curve.h"
 #include "variator_sim/guard.h"
 

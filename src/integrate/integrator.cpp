@@ -35,7 +35,7 @@ GuardSearch makeGuards(CurrentStep& step) {
 
 }  // namespace
 
-Integrator::Integrator(PrincipleSystem& system, const Scene& scene)
+Integrator::Integrator(System& system, const Scene& scene)
     : step_(system, scene),
       guards_(makeGuards(step_)),
       crossing_(step_, scene, guards_),
@@ -106,7 +106,7 @@ void Integrator::beginFrom(double time, const State& x, const double* epsilon,
   step_.system.noteBase(0.0, x, slope);
   if (history.exists) {
     step_.is_at_start = false;
-    step_.system.keepReaction(history.kept_reaction);
+    step_.system.reaction().keep(history.kept_reaction);
     for (int m = 0; m < step_.drivetrain.constraintCount(); ++m) {
       step_.rows.remember(m, history.longest_row[m]);
     }
@@ -123,7 +123,7 @@ MotionState::History Integrator::history() const {
   MotionState::History history;
   history.exists = true;
   history.is_implicit = step_.choice.isImplicit();
-  history.kept_reaction = step_.system.keptReaction();
+  history.kept_reaction = step_.system.reaction().kept();
   for (int m = 0; m < step_.drivetrain.constraintCount(); ++m) {
     history.longest_row[m] = step_.rows.reference(m);
   }
@@ -171,7 +171,7 @@ void Integrator::restart() {
   step_.noteDerivative();
   step_.checks.noteTorque(step_.end);
   step_.checks.noteAccelerations(step_.end);
-  if (step_.is_at_start) step_.system.noteReaction(step_.end);
+  if (step_.is_at_start) step_.system.reaction().note(step_.end);
   step_.noteRows();
   step_.start = step_.end;
   if (!guards_.isEmpty() && !events_.begin()) return;

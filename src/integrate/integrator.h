@@ -34,7 +34,7 @@ namespace variator_sim {
 class Integrator {
  public:
   /// Both have to outlive this.
-  Integrator(PrincipleSystem& system, const Scene& scene);
+  Integrator(System& system, const Scene& scene);
 
   /// The ends of the last step.
   const StepNode& stepStart() const { return step_.start; }

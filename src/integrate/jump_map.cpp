@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 namespace variator_sim {
 
-JumpMap::JumpMap(PrincipleSystem& system, const SolverSettings& settings)
+JumpMap::JumpMap(System& system, const SolverSettings& settings)
     : S(system.shafts()),
       system_(system),
       drivetrain_(system.drivetrain()),
@@ -14,7 +15,7 @@ JumpMap::JumpMap(PrincipleSystem& system, const SolverSettings& settings)
       // A jump's error persists and adds to those of other jumps: a tenth of the tolerance.
       tolerance_{0.1 * settings.absolute_tolerance,
                  std::max(0.1 * settings.relative_tolerance, 1e-14)},
-      stepper_(makeStepper(StepperKind::kFehlberg78, path_, tolerance_)),
+      stepper_(makePathStepper(S, tolerance_)),
       consistency_(drivetrain_) {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
     const Constraint& constraint = drivetrain_.constraint(m);
@@ -24,16 +25,16 @@ JumpMap::JumpMap(PrincipleSystem& system, const SolverSettings& settings)
 
 MotionStatus JumpMap::apply(double t, State& x, const double* u0, const double* u1,
                             std::uint64_t* projections) {
-  if (!system_.integratesTorque()) return system_.jump(t, x, u0, u1, projections);
-  const StateView state = system_.view(t, x);  // brings J to phi
+  const StateView state = system_.viewWithLast(t, x);  // brings J to phi
+  if (!system_.integratesTorque()) return system_.accelerations().jump(state, u0, u1);
   path_.begin(state.time, x.data(), x.data() + S, u0, u1);
   return follow(x.data() + 2 * S, projections);
 }
 
 MotionStatus JumpMap::applyTorque(double t, State& x, const double* torque_jump,
                                   std::uint64_t* projections) {
-  if (!system_.integratesTorque()) return system_.jumpTorque(t, x, torque_jump, projections);
-  const StateView state = system_.view(t, x);  // brings J to phi
+  const StateView state = system_.viewWithLast(t, x);  // brings J to phi
+  if (!system_.integratesTorque()) return system_.accelerations().jumpTorque(state, torque_jump);
   path_.begin(state.time, x.data(), x.data() + S, drivetrain_.inputs(), drivetrain_.inputs());
   path_.setTorqueJump(torque_jump);
   return follow(x.data() + 2 * S, projections);
@@ -62,7 +63,7 @@ MotionStatus JumpMap::stepStraight(State& e, const State& rate) {
 
 MotionStatus JumpMap::integrate(State& e, State& rate, std::uint64_t* projections) {
   constexpr int kMaxSteps = 100000;
-  StepControl control(stepper_->errorOrder());
+  StepControl control(PathStepper::kErrorOrder);
   control.reset();
   double theta = 0.0;
   double h = 0.1;
@@ -120,7 +121,7 @@ MotionStatus JumpMap::integrate(State& e, State& rate, std::uint64_t* projection
 double JumpMap::tryStep(double theta, const State& e, const State& rate, double h, State& e_new,
                         std::uint64_t* projections) {
   State moved(S);
-  const double norm = stepper_->step(path_, StepNode(theta, e, rate), h, e_new);
+  const double norm = stepper_->step(std::ref(path_), StepNode(theta, e, rate), h, e_new);
   if (!(norm <= 1.0)) return norm;
   const auto projected = projectAccelerations(drivetrain_, path_.at(theta + h, e_new.data()),
                                               e_new.data(), moved.data(), projections);

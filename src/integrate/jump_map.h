@@ -17,8 +17,8 @@
 #include <memory>
 
 #include "dynamics/least_reaction.h"
-#include "dynamics/principle_system.h"
 #include "dynamics/projection.h"
+#include "dynamics/system.h"
 #include "integrate/step_control.h"
 #include "integrate/stepper.h"
 #include "variator_sim/status.h"
@@ -28,7 +28,7 @@ namespace variator_sim {
 class JumpMap {
  public:
   /// `system` has to outlive this.
-  JumpMap(PrincipleSystem& system, const SolverSettings& settings);
+  JumpMap(System& system, const SolverSettings& settings);
 
   /// Moves the accelerations of x, those that follow from it included, from inputs u0 to u1
   /// (inputCount values) at fixed (t, phi, omega). On failure x is unchanged and the status says
@@ -44,13 +44,11 @@ class JumpMap {
   /// Moves `epsilon` along the path that was begun.
   MotionStatus follow(double* epsilon, std::uint64_t* projections);
 
-  /// d epsilon / d theta as a system that can be stepped.
-  class Path final : public System {
+  /// d epsilon / d theta, the slope of a path.
+  class Path {
    public:
     Path(Drivetrain& drivetrain, bool formal)
-        : System(drivetrain.shafts(), 1, false), drivetrain_(drivetrain), formal_(formal) {
-      derive_ = deriveOf<Path>;
-    }
+        : S(drivetrain.shafts()), drivetrain_(drivetrain), formal_(formal) {}
     void begin(double t, const double* phi, const double* omega, const double* u0,
                const double* u1) {
       // The rates are those of the inputs that do not jump: f' of a constraint of order 1 reads the
@@ -75,7 +73,7 @@ class JumpMap {
       state.acceleration = e;
       return state;
     }
-    void derive(const State& e, State& rate, double theta) {
+    void operator()(const State& e, State& rate, double theta) {
       if (formal_) {
         drivetrain_.calcFormalJumpRate(at(theta, e.data()), torque_jump_, jump_, rate.data());
       } else {
@@ -84,6 +82,7 @@ class JumpMap {
     }
 
    private:
+    const int S;  // shafts
     Drivetrain& drivetrain_;
     bool formal_;
     StateView state_{};
@@ -128,11 +127,11 @@ class JumpMap {
   static constexpr double kKinkResolution = 0.1;
 
   const int S;  // shafts
-  PrincipleSystem& system_;
+  System& system_;
   Drivetrain& drivetrain_;  // the system's
   Path path_;
   Tolerance tolerance_;
-  std::unique_ptr<Stepper> stepper_;
+  std::unique_ptr<PathStepper> stepper_;
   LeastReactionSolver consistency_;
   bool straight_ = true;
   double kinks_[kMostKinks] = {};  // at the path's present place

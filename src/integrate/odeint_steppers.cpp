@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -57,24 +58,27 @@ class ExplicitStepper : public Stepper {
 
  protected:
   /// Steps do not grow as long as |h lambda| is at most `stability_bound`.
-  ExplicitStepper(const System& system, Tolerance tolerance, std::vector<double> b,
+  ExplicitStepper(int size, int shafts, Tolerance tolerance, std::vector<double> b,
                   double stability_bound)
-      : Stepper(system, tolerance),
-        last_(system.size()),
+      : Stepper(size, tolerance),
+        last_(size),
         slopes_(b.size(), last_),
-        torque_rates_(b.size(), ShaftVector(system.shafts())),
+        torque_rates_(b.size(), ShaftVector(shafts)),
         b_(std::move(b)),
         stability_bound_(stability_bound) {}
 
   /// The derivative for a scheme that makes a step of h from `from`. It keeps the stages, which
   /// Boost.Odeint does not show; a derivative behind the last of them is that at x_new.
-  auto recordStages(System& system, const StepNode& from, double h) {
+  template <class Slope>
+  auto recordStages(Slope& slope, const StepNode& from, double h) {
     h_ = h;
     slopes_[0] = from.dxdt;
-    return [this, &system, i = std::size_t{1}](const State& x, State& dxdt, double t) mutable {
-      system(x, dxdt, t);
+    return [this, &slope, i = std::size_t{1}](const State& x, State& dxdt, double t) mutable {
+      slope(x, dxdt, t);
       if (i == slopes_.size()) return;
-      if (system.integratesTorque()) torque_rates_[i].assign(system.torqueRate());
+      if constexpr (std::is_same_v<Slope, System>) {
+        if (slope.integratesTorque()) torque_rates_[i].assign(slope.torqueRate());
+      }
       last_ = x;
       slopes_[i++] = dxdt;
     };
@@ -98,7 +102,8 @@ class ExplicitStepper : public Stepper {
 class Rk4Stepper final : public ExplicitStepper {
  public:
   Rk4Stepper(const System& system, Tolerance tolerance)
-      : ExplicitStepper(system, tolerance, {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0}, 2.6) {}
+      : ExplicitStepper(system.size(), system.shafts(), tolerance,
+                        {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0}, 2.6) {}
   const char* name() const override { return "rk4"; }
   int errorOrder() const override { return 0; }
   double step(System& system, const StepNode& from, double h, State& x_new) override {
@@ -124,7 +129,7 @@ class Dopri5Stepper final : public ExplicitStepper {
  public:
   Dopri5Stepper(const System& system, Tolerance tolerance)
       : ExplicitStepper(
-            system, tolerance,
+            system.size(), system.shafts(), tolerance,
             {35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0},
             3.25),
         end_(system.size()),
@@ -192,17 +197,26 @@ class Dopri5Stepper final : public ExplicitStepper {
 /// the larger one of that and of the sixth difference of the seven equidistant stages, up to the
 /// one at the end,
 ///     e6 = h/20 (k1 - 6 k8 + 15 k10 - 20 k6 + 15 k9 - 6 k7 + k11).
-class Fehlberg78Stepper final : public ExplicitStepper {
+class Fehlberg78Stepper final : public ExplicitStepper, public PathStepper {
  public:
-  Fehlberg78Stepper(const System& system, Tolerance tolerance)
-      : ExplicitStepper(system, tolerance,
+  Fehlberg78Stepper(int size, int shafts, Tolerance tolerance)
+      : ExplicitStepper(size, shafts, tolerance,
                         {0.0, 0.0, 0.0, 0.0, 0.0, 34.0 / 105.0, 9.0 / 35.0, 9.0 / 35.0, 9.0 / 280.0,
                          9.0 / 280.0, 0.0, 41.0 / 840.0, 41.0 / 840.0},
                         4.4) {}
   const char* name() const override { return "fehlberg78"; }
-  int errorOrder() const override { return 8; }
+  int errorOrder() const override { return kErrorOrder; }
   double step(System& system, const StepNode& from, double h, State& x_new) override {
-    auto derivative = recordStages(system, from, h);
+    return stepBy(system, from, h, x_new);
+  }
+  double step(const PathSlope& slope, const StepNode& from, double h, State& x_new) override {
+    return stepBy(slope, from, h, x_new);
+  }
+
+ private:
+  template <class Slope>
+  double stepBy(Slope& path, const StepNode& from, double h, State& x_new) {
+    auto derivative = recordStages(path, from, h);
     State error(from.x.size());
     scheme_.do_step(std::ref(derivative), from.x, from.dxdt, from.time, x_new, h, error);
     double size5 = 0.0;
@@ -229,7 +243,6 @@ class Fehlberg78Stepper final : public ExplicitStepper {
     return std::max(size8, kGuard * size5 * reduction) + poison;
   }
 
- private:
   static constexpr double kGuard = 0.1;  // sees quadratures; costs 8 % more steps where not needed
   odeint::runge_kutta_fehlberg78<State, double, State, double, odeint::range_algebra> scheme_;
 };
@@ -243,7 +256,10 @@ std::unique_ptr<Stepper> makeDopri5Stepper(const System& system, Tolerance toler
   return std::make_unique<Dopri5Stepper>(system, tolerance);
 }
 std::unique_ptr<Stepper> makeFehlberg78Stepper(const System& system, Tolerance tolerance) {
-  return std::make_unique<Fehlberg78Stepper>(system, tolerance);
+  return std::make_unique<Fehlberg78Stepper>(system.size(), system.shafts(), tolerance);
+}
+std::unique_ptr<PathStepper> makePathStepper(int size, Tolerance tolerance) {
+  return std::make_unique<Fehlberg78Stepper>(size, 0, tolerance);
 }
 
 }  // namespace variator_sim

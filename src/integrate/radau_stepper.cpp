@@ -28,12 +28,12 @@ namespace {
 class RadauStepper final : public Stepper {
  public:
   RadauStepper(const System& system, Tolerance tolerance, int most)
-      : Stepper(system, tolerance),
+      : Stepper(system.size(), tolerance),
         most_(most),
         stages_(most),
         tried_(most),
         keeps_psi_(system.keepsConstraintsInStages()),
-        holds_jerks_(system.hasOrder3()),
+        holds_jerks_(system.scene().hasOrder3()),
         S(system.shafts()),
         size_(system.size()),
         last_(size_ - S),

@@ -16,7 +16,7 @@
 #pragma once
 
 #include "dynamics/linearization.h"
-#include "dynamics/principle_system.h"
+#include "dynamics/system.h"
 #include "integrate/current_step.h"
 
 namespace variator_sim {
@@ -64,7 +64,7 @@ class Deviation {
 /// When rest is looked for, and how long it lasts.
 class Rest {
  public:
-  explicit Rest(PrincipleSystem& system)
+  explicit Rest(System& system)
       : system_(system),
         S(system.shafts()),
         L(system.size() / S),
@@ -114,7 +114,7 @@ class Rest {
   static constexpr int kQuiet = 4;          // steps: a moment's low of an oscillation is not rest
   static constexpr int kMostQuiet = 1024;
 
-  PrincipleSystem& system_;
+  System& system_;
   const int S;  // shafts
   const int L;  // levels of the state
   Linearization linearization_;

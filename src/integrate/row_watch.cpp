@@ -14,9 +14,9 @@ void RowWatch::look() {
 }
 
 RowWatch::Verdict RowWatch::note(bool is_start) {
-  system_.noteColumns(looked_at_.row);
+  system_.reaction().noteRows(looked_at_.row);
   if (!areLong(looked_at_.length_squared)) return Verdict::kVanished;
-  if (drivetrain_.hasConstantRows()) return Verdict::kGood;
+  if (drivetrain_.hasConstantJacobian()) return Verdict::kGood;
   const bool is_comparable = !is_start && !std::exchange(has_new_rows_, false);
   if (is_comparable && haveTurned()) return Verdict::kTurned;
   remember(looked_at_.row);
@@ -24,7 +24,7 @@ RowWatch::Verdict RowWatch::note(bool is_start) {
 }
 
 bool RowWatch::noteStraight(const Row* rows, const double* length_squared) {
-  system_.noteColumns(rows);
+  system_.reaction().noteRows(rows);
   if (!areLong(length_squared)) return false;
   remember(rows);
   return true;

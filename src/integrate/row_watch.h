@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <iterator>
 
-#include "dynamics/principle_system.h"
 #include "dynamics/shaft_count.h"
+#include "dynamics/system.h"
 
 namespace variator_sim {
 
@@ -19,7 +19,7 @@ class RowWatch {
   };
   using Row = double[kMaxShafts];
 
-  explicit RowWatch(PrincipleSystem& system)
+  explicit RowWatch(System& system)
       : S(system.shafts()), system_(system), drivetrain_(system.drivetrain()) {}
 
   void reset() {
@@ -68,7 +68,7 @@ class RowWatch {
   static constexpr double kVanished = 1e-10;
 
   const int S;  // shafts
-  PrincipleSystem& system_;
+  System& system_;
   Drivetrain& drivetrain_;  // the system's
   double reference_[kMaxRows] = {};
   Row rows_[kMaxRows] = {};

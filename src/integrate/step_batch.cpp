@@ -6,7 +6,7 @@ int StepBatch::makeAhead(double target, const SeriesNode** nodes) {
   if (!isPossible()) return 0;
   MotionSeries& series = *system_.series();
   const bool goes_on = series.isNextBegunAt(start_.time);
-  if (!goes_on) series.keepReaction(system_.keptReaction());
+  if (!goes_on) series.keepReaction(system_.reaction().kept());
   const bool watches_rest = !drivetrain_.readsTime() && step_.settings.sleep;
   const Reach reach{step_.relative(target), size_.endOfReach(), step_.settings.maximum_step,
                     step_.choice.stepsUnseen(), watches_rest};

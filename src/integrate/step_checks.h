@@ -13,8 +13,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "dynamics/principle_system.h"
 #include "dynamics/projection.h"
+#include "dynamics/system.h"
 #include "integrate/step_control.h"
 #include "integrate/stepper.h"
 #include "variator_sim/status.h"
@@ -30,8 +30,7 @@ class StepChecks {
  public:
   /// `system` and `statistics` have to outlive this. `are_steps_fixed`: errors are told and reject
   /// no step.
-  StepChecks(PrincipleSystem& system, Tolerance tolerance, bool are_steps_fixed,
-             Statistics& statistics)
+  StepChecks(System& system, Tolerance tolerance, bool are_steps_fixed, Statistics& statistics)
       : S(system.shafts()),
         integrates_torque_(system.integratesTorque()),
         system_(system),
@@ -190,7 +189,7 @@ class StepChecks {
 
   const int S;  // shafts
   const bool integrates_torque_;
-  PrincipleSystem& system_;
+  System& system_;
   Drivetrain& drivetrain_;  // the system's
   Tolerance tolerance_;
   bool are_steps_fixed_;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 
 #include "dynamics/series_step.h"
@@ -113,11 +114,23 @@ class Stepper {
   const State& error() const { return error_; }
 
  protected:
-  Stepper(const System& system, Tolerance tolerance)
-      : tolerance_(tolerance), error_(system.size()) {}
+  Stepper(int size, Tolerance tolerance) : tolerance_(tolerance), error_(size) {}
   Tolerance tolerance_;
   State error_;
 };
+
+/// The slope at (t, x) of a path that is no motion, such as that of a jump.
+using PathSlope = std::function<void(const State& x, State& slope, double t)>;
+
+/// Steps along such a path by Fehlberg 7(8).
+class PathStepper {
+ public:
+  static constexpr int kErrorOrder = 8;
+  virtual ~PathStepper() = default;
+  /// See Stepper::step. [loop]
+  virtual double step(const PathSlope& slope, const StepNode& from, double h, State& x_new) = 0;
+};
+std::unique_ptr<PathStepper> makePathStepper(int size, Tolerance tolerance);
 
 /// The stepper of one kind, which is not kAuto, for the states of `system`.
 std::unique_ptr<Stepper> makeStepper(StepperKind kind, const System& system, Tolerance tolerance);

@@ -23,7 +23,7 @@ namespace {
 class TaylorStepper final : public Stepper {
  public:
   TaylorStepper(const System& system, Tolerance tolerance)
-      : Stepper(system, tolerance),
+      : Stepper(system.size(), tolerance),
         S(system.shafts()),
         size_(system.size()),
         end_(system.size()),

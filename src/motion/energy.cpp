@@ -14,14 +14,14 @@ constexpr int kHalvings = 4;
 
 }  // namespace
 
-EnergyMeter::EnergyMeter(Integrator& integrator, PrincipleSystem& system)
+EnergyMeter::EnergyMeter(Integrator& integrator, System& system)
     : S(system.shafts()),
       integrator_(integrator),
       drivetrain_(system.drivetrain()),
       tolerance_{system.scene().solver.absolute_tolerance,
                  system.scene().solver.relative_tolerance},
       is_watched_(system.scene().principle == Principle::kGeneralizedGauss &&
-                  !drivetrain_.hasConstantRows() && drivetrain_.constraintCount() > 0) {}
+                  !drivetrain_.hasConstantJacobian() && drivetrain_.constraintCount() > 0) {}
 
 void EnergyMeter::begin() {
   const State& x = integrator_.stepEnd().x;

@@ -16,7 +16,7 @@
 
 #include <cmath>
 
-#include "dynamics/principle_system.h"
+#include "dynamics/system.h"
 #include "integrate/integrator.h"
 #include "variator_sim/motion_state.h"
 #include "variator_sim/sample.h"
@@ -59,7 +59,7 @@ double integrate(const Function& f, double from, double to, double tolerance, in
 class EnergyMeter {
  public:
   /// Both have to outlive this.
-  EnergyMeter(Integrator& integrator, PrincipleSystem& system);
+  EnergyMeter(Integrator& integrator, System& system);
 
   /// Sets whether the applied energy of the steps to come is integrated inside each, to about the
   /// tolerance of the motion, or estimated from their ends.

@@ -11,8 +11,7 @@ namespace variator_sim {
 
 Motion::Motion(Scene its_scene, const Shortcuts& shortcuts, const Motion* like)
     : scene(std::move(its_scene)),
-      own_system(makeSystem(scene, shortcuts, like != nullptr ? &like->system : nullptr)),
-      system(*own_system),
+      system(scene, shortcuts, like != nullptr ? &like->system : nullptr),
       drivetrain(system.drivetrain()),
       integrator(system, scene),
       energy_meter(integrator, system),

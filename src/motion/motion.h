@@ -37,7 +37,7 @@
 #include <memory>
 #include <string>
 
-#include "dynamics/principle_system.h"
+#include "dynamics/system.h"
 #include "integrate/diagnosis.h"
 #include "integrate/integrator.h"
 #include "motion/command_queue.h"
@@ -88,8 +88,7 @@ struct Motion {
   }
 
   const Scene scene;
-  const std::unique_ptr<PrincipleSystem> own_system;
-  PrincipleSystem& system;
+  System system;
   Drivetrain& drivetrain;  ///< the system's
   Integrator integrator;
   EnergyMeter energy_meter;

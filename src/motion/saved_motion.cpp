@@ -81,7 +81,7 @@ const MotionStatus& Motion::beginFrom(const MotionState& state, const State& x,
 
 std::string Simulation::setState(const MotionState& state, bool project) {
   Motion& motion = *motion_;
-  PrincipleSystem& system = motion.system;
+  System& system = motion.system;
   MotionState before;
   if (!saveState(&before)) return "the motion has stopped";
   for (int i = 0; i < motion.drivetrain.inputCount(); ++i) {

@@ -176,7 +176,7 @@ std::string Simulation::describeStepper() const {
 
 std::vector<std::string> Simulation::skips() const {
   const Drivetrain& drivetrain = motion_->drivetrain;
-  const PrincipleSystem& system = motion_->system;
+  const System& system = motion_->system;
   std::vector<std::string> skips;
   if (!system.readsAngles()) skips.emplace_back("derivatives by the angles (nothing reads them)");
   if (drivetrain.hasConstantRows() && drivetrain.constraintCount() > 0) {

@@ -220,7 +220,7 @@ std::string StopMessage::write() {
 }
 
 /// Returns " residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
-std::string listResiduals(PrincipleSystem& system, const Start& start, const StateView& state) {
+std::string listResiduals(System& system, const Start& start, const StateView& state) {
   const Drivetrain& drivetrain = system.drivetrain();
   const bool of_velocities = start.velocities_at_fault;
   std::string text;
@@ -250,14 +250,14 @@ std::string tellNotFound(const Start& start, const std::string& near,
 }
 
 /// Returns the nearest values with `remedy`, their use.
-std::string tellNearest(PrincipleSystem& system, const Start& start, const std::string& residuals,
+std::string tellNearest(System& system, const Start& start, const std::string& residuals,
                         const std::string& remedy) {
   return residuals + "; the nearest consistent " + levelOf(start) + " are " +
          formatNumbers(start.nearest, system.shafts()) + " (" + remedy + ")";
 }
 
 /// Returns the candidates that have the same reaction, or may have.
-std::string listCandidates(PrincipleSystem& system, const Start& start) {
+std::string listCandidates(System& system, const Start& start) {
   std::string text =
       start.result == InitialResult::kNotUnique
           ? "more than one has the least reaction, and they lead to different motions: "
@@ -277,8 +277,7 @@ std::string describeStop(Motion& motion) {
   return motion.status().ok() ? "" : StopMessage(motion).write();
 }
 
-std::string describeInconsistency(PrincipleSystem& system, const Start& start,
-                                  const double* given) {
+std::string describeInconsistency(System& system, const Start& start, const double* given) {
   if (isUncertain(start)) {
     return "which accelerations have the least reaction is not certain; give them";
   }
@@ -295,7 +294,7 @@ std::string describeInconsistency(PrincipleSystem& system, const Start& start,
          tellNearest(system, start, residuals, "set these, or have them projected");
 }
 
-void throwInitialError(PrincipleSystem& system, const Scene& scene, const Start& start) {
+void throwInitialError(System& system, const Scene& scene, const Start& start) {
   const bool of_velocities = start.velocities_at_fault;
   const std::vector<double>& given =
       of_velocities ? scene.initial.velocity : scene.initial.acceleration;

@@ -15,11 +15,10 @@ struct Motion;
 std::string describeStop(Motion& motion);
 
 /// Returns a sentence why a motion cannot continue from a state with the accelerations `given`.
-std::string describeInconsistency(PrincipleSystem& system, const Start& start, const double* given);
+std::string describeInconsistency(System& system, const Start& start, const double* given);
 
 /// Throws a SceneError that explains initial values which contradict the constraints, with a
 /// remedy.
-[[noreturn]] void throwInitialError(PrincipleSystem& system, const Scene& scene,
-                                    const Start& start);
+[[noreturn]] void throwInitialError(System& system, const Scene& scene, const Start& start);
 
 }  // namespace variator_sim
