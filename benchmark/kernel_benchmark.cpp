@@ -276,8 +276,6 @@ std::vector<Comparison> makeComparisons() {
                              set(false), set(true)));
     }
   };
-  add("factored once", "2 shafts, 1 SlipRatio", slipText(2, 1, "0.6"), &Shortcuts::factor_once);
-  add("factored once", "8 shafts, 4 SlipRatio", slipText(8, 4, "0.6"), &Shortcuts::factor_once);
   add("angles not stepped", "ship", ship, &Shortcuts::skip_angles);
   add("angles not stepped", "8 shafts, 4 variators", bentText(8, 4), &Shortcuts::skip_angles);
   add("shape (2, 1) compiled", "ship", ship, &Shortcuts::specialize);

@@ -1,5 +1,5 @@
-// Skipping unneeded work - derivatives by angles, factorizations, sizes looked up while running -
-// changes a motion by rounding only.
+// Skipping unneeded work - derivatives by angles, sizes looked up while running - changes a motion
+// by rounding only.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -211,15 +211,12 @@ TEST_P(Skips, ChangeNothingButRounding) {
     const bool is_implicit = stepper == StepperKind::kRadau;
     const double tolerance = is_implicit ? 1e-8 : kTolerance;
     const Result all = run(scene(stepper, tolerance));
-    for (bool Shortcuts::*skip :
-         {&Shortcuts::specialize, &Shortcuts::skip_angles, &Shortcuts::factor_once}) {
+    for (bool Shortcuts::*skip : {&Shortcuts::specialize, &Shortcuts::skip_angles}) {
       Shortcuts without;
       without.*skip = false;
       const Result result = run(scene(stepper, tolerance), without);
       SCOPED_TRACE(std::string(toString(stepper)) + " without " +
-                   (skip == &Shortcuts::specialize    ? "specialize"
-                    : skip == &Shortcuts::skip_angles ? "skip_angles"
-                                                      : "factor_once"));
+                   (skip == &Shortcuts::specialize ? "specialize" : "skip_angles"));
       // of implicit steps the number of Newton's iterations may differ, by less than the tolerance
       expectSameMotion(result, all, is_implicit ? tolerance : 1e-10);
       if (is_implicit) continue;

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "variator_sim/formula_constraint.h"
-
 namespace variator_sim {
 
 Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Drivetrain* like)
@@ -50,13 +48,7 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Dri
     noteBranches(*constraints_[m], {-1, static_cast<int>(m)});
   }
   std::sort(instants_.begin(), instants_.end());
-  has_constant_rows_ = has_constant_jacobian_ && shortcuts.factor_once;
-  if (like != nullptr) {
-    std::copy(std::begin(like->reads_column_), std::end(like->reads_column_),
-              std::begin(reads_column_));
-  } else {
-    findColumns();
-  }
+  findColumns();
   signals_.resize(scene.inputs.size());
   saved_signals_.resize(scene.inputs.size());
   varying_.reserve(scene.inputs.size());
@@ -159,11 +151,6 @@ void Drivetrain::calcConnection(const StateView& state, const double* reaction,
   for (int i = 0; i < S; ++i) connection[i] *= 0.5 * inertia_.first(i) * state.velocity[i];
 }
 
-bool Drivetrain::factorOnce(const StateView& state) {
-  double c0[kMaxRows] = {};
-  return constraintCount() == 0 || solver_.isFactored() || calcRows(state, c0);
-}
-
 bool Drivetrain::calcFormalJerk(const StateView& state, const double* lambda, double* eta,
                                 double* reaction_rate) {
   double rate[kMaxShafts];
@@ -254,11 +241,9 @@ void Drivetrain::note(const Dependence& dependence) {
 
 void Drivetrain::findColumns() {
   for (const Constraint* constraint : constraints_) {
-    const auto* law = dynamic_cast<const FormulaConstraint*>(constraint);
     for (int i = 0; i < S; ++i) {
-      const bool is_zero =
-          law != nullptr && law->graph().isConstant(law->row()[static_cast<std::size_t>(i)], 0.0);
-      reads_column_[i] = reads_column_[i] || !is_zero;
+      const expression::Node entry = constraint->row()[static_cast<std::size_t>(i)];
+      reads_column_[i] = reads_column_[i] || !constraint->graph().isConstant(entry, 0.0);
     }
   }
 }

@@ -1,5 +1,5 @@
-/// One scene, evaluated: torques, inertia, constraints, inputs. The systems choose the state and
-/// the principle (generalized_gauss.h, classical_gauss.h).
+/// One scene, evaluated: torques, inertia, constraints, inputs. System (system.h) has the state and
+/// the principle.
 #pragma once
 
 #include <algorithm>
@@ -58,9 +58,7 @@ class Drivetrain {
   bool readsAngles() const { return reads_.angle; }
   /// True when a derivative of the state depends on the time, possibly through an input that moves.
   bool readsTime() const { return reads_.time || !varying_.empty(); }
-  /// True when C and J are the same at every state: A is factored once.
-  bool hasConstantRows() const { return has_constant_rows_; }
-  /// True when C and J are the same at every state, even if `factor_once` is off.
+  /// True when C and J are the same at every state.
   bool hasConstantJacobian() const { return has_constant_jacobian_; }
   /// False when no constraint's formula has the highest derivative of shaft i.
   bool readsColumn(int i) const { return reads_column_[i]; }
@@ -262,9 +260,6 @@ class Drivetrain {
     return takeRows(shafts, values + shafts, c0);
   }
 
-  /// Factors a constant C unless that was done before. Returns false if it has lost rank.
-  bool factorOnce(const StateView& state);
-
   /// One step of Newton's iteration onto f = 0 (orders 1) by the velocities, in the metric J:
   ///     delta omega = -J^-1 C^T A^-1 f.
   /// Writes delta (S values). False if C has lost rank.
@@ -405,7 +400,7 @@ class Drivetrain {
       c0[m] = values[shafts];
       values += shafts + 1;
     }
-    return (has_constant_rows_ && solver_.isFactored()) || solver_.factor(shafts, inertia_);
+    return solver_.factor(shafts, inertia_);
   }
 
   /// - J' omega epsilon - n' + Gamma R omega.
@@ -430,8 +425,7 @@ class Drivetrain {
 
   static int countOrders(const Scene& scene, int highest);
   void note(const Dependence& dependence);
-  /// Finds reads_column_: a component of C is zero everywhere if the constraint's formula says so;
-  /// a law that is no formula may have any component.
+  /// Finds reads_column_: a component of C is zero everywhere if the graph says so.
   void findColumns();
   template <class Law>
   void noteBranches(const Law& law, GuardOwner owner) {
@@ -481,7 +475,6 @@ class Drivetrain {
   std::vector<GuardOwner> guard_owners_;
   std::vector<double> instants_;  // s, sorted
   mutable double torque_rate_[kMaxShafts] = {};
-  bool has_constant_rows_ = false;
   bool has_constant_jacobian_ = false;
   bool reads_column_[kMaxShafts] = {};
   bool torques_read_time_ = false;

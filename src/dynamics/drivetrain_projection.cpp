@@ -16,9 +16,7 @@ bool Drivetrain::calcCorrection(const double* level, const double* shift, Constr
     level += S;
   }
   return withShaftCount(S, [&](auto shafts) {
-    if (!solver->isFactored() || !has_constant_rows_) {
-      if (!solver->factor(shafts, inertia_)) return false;
-    }
+    if (!solver->factor(shafts, inertia_)) return false;
     for (int r = 0; r < solver->rowCount(); ++r) residual[r] = -residual[r];
     solver->solve(residual, residual);
     for (int i = 0; i < shafts; ++i) delta[i] = 0.0;

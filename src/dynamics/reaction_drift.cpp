@@ -70,13 +70,12 @@ void ReactionDrift::correct(StepNode& node, double most) {
   }
   // J d_epsilon = C^T lambda - lost, C d_epsilon = 0.
   double lambda[kMaxRows] = {};
-  if (drivetrain_.hasConstantJacobian()) {
-    if (!drivetrain_.factorOnce(state)) return;
-  } else {
+  const bool is_constant = drivetrain_.hasConstantJacobian();
+  if (!is_constant || !drivetrain_.solver().isFactored()) {
     double unused[kMaxRows] = {};
     if (!drivetrain_.calcRows(state, unused)) return;
-    for (int i = 0; i < S; ++i) lost[i] = kept_.is_free[i] ? lost[i] : 0.0;
   }
+  for (int i = 0; i < S && !is_constant; ++i) lost[i] = kept_.is_free[i] ? lost[i] : 0.0;
   drivetrain_.calcOutOfRange(lost, lambda, change);
   double largest = 0.0;
   for (int i = 0; i < S; ++i) {

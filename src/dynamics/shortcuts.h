@@ -8,7 +8,6 @@ namespace variator_sim {
 struct Shortcuts {
   bool specialize = true;   ///< code made for two shafts and one constraint
   bool skip_angles = true;  ///< no derivatives by angles that no law reads
-  bool factor_once = true;  ///< one factorization if C and J are constant
 };
 
 }  // namespace variator_sim

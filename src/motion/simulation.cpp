@@ -179,9 +179,6 @@ std::vector<std::string> Simulation::skips() const {
   const System& system = motion_->system;
   std::vector<std::string> skips;
   if (!system.readsAngles()) skips.emplace_back("derivatives by the angles (nothing reads them)");
-  if (drivetrain.hasConstantRows() && drivetrain.constraintCount() > 0) {
-    skips.emplace_back("factorizations but the first (C and J are constant)");
-  }
   if (drivetrain.inertia().isConstant()) {
     skips.emplace_back("inertial torques and connection (J is constant)");
   }
