@@ -1,241 +1,49 @@
-// Steps of compilation:
-//   1. lower: powers with small integer exponents become multiplications; unused nodes are dropped;
-//   2. fuse: a sum, product, ... with a single reader joins it in one instruction. The roundings
-//   remain those of the separate operations;
-//   3. schedule (tape_schedule.h): the step on the longest remaining chain goes first, with steps
-//   of the same code;
-//   4. allocate: a register is free again after its last reader.
+// Compiles nodes to a Tape: one instruction for each node that is needed, operands first. A
+// register is free again after the last reader of its value.
 #include <algorithm>
 #include <array>
-#include <initializer_list>
 #include <iterator>
 #include <map>
 #include <stdexcept>
 #include <utility>
 
-#include "instruction_set.h"
-#include "tape_schedule.h"
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim::expression {
 
-namespace {
-
-int functionCode(Operation operation) {
-  switch (operation) {
-#define VARIATOR_SIM_CODE(name, value) \
-  case Operation::k##name:             \
-    return kCode##name;
-    VARIATOR_SIM_FUNCTIONS(VARIATOR_SIM_CODE)
-#undef VARIATOR_SIM_CODE
-    default:
-      return kCodeReturn;
-  }
-}
-
-/// Returns the index of one of the four operations, or -1.
-int arithmeticOf(Operation operation) {
-  switch (operation) {
-    case Operation::kAdd:
-      return kPlus;
-    case Operation::kSubtract:
-      return kMinus;
-    case Operation::kMultiply:
-      return kTimes;
-    case Operation::kDivide:
-      return kOver;
-    default:
-      return -1;
-  }
-}
-
-}  // namespace
-
 class TapeBuilder {
  public:
-  TapeBuilder(const Graph& graph, const std::vector<Node>& outputs, Tape& tape) : tape_(tape) {
-    lower(graph, outputs);
-    countUses();
-    fuse();
-    order_ = schedule(steps_);
-    allocate();
+  TapeBuilder(const Graph& graph, const std::vector<Node>& outputs, Tape& tape)
+      : graph_(graph), tape_(tape), nodes_(graph.listReachable(outputs)) {
+    register_of_.assign(nodes_.size(), -1);
+    output_of_.assign(nodes_.size(), -1);
+    readers_.assign(nodes_.size(), 0);
+    reserveOutputs(outputs);
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      if (isLeaf(i)) allocateLeaf(i);
+      for (int k = 0; k < operandCount(entry(i).operation); ++k) ++readers_[operand(i, k)];
+      if (isShared(entry(i))) together_[keyOf(entry(i))].push_back(i);
+    }
+    join();
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      if (!isLeaf(i) && !is_joined_[i]) addInstruction(i);
+    }
+    copyOutputs(outputs);
   }
 
  private:
-  /// An instruction whose fields are not yet packed.
-  struct Draft {
-    int code = kCodeReturn;
-    int result = 0;
-    int operands[4] = {};
-  };
+  /// The call that nodes share, by its function (-1: sine and cosine) and arguments.
+  using Key = std::array<int, 5>;
 
-  static std::size_t at(int index) { return static_cast<std::size_t>(index); }
-  const Graph::Entry& entry(int index) const { return graph_.entry({index}); }
-  bool isLeaf(int index) const { return operandCount(entry(index).operation) == 0; }
-
-  /// Makes x^n by the same products as powerOf.
-  Node lowerPower(Node base, double exponent) {
-    if (exponent < 0.0) {
-      return graph_.divide(graph_.constant(1.0), lowerPower(base, -exponent));
-    }
-    const int n = static_cast<int>(exponent);
-    if (n <= 1) {
-      return n == 0 ? graph_.constant(1.0) : base;
-    }
-    if (n % 2 == 1) {
-      return graph_.multiply(lowerPower(base, n - 1), base);
-    }
-    const int half = n / 2;
-    const Node root = lowerPower(base, half);
-    return graph_.multiply(root, root);
+  const Graph::Entry& entry(std::size_t i) const { return graph_.entry({nodes_[i]}); }
+  bool isLeaf(std::size_t i) const { return operandCount(entry(i).operation) == 0; }
+  /// Returns the place of a node in the list.
+  std::size_t placeOf(int index) const {
+    return static_cast<std::size_t>(std::lower_bound(nodes_.begin(), nodes_.end(), index) -
+                                    nodes_.begin());
   }
-
-  void lower(const Graph& source, const std::vector<Node>& outputs) {
-    const std::vector<int> reachable = source.listReachable(outputs);
-    std::vector<Node> lowered(reachable.size());
-    const auto loweredOf = [&](int index) {
-      const auto place = std::lower_bound(reachable.begin(), reachable.end(), index);
-      return lowered[static_cast<std::size_t>(place - reachable.begin())];
-    };
-    for (std::size_t i = 0; i < reachable.size(); ++i) {
-      const Graph::Entry& it = source.entry({reachable[i]});
-      Node operands[4] = {};
-      for (int k = 0; k < operandCount(it.operation); ++k) {
-        operands[k] = loweredOf(it.operands[k]);
-      }
-      if (it.operation == Operation::kPower && graph_.isConstant(operands[1]) &&
-          isMultipliedPower(graph_.constantValue(operands[1]))) {
-        lowered[i] = lowerPower(operands[0], graph_.constantValue(operands[1]));
-      } else {
-        lowered[i] = graph_.remake(source, it, operands);
-      }
-    }
-    for (const Node output : outputs) {
-      outputs_.push_back(loweredOf(output.index));
-    }
-    needed_ = graph_.findReachable(outputs_);
-  }
-
-  int nodeCount() const { return static_cast<int>(needed_.size()); }
-
-  void countUses() {
-    uses_.assign(needed_.size(), 0);
-    for (int i = 0; i < nodeCount(); ++i) {
-      if (needed_[at(i)]) {
-        for (int k = 0; k < operandCount(entry(i).operation); ++k) {
-          ++uses_[at(entry(i).operands[k])];
-        }
-      }
-    }
-    for (const Node output : outputs_) {
-      ++uses_[at(output.index)];
-    }
-  }
-
-  bool canJoin(int index) const {
-    return uses_[at(index)] == 1 && arithmeticOf(entry(index).operation) >= 0;
-  }
-
-  void setStep(int index, int code, std::initializer_list<int> operands) {
-    Step& step = steps_[at(index)];
-    step.code = code;
-    step.results[0] = index;
-    step.operand_count = 0;
-    for (const int operand : operands) {
-      step.operands[step.operand_count++] = operand;
-    }
-  }
-
-  void fuse() {
-    steps_.resize(needed_.size());
-    std::vector<bool> joined(needed_.size(), false);
-    for (int i = nodeCount() - 1; i >= 0; --i) {
-      if (!needed_[at(i)] || joined[at(i)] || isLeaf(i)) {
-        continue;
-      }
-      const Graph::Entry& it = entry(i);
-      const int a = it.operands[0];
-      const int b = it.operands[1];
-      const int o = arithmeticOf(it.operation);
-      if (o >= 0) {
-        if (canJoin(a) && canJoin(b)) {
-          setStep(i,
-                  quadCode(arithmeticOf(entry(a).operation), o, arithmeticOf(entry(b).operation)),
-                  {entry(a).operands[0], entry(a).operands[1], entry(b).operands[0],
-                   entry(b).operands[1]});
-          joined[at(a)] = joined[at(b)] = true;
-        } else if (canJoin(a)) {
-          constexpr int kFormOf[4] = {kThenPlus, kThenMinus, kThenTimes, kThenOver};
-          setStep(i, triadCode(arithmeticOf(entry(a).operation), kFormOf[o]),
-                  {entry(a).operands[0], entry(a).operands[1], b});
-          joined[at(a)] = true;
-        } else if (canJoin(b)) {
-          constexpr int kFormOf[4] = {kThenPlus, kFromThen, kThenTimes, kOverThen};
-          setStep(i, triadCode(arithmeticOf(entry(b).operation), kFormOf[o]),
-                  {entry(b).operands[0], entry(b).operands[1], a});
-          joined[at(b)] = true;
-        } else {
-          setStep(i, pairCode(o), {a, b});
-        }
-      } else if (it.operation == Operation::kNegate && canJoin(a)) {
-        setStep(i, triadCode(arithmeticOf(entry(a).operation), kThenNegate),
-                {entry(a).operands[0], entry(a).operands[1]});
-        joined[at(a)] = true;
-      } else if (it.operation == Operation::kSelect) {
-        setStep(i, kCodeSelect, {it.operands[0], it.operands[1], it.operands[2], it.operands[3]});
-      } else if (it.operation == Operation::kTable) {
-        setStep(i, kCodeTable, {a});
-      } else if (it.operation == Operation::kTable2) {
-        setStep(i, kCodeTable2, {a, b});
-      } else if (it.operation == Operation::kOpaque) {
-        setStep(i, kCodeOpaque, {a, b, it.operands[2], it.operands[3]});
-      } else if (operandCount(it.operation) == 2) {
-        setStep(i, functionCode(it.operation), {a, b});
-      } else {
-        setStep(i, functionCode(it.operation), {a});
-      }
-    }
-    shareSinCos();
-    shareGradients();
-  }
-
-  void shareSinCos() {
-    std::vector<int> sine_of(needed_.size(), -1);
-    std::vector<int> cosine_of(needed_.size(), -1);
-    for (int i = 0; i < nodeCount(); ++i) {
-      if (steps_[at(i)].code == kCodeSin) {
-        sine_of[at(entry(i).operands[0])] = i;
-      } else if (steps_[at(i)].code == kCodeCos) {
-        cosine_of[at(entry(i).operands[0])] = i;
-      }
-    }
-    for (int x = 0; x < nodeCount(); ++x) {
-      if (sine_of[at(x)] >= 0 && cosine_of[at(x)] >= 0) {
-        // Both become one step, at the place of the earlier one: all readers come later.
-        const int first = std::min(sine_of[at(x)], cosine_of[at(x)]);
-        const int second = std::max(sine_of[at(x)], cosine_of[at(x)]);
-        setStep(first, kCodeSinCos, {x});
-        steps_[at(first)].results[0] = sine_of[at(x)];
-        steps_[at(first)].results[1] = cosine_of[at(x)];
-        steps_[at(second)].code = -1;
-      }
-    }
-  }
-
-  /// Merges the derivatives of one call into one step, at the place of the earliest.
-  void shareGradients() {
-    std::map<std::array<int, 5>, int> first_of;
-    for (int i = 0; i < nodeCount(); ++i) {
-      const Graph::Entry& it = entry(i);
-      if (steps_[at(i)].code != kCodeOpaque || it.order[0] == 0) continue;
-      const auto [first, is_new] = first_of.try_emplace(
-          {it.slot, it.operands[0], it.operands[1], it.operands[2], it.operands[3]}, i);
-      if (is_new) continue;
-      auto& results = steps_[at(first->second)].results;
-      *std::find(std::begin(results), std::end(results), -1) = i;
-      steps_[at(i)].code = -1;
-    }
-  }
+  std::size_t operand(std::size_t i, int k) const { return placeOf(entry(i).operands[k]); }
+  static std::uint16_t toField(int value) { return static_cast<std::uint16_t>(value); }
 
   int newRegister() {
     if (!free_registers_.empty()) {
@@ -249,109 +57,158 @@ class TapeBuilder {
     tape_.registers_.push_back(0.0);
     return static_cast<int>(tape_.registers_.size()) - 1;
   }
+  std::uint16_t allocate(std::size_t i) {
+    register_of_[i] = output_of_[i] >= 0 ? output_of_[i] : newRegister();
+    return toField(register_of_[i]);
+  }
 
   /// Assigns the first registers to the outputs, consecutively; a node with several outputs is
   /// computed in the first of them.
-  void reserveOutputs() {
-    output_of_.assign(needed_.size(), -1);
-    for (std::size_t k = 0; k < outputs_.size(); ++k) {
-      newRegister();
-      int& first = output_of_[at(outputs_[k].index)];
-      if (first < 0) first = static_cast<int>(k);
+  void reserveOutputs(const std::vector<Node>& outputs) {
+    for (const Node output : outputs) {
+      const int place = newRegister();
+      int& first = output_of_[placeOf(output.index)];
+      if (first < 0) first = place;
+      ++readers_[placeOf(output.index)];  // never freed
     }
-    tape_.output_count_ = static_cast<int>(outputs_.size());
+    tape_.output_count_ = static_cast<int>(outputs.size());
   }
 
-  int registerFor(int index) {
-    return output_of_[at(index)] >= 0 ? output_of_[at(index)] : newRegister();
+  void allocateLeaf(std::size_t i) {
+    const Graph::Entry& it = entry(i);
+    const std::uint16_t to = allocate(i);
+    if (it.operation == Operation::kConstant) {
+      tape_.registers_[to] = it.value;
+      ++readers_[i];  // never freed: filled in once
+      return;
+    }
+    if (it.slot < 0 || sourceOf(it.slot) >= Source::kJerk) {
+      throw std::invalid_argument("a tape reads only what a StateView holds");
+    }
+    tape_.loads_.push_back({to, toField(indexOf(it.slot)), sourceOf(it.slot)});
   }
 
-  void allocate() {
-    reserveOutputs();
-    register_of_.assign(needed_.size(), -1);
-    std::vector<int> readers(needed_.size(), 0);
-    for (const int i : order_) {
-      for (int k = 0; k < steps_[at(i)].operand_count; ++k) {
-        ++readers[at(steps_[at(i)].operands[k])];
-      }
-    }
-    for (const Node output : outputs_) {
-      ++readers[at(output.index)];  // never freed
-    }
-    for (int i = 0; i < nodeCount(); ++i) {
-      if (needed_[at(i)] && isLeaf(i)) {
-        allocateLeaf(i, readers);
-      }
-    }
-    for (const int i : order_) {
-      const Step& step = steps_[at(i)];
-      Draft instruction;
-      instruction.code = step.code;
-      for (int k = 0; k < step.operand_count; ++k) {
-        const int operand = step.operands[k];
-        instruction.operands[k] = register_of_[at(operand)];
-        if (--readers[at(operand)] == 0) {
-          free_registers_.push_back(register_of_[at(operand)]);
-        }
-      }
-      // A result may take the register of an operand: every instruction reads before it writes.
-      for (int k = 0; k < 4 && step.results[k] >= 0; ++k) {
-        register_of_[at(step.results[k])] = registerFor(step.results[k]);
-      }
-      instruction.result = register_of_[at(step.results[0])];
-      if (step.code == kCodeSinCos) {
-        instruction.operands[1] = register_of_[at(step.results[1])];
-      }
-      nameTable(i, instruction);
-      if (step.code == kCodeOpaque) nameCall(step, instruction);
-      program_.push_back(instruction);
-    }
-    finishOutputs();
+  /// Tells whether one instruction may compute this node with others: sine and cosine of one
+  /// argument, the derivatives of one opaque call.
+  static bool isShared(const Graph::Entry& it) {
+    return it.operation == Operation::kSin || it.operation == Operation::kCos ||
+           (it.operation == Operation::kOpaque && it.order[0] > 0);
+  }
+  static Key keyOf(const Graph::Entry& it) {
+    return {it.slot, it.operands[0], it.operands[1], it.operands[2], it.operands[3]};
   }
 
-  /// Copies outputs that repeat another one, and ends the program.
-  void finishOutputs() {
-    for (std::size_t k = 0; k < outputs_.size(); ++k) {
-      const int computed = register_of_[at(outputs_[k].index)];
-      if (computed == static_cast<int>(k)) continue;
-      if (graph_.isConstant(outputs_[k])) {
-        tape_.registers_[k] = graph_.constantValue(outputs_[k]);
-        continue;
-      }
-      Draft copy;
-      copy.code = kCodeCopy;
-      copy.result = static_cast<int>(k);
-      copy.operands[0] = computed;
-      program_.push_back(copy);
-    }
-    program_.emplace_back();
-    gatherRuns();
-    pack();
+  bool isArithmetic(std::size_t i) const {
+    return entry(i).operation >= Operation::kAdd && entry(i).operation <= Operation::kDivide;
   }
-
-  /// Writes the length of a run of instructions with one code into its first.
-  void gatherRuns() {
-    for (std::size_t i = 0; i < program_.size();) {
-      const int code = program_[i].code;
-      std::size_t end = i + 1;
-      if (code < kArithmeticCount) {
-        while (end < i + kLongestRun && program_[end].code == code) ++end;
-        program_[i].code = runCode(code, static_cast<int>(end - i));
+  /// Lets each sum, product, .. and negative take in one operand that has no other reader.
+  void join() {
+    is_joined_.assign(nodes_.size(), false);
+    joins_.assign(nodes_.size(), -1);
+    for (std::size_t i = nodes_.size(); i-- > 0;) {
+      const Operation operation = entry(i).operation;
+      if (is_joined_[i] || (!isArithmetic(i) && operation != Operation::kNegate)) continue;
+      for (int k = 0; k < operandCount(operation) && joins_[i] < 0; ++k) {
+        const std::size_t inner = operand(i, k);
+        if (readers_[inner] != 1 || !isArithmetic(inner)) continue;
+        joins_[i] = k;
+        is_joined_[inner] = true;
       }
-      i = end;
     }
   }
+  /// Returns the code of a node, with that of the operand it takes in, and writes the places of its
+  /// operands.
+  std::uint8_t codeOf(std::size_t i, std::vector<std::size_t>& operands) const {
+    const Graph::Entry& it = entry(i);
+    const int joined = joins_[i];
+    for (int k = 0; joined >= 0 && k < 2; ++k) operands.push_back(operand(operand(i, joined), k));
+    for (int k = 0; k < operandCount(it.operation); ++k) {
+      if (k != joined) operands.push_back(operand(i, k));
+    }
+    Tape::Then then = Tape::kAlone;
+    Operation first = it.operation;
+    if (joined >= 0) {
+      constexpr Tape::Then kThens[4][2] = {{Tape::kPlus, Tape::kPlus},
+                                           {Tape::kMinus, Tape::kFrom},
+                                           {Tape::kTimes, Tape::kTimes},
+                                           {Tape::kOver, Tape::kUnder}};
+      then = isArithmetic(i) ? kThens[static_cast<int>(first) - static_cast<int>(Operation::kAdd)]
+                                     [static_cast<std::size_t>(joined)]
+                             : Tape::kNegated;
+      first = entry(operand(i, joined)).operation;
+    }
+    return static_cast<std::uint8_t>(Tape::codeOf(first, then));
+  }
 
-  static std::uint16_t toField(int value) { return static_cast<std::uint16_t>(value); }
+  void addInstruction(std::size_t i) {
+    const Graph::Entry& it = entry(i);
+    Tape::Instruction instruction = {};
+    std::vector<std::size_t> operands;
+    instruction.code = codeOf(i, operands);
+    for (int k = 0; k < 2; ++k) instruction.order[k] = static_cast<std::uint8_t>(it.order[k]);
+    for (std::size_t k = 0; k < operands.size(); ++k) {
+      instruction.operands[k] = toField(register_of_[operands[k]]);
+      if (--readers_[operands[k]] == 0) free_registers_.push_back(register_of_[operands[k]]);
+    }
+    if (register_of_[i] >= 0) return;  // computed with an earlier node
+    if (it.operation == Operation::kOpaque) {
+      addCall(i, instruction);
+      return;
+    }
+    // A result may take the register of an operand: every instruction reads before it writes.
+    instruction.result = allocate(i);
+    if (it.operation == Operation::kTable) {
+      instruction.index = toField(indexIn(tape_.tables_, graph_.tableOf(it)));
+    } else if (it.operation == Operation::kTable2) {
+      instruction.index = toField(indexIn(tape_.tables2_, graph_.table2Of(it)));
+    } else if (it.operation == Operation::kPower) {
+      instruction.order[0] = graph_.isConstant({it.operands[1]}) ? 1 : 0;
+    } else if (isShared(it) && together_.at(keyOf(it)).size() == 2) {
+      addCosine(i, instruction);
+    }
+    tape_.program_.push_back(instruction);
+  }
 
-  void pack() {
-    const auto put = [](int field, int value) {
-      return static_cast<std::uint64_t>(toField(value)) << (kFieldBits * field);
-    };
-    for (const Draft& it : program_) {
-      tape_.program_.push_back({put(kCodeField, it.code) | put(kResultField, it.result) |
-                                    put(kAField, it.operands[0]) | put(kBField, it.operands[1]),
-                                put(kCField, it.operands[2]) | put(kDField, it.operands[3])});
+  /// Completes the instruction of a sine or cosine, computed first, with the other one.
+  void addCosine(std::size_t i, Tape::Instruction& instruction) {
+    const std::vector<std::size_t>& both = together_.at(keyOf(entry(i)));
+    const std::uint16_t other = allocate(both[0] == i ? both[1] : both[0]);
+    instruction.operands[1] = other;
+    if (entry(i).operation == Operation::kCos) {
+      std::swap(instruction.result, instruction.operands[1]);
+    }
+    instruction.code = static_cast<std::uint8_t>(Tape::codeOf(Operation::kSin));
+    instruction.order[0] = 1;
+  }
+
+  /// Adds a call, with all derivatives of one call at the place of the first.
+  void addCall(std::size_t i, Tape::Instruction& instruction) {
+    const Graph::Entry& it = entry(i);
+    Tape::Call call = {};
+    call.function = graph_.opaqueOf(it);
+    std::copy(std::begin(instruction.operands), std::end(instruction.operands), call.arguments);
+    std::fill(std::begin(call.results), std::end(call.results), -1);
+    const std::vector<std::size_t> value = {i};
+    for (const std::size_t result : isShared(it) ? together_.at(keyOf(it)) : value) {
+      call.results[entry(result).order[0]] = allocate(result);
+    }
+    if (tape_.calls_.size() > 0xFFFFU) throw std::length_error("more than 65536 opaque functions");
+    instruction.index = toField(static_cast<int>(tape_.calls_.size()));
+    tape_.calls_.push_back(std::move(call));
+    tape_.program_.push_back(instruction);
+  }
+
+  /// Copies outputs that repeat another one.
+  void copyOutputs(const std::vector<Node>& outputs) {
+    for (std::size_t k = 0; k < outputs.size(); ++k) {
+      const int computed = register_of_[placeOf(outputs[k].index)];
+      if (graph_.isConstant(outputs[k])) tape_.registers_[k] = graph_.constantValue(outputs[k]);
+      if (computed == static_cast<int>(k) || graph_.isConstant(outputs[k])) continue;
+      Tape::Instruction copy = {};
+      copy.code = static_cast<std::uint8_t>(Tape::codeOf(Operation::kVariable));
+      copy.result = toField(static_cast<int>(k));
+      copy.operands[0] = toField(computed);
+      tape_.program_.push_back(copy);
     }
   }
 
@@ -365,64 +222,16 @@ class TapeBuilder {
     return static_cast<int>(index);
   }
 
-  /// Adds the table of node i, if it reads one, and the derivative's order to `instruction`.
-  void nameTable(int i, Draft& instruction) {
-    const Graph::Entry& it = entry(i);
-    if (instruction.code == kCodeTable) {
-      instruction.operands[1] = indexIn(tape_.tables_, graph_.tableOf(it));
-      instruction.operands[2] = it.order[0];
-    } else if (instruction.code == kCodeTable2) {
-      instruction.operands[2] = indexIn(tape_.tables2_, graph_.table2Of(it));
-      instruction.operands[3] = it.order[0] + (it.order[1] << 8);
-    }
-  }
-
-  /// Adds the call of a step to the tape, and its index to `instruction`.
-  void nameCall(const Step& step, Draft& instruction) {
-    Tape::Call call = {};
-    call.function = graph_.opaqueOf(entry(step.results[0]));
-    for (int k = 0; k < 4; ++k) call.arguments[k] = toField(instruction.operands[k]);
-    std::fill(std::begin(call.results), std::end(call.results), -1);
-    for (const int result : step.results) {
-      if (result < 0) continue;
-      call.results[entry(result).order[0]] = register_of_[at(result)];
-    }
-    if (tape_.calls_.size() > 0xFFFFU) throw std::length_error("more than 65536 opaque functions");
-    instruction.operands[0] = static_cast<int>(tape_.calls_.size());
-    tape_.calls_.push_back(std::move(call));
-  }
-
-  void allocateLeaf(int index, std::vector<int>& readers) {
-    const Graph::Entry& it = entry(index);
-    const int leaf_register = registerFor(index);
-    register_of_[at(index)] = leaf_register;
-    if (it.operation == Operation::kConstant) {
-      tape_.registers_[at(leaf_register)] = it.value;
-      ++readers[at(index)];  // never freed: filled in once
-      return;
-    }
-    if (it.slot < 0 || sourceOf(it.slot) >= Source::kJerk) {
-      throw std::invalid_argument("a tape reads only what a StateView holds");
-    }
-    const int source = static_cast<int>(sourceOf(it.slot));
-    Tape::Load load = {};
-    load.to = toField(leaf_register);
-    load.index = toField(indexOf(it.slot));
-    tape_.loads_.insert(tape_.loads_.begin() + tape_.load_end_[source], load);
-    for (int& end : tape_.load_end_) end += &end >= &tape_.load_end_[source] ? 1 : 0;
-  }
-
+  const Graph& graph_;
   Tape& tape_;
-  Graph graph_;  ///< the lowered one
-  std::vector<Node> outputs_;
-  std::vector<bool> needed_;
-  std::vector<int> uses_;
-  std::vector<Step> steps_;
-  std::vector<int> order_;
-  std::vector<Draft> program_;
-  std::vector<int> output_of_;  ///< output index by node; -1: none
-  std::vector<int> register_of_;
+  std::vector<int> nodes_;        ///< needed nodes; the vectors below have an entry for each
+  std::vector<int> register_of_;  ///< -1: none yet
+  std::vector<int> output_of_;    ///< the first output that is this node; -1: none
+  std::vector<int> readers_;      ///< those still to come
+  std::vector<bool> is_joined_;   ///< computed in the instruction of its only reader
+  std::vector<int> joins_;        ///< which operand is; -1: none
   std::vector<int> free_registers_;
+  std::map<Key, std::vector<std::size_t>> together_;  ///< nodes of isShared
 };
 
 Tape::Tape(const Graph& graph, const std::vector<Node>& outputs) {

@@ -47,7 +47,7 @@ class Tape {
 
   int outputCount() const { return output_count_; }
   /// Number of instructions, for tests.
-  int size() const { return program_.empty() ? 0 : static_cast<int>(program_.size()) - 1; }
+  int size() const { return static_cast<int>(program_.size()); }
 
   /// Writes `outputCount()` values. It reads only those arrays of `state` that occur in the
   /// formulas, all of them before it writes `outputs`. For the real-time loop: it allocates
@@ -63,10 +63,34 @@ class Tape {
  private:
   friend class TapeBuilder;
 
-  /// Fields of 16 bits, in two words loaded together: see instruction_set.h.
+  /// The second operation of an instruction a o1 b, in which t is the result of o1 and c the third
+  /// operand: it saves t the way through memory. Both operations round.
+  enum Then : std::uint8_t {
+    kAlone,
+    kPlus,     ///< t + c
+    kMinus,    ///< t - c
+    kFrom,     ///< c - t
+    kTimes,    ///< t * c
+    kOver,     ///< t / c
+    kUnder,    ///< c / t
+    kNegated,  ///< -t
+    kThenCount
+  };
+  /// Returns the code of an operation; only the four from kAdd to kDivide may have a second one.
+  static constexpr int codeOf(Operation operation, Then then = kAlone) {
+    const int first = static_cast<int>(operation);
+    return then == kAlone ? first : 32 + (first - static_cast<int>(Operation::kAdd)) * 8 + then;
+  }
+  static_assert(static_cast<int>(Operation::kWhereFinite) < 32 && kThenCount == 8);
+
+  /// Operands and results are registers.
   struct Instruction {
-    std::uint64_t head;
-    std::uint64_t tail;
+    std::uint8_t code;      ///< of codeOf; kVariable copies one output to another
+    std::uint8_t order[2];  ///< of a table's derivative; of kPower 1 if the exponent is a constant,
+                            ///< of kSin 1 if its second operand receives the cosine
+    std::uint16_t result;
+    std::uint16_t operands[4];
+    std::uint16_t index;  ///< of a table or a call
   };
   /// An opaque function: its value, or the derivatives that the program needs.
   struct Call {
@@ -78,14 +102,14 @@ class Tape {
   struct Load {
     std::uint16_t to;
     std::uint16_t index;
+    Source source;
   };
 
   void carryOut(const Call& call) const;
 
-  std::vector<Load> loads_;  ///< by source
-  int load_end_[static_cast<int>(Source::kJerk)] = {};
-  std::vector<Instruction> program_;  ///< ends with an instruction that returns
-  int output_count_ = 0;              ///< in the first registers
+  std::vector<Load> loads_;
+  std::vector<Instruction> program_;
+  int output_count_ = 0;  ///< in the first registers
   std::vector<std::shared_ptr<const Table>> tables_;
   std::vector<std::shared_ptr<const Table2>> tables2_;
   std::vector<Call> calls_;
