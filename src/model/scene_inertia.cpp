@@ -8,7 +8,6 @@
 
 #include "model/interrupted.h"
 #include "model/scene_names.h"
-#include "model/symmetric_matrix.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -149,8 +148,7 @@ std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::
     const auto found = std::find(shafts.begin(), shafts.end(), name.asText());
     if (found == shafts.end()) {
       throw SceneError(elementPath(path, i), inQuotes(name.asText()) + " is not a shaft" +
-                                                 suggestName(name.asText(), shafts) +
-                                                 "; allowed: " + joinNames(shafts));
+                                                 suggestAmong(name.asText(), shafts));
     }
     pair[i] = static_cast<int>(found - shafts.begin());
   }
@@ -159,6 +157,28 @@ std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::
         path, coupling.toText() + " couples a shaft with itself; allowed: two different shafts");
   }
   return std::minmax(pair[0], pair[1]);
+}
+
+/// Tells whether all pivots D of A = L D L^T are positive.
+bool isPositiveDefinite(Eigen::MatrixXd A) {
+  for (int i = 0; i < A.rows(); ++i) {
+    if (!(A(i, i) > 0.0)) return false;
+    for (int j = i + 1; j < A.rows(); ++j) A.row(j) -= A(j, i) / A(i, i) * A.row(i);
+  }
+  return true;
+}
+
+/// Returns the least lambda for which A - lambda 1 is not positive definite, by bisection. (Eigen's
+/// decompositions of matrices of any size take the compiler ten seconds.)
+double calcSmallestEigenvalue(const Eigen::MatrixXd& A) {
+  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(A.rows(), A.cols());
+  double high = A.diagonal().minCoeff();
+  double low = high - static_cast<double>(A.rows()) * A.cwiseAbs().maxCoeff();
+  for (double middle = 0.5 * (low + high); low < middle && middle < high;
+       middle = 0.5 * (low + high)) {
+    (isPositiveDefinite(A - middle * unit) ? low : high) = middle;
+  }
+  return high;
 }
 
 /// Reads off-diagonal terms [[a, b, value], ...]. `least` holds the least inertia of every shaft: J
