@@ -5,96 +5,42 @@
 #include "variator_sim/constraint.h"
 #include "variator_sim/torque.h"
 
+// The only lists of these types, which X(name) declares, makes or registers.
+// clang-format off
+#define VARIATOR_SIM_CONSTRAINTS(X)                                                            \
+  X(AccelerationMagnitude) /* the accelerations of two shafts on a circle */                   \
+  X(ExpressionConstraint)  /* stated by the scene as a formula */                              \
+  X(ImposedJerk)           /* the jerk of a shaft over time: a kinematically controlled start */ \
+  X(JerkLimit)             /* an acceleration that follows its target with limited jerk */     \
+  X(KinematicRatio)        /* a variator without slip: an imposed ratio of two speeds */       \
+  X(PowerFlow)             /* imposed power, or an efficiency, between two shafts' masses */   \
+  X(SlipRatio)             /* a variator whose slip relaxes */                                 \
+  X(TractionCurve)         /* a friction variator with its characteristic */                   \
+  X(VBeltRatio)            /* an automatic V-belt variator */
+#define VARIATOR_SIM_TORQUES(X)                                                                \
+  X(CommandedTorque)   /* commanded from outside */                                            \
+  X(CuttingTorque)     /* a machine tool's cut */                                              \
+  X(DieselEngine)      /* a Diesel engine in the mean over its cycles */                       \
+  X(ElasticCoupling)   /* a massless elastic link with damping */                              \
+  X(ExpressionTorque)  /* stated by the scene as a formula */                                  \
+  X(Friction)          /* Coulomb, Stribeck and viscous friction */                            \
+  X(MotorCurve)        /* a motor by its torque over the speed */                              \
+  X(Propeller)         /* a ship's propeller */                                                \
+  X(VehicleResistance) /* running resistance of a vehicle */
+// clang-format on
+
 namespace variator_sim {
 
-/// The accelerations of two shafts on a circle.
-class AccelerationMagnitude : public Constraint {
-  void build(LawContext& scene) override;
-};
-
-/// A constraint that the scene states as a formula.
-class ExpressionConstraint : public Constraint {
-  void build(LawContext& scene) override;
-};
-
-/// The jerk of a shaft as a function of time: a kinematically controlled start.
-class ImposedJerk : public Constraint {
-  void build(LawContext& scene) override;
-};
-
-/// An acceleration that follows its target with limited jerk.
-class JerkLimit : public Constraint {
-  void build(LawContext& scene) override;
-};
-
-/// A variator without slip: an imposed ratio of two speeds.
-class KinematicRatio : public Constraint {
-  void build(LawContext& scene) override;
-};
-
-/// Imposed power, or an efficiency, between the masses of two shafts.
-class PowerFlow : public Constraint {
-  void build(LawContext& scene) override;
-};
-
-/// A variator whose slip relaxes.
-class SlipRatio : public Constraint {
-  void build(LawContext& scene) override;
-};
-
-/// A friction variator with its characteristic.
-class TractionCurve : public Constraint {
-  void build(LawContext& scene) override;
-};
-
-/// An automatic V-belt variator.
-class VBeltRatio : public Constraint {
-  void build(LawContext& scene) override;
-};
-
-/// A torque that is commanded from outside.
-class CommandedTorque : public Torque {
-  void build(LawContext& scene) override;
-};
-
-/// The torque of a machine tool's cut.
-class CuttingTorque : public Torque {
-  void build(LawContext& scene) override;
-};
-
-/// A Diesel engine in the mean over its cycles.
-class DieselEngine : public Torque {
-  void build(LawContext& scene) override;
-};
-
-/// A massless elastic link with damping.
-class ElasticCoupling : public Torque {
-  void build(LawContext& scene) override;
-};
-
-/// A torque that the scene states as a formula.
-class ExpressionTorque : public Torque {
-  void build(LawContext& scene) override;
-};
-
-/// Coulomb, Stribeck and viscous friction.
-class Friction : public Torque {
-  void build(LawContext& scene) override;
-};
-
-/// A motor by its torque over the speed.
-class MotorCurve : public Torque {
-  void build(LawContext& scene) override;
-};
-
-/// A ship's propeller.
-class Propeller : public Torque {
-  void build(LawContext& scene) override;
-};
-
-/// Running resistance of a vehicle.
-class VehicleResistance : public Torque {
-  void build(LawContext& scene) override;
-};
+#define VARIATOR_SIM_LAW(name, Base)        \
+  class name : public Base {                \
+    void build(LawContext& scene) override; \
+  };
+#define VARIATOR_SIM_CONSTRAINT(name) VARIATOR_SIM_LAW(name, Constraint)
+#define VARIATOR_SIM_TORQUE(name) VARIATOR_SIM_LAW(name, Torque)
+VARIATOR_SIM_CONSTRAINTS(VARIATOR_SIM_CONSTRAINT)
+VARIATOR_SIM_TORQUES(VARIATOR_SIM_TORQUE)
+#undef VARIATOR_SIM_CONSTRAINT
+#undef VARIATOR_SIM_TORQUE
+#undef VARIATOR_SIM_LAW
 
 }  // namespace variator_sim

@@ -1,4 +1,4 @@
-#include <array>
+#include <cstddef>
 #include <memory>
 
 #include "variator_sim/component_factory.h"
@@ -18,42 +18,24 @@ std::shared_ptr<Base> make() {
   return std::make_shared<Law>();
 }
 
-constexpr std::array<Maker<Constraint>, 9> kConstraints{{
-    {"variator_sim/AccelerationMagnitude", make<Constraint, AccelerationMagnitude>},
-    {"variator_sim/ExpressionConstraint", make<Constraint, ExpressionConstraint>},
-    {"variator_sim/ImposedJerk", make<Constraint, ImposedJerk>},
-    {"variator_sim/JerkLimit", make<Constraint, JerkLimit>},
-    {"variator_sim/KinematicRatio", make<Constraint, KinematicRatio>},
-    {"variator_sim/PowerFlow", make<Constraint, PowerFlow>},
-    {"variator_sim/SlipRatio", make<Constraint, SlipRatio>},
-    {"variator_sim/TractionCurve", make<Constraint, TractionCurve>},
-    {"variator_sim/VBeltRatio", make<Constraint, VBeltRatio>},
-}};
+#define VARIATOR_SIM_CONSTRAINT(name) {"variator_sim/" #name, make<Constraint, name>},
+constexpr Maker<Constraint> kConstraints[] = {VARIATOR_SIM_CONSTRAINTS(VARIATOR_SIM_CONSTRAINT)};
+#undef VARIATOR_SIM_CONSTRAINT
+#define VARIATOR_SIM_TORQUE(name) {"variator_sim/" #name, make<Torque, name>},
+constexpr Maker<Torque> kTorques[] = {VARIATOR_SIM_TORQUES(VARIATOR_SIM_TORQUE)};
+#undef VARIATOR_SIM_TORQUE
 
-constexpr std::array<Maker<Torque>, 9> kTorques{{
-    {"variator_sim/CommandedTorque", make<Torque, CommandedTorque>},
-    {"variator_sim/CuttingTorque", make<Torque, CuttingTorque>},
-    {"variator_sim/DieselEngine", make<Torque, DieselEngine>},
-    {"variator_sim/ElasticCoupling", make<Torque, ElasticCoupling>},
-    {"variator_sim/ExpressionTorque", make<Torque, ExpressionTorque>},
-    {"variator_sim/Friction", make<Torque, Friction>},
-    {"variator_sim/MotorCurve", make<Torque, MotorCurve>},
-    {"variator_sim/Propeller", make<Torque, Propeller>},
-    {"variator_sim/VehicleResistance", make<Torque, VehicleResistance>},
-}};
-
-template <typename Makers>
-auto create(const Makers& makers, const std::string& type) -> decltype(makers.front().make()) {
+template <class Base, std::size_t count>
+std::shared_ptr<Base> create(const Maker<Base> (&makers)[count], const std::string& type) {
   for (const auto& maker : makers) {
     if (type == maker.type) return maker.make();
   }
   return nullptr;
 }
 
-template <typename Makers>
-std::vector<std::string> listTypes(const Makers& makers) {
+template <class Base, std::size_t count>
+std::vector<std::string> listTypes(const Maker<Base> (&makers)[count]) {
   std::vector<std::string> types;
-  types.reserve(makers.size());
   for (const auto& maker : makers) types.emplace_back(maker.type);
   return types;
 }
