@@ -4,15 +4,9 @@
 #include <memory>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "variator_sim/expression/state_derivatives.h"
-#include "variator_sim/expression/tape.h"
-#include "variator_sim/guard.h"
-#include "variator_sim/law_context.h"
-#include "variator_sim/named_outputs.h"
-#include "variator_sim/types.h"
+#include "variator_sim/law.h"
 
 namespace variator_sim {
 
@@ -49,35 +43,17 @@ using ConstraintPtr = std::shared_ptr<Constraint>;
 ///
 /// Its order is that of the highest derivative in it. A jerk may occur linearly only; a constraint
 /// of order 1 is differentiated twice, and takes commanded inputs with two derivatives
-/// (`second_order_lag`) only. A law that is no formula calls an OpaqueFunction.
-///
-/// Evaluations are const, allocate nothing, take no lock and do not throw: they run in the
-/// real-time loop. A value that does not exist is NaN and stops the motion by name. One instance is
-/// evaluated by one thread at a time.
-class Constraint {
+/// (`second_order_lag`) only.
+class Constraint : public Law {
  public:
-  virtual ~Constraint() = default;
-  Constraint(const Constraint&) = delete;
-  Constraint& operator=(const Constraint&) = delete;
-
-  /// Builds the law. Called once, before any evaluation. Throws SceneError.
-  void configure(ComponentContext& context);
-  /// Returns the constraint's name in the scene.
-  const std::string& name() const { return name_; }
-  /// Returns the number of shafts s of the scene.
-  int shaftCount() const { return shaft_count_; }
   /// Returns 1, 2 or 3.
   int order() const { return order_; }
-
-  expression::Graph& graph() const { return *graph_; }
   /// Returns f, psi, or C eta + c0.
-  expression::Node function() const { return function_; }
+  expression::Node function() const { return formulas().front(); }
   /// Returns f' = C epsilon + .. for order 1, psi for order 2.
   expression::Node secondOrder() const { return second_order_; }
   /// Returns C (s nodes), then c0.
   const std::vector<expression::Node>& row() const { return row_nodes_; }
-  /// True when the law calls an OpaqueFunction.
-  bool callsOpaqueFunction() const { return graph_->hasOpaque({function_}); }
 
   /// Returns f (order 1) or psi (order 2), in the constraint's own unit. Not for order 3, whose
   /// residual C eta + c0 needs the jerk.
@@ -114,31 +90,24 @@ class Constraint {
   const std::vector<ConstraintPtr>& kinks() const { return kinks_; }
   /// True when psi reads a commanded input.
   bool readsInputs() const { return !inputs_.empty(); }
-  /// Returns the law's switching functions. Steps end at their zeros, because an error estimate
-  /// across a kink is unreliable.
-  const std::vector<GuardPtr>& guards() const { return guards_; }
-  /// Returns the instants, s, in any order, at which this law or a derivative of it that counts is
-  /// not smooth (the points of a table over time, say): steps end there.
-  const std::vector<double>& instants() const { return instants_; }
-  /// Returns the named outputs of this constraint ("slip").
-  const NamedOutputs& outputs() const { return outputs_; }
 
  protected:
   Constraint() = default;
-  /// States the law. Called once. Throws SceneError.
-  virtual void build(LawContext& scene) = 0;
 
  private:
   class Kink;
   /// Makes a kink of another constraint, without `configure`.
-  Constraint(std::string name, int shaft_count, std::shared_ptr<expression::Graph> graph)
-      : name_(std::move(name)), shaft_count_(shaft_count), graph_(std::move(graph)) {}
+  Constraint(const Constraint& of, expression::Node function)
+      : Law(of.name(), of.shaftCount(), of.sharedGraph()) {
+    compile(function, 2, of.inputs_, of.name());
+  }
+  void derive(const LawContext& law, const ComponentContext& context) override;
 
   /// Compiles `given`, a function of order `order` that may read `inputs`; messages call it `path`.
   void compile(expression::Node given, int order, const std::set<int>& inputs,
                const std::string& path);
   struct Formulas;
-  Formulas derive(const std::set<int>& inputs, const std::string& path);
+  Formulas differentiate(const std::set<int>& inputs, const std::string& path);
   /// Returns the function of order 3 with all jerks 0.
   expression::Node withoutJerks(const std::vector<expression::Node>& C, const std::string& path);
   void noteNonlinear(const Formulas& formulas);
@@ -146,10 +115,6 @@ class Constraint {
   /// Throws std::length_error if a program becomes too large.
   void makePrograms(const Formulas& formulas);
 
-  std::string name_;
-  int shaft_count_ = 0;
-  std::shared_ptr<expression::Graph> graph_;
-  expression::Node function_;
   expression::Node second_order_;
   std::vector<expression::Node> row_nodes_;
 
@@ -162,9 +127,6 @@ class Constraint {
   expression::Tape jacobian_rate_;                ///< D, then H
   expression::StateDerivatives row_derivatives_;  ///< of C, then c0
   std::vector<int> partial_slots_;                ///< variables that psi has a derivative by
-  std::vector<GuardPtr> guards_;
-  std::vector<double> instants_;  ///< s
-  NamedOutputs outputs_;
   int order_ = 2;
   Dependence dependence_;
   std::set<int> inputs_;  ///< inputs that the law reads

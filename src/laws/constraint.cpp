@@ -5,7 +5,6 @@
 #include <string>
 
 #include "variator_sim/errors.h"
-#include "variator_sim/expression/guards.h"
 
 namespace variator_sim {
 
@@ -104,29 +103,21 @@ std::vector<Node> findKinks(Graph& graph, const std::vector<unsigned>& reads, No
 /// A function of the accelerations at whose zeros a constraint has a kink.
 class Constraint::Kink final : public Constraint {
  public:
-  Kink(const Constraint& of, Node function) : Constraint(of.name(), of.shaftCount(), of.graph_) {
-    compile(function, 2, of.inputs_, of.name());
-  }
+  Kink(const Constraint& of, Node function) : Constraint(of, function) {}
 
  private:
   void build(LawContext& /*scene*/) override {}
 };
 
-void Constraint::configure(ComponentContext& context) {
-  name_ = context.name();
-  shaft_count_ = context.shaftCount();
-  graph_ = context.graph();
-  Graph& graph = *graph_;
-  LawContext law(context);
-  build(law);
+void Constraint::derive(const LawContext& law, const ComponentContext& context) {
+  Graph& graph = Law::graph();
   const Node given = law.psi().in(graph);
-  const int s = context.shaftCount();
+  const int s = shaftCount();
   const int order = orderOf(graph, given, s);
   if (order == 0) {
     throw SceneError(law.place(), "the constraint depends on no velocity, acceleration or jerk");
   }
   compile(given, order, context.usedInputs(), law.place());
-  outputs_ = NamedOutputs(law);
   if (order != 2) return;
   const std::vector<unsigned> reads = findReads(graph, Source::kAcceleration, s);
   for (const Node kink : findKinks(graph, reads, given, s)) {
@@ -146,14 +137,14 @@ struct Constraint::Formulas {
 
 void Constraint::compile(Node given, int order, const std::set<int>& inputs,
                          const std::string& path) {
-  Graph& graph = *graph_;
+  Graph& graph = Law::graph();
   const int s = shaftCount();
-  function_ = given;
+  setFormulas({given});
   order_ = order;
   for (const int i : inputs) {
     if (graph.dependsOn(given, slotOf(Source::kInput, i))) inputs_.insert(i);
   }
-  const Formulas formulas = derive(inputs, path);
+  const Formulas formulas = differentiate(inputs, path);
   second_order_ = formulas.second;
   noteNonlinear(formulas);
   check(formulas, path);
@@ -169,16 +160,17 @@ void Constraint::compile(Node given, int order, const std::set<int>& inputs,
   row_derivatives_ = expression::StateDerivatives(graph, row_nodes_, s);
 }
 
-Constraint::Formulas Constraint::derive(const std::set<int>& inputs, const std::string& path) {
-  Graph& graph = *graph_;
+Constraint::Formulas Constraint::differentiate(const std::set<int>& inputs,
+                                               const std::string& path) {
+  Graph& graph = Law::graph();
   const int s = shaftCount();
   Formulas made;
   made.C.reserve(static_cast<std::size_t>(s));
   for (int i = 0; i < s; ++i) {
-    made.C.push_back(graph.differentiate(function_, slotOf(kHighest[order_ - 1], i)));
+    made.C.push_back(graph.differentiate(function(), slotOf(kHighest[order_ - 1], i)));
   }
   const std::vector<Graph::Rate> rates = expression::ratesOf(graph, s, inputs);
-  made.second = order_ == 1 ? graph.totalDerivative(function_, rates) : function_;
+  made.second = order_ == 1 ? graph.totalDerivative(function(), rates) : function();
   // The jerks of order 3 occur linearly: c0 is the function without them.
   made.c0 = order_ < 3 ? graph.totalDerivative(made.second, rates) : withoutJerks(made.C, path);
   if (order_ < 3) {
@@ -189,7 +181,7 @@ Constraint::Formulas Constraint::derive(const std::set<int>& inputs, const std::
     }
     for (const int i : inputs) slots.push_back(slotOf(Source::kInput, i));
     for (const int slot : slots) {
-      const Node partial = graph.differentiate(function_, slot);
+      const Node partial = graph.differentiate(function(), slot);
       if (graph.isConstant(partial, 0.0)) continue;
       made.partials.push_back(partial);
       partial_slots_.push_back(slot);
@@ -206,7 +198,7 @@ Constraint::Formulas Constraint::derive(const std::set<int>& inputs, const std::
 }
 
 Node Constraint::withoutJerks(const std::vector<Node>& C, const std::string& path) {
-  Graph& graph = *graph_;
+  Graph& graph = Law::graph();
   std::vector<Graph::Rate> no_jerks;
   for (int i = 0; i < shaftCount(); ++i) {
     no_jerks.emplace_back(slotOf(Source::kJerk, i), graph.constant(0.0));
@@ -215,15 +207,15 @@ Node Constraint::withoutJerks(const std::vector<Node>& C, const std::string& pat
       throw SceneError(path, "a jerk may occur in a constraint of order 3 linearly only");
     }
   }
-  return graph.substitute(function_, no_jerks);
+  return graph.substitute(function(), no_jerks);
 }
 
 void Constraint::noteNonlinear(const Formulas& formulas) {
-  const Graph& graph = *graph_;
+  const Graph& graph = Law::graph();
   const int s = shaftCount();
   if (order_ > 1) {
     const std::vector<unsigned> reads = findReads(graph, Source::kAcceleration, s);
-    nonlinear_ = findPiecewise(graph, reads, function_);
+    nonlinear_ = findPiecewise(graph, reads, function());
     for (int i = 0; i < s; ++i) {
       bool is_constant = findPiecewise(graph, reads, formulas.C[static_cast<std::size_t>(i)]) == 0U;
       const auto row = formulas.hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
@@ -240,7 +232,7 @@ void Constraint::noteNonlinear(const Formulas& formulas) {
 }
 
 void Constraint::check(const Formulas& formulas, const std::string& path) const {
-  const Graph& graph = *graph_;
+  const Graph& graph = Law::graph();
   if (order_ == 1 && graph.hasDifference({formulas.c0})) {
     throw SceneError(path,
                      "a constraint of order 1 is differentiated twice, and the opaque function in "
@@ -258,21 +250,20 @@ void Constraint::check(const Formulas& formulas, const std::string& path) const 
 }
 
 void Constraint::makePrograms(const Formulas& formulas) {
-  const Graph& graph = *graph_;
+  const Graph& graph = Law::graph();
   row_nodes_ = formulas.C;
   row_nodes_.push_back(formulas.c0);
   row_ = Tape(graph, row_nodes_);
   hessian_ = Tape(graph, formulas.hessian);
   jacobian_rate_ = Tape(graph, formulas.jacobian_rate);
   if (order_ < 3) {
-    residual_ = Tape(graph, {function_});
+    residual_ = Tape(graph, {function()});
     std::vector<Node> second = {formulas.second};
     second.insert(second.end(), formulas.C.begin(), formulas.C.end());
     residual_and_jacobian_ = Tape(graph, second);
     partials_ = Tape(graph, formulas.partials);
   }
-  guards_ = expression::findGuards(*graph_, {function_});
-  instants_ = expression::findInstants(graph, {function_});
+  findEvents();
 }
 
 double Constraint::calcResidual(const StateView& state) const {
@@ -283,7 +274,7 @@ double Constraint::calcResidual(const StateView& state) const {
 
 double Constraint::calcResidualAndJacobian(const StateView& state, double* C) const {
   const double* const values = residual_and_jacobian_.evaluate(state);
-  std::copy_n(values + 1, shaft_count_, C);
+  std::copy_n(values + 1, shaftCount(), C);
   return values[0];
 }
 
@@ -320,7 +311,7 @@ void Constraint::calcPartials(const StateView& state, ConstraintPartials& partia
 }
 
 void Constraint::calcRowDerivatives(const StateView& state, double* dC, double* dc0) const {
-  const int s = shaft_count_;
+  const int s = shaftCount();
   std::fill_n(dC, 3 * s * s, 0.0);
   std::fill_n(dc0, 3 * s, 0.0);
   const double* value = row_derivatives_.evaluate(state);
@@ -331,8 +322,8 @@ void Constraint::calcRowDerivatives(const StateView& state, double* dC, double* 
 
 void Constraint::calcJacobianRate(const StateView& state, double* D, double* H) const {
   const double* const values = jacobian_rate_.evaluate(state);
-  std::copy_n(values, shaft_count_, D);
-  std::copy_n(values + shaft_count_, shaft_count_ * shaft_count_, H);
+  std::copy_n(values, shaftCount(), D);
+  std::copy_n(values + shaftCount(), shaftCount() * shaftCount(), H);
 }
 
 }  // namespace variator_sim

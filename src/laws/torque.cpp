@@ -4,7 +4,6 @@
 #include <stdexcept>
 
 #include "variator_sim/errors.h"
-#include "variator_sim/expression/guards.h"
 
 namespace variator_sim {
 
@@ -31,20 +30,15 @@ void addTo(double* shafts, const std::vector<Torque::ShaftNode>& formulas, const
 
 }  // namespace
 
-void Torque::configure(ComponentContext& context) {
-  name_ = context.name();
-  shaft_count_ = context.shaftCount();
-  graph_ = context.graph();
-  Graph& graph = *graph_;
-  LawContext law(context);
-  build(law);
+void Torque::derive(const LawContext& law, const ComponentContext& context) {
+  Graph& graph = Law::graph();
   for (const auto& [shaft, torque] : law.torques()) {
     torques_.emplace_back(shaft, torque.in(graph));
   }
 
   // Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon + dQ/du u'
   const std::vector<Graph::Rate> motion =
-      expression::ratesOf(graph, context.shaftCount(), context.usedInputs());
+      expression::ratesOf(graph, shaftCount(), context.usedInputs());
   for (const auto& [shaft, torque] : torques_) {
     const Node rate = graph.totalDerivative(torque, motion);
     if (graph.hasNonFiniteConstant(rate)) {
@@ -55,24 +49,18 @@ void Torque::configure(ComponentContext& context) {
     }
     if (!graph.isConstant(rate, 0.0)) rates_.emplace_back(shaft, rate);
   }
-  outputs_ = NamedOutputs(law);
-  const std::vector<Node> torque = nodesOf(torques_);
+  setFormulas(nodesOf(torques_));
   const std::vector<Node> rate = nodesOf(rates_);
   try {
-    torque_ = Tape(graph, torque);
+    torque_ = Tape(graph, formulas());
     rate_ = Tape(graph, rate);
-    guards_ = expression::findGuards(graph, torque);
-    instants_ = expression::findInstants(graph, torque);
+    findEvents();
   } catch (const std::length_error& error) {
     throw SceneError(law.place(), error.what());
   }
-  torque_dependence_ = expression::dependenceOf(graph, torque, context.shaftCount());
-  rate_dependence_ = expression::dependenceOf(graph, rate, context.shaftCount());
-  rate_derivatives_ = expression::StateDerivatives(graph, rate, context.shaftCount());
-}
-
-bool Torque::callsOpaqueFunction() const {
-  return graph_->hasOpaque(nodesOf(torques_));
+  torque_dependence_ = expression::dependenceOf(graph, formulas(), shaftCount());
+  rate_dependence_ = expression::dependenceOf(graph, rate, shaftCount());
+  rate_derivatives_ = expression::StateDerivatives(graph, rate, shaftCount());
 }
 
 std::vector<int> Torque::shafts() const {
@@ -94,7 +82,7 @@ void Torque::addTorqueRateDerivatives(const StateView& state, double* derivative
   const double* value = rate_derivatives_.evaluate(state);
   for (const auto& entry : rate_derivatives_.entries()) {
     const int shaft = rates_[static_cast<std::size_t>(entry.node)].first;
-    derivatives[entry.q * shaft_count_ + shaft] += *value++;
+    derivatives[entry.q * shaftCount() + shaft] += *value++;
   }
 }
 

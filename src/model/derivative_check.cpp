@@ -177,18 +177,13 @@ void verify(const Scene& scene, const Call& call, const std::string& name, const
 }  // namespace
 
 void verifyDerivatives(const Scene& scene) {
-  const auto check = [&scene](const auto& law, const char* kind,
-                              const std::vector<expression::Node>& nodes) {
-    for (const Call& call : listCalls(law.graph(), nodes)) verify(scene, call, law.name(), kind);
+  const auto check = [&scene](const Law& law, const char* kind) {
+    for (const Call& call : listCalls(law.graph(), law.formulas())) {
+      verify(scene, call, law.name(), kind);
+    }
   };
-  for (const TorquePtr& torque : scene.torques) {
-    std::vector<expression::Node> nodes;
-    for (const auto& [shaft, node] : torque->torques()) nodes.push_back(node);
-    check(*torque, "torque", nodes);
-  }
-  for (const ConstraintPtr& constraint : scene.constraints) {
-    check(*constraint, "constraint", {constraint->function()});
-  }
+  for (const TorquePtr& torque : scene.torques) check(*torque, "torque");
+  for (const ConstraintPtr& constraint : scene.constraints) check(*constraint, "constraint");
 }
 
 }  // namespace variator_sim

@@ -1,0 +1,74 @@
+/// The part that torques and constraints have in common.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "variator_sim/expression/state_derivatives.h"
+#include "variator_sim/expression/tape.h"
+#include "variator_sim/guard.h"
+#include "variator_sim/law_context.h"
+#include "variator_sim/named_outputs.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+
+/// An element of a scene that states its law as formulas, or by an OpaqueFunction.
+///
+/// Evaluations are const, allocate nothing, take no lock and do not throw: they run in the
+/// real-time loop. A value that does not exist is NaN and stops the motion by name. One instance is
+/// evaluated by one thread at a time.
+class Law {
+ public:
+  virtual ~Law() = default;
+  Law(const Law&) = delete;
+  Law& operator=(const Law&) = delete;
+
+  /// Builds the law. Called once, before any evaluation. Throws SceneError.
+  void configure(ComponentContext& context);
+  /// Returns the element's name in the scene.
+  const std::string& name() const { return name_; }
+  /// Returns the number of shafts s of the scene.
+  int shaftCount() const { return shaft_count_; }
+
+  expression::Graph& graph() const { return *graph_; }
+  /// Returns the formulas that the law states: Q of each shaft; f, psi, or C eta + c0.
+  const std::vector<expression::Node>& formulas() const { return formulas_; }
+  /// True when the law calls an OpaqueFunction.
+  bool callsOpaqueFunction() const { return graph_->hasOpaque(formulas_); }
+  /// Returns the law's switching functions. Steps end at their zeros, because an error estimate
+  /// across a kink is unreliable.
+  const std::vector<GuardPtr>& guards() const { return guards_; }
+  /// Returns the instants, s, in any order, at which this law or a derivative of it that counts is
+  /// not smooth (the points of a table over time, say): steps end there.
+  const std::vector<double>& instants() const { return instants_; }
+  /// Returns the named outputs of this element ("slip"). `state.acceleration` may be read.
+  const NamedOutputs& outputs() const { return outputs_; }
+
+ protected:
+  Law() = default;
+  Law(std::string name, int shaft_count, std::shared_ptr<expression::Graph> graph)
+      : name_(std::move(name)), shaft_count_(shaft_count), graph_(std::move(graph)) {}
+
+  /// States the law. Called once. Throws SceneError.
+  virtual void build(LawContext& scene) = 0;
+  /// Derives what follows from the law as stated. Throws SceneError.
+  virtual void derive(const LawContext& law, const ComponentContext& context) = 0;
+  void setFormulas(std::vector<expression::Node> formulas) { formulas_ = std::move(formulas); }
+  /// Finds the events of the formulas. Throws std::length_error.
+  void findEvents();
+  const std::shared_ptr<expression::Graph>& sharedGraph() const { return graph_; }
+
+ private:
+  std::string name_;
+  int shaft_count_ = 0;
+  std::shared_ptr<expression::Graph> graph_;
+  std::vector<expression::Node> formulas_;
+  std::vector<GuardPtr> guards_;
+  std::vector<double> instants_;  ///< s
+  NamedOutputs outputs_;
+};
+
+}  // namespace variator_sim
