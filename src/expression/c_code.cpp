@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <map>
 
+#include "expression/function_table.h"
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim::expression {
@@ -44,53 +45,6 @@ const char* sourceName(Source source) {
       return "v";
     case Source::kInputSecondRate:
       return "a";
-    default:
-      return nullptr;
-  }
-}
-
-const char* functionName(Operation operation) {
-  switch (operation) {
-    case Operation::kSin:
-      return "sin";
-    case Operation::kCos:
-      return "cos";
-    case Operation::kTan:
-      return "tan";
-    case Operation::kAsin:
-      return "asin";
-    case Operation::kAcos:
-      return "acos";
-    case Operation::kAtan:
-      return "atan";
-    case Operation::kAtan2:
-      return "atan2";
-    case Operation::kSinh:
-      return "sinh";
-    case Operation::kCosh:
-      return "cosh";
-    case Operation::kTanh:
-      return "tanh";
-    case Operation::kExp:
-      return "exp";
-    case Operation::kLog:
-      return "log";
-    case Operation::kSqrt:
-      return "sqrt";
-    case Operation::kAbs:
-      return "fabs";
-    case Operation::kPower:
-      return "pow";
-    case Operation::kSign:
-      return "sign_of";
-    case Operation::kMin:
-      return "minimum_of";
-    case Operation::kMax:
-      return "maximum_of";
-    case Operation::kSelect:
-      return "select_of";
-    case Operation::kWhereFinite:
-      return "where_finite";
     default:
       return nullptr;
   }
@@ -176,7 +130,7 @@ class Writer {
       default:
         break;
     }
-    std::string call = functionName(it.operation) + std::string("(");
+    std::string call = findFunction(it.operation)->c + std::string("(");
     for (int k = 0; k < operandCount(it.operation); ++k) call += (k > 0 ? ", " : "") + operand(k);
     return call + ")";
   }
@@ -256,28 +210,12 @@ static inline double where_finite(double a, double value) {
 }
 
 bool isWritable(const Graph& graph, const std::vector<Node>& outputs) {
-  const std::vector<bool> reachable = graph.findReachable(outputs);
-  for (std::size_t i = 0; i < reachable.size(); ++i) {
-    if (!reachable[i]) continue;
-    const Graph::Entry& it = graph.entry({static_cast<int>(i)});
-    switch (it.operation) {
-      case Operation::kVariable:
-        if (sourceName(sourceOf(it.slot)) == nullptr) return false;
-        break;
-      case Operation::kConstant:
-      case Operation::kNegate:
-      case Operation::kAdd:
-      case Operation::kSubtract:
-      case Operation::kMultiply:
-      case Operation::kDivide:
-      case Operation::kTable:
-      case Operation::kTable2:
-        break;
-      default:
-        if (functionName(it.operation) == nullptr) return false;
-    }
-  }
-  return true;
+  const std::vector<int> reachable = graph.listReachable(outputs);
+  return std::all_of(reachable.begin(), reachable.end(), [&](int i) {
+    const Graph::Entry& it = graph.entry({i});
+    return it.operation == Operation::kVariable ? sourceName(sourceOf(it.slot)) != nullptr
+                                                : it.operation != Operation::kOpaque;
+  });
 }
 
 bool isWrittenOut(double value) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <initializer_list>
+#include <iterator>
 #include <vector>
 
 #include "characters.h"
@@ -11,40 +12,43 @@ namespace variator_sim::expression {
 
 namespace {
 
-template <Operation operation>
-Node makeOf(Graph& graph, const Node* arguments) {
-  return graph.make(operation, arguments[0],
-                    operation == Operation::kAtan2 || operation == Operation::kMin ||
-                            operation == Operation::kMax || operation == Operation::kPower
-                        ? arguments[1]
-                        : Node{});
-}
-
-Node makeClamp(Graph& graph, const Node* arguments) {
-  return graph.minimum(graph.maximum(arguments[0], arguments[1]), arguments[2]);
-}
-
 constexpr Function kFunctions[] = {
-    {"abs", 1, makeOf<Operation::kAbs>},     {"acos", 1, makeOf<Operation::kAcos>},
-    {"asin", 1, makeOf<Operation::kAsin>},   {"atan", 1, makeOf<Operation::kAtan>},
-    {"atan2", 2, makeOf<Operation::kAtan2>}, {"clamp", 3, makeClamp},
-    {"cos", 1, makeOf<Operation::kCos>},     {"cosh", 1, makeOf<Operation::kCosh>},
-    {"exp", 1, makeOf<Operation::kExp>},     {"if", 3, nullptr},
-    {"log", 1, makeOf<Operation::kLog>},     {"max", 2, makeOf<Operation::kMax>},
-    {"min", 2, makeOf<Operation::kMin>},     {"pow", 2, makeOf<Operation::kPower>},
-    {"sign", 1, makeOf<Operation::kSign>},   {"sin", 1, makeOf<Operation::kSin>},
-    {"sinh", 1, makeOf<Operation::kSinh>},   {"sqrt", 1, makeOf<Operation::kSqrt>},
-    {"tan", 1, makeOf<Operation::kTan>},     {"tanh", 1, makeOf<Operation::kTanh>}};
+    {"abs", 1, Operation::kAbs, "", "fabs"},
+    {"acos", 1, Operation::kAcos, "\\arccos", "acos"},
+    {"asin", 1, Operation::kAsin, "\\arcsin", "asin"},
+    {"atan", 1, Operation::kAtan, "\\arctan", "atan"},
+    {"atan2", 2, Operation::kAtan2, "\\operatorname{atan2}", "atan2"},
+    {"clamp", 3, Operation::kConstant, "", ""},
+    {"cos", 1, Operation::kCos, "\\cos", "cos"},
+    {"cosh", 1, Operation::kCosh, "\\cosh", "cosh"},
+    {"exp", 1, Operation::kExp, "\\exp", "exp"},
+    {"if", 3, Operation::kSelect, "", "select_of"},
+    {"log", 1, Operation::kLog, "\\ln", "log"},
+    {"max", 2, Operation::kMax, "\\max", "maximum_of"},
+    {"min", 2, Operation::kMin, "\\min", "minimum_of"},
+    {"pow", 2, Operation::kPower, "", "pow"},
+    {"sign", 1, Operation::kSign, "\\operatorname{sgn}", "sign_of"},
+    {"sin", 1, Operation::kSin, "\\sin", "sin"},
+    {"sinh", 1, Operation::kSinh, "\\sinh", "sinh"},
+    {"sqrt", 1, Operation::kSqrt, "", "sqrt"},
+    {"tan", 1, Operation::kTan, "\\tan", "tan"},
+    {"tanh", 1, Operation::kTanh, "\\tanh", "tanh"},
+    {"", 2, Operation::kWhereFinite, "", "where_finite"}};
+
+template <class Is>
+const Function* find(Is is) {
+  const auto* const found = std::find_if(std::begin(kFunctions), std::end(kFunctions), is);
+  return found == std::end(kFunctions) ? nullptr : found;
+}
 
 }  // namespace
 
 const Function* findFunction(const std::string& name) {
-  for (const Function& function : kFunctions) {
-    if (name == function.name) {
-      return &function;
-    }
-  }
-  return nullptr;
+  return find([&](const Function& it) { return name == it.name; });
+}
+
+const Function* findFunction(Operation operation) {
+  return find([&](const Function& it) { return operation == it.operation; });
 }
 
 std::string explainForeignWord(const std::string& word) {
@@ -66,6 +70,7 @@ std::string explainForeignWord(const std::string& word) {
 std::vector<std::string> functionNames() {
   std::vector<std::string> names;
   for (const Function& function : kFunctions) names.emplace_back(function.name);
+  names.pop_back();  // no formula can call the last one
   return names;
 }
 

@@ -8,14 +8,17 @@
 namespace variator_sim::expression {
 
 struct Function {
-  const char* name;
+  const char* name;  ///< "" for one that formulas cannot call
   int argument_count;
-  /// Makes the node from its arguments; null for `if`, whose first argument is no value.
-  Node (*make)(Graph& graph, const Node* arguments);
+  Operation operation;  ///< kConstant for `clamp`, which is made of two
+  const char* latex;
+  const char* c;  ///< its name in c_code.h
 };
 
 /// Returns the function of that name, or nullptr. parser.h has the list of names.
 const Function* findFunction(const std::string& name);
+/// Returns the function of an operation, or nullptr.
+const Function* findFunction(Operation operation);
 
 /// Explains the formula's equivalent of a `word` of other languages ("and", "integral"), or "".
 std::string explainForeignWord(const std::string& word);

@@ -222,31 +222,31 @@ std::vector<int> Graph::listReachable(const std::vector<Node>& nodes) const {
   return reachable;
 }
 
+template <class Is>
+bool Graph::anyReachable(const std::vector<Node>& nodes, Is is) const {
+  const std::vector<int> reachable = listReachable(nodes);
+  return std::any_of(reachable.begin(), reachable.end(), [&](int i) { return is(entry({i})); });
+}
+
 bool Graph::dependsOn(Node node, int slot) const {
-  const std::vector<int> reachable = listReachable({node});
-  return std::any_of(reachable.begin(), reachable.end(), [&](int i) {
-    return entry({i}).operation == Operation::kVariable && entry({i}).slot == slot;
+  return anyReachable({node}, [&](const Entry& it) {
+    return it.operation == Operation::kVariable && it.slot == slot;
   });
 }
 
 bool Graph::hasOpaque(const std::vector<Node>& nodes) const {
-  const std::vector<int> reachable = listReachable(nodes);
-  return std::any_of(reachable.begin(), reachable.end(),
-                     [&](int i) { return entry({i}).operation == Operation::kOpaque; });
+  return anyReachable(nodes, [](const Entry& it) { return it.operation == Operation::kOpaque; });
 }
 
 bool Graph::hasDifference(const std::vector<Node>& nodes) const {
-  const std::vector<int> reachable = listReachable(nodes);
-  return std::any_of(reachable.begin(), reachable.end(), [&](int i) {
-    return entry({i}).operation == Operation::kOpaque &&
-           dynamic_cast<const OpaqueSlope*>(opaqueOf(entry({i})).get()) != nullptr;
+  return anyReachable(nodes, [&](const Entry& it) {
+    return it.operation == Operation::kOpaque &&
+           dynamic_cast<const OpaqueSlope*>(opaqueOf(it).get()) != nullptr;
   });
 }
 
 bool Graph::hasNonFiniteConstant(const std::vector<Node>& nodes) const {
-  const std::vector<int> reachable = listReachable(nodes);
-  return std::any_of(reachable.begin(), reachable.end(),
-                     [&](int i) { return !std::isfinite(entry({i}).value); });
+  return anyReachable(nodes, [](const Entry& it) { return !std::isfinite(it.value); });
 }
 
 }  // namespace variator_sim::expression

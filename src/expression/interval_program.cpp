@@ -90,9 +90,10 @@ Interval tangent(const Interval& a) {
   if (contains(c, 0.0)) return kEverything;
   return hull(std::tan(a.low), std::tan(a.high));
 }
-template <class Function>
-Interval increasing(const Interval& a, Function function) {
-  return orEverything({function(a.low), function(a.high)});
+/// Encloses an operation that increases with its only operand.
+Interval increasing(Operation operation, const Interval& a) {
+  return orEverything(
+      {evaluateOperation(operation, &a.low), evaluateOperation(operation, &a.high)});
 }
 Interval absolute(const Interval& a) {
   if (a.low >= 0.0) return a;
@@ -107,8 +108,8 @@ Interval select(const Interval& left, const Interval& right, const Interval& yes
 }
 
 // Longer than a screen, as the list of operations is.
-Interval evaluateOperation(Operation operation, const Interval& a, const Interval& b,
-                           const Interval& c, const Interval& d) {
+Interval encloseOperation(Operation operation, const Interval& a, const Interval& b,
+                          const Interval& c, const Interval& d) {
   switch (operation) {
     case Operation::kConstant:
     case Operation::kVariable:
@@ -134,12 +135,8 @@ Interval evaluateOperation(Operation operation, const Interval& a, const Interva
       return cosine(a);
     case Operation::kTan:
       return tangent(a);
-    case Operation::kAsin:
-      return increasing(a, [](double x) { return std::asin(x); });
     case Operation::kAcos:
       return orEverything({std::acos(a.high), std::acos(a.low)});
-    case Operation::kAtan:
-      return increasing(a, [](double x) { return std::atan(x); });
     case Operation::kAtan2: {
       // The extremes lie in the corners, except on the cut along the negative second operand.
       const bool is_off_cut = a.low > 0.0 || a.high < 0.0 || b.low > 0.0;
@@ -149,24 +146,21 @@ Interval evaluateOperation(Operation operation, const Interval& a, const Interva
                        std::atan2(a.high, b.low), std::atan2(a.high, b.high)});
       return {least, largest};
     }
-    case Operation::kSinh:
-      return increasing(a, [](double x) { return std::sinh(x); });
     case Operation::kCosh: {
       const Interval x = absolute(a);
       return {std::cosh(x.low), std::cosh(x.high)};
     }
-    case Operation::kTanh:
-      return increasing(a, [](double x) { return std::tanh(x); });
-    case Operation::kExp:
-      return increasing(a, [](double x) { return std::exp(x); });
-    case Operation::kLog:
-      return increasing(a, [](double x) { return std::log(x); });
-    case Operation::kSqrt:
-      return increasing(a, [](double x) { return std::sqrt(x); });
     case Operation::kAbs:
       return absolute(a);
+    case Operation::kAsin:
+    case Operation::kAtan:
+    case Operation::kSinh:
+    case Operation::kTanh:
+    case Operation::kExp:
+    case Operation::kLog:
+    case Operation::kSqrt:
     case Operation::kSign:
-      return {signOf(a.low), signOf(a.high)};
+      return increasing(operation, a);
     case Operation::kMin:
       return {std::min(a.low, b.low), std::min(a.high, b.high)};
     case Operation::kMax:
@@ -243,7 +237,7 @@ Interval IntervalProgram::evaluate(const StateBox& box, double rounding) const {
         break;
       default:
         registers_[i] = orEverything(
-            evaluateOperation(step.operation, a, b, at(step.operands[2]), at(step.operands[3])));
+            encloseOperation(step.operation, a, b, at(step.operands[2]), at(step.operands[3])));
         break;
     }
     // (0 times infinity is NaN.)

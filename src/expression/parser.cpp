@@ -231,7 +231,7 @@ class Parser {
     const std::size_t opening = position_;
     accept('(');
     beginParenthesis(opening);
-    if (function != nullptr && function->make == nullptr) return choice(where);
+    if (function != nullptr && function->operation == Operation::kSelect) return choice(where);
     std::vector<Node> arguments;
     if (!isAt(position_, ')')) {
       do {
@@ -306,15 +306,18 @@ class Parser {
 
   Node applyFunction(const Function& function, const std::vector<Node>& arguments,
                      std::size_t where) {
-    if (function.name == std::string("clamp") && graph_.isConstant(arguments[1]) &&
-        graph_.isConstant(arguments[2]) &&
+    const bool is_clamp = function.operation == Operation::kConstant;
+    if (is_clamp && graph_.isConstant(arguments[1]) && graph_.isConstant(arguments[2]) &&
         graph_.constantValue(arguments[1]) > graph_.constantValue(arguments[2])) {
       fail(where, "the limits of this 'clamp' are " +
                       formatNumber(graph_.constantValue(arguments[1])) + " and " +
                       formatNumber(graph_.constantValue(arguments[2])) +
                       ": the lower one comes first");
     }
-    const Node value = function.make(graph_, arguments.data());
+    const Node value =
+        is_clamp ? graph_.minimum(graph_.maximum(arguments[0], arguments[1]), arguments[2])
+                 : graph_.make(function.operation, arguments[0],
+                               arguments.size() > 1 ? arguments[1] : Node{});
     if (value != arguments[0] && readsLinear(value)) failNotLinear(where, value);
     return checked(value, where);
   }

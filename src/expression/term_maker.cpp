@@ -2,43 +2,14 @@
 
 #include <cmath>
 
+#include "expression/function_table.h"
+
 namespace variator_sim::expression {
 
 namespace {
 
 /// Least weight of a part that gets a name, unless it has one already.
 constexpr int kLeastWeight = 2;
-
-struct FunctionName {
-  Operation operation;
-  const char* text;
-  const char* latex;
-};
-
-constexpr FunctionName kFunctionNames[] = {{Operation::kSin, "sin", "\\sin"},
-                                           {Operation::kCos, "cos", "\\cos"},
-                                           {Operation::kTan, "tan", "\\tan"},
-                                           {Operation::kAsin, "asin", "\\arcsin"},
-                                           {Operation::kAcos, "acos", "\\arccos"},
-                                           {Operation::kAtan, "atan", "\\arctan"},
-                                           {Operation::kAtan2, "atan2", "\\operatorname{atan2}"},
-                                           {Operation::kSinh, "sinh", "\\sinh"},
-                                           {Operation::kCosh, "cosh", "\\cosh"},
-                                           {Operation::kTanh, "tanh", "\\tanh"},
-                                           {Operation::kExp, "exp", "\\exp"},
-                                           {Operation::kLog, "log", "\\ln"},
-                                           {Operation::kSqrt, "sqrt", ""},
-                                           {Operation::kAbs, "abs", ""},
-                                           {Operation::kSign, "sign", "\\operatorname{sgn}"},
-                                           {Operation::kMin, "min", "\\min"},
-                                           {Operation::kMax, "max", "\\max"}};
-
-Symbol functionOf(Operation operation) {
-  for (const FunctionName& name : kFunctionNames) {
-    if (name.operation == operation) return {name.text, name.latex};
-  }
-  return {};
-}
 
 /// Returns T', T'', .. for a table's name.
 Symbol derivativeOf(const Symbol& table, int order) {
@@ -183,7 +154,8 @@ class TermMaker {
     std::vector<TermPtr> arguments;
     arguments.reserve(4);
     for (int p = 0; p < operandCount(entry.operation); ++p) arguments.push_back(operand(p));
-    return makeCall(functionOf(entry.operation), std::move(arguments));
+    const Function& function = *findFunction(entry.operation);
+    return makeCall({function.name, function.latex}, std::move(arguments));
   }
 
   const Graph& graph_;

@@ -78,55 +78,33 @@ inline Expression& operator-=(Expression& a, const Expression& b) {
   return a = a - b;
 }
 
-inline Expression sin(const Expression& a) {
-  return apply(expression::Operation::kSin, a);
-}
-inline Expression cos(const Expression& a) {
-  return apply(expression::Operation::kCos, a);
-}
-inline Expression tan(const Expression& a) {
-  return apply(expression::Operation::kTan, a);
-}
-inline Expression asin(const Expression& a) {
-  return apply(expression::Operation::kAsin, a);
-}
-inline Expression acos(const Expression& a) {
-  return apply(expression::Operation::kAcos, a);
-}
-inline Expression atan(const Expression& a) {
-  return apply(expression::Operation::kAtan, a);
-}
+/// The functions of one operand; abs bends and sign jumps: steps end at these events.
+#define VARIATOR_SIM_FUNCTION(name, operation)         \
+  inline Expression name(const Expression& a) {        \
+    return apply(expression::Operation::operation, a); \
+  }
+VARIATOR_SIM_FUNCTION(sin, kSin)
+VARIATOR_SIM_FUNCTION(cos, kCos)
+VARIATOR_SIM_FUNCTION(tan, kTan)
+VARIATOR_SIM_FUNCTION(asin, kAsin)
+VARIATOR_SIM_FUNCTION(acos, kAcos)
+VARIATOR_SIM_FUNCTION(atan, kAtan)
+VARIATOR_SIM_FUNCTION(sinh, kSinh)
+VARIATOR_SIM_FUNCTION(cosh, kCosh)
+VARIATOR_SIM_FUNCTION(tanh, kTanh)
+VARIATOR_SIM_FUNCTION(exp, kExp)
+VARIATOR_SIM_FUNCTION(log, kLog)
+VARIATOR_SIM_FUNCTION(sqrt, kSqrt)
+VARIATOR_SIM_FUNCTION(abs, kAbs)
+VARIATOR_SIM_FUNCTION(sign, kSign)
+#undef VARIATOR_SIM_FUNCTION
 inline Expression atan2(const Expression& y, const Expression& x) {
   return apply(expression::Operation::kAtan2, y, x);
-}
-inline Expression sinh(const Expression& a) {
-  return apply(expression::Operation::kSinh, a);
-}
-inline Expression cosh(const Expression& a) {
-  return apply(expression::Operation::kCosh, a);
-}
-inline Expression tanh(const Expression& a) {
-  return apply(expression::Operation::kTanh, a);
-}
-inline Expression exp(const Expression& a) {
-  return apply(expression::Operation::kExp, a);
-}
-inline Expression log(const Expression& a) {
-  return apply(expression::Operation::kLog, a);
-}
-inline Expression sqrt(const Expression& a) {
-  return apply(expression::Operation::kSqrt, a);
 }
 inline Expression pow(const Expression& base, const Expression& exponent) {
   return apply(expression::Operation::kPower, base, exponent);
 }
-/// Kinks and jumps: steps end at these events.
-inline Expression abs(const Expression& a) {
-  return apply(expression::Operation::kAbs, a);
-}
-inline Expression sign(const Expression& a) {
-  return apply(expression::Operation::kSign, a);
-}
+/// Kinks: steps end at these events.
 inline Expression min(const Expression& a, const Expression& b) {
   return apply(expression::Operation::kMin, a, b);
 }

@@ -224,6 +224,9 @@ class Graph {
   /// Derivatives of nodes by index; absent ones are Node{}.
   using Derivatives = std::vector<Node>;
 
+  /// Tells whether one of `nodes` needs an entry of which `is` is true.
+  template <class Is>
+  bool anyReachable(const std::vector<Node>& nodes, Is is) const;
   Node intern(const Entry& entry);
   Node internOperation(Operation operation, Node a, Node b = {}, Node c = {}, Node d = {});
   Node operand(Node node, int position) const { return {entry(node).operands[position]}; }
