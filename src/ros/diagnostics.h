@@ -1,16 +1,14 @@
 /// The simulation's health on /diagnostics (REP 107).
 #pragma once
 
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <ros/node_handle.h>
+
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "ros/health.h"
-
-namespace ros {
-class NodeHandle;
-}
 
 namespace variator_sim {
 
@@ -18,9 +16,8 @@ namespace variator_sim {
 class Diagnostics {
  public:
   /// `constraints`: their names, for the residuals.
-  Diagnostics(const ros::NodeHandle& public_handle, const ros::NodeHandle& private_handle,
+  Diagnostics(ros::NodeHandle public_handle, const ros::NodeHandle& private_handle,
               std::vector<std::string> constraints);
-  ~Diagnostics();
 
   /// Judges the events since the last call, and publishes the result if /diagnostics has
   /// subscribers. The caller calls it once a second.
@@ -28,8 +25,14 @@ class Diagnostics {
               std::uint64_t samples_dropped);
 
  private:
-  class Publisher;
-  std::unique_ptr<Publisher> publisher_;
+  void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
+
+  std::vector<std::string> constraints_;
+  LoopSnapshot snapshot_;
+  HealthCounts now_;
+  Health health_;
+  ros::Publisher listeners_;
+  diagnostic_updater::Updater updater_;
 };
 
 }  // namespace variator_sim

@@ -1,11 +1,12 @@
 /// Settings that dynamic_reconfigure changes while the node runs.
 #pragma once
 
-#include <memory>
+#include <dynamic_reconfigure/server.h>
+#include <variator_sim/VariatorSimConfig.h>
 
-namespace ros {
-class NodeHandle;
-}
+#include <string>
+
+#include "ros/checked_lists.h"
 
 namespace variator_sim {
 
@@ -20,11 +21,19 @@ class LiveSettings {
   /// `handle` is the private one. `follows_clock`: a followed clock sets the pace.
   LiveSettings(const ros::NodeHandle& handle, const NodeSettings& settings, bool follows_clock,
                SteppingLoop& loop);
-  ~LiveSettings();
 
  private:
-  class Server;
-  std::unique_ptr<Server> server_;
+  void change(VariatorSimConfig& config);
+  void change(const char* name, const std::string& fault, const char* unit, double& value,
+              double in_force, void (SteppingLoop::*set)(double));
+
+  std::string name_;
+  bool follows_clock_;
+  double tick_rate_;
+  SteppingLoop& loop_;
+  bool is_set_up_ = false;
+  VariatorSimConfig in_force_;
+  dynamic_reconfigure::Server<VariatorSimConfig> server_;
 };
 
 }  // namespace variator_sim

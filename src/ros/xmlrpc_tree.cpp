@@ -20,9 +20,7 @@ ParameterTree convert(XmlRpc::XmlRpcValue& value, const std::string& path) {
     case XmlRpc::XmlRpcValue::TypeArray: {
       ParameterTree::List list;
       for (int i = 0; i < value.size(); ++i) {
-        std::string element = path;
-        element.append("[").append(std::to_string(i)).append("]");
-        list.push_back(convert(value[i], element));
+        list.push_back(convert(value[i], elementPath(path, static_cast<std::size_t>(i))));
       }
       return ParameterTree::list(std::move(list));
     }
