@@ -13,5 +13,7 @@ std::string findNearestName(const std::string& name, const std::vector<std::stri
 
 /// Returns " (did you mean 'x'?)" for the nearest candidate, or an empty string.
 std::string suggestName(const std::string& name, const std::vector<std::string>& candidates);
+/// Returns the same and "; allowed: x, y", or "; allowed: none".
+std::string suggestAmong(const std::string& name, const std::vector<std::string>& allowed);
 
 }  // namespace variator_sim

@@ -69,6 +69,9 @@ class ParameterTree {
   Value value_;
 };
 
+/// Returns the path of an element of a list, "list[index]".
+std::string elementPath(const std::string& list, std::size_t index);
+
 /// Returns the shortest text that reads back as the same number, for messages.
 std::string formatNumber(double value);
 /// Returns the same, but always a real of YAML ("1.0", "1.0e+20", ".inf").

@@ -16,8 +16,7 @@ void readInputs(ParameterReader& reader, Scene& scene) {
     const auto found = std::find(names.begin(), names.end(), name);
     const std::string path = reader.keyPath("inputs") + "/" + name;
     if (found == names.end()) {
-      throw SceneError(path,
-                       "is no input" + suggestName(name, names) + "; allowed: " + joinNames(names));
+      throw SceneError(path, "is no input" + suggestAmong(name, names));
     }
     CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(found - names.begin())];
     const Range limits = Range::between(input.minimum, input.maximum);

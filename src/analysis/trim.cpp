@@ -121,7 +121,7 @@ const TrimQuantity& Trim::findQuantity(const std::string& name, bool is_fixed) c
     names.push_back(quantity.name);
   }
   throw SceneError("", inQuotes(name) + " cannot be " + (is_fixed ? "fixed" : "free") +
-                           suggestName(name, names) + "; allowed: " + joinNames(names));
+                           suggestAmong(name, names));
 }
 
 std::string Trim::nameOf(int variable) const {

@@ -10,8 +10,7 @@ namespace variator_sim {
 int ComponentContext::indexOf(const std::string& shaft, const std::string& path) const {
   const auto found = std::find(shaft_names_.begin(), shaft_names_.end(), shaft);
   if (found == shaft_names_.end()) {
-    throw SceneError(path, inQuotes(shaft) + " is not a shaft" + suggestName(shaft, shaft_names_) +
-                               "; allowed: " + joinNames(shaft_names_));
+    throw SceneError(path, inQuotes(shaft) + " is not a shaft" + suggestAmong(shaft, shaft_names_));
   }
   return static_cast<int>(found - shaft_names_.begin());
 }
@@ -31,7 +30,7 @@ std::vector<int> ComponentContext::readShafts(const std::string& key, int count)
   }
   std::vector<int> shafts;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const int shaft = indexOf(names[i], path + "[" + std::to_string(i) + "]");
+    const int shaft = indexOf(names[i], elementPath(path, i));
     if (std::find(shafts.begin(), shafts.end(), shaft) != shafts.end()) {
       throw SceneError(path, expected + ", got " + inQuotes(names[i]) + " twice");
     }
@@ -65,9 +64,8 @@ int ComponentContext::useInput(const std::string& name, const std::string& path)
   if (found == symbols_.inputs.end()) {
     std::vector<std::string> names;
     for (const auto& input : symbols_.inputs) names.push_back(input.first);
-    throw SceneError(path, inQuotes(name) + " is not in the list inputs" +
-                               suggestName(name, names) +
-                               "; allowed: " + (names.empty() ? "none" : joinNames(names)));
+    throw SceneError(path,
+                     inQuotes(name) + " is not in the list inputs" + suggestAmong(name, names));
   }
   used_inputs_.insert(found->second);
   return found->second;

@@ -22,7 +22,7 @@ void collect(const ParameterTree& tree, const std::string& path, std::vector<std
     found.push_back(shownPath(path) + " = " + tree.toText());
   }
   for (std::size_t n = 0; n < tree.asList().size(); ++n) {
-    collect(tree.asList()[n], path + "[" + std::to_string(n) + "]", found);
+    collect(tree.asList()[n], elementPath(path, n), found);
   }
   for (const auto& [key, value] : tree.asDictionary()) collect(value, path + "/" + key, found);
 }

@@ -85,4 +85,9 @@ std::string suggestName(const std::string& name, const std::vector<std::string>&
   return nearest.empty() ? std::string() : " (did you mean " + inQuotes(nearest) + "?)";
 }
 
+std::string suggestAmong(const std::string& name, const std::vector<std::string>& allowed) {
+  return suggestName(name, allowed) +
+         "; allowed: " + (allowed.empty() ? "none" : joinNames(allowed));
+}
+
 }  // namespace variator_sim

@@ -12,6 +12,10 @@
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
+std::string elementPath(const std::string& list, std::size_t index) {
+  return list + "[" + std::to_string(index) + "]";
+}
+
 std::string formatNumber(double value) {
   std::array<char, 32> buffer{};
   const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
@@ -158,10 +162,6 @@ void append(const ParameterTree& tree, std::string* text) {
 std::string describe(const ParameterTree& value) {
   if (value.kind() == ParameterTree::Kind::kNothing) return "got nothing";
   return "got " + value.describeKind() + ": " + value.toText();
-}
-
-std::string elementPath(const std::string& path, std::size_t index) {
-  return path + "[" + std::to_string(index) + "]";
 }
 
 void requireKind(ParameterTree::Kind kind, const ParameterTree& value, const std::string& path,
@@ -362,8 +362,8 @@ std::string ParameterReader::choice(const std::string& key,
   requireKind(ParameterTree::Kind::kText, value, keyPath(key), what);
   const std::string& name = value.asText();
   if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
-    throw SceneError(keyPath(key), inQuotes(name) + " is not allowed" + suggestName(name, allowed) +
-                                       "; allowed: " + joinNames(allowed));
+    throw SceneError(keyPath(key),
+                     inQuotes(name) + " is not allowed" + suggestAmong(name, allowed));
   }
   return name;
 }
@@ -424,9 +424,7 @@ void ParameterReader::finish() const {
   const std::vector<std::string> known(known_.begin(), known_.end());
   for (const auto& entry : tree_->asDictionary()) {
     if (known_.count(entry.first) != 0) continue;
-    throw SceneError(keyPath(entry.first),
-                     "unknown key" + suggestName(entry.first, known) +
-                         "; allowed: " + (known.empty() ? "none" : joinNames(known)));
+    throw SceneError(keyPath(entry.first), "unknown key" + suggestAmong(entry.first, known));
   }
 }
 

@@ -150,8 +150,4 @@ SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
   return lists;
 }
 
-std::string elementPath(const std::string& list, std::size_t index) {
-  return list + "[" + std::to_string(index) + "]";
-}
-
 }  // namespace variator_sim

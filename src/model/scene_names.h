@@ -38,7 +38,4 @@ SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
 /// True for ^[A-Za-z][A-Za-z0-9_]*$.
 bool isName(const std::string& name);
 
-/// Returns "list[index]".
-std::string elementPath(const std::string& list, std::size_t index);
-
 }  // namespace variator_sim

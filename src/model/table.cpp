@@ -79,7 +79,7 @@ void checkIncreasing(const std::vector<double>& x, const std::string& path) {
   const auto text = [](double value) { return ParameterTree::real(value).toText(); };
   for (std::size_t k = 1; k < x.size(); ++k) {
     if (x[k] > x[k - 1]) continue;
-    throw SceneError(path + "[" + std::to_string(k) + "]",
+    throw SceneError(elementPath(path, k),
                      text(x[k]) + " does not lie above " + text(x[k - 1]) +
                          " before it; allowed: numbers in strictly increasing order");
   }
@@ -96,9 +96,6 @@ Table Table::read(ParameterReader& reader, const Column& x_column, const Column&
   reader.allow(y_column.key);
   Numbers x = readColumn(reader, x_column, 0);
   Numbers y = readColumn(reader, y_column, x.size());
-  const auto element = [&](const Column& column, std::size_t k) {
-    return reader.keyPath(column.key) + "[" + std::to_string(k) + "]";
-  };
   const auto text = [](double value) { return ParameterTree::real(value).toText(); };
   checkIncreasing(x, reader.keyPath(x_column.key));
   const Derivatives at = calcDerivatives(x, y, beyond);
@@ -109,7 +106,7 @@ Table Table::read(ParameterReader& reader, const Column& x_column, const Column&
     const double limit = 1e150;
     if (h < limit && std::abs(d) < limit && std::abs(at.q[k]) < limit) continue;
     const auto point = [&](std::size_t n) { return text(y[n]) + " at " + text(x[n]); };
-    throw SceneError(element(y_column, k),
+    throw SceneError(elementPath(reader.keyPath(y_column.key), k),
                      point(k) + (k > 0 ? ", after " + point(k - 1) : "") +
                          (k + 1 < x.size() ? ", before " + point(k + 1) : "") +
                          ": the table is too steep or too wide here; allowed: slopes and intervals "

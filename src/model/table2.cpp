@@ -132,7 +132,7 @@ Numbers readAxis(ParameterReader& reader, const char* key) {
   checkIncreasing(x, reader.keyPath(key));
   for (std::size_t k = 1; k < x.size(); ++k) {
     if (x[k] - x[k - 1] < 1e100 && x[k] - x[k - 1] > 1e-100) continue;
-    throw SceneError(reader.keyPath(key) + "[" + std::to_string(k) + "]",
+    throw SceneError(elementPath(reader.keyPath(key), k),
                      formatNumber(x[k]) + " behind " + formatNumber(x[k - 1]) +
                          "; allowed: intervals from 1e-100 to 1e100");
   }
@@ -157,14 +157,14 @@ std::vector<Numbers> readRows(ParameterReader& reader, const Table2::Keys& keys,
   }
   std::vector<Numbers> z;
   for (std::size_t i = 0; i < rows; ++i) {
-    const std::string row_path = path + "[" + std::to_string(i) + "]";
+    const std::string row_path = elementPath(path, i);
     const ParameterTree& row = list->asList()[i];
     if (size_of(row) != columns) {
       throw SceneError(row_path, row.toText() + "; expected " + expected);
     }
     Numbers numbers;
     for (std::size_t j = 0; j < columns; ++j) {
-      const std::string element = row_path + "[" + std::to_string(j) + "]";
+      const std::string element = elementPath(row_path, j);
       numbers.push_back(
           ParameterReader::toNumber(row.asList()[j], element, Range::between(-1e100, 1e100)));
     }

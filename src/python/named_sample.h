@@ -69,8 +69,7 @@ struct SampleNames {
     double value;
     if (read(sample, column.ptr(), &value)) return value;
     const auto name = py::str(column).attr("encode")("utf-8", "replace").cast<std::string>();
-    throw py::key_error(inQuotes(name) + " is no column of a sample" + suggestName(name, names) +
-                        "; allowed: " + joinNames(names));
+    throw py::key_error(inQuotes(name) + " is no column of a sample" + suggestAmong(name, names));
   }
 
   std::vector<std::string> names;  ///< of the state's columns

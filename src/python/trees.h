@@ -76,7 +76,7 @@ class TreeReader {
     if (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) {
       ParameterTree::List list;
       for (const py::handle item : value) {
-        list.push_back(read(item, path + "[" + std::to_string(list.size()) + "]", depth + 1));
+        list.push_back(read(item, elementPath(path, list.size()), depth + 1));
       }
       return ParameterTree::list(std::move(list));
     }

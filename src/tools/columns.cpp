@@ -38,7 +38,7 @@ ColumnGroups readColumnGroups(const std::string& list) {
     const std::string name = list.substr(begin, end - begin);
     if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
       throw std::invalid_argument(inQuotes(name) + " is no group of columns" +
-                                  suggestName(name, allowed) + "; allowed: " + joinNames(allowed));
+                                  suggestAmong(name, allowed));
     }
     if (is_wanted(name)) throw std::invalid_argument(inQuotes(name) + " is given twice");
     wanted.push_back(name);
