@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <map>
-#include <set>
 #include <utility>
 
 namespace variator_sim {
@@ -16,7 +15,6 @@ using expression::makeSum;
 using expression::makeSymbol;
 using expression::Node;
 using expression::Operation;
-using expression::slotOf;
 using expression::Source;
 using expression::Symbol;
 using expression::TermPtr;
@@ -108,11 +106,7 @@ class Writer {
 
   // ------------------------------------------------------------------------------------- symbols
   TermPtr shaft(Source of, int i) const { return makeSymbol(shaftWords(scene_, of, i)); }
-  Symbol shaftSymbol(const char* text, const char* latex, int i) const {
-    const std::string& name = scene_.shafts[static_cast<std::size_t>(i)];
-    return {text + ("_" + name), latex + ("_{" + latexName(name) + "}")};
-  }
-  Symbol inertiaSymbol(int i) const { return shaftSymbol("J", "J", i); }
+  Symbol inertiaSymbol(int i) const { return shaftWords(scene_, "J", "J", i); }
 
   /// Returns Q_motor, or Q_clutch_a for an element with several shafts.
   Symbol torqueSymbol(const Torque& torque, int i) const {
@@ -353,8 +347,8 @@ class Writer {
   /// (J^-1 R)/2.
   void addInertialTorque(int i, bool has_rates, std::vector<TermPtr>& right) const {
     const Symbol J = inertiaSymbol(i);
-    const TermPtr first = makeSymbol({J.text + "'", J.latex + "'"});
-    const TermPtr second = makeSymbol({J.text + "''", J.latex + "''"});
+    const TermPtr first = makeSymbol(withPrime(J));
+    const TermPtr second = makeSymbol(withPrime(withPrime(J)));
     const TermPtr w = shaft(Source::kVelocity, i);
     const TermPtr w2 = makeProduct(w, w);
     const auto add = [&](double factor, const TermPtr& a, const TermPtr& b) {
@@ -366,13 +360,7 @@ class Writer {
     }
     add(-2.0, makeProduct(first, w), shaft(Source::kAcceleration, i));
     add(-0.5, second, makeProduct(w2, w));
-    add(0.5, makeProduct(first, w), makeSymbol(freeAcceleration(i)));
-  }
-
-  /// (J^-1 R)_i
-  Symbol freeAcceleration(int i) const {
-    const std::string& name = scene_.shafts[static_cast<std::size_t>(i)];
-    return {"(J^-1 R)_" + name, "(J^{-1} R)_{" + latexName(name) + "}"};
+    add(0.5, makeProduct(first, w), makeSymbol(shaftWords(scene_, "(J^-1 R)", "(J^{-1} R)", i)));
   }
 
   void tellOfInertia(bool has_rates) {

@@ -189,20 +189,21 @@ Words plainWords(const std::string& text) {
   return {text, latex};
 }
 
-Words shaftWords(const Scene& scene, Source of, int shaft) {
+Words shaftWords(const Scene& scene, const char* text, const char* latex, int shaft) {
   const std::string& name = scene.shafts[static_cast<std::size_t>(shaft)];
-  const auto words = [&](const char* text, const char* latex) {
-    return Words{text + ("_" + name), latex + ("_{" + latexName(name) + "}")};
-  };
+  return {text + ("_" + name), latex + ("_{" + latexName(name) + "}")};
+}
+
+Words shaftWords(const Scene& scene, Source of, int shaft) {
   switch (of) {
     case Source::kAngle:
-      return words("phi", "\\varphi");
+      return shaftWords(scene, "phi", "\\varphi", shaft);
     case Source::kVelocity:
-      return words("w", "\\omega");
+      return shaftWords(scene, "w", "\\omega", shaft);
     case Source::kAcceleration:
-      return words("e", "\\varepsilon");
+      return shaftWords(scene, "e", "\\varepsilon", shaft);
     default:
-      return words("j", "\\eta");
+      return shaftWords(scene, "j", "\\eta", shaft);
   }
 }
 
@@ -227,23 +228,22 @@ std::vector<Words> describeThings(const Scene& scene, const Names& names,
                          "$" + name.latex + arguments + "$: " + words.latex});
   };
   const Graph& graph = *scene.graph;
-  const std::vector<bool> reachable = graph.findReachable(nodes);
-  for (int i = 0; i < scene.inputCount(); ++i) {
-    const Symbol& name = names.variables.at(slotOf(Source::kInput, i));
-    for (const Node node : nodes) {
-      if (!graph.dependsOn(node, slotOf(Source::kInput, i)) &&
-          !graph.dependsOn(node, slotOf(Source::kInputRate, i)) &&
-          !graph.dependsOn(node, slotOf(Source::kInputSecondRate, i))) {
-        continue;
-      }
-      describe(name, "", describeInput(scene.inputs[static_cast<std::size_t>(i)]));
-      break;
-    }
+  const std::vector<int> reachable = graph.listReachable(nodes);
+  std::set<int> read;
+  for (const int n : reachable) {
+    const Graph::Entry& entry = graph.entry({n});
+    const bool is_input = entry.operation == Operation::kVariable &&
+                          expression::sourceOf(entry.slot) >= Source::kInput &&
+                          expression::sourceOf(entry.slot) <= Source::kInputSecondRate;
+    if (is_input) read.insert(expression::indexOf(entry.slot));
+  }
+  for (const int i : read) {
+    describe(names.variables.at(slotOf(Source::kInput, i)), "",
+             describeInput(scene.inputs[static_cast<std::size_t>(i)]));
   }
   const std::size_t inputs = known.size();
-  for (std::size_t n = 0; n < reachable.size(); ++n) {
-    if (!reachable[n]) continue;
-    const Graph::Entry& entry = graph.entry({static_cast<int>(n)});
+  for (const int n : reachable) {
+    const Graph::Entry& entry = graph.entry({n});
     if (entry.operation == Operation::kTable) {
       describe(names.tables.at(entry.slot), "(x)", describePoints(*graph.tableOf(entry)));
     } else if (entry.operation == Operation::kTable2) {

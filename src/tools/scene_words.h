@@ -16,7 +16,9 @@ using Words = expression::Symbol;
 /// Returns words without formulas, escaped for LaTeX.
 Words plainWords(const std::string& text);
 
-/// w_drive and the like.
+/// Returns a symbol with the shaft's name as its index.
+Words shaftWords(const Scene& scene, const char* text, const char* latex, int shaft);
+/// Returns w_drive and the like.
 Words shaftWords(const Scene& scene, expression::Source of, int shaft);
 
 /// Returns the names of the formulas' variables, tables and, by the outputs of elements, terms.
