@@ -12,6 +12,7 @@
 
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -50,8 +51,10 @@ class LawContext {
   Shaft shaftAt(int index);
 
   /// Returns a number in `range`, constant during a run.
-  double number(const std::string& key, Range range = Range::any());
-  double number(const std::string& key, Range range, double default_value);
+  double number(const std::string& key, Range range = Range::any(),
+                std::optional<double> default_value = {}) {
+    return parameters().number(key, range, default_value);
+  }
 
   /// Returns a quantity in `range` that may change during a run:
   ///     ratio: 0.6
@@ -61,12 +64,13 @@ class LawContext {
   ///     ratio: {input: NAME}                               # one of the scene's `inputs`
   /// Numbers, tables and commanded values are checked against `range`; of a formula only its
   /// constants can be.
-  Expression quantity(const std::string& key, Range range = Range::any());
-  Expression quantity(const std::string& key, Range range, double default_value);
+  Expression quantity(const std::string& key, Range range = Range::any(),
+                      std::optional<double> default_value = {}) {
+    return quantity(parameters(), key, range, default_value);
+  }
   /// Reads the quantity from a dictionary of the law.
-  Expression quantity(ParameterReader& section, const std::string& key, Range range);
   Expression quantity(ParameterReader& section, const std::string& key, Range range,
-                      double default_value);
+                      std::optional<double> default_value = {});
   /// Returns the input that the law's own keys `topic`, `hold`, .. declare (command_input.h).
   Expression command();
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -114,19 +115,18 @@ class ParameterReader {
   /// True when the value at `key` is a number, be it as a text.
   bool isNumber(const std::string& key) const;
 
-  double number(const std::string& key, Range range = Range::any());
-  double number(const std::string& key, Range range, double default_value);
-  int integer(const std::string& key, int minimum, int maximum);
-  int integer(const std::string& key, int minimum, int maximum, int default_value);
+  // A key without a `default_value` is required.
+  double number(const std::string& key, Range range = Range::any(),
+                std::optional<double> default_value = {});
+  int integer(const std::string& key, int minimum, int maximum,
+              std::optional<int> default_value = {});
   bool boolean(const std::string& key, bool default_value);
-  std::string text(const std::string& key);
-  std::string text(const std::string& key, const std::string& default_value);
+  std::string text(const std::string& key, const std::optional<std::string>& default_value = {});
   /// Reads a formula: a text, or a number taken as its text with full precision.
   std::string formula(const std::string& key);
   /// Reads a text out of `allowed`.
-  std::string choice(const std::string& key, const std::vector<std::string>& allowed);
   std::string choice(const std::string& key, const std::vector<std::string>& allowed,
-                     const std::string& default_value);
+                     const std::optional<std::string>& default_value = {});
   /// Reads a list of exactly `size` numbers.
   std::vector<double> numbers(const std::string& key, std::size_t size, Range range = Range::any());
   /// Reads a list of texts; an absent key or nothing gives an empty list.

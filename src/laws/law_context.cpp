@@ -37,30 +37,10 @@ std::vector<Shaft> LawContext::shafts(const std::string& key, int count) {
   return shafts;
 }
 
-double LawContext::number(const std::string& key, Range range) {
-  return parameters().number(key, range);
-}
-
-double LawContext::number(const std::string& key, Range range, double default_value) {
-  return parameters().number(key, range, default_value);
-}
-
-Expression LawContext::quantity(const std::string& key, Range range) {
-  return readQuantity(context_, parameters(), key, range);
-}
-
-Expression LawContext::quantity(const std::string& key, Range range, double default_value) {
-  return quantity(parameters(), key, range, default_value);
-}
-
-Expression LawContext::quantity(ParameterReader& section, const std::string& key, Range range) {
-  return readQuantity(context_, section, key, range);
-}
-
 Expression LawContext::quantity(ParameterReader& section, const std::string& key, Range range,
-                                double default_value) {
-  return section.has(key) ? quantity(section, key, range)
-                          : Expression(section.number(key, range, default_value));
+                                std::optional<double> default_value) {
+  if (!default_value || section.has(key)) return readQuantity(context_, section, key, range);
+  return section.number(key, range, default_value);
 }
 
 Expression LawContext::command() {

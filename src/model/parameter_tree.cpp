@@ -291,19 +291,17 @@ double ParameterReader::toNumber(const ParameterTree& value, const std::string& 
   return noteNumber(path, number);
 }
 
-double ParameterReader::number(const std::string& key, Range range) {
+double ParameterReader::number(const std::string& key, Range range,
+                               std::optional<double> default_value) {
+  if (raw(key) == nullptr && default_value) return noteNumber(keyPath(key), *default_value);
   const bool any = range.toText() == Range::any().toText();
   const std::string what = any ? "a number" : "a number " + range.toText();
   return toNumber(require(key, what), keyPath(key), range);
 }
 
-double ParameterReader::number(const std::string& key, Range range, double default_value) {
-  const ParameterTree* value = raw(key);
-  if (value == nullptr) return noteNumber(keyPath(key), default_value);
-  return toNumber(*value, keyPath(key), range);
-}
-
-int ParameterReader::integer(const std::string& key, int minimum, int maximum) {
+int ParameterReader::integer(const std::string& key, int minimum, int maximum,
+                             std::optional<int> default_value) {
+  if (raw(key) == nullptr && default_value) return *default_value;
   const std::string what =
       "an integer from " + std::to_string(minimum) + " to " + std::to_string(maximum);
   const ParameterTree& value = require(key, what);
@@ -321,10 +319,6 @@ int ParameterReader::integer(const std::string& key, int minimum, int maximum) {
   return static_cast<int>(number);
 }
 
-int ParameterReader::integer(const std::string& key, int minimum, int maximum, int default_value) {
-  return raw(key) == nullptr ? default_value : integer(key, minimum, maximum);
-}
-
 bool ParameterReader::boolean(const std::string& key, bool default_value) {
   const ParameterTree* value = raw(key);
   if (value == nullptr) return default_value;
@@ -332,13 +326,10 @@ bool ParameterReader::boolean(const std::string& key, bool default_value) {
   return value->asBoolean();
 }
 
-std::string ParameterReader::text(const std::string& key) {
+std::string ParameterReader::text(const std::string& key,
+                                  const std::optional<std::string>& default_value) {
+  if (raw(key) == nullptr && default_value) return *default_value;
   return requireText(require(key, "a text"), keyPath(key));
-}
-
-std::string ParameterReader::text(const std::string& key, const std::string& default_value) {
-  const ParameterTree* value = raw(key);
-  return value == nullptr ? default_value : requireText(*value, keyPath(key));
 }
 
 std::string ParameterReader::formula(const std::string& key) {
@@ -355,8 +346,9 @@ std::string ParameterReader::formula(const std::string& key) {
   }
 }
 
-std::string ParameterReader::choice(const std::string& key,
-                                    const std::vector<std::string>& allowed) {
+std::string ParameterReader::choice(const std::string& key, const std::vector<std::string>& allowed,
+                                    const std::optional<std::string>& default_value) {
+  if (raw(key) == nullptr && default_value) return *default_value;
   const std::string what = "one of " + joinNames(allowed);
   const ParameterTree& value = require(key, what);
   requireKind(ParameterTree::Kind::kText, value, keyPath(key), what);
@@ -366,11 +358,6 @@ std::string ParameterReader::choice(const std::string& key,
                      inQuotes(name) + " is not allowed" + suggestAmong(name, allowed));
   }
   return name;
-}
-
-std::string ParameterReader::choice(const std::string& key, const std::vector<std::string>& allowed,
-                                    const std::string& default_value) {
-  return raw(key) == nullptr ? default_value : choice(key, allowed);
 }
 
 std::vector<double> ParameterReader::numbers(const std::string& key, std::size_t size,
