@@ -1,5 +1,6 @@
-// Compiles nodes to a Tape: one instruction for each node that is needed, operands first. A
-// register is free again after the last reader of its value.
+// Compiles nodes to a Tape, operands first. A sum, product, ... with a single reader joins the
+// reader's instruction; the roundings remain those of separate operations. A register is free again
+// after the last reader of its value.
 #include <algorithm>
 #include <array>
 #include <iterator>
