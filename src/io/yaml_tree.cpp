@@ -224,8 +224,9 @@ class Converter {
     return own;
   }
 
-  /// `<<: mapping` or `<<: [mapping, ...]`, of which earlier ones win.
-  void merge(const YAML::Node& node, int depth, ParameterTree::Dictionary* merged) {
+  /// Merges `<<: mapping` or `<<: [mapping, ...]`, of which earlier ones win.
+  void merge(const YAML::Node& node, int depth, ParameterTree::Dictionary* merged,
+             bool is_element = false) {
     if (depth > kDeepestNesting) {
       throw error(node.Mark(), "nested more than " + std::to_string(kDeepestNesting) + " deep");
     }
@@ -234,16 +235,12 @@ class Converter {
       merged->merge(values);
       return;
     }
-    if (!node.IsSequence()) {
-      throw error(node.Mark(), "expected a mapping or a list of mappings to merge by '<<'");
+    if (is_element || !node.IsSequence()) {
+      throw error(node.Mark(), std::string("expected a mapping") +
+                                   (is_element ? "" : " or a list of mappings") +
+                                   " to merge by '<<'");
     }
-    for (const YAML::Node& element : node) {
-      if (!element.IsMap()) {
-        throw error(element.Mark(), "expected a mapping to merge by '<<'");
-      }
-      ParameterTree::Dictionary values = convertMap(element, depth + 1);
-      merged->merge(values);
-    }
+    for (const YAML::Node& element : node) merge(element, depth, merged, true);
   }
 
   std::string source_name_;
