@@ -154,8 +154,10 @@ class TermMaker {
     std::vector<TermPtr> arguments;
     arguments.reserve(4);
     for (int p = 0; p < operandCount(entry.operation); ++p) arguments.push_back(operand(p));
-    const Function& function = *findFunction(entry.operation);
-    return makeCall({function.name, function.latex}, std::move(arguments));
+    // An opaque function has no name.
+    const Function* const function = findFunction(entry.operation);
+    return makeCall(function == nullptr ? Symbol{} : Symbol{function->name, function->latex},
+                    std::move(arguments));
   }
 
   const Graph& graph_;
