@@ -1,7 +1,5 @@
 #include "variator_sim/expression/state_derivatives.h"
 
-#include <stdexcept>
-
 #include "model/central_difference.h"
 
 namespace variator_sim::expression {
@@ -34,12 +32,9 @@ std::vector<Node> StateDerivatives::nodesOf(const std::vector<Entry>& entries) {
 StateDerivatives::StateDerivatives(Graph& graph, const std::vector<Node>& nodes, int shaft_count)
     : shaft_count_(shaft_count) {
   if (std::optional<std::vector<Entry>> exact = list(graph, nodes, shaft_count)) {
-    try {
-      tape_ = Tape(graph, nodesOf(*exact));
-      entries_ = std::move(*exact);
-      return;
-    } catch (const std::length_error&) {  // beyond the limit of Tape
-    }
+    tape_ = Tape(graph, nodesOf(*exact));
+    entries_ = std::move(*exact);
+    return;
   }
   are_differences_ = true;
   tape_ = Tape(graph, nodes);

@@ -44,7 +44,7 @@ class TapeBuilder {
                                     nodes_.begin());
   }
   std::size_t operand(std::size_t i, int k) const { return placeOf(entry(i).operands[k]); }
-  static std::uint16_t toField(int value) { return static_cast<std::uint16_t>(value); }
+  static std::uint32_t toField(int value) { return static_cast<std::uint32_t>(value); }
 
   int newRegister() {
     if (!free_registers_.empty()) {
@@ -52,13 +52,10 @@ class TapeBuilder {
       free_registers_.pop_back();
       return free_register;
     }
-    if (tape_.registers_.size() > 0xFFFFU) {
-      throw std::length_error("the formula is too large: more than 65536 values at a time");
-    }
     tape_.registers_.push_back(0.0);
     return static_cast<int>(tape_.registers_.size()) - 1;
   }
-  std::uint16_t allocate(std::size_t i) {
+  std::uint32_t allocate(std::size_t i) {
     register_of_[i] = output_of_[i] >= 0 ? output_of_[i] : newRegister();
     return toField(register_of_[i]);
   }
@@ -77,7 +74,7 @@ class TapeBuilder {
 
   void allocateLeaf(std::size_t i) {
     const Graph::Entry& it = entry(i);
-    const std::uint16_t to = allocate(i);
+    const std::uint32_t to = allocate(i);
     if (it.operation == Operation::kConstant) {
       tape_.registers_[to] = it.value;
       ++readers_[i];  // never freed: filled in once
@@ -173,7 +170,7 @@ class TapeBuilder {
   /// Completes the instruction of a sine or cosine, computed first, with the other one.
   void addCosine(std::size_t i, Tape::Instruction& instruction) {
     const std::vector<std::size_t>& both = together_.at(keyOf(entry(i)));
-    const std::uint16_t other = allocate(both[0] == i ? both[1] : both[0]);
+    const std::uint32_t other = allocate(both[0] == i ? both[1] : both[0]);
     instruction.operands[1] = other;
     if (entry(i).operation == Operation::kCos) {
       std::swap(instruction.result, instruction.operands[1]);
@@ -193,7 +190,6 @@ class TapeBuilder {
     for (const std::size_t result : isShared(it) ? together_.at(keyOf(it)) : value) {
       call.results[entry(result).order[0]] = allocate(result);
     }
-    if (tape_.calls_.size() > 0xFFFFU) throw std::length_error("more than 65536 opaque functions");
     instruction.index = toField(static_cast<int>(tape_.calls_.size()));
     tape_.calls_.push_back(std::move(call));
     tape_.program_.push_back(instruction);

@@ -41,8 +41,7 @@ constexpr int indexOf(int slot) {
 class Tape {
  public:
   Tape() = default;
-  /// Throws std::invalid_argument for a variable that no StateView holds, std::length_error when
-  /// the program would need more than 65536 registers.
+  /// Throws std::invalid_argument for a variable that no StateView holds.
   Tape(const Graph& graph, const std::vector<Node>& outputs);
 
   int outputCount() const { return output_count_; }
@@ -88,20 +87,20 @@ class Tape {
     std::uint8_t code;      ///< of codeOf; kVariable copies one output to another
     std::uint8_t order[2];  ///< of a table's derivative; of kPower 1 if the exponent is a constant,
                             ///< of kSin 1 if its second operand receives the cosine
-    std::uint16_t result;
-    std::uint16_t operands[4];
-    std::uint16_t index;  ///< of a table or a call
+    std::uint32_t result;
+    std::uint32_t operands[4];
+    std::uint32_t index;  ///< of a table or a call
   };
   /// An opaque function: its value, or the derivatives that the program needs.
   struct Call {
     std::shared_ptr<const OpaqueFunction> function;
-    std::uint16_t arguments[OpaqueFunction::kMostArguments];  ///< registers
+    std::uint32_t arguments[OpaqueFunction::kMostArguments];  ///< registers
     /// Registers of the value, then of the derivatives by each argument; -1 if not needed.
     int results[1 + OpaqueFunction::kMostArguments];
   };
   struct Load {
-    std::uint16_t to;
-    std::uint16_t index;
+    std::uint32_t to;
+    std::uint32_t index;
     Source source;
   };
 
