@@ -277,6 +277,26 @@ TEST(OtherSteppers, MissNoBumpBetweenValuesThatCoverItsRange) {
   }
 }
 
+// A motion that starts on the top of a bump of Q(omega), where the linearization is stiff, leaves
+// it at once: omega' = 1 + 800 exp(-((omega - 1)/1e-3)^2) is 1 behind it.
+TEST(OtherSteppers, LeaveTheTopOfABump) {
+  for (const double tolerance : {1e-3, 1e-4, 1e-5, 1e-6}) {
+    for (const double width : {1e-2, 1e-3, 3e-4, 1e-4}) {
+      const Scene scene = test::sceneFromText(
+          "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
+          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1+800*exp(-((w1-1)/" +
+          std::to_string(width) + ")^2)\"}\ninitial: {velocity: [1]}\n");
+      for (const StepperKind stepper : {StepperKind::kRadau, StepperKind::kAuto}) {
+        Simulation simulation(test::withStepper(test::withTolerance(scene, tolerance), stepper));
+        ASSERT_TRUE(simulation.advanceTo(1.0).ok());
+        // omega has risen by a few widths at once
+        EXPECT_NEAR(simulation.sample().velocity[0], 2.0, 4.0 * width + 100.0 * tolerance)
+            << tolerance << ' ' << width << ' ' << toString(stepper);
+      }
+    }
+  }
+}
+
 // Bumps of a width h, far narrower than any step that does not know of them, wherever in a step
 // they come: an argument that turns in the last eighth of one, or at a value that no double of its
 // size tells from others; 1/cosh of an argument that passes 0 without turning, and is infinite on

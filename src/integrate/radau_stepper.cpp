@@ -153,7 +153,7 @@ class RadauStepper final : public Stepper {
   template <std::size_t kStages>
   double stepBy(System& system, const StepNode& from, double h, State& x_new, bool is_repeated) {
     constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-    predictStages<kStages>(from, h, is_repeated);
+    const bool is_predicted = predictStages<kStages>(from, h, is_repeated);
     has_converged_ = false;
     if (!linearization_.factor(h / method_->real())) return kNaN;
     for (int p = 0; p < method_->pairs(); ++p) {
@@ -162,7 +162,7 @@ class RadauStepper final : public Stepper {
     noteRounding(from, h);
     noteLimits(from);
     weighCorrections(from);
-    has_converged_ = findStages<kStages>(system, from, h);
+    has_converged_ = findStages<kStages>(system, from, h, is_predicted);
     if (!has_converged_) return kNaN;
     for (int n = 0; n < size_; ++n) x_new[n] = from.x[n] + Z_[kStages - 1][n];
     end_ = from.time + h;
@@ -172,9 +172,9 @@ class RadauStepper final : public Stepper {
   }
 
   /// Stages from the polynomial of the last step that ends here, or of a longer one from here that
-  /// was refused; else none. Leaves no polynomial.
+  /// was refused: true; else none. Leaves no polynomial.
   template <std::size_t kStages>
-  void predictStages(const StepNode& from, double h, bool is_repeated) {
+  bool predictStages(const StepNode& from, double h, bool is_repeated) {
     const bool goes_on = end_ == from.time && h <= kFarthest * step_;
     const bool is_known = goes_on || (is_repeated && !std::isnan(end_));
     const RadauMethod& last = *method_;
@@ -182,7 +182,7 @@ class RadauStepper final : public Stepper {
     end_ = std::numeric_limits<double>::quiet_NaN();
     if (!is_known) {
       for (std::size_t i = 0; i < kStages; ++i) Z_[i].fill(0.0);
-      return;
+      return false;
     }
     const auto s = static_cast<std::size_t>(last.stages());
     for (std::size_t i = 0; i < s; ++i) last_stages_[i] = Z_[i];
@@ -193,6 +193,7 @@ class RadauStepper final : public Stepper {
       if (goes_on) weights[s - 1] -= 1.0;
       combine(s, weights, last_stages_, Z_[i]);
     }
+    return true;
   }
 
   /// Computes the stages' defects: f - h^-1 A^-1 Z of the upper rows, minus the residual in the
@@ -262,8 +263,10 @@ class RadauStepper final : public Stepper {
   /// Simplified Newton iterations on the stages, left where the step is hopeless (`refused_`).
   /// False when they do not converge.
   template <std::size_t kStages>
-  bool findStages(System& system, const StepNode& from, double h) {
+  bool findStages(System& system, const StepNode& from, double h, bool is_predicted) {
     constexpr int kMaxIterations = 10;
+    constexpr double kUlps = 64.0 * kEpsilon;
+    double first = 0.0;
     double previous = 0.0;
     ++quick_steps_;
     refused_ = 0.0;
@@ -277,13 +280,19 @@ class RadauStepper final : public Stepper {
       if (iteration == 0) {
         // A prediction this good needs no second look.
         if (size <= 1e-3) return true;
+        first = size;
       } else {
         double rate = size / previous;
-        // The first correction of stages that start from nothing is mostly the predictor that they
-        // lack: the rate that it leads to says too little of the next one.
+        // The first correction of stages that start from nothing is the predictor that they lack:
+        // the rate that it leads to says nothing of the next one. At the top of a bump of Q the
+        // matrix may be far stiffer than where the stages lie: all further corrections are small,
+        // and as large as the one before, more than rounding.
+        const bool is_rate_known = is_predicted || iteration > 1;
+        const bool creeps = !is_predicted && std::abs(rate - 1.0) < 0.01 &&
+                            size > std::max(first, largest_) * kUlps;
         if (iteration == 1) rate = std::max(rate, kFirstRate);
-        if (rate >= 0.99) return size <= 1.0;
-        if (rate / (1.0 - rate) * size <= 1.0) return true;
+        if (rate >= 0.99) return size <= 1.0 && !creeps;
+        if (is_rate_known && rate / (1.0 - rate) * size <= 1.0) return true;
         // The first rate still has the error of the prediction in it.
         const int rest = kMaxIterations - 1 - iteration;
         if (iteration > 2 && std::pow(rate, rest) / (1.0 - rate) * size > 1.0) return false;
@@ -392,6 +401,7 @@ class RadauStepper final : public Stepper {
   /// torque is integrated by its rate, and a step that loses some of it has lost it for good.
   void weighCorrections(const StepNode& from) {
     const auto& answer = linearization_.block(size_ / S - 1);
+    largest_ = 0.0;
     forEachComponent(0, size_, [&](int n) {
       double allowed = std::min(tolerance_.of(from.x[n]), limit_[n]);
       if (keeps_psi_ && size_ == 3 * S && n >= S && n < 2 * S) {
@@ -401,6 +411,7 @@ class RadauStepper final : public Stepper {
         }
       }
       newton_weight_[n] = 1.0 / (kNewton * allowed + rounding_[n]);
+      largest_ = std::max(largest_, std::abs(from.x[n]) * newton_weight_[n]);
     });
   }
   /// The slope at the beginning has the roundings of all stages in it, each with a weight of about
@@ -473,6 +484,8 @@ class RadauStepper final : public Stepper {
   State rounding_;
   State limit_;
   State newton_weight_;
+  double largest_ = 0.0;  // component of x, weighed so
+
   Stages f_;      // x_{l+1} - x_l'; minus the residual in the last rows
   Stages parts_;  // of a correction, along the eigenvectors
   Stages Z_;      // what the stages have moved
