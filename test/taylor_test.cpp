@@ -297,6 +297,26 @@ TEST(OtherSteppers, LeaveTheTopOfABump) {
   }
 }
 
+// A bump that is no more than the pulse between two edges in time begins with nothing, and its
+// steps are shorter than those before: its end is no event that rejected steps have met. The
+// impulse of (1 - z^2)^5 for |z| < 1 is 512/693 for each unit of z, 2 of them.
+TEST(OtherSteppers, MissNoBumpBetweenEdges) {
+  const Scene scene = test::sceneFromText(
+      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
+      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
+      "\"2e5*if(((t-1.402)/5e-6)^2<1,(1-((t-1.402)/5e-6)^2)^5,0)\"}\ninitial: {velocity: [1]}\n");
+  for (const double tolerance : {1e-5, 1e-8, 1e-11}) {
+    for (const StepperKind stepper : {StepperKind::kTaylor, StepperKind::kDopri5,
+                                      StepperKind::kFehlberg78, StepperKind::kRadau}) {
+      Simulation simulation(test::withStepper(test::withTolerance(scene, tolerance), stepper));
+      ASSERT_TRUE(simulation.advanceTo(2.0).ok()) << toString(stepper);
+      EXPECT_NEAR(simulation.sample().velocity[0], 1.0 + 2e5 * 5e-6 * 512.0 / 693.0,
+                  1e-8 + 10.0 * tolerance)
+          << tolerance << ' ' << toString(stepper);
+    }
+  }
+}
+
 // Bumps of a width h, far narrower than any step that does not know of them, wherever in a step
 // they come: an argument that turns in the last eighth of one, or at a value that no double of its
 // size tells from others; 1/cosh of an argument that passes 0 without turning, and is infinite on

@@ -122,7 +122,7 @@ bool EventCrossing::stepAcross() {
   narrow(event, resolution);
   // (A rounding before the event the torque may be that behind it.)
   const double shy_of_it = std::min(kShyOfIt * event.before, event.before - resolution);
-  if (shy_of_it > 0.0 && !isSeriesGood(shy_of_it)) {
+  if (shy_of_it > 0.0 && !isSeriesGoodUpTo(shy_of_it)) {
     end_ = start_;
     return false;
   }
@@ -163,7 +163,7 @@ bool EventCrossing::goToSegmentEnd() {
   const double length = drivetrain_.inputSegmentEnd() - start_.time;
   const double shy_of_it = 0.999 * length;
   next_ = NextEvent{};
-  if (!isSeriesGood(shy_of_it)) {
+  if (!isSeriesGoodUpTo(shy_of_it)) {
     end_ = start_;
     return false;
   }
@@ -179,6 +179,13 @@ bool EventCrossing::goToSegmentEnd() {
   }
   is_end_on_event_ = true;
   ++step_.statistics.steps;
+  return true;
+}
+
+bool EventCrossing::isSeriesGoodUpTo(double length) {
+  for (const double part : {1.0, 0.5, 0.236, 0.764}) {
+    if (!isSeriesGood(part * length)) return false;
+  }
   return true;
 }
 

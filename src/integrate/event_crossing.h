@@ -99,6 +99,8 @@ class EventCrossing : private StepPart {
   /// Whether the series from the start is good up to `length` from there, still on its branch: the
   /// rate of the velocities there is what it says, within the tolerance that they make of it.
   bool isSeriesGood(double length);
+  /// The same at points before it, too: a bump on the way, which is 0 at both ends, shows there.
+  bool isSeriesGoodUpTo(double length);
 
   /// Moves the end, where x is about to be that of the other side of an event, `late` s behind it:
   /// projection, jumps, derivative.
