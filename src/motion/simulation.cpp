@@ -9,6 +9,7 @@
 
 #include "motion/motion.h"
 #include "motion/stop_message.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 
@@ -208,6 +209,10 @@ bool Simulation::loadMachineCode(bool compile, bool patiently) {
   if (motion.has_machine_code) return true;
   if (solver.machine_code == MachineCode::kNever) {
     motion.machine_code = "the interpreter: 'solver/machine_code' is 'never'";
+    return false;
+  }
+  if (Interruption::isWanted()) {  // the C of the formulas is not even written
+    motion.machine_code = "the interpreter: it was interrupted";
     return false;
   }
   const auto begin = std::chrono::steady_clock::now();
