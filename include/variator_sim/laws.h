@@ -31,10 +31,12 @@
 
 namespace variator_sim {
 
+// NOLINTBEGIN(bugprone-macro-parentheses): names of classes
 #define VARIATOR_SIM_LAW(name, Base)        \
   class name : public Base {                \
     void build(LawContext& scene) override; \
   };
+// NOLINTEND(bugprone-macro-parentheses)
 #define VARIATOR_SIM_CONSTRAINT(name) VARIATOR_SIM_LAW(name, Constraint)
 #define VARIATOR_SIM_TORQUE(name) VARIATOR_SIM_LAW(name, Torque)
 VARIATOR_SIM_CONSTRAINTS(VARIATOR_SIM_CONSTRAINT)

@@ -24,7 +24,9 @@ void collect(const ParameterTree& tree, const std::string& path, std::vector<std
   for (std::size_t n = 0; n < tree.asList().size(); ++n) {
     collect(tree.asList()[n], elementPath(path, n), found);
   }
-  for (const auto& [key, value] : tree.asDictionary()) collect(value, path + "/" + key, found);
+  for (const auto& [key, value] : tree.asDictionary()) {
+    collect(value, std::string(path).append("/").append(key), found);
+  }
 }
 
 }  // namespace
