@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "model/interrupted.h"
 #include "motion/motion.h"
 #include "motion/stop_message.h"
-#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 
@@ -211,14 +211,15 @@ bool Simulation::loadMachineCode(bool compile, bool patiently) {
     motion.machine_code = "the interpreter: 'solver/machine_code' is 'never'";
     return false;
   }
-  if (Interruption::isWanted()) {  // the C of the formulas is not even written
-    motion.machine_code = "the interpreter: it was interrupted";
-    return false;
-  }
   const auto begin = std::chrono::steady_clock::now();
   bool compiled = false;
-  const std::string reason = motion.drivetrain.loadMachineCode(
-      motion.system.series(), missingCode(solver, compile, patiently), &compiled);
+  std::string reason;
+  try {
+    reason = motion.drivetrain.loadMachineCode(motion.system.series(),
+                                               missingCode(solver, compile, patiently), &compiled);
+  } catch (const Interrupted&) {  // while the C of the formulas was written
+    reason = "it was interrupted";
+  }
   motion.has_machine_code = reason.empty();
   if (!motion.has_machine_code) {
     motion.machine_code = "the interpreter: " + reason;
