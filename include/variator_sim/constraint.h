@@ -112,7 +112,7 @@ class Constraint : public Law {
   expression::Node withoutJerks(const std::vector<expression::Node>& C, const std::string& path);
   void noteNonlinear(const Formulas& formulas);
   void check(const Formulas& formulas, const std::string& path) const;
-  /// Throws std::length_error if a program becomes too large.
+  /// Throws std::length_error: see findEvents.
   void makePrograms(const Formulas& formulas);
 
   expression::Node second_order_;

@@ -57,7 +57,8 @@ class Law {
   /// Derives what follows from the law as stated. Throws SceneError.
   virtual void derive(const LawContext& law, const ComponentContext& context) = 0;
   void setFormulas(std::vector<expression::Node> formulas) { formulas_ = std::move(formulas); }
-  /// Finds the events of the formulas. Throws std::length_error.
+  /// Finds the events of the formulas. Throws std::length_error where functions with branches stand
+  /// too often within each other.
   void findEvents();
   const std::shared_ptr<expression::Graph>& sharedGraph() const { return graph_; }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <utility>
 
 #include "dynamics/formula_laws.h"
@@ -161,11 +160,7 @@ bool DifferentiatedFormulas::differentiate(Graph& graph, const std::vector<Node>
     }
   }
   has_differences_ = graph.hasDifference(outputs);
-  try {
-    tape_ = expression::Tape(graph, outputs);
-  } catch (const std::length_error&) {
-    return false;
-  }
+  tape_ = expression::Tape(graph, outputs);
   return true;
 }
 

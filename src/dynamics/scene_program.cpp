@@ -88,11 +88,7 @@ void SceneProgram::makePartials(const std::vector<Node>& rate) {
   if (!entries) return;
   const std::vector<Node> outputs = StateDerivatives::nodesOf(*entries);
   if (!isWritable(graph, outputs)) return;
-  try {
-    partials_program_ = Program(graph, outputs);
-  } catch (const std::length_error&) {
-    return;
-  }
+  partials_program_ = Program(graph, outputs);
   for (const StateDerivatives::Entry& entry : *entries) {
     partials_.push_back(partial_of[static_cast<std::size_t>(entry.node)]);
     partials_.back().q = entry.q;
