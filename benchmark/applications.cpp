@@ -110,17 +110,10 @@ class Player {
   }
   /// df/dx by columns, and df/dt, by dual numbers.
   void jacobian(double t, const double* x, double* entries, double* dfdt) const {
-    constexpr int N = Machine::kStates;
-    using Number = Dual<double, N + 1>;
-    Number y[N];
-    Number dydt[N];
-    for (int i = 0; i < N; ++i) y[i] = Number::variable(x[i], i);
-    machine_.rates(Number::variable(t, N), y, dydt);
-    for (int i = 0; i < N; ++i) {
-      const auto& row = dydt[i].derivative;
-      for (int j = 0; j < N; ++j) entries[i + N * j] = row[static_cast<std::size_t>(j)];
-      dfdt[i] = row[N];
-    }
+    const auto rates = [this](const auto& time, const auto* y, auto* dydt) {
+      machine_.rates(time, y, dydt);
+    };
+    differentiate<Machine::kStates>(rates, t, x, entries, dfdt);
   }
 
  private:

@@ -87,6 +87,23 @@ struct Dual {
   friend Dual cos(const Dual& a) { return a.chain(std::cos(a.value), -std::sin(a.value)); }
 };
 
+/// df/dx of x' = f(t, x), entry (i, j) at jacobian[i + N j], and df/dt; `rates(t, x, dxdt)`
+/// computes f over dual numbers.
+template <int N, class Rates>
+inline void differentiate(const Rates& rates, double t, const double* x, double* jacobian,
+                          double* dfdt) {
+  using Number = Dual<double, N + 1>;
+  Number y[N];
+  Number dydt[N];
+  for (int i = 0; i < N; ++i) y[i] = Number::variable(x[i], i);
+  rates(Number::variable(t, N), y, dydt);
+  for (int i = 0; i < N; ++i) {
+    const auto& row = dydt[i].derivative;
+    for (int j = 0; j < N; ++j) jacobian[i + N * j] = row[static_cast<std::size_t>(j)];
+    dfdt[i] = row[N];
+  }
+}
+
 /// The type of a formula's constants: a dual number's would carry derivatives that are all zero.
 template <class R>
 struct ConstantOf {

@@ -89,17 +89,11 @@ inline void calcJacobian(const Scene<double>& scene, const SceneParameters& para
       return;
     }
   }
-  using Number = Dual<double, N + 1>;
-  const Scene<Number> dual_scene(parameters);
-  Number y[N];
-  Number dydt[N];
-  for (int i = 0; i < N; ++i) y[i] = Number::variable(x[i], i);
-  calcDerivative(dual_scene, Number::variable(t, N), y, dydt);
-  for (int i = 0; i < N; ++i) {
-    const auto& row = dydt[i].derivative;
-    for (int j = 0; j < N; ++j) jacobian[i + N * j] = row[static_cast<std::size_t>(j)];
-    dfdt[i] = row[N];
-  }
+  const Scene<Dual<double, N + 1>> dual_scene(parameters);
+  const auto rates = [&](const auto& time, const auto* y, auto* dydt) {
+    calcDerivative(dual_scene, time, y, dydt);
+  };
+  differentiate<N>(rates, t, x, jacobian, dfdt);
 }
 
 /// The projector of d onto C d = 0 along J^-1 C^T: d -= J^-1 C^T A^-1 (C d + b).
