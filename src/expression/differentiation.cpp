@@ -19,14 +19,13 @@ bool isSlowPower(double exponent) {
 
 // ---------------------------------------------------------------------------------------- traits
 
-// The list of operations makes this function long.
 Graph::Traits Graph::findTraits(const Entry& entry) const {
   Traits all;   // traits of every operand
   Traits some;  // traits of at least one operand
   all.is_positive = all.is_not_negative = true;
-  const int count = operandCount(entry.operation);
   // A select only compares its first two operands.
-  for (int i = entry.operation == Operation::kSelect ? 2 : 0; i < count; ++i) {
+  const int first = entry.operation == Operation::kSelect ? 2 : 0;
+  for (int i = first; i < operandCount(entry.operation); ++i) {
     const Traits& operand = traits({entry.operands[i]});
     all.is_positive = all.is_positive && operand.is_positive;
     all.is_not_negative = all.is_not_negative && operand.is_not_negative;
@@ -36,54 +35,81 @@ Graph::Traits Graph::findTraits(const Entry& entry) const {
     some.may_overflow = some.may_overflow || operand.may_overflow;
     some.may_have_pole = some.may_have_pole || operand.may_have_pole;
   }
-  const auto grow = [&some] {
-    some.has_growth = some.may_overflow = true;
-    some.may_have_pole = false;  // growth outweighs a pole in the argument
-  };
-  Traits& it = some;
-  const bool one_is_positive = some.is_positive;
-  const bool one_is_not_negative = some.is_not_negative;
-  it.is_positive = it.is_not_negative = false;
-  const bool is_square = count == 2 && entry.operands[0] == entry.operands[1];
+  Traits made = some;
+  findSign(entry, all, some, &made);
+  findGrowth(entry, &made);
+  return made;
+}
+
+void Graph::findSign(const Entry& entry, const Traits& all, const Traits& some,
+                     Traits* made) const {
+  made->is_positive = made->is_not_negative = false;
   switch (entry.operation) {
     case Operation::kConstant:
-      it.is_positive = entry.value > 0.0;
-      it.is_not_negative = entry.value >= 0.0;
+      made->is_positive = entry.value > 0.0;
+      made->is_not_negative = entry.value >= 0.0;
       break;
     case Operation::kAdd:
-      it.is_positive = one_is_positive && all.is_not_negative;
-      it.is_not_negative = all.is_not_negative;
+      made->is_positive = some.is_positive && all.is_not_negative;
+      made->is_not_negative = all.is_not_negative;
       break;
     case Operation::kMultiply:
-      it.is_positive = all.is_positive;
-      it.is_not_negative = all.is_not_negative || is_square;
+      made->is_positive = all.is_positive;
+      made->is_not_negative = all.is_not_negative || entry.operands[0] == entry.operands[1];
       break;
+    case Operation::kDivide:
+    case Operation::kMin:
+    case Operation::kSelect:
+      made->is_positive = all.is_positive;
+      made->is_not_negative = all.is_not_negative;
+      break;
+    case Operation::kPower:
+      made->is_positive = made->is_not_negative = traits({entry.operands[0]}).is_positive;
+      break;
+    case Operation::kExp:
+    case Operation::kCosh:
+      made->is_positive = made->is_not_negative = true;
+      break;
+    case Operation::kSqrt:
+    case Operation::kAbs:
+      made->is_positive = all.is_positive;
+      made->is_not_negative = true;
+      break;
+    case Operation::kMax:
+      made->is_positive = some.is_positive;
+      made->is_not_negative = some.is_not_negative;
+      break;
+    default:  // variables, differences, ..: of any sign
+      break;
+  }
+}
+
+void Graph::findGrowth(const Entry& entry, Traits* made) const {
+  const auto grow = [made] {
+    made->has_growth = made->may_overflow = true;
+    made->may_have_pole = false;  // growth outweighs a pole in the argument
+  };
+  const auto stayBounded = [made] { made->may_overflow = made->may_have_pole = false; };
+  switch (entry.operation) {
     case Operation::kDivide: {
       const Node divisor = {entry.operands[1]};
-      it.is_positive = all.is_positive;
-      it.is_not_negative = all.is_not_negative;
-      if (!traits(divisor).is_positive && !isConstant(divisor)) it.may_have_pole = true;
+      if (!traits(divisor).is_positive && !isConstant(divisor)) made->may_have_pole = true;
       break;
     }
     case Operation::kPower: {
-      const Node base = {entry.operands[0]};
+      const bool may_be_zero = !traits({entry.operands[0]}).is_positive;
       const Node exponent = {entry.operands[1]};
-      it.is_positive = it.is_not_negative = traits(base).is_positive;
       if (!isConstant(exponent)) {
-        const bool may_be_zero = !traits(base).is_positive;
         grow();
-        it.may_have_pole = may_be_zero;
+        made->may_have_pole = may_be_zero;
       } else if (isSlowPower(constantValue(exponent)) ||
-                 (constantValue(exponent) < 0.0 && !traits(base).is_positive)) {
-        it.may_have_pole = true;
+                 (constantValue(exponent) < 0.0 && may_be_zero)) {
+        made->may_have_pole = true;
       }
       break;
     }
     case Operation::kExp:
     case Operation::kCosh:
-      it.is_positive = it.is_not_negative = true;
-      grow();
-      break;
     case Operation::kSinh:
       grow();
       break;
@@ -95,41 +121,21 @@ Graph::Traits Graph::findTraits(const Entry& entry) const {
     case Operation::kAtan2:
     case Operation::kTanh:
     case Operation::kSign:
-      it.may_overflow = it.may_have_pole = false;
-      break;
-    case Operation::kLog:
-      it.may_have_pole = true;
-      break;
-    case Operation::kSqrt:
-      it.is_positive = all.is_positive;
-      it.is_not_negative = true;
-      break;
-    case Operation::kAbs:
-      it.is_not_negative = true;
-      it.is_positive = all.is_positive;
+      stayBounded();
       break;
     case Operation::kTable:
-      if (tableOf(entry)->isBounded()) it.may_overflow = it.may_have_pole = false;
+      if (tableOf(entry)->isBounded()) stayBounded();
       break;
     case Operation::kTable2:
-      if (table2Of(entry)->isBounded()) it.may_overflow = it.may_have_pole = false;
+      if (table2Of(entry)->isBounded()) stayBounded();
       break;
-    case Operation::kOpaque:
-      it.may_have_pole = true;  // not known otherwise
+    case Operation::kLog:
+    case Operation::kOpaque:  // not known otherwise
+      made->may_have_pole = true;
       break;
-    case Operation::kMax:
-      it.is_positive = one_is_positive;
-      it.is_not_negative = one_is_not_negative;
-      break;
-    case Operation::kMin:
-    case Operation::kSelect:
-      it.is_positive = all.is_positive;
-      it.is_not_negative = all.is_not_negative;
-      break;
-    default:  // variables, differences, ..: of any sign
+    default:
       break;
   }
-  return it;
 }
 
 // ----------------------------------------------------------------------------------- derivatives

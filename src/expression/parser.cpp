@@ -18,7 +18,7 @@
 #include <cmath>
 #include <system_error>
 
-#include "characters.h"
+#include "formula_text.h"
 #include "function_table.h"
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/parameter_tree.h"
@@ -31,11 +31,11 @@ constexpr double kPi = 3.14159265358979323846;
 
 /// Reads one text. A rule's function consumes the rule's text, makes its nodes and leaves the
 /// position at the next token; it throws on an error.
-class Parser {
+class Parser : private FormulaText {
  public:
   Parser(const std::string& text, const SymbolTable& symbols, Graph& graph,
          const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables)
-      : text_(text),
+      : FormulaText(text),
         symbols_(symbols),
         graph_(graph),
         explain_(explain),
@@ -51,57 +51,6 @@ class Parser {
   const std::set<std::string>& used() const { return used_; }
 
  private:
-  // ------------------------------------------------------------------------------------------ text
-  /// Moves to `offset` or, from white space, to the token behind it, never in between.
-  void moveTo(std::size_t offset) {
-    position_ = offset;
-    while (position_ < text_.size() && isSpace(text_[position_])) ++position_;
-  }
-
-  bool isAt(std::size_t offset, char c) const {
-    return offset < text_.size() && text_[offset] == c;
-  }
-  bool isDigitAt(std::size_t offset) const {
-    return offset < text_.size() && isDigit(text_[offset]);
-  }
-
-  bool accept(char c) {
-    if (!isAt(position_, c)) return false;
-    moveTo(position_ + 1);
-    return true;
-  }
-
-  /// Returns the first position from `offset` on without a digit.
-  std::size_t skipDigits(std::size_t offset) const {
-    while (isDigitAt(offset)) ++offset;
-    return offset;
-  }
-
-  /// Returns the end of the name that begins at `offset`.
-  std::size_t endOfName(std::size_t offset) const {
-    while (offset < text_.size() && (isNameStart(text_[offset]) || isDigit(text_[offset]))) {
-      ++offset;
-    }
-    return offset;
-  }
-
-  bool beginsNumber(std::size_t offset) const {
-    return isDigitAt(offset) || (isAt(offset, '.') && isDigitAt(offset + 1));
-  }
-
-  /// Returns the end of the number that begins at `offset`.
-  std::size_t endOfNumber(std::size_t offset) const {
-    std::size_t end = skipDigits(offset);
-    if (isAt(end, '.')) end = skipDigits(end + 1);
-    if (isAt(end, 'e') || isAt(end, 'E')) {
-      const bool has_sign = isAt(end + 1, '+') || isAt(end + 1, '-');
-      const std::size_t power = end + (has_sign ? 2 : 1);
-      // Otherwise the letter is no part of the number, and number() reports the error.
-      if (isDigitAt(power)) end = skipDigits(power);
-    }
-    return end;
-  }
-
   // ----------------------------------------------------------------------------------------- rules
   Node sum() {
     Node value = product();
@@ -354,26 +303,6 @@ class Parser {
   }
 
   // ---------------------------------------------------------------------------------------- errors
-  [[noreturn]] void fail(std::size_t where, const std::string& message) const {
-    throw ExpressionError(message, text_, columnOf(text_, where));
-  }
-
-  /// Returns the token at `where`: a name, a number or one character.
-  std::string piece(std::size_t where) const {
-    std::size_t end = where + 1;
-    if (isNameStart(text_[where])) {
-      end = endOfName(end);
-    } else if (isDigit(text_[where])) {
-      while (isDigitAt(end) || isAt(end, '.')) ++end;
-    } else {
-      while (end < text_.size() && continuesCharacter(text_[end])) ++end;
-    }
-    return text_.substr(where, end - where);
-  }
-  std::string describe(std::size_t where) const {
-    return where == text_.size() ? "the end" : inQuotes(piece(where));
-  }
-
   /// Fails as no operand begins here.
   [[noreturn]] void failOperand() const {
     if (position_ > 0 && isAt(position_, '*') && isAt(position_ - 1, '*')) {
@@ -474,7 +403,6 @@ class Parser {
                     " here (a constraint of order 3 is C(t, phi, w, e) j + c0 = 0)");
   }
 
-  const std::string& text_;
   const SymbolTable& symbols_;
   Graph& graph_;
   const NameExplainer& explain_;
@@ -482,7 +410,6 @@ class Parser {
   const NamedTables& tables_;
   std::set<std::string> used_;  ///< symbols
 
-  std::size_t position_ = 0;
   int nesting_ = 0;
   std::vector<bool> reads_linear_;  ///< per node of the graph, as far as computed
 };

@@ -249,6 +249,9 @@ class Graph {
   Node whereFinite(Node node, Node value);
 
   Traits findTraits(const Entry& entry) const;
+  /// Finds the sign, and the growth, from the traits of all operands and of any one.
+  void findSign(const Entry& entry, const Traits& all, const Traits& some, Traits* made) const;
+  void findGrowth(const Entry& entry, Traits* made) const;
   const Traits& traits(Node node) const { return traits_[static_cast<std::size_t>(node.index)]; }
   /// The factor of the derivatives of `node` while they are made.
   double scaleFor(Node node) const;
