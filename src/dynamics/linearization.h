@@ -8,6 +8,7 @@
 /// is. M is the identity, or the mass matrix if the last row is implicit, M x_{L-1}' = f.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <complex>
 
@@ -35,7 +36,15 @@ class Linearization {
 
   /// M; to be written before `factor`.
   SquareMatrix& mass() { return mass_; }
-  const SquareMatrix& mass() const { return mass_; }
+  /// r = M r, the last S rows of a residual.
+  void weigh(double* r) const {
+    double weighed[kMaxShafts];
+    for (int i = 0; i < S; ++i) {
+      weighed[i] = mass_(i, 0) * r[0];
+      for (int j = 1; j < S; ++j) weighed[i] += mass_(i, j) * r[j];
+    }
+    std::copy_n(weighed, S, r);
+  }
 
   /// P of Drivetrain::calcStageResidual at the point of linearization.
   SquareMatrix& projector() { return projector_; }

@@ -264,53 +264,58 @@ class RadauStepper final : public Stepper {
   /// False when they do not converge.
   template <std::size_t kStages>
   bool findStages(System& system, const StepNode& from, double h, bool is_predicted) {
-    constexpr int kMaxIterations = 10;
-    constexpr double kUlps = 64.0 * kEpsilon;
-    double first = 0.0;
     double previous = 0.0;
     ++quick_steps_;
     refused_ = 0.0;
-    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-      iterations_ = iteration + 1;
+    for (iterations_ = 1; iterations_ <= kMaxIterations; ++iterations_) {
       calcDefects<kStages>(system, from, h);
       const double size = correctStages<kStages>();
-      if (iteration == kQuick) quick_steps_ = 0;
-      if (!std::isfinite(size)) return false;
-      if (size == 0.0) return true;
-      if (iteration == 0) {
-        // A prediction this good needs no second look.
-        if (size <= 1e-3) return true;
-        first = size;
-      } else {
-        double rate = size / previous;
-        // The first correction of stages that start from nothing is the predictor that they lack:
-        // the rate that it leads to says nothing of the next one. At the top of a bump of Q the
-        // matrix may be far stiffer than where the stages lie: all further corrections are small,
-        // and as large as the one before, more than rounding.
-        const bool is_rate_known = is_predicted || iteration > 1;
-        const bool creeps = !is_predicted && std::abs(rate - 1.0) < 0.01 &&
-                            size > std::max(first, largest_) * kUlps;
-        if (iteration == 1) rate = std::max(rate, kFirstRate);
-        if (rate >= 0.99) return size <= 1.0 && !creeps;
-        if (is_rate_known && rate / (1.0 - rate) * size <= 1.0) return true;
-        // The first rate still has the error of the prediction in it.
-        const int rest = kMaxIterations - 1 - iteration;
-        if (iteration > 2 && std::pow(rate, rest) / (1.0 - rate) * size > 1.0) return false;
-        // Errors far above the tolerance show long before the stages are known to a part of it, in
-        // corrections of at least a tolerance.
-        if (iteration == 1 && kNewton * size >= 1.0) {
-          State slope(size_);
-          State error(size_);
-          const double norm = calcFilteredDefect(from, h, from.x, slope, error);
-          if (norm > kHopeless + kUncertain * size) {
-            refused_ = norm;
-            return true;
-          }
-        }
-      }
+      if (iterations_ == kQuick + 1) quick_steps_ = 0;
+      if (iterations_ == 1) first_correction_ = size;
+      const Newton verdict = judgeCorrection(size, previous, is_predicted);
+      if (verdict != Newton::kGoesOn) return verdict == Newton::kConverged;
+      if (iterations_ == 2 && isHopeless(from, h, size)) return true;
       previous = size;
     }
+    iterations_ = kMaxIterations;
     return false;
+  }
+
+  enum class Newton { kGoesOn, kConverged, kFails };
+  /// Judges the iteration by the sizes of its last two corrections.
+  Newton judgeCorrection(double size, double previous, bool is_predicted) const {
+    constexpr double kUlps = 64.0 * kEpsilon;
+    if (!std::isfinite(size)) return Newton::kFails;
+    if (size == 0.0) return Newton::kConverged;
+    // A prediction this good needs no second look.
+    if (iterations_ == 1) return size <= 1e-3 ? Newton::kConverged : Newton::kGoesOn;
+    double rate = size / previous;
+    // The first correction of stages that start from nothing is the predictor that they lack: the
+    // rate that it leads to says nothing of the next one. At the top of a bump of Q the matrix may
+    // be far stiffer than where the stages lie: all further corrections are small, and as large as
+    // the one before, more than rounding.
+    const bool is_rate_known = is_predicted || iterations_ > 2;
+    const bool creeps = !is_predicted && std::abs(rate - 1.0) < 0.01 &&
+                        size > std::max(first_correction_, largest_) * kUlps;
+    if (iterations_ == 2) rate = std::max(rate, kFirstRate);
+    if (rate >= 0.99) return size <= 1.0 && !creeps ? Newton::kConverged : Newton::kFails;
+    if (is_rate_known && rate / (1.0 - rate) * size <= 1.0) return Newton::kConverged;
+    // The first rate still has the error of the prediction in it.
+    const int rest = kMaxIterations - iterations_;
+    const bool is_late = iterations_ > 3 && std::pow(rate, rest) / (1.0 - rate) * size > 1.0;
+    return is_late ? Newton::kFails : Newton::kGoesOn;
+  }
+
+  /// Errors far above the tolerance show long before the stages are known to a part of it, in
+  /// corrections of at least a tolerance.
+  bool isHopeless(const StepNode& from, double h, double size) {
+    if (kNewton * size < 1.0) return false;
+    State slope(size_);
+    State error(size_);
+    const double norm = calcFilteredDefect(from, h, from.x, slope, error);
+    if (!(norm > kHopeless + kUncertain * size)) return false;
+    refused_ = norm;
+    return true;
   }
 
   /// `slope` p'(0), `error` (gamma/h M - dx'/dx)^-1 (x' - p'(0)), and its norm.
@@ -318,7 +323,7 @@ class RadauStepper final : public Stepper {
                             State& error) const {
     calcSlope(0.0, h, slope);
     for (int n = 0; n < size_; ++n) error[n] = from.dxdt[n] - slope[n];
-    weighMass(error);
+    linearization_.weigh(error.data() + last_);
     linearization_.solve(error);
     return calcNorm(error, from.x, x_new);
   }
@@ -341,8 +346,8 @@ class RadauStepper final : public Stepper {
       system.calcStageResidual(from.time, x, at_rest, linearization_, residual);
       // M is a projector: once more, and what rounding left of the slope along the rows is gone. It
       // would not become less with h.
-      weighMass(weighted);
-      weighMass(weighted);
+      linearization_.weigh(weighted.data() + last_);
+      linearization_.weigh(weighted.data() + last_);
       for (int j = 0; j < S; ++j) error[last_ + j] = -residual[j];
       for (int n = 0; n < size_; ++n) error[n] += weighted[n];
       linearization_.solve(error);
@@ -415,8 +420,7 @@ class RadauStepper final : public Stepper {
     });
   }
   /// The slope at the beginning has the roundings of all stages in it, each with a weight of about
-  /// the square of their number: what they make of it is no error that shorter steps would not
-  /// have.
+  /// the square of their number, which shorter steps would have, too.
   double calcNorm(const State& error, const State& x, const State& x_new) const {
     const double stages = method_->stages();
     const double part = stages * stages / (kLeast * kLeast);
@@ -429,16 +433,6 @@ class RadauStepper final : public Stepper {
       poison += 0.0 * (error[n] + x_new[n]);
     }
     return norm + poison;
-  }
-
-  /// The last rows of r times M.
-  void weighMass(State& r) const {
-    double weighed[kMaxShafts];
-    for (int i = 0; i < S; ++i) {
-      weighed[i] = linearization_.mass()(i, 0) * r[last_];
-      for (int j = 1; j < S; ++j) weighed[i] += linearization_.mass()(i, j) * r[last_ + j];
-    }
-    std::copy_n(weighed, S, r.begin() + last_);
   }
 
   static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
@@ -462,6 +456,7 @@ class RadauStepper final : public Stepper {
   /// Iterations of a quick step, and so many steps that let the order rise.
   static constexpr int kQuick = 4;
   static constexpr int kQuickSteps = 5;
+  static constexpr int kMaxIterations = 10;
 
   const int most_;  // stages
   int stages_;      // of the next step
@@ -469,9 +464,10 @@ class RadauStepper final : public Stepper {
   int quick_steps_ = 0;
   const bool keeps_psi_;  // in the stages
   const bool holds_jerks_;
-  int iterations_ = 1;         // of the last step
-  bool has_converged_ = true;  // the last try
-  double refused_ = 0.0;       // the error for which the iteration was left, 0 where it was not
+  int iterations_ = 1;             // of the last step
+  double first_correction_ = 0.0;  // of it, as correctStages gives it
+  bool has_converged_ = true;      // the last try
+  double refused_ = 0.0;           // the error for which the iteration was left, 0 where it was not
 
   const int S;  // shafts
   const int size_;

@@ -24,42 +24,76 @@ bool isBlankOrComment(const std::string& line) {
   return line.find_first_not_of(" \t") == std::string::npos || line.front() == '#';
 }
 
-std::vector<TimedCommand> readCommands(std::istream& lines, const std::string& source_name) {
-  std::vector<TimedCommand> commands;
-  bool has_header = false;
-  int line_number = 0;
-  const auto error = [&](std::initializer_list<std::string> parts) {
-    std::string message = source_name + ":" + std::to_string(line_number) + ": ";
+/// Reads lines, and knows the number of the last one for its errors.
+class CommandReader {
+ public:
+  CommandReader(std::istream& lines, const std::string& source_name)
+      : lines_(lines), source_name_(source_name) {}
+
+  std::vector<TimedCommand> read() {
+    std::vector<TimedCommand> commands;
+    bool has_header = false;
+    std::string line;
+    while (nextLine(&line)) {
+      if (isBlankOrComment(line)) continue;
+      if (!has_header) {
+        if (line != kHeader) {
+          throw error({inQuotes(line), " is not the header; expected: ", kHeader});
+        }
+        has_header = true;
+        continue;
+      }
+      if (commands.size() == kMostCommands) {
+        throw error({"more than ", std::to_string(kMostCommands),
+                     " commands; several runs, each from the state of the one before "
+                     "(--save-state, --from-state), take them in parts"});
+      }
+      commands.push_back(commandOf(line));
+    }
+    if (lines_.bad() || (!lines_.eof() && line_number_ == 0)) {
+      line_number_ = 1;
+      throw error({"cannot be read: ",
+                   errno != 0 ? std::generic_category().message(errno) : "unknown cause"});
+    }
+    if (!has_header) {
+      ++line_number_;
+      throw error({"the file ends before its header; expected: ", kHeader});
+    }
+    std::stable_sort(commands.begin(), commands.end(),
+                     [](const TimedCommand& a, const TimedCommand& b) { return a.time < b.time; });
+    return commands;
+  }
+
+ private:
+  CommandFileError error(std::initializer_list<std::string> parts) const {
+    std::string message = source_name_ + ":" + std::to_string(line_number_) + ": ";
     for (const std::string& part : parts) message += part;
     return CommandFileError(message);
-  };
+  }
 
-  std::array<char, kLongestLine + 2> buffer{};  // and the line's end, and the text's
-  while (lines.getline(buffer.data(), buffer.size()), lines.gcount() > 0) {
-    ++line_number;
-    const auto count = static_cast<std::size_t>(lines.gcount());
-    std::string line(buffer.data(), count - (lines.eof() || lines.fail() ? 0 : 1));
-    if (line.size() > kLongestLine) {
-      throw error({inQuotes(line), "..: a line of more than ", std::to_string(kLongestLine),
+  bool nextLine(std::string* line) {
+    std::array<char, kLongestLine + 2> buffer{};  // and the line's end, and the text's
+    lines_.getline(buffer.data(), buffer.size());
+    if (lines_.gcount() == 0) return false;
+    ++line_number_;
+    const auto count = static_cast<std::size_t>(lines_.gcount());
+    line->assign(buffer.data(), count - (lines_.eof() || lines_.fail() ? 0 : 1));
+    if (line->size() > kLongestLine) {
+      throw error({inQuotes(*line), "..: a line of more than ", std::to_string(kLongestLine),
                    " characters; expected: ", kHeader});
     }
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (isBlankOrComment(line)) continue;
-    if (!has_header) {
-      if (line != kHeader) {
-        throw error({inQuotes(line), " is not the header; expected: ", kHeader});
-      }
-      has_header = true;
-      continue;
-    }
+    if (!line->empty() && line->back() == '\r') line->pop_back();
+    return true;
+  }
 
+  TimedCommand commandOf(const std::string& line) const {
     const std::size_t first = line.find(',');
     const std::size_t second = first == std::string::npos ? first : line.find(',', first + 1);
     if (second == std::string::npos || line.find(',', second + 1) != std::string::npos) {
       throw error({inQuotes(line), " does not have three columns; expected: ", kHeader});
     }
     TimedCommand command;
-    command.line = line_number;
+    command.line = line_number_;
     const std::string time = line.substr(0, first);
     command.topic = line.substr(first + 1, second - first - 1);
     const std::string value = line.substr(second + 1);
@@ -74,38 +108,25 @@ std::vector<TimedCommand> readCommands(std::istream& lines, const std::string& s
     if (!readWhole(value, &command.value)) {
       throw error({"value ", inQuotes(value), " in ", inQuotes(line), "; expected: a number"});
     }
-    if (commands.size() == kMostCommands) {
-      throw error({"more than ", std::to_string(kMostCommands),
-                   " commands; several runs, each from the state of the one before "
-                   "(--save-state, --from-state), take them in parts"});
-    }
-    commands.push_back(std::move(command));
+    return command;
   }
-  if (lines.bad() || (!lines.eof() && line_number == 0)) {
-    line_number = 1;
-    throw error({"cannot be read: ",
-                 errno != 0 ? std::generic_category().message(errno) : "unknown cause"});
-  }
-  if (!has_header) {
-    ++line_number;
-    throw error({"the file ends before its header; expected: ", kHeader});
-  }
-  std::stable_sort(commands.begin(), commands.end(),
-                   [](const TimedCommand& a, const TimedCommand& b) { return a.time < b.time; });
-  return commands;
-}
+
+  std::istream& lines_;
+  const std::string& source_name_;
+  int line_number_ = 0;
+};
 
 }  // namespace
 
 std::vector<TimedCommand> readCommandText(const std::string& text, const std::string& source_name) {
   std::istringstream lines(text);
-  return readCommands(lines, source_name);
+  return CommandReader(lines, source_name).read();
 }
 
 std::vector<TimedCommand> readCommandFile(const std::string& path) {
   errno = 0;
   std::ifstream file(path, std::ios::binary);
-  return readCommands(file, path);
+  return CommandReader(file, path).read();
 }
 
 }  // namespace variator_sim
