@@ -252,7 +252,7 @@ double BumpyScene::rounding() const {
   return kEps * sum * (end + std::abs(table_offset));
 }
 
-std::vector<Sample> BumpyScene::reference(double shift, int most) const {
+std::vector<Sample> BumpyScene::reference(double shift, double fineness, int most) const {
   namespace odeint = boost::numeric::odeint;
   const Equations equations(*this);
   // (Fehlberg's pair of orders 7 and 8 would estimate no error of a torque of time alone.)
@@ -264,7 +264,7 @@ std::vector<Sample> BumpyScene::reference(double shift, int most) const {
   const auto go = [&](double to) {
     while (t < to) {
       if (--most < 0 || !std::isfinite(y[1])) return false;
-      const double longest = std::min(to - t, equations.longestStep(t, y));
+      const double longest = std::min(to - t, fineness * equations.longestStep(t, y));
       const bool is_last = longest == to - t && tried >= longest;
       double h = std::min(tried, longest);
       const double before = tried;

@@ -71,8 +71,10 @@ struct BumpyScene {
   /// Error of the velocity by rounding of a bump's argument, rad/s.
   double rounding() const;
   /// Velocities and the angle of a at times(), from a start moved by `shift` of angle and velocity.
-  /// Empty where more than `most` steps are needed.
-  std::vector<Sample> reference(double shift = 0.0, int most = 1000000) const;
+  /// Each step passes at most the part `fineness` of what the features allow. Empty where more than
+  /// `most` steps are needed.
+  std::vector<Sample> reference(double shift = 0.0, double fineness = 1.0,
+                                int most = 1000000) const;
 };
 
 /// The same for the same seed.
