@@ -44,7 +44,11 @@ bool LeastReactionSolver::solve(const StateView& given, const double* torque, un
       shorter =
           calcLength(next) <= (1.0 - 0.25 * fraction) * length || isSmall(next, epsilon, rounding);
     }
-    if (!shorter) return false;
+    if (!shorter) {
+      // The rounding of psi's terms may keep a correction from getting shorter.
+      if (!(length <= calcRounding(state))) return false;
+      next.setZero(S + row_count_);
+    }
     if (isSmall(next, epsilon, rounding)) {
       // The last correction is below what can be told apart; make it, and polish psi alone.
       for (int i = 0; i < S; ++i) epsilon[i] += next(i);
