@@ -379,6 +379,40 @@ TEST(Taylor, MissesNoBumpHoweverNarrow) {
   }
 }
 
+// cosh and cos have a slope of 0 where their argument is 0: all that they do later is of its
+// square, which the first terms of a series do not show. The step is made anew to a command, and
+// jerks that are given have nothing beside them that tells.
+TEST(Taylor, CutsNoSeriesShortBeforeTheSquareOfAnArgument) {
+  // j2 = sum_{m > 0} (+-1)^m (3 t)^2pm / (2m)!
+  const auto calcVelocity = [](double t, int p, double sign) {
+    double sum = 0.0;
+    double term = t * t;
+    for (int m = 1; m < 20; ++m) {
+      term *= sign * std::pow(3.0 * t, 2 * p) / (2.0 * m * (2.0 * m - 1.0));
+      sum += term / ((2.0 * p * m + 1.0) * (2.0 * p * m + 2.0));
+    }
+    return sum;
+  };
+  for (const std::string function : {"cosh", "cos"}) {
+    for (const int power : {2, 3}) {
+      const std::string bump = function + "((3*t)^" + std::to_string(power) + ")-1";
+      Scene scene = test::sceneFromText(
+          "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [m]\n"
+          "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u}\nconstraints: [k]\n"
+          "k: {type: variator_sim/ExpressionConstraint, order: 3, expression: \"j2-(" +
+          bump + ")\"}\n");
+      Simulation simulation(
+          test::withStepper(test::withTolerance(scene, 1e-11), StepperKind::kTaylor));
+      simulation.advanceTo(0.1);
+      simulation.command(0, 1.0);
+      ASSERT_TRUE(simulation.advanceTo(0.5).ok()) << simulation.describeStatus();
+      EXPECT_NEAR(simulation.sample().velocity[1],
+                  calcVelocity(0.5, power, function == "cosh" ? 1.0 : -1.0), 1e-10)
+          << bump;
+    }
+  }
+}
+
 // A torque that turns over within a layer is in few coefficients before it, and behind it in none:
 // the accelerations are those of before but for what Q tells. On e1^2 + e2^2 = 4, e = 2 (cos a, sin
 // a), they depend on Q alone (theory.md): tan(a/2) = tan(a_0/2) exp(-(Q - Q_0)/(2 J)).

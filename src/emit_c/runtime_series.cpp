@@ -522,10 +522,11 @@ static scene_status expand(scene_model *m, double limit)
     int exponent;
     int small = 0;
     int goes_on = 1;
+    int resolved = 0; /* up to an order that makes the next term */
     frexp(unit, &exponent);
     if (!begin_series(m, ldexp(1.0, exponent))) return SCENE_SINGULAR;
-    while (goes_on && m->order < ORDER &&
-           (small < 2 || m->order <= 3 || !is_resolved(m, limit / m->unit))) {
+    while (goes_on && m->order < ORDER && !(resolved && small > 2)) {
+      resolved = small >= 2 && m->order > 3 && is_resolved(m, limit / m->unit);
       goes_on = extend_series(m);
       small = goes_on && is_nothing(m, limit / m->unit) ? small + 1 : 0;
     }

@@ -319,6 +319,7 @@ class TaylorStepper final : public Stepper {
     const double theta = limit / unit;
     double scale = size_ == 3 * S ? 1.0 : theta;  // theta^lastTerm()
     int small = 0;
+    bool is_resolved = false;
     while (order_ < most_ && !is_short_) {
       if (!series_->extendTo(order_ + 1)) {
         order_ = 0;  // nothing is left of it
@@ -326,9 +327,11 @@ class TaylorStepper final : public Stepper {
       }
       ++order_;
       scale *= theta;
-      // Two terms in a row that are nothing: the step cannot be longer than `limit` anyway.
+      // Terms in a row that are nothing: the step cannot be longer than `limit` anyway. Formulas
+      // that are resolved up to an order make the next term: it has to be nothing, too.
       small = isNothing(theta, scale) ? small + 1 : 0;
-      is_short_ = small >= 2 && order_ > kLeastOrder && isResolved(limit);
+      is_short_ = is_resolved && small > 0;
+      is_resolved = small >= 2 && order_ > kLeastOrder && isResolved(limit);
     }
   }
   /// The last terms, those of theta^k = `scale`, are a small part of the tolerance, and of what
