@@ -190,6 +190,26 @@ TEST(Crawls, AToleranceThatAClutchPutsOutOfReachIsNamedWithItsKey) {
       << lost.text;
 }
 
+// A lag that moves drives nothing here, but for what a law reads of it: a motion that stands still
+// in a steep layer may read the time, too.
+TEST(Crawls, AShaftThatFrictionStopsWhileAnInputMoves) {
+  for (const std::string& principle : kPrinciples) {
+    for (const char* const width : {"1e-6", "1e-7", "1e-8"}) {
+      Scene scene = test::sceneFromText(
+          "inputs: [u]\nu: {topic: u, hold: first_order_lag, time_constant: 1}\n" +
+          shaft("1", std::string("100*if(u<1,1,2)-400*clamp(w1/") + width + ",-1,1)", 1e-8,
+                principle));
+      scene.solver.maximum_steps = kMostSteps;
+      Simulation simulation(test::withTolerance(scene, 1e-4));
+      simulation.command(0, 1.0);
+      EXPECT_TRUE(simulation.advanceTo(1.0).ok()) << width << simulation.describeStatus();
+      const Statistics& counts = simulation.statistics();
+      EXPECT_LT(counts.steps + counts.rejected_steps, 1500U) << principle << ' ' << width;
+      EXPECT_NEAR(simulation.sample().velocity[0], 0.0, 1e-5);
+    }
+  }
+}
+
 // A command each 10 ms begins the motion anew: steps of its length are good, and nothing is
 // learned by changing the stepper.
 TEST(Crawls, CommandsEach10Milliseconds) {

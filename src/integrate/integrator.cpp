@@ -273,8 +273,9 @@ void Integrator::conclude() {
   // A motion may come to rest on an event that it crosses again and again.
   double rate = 0.0;
   if (sleep_.beginAfterStep(&rate) || !is_stepped) return;
-  if (!step_.drivetrain.readsTime() && step_.settings.sleep &&
-      step_.choice.settle(step_.end, rate * (step_.end.time - step_.start.time))) {
+  if (step_.settings.sleep &&
+      step_.choice.settle(step_.end, rate * (step_.end.time - step_.start.time),
+                          step_.drivetrain.readsTime())) {
     size_.forgetErrors();
     return;
   }

@@ -176,7 +176,7 @@ bool Sleep::beginExactly() {
 
 bool Sleep::beginAfterStep(double* rate) {
   *rate = 0.0;
-  if (drivetrain_.readsTime() || !step_.settings.sleep) return false;
+  if (!step_.settings.sleep) return false;
   // Angles that nothing reads go on at constant speed.
   double change = 0.0;
   for (int n = system_.readsAngles() ? 0 : S; n < end_.x.size(); ++n) {
@@ -184,7 +184,9 @@ bool Sleep::beginAfterStep(double* rate) {
     *rate = std::max(*rate, std::abs(end_.dxdt[n]) / allowed);
     change = std::max(change, std::abs(end_.x[n] - start_.x[n]) / allowed);
   }
-  if ((*rate != 0.0 && !rest_.noteStep(change)) || !begin()) return false;
+  if (drivetrain_.readsTime() || (*rate != 0.0 && !rest_.noteStep(change)) || !begin()) {
+    return false;
+  }
   ++step_.statistics.sleeps;
   return true;
 }

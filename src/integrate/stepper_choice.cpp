@@ -104,10 +104,10 @@ bool StepperChoice::giveUp() {
   return true;
 }
 
-bool StepperChoice::settle(const StepNode& node, double change) {
+bool StepperChoice::settle(const StepNode& node, double change, bool is_driven) {
   if (!automatic_ || active_ == &implicit_) return false;
-  const bool near_rest =
-      change <= kNearRest && active_->outer->stiffness(node.x, node.dxdt) > mildly();
+  const bool near_rest = change <= (is_driven ? kNearStandstill : kNearRest) &&
+                         active_->outer->stiffness(node.x, node.dxdt) > mildly();
   settling_ = near_rest ? settling_ + 1 : 0;
   if (settling_ < kSettling) return false;
   goOverTo(&implicit_);

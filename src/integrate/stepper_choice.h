@@ -83,9 +83,10 @@ class StepperChoice {
   /// The stepper gets nowhere: true when another one takes over.
   bool giveUp();
 
-  /// After an accepted step to `node` of a motion that may come to rest, in which x changed by
-  /// `change` tolerances: true when the implicit stepper takes over to let it settle. [loop]
-  bool settle(const StepNode& node, double change);
+  /// After an accepted step to `node` of a motion, which is driven or may come to rest, in which x
+  /// changed by `change` tolerances: true when the implicit stepper takes over to let it settle.
+  /// [loop]
+  bool settle(const StepNode& node, double change, bool is_driven);
 
   /// After an accepted step to `node`, the next one to be of size `h`: true when the stepper was
   /// changed, `h` then being its step. [loop]
@@ -122,8 +123,10 @@ class StepperChoice {
   static constexpr int kQuiet = 6;
   static constexpr int kUnseen = 8;
   static constexpr double kStiffStart = 20.0;
-  /// Changes of x per step, in tolerances, that are near rest, and so many steps of them.
+  /// Changes of x per step, in tolerances, that are near rest or, of a motion that is driven and
+  /// may be slow only, near a standstill; and so many steps of them.
   static constexpr double kNearRest = 100.0;
+  static constexpr double kNearStandstill = 0.01;
   static constexpr int kSettling = 10;
   /// Implicit steps before a series that did not exist is tried again.
   static constexpr int kAround = 10;
