@@ -78,7 +78,7 @@ TEST(EmitCRefusals, NamesForC) {
   EXPECT_EQ(nameForC("main.yaml"), "scene_main");
   EXPECT_EQ(nameForC("math"), "scene_math");
   EXPECT_EQ(nameForC(std::string(250, 'a') + ".yaml"), std::string(100, 'a'));
-  EXPECT_EQ(nameForC("Zero.yaml"), "scene_Zero");  // ZERO_ORDER is a hold
+  EXPECT_EQ(nameForC("VS_ZERO.yaml"), "scene_VS_ZERO");  // VS_ZERO_ORDER is a hold
 }
 
 }  // namespace

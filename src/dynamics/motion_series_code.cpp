@@ -280,8 +280,7 @@ std::string MotionSeries::writeHidden() const {
     sums << ", " << reach(op.kind == expression::kSeriesQuotient ? b : op.a) << ", " << reach(b)
          << ", p, last);\n";
   }
-  return "#define SERIES_STATE double\n" + std::string(expression::kSeriesOperationText) +
-         expression::kSeriesResolutionText +
+  return std::string(expression::kSeriesOperationText) + expression::kSeriesResolutionText +
          "static SERIES_INLINE Real seriesHiddenUpTo(const struct SeriesStep* it, int last) {\n"
          "  const Real* const r = it->rows;\n  const Real* const p = it->powers;\n"
          "  Real sum = 0.0 * it->unit;\n  (void)r, (void)p, (void)last;\n" +

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <set>
 #include <utility>
 
-#include "dynamics/motion_series.h"
 #include "emit_c/c_text.h"
 #include "emit_c/formula_rows.h"
 #include "emit_c/readme.h"
@@ -58,75 +58,104 @@ class Emission {
         K_(scene_.constraintCount()),
         U_(scene_.inputCount()),
         formulas_(collectFormulas(scene_)),
-        rows_(*scene_.graph, pullRow() + S, slots()) {
-    std::vector<Node> series = formulas_.residual;
-    const auto add = [](std::vector<Node>& to, const std::vector<Node>& nodes) {
-      to.insert(to.end(), nodes.begin(), nodes.end());
-    };
-    add(series, formulas_.entry);
-    add(series, formulas_.torque);
-    add(series, formulas_.inertia);
-    add(series, formulas_.inertial_torque);
-    add(series, formulas_.connection);
-    for (const expression::Branch& it : formulas_.signs) series.push_back(it.argument);
-    for (const expression::Passage& it : formulas_.tables) series.push_back(it.argument);
-    std::vector<Node> at_once = formulas_.velocity_residual;
-    add(at_once, formulas_.curvature);
-    add(at_once, formulas_.input_slope);
-    try {
-      rows_.write(series, at_once);
-    } catch (const std::invalid_argument& error) {
-      throw SceneError("",
-                       std::string("cannot be written as C: its formulas have ") + error.what());
-    }
-    for (const Node node : series) {
-      for (int i = 0; i < S; ++i) {
-        reads_angles_ = reads_angles_ || scene_.graph->dependsOn(node, slotOf(Source::kAngle, i));
-      }
-    }
-  }
+        program_(compile()),
+        rows_(program_, static_cast<int>(series_)) {}
 
   EmittedScene write() {
     EmittedScene made;
     made.name = name_;
     made.source = writeSource();
     made.header = writeHeader();
-    std::string code = withName(kMainCode, name_);
-    const std::string from = name_ + "_header.h";
-    code.replace(code.find(from), from.size(), name_ + ".h");
-    made.main =
-        "/* Plays a file of commands (time,topic,value) into a CSV: " + title_ + " */" + code;
+    std::string player = withName(kPlayer, name_);
+    replaceAll(player, "\"scene.h\"", "\"" + name_ + ".h\"");
+    made.main = "/* " + title_ + " */" + player;
     made.readme = writeReadme(scene_, name_, title_);
     made.makefile = writeMakefile(name_);
     return made;
   }
 
  private:
-  int multiplierRow() const { return 1 + 3 * S; }
-  int inputRow() const { return multiplierRow() + K_; }
-  int pullRow() const { return inputRow() + 3 * U_; }
+  /// Lists the outputs, those that are needed as series first, and makes their rows.
+  expression::SeriesProgram compile() {
+    const auto add = [this](const std::vector<Node>& nodes) {
+      outputs_.insert(outputs_.end(), nodes.begin(), nodes.end());
+    };
+    add(formulas_.residual);
+    if (isClassical()) add(formulas_.entry);
+    const std::vector<Node> trial = outputs_;
+    if (!isClassical()) add(formulas_.entry);
+    add(formulas_.torque);
+    add(formulas_.inertia);
+    add(formulas_.inertial_torque);
+    add(formulas_.connection);
+    for (const expression::Branch& it : formulas_.signs) outputs_.push_back(it.argument);
+    for (const expression::Passage& it : formulas_.tables) outputs_.push_back(it.argument);
+    series_ = outputs_.size();
+    for (const Node node : outputs_) {
+      for (int i = 0; i < S; ++i) {
+        reads_angles_ = reads_angles_ || scene_.graph->dependsOn(node, slotOf(Source::kAngle, i));
+      }
+    }
+    add(formulas_.velocity_residual);
+    add(formulas_.curvature);
+    add(formulas_.input_slope);
+    const std::vector<Node> others(outputs_.begin() + static_cast<std::ptrdiff_t>(trial.size()),
+                                   outputs_.end());
+    try {
+      return {*scene_.graph, trial, others, slots(), order()};
+    } catch (const std::invalid_argument& error) {
+      throw SceneError("",
+                       std::string("cannot be written as C: its formulas have ") + error.what());
+    }
+  }
 
-  std::map<int, int> slots() const {
-    std::map<int, int> rows = {{slotOf(Source::kTime), 0}};
-    for (int i = 0; i < S; ++i) {
-      rows[slotOf(Source::kAngle, i)] = 1 + i;
-      rows[slotOf(Source::kVelocity, i)] = 1 + S + i;
-      rows[slotOf(Source::kAcceleration, i)] = 1 + 2 * S + i;
+  /// Variables, which have the first rows, in the order of writeSizes.
+  std::vector<int> slots() {
+    std::vector<int> made = {slotOf(Source::kTime)};
+    for (const Source source : {Source::kAngle, Source::kVelocity, Source::kAcceleration}) {
+      for (int i = 0; i < S; ++i) made.push_back(slotOf(source, i));
     }
+    // Multipliers and J^-1 R: no formula reads them.
+    for (int n = 0; n < K_ + S; ++n) made.push_back(slotOf(Source::kJerk, n));
     for (int n = 0; n < U_; ++n) {
-      rows[slotOf(Source::kInput, n)] = inputRow() + 3 * n;
-      rows[slotOf(Source::kInputRate, n)] = inputRow() + 3 * n + 1;
-      rows[slotOf(Source::kInputSecondRate, n)] = inputRow() + 3 * n + 2;
+      int rate = 0;
+      for (const Source source : {Source::kInput, Source::kInputRate, Source::kInputSecondRate}) {
+        const auto reads = [&](Node node) {
+          return scene_.graph->dependsOn(node, slotOf(source, n));
+        };
+        if (std::any_of(outputs_.begin(), outputs_.end(), reads)) {
+          input_rows_.push_back(static_cast<int>(made.size()));
+          input_of_row_.push_back(n);
+          input_rate_of_row_.push_back(rate);
+          made.push_back(slotOf(source, n));
+        }
+        ++rate;
+      }
     }
-    return rows;
+    return made;
+  }
+
+  int rowOf(Node node) const {
+    const auto found = std::find_if(outputs_.begin(), outputs_.end(),
+                                    [&](Node it) { return it.index == node.index; });
+    return program_.output(static_cast<int>(found - outputs_.begin()));
   }
 
   bool isClassical() const { return scene_.principle == Principle::kGauss; }
-  int order() const { return MotionSeries::orderFor(scene_.solver.relative_tolerance); }
+  /// Orders cost little once a step is made: measured, 0.6 orders for each digit (natural
+  /// logarithm) of the tolerance are the fastest.
+  int order() const {
+    const double digits = -std::log(std::max(scene_.solver.relative_tolerance, 1e-16));
+    return std::max(4, static_cast<int>(std::ceil(1.5 + 0.6 * digits)));
+  }
   bool hasOrder(int low, int high) const {
     return std::any_of(
         scene_.constraints.begin(), scene_.constraints.end(),
         [&](const ConstraintPtr& it) { return it->order() >= low && it->order() <= high; });
+  }
+  bool isDiagonal() const {
+    const Eigen::MatrixXd diagonal = scene_.inertia.diagonal().asDiagonal();
+    return scene_.inertia == diagonal;
   }
   /// True if C depends on no acceleration and no input: a jump is one projection (jump_map.h).
   bool jumpsStraight() const {
@@ -147,9 +176,7 @@ class Emission {
       if (!scene_.graph->isConstant(formulas_.entry[n], 0.0)) neutral[n % shafts] = 0;
     }
     if (is_constant) neutral.assign(shafts, 1);
-    const Eigen::MatrixXd diagonal = scene_.inertia.diagonal().asDiagonal();
-    const bool is_diagonal = scene_.inertia == diagonal;
-    if (isClassical() || (formulas_.inertia_varies && !is_diagonal)) neutral.assign(shafts, 0);
+    if (isClassical() || (formulas_.inertia_varies && !isDiagonal())) neutral.assign(shafts, 0);
     return neutral;
   }
 
@@ -159,8 +186,7 @@ class Emission {
   }
   std::string rowsOf(const char* name, const std::vector<Node>& nodes) const {
     std::vector<int> rows;
-    rows.reserve(nodes.size());
-    for (const Node node : nodes) rows.push_back(rows_.rowOf(node));
+    for (const Node node : nodes) rows.push_back(rowOf(node));
     return constant("int", name, rows);
   }
 
@@ -168,8 +194,6 @@ class Emission {
     const std::string capitals = inCapitals(name_);
     std::vector<std::string> inputs;
     for (const CommandInputSettings& input : scene_.inputs) inputs.push_back(input.name);
-    std::vector<std::string> constraints;
-    for (const ConstraintPtr& it : scene_.constraints) constraints.push_back(it->name());
     std::string text = "/* " + title_ +
                        ", written by `simulate --emit-c`. README.md tells more. */\n#ifndef " +
                        capitals + "_H\n#define " + capitals +
@@ -183,104 +207,117 @@ class Emission {
     size("ORDER", order(), " /* of the series */");
     size("MOST_STEPS", 10000, " /* that one call makes */");
     size("ROWS", rows_.rows(), " /* of coefficients */");
-    size("BRANCHES", std::max(1, rows_.branches()), "");
+    size("STRIDE", (order() + 4) / 4 * 4 + 4, "");
+    size("MODES", std::max(1, rows_.modes()), "");
     size("PIECES", std::max(1, rows_.pieces()), "");
     text.erase(text.rfind(','), 1);
     text += "};\n\n/* Indices of the arrays below, in the scene's order. */\n";
     text += writeEnum(capitals + "_SHAFT_", scene_.shafts);
-    text += writeEnum(capitals + "_CONSTRAINT_", constraints);
+    text += writeEnum(capitals + "_CONSTRAINT_", namesOf(scene_.constraints));
     text += writeEnum(capitals + "_INPUT_", inputs);
-    text += withName(kHeaderTypes, name_) + withName(kHeaderFunctions, name_);
+    text += withName(kSceneHeader, name_);
     return text + "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
   }
 
   std::string writeSizes() const {
     const SolverSettings& solver = scene_.solver;
-    const bool is_curved =
-        std::any_of(formulas_.curvature.begin(), formulas_.curvature.end(),
-                    [&](Node node) { return !scene_.graph->isConstant(node, 0.0); });
+    const std::vector<int> neutral = findNeutral();
     std::string text = "enum {\n";
     const auto add = [&text](const std::string& name, const std::string& value) {
       text += "  " + name + " = " + value + ",\n";
     };
-    for (const char* it : {"SHAFTS", "CONSTRAINTS", "INPUTS", "ORDER", "ROWS"}) {
-      const std::string name = it;
-      add(name == "SHAFTS" ? "S" : name == "CONSTRAINTS" ? "K" : name, "SCENE_" + name);
-    }
-    add("LENGTH", "ORDER + 2");
+    const auto addSize = [&add](const char* name, std::size_t value) {
+      add(name, std::to_string(value));
+    };
+    const auto addFlag = [&add](const char* name, bool is_set) { add(name, is_set ? "1" : "0"); };
+    const auto anyEntry = [&](const auto& test) {
+      return std::any_of(formulas_.entry.begin(), formulas_.entry.end(),
+                         [&](Node node) { return test(rowOf(node)); });
+    };
+    add("S", "SCENE_SHAFTS");
+    add("K", "SCENE_CONSTRAINTS");
+    add("INPUTS", "SCENE_INPUTS");
+    add("VS_STRIDE", "SCENE_STRIDE");
     add("SIZE", "S + K");
-    add("IS_CLASSICAL", std::to_string(static_cast<int>(isClassical())));
-    add("IS_CURVED", std::to_string(static_cast<int>(is_curved)));
-    add("INERTIA_VARIES", std::to_string(static_cast<int>(formulas_.inertia_varies)));
-    add("HAS_ORDER_1", std::to_string(static_cast<int>(hasOrder(1, 1))));
-    add("HAS_RESIDUAL", std::to_string(static_cast<int>(hasOrder(1, 2))));
-    add("HAS_GIVEN_ACCELERATIONS",
-        std::to_string(static_cast<int>(!scene_.initial.acceleration.empty())));
-    add("MAY_PROJECT", std::to_string(static_cast<int>(scene_.initial.project)));
-    const std::vector<int> neutral = findNeutral();
-    add("HAS_NEUTRAL",
-        std::any_of(neutral.begin(), neutral.end(), [](int it) { return it != 0; }) ? "1" : "0");
+    addFlag("IS_CLASSICAL", isClassical());
+    addFlag("IS_CURVED",
+            std::any_of(formulas_.curvature.begin(), formulas_.curvature.end(),
+                        [&](Node node) { return !scene_.graph->isConstant(node, 0.0); }));
+    addFlag("IS_COUPLED", !isDiagonal());
+    addFlag("INERTIA_VARIES", formulas_.inertia_varies);
+    addFlag("ENTRIES_VARY", anyEntry([this](int row) { return !program_.isConstant(row); }));
+    addFlag("ENTRIES_TURN", anyEntry([this](int row) { return program_.isAccelerated(row); }));
+    addFlag("HAS_ORDER_1", hasOrder(1, 1));
+    addFlag("HAS_RESIDUAL", hasOrder(1, 2));
+    addFlag("HAS_GIVEN_ACCELERATIONS", !scene_.initial.acceleration.empty());
+    addFlag("MAY_PROJECT", scene_.initial.project);
+    addFlag("HAS_NEUTRAL",
+            std::any_of(neutral.begin(), neutral.end(), [](int it) { return it != 0; }));
+    addFlag("JUMPS_STRAIGHT", jumpsStraight());
     add("COMPONENTS", isClassical() ? "2 * S" : "3 * S");
     add("FIRST_JUDGED", reads_angles_ ? "0" : "S");
-    add("SIGNS", std::to_string(formulas_.signs.size()));
-    add("TABLES", std::to_string(formulas_.tables.size()));
-    add("CONSTANTS", std::to_string(rows_.constants().size()));
-    add("OPERATIONS", std::to_string(rows_.operations().size()));
+    addSize("SIGNS", formulas_.signs.size());
+    addSize("TABLES", formulas_.tables.size());
+    addSize("CONSTANTS", rows_.constants().size());
+    addSize("INPUT_ROW_COUNT", input_rows_.size());
     text +=
         "  /* rows that are no formulas */\n  TIME = 0,\n  ANGLE = 1,\n  VELOCITY = 1 + S,\n"
-        "  ACCELERATION = 1 + 2 * S,\n";
-    add("MULTIPLIER", std::to_string(multiplierRow()));
-    add("INPUT", std::to_string(inputRow()));
-    text += "  PULL = " + std::to_string(pullRow()) + " /* J^-1 R */\n};\n";
-    text += "static const double RELATIVE_TOLERANCE = " + literalOf(solver.relative_tolerance) +
-            ";\nstatic const double ABSOLUTE_TOLERANCE = " + literalOf(solver.absolute_tolerance) +
-            ";\nstatic const double MAXIMUM_STEP = " + literalOf(solver.maximum_step) +
-            "; /* s */\n";
+        "  ACCELERATION = 1 + 2 * S,\n  MULTIPLIER = 1 + 3 * S,\n"
+        "  PULL = 1 + 3 * S + K /* J^-1 R */\n};\n";
+    const double decay = std::pow(std::max(solver.relative_tolerance, 1e-16), 1.0 / order());
+    const auto number = [](const char* name, double value) {
+      return std::string("static const double ") + name + " = " + literalOf(value) + ";\n";
+    };
+    text += number("RELATIVE_TOLERANCE", solver.relative_tolerance) +
+            number("ABSOLUTE_TOLERANCE", solver.absolute_tolerance) +
+            number("MAXIMUM_STEP", solver.maximum_step) + number("DECAY", decay);
     return withName(text, name_);
   }
 
   std::string writeNames() const {
-    const auto list = [&](const char* what, const std::vector<std::string>& names) {
-      std::string text = "const char *const " + name_ + "_" + what + "_name[] = {";
-      for (const std::string& name : names) text += "\"" + harmless(name) + "\", ";
-      return text + (names.empty() || std::string(what) != "shaft" ? "\"\"};\n" : "};\n");
+    const auto list = [&](const char* what, std::vector<std::string> names) {
+      if (std::string(what) != "shaft") names.emplace_back();
+      std::string text;
+      for (const std::string& name : names) {
+        text += (text.empty() ? "\"" : ", \"") + harmless(name) + "\"";
+      }
+      return "const char *const " + name_ + "_" + what + "_name[] = {" + text + "};\n";
     };
-    std::vector<std::string> inputs;
-    for (const CommandInputSettings& input : scene_.inputs) inputs.push_back(input.topic);
-    std::vector<std::string> constraints;
-    for (const ConstraintPtr& it : scene_.constraints) constraints.push_back(it->name());
-    std::string text =
-        list("shaft", scene_.shafts) + list("constraint", constraints) + list("input", inputs);
-    const std::string shafts_end = ", };";
-    if (const auto at = text.find(shafts_end); at != std::string::npos) {
-      text.replace(at, shafts_end.size(), "};");
-    }
-    return text;
+    std::vector<std::string> topics;
+    for (const CommandInputSettings& input : scene_.inputs) topics.push_back(input.topic);
+    return list("shaft", scene_.shafts) + list("constraint", namesOf(scene_.constraints)) +
+           list("input", topics);
+  }
+  static std::vector<std::string> namesOf(const std::vector<ConstraintPtr>& constraints) {
+    std::vector<std::string> names;
+    for (const ConstraintPtr& it : constraints) names.push_back(it->name());
+    return names;
   }
 
   std::string writeInputs() const {
-    std::vector<int> holds;
-    std::vector<double> parameters;
-    std::vector<double> initial;
-    std::vector<double> minima;
-    std::vector<double> maxima;
-    std::vector<double> timeouts;
-    std::vector<int> falls;
-    for (const CommandInputSettings& it : scene_.inputs) {
-      holds.push_back(static_cast<int>(it.hold));
-      parameters.push_back(it.hold == Hold::kRateLimit        ? it.rate
+    using Input = CommandInputSettings;
+    const auto column = [this](const char* type, const char* name, auto value) {
+      std::vector<double> values;
+      for (const Input& it : scene_.inputs) values.push_back(static_cast<double>(value(it)));
+      if (std::string(type) == "double") return constant(type, name, values);
+      return constant(type, name, std::vector<int>(values.begin(), values.end()));
+    };
+    return constant("int", "input_row", input_rows_) +
+           constant("int", "input_of_row", input_of_row_) +
+           constant("int", "input_rate_of_row", input_rate_of_row_) +
+           column("int", "hold_of", [](const Input& it) { return it.hold; }) +
+           column("double", "parameter_of",
+                  [](const Input& it) {
+                    return it.hold == Hold::kRateLimit        ? it.rate
                            : it.hold == Hold::kFirstOrderHold ? it.period
-                                                              : it.time_constant);
-      initial.push_back(it.initial);
-      minima.push_back(it.minimum);
-      maxima.push_back(it.maximum);
-      timeouts.push_back(it.timeout);
-      falls.push_back(static_cast<int>(it.on_timeout == OnTimeout::kZero));
-    }
-    return constant("int", "hold_of", holds) + constant("double", "parameter_of", parameters) +
-           constant("double", "initial_input", initial) + constant("double", "minimum_of", minima) +
-           constant("double", "maximum_of", maxima) + constant("double", "timeout_of", timeouts) +
-           constant("int", "falls_to_zero", falls);
+                                                              : it.time_constant;
+                  }) +
+           column("double", "initial_input", [](const Input& it) { return it.initial; }) +
+           column("double", "minimum_of", [](const Input& it) { return it.minimum; }) +
+           column("double", "maximum_of", [](const Input& it) { return it.maximum; }) +
+           column("double", "timeout_of", [](const Input& it) { return it.timeout; }) +
+           column("int", "falls_to_zero",
+                  [](const Input& it) { return it.on_timeout == OnTimeout::kZero; });
   }
 
   std::string writeStart() {
@@ -295,31 +332,12 @@ class Emission {
            constant("double", "initial_multiplier", values(sample.multiplier, K_));
   }
 
-  /// The text of the check without the sums by fours, whose vectors emitted programs do not have.
-  static std::string withoutVectors() {
-    std::string text = expression::kSeriesResolutionText;
-    const std::string end = "#else\n";
-    const std::size_t begin = text.find("#ifdef SERIES_HAS_FOURS");
-    text.erase(begin, text.find(end, begin) + end.size() - begin);
-    return text.erase(text.find("#endif\n", begin), 7);
-  }
-
-  std::string writeOperations() const {
-    std::string text = std::string("\n/* ---- The operations that rows are made by. ---- */\n\n") +
-                       "typedef double Real;\n#define SERIES_INLINE inline\n#define "
-                       "SERIES_RARE\n#define SERIES_STATE int\n" +
-                       expression::kSeriesOperationText + withoutVectors() +
-                       expression::kSeriesRangesText +
-                       "static const struct SeriesOperation operation[] = {\n";
-    for (const expression::SeriesOperation& it : rows_.operations()) {
-      text += "    {";
-      for (const int n :
-           {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state, it.power}) {
-        text += std::to_string(n) + ", ";
-      }
-      text += literalOf(it.f) + ", " + literalOf(it.g) + "},\n";
-    }
-    return text + "    {0, 0, -1, 0, -1, 0, -1, 0, 0.0, 0.0}};\n";
+  std::string writeResolution() const {
+    return std::string("\n/* ---- Whether the series show all of their functions. ---- */\n\n") +
+           expression::kSeriesOperationText + expression::kSeriesResolutionText +
+           "VS_INLINE int vs_may_hide(const " + name_ +
+           "_series *it, const Real *powers, int last)\n{\n  const vs_row *const r = it->row;\n" +
+           "  (void)r, (void)powers, (void)last;\n" + rows_.hiding() + "}\n";
   }
 
   std::string writeConstants() const {
@@ -337,7 +355,7 @@ class Emission {
     }
     std::vector<int> rows;
     std::vector<double> values;
-    for (const auto& [value, row] : rows_.constants()) {
+    for (const auto& [row, value] : rows_.constants()) {
       rows.push_back(row);
       values.push_back(value);
     }
@@ -374,50 +392,44 @@ class Emission {
     struct Function {
       const char* name;
       Part part;
+      const char* parameter;
       const char* note;
     };
-    std::string text = "\n/* ---- The scene's formulas ---- */\n" + rows_.tables();
+    std::string text = "\n/* ---- The scene's formulas: coefficients n ---- */\n" + rows_.tables();
     for (const Function& it :
-         {Function{"given", Part::kGiven, "Coefficient n of those that read no acceleration."},
-          Function{"accelerated", Part::kAccelerated, "Of those that do."},
-          Function{"at_once", Part::kAtOnce, "Of those that are asked for at order 0 only."}}) {
-      text += std::string("\n/* ") + it.note + " */\nstatic void " + it.name +
-              "(row *r, int *b, double *p, int n)\n{\n  (void)r, (void)b, (void)p, (void)n;\n" +
-              rows_.statements(it.part) + "}\n";
+         {Function{"given", Part::kGiven, "", "Rows that read no acceleration."},
+          Function{"tried", Part::kTried, "", "Rows with accelerations that constraints read."},
+          Function{"corrected", Part::kCorrected, ", const Real *de",
+                   "These after the accelerations n have changed by de."},
+          Function{"rest", Part::kRest, "", "Other rows with accelerations."},
+          Function{"at_once", Part::kAtOnce, "", "Rows that are read at order 0 only."}}) {
+      text +=
+          std::string("\n/* ") + it.note + " */\nVS_INLINE void vs_" + it.name +
+          "(scene_series *it, int n" + it.parameter +
+          ")\n{\n  vs_row *const r = it->row;\n  Real *const s = it->mode;\n  double *const a = "
+          "it->piece;\n  (void)r, (void)s, (void)a, (void)n" +
+          (*it.parameter == '\0' ? "" : ", (void)de") + ";\n" + rows_.statements(it.part) + "}\n";
     }
-    return text;
+    return withName(text, name_);
+  }
+
+  /// One function for each order, unless a scene has so many rows that compiling them takes long.
+  std::string writeOrders() const {
+    constexpr int kMostRows = 200;
+    if (rows_.rows() > kMostRows) return "";
+    std::string text = "#define VS_EACH_ORDER(X)";
+    for (int n = 1; n <= order(); ++n) text += " X(" + std::to_string(n) + ")";
+    return text + "\n";
   }
 
   std::string writeSource() {
-    static const char* const kStraightJump = R"c(
-static scene_status jump(scene_model *m, const double *u0, const double *du, const double *dQ,
-                         const double *df)
-{
-  double x[SIZE];
-  int i;
-  (void)u0, (void)du;
-  if (!jump_rate(m, dQ, 0, df, x)) return SCENE_SINGULAR;
-  for (i = 0; i < S; ++i) m->now.acceleration[i] += x[i];
-  return SCENE_OK;
-}
-)c";
     std::string text = "/* " + title_ + ", written by `simulate --emit-c`. */\n#include \"" +
                        name_ +
                        ".h\"\n\n#include <float.h>\n#include <math.h>\n#include <string.h>\n\n";
-    text += writeSizes();
-    text += "typedef double row[LENGTH];\n\n" + writeNames() + "\n/* Commanded inputs */\n" +
+    text += writeSizes() + writeOrders() + writeNames() + "\n/* Commanded inputs */\n" +
             writeInputs() + "\n/* The first state */\n" + writeStart() +
             "\n/* Where formulas stand, by shaft and constraint */\n" + writeConstants();
-    text +=
-        "\n/* ---- Power series: coefficient n of a function, from those of its operands up to n"
-        "\n   and its own below n. ---- */\n" +
-        writeSeriesFunctions(rows_.functions()) + writeFormulas() + writeOperations();
-    for (const char* const part :
-         {kInputCode, kMatrixCode, kResolutionCode, kSeriesCode, kProjectionCode, kEdgeCode,
-          kJumpCode, jumpsStraight() ? kStraightJump : kPathCode, kStepCode, kInterfaceCode}) {
-      text += withName(part, name_);
-    }
-    return text;
+    return text + kSeriesFunctions + writeFormulas() + writeResolution() + withName(kMotion, name_);
   }
 
   Simulation& simulation_;
@@ -428,8 +440,14 @@ static scene_status jump(scene_model *m, const double *u0, const double *du, con
   const int K_;
   const int U_;
   const SceneFormulas formulas_;
-  FormulaRows rows_;
   bool reads_angles_ = false;
+  std::vector<Node> outputs_;
+  std::size_t series_ = 0;  // outputs that are needed as series
+  std::vector<int> input_rows_;
+  std::vector<int> input_of_row_;
+  std::vector<int> input_rate_of_row_;
+  const expression::SeriesProgram program_;
+  FormulaRows rows_;
 };
 
 }  // namespace
@@ -441,15 +459,14 @@ std::string nameForC(const std::string& scene_path) {
   // NAME_play becomes the name of a file, too.
   constexpr std::size_t kLongest = 100;
   if (name.size() > kLongest) name.resize(kLongest);
-  // main.c is another file, and the next three are headers that the source reads. With the others a
-  // name of the scene (make_step, ZERO_ORDER) would collide with one in the source.
+  // main.c is another file, and the next three are headers that the source reads. Functions of the
+  // runtime begin with vs_, those of the player with the others.
   std::string lower = name;
   for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  for (const char* taken :
-       {"main", "math", "float", "string", "command", "enter", "make", "write", "zero"}) {
-    if (lower == taken) return "scene_" + name;
-  }
-  return name;
+  static const std::set<std::string> taken = {"main",    "math", "float", "string",
+                                              "command", "vs",   "write"};
+  const bool is_taken = taken.count(lower) > 0 || lower.rfind("vs_", 0) == 0;
+  return is_taken ? "scene_" + name : name;
 }
 
 EmittedScene emitScene(Simulation& simulation, const std::string& name, const std::string& title) {

@@ -1,14 +1,14 @@
-/// Formulas of a scene as statements of C on rows of power series.
+/// A SeriesProgram as statements of C: calls of the functions of runtime/operations.h.
 #pragma once
 
+#include <array>
 #include <map>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "expression/series_operation.h"
-#include "variator_sim/expression/graph.h"
+#include "expression/series_program.h"
 
 namespace variator_sim {
 
@@ -17,80 +17,66 @@ std::string literalOf(double value);
 std::string listOf(const std::vector<double>& values);
 std::string listOf(const std::vector<int>& values);
 
-/// Every node of the formulas gets a row of coefficients, and a statement that computes coefficient
-/// n by one of the functions of c_text.h.
+/// Every row of the program has its number in C, too; tables have further rows behind them.
 class FormulaRows {
  public:
-  /// The C function that holds a statement: of nodes without accelerations, of nodes with
-  /// accelerations, or of nodes needed at order 0 only.
-  enum class Part { kGiven, kAccelerated, kAtOnce };
+  /// The C function that holds a statement: of rows without accelerations, of those that the
+  /// constraints need, the changes of these by accelerations that have been solved for, the other
+  /// rows with accelerations, and rows that are needed at order 0 only.
+  enum class Part { kGiven, kTried, kCorrected, kRest, kAtOnce };
+  static constexpr int kParts = 5;
 
-  /// Uses rows from `first_row` on. `row_of_slot`: rows of the variables, by their slots.
-  FormulaRows(const expression::Graph& graph, int first_row, std::map<int, int> row_of_slot)
-      : graph_(graph), row_of_slot_(std::move(row_of_slot)), rows_(first_row) {}
-
-  /// Makes the rows that `series` needs as series, then those that `at_once` needs at order 0.
-  /// Throws std::invalid_argument for functions without series.
-  void write(const std::vector<expression::Node>& series,
-             const std::vector<expression::Node>& at_once);
-
-  int rowOf(expression::Node node) const { return row_of_node_.at(node.index); }
-  /// True when `node` depends on an acceleration.
-  bool isAccelerated(expression::Node node) const { return accelerated_.count(node.index) > 0; }
-  /// Returns a row with the constant `value`.
-  int constantRow(double value);
+  /// The first `series` outputs of `program` are needed as series, the others at order 0.
+  FormulaRows(const expression::SeriesProgram& program, int series);
 
   const std::string& statements(Part part) const { return text_[static_cast<std::size_t>(part)]; }
   /// The tables' points and pieces as C.
   const std::string& tables() const { return tables_; }
-  const std::set<std::string>& functions() const { return functions_; }
-  const std::map<double, int>& constants() const { return row_of_constant_; }
-  /// The rows of series as operations of series_resolution.inc.
-  const std::vector<expression::SeriesOperation>& operations() const { return operations_; }
+  /// Rows with a value that never changes.
+  const std::vector<std::pair<int, double>>& constants() const { return program_.constants_; }
+  /// Statements that return 1 if an operation may be unresolved (series_resolution.inc).
+  std::string hiding() const;
   int rows() const { return rows_; }
-  int branches() const { return branches_; }
+  int modes() const { return modes_; }
   int pieces() const { return pieces_; }
 
  private:
-  using Entry = expression::Graph::Entry;
+  using Code = expression::SeriesProgram::Code;
+  using Instruction = expression::SeriesProgram::Instruction;
+  using Piece = expression::SeriesProgram::Piece;
 
-  void writeNode(expression::Node node, Part part);
-  std::string statementOf(const Entry& entry, int result);
-  std::string statementOfFunction(const Entry& entry, int result);
-  std::string statementOfBranch(const Entry& entry, int result);
-  std::string powerOf(const Entry& entry, int result);
-  std::string tableOf(const Entry& entry, int result);
-  /// Writes "f(r[1], r[2], n);" and notes that f is used.
-  std::string call(const std::string& function, const std::vector<std::string>& arguments);
-  void noteOperation(const std::string& function, const std::vector<std::string>& arguments);
-  std::string row(int index) const { return "r[" + std::to_string(index) + "]"; }
-  std::string operand(const Entry& entry, int k) const;
-  std::string addRow() { return row(rows_++); }
-  /// Makes rows of x^n by the products of powerOf; the statements are appended to `text`.
-  std::string multipliedPower(const std::string& base, int n, std::string& text);
-  std::string nameOfTable(int number);
-  std::string nameOfTable2(int number);
-  bool isPair(const Entry& entry, expression::Operation other, int* partner);
-  void noteGrowth(expression::Node node, const Entry& entry);
+  std::set<int> findSeries(int outputs) const;
+  void noteGrowth(const Instruction& it);
+  void add(Part part, const std::string& text);
+  void writeCorrection(const Instruction& it, const std::string& statement);
+  std::string correctionOf(const Instruction& it) const;
 
-  const expression::Graph& graph_;
-  std::map<int, int> row_of_slot_;
-  std::map<int, int> row_of_node_;
-  std::map<double, int> row_of_constant_;
-  std::set<int> accelerated_;
-  std::set<int> grows_;     ///< may overflow by an exp
-  std::set<int> has_pole_;  ///< may be infinite for another reason
-  /// Sine and cosine (hyperbolic: with the operand less one, negated) of an operand, made together.
-  std::map<std::pair<bool, int>, std::pair<int, int>> pairs_;
-  std::map<int, std::string> table_names_;
-  std::map<int, std::string> table2_names_;
-  std::set<std::string> functions_;
-  std::vector<expression::SeriesOperation> operations_;
-  bool is_series_ = false;  ///< true while series are written
-  std::string text_[3];
+  std::string statementOf(const Instruction& it);
+  std::string statementOfFunction(const Instruction& it);
+  static std::string valueOf(const Instruction& it);
+  int modeOf(const Instruction& it);
+  std::string sumOf(const Instruction& it) const;
+  std::string tableOf(const Instruction& it);
+  std::string tableOfTwo(const Instruction& it);
+  /// Writes a table, unless the same is there, and returns its name.
+  std::string define(const std::string& type, const std::string& origin,
+                     const std::vector<std::vector<double>>& points,
+                     const std::vector<double>& pieces);
+  /// True if the function may stay at a limit where its operand overflows.
+  bool mayReachLimit(const Instruction& it) const;
+  static std::string row(int index) { return "r[" + std::to_string(index) + "]"; }
+  static std::string change(int index) { return "d" + std::to_string(index); }
+
+  const expression::SeriesProgram& program_;
+  std::set<int> grows_;                             ///< rows that may overflow by an exp
+  std::set<int> changing_;                          ///< rows of whose change a correction is made
+  std::map<int, int> mode_of_state_;                ///< of branches
+  std::map<std::string, std::string> table_names_;  ///< by contents
+  std::array<std::string, kParts> text_;
   std::string tables_;
+  std::set<int> in_series_;  ///< instructions
   int rows_;
-  int branches_ = 0;
+  int modes_ = 0;
   int pieces_ = 0;
 };
 

@@ -93,13 +93,10 @@ is 0, 1 when the motion stopped (the reason is on standard error), 2 for bad usa
 const char* const kLimits = R"md(
 ## What it does
 
-The motion is expanded into power series at each step, of the order @ORDER@ that the scene's tolerances
-ask for (relative @RELATIVE@, absolute @ABSOLUTE@), and a call makes as many parts of a step as their
-last coefficients ask for. The accelerations are moved onto the constraints at the end of each. A call
-costs the same for a step of 1 ms as for one of 10 ms of a smooth motion, more where formulas change
-their branch (abs, min, max, sign, if, points of tables), and those parts are found inside of a step. A
-command that jumps moves the accelerations by the jump map of `simulate`, all inputs of one instant
-together.
+At each step the motion is expanded into power series of the order `SCENE_ORDER` that the scene's tolerances
+ask for (relative @RELATIVE@, absolute @ABSOLUTE@). A call makes as many parts of a step as the last
+coefficients ask for, and ends one where a formula changes its branch (abs, min, max, sign, if, points
+of tables). A command that jumps moves the accelerations by the jump map of `simulate`.
 
 ## What it does not do
 
@@ -121,7 +118,6 @@ std::string writeReadme(const Scene& scene, const std::string& name, const std::
   // (Names from the scene are not replaced: one may contain the placeholder of the scene's name.)
   const auto complete = [&](std::string text) {
     replaceAll(text, "scene_@", name);
-    replaceAll(text, "of the order @ORDER@ that", "of the order `SCENE_ORDER` that");
     replaceAll(text, "@RELATIVE@", numberOf(scene.solver.relative_tolerance));
     replaceAll(text, "@ABSOLUTE@", numberOf(scene.solver.absolute_tolerance));
     return withName(text, name);

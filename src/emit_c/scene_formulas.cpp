@@ -41,13 +41,6 @@ void addInertia(const Scene& scene, SceneFormulas& made) {
   }
 }
 
-bool readsAny(const Graph& graph, Node node, Source source, int count) {
-  for (int i = 0; i < count; ++i) {
-    if (graph.dependsOn(node, slotOf(source, i))) return true;
-  }
-  return false;
-}
-
 void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFormulas& made) {
   Graph& graph = *scene.graph;
   const int s = scene.shaftCount();
@@ -91,7 +84,11 @@ void refuseBentVelocities(const Scene& scene) {
   for (const ConstraintPtr& constraint : scene.constraints) {
     if (constraint->order() != 1) continue;
     for (const expression::Branch& it : findBranches(graph, {constraint->function()})) {
-      if (!readsAny(graph, it.argument, Source::kVelocity, scene.shaftCount())) continue;
+      bool reads = false;
+      for (int i = 0; i < scene.shaftCount(); ++i) {
+        reads = reads || graph.dependsOn(it.argument, slotOf(Source::kVelocity, i));
+      }
+      if (!reads) continue;
       refuse(constraint->name(),
              "it is of order 1 and abs, min, max or if bends it in the velocities; allowed: a "
              "formula that is smooth in the velocities, sqrt(x^2+1e-6) for abs(x)");

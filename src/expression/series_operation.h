@@ -3,8 +3,9 @@
 
 namespace variator_sim::expression {
 
-#define SERIES_STATE double
 #include "expression/series_operation.inc"
-#undef SERIES_STATE
+inline bool seriesMayHide(const SeriesOperation* op, int order) {
+  return op->kind > kSeriesFinite && op->degree > order;
+}
 
 }  // namespace variator_sim::expression

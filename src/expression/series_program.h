@@ -27,6 +27,9 @@
 #include "expression/series_operation.h"
 #include "variator_sim/expression/graph.h"
 
+namespace variator_sim {
+class FormulaRows;
+}
 namespace variator_sim::expression {
 
 struct CodeStructure;
@@ -166,6 +169,7 @@ class SeriesProgram {
   friend class SeriesCompiler;
   friend class SeriesWriter;
   friend class SeriesArranger;
+  friend class variator_sim::FormulaRows;
   friend class plain::SeriesInterpreter;
   friend class fused::SeriesInterpreter;
 

@@ -1,15 +1,10 @@
-// The program beside an emitted scene, which plays a command file.
-#include "emit_c/c_text.h"
-
-namespace variator_sim {
-
-const char* const kMainCode = R"c(
+/* Plays a file of commands (time,topic,value) into a CSV. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "scene_header.h"
+#include "scene.h"
 
 typedef struct {
   double time, value;
@@ -24,14 +19,12 @@ static command commands[MOST_COMMANDS];
 static int command_count;
 static scene_model model;
 
-static int fail(const char *where, const char *what)
-{
+static int fail(const char* where, const char* what) {
   fprintf(stderr, "%s: %s\n", where, what);
   return 2;
 }
 
-static int find_input(const char *name)
-{
+static int find_input(const char* name) {
   int i;
   for (i = 0; i < SCENE_INPUTS; ++i) {
     if (strcmp(scene_input_name[i], name) == 0) return i;
@@ -40,9 +33,8 @@ static int find_input(const char *name)
 }
 
 /* time,topic,value in any order of time */
-static int read_commands(const char *path)
-{
-  FILE *const file = fopen(path, "r");
+static int read_commands(const char* path) {
+  FILE* const file = fopen(path, "r");
   char line[512];
   int has_header = 0;
   if (file == NULL) return fail(path, "cannot be read");
@@ -87,10 +79,10 @@ static int read_commands(const char *path)
   return has_header ? 0 : fail(path, "no header time,topic,value");
 }
 
-static void write_header(FILE *out)
-{
-  static const char *const columns[] = {"angle",          "velocity",        "acceleration",
-                                        "applied_torque", "reaction_torque", "reaction_torque_rate"};
+static void write_header(FILE* out) {
+  static const char* const columns[] = {"angle",           "velocity",
+                                        "acceleration",    "applied_torque",
+                                        "reaction_torque", "reaction_torque_rate"};
   int i, c;
   fputs("time", out);
   for (i = 0; i < SCENE_SHAFTS; ++i) {
@@ -102,8 +94,7 @@ static void write_header(FILE *out)
   fputc('\n', out);
 }
 
-static void write_sample(FILE *out, double time, const scene_sample *sample)
-{
+static void write_sample(FILE* out, double time, const scene_sample* sample) {
   int i;
   fprintf(out, "%.17g", time);
   for (i = 0; i < SCENE_SHAFTS; ++i) {
@@ -118,8 +109,7 @@ static void write_sample(FILE *out, double time, const scene_sample *sample)
 }
 
 /* Samples at k / rate and at the end, commands at their times. */
-static scene_status play(FILE *out, double duration, double rate)
-{
+static scene_status play(FILE* out, double duration, double rate) {
   scene_sample sample;
   scene_status status = SCENE_OK;
   double index = 0.0;
@@ -148,20 +138,21 @@ static scene_status play(FILE *out, double duration, double rate)
   return status;
 }
 
-int main(int argc, char **argv)
-{
+int main(int argc, char** argv) {
   double duration = -1.0;
   double rate = 100.0;
-  FILE *out = stdout;
-  const char *path = NULL;
+  FILE* out = stdout;
+  const char* path = NULL;
   scene_status status;
   int i;
   for (i = 1; i < argc; i += 2) {
-    char *end = NULL;
+    char* end = NULL;
     int is_number = 0;
     double number;
-    if (i + 1 == argc) return fail(argv[i], "needs a value (--duration S [--rate HZ] "
-                                            "[--commands FILE.csv] [--output FILE.csv])");
+    if (i + 1 == argc)
+      return fail(argv[i],
+                  "needs a value (--duration S [--rate HZ] "
+                  "[--commands FILE.csv] [--output FILE.csv])");
     number = strtod(argv[i + 1], &end);
     is_number = end != argv[i + 1] && *end == '\0' && isfinite(number);
     if (strcmp(argv[i], "--commands") == 0) {
@@ -183,6 +174,3 @@ int main(int argc, char **argv)
   if (fflush(out) != 0 || ferror(out)) return fail("the output", "could not be written");
   return status == SCENE_OK ? 0 : 1;
 }
-)c";
-
-}  // namespace variator_sim

@@ -1,0 +1,142 @@
+/* The formulas at a state, and the linear systems of a motion,
+ *     J epsilon - C' mu = a,   C epsilon = g
+ * which orders of a series, projections, jumps and first accelerations solve. */
+
+static double vs_tolerance(double size) {
+  return ABSOLUTE_TOLERANCE + RELATIVE_TOLERANCE * fabs(size);
+}
+
+/* All formulas at the present state, with the inputs that were entered. */
+static void vs_enter_state(const scene_model* m, scene_series* it) {
+  int i;
+  it->row[TIME][0] = m->now.time;
+  for (i = 0; i < S; ++i) {
+    it->row[ANGLE + i][0] = m->now.angle[i];
+    it->row[VELOCITY + i][0] = m->now.velocity[i];
+    it->row[ACCELERATION + i][0] = m->now.acceleration[i];
+  }
+  for (i = 0; i < K; ++i) it->row[MULTIPLIER + i][0] = m->now.multiplier[i];
+  vs_given(it, 0);
+  vs_tried(it, 0);
+  vs_rest(it, 0);
+}
+
+static double vs_entry(const scene_series* it, int p, int i) {
+  return it->row[entry_row[S * p + i]][0];
+}
+
+static double vs_inertia(const scene_series* it, int i, int j) {
+  return i == j ? it->row[inertia_row[i]][0] : coupling[S * i + j];
+}
+
+/* R = J epsilon + n - Q */
+static void vs_reaction(const scene_series* it, double* R) {
+  int i, j;
+  for (i = 0; i < S; ++i) {
+    R[i] = it->row[inertial_row[i]][0] - it->row[torque_row[i]][0];
+    for (j = 0; j < S; ++j) {
+      if (i == j || IS_COUPLED) R[i] += vs_inertia(it, i, j) * it->row[ACCELERATION + j][0];
+    }
+  }
+}
+
+static int vs_is_counted(int constraint, int low, int high) {
+  return order_of[constraint] >= low && order_of[constraint] <= high;
+}
+
+/* Inverts an n x n matrix in place by Gauss and Jordan's elimination, with row pivots where it is
+ * `curved`. Without, the rows from S on become C J^-1 C', whose diagonal is kept in `size`: its
+ * pivots tell the rank. False where that is lost. */
+VS_INLINE int vs_invert(Real* M, int n, Real* size, int curved) {
+  int best[SIZE], i, j, p;
+  for (p = 0; p < n; ++p) {
+    Real pivot, least = curved ? 1e-14 : 0.0;
+    best[p] = p;
+    for (i = p + 1; i < n && curved; ++i) {
+      if (fabs(M[n * i + p]) > fabs(M[n * best[p] + p])) best[p] = i;
+    }
+    for (i = S; i < n && p == S && !curved; ++i) size[i - S] = M[n * i + i];
+    if (p >= S && !curved) least = 1e-12 * size[p - S];
+    pivot = M[n * best[p] + p];
+    if (!((curved ? fabs(pivot) : pivot) > least)) return 0;
+    M[n * best[p] + p] = M[n * p + p];
+    M[n * p + p] = 1.0;
+    for (j = 0; j < n; ++j) {
+      const Real kept = j == p ? 1.0 : M[n * best[p] + j];
+      if (j != p) M[n * best[p] + j] = M[n * p + j];
+      M[n * p + j] = kept / pivot;
+    }
+    for (i = 0; i < n; ++i) {
+      const Real factor = M[n * i + p];
+      if (i == p) continue;
+      M[n * i + p] = 0.0;
+      for (j = 0; j < n; ++j) M[n * i + j] -= factor * M[n * p + j];
+    }
+  }
+  for (p = n - 1; p >= 0 && curved; --p) {
+    for (i = 0; i < n; ++i) {
+      const Real kept = M[n * i + p];
+      M[n * i + p] = M[n * i + best[p]];
+      M[n * i + best[p]] = kept;
+    }
+  }
+  return 1;
+}
+
+/* [J -C'; C 0] with the rows of the constraints of orders low to high; mu_p = g_p for others. */
+static void vs_write_matrix(scene_series* it, int low, int high) {
+  int i, j, p;
+  for (i = 0; i < SIZE; ++i) {
+    for (j = 0; j < SIZE; ++j) it->inverse[i][j] = i < S && j < S ? vs_inertia(it, i, j) : 0.0;
+  }
+  for (p = 0; p < K; ++p) {
+    const int is_in = vs_is_counted(p, low, high);
+    if (!is_in) it->inverse[S + p][S + p] = 1.0;
+    for (i = 0; i < S && is_in; ++i) {
+      it->inverse[S + p][i] = vs_entry(it, p, i);
+      it->inverse[i][S + p] = -vs_entry(it, p, i);
+    }
+  }
+}
+
+/* Its inverse. False where C has lost rank. */
+static int vs_factor(scene_series* it, int low, int high) {
+  vs_write_matrix(it, low, high);
+  return vs_invert(it->inverse[0], SIZE, it->size, 0);
+}
+
+/* x = [J -C'; C 0]^-1 x */
+VS_INLINE void vs_solve(const scene_series* it, double* x) {
+  double b[SIZE];
+  int i, j;
+  for (i = 0; i < SIZE; ++i) b[i] = x[i];
+  for (i = 0; i < SIZE; ++i) {
+    x[i] = it->inverse[i][0] * b[0];
+    for (j = 1; j < SIZE; ++j) x[i] += it->inverse[i][j] * b[j];
+  }
+}
+
+/* The same where psi is not linear in the accelerations: J less the sum of lambda d2psi/depsilon2
+ * in the place of J. The system is scaled by 1/sqrt(J_ii) and 1/sqrt(C J^-1 C'). */
+static int vs_factor_curved(scene_series* it, const double* lambda, int low, int high) {
+  double* const M = it->inverse[0];
+  double scale[SIZE];
+  int i, j, p;
+  if (!vs_factor(it, low, high)) return 0;
+  if (!IS_CURVED) return 1;
+  vs_at_once(it, 0);
+  vs_write_matrix(it, low, high);
+  for (i = 0; i < SIZE; ++i) {
+    scale[i] = 1.0 / sqrt(i < S ? vs_inertia(it, i, i) : it->size[i - S]);
+    for (j = 0; j < S && i < S; ++j) {
+      for (p = 0; p < K; ++p) {
+        if (!vs_is_counted(p, low, high)) continue;
+        it->inverse[i][j] -= lambda[p] * it->row[curvature_row[S * S * p + S * i + j]][0];
+      }
+    }
+  }
+  for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
+  if (!vs_invert(M, SIZE, 0, 1)) return 0;
+  for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
+  return 1;
+}

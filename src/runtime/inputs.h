@@ -1,0 +1,103 @@
+/* Commanded inputs: a closed form between two events, age s after the last command. */
+
+enum { VS_ZERO_ORDER, VS_FIRST_ORDER_LAG, VS_RATE_LIMIT, VS_FIRST_ORDER_HOLD, VS_SECOND_ORDER_LAG };
+enum { VS_CONSTANT, VS_RAMP, VS_EXPONENTIAL, VS_CRITICAL };
+
+/* u up to `order`, in powers of time / unit: with x = age / tau,
+       d^n/dx^n (a + b x) exp(-x) = (-1)^n (a + b x - n b) exp(-x) */
+static void vs_expand_input(const scene_signal* s, double unit, int order, double* u) {
+  const int is_lag = s->form == VS_EXPONENTIAL || s->form == VS_CRITICAL;
+  const double x = s->age * s->inverse_tau;
+  const double a = s->start - s->target;
+  const double b = s->form == VS_CRITICAL ? s->linear : 0.0;
+  const double decay = is_lag ? expm1(-x) : 0.0;
+  double factor = is_lag ? 1.0 + decay : 0.0;
+  int n;
+  u[0] = s->start + a * decay + b * x * factor;
+  for (n = 1; n <= order; ++n) {
+    factor *= -unit * s->inverse_tau * (1.0 / n);
+    u[n] = (a + b * x - n * b) * factor;
+  }
+  if (s->form != VS_RAMP) return;
+  u[0] = s->age >= s->end ? s->target : s->start + s->slope * s->age;
+  if (s->slope > 0.0 ? u[0] > s->target : u[0] < s->target) u[0] = s->target;
+  u[1] = unit * s->slope;
+}
+
+static double vs_input_value(const scene_signal* s) {
+  double u[2];
+  vs_expand_input(s, 1.0, 1, u);
+  return u[0];
+}
+
+static void vs_hold_constant(scene_signal* s, double value) {
+  s->form = VS_CONSTANT;
+  s->start = s->target = value;
+  s->slope = s->inverse_tau = s->linear = s->age = 0.0;
+  s->end = INFINITY;
+}
+
+/* True when the value itself jumps. */
+static int vs_command_signal(scene_signal* s, int hold, double parameter, double target) {
+  const double settled = 50.0; /* time constants: exp(-50) of the way is less than rounding */
+  double u[2], present, rate;
+  vs_expand_input(s, 1.0, 1, u);
+  present = u[0];
+  rate = u[1];
+  vs_hold_constant(s, present);
+  s->target = target;
+  if (hold == VS_SECOND_ORDER_LAG) {
+    if (target == present && rate == 0.0) return 0;
+    s->form = VS_CRITICAL;
+    s->inverse_tau = 1.0 / parameter;
+    s->linear = present - target + parameter * rate;
+    s->end = settled * parameter;
+    return 0;
+  }
+  if (target == present) return 0;
+  if (hold == VS_ZERO_ORDER) {
+    vs_hold_constant(s, target);
+    return 1;
+  }
+  if (hold == VS_FIRST_ORDER_LAG) {
+    s->form = VS_EXPONENTIAL;
+    s->inverse_tau = 1.0 / parameter;
+    s->end = settled * parameter;
+    return 0;
+  }
+  s->form = VS_RAMP;
+  if (hold == VS_RATE_LIMIT) {
+    s->slope = target > present ? parameter : -parameter;
+    s->end = (target - present) / s->slope;
+  } else {
+    s->slope = (target - present) / parameter;
+    s->end = parameter;
+  }
+  return 0;
+}
+
+/* Coefficients up to `order` of the rows of inputs and of their rates. */
+static void vs_enter_inputs(const scene_model* m, scene_series* it, int order) {
+  double u[SCENE_ORDER + 3];
+  int k, n, i = -1;
+  for (k = 0; k < INPUT_ROW_COUNT; ++k) {
+    double* const row = it->row[input_row[k]];
+    const int is_new = input_of_row[k] != i;
+    const int moves = m->now.input[input_of_row[k]].form != VS_CONSTANT;
+    i = input_of_row[k];
+    if (!moves && !it->moves[i]) {
+      if (input_rate_of_row[k] == 0) row[0] = m->now.input[i].start;
+      continue;
+    }
+    if (is_new) vs_expand_input(&m->now.input[i], it->unit, SCENE_ORDER + 2, u);
+    for (n = 0; n <= order; ++n) {
+      const double rate = (n + 1) * u[n + 1] / it->unit;
+      const double second = (n + 2) * (n + 1) * u[n + 2] / (it->unit * it->unit);
+      row[n] = input_rate_of_row[k] == 0 ? u[n] : input_rate_of_row[k] == 1 ? rate : second;
+    }
+  }
+  for (k = 0; k < INPUT_ROW_COUNT; ++k) {
+    int* const moves = &it->moves[input_of_row[k]];
+    *moves = m->now.input[input_of_row[k]].form != VS_CONSTANT || (order == 0 && *moves);
+  }
+}

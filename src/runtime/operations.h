@@ -1,0 +1,251 @@
+/* Power series along a motion: coefficient n of a function from those of its operands up to n and
+ * its own below n.
+ *
+ * A row holds the coefficients c_0 .. c_N of one intermediate result, c_k being that of ((t - t_n)
+ * / unit)^k. Each function below computes coefficient n of its results; n = 0 is the value itself.
+ * Where n is a constant, a compiler unrolls the sums. (Moore; Jorba and Zou: A software package for
+ * the numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics
+ * 14 (2005) 99-117.)
+ *
+ * The includer defines VS_STRIDE, the places of a row. Coefficients leave the last place free: it
+ * keeps a number of the recurrence, the reciprocal of a divisor, from order 0 on. */
+
+#if defined(__GNUC__)
+#define VS_INLINE static inline __attribute__((always_inline, unused))
+#define VS_RARE static __attribute__((noinline, unused))
+#define SERIES_INLINE inline __attribute__((always_inline, unused))
+#define SERIES_RARE __attribute__((noinline, unused))
+#else
+#define VS_INLINE static inline
+#define VS_RARE static
+#define SERIES_INLINE inline
+#define SERIES_RARE
+#endif
+#if defined(__GNUC__) && !defined(__clang__)
+#define VS_UNROLL _Pragma("GCC unroll 32")
+#else
+#define VS_UNROLL
+#endif
+
+typedef double Real;
+typedef Real vs_row[VS_STRIDE];
+enum { VS_KEPT = VS_STRIDE - 1 };
+
+/* Sums of products go by fours, in the same order with vectors and without. */
+#if defined(__GNUC__)
+typedef double vs_four __attribute__((vector_size(32), aligned(8), may_alias));
+/* series_resolution.inc sums by them, too. */
+#define SERIES_HAS_FOURS
+#define Four vs_four
+#define load(from) (*(const vs_four*)(from))
+#if defined(__clang__)
+#define VS_REVERSED(v) __builtin_shufflevector(v, v, 3, 2, 1, 0)
+#else
+typedef long long vs_places __attribute__((vector_size(32)));
+static const vs_places vs_reversed = {3, 2, 1, 0};
+#define VS_REVERSED(v) __builtin_shuffle(v, vs_reversed)
+#endif
+#endif
+
+/* sum_{k=from..to} a_k b_{n-k} */
+VS_INLINE Real vs_total(const Real* a, const Real* b, int n, int from, int to) {
+  Real sum = 0.0;
+  int k = from;
+  if (to - from >= 3) {
+#if defined(__GNUC__)
+    vs_four part = {0.0, 0.0, 0.0, 0.0};
+    VS_UNROLL
+    for (; k + 3 <= to; k += 4) {
+      const vs_four reversed = *(const vs_four*)(b + n - k - 3);
+      part += *(const vs_four*)(a + k) * VS_REVERSED(reversed);
+    }
+#else
+    Real part[4] = {0.0, 0.0, 0.0, 0.0};
+    for (; k + 3 <= to; k += 4) {
+      int j;
+      for (j = 0; j < 4; ++j) part[j] += a[k + j] * b[n - k - j];
+    }
+#endif
+    sum = (part[0] + part[2]) + (part[1] + part[3]);
+  }
+  VS_UNROLL
+  for (; k <= to; ++k) sum += a[k] * b[n - k];
+  return sum;
+}
+
+/* sum_{k=low..n-up} a_k b_{n-k} for low and up of 0 or 1. The coefficients of order n were stored
+ * just now: they are read as single numbers, since a vector would wait for their stores. */
+VS_INLINE Real vs_convolve(const Real* a, const Real* b, int n, int low, int up) {
+  Real sum;
+  if (n == 0) return low == 0 && up == 0 ? a[0] * b[0] : 0.0;
+  sum = vs_total(a, b, n, 1, n - 1);
+  if (low == 0) sum += a[0] * b[n];
+  if (up == 0) sum += a[n] * b[0];
+  return sum;
+}
+
+/* sum_{k=low..n-low} a_k a_{n-k} = 2 sum_{low<=k<n/2} a_k a_{n-k} + a_{n/2}^2 */
+VS_INLINE Real vs_convolve_self(const Real* a, int n, int low) {
+  Real sum;
+  if (n == 0) return low == 0 ? a[0] * a[0] : 0.0;
+  sum = vs_total(a, a, n, 1, (n - 1) / 2);
+  if (low == 0) sum += a[0] * a[n];
+  sum *= 2.0;
+  if (n % 2 == 0) sum += a[n / 2] * a[n / 2];
+  return sum;
+}
+
+/* 1/n sum_{k<n} rate_k w_{n-1-k}, the coefficient n > 0 of the integral of rate w; rate_k is 0 for
+ * k > last */
+VS_INLINE Real vs_chain(const Real* rate, const Real* w, int last, int n) {
+  return (last == 0 ? rate[0] * w[n - 1] : vs_convolve(rate, w, n - 1, 0, 0)) * (1.0 / n);
+}
+
+/* 1 / (1 + exp(x)) and the like keep their limit where exp(x) has overflowed. */
+VS_INLINE int vs_is_at_limit(const Real* x, const Real* y, int n) {
+  return n > 0 && isinf(x[0]) && isfinite(y[0]);
+}
+
+/* y = a b */
+VS_INLINE void vs_multiply(Real* y, const Real* a, const Real* b, int n) {
+  y[n] = vs_convolve(a, b, n, 0, 0);
+}
+
+/* y = a^2 */
+VS_INLINE void vs_square(Real* y, const Real* a, int n) {
+  y[n] = vs_convolve_self(a, n, 0);
+}
+
+/* y = a / b: y_n = (a_n - sum_{k<n} y_k b_{n-k}) / b_0 */
+VS_INLINE void vs_divide(Real* y, const Real* a, const Real* b, int n) {
+  if (n == 0) y[VS_KEPT] = 1.0 / b[0];
+  y[n] = n == 0 ? a[0] / b[0] : (a[n] - vs_convolve(y, b, n, 0, 1)) * y[VS_KEPT];
+}
+
+/* rate = x', coefficients n - 1: rate_{n-1} = n x_n */
+VS_INLINE void vs_differentiate(Real* rate, const Real* x, int n) {
+  if (n > 0) rate[n - 1] = n * x[n];
+}
+
+/* y = exp(x): y' = x' y. In all that follow, `rate` is x' and `last` its last coefficient. */
+VS_INLINE void vs_exponential(Real* y, const Real* x, const Real* rate, int last, int n) {
+  y[n] = n == 0 ? exp(x[0]) : vs_chain(rate, y, last, n);
+}
+
+/* s = sin(x), c = cos(x): s' = x' c, c' = -x' s */
+VS_INLINE void vs_sine_cosine(Real* s, Real* c, const Real* x, const Real* rate, int last, int n) {
+  s[n] = n == 0 ? sin(x[0]) : vs_chain(rate, c, last, n);
+  c[n] = n == 0 ? cos(x[0]) : -vs_chain(rate, s, last, n);
+}
+
+/* s = sinh(x), c = cosh(x): s' = x' c, c' = x' s */
+VS_INLINE void vs_sinh_cosh(Real* s, Real* c, const Real* x, const Real* rate, int last, int n) {
+  s[n] = n == 0 ? sinh(x[0]) : vs_chain(rate, c, last, n);
+  c[n] = n == 0 ? cosh(x[0]) : vs_chain(rate, s, last, n);
+}
+
+/* y = tan(x), w = 1 + y^2 = 1 / cos(x)^2: y' = x' w */
+VS_INLINE void vs_tangent(Real* y, Real* w, const Real* x, const Real* rate, int last, int n) {
+  if (n == 0) {
+    const Real cosine = cos(x[0]);
+    y[0] = tan(x[0]);
+    w[0] = 1.0 / (cosine * cosine);
+    return;
+  }
+  y[n] = vs_chain(rate, w, last, n);
+  w[n] = vs_convolve_self(y, n, 0);
+}
+
+/* y = tanh(x), w = 1 - y^2 = 1 / cosh(x)^2: y' = x' w. With u = exp(-2 |x|) - 1, |y| = -u / (2 + u)
+ * and w = 4 (1 + u) / (2 + u)^2. Beyond |x| = 27, y is 1 or -1 to all digits and stays so for as
+ * long as a series of order 36 lets x move (series_resolution.inc): it is constant. */
+VS_INLINE void vs_tangent_hyperbolic(Real* y, Real* w, const Real* x, const Real* rate, int last,
+                                     int n) {
+  if (n == 0 && fabs(x[0]) > 27.0) {
+    y[VS_KEPT] = 1.0;
+    y[0] = x[0] < 0.0 ? -1.0 : 1.0;
+    w[0] = 0.0;
+  } else if (n == 0) {
+    const Real u = expm1(-2.0 * fabs(x[0])), part = 1.0 / (2.0 + u), size = -u * part;
+    y[VS_KEPT] = 0.0;
+    y[0] = x[0] < 0.0 ? -size : size;
+    w[0] = 4.0 * (1.0 + u) * part * part;
+  } else if (y[VS_KEPT] != 0.0) {
+    y[n] = w[n] = 0.0;
+  } else {
+    y[n] = vs_chain(rate, w, last, n);
+    w[n] = -vs_convolve_self(y, n, 0);
+  }
+}
+
+/* y' = factor p / w, with q = p / w, from `value` on: log (p = x', w = x), atan (p = x',
+ * w = 1 + x^2), asin, acos (w = sqrt(1 - x^2)), atan2(a, b) (p = b a' - a b', w = a^2 + b^2) */
+VS_INLINE void vs_integrate_quotient(Real* y, Real* q, Real value, const Real* p, const Real* w,
+                                     Real factor, int n) {
+  if (n == 0) {
+    y[0] = value;
+    q[VS_KEPT] = 1.0 / w[0];
+    return;
+  }
+  q[n - 1] = (p[n - 1] - vs_convolve(q, w, n - 1, 0, 1)) * q[VS_KEPT];
+  y[n] = factor * q[n - 1] * (1.0 / n);
+}
+
+/* y = b' a - a' b, coefficients n - 1 */
+VS_INLINE void vs_wronskian(Real* y, const Real* a, const Real* b, const Real* rate_a,
+                            const Real* rate_b, int n) {
+  if (n > 0) y[n - 1] = vs_convolve(rate_b, a, n - 1, 0, 0) - vs_convolve(rate_a, b, n - 1, 0, 0);
+}
+
+/* y = sqrt(x): y_n = (x_n - sum_{0<k<n} y_k y_{n-k}) / (2 y_0) */
+VS_INLINE void vs_square_root(Real* y, const Real* x, int n) {
+  if (n == 0) {
+    y[0] = sqrt(x[0]);
+    y[VS_KEPT] = 0.5 / y[0];
+    return;
+  }
+  y[n] = (x[n] - vs_convolve_self(y, n, 1)) * y[VS_KEPT];
+}
+
+/* y = x^k: x y' = k x' y, so x_0 y_n = (k + 1)/n sum_{j>0} j x_j y_{n-j} - sum_{j>0} x_j y_{n-j} */
+VS_INLINE void vs_power(Real* y, const Real* x, const Real* rate, int last, Real k, int n) {
+  if (n == 0) {
+    y[0] = pow(x[0], k);
+    y[VS_KEPT] = 1.0 / x[0];
+    return;
+  }
+  y[n] = ((k + 1.0) * vs_chain(rate, y, last, n) - vs_convolve(y, x, n, 0, 1)) * y[VS_KEPT];
+}
+
+/* ---- Formulas with modes. A mode is below 0, above 0, or 0 while the switching function a - b is
+ * 0 to all known orders; the first coefficient that is not 0 decides it, which is the direction
+ * that the motion takes. ---- */
+
+VS_INLINE Real vs_mode(Real* mode, Real a, Real b, int n) {
+  if (n == 0) *mode = 0.0;
+  if (*mode == 0.0) *mode = a < b ? -1.0 : a > b ? 1.0 : a - b;
+  return *mode;
+}
+
+/* |a| */
+VS_INLINE void vs_absolute(Real* y, const Real* a, Real* mode, int n) {
+  y[n] = vs_mode(mode, a[n], 0.0, n) * a[n];
+}
+
+/* -1, 0, 1 or NaN */
+VS_INLINE void vs_sign(Real* y, const Real* a, int n) {
+  y[n] = n > 0 ? 0.0 : a[0] > 0.0 ? 1.0 : a[0] < 0.0 ? -1.0 : a[0];
+}
+
+/* a <= b ? yes : no, and with a and b for these min(a, b) or max(a, b); NaN where the two cannot
+ * be compared. On the edge of a jump the formula's own value decides, and stays. */
+VS_INLINE void vs_choose(Real* y, const Real* a, const Real* b, const Real* yes, const Real* no,
+                         Real* mode, int n) {
+  if (vs_mode(mode, a[n], b[n], n) == 0.0 && yes[0] != no[0]) *mode = -1.0;
+  y[n] = *mode != *mode ? *mode : *mode <= 0.0 ? yes[n] : no[n];
+}
+
+/* b, but 0 where a is infinite */
+VS_INLINE void vs_where_finite(Real* y, const Real* a, const Real* b, int n) {
+  y[n] = isinf(a[0]) ? 0.0 : isnan(a[0]) ? a[0] : b[n];
+}

@@ -1,0 +1,297 @@
+/* The motion as power series of (t - t_n) / unit: with c_k unit^-k the coefficients of t,
+ *     omega_{n+1} = unit/(n+1) epsilon_n,  phi_{n+1} = unit/(n+1) omega_n
+ *     J epsilon_n - C' mu_n = a_n,  C epsilon_n = g_n
+ * where a_n and g_n follow from the formulas, whose coefficients n are first made with epsilon_n =
+ * 0 and then corrected. gauss: mu = lambda of J epsilon + n - Q = C' lambda; generalized: n mu_n =
+ * unit Lambda_{n-1} of R' = C' Lambda + 1/2 J' omega J^-1 R */
+
+/* a_n */
+VS_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
+  const vs_row* const r = it->row;
+  Real sum = r[torque_row[i]][n];
+  Real rest = 0.0;
+  int p;
+  if (INERTIA_VARIES) {
+    sum -= r[inertial_row[i]][n] + vs_convolve(r[inertia_row[i]], r[ACCELERATION + i], n, 1, 0);
+  }
+  for (p = 0; p < K && ENTRIES_VARY; ++p) {
+    rest += vs_convolve(r[entry_row[S * p + i]], r[MULTIPLIER + p], IS_CLASSICAL ? n : n - 1, 1, 0);
+  }
+  if (!IS_CLASSICAL && INERTIA_VARIES)
+    rest += vs_convolve(r[connection_row[i]], r[PULL + i], n - 1, 0, 0);
+  return sum + (IS_CLASSICAL ? rest : it->unit * (1.0 / n) * rest);
+}
+
+/* g_n: -psi_n, and of order 3, where C eta + c_0 = 0, -1/n (unit c_0,n-1 + sum_j (n-j) C_j
+ * epsilon_{n-j}) */
+VS_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n) {
+  const vs_row* const r = it->row;
+  Real sum;
+  int i, j;
+  if (order_of[p] < 3) return -r[residual_row[p]][n];
+  sum = it->unit * r[residual_row[p]][n - 1];
+  for (i = 0; i < S; ++i) {
+    const Real* const C = r[entry_row[S * p + i]];
+    for (j = 1; j < n; ++j) sum += (n - j) * C[j] * r[ACCELERATION + i][n - j];
+  }
+  return -sum * (1.0 / n);
+}
+
+/* b = J^-1 R of order n, of the connection 1/2 J' omega b in R' */
+static void vs_note_pull(scene_series* it, int n) {
+  vs_row* const r = it->row;
+  double b[S], J_inverse[S][S];
+  int i, j;
+  for (i = 0; i < S; ++i) {
+    const Real* const J = r[inertia_row[i]];
+    b[i] = r[inertial_row[i]][n] - r[torque_row[i]][n];
+    for (j = 0; j < S; ++j) {
+      J_inverse[i][j] = vs_inertia(it, i, j);
+      b[i] += vs_inertia(it, i, j) * r[ACCELERATION + j][n];
+    }
+    for (j = 1; j <= n; ++j) b[i] += J[j] * (r[ACCELERATION + i][n - j] - r[PULL + i][n - j]);
+  }
+  vs_invert(J_inverse[0], S, 0, 0);
+  for (i = 0; i < S; ++i) {
+    r[PULL + i][n] = 0.0;
+    for (j = 0; j < S; ++j) r[PULL + i][n] += J_inverse[i][j] * b[j];
+  }
+}
+
+/* Coefficients n of all rows. */
+VS_INLINE void vs_order(scene_series* it, int n) {
+  vs_row* const r = it->row;
+  const Real q = it->unit * (1.0 / n);
+  Real x[SIZE];
+  int i;
+  r[TIME][n] = n == 1 ? it->unit : 0.0;
+  for (i = 0; i < S; ++i) {
+    r[VELOCITY + i][n] = q * r[ACCELERATION + i][n - 1];
+    r[ANGLE + i][n] = q * r[VELOCITY + i][n - 1];
+    r[ACCELERATION + i][n] = 0.0;
+  }
+  vs_given(it, n);
+  vs_tried(it, n);
+  for (i = 0; i < S; ++i) x[i] = vs_force_rest(it, i, n);
+  for (i = 0; i < K; ++i) x[S + i] = vs_constraint_rest(it, i, n);
+  vs_solve(it, x);
+  for (i = 0; i < S; ++i) r[ACCELERATION + i][n] = x[i];
+  for (i = 0; i < K; ++i) {
+    if (IS_CLASSICAL)
+      r[MULTIPLIER + i][n] = x[S + i];
+    else
+      r[MULTIPLIER + i][n - 1] = x[S + i] / q;
+  }
+  vs_corrected(it, n, x);
+  vs_rest(it, n);
+  if (!IS_CLASSICAL && INERTIA_VARIES) vs_note_pull(it, n);
+}
+
+/* A function for each order, whose sums a compiler unrolls; scenes of very many formulas have one
+ * for all. */
+#ifdef VS_EACH_ORDER
+#define VS_ORDER_FUNCTION(n)                    \
+  VS_RARE void vs_order_##n(scene_series* it) { \
+    vs_order(it, n);                            \
+  }
+VS_EACH_ORDER(VS_ORDER_FUNCTION)
+#define VS_CASE(n)    \
+  case n:             \
+    vs_order_##n(it); \
+    break;
+static void vs_extend(scene_series* it) {
+  switch (++it->order) {
+    VS_EACH_ORDER(VS_CASE)
+    default:
+      break;
+  }
+}
+#else
+static void vs_extend(scene_series* it) {
+  vs_order(it, ++it->order);
+}
+#endif
+
+/* Order 0 of all formulas is known. gauss: of the multipliers, too. is_factored: of the last
+ * correction of the accelerations, which has changed nothing that matters unless C turns with them.
+ */
+static int vs_begin(scene_series* it, const double* lambda, int is_factored) {
+  it->order = 0;
+  if (!is_factored || ENTRIES_TURN || IS_CURVED) {
+    if (IS_CLASSICAL ? !vs_factor_curved(it, lambda, 1, 3) : !vs_factor(it, 1, 3)) return 0;
+  }
+  if (!IS_CLASSICAL && INERTIA_VARIES) vs_note_pull(it, 0);
+  if (!IS_CLASSICAL) vs_extend(it);
+  return 1;
+}
+
+static scene_series* vs_series(scene_model* m) {
+  return &m->series[m->present];
+}
+
+/* False where the last coefficients are not finite. */
+static int vs_is_finite(const scene_series* it) {
+  double rest = 0.0;
+  int i;
+  for (i = 0; i < S; ++i) rest += 0.0 * it->row[ACCELERATION + i][it->order];
+  for (i = 0; i < K && IS_CLASSICAL; ++i) rest += 0.0 * it->row[MULTIPLIER + i][it->order];
+  return rest == 0.0;
+}
+
+/* A power of two of at least `length` s. */
+static double vs_unit_of(double length) {
+  int exponent;
+  frexp(length, &exponent);
+  return ldexp(1.0, exponent);
+}
+
+/* True where the present series is that of the state. */
+static int vs_is_begun(const scene_model* m) {
+  const scene_state *const a = &m->now, *const b = &m->begun;
+  int same = m->is_begun && a->time == b->time && a->time_rest == b->time_rest, i;
+  for (i = 0; i < S; ++i) {
+    same = same && a->angle[i] == b->angle[i] && a->velocity[i] == b->velocity[i] &&
+           a->acceleration[i] == b->acceleration[i];
+  }
+  for (i = 0; i < INPUTS; ++i) {
+    same = same && a->input[i].form == b->input[i].form && a->input[i].age == b->input[i].age &&
+           a->input[i].start == b->input[i].start && a->input[i].target == b->input[i].target;
+  }
+  return same;
+}
+
+/* The series of the state, up to the orders that need no other. */
+static int vs_begin_here(scene_model* m, double unit) {
+  scene_series* const it = vs_series(m);
+  m->begun = m->now;
+  it->unit = unit;
+  vs_enter_inputs(m, it, SCENE_ORDER);
+  vs_enter_state(m, it);
+  m->is_begun = vs_begin(it, m->now.multiplier, 0);
+  return m->is_begun;
+}
+
+/* True where all formulas are what their series say, up to theta (series_resolution.inc). */
+static int vs_is_resolved(const scene_series* it, double theta) {
+  double powers[40];
+  int k;
+  powers[0] = 1.0;
+  for (k = 1; k < 40; ++k) powers[k] = k <= it->order ? powers[k - 1] * theta : 0.0;
+  /* (The order that most steps have, as a constant.) */
+  return it->order == SCENE_ORDER ? !vs_may_hide(it, powers, SCENE_ORDER)
+                                  : !vs_may_hide(it, powers, it->order);
+}
+
+/* Angles, velocities and, where they are a state, accelerations, up to this order. */
+static int vs_last(const scene_series* it) {
+  return IS_CLASSICAL ? it->order + 1 : it->order;
+}
+
+/* Coefficients N + 1 of angles and velocities, which follow from those of order N. */
+static void vs_integrate_last(scene_series* it) {
+  const int n = it->order;
+  int i;
+  for (i = 0; i < 2 * S; ++i)
+    it->row[ANGLE + i][n + 1] = it->unit / (n + 1) * it->row[VELOCITY + i][n];
+}
+
+/* log2 within a tenth, and 2^x within a hundredth: a length's error is that divided by its order.
+ */
+static double vs_logarithm_of(double x) {
+  long long bits;
+  memcpy(&bits, &x, sizeof bits);
+  return (double)bits * (1.0 / 4503599627370496.0) - 1023.0;
+}
+
+static double vs_power_of_two(double x) {
+  const double kept = x > 1000.0 ? 1000.0 : x > -1000.0 ? x : -1000.0;
+  const double shifted = kept + 6755399441055744.0; /* 1.5 2^52: the rest is an integer */
+  const double part = kept - (shifted - 6755399441055744.0);
+  unsigned long long bits;
+  double power;
+  memcpy(&bits, &shifted, sizeof bits);
+  bits = (bits + 1023) << 52;
+  memcpy(&power, &bits, sizeof power);
+  return (1.0 + part * (0.70711 + 0.24264 * part)) * power;
+}
+
+/* True when the last terms are a small part of the tolerance for a step of theta units, and of the
+ * terms before. */
+static int vs_is_nothing(const scene_series* it, double theta) {
+  const int last = vs_last(it);
+  double power = theta;
+  int c, n;
+  for (n = 1; n < last; ++n) power *= theta;
+  for (c = FIRST_JUDGED; c < COMPONENTS; ++c) {
+    const double* const x = it->row[ANGLE + c];
+    const double term = fabs(x[last]) * power;
+    if (!(term <= 1e-3 * vs_tolerance(x[0]))) return 0;
+    if (!(term <= 1e-6 * seriesLarger(fabs(x[0]), fabs(x[1]) * theta))) return 0;
+  }
+  return 1;
+}
+
+/* The largest theta at which the last two terms of the judged rows are a part of the tolerance: the
+ * last of degree n within 1/part of it, the one before, which may vanish by accident less often
+ * than a single one does, within the part that it has where coefficients decay as the tolerance
+ * asks for. */
+VS_INLINE double vs_log_length(const scene_series* it, int first, int count, int n, double part) {
+  const double decay = DECAY;
+  double last = 0.0, before = 0.0;
+  int c;
+  for (c = first; c < first + count; ++c) {
+    const double* const x = it->row[c];
+    const double allowed = part / vs_tolerance(x[0]);
+    last = seriesLarger(last, fabs(x[n]) * allowed);
+    before = seriesLarger(before, fabs(x[n - 1]) * allowed);
+  }
+  return seriesSmaller(-vs_logarithm_of(last) / n, -vs_logarithm_of(before * decay) / (n - 1));
+}
+
+/* The longest step, s, for which the last terms are within the tolerance. The accelerations of
+ * gauss are an output, whose own tolerance the step's end is asked for (vs_defect). Up to limit, s,
+ * no function does what its series does not show. */
+static double vs_choose_length(const scene_series* it, double limit) {
+  const int last = vs_last(it);
+  const double longest_rates =
+      vs_log_length(it, ACCELERATION, S, it->order, IS_CLASSICAL ? 0.4 : 4.0);
+  const double longest_values =
+      vs_log_length(it, ANGLE + FIRST_JUDGED, 2 * S - FIRST_JUDGED, last, 4.0);
+  double theta = vs_power_of_two(seriesSmaller(longest_rates, longest_values));
+  int halvings;
+  for (halvings = 0; halvings < 60; ++halvings) {
+    const double taken = seriesSmaller(theta, limit / it->unit);
+    if (vs_is_resolved(it, taken)) break;
+    theta = 0.5 * taken;
+  }
+  return theta * it->unit;
+}
+
+/* The series of the state as far as steps of `limit` s need them, and how long a step may be. */
+static scene_status vs_expand(scene_model* m, double limit) {
+  scene_series* const it = vs_series(m);
+  double unit = m->usual > 0.0 ? seriesSmaller(m->usual, limit) : limit;
+  const int is_short = limit < 0.5 * m->usual;
+  int trial, i;
+  for (trial = 0; trial < 12; ++trial, unit *= 1.0 / 64.0) {
+    int small = 0;
+    double theta;
+    if ((trial > 0 || !vs_is_begun(m)) && !vs_begin_here(m, vs_unit_of(unit)))
+      return SCENE_SINGULAR;
+    theta = limit / it->unit;
+    while (it->order < SCENE_ORDER && (small < 2 || it->order <= 3 || !vs_is_resolved(it, theta))) {
+      vs_extend(it);
+      if (!is_short) continue;
+      vs_integrate_last(it);
+      small = vs_is_nothing(it, theta) ? small + 1 : 0;
+    }
+    if (!vs_is_finite(it)) { /* too long a unit overflows; else nothing helps */
+      for (i = 0; i < SCENE_ROWS; ++i) memset(it->row[i] + 1, 0, sizeof it->row[i] - sizeof(Real));
+      continue;
+    }
+    vs_integrate_last(it);
+    m->usual = vs_choose_length(it, limit);
+    return SCENE_OK;
+  }
+  return SCENE_NOT_FINITE;
+}

@@ -1,0 +1,229 @@
+/* States on the constraints: velocities on f = 0, accelerations on psi = 0 or of least reaction. */
+
+/* Newton's iteration: the correction that was made to S values is small enough. */
+static int vs_has_converged(const double* values, const double* change, double* previous) {
+  double size = 0.0;
+  double length = 0.0;
+  int i, ends;
+  for (i = 0; i < S; ++i) {
+    size = seriesLarger(size, fabs(change[i]));
+    length = seriesLarger(length, fabs(values[i]));
+    if (!isfinite(values[i])) return 0;
+  }
+  ends = size <= 1e-8 * length || size == 0.0;
+  /* Rounding keeps corrections to tiny values from shrinking. */
+  ends = ends || (size >= 0.5 * *previous && size <= 1e-12 * (length + 1.0));
+  *previous = size;
+  return ends;
+}
+
+/* Moves the velocities onto f = 0 of the constraints of order 1: x = -J^-1 C' (C J^-1 C')^-1 f. */
+static scene_status vs_project_velocities(scene_model* m, scene_series* it) {
+  double previous = INFINITY;
+  double x[SIZE];
+  int i, round;
+  for (round = 0; round < 25 && HAS_ORDER_1; ++round) {
+    vs_enter_state(m, it);
+    vs_at_once(it, 0);
+    if (!vs_factor(it, 1, 1)) return SCENE_SINGULAR;
+    for (i = 0; i < S; ++i) x[i] = 0.0;
+    for (i = 0; i < K; ++i)
+      x[S + i] = order_of[i] == 1 ? -it->row[velocity_residual_row[i]][0] : 0.0;
+    vs_solve(it, x);
+    for (i = 0; i < S; ++i) m->now.velocity[i] += x[i];
+    if (vs_has_converged(m->now.velocity, x, &previous)) return SCENE_OK;
+  }
+  return HAS_ORDER_1 ? SCENE_NOT_CONVERGED : SCENE_OK;
+}
+
+enum {
+  VS_ONTO_CONSTRAINTS = 0, /* epsilon moves as little as psi = 0 asks for: J dx = C' mu */
+  VS_LEAST_REACTION = 1,   /* J epsilon + n - Q = C' lambda */
+  VS_RESTORES = 2          /* dx moves the part of R that no C spans back to that at the start */
+};
+
+/* The right-hand side a, g of a correction; order 3 has nothing that could be 0. */
+static void vs_find_rest(const scene_model* m, const scene_series* it, int what,
+                         const double* lambda, double* x) {
+  double R[S];
+  int i, p;
+  if (what != VS_ONTO_CONSTRAINTS) vs_reaction(it, R);
+  for (i = 0; i < S; ++i) {
+    x[i] = 0.0;
+    if (what == VS_LEAST_REACTION) x[i] = -R[i];
+    if (what == VS_RESTORES && is_neutral[i]) {
+      x[i] = (INERTIA_VARIES ? sqrt(vs_inertia(it, i, i)) : 1.0) * m->now.reaction[i] - R[i];
+    }
+  }
+  for (p = 0; p < K; ++p) {
+    x[S + p] = order_of[p] < 3 ? -it->row[residual_row[p]][0] : 0.0;
+    for (i = 0; i < S && what == VS_LEAST_REACTION && order_of[p] < 3; ++i)
+      x[i] += vs_entry(it, p, i) * lambda[p];
+  }
+}
+
+/* Newton's iteration for the accelerations (and, of the least reaction, for lambda), from those of
+ * the state. `share` of `left` may remain. Afterwards all formulas are those of the state. A last
+ * correction, whose square is below rounding, is added to the formulas by their slopes. */
+static scene_status vs_settle(scene_model* m, scene_series* it, int what, double* lambda,
+                              const double* left, double share, int rounds) {
+  const int high = what == VS_LEAST_REACTION ? 2 : 3;
+  double previous = INFINITY;
+  double x[SIZE];
+  int i;
+  vs_enter_state(m, it);
+  for (; rounds > 0; --rounds) {
+    const int is_regular =
+        what == VS_LEAST_REACTION ? vs_factor_curved(it, lambda, 1, high) : vs_factor(it, 1, high);
+    if (!is_regular) return SCENE_SINGULAR;
+    vs_find_rest(m, it, what, lambda, x);
+    for (i = 0; i < SIZE && share > 0.0; ++i) x[i] -= share * left[i];
+    vs_solve(it, x);
+    for (i = 0; i < S; ++i) it->row[ACCELERATION + i][0] = m->now.acceleration[i] += x[i];
+    for (i = 0; i < K && what == VS_LEAST_REACTION; ++i) lambda[i] += x[S + i];
+    for (i = 0; i < K; ++i) it->row[MULTIPLIER + i][0] = m->now.multiplier[i];
+    if (vs_has_converged(m->now.acceleration, x, &previous)) {
+      vs_corrected(it, 0, x);
+      vs_rest(it, 0);
+      return SCENE_OK;
+    }
+    vs_tried(it, 0);
+    vs_rest(it, 0);
+  }
+  return SCENE_NOT_CONVERGED;
+}
+
+/* The accelerations of least reaction after a jump: by parts of it, each so short that the
+ * iteration hardly has to search, for the motion to stay on its branch. */
+static scene_status vs_follow_least_reaction(scene_model* m, scene_series* it) {
+  double left[SIZE];
+  double done = 0.0;
+  double part = 1.0;
+  vs_enter_state(m, it);
+  vs_find_rest(m, it, VS_LEAST_REACTION, m->now.multiplier, left);
+  while (done < 1.0) {
+    const scene_state before = m->now;
+    const double next = seriesSmaller(1.0, done + part);
+    if (vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, left, 1.0 - next, 5) == SCENE_OK) {
+      done = next;
+      part *= 2.0;
+      continue;
+    }
+    m->now = before;
+    part *= 0.25;
+    if (!(part > 1e-6)) return SCENE_NO_MOTION;
+  }
+  return SCENE_OK;
+}
+
+/* The accelerations of a state: those that the principle gives, or its own, on psi = 0. */
+static scene_status vs_settle_accelerations(scene_model* m, scene_series* it) {
+  if (IS_CLASSICAL) return vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50);
+  return HAS_RESIDUAL ? vs_settle(m, it, VS_ONTO_CONSTRAINTS, 0, 0, 0.0, 25) : SCENE_OK;
+}
+
+/* R' = C' Lambda: what no C has a part of is a constant of R (with J(phi) of R / sqrt(J)). It is
+ * taken from the applied torque, which the state tells, and not from the accelerations. */
+static void vs_note_reaction(scene_model* m, scene_series* it) {
+  int i;
+  vs_enter_inputs(m, it, 0);
+  vs_enter_state(m, it);
+  vs_reaction(it, m->now.reaction);
+  for (i = 0; i < S && INERTIA_VARIES; ++i) m->now.reaction[i] /= sqrt(vs_inertia(it, i, i));
+}
+
+/* ---- Jumps: time, angles and velocities stay, the accelerations move along psi = 0 by
+        J d(epsilon) = dQ + C' L,  C d(epsilon) + dpsi/du du + df' = 0. ---- */
+
+/* At theta of the path from the inputs u0 to u0 + du; df: how f' of the constraints of order 1
+ * jumps, or 0. */
+static int vs_jump_rate(scene_model* m, scene_series* it, double theta, const double* u0,
+                        const double* du, const double* dQ, const double* df, double* x) {
+  int i, k, p;
+  for (k = 0; k < INPUT_ROW_COUNT; ++k) {
+    i = input_of_row[k];
+    if (input_rate_of_row[k] == 0)
+      it->row[input_row[k]][0] = du == 0 ? u0[i] : u0[i] + theta * du[i];
+  }
+  vs_enter_state(m, it);
+  if (!vs_factor(it, 1, 3)) return 0;
+  for (i = 0; i < S; ++i) x[i] = dQ[i];
+  for (p = 0; p < K; ++p) x[S + p] = df == 0 ? 0.0 : -df[p];
+  if (du != 0) {
+    vs_at_once(it, 0);
+    for (p = 0; p < K; ++p) {
+      for (i = 0; i < INPUTS; ++i) x[S + p] -= it->row[input_slope_row[INPUTS * p + i]][0] * du[i];
+    }
+  }
+  vs_solve(it, x);
+  return 1;
+}
+
+/* One step of h of the path from theta, by the formulas of Dormand and Prince, A family of embedded
+ * Runge-Kutta formulae, J. Comp. Appl. Math. 6 (1980) 19-26; its error in a tenth of the tolerance.
+ * False where C has lost rank. */
+static int vs_step_of_path(scene_model* m, scene_series* it, double theta, double h,
+                           const double* u0, const double* du, const double* dQ, const double* df,
+                           double* norm) {
+  static const double a[6][6] = {
+      {0.2, 0, 0, 0, 0, 0},
+      {3.0 / 40, 9.0 / 40, 0, 0, 0, 0},
+      {44.0 / 45, -56.0 / 15, 32.0 / 9, 0, 0, 0},
+      {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729, 0, 0},
+      {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656, 0},
+      {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
+  static const double c[6] = {0.2, 0.3, 0.8, 8.0 / 9, 1.0, 1.0};
+  static const double e[7] = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
+                              -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
+  double k[7][SIZE];
+  double begin[S];
+  int i, j, n;
+  for (i = 0; i < S; ++i) begin[i] = m->now.acceleration[i];
+  if (!vs_jump_rate(m, it, theta, u0, du, dQ, df, k[0])) return 0;
+  for (n = 0; n < 6; ++n) {
+    for (i = 0; i < S; ++i) {
+      double sum = 0.0;
+      for (j = 0; j <= n; ++j) sum += a[n][j] * k[j][i];
+      m->now.acceleration[i] = begin[i] + h * sum;
+    }
+    if (!vs_jump_rate(m, it, theta + c[n] * h, u0, du, dQ, df, k[n + 1])) return 0;
+  }
+  *norm = 0.0;
+  for (i = 0; i < S; ++i) {
+    double error = 0.0;
+    for (j = 0; j < 7; ++j) error += e[j] * k[j][i];
+    *norm = seriesLarger(*norm, fabs(h * error) / (0.1 * vs_tolerance(m->now.acceleration[i])));
+    if (!isfinite(m->now.acceleration[i]) || !isfinite(error)) return 0;
+  }
+  return 1;
+}
+
+static scene_status vs_jump(scene_model* m, scene_series* it, const double* u0, const double* du,
+                            const double* dQ, const double* df) {
+  double theta = 0.0;
+  double h = 0.1;
+  double x[SIZE];
+  int i, steps;
+  if (JUMPS_STRAIGHT) { /* C depends on no acceleration and no input */
+    if (!vs_jump_rate(m, it, 0.0, u0, 0, dQ, df, x)) return SCENE_SINGULAR;
+    for (i = 0; i < S; ++i) m->now.acceleration[i] += x[i];
+    return SCENE_OK;
+  }
+  for (steps = 0; steps < 20000 && theta < 1.0; ++steps) {
+    const scene_state before = m->now;
+    double norm = INFINITY;
+    int is_good;
+    h = seriesSmaller(h, 1.0 - theta);
+    is_good = vs_step_of_path(m, it, theta, h, u0, du, dQ, df, &norm);
+    if (is_good && norm <= 1.0 && df == 0 && HAS_RESIDUAL) {
+      is_good = vs_settle(m, it, VS_ONTO_CONSTRAINTS, 0, 0, 0.0, 25) == SCENE_OK;
+    }
+    if (is_good && norm <= 1.0)
+      theta = h < 1.0 - theta ? theta + h : 1.0;
+    else
+      m->now = before;
+    h *= is_good ? fmin(5.0, fmax(0.2, 0.9 * pow(norm + 1e-10, -0.2))) : 0.2;
+    if (!(h > 1e-14)) return SCENE_NO_MOTION;
+  }
+  return theta < 1.0 ? SCENE_NO_MOTION : SCENE_OK;
+}

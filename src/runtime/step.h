@@ -1,0 +1,194 @@
+/* A step: the series of the present, how far it holds, and the state there, from which the next
+ * series begins. */
+
+/* The longest that the inputs let a step be, s. */
+static double vs_limit(scene_model* m, double left) {
+  double limit = seriesSmaller(left, MAXIMUM_STEP);
+  int i;
+  for (i = 0; i < INPUTS; ++i) {
+    scene_signal* const s = &m->now.input[i];
+    if (s->age >= s->end) vs_hold_constant(s, s->target);
+    limit = seriesSmaller(limit, s->end - s->age);
+    if (m->now.silence[i] >= 0.0 && timeout_of[i] > 0.0) {
+      limit = seriesSmaller(limit, timeout_of[i] - m->now.silence[i]);
+    }
+  }
+  return seriesLarger(limit, 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time));
+}
+
+/* The next series, at the end of the step: all formulas, and the orders that need no other. */
+static scene_status vs_arrive(scene_model* m, scene_series* next, double unit) {
+  scene_status status;
+  next->unit = unit;
+  vs_enter_inputs(m, next, SCENE_ORDER);
+  status = vs_project_velocities(m, next);
+  if (status != SCENE_OK) return status;
+  if (IS_CLASSICAL)
+    status = vs_settle(m, next, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50);
+  else
+    status = vs_settle(m, next, HAS_NEUTRAL ? VS_RESTORES : VS_ONTO_CONSTRAINTS, 0, 0, 0.0, 25);
+  if (status != SCENE_OK) return status;
+  if (!vs_begin(next, m->now.multiplier, 1)) return SCENE_SINGULAR;
+  return vs_is_finite(next) ? SCENE_OK : SCENE_NOT_FINITE;
+}
+
+/* The error of a step of h s that the last terms do not show, in tolerances: x' at its end beside
+ * that of the series, and the accelerations that were found there beside theirs. A kink that the
+ * step ends on bends the accelerations. */
+static double vs_defect(const scene_model* m, const scene_series* it, const scene_series* next,
+                        const scene_state* expected, double theta, int is_kink) {
+  const double h = theta * it->unit;
+  double defect = 0.0;
+  int i, n;
+  for (i = 0; i < S; ++i) {
+    const Real* const x = it->row[ACCELERATION + i];
+    double slope = 0.0; /* of the series at its end, times the unit */
+    const double size = seriesLarger(fabs(x[0]), fabs(m->now.acceleration[i]));
+    const double moved = fabs(m->now.acceleration[i] - expected->acceleration[i]);
+    const double compared =
+        IS_CLASSICAL ? seriesLarger(fabs(it->row[VELOCITY + i][0]), fabs(m->now.velocity[i]))
+                     : size;
+    double missed = moved;
+    for (n = it->order; n > 0 && !IS_CLASSICAL; --n) slope = slope * theta + n * x[n];
+    if (!IS_CLASSICAL) {
+      missed = fabs(next->row[ACCELERATION + i][1] / next->unit - slope / it->unit);
+    }
+    missed *= h / ((it->order + 1) * vs_tolerance(compared));
+    defect = seriesLarger(defect, (IS_CLASSICAL ? 0.1 : 1.0) * moved / vs_tolerance(size));
+    if (!is_kink || IS_CLASSICAL) defect = seriesLarger(defect, missed);
+    if (!isfinite(missed)) return INFINITY;
+  }
+  return defect;
+}
+
+/* No jump was stepped over unseen. */
+static int vs_keeps_sides(const scene_series* it, const scene_series* next) {
+  int g;
+  for (g = 0; g < SIGNS; ++g) {
+    const double side = vs_first_sign(it->row[sign_row[g]], it->order);
+    if (sign_jumps[g] && side != 0.0 && !(next->row[sign_row[g]][0] * side > 0.0)) return 0;
+  }
+  return 1;
+}
+
+/* No row of C has vanished, nor turned by more than a right angle in J^-1: then it vanished on the
+ * way. */
+static int vs_keeps_rank(scene_model* m, const scene_series* it, const scene_series* next) {
+  int i, p;
+  for (p = 0; p < K; ++p) {
+    double product = 0.0, length = 0.0, before = 0.0;
+    for (i = 0; i < S; ++i) {
+      const double entry = vs_entry(next, p, i) / vs_inertia(next, i, i);
+      product += vs_entry(it, p, i) * entry;
+      length += vs_entry(next, p, i) * entry;
+      before += vs_entry(it, p, i) * vs_entry(it, p, i) / vs_inertia(it, i, i);
+    }
+    m->longest[p] = seriesLarger(m->longest[p], before);
+    if (!(product > 0.0 && length > 1e-20 * m->longest[p])) return 0;
+  }
+  return 1;
+}
+
+/* Newton's iteration for the least reaction went to another branch than the series: theirs has
+ * ended. (No step is too short for that, and the velocities do not show it.) A part of what the
+ * accelerations change in a step is the series' own error. */
+static int vs_has_leapt(const scene_model* m, const scene_state* before,
+                        const scene_state* expected) {
+  int i;
+  for (i = 0; i < S && IS_CLASSICAL && IS_CURVED; ++i) {
+    const double moved = fabs(m->now.acceleration[i] - expected->acceleration[i]);
+    const double size = seriesLarger(1.0, fabs(expected->acceleration[i]));
+    const double change = fabs(expected->acceleration[i] - before->acceleration[i]);
+    if (!(moved <= seriesSmaller(1e-3 * size, 0.1 * change) + 1e-9 * size)) return 1;
+  }
+  return 0;
+}
+
+/* To theta, or, with an event, to the first instant behind it at which the state itself has passed.
+ * *defect: see vs_defect. */
+static scene_status vs_try(scene_model* m, vs_event* at, double* theta, double* defect,
+                           int* loses_rank) {
+  const scene_series* const it = vs_series(m);
+  scene_series* const next = &m->series[1 - m->present];
+  const scene_state before = m->now;
+  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, before.time) / it->unit;
+  const double end = *theta * (1.0 + 2e-12) + 4.0 * least;
+  double ahead = seriesLarger(1e-14 * at->theta, least);
+  scene_state expected;
+  scene_status status;
+  int i, is_kink;
+  for (;; ahead *= 4.0) {
+    if (at->guard >= 0) *theta = seriesSmaller(at->theta + ahead, end);
+    vs_go(m, *theta);
+    expected = m->now;
+    status = vs_arrive(m, next, vs_unit_of(seriesLarger(*theta * it->unit, 0.25 * m->usual)));
+    if (status != SCENE_OK || at->guard < 0 || vs_is_beyond(next, at)) break;
+    if (*theta == end) at->guard = -1; /* nothing has happened up to the end */
+    m->now = before;
+  }
+  if (status != SCENE_OK) return status;
+  is_kink = at->guard >= 0 && at->guard < SIGNS;
+  for (i = 0; i < INPUTS; ++i) {
+    const scene_signal* const s = &m->now.input[i];
+    is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);
+  }
+  *defect = vs_defect(m, it, next, &expected, *theta, is_kink);
+  *loses_rank = !vs_keeps_rank(m, it, next);
+  if (*loses_rank || !vs_keeps_sides(it, next) || vs_has_leapt(m, &before, &expected))
+    *defect = INFINITY;
+  return SCENE_OK;
+}
+
+/* One step of at most `left` s; *made: how long it was. */
+static scene_status vs_make_step(scene_model* m, double left, double* made) {
+  const double limit = vs_limit(m, left);
+  const scene_state before = m->now;
+  scene_status status = vs_expand(m, limit);
+  double theta;
+  int loses_rank = 0, trial;
+  if (status != SCENE_OK) return status;
+  theta = seriesSmaller(limit, m->usual) / vs_series(m)->unit;
+  for (trial = 0; trial < 60; ++trial) {
+    vs_event at = vs_find_event(m, vs_series(m), &theta);
+    double defect = 0.0, h, part;
+    /* An event at which nothing jumps is passed like any other step's end. */
+    int is_smooth = at.guard < 0 || (!at.jumps && !HAS_ORDER_1 && !(IS_CLASSICAL && IS_CURVED));
+    if (is_smooth) {
+      status = vs_try(m, &at, &theta, &defect, &loses_rank);
+    } else {
+      double crossed = theta;
+      status = vs_cross(m, &m->series[1 - m->present], &at, &crossed);
+      is_smooth = at.guard < 0;
+      if (is_smooth)
+        status = vs_try(m, &at, &theta, &defect, &loses_rank);
+      else
+        theta = crossed;
+    }
+    h = theta * vs_series(m)->unit;
+    if (at.guard >= 0)
+      m->crossings = h <= 1e-9 * seriesLarger(1.0, m->now.time) ? m->crossings + 1 : 0;
+    else
+      m->crossings = 0;
+    if (status == SCENE_OK && m->crossings > 20) return SCENE_CHATTERING;
+    if (status == SCENE_OK && defect <= 1.0) {
+      if (is_smooth) {
+        m->present = 1 - m->present;
+        m->begun = m->now;
+      }
+      m->is_begun = is_smooth;
+      ++m->steps;
+      *made = h;
+      return SCENE_OK;
+    }
+    ++m->rejections;
+    m->now = before;
+    if (status == SCENE_NO_MOTION) return status;
+    part = isfinite(defect) && status == SCENE_OK
+               ? 0.9 * pow(defect, -1.0 / (vs_series(m)->order + 1))
+               : 0.5;
+    theta *= part > 0.2 ? part : 0.2;
+    if (!(theta * vs_series(m)->unit > 1e-14 * seriesLarger(1.0, m->now.time))) break;
+  }
+  if (loses_rank) return SCENE_SINGULAR;
+  return status == SCENE_OK ? SCENE_TOO_MANY_STEPS : status;
+}

@@ -1,0 +1,122 @@
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "runtime/scene_sizes.h"
+/* */
+#include "runtime/scene.h"
+
+enum {
+  S = SCENE_SHAFTS,
+  K = SCENE_CONSTRAINTS,
+  INPUTS = SCENE_INPUTS,
+  VS_STRIDE = SCENE_STRIDE,
+  SIZE = S + K,
+  IS_CLASSICAL = 0,
+  IS_CURVED = 0,
+  IS_COUPLED = 0,
+  INERTIA_VARIES = 0,
+  ENTRIES_VARY = 0,
+  ENTRIES_TURN = 0,
+  HAS_ORDER_1 = 0,
+  HAS_RESIDUAL = 1,
+  HAS_GIVEN_ACCELERATIONS = 0,
+  MAY_PROJECT = 0,
+  HAS_NEUTRAL = 0,
+  JUMPS_STRAIGHT = 1,
+  COMPONENTS = 3 * S,
+  FIRST_JUDGED = 0,
+  SIGNS = 0,
+  TABLES = 0,
+  CONSTANTS = 4,
+  INPUT_ROW_COUNT = 1,
+  TIME = 0,
+  ANGLE = 1,
+  VELOCITY = 3,
+  ACCELERATION = 5,
+  MULTIPLIER = 7,
+  PULL = 8,
+  /* 10: input, 11: sin, 12: cos, 13: rate, 14: torque, 15: residual, 16 .. 19: constants 0, 1, -2,
+     1 */
+  ZERO = 16
+};
+static const double RELATIVE_TOLERANCE = 1e-12, ABSOLUTE_TOLERANCE = 1e-12, MAXIMUM_STEP = 10.0,
+                    DECAY = 0.21;
+const char* const scene_shaft_name[] = {"swing", "follower"};
+const char* const scene_constraint_name[] = {"slip", ""};
+const char* const scene_input_name[] = {"torque", ""};
+static const int input_row[] = {10}, input_of_row[] = {0}, input_rate_of_row[] = {0};
+static const int hold_of[] = {1}, falls_to_zero[] = {0};
+static const double parameter_of[] = {0.5}, initial_input[] = {0.0}, minimum_of[] = {-1.0},
+                    maximum_of[] = {1.0}, timeout_of[] = {0.0};
+static const double initial_angle[] = {1.0, 0.0}, initial_velocity[] = {0.0, 0.0},
+                    initial_multiplier[] = {0.0};
+static const double initial_acceleration[] = {-0.84147098480789650665, -1.6829419696157930133};
+static const int order_of[] = {2}, is_neutral[] = {0, 0};
+static const double coupling[] = {0.0, 0.0, 0.0, 0.0};
+static const int torque_row[] = {14, ZERO}, residual_row[] = {15}, velocity_residual_row[] = {ZERO};
+static const int entry_row[] = {18, 17}, curvature_row[] = {ZERO, ZERO, ZERO, ZERO},
+                 input_slope_row[] = {ZERO};
+static const int inertia_row[] = {17, 19}, inertial_row[] = {ZERO, ZERO},
+                 connection_row[] = {ZERO, ZERO};
+static const int sign_row[] = {0}, sign_jumps[] = {0}, passage_row[] = {0}, passage_count[] = {0};
+static const double* const passage_points[] = {0};
+static const int constant_row[] = {16, 17, 18, 19};
+static const double constant_value[] = {0.0, 1.0, -2.0, 1e-9};
+#define VS_EACH_ORDER(X) \
+  X(1) X(2) X(3) X(4) X(5) X(6) X(7) X(8) X(9) X(10) X(11) X(12) X(13) X(14) X(15) X(16) X(17) X(18)
+
+#include "runtime/operations.h"
+/* */
+#include "runtime/tables.h"
+
+VS_INLINE void vs_given(scene_series* it, int n) {
+  vs_row* const r = it->row;
+  vs_differentiate(r[13], r[1], n);
+  vs_sine_cosine(r[11], r[12], r[1], r[13], SCENE_ORDER, n);
+  r[14][n] = r[10][n] - r[11][n];
+}
+
+VS_INLINE void vs_tried(scene_series* it, int n) {
+  vs_row* const r = it->row;
+  r[15][n] = r[6][n] - 2.0 * r[5][n] + r[4][n] - 2.0 * r[3][n];
+}
+
+VS_INLINE void vs_corrected(scene_series* it, int n, const Real* de) {
+  it->row[15][n] += de[1] - 2.0 * de[0];
+}
+
+VS_INLINE void vs_rest(scene_series* it, int n) {
+  (void)it, (void)n;
+}
+
+VS_INLINE void vs_at_once(scene_series* it, int n) {
+  (void)it, (void)n;
+}
+
+#include "expression/series_operation.inc"
+/* */
+#include "expression/series_resolution.inc"
+VS_INLINE int vs_may_hide(const scene_series* it, const Real* powers, int last) {
+  const vs_row* const r = it->row;
+  Real upper;
+  const Real reach = seriesReach(r[1], powers, last, &upper);
+  return seriesHides(kSeriesSine, r[11], r[12], r[1], r[1], reach, upper, reach, upper, powers,
+                     last) > 0.0;
+}
+
+#include "runtime/inputs.h"
+/* */
+#include "runtime/algebra.h"
+/* */
+#include "runtime/orders.h"
+/* */
+#include "runtime/roots.h"
+/* */
+#include "runtime/projection.h"
+/* */
+#include "runtime/events.h"
+/* */
+#include "runtime/step.h"
+/* */
+#include "runtime/interface.h"
