@@ -149,7 +149,7 @@ static void vs_go(scene_model* m, double theta) {
   m->now.time = sum;
 }
 
-/* What may jump at an event. */
+/* Quantities that may jump at an event. */
 typedef struct {
   double torque[S];
   double residual[K + 1]; /* f or psi; 0 of order 3 */
@@ -187,7 +187,7 @@ static int vs_has_gap(const scene_model* m, const scene_series* it, const vs_law
   return 0;
 }
 
-/* Where f bends in time or angles, f' jumps: the accelerations go after it, C of the others turning
+/* f' jumps where f bends in time or angles: the accelerations follow it, C of the others turning
  * with them. */
 static scene_status vs_follow_kink(scene_model* m, scene_series* it) {
   double dQ[S], df[K + 1], u[INPUTS + 1];

@@ -151,7 +151,7 @@ scene_status scene_advance_to(scene_model* m, double time) {
   return vs_reach_goal(m);
 }
 
-/* What is left of a constraint: f, psi, or C eta + c_0 of order 3. */
+/* The residual of a constraint: f, psi, or C eta + c_0 of order 3. */
 static double vs_residual(const scene_series* it, int p) {
   double left = it->row[(order_of[p] == 1 ? velocity_residual_row : residual_row)[p]][0];
   int i;

@@ -1,5 +1,5 @@
-/* What a controller sees of a scene. `scene` and `SCENE` stand for its name; the includer defines
- * SCENE_SHAFTS and the other sizes. */
+/* The interface of a scene for a controller. `scene` and `SCENE` stand for its name; the includer
+ * defines SCENE_SHAFTS and the other sizes. */
 
 typedef enum {
   SCENE_OK = 0,
