@@ -13,35 +13,40 @@ import plot_work_precision as work_precision
 
 TARGETS = (1e-4, 1e-6, 1e-9)
 SAMPLED = " sampled"  # behind the name of a scene of which 100 samples a second are taken
-HEADERS = ("best peer", "peer, ms", "ours", "interpreter", "peer / ours")
+OURS = (("ours auto", "machine code"), ("ours auto", "formulas"), ("ours emitted", "C"))
+HEADERS = ("best peer", "peer, ms", "ours", "interpreter", "emitted C", "peer / ours",
+           "peer / emitted C")
 
 
-def ratios_line(name, ratios):
-    return [name, *(f"**{ratio:.2f}**" if ratio else "-" for ratio in ratios)]
+def show_ratio(ratio):
+    return f"{ratio:.2f}" if ratio else "-"
 
 
 def make_tables(scenes):
     """One table for each error, and the summary: the mean and the least ratio."""
-    means, leasts, parts = [], [], []
+    means, leasts = [[], [], []], [[], [], []]
+    parts = []
     for target in TARGETS:
         rows, ratios = [], []
         for name, curves in scenes.items():
             peer = work_precision.best_of(curves, lambda m, _: not m.startswith("ours"), target)
-            ours, slow = (work_precision.time_at(curves.get(("ours auto", form), []), target)
-                          for form in ("machine code", "formulas"))
-            if peer and ours:
-                ratios.append(peer[0] / ours)
+            own = [work_precision.time_at(curves.get(key, []), target) for key in OURS]
+            ratio = [peer[0] / time if peer and time else None for time in own]
+            ratios.append(ratio)
             rows.append([name, peer[1][0] if peer else "-",
                          work_precision.show_time(peer and peer[0]),
-                         work_precision.show_time(ours), work_precision.show_time(slow),
-                         f"{peer[0] / ours:.2f}" if peer and ours else "-"])
-        means.append(math.exp(sum(map(math.log, ratios)) / len(ratios)) if ratios else None)
-        leasts.append(min(ratios, default=None))
+                         *map(work_precision.show_time, own), *map(show_ratio, ratio[::2])])
+        for kind, column in enumerate(zip(*ratios)):
+            known = [ratio for ratio in column if ratio]
+            means[kind].append(math.exp(sum(map(math.log, known)) / len(known)) if known else None)
+            leasts[kind].append(min(known, default=None))
         title = f"Error {work_precision.show_exponent(target)}"
         parts.append(f"**{title}**\n\n" + work_precision.table(["scene", *HEADERS], rows))
     summary = work_precision.table(
         ["best peer / ours", *map(work_precision.show_exponent, TARGETS)],
-        [ratios_line("geometric mean", means), ratios_line("least", leasts)])
+        [[f"{name}, {kind}", *map(show_ratio, row)] for kind, rows_of in
+         zip(("machine code", "interpreter", "emitted C"), zip(means, leasts))
+         for name, row in zip(("geometric mean", "least"), rows_of)])
     return "\n".join([summary, *parts])
 
 

@@ -6,6 +6,9 @@
 //
 // Two times of each run: without samples, and with 100 samples a second. Those of ours have all
 // columns; those of the peers the states alone.
+#include <dlfcn.h>
+#include <stdlib.h>
+
 #include <algorithm>
 #include <array>
 #include <boost/numeric/odeint.hpp>
@@ -14,6 +17,8 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <iostream>
 #include <limits>
@@ -29,6 +34,7 @@
 #include <sunmatrix/sunmatrix_dense.h>
 #endif
 
+#include "emit_c/emit_c.h"
 #include "peers/machines.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/io/yaml_tree.h"
@@ -349,6 +355,105 @@ void addOurs(const Start& start, bool compiled, double* deadline, std::vector<Me
   methods->push_back({"ours auto", compiled ? "machine code" : "formulas", prepare, run});
 }
 
+/// The emitted program of the scene, compiled for this machine and loaded.
+class Emitted {
+ public:
+  explicit Emitted(const Start& start) : start_(start) {}
+  ~Emitted() { release(); }
+  Emitted(const Emitted&) = delete;
+  Emitted& operator=(const Emitted&) = delete;
+
+  bool prepare(double tolerance) {
+    release();
+    Simulation simulation = makeSimulation(start_.scene, tolerance, false);
+    shafts_ = simulation.scene().shafts.size();
+    for (const TimedCommand& command : start_.commands) {
+      const auto& inputs = simulation.scene().inputs;
+      for (std::size_t i = 0; i < inputs.size(); ++i) {
+        if (inputs[i].topic == command.topic) {
+          commands_.push_back({command.time, static_cast<int>(i), command.value});
+        }
+      }
+    }
+    folder_ = (std::filesystem::temp_directory_path() / "applications_XXXXXX").string();
+    if (::mkdtemp(folder_.data()) == nullptr) return false;
+    writeEmittedScene(emitScene(simulation, "it", "it"), folder_);
+    std::ofstream(folder_ + "/play.c") << kPlay;
+    const std::string line = "cd " + folder_ +
+                             " && cc -std=c99 -O3 -march=native -ffp-contract=off -shared -fPIC "
+                             "it.c play.c -o it.so -lm";
+    if (std::system(line.c_str()) != 0) return false;
+    library_ = ::dlopen((folder_ + "/it.so").c_str(), RTLD_NOW | RTLD_LOCAL);
+    if (library_ == nullptr) return false;
+    find("play_begin", &begin_);
+    find("play_advance", &advance_);
+    find("play_command", &command_);
+    find("play_read", &read_);
+    return true;
+  }
+  void run(int samples, std::vector<double>* speeds) {
+    begin_();
+    std::size_t command = 0;
+    const auto advance = [&](double time) {
+      for (; command < commands_.size() && commands_[command].time <= time; ++command) {
+        if (advance_(commands_[command].time) != 0) throw TimeOut();
+        command_(commands_[command].input, commands_[command].value);
+      }
+      if (advance_(time) != 0) throw TimeOut();
+    };
+    for (int n = 1; n <= samples; ++n) {
+      advance(timeOf(n, samples));
+      const double* const w = read_();
+      if (speeds != nullptr) speeds->insert(speeds->end(), w, w + shafts_);
+    }
+    advance(kEnd);
+  }
+
+ private:
+  struct Command {
+    double time;
+    int input;
+    double value;
+  };
+  static constexpr const char* kPlay =
+      "#include \"it.h\"\n"
+      "static it_model model;\n"
+      "static it_sample sample;\n"
+      "void play_begin(void) { it_init(&model); }\n"
+      "int play_advance(double time) { return it_advance_to(&model, time); }\n"
+      "void play_command(int input, double value) { it_command(&model, input, value); }\n"
+      "const double* play_read(void) { it_read(&model, &sample); return sample.velocity; }\n";
+
+  template <class Function>
+  void find(const char* name, Function** function) const {
+    *function = reinterpret_cast<Function*>(::dlsym(library_, name));
+  }
+  void release() {
+    if (library_ != nullptr) ::dlclose(library_);
+    library_ = nullptr;
+    if (!folder_.empty()) std::filesystem::remove_all(folder_);
+    folder_.clear();
+    commands_.clear();
+  }
+
+  const Start& start_;
+  std::size_t shafts_ = 0;
+  std::vector<Command> commands_;
+  std::string folder_;
+  void* library_ = nullptr;
+  void (*begin_)() = nullptr;
+  int (*advance_)(double) = nullptr;
+  void (*command_)(int, double) = nullptr;
+  const double* (*read_)() = nullptr;
+};
+
+void addEmitted(const Start& start, std::vector<Method>* methods) {
+  auto emitted = std::make_shared<Emitted>(start);
+  methods->push_back(
+      {"ours emitted", "C", [emitted](double value) { return emitted->prepare(value); },
+       [emitted](int samples, std::vector<double>* speeds) { emitted->run(samples, speeds); }});
+}
+
 double calcError(const std::vector<double>& speeds, const std::vector<double>& reference) {
   if (speeds.size() != reference.size()) return std::nan("");
   double worst = 0.0;
@@ -413,6 +518,7 @@ void measure(const std::string& name, const Start& start, bool quick) {
   std::vector<Method> methods;
   addOurs(start, true, &deadline, &methods);
   addOurs(start, false, &deadline, &methods);
+  addEmitted(start, &methods);
   addOdeint(machine, &deadline, &methods);
 #ifdef VARIATOR_SIM_WITH_SUNDIALS
   addCvode(machine, &deadline, &methods);

@@ -290,7 +290,8 @@ static scene_status vs_expand(scene_model* m, double limit) {
       continue;
     }
     vs_integrate_last(it);
-    m->usual = vs_choose_length(it, limit);
+    /* Of a motion that is a polynomial any length is right; powers of it may not overflow. */
+    m->usual = seriesSmaller(vs_choose_length(it, limit), seriesSmaller(MAXIMUM_STEP, 1e6));
     return SCENE_OK;
   }
   return SCENE_NOT_FINITE;
