@@ -109,11 +109,11 @@ TEST(Runtime, TablesOfOneVariable) {
   static const double pieces[] = {0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0,
                                   1.0, 0.0, 0.0, 1.0, 3.0, 3.0, 1.0, 0.0, 0.0};
   static const vs_table table = {2, points, pieces};
-  vs_row h[4] = {};
-  double mode[3];
-  expectSeries([&](Rows& r, int n) { vs_look_up(r.y, h, r.x, &table, mode, n); },
+  vs_row h[3] = {};
+  double mode[3], piece[6];
+  expectSeries([&](Rows& r, int n) { vs_look_up(r.y, h, r.x, &table, mode, piece, n); },
                [](double x, double) { return x * x * x; });
-  expectSeries([&](Rows& r, int n) { vs_look_up(r.y, h, r.other, &table, mode, n); },
+  expectSeries([&](Rows& r, int n) { vs_look_up(r.y, h, r.other, &table, mode, piece, n); },
                [](double, double x) { return x * x * x; });
 }
 

@@ -333,11 +333,21 @@ class Emission {
   }
 
   std::string writeResolution() const {
-    return std::string("\n/* ---- Whether the series show all of their functions. ---- */\n\n") +
-           expression::kSeriesOperationText + expression::kSeriesResolutionText +
-           "VS_INLINE int vs_may_hide(const " + name_ +
-           "_series *it, const Real *powers, int last)\n{\n  const vs_row *const r = it->row;\n" +
-           "  (void)r, (void)powers, (void)last;\n" + rows_.hiding() + "}\n";
+    const std::vector<expression::SeriesOperation> operations = rows_.resolved();
+    std::string text =
+        std::string("\n/* ---- Whether the series show all of their functions. ---- */\n\n") +
+        expression::kSeriesOperationText + expression::kSeriesResolutionText +
+        expression::kSeriesRangesText + "enum { RESOLVED = " + std::to_string(operations.size()) +
+        " };\nstatic const struct SeriesOperation resolved[] = {\n";
+    for (const expression::SeriesOperation& it : operations) {
+      text += "    {";
+      for (const int n :
+           {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state, it.power}) {
+        text += std::to_string(n) + ", ";
+      }
+      text += literalOf(it.f) + ", " + literalOf(it.g) + "},\n";
+    }
+    return text + "    {0, 0, -1, 0, -1, 0, -1, 0, 0.0, 0.0}};\n";
   }
 
   std::string writeConstants() const {

@@ -184,37 +184,23 @@ bool FormulaRows::mayReachLimit(const Instruction& it) const {
   return has_limit && grows_.count(of) > 0 && !program_.has_pole_[static_cast<std::size_t>(of)];
 }
 
-std::string FormulaRows::hiding() const {
-  using namespace expression;  // NOLINT: its kinds are many
-  std::set<int> reached;
+std::vector<expression::SeriesOperation> FormulaRows::resolved() const {
   std::set<int> made;
-  std::string text;
   for (const int n : in_series_) {
     made.insert(program_.instructions_[static_cast<std::size_t>(n)].result);
   }
-  const auto reach = [&](int row) {
-    const std::string n = std::to_string(row);
-    if (!reached.insert(row).second) return;
-    text += "  Real upper_" + n + ";\n  const Real reach_" + n + " = seriesReach(r[" + n +
-            "], powers, last, &upper_" + n + ");\n";
-  };
-  for (const SeriesOperation& it : program_.resolved()) {
-    if (made.count(it.result) == 0 || it.kind <= kSeriesFinite ||
-        it.degree <= SeriesProgram::kLongest)
-      continue;
-    const int b = it.b < 0 ? it.a : it.b;
-    const int first = it.kind == kSeriesQuotient ? b : it.a;
-    reach(first);
-    reach(b);
-    text += "  if (seriesHides(" + std::to_string(it.kind);
-    for (const int n : {it.result, it.second < 0 ? it.a : it.second, it.a, b})
-      text += ", " + row(n);
-    for (const int n : {first, b}) {
-      text += ", reach_" + std::to_string(n) + ", upper_" + std::to_string(n);
+  std::vector<expression::SeriesOperation> list;
+  for (expression::SeriesOperation it : program_.resolved()) {
+    if (made.count(it.result) == 0) continue;
+    if (it.kind == expression::kSeriesTable) {
+      it.state = piece_of_row_.at(it.result);
+      if (it.b < 0) it.f = 1.0;
+    } else if (it.kind == expression::kSeriesEither || it.kind == expression::kSeriesOther) {
+      it.state = mode_of_state_.at(it.state);
     }
-    text += ", powers, last) > 0.0) return 1;\n";
+    list.push_back(it);
   }
-  return text + "  return 0;\n";
+  return list;
 }
 
 /// Writes a sum of terms.
@@ -328,7 +314,7 @@ std::string FormulaRows::define(const std::string& type, const std::string& orig
 
 std::string FormulaRows::tableOf(const Instruction& it) {
   const Piece& piece = program_.pieces_[static_cast<std::size_t>(it.state)];
-  constexpr int kRows = 4;
+  constexpr int kRows = 3;
   constexpr int kModes = 3;
   std::vector<double> pieces;
   forEachPiece(piece.table->points(), [&](double x, double inside) {
@@ -342,9 +328,11 @@ std::string FormulaRows::tableOf(const Instruction& it) {
   const std::string name = define("table", piece.table->origin(), {piece.table->points()}, pieces);
   const std::string text = "vs_look_up(" + row(it.result) + ", r + " + std::to_string(rows_) +
                            ", " + row(it.operands[0]) + ", &" + name + ", s + " +
-                           std::to_string(modes_) + ", n);";
+                           std::to_string(modes_) + ", a + " + std::to_string(pieces_) + ", n);";
+  piece_of_row_[it.result] = pieces_;
   rows_ += kRows;
   modes_ += kModes;
+  pieces_ += Table::kDegree + 1;
   return text;
 }
 
@@ -375,6 +363,7 @@ std::string FormulaRows::tableOfTwo(const Instruction& it) {
                            ", n);\n  " + row(it.result) + "[n] = " + row(rows_) + "[n];";
   rows_ += kRows;
   modes_ += kModes;
+  piece_of_row_[it.result] = pieces_;
   pieces_ += (Table::kDegree + 1) * (Table::kDegree + 1);
   return text;
 }

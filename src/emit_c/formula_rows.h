@@ -34,8 +34,8 @@ class FormulaRows {
   const std::string& tables() const { return tables_; }
   /// Rows with a value that never changes.
   const std::vector<std::pair<int, double>>& constants() const { return program_.constants_; }
-  /// Statements that return 1 if an operation may be unresolved (series_resolution.inc).
-  std::string hiding() const;
+  /// Operations of rows that are series, with the modes and pieces of the emitted program.
+  std::vector<expression::SeriesOperation> resolved() const;
   int rows() const { return rows_; }
   int modes() const { return modes_; }
   int pieces() const { return pieces_; }
@@ -71,6 +71,7 @@ class FormulaRows {
   std::set<int> grows_;                             ///< rows that may overflow by an exp
   std::set<int> changing_;                          ///< rows of whose change a correction is made
   std::map<int, int> mode_of_state_;                ///< of branches
+  std::map<int, int> piece_of_row_;                 ///< of tables
   std::map<std::string, std::string> table_names_;  ///< by contents
   std::array<std::string, kParts> text_;
   std::string tables_;

@@ -4,8 +4,5 @@
 namespace variator_sim::expression {
 
 #include "expression/series_operation.inc"
-inline bool seriesMayHide(const SeriesOperation* op, int order) {
-  return op->kind > kSeriesFinite && op->degree > order;
-}
 
 }  // namespace variator_sim::expression

@@ -1,5 +1,5 @@
-/// The text of series_sine.inc, series_operation.inc and series_resolution.inc, for kernels and
-/// emitted programs.
+/// The text of series_sine.inc, series_operation.inc, series_resolution.inc and series_ranges.inc,
+/// for kernels and emitted programs.
 #pragma once
 
 namespace variator_sim::expression {
@@ -7,5 +7,6 @@ namespace variator_sim::expression {
 extern const char* const kSeriesSineText;
 extern const char* const kSeriesOperationText;
 extern const char* const kSeriesResolutionText;
+extern const char* const kSeriesRangesText;
 
 }  // namespace variator_sim::expression

@@ -171,17 +171,6 @@ static int vs_begin_here(scene_model* m, double unit) {
   return m->is_begun;
 }
 
-/* True where all formulas are what their series say, up to theta (series_resolution.inc). */
-static int vs_is_resolved(const scene_series* it, double theta) {
-  double powers[40];
-  int k;
-  powers[0] = 1.0;
-  for (k = 1; k < 40; ++k) powers[k] = k <= it->order ? powers[k - 1] * theta : 0.0;
-  /* (The order that most steps have, as a constant.) */
-  return it->order == SCENE_ORDER ? !vs_may_hide(it, powers, SCENE_ORDER)
-                                  : !vs_may_hide(it, powers, it->order);
-}
-
 /* Angles, velocities and, where they are a state, accelerations, up to this order. */
 static int vs_last(const scene_series* it) {
   return IS_CLASSICAL ? it->order + 1 : it->order;

@@ -31,51 +31,49 @@ VS_INLINE int vs_place(Real* mode, const double* points, int count, const Real* 
   return 1;
 }
 
-/* y = c_0 + c_1 t + t^2 q,  q = c_2 + c_3 t + t^2 p,  p = c_4 + c_5 t, t counting from the piece's
- * lower point. h: rows of t, t^2, p, q */
-VS_INLINE void vs_follow_piece(Real* y, vs_row* h, const Real* x, const double* c, double low,
-                               int n) {
-  h[0][n] = n == 0 ? x[0] - low : x[n];
-  vs_square(h[1], h[0], n);
-  h[2][n] = c[5] * h[0][n] + (n == 0 ? c[4] : 0.0);
-  h[3][n] = c[3] * h[0][n] + vs_convolve(h[1], h[2], n, 0, 0) + (n == 0 ? c[2] : 0.0);
-  y[n] = c[1] * h[0][n] + vs_convolve(h[1], h[3], n, 0, 0) + (n == 0 ? c[0] : 0.0);
-}
-
-/* Orders 0 to n - 1 of a piece that has just been entered. */
-VS_RARE void vs_enter_piece(Real* y, vs_row* h, const Real* x, const vs_table* table, Real* mode,
-                            int n) {
-  const int piece = (int)mode[0];
-  const double* const c = table->pieces + 6 * piece;
-  int i, k;
-  mode[2] = 1.0; /* constant */
-  for (i = 1; i < 6; ++i) {
-    if (c[i] != 0.0) mode[2] = 0.0;
-  }
-  for (k = 0; k < n; ++k) {
-    vs_follow_piece(y, h, x, c, table->points[piece > 0 ? piece - 1 : 0], k);
-  }
-}
-
-/* y = table(x); mode: 3 numbers, h: 4 rows */
-VS_INLINE void vs_look_up(Real* y, vs_row* h, const Real* x, const vs_table* table, Real* mode,
-                          int n) {
-  if (vs_place(mode, table->points, table->count, x, n)) {
-    vs_enter_piece(y, h, x, table, mode, n == 0 ? 1 : n);
-  }
-  if (n == 0) return;
-  if (mode[2] != 0.0) {
-    y[n] = 0.0;
-  } else {
-    vs_follow_piece(y, h, x, table->pieces + 6 * (int)mode[0], 0.0, n);
-  }
-}
-
 /* c, a polynomial of degree 5 in x, becomes that in x + by. */
 VS_RARE void vs_shift(double* c, int stride, double by) {
   int i, k;
   for (k = 0; k < 5; ++k) {
     for (i = 4; i >= k; --i) c[stride * i] += by * c[stride * (i + 1)];
+  }
+}
+
+/* y = a_0 + a_1 t + t^2 q,  q = a_2 + a_3 t + t^2 p,  p = a_4 + a_5 t,  t = x - x_0
+ * h: rows of t^2, p, q */
+VS_INLINE void vs_follow_piece(Real* y, vs_row* h, const Real* x, const double* a, int n) {
+  const Real t = n == 0 ? 0.0 : x[n];
+  h[0][n] = n == 0 ? 0.0 : vs_convolve_self(x, n, 1);
+  h[1][n] = a[5] * t + (n == 0 ? a[4] : 0.0);
+  h[2][n] = a[3] * t + vs_convolve(h[0], h[1], n, 1, 0) + (n == 0 ? a[2] : 0.0);
+  y[n] = a[1] * t + vs_convolve(h[0], h[2], n, 1, 0) + (n == 0 ? a[0] : 0.0);
+}
+
+/* Orders 0 to n - 1 of a piece that has just been entered, whose polynomial from x_0 on is a. */
+VS_RARE void vs_enter_piece(Real* y, vs_row* h, const Real* x, const vs_table* table, Real* mode,
+                            double* a, int n) {
+  const int piece = (int)mode[0];
+  int i, k;
+  for (i = 0; i < 6; ++i) a[i] = table->pieces[6 * piece + i];
+  vs_shift(a, 1, x[0] - table->points[piece > 0 ? piece - 1 : 0]);
+  mode[2] = 1.0; /* constant */
+  for (i = 1; i < 6; ++i) {
+    if (a[i] != 0.0) mode[2] = 0.0;
+  }
+  for (k = 0; k < n; ++k) vs_follow_piece(y, h, x, a, k);
+}
+
+/* y = table(x); mode: 3 numbers, h: 3 rows, a: 6 numbers */
+VS_INLINE void vs_look_up(Real* y, vs_row* h, const Real* x, const vs_table* table, Real* mode,
+                          double* a, int n) {
+  if (vs_place(mode, table->points, table->count, x, n)) {
+    vs_enter_piece(y, h, x, table, mode, a, n == 0 ? 1 : n);
+  }
+  if (n == 0) return;
+  if (mode[2] != 0.0) {
+    y[n] = 0.0;
+  } else {
+    vs_follow_piece(y, h, x, a, n);
   }
 }
 

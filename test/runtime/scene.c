@@ -97,17 +97,19 @@ VS_INLINE void vs_at_once(scene_series* it, int n) {
 #include "expression/series_operation.inc"
 /* */
 #include "expression/series_resolution.inc"
-VS_INLINE int vs_may_hide(const scene_series* it, const Real* powers, int last) {
-  const vs_row* const r = it->row;
-  Real upper;
-  const Real reach = seriesReach(r[1], powers, last, &upper);
-  return seriesHides(kSeriesSine, r[11], r[12], r[1], r[1], reach, upper, reach, upper, powers,
-                     last) > 0.0;
-}
+/* */
+#include "expression/series_ranges.inc"
+enum { RESOLVED = 3 };
+static const struct SeriesOperation resolved[] = {
+    {kSeriesSine, 11, 12, 1, -1, 99, -1, 99, 0.0, 0.0},
+    {kSeriesSum, 14, -1, 10, 11, 99, -1, 99, 1.0, -1.0},
+    {kSeriesSum, 15, -1, 6, 5, 99, -1, 99, 1.0, -2.0}};
 
 #include "runtime/inputs.h"
 /* */
 #include "runtime/algebra.h"
+/* */
+#include "runtime/resolution.h"
 /* */
 #include "runtime/orders.h"
 /* */
