@@ -184,26 +184,6 @@ static void vs_integrate_last(scene_series* it) {
     it->row[ANGLE + i][n + 1] = it->unit / (n + 1) * it->row[VELOCITY + i][n];
 }
 
-/* log2 within a tenth, and 2^x within a hundredth: a length's error is that divided by its order.
- */
-static double vs_logarithm_of(double x) {
-  long long bits;
-  memcpy(&bits, &x, sizeof bits);
-  return (double)bits * (1.0 / 4503599627370496.0) - 1023.0;
-}
-
-static double vs_power_of_two(double x) {
-  const double kept = x > 1000.0 ? 1000.0 : x > -1000.0 ? x : -1000.0;
-  const double shifted = kept + 6755399441055744.0; /* 1.5 2^52: the rest is an integer */
-  const double part = kept - (shifted - 6755399441055744.0);
-  unsigned long long bits;
-  double power;
-  memcpy(&bits, &shifted, sizeof bits);
-  bits = (bits + 1023) << 52;
-  memcpy(&power, &bits, sizeof power);
-  return (1.0 + part * (0.70711 + 0.24264 * part)) * power;
-}
-
 /* True when the last terms are a small part of the tolerance for a step of theta units, and of the
  * terms before. */
 static int vs_is_nothing(const scene_series* it, double theta) {
@@ -234,7 +214,7 @@ VS_INLINE double vs_log_length(const scene_series* it, int first, int count, int
     last = seriesLarger(last, fabs(x[n]) * allowed);
     before = seriesLarger(before, fabs(x[n - 1]) * allowed);
   }
-  return seriesSmaller(-vs_logarithm_of(last) / n, -vs_logarithm_of(before * decay) / (n - 1));
+  return seriesSmaller(-log2(last) / n, -log2(before * decay) / (n - 1));
 }
 
 /* The longest step, s, for which the last terms are within the tolerance. The accelerations of
@@ -246,7 +226,7 @@ static double vs_choose_length(const scene_series* it, double limit) {
       vs_log_length(it, ACCELERATION, S, it->order, IS_CLASSICAL ? 0.4 : 4.0);
   const double longest_values =
       vs_log_length(it, ANGLE + FIRST_JUDGED, 2 * S - FIRST_JUDGED, last, 4.0);
-  double theta = vs_power_of_two(seriesSmaller(longest_rates, longest_values));
+  double theta = exp2(seriesSmaller(longest_rates, longest_values));
   int halvings;
   for (halvings = 0; halvings < 60; ++halvings) {
     const double taken = seriesSmaller(theta, limit / it->unit);

@@ -6,40 +6,29 @@
  * allows, up to theta. */
 static int vs_is_resolved(const scene_series* it, double theta) {
   struct SeriesRange ranges[SCENE_ROWS];
-  struct SeriesOutputs outputs;
-  struct SeriesResolution asked;
   int velocity[S], acceleration[S], i;
+  const struct SeriesOutputs outputs = {S,
+                                        K,
+                                        velocity,
+                                        acceleration,
+                                        torque_row,
+                                        residual_row,
+                                        entry_row,
+                                        order_of,
+                                        S,
+                                        0,
+                                        inertia_row,
+                                        inertial_row,
+                                        connection_row,
+                                        ABSOLUTE_TOLERANCE,
+                                        RELATIVE_TOLERANCE,
+                                        theta * it->unit};
+  struct SeriesResolution asked = {resolved,  RESOLVED, it->row[0], VS_STRIDE, it->mode,
+                                   it->piece, ranges,   SCENE_ROWS, &outputs,  {0, 0, 0},
+                                   it->order, theta,    {0.0}};
   for (i = 0; i < S; ++i) {
     velocity[i] = VELOCITY + i;
     acceleration[i] = ACCELERATION + i;
   }
-  outputs.shafts = S;
-  outputs.constraints = K;
-  outputs.velocity = velocity;
-  outputs.acceleration = acceleration;
-  outputs.torque = torque_row;
-  outputs.residual = residual_row;
-  outputs.entry = entry_row;
-  outputs.order = order_of;
-  outputs.entry_stride = S;
-  outputs.inertia = 0;
-  outputs.inertia_row = inertia_row;
-  outputs.inertial_torque = inertial_row;
-  outputs.connection = connection_row;
-  outputs.absolute = ABSOLUTE_TOLERANCE;
-  outputs.relative = RELATIVE_TOLERANCE;
-  outputs.length = theta * it->unit;
-  asked.operations = resolved;
-  asked.count = RESOLVED;
-  asked.rows = it->row[0];
-  asked.stride = VS_STRIDE;
-  asked.states = it->mode;
-  asked.pieces = it->piece;
-  asked.ranges = ranges;
-  asked.row_count = SCENE_ROWS;
-  asked.outputs = &outputs;
-  asked.at[0] = asked.at[1] = asked.at[2] = 0;
-  asked.last = it->order;
-  asked.theta = theta;
   return seriesIsResolved(&asked);
 }
