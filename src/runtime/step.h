@@ -34,9 +34,9 @@ static scene_status vs_arrive(scene_model* m, scene_series* next, double unit) {
 
 /* The error of a step of h s that the last terms do not show, in tolerances: x' at its end beside
  * that of the series, and the accelerations that were found there beside theirs. A kink that the
- * step ends on bends the accelerations. */
+ * step ends on bends the accelerations, since when they have moved on for `behind` s at most. */
 static double vs_defect(const scene_model* m, const scene_series* it, const scene_series* next,
-                        const scene_state* expected, double theta, int is_kink) {
+                        const scene_state* expected, double theta, int is_kink, double behind) {
   const double h = theta * it->unit;
   double defect = 0.0;
   int i, n;
@@ -44,7 +44,7 @@ static double vs_defect(const scene_model* m, const scene_series* it, const scen
     const Real* const x = it->row[ACCELERATION + i];
     double slope = 0.0; /* of the series at its end, times the unit */
     const double size = seriesLarger(fabs(x[0]), fabs(m->now.acceleration[i]));
-    const double moved = fabs(m->now.acceleration[i] - expected->acceleration[i]);
+    double moved = fabs(m->now.acceleration[i] - expected->acceleration[i]);
     const double compared =
         IS_CLASSICAL ? seriesLarger(fabs(it->row[VELOCITY + i][0]), fabs(m->now.velocity[i]))
                      : size;
@@ -52,6 +52,7 @@ static double vs_defect(const scene_model* m, const scene_series* it, const scen
     for (n = it->order; n > 0 && !IS_CLASSICAL; --n) slope = slope * theta + n * x[n];
     if (!IS_CLASSICAL) {
       missed = fabs(next->row[ACCELERATION + i][1] / next->unit - slope / it->unit);
+      if (is_kink) moved = seriesLarger(0.0, moved - missed * behind);
     }
     missed *= h / ((it->order + 1) * vs_tolerance(compared));
     defect = seriesLarger(defect, (IS_CLASSICAL ? 0.1 : 1.0) * moved / vs_tolerance(size));
@@ -132,7 +133,7 @@ static scene_status vs_try(scene_model* m, vs_event* at, double* theta, double* 
     const scene_signal* const s = &m->now.input[i];
     is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);
   }
-  *defect = vs_defect(m, it, next, &expected, *theta, is_kink);
+  *defect = vs_defect(m, it, next, &expected, *theta, is_kink, 2.0 * ahead * it->unit);
   *loses_rank = !vs_keeps_rank(m, it, next);
   if (*loses_rank || !vs_keeps_sides(it, next) || vs_has_leapt(m, &before, &expected))
     *defect = INFINITY;
