@@ -214,7 +214,7 @@ VS_INLINE double vs_log_length(const scene_series* it, int first, int count, int
     last = seriesLarger(last, fabs(x[n]) * allowed);
     before = seriesLarger(before, fabs(x[n - 1]) * allowed);
   }
-  return seriesSmaller(-log2(last) / n, -log2(before * decay) / (n - 1));
+  return seriesSmaller(-log(last) / n, -log(before * decay) / (n - 1));
 }
 
 /* The longest step, s, for which the last terms are within the tolerance. The accelerations of
@@ -226,7 +226,7 @@ static double vs_choose_length(const scene_series* it, double limit) {
       vs_log_length(it, ACCELERATION, S, it->order, IS_CLASSICAL ? 0.4 : 4.0);
   const double longest_values =
       vs_log_length(it, ANGLE + FIRST_JUDGED, 2 * S - FIRST_JUDGED, last, 4.0);
-  double theta = exp2(seriesSmaller(longest_rates, longest_values));
+  double theta = exp(seriesSmaller(longest_rates, longest_values));
   int halvings;
   for (halvings = 0; halvings < 60; ++halvings) {
     const double taken = seriesSmaller(theta, limit / it->unit);
