@@ -113,8 +113,7 @@ static void vs_extend(scene_series* it) {
 #endif
 
 /* Order 0 of all formulas is known. gauss: of the multipliers, too. is_factored: of the last
- * correction of the accelerations, which has changed nothing that matters unless C turns with them.
- */
+ * correction of the accelerations, which changes what matters only where C turns with them. */
 static int vs_begin(scene_series* it, const double* lambda, int is_factored) {
   it->order = 0;
   if (!is_factored || ENTRIES_TURN || IS_CURVED) {

@@ -7,8 +7,7 @@ typedef enum {
   SCENE_SINGULAR,       /* the constraints' derivatives by the accelerations have lost rank */
   SCENE_NOT_CONVERGED,  /* no state on the constraints was found */
   SCENE_NOT_FINITE,     /* a value is not finite here, or has no power series (sqrt(x) at x = 0) */
-  SCENE_TOO_MANY_STEPS, /* SCENE_MOST_STEPS parts of a step, or parts below the resolution of time
-                         */
+  SCENE_TOO_MANY_STEPS, /* SCENE_MOST_STEPS parts of a step, or parts below time's resolution */
   SCENE_CHATTERING,     /* a formula jumps where the motion turns back at once: no branch goes on */
   SCENE_NO_MOTION,      /* a jump leads to no state on the constraints */
   SCENE_INCONSISTENT    /* the first commands contradict the scene's initial values */
