@@ -242,12 +242,14 @@ static scene_status vs_expand(scene_model* m, double limit) {
   const int is_short = limit < 0.5 * m->usual;
   int trial, i;
   for (trial = 0; trial < 12; ++trial, unit *= 1.0 / 64.0) {
-    int small = 0;
+    int small = 0, is_resolved = 0;
     double theta;
     if ((trial > 0 || !vs_is_begun(m)) && !vs_begin_here(m, vs_unit_of(unit)))
       return SCENE_SINGULAR;
     theta = limit / it->unit;
-    while (it->order < SCENE_ORDER && (small < 2 || it->order <= 3 || !vs_is_resolved(it, theta))) {
+    while (it->order < SCENE_ORDER && !(is_resolved && small > 2)) {
+      /* An order of the formulas shows in the next term of the state. */
+      is_resolved = small >= 2 && it->order > 3 && vs_is_resolved(it, theta);
       vs_extend(it);
       if (!is_short) continue;
       vs_integrate_last(it);
