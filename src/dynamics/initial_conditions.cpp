@@ -50,8 +50,7 @@ InitialResult InitialConditionSolver::findLeastReaction(const StateView& state, 
     return explain(state, epsilon);
   }
   using Verdict = LeastReactionSearch::Verdict;
-  if (is_found) search_.add(epsilon, free);
-  const Verdict verdict = search_.find(state, torque, free);
+  const Verdict verdict = search_.find(state, torque, free, is_found ? epsilon : nullptr);
   const bool has_any = search_.candidateCount() > 0;
   std::copy_n(has_any ? search_.candidate(0).epsilon : free, S, epsilon);
   switch (verdict) {

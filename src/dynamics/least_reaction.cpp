@@ -117,9 +117,7 @@ bool LeastReactionSolver::continueFrom(const StateView& given, const double* tor
     KinkValues there;
     if (!calcKinks(given, point.epsilon, &there)) return;
     forEachPattern(set, [&](unsigned above) {
-      double aside[kMaxShafts];
-      moveAside(there, set, above, aside);
-      if (solveFrom(0, aside, &point)) consider();
+      if (solveFrom(0, calcAside(there, set, above).data(), &point)) consider();
     });
   });
   return std::isfinite(least) && accept(best);
@@ -129,15 +127,11 @@ bool LeastReactionSolver::calcJerk(const StateView& state, unsigned corner,
                                    const double* multipliers, double* eta, double* reaction_rate) {
   select(corner);
   if (row_count_ > S) return false;
-  const int n = S + row_count_;
-  Matrix K = Matrix::Zero(n, n);
-  Vector right = Vector::Zero(n);
+  Matrix K = makeInertiaBlock();
+  Vector right = Vector::Zero(S + row_count_);
   double rate[kMaxShafts];
   drivetrain_.calcFreeTorqueRate(state, rate);
-  for (int i = 0; i < S; ++i) {
-    right(i) = rate[i];
-    for (int j = 0; j < S; ++j) K(i, j) = drivetrain_.inertia().entry(i, j);
-  }
+  std::copy_n(rate, S, right.data());
   for (int m = 0; m < row_count_; ++m) {
     double C[kMaxShafts];
     double D[kMaxShafts];
@@ -145,87 +139,96 @@ bool LeastReactionSolver::calcJerk(const StateView& state, unsigned corner,
     double c0;
     rows_[m]->calcRow(state, C, &c0);
     rows_[m]->calcJacobianRate(state, D, H);
+    addRow(m, C, H, multipliers[m], &K);
     right(S + m) = -c0;
-    for (int i = 0; i < S; ++i) {
-      K(S + m, i) = C[i];
-      K(i, S + m) = -C[i];
-      right(i) += multipliers[m] * D[i];
-      for (int j = 0; j < S; ++j) K(i, j) -= multipliers[m] * H[i * S + j];
-    }
+    for (int i = 0; i < S; ++i) right(i) += multipliers[m] * D[i];
   }
   Vector solution;
   if (!solveScaled(K, right, 0, &solution)) return false;
-  for (int i = 0; i < S; ++i) eta[i] = solution(i);
+  std::copy_n(solution.data(), S, eta);
   drivetrain_.inertia().multiply(eta, reaction_rate);
   for (int i = 0; i < S; ++i) reaction_rate[i] -= rate[i];
   return true;
 }
 
 bool LeastReactionSolver::retract(const StateView& state, double* epsilon) {
-  double given[kMaxShafts];
+  const Vector given = Eigen::Map<const Vector>(epsilon, S);
+  Eigen::Map<Vector> at(epsilon, S);
   double moved[kMaxShafts];
   std::uint64_t iterations = 0;
-  std::copy_n(epsilon, S, given);
   if (projectAccelerations(drivetrain_, state, epsilon, moved, &iterations) ==
           ProjectionResult::kConverged &&
       isConsistent(state)) {
     return true;
   }
   // Full steps may run to and fro over a kink or away: only those that make psi less.
-  std::copy_n(given, S, epsilon);
-  double delta[kMaxShafts];
-  if (!drivetrain_.calcAccelerationProjection(state, delta)) return false;
-  double weight[kMaxRows] = {};
+  at = given;
+  Vector delta(S);
+  if (!drivetrain_.calcAccelerationProjection(state, delta.data())) return false;
   const std::vector<int>& rows = drivetrain_.accelerationRows();
-  const int k = static_cast<int>(rows.size());
+  const auto k = static_cast<int>(rows.size());
+  double weight[kMaxRows] = {};
   for (int r = 0; r < k; ++r) weight[r] = 1.0 / drivetrain_.accelerationRowLengthSquared(r);
   const auto measure = [&] {
     double sum = 0.0;
     for (int r = 0; r < k; ++r) {
-      double C[kMaxShafts];
-      const double psi = drivetrain_.constraint(rows[r]).calcResidualAndJacobian(state, C);
+      const double psi = drivetrain_.constraint(rows[r]).calcResidual(state);
       sum += weight[r] * psi * psi;
     }
     return sum;
   };
-  // (Where C vanishes psi is small near by, and zero nowhere near.)
-  const auto isRegular = [&] {
-    bool is_regular = true;
-    for (int r = 0; r < k; ++r) {
-      is_regular =
-          is_regular && drivetrain_.accelerationRowLengthSquared(r) * weight[r] > kVanished;
-    }
-    return is_regular;
-  };
   double left = measure();
-  for (int iteration = 0; iteration < 40; ++iteration) {
-    if (isConsistent(state, 1e-3 * kConsistent)) return isRegular();
-    if (!drivetrain_.calcAccelerationProjection(state, delta)) return false;
-    std::copy_n(epsilon, S, given);
-    bool less = false;
+  bool is_less = true;
+  for (int iteration = 0; iteration < 40 && is_less; ++iteration) {
+    if (isConsistent(state, 1e-3 * kConsistent)) break;
+    if (!drivetrain_.calcAccelerationProjection(state, delta.data())) return false;
+    const Vector old = at;
+    is_less = false;
     double fraction = 1.0;
-    for (int halving = 0; halving < 12 && !less; ++halving, fraction *= 0.5) {
-      for (int i = 0; i < S; ++i) epsilon[i] = given[i] + fraction * delta[i];
+    for (int halving = 0; halving < 12 && !is_less; ++halving, fraction *= 0.5) {
+      at = old + fraction * delta;
       const double now = measure();
-      less = now <= (1.0 - 0.2 * fraction) * left;
-      if (less) left = now;
+      is_less = now <= (1.0 - 0.2 * fraction) * left;
+      if (is_less) left = now;
     }
-    if (!less) break;
   }
-  return isConsistent(state) && isRegular();
+  if (!isConsistent(state)) return false;
+  // (Where C vanishes psi is small near by, and zero nowhere near.)
+  for (int r = 0; r < k; ++r) {
+    if (!(drivetrain_.accelerationRowLengthSquared(r) * weight[r] > kVanished)) return false;
+  }
+  return true;
 }
 
 bool LeastReactionSolver::isConsistent(const StateView& state, double allowed) {
-  double delta[kMaxShafts];
-  if (!drivetrain_.calcAccelerationProjection(state, delta)) return false;
-  double scale = 1.0;
-  double distance = 0.0;
-  for (int i = 0; i < S; ++i) {
-    if (!std::isfinite(delta[i])) return false;
-    scale = std::max(scale, std::abs(state.acceleration[i]));
-    distance = std::max(distance, std::abs(delta[i]));
+  Vector delta(S);
+  if (!drivetrain_.calcAccelerationProjection(state, delta.data())) return false;
+  if (!delta.allFinite()) return false;
+  const double distance = delta.cwiseAbs().maxCoeff();
+  const Eigen::Map<const Vector> epsilon(state.acceleration, S);
+  if (distance <= allowed * std::max(1.0, epsilon.cwiseAbs().maxCoeff())) return true;
+  return distance <= calcRounding(state);
+}
+
+double LeastReactionSolver::calcRounding(const StateView& state) const {
+  double largest = 0.0;
+  for (int m : drivetrain_.accelerationRows()) {
+    const Constraint& constraint = drivetrain_.constraint(m);
+    if (constraint.order() != 2) continue;
+    ConstraintPartials partials;
+    constraint.calcPartials(state, partials);
+    double size = std::abs(partials.time * state.time);
+    for (int i = 0; i < S; ++i) {
+      size += std::abs(partials.angle[i] * state.angle[i]) +
+              std::abs(partials.velocity[i] * state.velocity[i]) +
+              std::abs(partials.acceleration[i] * state.acceleration[i]);
+    }
+    Vector B(S);
+    drivetrain_.inertia().solve(partials.acceleration, B.data());
+    const double A = B.dot(Eigen::Map<const Vector>(partials.acceleration, S));
+    largest = std::max(largest, size * B.cwiseAbs().maxCoeff() / A);
   }
-  return distance <= allowed * scale || distance <= calcRounding(state);
+  return 16.0 * std::numeric_limits<double>::epsilon() * largest;
 }
 
 bool LeastReactionSolver::calcKinks(const StateView& given, const double* epsilon,
@@ -256,111 +259,60 @@ bool LeastReactionSolver::calcKinks(const StateView& given, const double* epsilo
   return true;
 }
 
-double LeastReactionSolver::calcRounding(const StateView& state) const {
-  double largest = 0.0;
-  for (int m : drivetrain_.accelerationRows()) {
-    const Constraint& constraint = drivetrain_.constraint(m);
-    if (constraint.order() != 2) continue;
-    ConstraintPartials partials;
-    constraint.calcPartials(state, partials);
-    double size = std::abs(partials.time * state.time);
-    double A = 0.0;
-    double B[kMaxShafts];
-    drivetrain_.inertia().solve(partials.acceleration, B);
-    for (int i = 0; i < S; ++i) {
-      size += std::abs(partials.angle[i] * state.angle[i]) +
-              std::abs(partials.velocity[i] * state.velocity[i]) +
-              std::abs(partials.acceleration[i] * state.acceleration[i]);
-      A += partials.acceleration[i] * B[i];
-    }
-    for (int i = 0; i < S; ++i) largest = std::max(largest, size * std::abs(B[i]) / A);
-  }
-  return 16.0 * std::numeric_limits<double>::epsilon() * largest;
-}
-
-void LeastReactionSolver::moveAside(const KinkValues& values, unsigned set, unsigned above,
-                                    double* aside) const {
+LeastReactionSolver::Vector LeastReactionSolver::calcAside(const KinkValues& values, unsigned set,
+                                                           unsigned above) const {
   const double length = kAside * std::max(values.scale, 1e-3);
   Matrix G(S, S);
   Vector right(S);
   int rows = 0;
   for (int j = 0; j < values.count && rows < S; ++j) {
-    if ((set >> static_cast<unsigned>(j) & 1U) == 0U) continue;
-    double size = 0.0;
-    for (int i = 0; i < S; ++i) size = std::max(size, std::abs(values.gradient[j][i]));
-    for (int i = 0; i < S; ++i) G(rows, i) = values.gradient[j][i] / size;
-    right(rows) = (above >> static_cast<unsigned>(j) & 1U) != 0U ? length : -length;
-    ++rows;
+    if (!contains(set, j)) continue;
+    const Eigen::Map<const Vector> gradient(values.gradient[j], S);
+    G.row(rows) = gradient.transpose() / gradient.cwiseAbs().maxCoeff();
+    right(rows++) = contains(above, j) ? length : -length;
   }
-  Matrix A = Matrix::Zero(rows, rows);
-  for (int r = 0; r < rows; ++r) {
-    for (int q = 0; q < rows; ++q) {
-      for (int i = 0; i < S; ++i) A(r, q) += G(r, i) * G(q, i);
-    }
-  }
-  const Vector l = solveLu(A, right.head(rows));
-  for (int i = 0; i < S; ++i) aside[i] = values.epsilon[i];
-  for (int r = 0; r < rows; ++r) {
-    for (int i = 0; i < S; ++i) aside[i] += G(r, i) * l(r);
-  }
+  G.conservativeResize(rows, S);
+  return Eigen::Map<const Vector>(values.epsilon, S) +
+         G.transpose() * solveLu(G * G.transpose(), right.head(rows));
 }
 
 bool LeastReactionSolver::isLeastAtCorner(const StateView& given, const double* torque,
                                           const Point& point) {
   KinkValues values;
   if (!calcKinks(given, point.epsilon, &values)) return false;
-  double pull[kMaxShafts];  // J^-1 R
-  drivetrain_.inertia().solve(torque, pull);
-  double size = 0.0;
-  for (int i = 0; i < S; ++i) {
-    size = std::max(size, std::abs(pull[i]));
-    pull[i] = point.epsilon[i] - pull[i];
-    size = std::max(size, std::abs(pull[i]));
-  }
+  const Eigen::Map<const Vector> epsilon(point.epsilon, S);
+  Vector free(S);
+  drivetrain_.inertia().solve(torque, free.data());
+  const Vector pull = epsilon - free;  // J^-1 R
+  const double size = std::max(free.cwiseAbs().maxCoeff(), pull.cwiseAbs().maxCoeff());
   const int k = static_cast<int>(drivetrain_.accelerationRows().size());
   bool is_least = true;
   forEachPattern(point.corner, [&](unsigned above) {
     if (!is_least) return;
-    double aside[kMaxShafts];
-    moveAside(values, point.corner, above, aside);
+    const Vector aside = calcAside(values, point.corner, above);
     StateView state = given;
-    state.acceleration = aside;
-    Matrix normals(S, S);  // columns
+    state.acceleration = aside.data();
+    Matrix normals(S, S);  // columns, of length 1 in the metric J^-1
+    Matrix weighted(S, S);
     int count = 0;
-    for (int m = 0; m < k; ++m) {
-      double C[kMaxShafts];
-      rowOf(m)->calcResidualAndJacobian(state, C);
-      for (int i = 0; i < S; ++i) normals(i, count) = C[i];
-      ++count;
+    for (; count < k; ++count) {
+      rowOf(count)->calcResidualAndJacobian(state, normals.col(count).data());
     }
     for (int j = 0; j < values.count; ++j) {
-      if ((point.corner >> static_cast<unsigned>(j) & 1U) == 0U) continue;
-      const double sign = (above >> static_cast<unsigned>(j) & 1U) != 0U ? 1.0 : -1.0;
-      for (int i = 0; i < S; ++i) normals(i, count) = sign * values.gradient[j][i];
-      ++count;
+      if (!contains(point.corner, j)) continue;
+      normals.col(count++) =
+          (contains(above, j) ? 1.0 : -1.0) * Eigen::Map<const Vector>(values.gradient[j], S);
     }
-    Matrix A(count, count);
-    Vector right(count);
-    double length[kMaxShafts];
+    normals.conservativeResize(S, count);
+    weighted.resize(S, count);
     for (int r = 0; r < count; ++r) {
-      double column[kMaxShafts];
-      double weighted[kMaxShafts];
-      for (int i = 0; i < S; ++i) column[i] = normals(i, r);
-      drivetrain_.inertia().solve(column, weighted);
-      for (int q = 0; q < count; ++q) {
-        A(q, r) = 0.0;
-        for (int i = 0; i < S; ++i) A(q, r) += normals(i, q) * weighted[i];
-      }
-      length[r] = std::sqrt(A(r, r));
-      right(r) = 0.0;
-      for (int i = 0; i < S; ++i) right(r) += normals(i, r) * pull[i];
+      drivetrain_.inertia().solve(normals.col(r).data(), weighted.col(r).data());
+      const double length = std::sqrt(normals.col(r).dot(weighted.col(r)));
+      normals.col(r) /= length;
+      weighted.col(r) /= length;
     }
-    for (int r = 0; r < count; ++r) {
-      right(r) /= length[r];
-      for (int q = 0; q < count; ++q) A(r, q) /= length[r] * length[q];
-    }
-    const Vector nu = solveLu(A, right);
-    for (int r = k; r < count; ++r) is_least = is_least && nu(r) >= -0.1 * kAside * size;
+    const Vector nu = solveLu(normals.transpose() * weighted, normals.transpose() * pull);
+    is_least = (nu.tail(count - k).array() >= -0.1 * kAside * size).all();
   });
   return is_least;
 }
@@ -370,7 +322,7 @@ void LeastReactionSolver::select(unsigned corner) {
   row_count_ = 0;
   for (int m = 0; m < k && m < S; ++m) rows_[row_count_++] = rowOf(m);
   for (std::size_t j = 0; j < drivetrain_.kinks().size(); ++j) {
-    if ((corner >> j & 1U) == 0U) continue;
+    if (!contains(corner, static_cast<int>(j))) continue;
     if (row_count_ < S) rows_[row_count_] = drivetrain_.kinks()[j];
     ++row_count_;
   }
@@ -379,37 +331,40 @@ void LeastReactionSolver::select(unsigned corner) {
 bool LeastReactionSolver::calcStep(const StateView& state, const double* torque,
                                    const double* epsilon, const double* multipliers, Vector* step) {
   drivetrain_.countNewtonIteration();
-  const int n = S + row_count_;
   //  [ J - sum lambda_m H_m   -C^T ] [d epsilon]     [ J epsilon + n - Q - C^T lambda ]
   //  [ C                       0   ] [d lambda ] = - [ psi                            ]
-  Matrix K = Matrix::Zero(n, n);
-  Vector right(n);
-  double force[kMaxShafts] = {};  // J epsilon + n - Q - C^T lambda
-  double unit[kMaxShafts];
-  double column[kMaxShafts];
-  for (int j = 0; j < S; ++j) {
-    for (int i = 0; i < S; ++i) unit[i] = i == j ? 1.0 : 0.0;
-    drivetrain_.inertia().multiply(unit, column);
-    for (int i = 0; i < S; ++i) {
-      K(i, j) = column[i];
-      force[i] += column[i] * epsilon[j];
-    }
-  }
+  Matrix K = makeInertiaBlock();
+  Vector right(S + row_count_);
+  double force[kMaxShafts];  // J epsilon + n - Q - C^T lambda
+  drivetrain_.inertia().multiply(epsilon, force);
   for (int i = 0; i < S; ++i) force[i] -= torque[i];
   for (int m = 0; m < row_count_; ++m) {
     double C[kMaxShafts];
     double H[kMaxShafts * kMaxShafts];
     right(S + m) = -rows_[m]->calcResidualAndJacobian(state, C);
     rows_[m]->calcHessian(state, H);
-    for (int i = 0; i < S; ++i) {
-      K(S + m, i) = C[i];
-      K(i, S + m) = -C[i];
-      force[i] -= C[i] * multipliers[m];
-      for (int j = 0; j < S; ++j) K(i, j) -= multipliers[m] * H[i * S + j];
-    }
+    addRow(m, C, H, multipliers[m], &K);
+    for (int i = 0; i < S; ++i) force[i] -= C[i] * multipliers[m];
   }
   for (int i = 0; i < S; ++i) right(i) = -force[i];
   return solveScaled(K, right, 0, step);
+}
+
+LeastReactionSolver::Matrix LeastReactionSolver::makeInertiaBlock() const {
+  Matrix K = Matrix::Zero(S + row_count_, S + row_count_);
+  for (int i = 0; i < S; ++i) {
+    for (int j = 0; j < S; ++j) K(i, j) = drivetrain_.inertia().entry(i, j);
+  }
+  return K;
+}
+
+void LeastReactionSolver::addRow(int m, const double* C, const double* H, double multiplier,
+                                 Matrix* K) const {
+  for (int i = 0; i < S; ++i) {
+    (*K)(S + m, i) = C[i];
+    (*K)(i, S + m) = -C[i];
+    for (int j = 0; j < S; ++j) (*K)(i, j) -= multiplier * H[i * S + j];
+  }
 }
 
 bool LeastReactionSolver::isSmall(const Vector& step, const double* epsilon,

@@ -126,8 +126,10 @@ class LeastReactionSolver {
       if (above == 0) return;
     }
   }
+  /// Returns true if kink j is in the set.
+  static bool contains(unsigned set, int j) { return (set >> static_cast<unsigned>(j) & 1U) != 0U; }
   /// epsilon, moved off the kinks in `set` by kAside of its size, above those in `above`.
-  void moveAside(const KinkValues& values, unsigned set, unsigned above, double* aside) const;
+  Vector calcAside(const KinkValues& values, unsigned set, unsigned above) const;
 
   /// True when the reaction does not fall from the stationary point in a corner to any of its
   /// sides: on each one -R lies in the cone of the normals there,
@@ -146,6 +148,11 @@ class LeastReactionSolver {
   /// False when the matrix is singular or not finite.
   bool calcStep(const StateView& state, const double* torque, const double* epsilon,
                 const double* multipliers, Vector* step);
+
+  /// J in its place of a matrix for the accelerations and a multiplier of each row.
+  Matrix makeInertiaBlock() const;
+  /// C, -C^T and - multiplier H of row m.
+  void addRow(int m, const double* C, const double* H, double multiplier, Matrix* K) const;
 
   double calcLength(const Vector& step) const { return step.head(S).cwiseAbs().maxCoeff(); }
 

@@ -1,191 +1,360 @@
 #include "dynamics/least_reaction_search.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <random>
 
 namespace variator_sim {
 
-void LeastReactionSearch::add(const double* epsilon, const double* free) {
-  free_ = free;
-  record(epsilon, true);
+namespace {
+
+/// T with T A T^T = diag(1, .., 1, 0, .., 0) of a symmetric semi-definite A; `rank` gets the number
+/// of ones, one for each eigenvalue above `least`.
+DenseMatrix orthonormalize(const DenseMatrix& A, double least, int* rank) {
+  const Eigen::SelfAdjointEigenSolver<DenseMatrix> solver(A);
+  const auto n = static_cast<int>(A.rows());
+  DenseMatrix T = solver.eigenvectors().transpose().colwise().reverse();  // the largest first
+  for (*rank = 0; *rank < n; ++*rank) {
+    const double eigenvalue = solver.eigenvalues()(n - 1 - *rank);
+    if (!(eigenvalue > least)) break;
+    T.row(*rank) /= std::sqrt(eigenvalue);
+  }
+  return T;
 }
 
+/// Coefficients of a polynomial of degree 5 in Bernstein's form on an interval.
+using Quintic = std::array<double, 6>;
+
+/// Calls `found` with places in (low, high) where the polynomial changes its sign, from minus to
+/// plus if it `rises`. An interval without a change of sign among the coefficients has no zero
+/// (Descartes); de Casteljau's algorithm halves the others.
+template <class Found>
+void findZeros(const Quintic& whole, double low, double high, bool rises, Found found) {
+  constexpr double kNarrow = 1.0 / (1 << 24);
+  const auto isBelow = [](double value) { return value < 0.0; };
+  const auto count = std::count_if(whole.begin(), whole.end(), isBelow);
+  if (count == 0 || count == 6) return;
+  const double middle = 0.5 * (low + high);
+  if (high - low < kNarrow) {
+    const bool is_zero = isBelow(whole[0]) != isBelow(whole[5]);
+    if (is_zero && (isBelow(whole[0]) || !rises)) found(middle);
+    return;
+  }
+  Quintic left;
+  Quintic right = whole;
+  for (std::size_t n = 0; n < 6; ++n) {
+    left[n] = right[0];
+    for (std::size_t m = 0; m + n < 5; ++m) right[m] = 0.5 * (right[m] + right[m + 1]);
+  }
+  findZeros(left, low, middle, rises, found);
+  findZeros(right, middle, high, rises, found);
+}
+
+}  // namespace
+
 LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state, const double* torque,
-                                                       const double* free) {
+                                                       const double* free, const double* first) {
+  constexpr int kMostRounds = 14;
   state_ = state;
   torque_ = torque;
   free_ = free;
-  evaluations_ = 0;
-  ray_ = 0;
-  random_ = 20;
-  if (!setUp()) return conclude(false);
-  if (candidate_count_ == 0) findFirst();
+  next_ray_ = 0;
+  setUp();
+  if (first != nullptr) record(Eigen::Map<const Vector>(first, S), true);
+  const int fewest_rays = n_ == 1 ? 2 : 96;
+  if (candidate_count_ == 0) findFirst(fewest_rays);
   if (candidate_count_ == 0) return Verdict::kNone;
   smallest_ = calcRoundingDistance();
   bool is_certain = true;
-  int rays = kFewestRays;
+  int rays = fewest_rays;
   int quiet = 0;
   for (int round = 0; round < kMostRounds && quiet < (n_ == 1 ? 1 : 2); ++round) {
     const double before = candidates_[0].reaction;
+    const double radius = std::sqrt(2.0 * before);
     // The free accelerations themselves: nothing is less.
-    if (!(radius() > smallest_)) return Verdict::kFound;
-    const bool is_whole = n_ == 2 && is_cubic_ && lookThroughPlane();
+    if (!(radius > smallest_)) return Verdict::kFound;
     // The first look is a coarse one, which may make the ball much smaller.
-    is_certain = is_whole || lookThrough(n_ == 1 ? 2 : rays, round == 0);
-    descendAll();
+    is_certain = lookThrough(radius, rays, round == 0 ? 0 : kMostHalvings);
     const bool is_better = candidates_[0].reaction < before * (1.0 - 1e-9);
-    if (is_whole && !is_better) return conclude(true);
     quiet = is_better || round == 0 ? 0 : quiet + 1;
-    if (n_ > 1 && round > 0) {
-      // As many rays as there are minima to be told apart around the ball.
-      const double wanted = kFewestRays * std::pow(std::max(1.0, minimaPerRay()), n_ - 1);
-      if (wanted > rays && rays < kMostRays) quiet = 0;
-      is_certain = is_certain && wanted <= kMostRays;
-      rays = static_cast<int>(std::min<double>(std::max<double>(rays, wanted), kMostRays));
-    }
+    if (n_ == 1 || round == 0) continue;
+    // As many rays as there are minima to be told apart around the ball.
+    const double per_ray = std::max(1.0, static_cast<double>(noted_) / rays);
+    const double wanted = fewest_rays * std::pow(per_ray, n_ - 1);
+    if (wanted > rays && rays < kMostRays) quiet = 0;
+    is_certain = is_certain && wanted <= kMostRays;
+    rays = static_cast<int>(std::clamp<double>(wanted, rays, kMostRays));
   }
   return conclude(is_certain && quiet > 0);
 }
 
-bool LeastReactionSearch::setUp() {
+void LeastReactionSearch::setUp() {
   const unsigned nonlinear = drivetrain_.nonlinearAccelerations();
   n_ = 0;
   int which[kMaxShafts];
-  for (int i = 0; i < S; ++i) {
-    if ((nonlinear >> static_cast<unsigned>(i) & 1U) != 0U) which[n_++] = i;
-  }
-  is_cubic_ = true;
-  for (int m = 0; m < rowCount(); ++m) {
-    const int degree = row(m).accelerationDegree();
-    is_cubic_ = is_cubic_ && degree >= 0 && degree <= 3;
-  }
-  Matrix inverse(S, S);
+  J_.resize(S, S);
+  inverse_.resize(S, S);
   for (int j = 0; j < S; ++j) {
-    double unit[kMaxShafts] = {};
-    double column[kMaxShafts];
-    unit[j] = 1.0;
-    drivetrain_.inertia().solve(unit, column);
-    for (int i = 0; i < S; ++i) inverse(i, j) = column[i];
+    if ((nonlinear >> static_cast<unsigned>(j) & 1U) != 0U) which[n_++] = j;
+    const Vector unit = Vector::Unit(S, j);
+    drivetrain_.inertia().multiply(unit.data(), J_.col(j).data());
+    drivetrain_.inertia().solve(unit.data(), inverse_.col(j).data());
   }
-  // How the others move with these held: no part of the rows that they multiply varies.
-  const Matrix rest = makeBasis(which, inverse);
-  const Matrix C = calcRowsOutside(inverse, rest);
-  separateSoftRows(C, rest);
-  return n_ > 0;
-}
-
-/// E: J^-1 times the unit vectors of the accelerations in `which`, orthonormal in the metric J
-/// (Gram and Schmidt). Returns what is left of J^-1 without it.
-LeastReactionSearch::Matrix LeastReactionSearch::makeBasis(const int* which,
-                                                           const Matrix& inverse) {
-  E_.resize(S, n_);
+  // E = J^-1 U T^T of the unit vectors U of these accelerations, with E^T J E = 1.
+  Matrix columns(S, n_);
+  Matrix gram(n_, n_);
   for (int a = 0; a < n_; ++a) {
-    double column[kMaxShafts];
-    for (int i = 0; i < S; ++i) {
-      column[i] = inverse(i, which[a]);
-      for (int b = 0; b < a; ++b) column[i] -= E_(i, b) * E_(which[a], b);
-    }
-    const double length = std::sqrt(measure(column));
-    for (int i = 0; i < S; ++i) E_(i, a) = column[i] / length;
+    columns.col(a) = inverse_.col(which[a]);
+    for (int b = 0; b < n_; ++b) gram(a, b) = inverse_(which[a], which[b]);
   }
-  Matrix rest = inverse;
-  for (int i = 0; i < S; ++i) {
-    for (int j = 0; j < S; ++j) {
-      for (int a = 0; a < n_; ++a) rest(i, j) -= E_(i, a) * E_(j, a);
-    }
-  }
+  int rank;
+  E_ = columns * orthonormalize(gram, 0.0, &rank).transpose();
+  // How the others move with these held: no part of the rows that they multiply varies.
+  Matrix rest = inverse_ - E_ * E_.transpose();
   for (int a = 0; a < n_; ++a) {
     rest.row(which[a]).setZero();
     rest.col(which[a]).setZero();
   }
-  return rest;
+  Vector length;
+  const Matrix C = calcRowsOutside(rest, &length);
+  const Matrix toC = rest * C.transpose();
+  T_ = orthonormalize(C * toC, 1e-10, &soft_);
+  F_ = toC * T_.topRows(soft_).transpose();
+  T_ *= length.cwiseInverse().asDiagonal();
 }
 
-/// The rows' coefficients outside of these accelerations, which are the same everywhere, made of
-/// length 1; T has what makes them so.
-LeastReactionSearch::Matrix LeastReactionSearch::calcRowsOutside(const Matrix& inverse,
-                                                                 const Matrix& rest) {
+LeastReactionSearch::Matrix LeastReactionSearch::calcRowsOutside(const Matrix& rest,
+                                                                 Vector* length) const {
   const int k = rowCount();
-  StateView state = state_;
   Matrix C = Matrix::Zero(k, S);
-  T_ = Matrix::Identity(k, k);
+  length->setOnes(k);
+  StateView state = state_;
+  Vector values(S);
   for (int m = 0; m < k; ++m) {
     double epsilon[kMaxShafts];
-    double values[kMaxShafts] = {};
     std::copy_n(free_, S, epsilon);
     state.acceleration = epsilon;
     for (int attempt = 0; attempt < 8; ++attempt) {
-      row(m).calcResidualAndJacobian(state, values);
-      double poison = 0.0;
-      for (int i = 0; i < S; ++i) poison += 0.0 * values[i];
-      if (poison == 0.0) break;
-      for (int i = 0; i < S; ++i) epsilon[i] = free_[i] * nextUniform() + nextUniform();
+      row(m).calcResidualAndJacobian(state, values.data());
+      if (values.allFinite()) break;
+      for (int i = 0; i < S; ++i) epsilon[i] = 0.6 * free_[i] + 0.3 * attempt + 0.1 * i;
     }
-    double whole = 0.0;
-    double outside = 0.0;
-    for (int i = 0; i < S; ++i) {
-      for (int j = 0; j < S; ++j) {
-        whole += values[i] * inverse(i, j) * values[j];
-        outside += values[i] * rest(i, j) * values[j];
-      }
-    }
+    const double whole = values.dot(inverse_ * values);
+    const double outside = values.dot(rest * values);
     const bool has_outside = outside > 1e-20 * whole;
-    const double length = std::sqrt(has_outside ? outside : whole);
-    if (length > 0.0) T_(m, m) = 1.0 / length;
-    for (int i = 0; i < S && has_outside; ++i) C(m, i) = values[i] / length;
+    const double size = std::sqrt(has_outside ? outside : whole);
+    if (size > 0.0) (*length)(m) = size;
+    if (has_outside) C.row(m) = values.transpose() / size;
   }
   return C;
 }
 
-/// T: combinations of the rows that are orthonormal outside, the longest ones first; what is left
-/// of the others there is nothing, and they are hard.
-void LeastReactionSearch::separateSoftRows(Matrix C, const Matrix& rest) {
-  const int k = rowCount();
-  F_ = Matrix::Zero(S, k);
-  for (soft_ = 0; soft_ < k; ++soft_) {
-    int longest = soft_;
-    double most = 0.0;
-    for (int m = soft_; m < k; ++m) {
-      double square = 0.0;
-      for (int i = 0; i < S; ++i) {
-        for (int j = 0; j < S; ++j) square += C(m, i) * rest(i, j) * C(m, j);
-      }
-      if (!(square > most)) continue;
-      most = square;
-      longest = m;
-    }
-    if (!(most > 1e-10)) break;
-    for (int i = 0; i < S; ++i) std::swap(C(soft_, i), C(longest, i));
-    for (int m = 0; m < k; ++m) std::swap(T_(soft_, m), T_(longest, m));
-    for (int i = 0; i < S; ++i) C(soft_, i) /= std::sqrt(most);
-    for (int m = 0; m < k; ++m) T_(soft_, m) /= std::sqrt(most);
-    for (int i = 0; i < S; ++i) {
-      for (int j = 0; j < S; ++j) F_(i, soft_) += rest(i, j) * C(soft_, j);
-    }
-    for (int m = soft_ + 1; m < k; ++m) {
-      double product = 0.0;
-      for (int i = 0; i < S; ++i) product += C(m, i) * F_(i, soft_);
-      for (int i = 0; i < S; ++i) C(m, i) -= product * C(soft_, i);
-      for (int n = 0; n < k; ++n) T_(m, n) -= product * T_(soft_, n);
-    }
+LeastReactionSearch::Vector LeastReactionSearch::calcDirection(int ray) const {
+  double values[kMaxShafts] = {};
+  Eigen::Map<Vector> direction(values, n_);
+  if (n_ == 1) {
+    direction(0) = ray % 2 == 0 ? 1.0 : -1.0;
+  } else if (n_ == 2) {
+    const double angle = 2.399963229728653 * ray;  // the golden angle: never twice alike
+    direction(0) = std::cos(angle);
+    direction(1) = std::sin(angle);
+  } else {
+    // Normal deviates prefer no direction.
+    std::minstd_rand random(static_cast<unsigned>(ray) + 1U);
+    std::normal_distribution<double> normal;
+    for (int a = 0; a < n_; ++a) direction(a) = normal(random);
+    direction.normalize();
   }
+  return E_ * direction;
 }
 
-void LeastReactionSearch::descendAll() {
+LeastReactionSearch::Sample LeastReactionSearch::evaluate(const Vector& along, double t) {
+  ++evaluations_;
+  const Vector aimed = Eigen::Map<const Vector>(free_, S) + t * along;
+  StateView state = state_;
+  state.acceleration = aimed.data();
+  Vector psi(rowCount());
+  Vector rate(rowCount());
+  Vector C(S);
+  for (int m = 0; m < rowCount(); ++m) {
+    psi(m) = row(m).calcResidualAndJacobian(state, C.data());
+    rate(m) = C.dot(along);
+  }
+  return {t, T_ * psi, T_ * rate};
+}
+
+LeastReactionSearch::Sample LeastReactionSearch::interpolate(const Sample& a, const Sample& b,
+                                                             double theta) {
+  const double h = b.t - a.t;
+  const double rest = 1.0 - theta;
+  const Vector change = b.v - a.v;
+  const Vector left = h * a.dv - change;
+  const Vector right = change - h * b.dv;
+  return {a.t + theta * h, a.v + theta * (change + rest * (rest * left + theta * right)),
+          (change + (rest * rest - 2.0 * theta * rest) * left +
+           (2.0 * theta * rest - theta * theta) * right) /
+              h};
+}
+
+bool LeastReactionSearch::lookThrough(double radius, int rays, int halvings) {
+  // Starts of minima just inside may lie just outside.
+  constexpr double kBeyond = 1.2;
+  const int parts = n_ == 1 ? 128 : 8;  // before they are halved
+  start_count_ = 0;
+  noted_ = 0;
+  evaluations_ = 0;
+  is_resolved_ = true;
+  reach_ = kBeyond * radius;
+  apart_ = (n_ == 1 ? 1e-6 : 0.03) * radius;
+  negligible_ = 1e-9 * radius;
+  for (int ray = 0; ray < rays; ++ray) {
+    const Vector along = calcDirection(next_ray_++);
+    Sample from = evaluate(along, 0.0);
+    if (ray == 0) noteStart(from, along, 1.0);
+    for (int part = 1; part <= parts; ++part) {
+      // Uneven parts: a periodic psi may not have their period.
+      const double end = part < parts ? part + 0.2 * std::sin(part * part) : part;
+      const Sample to = evaluate(along, reach_ * end / parts);
+      lookWithin(from, to, along, halvings);
+      from = to;
+    }
+  }
   for (int n = 0; n < start_count_; ++n) {
     // On one line the starts are the minima themselves.
-    if (n_ == 1 && candidate_count_ > 0 && starts_[n].value > 3.0 * 2.0 * candidates_[0].reaction) {
-      break;
-    }
+    if (n_ == 1 && starts_[n].value > 3.0 * hopeful()) break;
     descend(starts_[n].epsilon);
   }
+  return is_resolved_;
 }
 
-double LeastReactionSearch::squaredDistance(const double* epsilon) const {
-  double change[kMaxShafts];
-  for (int i = 0; i < S; ++i) change[i] = epsilon[i] - free_[i];
-  return measure(change);
+void LeastReactionSearch::lookWithin(const Sample& from, const Sample& to, const Vector& along,
+                                     int halvings) {
+  const Sample middle = evaluate(along, 0.5 * (from.t + to.t));
+  const int finite = int{from.isFinite()} + int{middle.isFinite()} + int{to.isFinite()};
+  if (finite == 0) return;
+  const Fit fit = finite < 3 ? Fit::kOther : judge(from, middle, to);
+  if (fit == Fit::kFar) return;
+  if (fit == Fit::kOther && halvings > 0) {
+    if (evaluations_ <= kMostEvaluations) {
+      lookWithin(from, middle, along, halvings - 1);
+      lookWithin(middle, to, along, halvings - 1);
+      return;
+    }
+    is_resolved_ = false;
+  }
+  if (finite < 3) {
+    noteStart(from.isFinite() ? from : to, along, 4.0);  // the end of psi's domain
+    return;
+  }
+  noteStarts(from, middle, along);
+  noteStarts(middle, to, along);
+}
+
+LeastReactionSearch::Fit LeastReactionSearch::judge(const Sample& from, const Sample& middle,
+                                                    const Sample& to) const {
+  const Sample expected = interpolate(from, to, 0.5);
+  const double h = to.t - from.t;
+  Fit fit = Fit::kCubic;
+  double least = from.t * from.t;  // of |epsilon - f|^2, by all that is known of v
+  for (int r = 0; r < rowCount(); ++r) {
+    const auto [lowest, highest] = std::minmax({from.v(r), middle.v(r), to.v(r)});
+    const double steepest =
+        std::max({std::abs(from.dv(r)), std::abs(middle.dv(r)), std::abs(to.dv(r))});
+    const double error = std::abs(middle.v(r) - expected.v(r));
+    if (error > 0.02 * (highest - lowest) + negligible_ ||
+        std::abs(middle.dv(r) - expected.dv(r)) > 0.2 * steepest + negligible_ / h) {
+      fit = Fit::kOther;
+    }
+    // So far may v swing beyond the three samples.
+    const double swing =
+        4.0 * error +
+        0.125 * h * (std::abs(from.dv(r) - middle.dv(r)) + std::abs(to.dv(r) - middle.dv(r)));
+    const double nearest = std::max({0.0, lowest - swing, -highest - swing});
+    if (r < soft_) {
+      least += nearest * nearest;
+    } else if (nearest > 0.0 && n_ == 1) {
+      return Fit::kFar;  // not zero here
+    }
+  }
+  return least > reach_ * reach_ ? Fit::kFar : fit;
+}
+
+void LeastReactionSearch::noteStarts(const Sample& from, const Sample& to, const Vector& along) {
+  // In theta = 0 .. 1 of the length h: v of degree 3 and its derivative of degree 2,
+  //     v = sum_i B^3_i a_i,   a = v_0, v_0 + h v_0'/3, v_1 - h v_1'/3, v_1,
+  //     v' = sum_j B^2_j 3 (a_j+1 - a_j),
+  // and the slope of 1/2 |epsilon - f|^2 (or of 1/2 |hard|^2) of degree 5:
+  //     h t + sum_r v v',   B^3_i B^2_j = C(3, i) C(2, j) / C(5, i + j) B^5_i+j.
+  constexpr double kOfThree[] = {1.0, 3.0, 3.0, 1.0};
+  constexpr double kOfTwo[] = {1.0, 2.0, 1.0};
+  constexpr double kOfFive[] = {1.0, 5.0, 10.0, 10.0, 5.0, 1.0};
+  const int hard = rowCount() - soft_;
+  const double h = to.t - from.t;
+  Quintic slope{};
+  Quintic value{};  // of the last row
+  for (int r = hard > 0 ? soft_ : 0; r < rowCount(); ++r) {
+    const double a[] = {from.v(r), from.v(r) + h * from.dv(r) / 3.0, to.v(r) - h * to.dv(r) / 3.0,
+                        to.v(r)};
+    value = {};
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        const double share = kOfThree[i] * kOfTwo[j] / kOfFive[i + j];
+        slope[i + j] += share * a[i] * 3.0 * (a[j + 1] - a[j]);
+        value[i + j] += share * a[i];
+      }
+    }
+  }
+  for (std::size_t n = 0; n < 6 && hard == 0; ++n) {
+    slope[n] += h * (from.t + 0.2 * static_cast<double>(n) * h);
+  }
+  findZeros(slope, 0.0, 1.0, true, [&](double theta) {
+    noteStart(interpolate(from, to, theta), along, hard > 0 ? 4.0 : 1.0);
+  });
+  if (hard != 1) return;
+  findZeros(value, 0.0, 1.0, false,
+            [&](double theta) { noteStart(interpolate(from, to, theta), along, 1.0); });
+}
+
+template <class Item, class Compare>
+void LeastReactionSearch::keep(const Item& item, double Item::*value, int most, Item* items,
+                               int* count, Compare compare) {
+  for (int n = 0; n < *count; ++n) {
+    const Twin twin = compare(items[n]);
+    if (twin == Twin::kNone) continue;
+    if (twin == Twin::kBetter) return;
+    std::move(items + n + 1, items + *count, items + n);
+    --*count;
+    break;
+  }
+  int place = *count;
+  while (place > 0 && items[place - 1].*value > item.*value) --place;
+  if (place == most) return;
+  *count = std::min(*count + 1, most);
+  std::move_backward(items + place, items + *count - 1, items + *count);
+  items[place] = item;
+}
+
+void LeastReactionSearch::noteStart(const Sample& sample, const Vector& along, double penalty) {
+  if (!sample.isFinite()) return;
+  const Vector v = sample.v.head(soft_);
+  const Start start{Eigen::Map<const Vector>(free_, S) + sample.t * along - F_ * v,
+                    (sample.t * sample.t + v.squaredNorm()) * penalty};
+  if (penalty == 1.0) ++noted_;
+  keep(start, &Start::value, kMostStarts, starts_, &start_count_, [&](const Start& other) {
+    if (measure(other.epsilon - start.epsilon) > apart_ * apart_) return Twin::kNone;
+    return start.value < other.value ? Twin::kWorse : Twin::kBetter;
+  });
+}
+
+double LeastReactionSearch::measure(const Vector& v) const {
+  return v.dot(J_ * v);
+}
+
+double LeastReactionSearch::squaredDistance(const Vector& epsilon) const {
+  return measure(epsilon - Eigen::Map<const Vector>(free_, S));
 }
 
 double LeastReactionSearch::hopeful() const {
@@ -193,153 +362,95 @@ double LeastReactionSearch::hopeful() const {
                               : std::numeric_limits<double>::infinity();
 }
 
-void LeastReactionSearch::descend(const double* start) {
-  double epsilon[kMaxShafts];
-  std::copy_n(start, S, epsilon);
+void LeastReactionSearch::descend(Vector epsilon) {
   StateView state = state_;
-  state.acceleration = epsilon;
-  if (!solver_.retract(state, epsilon)) return;
+  state.acceleration = epsilon.data();
+  if (!solver_.retract(state, epsilon.data())) return;
   double value = squaredDistance(epsilon);
   bool is_stuck = false;  // on a kink, maybe
   for (int iteration = 0; iteration < 25; ++iteration) {
-    double delta[kMaxShafts];
-    double old[kMaxShafts];
-    if (!drivetrain_.calcLinearizedReaction(state, free_, delta)) break;
-    double length = 0.0;
-    double size = 0.0;
-    for (int i = 0; i < S; ++i) {
-      old[i] = epsilon[i];
-      delta[i] += free_[i] - epsilon[i];
-      length = std::max(length, std::abs(delta[i]));
-      size = std::max(size, std::abs(epsilon[i]));
-    }
-    if (!(length > 1e-6 * size)) break;
+    Vector delta(S);
+    if (!drivetrain_.calcLinearizedReaction(state, free_, delta.data())) break;
+    const Vector old = epsilon;
+    delta += Eigen::Map<const Vector>(free_, S) - epsilon;
+    if (!(delta.cwiseAbs().maxCoeff() > 1e-6 * epsilon.cwiseAbs().maxCoeff())) break;
     // Far from the least and without much hope to get there.
     if (iteration >= 3 && value - 4.0 * measure(delta) > hopeful()) return;
     bool is_less = false;
     double fraction = 1.0;
     for (int halving = 0; halving < 10 && !is_less; ++halving, fraction *= 0.5) {
-      for (int i = 0; i < S; ++i) epsilon[i] = old[i] + fraction * delta[i];
-      if (!solver_.retract(state, epsilon)) continue;
+      epsilon = old + fraction * delta;
+      if (!solver_.retract(state, epsilon.data())) continue;
       const double now = squaredDistance(epsilon);
       is_less = now < value * (1.0 - 1e-6 * fraction);
       if (is_less) value = now;
     }
     if (!is_less) {
-      std::copy_n(old, S, epsilon);
+      epsilon = old;
       is_stuck = !drivetrain_.kinks().empty();
       break;
     }
   }
-  if (value > hopeful() && !is_stuck) return;
-  // The multipliers that leave the least of R.
+  if (value <= hopeful() || is_stuck) polish(state, epsilon, value);
+}
+
+void LeastReactionSearch::polish(const StateView& state, const Vector& epsilon, double value) {
   double multipliers[kMaxShafts] = {};
-  double polished[kMaxShafts];
-  std::copy_n(epsilon, S, polished);
+  Vector polished = epsilon;
   calcMultipliers(state, multipliers);
   bool is_polished = false;
-  if (solver_.solve(state_, torque_, 0, polished, multipliers)) {
-    record(polished, true);
-    is_polished = squaredDistance(polished) <= value * (1.0 + 1e-9);
-  }
-  solver_.solveCorners(state_, torque_, epsilon, [&](const double* corner) {
-    record(corner, true);
-    is_polished = is_polished || squaredDistance(corner) <= value * (1.0 + 1e-9);
-  });
+  const auto take = [&](const Vector& point) {
+    record(point, true);
+    is_polished = is_polished || squaredDistance(point) <= value * (1.0 + 1e-9);
+  };
+  if (solver_.solve(state_, torque_, 0, polished.data(), multipliers)) take(polished);
+  solver_.solveCorners(state_, torque_, epsilon.data(),
+                       [&](const double* corner) { take(Eigen::Map<const Vector>(corner, S)); });
   if (!is_polished) record(epsilon, false);
 }
 
 void LeastReactionSearch::calcMultipliers(const StateView& state, double* multipliers) const {
-  const int k = rowCount();
-  double C[kMaxRows][kMaxShafts];
-  Matrix A(k, k);
-  Vector right(k);
-  for (int m = 0; m < k; ++m) row(m).calcResidualAndJacobian(state, C[m]);
-  for (int m = 0; m < k; ++m) {
-    double weighted[kMaxShafts];
-    drivetrain_.inertia().solve(C[m], weighted);
-    right(m) = 0.0;
-    for (int i = 0; i < S; ++i) right(m) += C[m][i] * (state.acceleration[i] - free_[i]);
-    for (int n = 0; n < k; ++n) {
-      A(m, n) = 0.0;
-      for (int i = 0; i < S; ++i) A(m, n) += C[n][i] * weighted[i];
-    }
-  }
-  right = solveLu(A, right);
-  if (!right.allFinite()) return;
-  for (int m = 0; m < k && m < S; ++m) multipliers[m] = right(m);
+  Matrix Ct(S, rowCount());
+  for (int m = 0; m < rowCount(); ++m) row(m).calcResidualAndJacobian(state, Ct.col(m).data());
+  const Vector distance =
+      Eigen::Map<const Vector>(state.acceleration, S) - Eigen::Map<const Vector>(free_, S);
+  const Vector lambda = solveLu(Ct.transpose() * inverse_ * Ct, Ct.transpose() * distance);
+  if (lambda.allFinite()) std::copy_n(lambda.data(), std::min(rowCount(), S), multipliers);
 }
 
-void LeastReactionSearch::record(const double* epsilon, bool is_stationary) {
-  Candidate candidate;
-  candidate.is_stationary = is_stationary;
-  std::copy_n(epsilon, S, candidate.epsilon);
-  candidate.reaction = 0.5 * squaredDistance(epsilon);
+void LeastReactionSearch::record(const Vector& epsilon, bool is_stationary) {
+  Candidate candidate{{}, 0.5 * squaredDistance(epsilon), is_stationary};
   if (!std::isfinite(candidate.reaction)) return;
-  double size = 0.0;
-  for (int i = 0; i < S; ++i) {
-    size = std::max({size, std::abs(epsilon[i]), std::abs(free_[i])});
-  }
-  for (int n = 0; n < candidate_count_; ++n) {
-    double apart = 0.0;
-    for (int i = 0; i < S; ++i) {
-      apart = std::max(apart, std::abs(candidates_[n].epsilon[i] - epsilon[i]));
-    }
-    // The same one: the better digits.
-    if (apart <= kSame * size) {
-      const bool is_better = candidate.reaction < candidates_[n].reaction * (1.0 - 1e-12);
-      if (candidates_[n].is_stationary && (!is_better || !is_stationary)) return;
-      std::move(candidates_ + n + 1, candidates_ + candidate_count_, candidates_ + n);
-      --candidate_count_;
-      break;
-    }
-  }
-  int place = candidate_count_;
-  while (place > 0 && candidates_[place - 1].reaction > candidate.reaction) --place;
-  if (place == kMostCandidates) return;
-  candidate_count_ = std::min(candidate_count_ + 1, kMostCandidates);
-  std::move_backward(candidates_ + place, candidates_ + candidate_count_ - 1,
-                     candidates_ + candidate_count_);
-  candidates_[place] = candidate;
+  std::copy_n(epsilon.data(), S, candidate.epsilon);
+  const double size = std::max(epsilon.cwiseAbs().maxCoeff(),
+                               Eigen::Map<const Vector>(free_, S).cwiseAbs().maxCoeff());
+  keep(candidate, &Candidate::reaction, kMostCandidates, candidates_, &candidate_count_,
+       [&](const Candidate& other) {
+         const Vector apart = Eigen::Map<const Vector>(other.epsilon, S) - epsilon;
+         if (!(apart.cwiseAbs().maxCoeff() <= kSame * size)) return Twin::kNone;
+         // The same one: the better digits.
+         const bool is_better = candidate.reaction < other.reaction * (1.0 - 1e-12);
+         return !other.is_stationary || (is_better && is_stationary) ? Twin::kWorse : Twin::kBetter;
+       });
 }
 
-void LeastReactionSearch::findFirst() {
-  radius_ = 0.0;
-  double size = 1e-3;
-  for (int i = 0; i < S; ++i) size = std::max(size, std::abs(free_[i]));
-  radius_ = 1e-2 * size * std::sqrt(drivetrain_.inertia().entry(0, 0));
-  for (int growth = 0; growth < 24 && candidate_count_ == 0; ++growth, radius_ *= 4.0) {
-    const bool is_whole = n_ == 2 && is_cubic_ && lookThroughPlane();
-    if (!is_whole) lookThrough(n_ == 1 ? 2 : kFewestRays, true);
-    descendAll();
+void LeastReactionSearch::findFirst(int rays) {
+  double radius = 1e-3;
+  for (int i = 0; i < S; ++i) radius = std::max(radius, std::abs(free_[i]));
+  radius *= 1e-2 * std::sqrt(J_(0, 0));
+  for (int growth = 0; growth < 24 && candidate_count_ == 0; ++growth, radius *= 4.0) {
+    lookThrough(radius, rays, 0);
   }
 }
 
 double LeastReactionSearch::calcRoundingDistance() const {
   constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-  const Inertia& inertia = drivetrain_.inertia();
   // f = J^-1 q is known to eps |J^-1| |q|, |q| = |J| |f|: much less well than to eps |f| where J is
   // nearly singular.
-  double q[kMaxShafts];
-  double rounding[kMaxShafts] = {};
-  double size = 0.0;
-  for (int i = 0; i < S; ++i) {
-    size = std::max(size, std::abs(free_[i]));
-    q[i] = 0.0;
-    for (int j = 0; j < S; ++j) q[i] += std::abs(inertia.entry(i, j) * free_[j]);
-  }
-  for (int j = 0; j < S; ++j) {
-    double unit[kMaxShafts] = {};
-    double column[kMaxShafts];
-    unit[j] = 1.0;
-    inertia.solve(unit, column);
-    for (int i = 0; i < S; ++i) rounding[i] += kEpsilon * std::abs(column[i]) * q[j];
-  }
-  double square = 0.0;
-  for (int i = 0; i < S; ++i) {
-    for (int j = 0; j < S; ++j) square += std::abs(inertia.entry(i, j)) * rounding[i] * rounding[j];
-  }
-  return std::max(64.0 * kEpsilon * size, std::sqrt(square));
+  const Vector f = Eigen::Map<const Vector>(free_, S).cwiseAbs();
+  const Matrix J = J_.cwiseAbs();
+  const Vector rounding = kEpsilon * (inverse_.cwiseAbs() * (J * f));
+  return std::max(64.0 * kEpsilon * f.maxCoeff(), std::sqrt(rounding.dot(J * rounding)));
 }
 
 LeastReactionSearch::Verdict LeastReactionSearch::conclude(bool is_certain) const {

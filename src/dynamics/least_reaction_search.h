@@ -4,14 +4,12 @@
 /// distance r bounds the search to the ball of radius r (in the metric J) around the free
 /// accelerations f. psi reads only some accelerations other than linearly, n of them: with
 ///     epsilon = f + E x - F v(x),   |epsilon - f|^2 = |x|^2 + |v(x)|^2,
-/// x (n values) moves these and the rest goes along as J has it; v makes zero what of psi = 0 the
-/// others can make zero, at the least distance and by constant coefficients. What they cannot, the
-/// `hard` rest, is to be zero by x alone. So the ball is one of n dimensions, n = 1 in most scenes.
-/// It is looked through along rays, by steps as short as psi asks for there, or, where psi is a
-/// cubic of the accelerations, by the one cubic that the ray's ends tell; a cubic of two of them by
-/// boxes, which leave nothing out. The least ones found are starts for descents along psi = 0. A
-/// better minimum makes the ball smaller, and it is looked through again until nothing better
-/// comes.
+/// x (n values) moves these and the rest goes along as J has it; v makes zero the rows of psi that
+/// the others can make zero, at the least distance and by constant coefficients. The `hard` rows,
+/// which they cannot, are to be zero by x alone. So the ball is one of n dimensions, n = 1 in most
+/// scenes. It is sampled along rays from its centre, as densely as cubics between the samples fit
+/// psi; the minima of the distance of these cubics are starts for descents along psi = 0. A better
+/// minimum makes the ball smaller, and the search goes on until another look brings nothing better.
 #pragma once
 
 #include <cmath>
@@ -46,126 +44,95 @@ class LeastReactionSearch {
   int candidateCount() const { return candidate_count_; }
   const Candidate& candidate(int n) const { return candidates_[n]; }
   void forget() { candidate_count_ = 0; }
-  /// Adds accelerations that satisfy psi = 0.
-  void add(const double* epsilon, const double* free);
 
-  /// Looks for better ones than those added. `torque` is Q - n, `free` J^-1 (Q - n).
-  Verdict find(const StateView& state, const double* torque, const double* free);
+  /// Looks for candidates. `torque` is Q - n, `free` J^-1 (Q - n), `first` accelerations that
+  /// satisfy psi = 0, or nullptr.
+  Verdict find(const StateView& state, const double* torque, const double* free,
+               const double* first);
 
  private:
-  static constexpr int kFewestRays = 96;
-  static constexpr int kMostRays = 768;
-  static constexpr int kMostRounds = 14;
   static constexpr int kMostStarts = 48;
   static constexpr int kMostCandidates = 4;
-  static constexpr int kDeepest = 22;
-  /// Evaluations of psi that one look through the ball may take.
+  static constexpr int kMostRays = 768;
+  /// Samples that one look through the ball may take, and halvings of one part of a ray.
   static constexpr int kMostEvaluations = 40000;
+  static constexpr int kMostHalvings = 22;
+  /// Points that are nearer to each other than this, relative to accelerations, are one.
+  static constexpr double kSame = 1e-6;
 
   using Matrix = DenseMatrix;
-  using Vector = DenseVector;
+  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxShafts, 1>;
 
-  /// psi on a ray: the soft part v, then the hard one, and their derivatives by t.
-  struct Point {
-    double t = 0.0;
-    double v[kMaxRows] = {};
-    double dv[kMaxRows] = {};
-    bool is_finite = false;
+  /// A sample of a ray: the soft rows' v, then the hard ones, and their derivatives by t.
+  struct Sample {
+    double t;
+    Vector v;
+    Vector dv;
+    bool isFinite() const { return v.allFinite() && dv.allFinite(); }
   };
   struct Start {
-    double epsilon[kMaxShafts];
-    double value;
+    Vector epsilon;
+    double value;  ///< |epsilon - f|^2, more where psi is not zero
   };
 
   int rowCount() const { return static_cast<int>(drivetrain_.accelerationRows().size()); }
   const Constraint& row(int m) const {
     return drivetrain_.constraint(drivetrain_.accelerationRows()[static_cast<std::size_t>(m)]);
   }
-  double radius() const {
-    return candidate_count_ > 0 ? std::sqrt(2.0 * candidates_[0].reaction) : radius_;
-  }
+  /// Finds E, F and T.
+  void setUp();
+  /// The rows of C at a place where all are finite, without the parts in x, made of length 1 by
+  /// `length`.
+  Matrix calcRowsOutside(const Matrix& rest, Vector* length) const;
 
-  // --- E, F, and what makes v of psi -----------------------------------------------------------
-  bool setUp();
-  Matrix makeBasis(const int* which, const Matrix& inverse);
-  Matrix calcRowsOutside(const Matrix& inverse, const Matrix& rest);
-  void separateSoftRows(Matrix C, const Matrix& rest);
+  /// The direction of a ray in epsilon, of length 1 in the metric J.
+  Vector calcDirection(int ray) const;
+  Sample evaluate(const Vector& along, double t);
+  /// The cubic through both ends at the part `theta` of [a, b].
+  static Sample interpolate(const Sample& a, const Sample& b, double theta);
+  /// Notes the starts in the ball, halves parts of rays up to `halvings` times, and descends from
+  /// the starts. Returns false if psi needs more samples.
+  bool lookThrough(double radius, int rays, int halvings);
+  /// Notes the starts between two samples, and evaluates psi between them where it is no cubic.
+  void lookWithin(const Sample& from, const Sample& to, const Vector& along, int halvings);
+  /// Tells whether the cubic through `from` and `to` fits the sample between them; kFar: psi has no
+  /// zero there within reach_ of the free accelerations.
+  enum class Fit { kFar, kCubic, kOther };
+  Fit judge(const Sample& from, const Sample& middle, const Sample& to) const;
+  /// Notes the starts on the cubic through two samples: zeros of one hard row, and minima.
+  void noteStarts(const Sample& from, const Sample& to, const Vector& along);
+  /// Keeps it among the kMostStarts nearest ones, one of each place.
+  void noteStart(const Sample& sample, const Vector& along, double penalty);
+  /// The same point in a list, and whether it is to stay instead of the new one.
+  enum class Twin { kNone, kBetter, kWorse };
+  /// Puts `item` into a list that is sorted by `value`, instead of a worse twin; the last one of
+  /// too many goes.
+  template <class Item, class Compare>
+  static void keep(const Item& item, double Item::*value, int most, Item* items, int* count,
+                   Compare compare);
 
-  // --- along rays ------------------------------------------------------------------------------
-  /// The direction of the next ray, of length 1.
-  void nextDirection();
-  /// Pseudo-random numbers, the same ones in every search.
-  double nextUniform();
-  double nextNormal();
-
-  void evaluate(double t, Point* point);
-  /// Squared distance |epsilon - f|^2 of what the ray's point makes, and its derivative by t.
-  double distance(const Point& p, double* slope) const;
-  double hardSquare(const Point& p, double* slope) const;
-
-  /// Notes the starts in the ball, along so many rays. False when psi varies too fast for it.
-  bool lookThrough(int rays, bool is_coarse);
-
-  // --- by boxes, where n = 2 and psi is a cubic ------------------------------------------------
-  struct Cubic;
-  /// Notes the starts in the ball, all of them. False where psi is not finite.
-  bool lookThroughPlane();
-  /// Fits the cubic of every row, the plane in units of `reach`.
-  bool fitCubics(double reach, Cubic* cubics);
-  /// Rays go to (x, y) of the plane.
-  void aimAt(double x, double y);
-
-  /// Cubic through both ends at the part `theta` of [a, b].
-  void interpolate(const Point& a, const Point& b, double theta, Point* p) const;
-
-  void scan(const Point& a, const Point& b, int depth);
-  /// The same of a whole ray, along which psi is a cubic. False where that is not finite.
-  bool scanCubic(double reach, int parts, bool is_first);
-
-  /// Notes minima of the distance (or, with a hard part, where that is zero or least) in [a, b].
-  void noteWithin(const Point& a, const Point& b);
-
-  /// Keeps the point a ray leads to among the kMostStarts nearest ones, one of each place.
-  void noteStart(const Point& point, double penalty);
-  double minimaPerRay() const { return static_cast<double>(noted_) / looked_rays_; }
-
-  /// Within `apart` of each other in the metric J.
-  bool areNear(const double* a, const double* b, double apart) const;
   /// |v|^2 in the metric J.
-  double measure(const double* v) const;
-
-  // --- descents --------------------------------------------------------------------------------
-  void descendAll();
-
-  double squaredDistance(const double* epsilon) const;
-
+  double measure(const Vector& v) const;
+  double squaredDistance(const Vector& epsilon) const;
   /// Squared distances above this are of no interest.
   double hopeful() const;
 
   /// Along psi = 0 towards the least reaction of the linearised constraints, by steps that lessen
-  /// the reaction; then Newton's iteration, and the corners near by.
-  void descend(const double* start);
-
+  /// the reaction.
+  void descend(Vector epsilon);
+  /// Newton's iteration from the end of a descent at the squared distance `value`, and the corners
+  /// near by.
+  void polish(const StateView& state, const Vector& epsilon, double value);
   /// lambda with C^T lambda nearest to R = J (epsilon - f): A lambda = C (epsilon - f).
   void calcMultipliers(const StateView& state, double* multipliers) const;
 
   /// Puts accelerations with psi = 0 among the candidates.
-  void record(const double* epsilon, bool is_stationary);
-
+  void record(const Vector& epsilon, bool is_stationary);
   /// Without a candidate nothing bounds the ball: it grows until there is one.
-  void findFirst();
-
+  void findFirst(int rays);
   /// Returns the distance that rounding of the free accelerations accounts for.
   double calcRoundingDistance() const;
   Verdict conclude(bool is_certain) const;
-
-  /// Points that are nearer to each other than this, relative to accelerations, are one.
-  static constexpr double kSame = 1e-6;
-  /// Half a box of which a start is made, in radii: less than what makes two starts one.
-  static constexpr int kPlaneDepth = 7;
-  static constexpr double kPlaneLeaf = 1.0 / 128.0;
-  /// The effect of rounding on a cubic, relative to the sum of its coefficients.
-  static constexpr double kCubicNoise = 1e-9;
 
   const int S;  // shafts
   Drivetrain& drivetrain_;
@@ -173,24 +140,20 @@ class LeastReactionSearch {
   StateView state_{};
   const double* torque_ = nullptr;
   const double* free_ = nullptr;
-  int n_ = 0;                      // accelerations that psi is not linear in
-  int soft_ = 0;                   // rows that the others can make zero
-  bool is_cubic_ = false;          // psi, in the accelerations
-  Matrix E_;                       // S x n
-  Matrix F_;                       // S x k
-  Matrix T_;                       // (v, hard) = T psi
-  double along_[kMaxShafts] = {};  // the ray in epsilon
-  std::uint64_t random_ = 20;
-  int ray_ = 0;
-  int looked_rays_ = 1;
-  int noted_ = 0;
-  int evaluations_ = 0;
-  int limit_ = 0;
-  bool is_coarse_ = false;
-  bool is_resolved_ = true;
-  double allowed_ = 0.0;
-  double negligible_ = 0.0;
-  double radius_ = 0.0;
+  Matrix J_;
+  Matrix inverse_;  // of J
+  int n_ = 0;       // accelerations that psi is not linear in
+  int soft_ = 0;    // rows that the others can make zero
+  Matrix E_;        // S x n
+  Matrix F_;        // S x soft
+  Matrix T_;        // (v, hard) = T psi
+  int next_ray_ = 0;
+  int noted_ = 0;            // minima in the last look through the ball
+  int evaluations_ = 0;      // samples in it
+  bool is_resolved_ = true;  // it had samples enough for psi
+  double reach_ = 0.0;       // the distance up to which it looks
+  double apart_ = 0.0;       // starts nearer to each other are one
+  double negligible_ = 0.0;  // differences of distances
   double smallest_ = 0.0;
   Start starts_[kMostStarts];
   int start_count_ = 0;
