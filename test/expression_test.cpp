@@ -702,32 +702,6 @@ TEST(ExpressionGraph, EqualSubexpressionsAreOneNode) {
   EXPECT_TRUE(formulas.graph.isConstant(formulas.read("2*3 + sin(0.5)"), 6.0 + std::sin(0.5)));
 }
 
-TEST(ExpressionGraph, KnowsTheDegreeOfAPolynomial) {
-  Graph graph;
-  const Node x = graph.variable(0);
-  const Node y = graph.variable(1);
-  const Node other = graph.variable(2);
-  const Node two = graph.constant(2.0);
-  const Node xx = graph.power(x, two);
-  const Node sine = graph.make(Operation::kSin, other);
-  const auto degree = [&](Node node) { return graph.polynomialDegree(node, {0, 1}); };
-  EXPECT_EQ(degree(two), 0);
-  EXPECT_EQ(degree(sine), 0);
-  EXPECT_EQ(degree(graph.negate(x)), 1);
-  EXPECT_EQ(degree(graph.multiply(graph.add(xx, y), y)), 3);
-  EXPECT_EQ(degree(graph.divide(graph.subtract(sine, xx), other)), 2);
-  EXPECT_EQ(degree(graph.power(graph.multiply(x, y), graph.constant(3.0))), 6);
-  EXPECT_EQ(degree(graph.select(other, two, x, xx)), 2);
-  EXPECT_EQ(graph.polynomialDegree(graph.multiply(x, y), {0}), 1);
-  EXPECT_EQ(degree(graph.divide(other, x)), -1);
-  EXPECT_EQ(degree(graph.power(x, graph.constant(-1.0))), -1);
-  EXPECT_EQ(degree(graph.power(x, graph.constant(0.5))), -1);
-  EXPECT_EQ(degree(graph.power(two, x)), -1);
-  EXPECT_EQ(degree(graph.select(x, two, x, xx)), -1);
-  EXPECT_EQ(degree(graph.make(Operation::kSin, x)), -1);
-  EXPECT_EQ(degree(graph.multiply(other, graph.minimum(x, y))), -1);
-}
-
 TEST(ExpressionTape, LeavesOutWhatNobodyNeeds) {
   Formulas formulas;
   formulas.read("exp(z)*tan(w)");

@@ -185,8 +185,7 @@ TEST(LeastReaction, IsTheLeastOverTwoNonlinearAccelerations) {
   }
 }
 
-// psi is followed along a ray by one cubic where it is one, and by many short ones otherwise. A
-// sine that is multiplied by zero makes the difference.
+// A sine that is multiplied by zero changes the form of psi and none of its values.
 TEST(LeastReaction, OfACubicIsThatOfTheSameFunctionOfAnyForm) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
@@ -200,11 +199,9 @@ TEST(LeastReaction, OfACubicIsThatOfTheSameFunctionOfAnyForm) {
     machine.psi = std::to_string(3.0 * uniform(random)) + term("e1") + term("e2") + term("e1^2") +
                   term("e1*e2") + term("e2^3") + term("e1^2*e2") + term("e1^3");
     Simulation cubic(test::sceneFromText(machine.text()));
-    EXPECT_EQ(cubic.scene().constraints[0]->accelerationDegree(), 3);
     const std::string psi = machine.psi;
     machine.psi += "+0*sin(e1*e2)";
     Simulation other(test::sceneFromText(machine.text()));
-    EXPECT_EQ(other.scene().constraints[0]->accelerationDegree(), -1);
     for (int i = 0; i < 2; ++i) {
       const double expected = other.sample().acceleration[i];
       EXPECT_NEAR(cubic.sample().acceleration[i], expected, 1e-9 * (1.0 + std::abs(expected)))

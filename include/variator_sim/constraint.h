@@ -83,8 +83,6 @@ class Constraint : public Law {
   /// coefficients, bit i for shaft i: the search for the least reaction varies these alone. If
   /// there are none, C does not depend on epsilon, and a jump is one exact linear projection.
   unsigned nonlinearAccelerations() const { return nonlinear_; }
-  /// Returns the degree of the second-order form as a polynomial of the accelerations, or -1.
-  int accelerationDegree() const { return degree_; }
   /// Returns functions of the state at whose zeros psi, though continuous, has a kink in epsilon
   /// (abs, min, max of accelerations), as constraints of order 2. The least reaction may lie there.
   const std::vector<ConstraintPtr>& kinks() const { return kinks_; }
@@ -132,7 +130,6 @@ class Constraint : public Law {
   std::set<int> inputs_;  ///< inputs that the law reads
   bool has_constant_jacobian_ = false;
   unsigned nonlinear_ = 0;
-  int degree_ = 1;
   std::vector<ConstraintPtr> kinks_;
 };
 

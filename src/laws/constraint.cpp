@@ -225,10 +225,6 @@ void Constraint::noteNonlinear(const Formulas& formulas) {
       if (!is_constant) nonlinear_ |= 1U << static_cast<unsigned>(i);
     }
   }
-  std::vector<int> accelerations;
-  accelerations.reserve(static_cast<std::size_t>(s));
-  for (int i = 0; i < s; ++i) accelerations.push_back(slotOf(Source::kAcceleration, i));
-  degree_ = graph.polynomialDegree(formulas.second, accelerations);
 }
 
 void Constraint::check(const Formulas& formulas, const std::string& path) const {

@@ -160,9 +160,6 @@ class Graph {
   double constantValue(Node node) const { return entry(node).value; }
   /// True when the variable in `slot` occurs in `node`.
   bool dependsOn(Node node, int slot) const;
-  /// The degree of `node` as a polynomial of the variables in `slots`, for all values of the
-  /// others; -1 if it is none, or not written as one.
-  int polynomialDegree(Node node, const std::vector<int>& slots) const;
   /// True when a constant that is NaN or infinite occurs in one of `nodes`.
   bool hasNonFiniteConstant(const std::vector<Node>& nodes) const;
   bool hasNonFiniteConstant(Node node) const {
