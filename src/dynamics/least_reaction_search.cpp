@@ -202,7 +202,7 @@ LeastReactionSearch::Sample LeastReactionSearch::interpolate(const Sample& a, co
 bool LeastReactionSearch::lookThrough(double radius, int rays, int halvings) {
   // Starts of minima just inside may lie just outside.
   constexpr double kBeyond = 1.2;
-  const int parts = n_ == 1 ? 128 : 8;  // before they are halved
+  const int parts = n_ == 1 ? 256 : 16;  // before they are halved
   start_count_ = 0;
   noted_ = 0;
   evaluations_ = 0;
