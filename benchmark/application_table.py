@@ -6,9 +6,8 @@ They stand between the markers `<!-- begin generated: applications -->` and `<!-
 
 import argparse
 import math
-import pathlib
 
-import kernel_tables  # beside this file
+import document  # beside this file, as the next
 import plot_work_precision as work_precision
 
 TARGETS = (1e-4, 1e-6, 1e-9)
@@ -41,8 +40,8 @@ def make_tables(scenes):
             means[kind].append(math.exp(sum(map(math.log, known)) / len(known)) if known else None)
             leasts[kind].append(min(known, default=None))
         title = f"Error {work_precision.show_exponent(target)}"
-        parts.append(f"**{title}**\n\n" + work_precision.table(["scene", *HEADERS], rows))
-    summary = work_precision.table(
+        parts.append(f"**{title}**\n\n" + document.table(["scene", *HEADERS], rows))
+    summary = document.table(
         ["best peer / ours", *map(work_precision.show_exponent, TARGETS)],
         [[f"{name}, {kind}", *map(show_ratio, row)] for kind, rows_of in
          zip(("machine code", "interpreter", "emitted C"), zip(means, leasts))
@@ -65,8 +64,7 @@ def main():
     parser.add_argument("rows", help="CSV file of applications")
     parser.add_argument("--document", default="doc/benchmarks.md")
     arguments = parser.parse_args()
-    kernel_tables.write_section(pathlib.Path(arguments.document), "applications",
-                                make_section(arguments.rows))
+    document.write_section(arguments.document, "applications", make_section(arguments.rows))
 
 
 if __name__ == "__main__":

@@ -26,14 +26,6 @@
 #include <utility>
 #include <vector>
 
-#ifdef VARIATOR_SIM_WITH_SUNDIALS
-#include <cvode/cvode.h>
-#include <nvector/nvector_serial.h>
-#include <sundials/sundials_context.h>
-#include <sunlinsol/sunlinsol_dense.h>
-#include <sunmatrix/sunmatrix_dense.h>
-#endif
-
 #include "emit_c/emit_c.h"
 #include "peers/machines.h"
 #include "variator_sim/component_factory.h"
@@ -179,10 +171,6 @@ void addOdeint(const Machine& machine, double* deadline, std::vector<Method>* me
     playDense(*player, odeint::make_dense_output<Stepper>(*tolerance, *tolerance), system, read(x),
               t0, t1, x);
   });
-  add("bulirsch_stoer", [=](double t0, double t1, double* x) {
-    playDense(*player, odeint::bulirsch_stoer_dense_out<State>(*tolerance, *tolerance), system,
-              read(x), t0, t1, x);
-  });
   // It has no dense output: it steps from sample to sample.
   add("fehlberg78", [=](double t0, double t1, double* x) {
     State state = read(x);
@@ -226,86 +214,6 @@ void addOdeint(const Machine& machine, double* deadline, std::vector<Method>* me
     std::copy(moved, moved + N, x);
   });
 }
-
-#ifdef VARIATOR_SIM_WITH_SUNDIALS
-/// CVODE's BDF with exact Jacobians, samples by its own dense output.
-template <class Machine>
-class Cvode {
- public:
-  Cvode(const Machine& machine, double* deadline) : player_(machine, deadline) {
-    SUNContext_Create(nullptr, &context_);
-    y_ = N_VNew_Serial(Machine::kStates, context_);
-    N_VConst(0.0, y_);
-    matrix_ = SUNDenseMatrix(Machine::kStates, Machine::kStates, context_);
-    solver_ = SUNLinSol_Dense(y_, matrix_, context_);
-  }
-  ~Cvode() {
-    CVodeFree(&memory_);
-    SUNLinSolFree(solver_);
-    SUNMatDestroy(matrix_);
-    N_VDestroy(y_);
-    SUNContext_Free(&context_);
-  }
-  Cvode(const Cvode&) = delete;
-  Cvode& operator=(const Cvode&) = delete;
-
-  bool prepare(double tolerance) {
-    CVodeFree(&memory_);
-    memory_ = CVodeCreate(CV_BDF, context_);
-    CVodeSetErrFile(memory_, nullptr);
-    CVodeSetUserData(memory_, &player_);
-    return CVodeInit(memory_, rates, 0.0, y_) == 0 &&
-           CVodeSStolerances(memory_, tolerance, tolerance) == 0 &&
-           CVodeSetMaxNumSteps(memory_, -1) == 0 &&
-           CVodeSetLinearSolver(memory_, solver_, matrix_) == 0 &&
-           CVodeSetJacFn(memory_, jacobian) == 0;
-  }
-  void run(int samples, std::vector<double>* speeds) {
-    player_.run(samples, speeds, [this](double t0, double t1, double* x) {
-      double* const y = NV_DATA_S(y_);
-      std::copy(x, x + Machine::kStates, y);
-      CVodeReInit(memory_, t0, y_);
-      CVodeSetStopTime(memory_, t1);
-      for (double t = t0; t < t1;) {
-        const double target = std::min(t1, player_.next());
-        if (CVode(memory_, target, y_, &t, CV_NORMAL) < 0) throw TimeOut();
-        if (t >= player_.next()) player_.take(y);
-      }
-      std::copy(y, y + Machine::kStates, x);
-    });
-  }
-
- private:
-  static int rates(realtype t, N_Vector x, N_Vector dxdt, void* player) {
-    try {
-      static_cast<Player<Machine>*>(player)->rates(t, NV_DATA_S(x), NV_DATA_S(dxdt));
-    } catch (const TimeOut&) {
-      return -1;
-    }
-    return 0;
-  }
-  static int jacobian(realtype t, N_Vector x, N_Vector /*dxdt*/, SUNMatrix entries, void* player,
-                      N_Vector /*a*/, N_Vector /*b*/, N_Vector /*c*/) {
-    double dfdt[Machine::kStates];
-    static_cast<Player<Machine>*>(player)->jacobian(t, NV_DATA_S(x), SM_DATA_D(entries), dfdt);
-    return 0;
-  }
-  Player<Machine> player_;
-  SUNContext context_ = nullptr;
-  N_Vector y_ = nullptr;
-  SUNMatrix matrix_ = nullptr;
-  SUNLinearSolver solver_ = nullptr;
-  void* memory_ = nullptr;
-};
-
-template <class Machine>
-void addCvode(const Machine& machine, double* deadline, std::vector<Method>* methods) {
-  auto cvode = std::make_shared<Cvode<Machine>>(machine, deadline);
-  methods->push_back(
-      {"sundials cvode bdf", "by hand", [cvode](double value) { return cvode->prepare(value); },
-       [cvode](int samples, std::vector<double>* speeds) { cvode->run(samples, speeds); }});
-}
-#endif
 
 Simulation makeSimulation(ParameterTree tree, double tolerance, bool compiled) {
   ParameterTree::Dictionary& root = tree.asDictionary();
@@ -503,7 +411,7 @@ std::vector<double> makeReference(Machine machine) {
   return speeds;
 }
 
-/// What one method took at one tolerance.
+/// Error and times of one method at one tolerance.
 struct Row {
   const Method* method;
   double error = std::nan("");
@@ -520,9 +428,6 @@ void measure(const std::string& name, const Start& start, bool quick) {
   addOurs(start, false, &deadline, &methods);
   addEmitted(start, &methods);
   addOdeint(machine, &deadline, &methods);
-#ifdef VARIATOR_SIM_WITH_SUNDIALS
-  addCvode(machine, &deadline, &methods);
-#endif
   std::vector<bool> late(methods.size(), false);
   for (double tolerance = 1e-2; tolerance > 0.9e-12; tolerance *= 0.1) {
     std::vector<Row> rows;

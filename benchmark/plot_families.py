@@ -105,8 +105,17 @@ def draw_taus(times, path):
     save(figure, path)
 
 
+def pictures_of(scenes):
+    """File and caption of each picture; those of the stiff scene where there are several of its taus."""
+    pictures = [("families.png", "Run time of the best method of each family against error, scene by scene")]
+    if sum(name.startswith(STIFF) for name in scenes) > 1:
+        pictures += [("stiff_slip.png", "Run time of the best method of each family against error, stiff scenes"),
+                     ("stiff_tau.png", "Run time of the best method of each family to an error of 1e-6 against tau")]
+    return pictures
+
+
 def draw(document, folder):
-    """All pictures; those of the stiff scene where there are several of its taus."""
+    """Draws all pictures of the page's tables."""
     folder = pathlib.Path(folder)
     times = read_times(document)
     others = {scene: by_family for scene, by_family in times.items() if not scene.startswith(STIFF)}

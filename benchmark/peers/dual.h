@@ -14,9 +14,9 @@ struct Dual {
 
   Dual() = default;
   Dual(T v) : value(v) {}  // NOLINT(google-explicit-constructor): constants of formulas
-  static Dual variable(T v, int index, T rate = T(1)) {
+  static Dual variable(T v, int index) {
     Dual x(v);
-    x.derivative[static_cast<std::size_t>(index)] = rate;
+    x.derivative[static_cast<std::size_t>(index)] = T(1);
     return x;
   }
 

@@ -192,7 +192,7 @@ class Surface {
   std::vector<Cell> cells_;  ///< row by row
 };
 
-/// What a machine starts from.
+/// The start of a machine.
 struct Start {
   ParameterTree scene;                 ///< for the table of two variables
   Sample sample;                       ///< at time 0

@@ -1,15 +1,13 @@
-/// The scenes of benchmark/scenes/, written by hand: what a user would type into a program of his
-/// own for one machine. Sizes and constants are known to the compiler; nothing is virtual.
+/// The scenes of benchmark/scenes/, written by hand, as for a program
+/// for one machine. Sizes and constants are known to the compiler; nothing is virtual.
 ///
 /// R is the scalar: double for the peers, long double for the references, Dual for Jacobians.
 /// A scene has
-///     torque, torqueRate      Q and Q'
-///     row                     C and c0 of C eta + c0 = 0
-///     residual                psi, or f' of a constraint of order 1; none at order 3
-///     velocityResidual        f of a constraint of order 1
-///     nullSpace               s - k rows N with C N^T = 0
-///     initial                 x = (phi, omega, epsilon) at time 0
-/// Scenes of inertia that depends on the angle have inertia() and freeRate() too.
+///     torqueRate        Q'
+///     row               C and c0 of C eta + c0 = 0
+///     initial           x = (phi, omega, epsilon) at time 0
+/// Scenes whose inertia depends on the angle have freeRate() instead of torqueRate(). Scenes that
+/// start with accelerations of least reaction have torque() and residual(), psi, too.
 #pragma once
 
 #include <cmath>
@@ -27,21 +25,14 @@ struct SceneParameters {
 
 /// Common base of scenes without events and with a constant inertia.
 struct PlainScene {
-  static constexpr int kOrder = 2;
-  static constexpr bool kLinear = true;  ///< psi linear in the accelerations
   static constexpr bool kConstantInertia = true;
   static constexpr int kEvents = 0;
 };
 
-/// Two shafts, one constraint: N is C turned by a right angle.
+/// Two shafts, one constraint.
 struct TwoShafts : PlainScene {
   static constexpr int kShafts = 2;
   static constexpr int kConstraints = 1;
-  template <class R>
-  static void nullSpace(const R (*C)[2], R (*N)[2]) {
-    N[0][0] = C[0][1];
-    N[0][1] = -C[0][0];
-  }
 };
 
 /// x in long double, as a scene's scalars.
@@ -89,7 +80,6 @@ struct KlossMotor {
 template <class R>
 struct Ship : TwoShafts {
   using K = typename ConstantOf<R>::Type;
-  static constexpr bool kLinear = false;
   static constexpr K kInertia[2] = {K(0.8L), K(2.0L)};
   static constexpr K kEnd = K(20);
   static constexpr KlossMotor<R> kMotor = {K(12), K(50)};
@@ -98,19 +88,9 @@ struct Ship : TwoShafts {
   static void initial(R* x) {
     setState(x, {0.0L, 0.0L, 5.0L, 2.0L, 8.7766140234030305241L, 6.0165615693436304098L});
   }
-  static void torque(const R& /*t*/, const R* /*phi*/, const R* w, R* Q) {
-    Q[0] = kMotor.torque(w[0]);
-    Q[1] = K(-0.02L) * (w[1] * w[1]);
-  }
   static void torqueRate(const R& /*t*/, const R* /*phi*/, const R* w, const R* e, R* rate) {
     rate[0] = kMotor.torqueRate(w[0], e[0]);
     rate[1] = K(-0.04L) * (w[1] * e[1]);
-  }
-  static void residual(const R& t, const R* /*phi*/, const R* w, const R* e, R* psi) {
-    using std::sin;
-    const R u = K(0.6L) + K(0.2L) * sin(K(0.7L) * t);
-    const R g = K(1) + K(0.05L) * (e[0] * e[0] + e[1] * e[1]);
-    psi[0] = K(0.2L) * (e[1] - u * e[0]) * g + w[1] - u * w[0];
   }
   static void row(const R& t, const R* /*phi*/, const R* w, const R* e, R (*C)[2], R* c0) {
     using std::cos;
@@ -161,23 +141,15 @@ struct SmoothLinear : TwoShafts {
 template <class R>
 struct AccelerationCircle : TwoShafts {
   using K = typename ConstantOf<R>::Type;
-  static constexpr bool kLinear = false;
   static constexpr K kInertia[2] = {K(1.5L), K(1.5L)};
   static constexpr K kEnd = K(5);
   explicit AccelerationCircle(const SceneParameters& /*parameters*/) {}
 
   static void initial(R* x) { setState(x, {0.0L, 0.0L, 0.0L, 0.0L, 1.2L, 1.6L}); }
-  static void torque(const R& t, const R* /*phi*/, const R* /*w*/, R* Q) {
-    Q[0] = K(3) * t;
-    Q[1] = R(K(0));
-  }
   static void torqueRate(const R& /*t*/, const R* /*phi*/, const R* /*w*/, const R* /*e*/,
                          R* rate) {
     rate[0] = R(K(3));
     rate[1] = R(K(0));
-  }
-  static void residual(const R& /*t*/, const R* /*phi*/, const R* /*w*/, const R* e, R* psi) {
-    psi[0] = e[0] * e[0] + e[1] * e[1] - K(4);
   }
   static void row(const R& /*t*/, const R* /*phi*/, const R* /*w*/, const R* e, R (*C)[2], R* c0) {
     C[0][0] = K(2) * e[0];
@@ -337,30 +309,14 @@ struct FourShafts : PlainScene {
   using K = typename ConstantOf<R>::Type;
   static constexpr int kShafts = 4;
   static constexpr int kConstraints = 2;
-  static constexpr bool kLinear = false;
   static constexpr K kInertia[4] = {K(1.0L), K(0.5L), K(0.8L), K(2.5L)};
   static constexpr K kEnd = K(10);
   static constexpr KlossMotor<R> kMotor = {K(20), K(60)};
   explicit FourShafts(const SceneParameters& /*parameters*/) {}
 
-  static void nullSpace(const R (*C)[4], R (*N)[4]) {
-    for (int i = 0; i < 4; ++i) N[0][i] = N[1][i] = R(K(0));
-    N[0][0] = C[0][1];
-    N[0][1] = -C[0][0];
-    N[1][2] = C[1][3];
-    N[1][3] = -C[1][2];
-  }
   static void initial(R* x) {
     setState(x, {0.0L, 0.0L, 0.0L, 0.0L, 10.0L, 7.0L, 7.0L, 5.6L, 18.22722053114120627745L,
                  12.75905437179884439422L, -0.4181321623640764628555L, -0.3350661376058696561941L});
-  }
-  static void torque(const R& /*t*/, const R* phi, const R* w, R* Q) {
-    const R twist = phi[1] - phi[2];
-    const R spring = (K(60) + K(5) * (twist * twist)) * twist + K(4) * (w[1] - w[2]);
-    Q[0] = kMotor.torque(w[0]);
-    Q[1] = -spring;
-    Q[2] = spring;
-    Q[3] = K(-0.04L) * (w[3] * w[3]);
   }
   static void torqueRate(const R& /*t*/, const R* phi, const R* w, const R* e, R* rate) {
     const R twist = phi[1] - phi[2];
@@ -369,13 +325,6 @@ struct FourShafts : PlainScene {
     rate[1] = -spring;
     rate[2] = spring;
     rate[3] = K(-0.08L) * (w[3] * e[3]);
-  }
-  static void residual(const R& t, const R* /*phi*/, const R* w, const R* e, R* psi) {
-    using std::sin;
-    const R u = K(0.7L) + K(0.15L) * sin(K(0.5L) * t);
-    const R g = K(1) + K(0.02L) * (e[0] * e[0] + e[1] * e[1]);
-    psi[0] = K(0.3L) * (e[1] - u * e[0]) * g + w[1] - u * w[0];
-    psi[1] = K(0.25L) * e[3] - K(0.2L) * e[2] + w[3] - K(0.8L) * w[2] + K(0.001L) * (e[2] * e[3]);
   }
   static void row(const R& t, const R* /*phi*/, const R* w, const R* e, R (*C)[4], R* c0) {
     using std::cos;
@@ -402,35 +351,14 @@ struct Crank : PlainScene {
   using K = typename ConstantOf<R>::Type;
   static constexpr int kShafts = 3;
   static constexpr int kConstraints = 1;
-  static constexpr bool kLinear = false;
   static constexpr bool kConstantInertia = false;
   static constexpr K kInertia[3] = {K(1.0L), K(0.2L), K(3.0L)};  ///< of the first shaft the mean
   static constexpr K kEnd = K(2);
   explicit Crank(const SceneParameters& /*parameters*/) {}
 
-  static void nullSpace(const R (*C)[3], R (*N)[3]) {
-    N[0][0] = R(K(1));
-    N[0][1] = N[0][2] = N[1][0] = R(K(0));
-    N[1][1] = C[0][2];
-    N[1][2] = -C[0][1];
-  }
   static void initial(R* x) {
     setState(x, {0.0L, 0.0L, 0.0L, 10.0L, 10.0L, 7.0L, 15.833333333333333333L,
                  -0.61495035182037140116L, -0.4317929022600517712L});
-  }
-  static void torque(const R& /*t*/, const R* phi, const R* w, R* Q) {
-    using std::sin;
-    const R spring = K(400) * (phi[0] - phi[1]) + K(3) * (w[0] - w[1]);
-    Q[0] = K(25) + K(6) * sin(K(2) * phi[0]) - K(0.4L) * w[0] - spring;
-    Q[1] = spring;
-    Q[2] = K(-0.03L) * (w[2] * w[2]);
-  }
-  static void torqueRate(const R& /*t*/, const R* phi, const R* w, const R* e, R* rate) {
-    using std::cos;
-    const R spring = K(400) * (w[0] - w[1]) + K(3) * (e[0] - e[1]);
-    rate[0] = K(12) * cos(K(2) * phi[0]) * w[0] - K(0.4L) * e[0] - spring;
-    rate[1] = spring;
-    rate[2] = K(-0.06L) * (w[2] * e[2]);
   }
   /// The inertias and -g of J eta + g = C^T Lambda [6]:
   ///     -g = Q' - J' omega epsilon - n' + J' omega R / (2 J),   n = J' omega^2 / 2.
@@ -456,9 +384,6 @@ struct Crank : PlainScene {
     rate[1] = spring_rate;
     rate[2] = K(-0.06L) * (w[2] * e[2]);
   }
-  static void residual(const R& /*t*/, const R* /*phi*/, const R* w, const R* e, R* psi) {
-    psi[0] = K(0.4L) * e[2] - K(0.28L) * e[1] + w[2] - K(0.7L) * w[1] + K(0.002L) * (e[1] * e[2]);
-  }
   static void row(const R& /*t*/, const R* /*phi*/, const R* /*w*/, const R* e, R (*C)[3], R* c0) {
     C[0][0] = R(K(0));
     C[0][1] = K(0.002L) * e[2] - K(0.28L);
@@ -470,7 +395,6 @@ struct Crank : PlainScene {
 template <class R>
 struct Order1 : TwoShafts {
   using K = typename ConstantOf<R>::Type;
-  static constexpr int kOrder = 1;
   static constexpr K kInertia[2] = {K(0.3L), K(1.1L)};
   static constexpr K kEnd = K(20);
   explicit Order1(const SceneParameters& /*parameters*/) {}
@@ -486,10 +410,6 @@ struct Order1 : TwoShafts {
   static void torqueRate(const R& /*t*/, const R* /*phi*/, const R* w, const R* e, R* rate) {
     rate[0] = K(-0.5L) * e[0];
     rate[1] = K(-0.02L) * (w[1] * e[1]);
-  }
-  static void velocityResidual(const R& t, const R* /*phi*/, const R* w, R* f) {
-    using std::sin;
-    f[0] = w[1] - (K(0.5L) + K(0.1L) * sin(K(0.8L) * t)) * w[0];
   }
   static void residual(const R& t, const R* /*phi*/, const R* w, const R* e, R* psi) {
     using std::cos;
@@ -511,22 +431,14 @@ struct Order1 : TwoShafts {
 template <class R>
 struct Order3 : TwoShafts {
   using K = typename ConstantOf<R>::Type;
-  static constexpr int kOrder = 3;
   static constexpr K kInertia[2] = {K(0.8L), K(2.0L)};
   static constexpr K kEnd = K(20);
   explicit Order3(const SceneParameters& /*parameters*/) {}
 
   static void initial(R* x) { setState(x, {0.0L, 0.0L, 5.0L, 2.0L, 10.0L, 4.0L}); }
-  static void torque(const R& /*t*/, const R* /*phi*/, const R* w, R* Q) {
-    Q[0] = K(25) - K(0.6L) * w[0];
-    Q[1] = K(-0.02L) * (w[1] * w[1]);
-  }
   static void torqueRate(const R& /*t*/, const R* /*phi*/, const R* w, const R* e, R* rate) {
     rate[0] = K(-0.6L) * e[0];
     rate[1] = K(-0.04L) * (w[1] * e[1]);
-  }
-  static void residual(const R& /*t*/, const R* /*phi*/, const R* /*w*/, const R* /*e*/, R* psi) {
-    psi[0] = R(K(0));
   }
   static void row(const R& t, const R* /*phi*/, const R* w, const R* e, R (*C)[2], R* c0) {
     using std::sin;

@@ -1,9 +1,7 @@
-// Peers: SUNDIALS's CVODE, IDA and ARKODE.
+// Peers: SUNDIALS's CVODE and ARKODE.
 #include <arkode/arkode_arkstep.h>
 #include <arkode/arkode_erkstep.h>
 #include <cvode/cvode.h>
-#include <cvode/cvode_proj.h>
-#include <ida/ida.h>
 #include <nvector/nvector_serial.h>
 #include <sundials/sundials_context.h>
 #include <sunlinsol/sunlinsol_dense.h>
@@ -81,7 +79,7 @@ class SundialsMethod : public PeerMethod<SceneOf> {
   SUNLinearSolver linear_solver_ = nullptr;
 };
 
-enum class CvodeKind { kAdams, kBdf, kProjectedBdf };
+enum class CvodeKind { kAdams, kBdf };
 
 template <template <class> class SceneOf>
 class Cvode : public SundialsMethod<SceneOf> {
@@ -111,9 +109,6 @@ class Cvode : public SundialsMethod<SceneOf> {
       good = good && CVodeSetLinearSolver(memory_, this->linear_solver_, this->matrix_) == 0;
       good = good && CVodeSetJacFn(memory_, Base::evaluateJacobian) == 0;
     }
-    if (kind_ == CvodeKind::kProjectedBdf) {
-      good = good && CVodeSetProjFn(memory_, project) == CV_SUCCESS;
-    }
     return good ? "" : "CVODE refuses its settings";
   }
   bool run() override {
@@ -134,110 +129,10 @@ class Cvode : public SundialsMethod<SceneOf> {
     memory_ = nullptr;
     nonlinear_solver_ = nullptr;
   }
-  /// x + correction satisfies the constraints; the error estimate loses its normal part.
-  static int project(realtype t, N_Vector x, N_Vector correction, realtype /*epsilon*/,
-                     N_Vector error, void* user_data) {
-    constexpr int S = SceneOf<double>::kShafts;
-    const auto& scene = static_cast<Problem*>(user_data)->scene();
-    double projected[Base::kState];
-    const double* from = NV_DATA_S(x);
-    std::copy(from, from + Base::kState, projected);
-    if (!projectState(scene, t, projected)) return 1;
-    for (int i = 0; i < Base::kState; ++i) NV_Ith_S(correction, i) = projected[i] - from[i];
-    if (error != nullptr) {
-      const double zero[SceneOf<double>::kConstraints] = {};
-      if constexpr (SceneOf<double>::kOrder == 1) {
-        removeNormalPart(scene, t, projected, zero, NV_DATA_S(error) + S);
-      }
-      if constexpr (SceneOf<double>::kOrder < 3) {
-        removeNormalPart(scene, t, projected, zero, NV_DATA_S(error) + 2 * S);
-      }
-    }
-    return 0;
-  }
 
   CvodeKind kind_;
   void* memory_ = nullptr;
   SUNNonlinearSolver nonlinear_solver_ = nullptr;
-};
-
-/// The implicit form F(t, y, y') = 0 with psi itself among the equations.
-template <template <class> class SceneOf>
-class Ida : public SundialsMethod<SceneOf> {
-  using Base = SundialsMethod<SceneOf>;
-  using Problem = typename Base::Problem;
-
- public:
-  Ida(std::string name, const SceneCase& scene) : Base(std::move(name), scene) {
-    rate_ = N_VNew_Serial(Base::kState, this->context_);
-  }
-  ~Ida() override {
-    release();
-    N_VDestroy(rate_);
-  }
-
-  std::string prepare(double tolerance) override {
-    release();
-    this->setInitial();
-    calcDerivative(this->problem_.scene(), 0.0, this->y(), NV_DATA_S(rate_));
-    memory_ = IDACreate(this->context_);
-    bool good = IDAInit(memory_, evaluateResidual, 0.0, this->y_, rate_) == IDA_SUCCESS;
-    IDASetErrFile(memory_, nullptr);
-    good = good && IDASStolerances(memory_, tolerance, tolerance) == IDA_SUCCESS;
-    IDASetUserData(memory_, &this->problem_);
-    IDASetMaxNumSteps(memory_, -1);
-    IDASetMaxErrTestFails(memory_, kMaxFails);
-    IDASetMaxConvFails(memory_, kMaxFails);
-    good = good && IDASetLinearSolver(memory_, this->linear_solver_, this->matrix_) == 0;
-    good = good && IDASetJacFn(memory_, evaluateImplicitJacobian) == 0;
-    return good ? "" : "IDA refuses its settings";
-  }
-  bool run() override {
-    return this->playWith("IDA", [this](double t0, double t1, long* steps) {
-      calcDerivative(this->problem_.scene(), t0, this->y(), NV_DATA_S(rate_));
-      IDAReInit(memory_, t0, this->y_, rate_);
-      IDASetStopTime(memory_, t1);
-      realtype t = t0;
-      const int flag = IDASolve(memory_, t1, &t, this->y_, rate_, IDA_NORMAL);
-      IDAGetNumSteps(memory_, steps);
-      return flag;
-    });
-  }
-
- private:
-  void release() {
-    if (memory_ != nullptr) IDAFree(&memory_);
-    memory_ = nullptr;
-  }
-  static int evaluateResidual(realtype t, N_Vector y, N_Vector dydt, N_Vector F, void* user_data) {
-    auto& problem = *static_cast<Problem*>(user_data);
-    calcImplicitResidual(problem.scene(), t, NV_DATA_S(y), NV_DATA_S(dydt), NV_DATA_S(F));
-    return problem.count() ? 0 : -1;
-  }
-  /// dF/dy + cj dF/dy', by dual numbers: one direction per component moves both.
-  static int evaluateImplicitJacobian(realtype t, realtype cj, N_Vector y, N_Vector dydt,
-                                      N_Vector /*F*/, SUNMatrix jacobian, void* user_data,
-                                      N_Vector /*a*/, N_Vector /*b*/, N_Vector /*c*/) {
-    constexpr int N = Base::kState;
-    using Number = Dual<double, N>;
-    const SceneOf<Number> scene(static_cast<Problem*>(user_data)->parameters());
-    Number x[N];
-    Number rate[N];
-    Number F[N];
-    for (int i = 0; i < N; ++i) {
-      x[i] = Number::variable(NV_Ith_S(y, i), i);
-      rate[i] = Number::variable(NV_Ith_S(dydt, i), i, cj);
-    }
-    calcImplicitResidual(scene, Number(t), x, rate, F);
-    for (int j = 0; j < N; ++j) {
-      realtype* column = SM_COLUMN_D(jacobian, j);
-      for (int i = 0; i < N; ++i) column[i] = F[i].derivative[static_cast<std::size_t>(j)];
-    }
-    return 0;
-  }
-
-  N_Vector rate_ = nullptr;
-  void* memory_ = nullptr;
 };
 
 template <template <class> class SceneOf>
@@ -340,12 +235,7 @@ void addMethods(const SceneCase& scene, Methods& methods, SceneTag<SceneOf> /*ta
   };
   add_cvode("sundials cvode adams", CvodeKind::kAdams);
   add_cvode("sundials cvode bdf", CvodeKind::kBdf);
-  if (SceneOf<double>::kOrder < 3) {
-    add_cvode("sundials cvode bdf projected", CvodeKind::kProjectedBdf);
-  }
-  methods.push_back(std::make_unique<Ida<SceneOf>>("sundials ida", scene));
   add_erk("sundials erk dormand-prince 4-5", ARKODE_DORMAND_PRINCE_7_4_5);
-  add_erk("sundials erk verner 5-6", ARKODE_VERNER_8_5_6);
   add_erk("sundials erk fehlberg 7-8", ARKODE_FEHLBERG_13_7_8);
   if (scene.stiff) {
     add_dirk("sundials dirk sdirk 3-4", ARKODE_SDIRK_5_3_4);

@@ -1,4 +1,4 @@
-/// A hand-written scene as a first-order system: x' = f(t, x), its Jacobian, its projection.
+/// A hand-written scene as a first-order system: x' = f(t, x), and its Jacobian.
 #pragma once
 
 #include <cmath>
@@ -94,100 +94,6 @@ inline void calcJacobian(const Scene<double>& scene, const SceneParameters& para
     calcDerivative(dual_scene, time, y, dydt);
   };
   differentiate<N>(rates, t, x, jacobian, dfdt);
-}
-
-/// The projector of d onto C d = 0 along J^-1 C^T: d -= J^-1 C^T A^-1 (C d + b).
-template <class Scene>
-inline void removeNormalPart(const Scene& scene, double t, const double* x, const double* b,
-                             double* d) {
-  constexpr int S = Scene::kShafts;
-  constexpr int K = Scene::kConstraints;
-  double C[K][S];
-  double c0[K];
-  scene.row(t, x, x + S, x + 2 * S, C, c0);
-  double J[S];
-  for (int i = 0; i < S; ++i) J[i] = Scene::kInertia[i];
-  if constexpr (!Scene::kConstantInertia) {
-    double rate[S];
-    scene.freeRate(t, x, x + S, x + 2 * S, J, rate);
-  }
-  double inverse[S];
-  double rate[S];
-  for (int i = 0; i < S; ++i) {
-    inverse[i] = 1.0 / J[i];
-    rate[i] = J[i] * d[i];
-  }
-  double moved[S];
-  calcJerk<K, S>(rate, C, b, inverse, moved);
-  for (int i = 0; i < S; ++i) d[i] = moved[i];
-}
-
-/// Moves x onto the constraints as given: omega at order 1, then epsilon. Nothing at order 3.
-template <class Scene>
-inline bool projectState(const Scene& scene, double t, double* x) {
-  constexpr int S = Scene::kShafts;
-  constexpr int K = Scene::kConstraints;
-  if constexpr (Scene::kOrder == 3) return true;
-  double psi[K];
-  if constexpr (Scene::kOrder == 1) {
-    double step[S] = {};
-    scene.velocityResidual(t, x, x + S, psi);
-    removeNormalPart(scene, t, x, psi, step);
-    for (int i = 0; i < S; ++i) x[S + i] += step[i];
-  }
-  for (int iteration = 0; iteration < 5; ++iteration) {
-    scene.residual(t, x, x + S, x + 2 * S, psi);
-    double step[S] = {};
-    removeNormalPart(scene, t, x, psi, step);
-    double largest = 0.0;
-    for (int i = 0; i < S; ++i) {
-      x[2 * S + i] += step[i];
-      largest = std::fmax(largest, std::abs(step[i]) / (1.0 + std::abs(x[2 * S + i])));
-    }
-    // Newton's iteration squares the distance: after 1e-8 nothing is left.
-    if (Scene::kLinear || largest < 1e-8) return true;
-  }
-  return false;
-}
-
-/// F(t, y, y') of the implicit form: phi' - omega, omega' - epsilon, psi (or the third-order form),
-/// N (J epsilon' + g) with N C^T = 0.
-template <class Scene, class R>
-inline void calcImplicitResidual(const Scene& scene, const R& t, const R* y, const R* dydt, R* F) {
-  constexpr int S = Scene::kShafts;
-  constexpr int K = Scene::kConstraints;
-  using Number = typename ConstantOf<R>::Type;
-  const R* phi = y;
-  const R* w = y + S;
-  const R* e = y + 2 * S;
-  for (int i = 0; i < 2 * S; ++i) F[i] = dydt[i] - y[S + i];
-  R C[K][S];
-  R c0[K];
-  scene.row(t, phi, w, e, C, c0);
-  if constexpr (Scene::kOrder == 3) {
-    for (int m = 0; m < K; ++m) {
-      F[2 * S + m] = c0[m];
-      for (int i = 0; i < S; ++i) F[2 * S + m] += C[m][i] * dydt[2 * S + i];
-    }
-  } else {
-    scene.residual(t, phi, w, e, F + 2 * S);
-  }
-  R rate[S];
-  R G[S];
-  if constexpr (Scene::kConstantInertia) {
-    scene.torqueRate(t, phi, w, e, rate);
-    for (int i = 0; i < S; ++i) G[i] = Scene::kInertia[i] * dydt[2 * S + i] - rate[i];
-  } else {
-    R J[S];
-    scene.freeRate(t, phi, w, e, J, rate);
-    for (int i = 0; i < S; ++i) G[i] = J[i] * dydt[2 * S + i] - rate[i];
-  }
-  R N[S - K][S];
-  Scene::nullSpace(C, N);
-  for (int m = 0; m < S - K; ++m) {
-    F[2 * S + K + m] = R(Number(0));
-    for (int i = 0; i < S; ++i) F[2 * S + K + m] += N[m][i] * G[i];
-  }
 }
 
 }  // namespace variator_sim::benchmark

@@ -11,8 +11,8 @@ import pathlib
 import statistics
 import sys
 
-BEGIN = "<!-- begin generated: realtime -->"
-END = "<!-- end generated -->"
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import document  # noqa: E402: benchmark/document.py
 
 # row, what, the peer's variant, quantity, its unit, greatest ratio, greatest difference
 Goal = collections.namedtuple("Goal", "row what peer quantity unit ratio difference")
@@ -60,10 +60,6 @@ MORE = (
     ("drivetrains", "their lateness p50", "variator", "bare", "p50", "µs"),
     ("drivetrains", "their overruns; against one bare loop alone", "variator", "one loop",
      "overruns", "per 1000 ticks"),
-    ("drivetrains", "20 nodes on one core: overruns", "nodes", "bare", "overruns",
-     "per 1000 ticks"),
-    ("drivetrains", "20 nodes on one core: CPU time", "nodes", "bare", "cpu", "ms/s"),
-    ("drivetrains", "20 nodes on one core: lateness p50", "nodes", "bare", "p50", "µs"),
 )
 FLOOD = (("seconds", "measured, s"), ("commands sent", "commands sent since the start"),
          ("commands accepted", "of them accepted"),
@@ -75,21 +71,12 @@ FLOOD = (("seconds", "measured, s"), ("commands sent", "commands sent since the 
 
 def read_rows(path):
     """The head (comments), and the values by (row, variant, quantity), each by round."""
-    try:
-        lines = pathlib.Path(path).read_text().splitlines()
-    except FileNotFoundError:
-        sys.exit(f"'{path}' is not there: scripts/benchmark_realtime makes it, in output/benchmark/realtime.csv")
+    lines = document.read_lines(path)
     head = [line[1:].strip() for line in lines if line.startswith("#")]
     values = collections.defaultdict(dict)
     for row in csv.DictReader(line for line in lines if not line.startswith("#")):
         values[row["row"], row["variant"], row["quantity"]][int(row["round"])] = float(row["value"])
     return head, values
-
-
-def table(head, rows):
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    lines += ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join(lines) + "\n"
 
 
 def show(value):
@@ -139,16 +126,14 @@ def goals_table(values):
     for goal in GOALS:
         compared = compare(values, goal.row, "variator", goal.peer, goal.quantity)
         if compared is None:
-            reason = ("not available in this version"
-                      if (goal.row, "variator", "not available") in values else "not measured")
-            cells.append([goal.what, reason, "", "", "", show_goal(goal), ""])
+            cells.append([goal.what, "not measured", "", "", "", show_goal(goal), ""])
             continue
         ours, theirs, ratios, differences = compared
         cells.append([goal.what, f"{show_range(ours)} {goal.unit}",
                       f"{show_range(theirs)} {goal.unit}",
                       show_range(ratios) if ratios else "", show(statistics.median(differences)),
                       show_goal(goal), judge(goal, ratios, differences)])
-    return table(["what", "ours", "peer", "ratio", "difference", "goal", "met"], cells)
+    return document.table(["what", "ours", "peer", "ratio", "difference", "goal", "met"], cells)
 
 
 def more_table(values):
@@ -159,7 +144,7 @@ def more_table(values):
             ours, theirs, ratios, _ = compared
             cells.append([what, f"{show_range(ours)} {unit}", f"{show_range(theirs)} {unit}",
                           show_range(ratios) if ratios else ""])
-    return table(["what", "ours", "peer", "ratio"], cells)
+    return document.table(["what", "ours", "peer", "ratio"], cells)
 
 
 def flood_table(values):
@@ -174,7 +159,7 @@ def flood_table(values):
     cells += [["resident memory in the first tenth, MB", f"{statistics.mean(first):.3f}"],
               ["in the last tenth, MB", f"{statistics.mean(last):.3f}"],
               ["greatest, MB", f"{max(samples):.3f}"]]
-    return table(["commands at 10 kHz, a subscriber that never reads", ""], cells)
+    return document.table(["commands at 10 kHz, a subscriber that never reads", ""], cells)
 
 
 def section(head, values):
@@ -188,12 +173,7 @@ def main():
     parser.add_argument("rows", help="CSV file of run_realtime.py")
     parser.add_argument("--document", default="doc/realtime.md")
     arguments = parser.parse_args()
-    document = pathlib.Path(arguments.document)
-    text = document.read_text()
-    begin = text.index(BEGIN) + len(BEGIN)
-    end = text.index(END, begin)
-    document.write_text(text[:begin] + "\n\n" + section(*read_rows(arguments.rows)) + "\n"
-                        + text[end:])
+    document.write_section(arguments.document, "realtime", section(*read_rows(arguments.rows)))
 
 
 if __name__ == "__main__":

@@ -162,9 +162,8 @@ class Session:
         rosparam.upload_params(f"/{name}", yaml.safe_load(scene.read_text()) | parameters)
 
     def spawn_node(self, name, scene, **parameters):
-        options = {"pinned": parameters.pop("pinned", None)}
         self.load(name, scene, **parameters)
-        process = self.spawn(self.programs / "variator_sim_node", f"__name:={name}", **options)
+        process = self.spawn(self.programs / "variator_sim_node", f"__name:={name}")
         rospy.wait_for_service(f"/{name}/step", PATIENCE)
         return process
 
@@ -357,12 +356,6 @@ def resident_memory(session):
         session.stop(sink, node, bare)
 
 
-def has_nodelet():
-    plugins = subprocess.run(["rospack", "plugins", "--attrib=plugin", "nodelet"],
-                             stdout=subprocess.PIPE, text=True, check=False).stdout
-    return any(line.startswith("variator_sim ") for line in plugins.splitlines())
-
-
 def spawn_nodelets(session, names, core):
     """The process of a manager on one core, with a nodelet for each name."""
     manager = session.spawn("rosrun", "nodelet", "nodelet", "manager", "__name:=manager",
@@ -385,32 +378,23 @@ def run_on(cores):
 
 
 def drivetrains(session):
-    """Many drivetrains on one core, in one nodelet manager, against as many loops in one process.
-
-    A version without the nodelet runs as many nodes instead.
-    """
+    """Many drivetrains on one core, in one nodelet manager, against as many loops in one process."""
     everywhere = os.sched_getaffinity(0)
     core = max(everywhere)
     run_on(everywhere - {core} or everywhere)  # we listen to the status of all
     try:
         names = [f"drivetrain_{i:02d}" for i in range(DRIVETRAINS)]
-        if has_nodelet():
-            ours = "variator"
-            processes = spawn_nodelets(session, names, core)
-        else:
-            ours = "nodes"
-            session.add("drivetrains", "variator", 0, "not available", 0, "")
-            processes = [session.spawn_node(name, SHIP, pinned=core) for name in names]
+        processes = spawn_nodelets(session, names, core)
         logs = {name: StatusLog(name) for name in names}
         wait_for(lambda: all(log.received for log in logs.values()), "the status of all")
-        peers = {ours: processes,
+        peers = {"variator": processes,
                  "bare": [session.spawn_peer("bare_loop", 1000, DRIVETRAINS, "--report",
                                              pinned=core)],
                  "one loop": [session.spawn_peer("bare_loop", 1000, 1, "--report", pinned=core)]}
 
         def measure(name, number, begin, end):
             time.sleep(0.1)  # the last line may be under way
-            if name == ours:
+            if name == "variator":
                 ticks = overruns = 0
                 p50 = []
                 for log in logs.values():

@@ -1,0 +1,29 @@
+"""Generated sections of pages: between `<!-- begin generated: NAME -->` and `<!-- end generated -->`."""
+
+import pathlib
+import sys
+
+END = "<!-- end generated -->"
+
+
+def read_lines(path):
+    try:
+        return pathlib.Path(path).read_text().splitlines()
+    except FileNotFoundError:
+        sys.exit(f"'{path}' is not there: scripts/benchmark or scripts/benchmark_realtime makes it, "
+                 "in output/benchmark/")
+
+
+def table(head, rows):
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def write_section(path, name, section):
+    path = pathlib.Path(path)
+    text = path.read_text()
+    marker = f"<!-- begin generated: {name} -->"
+    begin = text.index(marker) + len(marker)
+    end = text.index(END, begin)
+    path.write_text(text[:begin] + "\n\n" + section + "\n" + text[end:])
