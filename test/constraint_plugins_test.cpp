@@ -2,15 +2,8 @@
 // jumps of a commanded ratio against fast ramps; derivatives of the rows by the state and what they
 // depend on; faults of their keys; that the documentation's examples are read; and that formulas
 // are loaded whose derivatives differences cannot resolve.
-#include <gtest/gtest.h>
 
-#include <array>
-#include <cmath>
-#include <memory>
 #include <set>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "support/count_allocations.h"
 #include "support/derivatives_by_state.h"
@@ -431,50 +424,8 @@ TEST(Plugins, AJerkLimitFollowsAStepOfItsTarget) {
 
 // ------------------------------------------------------------------------------------------- keys
 
-/// How constraints begin, and what is wrong behind.
-const std::pair<std::string, const char*> kFaults[] = {
-    {"", R"(
-KinematicRatio, shafts: [drive, load] => it/ratio: missing
-KinematicRatio, shafts: [drive, lod], ratio: 1 => it/shafts[1]: load
-SlipRatio, shafts: [drive, load], time_constant: 0, ratio: 1 => it/time_constant: > 0
-SlipRatio, shafts: [drive, load], time_constnt: 1, ratio: 1 => it/time_constant: time_constnt
-TractionCurve, shafts: [drive, load], ratio: 1, inertia: 1, nominal_torque: 1, nominal_slip: 1
-  => it/nominal_slip: 1
-AccelerationMagnitude, shafts: [drive, load], magnitude: -1 => it/magnitude: > 0
-ImposedJerk, shaft: load, jerk: 1, velocity_change: 2, duration: 1 => it/jerk: one of them
-ImposedJerk, shaft: load, jerk: 1, start: 2 => it/start: velocity_change
-JerkLimit, shaft: load, limit: 1, time_constant: 1 => it/acceleration: missing
-)"},
-    {"KinematicRatio, shafts: [drive, load], ", R"(
-ratio: {topic: r, hold: zero_order} => it/ratio/hold: variator_sim/SlipRatio
-ratio: {topic: r, hold: zero_order, time_constant: 1}
-  => it/ratio/time_constant: 'first_order_lag' or 'second_order_lag'
-ratio: {topic: r} => it/ratio/hold: order 1
-ratio: {topic: r, hold: second_order_lag} => it/ratio/time_constant: missing
-ratio: {topic: r, hold: second_order_lag, time_constant: 1, rate: 2} => it/ratio/rate: rate_limit
-ratio: {topic: torque, hold: second_order_lag, time_constant: 1} => it/ratio/topic: used twice
-ratio: [1, 2] => it/ratio: expected a number
-ratio: {times: [1, 0], values: [1, 1]} => it/ratio/times[1]: increas
-)"},
-    {"VBeltRatio, shafts: [drive, load], ", R"(
-ratio_low: "1-2", ratio_high: 1, speed: 3 => it/ratio_low: '1-2' is -1.0; allowed: a number > 0
-ratio_low: 1, ratio_high: 1, speed: 3 => it/ratio_high: > 1
-ratio_low: 1, ratio_high: 2, speed: 3, load_torque: 1 => it/load_torque: 'load'
-ratio_low: 1, ratio_high: 2, speed: 3, load: {topic: l, hold: rate_limit, rate: 1}, load_torque: 1
-  => it/load/hold: second_order_lag
-)"},
-    {"PowerFlow, shafts: [drive, load], inertias: [1, 2], ", R"(
-power: 1, efficiency: 0.5 => it/power: one of them
-power: 1, smoothing_power: 0.5 => it/smoothing_power: efficiency
-efficiency: 1.5 => it/efficiency: 1
-)"},
-};
-
 TEST(Plugins, RefuseFaultsByPath) {
-  for (const auto& [constraint, table] : kFaults) {
-    test::expectFaults(test::readFaults(constraint, table),
-                       [](const std::string& text) { sceneOf(text); });
-  }
+  test::expectFaultsOfElements("constraint_laws", [](const std::string& text) { sceneOf(text); });
 }
 
 // ---------------------------------------------------------------------------------- documentation

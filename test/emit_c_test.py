@@ -18,7 +18,6 @@ SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 PATIENCE = 120.0  # s; only a failure takes as long
-SOLVER = "solver: {relative_tolerance: 1e-11, absolute_tolerance: 1e-11}\n"
 
 # Symbols of the library of mathematics, and those that compilers add on their own account.
 FREESTANDING = set("""acos asin atan atan2 cos cosh exp expm1 fabs fmax fmin frexp ldexp log pow sin
@@ -54,96 +53,18 @@ def shipped(path, **options):
     return Scene(path.read_text(), text, **options)
 
 
-TABLES = MOTOR % ", map, curve" + SLIP + """
-inputs: [throttle]
-throttle: {topic: throttle, hold: first_order_lag, time_constant: 0.2, min: 0, max: 1}
-tables: [full_load, engine_map]
-full_load: {x: [0, 3, 9, 12, 20], values: [3, 5, 4, 1, -2], beyond: linear}
-engine_map: {x: [0, 5, 10, 15], y: [0, 0.5, 1], values: [[0, 3, 6], [0, 4, 9], [0, 3, 8], [0, 1, 4]]}
-map: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "engine_map(w_drive, throttle)"}
-curve: {type: variator_sim/ExpressionTorque, shaft: load, torque: "full_load(w_load)"}
-initial: {velocity: [2.0, 1.6]}
-""" + SOLVER
-
-# Signs, a jump at an instant, jumps by commands, along a constraint that is not linear.
-EDGES = MOTOR % ", dry, pulse, brake" + """
-dry: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.5*sign(sin(3*phi2)) - abs(w1-w2)"}
-pulse: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "if(t < 1.003, 0, 3) + max(0, 2*sin(t+0.1))"}
-brake: {type: variator_sim/CommandedTorque, shaft: load, topic: brake, gain: -1, min: 0, max: 4}
-constraints: [variator]
-variator:
-  type: variator_sim/ExpressionConstraint
-  order: 2
-  expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"
-initial: {velocity: [10.0, 8.0]}
-""" + SOLVER
-
+EDGES = (FOLDER / "test/scenes/c/edges.yaml").read_text()
+BRAKE = (FOLDER / "test/scenes/c/edges.csv").read_text()
 GAUSS = EDGES.replace("initial:", "principle: gauss\ninitial:").replace("0.01*(e1^2+e1*e2)+", "")
 
 # The same where the least reaction is followed along a curved constraint.
 CURVED = EDGES.replace("initial:", "principle: gauss\ninitial:")
 
-HOLDS = MOTOR % ", a, b, c, d" + """
-a: {type: variator_sim/CommandedTorque, shaft: drive, topic: a, hold: rate_limit, rate: 20, timeout: 0.7, on_timeout: zero}
-b: {type: variator_sim/CommandedTorque, shaft: load, topic: b, hold: first_order_hold, period: 0.25, max: 2}
-c: {type: variator_sim/CommandedTorque, shaft: load, topic: c, timeout: 0.5, on_timeout: zero, initial: 1}
-d: {type: variator_sim/CommandedTorque, shaft: drive, topic: deep/d, hold: second_order_lag, time_constant: 0.1}
-constraints: [variator]
-variator:
-  type: variator_sim/KinematicRatio
-  shafts: [drive, load]
-  ratio: {topic: ratio, hold: second_order_lag, time_constant: 0.3, initial: 0.6}
-initial: {velocity: [5.0, 3.0]}
-""" + SOLVER
-
-# A ratio that bends, beside a jerk that is given: the accelerations jump along the latter.
-BENT = """
-shafts: [a, b, c]
-a: {inertia: 1.0}
-b: {inertia: 2.0}
-c: {inertia: 0.7}
-torques: [motor, drag]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "3*sin(2*t)-0.1*w1"}
-drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.4*w2"}
-constraints: [ratio, jerk]
-ratio: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w3-(0.5+0.1*abs(t-1.253))*w2"}
-jerk: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j2-0.3*j1-cos(t)"}
-initial: {velocity: [1.0, 2.0, 1.2506]}
-""" + SOLVER
-
-# The same beside a constraint whose C turns with the accelerations: they jump along a curve.
-BENT_CURVED = BENT.replace("[ratio, jerk]", "[ratio, power]").replace(
+# A ratio that bends beside a constraint whose C turns with the accelerations: they jump along a curve.
+BENT_CURVED = (FOLDER / "test/scenes/c/bent.yaml").read_text().replace("[ratio, jerk]", "[ratio, power]").replace(
     'jerk: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j2-0.3*j1-cos(t)"}',
     "power: {type: variator_sim/PowerFlow, shafts: [a, b], inertias: [1.0, 2.0], efficiency: 0.8,"
     " smoothing_power: 2.0}")
-
-THREE = """
-shafts: [a, b, c]
-a: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}, {order: 2, sin: 0.1}]}}
-b: {inertia: 0.7}
-c: {inertia: 2.0}
-torques: [motor, spring, load]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "6*tanh(3-0.2*w1) + atan(phi2)/(1+exp(-w2))"}
-spring: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: 50, damping: 2}
-load: {type: variator_sim/ExpressionTorque, shaft: c, torque: "-0.05*w3*sqrt(1+w3^2) - 0.1*log(2+w3^2)*cos(phi3)"}
-constraints: [first, second]
-first: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.4*(e3-0.7*e2)+w3-0.7*w2+0.01*e2*e3"}
-second: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w1-(1.2+0.1*sin(t))*w2-0.05*atan2(phi1,2)"}
-principle: %s
-initial: {velocity: [3.0, 2.5, 1.75], project: true}
-""" + SOLVER
-
-# A function that is flat but for a short while: a swing through a bump that is narrow beside a step.
-FLAT = """
-shafts: [a, b]
-a: {inertia: 1.0}
-b: {inertia: 1.0}
-torques: [swing, bump]
-swing: {type: variator_sim/ExpressionTorque, shaft: a, torque: "-phi1"}
-bump: {type: variator_sim/ExpressionTorque, shaft: b, torque: "%s"}
-principle: gauss
-initial: {velocity: [1.0, 0.0]}
-"""
 
 SCENES = {
     "ship": shipped("config/ship.yaml", allowed=1e-7),
@@ -153,18 +74,15 @@ SCENES = {
     "order_1": shipped("benchmark/scenes/order1.yaml", allowed=1e-7),
     "order_3": shipped("benchmark/scenes/order3.yaml", allowed=1e-7),
     "machine_tool": shipped("config/applications/machine_tool.yaml", duration=20.0, allowed=1e-7),
-    "tables": Scene(TABLES, "time,topic,value\n0.3,throttle,0.8\n2,throttle,7\n3.1,throttle,0.2\n"),
-    "edges": Scene(EDGES, "time,topic,value\n0,brake,1\n1.5,brake,3\n2.505,brake,-1\n"),
-    "gauss": Scene(GAUSS, "time,topic,value\n0,brake,1\n1.5,brake,3\n2.505,brake,-1\n"),
+    "gauss": Scene(GAUSS, BRAKE),
     "curved": Scene(CURVED, "time,topic,value\n1.5,brake,1\n2.505,brake,0\n"),
-    "holds": Scene(HOLDS, "time,topic,value\n0,c,2\n0,a,3\n0.3,a,5\n0.4,b,4\n0.5,deep/d,2\n1,ratio,0.7\n"
-                          "1.2,c,1\n1.2,b,-1\n1.313,deep/d,-1\n1.5,a,-2\n"),
-    "bent": Scene(BENT),
     "bent_curved": Scene(BENT_CURVED),
     # (Sampled rarely: each call steps to its end.)
-    "flat": Scene(FLAT % "exp(-(20*(w1-0.4))^2)", duration=20.0, rate=0.25),
-    "two_constraints": Scene(THREE % "generalized_gauss"),
-    "two_constraints_gauss": Scene(THREE % "gauss"),
+    "flat": shipped("test/scenes/c/flat.yaml", duration=20.0, rate=0.25),
+    "two_constraints_gauss": Scene((FOLDER / "test/scenes/c/two_constraints.yaml").read_text().replace(
+        "generalized_gauss", "gauss")),
+    **{name: shipped(f"test/scenes/c/{name}.yaml")
+       for name in ("tables", "edges", "holds", "bent", "two_constraints")},
 }
 
 

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "support/faults.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
 
@@ -702,7 +703,7 @@ TEST(ExpressionGraph, EqualSubexpressionsAreOneNode) {
   EXPECT_TRUE(formulas.graph.isConstant(formulas.read("2*3 + sin(0.5)"), 6.0 + std::sin(0.5)));
 }
 
-TEST(ExpressionTape, LeavesOutWhatNobodyNeeds) {
+TEST(ExpressionTape, LeavesOutUnusedNodes) {
   Formulas formulas;
   formulas.read("exp(z)*tan(w)");
   EXPECT_EQ(Tape(formulas.graph, {formulas.read("x")}).size(), 0);
@@ -814,70 +815,22 @@ TEST(ExpressionTape, AllocatesNothingWhileItEvaluates) {
 
 // ------------------------------------------------------------------------------------------ errors
 
-struct ErrorRow {
-  const char* text;
-  int column;
-  const char* message;
-};
+void expectError(const std::string& text, const std::string& column, const std::string& message) {
+  const ExpressionError error = errorOf(text);
+  const std::string what = error.what();
+  EXPECT_EQ(std::to_string(error.column()), column) << what;
+  EXPECT_EQ(what.rfind(message, 0), 0U) << text << ": " << what;
+  EXPECT_NE(what.find(" at column " + column), std::string::npos) << what;
+}
 
 TEST(ExpressionErrors, NameThePlaceAndWhatIsExpected) {
-  const ErrorRow rows[] = {
-      {"", 1, "the formula is empty"},
-      {"  \t ", 1, "the formula is empty"},
-      {"x +", 4, "expected a number, a name or '(' instead of the end"},
-      {"x * / y", 5, "expected a number, a name or '(' instead of '/'"},
-      {"()", 2, "expected a number, a name or '(' instead of ')'"},
-      {"x**2", 2, "'**' is not an operator here: write '^' for powers"},
-      {"x y", 3, "expected an operator before 'y' (a product needs its '*')"},
-      {"x(y)", 1, "'x' is not a function (a product needs its '*')"},
-      {"(x)(y)", 4, "expected an operator before '(' (a product needs its '*')"},
-      {"2x", 2, "unexpected 'x' after the number 2 (a product needs its '*')"},
-      {"1.2.3", 4, "unexpected '.' after the number 1.2"},
-      {"1e+", 2, "unexpected 'e' after the number 1"},
-      {".", 1, "expected a number, a name or '(' instead of '.'"},
-      {"(x + y", 7, "expected an operator or ')' instead of the end"},
-      {"sin(x", 6, "expected an operator or ')' instead of the end"},
-      {"x + y)", 6, "')' without its '('"},
-      {"x, y", 2, "',' separates arguments of functions only"},
-      {"(x, y)", 3, "',' separates arguments of functions only"},
-      {"x = y", 3, "'=' is not an operator"},
-      {"x # y", 3, "expected an operator or the end instead of '#'"},
-      {"\xcf\x89 + \xcf\x89", 1, "expected a number, a name or '(' instead of '\xcf\x89'"},
-      {"x \xe2\x88\x92 y", 3, "expected an operator or the end instead of '\xe2\x88\x92'"},
-      {"x + 1e999", 5, "the number 1e999 is too large or too small"},
-      {"1e-999", 1, "the number 1e-999 is too large or too small"},
-      {"sin(x, y)", 1, "the function 'sin' takes 1 argument, not 2"},
-      {"1 + atan2(x)", 5, "the function 'atan2' takes 2 arguments, not 1"},
-      {"max()", 1, "the function 'max' takes 2 arguments, not 0"},
-      {"min(x, y, z)", 1, "the function 'min' takes 2 arguments, not 3"},
-      {"sin + 1", 1, "the function 'sin' needs its arguments in parentheses"},
-      {"x + sine(x)", 5, "unknown function 'sine' (did you mean 'sin'?)"},
-      {"sqr(x)", 1, "unknown function 'sqr'"},
-      {"if(x > 1 and y > 1, 1, 2)", 10, "'and' is not an operator here: 'if' takes one comparison"},
-      {"if(x > 1 && y > 1, 1, 2)", 10, "'&' is not an operator here: 'if' takes one comparison"},
-      {"if(x > 1 or y > 1, 1, 2)", 10, "'or' is not an operator here: 'if' takes one comparison"},
-      {"if(x > 1 || y > 1, 1, 2)", 10, "'|' is not an operator here: 'if' takes one comparison"},
-      {"if(!x > 1, 1, 2)", 4, "'!' is not an operator here: the opposite of a comparison"},
-      {"if(not x > 1, 1, 2)", 4, "unknown name 'not': the opposite of a comparison"},
-      {"2*integral(x)", 3, "unknown function 'integral': the integral of a speed is an angle"},
-      {"pi(2)", 1, "'pi' is not a function"},
-      {"x + Pi", 5, "unknown name 'Pi' (did you mean 'pi'?)"},
-      {"qqqqqqq", 1, "unknown name 'qqqqqqq'; known are w, x, y, z, pi"},
-      {"1/0", 2, "division by zero"},
-      {"x/(2 - 2)", 2, "division by zero"},
-      {"0^-1", 2, "the value of this constant part is not finite"},
-      {"x + log(0 - 1)", 5, "the value of this constant part is not finite"},
-      {"x + 10^400", 7, "the value of this constant part is not finite"},
-      {"inf", 1, "unknown name 'inf'"},
-      {"nan", 1, "unknown name 'nan'"},
-  };
-  for (const ErrorRow& row : rows) {
-    const ExpressionError error = errorOf(row.text);
-    const std::string what = error.what();
-    EXPECT_EQ(error.column(), row.column) << what;
-    EXPECT_EQ(what.compare(0, std::string(row.message).size(), row.message), 0)
-        << row.text << ": " << what;
-    EXPECT_NE(what.find(" at column " + std::to_string(row.column)), std::string::npos) << what;
+  expectError("", "1", "the formula is empty");
+  expectError("  \t ", "1", "the formula is empty");
+  expectError("x * / y", "5", "expected a number, a name or '(' instead of '/'");
+  const auto sections = test::readFaultSections("formulas");
+  ASSERT_EQ(sections.size(), 1U);
+  for (const test::Fault& fault : test::readFaults("", sections[0].second)) {
+    expectError(fault.text, fault.path, fault.words.at(0));
   }
 }
 

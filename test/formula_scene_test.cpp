@@ -1,11 +1,5 @@
 // Scenes whose formulas read shafts by name, inputs and tables: the same motions as the laws of
 // this package make of them, and what is said about names that mean nothing.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "support/faults.h"
 #include "support/scenes.h"
@@ -53,13 +47,10 @@ void expectSameMotion(const std::string& one, const std::string& other,
   }
 }
 
-const std::string kShafts = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-solver: {relative_tolerance: 1e-10, absolute_tolerance: 1e-10}
-initial: {velocity: [10.0, 6.0]}
-)yaml";
+const std::string kShafts =
+    test::sceneText("drive 0.5, load 1.2", {},
+                    "solver: {relative_tolerance: 1e-10, absolute_tolerance: 1e-10}\n"
+                    "initial: {velocity: [10, 6]}");
 const std::string kSlip = R"yaml(
 constraints: [variator]
 variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6}
@@ -194,21 +185,16 @@ TEST(SceneFormulas, ActOnTwoShafts) {
 
 /// A motion whose edges depend on inputs, at the given tolerance.
 std::vector<double> playEdges(double tolerance) {
-  const std::string scene = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-inputs: [lever, brake]
-lever: {topic: lever, hold: first_order_lag, time_constant: 0.3, initial: 9}
-brake: {topic: brake, hold: second_order_lag, time_constant: 0.2}
-torques: [engine, friction, clutch]
-engine: {type: variator_sim/ExpressionTorque, shaft: drive, torque: '5*max(0, lever - w_drive)'}
-friction: {type: variator_sim/ExpressionTorque, shaft: load,
-           torque: 'if(brake > 0.5, -6*tanh(w_load), -0.1*w_load)'}
-clutch: {type: variator_sim/ExpressionTorque, shaft: load, reaction_on: drive,
-         torque: 'clamp(8*(w_drive - w_load), -6, 6)'}
-initial: {velocity: [10.0, 6.0]}
-)yaml";
+  const std::string scene = test::sceneText(
+      "drive 0.5, load 1.2",
+      {"engine on drive: 5*max(0, lever - w_drive)",
+       "friction on load: if(brake > 0.5, -6*tanh(w_load), -0.1*w_load)",
+       "clutch = ExpressionTorque, shaft: load, reaction_on: drive, torque: 'clamp(8*(w_drive - "
+       "w_load), -6, 6)'"},
+      "inputs: [lever, brake]\n"
+      "lever: {topic: lever, hold: first_order_lag, time_constant: 0.3, initial: 9}\n"
+      "brake: {topic: brake, hold: second_order_lag, time_constant: 0.2}\n"
+      "initial: {velocity: [10, 6]}");
   return play(test::withTolerance(test::sceneFromText(scene), tolerance),
               {{0.35, 0, 12.0}, {0.8, 1, 1.0}, {1.3, 0, 7.0}, {2.1, 1, 0.0}});
 }
@@ -314,48 +300,20 @@ std::string withTorque(const std::string& keys) {
          keys + "}\n";
 }
 
+void readText(const std::string& yaml) {
+  test::sceneFromText(yaml);
+}
+
 TEST(SceneFormulas, NameWhatIsWrong) {
   EXPECT_EQ(errorOf(withTorque("torque: 'lever*curve(w_drive)'")), "");
   // Unused inputs and tables are no faults of a scene.
   EXPECT_EQ(errorOf(withTorque("torque: 't'")), "");
-  const auto read = [](const std::string& keys) {
+  const auto sections = test::readFaultSections("scene_formulas");
+  ASSERT_EQ(sections.size(), 2U);
+  test::expectFaults(test::readFaults("", sections[0].second), [](const std::string& keys) {
     test::sceneFromText(kShafts + withTorque(keys));
-  };
-  test::expectFaults(test::readFaults("", R"(
-torque: 'levr' => it/torque: did you mean 'lever'?
-torque: 'w_driv' => it/torque: did you mean 'w_drive'?
-torque: 'curv(1)' => it/torque: did you mean 'curve'?
-torque: 'lever(1)' => it/torque: 'lever' is not a function
-torque: 'e_drive' => it/torque: its rate would need the jerk
-torque: 'j_drive' => it/torque: constraints of order 3 only
-torque: 'w1', parameters: {k: 2} => it/parameters/k: 'k' is not read by the formula 'w1'
-torque: 'w1*lever', parameters: {lever: 2} => it/parameters/lever: already the name of an input
-torque: 'w1*curve', parameters: {curve: 2} => it/parameters/curve: already the name of a table
-torque: 'w1*w_load', parameters: {w_load: 2} => it/parameters/w_load: is the name of a variable
-torque: 'w1*if', parameters: {if: 2} => it/parameters/if: already the name of a function
-torque: 'w1', reaction_on: drive => it/reaction_on: the two cancel
-torque: 'w1', reaction_on: laod => it/reaction_on: did you mean 'load'?
-)"),
-                     read);
-}
-
-TEST(SceneFormulas, RefuseNamesThatMeanSomethingElse) {
-  test::expectFaults(test::readFaults(kShafts, R"(
-inputs: [sin] / sin: {topic: a} => inputs[0]: already the name of a function
-inputs: [w2] / w2: {topic: a} => inputs[0]: the name of a variable
-inputs: [t] / t: {topic: a} => inputs[0]: the name of a variable
-tables: [w_drive] / w_drive: {x: [0, 1], values: [0, 1]} => tables[0]: the name of a variable
-tables: [pi] / pi: {x: [0, 1], values: [0, 1]} => tables[0]: the name of a number
-inputs: [load] => inputs[0]: listed twice
-inputs: [a] / tables: [a] / a: {topic: a} => tables[0]: listed twice
-inputs: [a] => a: missing
-a: {topic: a} => a: inputs, tables
-inputs: [a] / a: {topic: a, gain: 2} => a/gain: unknown key
-inputs: [a, b] / a: {topic: a} / b: {topic: a} => b/topic: is used twice
-tables: [a] / a: {x: [0, 1], values: [0, 1], beyond: cubic} => a/beyond: constant, linear
-tables: [a] / a: {x: [0, 1], values: [0, 1, 2]} => a/values: 2
-)"),
-                     test::sceneFromText);
+  });
+  test::expectFaults(test::readFaults(kShafts, sections[1].second), readText);
 }
 
 TEST(SceneFormulas, TakeSmoothInputsInOrder1) {
@@ -365,7 +323,7 @@ TEST(SceneFormulas, TakeSmoothInputsInOrder1) {
   test::expectFaults(test::readFaults(kShafts + constraint, R"(
 inputs: [i] / i: {topic: i, initial: 0.6} => i/hold: read by the constraint 'gear' of order 1
 )"),
-                     test::sceneFromText);
+                     readText);
   EXPECT_EQ(errorOf(constraint + "inputs: [i]\ni: {topic: i, hold: second_order_lag, "
                                  "time_constant: 0.1, initial: 0.6}"),
             "");

@@ -1,16 +1,11 @@
 // Scenes: what is read, what is filled in, and that every fault is refused by its full path, with
 // what is allowed and the nearest valid name.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <memory>
 #include <stdexcept>
 
 #include "support/faults.h"
-#include "variator_sim/io/yaml_tree.h"
+#include "support/scenes.h"
 #include "variator_sim/laws.h"
-#include "variator_sim/node_names.h"
-#include "variator_sim/scene.h"
 
 namespace variator_sim {
 namespace {
@@ -51,7 +46,7 @@ Scene read(const std::string& yaml) {
 }
 
 // Two shafts, a torque and a constraint; cases replace or add lines.
-const char* const kShafts = "shafts: [drive, load]\ndrive: {inertia: 0.8}\nload: {inertia: 2}\n";
+const std::string kShafts = test::sceneText("drive 0.8, load 2", {});
 const char* const kMotor =
     "torques: [motor]\nmotor: {type: fake/Command, shaft: drive, topic: drive_torque}\n";
 const char* const kGear =
@@ -99,7 +94,7 @@ solver: {stepper: rk4, relative_tolerance: 1e-6, absolute_tolerance: 0, step: 0.
 }
 
 TEST(SceneReader, FillsInDefaults) {
-  const Scene scene = read("shafts: [wheel]\nwheel: {inertia: 1}\ntick_rate: 500\nsolver:\n");
+  const Scene scene = read(test::sceneText("wheel 1", {}, "tick_rate: 500\nsolver: ~"));
   EXPECT_TRUE(scene.torques.empty());
   EXPECT_TRUE(scene.constraints.empty());
   EXPECT_TRUE(scene.inputs.empty());
@@ -200,202 +195,17 @@ TEST(CommandedTorque, AddsGainTimesInputToItsShaft) {
   EXPECT_EQ(torque_rate[1], 1.0 - 1.0);
 }
 
-const char* const kOnScene = R"(
-# root
-solvr: {step: 1} => solvr: unknown key | 'solver' | allowed:
-principal: gauss => principal: unknown key | 'principle'
-tik_rate: 10 => tik_rate: unknown key | 'tick_rate'
-moter: {type: fake/Command}
-  => moter: 'motor' | in none of the lists shafts, torques, constraints, inputs, tables, outputs
-  | as its 'type' belongs in 'torques' or 'constraints'
-wheel: {inertia: 2} => wheel: as its 'inertia' belongs in 'shafts'
-outputs: [ratio] => ratio: missing
-outputs: [drive] => outputs[0]: 'drive' is listed twice | in shafts and in outputs
-outputs: [outputs] => outputs[0]: 'outputs' is a key of the scene
-outputs: [tick_rate] => outputs[0]: 'tick_rate' is a key of the node
-outputs: [1st] => outputs[0]: '1st' is not a valid name
-output: [ratio] / ratio: {expression: w1} => output: unknown key | 'outputs'
-outputs: [ratio] / ratio: {expression: w1, unit: s}
-  => ratio/unit: unknown key | expression, parameters
-outputs: [ratio] / ratio: {expresion: w1} => ratio/expression: missing | 'expresion'
-outputs: [ratio] / ratio: {expression: w1/v} => ratio/expression: unknown name 'v' | column 4
-outputs: [ratio] / ratio: {expression: j1}
-  => ratio/expression: 'j1' | jerks occur in constraints of order 3 only
-outputs: [ratio] / ratio: {expression: k, parameters: {k: .nan}} => ratio/parameters/k: finite
-principle: gaus => principle: 'gaus' | did you mean 'gauss'
-principle: generalised_gauss => principle: 'generalised_gauss' | did you mean 'generalized_gauss'
-# inertia
-inertia_coupling: 5 => inertia_coupling: a list | an integer: 5
-inertia_coupling: [drive, load, 0.1] => inertia_coupling[0]: [shaft, shaft, value | drive
-inertia_coupling: [[drive, load]] => inertia_coupling[0]: [drive, load]
-inertia_coupling: [[1, load, 2]] => inertia_coupling[0]: [1, load, 2]
-inertia_coupling: [[drive, laod, 0.1]] => inertia_coupling[0][1]: 'laod' | 'load' | drive, load
-inertia_coupling: [[drive, drive, 0.1]] => inertia_coupling[0]: with itself
-inertia_coupling: [[drive, load, 0.1], [load, drive, 0.1]] => inertia_coupling[1]: second time
-inertia_coupling: [[drive, load, big]] => inertia_coupling[0][2]: a finite number | big
-# initial and solver
-initial: {angel: [0, 0]} => initial/angel: unknown key | 'angle' | velocity
-initial: {angle: [0]} => initial/angle: a list of 2 | got 1
-initial: {velocity: [0, 1, 2]} => initial/velocity: list of 2
-initial: {acceleration: [0, x]} => initial/acceleration[1]: a finite number | x
-initial: {acceleration: [nan, 1]} => initial/acceleration[0]: nan | finite
-initial: {acceleration: 3} => initial/acceleration: a list of 2
-initial: {project: 1} => initial/project: true or false | 1
-initial: [0, 0] => initial: a dictionary | a list: [0, 0]
-solver: {steper: rk4}
-  => solver/steper: unknown key (did you mean 'stepper'?) | allowed:  | relative_tolerance
-solver: {stepper: dopri}
-  => solver/stepper: 'dopri' | did you mean 'dopri5'
-  | auto, rk4, dopri5, fehlberg78, radau, taylor, taylor_fixed
-solver: {stepper: rosenbrock4}
-  => solver/stepper: 'rosenbrock4' was removed; use 'radau'; allowed: auto, rk4, dopri5, fehlberg78,
-  radau, taylor, taylor_fixed
-solver: {stepper: rosenbrock4_fixed} => solver/stepper: 'rosenbrock4_fixed' was removed; use 'radau'
-solver: {stepper: radau5} => solver/stepper: 'radau5' was removed; use 'radau'
-solver: {stepper: dop853} => solver/stepper: 'dop853' was removed; use 'fehlberg78'
-solver: {stepper: radau5_fixed} => solver/stepper: 'radau5_fixed' was removed; use 'radau'
-solver: {stepper: dopri5_fixed} => solver/stepper: 'dopri5_fixed' was removed; use 'rk4'
-solver: {stepper: [radau5]} => solver/stepper: expected one of auto, rk4, | a list
-solver: {stepper: rada} => solver/stepper: 'rada' | did you mean 'radau'
-solver: {stepper: rk4_fixed} => solver/stepper: 'rk4_fixed' is not allowed | allowed: auto, rk4,
-solver: {sleep: 1} => solver/sleep: true or false | 1
-solver: {sleep: sometimes} => solver/sleep: true or false | sometimes
-solver: {sleeps: true} => solver/sleeps: unknown key (did you mean 'sleep'?)
-solver: {skip_angles: false} => solver/skip_angles: unknown key
-solver: {stepper: 4} => solver/stepper: one of auto | 4
-solver: {relative_tolerance: 0} => solver/relative_tolerance: 0 | from 1e-14 to 0.1
-solver: {relative_tolerance: 0.2} => solver/relative_tolerance: 0.2 | from 1e-14 to 0.1
-solver: {absolute_tolerance: -1e-9} => solver/absolute_tolerance: -1e-9 | >= 0
-solver: {step: 0} => solver/step: > 0
-solver: {step: .inf} => solver/step: .inf | finite
-solver: {maximum_step: 0} => solver/maximum_step: > 0
-solver: {maximum_steps: 0} => solver/maximum_steps: from 1
-solver: {maximum_steps: 1.5} => solver/maximum_steps: 1.5 is not an integer
-solver: 3 => solver: a dictionary
-)";
-
-const char* const kOnShafts = R"(
-# root
-torqes: [motor] / motor: {type: fake/Command} => torqes: unknown key | 'torques'
-# names
-torques: [load] => torques[0]: 'load' is listed twice | in shafts and in torques
-torques: [motor] / motor: {type: fake/Command, shaft: drive, topic: drive_torque} / constraints:
-  [motor]
-  => constraints[0]: 'motor' is listed twice | in torques and in constraints
-constraints: [a, b] => constraints: 2 constraints | 2 shafts | at most 1
-torques: [motor] => motor: missing
-# components
-torques: [m] / m: {shaft: drive} => m/type: missing
-torques: [m] / m: {tpye: fake/Command} => m/type: missing | 'tpye'
-torques: [m] / m: {type: fake/Comand}
-  => m/type: 'fake/Comand' | did you mean 'fake/Command' | fake/Broken, fake/Command
-torques: [m] / m: {type: Command} => m/type: 'Command' | did you mean 'fake/Command'
-torques: [m] / m: {type: fake/Gear}
-  => m/type: 'fake/Gear' is a constraint, not a torque | belongs in constraints
-constraints: [m] / m: {type: fake/Command}
-  => m/type: 'fake/Command' is a torque, not a constraint | belongs in torques
-torques: [m] / m: {type: fake/Broken} => m/type: 'fake/Broken' cannot be loaded | undefined symbol
-torques: [m] / m: {type: fake/Throwing} => m: fake/Throwing | no licence found
-constraints: [g] / g: {type: fake/Gear, shafts: [drive]} => g/shafts: 2 different shafts | [drive]
-constraints: [g] / g: {type: fake/Gear} => g/shafts: 2 different shafts | nothing
-constraints: [g] / g: {type: fake/Gear, shafts: [load, load]} => g/shafts: 'load' twice
-constraints: [g] / g: {type: fake/Gear, shafts: [load, diver]} => g/shafts[1]: 'diver'
-torques: [one, two] / one: {type: fake/Command, shaft: drive, topic: same} / two: {type:
-  fake/Command, shaft: load, topic: same}
-  => two/topic: 'same' is used twice | 'one' | 'two'
-)";
-
-const char* const kWhole = R"(
-# root
-shaft: [drive] / drive: {inertia: 1} => shafts: missing | 'shaft' | 1 to 8
-principle: generalized_gauss => shafts: missing | names
-# names
-shafts: [] => shafts: 0 shafts | 1 to 8
-shafts: drive => shafts: a list of names | a text: drive
-shafts: [a, b, c, d, e, f, g, h, i] => shafts: 9 shafts | 1 to 8
-shafts: [drive, 7] => shafts[1]: a text | an integer: 7
-shafts: [drive, 1st] => shafts[1]: '1st' | starting with a letter
-shafts: [drive, a-b] => shafts[1]: 'a-b' | letters, digits and '_'
-shafts: [''] => shafts[0]: '' | valid name
-shafts: [drive, drive] => shafts[1]: 'drive' is listed twice
-shafts: [solver] => shafts[0]: 'solver' | key of the scene
-shafts: [tick_rate] => shafts[0]: 'tick_rate' | key of the node
-shafts: [verify_derivatives] => shafts[0]: key of the scene
-shafts: [drive, load] / drive: {inertia: 1} => load: missing | dictionary
-shafts: [drive] / dirve: {inertia: 1} => drive: missing | 'dirve'
-shafts: [drive] / drive: 0.8 => drive: a dictionary | a number: 0.8
-# inertia
-shafts: [d] / d: {} => d/inertia: missing | > 0
-shafts: [d] / d: => d/inertia: missing
-shafts: [d] / d: {inertia: 0} => d/inertia: 0 is out of range | > 0
-shafts: [d] / d: {inertia: -1.5} => d/inertia: -1.5 | > 0
-shafts: [d] / d: {inertia: .nan} => d/inertia: .nan | finite
-shafts: [d] / d: {inertia: 1 kg} => d/inertia: '1 kg' | a text | > 0
-shafts: [d] / d: {inertia: true} => d/inertia: a boolean: true
-shafts: [d] / d: {inertia: {men: 2.0}} => d/inertia/mean: missing | 'men'
-shafts: [d] / d: {inertia: {mean: 2.0, harmonics: [{order: 1, cos: 2.5}]}}
-  => d/inertia: -0.5 | > 0 at every angle
-shafts: [d] / d: {inertia: {mean: 2.0, harmonics: [{order: 0, cos: 1}]}}
-  => d/inertia/harmonics[0]/order: 0 | 1
-shafts: [d] / d: {inertia: {mean: 2.0, harmonics: [{order: 1, coss: 1}]}}
-  => d/inertia/harmonics[0]/coss: unknown key | 'cos'
-shafts: [d] / d: {inertia: {mean: 2.0, harmonics: 3}} => d/inertia/harmonics: a list | 3
-# (positive alone at every angle, but not together with the coupling at the least one)
-shafts: [a, b] / a: {inertia: {mean: 2.0, harmonics: [{order: 2, sin: 1.5}]}} / b: {inertia: 1} /
-  inertia_coupling: [[a, b, 0.8]]
-  => inertia_coupling: indefinite | smallest eigenvalue
-shafts: [d] / d: {inertia: 1, inetria: 2} => d/inetria: unknown key | 'inertia'
-shafts: [a, b] / a: {inertia: 1} / b: {inertia: 1} / inertia_coupling: [[a, b, 3]]
-  => inertia_coupling: smallest eigenvalue is -2.0 | positive definite
-)";
-
-const char* const kOnMotor = R"(
-# components
-shaft: drive, topic: a, gian: 2 => motor/gian: unknown key | 'gain' | time_constant
-shaft: driv, topic: a => motor/shaft: 'driv' is not a shaft | did you mean 'drive' | drive, load
-topic: a => motor/shaft: missing
-shaft: drive, topic: a, gain: much => motor/gain: much
-# inputs
-shaft: drive => motor/topic: missing
-shaft: drive, topic: /a => motor/topic: '/a' | private
-shaft: drive, topic: ~a => motor/topic: '~a'
-shaft: drive, topic: 1a => motor/topic: starting with a letter
-shaft: drive, topic: a-b => motor/topic: 'a-b'
-shaft: drive, topic: a//b => motor/topic: 'a//b'
-shaft: drive, topic: a/ => motor/topic: 'a/'
-shaft: drive, topic: '' => motor/topic: ''
-shaft: drive, topic: state => motor/topic: of the node itself
-shaft: drive, topic: parameter_updates => motor/topic: of the node itself
-shaft: drive, topic: a, hold: zero_oder
-  => motor/hold: 'zero_oder' | did you mean 'zero_order' | rate_limit
-shaft: drive, topic: a, hold: first_order_lag => motor/time_constant: missing | > 0
-shaft: drive, topic: a, hold: first_order_lag, tau: 1 => motor/time_constant: missing
-shaft: drive, topic: a, hold: first_order_lag, time_constant: 0 => motor/time_constant: > 0
-shaft: drive, topic: a, hold: rate_limit => motor/rate: missing
-shaft: drive, topic: a, hold: rate_limit, rate: -1 => motor/rate: -1 | > 0
-shaft: drive, topic: a, hold: first_order_hold => motor/period: missing
-shaft: drive, topic: a, hold: first_order_hold, period: 0 => motor/period: > 0
-shaft: drive, topic: a, time_constant: 1
-  => motor/time_constant: belongs to hold 'first_order_lag' | 'zero_order'
-shaft: drive, topic: a, hold: first_order_lag, rate: 1
-  => motor/rate: belongs to hold 'rate_limit' | 'first_order_lag'
-shaft: drive, topic: a, hold: rate_limit, rate: 1, period: 1
-  => motor/period: belongs to hold 'first_order_hold' | 'rate_limit'
-shaft: drive, topic: a, min: 2, max: 1 => motor/max: 1 | >= 2
-shaft: drive, topic: a, max: .inf => motor/max: .inf | finite
-shaft: drive, topic: a, min: -1, max: 1, initial: 2 => motor/initial: 2 | from -1 to 1
-shaft: drive, topic: a, min: 1 => motor/initial: the default | >= 1
-shaft: drive, topic: a, timeout: -1 => motor/timeout: >= 0
-shaft: drive, topic: a, on_timeout: hlod => motor/on_timeout: 'hlod' | 'hold' | hold, zero
-shaft: drive, topic: a, min: 1, initial: 1, on_timeout: zero => motor/on_timeout: 'zero' | >= 1
-)";
-
 TEST(SceneReader, RefusesFaultsByPathAndWords) {
-  test::expectFaults(test::readFaults(base(), kOnScene), read);
-  test::expectFaults(test::readFaults(kShafts, kOnShafts), read);
-  test::expectFaults(test::readFaults("", kWhole), read);
-  test::expectFaults(test::readFaults("", kOnMotor),
-                     [](const std::string& keys) { read(withMotor(keys)); });
+  const std::map<std::string, std::function<void(const std::string&)>> readers = {
+      {"behind a whole scene", [](const std::string& text) { read(base() + text); }},
+      {"behind two shafts", [](const std::string& text) { read(kShafts + text); }},
+      {"the whole text", [](const std::string& text) { read(text); }},
+      {"keys of a commanded torque", [](const std::string& keys) { read(withMotor(keys)); }}};
+  const auto sections = test::readFaultSections("scenes");
+  EXPECT_EQ(sections.size(), readers.size());
+  for (const auto& [head, rows] : sections) {
+    test::expectFaults(test::readFaults("", rows), readers.at(head));
+  }
 }
 
 TEST(SceneReader, RefusesARootThatIsNoDictionary) {

@@ -2,20 +2,10 @@
 // torque itself along a motion, the derivatives of the rates by the state and what they depend on,
 // what happens at rest, at the ends of tables and far away, every fault of their keys, and that the
 // documentation's examples are read.
-#include <gtest/gtest.h>
 
-#include <array>
 #include <atomic>
-#include <cmath>
 #include <cstdlib>
-#include <functional>
-#include <limits>
-#include <map>
 #include <set>
-#include <sstream>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "support/count_allocations.h"
 #include "support/derivatives_by_state.h"
@@ -256,9 +246,9 @@ TEST(ElasticCoupling, TakesWhatItsDamperTakesAndKeepsTheRest) {
 TEST(ElasticCoupling, SwingsAsTheExactSolution) {
   Scene scene = test::withTolerance(
       test::sceneFromText(
-          "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2}\ntorques: [it]\n"
-          "it: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: 90, "
-          "damping: 0.7, ratio: 1.5}\ninitial: {angle: [0.3, 0], velocity: [1, 4]}\n"),
+          "a 0.8, b 2",
+          {"it = ElasticCoupling, shafts: [a, b], stiffness: 90, damping: 0.7, ratio: 1.5"},
+          "initial: {angle: [0.3, 0], velocity: [1, 4]}"),
       1e-12);
   Simulation simulation(scene);
   // x = phi_a - i phi_b: x'' = -mobility (k x + c x'), and i J_a w_a + J_b w_b stays what it was.
@@ -807,220 +797,22 @@ TEST(Table, EndsAsAsked) {
 }
 
 TEST(Table, RefusesWhatIsNoTable) {
-  test::expectFaults(test::readFaults("", R"(
-{x: [1, 2]} => it/y: missing; expected a list of 2 numbers
-{y: [1, 2]} => it/x: missing; expected a list of 2 numbers
-{xx: [1, 2], y: [1, 2]} => it/x: is 'xx' meant for 'x'?
-{x: [1], y: [1]} => it/x: a list of 2 numbers, got 1
-{x: [], y: []} => it/x: a list of 2 numbers, got 0
-{x: 1, y: [1, 2]} => it/x: a list of 2 numbers
-{x: [1, 2, 3], y: [1, 2]} => it/y: a list of 3 numbers, got 2
-{x: [1, two], y: [1, 2]} => it/x[1]: two
-{x: [1, 2], y: [1, .nan]} => it/y[1]: finite
-{x: [1, 2, 2], y: [1, 2, 3]} => it/x[2]: 2.0 does not lie above 2.0
-{x: [1, 2, 1.5], y: [1, 2, 3]} => it/x[2]: strictly increasing
-{x: [0, 1e-300], y: [0, 1]} => it/y[1]: too steep
-{x: [-1e308, 1e308], y: [0, 1]} => it/y[1]: too wide
-{x: [0, 1, 2], y: [-1e308, 1e308, 0]} => it/y[1]: too steep
-)"),
-                     [](const std::string& lists) { tableOf(lists, Table::Beyond::kConstant); });
+  test::expectFaultsOfElements(
+      "tables", [](const std::string& lists) { tableOf(lists, Table::Beyond::kConstant); });
 }
 
 // ------------------------------------------------------------------------------------------ errors
 
-const std::string kEngine =
-    "DieselEngine, shaft: drive, full_load: {speed: [0, 100], torque: [0, 9]}";
-const std::string kScrew = "Propeller, shaft: load, torque_coefficient: 0.03, diameter: 1.2";
-const std::string kTrain =
-    "VehicleResistance, shaft: load, law: davis, wheel_radius: 0.5, constant: 1, linear: 1, "
-    "quadratic: 1";
-const std::string kCar =
-    "VehicleResistance, shaft: load, law: road, wheel_radius: 0.3, rolling_coefficient: 0.01, "
-    "drag_area: 0.6";
-const std::string kCut = "CuttingTorque, shaft: load, torque: 4, begin: 1, ramp: 0.5";
-
-/// How elements begin, and what is wrong behind.
-const std::pair<std::string, const char*> kFaults[] = {
-    {"", R"(
-ElasticCoupling, stiffness: 1 => it/shafts: 2 different shafts | nothing
-ElasticCoupling, shafts: [drive, laod], stiffness: 1 => it/shafts[1]: 'laod' | 'load'
-ElasticCoupling, shafts: [load, load], stiffness: 1 => it/shafts: 'load' twice
-ElasticCoupling, shafts: [drive, load] => it/stiffness: missing | > 0
-MotorCurve, characteristic: dc => it/shaft: missing
-MotorCurve, shaft: drive => it/characteristic: kloss, table, dc
-DieselEngine, shaft: dive, rack: 1 => it/shaft: 'drive'
-DieselEngine, shaft: drive, rack: 1 => it/full_load: missing
-DieselEngine, shaft: drive, rack: 1, full_load: {speed: [0, 1], torque: [0, -1]}
-  => it/full_load/torque[1]: -1 | >= 0
-DieselEngine, shaft: drive, rack: 1, full_load: {speed: [0, 1], torque: [0, 1], beyond: linear}
-  => it/full_load/beyond: unknown key
-DieselEngine, shaft: drive, full_load: {speed: [0, 100], torque: [0, 9]}
-  => it/rack: missing | from 0 to 1 | topic
-Propeller, coefficient: 1 => it/shaft: missing
-Propeller, shaft: load => it/coefficient: missing | >= 0
-VehicleResistance, shaft: load => it/law: missing | davis, road
-VehicleResistance, law: road => it/shaft: missing
-CuttingTorque, torque: 4 => it/shaft: missing
-Friction, coulomb: 1 => it/shaft: missing
-Friction, shaft: laod, coulomb: 1 => it/shaft: 'load'
-Friction, shafts: [load], coulomb: 1 => it/shafts: 2 different shafts
-Friction, shafts: [load, drive], shaft: load => it/shaft: unknown key
-Friction, shafts: [load, drive], ratio: 0 => it/ratio: 0 is no ratio
-)"},
-    {"ElasticCoupling, shafts: [drive, load], ", R"(
-stifness: 1 => it/stiffness: missing | 'stifness'
-stiffness: 0 => it/stiffness: out of range | > 0
-stiffness: 1, damping: -1 => it/damping: -1 | >= 0
-stiffness: 1, ratio: 0 => it/ratio: 0 is no ratio
-stiffness: 1, ratio: .inf => it/ratio: finite
-stiffness: 1, dampign: 1 => it/dampign: unknown key | 'damping' | ratio
-)"},
-    {"MotorCurve, shaft: drive, ", R"(
-characteristic: klos => it/characteristic: 'klos' | did you mean 'kloss'
-characteristic: kloss, synchronous_speed: 50, critical_slip: 0.2
-  => it/breakdown_torque: missing | > 0
-characteristic: kloss, breakdown_torque: 30, synchronous_speed: -50, critical_slip: 0.2
-  => it/synchronous_speed: -50 | > 0
-characteristic: kloss, breakdown_torque: 30, synchronous_speed: 50, critical_slip: 0
-  => it/critical_slip: > 0
-characteristic: table => it/table: missing
-characteristic: dc => it/stall_torque: missing
-)"},
-    {"MotorCurve, shaft: drive, " + kKloss + ", ", R"(
-direction: 0 => it/direction: 0 is no direction | 1, -1
-direction: 2 => it/direction: 2
-stall_torque: 2 => it/stall_torque: unknown key | breakdown_torque
-command: 1.5 => it/command: 1.5 | from 0 to 1
-command: [1] => it/command: [1] is no value | from 0 to 1 | topic
-command:  => it/command: ~ is no value
-command: {} => it/command/topic: missing
-command: {topic: a, hold: zero_oder} => it/command/hold: 'zero_order'
-command: {topic: a, gain: 2} => it/command/gain: unknown key
-command: {topic: a, max: 2} => it/command/max: 2 | from 0 to 1
-command: {topic: a, min: -1} => it/command/min: -1 | from 0 to 1
-command: {topic: a, initial: 1.1} => it/command/initial: 1.1 | from 0 to 1
-command: {topic: a, min: 0.5} => it/command/initial: the default | >= 0.5
-)"},
-    {"MotorCurve, shaft: drive, characteristic: dc, ", R"(
-stall_torque: 1 => it/no_load_speed: missing | > 0
-stall_torque: 1, no_load_speed: 0 => it/no_load_speed: > 0
-torque_constant: 1, voltage: 1 => it/resistance: missing
-resistance: 1, voltage: 1 => it/torque_constant: missing
-torque_constant: 1, resistance: 1 => it/voltage: missing | any finite number | topic
-torque_constant: 1, resistance: 1, voltage: high => it/voltage: high
-torque_constant: 1, resistance: 1, voltage: 1, command: 1 => it/command: unknown key
-torque_constant: 1, resistance: 1, voltage: 1, stall_torque: 1 => it/stall_torque: unknown key
-)"},
-    {"MotorCurve, shaft: drive, characteristic: table, ", R"(
-table: 3 => it/table: a dictionary
-table: {speed: [0, 1]} => it/table/torque: missing
-table: {speed: [0, 0], torque: [1, 2]} => it/table/speed[1]: strictly increasing
-table: {speed: [0, 1], torque: [1, 2], beyond: liner} => it/table/beyond: did you mean 'linear'
-table: {speed: [0, 1], torque: [1, 2], unit: rpm}
-  => it/table/unit: unknown key | beyond, speed, torque
-)"},
-    {kEngine + ", ", R"(
-rack: -0.1 => it/rack: -0.1 | from 0 to 1
-rack: {topic: /rack} => it/rack/topic: '/rack'
-rack: 1, friction: {} => it/friction/constant: missing
-rack: 1, friction: {constant: -1} => it/friction/constant: >= 0
-rack: 1, friction: {constant: 1, linear: -1} => it/friction/linear: >= 0
-rack: 1, friction: {constant: 1, regularization_speed: 0} => it/friction/regularization_speed: > 0
-rack: 1, friction: {constant: 1, linaer: 1} => it/friction/linaer: 'linear'
-rack: 1, idle_governor: {band: 1} => it/idle_governor/speed: missing
-rack: 1, idle_governor: {speed: 1} => it/idle_governor/band: missing
-rack: 1, idle_governor: {speed: 1, band: 0} => it/idle_governor/band: > 0
-rack: 1, idle_governor: {speed: 1, band: 1, gain: 1} => it/idle_governor/gain: unknown key
-rack: 1, idle_govenor: {speed: 1, band: 1} => it/idle_govenor: 'idle_governor'
-)"},
-    {"Propeller, shaft: load, ", R"(
-coeficient: 1 => it/coefficient: 'coeficient'
-coefficient: -1 => it/coefficient: >= 0
-coefficient: 1, diameter: 2 => it/diameter: unknown key
-coefficient: 1, torque_coefficient: 2 => it/torque_coefficient: unknown key
-coefficient: 1, regularization_speed: -1 => it/regularization_speed: >= 0
-torque_coefficient: 1 => it/diameter: missing
-)"},
-    {kScrew + ", ", R"(
-density: 0 => it/density: > 0
-advance: {speed: 1} => it/advance/slope: missing
-advance: {slope: 1} => it/advance/speed: missing
-advance: {slope: -1, speed: 1} => it/advance/slope: >= 0
-advance: {slope: 1, speed: 1, wake: 0} => it/advance/wake: unknown key
-advance: {slope: 1, speed: 1} => it/regularization_speed: missing | > 0
-advance: {slope: 1, speed: 1}, regularization_speed: 0 => it/regularization_speed: > 0
-)"},
-    {"VehicleResistance, shaft: load, ", R"(
-law: raod => it/law: 'road'
-law: davis => it/wheel_radius: missing
-law: davis, wheel_radius: 1, linear: 1, quadratic: 1 => it/constant: missing
-law: davis, wheel_radius: 1, constant: 1, quadratic: 1 => it/linear: missing
-law: davis, wheel_radius: 1, constant: 1, linear: 1, quadratic: -1 => it/quadratic: >= 0
-law: road, wheel_radius: 0.3, rolling_coefficient: 0.01, drag_area: 0.6 => it/mass: missing | > 0
-law: road, wheel_radius: 0.3, mass: 1 => it/rolling_coefficient: missing
-law: road, wheel_radius: 0.3, mass: 1, rolling_coefficient: 0 => it/drag_area: missing
-)"},
-    {kTrain + ", ", R"(
-ratio: 0 => it/ratio: 0 is no ratio
-regularization_speed: 0 => it/regularization_speed: > 0
-grade: 0.01 => it/mass: missing
-mass: 0 => it/mass: > 0
-drag_area: 1 => it/drag_area: unknown key
-mass: 1, grade: 1.5 => it/grade: 1.5 | from -1 to 1
-mass: 1, grade: [0, 1] => it/grade: is no value
-mass: 1, grade: {time: [0, 1]} => it/grade/grade: missing
-mass: 1, grade: {time: [0, 1], grade: [0, 2]} => it/grade/grade[1]: from -1 to 1
-mass: 1, grade: {time: [0, 1], grade: [0, 0], x: 1} => it/grade/x: unknown key
-)"},
-    {kCar + ", ", R"(
-mass: 1, air_density: 0 => it/air_density: > 0
-mass: 1, quadratic: 1 => it/quadratic: unknown key
-)"},
-    {"CuttingTorque, shaft: load, ", R"(
-begin: 1, ramp: 1 => it/torque: missing
-torque: -1 => it/torque: >= 0
-torque: 1, ramp: 1 => it/begin: missing
-torque: 1, begin: 1 => it/ramp: missing
-torque: 1, begin: 1, ramp: 0 => it/ramp: > 0
-)"},
-    {kCut + ", ", R"(
-end: 1.4 => it/end: 1.4 | >= 1.5
-regularization_speed: 0 => it/regularization_speed: > 0
-rmap: 1 => it/rmap: 'ramp'
-tooth_passing: {amplitude: 0.1} => it/tooth_passing/teeth: missing
-tooth_passing: {teeth: 0, amplitude: 0.1} => it/tooth_passing/teeth: from 1
-tooth_passing: {teeth: 1.5, amplitude: 0.1} => it/tooth_passing/teeth: not an integer
-tooth_passing: {teeth: 2} => it/tooth_passing/amplitude: missing
-tooth_passing: {teeth: 2, amplitude: 1.1} => it/tooth_passing/amplitude: from 0 to 1
-tooth_passing: {teeth: 2, amplitude: 1, phaes: 1} => it/tooth_passing/phaes: 'phase'
-)"},
-    {"Friction, shaft: load, ", R"(
-ratio: 2 => it/ratio: unknown key
-coulomb: -1 => it/coulomb: >= 0
-coulomb: 2, static: 1, stribeck_speed: 1 => it/static: >= 2
-coulomb: 1, static: 2 => it/stribeck_speed: missing
-coulomb: 1, stribeck_speed: 1 => it/stribeck_speed: belongs to 'static'
-static: 1, stribeck_speed: 0 => it/stribeck_speed: > 0
-viscous: -1 => it/viscous: >= 0
-regularization_speed: 0 => it/regularization_speed: > 0
-viscos: 1 => it/viscos: 'viscous'
-)"},
-};
-
 TEST(Elements, AreRefusedByPathAndWords) {
-  for (const auto& [element, table] : kFaults) {
-    test::expectFaults(test::readFaults(element, table), torqueOf);
-  }
+  test::expectFaultsOfElements("torque_laws", torqueOf);
 }
 
 TEST(InputValue, ATopicUsedTwiceIsToldByItsFullPath) {
   try {
     test::sceneFromText(
-        "shafts: [drive, load]\ndrive: {inertia: 1}\nload: {inertia: 1}\n"
-        "torques: [a, b]\n"
-        "a: {type: variator_sim/CommandedTorque, shaft: drive, topic: same}\n"
-        "b: {type: variator_sim/MotorCurve, shaft: load, command: {topic: same}, " +
-        kKloss + "}\n");
+        "drive 1, load 1",
+        {"a on drive from same",
+         std::string("b = MotorCurve, shaft: load, command: {topic: same}, ") + kKloss});
     FAIL() << "accepted";
   } catch (const SceneError& error) {
     EXPECT_EQ(error.keyPath(), "b/command/topic");

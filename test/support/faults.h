@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "variator_sim/errors.h"
@@ -61,6 +63,21 @@ inline std::vector<Fault> readFaults(const std::string& prefix, const std::strin
   return faults;
 }
 
+/// The sections of test/faults/NAME.txt, head and rows: a line "@ HEAD" begins one.
+inline std::vector<std::pair<std::string, std::string>> readFaultSections(const std::string& name) {
+  std::ifstream file(std::string(VARIATOR_SIM_TEST_DIR) + "/faults/" + name + ".txt");
+  std::vector<std::pair<std::string, std::string>> sections;
+  for (std::string line; std::getline(file, line);) {
+    if (line.rfind("@ ", 0) == 0) {
+      sections.emplace_back(line.substr(2), "");
+    } else if (!sections.empty()) {
+      sections.back().second += line + "\n";
+    }
+  }
+  EXPECT_FALSE(sections.empty()) << name;
+  return sections;
+}
+
 /// `read` refuses the text of a fault, by its key and words.
 template <class Read>
 void expectFault(const Fault& fault, const Read& read) {
@@ -75,6 +92,15 @@ void expectFault(const Fault& fault, const Read& read) {
     for (const std::string& word : fault.words) {
       EXPECT_NE(message.find(word), std::string::npos) << "no \"" << word << "\" in: " << message;
     }
+  }
+}
+
+/// `read` refuses each row of test/faults/NAME.txt behind the keys that the section's head gives.
+template <class Read>
+void expectFaultsOfElements(const std::string& name, const Read& read) {
+  for (const auto& [head, rows] : readFaultSections(name)) {
+    const std::string keys = head == "all keys" ? "" : head + ", ";
+    for (const Fault& fault : readFaults(keys, rows)) expectFault(fault, read);
   }
 }
 
