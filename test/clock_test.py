@@ -72,7 +72,7 @@ class ClockTest(unittest.TestCase):
                          750000000)
         clock.close()
 
-    def test_2b_whoever_comes_while_time_stands_is_told_it(self):
+    def test_2b_a_late_subscriber_is_told_a_time_that_stands(self):
         program = ("import rospy; rospy.init_node('late')\n"
                    "while rospy.Time.now().is_zero(): rospy.rostime.wallsleep(0.01)\n"
                    "print(rospy.Time.now().to_nsec())")

@@ -2,15 +2,6 @@
 // change neither the motion nor the account.
 #include "motion/energy.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstring>
-#include <functional>
-#include <map>
-#include <string>
-#include <vector>
-
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -20,54 +11,29 @@ constexpr StepperKind kSteppers[] = {StepperKind::kAuto,       StepperKind::kDop
                                      StepperKind::kFehlberg78, StepperKind::kRadau,
                                      StepperKind::kTaylor,     StepperKind::kRk4};
 
-const char* const kFreeShaft = R"yaml(
-shafts: [wheel]
-wheel: {inertia: 0.8}
-torques: [bearing]
-bearing: {type: variator_sim/ExpressionTorque, shaft: wheel, torque: "-0.3*w1"}
-initial: {velocity: [7]}
-)yaml";
+const std::string kFreeShaft =
+    test::sceneText("wheel 0.8", {"bearing on wheel: -0.3*w1"}, "initial: {velocity: [7]}");
 
 // C turns with time, by one radian and more.
-const std::string kVaryingRatio = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, propeller]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "40 - 0.5*w1 + 3*sin(2*t)"}
-propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.05*w2*sqrt(w2^2 + 1)"}
-constraints: [variator]
-variator:
-  type: variator_sim/ExpressionConstraint
-  order: 2
-  expression: "0.2*(e2 - (1 + 0.6*sin(0.7*t))*e1) + w2 - (1 + 0.6*sin(0.7*t))*w1"
-initial: {velocity: [5, 5]}
-)yaml";
+const std::string kVaryingRatio = test::sceneText(
+    "drive 0.8, load 2",
+    {"motor on drive: 40 - 0.5*w1 + 3*sin(2*t)", "propeller on load: -0.05*w2*sqrt(w2^2 + 1)",
+     "variator: 0.2*(e2 - (1 + 0.6*sin(0.7*t))*e1) + w2 - (1 + 0.6*sin(0.7*t))*w1"},
+    "initial: {velocity: [5, 5]}");
 
-const std::string kCrank = R"yaml(
-shafts: [drive, crank]
-drive: {inertia: 0.8}
-crank: {inertia: {mean: 2.0, harmonics: [{order: 2, cos: 0.04, sin: 0.02}]}}
-torques: [motor, load]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "40 - 2*w1"}
-load: {type: variator_sim/ExpressionTorque, shaft: crank, torque: "-0.7*w2*(1 + 0.3*sin(phi2))"}
-constraints: [gear]
-gear: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2 - 0.6*e1) + w2 - 0.6*w1"}
-initial: {velocity: [5, 2]}
-)yaml";
+const std::string kCrank =
+    test::sceneText("drive 0.8, crank",
+                    {"motor on drive: 40 - 2*w1", "load on crank: -0.7*w2*(1 + 0.3*sin(phi2))",
+                     "gear: 0.2*(e2 - 0.6*e1) + w2 - 0.6*w1"},
+                    "crank: {inertia: {mean: 2, harmonics: [{order: 2, cos: 0.04, sin: 0.02}]}}\n"
+                    "initial: {velocity: [5, 2]}");
 
 // Comes to a rest in which the slip goes on: the reactions take what the motor brings.
-const std::string kSlippingRest = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, brake]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order, initial: 10}
-brake: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.9*w2"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2 - 0.6*e1) + w2 - 0.6*w1 + 1"}
-initial: {velocity: [5, 2]}
-)yaml";
+const std::string kSlippingRest =
+    test::sceneText("drive 0.8, load 2",
+                    {"motor on drive from torque, hold: zero_order, initial: 10",
+                     "brake on load: -0.9*w2", "variator: 0.2*(e2 - 0.6*e1) + w2 - 0.6*w1 + 1"},
+                    "initial: {velocity: [5, 2]}");
 
 Scene withPrinciple(Scene scene, Principle principle) {
   scene.principle = principle;
@@ -131,16 +97,10 @@ TEST(Energy, OfAFreeShaftIsWhatTheBearingTakes) {
 
 // psi = J1 omega1 eps1 + J2 omega2 eps2 - P(t): T = T(0) + integral of P, whatever the torques.
 TEST(Energy, FollowsAnImposedPower) {
-  Simulation simulation = tracked(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "4 + 3*cos(2*t)"}
-constraints: [power]
-power: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.8*w1*e1 + 2*w2*e2 - (5 + 4*cos(t))"}
-initial: {velocity: [5, 2]}
-)yaml"));
+  Simulation simulation = tracked(test::sceneFromText(
+      "drive 0.8, load 2",
+      {"motor on drive: 4 + 3*cos(2*t)", "power: 0.8*w1*e1 + 2*w2*e2 - (5 + 4*cos(t))"},
+      "initial: {velocity: [5, 2]}"));
   const double start = 0.5 * (0.8 * 25.0 + 2.0 * 4.0);
   for (double t : {0.5, 2.0, 5.0, 10.0}) {
     const Energy energy = energyAt(simulation, t);
@@ -153,16 +113,11 @@ initial: {velocity: [5, 2]}
 
 TEST(Energy, AConstantGearBringsNone) {
   for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-    Simulation simulation = tracked(withPrinciple(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 10}
-load: {inertia: 100}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "6"}
-constraints: [gear]
-gear: {type: variator_sim/KinematicRatio, shafts: [drive, load], ratio: -0.1}
-)yaml"),
-                                                  principle));
+    Simulation simulation = tracked(withPrinciple(
+        test::sceneFromText(
+            "drive 10, load 100",
+            {"motor on drive: 6", "gear = KinematicRatio, shafts: [drive, load], ratio: -0.1"}),
+        principle));
     for (double t : {1.0, 10.0, 100.0}) {
       const Energy energy = energyAt(simulation, t);
       const double velocity = 6.0 / 11.0 * t;
@@ -252,13 +207,10 @@ TEST(Energy, IsEstimatedWellWhereItIsNotTracked) {
 TEST(Energy, CountsOnAcrossJumpsOfCommands) {
   for (StepperKind stepper : kSteppers) {
     for (bool tracks : {true, false}) {
-      Simulation simulation(test::withStepper(test::sceneFromText(R"yaml(
-shafts: [wheel]
-wheel: {inertia: 2}
-torques: [motor]
-motor: {type: variator_sim/CommandedTorque, shaft: wheel, topic: torque, hold: zero_order, initial: 3}
-)yaml"),
-                                              stepper));
+      Simulation simulation(test::withStepper(
+          test::sceneFromText("wheel 2",
+                              {"motor on wheel from torque, hold: zero_order, initial: 3"}),
+          stepper));
       simulation.trackEnergy(tracks);
       double u = 3.0;
       double velocity = 0.0;
@@ -465,20 +417,12 @@ TEST(EnergyDoubt, IsNoneOfTheClassicalPrinciple) {
 
 TEST(EnergyDoubt, IsNoneWhereCStandsStill) {
   // The slip takes energy, as it is meant to; C could turn with the command, and does not.
-  const std::string scene = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "1"}
-constraints: [variator]
-variator:
-  type: variator_sim/SlipRatio
-  shafts: [drive, load]
-  time_constant: 2
-  ratio: {topic: ratio, hold: zero_order, initial: 0.6}
-initial: {velocity: [20, 0]}
-)yaml";
+  const std::string scene =
+      test::sceneText("drive 0.8, load 2",
+                      {"motor on drive: 1",
+                       "variator = SlipRatio, shafts: [drive, load], time_constant: 2, ratio: "
+                       "{topic: ratio, hold: zero_order, initial: 0.6}"},
+                      "initial: {velocity: [20, 0]}");
   Simulation simulation = tracked(test::sceneFromText(scene));
   const Energy energy = energyAt(simulation, 4.0);
   EXPECT_LT(energy.reactions, -10.0);

@@ -1,12 +1,8 @@
 // Motions whose solution is known in closed form (acceleration circle, ideal gear, linear
 // constraints, slip relaxation), the invariant of constant C, and the jump map as a limit of ramps.
-#include <gtest/gtest.h>
 
 #include <Eigen/Dense>
-#include <cmath>
-#include <string>
 #include <unsupported/Eigen/MatrixFunctions>
-#include <vector>
 
 #include "support/scenes.h"
 
@@ -41,16 +37,9 @@ TEST_P(ExactSolutions, AccelerationCircle) {
   const double m = 3.0;
   const double z0 = std::atanh(1.2 / a);
   const double kappa = m / (a * J);
-  Simulation simulation = simulate(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1.5}
-load: {inertia: 1.5}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "3*t"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2+e2^2-4"}
-initial: {velocity: [0.5, -0.25], acceleration: [1.2, 1.6]}
-)yaml");
+  Simulation simulation = simulate(
+      test::sceneText("drive 1.5, load 1.5", {"motor on drive: 3*t", "variator: e1^2+e2^2-4"},
+                      "initial: {velocity: [0.5, -0.25], acceleration: [1.2, 1.6]}"));
   const auto gd = [](double z) { return 2.0 * std::atan(std::tanh(z / 2.0)); };
   for (double t : {0.1, 0.7, 2.0, 5.0}) {
     ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
@@ -73,16 +62,10 @@ TEST_P(ExactSolutions, TorqueJumpOnTheAccelerationCircle) {
   const double a = 2.0;
   const double J = 1.5;
   for (double jump : {-7.0, -1.0, 0.3, 4.0, 25.0}) {
-    Simulation simulation = simulate(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1.5}
-load: {inertia: 1.5}
-torques: [motor]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2+e2^2-4"}
-initial: {acceleration: [1.2, 1.6]}
-)yaml");
+    Simulation simulation = simulate(
+        test::sceneText("drive 1.5, load 1.5",
+                        {"motor on drive from torque, hold: zero_order", "variator: e1^2+e2^2-4"},
+                        "initial: {acceleration: [1.2, 1.6]}"));
     simulation.advanceTo(0.5);  // without torque rates nothing changes but the velocities
     const Sample before = simulation.sample();
     ASSERT_NEAR(before.acceleration[0], 1.2, 1e-12);
@@ -107,15 +90,8 @@ initial: {acceleration: [1.2, 1.6]}
 // An ideal gear from rest, psi = eps2 - r eps1, J1 = 10, J2 = 100, r = -0.1, T = 6:
 // eps1 = T / (J1 + J2 r^2) = 6/11, reaction on shaft 2 = J2 eps2.
 TEST_P(ExactSolutions, IdealGearFromRest) {
-  Simulation simulation = simulate(R"yaml(
-shafts: [pinion, wheel]
-pinion: {inertia: 10}
-wheel: {inertia: 100}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: pinion, torque: 6}
-constraints: [gear]
-gear: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e2+0.1*e1"}
-)yaml");
+  Simulation simulation =
+      simulate(test::sceneText("pinion 10, wheel 100", {"motor on pinion: 6", "gear: e2+0.1*e1"}));
   for (double t : {0.0, 1.0, 10.0}) {
     simulation.advanceTo(t);
     const Sample& sample = simulation.sample();
@@ -132,21 +108,13 @@ gear: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e2+0.1*e1
 // Linear psi with constant coefficients and torques linear in t, phi and omega: with the KKT system
 // x' = M x, x = (phi, omega, eps, 1), the motion is a matrix exponential.
 TEST_P(ExactSolutions, LinearConstraintIsAMatrixExponential) {
-  Simulation simulation = simulate(R"yaml(
-shafts: [a, b, c]
-a: {inertia: 0.7}
-b: {inertia: 1.9}
-c: {inertia: 0.4}
-inertia_coupling: [[a, b, 0.2]]
-torques: [ta, tb, tc]
-ta: {type: variator_sim/ExpressionTorque, shaft: a, torque: "2*t-0.5*w1+0.1*w3-2*phi1"}
-tb: {type: variator_sim/ExpressionTorque, shaft: b, torque: "1-0.3*w2"}
-tc: {type: variator_sim/ExpressionTorque, shaft: c, torque: "-0.2*t-0.4*w3+0.2*w1-0.3*phi3"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.3*(e2-0.6*e1+0.1*e3)+w2-0.6*w1+0.5*phi3-0.2*t"}
-initial: {angle: [0.1, 0, -0.2], velocity: [3, 1.5, -1]}
-)yaml");
+  Simulation simulation =
+      simulate(test::sceneText("a 0.7, b 1.9, c 0.4",
+                               {"ta on a: 2*t-0.5*w1+0.1*w3-2*phi1", "tb on b: 1-0.3*w2",
+                                "tc on c: -0.2*t-0.4*w3+0.2*w1-0.3*phi3",
+                                "variator: 0.3*(e2-0.6*e1+0.1*e3)+w2-0.6*w1+0.5*phi3-0.2*t"},
+                               "inertia_coupling: [[a, b, 0.2]]\n"
+                               "initial: {angle: [0.1, 0, -0.2], velocity: [3, 1.5, -1]}"));
   Eigen::Matrix3d J;
   J << 0.7, 0.2, 0, 0.2, 1.9, 0, 0, 0, 0.4;
   Eigen::Matrix3d by_angle;  // dQ/dphi
@@ -200,18 +168,12 @@ initial: {angle: [0.1, 0, -0.2], velocity: [3, 1.5, -1]}
 TEST_P(ExactSolutions, SlipRelaxesWhateverTheTorques) {
   const double tau = 0.2;
   for (const char* torque : {"0", "5*sin(3*t)-w1", "10*exp(-t)-0.1*w1^2"}) {
-    Simulation simulation = simulate(std::string(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: ")yaml") +
-                                     torque + R"yaml("}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "tau*(e2-u*e1)+w2-u*w1", parameters: {tau: 0.2, u: 0.6}}
-initial: {velocity: [5, 2]}
-)yaml");
+    Simulation simulation =
+        simulate(test::sceneText("drive 0.8, load 2",
+                                 {std::string("motor on drive: ") + torque,
+                                  "variator = ExpressionConstraint, order: 2, expression: "
+                                  "'tau*(e2-u*e1)+w2-u*w1', parameters: {tau: 0.2, u: 0.6}"},
+                                 "initial: {velocity: [5, 2]}"));
     for (double t : {0.1, 0.5, 1.0, 2.0}) {
       simulation.advanceTo(t);
       const Sample& sample = simulation.sample();
@@ -226,19 +188,13 @@ initial: {velocity: [5, 2]}
 // in t and omega that is a linear invariant, which Runge-Kutta steps and the projection keep to
 // round-off, at any tolerance, across torque steps too.
 TEST_P(ExactSolutions, InvariantOfConstantC) {
-  Scene scene = test::withTolerance(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, brake]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order, initial: 3}
-brake: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.4*w2+0.3*t"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.5*(e2-0.7*e1)+w2-0.7*w1+0.01*sin(t)*w1^2"}
-initial: {velocity: [5, 2], acceleration: [1, 0], project: true}
-)yaml"),
-                                    1e-5);
+  Scene scene = test::withTolerance(
+      test::sceneFromText(
+          "drive 0.8, load 2",
+          {"motor on drive from torque, hold: zero_order, initial: 3",
+           "brake on load: -0.4*w2+0.3*t", "variator: 0.5*(e2-0.7*e1)+w2-0.7*w1+0.01*sin(t)*w1^2"},
+          "initial: {velocity: [5, 2], acceleration: [1, 0], project: true}"),
+      1e-5);
   scene.solver.stepper = GetParam();
   Simulation simulation(std::move(scene));
   const double c1 = -0.35;
@@ -263,20 +219,12 @@ INSTANTIATE_TEST_SUITE_P(Steppers, ExactSolutions,
                                          StepperKind::kTaylor),
                          [](const auto& test) { return std::string(toString(test.param)); });
 
-const char* const kTwoCommands = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-torques: [engine, brake, friction]
-engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: drive_torque, HOLD}
-brake: {type: variator_sim/CommandedTorque, shaft: load, topic: load_torque, gain: -1, HOLD}
-friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w2"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"}
-initial: {velocity: [10.0, 8.0]}
-solver: {relative_tolerance: 1e-12, absolute_tolerance: 1e-12}
-)yaml";
+const std::string kTwoCommands = test::sceneText(
+    "drive 0.5, load 1.2",
+    {"engine on drive from drive_torque, HOLD", "brake on load from load_torque, gain: -1, HOLD",
+     "friction on load: -0.3*w2", "variator: 0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"},
+    "initial: {velocity: [10, 8]}\n"
+    "solver: {relative_tolerance: 1e-12, absolute_tolerance: 1e-12}");
 
 Simulation simulateTwoCommands(const std::string& hold) {
   std::string yaml = kTwoCommands;
@@ -341,16 +289,9 @@ TEST(JumpMap, DependsOnOldAndNewInputsOnly) {
 // accelerations the jump is one projection, Delta_eps = J^-1 (Delta_Q + C^T Lambda), C Delta_eps =
 // 0.
 TEST(JumpMap, IsOneProjectionForALinearConstraint) {
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-torques: [engine]
-engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "e2-(0.8+0.1*sin(t))*e1+w2-w1"}
-)yaml"));
+  Simulation simulation(test::sceneFromText(
+      "drive 0.5, load 1.2",
+      {"engine on drive from torque, hold: zero_order", "variator: e2-(0.8+0.1*sin(t))*e1+w2-w1"}));
   simulation.advanceTo(0.7);
   const Sample before = simulation.sample();
   simulation.command(0, 10.0);

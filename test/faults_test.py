@@ -78,14 +78,16 @@ class FaultsTest(TestCase):
         cls.master.kill()
         cls.master.wait()
 
+    def spawn(self, *command, **options):
+        process = subprocess.Popen(command, **{'stdout': subprocess.PIPE, 'stderr': subprocess.STDOUT,
+                                               'text': True, **options})
+        for clean_up in (process.stdout.close, process.wait, process.kill):
+            self.addCleanup(clean_up)
+        return process
+
     def start(self, name, **settings):
         upload(name, **settings)
-        node = subprocess.Popen([PROGRAM, '__name:=' + name], stdout=subprocess.PIPE,
-                                stderr=subprocess.STDOUT, text=True)
-        self.addCleanup(node.stdout.close)
-        self.addCleanup(node.wait)
-        self.addCleanup(node.kill)
-        return node
+        return self.spawn(PROGRAM, '__name:=' + name)
 
     def client(self, name, **options):
         client = NodeClient(name, **options)
@@ -113,11 +115,7 @@ class FaultsTest(TestCase):
 
     def test_a_node_tells_when_it_is_ready(self):
         upload('told', start_paused=True, solver={'machine_code': 'never'})
-        node = subprocess.Popen([PROGRAM, '__name:=told', 'told/drive_torque:=/plant/torque'],
-                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.addCleanup(node.stdout.close)
-        self.addCleanup(node.wait)
-        self.addCleanup(node.kill)
+        node = self.spawn(PROGRAM, '__name:=told', 'told/drive_torque:=/plant/torque')
         self.client('told')
         line = self.expect_good_end(node, signal.SIGINT)
         for words in ('/told: ready: shafts drive, load; constraints variator; '
@@ -135,13 +133,9 @@ class FaultsTest(TestCase):
                                    encoding='utf-8')
         (folder / 'cc').chmod(0o755)
         upload('preparing', solver={'machine_code': 'always'})
-        node = subprocess.Popen([PROGRAM, '__name:=preparing'], stdout=subprocess.PIPE,
-                                stderr=subprocess.STDOUT, text=True,
-                                env={**os.environ, 'PATH': f'{folder}:/usr/bin:/bin',
-                                     'VARIATOR_SIM_CACHE': str(folder / 'cache')})
-        self.addCleanup(node.stdout.close)
-        self.addCleanup(node.wait)
-        self.addCleanup(node.kill)
+        node = self.spawn(PROGRAM, '__name:=preparing',
+                          env={**os.environ, 'PATH': f'{folder}:/usr/bin:/bin',
+                               'VARIATOR_SIM_CACHE': str(folder / 'cache')})
         client = self.client('preparing', states=False)
         status = client.status.wait()
         self.assertEqual((status.state, status.time), (SimulationStatus.RUNNING, 0.0))
@@ -161,11 +155,7 @@ class FaultsTest(TestCase):
         rosparam.upload_params('/slow', {
             'shafts': ['a'], 'a': {'inertia': 1}, 'torques': ['it'],
             'it': {'type': 'variator_sim/ExpressionTorque', 'shaft': 'a', 'torque': terms}})
-        node = subprocess.Popen([PROGRAM, '__name:=slow'], stdout=subprocess.PIPE,
-                                stderr=subprocess.STDOUT, text=True)
-        self.addCleanup(node.stdout.close)
-        self.addCleanup(node.wait)
-        self.addCleanup(node.kill)
+        node = self.spawn(PROGRAM, '__name:=slow')
         listener = Listener('/slow/status', SimulationStatus)
         self.addCleanup(listener.close)
         self.assertIn('preparing: ', listener.wait().message)
@@ -175,14 +165,9 @@ class FaultsTest(TestCase):
 
     def test_a_step_is_ended_by_a_pause_and_by_an_order_to_end(self):
         scene = rosparam.load_file(STEPS)[0][0]
-        upload('long', start_paused=True, torques=scene['torques'] + ['saw'],
-               saw={'type': 'variator_sim/ExpressionTorque', 'shaft': 'load', 'torque': 'cos(1e4*t)'},
-               solver={'maximum_steps': 1000000000})
-        node = subprocess.Popen([PROGRAM, '__name:=long'], stdout=subprocess.PIPE,
-                                stderr=subprocess.STDOUT, text=True)
-        self.addCleanup(node.stdout.close)
-        self.addCleanup(node.wait)
-        self.addCleanup(node.kill)
+        saw = {'type': 'variator_sim/ExpressionTorque', 'shaft': 'load', 'torque': 'cos(1e4*t)'}
+        node = self.start('long', start_paused=True, torques=scene['torques'] + ['saw'], saw=saw,
+                          solver={'maximum_steps': 1000000000})
         client = self.client('long', states=False)
         answers = []
         caller = threading.Thread(target=lambda: answers.append(client.step(1e6)))
@@ -245,11 +230,8 @@ class FaultsTest(TestCase):
                    'def tell(message): print(message.header.seq, flush=True)\n'
                    f"rospy.Subscriber('{topic}', DrivetrainState, tell)\n"
                    'rospy.spin()\n')
-        process = subprocess.Popen([sys.executable, '-c', program], stdout=subprocess.PIPE)
-        self.addCleanup(process.stdout.close)
-        self.addCleanup(process.wait)
-        self.addCleanup(process.kill)
-        self.assertNotEqual(process.stdout.readline(), b'')
+        process = self.spawn(sys.executable, '-c', program, stderr=None)
+        self.assertNotEqual(process.stdout.readline(), '')
         return process
 
     def test_subscribers_that_vanish_delay_no_tick(self):
@@ -284,11 +266,7 @@ class FaultsTest(TestCase):
                 '<launch><node pkg="variator_sim" type="variator_sim_node" name="reborn"'
                 ' respawn="true" clear_params="true">'
                 f'<rosparam command="load" file="{STEPS}"/></node></launch>', encoding='utf-8')
-            roslaunch = subprocess.Popen(['roslaunch', str(launch)], stdout=subprocess.PIPE,
-                                         stderr=subprocess.STDOUT, text=True)
-            self.addCleanup(roslaunch.stdout.close)
-            self.addCleanup(roslaunch.wait)
-            self.addCleanup(roslaunch.kill)
+            roslaunch = self.spawn('roslaunch', str(launch))
             try:
                 client = self.client('reborn')
                 before = client.status.wait_new(lambda s: s.time > 0.5, 'half a second')
@@ -311,7 +289,7 @@ class FaultsTest(TestCase):
             return node.getPid('/faults_test')[2]
 
     # The last one: what this process has registered does not survive it either.
-    def test_zz_a_master_that_dies_is_not_missed_by_whoever_is_connected(self):
+    def test_zz_a_master_that_dies_is_not_missed_by_connected_nodes(self):
         node = self.start('orphan')
         client = self.client('orphan')
         torque = rospy.Publisher('/orphan/drive_torque', Float64, queue_size=10)

@@ -1,16 +1,7 @@
 // The accelerations of least reaction where psi is nonlinear or linear in pieces: at the start the
 // least of all minima, under `gauss` the one that continues the motion, and jumps over kinks.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdio>
-#include <functional>
-#include <limits>
-#include <memory>
 #include <random>
-#include <string>
 
 #include "support/scenes.h"
 
@@ -30,16 +21,10 @@ struct TwoShafts {
       std::snprintf(buffer, sizeof buffer, "%.17g", value);
       return std::string(buffer);
     };
-    return "shafts: [a, b]\na: {inertia: " + number(inertia[0]) +
-           "}\nb: {inertia: " + number(inertia[1]) +
-           "}\ntorques: [p, q]\n"
-           "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-           number(torque[0]) +
-           "\"}\nq: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" +
-           number(torque[1]) +
-           "\"}\nconstraints: [v]\nv: {type: variator_sim/ExpressionConstraint, order: 2, "
-           "expression: \"" +
-           psi + "\"}\n" + rest;
+    return test::sceneText(
+        "a " + number(inertia[0]) + ", b " + number(inertia[1]),
+        {"p on a: " + number(torque[0]), "q on b: " + number(torque[1]), std::string("v: ") + psi},
+        rest);
   }
   /// 1/2 R^T J^-1 R at accelerations (e1, e2), W.
   double reaction(double e1, double e2) const {
@@ -174,11 +159,10 @@ TEST(LeastReaction, IsTheLeastOverTwoNonlinearAccelerations) {
         least = std::min(least, reaction(reach * n / 600.0, reach * m / 600.0));
       }
     }
-    Simulation simulation(test::sceneFromText(
-        "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 1}\nc: {inertia: 1}\nconstraints: [v]\n"
-        "v: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
-        "\"e3-e1-e2+sin(2*e1)-3*cos(e2)+d\", parameters: {d: " +
-        std::to_string(offset) + "}}\n"));
+    Simulation simulation(
+        test::sceneFromText("a 1, b 1, c 1", {"v = ExpressionConstraint, order: 2, expression: "
+                                              "'e3-e1-e2+sin(2*e1)-3*cos(e2)+d', parameters: {d: " +
+                                              std::to_string(offset) + "}"}));
     const Sample& s = simulation.sample();
     EXPECT_NEAR(s.residual[0], 0.0, 1e-12);
     EXPECT_LE(reaction(s.acceleration[0], s.acceleration[1]), least) << offset;
@@ -368,18 +352,11 @@ TEST(LeastReaction, PsiThatJumpsOverZeroIsNoStart) {
 TEST(LeastReaction, FollowsThePiecesOfPsi) {
   // psi = 0.2 (e2 - 0.6 e1) + w2 - 0.6 w1 + 0.1 |e1|: first on the piece e1 > 0, then in the corner
   // e1 = 0, where w1 stays and w2 goes on by 0.2 e2 + w2 = 0.6 w1.
-  const std::string text = R"yaml(
-shafts: [a, b]
-a: {inertia: 1.0}
-b: {inertia: 2.0}
-torques: [qa, qb]
-qa: {type: variator_sim/ExpressionTorque, shaft: a, torque: "-0.1*w1"}
-qb: {type: variator_sim/ExpressionTorque, shaft: b, torque: "1-0.3*w2"}
-constraints: [v]
-v: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2-0.6*e1)+w2-0.6*w1+0.1*abs(e1)"}
-initial: {velocity: [1, 1]}
-principle: gauss
-)yaml";
+  const std::string text = test::sceneText(
+      "a 1, b 2",
+      {"qa on a: -0.1*w1", "qb on b: 1-0.3*w2", "v: 0.2*(e2-0.6*e1)+w2-0.6*w1+0.1*abs(e1)"},
+      "initial: {velocity: [1, 1]}\n"
+      "principle: gauss");
   Simulation simulation(test::sceneFromText(text));
   // On the piece e1 > 0: J e = Q + lambda C, C = (-0.02, 0.2)
   EXPECT_NEAR(simulation.sample().acceleration[0], 0.37 / 1.02, 1e-12);
@@ -407,16 +384,11 @@ principle: gauss
 }
 
 std::string kinkScene(double slope, const std::string& shaft, const std::string& initial) {
-  return R"yaml(
-shafts: [a, b]
-a: {inertia: 1.0}
-b: {inertia: 2.0}
-torques: [c]
-c: {type: variator_sim/CommandedTorque, shaft: )yaml" +
-         shaft + R"yaml(, topic: m, hold: zero_order, initial: )yaml" + initial + R"yaml(}
-constraints: [v]
-v: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e2-0.6*e1+k*abs(e1)", parameters: {k: )yaml" +
-         std::to_string(slope) + "}}\n";
+  return test::sceneText(
+      "a 1, b 2",
+      {std::string("c on ") + shaft + " from m, hold: zero_order, initial: " + initial,
+       "v = ExpressionConstraint, order: 2, expression: 'e2-0.6*e1+k*abs(e1)', parameters: {k: " +
+           std::to_string(slope) + "}"});
 }
 
 TEST(JumpMap, PassesKinksOfPsi) {
@@ -478,16 +450,10 @@ TEST(JumpMap, PassesCommandsThatFadeAway) {
   // Changes whose squares underflow have errors all the same.
   for (double exponent : {-100.0, -151.0, -160.0, -200.0, -300.0, -320.0}) {
     TwoShafts scene;
-    Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [a, b]
-a: {inertia: 0.5}
-b: {inertia: 1.2}
-torques: [c]
-c: {type: variator_sim/CommandedTorque, shaft: a, topic: m, hold: zero_order}
-constraints: [v]
-v: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"}
-initial: {velocity: [10, 8]}
-)yaml"));
+    Simulation simulation(test::sceneFromText(
+        "a 0.5, b 1.2",
+        {"c on a from m, hold: zero_order", "v: 0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"},
+        "initial: {velocity: [10, 8]}"));
     simulation.advanceTo(0.1);
     simulation.command(0, std::pow(10.0, exponent));
     simulation.advanceTo(0.2);
@@ -499,13 +465,7 @@ initial: {velocity: [10, 8]}
 
 TEST(Steppers, GoOnWhereSquaresUnderflow) {
   for (StepperKind stepper : {StepperKind::kFehlberg78, StepperKind::kDopri5}) {
-    Scene scene = test::sceneFromText(R"yaml(
-shafts: [a]
-a: {inertia: 1}
-torques: [q]
-q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1e-160*sin(t)"}
-solver: {sleep: false}
-)yaml");
+    Scene scene = test::sceneFromText("a 1", {"q on a: 1e-160*sin(t)"}, "solver: {sleep: false}");
     Simulation simulation(test::withStepper(scene, stepper));
     simulation.advanceTo(3.0);
     ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();

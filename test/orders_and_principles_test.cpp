@@ -1,11 +1,5 @@
 // Constraints of order 1, 2 and 3, the two principles, inertia that depends on the angle: what one
 // says of another.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "support/scenes.h"
 
@@ -23,17 +17,10 @@ struct Scene2 {
 Simulation simulate(const Scene2& scene, double tolerance = 1e-11,
                     StepperKind stepper = StepperKind::kDopri5) {
   Scene read = test::sceneFromText(
-      "shafts: [drive, load]\n"
-      "drive: {inertia: 0.8}\n"
-      "load: {inertia: 2.0}\n"
-      "torques: [motor, propeller]\n"
-      "motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: \"" +
-      scene.drive_torque +
-      "\"}\n"
-      "propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: \"-0.02*w2^2\"}\n"
-      "constraints: [variator]\n"
-      "variator: {type: variator_sim/ExpressionConstraint, " +
-      scene.constraint + "}\nprinciple: " + scene.principle + "\ninitial: " + scene.initial + "\n");
+      "drive 0.8, load 2",
+      {std::string("motor on drive: ") + scene.drive_torque, "propeller on load: -0.02*w2^2",
+       std::string("variator = ExpressionConstraint, ") + scene.constraint},
+      std::string("principle: ") + scene.principle + "\ninitial: " + scene.initial);
   return Simulation(test::withStepper(test::withTolerance(std::move(read), tolerance), stepper));
 }
 
@@ -128,23 +115,13 @@ TEST(Orders, TheAccelerationCircleByItsDerivative) {
 }
 
 TEST(Orders, MixInOneScene) {
-  Simulation simulation(test::withTolerance(test::sceneFromText(R"yaml(
-shafts: [a, b, c, d]
-a: {inertia: 0.5}
-b: {inertia: 1.0}
-c: {inertia: 2.0}
-d: {inertia: 0.7}
-inertia_coupling: [[a, c, 0.1]]
-torques: [motor, drag]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "20-w1"}
-drag: {type: variator_sim/ExpressionTorque, shaft: d, torque: "-0.5*w4"}
-constraints: [gear, slip, start]
-gear: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-0.5*w1"}
-slip: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.1*(e3-0.7*e2)+w3-0.7*w2"}
-start: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j4-0.3*cos(t)"}
-initial: {velocity: [2, 1, 0.5, 0]}
-)yaml"),
-                                            1e-11));
+  Simulation simulation(test::withTolerance(
+      test::sceneFromText("a 0.5, b 1, c 2, d 0.7",
+                          {"motor on a: 20-w1", "drag on d: -0.5*w4", "gear of order 1: w2-0.5*w1",
+                           "slip: 0.1*(e3-0.7*e2)+w3-0.7*w2", "start of order 3: j4-0.3*cos(t)"},
+                          "inertia_coupling: [[a, c, 0.1]]\n"
+                          "initial: {velocity: [2, 1, 0.5, 0]}"),
+      1e-11));
   const Sample first = simulation.sample();
   for (int n = 1; n <= 20; ++n) {
     const double t = 0.2 * n;
@@ -242,19 +219,15 @@ TEST(Principles, GaussSolvesNonlinearConstraintsToRoundOff) {
 // `generalized_gauss`, and the reaction itself under `gauss`.
 TEST(Principles, MultipliersAreThoseOfTheMessage) {
   const std::string scene =
-      "shafts: [crank, load]\n"
-      "crank: {inertia: {mean: 1.5, harmonics: [{order: 1, cos: 0.8}]}}\n"
-      "load: {inertia: 2.0}\n"
-      "torques: [motor]\n"
-      "motor: {type: variator_sim/ExpressionTorque, shaft: crank, torque: \"5-0.3*w1\"}\n"
-      "constraints: [variator]\n"
-      "variator: {type: variator_sim/KinematicRatio, shafts: [crank, load], ratio: "
-      "\"0.6+0.1*sin(t)\"}\n"
-      "initial: {velocity: [5, 3]}\n"
-      "principle: ";
+      test::sceneText("crank, load 2",
+                      {"motor on crank: 5-0.3*w1",
+                       "variator = KinematicRatio, shafts: [crank, load], ratio: '0.6+0.1*sin(t)'"},
+                      "crank: {inertia: {mean: 1.5, harmonics: [{order: 1, cos: 0.8}]}}\n"
+                      "initial: {velocity: [5, 3]}");
   double difference = 0.0;
   for (const std::string principle : {"generalized_gauss", "gauss"}) {
-    Simulation simulation(test::withTolerance(test::sceneFromText(scene + principle), 1e-11));
+    Simulation simulation(
+        test::withTolerance(test::sceneFromText(scene + "principle: " + principle), 1e-11));
     for (int n = 1; n <= 20; ++n) {
       ASSERT_TRUE(simulation.advanceTo(0.1 * n).ok()) << simulation.describeStatus();
       const Sample& s = simulation.sample();
@@ -397,21 +370,22 @@ TEST(Covariance, TheMotionDoesNotDependOnTheCoordinate) {
       "torques: [motor, drag]\n"
       "drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: \"-0.3*w2\"}\n"
       "constraints: [variator]\n";
-  const std::string scene_phi =
-      "shafts: [crank, load]\n"
-      "crank: {inertia: {mean: 1.565, harmonics: [{order: 1, cos: 1.2}, {order: 2, cos: "
-      "0.125}]}}\n" +
-      common +
-      "motor: {type: variator_sim/ExpressionTorque, shaft: crank,"
-      " torque: \"(1.2+0.5*cos(phi1))*(2+sin(3*t)-0.2*(1.2+0.5*cos(phi1))*w1)\"}\n"
-      "variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: \""
-      "0.3*(e2-0.7*((1.2+0.5*cos(phi1))*e1-0.5*sin(phi1)*w1^2))*(1+0.02*e2^2)"
-      "+w2-0.7*(1.2+0.5*cos(phi1))*w1\"}\n";
-  const std::string scene_x = "shafts: [straight, load]\nstraight: {inertia: 1.0}\n" + common +
-                              "motor: {type: variator_sim/ExpressionTorque, shaft: straight,"
-                              " torque: \"2+sin(3*t)-0.2*w1\"}\n"
-                              "variator: {type: variator_sim/ExpressionConstraint, order: 2,"
-                              " expression: \"0.3*(e2-0.7*e1)*(1+0.02*e2^2)+w2-0.7*w1\"}\n";
+  const std::string scene_phi = test::sceneText(
+      "crank, load", {},
+      std::string(
+          "crank: {inertia: {mean: 1.565, harmonics: [{order: 1, cos: 1.2}, {order: 2, cos: "
+          "0.125}]}}\nmotor: {type: variator_sim/ExpressionTorque, shaft: crank, torque: "
+          "'(1.2+0.5*cos(phi1))*(2+sin(3*t)-0.2*(1.2+0.5*cos(phi1))*w1)'}\nvariator: {type: "
+          "variator_sim/ExpressionConstraint, order: 2, expression: "
+          "'0.3*(e2-0.7*((1.2+0.5*cos(phi1))*e1-0.5*sin(phi1)*w1^2))*(1+0.02*e2^2)+w2-0.7*(1.2+0.5*"
+          "cos(phi1))*w1'}\n") +
+          common);
+  const std::string scene_x = test::sceneText(
+      "straight 1, load", {},
+      std::string("motor: {type: variator_sim/ExpressionTorque, shaft: straight, torque: "
+                  "'2+sin(3*t)-0.2*w1'}\nvariator: {type: variator_sim/ExpressionConstraint, "
+                  "order: 2, expression: '0.3*(e2-0.7*e1)*(1+0.02*e2^2)+w2-0.7*w1'}\n") +
+          common);
   for (const std::string principle : {"generalized_gauss", "gauss"}) {
     // at phi = 0: x' = (a + b) w, x'' = (a + b) e
     const std::string given = principle == "gauss" ? "" : ", acceleration: ";

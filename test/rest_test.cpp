@@ -2,17 +2,7 @@
 // it or forbids it.
 #include "integrate/rest.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <cstdio>
-#include <cstring>
 #include <random>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "dynamics/system.h"
 #include "support/scenes.h"
@@ -91,7 +81,7 @@ TEST(Deviation, OfASlowModeMadeByFastOnes) {
 
 // --- how often it is asked for -------------------------------------------------------------------
 TEST(Rest, IsAskedForLessAndLessOften) {
-  const Scene scene = test::sceneFromText("shafts: [a]\na: {inertia: 1}\nprinciple: gauss\n");
+  const Scene scene = test::sceneFromText("a 1", {}, "principle: gauss");
   System system(scene);
   Rest rest(system);
   rest.reset();
@@ -112,20 +102,12 @@ TEST(Rest, IsAskedForLessAndLessOften) {
 /// A motor of a commanded torque drives a propeller through a slipping variator, and everything
 /// reaches a steady speed. `motor` are more keys of the motor.
 std::string steadyScene(const std::string& motor = "hold: zero_order") {
-  return R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, friction, propeller]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, )yaml" +
-         motor + R"yaml(}
-friction: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-0.5*w1"}
-propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2*abs(w2)"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "tau*(e2-u*e1)+w2-u*w1", parameters: {tau: 0.2, u: 0.6}}
-initial: {velocity: [5, 2]}
-)yaml";
+  return test::sceneText("drive 0.8, load 2",
+                         {std::string("motor on drive from torque, ") + motor,
+                          "friction on drive: -0.5*w1", "propeller on load: -0.02*w2*abs(w2)",
+                          "variator = ExpressionConstraint, order: 2, expression: "
+                          "'tau*(e2-u*e1)+w2-u*w1', parameters: {tau: 0.2, u: 0.6}"},
+                         "initial: {velocity: [5, 2]}");
 }
 
 constexpr double kTolerance = 1e-9;
@@ -192,13 +174,8 @@ TEST(Sleep, BeginsAtASteadySpeedAndStepsNoMore) {
   EXPECT_NEAR(after.residual[0], 0.0, 1e-12);
 }
 
-constexpr const char* kFastDrag = R"yaml(
-shafts: [drive]
-drive: {inertia: 1}
-torques: [motor, drag]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
-drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-50*w1"}
-)yaml";
+const std::string kFastDrag =
+    test::sceneText("drive 1", {"motor on drive from torque", "drag on drive: -50*w1"});
 
 // Explicit steps at the bound of their stability never come to rest: auto lets radau do it, until
 // the next command.
@@ -424,15 +401,12 @@ TEST(Sleep, NeverInFixedSteps) {
 TEST(Sleep, NotWhereAnglesThatAreReadTurn) {
   const auto scene = [](const std::string& principle, double drag, double speed) {
     const std::string w = std::to_string(speed);
-    return test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [coupling, drag]
-coupling: {type: variator_sim/ElasticCoupling, shafts: [drive, load], stiffness: 50, damping: 5}
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-d*w2", parameters: {d: )yaml" +
-                               std::to_string(drag) + "}}\nprinciple: " + principle +
-                               "\ninitial: {velocity: [" + w + ", " + w + "]}\n");
+    return test::sceneFromText(
+        "drive 0.8, load 2",
+        {"coupling = ElasticCoupling, shafts: [drive, load], stiffness: 50, damping: 5",
+         "drag = ExpressionTorque, shaft: load, torque: '-d*w2', parameters: {d: " +
+             std::to_string(drag) + "}"},
+        std::string("principle: ") + principle + "\ninitial: {velocity: [" + w + ", " + w + "]}");
   };
   Simulation turning(scene("gauss", 0.0, 10.0));
   EXPECT_FALSE(sleepsBefore(turning, 300.0));
@@ -467,7 +441,7 @@ TEST(Sleep, BeginsAtOnceAtAnEquilibrium) {
   EXPECT_GT(standing.sample().velocity[0], 0.1);
 
   // and turning freely
-  Simulation free(test::sceneFromText("shafts: [a]\na: {inertia: 1}\ninitial: {velocity: [3]}\n"));
+  Simulation free(test::sceneFromText("a 1", {}, "initial: {velocity: [3]}"));
   free.advanceTo(10.0);
   EXPECT_TRUE(free.isSleeping());
   EXPECT_EQ(free.statistics().steps, 0u);
@@ -562,16 +536,10 @@ TEST(Sleep, NotInASlowOscillation) {
 
 // A slow mode beside a fast one: the fast one's fall is no rest for the slow one.
 TEST(Sleep, WaitsForTheSlowestPartOfTheMotion) {
-  Scene scene = test::withTolerance(test::sceneFromText(R"yaml(
-shafts: [fast, slow]
-fast: {inertia: 1}
-slow: {inertia: 1000}
-torques: [one, other]
-one: {type: variator_sim/ExpressionTorque, shaft: fast, torque: "-10*w1"}
-other: {type: variator_sim/ExpressionTorque, shaft: slow, torque: "-w2"}
-initial: {velocity: [10, 1e-3]}
-)yaml"),
-                                    1e-6);
+  Scene scene = test::withTolerance(
+      test::sceneFromText("fast 1, slow 1000", {"one on fast: -10*w1", "other on slow: -w2"},
+                          "initial: {velocity: [10, 1e-3]}"),
+      1e-6);
   Simulation simulation(test::withStepper(std::move(scene), StepperKind::kRadau));
   for (double t : {1.0, 10.0, 100.0, 1000.0, 5000.0, 20000.0, 100000.0}) {
     simulation.advanceTo(t);
@@ -799,11 +767,10 @@ TEST(Sleep, NotAtASaddle) {
   for (const char* principle : kPrinciples) {
     for (double growth : {0.05, 1.0}) {
       const std::string k = number(growth * growth);
-      Simulation simulation(test::sceneFromText(
-          "shafts: [a]\na: {inertia: 1}\ntorques: [q]\nq: {type: variator_sim/ExpressionTorque, "
-          "shaft: a, torque: \"" +
-          k + "*phi1\"}\ninitial: {angle: [1e-12], velocity: [-" +
-          number(growth * (1e-12 - 1e-16)) + "]}\nprinciple: " + principle + "\n"));
+      Simulation simulation(test::sceneFromText("a 1", {std::string("q on a: ") + k + "*phi1"},
+                                                "initial: {angle: [1e-12], velocity: [-" +
+                                                    number(growth * (1e-12 - 1e-16)) +
+                                                    "]}\nprinciple: " + principle));
       // phi = (1e-12 - 5e-17) e^(-g t) + 5e-17 e^(g t)
       for (double gt : {5.0, 10.0, 20.0, 30.0, 35.0}) {
         simulation.advanceTo(gt / growth);
@@ -814,10 +781,8 @@ TEST(Sleep, NotAtASaddle) {
       EXPECT_FALSE(simulation.isSleeping());
     }
     // exactly there it stays
-    Simulation exact(test::sceneFromText(
-        "shafts: [a]\na: {inertia: 1}\ntorques: [q]\nq: {type: variator_sim/ExpressionTorque, "
-        "shaft: a, torque: \"phi1\"}\nprinciple: " +
-        std::string(principle) + "\n"));
+    Simulation exact(
+        test::sceneFromText("a 1", {"q on a: phi1"}, "principle: " + std::string(principle)));
     exact.advanceTo(1e6);
     EXPECT_TRUE(exact.isSleeping());
     EXPECT_EQ(exact.sample().angle[0], 0.0);
@@ -832,15 +797,14 @@ TEST(Sleep, ElasticCouplingsComeToRest) {
       for (double stiffness : {0.5, 300.0}) {
         constexpr double kDamping = 0.3;
         Simulation simulation(test::sceneFromText(
-            "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [c, fa, fb]\n"
-            "c: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: " +
-            number(stiffness) + ", damping: " + number(kDamping) + "}\n" +
-            "fa: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-d*w1\", parameters: "
-            "{d: " +
-            number(friction) + "}}\n" +
-            "fb: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"-d*w2\", parameters: "
-            "{d: " +
-            number(friction) + "}}\ninitial: {velocity: [3, 1]}\nprinciple: " + principle + "\n"));
+            "a 1, b 1",
+            {"c = ElasticCoupling, shafts: [a, b], stiffness: " + number(stiffness) +
+                 ", damping: " + number(kDamping),
+             "fa = ExpressionTorque, shaft: a, torque: '-d*w1', parameters: {d: " +
+                 number(friction) + "}",
+             "fb = ExpressionTorque, shaft: b, torque: '-d*w2', parameters: {d: " +
+                 number(friction) + "}"},
+            std::string("initial: {velocity: [3, 1]}\nprinciple: ") + principle));
         const Mode sum{friction, 0.0, 0.0, 0.0, 4.0};
         const Mode difference{friction + 2.0 * kDamping, 2.0 * stiffness, 0.0, 0.0, 2.0};
         for (double t : {10.0, 100.0, 1000.0, 1e4, 1e5, 1e7}) {

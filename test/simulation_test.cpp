@@ -1,14 +1,7 @@
 // The promises of Simulation beside the physics: samples do not change the motion, commands act
 // together and exactly in time, every stop has a name, bad values are rejected.
-#include "variator_sim/simulation.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstring>
 #include <random>
-#include <string>
-#include <utility>
 
 #include "support/scenes.h"
 #include "variator_sim/interruption.h"
@@ -16,20 +9,13 @@
 namespace variator_sim {
 namespace {
 
-const char* const kTwoCommands = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-torques: [engine, brake, friction]
-engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: drive_torque, hold: zero_order}
-brake: {type: variator_sim/CommandedTorque, shaft: load, topic: load_torque, hold: first_order_lag,
-        time_constant: 0.05, gain: -1, min: -20, max: 20}
-friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w2"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"}
-initial: {velocity: [10.0, 8.0]}
-)yaml";
+const std::string kTwoCommands = test::sceneText(
+    "drive 0.5, load 1.2",
+    {"engine on drive from drive_torque, hold: zero_order",
+     "brake on load from load_torque, hold: first_order_lag, time_constant: 0.05, gain: -1, min: "
+     "-20, max: 20",
+     "friction on load: -0.3*w2", "variator: 0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"},
+    "initial: {velocity: [10, 8]}");
 
 bool sameBytes(const Sample& a, const Sample& b) {
   return std::memcmp(&a, &b, sizeof a) == 0;
@@ -166,12 +152,8 @@ TEST(Simulation, ARepeatedCommandChangesNothing) {
 }
 
 TEST(Simulation, AnOverdueCommandIsZeroedAtItsInstant) {
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive]
-drive: {inertia: 2.0}
-torques: [motor]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, timeout: 0.5, on_timeout: zero}
-)yaml"));
+  Simulation simulation(test::sceneFromText(
+      "drive 2", {"motor on drive from torque, timeout: 0.5, on_timeout: zero"}));
   simulation.advanceTo(1.0);
   EXPECT_EQ(simulation.statistics().command_timeouts, 0u);  // no command yet, nothing overdue
   simulation.command(0, 4.0);
@@ -184,14 +166,10 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, timeout
 }
 
 TEST(Simulation, IsQuietUntilTheNextStepACommandOrItsTimeout) {
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive]
-drive: {inertia: 2.0}
-torques: [motor, drag]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, timeout: 0.5, on_timeout: zero}
-drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-w1"}
-initial: {velocity: [10]}
-)yaml"));
+  Simulation simulation(test::sceneFromText(
+      "drive 2",
+      {"motor on drive from torque, timeout: 0.5, on_timeout: zero", "drag on drive: -w1"},
+      "initial: {velocity: [10]}"));
   EXPECT_EQ(simulation.quietUntil(), 0.0);  // no step made yet
   simulation.advanceTo(0.9);
   const double end = simulation.quietUntil();
@@ -216,14 +194,10 @@ TEST(Simulation, ATorqueOfTimeAloneIsSeenByEveryStepper) {
   for (StepperKind stepper :
        {StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kTaylor}) {
     for (double tolerance : {1e-6, 1e-9, 1e-12}) {
-      Simulation simulation(test::withStepper(test::withTolerance(test::sceneFromText(R"yaml(
-shafts: [drive]
-drive: {inertia: 0.01}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "sin(100*t)"}
-)yaml"),
-                                                                  tolerance),
-                                              stepper));
+      Simulation simulation(test::withStepper(
+          test::withTolerance(test::sceneFromText("drive 0.01", {"motor on drive: sin(100*t)"}),
+                              tolerance),
+          stepper));
       for (int n = 1; n <= 20; ++n) {
         const double t = 0.37 * n;
         simulation.advanceTo(t);
@@ -240,17 +214,9 @@ motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "sin(100*t)"}
 
 // --- starts -----------------------------------------------------------------------------------
 std::string startScene(const std::string& initial, const std::string& torque = "1") {
-  return R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1.5}
-load: {inertia: 1.5}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: ")yaml" +
-         torque + R"yaml("}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2+e2^2-4"}
-initial: )yaml" +
-         initial + "\n";
+  return test::sceneText("drive 1.5, load 1.5",
+                         {std::string("motor on drive: ") + torque, "variator: e1^2+e2^2-4"},
+                         std::string("initial: ") + initial);
 }
 
 TEST(InitialConditions, InconsistentOnesNameResidualAndNearest) {
@@ -307,14 +273,8 @@ TEST(InitialConditions, LeastReactionIsFoundFromASingularStart) {
   // J = diag(1, 2): without torque C = 0 at the free accelerations, and of the points of
   // 4 eps1^2 + eps2^2 = 4 those with eps1 = 1 or -1 have the least reaction; the quadratic term
   // decides between them.
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1}
-load: {inertia: 2}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "4*e1^2+e2^2+0.1*e1^3-4"}
-)yaml"));
+  Simulation simulation(
+      test::sceneFromText("drive 1, load 2", {"variator: 4*e1^2+e2^2+0.1*e1^3-4"}));
   ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
   const double e1 = simulation.sample().acceleration[0];
   EXPECT_NEAR(4.0 * e1 * e1 + 0.1 * e1 * e1 * e1, 4.0, 1e-12);
@@ -325,18 +285,11 @@ variator: {type: variator_sim/ExpressionConstraint, order: 2,
 TEST(InitialConditions, LeastReactionIsFoundFarFromTheFreeAccelerations) {
   // An elastic coupling's torque alone would give the light shaft 600 rad/s^2, where the cubic psi
   // is steep; plain Newton from there goes astray.
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [input, screw]
-input: {inertia: 10}
-screw: {inertia: 400}
-torques: [coupling, propeller]
-coupling: {type: variator_sim/ExpressionTorque, shaft: input, torque: 6000}
-propeller: {type: variator_sim/ExpressionTorque, shaft: screw, torque: "-6000+t"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.5*(e2-0.22*e1)*(1+0.02*(e1^2+e2^2))+w2-0.22*w1"}
-initial: {velocity: [60, 12.4]}
-)yaml"));
+  Simulation simulation(
+      test::sceneFromText("input 10, screw 400",
+                          {"coupling on input: 6000", "propeller on screw: -6000+t",
+                           "variator: 0.5*(e2-0.22*e1)*(1+0.02*(e1^2+e2^2))+w2-0.22*w1"},
+                          "initial: {velocity: [60, 12.4]}"));
   ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
   const Sample& s = simulation.sample();
   EXPECT_NEAR(s.residual[0], 0.0, 1e-12);
@@ -350,27 +303,15 @@ initial: {velocity: [60, 12.4]}
 }
 
 TEST(InitialConditions, ImpossibleOnesAreAnError) {
-  EXPECT_THROW(Simulation(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1}
-load: {inertia: 1}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2+e2^2+4"}
-)yaml")),
+  EXPECT_THROW(Simulation(test::sceneFromText("drive 1, load 1", {"variator: e1^2+e2^2+4"})),
                SceneError);
 }
 
 // --- stops ------------------------------------------------------------------------------------
 TEST(Stops, AVanishingConstraintIsNamed) {
   // c = 2 (eps1 - 1 + t) goes to zero while psi forces it to: psi = (eps1 - 1 + t)^2 + t - 0.5
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1}
-load: {inertia: 1}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "(e1-1)^2+t-0.5"}
-initial: {acceleration: [1.7071067811865475, 0]}
-)yaml"));
+  Simulation simulation(test::sceneFromText("drive 1, load 1", {"variator: (e1-1)^2+t-0.5"},
+                                            "initial: {acceleration: [1.7071067811865475, 0]}"));
   const MotionStatus& status = simulation.advanceTo(2.0);
   EXPECT_EQ(status.reason, StopReason::kSingularConstraint);
   EXPECT_EQ(status.constraint, 0);
@@ -389,31 +330,16 @@ initial: {acceleration: [1.7071067811865475, 0]}
 }
 
 TEST(Stops, ASingularStartIsNamed) {
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1}
-load: {inertia: 1}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1*e2"}
-initial: {acceleration: [0, 0]}
-)yaml"));
+  Simulation simulation(test::sceneFromText("drive 1, load 1", {"variator: e1*e2"},
+                                            "initial: {acceleration: [0, 0]}"));
   EXPECT_EQ(simulation.status().reason, StopReason::kSingularConstraint);
   EXPECT_EQ(simulation.time(), 0.0);
 }
 
 TEST(Stops, ConstraintsThatBecomeDependentAreNamed) {
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [a, b, c]
-a: {inertia: 1}
-b: {inertia: 1}
-c: {inertia: 1}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1+t"}
-constraints: [first, second]
-first: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1+e2-w1"}
-second: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1+e2+(1-t)*e3+w2"}
-initial: {velocity: [1, 1, 1]}
-)yaml"));
+  Simulation simulation(test::sceneFromText(
+      "a 1, b 1, c 1", {"motor on a: 1+t", "first: e1+e2-w1", "second: e1+e2+(1-t)*e3+w2"},
+      "initial: {velocity: [1, 1, 1]}"));
   const MotionStatus& status = simulation.advanceTo(2.0);
   EXPECT_EQ(status.reason, StopReason::kSingularConstraint) << simulation.describeStatus();
   EXPECT_EQ(status.constraint, 1);
@@ -424,17 +350,13 @@ initial: {velocity: [1, 1, 1]}
 // these makes of the accelerations that follow from it is more than 1e-11 of them.
 TEST(Stops, AToleranceBelowWhatRoundingLeavesIsNamed) {
   const auto play = [](const std::string& principle) {
-    Simulation simulation(test::withTolerance(test::sceneFromText(R"yaml(
-shafts: [a, b]
-a: {inertia: 1.0}
-b: {inertia: 2.0}
-torques: [coupling, motor]
-coupling: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: 1.0e8, damping: 1.0e4}
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "3*cos(t)"}
-constraints: []
-initial: {angle: [1.0, 1.0], velocity: [2.0, 2.0]}
-principle: )yaml" + principle + "\n"),
-                                              1e-11));
+    Simulation simulation(test::withTolerance(
+        test::sceneFromText(
+            "a 1, b 2",
+            {"coupling = ElasticCoupling, shafts: [a, b], stiffness: 1.0e8, damping: 1.0e4",
+             "motor on a: 3*cos(t)"},
+            std::string("initial: {angle: [1, 1], velocity: [2, 2]}\nprinciple: ") + principle),
+        1e-11));
     simulation.advanceTo(0.1);
     return std::make_pair(simulation.status().reason, simulation.describeStatus());
   };
@@ -447,13 +369,8 @@ principle: )yaml" + principle + "\n"),
 
 TEST(Stops, AnEscapeInFiniteTimeIsNamed) {
   // J eps = w^2: w = 1 / (1 - t)
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive]
-drive: {inertia: 1}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "w1^2"}
-initial: {velocity: [1]}
-)yaml"));
+  Simulation simulation(
+      test::sceneFromText("drive 1", {"motor on drive: w1^2"}, "initial: {velocity: [1]}"));
   ASSERT_TRUE(simulation.advanceTo(0.9).ok());
   EXPECT_NEAR(simulation.sample().velocity[0], 10.0, 1e-6);
   const MotionStatus& status = simulation.advanceTo(2.0);
@@ -465,15 +382,9 @@ initial: {velocity: [1]}
 }
 
 TEST(Stops, AValueThatLeavesItsDomainIsNamed) {
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1}
-load: {inertia: 1}
-torques: [motor, odd]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-1"}
-odd: {type: variator_sim/ExpressionTorque, shaft: load, torque: "sqrt(w1)"}
-initial: {velocity: [1, 0]}
-)yaml"));
+  Simulation simulation(test::sceneFromText("drive 1, load 1",
+                                            {"motor on drive: -1", "odd on load: sqrt(w1)"},
+                                            "initial: {velocity: [1, 0]}"));
   const MotionStatus& status = simulation.advanceTo(2.0);
   EXPECT_EQ(status.reason, StopReason::kNonFiniteValue);
   EXPECT_EQ(status.torque, 1);
@@ -492,16 +403,9 @@ TEST(Stops, TooManyStepsAreNamed) {
 
 TEST(Stops, AJumpThatLeavesTheConstraintIsNamed) {
   // psi = eps1^2 - eps2^3 has a cusp at 0, where C = 0; a braking torque on shaft 2 leads into it.
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1}
-load: {inertia: 1}
-torques: [brake]
-brake: {type: variator_sim/CommandedTorque, shaft: load, topic: torque}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2-e2^3"}
-initial: {acceleration: [1, 1]}
-)yaml"));
+  Simulation simulation(test::sceneFromText("drive 1, load 1",
+                                            {"brake on load from torque", "variator: e1^2-e2^3"},
+                                            "initial: {acceleration: [1, 1]}"));
   simulation.advanceTo(0.1);
   simulation.command(0, -10.0);
   simulation.sample();
@@ -515,16 +419,12 @@ initial: {acceleration: [1, 1]}
 // Ends of ramps that are meant for one instant, but a rounding apart, leave no time for a step.
 TEST(Simulation, GoesOnWhereRampsEndTogether) {
   for (const char* principle : {"generalized_gauss", "gauss"}) {
-    Simulation simulation(test::sceneFromText(
-        std::string("shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\ntorques: [m, n]\n"
-                    "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, "
-                    "hold: first_order_hold, period: 0.1}\n"
-                    "n: {type: variator_sim/CommandedTorque, shaft: b, topic: v, "
-                    "hold: rate_limit, rate: 3}\n"
-                    "constraints: [slip]\n"
-                    "slip: {type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.1, "
-                    "ratio: 0.5}\ninitial: {velocity: [4, 2]}\nprinciple: ") +
-        principle));
+    Simulation simulation(
+        test::sceneFromText("a 0.8, b 2",
+                            {"m on a from u, hold: first_order_hold, period: 0.1",
+                             "n on b from v, hold: rate_limit, rate: 3",
+                             "slip = SlipRatio, shafts: [a, b], time_constant: 0.1, ratio: 0.5"},
+                            std::string("initial: {velocity: [4, 2]}\nprinciple: ") + principle));
     int apart = 0;
     for (int k = 1; k <= 100; ++k) {
       const double begin = 0.001 * k;
@@ -587,9 +487,7 @@ TEST(Interruptions, LeaveAMotionThatGoesOn) {
 
 // A command's timeout behind the interruption is no event yet.
 TEST(Interruptions, LeaveTimeoutsToCome) {
-  Simulation simulation(test::sceneFromText(
-      "shafts: [a]\na: {inertia: 1}\ntorques: [m]\n"
-      "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, timeout: 0.5}\n"));
+  Simulation simulation(test::sceneFromText("a 1", {"m on a from u, timeout: 0.5"}));
   simulation.command(0, 1.0);
   {
     const Interruption interruption([] { return true; });

@@ -1,15 +1,7 @@
 // Skipping unneeded work - derivatives by angles, sizes looked up while running - changes a motion
 // by rounding only.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <limits>
 #include <ostream>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "integrate/command_rhythm.h"
 #include "motion/motion.h"
@@ -23,7 +15,7 @@ constexpr double kEnd = 2.0;
 
 struct SkipScene {
   const char* name;
-  const char* yaml;
+  std::string yaml;
   bool reads_angles;
 };
 
@@ -33,131 +25,80 @@ void PrintTo(const SkipScene& scene, std::ostream* out) {
 }
 
 const SkipScene kScenes[] = {
-    {"Ship", R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, propeller]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "12*((50-w1)/50)/(((50-w1)/50)^2+0.04)"}
-propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2)) + w2-(0.6+0.2*sin(0.7*t))*w1"}
-initial: {velocity: [5.0, 2.0]}
-)yaml",
+    {"Ship",
+     test::sceneText(
+         "drive 0.8, load 2",
+         {"motor on drive: 12*((50-w1)/50)/(((50-w1)/50)^2+0.04)", "propeller on load: -0.02*w2^2",
+          "variator: 0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2)) + "
+          "w2-(0.6+0.2*sin(0.7*t))*w1"},
+         "initial: {velocity: [5, 2]}"),
      false},
-    {"ConstantSlip", R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, propeller]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: first_order_lag, time_constant: 0.3, initial: 2}
-propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2+sin(t)"}
-constraints: [variator]
-variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6}
-initial: {velocity: [5.0, 2.0]}
-)yaml",
+    {"ConstantSlip",
+     test::sceneText(
+         "drive 0.8, load 2",
+         {"motor on drive from torque, hold: first_order_lag, time_constant: 0.3, initial: 2",
+          "propeller on load: -0.02*w2^2+sin(t)",
+          "variator = SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6"},
+         "initial: {velocity: [5, 2]}"),
      false},
-    {"CommandedSlip", R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [propeller]
-propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2+sin(t)"}
-constraints: [variator]
-variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.2,
-           ratio: {topic: ratio, initial: 0.6}}
-initial: {velocity: [5.0, 2.0]}
-)yaml",
+    {"CommandedSlip",
+     test::sceneText("drive 0.8, load 2",
+                     {"propeller on load: -0.02*w2^2+sin(t)",
+                      "variator = SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: "
+                      "{topic: ratio, initial: 0.6}"},
+                     "initial: {velocity: [5, 2]}"),
      false},
-    {"FourShaftsTwoConstraints", R"yaml(
-shafts: [a, b, c, d]
-a: {inertia: 0.8}
-b: {inertia: 0.5}
-c: {inertia: 2.0}
-d: {inertia: 1.1}
-inertia_coupling: [[a, b, 0.1]]
-torques: [motor, friction, spring]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "5*sin(3*t)-0.1*w1"}
-friction: {type: variator_sim/ExpressionTorque, shaft: d, torque: "-0.3*w4-0.1*tanh(w3)"}
-spring: {type: variator_sim/ElasticCoupling, shafts: [b, c], stiffness: 30, damping: 1}
-constraints: [one, two]
-one: {type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.2, ratio: 0.6}
-two: {type: variator_sim/SlipRatio, shafts: [c, d], time_constant: 0.4, ratio: -1.5}
-initial: {velocity: [5.0, 3.0, 2.0, -3.0]}
-)yaml",
+    {"FourShaftsTwoConstraints",
+     test::sceneText("a 0.8, b 0.5, c 2, d 1.1",
+                     {"motor on a: 5*sin(3*t)-0.1*w1", "friction on d: -0.3*w4-0.1*tanh(w3)",
+                      "spring = ElasticCoupling, shafts: [b, c], stiffness: 30, damping: 1",
+                      "one = SlipRatio, shafts: [a, b], time_constant: 0.2, ratio: 0.6",
+                      "two = SlipRatio, shafts: [c, d], time_constant: 0.4, ratio: -1.5"},
+                     "inertia_coupling: [[a, b, 0.1]]\n"
+                     "initial: {velocity: [5, 3, 2, -3]}"),
      false},
-    {"ElasticCouplingUnderGauss", R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [coupling, motor]
-coupling: {type: variator_sim/ElasticCoupling, shafts: [drive, load], stiffness: 60, damping: 2}
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "3+sin(2*t)-0.2*w1"}
-principle: gauss
-initial: {angle: [0.1, 0], velocity: [5.0, 2.0]}
-)yaml",
+    {"ElasticCouplingUnderGauss",
+     test::sceneText(
+         "drive 0.8, load 2",
+         {"coupling = ElasticCoupling, shafts: [drive, load], stiffness: 60, damping: 2",
+          "motor on drive: 3+sin(2*t)-0.2*w1"},
+         "principle: gauss\n"
+         "initial: {angle: [0.1, 0], velocity: [5, 2]}"),
      true},
-    {"CrankInertia", R"yaml(
-shafts: [engine, load]
-engine: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.15}, {order: 2, cos: 0.05, sin: 0.02}]}}
-load: {inertia: 3.0}
-torques: [motor, drag]
-motor: {type: variator_sim/ExpressionTorque, shaft: engine, torque: "25-0.4*w1"}
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.03*w2^2"}
-constraints: [variator]
-variator: {type: variator_sim/SlipRatio, shafts: [engine, load], time_constant: 0.4, ratio: 0.7}
-initial: {velocity: [10.0, 7.0]}
-)yaml",
+    {"CrankInertia",
+     test::sceneText(
+         "engine, load 3",
+         {"motor on engine: 25-0.4*w1", "drag on load: -0.03*w2^2",
+          "variator = SlipRatio, shafts: [engine, load], time_constant: 0.4, ratio: 0.7"},
+         "engine: {inertia: {mean: 1, harmonics: [{order: 1, cos: 0.15}, {order: 2, cos: 0.05, "
+         "sin: 0.02}]}}\n"
+         "initial: {velocity: [10, 7]}"),
      true},
-    {"OrderOne", R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.3}
-load: {inertia: 1.1}
-torques: [motor, drag]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "20-0.5*w1"}
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-2-0.01*w2^2"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(0.5+0.1*t)*w1"}
-initial: {velocity: [4.0, 2.0]}
-)yaml",
+    {"OrderOne",
+     test::sceneText("drive 0.3, load 1.1",
+                     {"motor on drive: 20-0.5*w1", "drag on load: -2-0.01*w2^2",
+                      "variator of order 1: w2-(0.5+0.1*t)*w1"},
+                     "initial: {velocity: [4, 2]}"),
      false},
-    {"ConstantOrderOneUnderGauss", R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.3}
-load: {inertia: 1.1}
-torques: [motor, drag]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "20-0.5*w1"}
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-2-0.01*w2^2"}
-principle: gauss
-constraints: [gear]
-gear: {type: variator_sim/KinematicRatio, shafts: [drive, load], ratio: 0.5}
-initial: {velocity: [4.0, 2.0]}
-)yaml",
+    {"ConstantOrderOneUnderGauss",
+     test::sceneText("drive 0.3, load 1.1",
+                     {"motor on drive: 20-0.5*w1", "drag on load: -2-0.01*w2^2",
+                      "gear = KinematicRatio, shafts: [drive, load], ratio: 0.5"},
+                     "principle: gauss\n"
+                     "initial: {velocity: [4, 2]}"),
      false},
-    {"TorqueThatReadsTheAngle", R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, cam]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "6*sin(2*phi1)-0.3*w1"}
-cam: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-2*cos(phi2-phi1)-0.1*w2"}
-constraints: [variator]
-variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6}
-initial: {velocity: [5.0, 2.0]}
-)yaml",
+    {"TorqueThatReadsTheAngle",
+     test::sceneText(
+         "drive 0.8, load 2",
+         {"motor on drive: 6*sin(2*phi1)-0.3*w1", "cam on load: -2*cos(phi2-phi1)-0.1*w2",
+          "variator = SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6"},
+         "initial: {velocity: [5, 2]}"),
      true},
-    {"ConstraintThatReadsTheAngle", R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "6-0.3*w1"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.2*(e2-(0.6+0.1*sin(phi1))*e1)+w2-(0.6+0.1*sin(phi1))*w1"}
-initial: {velocity: [5.0, 3.0]}
-)yaml",
+    {"ConstraintThatReadsTheAngle",
+     test::sceneText("drive 0.8, load 2",
+                     {"motor on drive: 6-0.3*w1",
+                      "variator: 0.2*(e2-(0.6+0.1*sin(phi1))*e1)+w2-(0.6+0.1*sin(phi1))*w1"},
+                     "initial: {velocity: [5, 3]}"),
      true},
 };
 
@@ -264,18 +205,11 @@ TEST_P(Skips, KnowWhetherAnglesAreRead) {
   }
 }
 
-const char* const kCommanded = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, propeller]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order, initial: 2}
-propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.2*(e2-0.6*e1)*(1+0.05*(e1^2+e2^2)) + w2-0.6*w1"}
-initial: {velocity: [5.0, 3.0]}
-)yaml";
+const std::string kCommanded = test::sceneText(
+    "drive 0.8, load 2",
+    {"motor on drive from torque, hold: zero_order, initial: 2", "propeller on load: -0.02*w2^2",
+     "variator: 0.2*(e2-0.6*e1)*(1+0.05*(e1^2+e2^2)) + w2-0.6*w1"},
+    "initial: {velocity: [5, 3]}");
 
 /// Commands at multiples of `interval` ns, `shift` s later, but for the n-th where `comes(n)` is
 /// false; samples between them.
@@ -328,14 +262,10 @@ TEST(CommandRhythm, GoesWithRamps) {
   for (const char* principle : {"generalized_gauss", "gauss"}) {
     for (int period : {1, 3, 7, 10, 33, 70, 100}) {  // ms
       Scene scene = test::sceneFromText(
-          "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\ntorques: [m]\n"
-          "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, hold: first_order_hold, "
-          "period: " +
-          std::to_string(0.001 * period) +
-          "}\nconstraints: [slip]\n"
-          "slip: {type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.1, ratio: 0.5}\n"
-          "initial: {velocity: [4, 2]}\nprinciple: " +
-          principle);
+          "a 0.8, b 2",
+          {"m on a from u, hold: first_order_hold, period: " + std::to_string(0.001 * period),
+           "slip = SlipRatio, shafts: [a, b], time_constant: 0.1, ratio: 0.5"},
+          std::string("initial: {velocity: [4, 2]}\nprinciple: ") + principle);
       Simulation simulation(std::move(scene));
       for (int k = 1; k <= 50; ++k) {
         simulation.reset();

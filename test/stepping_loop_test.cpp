@@ -1,24 +1,11 @@
 // The stepping thread by itself, on a clock that takes no time.
 #include "ros/stepping_loop.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <cmath>
-#include <cstdint>
 #include <cstdlib>
-#include <cstring>
-#include <functional>
-#include <limits>
-#include <map>
-#include <memory>
 #include <new>
-#include <string>
 #include <thread>
-#include <utility>
-#include <vector>
 
 #include "ros/nanoseconds.h"
 #include "ros/state_exchange.h"
@@ -59,20 +46,11 @@ void operator delete[](void* memory, std::size_t) noexcept {
 namespace variator_sim {
 namespace {
 
-constexpr const char* kScene = R"(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-torques: [engine, friction]
-engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: drive_torque}
-friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w2"}
-constraints: [variator]
-variator:
-  type: variator_sim/ExpressionConstraint
-  order: 2
-  expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"
-initial: {velocity: [10.0, 8.0]}
-)";
+const std::string kScene =
+    test::sceneText("drive 0.5, load 1.2",
+                    {"engine on drive from drive_torque", "friction on load: -0.3*w2",
+                     "variator: 0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"},
+                    "initial: {velocity: [10, 8]}");
 
 /// Sleeping moves the clock. At given ticks it plays the part of the other threads, in the stepping
 /// thread itself: so the order of events is the same on every run.
@@ -145,7 +123,7 @@ class EventClock : public PacingClock {
       now_ = std::max(now_, events_[next_].time);
       events_[next_++].action();
     }
-    ASSERT_NE(deadline, kForever) << "nobody will ever wake the loop";
+    ASSERT_NE(deadline, kForever) << "nothing will wake the loop";
     now_ = std::max(now_, deadline);
   }
 
@@ -157,19 +135,9 @@ class EventClock : public PacingClock {
 };
 
 /// At rest from its start until it is driven.
-constexpr const char* kRestingScene = R"(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-torques: [engine, friction]
-engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: drive_torque}
-friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-9.0*w2"}
-constraints: [variator]
-variator:
-  type: variator_sim/ExpressionConstraint
-  order: 2
-  expression: "0.05*(e2-0.8*e1)+w2-0.8*w1"
-)";
+const std::string kRestingScene = test::sceneText(
+    "drive 0.5, load 1.2", {"engine on drive from drive_torque", "friction on load: -9.0*w2",
+                            "variator: 0.05*(e2-0.8*e1)+w2-0.8*w1"});
 
 constexpr std::int64_t kMs = 1000000;
 
@@ -203,10 +171,8 @@ TEST(SteppingLoop, StopsInTheMidstOfATickThatCrawls) {
   NodeSettings settings;
   settings.tick_rate = settings.publish_rate = 0.1;
   SteppingLoop loop(
-      Simulation(test::sceneFromText("shafts: [a]\na: {inertia: 1}\ntorques: [drag]\n"
-                                     "drag: {type: variator_sim/ExpressionTorque, shaft: a,"
-                                     " torque: \"sin(t) - 1e9*w_a\"}\n"
-                                     "solver: {stepper: dopri5, maximum_steps: 2000000000}\n")),
+      Simulation(test::sceneFromText("a 1", {"drag on a: sin(t) - 1e9*w_a"},
+                                     "solver: {stepper: dopri5, maximum_steps: 2000000000}")),
       settings, clock);
   std::atomic<bool> ticks{false};
   std::atomic<bool> has_ended{false};
@@ -315,8 +281,7 @@ std::vector<double> quantitiesOf(Simulation& simulation, QuantityGroups groups) 
 }
 
 TEST(SteppingLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
-  const std::string scene =
-      std::string(kScene) + "outputs: [ratio]\nratio: {expression: w2/w1 + e1}\n";
+  const std::string scene = kScene + "outputs: [ratio]\nratio: {expression: w2/w1 + e1}\n";
   QuantityGroups some;
   some.add(QuantityGroup::kElements);
   some.add(QuantityGroup::kOutputs);
@@ -415,14 +380,10 @@ TEST(SteppingLoop, TellsItsRealTimeFactorAndLateness) {
 // Unobserved ticks move the current time alone. Results in between are those of a loop that makes
 // every tick: commands at their ticks, timeouts between two of them, samples.
 TEST(SteppingLoop, TicksInsideAStepChangeNothing) {
-  constexpr const char* kOverdue = R"(
-shafts: [drive]
-drive: {inertia: 2.0}
-torques: [motor, drag]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, timeout: 0.0405, on_timeout: zero}
-drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-0.1*w1"}
-initial: {velocity: [5.0]}
-)";
+  const std::string kOverdue = test::sceneText(
+      "drive 2",
+      {"motor on drive from torque, timeout: 0.0405, on_timeout: zero", "drag on drive: -0.1*w1"},
+      "initial: {velocity: [5]}");
   const std::map<int, double> commands{{13, 4.0}, {44, -2.0}, {45, 1.0}, {230, 3.0}};
   ScriptedClock clock;
   NodeSettings settings;
@@ -455,14 +416,9 @@ initial: {velocity: [5.0]}
 }
 
 // omega' = omega^2 is infinite at 1 s.
-TEST(SteppingLoop, TellsAStopThatNobodyWaitsFor) {
-  constexpr const char* kEscape = R"(
-shafts: [drive]
-drive: {inertia: 1.0}
-torques: [blow]
-blow: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "w1^2"}
-initial: {velocity: [1.0]}
-)";
+TEST(SteppingLoop, TellsAStopWithoutARequest) {
+  const std::string kEscape =
+      test::sceneText("drive 1", {"blow on drive: w1^2"}, "initial: {velocity: [1]}");
   ScriptedClock clock;
   SteppingLoop loop(Simulation(test::sceneFromText(kEscape)), NodeSettings{}, clock);
   bool stopped = false;
@@ -484,7 +440,7 @@ initial: {velocity: [1.0]}
 
 // Unpaced and with slow ticks a node comes to the end of time within a second.
 TEST(SteppingLoop, StopsAtTheEndOfTimeAndSaysSo) {
-  for (const char* const scene : {kRestingScene, kScene}) {
+  for (const std::string& scene : {kRestingScene, kScene}) {
     ScriptedClock clock;
     NodeSettings settings;
     settings.tick_rate = settings.publish_rate = 1e-3;
@@ -692,7 +648,7 @@ TEST(SteppingLoop, ANewPublishRateCountsFromNow) {
 }
 
 // No rate that a caller may think of hangs the loop, whatever the node's parameters allow.
-TEST(SteppingLoop, HardlyAnyPublishingHurtsNobody) {
+TEST(SteppingLoop, TinyPublishRatesHangNothing) {
   for (const double rate : {1e-9, 1e-17, 1e-300, 5e-324}) {
     EventClock clock;
     NodeSettings settings;
@@ -713,7 +669,7 @@ TEST(SteppingLoop, HardlyAnyPublishingHurtsNobody) {
 /// A loop on a clock that the test sets, in a thread of its own.
 class FollowedClockTest : public testing::Test {
  protected:
-  void start(const char* scene) {
+  void start(const std::string& scene) {
     loop_ =
         std::make_unique<SteppingLoop>(Simulation(test::sceneFromText(scene)), settings_, clock_);
     loop_->setSamplesWanted(true);
@@ -766,7 +722,7 @@ class FollowedClockTest : public testing::Test {
 
 /// The motion goes on, or rests.
 class FollowedClockSceneTest : public FollowedClockTest,
-                               public testing::WithParamInterface<const char*> {};
+                               public testing::WithParamInterface<std::string> {};
 
 TEST_P(FollowedClockSceneTest, WaitsForATimeAndKeepsToIt) {
   start(GetParam());
@@ -917,13 +873,8 @@ TEST(SteppingLoop, ServesRequestsFromWhicheverThread) {
 // --- what takes long ---------------------------------------------------------------------------
 
 /// A ms of it takes some steps: 1e6 s would take hours.
-constexpr const char* kBusyScene = R"(
-shafts: [a]
-a: {inertia: 1.0}
-torques: [it]
-it: {type: variator_sim/ExpressionTorque, shaft: a, torque: "cos(1e4*t)-w1"}
-solver: {maximum_steps: 1000000000}
-)";
+const std::string kBusyScene =
+    test::sceneText("a 1", {"it on a: cos(1e4*t)-w1"}, "solver: {maximum_steps: 1000000000}");
 
 LoopAnswer ask(SteppingLoop& loop, RequestKind kind, std::int64_t duration = 0) {
   LoopRequest request;
@@ -1012,8 +963,3 @@ TEST(SteppingLoop, ServesRequestsWhileItIsPrepared) {
 
 }  // namespace
 }  // namespace variator_sim
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

@@ -1,18 +1,10 @@
 // Stiff constraints, psi = tau (eps2 - u eps1) + omega2 - u omega1 with tau down to 1e-8 s: every
 // implicit stepper gets through them at its tolerance, `auto` finds them by itself, and the
 // linearization that implicit steps rest on is exact.
-#include <gtest/gtest.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <complex>
-#include <cstdio>
-#include <limits>
 #include <random>
-#include <string>
-#include <vector>
 
 #include "dynamics/linearization.h"
 #include "dynamics/system.h"
@@ -31,18 +23,12 @@ constexpr double kEnd = 3.0;
 
 /// A motor drives a propeller through a variator that slips with the time constant tau.
 Scene slipScene(double tau, const std::string& ratio = "(0.6+0.2*sin(0.7*t))") {
-  return test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, propeller]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "12*((50-w1)/50)/(((50-w1)/50)^2+0.04)"}
-propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "tau*(e2-)yaml" +
-                             ratio + "*e1)+w2-" + ratio + "*w1\", parameters: {tau: " +
-                             number(tau) + "}}\ninitial: {velocity: [5, 3]}\n");
+  return test::sceneFromText(
+      "drive 0.8, load 2",
+      {"motor on drive: 12*((50-w1)/50)/(((50-w1)/50)^2+0.04)", "propeller on load: -0.02*w2^2",
+       std::string("variator = ExpressionConstraint, order: 2, expression: 'tau*(e2-") + ratio +
+           "*e1)+w2-" + ratio + "*w1', parameters: {tau: " + number(tau) + "}"},
+      "initial: {velocity: [5, 3]}");
 }
 
 struct Result {
@@ -230,18 +216,12 @@ TEST(Linearization, KnowsTheFastestRate) {
 // order than the velocities.
 TEST(Radau, KeepsAccelerationsInsideItsStepsWhereFrictionHolds) {
   constexpr double kTolerance = 1e-11;
-  Scene scene = test::sceneFromText(R"yaml(
-shafts: [a, b]
-a: {inertia: 1.5}
-b: {inertia: 0.8}
-torques: [m, f]
-m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "2*cos(3*t)"}
-f: {type: variator_sim/Friction, shaft: a, coulomb: 10, regularization_speed: 1e-4}
-constraints: [k]
-k: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e2-0.5*e1"}
-initial: {velocity: [1.0, 0.5]}
-principle: gauss
-)yaml");
+  Scene scene = test::sceneFromText(
+      "a 1.5, b 0.8",
+      {"m on a: 2*cos(3*t)", "f = Friction, shaft: a, coulomb: 10, regularization_speed: 1e-4",
+       "k: e2-0.5*e1"},
+      "initial: {velocity: [1, 0.5]}\n"
+      "principle: gauss");
   Scene fine = test::withStepper(test::withTolerance(scene, 1e-12), StepperKind::kFehlberg78);
   fine.solver.maximum_step = 1e-5;  // 0.6 of the creep's time constant
   Simulation reference(fine);
@@ -284,23 +264,14 @@ TEST(SlipRelaxation, DecaysExponentiallyHoweverShortTheTimeConstant) {
 }
 
 // --- the exact Jacobian -----------------------------------------------------------------------
-const char* const kThreeShafts = R"yaml(
-shafts: [drive, middle, load]
-drive: {inertia: 0.5}
-middle: {inertia: 0.3}
-load: {inertia: 1.2}
-inertia_coupling: [[drive, middle, 0.05], [middle, load, -0.1]]
-torques: [engine, spring, friction]
-engine: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "5*sin(phi1+0.3*t)-0.2*w1^2"}
-spring: {type: variator_sim/ExpressionTorque, shaft: middle, torque: "-2*phi2*w3"}
-friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w3-0.1*tanh(w2)"}
-constraints: [variator, gear]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.5*(e3-(0.8+0.1*sin(t))*e1)+0.01*(e1^2+e1*e3)+w3-0.8*w1"}
-gear: {type: variator_sim/ExpressionConstraint, order: 2,
-       expression: "e2-(0.5+0.1*cos(phi1))*e1+0.1*w2*w3"}
-initial: {angle: [0.3, -0.2, 0.1], velocity: [10.0, 5.0, 8.0]}
-)yaml";
+const std::string kThreeShafts =
+    test::sceneText("drive 0.5, middle 0.3, load 1.2",
+                    {"engine on drive: 5*sin(phi1+0.3*t)-0.2*w1^2", "spring on middle: -2*phi2*w3",
+                     "friction on load: -0.3*w3-0.1*tanh(w2)",
+                     "variator: 0.5*(e3-(0.8+0.1*sin(t))*e1)+0.01*(e1^2+e1*e3)+w3-0.8*w1",
+                     "gear: e2-(0.5+0.1*cos(phi1))*e1+0.1*w2*w3"},
+                    "inertia_coupling: [[drive, middle, 0.05], [middle, load, -0.1]]\n"
+                    "initial: {angle: [0.3, -0.2, 0.1], velocity: [10, 5, 8]}");
 
 /// The state of a scene's motion at t: on its constraint.
 State stateAt(const Scene& scene, double t) {

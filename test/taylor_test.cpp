@@ -1,16 +1,7 @@
 // The stepper that steps by the series of the motion: what its error is, where it steps, and who
 // takes over where there is no series.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
 #include <fstream>
-#include <map>
-#include <memory>
-#include <sstream>
-#include <string>
-#include <vector>
 
 #include "support/scenes.h"
 #include "variator_sim/torque.h"
@@ -104,11 +95,8 @@ INSTANTIATE_TEST_SUITE_P(Taylor, SmoothScene, ::testing::ValuesIn(kSmooth),
 
 Scene oneShaft(const std::string& torque, StepperKind stepper, double tolerance = 1e-8) {
   return test::withStepper(
-      test::withTolerance(
-          test::sceneFromText("shafts: [a]\na: {inertia: 1}\ntorques: [m]\nm: {type: "
-                              "variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-                              torque + "\"}\n"),
-          tolerance),
+      test::withTolerance(test::sceneFromText("a 1", {std::string("m on a: ") + torque}),
+                          tolerance),
       stepper);
 }
 
@@ -178,18 +166,11 @@ TEST(Taylor, SaysWhyItStopsWhereThereIsNoSeries) {
 
 // A branch without a series that the motion comes to with its fifth derivative only.
 TEST(Taylor, LosesNothingWhereASeriesEndsLate) {
-  const Scene scene = test::sceneFromText(R"yaml(
-shafts: [a, b, c]
-a: {inertia: 1}
-b: {inertia: 1}
-c: {inertia: 1}
-torques: [m, q]
-m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "t^3"}
-q: {type: variator_sim/ExpressionTorque, shaft: b, torque: "if(phi1 <= 0, 0, -sqrt(w2))"}
-principle: gauss
-initial: {velocity: [0, 0, 7]}
-verify_derivatives: false
-)yaml");
+  const Scene scene =
+      test::sceneFromText("a 1, b 1, c 1", {"m on a: t^3", "q on b: if(phi1 <= 0, 0, -sqrt(w2))"},
+                          "principle: gauss\n"
+                          "initial: {velocity: [0, 0, 7]}\n"
+                          "verify_derivatives: false");
   for (StepperKind stepper : {StepperKind::kTaylor, StepperKind::kAuto}) {
     Simulation simulation(test::withStepper(scene, stepper));
     simulation.advanceTo(1.0);
@@ -222,11 +203,9 @@ TEST(Taylor, MissesNoBumpInsideAStep) {
       const double weight = n == 0 || n == kParts ? 1.0 : n % 2 == 1 ? 4.0 : 2.0;
       impulse += weight * bump.value(std::cos(kEnd * n / kParts)) * kEnd / (3.0 * kParts);
     }
-    Scene scene = test::sceneFromText(
-        "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [p, q]\n"
-        "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-phi1\"}\n"
-        "q: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" +
-        std::string(bump.torque) + "\"}\ninitial: {velocity: [1, 0]}\n");
+    Scene scene =
+        test::sceneFromText("a 1, b 1", {"p on a: -phi1", "q on b: " + std::string(bump.torque)},
+                            "initial: {velocity: [1, 0]}");
     for (const double tolerance : {1e-4, 1e-6, 1e-9, 1e-12}) {
       for (const StepperKind stepper : {StepperKind::kTaylor, StepperKind::kAuto}) {
         // Whole steps under one of them, steps piece by piece under the other.
@@ -262,10 +241,8 @@ TEST(OtherSteppers, MissNoBumpBetweenValuesThatCoverItsRange) {
   for (const auto& bump : bumps) {
     for (const char* const principle : {"gauss", "generalized_gauss"}) {
       const Scene scene = test::sceneFromText(
-          "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-          std::string(bump.torque) + "\"}\nprinciple: " + principle +
-          "\ninitial: {velocity: [1]}\n");
+          "a 1", {"q on a: " + std::string(bump.torque)},
+          std::string("principle: ") + principle + "\ninitial: {velocity: [1]}");
       for (const StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78,
                                         StepperKind::kRadau, StepperKind::kAuto}) {
         Simulation simulation(test::withStepper(test::withTolerance(scene, 1e-9), stepper));
@@ -283,9 +260,8 @@ TEST(OtherSteppers, LeaveTheTopOfABump) {
   for (const double tolerance : {1e-3, 1e-4, 1e-5, 1e-6}) {
     for (const double width : {1e-2, 1e-3, 3e-4, 1e-4}) {
       const Scene scene = test::sceneFromText(
-          "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1+800*exp(-((w1-1)/" +
-          std::to_string(width) + ")^2)\"}\ninitial: {velocity: [1]}\n");
+          "a 1", {"q on a: 1+800*exp(-((w1-1)/" + std::to_string(width) + ")^2)"},
+          "initial: {velocity: [1]}");
       for (const StepperKind stepper : {StepperKind::kRadau, StepperKind::kAuto}) {
         Simulation simulation(test::withStepper(test::withTolerance(scene, tolerance), stepper));
         ASSERT_TRUE(simulation.advanceTo(1.0).ok());
@@ -302,9 +278,8 @@ TEST(OtherSteppers, LeaveTheTopOfABump) {
 // impulse of (1 - z^2)^5 for |z| < 1 is 512/693 for each unit of z, 2 of them.
 TEST(OtherSteppers, MissNoBumpBetweenEdges) {
   const Scene scene = test::sceneFromText(
-      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
-      "\"2e5*if(((t-1.402)/5e-6)^2<1,(1-((t-1.402)/5e-6)^2)^5,0)\"}\ninitial: {velocity: [1]}\n");
+      "a 1", {"q on a: 2e5*if(((t-1.402)/5e-6)^2<1,(1-((t-1.402)/5e-6)^2)^5,0)"},
+      "initial: {velocity: [1]}");
   for (const double tolerance : {1e-5, 1e-8, 1e-11}) {
     for (const StepperKind stepper : {StepperKind::kTaylor, StepperKind::kDopri5,
                                       StepperKind::kFehlberg78, StepperKind::kRadau}) {
@@ -348,10 +323,8 @@ TEST(Taylor, MissesNoBumpHoweverNarrow) {
                        const std::string& velocity) {
     std::string law = bump.of;
     law.replace(law.find('%'), 1, "(" + argument + ")");
-    Scene scene = test::sceneFromText(
-        "shafts: [a]\na: {inertia: 1.5}\ntorques: [m]\n"
-        "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-        before + law + "\"}\ninitial: {velocity: [" + velocity + "]}\n");
+    Scene scene = test::sceneFromText("a 1.5", {std::string("m on a: ") + before + law},
+                                      std::string("initial: {velocity: [") + velocity + "]}");
     Simulation simulation(
         test::withStepper(test::withTolerance(scene, 1e-9), StepperKind::kTaylor));
     EXPECT_TRUE(simulation.advanceTo(4.0).ok()) << law << ' ' << simulation.describeStatus();
@@ -419,12 +392,9 @@ TEST(Taylor, CutsNoSeriesShortBeforeTheSquareOfAnArgument) {
 TEST(Taylor, WholeStepsSeeATorqueThatTurnsOverInALayer) {
   for (const double k : {1e3, 1e5, 1e7}) {
     const Scene scene = test::sceneFromText(
-        "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 1.5}\ntorques: [m]\n"
-        "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"atan(" +
-        std::to_string(k) +
-        "*(t-1.3))+2*sin(2*t)\"}\nconstraints: [c]\nc: {type: variator_sim/ExpressionConstraint, "
-        "order: 2, "
-        "expression: \"e1^2+e2^2-4\"}\ninitial: {acceleration: [1.2, 1.6]}\n");
+        "a 1.5, b 1.5",
+        {"m on a: atan(" + std::to_string(k) + "*(t-1.3))+2*sin(2*t)", "c: e1^2+e2^2-4"},
+        "initial: {acceleration: [1.2, 1.6]}");
     const double gained = std::atan(k * 0.7) - std::atan(-k * 1.3) + 2.0 * std::sin(4.0);
     const double angle = 2.0 * std::atan(0.5 * std::exp(-gained / 3.0));
     for (const double tolerance : {1e-3, 1e-6, 1e-9}) {
@@ -445,17 +415,11 @@ TEST(Taylor, WholeStepsSeeATorqueThatTurnsOverInALayer) {
 TEST(Taylor, StepsMadeAheadAreThoseMadeOneByOne) {
   const std::string scenes = std::string(VARIATOR_SIM_TEST_DIR) + "/../benchmark/scenes/";
   const std::string bump =
-      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
-      "\"-phi1 + exp(-(20*(w1-0.4))^2)\"}\ninitial: {velocity: [1]}\n";
+      test::sceneText("a 1", {"q on a: -phi1 + exp(-(20*(w1-0.4))^2)"}, "initial: {velocity: [1]}");
   const std::string rest =
-      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
-      "\"-w1 - 0.5*w1^2\"}\ninitial: {velocity: [1]}\n";
+      test::sceneText("a 1", {"q on a: -w1 - 0.5*w1^2"}, "initial: {velocity: [1]}");
   const std::string swing =
-      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
-      "\"-phi1 - 0.3*w1\"}\ninitial: {velocity: [1]}\n";
+      test::sceneText("a 1", {"q on a: -phi1 - 0.3*w1"}, "initial: {velocity: [1]}");
   const Scene cases[] = {test::sceneFromFile(scenes + "ship.yaml"),
                          test::sceneFromFile(scenes + "crank.yaml"),
                          test::sceneFromFile(scenes + "order3.yaml"),
@@ -496,11 +460,8 @@ TEST(Taylor, StepsMadeAheadAreThoseMadeOneByOne) {
 // terms.
 TEST(Taylor, StepsMadeAheadEndWhereTheyAreToBehindARamp) {
   const Scene scene = test::sceneFromText(
-      "shafts: [a]\na: {inertia: 1}\ntorques: [m, q]\n"
-      "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, hold: first_order_hold, period: "
-      "0.4}\n"
-      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-60*sin(phi1)\"}\n"
-      "initial: {velocity: [3]}\n");
+      "a 1", {"m on a from u, hold: first_order_hold, period: 0.4", "q on a: -60*sin(phi1)"},
+      "initial: {velocity: [3]}");
   const auto play = [&](Scene given, StepperKind stepper) {
     given.solver.stepper = stepper;
     Simulation simulation(given);
@@ -548,10 +509,7 @@ TEST(Taylor, IsRefusedWhereTheMotionHasNoSeries) {
     Scene opaque = oneShaft("1-w1", stepper);
     test::addTorque(opaque, std::make_shared<Opaque>());
     Scene third = test::withStepper(
-        test::sceneFromText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\nconstraints: [k]\n"
-                            "k: {type: variator_sim/ExpressionConstraint, order: 3, expression: "
-                            "\"j2-0.5*j1\"}\nprinciple: gauss\n"),
-        stepper);
+        test::sceneFromText("a 1, b 1", {"k of order 3: j2-0.5*j1"}, "principle: gauss"), stepper);
     for (const Scene* scene : {&opaque, &third}) {
       try {
         Simulation simulation(*scene);
