@@ -1,11 +1,5 @@
 // Events inside a step: pulses, jumps of laws, known instants; by every stepper, against motions
 // known in closed form.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "support/scenes.h"
 
@@ -39,9 +33,8 @@ bool isMeantFor(StepperKind stepper, double duration) {
 Scene freeShaft(const std::string& torque, StepperKind stepper, const std::string& principle,
                 const std::string& velocity = "0", double step = kStep) {
   Scene scene = test::sceneFromText(
-      "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-      torque + "\"}\nprinciple: " + principle + "\ninitial: {velocity: [" + velocity + "]}\n");
+      "a 1", {std::string("q on a: ") + torque},
+      std::string("principle: ") + principle + "\ninitial: {velocity: [" + velocity + "]}");
   scene.solver.stepper = stepper;
   scene.solver.step = step;
   return scene;
@@ -133,10 +126,8 @@ TEST(InsideOfAStep, ATouchIsTold) {
 
       // max(0, w - (1/4 - d)) accelerates another shaft: w = t - t^2 there
       Scene scene = test::sceneFromText(
-          "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [p, q]\n"
-          "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1-2*t\"}\n"
-          "q: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" +
-          text(1.0 / impulse) + "*max(0,w1-(0.25-" + text(depth) + "))\"}\n");
+          "a 1, b 1", {"p on a: 1-2*t",
+                       "q on b: " + text(1.0 / impulse) + "*max(0,w1-(0.25-" + text(depth) + "))"});
       scene.solver.stepper = stepper;
       scene.solver.step = kStep;
       Simulation speed(scene);
@@ -155,11 +146,9 @@ TEST(InsideOfAStep, WhatSettlesOnAnEdgeIsNotSearched) {
     for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kRadau,
                                 StepperKind::kTaylor}) {
       Scene scene = test::sceneFromText(
-          "shafts: [a]\na: {inertia: 1}\ntorques: [q]\ninputs: [u]\ntables: [curve]\n"
-          "u: {topic: u, hold: first_order_lag, time_constant: 0.2}\n"
-          "curve: {x: [0, 0.4, 1, 2], values: [0, 0.3, 1, 5]}\n"
-          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-          std::string(law) + "\"}\n");
+          "a 1", {"q on a: " + std::string(law)},
+          "inputs: [u]\ntables: [curve]\nu: {topic: u, hold: first_order_lag, time_constant: "
+          "0.2}\ncurve: {x: [0, 0.4, 1, 2], values: [0, 0.3, 1, 5]}");
       scene.solver.stepper = stepper;
       scene.solver.sleep = false;
       Simulation simulation(scene);
@@ -183,12 +172,10 @@ TEST(InsideOfAStep, AtRestAnEdgeThatChangesNothingIsLeftAlone) {
   for (const StepperKind stepper : {StepperKind::kAuto, StepperKind::kRadau}) {
     for (const char* principle : kPrinciples) {
       Scene scene = test::sceneFromText(
-          "shafts: [input]\ninput: {inertia: 0.002}\ntorques: [load, loss]\n"
-          "load: {type: variator_sim/ExpressionTorque, shaft: input,"
-          " torque: \"if(t < 0.5, 0, 1)\"}\n"
-          "loss: {type: variator_sim/ExpressionTorque, shaft: input, torque: \"" +
-          loss + "\", parameters: {wr: 1.0e-4}}\ninitial: {velocity: [10]}\nprinciple: " +
-          principle + "\n");
+          "input 0.002",
+          {"load on input: if(t < 0.5, 0, 1)", "loss = ExpressionTorque, shaft: input, torque: '" +
+                                                   loss + "', parameters: {wr: 0.0001}"},
+          std::string("initial: {velocity: [10]}\nprinciple: ") + principle);
       scene.solver.stepper = stepper;
       Simulation simulation(std::move(scene));
       ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << label(stepper, principle);
@@ -238,7 +225,7 @@ TEST(JumpsOfLaws, DoWhatCommandsDo) {
       "k: {type: variator_sim/ExpressionConstraint, order: 2,\n"
       "    expression: \"0.2*(e2-0.6*e1)*(1+0.05*(e1^2+e2^2))+w2-0.6*w1\"}\n"
       "initial: {velocity: [3, 1]}\n";
-  const std::string shafts = "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2}\n";
+  const std::string shafts = test::sceneText("a 0.8, b 2", {});
   Simulation law(test::sceneFromText(
       shafts +
       "torques: [q]\n"
@@ -275,10 +262,8 @@ TEST(JumpsOfLaws, CrossedBackAtOnceIsChattering) {
       }
     }
   }
-  Simulation jerk(test::sceneFromText(
-      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: [v]\n"
-      "v: {type: variator_sim/ExpressionConstraint, order: 3, expression: \"j2-5*sign(1-e2)\"}\n"
-      "initial: {acceleration: [0, 0]}\n"));
+  Simulation jerk(test::sceneFromText("a 1, b 2", {"v of order 3: j2-5*sign(1-e2)"},
+                                      "initial: {acceleration: [0, 0]}"));
   EXPECT_EQ(jerk.advanceTo(10.0).reason, StopReason::kChattering) << jerk.describeStatus();
   EXPECT_NEAR(jerk.time(), 0.2, 1e-6);  // the last good state lies a little before the edge
   EXPECT_NE(jerk.describeStatus().find("constraint 'v'"), std::string::npos);
@@ -287,12 +272,8 @@ TEST(JumpsOfLaws, CrossedBackAtOnceIsChattering) {
 // A constraint itself may not jump: there is no motion to the other side.
 TEST(JumpsOfLaws, AConstraintThatJumpsStops) {
   for (const char* formula : {"e2-0.5*e1-0.3*sign(t-1)", "e2-0.5*e1+w2-0.5*w1-sign(w1-1)"}) {
-    Simulation simulation(test::sceneFromText(
-        std::string("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
-                    "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"2-0.1*w1\"}\n"
-                    "constraints: [v]\n"
-                    "v: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"") +
-        formula + "\"}\n"));
+    Simulation simulation(
+        test::sceneFromText("a 1, b 2", {"q on a: 2-0.1*w1", std::string("v: ") + formula}));
     EXPECT_EQ(simulation.advanceTo(10.0).reason, StopReason::kJumpFailed)
         << simulation.describeStatus();
     EXPECT_NE(simulation.describeStatus().find("constraint 'v'"), std::string::npos);
@@ -307,13 +288,8 @@ TEST(KinksOfOrder1, MoveTheAccelerations) {
     double velocity[2][2];
     for (int p = 0; p < 2; ++p) {
       Scene scene = test::sceneFromText(
-          "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
-          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*sin(2*t)-0.1*w1\"}\n"
-          "constraints: [v]\n"
-          "v: {type: variator_sim/ExpressionConstraint, order: 1,\n"
-          "    expression: \"w2-0.5*w1-0.1*abs(t-1)\"}\n"
-          "initial: {velocity: [1, 0.6]}\nprinciple: " +
-          std::string(kPrinciples[p]) + "\n");
+          "a 1, b 2", {"q on a: 3*sin(2*t)-0.1*w1", "v of order 1: w2-0.5*w1-0.1*abs(t-1)"},
+          "initial: {velocity: [1, 0.6]}\nprinciple: " + std::string(kPrinciples[p]));
       scene.solver.stepper = stepper;
       Simulation simulation(scene);
       ASSERT_TRUE(simulation.advanceTo(2.5).ok())
@@ -337,13 +313,11 @@ TEST(KinksOfOrder1, GoAlongACurvedConstraint) {
   const double r = 1.2;
   const double D = 1.6;
   const double J3 = 2.0;
-  Simulation simulation(test::sceneFromText(
-      "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 1}\nc: {inertia: 2}\n"
-      "constraints: [m, v]\n"
-      "m: {type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 1.5}\n"
-      "v: {type: variator_sim/ExpressionConstraint, order: 1,\n"
-      "    expression: \"w3-1.2*w2-1.6*max(0,t-1)\"}\n"
-      "initial: {acceleration: [1.2, 0.9, 1.08]}\n"));
+  Simulation simulation(
+      test::sceneFromText("a 1, b 1, c 2",
+                          {"m = AccelerationMagnitude, shafts: [a, b], magnitude: 1.5",
+                           "v of order 1: w3-1.2*w2-1.6*max(0,t-1)"},
+                          "initial: {acceleration: [1.2, 0.9, 1.08]}"));
   const auto invariant = [&](double e2) { return std::atanh(e2 / g) + J3 * r * r * e2 / g; };
   ASSERT_TRUE(simulation.advanceTo(1.0 - 1e-7).ok()) << simulation.describeStatus();
   const double before = simulation.sample().acceleration[1];
@@ -356,12 +330,11 @@ TEST(KinksOfOrder1, GoAlongACurvedConstraint) {
 
 /// Two shafts under a ratio with slip, whose slip has a corner at e1 = -0.5 or comes near to one.
 Simulation corneredRatio(const std::string& size, const std::string& magnitude) {
-  return Simulation(test::sceneFromText(
-      "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
-      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*sin(3*t)-0.4*w1\"}\n"
-      "constraints: [v]\nv: {type: variator_sim/ExpressionConstraint, order: 2, expression:\n"
-      "    \"0.2*(e2-0.4*e1)+w2-0.4*w1+" +
-      size + "*" + magnitude + "\"}\nprinciple: gauss\ninitial: {velocity: [2, 0.8]}\n"));
+  return Simulation(
+      test::sceneFromText("a 1.5, b 0.8",
+                          {"q on a: 3*sin(3*t)-0.4*w1",
+                           std::string("v: 0.2*(e2-0.4*e1)+w2-0.4*w1+") + size + "*" + magnitude},
+                          "principle: gauss\ninitial: {velocity: [2, 0.8]}"));
 }
 const char* const kCorner = "abs(e1+0.5)";
 const char* const kAlmost = "sqrt((e1+0.5)^2+1e-12)";
@@ -452,9 +425,8 @@ TEST(KnownInstants, EndSteps) {
     for (double start : {0.3, 3.3, 17.1}) {
       for (double duration : {0.01, 0.4, 2.3}) {
         Scene scene = test::sceneFromText(
-            "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\nconstraints: [j]\n"
-            "j: {type: variator_sim/ImposedJerk, shaft: a, velocity_change: 20, duration: " +
-            text(duration) + ", start: " + text(start) + "}\n");
+            "a 1, b 1", {"j = ImposedJerk, shaft: a, velocity_change: 20, duration: " +
+                         text(duration) + ", start: " + text(start)});
         scene.solver.stepper = stepper;
         scene.solver.step = 0.001;
         Simulation simulation(scene);
@@ -469,9 +441,8 @@ TEST(KnownInstants, EndSteps) {
   // 10 w - w/3.
   for (double width : {0.001, 0.1, 0.7}) {
     Simulation simulation(test::sceneFromText(
-        "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\nconstraints: [j]\n"
-        "j: {type: variator_sim/ImposedJerk, shaft: a, jerk: {times: [5, " +
-        text(5.0 + width) + ", " + text(5.0 + 2.0 * width) + "], values: [0, 10, 0]}}\n"));
+        "a 1, b 1", {"j = ImposedJerk, shaft: a, jerk: {times: [5, " + text(5.0 + width) + ", " +
+                     text(5.0 + 2.0 * width) + "], values: [0, 10, 0]}"}));
     ASSERT_TRUE(simulation.advanceTo(8.0).ok()) << simulation.describeStatus();
     EXPECT_NEAR(simulation.sample().acceleration[0], 29.0 / 3.0 * width, 1e-8) << width;
   }
@@ -484,15 +455,10 @@ TEST(TorquesThatJump, AreSampledOnOneSide) {
     for (const char* stepper : {"auto", "dopri5", "radau", "taylor"}) {
       SCOPED_TRACE(std::string(principle) + " " + stepper);
       Simulation simulation(test::sceneFromText(
-          std::string("shafts: [drive, load]\ndrive: {inertia: 0.5}\nload: {inertia: 1.2}\n"
-                      "torques: [s, d]\n"
-                      "s: {type: variator_sim/ExpressionTorque, shaft: drive, torque: \"5 + if(t < "
-                      "1, 0, 3)\"}\n"
-                      "d: {type: variator_sim/ExpressionTorque, shaft: load, torque: \"-0.1*w2\"}\n"
-                      "constraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: 2, "
-                      "expression: \"0.5*(e2-0.8*e1)+w2-0.8*w1\"}\n"
-                      "initial: {velocity: [10, 8]}\nprinciple: ") +
-          principle + "\nsolver: {stepper: " + stepper + "}\n"));
+          "drive 0.5, load 1.2",
+          {"s on drive: 5 + if(t < 1, 0, 3)", "d on load: -0.1*w2", "k: 0.5*(e2-0.8*e1)+w2-0.8*w1"},
+          std::string("initial: {velocity: [10, 8]}\nprinciple: ") + principle +
+              "\nsolver: {stepper: " + stepper + "}"));
       ASSERT_TRUE(simulation.advanceTo(1.0).ok());
       const Sample at = simulation.sample();
       ASSERT_TRUE(simulation.advanceTo(1.0 + 1e-9).ok());
@@ -554,10 +520,9 @@ TEST(TorquesThatJump, LeadLeastReactionsWhereRampsDo) {
 /// long would hold the shaft fast there, and its estimate show nothing.
 TEST(ImplicitSteps, PassANarrowPeakThatDrives) {
   const Scene plain = test::sceneFromText(
-      "shafts: [a]\na: {inertia: 1.5}\ntorques: [m, q]\n"
-      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1\"}\n"
-      "m: {type: variator_sim/MotorCurve, shaft: a, characteristic: table, table: {speed: [1.2999, "
-      "1.3, 1.3001], torque: [0, 0.5, 0], beyond: constant}}\n");
+      "a 1.5", {"m = MotorCurve, shaft: a, characteristic: table, table: {speed: [1.2999, 1.3, "
+                "1.3001], torque: [0, 0.5, 0], beyond: constant}",
+                "q on a: 1"});
   for (const double tolerance : {1e-3, 1e-4, 1e-6}) {
     SCOPED_TRACE("at " + std::to_string(tolerance));
     Simulation simulation(
@@ -571,10 +536,8 @@ TEST(ImplicitSteps, PassANarrowPeakThatDrives) {
 /// A torque that jumps at an angle throws the shaft back. A Jacobian by differences looks behind
 /// the jump on either side, which is no stage that lay there.
 TEST(ImplicitSteps, PassATorqueThatJumps) {
-  const Scene plain = test::sceneFromText(
-      "shafts: [a]\na: {inertia: 1}\ntorques: [s]\nprinciple: gauss\ninitial: {velocity: [1]}\n"
-      "s: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"if(phi1 > 0.6180339, -200, "
-      "0)\"}\n");
+  const Scene plain = test::sceneFromText("a 1", {"s on a: if(phi1 > 0.6180339, -200, 0)"},
+                                          "principle: gauss\ninitial: {velocity: [1]}");
   for (const StepperKind stepper : {StepperKind::kAuto, StepperKind::kRadau}) {
     for (const double tolerance : {1e-3, 1e-6, 1e-9}) {
       SCOPED_TRACE(std::string(toString(stepper)) + " at " + std::to_string(tolerance));
@@ -597,10 +560,8 @@ TEST(ImplicitSteps, LoseNothingBehindAJump) {
     SCOPED_TRACE("at " + std::to_string(at));
     constexpr double tolerance = 1e-11;
     const Scene plain = test::sceneFromText(
-        "shafts: [a]\na: {inertia: 1}\ntorques: [s]\nprinciple: gauss\n"
-        "initial: {velocity: [1]}\n"
-        "s: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"if(phi1 > " +
-        text(at) + ", -" + text(stiffness) + ", 0)\"}\n");
+        "a 1", {"s on a: if(phi1 > " + text(at) + ", -" + text(stiffness) + ", 0)"},
+        "principle: gauss\ninitial: {velocity: [1]}");
     Simulation simulation(
         test::withTolerance(test::withStepper(plain, StepperKind::kRadau), tolerance));
     ASSERT_TRUE(simulation.advanceTo(2.5).ok()) << simulation.describeStatus();
@@ -614,11 +575,10 @@ TEST(ImplicitSteps, LoseNothingBehindAJump) {
 /// would stay as a torque of its own, and drive the shaft out of the layer.
 TEST(ImplicitSteps, StayInANarrowLayerOfFriction) {
   const Scene plain = test::sceneFromText(
-      "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [m, f]\n"
-      "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"2*cos(3*t)\"}\n"
-      "f: {type: variator_sim/Friction, shaft: a, coulomb: 10, regularization_speed: 1e-4}\n"
-      "constraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
-      "\"e2-0.5*e1\"}\ninitial: {velocity: [1, 0.5]}\n");
+      "a 1.5, b 0.8",
+      {"m on a: 2*cos(3*t)", "f = Friction, shaft: a, coulomb: 10, regularization_speed: 1e-4",
+       "k: e2-0.5*e1"},
+      "initial: {velocity: [1, 0.5]}");
   Simulation simulation(test::withTolerance(test::withStepper(plain, StepperKind::kRadau), 1e-3));
   for (int n = 1; n <= 9; ++n) {
     ASSERT_TRUE(simulation.advanceTo(4.0 / 9.0 * n).ok()) << simulation.describeStatus();
@@ -637,10 +597,9 @@ TEST(CrossedEdges, AreSampledAtTheInstantAsked) {
   for (const StepperKind stepper :
        {StepperKind::kAuto, StepperKind::kRadau, StepperKind::kTaylor}) {
     const Scene scene = test::sceneFromText(
-        "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [load, law]\n"
-        "load: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1.5\"}\n"
-        "law: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
-        "\"-clamp((w1-w2)/1e-5,-1,1)\", reaction_on: b}\n");
+        "a 1, b 2",
+        {"load on a: 1.5",
+         "law = ExpressionTorque, shaft: a, torque: '-clamp((w1-w2)/1e-5,-1,1)', reaction_on: b"});
     Simulation simulation(test::withTolerance(test::withStepper(scene, stepper), 1e-9));
     for (int n = 1; n <= 400; ++n) {
       const double t = 0.005 * n;

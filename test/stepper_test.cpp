@@ -1,12 +1,7 @@
 // Each stepper's empirical order, its error estimate, the refusal of NaN and the bounds on steps.
 #include "integrate/stepper.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
 #include <complex>
-#include <vector>
 
 #include "dynamics/system.h"
 #include "integrate/radau_method.h"
@@ -21,20 +16,12 @@ constexpr int kSize = 6;
 /// Error estimates are told in units of this: absolute only.
 constexpr Tolerance kUnit{1e-10, 0.0};
 
-const char* const kShip = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, propeller]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "12*((50-w1)/50)/(((50-w1)/50)^2+0.04)"}
-propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2"}
-constraints: [variator]
-variator:
-  type: variator_sim/ExpressionConstraint
-  order: 2
-  expression: "0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2)) + w2-(0.6+0.2*sin(0.7*t))*w1"
-initial: {velocity: [5.0, 2.0]}
-)yaml";
+const std::string kShip = test::sceneText(
+    "drive 0.8, load 2",
+    {"motor on drive: 12*((50-w1)/50)/(((50-w1)/50)^2+0.04)", "propeller on load: -0.02*w2^2",
+     "variator: 0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2)) + "
+     "w2-(0.6+0.2*sin(0.7*t))*w1"},
+    "initial: {velocity: [5, 2]}");
 
 /// The ship scene's state at 0.
 State initialState(const Scene& scene) {
@@ -114,13 +101,8 @@ TEST(StepperOrder, RadauOfThreeStages) {
 
 /// The error of a step of order 13 shows only against a closed form whose Newton iteration
 /// converges at once: w = sin(3 t) + exp(-t).
-const char* const kLinear = R"yaml(
-shafts: [a]
-a: {inertia: 1.0}
-torques: [q]
-q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "sin(3*t)+3*cos(3*t)-w1"}
-initial: {velocity: [1.0], acceleration: [2.0]}
-)yaml";
+const std::string kLinear = test::sceneText("a 1", {"q on a: sin(3*t)+3*cos(3*t)-w1"},
+                                            "initial: {velocity: [1], acceleration: [2]}");
 State linearMotion(double t) {
   State x(3);
   x[0] = (1.0 - std::cos(3.0 * t)) / 3.0 + 1.0 - std::exp(-t);

@@ -1,13 +1,6 @@
 // Steady states: that they are some, how many there are, and what is said where there is none.
 #include "variator_sim/trim.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <vector>
-
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/linear_model.h"
@@ -20,23 +13,15 @@ const std::string kScenes = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/";
 /// Two shafts that slip: `rest` has the principle and what else is to be said.
 Scene slipping(const std::string& rest,
                const std::string& load = "-load_torque - 0.01*w_load*abs(w_load)") {
-  return test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, brake]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "60*throttle - 0.1*w_drive"}
-brake: {type: variator_sim/ExpressionTorque, shaft: load, torque: ")yaml" +
-                             load + R"yaml("}
-inputs: [throttle, load_torque]
-throttle: {topic: throttle, initial: 0.2, min: 0.0, max: 1.0}
-load_torque: {topic: load_torque, hold: first_order_lag, time_constant: 0.2}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e_load - 0.6*e_drive)*(1 + 0.05*e_drive^2) + w_load - 0.6*w_drive"}
-outputs: [ratio]
-ratio: {expression: "w_load/w_drive"}
-initial: {velocity: [40.0, 24.0]}
-)yaml" + rest);
+  return test::sceneFromText(
+      "drive 0.8, load 2",
+      {"motor on drive: 60*throttle - 0.1*w_drive", std::string("brake on load: ") + load,
+       "variator: 0.2*(e_load - 0.6*e_drive)*(1 + 0.05*e_drive^2) + w_load - 0.6*w_drive"},
+      std::string("inputs: [throttle, load_torque]\nthrottle: {topic: throttle, initial: 0.2, min: "
+                  "0, max: 1}\nload_torque: {topic: load_torque, hold: first_order_lag, "
+                  "time_constant: 0.2}\noutputs: [ratio]\nratio: {expression: "
+                  "w_load/w_drive}\ninitial: {velocity: [40, 24]}\n") +
+          rest);
 }
 
 /// A run from there stays there.
@@ -89,13 +74,8 @@ TEST(Trim, FixesOutputsAndTorques) {
 
 TEST(Trim, TellsOfMoreThanOne) {
   // An induction motor against a constant load: one speed on each side of the breakdown torque.
-  const Scene scene = test::sceneFromText(R"yaml(
-shafts: [motor]
-motor: {inertia: 0.8}
-torques: [kloss, load]
-kloss: {type: variator_sim/ExpressionTorque, shaft: motor, torque: "12*((50-w1)/50)/(((50-w1)/50)^2+0.04)"}
-load: {type: variator_sim/ExpressionTorque, shaft: motor, torque: "-20"}
-)yaml");
+  const Scene scene = test::sceneFromText(
+      "motor 0.8", {"kloss on motor: 12*((50-w1)/50)/(((50-w1)/50)^2+0.04)", "load on motor: -20"});
   Scene fast = scene;
   fast.initial.velocity = {46.0};
   EXPECT_GT(trim(fast, {}).states.at(0).point.velocity[0], 40.0);
@@ -141,13 +121,7 @@ TEST(Trim, TellsOfInfinitelyMany) {
 
 TEST(Trim, TellsADoubleRootFromAFamily) {
   // w^2 (w - 5) = 0
-  const TrimResult result = trim(test::sceneFromText(R"yaml(
-shafts: [a]
-a: {inertia: 0.8}
-torques: [both]
-both: {type: variator_sim/ExpressionTorque, shaft: a, torque: "w1^2*(5 - w1)"}
-)yaml"),
-                                 {});
+  const TrimResult result = trim(test::sceneFromText("a 0.8", {"both on a: w1^2*(5 - w1)"}), {});
   ASSERT_EQ(result.states.size(), 2U) << result.message;
   EXPECT_NEAR(result.states[0].point.velocity[0], 0.0, 1e-5);
   EXPECT_NEAR(result.states[1].point.velocity[0], 5.0, 1e-10);
@@ -168,18 +142,10 @@ TEST(Trim, FindsAnElasticTwist) {
 
 TEST(Trim, FindsAccelerationsInConstantRatio) {
   for (const char* const principle : {"generalized_gauss", "gauss"}) {
-    const Scene scene = test::sceneFromText(std::string(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, brake]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "push"}
-brake: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-4"}
-inputs: [push]
-push: {topic: push, initial: 20.0}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e_load - 0.5*e_drive"}
-principle: )yaml") + principle);
+    const Scene scene = test::sceneFromText(
+        "drive 0.8, load 2",
+        {"motor on drive: push", "brake on load: -4", "variator: e_load - 0.5*e_drive"},
+        std::string("inputs: [push]\npush: {topic: push, initial: 20}\nprinciple: ") + principle);
     TrimOptions options;
     options.accelerating = true;
     options.fix = {{"w_drive", 10.0}, {"w_load", 3.0}, {"e_drive", 5.0}};

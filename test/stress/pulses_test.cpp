@@ -2,15 +2,8 @@
 /// barely are, many crossings within a step, tables whose points lie closer together than steps,
 /// and motions that set in from rest. All against closed forms; nothing but a look inside of the
 /// steps can see most of them.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <memory>
 #include <random>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "stress/hazard.h"
 #include "stress/methods.h"
@@ -70,9 +63,8 @@ std::string pulses(const Shape& shape, const std::string& variable, double offse
 /// inertia of 1.5.
 std::string geared(int order, const std::string& torque, double velocity, double acceleration) {
   if (order == 0) {
-    return "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
-           "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-           torque + "\"}\ninitial: {velocity: [" + plainly(velocity) + "]}\n";
+    return test::sceneText("a 1.5", {std::string("q on a: ") + torque},
+                           "initial: {velocity: [" + plainly(velocity) + "]}");
   }
   const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
   return "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
@@ -278,15 +270,14 @@ TEST(Pulses, Touches) {
             sample.acceleration[0] = 1.0;
           }
         });
-        const std::string yaml = withPrinciple(
-            "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [p, q]\n"
-            "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-                std::string(touch.drive) +
-                "\"}\nq: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" +
-                exactly(0.75 / (depth * half)) + "*max(0," + touch.what + "-" +
-                exactly(touch.top - depth) + ")\"}\ninitial: {angle: [" + plainly(touch.phi) +
-                ", 0], velocity: [" + plainly(touch.omega) + ", 0]}\n",
-            principle);
+        const std::string yaml =
+            withPrinciple(test::sceneText("a 1, b 1",
+                                          {"p on a: " + std::string(touch.drive),
+                                           "q on b: " + exactly(0.75 / (depth * half)) + "*max(0," +
+                                               touch.what + "-" + exactly(touch.top - depth) + ")"},
+                                          "initial: {angle: [" + plainly(touch.phi) +
+                                              ", 0], velocity: [" + plainly(touch.omega) + ", 0]}"),
+                          principle);
         const std::string label =
             std::string(principle) + " " + touch.name + ", depth " + text(depth);
         // An error of x of one tolerance is one of the depth; one as large says nothing. All x are
@@ -387,10 +378,10 @@ TEST(Tables, OfJerksFromRest) {
             sample.velocity[0] = sample.acceleration[0] * (t - start - n * h);
           });
           compareAll(hazard,
-                     withPrinciple("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\n"
-                                   "constraints: [j]\nj: {type: variator_sim/ImposedJerk, shaft: "
-                                   "a, jerk: {times: [" +
-                                       instants + "], values: [" + values + "]}}\n",
+                     withPrinciple(test::sceneText(
+                                       "a 1, b 1",
+                                       {std::string("j = ImposedJerk, shaft: a, jerk: {times: [") +
+                                        instants + "], values: [" + values + "]}"}),
                                    principle),
                      exact, times,
                      std::string(principle) + " h " + text(h) + " at " + text(start) + ", " +
@@ -424,14 +415,13 @@ TEST(Tables, OfARatio) {
         });
         compareAll(
             hazard,
-            withPrinciple("shafts: [a, b]\na: {inertia: " + plainly(J1) +
-                              "}\nb: {inertia: 1e-6}\nconstraints: [k]\n"
-                              "k: {type: variator_sim/KinematicRatio, shafts: [a, b], "
-                              "ratio: {times: [" +
-                              plainly(start) + ", " + plainly(start + h) + ", " +
-                              plainly(start + 2.0 * h) + "], values: [0.5, 0.8, 0.5]}}\n" +
-                              "initial: {velocity: [2, 1]}\n",
-                          principle),
+            withPrinciple(
+                test::sceneText("a " + plainly(J1) + ", b",
+                                {"k = KinematicRatio, shafts: [a, b], ratio: {times: [" +
+                                 plainly(start) + ", " + plainly(start + h) + ", " +
+                                 plainly(start + 2.0 * h) + "], values: [0.5, 0.8, 0.5]}"},
+                                "b: {inertia: 1e-6}\ninitial: {velocity: [2, 1]}"),
+                principle),
             exact, times, std::string(principle) + " h " + text(h) + " at " + text(start),
             [&](double tolerance) {
               return kAllowed / h + (1e-11 + 100.0 * kEps / h / h) / tolerance;
@@ -470,13 +460,13 @@ TEST(Tables, OfAMotorOverSpeed) {
         });
         compareAll(
             hazard,
-            withPrinciple("shafts: [a]\na: {inertia: 1.5}\ntorques: [m, q]\n"
-                          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
-                          "\"1\"}\nm: {type: variator_sim/MotorCurve, shaft: a, "
-                          "characteristic: table, table: {speed: [" +
-                              plainly(v - h) + ", " + plainly(v) + ", " + plainly(v + h) +
-                              "], torque: [0, " + plainly(height) + ", 0], beyond: constant}}\n",
-                          principle),
+            withPrinciple(
+                test::sceneText(
+                    "a 1.5", {"m = MotorCurve, shaft: a, characteristic: table, table: {speed: [" +
+                                  plainly(v - h) + ", " + plainly(v) + ", " + plainly(v + h) +
+                                  "], torque: [0, " + plainly(height) + ", 0], beyond: constant}",
+                              "q on a: 1"}),
+                principle),
             exact, times, std::string(principle) + " h " + text(h) + ", height " + text(height),
             [&](double /*tolerance*/) { return kAllowed * (1.0 + height); });
       }
@@ -504,12 +494,11 @@ TEST(FromRest, ImposedJerks) {
     for (const char* principle : kPrinciples) {
       compareAll(
           hazard,
-          withPrinciple("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\n"
-                        "constraints: [j]\nj: {type: variator_sim/ImposedJerk, shaft: a, "
-                        "velocity_change: " +
-                            plainly(change) + ", duration: " + plainly(duration) +
-                            ", start: " + plainly(start) + "}\n",
-                        principle),
+          withPrinciple(
+              test::sceneText("a 1, b 1",
+                              {"j = ImposedJerk, shaft: a, velocity_change: " + plainly(change) +
+                               ", duration: " + plainly(duration) + ", start: " + plainly(start)}),
+              principle),
           exact, times,
           std::string(principle) + " " + text(change) + " in " + text(duration) + " s from " +
               plainly(start),
@@ -569,7 +558,7 @@ TEST(Pulses, OfPluginsSwitches) {
           sample.angle[0] = t < at ? t : at - (t - at - inside);
         });
         Scene plain = sceneFromText(
-            withPrinciple("shafts: [a]\na: {inertia: 1}\ninitial: {velocity: [1]}\n", principle));
+            withPrinciple(test::sceneText("a 1", {}, "initial: {velocity: [1]}"), principle));
         addTorque(plain, std::make_shared<Stop>(at, stiffness, jumps));
         for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
           const test::Run run = play(method.scene, times);

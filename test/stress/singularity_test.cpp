@@ -1,11 +1,5 @@
 /// Constraints whose rows C are tiny, huge, zero in one component, short of rank, or on their way
 /// to one of these. The promise: the motion is right, or it stops by name.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <vector>
 
 #include "stress/hazard.h"
 #include "stress/methods.h"
@@ -188,12 +182,9 @@ TEST(Singularity, ComponentsPassThroughZero) {
     for (double nu : speeds) {
       const std::string n = exactly(nu);
       const Scene plain = sceneFromText(
-          "shafts: [a, b]\na: {inertia: 1.2}\nb: {inertia: 1.2}\ntorques: [q]\n"
-          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*t\"}\n"
-          "constraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
-          "\"cos(" +
-          n + "*t)*e1+sin(" + n + "*t)*e2+0.7\"}\nprinciple: " + principle +
-          "\ninitial: {acceleration: [-0.7, 0]}\n");
+          "a 1.2, b 1.2",
+          {"q on a: 3*t", std::string("k: cos(") + n + "*t)*e1+sin(" + n + "*t)*e2+0.7"},
+          std::string("principle: ") + principle + "\ninitial: {acceleration: [-0.7, 0]}");
       const auto acceleration = [&](double t, int i) {
         const double c = std::cos(nu * t);
         const double s = std::sin(nu * t);
@@ -233,17 +224,12 @@ class ChangingCircle {
   double theta0 = 2.0;
 
   Scene scene(const std::string& a, double a0) const {
-    return sceneFromText(
-        "shafts: [a, b]\na: {inertia: 1.25}\nb: {inertia: 1.25}\ntorques: [q, p]\n"
-        "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-        exactly(m * std::cos(beta)) +
-        "*t\"}\n"
-        "p: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" +
-        exactly(m * std::sin(beta)) +
-        "*t\"}\nconstraints: [k]\n"
-        "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1^2+e2^2-(" +
-        a + ")^2\"}\ninitial: {acceleration: [" + plainly(a0 * std::cos(theta0)) + ", " +
-        plainly(a0 * std::sin(theta0)) + "], project: true}\n");
+    return sceneFromText("a 1.25, b 1.25",
+                         {"q on a: " + exactly(m * std::cos(beta)) + "*t",
+                          "p on b: " + exactly(m * std::sin(beta)) + "*t",
+                          std::string("k: e1^2+e2^2-(") + a + ")^2"},
+                         "initial: {acceleration: [" + plainly(a0 * std::cos(theta0)) + ", " +
+                             plainly(a0 * std::sin(theta0)) + "], project: true}");
   }
   /// theta where the integral of 1/a is `sum`.
   double theta(double sum) const {
@@ -334,10 +320,8 @@ TEST(Singularity, TimeConstantGoesThroughZero) {
   for (const char* principle : kPrinciples) {
     for (int q = 1; q <= 3; ++q) {
       const Scene plain = sceneFromText(
-          "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: []\nconstraints: [k]\n"
-          "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"(0.737-t)/" +
-          std::to_string(q) + "*(e2-0.5*e1)+w2-0.5*w1\"}\nprinciple: " + principle +
-          "\ninitial: {velocity: [0, 1]}\n");
+          "a 1.5, b 0.8", {"k: (0.737-t)/" + std::to_string(q) + "*(e2-0.5*e1)+w2-0.5*w1"},
+          std::string("principle: ") + principle + "\ninitial: {velocity: [0, 1]}");
       // Without torques the reactions are along (-u, 1): 1.5 w1 + 2 * 0.8 * 0.5 w2... is constant.
       const double A = u * u / 1.5 + 1.0 / 0.8;
       const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
@@ -370,10 +354,8 @@ TEST(Singularity, SampledExactlyAtTheSingularInstant) {
   for (const char* principle : kPrinciples) {
     for (int q = 1; q <= 3; ++q) {
       const Scene plain = sceneFromText(
-          "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: []\nconstraints: [k]\n"
-          "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"(0.737-t)/" +
-          std::to_string(q) + "*(e2-0.5*e1)+w2-0.5*w1\"}\nprinciple: " + principle +
-          "\ninitial: {velocity: [0, 1]}\n");
+          "a 1.5, b 0.8", {"k: (0.737-t)/" + std::to_string(q) + "*(e2-0.5*e1)+w2-0.5*w1"},
+          std::string("principle: ") + principle + "\ninitial: {velocity: [0, 1]}");
       const double A = u * u / 1.5 + 1.0 / 0.8;
       const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
         const double lambda = (std::pow(1.0 - t / T, q) - 1.0) / A;
@@ -411,11 +393,9 @@ TEST(Singularity, EnergyRunsOut) {
     for (double power : powers) {
       const double E = 0.5 * (1.5 * 4.0 + 0.8 * 1.0);
       const double end = E / power;
-      const Scene plain = sceneFromText(
-          "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: []\nconstraints: [k]\n"
-          "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
-          "\"1.5*w1*e1+0.8*w2*e2+" +
-          exactly(power) + "\"}\nprinciple: " + principle + "\ninitial: {velocity: [2, -1]}\n");
+      const Scene plain =
+          sceneFromText("a 1.5, b 0.8", {"k: 1.5*w1*e1+0.8*w2*e2+" + exactly(power)},
+                        std::string("principle: ") + principle + "\ninitial: {velocity: [2, -1]}");
       std::vector<double> times = evenly(0.999 * end, 10);
       times.push_back(1.1 * end);
       for (const Method& method : methodsOf(plain, tolerances())) {
@@ -542,14 +522,10 @@ TEST(Singularity, StateMakesRowsDependent) {
       const double end = d * d;  // 1/2 sum (w - mean)^2 = d^2 with w = mean + (d, -d, 0)
       std::vector<double> times = evenly(0.99 * end, 8);
       times.push_back(1.2 * end);
-      const Scene plain = sceneFromText(
-          "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 1}\nc: {inertia: 1}\ntorques: []\n"
-          "constraints: [k, l]\n"
-          "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1+e2+e3\"}\n"
-          "l: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
-          "\"w1*e1+w2*e2+w3*e3+1\"}\nprinciple: " +
-          std::string(principle) + "\ninitial: {velocity: [" + plainly(2.0 + d) + ", " +
-          plainly(2.0 - d) + ", 2]}\n");
+      const Scene plain =
+          sceneFromText("a 1, b 1, c 1", {"k: e1+e2+e3", "l: w1*e1+w2*e2+w3*e3+1"},
+                        "principle: " + std::string(principle) + "\ninitial: {velocity: [" +
+                            plainly(2.0 + d) + ", " + plainly(2.0 - d) + ", 2]}");
       for (const Method& method : methodsOf(plain, tolerances())) {
         const test::Run run = play(method.scene, times);
         const std::string label = std::string(principle) + " d = " + text(d) + " " + method.name;
