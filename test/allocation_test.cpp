@@ -1,13 +1,8 @@
 // After set-up the running loop allocates nothing: steps, commands, jumps, samples, stops, resets.
 // malloc itself is counted, so that Eigen's and the C library's own calls are seen too.
-#include <gtest/gtest.h>
 
 #include <atomic>
-#include <cmath>
-#include <cstdint>
 #include <cstdlib>
-#include <string>
-#include <vector>
 
 #include "support/scenes.h"
 
@@ -44,23 +39,15 @@ void* realloc(void* block, std::size_t size) {
 namespace variator_sim {
 namespace {
 
-const char* const kScene = R"yaml(
-shafts: [drive, middle, load]
-drive: {inertia: 0.5}
-middle: {inertia: 0.3}
-load: {inertia: 1.2}
-inertia_coupling: [[drive, middle, 0.05]]
-torques: [engine, brake, throttle, friction]
-engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: drive_torque, hold: zero_order}
-brake: {type: variator_sim/CommandedTorque, shaft: load, topic: load_torque, hold: first_order_lag, time_constant: 0.05}
-throttle: {type: variator_sim/CommandedTorque, shaft: middle, topic: throttle, hold: rate_limit, rate: 3}
-friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w3-0.1*tanh(w2)"}
-constraints: [variator, gear]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "0.5*(e3-0.8*e1)+0.01*(e1^2+e1*e3)+w3-0.8*w1"}
-gear: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e2-0.5*e1"}
-initial: {velocity: [10.0, 5.0, 8.0]}
-)yaml";
+const std::string kScene =
+    test::sceneText("drive 0.5, middle 0.3, load 1.2",
+                    {"engine on drive from drive_torque, hold: zero_order",
+                     "brake on load from load_torque, hold: first_order_lag, time_constant: 0.05",
+                     "throttle on middle from throttle, hold: rate_limit, rate: 3",
+                     "friction on load: -0.3*w3-0.1*tanh(w2)",
+                     "variator: 0.5*(e3-0.8*e1)+0.01*(e1^2+e1*e3)+w3-0.8*w1", "gear: e2-0.5*e1"},
+                    "inertia_coupling: [[drive, middle, 0.05]]\n"
+                    "initial: {velocity: [10, 5, 8]}");
 
 TEST(Allocation, CounterCounts) {
   if (!VARIATOR_SIM_COUNTS_ALLOCATIONS) GTEST_SKIP() << "under a sanitizer";
@@ -146,19 +133,14 @@ TEST(Allocation, NoneUnderAnyPrinciple) {
   for (const std::string principle : {"generalized_gauss", "gauss"}) {
     for (const std::string last : {"order: 2, expression: \"e3-0.5*e2+0.01*e3^2+w3-0.5*w2\"",
                                    "order: 3, expression: \"j3-0.5*j2+0.01*e3*j3+e3-0.5*e2\""}) {
-      Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [crank, middle, load]
-crank: {inertia: {mean: 0.5, harmonics: [{order: 2, cos: 0.1}]}}
-middle: {inertia: 0.3}
-load: {inertia: 1.2}
-torques: [engine, friction]
-engine: {type: variator_sim/CommandedTorque, shaft: crank, topic: drive_torque, hold: zero_order}
-friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w3"}
-constraints: [belt, last]
-belt: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(0.8+0.1*sin(t))*w1"}
-initial: {velocity: [10.0, 8.0, 4.0], project: true}
-principle: )yaml" + principle + "\nlast: {type: variator_sim/ExpressionConstraint, " +
-                                                last + "}\n"));
+      Simulation simulation(test::sceneFromText(
+          "crank, middle 0.3, load 1.2",
+          {"engine on crank from drive_torque, hold: zero_order", "friction on load: -0.3*w3",
+           "belt of order 1: w2-(0.8+0.1*sin(t))*w1",
+           std::string("last = ExpressionConstraint, ") + last},
+          std::string("crank: {inertia: {mean: 0.5, harmonics: [{order: 2, cos: 0.1}]}}\ninitial: "
+                      "{velocity: [10, 8, 4], project: true}\nprinciple: ") +
+              principle));
       const long before = allocations;
       for (int n = 1; n <= 200; ++n) {
         simulation.advanceTo(n / 200.0);
@@ -179,13 +161,8 @@ INSTANTIATE_TEST_SUITE_P(Steppers, Allocation,
                          [](const auto& test) { return std::string(toString(test.param)); });
 
 TEST(Allocation, NoneWhenAMotionStops) {
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive]
-drive: {inertia: 1}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "w1^2"}
-initial: {velocity: [1]}
-)yaml"));
+  Simulation simulation(
+      test::sceneFromText("drive 1", {"motor on drive: w1^2"}, "initial: {velocity: [1]}"));
   const long before = allocations;
   simulation.advanceTo(2.0);
   EXPECT_EQ(allocations - before, 0);
@@ -194,19 +171,16 @@ initial: {velocity: [1]}
 
 /// Stiff through its slip time constant; `last` are more lines.
 Scene stiffScene(const std::string& last = "") {
-  return test::withTolerance(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, friction]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order}
-friction: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w2-0.1*tanh(w1)"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2,
-           expression: "1e-5*(e2-(0.6+0.2*sin(0.7*t))*e1)+w2-(0.6+0.2*sin(0.7*t))*w1"}
-initial: {velocity: [5, 3]}
-)yaml" + last),
-                             1e-6);
+  return test::withTolerance(
+      test::sceneFromText(
+          test::sceneText(
+              "drive 0.8, load 2",
+              {"motor on drive from torque, hold: zero_order",
+               "friction on load: -0.3*w2-0.1*tanh(w1)",
+               "variator: 1e-5*(e2-(0.6+0.2*sin(0.7*t))*e1)+w2-(0.6+0.2*sin(0.7*t))*w1"},
+              "initial: {velocity: [5, 3]}") +
+          last),
+      1e-6);
 }
 
 // The change from the explicit to the implicit stepper included.
@@ -252,16 +226,9 @@ TEST(Allocation, NoneInImplicitStepsOfAnyScene) {
 }
 
 TEST(Allocation, NoneFallingAsleepAndWaking) {
-  Simulation simulation(test::sceneFromText(R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.8}
-load: {inertia: 2.0}
-torques: [motor, friction]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, hold: zero_order}
-friction: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-0.5*w1"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2-0.6*e1)+w2-0.6*w1"}
-)yaml"));
+  Simulation simulation(test::sceneFromText(
+      "drive 0.8, load 2", {"motor on drive from torque, hold: zero_order",
+                            "friction on drive: -0.5*w1", "variator: 0.2*(e2-0.6*e1)+w2-0.6*w1"}));
   const long before = allocations;
   double sum = 0.0;
   bool slept = true;

@@ -2,14 +2,6 @@
 // has converged, and goes where another stepper goes.
 #include "dynamics/motion_series.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "dynamics/system.h"
 #include "support/scenes.h"
 
@@ -176,12 +168,10 @@ class Expansion {
 };
 
 std::string twoShafts(const std::string& rest, const std::string& more = "") {
-  return "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\n" + more +
-         "torques: [motor, drag]\n"
-         "motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
-         "\"12*((50-w1)/50)/(((50-w1)/50)^2+0.04)\"}\n"
-         "drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"-0.02*w2^2-0.1*w2\"}\n" +
-         rest;
+  return test::sceneText(
+      "a 0.8, b 2",
+      {"motor on a: 12*((50-w1)/50)/(((50-w1)/50)^2+0.04)", "drag on b: -0.02*w2^2-0.1*w2"},
+      more + rest);
 }
 std::string oneConstraint(const std::string& order, const std::string& expression) {
   return "constraints: [v]\nv: {type: variator_sim/ExpressionConstraint, order: " + order +
@@ -192,37 +182,22 @@ std::string heldInput(const std::string& hold) {
 }
 
 /// Four shafts, coupled, one of them with harmonics, and three constraints of all orders.
-const char* const kFour = R"yaml(
-shafts: [a, b, c, d]
-a: {inertia: 0.5}
-b: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}, {order: 2, cos: 0.1, sin: -0.15}]}}
-c: {inertia: 2.0}
-d: {inertia: 0.7}
-inertia_coupling: [[a, c, 0.1], [b, d, -0.2]]
-torques: [motor, drag]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "20-w1+sin(phi1)"}
-drag: {type: variator_sim/ExpressionTorque, shaft: d, torque: "-0.5*w4"}
-constraints: [gear, slip, start]
-gear: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(0.5+0.1*sin(t))*w1"}
-slip: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.3*(e3-0.7*e2)*(1+0.01*e3^2)+w3-0.7*w2"}
-start: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j4*(2+0.1*e4)-0.3*cos(t)*e1"}
-initial: {velocity: [2, 1, 0.5, 0], project: true}
-)yaml";
+const std::string kFour = test::sceneText(
+    "a 0.5, b, c 2, d 0.7",
+    {"motor on a: 20-w1+sin(phi1)", "drag on d: -0.5*w4", "gear of order 1: w2-(0.5+0.1*sin(t))*w1",
+     "slip: 0.3*(e3-0.7*e2)*(1+0.01*e3^2)+w3-0.7*w2",
+     "start of order 3: j4*(2+0.1*e4)-0.3*cos(t)*e1"},
+    "b: {inertia: {mean: 1, harmonics: [{order: 1, cos: 0.2}, {order: 2, cos: 0.1, sin: -0.15}]}}\n"
+    "inertia_coupling: [[a, c, 0.1], [b, d, -0.2]]\n"
+    "initial: {velocity: [2, 1, 0.5, 0], project: true}");
 
 /// An inertia that depends on the angle, orders 1 and 2.
-const char* const kHarmonics = R"yaml(
-shafts: [a, b, c]
-a: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}, {order: 2, cos: 0.1, sin: -0.15}]}}
-b: {inertia: 0.6}
-c: {inertia: 2.0}
-torques: [motor, drag]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "20-w1+sin(phi1)"}
-drag: {type: variator_sim/ExpressionTorque, shaft: c, torque: "-0.5*w3"}
-constraints: [gear, slip]
-gear: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(0.5+0.1*sin(t))*w1"}
-slip: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.3*(e3-0.7*e2)*(1+0.01*e3^2)+w3-0.7*w2"}
-initial: {velocity: [2, 1, 0.5], project: true}
-)yaml";
+const std::string kHarmonics = test::sceneText(
+    "a, b 0.6, c 2",
+    {"motor on a: 20-w1+sin(phi1)", "drag on c: -0.5*w3", "gear of order 1: w2-(0.5+0.1*sin(t))*w1",
+     "slip: 0.3*(e3-0.7*e2)*(1+0.01*e3^2)+w3-0.7*w2"},
+    "a: {inertia: {mean: 1, harmonics: [{order: 1, cos: 0.2}, {order: 2, cos: 0.1, sin: -0.15}]}}\n"
+    "initial: {velocity: [2, 1, 0.5], project: true}");
 
 std::vector<Case> makeCases() {
   const std::string start = "initial: {velocity: [5, 3], acceleration: [4, 2.75], project: true}\n";
@@ -249,12 +224,13 @@ std::vector<Case> makeCases() {
       {"circle",
        twoShafts(oneConstraint("2", "e1^2+e2^2-4") + "initial: {acceleration: [1.2, 1.6]}\n")},
       {"crank",
-       "shafts: [a, b]\n"
-       "a: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.15}, {order: 2, cos: 0.05, "
-       "sin: 0.02}]}}\nb: {inertia: 2.0}\n" +
-           std::string("inertia_coupling: [[a, b, 0.3]]\ntorques: [motor]\nmotor: {type: "
-                       "variator_sim/ExpressionTorque, shaft: a, torque: \"5-0.3*w1\"}\n") +
-           order1 + "initial: {velocity: [5, 3], project: true}\n"},
+       test::sceneText(
+           "a, b 2", {},
+           "a: {inertia: {mean: 1, harmonics: [{order: 1, cos: 0.15}, {order: 2, cos: 0.05, sin: "
+           "0.02}]}}\ninitial: {velocity: [5, 3], project: true}\n" +
+               std::string("inertia_coupling: [[a, b, 0.3]]\ntorques: [motor]\nmotor: {type: "
+                           "variator_sim/ExpressionTorque, shaft: a, torque: \"5-0.3*w1\"}\n") +
+               order1)},
   };
   cases.push_back({"crank_least", cases.back().text + "principle: gauss\n"});
   // Inputs of every hold, in a torque and in constraints, where their rates count.
@@ -333,11 +309,8 @@ TEST(MotionSeries, AreNoneOfOrder3UnderGauss) {
 // command has moved an input: exp(-(w - u)^2) is as large at w = 1.4 for u = 0.4 as at w = 101 for
 // u = 100, and on the way there it comes from exp(-9801).
 TEST(MotionSeries, MayHideSomethingBehindACommand) {
-  const Scene scene = test::sceneFromText(heldInput("zero_order") + R"yaml(shafts: [a]
-a: {inertia: 1.0}
-torques: [bump]
-bump: {type: variator_sim/ExpressionTorque, shaft: a, torque: "exp(-(w1-u)^2)"}
-)yaml");
+  const Scene scene = test::sceneFromText(heldInput("zero_order") +
+                                          test::sceneText("a 1", {"bump on a: exp(-(w1-u)^2)"}));
   System system(scene);
   system.drivetrain().resetInputs();
   MotionSeries& series = *system.formulas();
