@@ -138,7 +138,7 @@ TEST(YamlTree, FaultsNameFileLineAndColumn) {
         BadYaml{"a: [1, 2\nb: 3\n", "s.yaml:", "not valid YAML"},
         BadYaml{"a: 1\n b: 2\n", "s.yaml:2:", "not valid YAML"},
         BadYaml{"a:\n\tb: 2\n", "s.yaml:2:", "line 2 is indented by a tab"},
-        BadYaml{"a: *nobody\n", "s.yaml:1:4: ", "not valid YAML"},
+        BadYaml{"a: *nothing\n", "s.yaml:1:4: ", "not valid YAML"},
         BadYaml{"", "s.yaml:1:1: ", "expected a mapping"},
         BadYaml{"# nothing\n", "s.yaml:", "expected a mapping"},
         BadYaml{"- 1\n- 2\n", "s.yaml:1:1: ", "got a list: [1, 2]"},

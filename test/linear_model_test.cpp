@@ -388,7 +388,7 @@ TEST(LinearModel, IsRefusedWhereThereIsNone) {
   EXPECT_THROW(linearize(circle, centre), SceneError);
 }
 
-TEST(LinearModel, HasExactZerosForWhatNobodyReads) {
+TEST(LinearModel, HasExactZerosForUnreadVariables) {
   const Scene scene = test::sceneFromText(R"yaml(
 shafts: [a]
 a: {inertia: 2.0}

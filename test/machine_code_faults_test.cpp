@@ -91,7 +91,7 @@ class MachineCodeFaults : public test::MachineCodeFolder {
   void expectNoWorkersLeft() const {
     ASSERT_TRUE(hasWorkers());
     for (const pid_t worker : workers()) {
-      EXPECT_TRUE(happensSoon([worker] { return !isWorking(worker); })) << "it works for nobody";
+      EXPECT_TRUE(happensSoon([worker] { return !isWorking(worker); })) << "its parent has ended";
     }
   }
 };

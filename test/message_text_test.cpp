@@ -92,7 +92,7 @@ TEST(MessageText, ShowsTheCaretBelowControlCharacters) {
   EXPECT_EQ(what.substr(what.find('\n')), "\n  a  b ? c\n       ^");
 }
 
-TEST(MessageText, SuggestsNothingForWhatNobodyTypes) {
+TEST(MessageText, SuggestsNothingForTextsThatAreNotTyped) {
   EXPECT_EQ(findNearestName(std::string(20000000, 'x'), {"throttle", std::string(20000000, 'y')}),
             "");
 }

@@ -221,7 +221,7 @@ TEST(PluginLoader, BuiltInTypesAreExportedUnderTheirNames) {
   }
 }
 
-TEST(PluginLoader, UnknownTypesAreNobodys) {
+TEST(PluginLoader, UnknownTypesAreRefused) {
   PluginlibComponentFactory factory;
   EXPECT_EQ(factory.createConstraint("variator_sim/ExpresionConstraint"), nullptr);
   EXPECT_EQ(factory.createTorque("no_such_package/Torque"), nullptr);

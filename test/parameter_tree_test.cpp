@@ -237,7 +237,7 @@ TEST(ParameterReader, NamesPathValueAndWhatIsAllowed) {
   }
 }
 
-TEST(ParameterReader, RefusesKeysNobodyAskedFor) {
+TEST(ParameterReader, RefusesKeysThatAreNotRead) {
   const Tree tree = Tree::dictionary({{"steper", Tree::text("rk4")}, {"step", Tree::real(0.1)}});
   ParameterReader reader(tree, "solver");
   reader.number("step");
