@@ -88,9 +88,19 @@ struct Ship : TwoShafts {
   static void initial(R* x) {
     setState(x, {0.0L, 0.0L, 5.0L, 2.0L, 8.7766140234030305241L, 6.0165615693436304098L});
   }
+  static void torque(const R& /*t*/, const R* /*phi*/, const R* w, R* Q) {
+    Q[0] = kMotor.torque(w[0]);
+    Q[1] = K(-0.02L) * (w[1] * w[1]);
+  }
   static void torqueRate(const R& /*t*/, const R* /*phi*/, const R* w, const R* e, R* rate) {
     rate[0] = kMotor.torqueRate(w[0], e[0]);
     rate[1] = K(-0.04L) * (w[1] * e[1]);
+  }
+  static void residual(const R& t, const R* /*phi*/, const R* w, const R* e, R* psi) {
+    using std::sin;
+    const R u = K(0.6L) + K(0.2L) * sin(K(0.7L) * t);
+    const R g = K(1) + K(0.05L) * (e[0] * e[0] + e[1] * e[1]);
+    psi[0] = K(0.2L) * (e[1] - u * e[0]) * g + w[1] - u * w[0];
   }
   static void row(const R& t, const R* /*phi*/, const R* w, const R* e, R (*C)[2], R* c0) {
     using std::cos;
