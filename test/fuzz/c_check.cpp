@@ -33,7 +33,8 @@ const std::set<std::string>& libraryFunctions() {
       "memcpy", "memset", "memmove", "ferror", "fflush", "fgets", "fclose", "fopen", "fprintf",
       "fputc", "fputs", "strchr", "strcmp", "strcspn", "strspn", "strtod",
       // of the compiler, and pointers that are called
-      "__attribute__", "always_inline", "vector_size", "__builtin_memcpy", "__builtin_fabs",
+      "__attribute__", "always_inline", "vector_size", "aligned", "_Pragma", "__builtin_shuffle",
+      "__builtin_shufflevector", "__builtin_memcpy", "__builtin_fabs",
       "__builtin_sqrt", "__builtin_fma", "__builtin_ia32_vfmaddpd256", "defined", "contract",
       "table", "table2"};
   return all;
@@ -123,7 +124,8 @@ class Lexer {
   }
 
   void readDirective() {
-    const std::size_t end = text_.find('\n', at_);
+    std::size_t end = text_.find('\n', at_);
+    while (end != std::string::npos && text_[end - 1] == '\\') end = text_.find('\n', end + 1);
     const std::string line = text_.substr(at_, end - at_);
     static const std::set<std::string> headers{"float", "math", "stdio", "stdlib", "string"};
     const std::string macro = "#define ";
