@@ -210,6 +210,21 @@ TEST(Crawls, AShaftThatFrictionStopsWhileAnInputMoves) {
   }
 }
 
+// Where the fan just begins to turn, a long step's curve has its speed pass 0 by rounding alone.
+TEST(Crawls, AShaftThatBeginsToTurn) {
+  const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/applications/";
+  for (const double tolerance : {1e-4, 1e-8, 1e-9, 1e-10}) {
+    Scene scene = test::sceneFromFile(root + "starting_system.yaml");
+    scene.solver.relative_tolerance = scene.solver.absolute_tolerance = tolerance;
+    Simulation simulation(scene);
+    simulation.advanceTo(1.0);
+    simulation.command(0, 1.0);
+    ASSERT_TRUE(simulation.advanceTo(20.0).ok()) << simulation.describeStatus();
+    EXPECT_LT(simulation.statistics().steps + simulation.statistics().rejected_steps, 500U)
+        << tolerance;
+  }
+}
+
 // A command each 10 ms begins the motion anew: steps of its length are good, and nothing is
 // learned by changing the stepper.
 TEST(Crawls, CommandsEach10Milliseconds) {

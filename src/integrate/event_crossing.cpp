@@ -12,12 +12,16 @@ void EventCrossing::reset() {
 }
 
 void EventCrossing::restart() {
+  absent_.guard = -1;
   next_ = NextEvent{};
   is_end_on_event_ = false;
 }
 
 void EventCrossing::forgetNext(bool was_due) {
-  if (was_due) step_.next_length = std::min(step_.next_length, next_.otherwise);
+  if (was_due) {
+    step_.next_length = std::min(step_.next_length, next_.otherwise);
+    absent_ = {next_.guard, start_.time};
+  }
   // (The accelerations that a psi gives may have leapt to behind one of its own.)
   const bool is_false =
       was_due && next_.is_guess && drivetrain_.guardOwner(next_.guard).torque >= 0;

@@ -38,6 +38,8 @@ class EventCrossing : private StepPart {
   int falseGuesses() const { return last_.false_guesses; }
   /// The next event, which may have been due at the start of the step, is not there.
   void forgetNext(bool was_due);
+  /// True if the event of `guard` was due at the start of the step, and was not there.
+  bool wasAbsent(int guard) const { return guard == absent_.guard && start_.time == absent_.time; }
 
   /// A new step begins at its end: guards have the branches that they have there. (Accelerations of
   /// least reaction that go on in a corner of psi only seem to leave it: least_reaction.h.)
@@ -150,6 +152,10 @@ class EventCrossing : private StepPart {
   JumpMap jump_map_;
   NextEvent next_;
   LastEvent last_;
+  struct {
+    int guard = -1;
+    double time = 0.0;
+  } absent_;
   bool is_end_on_event_ = false;
 };
 
