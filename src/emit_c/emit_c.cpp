@@ -185,8 +185,9 @@ class Emission {
     return std::string("static const ") + type + " " + name + "[] = {" + listOf(values) + "};\n";
   }
   std::string rowsOf(const char* name, const std::vector<Node>& nodes) const {
-    std::vector<int> rows;
-    for (const Node node : nodes) rows.push_back(rowOf(node));
+    std::vector<int> rows(nodes.size());
+    std::transform(nodes.begin(), nodes.end(), rows.begin(),
+                   [this](Node node) { return rowOf(node); });
     return constant("int", name, rows);
   }
 
@@ -284,12 +285,14 @@ class Emission {
       return "const char *const " + name_ + "_" + what + "_name[] = {" + text + "};\n";
     };
     std::vector<std::string> topics;
+    topics.reserve(scene_.inputs.size());
     for (const CommandInputSettings& input : scene_.inputs) topics.push_back(input.topic);
     return list("shaft", scene_.shafts) + list("constraint", namesOf(scene_.constraints)) +
            list("input", topics);
   }
   static std::vector<std::string> namesOf(const std::vector<ConstraintPtr>& constraints) {
     std::vector<std::string> names;
+    names.reserve(constraints.size());
     for (const ConstraintPtr& it : constraints) names.push_back(it->name());
     return names;
   }

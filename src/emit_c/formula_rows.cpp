@@ -37,6 +37,10 @@ std::string join(const Values& values, Write write) {
   return text.empty() ? "0" : text;
 }
 
+std::size_t index(int n) {
+  return static_cast<std::size_t>(n);
+}
+
 constexpr double kFactorial[] = {1.0, 1.0, 2.0, 6.0, 24.0, 120.0};
 
 /// Calls `use` with the point from which each piece is counted: the lower one of its two, for the
@@ -98,7 +102,7 @@ std::set<int> FormulaRows::findSeries(int outputs) const {
     const Instruction& it = program_.instructions_[static_cast<std::size_t>(found->second)];
     open.insert(open.end(), std::begin(it.operands), std::end(it.operands));
     for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
-      open.push_back(program_.terms_[static_cast<std::size_t>(it.aux[0] + n)].row);
+      open.push_back(program_.terms_[index(it.aux[0] + n)].row);
     }
   }
   return needed;
@@ -108,7 +112,7 @@ void FormulaRows::noteGrowth(const Instruction& it) {
   bool grows = it.code == Code::kExp || it.code == Code::kSinhCosh;
   if (it.code == Code::kLinear) {
     for (int n = 0; n < it.aux[1]; ++n) {
-      grows = grows || grows_.count(program_.terms_[static_cast<std::size_t>(it.aux[0] + n)].row);
+      grows = grows || grows_.count(program_.terms_[index(it.aux[0] + n)].row);
     }
   }
   for (const int operand : it.operands) grows = grows || grows_.count(operand) > 0;
@@ -134,7 +138,7 @@ std::string FormulaRows::correctionOf(const Instruction& it) const {
     case Code::kLinear: {
       std::string text;
       for (int n = 0; n < it.aux[1]; ++n) {
-        const auto& term = program_.terms_[static_cast<std::size_t>(it.aux[0] + n)];
+        const auto& term = program_.terms_[index(it.aux[0] + n)];
         text = sum(text, slope(term.row, literalOf(term.factor)));
       }
       return text;
@@ -206,7 +210,7 @@ std::vector<expression::SeriesOperation> FormulaRows::resolved() const {
 std::string FormulaRows::sumOf(const Instruction& it) const {
   std::string text;
   for (int n = 0; n < it.aux[1]; ++n) {
-    const auto& term = program_.terms_[static_cast<std::size_t>(it.aux[0] + n)];
+    const auto& term = program_.terms_[index(it.aux[0] + n)];
     const bool is_negative = term.factor < 0.0 && !text.empty();
     const double factor = is_negative ? -term.factor : term.factor;
     text += text.empty() ? "" : is_negative ? " - " : " + ";
@@ -218,7 +222,7 @@ std::string FormulaRows::sumOf(const Instruction& it) const {
 
 std::string FormulaRows::statementOf(const Instruction& it) {
   const std::string y = row(it.result);
-  const std::string call = it.code == Code::kLinear ? sumOf(it) : statementOfFunction(it);
+  std::string call = it.code == Code::kLinear ? sumOf(it) : statementOfFunction(it);
   const int degree = program_.degree(it.result) + (it.code == Code::kRate ? 1 : 0);
   if (degree <= SeriesProgram::kLongest) {
     return "if (n <= " + std::to_string(degree) + ") " + call;
@@ -325,9 +329,9 @@ std::string FormulaRows::tableOf(const Instruction& it) {
     }
   });
   const std::string name = define("table", piece.table->origin(), {piece.table->points()}, pieces);
-  const std::string text = "vs_look_up(" + row(it.result) + ", r + " + std::to_string(rows_) +
-                           ", " + row(it.operands[0]) + ", &" + name + ", s + " +
-                           std::to_string(modes_) + ", a + " + std::to_string(pieces_) + ", n);";
+  std::string text = "vs_look_up(" + row(it.result) + ", r + " + std::to_string(rows_) + ", " +
+                     row(it.operands[0]) + ", &" + name + ", s + " + std::to_string(modes_) +
+                     ", a + " + std::to_string(pieces_) + ", n);";
   piece_of_row_[it.result] = pieces_;
   rows_ += kRows;
   modes_ += kModes;
@@ -356,10 +360,10 @@ std::string FormulaRows::tableOfTwo(const Instruction& it) {
   });
   const std::string name =
       define("table_of_two", table.origin(), {table.pointsX(), table.pointsY()}, pieces);
-  const std::string text = "vs_look_up_two(r + " + std::to_string(rows_) + ", " +
-                           row(it.operands[0]) + ", " + row(it.operands[1]) + ", &" + name +
-                           ", s + " + std::to_string(modes_) + ", a + " + std::to_string(pieces_) +
-                           ", n);\n  " + row(it.result) + "[n] = " + row(rows_) + "[n];";
+  std::string text = "vs_look_up_two(r + " + std::to_string(rows_) + ", " + row(it.operands[0]) +
+                     ", " + row(it.operands[1]) + ", &" + name + ", s + " + std::to_string(modes_) +
+                     ", a + " + std::to_string(pieces_) + ", n);\n  " + row(it.result) +
+                     "[n] = " + row(rows_) + "[n];";
   rows_ += kRows;
   modes_ += kModes;
   piece_of_row_[it.result] = pieces_;
