@@ -72,12 +72,11 @@ class CommandReader {
   }
 
   bool nextLine(std::string* line) {
-    std::array<char, kLongestLine + 2> buffer{};  // and the line's end, and the text's
-    lines_.getline(buffer.data(), buffer.size());
+    lines_.getline(buffer_.data(), buffer_.size());
     if (lines_.gcount() == 0) return false;
     ++line_number_;
     const auto count = static_cast<std::size_t>(lines_.gcount());
-    line->assign(buffer.data(), count - (lines_.eof() || lines_.fail() ? 0 : 1));
+    line->assign(buffer_.data(), count - (lines_.eof() || lines_.fail() ? 0 : 1));
     if (line->size() > kLongestLine) {
       throw error({inQuotes(*line), "..: a line of more than ", std::to_string(kLongestLine),
                    " characters; expected: ", kHeader});
@@ -114,6 +113,7 @@ class CommandReader {
   std::istream& lines_;
   const std::string& source_name_;
   int line_number_ = 0;
+  std::array<char, kLongestLine + 2> buffer_{};  // and the line's end, and the text's
 };
 
 }  // namespace
