@@ -264,6 +264,7 @@ class RadauStepper final : public Stepper {
   /// False when they do not converge.
   template <std::size_t kStages>
   bool findStages(System& system, const StepNode& from, double h, bool is_predicted) {
+    double first = 0.0;
     double previous = 0.0;
     ++quick_steps_;
     refused_ = 0.0;
@@ -271,8 +272,8 @@ class RadauStepper final : public Stepper {
       calcDefects<kStages>(system, from, h);
       const double size = correctStages<kStages>();
       if (iterations_ == kQuick + 1) quick_steps_ = 0;
-      if (iterations_ == 1) first_correction_ = size;
-      const Newton verdict = judgeCorrection(size, previous, is_predicted);
+      if (iterations_ == 1) first = size;
+      const Newton verdict = judgeCorrection(size, previous, first, is_predicted);
       if (verdict != Newton::kGoesOn) return verdict == Newton::kConverged;
       if (iterations_ == 2 && isHopeless(from, h, size)) return true;
       previous = size;
@@ -282,8 +283,8 @@ class RadauStepper final : public Stepper {
   }
 
   enum class Newton { kGoesOn, kConverged, kFails };
-  /// Judges the iteration by the sizes of its last two corrections.
-  Newton judgeCorrection(double size, double previous, bool is_predicted) const {
+  /// Judges the iteration by the sizes of its last two corrections, and of the first one.
+  Newton judgeCorrection(double size, double previous, double first, bool is_predicted) const {
     constexpr double kUlps = 64.0 * kEpsilon;
     if (!std::isfinite(size)) return Newton::kFails;
     if (size == 0.0) return Newton::kConverged;
@@ -295,8 +296,8 @@ class RadauStepper final : public Stepper {
     // be far stiffer than where the stages lie: all further corrections are small, and as large as
     // the one before, more than rounding.
     const bool is_rate_known = is_predicted || iterations_ > 2;
-    const bool creeps = !is_predicted && std::abs(rate - 1.0) < 0.01 &&
-                        size > std::max(first_correction_, largest_) * kUlps;
+    const bool creeps =
+        !is_predicted && std::abs(rate - 1.0) < 0.01 && size > std::max(first, largest_) * kUlps;
     if (iterations_ == 2) rate = std::max(rate, kFirstRate);
     if (rate >= 0.99) return size <= 1.0 && !creeps ? Newton::kConverged : Newton::kFails;
     if (is_rate_known && rate / (1.0 - rate) * size <= 1.0) return Newton::kConverged;
@@ -464,10 +465,9 @@ class RadauStepper final : public Stepper {
   int quick_steps_ = 0;
   const bool keeps_psi_;  // in the stages
   const bool holds_jerks_;
-  int iterations_ = 1;             // of the last step
-  double first_correction_ = 0.0;  // of it, as correctStages gives it
-  bool has_converged_ = true;      // the last try
-  double refused_ = 0.0;           // the error for which the iteration was left, 0 where it was not
+  int iterations_ = 1;         // of the last step
+  bool has_converged_ = true;  // the last try
+  double refused_ = 0.0;       // the error for which the iteration was left, 0 where it was not
 
   const int S;  // shafts
   const int size_;
