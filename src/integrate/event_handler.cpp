@@ -146,16 +146,19 @@ EventHandler::Finding EventHandler::approach(double taken, double* next) {
   crossing_.next().side = guards_.side(finding.guard);
   crossing_.next().length = (finding.beyond - finding.clear) * taken + margin + shortest;
   *next = finding.clear * taken - margin;
-  // A curve that shows an event anew which has just been looked for errs by more than its argument.
+  // An event that was due here and was not there: the curve that shows it again errs by more than
+  // the event's argument.
   constexpr double kAnew = 1e-3;  // of the step
   const bool is_anew = crossing_.wasAbsent(finding.guard) && finding.clear < kAnew;
-  if (*next > margin && !is_anew) {
-    crossing_.next().at = start_.time + *next;
-    return Finding::kShorter;
+  if (!is_anew) {
+    if (*next > margin) {
+      crossing_.next().at = start_.time + *next;
+      return Finding::kShorter;
+    }
+    crossing_.next().at = start_.time;
+    crossing_.next().length += *next;
+    if (crossing_.cross()) return Finding::kCrossed;
   }
-  crossing_.next().at = start_.time;
-  crossing_.next().length += *next;
-  if (!is_anew && crossing_.cross()) return Finding::kCrossed;
   // It is not there: the curve of so long a step is no good.
   crossing_.next() = NextEvent{};
   *next = 0.25 * taken;
