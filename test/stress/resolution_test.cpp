@@ -125,7 +125,8 @@ test::Run playEmitted(Simulation& simulation, const BumpyScene& bumpy) {
   while (std::getline(file, text)) {
     std::istringstream row(text);
     std::vector<double> values;
-    for (std::string cell; std::getline(row, cell, ',');) values.push_back(std::stod(cell));
+    for (std::string cell; std::getline(row, cell, ',');)
+      values.push_back(std::strtod(cell.c_str(), nullptr));
     if (values.size() < 7 || values[0] == 0.0) continue;
     Sample sample;
     sample.time = values[0];
