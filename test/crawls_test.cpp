@@ -210,7 +210,8 @@ TEST(Crawls, AShaftThatFrictionStopsWhileAnInputMoves) {
   }
 }
 
-// Where the fan just begins to turn, a long step's curve has its speed pass 0 by rounding alone.
+// The fan begins to turn. The polynomial through a long step is less exact than its speed is large
+// then, and seems to pass 0.
 TEST(Crawls, AShaftThatBeginsToTurn) {
   const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/applications/";
   for (const double tolerance : {1e-4, 1e-8, 1e-9, 1e-10}) {

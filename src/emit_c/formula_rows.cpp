@@ -99,7 +99,7 @@ std::set<int> FormulaRows::findSeries(int outputs) const {
     const auto found = producer.find(open.back());
     open.pop_back();
     if (found == producer.end() || !needed.insert(found->second).second) continue;
-    const Instruction& it = program_.instructions_[static_cast<std::size_t>(found->second)];
+    const Instruction& it = program_.instructions_[index(found->second)];
     open.insert(open.end(), std::begin(it.operands), std::end(it.operands));
     for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
       open.push_back(program_.terms_[index(it.aux[0] + n)].row);
@@ -184,20 +184,20 @@ bool FormulaRows::mayReachLimit(const Instruction& it) const {
   const bool has_limit = it.code == Code::kDivide || it.code == Code::kTanh ||
                          it.code == Code::kExp || it.code == Code::kPrimitive;
   const int of = it.operands[it.code == Code::kDivide ? 1 : 0];
-  return has_limit && grows_.count(of) > 0 && !program_.has_pole_[static_cast<std::size_t>(of)];
+  return has_limit && grows_.count(of) > 0 && !program_.has_pole_[index(of)];
 }
 
 std::vector<expression::SeriesOperation> FormulaRows::resolved() const {
   std::set<int> made;
   for (const int n : in_series_) {
-    made.insert(program_.instructions_[static_cast<std::size_t>(n)].result);
+    made.insert(program_.instructions_[index(n)].result);
   }
   std::vector<expression::SeriesOperation> list;
   for (expression::SeriesOperation it : program_.resolved()) {
     if (made.count(it.result) == 0) continue;
     if (it.kind == expression::kSeriesTable) {
       it.state = piece_of_row_.at(it.result);
-      if (it.b < 0) it.f = 1.0;
+      if (it.b < 0) it.f = 1.0;  // the piece's six coefficients lie next to each other here
     } else if (it.kind == expression::kSeriesEither || it.kind == expression::kSeriesOther) {
       it.state = mode_of_state_.at(it.state);
     }
@@ -316,7 +316,7 @@ std::string FormulaRows::define(const std::string& type, const std::string& orig
 }
 
 std::string FormulaRows::tableOf(const Instruction& it) {
-  const Piece& piece = program_.pieces_[static_cast<std::size_t>(it.state)];
+  const Piece& piece = program_.pieces_[index(it.state)];
   constexpr int kRows = 3;
   constexpr int kModes = 3;
   std::vector<double> pieces;
@@ -340,7 +340,7 @@ std::string FormulaRows::tableOf(const Instruction& it) {
 }
 
 std::string FormulaRows::tableOfTwo(const Instruction& it) {
-  const Piece& piece = program_.pieces_[static_cast<std::size_t>(it.state)];
+  const Piece& piece = program_.pieces_[index(it.state)];
   const Table2& table = *piece.table2;
   constexpr int kRows = 11;
   constexpr int kModes = 4;

@@ -111,7 +111,7 @@ scene_status scene_command(scene_model* m, int input, double value) {
   return SCENE_OK;
 }
 
-/* To the goal, or to where nothing leads any further. */
+/* Moves on to the goal, or to the last state from which the motion goes on. */
 static scene_status vs_reach_goal(scene_model* m) {
   double left = (m->now.goal - m->now.time) + (m->now.goal_rest - m->now.time_rest);
   int steps;

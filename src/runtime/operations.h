@@ -3,7 +3,7 @@
  *
  * A row holds the coefficients c_0 .. c_N of one intermediate result, c_k being that of ((t - t_n)
  * / unit)^k. Each function below computes coefficient n of its results; n = 0 is the value itself.
- * Where n is a constant, a compiler unrolls the sums. (Moore; Jorba and Zou: A software package for
+ * A compiler unrolls the sums if n is a constant. (Moore; Jorba and Zou: A software package for
  * the numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics
  * 14 (2005) 99-117.)
  *

@@ -260,7 +260,7 @@ static scene_status vs_expand(scene_model* m, double limit) {
       continue;
     }
     vs_integrate_last(it);
-    /* Of a motion that is a polynomial any length is right; powers of it may not overflow. */
+    /* A motion that is a polynomial allows any length, but its powers must not overflow. */
     m->usual = seriesSmaller(vs_choose_length(it, limit), seriesSmaller(MAXIMUM_STEP, 1e6));
     return SCENE_OK;
   }

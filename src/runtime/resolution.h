@@ -1,4 +1,4 @@
-/* Whether the series show all that their functions do along a step: a bump that is narrower than
+/* The check that series show all that their functions do along a step: a bump that is narrower than
  * the step is in no coefficient. series_resolution.inc and series_ranges.inc go before, and the
  * table `resolved` of the scene's operations. */
 

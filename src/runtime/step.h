@@ -105,7 +105,7 @@ static int vs_has_leapt(const scene_model* m, const scene_state* before,
   return 0;
 }
 
-/* To theta, or, with an event, to the first instant behind it at which the state itself has passed.
+/* Moves to theta or, with an event, to the first instant behind it at which the state has passed.
  * *defect: see vs_defect. */
 static scene_status vs_try(scene_model* m, vs_event* at, double* theta, double* defect,
                            int* loses_rank) {
