@@ -153,13 +153,13 @@ class MotionSeries {
   /// Finds the rows of all formulas in the program, in the order in which they were added.
   void findRows();
 
-  /// Writes one order as C and adds rows that are read backwards to `mirrored`.
-  std::string writeOrder(std::set<int>* mirrored) const;
-  std::string writeCoefficient(int row, const std::string& n) const;
-  std::string writeForceRest(std::set<int>* mirrored) const;
+  /// Writes one order as C.
+  std::string writeOrder() const;
+  std::string writeConvolution(int a, int b, const char* order) const;
+  std::string writeForceRest() const;
   std::string writeConstraintRest() const;
-  std::string writeReaction(std::set<int>* mirrored) const;
-  std::string writeOrders(std::set<int>* mirrored) const;
+  std::string writeReaction() const;
+  std::string writeOrders() const;
   std::string writeLayout() const;
   std::vector<int> layoutWords() const;
   std::string writeWholeStep() const;

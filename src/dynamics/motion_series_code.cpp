@@ -1,6 +1,5 @@
 // The orders of a motion's series as C: the statements of SeriesOrder::make with the order a
 // constant of each, so that the compiler unrolls every sum.
-#include <set>
 #include <sstream>
 #include <type_traits>
 #include <utility>
@@ -16,65 +15,21 @@ namespace variator_sim {
 
 namespace {
 
-using Part = expression::SeriesProgram::Part;
-
-struct NamedPart {
-  const char* name;
-  Part part;
-};
-constexpr NamedPart kParts[] = {{"series_given", Part::kGiven},
-                                {"series_trial", Part::kTrial},
-                                {"series_accelerated", Part::kAccelerated}};
-
-constexpr NamedPart kBeginnings[] = {{"begin_given", Part::kGiven},
-                                     {"begin_accelerated", Part::kAccelerated}};
-
-/// Rewrites C of numbers as C of vectors.
-std::string inLanes(const std::string& text) {
-  static const std::set<std::string> functions{"cos",  "sinh",  "cosh", "tan",          "tanh",
-                                               "exp",  "log",   "sqrt", "atan",         "asin",
-                                               "acos", "atan2", "pow",  "sineAndCosine"};
-  const auto isPartOfName = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
-  };
-  std::string written;
-  for (std::size_t at = 0; at < text.size();) {
-    std::size_t end = at;
-    while (end < text.size() && isPartOfName(text[end])) ++end;
-    const std::string word = text.substr(at, end - at);
-    if (word == "double") {
-      written += "Real";
-    } else if (functions.count(word) > 0) {
-      written += "each_" + word;
-    } else {
-      written += word;
-    }
-    if (end < text.size()) written += text[end++];
-    at = end;
-  }
-  return written;
-}
-
 /// Writes sum_j k[begin + j] factor(j) as C.
 template <class Factor>
 std::string writeProduct(int begin, int count, const Factor& factor) {
   std::string sum = "k[" + std::to_string(begin) + "] * " + factor(0);
   for (int j = 1; j < count; ++j) {
     std::ostringstream next;
-    next << "fuse(k[" << begin + j << "], " << factor(j) << ", " << sum << ")";
+    next << "vs_fuse(k[" << begin + j << "], " << factor(j) << ", " << sum << ")";
     sum = next.str();
   }
   return sum;
 }
 
-/// See SeriesOrder::sumOfSlopes.
-constexpr const char* kSumOfSlopes = R"c(
-static inline __attribute__((always_inline)) double sumOfSlopes(const double* c, const double* x, int n) {
-  double s[4] = {zero, zero, zero, zero};
-  for (int j = 1; j < n; ++j) s[j % 4] = fuse((n - j) * c[j], x[n - j], s[j % 4]);
-  return (s[0] + s[2]) + (s[1] + s[3]);
+std::string at(int row, const char* order) {
+  return "r[" + std::to_string(row) + "][" + order + "]";
 }
-)c";
 
 constexpr const char* kBegin = "series_begin";
 std::string nameOf(int order) {
@@ -83,39 +38,38 @@ std::string nameOf(int order) {
 
 }  // namespace
 
-std::string MotionSeries::writeCoefficient(int row, const std::string& n) const {
-  return "r[" + std::to_string(program_.offset(row)) + " + (" + n + ")]";
+/// Writes sum_{j=1..order} a_j b_{order-j}.
+std::string MotionSeries::writeConvolution(int a, int b, const char* order) const {
+  return "vs_convolve(r[" + std::to_string(a) + "], r[" + std::to_string(b) + "], " + order +
+         ", 1, 0)";
 }
 
 /// See SeriesOrder::calcForceRest.
-std::string MotionSeries::writeForceRest(std::set<int>* mirrored) const {
+std::string MotionSeries::writeForceRest() const {
   std::ostringstream text;
   for (int i = 0; i < S; ++i) {
     const bool moves = hasMovingInertia(i);
-    text << "  double a" << i << " = " << writeCoefficient(row_of_torque_[i], "n") << ";\n";
+    text << "  Real a" << i << " = " << at(row_of_torque_[i], "n") << ";\n";
     if (moves) {
-      text << "  const double rest" << i << " = "
-           << program_.writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n", mirrored)
-           << ";\n  a" << i << " -= " << writeCoefficient(row_of_inertial_torque_[i], "n")
-           << ";\n  a" << i << " -= rest" << i << ";\n";
+      text << "  const Real rest" << i << " = "
+           << writeConvolution(row_of_inertia_[i], row_of_acceleration_[i], "n") << ";\n  a" << i
+           << " -= " << at(row_of_inertial_torque_[i], "n") << ";\n  a" << i << " -= rest" << i
+           << ";\n";
     }
-    const char* const last = is_classical_ ? "n" : "(n - 1)";
     std::string rest;
     for (int m = 0; m < k_; ++m) {
       if (program_.isConstant(entryRow(m, i))) continue;
-      rest += (rest.empty() ? "" : " + ") +
-              program_.writeConvolution(entryRow(m, i), row_of_multiplier_[m], last, mirrored);
+      rest += (rest.empty() ? "" : " + ") + writeConvolution(entryRow(m, i), row_of_multiplier_[m],
+                                                             is_classical_ ? "n" : "n - 1");
     }
     if (moves && !is_classical_) {
-      rest += (rest.empty() ? "fuse(" : " + fuse(") + writeCoefficient(row_of_connection_[i], "0") +
-              ", " + writeCoefficient(row_of_reaction_rate_[i], "n - 1") + ", " +
-              program_.writeConvolution(row_of_connection_[i], row_of_reaction_rate_[i], "(n - 1)",
-                                        mirrored) +
-              ")";
+      rest += std::string(rest.empty() ? "" : " + ") + "vs_convolve(r[" +
+              std::to_string(row_of_connection_[i]) + "], r[" +
+              std::to_string(row_of_reaction_rate_[i]) + "], n - 1, 0, 0)";
     }
     if (rest.empty()) continue;
-    text << "  a" << i << " = fuse(" << (is_classical_ ? "1.0" : "u * (1.0 / n)") << ", " << rest
-         << ", a" << i << ");\n";
+    text << "  a" << i << " = vs_fuse(" << (is_classical_ ? "vs_zero + 1.0" : "u * (1.0 / n)")
+         << ", " << rest << ", a" << i << ");\n";
   }
   return text.str();
 }
@@ -126,15 +80,13 @@ std::string MotionSeries::writeConstraintRest() const {
   for (int m = 0; m < k_; ++m) {
     const std::string g = "a" + std::to_string(S + m);
     if (drivetrain_.constraint(m).order() < 3) {
-      text << "  const double " << g << " = -" << writeCoefficient(row_of_residual_[m], "n")
-           << ";\n";
+      text << "  const Real " << g << " = -" << at(row_of_residual_[m], "n") << ";\n";
       continue;
     }
-    text << "  double " << g << " = u * " << writeCoefficient(row_of_residual_[m], "n - 1")
-         << ";\n";
+    text << "  Real " << g << " = u * " << at(row_of_residual_[m], "n - 1") << ";\n";
     for (int i = 0; i < S; ++i) {
-      text << "  " << g << " += sumOfSlopes(r + " << program_.offset(entryRow(m, i)) << ", r + "
-           << program_.offset(row_of_acceleration_[i]) << ", n);\n";
+      text << "  " << g << " += vs_slopes(r[" << entryRow(m, i) << "], r["
+           << row_of_acceleration_[i] << "], n);\n";
     }
     text << "  " << g << " = -" << g << " * (1.0 / n);\n";
   }
@@ -142,20 +94,17 @@ std::string MotionSeries::writeConstraintRest() const {
 }
 
 /// Writes SeriesOrder::make, operation by operation.
-std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
+std::string MotionSeries::writeOrder() const {
   std::ostringstream text;
-  const auto set = [&](int row, const std::string& n, const std::string& value) {
-    text << "  { const double y = " << value << "; " << writeCoefficient(row, n) << " = y; "
-         << expression::SeriesProgram::writeMirror(row) << " r[" << program_.backwardOffset(row)
-         << " - (" << n << ")] = y; }\n";
+  const auto set = [&](int row, const char* order, const std::string& value) {
+    text << "  " << at(row, order) << " = " << value << ";\n";
   };
-  for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "zero");
-  text << "  series_given(n, r, s, c);\n  series_trial(n, r, s, c);\n";
-  text << writeForceRest(mirrored);
-  text << writeConstraintRest();
+  for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "vs_zero");
+  text << "  series_given(n, r, s, c, &limit);\n  series_trial(n, r, s, c, &limit);\n"
+       << writeForceRest() << writeConstraintRest();
   const int size = S + k_;
   for (int i = 0; i < size; ++i) {
-    text << "  const double x" << i << " = "
+    text << "  const Real x" << i << " = "
          << writeProduct(i * size, size, [](int j) { return "a" + std::to_string(j); }) << ";\n";
   }
   for (int i = 0; i < S; ++i) set(row_of_acceleration_[i], "n", "x" + std::to_string(i));
@@ -166,19 +115,17 @@ std::string MotionSeries::writeOrder(std::set<int>* mirrored) const {
   }
   for (int i = 0; i < S; ++i) {
     set(row_of_velocity_[i], "n + 1", "u * (1.0 / (n + 1)) * x" + std::to_string(i));
-    set(row_of_angle_[i], "n + 1",
-        "u * (1.0 / (n + 1)) * " + writeCoefficient(row_of_velocity_[i], "n"));
+    set(row_of_angle_[i], "n + 1", "u * (1.0 / (n + 1)) * " + at(row_of_velocity_[i], "n"));
   }
   if (isLast(last_order_)) text << "  if (n == " << last_order_ << ") return;\n";
-  text << "  series_accelerated(n, r, s, c);\n";
-  if (!isInertiaConstant() && !is_classical_) text << writeReaction(mirrored);
+  text << "  series_corrected(n, r, s, c, &limit);\n  series_rest(n, r, s, c, &limit);\n";
+  if (!isInertiaConstant() && !is_classical_) text << writeReaction();
   return text.str();
 }
 
 /// See SeriesOrder::noteReaction.
-std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
+std::string MotionSeries::writeReaction() const {
   std::ostringstream text;
-  const auto coefficient = [&](int row) { return writeCoefficient(row, "n"); };
   const bool is_diagonal = drivetrain_.inertia().isDiagonal();
   const auto multiplyRow = [&](int matrix, int i, const auto& x) {
     if (!is_diagonal) return writeProduct(matrix + i * S, S, x);
@@ -187,64 +134,48 @@ std::string MotionSeries::writeReaction(std::set<int>* mirrored) const {
   const int J0 = placeOfInertia();
   for (int i = 0; i < S; ++i) {
     if (!hasMovingInertia(i) && is_diagonal) continue;
-    text << "  const double b" << i << " = "
-         << multiplyRow(J0, i, [&](int j) { return coefficient(row_of_acceleration_[j]); });
+    text << "  const Real b" << i << " = "
+         << multiplyRow(J0, i, [&](int j) { return at(row_of_acceleration_[j], "n"); });
     if (hasMovingInertia(i)) {
-      text << " + " << coefficient(row_of_inertial_torque_[i]) << " - "
-           << coefficient(row_of_torque_[i]) << " + (rest" << i << " - "
-           << program_.writeConvolution(row_of_inertia_[i], row_of_reaction_rate_[i], "n", mirrored)
-           << ");\n";
+      text << " + " << at(row_of_inertial_torque_[i], "n") << " - " << at(row_of_torque_[i], "n")
+           << " + (rest" << i << " - "
+           << writeConvolution(row_of_inertia_[i], row_of_reaction_rate_[i], "n") << ");\n";
     } else {
-      text << " - " << coefficient(row_of_torque_[i]) << ";\n";
+      text << " - " << at(row_of_torque_[i], "n") << ";\n";
     }
   }
   for (int i = 0; i < S; ++i) {
     if (!hasMovingInertia(i)) continue;
-    const int row = row_of_reaction_rate_[i];
-    text << "  { const double y = "
-         << multiplyRow(J0 + S * S, i, [](int j) { return "b" + std::to_string(j); }) << "; "
-         << coefficient(row) << " = y; " << expression::SeriesProgram::writeMirror(row) << " r["
-         << program_.backwardOffset(row) << " - n] = y; }\n";
+    text << "  " << at(row_of_reaction_rate_[i], "n") << " = "
+         << multiplyRow(J0 + S * S, i, [](int j) { return "b" + std::to_string(j); }) << ";\n";
   }
   return text.str();
 }
 
 /// Writes the coefficients of one order, and of order 0, as functions.
-std::string MotionSeries::writeOrders(std::set<int>* mirrored) const {
-  std::string text;
-  text += kSumOfSlopes;
-  for (const auto& [name, part] : kParts) {
-    text += std::string("static inline __attribute__((always_inline)) void ") + name +
-            "(int n, double* restrict r, double* restrict s, const double* restrict c) {\n" +
-            "  (void)c;\n" + program_.writeCode(part, mirrored) + "}\n";
-  }
-  text +=
-      "static inline __attribute__((always_inline)) void order(int n, double* restrict r,\n"
-      "    double* restrict s, const double* restrict k, const double* restrict c, double u) {\n" +
-      writeOrder(mirrored) + "}\n";
+std::string MotionSeries::writeOrders() const {
+  std::string text =
+      program_.writeCode() +
+      "VS_INLINE void order(int n, vs_row* restrict r, Real* restrict s,\n"
+      "    const Real* restrict k, const Real* restrict c, Real u) {\n  int limit = 0;\n" +
+      writeOrder() + "}\n";
   if (!program_.readsTables()) {
-    for (const auto& [name, part] : kBeginnings) {
-      text += std::string("static int ") + name +
-              "(double* restrict r, double* restrict s, const double* restrict c) {\n"
-              "  const int n = 0;\n  int limit = 0;\n  (void)n, (void)s, (void)c;\n" +
-              program_.writeBegin(part) + "  return limit;\n}\n";
-    }
+    text +=
+        "static int begin_given(Real* r, Real* s, const Real* c) {\n  int limit = 0;\n"
+        "  series_given(0, (vs_row*)r, s, c, &limit);\n  return limit;\n}\n"
+        "static int begin_accelerated(Real* r, Real* s, const Real* c) {\n  int limit = 0;\n"
+        "  series_trial(0, (vs_row*)r, s, c, &limit);\n"
+        "  series_rest(0, (vs_row*)r, s, c, &limit);\n  return limit;\n}\n";
   }
   // Orders take the compiler the longest: they are distributed over the units.
   std::ostringstream orders;
   for (int n = 1; n <= last_order_; ++n) {
-    const auto writeHead = [&] {
-      orders << "void " << nameOf(n)
-             << "(double* restrict r, double* restrict s, const double* restrict k,\n"
-                "    const double* restrict c, double u)";
-    };
-    writeHead();
-    orders << ";\n#if " << n << " % UNITS == UNIT\n";
-    writeHead();
-    orders << " {\n  order(" << n << ", r, s, k, c, u);\n}\n#endif\n";
+    const std::string head =
+        "void " + nameOf(n) + "(Real* r, Real* s, const Real* k, const Real* c, Real u)";
+    orders << head << ";\n#if " << n << " % UNITS == UNIT\n"
+           << head << " {\n  order(" << n << ", (vs_row*)r, s, k, c, u);\n}\n#endif\n";
   }
-  text += orders.str();
-  return text;
+  return text + orders.str();
 }
 
 std::string MotionSeries::writeLayout() const {
@@ -322,16 +253,15 @@ static inline void seriesGoOn(struct SeriesStep* it) { (void)it; }
 }
 
 std::string MotionSeries::writeSource() const {
-  std::set<int> mirrored;
-  std::string text = writeOrders(&mirrored) + KernelLibrary::kFirstUnit;
+  std::string text = writeOrders() + KernelLibrary::kFirstUnit;
   if (!program_.readsTables()) {
     text += std::string("int ") + kBegin +
-            "(double* restrict r, double* restrict s, const double* restrict c) {\n"
+            "(Real* r, Real* s, const Real* c) {\n"
             "  const int limit = begin_given(r, s, c);\n"
             "  return begin_accelerated(r, s, c) || limit;\n}\n";
   }
   if (makes_whole_steps_) {
-    text += "typedef double Real;\n#define SERIES_LANES 1\n" + writeWholeStep() + R"c(
+    text += "#define SERIES_LANES 1\n" + writeWholeStep() + R"c(
 static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
   velocity_level(it->origin + it->end, it->x_new, it->x_new + layout.shafts,
                  it->x_new + 2 * layout.shafts, it->input[0], it->input_rate[0],
@@ -341,7 +271,7 @@ static inline void seriesVelocityLevel(struct SeriesStep* it, double* level) {
 typedef Four Some;
 static inline Some seriesSpread(double a) { return (Some){a, a, a, a}; }
 static inline Some seriesLoad(const double* from) { return load(from); }
-static inline Some seriesFuse(Some a, Some b, Some c) { return fuseFour(a, b, c); }
+static inline Some seriesFuse(Some a, Some b, Some c) { return vs_fuse_four(a, b, c); }
 static inline void seriesAccelerationLevel(struct SeriesStep* it, double* level) {
   acceleration_level(it->origin + it->end, it->x_new, it->x_new + layout.shafts,
                      it->x_new + 2 * layout.shafts, it->input[0], it->input_rate[0],
@@ -360,17 +290,16 @@ static inline void seriesAccelerationLevel(struct SeriesStep* it, double* level)
   }
   text += KernelLibrary::kEndOfUnit;
   return std::string(expression::arithmeticOfCode()) + expression::SeriesProgram::codePrelude() +
-         program_.writeMirrors(mirrored) + text;
+         text;
 }
 
 std::string MotionSeries::writeLanesSource() const {
   if (!makes_whole_steps_ || program_.hasBranches()) return "";
-  std::set<int> mirrored;
-  const std::string orders = writeOrders(&mirrored);
+  const std::string lanes = std::to_string(SeriesLanes::kLanes);
   return std::string(expression::arithmeticOfCode()) +
-         "#define SERIES_IN_LANES\n#define SERIES_LANES " + std::to_string(SeriesLanes::kLanes) +
-         "\n" + expression::kSeriesSineText + kSeriesStepLanes + program_.writeMirrors({}) +
-         inLanes(orders) + KernelLibrary::kFirstUnit + writeWholeStep() +
+         "#define SERIES_IN_LANES\n#define VS_LANES " + lanes + "\n#define SERIES_LANES " + lanes +
+         "\n" + expression::SeriesProgram::codePrelude(kSeriesStepLanes) + writeOrders() +
+         KernelLibrary::kFirstUnit + writeWholeStep() +
          R"c(
 static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
   for (int j = 0; j < SERIES_LANES; ++j) {

@@ -122,7 +122,6 @@ void MotionSeries::findLayout() {
   }
   SeriesLayout& to = layout_;
   const auto at = [this](int row) { return static_cast<int>(program_.offset(row)); };
-  const auto back = [this](int row) { return static_cast<int>(program_.backwardOffset(row)); };
   to.shafts = S;
   to.rows = k_;
   to.velocity_rows = firsts;
@@ -134,17 +133,14 @@ void MotionSeries::findLayout() {
   to.has_residuals = thirds == 0 ? 1 : 0;
   to.is_time_in_torque = drivetrain_.torquesReadTime() ? 1 : 0;
   to.time_at = at(row_of_time_);
-  to.time_back = back(row_of_time_);
   for (int i = 0; i < S; ++i) {
     int level = 0;
     for (const int row : {row_of_angle_[i], row_of_velocity_[i], row_of_acceleration_[i]}) {
       to.component_at[level * S + i] = at(row);
-      to.component_back[level * S + i] = back(row);
       ++level;
     }
     to.torque_at[i] = at(row_of_torque_[i]);
     to.reaction_at[i] = at(row_of_reaction_rate_[i]);
-    to.reaction_back[i] = back(row_of_reaction_rate_[i]);
     if (inertia.isConstant()) continue;
     to.inertia_at[i] = at(row_of_inertia_[i]);
     to.inertial_torque_at[i] = at(row_of_inertial_torque_[i]);

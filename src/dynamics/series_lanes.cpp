@@ -25,11 +25,13 @@ SeriesLanes::SeriesLanes(const MotionSeries& like, std::shared_ptr<KernelLibrary
 void SeriesLanes::load(const MotionSeries& series, int lane) {
   const expression::SeriesProgram& program = series.program_;
   const double* const from = program.rows();
-  // Lanes read no row backwards. Velocities and angles are known to one order more than
-  // accelerations.
+  // Velocities and angles are known to one order more than accelerations. The last place of a row
+  // is kept by its recurrence.
   for (int row = 0; row < program.rowCount(); ++row) {
     const std::size_t at = program.offset(row);
-    for (std::size_t n = at; n < at + 3; ++n) rows_[0][n][lane] = rows_[1][n][lane] = from[n];
+    for (const std::size_t n : {at, at + 1, at + 2, program.offset(row + 1) - 1}) {
+      rows_[0][n][lane] = rows_[1][n][lane] = from[n];
+    }
   }
   for (std::size_t i = 0; i < program.statesSize(); ++i) {
     states_[used_][i][lane] = program.states()[i];

@@ -64,8 +64,7 @@ std::string listOf(const std::vector<int>& values) {
 }
 
 FormulaRows::FormulaRows(const SeriesProgram& program, int series)
-    : program_(program), in_series_(findSeries(series)), rows_(program.rowCount()) {
-  changing_.insert(program_.accelerations_.begin(), program_.accelerations_.end());
+    : SeriesStatements(program), in_series_(findSeries(series)), rows_(program.rowCount()) {
   for (const int row : program_.accelerations_) {
     add(Part::kCorrected, "const Real " + change(row) + " = de[" +
                               std::to_string(row - program_.accelerations_.front()) + "];");
@@ -82,7 +81,7 @@ FormulaRows::FormulaRows(const SeriesProgram& program, int series)
         : is_tried                           ? Part::kTried
                                              : Part::kRest,
         statement);
-    if (is_series && is_tried) writeCorrection(it, statement);
+    if (is_series && is_tried) add(Part::kCorrected, correct(it, statement));
   }
 }
 
@@ -125,64 +124,10 @@ void FormulaRows::add(Part part, const std::string& text) {
   text_[static_cast<std::size_t>(part)] += "  " + text + "\n";
 }
 
-std::string FormulaRows::correctionOf(const Instruction& it) const {
-  const auto slope = [&](int of, const std::string& factor) {
-    return changing_.count(of) > 0 ? change(of) + " * " + factor : std::string();
-  };
-  const auto sum = [](const std::string& a, const std::string& b) {
-    return a.empty() ? b : b.empty() ? a : a + " + " + b;
-  };
-  const int a = it.operands[0];
-  const int b = it.operands[1];
-  switch (it.code) {
-    case Code::kLinear: {
-      std::string text;
-      for (int n = 0; n < it.aux[1]; ++n) {
-        const auto& term = program_.terms_[index(it.aux[0] + n)];
-        text = sum(text, slope(term.row, literalOf(term.factor)));
-      }
-      return text;
-    }
-    case Code::kMultiply:
-      return sum(slope(a, row(b) + "[0]"), slope(b, row(a) + "[0]"));
-    case Code::kSquare:
-      return "2.0 * " + slope(a, row(a) + "[0]");
-    default:  // kDivide
-      return "(" + sum(slope(a, "1.0"), slope(b, "(-" + row(it.result) + "[0])")) + ") * " +
-             row(it.result) + "[VS_KEPT]";
-  }
-}
-
-void FormulaRows::writeCorrection(const Instruction& it, const std::string& statement) {
-  const std::string y = row(it.result) + "[n]";
-  const bool is_product = it.code == Code::kMultiply || it.code == Code::kSquare;
-  const bool is_plain =
-      is_product || it.code == Code::kLinear || (it.code == Code::kDivide && !mayReachLimit(it));
-  if (is_plain) {
-    add(Part::kCorrected, "const Real " + change(it.result) + " = " + correctionOf(it) + ";");
-    add(Part::kCorrected, y + " += " + change(it.result) + ";");
-    changing_.insert(it.result);
-    return;
-  }
-  // Other functions are computed anew.
-  const bool is_rate = it.code == Code::kRate || it.code == Code::kWronskian;
-  const bool has_two = it.code == Code::kSinCos || it.code == Code::kSinhCosh;
-  std::vector<int> rows;
-  if (!is_rate) rows.push_back(it.result);
-  if (has_two) rows.push_back(it.aux[0]);
-  for (const int n : rows) {
-    add(Part::kCorrected, "Real " + change(n) + " = -" + row(n) + "[n];");
-  }
-  add(Part::kCorrected, statement);
-  for (const int n : rows) {
-    add(Part::kCorrected, change(n) + " += " + row(n) + "[n];");
-    changing_.insert(n);
-  }
-}
-
 bool FormulaRows::mayReachLimit(const Instruction& it) const {
   const bool has_limit = it.code == Code::kDivide || it.code == Code::kTanh ||
-                         it.code == Code::kExp || it.code == Code::kPrimitive;
+                         it.code == Code::kExp ||
+                         (it.code >= Code::kLog && it.code <= Code::kAtan2);
   const int of = it.operands[it.code == Code::kDivide ? 1 : 0];
   return has_limit && grows_.count(of) > 0 && !program_.has_pole_[index(of)];
 }
@@ -206,90 +151,25 @@ std::vector<expression::SeriesOperation> FormulaRows::resolved() const {
   return list;
 }
 
-/// Writes a sum of terms.
-std::string FormulaRows::sumOf(const Instruction& it) const {
-  std::string text;
-  for (int n = 0; n < it.aux[1]; ++n) {
-    const auto& term = program_.terms_[index(it.aux[0] + n)];
-    const bool is_negative = term.factor < 0.0 && !text.empty();
-    const double factor = is_negative ? -term.factor : term.factor;
-    text += text.empty() ? "" : is_negative ? " - " : " + ";
-    text += (factor == 1.0 ? "" : literalOf(factor) + " * ") + row(term.row) + "[n]";
-  }
-  if (it.constant != 0.0) text += " + (n == 0 ? " + literalOf(it.constant) + " : 0.0)";
-  return row(it.result) + "[n] = " + text + ";";
-}
-
 std::string FormulaRows::statementOf(const Instruction& it) {
-  const std::string y = row(it.result);
-  std::string call = it.code == Code::kLinear ? sumOf(it) : statementOfFunction(it);
-  const int degree = program_.degree(it.result) + (it.code == Code::kRate ? 1 : 0);
-  if (degree <= SeriesProgram::kLongest) {
-    return "if (n <= " + std::to_string(degree) + ") " + call;
+  if (it.code == Code::kTable) return tableOf(it);
+  if (it.code == Code::kTable2) return tableOfTwo(it);
+  if (it.code == Code::kAbs || (it.code >= Code::kMin && it.code <= Code::kSelect)) {
+    mode_of_state_.try_emplace(it.state, modes_++);
   }
-  if (!mayReachLimit(it)) return call;
+  const std::string call = compute(it);
+  if (it.ends < expression::SeriesProgram::kNoDegree || !mayReachLimit(it)) return call;
+  const std::string y = row(it.result);
   const int of = it.operands[it.code == Code::kDivide ? 1 : 0];
   return "if (vs_is_at_limit(" + row(of) + ", " + y + ", n)) " + y + "[n] = 0.0;\n  else " + call;
 }
 
-std::string FormulaRows::statementOfFunction(const Instruction& it) {
-  // Arguments: y and z are the results, 0 to 3 the operands, l the last coefficient of a rate, c a
-  // constant, v the first value, m the mode.
-  struct Function {
-    Code code;
-    const char* name;
-    const char* arguments;
-  };
-  static constexpr Function kFunctions[] = {{Code::kMultiply, "multiply", "y01"},
-                                            {Code::kSquare, "square", "y0"},
-                                            {Code::kDivide, "divide", "y01"},
-                                            {Code::kRate, "differentiate", "y0"},
-                                            {Code::kExp, "exponential", "y01l"},
-                                            {Code::kSinCos, "sine_cosine", "yz01l"},
-                                            {Code::kSinhCosh, "sinh_cosh", "yz01l"},
-                                            {Code::kTan, "tangent", "yz01l"},
-                                            {Code::kTanh, "tangent_hyperbolic", "yz01l"},
-                                            {Code::kWronskian, "wronskian", "y0123"},
-                                            {Code::kSqrt, "square_root", "y0"},
-                                            {Code::kPower, "power", "y01lc"},
-                                            {Code::kSign, "sign", "y0"},
-                                            {Code::kWhereFinite, "where_finite", "y01"},
-                                            {Code::kAbs, "absolute", "y0m"},
-                                            {Code::kMin, "choose", "y0101m"},
-                                            {Code::kMax, "choose", "y0110m"},
-                                            {Code::kSelect, "choose", "y0123m"},
-                                            {Code::kPrimitive, "integrate_quotient", "yzv23c"}};
-  if (it.code == Code::kTable) return tableOf(it);
-  if (it.code == Code::kTable2) return tableOfTwo(it);
-  const Function& function =
-      *std::find_if(std::begin(kFunctions), std::end(kFunctions),
-                    [&](const Function& known) { return known.code == it.code; });
-  std::string text = std::string("vs_") + function.name + "(";
-  for (const char* c = function.arguments; *c != '\0'; ++c) {
-    text += *c == 'y'   ? row(it.result)
-            : *c == 'z' ? row(it.aux[0])
-            : *c == 'l' ? std::to_string(program_.degree(it.operands[1]))
-            : *c == 'c' ? literalOf(it.constant)
-            : *c == 'v' ? valueOf(it)
-            : *c == 'm' ? "s + " + std::to_string(modeOf(it))
-                        : row(it.operands[*c - '0']);
-    text += ", ";
-  }
-  return text + "n);";
+std::string FormulaRows::number(double value, std::size_t /*place*/) const {
+  return literalOf(value);
 }
 
-std::string FormulaRows::valueOf(const Instruction& it) {
-  static constexpr const char* kNames[] = {"log", "atan", "asin", "acos", "atan2"};
-  const std::string second =
-      it.begin == SeriesProgram::Begin::kAtan2 ? ", " + row(it.operands[1]) + "[0]" : "";
-  return std::string("n == 0 ? ") + kNames[static_cast<int>(it.begin)] + "(" + row(it.operands[0]) +
-         "[0]" + second + ") : 0.0";
-}
-
-int FormulaRows::modeOf(const Instruction& it) {
-  const auto [found, is_new] = mode_of_state_.try_emplace(it.state, modes_);
-  if (is_new) ++modes_;
-  return found->second;
+std::string FormulaRows::mode(const Instruction& it) const {
+  return "s + " + std::to_string(mode_of_state_.at(it.state));
 }
 
 std::string FormulaRows::define(const std::string& type, const std::string& origin,

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "expression/series_program.h"
+#include "expression/series_statements.h"
 
 namespace variator_sim {
 
@@ -18,7 +18,7 @@ std::string listOf(const std::vector<double>& values);
 std::string listOf(const std::vector<int>& values);
 
 /// Every row of the program has its number in C, too; tables have further rows behind them.
-class FormulaRows {
+class FormulaRows : private expression::SeriesStatements {
  public:
   /// The C function that holds a statement: of rows without accelerations, of those that the
   /// constraints need, the changes of these by accelerations that have been solved for, the other
@@ -41,21 +41,12 @@ class FormulaRows {
   int pieces() const { return pieces_; }
 
  private:
-  using Code = expression::SeriesProgram::Code;
-  using Instruction = expression::SeriesProgram::Instruction;
-  using Piece = expression::SeriesProgram::Piece;
-
   std::set<int> findSeries(int outputs) const;
   void noteGrowth(const Instruction& it);
   void add(Part part, const std::string& text);
-  void writeCorrection(const Instruction& it, const std::string& statement);
-  std::string correctionOf(const Instruction& it) const;
-
   std::string statementOf(const Instruction& it);
-  std::string statementOfFunction(const Instruction& it);
-  static std::string valueOf(const Instruction& it);
-  int modeOf(const Instruction& it);
-  std::string sumOf(const Instruction& it) const;
+  std::string number(double value, std::size_t place) const override;
+  std::string mode(const Instruction& it) const override;
   std::string tableOf(const Instruction& it);
   std::string tableOfTwo(const Instruction& it);
   /// Writes a table, unless the same is there, and returns its name.
@@ -64,12 +55,8 @@ class FormulaRows {
                      const std::vector<double>& pieces);
   /// True if the function may stay at a limit where its operand overflows.
   bool mayReachLimit(const Instruction& it) const;
-  static std::string row(int index) { return "r[" + std::to_string(index) + "]"; }
-  static std::string change(int index) { return "d" + std::to_string(index); }
 
-  const expression::SeriesProgram& program_;
   std::set<int> grows_;                             ///< rows that may overflow by an exp
-  std::set<int> changing_;                          ///< rows of whose change a correction is made
   std::map<int, int> mode_of_state_;                ///< of branches
   std::map<int, int> piece_of_row_;                 ///< of tables
   std::map<std::string, std::string> table_names_;  ///< by contents

@@ -5,15 +5,13 @@
 #include <stdexcept>
 #include <utility>
 
-#include "expression/series_arranger.h"
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim::expression {
 
 void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<Node>& others,
                              const std::vector<int>& slots, int order) {
-  made_.capacity_ = (order + 1 + 3) / 4 * 4 + SeriesProgram::kPad;
-  made_.width_ = static_cast<std::size_t>(made_.capacity_);
+  if (order > made_.order()) throw std::invalid_argument("an order beyond the rows");
   for (const int slot : slots) {
     const bool is_accelerated = sourceOf(slot) == Source::kAcceleration;
     const int degree = slot == slotOf(Source::kTime) ? 1 : SeriesProgram::kNoDegree;
@@ -33,8 +31,7 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
   }
   made_.listResolved();
   findPrograms(trial.size());
-  SeriesArranger(made_).arrange();
-  made_.rows_.assign(2 * made_.degree_.size() * 2 * made_.width_, 0.0);
+  made_.rows_.assign(2 * made_.offset(made_.rowCount()), 0.0);
   made_.states_.resize(2 * made_.states_.size(), 0.0);
   made_.changes_.assign(made_.degree_.size(), 0.0);
   made_.clear();
@@ -72,7 +69,7 @@ int SeriesCompiler::append(Instruction it, std::initializer_list<int*> results, 
 
 bool SeriesCompiler::mayHavePole(const Instruction& it) const {
   if (it.code == Code::kDivide || it.code == Code::kPower || it.code == Code::kTan ||
-      (it.code == Code::kPrimitive && it.begin == Begin::kLog)) {
+      it.code == Code::kLog) {
     return true;
   }
   const auto has_pole = [&](int row) {
@@ -232,7 +229,6 @@ SeriesCompiler::Form SeriesCompiler::divide(Form& a, Form& b) {
     it.code = Code::kDivide;
     it.operands[0] = x;
     it.operands[1] = y;
-    it.state = addState();
     row = append(it, {}, SeriesProgram::kNoDegree);
   }
   return single(row, factor);
@@ -268,7 +264,7 @@ SeriesCompiler::Form SeriesCompiler::power(const Graph::Entry& entry) {
   if (base.terms.empty()) {
     logarithm.constant = std::log(base.constant);
   } else {
-    logarithm = single(primitive(Begin::kLog, rowOf(base), -1));
+    logarithm = single(primitive(Code::kLog, rowOf(base), -1));
   }
   Form product = multiply(exponent, logarithm);
   return single(exponential(rowOf(product)));
@@ -304,6 +300,9 @@ void SeriesCompiler::findPrograms(std::size_t count) {
     const bool is_accelerated = made_.isAccelerated(made_.instructions_[i].result);
     const int index = static_cast<int>(i);
     made_.instructions_[i].is_tried = needed[i];
+    // A rate is written one order after its operand.
+    made_.instructions_[i].ends = degree(made_.instructions_[i].result) +
+                                  (made_.instructions_[i].code == Code::kRate ? 1 : 0);
     if (!is_accelerated) made_.programs_[0].push_back(index);
     if (is_accelerated && needed[i]) made_.programs_[1].push_back(index);
     if (is_accelerated) made_.programs_[2].push_back(index);

@@ -22,7 +22,6 @@ class SeriesCompiler {
 
  private:
   using Code = SeriesProgram::Code;
-  using Begin = SeriesProgram::Begin;
   using Instruction = SeriesProgram::Instruction;
   using Term = SeriesProgram::Term;
   /// constant + sum factor row
@@ -76,7 +75,7 @@ class SeriesCompiler {
   int pair(Code code, int x, bool second);
   int tangent(Code code, int x);
   /// Returns log x, atan x, asin x, acos x or atan2(x, y).
-  int primitive(Begin begin, int x, int y);
+  int primitive(Code code, int x, int y);
   int root(int x);
 
   Form function(const Graph::Entry& entry);

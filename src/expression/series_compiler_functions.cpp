@@ -51,35 +51,34 @@ int SeriesCompiler::tangent(Code code, int x) {
   return row;
 }
 
-int SeriesCompiler::primitive(Begin begin, int x, int y) {
+int SeriesCompiler::primitive(Code code, int x, int y) {
   Instruction it;
-  it.code = Code::kPrimitive;
-  it.begin = begin;
+  it.code = code;
   it.operands[0] = x;
   it.operands[1] = y;
-  it.constant = begin == Begin::kAcos ? -1.0 : 1.0;
+  it.constant = code == Code::kAcos ? -1.0 : 1.0;
   Form one;
   one.constant = 1.0;
   const auto square = [this](int row) { return single(product(row, row)); };
-  switch (begin) {
-    case Begin::kLog:
+  switch (code) {
+    case Code::kLog:
       it.operands[2] = rate(x);
       it.operands[3] = x;
       break;
-    case Begin::kAtan: {
+    case Code::kAtan: {
       Form w = combine(one, 1.0, square(x), 1.0);
       it.operands[2] = rate(x);
       it.operands[3] = rowOf(w);
       break;
     }
-    case Begin::kAsin:
-    case Begin::kAcos: {
+    case Code::kAsin:
+    case Code::kAcos: {
       Form w = combine(one, 1.0, square(x), -1.0);
       it.operands[2] = rate(x);
       it.operands[3] = root(rowOf(w));
       break;
     }
-    case Begin::kAtan2: {
+    case Code::kAtan2: {
       // (x y' ..): the rate of atan2(x, y) is (y x' - x y') / (x^2 + y^2)
       Instruction wronskian;
       wronskian.code = Code::kWronskian;
@@ -92,6 +91,8 @@ int SeriesCompiler::primitive(Begin begin, int x, int y) {
       it.operands[3] = rowOf(w);
       break;
     }
+    default:
+      break;
   }
   int q = -1;
   const int row = append(it, {&q}, SeriesProgram::kNoDegree);
@@ -122,15 +123,15 @@ SeriesCompiler::Form SeriesCompiler::function(const Graph::Entry& entry) {
     case Operation::kExp:
       return single(exponential(a));
     case Operation::kLog:
-      return single(primitive(Begin::kLog, a, -1));
+      return single(primitive(Code::kLog, a, -1));
     case Operation::kAtan:
-      return single(primitive(Begin::kAtan, a, -1));
+      return single(primitive(Code::kAtan, a, -1));
     case Operation::kAsin:
-      return single(primitive(Begin::kAsin, a, -1));
+      return single(primitive(Code::kAsin, a, -1));
     case Operation::kAcos:
-      return single(primitive(Begin::kAcos, a, -1));
+      return single(primitive(Code::kAcos, a, -1));
     case Operation::kAtan2:
-      return single(primitive(Begin::kAtan2, a, rowOf(entry.operands[1])));
+      return single(primitive(Code::kAtan2, a, rowOf(entry.operands[1])));
     case Operation::kSqrt:
       return single(root(a));
     case Operation::kTable:
@@ -181,10 +182,9 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   Instruction it;
   it.operands[0] = a;
   std::vector<int> written;
-  const auto reserve = [&](int* rows, int first, int last, bool is_accelerated) {
-    for (int i = first; i <= last; ++i) {
-      rows[i] = addRow(SeriesProgram::kNoDegree, is_accelerated);
-      written.push_back(rows[i]);
+  const auto reserve = [&](int count, bool is_accelerated) {
+    for (int i = 0; i < count; ++i) {
+      written.push_back(addRow(SeriesProgram::kNoDegree, is_accelerated));
     }
   };
   piece.order[0] = entry.order[0];
@@ -197,19 +197,21 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
     it.operands[1] = rowOf(entry.operands[1]);
     is_accelerated = is_accelerated || made_.isAccelerated(it.operands[1]);
     piece.table2 = graph_.table2Of(entry);
-    reserve(piece.powers_y, 2, piece.degree[1], is_accelerated);
-    reserve(piece.sums, 1, piece.degree[0], is_accelerated);
+    reserve(piece.degree[1] - 1, is_accelerated);  // powers of y
+    reserve(piece.degree[0], is_accelerated);      // sums
   } else {
     it.code = Code::kTable;
     piece.table = graph_.tableOf(entry);
   }
-  reserve(piece.powers_x, 2, piece.degree[0], is_accelerated);
+  reserve(piece.degree[0] - 1, is_accelerated);  // powers of x
   piece.a = static_cast<int>(made_.states_.size());
   made_.states_.resize(made_.states_.size() + 36, 0.0);
   it.state = static_cast<int>(made_.pieces_.size());
   made_.pieces_.push_back(piece);
   it.result = addRow(SeriesProgram::kNoDegree, is_accelerated);
   written.push_back(it.result);
+  piece.rows = written.front();
+  made_.pieces_.back() = piece;
   return place(it, written);
 }
 }  // namespace variator_sim::expression

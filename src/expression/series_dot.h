@@ -1,10 +1,12 @@
-/// Sums of products of coefficients, in two arithmetics: if the processor has an instruction for a
-/// b + c that rounds once, machine code and the interpreter use it, to the same bits. The texts
-/// (*.inc) are compiled twice, once in each arithmetic.
+/// The recurrences of runtime/operations.h in two arithmetics: if the processor has an instruction
+/// for a b + c that rounds once, machine code and the interpreter use it, to the same bits. The
+/// texts (*.inc) are compiled twice, once in each arithmetic.
 #pragma once
 
-#include <algorithm>
+#include <cmath>
 #include <cstring>
+
+#include "expression/series_program.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -43,37 +45,65 @@ inline Two loadTwo(const double* from) {
   return values;
 }
 
+enum { VS_STRIDE = SeriesProgram::kStride };
+#define VS_ORDER_VARIES
+#define VS_SINE_AND_COSINE(x, s, c) sineAndCosine(x, s, c)
+
+/// The library's functions, which those of formulas (Expression) would hide.
+namespace library {
+using std::acos;
+using std::asin;
+using std::atan;
+using std::atan2;
+using std::cos;
+using std::cosh;
+using std::exp;
+using std::isfinite;
+using std::isinf;
+using std::isnan;
+using std::log;
+using std::pow;
+using std::sin;
+using std::sinh;
+using std::sqrt;
+using std::tan;
+using std::tanh;
+#include "expression/series_sine.inc"
+}  // namespace library
+
 namespace plain {
 
-inline double fuse(double a, double b, double c) {
-  return a * b + c;
-}
+using namespace library;  // NOLINT: its functions are many
 
 inline Two fuseTwo(Two a, Two b, Two c) {
   return a * b + c;
 }
-#include "expression/series_sums.inc"
+#include "runtime/operations.h"
+//
+#include "runtime/pieces.h"
+#undef vs_fuse_four
 
 }  // namespace plain
 
 VARIATOR_SIM_BEGIN_FUSED
 namespace fused {
 
-inline double fuse(double a, double b, double c) {
-  return __builtin_fma(a, b, c);
-}
-
+using namespace library;  // NOLINT: its functions are many
 #if defined(__x86_64__)
 inline Two fuseTwo(Two a, Two b, Two c) {
   return Two(_mm_fmadd_pd(a, b, c));
 }
 #else
 inline Two fuseTwo(Two a, Two b, Two c) {
-  return Two{fuse(a[0], b[0], c[0]), fuse(a[1], b[1], c[1])};
+  return Two{__builtin_fma(a[0], b[0], c[0]), __builtin_fma(a[1], b[1], c[1])};
 }
 #endif
 
-#include "expression/series_sums.inc"
+#define VS_FUSES
+#include "runtime/operations.h"
+//
+#include "runtime/pieces.h"
+#undef VS_FUSES
 
 }  // namespace fused
 VARIATOR_SIM_END_FUSED

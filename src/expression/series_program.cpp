@@ -34,14 +34,8 @@ void fuseProducts(bool on) {
   is_fusing = on && hasFusedProducts();
 }
 const char* arithmeticOfCode() {
-  return is_fusing ? "#define FUSES\n" : "";
+  return is_fusing ? "#define VS_FUSES\n" : "";
 }
-
-namespace {
-using std::cos;
-using std::sin;
-#include "expression/series_sine.inc"
-}  // namespace
 
 namespace plain {
 #include "expression/series_interpreter.inc"
@@ -90,26 +84,20 @@ void SeriesProgram::clear() {
   }
 }
 
-bool SeriesProgram::isAtLimit(int operand, int result) const {
-  return std::isinf(forward(operand)[0]) && std::isfinite(forward(result)[0]) &&
-         !has_pole_[static_cast<std::size_t>(operand)];
+std::array<int, 2> SeriesProgram::limitingOperands(const Instruction& it) {
+  if (it.code == Code::kDivide) return {it.operands[1], -1};
+  if (it.code < Code::kExp || it.code > Code::kPower) return {-1, -1};
+  return {it.operands[0], it.code == Code::kAtan2 ? it.operands[1] : -1};
 }
 
-double SeriesProgram::beginPrimitive(const Instruction& it) const {
-  const double x = forward(it.operands[0])[0];
-  switch (it.begin) {
-    case Begin::kLog:
-      return std::log(x);
-    case Begin::kAtan:
-      return std::atan(x);
-    case Begin::kAsin:
-      return std::asin(x);
-    case Begin::kAcos:
-      return std::acos(x);
-    case Begin::kAtan2:
-      break;
+bool SeriesProgram::isAtLimit(const Instruction& it) const {
+  for (const int of : limitingOperands(it)) {
+    if (of >= 0 && std::isinf(forward(of)[0]) && std::isfinite(forward(it.result)[0]) &&
+        !has_pole_[static_cast<std::size_t>(of)]) {
+      return true;
+    }
   }
-  return std::atan2(x, forward(it.operands[1])[0]);
+  return false;
 }
 
 void SeriesProgram::placePiece(const Instruction& it, Piece& piece, int order) {

@@ -19,11 +19,11 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <set>
 #include <string>
 #include <tuple>
 #include <vector>
 
+#include "expression/series_functions.h"
 #include "expression/series_operation.h"
 #include "variator_sim/expression/graph.h"
 
@@ -54,6 +54,10 @@ class AccelerationSolver {
 /// The rows of coefficients of a set of formulas. One thread may use it at a time.
 class SeriesProgram {
  public:
+  /// The places of a row. The last one is kept by recurrences; sums by fours read the others behind
+  /// the last coefficient, which stay 0.
+  static constexpr int kStride = 36;
+
   /// Groups of nodes: without accelerations; with accelerations and needed by the first outputs;
   /// all with accelerations; those that the arguments of noteArguments follow from.
   enum class Part { kGiven, kTrial, kAccelerated, kArguments };
@@ -70,7 +74,7 @@ class SeriesProgram {
                 const std::vector<int>& slots, int order);
 
   /// The largest order.
-  int order() const { return capacity_ - kPad - 1; }
+  int order() const { return kStride - kPad - 1; }
   /// The row of output n, and of the n-th of `slots`.
   int output(int n) const { return outputs_[static_cast<std::size_t>(n)]; }
   int variable(int n) const { return variables_[static_cast<std::size_t>(n)]; }
@@ -85,8 +89,6 @@ class SeriesProgram {
   const double* coefficients(int row) const { return forward(row); }
   /// The last coefficient of a row that is a polynomial of s; otherwise a number beyond all orders.
   int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
-  /// Coefficient 0 of the row written backwards; zeros follow it.
-  const double* backward(int row) const { return forward(row) + width_ + capacity_ - 1 - kPad; }
   /// Computes coefficient 0 of the nodes of a part from those of the variables. kArguments is no
   /// beginning of a series.
   /// [loop]
@@ -97,24 +99,18 @@ class SeriesProgram {
   void extend(int n, bool corrects, AccelerationSolver& solver);
   /// Adds the structure of the C; its constants are those of `const double* c` there.
   void addStructure(CodeStructure* structure) const;
-  /// Writes the C statements of `extend` for a part, on `double* r` and `double* s`, with their
-  /// head, and adds rows read backwards to `mirrored`: only these need to be written so.
-  std::string writeCode(Part part, std::set<int>* mirrored) const;
-  /// Writes the statements of order 0 of a part, without tables; they leave `int limit` for
-  /// noteLimit.
-  std::string writeBegin(Part part) const;
+  /// Writes the C of `begin` and `extend` as functions of the order n: series_given, series_trial,
+  /// series_corrected (nodes of the trial, for the accelerations of order n > 0) and series_rest,
+  /// on `vs_row* r` and `Real* s`. At order 0 they add functions at their limit to `*limit`.
+  std::string writeCode() const;
   bool readsTables() const { return !pieces_.empty(); }
   /// True if some coefficients depend on modes.
   bool hasBranches() const;
   void noteLimit(bool is_reached) { has_limit_[series_] = is_reached; }
   /// True if some function of this series has reached its limit: see isAtLimit.
   bool hasLimit() const { return has_limit_[series_]; }
-  static std::string codePrelude();
-  /// Writes `convolveOld` as C, n being C.
-  std::string writeConvolution(int a, int b, const std::string& n, std::set<int>* mirrored) const;
-  /// The head of the statement that writes a row backwards, and of all functions.
-  static std::string writeMirror(int row);
-  std::string writeMirrors(const std::set<int>& mirrored) const;
+  /// Returns the text of the recurrences, for numbers or for `lanes`, which defines their numbers.
+  static std::string codePrelude(const char* lanes = nullptr);
   double* rows() { return rows_.data() + rows_begin_; }
   const double* rows() const { return rows_.data() + rows_begin_; }
   double* states() { return states_.data() + states_begin_; }
@@ -128,11 +124,8 @@ class SeriesProgram {
     rows_begin_ = rows_.size() / 2 - rows_begin_;
     states_begin_ = states_.size() / 2 - states_begin_;
   }
-  /// The offset of coefficient 0 of a row in rows(), and of the row written backwards.
-  std::size_t offset(int row) const { return static_cast<std::size_t>(row) * 2 * width_; }
-  std::size_t backwardOffset(int row) const {
-    return offset(row) + width_ + static_cast<std::size_t>(capacity_ - 1 - kPad);
-  }
+  /// The offset of coefficient 0 of a row in rows().
+  std::size_t offset(int row) const { return static_cast<std::size_t>(row) * kStride; }
   /// False while the piece of some table is unknown, or a part has overflowed: code cannot detect
   /// that.
   bool isDecided() const {
@@ -167,45 +160,27 @@ class SeriesProgram {
 
  private:
   friend class SeriesCompiler;
+  friend class SeriesStatements;
   friend class SeriesWriter;
-  friend class SeriesArranger;
   friend class variator_sim::FormulaRows;
   friend class plain::SeriesInterpreter;
   friend class fused::SeriesInterpreter;
 
   enum class Code : std::uint8_t {
     kLinear,
-    kMultiply,
-    kSquare,
-    kDivide,
-    kRate,       ///< d_{n-1} = n x_n
-    kExp,        ///< y, D = rate of a
-    kSinCos,     ///< y, z, D
-    kSinhCosh,   ///< y, z, D
-    kTan,        ///< y, w = 1 + y^2, D
-    kTanh,       ///< y, w = 1 - y^2, D
-    kPrimitive,  ///< y' = p / w by q
-    kWronskian,  ///< a b' - b a'
-    kSqrt,
-    kPower,  ///< a^k
-    kAbs,
-    kSign,
-    kMin,
-    kMax,
-    kSelect,
-    kWhereFinite,
-    kTable,
+#define VARIATOR_SIM_CODE(code, kind, call) code,
+    VARIATOR_SIM_SERIES_FUNCTIONS(VARIATOR_SIM_CODE)
+#undef VARIATOR_SIM_CODE
+        kTable,
     kTable2
   };
-  /// The function that begins a kPrimitive.
-  enum class Begin : std::uint8_t { kLog, kAtan, kAsin, kAcos, kAtan2 };
   struct Instruction {
     Code code = Code::kLinear;
-    Begin begin = Begin::kLog;
     int result = -1;
     int operands[4] = {-1, -1, -1, -1};
     int aux[2] = {-1, -1};  ///< further rows, or terms and their count
-    int state = -1;         ///< index in states_: result of order 0
+    int state = -1;         ///< index in states_: the mode
+    int ends = 0;           ///< the last order with coefficients other than 0
     bool is_tried = false;  ///< computed by kTrial
     double constant = 0.0;
   };
@@ -213,92 +188,45 @@ class SeriesProgram {
     int row;
     double factor;
   };
-  /// An operation from order 1 on: an instruction with resolved kind and offsets. SeriesArranger
-  /// defines the operands of each kind.
-  struct Operation {
-    enum class Kind : std::uint8_t {
-      kSumOfOne,
-      kSumOfTwo,
-      kSum,           ///< terms a to b - 1
-      kProduct,       ///< of two rows that are no polynomials
-      kShortProduct,  ///< of two rows, one being a polynomial
-      kSquare,
-      kQuotient,
-      kRate,
-      kExp,
-      kPair,
-      kTangent,
-      kPower,
-      kSqrt,
-      kPrimitive,
-      kOther,  ///< an instruction's branch, table or Wronskian
-      kSolve,  ///< operations after it correct
-      // Changes of results of kTrial.
-      kBefore,     ///< the change of `row` is counted from here
-      kAfter,      ///< to here
-      kAppearing,  ///< all of `row` is a change
-      kChangeOfProduct,
-      kChangeOfFirst,   ///< b has not changed
-      kChangeOfSecond,  ///< a has not changed
-      kChangeOfSum
-    };
-    Kind kind = Kind::kOther;
-    int instruction = -1;
-    int result = 0;  ///< offset of coefficient 0
-    int a = 0;       ///< the same
-    int b = 0;
-    int c = 0;
-    int limits[2] = {};  ///< the last coefficients of the operands
-    int rows[3] = {};    ///< result and operands
-    double factors[2] = {};
-  };
-  struct PlacedTerm {
-    int at;
-    double factor;
-  };
   /// The piece of a table, and rows of powers.
   struct Piece {
     std::shared_ptr<const Table> table;
     std::shared_ptr<const Table2> table2;
     int order[2] = {};
-    int degree[2] = {};    ///< of the remaining polynomial
-    int a = -1;            ///< index in states_: 6 i + j for (x - x_0)^i (y - y_0)^j
-    int side[2] = {};      ///< direction of motion from x_0 and y_0, 0 while at rest
-    int powers_x[6] = {};  ///< rows from the second power on
-    int powers_y[6] = {};  ///< the same
-    int sums[6] = {};      ///< sum_j a_ij (y - y_0)^j
+    int degree[2] = {};  ///< of the remaining polynomial
+    int a = -1;          ///< index in states_: 6 i + j for (x - x_0)^i (y - y_0)^j
+    int side[2] = {};    ///< direction of motion from x_0 and y_0, 0 while at rest
+    int rows = 0;        ///< the first of the rows of vs_follow or vs_follow_two
   };
 
   static constexpr int kPad = 4;
   static constexpr int kNoDegree = 1 << 20;
-  /// Rows whose last coefficient is at most this are not written beyond it.
-  static constexpr int kLongest = 2;
 
-  double* forward(int row) { return rows_.data() + rows_begin_ + offset(row); }
-  const double* forward(int row) const { return rows_.data() + rows_begin_ + offset(row); }
-  void write(int row, int n, double value) {
-    double* const at = forward(row);
-    at[n] = value;
-    at[width_ + static_cast<std::size_t>(capacity_ - 1 - kPad - n)] = value;
+  double* forward(int row) {
+    return rows_.data() + rows_begin_ + offset(row);
   }
-  double& state(const Instruction& it) {
-    return states_[states_begin_ + static_cast<std::size_t>(it.state)];
+  const double* forward(int row) const {
+    return rows_.data() + rows_begin_ + offset(row);
+  }
+  void write(int row, int n, double value) {
+    forward(row)[n] = value;
   }
 
   SeriesOperation operationOf(const Instruction& it) const;
   void listResolved();
   SeriesResolution resolution(int order) const;
   /// The change of a row that kTrial has made, or of an acceleration.
-  double& change(int row) { return changes_[static_cast<std::size_t>(row)]; }
-  double beginPrimitive(const Instruction& it) const;
+  double& change(int row) {
+    return changes_[static_cast<std::size_t>(row)];
+  }
   /// 1/(1 + exp(x)) where exp overflows, atan, ..: the function has reached its limit for an
   /// operand that has overflowed, and stays there (as its derivatives do: graph.h).
-  bool isAtLimit(int operand, int result) const;
+  bool isAtLimit(const Instruction& it) const;
+  /// Returns the operands whose overflow brings a function to its limit; -1 for none.
+  static std::array<int, 2> limitingOperands(const Instruction& it);
   /// Computes the coefficients of a table's piece; order 0 needs the first one only.
   void placePiece(const Instruction& it, Piece& piece, int order);
 
-  int capacity_ = 0;            ///< coefficients of a row, padding included
-  std::size_t width_ = 0;       ///< the same
   std::vector<double> rows_;    ///< rows of both series
   std::size_t series_ = 0;      ///< index of the current series
   std::size_t rows_begin_ = 0;  ///< of its rows
@@ -309,9 +237,6 @@ class SeriesProgram {
   std::vector<bool> has_pole_;  ///< may be infinite without an overflow
   std::vector<Instruction> instructions_;
   std::array<std::vector<int>, 4> programs_;
-  /// For orders up to kLongest, and for those beyond it.
-  std::array<std::vector<Operation>, 2> operations_;
-  std::vector<PlacedTerm> placed_;
   std::vector<SeriesOperation> resolved_;
   mutable std::vector<SeriesRange> ranges_;  ///< storage of isResolved, by row
   std::vector<SeriesOperation> hiding_;      ///< entries of resolved_ meant by canHide

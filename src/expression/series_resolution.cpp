@@ -18,18 +18,15 @@ using Real = double;
 
 /// Returns the operation of an instruction's function; instructions of recurrences alone have none.
 SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
-  constexpr int kNone = -1;
-  // Kinds by Code, then by Begin.
-  constexpr int kKinds[] = {
-      kNone,         kSeriesProduct, kSeriesProduct, kSeriesQuotient, kNone,         kSeriesExp,
-      kSeriesSine,   kSeriesSinh,    kSeriesTan,     kSeriesTanh,     kNone,         kNone,
-      kSeriesSqrt,   kSeriesPower,   kSeriesSum,     kNone,           kSeriesEither, kSeriesOther,
-      kSeriesEither, kSeriesFinite,  kSeriesTable,   kSeriesTable};
-  constexpr int kPrimitives[] = {kSeriesLog, kSeriesAtan, kSeriesAsin, kSeriesAcos, kSeriesAtan2};
+  constexpr int kKinds[] = {kSeriesNone,
+#define VARIATOR_SIM_KIND(code, kind, call) kind,
+                            VARIATOR_SIM_SERIES_FUNCTIONS(VARIATOR_SIM_KIND)
+#undef VARIATOR_SIM_KIND
+                                kSeriesTable,
+                            kSeriesTable};
   SeriesOperation made = {kSeriesSum, it.result, -1, it.operands[0], -1, 0, it.state,
                           kNoDegree,  0.0,       0.0};
-  made.kind = it.code == Code::kPrimitive ? kPrimitives[static_cast<int>(it.begin)]
-                                          : kKinds[static_cast<int>(it.code)];
+  made.kind = kKinds[static_cast<int>(it.code)];
   const bool is_of_two =
       made.kind <= kSeriesQuotient || made.kind == kSeriesAtan2 || made.kind == kSeriesTable;
   if (is_of_two) made.b = it.operands[1];
@@ -46,7 +43,7 @@ SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
     made.f = 6.0;
     made.state = pieces_[static_cast<std::size_t>(it.state)].a;
   }
-  if (made.kind == kNone) made.a = -1;
+  if (made.kind == kSeriesNone) made.a = -1;
   return made;
 }
 
@@ -133,7 +130,7 @@ SeriesResolution SeriesProgram::resolution(int order) const {
   asked.operations = resolved_.data();
   asked.count = static_cast<int>(resolved_.size());
   asked.rows = rows();
-  asked.stride = static_cast<int>(2 * width_);
+  asked.stride = kStride;
   asked.states = states();
   asked.pieces = states_.data();
   asked.ranges = ranges_.data();

@@ -10,8 +10,7 @@ namespace variator_sim::expression {
 
 bool SeriesProgram::hasBranches() const {
   return std::any_of(instructions_.begin(), instructions_.end(), [](const Instruction& it) {
-    return it.code == Code::kAbs || it.code == Code::kSign || it.code == Code::kMin ||
-           it.code == Code::kMax || it.code == Code::kSelect || it.code == Code::kWhereFinite;
+    return it.code >= Code::kAbs && it.code <= Code::kWhereFinite;
   });
 }
 
@@ -22,7 +21,6 @@ void SeriesProgram::addStructure(CodeStructure* structure) const {
     count(numbers.size());
     words.insert(words.end(), numbers.begin(), numbers.end());
   };
-  count(width_);
   add(degree_);
   for (const char is : accelerated_) count(is);
   for (const bool has : has_pole_) count(has ? 1 : 0);
@@ -39,18 +37,15 @@ void SeriesProgram::addStructure(CodeStructure* structure) const {
   }
   count(instructions_.size());
   for (const Instruction& it : instructions_) {
-    words.insert(words.end(), {static_cast<int>(it.code), static_cast<int>(it.begin), it.result,
-                               it.aux[0], it.aux[1], it.state, it.is_tried ? 1 : 0});
+    words.insert(words.end(), {static_cast<int>(it.code), it.result, it.aux[0], it.aux[1], it.state,
+                               it.is_tried ? 1 : 0});
     words.insert(words.end(), std::begin(it.operands), std::end(it.operands));
     addConstant(it.constant);
   }
   count(pieces_.size());
   for (const Piece& piece : pieces_) {
-    words.insert(words.end(),
-                 {piece.table != nullptr ? 1 : 2, piece.degree[0], piece.degree[1], piece.a});
-    words.insert(words.end(), std::begin(piece.powers_x), std::end(piece.powers_x));
-    words.insert(words.end(), std::begin(piece.powers_y), std::end(piece.powers_y));
-    words.insert(words.end(), std::begin(piece.sums), std::end(piece.sums));
+    words.insert(words.end(), {piece.table != nullptr ? 1 : 2, piece.degree[0], piece.degree[1],
+                               piece.a, piece.rows});
   }
 }
 

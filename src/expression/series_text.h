@@ -1,10 +1,11 @@
 /// The text of series_sine.inc, series_operation.inc, series_resolution.inc and series_ranges.inc,
-/// for kernels and emitted programs.
+/// and that of runtime/operations.h and pieces.h, for kernels and emitted programs.
 #pragma once
 
 namespace variator_sim::expression {
 
 extern const char* const kSeriesSineText;
+extern const char* const kOperationsText;
 extern const char* const kSeriesOperationText;
 extern const char* const kSeriesResolutionText;
 extern const char* const kSeriesRangesText;

@@ -233,7 +233,7 @@ class TaylorStepper final : public Stepper {
 
   /// sum c_k weights_k. Behind the last term weights are 0, and coefficients numbers.
   double sumOf(const double* c, const double* weights) const {
-    return expression::plain::dot(c, weights, (last_power_ + 4) / 4 * 4);
+    return expression::plain::vs_dot(c, weights, (last_power_ + 4) / 4 * 4);
   }
 
   /// The series at `from`, as far as steps of `limit` need it.

@@ -7,8 +7,15 @@
  * the numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics
  * 14 (2005) 99-117.)
  *
- * The includer defines VS_STRIDE, the places of a row. Coefficients leave the last place free: it
- * keeps a number of the recurrence, the reciprocal of a divisor, from order 0 on. */
+ * This is the one text of these recurrences: the interpreter reads it as C++, kernels, lanes and
+ * emitted programs as C99. The includer defines VS_STRIDE, the places of a row. Coefficients leave
+ * the last place free: it keeps a number of the recurrence, the reciprocal of a divisor, from order
+ * 0 on. It may define
+ *     VS_LANES            motions side by side, in a number of lanes: Real, a vector, and functions
+ *                         of it that have the library's names
+ *     VS_FUSES            a b + c is rounded once: its processor has an instruction for that
+ *     VS_ORDER_VARIES     n is no constant: loops stay loops
+ *     VS_SINE_AND_COSINE  (x, &s, &c), another sine than the library's */
 
 #if defined(__GNUC__)
 #define VS_INLINE static inline __attribute__((always_inline, unused))
@@ -21,23 +28,35 @@
 #define SERIES_INLINE inline
 #define SERIES_RARE
 #endif
-#if defined(__GNUC__) && !defined(__clang__)
+#if defined(__GNUC__) && !defined(__clang__) && !defined(VS_ORDER_VARIES)
 #define VS_UNROLL _Pragma("GCC unroll 32")
 #else
 #define VS_UNROLL
 #endif
+#ifndef VS_SINE_AND_COSINE
+#define VS_SINE_AND_COSINE(x, s, c) (*(s) = sin(x), *(c) = cos(x))
+#endif
 
+#ifndef VS_LANES
 typedef double Real;
+#endif
 typedef Real vs_row[VS_STRIDE];
 enum { VS_KEPT = VS_STRIDE - 1 };
+static const Real vs_zero = {0.0};
 
 /* Sums of products go by fours, in the same order with vectors and without. */
 #if defined(__GNUC__)
 typedef double vs_four __attribute__((vector_size(32), aligned(8), may_alias));
+#if !defined(VS_LANES)
+#define VS_HAS_FOURS
+#endif
+#if defined(VS_HAS_FOURS) && !defined(__cplusplus)
 /* series_resolution.inc sums by them, too. */
 #define SERIES_HAS_FOURS
 #define Four vs_four
 #define load(from) (*(const vs_four*)(from))
+#define store(to, values) (*(vs_four*)(to) = (values))
+#endif
 #if defined(__clang__)
 #define VS_REVERSED(v) __builtin_shufflevector(v, v, 3, 2, 1, 0)
 #else
@@ -47,64 +66,156 @@ static const vs_places vs_reversed = {3, 2, 1, 0};
 #endif
 #endif
 
+/* a b + c */
+#if !defined(VS_FUSES)
+VS_INLINE Real vs_fuse(Real a, Real b, Real c) {
+  return a * b + c;
+}
+#define vs_fuse_four(a, b, c) ((a) * (b) + (c))
+#elif defined(__clang__)
+VS_INLINE Real vs_fuse(Real a, Real b, Real c) {
+#pragma clang fp contract(fast)
+  return a * b + c;
+}
+VS_INLINE vs_four vs_fuse_four(vs_four a, vs_four b, vs_four c) {
+#pragma clang fp contract(fast)
+  return a * b + c;
+}
+#else
+#if defined(__x86_64__)
+#define vs_fuse_four(a, b, c) ((vs_four)__builtin_ia32_vfmaddpd256(a, b, c))
+#else
+VS_INLINE vs_four vs_fuse_four(vs_four a, vs_four b, vs_four c) {
+  int j;
+  for (j = 0; j < 4; ++j) c[j] = __builtin_fma(a[j], b[j], c[j]);
+  return c;
+}
+#endif
+VS_INLINE Real vs_fuse(Real a, Real b, Real c) {
+#if !defined(VS_LANES)
+  return __builtin_fma(a, b, c);
+#elif defined(__AVX512F__) && VS_LANES == 8
+  return (Real)__builtin_ia32_vfmaddpd512_mask(a, b, c, (unsigned char)-1, 4);
+#else
+  typedef union {
+    Real all;
+    vs_four part[VS_LANES / 4];
+  } Parts;
+  const Parts x = {a}, y = {b};
+  Parts z = {c};
+  int j;
+  for (j = 0; j < VS_LANES / 4; ++j) z.part[j] = vs_fuse_four(x.part[j], y.part[j], z.part[j]);
+  return z.all;
+#endif
+}
+#endif
+
 /* sum_{k=from..to} a_k b_{n-k} */
 VS_INLINE Real vs_total(const Real* a, const Real* b, int n, int from, int to) {
-  Real sum = 0.0;
+  Real sum = vs_zero;
   int k = from;
   if (to - from >= 3) {
-#if defined(__GNUC__)
+#if defined(VS_HAS_FOURS)
     vs_four part = {0.0, 0.0, 0.0, 0.0};
     VS_UNROLL
     for (; k + 3 <= to; k += 4) {
       const vs_four reversed = *(const vs_four*)(b + n - k - 3);
-      part += *(const vs_four*)(a + k) * VS_REVERSED(reversed);
+      part = vs_fuse_four(*(const vs_four*)(a + k), VS_REVERSED(reversed), part);
     }
 #else
-    Real part[4] = {0.0, 0.0, 0.0, 0.0};
+    Real part[4] = {vs_zero, vs_zero, vs_zero, vs_zero};
+    VS_UNROLL
     for (; k + 3 <= to; k += 4) {
       int j;
-      for (j = 0; j < 4; ++j) part[j] += a[k + j] * b[n - k - j];
+      for (j = 0; j < 4; ++j) part[j] = vs_fuse(a[k + j], b[n - k - j], part[j]);
     }
 #endif
     sum = (part[0] + part[2]) + (part[1] + part[3]);
   }
   VS_UNROLL
-  for (; k <= to; ++k) sum += a[k] * b[n - k];
+  for (; k <= to; ++k) sum = vs_fuse(a[k], b[n - k], sum);
+  return sum;
+}
+
+/* sum_{k<count} a_k b_k */
+VS_INLINE Real vs_dot(const Real* a, const Real* b, int count) {
+  Real sum = vs_zero;
+  int k = 0;
+  if (count >= 4) {
+#if defined(VS_HAS_FOURS)
+    vs_four part = {0.0, 0.0, 0.0, 0.0};
+    VS_UNROLL
+    for (; k + 4 <= count; k += 4) {
+      part = vs_fuse_four(*(const vs_four*)(a + k), *(const vs_four*)(b + k), part);
+    }
+#else
+    Real part[4] = {vs_zero, vs_zero, vs_zero, vs_zero};
+    VS_UNROLL
+    for (; k + 4 <= count; k += 4) {
+      int j;
+      for (j = 0; j < 4; ++j) part[j] = vs_fuse(a[k + j], b[k + j], part[j]);
+    }
+#endif
+    sum = (part[0] + part[2]) + (part[1] + part[3]);
+  }
+  VS_UNROLL
+  for (; k < count; ++k) sum = vs_fuse(a[k], b[k], sum);
   return sum;
 }
 
 /* sum_{k=low..n-up} a_k b_{n-k} for low and up of 0 or 1. The coefficients of order n were stored
  * just now: they are read as single numbers, since a vector would wait for their stores. */
 VS_INLINE Real vs_convolve(const Real* a, const Real* b, int n, int low, int up) {
-  Real sum;
-  if (n == 0) return low == 0 && up == 0 ? a[0] * b[0] : 0.0;
+  Real sum = vs_zero;
+  if (n == 0) {
+    if (low == 0 && up == 0) sum = a[0] * b[0];
+    return sum;
+  }
   sum = vs_total(a, b, n, 1, n - 1);
-  if (low == 0) sum += a[0] * b[n];
-  if (up == 0) sum += a[n] * b[0];
+  if (low == 0) sum = vs_fuse(a[0], b[n], sum);
+  if (up == 0) sum = vs_fuse(a[n], b[0], sum);
   return sum;
 }
 
 /* sum_{k=low..n-low} a_k a_{n-k} = 2 sum_{low<=k<n/2} a_k a_{n-k} + a_{n/2}^2 */
 VS_INLINE Real vs_convolve_self(const Real* a, int n, int low) {
-  Real sum;
-  if (n == 0) return low == 0 ? a[0] * a[0] : 0.0;
-  sum = vs_total(a, a, n, 1, (n - 1) / 2);
-  if (low == 0) sum += a[0] * a[n];
-  sum *= 2.0;
-  if (n % 2 == 0) sum += a[n / 2] * a[n / 2];
+  Real sum = vs_zero;
+  if (n == 0) {
+    if (low == 0) sum = a[0] * a[0];
+    return sum;
+  }
+  sum = 2.0 * vs_total(a, a, n, 1, (n - 1) / 2);
+  if (n % 2 == 0) sum = vs_fuse(a[n / 2], a[n / 2], sum);
+  if (low == 0) sum = vs_fuse(2.0 * a[0], a[n], sum);
   return sum;
+}
+
+/* sum_{0<j<n} (n - j) c_j x_{n-j}: n times coefficient n of the integral of c x', but for two terms
+ */
+VS_INLINE Real vs_slopes(const Real* c, const Real* x, int n) {
+  Real sum[4] = {vs_zero, vs_zero, vs_zero, vs_zero};
+  int j;
+  VS_UNROLL
+  for (j = 1; j < n; ++j) sum[j % 4] = vs_fuse((n - j) * c[j], x[n - j], sum[j % 4]);
+  return (sum[0] + sum[2]) + (sum[1] + sum[3]);
 }
 
 /* 1/n sum_{k<n} rate_k w_{n-1-k}, the coefficient n > 0 of the integral of rate w; rate_k is 0 for
  * k > last */
 VS_INLINE Real vs_chain(const Real* rate, const Real* w, int last, int n) {
-  return (last == 0 ? rate[0] * w[n - 1] : vs_convolve(rate, w, n - 1, 0, 0)) * (1.0 / n);
+  if (last == 0) return rate[0] * w[n - 1] * (1.0 / n);
+  return vs_convolve(rate, w, n - 1, 0, 0) * (1.0 / n);
 }
 
+#if !defined(VS_LANES)
 /* 1 / (1 + exp(x)) and the like keep their limit where exp(x) has overflowed. */
-VS_INLINE int vs_is_at_limit(const Real* x, const Real* y, int n) {
-  return n > 0 && isinf(x[0]) && isfinite(y[0]);
+VS_INLINE int vs_overflows(Real x, Real y) {
+  return isinf(x) && isfinite(y);
 }
+VS_INLINE int vs_is_at_limit(const Real* x, const Real* y, int n) {
+  return n > 0 && vs_overflows(x[0], y[0]);
+}
+#endif
 
 /* y = a b */
 VS_INLINE void vs_multiply(Real* y, const Real* a, const Real* b, int n) {
@@ -118,8 +229,12 @@ VS_INLINE void vs_square(Real* y, const Real* a, int n) {
 
 /* y = a / b: y_n = (a_n - sum_{k<n} y_k b_{n-k}) / b_0 */
 VS_INLINE void vs_divide(Real* y, const Real* a, const Real* b, int n) {
-  if (n == 0) y[VS_KEPT] = 1.0 / b[0];
-  y[n] = n == 0 ? a[0] / b[0] : (a[n] - vs_convolve(y, b, n, 0, 1)) * y[VS_KEPT];
+  if (n == 0) {
+    y[0] = a[0] / b[0];
+    y[VS_KEPT] = 1.0 / b[0];
+    return;
+  }
+  y[n] = (a[n] - vs_convolve(y, b, n, 0, 1)) * y[VS_KEPT];
 }
 
 /* rate = x', coefficients n - 1: rate_{n-1} = n x_n */
@@ -129,19 +244,32 @@ VS_INLINE void vs_differentiate(Real* rate, const Real* x, int n) {
 
 /* y = exp(x): y' = x' y. In all that follow, `rate` is x' and `last` its last coefficient. */
 VS_INLINE void vs_exponential(Real* y, const Real* x, const Real* rate, int last, int n) {
-  y[n] = n == 0 ? exp(x[0]) : vs_chain(rate, y, last, n);
+  if (n == 0) {
+    y[0] = exp(x[0]);
+    return;
+  }
+  y[n] = vs_chain(rate, y, last, n);
 }
 
 /* s = sin(x), c = cos(x): s' = x' c, c' = -x' s */
 VS_INLINE void vs_sine_cosine(Real* s, Real* c, const Real* x, const Real* rate, int last, int n) {
-  s[n] = n == 0 ? sin(x[0]) : vs_chain(rate, c, last, n);
-  c[n] = n == 0 ? cos(x[0]) : -vs_chain(rate, s, last, n);
+  if (n == 0) {
+    VS_SINE_AND_COSINE(x[0], &s[0], &c[0]);
+    return;
+  }
+  s[n] = vs_chain(rate, c, last, n);
+  c[n] = -vs_chain(rate, s, last, n);
 }
 
 /* s = sinh(x), c = cosh(x): s' = x' c, c' = x' s */
 VS_INLINE void vs_sinh_cosh(Real* s, Real* c, const Real* x, const Real* rate, int last, int n) {
-  s[n] = n == 0 ? sinh(x[0]) : vs_chain(rate, c, last, n);
-  c[n] = n == 0 ? cosh(x[0]) : vs_chain(rate, s, last, n);
+  if (n == 0) {
+    s[0] = sinh(x[0]);
+    c[0] = cosh(x[0]);
+    return;
+  }
+  s[n] = vs_chain(rate, c, last, n);
+  c[n] = vs_chain(rate, s, last, n);
 }
 
 /* y = tan(x), w = 1 + y^2 = 1 / cos(x)^2: y' = x' w */
@@ -156,26 +284,18 @@ VS_INLINE void vs_tangent(Real* y, Real* w, const Real* x, const Real* rate, int
   w[n] = vs_convolve_self(y, n, 0);
 }
 
-/* y = tanh(x), w = 1 - y^2 = 1 / cosh(x)^2: y' = x' w. With u = exp(-2 |x|) - 1, |y| = -u / (2 + u)
- * and w = 4 (1 + u) / (2 + u)^2. Beyond |x| = 27, y is 1 or -1 to all digits and stays so for as
- * long as a series of order 36 lets x move (series_resolution.inc): it is constant. */
+/* y = tanh(x), w = 1 - y^2 = 1 / cosh(x)^2: y' = x' w. (Where cosh overflows, w and all
+ * coefficients but the first are 0.) */
 VS_INLINE void vs_tangent_hyperbolic(Real* y, Real* w, const Real* x, const Real* rate, int last,
                                      int n) {
-  if (n == 0 && fabs(x[0]) > 27.0) {
-    y[VS_KEPT] = 1.0;
-    y[0] = x[0] < 0.0 ? -1.0 : 1.0;
-    w[0] = 0.0;
-  } else if (n == 0) {
-    const Real u = expm1(-2.0 * fabs(x[0])), part = 1.0 / (2.0 + u), size = -u * part;
-    y[VS_KEPT] = 0.0;
-    y[0] = x[0] < 0.0 ? -size : size;
-    w[0] = 4.0 * (1.0 + u) * part * part;
-  } else if (y[VS_KEPT] != 0.0) {
-    y[n] = w[n] = 0.0;
-  } else {
-    y[n] = vs_chain(rate, w, last, n);
-    w[n] = -vs_convolve_self(y, n, 0);
+  if (n == 0) {
+    const Real cosine = cosh(x[0]);
+    y[0] = tanh(x[0]);
+    w[0] = 1.0 / (cosine * cosine);
+    return;
   }
+  y[n] = vs_chain(rate, w, last, n);
+  w[n] = -vs_convolve_self(y, n, 0);
 }
 
 /* y' = factor p / w, with q = p / w, from `value` on: log (p = x', w = x), atan (p = x',
@@ -214,9 +334,10 @@ VS_INLINE void vs_power(Real* y, const Real* x, const Real* rate, int last, Real
     y[VS_KEPT] = 1.0 / x[0];
     return;
   }
-  y[n] = ((k + 1.0) * vs_chain(rate, y, last, n) - vs_convolve(y, x, n, 0, 1)) * y[VS_KEPT];
+  y[n] = vs_fuse(k + 1.0, vs_chain(rate, y, last, n), -vs_convolve(y, x, n, 0, 1)) * y[VS_KEPT];
 }
 
+#if !defined(VS_LANES)
 /* ---- Formulas with modes. A mode is below 0, above 0, or 0 while the switching function a - b is
  * 0 to all known orders; the first coefficient that is not 0 decides it, which is the direction
  * that the motion takes. ---- */
@@ -249,3 +370,4 @@ VS_INLINE void vs_choose(Real* y, const Real* a, const Real* b, const Real* yes,
 VS_INLINE void vs_where_finite(Real* y, const Real* a, const Real* b, int n) {
   y[n] = isinf(a[0]) ? 0.0 : isnan(a[0]) ? a[0] : b[n];
 }
+#endif
