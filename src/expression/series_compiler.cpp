@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -30,6 +31,7 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
     made_.outputs_.push_back(rowOf(forms_[static_cast<std::size_t>(output.index)]));
   }
   made_.listResolved();
+  findPlaces();
   findPrograms(trial.size());
   made_.rows_.assign(2 * made_.offset(made_.rowCount()), 0.0);
   made_.states_.resize(2 * made_.states_.size(), 0.0);
@@ -270,6 +272,20 @@ SeriesCompiler::Form SeriesCompiler::power(const Graph::Entry& entry) {
   return single(exponential(rowOf(product)));
 }
 
+void SeriesCompiler::findPlaces() {
+  for (Instruction& it : made_.instructions_) {
+    // A rate is written one order after its operand.
+    it.ends = degree(it.result) + (it.code == Code::kRate ? 1 : 0);
+    it.last = it.operands[1] < 0 ? 0 : degree(it.operands[1]);
+    const int rows[] = {it.result,      it.code == Code::kLinear ? -1 : it.aux[0],
+                        it.operands[0], it.operands[1],
+                        it.operands[2], it.operands[3]};
+    for (std::size_t n = 0; n < std::size(rows); ++n) {
+      it.places[n] = rows[n] < 0 ? 0 : static_cast<int>(made_.offset(rows[n]));
+    }
+  }
+}
+
 std::vector<bool> SeriesCompiler::findNeeded(std::vector<int> open) const {
   std::vector<bool> needed(made_.instructions_.size(), false);
   while (!open.empty()) {
@@ -300,9 +316,6 @@ void SeriesCompiler::findPrograms(std::size_t count) {
     const bool is_accelerated = made_.isAccelerated(made_.instructions_[i].result);
     const int index = static_cast<int>(i);
     made_.instructions_[i].is_tried = needed[i];
-    // A rate is written one order after its operand.
-    made_.instructions_[i].ends = degree(made_.instructions_[i].result) +
-                                  (made_.instructions_[i].code == Code::kRate ? 1 : 0);
     if (!is_accelerated) made_.programs_[0].push_back(index);
     if (is_accelerated && needed[i]) made_.programs_[1].push_back(index);
     if (is_accelerated) made_.programs_[2].push_back(index);

@@ -84,6 +84,8 @@ class SeriesCompiler {
 
   /// Marks the instructions that the rows in `open` follow from; -1 for no row.
   std::vector<bool> findNeeded(std::vector<int> open) const;
+  /// Resolves the rows of the instructions.
+  void findPlaces();
   /// Finds the programs; the first `count` outputs belong to the trial.
   void findPrograms(std::size_t count);
 

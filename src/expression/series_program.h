@@ -181,8 +181,11 @@ class SeriesProgram {
     int aux[2] = {-1, -1};  ///< further rows, or terms and their count
     int state = -1;         ///< index in states_: the mode
     int ends = 0;           ///< the last order with coefficients other than 0
+    int last = 0;           ///< the last coefficient of operand 1, a rate
     bool is_tried = false;  ///< computed by kTrial
     double constant = 0.0;
+    /// Offsets of the results and operands, 0 for missing ones.
+    int places[6] = {};
   };
   struct Term {
     int row;

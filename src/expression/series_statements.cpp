@@ -46,7 +46,7 @@ std::string SeriesStatements::call(const Instruction& it) const {
   const auto nameOf = [&](const std::string& word) -> std::string {
     if (word == "y") return row(it.result);
     if (word == "z") return row(it.aux[0]);
-    if (word == "last") return std::to_string(program_.degree(it.operands[1]));
+    if (word == "last") return std::to_string(it.last);
     if (word == "constant") return constant(it);
     if (word == "mode") return mode(it);
     if (word.size() == 1 && word[0] >= 'a' && word[0] <= 'd')

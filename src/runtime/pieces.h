@@ -13,8 +13,8 @@ VS_INLINE void vs_raise(vs_row* h, const Real* x, int degree, int n) {
 }
 
 /* sum_{0<i<=degree} a_i (x - x_0)^i */
-VS_INLINE Real vs_sum_of_piece(const vs_row* h, const Real* x, const Real* a, int stride,
-                               int degree, int n) {
+VS_INLINE Real vs_sum_of_piece(vs_row* h, const Real* x, const Real* a, int stride, int degree,
+                               int n) {
   Real sum = a[stride] * x[n];
   int i;
   VS_UNROLL
