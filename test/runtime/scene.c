@@ -68,6 +68,8 @@ static const double constant_value[] = {0.0, 1.0, -2.0, 1e-9};
 
 #include "runtime/operations.h"
 /* */
+#include "runtime/pieces.h"
+/* */
 #include "runtime/tables.h"
 
 VS_INLINE void vs_given(scene_series* it, int n) {
