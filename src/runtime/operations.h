@@ -190,8 +190,7 @@ VS_INLINE Real vs_convolve_self(const Real* a, int n, int low) {
   return sum;
 }
 
-/* sum_{0<j<n} (n - j) c_j x_{n-j}: n times coefficient n of the integral of c x', but for two terms
- */
+/* sum_{0<j<n} (n - j) c_j x_{n-j}: coefficient n - 1 of c x' without the term c_0 n x_n */
 VS_INLINE Real vs_slopes(const Real* c, const Real* x, int n) {
   Real sum[4] = {vs_zero, vs_zero, vs_zero, vs_zero};
   int j;
