@@ -35,7 +35,8 @@ const std::set<std::string>& libraryFunctions() {
       // of the compiler, and pointers that are called
       "__attribute__", "always_inline", "vector_size", "aligned", "_Pragma", "__builtin_shuffle",
       "__builtin_shufflevector", "__builtin_memcpy", "__builtin_fabs", "__builtin_sqrt",
-      "__builtin_fma", "__builtin_ia32_vfmaddpd256", "defined", "contract", "table", "table2"};
+      "__builtin_fma", "__builtin_ia32_vfmaddpd256", "__builtin_ia32_vfmaddpd512_mask", "defined",
+      "contract", "table", "table2"};
   return all;
 }
 
