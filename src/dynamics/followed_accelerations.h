@@ -30,6 +30,8 @@ class FollowedAccelerations {
   /// rank.
   void calcMultipliers(const StateView& state, double* lambda);
 
+  /// True when given accelerations agree with those computed last.
+  bool areNear(const double* given) const;
   bool isLinear() const { return is_linear_; }
   /// True where they lie in a corner of psi.
   bool isInCorner() const { return corner_ != 0; }
@@ -63,9 +65,6 @@ class FollowedAccelerations {
 
   /// Starts the iterations from `epsilon` and its multipliers.
   void guess(const StateView& state, const double* epsilon);
-
-  /// True when given accelerations agree with these.
-  bool areNear(const double* given) const;
 
   /// Follows the stationary point along a jump; `move_to(part, torque)` brings `state` to that part
   /// of it and writes Q - n there. In steps so short that one of them leads where two halves do: a

@@ -150,6 +150,16 @@ StateView System::viewWithLast(double t, const State& x) {
                           integratesTorque() ? x.data() + 2 * S : accelerations_.last());
 }
 
+bool System::haveAccelerationsLeapt(const StepNode& from, const StepNode& to) {
+  if (integratesTorque() || accelerations_.isLinear()) return false;
+  noteBase(to.time, to.x, to.dxdt);
+  view(from.time, from.x);
+  const bool are_found = std::isfinite(accelerations_.last()[0]);
+  const bool has_leapt = are_found && !accelerations_.areNear(from.dxdt.data() + S);
+  noteBase(from.time, from.x, from.dxdt);
+  return has_leapt;
+}
+
 const double* System::calcTorqueRate(double t, const State& x) {
   double rate[kMaxShafts];
   drivetrain_.calcTorqueRate(viewWithLast(t, x), rate);

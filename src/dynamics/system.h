@@ -138,6 +138,10 @@ class System {
     if (!integratesTorque()) accelerations_.noteStepStart(t, x, dxdt.data() + S);
   }
 
+  /// True if the accelerations at `to` that follow from the state come from another branch of
+  /// psi = 0 than those at `from`, a little earlier: continued back to there they are others.
+  bool haveAccelerationsLeapt(const StepNode& from, const StepNode& to);
+
   /// Everything that is published, at (t, x); not finite where C has lost rank.
   void calcSample(double t, const State& x, Sample* sample);
 

@@ -29,6 +29,20 @@ void nameGuard(System& system, const StepNode& front, double reach, MotionStatus
   }
 }
 
+/// Looks for another branch of accelerations within `reach` of the front, beginning at `least`: the
+/// fold at which a branch ends lies within the shortest step.
+bool leapsAhead(System& system, const StepNode& front, double least, double reach) {
+  StepNode ahead = front;
+  for (double h = least; h <= reach; h *= 10.0) {
+    ahead.time = front.time + h;
+    ahead.x = goOn(front, h);
+    system(ahead.x, ahead.dxdt, ahead.time);
+    if (!ahead.dxdt.isFinite()) return false;
+    if (system.haveAccelerationsLeapt(front, ahead)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 void diagnoseStop(System& system, const StepNode& front, const RowWatch& rows,
@@ -71,6 +85,10 @@ void diagnoseStop(System& system, const StepNode& front, const RowWatch& rows,
     if (nameBadValue(system, front.time + h, ahead, status)) return;
   }
   if (status->reason != StopReason::kStepUnderflow) return;
+  if (leapsAhead(system, front, least, 1e5 * least)) {
+    status->reason = StopReason::kProjectionFailed;
+    return;
+  }
   for (int i = 0; i < front.x.size(); ++i) {
     const double rate = std::abs(front.dxdt[i]) / std::max(1.0, std::abs(front.x[i]));
     status->measure = std::max(status->measure, rate);

@@ -37,11 +37,8 @@ bool TrialSteps::make() {
     if (finding == EventHandler::Finding::kCrossed) return true;
     if (!step_.status.ok()) return false;
     if (finding == EventHandler::Finding::kShorter) continue;
-    if (step_.checks.isGood(norm) && trial.rejections >= kMaxRejections &&
-        haveAccelerationsLeapt()) {
-      trial.has_leapt = true;
+    if (step_.checks.isGood(norm) && haveAccelerationsLeapt())
       norm = std::numeric_limits<double>::quiet_NaN();
-    }
     if (isHiding(trial, norm)) continue;
     if (step_.checks.isGood(norm)) {
       if (accept(trial, norm)) return true;
@@ -125,7 +122,7 @@ bool TrialSteps::aim(Trial& trial) {
   trial.taken = trial.is_last || is_fixed ? trial.end - start_.time : trial.length;
   if (trial.taken > (is_fixed ? 0.0 : std::max(shortestStep(start_.time), 1e-290))) return true;
   if (!crossing_.crossJumpAhead() && step_.status.ok()) {
-    step_.explainStop(trial.has_leapt ? StopReason::kProjectionFailed : StopReason::kStepUnderflow);
+    step_.explainStop();
     const int guard =
         step_.status.reason == StopReason::kStepUnderflow ? crossing_.findJumpNear() : -1;
     if (guard >= 0) step_.stopChattering(guard);
@@ -253,17 +250,21 @@ bool TrialSteps::isFixedStepFine(double norm) {
   return false;
 }
 
-bool TrialSteps::haveAccelerationsLeapt() const {
+bool TrialSteps::haveAccelerationsLeapt() {
   // A psi that is linear in them has one branch only.
   const bool has_branches = drivetrain_.nonlinearAccelerations() != 0;
   if (integrates_torque_ || !has_branches || step_.choice.isFixed()) return false;
   constexpr double kLeap = 1e-5;
   const double part = std::max(kLeap, 10.0 * step_.settings.relative_tolerance);
+  bool may_be_leap = false;
   for (int n = S; n < 2 * S; ++n) {
     const double change = std::abs(end_.dxdt[n] - start_.dxdt[n]);
-    if (!(change <= part * (1.0 + std::abs(start_.dxdt[n])))) return true;
+    may_be_leap = may_be_leap || !(change <= part * (1.0 + std::abs(start_.dxdt[n])));
   }
-  return false;
+  if (!may_be_leap) return false;
+  const bool have_leapt = system_.haveAccelerationsLeapt(start_, end_);
+  system_.view(end_.time, end_.x);  // the last that is evaluated remains the end
+  return have_leapt;
 }
 
 bool TrialSteps::stopWhereToleranceIsLost() {

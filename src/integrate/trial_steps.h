@@ -32,9 +32,8 @@ class TrialSteps : private StepPart {
     /// step begins anew: of its error, when it is much too long for what answers there, its
     /// estimate tells nothing.
     double usual = 0.0;
-    int unresolved = 0;      ///< times that a formula made it shorter
-    double grid = 0.0;       ///< the next multiple of a fixed step
-    bool has_leapt = false;  ///< its accelerations were those of another branch
+    int unresolved = 0;  ///< times that a formula made it shorter
+    double grid = 0.0;   ///< the next multiple of a fixed step
   };
   Trial first();
   /// Finds where the next attempt goes. False when nothing so short can be stepped: an event was
@@ -62,9 +61,9 @@ class TrialSteps : private StepPart {
   void chooseNextStep(const Trial& trial, double norm);
   /// False, and the motion stopped, when a fixed step is too long to describe anything.
   bool isFixedStepFine(double norm);
-  /// Accelerations that follow from the state have changed by more than the short step that is left
-  /// after many rejections accounts for: they are those of another branch of psi = 0.
-  bool haveAccelerationsLeapt() const;
+  /// True when accelerations that follow from the state have gone to another branch of psi = 0 in
+  /// the attempt. Its error need not show that: all stages of an implicit step may lie there.
+  bool haveAccelerationsLeapt();
   /// True, and the motion stopped at the start, when the accelerations that follow from the state
   /// are not known to the tolerance any more.
   bool stopWhereToleranceIsLost();
