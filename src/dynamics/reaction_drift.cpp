@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "dynamics/dense.h"
+
 namespace variator_sim {
 
 void ReactionDrift::note(const StepNode& node) {
@@ -58,32 +60,97 @@ bool ReactionDrift::answersSteeply(const StepNode& node) {
   return is_steep;
 }
 
-void ReactionDrift::correct(StepNode& node, double most) {
-  if (!kept_.exists) return;
+bool ReactionDrift::calcLost(const StepNode& node, double* change) {
   double lost[kMaxShafts];  // R less R at the start
-  double change[kMaxShafts];
+  double lambda[kMaxRows] = {};
   const StateView state = view(node.time, node.x);
   drivetrain_.calcReaction(state, node.torque.data(), lost);
   const Inertia& inertia = drivetrain_.inertia();
+  const bool is_constant = drivetrain_.hasConstantJacobian();
   for (int i = 0; i < S; ++i) {
     lost[i] -= kept_.value[i] * (inertia.isConstant() ? 1.0 : std::sqrt(inertia.entry(i, i)));
+    if (!is_constant && !kept_.is_free[i]) lost[i] = 0.0;
   }
-  // J d_epsilon = C^T lambda - lost, C d_epsilon = 0.
-  double lambda[kMaxRows] = {};
-  const bool is_constant = drivetrain_.hasConstantJacobian();
   if (!is_constant || !drivetrain_.solver().isFactored()) {
     double unused[kMaxRows] = {};
-    if (!drivetrain_.calcRows(state, unused)) return;
+    if (!drivetrain_.calcRows(state, unused)) return false;
   }
-  for (int i = 0; i < S && !is_constant; ++i) lost[i] = kept_.is_free[i] ? lost[i] : 0.0;
   drivetrain_.calcOutOfRange(lost, lambda, change);
+  return true;
+}
+
+double ReactionDrift::measure(const StepNode& node, const double* change) const {
   double largest = 0.0;
   for (int i = 0; i < S; ++i) {
     largest = std::max(largest, std::abs(change[i]) / tolerance_.of(node.x[2 * S + i]));
   }
+  return largest;
+}
+
+void ReactionDrift::correct(StepNode& node, double most) {
+  double change[kMaxShafts];
+  if (!kept_.exists || !calcLost(node, change)) return;
+  double largest = measure(node, change);
   const bool is_cut = largest > most && answersSteeply(node);
-  const double part = is_cut ? most / largest : 1.0;
+  for (int n = 0; n < 10 && is_cut && largest > most; ++n) {
+    if (!moveVelocities(node, change, largest, most) || !calcLost(node, change)) break;
+    largest = measure(node, change);
+  }
+  const double part = is_cut ? std::min(1.0, most / largest) : 1.0;
   for (int i = 0; i < S; ++i) node.x[2 * S + i] += part * change[i];
+}
+
+bool ReactionDrift::moveVelocities(StepNode& node, const double* change, double largest,
+                                   double most) {
+  // delta_omega = sum z_j d_j of directions d_j with C d_j = 0 moves the change to
+  //     change + E z,   E_j = J^-1 (dQ/domega d_j) without its part in the range of C^T,
+  // and with delta_epsilon = change + E z
+  //     |delta_epsilon / tolerance|^2 + |z / tolerance|^2 is least.
+  DenseMatrix E(S, S);
+  DenseMatrix directions(S, S);
+  DenseVector weight(S);
+  double rate[kMaxShafts];
+  double answer[kMaxShafts];
+  double lambda[kMaxRows] = {};
+  double acceleration[kMaxShafts] = {};
+  StateView state = view(node.time, node.x);
+  state.acceleration = acceleration;
+  drivetrain_.calcTorqueRate(state, rate);
+  double allowed = std::numeric_limits<double>::infinity();
+  for (int j = 0; j < S; ++j) {
+    allowed = std::min(allowed, tolerance_.of(node.x[2 * S + j]));
+    weight(j) = std::pow(tolerance_.of(node.x[S + j]), 2);
+    double unit[kMaxShafts] = {};
+    unit[j] = -1.0;
+    drivetrain_.inertia().multiply(unit, answer);
+    drivetrain_.calcOutOfRange(answer, lambda, directions.col(j).data());
+    std::copy_n(directions.col(j).data(), S, acceleration);
+    drivetrain_.calcTorqueRate(state, answer);
+    for (int i = 0; i < S; ++i) answer[i] = rate[i] - answer[i];
+    drivetrain_.calcOutOfRange(answer, lambda, E.col(j).data());
+  }
+  DenseMatrix M = E * weight.asDiagonal() * E.transpose();
+  M.diagonal().array() += allowed * allowed;
+  const DenseVector mu = solveLu(M, Eigen::Map<const DenseVector>(change, S));
+  const DenseVector moved = directions * (weight.asDiagonal() * (E.transpose() * mu));
+  double tolerances = most;
+  for (int i = 0; i < S; ++i) {
+    tolerances = std::max(tolerances, std::abs(moved(i)) / tolerance_.of(node.x[S + i]));
+  }
+  StepNode tried = node;
+  // A layer may lie on the way.
+  for (double part = most / tolerances; part > 1e-9; part *= 0.5) {
+    for (int i = 0; i < S; ++i) tried.x[S + i] = node.x[S + i] - part * moved(i);
+    double left[kMaxShafts];
+    drivetrain_.calcTorque(view(tried.time, tried.x), tried.torque.data());
+    if (!tried.x.isFinite() || !calcLost(tried, left)) continue;
+    if (measure(tried, left) <= (1.0 - 0.5 * part) * largest) {
+      node = tried;
+      return true;
+    }
+  }
+  view(node.time, node.x);
+  return false;
 }
 
 }  // namespace variator_sim

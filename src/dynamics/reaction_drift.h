@@ -24,8 +24,9 @@ class ReactionDrift {
   void note(const StepNode& node);
   /// Removes the shafts that C, the rows at the end of a step, has reached.
   void noteRows(const double (*C)[kMaxShafts]);
-  /// Corrects the accelerations of a node, whose torque is known, along psi = 0; by at most `most`
-  /// tolerances where a torque answers steeply to the state.
+  /// Corrects the accelerations of a node, whose torque is known, along psi = 0. Where a torque
+  /// answers steeply to the state, the velocities are what is wrong: these are corrected first, and
+  /// the accelerations by at most `most` tolerances.
   void correct(StepNode& node, double most);
 
   /// The constant of a motion that is saved and continues elsewhere.
@@ -39,6 +40,15 @@ class ReactionDrift {
   /// Returns true if errors of one tolerance in angles and velocities, or rounding of the time,
   /// change the accelerations through Q by more than their tolerance.
   bool answersSteeply(const StepNode& node);
+
+  /// Computes the accelerations that would bring the reaction back. False where C has lost rank.
+  bool calcLost(const StepNode& node, double* change);
+  /// Returns the largest change in tolerances.
+  double measure(const StepNode& node, const double* change) const;
+  /// Moves the velocities of a node, to which the torque answers steeply, so that the reaction
+  /// comes nearer to its constant part; by at most `most` tolerances. False where that leaves
+  /// `largest`, the part that is lost, as large.
+  bool moveVelocities(StepNode& node, const double* change, double largest, double most);
 
   const int S;  // shafts
   Drivetrain& drivetrain_;
