@@ -81,7 +81,7 @@ FormulaRows::FormulaRows(const SeriesProgram& program, int series)
         : is_tried                           ? Part::kTried
                                              : Part::kRest,
         statement);
-    if (is_series && is_tried) add(Part::kCorrected, correct(it, statement));
+    if (is_series && is_tried) add(Part::kCorrected, correct(it, statement, !mayReachLimit(it)));
   }
 }
 

@@ -73,7 +73,8 @@ std::string SeriesStatements::compute(const Instruction& it) const {
   return "if (n <= " + std::to_string(it.ends) + ") { " + statement + " }";
 }
 
-/// Returns the change of a product or sum, the coefficients n being linear in those of operands.
+/// Returns the change of a product, quotient or sum, the coefficients n being linear in those of
+/// operands. A quotient keeps the reciprocal of its divisor (vs_divide).
 std::string SeriesStatements::changeOf(const Instruction& it) const {
   std::string sum;
   if (it.code == Code::kLinear) {
@@ -86,14 +87,21 @@ std::string SeriesStatements::changeOf(const Instruction& it) const {
   const int a = it.operands[0];
   if (it.code == Code::kSquare) return "2.0 * " + change(a) + " * " + row(a) + "[0]";
   const int b = it.operands[1];
+  if (it.code == Code::kDivide) {
+    if (program_.isAccelerated(a)) sum = change(a);
+    if (program_.isAccelerated(b)) sum += " - " + change(b) + " * " + row(it.result) + "[0]";
+    return "(" + sum + ") * " + row(it.result) + "[VS_KEPT]";
+  }
   if (program_.isAccelerated(a)) sum = change(a) + " * " + row(b) + "[0]";
   if (!program_.isAccelerated(b)) return sum;
   return (sum.empty() ? "" : sum + " + ") + change(b) + " * " + row(a) + "[0]";
 }
 
-std::string SeriesStatements::correct(const Instruction& it, const std::string& computed) const {
+std::string SeriesStatements::correct(const Instruction& it, const std::string& computed,
+                                      bool changes_quotients) const {
   const std::string y = row(it.result) + "[n]";
-  if (it.code == Code::kMultiply || it.code == Code::kSquare || it.code == Code::kLinear) {
+  if (it.code == Code::kMultiply || it.code == Code::kSquare || it.code == Code::kLinear ||
+      (it.code == Code::kDivide && changes_quotients)) {
     return "const Real " + change(it.result) + " = " + changeOf(it) + ";\n  " + y +
            " += " + change(it.result) + ";";
   }

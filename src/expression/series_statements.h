@@ -22,8 +22,9 @@ class SeriesStatements {
   std::string compute(const Instruction& it) const;
   /// Writes the statements that correct coefficient n of its results for those of the
   /// accelerations; the changes of its operands are declared before. Functions without a simple
-  /// change are computed anew by `computed`.
-  std::string correct(const Instruction& it, const std::string& computed) const;
+  /// change are computed anew by `computed`; so are quotients unless `changes_quotients`.
+  std::string correct(const Instruction& it, const std::string& computed,
+                      bool changes_quotients = false) const;
   /// True if no function calls for the change of its result.
   static bool isRate(const Instruction& it) {
     return it.code == Code::kRate || it.code == Code::kWronskian;
