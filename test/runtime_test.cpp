@@ -11,12 +11,24 @@ enum { VS_STRIDE = 24 };
 //
 #include "runtime/roots.h"
 //
+#include "runtime/table_data.h"
+//
 #include "runtime/tables.h"
 
 extern "C" {
 #include "runtime/scene_sizes.h"
 //
+#include "runtime/status.h"
+//
 #include "runtime/scene.h"
+//
+#include "runtime/state.h"
+//
+#include "runtime/series.h"
+//
+#include "runtime/model.h"
+//
+#include "runtime/calls.h"
 }
 
 namespace {

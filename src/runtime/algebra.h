@@ -2,12 +2,22 @@
  *     J epsilon - C' mu = a,   C epsilon = g
  * which orders of a series, projections, jumps and first accelerations solve. */
 
-static double vs_tolerance(double size) {
+VS_FUNCTION double vs_tolerance(const scene_series* it, double size) {
+  (void)it;
   return ABSOLUTE_TOLERANCE + RELATIVE_TOLERANCE * fabs(size);
 }
 
+VS_FUNCTION void vs_set_constants(scene_model* m) {
+  int i;
+  for (i = 0; i < CONSTANTS; ++i) {
+    m->series[0].row[constant_row[i]][0] = constant_value[i];
+    m->series[1].row[constant_row[i]][0] = constant_value[i];
+  }
+  m->series[0].unit = m->series[1].unit = 1.0;
+}
+
 /* All formulas at the present state, with the inputs that were entered. */
-static void vs_enter_state(const scene_model* m, scene_series* it) {
+VS_FUNCTION void vs_enter_state(const scene_model* m, scene_series* it) {
   int i;
   it->row[TIME][0] = m->now.time;
   for (i = 0; i < S; ++i) {
@@ -21,16 +31,16 @@ static void vs_enter_state(const scene_model* m, scene_series* it) {
   vs_rest(it, 0);
 }
 
-static double vs_entry(const scene_series* it, int p, int i) {
+VS_FUNCTION double vs_entry(const scene_series* it, int p, int i) {
   return it->row[entry_row[S * p + i]][0];
 }
 
-static double vs_inertia(const scene_series* it, int i, int j) {
+VS_FUNCTION double vs_inertia(const scene_series* it, int i, int j) {
   return i == j ? it->row[inertia_row[i]][0] : coupling[S * i + j];
 }
 
 /* R = J epsilon + n - Q */
-static void vs_reaction(const scene_series* it, double* R) {
+VS_FUNCTION void vs_reaction(const scene_series* it, double* R) {
   int i, j;
   for (i = 0; i < S; ++i) {
     R[i] = it->row[inertial_row[i]][0] - it->row[torque_row[i]][0];
@@ -40,15 +50,15 @@ static void vs_reaction(const scene_series* it, double* R) {
   }
 }
 
-static int vs_is_counted(int constraint, int low, int high) {
+VS_FUNCTION int vs_is_counted(int constraint, int low, int high) {
   return order_of[constraint] >= low && order_of[constraint] <= high;
 }
 
 /* Inverts an n x n matrix in place by Gauss and Jordan's elimination, with row pivots where it is
  * `curved`. Without, the rows from S on become C J^-1 C', whose diagonal is kept in `size`: its
  * pivots tell the rank. False where that is lost. */
-VS_INLINE int vs_invert(Real* M, int n, Real* size, int curved) {
-  int best[SIZE], i, j, p;
+VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved) {
+  int best[MOST_SIZE], i, j, p;
   for (p = 0; p < n; ++p) {
     Real pivot, least = curved ? 1e-14 : 0.0;
     best[p] = p;
@@ -84,43 +94,44 @@ VS_INLINE int vs_invert(Real* M, int n, Real* size, int curved) {
 }
 
 /* [J -C'; C 0] with the rows of the constraints of orders low to high; mu_p = g_p for others. */
-static void vs_write_matrix(scene_series* it, int low, int high) {
+VS_FUNCTION void vs_write_matrix(scene_series* it, int low, int high) {
   int i, j, p;
   for (i = 0; i < SIZE; ++i) {
-    for (j = 0; j < SIZE; ++j) it->inverse[i][j] = i < S && j < S ? vs_inertia(it, i, j) : 0.0;
+    for (j = 0; j < SIZE; ++j)
+      it->inverse[SIZE * i + j] = i < S && j < S ? vs_inertia(it, i, j) : 0.0;
   }
   for (p = 0; p < K; ++p) {
     const int is_in = vs_is_counted(p, low, high);
-    if (!is_in) it->inverse[S + p][S + p] = 1.0;
+    if (!is_in) it->inverse[SIZE * (S + p) + S + p] = 1.0;
     for (i = 0; i < S && is_in; ++i) {
-      it->inverse[S + p][i] = vs_entry(it, p, i);
-      it->inverse[i][S + p] = -vs_entry(it, p, i);
+      it->inverse[SIZE * (S + p) + i] = vs_entry(it, p, i);
+      it->inverse[SIZE * i + S + p] = -vs_entry(it, p, i);
     }
   }
 }
 
 /* Its inverse. False where C has lost rank. */
-static int vs_factor(scene_series* it, int low, int high) {
+VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
   vs_write_matrix(it, low, high);
-  return vs_invert(it->inverse[0], SIZE, it->size, 0);
+  return vs_invert(it->inverse, SIZE, it->size, 0);
 }
 
 /* x = [J -C'; C 0]^-1 x */
-VS_INLINE void vs_solve(const scene_series* it, double* x) {
-  double b[SIZE];
+VS_FUNCTION_INLINE void vs_solve(const scene_series* it, double* x) {
+  double b[MOST_SIZE];
   int i, j;
   for (i = 0; i < SIZE; ++i) b[i] = x[i];
   for (i = 0; i < SIZE; ++i) {
-    x[i] = it->inverse[i][0] * b[0];
-    for (j = 1; j < SIZE; ++j) x[i] += it->inverse[i][j] * b[j];
+    x[i] = it->inverse[SIZE * i] * b[0];
+    for (j = 1; j < SIZE; ++j) x[i] += it->inverse[SIZE * i + j] * b[j];
   }
 }
 
 /* The same where psi is not linear in the accelerations: J less the sum of lambda d2psi/depsilon2
  * in the place of J. The system is scaled by 1/sqrt(J_ii) and 1/sqrt(C J^-1 C'). */
-static int vs_factor_curved(scene_series* it, const double* lambda, int low, int high) {
-  double* const M = it->inverse[0];
-  double scale[SIZE];
+VS_FUNCTION int vs_factor_curved(scene_series* it, const double* lambda, int low, int high) {
+  double* const M = it->inverse;
+  double scale[MOST_SIZE];
   int i, j, p;
   if (!vs_factor(it, low, high)) return 0;
   if (!IS_CURVED) return 1;
@@ -131,7 +142,7 @@ static int vs_factor_curved(scene_series* it, const double* lambda, int low, int
     for (j = 0; j < S && i < S; ++j) {
       for (p = 0; p < K; ++p) {
         if (!vs_is_counted(p, low, high)) continue;
-        it->inverse[i][j] -= lambda[p] * it->row[curvature_row[S * S * p + S * i + j]][0];
+        it->inverse[SIZE * i + j] -= lambda[p] * it->row[curvature_row[S * S * p + S * i + j]][0];
       }
     }
   }

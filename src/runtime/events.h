@@ -9,17 +9,17 @@ typedef struct {
   double point; /* of a table */
 } vs_event;
 
-static const Real* vs_guard(const scene_series* it, int guard) {
+VS_FUNCTION const Real* vs_guard(const scene_series* it, int guard) {
   return it->row[guard < SIGNS ? sign_row[guard] : passage_row[guard - SIGNS]];
 }
 
-static double vs_first_sign(const double* c, int last) {
+VS_FUNCTION double vs_first_sign(const double* c, int last) {
   int n;
   for (n = 0; n < last && c[n] == 0.0; ++n) continue;
   return c[n];
 }
 
-static void vs_meet(vs_event* found, const double* c, int last, int guard, double point) {
+VS_FUNCTION void vs_meet(vs_event* found, const double* c, int last, int guard, double point) {
   /* A motion that begins on the edge of a jump leaves it at once. */
   const int jumps = guard < SIGNS && sign_jumps[guard];
   const double side = vs_first_sign(c, last);
@@ -34,9 +34,11 @@ static void vs_meet(vs_event* found, const double* c, int last, int guard, doubl
 }
 
 /* The points of a table's argument between which x lies, or on one of which it begins. */
-static void vs_find_points(int table, double x, double* low, double* high, double* on) {
+VS_FUNCTION void vs_find_points(const scene_series* it, int table, double x, double* low,
+                                double* high, double* on) {
   const double* const points = passage_points[table];
   int above = 0;
+  (void)it;
   while (above < passage_count[table] && points[above] <= x) ++above;
   *high = above < passage_count[table] ? points[above] : INFINITY;
   *on = above > 0 && points[above - 1] == x ? x : INFINITY;
@@ -47,7 +49,7 @@ static void vs_find_points(int table, double x, double* low, double* high, doubl
 /* The part of theta up to which a guard's last two terms are next to nothing beside the others: of
  * a guard that varies faster than the motion, or of a mode that is not taken, the series may have
  * ended too early. */
-static double vs_known_part(const double* c, int last, double theta) {
+VS_FUNCTION double vs_known_part(const double* c, int last, double theta) {
   int halvings, n;
   for (halvings = 0; halvings < 60; ++halvings, theta *= 0.5) {
     double power = 1.0;
@@ -67,7 +69,7 @@ static double vs_known_part(const double* c, int last, double theta) {
 
 /* The distance that a guard stays away from its nearest point over a step, if what its last two
  * terms leave out is four times them at the most: above 0 for guards that need no search. */
-static double vs_clearance(const double* c, int last, double theta, double low, double high) {
+VS_FUNCTION double vs_clearance(const double* c, int last, double theta, double low, double high) {
   double sum = 0.0, term = 0.0, before = 0.0, power = theta;
   int n;
   for (n = 1; n <= last; ++n, power *= theta) {
@@ -78,51 +80,69 @@ static double vs_clearance(const double* c, int last, double theta, double low, 
   return seriesSmaller(c[0] - low, high - c[0]) - (sum + 4.0 * (term + before));
 }
 
+/* True unless a guard stays away from its points up to `reach`: those on both sides of it, and the
+ * one on which it begins. */
+VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, double* points) {
+  const Real* const x = vs_guard(it, guard);
+  points[0] = x[0] >= 0.0 ? 0.0 : -INFINITY;
+  points[1] = x[0] < 0.0 ? 0.0 : INFINITY;
+  points[2] = x[0] == 0.0 ? 0.0 : INFINITY;
+  if (guard >= SIGNS) vs_find_points(it, guard - SIGNS, x[0], &points[0], &points[1], &points[2]);
+  return points[2] == x[0] || !(vs_clearance(x, it->order, reach, points[0], points[1]) > 0.0);
+}
+
 /* The first event in a step of *theta units, or so shortly behind it that rounding might lead over
- * it. *theta becomes shorter where a guard that may pass is known for a part of it only. */
-static vs_event vs_find_event(const scene_model* m, const scene_series* it, double* theta) {
+ * it, but those of the guard `but`. *theta becomes shorter where a guard that may pass is known for
+ * a part of it only. */
+VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it, double* theta,
+                                   int but) {
   const double rounding = 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
   vs_event found = {0.0, -1, 0, 0.0, 0.0};
-  double points[SIGNS + TABLES + 1][3];
-  char is_near[SIGNS + TABLES + 1];
-  double c[VS_STRIDE];
+  double points[3], c[VS_STRIDE];
   int g, k, n;
   for (g = 0; g < SIGNS + TABLES; ++g) {
-    const Real* const x = vs_guard(it, g);
-    double* const point = points[g];
     const double reach = *theta * (1.0 + 1e-12) + rounding;
-    point[0] = x[0] >= 0.0 ? 0.0 : -INFINITY;
-    point[1] = x[0] < 0.0 ? 0.0 : INFINITY;
-    point[2] = x[0] == 0.0 ? 0.0 : INFINITY;
-    if (g >= SIGNS) vs_find_points(g - SIGNS, x[0], &point[0], &point[1], &point[2]);
-    is_near[g] = point[2] == x[0] || !(vs_clearance(x, it->order, reach, point[0], point[1]) > 0.0);
-    if (is_near[g]) *theta = vs_known_part(x, it->order, *theta);
+    if (g != but && vs_may_pass(it, g, reach, points))
+      *theta = vs_known_part(vs_guard(it, g), it->order, *theta);
   }
   found.theta = *theta * (1.0 + 1e-12) + rounding;
   for (g = 0; g < SIGNS + TABLES; ++g) {
-    if (!is_near[g]) continue;
+    if (g == but || !vs_may_pass(it, g, found.theta, points)) continue;
     for (n = 0; n <= it->order; ++n) c[n] = vs_guard(it, g)[n];
     for (k = 0; k < 3; ++k) {
-      if (!isfinite(points[g][k]) || (k < 2 && points[g][k] == points[g][2])) continue;
-      c[0] = vs_guard(it, g)[0] - points[g][k];
-      vs_meet(&found, c, it->order, g, points[g][k]);
+      if (!isfinite(points[k]) || (k < 2 && points[k] == points[2])) continue;
+      c[0] = vs_guard(it, g)[0] - points[k];
+      vs_meet(&found, c, it->order, g, points[k]);
     }
   }
   return found;
 }
 
+/* Where a step ends at the latest if its event is not there: before those of other guards. */
+VS_FUNCTION double vs_end_without(const scene_model* m, const vs_event* at, double theta) {
+  const scene_series* const it = &m->series[m->present];
+  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
+  double end = theta;
+  const vs_event next = vs_find_event(m, it, &end, at->guard);
+  if (next.guard >= 0) {
+    const double before = seriesSmaller(end, next.theta * (1.0 - 1e-9) - least);
+    return seriesLarger(before, at->theta + 64.0 * least);
+  }
+  return end * (1.0 + 2e-12) + 4.0 * least;
+}
+
 /* The distance of the state that was entered from an event. */
-static double vs_distance(const scene_series* it, const vs_event* at) {
+VS_FUNCTION double vs_distance(const scene_series* it, const vs_event* at) {
   return vs_guard(it, at->guard)[0] - at->point;
 }
 
-static int vs_is_beyond(const scene_series* it, const vs_event* at) {
+VS_FUNCTION int vs_is_beyond(const scene_series* it, const vs_event* at) {
   const double distance = vs_distance(it, at);
   return at->side == 0.0 ? distance != 0.0 : distance * at->side < 0.0;
 }
 
 /* The state at theta of the present series. */
-static void vs_go(scene_model* m, double theta) {
+VS_FUNCTION void vs_go(scene_model* m, double theta) {
   const scene_series* const it = vs_series(m);
   const double h = theta * it->unit;
   const int last = vs_last(it);
@@ -151,13 +171,13 @@ static void vs_go(scene_model* m, double theta) {
 
 /* Quantities that may jump at an event. */
 typedef struct {
-  double torque[S];
-  double residual[K + 1]; /* f or psi; 0 of order 3 */
+  double torque[MOST_SHAFTS];
+  double residual[MOST_CONSTRAINTS + 1]; /* f or psi; 0 of order 3 */
 } vs_law_values;
 
 /* The state at theta behind `base`, with all formulas in `it`. */
-static void vs_look_from(scene_model* m, scene_series* it, const scene_state* base, double theta,
-                         vs_law_values* found) {
+VS_FUNCTION void vs_look_from(scene_model* m, scene_series* it, const scene_state* base,
+                              double theta, vs_law_values* found) {
   int i;
   m->now = *base;
   vs_go(m, theta);
@@ -173,15 +193,15 @@ static void vs_look_from(scene_model* m, scene_series* it, const scene_state* ba
 
 /* A jump of a constraint of order 1 or 2 has no motion. Its size is what it would move the
  * velocities or accelerations by. */
-static int vs_has_gap(const scene_model* m, const scene_series* it, const vs_law_values* before,
-                      const vs_law_values* after) {
+VS_FUNCTION int vs_has_gap(const scene_model* m, const scene_series* it,
+                           const vs_law_values* before, const vs_law_values* after) {
   int i, p;
   for (p = 0; p < K; ++p) {
     const double l = (after->residual[p] - before->residual[p]) / it->size[p];
     const double* const x = order_of[p] == 1 ? m->now.velocity : m->now.acceleration;
     for (i = 0; i < S; ++i) {
       const double moved = vs_entry(it, p, i) * l / vs_inertia(it, i, i);
-      if (!(fabs(moved) <= vs_tolerance(x[i]))) return 1;
+      if (!(fabs(moved) <= vs_tolerance(it, x[i]))) return 1;
     }
   }
   return 0;
@@ -189,8 +209,8 @@ static int vs_has_gap(const scene_model* m, const scene_series* it, const vs_law
 
 /* f' jumps where f bends in time or angles: the accelerations follow it, C of the others turning
  * with them. */
-static scene_status vs_follow_kink(scene_model* m, scene_series* it) {
-  double dQ[S], df[K + 1], u[INPUTS + 1];
+VS_FUNCTION scene_status vs_follow_kink(scene_model* m, scene_series* it) {
+  double dQ[MOST_SHAFTS], df[MOST_CONSTRAINTS + 1], u[MOST_INPUTS + 1];
   int i;
   vs_enter_state(m, it);
   for (i = 0; i < S; ++i) dQ[i] = 0.0;
@@ -200,9 +220,9 @@ static scene_status vs_follow_kink(scene_model* m, scene_series* it) {
 }
 
 /* Behind the event, the accelerations that go on from there. */
-static scene_status vs_settle_beyond(scene_model* m, scene_series* it, const vs_event* at,
-                                     const vs_law_values* before, vs_law_values* after) {
-  double u[INPUTS + 1];
+VS_FUNCTION scene_status vs_settle_beyond(scene_model* m, scene_series* it, const vs_event* at,
+                                          const vs_law_values* before, vs_law_values* after) {
+  double u[MOST_INPUTS + 1];
   scene_status status;
   int i;
   if (!vs_factor(it, 1, 3)) return SCENE_SINGULAR;
@@ -219,46 +239,77 @@ static scene_status vs_settle_beyond(scene_model* m, scene_series* it, const vs_
   return vs_jump(m, it, u, 0, after->torque, 0);
 }
 
-/* Over an event, to the state shortly behind it. *theta: where the step is to end, and has ended.
- * The guard's polynomial is off by what the step is: where the state itself passes is tried. Where
- * that is behind the step's end, the guard is -1 and nothing has happened. */
-static scene_status vs_cross(scene_model* m, scene_series* it, vs_event* at, double* theta) {
-  const scene_state base = m->now;
-  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, base.time) / vs_series(m)->unit;
-  const double end = *theta * (1.0 + 2e-12) + 4.0 * least;
+/* No jump lies between the two. */
+VS_FUNCTION int vs_keeps_sides(const scene_series* it, const scene_series* next) {
+  int g;
+  for (g = 0; g < SIGNS; ++g) {
+    const double side = vs_first_sign(it->row[sign_row[g]], it->order);
+    if (sign_jumps[g] && side != 0.0 && !(next->row[sign_row[g]][0] * side > 0.0)) return 0;
+  }
+  return 1;
+}
+
+/* From `base`, finds two instants, or one, between which the state itself passes an event: the
+ * guard's polynomial is off by what the step is, and by the rounding of its coefficients. at->theta
+ * becomes the first one, before all that jumps, *theta, where the step is to end, the second. Laws
+ * there are in `before` and `after`. Where nothing has happened up to the step's end, the guard is
+ * -1. */
+VS_FUNCTION void vs_bracket(scene_model* m, scene_series* it, const scene_state* base, vs_event* at,
+                            double* theta, vs_law_values* before, vs_law_values* after) {
+  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, base->time) / vs_series(m)->unit;
+  const double end = vs_end_without(m, at, *theta);
   double ahead = seriesLarger(1e-14 * at->theta, least);
   double back = ahead;
   double low = 0.0;
-  vs_law_values before, after;
   int trial;
   for (trial = 0; trial < 60; ++trial, back *= 2.0) {
     low = seriesLarger(0.0, at->theta - back);
-    vs_look_from(m, it, &base, low, &before);
-    if (low == 0.0 || vs_distance(it, at) * at->side > 0.0) break;
+    vs_look_from(m, it, base, low, before);
+    if (low == 0.0) break;
+    if (vs_distance(it, at) * at->side > 0.0 && vs_keeps_sides(vs_series(m), it)) break;
   }
   for (trial = 0; trial < 40; ++trial, ahead *= 2.0) {
     *theta = seriesSmaller(at->theta + ahead, end);
-    vs_look_from(m, it, &base, *theta, &after);
+    vs_look_from(m, it, base, *theta, after);
     if (vs_is_beyond(it, at)) break;
     if (*theta == end) {
-      m->now = base;
       at->guard = -1;
-      return SCENE_OK;
+      return;
     }
   }
   while (*theta - low > seriesLarger(2e-14 * at->theta, least)) {
     const double middle = 0.5 * (low + *theta);
     vs_law_values found;
-    vs_look_from(m, it, &base, middle, &found);
+    vs_look_from(m, it, base, middle, &found);
     if (vs_is_beyond(it, at)) {
       *theta = middle;
-    } else if (vs_distance(it, at) * at->side > 0.0) {
+    } else if (vs_distance(it, at) * at->side > 0.0 && vs_keeps_sides(vs_series(m), it)) {
       low = middle;
-      before = found;
+      *before = found;
     } else {
-      break; /* on the event itself */
+      break; /* on the event itself, or between it and another one */
     }
   }
-  vs_look_from(m, it, &base, *theta, &after);
-  return vs_settle_beyond(m, it, at, &before, &after);
+  at->theta = low;
+}
+
+/* Over an event, to the state shortly behind it, where its projection is behind, too. *theta: where
+ * the step is to end, and has ended. */
+VS_FUNCTION scene_status vs_cross(scene_model* m, scene_series* it, vs_event* at, double* theta) {
+  const scene_state base = m->now;
+  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, base.time) / vs_series(m)->unit;
+  vs_law_values before, after;
+  int trial;
+  vs_bracket(m, it, &base, at, theta, &before, &after);
+  m->now = base;
+  for (trial = 0; at->guard >= 0 && trial < 40; ++trial) {
+    scene_status status;
+    vs_look_from(m, it, &base, *theta, &after);
+    status = vs_settle_beyond(m, it, at, &before, &after);
+    if (status != SCENE_OK) return status;
+    vs_enter_state(m, it);
+    if (vs_is_beyond(it, at)) break;
+    *theta = at->theta + 2.0 * (*theta - at->theta) + least;
+  }
+  return trial < 40 ? SCENE_OK : SCENE_CHATTERING;
 }

@@ -5,7 +5,7 @@ enum { VS_CONSTANT, VS_RAMP, VS_EXPONENTIAL, VS_CRITICAL };
 
 /* u up to `order`, in powers of time / unit: with x = age / tau,
        d^n/dx^n (a + b x) exp(-x) = (-1)^n (a + b x - n b) exp(-x) */
-static void vs_expand_input(const scene_signal* s, double unit, int order, double* u) {
+VS_FUNCTION void vs_expand_input(const scene_signal* s, double unit, int order, double* u) {
   const int is_lag = s->form == VS_EXPONENTIAL || s->form == VS_CRITICAL;
   const double x = s->age * s->inverse_tau;
   const double a = s->start - s->target;
@@ -24,13 +24,13 @@ static void vs_expand_input(const scene_signal* s, double unit, int order, doubl
   u[1] = unit * s->slope;
 }
 
-static double vs_input_value(const scene_signal* s) {
+VS_FUNCTION double vs_input_value(const scene_signal* s) {
   double u[2];
   vs_expand_input(s, 1.0, 1, u);
   return u[0];
 }
 
-static void vs_hold_constant(scene_signal* s, double value) {
+VS_FUNCTION void vs_hold_constant(scene_signal* s, double value) {
   s->form = VS_CONSTANT;
   s->start = s->target = value;
   s->slope = s->inverse_tau = s->linear = s->age = 0.0;
@@ -38,7 +38,7 @@ static void vs_hold_constant(scene_signal* s, double value) {
 }
 
 /* True when the value itself jumps. */
-static int vs_command_signal(scene_signal* s, int hold, double parameter, double target) {
+VS_FUNCTION int vs_command_signal(scene_signal* s, int hold, double parameter, double target) {
   const double settled = 50.0; /* time constants: exp(-50) of the way is less than rounding */
   double u[2], present, rate;
   vs_expand_input(s, 1.0, 1, u);
@@ -77,8 +77,8 @@ static int vs_command_signal(scene_signal* s, int hold, double parameter, double
 }
 
 /* Coefficients up to `order` of the rows of inputs and of their rates. */
-static void vs_enter_inputs(const scene_model* m, scene_series* it, int order) {
-  double u[SCENE_ORDER + 3];
+VS_FUNCTION void vs_enter_inputs(const scene_model* m, scene_series* it, int order) {
+  double u[VS_STRIDE];
   int k, n, i = -1;
   for (k = 0; k < INPUT_ROW_COUNT; ++k) {
     double* const row = it->row[input_row[k]];

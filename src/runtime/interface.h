@@ -86,11 +86,7 @@ static void vs_apply_timeouts(scene_model* m) {
 void scene_init(scene_model* m) {
   int i;
   memset(m, 0, sizeof *m);
-  for (i = 0; i < CONSTANTS; ++i) {
-    m->series[0].row[constant_row[i]][0] = constant_value[i];
-    m->series[1].row[constant_row[i]][0] = constant_value[i];
-  }
-  m->series[0].unit = m->series[1].unit = 1.0;
+  vs_set_constants(m);
   for (i = 0; i < S; ++i) {
     m->now.angle[i] = initial_angle[i];
     m->now.velocity[i] = initial_velocity[i];

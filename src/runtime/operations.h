@@ -28,6 +28,12 @@
 #define SERIES_INLINE inline
 #define SERIES_RARE
 #endif
+/* Of functions that read a scene's constants. */
+#ifndef VS_FUNCTION
+#define VS_FUNCTION static
+#define VS_FUNCTION_INLINE VS_INLINE
+#define VS_FUNCTION_RARE VS_RARE
+#endif
 #if defined(__GNUC__) && !defined(__clang__) && !defined(VS_ORDER_VARIES)
 #define VS_UNROLL _Pragma("GCC unroll 32")
 #else

@@ -6,7 +6,7 @@
  * unit Lambda_{n-1} of R' = C' Lambda + 1/2 J' omega J^-1 R */
 
 /* a_n */
-VS_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
+VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
   const vs_row* const r = it->row;
   Real sum = r[torque_row[i]][n];
   Real rest = 0.0;
@@ -24,7 +24,7 @@ VS_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
 
 /* g_n: -psi_n, and of order 3, where C eta + c_0 = 0, -1/n (unit c_0,n-1 + sum_j (n-j) C_j
  * epsilon_{n-j}) */
-VS_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n) {
+VS_FUNCTION_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n) {
   const vs_row* const r = it->row;
   Real sum;
   int i, j;
@@ -38,31 +38,31 @@ VS_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n) {
 }
 
 /* b = J^-1 R of order n, of the connection 1/2 J' omega b in R' */
-static void vs_note_pull(scene_series* it, int n) {
+VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   vs_row* const r = it->row;
-  double b[S], J_inverse[S][S];
+  double b[MOST_SHAFTS], J_inverse[MOST_SHAFTS * MOST_SHAFTS];
   int i, j;
   for (i = 0; i < S; ++i) {
     const Real* const J = r[inertia_row[i]];
     b[i] = r[inertial_row[i]][n] - r[torque_row[i]][n];
     for (j = 0; j < S; ++j) {
-      J_inverse[i][j] = vs_inertia(it, i, j);
+      J_inverse[S * i + j] = vs_inertia(it, i, j);
       b[i] += vs_inertia(it, i, j) * r[ACCELERATION + j][n];
     }
     for (j = 1; j <= n; ++j) b[i] += J[j] * (r[ACCELERATION + i][n - j] - r[PULL + i][n - j]);
   }
-  vs_invert(J_inverse[0], S, 0, 0);
+  vs_invert(J_inverse, S, 0, 0);
   for (i = 0; i < S; ++i) {
     r[PULL + i][n] = 0.0;
-    for (j = 0; j < S; ++j) r[PULL + i][n] += J_inverse[i][j] * b[j];
+    for (j = 0; j < S; ++j) r[PULL + i][n] += J_inverse[S * i + j] * b[j];
   }
 }
 
 /* Coefficients n of all rows. */
-VS_INLINE void vs_order(scene_series* it, int n) {
+VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
   vs_row* const r = it->row;
   const Real q = it->unit * (1.0 / n);
-  Real x[SIZE];
+  Real x[MOST_SIZE];
   int i;
   r[TIME][n] = n == 1 ? it->unit : 0.0;
   for (i = 0; i < S; ++i) {
@@ -90,16 +90,16 @@ VS_INLINE void vs_order(scene_series* it, int n) {
 /* A function for each order, whose sums a compiler unrolls; scenes of very many formulas have one
  * for all. */
 #ifdef VS_EACH_ORDER
-#define VS_ORDER_FUNCTION(n)                    \
-  VS_RARE void vs_order_##n(scene_series* it) { \
-    vs_order(it, n);                            \
+#define VS_ORDER_FUNCTION(n)                             \
+  VS_FUNCTION_RARE void vs_order_##n(scene_series* it) { \
+    vs_order(it, n);                                     \
   }
 VS_EACH_ORDER(VS_ORDER_FUNCTION)
 #define VS_CASE(n)    \
   case n:             \
     vs_order_##n(it); \
     break;
-static void vs_extend(scene_series* it) {
+VS_FUNCTION void vs_extend(scene_series* it) {
   switch (++it->order) {
     VS_EACH_ORDER(VS_CASE)
     default:
@@ -107,14 +107,14 @@ static void vs_extend(scene_series* it) {
   }
 }
 #else
-static void vs_extend(scene_series* it) {
+VS_FUNCTION void vs_extend(scene_series* it) {
   vs_order(it, ++it->order);
 }
 #endif
 
 /* Order 0 of all formulas is known. gauss: of the multipliers, too. is_factored: of the last
  * correction of the accelerations, which changes what matters only where C turns with them. */
-static int vs_begin(scene_series* it, const double* lambda, int is_factored) {
+VS_FUNCTION int vs_begin(scene_series* it, const double* lambda, int is_factored) {
   it->order = 0;
   if (!is_factored || ENTRIES_TURN || IS_CURVED) {
     if (IS_CLASSICAL ? !vs_factor_curved(it, lambda, 1, 3) : !vs_factor(it, 1, 3)) return 0;
@@ -124,12 +124,12 @@ static int vs_begin(scene_series* it, const double* lambda, int is_factored) {
   return 1;
 }
 
-static scene_series* vs_series(scene_model* m) {
+VS_FUNCTION scene_series* vs_series(scene_model* m) {
   return &m->series[m->present];
 }
 
 /* False where the last coefficients are not finite. */
-static int vs_is_finite(const scene_series* it) {
+VS_FUNCTION int vs_is_finite(const scene_series* it) {
   double rest = 0.0;
   int i;
   for (i = 0; i < S; ++i) rest += 0.0 * it->row[ACCELERATION + i][it->order];
@@ -138,14 +138,14 @@ static int vs_is_finite(const scene_series* it) {
 }
 
 /* A power of two of at least `length` s. */
-static double vs_unit_of(double length) {
+VS_FUNCTION double vs_unit_of(double length) {
   int exponent;
   frexp(length, &exponent);
   return ldexp(1.0, exponent);
 }
 
 /* True where the present series is that of the state. */
-static int vs_is_begun(const scene_model* m) {
+VS_FUNCTION int vs_is_begun(const scene_model* m) {
   const scene_state *const a = &m->now, *const b = &m->begun;
   int same = m->is_begun && a->time == b->time && a->time_rest == b->time_rest, i;
   for (i = 0; i < S; ++i) {
@@ -160,7 +160,7 @@ static int vs_is_begun(const scene_model* m) {
 }
 
 /* The series of the state, up to the orders that need no other. */
-static int vs_begin_here(scene_model* m, double unit) {
+VS_FUNCTION int vs_begin_here(scene_model* m, double unit) {
   scene_series* const it = vs_series(m);
   m->begun = m->now;
   it->unit = unit;
@@ -171,12 +171,12 @@ static int vs_begin_here(scene_model* m, double unit) {
 }
 
 /* Angles, velocities and, where they are a state, accelerations, up to this order. */
-static int vs_last(const scene_series* it) {
+VS_FUNCTION int vs_last(const scene_series* it) {
   return IS_CLASSICAL ? it->order + 1 : it->order;
 }
 
 /* Coefficients N + 1 of angles and velocities, which follow from those of order N. */
-static void vs_integrate_last(scene_series* it) {
+VS_FUNCTION void vs_integrate_last(scene_series* it) {
   const int n = it->order;
   int i;
   for (i = 0; i < 2 * S; ++i)
@@ -185,7 +185,7 @@ static void vs_integrate_last(scene_series* it) {
 
 /* True when the last terms are a small part of the tolerance for a step of theta units, and of the
  * terms before. */
-static int vs_is_nothing(const scene_series* it, double theta) {
+VS_FUNCTION int vs_is_nothing(const scene_series* it, double theta) {
   const int last = vs_last(it);
   double power = theta;
   int c, n;
@@ -193,7 +193,7 @@ static int vs_is_nothing(const scene_series* it, double theta) {
   for (c = FIRST_JUDGED; c < COMPONENTS; ++c) {
     const double* const x = it->row[ANGLE + c];
     const double term = fabs(x[last]) * power;
-    if (!(term <= 1e-3 * vs_tolerance(x[0]))) return 0;
+    if (!(term <= 1e-3 * vs_tolerance(it, x[0]))) return 0;
     if (!(term <= 1e-6 * seriesLarger(fabs(x[0]), fabs(x[1]) * theta))) return 0;
   }
   return 1;
@@ -203,13 +203,14 @@ static int vs_is_nothing(const scene_series* it, double theta) {
  * last of degree n within 1/part of it, the one before, which may vanish by accident less often
  * than a single one does, within the part that it has where coefficients decay as the tolerance
  * asks for. */
-VS_INLINE double vs_log_length(const scene_series* it, int first, int count, int n, double part) {
+VS_FUNCTION_INLINE double vs_log_length(const scene_series* it, int first, int count, int n,
+                                        double part) {
   const double decay = DECAY;
   double last = 0.0, before = 0.0;
   int c;
   for (c = first; c < first + count; ++c) {
     const double* const x = it->row[c];
-    const double allowed = part / vs_tolerance(x[0]);
+    const double allowed = part / vs_tolerance(it, x[0]);
     last = seriesLarger(last, fabs(x[n]) * allowed);
     before = seriesLarger(before, fabs(x[n - 1]) * allowed);
   }
@@ -219,7 +220,7 @@ VS_INLINE double vs_log_length(const scene_series* it, int first, int count, int
 /* The longest step, s, for which the last terms are within the tolerance. The accelerations of
  * gauss are an output, whose own tolerance the step's end is asked for (vs_defect). Up to limit, s,
  * no function does what its series does not show. */
-static double vs_choose_length(const scene_series* it, double limit) {
+VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
   const int last = vs_last(it);
   const double longest_rates =
       vs_log_length(it, ACCELERATION, S, it->order, IS_CLASSICAL ? 0.4 : 4.0);
@@ -236,7 +237,7 @@ static double vs_choose_length(const scene_series* it, double limit) {
 }
 
 /* The series of the state as far as steps of `limit` s need them, and how long a step may be. */
-static scene_status vs_expand(scene_model* m, double limit) {
+VS_FUNCTION scene_status vs_expand(scene_model* m, double limit) {
   scene_series* const it = vs_series(m);
   double unit = m->usual > 0.0 ? seriesSmaller(m->usual, limit) : limit;
   const int is_short = limit < 0.5 * m->usual;

@@ -1,7 +1,7 @@
 /* States on the constraints: velocities on f = 0, accelerations on psi = 0 or of least reaction. */
 
 /* Newton's iteration: the correction that was made to S values is small enough. */
-static int vs_has_converged(const double* values, const double* change, double* previous) {
+VS_FUNCTION int vs_has_converged(const double* values, const double* change, double* previous) {
   double size = 0.0;
   double length = 0.0;
   int i, ends;
@@ -18,9 +18,9 @@ static int vs_has_converged(const double* values, const double* change, double* 
 }
 
 /* Moves the velocities onto f = 0 of the constraints of order 1: x = -J^-1 C' (C J^-1 C')^-1 f. */
-static scene_status vs_project_velocities(scene_model* m, scene_series* it) {
+VS_FUNCTION scene_status vs_project_velocities(scene_model* m, scene_series* it) {
   double previous = INFINITY;
-  double x[SIZE];
+  double x[MOST_SIZE];
   int i, round;
   for (round = 0; round < 25 && HAS_ORDER_1; ++round) {
     vs_enter_state(m, it);
@@ -43,9 +43,9 @@ enum {
 };
 
 /* The right-hand side a, g of a correction; order 3 has nothing that could be 0. */
-static void vs_find_rest(const scene_model* m, const scene_series* it, int what,
-                         const double* lambda, double* x) {
-  double R[S];
+VS_FUNCTION void vs_find_rest(const scene_model* m, const scene_series* it, int what,
+                              const double* lambda, double* x) {
+  double R[MOST_SHAFTS];
   int i, p;
   if (what != VS_ONTO_CONSTRAINTS) vs_reaction(it, R);
   for (i = 0; i < S; ++i) {
@@ -65,11 +65,11 @@ static void vs_find_rest(const scene_model* m, const scene_series* it, int what,
 /* Newton's iteration for the accelerations (and, of the least reaction, for lambda), from those of
  * the state. `share` of `left` may remain. Afterwards all formulas are those of the state. A last
  * correction, whose square is below rounding, is added to the formulas by their slopes. */
-static scene_status vs_settle(scene_model* m, scene_series* it, int what, double* lambda,
-                              const double* left, double share, int rounds) {
+VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, double* lambda,
+                                   const double* left, double share, int rounds) {
   const int high = what == VS_LEAST_REACTION ? 2 : 3;
   double previous = INFINITY;
-  double x[SIZE];
+  double x[MOST_SIZE];
   int i;
   vs_enter_state(m, it);
   for (; rounds > 0; --rounds) {
@@ -95,8 +95,8 @@ static scene_status vs_settle(scene_model* m, scene_series* it, int what, double
 
 /* The accelerations of least reaction after a jump: by parts of it, each so short that the
  * iteration hardly has to search, for the motion to stay on its branch. */
-static scene_status vs_follow_least_reaction(scene_model* m, scene_series* it) {
-  double left[SIZE];
+VS_FUNCTION scene_status vs_follow_least_reaction(scene_model* m, scene_series* it) {
+  double left[MOST_SIZE];
   double done = 0.0;
   double part = 1.0;
   vs_enter_state(m, it);
@@ -117,14 +117,14 @@ static scene_status vs_follow_least_reaction(scene_model* m, scene_series* it) {
 }
 
 /* The accelerations of a state: those that the principle gives, or its own, on psi = 0. */
-static scene_status vs_settle_accelerations(scene_model* m, scene_series* it) {
+VS_FUNCTION scene_status vs_settle_accelerations(scene_model* m, scene_series* it) {
   if (IS_CLASSICAL) return vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50);
   return HAS_RESIDUAL ? vs_settle(m, it, VS_ONTO_CONSTRAINTS, 0, 0, 0.0, 25) : SCENE_OK;
 }
 
 /* R' = C' Lambda: what no C has a part of is a constant of R (with J(phi) of R / sqrt(J)). It is
  * taken from the applied torque, which the state tells, and not from the accelerations. */
-static void vs_note_reaction(scene_model* m, scene_series* it) {
+VS_FUNCTION void vs_note_reaction(scene_model* m, scene_series* it) {
   int i;
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
@@ -137,8 +137,8 @@ static void vs_note_reaction(scene_model* m, scene_series* it) {
 
 /* At theta of the path from the inputs u0 to u0 + du; df: how f' of the constraints of order 1
  * jumps, or 0. */
-static int vs_jump_rate(scene_model* m, scene_series* it, double theta, const double* u0,
-                        const double* du, const double* dQ, const double* df, double* x) {
+VS_FUNCTION int vs_jump_rate(scene_model* m, scene_series* it, double theta, const double* u0,
+                             const double* du, const double* dQ, const double* df, double* x) {
   int i, k, p;
   for (k = 0; k < INPUT_ROW_COUNT; ++k) {
     i = input_of_row[k];
@@ -162,9 +162,9 @@ static int vs_jump_rate(scene_model* m, scene_series* it, double theta, const do
 /* One step of h of the path from theta, by the formulas of Dormand and Prince, A family of embedded
  * Runge-Kutta formulae, J. Comp. Appl. Math. 6 (1980) 19-26; its error in a tenth of the tolerance.
  * False where C has lost rank. */
-static int vs_step_of_path(scene_model* m, scene_series* it, double theta, double h,
-                           const double* u0, const double* du, const double* dQ, const double* df,
-                           double* norm) {
+VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, double h,
+                                const double* u0, const double* du, const double* dQ,
+                                const double* df, double* norm) {
   static const double a[6][6] = {
       {0.2, 0, 0, 0, 0, 0},
       {3.0 / 40, 9.0 / 40, 0, 0, 0, 0},
@@ -175,8 +175,8 @@ static int vs_step_of_path(scene_model* m, scene_series* it, double theta, doubl
   static const double c[6] = {0.2, 0.3, 0.8, 8.0 / 9, 1.0, 1.0};
   static const double e[7] = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
                               -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
-  double k[7][SIZE];
-  double begin[S];
+  double k[7][MOST_SIZE];
+  double begin[MOST_SHAFTS];
   int i, j, n;
   for (i = 0; i < S; ++i) begin[i] = m->now.acceleration[i];
   if (!vs_jump_rate(m, it, theta, u0, du, dQ, df, k[0])) return 0;
@@ -192,17 +192,17 @@ static int vs_step_of_path(scene_model* m, scene_series* it, double theta, doubl
   for (i = 0; i < S; ++i) {
     double error = 0.0;
     for (j = 0; j < 7; ++j) error += e[j] * k[j][i];
-    *norm = seriesLarger(*norm, fabs(h * error) / (0.1 * vs_tolerance(m->now.acceleration[i])));
+    *norm = seriesLarger(*norm, fabs(h * error) / (0.1 * vs_tolerance(it, m->now.acceleration[i])));
     if (!isfinite(m->now.acceleration[i]) || !isfinite(error)) return 0;
   }
   return 1;
 }
 
-static scene_status vs_jump(scene_model* m, scene_series* it, const double* u0, const double* du,
-                            const double* dQ, const double* df) {
+VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const double* u0,
+                                 const double* du, const double* dQ, const double* df) {
   double theta = 0.0;
   double h = 0.1;
-  double x[SIZE];
+  double x[MOST_SIZE];
   int i, steps;
   if (JUMPS_STRAIGHT) { /* C depends on no acceleration and no input */
     if (!vs_jump_rate(m, it, 0.0, u0, 0, dQ, df, x)) return SCENE_SINGULAR;

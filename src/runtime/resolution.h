@@ -3,10 +3,16 @@
  * table `resolved` of the scene's operations. */
 
 /* True if no torque, constraint or inertia differs from its series by more than the tolerance
- * allows, up to theta. */
-static int vs_is_resolved(const scene_series* it, double theta) {
+ * allows, up to theta, by ranges over the step, where an operation may have more unresolved than
+ * visible terms.
+ */
+VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double theta) {
+#ifdef VS_RANGES
+  struct SeriesRange* const ranges = VS_RANGES;
+#else
   struct SeriesRange ranges[SCENE_ROWS];
-  int velocity[S], acceleration[S], i;
+#endif
+  int velocity[MOST_SHAFTS], acceleration[MOST_SHAFTS], i;
   const struct SeriesOutputs outputs = {S,
                                         K,
                                         velocity,
@@ -31,4 +37,18 @@ static int vs_is_resolved(const scene_series* it, double theta) {
     acceleration[i] = ACCELERATION + i;
   }
   return seriesIsResolved(&asked);
+}
+
+/* True if no torque, constraint or inertia differs from its series by more than the tolerance
+ * allows, up to theta. */
+VS_FUNCTION int vs_is_resolved(const scene_series* it, double theta) {
+  double powers[VS_STRIDE] = {1.0};
+  double hidden;
+  int k;
+  for (k = 1; k <= it->order; ++k) powers[k] = powers[k - 1] * theta;
+  if (it->order == SCENE_ORDER)
+    hidden = vs_hides(it, powers, SCENE_ORDER);
+  else
+    hidden = vs_hides(it, powers, it->order);
+  return hidden == 0.0 || vs_is_resolved_in_ranges(it, theta);
 }

@@ -85,9 +85,10 @@ static Real vs_first_root(const Real* c, int n, Real end) {
     const Real value = vs_evaluate(c, n, high);
     const int changes = vs_count_sign_changes(c, n, low, high - low);
     if (changes == 1 && value * side < 0.0) return vs_refine_root(c, n, low, high);
+    /* (One change and no other sign: there is a root at `high`, but for rounding.) */
     if (value == 0.0 && high < end) {
       width = 0.7 * (high - low); /* no interval begins on a root */
-    } else if (changes <= 1 || high - low < 1e-13 * end) {
+    } else if (changes == 0 || high - low < 1e-13 * end) {
       if (value * side < 0.0) return high;
       low = high;
       width *= 2.0;

@@ -2,7 +2,7 @@
  * series begins. */
 
 /* The longest that the inputs let a step be, s. */
-static double vs_limit(scene_model* m, double left) {
+VS_FUNCTION double vs_limit(scene_model* m, double left) {
   double limit = seriesSmaller(left, MAXIMUM_STEP);
   int i;
   for (i = 0; i < INPUTS; ++i) {
@@ -17,7 +17,7 @@ static double vs_limit(scene_model* m, double left) {
 }
 
 /* The next series, at the end of the step: all formulas, and the orders that need no other. */
-static scene_status vs_arrive(scene_model* m, scene_series* next, double unit) {
+VS_FUNCTION scene_status vs_arrive(scene_model* m, scene_series* next, double unit) {
   scene_status status;
   next->unit = unit;
   vs_enter_inputs(m, next, SCENE_ORDER);
@@ -35,8 +35,9 @@ static scene_status vs_arrive(scene_model* m, scene_series* next, double unit) {
 /* The error of a step of h s that the last terms do not show, in tolerances: x' at its end beside
  * that of the series, and the accelerations that were found there beside theirs. A kink that the
  * step ends on bends the accelerations, since when they have moved on for `behind` s at most. */
-static double vs_defect(const scene_model* m, const scene_series* it, const scene_series* next,
-                        const scene_state* expected, double theta, int is_kink, double behind) {
+VS_FUNCTION double vs_defect(const scene_model* m, const scene_series* it, const scene_series* next,
+                             const scene_state* expected, double theta, int is_kink,
+                             double behind) {
   const double h = theta * it->unit;
   double defect = 0.0;
   int i, n;
@@ -53,28 +54,20 @@ static double vs_defect(const scene_model* m, const scene_series* it, const scen
     if (!IS_CLASSICAL) {
       missed = fabs(next->row[ACCELERATION + i][1] / next->unit - slope / it->unit);
       if (is_kink) moved = seriesLarger(0.0, moved - missed * behind);
+    } else if (is_kink && behind > 0.0) {
+      moved = 0.0; /* (Those of gauss follow from the state, and nothing from them.) */
     }
-    missed *= h / ((it->order + 1) * vs_tolerance(compared));
-    defect = seriesLarger(defect, (IS_CLASSICAL ? 0.1 : 1.0) * moved / vs_tolerance(size));
+    missed *= h / ((it->order + 1) * vs_tolerance(it, compared));
+    defect = seriesLarger(defect, (IS_CLASSICAL ? 0.1 : 1.0) * moved / vs_tolerance(it, size));
     if (!is_kink || IS_CLASSICAL) defect = seriesLarger(defect, missed);
     if (!isfinite(missed)) return INFINITY;
   }
   return defect;
 }
 
-/* No jump was stepped over unseen. */
-static int vs_keeps_sides(const scene_series* it, const scene_series* next) {
-  int g;
-  for (g = 0; g < SIGNS; ++g) {
-    const double side = vs_first_sign(it->row[sign_row[g]], it->order);
-    if (sign_jumps[g] && side != 0.0 && !(next->row[sign_row[g]][0] * side > 0.0)) return 0;
-  }
-  return 1;
-}
-
 /* No row of C has vanished, nor turned by more than a right angle in J^-1: then it vanished on the
  * way. */
-static int vs_keeps_rank(scene_model* m, const scene_series* it, const scene_series* next) {
+VS_FUNCTION int vs_keeps_rank(scene_model* m, const scene_series* it, const scene_series* next) {
   int i, p;
   for (p = 0; p < K; ++p) {
     double product = 0.0, length = 0.0, before = 0.0;
@@ -93,8 +86,8 @@ static int vs_keeps_rank(scene_model* m, const scene_series* it, const scene_ser
 /* Newton's iteration for the least reaction went to another branch than the series: theirs has
  * ended. (No step is too short for that, and the velocities do not show it.) A part of what the
  * accelerations change in a step is the series' own error. */
-static int vs_has_leapt(const scene_model* m, const scene_state* before,
-                        const scene_state* expected) {
+VS_FUNCTION int vs_has_leapt(const scene_model* m, const scene_state* before,
+                             const scene_state* expected) {
   int i;
   for (i = 0; i < S && IS_CLASSICAL && IS_CURVED; ++i) {
     const double moved = fabs(m->now.acceleration[i] - expected->acceleration[i]);
@@ -107,33 +100,27 @@ static int vs_has_leapt(const scene_model* m, const scene_state* before,
 
 /* Moves to theta or, with an event, to the first instant behind it at which the state has passed.
  * *defect: see vs_defect. */
-static scene_status vs_try(scene_model* m, vs_event* at, double* theta, double* defect,
-                           int* loses_rank) {
+VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, double* defect,
+                                int* loses_rank) {
   const scene_series* const it = vs_series(m);
   scene_series* const next = &m->series[1 - m->present];
   const scene_state before = m->now;
-  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, before.time) / it->unit;
-  const double end = *theta * (1.0 + 2e-12) + 4.0 * least;
-  double ahead = seriesLarger(1e-14 * at->theta, least);
+  vs_law_values unused;
   scene_state expected;
   scene_status status;
   int i, is_kink;
-  for (;; ahead *= 4.0) {
-    if (at->guard >= 0) *theta = seriesSmaller(at->theta + ahead, end);
-    vs_go(m, *theta);
-    expected = m->now;
-    status = vs_arrive(m, next, vs_unit_of(seriesLarger(*theta * it->unit, 0.25 * m->usual)));
-    if (status != SCENE_OK || at->guard < 0 || vs_is_beyond(next, at)) break;
-    if (*theta == end) at->guard = -1; /* nothing has happened up to the end */
-    m->now = before;
-  }
+  if (at->guard >= 0) vs_bracket(m, next, &before, at, theta, &unused, &unused);
+  m->now = before;
+  vs_go(m, *theta);
+  expected = m->now;
+  status = vs_arrive(m, next, vs_unit_of(seriesLarger(*theta * it->unit, 0.25 * m->usual)));
   if (status != SCENE_OK) return status;
   is_kink = at->guard >= 0 && at->guard < SIGNS;
   for (i = 0; i < INPUTS; ++i) {
     const scene_signal* const s = &m->now.input[i];
     is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);
   }
-  *defect = vs_defect(m, it, next, &expected, *theta, is_kink, 2.0 * ahead * it->unit);
+  *defect = vs_defect(m, it, next, &expected, *theta, is_kink, (*theta - at->theta) * it->unit);
   *loses_rank = !vs_keeps_rank(m, it, next);
   if (*loses_rank || !vs_keeps_sides(it, next) || vs_has_leapt(m, &before, &expected))
     *defect = INFINITY;
@@ -141,16 +128,18 @@ static scene_status vs_try(scene_model* m, vs_event* at, double* theta, double* 
 }
 
 /* One step of at most `left` s; *made: how long it was. */
-static scene_status vs_make_step(scene_model* m, double left, double* made) {
+VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made) {
   const double limit = vs_limit(m, left);
   const scene_state before = m->now;
   scene_status status = vs_expand(m, limit);
   double theta;
   int loses_rank = 0, trial;
   if (status != SCENE_OK) return status;
+  if (m->usual < limit && m->usual < 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time))
+    return SCENE_TOO_MANY_STEPS;
   theta = seriesSmaller(limit, m->usual) / vs_series(m)->unit;
   for (trial = 0; trial < 60; ++trial) {
-    vs_event at = vs_find_event(m, vs_series(m), &theta);
+    vs_event at = vs_find_event(m, vs_series(m), &theta, -1);
     double defect = 0.0, h, part;
     /* An event at which nothing jumps is passed like any other step's end. */
     int is_smooth = at.guard < 0 || (!at.jumps && !HAS_ORDER_1 && !(IS_CLASSICAL && IS_CURVED));
@@ -164,6 +153,7 @@ static scene_status vs_make_step(scene_model* m, double left, double* made) {
         status = vs_try(m, &at, &theta, &defect, &loses_rank);
       else
         theta = crossed;
+      m->event = at.theta;
     }
     h = theta * vs_series(m)->unit;
     if (at.guard >= 0)

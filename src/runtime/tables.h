@@ -1,18 +1,5 @@
 /* Power series of tables: piecewise polynomials of degree 5 of one variable or two (operations.h
- * goes before). */
-
-typedef struct {
-  int count; /* of points */
-  const double* points;
-  const double* pieces; /* 6 coefficients of each of count + 1 pieces, from its lower point on; of
-                           the lowest from the first */
-} vs_table;
-
-typedef struct {
-  int count_x, count_y;
-  const double *points_x, *points_y;
-  const double* pieces; /* 6 times 6 coefficients of each piece, by x and then by y */
-} vs_table_of_two;
+ * and table_data.h go before). */
 
 /* The modes of an axis: the piece in which x lies or which it enters from a point, and whether the
  * direction from there is known. Returns 1 if the piece has just become another one. */

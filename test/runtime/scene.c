@@ -4,7 +4,17 @@
 
 #include "runtime/scene_sizes.h"
 /* */
+#include "runtime/status.h"
+/* */
 #include "runtime/scene.h"
+/* */
+#include "runtime/state.h"
+/* */
+#include "runtime/series.h"
+/* */
+#include "runtime/model.h"
+/* */
+#include "runtime/calls.h"
 
 enum {
   S = SCENE_SHAFTS,
@@ -12,6 +22,10 @@ enum {
   INPUTS = SCENE_INPUTS,
   VS_STRIDE = SCENE_STRIDE,
   SIZE = S + K,
+  MOST_SHAFTS = S,
+  MOST_CONSTRAINTS = K,
+  MOST_INPUTS = INPUTS,
+  MOST_SIZE = SIZE,
   IS_CLASSICAL = 0,
   IS_CURVED = 0,
   IS_COUPLED = 0,
@@ -70,6 +84,8 @@ static const double constant_value[] = {0.0, 1.0, -2.0, 1e-9};
 /* */
 #include "runtime/pieces.h"
 /* */
+#include "runtime/table_data.h"
+/* */
 #include "runtime/tables.h"
 
 VS_INLINE void vs_given(scene_series* it, int n) {
@@ -106,6 +122,11 @@ static const struct SeriesOperation resolved[] = {
     {kSeriesSine, 11, 12, 1, -1, 99, -1, 99, 0.0, 0.0},
     {kSeriesSum, 14, -1, 10, 11, 99, -1, 99, 1.0, -1.0},
     {kSeriesSum, 15, -1, 6, 5, 99, -1, 99, 1.0, -2.0}};
+
+static Real vs_hides(const scene_series* it, const Real* powers, int last) {
+  (void)it, (void)powers, (void)last;
+  return 1.0;
+}
 
 #include "runtime/inputs.h"
 /* */

@@ -1,0 +1,45 @@
+/* What a program that keeps the state of a motion itself exchanges with the runtime at each step.
+ */
+
+/* The closed form of an input, as scene_signal has it (inputs.h). */
+typedef struct {
+  int form; /* 0 constant, 1 ramp, 2 exponential, 3 critical */
+  double start, target, slope, inverse_tau, linear, age, end;
+} vs_exchanged_signal;
+
+typedef struct {
+  /* In, at a beginning; out, the end of a step. */
+  double time, time_rest; /* s; the sum counts */
+  double* state;          /* angles, velocities, accelerations: 3 S */
+  double* multiplier;     /* of gauss: where the iteration begins; K */
+  /* In */
+  const double* reaction;           /* at the start, S (of J(phi): R / sqrt(J)) */
+  const vs_exchanged_signal* input; /* INPUTS */
+  /* In, at a beginning; out */
+  double usual; /* the length that the next step may have, s; 0: unknown */
+  /* Out */
+  double made;               /* the length of the step, s */
+  double* jerk;              /* S; 0 of gauss */
+  double* torque;            /* Q and Q', S; Q' 0 of gauss */
+  double* torque_rate;       /* the same */
+  double* entry;             /* C, K S */
+  double* size;              /* C J^-1 C' of each constraint, K */
+  const double* const* rows; /* coefficients of the step: angles to accelerations, torques; 4 S */
+  int last;                  /* the order of the accelerations' */
+  double unit;               /* s */
+  int is_event;              /* 1: the step ends at an event behind which all begins anew */
+  double event;              /* of such a step: from where on its end stands for all, s */
+  long rejections;
+} vs_exchange;
+
+/* The constants of a program whose text has none: machine code that scenes share. */
+typedef struct vs_numbers {
+  double relative_tolerance, absolute_tolerance, maximum_step, decay;
+  const double* constants; /* of statements */
+  const double* coupling;  /* the others: see the lists of these names */
+  const double* constant_value;
+  const double* const* passage_points;
+  const vs_table* table;
+  const vs_table_of_two* table_of_two;
+  const void* resolved; /* struct SeriesOperation */
+} vs_numbers;

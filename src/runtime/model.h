@@ -1,0 +1,15 @@
+typedef struct {
+  scene_state now;
+  scene_state begun; /* where series[present] begins */
+  scene_series series[2];
+  int present, is_begun;
+  double command[SCENE_INPUTS + 1];
+  int is_commanded[SCENE_INPUTS + 1];
+  int has_moved, crossings;
+  scene_status status;
+  double usual; /* length of the last step, s */
+  double event; /* that the last step has crossed, in units: from there on its end stands for all */
+  double longest[SCENE_CONSTRAINTS + 1];        /* that C J^-1 C' has been */
+  const double* coefficients[4 * SCENE_SHAFTS]; /* of the last step (exchange.h) */
+  long steps, rejections;
+} scene_model;

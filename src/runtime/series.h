@@ -1,0 +1,15 @@
+/* Constants of programs that share their text. */
+struct vs_numbers;
+
+/* The motion from one instant as power series of its time from there, divided by the unit. */
+typedef struct {
+  const struct vs_numbers* numbers;
+  double row[SCENE_ROWS][SCENE_STRIDE]; /* coefficients of every formula */
+  double mode[SCENE_MODES];
+  double piece[SCENE_PIECES]; /* polynomials of tables of two variables at the instant */
+  double inverse[(SCENE_SHAFTS + SCENE_CONSTRAINTS) * (SCENE_SHAFTS + SCENE_CONSTRAINTS)];
+  double size[SCENE_CONSTRAINTS + 1]; /* C J^-1 C' of each constraint */
+  double unit;                        /* s, a power of 2 */
+  int order;                          /* of the coefficients that are known */
+  int moves[SCENE_INPUTS + 1]; /* 1: rows of the input have more than their first coefficient */
+} scene_series;

@@ -1,0 +1,14 @@
+/* The interface of a scene for a controller. `scene` and `SCENE` stand for its name; the includer
+ * defines SCENE_SHAFTS and the other sizes. */
+
+typedef enum {
+  SCENE_OK = 0,
+  SCENE_BAD_ARGUMENT,   /* a time step that is negative or not finite, an input there is not */
+  SCENE_SINGULAR,       /* the constraints' derivatives by the accelerations have lost rank */
+  SCENE_NOT_CONVERGED,  /* no state on the constraints was found */
+  SCENE_NOT_FINITE,     /* a value is not finite here, or has no power series (sqrt(x) at x = 0) */
+  SCENE_TOO_MANY_STEPS, /* SCENE_MOST_STEPS parts of a step, or parts below time's resolution */
+  SCENE_CHATTERING,     /* a formula jumps where the motion turns back at once: no branch goes on */
+  SCENE_NO_MOTION,      /* a jump leads to no state on the constraints */
+  SCENE_INCONSISTENT    /* the first commands contradict the scene's initial values */
+} scene_status;
