@@ -153,9 +153,9 @@ class Drivetrain {
   }
 
   /// See SceneProgram::loadMachineCode.
-  std::string loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing,
-                              bool* compiled) {
-    return program_.loadMachineCode(series, missing, compiled);
+  std::string loadMachineCode(MotionSeries* series, const MoreCode& more,
+                              KernelLibrary::Missing missing, bool* compiled) {
+    return program_.loadMachineCode(series, more, missing, compiled);
   }
   std::shared_ptr<SeriesLanes> loadLanes(MotionSeries& series, KernelLibrary::Missing missing) {
     return program_.loadLanes(series, missing);

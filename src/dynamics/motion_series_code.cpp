@@ -15,6 +15,10 @@ namespace variator_sim {
 
 namespace {
 
+std::string strideOfCode() {
+  return "#define VS_STRIDE " + std::to_string(expression::SeriesProgram::kStride) + "\n";
+}
+
 /// Writes sum_j k[begin + j] factor(j) as C.
 template <class Factor>
 std::string writeProduct(int begin, int count, const Factor& factor) {
@@ -289,8 +293,8 @@ static inline void seriesAccelerationLevel(struct SeriesStep* it, double* level)
             "  seriesSample(it, table, part, to);\n}\n";
   }
   text += KernelLibrary::kEndOfUnit;
-  return std::string(expression::arithmeticOfCode()) + expression::SeriesProgram::codePrelude() +
-         text;
+  return std::string(expression::arithmeticOfCode()) +
+         expression::SeriesProgram::codePrelude(strideOfCode()) + text;
 }
 
 std::string MotionSeries::writeLanesSource() const {
@@ -298,8 +302,8 @@ std::string MotionSeries::writeLanesSource() const {
   const std::string lanes = std::to_string(SeriesLanes::kLanes);
   return std::string(expression::arithmeticOfCode()) +
          "#define SERIES_IN_LANES\n#define VS_LANES " + lanes + "\n#define SERIES_LANES " + lanes +
-         "\n" + expression::SeriesProgram::codePrelude(kSeriesStepLanes) + writeOrders() +
-         KernelLibrary::kFirstUnit + writeWholeStep() +
+         "\n" + expression::SeriesProgram::codePrelude(strideOfCode(), kSeriesStepLanes) +
+         writeOrders() + KernelLibrary::kFirstUnit + writeWholeStep() +
          R"c(
 static inline void seriesVelocityLevel(struct SeriesStep* it, Real* level) {
   for (int j = 0; j < SERIES_LANES; ++j) {

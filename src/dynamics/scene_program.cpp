@@ -130,7 +130,7 @@ void SceneProgram::writeParts(const IsWanted& is_wanted, std::string* source) co
   }
 }
 
-std::string SceneProgram::writeSource(const MotionSeries* series) const {
+std::string SceneProgram::writeSource(const MotionSeries* series, const MoreCode& more) const {
   const Graph& graph = *scene_.graph;
   if (!isWritable(graph, rate_and_rows_.outputs()) || !isWritable(graph, torque_.outputs())) {
     return "";
@@ -140,6 +140,9 @@ std::string SceneProgram::writeSource(const MotionSeries* series) const {
   writeParts([](const Part& /*part*/) { return true; }, &source);
   source += KernelLibrary::kEndOfUnit;
   if (series != nullptr) source += series->writeSource();
+  if (!more.source.empty()) {
+    source += "#if UNIT == UNITS - 1\n" + more.source + KernelLibrary::kEndOfUnit;
+  }
   return source;
 }
 
@@ -202,14 +205,15 @@ bool SceneProgram::agreesWithInterpreter(MotionSeries* series) {
   return series == nullptr || series->agreesWithInterpreter();
 }
 
-std::string SceneProgram::loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing,
-                                          bool* compiled) {
-  const std::string source = writeSource(series);
+std::string SceneProgram::loadMachineCode(MotionSeries* series, const MoreCode& more,
+                                          KernelLibrary::Missing missing, bool* compiled) {
+  const std::string source = writeSource(series, more);
   if (source.empty()) return "a law reads a function that is not a formula";
   std::string reason;
   noteStructure(series);
   const auto library = KernelLibrary::load(source, missing, &reason, [&](const auto& made) {
-    const bool is_right = use(made, series) && agreesWithInterpreter(series);
+    const bool is_right = use(made, series) && agreesWithInterpreter(series) &&
+                          (more.source.empty() || more.use(made));
     if (!is_right) interpret(series);
     return is_right;
   });

@@ -21,6 +21,12 @@ namespace variator_sim {
 class MotionSeries;
 class SeriesLanes;
 
+/// Code of another part in the same library; `use` tells whether it is there and right.
+struct MoreCode {
+  std::string source;
+  KernelLibrary::Check use;
+};
+
 /// `scene` has to outlive it. Evaluations are [loop].
 class SceneProgram {
  public:
@@ -75,8 +81,9 @@ class SceneProgram {
 
   /// Switches to machine code, which changes no bit. Returns an empty reason on success; then
   /// `compiled` tells whether it had to be compiled. `series`, if not nullptr, of the same scene
-  /// switch as well. Not in the loop.
-  std::string loadMachineCode(MotionSeries* series, KernelLibrary::Missing missing, bool* compiled);
+  /// switch as well, and so does what has `more` code. Not in the loop.
+  std::string loadMachineCode(MotionSeries* series, const MoreCode& more,
+                              KernelLibrary::Missing missing, bool* compiled);
   /// Switches to the machine code of `other`, if its scene differs in numbers alone. Not in the
   /// loop.
   bool shareMachineCode(MotionSeries* series, const SceneProgram& other);
@@ -85,7 +92,7 @@ class SceneProgram {
   std::shared_ptr<SeriesLanes> loadLanes(MotionSeries& series, KernelLibrary::Missing missing);
   const KernelTables* kernelTables() const { return &host_; }
   /// Returns the C source; empty if a law reads an opaque function.
-  std::string writeSource(const MotionSeries* series) const;
+  std::string writeSource(const MotionSeries* series, const MoreCode& more = {}) const;
 
  private:
   void copyPrograms(const SceneProgram& like);

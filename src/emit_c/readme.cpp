@@ -1,6 +1,6 @@
 #include "emit_c/readme.h"
 
-#include "emit_c/c_text.h"
+#include "motion_program/c_text.h"
 #include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {

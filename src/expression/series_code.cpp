@@ -6,13 +6,13 @@
 
 namespace variator_sim::expression {
 
-std::string SeriesProgram::codePrelude(const char* lanes) {
+std::string SeriesProgram::codePrelude(const std::string& stride, const char* lanes) {
   const bool has_lanes = lanes != nullptr;
   return std::string(kSeriesSineText) + (has_lanes ? lanes : "") +
          "#if defined(__x86_64__) && !(defined(__FMA__) && defined(__AVX2__))\n#undef VS_FUSES\n"
-         "#endif\n#define VS_STRIDE " +
-         std::to_string(kStride) + "\n#define VS_SINE_AND_COSINE(x, s, c) " +
-         (has_lanes ? "each_" : "") + "sineAndCosine(x, s, c)\n" + kOperationsText;
+         "#endif\n" +
+         stride + "#define VS_SINE_AND_COSINE(x, s, c) " + (has_lanes ? "each_" : "") +
+         "sineAndCosine(x, s, c)\n" + kOperationsText;
 }
 
 /// The parts of a program as functions.

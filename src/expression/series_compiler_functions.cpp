@@ -208,7 +208,9 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   made_.states_.resize(made_.states_.size() + 36, 0.0);
   it.state = static_cast<int>(made_.pieces_.size());
   made_.pieces_.push_back(piece);
-  it.result = addRow(SeriesProgram::kNoDegree, is_accelerated);
+  const bool is_polynomial = !has_two && degree(a) <= 4;
+  it.result =
+      addRow(is_polynomial ? Table::kDegree * degree(a) : SeriesProgram::kNoDegree, is_accelerated);
   written.push_back(it.result);
   piece.rows = written.front();
   made_.pieces_.back() = piece;

@@ -28,7 +28,7 @@
 #include "variator_sim/expression/graph.h"
 
 namespace variator_sim {
-class FormulaRows;
+class MotionRows;
 }
 namespace variator_sim::expression {
 
@@ -109,8 +109,9 @@ class SeriesProgram {
   void noteLimit(bool is_reached) { has_limit_[series_] = is_reached; }
   /// True if some function of this series has reached its limit: see isAtLimit.
   bool hasLimit() const { return has_limit_[series_]; }
-  /// Returns the text of the recurrences, for numbers or for `lanes`, which defines their numbers.
-  static std::string codePrelude(const char* lanes = nullptr);
+  /// Returns the text of the recurrences, for rows of `stride` places, and for numbers or for
+  /// `lanes`, which defines their numbers.
+  static std::string codePrelude(const std::string& stride, const char* lanes = nullptr);
   double* rows() { return rows_.data() + rows_begin_; }
   const double* rows() const { return rows_.data() + rows_begin_; }
   double* states() { return states_.data() + states_begin_; }
@@ -162,7 +163,7 @@ class SeriesProgram {
   friend class SeriesCompiler;
   friend class SeriesStatements;
   friend class SeriesWriter;
-  friend class variator_sim::FormulaRows;
+  friend class variator_sim::MotionRows;
   friend class plain::SeriesInterpreter;
   friend class fused::SeriesInterpreter;
 

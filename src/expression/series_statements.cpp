@@ -102,8 +102,13 @@ std::string SeriesStatements::correct(const Instruction& it, const std::string& 
   const std::string y = row(it.result) + "[n]";
   if (it.code == Code::kMultiply || it.code == Code::kSquare || it.code == Code::kLinear ||
       (it.code == Code::kDivide && changes_quotients)) {
-    return "const Real " + change(it.result) + " = " + changeOf(it) + ";\n  " + y +
-           " += " + change(it.result) + ";";
+    std::string text = "const Real " + change(it.result) + " = " + changeOf(it) + ";\n  " + y +
+                       " += " + change(it.result) + ";";
+    if (it.code == Code::kDivide && program_.isAccelerated(it.operands[1])) {
+      text +=
+          "\n  if (n == 0) " + row(it.result) + "[VS_KEPT] = 1.0 / " + row(it.operands[1]) + "[0];";
+    }
+    return text;
   }
   if (isRate(it)) return computed;
   std::string text;

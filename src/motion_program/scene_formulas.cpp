@@ -1,4 +1,4 @@
-#include "emit_c/scene_formulas.h"
+#include "motion_program/scene_formulas.h"
 
 #include <string>
 

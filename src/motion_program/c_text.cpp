@@ -1,0 +1,74 @@
+#include "motion_program/c_text.h"
+
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <iterator>
+
+namespace variator_sim {
+
+std::string harmless(std::string text) {
+  for (char& c : text) {
+    const bool is_plain = c >= ' ' && c <= '~';
+    // (A trigraph begins with question marks, and one of them is a backslash.)
+    if (!is_plain || c == '*' || c == '\\' || c == '"' || c == '?') c = '_';
+  }
+  return text;
+}
+
+std::string inCapitals(std::string name) {
+  for (char& c : name) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  return name;
+}
+
+void replaceAll(std::string& text, const std::string& from, const std::string& to) {
+  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
+    text.replace(at, from.size(), to);
+    at += to.size();
+  }
+}
+
+std::string withName(std::string text, const std::string& name) {
+  replaceAll(text, "scene_", name + "_");
+  replaceAll(text, "SCENE_", inCapitals(name) + "_");
+  return text;
+}
+
+std::string literalOf(double value) {
+  if (std::isnan(value)) return "NAN";
+  if (std::isinf(value)) return value > 0.0 ? "INFINITY" : "-INFINITY";
+  char text[40];
+  std::string literal(text, std::to_chars(text, std::end(text), value).ptr);  // the shortest
+  if (literal.find_first_of(".en") == std::string::npos) literal += ".0";
+  return literal;
+}
+
+std::string arrayOf(const std::string& type, const std::string& name,
+                    const std::vector<std::string>& values) {
+  constexpr std::size_t kColumns = 92;
+  std::string text;
+  std::size_t begin = 0;
+  for (const std::string& value : values) {
+    const bool is_full = text.size() - begin + value.size() > kColumns;
+    if (!text.empty()) text += is_full ? ",\n    " : ", ";
+    if (is_full) begin = text.size() - 4;
+    text += value;
+  }
+  return "static const " + type + " " + name + "[] = {" + (text.empty() ? "0" : text) + "};\n";
+}
+
+std::string arrayOf(const std::string& type, const std::string& name,
+                    const std::vector<double>& values) {
+  std::vector<std::string> words;
+  for (const double value : values) words.push_back(literalOf(value));
+  return arrayOf(type, name, words);
+}
+
+std::string arrayOf(const std::string& type, const std::string& name,
+                    const std::vector<int>& values) {
+  std::vector<std::string> words;
+  for (const int value : values) words.push_back(std::to_string(value));
+  return arrayOf(type, name, words);
+}
+
+}  // namespace variator_sim

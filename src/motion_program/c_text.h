@@ -1,0 +1,45 @@
+/// C as text, and the files of src/runtime, which are the same for all scenes.
+///
+/// `scene_` and `SCENE_` in them stand for the scene's name.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace variator_sim {
+
+/// status.h, scene.h, state.h, series.h, model.h, calls.h
+extern const char* const kSceneHeader;
+/// tables.h, which the scene's formulas call, with operations.h before it.
+extern const char* const kTableFunctions;
+/// The motion; it calls the scene's formulas.
+extern const char* const kMotion;
+/// The functions of calls.h.
+extern const char* const kInterface;
+/// table_data.h, exchange_data.h, exchange.h
+extern const char* const kTableData;
+extern const char* const kExchangeData;
+extern const char* const kExchange;
+/// player.c
+extern const char* const kPlayer;
+
+/// Replaces every `from` by `to`.
+void replaceAll(std::string& text, const std::string& from, const std::string& to);
+/// Returns `text` with the scene's name in place of `scene_` and `SCENE_`.
+std::string withName(std::string text, const std::string& name);
+/// Returns `text` for a comment or a string of C, without characters that could end it.
+std::string harmless(std::string text);
+/// Returns `name` in capitals.
+std::string inCapitals(std::string name);
+
+/// Writes a double as C, exactly.
+std::string literalOf(double value);
+/// Writes `static const TYPE NAME[] = {..};`, which has one element more if there are none.
+std::string arrayOf(const std::string& type, const std::string& name,
+                    const std::vector<double>& values);
+std::string arrayOf(const std::string& type, const std::string& name,
+                    const std::vector<int>& values);
+std::string arrayOf(const std::string& type, const std::string& name,
+                    const std::vector<std::string>& values);
+
+}  // namespace variator_sim

@@ -1,0 +1,398 @@
+#include "motion_program/motion_program.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "expression/c_code.h"
+#include "expression/series_dot.h"
+#include "expression/series_text.h"
+#include "motion_program/c_text.h"
+#include "variator_sim/errors.h"
+
+namespace variator_sim {
+
+using expression::Node;
+using expression::SeriesProgram;
+using expression::slotOf;
+using expression::Source;
+
+namespace {
+
+/// Orders cost little once a step is made: measured, 0.6 orders for each digit (natural logarithm)
+/// of the tolerance are the fastest.
+int orderFor(const SolverSettings& solver) {
+  const double digits = -std::log(std::max(solver.relative_tolerance, 1e-16));
+  return std::max(4, static_cast<int>(std::ceil(1.5 + 0.6 * digits)));
+}
+
+bool hasOrder(const Scene& scene, int low, int high) {
+  return std::any_of(
+      scene.constraints.begin(), scene.constraints.end(),
+      [&](const ConstraintPtr& it) { return it->order() >= low && it->order() <= high; });
+}
+
+bool isDiagonal(const Eigen::MatrixXd& inertia) {
+  const Eigen::MatrixXd diagonal = inertia.diagonal().asDiagonal();
+  return inertia == diagonal;
+}
+
+}  // namespace
+
+MotionProgram::MotionProgram(const Scene& scene)
+    : formulas_(collectFormulas(scene)), program_(compile(scene)), rows_(program_, series_) {
+  setSizes(scene);
+  setLists(scene);
+  setInputs(scene);
+}
+
+/// Lists the outputs, those that are needed as series first, and makes their rows.
+SeriesProgram MotionProgram::compile(const Scene& scene) {
+  IS_CLASSICAL = scene.principle == Principle::kGauss ? 1 : 0;
+  SCENE_ORDER = orderFor(scene.solver);
+  const auto add = [this](const std::vector<Node>& nodes) {
+    outputs_.insert(outputs_.end(), nodes.begin(), nodes.end());
+  };
+  add(formulas_.residual);
+  if (IS_CLASSICAL != 0) add(formulas_.entry);
+  const std::vector<Node> trial = outputs_;
+  if (IS_CLASSICAL == 0) add(formulas_.entry);
+  add(formulas_.torque);
+  add(formulas_.inertia);
+  add(formulas_.inertial_torque);
+  add(formulas_.connection);
+  for (const expression::Branch& it : formulas_.signs) outputs_.push_back(it.argument);
+  for (const expression::Passage& it : formulas_.tables) outputs_.push_back(it.argument);
+  series_ = static_cast<int>(outputs_.size());
+  bool reads_angles = false;
+  for (const Node node : outputs_) {
+    for (int i = 0; i < scene.shaftCount(); ++i) {
+      reads_angles = reads_angles || scene.graph->dependsOn(node, slotOf(Source::kAngle, i));
+    }
+  }
+  FIRST_JUDGED = reads_angles ? 0 : scene.shaftCount();
+  add(formulas_.velocity_residual);
+  add(formulas_.curvature);
+  add(formulas_.input_slope);
+  const std::vector<Node> others(outputs_.begin() + static_cast<std::ptrdiff_t>(trial.size()),
+                                 outputs_.end());
+  try {
+    return {*scene.graph, trial, others, listSlots(scene), SCENE_ORDER};
+  } catch (const std::invalid_argument& error) {
+    throw SceneError("", std::string("cannot be written as C: its formulas have ") + error.what());
+  }
+}
+
+/// Lists the variables, which have the first rows: the time, the state, multipliers and J^-1 R,
+/// which no formula reads, and inputs.
+std::vector<int> MotionProgram::listSlots(const Scene& scene) {
+  std::vector<int> made = {slotOf(Source::kTime)};
+  for (const Source source : {Source::kAngle, Source::kVelocity, Source::kAcceleration}) {
+    for (int i = 0; i < scene.shaftCount(); ++i) made.push_back(slotOf(source, i));
+  }
+  for (int n = 0; n < scene.constraintCount() + scene.shaftCount(); ++n) {
+    made.push_back(slotOf(Source::kJerk, n));
+  }
+  for (int n = 0; n < scene.inputCount(); ++n) {
+    int rate = 0;
+    for (const Source source : {Source::kInput, Source::kInputRate, Source::kInputSecondRate}) {
+      const bool is_read = std::any_of(outputs_.begin(), outputs_.end(), [&](Node node) {
+        return scene.graph->dependsOn(node, slotOf(source, n));
+      });
+      if (is_read) {
+        input_row.values.push_back(static_cast<int>(made.size()));
+        input_of_row.values.push_back(n);
+        input_rate_of_row.values.push_back(rate);
+        made.push_back(slotOf(source, n));
+      }
+      ++rate;
+    }
+  }
+  return made;
+}
+
+int MotionProgram::rowOf(Node node) const {
+  const auto found = std::find_if(outputs_.begin(), outputs_.end(),
+                                  [&](Node it) { return it.index == node.index; });
+  return program_.output(static_cast<int>(found - outputs_.begin()));
+}
+
+MotionList<int> MotionProgram::rowsOf(const std::vector<Node>& nodes) const {
+  MotionList<int> rows;
+  for (const Node node : nodes) rows.values.push_back(rowOf(node));
+  return rows;
+}
+
+void MotionProgram::setSizes(const Scene& scene) {
+  const auto anyEntry = [&](const auto& test) {
+    return std::any_of(formulas_.entry.begin(), formulas_.entry.end(),
+                       [&](Node node) { return test(rowOf(node)); })
+               ? 1
+               : 0;
+  };
+  S = scene.shaftCount();
+  K = scene.constraintCount();
+  INPUTS = scene.inputCount();
+  SIZE = S + K;
+  IS_CURVED = std::any_of(formulas_.curvature.begin(), formulas_.curvature.end(),
+                          [&](Node node) { return !scene.graph->isConstant(node, 0.0); });
+  IS_COUPLED = isDiagonal(scene.inertia) ? 0 : 1;
+  INERTIA_VARIES = formulas_.inertia_varies ? 1 : 0;
+  ENTRIES_VARY = anyEntry([this](int row) { return !program_.isConstant(row); });
+  ENTRIES_TURN = anyEntry([this](int row) { return program_.isAccelerated(row); });
+  HAS_ORDER_1 = hasOrder(scene, 1, 1) ? 1 : 0;
+  HAS_RESIDUAL = hasOrder(scene, 1, 2) ? 1 : 0;
+  HAS_GIVEN_ACCELERATIONS = scene.initial.acceleration.empty() ? 0 : 1;
+  MAY_PROJECT = scene.initial.project ? 1 : 0;
+  // C depends on no acceleration and no input: a jump is one projection (jump_map.h).
+  JUMPS_STRAIGHT =
+      std::all_of(scene.constraints.begin(), scene.constraints.end(), [](const ConstraintPtr& it) {
+        return it->nonlinearAccelerations() == 0 && !it->readsInputs();
+      });
+  COMPONENTS = IS_CLASSICAL != 0 ? 2 * S : 3 * S;
+  INPUT_ROW_COUNT = static_cast<int>(input_row.values.size());
+  TIME = 0;
+  ANGLE = 1;
+  VELOCITY = 1 + S;
+  ACCELERATION = 1 + 2 * S;
+  MULTIPLIER = 1 + 3 * S;
+  PULL = 1 + 3 * S + K;
+  SCENE_ROWS = rows_.rows();
+  SCENE_STRIDE = (SCENE_ORDER + 4) / 4 * 4 + 4;
+  SCENE_MODES = std::max(1, rows_.modes());
+  SCENE_PIECES = std::max(1, rows_.pieces());
+  const double tolerance = scene.solver.relative_tolerance;
+  RELATIVE_TOLERANCE = tolerance;
+  ABSOLUTE_TOLERANCE = scene.solver.absolute_tolerance;
+  MAXIMUM_STEP = scene.solver.maximum_step;
+  DECAY = std::pow(std::max(tolerance, 1e-16), 1.0 / SCENE_ORDER);
+}
+
+/// Finds the shafts whose reaction no C contains; these are all shafts if C and J, and so the null
+/// space, are constant.
+std::vector<int> MotionProgram::findNeutral(const Scene& scene) const {
+  const auto shafts = static_cast<std::size_t>(S);
+  std::vector<int> neutral(shafts, 1);
+  bool is_constant = INERTIA_VARIES == 0;
+  for (std::size_t n = 0; n < formulas_.entry.size(); ++n) {
+    is_constant = is_constant && scene.graph->isConstant(formulas_.entry[n]);
+    if (!scene.graph->isConstant(formulas_.entry[n], 0.0)) neutral[n % shafts] = 0;
+  }
+  if (is_constant) neutral.assign(shafts, 1);
+  if (IS_CLASSICAL != 0 || (INERTIA_VARIES != 0 && IS_COUPLED != 0)) neutral.assign(shafts, 0);
+  return neutral;
+}
+
+void MotionProgram::setLists(const Scene& scene) {
+  for (const ConstraintPtr& it : scene.constraints) order_of.values.push_back(it->order());
+  is_neutral.values = findNeutral(scene);
+  HAS_NEUTRAL = *std::max_element(is_neutral.values.begin(), is_neutral.values.end());
+  for (int i = 0; i < S; ++i) {
+    for (int j = 0; j < S; ++j) coupling.values.push_back(i == j ? 0.0 : scene.inertia(i, j));
+  }
+  torque_row = rowsOf(formulas_.torque);
+  residual_row = rowsOf(formulas_.residual);
+  velocity_residual_row = rowsOf(formulas_.velocity_residual);
+  entry_row = rowsOf(formulas_.entry);
+  curvature_row = rowsOf(formulas_.curvature);
+  input_slope_row = rowsOf(formulas_.input_slope);
+  inertia_row = rowsOf(formulas_.inertia);
+  inertial_row = rowsOf(formulas_.inertial_torque);
+  connection_row = rowsOf(formulas_.connection);
+  for (const expression::Branch& it : formulas_.signs) {
+    sign_row.values.push_back(rowOf(it.argument));
+    sign_jumps.values.push_back(static_cast<int>(it.jumps));
+  }
+  for (const auto& [row, value] : rows_.constants()) {
+    constant_row.values.push_back(row);
+    constant_value.values.push_back(value);
+  }
+  for (const expression::Passage& it : formulas_.tables) {
+    passage_row.values.push_back(rowOf(it.argument));
+    passage_count.values.push_back(static_cast<int>(it.points.size()));
+    passages.push_back(it.points);
+  }
+  for (const std::vector<double>& points : passages) {
+    passage_points.values.push_back(points.data());
+  }
+  resolved.values = rows_.resolved();
+  SIGNS = static_cast<int>(sign_row.values.size());
+  TABLES = static_cast<int>(passages.size());
+  CONSTANTS = static_cast<int>(constant_row.values.size());
+  RESOLVED = static_cast<int>(resolved.values.size());
+}
+
+void MotionProgram::setInputs(const Scene& scene) {
+  for (const CommandInputSettings& it : scene.inputs) {
+    hold_of.values.push_back(static_cast<int>(it.hold));
+    parameter_of.values.push_back(it.hold == Hold::kRateLimit        ? it.rate
+                                  : it.hold == Hold::kFirstOrderHold ? it.period
+                                                                     : it.time_constant);
+    initial_input.values.push_back(it.initial);
+    minimum_of.values.push_back(it.minimum);
+    maximum_of.values.push_back(it.maximum);
+    timeout_of.values.push_back(it.timeout);
+    falls_to_zero.values.push_back(it.on_timeout == OnTimeout::kZero ? 1 : 0);
+  }
+}
+
+// --- C -------------------------------------------------------------------------------------------
+
+std::vector<int> MotionProgram::structure() const {
+  expression::CodeStructure made;
+  program_.addStructure(&made);
+  std::vector<int>& words = made.words;
+#define VARIATOR_SIM_ADD(name) words.push_back(name);
+  VARIATOR_SIM_MOTION_SIZES(VARIATOR_SIM_ADD)
+  VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_ADD)
+#undef VARIATOR_SIM_ADD
+  const auto addIfShared = [&words](const auto& values) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(values)>, std::vector<int>>) {
+      words.push_back(static_cast<int>(values.size()));
+      words.insert(words.end(), values.begin(), values.end());
+    }
+  };
+#define VARIATOR_SIM_ADD(type, name) addIfShared(name.values);
+  VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_ADD)
+#undef VARIATOR_SIM_ADD
+  return words;
+}
+
+std::string MotionProgram::writeExtents() const {
+  std::string text = "enum {\n  SCENE_SHAFTS = " + std::to_string(S) +
+                     ",\n  SCENE_CONSTRAINTS = " + std::to_string(K) +
+                     ",\n  SCENE_INPUTS = " + std::to_string(INPUTS);
+#define VARIATOR_SIM_WRITE(name) text += ",\n  " #name " = " + std::to_string(name);
+  VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  return text + "\n};\n";
+}
+
+std::string MotionProgram::writeLists(bool shares) const {
+  std::string text = "enum {\n  VS_STRIDE = SCENE_STRIDE,\n  MOST_SHAFTS = " + std::to_string(S) +
+                     ",\n  MOST_CONSTRAINTS = " + std::to_string(K) +
+                     ",\n  MOST_INPUTS = " + std::to_string(INPUTS) +
+                     ",\n  MOST_SIZE = " + std::to_string(SIZE);
+#define VARIATOR_SIM_WRITE(name) text += ",\n  " #name " = " + std::to_string(name);
+  VARIATOR_SIM_MOTION_SIZES(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  text += "\n};\n";
+  if (shares) return text + writeSharedLists();
+#define VARIATOR_SIM_WRITE(name) \
+  text += "static const double " #name " = " + literalOf(name) + ";\n";
+  VARIATOR_SIM_MOTION_NUMBERS(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  text += "\n/* Where formulas stand, by shaft and constraint; commanded inputs */\n";
+#define VARIATOR_SIM_WRITE(type, name) text += arrayOf(#type, #name, name.values);
+  VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  std::vector<std::string> names;
+  for (const std::vector<double>& points : passages) {
+    names.push_back("passage_" + std::to_string(names.size()));
+    text += arrayOf("double", names.back(), points);
+  }
+  return text + arrayOf("double *const", "passage_points", names);
+}
+
+/// Writes those lists that the structure of the scene determines, and where the others are.
+std::string MotionProgram::writeSharedLists() const {
+  std::string text;
+  const auto add = [&text](const std::string& name, const std::vector<int>& values) {
+    text += arrayOf("int", name, values);
+  };
+  const auto addIfShared = [&](const std::string& name, const auto& values) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(values)>, std::vector<int>>)
+      add(name, values);
+  };
+#define VARIATOR_SIM_WRITE(type, name) addIfShared(#name, name.values);
+  VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  return text + arrayOf("double", "timeout_of", std::vector<double>(timeout_of.values.size())) +
+         R"c(#define RELATIVE_TOLERANCE it->numbers->relative_tolerance
+#define ABSOLUTE_TOLERANCE it->numbers->absolute_tolerance
+#define MAXIMUM_STEP m->series[0].numbers->maximum_step
+#define DECAY it->numbers->decay
+#define coupling it->numbers->coupling
+#define constant_value m->series[0].numbers->constant_value
+#define passage_points it->numbers->passage_points
+#define resolved ((const struct SeriesOperation*)it->numbers->resolved)
+)c";
+}
+
+std::string MotionProgram::writeResolution(bool shares) const {
+  std::string text =
+      std::string("\n/* ---- Whether the series show all of their functions. ---- */\n\n") +
+      expression::kSeriesOperationText + expression::kSeriesResolutionText +
+      expression::kSeriesRangesText;
+  if (shares) return text + writeHiding();
+  text += "static const struct SeriesOperation resolved[] = {\n";
+  for (const expression::SeriesOperation& it : resolved.values) {
+    text += "    {";
+    for (const int n : {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state, it.power}) {
+      text += std::to_string(n) + ", ";
+    }
+    text += literalOf(it.f) + ", " + literalOf(it.g) + "},\n";
+  }
+  return text + "    {0, 0, -1, 0, -1, 0, -1, 0, 0.0, 0.0}};\n" + writeHiding();
+}
+
+/// Writes the sum of seriesHides of all operations, with the reach of each row once.
+std::string MotionProgram::writeHiding() const {
+  std::string reaches;
+  std::string sums;
+  std::set<int> reached;
+  const auto row = [](int n) { return "r[" + std::to_string(n) + "]"; };
+  const auto reach = [&](int n) {
+    const std::string name = std::to_string(n);
+    if (reached.insert(n).second) {
+      reaches += "  Real u" + name + ", w" + name + " = seriesReach(" + row(n) + ", p, last, &u" +
+                 name + ");\n";
+    }
+    return "w" + name + ", u" + name;
+  };
+  for (const expression::SeriesOperation& op : resolved.values) {
+    if (!seriesMayHide(&op, 0)) continue;
+    const int b = op.b < 0 ? op.a : op.b;
+    if (op.degree <= SCENE_ORDER) sums += "  if (last < " + std::to_string(op.degree) + ")\n";
+    sums += "  sum += seriesHides(" + std::to_string(op.kind);
+    for (const int n : {op.result, op.second, op.a, b}) sums += ", " + row(n < 0 ? op.a : n);
+    sums += ", " + reach(op.kind == expression::kSeriesQuotient ? b : op.a) + ", " + reach(b) +
+            ", p, last);\n";
+  }
+  return "\n/* 0 where no operation has more unresolved than visible terms. */\n"
+         "VS_INLINE Real vs_hides(const scene_series* it, const Real* p, int last) {\n"
+         "  const vs_row* const r = it->row;\n  Real sum = 0.0;\n  (void)r, (void)p, "
+         "(void)last;\n" +
+         reaches + sums + "  return sum;\n}\n";
+}
+
+std::string MotionProgram::writeMotion(const std::string& operations, bool shares) const {
+  // A function for each order, unless a scene has so many rows that compiling them takes long.
+  constexpr int kMostRows = 200;
+  std::string text = writeLists(shares);
+  if (SCENE_ROWS <= kMostRows) {
+    text += "#define VS_EACH_ORDER(X)";
+    for (int n = 1; n <= SCENE_ORDER; ++n) text += " X(" + std::to_string(n) + ")";
+    text += "\n";
+  }
+  return text + operations + (shares ? "" : kTableData) + kTableFunctions +
+         "\n/* ---- The scene's formulas: coefficients n ---- */\n" + rows_.write(shares) +
+         writeResolution(shares) + kMotion;
+}
+
+std::string MotionProgram::writeKernel() const {
+  std::string text =
+      std::string(expression::arithmeticOfCode()) +
+      "#include <float.h>\n#include <math.h>\n#include <string.h>\n" + writeExtents() + kTableData +
+      kExchangeData + kSceneHeader + writeMotion(SeriesProgram::codePrelude(""), true) + kExchange +
+      "unsigned long vs_kernel_size(void) { return sizeof(scene_model); }\n"
+      "void vs_kernel_begin(void* model, const vs_numbers* numbers) {\n"
+      "  scene_model* const m = model;\n"
+      "  m->series[0].numbers = m->series[1].numbers = numbers;\n  vs_set_constants(m);\n}\n"
+      "void vs_kernel_take_over(void* m, const vs_exchange* from) { vs_take_over(m, from); }\n"
+      "int vs_kernel_advance(void* m, double left, vs_exchange* to) { return vs_advance(m, left, "
+      "to); }\n";
+  return text;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,53 @@
+/// A scene as the texts of src/runtime step it: the rows of its formulas, and what else they read.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "expression/series_program.h"
+#include "motion_program/motion_data.h"
+#include "motion_program/motion_rows.h"
+#include "motion_program/scene_formulas.h"
+#include "variator_sim/scene.h"
+
+namespace variator_sim {
+
+class MotionProgram : public MotionData {
+ public:
+  /// Throws SceneError, with the element and the reason, for what has no series.
+  explicit MotionProgram(const Scene& scene);
+
+  const MotionRows& rows() const { return rows_; }
+
+  /// Returns words that are equal for scenes whose kernels have the same text.
+  std::vector<int> structure() const;
+  /// Writes the C of a library that steps the motion: the functions of exchange.h.
+  std::string writeKernel() const;
+  /// Writes the sizes of a series as enumerators.
+  std::string writeExtents() const;
+  /// Writes all that comes behind the declarations of scene.h to calls.h: sizes, lists,
+  /// `operations`, tables, formulas, and the motion.
+  std::string writeMotion(const std::string& operations, bool shares) const;
+
+ private:
+  expression::SeriesProgram compile(const Scene& scene);
+  std::vector<int> listSlots(const Scene& scene);
+  void setSizes(const Scene& scene);
+  void setLists(const Scene& scene);
+  void setInputs(const Scene& scene);
+  std::vector<int> findNeutral(const Scene& scene) const;
+  int rowOf(expression::Node node) const;
+  MotionList<int> rowsOf(const std::vector<expression::Node>& nodes) const;
+  std::string writeLists(bool shares) const;
+  std::string writeSharedLists() const;
+  std::string writeResolution(bool shares) const;
+  std::string writeHiding() const;
+
+  const SceneFormulas formulas_;
+  std::vector<expression::Node> outputs_;
+  int series_ = 0;  ///< outputs that are needed as series
+  const expression::SeriesProgram program_;
+  MotionRows rows_;
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,274 @@
+#include "motion_program/motion_rows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "expression/c_code.h"
+#include "motion_program/c_text.h"
+
+namespace variator_sim {
+
+using expression::SeriesProgram;
+
+namespace {
+
+std::size_t index(int n) {
+  return static_cast<std::size_t>(n);
+}
+
+constexpr double kFactorial[] = {1.0, 1.0, 2.0, 6.0, 24.0, 120.0};
+
+/// Calls `use` with the point from which each piece is counted: the lower one of its two, for the
+/// lowest piece the first; third derivatives are taken slightly inside of the piece.
+template <class Use>
+void forEachPiece(const std::vector<double>& points, Use use) {
+  for (std::size_t k = 0; k <= points.size(); ++k) {
+    const double x = k == 0 ? points.front() : points[k - 1];
+    use(x, k == 0 ? std::nextafter(x, -std::numeric_limits<double>::infinity()) : x);
+  }
+}
+
+}  // namespace
+
+MotionRows::MotionRows(const SeriesProgram& program, int series)
+    : SeriesStatements(program), rows_(program.rowCount()) {
+  const std::set<int> in_series = findSeries(series);
+  for (std::size_t n = 0; n < program.instructions_.size(); ++n) {
+    const Instruction& it = program.instructions_[n];
+    const bool is_series = in_series.count(static_cast<int>(n)) > 0;
+    if (is_series) in_series_.insert(it.result);
+    noteGrowth(it);
+    const Part part = !is_series                          ? Part::kAtOnce
+                      : !program.isAccelerated(it.result) ? Part::kGiven
+                      : it.is_tried                       ? Part::kTried
+                                                          : Part::kRest;
+    statements_[static_cast<std::size_t>(part)].push_back(make(it));
+  }
+}
+
+std::set<int> MotionRows::findSeries(int outputs) const {
+  std::vector<int> open(program_.outputs_.begin(), program_.outputs_.begin() + outputs);
+  std::map<int, int> producer;
+  for (std::size_t n = 0; n < program_.instructions_.size(); ++n) {
+    const Instruction& it = program_.instructions_[n];
+    producer[it.result] = static_cast<int>(n);
+    if (it.code != Code::kLinear && it.aux[0] >= 0) producer[it.aux[0]] = static_cast<int>(n);
+  }
+  std::set<int> needed;
+  while (!open.empty()) {
+    const auto found = producer.find(open.back());
+    open.pop_back();
+    if (found == producer.end() || !needed.insert(found->second).second) continue;
+    const Instruction& it = program_.instructions_[index(found->second)];
+    open.insert(open.end(), std::begin(it.operands), std::end(it.operands));
+    for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
+      open.push_back(program_.terms_[index(it.aux[0] + n)].row);
+    }
+  }
+  return needed;
+}
+
+void MotionRows::noteGrowth(const Instruction& it) {
+  bool grows = it.code == Code::kExp || it.code == Code::kSinhCosh;
+  if (it.code == Code::kLinear) {
+    for (int n = 0; n < it.aux[1]; ++n) {
+      grows = grows || grows_.count(program_.terms_[index(it.aux[0] + n)].row) > 0;
+    }
+  }
+  for (const int operand : it.operands) grows = grows || grows_.count(operand) > 0;
+  if (!grows) return;
+  grows_.insert(it.result);
+  if (it.code == Code::kSinhCosh) grows_.insert(it.aux[0]);
+}
+
+int MotionRows::limitOf(const Instruction& it) const {
+  const bool has_limit = it.code == Code::kDivide || it.code == Code::kTanh ||
+                         it.code == Code::kExp ||
+                         (it.code >= Code::kLog && it.code <= Code::kAtan2);
+  const int of = it.operands[it.code == Code::kDivide ? 1 : 0];
+  const bool may_stay = has_limit && it.ends >= SeriesProgram::kNoDegree && grows_.count(of) > 0 &&
+                        !program_.has_pole_[index(of)];
+  return may_stay ? of : -1;
+}
+
+MotionRows::Statement MotionRows::make(const Instruction& it) {
+  Statement made;
+  made.it = &it;
+  if (it.code == Code::kTable || it.code == Code::kTable2) {
+    const bool has_two = it.code == Code::kTable2;
+    const Piece& piece = program_.pieces_[index(it.state)];
+    made.table = add(has_two ? cutTwo(piece) : cut(piece));
+    made.rows = rows_;
+    made.mode = modes_;
+    made.piece = piece_of_row_[it.result] = pieces_;
+    rows_ += has_two ? 11 : 3;
+    modes_ += has_two ? 4 : 3;
+    pieces_ += has_two ? (Table::kDegree + 1) * (Table::kDegree + 1) : Table::kDegree + 1;
+    return made;
+  }
+  made.limit = limitOf(it);
+  if (it.code == Code::kAbs || (it.code >= Code::kMin && it.code <= Code::kSelect)) {
+    const auto [place, is_new] = mode_of_state_.try_emplace(it.state, modes_);
+    modes_ += is_new ? 1 : 0;
+    made.mode = place->second;
+  }
+  return made;
+}
+
+int MotionRows::add(DenseTable table) {
+  const auto same = std::find_if(tables_.begin(), tables_.end(), [&](const DenseTable& other) {
+    return other.points == table.points && other.pieces == table.pieces;
+  });
+  if (same != tables_.end()) return static_cast<int>(same - tables_.begin());
+  tables_.push_back(std::move(table));
+  return static_cast<int>(tables_.size()) - 1;
+}
+
+MotionRows::DenseTable MotionRows::cut(const Piece& piece) {
+  const Table& table = *piece.table;
+  DenseTable made = {table.origin(), {table.points()}, {}};
+  forEachPiece(table.points(), [&](double x, double inside) {
+    for (int i = 0; i <= Table::kDegree; ++i) {
+      const int n = piece.order[0] + i;
+      const bool is_none = n > Table::kDegree;
+      made.pieces.push_back((is_none ? 0.0 : table.derivative(n, n < 3 ? x : inside)) /
+                            kFactorial[i]);
+    }
+  });
+  return made;
+}
+
+MotionRows::DenseTable MotionRows::cutTwo(const Piece& piece) {
+  const Table2& table = *piece.table2;
+  DenseTable made = {table.origin(), {table.pointsX(), table.pointsY()}, {}};
+  forEachPiece(table.pointsX(), [&](double /*x*/, double inside_x) {
+    forEachPiece(table.pointsY(), [&](double /*y*/, double inside_y) {
+      for (int i = 0; i <= Table::kDegree; ++i) {
+        for (int j = 0; j <= Table::kDegree; ++j) {
+          const int m = piece.order[0] + i;
+          const int n = piece.order[1] + j;
+          const bool is_none = std::max(m, n) > Table::kDegree;
+          made.pieces.push_back((is_none ? 0.0 : table.derivative({m, n}, inside_x, inside_y)) /
+                                (kFactorial[i] * kFactorial[j]));
+        }
+      }
+    });
+  });
+  return made;
+}
+
+std::vector<expression::SeriesOperation> MotionRows::resolved() const {
+  std::vector<expression::SeriesOperation> list;
+  for (expression::SeriesOperation it : program_.resolved()) {
+    if (in_series_.count(it.result) == 0) continue;
+    if (it.kind == expression::kSeriesTable) {
+      it.state = piece_of_row_.at(it.result);
+      if (it.b < 0) it.f = 1.0;  // the piece's six coefficients lie next to each other here
+    } else if (it.kind == expression::kSeriesEither || it.kind == expression::kSeriesOther) {
+      it.state = mode_of_state_.at(it.state);
+    }
+    list.push_back(it);
+  }
+  return list;
+}
+
+// --- C -------------------------------------------------------------------------------------------
+
+std::string MotionRows::number(double value, std::size_t place) const {
+  if (shares_ && !expression::isWrittenOut(value)) return "c[" + std::to_string(place) + "]";
+  return literalOf(value);
+}
+
+std::vector<double> MotionRows::numbers() const {
+  std::vector<double> made;
+  for (const Term& term : program_.terms_) made.push_back(term.factor);
+  for (const Instruction& it : program_.instructions_) made.push_back(it.constant);
+  return made;
+}
+
+std::string MotionRows::mode(const Instruction& it) const {
+  return "s + " + std::to_string(mode_of_state_.at(it.state));
+}
+
+std::string MotionRows::write(const Statement& made) const {
+  const Instruction& it = *made.it;
+  const std::string y = row(it.result);
+  if (made.table < 0) {
+    const std::string call = compute(it);
+    if (made.limit < 0) return call;
+    return "if (vs_is_at_limit(" + row(made.limit) + ", " + y + ", n)) " + y +
+           "[n] = 0.0;\n  else " + call;
+  }
+  const bool has_two = it.code == Code::kTable2;
+  const std::string rows = std::to_string(made.rows);
+  const bool ends = it.ends < SeriesProgram::kNoDegree;
+  return (ends ? "if (n <= " + std::to_string(it.ends) + ") " : "") +
+         std::string(has_two ? "vs_look_up_two(r + " : "vs_look_up(" + y + ", r + ") + rows + ", " +
+         row(it.operands[0]) + ", " + (has_two ? row(it.operands[1]) + ", " : "") +
+         (!shares_  ? "&table_"
+          : has_two ? "it->numbers->table_of_two + "
+                    : "it->numbers->table + ") +
+         std::to_string(made.table) + ", s + " + std::to_string(made.mode) + ", a + " +
+         std::to_string(made.piece) + ", n);" +
+         (has_two ? "\n  " + y + "[n] = " + row(made.rows) + "[n];" : "");
+}
+
+std::string MotionRows::writeTable(const DenseTable& table, int index) const {
+  const std::string name = "table_" + std::to_string(index);
+  std::string counts;
+  std::string names;
+  std::string text = "\n/* " + harmless(table.origin) + " */\n";
+  for (std::size_t n = 0; n < table.points.size(); ++n) {
+    const std::string axis = name + "_" + std::string(1, static_cast<char>('x' + n));
+    text += arrayOf("double", axis, table.points[n]);
+    counts += std::to_string(table.points[n].size()) + ", ";
+    names += axis + ", ";
+  }
+  text += arrayOf("double", name + "_pieces", table.pieces);
+  return text + "static const vs_table" + (table.points.size() > 1 ? "_of_two " : " ") + name +
+         " = {" + counts + names + name + "_pieces};\n";
+}
+
+std::string MotionRows::writeCorrections() const {
+  std::string text;
+  for (const int of : accelerations()) {
+    text += "  const Real " + change(of) + " = de[" + std::to_string(of - accelerations().front()) +
+            "];\n  (void)" + change(of) + ";\n";
+  }
+  for (const Statement& made : statements(Part::kTried)) {
+    text += "  " + correct(*made.it, write(made), made.limit < 0) + "\n";
+  }
+  return text;
+}
+
+std::string MotionRows::write(bool shares) const {
+  shares_ = shares;
+  std::string text;
+  for (std::size_t n = 0; n < tables_.size() && !shares; ++n) {
+    text += writeTable(tables_[n], static_cast<int>(n));
+  }
+  const std::string constants =
+      shares ? "  const double *const c = it->numbers->constants;\n  (void)c;\n" : "";
+  const auto add = [&](const char* name, const char* note, const std::string& body,
+                       const std::string& parameter = "") {
+    text += std::string("\n/* ") + note + " */\nVS_INLINE void vs_" + name +
+            "(scene_series *it, int n" + (parameter.empty() ? "" : ", const Real *" + parameter) +
+            ")\n{\n  vs_row *const r = it->row;\n  Real *const s = it->mode;\n  double *const a = "
+            "it->piece;\n  (void)r, (void)s, (void)a, (void)n" +
+            (parameter.empty() ? "" : ", (void)" + parameter) + ";\n" + constants + body + "}\n";
+  };
+  const auto textOf = [this](Part part) {
+    std::string body;
+    for (const Statement& made : statements(part)) body += "  " + write(made) + "\n";
+    return body;
+  };
+  add("given", "Rows that read no acceleration.", textOf(Part::kGiven));
+  add("tried", "Rows with accelerations that constraints read.", textOf(Part::kTried));
+  add("corrected", "These after the accelerations n have changed by de.", writeCorrections(), "de");
+  add("rest", "Other rows with accelerations.", textOf(Part::kRest));
+  add("at_once", "Rows that are read at order 0 only.", textOf(Part::kAtOnce));
+  return text;
+}
+
+}  // namespace variator_sim

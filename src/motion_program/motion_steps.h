@@ -1,0 +1,34 @@
+/// The texts of src/runtime at work, interpreted or compiled, to the same bits.
+#pragma once
+
+#include <memory>
+
+#include "machine_code/kernel_library.h"
+#include "motion_program/motion_program.h"
+
+namespace variator_sim {
+
+#include "runtime/status.h"
+//
+#include "runtime/table_data.h"
+//
+#include "runtime/exchange_data.h"
+
+/// Steps a motion whose state the caller keeps.
+class MotionSteps {
+ public:
+  virtual ~MotionSteps() = default;
+  /// Takes over the state and the inputs. [loop]
+  virtual void takeOver(const vs_exchange& from) = 0;
+  /// Makes one step of at most `left` s; [loop]
+  virtual scene_status advance(double left, vs_exchange* to) = 0;
+};
+
+/// `program` has to outlive what is returned.
+std::unique_ptr<MotionSteps> interpretMotion(const MotionProgram& program);
+/// The library is that of MotionProgram::writeKernel; `program` has to outlive what is returned;
+/// null if it lacks a function.
+std::unique_ptr<MotionSteps> runMotion(std::shared_ptr<KernelLibrary> library,
+                                       const MotionProgram& program);
+
+}  // namespace variator_sim
