@@ -83,6 +83,19 @@ class CommandSignal {
   double segmentEnd() const { return segment_end_; }
   /// Moves past `segmentEnd()`: u stays at its target from there.
   void finishSegment();
+  /// The closed form, for programs that step by it themselves.
+  struct Closed {
+    int form;  ///< 0 constant, 1 ramp, 2 exponential, 3 critical
+    double start, target, slope, inverse_tau, linear, since, end;
+  };
+  Closed closed() const {
+    const int form = form_ == Form::kConstant      ? 0
+                     : form_ == Form::kRamp        ? 1
+                     : form_ == Form::kExponential ? 2
+                                                   : 3;
+    return {form,    start_value_, target_,     slope_, inverse_time_constant_,
+            linear_, start_time_,  segment_end_};
+  }
   /// True when u' = 0 for good: the input costs nothing per stage.
   bool isConstant() const { return form_ == Form::kConstant; }
   /// Returns the limit of u.

@@ -44,8 +44,12 @@ Integrator::Integrator(System& system, const Scene& scene)
       sleep_(step_),
       trials_(step_, guards_, crossing_, events_, size_),
       batch_(step_, size_, sleep_),
-      inside_(step_, guards_, sleep_) {
+      runtime_(step_, size_),
+      inside_(step_, guards_, sleep_, runtime_) {
+  step_.choice.watch(&runtime_);
   step_.may_batch = step_.integrates_torque && guards_.isEmpty() && !step_.choice.isFixed();
+  if (!step_.may_batch && !step_.choice.isFixed() && step_.stepper->stepsBySeries())
+    runtime_.prepare(scene);
 }
 
 void Integrator::reset() {
@@ -155,6 +159,7 @@ void Integrator::moveOrigin(double t) {
 
 void Integrator::restart() {
   step_.phase = StepPhase::kStepping;
+  runtime_.forget();
   crossing_.restart();
   sleep_.reset();
   step_.choice.restart();
@@ -227,6 +232,21 @@ bool Integrator::finishInputSegments() {
   return step_.status.ok();
 }
 
+bool Integrator::makeRuntimeStep() {
+  if (runtime_.make()) {
+    // A law may jump where an input's closed form ends.
+    const double reached = step_.end.time + shortestStep(step_.absolute(step_.end.time));
+    if (step_.drivetrain.inputSegmentEnd() <= reached) crossing_.endOnEvent();
+    return true;
+  }
+  if (runtime_.needsRestart()) {
+    step_.end = step_.start;
+    restart();
+    step_.start = step_.end;
+  }
+  return false;
+}
+
 bool Integrator::attempt(double target) {
   // Before a long step: a controller's machine is to be seen at rest at once.
   if (step_.start.time == step_.end.time && sleep_.beginExactly()) return true;
@@ -234,6 +254,8 @@ bool Integrator::attempt(double target) {
   step_.system.noteBase(step_.start.time, step_.start.x, step_.start.dxdt);
   step_.stepper = &step_.choice.stepper();
   if (batch_.make(target)) return true;
+  if (makeRuntimeStep()) return true;
+  if (!step_.status.ok()) return false;
   const bool is_behind_event = step_.phase == StepPhase::kCrossing;
   if (crossDueEvent()) return true;
   if (!step_.status.ok()) return false;
@@ -287,7 +309,7 @@ void Integrator::conclude() {
 }
 
 bool Integrator::finishEnd() {
-  if (!crossing_.isEndOnEvent() || finishInputSegments()) return true;
+  if (!crossing_.isEndOnEvent() || runtime_.made() || finishInputSegments()) return true;
   step_.status.time = step_.absolute(step_.end.time);
   return false;
 }

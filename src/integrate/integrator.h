@@ -22,6 +22,7 @@
 #include "integrate/guard_search.h"
 #include "integrate/inside_step.h"
 #include "integrate/rest.h"
+#include "integrate/runtime_steps.h"
 #include "integrate/step_batch.h"
 #include "integrate/step_size.h"
 #include "integrate/trial_steps.h"
@@ -46,6 +47,10 @@ class Integrator {
   const MotionStatus& status() const { return step_.status; }
   Statistics& statistics() { return step_.statistics; }
   const Statistics& statistics() const { return step_.statistics; }
+  /// See RuntimeSteps.
+  MoreCode machineCode() { return runtime_.machineCode(); }
+  bool shareMachineCode(const Integrator& other) { return runtime_.share(other.runtime_); }
+  const RuntimeSteps& runtime() const { return runtime_; }
   /// The motion inside the last step.
   InsideStep& inside() { return inside_; }
 
@@ -112,6 +117,8 @@ class Integrator {
   // The three beats of a step. False when the motion stopped.
   bool prepare();
   bool attempt(double target);
+  /// False: the step is to be made the other way, or the motion stopped.
+  bool makeRuntimeStep();
   void conclude();
 
   /// False, and the motion stopped, when it gets nowhere.
@@ -129,6 +136,7 @@ class Integrator {
   Sleep sleep_;
   TrialSteps trials_;
   StepBatch batch_;
+  RuntimeSteps runtime_;
   InsideStep inside_;
   bool starts_implicitly_ = false;
 };

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "integrate/runtime_steps.h"
+
 namespace variator_sim {
 
 StepperChoice::StepperChoice(const System& system, const SolverSettings& settings)
@@ -94,6 +96,11 @@ bool StepperChoice::leaveSeries() {
   return true;
 }
 
+double StepperChoice::stiffnessOf(const StepNode& node) const {
+  if (active_ == &first_ && runtime_ != nullptr && runtime_->made()) return runtime_->stiffness();
+  return active_->outer->stiffness(node.x, node.dxdt);
+}
+
 bool StepperChoice::giveUp() {
   if (challenged_ != nullptr) {
     giveUpTrial();
@@ -106,8 +113,8 @@ bool StepperChoice::giveUp() {
 
 bool StepperChoice::settle(const StepNode& node, double change, bool is_driven) {
   if (!automatic_ || active_ == &implicit_) return false;
-  const bool near_rest = change <= (is_driven ? kNearStandstill : kNearRest) &&
-                         active_->outer->stiffness(node.x, node.dxdt) > mildly();
+  const bool near_rest =
+      change <= (is_driven ? kNearStandstill : kNearRest) && stiffnessOf(node) > mildly();
   settling_ = near_rest ? settling_ + 1 : 0;
   if (settling_ < kSettling) return false;
   goOverTo(&implicit_);
@@ -125,7 +132,7 @@ bool StepperChoice::considerImplicit(const StepNode& node, double h) {
   // A stepper that shows no sign of stiffness is not examined at every step.
   if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
   unseen_ = 0;
-  const double stiffness = active_->outer->stiffness(node.x, node.dxdt);
+  const double stiffness = stiffnessOf(node);
   if (stiffness <= mildly()) {
     // Isolated non-stiff steps do not reset the stiffness counter.
     if (++quiet_ >= kQuiet) suspicions_ = quiet_ = 0;

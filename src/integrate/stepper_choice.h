@@ -36,6 +36,8 @@
 
 namespace variator_sim {
 
+class RuntimeSteps;
+
 class StepperChoice {
  public:
   StepperChoice(const System& system, const SolverSettings& settings);
@@ -92,7 +94,13 @@ class StepperChoice {
   /// changed, `h` then being its step. [loop]
   bool reconsider(System& system, const StepNode& node, double limit, double* h);
 
+  /// Steps by `runtime` count as those by series.
+  void watch(const RuntimeSteps* runtime) { runtime_ = runtime; }
+
  private:
+  /// Returns the stiffness, Stepper::stiffness, that the last step shows.
+  double stiffnessOf(const StepNode& node) const;
+
   struct Pair {
     std::unique_ptr<Stepper> outer;
     std::unique_ptr<Stepper> inner;
@@ -155,6 +163,7 @@ class StepperChoice {
   int wait_ = kSuspicions;
   int steps_since_trial_ = 0;
   int trial_interval_ = kFirstTrial;
+  const RuntimeSteps* runtime_ = nullptr;
 };
 
 }  // namespace variator_sim

@@ -47,7 +47,9 @@ void EnergyMeter::noteStep() {
   const Power end = powerOf(to);
   applied_before_ = account_.applied;
   before_ = doubtAtFront();
-  addStep(h, begin, end, is_tracked_ ? calcWork(1.0) : estimateWork(h, begin, end));
+  addStep(
+      h, begin, end,
+      is_tracked_ || integrator_.runtime().made() ? calcWork(1.0) : estimateWork(h, begin, end));
   if (is_watched_) watch(to.time, to.x.data(), integrator_.rows());
 }
 
@@ -82,7 +84,7 @@ void EnergyMeter::cut(const StepNode& present) {
   const Power begin = powerOf(from);
   const Power power = powerOf(end);
   account_.throughput = before_.throughput + 0.5 * h * (begin.through + power.through);
-  if (is_tracked_) {
+  if (is_tracked_ || integrator_.runtime().made()) {
     account_.applied = applied_before_ + calcWork(h / (integrator_.stepEnd().time - from.time));
   } else {
     // The rate at the end is not known for order 3.
@@ -115,6 +117,8 @@ double EnergyMeter::calcAppliedAtRest(const State& x) const {
 }
 
 double EnergyMeter::calcWork(double part) const {
+  const RuntimeSteps& runtime = integrator_.runtime();
+  if (runtime.made()) return runtime.calcWork(part);
   const StepNode& from = integrator_.stepStart();
   const double h = integrator_.stepEnd().time - from.time;
   const auto power = [&](double theta) {

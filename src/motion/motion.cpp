@@ -30,7 +30,8 @@ Motion::Motion(Scene its_scene, const Shortcuts& shortcuts, const Motion* like)
 
 bool Motion::shareMachineCode(const Motion& other) {
   if (has_machine_code || scene.solver.machine_code == MachineCode::kNever) return has_machine_code;
-  has_machine_code = drivetrain.shareMachineCode(system.series(), other.drivetrain);
+  has_machine_code = drivetrain.shareMachineCode(series(), other.drivetrain) &&
+                     integrator.shareMachineCode(other.integrator);
   if (has_machine_code) machine_code = "machine code, of another run";
   return has_machine_code;
 }

@@ -56,6 +56,8 @@ struct Motion {
   static std::unique_ptr<Motion>& of(Simulation& simulation) { return simulation.motion_; }
 
   const MotionStatus& status() const { return integrator.status(); }
+  /// Returns the series that the integrator steps by; null if the runtime's text does.
+  MotionSeries* series() const { return integrator.runtime().exists() ? nullptr : system.series(); }
   /// Returns the current time as nodes count it.
   double presentTime() const { return integrator.origin().relative(time); }
   /// Returns the time up to which steps are made, s: the current time or later.

@@ -215,7 +215,7 @@ bool Simulation::loadMachineCode(bool compile, bool patiently) {
   bool compiled = false;
   std::string reason;
   try {
-    reason = motion.drivetrain.loadMachineCode(motion.system.series(),
+    reason = motion.drivetrain.loadMachineCode(motion.series(), motion.integrator.machineCode(),
                                                missingCode(solver, compile, patiently), &compiled);
   } catch (const Interrupted&) {  // while the C of the formulas was written
     reason = "it was interrupted";
