@@ -33,7 +33,8 @@ def energy_columns():
 
 
 def named_columns(group, names, units):
-    """Columns of a NamedValues of `group`; `units` has those of inputs by their topics."""
+    """Columns of a NamedValues of `group`; `units` has those of inputs by their topics and of
+    outputs by their names."""
     if group != "elements":
         return [Column(f"{group}/{name}", group, units.get(name, ""), group) for name in names]
     columns = []

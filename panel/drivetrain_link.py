@@ -16,7 +16,7 @@ from variator_sim.srv import Step
 
 import columns
 from sample_table import SampleTable
-from scene_view import explain, read_inputs
+from scene_view import explain, read_inputs, read_output_units
 
 REST = 2.0     # s without a change after which inputs rest
 SILENCE = 1.0  # s without ~status (10 Hz) after which the node is taken for dead
@@ -124,6 +124,8 @@ class DrivetrainLink:
         """The names of a group are known with its first message."""
         with self._lock:
             units = {entry["topic"]: entry["unit"] for entry in self.inputs}
+            if group == "outputs":
+                units = read_output_units(self.scene)
             found = columns.named_columns(group, names, units)
             self.columns[group] = found
             self.table.add_group(group, [column.name for column in found])

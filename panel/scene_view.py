@@ -44,6 +44,12 @@ def read_inputs(scene):
     return inputs
 
 
+def read_output_units(scene):
+    """The units that the outputs of a SceneInfo state, by name."""
+    tree = yaml.safe_load(scene.parameters) or {}
+    return {name: str(tree[name].get("unit", "")) for name in tree.get("outputs") or []}
+
+
 def number(value):
     """A finite float, None for anything else; YAML 1.1 reads 1e-9 as a string."""
     try:

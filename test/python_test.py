@@ -147,6 +147,28 @@ class PythonTest(TestCase):
         self.assertEqual(simulation.time, 0.0)
         self.assertEqual(simulation.sample().velocity[0], 0.0)
 
+    def test_units_of_outputs(self):
+        scene = FREE + ("outputs: [speed, power]\nspeed: {expression: w_drive, unit: rpm}\n"
+                        "power: {expression: 2*w_drive}\ninitial: {velocity: [600 rpm]}\n")
+        result = variator_sim.simulate(scene, 1.0, rate=1, columns="outputs")
+        self.assertEqual(result.units, {"outputs/speed": "rpm"})
+        numpy.testing.assert_allclose(result["outputs/speed"], [600.0, 600.0])
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "run.csv"
+            result.to_csv(path)
+            (pathlib.Path(folder) / "scene.yaml").write_text(scene, encoding="utf-8")
+            columns, _ = from_command_line(pathlib.Path(folder) / "scene.yaml", "--duration", 1, "--rate", 1,
+                                           "--columns", "outputs")
+            self.assertEqual(path.read_text(encoding="utf-8").splitlines()[0], ",".join(columns))
+            again = variator_sim.read_run(path)
+        self.assertEqual(columns, ["time", "outputs/speed [rpm]", "outputs/power"])
+        self.assertEqual(again.columns, result.columns)
+        self.assertEqual(again.units, result.units)
+        import matplotlib
+        matplotlib.use("Agg")
+        _, axes = result.plot(["outputs/*"])
+        self.assertEqual([axis.get_ylabel() for axis in axes], ["Outputs, rpm", "Outputs"])
+
     def test_short_ways_are_the_long_ones(self):
         short, long = variator_sim.Simulation(SHIP), variator_sim.Simulation(SHIP)
         for k in range(300):

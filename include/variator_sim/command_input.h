@@ -51,9 +51,9 @@ int findInput(const std::vector<CommandInputSettings>& inputs, const std::string
 std::string describeClamped(const CommandInputSettings& settings, double command);
 
 /// Reads topic, hold, time_constant, rate, period, initial, min, max, timeout, on_timeout.
-/// u stays in `allowed`. Throws SceneError.
+/// u stays in `allowed`, in its unit. Throws SceneError.
 CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner,
-                                      Range allowed = Range::any());
+                                      const Range& allowed = Range::any());
 
 /// u(t) since the last command: one closed form between two events.
 class CommandSignal {

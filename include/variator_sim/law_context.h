@@ -2,8 +2,8 @@
 ///
 ///     void build(LawContext& scene) override {
 ///       const std::vector<Shaft> shafts = scene.shafts("shafts", 2);
-///       const Expression i = scene.quantity("ratio");
-///       const double tau = scene.number("time_constant", Range::positive());
+///       const Expression i = scene.quantity("ratio", Range::any("1"));
+///       const double tau = scene.number("time_constant", Range::positive("s"));
 ///       const Expression slip = shafts[1].velocity - i * shafts[0].velocity;
 ///       scene.constrain(tau * (shafts[1].acceleration - i * shafts[0].acceleration) + slip);
 ///       scene.output("slip", slip);
@@ -51,7 +51,7 @@ class LawContext {
   Shaft shaftAt(int index);
 
   /// Returns a number in `range`, constant during a run.
-  double number(const std::string& key, Range range = Range::any(),
+  double number(const std::string& key, const Range& range = Range::any(),
                 std::optional<double> default_value = {}) {
     return parameters().number(key, range, default_value);
   }
@@ -63,16 +63,16 @@ class LawContext {
   ///     ratio: {topic: ratio, hold: ..., initial: 0.6}     # commanded
   ///     ratio: {input: NAME}                               # one of the scene's `inputs`
   /// Numbers, tables and commanded values are checked against `range`; of a formula only its
-  /// constants can be.
-  Expression quantity(const std::string& key, Range range = Range::any(),
+  /// constants can be. Numbers may be texts with a unit of the range's dimension, "3 deg".
+  Expression quantity(const std::string& key, const Range& range = Range::any(),
                       std::optional<double> default_value = {}) {
     return quantity(parameters(), key, range, default_value);
   }
   /// Reads the quantity from a dictionary of the law.
-  Expression quantity(ParameterReader& section, const std::string& key, Range range,
+  Expression quantity(ParameterReader& section, const std::string& key, const Range& range,
                       std::optional<double> default_value = {});
   /// Returns the input that the law's own keys `topic`, `hold`, .. declare (command_input.h).
-  Expression command();
+  Expression command(const Range& range = Range::any());
 
   /// Returns t, s.
   Expression time();

@@ -12,8 +12,8 @@ namespace variator_sim {
 /// A quantity y(t, phi, omega, epsilon) that a scene states as a formula. The motion does not
 /// depend on it: it is computed for samples only, and only on request.
 ///
-/// Keys: `expression` (its own unit; names t, phi1.., w1.., e1.. and the parameters), `parameters`
-/// (optional dictionary of numbers).
+/// Keys: `expression` (SI units; names t, phi1.., w1.., e1.. and the parameters), `parameters`
+/// (optional dictionary of numbers), `unit` (optional, "rpm": the value is told in it).
 ///
 /// One instance is evaluated by one thread at a time.
 class Output {
@@ -23,13 +23,16 @@ class Output {
 
   /// Returns its name in the scene.
   const std::string& name() const { return name_; }
+  /// Returns its unit; "" if the scene names none.
+  const std::string& unit() const { return unit_; }
   /// Returns NaN for a value that does not exist, which stops nothing. [loop]
   double calcValue(const StateView& state) const { return *formula_.evaluate(state); }
-  /// Returns the formula, of the scene's graph.
+  /// Returns the formula of the value in its unit, of the scene's graph.
   expression::Node node() const { return node_; }
 
  private:
   std::string name_;
+  std::string unit_;
   expression::Node node_;
   expression::Tape formula_;
 };

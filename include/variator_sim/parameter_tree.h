@@ -80,20 +80,31 @@ std::string formatReal(double value);
 /// Returns "[1, 2.5]".
 std::string formatNumbers(const double* values, int count);
 
-/// Allowed range of a number.
+/// Allowed range of a number, and its unit.
 struct Range {
   double minimum = -std::numeric_limits<double>::infinity();
   double maximum = std::numeric_limits<double>::infinity();
   bool minimum_included = true;
   bool maximum_included = true;
+  /// SI unit in which plain numbers are taken ("rad/s", "1"; units.h): texts may carry another of
+  /// its dimension. Empty: none is declared, and no text may carry a unit.
+  std::string unit = {};
 
-  static Range any() { return {}; }
-  static Range positive() { return {0.0, std::numeric_limits<double>::infinity(), false, true}; }
-  static Range notNegative() { return {0.0, std::numeric_limits<double>::infinity(), true, true}; }
-  static Range atLeast(double minimum) {
-    return {minimum, std::numeric_limits<double>::infinity(), true, true};
+  static Range any(std::string unit = "") {
+    Range range;
+    range.unit = std::move(unit);
+    return range;
   }
-  static Range between(double minimum, double maximum) { return {minimum, maximum, true, true}; }
+  static Range positive(std::string unit = "") {
+    return {0.0, std::numeric_limits<double>::infinity(), false, true, std::move(unit)};
+  }
+  static Range notNegative(std::string unit = "") { return atLeast(0.0, std::move(unit)); }
+  static Range atLeast(double minimum, std::string unit = "") {
+    return between(minimum, std::numeric_limits<double>::infinity(), std::move(unit));
+  }
+  static Range between(double minimum, double maximum, std::string unit = "") {
+    return {minimum, maximum, true, true, std::move(unit)};
+  }
   bool contains(double value) const;
   /// Returns "> 0", "from 0 to 1", "any finite number".
   std::string toText() const;
@@ -101,7 +112,8 @@ struct Range {
 
 /// Reads one dictionary of a tree with checks and remembers which keys it has read, so that
 /// `finish` can reject the rest. Every failure is a SceneError with the key's full path. Numbers
-/// may be integers, reals, or texts that are numbers ("1e-9"); they must be finite.
+/// may be integers, reals, or texts that are numbers ("1e-9"), with a unit where the range has one
+/// ("1500 rpm"), and are returned in SI units; they must be finite.
 class ParameterReader {
  public:
   /// `tree` must outlive the reader and be a dictionary (SceneError otherwise); `path` is the
@@ -112,23 +124,25 @@ class ParameterReader {
   /// Returns the full path of a key below this dictionary.
   std::string keyPath(const std::string& key) const;
   bool has(const std::string& key) const;
-  /// True when the value at `key` is a number, be it as a text.
+  /// True when the value at `key` is a number, be it as a text or with a unit.
   bool isNumber(const std::string& key) const;
 
   // A key without a `default_value` is required.
-  double number(const std::string& key, Range range = Range::any(),
+  double number(const std::string& key, const Range& range = Range::any(),
                 std::optional<double> default_value = {});
   int integer(const std::string& key, int minimum, int maximum,
               std::optional<int> default_value = {});
   bool boolean(const std::string& key, bool default_value);
   std::string text(const std::string& key, const std::optional<std::string>& default_value = {});
-  /// Reads a formula: a text, or a number taken as its text with full precision.
-  std::string formula(const std::string& key);
+  /// Reads a formula: a text, or a number taken as its text with full precision; of a number with a
+  /// unit, which has to fit to `unit`, its value in SI units.
+  std::string formula(const std::string& key, const std::string& unit = "");
   /// Reads a text out of `allowed`.
   std::string choice(const std::string& key, const std::vector<std::string>& allowed,
                      const std::optional<std::string>& default_value = {});
   /// Reads a list of exactly `size` numbers.
-  std::vector<double> numbers(const std::string& key, std::size_t size, Range range = Range::any());
+  std::vector<double> numbers(const std::string& key, std::size_t size,
+                              const Range& range = Range::any());
   /// Reads a list of texts; an absent key or nothing gives an empty list.
   std::vector<std::string> names(const std::string& key);
   /// Reads a dictionary of numbers; an absent key gives an empty one.
@@ -142,7 +156,7 @@ class ParameterReader {
 
   /// Converts a value that stands at `path` to a number, with the checks of `number`.
   static double toNumber(const ParameterTree& value, const std::string& path,
-                         Range range = Range::any());
+                         const Range& range = Range::any());
 
   /// Counts `key` as read (or as known, for the suggestion when another is misspelt).
   void allow(const std::string& key);

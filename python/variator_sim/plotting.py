@@ -111,7 +111,8 @@ def compare(runs, columns=None, title="", path=None, differences=True):
         raise ValueError("these runs have no columns in common to draw; name some")
     figure, axes = make_panels(len(columns), 2 if differences else 1, title)
     for row, column in zip(axes, columns):
-        label = f"{column}\n{label_of(column)[0]}"
+        unit = runs[names[0]].units.get(column)
+        label = f"{column}\n{label_of(column)[0]}" + (f", {unit}" if unit else "")
         draw_lines(row[0], [(name, run["time"], run[column]) for name, run in runs.items()], label)
         if differences:
             # The first one's own line, empty, keeps the colours the same on both sides.
@@ -194,6 +195,8 @@ def plot(result, columns=None, title="", path=None):
     groups = {}
     for name in choose_columns([result], columns):
         label, line = label_of(name)
+        if name in result.units:
+            label += f", {result.units[name]}"
         groups.setdefault(label, []).append((line, result["time"], result[name]))
     figure, axes = draw_panels(list(groups.items()), title)
     names = None

@@ -2,10 +2,11 @@
 
 import csv
 import os
+import re
 
 import numpy
 
-from variator_sim.running import Result
+from variator_sim.running import Result, units_of
 
 STATE = ("angle", "velocity", "acceleration", "applied_torque", "reaction_torque",
          "reaction_torque_rate")
@@ -41,7 +42,9 @@ def read_csv(path):
                                  f"{len(columns)}")
     if not values:
         raise ValueError(f"{path}: no samples")
-    return Result(columns, numpy.array(values), {})
+    titles = [re.fullmatch(r"(.*) \[(.*)\]", title) for title in columns]
+    columns = [title[1] if title else name for title, name in zip(titles, columns)]
+    return Result(columns, numpy.array(values), {}, {title[1]: title[2] for title in titles if title})
 
 
 def read_state(message, scene):
@@ -67,6 +70,7 @@ def read_group(topic, message):
 
 def read_bag(path):
     import rosbag  # loads half of ROS
+    import yaml
     samples, owner, latest = {}, None, -numpy.inf
     try:
         with rosbag.Bag(path) as bag:
@@ -103,7 +107,8 @@ def read_bag(path):
     columns = list(dict.fromkeys(name for row in samples.values() for name in row))
     values = [[time, *(samples[time].get(name, numpy.nan) for name in columns)]
               for time in sorted(samples)]
-    return Result(["time", *columns], numpy.array(values), {})
+    units = units_of(yaml.safe_load(scenes[owner].parameters) or {}) if owner in scenes else {}
+    return Result(["time", *columns], numpy.array(values), {}, units)
 
 
 def read_scene(path):

@@ -23,12 +23,14 @@ class Result(collections.abc.Mapping):
         columns: names of the columns, "time" (s) first.
         values: all of it, samples x columns.
         statistics: steps, jumps, commands and other counts of the run.
+        units: the units that the scene states for its outputs, {"outputs/speed": "rpm"}.
     """
 
-    def __init__(self, columns, values, statistics):
+    def __init__(self, columns, values, statistics, units=None):
         self.columns = list(columns)
         self.values = values
         self.statistics = statistics
+        self.units = {name: unit for name, unit in (units or {}).items() if name in self.columns}
         self._places = {name: place for place, name in enumerate(self.columns)}
 
     @property
@@ -59,7 +61,7 @@ class Result(collections.abc.Mapping):
         """Writes the file that `simulate --output` writes, in full precision."""
         with whole_file(path) as file:
             writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(self.columns)
+            writer.writerow([f"{name} [{self.units[name]}]" if name in self.units else name for name in self.columns])
             writer.writerows(self.values.tolist())
 
     def plot(self, columns=None, **options):
@@ -121,6 +123,13 @@ def checked_times(duration, rate, times):
     return float(duration), times
 
 
+def units_of(scene):
+    """The units that a scene, a dict, states for its outputs, by column: {"outputs/speed": "rpm"}."""
+    outputs = {name: scene.get(name) for name in scene.get("outputs") or []}
+    return {f"outputs/{name}": output["unit"] for name, output in outputs.items()
+            if isinstance(output, dict) and "unit" in output}
+
+
 def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, columns="state",
              overrides=None, state=None, until_rest=False):
     """Runs a scene, as `rosrun variator_sim simulate` does, and returns a `Result`.
@@ -152,7 +161,7 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
     if state is not None:
         simulation.set_state(state)
     values, outside, error = simulation._run(duration, rate, times, listed, groups, until_rest)
-    result = Result(names, values, simulation.statistics)
+    result = Result(names, values, simulation.statistics, units_of(simulation.scene))
     if error is not None:
         error.result = result
         raise error

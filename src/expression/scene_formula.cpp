@@ -139,7 +139,7 @@ namespace {
 Node readWithParameters(ComponentContext& context, ParameterReader& reader, const std::string& key,
                         const std::map<std::string, double>& parameters, FormulaKind kind,
                         Graph& graph) {
-  const std::string text = reader.formula(key);
+  const std::string text = reader.formula(key, kind == FormulaKind::kTorque ? "N m" : "");
 
   Variables variables = nameVariables(context, kind, graph);
   for (const auto& [parameter, value] : parameters) {

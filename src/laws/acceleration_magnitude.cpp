@@ -13,7 +13,7 @@ namespace variator_sim {
 
 void AccelerationMagnitude::build(LawContext& scene) {
   const std::vector<Shaft> s = scene.shafts("shafts", 2);
-  const Expression a = scene.quantity("magnitude", Range::positive());
+  const Expression a = scene.quantity("magnitude", Range::positive("rad/s^2"));
   scene.constrain(s[0].acceleration * s[0].acceleration + s[1].acceleration * s[1].acceleration -
                   a * a);
 }

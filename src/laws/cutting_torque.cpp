@@ -25,8 +25,8 @@ Expression readToothPassing(LawContext& scene, const Expression& angle) {
   ParameterReader section = scene.parameters().section("tooth_passing");
   for (const char* key : {"teeth", "amplitude", "phase"}) section.allow(key);
   const double teeth = section.integer("teeth", 1, 10000);
-  const Expression amplitude = scene.quantity(section, "amplitude", Range::between(0.0, 1.0));
-  double phase = section.number("phase", Range::any(), 0.0);
+  const Expression amplitude = scene.quantity(section, "amplitude", Range::between(0.0, 1.0, "1"));
+  double phase = section.number("phase", Range::any("rad"), 0.0);
   // Added to a large phase the angle would be lost in rounding.
   if (std::abs(phase) > 4.0) phase = std::atan2(std::sin(phase), std::cos(phase));
   section.finish();
@@ -39,17 +39,17 @@ void CuttingTorque::build(LawContext& scene) {
   scene.keys({"shaft", "torque", "begin", "ramp", "end", "tooth_passing", "regularization_speed"});
   ParameterReader& parameters = scene.parameters();
   const Shaft shaft = scene.shaft("shaft");
-  const Expression T = scene.quantity("torque", Range::notNegative());
-  const double begin = scene.number("begin");
-  const double ramp = scene.number("ramp", Range::positive());
+  const Expression T = scene.quantity("torque", Range::notNegative("N m"));
+  const double begin = scene.number("begin", Range::any("s"));
+  const double ramp = scene.number("ramp", Range::positive("s"));
   Expression E = scene.smoothStep(scene.time(), begin, begin + ramp);
   if (parameters.has("end")) {
-    const double end = scene.number("end", Range::atLeast(begin + ramp));
+    const double end = scene.number("end", Range::atLeast(begin + ramp, "s"));
     E -= scene.smoothStep(scene.time(), end, end + ramp);
   }
   Expression P = 1.0;
   if (parameters.has("tooth_passing")) P += readToothPassing(scene, shaft.angle);
-  const Expression w_0 = scene.quantity("regularization_speed", Range::positive(), 0.1);
+  const Expression w_0 = scene.quantity("regularization_speed", Range::positive("rad/s"), 0.1);
   scene.apply(shaft, -T * E * P * tanh(shaft.velocity / w_0));
 }
 

@@ -29,9 +29,10 @@ namespace {
 Expression readFriction(LawContext& scene, const Expression& w) {
   ParameterReader section = scene.parameters().section("friction");
   for (const char* key : {"constant", "linear", "regularization_speed"}) section.allow(key);
-  const Expression F_0 = scene.quantity(section, "constant", Range::notNegative());
-  const Expression F_1 = scene.quantity(section, "linear", Range::notNegative(), 0.0);
-  const Expression w_0 = scene.quantity(section, "regularization_speed", Range::positive(), 1.0);
+  const Expression F_0 = scene.quantity(section, "constant", Range::notNegative("N m"));
+  const Expression F_1 = scene.quantity(section, "linear", Range::notNegative("N m s/rad"), 0.0);
+  const Expression w_0 =
+      scene.quantity(section, "regularization_speed", Range::positive("rad/s"), 1.0);
   section.finish();
   return F_0 * tanh(w / w_0) + F_1 * w;
 }
@@ -40,8 +41,8 @@ Expression readFriction(LawContext& scene, const Expression& w) {
 Expression readGovernor(LawContext& scene, const Expression& w) {
   ParameterReader section = scene.parameters().section("idle_governor");
   for (const char* key : {"speed", "band"}) section.allow(key);
-  const double speed = section.number("speed", Range::positive());
-  const double band = section.number("band", Range::positive());
+  const double speed = section.number("speed", Range::positive("rad/s"));
+  const double band = section.number("band", Range::positive("rad/s"));
   section.finish();
   return scene.smoothStep(w, speed - band, speed + band);
 }
@@ -54,10 +55,10 @@ void DieselEngine::build(LawContext& scene) {
   const Shaft shaft = scene.shaft("shaft");
   const Expression w = shaft.velocity;
   ParameterReader full_load = parameters.section("full_load");
-  const Table T = Table::read(full_load, {"speed", Range::any()}, {"torque", Range::notNegative()},
-                              Table::Beyond::kConstant);
+  const Table T = Table::read(full_load, {"speed", Range::any("rad/s")},
+                              {"torque", Range::notNegative("N m")}, Table::Beyond::kConstant);
   full_load.finish();
-  Expression r = scene.quantity("rack", Range::between(0.0, 1.0));
+  Expression r = scene.quantity("rack", Range::between(0.0, 1.0, "1"));
   // r = u + (1 - u) g = 1 - (1 - u) S
   if (parameters.has("idle_governor")) r = 1.0 - (1.0 - r) * readGovernor(scene, w);
   scene.output("rack", r);

@@ -21,8 +21,8 @@ namespace variator_sim {
 void ElasticCoupling::build(LawContext& scene) {
   scene.keys({"shafts", "stiffness", "damping", "ratio"});
   const std::vector<Shaft> shafts = scene.shafts("shafts", 2);
-  const Expression k = scene.quantity("stiffness", Range::positive());
-  const Expression c = scene.quantity("damping", Range::notNegative(), 0.0);
+  const Expression k = scene.quantity("stiffness", Range::positive("N m/rad"));
+  const Expression c = scene.quantity("damping", Range::notNegative("N m s/rad"), 0.0);
   const Expression i = readRatio(scene);
   const Expression twist = shafts[0].angle - i * shafts[1].angle;
   const Expression T = k * twist + c * (shafts[0].velocity - i * shafts[1].velocity);

@@ -65,22 +65,22 @@ void Friction::build(LawContext& scene) {
   }
   const Expression w =
       is_coupling ? shafts[0].velocity - i * shafts[1].velocity : shafts[0].velocity;
-  const Expression coulomb = scene.quantity("coulomb", Range::notNegative(), 0.0);
+  const Expression coulomb = scene.quantity("coulomb", Range::notNegative("N m"), 0.0);
   Expression level = coulomb;
   Expression T_s;
   Expression w_s;
   if (parameters.has("static")) {
     const double least = coulomb.isConstant() ? coulomb.value() : 0.0;
-    T_s = scene.quantity("static", Range::atLeast(least));
-    w_s = scene.quantity("stribeck_speed", Range::positive());
+    T_s = scene.quantity("static", Range::atLeast(least, "N m"));
+    w_s = scene.quantity("stribeck_speed", Range::positive("rad/s"));
     const Expression x = w / w_s;
     level += (T_s - coulomb) * exp(-(x * x));
   } else if (parameters.has("stribeck_speed")) {
     throw SceneError(parameters.keyPath("stribeck_speed"),
                      "belongs to 'static', which is missing; allowed: both or neither");
   }
-  const Expression b = scene.quantity("viscous", Range::notNegative(), 0.0);
-  const Expression w_0 = scene.quantity("regularization_speed", Range::positive(), 0.01);
+  const Expression b = scene.quantity("viscous", Range::notNegative("N m s/rad"), 0.0);
+  const Expression w_0 = scene.quantity("regularization_speed", Range::positive("rad/s"), 0.01);
   if (parameters.has("static") && coulomb.isConstant() && T_s.isConstant() && w_s.isConstant() &&
       w_0.isConstant()) {
     checkPeak(scene, coulomb.value(), T_s.value(), w_s.value(), w_0.value());

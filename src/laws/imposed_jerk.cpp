@@ -25,7 +25,7 @@ void ImposedJerk::build(LawContext& scene) {
                          "belongs to 'velocity_change', which is not given");
       }
     }
-    scene.constrain(shaft.jerk - scene.quantity("jerk"));
+    scene.constrain(shaft.jerk - scene.quantity("jerk", Range::any("rad/s^3")));
     return;
   }
   if (parameters.has("jerk")) {
@@ -34,9 +34,9 @@ void ImposedJerk::build(LawContext& scene) {
                      "them");
   }
   constexpr double kTwoPi = 6.283185307179586;
-  const Expression change = scene.quantity("velocity_change");
-  const double T = scene.number("duration", Range::positive());
-  const double start = scene.number("start", Range::notNegative(), 0.0);
+  const Expression change = scene.quantity("velocity_change", Range::any("rad/s"));
+  const double T = scene.number("duration", Range::positive("s"));
+  const double start = scene.number("start", Range::notNegative("s"), 0.0);
   // Before and after, z rests at a zero of its sine.
   const Expression z = clamp((scene.time() - start) * (kTwoPi / T), 0.0, kTwoPi);
   scene.constrain(shaft.jerk - kTwoPi / (T * T) * change * sin(z));

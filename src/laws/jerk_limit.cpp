@@ -12,9 +12,9 @@ namespace variator_sim {
 
 void JerkLimit::build(LawContext& scene) {
   const Shaft shaft = scene.shaft("shaft");
-  const Expression j = scene.quantity("limit", Range::positive());
-  const Expression tau = scene.quantity("time_constant", Range::positive());
-  const Expression a = scene.quantity("acceleration");
+  const Expression j = scene.quantity("limit", Range::positive("rad/s^3"));
+  const Expression tau = scene.quantity("time_constant", Range::positive("s"));
+  const Expression a = scene.quantity("acceleration", Range::any("rad/s^2"));
   scene.constrain(shaft.jerk - j * tanh((a - shaft.acceleration) / (j * tau)));
 }
 

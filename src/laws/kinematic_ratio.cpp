@@ -13,7 +13,7 @@ namespace variator_sim {
 
 void KinematicRatio::build(LawContext& scene) {
   const std::vector<Shaft> s = scene.shafts("shafts", 2);
-  const Expression i = scene.quantity("ratio");
+  const Expression i = scene.quantity("ratio", Range::any("1"));
   scene.constrain(s[1].velocity - i * s[0].velocity);
   scene.output("ratio", i);
 }

@@ -37,14 +37,14 @@ std::vector<Shaft> LawContext::shafts(const std::string& key, int count) {
   return shafts;
 }
 
-Expression LawContext::quantity(ParameterReader& section, const std::string& key, Range range,
-                                std::optional<double> default_value) {
+Expression LawContext::quantity(ParameterReader& section, const std::string& key,
+                                const Range& range, std::optional<double> default_value) {
   if (!default_value || section.has(key)) return readQuantity(context_, section, key, range);
   return section.number(key, range, default_value);
 }
 
-Expression LawContext::command() {
-  const int input = context_.addInput(readCommandInput(parameters(), context_.name()));
+Expression LawContext::command(const Range& range) {
+  const int input = context_.addInput(readCommandInput(parameters(), context_.name(), range));
   return variable(slotOf(Source::kInput, input));
 }
 

@@ -43,9 +43,9 @@ double readDirection(ParameterReader& parameters) {
 /// M = 2 M_k x / (1 + x^2),  x = s/s_k
 Expression readKloss(LawContext& scene, const Expression& w) {
   scene.keys({"breakdown_torque", "synchronous_speed", "critical_slip", "command"});
-  const Expression M_k = scene.quantity("breakdown_torque", Range::positive());
-  const Expression w_s = scene.quantity("synchronous_speed", Range::positive());
-  const Expression s_k = scene.quantity("critical_slip", Range::positive());
+  const Expression M_k = scene.quantity("breakdown_torque", Range::positive("N m"));
+  const Expression w_s = scene.quantity("synchronous_speed", Range::positive("rad/s"));
+  const Expression s_k = scene.quantity("critical_slip", Range::positive("1"));
   const Expression x = 1.0 / s_k - w / (s_k * w_s);
   return 2.0 * M_k * x / (1.0 + x * x);
 }
@@ -55,8 +55,9 @@ Expression readTable(LawContext& scene, const Expression& w) {
   ParameterReader section = scene.parameters().section("table");
   for (const char* key : {"speed", "torque", "beyond"}) section.allow(key);
   const bool levels = section.choice("beyond", {"constant", "linear"}, "constant") == "constant";
-  const Table table = Table::read(section, {"speed", Range::any()}, {"torque", Range::any()},
-                                  levels ? Table::Beyond::kConstant : Table::Beyond::kLinear);
+  const Table table =
+      Table::read(section, {"speed", Range::any("rad/s")}, {"torque", Range::any("N m")},
+                  levels ? Table::Beyond::kConstant : Table::Beyond::kLinear);
   section.finish();
   return scene.lookUp(table, w);
 }
@@ -64,8 +65,8 @@ Expression readTable(LawContext& scene, const Expression& w) {
 /// M = M_0 (1 - w/w_0)
 Expression readLine(LawContext& scene, const Expression& w) {
   scene.keys({"stall_torque", "no_load_speed", "command"});
-  const Expression M_0 = scene.quantity("stall_torque", Range::positive());
-  return M_0 - M_0 / scene.quantity("no_load_speed", Range::positive()) * w;
+  const Expression M_0 = scene.quantity("stall_torque", Range::positive("N m"));
+  return M_0 - M_0 / scene.quantity("no_load_speed", Range::positive("rad/s")) * w;
 }
 
 bool isCircuit(const ParameterReader& parameters) {
@@ -76,9 +77,9 @@ bool isCircuit(const ParameterReader& parameters) {
 /// k (U - k w)/R
 Expression readCircuit(LawContext& scene, const Expression& w) {
   scene.keys({"torque_constant", "resistance", "voltage"});
-  const Expression k = scene.quantity("torque_constant", Range::positive());
-  const Expression R = scene.quantity("resistance", Range::positive());
-  return k / R * scene.quantity("voltage") - k * (k / R) * w;
+  const Expression k = scene.quantity("torque_constant", Range::positive("N m/A"));
+  const Expression R = scene.quantity("resistance", Range::positive("ohm"));
+  return k / R * scene.quantity("voltage", Range::any("V")) - k * (k / R) * w;
 }
 
 }  // namespace
@@ -97,7 +98,7 @@ void MotorCurve::build(LawContext& scene) {
   const Expression M = characteristic == "kloss"   ? readKloss(scene, w)
                        : characteristic == "table" ? readTable(scene, w)
                                                    : readLine(scene, w);
-  const Expression u = scene.quantity("command", Range::between(0.0, 1.0), 1.0);
+  const Expression u = scene.quantity("command", Range::between(0.0, 1.0, "1"), 1.0);
   scene.apply(shaft, d * (u * M));
 }
 

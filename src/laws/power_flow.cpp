@@ -23,7 +23,7 @@ void PowerFlow::build(LawContext& scene) {
   scene.keys({"power", "efficiency", "smoothing_power"});
   ParameterReader& parameters = scene.parameters();
   const std::vector<Shaft> s = scene.shafts("shafts", 2);
-  const std::vector<double> J = parameters.numbers("inertias", 2, Range::positive());
+  const std::vector<double> J = parameters.numbers("inertias", 2, Range::positive("kg m^2"));
   const Expression given = -J[0] * s[0].velocity * s[0].acceleration;
   const Expression taken = J[1] * s[1].velocity * s[1].acceleration;
   scene.output("power_given", given);
@@ -33,15 +33,15 @@ void PowerFlow::build(LawContext& scene) {
       throw SceneError(parameters.keyPath("smoothing_power"),
                        "belongs to 'efficiency', which is not given");
     }
-    scene.constrain(taken - given - scene.quantity("power"));
+    scene.constrain(taken - given - scene.quantity("power", Range::any("W")));
     return;
   }
   if (parameters.has("power")) {
     throw SceneError(parameters.keyPath("power"),
                      "and 'efficiency' are two forms of this constraint; allowed: one of them");
   }
-  const Expression eta = scene.quantity("efficiency", Range{0.0, 1.0, false, true});
-  const Expression p_0 = scene.quantity("smoothing_power", Range::positive());
+  const Expression eta = scene.quantity("efficiency", Range{0.0, 1.0, false, true, "1"});
+  const Expression p_0 = scene.quantity("smoothing_power", Range::positive("W"));
   scene.constrain(taken - 0.5 * (1.0 / eta + eta) * given +
                   0.5 * (1.0 / eta - eta) * (sqrt(given * given + p_0 * p_0) - p_0));
 }

@@ -27,8 +27,8 @@ namespace {
 Expression readAdvance(LawContext& scene) {
   ParameterReader section = scene.parameters().section("advance");
   for (const char* key : {"speed", "slope"}) section.allow(key);
-  const Expression V = scene.quantity(section, "speed", Range::any());
-  const Expression K_Q1 = scene.quantity(section, "slope", Range::notNegative());
+  const Expression V = scene.quantity(section, "speed", Range::any("m/s"));
+  const Expression K_Q1 = scene.quantity(section, "slope", Range::notNegative("1"));
   section.finish();
   return K_Q1 * V;
 }
@@ -45,17 +45,17 @@ void Propeller::build(LawContext& scene) {
   Expression m = 0.0;
   if (parameters.has("coefficient") || !parameters.has("torque_coefficient")) {
     scene.keys({"coefficient"});
-    k = scene.quantity("coefficient", Range::notNegative());
+    k = scene.quantity("coefficient", Range::notNegative("N m s^2/rad^2"));
   } else {
     scene.keys({"torque_coefficient", "diameter", "density", "advance"});
     constexpr double turn = 2.0 * 3.14159265358979323846;
-    const Expression K_Q0 = scene.quantity("torque_coefficient", Range::notNegative());
-    const double D = scene.number("diameter", Range::positive());
-    const Expression density = scene.quantity("density", Range::positive(), 1025.0);
+    const Expression K_Q0 = scene.quantity("torque_coefficient", Range::notNegative("1"));
+    const double D = scene.number("diameter", Range::positive("m"));
+    const Expression density = scene.quantity("density", Range::positive("kg/m^3"), 1025.0);
     k = density * K_Q0 * (D * D * D * D * D / (turn * turn));
     if (has_advance) m = density * readAdvance(scene) * (D * D * D * D / turn);
   }
-  const Range speeds = has_advance ? Range::positive() : Range::notNegative();
+  const Range speeds = has_advance ? Range::positive("rad/s") : Range::notNegative("rad/s");
   const double w_0 = has_advance ? scene.number("regularization_speed", speeds)
                                  : scene.number("regularization_speed", speeds, 0.0);
   const Expression a = w_0 > 0.0 ? w * w / sqrt(w * w + w_0 * w_0) : abs(w);

@@ -19,7 +19,7 @@ Expression inputVariable(ComponentContext& context, int index) {
   return {graph, graph.variable(slotOf(Source::kInput, index))};
 }
 
-Expression readCommanded(ComponentContext& context, ParameterReader& section, Range range) {
+Expression readCommanded(ComponentContext& context, ParameterReader& section, const Range& range) {
   for (const char* known : {"times", "values", "input", "topic"}) section.allow(known);
   const CommandInputSettings settings = readCommandInput(section, context.name(), range);
   section.finish();
@@ -32,7 +32,7 @@ Expression readCommanded(ComponentContext& context, ParameterReader& section, Ra
 }
 
 /// Returns one of the scene's inputs, whose own limits have to stay within `range`.
-Expression readShared(ComponentContext& context, ParameterReader& section, Range range) {
+Expression readShared(ComponentContext& context, ParameterReader& section, const Range& range) {
   const std::string path = section.keyPath("input");
   const std::string name = section.text("input");
   section.finish();
@@ -50,7 +50,7 @@ Expression readShared(ComponentContext& context, ParameterReader& section, Range
 }  // namespace
 
 Expression readQuantity(ComponentContext& context, ParameterReader& section, const std::string& key,
-                        Range range) {
+                        const Range& range) {
   using Kind = ParameterTree::Kind;
   const std::string expected =
       "a number (" + range.toText() +
@@ -76,7 +76,7 @@ Expression readQuantity(ComponentContext& context, ParameterReader& section, con
   }
   ParameterReader dictionary = section.section(key);
   if (dictionary.has("times") || dictionary.has("values")) {
-    const Table table = Table::read(dictionary, {"times", Range::any()}, {"values", range},
+    const Table table = Table::read(dictionary, {"times", Range::any("s")}, {"values", range},
                                     Table::Beyond::kConstant);
     dictionary.finish();
     Graph& graph = *context.graph();

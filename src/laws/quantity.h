@@ -11,6 +11,6 @@ namespace variator_sim {
 /// Reads the quantity at `key` of `section`, a dictionary of the component's; law_context.h lists
 /// its forms and explains `range`. Throws SceneError.
 Expression readQuantity(ComponentContext& context, ParameterReader& section, const std::string& key,
-                        Range range);
+                        const Range& range);
 
 }  // namespace variator_sim

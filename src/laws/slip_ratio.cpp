@@ -14,8 +14,8 @@ namespace variator_sim {
 
 void SlipRatio::build(LawContext& scene) {
   const std::vector<Shaft> s = scene.shafts("shafts", 2);
-  const Expression tau = scene.quantity("time_constant", Range::positive());
-  const Expression i = scene.quantity("ratio");
+  const Expression tau = scene.quantity("time_constant", Range::positive("s"));
+  const Expression i = scene.quantity("ratio", Range::any("1"));
   const Expression slip = s[1].velocity - i * s[0].velocity;
   scene.constrain(tau * (s[1].acceleration - i * s[0].acceleration) + slip);
   scene.output("slip", slip);

@@ -25,14 +25,14 @@ namespace variator_sim {
 void TractionCurve::build(LawContext& scene) {
   const std::vector<Shaft> s = scene.shafts("shafts", 2);
   const Expression w = s[1].velocity;
-  const Expression i = scene.quantity("ratio");
-  const Expression J_b = scene.quantity("inertia", Range::positive());
-  const Expression g = scene.quantity("sharpness", Range{0.0, 100.0, false, true}, 2.0);
-  const Expression s_n = scene.quantity("nominal_slip", Range{0.0, 1.0, false, false});
-  const Expression M_n = scene.quantity("nominal_torque", Range::positive());
-  const Expression L = scene.quantity("load", Range::any(), 0.0);
-  const Expression k = scene.quantity("load_square", Range::notNegative(), 0.0);
-  const Expression w_r = scene.quantity("regularization_speed", Range::positive(), 0.1);
+  const Expression i = scene.quantity("ratio", Range::any("1"));
+  const Expression J_b = scene.quantity("inertia", Range::positive("kg m^2"));
+  const Expression g = scene.quantity("sharpness", Range{0.0, 100.0, false, true, "1"}, 2.0);
+  const Expression s_n = scene.quantity("nominal_slip", Range{0.0, 1.0, false, false, "1"});
+  const Expression M_n = scene.quantity("nominal_torque", Range::positive("N m"));
+  const Expression L = scene.quantity("load", Range::any("N m"), 0.0);
+  const Expression k = scene.quantity("load_square", Range::notNegative("N m s^2/rad^2"), 0.0);
+  const Expression w_r = scene.quantity("regularization_speed", Range::positive("rad/s"), 0.1);
   Expression M = J_b * s[1].acceleration + L;
   if (!(k.isConstant() && k.value() == 0.0)) M += k * w * w * w / sqrt(w * w + w_r * w_r);
   const Expression slip = s_n / sinh(g) * sinh(M * (g / M_n));

@@ -24,15 +24,16 @@ void VBeltRatio::build(LawContext& scene) {
   scene.keys({"load", "load_torque"});
   ParameterReader& parameters = scene.parameters();
   const std::vector<Shaft> s = scene.shafts("shafts", 2);
-  const Expression i_1 = scene.quantity("ratio_low", Range::positive());
+  const Expression i_1 = scene.quantity("ratio_low", Range::positive("1"));
   const double least = i_1.isConstant() ? i_1.value() : 0.0;
   const Expression i_2 = scene.quantity(
-      "ratio_high", Range{least, std::numeric_limits<double>::infinity(), false, true});
-  const Expression speed = s[0].velocity / scene.quantity("speed", Range::positive());
-  const Expression width = scene.quantity("width", Range::positive(), 0.5);
+      "ratio_high", Range{least, std::numeric_limits<double>::infinity(), false, true, "1"});
+  const Expression speed = s[0].velocity / scene.quantity("speed", Range::positive("rad/s"));
+  const Expression width = scene.quantity("width", Range::positive("1"), 0.5);
   Expression y = speed * speed - 1.0;
   if (parameters.has("load")) {
-    y -= scene.quantity("load") / scene.quantity("load_torque", Range::positive());
+    y -= scene.quantity("load", Range::any("N m")) /
+         scene.quantity("load_torque", Range::positive("N m"));
   } else if (parameters.has("load_torque")) {
     throw SceneError(parameters.keyPath("load_torque"), "belongs to 'load', which is not given");
   }

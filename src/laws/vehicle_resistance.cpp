@@ -34,7 +34,7 @@ constexpr double kGravity = 9.80665;  // m/s^2, standard
 
 /// Reads tan alpha. Vehicles run on slopes up to 45 degrees.
 Expression readGrade(LawContext& scene) {
-  const Range grades = Range::between(-1.0, 1.0);
+  const Range grades = Range::between(-1.0, 1.0, "1");
   ParameterReader& parameters = scene.parameters();
   const ParameterTree* tree = parameters.raw("grade");
   const bool is_table = tree != nullptr && tree->kind() == ParameterTree::Kind::kDictionary &&
@@ -42,7 +42,7 @@ Expression readGrade(LawContext& scene) {
   if (!is_table) return scene.quantity("grade", grades, 0.0);
   ParameterReader section = parameters.section("grade");
   const Table table =
-      Table::read(section, {"time", Range::any()}, {"grade", grades}, Table::Beyond::kConstant);
+      Table::read(section, {"time", Range::any("s")}, {"grade", grades}, Table::Beyond::kConstant);
   section.finish();
   return scene.lookUp(table, scene.time());
 }
@@ -50,18 +50,19 @@ Expression readGrade(LawContext& scene) {
 /// (A + C v^2) s + B v
 Expression readDavis(LawContext& scene, const Expression& v, const Expression& s) {
   scene.keys({"constant", "linear", "quadratic"});
-  const Expression A = scene.quantity("constant", Range::notNegative());
-  const Expression B = scene.quantity("linear", Range::notNegative());
-  return (A + scene.quantity("quadratic", Range::notNegative()) * v * v) * s + B * v;
+  const Expression A = scene.quantity("constant", Range::notNegative("N"));
+  const Expression B = scene.quantity("linear", Range::notNegative("N s/m"));
+  return (A + scene.quantity("quadratic", Range::notNegative("N s^2/m^2")) * v * v) * s + B * v;
 }
 
 /// (c_rr m g cos alpha + c_w v^2) s
 Expression readRoad(LawContext& scene, const Expression& v, const Expression& s,
                     const Expression& pressing) {
   scene.keys({"rolling_coefficient", "drag_area", "air_density"});
-  const Expression c_rr = scene.quantity("rolling_coefficient", Range::notNegative());
-  const Expression drag_area = scene.quantity("drag_area", Range::notNegative());
-  const Expression c_w = 0.5 * drag_area * scene.quantity("air_density", Range::positive(), 1.2);
+  const Expression c_rr = scene.quantity("rolling_coefficient", Range::notNegative("1"));
+  const Expression drag_area = scene.quantity("drag_area", Range::notNegative("m^2"));
+  const Expression c_w =
+      0.5 * drag_area * scene.quantity("air_density", Range::positive("kg/m^3"), 1.2);
   return (c_rr * pressing + c_w * v * v) * s;
 }
 
@@ -72,12 +73,13 @@ void VehicleResistance::build(LawContext& scene) {
   ParameterReader& parameters = scene.parameters();
   const Shaft shaft = scene.shaft("shaft");
   const std::string law = parameters.choice("law", {"davis", "road"});
-  const Expression rho = scene.quantity("wheel_radius", Range::positive()) / readRatio(scene);
+  const Expression rho = scene.quantity("wheel_radius", Range::positive("m")) / readRatio(scene);
   const Expression v = rho * shaft.velocity;
-  const Expression s = tanh(v / scene.quantity("regularization_speed", Range::positive(), 0.1));
+  const Expression s =
+      tanh(v / scene.quantity("regularization_speed", Range::positive("m/s"), 0.1));
   Expression weight = 0.0;
   if (law == "road" || parameters.has("grade") || parameters.has("mass")) {
-    weight = kGravity * scene.quantity("mass", Range::positive());
+    weight = kGravity * scene.quantity("mass", Range::positive("kg"));
   }
   const Expression grade = readGrade(scene);
   const Expression cosine = 1.0 / sqrt(1.0 + grade * grade);

@@ -103,12 +103,13 @@ std::string describeClamped(const CommandInputSettings& settings, double command
 }
 
 CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner,
-                                      Range allowed) {
+                                      const Range& allowed) {
   // All keys are known from the start, so that a missing one can be told from a misspelt one.
   for (const char* key : {"topic", "hold", "time_constant", "rate", "period", "initial", "min",
                           "max", "timeout", "on_timeout"}) {
     reader.allow(key);
   }
+  const std::string& unit = allowed.unit;
   CommandInputSettings settings;
   settings.owner = owner;
   settings.topic = readTopic(reader);
@@ -122,13 +123,13 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
       break;
     case Hold::kFirstOrderLag:
     case Hold::kSecondOrderLag:
-      settings.time_constant = reader.number(hold.own_key, Range::positive());
+      settings.time_constant = reader.number(hold.own_key, Range::positive("s"));
       break;
     case Hold::kRateLimit:
-      settings.rate = reader.number(hold.own_key, Range::positive());
+      settings.rate = reader.number(hold.own_key, Range::positive(unit.empty() ? "" : unit + "/s"));
       break;
     case Hold::kFirstOrderHold:
-      settings.period = reader.number(hold.own_key, Range::positive());
+      settings.period = reader.number(hold.own_key, Range::positive("s"));
       break;
   }
 
@@ -137,11 +138,11 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
   if (reader.has("min")) limits.minimum = reader.number("min", allowed);
   if (reader.has("max")) {
     reader.number("max", allowed);
-    limits.maximum = reader.number("max", Range::atLeast(limits.minimum));
+    limits.maximum = reader.number("max", Range::atLeast(limits.minimum, unit));
   }
   settings.minimum = std::max(limits.minimum, allowed.minimum);
   settings.maximum = std::min(limits.maximum, allowed.maximum);
-  settings.initial = reader.number("initial", Range::any(), 0.0);
+  settings.initial = reader.number("initial", Range::any(unit), 0.0);
   const auto check = [&](const char* key, double value, const std::string& shown,
                          const char* else_allowed) {
     for (const Range& range : {limits, allowed}) {
@@ -155,7 +156,7 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
   check("initial", settings.initial,
         formatNumber(settings.initial) + (reader.has("initial") ? "" : " (the default)"), "");
 
-  settings.timeout = reader.number("timeout", Range::notNegative(), 0.0);
+  settings.timeout = reader.number("timeout", Range::notNegative("s"), 0.0);
   settings.on_timeout = reader.choice("on_timeout", {"hold", "zero"}, "hold") == "zero"
                             ? OnTimeout::kZero
                             : OnTimeout::kHold;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "variator_sim/nearest_name.h"
+#include "variator_sim/units.h"
 
 namespace variator_sim {
 std::string elementPath(const std::string& list, std::size_t index) {
@@ -61,6 +62,63 @@ bool findNumber(const ParameterTree& value, double* number) {
   const bool is_integer = value.kind() == ParameterTree::Kind::kInteger;
   *number = is_integer ? static_cast<double>(value.asInteger()) : value.asReal();
   return is_integer || value.kind() == ParameterTree::Kind::kReal;
+}
+
+/// A number with a unit behind it.
+struct Quantity {
+  double number = 0.0;
+  std::string name;  ///< of the unit, as written
+  UnitText unit;
+};
+
+/// Returns nothing for a value of another form.
+std::optional<Quantity> findQuantity(const ParameterTree& value) {
+  const std::string& text = value.asText();
+  const std::size_t begin = text.size() > 1 && text.front() == '+' && text[1] != '-' ? 1 : 0;
+  Quantity found;
+  const auto [end, error] =
+      std::from_chars(text.data() + begin, text.data() + text.size(), found.number);
+  if (error != std::errc()) return {};
+  const std::size_t name = text.find_first_not_of(' ', static_cast<std::size_t>(end - text.data()));
+  if (name == text.npos) return {};
+  found.name = text.substr(name);
+  const std::optional<UnitText> unit = readUnit(found.name);
+  if (!unit) return {};
+  found.unit = *unit;
+  return found;
+}
+
+/// The same for a value that may be a formula: "2x" is one that lacks its '*'.
+std::optional<Quantity> findQuantityOrFormula(const ParameterTree& value) {
+  std::optional<Quantity> found = findQuantity(value);
+  if (found && !found->unit.unknown.empty() && suggestUnit(found->unit.unknown).empty()) return {};
+  return found;
+}
+
+/// Returns a number with a unit in SI units. Throws SceneError if the unit does not fit.
+double toSi(const Quantity& given, const std::string& unit, const std::string& path,
+            const ParameterTree& value, const std::string& allowed) {
+  if (unit.empty()) {
+    throw SceneError(path,
+                     value.toText() + " has a unit, and none is declared for this key; allowed: " +
+                         allowed + " without a unit" +
+                         (given.unit.unknown.empty()
+                              ? ", in SI units " + formatNumber(given.unit.unit.toSi(given.number))
+                              : ""));
+  }
+  const bool is_plain = unit == "1";
+  const std::string fitting = "; allowed: " + allowed + ", plain" +
+                              (is_plain ? "" : " (" + unit + ")") + " or with a unit such as " +
+                              listUnitsLike(unit);
+  if (!given.unit.unknown.empty()) {
+    throw SceneError(path, value.toText() + ": " + inQuotes(given.unit.unknown) +
+                               " is not a known unit" + suggestUnit(given.unit.unknown) + fitting);
+  }
+  if (given.unit.unit.dimension != readUnit(unit)->unit.dimension) {
+    throw SceneError(path, value.toText() + " is in " + given.name + ", but this key is " +
+                               (is_plain ? "a number without a unit" : "in " + unit) + fitting);
+  }
+  return given.unit.unit.toSi(given.number);
 }
 
 /// True when a YAML reader would take the bare text as this text.
@@ -240,7 +298,8 @@ bool ParameterReader::has(const std::string& key) const {
 bool ParameterReader::isNumber(const std::string& key) const {
   if (!has(key)) return false;
   double unused = 0.0;
-  return findNumber(tree_->asDictionary().at(key), &unused);
+  const ParameterTree& value = tree_->asDictionary().at(key);
+  return findNumber(value, &unused) || findQuantityOrFormula(value);
 }
 
 void ParameterReader::noteKeys(std::set<std::string>* paths) {
@@ -276,12 +335,17 @@ const ParameterTree& ParameterReader::require(const std::string& key, const std:
                                                              " meant for " + inQuotes(key) + "?)"));
 }
 
-double ParameterReader::toNumber(const ParameterTree& value, const std::string& path, Range range) {
+double ParameterReader::toNumber(const ParameterTree& value, const std::string& path,
+                                 const Range& range) {
   double number = 0.0;
-  const bool is_number = findNumber(value, &number);
   const bool any = range.toText() == Range::any().toText();
-  const std::string allowed = any ? "a finite number" : "a number " + range.toText();
-  if (!is_number) throw SceneError(path, "expected " + allowed + ", " + describe(value));
+  std::string allowed = any ? "a finite number" : "a number " + range.toText();
+  if (!findNumber(value, &number)) {
+    const std::optional<Quantity> quantity = findQuantity(value);
+    if (!quantity) throw SceneError(path, "expected " + allowed + ", " + describe(value));
+    number = toSi(*quantity, range.unit, path, value, allowed);
+    if (range.unit != "1") allowed += " in " + range.unit;
+  }
   if (!std::isfinite(number)) {
     throw SceneError(path, value.toText() + " is not a finite number; allowed: " + allowed);
   }
@@ -291,7 +355,7 @@ double ParameterReader::toNumber(const ParameterTree& value, const std::string& 
   return noteNumber(path, number);
 }
 
-double ParameterReader::number(const std::string& key, Range range,
+double ParameterReader::number(const std::string& key, const Range& range,
                                std::optional<double> default_value) {
   if (raw(key) == nullptr && default_value) return noteNumber(keyPath(key), *default_value);
   const bool any = range.toText() == Range::any().toText();
@@ -332,10 +396,13 @@ std::string ParameterReader::text(const std::string& key,
   return requireText(require(key, "a text"), keyPath(key));
 }
 
-std::string ParameterReader::formula(const std::string& key) {
+std::string ParameterReader::formula(const std::string& key, const std::string& unit) {
   const ParameterTree& value = require(key, "a formula (a text or a number)");
   switch (value.kind()) {
     case ParameterTree::Kind::kText:
+      if (findQuantityOrFormula(value)) {
+        return formatNumber(toNumber(value, keyPath(key), Range::any(unit)));
+      }
       return value.asText();
     case ParameterTree::Kind::kInteger:
       return std::to_string(value.asInteger());
@@ -361,7 +428,7 @@ std::string ParameterReader::choice(const std::string& key, const std::vector<st
 }
 
 std::vector<double> ParameterReader::numbers(const std::string& key, std::size_t size,
-                                             Range range) {
+                                             const Range& range) {
   const std::string what =
       "a list of " + std::to_string(size) + (size == 1 ? " number" : " numbers");
   const ParameterTree& value = require(key, what);

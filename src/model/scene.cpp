@@ -87,8 +87,9 @@ SolverSettings readSolver(ParameterReader& root) {
       reader.number("relative_tolerance", Range::between(1e-14, 0.1), settings.relative_tolerance);
   settings.absolute_tolerance =
       reader.number("absolute_tolerance", Range::notNegative(), settings.absolute_tolerance);
-  settings.step = reader.number("step", Range::positive(), settings.step);
-  settings.maximum_step = reader.number("maximum_step", Range::positive(), settings.maximum_step);
+  settings.step = reader.number("step", Range::positive("s"), settings.step);
+  settings.maximum_step =
+      reader.number("maximum_step", Range::positive("s"), settings.maximum_step);
   settings.maximum_steps =
       reader.integer("maximum_steps", 1, std::numeric_limits<int>::max(), settings.maximum_steps);
   settings.sleep = reader.boolean("sleep", settings.sleep);
@@ -104,10 +105,11 @@ InitialConditions readInitial(ParameterReader& root, std::size_t shaft_count) {
   if (!root.has("initial")) return initial;
   ParameterReader reader = root.section("initial");
   for (const char* key : {"angle", "velocity", "acceleration", "project"}) reader.allow(key);
-  if (reader.has("angle")) initial.angle = reader.numbers("angle", shaft_count);
-  if (reader.has("velocity")) initial.velocity = reader.numbers("velocity", shaft_count);
+  if (reader.has("angle")) initial.angle = reader.numbers("angle", shaft_count, Range::any("rad"));
+  if (reader.has("velocity"))
+    initial.velocity = reader.numbers("velocity", shaft_count, Range::any("rad/s"));
   if (reader.has("acceleration")) {
-    initial.acceleration = reader.numbers("acceleration", shaft_count);
+    initial.acceleration = reader.numbers("acceleration", shaft_count, Range::any("rad/s^2"));
   }
   initial.project = reader.boolean("project", initial.project);
   reader.finish();

@@ -92,13 +92,13 @@ ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
   ShaftInertia inertia;
   const ParameterTree* value = reader.raw("inertia");
   if (value == nullptr || value->kind() != ParameterTree::Kind::kDictionary) {
-    inertia.mean = inertia.least = reader.number("inertia", Range::positive());
+    inertia.mean = inertia.least = reader.number("inertia", Range::positive("kg m^2"));
     reader.finish();
     return inertia;
   }
   ParameterReader parts = reader.section("inertia");
   for (const char* key : {"mean", "harmonics"}) parts.allow(key);
-  inertia.mean = parts.number("mean", Range::positive());
+  inertia.mean = parts.number("mean", Range::positive("kg m^2"));
   const ParameterTree* harmonics = parts.raw("harmonics");
   if (harmonics != nullptr && harmonics->kind() != ParameterTree::Kind::kNothing) {
     if (harmonics->kind() != ParameterTree::Kind::kList) {
@@ -111,8 +111,8 @@ ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
       for (const char* key : {"order", "cos", "sin"}) entry.allow(key);
       InertiaHarmonic harmonic;
       harmonic.order = entry.integer("order", 1, 1000);
-      harmonic.cosine = entry.number("cos", Range::any(), 0.0);
-      harmonic.sine = entry.number("sin", Range::any(), 0.0);
+      harmonic.cosine = entry.number("cos", Range::any("kg m^2"), 0.0);
+      harmonic.sine = entry.number("sin", Range::any("kg m^2"), 0.0);
       entry.finish();
       add(harmonic, &inertia.harmonics);
     }
@@ -201,7 +201,7 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least
     }
     coupled.push_back(pair);
     const double value =
-        ParameterReader::toNumber(coupling.asList()[2], elementPath(path, 2), Range::any());
+        ParameterReader::toNumber(coupling.asList()[2], elementPath(path, 2), Range::any("kg m^2"));
     (*J)(pair.first, pair.second) = value;
     (*J)(pair.second, pair.first) = value;
   }

@@ -32,9 +32,9 @@ NodeSettings readNodeSettings(const ParameterTree& tree) {
   ParameterReader reader(tree, "");
 
   settings.tick_rate = reader.number(
-      "tick_rate", Range::between(kSlowestTickRate, kFastestTickRate), settings.tick_rate);
+      "tick_rate", Range::between(kSlowestTickRate, kFastestTickRate, "Hz"), settings.tick_rate);
 
-  settings.publish_rate = reader.number("publish_rate", Range::any(),
+  settings.publish_rate = reader.number("publish_rate", Range::any("Hz"),
                                         std::min(settings.publish_rate, settings.tick_rate));
   const std::string rate_fault = findFaultOfPublishRate(settings.publish_rate, settings.tick_rate);
   if (!rate_fault.empty()) {

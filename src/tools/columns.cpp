@@ -80,6 +80,15 @@ std::vector<std::string> columnNames(const Simulation& simulation, const ColumnG
   return names;
 }
 
+std::vector<std::string> columnTitles(const Simulation& simulation, const ColumnGroups& groups) {
+  std::vector<std::string> titles = columnNames(simulation, groups);
+  for (const Output& output : simulation.scene().outputs) {
+    const auto found = std::find(titles.begin(), titles.end(), "outputs/" + output.name());
+    if (found != titles.end() && !output.unit().empty()) *found += " [" + output.unit() + "]";
+  }
+  return titles;
+}
+
 RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups)
     : has_state_(groups.state),
       has_errors_(groups.errors),

@@ -26,6 +26,9 @@ ColumnGroups readColumnGroups(const std::string& list);
 /// Returns "time" and the other columns, e.g. "drive/velocity", "outputs/ratio", "energy/kinetic".
 std::vector<std::string> columnNames(const Simulation& simulation, const ColumnGroups& groups);
 
+/// Returns the names with the units that outputs state: "outputs/speed [rpm]".
+std::vector<std::string> columnTitles(const Simulation& simulation, const ColumnGroups& groups);
+
 /// Writes one sample's values in the order of `columnNames`.
 class RowMaker {
  public:

@@ -19,7 +19,7 @@ constexpr std::size_t kLongestNumber = 24;
 
 std::string makeHeader(const Simulation& simulation, const ColumnGroups& columns) {
   std::string header;
-  for (const std::string& name : columnNames(simulation, columns)) {
+  for (const std::string& name : columnTitles(simulation, columns)) {
     header += (header.empty() ? "" : ",") + name;
   }
   return header + "\n";
