@@ -1,22 +1,34 @@
-/// Tables: a smooth function of one variable through given points.
+/// Tables: a function of one variable through given points.
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "variator_sim/errors.h"
 #include "variator_sim/guard.h"
 #include "variator_sim/parameter_tree.h"
+#include "variator_sim/units.h"
 
 namespace variator_sim {
 
-/// y(x) through points (x_k, y_k), x_k strictly increasing and spaced as one likes; two times
-/// continuously differentiable for every real x, the ends included: a torque law that reads it has
-/// a rate with a continuous derivative.
+/// The function between two points.
+enum class Interpolation {
+  kSmooth,  ///< two times continuously differentiable, as stated at the tables
+  kLinear,  ///< straight lines, with a kink at each point
+  kHold     ///< the value of the lower point, with a jump at each point
+};
+
+/// y(x) through points (x_k, y_k), x_k strictly increasing and spaced as one likes. Kinks and jumps
+/// of kLinear and kHold are events of the motion (expression/guards.h).
 ///
-/// Between two points a polynomial of degree five with the values y_k, the slopes s_k and the
-/// second derivatives q_k at both. With h the width of an interval, d = (y_{k+1} - y_k) / h its
-/// slope, l and r the intervals left and right of point k:
+/// kSmooth is two times continuously differentiable for every real x, the ends included: a torque
+/// law that reads it has a rate with a continuous derivative. Between two points a polynomial of
+/// degree five with the values y_k, the slopes s_k and the second derivatives q_k at both. With h
+/// the width of an interval, d = (y_{k+1} - y_k) / h its slope, l and r the intervals left and
+/// right of point k:
 ///     s_k = (h_r d_l + h_l d_r) / (h_l + h_r)   (the parabola through three points), limited to
 ///           0 <= s_k <= 5/4 min(d_l, d_r) where y rises; 0 where d_l d_r <= 0
 ///     q_k = 2 (d_r - d_l) / (h_l + h_r), limited in each neighbouring interval to what keeps the
@@ -29,37 +41,61 @@ namespace variator_sim {
 /// interpolation, Mathematics of Computation 52 (1989) 471-494.
 ///
 /// Beyond the ends:
-///     kConstant  the first and the last value; y levels off (s = q = 0) at both ends
+///     kConstant  the first and the last value; a smooth y levels off (s = q = 0) at both ends
 ///     kLinear    the straight lines through the first two and through the last two points
 class Table {
  public:
   enum class Beyond { kConstant, kLinear };
-  /// Degree of the polynomials: derivatives of higher order are 0.
+  /// Highest degree of the polynomials: derivatives of higher order are 0.
   static constexpr int kDegree = 5;
+  struct Shape {
+    Shape(Beyond its_beyond, Interpolation its_interpolation = Interpolation::kSmooth)
+        : beyond(its_beyond), interpolation(its_interpolation) {}
+    Beyond beyond;
+    Interpolation interpolation;
+  };
   /// A list of numbers in a scene.
   struct Column {
     const char* key;
     Range range;
+    Unit unit = {};  ///< of the list's numbers
+  };
+  /// Points that were read, and the error that tells of entry `index` of `column`, "x", "y" or
+  /// "values", where it stands in the scene or in a file.
+  struct Points {
+    using Fault = std::function<SceneError(const char* column, std::size_t index,
+                                           const std::string& message)>;
+    std::vector<double> x;
+    std::vector<double> y;       ///< of a table of two variables
+    std::vector<double> values;  ///< of a table of two variables row by row, a value for each y
+    Fault fault;
   };
 
   /// Makes y = 0.
   Table() = default;
   /// Makes a table through the points (x, y), two at least, x strictly increasing.
-  static Table through(std::vector<double> x, const std::vector<double>& y, Beyond beyond);
+  static Table through(std::vector<double> x, const std::vector<double>& y, const Shape& shape);
+  /// Makes a table of points that were read at `origin` of a scene, two at least. Throws SceneError
+  /// unless x is strictly increasing.
+  static Table make(Points points, const Shape& shape, const std::string& origin);
   /// Reads two lists of equally many numbers, two at least, x strictly increasing.
   /// Throws SceneError.
-  static Table read(ParameterReader& reader, const Column& x, const Column& y, Beyond beyond);
+  static Table read(ParameterReader& reader, const Column& x, const Column& y, const Shape& shape);
 
   /// Evaluations allocate nothing and do not throw; NaN gives NaN. [loop]
   double value(double x) const { return derivative(0, x); }      ///< y
   double slope(double x) const { return derivative(1, x); }      ///< dy/dx
   double curvature(double x) const { return derivative(2, x); }  ///< d2y/dx2
-  /// Returns d^order y/dx^order; from the third on right-hand at the points, from the sixth on 0.
+  /// Returns d^order y/dx^order; right-hand where it jumps; from the sixth on 0.
   double derivative(int order, double x) const;
   /// Encloses that derivative over `x`; infinite if no better bound is cheap. [loop]
   Interval enclose(int order, const Interval& x) const;
-  /// Returns the x_k, at which the third derivative jumps; none of a table that was not read.
+  /// Returns the x_k, at which derivatives from that of order `smoothness` on jump.
   std::vector<double> points() const;
+  /// 3, of kLinear 1, of kHold 0.
+  int smoothness() const;
+  /// Highest order of a derivative that is not 0: 5, 1 or 0.
+  int degree() const;
   /// True when y is bounded: nothing grows beyond the ends.
   bool isBounded() const;
   /// Returns the path of its dictionary in the scene; empty for a table that was not read.

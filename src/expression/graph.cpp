@@ -107,7 +107,7 @@ Node Graph::variable(int slot) {
 }
 
 Node Graph::table(const std::shared_ptr<const Table>& table, Node x, int order) {
-  if (order > Table::kDegree) return constant(0.0);
+  if (order > table->degree()) return constant(0.0);
   if (isConstant(x)) return constant(table->derivative(order, constantValue(x)));
   Entry entry;
   entry.operation = Operation::kTable;
@@ -119,7 +119,7 @@ Node Graph::table(const std::shared_ptr<const Table>& table, Node x, int order) 
 
 Node Graph::table2(const std::shared_ptr<const Table2>& table, Node x, Node y,
                    Table2::Order order) {
-  if (order.x > Table::kDegree || order.y > Table::kDegree) return constant(0.0);
+  if (std::max(order.x, order.y) > table->degree()) return constant(0.0);
   if (isConstant(x) && isConstant(y)) {
     return constant(table->derivative(order, constantValue(x), constantValue(y)));
   }

@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 #include "interval_program.h"
@@ -18,6 +19,8 @@ namespace variator_sim::expression {
 namespace {
 
 constexpr double kUnbounded = std::numeric_limits<double>::infinity();
+/// The part of themselves by which operands are widened to see a formula's rounding.
+constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
 
 /// Returns `node` as a linear form of the state and the time, if it is written as one.
 std::optional<LinearValue> findLinearValue(const Graph& graph, Node node) {
@@ -141,7 +144,6 @@ class SignGuard final : public FormulaGuard {
       : FormulaGuard(graph, node, jumps, function) {}
 
   bool isRounding(const StateBox& box) const override {
-    constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
     const Interval range = enclose(box);
     const Interval rounded = enclose(box, kRounding);
     const double noise = std::max(range.low - rounded.low, rounded.high - range.high);
@@ -159,21 +161,34 @@ class SignGuard final : public FormulaGuard {
 
 /// The piece of a table, between two of its points, that contains the value of a formula.
 ///
-/// At a point only the third derivative of the table jumps. If the argument passes it by less than
-/// `kSlack` of the distance to the next, the value keeps all digits: an argument that settles on a
-/// point (an idle speed, a released pedal) must not cause endless event localization.
+/// At a point of a smooth table only the third derivative jumps. If the argument passes it by less
+/// than `kSlack` of the distance to the next, the value keeps all digits: an argument that settles
+/// on a point (an idle speed, a released pedal) must not cause endless event localization. Kinks
+/// and jumps of other tables have no slack.
 class PointsGuard final : public FormulaGuard {
  public:
-  PointsGuard(Graph& graph, Node node, const std::vector<double>& points)
-      : FormulaGuard(graph, node, false), points_(points) {
+  PointsGuard(Graph& graph, const Passage& passage)
+      : FormulaGuard(graph, passage.argument, passage.smoothness == 0),
+        points_(passage.points),
+        is_smooth_(passage.smoothness > 1) {
+    const std::vector<double>& points = points_;
     for (std::size_t k = 0; k < points.size(); ++k) {
       double distance = kUnbounded;
       if (k > 0) distance = points[k] - points[k - 1];
       if (k + 1 < points.size()) distance = std::min(distance, points[k + 1] - points[k]);
-      slack_.push_back(kSlack * distance);
+      slack_.push_back(is_smooth_ ? kSlack * distance : 0.0);
     }
   }
 
+  bool isRounding(const StateBox& box) const override {
+    if (is_smooth_) return false;
+    const Interval range = enclose(box);
+    const Interval rounded = enclose(box, kRounding);
+    const double noise = std::max(range.low - rounded.low, rounded.high - range.high);
+    const auto point = std::lower_bound(points_.begin(), points_.end(), range.high - noise);
+    return std::isfinite(noise) && point != points_.end() && range.low >= *point - noise &&
+           range.high <= *point + noise;
+  }
   Interval bounds(int branch) const override {
     const auto below = static_cast<std::size_t>(branch);
     return {branch == 0 ? -kUnbounded : points_[below - 1] - slack_[below - 1],
@@ -189,6 +204,7 @@ class PointsGuard final : public FormulaGuard {
   }
   std::vector<double> points_;
   std::vector<double> slack_;  ///< slack of each point
+  bool is_smooth_;
 };
 
 /// Limits steps: a switching function repeats its operands, so nested ones could fill any memory.
@@ -219,19 +235,22 @@ bool isTime(const Graph::Entry& entry) {
 }  // namespace
 
 std::vector<Passage> findPassages(const Graph& graph, const std::vector<Node>& nodes) {
-  std::set<std::pair<int, std::vector<double>>> found;
+  std::set<std::tuple<int, std::vector<double>, int>> found;
   for (const int i : graph.listReachable(nodes)) {
     const Graph::Entry& entry = graph.entry({i});
     if (entry.operation == Operation::kTable) {
-      found.emplace(entry.operands[0], graph.tableOf(entry)->points());
+      const Table& table = *graph.tableOf(entry);
+      found.emplace(entry.operands[0], table.points(), table.smoothness());
     } else if (entry.operation == Operation::kTable2) {
-      found.emplace(entry.operands[0], graph.table2Of(entry)->pointsX());
-      found.emplace(entry.operands[1], graph.table2Of(entry)->pointsY());
+      const Table2& table = *graph.table2Of(entry);
+      found.emplace(entry.operands[0], table.pointsX(), table.smoothness());
+      found.emplace(entry.operands[1], table.pointsY(), table.smoothness());
     }
   }
   std::vector<Passage> passages;
-  for (const auto& [argument, points] : found) {
-    if (!graph.isConstant(Node{argument})) passages.push_back({Node{argument}, points});
+  for (const auto& [argument, points, smoothness] : found) {
+    if (graph.isConstant(Node{argument})) continue;
+    passages.push_back({Node{argument}, points, smoothness});
   }
   return passages;
 }
@@ -261,7 +280,7 @@ std::vector<Branch> findBranches(Graph& graph, const std::vector<Node>& nodes) {
 std::vector<double> findInstants(const Graph& graph, const std::vector<Node>& nodes) {
   std::vector<double> instants;
   for (const Passage& it : findPassages(graph, nodes)) {
-    if (!isTime(graph.entry(it.argument))) continue;
+    if (!isTime(graph.entry(it.argument)) || it.smoothness < 3) continue;
     instants.insert(instants.end(), it.points.begin(), it.points.end());
   }
   return instants;
@@ -274,16 +293,16 @@ std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
     guards.push_back(std::make_shared<SignGuard>(graph, it.argument, it.jumps, it.function));
   }
   for (const Passage& it : findPassages(graph, nodes)) {
-    if (isTime(graph.entry(it.argument))) continue;
+    if (isTime(graph.entry(it.argument)) && it.smoothness == 3) continue;
     count(graph, it.argument);
     if (graph.hasOpaque({it.argument})) {
       for (const double point : it.points) {
         const Node distance = graph.subtract(it.argument, graph.constant(point));
-        guards.push_back(std::make_shared<SignGuard>(graph, distance, false));
+        guards.push_back(std::make_shared<SignGuard>(graph, distance, it.smoothness == 0));
       }
       continue;
     }
-    guards.push_back(std::make_shared<PointsGuard>(graph, it.argument, it.points));
+    guards.push_back(std::make_shared<PointsGuard>(graph, it));
   }
   return guards;
 }

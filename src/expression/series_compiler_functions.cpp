@@ -189,8 +189,9 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   };
   piece.order[0] = entry.order[0];
   piece.order[1] = entry.order[1];
-  piece.degree[0] = Table::kDegree - entry.order[0];
-  piece.degree[1] = has_two ? Table::kDegree - entry.order[1] : 0;
+  const int degree = has_two ? graph_.table2Of(entry)->degree() : graph_.tableOf(entry)->degree();
+  piece.degree[0] = degree - entry.order[0];
+  piece.degree[1] = has_two ? degree - entry.order[1] : 0;
   bool is_accelerated = made_.isAccelerated(a);
   if (has_two) {
     it.code = Code::kTable2;

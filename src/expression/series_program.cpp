@@ -111,7 +111,7 @@ void SeriesProgram::placePiece(const Instruction& it, Piece& piece, int order) {
   if (piece.table != nullptr) {
     for (int i = 0; i <= most_x; ++i) {
       const int n = piece.order[0] + i;
-      a[6 * i] = piece.table->derivative(n, n < 3 ? x0 : x) / kFactorial[i];
+      a[6 * i] = piece.table->derivative(n, n < piece.table->smoothness() ? x0 : x) / kFactorial[i];
     }
     return;
   }

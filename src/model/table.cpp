@@ -19,7 +19,9 @@ Numbers readColumn(ParameterReader& reader, const Table::Column& column, std::si
   if (list != nullptr && list->kind() == ParameterTree::Kind::kList && size == 0) {
     size = std::max<std::size_t>(2, list->asList().size());
   }
-  return reader.numbers(column.key, std::max<std::size_t>(2, size), column.range);
+  Numbers read = reader.numbers(column.key, std::max<std::size_t>(2, size), column.range);
+  for (double& number : read) number = column.unit.toSi(number);
+  return read;
 }
 
 /// Slopes s and second derivatives q at the points, as the header states them.
@@ -75,62 +77,77 @@ Derivatives calcDerivatives(const Numbers& x, const Numbers& y, Table::Beyond be
 
 }  // namespace
 
-void checkIncreasing(const std::vector<double>& x, const std::string& path) {
-  const auto text = [](double value) { return ParameterTree::real(value).toText(); };
+void checkIncreasing(const Numbers& x, const char* column, const Table::Points::Fault& fault) {
   for (std::size_t k = 1; k < x.size(); ++k) {
     if (x[k] > x[k - 1]) continue;
-    throw SceneError(elementPath(path, k),
-                     text(x[k]) + " does not lie above " + text(x[k - 1]) +
-                         " before it; allowed: numbers in strictly increasing order");
+    throw fault(column, k,
+                formatReal(x[k]) + " does not lie above " + formatReal(x[k - 1]) +
+                    " before it; allowed: numbers in strictly increasing order");
   }
 }
 
 struct Table::Curve {
   TableAxis axis;
   std::vector<TableCell> cells;
+  Interpolation interpolation;
 };
 
-Table Table::read(ParameterReader& reader, const Column& x_column, const Column& y_column,
-                  Beyond beyond) {
-  reader.allow(x_column.key);
-  reader.allow(y_column.key);
-  Numbers x = readColumn(reader, x_column, 0);
-  Numbers y = readColumn(reader, y_column, x.size());
-  const auto text = [](double value) { return ParameterTree::real(value).toText(); };
-  checkIncreasing(x, reader.keyPath(x_column.key));
-  const Derivatives at = calcDerivatives(x, y, beyond);
+Table Table::read(ParameterReader& reader, const Column& x, const Column& y, const Shape& shape) {
+  reader.allow(x.key);
+  reader.allow(y.key);
+  Points points;
+  points.x = readColumn(reader, x, 0);
+  points.values = readColumn(reader, y, points.x.size());
+  points.fault = [&](const char* column, std::size_t index, const std::string& message) {
+    const char* const key = column[0] == 'x' ? x.key : y.key;
+    return SceneError(elementPath(reader.keyPath(key), index), message);
+  };
+  return make(std::move(points), shape, reader.path());
+}
+
+Table Table::make(Points points, const Shape& shape, const std::string& origin) {
+  const Numbers& x = points.x;
+  const Numbers& y = points.values;
+  checkIncreasing(x, "x", points.fault);
+  const Derivatives at = calcDerivatives(x, y, shape.beyond);
   for (std::size_t k = 0; k < x.size(); ++k) {
     const std::size_t before = k == 0 ? 0 : k - 1;
     const double h = x[k] - x[before];
     const double d = h > 0.0 ? (y[k] - y[before]) / h : 0.0;
     const double limit = 1e150;
     if (h < limit && std::abs(d) < limit && std::abs(at.q[k]) < limit) continue;
-    const auto point = [&](std::size_t n) { return text(y[n]) + " at " + text(x[n]); };
-    throw SceneError(elementPath(reader.keyPath(y_column.key), k),
-                     point(k) + (k > 0 ? ", after " + point(k - 1) : "") +
-                         (k + 1 < x.size() ? ", before " + point(k + 1) : "") +
-                         ": the table is too steep or too wide here; allowed: slopes and intervals "
-                         "below 1e150");
+    const auto point = [&](std::size_t n) { return formatReal(y[n]) + " at " + formatReal(x[n]); };
+    throw points.fault(
+        "values", k,
+        point(k) + (k > 0 ? ", after " + point(k - 1) : "") +
+            (k + 1 < x.size() ? ", before " + point(k + 1) : "") +
+            ": the table is too steep or too wide here; allowed: slopes and intervals below 1e150");
   }
-
-  Table table = through(std::move(x), y, beyond);
-  table.origin_ = reader.path();
+  Table table = through(std::move(points.x), y, shape);
+  table.origin_ = origin;
   return table;
 }
 
-Table Table::through(Numbers x, const Numbers& y, Beyond beyond) {
-  const Derivatives at = calcDerivatives(x, y, beyond);
+Table Table::through(Numbers x, const Numbers& y, const Shape& shape) {
+  const bool is_smooth = shape.interpolation == Interpolation::kSmooth;
+  const bool is_line = shape.interpolation == Interpolation::kLinear;
+  const Derivatives at = calcDerivatives(x, y, shape.beyond);
   const std::size_t n = x.size();
   std::vector<TableCell> cells(n + 1);
   cells[0] = {y.front(), at.s.front()};
   for (std::size_t k = 1; k < n; ++k) {
-    cells[k] = hermiteCell(x[k] - x[k - 1], {y[k - 1], y[k]}, {at.s[k - 1], at.s[k]},
-                           {at.q[k - 1], at.q[k]});
+    if (is_smooth) {
+      cells[k] = hermiteCell(x[k] - x[k - 1], {y[k - 1], y[k]}, {at.s[k - 1], at.s[k]},
+                             {at.q[k - 1], at.q[k]});
+    } else {
+      cells[k] = {y[k - 1], is_line ? y[k] - y[k - 1] : 0.0};
+    }
   }
   cells[n] = {y.back(), at.s.back()};
   Table table;
   table.curve_ = std::make_shared<const Curve>(
-      Curve{TableAxis(std::move(x), beyond == Beyond::kConstant), std::move(cells)});
+      Curve{TableAxis(std::move(x), shape.beyond == Beyond::kConstant), std::move(cells),
+            shape.interpolation});
   return table;
 }
 
@@ -171,6 +188,20 @@ Interval Table::enclose(int order, const Interval& x) const {
 
 std::vector<double> Table::points() const {
   return curve_ ? curve_->axis.points() : std::vector<double>{};
+}
+
+int smoothnessOf(Interpolation interpolation) {
+  return interpolation == Interpolation::kSmooth   ? 3
+         : interpolation == Interpolation::kLinear ? 1
+                                                   : 0;
+}
+
+int Table::smoothness() const {
+  return curve_ ? smoothnessOf(curve_->interpolation) : 3;
+}
+
+int Table::degree() const {
+  return smoothness() == 3 ? kDegree : smoothness();
 }
 
 bool Table::isBounded() const {

@@ -24,7 +24,7 @@ struct Stencil {
 };
 
 /// Returns one stencil for each cell of an axis.
-std::vector<Stencil> makeStencils(const TableAxis& axis) {
+std::vector<Stencil> makeStencils(const TableAxis& axis, Interpolation interpolation) {
   const Numbers& x = axis.points();
   const auto n = static_cast<int>(x.size());
   const auto at = [&x](int k) { return x[static_cast<std::size_t>(k)]; };
@@ -53,6 +53,9 @@ std::vector<Stencil> makeStencils(const TableAxis& axis) {
       if (cell == 0 || cell == n) {
         const int end = cell == 0 ? 0 : n - 1;
         c = {y(end), slope(end)};
+      } else if (interpolation != Interpolation::kSmooth) {
+        const bool is_line = interpolation == Interpolation::kLinear;
+        c = {y(cell - 1), is_line ? y(cell) - y(cell - 1) : 0.0};
       } else {
         c = hermiteCell(axis.width(static_cast<std::size_t>(cell)), {y(cell - 1), y(cell)},
                         {slope(cell - 1), slope(cell)}, {curvature(cell - 1), curvature(cell)});
@@ -65,11 +68,10 @@ std::vector<Stencil> makeStencils(const TableAxis& axis) {
 /// Coefficients of t^m u^n of one cell: [m][n].
 using Patch = std::array<TableCell, kCoefficients>;
 
-/// Returns the patch of two stencils over the data z, rows by x.
-Patch makePatch(const Stencil& along_x, const Stencil& along_y, const std::vector<Numbers>& z) {
+/// Returns the patch of two stencils over the data z, rows by x of `columns` numbers.
+Patch makePatch(const Stencil& along_x, const Stencil& along_y, const Numbers& z, int columns) {
   Patch patch{};
-  const auto rows = static_cast<int>(z.size());
-  const auto columns = static_cast<int>(z.front().size());
+  const int rows = static_cast<int>(z.size()) / columns;
   for (int k = 0; k < 4; ++k) {
     const int row = along_x.first + k;
     if (row < 0 || row >= rows) continue;
@@ -77,7 +79,7 @@ Patch makePatch(const Stencil& along_x, const Stencil& along_y, const std::vecto
     for (int l = 0; l < 4; ++l) {
       const int column = along_y.first + l;
       if (column < 0 || column >= columns) continue;
-      const double datum = z[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)];
+      const double datum = z[static_cast<std::size_t>(row * columns + column)];
       for (std::size_t n = 0; n < kCoefficients; ++n) {
         of_row[n] += along_y.weight[static_cast<std::size_t>(l)][n] * datum;
       }
@@ -128,19 +130,21 @@ Numbers readAxis(ParameterReader& reader, const char* key) {
   if (list != nullptr && list->kind() == ParameterTree::Kind::kList) {
     size = std::max(size, list->asList().size());
   }
-  Numbers x = reader.numbers(key, size);
-  checkIncreasing(x, reader.keyPath(key));
-  for (std::size_t k = 1; k < x.size(); ++k) {
-    if (x[k] - x[k - 1] < 1e100 && x[k] - x[k - 1] > 1e-100) continue;
-    throw SceneError(elementPath(reader.keyPath(key), k),
-                     formatNumber(x[k]) + " behind " + formatNumber(x[k - 1]) +
-                         "; allowed: intervals from 1e-100 to 1e100");
-  }
-  return x;
+  return reader.numbers(key, size);
 }
 
-std::vector<Numbers> readRows(ParameterReader& reader, const Table2::Keys& keys, std::size_t rows,
-                              std::size_t columns) {
+void checkAxis(const Numbers& x, const char* column, const Table::Points::Fault& fault) {
+  checkIncreasing(x, column, fault);
+  for (std::size_t k = 1; k < x.size(); ++k) {
+    if (x[k] - x[k - 1] < 1e100 && x[k] - x[k - 1] > 1e-100) continue;
+    throw fault(column, k,
+                formatNumber(x[k]) + " behind " + formatNumber(x[k - 1]) +
+                    "; allowed: intervals from 1e-100 to 1e100");
+  }
+}
+
+Numbers readRows(ParameterReader& reader, const Table2::Keys& keys, std::size_t rows,
+                 std::size_t columns) {
   const std::string path = reader.keyPath(keys.values);
   const ParameterTree* list = reader.raw(keys.values);
   const std::string expected = "a list of " + std::to_string(rows) + " rows, one for each of " +
@@ -155,20 +159,17 @@ std::vector<Numbers> readRows(ParameterReader& reader, const Table2::Keys& keys,
                                ? std::to_string(size_of(*list)) + " rows; expected " + expected
                                : list->toText() + "; expected " + expected);
   }
-  std::vector<Numbers> z;
+  Numbers z;
   for (std::size_t i = 0; i < rows; ++i) {
     const std::string row_path = elementPath(path, i);
     const ParameterTree& row = list->asList()[i];
     if (size_of(row) != columns) {
       throw SceneError(row_path, row.toText() + "; expected " + expected);
     }
-    Numbers numbers;
     for (std::size_t j = 0; j < columns; ++j) {
-      const std::string element = elementPath(row_path, j);
-      numbers.push_back(
-          ParameterReader::toNumber(row.asList()[j], element, Range::between(-1e100, 1e100)));
+      z.push_back(ParameterReader::toNumber(row.asList()[j], elementPath(row_path, j),
+                                            Range::between(-1e100, 1e100)));
     }
-    z.push_back(std::move(numbers));
   }
   return z;
 }
@@ -178,6 +179,7 @@ std::vector<Numbers> readRows(ParameterReader& reader, const Table2::Keys& keys,
 struct Table2::Surface {
   TableAxis x;
   TableAxis y;
+  Interpolation interpolation;
   std::vector<Patch> patches;  ///< one per cell, row by row
 
   const Patch& patch(std::size_t cell_x, std::size_t cell_y) const {
@@ -185,20 +187,40 @@ struct Table2::Surface {
   }
 };
 
-Table2 Table2::read(ParameterReader& reader, const Keys& keys, Table::Beyond beyond) {
+Table2 Table2::read(ParameterReader& reader, const Keys& keys, const Table::Shape& shape) {
   for (const char* key : {keys.x, keys.y, keys.values}) reader.allow(key);
-  Numbers x = readAxis(reader, keys.x);
-  Numbers y = readAxis(reader, keys.y);
-  const std::vector<Numbers> z = readRows(reader, keys, x.size(), y.size());
-  const bool is_flat = beyond == Table::Beyond::kConstant;
-  Surface surface{TableAxis(std::move(x), is_flat), TableAxis(std::move(y), is_flat), {}};
-  const std::vector<Stencil> along_x = makeStencils(surface.x);
-  const std::vector<Stencil> along_y = makeStencils(surface.y);
+  Table::Points points;
+  points.x = readAxis(reader, keys.x);
+  points.y = readAxis(reader, keys.y);
+  points.values = readRows(reader, keys, points.x.size(), points.y.size());
+  for (double& x : points.x) x = keys.units[0].toSi(x);
+  for (double& y : points.y) y = keys.units[1].toSi(y);
+  for (double& z : points.values) z = keys.units[2].toSi(z);
+  points.fault = [&](const char* column, std::size_t index, const std::string& message) {
+    const char* const key = column[0] == 'x' ? keys.x : keys.y;
+    return SceneError(elementPath(reader.keyPath(key), index), message);
+  };
+  return make(std::move(points), shape, reader.path());
+}
+
+Table2 Table2::make(Table::Points points, const Table::Shape& shape, const std::string& origin) {
+  checkAxis(points.x, "x", points.fault);
+  checkAxis(points.y, "y", points.fault);
+  const bool is_flat = shape.beyond == Table::Beyond::kConstant;
+  const auto columns = static_cast<int>(points.y.size());
+  Surface surface{TableAxis(std::move(points.x), is_flat),
+                  TableAxis(std::move(points.y), is_flat),
+                  shape.interpolation,
+                  {}};
+  const std::vector<Stencil> along_x = makeStencils(surface.x, shape.interpolation);
+  const std::vector<Stencil> along_y = makeStencils(surface.y, shape.interpolation);
   surface.patches.reserve(along_x.size() * along_y.size());
   for (const Stencil& row : along_x) {
-    for (const Stencil& column : along_y) surface.patches.push_back(makePatch(row, column, z));
+    for (const Stencil& column : along_y) {
+      surface.patches.push_back(makePatch(row, column, points.values, columns));
+    }
   }
-  return Table2(std::make_shared<const Surface>(std::move(surface)), reader.path());
+  return Table2(std::make_shared<const Surface>(std::move(surface)), origin);
 }
 
 double Table2::derivative(Order order, double x, double y) const {
@@ -253,6 +275,12 @@ const std::vector<double>& Table2::pointsX() const {
 }
 const std::vector<double>& Table2::pointsY() const {
   return surface_->y.points();
+}
+int Table2::smoothness() const {
+  return smoothnessOf(surface_->interpolation);
+}
+int Table2::degree() const {
+  return smoothness() == 3 ? kTableDegree : smoothness();
 }
 bool Table2::isBounded() const {
   return surface_->x.isFlatBeyond();

@@ -59,8 +59,12 @@ class TableAxis {
   bool is_flat_beyond_ = true;
 };
 
-/// Throws SceneError unless the numbers of the list at `path` are in strictly increasing order.
-void checkIncreasing(const std::vector<double>& x, const std::string& path);
+/// Throws SceneError unless the numbers of `column` are in strictly increasing order.
+void checkIncreasing(const std::vector<double>& x, const char* column,
+                     const Table::Points::Fault& fault);
+
+/// Returns Table::smoothness.
+int smoothnessOf(Interpolation interpolation);
 
 /// Returns n!/(n - order)!.
 inline double fallingFactorial(int n, int order) {

@@ -39,7 +39,7 @@ struct MotionList {
                   F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(int, hold_of) \
                       F(double, parameter_of) F(double, initial_input) F(double, minimum_of)       \
                           F(double, maximum_of) F(double, timeout_of) F(int, falls_to_zero)        \
-                              F(int, passage_row) F(int, passage_count)
+                              F(int, passage_row) F(int, passage_count) F(int, passage_jumps)
 
 struct MotionData {
 #define VARIATOR_SIM_SIZE(name) int name = 0;

@@ -210,6 +210,7 @@ void MotionProgram::setLists(const Scene& scene) {
   for (const expression::Passage& it : formulas_.tables) {
     passage_row.values.push_back(rowOf(it.argument));
     passage_count.values.push_back(static_cast<int>(it.points.size()));
+    passage_jumps.values.push_back(it.smoothness == 0 ? 1 : 0);
     passages.push_back(it.points);
   }
   for (const std::vector<double>& points : passages) {

@@ -132,7 +132,7 @@ MotionRows::DenseTable MotionRows::cut(const Piece& piece) {
     for (int i = 0; i <= Table::kDegree; ++i) {
       const int n = piece.order[0] + i;
       const bool is_none = n > Table::kDegree;
-      made.pieces.push_back((is_none ? 0.0 : table.derivative(n, n < 3 ? x : inside)) /
+      made.pieces.push_back((is_none ? 0.0 : table.derivative(n, n < table.smoothness() ? x : inside)) /
                             kFactorial[i]);
     }
   });

@@ -83,15 +83,22 @@ void refuseBentVelocities(const Scene& scene) {
   Graph& graph = *scene.graph;
   for (const ConstraintPtr& constraint : scene.constraints) {
     if (constraint->order() != 1) continue;
-    for (const expression::Branch& it : findBranches(graph, {constraint->function()})) {
+    std::vector<Node> arguments;
+    for (const auto& it : findBranches(graph, {constraint->function()})) {
+      arguments.push_back(it.argument);
+    }
+    for (const auto& it : findPassages(graph, {constraint->function()})) {
+      if (it.smoothness < 3) arguments.push_back(it.argument);
+    }
+    for (const Node argument : arguments) {
       bool reads = false;
       for (int i = 0; i < scene.shaftCount(); ++i) {
-        reads = reads || graph.dependsOn(it.argument, slotOf(Source::kVelocity, i));
+        reads = reads || graph.dependsOn(argument, slotOf(Source::kVelocity, i));
       }
       if (!reads) continue;
       refuse(constraint->name(),
-             "it is of order 1 and abs, min, max or if bends it in the velocities; allowed: a "
-             "formula that is smooth in the velocities, sqrt(x^2+1e-6) for abs(x)");
+             "it is of order 1 and abs, min, max, if or a table bends it in the velocities; "
+             "allowed: a formula that is smooth in the velocities, sqrt(x^2+1e-6) for abs(x)");
     }
   }
 }

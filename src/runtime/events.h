@@ -21,7 +21,7 @@ VS_FUNCTION double vs_first_sign(const double* c, int last) {
 
 VS_FUNCTION void vs_meet(vs_event* found, const double* c, int last, int guard, double point) {
   /* A motion that begins on the edge of a jump leaves it at once. */
-  const int jumps = guard < SIGNS && sign_jumps[guard];
+  const int jumps = guard < SIGNS ? sign_jumps[guard] : passage_jumps[guard - SIGNS];
   const double side = vs_first_sign(c, last);
   const int is_start = jumps && c[0] == 0.0 && side != 0.0;
   const double theta = is_start ? 0.0 : vs_first_root(c, last, found->theta);
@@ -37,9 +37,8 @@ VS_FUNCTION void vs_meet(vs_event* found, const double* c, int last, int guard, 
 VS_FUNCTION void vs_find_points(const scene_series* it, int table, double x, double* low,
                                 double* high, double* on) {
   const double* const points = passage_points[table];
-  int above = 0;
+  int above = vs_count_below(points, passage_count[table], x);
   (void)it;
-  while (above < passage_count[table] && points[above] <= x) ++above;
   *high = above < passage_count[table] ? points[above] : INFINITY;
   *on = above > 0 && points[above - 1] == x ? x : INFINITY;
   if (*on == x) --above;

@@ -115,7 +115,7 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
   expected = m->now;
   status = vs_arrive(m, next, vs_unit_of(seriesLarger(*theta * it->unit, 0.25 * m->usual)));
   if (status != SCENE_OK) return status;
-  is_kink = at->guard >= 0 && at->guard < SIGNS;
+  is_kink = at->guard >= 0;
   for (i = 0; i < INPUTS; ++i) {
     const scene_signal* const s = &m->now.input[i];
     is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);

@@ -1,13 +1,24 @@
 /* Power series of tables: piecewise polynomials of degree 5 of one variable or two (operations.h
  * and table_data.h go before). */
 
+/* The number of ascending points that are not above x; of NaN all. */
+VS_INLINE int vs_count_below(const double* points, int count, double x) {
+  int low = 0, high = count;
+  while (low < high) {
+    const int middle = (low + high) / 2;
+    if (x < points[middle])
+      high = middle;
+    else
+      low = middle + 1;
+  }
+  return low;
+}
+
 /* The modes of an axis: the piece in which x lies or which it enters from a point, and whether the
  * direction from there is known. Returns 1 if the piece has just become another one. */
 VS_INLINE int vs_place(Real* mode, const double* points, int count, const Real* x, int n) {
   if (n == 0) {
-    int piece = 0;
-    while (piece < count && !(x[0] < points[piece])) ++piece;
-    mode[0] = piece;
+    mode[0] = vs_count_below(points, count, x[0]);
     mode[1] = 0.0;
     return 1;
   }

@@ -162,7 +162,8 @@ std::string describePoints(const Table& table) {
   } else {
     for (const double place : x) points += (points.empty() ? "" : ", ") + at(place);
   }
-  return "table through " + points +
+  constexpr const char* kKinds[] = {"values held from ", "straight lines through "};
+  return (table.smoothness() < 3 ? kKinds[table.smoothness()] : "table through ") + points +
          (table.isBounded() ? ", constant beyond" : ", straight on beyond");
 }
 

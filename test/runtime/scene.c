@@ -73,7 +73,8 @@ static const int entry_row[] = {18, 17}, curvature_row[] = {ZERO, ZERO, ZERO, ZE
                  input_slope_row[] = {ZERO};
 static const int inertia_row[] = {17, 19}, inertial_row[] = {ZERO, ZERO},
                  connection_row[] = {ZERO, ZERO};
-static const int sign_row[] = {0}, sign_jumps[] = {0}, passage_row[] = {0}, passage_count[] = {0};
+static const int sign_row[] = {0}, sign_jumps[] = {0}, passage_row[] = {0}, passage_count[] = {0},
+                 passage_jumps[] = {0};
 static const double* const passage_points[] = {0};
 static const int constant_row[] = {16, 17, 18, 19};
 static const double constant_value[] = {0.0, 1.0, -2.0, 1e-9};
