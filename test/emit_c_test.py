@@ -82,7 +82,7 @@ SCENES = {
     "two_constraints_gauss": Scene((FOLDER / "test/scenes/c/two_constraints.yaml").read_text().replace(
         "generalized_gauss", "gauss")),
     **{name: shipped(f"test/scenes/c/{name}.yaml")
-       for name in ("tables", "edges", "holds", "bent", "two_constraints")},
+       for name in ("tables", "edges", "holds", "bent", "two_constraints", "lines")},
 }
 
 

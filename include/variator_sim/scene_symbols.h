@@ -21,6 +21,8 @@ using NamedTables = std::map<std::string, NamedTable>;
 struct SceneSymbols {
   std::map<std::string, int> inputs;  ///< indices into StateView::input
   NamedTables tables;
+  /// Inputs that are played from a file, over time.
+  std::map<std::string, std::shared_ptr<const Table>> played;
 };
 
 }  // namespace variator_sim

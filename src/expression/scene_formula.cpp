@@ -83,7 +83,9 @@ void checkParameterName(const std::string& name, const std::string& path,
                                "'_')");
   }
   std::string taken = describeTakenName(name, context.shaftNames());
-  if (context.symbols().inputs.count(name) != 0) taken = "already the name of an input";
+  if (context.symbols().inputs.count(name) != 0 || context.symbols().played.count(name) != 0) {
+    taken = "already the name of an input";
+  }
   if (context.symbols().tables.count(name) != 0) taken = "already the name of a table";
   if (!taken.empty()) throw SceneError(path, shown + " is " + taken + "; choose another");
 }
@@ -114,6 +116,9 @@ Variables nameVariables(const ComponentContext& context, FormulaKind kind, Graph
   }
   for (const auto& [input, index] : context.symbols().inputs) {
     named.symbols[input] = graph.variable(slotOf(Source::kInput, index));
+  }
+  for (const auto& [input, table] : context.symbols().played) {
+    named.symbols[input] = graph.table(table, graph.variable(slotOf(Source::kTime)));
   }
   return named;
 }

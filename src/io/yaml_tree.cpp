@@ -8,6 +8,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <new>
 #include <sstream>
@@ -366,11 +367,26 @@ ParameterTree readYamlValue(const std::string& text, const std::string& source_n
   return readYaml(text, source_name, /*requires_mapping=*/false);
 }
 
+/// Puts the folder of the scene before the relative path at the key `file` of its dictionaries.
+void placeFiles(const std::string& scene, ParameterTree* tree) {
+  const std::filesystem::path folder = std::filesystem::absolute(scene).parent_path();
+  for (auto& [name, value] : tree->asDictionary()) {
+    if (value.kind() != ParameterTree::Kind::kDictionary) continue;
+    const auto found = value.asDictionary().find("file");
+    if (found == value.asDictionary().end()) continue;
+    const std::string file = found->second.asText();
+    if (file.empty() || file.find("://") != file.npos) continue;
+    found->second = ParameterTree::text((folder / file).lexically_normal().string());
+  }
+}
+
 ParameterTree readYamlFile(const std::string& path) {
   std::string text;
   const std::string failure = readTextFile(path, &text, kLongestFile);
   if (!failure.empty()) throw SceneError("", path + ":1:1: cannot be read: " + failure);
-  return readYamlText(text, path);
+  ParameterTree tree = readYamlText(text, path);
+  placeFiles(path, &tree);
+  return tree;
 }
 
 }  // namespace variator_sim

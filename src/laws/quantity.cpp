@@ -31,11 +31,18 @@ Expression readCommanded(ComponentContext& context, ParameterReader& section, co
   }
 }
 
+Expression overTime(ComponentContext& context, const std::shared_ptr<const Table>& table) {
+  Graph& graph = *context.graph();
+  return {graph, graph.table(table, graph.variable(slotOf(Source::kTime)))};
+}
+
 /// Returns one of the scene's inputs, whose own limits have to stay within `range`.
 Expression readShared(ComponentContext& context, ParameterReader& section, const Range& range) {
   const std::string path = section.keyPath("input");
   const std::string name = section.text("input");
   section.finish();
+  const auto played = context.symbols().played.find(name);
+  if (played != context.symbols().played.end()) return overTime(context, played->second);
   const int index = context.useInput(name, path);
   const CommandInputSettings& input = context.inputSettings(index);
   for (const double value : {input.minimum, input.maximum, input.initial}) {
@@ -79,9 +86,7 @@ Expression readQuantity(ComponentContext& context, ParameterReader& section, con
     const Table table = Table::read(dictionary, {"times", Range::any("s")}, {"values", range},
                                     Table::Beyond::kConstant);
     dictionary.finish();
-    Graph& graph = *context.graph();
-    return {graph, graph.table(std::make_shared<const Table>(table),
-                               graph.variable(slotOf(Source::kTime)))};
+    return overTime(context, std::make_shared<const Table>(table));
   }
   if (dictionary.has("input")) return readShared(context, dictionary, range);
   return readCommanded(context, dictionary, range);

@@ -397,9 +397,10 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   faults.collect([&] { scene.initial = readInitial(root, scene.shafts.size()); });
   faults.collect([&] { scene.solver = readSolver(root); });
   faults.collect([&] { verify_derivatives = root.boolean("verify_derivatives", true); });
-  faults.collect([&] { scene.symbols = readSceneSymbols(root, names, scene.inputs); });
+  faults.collect(
+      [&] { scene.symbols = readSceneSymbols(root, names, scene.inputs, &scene.warnings); });
   // Without these names formulas would be blamed for other faults.
-  if (scene.symbols.inputs.size() + scene.symbols.tables.size() <
+  if (scene.symbols.inputs.size() + scene.symbols.played.size() + scene.symbols.tables.size() <
       names.inputs.size() + names.tables.size()) {
     faults.tell();
   }

@@ -1,7 +1,13 @@
 #include "model/scene_symbols.h"
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <memory>
+#include <numeric>
+#include <utility>
 
+#include "model/table_file.h"
 #include "variator_sim/component_context.h"
 #include "variator_sim/expression/parser.h"
 
@@ -19,16 +25,160 @@ void checkFormulaNames(const SceneNames& scene, const char* list,
   }
 }
 
-NamedTable readTable(ParameterReader& reader) {
-  for (const char* key : {"x", "y", "values", "beyond"}) reader.allow(key);
-  const bool is_linear = reader.choice("beyond", {"constant", "linear"}, "constant") == "linear";
-  const Table::Beyond beyond = is_linear ? Table::Beyond::kLinear : Table::Beyond::kConstant;
+/// Reads `units`: of each of `columns`, by its name, SI where none is stated.
+std::vector<Unit> readUnits(ParameterReader& reader, const std::vector<std::string>& columns) {
+  std::vector<Unit> units(columns.size());
+  if (!reader.has("units")) return units;
+  ParameterReader section = reader.section("units");
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    section.allow(columns[i]);
+    if (!section.has(columns[i])) continue;
+    units[i] = requireUnit(section.text(columns[i]), section.keyPath(columns[i]));
+  }
+  section.finish();
+  return units;
+}
+
+Table::Shape readShape(ParameterReader& reader, const char* preset) {
+  const std::string interpolation =
+      reader.choice("interpolation", {"smooth", "linear", "hold"}, preset);
+  Table::Shape shape(Table::Beyond::kConstant);
+  if (interpolation == "linear") shape.interpolation = Interpolation::kLinear;
+  if (interpolation == "hold") shape.interpolation = Interpolation::kHold;
+  if (reader.choice("beyond", {"constant", "linear"}, "constant") == "linear") {
+    shape.beyond = Table::Beyond::kLinear;
+    if (interpolation == "hold") {
+      throw SceneError(reader.keyPath("beyond"),
+                       "'linear' continues the slope at the ends, and a table that holds its "
+                       "values has none; allowed: constant, or interpolation linear or smooth");
+    }
+  }
+  return shape;
+}
+
+/// Returns the values of a grid from the rows (x, y, value) of a file, in any order.
+Table::Points gridOf(const TableFile& file) {
+  const std::vector<double>& x = file.numbers(0);
+  const std::vector<double>& y = file.numbers(1);
+  std::vector<std::size_t> rows(x.size());
+  std::iota(rows.begin(), rows.end(), 0);
+  std::stable_sort(rows.begin(), rows.end(), [&](std::size_t a, std::size_t b) {
+    return x[a] < x[b] || (x[a] == x[b] && y[a] < y[b]);
+  });
+  const auto columns = static_cast<std::size_t>(
+      std::find_if(rows.begin(), rows.end(), [&](std::size_t n) { return x[n] > x[rows[0]]; }) -
+      rows.begin());
+  Table::Points grid;
+  for (std::size_t n = 0; n < rows.size(); ++n) {
+    const std::size_t row = rows[n];
+    if (n < columns) grid.y.push_back(y[row]);
+    if (n % columns == 0) grid.x.push_back(x[row]);
+    grid.values.push_back(file.numbers(2)[row]);
+    const bool is_last = n + 1 == rows.size() && (n + 1) % columns != 0;
+    if (x[row] == grid.x.back() && y[row] == grid.y[n % columns] && !is_last) continue;
+    throw file.fault(0, row,
+                     "the rows make no grid: in the order of " + file.name(0) + " and " +
+                         file.name(1) +
+                         " one is missing or one too many here; allowed: one row for " +
+                         "each pair of their values, in any order");
+  }
+  grid.fault = [&file, rows, columns](const char* column, std::size_t index,
+                                      const std::string& message) {
+    const bool is_x = column[0] == 'x';
+    return file.fault(is_x ? 0 : 1, rows[is_x ? index * columns : index], message);
+  };
+  return grid;
+}
+
+/// Reads a table of the columns that the keys of `names` name, by default those, in the file at
+/// `file`.
+NamedTable readFileTable(ParameterReader& reader, const Table::Shape& shape,
+                         const std::vector<std::pair<const char*, std::string>>& names) {
+  std::vector<TableFile::Column> columns;
+  std::vector<std::string> named;
+  for (const auto& [key, preset] : names) {
+    named.push_back(preset.empty() || reader.has(key) ? reader.text(key) : preset);
+    columns.push_back({key, named.back(), {}});
+  }
+  const std::vector<Unit> units = readUnits(reader, named);
+  for (std::size_t i = 0; i < columns.size(); ++i) columns[i].unit = units[i];
+  const TableFile file(reader.text("file"), reader.keyPath("file"), columns);
+  if (columns.size() == 3) {
+    return {nullptr, std::make_shared<Table2>(Table2::make(gridOf(file), shape, reader.path()))};
+  }
+  Table::Points points{file.numbers(0), {}, file.numbers(1), {}};
+  points.fault = [&file](const char* column, std::size_t index, const std::string& message) {
+    return file.fault(column[0] == 'x' ? 0 : 1, index, message);
+  };
+  return {std::make_shared<Table>(Table::make(std::move(points), shape, reader.path())), nullptr};
+}
+
+/// Returns the largest distance of a table from the straight lines between its points, along both
+/// axes, as a part of the range of its values.
+double calcCoarseness(const NamedTable& table) {
+  constexpr int kParts = 4;
+  const auto valueAt = [&](double x, double y) {
+    return table.of_two != nullptr ? table.of_two->value(x, y) : table.of_one->value(x);
+  };
+  const std::vector<double> X =
+      table.of_two != nullptr ? table.of_two->pointsX() : table.of_one->points();
+  const std::vector<double> Y =
+      table.of_two != nullptr ? table.of_two->pointsY() : std::vector<double>{0.0};
+  double low = valueAt(X[0], Y[0]);
+  double high = low;
+  double off = 0.0;
+  const auto alongLine = [&](double from, double to, const auto& value) {
+    const double first = value(from);
+    const double last = value(to);
+    low = std::min({low, first, last});
+    high = std::max({high, first, last});
+    for (int n = 1; n < kParts; ++n) {
+      const double part = static_cast<double>(n) / kParts;
+      const double straight = first + part * (last - first);
+      off = std::max(off, std::abs(value(from + part * (to - from)) - straight));
+    }
+  };
+  for (std::size_t i = 0; i < X.size(); ++i) {
+    for (std::size_t j = 0; j < Y.size(); ++j) {
+      if (i > 0) alongLine(X[i - 1], X[i], [&](double x) { return valueAt(x, Y[j]); });
+      if (j > 0) alongLine(Y[j - 1], Y[j], [&](double y) { return valueAt(X[i], y); });
+    }
+  }
+  return high > low ? off / (high - low) : 0.0;
+}
+
+/// Reads an input that is played from a file, a drive cycle, say.
+std::shared_ptr<const Table> readPlayed(ParameterReader& reader, const std::string& name) {
+  for (const char* key : {"file", "x", "values", "units"}) reader.allow(key);
+  return readFileTable(reader, readShape(reader, "linear"), {{"x", "time"}, {"values", name}})
+      .of_one;
+}
+
+NamedTable readTable(ParameterReader& reader, std::vector<std::string>* warnings) {
+  for (const char* key : {"file", "x", "y", "values", "units"}) reader.allow(key);
+  const Table::Shape shape = readShape(reader, "smooth");
+  const bool has_two = reader.has("y");
   NamedTable table;
-  if (reader.has("y")) {
-    table.of_two = std::make_shared<Table2>(Table2::read(reader, {"x", "y", "values"}, beyond));
+  if (reader.has("file")) {
+    table = has_two ? readFileTable(reader, shape, {{"x", ""}, {"y", ""}, {"values", ""}})
+                    : readFileTable(reader, shape, {{"x", ""}, {"values", ""}});
+  } else if (has_two) {
+    const std::vector<Unit> units = readUnits(reader, {"x", "y", "values"});
+    table.of_two = std::make_shared<Table2>(
+        Table2::read(reader, {"x", "y", "values", {units[0], units[1], units[2]}}, shape));
   } else {
-    table.of_one = std::make_shared<Table>(
-        Table::read(reader, {"x", Range::any()}, {"values", Range::any()}, beyond));
+    const std::vector<Unit> units = readUnits(reader, {"x", "values"});
+    table.of_one = std::make_shared<Table>(Table::read(reader, {"x", Range::any(), units[0]},
+                                                       {"values", Range::any(), units[1]}, shape));
+  }
+  constexpr double kCoarse = 0.05;
+  const double coarseness = reader.has("interpolation") ? 0.0 : calcCoarseness(table);
+  if (coarseness > kCoarse) {
+    warnings->push_back(
+        "the table " + inQuotes(reader.path()) + " is a smooth curve that lies up to " +
+        std::to_string(std::lround(100.0 * coarseness)) +
+        " % of its range off the straight lines between its points; for these lines give it "
+        "'interpolation: linear', or more points, or 'interpolation: smooth' if that is meant");
   }
   return table;
 }
@@ -36,19 +186,25 @@ NamedTable readTable(ParameterReader& reader) {
 }  // namespace
 
 SceneSymbols readSceneSymbols(ParameterReader& root, const SceneNames& names,
-                              std::vector<CommandInputSettings>& inputs) {
+                              std::vector<CommandInputSettings>& inputs,
+                              std::vector<std::string>* warnings) {
   checkFormulaNames(names, "inputs", names.inputs);
   checkFormulaNames(names, "tables", names.tables);
   SceneSymbols symbols;
   for (const std::string& name : names.inputs) {
     ParameterReader reader = root.section(name);
+    if (reader.has("file")) {
+      symbols.played[name] = readPlayed(reader, name);
+      reader.finish();
+      continue;
+    }
     ComponentContext context(name, reader, names.shafts, inputs);
     symbols.inputs[name] = context.addInput(readCommandInput(reader, name));
     reader.finish();
   }
   for (const std::string& name : names.tables) {
     ParameterReader reader = root.section(name);
-    symbols.tables[name] = readTable(reader);
+    symbols.tables[name] = readTable(reader, warnings);
     reader.finish();
   }
   return symbols;

@@ -1,6 +1,7 @@
 /// Reads the inputs and tables that a scene names for all of its components.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "model/scene_names.h"
@@ -10,9 +11,10 @@
 
 namespace variator_sim {
 
-/// Reads the dictionaries of the inputs and tables in `names`, and adds the inputs to `inputs`.
-/// Throws SceneError.
+/// Reads the dictionaries of the inputs and tables in `names`, adds the inputs to `inputs`, and
+/// sentences about tables to `warnings`. Throws SceneError.
 SceneSymbols readSceneSymbols(ParameterReader& root, const SceneNames& names,
-                              std::vector<CommandInputSettings>& inputs);
+                              std::vector<CommandInputSettings>& inputs,
+                              std::vector<std::string>* warnings);
 
 }  // namespace variator_sim

@@ -11,7 +11,8 @@ namespace variator_sim {
 /// (YAML 1.1 as PyYAML's safe_load resolves it): `yes` is true, `010` is 8, `1e-9` stays a text,
 /// which the readers take as a number. Quoted scalars are texts. Anchors, aliases and merge keys
 /// (`<<`) work; a key twice in one mapping is an error. Throws SceneError that starts with
-/// "file:line:column".
+/// "file:line:column". Relative paths at the key `file` of its dictionaries become absolute ones,
+/// from the folder of the scene.
 ParameterTree readYamlFile(const std::string& path);
 
 /// Reads `text` as readYamlFile does; `source_name` stands for the file in messages.

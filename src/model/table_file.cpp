@@ -1,0 +1,176 @@
+#include "model/table_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <sstream>
+#include <system_error>
+#include <utility>
+
+#include "io/text_file.h"
+#include "model/number_text.h"
+#include "variator_sim/nearest_name.h"
+
+namespace variator_sim {
+namespace {
+
+bool isBlank(char c) {
+  return c == ' ' || c == '\t' || c == '\r';
+}
+
+constexpr std::size_t kLongestFile = 1U << 26U;  // bytes: a device may have no end
+
+/// Returns the folder of a ROS package, "" if there is none: one of its name, with a package.xml,
+/// in or two levels below the folders in which ROS looks.
+std::filesystem::path findPackage(const std::string& package) {
+  namespace fs = std::filesystem;
+  const auto variable = [](const char* name) {
+    const char* const value = std::getenv(name);
+    return std::string(value != nullptr ? value : "") + ":";
+  };
+  std::stringstream roots(variable("ROS_PACKAGE_PATH") + variable("ROS_ROOT") + "/usr/share");
+  for (std::string root; std::getline(roots, root, ':');) {
+    std::error_code error;
+    std::vector<fs::path> folders = {root, fs::path(root) / package};
+    for (const auto& it : fs::directory_iterator(root, error))
+      folders.push_back(it.path() / package);
+    for (const fs::path& folder : folders) {
+      const bool is_it = folder.filename() == package && fs::exists(folder / "package.xml", error);
+      if (is_it) return folder;
+    }
+  }
+  return {};
+}
+
+std::string resolve(const std::string& name, const std::string& path) {
+  const std::string scheme = "package://";
+  if (name.rfind(scheme, 0) != 0) return name;
+  const std::size_t slash = std::min(name.find('/', scheme.size()), name.size());
+  const std::string package = name.substr(scheme.size(), slash - scheme.size());
+  const std::filesystem::path folder = findPackage(package);
+  if (!folder.empty() && slash < name.size()) return (folder / name.substr(slash + 1)).string();
+  throw SceneError(path, inQuotes(name) + ": there is no package " + inQuotes(package) +
+                             "; allowed: package://PACKAGE/PATH of a package in ROS_PACKAGE_PATH, "
+                             "or a path beside the scene");
+}
+
+}  // namespace
+
+TableFile::TableFile(const std::string& name, std::string path, std::vector<Column> columns)
+    : path_(std::move(path)), columns_(std::move(columns)), numbers_(columns_.size()) {
+  const std::string file = resolve(name, path_);
+  file_ = shownPath(file);
+  const std::string failure = readTextFile(file, &text_, kLongestFile);
+  if (!failure.empty()) {
+    throw SceneError(path_, file_ + ":1:1: cannot be read: " + failure +
+                                "; allowed: a CSV file, its path from the scene's own folder, from "
+                                "the root, or package://PACKAGE/PATH");
+  }
+  std::size_t number = 1;
+  std::size_t begin = text_.rfind("\xef\xbb\xbf", 0) == 0 ? 3 : 0;
+  for (; begin < text_.size(); ++number) {
+    const std::size_t end = std::min(text_.find('\n', begin), text_.size());
+    const std::size_t first = text_.find_first_not_of(" \t\r", begin);
+    if (first < end && text_[first] != '#') {
+      header_.empty() ? readHeader({begin, number}) : readRow({begin, number});
+    }
+    begin = end + 1;
+  }
+  if (lines_.size() < 2) {
+    throw error({text_.size(), number}, text_.size(),
+                "the file ends after " + std::to_string(lines_.size()) +
+                    " rows of numbers; allowed: a line of names, then two rows at least");
+  }
+}
+
+std::vector<TableFile::Field> TableFile::split(const Line& line) const {
+  const std::size_t end = std::min(text_.find('\n', line.begin), text_.size());
+  std::vector<Field> fields;
+  for (std::size_t begin = line.begin;; ++begin) {
+    std::size_t next = begin;
+    bool is_quoted = false;
+    while (next < end && (is_quoted || text_[next] != separator_)) {
+      if (text_[next] == '"') is_quoted = !is_quoted;
+      ++next;
+    }
+    Field field{begin, next};
+    while (field.begin < field.end && isBlank(text_[field.begin])) ++field.begin;
+    while (field.end > field.begin && isBlank(text_[field.end - 1])) --field.end;
+    fields.push_back(field);
+    if (next == end) return fields;
+    begin = next;
+  }
+}
+
+std::string TableFile::textOf(const Field& field) const {
+  const bool is_quoted =
+      field.end - field.begin > 1 && text_[field.begin] == '"' && text_[field.end - 1] == '"';
+  const std::size_t edge = is_quoted ? 1 : 0;
+  return text_.substr(field.begin + edge, field.end - field.begin - 2 * edge);
+}
+
+void TableFile::readHeader(const Line& line) {
+  const std::size_t end = std::min(text_.find('\n', line.begin), text_.size());
+  const std::string header = text_.substr(line.begin, end - line.begin);
+  for (const char separator : {'\t', ';', ','}) {
+    if (header.find(separator) != header.npos) separator_ = separator;
+  }
+  const std::vector<Field> fields = split(line);
+  for (const Field& field : fields) header_.push_back(textOf(field));
+  for (const Column& column : columns_) {
+    const auto found = std::find(header_.begin(), header_.end(), column.name);
+    const auto place = static_cast<std::size_t>(found - header_.begin());
+    if (found == header_.end()) {
+      throw error(line, line.begin,
+                  "no column " + inQuotes(column.name) + ", which " + inQuotes(column.key) +
+                      " names" + suggestAmong(column.name, header_));
+    }
+    if (std::find(found + 1, header_.end(), column.name) != header_.end()) {
+      throw error(line, fields[place].begin,
+                  "two columns are named " + inQuotes(column.name) + "; allowed: one");
+    }
+    places_.push_back(place);
+  }
+}
+
+void TableFile::readRow(const Line& line) {
+  const std::vector<Field> fields = split(line);
+  if (fields.size() != header_.size()) {
+    const std::size_t at = std::min(fields.size() - 1, header_.size());
+    throw error(line, fields[at].begin,
+                std::to_string(fields.size()) +
+                    " fields; allowed: " + std::to_string(header_.size()) +
+                    ", as the first line has: " + joinNames(header_));
+  }
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    const Field& field = fields[places_[i]];
+    const std::string given = textOf(field);
+    const bool has_sign = given.size() > 1 && given[0] == '+' && given[1] != '-';
+    double number = 0.0;
+    if (!readWhole(given.substr(has_sign ? 1 : 0), &number) || !std::isfinite(number)) {
+      const bool has_comma = given.find(',') != given.npos && given.find('.') == given.npos;
+      throw error(line, field.begin,
+                  (given.empty() ? "nothing" : inQuotes(given)) + " in column " +
+                      inQuotes(columns_[i].name) + " is not a finite number" +
+                      (has_comma ? ": decimals stand behind a point, not behind a comma" : "") +
+                      "; allowed: a number such as 1500, 0.25 or 1e-3");
+    }
+    numbers_[i].push_back(columns_[i].unit.toSi(number));
+  }
+  lines_.push_back(line);
+}
+
+SceneError TableFile::error(const Line& line, std::size_t position,
+                            const std::string& message) const {
+  return SceneError(path_, file_ + ":" + std::to_string(line.number) + ":" +
+                               std::to_string(position - line.begin + 1) + ": " + message);
+}
+
+SceneError TableFile::fault(std::size_t column, std::size_t row, const std::string& message) const {
+  const std::vector<Field> fields = split(lines_[row]);
+  return error(lines_[row], fields[places_[column]].begin,
+               "column " + inQuotes(columns_[column].name) + ": " + message);
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,61 @@
+/// Columns of numbers from CSV files.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "variator_sim/errors.h"
+#include "variator_sim/units.h"
+
+namespace variator_sim {
+
+/// Some columns of a CSV file, by their names in its first line. Fields stand between commas,
+/// semicolons or tabs, whichever the first line has, names and numbers bare or in double quotes.
+/// Blank lines and lines that begin with # are skipped. Errors tell file:line:column.
+class TableFile {
+ public:
+  /// A column that is wanted: `key` of the scene names it.
+  struct Column {
+    std::string key;
+    std::string name;
+    Unit unit;
+  };
+
+  /// Reads the file that the scene names at `path`: absolute, from the working folder (readYamlFile
+  /// has put the scene's folder before it), or package://PACKAGE/PATH. Throws SceneError.
+  TableFile(const std::string& name, std::string path, std::vector<Column> columns);
+
+  /// Returns the numbers of a wanted column, by its index, in SI units.
+  const std::vector<double>& numbers(std::size_t column) const { return numbers_[column]; }
+  const std::string& name(std::size_t column) const { return columns_[column].name; }
+  /// Returns the error that tells of a row's number in a wanted column.
+  SceneError fault(std::size_t column, std::size_t row, const std::string& message) const;
+
+ private:
+  struct Line {
+    std::size_t begin;
+    std::size_t number;  ///< from 1
+  };
+  struct Field {
+    std::size_t begin;
+    std::size_t end;
+  };
+  void readHeader(const Line& line);
+  void readRow(const Line& line);
+  std::vector<Field> split(const Line& line) const;
+  std::string textOf(const Field& field) const;
+  SceneError error(const Line& line, std::size_t position, const std::string& message) const;
+
+  std::string file_;  ///< its name in messages
+  std::string path_;
+  std::vector<Column> columns_;
+  std::string text_;
+  char separator_ = ',';
+  std::vector<std::string> header_;
+  std::vector<std::size_t> places_;  ///< of the wanted columns in a line
+  std::vector<Line> lines_;          ///< of the rows
+  std::vector<std::vector<double>> numbers_;
+};
+
+}  // namespace variator_sim
