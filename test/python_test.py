@@ -147,6 +147,55 @@ class PythonTest(TestCase):
         self.assertEqual(simulation.time, 0.0)
         self.assertEqual(simulation.sample().velocity[0], 0.0)
 
+    def test_a_controller_is_lockstep(self):
+        def controller(sample):
+            return {"torque": 6.0 * (10.0 - sample["drive/velocity"])} if sample.time < 0.995 else None
+
+        result = variator_sim.simulate(FREE, 1.5, rate=40, columns="state,inputs", controller=controller, period=0.02)
+        simulation = variator_sim.Simulation(FREE)
+        for k in range(75):
+            for topic, value in (controller(simulation.sample()) or {}).items():
+                simulation.command(topic, value)
+            if k % 5 == 0:  # an instant of both the controller and the samples
+                row = simulation.record("state,inputs")
+            simulation.advance_to(round((k + 1) * 0.02, 9))
+        row = simulation.record("state,inputs")
+        self.assertEqual(row.columns, result.columns)
+        numpy.testing.assert_allclose(result.time, numpy.arange(61) / 40)
+        numpy.testing.assert_allclose(result.values[::4], row.values, rtol=1e-12, atol=1e-12)
+        # J w' = u in steps: e becomes (1 - 6*0.02/2) e in each
+        self.assertAlmostEqual(result["drive/velocity"][-1], 10.0 * (1.0 - 0.94 ** 50), places=8)
+
+        times = variator_sim.simulate(FREE, times=[0.1, 0.11, 1.0], controller=lambda sample: None,
+                                      commands={"torque": [(0.105, 2.0)]})
+        numpy.testing.assert_allclose(times["drive/velocity"], [0.0, 0.005, 0.895], atol=1e-12)
+        for fault, kind, words in [
+                (lambda: variator_sim.simulate(FREE, 1, controller=5), ValueError, "a function"),
+                (lambda: variator_sim.simulate(FREE, 1, controller=lambda s: 5.0), TypeError, "5.0; allowed: a dict"),
+                (lambda: variator_sim.simulate(FREE, 1, controller=lambda s: {"torqe": 1}), ValueError, "'torque'"),
+                (lambda: variator_sim.simulate(FREE, 1, controller=controller, period=0), ValueError, "> 0 s"),
+                (lambda: variator_sim.simulate(FREE, 1, controller=controller, until_rest=True), ValueError,
+                 "no until_rest")]:
+            with self.subTest(words=words), self.assertRaisesRegex(kind, words):
+                fault()
+        with self.assertRaises(variator_sim.MotionStopped) as stop:
+            variator_sim.simulate(STOPS, 10.0, controller=lambda sample: None)
+        self.assertGreater(len(stop.exception.result.time), 1)
+
+    def test_recordings(self):
+        simulation = variator_sim.Simulation(FREE)
+        for _ in range(3):
+            simulation.step(0.5, {"torque": 4.0})
+            recording = simulation.record()
+        numpy.testing.assert_array_equal(recording.time, [0.5, 1.0, 1.5])
+        numpy.testing.assert_allclose(recording["drive/velocity"], [1.0, 2.0, 3.0])
+        simulation.command("torque", 0.0)
+        self.assertEqual(len(simulation.record().time), 3)  # the same instant, after a command
+        self.assertEqual(recording["drive/applied_torque"][-1], 0.0)
+        simulation.reset()
+        self.assertEqual(len(simulation.record().time), 1)
+        self.assertEqual(simulation.record(["inputs"]).columns, ["time", "inputs/torque"])
+
     def test_units_of_outputs(self):
         scene = FREE + ("outputs: [speed, power]\nspeed: {expression: w_drive, unit: rpm}\n"
                         "power: {expression: 2*w_drive}\ninitial: {velocity: [600 rpm]}\n")

@@ -94,7 +94,7 @@ class SweepTest(TestCase):
         table = variator_sim.sweep(
             LAG, 8.0, grid={"motor/parameters/c": [1.0, 2.0]}, rate=1000,
             metrics=["final(drive/velocity)", "min(drive/velocity)", "max(drive/acceleration)",
-                     "mean(drive/velocity)", "settling(drive/velocity)",
+                     "mean(drive/velocity)", "integral(drive/velocity)", "settling(drive/velocity)",
                      "settling(drive/velocity, 0.1)", "max(outputs/power)", "final(time)"])
         c = table["motor/parameters/c"]
         final = (1 - numpy.exp(-8 * c)) / c
@@ -102,6 +102,7 @@ class SweepTest(TestCase):
                 ("final(drive/velocity)", final, 1e-8), ("min(drive/velocity)", 0 * c, 0),
                 ("max(drive/acceleration)", 1 + 0 * c, 1e-8),
                 ("mean(drive/velocity)", (8 - final) / c / 8, 1e-5),
+                ("integral(drive/velocity)", (8 - final) / c, 1e-5),
                 ("settling(drive/velocity)", -numpy.log(0.02) / c, 0.03),
                 ("settling(drive/velocity, 0.1)", -numpy.log(0.1) / c, 0.01),
                 ("max(outputs/power)", [0.25, 0.25], 1e-6), ("final(time)", 8 + 0 * c, 0)]:
@@ -348,6 +349,26 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
         table = variator_sim.sweep(LAG, output=output, **call)
         self.check_same(table, variator_sim.sweep(LAG, **call))
         self.check_same(variator_sim.read_table(output), table)
+
+    def test_files_of_tables_lie_beside_the_scene_and_count(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder)
+            (path / "pull.csv").write_text("w,T\n0,1\n100,1\n", encoding="utf-8")
+            (path / "scene.yaml").write_text(
+                "shafts: [a]\na: {inertia: 1}\ntables: [T]\nT: {file: pull.csv, x: w, values: T, interpolation: linear}\n"
+                "torques: [pull]\npull: {type: variator_sim/ExpressionTorque, shaft: a, torque: T(w_a)}\n", encoding="utf-8")
+            table = variator_sim.sweep(path / "scene.yaml", 2.0, grid={"a/inertia": [1.0, 2.0]}, metrics=["final(a/velocity)"])
+            numpy.testing.assert_allclose(table["final(a/velocity)"], [2.0, 1.0])
+
+            def fingerprint():
+                task = sweeps.Task(path / "scene.yaml", 2.0, 100.0, None, None, None, ["a/inertia"],
+                                   numpy.ones((1, 1)), ["final(a/velocity)"])
+                return task.fingerprint(numpy.ones((1, 1)), None)
+
+            before = fingerprint()
+            self.assertEqual(before, fingerprint())
+            (path / "pull.csv").write_text("w,T\n0,1\n100,2\n", encoding="utf-8")
+            self.assertNotEqual(before, fingerprint())
 
     def test_a_file_that_is_no_journal_is_left_alone(self):
         journal = self.folder / "out.csv.journal"

@@ -152,6 +152,12 @@ class Simulation:
         """Everything at the present, after its commands."""
     def __getitem__(self, column: str) -> float:
         """A column of `sample` at the present, without making one: for loops of a million steps."""
+    def record(self, columns: Union[str, Iterable[str]] = "state") -> "Result":
+        """Adds the present to the recording of this simulation, and returns all of it.
+
+        Args:
+            columns: groups of columns as of `simulate`; other groups than before begin a new recording.
+        """
     def state(self) -> Dict[str, Any]:
         """All that the motion to come depends on beside the scene, as plain Python values.
 

@@ -6,6 +6,7 @@ import difflib
 import math
 import os
 import warnings
+import weakref
 
 import numpy
 
@@ -130,8 +131,80 @@ def units_of(scene):
             if isinstance(output, dict) and "unit" in output}
 
 
+class Recording(Result):
+    """A `Result` that grows, a sample at a time."""
+
+    def __init__(self, simulation, groups):
+        self.groups = groups
+        self._rows = []
+        self._array = None
+        super().__init__(simulation.columns(groups), None, {}, units_of(simulation.scene))
+
+    @property
+    def values(self):
+        if self._array is None or len(self._array) < len(self._rows):
+            self._array = numpy.array(self._rows)
+        return self._array
+
+    @values.setter
+    def values(self, array):
+        self._array = array
+
+    def add(self, simulation):
+        """Another sample; one of the same instant, after a command, takes the place of the last."""
+        row = simulation._run(0.0, 1.0, None, [], self.groups, False)[0][0]
+        if self._rows and self._rows[-1][0] == row[0]:
+            self._rows.pop()
+            self._array = None
+        self._rows.append(row)
+        self.statistics = simulation.statistics
+
+
+RECORDINGS = weakref.WeakKeyDictionary()  # of simulations
+
+
+def record(simulation, columns="state"):
+    """Adds the present to the recording of `simulation`, and returns all of it, a `Result`.
+
+    Args:
+        columns: groups of columns as of `simulate`; other groups than before begin a new recording.
+    """
+    groups = columns if isinstance(columns, str) else ",".join(columns)
+    recording = RECORDINGS.get(simulation)
+    if recording is None or recording.groups != groups or (len(recording._rows)
+                                                           and simulation.time < recording._rows[-1][0]):
+        recording = RECORDINGS[simulation] = Recording(simulation, groups)
+    recording.add(simulation)
+    return recording
+
+
+def run_controlled(simulation, controller, period, end, instants, listed, groups):
+    """Runs to `end` with a controller asked every `period` s; what `Simulation._run` returns."""
+    blocks, outside, error = [], 0, None
+    begin = simulation.time
+    count = max(1, math.ceil((end - begin) / period - 1e-9))
+    for k in range(1, count + 1):
+        now = simulation.time
+        commands = controller(simulation.sample())
+        if commands is not None and not isinstance(commands, collections.abc.Mapping):
+            raise TypeError(f"controller: returned {str(commands)[:80]}; allowed: a dict of commands by topic, or None")
+        for topic, value in (commands or {}).items():
+            simulation.command(topic, value)
+        target = end if k == count else round((begin + k * period) * 1e9) / 1e9
+        is_last = k == count
+        inside = [t for t in instants if now <= t and (t < target or is_last)]
+        due = [command for command in listed if now <= command[0] and (command[0] < target or is_last)]
+        values, missed, error = simulation._run(target - now, 1.0, inside, due, groups, False)
+        blocks.append(values)
+        outside += missed
+        if error is not None:
+            break
+        simulation.advance_to(target)
+    return numpy.vstack(blocks), outside, error
+
+
 def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, columns="state",
-             overrides=None, state=None, until_rest=False):
+             overrides=None, state=None, until_rest=False, controller=None, period=0.01):
     """Runs a scene, as `rosrun variator_sim simulate` does, and returns a `Result`.
 
     Args:
@@ -146,6 +219,9 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
         overrides: values in place of the scene's by path: {"drive/inertia": 1.2}.
         state: where to start from, of `Simulation.state`.
         until_rest: end sooner, once the motion has come to rest.
+        controller: called every `period` s, at the start too, with the `Sample` there; returns a dict
+            of commands by topic, which act from there on, or None: lockstep, as `Simulation.step`.
+        period: of the controller, s of simulated time.
 
     What the command line warns of is a warning here too (`warnings`).
 
@@ -160,7 +236,17 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
     names = simulation.columns(groups)
     if state is not None:
         simulation.set_state(state)
-    values, outside, error = simulation._run(duration, rate, times, listed, groups, until_rest)
+    if controller is None:
+        values, outside, error = simulation._run(duration, rate, times, listed, groups, until_rest)
+    else:
+        if until_rest or not callable(controller) or not (math.isfinite(period) and period > 0.0):
+            raise ValueError(f"controller: {controller}, period: {period}, until_rest: {until_rest}; allowed: a function "
+                             "of a sample, a period > 0 s, and no until_rest")
+        end = simulation.time + duration
+        if times is None:
+            first, last = math.floor(simulation.time * rate) + 1, math.ceil(end * rate)
+            times = [simulation.time, *(k / rate for k in range(first, last)), end]
+        values, outside, error = run_controlled(simulation, controller, period, end, times, listed, groups)
     result = Result(names, values, simulation.statistics, units_of(simulation.scene))
     if error is not None:
         error.result = result

@@ -23,7 +23,7 @@ from variator_sim.errors import SceneError
 from variator_sim.files import find_regular_file, whole_file
 from variator_sim.running import checked_times, read_commands
 
-KINDS = ("final", "min", "max", "mean", "settling")
+KINDS = ("final", "min", "max", "mean", "integral", "settling")
 GROUPS = ("state", "elements", "inputs", "outputs", "energy")
 DISTRIBUTIONS = {"normal": numpy.random.Generator.normal,
                  "uniform": numpy.random.Generator.uniform,
@@ -145,7 +145,7 @@ def read_metric(text):
                 return kind, column, float(band)
         except ValueError:
             pass
-    raise ValueError(f"metric '{text}': allowed are final(COLUMN), min, max, mean, and "
+    raise ValueError(f"metric '{text}': allowed are final(COLUMN), min, max, mean, integral (over time), and "
                      "settling(COLUMN) or settling(COLUMN, BAND) with 0 < BAND < 1 (default 0.02)")
 
 
@@ -178,6 +178,14 @@ def read_one(scene, overrides, paths, values):
     raise fault
 
 
+def file_digest(name):
+    """A hash of a file that a scene reads, by its path as YAML has it; "" where there is none."""
+    with contextlib.suppress(OSError, ValueError):
+        with open(json.loads(name) if name.startswith('"') else name, "rb") as file:
+            return hashlib.sha256(file.read()).hexdigest()
+    return ""
+
+
 class Task:
     """The common part of all runs of a sweep: plain values, so it can be sent to other machines."""
 
@@ -186,7 +194,9 @@ class Task:
             scene = os.fspath(scene)
             if "\n" not in scene and not scene.startswith("{"):
                 with open(scene, encoding="utf-8") as file:
-                    scene = file.read() + "\n"
+                    text = file.read() + "\n"
+                # Files that the scene names lie beside it, wherever its text goes.
+                scene = _core._describe_scene(scene, {}) if re.search(r"\bfile\b", text) else text
         read = [read_metric(text) for text in metrics]
         if not read:
             raise ValueError("metrics: none given")
@@ -209,8 +219,9 @@ class Task:
 
     def fingerprint(self, values, shard):
         """A hash of everything that the runs depend on, every number to its last bit."""
-        text = json.dumps([_core._describe_scene(self.scene, self.overrides), self.paths, self.arguments,
-                           self.metrics, shard])
+        scene = _core._describe_scene(self.scene, self.overrides)
+        text = json.dumps([scene, [file_digest(name) for name in re.findall(r"^ +file: (.+)$", scene, re.MULTILINE)],
+                           self.paths, self.arguments, self.metrics, shard])
         return hashlib.sha256(text.encode() + values.tobytes()).hexdigest()
 
 

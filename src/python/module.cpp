@@ -66,11 +66,10 @@ RunRequest makeRequest(double duration, double rate, const py::object& times,
 using MetricTuple = std::tuple<std::string, std::size_t, double>;
 
 Metric makeMetric(const MetricTuple& parts) {
-  static const std::map<std::string, MetricKind> kinds = {{"final", MetricKind::kFinal},
-                                                          {"min", MetricKind::kMinimum},
-                                                          {"max", MetricKind::kMaximum},
-                                                          {"mean", MetricKind::kMean},
-                                                          {"settling", MetricKind::kSettlingTime}};
+  static const std::map<std::string, MetricKind> kinds = {
+      {"final", MetricKind::kFinal},       {"min", MetricKind::kMinimum},
+      {"max", MetricKind::kMaximum},       {"mean", MetricKind::kMean},
+      {"integral", MetricKind::kIntegral}, {"settling", MetricKind::kSettlingTime}};
   const auto& [kind, column, band] = parts;
   return {kinds.at(kind), column, band};
 }

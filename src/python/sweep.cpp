@@ -34,13 +34,17 @@ double calcSettlingTime(const std::vector<double>& rows, std::size_t width, std:
   return rows[settled * width] - rows[0];
 }
 
-double calcMean(const std::vector<double>& rows, std::size_t width, std::size_t column) {
+double calcIntegral(const std::vector<double>& rows, std::size_t width, std::size_t column) {
   double integral = 0.0;
   for (std::size_t i = width; i < rows.size(); i += width) {
     integral += 0.5 * (rows[i + column] + rows[i - width + column]) * (rows[i] - rows[i - width]);
   }
+  return integral;
+}
+
+double calcMean(const std::vector<double>& rows, std::size_t width, std::size_t column) {
   const double span = rows[rows.size() - width] - rows[0];
-  return span > 0.0 ? integral / span : rows[column];
+  return span > 0.0 ? calcIntegral(rows, width, column) / span : rows[column];
 }
 
 /// Returns true when no law calls an opaque function: there is no gradient to check.
@@ -206,6 +210,8 @@ double calcMetric(const Metric& metric, const std::vector<double>& rows, std::si
       return rows[rows.size() - width + metric.column];
     case MetricKind::kMean:
       return calcMean(rows, width, metric.column);
+    case MetricKind::kIntegral:
+      return calcIntegral(rows, column_count, metric.column);
     case MetricKind::kSettlingTime:
       return calcSettlingTime(rows, width, metric.column, metric.band);
     case MetricKind::kMinimum:

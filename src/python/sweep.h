@@ -8,7 +8,7 @@
 
 namespace variator_sim::python {
 
-enum class MetricKind { kFinal, kMinimum, kMaximum, kMean, kSettlingTime };
+enum class MetricKind { kFinal, kMinimum, kMaximum, kMean, kIntegral, kSettlingTime };
 
 /// One number of a run, from one of its columns.
 struct Metric {
@@ -18,8 +18,8 @@ struct Metric {
   double band = 0.02;
 };
 
-/// Evaluates `rows` of `column_count` values, the time first; NaN without rows. kMean: over time,
-/// by trapezoids. kSettlingTime: the first sample from which on the value stays within the band
+/// Evaluates `rows` of `column_count` values, the time first; NaN without rows. kMean, kIntegral:
+/// over time, by trapezoids. kSettlingTime: the first sample from which on the value stays within the band
 /// around its last one, s since the start.
 double calcMetric(const Metric& metric, const std::vector<double>& rows, std::size_t column_count);
 
