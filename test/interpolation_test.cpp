@@ -136,8 +136,8 @@ TEST(Interpolation, OfTwoVariablesIsBilinearInItsPieces) {
 shafts: [a]
 a: {inertia: 1}
 tables: [map]
-map: {x: [0, 1, 2, 8], y: [0, 2, 3, 10], values: [[0, 2, 3, 10], [1, 3, 4, 11], [2, 4, 5, 12], [8, 10, 11, 18]],
-      interpolation: linear}
+map: {x: [0, 1, 2, 8], y: [0, 2, 3, 10], interpolation: linear,
+      values: [[0, 2, 3, 10], [1, 3, 4, 11], [2, 4, 5, 12], [8, 10, 11, 18]]}
 torques: [pull]
 pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: 'map(t, w_a)'}
 )";

@@ -355,9 +355,11 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
             path = pathlib.Path(folder)
             (path / "pull.csv").write_text("w,T\n0,1\n100,1\n", encoding="utf-8")
             (path / "scene.yaml").write_text(
-                "shafts: [a]\na: {inertia: 1}\ntables: [T]\nT: {file: pull.csv, x: w, values: T, interpolation: linear}\n"
-                "torques: [pull]\npull: {type: variator_sim/ExpressionTorque, shaft: a, torque: T(w_a)}\n", encoding="utf-8")
-            table = variator_sim.sweep(path / "scene.yaml", 2.0, grid={"a/inertia": [1.0, 2.0]}, metrics=["final(a/velocity)"])
+                "shafts: [a]\na: {inertia: 1}\ntables: [T]\n"
+                "T: {file: pull.csv, x: w, values: T, interpolation: linear}\ntorques: [pull]\n"
+                "pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: T(w_a)}\n", encoding="utf-8")
+            table = variator_sim.sweep(path / "scene.yaml", 2.0, grid={"a/inertia": [1.0, 2.0]},
+                                       metrics=["final(a/velocity)"])
             numpy.testing.assert_allclose(table["final(a/velocity)"], [2.0, 1.0])
 
             def fingerprint():

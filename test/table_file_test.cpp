@@ -110,9 +110,17 @@ TEST(TableFile, TellsFaultsByFileLineAndColumn) {
            {kOne, "w;T\n1;2\n2;1,5\n", ":3:3", {"'1,5'", "behind a point, not behind a comma"}},
            {kOne, "w,T\n1,2\n#\n1,3\n", ":4:1", {"column 'w'", "1.0 does not lie above 1.0"}},
            {kOne, "T,w\n1,2\n7,1.5\n", ":3:3", {"1.5 does not lie above 2.0"}},
-           {kTwo, "w,u,T\n0,0,1\n1,0,1\n0,1,1\n", ":4:1", {"no grid", "one is missing"}},
-           {kTwo, "w,u,T\n0,0,1\n1,0,1\n0,0,1\n", ":4:1", {"no grid", "one too many"}},
-           {kTwo, "w,u,T\n0,0,1\n1,1,1\n2,2,1\n3,3,1\n4,4,1\n5,5,1\n", ":7:1", {"no grid"}},
+           {kTwo,
+            "w,u,T\n0,0,1\n1,0,1\n0,1,1\n",
+            ":3:1",
+            {"no grid", "(1, 1) in SI units has no row"}},
+           {kTwo, "w,u,T\n0,0,1\n1,0,1\n0,0,1\n", ":3:1", {"no grid", "there twice"}},
+           {kTwo,
+            "w,u,T\n0,0,1\n1,1,1\n2,2,1\n3,3,1\n4,4,1\n5,5,1\n",
+            ":3:1",
+            {"no grid", "(1, 0)"}},
+           {kTwo, "w,u,T\n0,0,1\n0,1,1\n", ":2:1", {"column 'w': one value in all rows"}},
+           {kTwo, "w,u,T\n0,2,1\n1,2,1\n", ":2:3", {"column 'u': one value in all rows"}},
            {kTwo, "w,u,T\n0,0,1\n1e-200,0,1\n0,1,1\n1e-200,1,2\n", ":3:1", {"1e-100"}}}) {
     SCOPED_TRACE(row.csv);
     std::vector<std::string> words = row.words;
@@ -122,7 +130,7 @@ TEST(TableFile, TellsFaultsByFileLineAndColumn) {
   }
   const auto read = [&](const std::string& keys) { folder.read(keys, "w,T\n1,2\n2,3\n"); };
   test::expectFaults(test::readFaults("", R"(
-file: no.csv, x: w, values: T => it/file: /no.csv:1:1: cannot be read | beside | package://
+file: no.csv, x: w, values: T => it/file: /no.csv:1:1: cannot be read | own folder | package://
 file: ., x: w, values: T => it/file: cannot be read
 file: table.csv, values: T => it/x: missing
 file: table.csv, x: [1, 2], values: T => it/x: expected a text

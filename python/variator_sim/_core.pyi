@@ -6,6 +6,8 @@ from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
+from variator_sim.running import Result
+
 Scene = Union[str, "os.PathLike[str]", Mapping[str, Any]]
 Array = NDArray[numpy.float64]
 
@@ -152,7 +154,7 @@ class Simulation:
         """Everything at the present, after its commands."""
     def __getitem__(self, column: str) -> float:
         """A column of `sample` at the present, without making one: for loops of a million steps."""
-    def record(self, columns: Union[str, Iterable[str]] = "state") -> "Result":
+    def record(self, columns: Union[str, Iterable[str]] = "state") -> Result:
         """Adds the present to the recording of this simulation, and returns all of it.
 
         Args:

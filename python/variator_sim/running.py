@@ -240,8 +240,8 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
         values, outside, error = simulation._run(duration, rate, times, listed, groups, until_rest)
     else:
         if until_rest or not callable(controller) or not (math.isfinite(period) and period > 0.0):
-            raise ValueError(f"controller: {controller}, period: {period}, until_rest: {until_rest}; allowed: a function "
-                             "of a sample, a period > 0 s, and no until_rest")
+            raise ValueError(f"controller: {controller}, period: {period}, until_rest: {until_rest}; allowed: a "
+                             "function of a sample, a period > 0 s, and no until_rest")
         end = simulation.time + duration
         if times is None:
             first, last = math.floor(simulation.time * rate) + 1, math.ceil(end * rate)

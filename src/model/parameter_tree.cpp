@@ -114,7 +114,7 @@ double toSi(const Quantity& given, const std::string& unit, const std::string& p
     throw SceneError(path, value.toText() + ": " + inQuotes(given.unit.unknown) +
                                " is not a known unit" + suggestUnit(given.unit.unknown) + fitting);
   }
-  if (given.unit.unit.dimension != readUnit(unit)->unit.dimension) {
+  if (given.unit.unit.dimension != requireUnit(unit, path).dimension) {
     throw SceneError(path, value.toText() + " is in " + given.name + ", but this key is " +
                                (is_plain ? "a number without a unit" : "in " + unit) + fitting);
   }

@@ -74,13 +74,19 @@ Table::Points gridOf(const TableFile& file) {
     if (n < columns) grid.y.push_back(y[row]);
     if (n % columns == 0) grid.x.push_back(x[row]);
     grid.values.push_back(file.numbers(2)[row]);
-    const bool is_last = n + 1 == rows.size() && (n + 1) % columns != 0;
-    if (x[row] == grid.x.back() && y[row] == grid.y[n % columns] && !is_last) continue;
-    throw file.fault(0, row,
-                     "the rows make no grid: in the order of " + file.name(0) + " and " +
-                         file.name(1) +
-                         " one is missing or one too many here; allowed: one row for " +
-                         "each pair of their values, in any order");
+    const bool ends = n + 1 == rows.size() && rows.size() % columns != 0;
+    if (x[row] == grid.x.back() && y[row] == grid.y[n % columns] && !ends) continue;
+    throw file.fault(
+        0, row,
+        "the rows make no grid: by " + file.name(0) + " and " + file.name(1) + ", (" +
+            formatNumber(grid.x.back()) + ", " +
+            formatNumber(grid.y[(ends ? n + 1 : n) % columns]) +
+            ") in SI units has no row, or one before it is there twice; allowed: each pair of "
+            "their values once, in any order");
+  }
+  for (const auto& [axis, points] : {std::pair{0U, &grid.x}, {1U, &grid.y}}) {
+    if (points->size() > 1) continue;
+    throw file.fault(axis, 0, "one value in all rows; allowed: two different ones at least");
   }
   grid.fault = [&file, rows, columns](const char* column, std::size_t index,
                                       const std::string& message) {

@@ -19,8 +19,8 @@ struct Metric {
 };
 
 /// Evaluates `rows` of `column_count` values, the time first; NaN without rows. kMean, kIntegral:
-/// over time, by trapezoids. kSettlingTime: the first sample from which on the value stays within the band
-/// around its last one, s since the start.
+/// over time, by trapezoids. kSettlingTime: the first sample from which on the value stays within
+/// the band around its last one, s since the start.
 double calcMetric(const Metric& metric, const std::vector<double>& rows, std::size_t column_count);
 
 struct SweepRequest {

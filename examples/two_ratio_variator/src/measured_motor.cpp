@@ -52,7 +52,7 @@ class MotorMap : public variator_sim::OpaqueFunction {
 class MeasuredMotor : public variator_sim::Torque {
   void build(variator_sim::LawContext& scene) override {
     const variator_sim::Shaft shaft = scene.shaft("shaft");
-    const auto u = scene.quantity("command", variator_sim::Range::between(0.0, 1.0));
+    const auto u = scene.quantity("command", variator_sim::Range::between(0.0, 1.0, "1"));
     scene.apply(shaft, scene.function(std::make_shared<MotorMap>(), {shaft.velocity, u}));
   }
 };

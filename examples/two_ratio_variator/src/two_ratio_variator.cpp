@@ -11,10 +11,10 @@ namespace two_ratio_variator {
 class TwoRatioVariator : public variator_sim::Constraint {
   void build(variator_sim::LawContext& scene) override {
     const auto s = scene.shafts("shafts", 2);
-    const auto low = scene.quantity("low"), high = scene.quantity("high");              // 1
-    const auto speed = scene.quantity("speed");                                         // rad/s
-    const double width = scene.number("width", variator_sim::Range::positive());        // rad/s
-    const double tau = scene.number("time_constant", variator_sim::Range::positive());  // s
+    const auto low = scene.quantity("low"), high = scene.quantity("high");  // 1
+    const auto speed = scene.quantity("speed");                             // rad/s
+    const double width = scene.number("width", variator_sim::Range::positive("rad/s"));
+    const double tau = scene.number("time_constant", variator_sim::Range::positive("s"));
     const auto i = low + 0.5 * (high - low) * (1.0 + tanh((s[0].velocity - speed) / width));
     const auto slip = s[1].velocity - i * s[0].velocity;
     scene.constrain(tau * (s[1].acceleration - i * s[0].acceleration) + slip);
