@@ -1,6 +1,6 @@
 // Tables from CSV files, played inputs, and tables of straight lines and of held values.
-#include <chrono>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 
@@ -186,12 +186,11 @@ TEST(TableFile, OfAMapOf200By200LoadsAtOnce) {
     }
   }
   folder.write("table.csv", csv);
-  const auto begin = std::chrono::steady_clock::now();
+  const std::clock_t begin = std::clock();
   const Scene scene = folder.read(kTwo, csv);
-  const double seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   std::printf("map of 200 by 200: loaded in %.3f s\n", seconds);
-  EXPECT_LT(seconds, 2.0);  // of a machine that does other things, too
+  EXPECT_LT(seconds, 2.0);  // of the processor, with sanitizers, too
   const Table2& table = *scene.symbols.tables.at("it").of_two;
   EXPECT_NEAR(table.value(500.0, 0.5), std::sin(10.0) * 100.0, 1e-5);
 }
