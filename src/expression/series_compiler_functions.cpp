@@ -209,9 +209,11 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   made_.states_.resize(made_.states_.size() + 36, 0.0);
   it.state = static_cast<int>(made_.pieces_.size());
   made_.pieces_.push_back(piece);
-  const bool is_polynomial = !has_two && degree(a) <= 4;
+  // (A held value is no constant: the next piece has another one.)
+  const bool is_polynomial = !has_two && made_.degree(a) <= 4;
   it.result =
-      addRow(is_polynomial ? Table::kDegree * degree(a) : SeriesProgram::kNoDegree, is_accelerated);
+      addRow(is_polynomial ? std::max(1, degree * made_.degree(a)) : SeriesProgram::kNoDegree,
+             is_accelerated);
   written.push_back(it.result);
   piece.rows = written.front();
   made_.pieces_.back() = piece;

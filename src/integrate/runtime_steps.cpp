@@ -147,6 +147,7 @@ bool RuntimeSteps::takeEnd(double left) {
   has_crossed_ = has_crossed_ || it_.is_event != 0;
   step_.checks.noteTorqueSize(torque_);
   ++step_.statistics.steps;
+  if (it_.passed >= 0) ++step_.statistics.kinks;
   drivetrain_.countRightHandSide();
   step_.statistics.rejected_steps += static_cast<std::uint64_t>(it_.rejections);
   step_.phase = StepPhase::kStepping;

@@ -41,6 +41,7 @@ VS_FUNCTION int vs_advance(scene_model* m, double left, vs_exchange* to) {
   if (m->status != SCENE_OK) return m->status;
   is_smooth = m->is_begun;
   taken = &m->series[is_smooth ? 1 - m->present : m->present];
+  to->passed = m->passed;
   to->is_event = !is_smooth;
   to->event = m->event * taken->unit;
   if (!is_smooth) {

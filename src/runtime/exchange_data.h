@@ -27,6 +27,7 @@ typedef struct {
   const double* const* rows; /* coefficients of the step: angles to accelerations, torques; 4 S */
   int last;                  /* the order of the accelerations' */
   double unit;               /* s */
+  int passed;                /* the guard that the step passed at its end, or -1 */
   int is_event;              /* 1: the step ends at an event behind which all begins anew */
   double event;              /* of such a step: from where on its end stands for all, s */
   long rejections;

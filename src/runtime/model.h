@@ -7,6 +7,7 @@ typedef struct {
   int is_commanded[SCENE_INPUTS + 1];
   int has_moved, crossings;
   scene_status status;
+  int passed;   /* the event of the last step, or -1 */
   double usual; /* length of the last step, s */
   double event; /* that the last step has crossed, in units: from there on its end stands for all */
   double longest[SCENE_CONSTRAINTS + 1];        /* that C J^-1 C' has been */

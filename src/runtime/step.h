@@ -167,6 +167,7 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
         m->begun = m->now;
       }
       m->is_begun = is_smooth;
+      m->passed = at.guard;
       ++m->steps;
       *made = h;
       return SCENE_OK;
