@@ -48,7 +48,8 @@ TEST_F(SeriesArithmetic, SumsAreWithinRoundingsOfTheTrueOnes) {
       if (j < static_cast<std::size_t>(count)) sum += static_cast<long double>(a[j]) * b[j];
     }
     const double expected = static_cast<double>(sum);
-    EXPECT_NEAR(expression::plain::vs_dot(a.data(), b.data(), count), expected, 1e-15 * (1 + count));
+    EXPECT_NEAR(expression::plain::vs_dot(a.data(), b.data(), count), expected,
+                1e-15 * (1 + count));
     if (!expression::fusesProducts()) continue;
     EXPECT_NEAR(dotOfFused(a.data(), b.data(), count), expected, 1e-15 * (1 + count));
   }

@@ -139,7 +139,9 @@ bool ReactionDrift::moveVelocities(StepNode& node, const double* change, double 
   }
   StepNode tried = node;
   // A layer may lie on the way.
-  for (double part = most / tolerances; part > 1e-9; part *= 0.5) {
+  constexpr int kHalvings = 30;
+  for (int n = 0; n < kHalvings; ++n) {
+    const double part = std::ldexp(most / tolerances, -n);
     for (int i = 0; i < S; ++i) tried.x[S + i] = node.x[S + i] - part * moved(i);
     double left[kMaxShafts];
     drivetrain_.calcTorque(view(tried.time, tried.x), tried.torque.data());

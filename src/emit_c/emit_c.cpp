@@ -94,6 +94,7 @@ class Emission {
   }
   static std::vector<std::string> namesOf(const std::vector<ConstraintPtr>& constraints) {
     std::vector<std::string> names;
+    names.reserve(constraints.size());
     for (const ConstraintPtr& it : constraints) names.push_back(it->name());
     return names;
   }

@@ -45,7 +45,7 @@ inline Two loadTwo(const double* from) {
   return values;
 }
 
-enum { VS_STRIDE = SeriesProgram::kStride };
+enum { VS_STRIDE = SeriesProgram::kStride };  // NOLINT: a name of C
 #define VS_ORDER_VARIES
 #define VS_SINE_AND_COSINE(x, s, c) sineAndCosine(x, s, c)
 

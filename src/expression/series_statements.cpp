@@ -25,7 +25,7 @@ std::string SeriesStatements::addTerm(const std::string& sum, int place,
   double factor = program_.terms_[static_cast<std::size_t>(place)].factor;
   if (factor == 1.0) return sum.empty() ? x : sum + " + " + x;
   if (factor == -1.0) return sum.empty() ? "-" + x : sum + " - " + x;
-  const std::string product = number(factor, static_cast<std::size_t>(place)) + " * " + x;
+  std::string product = number(factor, static_cast<std::size_t>(place)) + " * " + x;
   if (sum.empty()) return product;
   return product[0] == '-' ? sum + " - " + product.substr(1) : sum + " + " + product;
 }
@@ -36,7 +36,7 @@ std::string SeriesStatements::sumOfTerms(const Instruction& it) const {
     sum = addTerm(sum, place, row(program_.terms_[static_cast<std::size_t>(place)].row) + "[n]");
   }
   const std::string y = row(it.result);
-  const std::string statement = y + "[n] = " + sum + ";";
+  std::string statement = y + "[n] = " + sum + ";";
   if (it.constant == 0.0) return statement;
   return statement + "\n  if (n == 0) " + y + "[0] += " + constant(it) + ";";
 }
@@ -68,7 +68,7 @@ std::string SeriesStatements::call(const Instruction& it) const {
 }
 
 std::string SeriesStatements::compute(const Instruction& it) const {
-  const std::string statement = it.code == Code::kLinear ? sumOfTerms(it) : call(it);
+  std::string statement = it.code == Code::kLinear ? sumOfTerms(it) : call(it);
   if (it.ends >= SeriesProgram::kNoDegree) return statement;
   return "if (n <= " + std::to_string(it.ends) + ") { " + statement + " }";
 }

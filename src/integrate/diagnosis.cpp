@@ -33,7 +33,9 @@ void nameGuard(System& system, const StepNode& front, double reach, MotionStatus
 /// fold at which a branch ends lies within the shortest step.
 bool leapsAhead(System& system, const StepNode& front, double least, double reach) {
   StepNode ahead = front;
-  for (double h = least; h <= reach; h *= 10.0) {
+  const int tens = static_cast<int>(std::ceil(std::log10(reach / least)));
+  for (int n = 0; n <= tens; ++n) {
+    const double h = std::min(reach, least * std::pow(10.0, n));
     ahead.time = front.time + h;
     ahead.x = goOn(front, h);
     system(ahead.x, ahead.dxdt, ahead.time);

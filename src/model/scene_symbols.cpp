@@ -69,6 +69,7 @@ Table::Points gridOf(const TableFile& file) {
       std::find_if(rows.begin(), rows.end(), [&](std::size_t n) { return x[n] > x[rows[0]]; }) -
       rows.begin());
   Table::Points grid;
+  if (columns == 0) return grid;  // (of no rows)
   for (std::size_t n = 0; n < rows.size(); ++n) {
     const std::size_t row = rows[n];
     if (n < columns) grid.y.push_back(y[row]);

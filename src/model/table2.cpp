@@ -79,7 +79,8 @@ Patch makePatch(const Stencil& along_x, const Stencil& along_y, const Numbers& z
     for (int l = 0; l < 4; ++l) {
       const int column = along_y.first + l;
       if (column < 0 || column >= columns) continue;
-      const double datum = z[static_cast<std::size_t>(row * columns + column)];
+      const double datum = z[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
+                             static_cast<std::size_t>(column)];
       for (std::size_t n = 0; n < kCoefficients; ++n) {
         of_row[n] += along_y.weight[static_cast<std::size_t>(l)][n] * datum;
       }

@@ -15,14 +15,14 @@ struct MotionList {
   operator const Value*() const { return values.data(); }  // NOLINT: as an array does
 };
 
+// clang-format off
 // The names are those of the texts: numbers of things and flags,
-#define VARIATOR_SIM_MOTION_SIZES(F)                                                             \
-  F(S)                                                                                           \
-  F(K) F(INPUTS) F(SIZE) F(IS_CLASSICAL) F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES)            \
-      F(ENTRIES_VARY) F(ENTRIES_TURN) F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)  \
-          F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS) \
-              F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED) F(TIME) F(ANGLE) F(VELOCITY) \
-                  F(ACCELERATION) F(MULTIPLIER) F(PULL)
+#define VARIATOR_SIM_MOTION_SIZES(F)                                                          \
+  F(S) F(K) F(INPUTS) F(SIZE) F(IS_CLASSICAL) F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES)    \
+  F(ENTRIES_VARY) F(ENTRIES_TURN) F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)   \
+  F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS)      \
+  F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED)                                       \
+  F(TIME) F(ANGLE) F(VELOCITY) F(ACCELERATION) F(MULTIPLIER) F(PULL)
 // the sizes of a series,
 #define VARIATOR_SIM_MOTION_EXTENTS(F) \
   F(SCENE_ORDER) F(SCENE_ROWS) F(SCENE_STRIDE) F(SCENE_MODES) F(SCENE_PIECES)
@@ -30,18 +30,19 @@ struct MotionList {
 #define VARIATOR_SIM_MOTION_NUMBERS(F) \
   F(RELATIVE_TOLERANCE) F(ABSOLUTE_TOLERANCE) F(MAXIMUM_STEP) F(DECAY)
 // and lists: rows of formulas by shaft and constraint, inputs, points of tables.
-#define VARIATOR_SIM_MOTION_LISTS(F)                                                               \
-  F(int, order_of)                                                                                 \
-  F(int, is_neutral) F(double, coupling) F(int, torque_row) F(int, residual_row)                   \
-      F(int, velocity_residual_row) F(int, entry_row) F(int, curvature_row)                        \
-          F(int, input_slope_row) F(int, inertia_row) F(int, inertial_row) F(int, connection_row)  \
-              F(int, sign_row) F(int, sign_jumps) F(int, constant_row) F(double, constant_value)   \
-                  F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(int, hold_of) \
-                      F(double, parameter_of) F(double, initial_input) F(double, minimum_of)       \
-                          F(double, maximum_of) F(double, timeout_of) F(int, falls_to_zero)        \
-                              F(int, passage_row) F(int, passage_count) F(int, passage_jumps)
+#define VARIATOR_SIM_MOTION_LISTS(F)                                                            \
+  F(int, order_of) F(int, is_neutral) F(double, coupling) F(int, torque_row)                    \
+  F(int, residual_row) F(int, velocity_residual_row) F(int, entry_row) F(int, curvature_row)    \
+  F(int, input_slope_row) F(int, inertia_row) F(int, inertial_row) F(int, connection_row)       \
+  F(int, sign_row) F(int, sign_jumps) F(int, constant_row) F(double, constant_value)            \
+  F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(int, hold_of)              \
+  F(double, parameter_of) F(double, initial_input) F(double, minimum_of) F(double, maximum_of)  \
+  F(double, timeout_of) F(int, falls_to_zero) F(int, passage_row) F(int, passage_count)         \
+  F(int, passage_jumps)
+// clang-format on
 
 struct MotionData {
+// NOLINTBEGIN(readability-identifier-naming,bugprone-macro-parentheses): names of C
 #define VARIATOR_SIM_SIZE(name) int name = 0;
 #define VARIATOR_SIM_NUMBER(name) double name = 0.0;
 #define VARIATOR_SIM_LIST(type, name) MotionList<type> name;
@@ -52,6 +53,7 @@ struct MotionData {
 #undef VARIATOR_SIM_SIZE
 #undef VARIATOR_SIM_NUMBER
 #undef VARIATOR_SIM_LIST
+  // NOLINTEND(readability-identifier-naming,bugprone-macro-parentheses)
   std::vector<std::vector<double>> passages;         ///< points of each
   MotionList<const double*> passage_points;          ///< the same, as an array
   MotionList<expression::SeriesOperation> resolved;  ///< operations of rows that are series

@@ -253,7 +253,7 @@ std::vector<int> MotionProgram::structure() const {
       words.insert(words.end(), values.begin(), values.end());
     }
   };
-#define VARIATOR_SIM_ADD(type, name) addIfShared(name.values);
+#define VARIATOR_SIM_ADD(type, name) addIfShared(name.values);  // NOLINT: a member
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_ADD)
 #undef VARIATOR_SIM_ADD
   return words;
@@ -284,7 +284,8 @@ std::string MotionProgram::writeLists(bool shares) const {
   VARIATOR_SIM_MOTION_NUMBERS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
   text += "\n/* Where formulas stand, by shaft and constraint; commanded inputs */\n";
-#define VARIATOR_SIM_WRITE(type, name) text += arrayOf(#type, #name, name.values);
+#define VARIATOR_SIM_WRITE(type, name) \
+  text += arrayOf(#type, #name, name.values);  // NOLINT: a member
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
   std::vector<std::string> names;
@@ -305,7 +306,7 @@ std::string MotionProgram::writeSharedLists() const {
     if constexpr (std::is_same_v<std::decay_t<decltype(values)>, std::vector<int>>)
       add(name, values);
   };
-#define VARIATOR_SIM_WRITE(type, name) addIfShared(#name, name.values);
+#define VARIATOR_SIM_WRITE(type, name) addIfShared(#name, name.values);  // NOLINT: a member
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
   return text + arrayOf("double", "timeout_of", std::vector<double>(timeout_of.values.size())) +

@@ -132,8 +132,9 @@ MotionRows::DenseTable MotionRows::cut(const Piece& piece) {
     for (int i = 0; i <= Table::kDegree; ++i) {
       const int n = piece.order[0] + i;
       const bool is_none = n > Table::kDegree;
-      made.pieces.push_back((is_none ? 0.0 : table.derivative(n, n < table.smoothness() ? x : inside)) /
-                            kFactorial[i]);
+      made.pieces.push_back(
+          (is_none ? 0.0 : table.derivative(n, n < table.smoothness() ? x : inside)) /
+          kFactorial[i]);
     }
   });
   return made;
@@ -195,7 +196,7 @@ std::string MotionRows::write(const Statement& made) const {
   const Instruction& it = *made.it;
   const std::string y = row(it.result);
   if (made.table < 0) {
-    const std::string call = compute(it);
+    std::string call = compute(it);
     if (made.limit < 0) return call;
     return "if (vs_is_at_limit(" + row(made.limit) + ", " + y + ", n)) " + y +
            "[n] = 0.0;\n  else " + call;

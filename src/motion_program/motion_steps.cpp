@@ -63,9 +63,9 @@ std::unique_ptr<MotionSteps> interpretMotion(const MotionProgram& program) {
 
 namespace {
 
-class Kernel final : public MotionSteps {
+class CompiledSteps final : public MotionSteps {
  public:
-  Kernel(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
+  CompiledSteps(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
       : library_(std::move(library)),
         take_over_(find<void(void*, const vs_exchange*)>("vs_kernel_take_over")),
         advance_(find<int(void*, double, vs_exchange*)>("vs_kernel_advance")),
@@ -114,7 +114,7 @@ std::unique_ptr<MotionSteps> runMotion(std::shared_ptr<KernelLibrary> library,
        {"vs_kernel_size", "vs_kernel_begin", "vs_kernel_take_over", "vs_kernel_advance"}) {
     if (library->find(name) == nullptr) return nullptr;
   }
-  return std::make_unique<Kernel>(std::move(library), program);
+  return std::make_unique<CompiledSteps>(std::move(library), program);
 }
 
 }  // namespace variator_sim
