@@ -191,35 +191,15 @@ std::string MotionSeries::writeLayout() const {
   return text + "};\n";
 }
 
-/// Writes seriesHides of every operation that may be unresolved, and each row's reach once.
+/// Writes the sum of what operations hide, for all orders or fewer.
 std::string MotionSeries::writeHidden() const {
-  std::ostringstream rows;
-  std::ostringstream sums;
-  std::set<int> reached;
-  const auto reach = [&](int row) {
-    const std::string name = std::to_string(row);
-    if (reached.insert(row).second) {
-      rows << "  Real u" << name << ", w" << name << " = seriesReach(r + " << program_.offset(row)
-           << ", p, last, &u" << name << ");\n";
-    }
-    return "w" + name + ", u" + name;
-  };
-  for (const expression::SeriesOperation& op : program_.resolved()) {
-    if (!seriesMayHide(&op, 0)) continue;
-    const int b = op.b < 0 ? op.a : op.b;
-    if (op.degree <= MotionSeries::kMostOrder) sums << "  if (last < " << op.degree << ")\n";
-    sums << "  sum += seriesHides(" << op.kind;
-    for (const int row : {op.result, op.second, op.a, b}) {
-      sums << ", r + " << program_.offset(row < 0 ? op.a : row);
-    }
-    sums << ", " << reach(op.kind == expression::kSeriesQuotient ? b : op.a) << ", " << reach(b)
-         << ", p, last);\n";
-  }
+  const auto row = [this](int n) { return "r + " + std::to_string(program_.offset(n)); };
   return std::string(expression::kSeriesOperationText) + expression::kSeriesResolutionText +
          "static SERIES_INLINE Real seriesHiddenUpTo(const struct SeriesStep* it, int last) {\n"
          "  const Real* const r = it->rows;\n  const Real* const p = it->powers;\n"
          "  Real sum = 0.0 * it->unit;\n  (void)r, (void)p, (void)last;\n" +
-         rows.str() + sums.str() + "  return sum;\n}\n" + R"c(
+         expression::writeHiding(program_.resolved(), MotionSeries::kMostOrder, row) +
+         "  return sum;\n}\n" + R"c(
 static __attribute__((noinline)) Real seriesHiddenOfAll(const struct SeriesStep* it) {
   return seriesHiddenUpTo(it, LAYOUT.order);
 }

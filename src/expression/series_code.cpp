@@ -1,5 +1,7 @@
 // A SeriesProgram as C: calls of the functions that the interpreter calls, so that they make the
 // same bits. Order 0 remains interpreted if it looks up tables.
+#include <set>
+
 #include "expression/c_code.h"
 #include "expression/series_statements.h"
 #include "expression/series_text.h"
@@ -88,6 +90,30 @@ class SeriesWriter : private SeriesStatements {
 
 std::string SeriesProgram::writeCode() const {
   return SeriesWriter(*this).write();
+}
+
+std::string writeHiding(const std::vector<SeriesOperation>& operations, int most,
+                        const std::function<std::string(int)>& row) {
+  std::string reaches;
+  std::string sums;
+  std::set<int> reached;
+  const auto reach = [&](int n) {
+    const std::string name = std::to_string(n);
+    if (reached.insert(n).second) {
+      reaches += "  Real u" + name + ", w" + name + " = seriesReach(" + row(n) + ", p, last, &u" +
+                 name + ");\n";
+    }
+    return "w" + name + ", u" + name;
+  };
+  for (const SeriesOperation& op : operations) {
+    if (!seriesMayHide(&op, 0)) continue;
+    const int b = op.b < 0 ? op.a : op.b;
+    if (op.degree <= most) sums += "  if (last < " + std::to_string(op.degree) + ")\n";
+    sums += "  sum += seriesHides(" + std::to_string(op.kind);
+    for (const int n : {op.result, op.second, op.a, b}) sums += ", " + row(n < 0 ? op.a : n);
+    sums += ", " + reach(op.kind == kSeriesQuotient ? b : op.a) + ", " + reach(b) + ", p, last);\n";
+  }
+  return reaches + sums;
 }
 
 }  // namespace variator_sim::expression

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "expression/c_code.h"
 #include "expression/series_dot.h"
@@ -283,7 +282,7 @@ std::string MotionProgram::writeLists(bool shares) const {
   text += "static const double " #name " = " + literalOf(name) + ";\n";
   VARIATOR_SIM_MOTION_NUMBERS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
-  text += "\n/* Where formulas stand, by shaft and constraint; commanded inputs */\n";
+  text += "\n/* The rows of formulas, by shaft and constraint, and the commanded inputs */\n";
 #define VARIATOR_SIM_WRITE(type, name) \
   text += arrayOf(#type, #name, name.values);  // NOLINT: a member
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
@@ -338,34 +337,14 @@ std::string MotionProgram::writeResolution(bool shares) const {
   return text + "    {0, 0, -1, 0, -1, 0, -1, 0, 0.0, 0.0}};\n" + writeHiding();
 }
 
-/// Writes the sum of seriesHides of all operations, with the reach of each row once.
+/// Writes the screen of vs_is_resolved.
 std::string MotionProgram::writeHiding() const {
-  std::string reaches;
-  std::string sums;
-  std::set<int> reached;
   const auto row = [](int n) { return "r[" + std::to_string(n) + "]"; };
-  const auto reach = [&](int n) {
-    const std::string name = std::to_string(n);
-    if (reached.insert(n).second) {
-      reaches += "  Real u" + name + ", w" + name + " = seriesReach(" + row(n) + ", p, last, &u" +
-                 name + ");\n";
-    }
-    return "w" + name + ", u" + name;
-  };
-  for (const expression::SeriesOperation& op : resolved.values) {
-    if (!seriesMayHide(&op, 0)) continue;
-    const int b = op.b < 0 ? op.a : op.b;
-    if (op.degree <= SCENE_ORDER) sums += "  if (last < " + std::to_string(op.degree) + ")\n";
-    sums += "  sum += seriesHides(" + std::to_string(op.kind);
-    for (const int n : {op.result, op.second, op.a, b}) sums += ", " + row(n < 0 ? op.a : n);
-    sums += ", " + reach(op.kind == expression::kSeriesQuotient ? b : op.a) + ", " + reach(b) +
-            ", p, last);\n";
-  }
   return "\n/* 0 where no operation has more unresolved than visible terms. */\n"
          "VS_INLINE Real vs_hides(const scene_series* it, const Real* p, int last) {\n"
          "  const vs_row* const r = it->row;\n  Real sum = 0.0;\n  (void)r, (void)p, "
          "(void)last;\n" +
-         reaches + sums + "  return sum;\n}\n";
+         expression::writeHiding(resolved.values, SCENE_ORDER, row) + "  return sum;\n}\n";
 }
 
 std::string MotionProgram::writeMotion(const std::string& operations, bool shares) const {
