@@ -32,7 +32,7 @@ MoreCode RuntimeSteps::machineCode() {
 }
 
 bool RuntimeSteps::use(const std::shared_ptr<KernelLibrary>& library) {
-  const std::unique_ptr<MotionSteps> compiled = runMotion(library, *program_);
+  std::unique_ptr<MotionSteps> compiled = runMotion(library, *program_);
   if (compiled == nullptr) return false;
   const vs_exchange kept = it_;
   double made[2];
@@ -51,7 +51,7 @@ bool RuntimeSteps::use(const std::shared_ptr<KernelLibrary>& library) {
   const bool is_right = status[0] == status[1] &&
                         (status[0] != SCENE_OK ||
                          (made[0] == made[1] && std::equal(state[0], state[0] + 3 * S, state[1])));
-  if (is_right) next_steps_ = runMotion(library, *program_);
+  if (is_right) next_steps_ = std::move(compiled);
   takes_next_ = is_right;
   library_ = is_right ? library : nullptr;
   return is_right;
@@ -118,7 +118,7 @@ bool RuntimeSteps::make() {
 void RuntimeSteps::refuse(scene_status status) {
   refused_at_ = start_.time;
   is_entered_ = false;
-  // Where no series goes on, an implicit step may.
+  // An implicit step may go on from here although no series does.
   const bool has_no_series = status == SCENE_NOT_FINITE || status == SCENE_TOO_MANY_STEPS;
   if (!has_no_series || !step_.choice.giveUp()) return;
   step_.stepper = &step_.choice.stepper();

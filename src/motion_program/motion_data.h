@@ -1,4 +1,4 @@
-/// What the texts of src/runtime read of a scene.
+/// The numbers, flags and lists of a scene that the texts of src/runtime read.
 #pragma once
 
 #include <vector>

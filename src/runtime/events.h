@@ -117,7 +117,8 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
   return found;
 }
 
-/* Where a step ends at the latest if its event is not there: before those of other guards. */
+/* The latest end, in units, of a step whose event turns out not to be there: it lies before the
+ * events of other guards. */
 VS_FUNCTION double vs_end_without(const scene_model* m, const vs_event* at, double theta) {
   const scene_series* const it = &m->series[m->present];
   const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;

@@ -1,5 +1,5 @@
-/* What a program that keeps the state of a motion itself exchanges with the runtime at each step.
- */
+/* The data that a program which keeps the state of a motion itself exchanges with the runtime at
+ * each step. */
 
 /* The closed form of an input, as scene_signal has it (inputs.h). */
 typedef struct {

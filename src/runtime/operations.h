@@ -28,7 +28,7 @@
 #define SERIES_INLINE inline
 #define SERIES_RARE
 #endif
-/* Of functions that read a scene's constants. */
+/* The storage class of functions that read a scene's constants: members, in an interpreter. */
 #ifndef VS_FUNCTION
 #define VS_FUNCTION static
 #define VS_FUNCTION_INLINE VS_INLINE
