@@ -16,10 +16,13 @@ extern const char* const kTableFunctions;
 extern const char* const kMotion;
 /// The functions of calls.h.
 extern const char* const kInterface;
-/// table_data.h, exchange_data.h, exchange.h
+/// table_data.h, exchange_data.h, exchange.h, commands.h, host.h, host_kernel.h
 extern const char* const kTableData;
 extern const char* const kExchangeData;
 extern const char* const kExchange;
+extern const char* const kCommands;
+extern const char* const kHost;
+extern const char* const kHostKernel;
 /// player.c
 extern const char* const kPlayer;
 

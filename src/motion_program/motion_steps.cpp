@@ -1,8 +1,11 @@
 #include "motion_program/motion_steps.h"
 
+#include <algorithm>
 #include <cfloat>
 #include <cmath>
 #include <cstring>
+#include <initializer_list>
+#include <string>
 
 #include "expression/series_dot.h"
 #include "variator_sim/types.h"
@@ -61,15 +64,18 @@ std::unique_ptr<MotionSteps> interpretMotion(const MotionProgram& program) {
   return std::make_unique<interpreted::Interpreter>(program);
 }
 
+std::unique_ptr<HostedMotion> hostMotion(const MotionProgram& program) {
+  if (expression::fusesProducts()) return std::make_unique<interpreted_fused::Interpreter>(program);
+  return std::make_unique<interpreted::Interpreter>(program);
+}
+
 namespace {
 
-class CompiledSteps final : public MotionSteps {
+/// A kernel, its constants and the memory of its model.
+class CompiledMotion {
  public:
-  CompiledSteps(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
-      : library_(std::move(library)),
-        take_over_(find<void(void*, const vs_exchange*)>("vs_kernel_take_over")),
-        advance_(find<int(void*, double, vs_exchange*)>("vs_kernel_advance")),
-        model_(find<unsigned long()>("vs_kernel_size")() / sizeof(double) + 1) {
+  CompiledMotion(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
+      : library_(std::move(library)), memory_(call<unsigned long>("size") / sizeof(double) + 1) {
     listTables(program.rows(), &tables_, &tables_of_two_);
     constants_ = program.rows().numbers();
     numbers_ = {program.RELATIVE_TOLERANCE,
@@ -83,38 +89,106 @@ class CompiledSteps final : public MotionSteps {
                 tables_.data(),
                 tables_of_two_.data(),
                 program.resolved.values.data()};
-    find<void(void*, const vs_numbers*)>("vs_kernel_begin")(model_.data(), &numbers_);
+    call<void>("begin", model(), static_cast<const vs_numbers*>(&numbers_));
   }
-  void takeOver(const vs_exchange& from) override { take_over_(model_.data(), &from); }
-  scene_status advance(double left, vs_exchange* to) override {
-    return static_cast<scene_status>(advance_(model_.data(), left, to));
+  CompiledMotion(const CompiledMotion&) = delete;
+  CompiledMotion& operator=(const CompiledMotion&) = delete;
+
+  void* model() { return memory_.data(); }
+  template <class Result, class... Arguments>
+  auto find(const char* name) const {
+    return reinterpret_cast<Result (*)(Arguments...)>(
+        library_->find((std::string("vs_kernel_") + name).c_str()));
+  }
+  template <class Result, class... Arguments>
+  Result call(const char* name, Arguments... arguments) const {
+    return find<Result, Arguments...>(name)(arguments...);
   }
 
  private:
-  template <class Function>
-  Function* find(const char* name) const {
-    return reinterpret_cast<Function*>(library_->find(name));
-  }
-
   std::shared_ptr<KernelLibrary> library_;
-  void (*take_over_)(void*, const vs_exchange*);
-  int (*advance_)(void*, double, vs_exchange*);
-  std::vector<double> model_;
+  std::vector<double> memory_;
   std::vector<vs_table> tables_;
   std::vector<vs_table_of_two> tables_of_two_;
   std::vector<double> constants_;
   vs_numbers numbers_;
 };
 
+scene_status asStatus(int status) {
+  return static_cast<scene_status>(status);
+}
+
+class CompiledSteps final : public MotionSteps {
+ public:
+  CompiledSteps(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
+      : code_(std::move(library), program) {}
+  void takeOver(const vs_exchange& from) override { take_over_(code_.model(), &from); }
+  scene_status advance(double left, vs_exchange* to) override {
+    return asStatus(advance_(code_.model(), left, to));
+  }
+
+ private:
+  CompiledMotion code_;
+  void (*take_over_)(void*, const vs_exchange*) =
+      code_.find<void, void*, const vs_exchange*>("take_over");
+  int (*advance_)(void*, double, vs_exchange*) =
+      code_.find<int, void*, double, vs_exchange*>("advance");
+};
+
+class CompiledHost final : public HostedMotion {
+ public:
+  CompiledHost(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
+      : code_(std::move(library), program) {}
+  scene_status begin(const vs_exchange& from) override {
+    return asStatus(begin_(code_.model(), &from));
+  }
+  void leave(vs_exchange* to) override { leave_(code_.model(), to); }
+  scene_status step(double left, vs_exchange* to) override {
+    return asStatus(step_(code_.model(), left, to));
+  }
+  scene_status cut(double at) override { return asStatus(cut_(code_.model(), at)); }
+  scene_status change(const vs_exchange& from) override {
+    return asStatus(change_(code_.model(), &from));
+  }
+  scene_status see(double at, vs_seen* to) override {
+    return asStatus(see_(code_.model(), at, to));
+  }
+  double calcWork(double at) override { return work_(code_.model(), at); }
+
+ private:
+  CompiledMotion code_;
+  int (*begin_)(void*, const vs_exchange*) =
+      code_.find<int, void*, const vs_exchange*>("host_begin");
+  void (*leave_)(void*, vs_exchange*) = code_.find<void, void*, vs_exchange*>("host_leave");
+  int (*step_)(void*, double, vs_exchange*) =
+      code_.find<int, void*, double, vs_exchange*>("host_step");
+  int (*cut_)(void*, double) = code_.find<int, void*, double>("host_cut");
+  int (*change_)(void*, const vs_exchange*) =
+      code_.find<int, void*, const vs_exchange*>("host_change");
+  int (*see_)(void*, double, vs_seen*) = code_.find<int, void*, double, vs_seen*>("host_see");
+  double (*work_)(void*, double) = code_.find<double, void*, double>("host_work");
+};
+
+bool hasFunctions(const KernelLibrary& library, std::initializer_list<const char*> names) {
+  return std::all_of(names.begin(), names.end(), [&](const char* name) {
+    return library.find((std::string("vs_kernel_") + name).c_str()) != nullptr;
+  });
+}
+
 }  // namespace
 
 std::unique_ptr<MotionSteps> runMotion(std::shared_ptr<KernelLibrary> library,
                                        const MotionProgram& program) {
-  for (const char* name :
-       {"vs_kernel_size", "vs_kernel_begin", "vs_kernel_take_over", "vs_kernel_advance"}) {
-    if (library->find(name) == nullptr) return nullptr;
-  }
+  if (!hasFunctions(*library, {"size", "begin", "take_over", "advance"})) return nullptr;
   return std::make_unique<CompiledSteps>(std::move(library), program);
+}
+
+std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,
+                                         const MotionProgram& program) {
+  const bool has_all =
+      hasFunctions(*library, {"size", "begin", "host_begin", "host_leave", "host_step", "host_cut",
+                              "host_change", "host_see", "host_work"});
+  return has_all ? std::make_unique<CompiledHost>(std::move(library), program) : nullptr;
 }
 
 }  // namespace variator_sim

@@ -1,5 +1,18 @@
 /* Steps of a motion whose state another program keeps. */
 
+VS_FUNCTION scene_signal vs_signal_of(const vs_exchanged_signal* from) {
+  scene_signal s;
+  s.form = from->form;
+  s.start = from->start;
+  s.target = from->target;
+  s.slope = from->slope;
+  s.inverse_tau = from->inverse_tau;
+  s.linear = from->linear;
+  s.age = from->age;
+  s.end = from->end;
+  return s;
+}
+
 VS_FUNCTION void vs_take_over(scene_model* m, const vs_exchange* from) {
   int i;
   m->now.time = from->time;
@@ -12,15 +25,7 @@ VS_FUNCTION void vs_take_over(scene_model* m, const vs_exchange* from) {
   }
   for (i = 0; i < K; ++i) m->now.multiplier[i] = from->multiplier[i];
   for (i = 0; i < INPUTS; ++i) {
-    scene_signal* const s = &m->now.input[i];
-    s->form = from->input[i].form;
-    s->start = from->input[i].start;
-    s->target = from->input[i].target;
-    s->slope = from->input[i].slope;
-    s->inverse_tau = from->input[i].inverse_tau;
-    s->linear = from->input[i].linear;
-    s->age = from->input[i].age;
-    s->end = from->input[i].end;
+    m->now.input[i] = vs_signal_of(&from->input[i]);
     m->now.silence[i] = -1.0;
   }
   for (i = 0; i < K; ++i) m->longest[i] = 0.0;

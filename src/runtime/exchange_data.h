@@ -12,8 +12,10 @@ typedef struct {
   double time, time_rest; /* s; the sum counts */
   double* state;          /* angles, velocities, accelerations: 3 S */
   double* multiplier;     /* of gauss: where the iteration begins; K */
+  double* reaction;       /* at the start, S (of J(phi): R / sqrt(J)) */
+  double* longest;        /* that C J^-1 C' has been, K (host.h) */
   /* In */
-  const double* reaction;           /* at the start, S (of J(phi): R / sqrt(J)) */
+  int is_start;                     /* (host.h) */
   const vs_exchanged_signal* input; /* INPUTS */
   /* In, at a beginning; out */
   double usual; /* the length that the next step may have, s; 0: unknown */
@@ -32,6 +34,14 @@ typedef struct {
   double event;              /* of such a step: from where on its end stands for all, s */
   long rejections;
 } vs_exchange;
+
+/* What a host sees of an instant. */
+typedef struct {
+  double *angle, *velocity, *acceleration, *torque; /* Q; S each */
+  double *reaction, *reaction_rate;                 /* R, R'; S */
+  double *residual, *multiplier;                    /* K */
+  double kinetic;                                   /* J */
+} vs_seen;
 
 /* The constants of a program whose text has none: machine code that scenes share. */
 typedef struct vs_numbers {

@@ -145,4 +145,6 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
 /* */
 #include "runtime/step.h"
 /* */
+#include "runtime/commands.h"
+/* */
 #include "runtime/interface.h"

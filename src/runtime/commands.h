@@ -1,0 +1,84 @@
+/* What commands and a start do to the state, and what else there is to see. */
+
+/* True where `values` are those that were given, if they have to be. */
+VS_FUNCTION int vs_are_given(const double* values, const double* given) {
+  int i;
+  for (i = 0; i < S && !MAY_PROJECT; ++i) {
+    const double moved = fabs(values[i] - given[i]);
+    if (!(moved <= 1e-9 * fmax(1.0, fabs(given[i])))) return 0;
+  }
+  return 1;
+}
+
+/* The accelerations at time 0, after commands have set the first inputs. */
+VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it) {
+  const scene_state given = m->now;
+  double lambda[MOST_CONSTRAINTS + 1] = {0.0};
+  scene_status status;
+  vs_enter_inputs(m, it, 0);
+  status = vs_project_velocities(m, it);
+  if (!vs_are_given(m->now.velocity, given.velocity)) return SCENE_INCONSISTENT;
+  if (status != SCENE_OK) return status;
+  if (IS_CLASSICAL) return vs_settle_accelerations(m, it);
+  if (!HAS_GIVEN_ACCELERATIONS) return vs_settle(m, it, VS_LEAST_REACTION, lambda, 0, 0.0, 50);
+  status = vs_settle_accelerations(m, it);
+  return vs_are_given(m->now.acceleration, given.acceleration) ? status : SCENE_INCONSISTENT;
+}
+
+/* The inputs become `next`: the accelerations jump where the value of one does (all of them
+ * together, on the straight line between the old and the new values), unless nothing has moved yet.
+ */
+VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* next) {
+  scene_series* const it = &m->series[1 - m->present];
+  const scene_state before = m->now;
+  double u[MOST_INPUTS + 1], du[MOST_INPUTS + 1], dQ[MOST_SHAFTS];
+  scene_status status = SCENE_OK;
+  int jumps = 0;
+  int i;
+  vs_enter_inputs(m, it, 0);
+  vs_enter_state(m, it);
+  for (i = 0; i < S; ++i) dQ[i] = -it->row[torque_row[i]][0];
+  for (i = 0; i < INPUTS; ++i) {
+    u[i] = vs_input_value(&m->now.input[i]);
+    m->now.input[i] = next[i];
+    du[i] = vs_input_value(&m->now.input[i]) - u[i];
+    jumps = jumps || fabs(du[i]) > 1e-14 * (fabs(u[i]) + fabs(u[i] + du[i]));
+  }
+  if (!m->has_moved) {
+    status = vs_start(m, it);
+  } else if (jumps) {
+    vs_enter_inputs(m, it, 0);
+    vs_enter_state(m, it);
+    for (i = 0; i < S; ++i) dQ[i] += it->row[torque_row[i]][0];
+    status = IS_CLASSICAL ? vs_follow_least_reaction(m, it) : vs_jump(m, it, u, du, dQ, 0);
+    vs_enter_inputs(m, it, 0);
+    if (status == SCENE_OK && !IS_CLASSICAL) status = vs_settle_accelerations(m, it);
+  }
+  if (status != SCENE_OK) m->now = before;
+  m->is_begun = 0;
+  m->crossings = 0;
+  return status;
+}
+
+/* The residual of a constraint: f, psi, or C eta + c_0 of order 3. */
+VS_FUNCTION double vs_residual(const scene_series* it, int p) {
+  double left = it->row[(order_of[p] == 1 ? velocity_residual_row : residual_row)[p]][0];
+  int i;
+  for (i = 0; i < S && order_of[p] == 3; ++i) {
+    left += vs_entry(it, p, i) * it->row[ACCELERATION + i][1] / it->unit;
+  }
+  return left;
+}
+
+/* R' = C' Lambda + 1/2 J' omega J^-1 R; of gauss C' lambda' + (dC/dt)' lambda */
+VS_FUNCTION double vs_reaction_rate(const scene_series* it, int i) {
+  double rate = 0.0;
+  int p;
+  for (p = 0; p < K; ++p) {
+    const double* const C = it->row[entry_row[S * p + i]];
+    const double* const l = it->row[MULTIPLIER + p];
+    rate += IS_CLASSICAL ? (C[0] * l[1] + C[1] * l[0]) / it->unit : C[0] * l[0];
+  }
+  if (!IS_CLASSICAL && INERTIA_VARIES) rate += it->row[connection_row[i]][0] * it->row[PULL + i][0];
+  return rate;
+}

@@ -1,0 +1,173 @@
+/* A motion for a program that keeps the inputs itself, looks at any instant inside the last step
+ * and goes on from any. */
+
+typedef struct {
+  scene_model model;
+  scene_state before; /* the start of the last step */
+  scene_series seen;  /* of the instant that was looked at */
+  int taken;          /* the series of the last step */
+  double made;        /* its length, s; 0: there is none */
+  double event;       /* from where on, s, its end stands for all */
+} vs_host;
+
+VS_FUNCTION void vs_host_prepare(vs_host* h) {
+  const scene_model* const m = &h->model;
+  int n;
+  vs_set_constants(&h->model);
+  (void)m;
+  for (n = 0; n < CONSTANTS; ++n) h->seen.row[constant_row[n]][0] = constant_value[n];
+}
+
+VS_FUNCTION void vs_host_forget_step(vs_host* h) {
+  h->made = 0.0;
+  h->model.is_begun = 0;
+}
+
+/* The state `at` s behind the start of the last step, on the constraints, and its formulas. */
+VS_FUNCTION scene_status vs_host_go(vs_host* h, double at) {
+  scene_model* const m = &h->model;
+  const int present = m->present;
+  const double unit = m->series[h->taken].unit;
+  m->now = h->before;
+  m->present = h->taken;
+  vs_go(m, at / unit);
+  m->present = present;
+  return vs_arrive(m, &h->seen, unit);
+}
+
+/* Goes on from a state; from->is_start: from the one nearest to it that the constraints and the
+ * principle allow at time 0. */
+VS_FUNCTION int vs_host_begin(vs_host* h, const vs_exchange* from) {
+  scene_model* const m = &h->model;
+  int p;
+  vs_take_over(m, from);
+  for (p = 0; p < K; ++p) m->longest[p] = from->longest[p];
+  vs_host_forget_step(h);
+  if (from->is_start) {
+    m->has_moved = 0;
+    m->status = vs_start(m, &m->series[1 - m->present]);
+  }
+  return m->status;
+}
+
+/* Writes all that the motion goes on from. */
+VS_FUNCTION void vs_host_leave(vs_host* h, vs_exchange* to) {
+  scene_model* const m = &h->model;
+  int i, p;
+  if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
+  to->time = m->now.time;
+  to->time_rest = m->now.time_rest;
+  for (i = 0; i < S; ++i) {
+    to->state[i] = m->now.angle[i];
+    to->state[S + i] = m->now.velocity[i];
+    to->state[2 * S + i] = m->now.acceleration[i];
+    to->reaction[i] = m->now.reaction[i];
+  }
+  for (p = 0; p < K; ++p) {
+    to->multiplier[p] = m->now.multiplier[p];
+    to->longest[p] = m->longest[p];
+  }
+  to->usual = m->usual;
+}
+
+/* One step of at most `left` s. Without one the state stays. */
+VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
+  scene_model* const m = &h->model;
+  const long rejections = m->rejections;
+  if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
+  m->has_moved = 1;
+  h->before = m->now;
+  m->status = vs_make_step(m, left, &h->made);
+  to->rejections = m->rejections - rejections;
+  if (m->status != SCENE_OK) {
+    m->now = h->before;
+    vs_host_forget_step(h);
+    return m->status;
+  }
+  to->is_event = !m->is_begun;
+  to->passed = m->passed;
+  to->made = h->made;
+  to->usual = m->usual;
+  to->time = m->now.time;
+  to->time_rest = m->now.time_rest;
+  h->taken = m->is_begun ? 1 - m->present : m->present;
+  h->event = to->is_event ? m->event * m->series[h->taken].unit : h->made;
+  return m->status;
+}
+
+/* The motion goes on from `at` s behind the start of the last step. */
+VS_FUNCTION int vs_host_cut(vs_host* h, double at) {
+  scene_model* const m = &h->model;
+  if (at < h->event && at < h->made) {
+    const scene_state end = m->now;
+    m->status = vs_host_go(h, at);
+    if (m->status != SCENE_OK) m->now = end;
+  }
+  vs_host_forget_step(h);
+  return m->status;
+}
+
+/* Inputs change at the present. */
+VS_FUNCTION int vs_host_change(vs_host* h, const vs_exchange* from) {
+  scene_signal next[MOST_INPUTS + 1];
+  int i;
+  for (i = 0; i < INPUTS; ++i) next[i] = vs_signal_of(&from->input[i]);
+  vs_host_forget_step(h);
+  return vs_change_inputs(&h->model, next);
+}
+
+/* All there is to see `at` s behind the start of the last step. */
+VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
+  scene_model* const m = &h->model;
+  scene_series* const it = &h->seen;
+  const scene_state end = m->now;
+  scene_status status = SCENE_OK;
+  int i, j, p;
+  if (at < h->event && at < h->made) {
+    status = vs_host_go(h, at);
+  } else {
+    it->unit = vs_unit_of(m->usual > 0.0 ? m->usual : 1e-3);
+    vs_enter_inputs(m, it, SCENE_ORDER);
+    vs_enter_state(m, it);
+    if (!vs_begin(it, m->now.multiplier, 0)) status = SCENE_SINGULAR;
+  }
+  if (it->order < 1) vs_extend(it);
+  if (!vs_is_finite(it) && status == SCENE_OK) status = SCENE_NOT_FINITE;
+  vs_at_once(it, 0);
+  vs_reaction(it, to->reaction);
+  to->kinetic = 0.0;
+  for (i = 0; i < S; ++i) {
+    to->angle[i] = m->now.angle[i];
+    to->velocity[i] = m->now.velocity[i];
+    to->acceleration[i] = m->now.acceleration[i];
+    to->torque[i] = it->row[torque_row[i]][0];
+    to->reaction_rate[i] = vs_reaction_rate(it, i);
+    for (j = 0; j < S; ++j) {
+      to->kinetic += 0.5 * vs_inertia(it, i, j) * to->velocity[i] * m->now.velocity[j];
+    }
+  }
+  for (p = 0; p < K; ++p) {
+    to->residual[p] = vs_residual(it, p);
+    to->multiplier[p] = it->row[MULTIPLIER + p][0];
+  }
+  m->now = end;
+  return status;
+}
+
+/* The work, J, of the applied torques over the first `at` s of the last step:
+ * sum_n p_n tau^(n+1) / (n+1), p_n = sum_i sum_k Q_ik omega_i,n-k */
+VS_FUNCTION double vs_host_work(const vs_host* h, double at) {
+  const scene_series* const it = &h->model.series[h->taken];
+  const double tau = seriesSmaller(at, h->made) / it->unit;
+  double power = it->unit * tau;
+  double sum = 0.0;
+  int i, n;
+  for (n = 0; n <= it->order; ++n, power *= tau) {
+    double p = 0.0;
+    for (i = 0; i < S; ++i) {
+      p += vs_convolve(it->row[torque_row[i]], it->row[VELOCITY + i], n, 0, 0);
+    }
+    sum += p * power / (n + 1);
+  }
+  return sum;
+}
