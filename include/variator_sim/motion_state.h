@@ -37,6 +37,8 @@ struct MotionState {
     bool exists = false;
     bool is_implicit = false;                  ///< the steps of `auto` are implicit
     double longest_row[kMaxConstraints] = {};  ///< square of the greatest length of each row of C
+    bool has_multipliers = false;
+    double multiplier[kMaxConstraints] = {};  ///< with which their iteration goes on
     KeptReaction kept_reaction;
     EnergyAccount energy;
   };

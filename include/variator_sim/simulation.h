@@ -17,6 +17,7 @@ namespace variator_sim {
 class SeriesLanes;
 class StepsTogether;
 struct Motion;
+struct MotionBase;
 
 enum class CommandResult { kAccepted, kClamped, kRefused };
 
@@ -160,7 +161,7 @@ class Simulation {
 
  private:
   friend struct Motion;
-  std::unique_ptr<Motion> motion_;
+  std::unique_ptr<MotionBase> motion_;
 };
 
 }  // namespace variator_sim

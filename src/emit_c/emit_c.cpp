@@ -116,8 +116,9 @@ class Emission {
     return "/* " + title_ + ", written by `simulate --emit-c`. */\n#include \"" + name_ +
            ".h\"\n\n#include <float.h>\n#include <math.h>\n#include <string.h>\n\n" + writeNames() +
            "\n/* The first state */\n" + writeStart() + "\n" +
-           withName(program_.writeMotion(expression::kOperationsText, false) + kCommands + kInterface,
-                    name_);
+           withName(
+               program_.writeMotion(expression::kOperationsText, false) + kCommands + kInterface,
+               name_);
   }
 
   Simulation& simulation_;

@@ -105,7 +105,7 @@ bool ErrorEstimate::compare(const double* run, const double* companion, double* 
   return is_at_rounding;
 }
 
-void ErrorEstimate::judge(const Motion& run, Sample* sample) {
+void ErrorEstimate::judge(MotionBase& run, Sample* sample) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   companion_.advanceTo(run.time);
   const Sample& other = companion_.sample();
@@ -133,8 +133,8 @@ void ErrorEstimate::judge(const Motion& run, Sample* sample) {
 
 /// Both motions run ahead of the current time, by different steps: a difference counts only if it
 /// is older than the last step of either.
-void ErrorEstimate::noteEdges(const Motion& run) {
-  if (run.integrator.statistics().kinks == companion_.statistics().kinks) {
+void ErrorEstimate::noteEdges(MotionBase& run) {
+  if (run.statistics().kinks == companion_.statistics().kinks) {
     counts_differ_ = -1.0;
     return;
   }

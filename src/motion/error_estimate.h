@@ -22,7 +22,7 @@
 
 namespace variator_sim {
 
-struct Motion;
+struct MotionBase;
 
 /// The Simulation gives the companion the same commands as the run and advances it, too.
 class ErrorEstimate {
@@ -34,7 +34,7 @@ class ErrorEstimate {
   /// Counts errors from here on.
   void forget();
   /// Writes the estimated errors of the run's sample at its current time into it. [loop]
-  void judge(const Motion& run, Sample* sample);
+  void judge(MotionBase& run, Sample* sample);
   const ErrorDoubt& doubt() const { return doubt_; }
   std::string describe() const;
 
@@ -43,7 +43,7 @@ class ErrorEstimate {
   /// the largest magnitudes so far.
   bool compare(const double* run, const double* companion, double* largest, double* error);
   /// Notes when the laws of both have jumped a different number of times.
-  void noteEdges(const Motion& run);
+  void noteEdges(MotionBase& run);
 
   Simulation companion_;
   const double relative_;  // tolerances of the run

@@ -10,17 +10,15 @@
 namespace variator_sim {
 
 Motion::Motion(Scene its_scene, const Shortcuts& shortcuts, const Motion* like)
-    : scene(std::move(its_scene)),
+    : MotionBase(std::move(its_scene)),
       system(scene, shortcuts, like != nullptr ? &like->system : nullptr),
       drivetrain(system.drivetrain()),
       integrator(system, scene),
       energy_meter(integrator, system),
-      commands(scene.inputs),
-      quantities(scene),
       start_(system),
       first_(system.size()) {
   // Before the start: the search for it uses the machine code, too.
-  if (like != nullptr) shareMachineCode(*like);
+  if (like != nullptr) useCodeOf(*like);
   reset();
   if (start_.result == InitialResult::kInconsistent || start_.result == InitialResult::kNotFound ||
       start_.result == InitialResult::kNotUnique || start_.result == InitialResult::kDoubtful) {
@@ -28,12 +26,11 @@ Motion::Motion(Scene its_scene, const Shortcuts& shortcuts, const Motion* like)
   }
 }
 
-bool Motion::shareMachineCode(const Motion& other) {
-  if (has_machine_code || scene.solver.machine_code == MachineCode::kNever) return has_machine_code;
-  has_machine_code = drivetrain.shareMachineCode(series(), other.drivetrain) &&
-                     integrator.shareMachineCode(other.integrator);
-  if (has_machine_code) machine_code = "machine code, of another run";
-  return has_machine_code;
+bool Motion::shareMachineCode(const MotionBase& other) {
+  const auto* const like = dynamic_cast<const Motion*>(&other);
+  if (like == nullptr) return false;
+  return drivetrain.shareMachineCode(series(), like->drivetrain) &&
+         integrator.shareMachineCode(like->integrator);
 }
 
 // --- start -----------------------------------------------------------------------------------
@@ -72,55 +69,16 @@ void Motion::start() {
 
 // --- the current time ------------------------------------------------------------------------
 
-const MotionStatus& Motion::advanceTo(double end) {
-  if (!(end > time)) return status();
-  if (end <= quiet_until_ && status().ok() && commands.isEmpty()) {
-    time = end;
-    is_sample_valid_ = false;
-    return status();
-  }
-  try {
-    return advance(end);
-  } catch (...) {
-    // Plugins do not throw; after one that does the motion can continue from its last step.
-    integrator.stepBack();
-    time = frontTime();
-    integrator.restart();
-    throw;
-  }
+void Motion::recover() {
+  integrator.stepBack();
+  time = frontTime();
+  integrator.restart();
 }
 
-const MotionStatus& Motion::advance(double end) {
-  settle();
-  integrator.leaveStart();
-  // Timeouts of commands are events of the motion and act without a caller.
-  for (double timeout = commands.nextTimeout(); status().ok() && timeout <= end;
-       timeout = commands.nextTimeout()) {
-    moveTo(std::max(timeout, time));      // a rounding may lie between them
-    if (time < timeout) return status();  // interrupted
-    if (status().ok()) {
-      integrator.statistics().command_timeouts +=
-          static_cast<std::uint64_t>(commands.addTimeouts(time, resolutionOf(time)));
-    }
-    if (timeout < end) settle();
-  }
-  moveTo(end);
-  return status();
-}
-
-void Motion::moveTo(double end) {
-  if (!status().ok()) return;
-  const auto relative = [&] { return integrator.origin().relative(end); };
-  bool goes_on = true;
-  while (goes_on && integrator.stepEnd().time < relative()) {
-    const bool is_wanted = !Interruption::isWanted();
-    if (is_wanted && integrator.isSleeping() && relative() < integrator.sleepEnd()) break;
-    goes_on = is_wanted && step(end);
-  }
-  time = goes_on ? end : (status().ok() ? quietUntil() : status().time);  // or interrupted
-  forgetSample();
-  // At a timeout its command acts.
-  quiet_until_ = std::min(quietUntil(), std::nextafter(commands.nextTimeout(), -1.0));
+bool Motion::isMadeUpTo(double end) const {
+  const double relative = integrator.origin().relative(end);
+  return integrator.stepEnd().time >= relative ||
+         (integrator.isSleeping() && relative < integrator.sleepEnd());
 }
 
 bool Motion::step(double end) {
@@ -141,32 +99,14 @@ bool Motion::step(double end) {
   return integrator.finishEnd();
 }
 
-double Motion::quietUntil() const {
-  if (!status().ok() || !commands.isEmpty()) return time;
-  const double front = integrator.stepEnd().time;
-  double reached = frontTime();
-  if (integrator.origin().relative(reached) > front) reached = std::nextafter(reached, 0.0);
-  return std::max(time, std::min(reached, commands.nextTimeout()));
+double Motion::lastInside() const {
+  const double reached = frontTime();
+  return integrator.origin().relative(reached) > integrator.stepEnd().time
+             ? std::nextafter(reached, 0.0)
+             : reached;
 }
 
 // --- commands --------------------------------------------------------------------------------
-
-void Motion::settle() {
-  if (commands.isEmpty() || !status().ok()) return;
-  if (integrator.isStart()) {
-    changeInitialInputs();
-  } else if (isAnyCommandNew()) {  // otherwise the commands change nothing
-    changeInputs();
-  }
-  commands.clear();
-}
-
-bool Motion::isAnyCommandNew() const {
-  for (int i = 0; i < drivetrain.inputCount(); ++i) {
-    if (commands.hasCommand(i) && drivetrain.signal(i).target() != commands.value(i)) return true;
-  }
-  return false;
-}
 
 bool Motion::cutStep(StepNode* node) {
   *node = integrator.stepEnd();
@@ -215,40 +155,83 @@ void Motion::changeInitialInputs() {
 
 // --- samples ---------------------------------------------------------------------------------
 
-Sample& Motion::sample() {
-  if (is_sample_valid_) return sample_;
+void Motion::takeSample(Sample* sample) {
   sampled_at_ = presentTime();
-  if (!integrator.inside().calcSample(sampled_at_, &sample_)) takeSampleOfState();
-  sample_.time = time;
-  is_sample_valid_ = true;
-  if (energy_meter.isTracked()) sample_.energy = energy_meter.calcEnergy(sample_, presentTime());
-  return sample_;
+  if (!integrator.inside().calcSample(sampled_at_, sample)) takeSampleOfState(sample);
 }
 
-void Motion::takeSampleOfState() {
+void Motion::takeSampleOfState(Sample* sample) {
   State x(system.size());
   if (!integrator.inside().calcState(&sampled_at_, x)) {
     time = status().time;
     sampled_at_ = presentTime();
   }
-  system.calcSample(sampled_at_, x, &sample_);
+  const auto is_finite = [&] {
+    double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
+    for (int i = 0; i < system.shafts(); ++i) {
+      poison += 0.0 * (sample->angle[i] + sample->velocity[i] + sample->acceleration[i] +
+                       sample->applied_torque[i] + sample->reaction_torque[i]);
+    }
+    return poison == 0.0;
+  };
+  system.calcSample(sampled_at_, x, sample);
   // A failed evaluation is repeated once; a value that does not exist ends the motion.
-  if (!isSampleFinite()) system.calcSample(sampled_at_, x, &sample_);
-  if (!isSampleFinite() && status().ok()) integrator.stopAtBadValue(time, sampled_at_, x);
-}
-
-bool Motion::isSampleFinite() const {
-  double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
-  for (int i = 0; i < system.shafts(); ++i) {
-    poison += 0.0 * (sample_.angle[i] + sample_.velocity[i] + sample_.acceleration[i] +
-                     sample_.applied_torque[i] + sample_.reaction_torque[i]);
-  }
-  return poison == 0.0;
+  if (!is_finite()) system.calcSample(sampled_at_, x, sample);
+  if (!is_finite() && status().ok()) integrator.stopAtBadValue(time, sampled_at_, x);
 }
 
 StateView Motion::view() {
   const Sample& now = sample();
   return drivetrain.view(sampled_at_, now.angle, now.velocity, now.acceleration);
+}
+
+// --- descriptions and machine code -------------------------------------------------------------
+
+Statistics& Motion::statistics() {
+  Statistics& statistics = integrator.statistics();
+  statistics.right_hand_sides = drivetrain.rightHandSides();
+  statistics.newton_iterations = drivetrain.newtonIterations();
+  statistics.stepper_switches = integrator.choice().switches();
+  return statistics;
+}
+
+std::string Motion::describeStop() {
+  return variator_sim::describeStop(*this);
+}
+
+std::vector<std::string> Motion::skips() const {
+  std::vector<std::string> skips;
+  if (!system.readsAngles()) skips.emplace_back("derivatives by the angles (nothing reads them)");
+  if (drivetrain.inertia().isConstant()) {
+    skips.emplace_back("inertial torques and connection (J is constant)");
+  }
+  if (!system.integratesTorque()) {
+    skips.emplace_back(
+        "torque rates in the stages and stepped accelerations (the principle gives them)");
+  }
+  if (!drivetrain.readsTime()) {
+    skips.emplace_back(scene.solver.sleep ? "anything at rest until a command (no explicit time)"
+                                          : "derivatives by time (no explicit time)");
+  }
+  if (system.isSpecialized()) {
+    skips.emplace_back("loops over shafts and constraints (two and one)");
+  }
+  return skips;
+}
+
+std::string Motion::loadCode(KernelLibrary::Missing missing, bool* compiled) {
+  return drivetrain.loadMachineCode(series(), integrator.machineCode(), missing, compiled);
+}
+
+std::shared_ptr<SeriesLanes> Motion::loadLanes(KernelLibrary::Missing missing) {
+  MotionSeries* const series = system.series();
+  if (!has_machine_code || series == nullptr) return nullptr;
+  return drivetrain.loadLanes(*series, missing);
+}
+
+void Motion::makeStepsWith(StepsTogether* together) {
+  MotionSeries* const series = system.series();
+  if (series != nullptr) series->makeStepsWith(together);
 }
 
 }  // namespace variator_sim

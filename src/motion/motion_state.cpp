@@ -44,6 +44,9 @@ ParameterTree toTree(const MotionState::History& history, const Scene& scene) {
                       {"doubt_since", ParameterTree::real(energy.doubt_since)},
                       {"has_turned", ParameterTree::boolean(energy.has_turned)},
                       {"directions", ParameterTree::dictionary(std::move(directions))}})}};
+  if (history.has_multipliers) {
+    tree["multipliers"] = listOf(history.multiplier, scene.constraintCount());
+  }
   if (history.kept_reaction.exists) {
     ParameterTree::List free;
     for (int i = 0; i < S; ++i) {
@@ -105,6 +108,11 @@ MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
   }
   rows.finish();
   history.energy = readEnergy(reader, scene);
+  reader.allow("multipliers");
+  history.has_multipliers = reader.has("multipliers");
+  if (history.has_multipliers) {
+    readList(reader, "multipliers", scene.constraintCount(), history.multiplier);
+  }
   history.kept_reaction = readKeptReaction(reader, scene);
   reader.finish();
   return history;

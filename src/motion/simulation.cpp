@@ -9,17 +9,27 @@
 
 #include "model/interrupted.h"
 #include "motion/motion.h"
+#include "motion/program_motion.h"
 #include "motion/stop_message.h"
 
 namespace variator_sim {
 
 namespace {
 
-std::unique_ptr<Motion> makeMotion(Scene scene, const Motion* like) {
+/// Tells whether an integrator of the equations of shafts and constraints does not suffice.
+bool needsProgram(const Scene& /*scene*/) {
+  return false;
+}
+
+std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
-  return std::make_unique<Motion>(std::move(scene), Shortcuts{}, like);
+  if (needsProgram(scene)) {
+    return std::make_unique<ProgramMotion>(std::move(scene),
+                                           dynamic_cast<const ProgramMotion*>(like));
+  }
+  return std::make_unique<Motion>(std::move(scene), Shortcuts{}, dynamic_cast<const Motion*>(like));
 }
 
 /// Tells whether missing code is compiled, and whether a busy compiler is waited for.
@@ -52,7 +62,7 @@ double Simulation::quietUntil() const {
   return motion_->quietUntil();
 }
 bool Simulation::isSleeping() const {
-  return motion_->integrator.isSleeping();
+  return motion_->isSleeping();
 }
 
 const MotionStatus& Simulation::advanceTo(double time) {
@@ -69,14 +79,14 @@ void Simulation::reset() {
 }
 
 void Simulation::exhaustTime() {
-  motion_->integrator.exhaustTime(motion_->time);
+  motion_->exhaustTime();
 }
 
 // --- commands --------------------------------------------------------------------------------
 
 CommandResult Simulation::command(int input, double value) {
   if (motion_->error_estimate) motion_->error_estimate->companion().command(input, value);
-  Statistics& statistics = motion_->integrator.statistics();
+  Statistics& statistics = motion_->statistics();
   if (!std::isfinite(value)) {
     ++statistics.commands_refused;
     return CommandResult::kRefused;
@@ -105,20 +115,7 @@ const Sample& Simulation::sample() {
 }
 
 OperatingPoint Simulation::operatingPoint() {
-  motion_->settle();
-  const StateView state = motion_->view();
-  const Scene& scene = motion_->scene;
-  OperatingPoint point;
-  point.time = motion_->time;
-  point.angle.assign(state.angle, state.angle + scene.shaftCount());
-  point.velocity.assign(state.velocity, state.velocity + scene.shaftCount());
-  point.acceleration.assign(state.acceleration, state.acceleration + scene.shaftCount());
-  point.input.assign(state.input, state.input + scene.inputCount());
-  point.input_rate.assign(state.input_rate, state.input_rate + scene.inputCount());
-  for (int i = 0; i < scene.inputCount(); ++i) {
-    point.command.push_back(motion_->drivetrain.signal(i).target());
-  }
-  return point;
+  return motion_->operatingPoint();
 }
 
 const std::vector<std::string>& Simulation::quantityNames(QuantityGroup group) const {
@@ -130,18 +127,31 @@ void Simulation::calcQuantities(QuantityGroup group, double* values) {
 }
 
 void Simulation::trackEnergy(bool on) {
-  if (on == motion_->energy_meter.isTracked()) return;
-  motion_->energy_meter.track(on);
+  if (on == motion_->isEnergyTracked()) return;
+  motion_->trackEnergy(on);
   motion_->forgetSample();
 }
 Energy Simulation::energy() {
   motion_->settle();
-  const Sample& now = motion_->sample();
-  if (motion_->energy_meter.isTracked()) return now.energy;
-  return motion_->energy_meter.calcEnergy(now, motion_->presentTime());
+  return motion_->calcEnergy();
 }
 EnergyDoubt Simulation::energyDoubt() const {
-  return motion_->energy_meter.doubt(motion_->time);
+  return motion_->energyDoubt();
+}
+
+bool Simulation::peekState(MotionState* state) {
+  return motion_->peekState(state);
+}
+bool Simulation::saveState(MotionState* state) {
+  return motion_->saveState(state);
+}
+std::string Simulation::setState(const MotionState& state, bool project) {
+  const std::string fault = motion_->setState(state, project);
+  if (fault.empty() && motion_->error_estimate) {
+    motion_->error_estimate->companion().setState(state, project);
+    motion_->error_estimate->forget();
+  }
+  return fault;
 }
 
 void Simulation::estimateErrors(bool on) {
@@ -158,50 +168,25 @@ std::string Simulation::describeErrorEstimate() const {
 // --- descriptions ----------------------------------------------------------------------------
 
 const Statistics& Simulation::statistics() const {
-  Statistics& statistics = motion_->integrator.statistics();
-  statistics.right_hand_sides = motion_->drivetrain.rightHandSides();
-  statistics.newton_iterations = motion_->drivetrain.newtonIterations();
-  statistics.stepper_switches = motion_->integrator.choice().switches();
-  return statistics;
+  return motion_->statistics();
 }
-
 std::string Simulation::describeStatus() const {
-  return describeStop(*motion_);
+  return motion_->describeStop();
 }
 const char* Simulation::stepperName() const {
-  return motion_->integrator.choice().stepper().name();
+  return motion_->stepperName();
 }
 std::string Simulation::describeStepper() const {
-  return motion_->integrator.choice().describe();
+  return motion_->describeStepper();
 }
-
 std::vector<std::string> Simulation::skips() const {
-  const Drivetrain& drivetrain = motion_->drivetrain;
-  const System& system = motion_->system;
-  std::vector<std::string> skips;
-  if (!system.readsAngles()) skips.emplace_back("derivatives by the angles (nothing reads them)");
-  if (drivetrain.inertia().isConstant()) {
-    skips.emplace_back("inertial torques and connection (J is constant)");
-  }
-  if (!system.integratesTorque()) {
-    skips.emplace_back(
-        "torque rates in the stages and stepped accelerations (the principle gives them)");
-  }
-  if (!drivetrain.readsTime()) {
-    skips.emplace_back(motion_->scene.solver.sleep
-                           ? "anything at rest until a command (no explicit time)"
-                           : "derivatives by time (no explicit time)");
-  }
-  if (system.isSpecialized()) {
-    skips.emplace_back("loops over shafts and constraints (two and one)");
-  }
-  return skips;
+  return motion_->skips();
 }
 
 // --- machine code ----------------------------------------------------------------------------
 
 bool Simulation::loadMachineCode(bool compile, bool patiently) {
-  Motion& motion = *motion_;
+  MotionBase& motion = *motion_;
   const SolverSettings& solver = motion.scene.solver;
   if (motion.error_estimate) {
     motion.error_estimate->companion().loadMachineCode(compile, patiently);
@@ -215,8 +200,7 @@ bool Simulation::loadMachineCode(bool compile, bool patiently) {
   bool compiled = false;
   std::string reason;
   try {
-    reason = motion.drivetrain.loadMachineCode(motion.series(), motion.integrator.machineCode(),
-                                               missingCode(solver, compile, patiently), &compiled);
+    reason = motion.loadCode(missingCode(solver, compile, patiently), &compiled);
   } catch (const Interrupted&) {  // while the C of the formulas was written
     reason = "it was interrupted";
   }
@@ -236,17 +220,14 @@ bool Simulation::loadMachineCode(bool compile, bool patiently) {
 }
 
 bool Simulation::shareMachineCode(const Simulation& other) {
-  return motion_->shareMachineCode(*other.motion_);
+  return motion_->useCodeOf(*other.motion_);
 }
 
 std::shared_ptr<SeriesLanes> Simulation::loadLanes(bool compile) {
-  MotionSeries* const series = motion_->system.series();
-  if (!motion_->has_machine_code || series == nullptr) return nullptr;
-  return motion_->drivetrain.loadLanes(*series, missingCode(motion_->scene.solver, compile, false));
+  return motion_->loadLanes(missingCode(motion_->scene.solver, compile, false));
 }
 void Simulation::makeStepsWith(StepsTogether* together) {
-  MotionSeries* const series = motion_->system.series();
-  if (series != nullptr) series->makeStepsWith(together);
+  motion_->makeStepsWith(together);
 }
 
 const std::string& Simulation::machineCode() const {

@@ -129,10 +129,10 @@ class CompiledSteps final : public MotionSteps {
 
  private:
   CompiledMotion code_;
-  void (*take_over_)(void*, const vs_exchange*) =
-      code_.find<void, void*, const vs_exchange*>("take_over");
-  int (*advance_)(void*, double, vs_exchange*) =
-      code_.find<int, void*, double, vs_exchange*>("advance");
+  void (*take_over_)(void*,
+                     const vs_exchange*) = code_.find<void, void*, const vs_exchange*>("take_over");
+  int (*advance_)(void*, double,
+                  vs_exchange*) = code_.find<int, void*, double, vs_exchange*>("advance");
 };
 
 class CompiledHost final : public HostedMotion {
@@ -157,14 +157,14 @@ class CompiledHost final : public HostedMotion {
 
  private:
   CompiledMotion code_;
-  int (*begin_)(void*, const vs_exchange*) =
-      code_.find<int, void*, const vs_exchange*>("host_begin");
+  int (*begin_)(void*,
+                const vs_exchange*) = code_.find<int, void*, const vs_exchange*>("host_begin");
   void (*leave_)(void*, vs_exchange*) = code_.find<void, void*, vs_exchange*>("host_leave");
-  int (*step_)(void*, double, vs_exchange*) =
-      code_.find<int, void*, double, vs_exchange*>("host_step");
+  int (*step_)(void*, double,
+               vs_exchange*) = code_.find<int, void*, double, vs_exchange*>("host_step");
   int (*cut_)(void*, double) = code_.find<int, void*, double>("host_cut");
-  int (*change_)(void*, const vs_exchange*) =
-      code_.find<int, void*, const vs_exchange*>("host_change");
+  int (*change_)(void*,
+                 const vs_exchange*) = code_.find<int, void*, const vs_exchange*>("host_change");
   int (*see_)(void*, double, vs_seen*) = code_.find<int, void*, double, vs_seen*>("host_see");
   double (*work_)(void*, double) = code_.find<double, void*, double>("host_work");
 };

@@ -1,28 +1,30 @@
 /* What commands and a start do to the state, and what else there is to see. */
 
-/* True where `values` are those that were given, if they have to be. */
+/* True where `values` are those that were given. */
 VS_FUNCTION int vs_are_given(const double* values, const double* given) {
   int i;
-  for (i = 0; i < S && !MAY_PROJECT; ++i) {
+  for (i = 0; i < S; ++i) {
     const double moved = fabs(values[i] - given[i]);
     if (!(moved <= 1e-9 * fmax(1.0, fabs(given[i])))) return 0;
   }
   return 1;
 }
 
-/* The accelerations at time 0, after commands have set the first inputs. */
-VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it) {
+/* The accelerations of a first state. are_given: those of the state are to be kept; may_move: if
+ * not they nor the velocities satisfy the constraints, the nearest that do are taken. */
+VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it, int are_given, int may_move) {
   const scene_state given = m->now;
   double lambda[MOST_CONSTRAINTS + 1] = {0.0};
   scene_status status;
   vs_enter_inputs(m, it, 0);
   status = vs_project_velocities(m, it);
-  if (!vs_are_given(m->now.velocity, given.velocity)) return SCENE_INCONSISTENT;
+  if (!may_move && !vs_are_given(m->now.velocity, given.velocity)) return SCENE_INCONSISTENT;
   if (status != SCENE_OK) return status;
   if (IS_CLASSICAL) return vs_settle_accelerations(m, it);
-  if (!HAS_GIVEN_ACCELERATIONS) return vs_settle(m, it, VS_LEAST_REACTION, lambda, 0, 0.0, 50);
+  if (!are_given) return vs_settle(m, it, VS_LEAST_REACTION, lambda, 0, 0.0, 50);
   status = vs_settle_accelerations(m, it);
-  return vs_are_given(m->now.acceleration, given.acceleration) ? status : SCENE_INCONSISTENT;
+  return may_move || vs_are_given(m->now.acceleration, given.acceleration) ? status
+                                                                           : SCENE_INCONSISTENT;
 }
 
 /* The inputs become `next`: the accelerations jump where the value of one does (all of them
@@ -45,7 +47,7 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
     jumps = jumps || fabs(du[i]) > 1e-14 * (fabs(u[i]) + fabs(u[i] + du[i]));
   }
   if (!m->has_moved) {
-    status = vs_start(m, it);
+    status = vs_start(m, it, HAS_GIVEN_ACCELERATIONS, MAY_PROJECT);
   } else if (jumps) {
     vs_enter_inputs(m, it, 0);
     vs_enter_state(m, it);

@@ -13,6 +13,17 @@ VS_FUNCTION scene_signal vs_signal_of(const vs_exchanged_signal* from) {
   return s;
 }
 
+VS_FUNCTION void vs_describe_signal(const scene_signal* s, vs_exchanged_signal* to) {
+  to->form = s->form;
+  to->start = s->start;
+  to->target = s->target;
+  to->slope = s->slope;
+  to->inverse_tau = s->inverse_tau;
+  to->linear = s->linear;
+  to->age = s->age;
+  to->end = s->end;
+}
+
 VS_FUNCTION void vs_take_over(scene_model* m, const vs_exchange* from) {
   int i;
   m->now.time = from->time;

@@ -35,18 +35,18 @@ VS_FUNCTION scene_status vs_host_go(vs_host* h, double at) {
   return vs_arrive(m, &h->seen, unit);
 }
 
-/* Goes on from a state; from->is_start: from the one nearest to it that the constraints and the
- * principle allow at time 0. */
+/* The motion begins (see vs_exchange). */
 VS_FUNCTION int vs_host_begin(vs_host* h, const vs_exchange* from) {
   scene_model* const m = &h->model;
+  scene_series* const it = &m->series[1 - m->present];
   int p;
   vs_take_over(m, from);
   for (p = 0; p < K; ++p) m->longest[p] = from->longest[p];
   vs_host_forget_step(h);
-  if (from->is_start) {
-    m->has_moved = 0;
-    m->status = vs_start(m, &m->series[1 - m->present]);
-  }
+  if (from->begin == 0) return m->status;
+  m->status = vs_start(m, it, from->are_given, from->may_move);
+  m->has_moved = from->begin != 1;
+  if (m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, it);
   return m->status;
 }
 
@@ -67,7 +67,22 @@ VS_FUNCTION void vs_host_leave(vs_host* h, vs_exchange* to) {
     to->multiplier[p] = m->now.multiplier[p];
     to->longest[p] = m->longest[p];
   }
+  for (i = 0; i < INPUTS; ++i) vs_describe_signal(&m->now.input[i], &to->input[i]);
   to->usual = m->usual;
+}
+
+/* True when no angle and no velocity leaves the tolerance around its value in the last step. */
+VS_FUNCTION int vs_host_is_still(const vs_host* h) {
+  const scene_series* const it = &h->model.series[h->taken];
+  const double theta = h->made / it->unit;
+  int c, n;
+  for (c = 0; c < 2 * S; ++c) {
+    const double* const x = it->row[ANGLE + c];
+    double power = theta, sum = 0.0;
+    for (n = 1; n <= it->order; ++n, power *= theta) sum += fabs(x[n]) * power;
+    if (!(sum <= vs_tolerance(it, x[0]))) return 0;
+  }
+  return 1;
 }
 
 /* One step of at most `left` s. Without one the state stays. */
@@ -91,6 +106,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   to->time = m->now.time;
   to->time_rest = m->now.time_rest;
   h->taken = m->is_begun ? 1 - m->present : m->present;
+  to->is_still = h->made >= 1.0 && vs_host_is_still(h);
   h->event = to->is_event ? m->event * m->series[h->taken].unit : h->made;
   return m->status;
 }

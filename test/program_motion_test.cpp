@@ -1,0 +1,135 @@
+// Motions that a scene's own program makes are those of the integrator, and have its properties.
+#include "motion/program_motion.h"
+
+#include "motion/motion.h"
+#include "support/scenes.h"
+
+namespace variator_sim {
+namespace {
+
+constexpr double kEnd = 2.0;
+
+Simulation programOf(const Scene& scene) {
+  Simulation simulation(scene);
+  Motion::of(simulation) = std::make_unique<ProgramMotion>(scene);
+  return simulation;
+}
+
+/// Samples of all columns, with commands on the way. `between`: samples between those.
+std::vector<std::vector<double>> run(Simulation& simulation, int between = 0, int load_at = -1) {
+  const Scene& scene = simulation.scene();
+  const auto S = static_cast<std::size_t>(scene.shaftCount());
+  std::vector<std::vector<double>> rows;
+  simulation.trackEnergy(true);
+  for (int n = 1; n <= 20; ++n) {
+    if (n == load_at) {
+      EXPECT_TRUE(simulation.loadMachineCode(true, true));
+    }
+    const double before = simulation.time();
+    const double end = kEnd * n / 20.0;
+    for (int k = 1; k <= between; ++k) {
+      simulation.advanceTo(before + (end - before) * k / (between + 1.0));
+      simulation.sample();
+    }
+    simulation.advanceTo(end);
+    if (n % 6 == 3 && scene.inputCount() > 0) {
+      const CommandInputSettings& input =
+          scene.inputs[static_cast<std::size_t>(n) % scene.inputs.size()];
+      simulation.command(n % scene.inputCount(), input.initial + 0.02 * n);
+    }
+    const Sample& sample = simulation.sample();
+    std::vector<double> row;
+    for (const double* values : {sample.angle, sample.velocity, sample.acceleration,
+                                 sample.applied_torque, sample.reaction_torque}) {
+      row.insert(row.end(), values, values + S);
+    }
+    row.push_back(simulation.energy().kinetic);
+    row.push_back(simulation.energy().applied);
+    rows.push_back(row);
+  }
+  EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
+  return rows;
+}
+
+/// Expects equal columns within `tolerances` of the scene, relative to the largest of the column.
+void expectClose(const std::vector<std::vector<double>>& a,
+                 const std::vector<std::vector<double>>& b, double allowed) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t c = 0; c < a[0].size(); ++c) {
+    double largest = 1.0;
+    for (const auto& row : a) largest = std::max(largest, std::abs(row[c]));
+    for (std::size_t n = 0; n < a.size(); ++n) {
+      EXPECT_NEAR(a[n][c], b[n][c], allowed * largest) << "row " << n << ", column " << c;
+    }
+  }
+}
+
+class ProgramMotions : public testing::TestWithParam<const char*> {
+ protected:
+  Scene scene() const {
+    return test::sceneFromFile(VARIATOR_SIM_TEST_DIR + std::string(GetParam()));
+  }
+};
+
+TEST_P(ProgramMotions, AreThoseOfTheIntegrator) {
+  Scene exact = scene();
+  exact.solver.relative_tolerance = exact.solver.absolute_tolerance = 1e-10;
+  Simulation integrated(exact);
+  Simulation programmed = programOf(exact);
+  expectClose(run(integrated), run(programmed), 1e-7);
+}
+
+TEST_P(ProgramMotions, DoNotDependOnSamples) {
+  Simulation few = programOf(scene());
+  Simulation many = programOf(scene());
+  EXPECT_EQ(run(few), run(many, 7));
+}
+
+TEST_P(ProgramMotions, AreTheSameAgainAfterAReset) {
+  Simulation simulation = programOf(scene());
+  const auto first = run(simulation);
+  simulation.reset();
+  EXPECT_EQ(first, run(simulation));
+}
+
+TEST_P(ProgramMotions, GoOnFromASavedStateToTheBit) {
+  Simulation saved = programOf(scene());
+  Simulation restored = programOf(scene());
+  saved.advanceTo(0.37);
+  if (saved.scene().inputCount() > 0) saved.command(0, saved.scene().inputs[0].initial + 0.1);
+  MotionState state;
+  ASSERT_TRUE(saved.saveState(&state));
+  const MotionState read = readMotionState(toTree(state, saved.scene()), saved.scene(), state);
+  ASSERT_EQ(restored.setState(read), "");
+  saved.advanceTo(1.1);
+  restored.advanceTo(1.1);
+  for (int i = 0; i < saved.scene().shaftCount(); ++i) {
+    EXPECT_EQ(saved.sample().velocity[i], restored.sample().velocity[i]);
+    EXPECT_EQ(saved.sample().acceleration[i], restored.sample().acceleration[i]);
+  }
+  EXPECT_EQ(saved.energy().applied, restored.energy().applied);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    OfFiles, ProgramMotions,
+    testing::Values("/cases/torque_steps/scene.yaml", "/cases/crank_elastic/scene.yaml",
+                    "/cases/first_order_ratio/scene.yaml", "/cases/slip_ship/scene.yaml",
+                    "/cases/acceleration_circle/scene.yaml", "/../config/ship.yaml",
+                    "/../config/ratio_steps.yaml", "/../config/applications/diesel_locomotive.yaml",
+                    "/../config/applications/vbelt_vehicle.yaml",
+                    "/../config/applications/starting_system.yaml"));
+
+TEST(ProgramMotion, HasTheBitsOfTheInterpreterInMachineCode) {
+  for (const char* name : {"/cases/crank_elastic/scene.yaml", "/cases/torque_steps/scene.yaml"}) {
+    const Scene scene = test::sceneFromFile(VARIATOR_SIM_TEST_DIR + std::string(name));
+    Simulation interpreted = programOf(scene);
+    Simulation compiled = programOf(scene);
+    Simulation switched = programOf(scene);
+    const auto expected = run(interpreted);
+    EXPECT_EQ(run(compiled, 0, 1), expected);
+    EXPECT_EQ(run(switched, 0, 9), expected) << "switched in the middle";
+  }
+}
+
+}  // namespace
+}  // namespace variator_sim
