@@ -389,12 +389,12 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
   if (compiled == nullptr) return false;
   // The first step has to be that of the interpreter.
   const std::unique_ptr<HostedMotion> interpreted = hostMotion(program_);
-  host_->leave(&it_);
   double state[2][3 * kMaxShafts] = {};
   double length[2] = {};
   scene_status status[2];
   int n = 0;
   for (HostedMotion* const tried : {interpreted.get(), compiled.get()}) {
+    host_->leave(&it_);
     vs_exchange from = it_;
     from.begin = static_cast<int>(Begin::kSaved);
     status[n] = tried->begin(from);
