@@ -11,7 +11,8 @@ constexpr double kEnd = 2.0;
 
 Simulation programOf(const Scene& scene) {
   Simulation simulation(scene);
-  Motion::of(simulation) = std::make_unique<ProgramMotion>(scene);
+  Motion::of(simulation) =
+      std::make_unique<ProgramMotion>(scene, std::make_unique<MotionProgram>(scene), nullptr);
   return simulation;
 }
 

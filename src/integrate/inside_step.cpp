@@ -40,10 +40,6 @@ bool InsideStep::calcState(double* at, State& x) {
   x = end_.x;
   if (!(start_.time < end_.time)) *at = end_.time;
   if (!contains(now)) return true;
-  if (runtime_.isBeyondEvent(now)) {
-    *at = end_.time;
-    return true;
-  }
   if (interpolate(now, x)) return true;
   StepNode node(system_);
   const bool is_reached = reach(now, &node);
@@ -52,12 +48,6 @@ bool InsideStep::calcState(double* at, State& x) {
 }
 
 bool InsideStep::interpolate(double now, State& x) {
-  if (runtime_.made()) {
-    runtime_.interpolate(now, x);
-    State moved(system_.size());
-    return system_.project(now, x, moved, &step_.statistics.projections) ==
-           ProjectionResult::kConverged;
-  }
   const bool is_implicit = step_.stepper->isImplicit();
   if (!integrates_torque_ && !step_.stepper->stepsBySeries() && !is_implicit) return false;
   if (!step_.stepper->interpolate(system_, now, start_, end_, x)) return false;
@@ -89,18 +79,6 @@ bool InsideStep::reach(double now, StepNode* node) {
   *node = start_;
   node->time = now;
   if (calcUnstepped(&node->time, node->x)) return true;
-  if (runtime_.isBeyondEvent(now)) {
-    *node = end_;
-    return true;
-  }
-  if (runtime_.made() && contains(now)) {
-    StepNode inner = *node;
-    if (interpolate(now, inner.x)) {
-      *node = inner;
-      node->time = now;
-      return true;
-    }
-  }
   node->time = start_.time;
   Stepper& stepper = step_.choice.innerOf(*step_.stepper);
   stepper.restart();  // what was asked for before is to change no bit of this
@@ -139,10 +117,6 @@ bool InsideStep::reach(double now, StepNode* node) {
 
 void InsideStep::calcPart(double theta, State& x) {
   const double h = end_.time - start_.time;
-  if (runtime_.made()) {
-    runtime_.interpolate(start_.time + theta * h, x);
-    return;
-  }
   if (step_.phase != StepPhase::kCrossing) {
     if (step_.stepper->interpolate(system_, start_.time + theta * h, start_, end_, x)) return;
     // A step that was good is so for a part of it.

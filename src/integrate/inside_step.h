@@ -4,16 +4,14 @@
 #include "integrate/current_step.h"
 #include "integrate/guard_search.h"
 #include "integrate/rest.h"
-#include "integrate/runtime_steps.h"
 
 namespace variator_sim {
 
 /// All are [loop].
 class InsideStep : private StepPart {
  public:
-  InsideStep(CurrentStep& step, const GuardSearch& guards, const Sleep& sleep,
-             const RuntimeSteps& runtime)
-      : StepPart(step), guards_(guards), sleep_(sleep), runtime_(runtime) {}
+  InsideStep(CurrentStep& step, const GuardSearch& guards, const Sleep& sleep)
+      : StepPart(step), guards_(guards), sleep_(sleep) {}
 
   /// True when `now` lies within the last step, and not at its end.
   bool contains(double now) const { return start_.time < end_.time && now != end_.time; }
@@ -48,7 +46,6 @@ class InsideStep : private StepPart {
 
   const GuardSearch& guards_;
   const Sleep& sleep_;
-  const RuntimeSteps& runtime_;
 };
 
 }  // namespace variator_sim

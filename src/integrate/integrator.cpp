@@ -44,12 +44,8 @@ Integrator::Integrator(System& system, const Scene& scene)
       sleep_(step_),
       trials_(step_, guards_, crossing_, events_, size_),
       batch_(step_, size_, sleep_),
-      runtime_(step_, size_),
-      inside_(step_, guards_, sleep_, runtime_) {
-  step_.choice.watch(&runtime_);
+      inside_(step_, guards_, sleep_) {
   step_.may_batch = step_.integrates_torque && guards_.isEmpty() && !step_.choice.isFixed();
-  if (!step_.may_batch && !step_.choice.isFixed() && step_.stepper->stepsBySeries())
-    runtime_.prepare(scene);
 }
 
 void Integrator::reset() {
@@ -123,6 +119,50 @@ void Integrator::beginFrom(double time, const State& x, const double* epsilon,
   step_.is_at_start = false;
 }
 
+void Integrator::goOnFrom(const TimeOrigin& origin, const State& x, const double* epsilon,
+                          const double* longest_rows, double trial) {
+  crossing_.reset();
+  step_.checks.reset();
+  step_.rows.reset();
+  step_.origin = origin;
+  step_.drivetrain.setOrigin(origin.time());
+  step_.drivetrain.refreshInputs(0.0);
+  step_.end = StepNode(step_.system);
+  step_.end.x = x;
+  State slope(step_.system.size());
+  std::copy_n(x.begin() + step_.S, step_.S, slope.begin());
+  std::copy_n(epsilon, step_.S, slope.begin() + step_.S);
+  step_.system.noteBase(0.0, x, slope);
+  for (int m = 0; m < step_.drivetrain.constraintCount(); ++m) {
+    step_.rows.remember(m, longest_rows[m]);
+  }
+  step_.is_at_start = false;
+  restart();
+  if (trial == 0.0 || !step_.status.ok()) return;
+  step_.choice.challenge(trial);
+  step_.stepper = &step_.choice.stepper();
+  size_.forgetErrors();
+  step_.next_length = trial;
+}
+
+void Integrator::describeEnd(double* state, double* multiplier, double* longest_rows) {
+  const StepNode& end = step_.end;
+  std::copy(end.x.begin(), end.x.end(), state);
+  if (!step_.integrates_torque) {
+    std::copy_n(end.dxdt.begin() + step_.S, step_.S, state + 2 * step_.S);
+    step_.system.accelerations().calcMultipliers(step_.viewOf(end), multiplier);
+  }
+  for (int m = 0; m < step_.drivetrain.constraintCount(); ++m) {
+    longest_rows[m] = step_.rows.reference(m);
+  }
+}
+
+bool Integrator::mayStepBySeries() const {
+  return step_.status.ok() && step_.phase == StepPhase::kStepping && !crossing_.isEndOnEvent() &&
+         step_.choice.stepper().stepsBySeries() &&
+         step_.drivetrain.inputSegmentEnd() > step_.end.time + shortestStep(step_.end.time);
+}
+
 MotionState::History Integrator::history() const {
   MotionState::History history;
   history.exists = true;
@@ -159,7 +199,6 @@ void Integrator::moveOrigin(double t) {
 
 void Integrator::restart() {
   step_.phase = StepPhase::kStepping;
-  runtime_.forget();
   crossing_.restart();
   sleep_.reset();
   step_.choice.restart();
@@ -232,21 +271,6 @@ bool Integrator::finishInputSegments() {
   return step_.status.ok();
 }
 
-bool Integrator::makeRuntimeStep() {
-  if (runtime_.make()) {
-    // A law may jump where an input's closed form ends.
-    const double reached = step_.end.time + shortestStep(step_.absolute(step_.end.time));
-    if (step_.drivetrain.inputSegmentEnd() <= reached) crossing_.endOnEvent();
-    return true;
-  }
-  if (runtime_.needsRestart()) {
-    step_.end = step_.start;
-    restart();
-    step_.start = step_.end;
-  }
-  return false;
-}
-
 bool Integrator::attempt(double target) {
   // Before a long step: a controller's machine is to be seen at rest at once.
   if (step_.start.time == step_.end.time && sleep_.beginExactly()) return true;
@@ -254,8 +278,6 @@ bool Integrator::attempt(double target) {
   step_.system.noteBase(step_.start.time, step_.start.x, step_.start.dxdt);
   step_.stepper = &step_.choice.stepper();
   if (batch_.make(target)) return true;
-  if (makeRuntimeStep()) return true;
-  if (!step_.status.ok()) return false;
   const bool is_behind_event = step_.phase == StepPhase::kCrossing;
   if (crossDueEvent()) return true;
   if (!step_.status.ok()) return false;
@@ -309,7 +331,7 @@ void Integrator::conclude() {
 }
 
 bool Integrator::finishEnd() {
-  if (!crossing_.isEndOnEvent() || runtime_.made() || finishInputSegments()) return true;
+  if (!crossing_.isEndOnEvent() || finishInputSegments()) return true;
   step_.status.time = step_.absolute(step_.end.time);
   return false;
 }

@@ -22,7 +22,6 @@
 #include "integrate/guard_search.h"
 #include "integrate/inside_step.h"
 #include "integrate/rest.h"
-#include "integrate/runtime_steps.h"
 #include "integrate/step_batch.h"
 #include "integrate/step_size.h"
 #include "integrate/trial_steps.h"
@@ -44,13 +43,10 @@ class Integrator {
   /// C at the end of the last step.
   const RowWatch::Row* rows() const { return step_.rows.rows(); }
   const StepperChoice& choice() const { return step_.choice; }
+  StepperChoice& choice() { return step_.choice; }
   const MotionStatus& status() const { return step_.status; }
   Statistics& statistics() { return step_.statistics; }
   const Statistics& statistics() const { return step_.statistics; }
-  /// See RuntimeSteps.
-  MoreCode machineCode() { return runtime_.machineCode(); }
-  bool shareMachineCode(const Integrator& other) { return runtime_.share(other.runtime_); }
-  const RuntimeSteps& runtime() const { return runtime_; }
   /// The motion inside the last step.
   InsideStep& inside() { return inside_; }
 
@@ -66,6 +62,22 @@ class Integrator {
   /// `epsilon`; inputs are as they are. Nothing of what this one has had before counts.
   void beginFrom(double time, const State& x, const double* epsilon,
                  const MotionState::History& history);
+  /// The same motion goes on at `origin`, where another way of stepping has brought it: what is
+  /// known of its stiffness stays. `trial`: implicit steps are tried, and have to get further than
+  /// this, s; 0: they are not.
+  void goOnFrom(const TimeOrigin& origin, const State& x, const double* epsilon,
+                const double* longest_rows, double trial);
+  /// Writes the state, accelerations included, at the end of the step, the multipliers of gauss and
+  /// the squares of the greatest lengths of C's rows.
+  void describeEnd(double* state, double* multiplier, double* longest_rows);
+  /// True when the scene's steps begin by series, each of its own length, and not in batches.
+  bool stepsBySeries() const {
+    return !step_.may_batch && !step_.choice.isFixed() && step_.stepper->stepsBySeries();
+  }
+  /// True where steps by series may go on from the end of the step, and nothing is due there.
+  bool mayStepBySeries() const;
+  /// True when the motion is at rest at the end of the step, and sleeps from there on.
+  bool sleepExactly() { return sleep_.beginExactly(); }
   /// Returns what the motion has behind it, but for its energy.
   MotionState::History history() const;
   /// There is no motion for the reason in `status`; x is where it would have begun.
@@ -117,8 +129,6 @@ class Integrator {
   // The three beats of a step. False when the motion stopped.
   bool prepare();
   bool attempt(double target);
-  /// False: the step is to be made the other way, or the motion stopped.
-  bool makeRuntimeStep();
   void conclude();
 
   /// False, and the motion stopped, when it gets nowhere.
@@ -136,7 +146,6 @@ class Integrator {
   Sleep sleep_;
   TrialSteps trials_;
   StepBatch batch_;
-  RuntimeSteps runtime_;
   InsideStep inside_;
   bool starts_implicitly_ = false;
 };

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "integrate/runtime_steps.h"
-
 namespace variator_sim {
 
 StepperChoice::StepperChoice(const System& system, const SolverSettings& settings)
@@ -96,11 +94,6 @@ bool StepperChoice::leaveSeries() {
   return true;
 }
 
-double StepperChoice::stiffnessOf(const StepNode& node) const {
-  if (active_ == &first_ && runtime_ != nullptr && runtime_->made()) return runtime_->stiffness();
-  return active_->outer->stiffness(node.x, node.dxdt);
-}
-
 bool StepperChoice::giveUp() {
   if (challenged_ != nullptr) {
     giveUpTrial();
@@ -113,8 +106,8 @@ bool StepperChoice::giveUp() {
 
 bool StepperChoice::settle(const StepNode& node, double change, bool is_driven) {
   if (!automatic_ || active_ == &implicit_) return false;
-  const bool near_rest =
-      change <= (is_driven ? kNearStandstill : kNearRest) && stiffnessOf(node) > mildly();
+  const bool near_rest = change <= (is_driven ? kNearStandstill : kNearRest) &&
+                         active_->outer->stiffness(node.x, node.dxdt) > mildly();
   settling_ = near_rest ? settling_ + 1 : 0;
   if (settling_ < kSettling) return false;
   goOverTo(&implicit_);
@@ -129,10 +122,12 @@ bool StepperChoice::reconsider(System& system, const StepNode& node, double limi
 }
 
 bool StepperChoice::considerImplicit(const StepNode& node, double h) {
-  // A stepper that shows no sign of stiffness is not examined at every step.
-  if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
-  unseen_ = 0;
-  const double stiffness = stiffnessOf(node);
+  if (!suspect([&] { return active_->outer->stiffness(node.x, node.dxdt); })) return false;
+  challenge(h);
+  return true;  // h stays: the first step damps
+}
+
+bool StepperChoice::addSuspicion(double stiffness) {
   if (stiffness <= mildly()) {
     // Isolated non-stiff steps do not reset the stiffness counter.
     if (++quiet_ >= kQuiet) suspicions_ = quiet_ = 0;
@@ -143,10 +138,7 @@ bool StepperChoice::considerImplicit(const StepNode& node, double h) {
   suspicions_ += stiffness > 1.0 ? kStrong : 1;
   if (suspicions_ < wait_) return false;
   suspicions_ = 0;
-  challenged_ = active_;
-  challenged_step_ = h;
-  goOverTo(&implicit_);
-  return true;  // h stays: the first step damps
+  return true;
 }
 
 bool StepperChoice::judgeImplicit(double limit, double* h) {
@@ -202,8 +194,8 @@ double StepperChoice::tryStep(System& system, Stepper& stepper, const StepNode& 
 }
 
 bool StepperChoice::getsFurther(const Pair& one, double step, const Pair& other,
-                                double other_step) {
-  return step / one.outer->work() > kAdvantage * (other_step / other.outer->work());
+                                double other_step) const {
+  return step / workOf(one) > kAdvantage * (other_step / workOf(other));
 }
 
 void StepperChoice::goOverTo(Pair* other) {

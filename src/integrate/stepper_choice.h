@@ -36,8 +36,6 @@
 
 namespace variator_sim {
 
-class RuntimeSteps;
-
 class StepperChoice {
  public:
   StepperChoice(const System& system, const SolverSettings& settings);
@@ -90,22 +88,34 @@ class StepperChoice {
   /// [loop]
   bool settle(const StepNode& node, double change, bool is_driven);
 
+  /// After a step, here or elsewhere, by series or explicit: true when its stiffness, a function
+  /// that is called if need be, asks for a trial of implicit ones. [loop]
+  template <class Stiffness>
+  bool suspect(const Stiffness& stiffness) {
+    // A motion that shows no sign of stiffness is not examined at every step.
+    if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
+    unseen_ = 0;
+    return addSuspicion(stiffness());
+  }
+  /// Steps by series are made by another program, which works faster than the stepper here.
+  void letProgramStep() { series_work_ = kWorkOfProgram; }
+  /// Implicit steps are tried, and have to get further than steps of h s. [loop]
+  void challenge(double h) {
+    challenged_ = active_;
+    challenged_step_ = h;
+    goOverTo(&implicit_);
+  }
   /// After an accepted step to `node`, the next one to be of size `h`: true when the stepper was
   /// changed, `h` then being its step. [loop]
   bool reconsider(System& system, const StepNode& node, double limit, double* h);
 
-  /// Steps by `runtime` count as those by series.
-  void watch(const RuntimeSteps* runtime) { runtime_ = runtime; }
-
  private:
-  /// Returns the stiffness, Stepper::stiffness, that the last step shows.
-  double stiffnessOf(const StepNode& node) const;
-
   struct Pair {
     std::unique_ptr<Stepper> outer;
     std::unique_ptr<Stepper> inner;
   };
 
+  bool addSuspicion(double stiffness);
   /// After an explicit step: true when implicit ones are to be tried from now on.
   bool considerImplicit(const StepNode& node, double h);
   /// After one of these: true when the next step is not what its error estimate allows.
@@ -119,7 +129,10 @@ class StepperChoice {
   static double tryStep(System& system, Stepper& stepper, const StepNode& node, double h);
 
   /// For the same work, and by more than a change costs.
-  static bool getsFurther(const Pair& one, double step, const Pair& other, double other_step);
+  bool getsFurther(const Pair& one, double step, const Pair& other, double other_step) const;
+  double workOf(const Pair& pair) const {
+    return (&pair == &first_ ? series_work_ : 1.0) * pair.outer->work();
+  }
   void goOverTo(Pair* other);
 
   /// |h lambda| over its bound: above 1 a step counts kStrong times, above this once. At tight
@@ -143,6 +156,11 @@ class StepperChoice {
   /// Work is known roughly only, and a change costs a few short steps.
   static constexpr double kAdvantage = 1.2;
 
+  /// Work of a step by the scene's program, as a part of that of the stepper: measured on the
+  /// applications, 1.5 us beside 3 to 5 us.
+  static constexpr double kWorkOfProgram = 0.375;
+
+  double series_work_ = 1.0;
   bool automatic_;
   bool fixed_;
   double relative_tolerance_;
@@ -163,7 +181,6 @@ class StepperChoice {
   int wait_ = kSuspicions;
   int steps_since_trial_ = 0;
   int trial_interval_ = kFirstTrial;
-  const RuntimeSteps* runtime_ = nullptr;
 };
 
 }  // namespace variator_sim

@@ -47,10 +47,17 @@ void EnergyMeter::noteStep() {
   const Power end = powerOf(to);
   applied_before_ = account_.applied;
   before_ = doubtAtFront();
-  addStep(
-      h, begin, end,
-      is_tracked_ || integrator_.runtime().made() ? calcWork(1.0) : estimateWork(h, begin, end));
+  addStep(h, begin, end, is_tracked_ ? calcWork(1.0) : estimateWork(h, begin, end));
   if (is_watched_) watch(to.time, to.x.data(), integrator_.rows());
+}
+
+void EnergyMeter::noteStepElsewhere(double time, double work, double through, const double* x,
+                                    const double (*rows)[kMaxShafts]) {
+  applied_before_ = account_.applied;
+  before_ = doubtAtFront();
+  account_.throughput += through;
+  account_.applied += work;
+  if (is_watched_) watch(time - drivetrain_.origin(), x, rows);
 }
 
 void EnergyMeter::notePassed() {
@@ -84,7 +91,7 @@ void EnergyMeter::cut(const StepNode& present) {
   const Power begin = powerOf(from);
   const Power power = powerOf(end);
   account_.throughput = before_.throughput + 0.5 * h * (begin.through + power.through);
-  if (is_tracked_ || integrator_.runtime().made()) {
+  if (is_tracked_) {
     account_.applied = applied_before_ + calcWork(h / (integrator_.stepEnd().time - from.time));
   } else {
     // The rate at the end is not known for order 3.
@@ -117,8 +124,6 @@ double EnergyMeter::calcAppliedAtRest(const State& x) const {
 }
 
 double EnergyMeter::calcWork(double part) const {
-  const RuntimeSteps& runtime = integrator_.runtime();
-  if (runtime.made()) return runtime.calcWork(part);
   const StepNode& from = integrator_.stepStart();
   const double h = integrator_.stepEnd().time - from.time;
   const auto power = [&](double theta) {

@@ -74,6 +74,11 @@ class EnergyMeter {
 
   /// Accounts for a step of the integrator; Q and Q' at both of its ends are known.
   void noteStep();
+  /// Accounts for a step that is made elsewhere: `work` and `through`, the integrals of sum Q_i
+  /// omega_i and its magnitudes, J, up to `time`, s since the start, and the state x there.
+  void noteStepElsewhere(double time, double work, double through, const double* x,
+                         const double (*rows)[kMaxShafts]);
+  bool isWatched() const { return is_watched_; }
   /// Accounts for the steps of a batch before that one.
   void notePassed();
   /// Continues from `present`, which the motion has reached in its last step or at equilibrium;

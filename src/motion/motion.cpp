@@ -29,8 +29,7 @@ Motion::Motion(Scene its_scene, const Shortcuts& shortcuts, const Motion* like)
 bool Motion::shareMachineCode(const MotionBase& other) {
   const auto* const like = dynamic_cast<const Motion*>(&other);
   if (like == nullptr) return false;
-  return drivetrain.shareMachineCode(series(), like->drivetrain) &&
-         integrator.shareMachineCode(like->integrator);
+  return drivetrain.shareMachineCode(series(), like->drivetrain);
 }
 
 // --- start -----------------------------------------------------------------------------------
@@ -219,8 +218,9 @@ std::vector<std::string> Motion::skips() const {
   return skips;
 }
 
-std::string Motion::loadCode(KernelLibrary::Missing missing, bool* compiled) {
-  return drivetrain.loadMachineCode(series(), integrator.machineCode(), missing, compiled);
+std::string Motion::loadCodeWith(const MoreCode& more, KernelLibrary::Missing missing,
+                                 bool* compiled) {
+  return drivetrain.loadMachineCode(series(), more, missing, compiled);
 }
 
 std::shared_ptr<SeriesLanes> Motion::loadLanes(KernelLibrary::Missing missing) {

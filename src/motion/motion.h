@@ -39,14 +39,17 @@ struct Motion final : MotionBase {
   const char* stepperName() const override { return integrator.choice().stepper().name(); }
   std::string describeStepper() const override { return integrator.choice().describe(); }
   std::vector<std::string> skips() const override;
-  std::string loadCode(KernelLibrary::Missing missing, bool* compiled) override;
+  std::string loadCode(KernelLibrary::Missing missing, bool* compiled) override {
+    return loadCodeWith({}, missing, compiled);
+  }
+  std::string loadCodeWith(const MoreCode& more, KernelLibrary::Missing missing, bool* compiled);
   bool shareMachineCode(const MotionBase& other) override;
   /// See Simulation.
   std::shared_ptr<SeriesLanes> loadLanes(KernelLibrary::Missing missing) override;
   void makeStepsWith(StepsTogether* together) override;
 
-  /// Returns the series that the integrator steps by; null if the runtime's text does.
-  MotionSeries* series() const { return integrator.runtime().exists() ? nullptr : system.series(); }
+  /// Returns the series that the integrator steps by; null if a program beside it does.
+  MotionSeries* series() const { return is_beside_program ? nullptr : system.series(); }
   /// Returns the current time as nodes count it.
   double presentTime() const { return integrator.origin().relative(time); }
 
@@ -61,8 +64,11 @@ struct Motion final : MotionBase {
   Drivetrain& drivetrain;  ///< the system's
   Integrator integrator;
   EnergyMeter energy_meter;
+  bool is_beside_program = false;  ///< which steps the motion where it can (ProgramMotion)
 
  private:
+  friend class ProgramMotion;
+
   double signalTime() const override { return presentTime(); }
   bool isStart() const override { return integrator.isStart(); }
   void leaveStart() override { integrator.leaveStart(); }

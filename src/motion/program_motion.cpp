@@ -5,6 +5,7 @@
 #include <sstream>
 #include <utility>
 
+#include "integrate/series_stiffness.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
@@ -65,16 +66,22 @@ const char* explain(StopReason reason) {
 
 }  // namespace
 
-ProgramMotion::ProgramMotion(Scene its_scene, const ProgramMotion* like)
+ProgramMotion::ProgramMotion(Scene its_scene, std::unique_ptr<MotionProgram> program,
+                             std::unique_ptr<Motion> integrator, const ProgramMotion* like)
     : MotionBase(std::move(its_scene)),
-      program_(scene),
-      host_(hostMotion(program_)),
+      motion_(std::move(integrator)),
+      program_(std::move(program)),
+      host_(hostMotion(*program_)),
       progress_(scene.solver.maximum_steps) {
   it_.state = state_;
   it_.multiplier = multiplier_;
   it_.reaction = reaction_;
   it_.longest = longest_;
   it_.input = input_;
+  if (motion_ != nullptr) {
+    motion_->is_beside_program = true;
+    motion_->integrator.choice().letProgramStep();
+  }
   reset();
   if (like != nullptr) useCodeOf(*like);
 }
@@ -87,6 +94,14 @@ void ProgramMotion::reset() {
   commands.reset();
   rhythm_.reset();
   progress_.begin(0.0);
+  patience_ = kFirstPatience;
+  steps_left_ = 0;
+  has_step_ = false;
+  is_integrated_ = motion_ != nullptr;
+  if (is_integrated_) {
+    motion_->reset();
+    return;
+  }
   status_ = MotionStatus{};
   statistics_ = Statistics{};
   signal_origin_.moveTo(0.0);
@@ -132,14 +147,8 @@ scene_status ProgramMotion::begin(Begin how) {
 void ProgramMotion::describeInputs() {
   for (int n = 0; n < scene.inputCount(); ++n) {
     const CommandSignal::Closed from = signal_[n].closed();
-    input_[n] = {from.form,
-                 from.start,
-                 from.target,
-                 from.slope,
-                 from.inverse_tau,
-                 from.linear,
-                 signalTime() - from.since,
-                 from.end - from.since};
+    input_[n] = {from.form,        from.start,  from.target, from.slope,
+                 from.inverse_tau, from.linear, -from.since, from.end - from.since};
   }
 }
 
@@ -151,10 +160,163 @@ void ProgramMotion::beginAnew() {
   host_->begin(it_);
 }
 
+void ProgramMotion::leaveStart() {
+  is_start_ = false;
+  if (is_integrated_) motion_->leaveStart();
+}
+
+// --- the integrator --------------------------------------------------------------------------
+
+bool ProgramMotion::stepIntegrated(double end) {
+  steps_left_ = std::max(0, steps_left_ - 1);
+  const bool is_good = integrated().step(end);
+  forgetSample();
+  return is_good;
+}
+
+void ProgramMotion::commandIntegrated() {
+  Motion& motion = integrated();
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    if (commands.hasCommand(i)) motion.commands.add(i, commands.value(i), time);
+  }
+  motion.forgetSample();
+  motion.settle();
+  time = motion.time;
+  forgetSample();
+}
+
+bool ProgramMotion::mayTakeOver() {
+  Integrator& integrator = motion_->integrator;
+  if (steps_left_ > 0 || !integrator.mayStepBySeries()) return false;
+  // A controller's machine is to be seen at rest at once.
+  return integrator.stepStart().time < integrator.stepEnd().time || !integrator.sleepExactly();
+}
+
+void ProgramMotion::takeOver() {
+  Integrator& integrator = motion_->integrator;
+  const double end = integrator.stepEnd().time;
+  std::fill_n(multiplier_, kMaxConstraints, 0.0);
+  integrator.describeEnd(state_, multiplier_, longest_);
+  std::copy_n(motion_->system.reaction().kept().value, scene.shaftCount(), reaction_);
+  signal_origin_ = integrator.origin();
+  signal_origin_.moveBy(end);
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    signal_[i] = motion_->signal(i);
+    signal_[i].moveOrigin(end);
+  }
+  it_.time = signal_origin_.time();
+  it_.time_rest = signal_origin_.rest();
+  begin(Begin::kSaved);
+  const EnergyAccount& account = motion_->energy_meter.account();
+  start_kinetic_ = account.start_kinetic;
+  applied_ = applied_before_ = account.applied;
+  is_integrated_ = false;
+  settling_ = 0;
+}
+
+void ProgramMotion::handOver(int steps, double trial) {
+  host_->leave(&it_);
+  TimeOrigin front;
+  front.moveTo(it_.time);
+  front.moveBy(it_.time_rest);
+  const double now = signal_origin_.relative(it_.time) + it_.time_rest;
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    CommandSignal& signal = motion_->drivetrain.signal(i);
+    signal = signal_[i];
+    if (signal.segmentEnd() <= now) signal.finishSegment();
+    signal.moveOrigin(now);
+  }
+  State x(motion_->system.size());
+  std::copy_n(state_, x.size(), x.begin());
+  motion_->integrator.goOnFrom(front, x, state_ + 2 * scene.shaftCount(), longest_, trial);
+  motion_->forgetSample();
+  is_integrated_ = true;
+  has_step_ = false;
+  steps_left_ = steps;
+}
+
+double ProgramMotion::calcStiffness() {
+  const double* rows[3 * kMaxShafts];
+  vs_shown shown = {rows, 0, 0.0};
+  host_->show(&shown);
+  const bool is_classical = scene.principle == Principle::kGauss;
+  const int last = is_classical ? shown.last + 1 : shown.last;
+  if (last < series_stiffness::kDerivatives) return 0.0;
+  const int early = std::max(2, last / 4);
+  double early_bound = 2.0 * series_stiffness::kFaint;
+  for (int k = 1; k <= early; ++k) early_bound *= last / (series_stiffness::kE * k);
+  const int first = motion_->system.readsAngles() ? 0 : scene.shaftCount();
+  return series_stiffness::estimate(
+      shown.rows, first, motion_->system.size(), last, it_.usual / shown.unit, early, early_bound,
+      {scene.solver.absolute_tolerance, scene.solver.relative_tolerance});
+}
+
+bool ProgramMotion::reconsider() {
+  const Tolerance tolerance{scene.solver.absolute_tolerance, scene.solver.relative_tolerance};
+  const bool is_driven = motion_->drivetrain.readsTime();
+  if (scene.solver.sleep) {
+    double change = 0.0;
+    for (int n = motion_->system.readsAngles() ? 0 : scene.shaftCount(); n < motion_->system.size();
+         ++n) {
+      change = std::max(change, std::abs(state_[n] - before_[n]) / tolerance.of(state_[n]));
+    }
+    settling_ = change <= (is_driven ? kNearStandstill : kNearRest) ? settling_ + 1 : 0;
+    if (settling_ >= kSettling || (change == 0.0 && !is_driven)) {
+      handOver(patience_);
+      patience_ = std::min(2 * patience_, kMostPatience);
+      return true;
+    }
+  }
+  StepperChoice& choice = motion_->integrator.choice();
+  if (!choice.isAutomatic() || !choice.suspect([this] { return calcStiffness(); })) return false;
+  handOver(0, it_.usual);
+  return true;
+}
+
+void ProgramMotion::noteEnergy() {
+  const int S = scene.shaftCount();
+  const double work = host_->calcWork(it_.made);
+  applied_ += work;
+  if (motion_ == nullptr) return;
+  double torque[kMaxShafts] = {};
+  double entry[kMaxConstraints * kMaxShafts] = {};
+  double rows[kMaxConstraints][kMaxShafts] = {};
+  through_ = 0.0;
+  if (motion_->energy_meter.isWatched()) {
+    host_->look(torque, entry);
+    for (int m = 0; m < scene.constraintCount(); ++m) std::copy_n(entry + S * m, S, rows[m]);
+    for (int i = 0; i < S; ++i) {
+      through_ += 0.5 * it_.made *
+                  (std::abs(torque_[i] * before_[S + i]) + std::abs(torque[i] * state_[S + i]));
+      torque_[i] = torque[i];
+    }
+  }
+  motion_->energy_meter.noteStepElsewhere(frontTime(), work, through_, state_, rows);
+}
+
+void ProgramMotion::cutEnergy(double at) {
+  applied_ = applied_before_ + host_->calcWork(at);
+  if (motion_ == nullptr) return;
+  EnergyAccount account = motion_->energy_meter.account();
+  account.applied = applied_;
+  account.throughput -= (1.0 - std::min(1.0, at / it_.made)) * through_;
+  motion_->energy_meter.resume(account, time);
+}
+
 // --- steps -----------------------------------------------------------------------------------
 
-bool ProgramMotion::step(double /*end*/) {
+bool ProgramMotion::step(double end) {
+  if (is_integrated_) {
+    if (!mayTakeOver()) return stepIntegrated(end);
+    takeOver();
+  } else if (motion_ != nullptr && has_step_ && reconsider()) {
+    return stepIntegrated(end);
+  }
   if (!progress_.count(frontTime())) {
+    if (motion_ != nullptr) {
+      handOver(kMostPatience);
+      return stepIntegrated(end);
+    }
     stop(StopReason::kStepLimit);
     status_.time = frontTime();
     return false;
@@ -167,24 +329,33 @@ bool ProgramMotion::step(double /*end*/) {
   begin_ = it_.time;
   begin_rest_ = it_.time_rest;
   applied_before_ = applied_;
+  std::copy_n(state_, 3 * scene.shaftCount(), before_);
   const scene_status status = host_->step(left, &it_);
-  statistics_.rejected_steps += static_cast<std::uint64_t>(it_.rejections);
+  Statistics& counted = statistics();
+  counted.rejected_steps += static_cast<std::uint64_t>(it_.rejections);
   has_step_ = status == SCENE_OK;
   forgetSample();
   if (!has_step_) {
-    stop(status);
-    return false;
+    if (motion_ == nullptr) {
+      stop(status);
+      return false;
+    }
+    handOver(patience_);
+    patience_ = std::min(2 * patience_, kMostPatience);
+    return stepIntegrated(end);
   }
   ++made_since_;
-  ++statistics_.steps;
-  if (it_.passed >= 0 || it_.is_event != 0) ++statistics_.kinks;
-  if (it_.is_still != 0 && !is_still_) ++statistics_.sleeps;
+  ++counted.steps;
+  if (it_.passed >= 0 || it_.is_event != 0) ++counted.kinks;
+  if (motion_ == nullptr && it_.is_still != 0 && !is_still_) ++counted.sleeps;
   is_still_ = it_.is_still != 0;
-  applied_ += host_->calcWork(it_.made);
+  noteEnergy();
+  if (motion_ != nullptr) motion_->drivetrain.countRightHandSide();
   return true;
 }
 
 double ProgramMotion::lastInside() const {
+  if (is_integrated_) return motion_->lastInside();
   const double reached = frontTime();
   return sinceFront(reached) > 0.0 ? std::nextafter(reached, 0.0) : reached;
 }
@@ -199,7 +370,7 @@ void ProgramMotion::stop(scene_status status) {
 bool ProgramMotion::cut() {
   if (!has_step_) return true;
   const double at = insideStep(time);
-  applied_ = applied_before_ + host_->calcWork(at);
+  cutEnergy(at);
   if (host_->cut(at) != SCENE_OK) {
     stop(StopReason::kProjectionFailed);
     return false;
@@ -211,11 +382,16 @@ bool ProgramMotion::cut() {
 
 void ProgramMotion::changeInputs() {
   rhythm_.note(time);
+  if (is_integrated_) {
+    commandIntegrated();
+    return;
+  }
   if (!cut()) return;
   forgetSample();
   const double now = signalTime();
   CommandSignal before[kMaxInputs];
   std::copy_n(signal_, scene.inputCount(), before);
+  const TimeOrigin origin = signal_origin_;
   signal_origin_.moveTo(time);
   for (int i = 0; i < scene.inputCount(); ++i) {
     CommandSignal& signal = signal_[i];
@@ -229,12 +405,29 @@ void ProgramMotion::changeInputs() {
   }
   describeInputs();
   const scene_status status = host_->change(it_);
-  if (status == SCENE_OK) return;
-  std::copy_n(before, scene.inputCount(), signal_);
-  stop(status);
+  if (motion_ == nullptr) {
+    if (status != SCENE_OK) stop(status);
+    return;
+  }
+  if (status != SCENE_OK) {
+    // The integrator tells why, or finds a way.
+    std::copy_n(before, scene.inputCount(), signal_);
+    signal_origin_ = origin;
+    handOver(patience_);
+    commandIntegrated();
+    return;
+  }
+  host_->leave(&it_);
+  const bool is_at_rest = std::all_of(state_ + scene.shaftCount(), state_ + 2 * scene.shaftCount(),
+                                      [](double velocity) { return velocity == 0.0; });
+  if (is_at_rest && scene.solver.sleep) handOver(0);
 }
 
 void ProgramMotion::changeInitialInputs() {
+  if (is_integrated_) {
+    commandIntegrated();
+    return;
+  }
   for (int i = 0; i < scene.inputCount(); ++i) {
     if (!commands.hasCommand(i)) continue;
     signal_[i].command(scene.inputs[static_cast<std::size_t>(i)], 0.0, commands.value(i));
@@ -246,15 +439,29 @@ void ProgramMotion::changeInitialInputs() {
 // --- samples ---------------------------------------------------------------------------------
 
 void ProgramMotion::takeSample(Sample* sample) {
+  if (is_integrated_) {
+    integrated().takeSample(sample);
+    time = motion_->time;
+    return;
+  }
   vs_seen seen = {sample->angle,          sample->velocity,        sample->acceleration,
                   sample->applied_torque, sample->reaction_torque, sample->reaction_torque_rate,
                   sample->residual,       sample->multiplier,      0.0};
   const scene_status status = host_->see(insideStep(time), &seen);
   sample->energy.kinetic = seen.kinetic;
-  if (status != SCENE_OK && status_.ok()) stop(reasonOf(status));
+  if (status == SCENE_OK || !this->status().ok()) return;
+  if (motion_ == nullptr) {
+    stop(reasonOf(status));
+  } else {
+    motion_->integrator.stopAtBadValue(time, 0.0, State(motion_->system.size()));
+  }
 }
 
 StateView ProgramMotion::view() {
+  if (is_integrated_) {
+    integrated().forgetSample();
+    return motion_->view();
+  }
   const Sample& now = sample();
   const double at = signalTime();
   for (int i = 0; i < scene.inputCount(); ++i) {
@@ -269,6 +476,10 @@ StateView ProgramMotion::view() {
 }
 
 Energy ProgramMotion::calcEnergy() {
+  if (is_integrated_) {
+    integrated().forgetSample();
+    return motion_->calcEnergy();
+  }
   Sample& now = sample();
   Energy energy;
   energy.kinetic = now.energy.kinetic;
@@ -285,6 +496,7 @@ Energy ProgramMotion::calcEnergy() {
 
 bool ProgramMotion::saveState(MotionState* state) {
   settle();
+  if (motion_ != nullptr) return saveIntegrated(state);
   if (!status_.ok() || !cut()) return false;
   const int S = scene.shaftCount();
   host_->leave(&it_);
@@ -303,6 +515,23 @@ bool ProgramMotion::saveState(MotionState* state) {
   state->history.energy.start_kinetic = start_kinetic_;
   state->history.energy.applied = applied_;
   return goOnFrom(*state, false) == SCENE_OK;
+}
+
+/// (It begins as one that the state is given to.)
+bool ProgramMotion::saveIntegrated(MotionState* state) {
+  if (!is_integrated_ && status().ok()) {
+    if (!cut()) return false;
+    handOver(0);
+  }
+  const bool is_saved = integrated().saveState(state);
+  time = motion_->time;
+  forgetSample();
+  steps_left_ = 0;
+  patience_ = kFirstPatience;
+  rhythm_.reset();
+  progress_.begin(time);
+  for (int i = 0; i < scene.inputCount(); ++i) state->last_command[i] = commands.lastTime(i);
+  return is_saved;
 }
 
 scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
@@ -341,6 +570,15 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
 std::string ProgramMotion::setState(const MotionState& state, bool project) {
   MotionState before;
   if (!saveState(&before)) return "the motion has stopped";
+  if (motion_ != nullptr) {
+    const std::string fault = motion_->setState(state, project);
+    time = motion_->time;
+    const MotionState& now = fault.empty() ? state : before;
+    commands.reset();
+    for (int i = 0; i < scene.inputCount(); ++i) commands.setLastTime(i, now.last_command[i]);
+    progress_.begin(time);
+    return fault;
+  }
   const scene_status status = goOnFrom(state, project);
   if (status == SCENE_OK && status_.ok()) return "";
   const std::string fault =
@@ -364,7 +602,35 @@ void ProgramMotion::throwInitialError(scene_status status) {
                : std::string("no motion begins here: ") + explain(reasonOf(status)));
 }
 
+void ProgramMotion::trackEnergy(bool on) {
+  is_energy_tracked_ = on;
+  if (motion_ != nullptr) motion_->trackEnergy(on);
+}
+
+void ProgramMotion::recover() {
+  if (!is_integrated_) return;
+  motion_->recover();
+  time = motion_->time;
+}
+
+void ProgramMotion::exhaustTime() {
+  if (motion_ == nullptr) {
+    stop(StopReason::kTimeExhausted);
+    return;
+  }
+  if (!is_integrated_ && cut()) handOver(0);
+  integrated().exhaustTime();
+}
+
+std::vector<std::string> ProgramMotion::skips() const {
+  return motion_ != nullptr ? motion_->skips() : std::vector<std::string>{};
+}
+
 std::string ProgramMotion::describeStop() {
+  if (motion_ != nullptr) {
+    integrated().forgetSample();
+    return motion_->describeStop();
+  }
   if (status_.ok()) return "";
   const int S = scene.shaftCount();
   const StateView state = view();
@@ -379,16 +645,16 @@ std::string ProgramMotion::describeStop() {
 }
 
 std::string ProgramMotion::describeStepper() const {
-  return "taylor (the scene's own program)";
+  return motion_ != nullptr ? motion_->describeStepper() : "taylor (the scene's own program)";
 }
 
 // --- machine code ----------------------------------------------------------------------------
 
 bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
-  std::unique_ptr<HostedMotion> compiled = hostMotion(library, program_);
+  std::unique_ptr<HostedMotion> compiled = hostMotion(library, *program_);
   if (compiled == nullptr) return false;
   // The first step has to be that of the interpreter.
-  const std::unique_ptr<HostedMotion> interpreted = hostMotion(program_);
+  const std::unique_ptr<HostedMotion> interpreted = hostMotion(*program_);
   double state[2][3 * kMaxShafts] = {};
   double length[2] = {};
   scene_status status[2];
@@ -415,17 +681,20 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
 }
 
 std::string ProgramMotion::loadCode(KernelLibrary::Missing missing, bool* compiled) {
+  const MoreCode code = {program_->writeKernel(), [this](const auto& made) { return use(made); }};
+  if (motion_ != nullptr) return motion_->loadCodeWith(code, missing, compiled);
   std::string reason;
-  const auto library = KernelLibrary::load(program_.writeKernel(true), missing, &reason,
-                                           [this](const auto& made) { return use(made); });
+  const auto library = KernelLibrary::load(code.source, missing, &reason, code.use);
   *compiled = library != nullptr && library->wasCompiled();
   return reason;
 }
 
 bool ProgramMotion::shareMachineCode(const MotionBase& other) {
   const auto* const like = dynamic_cast<const ProgramMotion*>(&other);
-  return like != nullptr && like->library_ != nullptr &&
-         program_.structure() == like->program_.structure() && use(like->library_);
+  if (like == nullptr || like->library_ == nullptr) return false;
+  if (program_->structure() != like->program_->structure()) return false;
+  if (motion_ != nullptr && !motion_->shareMachineCode(*like->motion_)) return false;
+  return use(like->library_);
 }
 
 }  // namespace variator_sim

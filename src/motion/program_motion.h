@@ -1,5 +1,12 @@
-/// The motion of a scene by its own program (src/runtime), which knows what an integrator of the
-/// equations of shafts and constraints does not.
+/// The motion of a scene by its own program (src/runtime).
+///
+/// The program steps by power series. Where an integrator of the equations of shafts and
+/// constraints (Motion) is at hand, it finds the start, and takes over
+///   - where the program makes no step: it gets on by other means, or explains why nothing does;
+///   - where stability limits the steps, to try implicit ones;
+///   - near rest, to let the motion sleep.
+/// The program goes on from where the integrator steps by series again. All of it depends on the
+/// motion only.
 #pragma once
 
 #include <memory>
@@ -9,35 +16,52 @@
 #include "integrate/command_rhythm.h"
 #include "integrate/progress.h"
 #include "integrate/time_origin.h"
-#include "motion/motion_base.h"
+#include "motion/motion.h"
 #include "motion_program/motion_steps.h"
 
 namespace variator_sim {
 
 class ProgramMotion final : public MotionBase {
  public:
-  /// Throws SceneError where the scene has no such program, or its initial values contradict its
-  /// constraints. `like`: has machine code that may fit, or nullptr.
-  explicit ProgramMotion(Scene its_scene, const ProgramMotion* like = nullptr);
+  /// `integrator`: of the same scene, or null for one that only the program can step; then throws
+  /// SceneError where the initial values contradict the constraints. `like`: has machine code that
+  /// may fit, or nullptr.
+  ProgramMotion(Scene its_scene, std::unique_ptr<MotionProgram> program,
+                std::unique_ptr<Motion> integrator, const ProgramMotion* like = nullptr);
 
-  const MotionStatus& status() const override { return status_; }
-  Statistics& statistics() override { return statistics_; }
+  /// Returns the motion by the integrator, or null.
+  const Motion* byIntegrator() const { return motion_.get(); }
+
+  const MotionStatus& status() const override {
+    return motion_ != nullptr ? motion_->status() : status_;
+  }
+  Statistics& statistics() override {
+    return motion_ != nullptr ? motion_->statistics() : statistics_;
+  }
   void reset() override;
-  bool isSleeping() const override { return is_still_; }
-  double frontTime() const override { return it_.time + it_.time_rest; }
+  bool isSleeping() const override { return is_integrated_ ? motion_->isSleeping() : is_still_; }
+  double frontTime() const override {
+    return is_integrated_ ? motion_->frontTime() : it_.time + it_.time_rest;
+  }
   StateView view() override;
-  const CommandSignal& signal(int input) const override { return signal_[input]; }
+  const CommandSignal& signal(int input) const override {
+    return is_integrated_ ? motion_->signal(input) : signal_[input];
+  }
   bool saveState(MotionState* state) override;
   std::string setState(const MotionState& state, bool project) override;
-  void trackEnergy(bool on) override { is_energy_tracked_ = on; }
+  void trackEnergy(bool on) override;
   bool isEnergyTracked() const override { return is_energy_tracked_; }
   Energy calcEnergy() override;
-  EnergyDoubt energyDoubt() const override { return {}; }
-  void exhaustTime() override { stop(StopReason::kTimeExhausted); }
+  EnergyDoubt energyDoubt() const override {
+    return motion_ != nullptr ? motion_->energy_meter.doubt(time) : EnergyDoubt{};
+  }
+  void exhaustTime() override;
   std::string describeStop() override;
-  const char* stepperName() const override { return "taylor"; }
+  const char* stepperName() const override {
+    return is_integrated_ ? motion_->stepperName() : "taylor";
+  }
   std::string describeStepper() const override;
-  std::vector<std::string> skips() const override { return {}; }
+  std::vector<std::string> skips() const override;
   std::string loadCode(KernelLibrary::Missing missing, bool* compiled) override;
   bool shareMachineCode(const MotionBase& other) override;
 
@@ -48,16 +72,44 @@ class ProgramMotion final : public MotionBase {
   /// depends on when it was.
   static constexpr int kMostBetween = 64;
 
-  double signalTime() const override { return signal_origin_.relative(time); }
-  bool isStart() const override { return is_start_; }
-  void leaveStart() override { is_start_ = false; }
-  bool isMadeUpTo(double end) const override { return sinceFront(end) <= 0.0; }
+  double signalTime() const override {
+    return (is_integrated_ ? motion_->integrator.origin() : signal_origin_).relative(time);
+  }
+  bool isStart() const override { return is_integrated_ ? motion_->isStart() : is_start_; }
+  void leaveStart() override;
+  bool isMadeUpTo(double end) const override {
+    return is_integrated_ ? motion_->isMadeUpTo(end) : sinceFront(end) <= 0.0;
+  }
   bool step(double end) override;
   double lastInside() const override;
   void changeInputs() override;
   void changeInitialInputs() override;
   void takeSample(Sample* sample) override;
-  void recover() override {}
+  void recover() override;
+
+  // --- the integrator ---
+  /// Makes its current time that of this motion.
+  Motion& integrated() {
+    motion_->time = time;
+    return *motion_;
+  }
+  bool stepIntegrated(double end);
+  bool saveIntegrated(MotionState* state);
+  /// Passes waiting commands on.
+  void commandIntegrated();
+  /// True where the program may go on from the integrator's step end.
+  bool mayTakeOver();
+  void takeOver();
+  /// The integrator goes on from the end of the step. `steps`: so many at least; `trial`: see
+  /// Integrator::goOnFrom.
+  void handOver(int steps, double trial = 0.0);
+  /// Lets the integrator take over behind a step where stability limits it, or near rest. True if
+  /// it does.
+  bool reconsider();
+  double calcStiffness();
+  void noteEnergy();
+  /// Writes the energy account up to the current time, where the last step is cut.
+  void cutEnergy(double at);
 
   /// Begins at time 0 with the inputs as they are.
   scene_status start();
@@ -82,7 +134,23 @@ class ProgramMotion final : public MotionBase {
   /// The time since the start of the last step, s.
   double insideStep(double at) const { return (at - begin_) - begin_rest_; }
 
-  const MotionProgram program_;
+  /// Steps that the integrator makes at least where the program has made none, or near rest: the
+  /// first time, and at most.
+  static constexpr int kFirstPatience = 8;
+  static constexpr int kMostPatience = 1024;
+  /// Steps in a row that change the state by so many tolerances only, or, of a motion that time
+  /// drives, by next to nothing, are near rest.
+  static constexpr int kSettling = 10;
+  static constexpr double kNearRest = 100.0;
+  static constexpr double kNearStandstill = 0.01;
+
+  std::unique_ptr<Motion> motion_;  ///< by the integrator, or null
+  bool is_integrated_ = false;      ///< it makes the steps
+  int steps_left_ = 0;              ///< that it makes at least
+  int patience_ = kFirstPatience;
+  int settling_ = 0;  ///< steps near rest in a row
+
+  const std::unique_ptr<const MotionProgram> program_;
   std::unique_ptr<HostedMotion> host_;
   std::unique_ptr<HostedMotion> next_host_;  ///< takes over at the next beginning, or null
   std::shared_ptr<KernelLibrary> library_;   ///< of machine code, or null
@@ -90,6 +158,7 @@ class ProgramMotion final : public MotionBase {
 
   vs_exchange it_ = {};  ///< its arrays are those below; its time is the end of the last step
   double state_[3 * kMaxShafts] = {};
+  double before_[3 * kMaxShafts] = {};  ///< at the start of the last step
   double multiplier_[kMaxConstraints] = {};
   double reaction_[kMaxShafts] = {};
   double longest_[kMaxConstraints] = {};
@@ -114,6 +183,8 @@ class ProgramMotion final : public MotionBase {
   double start_kinetic_ = 0.0;   ///< J
   double applied_ = 0.0;         ///< J, at the end of the last step
   double applied_before_ = 0.0;  ///< J, at its start
+  double through_ = 0.0;         ///< J, that the last step has brought and taken
+  double torque_[kMaxShafts] = {};
 };
 
 }  // namespace variator_sim

@@ -25,11 +25,25 @@ std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
+  const auto* const program = dynamic_cast<const ProgramMotion*>(like);
   if (needsProgram(scene)) {
-    return std::make_unique<ProgramMotion>(std::move(scene),
-                                           dynamic_cast<const ProgramMotion*>(like));
+    auto its_program = std::make_unique<MotionProgram>(scene);
+    return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), nullptr,
+                                           program);
   }
-  return std::make_unique<Motion>(std::move(scene), Shortcuts{}, dynamic_cast<const Motion*>(like));
+  const Motion* const integrated =
+      program != nullptr ? program->byIntegrator() : dynamic_cast<const Motion*>(like);
+  auto motion = std::make_unique<Motion>(std::move(scene), Shortcuts{}, integrated);
+  if (!motion->integrator.stepsBySeries()) return motion;
+  std::unique_ptr<MotionProgram> its_program;
+  try {
+    its_program = std::make_unique<MotionProgram>(motion->scene);
+  } catch (const SceneError&) {
+    return motion;  // another way of stepping suits it
+  }
+  Scene its_scene = motion->scene;
+  return std::make_unique<ProgramMotion>(std::move(its_scene), std::move(its_program),
+                                         std::move(motion), program);
 }
 
 /// Tells whether missing code is compiled, and whether a busy compiler is waited for.

@@ -361,21 +361,12 @@ std::string MotionProgram::writeMotion(const std::string& operations, bool share
          writeResolution(shares) + kMotion;
 }
 
-std::string MotionProgram::writeKernel(bool is_hosted) const {
-  const std::string begins = std::string(expression::arithmeticOfCode()) +
-                             "#include <float.h>\n#include <math.h>\n#include <string.h>\n" +
-                             writeExtents() + kTableData + kExchangeData + kSceneHeader +
-                             writeMotion(SeriesProgram::codePrelude(""), true) + kExchange;
-  if (is_hosted) return begins + kCommands + kHost + kHostKernel;
-  return begins +
-         "unsigned long vs_kernel_size(void) { return sizeof(scene_model); }\n"
-         "void vs_kernel_begin(void* model, const vs_numbers* numbers) {\n"
-         "  scene_model* const m = model;\n"
-         "  m->series[0].numbers = m->series[1].numbers = numbers;\n  vs_set_constants(m);\n}\n"
-         "void vs_kernel_take_over(void* m, const vs_exchange* from) { vs_take_over(m, from); }\n"
-         "int vs_kernel_advance(void* m, double left, vs_exchange* to) { return vs_advance(m, "
-         "left, "
-         "to); }\n";
+std::string MotionProgram::writeKernel() const {
+  return std::string(expression::arithmeticOfCode()) +
+         "#include <float.h>\n#include <math.h>\n#include <string.h>\n" + writeExtents() +
+         kTableData + kExchangeData + kSceneHeader +
+         writeMotion(SeriesProgram::codePrelude(""), true) + kExchange + kCommands + kHost +
+         kHostKernel;
 }
 
 }  // namespace variator_sim

@@ -21,8 +21,8 @@ class MotionProgram : public MotionData {
 
   /// Returns words that are equal for scenes whose kernels have the same text.
   std::vector<int> structure() const;
-  /// Writes the C of a library that steps the motion: the functions of exchange.h or host.h.
-  std::string writeKernel(bool is_hosted = false) const;
+  /// Writes the C of a library that steps the motion: the functions of host_kernel.h.
+  std::string writeKernel() const;
   /// Writes the sizes of a series as enumerators.
   std::string writeExtents() const;
   /// Writes all that comes behind the declarations of scene.h to calls.h: sizes, lists,

@@ -59,11 +59,6 @@ using namespace expression::fused;    // NOLINT
 }  // namespace interpreted_fused
 VARIATOR_SIM_END_FUSED
 
-std::unique_ptr<MotionSteps> interpretMotion(const MotionProgram& program) {
-  if (expression::fusesProducts()) return std::make_unique<interpreted_fused::Interpreter>(program);
-  return std::make_unique<interpreted::Interpreter>(program);
-}
-
 std::unique_ptr<HostedMotion> hostMotion(const MotionProgram& program) {
   if (expression::fusesProducts()) return std::make_unique<interpreted_fused::Interpreter>(program);
   return std::make_unique<interpreted::Interpreter>(program);
@@ -118,23 +113,6 @@ scene_status asStatus(int status) {
   return static_cast<scene_status>(status);
 }
 
-class CompiledSteps final : public MotionSteps {
- public:
-  CompiledSteps(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
-      : code_(std::move(library), program) {}
-  void takeOver(const vs_exchange& from) override { take_over_(code_.model(), &from); }
-  scene_status advance(double left, vs_exchange* to) override {
-    return asStatus(advance_(code_.model(), left, to));
-  }
-
- private:
-  CompiledMotion code_;
-  void (*take_over_)(void*,
-                     const vs_exchange*) = code_.find<void, void*, const vs_exchange*>("take_over");
-  int (*advance_)(void*, double,
-                  vs_exchange*) = code_.find<int, void*, double, vs_exchange*>("advance");
-};
-
 class CompiledHost final : public HostedMotion {
  public:
   CompiledHost(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
@@ -154,6 +132,8 @@ class CompiledHost final : public HostedMotion {
     return asStatus(see_(code_.model(), at, to));
   }
   double calcWork(double at) override { return work_(code_.model(), at); }
+  void look(double* torque, double* entry) override { look_(code_.model(), torque, entry); }
+  void show(vs_shown* to) override { show_(code_.model(), to); }
 
  private:
   CompiledMotion code_;
@@ -167,6 +147,8 @@ class CompiledHost final : public HostedMotion {
                  const vs_exchange*) = code_.find<int, void*, const vs_exchange*>("host_change");
   int (*see_)(void*, double, vs_seen*) = code_.find<int, void*, double, vs_seen*>("host_see");
   double (*work_)(void*, double) = code_.find<double, void*, double>("host_work");
+  void (*look_)(void*, double*, double*) = code_.find<void, void*, double*, double*>("host_look");
+  void (*show_)(void*, vs_shown*) = code_.find<void, void*, vs_shown*>("host_show");
 };
 
 bool hasFunctions(const KernelLibrary& library, std::initializer_list<const char*> names) {
@@ -177,17 +159,11 @@ bool hasFunctions(const KernelLibrary& library, std::initializer_list<const char
 
 }  // namespace
 
-std::unique_ptr<MotionSteps> runMotion(std::shared_ptr<KernelLibrary> library,
-                                       const MotionProgram& program) {
-  if (!hasFunctions(*library, {"size", "begin", "take_over", "advance"})) return nullptr;
-  return std::make_unique<CompiledSteps>(std::move(library), program);
-}
-
 std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,
                                          const MotionProgram& program) {
   const bool has_all =
       hasFunctions(*library, {"size", "begin", "host_begin", "host_leave", "host_step", "host_cut",
-                              "host_change", "host_see", "host_work"});
+                              "host_change", "host_see", "host_work", "host_look", "host_show"});
   return has_all ? std::make_unique<CompiledHost>(std::move(library), program) : nullptr;
 }
 

@@ -14,16 +14,6 @@ namespace variator_sim {
 //
 #include "runtime/exchange_data.h"
 
-/// Steps a motion whose state the caller keeps.
-class MotionSteps {
- public:
-  virtual ~MotionSteps() = default;
-  /// Takes over the state and the inputs. [loop]
-  virtual void takeOver(const vs_exchange& from) = 0;
-  /// Makes one step of at most `left` s; [loop]
-  virtual scene_status advance(double left, vs_exchange* to) = 0;
-};
-
 /// Steps a motion and keeps its state; shows any instant inside the last step. The functions are
 /// those of host.h. All are [loop].
 class HostedMotion {
@@ -36,15 +26,14 @@ class HostedMotion {
   virtual scene_status change(const vs_exchange& from) = 0;
   virtual scene_status see(double at, vs_seen* to) = 0;
   virtual double calcWork(double at) = 0;
+  virtual void look(double* torque, double* entry) = 0;
+  virtual void show(vs_shown* to) = 0;
 };
 
 /// `program` has to outlive what is returned.
-std::unique_ptr<MotionSteps> interpretMotion(const MotionProgram& program);
 std::unique_ptr<HostedMotion> hostMotion(const MotionProgram& program);
 /// The library is that of MotionProgram::writeKernel; `program` has to outlive what is returned;
 /// null if it lacks a function.
-std::unique_ptr<MotionSteps> runMotion(std::shared_ptr<KernelLibrary> library,
-                                       const MotionProgram& program);
 std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,
                                          const MotionProgram& program);
 

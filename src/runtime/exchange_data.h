@@ -8,35 +8,32 @@ typedef struct {
 } vs_exchanged_signal;
 
 typedef struct {
-  /* In, at a beginning; out, the end of a step. */
+  /* In, at a beginning; out, the end of the step */
   double time, time_rest;     /* s; the sum counts */
   double* state;              /* angles, velocities, accelerations: 3 S */
   double* multiplier;         /* of gauss: where the iteration begins; K */
   double* reaction;           /* at the start, S (of J(phi): R / sqrt(J)) */
-  double* longest;            /* that C J^-1 C' has been, K (host.h) */
+  double* longest;            /* that C J^-1 C' has been, K */
   vs_exchanged_signal* input; /* INPUTS */
-  /* In (host.h) */
+  double usual;               /* the length that the next step may have, s; 0: unknown */
+  /* In */
   int begin;     /* 0: goes on from the state; 1: from the nearest one at time 0; 2: at another */
   int are_given; /* 1: the accelerations are, too; 0: those of least reaction */
   int may_move;  /* 1: to the nearest state that the constraints allow */
-  /* In, at a beginning; out */
-  double usual; /* the length that the next step may have, s; 0: unknown */
   /* Out */
-  double made;               /* the length of the step, s */
-  double* jerk;              /* S; 0 of gauss */
-  double* torque;            /* Q and Q', S; Q' 0 of gauss */
-  double* torque_rate;       /* the same */
-  double* entry;             /* C, K S */
-  double* size;              /* C J^-1 C' of each constraint, K */
-  const double* const* rows; /* coefficients of the step: angles to accelerations, torques; 4 S */
-  int last;                  /* the order of the accelerations' */
-  double unit;               /* s */
-  int passed;                /* the guard that the step passed at its end, or -1 */
-  int is_still;              /* 1: nothing moves by more than the tolerance in it (host.h) */
-  int is_event;              /* 1: the step ends at an event behind which all begins anew */
-  double event;              /* of such a step: from where on its end stands for all, s */
+  double made;  /* the length of the step, s */
+  int passed;   /* the guard that the step passed at its end, or -1 */
+  int is_event; /* 1: the step ends at an event behind which all begins anew */
+  int is_still; /* 1: nothing moves by more than the tolerance in it */
   long rejections;
 } vs_exchange;
+
+/* The series of a step. */
+typedef struct {
+  const double** rows; /* coefficients of angles, velocities, accelerations; 3 S */
+  int last;            /* the order of the accelerations' */
+  double unit;         /* s */
+} vs_shown;
 
 /* What a host sees of an instant. */
 typedef struct {

@@ -89,6 +89,7 @@ VS_FUNCTION int vs_host_is_still(const vs_host* h) {
 VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   scene_model* const m = &h->model;
   const long rejections = m->rejections;
+  int i;
   if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
   m->has_moved = 1;
   h->before = m->now;
@@ -98,6 +99,11 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
     m->now = h->before;
     vs_host_forget_step(h);
     return m->status;
+  }
+  for (i = 0; i < S; ++i) {
+    to->state[i] = m->now.angle[i];
+    to->state[S + i] = m->now.velocity[i];
+    to->state[2 * S + i] = m->now.acceleration[i];
   }
   to->is_event = !m->is_begun;
   to->passed = m->passed;
@@ -186,4 +192,21 @@ VS_FUNCTION double vs_host_work(const vs_host* h, double at) {
     sum += p * power / (n + 1);
   }
   return sum;
+}
+
+/* Q and C at the end of the last step, as its series tell. */
+VS_FUNCTION void vs_host_look(const vs_host* h, double* torque, double* entry) {
+  const scene_series* const it = &h->model.series[h->taken];
+  const double theta = h->made / it->unit;
+  int i;
+  for (i = 0; i < S; ++i) torque[i] = vs_evaluate(it->row[torque_row[i]], it->order, theta);
+  for (i = 0; i < S * K; ++i) entry[i] = vs_evaluate(it->row[entry_row[i]], it->order, theta);
+}
+
+VS_FUNCTION void vs_host_show(const vs_host* h, vs_shown* to) {
+  const scene_series* const it = &h->model.series[h->taken];
+  int c;
+  for (c = 0; c < 3 * S; ++c) to->rows[c] = it->row[ANGLE + c];
+  to->last = it->order;
+  to->unit = it->unit;
 }

@@ -30,3 +30,9 @@ int vs_kernel_host_see(void* h, double at, vs_seen* to) {
 double vs_kernel_host_work(void* h, double at) {
   return vs_host_work(h, at);
 }
+void vs_kernel_host_look(void* h, double* torque, double* entry) {
+  vs_host_look(h, torque, entry);
+}
+void vs_kernel_host_show(void* h, vs_shown* to) {
+  vs_host_show(h, to);
+}

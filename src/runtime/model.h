@@ -11,6 +11,5 @@ typedef struct {
   double usual; /* length of the last step, s */
   double event; /* that the last step has crossed, in units: from there on its end stands for all */
   double longest[SCENE_CONSTRAINTS + 1];        /* that C J^-1 C' has been */
-  const double* coefficients[4 * SCENE_SHAFTS]; /* of the last step (exchange.h) */
   long steps, rejections;
 } scene_model;
