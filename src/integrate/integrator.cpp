@@ -145,6 +145,13 @@ void Integrator::goOnFrom(const TimeOrigin& origin, const State& x, const double
   step_.next_length = trial;
 }
 
+void Integrator::giveUpSeries() {
+  if (!step_.status.ok() || !step_.choice.giveUp()) return;
+  step_.stepper = &step_.choice.stepper();
+  size_.forgetErrors();
+  step_.next_length = size_.chooseFirst();
+}
+
 void Integrator::describeEnd(double* state, double* multiplier, double* longest_rows) {
   const StepNode& end = step_.end;
   std::copy(end.x.begin(), end.x.end(), state);

@@ -67,6 +67,13 @@ class Integrator {
   /// this, s; 0: they are not.
   void goOnFrom(const TimeOrigin& origin, const State& x, const double* epsilon,
                 const double* longest_rows, double trial);
+  /// Lets an implicit stepper go on where no series does.
+  void giveUpSeries();
+  /// Stops the motion, whose steps get nowhere, and finds out why.
+  void stopStuck() {
+    step_.explainStop();
+    step_.status.time = step_.absolute(step_.end.time);
+  }
   /// Writes the state, accelerations included, at the end of the step, the multipliers of gauss and
   /// the squares of the greatest lengths of C's rows.
   void describeEnd(double* state, double* multiplier, double* longest_rows);

@@ -169,9 +169,14 @@ void ProgramMotion::leaveStart() {
 
 bool ProgramMotion::stepIntegrated(double end) {
   steps_left_ = std::max(0, steps_left_ - 1);
+  const double before = frontTime();
   const bool is_good = integrated().step(end);
   forgetSample();
-  return is_good;
+  if (!is_good || motion_->isSleeping() || !progress_.isStuck(before, frontTime() - before)) {
+    return is_good;
+  }
+  motion_->integrator.stopStuck();
+  return false;
 }
 
 void ProgramMotion::commandIntegrated() {
@@ -307,7 +312,7 @@ void ProgramMotion::cutEnergy(double at) {
 
 bool ProgramMotion::step(double end) {
   if (is_integrated_) {
-    if (!mayTakeOver()) return stepIntegrated(end);
+    if (!mayTakeOver()) return motion_->isMadeUpTo(end) || stepIntegrated(end);
     takeOver();
   } else if (motion_ != nullptr && has_step_ && reconsider()) {
     return stepIntegrated(end);
@@ -340,8 +345,13 @@ bool ProgramMotion::step(double end) {
       stop(status);
       return false;
     }
-    handOver(patience_);
-    patience_ = std::min(2 * patience_, kMostPatience);
+    const bool has_no_series = status == SCENE_NOT_FINITE || status == SCENE_TOO_MANY_STEPS;
+    handOver(has_no_series ? 0 : patience_);
+    if (has_no_series) {
+      motion_->integrator.giveUpSeries();
+    } else {
+      patience_ = std::min(2 * patience_, kMostPatience);
+    }
     return stepIntegrated(end);
   }
   ++made_since_;
@@ -448,7 +458,7 @@ void ProgramMotion::takeSample(Sample* sample) {
                   sample->applied_torque, sample->reaction_torque, sample->reaction_torque_rate,
                   sample->residual,       sample->multiplier,      0.0};
   const scene_status status = host_->see(insideStep(time), &seen);
-  sample->energy.kinetic = seen.kinetic;
+  kinetic_ = seen.kinetic;
   if (status == SCENE_OK || !this->status().ok()) return;
   if (motion_ == nullptr) {
     stop(reasonOf(status));
@@ -482,7 +492,7 @@ Energy ProgramMotion::calcEnergy() {
   }
   Sample& now = sample();
   Energy energy;
-  energy.kinetic = now.energy.kinetic;
+  energy.kinetic = kinetic_;
   energy.applied = has_step_ ? applied_before_ + host_->calcWork(insideStep(time)) : applied_;
   energy.reactions = energy.kinetic - start_kinetic_ - energy.applied;
   for (int i = 0; i < scene.shaftCount(); ++i) {

@@ -39,7 +39,9 @@ class ProgramMotion final : public MotionBase {
     return motion_ != nullptr ? motion_->statistics() : statistics_;
   }
   void reset() override;
-  bool isSleeping() const override { return is_integrated_ ? motion_->isSleeping() : is_still_; }
+  bool isSleeping() const override {
+    return is_integrated_ ? motion_->isSleeping() : motion_ == nullptr && is_still_;
+  }
   double frontTime() const override {
     return is_integrated_ ? motion_->frontTime() : it_.time + it_.time_rest;
   }
@@ -183,6 +185,7 @@ class ProgramMotion final : public MotionBase {
   double start_kinetic_ = 0.0;   ///< J
   double applied_ = 0.0;         ///< J, at the end of the last step
   double applied_before_ = 0.0;  ///< J, at its start
+  double kinetic_ = 0.0;         ///< J, of the last sample
   double through_ = 0.0;         ///< J, that the last step has brought and taken
   double torque_[kMaxShafts] = {};
 };

@@ -89,11 +89,16 @@ VS_FUNCTION int vs_host_is_still(const vs_host* h) {
 VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   scene_model* const m = &h->model;
   const long rejections = m->rejections;
+  double rest;
   int i;
   if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
   m->has_moved = 1;
   h->before = m->now;
   m->status = vs_make_step(m, left, &h->made);
+  rest = 0.0 * (m->now.time + m->now.time_rest);
+  for (i = 0; i < S; ++i)
+    rest += 0.0 * (m->now.angle[i] + m->now.velocity[i] + m->now.acceleration[i]);
+  if (m->status == SCENE_OK && rest != 0.0) m->status = SCENE_NOT_FINITE;
   to->rejections = m->rejections - rejections;
   if (m->status != SCENE_OK) {
     m->now = h->before;

@@ -262,7 +262,8 @@ VS_FUNCTION scene_status vs_expand(scene_model* m, double limit) {
     }
     vs_integrate_last(it);
     /* A motion that is a polynomial allows any length, but its powers must not overflow. */
-    m->usual = seriesSmaller(vs_choose_length(it, limit), seriesSmaller(MAXIMUM_STEP, 1e6));
+    m->usual = seriesSmaller(vs_choose_length(it, limit),
+                             seriesSmaller(MAXIMUM_STEP, seriesSmaller(1e6, 1e8 * it->unit)));
     return SCENE_OK;
   }
   return SCENE_NOT_FINITE;
