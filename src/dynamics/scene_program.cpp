@@ -140,10 +140,7 @@ std::string SceneProgram::writeSource(const MotionSeries* series, const MoreCode
   writeParts([](const Part& /*part*/) { return true; }, &source);
   source += KernelLibrary::kEndOfUnit;
   if (series != nullptr) source += series->writeSource();
-  if (!more.source.empty()) {
-    source += "#if UNIT == UNITS - 1\n" + more.source + KernelLibrary::kEndOfUnit;
-  }
-  return source;
+  return source + more.source;
 }
 
 void SceneProgram::noteStructure(const MotionSeries* series) {

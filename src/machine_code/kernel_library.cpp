@@ -32,7 +32,7 @@ namespace {
 // products and sums in vectors of straight-line code.) And every function must be the library's: a
 // compiler evaluates known functions of constant arguments itself, with another last bit.
 const char* const kOptions[] = {"-std=c11",
-                                "-O3",
+                                "-O2",
                                 "-march=native",
                                 "-ffp-contract=off",
                                 "-fno-math-errno",

@@ -694,7 +694,8 @@ std::string ProgramMotion::loadCode(KernelLibrary::Missing missing, bool* compil
   const MoreCode code = {program_->writeKernel(), [this](const auto& made) { return use(made); }};
   if (motion_ != nullptr) return motion_->loadCodeWith(code, missing, compiled);
   std::string reason;
-  const auto library = KernelLibrary::load(code.source, missing, &reason, code.use);
+  const auto library =
+      KernelLibrary::load(KernelLibrary::kUnits + code.source, missing, &reason, code.use);
   *compiled = library != nullptr && library->wasCompiled();
   return reason;
 }

@@ -6,6 +6,7 @@
 #include "expression/c_code.h"
 #include "expression/series_dot.h"
 #include "expression/series_text.h"
+#include "machine_code/kernel_library.h"
 #include "motion_program/c_text.h"
 #include "variator_sim/errors.h"
 
@@ -351,14 +352,29 @@ std::string MotionProgram::writeMotion(const std::string& operations, bool share
   // A function for each order, unless a scene has so many rows that compiling them takes long.
   constexpr int kMostRows = 200;
   std::string text = writeLists(shares);
-  if (SCENE_ROWS <= kMostRows) {
-    text += "#define VS_EACH_ORDER(X)";
-    for (int n = 1; n <= SCENE_ORDER; ++n) text += " X(" + std::to_string(n) + ")";
-    text += "\n";
-  }
+  if (SCENE_ROWS <= kMostRows) text += writeOrders(shares);
   return text + operations + (shares ? "" : kTableData) + kTableFunctions +
          "\n/* ---- The scene's formulas: coefficients n ---- */\n" + rows_.write(shares) +
          writeResolution(shares) + kMotion;
+}
+
+std::string MotionProgram::writeOrders(bool in_units) const {
+  std::string each = "#define VS_EACH_ORDER(X)";
+  std::string here = "#define VS_ORDERS_HERE(X)";
+  std::string text;
+  for (int n = 1; n <= SCENE_ORDER; ++n) {
+    const std::string order = std::to_string(n);
+    const std::string call = "X(" + order + ")";
+    const std::string name = "VS_ORDER_" + order + "(X)";
+    each += " " + call;
+    here += " " + name;
+    // The last unit has all else to compile.
+    text += "#if UNITS == 1 || " + order + " % (UNITS - 1) == UNIT\n#define " + name + " " + call +
+            "\n#else\n#define " + name + "\n#endif\n";
+  }
+  if (!in_units) return each + "\n";
+  return each + "\n" + text + here +
+         "\n#define VS_ORDER_STORAGE __attribute__((visibility(\"hidden\")))\n";
 }
 
 std::string MotionProgram::writeKernel() const {
@@ -366,7 +382,7 @@ std::string MotionProgram::writeKernel() const {
          "#include <float.h>\n#include <math.h>\n#include <string.h>\n" + writeExtents() +
          kTableData + kExchangeData + kSceneHeader +
          writeMotion(SeriesProgram::codePrelude(""), true) + kExchange + kCommands + kHost +
-         kHostKernel;
+         KernelLibrary::kLastUnit + kHostKernel + KernelLibrary::kEndOfUnit;
 }
 
 }  // namespace variator_sim

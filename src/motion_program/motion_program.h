@@ -42,6 +42,8 @@ class MotionProgram : public MotionData {
   std::string writeSharedLists() const;
   std::string writeResolution(bool shares) const;
   std::string writeHiding() const;
+  /// Writes the list of orders, and which of them a unit of a kernel compiles.
+  std::string writeOrders(bool in_units) const;
 
   const SceneFormulas formulas_;
   std::vector<expression::Node> outputs_;

@@ -88,13 +88,19 @@ VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
 }
 
 /* A function for each order, whose sums a compiler unrolls; scenes of very many formulas have one
- * for all. */
+ * for all. Compilers that share the work define a part of them each (VS_ORDERS_HERE). */
 #ifdef VS_EACH_ORDER
+#ifndef VS_ORDERS_HERE
+#define VS_ORDERS_HERE VS_EACH_ORDER
+#define VS_ORDER_STORAGE VS_FUNCTION_RARE
+#endif
+#define VS_ORDER_DECLARATION(n) VS_ORDER_STORAGE void vs_order_##n(scene_series* it);
+VS_EACH_ORDER(VS_ORDER_DECLARATION)
 #define VS_ORDER_FUNCTION(n)                             \
-  VS_FUNCTION_RARE void vs_order_##n(scene_series* it) { \
+  VS_ORDER_STORAGE void vs_order_##n(scene_series* it) { \
     vs_order(it, n);                                     \
   }
-VS_EACH_ORDER(VS_ORDER_FUNCTION)
+VS_ORDERS_HERE(VS_ORDER_FUNCTION)
 #define VS_CASE(n)    \
   case n:             \
     vs_order_##n(it); \
