@@ -17,6 +17,7 @@
 #include "expression/c_code.h"
 #include "machine_code/kernel_library.h"
 #include "support/machine_code_folder.h"
+#include "support/played.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -28,16 +29,13 @@ using expression::Operation;
 using expression::slotOf;
 using expression::Source;
 using expression::Tape;
+using test::hex;
+using test::kShafts;
+using test::play;
 
 class MachineCodeBits : public test::MachineCodeFolder {};
 
 // --- operations ------------------------------------------------------------------------------
-
-std::string hex(double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%a", value);
-  return text;
-}
 
 bool areSameBits(double a, double b) {
   return (std::isnan(a) && std::isnan(b)) || std::memcmp(&a, &b, sizeof a) == 0;
@@ -226,43 +224,6 @@ TEST_F(MachineCodeBits, OfTablesAreTheInterpreters) {
 
 // --- motions ---------------------------------------------------------------------------------
 
-/// The samples and the end of a motion, commands in it, as text of their bits. At sample
-/// `switch_at` it goes over to machine code.
-std::string play(Simulation& simulation, int switch_at, int samples = 40, double every = 0.05) {
-  const Scene& scene = simulation.scene();
-  const auto s = static_cast<std::size_t>(scene.shaftCount());
-  const int inputs = scene.inputCount();
-  std::string text;
-  const auto note = [&text](const double* values, std::size_t count) {
-    for (std::size_t i = 0; i < count; ++i) text += hex(values[i]) + " ";
-  };
-  for (int n = 0; n < samples; ++n) {
-    if (n == switch_at) {
-      EXPECT_TRUE(simulation.loadMachineCode(true)) << simulation.machineCode();
-      EXPECT_TRUE(simulation.hasMachineCode());
-    }
-    simulation.advanceTo(n * every);
-    if (inputs > 0 && n % 7 == 3) {
-      const auto& input = scene.inputs[static_cast<std::size_t>(n % inputs)];
-      simulation.command(n % inputs, input.initial + 0.05 * n);
-    }
-    const Sample& sample = simulation.sample();
-    for (const double* values : {sample.angle, sample.velocity, sample.acceleration,
-                                 sample.applied_torque, sample.reaction_torque}) {
-      note(values, s);
-    }
-    note(sample.multiplier, scene.constraints.size());
-    text += "\n";
-  }
-  return text + simulation.describeStatus() + " " + std::to_string(simulation.statistics().steps);
-}
-
-std::string play(Scene scene, int switch_at) {
-  scene.solver.machine_code = MachineCode::kAlways;  // kAlways waits for a busy compiler
-  Simulation simulation(std::move(scene));
-  return play(simulation, switch_at);
-}
-
 void expectSameBits(const Scene& scene) {
   const std::string interpreted = play(scene, -1);
   EXPECT_EQ(play(scene, 0), interpreted);
@@ -281,13 +242,6 @@ TEST_F(MachineCodeBits, OfMotionsOfFilesAreTheInterpreters) {
     expectSameBits(test::sceneFromFile(tests + name));
   }
 }
-
-const std::string kShafts = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-initial: {velocity: [10.0, 6.0]}
-)yaml";
 
 TEST_F(MachineCodeBits, OfMotionsWithEveryStepperAndPrincipleAreTheInterpreters) {
   const std::string scene = kShafts + R"yaml(
@@ -379,181 +333,6 @@ TEST_F(MachineCodeBits, OfFunctionsThatAreConstantToAllDigitsAreTheInterpreters)
 }
 
 // --- scenes that differ in numbers alone -------------------------------------------------------
-
-std::string shipWith(const std::string& gain, const std::string& drag) {
-  return kShafts + R"yaml(
-torques: [engine, drag]
-engine: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "g*(30 - w1) + sin(t)^2", parameters: {g: )yaml" +
-         gain + R"yaml(}}
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: )yaml" +
-         drag + R"yaml(}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2 - 0.6*e1) + w2 - 0.6*w1"}
-)yaml";
-}
-
-class SharedMachineCode : public test::MachineCodeFolder {
- protected:
-  static Simulation interpreted(const std::string& text) {
-    Scene scene = test::sceneFromText(text);
-    // kAlways waits for a busy compiler.
-    MachineCode& wanted = scene.solver.machine_code;
-    if (wanted == MachineCode::kAuto) wanted = MachineCode::kAlways;
-    return Simulation(std::move(scene));
-  }
-};
-
-TEST_F(SharedMachineCode, OfOtherNumbersGivesTheBitsOfTheirInterpreter) {
-  Simulation first = interpreted(shipWith("0.7", "'-0.02*w2^2 - 0.1*abs(w2)^1.6'"));
-  ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
-  for (const char* gain : {"0.3", "1.9", "-0.5"}) {
-    SCOPED_TRACE(gain);
-    const std::string scene = shipWith(gain, "'-0.03*w2^2 - 0.25*abs(w2)^1.35'");
-    Simulation other = interpreted(scene);
-    ASSERT_TRUE(other.shareMachineCode(first));
-    EXPECT_EQ(other.machineCode(), "machine code, of another run");
-    Simulation alone = interpreted(scene);
-    other.advanceTo(3.0);
-    alone.advanceTo(3.0);
-    for (int i = 0; i < 2; ++i) {
-      EXPECT_EQ(hex(other.sample().velocity[i]), hex(alone.sample().velocity[i]));
-      EXPECT_EQ(hex(other.sample().acceleration[i]), hex(alone.sample().acceleration[i]));
-    }
-    // The same kernel is in the cache.
-    EXPECT_TRUE(alone.loadMachineCode(false)) << alone.machineCode();
-  }
-}
-
-/// Equal numbers are one: a formula in which two happen to be equal is another one.
-TEST_F(SharedMachineCode, IsNotThatOfFormulasWhoseNumbersAreEqual) {
-  const std::string drag = "'0.04*cos(w2)'";
-  Simulation first = interpreted(shipWith("0.7", drag));
-  ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
-  EXPECT_FALSE(interpreted(shipWith("0.04", drag)).shareMachineCode(first));
-  EXPECT_TRUE(interpreted(shipWith("0.05", drag)).shareMachineCode(first));
-}
-
-TEST_F(SharedMachineCode, IsThatOfTheSameFormulasOnly) {
-  const std::string drag = "'-0.02*w2^2'";
-  Simulation first = interpreted(shipWith("0.7", drag));
-  Simulation without = interpreted(shipWith("0.7", drag));
-  EXPECT_FALSE(first.shareMachineCode(without)) << "nothing to share";
-  ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
-  const char* const others[] = {"'-0.02*w2^3'",   "'-0.02*w1^2'",      "'-0.02*w2^2 - 1.5'",
-                                "'-1*w2^2'",      "'-0.02*w2^2*t'",    "'-0.02*exp(w2)'",
-                                "'-0.02*w2^2.5'", "'0.02 - 0.3*w2^2'", "'-0.02/w2^2'"};
-  for (const char* other : others) {
-    SCOPED_TRACE(other);
-    EXPECT_FALSE(interpreted(shipWith("0.7", other)).shareMachineCode(first));
-  }
-  EXPECT_FALSE(interpreted(shipWith("1", drag)).shareMachineCode(first)) << "1 is written out";
-  EXPECT_FALSE(interpreted(shipWith("0.7", drag) + "principle: gauss\n").shareMachineCode(first));
-  EXPECT_FALSE(interpreted(shipWith("0.7", drag) + "solver: {relative_tolerance: 1.0e-5}\n")
-                   .shareMachineCode(first));
-  EXPECT_FALSE(interpreted(shipWith("0.7", drag) + "solver: {machine_code: never}\n")
-                   .shareMachineCode(first));
-}
-
-/// The code for a moving inertia has only the entries of its pattern.
-TEST_F(SharedMachineCode, IsThatOfTheSamePatternOfInertiaOnly) {
-  const std::string diagonal = R"yaml(
-shafts: [crank, load]
-crank: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}]}}
-load: {inertia: 1.2}
-initial: {velocity: [10.0, 6.0]}
-tables: [drag_of]
-drag_of: {x: [0, 5, 20], values: [0, -1, -6], beyond: linear}
-torques: [drag]
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "3 + drag_of(w2)"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2 - 0.6*e1) + w2 - 0.6*w1"}
-)yaml";
-  const std::string coupled = diagonal + "inertia_coupling: [[crank, load, 0.1]]\n";
-  for (const auto& [one, other] : {std::pair{diagonal, coupled}, std::pair{coupled, diagonal}}) {
-    Simulation first = interpreted(one);
-    ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
-    EXPECT_TRUE(interpreted(one).shareMachineCode(first));
-    EXPECT_FALSE(interpreted(other).shareMachineCode(first));
-  }
-}
-
-/// A scene whose numbers outside its formulas were changed gets the programs of another one.
-TEST_F(SharedMachineCode, GoesAlongWithProgramsOfTheSameScene) {
-  const std::string tests = VARIATOR_SIM_TEST_DIR;
-  const auto withOtherNumbers = [](Scene scene) {
-    scene.inertia *= 1.25;
-    scene.solver.relative_tolerance *= 0.1;
-    scene.initial.acceleration.clear();
-    return scene;
-  };
-  for (const char* name : {"/scenes/car.yaml", "/scenes/observed.yaml", "/scenes/stops.yaml",
-                           "/cases/crank_elastic/scene.yaml", "/cases/first_order_ratio/scene.yaml",
-                           "/../config/ratio_steps.yaml", "/../config/ship.yaml",
-                           "/../config/applications/diesel_locomotive.yaml",
-                           "/../config/applications/vbelt_vehicle.yaml"}) {
-    for (const Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-      for (const bool has_code : {false, true}) {
-        SCOPED_TRACE(std::string(name) + (has_code ? ", machine code" : ""));
-        Scene scene = test::sceneFromFile(tests + name);
-        scene.principle = principle;
-        scene.solver.machine_code = MachineCode::kAlways;
-        scene.initial.acceleration.clear();
-        Simulation like(scene);
-        if (has_code) {
-          EXPECT_TRUE(like.loadMachineCode(true)) << like.machineCode();
-        }
-        play(like, -1);  // it has a past
-        // The kernel has orders for the tolerance; inertias are no part of it.
-        Simulation same(scene, like);
-        EXPECT_EQ(same.hasMachineCode(), has_code);
-        EXPECT_EQ(play(same, -1), play(scene, -1));
-        const Scene changed = withOtherNumbers(scene);
-        Simulation other(changed, like);
-        const std::string alone = play(changed, -1);
-        EXPECT_EQ(play(other, -1), alone);
-        // Not of the same scene: made as if there were no other.
-        const Scene read_again = withOtherNumbers([&] {
-          Scene again = test::sceneFromFile(tests + name);
-          again.principle = principle;
-          again.solver.machine_code = MachineCode::kAlways;
-          again.initial.acceleration.clear();
-          return again;
-        }());
-        Simulation independent(read_again, like);
-        EXPECT_EQ(play(independent, -1), alone);
-      }
-    }
-  }
-}
-
-/// Sources and what they are made from agree on which scenes are alike.
-TEST_F(SharedMachineCode, IsAskedForWhereTheSourceIsTheSame) {
-  std::vector<std::string> scenes;
-  for (const char* gain : {"0.7", "0.9", "1"}) {
-    for (const char* drag :
-         {"'-0.02*w2^2'", "'-0.02*abs(w2)^1.5'", "'-0.7*w2^2'", "'-w2'", "-3.5"}) {
-      scenes.push_back(shipWith(gain, drag));
-    }
-  }
-  std::vector<std::string> sources;
-  for (const std::string& text : scenes) {
-    const Scene scene = test::sceneFromText(text);
-    Drivetrain drivetrain(scene, Shortcuts{});
-    const auto series = MotionSeries::make(scene, drivetrain);
-    sources.push_back(SceneProgram(scene).writeSource(series.get()));
-  }
-  int alike = 0;
-  for (std::size_t i = 0; i < scenes.size(); ++i) {
-    Simulation owner = interpreted(scenes[i]);
-    ASSERT_TRUE(owner.loadMachineCode(true)) << owner.machineCode();
-    for (std::size_t j = 0; j < scenes.size(); ++j) {
-      const bool is_shared = interpreted(scenes[j]).shareMachineCode(owner);
-      EXPECT_EQ(is_shared, sources[i] == sources[j]) << scenes[i] << scenes[j];
-      alike += is_shared && i != j ? 1 : 0;
-    }
-  }
-  EXPECT_GT(alike, 8);
-}
 
 }  // namespace
 }  // namespace variator_sim

@@ -372,7 +372,7 @@ std::string MotionProgram::writeOrders(bool in_units) const {
     text += "#if UNITS == 1 || " + order + " % (UNITS - 1) == UNIT\n#define " + name + " " + call +
             "\n#else\n#define " + name + "\n#endif\n";
   }
-  if (!in_units) return each + "\n";
+  if (!in_units) return "#ifndef VS_SMALL\n" + each + "\n#endif\n";
   return each + "\n" + text + here +
          "\n#define VS_ORDER_STORAGE __attribute__((visibility(\"hidden\")))\n";
 }
