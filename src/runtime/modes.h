@@ -28,18 +28,29 @@ VS_FUNCTION_RARE double vs_torque_size(const scene_series* it, int i, int n) {
   return size;
 }
 
-/* The size of coefficient n of a slip that is rounding: f_n = unit/n C epsilon_{n-1} + .. */
-VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
+/* The size of coefficient n of the torques on the shafts that element h acts on. */
+VS_FUNCTION_RARE double vs_sum_of_torques(const scene_series* it, int h, int n) {
   double size = 0.0;
   int i;
   for (i = 0; i < S; ++i) {
     const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
-    if (C == 0.0) continue;
-    size += C * (n == 0 ? fabs(it->row[VELOCITY + i][0])
-                        : it->unit / n * vs_torque_size(it, i, n - 1) / vs_inertia(it, i, i));
+    if (C != 0.0) size += vs_torque_size(it, i, n) / C;
   }
-  return n == 0 ? seriesLarger(1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size)
-                : vs_noise(it) * size;
+  return size;
+}
+
+/* The size of coefficient n of a slip that is rounding: what a torque that is rounding makes of it,
+ * f_n = unit/n C J^-1 C' T_{n-1}, so that slips and torques let go at the same instants. */
+VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
+  double size = 0.0, mobility = 0.0;
+  int i;
+  for (i = 0; i < S; ++i) {
+    const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
+    size += C * fabs(it->row[VELOCITY + i][0]);
+    mobility += C * C / vs_inertia(it, i, i);
+  }
+  if (n > 0) return vs_noise(it) * it->unit / n * mobility * vs_sum_of_torques(it, h, n - 1);
+  return seriesLarger(1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size);
 }
 
 VS_FUNCTION_RARE double vs_condition_noise(const scene_series* it, int h, int kind, int n,
@@ -50,10 +61,7 @@ VS_FUNCTION_RARE double vs_condition_noise(const scene_series* it, int h, int ki
     case VS_OF_SLIP:
       return vs_slip_noise(it, h, n);
     case VS_OF_TORQUE:
-      for (i = 0; i < S; ++i) {
-        const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
-        if (C != 0.0) size += vs_torque_size(it, i, n) / C;
-      }
+      size = vs_sum_of_torques(it, h, n);
       return vs_noise(it) *
              (size + fabs(it->row[upper_row[h]][n]) + fabs(it->row[lower_row[h]][n]));
     case VS_OF_GAP:
