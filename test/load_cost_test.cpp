@@ -170,7 +170,7 @@ TEST(LoadCost, ManyElements) {
                              [](int i) {
                                return "m" + number(i) +
                                       ": {type: variator_sim/Friction, shaft: a, coulomb: " +
-                                      number(i + 1) + "}\n";
+                                      number(i + 1) + ", regularization_speed: 0.01}\n";
                              },
                              ""));
   EXPECT_EQ(cost.error, "");

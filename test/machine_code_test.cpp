@@ -320,9 +320,10 @@ TEST_F(MachineCodeBits, OfMotionsWithOtherOrdersAreTheInterpreters) {
 
 /// If tanh is 1 to all digits, its rate is 0, of either sign.
 TEST_F(MachineCodeBits, OfFunctionsThatAreConstantToAllDigitsAreTheInterpreters) {
-  for (const char* law : {"Friction, coulomb: 1}\nprinciple: generalized_gauss\n",
-                          "Friction, coulomb: 1, regularization_speed: 1e-5}\nprinciple: gauss\n",
-                          "ExpressionTorque, torque: '-tanh(w1/0.01)'}\nprinciple: gauss\n"}) {
+  for (const char* law :
+       {"Friction, coulomb: 1, regularization_speed: 0.01}\nprinciple: generalized_gauss\n",
+        "Friction, coulomb: 1, regularization_speed: 1e-5}\nprinciple: gauss\n",
+        "ExpressionTorque, torque: '-tanh(w1/0.01)'}\nprinciple: gauss\n"}) {
     SCOPED_TRACE(law);
     expectSameBits(test::sceneFromText(
         "shafts: [drive]\ndrive: {inertia: 1}\ninitial: {velocity: [1]}\ntorques: [motor, "

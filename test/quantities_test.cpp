@@ -24,7 +24,7 @@ load: {inertia: {mean: 1.2, harmonics: [{order: 2, cos: 0.1}]}}
 torques: [engine, spring, bearing, drag]
 engine: {type: variator_sim/CommandedTorque, shaft: drive, topic: engine/torque, hold: first_order_lag, time_constant: 0.2, initial: 4.0, min: -10.0, max: 10.0}
 spring: {type: variator_sim/ElasticCoupling, shafts: [load, drive], stiffness: 30.0, damping: 0.5, ratio: 0.6}
-bearing: {type: variator_sim/Friction, shaft: load, coulomb: 0.4, viscous: 0.02}
+bearing: {type: variator_sim/Friction, shaft: load, coulomb: 0.4, viscous: 0.02, regularization_speed: 0.01}
 drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.02*w2^2 - 0.3*sin(t)"}
 constraints: [belt]
 belt: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.1, ratio: {topic: ratio, hold: rate_limit, rate: 0.5, initial: 0.5, min: 0.1, max: 0.9}}

@@ -185,7 +185,7 @@ TEST(Friction, WarnsOfAStaticTorqueThatIsNeverReached) {
                numbers + "}\n")
         .warnings;
   };
-  const auto warnings = warningsOf("stribeck_speed: 0.01");
+  const auto warnings = warningsOf("stribeck_speed: 0.01, regularization_speed: 0.01");
   ASSERT_EQ(warnings.size(), 1U);
   expectText(warnings[0], "hold/static: 1.5 N m are never reached, the torque's peak is 1 N m");
   expectText(warnings[0], "'hold/regularization_speed: 0.0003' comes near");

@@ -643,11 +643,11 @@ TEST(Friction, TakesPower) {
   }
 }
 
-TEST(Friction, HasItsDefaultWidth) {
-  const TorquePtr torque = torqueOf("Friction, shaft: drive, coulomb: 4");
-  Moment m = kThroughRest.at(1.0L);
-  m.w[0] = 0.01L;
-  EXPECT_NEAR(torqueAt(torque, State(m).view())[0], -4 * std::tanh(1.0), 1e-14);
+TEST(Friction, HoldsUnlessItsSignIsSmoothed) {
+  EXPECT_EQ(torqueOf("Friction, shaft: drive, coulomb: 4")->holdings().size(), 1U);
+  EXPECT_EQ(torqueOf("Friction, shaft: drive, coulomb: 1, static: 1.5")->holdings().size(), 1U);
+  EXPECT_TRUE(torqueOf("Friction, shaft: drive, viscous: 4")->holdings().empty());
+  EXPECT_TRUE(torqueOf("Friction, shaft: drive, " + kStribeck)->holdings().empty());
 }
 
 // ------------------------------------------------------------------------------------------- table
@@ -855,7 +855,7 @@ Scene sceneOfExamples(const std::vector<std::string>& examples) {
   std::string names;
   for (const std::string& example : examples) {
     text += example;
-    const ParameterTree tree = readYamlText(example, "doc/torques.md");
+    const ParameterTree tree = readYamlText(example, "an example");
     for (const auto& element : tree.asDictionary()) {
       names += (names.empty() ? "" : ", ") + element.first;
     }
@@ -868,11 +868,19 @@ Scene sceneOfExamples(const std::vector<std::string>& examples) {
 
 TEST(Documentation, ExamplesAreReadAndEveryTypeAndKeyIsThere) {
   std::map<std::string, std::set<std::string>> keys;
-  for (const std::string& example : test::readExamples("torques.md")) {
+  std::vector<std::string> examples = test::readExamples("torques.md");
+  for (const std::string& example : test::readExamples("holding.md")) {
+    examples.push_back(example);
+    const Scene scene = sceneOfExamples({example});
+    for (const TorquePtr& element : scene.torques) {
+      EXPECT_FALSE(element->holdings().empty()) << element->name();
+    }
+  }
+  for (const std::string& example : examples) {
     SCOPED_TRACE(example);
     ASSERT_NO_THROW(sceneOfExamples({example}));
     ParameterTree scene = sceneOfExamples({example}).resolved;
-    const ParameterTree elements = readYamlText(example, "doc/torques.md");
+    const ParameterTree elements = readYamlText(example, "an example");
     for (const auto& named : elements.asDictionary()) {
       ParameterTree& element = scene.asDictionary().at(named.first);
       std::set<std::string>& known = keys[element.asDictionary().at("type").asText()];
@@ -889,7 +897,10 @@ TEST(Documentation, ExamplesAreReadAndEveryTypeAndKeyIsThere) {
   std::set<std::string> types{"variator_sim/CommandedTorque", "variator_sim/ExpressionTorque"};
   for (auto& [type, known] : keys) {
     known.erase("type");
-    EXPECT_EQ(test::documentedKeys("torques.md", type.substr(type.find('/') + 1)), known) << type;
+    const std::string name = type.substr(type.find('/') + 1);
+    std::set<std::string> documented = test::documentedKeys("torques.md", name);
+    documented.merge(test::documentedKeys("holding.md", name));
+    EXPECT_EQ(documented, known) << type;
     types.insert(type);
   }
   // The other two are documented with the scene's format.
@@ -1005,6 +1016,10 @@ TEST(Laws, HaveTheDerivativesOfTheirRatesAndDependOnWhatTheyState) {
       for (const double value : derivatives) largest = std::max(largest, std::abs(value));
     }
     EXPECT_EQ(largest > 1e-3, type != "variator_sim/CommandedTorque") << largest;
+  }
+  // (Those that hold have a torque only with a mode.)
+  for (const char* name : {"Brake", "Clutch", "DogClutch", "EndStop", "OneWayClutch"}) {
+    types.insert(std::string("variator_sim/") + name);
   }
   const std::vector<std::string> all = BuiltinComponentFactory().torqueTypes();
   EXPECT_EQ(types, std::set<std::string>(all.begin(), all.end()));

@@ -32,6 +32,30 @@ struct Shaft {
   Expression jerk;          ///< eta, rad/s^3; linearly, and in constraints of order 3 only
 };
 
+/// A way in which an element may hold: a constraint of order 1 that is on while it is stuck, and
+/// the torque T against the slip, positive where the slip is.
+///     stuck   slip = 0, and T in [lower, upper] is found from that
+///     slides  T = torque, in which `side` is the sign of the slip
+///     free    T = 0: where `level` is not above 0 or `gap` is open
+/// On each shaft acts -T dslip/domega.
+struct Holding {
+  Expression slip;                  ///< rad/s, linear in velocities
+  Expression torque;                ///< N m; 0 where `side` is
+  Expression side;                  ///< from LawContext::side; -1, 0 or 1
+  std::optional<Expression> upper;  ///< N m; none: any torque is held
+  std::optional<Expression> lower;
+  std::optional<Expression> level;
+  /// Grows by the slip, rad: the slip is free while it is above 0, and then at most what opens it.
+  std::optional<Expression> gap;
+  bool slides_backward = true;  ///< false: a negative slip is stopped by an impact
+  double restitution = 0.0;     ///< of impacts
+  /// Above 0: it never slides, and closes, by an impact, where |slip|, rad/s, is not above this.
+  double closes_below = 0.0;
+  enum class Begin { kAuto, kStuck, kSlipping };
+  Begin begins = Begin::kAuto;  ///< the scene asks for it
+  std::string part;             ///< name within the element, of those that hold in several ways
+};
+
 class LawContext {
  public:
   explicit LawContext(ComponentContext& context) : context_(context), place_(context.name()) {}
@@ -95,6 +119,17 @@ class LawContext {
     apply(a, torque);
     apply(b, -torque);
   }
+  /// Returns the side of a Holding for its formulas: constant between events.
+  Expression side();
+  /// Lets the element hold, and adds its torques. For torques.
+  ///     Holding brake;
+  ///     brake.slip = wheel.velocity;
+  ///     brake.side = scene.side();
+  ///     brake.torque = capacity * brake.side;
+  ///     brake.upper = capacity;
+  ///     brake.lower = -capacity;
+  ///     scene.hold(brake);
+  void hold(const Holding& holding);
   /// Names a quantity of this element for output (`--columns elements`).
   void output(const std::string& name, const Expression& value) {
     outputs_.emplace_back(name, value);
@@ -108,6 +143,7 @@ class LawContext {
   /// Returns the torques by index of the shaft, in the order of the first `apply`.
   const std::vector<std::pair<int, Expression>>& torques() const { return torques_; }
   const std::vector<std::pair<std::string, Expression>>& outputs() const { return outputs_; }
+  const std::vector<Holding>& holdings() const { return holdings_; }
 
  private:
   Expression variable(int slot);
@@ -117,6 +153,7 @@ class LawContext {
   Expression psi_;
   std::vector<std::pair<int, Expression>> torques_;
   std::vector<std::pair<std::string, Expression>> outputs_;
+  std::vector<Holding> holdings_;
 };
 
 }  // namespace variator_sim

@@ -18,13 +18,18 @@
   X(TractionCurve)         /* a friction variator with its characteristic */                   \
   X(VBeltRatio)            /* an automatic V-belt variator */
 #define VARIATOR_SIM_TORQUES(X)                                                                \
+  X(Brake)             /* a brake against the ground that locks */                             \
+  X(Clutch)            /* a friction clutch that locks */                                      \
   X(CommandedTorque)   /* commanded from outside */                                            \
   X(CuttingTorque)     /* a machine tool's cut */                                              \
   X(DieselEngine)      /* a Diesel engine in the mean over its cycles */                       \
+  X(DogClutch)         /* a clutch of claws, open or closed */                                 \
   X(ElasticCoupling)   /* a massless elastic link with damping */                              \
+  X(EndStop)           /* a shaft's lowest and highest angle */                                \
   X(ExpressionTorque)  /* stated by the scene as a formula */                                  \
   X(Friction)          /* Coulomb, Stribeck and viscous friction */                            \
   X(MotorCurve)        /* a motor by its torque over the speed */                              \
+  X(OneWayClutch)      /* a freewheel */                                                       \
   X(Propeller)         /* a ship's propeller */                                                \
   X(VehicleResistance) /* running resistance of a vehicle */
 // clang-format on

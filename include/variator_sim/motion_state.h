@@ -30,6 +30,16 @@ struct EnergyAccount {
   double directions[kMaxConstraints][kMaxShafts] = {};  ///< of the rows of C at the start
 };
 
+/// The state of an element that holds.
+struct HeldState {
+  int mode = 2;              ///< as of HeldElement
+  int counts = 0;            ///< 1: its row of C is independent of the others'
+  double side = 0.0;         ///< with which its torque slides
+  double heat = 0.0;         ///< J
+  double multiplier = 0.0;   ///< N m
+  double longest_row = 0.0;  ///< as of constraints
+};
+
 /// Plain data. Angles, velocities, accelerations and inputs are the state of the theory; the
 /// history is all else that later steps depend on. Without one the state is that of a start.
 struct MotionState {
@@ -40,6 +50,7 @@ struct MotionState {
     bool has_multipliers = false;
     double multiplier[kMaxConstraints] = {};  ///< with which their iteration goes on
     KeptReaction kept_reaction;
+    HeldState held[kMaxHolds];  ///< in the order of Scene::holdNames
     EnergyAccount energy;
   };
 

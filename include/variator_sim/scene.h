@@ -93,6 +93,8 @@ struct Scene {
                        [](const ConstraintPtr& constraint) { return constraint->order() == 3; });
   }
   int inputCount() const { return static_cast<int>(inputs.size()); }
+  /// Returns the names of what holds, in the order of elements: ELEMENT or ELEMENT/PART.
+  std::vector<std::string> holdNames() const;
 };
 
 /// Reads a whole scene. `factory` makes the components. `node`: names that the program which runs

@@ -19,7 +19,8 @@ enum class StopReason : std::uint8_t {
   kJumpFailed,          ///< no state on the constraint is reached by a jump of the inputs
   kProjectionFailed,    ///< Newton's iteration onto the constraint did not converge
   kChattering,          ///< a law jumps and the motion crosses back at once
-  kTimeExhausted        ///< the node's simulated time, in whole nanoseconds, is exhausted
+  kTimeExhausted,       ///< the node's simulated time, in whole nanoseconds, is exhausted
+  kNoModes              ///< no modes of the elements that hold go on: rigid ones contradict
 };
 
 /// Returns the name that users see: "SingularConstraint", "StepUnderflow", ...; "" for kNone.
@@ -40,6 +41,18 @@ struct MotionStatus {
                          ///< its size, 1/s
   bool ok() const { return reason == StopReason::kNone; }
 };
+
+/// A change of the mode (HeldElement) of an element that holds.
+struct ModeEvent {
+  double time = 0.0;  ///< s
+  int element = 0;    ///< index in Scene::holdNames
+  int from = 0;
+  int to = 0;
+  double torque = 0.0;   ///< N m, behind it
+  double impulse = 0.0;  ///< N m s, of an impact
+};
+/// Returns "backward", "stuck", "forward", "free".
+const char* modeName(int mode);
 
 /// Tells whether the reactions are a considerable source or sink of energy: under
 /// `generalized_gauss` they may be once C has turned. Judged at step ends and estimated from these,
@@ -75,6 +88,7 @@ std::vector<std::string> describe(const ErrorDoubt& doubt);
 
 /// Counters since the start or the last reset.
 struct Statistics {
+  std::uint64_t mode_changes = 0;       ///< of elements that hold
   std::uint64_t steps = 0;              ///< accepted steps
   std::uint64_t rejected_steps = 0;     ///< steps repeated because of their error
   std::uint64_t right_hand_sides = 0;   ///< evaluations of the jerk

@@ -9,6 +9,19 @@ constexpr int kMaxShafts = 8;
 constexpr int kMaxConstraints = kMaxShafts - 1;
 /// Largest number of commanded inputs u of one drivetrain.
 constexpr int kMaxInputs = 32;
+/// Largest number of elements of one drivetrain that hold. Formulas read the side that one slides
+/// to as an input: that of number kMaxInputs + n, which is constant between events.
+constexpr int kMaxHolds = 16;
+
+/// An element that holds, at an instant.
+struct HeldElement {
+  int mode = 2;                      ///< -1 slides backward, 0 holds, 1 slides forward, 2 free
+  double torque = 0.0;               ///< N m, against the slip
+  double slip = 0.0;                 ///< rad/s
+  double reserve = 0.0;              ///< N m, how much more it would hold; 0 while it does not hold
+  double heat = 0.0;                 ///< J since the start
+  double on_shaft[kMaxShafts] = {};  ///< N m
+};
 
 /// The state that torques and constraints are evaluated at. It owns nothing: the arrays belong to
 /// the caller and are valid during the call only.
@@ -24,6 +37,8 @@ struct StateView {
   /// `second_order_lag`; 0 for all others, whose u' is not differentiable at a command. Only a
   /// constraint of order 1 needs it; null when no law may read it.
   const double* input_second_rate = nullptr;
+  /// Elements that hold, in the scene's order; null where their modes are not known.
+  const HeldElement* held = nullptr;
 };
 
 /// Tells whether a law reads the time and the angles. The solver omits derivatives by a quantity

@@ -38,6 +38,13 @@ MotionEquations::MotionEquations(const Scene& scene, bool with_rates_of_c)
       torques_(sumTorques(scene, &Torque::torques)),
       graph_(*scene.graph),
       with_rates_of_c_(with_rates_of_c) {
+  const std::vector<std::string> holds = scene.holdNames();
+  if (!holds.empty()) {
+    throw SceneError(holds.front(),
+                     "holds, and what has modes has no linear model or steady state here; allowed: "
+                     "elements that do not hold, variator_sim/Friction with a "
+                     "'regularization_speed', for instance");
+  }
   layout_.S = scene.shaftCount();
   layout_.k = scene.constraintCount();
   layout_.U = scene.inputCount();

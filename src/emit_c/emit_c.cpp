@@ -74,7 +74,8 @@ class Emission {
            withName(sizes, name_) + "\n/* Indices of the arrays below, in the scene's order. */\n" +
            writeEnum(prefix + "_SHAFT_", scene_.shafts) +
            writeEnum(prefix + "_CONSTRAINT_", namesOf(scene_.constraints)) +
-           writeEnum(prefix + "_INPUT_", inputs) + withName(kSceneHeader, name_) +
+           writeEnum(prefix + "_INPUT_", inputs) +
+           writeEnum(prefix + "_HOLD_", program_.holdNames()) + withName(kSceneHeader, name_) +
            "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
   }
 
@@ -90,7 +91,7 @@ class Emission {
     std::vector<std::string> topics;
     for (const CommandInputSettings& input : scene_.inputs) topics.push_back(input.topic);
     return list("shaft", scene_.shafts) + list("constraint", namesOf(scene_.constraints)) +
-           list("input", topics);
+           list("input", topics) + list("hold", program_.holdNames());
   }
   static std::vector<std::string> namesOf(const std::vector<ConstraintPtr>& constraints) {
     std::vector<std::string> names;
@@ -107,7 +108,9 @@ class Emission {
     };
     const int shafts = scene_.shaftCount();
     return list("initial_angle", sample.angle, shafts) +
-           list("initial_velocity", sample.velocity, shafts) +
+           // (Before impacts of elements that hold, which scene_init makes.)
+           list("initial_velocity",
+                program_.HOLDS > 0 ? scene_.initial.velocity.data() : sample.velocity, shafts) +
            list("initial_acceleration", sample.acceleration, shafts) +
            list("initial_multiplier", sample.multiplier, scene_.constraintCount());
   }

@@ -67,6 +67,7 @@ nothing else. Nothing is allocated, and all memory is the `scene_model` that you
     make
     ./scene_play --duration 10 --rate 100 --output motion.csv
     ./scene_play --duration 10 --commands commands.csv
+    ./scene_play --duration 10 --events events.csv   # of elements that hold: changes of their modes
 
 `commands.csv` has the header `time,topic,value`. The columns are those of `simulate`. The exit status
 is 0, 1 when the motion stopped (the reason is on standard error), 2 for bad usage.
@@ -104,7 +105,7 @@ of tables). A command that jumps moves the accelerations by the jump map of `sim
   many parts of a step, and `SCENE_TOO_MANY_STEPS` stops it at SCENE_MOST_STEPS of them in one call.
 - Where a formula has no power series (sqrt(x) at x = 0) or no value it stops: `SCENE_NOT_FINITE`.
 - It stops for `SCENE_CHATTERING` where a formula jumps and the motion turns back at once (dry friction
-  by `sign` at rest), as `simulate` does.
+  by `sign` at rest; an element that holds does not), as `simulate` does.
 - Commands at time 0 find the first accelerations anew by Newton's iteration from those of the scene.
   Where a constraint is not linear in the accelerations that is the stationary reaction nearby;
   `simulate` looks for the least of all.

@@ -1,17 +1,17 @@
 // Coulomb, Stribeck and viscous friction, between a shaft and the ground (w = omega) or between
 // two shafts through a gear of the ratio i (w = omega_a - i omega_b); i = 1 is a slipping clutch:
-//     T(w) = (T_c + (T_s - T_c) exp(-(w/w_s)^2)) tanh(w/w_0) + b w      N m
-//     T'   = dT/dw w'                                                   N m/s
+//     T(w) = (T_c + (T_s - T_c) exp(-(w/w_s)^2)) sign(w) + b w      N m
+//     |T|  <= T_s where it sticks, w = 0
 //     Q_a += -T,   Q_b += i T.
-// T is odd and infinitely smooth: tanh stands for the sign, so that nothing sticks. Below
-// its limit a load creeps with about w_0 times its part of T_s, and the time constant of a shaft
-// with inertia J is about J w_0/T_s there: choose w_0 with regard to both. It takes the power
-// T w >= 0 out of the drivetrain.
+// Without w_s the torque that slides is T_c at every speed. With `regularization_speed` w_0
+// tanh(w/w_0) stands for the sign, so that T is infinitely smooth and nothing sticks: below its
+// limit a load creeps with about w_0 times its part of T_s, and the time constant of a shaft with
+// inertia J is about J w_0/T_s there: choose w_0 with regard to both. It takes the power T w >= 0
+// out of the drivetrain.
 //
 // Keys: `shaft`, or `shafts` [a, b] with `ratio` i (default 1, not 0); `coulomb` T_c >= 0 (N m,
-// default 0), `static` T_s >= T_c (N m, default T_c), `stribeck_speed` w_s > 0 (rad/s, required
-// with `static`), `viscous` b >= 0 (N m s/rad, default 0), `regularization_speed` w_0 > 0 (rad/s,
-// default 0.01).
+// default 0), `static` T_s >= T_c (N m, default T_c), `stribeck_speed` w_s > 0 (rad/s), `viscous` b
+// >= 0 (N m s/rad, default 0), `regularization_speed` w_0 > 0 (rad/s; without it it sticks).
 //
 // Source: Armstrong-Helouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and
 // compensation methods for the control of machines with friction, Automatica 30 (1994) 1083-1138.
@@ -47,6 +47,18 @@ void checkPeak(LawContext& scene, double T_c, double T_s, double w_s, double w_0
   scene.component().warn(text);
 }
 
+void holdByFriction(LawContext& scene, const Expression& w, const Expression& level,
+                    const Expression& T_s, const Expression& b) {
+  Holding friction;
+  friction.slip = w;
+  friction.side = scene.side();
+  friction.torque = level * friction.side + b * w;
+  friction.upper = T_s;
+  friction.lower = -T_s;
+  friction.level = T_s;
+  scene.hold(friction);
+}
+
 }  // namespace
 
 void Friction::build(LawContext& scene) {
@@ -66,21 +78,29 @@ void Friction::build(LawContext& scene) {
   const Expression w =
       is_coupling ? shafts[0].velocity - i * shafts[1].velocity : shafts[0].velocity;
   const Expression coulomb = scene.quantity("coulomb", Range::notNegative("N m"), 0.0);
+  const bool sticks = !parameters.has("regularization_speed");
   Expression level = coulomb;
-  Expression T_s;
+  Expression T_s = coulomb;
   Expression w_s;
   if (parameters.has("static")) {
     const double least = coulomb.isConstant() ? coulomb.value() : 0.0;
     T_s = scene.quantity("static", Range::atLeast(least, "N m"));
-    w_s = scene.quantity("stribeck_speed", Range::positive("rad/s"));
-    const Expression x = w / w_s;
-    level += (T_s - coulomb) * exp(-(x * x));
+    if (!sticks || parameters.has("stribeck_speed")) {
+      w_s = scene.quantity("stribeck_speed", Range::positive("rad/s"));
+      const Expression x = w / w_s;
+      level += (T_s - coulomb) * exp(-(x * x));
+    }
   } else if (parameters.has("stribeck_speed")) {
     throw SceneError(parameters.keyPath("stribeck_speed"),
                      "belongs to 'static', which is missing; allowed: both or neither");
   }
   const Expression b = scene.quantity("viscous", Range::notNegative("N m s/rad"), 0.0);
-  const Expression w_0 = scene.quantity("regularization_speed", Range::positive("rad/s"), 0.01);
+  if (sticks && (!T_s.isConstant() || T_s.value() > 0.0)) {
+    holdByFriction(scene, w, level, T_s, b);
+    return;
+  }
+  const Expression w_0 =
+      sticks ? 1.0 : scene.quantity("regularization_speed", Range::positive("rad/s"));
   if (parameters.has("static") && coulomb.isConstant() && T_s.isConstant() && w_s.isConstant() &&
       w_0.isConstant()) {
     checkPeak(scene, coulomb.value(), T_s.value(), w_s.value(), w_0.value());

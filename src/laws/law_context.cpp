@@ -92,6 +92,26 @@ NamedOutputs::NamedOutputs(const LawContext& law) {
   tape_ = expression::Tape(graph, nodes_);
 }
 
+Expression LawContext::side() {
+  const int number = context_.graph()->countHold();
+  if (number >= kMaxHolds) {
+    throw SceneError(place_, "is one element that holds too many; allowed: " +
+                                 std::to_string(kMaxHolds) + " in one scene");
+  }
+  return variable(slotOf(Source::kInput, kMaxInputs + number));
+}
+
+void LawContext::hold(const Holding& holding) {
+  expression::Graph& graph = *context_.graph();
+  const expression::Node slip = holding.slip.in(graph);
+  for (int i = 0; i < context_.shaftCount(); ++i) {
+    const Shaft shaft = shaftAt(i);
+    const Expression C(graph, graph.differentiate(slip, slotOf(Source::kVelocity, i)));
+    if (!C.isConstant() || C.value() != 0.0) apply(shaft, -C * holding.torque);
+  }
+  holdings_.push_back(holding);
+}
+
 void LawContext::apply(const Shaft& shaft, const Expression& torque) {
   const auto same = std::find_if(torques_.begin(), torques_.end(),
                                  [&](const auto& other) { return other.first == shaft.index; });

@@ -47,6 +47,7 @@ CheckPoint startOf(const Scene& scene) {
   std::copy(scene.initial.acceleration.begin(), scene.initial.acceleration.end(),
             p.acceleration.begin());
   for (std::size_t i = 0; i < scene.inputs.size(); ++i) p.input[i] = scene.inputs[i].initial;
+  std::fill(p.input.begin() + kMaxInputs, p.input.end(), 1.0);
   return p;
 }
 

@@ -15,9 +15,9 @@ struct CheckPoint {
   std::array<double, kMaxShafts> angle{};
   std::array<double, kMaxShafts> velocity{};
   std::array<double, kMaxShafts> acceleration{};
-  std::array<double, kMaxInputs> input{};
-  std::array<double, kMaxInputs> input_rate{};
-  std::array<double, kMaxInputs> input_second_rate{};
+  std::array<double, kMaxInputs + kMaxHolds> input{};  ///< and sides of elements that hold
+  std::array<double, kMaxInputs + kMaxHolds> input_rate{};
+  std::array<double, kMaxInputs + kMaxHolds> input_second_rate{};
 
   StateView view() const {
     return {time,         angle.data(),      velocity.data(),         acceleration.data(),

@@ -455,4 +455,14 @@ bool isOutsideFormulas(const std::string& path, const Scene& scene) {
          std::find(scene.shafts.begin(), scene.shafts.end(), first) != scene.shafts.end();
 }
 
+std::vector<std::string> Scene::holdNames() const {
+  std::vector<std::string> names;
+  for (const TorquePtr& element : torques) {
+    for (const Holding& it : element->holdings()) {
+      names.push_back(element->name() + (it.part.empty() ? "" : "/" + it.part));
+    }
+  }
+  return names;
+}
+
 }  // namespace variator_sim

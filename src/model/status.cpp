@@ -22,9 +22,15 @@ const char* toString(StopReason reason) {
                                     "JumpFailed",
                                     "ProjectionFailed",
                                     "Chattering",
-                                    "TimeExhausted"};
-  static_assert(std::size(kNames) == static_cast<std::size_t>(StopReason::kTimeExhausted) + 1);
+                                    "TimeExhausted",
+                                    "NoModes"};
+  static_assert(std::size(kNames) == static_cast<std::size_t>(StopReason::kNoModes) + 1);
   return kNames[static_cast<std::size_t>(reason)];
+}
+
+const char* modeName(int mode) {
+  constexpr const char* kNames[] = {"backward", "stuck", "forward", "free"};  // from -1 on
+  return kNames[mode + 1];
 }
 
 std::string describe(const EnergyDoubt& doubt) {

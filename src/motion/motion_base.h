@@ -91,6 +91,8 @@ struct MotionBase {
   virtual Energy calcEnergy() = 0;
   virtual EnergyDoubt energyDoubt() const = 0;
   virtual void exhaustTime() = 0;
+  /// See Simulation.
+  virtual bool takeModeEvent(ModeEvent* /*event*/) { return false; }
 
   virtual std::string describeStop() = 0;
   virtual const char* stepperName() const = 0;

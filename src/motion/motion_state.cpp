@@ -47,6 +47,15 @@ ParameterTree toTree(const MotionState::History& history, const Scene& scene) {
   if (history.has_multipliers) {
     tree["multipliers"] = listOf(history.multiplier, scene.constraintCount());
   }
+  ParameterTree::Dictionary holding;
+  const std::vector<std::string> names = scene.holdNames();
+  for (std::size_t h = 0; h < names.size(); ++h) {
+    const HeldState& it = history.held[h];
+    const double values[] = {1.0 * it.mode, 1.0 * it.counts, it.side,
+                             it.heat,       it.multiplier,   it.longest_row};
+    holding[names[h]] = listOf(values, 6);
+  }
+  if (!names.empty()) tree["holding"] = ParameterTree::dictionary(std::move(holding));
   if (history.kept_reaction.exists) {
     ParameterTree::List free;
     for (int i = 0; i < S; ++i) {
@@ -95,6 +104,22 @@ KeptReaction readKeptReaction(ParameterReader& reader, const Scene& scene) {
   return kept;
 }
 
+void readHolding(ParameterReader& history, const Scene& scene, HeldState* held) {
+  const std::vector<std::string> names = scene.holdNames();
+  if (names.empty()) return;
+  ParameterReader reader = history.section("holding");
+  for (const std::string& name : names) {
+    double values[6];
+    readList(reader, name, 6, values);
+    const auto mode = static_cast<int>(values[0]);
+    if (mode < -1 || mode > 2 || mode != values[0]) {
+      throw SceneError(reader.keyPath(name), "begins with no mode; allowed: -1, 0, 1 or 2");
+    }
+    *held++ = {mode, values[1] != 0.0 ? 1 : 0, values[2], values[3], values[4], values[5]};
+  }
+  reader.finish();
+}
+
 MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
   MotionState::History history;
   if (!root.has("history")) return history;
@@ -113,6 +138,7 @@ MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
   if (history.has_multipliers) {
     readList(reader, "multipliers", scene.constraintCount(), history.multiplier);
   }
+  readHolding(reader, scene, history.held);
   history.kept_reaction = readKeptReaction(reader, scene);
   reader.finish();
   return history;

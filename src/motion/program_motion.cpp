@@ -33,6 +33,8 @@ StopReason reasonOf(scene_status status) {
       return StopReason::kChattering;
     case SCENE_NO_MOTION:
       return StopReason::kJumpFailed;
+    case SCENE_NO_MODES:
+      return StopReason::kNoModes;
     case SCENE_OK:
       break;
   }
@@ -57,6 +59,9 @@ const char* explain(StopReason reason) {
     case StopReason::kTimeExhausted:
       return "simulated time has come to the end of what messages can hold, 136 years: ~reset_time "
              "begins it anew";
+    case StopReason::kNoModes:
+      return "no modes of the elements that hold go on: rigid ones contradict each other, or "
+             "limits that depend on the motion leave none";
     case StopReason::kStepLimit:
       return "more steps than 'solver/maximum_steps' within one simulated second";
     default:
@@ -82,6 +87,8 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::unique_ptr<MotionProgram> pro
     motion_->is_beside_program = true;
     motion_->integrator.choice().letProgramStep();
   }
+  it_.hold = hold_;
+  if (program_->HOLDS > 0) events_.resize(kMostEvents);
   reset();
   if (like != nullptr) useCodeOf(*like);
 }
@@ -109,6 +116,7 @@ void ProgramMotion::reset() {
     signal_[i].reset(scene.inputs[static_cast<std::size_t>(i)]);
   }
   is_start_ = true;
+  first_event_ = event_count_ = last_events_ = 0;
   const scene_status status = start();
   if (status != SCENE_OK) throwInitialError(status);
 }
@@ -116,9 +124,9 @@ void ProgramMotion::reset() {
 scene_status ProgramMotion::start() {
   const int S = scene.shaftCount();
   std::fill_n(state_, 3 * S, 0.0);
-  std::fill_n(multiplier_, kMaxConstraints, 0.0);
+  std::fill_n(multiplier_, kMostRows, 0.0);
   std::fill_n(reaction_, kMaxShafts, 0.0);
-  std::fill_n(longest_, kMaxConstraints, 0.0);
+  std::fill_n(longest_, kMostRows, 0.0);
   std::copy(scene.initial.angle.begin(), scene.initial.angle.end(), state_);
   std::copy(scene.initial.velocity.begin(), scene.initial.velocity.end(), state_ + S);
   std::copy(scene.initial.acceleration.begin(), scene.initial.acceleration.end(), state_ + 2 * S);
@@ -354,6 +362,7 @@ bool ProgramMotion::step(double end) {
     }
     return stepIntegrated(end);
   }
+  noteEvents();
   ++made_since_;
   ++counted.steps;
   if (it_.passed >= 0 || it_.is_event != 0) ++counted.kinks;
@@ -381,6 +390,10 @@ bool ProgramMotion::cut() {
   if (!has_step_) return true;
   const double at = insideStep(time);
   cutEnergy(at);
+  if (at < it_.event) {  // the modes at its end have not come
+    statistics().mode_changes -= last_events_;
+    event_count_ -= last_events_;
+  }
   if (host_->cut(at) != SCENE_OK) {
     stop(StopReason::kProjectionFailed);
     return false;
@@ -414,7 +427,9 @@ void ProgramMotion::changeInputs() {
     }
   }
   describeInputs();
-  const scene_status status = host_->change(it_);
+  const scene_status status = host_->change(&it_);
+  noteEvents();
+  last_events_ = 0;
   if (motion_ == nullptr) {
     if (status != SCENE_OK) stop(status);
     return;
@@ -454,11 +469,28 @@ void ProgramMotion::takeSample(Sample* sample) {
     time = motion_->time;
     return;
   }
-  vs_seen seen = {sample->angle,          sample->velocity,        sample->acceleration,
-                  sample->applied_torque, sample->reaction_torque, sample->reaction_torque_rate,
-                  sample->residual,       sample->multiplier,      0.0};
+  vs_seen_hold seen_hold[kMaxHolds];
+  double on_shaft[kMaxHolds * kMaxShafts];
+  vs_seen seen = {sample->angle,
+                  sample->velocity,
+                  sample->acceleration,
+                  sample->applied_torque,
+                  sample->reaction_torque,
+                  sample->reaction_torque_rate,
+                  sample->residual,
+                  sample->multiplier,
+                  0.0,
+                  seen_hold,
+                  on_shaft};
   const scene_status status = host_->see(insideStep(time), &seen);
   kinetic_ = seen.kinetic;
+  for (int h = 0; h < program_->HOLDS; ++h) {
+    const vs_seen_hold& from = seen_hold[h];
+    HeldElement& held = held_[h];
+    held = {from.mode, from.torque, from.slip, from.reserve, from.heat, {}};
+    std::copy_n(on_shaft + h * scene.shaftCount(), scene.shaftCount(), held.on_shaft);
+    input_value_[kMaxInputs + h] = from.side;
+  }
   if (status == SCENE_OK || !this->status().ok()) return;
   if (motion_ == nullptr) {
     stop(reasonOf(status));
@@ -481,8 +513,8 @@ StateView ProgramMotion::view() {
     input_rate_[i] = signal.rate(at);
     input_second_rate_[i] = signal.secondRate(at);
   }
-  return {time,         now.angle,   now.velocity,      now.acceleration,
-          input_value_, input_rate_, input_second_rate_};
+  return {time,         now.angle,   now.velocity,       now.acceleration,
+          input_value_, input_rate_, input_second_rate_, program_->HOLDS > 0 ? held_ : nullptr};
 }
 
 Energy ProgramMotion::calcEnergy() {
@@ -520,6 +552,7 @@ bool ProgramMotion::saveState(MotionState* state) {
   std::copy_n(longest_, scene.constraintCount(), state->history.longest_row);
   state->history.has_multipliers = true;
   std::copy_n(multiplier_, scene.constraintCount(), state->history.multiplier);
+  saveHeld(state->history.held);
   state->history.kept_reaction.exists = true;
   std::copy_n(reaction_, S, state->history.kept_reaction.value);
   state->history.energy.start_kinetic = start_kinetic_;
@@ -562,6 +595,7 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
   std::copy_n(state.acceleration, S, state_ + 2 * S);
   std::copy_n(state.history.longest_row, scene.constraintCount(), longest_);
   std::copy_n(state.history.multiplier, scene.constraintCount(), multiplier_);
+  restoreHeld(state.history.held);
   std::copy_n(state.history.kept_reaction.value, S, reaction_);
   it_.time = time;
   it_.time_rest = 0.0;
@@ -599,10 +633,49 @@ std::string ProgramMotion::setState(const MotionState& state, bool project) {
   return fault;
 }
 
+void ProgramMotion::saveHeld(HeldState* held) const {
+  for (int h = 0; h < program_->HOLDS; ++h) {
+    const int row = program_->CONSTRAINTS + h;
+    held[h] = {hold_[h].mode, hold_[h].counts,  hold_[h].side,
+               hold_[h].heat, multiplier_[row], longest_[row]};
+  }
+}
+
+void ProgramMotion::restoreHeld(const HeldState* held) {
+  for (int h = 0; h < program_->HOLDS; ++h) {
+    hold_[h] = {held[h].mode, held[h].counts, held[h].side, held[h].heat};
+    multiplier_[program_->CONSTRAINTS + h] = held[h].multiplier;
+    longest_[program_->CONSTRAINTS + h] = held[h].longest_row;
+  }
+}
+
+// --- changes of modes ------------------------------------------------------------------------
+
+void ProgramMotion::noteEvents() {
+  last_events_ = static_cast<std::size_t>(it_.event_count);
+  statistics().mode_changes += last_events_;
+  for (int n = 0; n < it_.event_count; ++n) {
+    const scene_event& from = it_.events[n];
+    events_[event_count_++ % kMostEvents] = {from.time, from.element, from.from,
+                                             from.to,   from.torque,  from.impulse};
+  }
+}
+
+bool ProgramMotion::takeModeEvent(ModeEvent* event) {
+  if (event_count_ > kMostEvents) first_event_ = std::max(first_event_, event_count_ - kMostEvents);
+  if (first_event_ >= event_count_) return false;
+  *event = events_[first_event_ % kMostEvents];
+  if (event->time > time) return false;
+  ++first_event_;
+  return true;
+}
+
 // --- descriptions ----------------------------------------------------------------------------
 
 void ProgramMotion::throwInitialError(scene_status status) {
   const bool is_inconsistent = status == SCENE_INCONSISTENT;
+  host_->leave(&it_);
+  if (is_inconsistent && program_->HOLDS > 0 && it_.culprit >= 0) throwInitialMode();
   const char* const key =
       scene.initial.acceleration.empty() ? "initial/velocity" : "initial/acceleration";
   throw SceneError(
@@ -634,6 +707,21 @@ void ProgramMotion::exhaustTime() {
 
 std::vector<std::string> ProgramMotion::skips() const {
   return motion_ != nullptr ? motion_->skips() : std::vector<std::string>{};
+}
+
+void ProgramMotion::throwInitialMode() {
+  const auto element = static_cast<std::size_t>(it_.culprit);
+  const std::string torque = formatNumber(it_.culprit_torque) + " N m";
+  const bool is_stuck =
+      program_->begins_in.values[element] == static_cast<int>(Holding::Begin::kStuck);
+  std::string fault = "'slipping': it holds at the start, with " + torque;
+  if (is_stuck) {
+    fault = std::abs(it_.culprit_slip) > scene.solver.absolute_tolerance
+                ? "'stuck': its slip is " + formatNumber(it_.culprit_slip) + " rad/s at the start"
+                : "'stuck': it would have to hold " + torque + " at the start";
+  }
+  throw SceneError(program_->holdNames()[element] + "/initial",
+                   fault + "; allowed: auto, or a start to which it belongs");
 }
 
 std::string ProgramMotion::describeStop() {

@@ -58,6 +58,7 @@ class ProgramMotion final : public MotionBase {
     return motion_ != nullptr ? motion_->energy_meter.doubt(time) : EnergyDoubt{};
   }
   void exhaustTime() override;
+  bool takeModeEvent(ModeEvent* event) override;
   std::string describeStop() override;
   const char* stepperName() const override {
     return is_integrated_ ? motion_->stepperName() : "taylor";
@@ -73,6 +74,9 @@ class ProgramMotion final : public MotionBase {
   /// Steps between two beginnings: there code that was loaded meanwhile takes over, so that no bit
   /// depends on when it was.
   static constexpr int kMostBetween = 64;
+  static constexpr int kMostRows = kMaxConstraints + kMaxHolds;
+  /// Changes of modes that wait to be taken; older ones are forgotten.
+  static constexpr std::size_t kMostEvents = 1024;
 
   double signalTime() const override {
     return (is_integrated_ ? motion_->integrator.origin() : signal_origin_).relative(time);
@@ -131,7 +135,12 @@ class ProgramMotion final : public MotionBase {
     status_.time = time;
   }
   void stop(scene_status status);
+  void noteEvents();
+  /// Copies what belongs to elements that hold into a state, and back.
+  void saveHeld(HeldState* held) const;
+  void restoreHeld(const HeldState* held);
   [[noreturn]] void throwInitialError(scene_status status);
+  [[noreturn]] void throwInitialMode();
   double sinceFront(double at) const { return (at - it_.time) - it_.time_rest; }
   /// The time since the start of the last step, s.
   double insideStep(double at) const { return (at - begin_) - begin_rest_; }
@@ -161,9 +170,10 @@ class ProgramMotion final : public MotionBase {
   vs_exchange it_ = {};  ///< its arrays are those below; its time is the end of the last step
   double state_[3 * kMaxShafts] = {};
   double before_[3 * kMaxShafts] = {};  ///< at the start of the last step
-  double multiplier_[kMaxConstraints] = {};
+  double multiplier_[kMostRows] = {};
   double reaction_[kMaxShafts] = {};
-  double longest_[kMaxConstraints] = {};
+  double longest_[kMostRows] = {};
+  vs_exchanged_hold hold_[kMaxHolds] = {};
   vs_exchanged_signal input_[kMaxInputs] = {};
   double begin_ = 0.0;       ///< start of the last step, s
   double begin_rest_ = 0.0;  ///< what a double rounds off that
@@ -177,9 +187,14 @@ class ProgramMotion final : public MotionBase {
   CommandRhythm rhythm_;
   TimeOrigin signal_origin_;  ///< that the signals' times count from
   CommandSignal signal_[kMaxInputs];
-  double input_value_[kMaxInputs] = {};
-  double input_rate_[kMaxInputs] = {};
-  double input_second_rate_[kMaxInputs] = {};
+  double input_value_[kMaxInputs + kMaxHolds] = {};  ///< and sides of elements that hold
+  double input_rate_[kMaxInputs + kMaxHolds] = {};
+  double input_second_rate_[kMaxInputs + kMaxHolds] = {};
+  HeldElement held_[kMaxHolds];    ///< of the sample
+  std::vector<ModeEvent> events_;  ///< a ring
+  std::size_t first_event_ = 0;    ///< number of the first that waits
+  std::size_t event_count_ = 0;    ///< number of the next one
+  std::size_t last_events_ = 0;    ///< of these the last step has made
 
   bool is_energy_tracked_ = false;
   double start_kinetic_ = 0.0;   ///< J

@@ -25,6 +25,12 @@ Quantities::Quantities(const Scene& scene) : scene_(scene) {
                       "/torque");
     }
     names.push_back(torque->name() + "/power");
+    for (const Holding& it : torque->holdings()) {
+      const std::string name = torque->name() + (it.part.empty() ? "" : "/" + it.part);
+      for (const char* of : {"/mode", "/torque", "/slip", "/reserve", "/heat"}) {
+        names.push_back(name + of);
+      }
+    }
     torque_outputs_.push_back(add_outputs(*torque));
   }
   for (const ConstraintPtr& constraint : scene_.constraints) {
@@ -47,15 +53,24 @@ void Quantities::calc(QuantityGroup group, const StateView& state, double* value
 }
 
 void Quantities::calcElements(const StateView& state, double* values) const {
+  const HeldElement* held = state.held;
   for (std::size_t j = 0; j < scene_.torques.size(); ++j) {
     double Q[kMaxShafts] = {};
-    scene_.torques[j]->addTorque(state, Q);
+    const std::size_t holds = held != nullptr ? scene_.torques[j]->holdings().size() : 0;
+    if (holds == 0) scene_.torques[j]->addTorque(state, Q);
+    for (std::size_t n = 0; n < holds; ++n) {
+      for (const int i : shafts_[j]) Q[i] += held[n].on_shaft[i];
+    }
     double power = 0.0;
     for (const int i : shafts_[j]) {
       *values++ = Q[i];
       power += Q[i] * state.velocity[i];
     }
     *values++ = power;
+    for (std::size_t n = 0; n < holds; ++n, ++held) {
+      const double its[] = {1.0 * held->mode, held->torque, held->slip, held->reserve, held->heat};
+      values = std::copy(std::begin(its), std::end(its), values);
+    }
     scene_.torques[j]->outputs().evaluate(state, values);
     values += torque_outputs_[j];
   }

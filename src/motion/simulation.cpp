@@ -17,8 +17,8 @@ namespace variator_sim {
 namespace {
 
 /// Tells whether an integrator of the equations of shafts and constraints does not suffice.
-bool needsProgram(const Scene& /*scene*/) {
-  return false;
+bool needsProgram(const Scene& scene) {
+  return !scene.holdNames().empty();
 }
 
 std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
@@ -90,6 +90,10 @@ void Simulation::reset() {
   if (!motion_->error_estimate) return;
   motion_->error_estimate->companion().reset();
   motion_->error_estimate->forget();
+}
+
+bool Simulation::takeModeEvent(ModeEvent* event) {
+  return motion_->takeModeEvent(event);
 }
 
 void Simulation::exhaustTime() {

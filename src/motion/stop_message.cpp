@@ -94,6 +94,7 @@ std::string StopMessage::explain() {
     case StopReason::kTimeExhausted:
       return "simulated time has come to the end of what messages can hold, 136 years: ~reset_time "
              "begins it anew";
+    case StopReason::kNoModes:  // of program motions only
     case StopReason::kProjectionFailed:
       return "no accelerations that satisfy the constraints were found";
   }

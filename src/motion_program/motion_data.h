@@ -18,18 +18,19 @@ struct MotionList {
 // clang-format off
 // The names are those of the texts: numbers of things and flags,
 #define VARIATOR_SIM_MOTION_SIZES(F)                                                          \
-  F(S) F(K) F(INPUTS) F(SIZE) F(IS_CLASSICAL) F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES)    \
+  F(S) F(K) F(CONSTRAINTS) F(HOLDS) F(WATCHED) F(INPUTS) F(SIZE) F(IS_CLASSICAL)             \
+  F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES)                                                \
   F(ENTRIES_VARY) F(ENTRIES_TURN) F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)   \
   F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS)      \
   F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED)                                       \
-  F(TIME) F(ANGLE) F(VELOCITY) F(ACCELERATION) F(MULTIPLIER) F(PULL)
+  F(TIME) F(ANGLE) F(VELOCITY) F(ACCELERATION) F(MULTIPLIER) F(PULL) F(TRANSMITTED)
 // the sizes of a series,
 #define VARIATOR_SIM_MOTION_EXTENTS(F) \
   F(SCENE_ORDER) F(SCENE_ROWS) F(SCENE_STRIDE) F(SCENE_MODES) F(SCENE_PIECES)
 // numbers,
 #define VARIATOR_SIM_MOTION_NUMBERS(F) \
   F(RELATIVE_TOLERANCE) F(ABSOLUTE_TOLERANCE) F(MAXIMUM_STEP) F(DECAY)
-// and lists: rows of formulas by shaft and constraint, inputs, points of tables.
+// and lists: rows of formulas by shaft and constraint, inputs, points of tables, elements that hold.
 #define VARIATOR_SIM_MOTION_LISTS(F)                                                            \
   F(int, order_of) F(int, is_neutral) F(double, coupling) F(int, torque_row)                    \
   F(int, residual_row) F(int, velocity_residual_row) F(int, entry_row) F(int, curvature_row)    \
@@ -38,7 +39,11 @@ struct MotionList {
   F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(int, hold_of)              \
   F(double, parameter_of) F(double, initial_input) F(double, minimum_of) F(double, maximum_of)  \
   F(double, timeout_of) F(int, falls_to_zero) F(int, passage_row) F(int, passage_count)         \
-  F(int, passage_jumps)
+  F(int, passage_jumps)                                                                         \
+  F(int, watched_row) F(int, side_row) F(int, slip_row) F(int, slide_row) F(int, heat_row)      \
+  F(int, upper_row) F(int, lower_row) F(int, level_row) F(int, gap_row) F(int, has_upper)       \
+  F(int, has_lower) F(int, has_level) F(int, has_gap) F(int, slides_backward)                   \
+  F(int, begins_in) F(double, restitution) F(double, closes_below)
 // clang-format on
 
 struct MotionData {

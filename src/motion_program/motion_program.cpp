@@ -44,6 +44,7 @@ MotionProgram::MotionProgram(const Scene& scene)
   setSizes(scene);
   setLists(scene);
   setInputs(scene);
+  setHolds(*scene.graph);
 }
 
 /// Lists the outputs, those that are needed as series first, and makes their rows.
@@ -63,6 +64,9 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.connection);
   for (const expression::Branch& it : formulas_.signs) outputs_.push_back(it.argument);
   for (const expression::Passage& it : formulas_.tables) outputs_.push_back(it.argument);
+  for (const SceneHold& it : formulas_.holds) {
+    add({it.slip, it.torque, it.power, it.upper, it.lower, it.level, it.gap});
+  }
   series_ = static_cast<int>(outputs_.size());
   bool reads_angles = false;
   for (const Node node : outputs_) {
@@ -83,15 +87,21 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   }
 }
 
-/// Lists the variables, which have the first rows: the time, the state, multipliers and J^-1 R,
-/// which no formula reads, and inputs.
+/// Lists the variables, which have the first rows: the time, the state, multipliers, J^-1 R and,
+/// where elements hold, what they and constraints transmit, which no formula reads; sides, inputs.
 std::vector<int> MotionProgram::listSlots(const Scene& scene) {
   std::vector<int> made = {slotOf(Source::kTime)};
   for (const Source source : {Source::kAngle, Source::kVelocity, Source::kAcceleration}) {
     for (int i = 0; i < scene.shaftCount(); ++i) made.push_back(slotOf(source, i));
   }
-  for (int n = 0; n < scene.constraintCount() + scene.shaftCount(); ++n) {
+  const int rows = scene.constraintCount() + static_cast<int>(formulas_.holds.size());
+  const int transmitted = IS_CLASSICAL != 0 || formulas_.holds.empty() ? 0 : rows;
+  for (int n = 0; n < rows + scene.shaftCount() + transmitted; ++n) {
     made.push_back(slotOf(Source::kJerk, n));
+  }
+  for (const SceneHold& it : formulas_.holds) {
+    side_row.values.push_back(static_cast<int>(made.size()));
+    made.push_back(scene.graph->entry(it.side).slot);
   }
   for (int n = 0; n < scene.inputCount(); ++n) {
     int rate = 0;
@@ -131,7 +141,9 @@ void MotionProgram::setSizes(const Scene& scene) {
                : 0;
   };
   S = scene.shaftCount();
-  K = scene.constraintCount();
+  CONSTRAINTS = scene.constraintCount();
+  HOLDS = static_cast<int>(formulas_.holds.size());
+  K = CONSTRAINTS + HOLDS;
   INPUTS = scene.inputCount();
   SIZE = S + K;
   IS_CURVED = std::any_of(formulas_.curvature.begin(), formulas_.curvature.end(),
@@ -140,11 +152,12 @@ void MotionProgram::setSizes(const Scene& scene) {
   INERTIA_VARIES = formulas_.inertia_varies ? 1 : 0;
   ENTRIES_VARY = anyEntry([this](int row) { return !program_.isConstant(row); });
   ENTRIES_TURN = anyEntry([this](int row) { return program_.isAccelerated(row); });
-  HAS_ORDER_1 = hasOrder(scene, 1, 1) ? 1 : 0;
-  HAS_RESIDUAL = hasOrder(scene, 1, 2) ? 1 : 0;
+  HAS_ORDER_1 = HOLDS > 0 || hasOrder(scene, 1, 1) ? 1 : 0;
+  HAS_RESIDUAL = HOLDS > 0 || hasOrder(scene, 1, 2) ? 1 : 0;
   HAS_GIVEN_ACCELERATIONS = scene.initial.acceleration.empty() ? 0 : 1;
   MAY_PROJECT = scene.initial.project ? 1 : 0;
-  // C depends on no acceleration and no input: a jump is one projection (jump_map.h).
+  // C depends on no acceleration and no input (of elements that hold, either): a jump is one
+  // projection (jump_map.h).
   JUMPS_STRAIGHT =
       std::all_of(scene.constraints.begin(), scene.constraints.end(), [](const ConstraintPtr& it) {
         return it->nonlinearAccelerations() == 0 && !it->readsInputs();
@@ -157,6 +170,7 @@ void MotionProgram::setSizes(const Scene& scene) {
   ACCELERATION = 1 + 2 * S;
   MULTIPLIER = 1 + 3 * S;
   PULL = 1 + 3 * S + K;
+  TRANSMITTED = IS_CLASSICAL != 0 || HOLDS == 0 ? MULTIPLIER : PULL + S;
   SCENE_ROWS = rows_.rows();
   SCENE_STRIDE = (SCENE_ORDER + 4) / 4 * 4 + 4;
   SCENE_MODES = std::max(1, rows_.modes());
@@ -185,6 +199,7 @@ std::vector<int> MotionProgram::findNeutral(const Scene& scene) const {
 
 void MotionProgram::setLists(const Scene& scene) {
   for (const ConstraintPtr& it : scene.constraints) order_of.values.push_back(it->order());
+  order_of.values.resize(static_cast<std::size_t>(K), 1);
   is_neutral.values = findNeutral(scene);
   HAS_NEUTRAL = *std::max_element(is_neutral.values.begin(), is_neutral.values.end());
   for (int i = 0; i < S; ++i) {
@@ -237,6 +252,32 @@ void MotionProgram::setInputs(const Scene& scene) {
   }
 }
 
+/// What elements that hold transmit and their limits are series that no error of the state judges.
+void MotionProgram::setHolds(const expression::Graph& graph) {
+  for (int n = 0; n < K && HOLDS > 0; ++n) watched_row.values.push_back(TRANSMITTED + n);
+  for (const SceneHold& it : formulas_.holds) {
+    for (const Node node : {it.upper, it.lower, it.level}) {
+      if (!graph.isConstant(node)) watched_row.values.push_back(rowOf(node));
+    }
+    slip_row.values.push_back(rowOf(it.slip));
+    slide_row.values.push_back(rowOf(it.torque));
+    heat_row.values.push_back(rowOf(it.power));
+    upper_row.values.push_back(rowOf(it.upper));
+    lower_row.values.push_back(rowOf(it.lower));
+    level_row.values.push_back(rowOf(it.level));
+    gap_row.values.push_back(rowOf(it.gap));
+    has_upper.values.push_back(it.law.upper.has_value() ? 1 : 0);
+    has_lower.values.push_back(it.law.lower.has_value() ? 1 : 0);
+    has_level.values.push_back(it.law.level.has_value() ? 1 : 0);
+    has_gap.values.push_back(it.law.gap.has_value() ? 1 : 0);
+    slides_backward.values.push_back(it.law.slides_backward ? 1 : 0);
+    begins_in.values.push_back(static_cast<int>(it.law.begins));
+    restitution.values.push_back(it.law.restitution);
+    closes_below.values.push_back(it.law.closes_below);
+  }
+  WATCHED = static_cast<int>(watched_row.values.size());
+}
+
 // --- C -------------------------------------------------------------------------------------------
 
 std::vector<int> MotionProgram::structure() const {
@@ -261,8 +302,11 @@ std::vector<int> MotionProgram::structure() const {
 
 std::string MotionProgram::writeExtents() const {
   std::string text = "enum {\n  SCENE_SHAFTS = " + std::to_string(S) +
-                     ",\n  SCENE_CONSTRAINTS = " + std::to_string(K) +
-                     ",\n  SCENE_INPUTS = " + std::to_string(INPUTS);
+                     ",\n  SCENE_CONSTRAINTS = " + std::to_string(CONSTRAINTS) +
+                     ",\n  SCENE_INPUTS = " + std::to_string(INPUTS) +
+                     ",\n  SCENE_HOLDS = " + std::to_string(HOLDS) +
+                     ",\n  SCENE_MATRIX = " + std::to_string(SIZE) +
+                     ",\n  SCENE_MOST_EVENTS = " + std::to_string(HOLDS > 0 ? 64 : 1);
 #define VARIATOR_SIM_WRITE(name) text += ",\n  " #name " = " + std::to_string(name);
   VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
@@ -272,6 +316,7 @@ std::string MotionProgram::writeExtents() const {
 std::string MotionProgram::writeLists(bool shares) const {
   std::string text = "enum {\n  VS_STRIDE = SCENE_STRIDE,\n  MOST_SHAFTS = " + std::to_string(S) +
                      ",\n  MOST_CONSTRAINTS = " + std::to_string(K) +
+                     ",\n  MOST_HOLDS = " + std::to_string(HOLDS) +
                      ",\n  MOST_INPUTS = " + std::to_string(INPUTS) +
                      ",\n  MOST_SIZE = " + std::to_string(SIZE);
 #define VARIATOR_SIM_WRITE(name) text += ",\n  " #name " = " + std::to_string(name);
@@ -317,6 +362,8 @@ std::string MotionProgram::writeSharedLists() const {
 #define coupling it->numbers->coupling
 #define constant_value m->series[0].numbers->constant_value
 #define passage_points it->numbers->passage_points
+#define restitution it->numbers->restitution
+#define closes_below it->numbers->closes_below
 #define resolved ((const struct SeriesOperation*)it->numbers->resolved)
 )c";
 }
@@ -380,7 +427,7 @@ std::string MotionProgram::writeOrders(bool in_units) const {
 std::string MotionProgram::writeKernel() const {
   return std::string(expression::arithmeticOfCode()) +
          "#include <float.h>\n#include <math.h>\n#include <string.h>\n" + writeExtents() +
-         kTableData + kExchangeData + kSceneHeader +
+         kSceneHeader + kTableData + kExchangeData +
          writeMotion(SeriesProgram::codePrelude(""), true) + kExchange + kCommands + kHost +
          KernelLibrary::kLastUnit + kHostKernel + KernelLibrary::kEndOfUnit;
 }

@@ -18,6 +18,8 @@ class MotionProgram : public MotionData {
   explicit MotionProgram(const Scene& scene);
 
   const MotionRows& rows() const { return rows_; }
+  /// Returns the names of elements that hold, in the order of HOLDS: the part behind a slash.
+  const std::vector<std::string>& holdNames() const { return formulas_.hold_names; }
 
   /// Returns words that are equal for scenes whose kernels have the same text.
   std::vector<int> structure() const;
@@ -35,6 +37,7 @@ class MotionProgram : public MotionData {
   void setSizes(const Scene& scene);
   void setLists(const Scene& scene);
   void setInputs(const Scene& scene);
+  void setHolds(const expression::Graph& graph);
   std::vector<int> findNeutral(const Scene& scene) const;
   int rowOf(expression::Node node) const;
   MotionList<int> rowsOf(const std::vector<expression::Node>& nodes) const;

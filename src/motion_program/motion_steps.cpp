@@ -83,7 +83,9 @@ class CompiledMotion {
                 program.passage_points,
                 tables_.data(),
                 tables_of_two_.data(),
-                program.resolved.values.data()};
+                program.resolved.values.data(),
+                program.restitution,
+                program.closes_below};
     call<void>("begin", model(), static_cast<const vs_numbers*>(&numbers_));
   }
   CompiledMotion(const CompiledMotion&) = delete;
@@ -125,9 +127,7 @@ class CompiledHost final : public HostedMotion {
     return asStatus(step_(code_.model(), left, to));
   }
   scene_status cut(double at) override { return asStatus(cut_(code_.model(), at)); }
-  scene_status change(const vs_exchange& from) override {
-    return asStatus(change_(code_.model(), &from));
-  }
+  scene_status change(vs_exchange* from) override { return asStatus(change_(code_.model(), from)); }
   scene_status see(double at, vs_seen* to) override {
     return asStatus(see_(code_.model(), at, to));
   }
@@ -143,8 +143,7 @@ class CompiledHost final : public HostedMotion {
   int (*step_)(void*, double,
                vs_exchange*) = code_.find<int, void*, double, vs_exchange*>("host_step");
   int (*cut_)(void*, double) = code_.find<int, void*, double>("host_cut");
-  int (*change_)(void*,
-                 const vs_exchange*) = code_.find<int, void*, const vs_exchange*>("host_change");
+  int (*change_)(void*, vs_exchange*) = code_.find<int, void*, vs_exchange*>("host_change");
   int (*see_)(void*, double, vs_seen*) = code_.find<int, void*, double, vs_seen*>("host_see");
   double (*work_)(void*, double) = code_.find<double, void*, double>("host_work");
   void (*look_)(void*, double*, double*) = code_.find<void, void*, double*, double*>("host_look");

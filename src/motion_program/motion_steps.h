@@ -23,7 +23,7 @@ class HostedMotion {
   virtual void leave(vs_exchange* to) = 0;
   virtual scene_status step(double left, vs_exchange* to) = 0;
   virtual scene_status cut(double at) = 0;
-  virtual scene_status change(const vs_exchange& from) = 0;
+  virtual scene_status change(vs_exchange* from) = 0;
   virtual scene_status see(double at, vs_seen* to) = 0;
   virtual double calcWork(double at) = 0;
   virtual void look(double* torque, double* entry) = 0;

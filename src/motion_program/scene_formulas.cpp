@@ -1,6 +1,8 @@
 #include "motion_program/scene_formulas.h"
 
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "dynamics/formula_laws.h"
 #include "variator_sim/errors.h"
@@ -78,6 +80,71 @@ void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFor
   }
 }
 
+/// Adds the row of a slip f as that of a constraint of order 1.
+void addSlip(const Scene& scene, const SceneHold& hold, SceneFormulas& made) {
+  Graph& graph = *scene.graph;
+  const Node zero = graph.constant(0.0);
+  const std::vector<Graph::Rate> rates = expression::ratesOf(graph, scene.shaftCount(), {});
+  const bool is_general = scene.principle == Principle::kGeneralizedGauss;
+  for (int n = 0; n < scene.inputCount(); ++n) {
+    if (!graph.dependsOn(hold.slip, slotOf(Source::kInput, n))) continue;
+    throw SceneError(made.hold_names[made.holds.size()],
+                     "its ratio reads an input; allowed: a number, or under 'principle: gauss' a "
+                     "formula of t");
+  }
+  made.velocity_residual.push_back(hold.slip);
+  made.residual.push_back(graph.totalDerivative(hold.slip, rates));
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    const Node entry = graph.differentiate(hold.slip, slotOf(Source::kVelocity, i));
+    if (is_general && !graph.isConstant(entry)) {
+      throw SceneError(made.hold_names[made.holds.size()],
+                       "its ratio changes, and how its reaction turns has no meaning under "
+                       "'principle: generalized_gauss'; allowed: a ratio that is a number, or "
+                       "'principle: gauss'");
+    }
+    made.entry.push_back(entry);
+    for (int j = 0; j < scene.shaftCount(); ++j) made.curvature.push_back(zero);
+  }
+  for (int n = 0; n < scene.inputCount(); ++n) made.input_slope.push_back(zero);
+}
+
+void addHolds(const Scene& scene, SceneFormulas& made) {
+  Graph& graph = *scene.graph;
+  made.hold_names = scene.holdNames();
+  for (const TorquePtr& element : scene.torques) {
+    for (const Holding& law : element->holdings()) {
+      const auto nodeOf = [&](const std::optional<Expression>& it) {
+        return it ? it->in(graph) : graph.constant(0.0);
+      };
+      SceneHold hold;
+      hold.law = law;
+      hold.slip = law.slip.in(graph);
+      hold.torque = law.torque.in(graph);
+      hold.power = graph.multiply(hold.torque, hold.slip);
+      hold.side = law.side.in(graph);
+      hold.upper = nodeOf(law.upper);
+      hold.lower = nodeOf(law.lower);
+      hold.level = nodeOf(law.level);
+      hold.gap = nodeOf(law.gap);
+      addSlip(scene, hold, made);
+      made.holds.push_back(std::move(hold));
+    }
+  }
+  if (!made.holds.empty() && !scene.initial.acceleration.empty()) {
+    throw SceneError("initial/acceleration",
+                     "belongs to no scene with " + inQuotes(made.hold_names.front()) +
+                         ", which holds: its modes give the accelerations; allowed: a scene "
+                         "without one of the two");
+  }
+  for (const ConstraintPtr& it : scene.constraints) {
+    if (made.holds.empty() || it->nonlinearAccelerations() == 0) continue;
+    throw SceneError(it->name(),
+                     "it is not linear in the accelerations, and which modes follow an event is "
+                     "known beside linear constraints only; allowed: a scene without " +
+                         inQuotes(made.hold_names.front()));
+  }
+}
+
 /// Rejects kinks of f in velocities: f' and C jump there, and the motion is more than a projection.
 void refuseBentVelocities(const Scene& scene) {
   Graph& graph = *scene.graph;
@@ -111,10 +178,14 @@ SceneFormulas collectFormulas(const Scene& scene) {
   made.torque = sumTorques(scene, &Torque::torques);
   for (const ConstraintPtr& constraint : scene.constraints) addConstraint(scene, constraint, made);
   refuseBentVelocities(scene);
+  addHolds(scene, made);
   addInertia(scene, made);
   std::vector<Node> laws = made.torque;
   for (const ConstraintPtr& constraint : scene.constraints) {
     laws.push_back(constraint->function());
+  }
+  for (const SceneHold& it : made.holds) {
+    laws.insert(laws.end(), {it.slip, it.torque, it.upper, it.lower, it.level, it.gap});
   }
   made.signs = findBranches(*scene.graph, laws);
   made.tables = findPassages(*scene.graph, laws);

@@ -1,12 +1,23 @@
 /// The formulas of a scene that an emitted program needs.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
+
+/// A way in which an element holds.
+struct SceneHold {
+  Holding law;
+  expression::Node slip;
+  expression::Node torque;
+  expression::Node power;  ///< T times the slip
+  expression::Node side;
+  expression::Node upper, lower, level, gap;  ///< 0 where there is none
+};
 
 /// Nodes by shaft i, constraint m and input n.
 struct SceneFormulas {
@@ -21,6 +32,9 @@ struct SceneFormulas {
   std::vector<expression::Node> connection;         ///< 1/2 J_i' omega
   std::vector<expression::Branch> signs;            ///< switching functions of formulas
   std::vector<expression::Passage> tables;
+  /// Of elements that hold, whose rows follow those of the constraints above.
+  std::vector<SceneHold> holds;
+  std::vector<std::string> hold_names;  ///< the element's, and the part's behind a slash
   bool inertia_varies = false;
 };
 

@@ -2,6 +2,10 @@
  *     J epsilon - C' mu = a,   C epsilon = g
  * which orders of a series, projections, jumps and first accelerations solve. */
 
+/* Modes of elements that hold. A sliding one has a torque with the sign of its slip, one that is
+ * stuck a constraint. */
+enum { VS_BACKWARD = -1, VS_STUCK = 0, VS_FORWARD = 1, VS_FREE = 2 };
+
 VS_FUNCTION double vs_tolerance(const scene_series* it, double size) {
   (void)it;
   return ABSOLUTE_TOLERANCE + RELATIVE_TOLERANCE * fabs(size);
@@ -26,6 +30,11 @@ VS_FUNCTION void vs_enter_state(const scene_model* m, scene_series* it) {
     it->row[ACCELERATION + i][0] = m->now.acceleration[i];
   }
   for (i = 0; i < K; ++i) it->row[MULTIPLIER + i][0] = m->now.multiplier[i];
+  for (i = 0; i < K && HOLDS; ++i) it->row[TRANSMITTED + i][0] = m->now.multiplier[i];
+  for (i = 0; i < HOLDS; ++i) {
+    it->counts[i] = m->now.counts[i];
+    it->row[side_row[i]][0] = m->now.side[i];
+  }
   vs_given(it, 0);
   vs_tried(it, 0);
   vs_rest(it, 0);
@@ -50,8 +59,13 @@ VS_FUNCTION void vs_reaction(const scene_series* it, double* R) {
   }
 }
 
-VS_FUNCTION int vs_is_counted(int constraint, int low, int high) {
-  return order_of[constraint] >= low && order_of[constraint] <= high;
+/* False for the rows of elements that do not hold at present. */
+VS_FUNCTION int vs_is_on(const scene_series* it, int constraint) {
+  return constraint < CONSTRAINTS || it->counts[constraint - CONSTRAINTS];
+}
+
+VS_FUNCTION int vs_is_counted(const scene_series* it, int constraint, int low, int high) {
+  return order_of[constraint] >= low && order_of[constraint] <= high && vs_is_on(it, constraint);
 }
 
 /* Inverts an n x n matrix in place by Gauss and Jordan's elimination, with row pivots where it is
@@ -101,7 +115,7 @@ VS_FUNCTION void vs_write_matrix(scene_series* it, int low, int high) {
       it->inverse[SIZE * i + j] = i < S && j < S ? vs_inertia(it, i, j) : 0.0;
   }
   for (p = 0; p < K; ++p) {
-    const int is_in = vs_is_counted(p, low, high);
+    const int is_in = vs_is_counted(it, p, low, high);
     if (!is_in) it->inverse[SIZE * (S + p) + S + p] = 1.0;
     for (i = 0; i < S && is_in; ++i) {
       it->inverse[SIZE * (S + p) + i] = vs_entry(it, p, i);
@@ -116,11 +130,11 @@ VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
   return vs_invert(it->inverse, SIZE, it->size, 0);
 }
 
-/* x = [J -C'; C 0]^-1 x */
+/* x = [J -C'; C 0]^-1 x; 0 for constraints that are off. */
 VS_FUNCTION_INLINE void vs_solve(const scene_series* it, double* x) {
   double b[MOST_SIZE];
   int i, j;
-  for (i = 0; i < SIZE; ++i) b[i] = x[i];
+  for (i = 0; i < SIZE; ++i) b[i] = i < S || vs_is_on(it, i - S) ? x[i] : 0.0;
   for (i = 0; i < SIZE; ++i) {
     x[i] = it->inverse[SIZE * i] * b[0];
     for (j = 1; j < SIZE; ++j) x[i] += it->inverse[SIZE * i + j] * b[j];
@@ -141,7 +155,7 @@ VS_FUNCTION int vs_factor_curved(scene_series* it, const double* lambda, int low
     scale[i] = 1.0 / sqrt(i < S ? vs_inertia(it, i, i) : it->size[i - S]);
     for (j = 0; j < S && i < S; ++j) {
       for (p = 0; p < K; ++p) {
-        if (!vs_is_counted(p, low, high)) continue;
+        if (!vs_is_counted(it, p, low, high)) continue;
         it->inverse[SIZE * i + j] -= lambda[p] * it->row[curvature_row[S * S * p + S * i + j]][0];
       }
     }

@@ -10,16 +10,19 @@ VS_FUNCTION int vs_are_given(const double* values, const double* given) {
   return 1;
 }
 
-/* The accelerations of a first state. are_given: those of the state are to be kept; may_move: if
- * not they nor the velocities satisfy the constraints, the nearest that do are taken. */
+/* The modes and the accelerations of a first state. are_given: those of the state are to be kept;
+ * may_move: if not they nor the velocities satisfy the constraints, the nearest that do are taken.
+ */
 VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it, int are_given, int may_move) {
   const scene_state given = m->now;
   double lambda[MOST_CONSTRAINTS + 1] = {0.0};
   scene_status status;
+  vs_forget_modes(m);
   vs_enter_inputs(m, it, 0);
   status = vs_project_velocities(m, it);
   if (!may_move && !vs_are_given(m->now.velocity, given.velocity)) return SCENE_INCONSISTENT;
   if (status != SCENE_OK) return status;
+  if (HOLDS) return vs_decide_first(m);
   if (IS_CLASSICAL) return vs_settle_accelerations(m, it);
   if (!are_given) return vs_settle(m, it, VS_LEAST_REACTION, lambda, 0, 0.0, 50);
   status = vs_settle_accelerations(m, it);
@@ -56,6 +59,7 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
     vs_enter_inputs(m, it, 0);
     if (status == SCENE_OK && !IS_CLASSICAL) status = vs_settle_accelerations(m, it);
   }
+  if (HOLDS && m->has_moved && status == SCENE_OK) status = vs_decide(m, 0);
   if (status != SCENE_OK) m->now = before;
   m->is_begun = 0;
   m->crossings = 0;

@@ -1,5 +1,5 @@
 /* Events: where a formula changes its mode, a switching function (a row of the series) passes 0 or
- * a point of a table. */
+ * a point of a table; where an element that holds or slides ends that, a condition of it does. */
 
 typedef struct {
   double theta; /* of the step, in units */
@@ -7,16 +7,12 @@ typedef struct {
   int jumps;    /* 1: a torque or a residual may jump there */
   double side;  /* the sign of the distance before it */
   double point; /* of a table */
+  int element;  /* that holds, whose mode ends there; -1: none */
+  int condition;
 } vs_event;
 
 VS_FUNCTION const Real* vs_guard(const scene_series* it, int guard) {
   return it->row[guard < SIGNS ? sign_row[guard] : passage_row[guard - SIGNS]];
-}
-
-VS_FUNCTION double vs_first_sign(const double* c, int last) {
-  int n;
-  for (n = 0; n < last && c[n] == 0.0; ++n) continue;
-  return c[n];
 }
 
 VS_FUNCTION void vs_meet(vs_event* found, const double* c, int last, int guard, double point) {
@@ -31,6 +27,24 @@ VS_FUNCTION void vs_meet(vs_event* found, const double* c, int last, int guard, 
   found->jumps = jumps;
   found->side = is_start ? 0.0 : side;
   found->point = point;
+  found->element = -1;
+}
+
+/* The end of a mode: the first root of a condition that was not negative. */
+VS_FUNCTION void vs_meet_end(const scene_model* m, const scene_series* it, vs_event* found) {
+  Real c[VS_STRIDE];
+  int h, k;
+  for (h = 0; h < HOLDS; ++h) {
+    for (k = 0; k < VS_CONDITIONS; ++k) {
+      double theta;
+      if (!vs_condition(m, it, h, k, c)) continue;
+      theta = vs_first_sign(c, it->order) < 0.0 ? 0.0 : vs_first_root(c, it->order, found->theta);
+      if (theta > found->theta || (found->element >= 0 && theta == found->theta)) continue;
+      found->theta = theta;
+      found->element = h;
+      found->condition = k;
+    }
+  }
 }
 
 /* The points of a table's argument between which x lies, or on one of which it begins. */
@@ -96,7 +110,7 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
 VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it, double* theta,
                                    int but) {
   const double rounding = 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
-  vs_event found = {0.0, -1, 0, 0.0, 0.0};
+  vs_event found = {0.0, -1, 0, 0.0, 0.0, -1, 0};
   double points[3], c[VS_STRIDE];
   int g, k, n;
   for (g = 0; g < SIGNS + TABLES; ++g) {
@@ -104,7 +118,15 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
     if (g != but && vs_may_pass(it, g, reach, points))
       *theta = vs_known_part(vs_guard(it, g), it->order, *theta);
   }
+  for (g = 0; g < HOLDS; ++g) {
+    for (k = 0; k < VS_CONDITIONS; ++k) {
+      const double reach = *theta * (1.0 + 1e-12) + rounding;
+      if (vs_condition(m, it, g, k, c) && !(vs_clearance(c, it->order, reach, 0.0, INFINITY) > 0.0))
+        *theta = vs_known_part(c, it->order, *theta);
+    }
+  }
   found.theta = *theta * (1.0 + 1e-12) + rounding;
+  vs_meet_end(m, it, &found);
   for (g = 0; g < SIGNS + TABLES; ++g) {
     if (g == but || !vs_may_pass(it, g, found.theta, points)) continue;
     for (n = 0; n <= it->order; ++n) c[n] = vs_guard(it, g)[n];
@@ -141,6 +163,14 @@ VS_FUNCTION int vs_is_beyond(const scene_series* it, const vs_event* at) {
   return at->side == 0.0 ? distance != 0.0 : distance * at->side < 0.0;
 }
 
+/* The mean of a series up to theta. */
+VS_FUNCTION double vs_mean(const Real* c, int last, double theta) {
+  double sum = 0.0;
+  int n;
+  for (n = last; n >= 0; --n) sum = sum * theta + c[n] / (n + 1);
+  return sum;
+}
+
 /* The state at theta of the present series. */
 VS_FUNCTION void vs_go(scene_model* m, double theta) {
   const scene_series* const it = vs_series(m);
@@ -153,9 +183,10 @@ VS_FUNCTION void vs_go(scene_model* m, double theta) {
     m->now.velocity[i] = vs_evaluate(it->row[VELOCITY + i], last, theta);
     m->now.acceleration[i] = vs_evaluate(it->row[ACCELERATION + i], it->order, theta);
   }
-  for (c = 0; c < K && IS_CLASSICAL; ++c) {
-    m->now.multiplier[c] = vs_evaluate(it->row[MULTIPLIER + c], it->order, theta);
+  for (c = 0; c < K && (IS_CLASSICAL || HOLDS); ++c) {
+    m->now.multiplier[c] = vs_evaluate(it->row[TRANSMITTED + c], it->order, theta);
   }
+  for (c = 0; c < HOLDS; ++c) m->now.heat[c] += h * vs_mean(it->row[heat_row[c]], it->order, theta);
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
     const int has_arrived = s->age + h >= s->end * (1.0 - 1e-14);
@@ -199,7 +230,7 @@ VS_FUNCTION int vs_has_gap(const scene_model* m, const scene_series* it,
   for (p = 0; p < K; ++p) {
     const double l = (after->residual[p] - before->residual[p]) / it->size[p];
     const double* const x = order_of[p] == 1 ? m->now.velocity : m->now.acceleration;
-    for (i = 0; i < S; ++i) {
+    for (i = 0; i < S && vs_is_on(it, p); ++i) {
       const double moved = vs_entry(it, p, i) * l / vs_inertia(it, i, i);
       if (!(fabs(moved) <= vs_tolerance(it, x[i]))) return 1;
     }
@@ -231,7 +262,7 @@ VS_FUNCTION scene_status vs_settle_beyond(scene_model* m, scene_series* it, cons
   if (status == SCENE_OK && IS_CLASSICAL) status = vs_follow_least_reaction(m, it);
   if (status == SCENE_OK && !IS_CLASSICAL && HAS_ORDER_1) status = vs_follow_kink(m, it);
   if (status == SCENE_OK && !IS_CLASSICAL && HAS_RESIDUAL) {
-    status = vs_settle(m, it, VS_ONTO_CONSTRAINTS, 0, 0, 0.0, 25);
+    status = vs_settle_accelerations(m, it);
   }
   if (status != SCENE_OK || IS_CLASSICAL || !at->jumps) return status;
   for (i = 0; i < S; ++i) after->torque[i] -= before->torque[i];

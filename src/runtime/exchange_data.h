@@ -7,6 +7,12 @@ typedef struct {
   double start, target, slope, inverse_tau, linear, age, end;
 } vs_exchanged_signal;
 
+/* The state of an element that holds, beside its multiplier. */
+typedef struct {
+  int mode, counts;
+  double side, heat;
+} vs_exchanged_hold;
+
 typedef struct {
   /* In, at a beginning; out, the end of the step */
   double time, time_rest;     /* s; the sum counts */
@@ -15,6 +21,7 @@ typedef struct {
   double* reaction;           /* at the start, S (of J(phi): R / sqrt(J)) */
   double* longest;            /* that C J^-1 C' has been, K */
   vs_exchanged_signal* input; /* INPUTS */
+  vs_exchanged_hold* hold;    /* HOLDS */
   double usual;               /* the length that the next step may have, s; 0: unknown */
   /* In */
   int begin;     /* 0: goes on from the state; 1: from the nearest one at time 0; 2: at another */
@@ -26,6 +33,11 @@ typedef struct {
   int is_event; /* 1: the step ends at an event behind which all begins anew */
   int is_still; /* 1: nothing moves by more than the tolerance in it */
   long rejections;
+  double event; /* from where on, s of the step, its end stands for all */
+  const scene_event* events; /* changes of modes, the last of them (host.h) */
+  int event_count;
+  int culprit; /* an element that cannot begin in its mode, or -1 (host.h) */
+  double culprit_torque, culprit_slip; /* that it would hold, N m; rad/s */
 } vs_exchange;
 
 /* The series of a step. */
@@ -35,12 +47,20 @@ typedef struct {
   double unit;         /* s */
 } vs_shown;
 
+/* An element that holds, at an instant (scene_sample). */
+typedef struct {
+  int mode;
+  double side, torque, slip, reserve, heat;
+} vs_seen_hold;
+
 /* What a host sees of an instant. */
 typedef struct {
   double *angle, *velocity, *acceleration, *torque; /* Q; S each */
   double *reaction, *reaction_rate;                 /* R, R'; S */
   double *residual, *multiplier;                    /* K */
   double kinetic;                                   /* J */
+  vs_seen_hold* hold;                               /* of elements that hold, HOLDS */
+  double* on_shaft;                                 /* N m, of each on each shaft: HOLDS S */
 } vs_seen;
 
 /* The constants of a program whose text has none: machine code that scenes share. */
@@ -52,5 +72,6 @@ typedef struct vs_numbers {
   const double* const* passage_points;
   const vs_table* table;
   const vs_table_of_two* table_of_two;
-  const void* resolved; /* struct SeriesOperation */
+  const void* resolved;                     /* struct SeriesOperation */
+  const double *restitution, *closes_below; /* of elements that hold */
 } vs_numbers;

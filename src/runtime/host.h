@@ -42,10 +42,16 @@ VS_FUNCTION int vs_host_begin(vs_host* h, const vs_exchange* from) {
   int p;
   vs_take_over(m, from);
   for (p = 0; p < K; ++p) m->longest[p] = from->longest[p];
+  for (p = 0; p < HOLDS; ++p) {
+    m->now.mode[p] = from->hold[p].mode;
+    m->now.counts[p] = from->hold[p].counts;
+    m->now.side[p] = from->hold[p].side;
+    m->now.heat[p] = from->hold[p].heat;
+  }
   vs_host_forget_step(h);
   if (from->begin == 0) return m->status;
-  m->status = vs_start(m, it, from->are_given, from->may_move);
   m->has_moved = from->begin != 1;
+  m->status = vs_start(m, it, from->are_given, from->may_move);
   if (m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, it);
   return m->status;
 }
@@ -68,6 +74,15 @@ VS_FUNCTION void vs_host_leave(vs_host* h, vs_exchange* to) {
     to->longest[p] = m->longest[p];
   }
   for (i = 0; i < INPUTS; ++i) vs_describe_signal(&m->now.input[i], &to->input[i]);
+  to->culprit = m->culprit;
+  to->culprit_torque = m->culprit_torque;
+  to->culprit_slip = m->culprit_slip;
+  for (p = 0; p < HOLDS; ++p) {
+    to->hold[p].mode = m->now.mode[p];
+    to->hold[p].counts = m->now.counts[p];
+    to->hold[p].side = m->now.side[p];
+    to->hold[p].heat = m->now.heat[p];
+  }
   to->usual = m->usual;
 }
 
@@ -85,6 +100,12 @@ VS_FUNCTION int vs_host_is_still(const vs_host* h) {
   return 1;
 }
 
+/* The changes of modes at the end of a step or behind a change of inputs. */
+VS_FUNCTION void vs_host_tell_events(const scene_model* m, vs_exchange* to) {
+  to->event_count = (int)m->events; /* one of an element at the most */
+  to->events = m->event_of;
+}
+
 /* One step of at most `left` s. Without one the state stays. */
 VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   scene_model* const m = &h->model;
@@ -93,6 +114,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   int i;
   if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
   m->has_moved = 1;
+  m->events = 0;
   h->before = m->now;
   m->status = vs_make_step(m, left, &h->made);
   rest = 0.0 * (m->now.time + m->now.time_rest);
@@ -114,11 +136,15 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   to->passed = m->passed;
   to->made = h->made;
   to->usual = m->usual;
+  vs_host_tell_events(m, to);
   to->time = m->now.time;
   to->time_rest = m->now.time_rest;
   h->taken = m->is_begun ? 1 - m->present : m->present;
   to->is_still = h->made >= 1.0 && vs_host_is_still(h);
   h->event = to->is_event ? m->event * m->series[h->taken].unit : h->made;
+  /* An instant that rounding does not tell from an event shows the modes behind it. */
+  if (HOLDS && to->is_event) h->event -= 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time);
+  to->event = h->event;
   return m->status;
 }
 
@@ -135,12 +161,16 @@ VS_FUNCTION int vs_host_cut(vs_host* h, double at) {
 }
 
 /* Inputs change at the present. */
-VS_FUNCTION int vs_host_change(vs_host* h, const vs_exchange* from) {
+VS_FUNCTION int vs_host_change(vs_host* h, vs_exchange* from) {
   scene_signal next[MOST_INPUTS + 1];
+  scene_status status;
   int i;
   for (i = 0; i < INPUTS; ++i) next[i] = vs_signal_of(&from->input[i]);
   vs_host_forget_step(h);
-  return vs_change_inputs(&h->model, next);
+  h->model.events = 0;
+  status = vs_change_inputs(&h->model, next);
+  vs_host_tell_events(&h->model, from);
+  return status;
 }
 
 /* All there is to see `at` s behind the start of the last step. */
@@ -173,9 +203,20 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
       to->kinetic += 0.5 * vs_inertia(it, i, j) * to->velocity[i] * m->now.velocity[j];
     }
   }
-  for (p = 0; p < K; ++p) {
+  for (p = 0; p < CONSTRAINTS; ++p) {
     to->residual[p] = vs_residual(it, p);
     to->multiplier[p] = it->row[MULTIPLIER + p][0];
+  }
+  for (p = 0; p < HOLDS; ++p) {
+    vs_seen_hold* const held = to->hold + p;
+    held->mode = m->now.mode[p];
+    held->side = m->now.side[p];
+    held->torque = vs_transmits(m, it, p);
+    held->slip = it->row[slip_row[p]][0];
+    held->reserve = vs_reserve(m, it, p);
+    held->heat = m->now.heat[p];
+    for (i = 0; i < S; ++i)
+      to->on_shaft[S * p + i] = -vs_entry(it, CONSTRAINTS + p, i) * held->torque;
   }
   m->now = end;
   return status;

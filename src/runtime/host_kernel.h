@@ -21,7 +21,7 @@ int vs_kernel_host_step(void* h, double left, vs_exchange* to) {
 int vs_kernel_host_cut(void* h, double at) {
   return vs_host_cut(h, at);
 }
-int vs_kernel_host_change(void* h, const vs_exchange* from) {
+int vs_kernel_host_change(void* h, vs_exchange* from) {
   return vs_host_change(h, from);
 }
 int vs_kernel_host_see(void* h, double at, vs_seen* to) {

@@ -14,6 +14,9 @@ static scene_status vs_apply_commands(scene_model* m) {
     }
     m->is_commanded[i] = 0;
   }
+  /* (Impacts have moved the velocities of a start.) */
+  if (HOLDS && is_new && !m->has_moved)
+    memcpy(m->now.velocity, initial_velocity, sizeof initial_velocity);
   return is_new ? vs_change_inputs(m, next) : SCENE_OK;
 }
 
@@ -42,11 +45,12 @@ void scene_init(scene_model* m) {
     m->now.velocity[i] = initial_velocity[i];
     m->now.acceleration[i] = initial_acceleration[i];
   }
-  for (i = 0; i < K; ++i) m->now.multiplier[i] = initial_multiplier[i];
+  for (i = 0; i < CONSTRAINTS; ++i) m->now.multiplier[i] = initial_multiplier[i];
   for (i = 0; i < INPUTS; ++i) {
     vs_hold_constant(&m->now.input[i], initial_input[i]);
     m->now.silence[i] = -1.0;
   }
+  if (HOLDS) m->status = vs_start(m, &m->series[1], 0, MAY_PROJECT);
 }
 
 scene_status scene_command(scene_model* m, int input, double value) {
@@ -116,9 +120,16 @@ scene_status scene_read(scene_model* m, scene_sample* sample) {
     sample->applied_torque[i] = it->row[torque_row[i]][0];
     sample->reaction_torque_rate[i] = vs_reaction_rate(it, i);
   }
-  for (p = 0; p < K; ++p) {
+  for (p = 0; p < CONSTRAINTS; ++p) {
     sample->residual[p] = vs_residual(it, p);
     sample->multiplier[p] = it->row[MULTIPLIER + p][0];
+  }
+  for (i = 0; i < HOLDS; ++i) {
+    sample->mode[i] = m->now.mode[i];
+    sample->torque[i] = vs_transmits(m, it, i);
+    sample->slip[i] = it->row[slip_row[i]][0];
+    sample->reserve[i] = vs_reserve(m, it, i);
+    sample->heat[i] = m->now.heat[i];
   }
   return m->status;
 }
@@ -136,6 +147,7 @@ const char* scene_status_text(scene_status status) {
                                       "too many steps",
                                       "chattering",
                                       "a jump leads to no state on the constraints",
-                                      "the first commands contradict the initial values"};
-  return status >= SCENE_OK && status <= SCENE_INCONSISTENT ? texts[status] : "?";
+                                      "the first commands contradict the initial values",
+                                      "no modes of the elements that hold go on"};
+  return status >= SCENE_OK && status <= SCENE_NO_MODES ? texts[status] : "?";
 }

@@ -10,6 +10,11 @@ typedef struct {
   int passed;   /* the event of the last step, or -1 */
   double usual; /* length of the last step, s */
   double event; /* that the last step has crossed, in units: from there on its end stands for all */
-  double longest[SCENE_CONSTRAINTS + 1];        /* that C J^-1 C' has been */
+  double longest[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* that C J^-1 C' has been */
   long steps, rejections;
+  double memory[SCENE_SHAFTS]; /* the part of R that is not C' multiplier, while modes change */
+  scene_event event_of[SCENE_MOST_EVENTS]; /* the last ones: number n at n % MOST_EVENTS */
+  long events;
+  int culprit; /* the element in another mode than it is to begin in, or -1 */
+  double culprit_torque, culprit_slip;
 } scene_model;

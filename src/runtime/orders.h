@@ -81,6 +81,7 @@ VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
       r[MULTIPLIER + i][n] = x[S + i];
     else
       r[MULTIPLIER + i][n - 1] = x[S + i] / q;
+    if (HOLDS) r[TRANSMITTED + i][n] = x[S + i];
   }
   vs_corrected(it, n, x);
   vs_rest(it, n);
@@ -158,6 +159,7 @@ VS_FUNCTION int vs_is_begun(const scene_model* m) {
     same = same && a->angle[i] == b->angle[i] && a->velocity[i] == b->velocity[i] &&
            a->acceleration[i] == b->acceleration[i];
   }
+  for (i = 0; i < HOLDS; ++i) same = same && a->mode[i] == b->mode[i];
   for (i = 0; i < INPUTS; ++i) {
     same = same && a->input[i].form == b->input[i].form && a->input[i].age == b->input[i].age &&
            a->input[i].start == b->input[i].start && a->input[i].target == b->input[i].target;
@@ -196,6 +198,12 @@ VS_FUNCTION int vs_is_nothing(const scene_series* it, double theta) {
   double power = theta;
   int c, n;
   for (n = 1; n < last; ++n) power *= theta;
+  for (c = 0; c < WATCHED; ++c) {
+    const double* const x = it->row[watched_row[c]];
+    const double term = fabs(x[it->order]) * (IS_CLASSICAL ? power / theta : power);
+    if (!(term <= 1e-3 * vs_tolerance(it, x[0]))) return 0;
+    if (!(term <= 1e-6 * seriesLarger(fabs(x[0]), fabs(x[1]) * theta))) return 0;
+  }
   for (c = FIRST_JUDGED; c < COMPONENTS; ++c) {
     const double* const x = it->row[ANGLE + c];
     const double term = fabs(x[last]) * power;
@@ -233,7 +241,10 @@ VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
   const double longest_values =
       vs_log_length(it, ANGLE + FIRST_JUDGED, 2 * S - FIRST_JUDGED, last, 4.0);
   double theta = exp(seriesSmaller(longest_rates, longest_values));
-  int halvings;
+  int halvings, c;
+  for (c = 0; c < WATCHED; ++c) {
+    theta = seriesSmaller(theta, exp(vs_log_length(it, watched_row[c], 1, it->order, 0.4)));
+  }
   for (halvings = 0; halvings < 60; ++halvings) {
     const double taken = seriesSmaller(theta, limit / it->unit);
     if (vs_is_resolved(it, taken)) break;

@@ -18,6 +18,8 @@ typedef struct {
 static command commands[MOST_COMMANDS];
 static int command_count;
 static scene_model model;
+static FILE* events;
+static long written_events;
 
 static int fail(const char* where, const char* what) {
   fprintf(stderr, "%s: %s\n", where, what);
@@ -83,6 +85,7 @@ static void write_header(FILE* out) {
   static const char* const columns[] = {"angle",           "velocity",
                                         "acceleration",    "applied_torque",
                                         "reaction_torque", "reaction_torque_rate"};
+  static const char* const of_holds[] = {"mode", "torque", "slip", "reserve", "heat"};
   int i, c;
   fputs("time", out);
   for (i = 0; i < SCENE_SHAFTS; ++i) {
@@ -90,6 +93,9 @@ static void write_header(FILE* out) {
   }
   for (i = 0; i < SCENE_CONSTRAINTS; ++i) {
     fprintf(out, ",%s/residual,%s/multiplier", scene_constraint_name[i], scene_constraint_name[i]);
+  }
+  for (i = 0; i < SCENE_HOLDS; ++i) {
+    for (c = 0; c < 5; ++c) fprintf(out, ",%s/%s", scene_hold_name[i], of_holds[c]);
   }
   fputc('\n', out);
 }
@@ -105,7 +111,21 @@ static void write_sample(FILE* out, double time, const scene_sample* sample) {
   for (i = 0; i < SCENE_CONSTRAINTS; ++i) {
     fprintf(out, ",%.17g,%.17g", sample->residual[i], sample->multiplier[i]);
   }
+  for (i = 0; i < SCENE_HOLDS; ++i) {
+    fprintf(out, ",%d,%.17g,%.17g,%.17g,%.17g", sample->mode[i], sample->torque[i], sample->slip[i],
+            sample->reserve[i], sample->heat[i]);
+  }
   fputc('\n', out);
+}
+
+/* Changes of modes since the last call. */
+static void write_events(void) {
+  static const char* const modes[] = {"backward", "stuck", "forward", "free"};
+  for (; events != NULL && written_events < model.events; ++written_events) {
+    const scene_event* const it = &model.event_of[written_events % SCENE_MOST_EVENTS];
+    fprintf(events, "%.17g,%s,%s,%s,%.17g,%.17g\n", it->time, scene_hold_name[it->element],
+            modes[it->from + 1], modes[it->to + 1], it->torque, it->impulse);
+  }
 }
 
 /* Samples at k / rate and at the end, commands at their times. */
@@ -121,6 +141,7 @@ static scene_status play(FILE* out, double duration, double rate) {
     const double commanded = next < command_count ? commands[next].time : INFINITY;
     const double time = fmin(sampled, commanded);
     status = scene_advance_to(&model, time);
+    write_events();
     if (status != SCENE_OK) break;
     for (; next < command_count && commands[next].time <= time; ++next) {
       if (scene_command(&model, commands[next].input, commands[next].value) != SCENE_OK) {
@@ -129,6 +150,7 @@ static scene_status play(FILE* out, double duration, double rate) {
     }
     if (sampled > time) continue;
     status = scene_read(&model, &sample);
+    write_events();
     if (status != SCENE_OK) break;
     write_sample(out, time, &sample);
     if (time >= duration) return SCENE_OK;
@@ -152,11 +174,15 @@ int main(int argc, char** argv) {
     if (i + 1 == argc)
       return fail(argv[i],
                   "needs a value (--duration S [--rate HZ] "
-                  "[--commands FILE.csv] [--output FILE.csv])");
+                  "[--commands FILE.csv] [--output FILE.csv] [--events FILE.csv])");
     number = strtod(argv[i + 1], &end);
     is_number = end != argv[i + 1] && *end == '\0' && isfinite(number);
     if (strcmp(argv[i], "--commands") == 0) {
       if (read_commands(argv[i + 1]) != 0) return 2;
+    } else if (strcmp(argv[i], "--events") == 0) {
+      events = fopen(argv[i + 1], "w");
+      if (events == NULL) return fail(argv[i + 1], "cannot be written");
+      fputs("time,element,from,to,torque,impulse\n", events);
     } else if (strcmp(argv[i], "--output") == 0) {
       path = argv[i + 1];
     } else if (strcmp(argv[i], "--duration") == 0 && is_number && number >= 0.0) {
@@ -171,6 +197,7 @@ int main(int argc, char** argv) {
   if (path != NULL) out = fopen(path, "w");
   if (out == NULL) return fail(path, "cannot be written");
   status = play(out, duration, rate);
+  if (events != NULL && fclose(events) != 0) return fail("the events", "could not be written");
   if (fflush(out) != 0 || ferror(out)) return fail("the output", "could not be written");
   return status == SCENE_OK ? 0 : 1;
 }

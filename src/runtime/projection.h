@@ -39,7 +39,8 @@ VS_FUNCTION scene_status vs_project_velocities(scene_model* m, scene_series* it)
 enum {
   VS_ONTO_CONSTRAINTS = 0, /* epsilon moves as little as psi = 0 asks for: J dx = C' mu */
   VS_LEAST_REACTION = 1,   /* J epsilon + n - Q = C' lambda */
-  VS_RESTORES = 2          /* dx moves the part of R that no C spans back to that at the start */
+  VS_RESTORES = 2,         /* dx moves the part of R that no C spans back to that at the start */
+  VS_DECIDED = 3           /* J epsilon + n - Q = memory + C' lambda */
 };
 
 /* The right-hand side a, g of a correction; order 3 has nothing that could be 0. */
@@ -50,20 +51,30 @@ VS_FUNCTION void vs_find_rest(const scene_model* m, const scene_series* it, int 
   if (what != VS_ONTO_CONSTRAINTS) vs_reaction(it, R);
   for (i = 0; i < S; ++i) {
     x[i] = 0.0;
-    if (what == VS_LEAST_REACTION) x[i] = -R[i];
+    if (what == VS_LEAST_REACTION || what == VS_DECIDED) x[i] = -R[i];
+    if (what == VS_DECIDED) x[i] += m->memory[i];
     if (what == VS_RESTORES && is_neutral[i]) {
       x[i] = (INERTIA_VARIES ? sqrt(vs_inertia(it, i, i)) : 1.0) * m->now.reaction[i] - R[i];
     }
   }
   for (p = 0; p < K; ++p) {
     x[S + p] = order_of[p] < 3 ? -it->row[residual_row[p]][0] : 0.0;
-    for (i = 0; i < S && what == VS_LEAST_REACTION && order_of[p] < 3; ++i)
-      x[i] += vs_entry(it, p, i) * lambda[p];
+    for (i = 0; i < S; ++i) {
+      const int is_base = HOLDS && (what == VS_DECIDED || (what == VS_RESTORES && is_neutral[i]));
+      if (is_base || (what == VS_LEAST_REACTION && order_of[p] < 3))
+        x[i] += vs_entry(it, p, i) * lambda[p];
+    }
   }
 }
 
-/* Newton's iteration for the accelerations (and, of the least reaction, for lambda), from those of
- * the state. `share` of `left` may remain. Afterwards all formulas are those of the state. A last
+/* The multipliers of generalized_gauss that corrections of the accelerations move: with elements
+ * that hold, what these transmit is a part of the state. */
+VS_FUNCTION double* vs_transmitted(scene_model* m) {
+  return HOLDS ? m->now.multiplier : 0;
+}
+
+/* Newton's iteration for the accelerations (and lambda, where it is not 0), from those of the
+ * state. `share` of `left` may remain. Afterwards all formulas are those of the state. A last
  * correction, whose square is below rounding, is added to the formulas by their slopes. */
 VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, double* lambda,
                                    const double* left, double share, int rounds) {
@@ -80,8 +91,9 @@ VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, d
     for (i = 0; i < SIZE && share > 0.0; ++i) x[i] -= share * left[i];
     vs_solve(it, x);
     for (i = 0; i < S; ++i) it->row[ACCELERATION + i][0] = m->now.acceleration[i] += x[i];
-    for (i = 0; i < K && what == VS_LEAST_REACTION; ++i) lambda[i] += x[S + i];
+    for (i = 0; i < K && lambda != 0; ++i) lambda[i] += x[S + i];
     for (i = 0; i < K; ++i) it->row[MULTIPLIER + i][0] = m->now.multiplier[i];
+    for (i = 0; i < K && HOLDS; ++i) it->row[TRANSMITTED + i][0] = m->now.multiplier[i];
     if (vs_has_converged(m->now.acceleration, x, &previous)) {
       vs_corrected(it, 0, x);
       vs_rest(it, 0);
@@ -119,16 +131,20 @@ VS_FUNCTION scene_status vs_follow_least_reaction(scene_model* m, scene_series* 
 /* The accelerations of a state: those that the principle gives, or its own, on psi = 0. */
 VS_FUNCTION scene_status vs_settle_accelerations(scene_model* m, scene_series* it) {
   if (IS_CLASSICAL) return vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50);
-  return HAS_RESIDUAL ? vs_settle(m, it, VS_ONTO_CONSTRAINTS, 0, 0, 0.0, 25) : SCENE_OK;
+  return HAS_RESIDUAL ? vs_settle(m, it, VS_ONTO_CONSTRAINTS, vs_transmitted(m), 0, 0.0, 25)
+                      : SCENE_OK;
 }
 
 /* R' = C' Lambda: what no C has a part of is a constant of R (with J(phi) of R / sqrt(J)). It is
  * taken from the applied torque, which the state tells, and not from the accelerations. */
 VS_FUNCTION void vs_note_reaction(scene_model* m, scene_series* it) {
-  int i;
+  int i, p;
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
   vs_reaction(it, m->now.reaction);
+  for (i = 0; i < S && HOLDS; ++i) {
+    for (p = 0; p < K; ++p) m->now.reaction[i] -= vs_entry(it, p, i) * m->now.multiplier[p];
+  }
   for (i = 0; i < S && INERTIA_VARIES; ++i) m->now.reaction[i] /= sqrt(vs_inertia(it, i, i));
 }
 
@@ -177,7 +193,7 @@ VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, 
                               -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
   double k[7][MOST_SIZE];
   double begin[MOST_SHAFTS];
-  int i, j, n;
+  int i, j, n, p;
   for (i = 0; i < S; ++i) begin[i] = m->now.acceleration[i];
   if (!vs_jump_rate(m, it, theta, u0, du, dQ, df, k[0])) return 0;
   for (n = 0; n < 6; ++n) {
@@ -187,6 +203,9 @@ VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, 
       m->now.acceleration[i] = begin[i] + h * sum;
     }
     if (!vs_jump_rate(m, it, theta + c[n] * h, u0, du, dQ, df, k[n + 1])) return 0;
+  }
+  for (p = 0; p < K && HOLDS; ++p) { /* the last stage's formula is that of the step */
+    for (j = 0; j < 6; ++j) m->now.multiplier[p] += h * a[5][j] * k[j][S + p];
   }
   *norm = 0.0;
   for (i = 0; i < S; ++i) {
@@ -207,6 +226,7 @@ VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const double*
   if (JUMPS_STRAIGHT) { /* C depends on no acceleration and no input */
     if (!vs_jump_rate(m, it, 0.0, u0, 0, dQ, df, x)) return SCENE_SINGULAR;
     for (i = 0; i < S; ++i) m->now.acceleration[i] += x[i];
+    for (i = 0; i < K && HOLDS; ++i) m->now.multiplier[i] += x[S + i];
     return SCENE_OK;
   }
   for (steps = 0; steps < 20000 && theta < 1.0; ++steps) {
@@ -216,7 +236,7 @@ VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const double*
     h = seriesSmaller(h, 1.0 - theta);
     is_good = vs_step_of_path(m, it, theta, h, u0, du, dQ, df, &norm);
     if (is_good && norm <= 1.0 && df == 0 && HAS_RESIDUAL) {
-      is_good = vs_settle(m, it, VS_ONTO_CONSTRAINTS, 0, 0, 0.0, 25) == SCENE_OK;
+      is_good = vs_settle_accelerations(m, it) == SCENE_OK;
     }
     if (is_good && norm <= 1.0)
       theta = h < 1.0 - theta ? theta + h : 1.0;

@@ -2,10 +2,9 @@
  * the step is in no coefficient. series_resolution.inc and series_ranges.inc go before, and the
  * table `resolved` of the scene's operations. */
 
-/* True if no torque, constraint or inertia differs from its series by more than the tolerance
- * allows, up to theta, by ranges over the step, where an operation may have more unresolved than
- * visible terms.
- */
+/* True if no torque, constraint, inertia or limit of an element that holds differs from its series
+ * by more than the tolerance allows, up to theta, by ranges over the step, where an operation may
+ * have more unresolved than visible terms. */
 VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double theta) {
 #ifdef VS_RANGES
   struct SeriesRange* const ranges = VS_RANGES;
@@ -36,11 +35,16 @@ VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double the
     velocity[i] = VELOCITY + i;
     acceleration[i] = ACCELERATION + i;
   }
-  return seriesIsResolved(&asked);
+  for (i = 0; i < WATCHED; ++i) ranges[watched_row[i]].off = 0.0;
+  if (!seriesIsResolved(&asked)) return 0;
+  for (i = 0; i < WATCHED; ++i) {
+    if (!(ranges[watched_row[i]].off <= vs_tolerance(it, it->row[watched_row[i]][0]))) return 0;
+  }
+  return 1;
 }
 
-/* True if no torque, constraint or inertia differs from its series by more than the tolerance
- * allows, up to theta. */
+/* True if no torque, constraint, inertia or limit of an element that holds differs from its series
+ * by more than the tolerance allows, up to theta. */
 VS_FUNCTION int vs_is_resolved(const scene_series* it, double theta) {
   double powers[VS_STRIDE] = {1.0};
   double hidden;

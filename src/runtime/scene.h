@@ -9,4 +9,10 @@ typedef struct {
   double reaction_torque_rate[SCENE_SHAFTS]; /* N m/s */
   double residual[SCENE_CONSTRAINTS + 1];    /* what is left of the constraint, its own unit */
   double multiplier[SCENE_CONSTRAINTS + 1];  /* Lambda of R' = C' Lambda; of gauss, R = C' lambda */
+  /* of elements that hold */
+  int mode[SCENE_HOLDS + 1];       /* -1 slides backward, 0 holds, 1 slides forward, 2 free */
+  double torque[SCENE_HOLDS + 1];  /* N m, against the slip: has its sign while it slides */
+  double slip[SCENE_HOLDS + 1];    /* rad/s */
+  double reserve[SCENE_HOLDS + 1]; /* N m, how much more it would hold; 0 while it does not hold */
+  double heat[SCENE_HOLDS + 1];    /* J since the start */
 } scene_sample;

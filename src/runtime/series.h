@@ -7,9 +7,10 @@ typedef struct {
   double row[SCENE_ROWS][SCENE_STRIDE]; /* coefficients of every formula */
   double mode[SCENE_MODES];
   double piece[SCENE_PIECES]; /* polynomials of tables of two variables at the instant */
-  double inverse[(SCENE_SHAFTS + SCENE_CONSTRAINTS) * (SCENE_SHAFTS + SCENE_CONSTRAINTS)];
-  double size[SCENE_CONSTRAINTS + 1]; /* C J^-1 C' of each constraint */
-  double unit;                        /* s, a power of 2 */
-  int order;                          /* of the coefficients that are known */
+  double inverse[SCENE_MATRIX * SCENE_MATRIX];
+  double size[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* C J^-1 C' of each constraint */
+  int counts[SCENE_HOLDS + 1];                      /* 1: the row of an element that holds is on */
+  double unit;                                      /* s, a power of 2 */
+  int order;                                        /* of the coefficients that are known */
   int moves[SCENE_INPUTS + 1]; /* 1: rows of the input have more than their first coefficient */
 } scene_series;

@@ -10,8 +10,13 @@ typedef struct {
   double angle[SCENE_SHAFTS];
   double velocity[SCENE_SHAFTS];
   double acceleration[SCENE_SHAFTS];
-  double multiplier[SCENE_CONSTRAINTS + 1];
+  /* lambda of gauss; with elements that hold its like otherwise, the integral of Lambda */
+  double multiplier[SCENE_CONSTRAINTS + SCENE_HOLDS + 1];
   double reaction[SCENE_SHAFTS]; /* at the start */
+  int mode[SCENE_HOLDS + 1];
+  double side[SCENE_HOLDS + 1]; /* of formulas: 1, -1, 0; larger at a limit that others hold, too */
+  int counts[SCENE_HOLDS + 1];  /* 1: the row of an element that holds is independent of others */
+  double heat[SCENE_HOLDS + 1];
   scene_signal input[SCENE_INPUTS + 1];
   double silence[SCENE_INPUTS + 1]; /* s since the last command; -1: there was none */
 } scene_state;

@@ -10,5 +10,14 @@ typedef enum {
   SCENE_TOO_MANY_STEPS, /* SCENE_MOST_STEPS parts of a step, or parts below time's resolution */
   SCENE_CHATTERING,     /* a formula jumps where the motion turns back at once: no branch goes on */
   SCENE_NO_MOTION,      /* a jump leads to no state on the constraints */
-  SCENE_INCONSISTENT    /* the first commands contradict the scene's initial values */
+  SCENE_INCONSISTENT,   /* the first commands contradict the scene's initial values */
+  SCENE_NO_MODES        /* no modes of the elements that hold go on: rigid ones contradict */
 } scene_status;
+
+/* A change of an element's mode. */
+typedef struct {
+  double time; /* s */
+  int element, from, to;
+  double torque;  /* N m, behind it */
+  double impulse; /* N m s, of an impact */
+} scene_event;

@@ -26,7 +26,8 @@ VS_FUNCTION scene_status vs_arrive(scene_model* m, scene_series* next, double un
   if (IS_CLASSICAL)
     status = vs_settle(m, next, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50);
   else
-    status = vs_settle(m, next, HAS_NEUTRAL ? VS_RESTORES : VS_ONTO_CONSTRAINTS, 0, 0, 0.0, 25);
+    status = vs_settle(m, next, HAS_NEUTRAL ? VS_RESTORES : VS_ONTO_CONSTRAINTS, vs_transmitted(m),
+                       0, 0.0, 25);
   if (status != SCENE_OK) return status;
   if (!vs_begin(next, m->now.multiplier, 1)) return SCENE_SINGULAR;
   return vs_is_finite(next) ? SCENE_OK : SCENE_NOT_FINITE;
@@ -71,6 +72,7 @@ VS_FUNCTION int vs_keeps_rank(scene_model* m, const scene_series* it, const scen
   int i, p;
   for (p = 0; p < K; ++p) {
     double product = 0.0, length = 0.0, before = 0.0;
+    if (!vs_is_on(next, p)) continue;
     for (i = 0; i < S; ++i) {
       const double entry = vs_entry(next, p, i) / vs_inertia(next, i, i);
       product += vs_entry(it, p, i) * entry;
@@ -127,6 +129,35 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
   return SCENE_OK;
 }
 
+/* Moves to the end of an element's mode, where its condition is 0 by the state itself: the series
+ * is off by what the step is. */
+VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* theta, double* defect,
+                                 int* loses_rank) {
+  const scene_series* const it = vs_series(m);
+  const scene_state before = m->now;
+  const double end = *theta * (1.0 + 2e-12);
+  vs_event none = *at;
+  Real c[VS_STRIDE];
+  int round, n;
+  none.guard = -1;
+  *theta = at->theta;
+  for (round = 0; round < 5; ++round) {
+    const scene_status status = vs_try(m, &none, theta, defect, loses_rank);
+    double slope = 0.0, by, value;
+    if (status != SCENE_OK || *defect > 1.0) return status;
+    if (!vs_condition(m, &m->series[1 - m->present], at->element, at->condition, c)) break;
+    value = c[0];
+    if (value == 0.0 || round == 4) break;
+    (void)vs_condition(m, it, at->element, at->condition, c);
+    for (n = it->order; n > 0; --n) slope = slope * *theta + n * c[n];
+    by = -value / slope;
+    if (!(fabs(by) <= 0.01 * *theta) || !(*theta + by <= end)) break;
+    *theta += by;
+    m->now = before;
+  }
+  return SCENE_OK;
+}
+
 /* One step of at most `left` s; *made: how long it was. */
 VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made) {
   const double limit = vs_limit(m, left);
@@ -143,7 +174,10 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
     double defect = 0.0, h, part;
     /* An event at which nothing jumps is passed like any other step's end. */
     int is_smooth = at.guard < 0 || (!at.jumps && !HAS_ORDER_1 && !(IS_CLASSICAL && IS_CURVED));
-    if (is_smooth) {
+    if (HOLDS && at.element >= 0) {
+      if (at.theta > 0.0) status = vs_land(m, &at, &theta, &defect, &loses_rank);
+      if (at.theta == 0.0) theta = 0.0;
+    } else if (is_smooth) {
       status = vs_try(m, &at, &theta, &defect, &loses_rank);
     } else {
       double crossed = theta;
@@ -156,12 +190,16 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
       m->event = at.theta;
     }
     h = theta * vs_series(m)->unit;
-    if (at.guard >= 0)
+    if (at.guard >= 0 || at.element >= 0)
       m->crossings = h <= 1e-9 * seriesLarger(1.0, m->now.time) ? m->crossings + 1 : 0;
     else
       m->crossings = 0;
     if (status == SCENE_OK && m->crossings > 20) return SCENE_CHATTERING;
     if (status == SCENE_OK && defect <= 1.0) {
+      if (HOLDS && at.element >= 0) { /* the modes behind it have another series */
+        is_smooth = 0;
+        m->event = theta;
+      }
       if (is_smooth) {
         m->present = 1 - m->present;
         m->begun = m->now;
@@ -170,7 +208,7 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
       m->passed = at.guard;
       ++m->steps;
       *made = h;
-      return SCENE_OK;
+      return HOLDS && !is_smooth ? vs_decide(m, 0) : SCENE_OK;
     }
     ++m->rejections;
     m->now = before;

@@ -82,8 +82,25 @@ OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
 }
 
 bool OfflineRun::reach(double time) {
-  return time <= simulation_.time() ||
-         (simulation_.advanceTo(time).ok() && simulation_.time() >= time);  // not interrupted
+  if (time <= simulation_.time()) return true;
+  const bool goes_on = simulation_.advanceTo(time).ok();
+  addEvents();
+  return goes_on && simulation_.time() >= time;  // not interrupted
+}
+
+void OfflineRun::recordEvents() {
+  records_events_ = true;
+  events_ = "time,element,from,to,torque,impulse\n";
+  element_names_ = simulation_.scene().holdNames();
+}
+
+void OfflineRun::addEvents() {
+  ModeEvent it;
+  while (records_events_ && simulation_.takeModeEvent(&it)) {
+    events_ += formatNumber(it.time) + "," + element_names_[static_cast<std::size_t>(it.element)] +
+               "," + modeName(it.from) + "," + modeName(it.to) + "," + formatNumber(it.torque) +
+               "," + formatNumber(it.impulse) + "\n";
+  }
 }
 
 void OfflineRun::applyCommands() {
@@ -113,6 +130,7 @@ void OfflineRun::takeSample(SampleBlock& block) {
 
 void OfflineRun::addSample(SampleBlock& block) {
   const Sample& taken = simulation_.sample();
+  addEvents();                             // of commands here
   if (!simulation_.status().ok()) return;  // a failed jump
   block.samples.push_back(taken);
   for (const QuantityGroup group : groups_) {

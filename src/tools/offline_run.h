@@ -58,6 +58,9 @@ class OfflineRun {
   void endAtRest() { rest_.begin(); }
   const RestWatch& rest() const { return rest_; }
 
+  /// Keeps changes of modes, as lines of a CSV.
+  void recordEvents();
+  const std::string& events() const { return events_; }
   /// Adds the quantities of these groups to samples.
   void observe(const std::vector<QuantityGroup>& groups);
 
@@ -82,6 +85,7 @@ class OfflineRun {
 
  private:
   bool reach(double time);
+  void addEvents();
   void applyCommands();
   /// Next instant due beside commands and samples.
   double nextEvent() const;
@@ -98,6 +102,9 @@ class OfflineRun {
   MotionState state_;
   RestWatch rest_;
   std::vector<QuantityGroup> groups_;
+  bool records_events_ = false;
+  std::string events_;
+  std::vector<std::string> element_names_;
   std::size_t next_command_ = 0;
   std::size_t ignored_count_ = 0;
   std::size_t past_count_ = 0;

@@ -154,6 +154,7 @@ void refuseOverwriting(const SimulateOptions& options) {
   const File commands{"the file of --commands", options.commands_path};
   const File output{"the file of --output", options.output_path};
   const File state{"--save-state", options.save_state_path};
+  const File events{"--events", options.events_path};
   const auto refuse = [](const char* option, const File& written, const File& other) {
     std::error_code ignored;
     if (written.path.empty() || other.path.empty()) return;
@@ -166,9 +167,11 @@ void refuseOverwriting(const SimulateOptions& options) {
   for (const File& other : {scene, commands}) {
     refuse("--output", output, other);
     refuse("--save-state", state, other);
+    refuse("--events", events, other);
   }
   refuse("--output", output, {"the file of --from-state", options.from_state_path});
   refuse("--save-state", state, output);
+  for (const File& other : {output, state}) refuse("--events", events, other);
 }
 
 /// Checks combinations of options and fills in derived values.
@@ -220,6 +223,7 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   parser.text("--from-state", options.from_state_path);
   parser.text("--save-state", options.save_state_path);
   parser.number("--save-at", options.save_time);
+  parser.text("--events", options.events_path);
   parser.flag("--until-rest", options.until_rest);
   parser.flag("--energy", adds_energy);
   parser.flag("--error", options.estimate_errors);
@@ -283,7 +287,7 @@ usage: simulate SCENE.yaml --duration S [options]
   --output FILE.csv|.bag  where the samples go (default: standard output, as CSV)
   --columns GROUPS        groups of columns beside time, comma between: state (the default),
                           elements (the torques and powers of each torque element, and what
-                          elements tell beside: slip, ratio), inputs (commanded inputs in force),
+                          elements tell beside: slip, ratio, modes), inputs (commanded inputs in force),
                           outputs (the scene's own), energy (kinetic energy, energies of the
                           applied torques and of the reactions since the start, J, and their
                           powers, W)
@@ -291,6 +295,8 @@ usage: simulate SCENE.yaml --duration S [options]
   --error                 an estimate of the global error behind each angle, velocity and
                           acceleration (columns .../estimated_error), by a second, finer motion;
                           standard error tells when they are not to be trusted
+  --events FILE.csv       changes of modes of elements that hold:
+                          time,element,from,to,torque,impulse (s, N m, N m s)
   --stats                 print counters and times to standard error
   --explain               print the scene's equations of motion instead of running it: its laws
                           simplified, what they have in common, what is not computed and why

@@ -34,6 +34,7 @@ struct SimulateOptions {
   bool has_save_time = false;
   double save_time = 0.0;     ///< s; the end when not given
   std::string commands_path;  ///< empty: no commands
+  std::string events_path;    ///< of changes of modes; empty: nowhere
   std::string output_path;    ///< empty: standard output
   OutputFormat format = OutputFormat::kCsv;
   ColumnGroups columns;

@@ -18,12 +18,15 @@
 
 enum {
   S = SCENE_SHAFTS,
-  K = SCENE_CONSTRAINTS,
+  CONSTRAINTS = SCENE_CONSTRAINTS,
+  HOLDS = SCENE_HOLDS,
+  K = CONSTRAINTS + HOLDS,
   INPUTS = SCENE_INPUTS,
   VS_STRIDE = SCENE_STRIDE,
   SIZE = S + K,
   MOST_SHAFTS = S,
   MOST_CONSTRAINTS = K,
+  MOST_HOLDS = HOLDS,
   MOST_INPUTS = INPUTS,
   MOST_SIZE = SIZE,
   IS_CLASSICAL = 0,
@@ -50,6 +53,7 @@ enum {
   ACCELERATION = 5,
   MULTIPLIER = 7,
   PULL = 8,
+  TRANSMITTED = MULTIPLIER,
   /* 10: input, 11: sin, 12: cos, 13: rate, 14: torque, 15: residual, 16 .. 19: constants 0, 1, -2,
      1 */
   ZERO = 16
@@ -59,6 +63,7 @@ static const double RELATIVE_TOLERANCE = 1e-12, ABSOLUTE_TOLERANCE = 1e-12, MAXI
 const char* const scene_shaft_name[] = {"swing", "follower"};
 const char* const scene_constraint_name[] = {"slip", ""};
 const char* const scene_input_name[] = {"torque", ""};
+const char* const scene_hold_name[] = {""};
 static const int input_row[] = {10}, input_of_row[] = {0}, input_rate_of_row[] = {0};
 static const int hold_of[] = {1}, falls_to_zero[] = {0};
 static const double parameter_of[] = {0.5}, initial_input[] = {0.0}, minimum_of[] = {-1.0},
@@ -78,6 +83,12 @@ static const int sign_row[] = {0}, sign_jumps[] = {0}, passage_row[] = {0}, pass
 static const double* const passage_points[] = {0};
 static const int constant_row[] = {16, 17, 18, 19};
 static const double constant_value[] = {0.0, 1.0, -2.0, 1e-9};
+enum { WATCHED = 0 };
+static const int watched_row[] = {0}, side_row[] = {0}, slip_row[] = {0}, slide_row[] = {0},
+                 heat_row[] = {0}, upper_row[] = {0}, lower_row[] = {0}, level_row[] = {0},
+                 gap_row[] = {0}, has_upper[] = {0}, has_lower[] = {0}, has_level[] = {0},
+                 has_gap[] = {0}, slides_backward[] = {0}, begins_in[] = {0};
+static const double restitution[] = {0.0}, closes_below[] = {0.0};
 #define VS_EACH_ORDER(X) \
   X(1) X(2) X(3) X(4) X(5) X(6) X(7) X(8) X(9) X(10) X(11) X(12) X(13) X(14) X(15) X(16) X(17) X(18)
 
@@ -140,6 +151,8 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
 #include "runtime/roots.h"
 /* */
 #include "runtime/projection.h"
+/* */
+#include "runtime/modes.h"
 /* */
 #include "runtime/events.h"
 /* */

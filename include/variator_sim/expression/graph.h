@@ -195,6 +195,8 @@ class Graph {
   bool countGuardSteps(std::size_t steps, std::size_t most) {
     return (guard_steps_ += steps) <= most;
   }
+  /// Counts an element that holds and returns its number, from 0.
+  int countHold() { return holds_++; }
   /// Number of nodes; all indices are below it.
   int size() const { return static_cast<int>(entries_.size()); }
   /// Tells for every index up to the largest of `nodes` if one of `nodes` needs it.
@@ -263,6 +265,7 @@ class Graph {
   int operands_ = 0;                                        ///< operands of formulas as written
   int most_operands_ = std::numeric_limits<int>::max();
   std::size_t guard_steps_ = 0;
+  int holds_ = 0;
 };
 
 }  // namespace variator_sim::expression

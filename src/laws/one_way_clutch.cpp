@@ -1,0 +1,28 @@
+// A freewheel: b may overrun a, through a gear of the ratio i, but not the other way round; on one
+// shaft it may turn forward only. With w = i omega_b - omega_a or w = omega:
+//     forward  w > 0:  T = c
+//     stuck    w = 0:  T <= p c is what holds it                           N m
+//     Q_a += T,   Q_b += -i T;   on one shaft Q += -T.
+// A state with w < 0 becomes one with w = 0 by an impact.
+//
+// Keys: `shafts` [a, b] with `ratio` i (default 1, not 0), or `shaft`; `capacity` c >= 0, a drag (N
+// m, default 0), `static` p >= 1 (default 1), `initial` (auto | stuck | slipping).
+#include "laws/slip.h"
+#include "variator_sim/laws.h"
+
+namespace variator_sim {
+
+void OneWayClutch::build(LawContext& scene) {
+  scene.keys({"shaft", "shafts", "ratio", "capacity", "static", "initial"});
+  Holding freewheel;
+  const Expression capacity = scene.quantity("capacity", Range::notNegative("N m"), 0.0);
+  freewheel.slip = readSlip(scene);
+  freewheel.side = scene.side();
+  freewheel.torque = capacity * freewheel.side;
+  freewheel.upper = scene.quantity("static", Range::atLeast(1.0, "1"), 1.0) * capacity;
+  freewheel.slides_backward = false;
+  freewheel.begins = readBegin(scene);
+  scene.hold(freewheel);
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,28 @@
+/// The slip of elements that hold.
+#pragma once
+
+#include "laws/ratio.h"
+
+namespace variator_sim {
+
+/// Reads `shafts` [a, b] and `ratio` i (default 1): i omega_b - omega_a; or `shaft`: omega.
+inline Expression readSlip(LawContext& scene) {
+  if (!scene.parameters().has("shafts")) {
+    scene.keys({"shaft"});
+    return scene.shaft("shaft").velocity;
+  }
+  scene.keys({"shafts", "ratio"});
+  const std::vector<Shaft> shafts = scene.shafts("shafts", 2);
+  return readRatio(scene) * shafts[1].velocity - shafts[0].velocity;
+}
+
+/// Reads `initial`: `auto`, or `stuck` or `slipping`, which the first state then has to be.
+inline Holding::Begin readBegin(LawContext& scene) {
+  const std::string begin =
+      scene.parameters().choice("initial", {"auto", "stuck", "slipping"}, "auto");
+  return begin == "stuck"      ? Holding::Begin::kStuck
+         : begin == "slipping" ? Holding::Begin::kSlipping
+                               : Holding::Begin::kAuto;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,281 @@
+#!/usr/bin/python3
+"""Elements that hold, by simulate and in emitted programs: examples of the Modelica library's package
+Rotational beside references of 34 digits, and what does not depend on the order of a scene's elements."""
+
+import csv
+import math
+import pathlib
+import shutil
+import subprocess
+import tempfile
+
+import roslib.packages
+import rosunit
+
+from support.subtests import TestCase
+
+PACKAGE = "variator_sim"
+FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
+SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
+STRICT = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+MODES = {"backward": -1, "stuck": 0, "forward": 1, "free": 2}
+
+
+def call(*words):
+    return subprocess.run(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          text=True, timeout=120.0, check=False)
+
+
+def read(path):
+    with open(path, encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+    return rows[0], rows[1:]
+
+
+class ModesTest(TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, self.folder)
+
+    def play(self, scene, duration, rate, *options):
+        """The samples and the events of the scene's program."""
+        path = self.folder / "it.yaml"
+        path.write_text(scene)
+        made = self.folder / "made"
+        done = call(SIMULATE, path, "--emit-c", made)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        done = call("gcc", *STRICT, "-o", made / "play", made / "it.c", made / "main.c", "-lm")
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        done = call(made / "play", "--duration", duration, "--rate", rate, "--output",
+                    made / "o.csv", "--events", made / "e.csv", *options)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        return read(made / "o.csv"), read(made / "e.csv")[1]
+
+    def simulate(self, scene, duration, rate, *options):
+        """The same by simulate."""
+        path = self.folder / "it.yaml"
+        path.write_text(scene)
+        done = call(SIMULATE, path, "--duration", duration, "--rate", rate, "--columns", "state,elements,energy",
+                    "--output", self.folder / "s.csv", "--events", self.folder / "t.csv", *options)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        return read(self.folder / "s.csv"), read(self.folder / "t.csv")[1]
+
+    def check_example(self, name, duration, events=1e-6):
+        expected = read(FOLDER / f"test/modes/{name}.csv")
+        scene = (FOLDER / f"test/modes/{name}.yaml").read_text()
+        for run in (self.play, self.simulate):
+            with self.subTest(run.__name__):
+                samples, found = run(scene, duration, (len(expected[1]) - 1) / duration)
+                self.compare(expected, samples)
+                if events:
+                    self.compare_events(name, found, events)
+
+    def compare(self, of_reference, samples):
+        expected_header, expected = of_reference
+        header, rows = samples
+        self.assertEqual(len(rows), len(expected))
+        for k, column in enumerate(expected_header):
+            if column not in header:
+                continue
+            at = header.index(column)
+            if column.endswith("/mode"):
+                self.assertEqual([float(row[at]) for row in rows], [MODES[row[k]] for row in expected])
+                continue
+            scale = max(1e-3, max(abs(float(row[k])) for row in expected))
+            worst = max(abs(float(a[k]) - float(b[at])) for a, b in zip(expected, rows))
+            self.assertLessEqual(worst, 1e-6 * scale, column)
+
+    def compare_events(self, name, found, events):
+        for time, element, before, after in read(FOLDER / f"test/modes/{name}.events.csv")[1]:
+            if before == "start":
+                continue
+            same = [float(line[0]) for line in found if line[1:4] == [element, before, after]]
+            self.assertLessEqual(min(abs(one - float(time)) for one in same), events, (time, element))
+
+    def test_coupled_clutches(self):
+        self.check_example("CoupledClutches", 1.5)
+
+    def test_friction(self):
+        self.check_example("Friction", 3.0)
+
+    def test_one_way_clutch(self):
+        # Its reference lets go at 1.5e-4 N m instead of 0, 1.6e-6 s later.
+        self.check_example("OneWayClutch", 2.0, 2e-6)
+
+    def test_backlash(self):
+        self.check_example("Backlash", 1.0, None)
+
+    def test_elastic_bearing(self):
+        self.check_example("ElasticBearing", 10.0, None)
+
+    def test_the_order_of_elements_does_not_matter(self):
+        scene = (FOLDER / "test/modes/CoupledClutches.yaml").read_text()
+        (_, rows), events = self.play(scene, 1.5, 40)
+        turned = scene.replace("[drive, clutch1, clutch2, clutch3]", "[clutch3, clutch2, drive, clutch1]")
+        (_, others), other_events = self.play(turned, 1.5, 40)
+        for a, b in zip(rows, others):
+            for x, y in zip(a[:25], b[:25]):
+                self.assertAlmostEqual(float(x), float(y), delta=1e-9)
+        self.assertEqual([line[1:4] for line in events], [line[1:4] for line in other_events])
+
+    def test_a_brake_holds_for_ever(self):
+        scene = """
+shafts: [a]
+a: {inertia: 2.0}
+torques: [load, brake]
+load: {type: variator_sim/ExpressionTorque, shaft: a, torque: "100"}
+brake: {type: variator_sim/Brake, shaft: a, capacity: 400}
+initial: {velocity: [3.0]}
+"""
+        (header, rows), events = self.play(scene, 10000.0, 0.001)
+        self.assertEqual([line[1:4] for line in events], [["brake", "forward", "stuck"]])
+        self.assertAlmostEqual(float(events[0][0]), 0.02, delta=1e-12)
+        for row in rows[1:]:
+            self.assertEqual(float(row[header.index("a/velocity")]), 0.0)
+            self.assertAlmostEqual(float(row[header.index("brake/torque")]), 100.0, delta=1e-10)
+            self.assertAlmostEqual(float(row[header.index("brake/heat")]), 12.0, delta=1e-10)
+
+    def test_a_narrow_dip_of_a_capacity_is_not_stepped_over(self):
+        scene = """
+shafts: [a]
+a: {inertia: 1.0}
+torques: [load, brake]
+load: {type: variator_sim/ExpressionTorque, shaft: a, torque: "100"}
+brake: {type: variator_sim/Brake, shaft: a, capacity: "400 - 399*exp(-((t-5.3)/0.001)^2)"}
+"""
+        _, events = self.play(scene, 10.0, 1.0)
+        self.assertEqual([line[1:4] for line in events],
+                         [["brake", "stuck", "forward"], ["brake", "forward", "stuck"]])
+        before = 0.001 * math.sqrt(-math.log(300.0 / 399.0))
+        self.assertAlmostEqual(float(events[0][0]), 5.3 - before, delta=1e-9)
+
+    def test_two_brakes_on_one_shaft(self):
+        # Neither holds 12 N m, both together do until 14 s.
+        scene = """
+shafts: [a]
+a: {inertia: 1.0}
+torques: [load, one, two]
+load: {type: variator_sim/ExpressionTorque, shaft: a, torque: "t"}
+one: {type: variator_sim/Brake, shaft: a, capacity: 5}
+two: {type: variator_sim/Brake, shaft: a, capacity: 9}
+"""
+        (header, rows), _ = self.play(scene, 20.0, 1.0)
+        for row in rows:
+            t = float(row[0])
+            moved = max(0.0, t - 14.0)
+            self.assertAlmostEqual(float(row[header.index("a/velocity")]), 0.5 * moved**2, delta=1e-9)
+
+    def test_an_end_stop_bounces_and_comes_to_rest(self):
+        scene = """
+shafts: [valve]
+valve: {inertia: 1.0}
+torques: [push, stop]
+push: {type: variator_sim/ExpressionTorque, shaft: valve, torque: "-10"}
+stop: {type: variator_sim/EndStop, shaft: valve, lower: 0, upper: 1.57, restitution: 0.5}
+initial: {angle: [1.0], velocity: [8.0]}
+"""
+        (header, rows), events = self.play(scene, 4.0, 10)
+        self.assertEqual(events[0][1], "stop/upper")
+        self.assertEqual(events[-1][1:4], ["stop/lower", "free", "stuck"])
+        last = dict(zip(header, map(float, rows[-1])))
+        self.assertEqual(last["valve/velocity"], 0.0)
+        self.assertAlmostEqual(last["valve/angle"], 0.0, delta=1e-9)
+        # Kinetic energy and fall: 1/2 8^2 + 10 1.0 J
+        self.assertAlmostEqual(last["stop/lower/heat"] + last["stop/upper/heat"], 42.0, delta=1e-8)
+
+    def test_a_dog_clutch_closes_by_an_impact(self):
+        scene = """
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [push, dog]
+push: {type: variator_sim/ExpressionTorque, shaft: a, torque: "-3"}
+dog: {type: variator_sim/DogClutch, shafts: [a, b], engaged: {topic: dog, hold: zero_order, initial: 0},
+      engage_below: 5}
+initial: {velocity: [8.0, 0]}
+"""
+        commands = self.folder / "commands.csv"
+        commands.write_text("time,topic,value\n0.2,dog,1\n2.5,dog,0\n")
+        (header, rows), events = self.play(scene, 3.0, 10, "--commands", commands)
+        self.assertEqual([line[1:4] for line in events],
+                         [["dog", "free", "stuck"], ["dog", "stuck", "free"]])
+        self.assertAlmostEqual(float(events[0][0]), 1.0, delta=1e-9)  # 8 - 3 t is 5
+        self.assertAlmostEqual(float(events[0][5]), 10.0 / 3.0, delta=1e-9)
+        self.assertAlmostEqual(float(rows[-1][header.index("b/velocity")]), 5.0 / 3.0 - 1.5, delta=1e-9)
+
+    def test_what_is_refused(self):
+        scene = """
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 1.0}
+torques: [clutch]
+clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 5, ratio: "1+0.1*t"}
+"""
+        path = self.folder / "it.yaml"
+        path.write_text(scene)
+        done = call(SIMULATE, path, "--emit-c", self.folder / "made")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("generalized_gauss", done.stderr)
+        path.write_text(scene.replace("1+0.1*t", "1") + "initial: {acceleration: [1, 2]}\n")
+        done = call(SIMULATE, path, "--duration", 1)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("initial/acceleration", done.stderr)
+        self.assertIn("clutch", done.stderr)
+
+    def test_saved_states_go_on_with_their_modes(self):
+        scene = (FOLDER / "test/modes/CoupledClutches.yaml").read_text()
+        state = self.folder / "state.yaml"
+        (_, rows), events = self.simulate(scene, 1.5, 20, "--save-state", state, "--save-at", 0.8)
+        (_, others), later = self.simulate(scene, 0.7, 20, "--from-state", state)
+        self.assertEqual(others, rows[-len(others):])
+        self.assertEqual(later, [line for line in events if float(line[0]) > 0.8])
+
+    def test_starts_in_modes_that_the_scene_asks_for(self):
+        scene = '''
+shafts: [a]
+a: {inertia: 1.0}
+torques: [load, brake]
+load: {type: variator_sim/ExpressionTorque, shaft: a, torque: "-9"}
+brake: {type: variator_sim/Brake, shaft: a, capacity: 8, static: 1.25, initial: STATE}
+'''
+        for state, mode in (("auto", "0"), ("stuck", "0"), ("slipping", "-1")):
+            (header, rows), _ = self.simulate(scene.replace("STATE", state), 1.0, 1)
+            self.assertEqual([row[header.index("brake/mode")] for row in rows], [mode, mode])
+        path = self.folder / "it.yaml"
+        for torque, state, told in (("-11", "stuck", "-11 N m"), ("-7", "slipping", "-7 N m")):
+            path.write_text(scene.replace("STATE", state).replace('"-9"', f'"{torque}"'))
+            done = call(SIMULATE, path, "--duration", 1)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("brake/initial", done.stderr)
+            self.assertIn(told, done.stderr)
+        path.write_text(scene.replace("STATE", "auto").replace("capacity: 8", "capacity: -8"))
+        done = call(SIMULATE, path, "--duration", 1)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("brake/capacity", done.stderr)
+
+    def test_energy_closes_with_heat_and_impacts(self):
+        scene = '''
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [push, clutch, stop]
+push: {type: variator_sim/ExpressionTorque, shaft: a, torque: "3*sin(2*t)"}
+clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 2}
+stop: {type: variator_sim/EndStop, shaft: b, lower: -0.5, upper: 0.5, restitution: 0.4}
+initial: {velocity: [3, -2]}
+solver: {relative_tolerance: 1e-10, absolute_tolerance: 1e-10}
+'''
+        (header, rows), events = self.simulate(scene, 10.0, 100)
+        self.assertTrue(any(line[1] == "stop/upper" and float(line[5]) != 0.0 for line in events))
+        last = dict(zip(header, map(float, rows[-1])))
+        heat = sum(last[f"{name}/heat"] for name in ["clutch", "stop/lower", "stop/upper"])
+        pushed = last["energy/kinetic"] - 8.5 + heat
+        # The applied torques are the push and the clutch that slides; reactions those of impacts.
+        work = last["energy/applied"] + last["clutch/heat"]
+        at = header.index("energy/applied")
+        exchanged = heat + sum(abs(float(b[at]) - float(a[at])) for a, b in zip(rows, rows[1:]))
+        self.assertAlmostEqual(pushed, work, delta=1e-9 * exchanged)
+
+
+if __name__ == "__main__":
+    rosunit.unitrun(PACKAGE, "modes_test", ModesTest)
