@@ -36,14 +36,16 @@ struct MotionList {
   F(int, residual_row) F(int, velocity_residual_row) F(int, entry_row) F(int, curvature_row)    \
   F(int, input_slope_row) F(int, inertia_row) F(int, inertial_row) F(int, connection_row)       \
   F(int, sign_row) F(int, sign_jumps) F(int, constant_row) F(double, constant_value)            \
-  F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(int, hold_of)              \
-  F(double, parameter_of) F(double, initial_input) F(double, minimum_of) F(double, maximum_of)  \
-  F(double, timeout_of) F(int, falls_to_zero) F(int, passage_row) F(int, passage_count)         \
-  F(int, passage_jumps)                                                                         \
+  F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(double, timeout_of)        \
+  F(int, passage_row) F(int, passage_count) F(int, passage_jumps)                               \
   F(int, watched_row) F(int, side_row) F(int, slip_row) F(int, slide_row) F(int, heat_row)      \
   F(int, upper_row) F(int, lower_row) F(int, level_row) F(int, gap_row) F(int, has_upper)       \
   F(int, has_lower) F(int, has_level) F(int, has_gap) F(int, slides_backward)                   \
   F(int, begins_in) F(double, restitution) F(double, closes_below)
+// Lists of commands, which kernels leave to their host: one suits all holds of an input.
+#define VARIATOR_SIM_MOTION_COMMANDS(F)                                                         \
+  F(int, hold_of) F(double, parameter_of) F(double, initial_input) F(double, minimum_of)        \
+  F(double, maximum_of) F(int, falls_to_zero)
 // clang-format on
 
 struct MotionData {
@@ -55,6 +57,7 @@ struct MotionData {
   VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_SIZE)
   VARIATOR_SIM_MOTION_NUMBERS(VARIATOR_SIM_NUMBER)
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_LIST)
+  VARIATOR_SIM_MOTION_COMMANDS(VARIATOR_SIM_LIST)
 #undef VARIATOR_SIM_SIZE
 #undef VARIATOR_SIM_NUMBER
 #undef VARIATOR_SIM_LIST

@@ -332,6 +332,7 @@ std::string MotionProgram::writeLists(bool shares) const {
 #define VARIATOR_SIM_WRITE(type, name) \
   text += arrayOf(#type, #name, name.values);  // NOLINT: a member
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
+  VARIATOR_SIM_MOTION_COMMANDS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
   std::vector<std::string> names;
   for (const std::vector<double>& points : passages) {
