@@ -10,6 +10,9 @@ constexpr int kMaxConstraints = kMaxShafts - 1;
 /// Largest number of commanded inputs u of one drivetrain.
 constexpr int kMaxInputs = 32;
 
+/// Largest number of events of one scene.
+constexpr int kMaxEvents = 32;
+
 /// The state that torques and constraints are evaluated at. It owns nothing: the arrays belong to
 /// the caller and are valid during the call only.
 struct StateView {
