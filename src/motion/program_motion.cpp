@@ -75,6 +75,7 @@ ProgramMotion::ProgramMotion(Scene its_scene, const ProgramMotion* like)
   it_.reaction = reaction_;
   it_.longest = longest_;
   it_.input = input_;
+  it_.side = side_;
   reset();
   if (like != nullptr) useCodeOf(*like);
 }
@@ -140,6 +141,14 @@ void ProgramMotion::describeInputs() {
                  from.linear,
                  signalTime() - from.since,
                  from.end - from.since};
+  }
+}
+
+void ProgramMotion::takeMemory() {
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(i)];
+    if (input.kind == InputKind::kCommanded) continue;
+    signal_[i].command(input, signalTime(), input_[i].start);
   }
 }
 
@@ -246,9 +255,16 @@ void ProgramMotion::changeInitialInputs() {
 // --- samples ---------------------------------------------------------------------------------
 
 void ProgramMotion::takeSample(Sample* sample) {
-  vs_seen seen = {sample->angle,          sample->velocity,        sample->acceleration,
-                  sample->applied_torque, sample->reaction_torque, sample->reaction_torque_rate,
-                  sample->residual,       sample->multiplier,      0.0};
+  vs_seen seen = {sample->angle,
+                  sample->velocity,
+                  sample->acceleration,
+                  sample->applied_torque,
+                  sample->reaction_torque,
+                  sample->reaction_torque_rate,
+                  sample->residual,
+                  sample->multiplier,
+                  0.0,
+                  seen_input_};
   const scene_status status = host_->see(insideStep(time), &seen);
   sample->energy.kinetic = seen.kinetic;
   if (status != SCENE_OK && status_.ok()) stop(reasonOf(status));
@@ -263,6 +279,8 @@ StateView ProgramMotion::view() {
     input_value_[i] = signal.value(at);
     input_rate_[i] = signal.rate(at);
     input_second_rate_[i] = signal.secondRate(at);
+    const InputKind kind = scene.inputs[static_cast<std::size_t>(i)].kind;
+    if (kind != InputKind::kCommanded) input_value_[i] = seen_input_[i];
   }
   return {time,         now.angle,   now.velocity,      now.acceleration,
           input_value_, input_rate_, input_second_rate_};
@@ -288,6 +306,7 @@ bool ProgramMotion::saveState(MotionState* state) {
   if (!status_.ok() || !cut()) return false;
   const int S = scene.shaftCount();
   host_->leave(&it_);
+  takeMemory();
   *state = MotionState{};
   state->time = time;
   std::copy_n(state_, S, state->angle);
@@ -324,6 +343,7 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
   std::copy_n(state.history.longest_row, scene.constraintCount(), longest_);
   std::copy_n(state.history.multiplier, scene.constraintCount(), multiplier_);
   std::copy_n(state.history.kept_reaction.value, S, reaction_);
+  std::fill_n(side_, kMaxEvents, 0);
   it_.time = time;
   it_.time_rest = 0.0;
   it_.are_given = state.is_acceleration_given ? 1 : 0;
@@ -361,7 +381,8 @@ void ProgramMotion::throwInitialError(scene_status status) {
       key, is_inconsistent
                ? "does not satisfy the constraints; 'initial/project: true' starts at the nearest "
                  "values that do"
-               : std::string("no motion begins here: ") + explain(reasonOf(status)));
+               : std::string("no motion begins here: ") + explain(reasonOf(status)) +
+                     scene.extreme_numbers);
 }
 
 std::string ProgramMotion::describeStop() {
@@ -373,8 +394,13 @@ std::string ProgramMotion::describeStop() {
        << " s: " << explain(status_.reason)
        << "; last good state: angle = " << formatNumbers(state.angle, S)
        << " rad, velocity = " << formatNumbers(state.velocity, S)
-       << " rad/s, acceleration = " << formatNumbers(state.acceleration, S) << " rad/s^2"
-       << scene.extreme_numbers;
+       << " rad/s, acceleration = " << formatNumbers(state.acceleration, S) << " rad/s^2";
+  const int event = it_.passed - program_.FIRST_EVENT;
+  if (status_.reason == StopReason::kChattering && event >= 0 && event < program_.EVENTS) {
+    text << "; the event " << inQuotes(scene.events[static_cast<std::size_t>(event)].name)
+         << " came last: what it sets must not set it off again at once";
+  }
+  text << scene.extreme_numbers;
   return text.str();
 }
 
@@ -392,6 +418,7 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
   host_->leave(&it_);
   double state[2][3 * kMaxShafts] = {};
   double length[2] = {};
+  vs_exchanged_signal input[kMaxInputs] = {};
   scene_status status[2];
   int n = 0;
   for (HostedMotion* const tried : {interpreted.get(), compiled.get()}) {
@@ -400,6 +427,7 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
     status[n] = tried->begin(from);
     vs_exchange made = from;
     made.state = state[n];
+    made.input = input;
     if (status[n] == SCENE_OK) status[n] = tried->step(kFirstUnit, &made);
     if (status[n] == SCENE_OK) tried->leave(&made);
     length[n++] = made.made;

@@ -17,8 +17,8 @@ namespace variator_sim {
 namespace {
 
 /// Tells whether an integrator of the equations of shafts and constraints does not suffice.
-bool needsProgram(const Scene& /*scene*/) {
-  return false;
+bool needsProgram(const Scene& scene) {
+  return scene.hasMemory();
 }
 
 std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {

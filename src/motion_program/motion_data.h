@@ -21,7 +21,8 @@ struct MotionList {
   F(S) F(K) F(INPUTS) F(SIZE) F(IS_CLASSICAL) F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES)    \
   F(ENTRIES_VARY) F(ENTRIES_TURN) F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)   \
   F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS)      \
-  F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED)                                       \
+  F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED) F(STATES) F(STATE) F(VARIABLES)       \
+  F(EVENTS) F(FIRST_EVENT)                                                                    \
   F(TIME) F(ANGLE) F(VELOCITY) F(ACCELERATION) F(MULTIPLIER) F(PULL)
 // the sizes of a series,
 #define VARIATOR_SIM_MOTION_EXTENTS(F) \
@@ -38,7 +39,9 @@ struct MotionList {
   F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(int, hold_of)              \
   F(double, parameter_of) F(double, initial_input) F(double, minimum_of) F(double, maximum_of)  \
   F(double, timeout_of) F(int, falls_to_zero) F(int, passage_row) F(int, passage_count)         \
-  F(int, passage_jumps)
+  F(int, passage_jumps) F(int, is_command) F(int, state_input) F(int, rate_row)                 \
+  F(int, variable_input) F(int, event_direction) F(int, set_begin) F(int, set_input)            \
+  F(int, set_row)
 // clang-format on
 
 struct MotionData {

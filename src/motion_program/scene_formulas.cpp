@@ -116,8 +116,15 @@ SceneFormulas collectFormulas(const Scene& scene) {
   for (const ConstraintPtr& constraint : scene.constraints) {
     laws.push_back(constraint->function());
   }
+  for (const SceneState& state : scene.states) made.rate.push_back(state.rate);
+  laws.insert(laws.end(), made.rate.begin(), made.rate.end());
+  for (const SceneEvent& event : scene.events) laws.push_back(event.when);
   made.signs = findBranches(*scene.graph, laws);
   made.tables = findPassages(*scene.graph, laws);
+  for (const SceneEvent& event : scene.events) {
+    made.signs.push_back({event.when, "when", false});
+    for (const auto& [input, value] : event.sets) made.set.push_back(value);
+  }
   return made;
 }
 

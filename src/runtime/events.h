@@ -156,6 +156,10 @@ VS_FUNCTION void vs_go(scene_model* m, double theta) {
   for (c = 0; c < K && IS_CLASSICAL; ++c) {
     m->now.multiplier[c] = vs_evaluate(it->row[MULTIPLIER + c], it->order, theta);
   }
+  for (i = 0; i < STATES; ++i) {
+    scene_signal* const s = &m->now.input[state_input[i]];
+    s->start = s->target = vs_evaluate(it->row[STATE + i], it->order + 1, theta);
+  }
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
     const int has_arrived = s->age + h >= s->end * (1.0 - 1e-14);

@@ -15,6 +15,7 @@ typedef struct {
   double* reaction;           /* at the start, S (of J(phi): R / sqrt(J)) */
   double* longest;            /* that C J^-1 C' has been, K (host.h) */
   vs_exchanged_signal* input; /* INPUTS */
+  int* side;                  /* of events: scene_state's (host.h) */
   /* In (host.h) */
   int begin;     /* 0: goes on from the state; 1: from the nearest one at time 0; 2: at another */
   int are_given; /* 1: the accelerations are, too; 0: those of least reaction */
@@ -44,6 +45,7 @@ typedef struct {
   double *reaction, *reaction_rate;                 /* R, R'; S */
   double *residual, *multiplier;                    /* K */
   double kinetic;                                   /* J */
+  double* input;                                    /* of states and variables the value; INPUTS */
 } vs_seen;
 
 /* The constants of a program whose text has none: machine code that scenes share. */

@@ -39,9 +39,10 @@ VS_FUNCTION scene_status vs_host_go(vs_host* h, double at) {
 VS_FUNCTION int vs_host_begin(vs_host* h, const vs_exchange* from) {
   scene_model* const m = &h->model;
   scene_series* const it = &m->series[1 - m->present];
-  int p;
+  int e, p;
   vs_take_over(m, from);
   for (p = 0; p < K; ++p) m->longest[p] = from->longest[p];
+  for (e = 0; e < EVENTS; ++e) m->now.side[e] = from->begin == 0 ? from->side[e] : 0;
   vs_host_forget_step(h);
   if (from->begin == 0) return m->status;
   m->status = vs_start(m, it, from->are_given, from->may_move);
@@ -67,6 +68,7 @@ VS_FUNCTION void vs_host_leave(vs_host* h, vs_exchange* to) {
     to->multiplier[p] = m->now.multiplier[p];
     to->longest[p] = m->longest[p];
   }
+  for (i = 0; i < EVENTS; ++i) to->side[i] = m->now.side[i];
   for (i = 0; i < INPUTS; ++i) vs_describe_signal(&m->now.input[i], &to->input[i]);
   to->usual = m->usual;
 }
@@ -90,22 +92,28 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   scene_model* const m = &h->model;
   const long rejections = m->rejections;
   if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
+  m->status = vs_apply_events(m);
   m->has_moved = 1;
   h->before = m->now;
-  m->status = vs_make_step(m, left, &h->made);
+  if (m->status == SCENE_OK) m->status = vs_make_step(m, left, &h->made);
+  h->taken = m->is_begun ? 1 - m->present : m->present;
+  to->is_event = !m->is_begun;
+  if (m->status == SCENE_OK && EVENTS > 0) {
+    m->present = 1 - h->taken; /* the other series is free */
+    m->status = vs_apply_events(m);
+    if (m->has_set) to->is_event = 1;
+  }
   to->rejections = m->rejections - rejections;
+  to->passed = m->passed;
   if (m->status != SCENE_OK) {
     m->now = h->before;
     vs_host_forget_step(h);
     return m->status;
   }
-  to->is_event = !m->is_begun;
-  to->passed = m->passed;
   to->made = h->made;
   to->usual = m->usual;
   to->time = m->now.time;
   to->time_rest = m->now.time_rest;
-  h->taken = m->is_begun ? 1 - m->present : m->present;
   to->is_still = h->made >= 1.0 && vs_host_is_still(h);
   h->event = to->is_event ? m->event * m->series[h->taken].unit : h->made;
   return m->status;
@@ -127,9 +135,12 @@ VS_FUNCTION int vs_host_cut(vs_host* h, double at) {
 VS_FUNCTION int vs_host_change(vs_host* h, const vs_exchange* from) {
   scene_signal next[MOST_INPUTS + 1];
   int i;
-  for (i = 0; i < INPUTS; ++i) next[i] = vs_signal_of(&from->input[i]);
+  for (i = 0; i < INPUTS; ++i) {
+    next[i] = is_command[i] ? vs_signal_of(&from->input[i]) : h->model.now.input[i];
+  }
   vs_host_forget_step(h);
-  return vs_change_inputs(&h->model, next);
+  i = vs_change_inputs(&h->model, next);
+  return i == SCENE_OK ? (int)vs_apply_events(&h->model) : i;
 }
 
 /* All there is to see `at` s behind the start of the last step. */
@@ -166,6 +177,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
     to->residual[p] = vs_residual(it, p);
     to->multiplier[p] = it->row[MULTIPLIER + p][0];
   }
+  for (i = 0; i < INPUTS; ++i) to->input[i] = m->now.input[i].start;
   m->now = end;
   return status;
 }

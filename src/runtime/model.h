@@ -8,8 +8,9 @@ typedef struct {
   int has_moved, crossings;
   scene_status status;
   int passed;   /* the event of the last step, or -1 */
+  int has_set;  /* 1: events have set values at the present */
   double usual; /* length of the last step, s */
-  double event; /* that the last step has crossed, in units: from there on its end stands for all */
+  double event; /* that the last step has passed, in units: from there on its end stands for all */
   double longest[SCENE_CONSTRAINTS + 1];        /* that C J^-1 C' has been */
   const double* coefficients[4 * SCENE_SHAFTS]; /* of the last step (exchange.h) */
   long steps, rejections;

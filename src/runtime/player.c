@@ -27,7 +27,7 @@ static int fail(const char* where, const char* what) {
 static int find_input(const char* name) {
   int i;
   for (i = 0; i < SCENE_INPUTS; ++i) {
-    if (strcmp(scene_input_name[i], name) == 0) return i;
+    if (name[0] != '\0' && strcmp(scene_input_name[i], name) == 0) return i;
   }
   return -1;
 }
@@ -91,6 +91,8 @@ static void write_header(FILE* out) {
   for (i = 0; i < SCENE_CONSTRAINTS; ++i) {
     fprintf(out, ",%s/residual,%s/multiplier", scene_constraint_name[i], scene_constraint_name[i]);
   }
+  for (i = 0; i < SCENE_STATES; ++i) fprintf(out, ",states/%s", scene_state_name[i]);
+  for (i = 0; i < SCENE_VARIABLES; ++i) fprintf(out, ",variables/%s", scene_variable_name[i]);
   fputc('\n', out);
 }
 
@@ -105,6 +107,8 @@ static void write_sample(FILE* out, double time, const scene_sample* sample) {
   for (i = 0; i < SCENE_CONSTRAINTS; ++i) {
     fprintf(out, ",%.17g,%.17g", sample->residual[i], sample->multiplier[i]);
   }
+  for (i = 0; i < SCENE_STATES; ++i) fprintf(out, ",%.17g", sample->state[i]);
+  for (i = 0; i < SCENE_VARIABLES; ++i) fprintf(out, ",%.17g", sample->variable[i]);
   fputc('\n', out);
 }
 

@@ -9,4 +9,6 @@ typedef struct {
   double reaction_torque_rate[SCENE_SHAFTS]; /* N m/s */
   double residual[SCENE_CONSTRAINTS + 1];    /* what is left of the constraint, its own unit */
   double multiplier[SCENE_CONSTRAINTS + 1];  /* Lambda of R' = C' Lambda; of gauss, R = C' lambda */
+  double state[SCENE_STATES + 1];            /* that is integrated with the motion, its own unit */
+  double variable[SCENE_VARIABLES + 1];      /* constant between events, its own unit */
 } scene_sample;
