@@ -3,7 +3,7 @@
 import collections
 
 # Topics of the node, each published while it has subscribers.
-GROUPS = ("state", "elements", "inputs", "outputs", "energy")
+GROUPS = ("state", "elements", "inputs", "outputs", "states", "variables", "energy")
 
 Column = collections.namedtuple("Column", "name group unit quantity")
 

@@ -21,7 +21,8 @@ from scene_view import explain, read_inputs, read_output_units
 REST = 2.0     # s without a change after which inputs rest
 SILENCE = 1.0  # s without ~status (10 Hz) after which the node is taken for dead
 TYPES = {"state": DrivetrainState, "elements": NamedValues, "inputs": NamedValues,
-         "outputs": NamedValues, "energy": DrivetrainEnergy}
+         "outputs": NamedValues, "states": NamedValues, "variables": NamedValues,
+         "energy": DrivetrainEnergy}
 TRIGGERS = ("pause", "resume", "reset", "reset_time")
 
 

@@ -82,7 +82,7 @@ SCENES = {
     "two_constraints_gauss": Scene((FOLDER / "test/scenes/c/two_constraints.yaml").read_text().replace(
         "generalized_gauss", "gauss")),
     **{name: shipped(f"test/scenes/c/{name}.yaml")
-       for name in ("tables", "edges", "holds", "bent", "two_constraints", "lines")},
+       for name in ("tables", "edges", "holds", "bent", "two_constraints", "lines", "memory")},
 }
 
 
@@ -149,7 +149,7 @@ class EmitCTest(TestCase):
         scene = SCENES[name]
         self.emit(name, scene.scene)
         words = self.arguments(name)
-        expected = call(SIMULATE, self.folder / f"{name}.yaml", *words)
+        expected = call(SIMULATE, self.folder / f"{name}.yaml", *words, "--columns", "state,states,variables")
         self.assertEqual(expected.returncode, 0, expected.stderr)
         got = call(self.compile(name, "gcc", "-O1"), *words)
         self.assertEqual((got.returncode, got.stderr), (0, ""))

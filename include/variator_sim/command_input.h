@@ -26,8 +26,13 @@ const char* toString(Hold hold);
 /// The action when no command has come for `timeout` seconds of simulated time.
 enum class OnTimeout { kHold, kZero };
 
-/// The settings of one commanded input; constant during a run.
+/// Sets the value of an input. Variables and states of a scene are inputs that no command reaches:
+/// events set both, and states move by their rates.
+enum class InputKind { kCommanded, kVariable, kState };
+
+/// The settings of one input; constant during a run.
 struct CommandInputSettings {
+  InputKind kind = InputKind::kCommanded;
   std::string topic;       ///< name of the topic the commands arrive on
   std::string topic_path;  ///< path of the topic in the scene, for messages; may be empty
   std::string name;        ///< the input's name in the scene: the topic, unless it has its own
@@ -43,7 +48,7 @@ struct CommandInputSettings {
   OnTimeout on_timeout = OnTimeout::kHold;
 };
 
-/// Returns the index of the input that `topic` commands. Throws std::invalid_argument with the
+/// Returns the index of the commanded input of `topic`. Throws std::invalid_argument with the
 /// nearest topic and all others.
 int findInput(const std::vector<CommandInputSettings>& inputs, const std::string& topic);
 

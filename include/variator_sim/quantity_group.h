@@ -11,13 +11,16 @@ enum class QuantityGroup {
               ///< torque acts on; ELEMENT/power, the sum of torque * velocity over these, W;
               ///< ELEMENT/OUTPUT, its own unit
   kInputs,    ///< commanded inputs in force, after hold and clamp, each in its own unit
-  kOutputs    ///< the scene's own `outputs`, each in its own unit
+  kOutputs,   ///< the scene's own `outputs`, each in its own unit
+  kStates,    ///< the scene's `states`, each in its own unit
+  kVariables  ///< its `variables`, the same
 };
 
-constexpr std::array<QuantityGroup, 3> kQuantityGroups{
-    QuantityGroup::kElements, QuantityGroup::kInputs, QuantityGroup::kOutputs};
+constexpr std::array<QuantityGroup, 5> kQuantityGroups{
+    QuantityGroup::kElements, QuantityGroup::kInputs, QuantityGroup::kOutputs,
+    QuantityGroup::kStates, QuantityGroup::kVariables};
 
-/// Returns "elements", "inputs", "outputs": the name of the group's columns and its topic.
+/// Returns "elements", "inputs", ..: the name of the group's columns and its topic.
 const char* toString(QuantityGroup group);
 
 }  // namespace variator_sim

@@ -14,6 +14,7 @@
 #include "variator_sim/constraint.h"
 #include "variator_sim/expression/graph.h"
 #include "variator_sim/inertia.h"
+#include "variator_sim/memory.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/output.h"
 #include "variator_sim/parameter_tree.h"
@@ -70,6 +71,8 @@ struct Scene {
   std::vector<ConstraintPtr> constraints;
   std::vector<CommandInputSettings> inputs;
   std::vector<Output> outputs;
+  std::vector<SceneState> states;
+  std::vector<SceneEvent> events;
   /// The formulas of all torques and constraints.
   std::shared_ptr<expression::Graph> graph = std::make_shared<expression::Graph>();
   /// The inputs and tables that have their own names.
@@ -95,6 +98,8 @@ struct Scene {
   int inputCount() const { return static_cast<int>(inputs.size()); }
   /// Returns the names of what holds, in the order of elements: ELEMENT or ELEMENT/PART.
   std::vector<std::string> holdNames() const;
+  /// True when the motion has more to go on from than shafts and commands.
+  bool hasMemory() const { return !states.empty() || !events.empty(); }
 };
 
 /// Reads a whole scene. `factory` makes the components. `node`: names that the program which runs

@@ -3,8 +3,10 @@
 
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 
+#include "variator_sim/expression/graph.h"
 #include "variator_sim/table.h"
 #include "variator_sim/table2.h"
 
@@ -19,10 +21,14 @@ struct NamedTable {
 using NamedTables = std::map<std::string, NamedTable>;
 
 struct SceneSymbols {
-  std::map<std::string, int> inputs;  ///< indices into StateView::input
+  /// Commanded inputs, variables and states: indices into StateView::input.
+  std::map<std::string, int> inputs;
   NamedTables tables;
   /// Inputs that are played from a file, over time.
   std::map<std::string, std::shared_ptr<const Table>> played;
+  /// Formulas that have names: values of controllers, and, for observers only, those of elements.
+  std::map<std::string, expression::Node> values;
+  std::set<std::string> of_elements;  ///< the names that only observers may read
 };
 
 }  // namespace variator_sim

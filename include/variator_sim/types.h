@@ -23,6 +23,9 @@ struct HeldElement {
   double on_shaft[kMaxShafts] = {};  ///< N m
 };
 
+/// Largest number of events of one scene.
+constexpr int kMaxEvents = 32;
+
 /// The state that torques and constraints are evaluated at. It owns nothing: the arrays belong to
 /// the caller and are valid during the call only.
 struct StateView {

@@ -225,6 +225,12 @@ class Simulation:
     def outputs(self) -> Dict[str, float]:
         """The scene's named outputs at the present."""
     @property
+    def states(self) -> Dict[str, float]:
+        """The scene's states at the present."""
+    @property
+    def variables(self) -> Dict[str, float]:
+        """The scene's variables at the present."""
+    @property
     def inputs(self) -> Dict[str, float]:
         """Commanded inputs in force, after hold and clamp."""
     @property

@@ -88,7 +88,7 @@ def choose_columns(runs, patterns=None):
 def label_of(column):
     """Label of the axis that a column is drawn over, and the name of its line there."""
     owner, _, quantity = column.rpartition("/")
-    if owner in ("inputs", "outputs", "energy"):
+    if owner in ("inputs", "outputs", "states", "variables", "energy"):
         return {"energy": "Energy, J"}.get(owner, owner.capitalize()), quantity
     return LABELS.get(quantity, quantity), owner
 

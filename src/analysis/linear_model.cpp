@@ -406,6 +406,11 @@ void Linearizer::keepToManifold(const MatrixXd& G, LinearModel& model) const {
 }  // namespace
 
 LinearModel linearize(const Scene& scene, const OperatingPoint& point, LinearForm form) {
+  if (!scene.states.empty()) {
+    throw SceneError("states",
+                     "a linear model has the states of shafts only; allowed: a scene without "
+                     "'states' (variables in their places: values that are held)");
+  }
   return Linearizer(scene, point).make(form);
 }
 

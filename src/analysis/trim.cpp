@@ -170,6 +170,9 @@ void Trim::chooseUnknowns() {
     unknowns.insert({layout_.multiplier(m), layout_.multiplierRate(m)});
   }
   if (options_.accelerating) unknowns.insert(layout_.growth());
+  for (const SceneState& state : scene_.states) {
+    if (comesToRest(scene_, state.input)) unknowns.insert(layout_.input(state.input));
+  }
   std::set<int> free;
   for (const TrimChoice& choice : options_.free) {
     const int variable = findQuantity(choice.name, false).variable;

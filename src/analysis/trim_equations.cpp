@@ -1,8 +1,24 @@
 #include "analysis/trim_equations.h"
 
+#include <algorithm>
+
+#include "variator_sim/expression/tape.h"
+
 namespace variator_sim {
 
 using expression::Node;
+
+bool comesToRest(const Scene& scene, int input) {
+  const int slot = expression::slotOf(expression::Source::kInput, input);
+  const auto reads = [&](Node node) { return scene.graph->dependsOn(node, slot); };
+  const auto lawReads = [&](const auto& law) {
+    return std::any_of(law->formulas().begin(), law->formulas().end(), reads);
+  };
+  return std::any_of(scene.torques.begin(), scene.torques.end(), lawReads) ||
+         std::any_of(scene.constraints.begin(), scene.constraints.end(), lawReads) ||
+         std::any_of(scene.states.begin(), scene.states.end(),
+                     [&](const SceneState& it) { return reads(it.rate); });
+}
 
 std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& scene,
                                       bool accelerating) {
@@ -31,6 +47,10 @@ std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& s
     if (it.velocity != Node{}) add(it.velocity, name);
     if (it.acceleration != Node{}) add(it.acceleration, name);
     add(it.jerk, "the rate of " + name);
+  }
+  for (const SceneState& state : scene.states) {
+    const std::string& name = scene.inputs[at(state.input)].name;
+    if (comesToRest(scene, state.input)) add(state.rate, "the rate of the state " + inQuotes(name));
   }
   return balance;
 }

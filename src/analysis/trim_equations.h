@@ -23,6 +23,10 @@ struct NamedFormula {
 std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& scene,
                                       bool accelerating);
 
+/// True for the input of a state that is at rest in a steady state: the motion or a rate reads it.
+/// Others only count, fuel and distance, say.
+bool comesToRest(const Scene& scene, int input);
+
 /// A variable, or another quantity: an output, or a torque of a shaft.
 struct TrimQuantity {
   std::string name;

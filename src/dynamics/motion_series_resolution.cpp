@@ -23,7 +23,10 @@ bool MotionSeries::isResolved(double length, double absolute, double relative,
                                              row_of_connection_,
                                              absolute,
                                              relative,
-                                             length};
+                                             length,
+                                             0,
+                                             0,
+                                             nullptr};
   return program_.isResolved(length / own().unit, own().order, outputs, at);
 }
 

@@ -89,9 +89,16 @@ class Emission {
       return "const char *const " + name_ + "_" + what + "_name[] = {" + text + "};\n";
     };
     std::vector<std::string> topics;
-    for (const CommandInputSettings& input : scene_.inputs) topics.push_back(input.topic);
+    std::vector<std::string> variables;
+    std::vector<std::string> states;
+    for (const CommandInputSettings& input : scene_.inputs) {
+      const bool is_command = input.kind == InputKind::kCommanded;
+      topics.push_back(is_command ? input.topic : "");
+      if (!is_command) (input.kind == InputKind::kState ? states : variables).push_back(input.name);
+    }
     return list("shaft", scene_.shafts) + list("constraint", namesOf(scene_.constraints)) +
-           list("input", topics) + list("hold", program_.holdNames());
+           list("input", topics) + list("hold", program_.holdNames()) + list("state", states) +
+           list("variable", variables);
   }
   static std::vector<std::string> namesOf(const std::vector<ConstraintPtr>& constraints) {
     std::vector<std::string> names;

@@ -1,5 +1,7 @@
 #include "emit_c/readme.h"
 
+#include <algorithm>
+
 #include "motion_program/c_text.h"
 #include "variator_sim/parameter_tree.h"
 
@@ -41,11 +43,14 @@ std::string tablesOf(const Scene& scene) {
     text += "| " + std::to_string(index++) + " | " + shaft + " |\n";
   }
   index = 0;
-  if (!scene.inputs.empty()) {
+  const auto is_command = [](const auto& it) { return it.kind == InputKind::kCommanded; };
+  if (std::any_of(scene.inputs.begin(), scene.inputs.end(), is_command)) {
     text += "\n| input | topic | first value | clamped to | hold |\n|---|---|---|---|---|\n";
   }
   for (const CommandInputSettings& input : scene.inputs) {
-    text += "| " + std::to_string(index++) + " | " + input.topic + " | " + numberOf(input.initial) +
+    const int own = index++;
+    if (!is_command(input)) continue;
+    text += "| " + std::to_string(own) + " | " + input.topic + " | " + numberOf(input.initial) +
             " | " + numberOf(input.minimum) + " .. " + numberOf(input.maximum) + " | " +
             holdOf(input) + " |\n";
   }
@@ -110,7 +115,7 @@ of tables). A command that jumps moves the accelerations by the jump map of `sim
   Where a constraint is not linear in the accelerations that is the stationary reaction nearby;
   `simulate` looks for the least of all.
 - Commands that are clamped are not counted. Outputs of elements, energies and `outputs` of the scene
-  are not emitted.
+  are not emitted. States and variables are in `scene_sample`.
 )md";
 
 }  // namespace

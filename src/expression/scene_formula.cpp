@@ -59,9 +59,9 @@ std::string explainName(const std::string& name, const std::vector<std::string>&
     return "a quantity of a law may depend on t, phi, w, inputs and tables only";
   }
   if (name.compare(0, 2, "Q_") == 0) {
-    return "--explain calls the torque of an element so, and formulas do not read torques; write "
-           "its "
-           "formula here, or take the column ELEMENT/SHAFT/torque (--columns elements)";
+    return "--explain calls the torque of an element so; rate, when, set and outputs may read "
+           "ELEMENT_torque, elsewhere write its formula, or take the column ELEMENT/SHAFT/torque "
+           "(--columns elements)";
   }
   const int shaft_count = static_cast<int>(shafts.size());
   for (const char* prefix : kPrefixes) {
@@ -85,6 +85,9 @@ void checkParameterName(const std::string& name, const std::string& path,
   std::string taken = describeTakenName(name, context.shaftNames());
   if (context.symbols().inputs.count(name) != 0 || context.symbols().played.count(name) != 0) {
     taken = "already the name of an input";
+  }
+  if (context.symbols().values.count(name) != 0 && context.symbols().of_elements.count(name) == 0) {
+    taken = "already the name of a controller";
   }
   if (context.symbols().tables.count(name) != 0) taken = "already the name of a table";
   if (!taken.empty()) throw SceneError(path, shown + " is " + taken + "; choose another");
@@ -120,6 +123,7 @@ Variables nameVariables(const ComponentContext& context, FormulaKind kind, Graph
   for (const auto& [input, table] : context.symbols().played) {
     named.symbols[input] = graph.table(table, graph.variable(slotOf(Source::kTime)));
   }
+  for (const auto& [name, value] : context.symbols().values) named.symbols[name] = value;
   return named;
 }
 
@@ -155,6 +159,11 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
   Node formula;
   try {
     const NameExplainer explain = [&](const std::string& unknown) {
+      if (context.symbols().of_elements.count(unknown) != 0 && kind != FormulaKind::kOutput) {
+        return std::string(
+            "rate, when, set and outputs may read the torques and powers of elements, but laws may "
+            "not, from which these follow");
+      }
       return explainName(unknown, context.shaftNames(), kind);
     };
     formula = parse(text, variables.symbols, graph, explain, variables.jerks,
@@ -168,8 +177,13 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
                      inQuotes(parameter.first) + " is not read by the formula " + inQuotes(text) +
                          "; remove it, or read it there");
   }
-  for (const auto& input : context.symbols().inputs) {
-    if (used.count(input.first) != 0) context.useInput(input.first, reader.keyPath(key));
+  for (const auto& [input, index] : context.symbols().inputs) {
+    bool is_used = used.count(input) != 0;
+    for (const auto& [name, value] : context.symbols().values) {
+      is_used = is_used ||
+                (used.count(name) != 0 && graph.dependsOn(value, slotOf(Source::kInput, index)));
+    }
+    if (is_used) context.useInput(input, reader.keyPath(key));
   }
   return formula;
 }

@@ -84,9 +84,10 @@ const char* toString(Hold hold) {
 
 int findInput(const std::vector<CommandInputSettings>& inputs, const std::string& topic) {
   std::vector<std::string> topics;
-  for (const CommandInputSettings& input : inputs) {
-    if (input.topic == topic) return static_cast<int>(topics.size());
-    topics.push_back(input.topic);
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    if (inputs[i].kind != InputKind::kCommanded) continue;
+    if (inputs[i].topic == topic) return static_cast<int>(i);
+    topics.push_back(inputs[i].topic);
   }
   throw std::invalid_argument("unknown topic " + inQuotes(topic) + suggestName(topic, topics) +
                               "; " +

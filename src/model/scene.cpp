@@ -13,6 +13,7 @@
 #include "model/extreme_numbers.h"
 #include "model/interrupted.h"
 #include "model/scene_inertia.h"
+#include "model/scene_memory.h"
 #include "model/scene_names.h"
 #include "model/scene_symbols.h"
 #include "variator_sim/nearest_name.h"
@@ -208,6 +209,12 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
   for (const int index : used_inputs) {
     const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(index)];
     if (input.hold == Hold::kSecondOrderLag) continue;
+    if (input.kind != InputKind::kCommanded) {
+      throw SceneError(constraint.name(),
+                       "it is of order 1 and reads " + inQuotes(input.name) +
+                           ", a variable or state, whose second rate it would need; allowed: a "
+                           "constraint of order 2 (of a ratio: variator_sim/SlipRatio)");
+    }
     const bool is_shared = input.owner != constraint.name();
     // The message names the input's own dictionary, if it has one.
     const std::size_t end = input.topic_path.rfind('/');
@@ -226,7 +233,8 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
 
 void checkTopics(const Scene& scene, const std::vector<std::string>& taken) {
   for (const CommandInputSettings& input : scene.inputs) {
-    if (std::find(taken.begin(), taken.end(), input.topic) == taken.end()) continue;
+    const bool is_taken = std::find(taken.begin(), taken.end(), input.topic) != taken.end();
+    if (!is_taken || input.kind != InputKind::kCommanded) continue;
     throw SceneError(input.topic_path.empty() ? input.owner + "/topic" : input.topic_path,
                      inQuotes(input.topic) +
                          " is a topic of the node itself; allowed: any name but " +
@@ -397,13 +405,14 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   faults.collect([&] { scene.initial = readInitial(root, scene.shafts.size()); });
   faults.collect([&] { scene.solver = readSolver(root); });
   faults.collect([&] { verify_derivatives = root.boolean("verify_derivatives", true); });
-  faults.collect(
-      [&] { scene.symbols = readSceneSymbols(root, names, scene.inputs, &scene.warnings); });
+  bool has_symbols = false;
+  faults.collect([&] {
+    scene.symbols = readSceneSymbols(root, names, scene.inputs, &scene.warnings);
+    declareMemory(root, names, &scene);
+    has_symbols = true;
+  });
   // Without these names formulas would be blamed for other faults.
-  if (scene.symbols.inputs.size() + scene.symbols.played.size() + scene.symbols.tables.size() <
-      names.inputs.size() + names.tables.size()) {
-    faults.tell();
-  }
+  if (!has_symbols) faults.tell();
   for (const std::string& name : names.torques) {
     faults.collect([&] {
       scene.torques.push_back(readComponent(
@@ -421,6 +430,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
       checkInputsOfOrder1(*scene.constraints.back(), scene, used_inputs);
     });
   }
+  faults.collect([&] { readMemory(root, names, &scene); });
   for (const std::string& name : names.outputs) {
     faults.collect([&] {
       ParameterReader reader = root.section(name);

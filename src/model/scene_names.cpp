@@ -14,10 +14,13 @@ constexpr std::size_t kLongestName = 100;
 
 /// Returns the keys at the scene's root that are not names in one of its lists.
 const std::vector<std::string>& sceneKeys() {
-  static const std::vector<std::string> keys{
-      "shafts",  "inertia_coupling", "torques",           "constraints",
-      "inputs",  "tables",           "outputs",           "principle",
-      "initial", "solver",           "verify_derivatives"};
+  static const std::vector<std::string> keys{"shafts",    "inertia_coupling",
+                                             "torques",   "constraints",
+                                             "inputs",    "tables",
+                                             "variables", "states",
+                                             "events",    "outputs",
+                                             "principle", "initial",
+                                             "solver",    "verify_derivatives"};
   return keys;
 }
 
@@ -57,7 +60,7 @@ void checkNames(const SceneNames& lists, const std::vector<std::string>& node_ke
                              (other->second == list ? std::string()
                                                     : ": in " + other->second + " and in " + list) +
                              "; allowed: names that differ from those of all shafts, torques, "
-                             "constraints, inputs, tables and outputs");
+                             "constraints, inputs, tables, variables, states, events and outputs");
       }
     }
   };
@@ -93,6 +96,8 @@ std::string likelyList(const ParameterTree& value) {
                                   {"type", "'torques' or 'constraints'"},
                                   {"topic", "'inputs'"},
                                   {"values", "'tables'"},
+                                  {"rate", "'states'"},
+                                  {"when", "'events'"},
                                   {"expression", "'outputs'"}}) {
     if (keys.count(key) > 0) return std::string(", as its '") + key + "' belongs in " + list;
   }
@@ -112,7 +117,7 @@ void checkRootKeys(const ParameterTree& tree, const std::vector<std::string>& al
           key,
           "unknown key" + suggestName(key, allowed) +
               (dictionaries ? "; it is in none of the lists shafts, torques, constraints, inputs, "
-                              "tables, outputs" +
+                              "tables, variables, states, events, outputs" +
                                   likelyList(value)
                             : "") +
               "; allowed: " + joinNames(allowed));

@@ -15,6 +15,9 @@ struct SceneNames {
   std::vector<std::string> constraints;
   std::vector<std::string> inputs;
   std::vector<std::string> tables;
+  std::vector<std::string> variables;
+  std::vector<std::string> states;
+  std::vector<std::string> events;
   std::vector<std::string> outputs;
 
   std::vector<std::string> all() const;
@@ -28,7 +31,9 @@ struct SceneList {
 constexpr SceneList kSceneLists[] = {
     {"shafts", &SceneNames::shafts},           {"torques", &SceneNames::torques},
     {"constraints", &SceneNames::constraints}, {"inputs", &SceneNames::inputs},
-    {"tables", &SceneNames::tables},           {"outputs", &SceneNames::outputs}};
+    {"tables", &SceneNames::tables},           {"variables", &SceneNames::variables},
+    {"states", &SceneNames::states},           {"events", &SceneNames::events},
+    {"outputs", &SceneNames::outputs}};
 
 /// Reads the lists and rejects all that `tree` has at its root beside them, the names in them, and
 /// the keys of the scene and of the node. `root` reads `tree`. Throws SceneError.

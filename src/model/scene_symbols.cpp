@@ -12,9 +12,7 @@
 #include "variator_sim/expression/parser.h"
 
 namespace variator_sim {
-namespace {
 
-/// Rejects names of inputs and tables that formulas cannot use.
 void checkFormulaNames(const SceneNames& scene, const char* list,
                        const std::vector<std::string>& names) {
   for (std::size_t i = 0; i < names.size(); ++i) {
@@ -24,6 +22,8 @@ void checkFormulaNames(const SceneNames& scene, const char* list,
                      inQuotes(names[i]) + " is " + taken + " in formulas; choose another");
   }
 }
+
+namespace {
 
 /// Reads `units`: of each of `columns`, by its name, SI where none is stated.
 std::vector<Unit> readUnits(ParameterReader& reader, const std::vector<std::string>& columns) {

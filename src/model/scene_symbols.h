@@ -11,6 +11,10 @@
 
 namespace variator_sim {
 
+/// Rejects names of `list` that formulas cannot use. Throws SceneError.
+void checkFormulaNames(const SceneNames& scene, const char* list,
+                       const std::vector<std::string>& names);
+
 /// Reads the dictionaries of the inputs and tables in `names`, adds the inputs to `inputs`, and
 /// sentences about tables to `warnings`. Throws SceneError.
 SceneSymbols readSceneSymbols(ParameterReader& root, const SceneNames& names,

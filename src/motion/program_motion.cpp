@@ -89,6 +89,7 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::unique_ptr<MotionProgram> pro
   }
   it_.hold = hold_;
   if (program_->HOLDS > 0) events_.resize(kMostEvents);
+  it_.armed = armed_;
   reset();
   if (like != nullptr) useCodeOf(*like);
 }
@@ -157,6 +158,14 @@ void ProgramMotion::describeInputs() {
     const CommandSignal::Closed from = signal_[n].closed();
     input_[n] = {from.form,        from.start,  from.target, from.slope,
                  from.inverse_tau, from.linear, -from.since, from.end - from.since};
+  }
+}
+
+void ProgramMotion::takeMemory() {
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(i)];
+    if (input.kind == InputKind::kCommanded) continue;
+    signal_[i].command(input, signalTime(), input_[i].start);
   }
 }
 
@@ -481,7 +490,8 @@ void ProgramMotion::takeSample(Sample* sample) {
                   sample->multiplier,
                   0.0,
                   seen_hold,
-                  on_shaft};
+                  on_shaft,
+                  seen_input_};
   const scene_status status = host_->see(insideStep(time), &seen);
   kinetic_ = seen.kinetic;
   for (int h = 0; h < program_->HOLDS; ++h) {
@@ -512,6 +522,8 @@ StateView ProgramMotion::view() {
     input_value_[i] = signal.value(at);
     input_rate_[i] = signal.rate(at);
     input_second_rate_[i] = signal.secondRate(at);
+    const InputKind kind = scene.inputs[static_cast<std::size_t>(i)].kind;
+    if (kind != InputKind::kCommanded) input_value_[i] = seen_input_[i];
   }
   return {time,         now.angle,   now.velocity,       now.acceleration,
           input_value_, input_rate_, input_second_rate_, program_->HOLDS > 0 ? held_ : nullptr};
@@ -542,6 +554,7 @@ bool ProgramMotion::saveState(MotionState* state) {
   if (!status_.ok() || !cut()) return false;
   const int S = scene.shaftCount();
   host_->leave(&it_);
+  takeMemory();
   *state = MotionState{};
   state->time = time;
   std::copy_n(state_, S, state->angle);
@@ -597,6 +610,7 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
   std::copy_n(state.history.multiplier, scene.constraintCount(), multiplier_);
   restoreHeld(state.history.held);
   std::copy_n(state.history.kept_reaction.value, S, reaction_);
+  std::fill_n(armed_, kMaxEvents, 0);
   it_.time = time;
   it_.time_rest = 0.0;
   it_.are_given = state.is_acceleration_given ? 1 : 0;
@@ -682,7 +696,8 @@ void ProgramMotion::throwInitialError(scene_status status) {
       key, is_inconsistent
                ? "does not satisfy the constraints; 'initial/project: true' starts at the nearest "
                  "values that do"
-               : std::string("no motion begins here: ") + explain(reasonOf(status)));
+               : std::string("no motion begins here: ") + explain(reasonOf(status)) +
+                     scene.extreme_numbers);
 }
 
 void ProgramMotion::trackEnergy(bool on) {
@@ -737,8 +752,13 @@ std::string ProgramMotion::describeStop() {
        << " s: " << explain(status_.reason)
        << "; last good state: angle = " << formatNumbers(state.angle, S)
        << " rad, velocity = " << formatNumbers(state.velocity, S)
-       << " rad/s, acceleration = " << formatNumbers(state.acceleration, S) << " rad/s^2"
-       << scene.extreme_numbers;
+       << " rad/s, acceleration = " << formatNumbers(state.acceleration, S) << " rad/s^2";
+  const int event = it_.passed - program_->FIRST_EVENT;
+  if (status_.reason == StopReason::kChattering && event >= 0 && event < program_->EVENTS) {
+    text << "; the event " << inQuotes(scene.events[static_cast<std::size_t>(event)].name)
+         << " came last: what it sets must not set it off again at once";
+  }
+  text << scene.extreme_numbers;
   return text.str();
 }
 
@@ -755,6 +775,7 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
   const std::unique_ptr<HostedMotion> interpreted = hostMotion(*program_);
   double state[2][3 * kMaxShafts] = {};
   double length[2] = {};
+  vs_exchanged_signal input[kMaxInputs] = {};
   scene_status status[2];
   int n = 0;
   for (HostedMotion* const tried : {interpreted.get(), compiled.get()}) {
@@ -764,6 +785,7 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
     status[n] = tried->begin(from);
     vs_exchange made = from;
     made.state = state[n];
+    made.input = input;
     if (status[n] == SCENE_OK) status[n] = tried->step(kFirstUnit, &made);
     if (status[n] == SCENE_OK) tried->leave(&made);
     length[n++] = made.made;

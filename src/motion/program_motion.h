@@ -125,6 +125,8 @@ class ProgramMotion final : public MotionBase {
   scene_status goOnFrom(const MotionState& state, bool may_move);
   /// Writes the closed forms of the inputs at the current time.
   void describeInputs();
+  /// Takes over the values of states and variables from the program.
+  void takeMemory();
   /// Cuts the last step at the current time.
   bool cut();
   /// Lets the code begin anew, or loaded code take over: both to the same bits.
@@ -175,9 +177,11 @@ class ProgramMotion final : public MotionBase {
   double longest_[kMostRows] = {};
   vs_exchanged_hold hold_[kMaxHolds] = {};
   vs_exchanged_signal input_[kMaxInputs] = {};
-  double begin_ = 0.0;       ///< start of the last step, s
-  double begin_rest_ = 0.0;  ///< what a double rounds off that
-  bool has_step_ = false;    ///< false: the motion begins at it_
+  int armed_[kMaxEvents] = {};
+  double seen_input_[kMaxInputs] = {};  ///< values of states and variables in the last sample
+  double begin_ = 0.0;                  ///< start of the last step, s
+  double begin_rest_ = 0.0;             ///< what a double rounds off that
+  bool has_step_ = false;               ///< false: the motion begins at it_
   bool is_start_ = true;
   bool is_still_ = false;
 

@@ -1,17 +1,21 @@
 #include "motion/quantities.h"
 
-#include <algorithm>
-
 namespace variator_sim {
 
 const char* toString(QuantityGroup group) {
-  constexpr const char* kNames[] = {"elements", "inputs", "outputs"};  // as they are enumerated
+  constexpr const char* kNames[] = {"elements", "inputs", "outputs", "states",
+                                    "variables"};  // as they are enumerated
   return kNames[static_cast<std::size_t>(group)];
 }
 
 Quantities::Quantities(const Scene& scene) : scene_(scene) {
-  auto& [names, inputs, outputs] = names_;
-  for (const CommandInputSettings& input : scene.inputs) inputs.push_back(input.name);
+  auto& [names, inputs, outputs, states, variables] = names_;
+  for (const CommandInputSettings& input : scene.inputs) {
+    (input.kind == InputKind::kState      ? states
+     : input.kind == InputKind::kVariable ? variables
+                                          : inputs)
+        .push_back(input.name);
+  }
   for (const Output& output : scene.outputs) outputs.push_back(output.name());
   const auto add_outputs = [&names = names](const auto& element) {
     const std::vector<std::string>& its = element.outputs().names();
@@ -44,11 +48,23 @@ void Quantities::calc(QuantityGroup group, const StateView& state, double* value
       calcElements(state, values);
       break;
     case QuantityGroup::kInputs:
-      std::copy_n(state.input, scene_.inputs.size(), values);
+      calcInputs(InputKind::kCommanded, state, values);
+      break;
+    case QuantityGroup::kStates:
+      calcInputs(InputKind::kState, state, values);
+      break;
+    case QuantityGroup::kVariables:
+      calcInputs(InputKind::kVariable, state, values);
       break;
     case QuantityGroup::kOutputs:
       for (const Output& output : scene_.outputs) *values++ = output.calcValue(state);
       break;
+  }
+}
+
+void Quantities::calcInputs(InputKind kind, const StateView& state, double* values) const {
+  for (std::size_t i = 0; i < scene_.inputs.size(); ++i) {
+    if (scene_.inputs[i].kind == kind) *values++ = state.input[i];
   }
 }
 

@@ -26,6 +26,7 @@ class Quantities {
 
  private:
   void calcElements(const StateView& state, double* values) const;
+  void calcInputs(InputKind kind, const StateView& state, double* values) const;
 
   const Scene& scene_;
   std::array<std::vector<std::string>, kQuantityGroups.size()> names_;

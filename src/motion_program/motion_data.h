@@ -22,7 +22,8 @@ struct MotionList {
   F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES)                                                \
   F(ENTRIES_VARY) F(ENTRIES_TURN) F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)   \
   F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS)      \
-  F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED)                                       \
+  F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED) F(STATES) F(STATE) F(VARIABLES)       \
+  F(EVENTS) F(FIRST_EVENT)                                                                    \
   F(TIME) F(ANGLE) F(VELOCITY) F(ACCELERATION) F(MULTIPLIER) F(PULL) F(TRANSMITTED)
 // the sizes of a series,
 #define VARIATOR_SIM_MOTION_EXTENTS(F) \
@@ -41,7 +42,9 @@ struct MotionList {
   F(int, watched_row) F(int, side_row) F(int, slip_row) F(int, slide_row) F(int, heat_row)      \
   F(int, upper_row) F(int, lower_row) F(int, level_row) F(int, gap_row) F(int, has_upper)       \
   F(int, has_lower) F(int, has_level) F(int, has_gap) F(int, slides_backward)                   \
-  F(int, begins_in) F(double, restitution) F(double, closes_below)
+  F(int, begins_in) F(double, restitution) F(double, closes_below)                              \
+  F(int, is_command) F(int, state_input) F(int, rate_row) F(int, variable_input)                \
+  F(int, event_direction) F(int, set_begin) F(int, set_input) F(int, set_row)
 // Lists of commands, which kernels leave to their host: one suits all holds of an input.
 #define VARIATOR_SIM_MOTION_COMMANDS(F)                                                         \
   F(int, hold_of) F(double, parameter_of) F(double, initial_input) F(double, minimum_of)        \

@@ -45,6 +45,7 @@ MotionProgram::MotionProgram(const Scene& scene)
   setLists(scene);
   setInputs(scene);
   setHolds(*scene.graph);
+  setMemory(scene);
 }
 
 /// Lists the outputs, those that are needed as series first, and makes their rows.
@@ -62,6 +63,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.inertia);
   add(formulas_.inertial_torque);
   add(formulas_.connection);
+  add(formulas_.rate);
   for (const expression::Branch& it : formulas_.signs) outputs_.push_back(it.argument);
   for (const expression::Passage& it : formulas_.tables) outputs_.push_back(it.argument);
   for (const SceneHold& it : formulas_.holds) {
@@ -78,6 +80,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.velocity_residual);
   add(formulas_.curvature);
   add(formulas_.input_slope);
+  add(formulas_.set);
   const std::vector<Node> others(outputs_.begin() + static_cast<std::ptrdiff_t>(trial.size()),
                                  outputs_.end());
   try {
@@ -88,7 +91,8 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
 }
 
 /// Lists the variables, which have the first rows: the time, the state, multipliers, J^-1 R and,
-/// where elements hold, what they and constraints transmit, which no formula reads; sides, inputs.
+/// where elements hold, what they and constraints transmit, which no formula reads; sides, states,
+/// inputs.
 std::vector<int> MotionProgram::listSlots(const Scene& scene) {
   std::vector<int> made = {slotOf(Source::kTime)};
   for (const Source source : {Source::kAngle, Source::kVelocity, Source::kAcceleration}) {
@@ -103,18 +107,22 @@ std::vector<int> MotionProgram::listSlots(const Scene& scene) {
     side_row.values.push_back(static_cast<int>(made.size()));
     made.push_back(scene.graph->entry(it.side).slot);
   }
+  STATE = static_cast<int>(made.size());
+  const auto addRow = [&](Source source, int n, int rate) {
+    input_row.values.push_back(static_cast<int>(made.size()));
+    input_of_row.values.push_back(n);
+    input_rate_of_row.values.push_back(rate);
+    made.push_back(slotOf(source, n));
+  };
+  for (const SceneState& state : scene.states) addRow(Source::kInput, state.input, 0);
   for (int n = 0; n < scene.inputCount(); ++n) {
+    if (scene.inputs[static_cast<std::size_t>(n)].kind == InputKind::kState) continue;
     int rate = 0;
     for (const Source source : {Source::kInput, Source::kInputRate, Source::kInputSecondRate}) {
       const bool is_read = std::any_of(outputs_.begin(), outputs_.end(), [&](Node node) {
         return scene.graph->dependsOn(node, slotOf(source, n));
       });
-      if (is_read) {
-        input_row.values.push_back(static_cast<int>(made.size()));
-        input_of_row.values.push_back(n);
-        input_rate_of_row.values.push_back(rate);
-        made.push_back(slotOf(source, n));
-      }
+      if (is_read) addRow(source, n, rate);
       ++rate;
     }
   }
@@ -278,6 +286,28 @@ void MotionProgram::setHolds(const expression::Graph& graph) {
   WATCHED = static_cast<int>(watched_row.values.size());
 }
 
+void MotionProgram::setMemory(const Scene& scene) {
+  int count = 0;
+  for (const CommandInputSettings& it : scene.inputs) {
+    is_command.values.push_back(it.kind == InputKind::kCommanded ? 1 : 0);
+    if (it.kind == InputKind::kVariable) variable_input.values.push_back(count);
+    ++count;
+  }
+  for (const SceneState& it : scene.states) state_input.values.push_back(it.input);
+  rate_row = rowsOf(formulas_.rate);
+  set_row = rowsOf(formulas_.set);
+  for (const SceneEvent& it : scene.events) {
+    event_direction.values.push_back(static_cast<int>(it.direction));
+    set_begin.values.push_back(static_cast<int>(set_input.values.size()));
+    for (const auto& set : it.sets) set_input.values.push_back(set.first);
+  }
+  set_begin.values.push_back(static_cast<int>(set_input.values.size()));
+  STATES = static_cast<int>(scene.states.size());
+  VARIABLES = static_cast<int>(variable_input.values.size());
+  EVENTS = static_cast<int>(scene.events.size());
+  FIRST_EVENT = SIGNS - EVENTS;
+}
+
 // --- C -------------------------------------------------------------------------------------------
 
 std::vector<int> MotionProgram::structure() const {
@@ -306,7 +336,10 @@ std::string MotionProgram::writeExtents() const {
                      ",\n  SCENE_INPUTS = " + std::to_string(INPUTS) +
                      ",\n  SCENE_HOLDS = " + std::to_string(HOLDS) +
                      ",\n  SCENE_MATRIX = " + std::to_string(SIZE) +
-                     ",\n  SCENE_MOST_EVENTS = " + std::to_string(HOLDS > 0 ? 64 : 1);
+                     ",\n  SCENE_MOST_EVENTS = " + std::to_string(HOLDS > 0 ? 64 : 1) +
+                     ",\n  SCENE_STATES = " + std::to_string(STATES) +
+                     ",\n  SCENE_VARIABLES = " + std::to_string(VARIABLES) +
+                     ",\n  SCENE_EVENTS = " + std::to_string(EVENTS);
 #define VARIATOR_SIM_WRITE(name) text += ",\n  " #name " = " + std::to_string(name);
   VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
@@ -318,6 +351,7 @@ std::string MotionProgram::writeLists(bool shares) const {
                      ",\n  MOST_CONSTRAINTS = " + std::to_string(K) +
                      ",\n  MOST_HOLDS = " + std::to_string(HOLDS) +
                      ",\n  MOST_INPUTS = " + std::to_string(INPUTS) +
+                     ",\n  MOST_EVENTS = " + std::to_string(EVENTS) +
                      ",\n  MOST_SIZE = " + std::to_string(SIZE);
 #define VARIATOR_SIM_WRITE(name) text += ",\n  " #name " = " + std::to_string(name);
   VARIATOR_SIM_MOTION_SIZES(VARIATOR_SIM_WRITE)

@@ -38,6 +38,7 @@ class MotionProgram : public MotionData {
   void setLists(const Scene& scene);
   void setInputs(const Scene& scene);
   void setHolds(const expression::Graph& graph);
+  void setMemory(const Scene& scene);
   std::vector<int> findNeutral(const Scene& scene) const;
   int rowOf(expression::Node node) const;
   MotionList<int> rowsOf(const std::vector<expression::Node>& nodes) const;

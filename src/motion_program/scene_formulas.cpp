@@ -187,8 +187,15 @@ SceneFormulas collectFormulas(const Scene& scene) {
   for (const SceneHold& it : made.holds) {
     laws.insert(laws.end(), {it.slip, it.torque, it.upper, it.lower, it.level, it.gap});
   }
+  for (const SceneState& state : scene.states) made.rate.push_back(state.rate);
+  laws.insert(laws.end(), made.rate.begin(), made.rate.end());
+  for (const SceneEvent& event : scene.events) laws.push_back(event.when);
   made.signs = findBranches(*scene.graph, laws);
   made.tables = findPassages(*scene.graph, laws);
+  for (const SceneEvent& event : scene.events) {
+    made.signs.push_back({event.when, "when", false});
+    for (const auto& [input, value] : event.sets) made.set.push_back(value);
+  }
   return made;
 }
 

@@ -159,7 +159,13 @@ void bindViews(py::class_<PythonSimulation>& simulation) {
   add_list("shafts", &Scene::shafts, [](const std::string& shaft) { return shaft; });
   add_list("constraints", &Scene::constraints, [](const auto& row) { return row->name(); });
   add_list("orders", &Scene::constraints, [](const auto& row) { return row->order(); });
-  add_list("topics", &Scene::inputs, [](const auto& input) { return input.topic; });
+  simulation.def_property_readonly("topics", [](const Self& s) {
+    py::list list;
+    for (const CommandInputSettings& input : s.scene().inputs) {
+      if (input.kind == InputKind::kCommanded) list.append(input.topic);
+    }
+    return list;
+  });
   simulation.def_property_readonly("energy", &Self::energy)
       .def_property_readonly("scene", [](const Self& s) { return toObject(s.scene().resolved); })
       .def_property_readonly("stepper", [](Self& s) { return s.get().describeStepper(); })

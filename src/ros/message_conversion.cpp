@@ -100,7 +100,9 @@ SceneInfo toSceneInfo(const Simulation& simulation) {
   for (const ConstraintPtr& constraint : scene.constraints) {
     message.constraints.push_back(constraint->name());
   }
-  for (const CommandInputSettings& input : scene.inputs) message.inputs.push_back(input.topic);
+  for (const CommandInputSettings& input : scene.inputs) {
+    if (input.kind == InputKind::kCommanded) message.inputs.push_back(input.topic);
+  }
   message.principle = toString(scene.principle);
   message.stepper = simulation.describeStepper();
   message.skips = simulation.skips();

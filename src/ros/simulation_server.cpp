@@ -56,7 +56,9 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
       state_message_(makeState(simulation.scene(), !simulation.describeErrorEstimate().empty())),
       quantity_messages_{makeQuantities(simulation, kQuantityGroups[0]),
                          makeQuantities(simulation, kQuantityGroups[1]),
-                         makeQuantities(simulation, kQuantityGroups[2])},
+                         makeQuantities(simulation, kQuantityGroups[2]),
+                         makeQuantities(simulation, kQuantityGroups[3]),
+                         makeQuantities(simulation, kQuantityGroups[4])},
       joint_message_(makeJointState(simulation.scene())),
       services_(simulation, loop_),
       loop_(std::move(simulation), settings,
@@ -114,6 +116,7 @@ void SimulationServer::advertiseTopics() {
 
 void SimulationServer::subscribeToCommands() {
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
+    if (inputs_[i].kind != InputKind::kCommanded) continue;
     const int input = static_cast<int>(i);
     const boost::function<void(const std_msgs::Float64ConstPtr&)> receive =
         [this, input](const std_msgs::Float64ConstPtr& message) {

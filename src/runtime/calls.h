@@ -22,3 +22,5 @@ extern const char* const scene_shaft_name[SCENE_SHAFTS];
 extern const char* const scene_constraint_name[SCENE_CONSTRAINTS + 1];
 extern const char* const scene_input_name[SCENE_INPUTS + 1];
 extern const char* const scene_hold_name[SCENE_HOLDS + 1];
+extern const char* const scene_state_name[SCENE_STATES + 1];
+extern const char* const scene_variable_name[SCENE_VARIABLES + 1];

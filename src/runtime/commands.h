@@ -34,7 +34,7 @@ VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it, int are_give
  * together, on the straight line between the old and the new values), unless nothing has moved yet.
  */
 VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* next) {
-  scene_series* const it = &m->series[1 - m->present];
+  scene_series* const it = vs_series(m);
   const scene_state before = m->now;
   double u[MOST_INPUTS + 1], du[MOST_INPUTS + 1], dQ[MOST_SHAFTS];
   scene_status status = SCENE_OK;

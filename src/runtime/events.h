@@ -187,6 +187,10 @@ VS_FUNCTION void vs_go(scene_model* m, double theta) {
     m->now.multiplier[c] = vs_evaluate(it->row[TRANSMITTED + c], it->order, theta);
   }
   for (c = 0; c < HOLDS; ++c) m->now.heat[c] += h * vs_mean(it->row[heat_row[c]], it->order, theta);
+  for (i = 0; i < STATES; ++i) {
+    scene_signal* const s = &m->now.input[state_input[i]];
+    s->start = s->target = vs_evaluate(it->row[STATE + i], it->order + 1, theta);
+  }
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
     const int has_arrived = s->age + h >= s->end * (1.0 - 1e-14);

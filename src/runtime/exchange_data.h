@@ -23,6 +23,7 @@ typedef struct {
   vs_exchanged_signal* input; /* INPUTS */
   vs_exchanged_hold* hold;    /* HOLDS */
   double usual;               /* the length that the next step may have, s; 0: unknown */
+  int* armed;                 /* of events: scene_state's */
   /* In */
   int begin;     /* 0: goes on from the state; 1: from the nearest one at time 0; 2: at another */
   int are_given; /* 1: the accelerations are, too; 0: those of least reaction */
@@ -33,7 +34,7 @@ typedef struct {
   int is_event; /* 1: the step ends at an event behind which all begins anew */
   int is_still; /* 1: nothing moves by more than the tolerance in it */
   long rejections;
-  double event; /* from where on, s of the step, its end stands for all */
+  double event;              /* from where on, s of the step, its end stands for all */
   const scene_event* events; /* changes of modes, the last of them (host.h) */
   int event_count;
   int culprit; /* an element that cannot begin in its mode, or -1 (host.h) */
@@ -61,6 +62,7 @@ typedef struct {
   double kinetic;                                   /* J */
   vs_seen_hold* hold;                               /* of elements that hold, HOLDS */
   double* on_shaft;                                 /* N m, of each on each shaft: HOLDS S */
+  double* input;                                    /* of states and variables the value; INPUTS */
 } vs_seen;
 
 /* The constants of a program whose text has none: machine code that scenes share. */

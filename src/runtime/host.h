@@ -39,7 +39,7 @@ VS_FUNCTION scene_status vs_host_go(vs_host* h, double at) {
 VS_FUNCTION int vs_host_begin(vs_host* h, const vs_exchange* from) {
   scene_model* const m = &h->model;
   scene_series* const it = &m->series[1 - m->present];
-  int p;
+  int e, p;
   vs_take_over(m, from);
   for (p = 0; p < K; ++p) m->longest[p] = from->longest[p];
   for (p = 0; p < HOLDS; ++p) {
@@ -48,6 +48,7 @@ VS_FUNCTION int vs_host_begin(vs_host* h, const vs_exchange* from) {
     m->now.side[p] = from->hold[p].side;
     m->now.heat[p] = from->hold[p].heat;
   }
+  for (e = 0; e < EVENTS; ++e) m->now.armed[e] = from->begin == 0 ? from->armed[e] : 0;
   vs_host_forget_step(h);
   if (from->begin == 0) return m->status;
   m->has_moved = from->begin != 1;
@@ -73,6 +74,7 @@ VS_FUNCTION void vs_host_leave(vs_host* h, vs_exchange* to) {
     to->multiplier[p] = m->now.multiplier[p];
     to->longest[p] = m->longest[p];
   }
+  for (i = 0; i < EVENTS; ++i) to->armed[i] = m->now.armed[i];
   for (i = 0; i < INPUTS; ++i) vs_describe_signal(&m->now.input[i], &to->input[i]);
   to->culprit = m->culprit;
   to->culprit_torque = m->culprit_torque;
@@ -113,15 +115,24 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   double rest;
   int i;
   if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
+  m->status = vs_apply_events(m);
   m->has_moved = 1;
   m->events = 0;
   h->before = m->now;
-  m->status = vs_make_step(m, left, &h->made);
+  if (m->status == SCENE_OK) m->status = vs_make_step(m, left, &h->made);
+  h->taken = m->is_begun ? 1 - m->present : m->present;
+  to->is_event = !m->is_begun;
+  if (m->status == SCENE_OK && EVENTS > 0) {
+    m->present = 1 - h->taken; /* the other series is free */
+    m->status = vs_apply_events(m);
+    if (m->has_set) to->is_event = 1;
+  }
   rest = 0.0 * (m->now.time + m->now.time_rest);
   for (i = 0; i < S; ++i)
     rest += 0.0 * (m->now.angle[i] + m->now.velocity[i] + m->now.acceleration[i]);
   if (m->status == SCENE_OK && rest != 0.0) m->status = SCENE_NOT_FINITE;
   to->rejections = m->rejections - rejections;
+  to->passed = m->passed;
   if (m->status != SCENE_OK) {
     m->now = h->before;
     vs_host_forget_step(h);
@@ -132,14 +143,11 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
     to->state[S + i] = m->now.velocity[i];
     to->state[2 * S + i] = m->now.acceleration[i];
   }
-  to->is_event = !m->is_begun;
-  to->passed = m->passed;
   to->made = h->made;
   to->usual = m->usual;
   vs_host_tell_events(m, to);
   to->time = m->now.time;
   to->time_rest = m->now.time_rest;
-  h->taken = m->is_begun ? 1 - m->present : m->present;
   to->is_still = h->made >= 1.0 && vs_host_is_still(h);
   h->event = to->is_event ? m->event * m->series[h->taken].unit : h->made;
   /* An instant that rounding does not tell from an event shows the modes behind it. */
@@ -165,10 +173,13 @@ VS_FUNCTION int vs_host_change(vs_host* h, vs_exchange* from) {
   scene_signal next[MOST_INPUTS + 1];
   scene_status status;
   int i;
-  for (i = 0; i < INPUTS; ++i) next[i] = vs_signal_of(&from->input[i]);
+  for (i = 0; i < INPUTS; ++i) {
+    next[i] = is_command[i] ? vs_signal_of(&from->input[i]) : h->model.now.input[i];
+  }
   vs_host_forget_step(h);
   h->model.events = 0;
   status = vs_change_inputs(&h->model, next);
+  if (status == SCENE_OK) status = vs_apply_events(&h->model);
   vs_host_tell_events(&h->model, from);
   return status;
 }
@@ -218,6 +229,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
     for (i = 0; i < S; ++i)
       to->on_shaft[S * p + i] = -vs_entry(it, CONSTRAINTS + p, i) * held->torque;
   }
+  for (i = 0; i < INPUTS; ++i) to->input[i] = m->now.input[i].start;
   m->now = end;
   return status;
 }

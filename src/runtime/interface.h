@@ -55,17 +55,24 @@ void scene_init(scene_model* m) {
 
 scene_status scene_command(scene_model* m, int input, double value) {
   if (input < 0 || input >= INPUTS || !isfinite(value)) return SCENE_BAD_ARGUMENT;
+  if (!is_command[input]) return SCENE_BAD_ARGUMENT;
   m->command[input] = fmin(maximum_of[input], fmax(minimum_of[input], value));
   m->is_commanded[input] = 1;
   m->now.silence[input] = 0.0;
   return SCENE_OK;
 }
 
+/* Commands act, and the events that they or the motion have led to. */
+static void vs_act(scene_model* m) {
+  if (m->status == SCENE_OK) m->status = vs_apply_commands(m);
+  if (m->status == SCENE_OK) m->status = vs_apply_events(m);
+}
+
 /* Moves on to the goal, or to the last state from which the motion goes on. */
 static scene_status vs_reach_goal(scene_model* m) {
   double left = (m->now.goal - m->now.time) + (m->now.goal_rest - m->now.time_rest);
   int steps;
-  if (m->status == SCENE_OK) m->status = vs_apply_commands(m);
+  vs_act(m);
   for (steps = 0; m->status == SCENE_OK && left > 0.0; ++steps) {
     double made = 0.0;
     if (steps == SCENE_MOST_STEPS) {
@@ -78,7 +85,10 @@ static scene_status vs_reach_goal(scene_model* m) {
     vs_apply_timeouts(m);
     left = (m->now.goal - m->now.time) + (m->now.goal_rest - m->now.time_rest);
     /* At the goal itself they wait for what else comes there. */
-    if (m->status == SCENE_OK && left > 0.0) m->status = vs_apply_commands(m);
+    if (left > 0.0)
+      vs_act(m);
+    else if (m->status == SCENE_OK)
+      m->status = vs_apply_events(m);
   }
   return m->status;
 }
@@ -104,7 +114,7 @@ scene_status scene_advance_to(scene_model* m, double time) {
 scene_status scene_read(scene_model* m, scene_sample* sample) {
   scene_series* const it = &m->series[m->present];
   int i, p;
-  if (m->status == SCENE_OK) m->status = vs_apply_commands(m);
+  vs_act(m);
   if (!vs_is_begun(m) && !vs_begin_here(m, 1.0 / 1024.0) && m->status == SCENE_OK) {
     m->status = SCENE_SINGULAR;
   }
@@ -131,6 +141,8 @@ scene_status scene_read(scene_model* m, scene_sample* sample) {
     sample->reserve[i] = vs_reserve(m, it, i);
     sample->heat[i] = m->now.heat[i];
   }
+  for (i = 0; i < STATES; ++i) sample->state[i] = m->now.input[state_input[i]].start;
+  for (i = 0; i < VARIABLES; ++i) sample->variable[i] = m->now.input[variable_input[i]].start;
   return m->status;
 }
 

@@ -8,8 +8,9 @@ typedef struct {
   int has_moved, crossings;
   scene_status status;
   int passed;   /* the event of the last step, or -1 */
+  int has_set;  /* 1: events have set values at the present */
   double usual; /* length of the last step, s */
-  double event; /* that the last step has crossed, in units: from there on its end stands for all */
+  double event; /* that the last step has passed, in units: from there on its end stands for all */
   double longest[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* that C J^-1 C' has been */
   long steps, rejections;
   double memory[SCENE_SHAFTS]; /* the part of R that is not C' multiplier, while modes change */

@@ -1,5 +1,6 @@
 /* The motion as power series of (t - t_n) / unit: with c_k unit^-k the coefficients of t,
  *     omega_{n+1} = unit/(n+1) epsilon_n,  phi_{n+1} = unit/(n+1) omega_n
+ *     z_{n+1} = unit/(n+1) rate_n
  *     J epsilon_n - C' mu_n = a_n,  C epsilon_n = g_n
  * where a_n and g_n follow from the formulas, whose coefficients n are first made with epsilon_n =
  * 0 and then corrected. gauss: mu = lambda of J epsilon + n - Q = C' lambda; generalized: n mu_n =
@@ -70,6 +71,7 @@ VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
     r[ANGLE + i][n] = q * r[VELOCITY + i][n - 1];
     r[ACCELERATION + i][n] = 0.0;
   }
+  for (i = 0; i < STATES; ++i) r[STATE + i][n] = q * r[rate_row[i]][n - 1];
   vs_given(it, n);
   vs_tried(it, n);
   for (i = 0; i < S; ++i) x[i] = vs_force_rest(it, i, n);
@@ -141,6 +143,7 @@ VS_FUNCTION int vs_is_finite(const scene_series* it) {
   int i;
   for (i = 0; i < S; ++i) rest += 0.0 * it->row[ACCELERATION + i][it->order];
   for (i = 0; i < K && IS_CLASSICAL; ++i) rest += 0.0 * it->row[MULTIPLIER + i][it->order];
+  for (i = 0; i < STATES; ++i) rest += 0.0 * it->row[rate_row[i]][it->order];
   return rest == 0.0;
 }
 
@@ -183,12 +186,14 @@ VS_FUNCTION int vs_last(const scene_series* it) {
   return IS_CLASSICAL ? it->order + 1 : it->order;
 }
 
-/* Coefficients N + 1 of angles and velocities, which follow from those of order N. */
+/* Coefficients N + 1 of angles, velocities and states, which follow from those of order N. */
 VS_FUNCTION void vs_integrate_last(scene_series* it) {
   const int n = it->order;
   int i;
   for (i = 0; i < 2 * S; ++i)
     it->row[ANGLE + i][n + 1] = it->unit / (n + 1) * it->row[VELOCITY + i][n];
+  for (i = 0; i < STATES; ++i)
+    it->row[STATE + i][n + 1] = it->unit / (n + 1) * it->row[rate_row[i]][n];
 }
 
 /* True when the last terms are a small part of the tolerance for a step of theta units, and of the
@@ -204,8 +209,8 @@ VS_FUNCTION int vs_is_nothing(const scene_series* it, double theta) {
     if (!(term <= 1e-3 * vs_tolerance(it, x[0]))) return 0;
     if (!(term <= 1e-6 * seriesLarger(fabs(x[0]), fabs(x[1]) * theta))) return 0;
   }
-  for (c = FIRST_JUDGED; c < COMPONENTS; ++c) {
-    const double* const x = it->row[ANGLE + c];
+  for (c = FIRST_JUDGED; c < COMPONENTS + STATES; ++c) {
+    const double* const x = it->row[c < COMPONENTS ? ANGLE + c : STATE + c - COMPONENTS];
     const double term = fabs(x[last]) * power;
     if (!(term <= 1e-3 * vs_tolerance(it, x[0]))) return 0;
     if (!(term <= 1e-6 * seriesLarger(fabs(x[0]), fabs(x[1]) * theta))) return 0;
@@ -213,10 +218,10 @@ VS_FUNCTION int vs_is_nothing(const scene_series* it, double theta) {
   return 1;
 }
 
-/* The largest theta at which the last two terms of the judged rows are a part of the tolerance: the
- * last of degree n within 1/part of it, the one before, which may vanish by accident less often
- * than a single one does, within the part that it has where coefficients decay as the tolerance
- * asks for. */
+/* The largest theta at which the last two terms of the judged rows are a part of the tolerance:
+ * the last of degree n within 1/part of it, the one before, which may vanish by accident less
+ * often than a single one does, within the part that it has where coefficients decay as the
+ * tolerance asks for. */
 VS_FUNCTION_INLINE double vs_log_length(const scene_series* it, int first, int count, int n,
                                         double part) {
   const double decay = DECAY;
@@ -232,8 +237,8 @@ VS_FUNCTION_INLINE double vs_log_length(const scene_series* it, int first, int c
 }
 
 /* The longest step, s, for which the last terms are within the tolerance. The accelerations of
- * gauss are an output, whose own tolerance the step's end is asked for (vs_defect). Up to limit, s,
- * no function does what its series does not show. */
+ * gauss are an output, whose own tolerance the step's end is asked for (vs_defect). Up to limit,
+ * s, no function does what its series does not show. */
 VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
   const int last = vs_last(it);
   const double longest_rates =
@@ -245,6 +250,8 @@ VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
   for (c = 0; c < WATCHED; ++c) {
     theta = seriesSmaller(theta, exp(vs_log_length(it, watched_row[c], 1, it->order, 0.4)));
   }
+  if (STATES > 0)
+    theta = seriesSmaller(theta, exp(vs_log_length(it, STATE, STATES, it->order + 1, 4.0)));
   for (halvings = 0; halvings < 60; ++halvings) {
     const double taken = seriesSmaller(theta, limit / it->unit);
     if (vs_is_resolved(it, taken)) break;

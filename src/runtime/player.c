@@ -29,7 +29,7 @@ static int fail(const char* where, const char* what) {
 static int find_input(const char* name) {
   int i;
   for (i = 0; i < SCENE_INPUTS; ++i) {
-    if (strcmp(scene_input_name[i], name) == 0) return i;
+    if (name[0] != '\0' && strcmp(scene_input_name[i], name) == 0) return i;
   }
   return -1;
 }
@@ -97,6 +97,8 @@ static void write_header(FILE* out) {
   for (i = 0; i < SCENE_HOLDS; ++i) {
     for (c = 0; c < 5; ++c) fprintf(out, ",%s/%s", scene_hold_name[i], of_holds[c]);
   }
+  for (i = 0; i < SCENE_STATES; ++i) fprintf(out, ",states/%s", scene_state_name[i]);
+  for (i = 0; i < SCENE_VARIABLES; ++i) fprintf(out, ",variables/%s", scene_variable_name[i]);
   fputc('\n', out);
 }
 
@@ -115,6 +117,8 @@ static void write_sample(FILE* out, double time, const scene_sample* sample) {
     fprintf(out, ",%d,%.17g,%.17g,%.17g,%.17g", sample->mode[i], sample->torque[i], sample->slip[i],
             sample->reserve[i], sample->heat[i]);
   }
+  for (i = 0; i < SCENE_STATES; ++i) fprintf(out, ",%.17g", sample->state[i]);
+  for (i = 0; i < SCENE_VARIABLES; ++i) fprintf(out, ",%.17g", sample->variable[i]);
   fputc('\n', out);
 }
 

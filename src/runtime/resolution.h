@@ -27,7 +27,10 @@ VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double the
                                         connection_row,
                                         ABSOLUTE_TOLERANCE,
                                         RELATIVE_TOLERANCE,
-                                        theta * it->unit};
+                                        theta * it->unit,
+                                        STATES,
+                                        STATE,
+                                        rate_row};
   struct SeriesResolution asked = {resolved,  RESOLVED, it->row[0], VS_STRIDE, it->mode,
                                    it->piece, ranges,   SCENE_ROWS, &outputs,  {0, 0, 0},
                                    it->order, theta,    {0.0}};

@@ -15,4 +15,6 @@ typedef struct {
   double slip[SCENE_HOLDS + 1];    /* rad/s */
   double reserve[SCENE_HOLDS + 1]; /* N m, how much more it would hold; 0 while it does not hold */
   double heat[SCENE_HOLDS + 1];    /* J since the start */
+  double state[SCENE_STATES + 1];  /* that is integrated with the motion, its own unit */
+  double variable[SCENE_VARIABLES + 1]; /* constant between events, its own unit */
 } scene_sample;

@@ -19,4 +19,5 @@ typedef struct {
   double heat[SCENE_HOLDS + 1];
   scene_signal input[SCENE_INPUTS + 1];
   double silence[SCENE_INPUTS + 1]; /* s since the last command; -1: there was none */
+  int armed[SCENE_EVENTS + 1];      /* sign of each event's function; 0 before the motion */
 } scene_state;

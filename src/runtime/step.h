@@ -63,6 +63,14 @@ VS_FUNCTION double vs_defect(const scene_model* m, const scene_series* it, const
     if (!is_kink || IS_CLASSICAL) defect = seriesLarger(defect, missed);
     if (!isfinite(missed)) return INFINITY;
   }
+  for (i = 0; i < STATES && !is_kink; ++i) {
+    const Real* const z = it->row[STATE + i];
+    double slope = 0.0, missed;
+    for (n = it->order + 1; n > 0; --n) slope = slope * theta + n * z[n];
+    missed = fabs(next->row[rate_row[i]][0] - slope / it->unit) * h / (it->order + 1);
+    defect = seriesLarger(defect, missed / vs_tolerance(it, next->row[STATE + i][0]));
+    if (!isfinite(missed)) return INFINITY;
+  }
   return defect;
 }
 
@@ -187,8 +195,8 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
         status = vs_try(m, &at, &theta, &defect, &loses_rank);
       else
         theta = crossed;
-      m->event = at.theta;
     }
+    m->event = at.theta;
     h = theta * vs_series(m)->unit;
     if (at.guard >= 0 || at.element >= 0)
       m->crossings = h <= 1e-9 * seriesLarger(1.0, m->now.time) ? m->crossings + 1 : 0;

@@ -51,6 +51,7 @@ class Writer {
     writeInertia();
     for (const TorquePtr& torque : scene_.torques) writeTorque(*torque);
     for (const ConstraintPtr& constraint : scene_.constraints) writeConstraint(*constraint);
+    writeMemory();
     writeMotion();
     writeSkips();
     return std::move(sections_);
@@ -77,6 +78,18 @@ class Writer {
         add(withPrime(functionSymbol(*constraint)), constraint->secondOrder());
       }
     }
+    const auto at = [&names](int input) {
+      return names.variables.at(expression::slotOf(Source::kInput, input));
+    };
+    for (const SceneState& it : scene_.states)
+      rates_.emplace_back(withPrime(at(it.input)), it.rate);
+    for (const SceneEvent& it : scene_.events) {
+      auto& event = events_.emplace_back();
+      event.emplace_back(Symbol{it.name, latexName(it.name)}, it.when);
+      for (const auto& [input, value] : it.sets) event.emplace_back(at(input), value);
+      for (const auto& [symbol, node] : event) add(symbol, node);
+    }
+    for (const auto& [symbol, node] : rates_) add(symbol, node);
   }
   /// Gives a node the symbol that other formulas use for it; the first symbol counts.
   void call(const Symbol& symbol, Node node, expression::Names& names) {
@@ -241,6 +254,20 @@ class Writer {
                        [i](const auto& rate) { return rate.first == i; });
   }
 
+  void writeMemory() {
+    if (!rates_.empty()) begin("states, integrated with the motion");
+    for (const auto& [symbol, node] : rates_) define(symbol, node);
+    for (std::size_t i = 0; i < events_.size(); ++i) {
+      const SceneEvent::Direction direction = scene_.events[i].direction;
+      const char* const way = direction == SceneEvent::Direction::kRising    ? "rises"
+                              : direction == SceneEvent::Direction::kFalling ? "falls"
+                                                                             : "goes";
+      begin("event " + scene_.events[i].name + ", where the first " + way +
+            " through 0; the others are set there");
+      for (const auto& [symbol, node] : events_[i]) define(symbol, node);
+    }
+  }
+
   /// Returns the name of f or psi; for order 3, C j + c0.
   Symbol functionSymbol(const Constraint& constraint) const {
     return constraint.order() == 1 ? rowSymbol(constraint, "f", "f")
@@ -390,6 +417,8 @@ class Writer {
   Graph& graph_;
   const bool is_classical_;                     ///< accelerations follow from torques; no rates
   std::vector<std::pair<Symbol, Node>> roots_;  ///< all nodes to write
+  std::vector<std::pair<Symbol, Node>> rates_;  ///< of states
+  std::vector<std::vector<std::pair<Symbol, Node>>> events_;  ///< what passes 0, then what is set
   std::map<int, Symbol> defined_;   ///< by the node's index: the one place where it is written out
   std::map<int, TermPtr> term_of_;  ///< by the node's index
   std::vector<Words> fallen_;       ///< vanishing terms, with reasons

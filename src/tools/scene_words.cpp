@@ -147,6 +147,8 @@ void nameOutputs(const Scene& scene, Register& free, Names& names) {
 }
 
 std::string describeInput(const CommandInputSettings& input) {
+  if (input.kind == InputKind::kState) return "state, which is integrated by its rate";
+  if (input.kind == InputKind::kVariable) return "variable, constant between events";
   return "input, topic '" + input.topic + "', " + toString(input.hold);
 }
 

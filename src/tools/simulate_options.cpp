@@ -287,10 +287,10 @@ usage: simulate SCENE.yaml --duration S [options]
   --output FILE.csv|.bag  where the samples go (default: standard output, as CSV)
   --columns GROUPS        groups of columns beside time, comma between: state (the default),
                           elements (the torques and powers of each torque element, and what
-                          elements tell beside: slip, ratio, modes), inputs (commanded inputs in force),
-                          outputs (the scene's own), energy (kinetic energy, energies of the
-                          applied torques and of the reactions since the start, J, and their
-                          powers, W)
+                          elements tell beside: slip, ratio, modes), inputs (commanded inputs in
+                          force), outputs, states, variables (the scene's own), energy (kinetic
+                          energy, energies of the applied torques and of the reactions since the
+                          start, J, and their powers, W)
   --energy                adds energy to the columns: --columns state,energy
   --error                 an estimate of the global error behind each angle, velocity and
                           acceleration (columns .../estimated_error), by a second, finer motion;
@@ -320,8 +320,9 @@ usage: simulate SCENE.yaml --duration S [options]
 
 A sample at the instant of a command shows the state after it. A bag holds the topics `state`
 (variator_sim/DrivetrainState), `joint_states` (sensor_msgs/JointState) and `scene`
-(variator_sim/SceneInfo), with these groups `elements`, `inputs` and `outputs`
-(variator_sim/NamedValues) and `energy` (variator_sim/DrivetrainEnergy), stamped with simulated time.
+(variator_sim/SceneInfo), with these groups `elements`, `inputs`, `outputs`, `states`,
+`variables` (variator_sim/NamedValues) and `energy` (variator_sim/DrivetrainEnergy), stamped with
+simulated time.
 
 Exit status: 0 the end was reached, or the reader of standard output went away
              1 the motion stopped: reason, time and last good state are on standard error;

@@ -28,6 +28,12 @@ enum {
   MOST_CONSTRAINTS = K,
   MOST_HOLDS = HOLDS,
   MOST_INPUTS = INPUTS,
+  MOST_EVENTS = 0,
+  STATES = 0,
+  STATE = 10,
+  VARIABLES = 0,
+  EVENTS = 0,
+  FIRST_EVENT = 0,
   MOST_SIZE = SIZE,
   IS_CLASSICAL = 0,
   IS_CURVED = 0,
@@ -64,8 +70,12 @@ const char* const scene_shaft_name[] = {"swing", "follower"};
 const char* const scene_constraint_name[] = {"slip", ""};
 const char* const scene_input_name[] = {"torque", ""};
 const char* const scene_hold_name[] = {""};
+const char* const scene_state_name[] = {""};
+const char* const scene_variable_name[] = {""};
 static const int input_row[] = {10}, input_of_row[] = {0}, input_rate_of_row[] = {0};
 static const int hold_of[] = {1}, falls_to_zero[] = {0};
+static const int is_command[] = {1}, state_input[] = {0}, rate_row[] = {0}, variable_input[] = {0};
+static const int event_direction[] = {0}, set_begin[] = {0}, set_input[] = {0}, set_row[] = {0};
 static const double parameter_of[] = {0.5}, initial_input[] = {0.0}, minimum_of[] = {-1.0},
                     maximum_of[] = {1.0}, timeout_of[] = {0.0};
 static const double initial_angle[] = {1.0, 0.0}, initial_velocity[] = {0.0, 0.0},
@@ -159,5 +169,7 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
 #include "runtime/step.h"
 /* */
 #include "runtime/commands.h"
+/* */
+#include "runtime/memory.h"
 /* */
 #include "runtime/interface.h"

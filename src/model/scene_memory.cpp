@@ -1,0 +1,297 @@
+#include "model/scene_memory.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+
+#include "model/scene_symbols.h"
+#include "variator_sim/expression/guards.h"
+#include "variator_sim/expression/parser.h"
+#include "variator_sim/expression/tape.h"
+#include "variator_sim/nearest_name.h"
+#include "variator_sim/types.h"
+
+namespace variator_sim {
+namespace {
+
+using expression::FormulaKind;
+using expression::Graph;
+using expression::Node;
+using expression::slotOf;
+using expression::Source;
+
+Node variableOf(const Scene& scene, int input) {
+  return scene.graph->variable(slotOf(Source::kInput, input));
+}
+
+/// Declares a variable or state as an input; returns its index.
+int declare(InputKind kind, const std::string& name, const std::string& path, double initial,
+            Scene* scene) {
+  const auto same = std::find_if(scene->inputs.begin(), scene->inputs.end(),
+                                 [&](const auto& other) { return other.topic == name; });
+  if (same != scene->inputs.end()) {
+    throw SceneError(path, inQuotes(name) + " is the topic of " + inQuotes(same->owner) +
+                               "; choose another name");
+  }
+  if (scene->inputs.size() >= static_cast<std::size_t>(kMaxInputs)) {
+    throw SceneError(path, inQuotes(name) + " is one input, variable or state too many; allowed: " +
+                               std::to_string(kMaxInputs) + " in one scene");
+  }
+  CommandInputSettings input;
+  input.kind = kind;
+  input.topic = input.name = input.owner = name;
+  input.initial = initial;
+  scene->inputs.push_back(input);
+  return scene->symbols.inputs[name] = scene->inputCount() - 1;
+}
+
+void declareState(const std::string& name, const std::string& path, double initial, Scene* scene) {
+  SceneState state;
+  state.input = declare(InputKind::kState, name, path, initial, scene);
+  state.rate = scene->graph->constant(0.0);
+  scene->states.push_back(state);
+}
+
+/// The context of formulas of `reader`, which must outlive it.
+ComponentContext contextOf(const std::string& name, ParameterReader& reader, Scene* scene) {
+  return {name, reader, scene->shafts, scene->inputs, scene->symbols, scene->graph};
+}
+
+/// Reads a formula whose switching functions the motion is searched for. Throws SceneError.
+Node readSwitching(ComponentContext& context, const char* key) {
+  Graph& graph = *context.graph();
+  const Node node = readFormula(context, key, FormulaKind::kOutput, graph);
+  constexpr std::size_t kMostEdges = 500;
+  try {
+    const std::size_t edges = expression::findBranches(graph, {node}).size();
+    if (edges <= kMostEdges) return node;
+    throw std::length_error("abs, min, max, sign, clamp and if make " + std::to_string(edges) +
+                            " edges; allowed: " + std::to_string(kMostEdges) + " at most");
+  } catch (const std::length_error& error) {
+    throw SceneError(context.parameters().keyPath(key), error.what());
+  }
+}
+
+// --- pid -----------------------------------------------------------------------------------------
+
+/// The numbers of a controller. With e = error, I the integral part and f the filtered error
+///     v = kp e + I + kd f',  f' = (e - f) / Td,  u = v between the limits
+///     I' = ki e + (u - v) / Tt
+/// The value that formulas read is u. Beyond a limit I follows v back with the time constant Tt:
+/// integration that stops there and goes on inside would be switched without end where e pushes v
+/// out as kp e' pulls it in.
+struct Pid {
+  double kp = 0.0;
+  double ki = 0.0;
+  double kd = 0.0;
+  double derivative_time = 0.0;
+  std::vector<double> limits;
+  double tracking_time = 0.0;
+};
+
+Pid readPid(ParameterReader& reader) {
+  for (const char* key : {"type", "error", "kp", "ki", "kd", "limits", "derivative_time",
+                          "tracking_time", "initial", "parameters"}) {
+    reader.allow(key);
+  }
+  Pid made;
+  made.kp = reader.number("kp", Range::any(), 0.0);
+  made.ki = reader.number("ki", Range::any(), 0.0);
+  made.kd = reader.number("kd", Range::any(), 0.0);
+  if (made.kp == 0.0 && made.ki == 0.0 && made.kd == 0.0) {
+    throw SceneError(reader.keyPath("kp"),
+                     "kp, ki and kd are 0; allowed: at least one that is not");
+  }
+  // The derivative of the error itself would need accelerations, which no torque may read.
+  if (made.kd != 0.0) made.derivative_time = reader.number("derivative_time", Range::positive("s"));
+  if (made.kd != 0.0 && !std::isfinite((std::abs(made.kd) + 1.0) / made.derivative_time)) {
+    throw SceneError(reader.keyPath("derivative_time"),
+                     formatNumber(made.derivative_time) + " beside a kd of " +
+                         formatNumber(made.kd) +
+                         ": kd/derivative_time is beyond double precision; allowed: a longer time");
+  }
+  if (!reader.has("limits")) return made;
+  made.limits = reader.numbers("limits", 2);
+  if (!(made.limits[0] < made.limits[1])) {
+    throw SceneError(reader.keyPath("limits"), formatNumber(made.limits[0]) + " and " +
+                                                   formatNumber(made.limits[1]) +
+                                                   ": the lower limit comes first");
+  }
+  if (made.ki != 0.0) {
+    std::optional<double> preset;
+    if (made.kp / made.ki > 0.0) preset = made.kp / made.ki;
+    made.tracking_time = reader.number("tracking_time", Range::positive("s"), preset);
+  }
+  return made;
+}
+
+void readController(const std::string& name, ParameterReader& root, SceneState* states,
+                    Scene* scene) {
+  ParameterReader reader = root.section(name);
+  const Pid pid = readPid(reader);
+  ComponentContext context = contextOf(name, reader, scene);
+  Graph& graph = *scene->graph;
+  const auto times = [&graph](double factor, Node node) {
+    return graph.multiply(graph.constant(factor), node);
+  };
+  const Node e = readFormula(context, "error", FormulaKind::kQuantity, graph);
+  Node v = graph.add(times(pid.kp, e), variableOf(*scene, states[0].input));
+  if (pid.kd != 0.0) {
+    const Node f = variableOf(*scene, states[1].input);
+    states[1].rate = times(1.0 / pid.derivative_time, graph.subtract(e, f));
+    v = graph.add(v, times(pid.kd, states[1].rate));
+  }
+  Node u = v;
+  states[0].rate = times(pid.ki, e);
+  if (!pid.limits.empty()) {
+    u = graph.minimum(graph.maximum(v, graph.constant(pid.limits[0])),
+                      graph.constant(pid.limits[1]));
+  }
+  if (pid.tracking_time > 0.0) {
+    states[0].rate =
+        graph.add(states[0].rate, times(1.0 / pid.tracking_time, graph.subtract(u, v)));
+  }
+  scene->symbols.values[name] = u;
+  reader.finish();
+}
+
+bool isController(const std::string& name, ParameterReader& root) {
+  ParameterReader reader = root.section(name);
+  if (!reader.has("type")) return false;
+  reader.choice("type", {"pid"});
+  return true;
+}
+
+void nameElementValues(Scene* scene) {
+  Graph& graph = *scene->graph;
+  SceneSymbols& symbols = scene->symbols;
+  // (An input that has such a name keeps it.)
+  const auto add = [&](const std::string& name, Node value) {
+    symbols.of_elements.insert(name);
+    if (symbols.inputs.count(name) == 0 && symbols.played.count(name) == 0)
+      symbols.values.emplace(name, value);
+  };
+  const auto add_outputs = [&add](const auto& element) {
+    const NamedOutputs& outputs = element.outputs();
+    for (std::size_t i = 0; i < outputs.names().size(); ++i) {
+      add(element.name() + "_" + outputs.names()[i], outputs.nodes()[i]);
+    }
+  };
+  for (const TorquePtr& torque : scene->torques) {
+    Node power = graph.constant(0.0);
+    for (const auto& [shaft, value] : torque->torques()) {
+      const Node velocity = graph.variable(slotOf(Source::kVelocity, shaft));
+      power = graph.add(power, graph.multiply(value, velocity));
+    }
+    if (!torque->torques().empty()) add(torque->name() + "_torque", torque->torques()[0].second);
+    add(torque->name() + "_power", power);
+    add_outputs(*torque);
+  }
+  for (const ConstraintPtr& constraint : scene->constraints) add_outputs(*constraint);
+}
+
+void readStates(ParameterReader& root, const SceneNames& names, Scene* scene) {
+  for (const std::string& name : names.states) {
+    if (isController(name, root)) continue;
+    ParameterReader reader = root.section(name);
+    for (const char* key : {"rate", "initial", "parameters"}) reader.allow(key);
+    ComponentContext context = contextOf(name, reader, scene);
+    const int input = scene->symbols.inputs.at(name);
+    SceneState& state = *std::find_if(scene->states.begin(), scene->states.end(),
+                                      [&](const SceneState& it) { return it.input == input; });
+    state.rate = readSwitching(context, "rate");
+    reader.finish();
+  }
+}
+
+void readEvents(ParameterReader& root, const SceneNames& names, Scene* scene) {
+  Graph& graph = *scene->graph;
+  if (names.events.size() > static_cast<std::size_t>(kMaxEvents)) {
+    throw SceneError("events", std::to_string(names.events.size()) + " events; allowed: at most " +
+                                   std::to_string(kMaxEvents));
+  }
+  for (const std::string& name : names.events) {
+    ParameterReader reader = root.section(name);
+    for (const char* key : {"when", "direction", "set", "parameters"}) reader.allow(key);
+    ComponentContext context = contextOf(name, reader, scene);
+    SceneEvent event;
+    event.name = name;
+    event.when = readSwitching(context, "when");
+    if (graph.isConstant(event.when)) {
+      throw SceneError(reader.keyPath("when"),
+                       "is a constant, which passes 0 nowhere; allowed: a formula that changes "
+                       "its sign along the motion");
+    }
+    const std::string direction =
+        reader.choice("direction", {"rising", "falling", "both"}, std::string("both"));
+    if (direction == "rising") event.direction = SceneEvent::Direction::kRising;
+    if (direction == "falling") event.direction = SceneEvent::Direction::kFalling;
+    ParameterReader set = reader.section("set");
+    for (int i = 0; i < scene->inputCount(); ++i) {
+      const CommandInputSettings& input = scene->inputs[static_cast<std::size_t>(i)];
+      if (input.kind == InputKind::kCommanded) continue;
+      set.allow(input.name);
+      if (!set.has(input.name)) continue;
+      event.sets.emplace_back(i,
+                              readFormula(context, set, input.name, FormulaKind::kOutput, graph));
+    }
+    set.finish();
+    if (event.sets.empty()) {
+      throw SceneError(reader.keyPath("set"),
+                       "sets nothing; allowed: names of variables and states with their values");
+    }
+    reader.finish();
+    scene->events.push_back(std::move(event));
+  }
+}
+
+}  // namespace
+
+void declareMemory(ParameterReader& root, const SceneNames& names, Scene* scene) {
+  for (const std::string& name : names.torques) {
+    for (const char* of : {"_torque", "_power"}) scene->symbols.of_elements.insert(name + of);
+  }
+  for (const auto& [list, listed] :
+       {std::pair{"variables", &names.variables}, {"states", &names.states}}) {
+    checkFormulaNames(names, list, *listed);
+    for (std::size_t i = 0; i < listed->size(); ++i) {
+      const std::string& name = (*listed)[i];
+      if (scene->symbols.of_elements.count(name) == 0) continue;
+      throw SceneError(elementPath(list, i), inQuotes(name) +
+                                                 " is the torque or power of an element in "
+                                                 "formulas; choose another");
+    }
+  }
+  for (const std::string& name : names.variables) {
+    ParameterReader reader = root.section(name);
+    declare(InputKind::kVariable, name, name, reader.number("initial", Range::any(), 0.0), scene);
+    reader.finish();
+  }
+  std::vector<std::pair<std::string, std::size_t>> controllers;
+  for (const std::string& name : names.states) {
+    ParameterReader reader = root.section(name);
+    const double initial = reader.number("initial", Range::any(), 0.0);
+    if (!isController(name, root)) {
+      declareState(name, name, initial, scene);
+      continue;
+    }
+    controllers.emplace_back(name, scene->states.size());
+    declareState(name + "_integral", name, initial, scene);
+    if (reader.number("kd", Range::any(), 0.0) != 0.0)
+      declareState(name + "_filtered", name, 0.0, scene);
+  }
+  for (const auto& [name, first] : controllers) {
+    readController(name, root, &scene->states[first], scene);
+  }
+}
+
+void readMemory(ParameterReader& root, const SceneNames& names, Scene* scene) {
+  if (scene->torques.size() != names.torques.size()) return;
+  if (scene->constraints.size() != names.constraints.size()) return;
+  nameElementValues(scene);
+  readStates(root, names, scene);
+  readEvents(root, names, scene);
+}
+
+}  // namespace variator_sim
