@@ -33,7 +33,7 @@ typedef struct {
   int is_event; /* 1: the step ends at an event behind which all begins anew */
   int is_still; /* 1: nothing moves by more than the tolerance in it */
   long rejections;
-  double event; /* from where on, s of the step, its end stands for all */
+  double event;              /* from where on, s of the step, its end stands for all */
   const scene_event* events; /* changes of modes, the last of them (host.h) */
   int event_count;
   int culprit; /* an element that cannot begin in its mode, or -1 (host.h) */
