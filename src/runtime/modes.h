@@ -398,7 +398,12 @@ VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, doubl
   }
   for (round = 0; round < 5 * HOLDS + 5 && hits > 0; ++round) {
     int wrong = -1;
-    if (!vs_factor(it, 1, 3)) return SCENE_NO_MODES;
+    if (!vs_factor(it, 1, 3)) { /* others may imply the last row; else it is wrong below */
+      for (h = HOLDS - 1; h >= 0 && !it->counts[h]; --h) continue;
+      if (h < 0) return SCENE_NO_MODES;
+      it->counts[h] = 0;
+      continue;
+    }
     for (i = 0; i < SIZE; ++i) x[i] = 0.0;
     for (h = 0; h < HOLDS; ++h) x[S + CONSTRAINTS + h] = after[h] - slip[h];
     vs_solve(it, x);
