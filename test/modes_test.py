@@ -55,8 +55,9 @@ class ModesTest(TestCase):
         """The same by simulate."""
         path = self.folder / "it.yaml"
         path.write_text(scene)
-        done = call(SIMULATE, path, "--duration", duration, "--rate", rate, "--columns", "state,elements,energy",
-                    "--output", self.folder / "s.csv", "--events", self.folder / "t.csv", *options)
+        done = call(SIMULATE, path, "--duration", duration, "--rate", rate, "--columns",
+                    "state,elements,energy", "--output", self.folder / "s.csv", "--events",
+                    self.folder / "t.csv", *options)
         self.assertEqual((done.returncode, done.stderr), (0, ""))
         return read(self.folder / "s.csv"), read(self.folder / "t.csv")[1]
 

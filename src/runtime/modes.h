@@ -28,9 +28,9 @@ VS_FUNCTION_RARE double vs_torque_size(const scene_series* it, int i, int n) {
   return size;
 }
 
-/* The size of coefficient n of the torques on the shafts that element h acts on. */
+/* The size of coefficient n of the torques on the shafts that element h acts on, and its limits. */
 VS_FUNCTION_RARE double vs_sum_of_torques(const scene_series* it, int h, int n) {
-  double size = 0.0;
+  double size = fabs(it->row[upper_row[h]][n]) + fabs(it->row[lower_row[h]][n]);
   int i;
   for (i = 0; i < S; ++i) {
     const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
@@ -40,7 +40,8 @@ VS_FUNCTION_RARE double vs_sum_of_torques(const scene_series* it, int h, int n) 
 }
 
 /* The size of coefficient n of a slip that is rounding: what a torque that is rounding makes of it,
- * f_n = unit/n C J^-1 C' T_{n-1}, so that slips and torques let go at the same instants. */
+ * f_n = unit/n C J^-1 C' T_{n-1}, and as much again: a torque that lets go, by more than rounding
+ * or not, leaves a slip that does not turn back. */
 VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
   double size = 0.0, mobility = 0.0;
   int i;
@@ -49,7 +50,7 @@ VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
     size += C * fabs(it->row[VELOCITY + i][0]);
     mobility += C * C / vs_inertia(it, i, i);
   }
-  if (n > 0) return vs_noise(it) * it->unit / n * mobility * vs_sum_of_torques(it, h, n - 1);
+  if (n > 0) return 2.0 * vs_noise(it) * it->unit / n * mobility * vs_sum_of_torques(it, h, n - 1);
   return seriesLarger(1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size);
 }
 
@@ -61,9 +62,7 @@ VS_FUNCTION_RARE double vs_condition_noise(const scene_series* it, int h, int ki
     case VS_OF_SLIP:
       return vs_slip_noise(it, h, n);
     case VS_OF_TORQUE:
-      size = vs_sum_of_torques(it, h, n);
-      return vs_noise(it) *
-             (size + fabs(it->row[upper_row[h]][n]) + fabs(it->row[lower_row[h]][n]));
+      return vs_noise(it) * vs_sum_of_torques(it, h, n);
     case VS_OF_GAP:
       if (n > 0) return it->unit / n * vs_slip_noise(it, h, n - 1);
       for (i = 0; i < S; ++i) size += fabs(it->row[ANGLE + i][0]);
@@ -399,7 +398,12 @@ VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, doubl
   }
   for (round = 0; round < 5 * HOLDS + 5 && hits > 0; ++round) {
     int wrong = -1;
-    if (!vs_factor(it, 1, 3)) return SCENE_NO_MODES;
+    if (!vs_factor(it, 1, 3)) { /* others may imply the last row; else it is wrong below */
+      for (h = HOLDS - 1; h >= 0 && !it->counts[h]; --h) continue;
+      if (h < 0) return SCENE_NO_MODES;
+      it->counts[h] = 0;
+      continue;
+    }
     for (i = 0; i < SIZE; ++i) x[i] = 0.0;
     for (h = 0; h < HOLDS; ++h) x[S + CONSTRAINTS + h] = after[h] - slip[h];
     vs_solve(it, x);

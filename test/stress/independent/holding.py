@@ -339,8 +339,10 @@ def simulated(machine, simulate, folder, duration, rate):
     """The samples of `simulate`."""
     folder = pathlib.Path(folder)
     (folder / "scene.yaml").write_text(machine.scene())
-    words = [simulate, folder / "scene.yaml", "--duration", duration, "--rate", rate, "--output", folder / "o.csv"]
-    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False, timeout=300)
+    words = [simulate, folder / "scene.yaml", "--duration", duration, "--rate", rate, "--output",
+             folder / "o.csv"]
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False,
+                          timeout=300)
     if done.returncode != 0:
         return None, done.stderr
     with open(folder / "o.csv", encoding="utf-8") as file:
