@@ -21,7 +21,7 @@ ASKED = re.compile(r"\b(?:number|numbers|quantity|text|integer|boolean|choice|na
                    r'\(\s*"([a-z_]+)"')
 READERS = [*FOLDER.glob("src/laws/*.cpp"), *FOLDER.glob("src/model/*.cpp"),
            FOLDER / "src/ros/node_settings.cpp"]
-REFERENCE = ["doc/scene.md", "doc/constraints.md", "doc/torques.md", "doc/states.md", "doc/node.md"]
+REFERENCE = ["doc/scene.md", "doc/constraints.md", "doc/torques.md", "doc/holding.md", "doc/states.md", "doc/node.md"]
 
 
 def without_code(text):

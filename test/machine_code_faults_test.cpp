@@ -233,7 +233,7 @@ TEST_F(MachineCodeFaults, AFullDisk) {
   rlimit before = {};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
   std::vector<std::string> sentences;
-  for (const rlim_t most : {100U, 150000U}) {
+  for (const rlim_t most : {100U, 250000U}) {
     const rlimit small = {most, before.rlim_max};
     ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
     sentences.push_back(run());

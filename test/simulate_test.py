@@ -176,7 +176,7 @@ class SimulateTest(SimulateTestCase):
         self.check_refused([SHIP, "--duration", "1", "--columns"], "needs a value")
         self.check_refused([SHIP, "--duration", "1", "--columns", "state,enrgy"], "'enrgy'",
                            "did you mean 'energy'",
-                           "allowed: state, elements, inputs, outputs, energy")
+                           "allowed: state, elements, inputs, outputs, states, variables, energy")
         self.check_refused([SHIP, "--duration", "1", "--columns", "element"],
                            "did you mean 'elements'")
         self.check_refused([SHIP, "--duration", "1", "--columns", "state,"], "''")

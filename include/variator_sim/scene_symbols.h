@@ -28,7 +28,8 @@ struct SceneSymbols {
   std::map<std::string, std::shared_ptr<const Table>> played;
   /// Formulas that have names: values of controllers, and, for observers only, those of elements.
   std::map<std::string, expression::Node> values;
-  std::set<std::string> of_elements;  ///< the names that only observers may read
+  /// The names that only observers may read.
+  std::shared_ptr<std::set<std::string>> of_elements = std::make_shared<std::set<std::string>>();
 };
 
 }  // namespace variator_sim

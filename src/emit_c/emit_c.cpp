@@ -92,9 +92,9 @@ class Emission {
     std::vector<std::string> variables;
     std::vector<std::string> states;
     for (const CommandInputSettings& input : scene_.inputs) {
-      const bool is_command = input.kind == InputKind::kCommanded;
-      topics.push_back(is_command ? input.topic : "");
-      if (!is_command) (input.kind == InputKind::kState ? states : variables).push_back(input.name);
+      const bool takes_commands = input.kind == InputKind::kCommanded;
+      topics.push_back(takes_commands ? input.topic : "");
+      if (!takes_commands) (input.kind == InputKind::kState ? states : variables).push_back(input.name);
     }
     return list("shaft", scene_.shafts) + list("constraint", namesOf(scene_.constraints)) +
            list("input", topics) + list("hold", program_.holdNames()) + list("state", states) +

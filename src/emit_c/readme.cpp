@@ -43,13 +43,13 @@ std::string tablesOf(const Scene& scene) {
     text += "| " + std::to_string(index++) + " | " + shaft + " |\n";
   }
   index = 0;
-  const auto is_command = [](const auto& it) { return it.kind == InputKind::kCommanded; };
-  if (std::any_of(scene.inputs.begin(), scene.inputs.end(), is_command)) {
+  const auto takes_commands = [](const auto& it) { return it.kind == InputKind::kCommanded; };
+  if (std::any_of(scene.inputs.begin(), scene.inputs.end(), takes_commands)) {
     text += "\n| input | topic | first value | clamped to | hold |\n|---|---|---|---|---|\n";
   }
   for (const CommandInputSettings& input : scene.inputs) {
     const int own = index++;
-    if (!is_command(input)) continue;
+    if (!takes_commands(input)) continue;
     text += "| " + std::to_string(own) + " | " + input.topic + " | " + numberOf(input.initial) +
             " | " + numberOf(input.minimum) + " .. " + numberOf(input.maximum) + " | " +
             holdOf(input) + " |\n";

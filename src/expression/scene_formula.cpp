@@ -86,7 +86,7 @@ void checkParameterName(const std::string& name, const std::string& path,
   if (context.symbols().inputs.count(name) != 0 || context.symbols().played.count(name) != 0) {
     taken = "already the name of an input";
   }
-  if (context.symbols().values.count(name) != 0 && context.symbols().of_elements.count(name) == 0) {
+  if (context.symbols().values.count(name) != 0 && context.symbols().of_elements->count(name) == 0) {
     taken = "already the name of a controller";
   }
   if (context.symbols().tables.count(name) != 0) taken = "already the name of a table";
@@ -159,7 +159,7 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
   Node formula;
   try {
     const NameExplainer explain = [&](const std::string& unknown) {
-      if (context.symbols().of_elements.count(unknown) != 0 && kind != FormulaKind::kOutput) {
+      if (context.symbols().of_elements->count(unknown) != 0 && kind != FormulaKind::kOutput) {
         return std::string(
             "rate, when, set and outputs may read the torques and powers of elements, but laws may "
             "not, from which these follow");

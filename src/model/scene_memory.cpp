@@ -168,7 +168,7 @@ void nameElementValues(Scene* scene) {
   SceneSymbols& symbols = scene->symbols;
   // (An input that has such a name keeps it.)
   const auto add = [&](const std::string& name, Node value) {
-    symbols.of_elements.insert(name);
+    symbols.of_elements->insert(name);
     if (symbols.inputs.count(name) == 0 && symbols.played.count(name) == 0)
       symbols.values.emplace(name, value);
   };
@@ -250,14 +250,14 @@ void readEvents(ParameterReader& root, const SceneNames& names, Scene* scene) {
 
 void declareMemory(ParameterReader& root, const SceneNames& names, Scene* scene) {
   for (const std::string& name : names.torques) {
-    for (const char* of : {"_torque", "_power"}) scene->symbols.of_elements.insert(name + of);
+    for (const char* of : {"_torque", "_power"}) scene->symbols.of_elements->insert(name + of);
   }
   for (const auto& [list, listed] :
        {std::pair{"variables", &names.variables}, {"states", &names.states}}) {
     checkFormulaNames(names, list, *listed);
     for (std::size_t i = 0; i < listed->size(); ++i) {
       const std::string& name = (*listed)[i];
-      if (scene->symbols.of_elements.count(name) == 0) continue;
+      if (scene->symbols.of_elements->count(name) == 0) continue;
       throw SceneError(elementPath(list, i), inQuotes(name) +
                                                  " is the torque or power of an element in "
                                                  "formulas; choose another");

@@ -289,7 +289,7 @@ void MotionProgram::setHolds(const expression::Graph& graph) {
 void MotionProgram::setMemory(const Scene& scene) {
   int count = 0;
   for (const CommandInputSettings& it : scene.inputs) {
-    is_command.values.push_back(it.kind == InputKind::kCommanded ? 1 : 0);
+    takes_commands.values.push_back(it.kind == InputKind::kCommanded ? 1 : 0);
     if (it.kind == InputKind::kVariable) variable_input.values.push_back(count);
     ++count;
   }

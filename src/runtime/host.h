@@ -174,7 +174,7 @@ VS_FUNCTION int vs_host_change(vs_host* h, vs_exchange* from) {
   scene_status status;
   int i;
   for (i = 0; i < INPUTS; ++i) {
-    next[i] = is_command[i] ? vs_signal_of(&from->input[i]) : h->model.now.input[i];
+    next[i] = takes_commands[i] ? vs_signal_of(&from->input[i]) : h->model.now.input[i];
   }
   vs_host_forget_step(h);
   h->model.events = 0;
@@ -235,17 +235,21 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
 }
 
 /* The work, J, of the applied torques over the first `at` s of the last step:
- * sum_n p_n tau^(n+1) / (n+1), p_n = sum_i sum_k Q_ik omega_i,n-k */
+ * sum_n p_n tau^(n+1) / (n+1), p_n = sum_i sum_k Q_ik omega_i,n-k, up to the degree of the product.
+ */
 VS_FUNCTION double vs_host_work(const vs_host* h, double at) {
   const scene_series* const it = &h->model.series[h->taken];
   const double tau = seriesSmaller(at, h->made) / it->unit;
   double power = it->unit * tau;
   double sum = 0.0;
-  int i, n;
-  for (n = 0; n <= it->order; ++n, power *= tau) {
+  const int last = it->order;
+  int i, k, n;
+  for (n = 0; n <= 2 * last; ++n, power *= tau) {
     double p = 0.0;
     for (i = 0; i < S; ++i) {
-      p += vs_convolve(it->row[torque_row[i]], it->row[VELOCITY + i], n, 0, 0);
+      const double* const Q = it->row[torque_row[i]];
+      const double* const omega = it->row[VELOCITY + i];
+      for (k = n > last ? n - last : 0; k <= n && k <= last; ++k) p += Q[k] * omega[n - k];
     }
     sum += p * power / (n + 1);
   }

@@ -55,7 +55,7 @@ void scene_init(scene_model* m) {
 
 scene_status scene_command(scene_model* m, int input, double value) {
   if (input < 0 || input >= INPUTS || !isfinite(value)) return SCENE_BAD_ARGUMENT;
-  if (!is_command[input]) return SCENE_BAD_ARGUMENT;
+  if (!takes_commands[input]) return SCENE_BAD_ARGUMENT;
   m->command[input] = fmin(maximum_of[input], fmax(minimum_of[input], value));
   m->is_commanded[input] = 1;
   m->now.silence[input] = 0.0;

@@ -94,7 +94,7 @@ VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
  * for all. Compilers that share the work define a part of them each (VS_ORDERS_HERE). */
 #ifdef VS_EACH_ORDER
 #ifndef VS_ORDERS_HERE
-#define VS_ORDERS_HERE VS_EACH_ORDER
+#define VS_ORDERS_HERE(X) VS_EACH_ORDER(X)
 #define VS_ORDER_STORAGE VS_FUNCTION_RARE
 #endif
 #define VS_ORDER_DECLARATION(n) VS_ORDER_STORAGE void vs_order_##n(scene_series* it);

@@ -288,9 +288,10 @@ usage: simulate SCENE.yaml --duration S [options]
   --columns GROUPS        groups of columns beside time, comma between: state (the default),
                           elements (the torques and powers of each torque element, and what
                           elements tell beside: slip, ratio, modes), inputs (commanded inputs in
-                          force), outputs, states, variables (the scene's own), energy (kinetic
-                          energy, energies of the applied torques and of the reactions since the
-                          start, J, and their powers, W)
+                          force), outputs (the scene's own), states (the scene's own),
+                          variables (the scene's own), energy (kinetic energy, energies of the
+                          applied torques and of the reactions since the start, J, and their
+                          powers, W)
   --energy                adds energy to the columns: --columns state,energy
   --error                 an estimate of the global error behind each angle, velocity and
                           acceleration (columns .../estimated_error), by a second, finer motion;
