@@ -237,7 +237,8 @@ TEST_F(MachineCodeBits, OfMotionsOfFilesAreTheInterpreters) {
         "/../config/acceleration_circle.yaml", "/../config/ratio_steps.yaml",
         "/../config/ship.yaml", "/../config/applications/diesel_locomotive.yaml",
         "/../config/applications/machine_tool.yaml", "/../config/applications/vbelt_vehicle.yaml",
-        "/../config/applications/starting_system.yaml"}) {
+        "/../config/applications/starting_system.yaml", "/modes/CoupledClutches.yaml",
+        "/modes/OneWayClutch.yaml"}) {
     SCOPED_TRACE(name);
     expectSameBits(test::sceneFromFile(tests + name));
   }
