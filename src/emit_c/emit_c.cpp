@@ -94,7 +94,8 @@ class Emission {
     for (const CommandInputSettings& input : scene_.inputs) {
       const bool takes_commands = input.kind == InputKind::kCommanded;
       topics.push_back(takes_commands ? input.topic : "");
-      if (!takes_commands) (input.kind == InputKind::kState ? states : variables).push_back(input.name);
+      if (!takes_commands)
+        (input.kind == InputKind::kState ? states : variables).push_back(input.name);
     }
     return list("shaft", scene_.shafts) + list("constraint", namesOf(scene_.constraints)) +
            list("input", topics) + list("hold", program_.holdNames()) + list("state", states) +

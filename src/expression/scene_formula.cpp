@@ -86,7 +86,8 @@ void checkParameterName(const std::string& name, const std::string& path,
   if (context.symbols().inputs.count(name) != 0 || context.symbols().played.count(name) != 0) {
     taken = "already the name of an input";
   }
-  if (context.symbols().values.count(name) != 0 && context.symbols().of_elements->count(name) == 0) {
+  if (context.symbols().values.count(name) != 0 &&
+      context.symbols().of_elements->count(name) == 0) {
     taken = "already the name of a controller";
   }
   if (context.symbols().tables.count(name) != 0) taken = "already the name of a table";
