@@ -292,3 +292,4 @@ void MotionSeries::pointAtRows() {
 }
 
 }  // namespace variator_sim
+#undef LAYOUT

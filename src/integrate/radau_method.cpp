@@ -8,9 +8,9 @@
 namespace variator_sim {
 namespace {
 
-using Real = long double;
-using Complex = std::complex<Real>;
-using RealVector = std::vector<Real>;
+using LongReal = long double;
+using Complex = std::complex<LongReal>;
+using RealVector = std::vector<LongReal>;
 using RealMatrix = std::vector<RealVector>;
 
 /// The value of the polynomial whose coefficients are given from the constant one on.
@@ -24,7 +24,7 @@ Number evaluate(const RealVector& coefficients, Number x) {
 RealVector differentiate(const RealVector& coefficients) {
   RealVector slope;
   for (std::size_t k = 1; k < coefficients.size(); ++k) {
-    slope.push_back(static_cast<Real>(k) * coefficients[k]);
+    slope.push_back(static_cast<LongReal>(k) * coefficients[k]);
   }
   return slope;
 }
@@ -51,12 +51,12 @@ std::vector<Complex> findRoots(const RealVector& coefficients) {
 /// x^(s-1) (x - 1)^s.
 RealVector makeRadauPolynomial(int stages) {
   RealVector coefficients;
-  Real chosen = stages % 2 == 0 ? 1 : -1;  // binomials (s over j) of alternating sign
+  LongReal chosen = stages % 2 == 0 ? 1 : -1;  // binomials (s over j) of alternating sign
   for (int j = 0; j <= stages; ++j) {
-    Real coefficient = chosen;
-    for (int k = j + 1; k < stages + j; ++k) coefficient *= static_cast<Real>(k);
+    LongReal coefficient = chosen;
+    for (int k = j + 1; k < stages + j; ++k) coefficient *= static_cast<LongReal>(k);
     coefficients.push_back(coefficient);
-    chosen *= -static_cast<Real>(stages - j) / static_cast<Real>(j + 1);
+    chosen *= -static_cast<LongReal>(stages - j) / static_cast<LongReal>(j + 1);
   }
   return coefficients;
 }
@@ -75,7 +75,7 @@ RealMatrix invert(RealMatrix a) {
     std::swap(inverse[pivot], inverse[column]);
     for (std::size_t row = 0; row < n; ++row) {
       if (row == column) continue;
-      const Real part = a[row][column] / a[column][column];
+      const LongReal part = a[row][column] / a[column][column];
       for (std::size_t j = 0; j < n; ++j) {
         a[row][j] -= part * a[column][j];
         inverse[row][j] -= part * inverse[column][j];
@@ -83,7 +83,7 @@ RealMatrix invert(RealMatrix a) {
     }
   }
   for (std::size_t i = 0; i < n; ++i) {
-    for (Real& entry : inverse[i]) entry /= a[i][i];
+    for (LongReal& entry : inverse[i]) entry /= a[i][i];
   }
   return inverse;
 }
@@ -94,7 +94,7 @@ RealMatrix makeSlopes(const RealVector& points) {
   RealMatrix slopes(n, RealVector(n));
   for (std::size_t j = 0; j < n; ++j) {
     for (std::size_t i = 0; i < n; ++i) {
-      Real product = 1 / points[j];
+      LongReal product = 1 / points[j];
       if (i == j) {
         for (std::size_t k = 0; k < n; ++k) {
           if (k != j) product += 1 / (points[j] - points[k]);
@@ -139,14 +139,15 @@ RadauMethod::RadauMethod(int stages) : stages_(stages) {
   points.back() = 1;
 
   RealVector characteristic(s + 1);
-  for (std::size_t k = 0; k <= s; ++k) characteristic[s - k] = evaluate(derivatives[k], Real(0));
+  for (std::size_t k = 0; k <= s; ++k)
+    characteristic[s - k] = evaluate(derivatives[k], LongReal(0));
   RealMatrix T(s, RealVector(s));
   std::size_t columns = 1;
   for (const Complex& m : findRoots(characteristic)) {
     const bool is_real = std::abs(m.imag()) < 1e-9L;
     if (!is_real && m.imag() < 0) continue;
     // The eigenvector of a - ib: its parts are the columns of the block ((a, -b), (b, a)).
-    const auto eigenvector = [&](Real theta) {
+    const auto eigenvector = [&](LongReal theta) {
       Complex sum = 0;
       for (std::size_t k = s + 1; k-- > 0;) {
         sum = (sum + evaluate(derivatives[k], theta)) / std::conj(m);
@@ -173,7 +174,7 @@ RadauMethod::RadauMethod(int stages) : stages_(stages) {
   copy(T, T_);
   copy(invert(T), inverse_transform_);
   for (std::size_t j = 0; j < s; ++j) {
-    Real scale = 1 / points[j];
+    LongReal scale = 1 / points[j];
     for (std::size_t k = 0; k < s; ++k) {
       if (k != j) scale /= points[j] - points[k];
     }

@@ -629,7 +629,7 @@ std::string ProgramMotion::setState(const MotionState& state, bool project) {
   MotionState before;
   if (!saveState(&before)) return "the motion has stopped";
   if (motion_ != nullptr) {
-    const std::string fault = motion_->setState(state, project);
+    std::string fault = motion_->setState(state, project);
     time = motion_->time;
     const MotionState& now = fault.empty() ? state : before;
     commands.reset();
@@ -639,7 +639,7 @@ std::string ProgramMotion::setState(const MotionState& state, bool project) {
   }
   const scene_status status = goOnFrom(state, project);
   if (status == SCENE_OK && status_.ok()) return "";
-  const std::string fault =
+  std::string fault =
       status == SCENE_INCONSISTENT
           ? "the velocities or accelerations do not satisfy the constraints; 'project' moves them"
           : std::string("the motion cannot go on from there: ") + toString(reasonOf(status));

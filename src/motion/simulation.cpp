@@ -164,7 +164,7 @@ bool Simulation::saveState(MotionState* state) {
   return motion_->saveState(state);
 }
 std::string Simulation::setState(const MotionState& state, bool project) {
-  const std::string fault = motion_->setState(state, project);
+  std::string fault = motion_->setState(state, project);
   if (fault.empty() && motion_->error_estimate) {
     motion_->error_estimate->companion().setState(state, project);
     motion_->error_estimate->forget();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 
 #include "expression/c_code.h"
 #include "expression/series_dot.h"
@@ -446,13 +447,13 @@ std::string MotionProgram::writeOrders(bool in_units) const {
   std::string text;
   for (int n = 1; n <= SCENE_ORDER; ++n) {
     const std::string order = std::to_string(n);
-    const std::string call = "X(" + order + ")";
-    const std::string name = "VS_ORDER_" + order + "(X)";
-    each += " " + call;
-    here += " " + name;
+    std::ostringstream own;
+    each += " X(" + order + ")";
+    here += " VS_ORDER_" + order + "(X)";
     // The last unit has all else to compile.
-    text += "#if UNITS == 1 || " + order + " % (UNITS - 1) == UNIT\n#define " + name + " " + call +
-            "\n#else\n#define " + name + "\n#endif\n";
+    own << "#if UNITS == 1 || " << n << " % (UNITS - 1) == UNIT\n#define VS_ORDER_" << n << "(X) X("
+        << n << ")\n#else\n#define VS_ORDER_" << n << "(X)\n#endif\n";
+    text += own.str();
   }
   if (!in_units) return "#ifndef VS_SMALL\n" + each + "\n#endif\n";
   return each + "\n" + text + here +
