@@ -151,7 +151,7 @@ class EmitCTest(TestCase):
         words = self.arguments(name)
         expected = call(SIMULATE, self.folder / f"{name}.yaml", *words, "--columns", "state,states,variables")
         self.assertEqual(expected.returncode, 0, expected.stderr)
-        got = call(self.compile(name, "gcc", "-O1"), *words)
+        got = call(self.compile(name, "gcc", "-O0"), *words)
         self.assertEqual((got.returncode, got.stderr), (0, ""))
         self.compare(parse(expected.stdout), parse(got.stdout), scene.allowed)
 
@@ -160,7 +160,7 @@ class EmitCTest(TestCase):
         for name in ("ship", "edges", "tables", "two_constraints_gauss", "holds"):
             with self.subTest(scene=name):
                 self.emit(name, SCENES[name].scene)
-                self.compile(name, "clang", "-O1")
+                self.compile(name, "clang", "-O0")
 
     def test_compiles_where_nothing_is_there_to_count(self):
         self.emit("lone", "shafts: [a]\na: {inertia: 1.0}\n")
@@ -172,19 +172,19 @@ class EmitCTest(TestCase):
     def test_needs_the_library_of_mathematics_only(self):
         for name in ("ship", "edges", "tables", "two_constraints_gauss"):
             folder = self.emit(name, SCENES[name].scene)
-            done = call("gcc", *STRICT, "-O1", "-c", folder / f"{name}.c", "-o", folder / "scene.o")
+            done = call("gcc", *STRICT, "-O0", "-c", folder / f"{name}.c", "-o", folder / "scene.o")
             self.assertEqual(done.returncode, 0, done.stderr)
             symbols = {line.split()[-1] for line in call("nm", "-u", folder / "scene.o").stdout.splitlines()}
             self.assertGreater(len(symbols), 3)
             self.assertEqual(symbols - FREESTANDING, set())
-        program = self.compile("ship", "gcc", "-O1")
+        program = self.compile("ship", "gcc", "-O0")
         symbols = call("nm", "-u", program).stdout
         for forbidden in ("malloc", "calloc", "realloc", "free"):
             self.assertNotIn(f" {forbidden}@", symbols)
 
     def test_no_memory_but_the_models_is_written_to(self):
         folder = self.emit("edges", SCENES["edges"].scene)
-        done = call("gcc", "-std=c99", "-O1", "-c", folder / "edges.c", "-o", folder / "scene.o")
+        done = call("gcc", "-std=c99", "-O0", "-c", folder / "edges.c", "-o", folder / "scene.o")
         self.assertEqual(done.returncode, 0, done.stderr)
         kinds = {line.split()[-2] for line in call("nm", folder / "scene.o").stdout.splitlines()}
         self.assertEqual(kinds & set("bBCgGsS"), set())  # nothing that begins as zero
@@ -195,7 +195,7 @@ class EmitCTest(TestCase):
             self.emit(name, SCENES[name].scene)
             words = self.arguments(name)
             expected = call(SIMULATE, self.folder / f"{name}.yaml", *words)
-            program = self.compile(name, "aarch64-linux-gnu-gcc", "-O1", "-static")
+            program = self.compile(name, "aarch64-linux-gnu-gcc", "-O0", "-static")
             got = call("qemu-aarch64", program, *words)
             self.assertEqual((got.returncode, got.stderr), (0, ""))
             self.compare(parse(expected.stdout), parse(got.stdout), SCENES[name].allowed)
@@ -203,7 +203,7 @@ class EmitCTest(TestCase):
     def test_runs_clean_under_the_sanitizers(self):
         for name in ("edges", "tables", "two_constraints_gauss"):
             self.emit(name, SCENES[name].scene)
-            program = self.compile(name, "gcc", "-O1", "-fsanitize=address,undefined",
+            program = self.compile(name, "gcc", "-O0", "-fsanitize=address,undefined",
                                    "-fno-sanitize-recover=all")
             got = call(program, *self.arguments(name))
             self.assertEqual((got.returncode, got.stderr), (0, ""))
@@ -213,10 +213,10 @@ class EmitCTest(TestCase):
         commands = self.folder / "many.csv"
         commands.write_text("time,topic,value\n" + "0.5,throttle,0.5\n" * 10001)
         words = ["--duration", "0.1", "--commands", commands]
-        got = call(self.compile("tables", "gcc", "-O1"), *words)
+        got = call(self.compile("tables", "gcc", "-O0"), *words)
         self.assertEqual((got.returncode, got.stdout), (2, ""))
         self.assertIn("many.csv: more than 10000 commands: compile main.c with a larger -DMOST_COMMANDS=N", got.stderr)
-        got = call(self.compile("tables", "gcc", "-O1", "-DMOST_COMMANDS=10001"), *words)
+        got = call(self.compile("tables", "gcc", "-O0", "-DMOST_COMMANDS=10001"), *words)
         self.assertEqual((got.returncode, got.stderr), (0, ""))
 
     def test_make_and_the_readme(self):
@@ -299,7 +299,7 @@ class EmitCTest(TestCase):
         (folder / "own.c").write_text(
             f'#include <math.h>\n#include <stdio.h>\n#include "{name}.h"\n'
             f"static {name}_model m;\nint main(void) {{\n  {name}_sample s;\n{body}\n  return 0;\n}}\n")
-        done = call("gcc", "-std=c99", "-O1", "-o", folder / "own", folder / "own.c",
+        done = call("gcc", "-std=c99", "-O0", "-o", folder / "own", folder / "own.c",
                     folder / f"{name}.c", "-lm")
         self.assertEqual(done.returncode, 0, done.stderr)
         done = call(folder / "own")
@@ -339,7 +339,7 @@ principle: gauss
 initial: {velocity: [10.0, 8.0]}
 """
         self.emit("jump", curved.replace("PULSE", "if(t < 1, 0, 3)"))
-        got = call(self.compile("jump", "gcc", "-O1"), "--duration", 1.2, "--rate", 1)
+        got = call(self.compile("jump", "gcc", "-O0"), "--duration", 1.2, "--rate", 1)
         self.assertEqual((got.returncode, got.stderr), (0, ""))
         ramp = self.folder / "ramp.yaml"
         ramp.write_text(curved.replace("PULSE", "3*clamp((t-1)/1e-5, 0, 1)"))
@@ -370,7 +370,7 @@ initial: {velocity: [10.0, 8.0]}
 
     def check_stops(self, name, scene, reason, at, within=1e-4):
         self.emit(name, scene)
-        done = call(self.compile(name, "gcc", "-O1"), "--duration", 5, "--rate", 100)
+        done = call(self.compile(name, "gcc", "-O0"), "--duration", 5, "--rate", 100)
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertIn(reason, done.stderr)
         self.assertAlmostEqual(float(done.stderr.split()[2]), at, delta=within)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 #include <utility>
 
@@ -189,9 +190,9 @@ bool ProgramMotion::stepIntegrated(double end) {
   const double before = frontTime();
   const bool is_good = integrated().step(end);
   forgetSample();
-  if (!is_good || motion_->isSleeping() || !progress_.isStuck(before, frontTime() - before)) {
-    return is_good;
-  }
+  // (A step that time does not resolve is a short one, too.)
+  const double made = std::max(frontTime() - before, std::numeric_limits<double>::min());
+  if (!is_good || motion_->isSleeping() || !progress_.isStuck(before, made)) return is_good;
   motion_->integrator.stopStuck();
   return false;
 }
