@@ -120,6 +120,24 @@ INSTANTIATE_TEST_SUITE_P(
                     "/../config/applications/vbelt_vehicle.yaml",
                     "/../config/applications/starting_system.yaml"));
 
+TEST(ProgramMotion, CountsTheInstantsAtWhichInputsJump) {
+  const Scene scene = test::sceneFromFile(VARIATOR_SIM_TEST_DIR "/cases/torque_steps/scene.yaml");
+  Simulation programmed = programOf(scene);
+  Simulation beside(scene);
+  Motion::of(beside) = std::make_unique<ProgramMotion>(
+      scene, std::make_unique<MotionProgram>(scene), std::make_unique<Motion>(scene));
+  Simulation integrated(scene);
+  for (Simulation* const simulation : {&programmed, &beside, &integrated}) {
+    for (int n = 1; n <= 5; ++n) {
+      simulation->advanceTo(0.1 * n);
+      simulation->command(0, n);
+      simulation->command(1, -n);
+      simulation->sample();
+    }
+    EXPECT_EQ(simulation->statistics().jumps, 5U);
+  }
+}
+
 TEST(ProgramMotion, HasTheBitsOfTheInterpreterInMachineCode) {
   for (const char* name : {"/cases/crank_elastic/scene.yaml", "/cases/torque_steps/scene.yaml"}) {
     const Scene scene = test::sceneFromFile(VARIATOR_SIM_TEST_DIR + std::string(name));

@@ -215,7 +215,7 @@ bool ProgramMotion::mayTakeOver() {
   return integrator.stepStart().time < integrator.stepEnd().time || !integrator.sleepExactly();
 }
 
-void ProgramMotion::takeOver() {
+void ProgramMotion::describeIntegrated() {
   Integrator& integrator = motion_->integrator;
   const double end = integrator.stepEnd().time;
   std::fill_n(multiplier_, kMaxConstraints, 0.0);
@@ -229,6 +229,13 @@ void ProgramMotion::takeOver() {
   }
   it_.time = signal_origin_.time();
   it_.time_rest = signal_origin_.rest();
+  it_.usual = kFirstUnit;
+  describeInputs();
+}
+
+void ProgramMotion::takeOver() {
+  describeIntegrated();
+  std::copy_n(motion_->integrator.stepEnd().torque.data(), scene.shaftCount(), torque_);
   begin(Begin::kSaved);
   const EnergyAccount& account = motion_->energy_meter.account();
   start_kinetic_ = account.start_kinetic;
@@ -426,18 +433,18 @@ void ProgramMotion::changeInputs() {
   std::copy_n(signal_, scene.inputCount(), before);
   const TimeOrigin origin = signal_origin_;
   signal_origin_.moveTo(time);
+  bool jumps = false;
   for (int i = 0; i < scene.inputCount(); ++i) {
     CommandSignal& signal = signal_[i];
     if (signal.segmentEnd() <= now) signal.finishSegment();
     signal.moveOrigin(now);
     if (!commands.hasCommand(i) || signal.target() == commands.value(i)) continue;
-    if (signal.command(scene.inputs[static_cast<std::size_t>(i)], 0.0, commands.value(i),
-                       resolutionOf(time))) {
-      ++statistics_.jumps;
-    }
+    const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(i)];
+    jumps = signal.command(input, 0.0, commands.value(i), resolutionOf(time)) || jumps;
   }
   describeInputs();
   const scene_status status = host_->change(&it_);
+  if (jumps && status == SCENE_OK) ++statistics().jumps;
   noteEvents();
   last_events_ = 0;
   if (motion_ == nullptr) {
@@ -772,7 +779,7 @@ std::string ProgramMotion::describeStepper() const {
 bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
   std::unique_ptr<HostedMotion> compiled = hostMotion(library, *program_);
   if (compiled == nullptr) return false;
-  // The first step has to be that of the interpreter.
+  // The next step has to be that of the interpreter.
   const std::unique_ptr<HostedMotion> interpreted = hostMotion(*program_);
   double state[2][3 * kMaxShafts] = {};
   double length[2] = {};
@@ -780,7 +787,11 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
   scene_status status[2];
   int n = 0;
   for (HostedMotion* const tried : {interpreted.get(), compiled.get()}) {
-    host_->leave(&it_);
+    if (is_integrated_) {
+      describeIntegrated();
+    } else {
+      host_->leave(&it_);
+    }
     vs_exchange from = it_;
     from.begin = static_cast<int>(Begin::kSaved);
     status[n] = tried->begin(from);

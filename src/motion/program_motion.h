@@ -105,6 +105,8 @@ class ProgramMotion final : public MotionBase {
   void commandIntegrated();
   /// True where the program may go on from the integrator's step end.
   bool mayTakeOver();
+  /// Writes the state and the inputs at the end of the integrator's step.
+  void describeIntegrated();
   void takeOver();
   /// The integrator goes on from the end of the step. `steps`: so many at least; `trial`: see
   /// Integrator::goOnFrom.
