@@ -58,7 +58,6 @@ class EventCrossing : private StepPart {
 
   /// The end, where an input's closed form ends, lies on an event, and its torque is that before.
   bool isEndOnEvent() const { return is_end_on_event_; }
-  void endOnEvent() { is_end_on_event_ = true; }
   /// The jump map at such an end. False when the motion stopped.
   bool finishEnd();
   /// The jump map at the end, from the inputs u0 to those that the signals now have. False when the

@@ -87,15 +87,8 @@ void Integrator::beginFirstAt(const State& x) {
   restart();
 }
 
-void Integrator::beginFrom(double time, const State& x, const double* epsilon,
-                           const MotionState::History& history) {
-  const Statistics counted = step_.statistics;
-  reset();
-  step_.statistics = counted;
-  step_.progress.begin(time);
-  step_.choice.reset(history.is_implicit);
-  step_.origin.moveTo(time);
-  step_.drivetrain.setOrigin(time);
+void Integrator::placeEnd(const State& x, const double* epsilon) {
+  step_.drivetrain.setOrigin(step_.origin.time());
   step_.drivetrain.refreshInputs(0.0);
   step_.end = StepNode(step_.system);
   step_.end.x = x;
@@ -104,6 +97,17 @@ void Integrator::beginFrom(double time, const State& x, const double* epsilon,
   std::copy_n(x.begin() + step_.S, step_.S, slope.begin());
   std::copy_n(epsilon, step_.S, slope.begin() + step_.S);
   step_.system.noteBase(0.0, x, slope);
+}
+
+void Integrator::beginFrom(double time, const State& x, const double* epsilon,
+                           const MotionState::History& history) {
+  const Statistics counted = step_.statistics;
+  reset();
+  step_.statistics = counted;
+  step_.progress.begin(time);
+  step_.choice.reset(history.is_implicit);
+  step_.origin.moveTo(time);
+  placeEnd(x, epsilon);
   if (history.exists) {
     step_.is_at_start = false;
     step_.system.reaction().keep(history.kept_reaction);
@@ -125,14 +129,7 @@ void Integrator::goOnFrom(const TimeOrigin& origin, const State& x, const double
   step_.checks.reset();
   step_.rows.reset();
   step_.origin = origin;
-  step_.drivetrain.setOrigin(origin.time());
-  step_.drivetrain.refreshInputs(0.0);
-  step_.end = StepNode(step_.system);
-  step_.end.x = x;
-  State slope(step_.system.size());
-  std::copy_n(x.begin() + step_.S, step_.S, slope.begin());
-  std::copy_n(epsilon, step_.S, slope.begin() + step_.S);
-  step_.system.noteBase(0.0, x, slope);
+  placeEnd(x, epsilon);
   for (int m = 0; m < step_.drivetrain.constraintCount(); ++m) {
     step_.rows.remember(m, longest_rows[m]);
   }

@@ -144,6 +144,8 @@ class Integrator {
   /// The event that was found by the last step is due: true when it is crossed.
   bool crossDueEvent();
   void moveOrigin(double t);
+  /// The step ends at the origin of time, at x with the accelerations `epsilon`.
+  void placeEnd(const State& x, const double* epsilon);
 
   CurrentStep step_;
   GuardSearch guards_;

@@ -62,6 +62,16 @@ inline double power(double base, int exponent) {
   return result;
 }
 
+/// The early term of a series of N terms that tells a component which has died away: it has at most
+/// `bound` tolerances there, for x^m / m! at x = N / e, where it limits a step.
+struct EarlyTerm {
+  explicit EarlyTerm(int most) : index(std::max(2, most / 4)), bound(2.0 * kFaint) {
+    for (int k = 1; k <= index; ++k) bound *= most / (kE * k);
+  }
+  int index;
+  double bound;
+};
+
 /// Estimates |h lambda| over the bound of the scheme's stability, h = `length` units, from the
 /// coefficients c of each component from `first` to `count`, of which `last` is the last one.
 ///
@@ -70,12 +80,12 @@ inline double power(double base, int exponent) {
 /// singularity of size delta at a distance R, which allows |h| < R. Of a motion that swings or
 /// turns so fast delta is far above the tolerance.
 ///
-/// A component that has died away has at most `early_bound` / length^early tolerances in its term
-/// `early`.
+/// A component that has died away has at most early.bound / length^early.index tolerances in its
+/// early term.
 inline double estimate(const double* const* rows, int first, int count, int last, double length,
-                       int early, double early_bound, const Tolerance& tolerance) {
+                       const EarlyTerm& early, const Tolerance& tolerance) {
   double stiffest = 0.0;
-  const double most_early = early_bound / power(length, early);
+  const double most_early = early.bound / power(length, early.index);
   double size[3 * kMaxShafts];  // of the last terms, but for the same factor in all
   double largest_size = 0.0;
   for (int n = first; n < count; ++n) {
@@ -88,7 +98,7 @@ inline double estimate(const double* const* rows, int first, int count, int last
     if (!(size[n] >= kLimiting * largest_size)) continue;
     const double* const c = rows[n];
     // A component that has died away has at most this in its early terms.
-    if (std::abs(c[early]) > most_early * tolerance.of(c[0])) continue;
+    if (std::abs(c[early.index]) > most_early * tolerance.of(c[0])) continue;
     const double faint = kFaint * tolerance.of(c[0]);
     const double rate = exponentialRate(c, last);  // |lambda| unit
     if (rate > 0.0) {

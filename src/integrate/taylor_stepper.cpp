@@ -35,10 +35,7 @@ class TaylorStepper final : public Stepper {
     const double ratio = std::pow(std::max(tolerance.relative, 1e-16), 1.0 / most_);
     decay_[0] = 1.0;
     for (int k = 1; k < kTerms; ++k) decay_[k] = ratio * decay_[k - 1];
-    // x^m / m! at x = N / e, where a component that has died away limits a step of N terms.
-    early_ = std::max(2, most_ / 4);
-    early_bound_ = 2.0 * series_stiffness::kFaint;
-    for (int k = 1; k <= early_; ++k) early_bound_ *= most_ / (series_stiffness::kE * k);
+    early_ = series_stiffness::EarlyTerm(most_);
   }
   const char* name() const override { return "taylor"; }
   bool stepsBySeries() const override { return true; }
@@ -160,7 +157,7 @@ class TaylorStepper final : public Stepper {
     if (last < series_stiffness::kDerivatives) return 0.0;
     series_->fetchState();
     return series_stiffness::estimate(rows_, least_angle_, size_, last, length_ / series_->unit(),
-                                      early_, early_bound_, tolerance_);
+                                      early_, tolerance_);
   }
 
   bool interpolate(System& system, double time, const StepNode& from, const StepNode& /*to*/,
@@ -431,8 +428,7 @@ class TaylorStepper final : public Stepper {
   double powers_[kRoom] = {};                // of the part of a unit that was looked at last
   int last_power_ = 0;
   State end_;  // of the last step, as its series gives it
-  int early_ = 2;
-  double early_bound_ = 0.0;  // tolerances
+  series_stiffness::EarlyTerm early_{0};
   double base_time_ = std::numeric_limits<double>::quiet_NaN();
   /// From where the next step is not made as a whole.
   double refused_at_ = std::numeric_limits<double>::quiet_NaN();

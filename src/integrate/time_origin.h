@@ -19,7 +19,7 @@ class TimeOrigin {
   double absolute(double t) const { return origin_ + (origin_rest_ + t); }
   double relative(double time) const { return (time - origin_) - origin_rest_; }
   double time() const { return origin_; }
-  /// What a double rounds off that.
+  /// The part of it that a double rounds off.
   double rest() const { return origin_rest_; }
 
   /// Times are counted from `time`, which is 0 then to the bit, on.

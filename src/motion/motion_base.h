@@ -1,4 +1,4 @@
-/// What all motions of scenes have in common: the current time, commands and samples.
+/// The base of all motions: their current time, commands and samples.
 ///
 /// Steps are made freely ahead of the current time; the current time lies in the last one. Samples
 /// are taken from inside that step and commands cut it, so that no sampling rate, tick or advance

@@ -69,11 +69,13 @@ class ProgramMotion final : public MotionBase {
   bool shareMachineCode(const MotionBase& other) override;
 
  private:
-  /// Where a motion begins (host.h).
+  /// The kinds of beginnings (host.h).
   enum class Begin { kSaved, kStart, kWritten };
   /// Steps between two beginnings: there code that was loaded meanwhile takes over, so that no bit
   /// depends on when it was.
   static constexpr int kMostBetween = 64;
+  /// s: the length of a first step is found from a series in this unit.
+  static constexpr double kFirstUnit = 1e-3;
   static constexpr int kMostRows = kMaxConstraints + kMaxHolds;
   /// Changes of modes that wait to be taken; older ones are forgotten.
   static constexpr std::size_t kMostEvents = 1024;
@@ -139,6 +141,7 @@ class ProgramMotion final : public MotionBase {
     status_.time = time;
   }
   void stop(scene_status status);
+  static StopReason reasonOf(scene_status status);
   void noteEvents();
   /// Copies what belongs to elements that hold into a state, and back.
   void saveHeld(HeldState* held) const;
@@ -182,7 +185,7 @@ class ProgramMotion final : public MotionBase {
   int armed_[kMaxEvents] = {};
   double seen_input_[kMaxInputs] = {};  ///< values of states and variables in the last sample
   double begin_ = 0.0;                  ///< start of the last step, s
-  double begin_rest_ = 0.0;             ///< what a double rounds off that
+  double begin_rest_ = 0.0;             ///< the part of it that a double rounds off
   bool has_step_ = false;               ///< false: the motion begins at it_
   bool is_start_ = true;
   bool is_still_ = false;

@@ -69,36 +69,19 @@ class StopMessage {
 
 std::string StopMessage::explain() {
   switch (status_.reason) {
-    case StopReason::kNone:
-      return "";
-    case StopReason::kSingularConstraint:
-      return "the derivatives of the constraints by the accelerations have lost rank, so the "
-             "principle no longer determines the jerk";
     case StopReason::kStepUnderflow:
       return "the step fell below the resolution of time: " + explainUnderflow();
-    case StopReason::kNonFiniteValue:
-      return "a value is NaN or infinite here or just ahead";
-    case StopReason::kStepTooLarge:
-      return "the estimated error of one fixed step is a large part of the state: 'solver/step' is "
-             "too large for this motion";
     case StopReason::kToleranceTooSmall:
       return explainLostTolerance();
     case StopReason::kStepLimit:
       return explainStepLimit();
-    case StopReason::kJumpFailed:
-      return "the jump leads to no state on the constraints";
     case StopReason::kChattering:
       return "a law jumps, or bends, where the motion turns back at once, so none of its branches "
              "goes on: " +
              smoothLawFor(functionOfGuard());
-    case StopReason::kTimeExhausted:
-      return "simulated time has come to the end of what messages can hold, 136 years: ~reset_time "
-             "begins it anew";
-    case StopReason::kNoModes:  // of program motions only
-    case StopReason::kProjectionFailed:
-      return "no accelerations that satisfy the constraints were found";
+    default:
+      return explainReason(status_.reason);
   }
-  return "";
 }
 
 std::string StopMessage::explainUnderflow() {
@@ -273,6 +256,31 @@ std::string listCandidates(System& system, const Start& start) {
 }
 
 }  // namespace
+
+const char* explainReason(StopReason reason) {
+  switch (reason) {
+    case StopReason::kSingularConstraint:
+      return "the derivatives of the constraints by the accelerations have lost rank, so the "
+             "principle no longer determines the jerk";
+    case StopReason::kNonFiniteValue:
+      return "a value is NaN or infinite here or just ahead";
+    case StopReason::kStepTooLarge:
+      return "the estimated error of one fixed step is a large part of the state: 'solver/step' is "
+             "too large for this motion";
+    case StopReason::kJumpFailed:
+      return "the jump leads to no state on the constraints";
+    case StopReason::kTimeExhausted:
+      return "simulated time has come to the end of what messages can hold, 136 years: ~reset_time "
+             "begins it anew";
+    case StopReason::kNoModes:
+      return "no modes of the elements that hold go on: rigid ones contradict each other, or "
+             "limits that depend on the motion leave none";
+    case StopReason::kProjectionFailed:
+      return "no accelerations that satisfy the constraints were found";
+    default:
+      return "";
+  }
+}
 
 std::string describeStop(Motion& motion) {
   return motion.status().ok() ? "" : StopMessage(motion).write();

@@ -11,6 +11,9 @@ namespace variator_sim {
 
 struct Motion;
 
+/// Returns the explanation of a reason that needs nothing of the motion; "" of the others.
+const char* explainReason(StopReason reason);
+
 /// Returns a sentence for the status of a motion that has stopped; "" while it runs.
 std::string describeStop(Motion& motion);
 

@@ -261,7 +261,8 @@ void MotionProgram::setInputs(const Scene& scene) {
   }
 }
 
-/// What elements that hold transmit and their limits are series that no error of the state judges.
+/// The torques that elements hold with and their limits are series that no error of the state
+/// judges.
 void MotionProgram::setHolds(const expression::Graph& graph) {
   for (int n = 0; n < K && HOLDS > 0; ++n) watched_row.values.push_back(TRANSMITTED + n);
   for (const SceneHold& it : formulas_.holds) {

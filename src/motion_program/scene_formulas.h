@@ -32,7 +32,7 @@ struct SceneFormulas {
   std::vector<expression::Node> connection;         ///< 1/2 J_i' omega
   std::vector<expression::Branch> signs;            ///< switching functions, of events at the end
   std::vector<expression::Passage> tables;
-  /// Of elements that hold, whose rows follow those of the constraints above.
+  /// The formulas of elements that hold, whose rows follow those of the constraints above.
   std::vector<SceneHold> holds;
   std::vector<std::string> hold_names;  ///< the element's, and the part's behind a slash
   std::vector<expression::Node> rate;   ///< of each state

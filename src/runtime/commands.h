@@ -1,4 +1,4 @@
-/* What commands and a start do to the state, and what else there is to see. */
+/* Commands and starts change the state; residuals and reaction rates are read from it. */
 
 /* True where `values` are those that were given. */
 VS_FUNCTION int vs_are_given(const double* values, const double* given) {

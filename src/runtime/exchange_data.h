@@ -54,7 +54,7 @@ typedef struct {
   double side, torque, slip, reserve, heat;
 } vs_seen_hold;
 
-/* What a host sees of an instant. */
+/* The quantities of one instant that a host asks for. */
 typedef struct {
   double *angle, *velocity, *acceleration, *torque; /* Q; S each */
   double *reaction, *reaction_rate;                 /* R, R'; S */

@@ -1,0 +1,149 @@
+/// Descriptions of a motion by the scene's program, and its machine code.
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <string>
+#include <utility>
+
+#include "motion/program_motion.h"
+#include "motion/stop_message.h"
+#include "variator_sim/errors.h"
+
+namespace variator_sim {
+
+namespace {
+
+const char* explain(StopReason reason) {
+  switch (reason) {
+    case StopReason::kStepUnderflow:
+      return "the step fell below the resolution of time: the motion changes ever faster here, or "
+             "has no power series";
+    case StopReason::kChattering:
+      return "a law jumps, or bends, where the motion turns back at once, so none of its branches "
+             "goes on";
+    case StopReason::kStepLimit:
+      return "more steps than 'solver/maximum_steps' within one simulated second";
+    default:
+      return explainReason(reason);
+  }
+}
+
+}  // namespace
+
+void ProgramMotion::throwInitialError(scene_status status) {
+  const bool is_inconsistent = status == SCENE_INCONSISTENT;
+  host_->leave(&it_);
+  if (is_inconsistent && program_->HOLDS > 0 && it_.culprit >= 0) throwInitialMode();
+  const char* const key =
+      scene.initial.acceleration.empty() ? "initial/velocity" : "initial/acceleration";
+  throw SceneError(
+      key, is_inconsistent
+               ? "does not satisfy the constraints; 'initial/project: true' starts at the nearest "
+                 "values that do"
+               : std::string("no motion begins here: ") + explain(reasonOf(status)) +
+                     scene.extreme_numbers);
+}
+
+std::vector<std::string> ProgramMotion::skips() const {
+  return motion_ != nullptr ? motion_->skips() : std::vector<std::string>{};
+}
+
+void ProgramMotion::throwInitialMode() {
+  const auto element = static_cast<std::size_t>(it_.culprit);
+  const std::string torque = formatNumber(it_.culprit_torque) + " N m";
+  const bool is_stuck =
+      program_->begins_in.values[element] == static_cast<int>(Holding::Begin::kStuck);
+  std::string fault = "'slipping': it holds at the start, with " + torque;
+  if (is_stuck) {
+    fault = std::abs(it_.culprit_slip) > scene.solver.absolute_tolerance
+                ? "'stuck': its slip is " + formatNumber(it_.culprit_slip) + " rad/s at the start"
+                : "'stuck': it would have to hold " + torque + " at the start";
+  }
+  throw SceneError(program_->holdNames()[element] + "/initial",
+                   fault + "; allowed: auto, or a start to which it belongs");
+}
+
+std::string ProgramMotion::describeStop() {
+  if (motion_ != nullptr) {
+    integrated().forgetSample();
+    return motion_->describeStop();
+  }
+  if (status_.ok()) return "";
+  const int S = scene.shaftCount();
+  const StateView state = view();
+  std::ostringstream text;
+  text << toString(status_.reason) << " at t = " << formatNumber(status_.time)
+       << " s: " << explain(status_.reason)
+       << "; last good state: angle = " << formatNumbers(state.angle, S)
+       << " rad, velocity = " << formatNumbers(state.velocity, S)
+       << " rad/s, acceleration = " << formatNumbers(state.acceleration, S) << " rad/s^2";
+  const int event = it_.passed - program_->FIRST_EVENT;
+  if (status_.reason == StopReason::kChattering && event >= 0 && event < program_->EVENTS) {
+    text << "; the event " << inQuotes(scene.events[static_cast<std::size_t>(event)].name)
+         << " came last: what it sets must not set it off again at once";
+  }
+  text << scene.extreme_numbers;
+  return text.str();
+}
+
+std::string ProgramMotion::describeStepper() const {
+  return motion_ != nullptr ? motion_->describeStepper() : "taylor (the scene's own program)";
+}
+
+// --- machine code ----------------------------------------------------------------------------
+
+bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
+  std::unique_ptr<HostedMotion> compiled = hostMotion(library, *program_);
+  if (compiled == nullptr) return false;
+  // The next step has to be that of the interpreter.
+  const std::unique_ptr<HostedMotion> interpreted = hostMotion(*program_);
+  double state[2][3 * kMaxShafts] = {};
+  double length[2] = {};
+  vs_exchanged_signal input[kMaxInputs] = {};
+  scene_status status[2];
+  int n = 0;
+  for (HostedMotion* const tried : {interpreted.get(), compiled.get()}) {
+    if (is_integrated_) {
+      describeIntegrated();
+    } else {
+      host_->leave(&it_);
+    }
+    vs_exchange from = it_;
+    from.begin = static_cast<int>(Begin::kSaved);
+    status[n] = tried->begin(from);
+    vs_exchange made = from;
+    made.state = state[n];
+    made.input = input;
+    if (status[n] == SCENE_OK) status[n] = tried->step(kFirstUnit, &made);
+    if (status[n] == SCENE_OK) tried->leave(&made);
+    length[n++] = made.made;
+  }
+  const bool is_right =
+      status[0] == status[1] &&
+      (status[0] != SCENE_OK ||
+       (length[0] == length[1] && std::equal(state[0], std::end(state[0]), state[1])));
+  if (!is_right) return false;
+  next_host_ = std::move(compiled);
+  library_ = library;
+  return true;
+}
+
+std::string ProgramMotion::loadCode(KernelLibrary::Missing missing, bool* compiled) {
+  const MoreCode code = {program_->writeKernel(), [this](const auto& made) { return use(made); }};
+  if (motion_ != nullptr) return motion_->loadCodeWith(code, missing, compiled);
+  std::string reason;
+  const auto library =
+      KernelLibrary::load(KernelLibrary::kUnits + code.source, missing, &reason, code.use);
+  *compiled = library != nullptr && library->wasCompiled();
+  return reason;
+}
+
+bool ProgramMotion::shareMachineCode(const MotionBase& other) {
+  const auto* const like = dynamic_cast<const ProgramMotion*>(&other);
+  if (like == nullptr || like->library_ == nullptr) return false;
+  if (program_->structure() != like->program_->structure()) return false;
+  if (motion_ != nullptr && !motion_->shareMachineCode(*like->motion_)) return false;
+  return use(like->library_);
+}
+
+}  // namespace variator_sim

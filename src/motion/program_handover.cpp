@@ -1,0 +1,177 @@
+/// How the integrator takes over from the scene's program, and gives the motion back.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "integrate/series_stiffness.h"
+#include "motion/program_motion.h"
+
+namespace variator_sim {
+
+bool ProgramMotion::stepIntegrated(double end) {
+  steps_left_ = std::max(0, steps_left_ - 1);
+  const double before = frontTime();
+  const bool is_good = integrated().step(end);
+  forgetSample();
+  // (A step that time does not resolve is a short one, too.)
+  const double made = std::max(frontTime() - before, std::numeric_limits<double>::min());
+  if (!is_good || motion_->isSleeping() || !progress_.isStuck(before, made)) return is_good;
+  motion_->integrator.stopStuck();
+  return false;
+}
+
+void ProgramMotion::commandIntegrated() {
+  Motion& motion = integrated();
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    if (commands.hasCommand(i)) motion.commands.add(i, commands.value(i), time);
+  }
+  motion.forgetSample();
+  motion.settle();
+  time = motion.time;
+  forgetSample();
+}
+
+bool ProgramMotion::mayTakeOver() {
+  Integrator& integrator = motion_->integrator;
+  if (steps_left_ > 0 || !integrator.mayStepBySeries()) return false;
+  // A controller's machine is to be seen at rest at once.
+  return integrator.stepStart().time < integrator.stepEnd().time || !integrator.sleepExactly();
+}
+
+void ProgramMotion::describeIntegrated() {
+  Integrator& integrator = motion_->integrator;
+  const double end = integrator.stepEnd().time;
+  std::fill_n(multiplier_, kMaxConstraints, 0.0);
+  integrator.describeEnd(state_, multiplier_, longest_);
+  std::copy_n(motion_->system.reaction().kept().value, scene.shaftCount(), reaction_);
+  signal_origin_ = integrator.origin();
+  signal_origin_.moveBy(end);
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    signal_[i] = motion_->signal(i);
+    signal_[i].moveOrigin(end);
+  }
+  it_.time = signal_origin_.time();
+  it_.time_rest = signal_origin_.rest();
+  it_.usual = kFirstUnit;
+  describeInputs();
+}
+
+void ProgramMotion::takeOver() {
+  describeIntegrated();
+  std::copy_n(motion_->integrator.stepEnd().torque.data(), scene.shaftCount(), torque_);
+  begin(Begin::kSaved);
+  const EnergyAccount& account = motion_->energy_meter.account();
+  start_kinetic_ = account.start_kinetic;
+  applied_ = applied_before_ = account.applied;
+  is_integrated_ = false;
+  settling_ = 0;
+}
+
+void ProgramMotion::handOver(int steps, double trial) {
+  host_->leave(&it_);
+  TimeOrigin front;
+  front.moveTo(it_.time);
+  front.moveBy(it_.time_rest);
+  const double now = signal_origin_.relative(it_.time) + it_.time_rest;
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    CommandSignal& signal = motion_->drivetrain.signal(i);
+    signal = signal_[i];
+    if (signal.segmentEnd() <= now) signal.finishSegment();
+    signal.moveOrigin(now);
+  }
+  State x(motion_->system.size());
+  std::copy_n(state_, x.size(), x.begin());
+  motion_->integrator.goOnFrom(front, x, state_ + 2 * scene.shaftCount(), longest_, trial);
+  motion_->forgetSample();
+  is_integrated_ = true;
+  has_step_ = false;
+  steps_left_ = steps;
+}
+
+double ProgramMotion::calcStiffness() {
+  const double* rows[3 * kMaxShafts];
+  vs_shown shown = {rows, 0, 0.0};
+  host_->show(&shown);
+  const bool is_classical = scene.principle == Principle::kGauss;
+  const int last = is_classical ? shown.last + 1 : shown.last;
+  if (last < series_stiffness::kDerivatives) return 0.0;
+  const int first = motion_->system.readsAngles() ? 0 : scene.shaftCount();
+  return series_stiffness::estimate(
+      shown.rows, first, motion_->system.size(), last, it_.usual / shown.unit,
+      series_stiffness::EarlyTerm(last),
+      {scene.solver.absolute_tolerance, scene.solver.relative_tolerance});
+}
+
+bool ProgramMotion::reconsider() {
+  const Tolerance tolerance{scene.solver.absolute_tolerance, scene.solver.relative_tolerance};
+  const bool is_driven = motion_->drivetrain.readsTime();
+  if (scene.solver.sleep) {
+    double change = 0.0;
+    for (int n = motion_->system.readsAngles() ? 0 : scene.shaftCount(); n < motion_->system.size();
+         ++n) {
+      change = std::max(change, std::abs(state_[n] - before_[n]) / tolerance.of(state_[n]));
+    }
+    settling_ = change <= (is_driven ? kNearStandstill : kNearRest) ? settling_ + 1 : 0;
+    if (settling_ >= kSettling || (change == 0.0 && !is_driven)) {
+      handOver(patience_);
+      patience_ = std::min(2 * patience_, kMostPatience);
+      return true;
+    }
+  }
+  StepperChoice& choice = motion_->integrator.choice();
+  if (!choice.isAutomatic() || !choice.suspect([this] { return calcStiffness(); })) return false;
+  handOver(0, it_.usual);
+  return true;
+}
+
+void ProgramMotion::noteEnergy() {
+  const int S = scene.shaftCount();
+  const double work = host_->calcWork(it_.made);
+  applied_ += work;
+  if (motion_ == nullptr) return;
+  double torque[kMaxShafts] = {};
+  double entry[kMaxConstraints * kMaxShafts] = {};
+  double rows[kMaxConstraints][kMaxShafts] = {};
+  through_ = 0.0;
+  if (motion_->energy_meter.isWatched()) {
+    host_->look(torque, entry);
+    for (int m = 0; m < scene.constraintCount(); ++m) std::copy_n(entry + S * m, S, rows[m]);
+    for (int i = 0; i < S; ++i) {
+      through_ += 0.5 * it_.made *
+                  (std::abs(torque_[i] * before_[S + i]) + std::abs(torque[i] * state_[S + i]));
+      torque_[i] = torque[i];
+    }
+  }
+  motion_->energy_meter.noteStepElsewhere(frontTime(), work, through_, state_, rows);
+}
+
+void ProgramMotion::cutEnergy(double at) {
+  applied_ = applied_before_ + host_->calcWork(at);
+  if (motion_ == nullptr) return;
+  EnergyAccount account = motion_->energy_meter.account();
+  account.applied = applied_;
+  account.throughput -= (1.0 - std::min(1.0, at / it_.made)) * through_;
+  motion_->energy_meter.resume(account, time);
+}
+
+void ProgramMotion::recover() {
+  if (!is_integrated_) return;
+  motion_->recover();
+  time = motion_->time;
+}
+
+void ProgramMotion::exhaustTime() {
+  if (motion_ == nullptr) {
+    stop(StopReason::kTimeExhausted);
+    return;
+  }
+  if (!is_integrated_ && cut()) handOver(0);
+  integrated().exhaustTime();
+}
+
+void ProgramMotion::trackEnergy(bool on) {
+  is_energy_tracked_ = on;
+  if (motion_ != nullptr) motion_->trackEnergy(on);
+}
+
+}  // namespace variator_sim

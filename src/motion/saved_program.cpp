@@ -1,0 +1,124 @@
+/// Saves the current state of a motion by the scene's program, and continues from a saved one.
+#include <algorithm>
+#include <string>
+
+#include "motion/program_motion.h"
+
+namespace variator_sim {
+
+bool ProgramMotion::saveState(MotionState* state) {
+  settle();
+  if (motion_ != nullptr) return saveIntegrated(state);
+  if (!status_.ok() || !cut()) return false;
+  const int S = scene.shaftCount();
+  host_->leave(&it_);
+  takeMemory();
+  *state = MotionState{};
+  state->time = time;
+  std::copy_n(state_, S, state->angle);
+  std::copy_n(state_ + S, S, state->velocity);
+  std::copy_n(state_ + 2 * S, S, state->acceleration);
+  writeInputs(state);
+  state->history.exists = true;
+  std::copy_n(longest_, scene.constraintCount(), state->history.longest_row);
+  state->history.has_multipliers = true;
+  std::copy_n(multiplier_, scene.constraintCount(), state->history.multiplier);
+  saveHeld(state->history.held);
+  state->history.kept_reaction.exists = true;
+  std::copy_n(reaction_, S, state->history.kept_reaction.value);
+  state->history.energy.start_kinetic = start_kinetic_;
+  state->history.energy.applied = applied_;
+  return goOnFrom(*state, false) == SCENE_OK;
+}
+
+/// (It begins as one that the state is given to.)
+bool ProgramMotion::saveIntegrated(MotionState* state) {
+  if (!is_integrated_ && status().ok()) {
+    if (!cut()) return false;
+    handOver(0);
+  }
+  const bool is_saved = integrated().saveState(state);
+  time = motion_->time;
+  forgetSample();
+  steps_left_ = 0;
+  patience_ = kFirstPatience;
+  rhythm_.reset();
+  progress_.begin(time);
+  for (int i = 0; i < scene.inputCount(); ++i) state->last_command[i] = commands.lastTime(i);
+  return is_saved;
+}
+
+scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
+  const int S = scene.shaftCount();
+  time = state.time;
+  status_ = MotionStatus{};
+  is_start_ = false;
+  commands.reset();
+  rhythm_.reset();
+  progress_.begin(time);
+  signal_origin_.moveTo(time);
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    signal_[i] = state.signal[i];
+    commands.setLastTime(i, state.last_command[i]);
+  }
+  std::copy_n(state.angle, S, state_);
+  std::copy_n(state.velocity, S, state_ + S);
+  std::copy_n(state.acceleration, S, state_ + 2 * S);
+  std::copy_n(state.history.longest_row, scene.constraintCount(), longest_);
+  std::copy_n(state.history.multiplier, scene.constraintCount(), multiplier_);
+  restoreHeld(state.history.held);
+  std::copy_n(state.history.kept_reaction.value, S, reaction_);
+  std::fill_n(armed_, kMaxEvents, 0);
+  it_.time = time;
+  it_.time_rest = 0.0;
+  it_.are_given = state.is_acceleration_given ? 1 : 0;
+  it_.may_move = may_move ? 1 : 0;
+  const scene_status status = begin(state.history.exists ? Begin::kSaved : Begin::kWritten);
+  if (state.history.exists) {
+    start_kinetic_ = state.history.energy.start_kinetic;
+    applied_ = applied_before_ = state.history.energy.applied;
+  } else {
+    start_kinetic_ = calcEnergy().kinetic;
+  }
+  return status;
+}
+
+std::string ProgramMotion::setState(const MotionState& state, bool project) {
+  MotionState before;
+  if (!saveState(&before)) return "the motion has stopped";
+  if (motion_ != nullptr) {
+    std::string fault = motion_->setState(state, project);
+    time = motion_->time;
+    const MotionState& now = fault.empty() ? state : before;
+    commands.reset();
+    for (int i = 0; i < scene.inputCount(); ++i) commands.setLastTime(i, now.last_command[i]);
+    progress_.begin(time);
+    return fault;
+  }
+  const scene_status status = goOnFrom(state, project);
+  if (status == SCENE_OK && status_.ok()) return "";
+  std::string fault =
+      status == SCENE_INCONSISTENT
+          ? "the velocities or accelerations do not satisfy the constraints; 'project' moves them"
+          : std::string("the motion cannot go on from there: ") + toString(reasonOf(status));
+  goOnFrom(before, false);
+  return fault;
+}
+
+void ProgramMotion::saveHeld(HeldState* held) const {
+  for (int h = 0; h < program_->HOLDS; ++h) {
+    const int row = program_->CONSTRAINTS + h;
+    held[h] = {hold_[h].mode, hold_[h].counts,  hold_[h].side,
+               hold_[h].heat, multiplier_[row], longest_[row]};
+  }
+}
+
+void ProgramMotion::restoreHeld(const HeldState* held) {
+  for (int h = 0; h < program_->HOLDS; ++h) {
+    hold_[h] = {held[h].mode, held[h].counts, held[h].side, held[h].heat};
+    multiplier_[program_->CONSTRAINTS + h] = held[h].multiplier;
+    longest_[program_->CONSTRAINTS + h] = held[h].longest_row;
+  }
+}
+
+}  // namespace variator_sim
