@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "dynamics/drivetrain.h"
-#include "dynamics/motion_series.h"
 #include "dynamics/program.h"
 #include "dynamics/scene_program.h"
 #include "expression/c_code.h"

@@ -17,10 +17,6 @@
 namespace variator_sim {
 namespace {
 
-using std::cos;
-using std::sin;
-#include "expression/series_sine.inc"
-
 VARIATOR_SIM_BEGIN_FUSED
 double dotOfFused(const double* a, const double* b, int count) {
   return expression::fused::vs_dot(a, b, count);
@@ -52,57 +48,6 @@ TEST_F(SeriesArithmetic, SumsAreWithinRoundingsOfTheTrueOnes) {
                 1e-15 * (1 + count));
     if (!expression::fusesProducts()) continue;
     EXPECT_NEAR(dotOfFused(a.data(), b.data(), count), expected, 1e-15 * (1 + count));
-  }
-}
-
-/// Against sinl and cosl, whose 64 or more digits are the library's own.
-TEST(SeriesSine, IsWithinNineTenthsOfAUnitInTheLastPlace) {
-  std::mt19937 random(7);
-  std::uniform_real_distribution<double> mantissa(-1.0, 1.0);
-  std::uniform_int_distribution<int> exponent(-30, 20);
-  const auto units = [](double value, long double exact) {
-    int e = 0;
-    std::frexp(static_cast<double>(exact), &e);
-    return static_cast<double>(std::abs(value - exact) / std::ldexp(1.0L, e - 53));
-  };
-  double worst = 0.0;
-  for (int n = 0; n < 1000000; ++n) {
-    const double x = std::ldexp(mantissa(random), exponent(random));
-    double sine, cosine;
-    sineAndCosine(x, &sine, &cosine);
-    worst = std::max(worst, units(sine, std::sin(static_cast<long double>(x))));
-    worst = std::max(worst, units(cosine, std::cos(static_cast<long double>(x))));
-  }
-  EXPECT_LT(worst, 0.9);
-}
-
-/// Arguments that agree with n pi / 2 in nearly all digits.
-TEST(SeriesSine, IsGoodBesideItsZeros) {
-  constexpr long double kHalfPi = 1.570796326794896619231321691639751442L;
-  for (int n = 1; n < 667000; ++n) {
-    const double x = static_cast<double>(n * kHalfPi);
-    double value[2];
-    sineAndCosine(x, value, value + 1);
-    const double exact[2] = {std::sin(x), std::cos(x)};
-    for (int i = 0; i < 2; ++i) {
-      ASSERT_NEAR(value[i], exact[i], 2.3e-16 * std::abs(exact[i]) + 1e-29) << n;
-    }
-  }
-}
-
-/// Beyond its reach, and of what is no number.
-TEST(SeriesSine, IsTheLibrarysFarAway) {
-  for (const double x : {0x1p20, -0x1.8p20, 1e9, 1e300}) {
-    double sine, cosine;
-    sineAndCosine(x, &sine, &cosine);
-    EXPECT_EQ(sine, std::sin(x));
-    EXPECT_EQ(cosine, std::cos(x));
-  }
-  for (const double x : {HUGE_VAL, -HUGE_VAL, std::nan("")}) {
-    double sine, cosine;
-    sineAndCosine(x, &sine, &cosine);
-    EXPECT_TRUE(std::isnan(sine));
-    EXPECT_TRUE(std::isnan(cosine));
   }
 }
 

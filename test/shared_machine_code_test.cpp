@@ -5,9 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "dynamics/drivetrain.h"
-#include "dynamics/motion_series.h"
 #include "dynamics/scene_program.h"
+#include "motion_program/motion_program.h"
 #include "support/machine_code_folder.h"
 #include "support/played.h"
 #include "support/scenes.h"
@@ -177,9 +176,7 @@ TEST_F(SharedMachineCode, IsAskedForWhereTheSourceIsTheSame) {
   std::vector<std::string> sources;
   for (const std::string& text : scenes) {
     const Scene scene = test::sceneFromText(text);
-    Drivetrain drivetrain(scene, Shortcuts{});
-    const auto series = MotionSeries::make(scene, drivetrain);
-    sources.push_back(SceneProgram(scene).writeSource(series.get()));
+    sources.push_back(SceneProgram(scene).writeSource() + MotionProgram(scene).writeKernel());
   }
   int alike = 0;
   for (std::size_t i = 0; i < scenes.size(); ++i) {

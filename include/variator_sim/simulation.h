@@ -14,8 +14,6 @@
 
 namespace variator_sim {
 
-class SeriesLanes;
-class StepsTogether;
 struct Motion;
 struct MotionBase;
 
@@ -147,12 +145,6 @@ class Simulation {
   /// alone: a small part of the cost of loading. True when formulas run as machine code afterwards.
   /// Not for the real-time loop.
   bool shareMachineCode(const Simulation& other);
-  /// Returns lanes that step this motion and others with the same machine code at once; nullptr if
-  /// there is no such code. Compiling it, which `compile` allows, takes a second or two. Not for
-  /// the real-time loop.
-  std::shared_ptr<SeriesLanes> loadLanes(bool compile);
-  /// Makes `together`, which has to outlive this, make steps if it can. No bit changes.
-  void makeStepsWith(StepsTogether* together);
   /// Says in a sentence how formulas run ("machine code, compiled in 0.12 s", "the interpreter: no
   /// compiler (cc) was found").
   const std::string& machineCode() const;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "dynamics/formula_laws.h"
+#include "model/formula_laws.h"
 #include "model/interrupted.h"
 #include "variator_sim/expression/state_derivatives.h"
 

@@ -68,6 +68,7 @@ class Drivetrain {
   // --- inputs ----------------------------------------------------------------------------------
   void resetInputs();
   CommandSignal& signal(int input) { return signals_[static_cast<std::size_t>(input)]; }
+  const CommandSignal* signals() const { return signals_.data(); }
   const double* inputs() const { return input_; }
   const double* inputRates() const { return input_rate_; }
   const double* inputSecondRates() const { return input_second_rate_; }
@@ -153,15 +154,12 @@ class Drivetrain {
   }
 
   /// See SceneProgram::loadMachineCode.
-  std::string loadMachineCode(MotionSeries* series, const MoreCode& more,
-                              KernelLibrary::Missing missing, bool* compiled) {
-    return program_.loadMachineCode(series, more, missing, compiled);
+  std::string loadMachineCode(const MoreCode& more, KernelLibrary::Missing missing,
+                              bool* compiled) {
+    return program_.loadMachineCode(more, missing, compiled);
   }
-  std::shared_ptr<SeriesLanes> loadLanes(MotionSeries& series, KernelLibrary::Missing missing) {
-    return program_.loadLanes(series, missing);
-  }
-  bool shareMachineCode(MotionSeries* series, const Drivetrain& other) {
-    return program_.shareMachineCode(series, other.program_);
+  bool shareMachineCode(const Drivetrain& other) {
+    return program_.shareMachineCode(other.program_);
   }
 
   /// Copies f and the row of C of each constraint of order 1, consecutively.

@@ -2,10 +2,8 @@
 
 #include <cmath>
 
-#include "dynamics/formula_laws.h"
-#include "dynamics/motion_series.h"
-#include "dynamics/series_lanes.h"
 #include "expression/c_code.h"
+#include "model/formula_laws.h"
 #include "variator_sim/expression/state_derivatives.h"
 
 namespace variator_sim {
@@ -130,7 +128,7 @@ void SceneProgram::writeParts(const IsWanted& is_wanted, std::string* source) co
   }
 }
 
-std::string SceneProgram::writeSource(const MotionSeries* series, const MoreCode& more) const {
+std::string SceneProgram::writeSource(const MoreCode& more) const {
   const Graph& graph = *scene_.graph;
   if (!isWritable(graph, rate_and_rows_.outputs()) || !isWritable(graph, torque_.outputs())) {
     return "";
@@ -139,21 +137,17 @@ std::string SceneProgram::writeSource(const MotionSeries* series, const MoreCode
   source += std::string(KernelLibrary::kUnits) + KernelLibrary::kFirstUnit;
   writeParts([](const Part& /*part*/) { return true; }, &source);
   source += KernelLibrary::kEndOfUnit;
-  if (series != nullptr) source += series->writeSource();
   return source + more.source;
 }
 
-void SceneProgram::noteStructure(const MotionSeries* series) {
+void SceneProgram::noteStructure() {
   structure_ = {};
   for (const Part& part : parts()) {
     addStructure(*scene_.graph, (this->*part.program).outputs(), &structure_);
   }
-  constants_of_series_ = structure_.constants.size();
-  structure_.words.push_back(series != nullptr ? 1 : 0);
-  if (series != nullptr) series->addStructure(&structure_);
 }
 
-bool SceneProgram::use(const std::shared_ptr<KernelLibrary>& library, MotionSeries* series) {
+bool SceneProgram::use(const std::shared_ptr<KernelLibrary>& library) {
   host_ = {structure_.constants.data(), tables_.data(), tables2_.data(),
            [](const void* table, int order, double x) {
              return static_cast<const Table*>(table)->derivative(order, x);
@@ -167,23 +161,17 @@ bool SceneProgram::use(const std::shared_ptr<KernelLibrary>& library, MotionSeri
     (this->*part.program).use(kernel, &host_);
     is_there = is_there && kernel != nullptr;
   }
-  if (series != nullptr) {
-    const double* const constants = structure_.constants.data() + constants_of_series_;
-    const std::size_t count = structure_.constants.size() - constants_of_series_;
-    is_there = series->use(*library, constants, count) && is_there;
-  }
   library_ = library;
-  if (!is_there) interpret(series);
+  if (!is_there) interpret();
   return is_there;
 }
 
-void SceneProgram::interpret(MotionSeries* series) {
+void SceneProgram::interpret() {
   for (const Part& part : parts()) (this->*part.program).use(nullptr, nullptr);
-  if (series != nullptr) series->interpret();
   library_ = nullptr;
 }
 
-bool SceneProgram::agreesWithInterpreter(MotionSeries* series) {
+bool SceneProgram::agreesWithInterpreter() {
   // Unrelated states, some of them near 0.
   for (int n = 0; n < 16; ++n) {
     double values[6][kMaxInputs];
@@ -199,50 +187,29 @@ bool SceneProgram::agreesWithInterpreter(MotionSeries* series) {
       if (!(this->*part.program).agreesWithInterpreter(state)) return false;
     }
   }
-  return series == nullptr || series->agreesWithInterpreter();
+  return true;
 }
 
-std::string SceneProgram::loadMachineCode(MotionSeries* series, const MoreCode& more,
-                                          KernelLibrary::Missing missing, bool* compiled) {
-  const std::string source = writeSource(series, more);
+std::string SceneProgram::loadMachineCode(const MoreCode& more, KernelLibrary::Missing missing,
+                                          bool* compiled) {
+  const std::string source = writeSource(more);
   if (source.empty()) return "a law reads a function that is not a formula";
   std::string reason;
-  noteStructure(series);
+  noteStructure();
   const auto library = KernelLibrary::load(source, missing, &reason, [&](const auto& made) {
-    const bool is_right = use(made, series) && agreesWithInterpreter(series) &&
-                          (more.source.empty() || more.use(made));
-    if (!is_right) interpret(series);
+    const bool is_right =
+        use(made) && agreesWithInterpreter() && (more.source.empty() || more.use(made));
+    if (!is_right) interpret();
     return is_right;
   });
   *compiled = library != nullptr && library->wasCompiled();
   return reason;
 }
 
-std::shared_ptr<SeriesLanes> SceneProgram::loadLanes(MotionSeries& series,
-                                                     KernelLibrary::Missing missing) {
-  const std::string steps = library_ != nullptr ? series.writeLanesSource() : "";
-  if (steps.empty()) return nullptr;
-  std::string source = expression::prelude();
-  source += std::string(KernelLibrary::kUnits) + KernelLibrary::kFirstUnit;
-  writeParts([](const Part& part) { return part.program == &SceneProgram::velocity_level_; },
-             &source);
-  source += KernelLibrary::kEndOfUnit;
-  source += steps;
-  std::string reason;
-  std::shared_ptr<SeriesLanes> lanes;
-  const auto is_right = [&](const std::shared_ptr<KernelLibrary>& library) {
-    lanes = std::make_shared<SeriesLanes>(series, library);
-    if (!lanes->agreesWith(series)) lanes = nullptr;
-    return lanes != nullptr;
-  };
-  KernelLibrary::load(source, missing, &reason, is_right);
-  return lanes;
-}
-
-bool SceneProgram::shareMachineCode(MotionSeries* series, const SceneProgram& other) {
+bool SceneProgram::shareMachineCode(const SceneProgram& other) {
   if (other.library_ == nullptr) return false;
-  noteStructure(series);
-  return structure_.words == other.structure_.words && use(other.library_, series);
+  noteStructure();
+  return structure_.words == other.structure_.words && use(other.library_);
 }
 
 }  // namespace variator_sim

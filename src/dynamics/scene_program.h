@@ -18,9 +18,6 @@
 
 namespace variator_sim {
 
-class MotionSeries;
-class SeriesLanes;
-
 /// Code of another part in the same library; `use` tells whether it is there and right.
 struct MoreCode {
   std::string source;
@@ -80,19 +77,15 @@ class SceneProgram {
   bool hasPartials() const { return has_partials_; }
 
   /// Switches to machine code, which changes no bit. Returns an empty reason on success; then
-  /// `compiled` tells whether it had to be compiled. `series`, if not nullptr, of the same scene
-  /// switch as well, and so does what has `more` code. Not in the loop.
-  std::string loadMachineCode(MotionSeries* series, const MoreCode& more,
-                              KernelLibrary::Missing missing, bool* compiled);
+  /// `compiled` tells whether it had to be compiled. What has `more` code switches as well. Not in
+  /// the loop.
+  std::string loadMachineCode(const MoreCode& more, KernelLibrary::Missing missing, bool* compiled);
   /// Switches to the machine code of `other`, if its scene differs in numbers alone. Not in the
   /// loop.
-  bool shareMachineCode(MotionSeries* series, const SceneProgram& other);
-  /// Loads machine code of several motions at once; returns nullptr if there is none. Not in the
-  /// loop.
-  std::shared_ptr<SeriesLanes> loadLanes(MotionSeries& series, KernelLibrary::Missing missing);
+  bool shareMachineCode(const SceneProgram& other);
   const KernelTables* kernelTables() const { return &host_; }
   /// Returns the C source; empty if a law reads an opaque function.
-  std::string writeSource(const MotionSeries* series, const MoreCode& more = {}) const;
+  std::string writeSource(const MoreCode& more = {}) const;
 
  private:
   void copyPrograms(const SceneProgram& like);
@@ -110,11 +103,11 @@ class SceneProgram {
   template <class IsWanted>
   void writeParts(const IsWanted& is_wanted, std::string* source) const;
   /// Notes the structure of the code.
-  void noteStructure(const MotionSeries* series);
+  void noteStructure();
   /// Returns false if the code is missing.
-  bool use(const std::shared_ptr<KernelLibrary>& library, MotionSeries* series);
-  bool agreesWithInterpreter(MotionSeries* series);
-  void interpret(MotionSeries* series);
+  bool use(const std::shared_ptr<KernelLibrary>& library);
+  bool agreesWithInterpreter();
+  void interpret();
 
   const Scene& scene_;
   const int S;  // shafts
@@ -130,7 +123,6 @@ class SceneProgram {
   bool has_partials_ = false;
   std::shared_ptr<KernelLibrary> library_;
   expression::CodeStructure structure_;
-  std::size_t constants_of_series_ = 0;  ///< index of the first constant of the series
   std::vector<const void*> tables_;
   std::vector<const void*> tables2_;
   KernelTables host_{};

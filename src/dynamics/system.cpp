@@ -6,8 +6,8 @@
 #include <string>
 #include <utility>
 
-#include "dynamics/formula_laws.h"
 #include "dynamics/projection.h"
+#include "model/formula_laws.h"
 
 namespace variator_sim {
 
@@ -47,8 +47,7 @@ System::System(const Scene& scene, const Shortcuts& shortcuts, const System* lik
       accelerations_(drivetrain_, initial_solver_),
       reaction_(drivetrain_, {scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
                 form_ == Form::kJerk),
-      series_(MotionSeries::make(scene, drivetrain_,
-                                 fits(like, scene) ? like->series_.get() : nullptr)),
+      series_(SceneSeries::make(scene, drivetrain_.signals())),
       derive_(chooseDerive(shortcuts)) {
   const bool is_jerk = form_ == Form::kJerk;
   keeps_constraints_in_stages_ = drivetrain_.canKeepConstraintsInStages() &&

@@ -9,11 +9,11 @@
 #include "dynamics/followed_accelerations.h"
 #include "dynamics/initial_conditions.h"
 #include "dynamics/linearization.h"
-#include "dynamics/motion_series.h"
 #include "dynamics/projection_result.h"
 #include "dynamics/reaction_drift.h"
 #include "dynamics/state_vector.h"
 #include "dynamics/step_node.h"
+#include "motion_program/scene_series.h"
 #include "variator_sim/sample.h"
 
 namespace variator_sim {
@@ -66,11 +66,12 @@ class System {
 
   /// The motion as power series; nullptr where it has none. In a corner of psi the motion is
   /// another one than that of its formula.
-  MotionSeries* series() const {
-    return form_ == Form::kFormalJerk || isInCorner() ? nullptr : series_.get();
+  SceneSeries* series() const {
+    const bool has_none = series_ == nullptr || !series_->hasExpansion() || isInCorner();
+    return has_none ? nullptr : series_.get();
   }
   /// Its formulas as series, for steps of other schemes; nullptr where some are none.
-  MotionSeries* formulas() const { return series_.get(); }
+  SceneSeries* formulas() const { return series_.get(); }
 
   /// x' at (t, x). NaN where there is none.
   void operator()(const State& x, State& dxdt, double t) { derive_(*this, x, dxdt, t); }
@@ -183,7 +184,7 @@ class System {
   InitialConditionSolver initial_solver_;
   FollowedAccelerations accelerations_;
   ReactionDrift reaction_;
-  std::unique_ptr<MotionSeries> series_;
+  std::unique_ptr<SceneSeries> series_;
   bool keeps_constraints_in_stages_ = false;
   StageWatch* watch_ = nullptr;
   Derive derive_ = nullptr;

@@ -46,7 +46,9 @@ class Emission {
         scene_(simulation.scene()),
         name_(std::move(name)),
         title_(harmless(title)),
-        program_(scene_) {}
+        program_(scene_) {
+    program_.requireSteps();
+  }
 
   EmittedScene write() {
     EmittedScene made;

@@ -33,10 +33,6 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
   made_.listResolved();
   findPlaces();
   findPrograms(trial.size());
-  made_.rows_.assign(2 * made_.offset(made_.rowCount()), 0.0);
-  made_.states_.resize(2 * made_.states_.size(), 0.0);
-  made_.changes_.assign(made_.degree_.size(), 0.0);
-  made_.clear();
 }
 
 int SeriesCompiler::addRow(int degree, bool is_accelerated) {
@@ -96,8 +92,7 @@ int SeriesCompiler::place(const Instruction& it, const std::vector<int>& written
 }
 
 int SeriesCompiler::addState() {
-  made_.states_.push_back(0.0);
-  return static_cast<int>(made_.states_.size()) - 1;
+  return made_.states_++;
 }
 
 int SeriesCompiler::constantRow(double value) {
@@ -277,12 +272,6 @@ void SeriesCompiler::findPlaces() {
     // A rate is written one order after its operand.
     it.ends = degree(it.result) + (it.code == Code::kRate ? 1 : 0);
     it.last = it.operands[1] < 0 ? 0 : degree(it.operands[1]);
-    const int rows[] = {it.result,      it.code == Code::kLinear ? -1 : it.aux[0],
-                        it.operands[0], it.operands[1],
-                        it.operands[2], it.operands[3]};
-    for (std::size_t n = 0; n < std::size(rows); ++n) {
-      it.places[n] = rows[n] < 0 ? 0 : static_cast<int>(made_.offset(rows[n]));
-    }
   }
 }
 
@@ -307,11 +296,6 @@ std::vector<bool> SeriesCompiler::findNeeded(std::vector<int> open) const {
 void SeriesCompiler::findPrograms(std::size_t count) {
   const auto first = made_.outputs_.begin();
   const std::vector<bool> needed = findNeeded({first, first + static_cast<std::ptrdiff_t>(count)});
-  std::vector<int> arguments;
-  for (const SeriesOperation& it : made_.hiding_) {
-    arguments.insert(arguments.end(), {it.a, it.b, it.kind == kSeriesTan ? it.second : -1});
-  }
-  const std::vector<bool> leads = findNeeded(arguments);
   for (std::size_t i = 0; i < needed.size(); ++i) {
     const bool is_accelerated = made_.isAccelerated(made_.instructions_[i].result);
     const int index = static_cast<int>(i);
@@ -319,7 +303,6 @@ void SeriesCompiler::findPrograms(std::size_t count) {
     if (!is_accelerated) made_.programs_[0].push_back(index);
     if (is_accelerated && needed[i]) made_.programs_[1].push_back(index);
     if (is_accelerated) made_.programs_[2].push_back(index);
-    if (leads[i]) made_.programs_[3].push_back(index);
   }
 }
 

@@ -181,12 +181,6 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   const bool has_two = entry.operation == Operation::kTable2;
   Instruction it;
   it.operands[0] = a;
-  std::vector<int> written;
-  const auto reserve = [&](int count, bool is_accelerated) {
-    for (int i = 0; i < count; ++i) {
-      written.push_back(addRow(SeriesProgram::kNoDegree, is_accelerated));
-    }
-  };
   piece.order[0] = entry.order[0];
   piece.order[1] = entry.order[1];
   const int degree = has_two ? graph_.table2Of(entry)->degree() : graph_.tableOf(entry)->degree();
@@ -198,15 +192,10 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
     it.operands[1] = rowOf(entry.operands[1]);
     is_accelerated = is_accelerated || made_.isAccelerated(it.operands[1]);
     piece.table2 = graph_.table2Of(entry);
-    reserve(piece.degree[1] - 1, is_accelerated);  // powers of y
-    reserve(piece.degree[0], is_accelerated);      // sums
   } else {
     it.code = Code::kTable;
     piece.table = graph_.tableOf(entry);
   }
-  reserve(piece.degree[0] - 1, is_accelerated);  // powers of x
-  piece.a = static_cast<int>(made_.states_.size());
-  made_.states_.resize(made_.states_.size() + 36, 0.0);
   it.state = static_cast<int>(made_.pieces_.size());
   made_.pieces_.push_back(piece);
   // (A held value is no constant: the next piece has another one.)
@@ -214,9 +203,6 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   it.result =
       addRow(is_polynomial ? std::max(1, degree * made_.degree(a)) : SeriesProgram::kNoDegree,
              is_accelerated);
-  written.push_back(it.result);
-  piece.rows = written.front();
-  made_.pieces_.back() = piece;
-  return place(it, written);
+  return place(it, {it.result});
 }
 }  // namespace variator_sim::expression

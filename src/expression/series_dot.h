@@ -47,7 +47,6 @@ inline Two loadTwo(const double* from) {
 
 enum { VS_STRIDE = SeriesProgram::kStride };  // NOLINT: a name of C
 #define VS_ORDER_VARIES
-#define VS_SINE_AND_COSINE(x, s, c) sineAndCosine(x, s, c)
 
 /// The library's functions, which those of formulas (Expression) would hide.
 namespace library {
@@ -68,7 +67,6 @@ using std::sinh;
 using std::sqrt;
 using std::tan;
 using std::tanh;
-#include "expression/series_sine.inc"
 }  // namespace library
 
 namespace plain {
@@ -79,8 +77,6 @@ inline Two fuseTwo(Two a, Two b, Two c) {
   return a * b + c;
 }
 #include "runtime/operations.h"
-//
-#include "runtime/pieces.h"
 #undef vs_fuse_four
 
 }  // namespace plain
@@ -101,8 +97,6 @@ inline Two fuseTwo(Two a, Two b, Two c) {
 
 #define VS_FUSES
 #include "runtime/operations.h"
-//
-#include "runtime/pieces.h"
 #undef VS_FUSES
 
 }  // namespace fused

@@ -1,8 +1,6 @@
 // Checks that the interpreter's rows resolve the functions of a program along a step.
 #include <algorithm>
 #include <cmath>
-#include <iterator>
-#include <limits>
 #include <utility>
 
 #include "expression/series_program.h"
@@ -12,8 +10,6 @@ namespace variator_sim::expression {
 namespace {
 using Real = double;
 #include "expression/series_resolution.inc"
-//
-#include "expression/series_ranges.inc"
 }  // namespace
 
 /// Returns the operation of an instruction's function; instructions of recurrences alone have none.
@@ -41,7 +37,6 @@ SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
   }
   if (made.kind == kSeriesTable) {
     made.f = 6.0;
-    made.state = pieces_[static_cast<std::size_t>(it.state)].a;
   }
   if (made.kind == kSeriesNone) made.a = -1;
   return made;
@@ -102,7 +97,6 @@ void SeriesProgram::listResolved() {
     if (it.kind < kSeriesFinite) it.power = std::max({a, b, before});
     power[static_cast<std::size_t>(it.result)] = it.power;
   }
-  ranges_.assign(degree_.size(), SeriesRange{});
   // Arguments whose ends are far apart tell nothing of the way between them if they turn on it, as
   // x^4 does: a product that a function's argument follows from is asked, too.
   std::vector<char> is_argument(degree_.size(), 0);
@@ -121,67 +115,16 @@ void SeriesProgram::listResolved() {
       if (row >= 0) is_argument[static_cast<std::size_t>(row)] = 1;
     }
   }
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  arguments_.assign(3 * hiding_.size() + variables_.size(), kNone);
 }
 
-SeriesResolution SeriesProgram::resolution(int order) const {
-  SeriesResolution asked = {};
-  asked.operations = resolved_.data();
-  asked.count = static_cast<int>(resolved_.size());
-  asked.rows = rows();
-  asked.stride = kStride;
-  asked.states = states();
-  asked.pieces = states_.data();
-  asked.ranges = ranges_.data();
-  asked.row_count = rowCount();
-  asked.last = order;
-  return asked;
-}
-
-bool SeriesProgram::isResolved(double theta, int order, const SeriesOutputs& outputs,
-                               const double* const* at) const {
-  SeriesResolution asked = resolution(order);
-  asked.outputs = &outputs;
-  asked.theta = theta;
-  if (at != nullptr) std::copy_n(at, 3, asked.at);
-  return seriesIsResolved(&asked) != 0;
-}
-
-bool SeriesProgram::mayHide(int order, const double* powers) const {
-  SeriesResolution asked = resolution(order);
-  std::copy_n(powers, std::size(asked.powers), asked.powers);
-  return seriesFirstHiding(&asked) < asked.count;
-}
-
-void SeriesProgram::noteArguments() {
-  double* to = arguments_.data();
-  for (const SeriesOperation& it : hiding_) {
-    *to++ = forward(it.a)[0];
-    *to++ = forward(it.b < 0 ? it.a : it.b)[0];
-    *to++ = forward(it.second < 0 ? it.a : it.second)[0];
-  }
-  for (const int row : variables_) *to++ = forward(row)[0];
-}
-
-bool SeriesProgram::areArgumentsNoted() const {
-  constexpr double kRounding = 1e-14;
-  const double* noted = arguments_.data() + 3 * hiding_.size();
-  return std::all_of(variables_.begin(), variables_.end(), [&](int row) {
-    const double value = forward(row)[0];
-    return std::abs(value - *noted++) <= kRounding * std::abs(value);
-  });
-}
-
-bool SeriesProgram::haveArgumentsGoneFar() const {
+bool SeriesProgram::haveArgumentsGoneFar(const double* from, const double* to) const {
   constexpr double kFar = 0.4;  // part of the radius of convergence of an operation
-  const double* from = arguments_.data();
   for (const SeriesOperation& it : hiding_) {
-    const double a = *from++;
-    const double b = *from++;
-    const double second = *from++;
-    const double other = it.b < 0 ? 0.0 : std::abs(forward(it.b)[0] - b);
-    double moved = std::abs(forward(it.a)[0] - a);
+    const double a = from[it.a];
+    const double b = it.b < 0 ? a : from[it.b];
+    const double second = it.second < 0 ? a : from[it.second];
+    const double other = it.b < 0 ? 0.0 : std::abs(to[it.b] - b);
+    double moved = std::abs(to[it.a] - a);
     bool is_far;
     if (it.kind == kSeriesProduct) {
       // (One that is nearly constant leaves a multiple of the other one, which is checked itself.)

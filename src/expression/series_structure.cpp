@@ -1,5 +1,4 @@
 // The structure of a SeriesProgram's C: equal structures have the same text.
-#include <algorithm>
 #include <iterator>
 #include <vector>
 
@@ -7,12 +6,6 @@
 #include "expression/series_program.h"
 
 namespace variator_sim::expression {
-
-bool SeriesProgram::hasBranches() const {
-  return std::any_of(instructions_.begin(), instructions_.end(), [](const Instruction& it) {
-    return it.code >= Code::kAbs && it.code <= Code::kWhereFinite;
-  });
-}
 
 void SeriesProgram::addStructure(CodeStructure* structure) const {
   std::vector<int>& words = structure->words;
@@ -44,8 +37,7 @@ void SeriesProgram::addStructure(CodeStructure* structure) const {
   }
   count(pieces_.size());
   for (const Piece& piece : pieces_) {
-    words.insert(words.end(), {piece.table != nullptr ? 1 : 2, piece.degree[0], piece.degree[1],
-                               piece.a, piece.rows});
+    words.insert(words.end(), {piece.table != nullptr ? 1 : 2, piece.degree[0], piece.degree[1]});
   }
 }
 

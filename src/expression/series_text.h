@@ -4,7 +4,6 @@
 
 namespace variator_sim::expression {
 
-extern const char* const kSeriesSineText;
 extern const char* const kOperationsText;
 extern const char* const kSeriesOperationText;
 extern const char* const kSeriesResolutionText;

@@ -77,7 +77,6 @@ struct CurrentStep {
   double next_length = 0.0;   ///< of the step after this one, s
   bool is_at_start = true;    ///< of the motion: nothing has moved yet
   bool is_in_corner = false;  ///< of psi: the end
-  bool may_batch = false;     ///< the scene allows steps that the series make in one (StepBatch)
 };
 
 /// A part of the integrator: it works on the current step.

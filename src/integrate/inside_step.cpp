@@ -28,12 +28,6 @@ bool InsideStep::calcUnstepped(double* now, State& x) {
   return false;
 }
 
-bool InsideStep::calcSample(double now, Sample* sample) {
-  return step_.phase == StepPhase::kStepping && contains(now) && step_.may_batch &&
-         !drivetrain_.haveInputsMoved() &&
-         step_.stepper->calcSample(now, start_, end_, &step_.statistics.projections, sample);
-}
-
 bool InsideStep::calcState(double* at, State& x) {
   if (calcUnstepped(at, x)) return true;
   const double now = *at;

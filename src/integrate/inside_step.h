@@ -15,9 +15,6 @@ class InsideStep : private StepPart {
 
   /// True when `now` lies within the last step, and not at its end.
   bool contains(double now) const { return start_.time < end_.time && now != end_.time; }
-  /// A sample at `now` in one, where the stepper makes such. False where it is to be made from the
-  /// state.
-  bool calcSample(double now, Sample* sample);
   /// x at `now`, by dense output where the stepper has it. False where the motion stopped. `now`
   /// becomes the instant just behind an event where it lies on one: x and laws are of one side.
   bool calcState(double* now, State& x);

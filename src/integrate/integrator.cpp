@@ -43,10 +43,7 @@ Integrator::Integrator(System& system, const Scene& scene)
       size_(step_),
       sleep_(step_),
       trials_(step_, guards_, crossing_, events_, size_),
-      batch_(step_, size_, sleep_),
-      inside_(step_, guards_, sleep_) {
-  step_.may_batch = step_.integrates_torque && guards_.isEmpty() && !step_.choice.isFixed();
-}
+      inside_(step_, guards_, sleep_) {}
 
 void Integrator::reset() {
   step_.status = MotionStatus{};
@@ -227,13 +224,11 @@ void Integrator::restart() {
   trials_.restart();
   if (step_.choice.isFixed()) return;
   step_.next_length = 0.0;
-  // (Batches find theirs.)
-  if (!batch_.isPossible() && !size_.letStepperChoose()) step_.next_length = size_.chooseFirst();
+  if (!size_.letStepperChoose()) step_.next_length = size_.chooseFirst();
 }
 
-bool Integrator::step(double target) {
-  batch_.forgetPassed();
-  if (!prepare() || !attempt(target)) {
+bool Integrator::step() {
+  if (!prepare() || !attempt()) {
     step_.status.time = step_.absolute(step_.end.time);
     return false;
   }
@@ -275,13 +270,12 @@ bool Integrator::finishInputSegments() {
   return step_.status.ok();
 }
 
-bool Integrator::attempt(double target) {
+bool Integrator::attempt() {
   // Before a long step: a controller's machine is to be seen at rest at once.
   if (step_.start.time == step_.end.time && sleep_.beginExactly()) return true;
   step_.start = step_.end;
   step_.system.noteBase(step_.start.time, step_.start.x, step_.start.dxdt);
   step_.stepper = &step_.choice.stepper();
-  if (batch_.make(target)) return true;
   const bool is_behind_event = step_.phase == StepPhase::kCrossing;
   if (crossDueEvent()) return true;
   if (!step_.status.ok()) return false;

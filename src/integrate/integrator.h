@@ -2,7 +2,7 @@
 ///
 ///     before:   do inputs' closed forms end here? jump where they jump, and begin anew
 ///               at rest? an event due here? another stepper?
-///     attempt:  a batch of steps by the motion's series (StepBatch), or, until one is accepted:
+///     attempt:  until one is accepted:
 ///                 step      at most to the end of reach               (Stepper::step)
 ///                 project   the end onto the constraints              (StepChecks)
 ///                 judge     the estimate, the move, what no stage has seen    (StepChecks)
@@ -22,7 +22,6 @@
 #include "integrate/guard_search.h"
 #include "integrate/inside_step.h"
 #include "integrate/rest.h"
-#include "integrate/step_batch.h"
 #include "integrate/step_size.h"
 #include "integrate/trial_steps.h"
 #include "variator_sim/motion_state.h"
@@ -77,10 +76,8 @@ class Integrator {
   /// Writes the state, accelerations included, at the end of the step, the multipliers of gauss and
   /// the squares of the greatest lengths of C's rows.
   void describeEnd(double* state, double* multiplier, double* longest_rows);
-  /// True when the scene's steps begin by series, each of its own length, and not in batches.
-  bool stepsBySeries() const {
-    return !step_.may_batch && !step_.choice.isFixed() && step_.stepper->stepsBySeries();
-  }
+  /// True when the scene's steps begin by series, each of its own length.
+  bool stepsBySeries() const { return !step_.choice.isFixed() && step_.stepper->stepsBySeries(); }
   /// True where steps by series may go on from the end of the step, and nothing is due there.
   bool mayStepBySeries() const;
   /// True when the motion is at rest at the end of the step, and sleeps from there on.
@@ -109,11 +106,8 @@ class Integrator {
 
   // --- steps -----------------------------------------------------------------------------------
   /// One accepted step from the end of the last one. False when the motion stopped, or an
-  /// Interruption ended the attempts; then the end is where it was. Others may be made before it
-  /// and passed over, as long as they do not come to `target` (s, from the motion's start, for the
-  /// step may begin anew): a caller that looks inside of each has it behind them.
-  bool step(double target);
-  const StepBatch::Passed& passed() const { return batch_.passed(); }
+  /// Interruption ended the attempts; then the end is where it was.
+  bool step();
   /// After a step, whose energy is known by then: what ends on an event begins anew at once. False
   /// when the motion stopped.
   bool finishEnd();
@@ -135,7 +129,7 @@ class Integrator {
  private:
   // The three beats of a step. False when the motion stopped.
   bool prepare();
-  bool attempt(double target);
+  bool attempt();
   void conclude();
 
   /// False, and the motion stopped, when it gets nowhere.
@@ -154,7 +148,6 @@ class Integrator {
   StepSize size_;
   Sleep sleep_;
   TrialSteps trials_;
-  StepBatch batch_;
   InsideStep inside_;
   bool starts_implicitly_ = false;
 };

@@ -23,13 +23,6 @@ RowWatch::Verdict RowWatch::note(bool is_start) {
   return Verdict::kGood;
 }
 
-bool RowWatch::noteStraight(const Row* rows, const double* length_squared) {
-  system_.reaction().noteRows(rows);
-  if (!areLong(length_squared)) return false;
-  remember(rows);
-  return true;
-}
-
 bool RowWatch::areLong(const double* lengths_squared) {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
     const double length_squared = lengths_squared[m];

@@ -35,9 +35,6 @@ class RowWatch {
   /// Judges those that were looked at last. Where a motion begins (`is_start`) there are none to
   /// compare them with.
   Verdict note(bool is_start);
-  /// The same of given rows, with their squared lengths, that are known not to have turned: false
-  /// where one has vanished.
-  bool noteStraight(const Row* rows, const double* length_squared);
   /// The next ones are not compared with those before.
   void noteAnew() { has_new_rows_ = true; }
 

@@ -52,8 +52,6 @@ class StepChecks {
   /// A step of length h from `from` to `end`, on the constraints: x there. The error, in units of
   /// the tolerance.
   double stepAndProject(Stepper& stepper, const StepNode& from, double end, double h, State& x);
-  /// Counts what rounding alone makes of a move onto the constraints that has come to x.
-  void noteProjectionRounding(double end, const State& x);
   /// Counts such a rounding, in tolerances.
   void noteRounding(double largest);
 

@@ -11,7 +11,6 @@
 #include <functional>
 #include <memory>
 
-#include "dynamics/series_step.h"
 #include "dynamics/state_vector.h"
 #include "dynamics/step_node.h"
 #include "dynamics/system.h"
@@ -65,16 +64,6 @@ class Stepper {
   /// largest component in units of the tolerance; NaN when any value is. [loop]
   virtual double step(System& system, const StepNode& from, double h, State& x_new) = 0;
 
-  /// Steps from `from`, one after the other, each as long as the stepper thinks fit, projected, and
-  /// judged by what is at its end: how many are good, and in `made` all of them. 0 where it makes
-  /// no such steps. Inputs stand still; `goes_on`: from the end of the last one. [loop]
-  virtual int makeWholeSteps(const StepNode& /*from*/, bool /*goes_on*/, const Reach& /*reach*/,
-                             const SeriesStep** /*made*/) {
-    return 0;
-  }
-  /// True when it may make the next one so.
-  virtual bool makesWholeSteps() const { return false; }
-
   /// For a stepper whose `step` has no estimate: the error of its last step, from x' at the end.
   /// In units of the tolerance; 0 when `step` gave the estimate already. [loop]
   virtual double estimateFromEnd(const StepNode& /*from*/, const StepNode& /*to*/) const {
@@ -101,12 +90,6 @@ class Stepper {
     return false;
   }
 
-  /// A sample of the motion inside the last step in one, where the stepper makes such; inputs
-  /// stand still, nothing has an edge. False where it does not.
-  virtual bool calcSample(double /*time*/, const StepNode& /*from*/, const StepNode& /*to*/,
-                          std::uint64_t* /*projections*/, Sample* /*sample*/) {
-    return false;
-  }
   /// x' of the dense output at the part `theta` of the last step, of length h, of an implicit
   /// stepper. [loop]
   virtual void calcSlope(double /*theta*/, double /*h*/, State& /*slope*/) const {}

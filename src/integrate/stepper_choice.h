@@ -66,18 +66,6 @@ class StepperChoice {
   /// The motion begins anew at some state.
   void restart();
 
-  /// So many steps may be made before `reconsider` looks into one.
-  int stepsUnseen() const {
-    if (!automatic_) return std::numeric_limits<int>::max();
-    return suspicions_ == 0 && settling_ == 0 ? kUnseen - unseen_ : 1;
-  }
-  /// Instead of `settle` and `reconsider` after all of these but the last one, of a motion that is
-  /// not near rest.
-  void noteUnseenStep() {
-    ++unseen_;
-    settling_ = 0;
-  }
-
   /// The motion has no series here: true when the implicit stepper takes over for some steps.
   bool leaveSeries();
   /// The stepper gets nowhere: true when another one takes over.

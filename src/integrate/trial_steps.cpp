@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "dynamics/motion_series.h"
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
@@ -198,7 +197,7 @@ bool TrialSteps::reject(Trial& trial, double norm) {
 }
 
 bool TrialSteps::isResolved(double taken) {
-  MotionSeries* const series = system_.formulas();
+  SceneSeries* const series = system_.formulas();
   if (series == nullptr || step_.choice.isFixed() || step_.stepper->stepsBySeries()) return true;
   // phi, omega, epsilon
   double x[3][3 * kMaxShafts];
@@ -208,7 +207,10 @@ bool TrialSteps::isResolved(double taken) {
   };
   copy(start_.x, start_.dxdt.data() + S, x[0]);
   copy(end_.x, end_.dxdt.data() + S, x[2]);
-  if (!series->mayHideAlong(start_.time, taken, x[0], x[2])) return true;
+  const auto at = [&](double part, const double* state) {
+    return SeriesPoint{start_.time + part * taken, drivetrain_.origin(), state, nullptr};
+  };
+  if (!series->mayHideAlong(at(0.0, x[0]), at(1.0, x[2]))) return true;
   State middle(system_.size());
   double epsilon[kMaxShafts];
   if (!step_.stepper->interpolate(system_, start_.time + 0.5 * taken, start_, end_, middle)) {
@@ -219,8 +221,7 @@ bool TrialSteps::isResolved(double taken) {
   }
   for (int i = 0; i < S; ++i) epsilon[i] = 0.5 * (x[0][2 * S + i] + x[2][2 * S + i]);
   copy(middle, epsilon, x[1]);
-  return series->isStepResolved(start_.time, taken, x[0], x[1], x[2], tolerance_.absolute,
-                                tolerance_.relative);
+  return series->isStepResolved(at(0.0, x[0]), at(0.5, x[1]), at(1.0, x[2]));
 }
 
 void TrialSteps::chooseNextStep(const Trial& trial, double norm) {

@@ -60,25 +60,6 @@ void EnergyMeter::noteStepElsewhere(double time, double work, double through, co
   if (is_watched_) watch(time - drivetrain_.origin(), x, rows);
 }
 
-void EnergyMeter::notePassed() {
-  const StepBatch::Passed& passed = integrator_.passed();
-  if (passed.begin == passed.end) return;
-  Power before = powerOf(passed.from);
-  double time = passed.from.time;
-  for (const SeriesNode* node = passed.begin; node != passed.end; ++node) {
-    const double* const omega = node->x + S;
-    const Power after = powerOf(node->torque, node->torque_rate, omega, omega + S);
-    const double h = node->end - time;
-    addStep(h, before, after, estimateWork(h, before, after));
-    if (is_watched_) {
-      if (!drivetrain_.inertia().isConstant()) drivetrain_.setInertia(node->x, node->inertia);
-      watch(node->end, node->x, node->C);
-    }
-    before = after;
-    time = node->end;
-  }
-}
-
 void EnergyMeter::cut(const StepNode& present) {
   if (integrator_.isSleeping()) {
     account_.applied = calcAppliedAtRest(present.x);

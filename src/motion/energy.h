@@ -79,8 +79,6 @@ class EnergyMeter {
   void noteStepElsewhere(double time, double work, double through, const double* x,
                          const double (*rows)[kMaxShafts]);
   bool isWatched() const { return is_watched_; }
-  /// Accounts for the steps of a batch before that one.
-  void notePassed();
   /// Continues from `present`, which the motion has reached in its last step or at equilibrium;
   /// inputs are still those of that step.
   void cut(const StepNode& present);

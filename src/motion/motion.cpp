@@ -29,7 +29,7 @@ Motion::Motion(Scene its_scene, const Shortcuts& shortcuts, const Motion* like)
 bool Motion::shareMachineCode(const MotionBase& other) {
   const auto* const like = dynamic_cast<const Motion*>(&other);
   if (like == nullptr) return false;
-  return drivetrain.shareMachineCode(series(), like->drivetrain);
+  return drivetrain.shareMachineCode(like->drivetrain);
 }
 
 // --- start -----------------------------------------------------------------------------------
@@ -80,7 +80,7 @@ bool Motion::isMadeUpTo(double end) const {
          (integrator.isSleeping() && relative < integrator.sleepEnd());
 }
 
-bool Motion::step(double end) {
+bool Motion::step(double /*end*/) {
   bool goes_on = false;
   if (integrator.isSleeping()) {
     StepNode wake = integrator.stepEnd();
@@ -89,9 +89,7 @@ bool Motion::step(double end) {
     energy_meter.cut(wake);
     goes_on = integrator.finishSleep();
   } else {
-    // Tracked energy is integrated inside of each step.
-    goes_on = integrator.step(energy_meter.isTracked() ? time : end);
-    energy_meter.notePassed();
+    goes_on = integrator.step();
   }
   if (!goes_on) return false;
   energy_meter.noteStep();
@@ -156,10 +154,6 @@ void Motion::changeInitialInputs() {
 
 void Motion::takeSample(Sample* sample) {
   sampled_at_ = presentTime();
-  if (!integrator.inside().calcSample(sampled_at_, sample)) takeSampleOfState(sample);
-}
-
-void Motion::takeSampleOfState(Sample* sample) {
   State x(system.size());
   if (!integrator.inside().calcState(&sampled_at_, x)) {
     time = status().time;
@@ -220,18 +214,7 @@ std::vector<std::string> Motion::skips() const {
 
 std::string Motion::loadCodeWith(const MoreCode& more, KernelLibrary::Missing missing,
                                  bool* compiled) {
-  return drivetrain.loadMachineCode(series(), more, missing, compiled);
-}
-
-std::shared_ptr<SeriesLanes> Motion::loadLanes(KernelLibrary::Missing missing) {
-  MotionSeries* const series = system.series();
-  if (!has_machine_code || series == nullptr) return nullptr;
-  return drivetrain.loadLanes(*series, missing);
-}
-
-void Motion::makeStepsWith(StepsTogether* together) {
-  MotionSeries* const series = system.series();
-  if (series != nullptr) series->makeStepsWith(together);
+  return drivetrain.loadMachineCode(more, missing, compiled);
 }
 
 }  // namespace variator_sim

@@ -44,12 +44,6 @@ struct Motion final : MotionBase {
   }
   std::string loadCodeWith(const MoreCode& more, KernelLibrary::Missing missing, bool* compiled);
   bool shareMachineCode(const MotionBase& other) override;
-  /// See Simulation.
-  std::shared_ptr<SeriesLanes> loadLanes(KernelLibrary::Missing missing) override;
-  void makeStepsWith(StepsTogether* together) override;
-
-  /// Returns the series that the integrator steps by; null if a program beside it does.
-  MotionSeries* series() const { return is_beside_program ? nullptr : system.series(); }
   /// Returns the current time as nodes count it.
   double presentTime() const { return integrator.origin().relative(time); }
 
@@ -64,7 +58,6 @@ struct Motion final : MotionBase {
   Drivetrain& drivetrain;  ///< the system's
   Integrator integrator;
   EnergyMeter energy_meter;
-  bool is_beside_program = false;  ///< which steps the motion where it can (ProgramMotion)
 
  private:
   friend class ProgramMotion;
@@ -82,7 +75,6 @@ struct Motion final : MotionBase {
 
   /// Computes the state at time 0 with the inputs as they are.
   void start();
-  void takeSampleOfState(Sample* sample);
 
   Start start_;  // the last start searched for
   State first_;  // at time 0, with the inputs as the scene has them

@@ -103,12 +103,6 @@ struct MotionBase {
   /// Uses the machine code of `other` if the scenes differ in numbers alone. False if it does not.
   virtual bool shareMachineCode(const MotionBase& other) = 0;
 
-  /// See Simulation.
-  virtual std::shared_ptr<SeriesLanes> loadLanes(KernelLibrary::Missing /*missing*/) {
-    return nullptr;
-  }
-  virtual void makeStepsWith(StepsTogether* /*together*/) {}
-
   const Scene scene;
   CommandQueue commands;
   const Quantities quantities;

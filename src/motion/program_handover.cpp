@@ -89,8 +89,8 @@ void ProgramMotion::handOver(int steps, double trial) {
 }
 
 double ProgramMotion::calcStiffness() {
-  const double* rows[3 * kMaxShafts];
-  vs_shown shown = {rows, 0, 0.0};
+  const double* rows[4 * kMaxShafts];
+  vs_shown shown = {rows, 0, 0.0, 0.0};
   host_->show(&shown);
   const bool is_classical = scene.principle == Principle::kGauss;
   const int last = is_classical ? shown.last + 1 : shown.last;

@@ -42,7 +42,7 @@ StopReason ProgramMotion::reasonOf(scene_status status) {
   return StopReason::kNone;
 }
 
-ProgramMotion::ProgramMotion(Scene its_scene, std::unique_ptr<MotionProgram> program,
+ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgram> program,
                              std::unique_ptr<Motion> integrator, const ProgramMotion* like)
     : MotionBase(std::move(its_scene)),
       motion_(std::move(integrator)),
@@ -55,7 +55,6 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::unique_ptr<MotionProgram> pro
   it_.longest = longest_;
   it_.input = input_;
   if (motion_ != nullptr) {
-    motion_->is_beside_program = true;
     motion_->integrator.choice().letProgramStep();
   }
   it_.hold = hold_;

@@ -26,7 +26,7 @@ class ProgramMotion final : public MotionBase {
   /// `integrator`: of the same scene, or null for one that only the program can step; then throws
   /// SceneError where the initial values contradict the constraints. `like`: has machine code that
   /// may fit, or nullptr.
-  ProgramMotion(Scene its_scene, std::unique_ptr<MotionProgram> program,
+  ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgram> program,
                 std::unique_ptr<Motion> integrator, const ProgramMotion* like = nullptr);
 
   /// Returns the motion by the integrator, or null.
@@ -168,7 +168,7 @@ class ProgramMotion final : public MotionBase {
   int patience_ = kFirstPatience;
   int settling_ = 0;  ///< steps near rest in a row
 
-  const std::unique_ptr<const MotionProgram> program_;
+  const std::shared_ptr<const MotionProgram> program_;
   std::unique_ptr<HostedMotion> host_;
   std::unique_ptr<HostedMotion> next_host_;  ///< takes over at the next beginning, or null
   std::shared_ptr<KernelLibrary> library_;   ///< of machine code, or null

@@ -27,23 +27,20 @@ std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   }
   const auto* const program = dynamic_cast<const ProgramMotion*>(like);
   if (needsProgram(scene)) {
-    auto its_program = std::make_unique<MotionProgram>(scene);
+    auto its_program = std::make_shared<const MotionProgram>(scene);
+    its_program->requireSteps();
     return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), nullptr,
                                            program);
   }
   const Motion* const integrated =
       program != nullptr ? program->byIntegrator() : dynamic_cast<const Motion*>(like);
   auto motion = std::make_unique<Motion>(std::move(scene), Shortcuts{}, integrated);
-  if (!motion->integrator.stepsBySeries()) return motion;
-  std::unique_ptr<MotionProgram> its_program;
-  try {
-    its_program = std::make_unique<MotionProgram>(motion->scene);
-  } catch (const SceneError&) {
-    return motion;  // another way of stepping suits it
-  }
+  const SceneSeries* const series = motion->system.series();
+  const bool is_stepped = motion->integrator.stepsBySeries() && series->program()->makesSteps();
+  if (!is_stepped) return motion;
   Scene its_scene = motion->scene;
-  return std::make_unique<ProgramMotion>(std::move(its_scene), std::move(its_program),
-                                         std::move(motion), program);
+  return std::make_unique<ProgramMotion>(std::move(its_scene), series->program(), std::move(motion),
+                                         program);
 }
 
 /// Tells whether missing code is compiled, and whether a busy compiler is waited for.
@@ -239,13 +236,6 @@ bool Simulation::loadMachineCode(bool compile, bool patiently) {
 
 bool Simulation::shareMachineCode(const Simulation& other) {
   return motion_->useCodeOf(*other.motion_);
-}
-
-std::shared_ptr<SeriesLanes> Simulation::loadLanes(bool compile) {
-  return motion_->loadLanes(missingCode(motion_->scene.solver, compile, false));
-}
-void Simulation::makeStepsWith(StepsTogether* together) {
-  motion_->makeStepsWith(together);
 }
 
 const std::string& Simulation::machineCode() const {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <sstream>
 
 #include "expression/c_code.h"
@@ -181,7 +182,7 @@ void MotionProgram::setSizes(const Scene& scene) {
   PULL = 1 + 3 * S + K;
   TRANSMITTED = IS_CLASSICAL != 0 || HOLDS == 0 ? MULTIPLIER : PULL + S;
   SCENE_ROWS = rows_.rows();
-  SCENE_STRIDE = (SCENE_ORDER + 4) / 4 * 4 + 4;
+  SCENE_STRIDE = (std::max(SCENE_ORDER, SeriesProgram::kAlong) + 4) / 4 * 4 + 4;
   SCENE_MODES = std::max(1, rows_.modes());
   SCENE_PIECES = std::max(1, rows_.pieces());
   const double tolerance = scene.solver.relative_tolerance;
@@ -422,14 +423,34 @@ std::string MotionProgram::writeResolution(bool shares) const {
   return text + "    {0, 0, -1, 0, -1, 0, -1, 0, 0.0, 0.0}};\n" + writeHiding();
 }
 
-/// Writes the screen of vs_is_resolved.
+/// Writes the screen of vs_is_resolved, with the reach of each row once.
 std::string MotionProgram::writeHiding() const {
   const auto row = [](int n) { return "r[" + std::to_string(n) + "]"; };
+  std::string reaches;
+  std::string sums;
+  std::set<int> reached;
+  const auto reach = [&](int n) {
+    const std::string name = std::to_string(n);
+    if (reached.insert(n).second) {
+      reaches += "  Real u" + name + ", w" + name + " = seriesReach(" + row(n) + ", p, last, &u" +
+                 name + ");\n";
+    }
+    return "w" + name + ", u" + name;
+  };
+  for (const expression::SeriesOperation& op : resolved.values) {
+    if (!expression::seriesMayHide(&op, 0)) continue;
+    const int b = op.b < 0 ? op.a : op.b;
+    if (op.degree <= SCENE_ORDER) sums += "  if (last < " + std::to_string(op.degree) + ")\n";
+    sums += "  sum += seriesHides(" + std::to_string(op.kind);
+    for (const int n : {op.result, op.second, op.a, b}) sums += ", " + row(n < 0 ? op.a : n);
+    sums += ", " + reach(op.kind == expression::kSeriesQuotient ? b : op.a) + ", " + reach(b) +
+            ", p, last);\n";
+  }
   return "\n/* 0 where no operation has more unresolved than visible terms. */\n"
          "VS_INLINE Real vs_hides(const scene_series* it, const Real* p, int last) {\n"
          "  const vs_row* const r = it->row;\n  Real sum = 0.0;\n  (void)r, (void)p, "
          "(void)last;\n" +
-         expression::writeHiding(resolved.values, SCENE_ORDER, row) + "  return sum;\n}\n";
+         reaches + sums + "  return sum;\n}\n";
 }
 
 std::string MotionProgram::writeMotion(const std::string& operations, bool shares) const {
@@ -462,11 +483,14 @@ std::string MotionProgram::writeOrders(bool in_units) const {
 }
 
 std::string MotionProgram::writeKernel() const {
+  constexpr const char* kNoFusion =
+      "#if defined(__x86_64__) && !(defined(__FMA__) && defined(__AVX2__))\n#undef VS_FUSES\n"
+      "#endif\n";
   return std::string(expression::arithmeticOfCode()) +
          "#include <float.h>\n#include <math.h>\n#include <string.h>\n" + writeExtents() +
          kSceneHeader + kTableData + kExchangeData +
-         writeMotion(SeriesProgram::codePrelude(""), true) + kExchange + kCommands + kHost +
-         KernelLibrary::kLastUnit + kHostKernel + KernelLibrary::kEndOfUnit;
+         writeMotion(std::string(kNoFusion) + expression::kOperationsText, true) + kExchange +
+         kCommands + kHost + KernelLibrary::kLastUnit + kHostKernel + KernelLibrary::kEndOfUnit;
 }
 
 }  // namespace variator_sim

@@ -17,6 +17,14 @@ class MotionProgram : public MotionData {
   /// Throws SceneError, with the element and the reason, for what has no series.
   explicit MotionProgram(const Scene& scene);
 
+  /// Throws SceneError where the texts expand the motion and check steps, and cannot step it.
+  void requireSteps() const {
+    if (formulas_.no_steps) throw SceneError(*formulas_.no_steps);
+  }
+  bool makesSteps() const { return !formulas_.no_steps; }
+  /// True where the unknowns of an order follow from those of the lower ones.
+  bool hasExpansion() const { return formulas_.has_expansion; }
+
   const MotionRows& rows() const { return rows_; }
   /// Returns the names of elements that hold, in the order of HOLDS: the part behind a slash.
   const std::vector<std::string>& holdNames() const { return formulas_.hold_names; }

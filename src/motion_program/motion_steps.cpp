@@ -15,6 +15,7 @@ namespace variator_sim {
 namespace {
 using expression::SeriesOperation;
 using expression::SeriesOutputs;
+using expression::SeriesProgram;
 using expression::SeriesRange;
 using expression::SeriesResolution;
 using namespace expression;           // NOLINT: the kinds of operations
@@ -59,9 +60,16 @@ using namespace expression::fused;    // NOLINT
 }  // namespace interpreted_fused
 VARIATOR_SIM_END_FUSED
 
-std::unique_ptr<HostedMotion> hostMotion(const MotionProgram& program) {
+template <class Hosted>
+static std::unique_ptr<Hosted> interpret(const MotionProgram& program) {
   if (expression::fusesProducts()) return std::make_unique<interpreted_fused::Interpreter>(program);
   return std::make_unique<interpreted::Interpreter>(program);
+}
+std::unique_ptr<HostedMotion> hostMotion(const MotionProgram& program) {
+  return interpret<HostedMotion>(program);
+}
+std::unique_ptr<HostedSeries> hostSeries(const MotionProgram& program) {
+  return interpret<HostedSeries>(program);
 }
 
 namespace {

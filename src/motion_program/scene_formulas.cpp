@@ -4,7 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "dynamics/formula_laws.h"
+#include "model/formula_laws.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
@@ -25,8 +25,8 @@ void refuseOpaque(const Law& law) {
                    "seen into; allowed: formulas without an OpaqueFunction");
 }
 
-void refuse(const std::string& name, const std::string& reason) {
-  throw SceneError(name, "cannot be written as C: " + reason);
+void refuse(SceneFormulas& made, const std::string& name, const std::string& reason) {
+  if (!made.no_steps) made.no_steps = SceneError(name, "cannot be written as C: " + reason);
 }
 
 void addInertia(const Scene& scene, SceneFormulas& made) {
@@ -50,12 +50,13 @@ void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFor
   const std::string& name = constraint->name();
   refuseOpaque(*constraint);
   if (constraint->order() == 3 && scene.principle == Principle::kGauss) {
-    refuse(name,
+    made.has_expansion = false;
+    refuse(made, name,
            "it is of order 3, which under 'principle: gauss' has no series; allowed: orders "
            "1 and 2, or 'principle: generalized_gauss'");
   }
   if (!constraint->kinks().empty()) {
-    refuse(name,
+    refuse(made, name,
            "abs, min or max of accelerations bends it, and where its corners lead is not "
            "known to the emitted program; allowed: a formula that is smooth in the "
            "accelerations, sqrt(x^2+1e-6) for abs(x)");
@@ -146,7 +147,7 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
 }
 
 /// Rejects kinks of f in velocities: f' and C jump there, and the motion is more than a projection.
-void refuseBentVelocities(const Scene& scene) {
+void refuseBentVelocities(const Scene& scene, SceneFormulas& made) {
   Graph& graph = *scene.graph;
   for (const ConstraintPtr& constraint : scene.constraints) {
     if (constraint->order() != 1) continue;
@@ -163,7 +164,7 @@ void refuseBentVelocities(const Scene& scene) {
         reads = reads || graph.dependsOn(argument, slotOf(Source::kVelocity, i));
       }
       if (!reads) continue;
-      refuse(constraint->name(),
+      refuse(made, constraint->name(),
              "it is of order 1 and abs, min, max, if or a table bends it in the velocities; "
              "allowed: a formula that is smooth in the velocities, sqrt(x^2+1e-6) for abs(x)");
     }
@@ -177,7 +178,7 @@ SceneFormulas collectFormulas(const Scene& scene) {
   for (const TorquePtr& element : scene.torques) refuseOpaque(*element);
   made.torque = sumTorques(scene, &Torque::torques);
   for (const ConstraintPtr& constraint : scene.constraints) addConstraint(scene, constraint, made);
-  refuseBentVelocities(scene);
+  refuseBentVelocities(scene, made);
   addHolds(scene, made);
   addInertia(scene, made);
   std::vector<Node> laws = made.torque;

@@ -1,9 +1,11 @@
 /// The formulas of a scene that an emitted program needs.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "variator_sim/errors.h"
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/scene.h"
 
@@ -38,9 +40,13 @@ struct SceneFormulas {
   std::vector<expression::Node> rate;   ///< of each state
   std::vector<expression::Node> set;    ///< values that events set
   bool inertia_varies = false;
+  /// The element that keeps the texts of src/runtime from stepping the motion, and the reason; its
+  /// series exist.
+  std::optional<SceneError> no_steps;
+  bool has_expansion = true;  ///< The order by order solution exists: false of order 3 with gauss.
 };
 
-/// Throws SceneError, with the element and the reason, for elements that C does not support.
+/// Throws SceneError, with the element and the reason, for elements that have no series.
 SceneFormulas collectFormulas(const Scene& scene);
 
 }  // namespace variator_sim

@@ -14,7 +14,6 @@
 #include <thread>
 #include <utility>
 
-#include "python/row_fibers.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/overrides.h"
@@ -78,13 +77,6 @@ class CodeOfRows {
     ++ready_;
   }
 
-  /// Returns the lanes that make steps of such runs together, or nullptr.
-  std::shared_ptr<SeriesLanes> loadLanes(Simulation& simulation) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    const bool always = simulation.scene().solver.machine_code == MachineCode::kAlways;
-    return simulation.loadLanes(compiles_ || always);
-  }
-
  private:
   static constexpr std::size_t kMost = 4;
   const bool compiles_;
@@ -99,12 +91,8 @@ class RowMachines {
  public:
   /// `tree` includes the overrides common to all rows.
   RowMachines(const SweepRequest& request, ParameterTree tree, ComponentFactory& factory,
-              CodeOfRows& code, RowFibers& fibers)
-      : request_(request),
-        tree_(std::move(tree)),
-        factory_(factory),
-        code_(code),
-        fibers_(fibers) {}
+              CodeOfRows& code)
+      : request_(request), tree_(std::move(tree)), factory_(factory), code_(code) {}
 
   /// Throws SceneError.
   Simulation make(const std::vector<double>& values) {
@@ -112,25 +100,17 @@ class RowMachines {
     if (!keeps_formulas_) {
       Simulation simulation(std::move(scene));
       code_.giveTo(simulation);
-      stepTogether(simulation);
       return simulation;
     }
     if (like_ == nullptr) like_ = std::make_unique<Simulation>(scene);
     code_.giveTo(*like_);
     Simulation simulation(std::move(scene), *like_);
-    stepTogether(simulation);
     return simulation;
   }
 
  private:
   /// Runs after which the formulas are read anew, since their graph may grow with every run.
   static constexpr int kUses = 64;
-
-  void stepTogether(Simulation& simulation) {
-    if (!simulation.hasMachineCode()) return;
-    if (!std::exchange(has_asked_for_lanes_, true)) fibers_.setLanes(code_.loadLanes(simulation));
-    if (fibers_.hasLanes()) simulation.makeStepsWith(&fibers_);
-  }
 
   Scene readRow(const std::vector<double>& values) {
     ParameterTree tree = tree_;
@@ -168,8 +148,6 @@ class RowMachines {
   ParameterTree tree_;
   ComponentFactory& factory_;
   CodeOfRows& code_;
-  RowFibers& fibers_;
-  bool has_asked_for_lanes_ = false;
   bool is_known_ = false;
   bool keeps_formulas_ = false;
   Scene model_;
@@ -242,18 +220,10 @@ std::vector<SweepRow> runSweep(const SweepRequest& request,
   const auto work = [&] {
     try {
       const Interruption interruption([&] { return is_cancelled.load(); });
-      RowFibers fibers;
-      RowMachines machines(request, tree, factory, code, fibers);
-      fibers.run([&] {
-        try {
-          for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
-            rows[i] = runRow(request, values[i], machines);
-          }
-        } catch (...) {
-          is_cancelled = true;  // also ends the other fibers of this thread
-          throw;
-        }
-      });
+      RowMachines machines(request, tree, factory, code);
+      for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
+        rows[i] = runRow(request, values[i], machines);
+      }
     } catch (...) {
       is_cancelled = true;
       const std::lock_guard<std::mutex> lock(mutex);

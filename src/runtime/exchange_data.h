@@ -43,9 +43,10 @@ typedef struct {
 
 /* The series of a step. */
 typedef struct {
-  const double** rows; /* coefficients of angles, velocities, accelerations; 3 S */
+  const double** rows; /* coefficients of angles, velocities, accelerations, torques; 4 S */
   int last;            /* the order of the accelerations' */
   double unit;         /* s */
+  double length;       /* s: that a step may have */
 } vs_shown;
 
 /* An element that holds, at an instant (scene_sample). */

@@ -7,15 +7,12 @@
  * the numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics
  * 14 (2005) 99-117.)
  *
- * This is the one text of these recurrences: the interpreter reads it as C++, kernels, lanes and
- * emitted programs as C99. The includer defines VS_STRIDE, the places of a row. Coefficients leave
+ * This is the one text of these recurrences: the interpreter reads it as C++, kernels and emitted
+ * programs as C99. The includer defines VS_STRIDE, the places of a row. Coefficients leave
  * the last place free: it keeps a number of the recurrence, the reciprocal of a divisor, from order
  * 0 on. It may define
- *     VS_LANES            motions side by side, in a number of lanes: Real, a vector, and functions
- *                         of it that have the library's names
  *     VS_FUSES            a b + c is rounded once: its processor has an instruction for that
- *     VS_ORDER_VARIES     n is no constant: loops stay loops
- *     VS_SINE_AND_COSINE  (x, &s, &c), another sine than the library's */
+ *     VS_ORDER_VARIES     n is no constant: loops stay loops */
 
 #if defined(__GNUC__)
 #define VS_INLINE static inline __attribute__((always_inline, unused))
@@ -39,13 +36,7 @@
 #else
 #define VS_UNROLL
 #endif
-#ifndef VS_SINE_AND_COSINE
-#define VS_SINE_AND_COSINE(x, s, c) (*(s) = sin(x), *(c) = cos(x))
-#endif
-
-#ifndef VS_LANES
 typedef double Real;
-#endif
 typedef Real vs_row[VS_STRIDE];
 enum { VS_KEPT = VS_STRIDE - 1 };
 static const Real vs_zero = {0.0};
@@ -53,10 +44,8 @@ static const Real vs_zero = {0.0};
 /* Sums of products go by fours, in the same order with vectors and without. */
 #if defined(__GNUC__)
 typedef double vs_four __attribute__((vector_size(32), aligned(8), may_alias));
-#if !defined(VS_LANES)
 #define VS_HAS_FOURS
-#endif
-#if defined(VS_HAS_FOURS) && !defined(__cplusplus)
+#if !defined(__cplusplus)
 /* series_resolution.inc sums by them, too. */
 #define SERIES_HAS_FOURS
 #define Four vs_four
@@ -98,21 +87,7 @@ VS_INLINE vs_four vs_fuse_four(vs_four a, vs_four b, vs_four c) {
 }
 #endif
 VS_INLINE Real vs_fuse(Real a, Real b, Real c) {
-#if !defined(VS_LANES)
   return __builtin_fma(a, b, c);
-#elif defined(__AVX512F__) && VS_LANES == 8
-  return (Real)__builtin_ia32_vfmaddpd512_mask(a, b, c, (unsigned char)-1, 4);
-#else
-  typedef union {
-    Real all;
-    vs_four part[VS_LANES / 4];
-  } Parts;
-  const Parts x = {a}, y = {b};
-  Parts z = {c};
-  int j;
-  for (j = 0; j < VS_LANES / 4; ++j) z.part[j] = vs_fuse_four(x.part[j], y.part[j], z.part[j]);
-  return z.all;
-#endif
 }
 #endif
 
@@ -212,7 +187,6 @@ VS_INLINE Real vs_chain(const Real* rate, const Real* w, int last, int n) {
   return vs_convolve(rate, w, n - 1, 0, 0) * (1.0 / n);
 }
 
-#if !defined(VS_LANES)
 /* 1 / (1 + exp(x)) and the like keep their limit where exp(x) has overflowed. */
 VS_INLINE int vs_overflows(Real x, Real y) {
   return isinf(x) && isfinite(y);
@@ -220,7 +194,6 @@ VS_INLINE int vs_overflows(Real x, Real y) {
 VS_INLINE int vs_is_at_limit(const Real* x, const Real* y, int n) {
   return n > 0 && vs_overflows(x[0], y[0]);
 }
-#endif
 
 /* y = a b */
 VS_INLINE void vs_multiply(Real* y, const Real* a, const Real* b, int n) {
@@ -259,7 +232,8 @@ VS_INLINE void vs_exponential(Real* y, const Real* x, const Real* rate, int last
 /* s = sin(x), c = cos(x): s' = x' c, c' = -x' s */
 VS_INLINE void vs_sine_cosine(Real* s, Real* c, const Real* x, const Real* rate, int last, int n) {
   if (n == 0) {
-    VS_SINE_AND_COSINE(x[0], &s[0], &c[0]);
+    s[0] = sin(x[0]);
+    c[0] = cos(x[0]);
     return;
   }
   s[n] = vs_chain(rate, c, last, n);
@@ -342,7 +316,6 @@ VS_INLINE void vs_power(Real* y, const Real* x, const Real* rate, int last, Real
   y[n] = vs_fuse(k + 1.0, vs_chain(rate, y, last, n), -vs_convolve(y, x, n, 0, 1)) * y[VS_KEPT];
 }
 
-#if !defined(VS_LANES)
 /* ---- Formulas with modes. A mode is below 0, above 0, or 0 while the switching function a - b is
  * 0 to all known orders; the first coefficient that is not 0 decides it, which is the direction
  * that the motion takes. ---- */
@@ -375,4 +348,3 @@ VS_INLINE void vs_choose(Real* y, const Real* a, const Real* b, const Real* yes,
 VS_INLINE void vs_where_finite(Real* y, const Real* a, const Real* b, int n) {
   y[n] = isinf(a[0]) ? 0.0 : isnan(a[0]) ? a[0] : b[n];
 }
-#endif

@@ -4,8 +4,10 @@
 
 /* True if no torque, constraint, inertia or limit of an element that holds differs from its series
  * by more than the tolerance allows, up to theta, by ranges over the step, where an operation may
- * have more unresolved than visible terms. */
-VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double theta) {
+ * have more unresolved than visible terms. at: the values of all rows at the step's start, middle
+ * and end, or 0. */
+VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double theta,
+                                              const double* const* at) {
 #ifdef VS_RANGES
   struct SeriesRange* const ranges = VS_RANGES;
 #else
@@ -39,6 +41,7 @@ VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double the
     acceleration[i] = ACCELERATION + i;
   }
   for (i = 0; i < WATCHED; ++i) ranges[watched_row[i]].off = 0.0;
+  for (i = 0; i < 3 && at != 0; ++i) asked.at[i] = at[i];
   if (!seriesIsResolved(&asked)) return 0;
   for (i = 0; i < WATCHED; ++i) {
     if (!(ranges[watched_row[i]].off <= vs_tolerance(it, it->row[watched_row[i]][0]))) return 0;
@@ -57,5 +60,5 @@ VS_FUNCTION int vs_is_resolved(const scene_series* it, double theta) {
     hidden = vs_hides(it, powers, SCENE_ORDER);
   else
     hidden = vs_hides(it, powers, it->order);
-  return hidden == 0.0 || vs_is_resolved_in_ranges(it, theta);
+  return hidden == 0.0 || vs_is_resolved_in_ranges(it, theta, 0);
 }

@@ -6,8 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "dynamics/drivetrain.h"
-#include "dynamics/motion_series.h"
 #include "dynamics/scene_program.h"
 #include "emit_c/emit_c.h"
 #include "fuzz/c_check.h"
@@ -65,9 +63,7 @@ void checkProgram(Simulation& simulation, const std::string& title, bool is_comp
 }
 
 void checkKernel(const Scene& scene, bool is_compiled) {
-  Drivetrain drivetrain(scene, Shortcuts{});
-  const std::unique_ptr<MotionSeries> series = MotionSeries::make(scene, drivetrain);
-  const std::string text = SceneProgram(scene).writeSource(series.get());
+  const std::string text = SceneProgram(scene).writeSource();
   if (text.size() > kLongestC) require(std::to_string(text.size()) + " bytes", "kernel");
   require(findFaultOfC(text, "kernel"), "kernel");
   if (!is_compiled) return;

@@ -104,7 +104,6 @@ static const double restitution[] = {0.0}, closes_below[] = {0.0};
 
 #include "runtime/operations.h"
 /* */
-#include "runtime/pieces.h"
 /* */
 #include "runtime/table_data.h"
 /* */

@@ -23,7 +23,6 @@
 
 #include "emit_c/emit_c.h"
 #include "io/text_file.h"
-#include "python/row_fibers.h"
 #include "stress/bumpy_scene.h"
 #include "stress/methods.h"
 #include "support/machine_code_folder.h"
@@ -85,24 +84,7 @@ Verdict judge(const BumpyScene& scene, const std::vector<Sample>& samples,
 }
 
 /// The execution path of formulas and steps.
-enum class Means { kInterpreter, kKernel, kLanes, kEmitted };
-
-/// The same motion in every lane, as a sweep plays it; none where nothing was made together.
-std::vector<test::Run> playInLanes(const Scene& scene, Simulation& first, const BumpyScene& bumpy) {
-  python::RowFibers fibers;
-  fibers.setLanes(first.loadLanes(true));
-  std::vector<test::Run> runs;
-  if (!fibers.hasLanes()) return runs;
-  int left = SeriesLanes::kLanes;
-  fibers.run([&] {
-    while (left-- > 0) {
-      Simulation simulation(scene, first);
-      simulation.makeStepsWith(&fibers);
-      runs.push_back(play(simulation, bumpy.times(), bumpy.commands));
-    }
-  });
-  return runs;
-}
+enum class Means { kInterpreter, kKernel, kEmitted };
 
 /// The emitted program, compiled, up to where it stops.
 test::Run playEmitted(Simulation& simulation, const BumpyScene& bumpy) {
@@ -146,16 +128,13 @@ Verdict examine(const BumpyScene& bumpy, Means means = Means::kInterpreter) {
   Verdict verdict;
   try {
     Scene scene = sceneFromText(bumpy.yaml());
-    scene.solver.machine_code = means == Means::kKernel || means == Means::kLanes
-                                    ? MachineCode::kAlways
-                                    : MachineCode::kNever;
+    scene.solver.machine_code =
+        means == Means::kKernel ? MachineCode::kAlways : MachineCode::kNever;
     if (!takes(scene, scene.solver.stepper)) scene.solver.stepper = StepperKind::kAuto;
     Simulation simulation(scene);
     std::vector<test::Run> runs;
     if (means == Means::kEmitted) {
       runs.push_back(playEmitted(simulation, bumpy));
-    } else if (means == Means::kLanes && simulation.loadMachineCode(true)) {
-      runs = playInLanes(scene, simulation, bumpy);
     } else if (means != Means::kKernel || simulation.loadMachineCode(true)) {
       runs.push_back(play(simulation, bumpy.times(), bumpy.commands));
     }
@@ -285,11 +264,10 @@ TEST(Resolution, NoBumpIsSteppedOver) {
 
 using ResolutionByMachineCode = MachineCodeFolder;
 
-/// Compilers take a second or two for each; seed 101 is one of those that have lanes and a program.
+/// Compilers take a second or two for each; seed 101 is one of those that have a program.
 TEST_F(ResolutionByMachineCode, NoBumpIsSteppedOver) {
   const std::vector<std::uint64_t> seeds = givenSeeds(1, 200, 101);
   examineAll(seeds, Means::kKernel, "kernels");
-  examineAll(seeds, Means::kLanes, "lanes");
   examineAll(seeds, Means::kEmitted, "emitted C");
 }
 
