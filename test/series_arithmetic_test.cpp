@@ -51,7 +51,7 @@ TEST_F(SeriesArithmetic, SumsAreWithinRoundingsOfTheTrueOnes) {
   }
 }
 
-/// Returns the states after each tenth of a second, computed by `machine_code`.
+/// Returns the states after each half of a second, computed by `machine_code`.
 std::vector<double> play(const Scene& like, MachineCode machine_code) {
   Scene scene = like;
   scene.solver.machine_code = machine_code;
@@ -61,7 +61,7 @@ std::vector<double> play(const Scene& like, MachineCode machine_code) {
       << simulation.machineCode();
   std::vector<double> values;
   for (int n = 1; n <= 20; ++n) {
-    EXPECT_TRUE(simulation.advanceTo(0.1 * n).ok());
+    EXPECT_TRUE(simulation.advanceTo(0.5 * n).ok());
     const Sample& at = simulation.sample();
     for (const double* of : {at.angle, at.velocity, at.acceleration}) {
       values.insert(values.end(), of, of + scene.shaftCount());

@@ -23,14 +23,14 @@ a: {inertia: 1.3}
 b: {inertia: 0.7}
 c: {inertia: 0.9}
 tables: [level]
-level: {x: [0, 0.4, 1, 1.7], y: [1, 2.5, 3, -1]}
+level: {x: [0, 0.4, 1, 1.7], values: [1, 2.5, 3, -1]}
 torques: [asked, motor, load]
 asked: {type: variator_sim/ExpressionTorque, shaft: c, torque: ")yaml" +
                                    formula + R"yaml("}
 motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "0.4 - 0.3*w_a + 0.2*sin(3*t)"}
 load: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.5*w_b - 0.1*phi_b"}
 constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, expression: "e_b - 0.6*e_a + 0.1*w_a*w_b"}
+variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e_b - 0.6*e_a + 0.1*w_a*w_b"}
 solver: {stepper: taylor, relative_tolerance: 1e-12, absolute_tolerance: 1e-12}
 )yaml")),
         system_(scene_),

@@ -431,9 +431,11 @@ bool EventCrossing::noteCrossing(int guard, int branch, double depth, double eve
   }
   bool turns_back = last_.count >= (jumps ? 1 : kMaxTouches);
   if (jumps && !turns_back) {
+    // (A switching function that passes slowly has its rounding for so many roundings of time.)
+    const double beyond = std::max(4.0 * depth, 1e3 * shortestStep(now));
     StepNode ahead = end_;
-    ahead.time += 4.0 * depth;
-    ahead.x = step_.extrapolate(end_, 4.0 * depth);
+    ahead.time += beyond;
+    ahead.x = step_.extrapolate(end_, beyond);
     const int next = guards_.guard(guard).branch(step_.viewOf(ahead));
     turns_back = next != branch && next != Guard::kOnEdge;
   }

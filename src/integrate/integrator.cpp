@@ -139,6 +139,13 @@ void Integrator::goOnFrom(const TimeOrigin& origin, const State& x, const double
   step_.next_length = trial;
 }
 
+void Integrator::settle(double h) {
+  if (!step_.status.ok() || !step_.choice.settle()) return;
+  step_.stepper = &step_.choice.stepper();
+  size_.forgetErrors();
+  step_.next_length = h;
+}
+
 void Integrator::giveUpSeries() {
   if (!step_.status.ok() || !step_.choice.giveUp()) return;
   step_.stepper = &step_.choice.stepper();

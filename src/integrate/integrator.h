@@ -66,8 +66,14 @@ class Integrator {
   /// this, s; 0: they are not.
   void goOnFrom(const TimeOrigin& origin, const State& x, const double* epsilon,
                 const double* longest_rows, double trial);
+  /// Near rest: lets an implicit stepper of `auto` go on, from steps of h s on.
+  void settle(double h);
   /// Lets an implicit stepper go on where no series does.
   void giveUpSeries();
+  /// Notes the rounding of a state x that the motion has reached elsewhere at `time`.
+  void noteRounding(double time, const State& x) {
+    step_.checks.noteProjectionRounding(step_.relative(time), x);
+  }
   /// Stops the motion, whose steps get nowhere, and finds out why.
   void stopStuck() {
     step_.explainStop();

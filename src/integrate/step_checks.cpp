@@ -70,6 +70,11 @@ void StepChecks::noteRounding(double largest) {
   }
 }
 
+void StepChecks::noteProjectionRounding(double end, const State& x) {
+  State rounding(x.size());
+  noteRounding(calcRounding(end, x, rounding));
+}
+
 ProjectionResult StepChecks::projectStiffly(const Stepper& stepper, double end, double h, State& x,
                                             State& moved, std::uint64_t* iterations) {
   State slope(x.size());

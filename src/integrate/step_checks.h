@@ -52,6 +52,9 @@ class StepChecks {
   /// A step of length h from `from` to `end`, on the constraints: x there. The error, in units of
   /// the tolerance.
   double stepAndProject(Stepper& stepper, const StepNode& from, double end, double h, State& x);
+  /// Notes the rounding of the time and of a state x that is reached elsewhere, if it is larger
+  /// than the tolerance.
+  void noteProjectionRounding(double end, const State& x);
   /// Counts such a rounding, in tolerances.
   void noteRounding(double largest);
 

@@ -105,11 +105,14 @@ bool StepperChoice::giveUp() {
 }
 
 bool StepperChoice::settle(const StepNode& node, double change, bool is_driven) {
-  if (!automatic_ || active_ == &implicit_) return false;
   const bool near_rest = change <= (is_driven ? kNearStandstill : kNearRest) &&
                          active_->outer->stiffness(node.x, node.dxdt) > mildly();
   settling_ = near_rest ? settling_ + 1 : 0;
-  if (settling_ < kSettling) return false;
+  return settling_ >= kSettling && settle();
+}
+
+bool StepperChoice::settle() {
+  if (!automatic_ || active_ == &implicit_) return false;
   goOverTo(&implicit_);
   why_ = Why::kNearRest;
   return true;

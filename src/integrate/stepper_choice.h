@@ -75,6 +75,8 @@ class StepperChoice {
   /// changed by `change` tolerances: true when the implicit stepper takes over to let it settle.
   /// [loop]
   bool settle(const StepNode& node, double change, bool is_driven);
+  /// The same where steps made elsewhere have come near rest.
+  bool settle();
 
   /// After a step, here or elsewhere, by series or explicit: true when its stiffness, a function
   /// that is called if need be, asks for a trial of implicit ones. [loop]

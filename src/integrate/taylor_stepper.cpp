@@ -36,7 +36,7 @@ class TaylorStepper final : public Stepper {
   bool stepsBySeries() const override { return true; }
   int errorOrder() const override { return most_; }
   /// Measured beside radau's.
-  double work() const override { return 2.0 * most_; }
+  double work() const override { return 2.5 * most_; }
 
   void restart() override { base_time_ = std::numeric_limits<double>::quiet_NaN(); }
   /// The length of the last step is the unit of the next series, and so in its rounding.

@@ -60,6 +60,7 @@ void ProgramMotion::takeOver() {
   describeIntegrated();
   std::copy_n(motion_->integrator.stepEnd().torque.data(), scene.shaftCount(), torque_);
   begin(Begin::kSaved);
+  noteRounding();
   const EnergyAccount& account = motion_->energy_meter.account();
   start_kinetic_ = account.start_kinetic;
   applied_ = applied_before_ = account.applied;
@@ -88,6 +89,13 @@ void ProgramMotion::handOver(int steps, double trial) {
   steps_left_ = steps;
 }
 
+void ProgramMotion::noteRounding() {
+  if (motion_ == nullptr) return;
+  State x(motion_->system.size());
+  std::copy_n(state_, x.size(), x.begin());
+  motion_->integrator.noteRounding(it_.time, x);
+}
+
 double ProgramMotion::calcStiffness() {
   const double* rows[4 * kMaxShafts];
   vs_shown shown = {rows, 0, 0.0, 0.0};
@@ -114,6 +122,7 @@ bool ProgramMotion::reconsider() {
     settling_ = change <= (is_driven ? kNearStandstill : kNearRest) ? settling_ + 1 : 0;
     if (settling_ >= kSettling || (change == 0.0 && !is_driven)) {
       handOver(patience_);
+      if (change != 0.0) motion_->integrator.settle(it_.usual);
       patience_ = std::min(2 * patience_, kMostPatience);
       return true;
     }

@@ -142,6 +142,7 @@ void ProgramMotion::takeMemory() {
 void ProgramMotion::beginAnew() {
   made_since_ = 0;
   host_->leave(&it_);
+  noteRounding();
   if (next_host_ != nullptr) host_ = std::move(next_host_);
   it_.begin = static_cast<int>(Begin::kSaved);
   host_->begin(it_);
@@ -189,7 +190,9 @@ bool ProgramMotion::step(double end) {
       stop(status);
       return false;
     }
-    const bool has_no_series = status == SCENE_NOT_FINITE || status == SCENE_TOO_MANY_STEPS;
+    // (Steps that time does not resolve, none of which was refused, are those of a pole.)
+    const bool has_no_series =
+        status == SCENE_NOT_FINITE || (status == SCENE_TOO_MANY_STEPS && it_.rejections > 0);
     handOver(has_no_series ? 0 : patience_);
     if (has_no_series) {
       motion_->integrator.giveUpSeries();

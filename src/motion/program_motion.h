@@ -117,6 +117,7 @@ class ProgramMotion final : public MotionBase {
   /// it does.
   bool reconsider();
   double calcStiffness();
+  void noteRounding();
   void noteEnergy();
   /// Writes the energy account up to the current time, where the last step is cut.
   void cutEnergy(double at);

@@ -130,7 +130,8 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
     const scene_signal* const s = &m->now.input[i];
     is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);
   }
-  *defect = vs_defect(m, it, next, &expected, *theta, is_kink, (*theta - at->theta) * it->unit);
+  *defect = vs_defect(m, it, next, &expected, *theta, is_kink,
+                      seriesLarger(0.0, *theta - at->theta) * it->unit);
   *loses_rank = !vs_keeps_rank(m, it, next);
   if (*loses_rank || !vs_keeps_sides(it, next) || vs_has_leapt(m, &before, &expected))
     *defect = INFINITY;
@@ -169,13 +170,13 @@ VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* the
 /* One step of at most `left` s; *made: how long it was. */
 VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made) {
   const double limit = vs_limit(m, left);
+  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time);
   const scene_state before = m->now;
   scene_status status = vs_expand(m, limit);
   double theta;
   int loses_rank = 0, trial;
   if (status != SCENE_OK) return status;
-  if (m->usual < limit && m->usual < 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time))
-    return SCENE_TOO_MANY_STEPS;
+  if (m->usual < least && m->usual < 1e-3 * limit) return SCENE_TOO_MANY_STEPS;
   theta = seriesSmaller(limit, m->usual) / vs_series(m)->unit;
   for (trial = 0; trial < 60; ++trial) {
     vs_event at = vs_find_event(m, vs_series(m), &theta, -1);
