@@ -70,9 +70,11 @@ VS_FUNCTION int vs_is_counted(const scene_series* it, int constraint, int low, i
 
 /* Inverts an n x n matrix in place by Gauss and Jordan's elimination, with row pivots where it is
  * `curved`. Without, the rows from S on become C J^-1 C', whose diagonal is kept in `size`: its
- * pivots tell the rank. False where that is lost. */
-VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved) {
+ * pivots tell the rank. False where that is lost. *distance: the least pivot as a part of its
+ * diagonal element, the square of how far apart the rows are. */
+VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved, Real* distance) {
   int best[MOST_SIZE], i, j, p;
+  *distance = 1.0;
   for (p = 0; p < n; ++p) {
     Real pivot, least = curved ? 1e-14 : 0.0;
     best[p] = p;
@@ -83,6 +85,7 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved) {
     if (p >= S && !curved) least = 1e-12 * size[p - S];
     pivot = M[n * best[p] + p];
     if (!((curved ? fabs(pivot) : pivot) > least)) return 0;
+    if (p >= S && !curved) *distance = seriesSmaller(*distance, pivot / size[p - S]);
     M[n * best[p] + p] = M[n * p + p];
     M[n * p + p] = 1.0;
     for (j = 0; j < n; ++j) {
@@ -124,10 +127,42 @@ VS_FUNCTION void vs_write_matrix(scene_series* it, int low, int high) {
   }
 }
 
+/* X <- X + X (1 - M X), twice: elimination knows the inverse of rows that are a part d of their
+ * length apart to rounding / d^2, of which this leaves rounding / d. */
+VS_FUNCTION_RARE void vs_improve_inverse(scene_series* it, int low, int high) {
+  double X[MOST_SIZE * MOST_SIZE], left[MOST_SIZE * MOST_SIZE];
+  const double* const M = it->inverse;
+  int round, i, j, k;
+  for (i = 0; i < SIZE * SIZE; ++i) X[i] = it->inverse[i];
+  vs_write_matrix(it, low, high);
+  for (round = 0; round < 2; ++round) {
+    for (i = 0; i < SIZE; ++i) {
+      for (j = 0; j < SIZE; ++j) {
+        double sum = i == j ? 1.0 : 0.0;
+        for (k = 0; k < SIZE; ++k) sum -= M[SIZE * i + k] * X[SIZE * k + j];
+        left[SIZE * i + j] = sum;
+      }
+    }
+    for (i = 0; i < SIZE; ++i) {
+      double row[MOST_SIZE];
+      for (j = 0; j < SIZE; ++j) {
+        row[j] = X[SIZE * i + j];
+        for (k = 0; k < SIZE; ++k) row[j] += X[SIZE * i + k] * left[SIZE * k + j];
+      }
+      for (j = 0; j < SIZE; ++j) X[SIZE * i + j] = row[j];
+    }
+  }
+  for (i = 0; i < SIZE * SIZE; ++i) it->inverse[i] = X[i];
+}
+
 /* Its inverse. False where C has lost rank. */
 VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
+  const double near = 1e-4;
+  double distance;
   vs_write_matrix(it, low, high);
-  return vs_invert(it->inverse, SIZE, it->size, 0);
+  if (!vs_invert(it->inverse, SIZE, it->size, 0, &distance)) return 0;
+  if (distance < near) vs_improve_inverse(it, low, high);
+  return 1;
 }
 
 /* x = [J -C'; C 0]^-1 x; 0 for constraints that are off. */
@@ -145,7 +180,7 @@ VS_FUNCTION_INLINE void vs_solve(const scene_series* it, double* x) {
  * in the place of J. The system is scaled by 1/sqrt(J_ii) and 1/sqrt(C J^-1 C'). */
 VS_FUNCTION int vs_factor_curved(scene_series* it, const double* lambda, int low, int high) {
   double* const M = it->inverse;
-  double scale[MOST_SIZE];
+  double scale[MOST_SIZE], unused;
   int i, j, p;
   if (!vs_factor(it, low, high)) return 0;
   if (!IS_CURVED) return 1;
@@ -161,7 +196,7 @@ VS_FUNCTION int vs_factor_curved(scene_series* it, const double* lambda, int low
     }
   }
   for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
-  if (!vs_invert(M, SIZE, 0, 1)) return 0;
+  if (!vs_invert(M, SIZE, 0, 1, &unused)) return 0;
   for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
   return 1;
 }

@@ -41,7 +41,7 @@ VS_FUNCTION_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n)
 /* b = J^-1 R of order n, of the connection 1/2 J' omega b in R' */
 VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   vs_row* const r = it->row;
-  double b[MOST_SHAFTS], J_inverse[MOST_SHAFTS * MOST_SHAFTS];
+  double b[MOST_SHAFTS], J_inverse[MOST_SHAFTS * MOST_SHAFTS], unused;
   int i, j;
   for (i = 0; i < S; ++i) {
     const Real* const J = r[inertia_row[i]];
@@ -52,7 +52,7 @@ VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
     }
     for (j = 1; j <= n; ++j) b[i] += J[j] * (r[ACCELERATION + i][n - j] - r[PULL + i][n - j]);
   }
-  vs_invert(J_inverse, S, 0, 0);
+  (void)vs_invert(J_inverse, S, 0, 0, &unused);
   for (i = 0; i < S; ++i) {
     r[PULL + i][n] = 0.0;
     for (j = 0; j < S; ++j) r[PULL + i][n] += J_inverse[S * i + j] * b[j];
