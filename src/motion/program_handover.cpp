@@ -58,7 +58,6 @@ void ProgramMotion::describeIntegrated() {
 
 void ProgramMotion::takeOver() {
   describeIntegrated();
-  std::copy_n(motion_->integrator.stepEnd().torque.data(), scene.shaftCount(), torque_);
   begin(Begin::kSaved);
   noteRounding();
   const EnergyAccount& account = motion_->energy_meter.account();
@@ -135,31 +134,25 @@ bool ProgramMotion::reconsider() {
 
 void ProgramMotion::noteEnergy() {
   const int S = scene.shaftCount();
-  const double work = host_->calcWork(it_.made);
+  const double work = host_->calcWork(it_.made, &through_);
   applied_ += work;
   if (motion_ == nullptr) return;
-  double torque[kMaxShafts] = {};
   double entry[kMaxConstraints * kMaxShafts] = {};
   double rows[kMaxConstraints][kMaxShafts] = {};
-  through_ = 0.0;
   if (motion_->energy_meter.isWatched()) {
-    host_->look(torque, entry);
+    host_->look(entry);
     for (int m = 0; m < scene.constraintCount(); ++m) std::copy_n(entry + S * m, S, rows[m]);
-    for (int i = 0; i < S; ++i) {
-      through_ += 0.5 * it_.made *
-                  (std::abs(torque_[i] * before_[S + i]) + std::abs(torque[i] * state_[S + i]));
-      torque_[i] = torque[i];
-    }
   }
   motion_->energy_meter.noteStepElsewhere(frontTime(), work, through_, state_, rows);
 }
 
 void ProgramMotion::cutEnergy(double at) {
-  applied_ = applied_before_ + host_->calcWork(at);
+  double through = 0.0;
+  applied_ = applied_before_ + host_->calcWork(at, &through);
   if (motion_ == nullptr) return;
   EnergyAccount account = motion_->energy_meter.account();
   account.applied = applied_;
-  account.throughput -= (1.0 - std::min(1.0, at / it_.made)) * through_;
+  account.throughput -= through_ - through;
   motion_->energy_meter.resume(account, time);
 }
 

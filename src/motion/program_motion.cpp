@@ -365,9 +365,11 @@ Energy ProgramMotion::calcEnergy() {
     return motion_->calcEnergy();
   }
   Sample& now = sample();
+  double through = 0.0;
   Energy energy;
   energy.kinetic = kinetic_;
-  energy.applied = has_step_ ? applied_before_ + host_->calcWork(insideStep(time)) : applied_;
+  energy.applied =
+      has_step_ ? applied_before_ + host_->calcWork(insideStep(time), &through) : applied_;
   energy.reactions = energy.kinetic - start_kinetic_ - energy.applied;
   for (int i = 0; i < scene.shaftCount(); ++i) {
     energy.applied_power += now.applied_torque[i] * now.velocity[i];

@@ -212,7 +212,6 @@ class ProgramMotion final : public MotionBase {
   double applied_before_ = 0.0;  ///< J, at its start
   double kinetic_ = 0.0;         ///< J, of the last sample
   double through_ = 0.0;         ///< J, that the last step has brought and taken
-  double torque_[kMaxShafts] = {};
 };
 
 }  // namespace variator_sim

@@ -139,8 +139,8 @@ class CompiledHost final : public HostedMotion {
   scene_status see(double at, vs_seen* to) override {
     return asStatus(see_(code_.model(), at, to));
   }
-  double calcWork(double at) override { return work_(code_.model(), at); }
-  void look(double* torque, double* entry) override { look_(code_.model(), torque, entry); }
+  double calcWork(double at, double* through) override { return work_(code_.model(), at, through); }
+  void look(double* entry) override { look_(code_.model(), entry); }
   void show(vs_shown* to) override { show_(code_.model(), to); }
 
  private:
@@ -153,8 +153,8 @@ class CompiledHost final : public HostedMotion {
   int (*cut_)(void*, double) = code_.find<int, void*, double>("host_cut");
   int (*change_)(void*, vs_exchange*) = code_.find<int, void*, vs_exchange*>("host_change");
   int (*see_)(void*, double, vs_seen*) = code_.find<int, void*, double, vs_seen*>("host_see");
-  double (*work_)(void*, double) = code_.find<double, void*, double>("host_work");
-  void (*look_)(void*, double*, double*) = code_.find<void, void*, double*, double*>("host_look");
+  double (*work_)(void*, double, double*) = code_.find<double, void*, double, double*>("host_work");
+  void (*look_)(void*, double*) = code_.find<void, void*, double*>("host_look");
   void (*show_)(void*, vs_shown*) = code_.find<void, void*, vs_shown*>("host_show");
 };
 

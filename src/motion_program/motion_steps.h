@@ -26,8 +26,8 @@ class HostedMotion {
   virtual scene_status cut(double at) = 0;
   virtual scene_status change(vs_exchange* from) = 0;
   virtual scene_status see(double at, vs_seen* to) = 0;
-  virtual double calcWork(double at) = 0;
-  virtual void look(double* torque, double* entry) = 0;
+  virtual double calcWork(double at, double* through) = 0;
+  virtual void look(double* entry) = 0;
   virtual void show(vs_shown* to) = 0;
 };
 

@@ -32,7 +32,9 @@ void refuse(SceneFormulas& made, const std::string& name, const std::string& rea
 void addInertia(const Scene& scene, SceneFormulas& made) {
   Graph& graph = *scene.graph;
   for (int i = 0; i < scene.shaftCount(); ++i) {
-    const Node inertia = addHarmonics(graph, scene, i, graph.constant(scene.inertia(i, i)));
+    // The mean comes last: scenes that differ in it alone sum the rest in the same order.
+    const Node harmonics = addHarmonics(graph, scene, i, graph.constant(0.0));
+    const Node inertia = graph.add(graph.constant(scene.inertia(i, i)), harmonics);
     const bool varies = !graph.isConstant(inertia);
     const Node omega = graph.variable(slotOf(Source::kVelocity, i));
     const Node connection = varies ? connectionOf(graph, inertia, i) : graph.constant(0.0);

@@ -234,34 +234,36 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   return status;
 }
 
-/* The work, J, of the applied torques over the first `at` s of the last step:
- * sum_n p_n tau^(n+1) / (n+1), p_n = sum_i sum_k Q_ik omega_i,n-k, up to the degree of the product.
- */
-VS_FUNCTION double vs_host_work(const vs_host* h, double at) {
+/* The work, J, of the applied torques over the first `at` s of the last step, for each shaft
+ * sum_n p_n tau^(n+1) / (n+1), p_n = sum_k Q_k omega_n-k, up to the degree of the product; *through:
+ * the sum of the magnitudes. */
+VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   const scene_series* const it = &h->model.series[h->taken];
   const double tau = seriesSmaller(at, h->made) / it->unit;
-  double power = it->unit * tau;
   double sum = 0.0;
   const int last = it->order;
   int i, k, n;
-  for (n = 0; n <= 2 * last; ++n, power *= tau) {
-    double p = 0.0;
-    for (i = 0; i < S; ++i) {
-      const double* const Q = it->row[torque_row[i]];
-      const double* const omega = it->row[VELOCITY + i];
+  *through = 0.0;
+  for (i = 0; i < S; ++i) {
+    const double* const Q = it->row[torque_row[i]];
+    const double* const omega = it->row[VELOCITY + i];
+    double power = it->unit * tau, own = 0.0;
+    for (n = 0; n <= 2 * last; ++n, power *= tau) {
+      double p = 0.0;
       for (k = n > last ? n - last : 0; k <= n && k <= last; ++k) p += Q[k] * omega[n - k];
+      own += p * power / (n + 1);
     }
-    sum += p * power / (n + 1);
+    sum += own;
+    *through += fabs(own);
   }
   return sum;
 }
 
-/* Q and C at the end of the last step, as its series tell. */
-VS_FUNCTION void vs_host_look(const vs_host* h, double* torque, double* entry) {
+/* C at the end of the last step, as its series tell. */
+VS_FUNCTION void vs_host_look(const vs_host* h, double* entry) {
   const scene_series* const it = &h->model.series[h->taken];
   const double theta = h->made / it->unit;
   int i;
-  for (i = 0; i < S; ++i) torque[i] = vs_evaluate(it->row[torque_row[i]], it->order, theta);
   for (i = 0; i < S * K; ++i) entry[i] = vs_evaluate(it->row[entry_row[i]], it->order, theta);
 }
 

@@ -27,11 +27,11 @@ int vs_kernel_host_change(void* h, vs_exchange* from) {
 int vs_kernel_host_see(void* h, double at, vs_seen* to) {
   return vs_host_see(h, at, to);
 }
-double vs_kernel_host_work(void* h, double at) {
-  return vs_host_work(h, at);
+double vs_kernel_host_work(void* h, double at, double* through) {
+  return vs_host_work(h, at, through);
 }
-void vs_kernel_host_look(void* h, double* torque, double* entry) {
-  vs_host_look(h, torque, entry);
+void vs_kernel_host_look(void* h, double* entry) {
+  vs_host_look(h, entry);
 }
 void vs_kernel_host_show(void* h, vs_shown* to) {
   vs_host_show(h, to);
