@@ -7,8 +7,7 @@ Runs of 20 s of benchmark/scenes/ship.yaml with as many inertias of its drive. T
 Odeint (dopri5) in OpenMP; its tolerance is the largest of 1e-5, 1e-6, .. whose speeds are as good as
 ours. The rounds take turns; the best of each counts. `simulate` runs a hundred times, not N.
 Runs per second of a core are by processor time, so others on the machine matter little; the speed-up
-is by the clock and wants an idle one. --write puts the table between the page's markers. A second one shows steps made at once beside
-the same in turn (benchmark/lanes.cpp), starts and all else of a row left aside.
+is by the clock and wants an idle one. --write puts the table between the page's markers.
 """
 
 import argparse
@@ -113,22 +112,6 @@ def make_table(arguments):
     return "\n".join(lines)
 
 
-def make_lanes_table():
-    """Motions at once beside the same in turn, of the scenes whose motion is not of one kind alone."""
-    program = roslib.packages.find_node("variator_sim", "lanes")[0]
-    lines = ["| scene | 1e-4 | 1e-6 | 1e-9 | 1e-12 |", "|---|---|---|---|---|"]
-    count = 0
-    for scene, seconds in (("ship", 20), ("four_shafts", 10), ("crank", 2)):
-        ratios = []
-        for tolerance in ("1e-4", "1e-6", "1e-9", "1e-12"):
-            text = subprocess.run([program, SCENE.parent / f"{scene}.yaml", str(seconds), tolerance],
-                                  check=True, capture_output=True, text=True).stdout
-            count, in_turn, at_once = map(float, text.split())
-            ratios.append(f"{in_turn / at_once:.2f}")
-        lines.append(f"| `{scene}` | {' | '.join(ratios)} |")
-    return "\n".join([f"Time of {count:.0f} motions in turn / at once, by tolerance:", "", *lines])
-
-
 def processor_name():
     try:
         text = pathlib.Path("/proc/cpuinfo").read_text(encoding="utf-8")
@@ -153,7 +136,7 @@ def main():
     parser.add_argument("--program")
     parser.add_argument("--write", type=pathlib.Path, metavar="PAGE.md")
     arguments = parser.parse_args()
-    table = make_table(arguments) + "\n\n" + make_lanes_table()
+    table = make_table(arguments)
     print(table)
     if arguments.write:
         write(arguments.write, table)

@@ -34,12 +34,10 @@ variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e_b -
 solver: {stepper: taylor, relative_tolerance: 1e-12, absolute_tolerance: 1e-12}
 )yaml")),
         system_(scene_),
-        host_(hostSeries(*system_.series()->program())),
         x_{angle, 1.1, 0.6, velocity, -0.4, 0.3, 0.45, 0.27 - 0.1 * velocity * -0.4, -0.2} {}
 
   bool expand(double limit) {
-    return host_->expand(system_.series()->describe({0.3, 0.0, x_.data(), nullptr}, 0.0), limit,
-                         &shown_);
+    return system_.series()->expand({0.3, 0.0, x_.data(), nullptr}, 0.0, limit, &shown_);
   }
   /// The largest difference between the series of the asked torque and its formula up to the
   /// length that a step may have, for size 1.
@@ -68,7 +66,6 @@ solver: {stepper: taylor, relative_tolerance: 1e-12, absolute_tolerance: 1e-12}
 
   const Scene scene_;
   System system_;
-  const std::unique_ptr<HostedSeries> host_;
   std::vector<double> x_;
   const double* rows_[12] = {};
   vs_shown shown_ = {rows_, 0, 0.0, 0.0};

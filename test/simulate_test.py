@@ -507,9 +507,9 @@ class SimulateTest(SimulateTestCase):
 
     def test_bag_equals_csv(self):
         path = str(self.folder / "out.bag")
-        result = self.simulate(SHIP, "--duration", "0.905", "--rate", "10", "--output", path)
+        result = self.simulate(SHIP, "--duration", "0.405", "--rate", "20", "--output", path)
         self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
-        header, rows = self.samples(SHIP, "--duration", "0.905", "--rate", "10")
+        header, rows = self.samples(SHIP, "--duration", "0.405", "--rate", "20")
         with rosbag.Bag(path) as bag:
             scenes = [message for _, message, _ in bag.read_messages("scene")]
             states = [message for _, message, _ in bag.read_messages("state")]

@@ -24,9 +24,8 @@ class TaylorStepper final : public Stepper {
         base_x_(system.size()),
         base_dxdt_(system.size()),
         least_angle_(system.readsAngles() ? 0 : S) {
-    if (system.series() == nullptr) return;  // in a corner of psi, or where there are none
-    host_ = hostSeries(*system.series()->program());
-    most_ = system.series()->order();
+    if (system.formulas() == nullptr) return;
+    most_ = system.formulas()->order();
     const double ratio = std::pow(std::max(tolerance.relative, 1e-16), 1.0 / most_);
     decay_[0] = 1.0;
     for (int k = 1; k < kTerms; ++k) decay_[k] = ratio * decay_[k - 1];
@@ -182,13 +181,18 @@ class TaylorStepper final : public Stepper {
 
   /// The series at `from`, as far as steps of `limit` need it.
   void expand(System& system, const StepNode& from, double limit) {
+    SceneSeries* const series = system.series();
     const bool reaches = limit <= limit_ || (order_ == most_ && length_ <= limit_);
-    if (from.time == base_time_ && isBase(from) && reaches) return;
-    SceneSeries* const series = host_ != nullptr ? system.series() : nullptr;
+    const bool is_known = from.time == base_time_ && isBase(from) && reaches;
+    const bool is_own = series != nullptr && series->expansion() == expansion_;
+    if (is_known && (is_own || order_ == 0)) return;
+    if (!is_known) {  // (Another stepper has been there: once more, to the bit.)
+      usual_ = length_;
+      limit_ = limit;
+    }
     order_ = 0;
     base_time_ = from.time;
     base_x_ = from.x;
-    limit_ = limit;
     if (series == nullptr) return;
     double x[3 * kMaxShafts];
     double multiplier[kMaxConstraints] = {};
@@ -200,9 +204,10 @@ class TaylorStepper final : public Stepper {
       system.accelerations().calcMultipliers(view, multiplier);
     }
     const SeriesPoint point = {from.time, system.drivetrain().origin(), x, multiplier};
-    const double usual = length_;
     length_ = 0.0;
-    if (!host_->expand(series->describe(point, usual), limit, &shown_)) return;
+    const bool is_good = series->expand(point, usual_, limit_, &shown_);
+    expansion_ = series->expansion();
+    if (!is_good) return;
     order_ = shown_.last;
     length_ = shown_.length;
   }
@@ -216,7 +221,6 @@ class TaylorStepper final : public Stepper {
 
   const int S;  // shafts
   const int size_;
-  std::unique_ptr<HostedSeries> host_;  ///< null where there is no series
   int most_ = 1;
   int order_ = 0;
   double length_ = 0.0;
@@ -224,6 +228,8 @@ class TaylorStepper final : public Stepper {
   /// N terms that fall from 1 to the tolerance.
   double decay_[kTerms] = {};
   double limit_ = 0.0;
+  double usual_ = 0.0;   ///< the length that the expansion was given
+  long expansion_ = -1;  ///< its number
   /// Sums go by fours.
   static constexpr int kRoom = expression::SeriesProgram::kStride;
   const double* rows_[4 * kMaxShafts] = {};  ///< of coefficients: the state, accelerations, torques

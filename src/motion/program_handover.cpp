@@ -15,6 +15,9 @@ bool ProgramMotion::stepIntegrated(double end) {
   forgetSample();
   // (A step that time does not resolve is a short one, too.)
   const double made = std::max(frontTime() - before, std::numeric_limits<double>::min());
+  // An input that moves ever so fast has its reason for short steps.
+  const double left = motion_->drivetrain.inputSegmentEnd() - motion_->integrator.stepEnd().time;
+  if (left < 1e3 * Progress::leastAt(before)) return is_good;
   if (!is_good || motion_->isSleeping() || !progress_.isStuck(before, made)) return is_good;
   motion_->integrator.stopStuck();
   return false;

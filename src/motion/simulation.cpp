@@ -35,7 +35,7 @@ std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   const Motion* const integrated =
       program != nullptr ? program->byIntegrator() : dynamic_cast<const Motion*>(like);
   auto motion = std::make_unique<Motion>(std::move(scene), Shortcuts{}, integrated);
-  const SceneSeries* const series = motion->system.series();
+  const SceneSeries* const series = motion->system.formulas();
   const bool is_stepped = motion->integrator.stepsBySeries() && series->program()->makesSteps();
   if (!is_stepped) return motion;
   Scene its_scene = motion->scene;

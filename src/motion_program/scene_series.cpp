@@ -56,6 +56,11 @@ const vs_exchange& SceneSeries::describe(const SeriesPoint& point, double usual)
   return it_;
 }
 
+bool SceneSeries::expand(const SeriesPoint& point, double usual, double limit, vs_shown* to) {
+  ++expansion_;
+  return host_->expand(describe(point, usual), limit, to);
+}
+
 bool SceneSeries::isNoted(const SeriesPoint& point) const {
   constexpr double kRounding = 1e-14;
   const auto isSame = [](double value, double noted) {
@@ -79,8 +84,8 @@ bool SceneSeries::mayHideAlong(const SeriesPoint& from, const SeriesPoint& to) {
   const expression::SeriesProgram& rows = program_->rows().program();
   if (!rows.canHide()) return false;
   // (They differ from the last step's end after a command or the end of an input's closed form.)
-  if (!isNoted(from)) host_->evaluate(describe(from, 0.0), values_[0].data());
-  host_->evaluate(describe(to, 0.0), values_[1].data());
+  if (!isNoted(from)) host_->evaluate(describe(from), values_[0].data());
+  host_->evaluate(describe(to), values_[1].data());
   const bool may_hide = rows.haveArgumentsGoneFar(values_[0].data(), values_[1].data());
   std::swap(values_[0], values_[1]);
   note(to);
@@ -109,11 +114,11 @@ bool SceneSeries::isStepResolved(const SeriesPoint& from, const SeriesPoint& mid
   const SeriesPoint* const points[] = {&from, &middle, &to};
   const double* at[3];
   for (int n = 0; n < 3; ++n) {
-    host_->evaluate(describe(*points[n], 0.0), values_[n].data());
+    host_->evaluate(describe(*points[n]), values_[n].data());
     at[n] = values_[n].data();
   }
   path.at = at;
-  return host_->isResolvedAlong(describe(from, 0.0), path);
+  return host_->isResolvedAlong(describe(from), path);
 }
 
 }  // namespace variator_sim

@@ -29,9 +29,12 @@ class SceneSeries {
   bool hasExpansion() const { return program_->hasExpansion(); }
   int order() const { return program_->SCENE_ORDER; }
 
-  /// Describes a point for the program; `usual`: the length that a step there may have, s, 0: not
-  /// known.
-  const vs_exchange& describe(const SeriesPoint& point, double usual);
+  /// Expands the motion at a point as far as steps of `limit` s need it; shows its series, which
+  /// hold until the next expansion or question. `usual`: the length that a step there may have, s,
+  /// 0: not known. False where there are none.
+  bool expand(const SeriesPoint& point, double usual, double limit, vs_shown* to);
+  /// The number of the last expansion.
+  long expansion() const { return expansion_; }
 
   /// True where a function may do more between two states, `length` s apart, than schemes see of
   /// it: then isStepResolved tells. Both are asked step by step.
@@ -43,6 +46,7 @@ class SceneSeries {
  private:
   SceneSeries(const Scene& scene, const CommandSignal* signals,
               std::shared_ptr<const MotionProgram> program);
+  const vs_exchange& describe(const SeriesPoint& point, double usual = 0.0);
   bool isNoted(const SeriesPoint& point) const;
   void note(const SeriesPoint& point);
 
@@ -51,6 +55,7 @@ class SceneSeries {
   const std::unique_ptr<HostedSeries> host_;
   const int S;  // shafts
   const int inputs_;
+  long expansion_ = 0;
   vs_exchange it_ = {};
   double state_[3 * kMaxShafts] = {};
   double multiplier_[kMaxConstraints] = {};

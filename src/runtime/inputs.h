@@ -3,11 +3,6 @@
 enum { VS_ZERO_ORDER, VS_FIRST_ORDER_LAG, VS_RATE_LIMIT, VS_FIRST_ORDER_HOLD, VS_SECOND_ORDER_LAG };
 enum { VS_CONSTANT, VS_RAMP, VS_EXPONENTIAL, VS_CRITICAL };
 
-/* True at the end of a closed form, but for rounding. */
-VS_FUNCTION int vs_has_ended(const scene_signal* s) {
-  return s->age >= s->end * (1.0 - 4.0 * DBL_EPSILON);
-}
-
 /* u up to `order`, in powers of time / unit: with x = age / tau,
        d^n/dx^n (a + b x) exp(-x) = (-1)^n (a + b x - n b) exp(-x) */
 VS_FUNCTION void vs_expand_input(const scene_signal* s, double unit, int order, double* u) {
@@ -27,9 +22,10 @@ VS_FUNCTION void vs_expand_input(const scene_signal* s, double unit, int order, 
   u[0] = s->start + s->slope * s->age;
   u[1] = unit * s->slope;
   if (s->slope > 0.0 ? u[0] > s->target : u[0] < s->target) u[0] = s->target;
-  if (!vs_has_ended(s)) return;
-  u[0] = s->target; /* from its end on, which a step has reached before it holds the value */
-  u[1] = 0.0;
+  if (s->age < s->end) return;
+  u[0] = s->target;
+  /* At its end the rate is that of the ramp. A step from there began before it held the value. */
+  if (s->age > s->end * (1.0 + 4.0 * DBL_EPSILON)) u[1] = 0.0;
 }
 
 VS_FUNCTION double vs_input_value(const scene_signal* s) {

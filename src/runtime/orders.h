@@ -240,18 +240,19 @@ VS_FUNCTION_INLINE double vs_log_length(const scene_series* it, int first, int c
  * gauss are an output, whose own tolerance the step's end is asked for (vs_defect). Up to limit,
  * s, no function does what its series does not show. */
 VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
+  const double kept = 6.0; /* part of the tolerance for the last term; those behind it are unknown */
   const int last = vs_last(it);
   const double longest_rates =
-      vs_log_length(it, ACCELERATION, S, it->order, IS_CLASSICAL ? 0.4 : 4.0);
+      vs_log_length(it, ACCELERATION, S, it->order, IS_CLASSICAL ? 0.4 : kept);
   const double longest_values =
-      vs_log_length(it, ANGLE + FIRST_JUDGED, 2 * S - FIRST_JUDGED, last, 4.0);
+      vs_log_length(it, ANGLE + FIRST_JUDGED, 2 * S - FIRST_JUDGED, last, kept);
   double theta = exp(seriesSmaller(longest_rates, longest_values));
   int halvings, c;
   for (c = 0; c < WATCHED; ++c) {
     theta = seriesSmaller(theta, exp(vs_log_length(it, watched_row[c], 1, it->order, 0.4)));
   }
   if (STATES > 0)
-    theta = seriesSmaller(theta, exp(vs_log_length(it, STATE, STATES, it->order + 1, 4.0)));
+    theta = seriesSmaller(theta, exp(vs_log_length(it, STATE, STATES, it->order + 1, kept)));
   for (halvings = 0; halvings < 60; ++halvings) {
     const double taken = seriesSmaller(theta, limit / it->unit);
     if (vs_is_resolved(it, taken)) break;

@@ -7,7 +7,7 @@ VS_FUNCTION double vs_limit(scene_model* m, double left) {
   int i;
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
-    if (vs_has_ended(s)) vs_hold_constant(s, s->target);
+    if (s->age >= s->end) vs_hold_constant(s, s->target);
     limit = seriesSmaller(limit, s->end - s->age);
     if (m->now.silence[i] >= 0.0 && timeout_of[i] > 0.0) {
       limit = seriesSmaller(limit, timeout_of[i] - m->now.silence[i]);
@@ -128,7 +128,7 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
   is_kink = at->guard >= 0;
   for (i = 0; i < INPUTS; ++i) {
     const scene_signal* const s = &m->now.input[i];
-    is_kink = is_kink || (s->form == VS_RAMP && vs_has_ended(s));
+    is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);
   }
   *defect = vs_defect(m, it, next, &expected, *theta, is_kink,
                       seriesLarger(0.0, *theta - at->theta) * it->unit);
@@ -226,7 +226,8 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
                ? 0.9 * pow(defect, -1.0 / (vs_series(m)->order + 1))
                : 0.5;
     theta *= part > 0.2 ? part : 0.2;
-    if (!(theta * vs_series(m)->unit > 1e-14 * seriesLarger(1.0, m->now.time))) break;
+    h = theta * vs_series(m)->unit;
+    if (!(h > seriesSmaller(1e-14 * seriesLarger(1.0, m->now.time), 1e-3 * limit))) break;
   }
   if (loses_rank) return SCENE_SINGULAR;
   return status == SCENE_OK ? SCENE_TOO_MANY_STEPS : status;

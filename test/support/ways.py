@@ -108,9 +108,8 @@ def play_kernel(work):
     return play_module(work, "always")
 
 
-def play_lanes(work):
+def play_sweep(work):
     def play(variator_sim):
-        # More rows than lanes, so that some take the place of others that end.
         simulation = variator_sim.Simulation(work.scene, work.settings("never"))
         shaft = simulation.shafts[0]
         inertia = simulation.scene[shaft]["inertia"]
@@ -172,13 +171,13 @@ Way = collections.namedtuple("Way", "play principles steppers share")
 WAYS = {
     "interpreter": Way(play_module, PRINCIPLES, ADAPTIVE + FIXED, 1),
     "kernel": Way(play_kernel, ("its own",), SOME, 10),
-    "lanes": Way(play_lanes, ("its own",), ("auto",), 10),
+    "sweep": Way(play_sweep, ("its own",), ("auto",), 10),
     "program": Way(play_program, ("its own",), ("auto",), 10),
     "error": Way(play_error, ("its own",), SOME, 5),
     "states": Way(play_states, ("its own",), SOME, 5),
     "c": Way(play_c, ("its own",), ("auto",), 10),
 }
-OF_MODULE = {"interpreter", "kernel", "lanes"}
+OF_MODULE = {"interpreter", "kernel", "sweep"}
 OF_REFERENCES = ("interpreter", "kernel", "program", "error")  # samples at the instants of the run
 
 
