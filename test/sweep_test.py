@@ -443,16 +443,6 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
 
     # --- threads ----------------------------------------------------------------------------------
 
-    def test_threads_that_find_no_memory_leave_their_rows_to_the_others(self):
-        limit = 1 << 28
-        done = subprocess.run(
-            self.command(self.folder / "out.csv", "--metric", "final(drive/velocity)", "--set",
-                         "drive/inertia=0.5:2:300", "--threads", "100"),
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
-            stderr=subprocess.PIPE, text=True, check=False, timeout=60)
-        self.assertEqual((done.returncode, done.stderr), (0, ""))
-        self.assertEqual(len((self.folder / "out.csv").read_text().splitlines()), 301)
-
     # --- other machines ---------------------------------------------------------------------------
 
     def start(self, *words):

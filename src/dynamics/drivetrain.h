@@ -174,8 +174,6 @@ class Drivetrain {
   }
   /// The tables that functions of machine code read.
   const KernelTables* kernelTables() const { return program_.kernelTables(); }
-  /// True when some input moves.
-  bool haveInputsMoved() const { return !varying_.empty(); }
 
   /// The switching functions of all components.
   const std::vector<GuardPtr>& guards() const { return guards_; }

@@ -118,6 +118,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   m->status = vs_apply_events(m);
   m->has_moved = 1;
   m->events = 0;
+  vs_end_inputs(m);
   h->before = m->now;
   if (m->status == SCENE_OK) m->status = vs_make_step(m, left, &h->made);
   h->taken = m->is_begun ? 1 - m->present : m->present;

@@ -19,13 +19,9 @@ VS_FUNCTION void vs_expand_input(const scene_signal* s, double unit, int order, 
     u[n] = (a + b * x - n * b) * factor;
   }
   if (s->form != VS_RAMP) return;
-  u[0] = s->start + s->slope * s->age;
-  u[1] = unit * s->slope;
+  u[0] = s->age >= s->end ? s->target : s->start + s->slope * s->age;
   if (s->slope > 0.0 ? u[0] > s->target : u[0] < s->target) u[0] = s->target;
-  if (s->age < s->end) return;
-  u[0] = s->target;
-  /* At its end the rate is that of the ramp. A step from there began before it held the value. */
-  if (s->age > s->end * (1.0 + 4.0 * DBL_EPSILON)) u[1] = 0.0;
+  u[1] = unit * s->slope;
 }
 
 VS_FUNCTION double vs_input_value(const scene_signal* s) {

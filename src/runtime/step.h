@@ -1,13 +1,23 @@
 /* A step: the series of the present, how far it holds, and the state there, from which the next
  * series begins. */
 
-/* The longest that the inputs let a step be, s. */
-VS_FUNCTION double vs_limit(scene_model* m, double left) {
-  double limit = seriesSmaller(left, MAXIMUM_STEP);
+/* Inputs whose closed form has ended hold its value: at the end itself the rate is still that of
+ * the form. */
+VS_FUNCTION void vs_end_inputs(scene_model* m) {
   int i;
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
     if (s->age >= s->end) vs_hold_constant(s, s->target);
+  }
+}
+
+/* The longest that the inputs let a step be, s. */
+VS_FUNCTION double vs_limit(scene_model* m, double left) {
+  double limit = seriesSmaller(left, MAXIMUM_STEP);
+  int i;
+  vs_end_inputs(m);
+  for (i = 0; i < INPUTS; ++i) {
+    const scene_signal* const s = &m->now.input[i];
     limit = seriesSmaller(limit, s->end - s->age);
     if (m->now.silence[i] >= 0.0 && timeout_of[i] > 0.0) {
       limit = seriesSmaller(limit, timeout_of[i] - m->now.silence[i]);
