@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <sstream>
+#include <utility>
 
 #include "expression/c_code.h"
 #include "expression/series_dot.h"
@@ -40,8 +41,11 @@ bool isDiagonal(const Eigen::MatrixXd& inertia) {
 
 }  // namespace
 
-MotionProgram::MotionProgram(const Scene& scene)
-    : formulas_(collectFormulas(scene)), program_(compile(scene)), rows_(program_, series_) {
+MotionProgram::MotionProgram(const Scene& scene, std::vector<Node> shown)
+    : formulas_(collectFormulas(scene)),
+      shown_(std::move(shown)),
+      program_(compile(scene)),
+      rows_(program_, series_) {
   setSizes(scene);
   setLists(scene);
   setInputs(scene);
@@ -82,6 +86,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.curvature);
   add(formulas_.input_slope);
   add(formulas_.set);
+  add(shown_);
   const std::vector<Node> others(outputs_.begin() + static_cast<std::ptrdiff_t>(trial.size()),
                                  outputs_.end());
   try {

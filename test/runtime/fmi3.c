@@ -1,0 +1,3 @@
+#include "runtime/slave.h"
+/* */
+#include "runtime/fmi3.h"
