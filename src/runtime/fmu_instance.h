@@ -2,6 +2,8 @@
  * theirs, which have the same numbers. Memory is taken by instances and copies of their state only.
  */
 
+#define FMI_EXPORT __attribute__((visibility("default")))
+
 enum { FMU_OK, FMU_WARNING, FMU_DISCARD, FMU_ERROR, FMU_FATAL };
 
 typedef struct fmu_instance {
@@ -76,15 +78,6 @@ static int fmu_stop(const fmu_instance* f, int status, const char* function) {
   return fmu_fail(f, status, function, why);
 }
 
-static int fmu_exit_initialization(fmu_instance* f, const char* function) {
-  const int status = fmu_check(f, FMU_INITIALIZING, function);
-  if (status != FMU_OK) return status;
-  fmu_look(&f->motion);
-  if (f->motion.status != SCENE_OK) return fmu_stop(f, FMU_ERROR, function);
-  f->motion.phase = f->uses_events ? FMU_EVENT : FMU_STEPPING;
-  return FMU_OK;
-}
-
 static int fmu_go(fmu_instance* f, int from, int to, const char* function) {
   const int status = fmu_check(f, from, function);
   if (status == FMU_OK) f->motion.phase = to;
@@ -99,7 +92,7 @@ static int fmu_do_step(fmu_instance* f, double from, double length, const char* 
     return fmu_fail(f, FMU_ERROR, function, "the step begins elsewhere than the last one ended");
   if (!isfinite(length) || length < 0.0)
     return fmu_fail(f, FMU_ERROR, function, "the length of the step is negative or not finite");
-  if (m->status == SCENE_OK) fmu_advance(m, from + length, f->returns_early);
+  if (m->status == SCENE_OK) fmu_advance(m, from + length, f->uses_events && f->returns_early);
   return m->status == SCENE_OK ? FMU_OK : fmu_stop(f, FMU_DISCARD, function);
 }
 
@@ -145,64 +138,5 @@ static int fmu_set_numbers(fmu_instance* f, const unsigned* reference, size_t co
     if (!isfinite(value[n])) return fmu_fail(f, FMU_DISCARD, function, "a value is not finite");
   }
   for (n = 0; n < count; ++n) fmu_set(&f->motion, reference[n], value[n]);
-  return FMU_OK;
-}
-
-/* ---- Copies of the state ---- */
-
-static int fmu_copy_state(fmu_instance* f, void** state, const char* function) {
-  if (f == NULL || state == NULL) return fmu_fail(f, FMU_ERROR, function, "no place for the state");
-  if (*state == NULL) *state = malloc(sizeof f->motion);
-  if (*state == NULL) return fmu_fail(f, FMU_ERROR, function, "no memory");
-  memcpy(*state, &f->motion, sizeof f->motion);
-  return FMU_OK;
-}
-
-static int fmu_take_state(fmu_instance* f, const void* state, const char* function) {
-  if (f == NULL || state == NULL) return fmu_fail(f, FMU_ERROR, function, "no state");
-  memcpy(&f->motion, state, sizeof f->motion);
-  fmu_aim(&f->motion);
-  return FMU_OK;
-}
-
-static int fmu_free_state(void** state) {
-  if (state == NULL) return FMU_OK;
-  free(*state);
-  *state = NULL;
-  return FMU_OK;
-}
-
-/* FNV-1a of the token and of the bytes that follow. */
-static unsigned long long fmu_sum(const unsigned char* bytes, size_t count) {
-  unsigned long long sum = 14695981039346656037ULL;
-  const char* c;
-  size_t n;
-  for (c = fmu_token; *c != '\0'; ++c) sum = (sum ^ (unsigned char)*c) * 1099511628211ULL;
-  for (n = 0; n < count; ++n) sum = (sum ^ bytes[n]) * 1099511628211ULL;
-  return sum;
-}
-enum { FMU_SUM = sizeof(unsigned long long) };
-
-static int fmu_serialize(fmu_instance* f, const void* state, void* bytes, size_t size,
-                         const char* function) {
-  unsigned long long sum;
-  if (f == NULL || state == NULL || bytes == NULL || size < FMU_SUM + sizeof f->motion)
-    return fmu_fail(f, FMU_ERROR, function, "no state, or too few bytes for it");
-  sum = fmu_sum(state, sizeof f->motion);
-  memcpy(bytes, &sum, sizeof sum);
-  memcpy((char*)bytes + FMU_SUM, state, sizeof f->motion);
-  return FMU_OK;
-}
-
-static int fmu_deserialize(fmu_instance* f, const void* bytes, size_t size, void** state,
-                           const char* function) {
-  unsigned long long sum;
-  if (f == NULL || bytes == NULL || size != FMU_SUM + sizeof f->motion)
-    return fmu_fail(f, FMU_ERROR, function, "not the bytes of a state of this FMU");
-  memcpy(&sum, bytes, sizeof sum);
-  if (sum != fmu_sum((const unsigned char*)bytes + FMU_SUM, sizeof f->motion))
-    return fmu_fail(f, FMU_ERROR, function, "damaged bytes, or those of another FMU");
-  if (fmu_copy_state(f, state, function) != FMU_OK) return FMU_ERROR;
-  memcpy(*state, (const char*)bytes + FMU_SUM, sizeof f->motion);
   return FMU_OK;
 }
