@@ -24,7 +24,6 @@ LINKING = ["-fPIC", "-shared", "-fno-semantic-interposition", "-fno-plt", "-s"]
 # Names of platforms by machine, in FMI 2 and 3.
 PLATFORMS = {"x86_64": {2: "linux64", 3: "x86_64-linux"}, "aarch64": {2: "aarch64-linux", 3: "aarch64-linux"}}
 BASE_UNITS = ("kg", "m", "s", "A", "K", "rad")
-UNITS = {"s": [1, 0, 0, 1, 0, 0, 0]}
 MODES = {"backward": -1, "stuck": 0, "forward": 1, "free": 2}
 GENERATOR = "variator_sim"
 # One time for all members: the same scene makes the same bytes.
@@ -205,7 +204,9 @@ def build(model, folder):
     source.write_text(model["source"])
     version = model["version"]
     here = platform.machine()
-    compilers = {here: "cc", "aarch64": "aarch64-linux-gnu-gcc"} if here != "aarch64" else {here: "cc"}
+    if shutil.which("cc") is None:
+        raise RuntimeError("no compiler (cc) was found for the FMU's binary: 'apt install build-essential' installs one")
+    compilers = {"aarch64": "aarch64-linux-gnu-gcc", here: "cc"}
     made = {}
     for machine, compiler in compilers.items():
         if shutil.which(compiler) is None:
@@ -220,7 +221,9 @@ def build(model, folder):
 def write_archive(model, path):
     """Writes the FMU to `path`, or nothing where that fails."""
     variables = [Variable(reference, entry) for reference, entry in enumerate(model["variables"])]
-    model["units"] = {**UNITS, **model["units"]}
+    if len({it.name for it in variables}) < len(variables):
+        raise RuntimeError("two variables of the FMU have one name: an element is called like another's quantity, "
+                           "or 'inputs', 'outputs', 'initial', 'states' or 'variables'")
     members = {"modelDescription.xml": describe_model(model, variables),
                "documentation/index.html": write_page(model, variables),
                f"sources/{model['name']}.c": model["source"]}
@@ -242,7 +245,7 @@ def write_archive(model, path):
 def main():
     del sys.path[0]  # modules of the package are none of Python's
     try:
-        write_archive(json.load(sys.stdin), sys.argv[1])
+        write_archive(json.loads(sys.stdin.buffer.read().decode("utf-8", "replace")), sys.argv[1])
     except (OSError, RuntimeError) as error:
         print(error, end="")
         return 1

@@ -14,8 +14,8 @@ namespace variator_sim {
 
 class MotionProgram : public MotionData {
  public:
-  /// `shown`: further formulas, which have a row at order 0. Throws SceneError, with the element and
-  /// the reason, for what has no series.
+  /// `shown`: further formulas, with a row at order 0. Throws SceneError, with the element and the
+  /// reason, for what has no series.
   explicit MotionProgram(const Scene& scene, std::vector<expression::Node> shown = {});
 
   const MotionRows& rows() const { return rows_; }
