@@ -210,20 +210,29 @@ class FmuWriter {
     const auto shafts = static_cast<std::size_t>(scene_.shaftCount());
     const auto constraints = static_cast<std::size_t>(scene_.constraintCount());
     const bool is_settled = scene_.holdNames().empty() && !scene_.hasMemory();
-    std::vector<double> acceleration(shafts), reaction(shafts), multiplier(constraints),
-        longest(constraints);
+    std::vector<double> angle = scene_.initial.angle, velocity = scene_.initial.velocity,
+                        acceleration(shafts), reaction(shafts), multiplier(constraints),
+                        longest(constraints);
     if (is_settled) {
+      // (Under `gauss` the reaction of the first instant is in no history.)
+      const Sample first = simulation_.sample();
       MotionState state;
       if (!simulation_.saveState(&state)) throw SceneError("", simulation_.describeStatus());
+      angle.assign(state.angle, state.angle + shafts);
+      velocity.assign(state.velocity, state.velocity + shafts);
       acceleration.assign(state.acceleration, state.acceleration + shafts);
       reaction.assign(state.history.kept_reaction.value,
                       state.history.kept_reaction.value + shafts);
-      multiplier.assign(state.history.multiplier, state.history.multiplier + constraints);
+      if (scene_.principle == Principle::kGauss) {
+        multiplier.assign(first.multiplier, first.multiplier + constraints);
+      }
       longest.assign(state.history.longest_row, state.history.longest_row + constraints);
     } else if (!scene_.initial.acceleration.empty()) {
       acceleration = scene_.initial.acceleration;
     }
     return "enum { FMU_IS_SETTLED = " + std::to_string(is_settled ? 1 : 0) + " };\n" +
+           arrayOf("double", "initial_angle", angle) +
+           arrayOf("double", "initial_velocity", velocity) +
            arrayOf("double", "initial_acceleration", acceleration) +
            arrayOf("double", "initial_reaction", reaction) +
            arrayOf("double", "initial_multiplier", multiplier) +

@@ -109,7 +109,10 @@ static void fmu_start(fmu_motion* m) {
   for (i = 0; i < 2 * S; ++i) m->state[i] = m->parameter[i];
   for (i = 0; i < S; ++i) {
     if (is_settled || HAS_GIVEN_ACCELERATIONS) m->state[2 * S + i] = initial_acceleration[i];
-    if (is_settled) m->reaction[i] = initial_reaction[i];
+    if (!is_settled) continue;
+    m->state[i] = initial_angle[i];
+    m->state[S + i] = initial_velocity[i]; /* moved onto the constraints, where the scene lets it */
+    m->reaction[i] = initial_reaction[i];
   }
   for (i = 0; i < CONSTRAINTS && is_settled; ++i) {
     m->multiplier[i] = initial_multiplier[i];
