@@ -31,7 +31,9 @@ void fuseProducts(bool on) {
   is_fusing = on && hasFusedProducts();
 }
 const char* arithmeticOfCode() {
-  return is_fusing ? "#define VS_FUSES\n" : "";
+  return is_fusing ? "#if !defined(__x86_64__) || (defined(__FMA__) && defined(__AVX2__))\n"
+                     "#define VS_FUSES\n#endif\n"
+                   : "";
 }
 
 std::array<int, 2> SeriesProgram::limitingOperands(const Instruction& it) {

@@ -1,5 +1,5 @@
-/// The text of series_sine.inc, series_operation.inc, series_resolution.inc and series_ranges.inc,
-/// and that of runtime/operations.h and pieces.h, for kernels and emitted programs.
+/// The text of series_operation.inc, series_resolution.inc and series_ranges.inc,
+/// and that of runtime/operations.h, for kernels and emitted programs.
 #pragma once
 
 namespace variator_sim::expression {

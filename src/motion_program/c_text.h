@@ -23,6 +23,10 @@ extern const char* const kExchange;
 extern const char* const kCommands;
 extern const char* const kHost;
 extern const char* const kHostKernel;
+/// fmu.h, fmu_instance.h; fmi2.h, fmi.h; fmi3.h, fmi.h
+extern const char* const kFmu;
+extern const char* const kFmi2;
+extern const char* const kFmi3;
 /// player.c
 extern const char* const kPlayer;
 

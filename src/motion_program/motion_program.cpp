@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include "expression/c_code.h"
 #include "expression/series_dot.h"
@@ -41,8 +42,11 @@ bool isDiagonal(const Eigen::MatrixXd& inertia) {
 
 }  // namespace
 
-MotionProgram::MotionProgram(const Scene& scene)
-    : formulas_(collectFormulas(scene)), program_(compile(scene)), rows_(program_, series_) {
+MotionProgram::MotionProgram(const Scene& scene, std::vector<Node> shown)
+    : formulas_(collectFormulas(scene)),
+      shown_(std::move(shown)),
+      program_(compile(scene)),
+      rows_(program_, series_) {
   setSizes(scene);
   setLists(scene);
   setInputs(scene);
@@ -83,6 +87,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.curvature);
   add(formulas_.input_slope);
   add(formulas_.set);
+  add(shown_);
   const std::vector<Node> others(outputs_.begin() + static_cast<std::ptrdiff_t>(trial.size()),
                                  outputs_.end());
   try {
@@ -483,14 +488,11 @@ std::string MotionProgram::writeOrders(bool in_units) const {
 }
 
 std::string MotionProgram::writeKernel() const {
-  constexpr const char* kNoFusion =
-      "#if defined(__x86_64__) && !(defined(__FMA__) && defined(__AVX2__))\n#undef VS_FUSES\n"
-      "#endif\n";
   return std::string(expression::arithmeticOfCode()) +
          "#include <float.h>\n#include <math.h>\n#include <string.h>\n" + writeExtents() +
          kSceneHeader + kTableData + kExchangeData +
-         writeMotion(std::string(kNoFusion) + expression::kOperationsText, true) + kExchange +
-         kCommands + kHost + KernelLibrary::kLastUnit + kHostKernel + KernelLibrary::kEndOfUnit;
+         writeMotion(expression::kOperationsText, true) + kExchange + kCommands + kHost +
+         KernelLibrary::kLastUnit + kHostKernel + KernelLibrary::kEndOfUnit;
 }
 
 }  // namespace variator_sim

@@ -14,8 +14,9 @@ namespace variator_sim {
 
 class MotionProgram : public MotionData {
  public:
-  /// Throws SceneError, with the element and the reason, for what has no series.
-  explicit MotionProgram(const Scene& scene);
+  /// `shown`: further formulas, with a row at order 0. Throws SceneError, with the element and the
+  /// reason, for what has no series.
+  explicit MotionProgram(const Scene& scene, std::vector<expression::Node> shown = {});
 
   /// Throws SceneError where the texts expand the motion and check steps, and cannot step it.
   void requireSteps() const {
@@ -28,6 +29,9 @@ class MotionProgram : public MotionData {
   const MotionRows& rows() const { return rows_; }
   /// Returns the names of elements that hold, in the order of HOLDS: the part behind a slash.
   const std::vector<std::string>& holdNames() const { return formulas_.hold_names; }
+
+  /// Returns the rows of formulas of the program.
+  MotionList<int> rowsOf(const std::vector<expression::Node>& nodes) const;
 
   /// Returns words that are equal for scenes whose kernels have the same text.
   std::vector<int> structure() const;
@@ -49,7 +53,6 @@ class MotionProgram : public MotionData {
   void setMemory(const Scene& scene);
   std::vector<int> findNeutral(const Scene& scene) const;
   int rowOf(expression::Node node) const;
-  MotionList<int> rowsOf(const std::vector<expression::Node>& nodes) const;
   std::string writeLists(bool shares) const;
   std::string writeSharedLists() const;
   std::string writeResolution(bool shares) const;
@@ -58,6 +61,7 @@ class MotionProgram : public MotionData {
   std::string writeOrders(bool in_units) const;
 
   const SceneFormulas formulas_;
+  const std::vector<expression::Node> shown_;
   std::vector<expression::Node> outputs_;
   int series_ = 0;  ///< outputs that are needed as series
   const expression::SeriesProgram program_;

@@ -1,9 +1,5 @@
 #include "tools/analysis_run.h"
 
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -16,6 +12,7 @@
 #include "io/whole_file.h"
 #include "model/number_text.h"
 #include "tools/linear_model_file.h"
+#include "tools/python_file.h"
 #include "tools/sample_writer.h"
 #include "tools/state_file.h"
 #include "tools/steady_state.h"
@@ -152,48 +149,10 @@ TrimChoice readChoice(const std::string& option, const std::string& text, bool n
   return choice;
 }
 
-/// Returns the path of the Python converter for NumPy and MATLAB, beside this program.
-std::string findConverter() {
-  const auto program = std::filesystem::read_symlink("/proc/self/exe");
-  const auto prefix = program.parent_path().parent_path().parent_path();
-  return prefix / VARIATOR_SIM_PYTHON_FOLDER / "linear_model_files.py";
-}
-
 /// Converts a model's CSV to the content of a file with this ending; an empty text only checks that
 /// the conversion is possible. Throws OutputError.
-std::string convertModel(const std::string& csv, std::string ending) {
-  using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
-  const File input(std::tmpfile(), std::fclose);
-  const File output(std::tmpfile(), std::fclose);
-  if (!input || !output || !writeBytes(::fileno(input.get()), csv.data(), csv.size()) ||
-      ::lseek(::fileno(input.get()), 0, SEEK_SET) != 0) {
-    throw OutputError(std::string("no temporary file can be written: ") + std::strerror(errno));
-  }
-  std::string python = "/usr/bin/python3";
-  std::string converter = findConverter();
-  char* const words[] = {python.data(), converter.data(), ending.data(), nullptr};
-  posix_spawn_file_actions_t actions;
-  ::posix_spawn_file_actions_init(&actions);
-  ::posix_spawn_file_actions_adddup2(&actions, ::fileno(input.get()), STDIN_FILENO);
-  ::posix_spawn_file_actions_adddup2(&actions, ::fileno(output.get()), STDOUT_FILENO);
-  posix_spawnattr_t attributes;  // a group of its own: Ctrl-C ends the motion, not the writing
-  ::posix_spawnattr_init(&attributes);
-  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
-  pid_t child = 0;
-  const int error = ::posix_spawn(&child, words[0], &actions, &attributes, words, environ);
-  ::posix_spawnattr_destroy(&attributes);
-  ::posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) throw OutputError(python + " (python3) cannot be run: " + std::strerror(error));
-  int status = -1;
-  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) continue;
-  std::string content;
-  std::rewind(output.get());
-  char bytes[4096];
-  while (const std::size_t size = std::fread(bytes, 1, sizeof bytes, output.get())) {
-    content.append(bytes, size);
-  }
-  if (status == 0) return content;
-  throw OutputError(content.empty() ? python + " " + converter + " failed" : content);
+std::string convertModel(const std::string& csv, const std::string& ending) {
+  return runPythonFile("linear_model_files.py", ending, csv);
 }
 
 std::string asComment(const std::string& text) {

@@ -15,11 +15,13 @@
 #include <vector>
 
 #include "emit_c/emit_c.h"
+#include "emit_fmu/emit_fmu.h"
 #include "ros/plugin_loader.h"
 #include "tools/analysis_run.h"
 #include "tools/explanation.h"
 #include "tools/offline_run.h"
 #include "tools/progress_bar.h"
+#include "tools/python_file.h"
 #include "tools/sample_writer.h"
 #include "tools/simulate_options.h"
 #include "tools/state_file.h"
@@ -352,6 +354,19 @@ int emitC(Simulation& simulation, const SimulateOptions& options) {
   return kSuccess;
 }
 
+int emitFmu(Simulation& simulation, const SimulateOptions& options) {
+  const std::string& path = options.scene_path;
+  std::string description;
+  try {
+    description =
+        describeFmu(simulation, options.fmi, nameForC(path), path.substr(path.rfind('/') + 1));
+  } catch (const SceneError& error) {
+    throw SceneError("", path + ": " + error.what());
+  }
+  runPythonFile("fmu_archive.py", options.emit_fmu_path, description);
+  return kSuccess;
+}
+
 int runSimulate(const std::vector<std::string>& words) {
   const SimulateOptions options = parseSimulateOptions(words);
   if (options.help) {
@@ -371,6 +386,7 @@ int runSimulate(const std::vector<std::string>& words) {
   }
   if (options.explain) return explain(simulation, options);
   if (!options.emit_c_path.empty()) return emitC(simulation, options);
+  if (!options.emit_fmu_path.empty()) return emitFmu(simulation, options);
   if (options.trim) return runTrim(simulation.scene(), options) ? kSuccess : kStopped;
   g_signal_is_heard = 1;
   if (options.linearize) {

@@ -129,6 +129,7 @@ void checkModes(const OptionParser& given) {
   using Pair = std::pair<const char*, const char*>;
   for (const auto& [option, mode] : {Pair{"--latex", "--explain"},
                                      {"--at", "--linearize"},
+                                     {"--fmi", "--emit-fmu"},
                                      {"--full", "--linearize"},
                                      {"--fix", "--trim"},
                                      {"--free", "--trim"},
@@ -137,7 +138,8 @@ void checkModes(const OptionParser& given) {
     throw UsageError(std::string(option) + " belongs to " + mode);
   }
   std::string first;
-  for (const char* mode : {"--compile", "--emit-c", "--explain", "--linearize", "--trim"}) {
+  for (const char* mode :
+       {"--compile", "--emit-c", "--emit-fmu", "--explain", "--linearize", "--trim"}) {
     if (!given.has(mode)) continue;
     if (!first.empty()) throw UsageError(first + " and " + mode + " exclude each other");
     first = mode;
@@ -183,7 +185,8 @@ void completeOptions(const OptionParser& given, SimulateOptions& options) {
   if (options.rate <= 0.0) throw UsageError("--rate: must be above 0 Hz");
   if (options.scene_path.empty()) throw UsageError("no scene given");
   checkModes(given);
-  if (options.explain || options.linearize || options.trim || !options.emit_c_path.empty()) return;
+  const bool writes_program = !options.emit_c_path.empty() || !options.emit_fmu_path.empty();
+  if (options.explain || options.linearize || options.trim || writes_program) return;
   if (options.has_times && given.has("--rate")) {
     throw UsageError("--rate and --times exclude each other");
   }
@@ -235,6 +238,19 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
     if (word.empty()) throw UsageError("--emit-c: needs a folder");
     options.emit_c_path = word;
   });
+  parser.take("--emit-fmu", [&](const std::string& word) {
+    if (std::filesystem::path(word).extension() != ".fmu") {
+      throw UsageError("--emit-fmu: " + inQuotes(word) + " does not end in .fmu");
+    }
+    options.emit_fmu_path = word;
+  });
+  parser.take("--fmi", [&](const std::string& word) {
+    if (word != "2" && word != "3") {
+      throw UsageError("--fmi: " + inQuotes(word) +
+                       " is no version that is written; allowed: 2, 3");
+    }
+    options.fmi = word == "2" ? 2 : 3;
+  });
   parser.flag("--linearize", options.linearize);
   parser.text("--at", options.at);
   parser.flag("--full", options.full);
@@ -268,6 +284,7 @@ usage: simulate SCENE.yaml --duration S [options]
        simulate SCENE.yaml --linearize [--at T|rest|STATE] [--full] [--output FILE.csv|.npz|.mat]
        simulate SCENE.yaml --trim [--fix NAME=VALUE].. [--free NAME].. [--output FILE.yaml]
        simulate SCENE.yaml --emit-c DIRECTORY
+       simulate SCENE.yaml --emit-fmu FILE.fmu [--fmi 2|3]
 
   SCENE.yaml              the drivetrain
   --duration S            simulated time, s; may be left out with --times
@@ -317,6 +334,9 @@ usage: simulate SCENE.yaml --duration S [options]
   --compile               make the scene's machine code, for later runs and nodes, and nothing else
   --emit-c DIRECTORY      write the scene as freestanding C99 into a folder, for a controller or a
                           test rig, with a program that plays --commands files, and nothing else
+  --emit-fmu FILE.fmu     write the scene as an FMU for co-simulation in another tool, with its
+                          sources and a binary for this machine, and nothing else
+  --fmi 2|3               of --emit-fmu: the version of FMI, 2.0 or 3.0 (the default)
   --help                  this text
 
 A sample at the instant of a command shows the state after it. A bag holds the topics `state`
@@ -329,7 +349,7 @@ Exit status: 0 the end was reached, or the reader of standard output went away
              1 the motion stopped: reason, time and last good state are on standard error;
                or there is no rest, or no steady state
              2 bad usage, scene or command file
-             3 the output (of --emit-c: a file) could not be written, or of --compile: no machine
+             3 the output (of --emit-c, --emit-fmu: a file) could not be written, or of --compile: no machine
                code could be made
              4 of --until-rest: the --duration ended before the motion came to rest
              130 interrupted by Ctrl-C

@@ -48,6 +48,8 @@ struct SimulateOptions {
   std::vector<std::string> fix;   ///< of it: NAME=VALUE
   std::vector<std::string> free;  ///< of it: NAME or NAME=START
   bool compile = false;           ///< only fill the cache of machine code
+  std::string emit_fmu_path;      ///< file: only write the scene as an FMU; empty: none
+  int fmi = 3;                    ///< version of FMI
   std::string emit_c_path;        ///< folder: only write the scene as C; empty: none
 };
 

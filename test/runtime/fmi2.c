@@ -1,0 +1,5 @@
+#include "runtime/slave.h"
+/* */
+#include "runtime/fmi2.h"
+/* */
+#include "runtime/fmi.h"

@@ -1,0 +1,5 @@
+#include "runtime/slave.h"
+/* */
+#include "runtime/fmi3.h"
+/* */
+#include "runtime/fmi.h"
