@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "expression/series_dot.h"
+#include "expression/series_text.h"
 #include "motion_program/c_text.h"
 #include "motion_program/motion_program.h"
 #include "variator_sim/motion_state.h"
@@ -269,8 +270,8 @@ class FmuWriter {
            "#define VS_FUNCTION static __attribute__((unused))\n#define VS_FUNCTION_INLINE "
            "VS_INLINE\n#define VS_FUNCTION_RARE VS_RARE\n" +
            program_.writeExtents() + kSceneHeader +
-           program_.writeMotion(expression::SeriesProgram::codePrelude(""), false) + kExchangeData +
-           kExchange + kCommands + kHost + "\n" + writeConstants() + writeStart() + kFmu +
+           program_.writeMotion(expression::kOperationsText, false) + kExchangeData + kExchange +
+           kCommands + kHost + "\n" + writeConstants() + writeStart() + kFmu +
            (version_ == 2 ? kFmi2 : kFmi3);
   }
 
