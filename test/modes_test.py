@@ -11,6 +11,7 @@ import tempfile
 
 import roslib.packages
 import rosunit
+import variator_sim
 
 from support.subtests import TestCase
 
@@ -276,6 +277,28 @@ solver: {relative_tolerance: 1e-10, absolute_tolerance: 1e-10}
         at = header.index("energy/applied")
         exchanged = heat + sum(abs(float(b[at]) - float(a[at])) for a, b in zip(rows, rows[1:]))
         self.assertAlmostEqual(pushed, work, delta=1e-9 * exchanged)
+
+    def test_events_of_the_scene_are_told_beside_the_modes(self):
+        scene = (FOLDER / "test/scenes/telling.yaml").read_text()
+        # 2 w' = 4 - 10 from 3 rad/s: at rest at 1 s.
+        expected = [[1.0, "brake", "forward", "stuck", 4.0, 0.0], [1.5, "release", "below", "above", 0.0, 0.0],
+                    [1.5, "brake", "stuck", "forward", 2.0, 0.0]]
+        result = variator_sim.simulate(scene, 3.0)
+        steps = variator_sim.Simulation(scene)
+        taken = []
+        for _ in range(30):
+            steps.advance(0.1)
+            taken += steps.take_events()
+        self.assertEqual(steps.take_events(), [])
+        runs = {"play": self.play(scene, 3.0, 10)[1], "simulate": self.simulate(scene, 3.0, 10)[1],
+                "python": [list(event.values()) for event in result.events],
+                "steps": [list(event.values()) for event in taken]}
+        for name, found in runs.items():
+            with self.subTest(name):
+                self.assertEqual([line[1:4] for line in found], [line[1:4] for line in expected])
+                for line, right in zip(found, expected):
+                    for k in (0, 4, 5):
+                        self.assertAlmostEqual(float(line[k]), right[k], delta=1e-9)
 
 
 if __name__ == "__main__":
