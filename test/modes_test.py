@@ -284,6 +284,9 @@ solver: {relative_tolerance: 1e-10, absolute_tolerance: 1e-10}
         expected = [[1.0, "brake", "forward", "stuck", 4.0, 0.0], [1.5, "release", "below", "above", 0.0, 0.0],
                     [1.5, "brake", "stuck", "forward", 2.0, 0.0]]
         result = variator_sim.simulate(scene, 3.0)
+        # Inside the step that ends at the event, too, it holds; behind it 2 w' = 4 - 2.
+        for time, speed in zip(result.time, result["wheel/velocity"]):
+            self.assertAlmostEqual(speed, max(0.0, 3.0 - 3.0 * time, time - 1.5), delta=1e-8)
         steps = variator_sim.Simulation(scene)
         taken = []
         for _ in range(30):
