@@ -118,6 +118,10 @@ class Plot {
     context.textBaseline = "middle";
     modes.forEach(([name, values], row) => {
       const y = area.y + area.h - BAND * (modes.length - row);
+      // The name stands behind the band, or, where that reaches the edge, in its parts.
+      const behind = times.length ? graph.toDomXCoord(times[times.length - 1]) + 4 : area.x;
+      context.fillStyle = "#000";
+      if (behind + context.measureText(name).width < area.x + area.w) context.fillText(name, behind, y + BAND / 2 - 1);
       for (let i = 0, end; i < times.length; i = end) {
         for (end = i + 1; end < times.length && values[end] === values[i]; ++end);
         const look = MODES.get(values[i]);
