@@ -32,15 +32,22 @@ def energy_columns():
             for _, name, unit in ENERGY_QUANTITIES]
 
 
+HOLDING_UNITS = {"torque": "N m", "reserve": "N m", "slip": "rad/s", "heat": "J"}  # of elements that hold
+
+
 def named_columns(group, names, units):
     """Columns of a NamedValues of `group`; `units` has those of inputs by their topics and of
     outputs by their names."""
     if group != "elements":
         return [Column(f"{group}/{name}", group, units.get(name, ""), group) for name in names]
     columns = []
+    holding = {name.rpartition("/")[0] for name in names if name.endswith("/mode")}
     for name in names:
         parts = name.split("/")
-        if len(parts) == 3 and parts[2] == "torque":
+        owner, _, what = name.rpartition("/")
+        if owner in holding and what in ("mode", *HOLDING_UNITS):
+            columns.append(Column(name, group, HOLDING_UNITS.get(what, ""), "mode" if what == "mode" else f"element {what}"))
+        elif len(parts) == 3 and parts[2] == "torque":
             columns.append(Column(name, group, "N m", "element torque"))
         elif len(parts) == 2 and parts[1] == "power":
             columns.append(Column(name, group, "W", "element power"))

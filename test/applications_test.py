@@ -6,6 +6,7 @@ import io
 import os
 import pathlib
 import subprocess
+import tempfile
 
 import roslib.packages
 import rosunit
@@ -170,6 +171,46 @@ class ApplicationsTest(TestCase):
             self.assertAlmostEqual(total, run["power/applied"][n], delta=1e-6)
             self.assertLessEqual(run["clutch/power"][n], 0.0)
             self.assertLessEqual(run["brake/power"][n], 0.0)
+
+    def hold(self, name, *words):
+        """Samples and events, (element, from, to), of one of the scenes with elements that hold."""
+        with tempfile.TemporaryDirectory() as folder:
+            events = pathlib.Path(folder, "events.csv")
+            result = subprocess.run(
+                [SIMULATE, SCENES / f"holding/{name}.yaml", "--duration", str(SECONDS), "--rate", "10", "--columns",
+                 "state,elements,outputs,states,variables", "--events", events, *words],
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=100, check=False)
+            self.assertEqual((result.returncode, result.stderr), (0, ""))
+            self.assertLessEqual(len((SCENES / f"holding/{name}.yaml").read_text().splitlines()), 60)
+            rows = list(csv.DictReader(io.StringIO(result.stdout)))
+            changes = [tuple(line.split(",")[1:4]) for line in events.read_text().splitlines()[1:]]
+            return {key.split(" ")[0]: [float(row[key]) for row in rows] for key in rows[0]}, changes
+
+    def test_starting_clutch_locks_and_lets_go(self):
+        run, changes = self.hold("starting_clutch", "--commands", SCENES / "starting_system.csv")
+        self.assertEqual(changes, [("clutch", "free", "backward"), ("bearings", "stuck", "forward"),
+                                   ("clutch", "backward", "stuck"), ("clutch", "stuck", "backward"),
+                                   ("clutch", "backward", "free")])
+        self.check_between(run["states/clutch_temperature"], 0.0, 80.0)
+        self.assertAlmostEqual(run["motor/velocity"][300], run["fan/velocity"][300], delta=1e-9)  # at 30 s
+
+    def test_the_driven_car_follows_its_cycle_in_five_gears(self):
+        run, changes = self.hold("car_driven")
+        off = [abs(a - b) for a, b in zip(run["outputs/speed"], run["outputs/wanted"])]
+        self.assertLess(max(off), 6.0)  # km/h, inside steps that end at a shift, too
+        self.check_between(run["gearbox/velocity"], -1e-3, 261.0)
+        for name in ("states/fuel", "states/distance"):
+            self.assertTrue(all(b >= a for a, b in zip(run[name], run[name][1:])), name)
+        self.assertAlmostEqual(run["states/distance"][-1], 0.3 * run["wheels/angle"][-1], delta=1e-8)
+        self.assertEqual(max(run["variables/gear"]), 5.0)
+        self.assertEqual([change[0] for change in changes].count("up"), 6)
+        self.assertEqual(run["brake/mode"][-1], 0.0)  # it holds the car
+
+    def test_wagons_stick_until_the_drawgear_pulls(self):
+        run, changes = self.hold("locomotive_sticking", "--commands", SCENES / "diesel_locomotive.csv")
+        self.assertEqual(changes, [("journals", "stuck", "forward")])
+        self.assertEqual(set(run["wagons/velocity"][:20]), {0.0})
+        self.assertGreater(run["wagons/velocity"][-1], 20.0)
 
 
 if __name__ == "__main__":

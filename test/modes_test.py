@@ -11,6 +11,7 @@ import tempfile
 
 import roslib.packages
 import rosunit
+import variator_sim
 
 from support.subtests import TestCase
 
@@ -276,6 +277,77 @@ solver: {relative_tolerance: 1e-10, absolute_tolerance: 1e-10}
         at = header.index("energy/applied")
         exchanged = heat + sum(abs(float(b[at]) - float(a[at])) for a, b in zip(rows, rows[1:]))
         self.assertAlmostEqual(pushed, work, delta=1e-9 * exchanged)
+
+    def test_events_of_the_scene_are_told_beside_the_modes(self):
+        scene = (FOLDER / "test/scenes/telling.yaml").read_text()
+        # 2 w' = 4 - 10 from 3 rad/s: at rest at 1 s.
+        expected = [[1.0, "brake", "forward", "stuck", 4.0, 0.0], [1.5, "release", "below", "above", 0.0, 0.0],
+                    [1.5, "brake", "stuck", "forward", 2.0, 0.0]]
+        result = variator_sim.simulate(scene, 3.0)
+        # Inside the step that ends at the event, too, it holds; behind it 2 w' = 4 - 2.
+        for time, speed in zip(result.time, result["wheel/velocity"]):
+            self.assertAlmostEqual(speed, max(0.0, 3.0 - 3.0 * time, time - 1.5), delta=1e-8)
+        steps = variator_sim.Simulation(scene)
+        taken = []
+        for _ in range(30):
+            steps.advance(0.1)
+            taken += steps.take_events()
+        self.assertEqual(steps.take_events(), [])
+        runs = {"play": self.play(scene, 3.0, 10)[1], "simulate": self.simulate(scene, 3.0, 10)[1],
+                "python": [list(event.values()) for event in result.events],
+                "steps": [list(event.values()) for event in taken]}
+        for name, found in runs.items():
+            with self.subTest(name):
+                self.assertEqual([line[1:4] for line in found], [line[1:4] for line in expected])
+                for line, right in zip(found, expected):
+                    for k in (0, 4, 5):
+                        self.assertAlmostEqual(float(line[k]), right[k], delta=1e-9)
+
+    def test_linear_models_and_steady_states_are_those_of_the_modes(self):
+        scene = """
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [motor, drag, clutch]
+motor: {type: variator_sim/CommandedTorque, shaft: a, topic: motor, initial: 4}
+drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.5*w2"}
+clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 10}
+states: [heat, way]
+heat: {rate: "0.1*w_b^2 - 0.2*heat", initial: 1}
+way: {rate: "w_b"}
+initial: {velocity: [3, 3]}
+"""
+        path = self.folder / "it.yaml"
+        # Stuck: 3 w' = u - 0.5 w; heat' = 0.1 w^2 - 0.2 heat at w = 3. Sliding at 5 and 3 rad/s: w_a' = u, 2 w_b' = -0.5 w_b
+        stuck = {("b/velocity", "b/velocity"): -1 / 6, ("states/heat", "b/velocity"): 0.6,
+                 ("states/heat", "states/heat"): -0.2, ("states/way", "b/velocity"): 1.0, ("b/velocity", "motor"): 1 / 3}
+        slides = {("a/velocity", "motor"): 1.0, ("b/velocity", "b/velocity"): -0.25, ("b/velocity", "a/velocity"): 0.0}
+        for principle in ("gauss", "generalized_gauss"):
+            path.write_text(scene + f"principle: {principle}\n")
+            for at, expected, mode in (("0", stuck, "stuck"), ("velocity=[5,3]", slides, "backward")):
+                if mode == "backward" and principle == "generalized_gauss":
+                    continue  # its states have accelerations
+                with self.subTest(principle + mode):
+                    file = self.folder / "model.csv"
+                    done = call(SIMULATE, path, "--linearize", "--at", at, "--output", file)
+                    self.assertEqual(done.returncode, 0, done.stderr)
+                    self.assertIn(f"in the mode that holds there: 'clutch' {mode}", done.stdout)
+                    found = {(row, column): float(value) for matrix, row, column, value in read(file)[1]
+                             if matrix in "AB"}
+                    for place, value in expected.items():
+                        self.assertAlmostEqual(found[place], value, delta=1e-12)
+            done = call(SIMULATE, path, "--trim")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("modes: 'clutch' stuck", done.stderr)
+            self.assertIn("velocity: 8.0", done.stdout)  # 4 = 0.5 w
+            self.assertIn("value: 32.0", done.stdout)    # 0.2 heat = 0.1 64
+            # At 120 rad/s it transmits 40 N m, which 45 N m hold and 35 N m do not.
+            for capacity, status in ((45, 0), (35, 1)):
+                path.write_text(scene.replace("capacity: 10", f"capacity: {capacity}") + f"principle: {principle}\n")
+                words = ["--set", "motor/initial=40", "--set", "drag/torque=20-0.5*w2", "--set", "a/inertia=0.5"]
+                done = call(SIMULATE, path, "--trim", *words)
+                self.assertEqual(done.returncode, status, done.stderr)
+            self.assertIn("'clutch' would not stay stuck, by 5 N m", done.stderr)
 
 
 if __name__ == "__main__":

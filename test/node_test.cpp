@@ -8,6 +8,7 @@
 #include <std_srvs/Trigger.h>
 #include <unistd.h>
 #include <variator_sim/DrivetrainState.h>
+#include <variator_sim/Event.h>
 #include <variator_sim/NamedValues.h>
 #include <variator_sim/SceneInfo.h>
 #include <variator_sim/SimulationStatus.h>
@@ -467,6 +468,35 @@ TEST(Node, QuantitiesOfEachGroupAreThoseOfTheOfflineSimulation) {
     SCOPED_TRACE(toString(group));
     listeners[group]->expectAsOffline(expected[group]);
   }
+}
+
+TEST(Node, TellsOfModesAndEventsAtTheirInstants) {
+  Node node("telling");
+  std::mutex mutex;
+  std::vector<Event> events;
+  const ros::Subscriber listener =
+      ros::NodeHandle().subscribe<Event>("/telling/events", 10, [&](const EventConstPtr& message) {
+        const std::lock_guard<std::mutex> lock(mutex);
+        events.push_back(*message);
+      });
+  ASSERT_TRUE(node.waitFor([&] { return listener.getNumPublishers() > 0; }));
+  ASSERT_TRUE(node.trigger("reset_time").success);
+  for (int i = 0; i < 30; ++i) ASSERT_TRUE(node.step(0.1, {}).success);
+  ASSERT_TRUE(node.waitFor([&] {
+    const std::lock_guard<std::mutex> lock(mutex);
+    return events.size() >= 3;
+  }));
+  const std::lock_guard<std::mutex> lock(mutex);
+  ASSERT_EQ(events.size(), 3U);
+  const Event& holds = events[0];
+  EXPECT_EQ(holds.element + " " + holds.before + " " + holds.after, "brake forward stuck");
+  EXPECT_NEAR(holds.time, 1.0, 1e-9);
+  EXPECT_NEAR(holds.torque, 4.0, 1e-9);
+  const Event& passes = events[1];
+  EXPECT_EQ(passes.element + " " + passes.before + " " + passes.after, "release below above");
+  EXPECT_NEAR(passes.time, 1.5, 1e-9);
+  EXPECT_EQ(events[2].element + " " + events[2].after, "brake forward");
+  EXPECT_NEAR(events[2].time, 1.5, 1e-9);
 }
 
 TEST(Node, StatesCarryEstimatedErrorsWhereAskedFor) {

@@ -49,6 +49,14 @@ soft: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j4-j1"}
 initial: {velocity: [5, 3, 1, 0], acceleration: [1, 0.6, 1.4, 0], project: true}
 """
 GROUPS = "state,elements,inputs,outputs,energy"
+HOLDING = """
+shafts: [wheel]
+wheel: {inertia: 2.0}
+torques: [motor, brake]
+motor: {type: variator_sim/ExpressionTorque, shaft: wheel, torque: "4"}
+brake: {type: variator_sim/Brake, shaft: wheel, capacity: 10}
+initial: {velocity: [3.0]}
+"""
 
 
 class PlotTest(TestCase):
@@ -324,6 +332,19 @@ class PlotTest(TestCase):
                                 (["steps.bag", "--acceleration-plane", "--instants", "2"], "from 0 to 1 s")]:
             with self.subTest(words=words):
                 self.check_refused([*words, "--output", "x.png"], expected)
+
+    def test_modes_are_bands_under_the_speeds(self):
+        # It slides for 1 s of 4, then it holds.
+        result = variator_sim.simulate(HOLDING, 4.0, columns="state,elements")
+        figure, axes = result.plot(["*/velocity", "brake/torque"])
+        bands = figure.axes[1]
+        self.assertEqual([axis.get_ylabel() for axis in axes], ["Speed, rad/s", "Torque, N m"])
+        self.assertEqual([label.get_text() for label in bands.get_yticklabels()], ["brake"])
+        self.assertEqual([text.get_text() for text in bands.texts], ["forward", "stuck"])
+        spans = [band.get_paths()[0].get_extents() for band in bands.collections]
+        numpy.testing.assert_allclose([(span.x0, span.x1) for span in spans], [(0.0, 1.0), (1.0, 4.0)], atol=1e-9)
+        self.assertLess(bands.get_position().y1, axes[0].get_position().y0)
+        self.assertEqual(len(result.plot(["brake/torque"])[0].axes), 1)  # no speeds, no bands
 
 
 if __name__ == "__main__":

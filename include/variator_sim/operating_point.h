@@ -16,13 +16,17 @@ struct OperatingPoint {
   std::vector<double> input;         ///< u in force, its own unit, one per input of the scene
   std::vector<double> input_rate;    ///< u', its own unit per second
   std::vector<double> command;       ///< limits of u
+  std::vector<int> mode;             ///< of elements that hold (HeldElement), as Scene::holdNames
 };
+
+/// Names the modes: "'clutch' stuck, 'brake' free"; "" where nothing holds.
+std::string describeModes(const Scene& scene, const std::vector<int>& mode);
 
 /// Returns the state that `tree` describes, with consistent accelerations. Keys, all optional:
 /// `time` (s), `angle`, `velocity`, `acceleration` (s numbers each), `inputs` (a dictionary of
 /// numbers, by the inputs' names). Missing keys are as at the scene's start, a missing
-/// `acceleration` of least reaction. `source` stands before the keys in messages. Throws
-/// SceneError.
+/// `acceleration` of least reaction; elements that hold are in the modes of a start from there.
+/// `source` stands before the keys in messages. Throws SceneError.
 OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                                   const std::string& source);
 

@@ -98,6 +98,8 @@ struct Scene {
   int inputCount() const { return static_cast<int>(inputs.size()); }
   /// Returns the names of what holds, in the order of elements: ELEMENT or ELEMENT/PART.
   std::vector<std::string> holdNames() const;
+  /// Returns the same and the names of the scene's events.
+  std::vector<std::string> eventNames() const;
   /// True when the motion has more to go on from than shafts and commands.
   bool hasMemory() const { return !states.empty() || !events.empty(); }
 };

@@ -63,8 +63,8 @@ class Simulation {
   double firstClampedCommand(int input) const;
   /// Stops the motion because its caller cannot represent later times.
   void exhaustTime();
-  /// Takes the oldest change of a mode up to the current time that has not been taken, of the last
-  /// 1024; false if there is none. [loop]
+  /// Takes the oldest change of a mode, or event of the scene, up to the current time that has not
+  /// been taken, of the last 1024; false if there is none. [loop]
   bool takeModeEvent(ModeEvent* event);
 
   /// Returns the time, s, of the next command timeout of any input; infinity if none. [loop]

@@ -42,16 +42,17 @@ struct MotionStatus {
   bool ok() const { return reason == StopReason::kNone; }
 };
 
-/// A change of the mode (HeldElement) of an element that holds.
+/// A change of the mode (HeldElement) of an element that holds, or an event of the scene: then the
+/// sides of its function, and no torque.
 struct ModeEvent {
   double time = 0.0;  ///< s
-  int element = 0;    ///< index in Scene::holdNames
+  int element = 0;    ///< index in Scene::eventNames
   int from = 0;
   int to = 0;
   double torque = 0.0;   ///< N m, behind it
   double impulse = 0.0;  ///< N m s, of an impact
 };
-/// Returns "backward", "stuck", "forward", "free".
+/// Returns "backward", "stuck", "forward", "free"; of events "below", "above".
 const char* modeName(int mode);
 
 /// Tells whether the reactions are a considerable source or sink of energy: under
@@ -88,7 +89,7 @@ std::vector<std::string> describe(const ErrorDoubt& doubt);
 
 /// Counters since the start or the last reset.
 struct Statistics {
-  std::uint64_t mode_changes = 0;       ///< of elements that hold
+  std::uint64_t mode_changes = 0;       ///< of elements that hold, and events of the scene
   std::uint64_t steps = 0;              ///< accepted steps
   std::uint64_t rejected_steps = 0;     ///< steps repeated because of their error
   std::uint64_t right_hand_sides = 0;   ///< evaluations of the jerk

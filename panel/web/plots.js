@@ -5,7 +5,11 @@ const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9
 const WORDS = {angle: "Angle", velocity: "Speed", acceleration: "Acceleration", applied_torque: "Applied torque",
   reaction_torque: "Reaction torque", reaction_torque_rate: "Reaction torque rate", residual: "Residual",
   multiplier: "Multiplier", "element torque": "Element torques", "element power": "Element powers",
-  "element output": "Element outputs", inputs: "Inputs", outputs: "Outputs", energy: "Energy", power: "Power"};
+  "element output": "Element outputs", "element slip": "Slips", "element reserve": "Reserves", "element heat": "Heat", mode: "Modes", inputs: "Inputs", outputs: "Outputs", energy: "Energy", power: "Power"};
+// Modes of elements that hold: word, colour of the band, colour of its text.
+const MODES = new Map([[0, ["stuck", "#0072B2", "#fff"]], [1, ["forward", "#E69F00", "#000"]], [-1, ["backward", "#CC79A7", "#000"]],
+  [2, ["free", "#dde2e7", "#000"]]]);
+const BAND = 14;  // px
 const FIRST = ["velocity", "applied_torque", "acceleration", "reaction_torque"];
 const FLAT = 1e-6;  // in the unit of the quantity
 // Quantities whose columns have units of their own: one column a plot, at first.
@@ -106,10 +110,41 @@ class Plot {
     return Object.fromEntries(columns.map((column, i) => [column.name, {strokeWidth: 1.4 + 2 * (1 - (i + 1) / columns.length)}]));
   }
 
+  // The modes of elements that hold, as bands along the lower edge.
+  drawBands(context, area, graph) {
+    const {times, modes} = this.bands;
+    context.save();
+    context.font = "10px sans-serif";
+    context.textBaseline = "middle";
+    modes.forEach(([name, values], row) => {
+      const y = area.y + area.h - BAND * (modes.length - row);
+      // The name stands behind the band, or, where that reaches the edge, in its parts.
+      const behind = times.length ? graph.toDomXCoord(times[times.length - 1]) + 4 : area.x;
+      context.fillStyle = "#000";
+      if (behind + context.measureText(name).width < area.x + area.w) context.fillText(name, behind, y + BAND / 2 - 1);
+      for (let i = 0, end; i < times.length; i = end) {
+        for (end = i + 1; end < times.length && values[end] === values[i]; ++end);
+        const look = MODES.get(values[i]);
+        if (!look) continue;
+        const left = Math.max(area.x, graph.toDomXCoord(times[i]));
+        const right = Math.min(area.x + area.w, graph.toDomXCoord(times[Math.min(end, times.length - 1)]));
+        if (right <= left) continue;
+        context.fillStyle = look[1];
+        context.fillRect(left, y, right - left, BAND - 2);
+        const words = [`${name}: ${look[0]}`, look[0]].find((text) => context.measureText(text).width + 8 < right - left);
+        context.fillStyle = look[2];
+        if (words) context.fillText(words, left + 4, y + BAND / 2 - 1);
+      }
+    });
+    context.restore();
+  }
+
   // `series`: name to Float64Array; `range`: [begin, end] in s; `free`: not zoomed by the user.
   draw(times, series, range, free) {
     const curves = this.columns().map((column) => series.get(column.name));
     if (!curves.length) return;
+    const modes = this.board.modes(this).map((name) => [name.replace(/\/mode$/, ""), series.get(name)]).filter(([, values]) => values);
+    this.bands = {times, modes};
     const rows = new Array(times.length);
     let least = Infinity, greatest = -Infinity;
     for (let i = 0; i < times.length; ++i) {
@@ -128,13 +163,13 @@ class Plot {
     this.last = rows[rows.length - 1];
     if (!rows.length) rows.push([range[1], ...curves.map(() => null)]);
     if (this.graph) {
-      this.graph.updateOptions({file: rows, dateWindow: range, ...(free && {axes: {y: {valueRange}}})});
+      this.graph.updateOptions({file: rows, dateWindow: range, yRangePad: 8 + BAND * modes.length, ...(free && {axes: {y: {valueRange}}})});
     } else {
       this.graph = new Dygraph(this.canvas, rows, {
         labels: ["time", ...this.columns().map((column) => column.name)], colors: COLOURS.slice(0, Math.max(1, curves.length)),
         dateWindow: range, legend: "never", series: this.widths(), gridLineColor: "#e6eaee", axisLineColor: "#b9c3cd",
         gridLineWidth: 1, highlightCircleSize: 3, animatedZooms: false,
-        includeZero: false, yRangePad: 8,
+        includeZero: false, yRangePad: 8 + BAND * modes.length, underlayCallback: (...canvas) => this.drawBands(...canvas),
         axes: {y: {valueRange, axisLabelWidth: 58, pixelsPerLabel: 32, axisLabelFormatter: tick},
           x: {pixelsPerLabel: 60, axisLabelFormatter: tick}},
         highlightCallback: (event, x, points, row) => this.mark(row),
@@ -220,7 +255,12 @@ export class Board {
   }
 
   wanted() {
-    return [...new Set(this.plots.flatMap((plot) => plot.names))];
+    return [...new Set(this.plots.flatMap((plot) => [...plot.names, ...this.modes(plot)]))];
+  }
+
+  // Columns that are drawn as bands under the curves of a plot: under speeds the modes of elements, as many as leave room.
+  modes(plot) {
+    return plot.columns()[0]?.quantity === "velocity" ? this.family("mode").slice(0, 6) : [];
   }
 
   resetZoom() {

@@ -15,6 +15,9 @@ LABELS = {"angle": "Angle, rad", "velocity": "Speed, rad/s", "acceleration": "Ac
           "applied_torque": "Applied torque, N m", "reaction_torque": "Reaction torque, N m",
           "reaction_torque_rate": "Reaction torque rate, N m/s", "residual": "Residual",
           "multiplier": "Multiplier", "torque": "Torque, N m", "power": "Power, W"}
+# Modes of elements that hold: number, name, colour of the band, colour of its text.
+MODES = ((0, "stuck", "#0072B2", "white"), (1, "forward", "#E69F00", "black"), (-1, "backward", "#CC79A7", "black"),
+         (2, "free", "0.88", "black"))
 DEFAULT = ("velocity", "acceleration", "applied_torque", "reaction_torque_rate")
 
 
@@ -32,9 +35,10 @@ def draw_lines(axis, lines, label):
     axis.xaxis.set_major_locator(MaxNLocator(nbins=11, steps=[1, 2, 5, 10]))
 
 
-def make_panels(rows, columns, title):
-    figure, axes = plt.subplots(rows, columns, sharex=True, squeeze=False,
-                                figsize=(10 if columns == 1 else 13, 2.0 + 2.25 * rows),
+def make_panels(rows, columns, title, heights=None):
+    heights = heights or [1.0] * rows
+    figure, axes = plt.subplots(rows, columns, sharex=True, squeeze=False, height_ratios=heights,
+                                figsize=(10 if columns == 1 else 13, 2.0 + 2.25 * sum(heights)),
                                 layout="constrained")
     figure.suptitle(title, fontsize=14, x=0.02, ha="left")
     for axis in axes[-1]:
@@ -42,14 +46,46 @@ def make_panels(rows, columns, title):
     return figure, axes
 
 
-def draw_panels(panels, title=""):
-    """Panels over simulated time, one below the other; returns figure and axes.
+def draw_modes(axis, modes):
+    """A band for each element (name, times, modes), as wide as its modes last and labelled with them."""
+    span = modes[0][1][-1] - modes[0][1][0]
+    for row, (_, times, values) in enumerate(modes):
+        begins = numpy.flatnonzero(numpy.diff(values, prepend=numpy.nan))
+        for begin, end in zip(begins, [*begins[1:], len(values) - 1]):
+            for mode, word, colour, text_colour in MODES:
+                if values[begin] != mode:
+                    continue
+                width = times[end] - times[begin]
+                axis.broken_barh([(times[begin], width)], (row - 0.4, 0.8), facecolor=colour, edgecolor="none")
+                if width > 0.011 * len(word) * span:
+                    axis.text(times[begin] + 0.5 * width, row, word, ha="center", va="center", fontsize=8,
+                              color=text_colour)
+    seen = numpy.unique(numpy.concatenate([values for _, _, values in modes]))
+    handles = [(plt.Rectangle((0, 0), 1, 1, color=colour), word) for mode, word, colour, _ in MODES if mode in seen]
+    axis.legend(*zip(*handles), loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncol=4, fontsize=8,
+                borderaxespad=0.1)
+    axis.set_ylim(len(modes) - 0.5, -0.5)
+    axis.set_yticks(range(len(modes)), [name for name, _, _ in modes])
+    axis.tick_params(axis="y", length=0)
+    for side in ("top", "right", "left"):
+        axis.spines[side].set_visible(False)
+
+
+def draw_panels(panels, title="", modes=()):
+    """Panels over simulated time, one below the other; returns figure and axes, those of lines.
 
     Args:
         panels: tuples (label of the axis, lines), each line (name, times, values).
+        modes: of elements that hold, tuples (name, times, modes): bands under the speeds.
     """
-    figure, axes = make_panels(len(panels), 1, title)
-    axes = axes[:, 0]
+    heights = [1.0] * len(panels)
+    speeds = [label for label, _ in panels].index(LABELS["velocity"]) if modes else None
+    if modes:
+        heights.insert(speeds + 1, 0.12 + 0.1 * len(modes))
+    figure, axes = make_panels(len(heights), 1, title, heights)
+    axes = list(axes[:, 0])
+    if modes:
+        draw_modes(axes.pop(speeds + 1), modes)
     for axis, (label, lines) in zip(axes, panels):
         draw_lines(axis, lines, label)
     figure.align_ylabels(axes)
@@ -182,8 +218,14 @@ def plot_energy(result, title="", path=None):
     return figure, axis
 
 
+def modes_of(result):
+    """The modes of the elements that hold, of a run with the columns `elements`."""
+    return [(name.rpartition("/")[0], result["time"], numpy.asarray(result[name])) for name in result
+            if name.endswith("/mode") and name.partition("/")[0] not in ("outputs", "states", "variables", "inputs")]
+
+
 def plot(result, columns=None, title="", path=None):
-    """Draws columns of a `Result`, one panel for each quantity.
+    """Draws columns of a `Result`, one panel for each quantity; under the speeds the modes of elements that hold.
 
     Args:
         columns: as of `choose_columns`.
@@ -198,7 +240,8 @@ def plot(result, columns=None, title="", path=None):
         if name in result.units:
             label += f", {result.units[name]}"
         groups.setdefault(label, []).append((line, result["time"], result[name]))
-    figure, axes = draw_panels(list(groups.items()), title)
+    modes = modes_of(result) if LABELS["velocity"] in groups and len(result.values) > 1 else ()
+    figure, axes = draw_panels(list(groups.items()), title, modes)
     names = None
     for axis, lines in zip(axes, groups.values()):
         if [line[0] for line in lines] != names:  # a legend serves all panels below

@@ -24,13 +24,16 @@ class Result(collections.abc.Mapping):
         columns: names of the columns, "time" (s) first.
         values: all of it, samples x columns.
         statistics: steps, jumps, commands and other counts of the run.
+        events: changes of modes and the scene's events in the run, dicts of time (s), element, from,
+            to, torque (N m), impulse (N m s).
         units: the units that the scene states for its outputs, {"outputs/speed": "rpm"}.
     """
 
-    def __init__(self, columns, values, statistics, units=None):
+    def __init__(self, columns, values, statistics, units=None, events=()):
         self.columns = list(columns)
         self.values = values
         self.statistics = statistics
+        self.events = list(events)
         self.units = {name: unit for name, unit in (units or {}).items() if name in self.columns}
         self._places = {name: place for place, name in enumerate(self.columns)}
 
@@ -247,7 +250,7 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
             first, last = math.floor(simulation.time * rate) + 1, math.ceil(end * rate)
             times = [simulation.time, *(k / rate for k in range(first, last)), end]
         values, outside, error = run_controlled(simulation, controller, period, end, times, listed, groups)
-    result = Result(names, values, simulation.statistics, units_of(simulation.scene))
+    result = Result(names, values, simulation.statistics, units_of(simulation.scene), simulation.take_events())
     if error is not None:
         error.result = result
         raise error

@@ -155,7 +155,7 @@ Linearizer::Linearizer(const Scene& scene, const OperatingPoint& point)
     : scene_(scene),
       point_(point),
       kind_(kindOf(scene)),
-      equations_(scene, kind_ == MotionKind::kFormal),
+      equations_(scene, point.mode, kind_ == MotionKind::kFormal),
       layout_(equations_.layout()),
       formulas_(makeModelFormulas(equations_, scene)),
       motion_states_((kind_ == MotionKind::kClassical ? 2 : 3) * layout_.S) {
@@ -192,6 +192,8 @@ void Linearizer::chooseStates() {
     const CommandInputSettings& input = scene_.inputs[at(i)];
     v_(layout_.input(i)) = point_.input[at(i)];
     v_(layout_.inputRate(i)) = point_.input_rate[at(i)];
+    if (input.kind == InputKind::kState) state_variables_.push_back(layout_.input(i));
+    if (input.kind != InputKind::kCommanded) continue;
     if (input.hold == Hold::kFirstOrderLag || input.hold == Hold::kSecondOrderLag) {
       state_variables_.push_back(layout_.input(i));
     }
@@ -215,6 +217,7 @@ void Linearizer::chainVariables() {
     const int state = stateOf(layout_.input(i));
     const int rate_state = stateOf(layout_.inputRate(i));
     const double tau = scene_.inputs[at(i)].time_constant;
+    if (scene_.inputs[at(i)].kind == InputKind::kState) continue;
     if (state < 0) {
       chain_(layout_.input(i), n + i) = 1.0;
       chain_(layout_.inputRate(i), n + U + i) = 1.0;
@@ -315,6 +318,10 @@ void Linearizer::nameModel(LinearModel& model) const {
   std::string jumps;
   for (int i = 0; i < layout_.U; ++i) {
     const CommandInputSettings& input = scene_.inputs[at(i)];
+    if (input.kind == InputKind::kState) {
+      model.states.push_back("states/" + input.name);
+      continue;
+    }
     model.inputs.push_back(input.name);
     if (stateOf(layout_.input(i)) >= 0) model.states.push_back("inputs/" + input.name);
     if (stateOf(layout_.inputRate(i)) >= 0)
@@ -330,6 +337,8 @@ void Linearizer::nameModel(LinearModel& model) const {
                           "; as outputs they are whole");
   }
   model.outputs = outputNames(scene_);
+  const std::string modes = describeModes(scene_, point_.mode);
+  if (!modes.empty()) model.notes.push_back("in the mode that holds there: " + modes);
   if (program_->hasDifferences()) {
     model.notes.emplace_back(
         "some laws call opaque functions, or are too large: their derivatives are differences");
@@ -364,6 +373,13 @@ LinearModel Linearizer::make(LinearForm form) {
   for (int i = 0; i < U; ++i) {
     model.u(i) = stateOf(layout_.input(i)) < 0 ? point_.input[at(i)] : point_.command[at(i)];
   }
+  std::vector<int> commanded;
+  for (int i = 0; i < U; ++i) {
+    if (scene_.inputs[at(i)].kind != InputKind::kState) commanded.push_back(i);
+  }
+  model.B = chooseColumns(model.B, commanded);
+  model.D = chooseColumns(model.D, commanded);
+  model.u = chooseRows(model.u, commanded);
   model.y = values.tail(formulas_.outputs);
   if (form == LinearForm::kMinimal) keepToManifold(calcManifoldRows(rows, variables), model);
   return model;
@@ -406,11 +422,6 @@ void Linearizer::keepToManifold(const MatrixXd& G, LinearModel& model) const {
 }  // namespace
 
 LinearModel linearize(const Scene& scene, const OperatingPoint& point, LinearForm form) {
-  if (!scene.states.empty()) {
-    throw SceneError("states",
-                     "a linear model has the states of shafts only; allowed: a scene without "
-                     "'states' (variables in their places: values that are held)");
-  }
   return Linearizer(scene, point).make(form);
 }
 

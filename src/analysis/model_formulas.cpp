@@ -90,7 +90,7 @@ void addOutputs(MotionEquations& equations, const Scene& scene, ModelFormulas& f
     all.push_back(equations.torque(i));
     all.push_back(equations.reaction(i));
   }
-  for (const Output& output : scene.outputs) all.push_back(output.node());
+  for (const Output& output : scene.outputs) all.push_back(equations.inModes(output.node()));
   formulas.outputs = static_cast<int>(all.size() - before);
 }
 
@@ -105,6 +105,13 @@ ModelFormulas makeModelFormulas(MotionEquations& equations, const Scene& scene) 
   const MotionKind kind = kindOf(scene);
   ModelFormulas formulas;
   addEquations(equations, kind, formulas);
+  // z' = rate of the scene's own states
+  for (const SceneState& state : scene.states) {
+    const int z_rate = equations.layout().inputRate(state.input);
+    formulas.all.push_back(
+        equations.graph().subtract(equations.variable(z_rate), equations.inModes(state.rate)));
+    formulas.unknowns.push_back(z_rate);
+  }
   addRows(equations, kind, formulas);
   if (kind == MotionKind::kGeneralized) addConserved(equations, formulas);
   addOutputs(equations, scene, formulas);

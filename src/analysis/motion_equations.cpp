@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "analysis/decompositions.h"
 #include "model/formula_laws.h"
 #include "model/interrupted.h"
 #include "variator_sim/expression/state_derivatives.h"
@@ -16,6 +17,25 @@ using expression::Graph;
 using expression::Node;
 using expression::slotOf;
 using expression::Source;
+
+namespace {
+
+std::vector<HoldFormulas> collectHolds(const Scene& scene) {
+  Graph& graph = *scene.graph;
+  const auto nodeOf = [&](const std::optional<Expression>& it) {
+    return it ? it->in(graph) : Node{};
+  };
+  std::vector<HoldFormulas> holds;
+  for (const TorquePtr& element : scene.torques) {
+    for (const Holding& it : element->holdings()) {
+      holds.push_back({element->name() + (it.part.empty() ? "" : "/" + it.part), it.slip.in(graph),
+                       it.side.in(graph), nodeOf(it.upper), nodeOf(it.lower), nodeOf(it.level)});
+    }
+  }
+  return holds;
+}
+
+}  // namespace
 
 int VariableLayout::slot(int n) const {
   if (n == 0) return slotOf(Source::kTime);
@@ -33,18 +53,13 @@ StateView VariableLayout::view(const VectorXd& v) const {
           data + input(0), data + inputRate(0), data + inputSecondRate(0)};
 }
 
-MotionEquations::MotionEquations(const Scene& scene, bool with_rates_of_c)
+MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mode,
+                                 bool with_rates_of_c)
     : scene_(scene),
       torques_(sumTorques(scene, &Torque::torques)),
+      holds_(collectHolds(scene)),
       graph_(*scene.graph),
       with_rates_of_c_(with_rates_of_c) {
-  const std::vector<std::string> holds = scene.holdNames();
-  if (!holds.empty()) {
-    throw SceneError(holds.front(),
-                     "holds, and what has modes has no linear model or steady state here; allowed: "
-                     "elements that do not hold, variator_sim/Friction with a "
-                     "'regularization_speed', for instance");
-  }
   layout_.S = scene.shaftCount();
   layout_.k = scene.constraintCount();
   layout_.U = scene.inputCount();
@@ -55,10 +70,51 @@ MotionEquations::MotionEquations(const Scene& scene, bool with_rates_of_c)
     rates_.emplace_back(layout_.slot(layout_.acceleration(i)), variable(layout_.jerk(i)));
   }
   for (const ConstraintPtr& constraint : scene.constraints) addConstraint(*constraint);
+  takeModes(mode);
+}
+
+void MotionEquations::takeModes(const std::vector<int>& mode) {
+  for (std::size_t h = 0; h < holds_.size(); ++h) {
+    const bool slides = mode[h] == -1 || mode[h] == 1;
+    sides_.emplace_back(graph_.entry(holds_[h].side).slot, graph_.constant(slides ? mode[h] : 0.0));
+    if (mode[h] == 0) addStuck(holds_[h].name, holds_[h].slip);
+  }
+  for (Node& torque : torques_) torque = inModes(torque);
+  layout_.k = static_cast<int>(constraints_.size());
+}
+
+void MotionEquations::addStuck(const std::string& name, Node slip) {
+  ConstraintFormulas stuck;
+  stuck.name = "the stuck element " + inQuotes(name);
+  stuck.velocity = slip;
+  stuck.acceleration = rate(slip);
+  stuck.jerk = rate(stuck.acceleration);
+  stuck.has_constant_C = true;
+  for (int i = 0; i < layout_.S; ++i) {
+    stuck.C.push_back(graph_.differentiate(slip, layout_.slot(layout_.velocity(i))));
+    stuck.has_constant_C = stuck.has_constant_C && graph_.isConstant(stuck.C.back());
+    if (with_rates_of_c_) stuck.C_rate.push_back(rate(stuck.C.back()));
+  }
+  constraints_.push_back(std::move(stuck));
+  // A row that others imply leaves the motion as it is without it.
+  std::vector<const ConstraintFormulas*> constant;
+  for (const ConstraintFormulas& it : constraints_) {
+    if (it.has_constant_C) constant.push_back(&it);
+  }
+  MatrixXd rows(constant.size(), layout_.S);
+  for (std::size_t m = 0; m < constant.size() && constraints_.back().has_constant_C; ++m) {
+    for (int i = 0; i < layout_.S; ++i) {
+      rows(static_cast<int>(m), i) = graph_.constantValue(constant[m]->C[at(i)]);
+    }
+  }
+  const bool is_implied = constraints_.back().has_constant_C &&
+                          findIndependentRows(rows, 1e-9).pivots.size() < constant.size();
+  if (is_implied) constraints_.pop_back();
 }
 
 void MotionEquations::addConstraint(const Constraint& constraint) {
   ConstraintFormulas formulas;
+  formulas.name = "constraint " + inQuotes(constraint.name());
   formulas.C.assign(constraint.row().begin(), constraint.row().end() - 1);
   formulas.has_constant_C = constraint.hasConstantJacobian();
   if (constraint.order() == 3) {

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <string>
 #include <vector>
 
 #include "variator_sim/expression/tape.h"
@@ -53,13 +54,25 @@ struct ConstraintFormulas {
   std::vector<expression::Node> C;       ///< s
   std::vector<expression::Node> C_rate;  ///< dC/dt = D + H eta, s; under `gauss` of order 3
   bool has_constant_C = false;
+  std::string name;  ///< "constraint 'belt'"
 };
 
-/// The formulas of a scene, in a copy of its graph.
+/// An element that holds (Holding); absent limits are Node{}.
+struct HoldFormulas {
+  std::string name;
+  expression::Node slip;
+  expression::Node side;
+  expression::Node upper;
+  expression::Node lower;
+  expression::Node level;
+};
+
+/// The formulas of a scene, in a copy of its graph. Elements that hold are in one mode each: a
+/// stuck one is a constraint of order 1 behind those of the scene, one that slides a torque.
 class MotionEquations {
  public:
-  /// `with_rates_of_c`: see ConstraintFormulas.
-  MotionEquations(const Scene& scene, bool with_rates_of_c);
+  /// `mode`: of OperatingPoint; `with_rates_of_c`: see ConstraintFormulas.
+  MotionEquations(const Scene& scene, const std::vector<int>& mode, bool with_rates_of_c);
 
   const VariableLayout& layout() const { return layout_; }
   expression::Graph& graph() { return graph_; }
@@ -67,6 +80,8 @@ class MotionEquations {
 
   /// Returns Q_i, N m.
   expression::Node torque(int i) const { return torques_[static_cast<std::size_t>(i)]; }
+  /// Returns a formula of the scene in the modes of its elements.
+  expression::Node inModes(expression::Node node) { return graph_.substitute(node, sides_); }
   /// Returns J_ij, kg m^2.
   expression::Node inertia(int i, int j);
   bool hasConstantInertia() const { return scene_.inertia_harmonics.empty(); }
@@ -86,18 +101,23 @@ class MotionEquations {
   /// Returns sum_m C_mi times the variable `first + m`.
   expression::Node combine(int i, int first);
   const std::vector<ConstraintFormulas>& constraints() const { return constraints_; }
+  const std::vector<HoldFormulas>& holds() const { return holds_; }
   /// Returns the total derivative by time along the motion.
   expression::Node rate(expression::Node node) { return graph_.totalDerivative(node, rates_); }
 
  private:
   void addConstraint(const Constraint& constraint);
+  void takeModes(const std::vector<int>& mode);
+  void addStuck(const std::string& name, expression::Node slip);
 
   const Scene& scene_;
   std::vector<expression::Node> torques_;  ///< in the scene's graph, before it is copied
+  std::vector<HoldFormulas> holds_;        ///< likewise
   expression::Graph graph_;
   VariableLayout layout_;
   bool with_rates_of_c_;
   std::vector<expression::Graph::Rate> rates_;
+  std::vector<expression::Graph::Rate> sides_;  ///< of elements that hold
   std::vector<ConstraintFormulas> constraints_;
 };
 

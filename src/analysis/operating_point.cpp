@@ -5,6 +5,7 @@
 
 #include "motion/stop_message.h"
 #include "variator_sim/nearest_name.h"
+#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {
@@ -35,6 +36,15 @@ void readList(ParameterReader& reader, const char* key, std::size_t size,
 
 }  // namespace
 
+std::string describeModes(const Scene& scene, const std::vector<int>& mode) {
+  const std::vector<std::string> names = scene.holdNames();
+  std::string text;
+  for (std::size_t h = 0; h < mode.size(); ++h) {
+    text += (text.empty() ? "" : ", ") + inQuotes(names[h]) + " " + modeName(mode[h]);
+  }
+  return text;
+}
+
 OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                                   const std::string& source) {
   OperatingPoint point;
@@ -59,6 +69,14 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                          scene.shafts.front() + "=VALUE");
   }
 
+  if (!scene.holdNames().empty()) {
+    if (point.time > 0.0) {
+      throw SceneError(source + "/time",
+                       "the modes of elements that hold are decided at the scene's start; allowed: "
+                       "0, or a time or a saved state as --at");
+    }
+    return Simulation(std::move(scene)).operatingPoint();
+  }
   System system(scene);
   Drivetrain& drivetrain = system.drivetrain();
   drivetrain.setOrigin(point.time);

@@ -12,6 +12,7 @@
 #include "analysis/decompositions.h"
 #include "analysis/trim_equations.h"
 #include "variator_sim/nearest_name.h"
+#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {
@@ -30,7 +31,7 @@ double largestOf(const VectorXd& v) {
 
 class Trim {
  public:
-  Trim(const Scene& scene, const TrimOptions& options);
+  Trim(const Scene& scene, const TrimOptions& options, const std::vector<int>& mode);
   TrimResult find();
 
  private:
@@ -76,6 +77,8 @@ class Trim {
   bool isOneOfMany(const VectorXd& v, const MatrixXd& free) const;
   bool isSame(const VectorXd& a, const VectorXd& b) const;
   std::string leavesLimits(const VectorXd& v) const;
+  /// Returns why the elements do not stay in their modes there; "" if they do.
+  std::string leavesModes(const VectorXd& v);
   bool isStill(const VectorXd& v) const;
   double distance(const VectorXd& v) const;
   std::string explainNone(const Attempt& nearest);
@@ -83,6 +86,7 @@ class Trim {
 
   const Scene& scene_;
   const TrimOptions& options_;
+  const std::vector<int> mode_;  ///< of elements that hold
   MotionEquations equations_;
   const VariableLayout& layout_;
   std::vector<NamedFormula> formulas_;
@@ -92,10 +96,11 @@ class Trim {
   VectorXd base_;
 };
 
-Trim::Trim(const Scene& scene, const TrimOptions& options)
+Trim::Trim(const Scene& scene, const TrimOptions& options, const std::vector<int>& mode)
     : scene_(scene),
       options_(options),
-      equations_(scene, scene.principle == Principle::kGauss),
+      mode_(mode),
+      equations_(scene, mode, scene.principle == Principle::kGauss),
       layout_(equations_.layout()),
       formulas_(makeBalance(equations_, scene, options.accelerating)),
       quantities_(listTrimQuantities(equations_, scene)) {
@@ -361,6 +366,33 @@ std::string Trim::leavesLimits(const VectorXd& v) const {
   return "";
 }
 
+std::string Trim::leavesModes(const VectorXd& v) {
+  expression::Graph& graph = equations_.graph();
+  for (std::size_t h = 0; h < mode_.size(); ++h) {
+    const HoldFormulas& it = equations_.holds()[h];
+    const bool is_stuck = mode_[h] == 0;
+    Node torque = graph.constant(0.0);  // of a row that others imply
+    for (int m = scene_.constraintCount(); m < layout_.k; ++m) {
+      if (equations_.constraints()[at(m)].velocity != it.slip) continue;
+      torque = graph.negate(equations_.variable(layout_.multiplier(m)));
+    }
+    std::vector<Node> conditions;  // not negative in the mode
+    if (mode_[h] == 1) conditions.push_back(it.slip);
+    if (mode_[h] == -1) conditions.push_back(graph.negate(it.slip));
+    if (is_stuck && it.upper != Node{}) conditions.push_back(graph.subtract(it.upper, torque));
+    if (is_stuck && it.lower != Node{}) conditions.push_back(graph.subtract(torque, it.lower));
+    if (mode_[h] != 2 && it.level != Node{}) conditions.push_back(it.level);
+    for (const Node condition : conditions) {
+      const double left = expression::Tape(graph, {condition}).evaluate(layout_.view(v))[0];
+      if (left >= -1e-8 * std::max(1.0, v.cwiseAbs().maxCoeff())) continue;
+      return inQuotes(it.name) + " would not stay " + modeName(mode_[h]) +
+             (is_stuck ? ", by " + formatNumber(-left) + " N m" : "") +
+             "; the modes are those of the scene's start";
+    }
+  }
+  return "";
+}
+
 bool Trim::isStill(const VectorXd& v) const {
   return v.segment(layout_.acceleration(0), layout_.S).cwiseAbs().maxCoeff() < 1e-6;
 }
@@ -379,6 +411,7 @@ TrimState Trim::stateOf(const Attempt& attempt, const MatrixXd& free) const {
   for (int i = 0; i < layout_.U; ++i) point.input.push_back(v(layout_.input(i)));
   point.input_rate.assign(point.input.size(), 0.0);
   point.command = point.input;
+  point.mode = mode_;
   state.residual = attempt.residual;
   for (int j = 0; j < free.rows(); ++j) {
     const std::string name = nameOf(unknowns_[at(j)]);
@@ -436,7 +469,8 @@ TrimResult Trim::find() {
       has_still = true;
       continue;
     }
-    const std::string fault = leavesLimits(attempt.v);
+    std::string fault = leavesLimits(attempt.v);
+    if (fault.empty()) fault = leavesModes(attempt.v);
     if (!fault.empty()) {
       outside = fault;
       continue;
@@ -461,7 +495,8 @@ TrimResult Trim::find() {
     result.message =
         count == 1 ? "one steady state found" : std::to_string(count) + " steady states found";
   } else if (!outside.empty()) {
-    result.message = "no steady state within the limits of the inputs: " + outside;
+    result.message = "no steady state within the limits" +
+                     std::string(mode_.empty() ? " of the inputs" : "") + ": " + outside;
   } else if (has_still) {
     result.message = "no steady state with accelerations, but one with constant speeds";
   } else if (!std::isfinite(nearest.residual)) {
@@ -475,7 +510,11 @@ TrimResult Trim::find() {
 }  // namespace
 
 TrimResult trim(const Scene& scene, const TrimOptions& options) {
-  return Trim(scene, options).find();
+  std::vector<int> mode;
+  if (!scene.holdNames().empty()) mode = Simulation(scene).operatingPoint().mode;
+  TrimResult result = Trim(scene, options, mode).find();
+  if (!mode.empty()) result.message += "; modes: " + describeModes(scene, mode);
+  return result;
 }
 
 }  // namespace variator_sim

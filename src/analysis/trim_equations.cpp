@@ -43,14 +43,16 @@ std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& s
   }
   for (int m = 0; m < layout.k; ++m) {
     const ConstraintFormulas& it = equations.constraints()[at(m)];
-    const std::string name = "constraint " + inQuotes(scene.constraints[at(m)]->name());
+    const std::string& name = it.name;
     if (it.velocity != Node{}) add(it.velocity, name);
     if (it.acceleration != Node{}) add(it.acceleration, name);
     add(it.jerk, "the rate of " + name);
   }
   for (const SceneState& state : scene.states) {
     const std::string& name = scene.inputs[at(state.input)].name;
-    if (comesToRest(scene, state.input)) add(state.rate, "the rate of the state " + inQuotes(name));
+    if (comesToRest(scene, state.input)) {
+      add(equations.inModes(state.rate), "the rate of the state " + inQuotes(name));
+    }
   }
   return balance;
 }
@@ -78,7 +80,9 @@ std::vector<TrimQuantity> listTrimQuantities(MotionEquations& equations, const S
     list.push_back({scene.shafts[at(i)] + "/applied_torque", -1, equations.torque(i)});
     list.push_back({scene.shafts[at(i)] + "/reaction_torque", -1, equations.reaction(i)});
   }
-  for (const Output& output : scene.outputs) list.push_back({output.name(), -1, output.node()});
+  for (const Output& output : scene.outputs) {
+    list.push_back({output.name(), -1, equations.inModes(output.node())});
+  }
   return list;
 }
 

@@ -101,7 +101,7 @@ class Emission {
     }
     return list("shaft", scene_.shafts) + list("constraint", namesOf(scene_.constraints)) +
            list("input", topics) + list("hold", program_.holdNames()) + list("state", states) +
-           list("variable", variables);
+           list("variable", variables) + list("event", scene_.eventNames());
   }
   static std::vector<std::string> namesOf(const std::vector<ConstraintPtr>& constraints) {
     std::vector<std::string> names;

@@ -72,7 +72,7 @@ nothing else. Nothing is allocated, and all memory is the `scene_model` that you
     make
     ./scene_play --duration 10 --rate 100 --output motion.csv
     ./scene_play --duration 10 --commands commands.csv
-    ./scene_play --duration 10 --events events.csv   # of elements that hold: changes of their modes
+    ./scene_play --duration 10 --events events.csv   # changes of modes, and the scene's events
 
 `commands.csv` has the header `time,topic,value`. The columns are those of `simulate`. The exit status
 is 0, 1 when the motion stopped (the reason is on standard error), 2 for bad usage.

@@ -475,4 +475,10 @@ std::vector<std::string> Scene::holdNames() const {
   return names;
 }
 
+std::vector<std::string> Scene::eventNames() const {
+  std::vector<std::string> names = holdNames();
+  for (const SceneEvent& event : events) names.push_back(event.name);
+  return names;
+}
+
 }  // namespace variator_sim

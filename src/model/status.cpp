@@ -29,7 +29,8 @@ const char* toString(StopReason reason) {
 }
 
 const char* modeName(int mode) {
-  constexpr const char* kNames[] = {"backward", "stuck", "forward", "free"};  // from -1 on
+  constexpr const char* kNames[] = {"backward", "stuck", "forward",  // from -1 on
+                                    "free",     "below", "above"};
   return kNames[mode + 1];
 }
 

@@ -58,7 +58,7 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgra
     motion_->integrator.choice().letProgramStep();
   }
   it_.hold = hold_;
-  if (program_->HOLDS > 0) events_.resize(kMostEvents);
+  if (program_->HOLDS > 0 || program_->EVENTS > 0) events_.resize(kMostEvents);
   it_.armed = armed_;
   reset();
   if (like != nullptr) useCodeOf(*like);

@@ -343,8 +343,8 @@ std::string MotionProgram::writeExtents() const {
                      ",\n  SCENE_CONSTRAINTS = " + std::to_string(CONSTRAINTS) +
                      ",\n  SCENE_INPUTS = " + std::to_string(INPUTS) +
                      ",\n  SCENE_HOLDS = " + std::to_string(HOLDS) +
-                     ",\n  SCENE_MATRIX = " + std::to_string(SIZE) +
-                     ",\n  SCENE_MOST_EVENTS = " + std::to_string(HOLDS > 0 ? 64 : 1) +
+                     ",\n  SCENE_MATRIX = " + std::to_string(SIZE) + ",\n  SCENE_MOST_EVENTS = " +
+                     std::to_string(HOLDS > 0 || EVENTS > 0 ? 64 : 1) +
                      ",\n  SCENE_STATES = " + std::to_string(STATES) +
                      ",\n  SCENE_VARIABLES = " + std::to_string(VARIABLES) +
                      ",\n  SCENE_EVENTS = " + std::to_string(EVENTS);

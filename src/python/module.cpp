@@ -198,6 +198,7 @@ void bindSimulation(py::module& module) {
       .def("state", &Self::state)
       .def("set_state", &Self::setState, py::arg("state"), py::arg("project") = false)
       .def("reset", &Self::reset)
+      .def("take_events", &Self::takeEvents)
       .def("linearize", &Self::linearize, py::arg("state") = py::none(), py::kw_only(),
            py::arg("project") = false, py::arg("full") = false)
       .def("trim", &Self::trim, py::arg("fix") = py::none(), py::arg("free") = py::none(),

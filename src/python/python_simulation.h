@@ -176,6 +176,27 @@ class PythonSimulation {
     for (std::size_t i = 0; i < names.size(); ++i) result[py::str(names[i])] = values[i];
     return result;
   }
+  /// Returns the events that have not been taken, as dicts.
+  py::list takeEvents() {
+    Simulation& simulation = get();
+    simulation.sample();  // the commands of the present act
+    ModeEvent event;
+    while (simulation.takeModeEvent(&event)) events_.push_back(event);
+    const std::vector<std::string> names = scene().eventNames();
+    py::list taken;
+    for (const ModeEvent& it : events_) {
+      py::dict told;
+      told["time"] = it.time;
+      told["element"] = names[static_cast<std::size_t>(it.element)];
+      told["from"] = modeName(it.from);
+      told["to"] = modeName(it.to);
+      told["torque"] = it.torque;
+      told["impulse"] = it.impulse;
+      taken.append(told);
+    }
+    events_.clear();
+    return taken;
+  }
   py::dict energy() {
     const Energy energy = get().energy();
     check();
@@ -206,7 +227,10 @@ class PythonSimulation {
     move([&] { is_loaded = simulation.loadMachineCode(true, true); });
     return is_loaded;
   }
-  void reset() { get().reset(); }
+  void reset() {
+    get().reset();
+    events_.clear();
+  }
 
   /// Maps (..., s) accelerations to (..., k) residuals.
   Array residuals(const DenseArray& accelerations) {
@@ -261,6 +285,7 @@ class PythonSimulation {
     get();
     RunRows rows;
     move([&] { rows = python::run(simulation_, request); });
+    events_.insert(events_.end(), rows.events.begin(), rows.events.end());
     const auto columns = static_cast<py::ssize_t>(columnsOf(request.columns).size());
     const auto count = static_cast<py::ssize_t>(rows.values.size()) / columns;
     Array values({count, columns}, rows.values.data());
@@ -317,6 +342,7 @@ class PythonSimulation {
 
   Simulation simulation_;
   std::shared_ptr<const SampleNames> names_;
+  std::vector<ModeEvent> events_;  ///< of runs, not yet taken
   bool is_busy_ = false;
 };
 

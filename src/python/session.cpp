@@ -39,6 +39,7 @@ RunRows run(Simulation& simulation, const RunRequest& request) {
       quantities += maker.quantityCount();
     }
   }
+  rows.events = offline.events();
   return rows;
 }
 

@@ -50,6 +50,13 @@ struct TimedSample {
   QuantityGroups groups;        ///< likewise: their values come with the sample, group after group
 };
 
+/// A change of a mode, or an event of the scene, with its times as in TimedSample.
+struct TimedEvent {
+  ModeEvent event;
+  std::int64_t time = 0;
+  std::int64_t clock_time = 0;
+};
+
 /// State and counters of the loop.
 struct LoopSnapshot {
   RunState state = RunState::kRunning;

@@ -77,6 +77,18 @@ void fillQuantities(const double* values, double time, NamedValues& message) {
   copy(values, message.value);
 }
 
+Event toMessage(const TimedEvent& timed, const std::vector<std::string>& names) {
+  const ModeEvent& event = timed.event;
+  Event message;
+  message.time = static_cast<double>(timed.time) / 1e9;
+  message.element = names[static_cast<std::size_t>(event.element)];
+  message.before = modeName(event.from);
+  message.after = modeName(event.to);
+  message.torque = event.torque;
+  message.impulse = event.impulse;
+  return message;
+}
+
 sensor_msgs::JointState makeJointState(const Scene& scene) {
   sensor_msgs::JointState message;
   message.name = scene.shafts;

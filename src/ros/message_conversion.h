@@ -4,6 +4,7 @@
 #include <sensor_msgs/JointState.h>
 #include <variator_sim/DrivetrainEnergy.h>
 #include <variator_sim/DrivetrainState.h>
+#include <variator_sim/Event.h>
 #include <variator_sim/NamedValues.h>
 #include <variator_sim/SceneInfo.h>
 #include <variator_sim/SimulationStatus.h>
@@ -37,6 +38,9 @@ void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message);
 NamedValues makeQuantities(const Simulation& simulation, QuantityGroup group);
 /// Fills in all but the header from one value per name; `time` as in fillState.
 void fillQuantities(const double* values, double time, NamedValues& message);
+
+/// Makes a message without the header; `names`: Scene::eventNames.
+Event toMessage(const TimedEvent& timed, const std::vector<std::string>& names);
 
 /// Makes a message with joint names and array sizes.
 sensor_msgs::JointState makeJointState(const Scene& scene);

@@ -19,6 +19,7 @@ constexpr std::int64_t kStatusPeriod = 100000000;        // ns: 10 Hz
 constexpr std::int64_t kDiagnosticsPeriod = 1000000000;  // ns: 1 Hz
 constexpr std::uint32_t kCommandQueue = 1000;            // messages
 constexpr std::uint32_t kStateQueue = 100;               // messages
+constexpr std::uint32_t kEventQueue = 1000;              // messages
 constexpr std::uint32_t kClockQueue = 100;               // messages
 constexpr std::int64_t kClockPatience = 5000000000;      // ns: then the log reports the wait
 
@@ -50,6 +51,7 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
     : public_handle_(withQueue(public_handle, callback_queue_)),
       private_handle_(withQueue(private_handle, callback_queue_)),
       inputs_(simulation.scene().inputs),
+      event_names_(simulation.scene().eventNames()),
       scene_message_(toSceneInfo(simulation)),
       role_(roleFor(settings)),
       sharing_(sharing),
@@ -103,6 +105,7 @@ void SimulationServer::advertiseTopics() {
       private_handle_.advertise<DrivetrainState>("state", kStateQueue, refresh, refresh);
   energy_publisher_ =
       private_handle_.advertise<DrivetrainEnergy>("energy", kStateQueue, refresh, refresh);
+  event_publisher_ = private_handle_.advertise<Event>("events", kEventQueue, refresh, refresh);
   for (const QuantityGroup group : kQuantityGroups) {
     quantity_publishers_[static_cast<std::size_t>(group)] =
         private_handle_.advertise<NamedValues>(toString(group), kStateQueue, refresh, refresh);
@@ -225,6 +228,7 @@ void SimulationServer::runCallbacks(ros::CallbackQueue& queue) const {
 void SimulationServer::refreshDemand() {
   const bool energy_wanted = energy_publisher_.getNumSubscribers() > 0;
   loop_.setEnergyWanted(energy_wanted);
+  loop_.setEventsWanted(event_publisher_.getNumSubscribers() > 0);
   QuantityGroups groups_wanted;
   for (const QuantityGroup group : kQuantityGroups) {
     const ros::Publisher& publisher = quantity_publishers_[static_cast<std::size_t>(group)];
@@ -272,11 +276,11 @@ void SimulationServer::runStatus() {
   }
 }
 
-ros::Time SimulationServer::stampOf(const TimedSample& timed) {
-  if (role_ == ClockRole::kOwner) return toStamp(timed.time);
-  if (role_ == ClockRole::kFollower) return toStamp(timed.clock_time);
+ros::Time SimulationServer::stampOf(std::int64_t time, std::int64_t clock_time) {
+  if (role_ == ClockRole::kOwner) return toStamp(time);
+  if (role_ == ClockRole::kFollower) return toStamp(clock_time);
   // The stepping thread reads no ROS time: the age of the sample is known on the pacing clock.
-  const ros::Duration age = ros::Duration().fromNSec(steady_clock_.now() - timed.clock_time);
+  const ros::Duration age = ros::Duration().fromNSec(steady_clock_.now() - clock_time);
   const ros::Time now = ros::Time::now();
   return now.toSec() > age.toSec() ? now - age : now;
 }
@@ -290,6 +294,15 @@ void SimulationServer::publish(const ros::Publisher& publisher, const Message& m
   }
 }
 
+void SimulationServer::publishEvents() {
+  TimedEvent timed;
+  while (loop_.popEvent(timed)) {
+    Event message = toMessage(timed, event_names_);
+    message.header.stamp = stampOf(timed.time, timed.clock_time);
+    publish(event_publisher_, message);
+  }
+}
+
 void SimulationServer::publishSamples() {
   TimedSample timed;
   while (loop_.popSample(timed, quantities_.data())) {
@@ -298,7 +311,7 @@ void SimulationServer::publishSamples() {
       published_time_ = timed.time;
       publishClock();
     }
-    const ros::Time stamp = stampOf(timed);
+    const ros::Time stamp = stampOf(timed.time, timed.clock_time);
     if (state_publisher_.getNumSubscribers() > 0) {
       state_message_.header.stamp = stamp;
       fillState(timed.sample, toSeconds(timed.time), state_message_);
@@ -316,6 +329,7 @@ void SimulationServer::publishSamples() {
       publish(joint_publisher_, joint_message_);
     }
   }
+  publishEvents();
   if (clock_requested_.exchange(false)) publishClock();
 }
 

@@ -89,8 +89,10 @@ class SimulationServer {
 
   // Poll thread.
   void publishSamples();
+  void publishEvents();
   void publishQuantities(const TimedSample& timed, const ros::Time& stamp);
-  ros::Time stampOf(const TimedSample& timed);
+  /// `time` and `clock_time` as in TimedSample.
+  ros::Time stampOf(std::int64_t time, std::int64_t clock_time);
   void publishClock();
 
   // Status thread.
@@ -110,6 +112,7 @@ class SimulationServer {
 
   // Constant after construction.
   std::vector<CommandInputSettings> inputs_;
+  std::vector<std::string> event_names_;
   SceneInfo scene_message_;
   ClockRole role_;
   Sharing sharing_;
@@ -147,6 +150,7 @@ class SimulationServer {
   // Publishers may be used by any thread.
   ros::Publisher state_publisher_;
   ros::Publisher energy_publisher_;
+  ros::Publisher event_publisher_;
   std::array<ros::Publisher, kQuantityGroups.size()> quantity_publishers_;
   ros::Publisher joint_publisher_;
   ros::Publisher scene_publisher_;

@@ -201,6 +201,7 @@ void SteppingLoop::catchUp() {
   const double aim = toSeconds(present_);
   asked_since_ = 0;
   simulation_.advanceTo(aim);
+  pushEvents();
   if (simulation_.time() < aim && simulation_.status().ok()) {  // interrupted
     constexpr double kRounding = 1e-3;                          // ns
     present_ = static_cast<std::int64_t>(simulation_.time() * kNanosecondsPerSecond + kRounding);
@@ -339,6 +340,7 @@ TimedSample SteppingLoop::takeSample() {
     quantity_count_ += simulation_.quantityNames(group).size();
   }
   timed.time = sampleTime();
+  pushEvents();  // of commands
   std::copy(std::begin(timed.sample.residual), std::end(timed.sample.residual), residual_.begin());
   timed.clock_time = followed_ ? moment_ : clock_.now();
   return timed;
@@ -353,6 +355,20 @@ void SteppingLoop::pushSample() {
   handOver(takeSample());
   // The jump of commands is carried out by sampling, and can fail.
   noticeStop();
+}
+
+void SteppingLoop::pushEvents() {
+  const bool is_wanted = events_wanted_.load(std::memory_order_relaxed);
+  TimedEvent timed;
+  bool has_news = false;
+  while (simulation_.takeModeEvent(&timed.event)) {
+    if (!is_wanted) continue;
+    timed.time = offset_ + std::llround(timed.event.time * kNanosecondsPerSecond);
+    timed.clock_time = followed_ ? moment_ : clock_.now();
+    events_.push(timed);
+    has_news = true;
+  }
+  if (has_news) sample_news_.post();
 }
 
 void SteppingLoop::endSliceIfDue(std::int64_t now) {

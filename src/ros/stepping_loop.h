@@ -74,6 +74,7 @@ class SteppingLoop {
   bool popSample(TimedSample& sample, double* quantities = nullptr) {
     return samples_.pop(sample, quantities);
   }
+  bool popEvent(TimedEvent& event) { return events_.pop(event); }
   /// Number of quantities in all groups.
   std::size_t quantityCount() const { return quantities_.size(); }
   /// The event posted when there is a sample to pop.
@@ -108,6 +109,8 @@ class SteppingLoop {
   void setSamplesWanted(bool wanted);
   /// Turns the energies of samples on or off.
   void setEnergyWanted(bool wanted) { energy_wanted_.store(wanted, std::memory_order_relaxed); }
+  /// Turns events on or off.
+  void setEventsWanted(bool wanted) { events_wanted_.store(wanted, std::memory_order_relaxed); }
   /// Selects the groups of quantities in samples.
   void setQuantitiesWanted(QuantityGroups groups) {
     groups_wanted_.store(groups.bits(), std::memory_order_relaxed);
@@ -172,6 +175,8 @@ class SteppingLoop {
   /// Passes the sample just taken to the publishing thread and wakes it.
   void handOver(const TimedSample& sample);
   void pushSample();
+  /// Passes on the events up to the simulation's time.
+  void pushEvents();
   void pushSnapshot(bool state_changed);
   void endSliceIfDue(std::int64_t now);
   /// Simulated time of the simulation, ns, offset included.
@@ -185,6 +190,7 @@ class SteppingLoop {
   boost::lockfree::spsc_queue<InputCommand, boost::lockfree::capacity<4096>> commands_;
   boost::lockfree::spsc_queue<InputCommand, boost::lockfree::capacity<64>> odd_commands_;
   SampleRing<TimedSample, 256> samples_;
+  SampleRing<TimedEvent, 1024> events_;
   SampleRing<LoopSnapshot, 16> snapshots_;
   SampleRing<StopMessage, 2> stop_messages_;
   LoopRequest request_;  ///< the submitter's until posted, the stepping thread's until answered
@@ -199,6 +205,7 @@ class SteppingLoop {
   std::atomic<int> idle_{kAwake};
   std::atomic<bool> samples_wanted_{false};
   std::atomic<bool> energy_wanted_{false};
+  std::atomic<bool> events_wanted_{false};
   std::atomic<unsigned> groups_wanted_{0};
   std::atomic<bool> settings_changed_{false};
   std::atomic<double> wanted_factor_;

@@ -5,6 +5,8 @@
 /* Modes of elements that hold. A sliding one has a torque with the sign of its slip, one that is
  * stuck a constraint. */
 enum { VS_BACKWARD = -1, VS_STUCK = 0, VS_FORWARD = 1, VS_FREE = 2 };
+/* Sides of an event of the scene, beside modes: its function is below 0, above 0. */
+enum { VS_BELOW = 3, VS_ABOVE = 4 };
 
 VS_FUNCTION double vs_tolerance(const scene_series* it, double size) {
   (void)it;

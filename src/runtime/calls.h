@@ -24,3 +24,4 @@ extern const char* const scene_input_name[SCENE_INPUTS + 1];
 extern const char* const scene_hold_name[SCENE_HOLDS + 1];
 extern const char* const scene_state_name[SCENE_STATES + 1];
 extern const char* const scene_variable_name[SCENE_VARIABLES + 1];
+extern const char* const scene_event_name[SCENE_HOLDS + SCENE_EVENTS + 1]; /* of scene_event */

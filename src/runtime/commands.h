@@ -59,7 +59,11 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
     vs_enter_inputs(m, it, 0);
     if (status == SCENE_OK && !IS_CLASSICAL) status = vs_settle_accelerations(m, it);
   }
-  if (HOLDS && m->has_moved && status == SCENE_OK) status = vs_decide(m, 0);
+  if (HOLDS && m->has_moved && status == SCENE_OK) {
+    m->present = 1 - m->present; /* (it decides in the other series: the last step's is looked at) */
+    status = vs_decide(m, 0);
+    m->present = 1 - m->present;
+  }
   if (status != SCENE_OK) m->now = before;
   m->is_begun = 0;
   m->crossings = 0;

@@ -35,7 +35,7 @@ typedef struct {
   int is_still; /* 1: nothing moves by more than the tolerance in it */
   long rejections;
   double event;              /* from where on, s of the step, its end stands for all */
-  const scene_event* events; /* changes of modes, the last of them (host.h) */
+  const scene_event* events; /* changes of modes, and events of the scene (host.h) */
   int event_count;
   int culprit; /* an element that cannot begin in its mode, or -1 (host.h) */
   double culprit_torque, culprit_slip; /* that it would hold, N m; rad/s */

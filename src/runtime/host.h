@@ -102,9 +102,10 @@ VS_FUNCTION int vs_host_is_still(const vs_host* h) {
   return 1;
 }
 
-/* The changes of modes at the end of a step or behind a change of inputs. */
+/* The changes of modes and the events at the end of a step or behind a change of inputs. */
 VS_FUNCTION void vs_host_tell_events(const scene_model* m, vs_exchange* to) {
-  to->event_count = (int)m->events; /* one of an element at the most */
+  /* More at one instant than there is room for leave the last ones, in no order. */
+  to->event_count = m->events < SCENE_MOST_EVENTS ? (int)m->events : SCENE_MOST_EVENTS;
   to->events = m->event_of;
 }
 
@@ -115,9 +116,9 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   double rest;
   int i;
   if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
+  m->events = 0;
   m->status = vs_apply_events(m);
   m->has_moved = 1;
-  m->events = 0;
   vs_end_inputs(m);
   h->before = m->now;
   if (m->status == SCENE_OK) m->status = vs_make_step(m, left, &h->made);

@@ -41,6 +41,16 @@ VS_FUNCTION scene_status vs_set_values(scene_model* m, const int* happened) {
   return status;
 }
 
+/* Tells of an event of the scene: its elements are those behind the ones that hold. */
+VS_FUNCTION void vs_note_event(scene_model* m, int event, int side) {
+  scene_event* const it = &m->event_of[m->events++ % SCENE_MOST_EVENTS];
+  it->time = m->now.time;
+  it->element = HOLDS + event;
+  it->from = side > 0 ? VS_BELOW : VS_ABOVE;
+  it->to = side > 0 ? VS_ABOVE : VS_BELOW;
+  it->torque = it->impulse = 0.0;
+}
+
 /* The events of the present: those whose function has another sign behind it than it had, by the
  * motion, by commands, or by what other events have set. */
 VS_FUNCTION scene_status vs_apply_events(scene_model* m) {
@@ -65,6 +75,7 @@ VS_FUNCTION scene_status vs_apply_events(scene_model* m) {
       if (!happened[e]) continue;
       any = m->has_set = 1;
       m->passed = FIRST_EVENT + e;
+      vs_note_event(m, e, side);
     }
     if (any) status = vs_set_values(m, happened);
   }

@@ -122,12 +122,14 @@ static void write_sample(FILE* out, double time, const scene_sample* sample) {
   fputc('\n', out);
 }
 
-/* Changes of modes since the last call. */
+/* Changes of modes and events since the last call. */
 static void write_events(void) {
-  static const char* const modes[] = {"backward", "stuck", "forward", "free"};
+  static const char* const modes[] = {"backward", "stuck", "forward", "free", "below", "above"};
+  if (written_events < model.events - SCENE_MOST_EVENTS)
+    written_events = model.events - SCENE_MOST_EVENTS; /* older ones are lost */
   for (; events != NULL && written_events < model.events; ++written_events) {
     const scene_event* const it = &model.event_of[written_events % SCENE_MOST_EVENTS];
-    fprintf(events, "%.17g,%s,%s,%s,%.17g,%.17g\n", it->time, scene_hold_name[it->element],
+    fprintf(events, "%.17g,%s,%s,%s,%.17g,%.17g\n", it->time, scene_event_name[it->element],
             modes[it->from + 1], modes[it->to + 1], it->torque, it->impulse);
   }
 }

@@ -14,7 +14,7 @@ typedef enum {
   SCENE_NO_MODES        /* no modes of the elements that hold go on: rigid ones contradict */
 } scene_status;
 
-/* A change of an element's mode. */
+/* A change of an element's mode, or an event of the scene, whose number follows the elements'. */
 typedef struct {
   double time; /* s */
   int element, from, to;

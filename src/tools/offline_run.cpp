@@ -60,6 +60,17 @@ std::vector<std::string> describeDoubts(const Simulation& simulation) {
   return doubts;
 }
 
+std::string writeEvents(const std::vector<ModeEvent>& events, const Scene& scene) {
+  const std::vector<std::string> names = scene.eventNames();
+  std::string text = "time,element,from,to,torque,impulse\n";
+  for (const ModeEvent& it : events) {
+    text += formatNumber(it.time) + "," + names[static_cast<std::size_t>(it.element)] + "," +
+            modeName(it.from) + "," + modeName(it.to) + "," + formatNumber(it.torque) + "," +
+            formatNumber(it.impulse) + "\n";
+  }
+  return text;
+}
+
 OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
                        std::vector<ResolvedCommand> commands, double end)
     : simulation_(simulation),
@@ -84,23 +95,13 @@ OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
 bool OfflineRun::reach(double time) {
   if (time <= simulation_.time()) return true;
   const bool goes_on = simulation_.advanceTo(time).ok();
-  addEvents();
+  takeEvents();
   return goes_on && simulation_.time() >= time;  // not interrupted
 }
 
-void OfflineRun::recordEvents() {
-  records_events_ = true;
-  events_ = "time,element,from,to,torque,impulse\n";
-  element_names_ = simulation_.scene().holdNames();
-}
-
-void OfflineRun::addEvents() {
-  ModeEvent it;
-  while (records_events_ && simulation_.takeModeEvent(&it)) {
-    events_ += formatNumber(it.time) + "," + element_names_[static_cast<std::size_t>(it.element)] +
-               "," + modeName(it.from) + "," + modeName(it.to) + "," + formatNumber(it.torque) +
-               "," + formatNumber(it.impulse) + "\n";
-  }
+void OfflineRun::takeEvents() {
+  ModeEvent event;
+  while (simulation_.takeModeEvent(&event)) events_.push_back(event);
 }
 
 void OfflineRun::applyCommands() {
@@ -130,7 +131,7 @@ void OfflineRun::takeSample(SampleBlock& block) {
 
 void OfflineRun::addSample(SampleBlock& block) {
   const Sample& taken = simulation_.sample();
-  addEvents();                             // of commands here
+  takeEvents();                            // of commands here
   if (!simulation_.status().ok()) return;  // a failed jump
   block.samples.push_back(taken);
   for (const QuantityGroup group : groups_) {

@@ -12,6 +12,7 @@
 #include "variator_sim/motion_state.h"
 #include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
+#include "variator_sim/status.h"
 
 namespace variator_sim {
 
@@ -33,6 +34,9 @@ std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& co
 /// Returns warnings about the run so far: crude fixed steps, clamped commands, reactions that feed
 /// or drain the machine.
 std::vector<std::string> describeDoubts(const Simulation& simulation);
+
+/// Returns events as a CSV.
+std::string writeEvents(const std::vector<ModeEvent>& events, const Scene& scene);
 
 /// Samples in order, and their quantities.
 struct SampleBlock {
@@ -58,9 +62,8 @@ class OfflineRun {
   void endAtRest() { rest_.begin(); }
   const RestWatch& rest() const { return rest_; }
 
-  /// Keeps changes of modes, as lines of a CSV.
-  void recordEvents();
-  const std::string& events() const { return events_; }
+  /// The changes of modes and events of the scene so far.
+  const std::vector<ModeEvent>& events() const { return events_; }
   /// Adds the quantities of these groups to samples.
   void observe(const std::vector<QuantityGroup>& groups);
 
@@ -85,7 +88,7 @@ class OfflineRun {
 
  private:
   bool reach(double time);
-  void addEvents();
+  void takeEvents();
   void applyCommands();
   /// Next instant due beside commands and samples.
   double nextEvent() const;
@@ -102,9 +105,7 @@ class OfflineRun {
   MotionState state_;
   RestWatch rest_;
   std::vector<QuantityGroup> groups_;
-  bool records_events_ = false;
-  std::string events_;
-  std::vector<std::string> element_names_;
+  std::vector<ModeEvent> events_;
   std::size_t next_command_ = 0;
   std::size_t ignored_count_ = 0;
   std::size_t past_count_ = 0;

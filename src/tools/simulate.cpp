@@ -120,7 +120,11 @@ void printStatistics(Simulation& simulation, bool tracks_energy, const WallTimes
   print("projections", counts.projections);
   print("Newton iterations", counts.newton_iterations);
   print("jumps", counts.jumps);
-  if (!simulation.scene().holdNames().empty()) print("changes of modes", counts.mode_changes);
+  if (!simulation.scene().events.empty()) {
+    print("changes of modes and events", counts.mode_changes);
+  } else if (!simulation.scene().holdNames().empty()) {
+    print("changes of modes", counts.mode_changes);
+  }
   if (counts.sleeps > 0) print("times come to rest", counts.sleeps);
   print("commands accepted", counts.commands_accepted);
   print("commands clamped", counts.commands_clamped);
@@ -208,7 +212,9 @@ int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
                    inQuotes(options.save_state_path).c_str());
     }
   }
-  if (!options.events_path.empty()) writeOutput(options.events_path, offline_run.events());
+  if (!options.events_path.empty()) {
+    writeOutput(options.events_path, writeEvents(offline_run.events(), simulation.scene()));
+  }
   if (!options.until_rest || !simulation.status().ok() || g_signal != 0) return kSuccess;
   if (offline_run.rest().isReached()) {
     std::fprintf(stderr, "simulate: at rest since %.6g s\n", offline_run.rest().since());
@@ -407,7 +413,6 @@ int runSimulate(const std::vector<std::string>& words) {
                          readCommands(options, simulation.scene()), span.end);
   offline_run.observe(options.columns.quantities);
   if (options.until_rest) offline_run.endAtRest();
-  if (!options.events_path.empty()) offline_run.recordEvents();
   if (!options.save_state_path.empty()) {
     offline_run.saveStateAt(options.has_save_time ? options.save_time : span.end);
   }
