@@ -98,6 +98,9 @@ struct Scene {
   int inputCount() const { return static_cast<int>(inputs.size()); }
   /// Returns the names of what holds, in the order of elements: ELEMENT or ELEMENT/PART.
   std::vector<std::string> holdNames() const;
+  /// Returns the name of a constraint whose reaction is not along its gradient, "" if there is
+  /// none.
+  std::string nameOfDirection() const;
   /// True when the motion has more to go on from than shafts and commands.
   bool hasMemory() const { return !states.empty() || !events.empty(); }
 };

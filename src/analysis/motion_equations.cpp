@@ -45,6 +45,12 @@ MotionEquations::MotionEquations(const Scene& scene, bool with_rates_of_c)
                      "elements that do not hold, variator_sim/Friction with a "
                      "'regularization_speed', for instance");
   }
+  if (!scene.nameOfDirection().empty()) {
+    throw SceneError(
+        scene.nameOfDirection(),
+        "has a reaction that is not along its gradient, which linear models and steady "
+        "states here do not know; allowed: 'reaction: gradient'");
+  }
   layout_.S = scene.shaftCount();
   layout_.k = scene.constraintCount();
   layout_.U = scene.inputCount();

@@ -18,7 +18,7 @@ namespace {
 
 /// Tells whether an integrator of the equations of shafts and constraints does not suffice.
 bool needsProgram(const Scene& scene) {
-  return !scene.holdNames().empty() || scene.hasMemory();
+  return !scene.holdNames().empty() || !scene.nameOfDirection().empty() || scene.hasMemory();
 }
 
 std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {

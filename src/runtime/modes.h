@@ -9,6 +9,12 @@
  * later. That is read from the first coefficient that is more than rounding, so that neither ties
  * nor the torque that lets go, which is the one that slides, need a tolerance of their own. */
 
+/* Losses of a constraint are such an element, too: its torque, and what it holds, is the larger of
+ * two lines of the constraint's multiplier,
+ *     T = s max_k M_k,  M_k = s slope_k lambda + base_k,  s = 1 or -1
+ * Its modes are s with the first line, 3 s with the second, and stuck. */
+enum { VS_SECOND_LINE = 3 };
+
 enum { VS_CONDITIONS = 3 };
 enum { VS_BEGINS_STUCK = 1, VS_BEGINS_SLIPPING };
 enum { VS_OF_LEVEL, VS_OF_SLIP, VS_OF_TORQUE, VS_OF_GAP };
@@ -24,7 +30,7 @@ VS_FUNCTION_RARE double vs_torque_size(const scene_series* it, int i, int n) {
   double size =
       fabs(it->row[torque_row[i]][n]) + vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
   int p;
-  for (p = 0; p < K; ++p) size += fabs(vs_entry(it, p, i) * it->row[TRANSMITTED + p][n]);
+  for (p = 0; p < K; ++p) size += fabs(vs_direction(it, p, i) * it->row[TRANSMITTED + p][n]);
   return size;
 }
 
@@ -88,6 +94,56 @@ VS_FUNCTION_RARE void vs_combine(Real* c, int last, double factor, const Real* x
   for (n = 0; n <= last; ++n) c[n] = factor * x[n] + (other == 0.0 ? 0.0 : other * y[n]);
 }
 
+/* True for the losses of a constraint. */
+VS_FUNCTION_RARE int vs_is_loss(const scene_series* it, int h) {
+  (void)it;
+  return load_of[h] >= 0;
+}
+
+/* M_line of side s less the torque that holds, up to order `last`. */
+VS_FUNCTION_RARE void vs_margin(const scene_series* it, int h, int s, int line, int last, Real* c) {
+  const Real* const slope = it->row[slope_row[2 * h + line]];
+  const Real* const base = it->row[base_row[2 * h + line]];
+  int n;
+  for (n = 0; n <= last; ++n) {
+    const Real load = vs_convolve(slope, it->row[TRANSMITTED + load_of[h]], n, 0, 0);
+    c[n] = s * (load + it->row[TRANSMITTED + CONSTRAINTS + h][n]) + base[n];
+  }
+}
+
+/* M_line less the other line. */
+VS_FUNCTION_RARE void vs_lead(const scene_series* it, int h, int s, int line, int last, Real* c) {
+  Real other[VS_STRIDE];
+  int n;
+  vs_margin(it, h, s, line, last, c);
+  vs_margin(it, h, s, 1 - line, last, other);
+  for (n = 0; n <= last; ++n) c[n] -= other[n];
+}
+
+/* The larger line. */
+VS_FUNCTION_RARE int vs_line(const scene_series* it, int h, int s, int last) {
+  Real c[VS_STRIDE];
+  int n;
+  vs_lead(it, h, s, 0, last, c);
+  for (n = 0; n <= last && vs_is_noise(it, h, VS_OF_TORQUE, n, c); ++n) c[n] = 0.0;
+  return vs_first_sign(c, last) < 0.0;
+}
+
+VS_FUNCTION_RARE int vs_mode_of_line(int s, int line) {
+  return line == 0 ? s : VS_SECOND_LINE * s;
+}
+
+VS_FUNCTION_RARE int vs_side_of(int mode) {
+  return mode > 0 ? 1 : -1;
+}
+
+/* The mode as a user sees it: of losses 1 where the first shaft drives, -1 where the second does.
+ */
+VS_FUNCTION_RARE int vs_told_mode(const scene_series* it, int h, int mode) {
+  if (!vs_is_loss(it, h) || mode == VS_STUCK || mode == VS_FREE) return mode;
+  return mode == vs_side_of(mode) ? 1 : -1;
+}
+
 /* Condition k of the present mode of element h, without the coefficients at its begin that are
  * rounding. False where the mode has no such condition. */
 VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, int h, int k,
@@ -96,6 +152,7 @@ VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, 
   const Real* const tau = it->row[TRANSMITTED + CONSTRAINTS + h];
   const Real* const level = it->row[level_row[h]];
   const int mode = m->now.mode[h], last = it->order;
+  const int s = k == 2 ? -1 : 1;
   int kind = VS_OF_LEVEL, n;
   if (mode == VS_FREE) {
     const int nears = closes_below[h] > 0.0 && level[0] > 0.0;
@@ -112,10 +169,16 @@ VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, 
   } else if (k == 0) {
     if (!has_level[h]) return 0;
     vs_combine(c, last, 1.0, level, 0.0, f);
+  } else if (vs_is_loss(it, h) && (mode == VS_STUCK ? m->now.counts[h] : k == 2)) {
+    kind = VS_OF_TORQUE;
+    if (mode == VS_STUCK)
+      vs_margin(it, h, s, vs_line(it, h, s, last), last, c);
+    else
+      vs_lead(it, h, vs_side_of(mode), mode != vs_side_of(mode), last, c);
   } else if (mode != VS_STUCK || !m->now.counts[h]) {
     if (mode != VS_STUCK && k == 2) return 0;
     kind = VS_OF_SLIP;
-    vs_combine(c, last, mode == VS_STUCK ? (k == 1 ? 1.0 : -1.0) : mode, f, 0.0, f);
+    vs_combine(c, last, mode == VS_STUCK ? s : vs_side_of(mode), f, 0.0, f);
   } else {
     if (k == 1 ? !has_upper[h] : !has_lower[h]) return 0;
     kind = VS_OF_TORQUE;
@@ -190,7 +253,7 @@ VS_FUNCTION_RARE scene_status vs_take_modes(scene_model* m, scene_series* it,
   int h, moved;
   for (h = 0; h < HOLDS; ++h) {
     const int mode = m->now.mode[h];
-    m->now.side[h] = mode == VS_FORWARD || mode == VS_BACKWARD ? mode : 0.0;
+    m->now.side[h] = mode == VS_FREE ? 0.0 : mode;
   }
   memcpy(m->now.velocity, from->velocity, sizeof from->velocity);
   vs_enter_inputs(m, it, 0);
@@ -207,7 +270,7 @@ VS_FUNCTION_RARE scene_status vs_take_modes(scene_model* m, scene_series* it,
     status = vs_take_sides(m, it, from);
     moved = HOLDS;
     for (h = 0; h < HOLDS && moved == HOLDS && status == SCENE_OK; ++h) {
-      if (fabs(m->now.side[h]) > 1.0 && !vs_stays(it, h)) moved = h;
+      if (!vs_is_loss(it, h) && fabs(m->now.side[h]) > 1.0 && !vs_stays(it, h)) moved = h;
     }
     if (moved == HOLDS) return status;
     m->now.side[moved] = m->now.mode[moved];
@@ -240,6 +303,8 @@ VS_FUNCTION_RARE int vs_guess_mode(const scene_model* m, const scene_series* it,
     return is_open || by_slip == VS_FORWARD ? VS_FREE : VS_STUCK;
   }
   if (has_level[h] && !(it->row[level_row[h]][0] > 0.0)) return VS_FREE;
+  if (vs_is_loss(it, h) && by_slip != VS_STUCK)
+    return vs_mode_of_line(by_slip, vs_line(it, h, by_slip, 0));
   if (closes_below[h] > 0.0) {
     const double slip = fabs(it->row[slip_row[h]][0]);
     return m->now.mode[h] == VS_STUCK || slip <= closes_below[h] ? VS_STUCK : VS_FREE;
@@ -258,6 +323,12 @@ VS_FUNCTION_RARE int vs_next_mode(const scene_model* m, const scene_series* it, 
   if (mode == VS_FREE)
     return has_gap[h] || closes_below[h] > 0.0 ? VS_STUCK : vs_mode_by_slip(it, h);
   if (k == 0 || (mode == VS_STUCK && has_gap[h])) return VS_FREE;
+  if (vs_is_loss(it, h) && mode != VS_STUCK && k == 2)
+    return vs_mode_of_line(vs_side_of(mode), mode == vs_side_of(mode));
+  if (vs_is_loss(it, h) && mode == VS_STUCK) {
+    const int s = (k == 1) == (m->now.counts[h] != 0) ? 1 : -1;
+    return vs_mode_of_line(s, vs_line(it, h, s, it->order));
+  }
   if (mode == VS_FORWARD && slides_backward[h] && vs_begins_slipping(m, h)) return VS_BACKWARD;
   if (mode != VS_STUCK) return VS_STUCK;
   return (k == 1) == (m->now.counts[h] != 0) ? VS_FORWARD
@@ -265,18 +336,23 @@ VS_FUNCTION_RARE int vs_next_mode(const scene_model* m, const scene_series* it, 
                                              : VS_STUCK;
 }
 
-/* All combinations of modes of the elements at rest, one after the other, by a counter of base 3;
- * false behind the last one. `first`: those of the others. */
+/* All combinations of modes of the elements at rest, and of lines of losses, one after the other;
+ * false behind the last one. `first`: those to begin with. */
 VS_FUNCTION_RARE int vs_count_modes(scene_model* m, const int* is_open, const int* first) {
   int h;
   for (h = 0; h < HOLDS; ++h) {
     int* const mode = &m->now.mode[h];
+    const int is_first_line = load_of[h] >= 0 && *mode == vs_side_of(*mode);
     if (!is_open[h]) continue;
     if (*mode == VS_STUCK) {
       *mode = has_gap[h] ? VS_FREE : VS_FORWARD;
       return 1;
     }
-    if (*mode == VS_FORWARD && slides_backward[h]) {
+    if (is_first_line) {
+      *mode *= VS_SECOND_LINE;
+      return 1;
+    }
+    if (*mode > 0 && *mode != VS_FREE && slides_backward[h] && first[h] == VS_STUCK) {
       *mode = VS_BACKWARD;
       return 1;
     }
@@ -317,7 +393,7 @@ VS_FUNCTION_RARE scene_status vs_find_modes(scene_model* m, scene_series* it,
   int h, k, open = 0, round;
   for (h = 0; h < HOLDS; ++h) {
     first[h] = m->now.mode[h] = vs_guess_mode(m, it, h);
-    is_open[h] = first[h] == VS_STUCK && !(closes_below[h] > 0.0);
+    is_open[h] = (first[h] == VS_STUCK && !(closes_below[h] > 0.0)) || vs_is_loss(it, h);
     open += is_open[h];
     if (is_open[h] && !has_gap[h] && vs_begins_slipping(m, h)) m->now.mode[h] = VS_FORWARD;
   }
@@ -334,7 +410,10 @@ VS_FUNCTION_RARE scene_status vs_find_modes(scene_model* m, scene_series* it,
       is_open[h] = has_gap[h] || first[h] == VS_STUCK;
     }
   }
-  for (h = 0; h < HOLDS; ++h) m->now.mode[h] = is_open[h] ? VS_STUCK : first[h];
+  for (h = 0; h < HOLDS; ++h) {
+    m->now.mode[h] = is_open[h] ? VS_STUCK : first[h];
+    if (vs_is_loss(it, h) && first[h] != VS_STUCK) m->now.mode[h] = vs_side_of(first[h]);
+  }
   if (open > 10) return SCENE_NO_MODES;
   for (h = 0; h < HOLDS; ++h) first[h] = m->now.mode[h];
   do {
@@ -353,11 +432,11 @@ VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, con
   int h;
   for (h = 0; h < HOLDS; ++h) {
     scene_event* const event = &m->event_of[m->events % SCENE_MOST_EVENTS];
-    if (m->now.mode[h] == before[h] && impulse[h] == 0.0) continue;
+    event->from = vs_told_mode(it, h, before[h]);
+    event->to = vs_told_mode(it, h, m->now.mode[h]);
+    if (event->to == event->from && impulse[h] == 0.0) continue;
     event->time = m->now.time;
     event->element = h;
-    event->from = before[h];
-    event->to = m->now.mode[h];
     event->torque = vs_transmits(m, it, h);
     event->impulse = impulse[h];
     ++m->events;
@@ -365,7 +444,8 @@ VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, con
 }
 
 /* ---- Impacts: J dw = C' p of the rigid rows. Of those that only press one way p >= 0, and behind
-        it f >= -e f of before. ---- */
+        it f >= -e f of before. They pass constraints without losses: these would need to know how
+        the speeds change within an impact. ---- */
 
 /* True for elements that let no slip into one direction, or none at all, in their present place. */
 VS_FUNCTION_RARE int vs_is_rigid(const scene_model* m, const scene_series* it, int h) {
@@ -385,6 +465,9 @@ VS_FUNCTION_RARE double vs_slowest_bounce(const scene_series* it) {
 VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, double* impulse) {
   double slip[MOST_HOLDS + 1], after[MOST_HOLDS + 1], x[MOST_SIZE];
   int hits = 0, h, i, round;
+  for (h = 0; h < HOLDS; ++h) {
+    if (vs_is_loss(it, h)) m->now.side[h] = 0.0;
+  }
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
   for (h = 0; h < HOLDS; ++h) {
@@ -433,7 +516,7 @@ VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, doubl
 }
 
 /* The modes behind the present instant, and the accelerations there: J epsilon + n - Q = memory +
- * C' multiplier, where the memory is none of gauss and at the start. */
+ * D' multiplier, where the memory is none of gauss and at the start. */
 VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   scene_series* const it = &m->series[1 - m->present];
   const scene_state before = m->now;
@@ -446,7 +529,8 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   vs_enter_state(m, it);
   if (!IS_CLASSICAL && !is_start) vs_reaction(it, m->memory);
   for (i = 0; i < S && !IS_CLASSICAL; ++i) {
-    for (p = 0; p < K && !is_start; ++p) m->memory[i] -= vs_entry(it, p, i) * m->now.multiplier[p];
+    for (p = 0; p < K && !is_start; ++p)
+      m->memory[i] -= vs_direction(it, p, i) * m->now.multiplier[p];
   }
   status = vs_collide(m, it, impulse);
   from = m->now;
@@ -467,7 +551,7 @@ VS_FUNCTION_RARE void vs_forget_modes(scene_model* m) {
     m->now.counts[i] = 0;
     m->now.heat[i] = 0.0;
   }
-  for (i = 0; i < K && HOLDS; ++i) m->now.multiplier[i] = 0.0;
+  for (i = 0; i < K && TRANSMITS; ++i) m->now.multiplier[i] = 0.0;
 }
 
 /* The modes at the start. An element that is not in the one that the scene asks for is the model's
@@ -494,6 +578,16 @@ VS_FUNCTION_RARE scene_status vs_decide_first(scene_model* m) {
 /* The torque, N m, that element h would hold beyond the one it holds. */
 VS_FUNCTION_RARE double vs_reserve(const scene_model* m, const scene_series* it, int h) {
   const double T = vs_transmits(m, it, h);
+  Real c[VS_STRIDE];
+  if (vs_is_loss(it, h) && m->now.mode[h] == VS_STUCK) {
+    double least = INFINITY;
+    int s;
+    for (s = -1; s <= 1; s += 2) {
+      vs_margin(it, h, s, vs_line(it, h, s, 0), 0, c);
+      least = seriesSmaller(least, c[0]);
+    }
+    return least;
+  }
   const double upper = has_upper[h] ? it->row[upper_row[h]][0] - T : INFINITY;
   const double lower = has_lower[h] ? T - it->row[lower_row[h]][0] : INFINITY;
   return m->now.mode[h] == VS_STUCK ? fmin(lower, upper) : 0.0;
