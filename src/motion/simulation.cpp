@@ -21,12 +21,23 @@ bool needsProgram(const Scene& scene) {
   return !scene.holdNames().empty() || !scene.nameOfDirection().empty() || scene.hasMemory();
 }
 
+/// Throws SceneError for a stepper that does not know modes.
+void refuseOtherSteppers(const Scene& scene) {
+  const StepperKind stepper = scene.solver.stepper;
+  const std::vector<std::string> holds = scene.holdNames();
+  const std::string name = holds.empty() ? scene.nameOfDirection() : holds.front();
+  if (name.empty() || stepper == StepperKind::kAuto || stepper == StepperKind::kTaylor) return;
+  throw SceneError("solver/stepper", inQuotes(toString(stepper)) + " does not step " +
+                                         inQuotes(name) + "; allowed: auto, taylor");
+}
+
 std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
   const auto* const program = dynamic_cast<const ProgramMotion*>(like);
   if (needsProgram(scene)) {
+    refuseOtherSteppers(scene);
     auto its_program = std::make_unique<MotionProgram>(scene);
     return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), nullptr,
                                            program);
