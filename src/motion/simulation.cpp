@@ -11,6 +11,7 @@
 #include "motion/motion.h"
 #include "motion/program_motion.h"
 #include "motion/stop_message.h"
+#include "variator_sim/errors.h"
 
 namespace variator_sim {
 
