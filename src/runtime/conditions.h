@@ -120,6 +120,27 @@ VS_FUNCTION_RARE void vs_lead(const scene_series* it, int h, int s, int line, in
   for (n = 0; n <= last; ++n) c[n] -= other[n];
 }
 
+/* The lead as a mode's condition. lambda is off a change of lines by what C J^-1 D' divides, which
+ * is another one in the other mode: it is scaled, and its rounding judged by both lines, for one
+ * mode not to take for rounding what the other does not. True where its first coefficient is more
+ * than rounding. */
+VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Real* c) {
+  const int s = mode > 0 ? 1 : -1, p = load_of[h];
+  const double lambda = it->row[TRANSMITTED + p][0];
+  double mobility = 0.0, size = 0.0;
+  int i, n;
+  for (i = 0; i < 2; ++i) {
+    size += fabs(it->row[slope_row[2 * h + i]][0] * lambda) + fabs(it->row[base_row[2 * h + i]][0]);
+  }
+  for (i = 0; i < S; ++i)
+    mobility += vs_entry(it, p, i) * vs_entry(it, p, i) / vs_inertia(it, i, i);
+  vs_lead(it, h, s, mode != s, it->order, c);
+  for (n = 0; n <= it->order; ++n) c[n] *= it->size[p] / mobility;
+  if (fabs(c[0]) > vs_noise(it) * size) return 1;
+  c[0] = 0.0;
+  return 0;
+}
+
 /* The larger line. */
 VS_FUNCTION_RARE int vs_line(const scene_series* it, int h, int s, int last) {
   Real c[VS_STRIDE];
@@ -173,8 +194,8 @@ VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, 
     kind = VS_OF_TORQUE;
     if (mode == VS_STUCK)
       vs_margin(it, h, s, vs_line(it, h, s, last), last, c);
-    else
-      vs_lead(it, h, vs_side_of(mode), mode != vs_side_of(mode), last, c);
+    else if (vs_scaled_lead(it, h, mode, c))
+      return 1;
   } else if (mode != VS_STUCK || !m->now.counts[h]) {
     if (mode != VS_STUCK && k == 2) return 0;
     kind = VS_OF_SLIP;
