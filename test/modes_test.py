@@ -104,6 +104,16 @@ class ModesTest(TestCase):
         # Its reference lets go at 1.5e-4 N m instead of 0, 1.6e-6 s later.
         self.check_example("OneWayClutch", 2.0, 2e-6)
 
+    def test_lossy_gear(self):
+        self.check_example("LossyGearDemo1", 0.5)
+
+    def test_lossy_gear_under_gauss(self):
+        expected = read(FOLDER / "test/modes/LossyGearDemo1.csv")
+        scene = (FOLDER / "test/modes/LossyGearDemo1.yaml").read_text() + "principle: gauss\n"
+        samples, found = self.simulate(scene, 0.5, 100)
+        self.compare(expected, samples)
+        self.compare_events("LossyGearDemo1", found, 1e-6)
+
     def test_backlash(self):
         self.check_example("Backlash", 1.0, None)
 

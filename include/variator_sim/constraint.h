@@ -54,6 +54,8 @@ class Constraint : public Law {
   expression::Node secondOrder() const { return second_order_; }
   /// Returns C (s nodes), then c0.
   const std::vector<expression::Node>& row() const { return row_nodes_; }
+  /// Returns D (s nodes) of a reaction D' lambda; none where it is along C.
+  const std::vector<expression::Node>& direction() const { return direction_; }
 
   /// Returns f (order 1) or psi (order 2), in the constraint's own unit. Not for order 3, whose
   /// residual C eta + c0 needs the jerk.
@@ -115,6 +117,7 @@ class Constraint : public Law {
 
   expression::Node second_order_;
   std::vector<expression::Node> row_nodes_;
+  std::vector<expression::Node> direction_;
 
   // One program per quantity: none computes more than its caller needs.
   expression::Tape residual_;                     ///< f or psi

@@ -38,6 +38,12 @@ class Law {
   const std::vector<expression::Node>& formulas() const { return formulas_; }
   /// True when the law calls an OpaqueFunction.
   bool callsOpaqueFunction() const { return graph_->hasOpaque(formulas_); }
+  /// Returns the ways in which the element holds; most have none.
+  const std::vector<Holding>& holdings() const { return holdings_; }
+  /// Returns the name of one of them in the scene.
+  std::string nameOf(const Holding& it) const {
+    return name_ + (it.part.empty() ? "" : "/" + it.part);
+  }
   /// Returns the law's switching functions. Steps end at their zeros, because an error estimate
   /// across a kink is unreliable.
   const std::vector<GuardPtr>& guards() const { return guards_; }
@@ -69,6 +75,7 @@ class Law {
   std::vector<expression::Node> formulas_;
   std::vector<GuardPtr> guards_;
   std::vector<double> instants_;  ///< s
+  std::vector<Holding> holdings_;
   NamedOutputs outputs_;
 };
 

@@ -32,6 +32,14 @@ struct Shaft {
   Expression jerk;          ///< eta, rad/s^3; linearly, and in constraints of order 3 only
 };
 
+/// Losses of a constraint with the reaction D' lambda, as friction that grows with lambda. While it
+/// slides to the side s = 1 or -1 its torque is
+///     T = s max(slope_1 s lambda + base_1, slope_2 s lambda + base_2)      N m
+struct Losses {
+  Expression slope[2];
+  Expression base[2];
+};
+
 /// A way in which an element may hold: a constraint of order 1 that is on while it is stuck, and
 /// the torque T against the slip, positive where the slip is.
 ///     stuck   slip = 0, and T in [lower, upper] is found from that
@@ -47,6 +55,8 @@ struct Holding {
   std::optional<Expression> level;
   /// Grows by the slip, rad: the slip is free while it is above 0, and then at most what opens it.
   std::optional<Expression> gap;
+  /// For constraints: stands for `torque`, `upper` and `lower`. Only `slip` and `side` go with it.
+  std::optional<Losses> losses;
   bool slides_backward = true;  ///< false: a negative slip is stopped by an impact
   double restitution = 0.0;     ///< of impacts
   /// Above 0: it never slides, and closes, by an impact, where |slip|, rad/s, is not above this.
@@ -98,6 +108,8 @@ class LawContext {
   /// Returns the input that the law's own keys `topic`, `hold`, .. declare (command_input.h).
   Expression command(const Range& range = Range::any());
 
+  /// True for a formula that reads the velocity of a shaft.
+  bool readsVelocities(const Expression& formula) const;
   /// Returns t, s.
   Expression time();
   /// Returns `f` at its arguments: a function that states its values and first derivatives in C++.
@@ -112,6 +124,9 @@ class LawContext {
   /// States psi = 0. Its order is that of the highest derivative in it: 1 with velocities, 2 with
   /// accelerations, 3 with jerks. For constraints.
   void constrain(const Expression& psi) { psi_ = psi; }
+  /// States the direction of the constraint's reaction on `shaft`, R += D lambda, which is else
+  /// that of its gradient; of shafts that are not named 0. For constraints.
+  void react(const Shaft& shaft, const Expression& D) { directions_.emplace_back(shaft.index, D); }
   /// Adds a torque on `shaft`, N m, positive accelerates. For torques.
   void apply(const Shaft& shaft, const Expression& torque);
   /// Adds a torque on `a` and its reaction, the opposite, on `b`.
@@ -121,7 +136,7 @@ class LawContext {
   }
   /// Returns the side of a Holding for its formulas: constant between events.
   Expression side();
-  /// Lets the element hold, and adds its torques. For torques.
+  /// Lets the element hold, and adds its torques. Constraints do with `losses` only.
   ///     Holding brake;
   ///     brake.slip = wheel.velocity;
   ///     brake.side = scene.side();
@@ -142,6 +157,7 @@ class LawContext {
   const Expression& psi() const { return psi_; }
   /// Returns the torques by index of the shaft, in the order of the first `apply`.
   const std::vector<std::pair<int, Expression>>& torques() const { return torques_; }
+  const std::vector<std::pair<int, Expression>>& directions() const { return directions_; }
   const std::vector<std::pair<std::string, Expression>>& outputs() const { return outputs_; }
   const std::vector<Holding>& holdings() const { return holdings_; }
 
@@ -152,6 +168,7 @@ class LawContext {
   std::string place_;
   Expression psi_;
   std::vector<std::pair<int, Expression>> torques_;
+  std::vector<std::pair<int, Expression>> directions_;
   std::vector<std::pair<std::string, Expression>> outputs_;
   std::vector<Holding> holdings_;
 };

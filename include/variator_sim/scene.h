@@ -100,6 +100,9 @@ struct Scene {
   std::vector<std::string> holdNames() const;
   /// Returns the same and the names of the scene's events.
   std::vector<std::string> eventNames() const;
+  /// Returns the name of a constraint whose reaction is not along its gradient, "" if there is
+  /// none.
+  std::string nameOfDirection() const;
   /// True when the motion has more to go on from than shafts and commands.
   bool hasMemory() const { return !states.empty() || !events.empty(); }
 };

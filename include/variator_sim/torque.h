@@ -28,8 +28,6 @@ class Torque : public Law {
   const std::vector<ShaftNode>& torques() const { return torques_; }
   /// Returns Q', N m/s, of those shafts; 0 left out.
   const std::vector<ShaftNode>& rates() const { return rates_; }
-  /// Returns the ways in which the element holds; most have none.
-  const std::vector<Holding>& holdings() const { return holdings_; }
   /// Returns the shafts, by index, that this element acts on, ascending. Not for the loop.
   std::vector<int> shafts() const;
 
@@ -51,7 +49,6 @@ class Torque : public Law {
 
   std::vector<ShaftNode> torques_;
   std::vector<ShaftNode> rates_;
-  std::vector<Holding> holdings_;
   expression::Tape torque_;                        ///< torques_
   expression::Tape rate_;                          ///< rates_
   expression::StateDerivatives rate_derivatives_;  ///< derivatives of rates_

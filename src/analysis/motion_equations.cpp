@@ -60,6 +60,12 @@ MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mod
       holds_(collectHolds(scene)),
       graph_(*scene.graph),
       with_rates_of_c_(with_rates_of_c) {
+  if (!scene.nameOfDirection().empty()) {
+    throw SceneError(
+        scene.nameOfDirection(),
+        "has a reaction that is not along its gradient, which linear models and steady "
+        "states here do not know; allowed: 'reaction: gradient'");
+  }
   layout_.S = scene.shaftCount();
   layout_.k = scene.constraintCount();
   layout_.U = scene.inputCount();

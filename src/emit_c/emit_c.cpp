@@ -120,7 +120,8 @@ class Emission {
     return list("initial_angle", sample.angle, shafts) +
            // (Before impacts of elements that hold, which scene_init makes.)
            list("initial_velocity",
-                program_.HOLDS > 0 ? scene_.initial.velocity.data() : sample.velocity, shafts) +
+                program_.TRANSMITS != 0 ? scene_.initial.velocity.data() : sample.velocity,
+                shafts) +
            list("initial_acceleration", sample.acceleration, shafts) +
            list("initial_multiplier", sample.multiplier, scene_.constraintCount());
   }

@@ -14,11 +14,13 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
                              const std::vector<int>& slots, int order) {
   if (order > made_.order()) throw std::invalid_argument("an order beyond the rows");
   for (const int slot : slots) {
-    const bool is_accelerated = sourceOf(slot) == Source::kAcceleration;
+    const bool is_acceleration = sourceOf(slot) == Source::kAcceleration;
+    // Multipliers, in the slots of jerks, are found with the accelerations.
+    const bool is_accelerated = is_acceleration || sourceOf(slot) == Source::kJerk;
     const int degree = slot == slotOf(Source::kTime) ? 1 : SeriesProgram::kNoDegree;
     row_of_slot_[slot] = addRow(degree, is_accelerated);
     made_.variables_.push_back(row_of_slot_[slot]);
-    if (is_accelerated) made_.accelerations_.push_back(row_of_slot_[slot]);
+    if (is_acceleration) made_.accelerations_.push_back(row_of_slot_[slot]);
   }
   std::vector<Node> outputs = trial;
   outputs.insert(outputs.end(), others.begin(), others.end());

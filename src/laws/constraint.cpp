@@ -118,6 +118,11 @@ void Constraint::derive(const LawContext& law, const ComponentContext& context) 
     throw SceneError(law.place(), "the constraint depends on no velocity, acceleration or jerk");
   }
   compile(given, order, context.usedInputs(), law.place());
+  if (!law.directions().empty())
+    direction_.assign(static_cast<std::size_t>(s), graph.constant(0.0));
+  for (const auto& [shaft, D] : law.directions()) {
+    direction_[static_cast<std::size_t>(shaft)] = D.in(graph);
+  }
   if (order != 2) return;
   const std::vector<unsigned> reads = findReads(graph, Source::kAcceleration, s);
   for (const Node kink : findKinks(graph, reads, given, s)) {

@@ -3,7 +3,8 @@
 // Keys: `order` (1, 2 or 3), `expression` (f, psi or C eta + c0, in its own unit; names t, phi1..,
 // w1.., from order 2 on e1.., in order 3 j1.. linearly, those with the names of shafts, inputs,
 // tables and the parameters), `parameters` (optional dictionary of numbers). It must depend on its
-// highest derivatives: w, e or j.
+// highest derivatives: w, e or j. `reaction` {SHAFT: D, ..}: formulas of t, phi.., w.. and inputs;
+// the reaction is D' lambda instead of that along the gradient, 0 on shafts that are not named.
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/laws.h"
@@ -12,6 +13,28 @@ namespace variator_sim {
 
 using expression::FormulaKind;
 using expression::Source;
+
+namespace {
+
+void readReaction(LawContext& scene) {
+  const ComponentContext& context = scene.component();
+  ParameterReader section = scene.parameters().section("reaction");
+  bool acts = false;
+  for (int i = 0; i < context.shaftCount(); ++i) {
+    const std::string& shaft = context.shaftNames()[static_cast<std::size_t>(i)];
+    section.allow(shaft);
+    if (!section.has(shaft)) continue;
+    const Expression D = scene.quantity(section, shaft, Range::any(), {});
+    acts = acts || !D.isConstant() || D.value() != 0.0;
+    scene.react(scene.shaftAt(i), D);
+  }
+  section.finish();
+  if (acts) return;
+  throw SceneError(scene.parameters().keyPath("reaction"),
+                   "acts on no shaft; allowed: {SHAFT: FORMULA, ..} with one that is not 0");
+}
+
+}  // namespace
 
 void ExpressionConstraint::build(LawContext& scene) {
   struct Order {
@@ -24,6 +47,7 @@ void ExpressionConstraint::build(LawContext& scene) {
       {FormulaKind::kOrder2, Source::kAcceleration, "an acceleration (e1.. of the shafts)"},
       {FormulaKind::kOrder3, Source::kJerk, "a jerk (j1.. of the shafts)"}};
   expression::Graph& graph = *scene.component().graph();
+  scene.keys({"reaction"});
   const int number = scene.parameters().integer("order", 1, 3);
   const Order& order = kOrders[number - 1];
   const expression::Node psi = readFormula(scene.component(), "expression", order.kind, graph);
@@ -39,6 +63,7 @@ void ExpressionConstraint::build(LawContext& scene) {
                                         " does not depend on " + order.name);
   }
   scene.constrain({graph, psi});
+  if (scene.parameters().has("reaction")) readReaction(scene);
 }
 
 }  // namespace variator_sim

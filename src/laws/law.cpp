@@ -10,6 +10,7 @@ void Law::configure(ComponentContext& context) {
   graph_ = context.graph();
   LawContext law(context);
   build(law);
+  holdings_ = law.holdings();
   derive(law, context);
   outputs_ = NamedOutputs(law);
 }

@@ -48,6 +48,15 @@ Expression LawContext::command(const Range& range) {
   return variable(slotOf(Source::kInput, input));
 }
 
+bool LawContext::readsVelocities(const Expression& formula) const {
+  expression::Graph& graph = *context_.graph();
+  bool reads = false;
+  for (int i = 0; i < context_.shaftCount(); ++i) {
+    reads = reads || graph.dependsOn(formula.in(graph), slotOf(Source::kVelocity, i));
+  }
+  return reads;
+}
+
 Expression LawContext::time() {
   return variable(slotOf(Source::kTime));
 }
@@ -104,12 +113,13 @@ Expression LawContext::side() {
 void LawContext::hold(const Holding& holding) {
   expression::Graph& graph = *context_.graph();
   const expression::Node slip = holding.slip.in(graph);
+  holdings_.push_back(holding);
+  if (holding.losses) return;
   for (int i = 0; i < context_.shaftCount(); ++i) {
     const Shaft shaft = shaftAt(i);
     const Expression C(graph, graph.differentiate(slip, slotOf(Source::kVelocity, i)));
     if (!C.isConstant() || C.value() != 0.0) apply(shaft, -C * holding.torque);
   }
-  holdings_.push_back(holding);
 }
 
 void LawContext::apply(const Shaft& shaft, const Expression& torque) {

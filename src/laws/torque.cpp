@@ -32,7 +32,6 @@ void addTo(double* shafts, const std::vector<Torque::ShaftNode>& formulas, const
 
 void Torque::derive(const LawContext& law, const ComponentContext& context) {
   Graph& graph = Law::graph();
-  holdings_ = law.holdings();
   for (const auto& [shaft, torque] : law.torques()) {
     torques_.emplace_back(shaft, torque.in(graph));
   }

@@ -365,12 +365,13 @@ bool takesEnergy(const Constraint& constraint, const Scene& scene) {
 
 void warnOfEnergy(const Constraint& constraint, Scene* scene) {
   if (scene->principle != Principle::kGauss || constraint.order() != 1) return;
-  if (!takesEnergy(constraint, *scene)) return;
+  if (!constraint.direction().empty() || !takesEnergy(constraint, *scene)) return;
   scene->warnings.push_back(
       "under the principle 'gauss' the reactions of the constraint " + inQuotes(constraint.name()) +
       " take or give energy (--energy shows how much): it is not proportional to the speeds, so "
       "C = df/dw is not in their ratio; for a ratio that follows a speed and loses nothing take "
-      "variator_sim/SlipRatio with a short time_constant (doc/constraints.md)");
+      "variator_sim/KinematicRatio, whose 'reaction' is 'lossless' by default "
+      "(doc/constraints.md)");
 }
 
 }  // namespace
@@ -465,12 +466,20 @@ bool isOutsideFormulas(const std::string& path, const Scene& scene) {
          std::find(scene.shafts.begin(), scene.shafts.end(), first) != scene.shafts.end();
 }
 
+std::string Scene::nameOfDirection() const {
+  for (const ConstraintPtr& it : constraints) {
+    if (!it->direction().empty()) return it->name();
+  }
+  return "";
+}
+
 std::vector<std::string> Scene::holdNames() const {
   std::vector<std::string> names;
   for (const TorquePtr& element : torques) {
-    for (const Holding& it : element->holdings()) {
-      names.push_back(element->name() + (it.part.empty() ? "" : "/" + it.part));
-    }
+    for (const Holding& it : element->holdings()) names.push_back(element->nameOf(it));
+  }
+  for (const ConstraintPtr& element : constraints) {
+    for (const Holding& it : element->holdings()) names.push_back(element->nameOf(it));
   }
   return names;
 }

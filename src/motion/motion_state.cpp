@@ -112,8 +112,10 @@ void readHolding(ParameterReader& history, const Scene& scene, HeldState* held) 
     double values[6];
     readList(reader, name, 6, values);
     const auto mode = static_cast<int>(values[0]);
-    if (mode < -1 || mode > 2 || mode != values[0]) {
-      throw SceneError(reader.keyPath(name), "begins with no mode; allowed: -1, 0, 1 or 2");
+    if (mode < -3 || mode > 3 || mode == -2 || mode != values[0]) {
+      throw SceneError(reader.keyPath(name),
+                       "begins with no mode; allowed: -1, 0, 1 or 2, and of "
+                       "losses 3 and -3");
     }
     *held++ = {mode, values[1] != 0.0 ? 1 : 0, values[2], values[3], values[4], values[5]};
   }

@@ -82,6 +82,17 @@ std::string ProgramMotion::describeStop() {
     text << "; the event " << inQuotes(scene.events[static_cast<std::size_t>(event)].name)
          << " came last: what it sets must not set it off again at once";
   }
+  if (status_.reason == StopReason::kNoModes) {
+    const char* before = "; rigid are ";
+    for (std::size_t h = 0; h < program_->holdNames().size(); ++h) {
+      const bool is_rigid = program_->closes_below.values[h] > 0.0 ||
+                            program_->has_gap.values[h] != 0 ||
+                            program_->slides_backward.values[h] == 0;
+      if (!is_rigid) continue;
+      text << before << inQuotes(program_->holdNames()[h]);
+      before = ", ";
+    }
+  }
   text << scene.extreme_numbers;
   return text.str();
 }

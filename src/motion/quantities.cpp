@@ -22,6 +22,13 @@ Quantities::Quantities(const Scene& scene) : scene_(scene) {
     for (const std::string& output : its) names.push_back(element.name() + "/" + output);
     return its.size();
   };
+  const auto add_holds = [&names = names](const Law& element) {
+    for (const Holding& it : element.holdings()) {
+      for (const char* of : {"/mode", "/torque", "/slip", "/reserve", "/heat"}) {
+        names.push_back(element.nameOf(it) + of);
+      }
+    }
+  };
   for (const TorquePtr& torque : scene_.torques) {
     shafts_.push_back(torque->shafts());
     for (const int i : shafts_.back()) {
@@ -29,15 +36,11 @@ Quantities::Quantities(const Scene& scene) : scene_(scene) {
                       "/torque");
     }
     names.push_back(torque->name() + "/power");
-    for (const Holding& it : torque->holdings()) {
-      const std::string name = torque->name() + (it.part.empty() ? "" : "/" + it.part);
-      for (const char* of : {"/mode", "/torque", "/slip", "/reserve", "/heat"}) {
-        names.push_back(name + of);
-      }
-    }
+    add_holds(*torque);
     torque_outputs_.push_back(add_outputs(*torque));
   }
   for (const ConstraintPtr& constraint : scene_.constraints) {
+    add_holds(*constraint);
     constraint_outputs_.push_back(add_outputs(*constraint));
   }
 }
@@ -68,6 +71,18 @@ void Quantities::calcInputs(InputKind kind, const StateView& state, double* valu
   }
 }
 
+namespace {
+
+double* writeHolds(const HeldElement* held, std::size_t count, double* values) {
+  for (; count > 0; --count, ++held) {
+    for (const double it : {1.0 * held->mode, held->torque, held->slip, held->reserve, held->heat})
+      *values++ = it;
+  }
+  return values;
+}
+
+}  // namespace
+
 void Quantities::calcElements(const StateView& state, double* values) const {
   const HeldElement* held = state.held;
   for (std::size_t j = 0; j < scene_.torques.size(); ++j) {
@@ -83,14 +98,15 @@ void Quantities::calcElements(const StateView& state, double* values) const {
       power += Q[i] * state.velocity[i];
     }
     *values++ = power;
-    for (std::size_t n = 0; n < holds; ++n, ++held) {
-      const double its[] = {1.0 * held->mode, held->torque, held->slip, held->reserve, held->heat};
-      values = std::copy(std::begin(its), std::end(its), values);
-    }
+    values = writeHolds(held, holds, values);
+    held += holds;
     scene_.torques[j]->outputs().evaluate(state, values);
     values += torque_outputs_[j];
   }
   for (std::size_t m = 0; m < scene_.constraints.size(); ++m) {
+    const std::size_t holds = held != nullptr ? scene_.constraints[m]->holdings().size() : 0;
+    values = writeHolds(held, holds, values);
+    held += holds;
     scene_.constraints[m]->outputs().evaluate(state, values);
     values += constraint_outputs_[m];
   }

@@ -11,6 +11,7 @@
 #include "motion/motion.h"
 #include "motion/program_motion.h"
 #include "motion/stop_message.h"
+#include "variator_sim/errors.h"
 
 namespace variator_sim {
 
@@ -18,7 +19,17 @@ namespace {
 
 /// Tells whether an integrator of the equations of shafts and constraints does not suffice.
 bool needsProgram(const Scene& scene) {
-  return !scene.holdNames().empty() || scene.hasMemory();
+  return !scene.holdNames().empty() || !scene.nameOfDirection().empty() || scene.hasMemory();
+}
+
+/// Throws SceneError for a stepper that does not know modes.
+void refuseOtherSteppers(const Scene& scene) {
+  const StepperKind stepper = scene.solver.stepper;
+  const std::vector<std::string> holds = scene.holdNames();
+  const std::string name = holds.empty() ? scene.nameOfDirection() : holds.front();
+  if (name.empty() || stepper == StepperKind::kAuto || stepper == StepperKind::kTaylor) return;
+  throw SceneError("solver/stepper", inQuotes(toString(stepper)) + " does not step " +
+                                         inQuotes(name) + "; allowed: auto, taylor");
 }
 
 std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
@@ -27,6 +38,7 @@ std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   }
   const auto* const program = dynamic_cast<const ProgramMotion*>(like);
   if (needsProgram(scene)) {
+    refuseOtherSteppers(scene);
     auto its_program = std::make_shared<const MotionProgram>(scene);
     its_program->requireSteps();
     return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), nullptr,

@@ -63,6 +63,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   };
   add(formulas_.residual);
   if (IS_CLASSICAL != 0) add(formulas_.entry);
+  if (IS_CLASSICAL != 0 || formulas_.has_directions) add(formulas_.direction);
   const std::vector<Node> trial = outputs_;
   if (IS_CLASSICAL == 0) add(formulas_.entry);
   add(formulas_.torque);
@@ -74,6 +75,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   for (const expression::Passage& it : formulas_.tables) outputs_.push_back(it.argument);
   for (const SceneHold& it : formulas_.holds) {
     add({it.slip, it.torque, it.power, it.upper, it.lower, it.level, it.gap});
+    if (it.load >= 0) add({it.slope[0], it.slope[1], it.base[0], it.base[1]});
   }
   series_ = static_cast<int>(outputs_.size());
   bool reads_angles = false;
@@ -106,7 +108,8 @@ std::vector<int> MotionProgram::listSlots(const Scene& scene) {
     for (int i = 0; i < scene.shaftCount(); ++i) made.push_back(slotOf(source, i));
   }
   const int rows = scene.constraintCount() + static_cast<int>(formulas_.holds.size());
-  const int transmitted = IS_CLASSICAL != 0 || formulas_.holds.empty() ? 0 : rows;
+  TRANSMITS = !formulas_.holds.empty() || formulas_.has_directions ? 1 : 0;
+  const int transmitted = IS_CLASSICAL != 0 || TRANSMITS == 0 ? 0 : rows;
   for (int n = 0; n < rows + scene.shaftCount() + transmitted; ++n) {
     made.push_back(slotOf(Source::kJerk, n));
   }
@@ -150,10 +153,10 @@ MotionList<int> MotionProgram::rowsOf(const std::vector<Node>& nodes) const {
 
 void MotionProgram::setSizes(const Scene& scene) {
   const auto anyEntry = [&](const auto& test) {
-    return std::any_of(formulas_.entry.begin(), formulas_.entry.end(),
-                       [&](Node node) { return test(rowOf(node)); })
-               ? 1
-               : 0;
+    const auto has = [&](Node node) { return test(rowOf(node)); };
+    const bool found = std::any_of(formulas_.entry.begin(), formulas_.entry.end(), has) ||
+                       std::any_of(formulas_.direction.begin(), formulas_.direction.end(), has);
+    return found ? 1 : 0;
   };
   S = scene.shaftCount();
   CONSTRAINTS = scene.constraintCount();
@@ -185,7 +188,7 @@ void MotionProgram::setSizes(const Scene& scene) {
   ACCELERATION = 1 + 2 * S;
   MULTIPLIER = 1 + 3 * S;
   PULL = 1 + 3 * S + K;
-  TRANSMITTED = IS_CLASSICAL != 0 || HOLDS == 0 ? MULTIPLIER : PULL + S;
+  TRANSMITTED = IS_CLASSICAL != 0 || TRANSMITS == 0 ? MULTIPLIER : PULL + S;
   SCENE_ROWS = rows_.rows();
   SCENE_STRIDE = (std::max(SCENE_ORDER, SeriesProgram::kAlong) + 4) / 4 * 4 + 4;
   SCENE_MODES = std::max(1, rows_.modes());
@@ -224,6 +227,7 @@ void MotionProgram::setLists(const Scene& scene) {
   residual_row = rowsOf(formulas_.residual);
   velocity_residual_row = rowsOf(formulas_.velocity_residual);
   entry_row = rowsOf(formulas_.entry);
+  direction_row = rowsOf(formulas_.direction);
   curvature_row = rowsOf(formulas_.curvature);
   input_slope_row = rowsOf(formulas_.input_slope);
   inertia_row = rowsOf(formulas_.inertia);
@@ -270,10 +274,26 @@ void MotionProgram::setInputs(const Scene& scene) {
 /// The torques that elements hold with and their limits are series that no error of the state
 /// judges.
 void MotionProgram::setHolds(const expression::Graph& graph) {
-  for (int n = 0; n < K && HOLDS > 0; ++n) watched_row.values.push_back(TRANSMITTED + n);
+  const auto watch = [&](Node node) {
+    if (!graph.isConstant(node)) watched_row.values.push_back(rowOf(node));
+  };
+  for (int n = 0; n < K && TRANSMITS != 0; ++n) watched_row.values.push_back(TRANSMITTED + n);
+  for (int m = 0; m < K; ++m) {
+    const auto C = formulas_.entry.begin() + m * S;
+    const bool differs = !std::equal(C, C + S, formulas_.direction.begin() + m * S);
+    has_direction.values.push_back(differs ? 1 : 0);
+    for (int i = 0; i < S && differs; ++i)
+      watch(formulas_.direction[static_cast<std::size_t>(m * S + i)]);
+  }
   for (const SceneHold& it : formulas_.holds) {
-    for (const Node node : {it.upper, it.lower, it.level}) {
-      if (!graph.isConstant(node)) watched_row.values.push_back(rowOf(node));
+    for (const Node node : {it.upper, it.lower, it.level}) watch(node);
+    load_of.values.push_back(it.load);
+    for (int k = 0; k < 2; ++k) {
+      const Node none = it.upper;  // where there are no losses
+      slope_row.values.push_back(rowOf(it.load < 0 ? none : it.slope[k]));
+      base_row.values.push_back(rowOf(it.load < 0 ? none : it.base[k]));
+      if (it.load >= 0) watch(it.slope[k]);
+      if (it.load >= 0) watch(it.base[k]);
     }
     slip_row.values.push_back(rowOf(it.slip));
     slide_row.values.push_back(rowOf(it.torque));

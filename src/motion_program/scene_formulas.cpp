@@ -66,6 +66,10 @@ void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFor
   made.residual.push_back(residualOf(*constraint));
   made.velocity_residual.push_back(constraint->order() == 1 ? constraint->function() : zero);
   made.entry.insert(made.entry.end(), constraint->row().begin(), constraint->row().end() - 1);
+  const std::vector<Node>& D = constraint->direction();
+  made.has_directions = made.has_directions || !D.empty();
+  made.direction.insert(made.direction.end(), D.empty() ? made.entry.end() - s : D.begin(),
+                        D.empty() ? made.entry.end() : D.end());
   for (int i = 0; i < s; ++i) {
     for (int j = 0; j < s; ++j) {
       const bool is_curved = constraint->order() == 2;
@@ -106,9 +110,49 @@ void addSlip(const Scene& scene, const SceneHold& hold, SceneFormulas& made) {
                        "'principle: gauss'");
     }
     made.entry.push_back(entry);
+    made.direction.push_back(entry);
     for (int j = 0; j < scene.shaftCount(); ++j) made.curvature.push_back(zero);
   }
   for (int n = 0; n < scene.inputCount(); ++n) made.input_slope.push_back(zero);
+}
+
+/// Adds the losses of constraint m, whose multiplier the program has in the slot of jerk `slot`.
+/// While they slide to a side s they are an applied torque and a part of D:
+///     T = s base_k + slope_k lambda,  with k by the side, which is s or 3 s: mode
+void addLosses(const Scene& scene, const Holding& law, int m, int slot, SceneFormulas& made) {
+  Graph& graph = *scene.graph;
+  SceneHold hold;
+  hold.law = law;
+  hold.load = m;
+  const Expression side = law.side;
+  const Expression square = side * side;
+  const Expression first = square * (9.0 - square) / 8.0;    // 1 of s
+  const Expression second = square * (square - 1.0) / 72.0;  // 1 of 3 s
+  const Expression s = side * (13.0 - square) / 12.0;
+  const Losses& it = *law.losses;
+  const Expression base = s * (first * it.base[0] + second * it.base[1]);
+  const Expression slope = first * it.slope[0] + second * it.slope[1];
+  const Expression lambda(graph, graph.variable(slotOf(Source::kJerk, slot)));
+  const Expression torque = base + slope * lambda;
+  made.has_directions = true;
+  hold.slip = law.slip.in(graph);
+  hold.torque = torque.in(graph);
+  hold.power = (torque * law.slip).in(graph);
+  hold.side = side.in(graph);
+  hold.upper = hold.lower = hold.level = hold.gap = graph.constant(0.0);
+  for (int k = 0; k < 2; ++k) {
+    hold.slope[k] = it.slope[k].in(graph);
+    hold.base[k] = it.base[k].in(graph);
+  }
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    const Expression C(graph, graph.differentiate(hold.slip, slotOf(Source::kVelocity, i)));
+    Node& Q = made.torque[static_cast<std::size_t>(i)];
+    Node& D = made.direction[static_cast<std::size_t>(m * scene.shaftCount() + i)];
+    Q = (Expression(graph, Q) - C * base).in(graph);
+    D = (Expression(graph, D) - C * slope).in(graph);
+  }
+  addSlip(scene, hold, made);
+  made.holds.push_back(std::move(hold));
 }
 
 void addHolds(const Scene& scene, SceneFormulas& made) {
@@ -131,6 +175,13 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
       hold.gap = nodeOf(law.gap);
       addSlip(scene, hold, made);
       made.holds.push_back(std::move(hold));
+    }
+  }
+  const int rows = scene.constraintCount() + static_cast<int>(made.hold_names.size());
+  for (int m = 0; m < scene.constraintCount(); ++m) {
+    for (const Holding& law : scene.constraints[static_cast<std::size_t>(m)]->holdings()) {
+      const bool is_classical = scene.principle == Principle::kGauss;
+      addLosses(scene, law, m, is_classical ? m : rows + scene.shaftCount() + m, made);
     }
   }
   if (!made.holds.empty() && !scene.initial.acceleration.empty()) {
@@ -189,6 +240,7 @@ SceneFormulas collectFormulas(const Scene& scene) {
   }
   for (const SceneHold& it : made.holds) {
     laws.insert(laws.end(), {it.slip, it.torque, it.upper, it.lower, it.level, it.gap});
+    if (it.load >= 0) laws.insert(laws.end(), {it.slope[0], it.slope[1], it.base[0], it.base[1]});
   }
   for (const SceneState& state : scene.states) made.rate.push_back(state.rate);
   laws.insert(laws.end(), made.rate.begin(), made.rate.end());

@@ -19,6 +19,8 @@ struct SceneHold {
   expression::Node power;  ///< T times the slip
   expression::Node side;
   expression::Node upper, lower, level, gap;  ///< 0 where there is none
+  int load = -1;                              ///< the constraint whose losses they are
+  expression::Node slope[2], base[2];         ///< of losses
 };
 
 /// Nodes by shaft i, constraint m and input n.
@@ -27,6 +29,7 @@ struct SceneFormulas {
   std::vector<expression::Node> residual;           ///< psi, f' (order 1), c0 (order 3)
   std::vector<expression::Node> velocity_residual;  ///< f, 0 of other orders
   std::vector<expression::Node> entry;              ///< C_mi
+  std::vector<expression::Node> direction;          ///< D_mi
   std::vector<expression::Node> curvature;          ///< d2psi_m/de_i de_j
   std::vector<expression::Node> input_slope;        ///< dpsi_m/du_n, 0 but of order 2
   std::vector<expression::Node> inertia;            ///< J_ii
@@ -40,6 +43,7 @@ struct SceneFormulas {
   std::vector<expression::Node> rate;   ///< of each state
   std::vector<expression::Node> set;    ///< values that events set
   bool inertia_varies = false;
+  bool has_directions = false;  ///< some D is not C
   /// The element that keeps the texts of src/runtime from stepping the motion, and the reason; its
   /// series exist.
   std::optional<SceneError> no_steps;

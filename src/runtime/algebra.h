@@ -1,5 +1,5 @@
 /* The formulas at a state, and the linear systems of a motion,
- *     J epsilon - C' mu = a,   C epsilon = g
+ *     J epsilon - D' mu = a,   C epsilon = g
  * which orders of a series, projections, jumps and first accelerations solve. */
 
 /* Modes of elements that hold. A sliding one has a torque with the sign of its slip, one that is
@@ -32,7 +32,7 @@ VS_FUNCTION void vs_enter_state(const scene_model* m, scene_series* it) {
     it->row[ACCELERATION + i][0] = m->now.acceleration[i];
   }
   for (i = 0; i < K; ++i) it->row[MULTIPLIER + i][0] = m->now.multiplier[i];
-  for (i = 0; i < K && HOLDS; ++i) it->row[TRANSMITTED + i][0] = m->now.multiplier[i];
+  for (i = 0; i < K && TRANSMITS; ++i) it->row[TRANSMITTED + i][0] = m->now.multiplier[i];
   for (i = 0; i < HOLDS; ++i) {
     it->counts[i] = m->now.counts[i];
     it->row[side_row[i]][0] = m->now.side[i];
@@ -44,6 +44,12 @@ VS_FUNCTION void vs_enter_state(const scene_model* m, scene_series* it) {
 
 VS_FUNCTION double vs_entry(const scene_series* it, int p, int i) {
   return it->row[entry_row[S * p + i]][0];
+}
+
+/* D, along which the reaction of a constraint acts: C but of those with a direction of their own.
+ */
+VS_FUNCTION double vs_direction(const scene_series* it, int p, int i) {
+  return it->row[direction_row[S * p + i]][0];
 }
 
 VS_FUNCTION double vs_inertia(const scene_series* it, int i, int j) {
@@ -71,7 +77,7 @@ VS_FUNCTION int vs_is_counted(const scene_series* it, int constraint, int low, i
 }
 
 /* Inverts an n x n matrix in place by Gauss and Jordan's elimination, with row pivots where it is
- * `curved`. Without, the rows from S on become C J^-1 C', whose diagonal is kept in `size`: its
+ * `curved`. Without, the rows from S on become C J^-1 D', whose diagonal is kept in `size`: its
  * pivots tell the rank. False where that is lost. *distance: the least pivot as a part of its
  * diagonal element, the square of how far apart the rows are. */
 VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved, Real* distance) {
@@ -84,10 +90,10 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved, Real* d
       if (fabs(M[n * i + p]) > fabs(M[n * best[p] + p])) best[p] = i;
     }
     for (i = S; i < n && p == S && !curved; ++i) size[i - S] = M[n * i + i];
-    if (p >= S && !curved) least = 1e-12 * size[p - S];
+    if (p >= S && !curved) least = 1e-12 * fabs(size[p - S]);
     pivot = M[n * best[p] + p];
-    if (!((curved ? fabs(pivot) : pivot) > least)) return 0;
-    if (p >= S && !curved) *distance = seriesSmaller(*distance, pivot / size[p - S]);
+    if (!((curved || p >= S ? fabs(pivot) : pivot) > least)) return 0;
+    if (p >= S && !curved) *distance = seriesSmaller(*distance, fabs(pivot / size[p - S]));
     M[n * best[p] + p] = M[n * p + p];
     M[n * p + p] = 1.0;
     for (j = 0; j < n; ++j) {
@@ -112,7 +118,7 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved, Real* d
   return 1;
 }
 
-/* [J -C'; C 0] with the rows of the constraints of orders low to high; mu_p = g_p for others. */
+/* [J -D'; C 0] with the rows of the constraints of orders low to high; mu_p = g_p for others. */
 VS_FUNCTION void vs_write_matrix(scene_series* it, int low, int high) {
   int i, j, p;
   for (i = 0; i < SIZE; ++i) {
@@ -124,7 +130,7 @@ VS_FUNCTION void vs_write_matrix(scene_series* it, int low, int high) {
     if (!is_in) it->inverse[SIZE * (S + p) + S + p] = 1.0;
     for (i = 0; i < S && is_in; ++i) {
       it->inverse[SIZE * (S + p) + i] = vs_entry(it, p, i);
-      it->inverse[SIZE * i + S + p] = -vs_entry(it, p, i);
+      it->inverse[SIZE * i + S + p] = -vs_direction(it, p, i);
     }
   }
 }
@@ -167,7 +173,7 @@ VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
   return 1;
 }
 
-/* x = [J -C'; C 0]^-1 x; 0 for constraints that are off. */
+/* x = [J -D'; C 0]^-1 x; 0 for constraints that are off. */
 VS_FUNCTION_INLINE void vs_solve(const scene_series* it, double* x) {
   double b[MOST_SIZE];
   int i, j;

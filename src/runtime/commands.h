@@ -22,7 +22,7 @@ VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it, int are_give
   status = vs_project_velocities(m, it);
   if (!may_move && !vs_are_given(m->now.velocity, given.velocity)) return SCENE_INCONSISTENT;
   if (status != SCENE_OK) return status;
-  if (HOLDS) return vs_decide_first(m);
+  if (TRANSMITS) return vs_decide_first(m);
   if (IS_CLASSICAL) return vs_settle_accelerations(m, it);
   if (!are_given) return vs_settle(m, it, VS_LEAST_REACTION, lambda, 0, 0.0, 50);
   status = vs_settle_accelerations(m, it);
@@ -59,7 +59,7 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
     vs_enter_inputs(m, it, 0);
     if (status == SCENE_OK && !IS_CLASSICAL) status = vs_settle_accelerations(m, it);
   }
-  if (HOLDS && m->has_moved && status == SCENE_OK) {
+  if (TRANSMITS && m->has_moved && status == SCENE_OK) {
     m->present = 1 - m->present; /* (it decides in the other series: the last step's is looked at) */
     status = vs_decide(m, 0);
     m->present = 1 - m->present;
@@ -80,14 +80,15 @@ VS_FUNCTION double vs_residual(const scene_series* it, int p) {
   return left;
 }
 
-/* R' = C' Lambda + 1/2 J' omega J^-1 R; of gauss C' lambda' + (dC/dt)' lambda */
+/* R' = C' Lambda + 1/2 J' omega J^-1 R; of gauss, or along D, D' lambda' + (dD/dt)' lambda */
 VS_FUNCTION double vs_reaction_rate(const scene_series* it, int i) {
   double rate = 0.0;
   int p;
   for (p = 0; p < K; ++p) {
-    const double* const C = it->row[entry_row[S * p + i]];
+    const double* const D = it->row[direction_row[S * p + i]];
     const double* const l = it->row[MULTIPLIER + p];
-    rate += IS_CLASSICAL ? (C[0] * l[1] + C[1] * l[0]) / it->unit : C[0] * l[0];
+    rate += IS_CLASSICAL ? (D[0] * l[1] + D[1] * l[0]) / it->unit : D[0] * l[0];
+    if (has_direction[p] && !IS_CLASSICAL) rate += D[1] * it->row[TRANSMITTED + p][0] / it->unit;
   }
   if (!IS_CLASSICAL && INERTIA_VARIES) rate += it->row[connection_row[i]][0] * it->row[PULL + i][0];
   return rate;

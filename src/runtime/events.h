@@ -183,7 +183,7 @@ VS_FUNCTION void vs_go(scene_model* m, double theta) {
     m->now.velocity[i] = vs_evaluate(it->row[VELOCITY + i], last, theta);
     m->now.acceleration[i] = vs_evaluate(it->row[ACCELERATION + i], it->order, theta);
   }
-  for (c = 0; c < K && (IS_CLASSICAL || HOLDS); ++c) {
+  for (c = 0; c < K && (IS_CLASSICAL || TRANSMITS); ++c) {
     m->now.multiplier[c] = vs_evaluate(it->row[TRANSMITTED + c], it->order, theta);
   }
   for (c = 0; c < HOLDS; ++c) m->now.heat[c] += h * vs_mean(it->row[heat_row[c]], it->order, theta);

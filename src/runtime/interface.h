@@ -15,7 +15,7 @@ static scene_status vs_apply_commands(scene_model* m) {
     m->is_commanded[i] = 0;
   }
   /* (Impacts have moved the velocities of a start.) */
-  if (HOLDS && is_new && !m->has_moved)
+  if (TRANSMITS && is_new && !m->has_moved)
     memcpy(m->now.velocity, initial_velocity, sizeof initial_velocity);
   return is_new ? vs_change_inputs(m, next) : SCENE_OK;
 }
@@ -50,7 +50,7 @@ void scene_init(scene_model* m) {
     vs_hold_constant(&m->now.input[i], initial_input[i]);
     m->now.silence[i] = -1.0;
   }
-  if (HOLDS) m->status = vs_start(m, &m->series[1], 0, MAY_PROJECT);
+  if (TRANSMITS) m->status = vs_start(m, &m->series[1], 0, MAY_PROJECT);
 }
 
 scene_status scene_command(scene_model* m, int input, double value) {
@@ -135,7 +135,7 @@ scene_status scene_read(scene_model* m, scene_sample* sample) {
     sample->multiplier[p] = it->row[MULTIPLIER + p][0];
   }
   for (i = 0; i < HOLDS; ++i) {
-    sample->mode[i] = m->now.mode[i];
+    sample->mode[i] = vs_told_mode(it, i, m->now.mode[i]);
     sample->torque[i] = vs_transmits(m, it, i);
     sample->slip[i] = it->row[slip_row[i]][0];
     sample->reserve[i] = vs_reserve(m, it, i);

@@ -1,134 +1,4 @@
-/* Elements that hold. Element h has a slip f(t, phi, omega), whose row C = df/domega is one of the
- * constraints' while it is stuck, and a torque T against the slip:
- *     stuck          f = 0,  T = -lambda of the reaction C' lambda,  lower <= T <= upper
- *     slides         side f > 0,  the applied torque -C' T with T(side), side = 1 or -1
- *     free           T = 0, where its level (a capacity) is not above 0, a gap is open or what
- * closes it is too fast A mode is discrete memory: it lasts while its conditions, series that are
- * made from rows of the motion, are not negative. Where one would become negative the modes of all
- * elements that are at rest are decided together: those in which all conditions hold a moment
- * later. That is read from the first coefficient that is more than rounding, so that neither ties
- * nor the torque that lets go, which is the one that slides, need a tolerance of their own. */
-
-enum { VS_CONDITIONS = 3 };
-enum { VS_BEGINS_STUCK = 1, VS_BEGINS_SLIPPING };
-enum { VS_OF_LEVEL, VS_OF_SLIP, VS_OF_TORQUE, VS_OF_GAP };
-
-/* The part of its terms that rounding, and what the tolerance leaves open, moves a condition by. */
-VS_FUNCTION_RARE double vs_noise(const scene_series* it) {
-  (void)it;
-  return seriesLarger(1e-3 * RELATIVE_TOLERANCE, 2e-13);
-}
-
-/* The size of the torques on a shaft, order n. */
-VS_FUNCTION_RARE double vs_torque_size(const scene_series* it, int i, int n) {
-  double size =
-      fabs(it->row[torque_row[i]][n]) + vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
-  int p;
-  for (p = 0; p < K; ++p) size += fabs(vs_entry(it, p, i) * it->row[TRANSMITTED + p][n]);
-  return size;
-}
-
-/* The size of coefficient n of the torques on the shafts that element h acts on, and its limits. */
-VS_FUNCTION_RARE double vs_sum_of_torques(const scene_series* it, int h, int n) {
-  double size = fabs(it->row[upper_row[h]][n]) + fabs(it->row[lower_row[h]][n]);
-  int i;
-  for (i = 0; i < S; ++i) {
-    const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
-    if (C != 0.0) size += vs_torque_size(it, i, n) / C;
-  }
-  return size;
-}
-
-/* The size of coefficient n of a slip that is rounding: what a torque that is rounding makes of it,
- * f_n = unit/n C J^-1 C' T_{n-1}, and as much again: a torque that lets go, by more than rounding
- * or not, leaves a slip that does not turn back. */
-VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
-  double size = 0.0, mobility = 0.0;
-  int i;
-  for (i = 0; i < S; ++i) {
-    const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
-    size += C * fabs(it->row[VELOCITY + i][0]);
-    mobility += C * C / vs_inertia(it, i, i);
-  }
-  if (n > 0) return 2.0 * vs_noise(it) * it->unit / n * mobility * vs_sum_of_torques(it, h, n - 1);
-  return seriesLarger(1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size);
-}
-
-VS_FUNCTION_RARE double vs_condition_noise(const scene_series* it, int h, int kind, int n,
-                                           const Real* c) {
-  double size = 0.0;
-  int i;
-  switch (kind) {
-    case VS_OF_SLIP:
-      return vs_slip_noise(it, h, n);
-    case VS_OF_TORQUE:
-      return vs_noise(it) * vs_sum_of_torques(it, h, n);
-    case VS_OF_GAP:
-      if (n > 0) return it->unit / n * vs_slip_noise(it, h, n - 1);
-      for (i = 0; i < S; ++i) size += fabs(it->row[ANGLE + i][0]);
-      return 1e-3 * vs_tolerance(it, size);
-    default:
-      for (i = 0; i <= it->order; ++i) size = seriesLarger(size, fabs(c[i]));
-      return vs_noise(it) * size;
-  }
-}
-
-/* An instant, too, is known up to rounding, and with it each derivative. */
-VS_FUNCTION_RARE int vs_is_noise(const scene_series* it, int h, int kind, int n, const Real* c) {
-  const double resolution = 8.0 * DBL_EPSILON * seriesLarger(1.0, it->row[TIME][0]) / it->unit;
-  const double size = fabs(c[n]);
-  if (n < it->order && size <= resolution * (n + 1) * fabs(c[n + 1])) return 1;
-  return size <= vs_condition_noise(it, h, kind, n, c);
-}
-
-/* c = factor x + other y */
-VS_FUNCTION_RARE void vs_combine(Real* c, int last, double factor, const Real* x, double other,
-                                 const Real* y) {
-  int n;
-  for (n = 0; n <= last; ++n) c[n] = factor * x[n] + (other == 0.0 ? 0.0 : other * y[n]);
-}
-
-/* Condition k of the present mode of element h, without the coefficients at its begin that are
- * rounding. False where the mode has no such condition. */
-VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, int h, int k,
-                                  Real* c) {
-  const Real* const f = it->row[slip_row[h]];
-  const Real* const tau = it->row[TRANSMITTED + CONSTRAINTS + h];
-  const Real* const level = it->row[level_row[h]];
-  const int mode = m->now.mode[h], last = it->order;
-  int kind = VS_OF_LEVEL, n;
-  if (mode == VS_FREE) {
-    const int nears = closes_below[h] > 0.0 && level[0] > 0.0;
-    if (k > 0) return 0;
-    if (has_gap[h]) {
-      kind = VS_OF_GAP;
-      vs_combine(c, last, 1.0, it->row[gap_row[h]], 0.0, f);
-    } else if (nears) {
-      vs_combine(c, last, f[0] < 0.0 ? -1.0 : 1.0, f, 0.0, f);
-      c[0] -= closes_below[h];
-    } else {
-      vs_combine(c, last, -1.0, level, 0.0, f);
-    }
-  } else if (k == 0) {
-    if (!has_level[h]) return 0;
-    vs_combine(c, last, 1.0, level, 0.0, f);
-  } else if (mode != VS_STUCK || !m->now.counts[h]) {
-    if (mode != VS_STUCK && k == 2) return 0;
-    kind = VS_OF_SLIP;
-    vs_combine(c, last, mode == VS_STUCK ? (k == 1 ? 1.0 : -1.0) : mode, f, 0.0, f);
-  } else {
-    if (k == 1 ? !has_upper[h] : !has_lower[h]) return 0;
-    kind = VS_OF_TORQUE;
-    if (k == 1)
-      vs_combine(c, last, 1.0, it->row[upper_row[h]], 1.0, tau);
-    else
-      vs_combine(c, last, -1.0, it->row[lower_row[h]], -1.0, tau);
-  }
-  for (n = 0; n <= last && vs_is_noise(it, h, kind, n, c); ++n) c[n] = 0.0;
-  return 1;
-}
-
-/* ---- The decision ---- */
+/* The modes of elements that hold (conditions.h), which are decided together. */
 
 /* Takes the rows of stuck elements into the algebra but those that others of it imply: the motion
  * is the same without them. False where the constraints themselves have lost rank. */
@@ -190,7 +60,7 @@ VS_FUNCTION_RARE scene_status vs_take_modes(scene_model* m, scene_series* it,
   int h, moved;
   for (h = 0; h < HOLDS; ++h) {
     const int mode = m->now.mode[h];
-    m->now.side[h] = mode == VS_FORWARD || mode == VS_BACKWARD ? mode : 0.0;
+    m->now.side[h] = mode == VS_FREE ? 0.0 : mode;
   }
   memcpy(m->now.velocity, from->velocity, sizeof from->velocity);
   vs_enter_inputs(m, it, 0);
@@ -207,7 +77,7 @@ VS_FUNCTION_RARE scene_status vs_take_modes(scene_model* m, scene_series* it,
     status = vs_take_sides(m, it, from);
     moved = HOLDS;
     for (h = 0; h < HOLDS && moved == HOLDS && status == SCENE_OK; ++h) {
-      if (fabs(m->now.side[h]) > 1.0 && !vs_stays(it, h)) moved = h;
+      if (!vs_is_loss(it, h) && fabs(m->now.side[h]) > 1.0 && !vs_stays(it, h)) moved = h;
     }
     if (moved == HOLDS) return status;
     m->now.side[moved] = m->now.mode[moved];
@@ -240,6 +110,8 @@ VS_FUNCTION_RARE int vs_guess_mode(const scene_model* m, const scene_series* it,
     return is_open || by_slip == VS_FORWARD ? VS_FREE : VS_STUCK;
   }
   if (has_level[h] && !(it->row[level_row[h]][0] > 0.0)) return VS_FREE;
+  if (vs_is_loss(it, h) && by_slip != VS_STUCK)
+    return vs_mode_of_line(by_slip, vs_line(it, h, by_slip, 0));
   if (closes_below[h] > 0.0) {
     const double slip = fabs(it->row[slip_row[h]][0]);
     return m->now.mode[h] == VS_STUCK || slip <= closes_below[h] ? VS_STUCK : VS_FREE;
@@ -258,6 +130,12 @@ VS_FUNCTION_RARE int vs_next_mode(const scene_model* m, const scene_series* it, 
   if (mode == VS_FREE)
     return has_gap[h] || closes_below[h] > 0.0 ? VS_STUCK : vs_mode_by_slip(it, h);
   if (k == 0 || (mode == VS_STUCK && has_gap[h])) return VS_FREE;
+  if (vs_is_loss(it, h) && mode != VS_STUCK && k == 2)
+    return vs_mode_of_line(vs_side_of(mode), mode == vs_side_of(mode));
+  if (vs_is_loss(it, h) && mode == VS_STUCK) {
+    const int s = (k == 1) == (m->now.counts[h] != 0) ? 1 : -1;
+    return vs_mode_of_line(s, vs_line(it, h, s, it->order));
+  }
   if (mode == VS_FORWARD && slides_backward[h] && vs_begins_slipping(m, h)) return VS_BACKWARD;
   if (mode != VS_STUCK) return VS_STUCK;
   return (k == 1) == (m->now.counts[h] != 0) ? VS_FORWARD
@@ -265,18 +143,23 @@ VS_FUNCTION_RARE int vs_next_mode(const scene_model* m, const scene_series* it, 
                                              : VS_STUCK;
 }
 
-/* All combinations of modes of the elements at rest, one after the other, by a counter of base 3;
- * false behind the last one. `first`: those of the others. */
+/* All combinations of modes of the elements at rest, and of lines of losses, one after the other;
+ * false behind the last one. `first`: those to begin with. */
 VS_FUNCTION_RARE int vs_count_modes(scene_model* m, const int* is_open, const int* first) {
   int h;
   for (h = 0; h < HOLDS; ++h) {
     int* const mode = &m->now.mode[h];
+    const int is_first_line = load_of[h] >= 0 && *mode == vs_side_of(*mode);
     if (!is_open[h]) continue;
     if (*mode == VS_STUCK) {
       *mode = has_gap[h] ? VS_FREE : VS_FORWARD;
       return 1;
     }
-    if (*mode == VS_FORWARD && slides_backward[h]) {
+    if (is_first_line) {
+      *mode *= VS_SECOND_LINE;
+      return 1;
+    }
+    if (*mode > 0 && *mode != VS_FREE && slides_backward[h] && first[h] == VS_STUCK) {
       *mode = VS_BACKWARD;
       return 1;
     }
@@ -317,7 +200,7 @@ VS_FUNCTION_RARE scene_status vs_find_modes(scene_model* m, scene_series* it,
   int h, k, open = 0, round;
   for (h = 0; h < HOLDS; ++h) {
     first[h] = m->now.mode[h] = vs_guess_mode(m, it, h);
-    is_open[h] = first[h] == VS_STUCK && !(closes_below[h] > 0.0);
+    is_open[h] = (first[h] == VS_STUCK && !(closes_below[h] > 0.0)) || vs_is_loss(it, h);
     open += is_open[h];
     if (is_open[h] && !has_gap[h] && vs_begins_slipping(m, h)) m->now.mode[h] = VS_FORWARD;
   }
@@ -334,7 +217,10 @@ VS_FUNCTION_RARE scene_status vs_find_modes(scene_model* m, scene_series* it,
       is_open[h] = has_gap[h] || first[h] == VS_STUCK;
     }
   }
-  for (h = 0; h < HOLDS; ++h) m->now.mode[h] = is_open[h] ? VS_STUCK : first[h];
+  for (h = 0; h < HOLDS; ++h) {
+    m->now.mode[h] = is_open[h] ? VS_STUCK : first[h];
+    if (vs_is_loss(it, h) && first[h] != VS_STUCK) m->now.mode[h] = vs_side_of(first[h]);
+  }
   if (open > 10) return SCENE_NO_MODES;
   for (h = 0; h < HOLDS; ++h) first[h] = m->now.mode[h];
   do {
@@ -353,11 +239,11 @@ VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, con
   int h;
   for (h = 0; h < HOLDS; ++h) {
     scene_event* const event = &m->event_of[m->events % SCENE_MOST_EVENTS];
-    if (m->now.mode[h] == before[h] && impulse[h] == 0.0) continue;
+    event->from = vs_told_mode(it, h, before[h]);
+    event->to = vs_told_mode(it, h, m->now.mode[h]);
+    if (event->to == event->from && impulse[h] == 0.0) continue;
     event->time = m->now.time;
     event->element = h;
-    event->from = before[h];
-    event->to = m->now.mode[h];
     event->torque = vs_transmits(m, it, h);
     event->impulse = impulse[h];
     ++m->events;
@@ -365,7 +251,8 @@ VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, con
 }
 
 /* ---- Impacts: J dw = C' p of the rigid rows. Of those that only press one way p >= 0, and behind
-        it f >= -e f of before. ---- */
+        it f >= -e f of before. They pass constraints without losses: these would need to know how
+        the speeds change within an impact. ---- */
 
 /* True for elements that let no slip into one direction, or none at all, in their present place. */
 VS_FUNCTION_RARE int vs_is_rigid(const scene_model* m, const scene_series* it, int h) {
@@ -385,6 +272,9 @@ VS_FUNCTION_RARE double vs_slowest_bounce(const scene_series* it) {
 VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, double* impulse) {
   double slip[MOST_HOLDS + 1], after[MOST_HOLDS + 1], x[MOST_SIZE];
   int hits = 0, h, i, round;
+  for (h = 0; h < HOLDS; ++h) {
+    if (vs_is_loss(it, h)) m->now.side[h] = 0.0;
+  }
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
   for (h = 0; h < HOLDS; ++h) {
@@ -433,7 +323,7 @@ VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, doubl
 }
 
 /* The modes behind the present instant, and the accelerations there: J epsilon + n - Q = memory +
- * C' multiplier, where the memory is none of gauss and at the start. */
+ * D' multiplier, where the memory is none of gauss and at the start. */
 VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   scene_series* const it = &m->series[1 - m->present];
   const scene_state before = m->now;
@@ -446,7 +336,8 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   vs_enter_state(m, it);
   if (!IS_CLASSICAL && !is_start) vs_reaction(it, m->memory);
   for (i = 0; i < S && !IS_CLASSICAL; ++i) {
-    for (p = 0; p < K && !is_start; ++p) m->memory[i] -= vs_entry(it, p, i) * m->now.multiplier[p];
+    for (p = 0; p < K && !is_start; ++p)
+      m->memory[i] -= vs_direction(it, p, i) * m->now.multiplier[p];
   }
   status = vs_collide(m, it, impulse);
   from = m->now;
@@ -467,7 +358,7 @@ VS_FUNCTION_RARE void vs_forget_modes(scene_model* m) {
     m->now.counts[i] = 0;
     m->now.heat[i] = 0.0;
   }
-  for (i = 0; i < K && HOLDS; ++i) m->now.multiplier[i] = 0.0;
+  for (i = 0; i < K && TRANSMITS; ++i) m->now.multiplier[i] = 0.0;
 }
 
 /* The modes at the start. An element that is not in the one that the scene asks for is the model's
@@ -494,6 +385,16 @@ VS_FUNCTION_RARE scene_status vs_decide_first(scene_model* m) {
 /* The torque, N m, that element h would hold beyond the one it holds. */
 VS_FUNCTION_RARE double vs_reserve(const scene_model* m, const scene_series* it, int h) {
   const double T = vs_transmits(m, it, h);
+  Real c[VS_STRIDE];
+  if (vs_is_loss(it, h) && m->now.mode[h] == VS_STUCK) {
+    double least = INFINITY;
+    int s;
+    for (s = -1; s <= 1; s += 2) {
+      vs_margin(it, h, s, vs_line(it, h, s, 0), 0, c);
+      least = seriesSmaller(least, c[0]);
+    }
+    return least;
+  }
   const double upper = has_upper[h] ? it->row[upper_row[h]][0] - T : INFINITY;
   const double lower = has_lower[h] ? T - it->row[lower_row[h]][0] : INFINITY;
   return m->now.mode[h] == VS_STUCK ? fmin(lower, upper) : 0.0;

@@ -1,10 +1,11 @@
 /* The motion as power series of (t - t_n) / unit: with c_k unit^-k the coefficients of t,
  *     omega_{n+1} = unit/(n+1) epsilon_n,  phi_{n+1} = unit/(n+1) omega_n
  *     z_{n+1} = unit/(n+1) rate_n
- *     J epsilon_n - C' mu_n = a_n,  C epsilon_n = g_n
+ *     J epsilon_n - D' mu_n = a_n,  C epsilon_n = g_n
  * where a_n and g_n follow from the formulas, whose coefficients n are first made with epsilon_n =
- * 0 and then corrected. gauss: mu = lambda of J epsilon + n - Q = C' lambda; generalized: n mu_n =
- * unit Lambda_{n-1} of R' = C' Lambda + 1/2 J' omega J^-1 R */
+ * 0 and then corrected. gauss: mu = lambda of J epsilon + n - Q = D' lambda; generalized: n mu_n =
+ * unit Lambda_{n-1} of R' = C' Lambda + 1/2 J' omega J^-1 R, or, of constraints with a direction D
+ * that is not C, R' = (D' lambda)' + .. with lambda' = Lambda */
 
 /* a_n */
 VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
@@ -16,7 +17,13 @@ VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
     sum -= r[inertial_row[i]][n] + vs_convolve(r[inertia_row[i]], r[ACCELERATION + i], n, 1, 0);
   }
   for (p = 0; p < K && ENTRIES_VARY; ++p) {
-    rest += vs_convolve(r[entry_row[S * p + i]], r[MULTIPLIER + p], IS_CLASSICAL ? n : n - 1, 1, 0);
+    const Real* const D = r[direction_row[S * p + i]];
+    if (IS_CLASSICAL)
+      rest += vs_convolve(D, r[MULTIPLIER + p], n, 1, 0);
+    else if (has_direction[p])
+      sum += vs_convolve(D, r[TRANSMITTED + p], n, 1, 0);
+    else
+      rest += vs_convolve(D, r[MULTIPLIER + p], n - 1, 1, 0);
   }
   if (!IS_CLASSICAL && INERTIA_VARIES)
     rest += vs_convolve(r[connection_row[i]], r[PULL + i], n - 1, 0, 0);
@@ -83,7 +90,7 @@ VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
       r[MULTIPLIER + i][n] = x[S + i];
     else
       r[MULTIPLIER + i][n - 1] = x[S + i] / q;
-    if (HOLDS) r[TRANSMITTED + i][n] = x[S + i];
+    if (TRANSMITS) r[TRANSMITTED + i][n] = x[S + i];
   }
   vs_corrected(it, n, x);
   vs_rest(it, n);

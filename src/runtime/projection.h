@@ -38,9 +38,9 @@ VS_FUNCTION scene_status vs_project_velocities(scene_model* m, scene_series* it)
 
 enum {
   VS_ONTO_CONSTRAINTS = 0, /* epsilon moves as little as psi = 0 asks for: J dx = C' mu */
-  VS_LEAST_REACTION = 1,   /* J epsilon + n - Q = C' lambda */
+  VS_LEAST_REACTION = 1,   /* J epsilon + n - Q = D' lambda */
   VS_RESTORES = 2,         /* dx moves the part of R that no C spans back to that at the start */
-  VS_DECIDED = 3           /* J epsilon + n - Q = memory + C' lambda */
+  VS_DECIDED = 3           /* J epsilon + n - Q = memory + D' lambda */
 };
 
 /* The right-hand side a, g of a correction; order 3 has nothing that could be 0. */
@@ -60,9 +60,10 @@ VS_FUNCTION void vs_find_rest(const scene_model* m, const scene_series* it, int 
   for (p = 0; p < K; ++p) {
     x[S + p] = order_of[p] < 3 ? -it->row[residual_row[p]][0] : 0.0;
     for (i = 0; i < S; ++i) {
-      const int is_base = HOLDS && (what == VS_DECIDED || (what == VS_RESTORES && is_neutral[i]));
+      const int is_base =
+          TRANSMITS && (what == VS_DECIDED || (what == VS_RESTORES && is_neutral[i]));
       if (is_base || (what == VS_LEAST_REACTION && order_of[p] < 3))
-        x[i] += vs_entry(it, p, i) * lambda[p];
+        x[i] += vs_direction(it, p, i) * lambda[p];
     }
   }
 }
@@ -70,7 +71,7 @@ VS_FUNCTION void vs_find_rest(const scene_model* m, const scene_series* it, int 
 /* The multipliers of generalized_gauss that corrections of the accelerations move: with elements
  * that hold, what these transmit is a part of the state. */
 VS_FUNCTION double* vs_transmitted(scene_model* m) {
-  return HOLDS ? m->now.multiplier : 0;
+  return TRANSMITS ? m->now.multiplier : 0;
 }
 
 /* Newton's iteration for the accelerations (and lambda, where it is not 0), from those of the
@@ -93,7 +94,7 @@ VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, d
     for (i = 0; i < S; ++i) it->row[ACCELERATION + i][0] = m->now.acceleration[i] += x[i];
     for (i = 0; i < K && lambda != 0; ++i) lambda[i] += x[S + i];
     for (i = 0; i < K; ++i) it->row[MULTIPLIER + i][0] = m->now.multiplier[i];
-    for (i = 0; i < K && HOLDS; ++i) it->row[TRANSMITTED + i][0] = m->now.multiplier[i];
+    for (i = 0; i < K && TRANSMITS; ++i) it->row[TRANSMITTED + i][0] = m->now.multiplier[i];
     if (vs_has_converged(m->now.acceleration, x, &previous)) {
       vs_corrected(it, 0, x);
       vs_rest(it, 0);
@@ -142,8 +143,8 @@ VS_FUNCTION void vs_note_reaction(scene_model* m, scene_series* it) {
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
   vs_reaction(it, m->now.reaction);
-  for (i = 0; i < S && HOLDS; ++i) {
-    for (p = 0; p < K; ++p) m->now.reaction[i] -= vs_entry(it, p, i) * m->now.multiplier[p];
+  for (i = 0; i < S && TRANSMITS; ++i) {
+    for (p = 0; p < K; ++p) m->now.reaction[i] -= vs_direction(it, p, i) * m->now.multiplier[p];
   }
   for (i = 0; i < S && INERTIA_VARIES; ++i) m->now.reaction[i] /= sqrt(vs_inertia(it, i, i));
 }
@@ -204,7 +205,7 @@ VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, 
     }
     if (!vs_jump_rate(m, it, theta + c[n] * h, u0, du, dQ, df, k[n + 1])) return 0;
   }
-  for (p = 0; p < K && HOLDS; ++p) { /* the last stage's formula is that of the step */
+  for (p = 0; p < K && TRANSMITS; ++p) { /* the last stage's formula is that of the step */
     for (j = 0; j < 6; ++j) m->now.multiplier[p] += h * a[5][j] * k[j][S + p];
   }
   *norm = 0.0;
@@ -226,7 +227,7 @@ VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const double*
   if (JUMPS_STRAIGHT) { /* C depends on no acceleration and no input */
     if (!vs_jump_rate(m, it, 0.0, u0, 0, dQ, df, x)) return SCENE_SINGULAR;
     for (i = 0; i < S; ++i) m->now.acceleration[i] += x[i];
-    for (i = 0; i < K && HOLDS; ++i) m->now.multiplier[i] += x[S + i];
+    for (i = 0; i < K && TRANSMITS; ++i) m->now.multiplier[i] += x[S + i];
     return SCENE_OK;
   }
   for (steps = 0; steps < 20000 && theta < 1.0; ++steps) {

@@ -227,7 +227,7 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
       m->passed = at.guard;
       ++m->steps;
       *made = h;
-      return HOLDS && !is_smooth ? vs_decide(m, 0) : SCENE_OK;
+      return TRANSMITS && !is_smooth ? vs_decide(m, 0) : SCENE_OK;
     }
     ++m->rejections;
     m->now = before;

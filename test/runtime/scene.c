@@ -20,6 +20,7 @@ enum {
   S = SCENE_SHAFTS,
   CONSTRAINTS = SCENE_CONSTRAINTS,
   HOLDS = SCENE_HOLDS,
+  TRANSMITS = 0,
   K = CONSTRAINTS + HOLDS,
   INPUTS = SCENE_INPUTS,
   VS_STRIDE = SCENE_STRIDE,
@@ -74,7 +75,8 @@ const char* const scene_state_name[] = {""};
 const char* const scene_variable_name[] = {""};
 static const int input_row[] = {10}, input_of_row[] = {0}, input_rate_of_row[] = {0};
 static const int hold_of[] = {1}, falls_to_zero[] = {0};
-static const int takes_commands[] = {1}, state_input[] = {0}, rate_row[] = {0}, variable_input[] = {0};
+static const int takes_commands[] = {1}, state_input[] = {0}, rate_row[] = {0},
+                 variable_input[] = {0};
 static const int event_direction[] = {0}, set_begin[] = {0}, set_input[] = {0}, set_row[] = {0};
 static const double parameter_of[] = {0.5}, initial_input[] = {0.0}, minimum_of[] = {-1.0},
                     maximum_of[] = {1.0}, timeout_of[] = {0.0};
@@ -84,8 +86,9 @@ static const double initial_acceleration[] = {-0.84147098480789650665, -1.682941
 static const int order_of[] = {2}, is_neutral[] = {0, 0};
 static const double coupling[] = {0.0, 0.0, 0.0, 0.0};
 static const int torque_row[] = {14, ZERO}, residual_row[] = {15}, velocity_residual_row[] = {ZERO};
-static const int entry_row[] = {18, 17}, curvature_row[] = {ZERO, ZERO, ZERO, ZERO},
-                 input_slope_row[] = {ZERO};
+static const int entry_row[] = {18, 17}, direction_row[] = {18, 17}, has_direction[] = {0},
+                 load_of[] = {-1}, slope_row[] = {0}, base_row[] = {0},
+                 curvature_row[] = {ZERO, ZERO, ZERO, ZERO}, input_slope_row[] = {ZERO};
 static const int inertia_row[] = {17, 19}, inertial_row[] = {ZERO, ZERO},
                  connection_row[] = {ZERO, ZERO};
 static const int sign_row[] = {0}, sign_jumps[] = {0}, passage_row[] = {0}, passage_count[] = {0},
@@ -160,6 +163,8 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
 #include "runtime/roots.h"
 /* */
 #include "runtime/projection.h"
+/* */
+#include "runtime/conditions.h"
 /* */
 #include "runtime/modes.h"
 /* */

@@ -138,7 +138,8 @@ class Solver:
         return Q
 
     def solve(self, t, y, modes, with_reserve=True):
-        """Accelerations, torques of all elements, whether stuck ones can hold (above 0)."""
+        """Accelerations, torques of all elements, what each that is stuck could hold beyond (above 0);
+        of redundant ones there is one number for all."""
         Q = self.applied(t, y)
         T = np.zeros(len(modes))
         for h, mode in enumerate(modes):
@@ -147,7 +148,7 @@ class Solver:
         Q = Q - self.C.T @ T
         stuck = [h for h, mode in enumerate(modes) if mode == STUCK]
         if not stuck:
-            return Q / self.J, T, math.inf
+            return Q / self.J, T, {}
         C = self.C[stuck]
         A = C @ (C / self.J).T
         key = tuple(stuck)
@@ -160,12 +161,11 @@ class Solver:
         eps = (Q - C.T @ held) / self.J
         limits = [self.limits(h, t) for h in stuck]
         if not with_reserve:
-            return eps, T, math.inf
+            return eps, T, {}
         if self.independent[key]:
-            reserve = min(min(high - x, x - low) for x, (low, high) in zip(held, limits))
-        else:
-            reserve = self.shared_reserve(C, held, limits)
-        return eps, T, reserve
+            return eps, T, {h: min(high - x, x - low)
+                            for h, x, (low, high) in zip(stuck, held, limits)}
+        return eps, T, {stuck[0]: self.shared_reserve(C, held, limits)}
 
     @staticmethod
     def shared_reserve(C, held, limits):
@@ -219,8 +219,7 @@ class Solver:
         """True where the conditions of the modes hold a short while later."""
         at, state = self.later(t, y, modes)
         w = state[self.it.count:]
-        _, _, reserve = self.solve(at, state, modes)
-        if reserve < -1e-11:
+        if any(reserve < -1e-11 for reserve in self.solve(at, state, modes)[2].values()):
             return False
         for h, mode in enumerate(modes):
             f = self.C[h] @ w
@@ -255,9 +254,12 @@ class Solver:
                 found.append((modes, at, self.later(t, at, modes)[1]))
         if not found:
             raise Ambiguous(f"no modes at {t}")
-        stuck = lambda one: sum(mode == STUCK for mode in one[0])
+        # What can stick does, though with static > 1 it might slide, too.
+        might_stick = [h for h in rest if self.it.elements[h]["static"] > 1.0]
+        stuck = lambda one: (-sum(one[0][h] != STUCK for h in might_stick),
+                             sum(mode == STUCK for mode in one[0]))
         found.sort(key=stuck, reverse=True)
-        for other in found[1:]:  # (what can stick does, though with static > 1 it might slide, too)
+        for other in found[1:]:
             if stuck(other) == stuck(found[0]) and np.abs(other[2] - found[0][2]).max() > 1e-10:
                 raise Ambiguous(f"several modes at {t}")
         return list(found[0][0]), found[0][1]
@@ -265,7 +267,8 @@ class Solver:
     def conditions(self, t, y, modes):
         """Values that do not become negative in these modes."""
         w = y[self.it.count:]
-        values = [self.solve(t, y, modes)[2]]
+        reserves = self.solve(t, y, modes)[2]
+        values = [reserves.get(h, math.inf) for h in range(len(modes))]
         for h, mode in enumerate(modes):
             capacity = math.inf if self.one_way(h) else self.capacity(h, t)
             values.append(mode * (self.C[h] @ w) if mode in (FORWARD, BACKWARD) else math.inf)

@@ -1,0 +1,213 @@
+/* Elements that hold. Element h has a slip f(t, phi, omega), whose row C = df/domega is one of the
+ * constraints' while it is stuck, and a torque T against the slip:
+ *     stuck          f = 0,  T = -lambda of the reaction C' lambda,  lower <= T <= upper
+ *     slides         side f > 0,  the applied torque -C' T with T(side), side = 1 or -1
+ *     free           T = 0, where its level (a capacity) is not above 0, a gap is open or what
+ * closes it is too fast A mode is discrete memory: it lasts while its conditions, series that are
+ * made from rows of the motion, are not negative. Where one would become negative the modes of all
+ * elements that are at rest are decided together: those in which all conditions hold a moment
+ * later. That is read from the first coefficient that is more than rounding, so that neither ties
+ * nor the torque that lets go, which is the one that slides, need a tolerance of their own. */
+
+/* Losses of a constraint are such an element, too: its torque, and what it holds, is the larger of
+ * two lines of the constraint's multiplier,
+ *     T = s max_k M_k,  M_k = s slope_k lambda + base_k,  s = 1 or -1
+ * Its modes are s with the first line, 3 s with the second, and stuck. */
+enum { VS_SECOND_LINE = 3 };
+
+enum { VS_CONDITIONS = 3 };
+enum { VS_BEGINS_STUCK = 1, VS_BEGINS_SLIPPING };
+enum { VS_OF_LEVEL, VS_OF_SLIP, VS_OF_TORQUE, VS_OF_GAP };
+
+/* The part of its terms that rounding, and what the tolerance leaves open, moves a condition by. */
+VS_FUNCTION_RARE double vs_noise(const scene_series* it) {
+  (void)it;
+  return seriesLarger(1e-3 * RELATIVE_TOLERANCE, 2e-13);
+}
+
+/* The size of the torques on a shaft, order n. */
+VS_FUNCTION_RARE double vs_torque_size(const scene_series* it, int i, int n) {
+  double size =
+      fabs(it->row[torque_row[i]][n]) + vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
+  int p;
+  for (p = 0; p < K; ++p) size += fabs(vs_direction(it, p, i) * it->row[TRANSMITTED + p][n]);
+  return size;
+}
+
+/* The size of coefficient n of the torques on the shafts that element h acts on, and its limits. */
+VS_FUNCTION_RARE double vs_sum_of_torques(const scene_series* it, int h, int n) {
+  double size = fabs(it->row[upper_row[h]][n]) + fabs(it->row[lower_row[h]][n]);
+  int i;
+  for (i = 0; i < S; ++i) {
+    const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
+    if (C != 0.0) size += vs_torque_size(it, i, n) / C;
+  }
+  return size;
+}
+
+/* The size of coefficient n of a slip that is rounding: what a torque that is rounding makes of it,
+ * f_n = unit/n C J^-1 C' T_{n-1}, and as much again: a torque that lets go, by more than rounding
+ * or not, leaves a slip that does not turn back. */
+VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
+  double size = 0.0, mobility = 0.0;
+  int i;
+  for (i = 0; i < S; ++i) {
+    const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
+    size += C * fabs(it->row[VELOCITY + i][0]);
+    mobility += C * C / vs_inertia(it, i, i);
+  }
+  if (n > 0) return 2.0 * vs_noise(it) * it->unit / n * mobility * vs_sum_of_torques(it, h, n - 1);
+  return seriesLarger(1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size);
+}
+
+VS_FUNCTION_RARE double vs_condition_noise(const scene_series* it, int h, int kind, int n,
+                                           const Real* c) {
+  double size = 0.0;
+  int i;
+  switch (kind) {
+    case VS_OF_SLIP:
+      return vs_slip_noise(it, h, n);
+    case VS_OF_TORQUE:
+      return vs_noise(it) * vs_sum_of_torques(it, h, n);
+    case VS_OF_GAP:
+      if (n > 0) return it->unit / n * vs_slip_noise(it, h, n - 1);
+      for (i = 0; i < S; ++i) size += fabs(it->row[ANGLE + i][0]);
+      return 1e-3 * vs_tolerance(it, size);
+    default:
+      for (i = 0; i <= it->order; ++i) size = seriesLarger(size, fabs(c[i]));
+      return vs_noise(it) * size;
+  }
+}
+
+/* An instant, too, is known up to rounding, and with it each derivative. */
+VS_FUNCTION_RARE int vs_is_noise(const scene_series* it, int h, int kind, int n, const Real* c) {
+  const double resolution = 8.0 * DBL_EPSILON * seriesLarger(1.0, it->row[TIME][0]) / it->unit;
+  const double size = fabs(c[n]);
+  if (n < it->order && size <= resolution * (n + 1) * fabs(c[n + 1])) return 1;
+  return size <= vs_condition_noise(it, h, kind, n, c);
+}
+
+/* c = factor x + other y */
+VS_FUNCTION_RARE void vs_combine(Real* c, int last, double factor, const Real* x, double other,
+                                 const Real* y) {
+  int n;
+  for (n = 0; n <= last; ++n) c[n] = factor * x[n] + (other == 0.0 ? 0.0 : other * y[n]);
+}
+
+/* True for the losses of a constraint. */
+VS_FUNCTION_RARE int vs_is_loss(const scene_series* it, int h) {
+  (void)it;
+  return load_of[h] >= 0;
+}
+
+/* M_line of side s less the torque that holds, up to order `last`. */
+VS_FUNCTION_RARE void vs_margin(const scene_series* it, int h, int s, int line, int last, Real* c) {
+  const Real* const slope = it->row[slope_row[2 * h + line]];
+  const Real* const base = it->row[base_row[2 * h + line]];
+  int n;
+  for (n = 0; n <= last; ++n) {
+    const Real load = vs_convolve(slope, it->row[TRANSMITTED + load_of[h]], n, 0, 0);
+    c[n] = s * (load + it->row[TRANSMITTED + CONSTRAINTS + h][n]) + base[n];
+  }
+}
+
+/* M_line less the other line. */
+VS_FUNCTION_RARE void vs_lead(const scene_series* it, int h, int s, int line, int last, Real* c) {
+  Real other[VS_STRIDE];
+  int n;
+  vs_margin(it, h, s, line, last, c);
+  vs_margin(it, h, s, 1 - line, last, other);
+  for (n = 0; n <= last; ++n) c[n] -= other[n];
+}
+
+/* The lead as a mode's condition. lambda is off a change of lines by what C J^-1 D' divides, which
+ * is another one in the other mode: it is scaled, and its rounding judged by both lines, for one
+ * mode not to take for rounding what the other does not. True where its first coefficient is more
+ * than rounding. */
+VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Real* c) {
+  const int s = mode > 0 ? 1 : -1, p = load_of[h];
+  const double lambda = it->row[TRANSMITTED + p][0];
+  double mobility = 0.0, size = 0.0;
+  int i, n;
+  for (i = 0; i < 2; ++i) {
+    size += fabs(it->row[slope_row[2 * h + i]][0] * lambda) + fabs(it->row[base_row[2 * h + i]][0]);
+  }
+  for (i = 0; i < S; ++i)
+    mobility += vs_entry(it, p, i) * vs_entry(it, p, i) / vs_inertia(it, i, i);
+  vs_lead(it, h, s, mode != s, it->order, c);
+  for (n = 0; n <= it->order; ++n) c[n] *= it->size[p] / mobility;
+  if (fabs(c[0]) > vs_noise(it) * size) return 1;
+  c[0] = 0.0;
+  return 0;
+}
+
+/* The larger line. */
+VS_FUNCTION_RARE int vs_line(const scene_series* it, int h, int s, int last) {
+  Real c[VS_STRIDE];
+  int n;
+  vs_lead(it, h, s, 0, last, c);
+  for (n = 0; n <= last && vs_is_noise(it, h, VS_OF_TORQUE, n, c); ++n) c[n] = 0.0;
+  return vs_first_sign(c, last) < 0.0;
+}
+
+VS_FUNCTION_RARE int vs_mode_of_line(int s, int line) {
+  return line == 0 ? s : VS_SECOND_LINE * s;
+}
+
+VS_FUNCTION_RARE int vs_side_of(int mode) {
+  return mode > 0 ? 1 : -1;
+}
+
+/* The mode as a user sees it: of losses 1 where the first shaft drives, -1 where the second does.
+ */
+VS_FUNCTION_RARE int vs_told_mode(const scene_series* it, int h, int mode) {
+  if (!vs_is_loss(it, h) || mode == VS_STUCK || mode == VS_FREE) return mode;
+  return mode == vs_side_of(mode) ? 1 : -1;
+}
+
+/* Condition k of the present mode of element h, without the coefficients at its begin that are
+ * rounding. False where the mode has no such condition. */
+VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, int h, int k,
+                                  Real* c) {
+  const Real* const f = it->row[slip_row[h]];
+  const Real* const tau = it->row[TRANSMITTED + CONSTRAINTS + h];
+  const Real* const level = it->row[level_row[h]];
+  const int mode = m->now.mode[h], last = it->order;
+  const int s = k == 2 ? -1 : 1;
+  int kind = VS_OF_LEVEL, n;
+  if (mode == VS_FREE) {
+    const int nears = closes_below[h] > 0.0 && level[0] > 0.0;
+    if (k > 0) return 0;
+    if (has_gap[h]) {
+      kind = VS_OF_GAP;
+      vs_combine(c, last, 1.0, it->row[gap_row[h]], 0.0, f);
+    } else if (nears) {
+      vs_combine(c, last, f[0] < 0.0 ? -1.0 : 1.0, f, 0.0, f);
+      c[0] -= closes_below[h];
+    } else {
+      vs_combine(c, last, -1.0, level, 0.0, f);
+    }
+  } else if (k == 0) {
+    if (!has_level[h]) return 0;
+    vs_combine(c, last, 1.0, level, 0.0, f);
+  } else if (vs_is_loss(it, h) && (mode == VS_STUCK ? m->now.counts[h] : k == 2)) {
+    kind = VS_OF_TORQUE;
+    if (mode == VS_STUCK)
+      vs_margin(it, h, s, vs_line(it, h, s, last), last, c);
+    else if (vs_scaled_lead(it, h, mode, c))
+      return 1;
+  } else if (mode != VS_STUCK || !m->now.counts[h]) {
+    if (mode != VS_STUCK && k == 2) return 0;
+    kind = VS_OF_SLIP;
+    vs_combine(c, last, mode == VS_STUCK ? s : vs_side_of(mode), f, 0.0, f);
+  } else {
+    if (k == 1 ? !has_upper[h] : !has_lower[h]) return 0;
+    kind = VS_OF_TORQUE;
+    if (k == 1)
+      vs_combine(c, last, 1.0, it->row[upper_row[h]], 1.0, tau);
+    else
+      vs_combine(c, last, -1.0, it->row[lower_row[h]], -1.0, tau);
+  }
+  for (n = 0; n <= last && vs_is_noise(it, h, kind, n, c); ++n) c[n] = 0.0;
+  return 1;
+}
