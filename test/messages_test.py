@@ -65,12 +65,18 @@ cvt: {type: variator_sim/%s, shafts: [drive, load], ratio: "0.3 + 0.002*w_drive"
 principle: gauss
 initial: {velocity: [50, 20]}
 """
-        scene = self.write("cvt.yaml", cvt % "KinematicRatio")
+        scene = self.write("cvt.yaml", cvt % "KinematicRatio, reaction: gradient")
         for arguments in (["--times", "10", "--energy"], ["--explain"]):
             result = self.simulate(scene, *arguments)
             self.assertEqual(result.returncode, 0, result.stderr)
             self.assertEqual(result.stderr.count("warning"), 1, result.stderr)
             self.assertIn("the reactions of the constraint 'cvt' take or give energy", result.stderr)
+        # Lossless, as it is without a word: torques in the ratio i (DOP853 at 1e-11).
+        result = self.simulate(self.write("lossless.yaml", cvt % "KinematicRatio"), "--times", "1,10")
+        self.assertEqual((result.returncode, result.stderr), (0, ""))
+        header, rows = parse(result.stdout)
+        for row, drive in zip(rows, (86.0165197, 93.2127741)):
+            self.assertAlmostEqual(row[header.index("drive/velocity")], drive, delta=1e-6)
         # The way out that it names: the motion of a transmission whose torques are in the ratio i (DOP853 at 1e-11).
         scene = self.write("slip.yaml", cvt % "SlipRatio, time_constant: 0.001")
         result = self.simulate(scene, "--times", "1,10", "--energy")

@@ -40,9 +40,9 @@ def node_path():
     return roslib.packages.find_node('variator_sim', 'variator_sim_node')[0]
 
 
-def start(name):
+def start(name, folder=None):
     return subprocess.Popen([node_path(), '__name:=' + name], stdout=subprocess.PIPE,
-                            stderr=subprocess.STDOUT, text=True)
+                            stderr=subprocess.STDOUT, text=True, cwd=folder)
 
 
 def load(name, scene):
@@ -66,9 +66,9 @@ class ScenesTest(TestCase):
         for part in parts:
             self.assertIn(part, output)
 
-    def check_starts(self, name, scene):
+    def check_starts(self, name, scene, folder=None):
         load(name, scene)
-        node = start(name)
+        node = start(name, folder)
         try:
             info = rospy.wait_for_message('/%s/scene' % name, SceneInfo, PATIENCE)
             self.assertEqual(info.shafts, scene['shafts'])
@@ -99,10 +99,10 @@ class ScenesTest(TestCase):
             with self.subTest(file=file):
                 subprocess.run([simulate, file, '--duration', '0.01'], check=True,
                                stdout=subprocess.DEVNULL, timeout=PATIENCE)
-                # As roslaunch reads it.
+                # As roslaunch reads it; files of a scene are found from the node's folder.
                 scene = rosparam.load_file(file)[0][0]
                 name = os.path.basename(file)[:-5]
-                output = self.check_starts('shipped_' + name, scene)
+                output = self.check_starts('shipped_' + name, scene, os.path.dirname(file))
                 # Its ratio alone follows a speed under `gauss`.
                 self.assertEqual(output.count('take or give energy'), int(name == 'vbelt_vehicle'), output)
 

@@ -76,7 +76,6 @@ class Trim {
   /// True if a step along `free` leads to another steady state, and v is no double root.
   bool isOneOfMany(const VectorXd& v, const MatrixXd& free) const;
   bool isSame(const VectorXd& a, const VectorXd& b) const;
-  std::string leavesLimits(const VectorXd& v) const;
   /// Returns why the elements do not stay in their modes there; "" if they do.
   std::string leavesModes(const VectorXd& v);
   bool isStill(const VectorXd& v) const;
@@ -212,19 +211,6 @@ Trim::Linearized Trim::linearize(const VectorXd& v) const {
   return it;
 }
 
-/// Returns the n-th number of Halton's sequence of that dimension, in [0, 1).
-double halton(int n, int dimension) {
-  constexpr int kPrimes[] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
-  const int base = kPrimes[dimension % 12];
-  double value = 0.0;
-  double part = 1.0;
-  for (int rest = n + 7 * (dimension / 12); rest > 0; rest /= base) {
-    part /= base;
-    value += part * (rest % base);
-  }
-  return value;
-}
-
 VectorXd Trim::startAt(int n) const {
   VectorXd v = base_;
   if (n == 0) return v;
@@ -354,18 +340,6 @@ bool Trim::isSame(const VectorXd& a, const VectorXd& b) const {
   return difference.cwiseAbs().maxCoeff() < 1e-6;
 }
 
-std::string Trim::leavesLimits(const VectorXd& v) const {
-  for (int i = 0; i < layout_.U; ++i) {
-    const CommandInputSettings& input = scene_.inputs[at(i)];
-    const double value = v(layout_.input(i));
-    const double slack = 1e-9 * std::max(1.0, std::abs(value));
-    if (value >= input.minimum - slack && value <= input.maximum + slack) continue;
-    return inQuotes(input.name) + " would have to be " + formatNumber(value) + ", allowed is " +
-           Range::between(input.minimum, input.maximum).toText();
-  }
-  return "";
-}
-
 std::string Trim::leavesModes(const VectorXd& v) {
   expression::Graph& graph = equations_.graph();
   for (std::size_t h = 0; h < mode_.size(); ++h) {
@@ -469,7 +443,7 @@ TrimResult Trim::find() {
       has_still = true;
       continue;
     }
-    std::string fault = leavesLimits(attempt.v);
+    std::string fault = findInputBeyond(scene_, attempt.v.data() + layout_.input(0));
     if (fault.empty()) fault = leavesModes(attempt.v);
     if (!fault.empty()) {
       outside = fault;

@@ -1,12 +1,37 @@
 #include "analysis/trim_equations.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "variator_sim/expression/tape.h"
 
 namespace variator_sim {
 
 using expression::Node;
+
+double halton(int n, int dimension) {
+  constexpr int kPrimes[] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
+  const int base = kPrimes[dimension % 12];
+  double value = 0.0;
+  double part = 1.0;
+  for (int rest = n + 7 * (dimension / 12); rest > 0; rest /= base) {
+    part /= base;
+    value += part * (rest % base);
+  }
+  return value;
+}
+
+std::string findInputBeyond(const Scene& scene, const double* values) {
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(i)];
+    const double value = values[i];
+    const double slack = 1e-9 * std::max(1.0, std::abs(value));
+    if (value >= input.minimum - slack && value <= input.maximum + slack) continue;
+    return inQuotes(input.name) + " would have to be " + formatNumber(value) + ", allowed is " +
+           Range::between(input.minimum, input.maximum).toText();
+  }
+  return "";
+}
 
 bool comesToRest(const Scene& scene, int input) {
   const int slot = expression::slotOf(expression::Source::kInput, input);

@@ -27,6 +27,12 @@ std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& s
 /// Others only count, fuel and distance, say.
 bool comesToRest(const Scene& scene, int input);
 
+/// Returns the n-th number of Halton's sequence of that dimension, in [0, 1).
+double halton(int n, int dimension);
+
+/// Says which of the inputs' values (one each) is beyond its limits; "" where none is.
+std::string findInputBeyond(const Scene& scene, const double* values);
+
 /// A variable, or another quantity: an output, or a torque of a shaft.
 struct TrimQuantity {
   std::string name;

@@ -34,7 +34,7 @@ constexpr char kUsage[] =
     "A ROS master has to run. The log says when the node is ready, and names its inputs.\n"
     "\n"
     "topics it reads   ~TOPIC of each commanded input (std_msgs/Float64), ~commands\n"
-    "       publishes  ~state, ~elements, ~inputs, ~outputs, ~states,\n"
+    "       publishes  ~state, ~elements, ~events, ~inputs, ~outputs, ~states,\n"
     "                  ~variables, ~energy, joint_states, ~scene,\n"
     "                  ~status, /diagnostics, ~parameter_descriptions, ~parameter_updates;\n"
     "                  with publish_clock /clock\n"

@@ -67,6 +67,15 @@ void nameVariables(const Scene& scene, Register& free, Names& names) {
       names.variables[slotOf(of, i)] = shaftWords(scene, of, i);
     }
   }
+  // The sides to which elements that hold slide.
+  for (const TorquePtr& element : scene.torques) {
+    int part = 0;
+    for (const Holding& law : element->holdings()) {
+      std::string name = "side_" + toIdentifier(element->name());
+      if (part++ > 0) name += std::to_string(part);
+      names.variables[scene.graph->entry(law.side.in(*scene.graph)).slot] = free.take({name, name});
+    }
+  }
   std::map<int, std::string> given;
   for (const auto& [name, index] : scene.symbols.inputs) given[index] = name;
   for (int i = 0; i < scene.inputCount(); ++i) {
@@ -241,8 +250,10 @@ std::vector<Words> describeThings(const Scene& scene, const Names& names,
     if (is_input) read.insert(expression::indexOf(entry.slot));
   }
   for (const int i : read) {
+    const bool is_side = i >= scene.inputCount();  // of an element that holds
     describe(names.variables.at(slotOf(Source::kInput, i)), "",
-             describeInput(scene.inputs[static_cast<std::size_t>(i)]));
+             is_side ? "the side to which it slides, 1 or -1"
+                     : describeInput(scene.inputs[static_cast<std::size_t>(i)]));
   }
   const std::size_t inputs = known.size();
   for (const int n : reachable) {

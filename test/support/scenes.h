@@ -131,7 +131,8 @@ inline void addTorque(Scene& scene, const TorquePtr& torque) {
 
 /// False where `scene` refuses it: `taylor` needs a motion that has series.
 inline bool takes(const Scene& scene, StepperKind stepper) {
-  if (stepper != StepperKind::kTaylor && stepper != StepperKind::kTaylorFixed) return true;
+  const bool needs_series = stepper == StepperKind::kTaylor || stepper == StepperKind::kTaylorFixed;
+  if (!needs_series && scene.holdNames().empty()) return true;
   try {
     Simulation simulation(withStepper(scene, stepper));
   } catch (const SceneError& error) {

@@ -1,0 +1,195 @@
+// A MotionProgram as C.
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "expression/c_code.h"
+#include "expression/series_dot.h"
+#include "expression/series_text.h"
+#include "machine_code/kernel_library.h"
+#include "motion_program/c_text.h"
+#include "motion_program/motion_program.h"
+
+namespace variator_sim {
+
+using expression::SeriesProgram;
+
+std::vector<int> MotionProgram::structure() const {
+  expression::CodeStructure made;
+  program_.addStructure(&made);
+  std::vector<int>& words = made.words;
+#define VARIATOR_SIM_ADD(name) words.push_back(name);
+  VARIATOR_SIM_MOTION_SIZES(VARIATOR_SIM_ADD)
+  VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_ADD)
+#undef VARIATOR_SIM_ADD
+  const auto addIfShared = [&words](const auto& values) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(values)>, std::vector<int>>) {
+      words.push_back(static_cast<int>(values.size()));
+      words.insert(words.end(), values.begin(), values.end());
+    }
+  };
+#define VARIATOR_SIM_ADD(type, name) addIfShared(name.values);  // NOLINT: a member
+  VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_ADD)
+#undef VARIATOR_SIM_ADD
+  return words;
+}
+
+std::string MotionProgram::writeExtents() const {
+  std::string text = "enum {\n  SCENE_SHAFTS = " + std::to_string(S) +
+                     ",\n  SCENE_CONSTRAINTS = " + std::to_string(CONSTRAINTS) +
+                     ",\n  SCENE_INPUTS = " + std::to_string(INPUTS) +
+                     ",\n  SCENE_HOLDS = " + std::to_string(HOLDS) +
+                     ",\n  SCENE_MATRIX = " + std::to_string(SIZE) + ",\n  SCENE_MOST_EVENTS = " +
+                     std::to_string(HOLDS > 0 || EVENTS > 0 ? 64 : 1) +
+                     ",\n  SCENE_STATES = " + std::to_string(STATES) +
+                     ",\n  SCENE_VARIABLES = " + std::to_string(VARIABLES) +
+                     ",\n  SCENE_EVENTS = " + std::to_string(EVENTS);
+#define VARIATOR_SIM_WRITE(name) text += ",\n  " #name " = " + std::to_string(name);
+  VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  return text + "\n};\n";
+}
+
+std::string MotionProgram::writeLists(bool shares) const {
+  std::string text = "enum {\n  VS_STRIDE = SCENE_STRIDE,\n  MOST_SHAFTS = " + std::to_string(S) +
+                     ",\n  MOST_CONSTRAINTS = " + std::to_string(K) +
+                     ",\n  MOST_HOLDS = " + std::to_string(HOLDS) +
+                     ",\n  MOST_INPUTS = " + std::to_string(INPUTS) +
+                     ",\n  MOST_EVENTS = " + std::to_string(EVENTS) +
+                     ",\n  MOST_SIZE = " + std::to_string(SIZE);
+#define VARIATOR_SIM_WRITE(name) text += ",\n  " #name " = " + std::to_string(name);
+  VARIATOR_SIM_MOTION_SIZES(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  text += "\n};\n";
+  if (shares) return text + writeSharedLists();
+#define VARIATOR_SIM_WRITE(name) \
+  text += "static const double " #name " = " + literalOf(name) + ";\n";
+  VARIATOR_SIM_MOTION_NUMBERS(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  text += "\n/* The rows of formulas, by shaft and constraint, and the commanded inputs */\n";
+#define VARIATOR_SIM_WRITE(type, name) \
+  text += arrayOf(#type, #name, name.values);  // NOLINT: a member
+  VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
+  VARIATOR_SIM_MOTION_COMMANDS(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  std::vector<std::string> names;
+  for (const std::vector<double>& points : passages) {
+    names.push_back("passage_" + std::to_string(names.size()));
+    text += arrayOf("double", names.back(), points);
+  }
+  return text + arrayOf("double *const", "passage_points", names);
+}
+
+/// Writes those lists that the structure of the scene determines, and where the others are.
+std::string MotionProgram::writeSharedLists() const {
+  std::string text;
+  const auto add = [&text](const std::string& name, const std::vector<int>& values) {
+    text += arrayOf("int", name, values);
+  };
+  const auto addIfShared = [&](const std::string& name, const auto& values) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(values)>, std::vector<int>>)
+      add(name, values);
+  };
+#define VARIATOR_SIM_WRITE(type, name) addIfShared(#name, name.values);  // NOLINT: a member
+  VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
+#undef VARIATOR_SIM_WRITE
+  return text + arrayOf("double", "timeout_of", std::vector<double>(timeout_of.values.size())) +
+         R"c(#define RELATIVE_TOLERANCE it->numbers->relative_tolerance
+#define ABSOLUTE_TOLERANCE it->numbers->absolute_tolerance
+#define MAXIMUM_STEP m->series[0].numbers->maximum_step
+#define DECAY it->numbers->decay
+#define coupling it->numbers->coupling
+#define constant_value m->series[0].numbers->constant_value
+#define passage_points it->numbers->passage_points
+#define restitution it->numbers->restitution
+#define closes_below it->numbers->closes_below
+#define resolved ((const struct SeriesOperation*)it->numbers->resolved)
+)c";
+}
+
+std::string MotionProgram::writeResolution(bool shares) const {
+  std::string text =
+      std::string("\n/* ---- Whether the series show all of their functions. ---- */\n\n") +
+      expression::kSeriesOperationText + expression::kSeriesResolutionText +
+      expression::kSeriesRangesText;
+  if (shares) return text + writeHiding();
+  text += "static const struct SeriesOperation resolved[] = {\n";
+  for (const expression::SeriesOperation& it : resolved.values) {
+    text += "    {";
+    for (const int n : {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state, it.power}) {
+      text += std::to_string(n) + ", ";
+    }
+    text += literalOf(it.f) + ", " + literalOf(it.g) + "},\n";
+  }
+  return text + "    {0, 0, -1, 0, -1, 0, -1, 0, 0.0, 0.0}};\n" + writeHiding();
+}
+
+/// Writes the screen of vs_is_resolved, with the reach of each row once.
+std::string MotionProgram::writeHiding() const {
+  const auto row = [](int n) { return "r[" + std::to_string(n) + "]"; };
+  std::string reaches;
+  std::string sums;
+  std::set<int> reached;
+  const auto reach = [&](int n) {
+    const std::string name = std::to_string(n);
+    if (reached.insert(n).second) {
+      reaches += "  Real u" + name + ", w" + name + " = seriesReach(" + row(n) + ", p, last, &u" +
+                 name + ");\n";
+    }
+    return "w" + name + ", u" + name;
+  };
+  for (const expression::SeriesOperation& op : resolved.values) {
+    if (!expression::seriesMayHide(&op, 0)) continue;
+    const int b = op.b < 0 ? op.a : op.b;
+    if (op.degree <= SCENE_ORDER) sums += "  if (last < " + std::to_string(op.degree) + ")\n";
+    sums += "  sum += seriesHides(" + std::to_string(op.kind);
+    for (const int n : {op.result, op.second, op.a, b}) sums += ", " + row(n < 0 ? op.a : n);
+    sums += ", " + reach(op.kind == expression::kSeriesQuotient ? b : op.a) + ", " + reach(b) +
+            ", p, last);\n";
+  }
+  return "\n/* 0 where no operation has more unresolved than visible terms. */\n"
+         "VS_INLINE Real vs_hides(const scene_series* it, const Real* p, int last) {\n"
+         "  const vs_row* const r = it->row;\n  Real sum = 0.0;\n  (void)r, (void)p, "
+         "(void)last;\n" +
+         reaches + sums + "  return sum;\n}\n";
+}
+
+std::string MotionProgram::writeMotion(const std::string& operations, bool shares) const {
+  // A function for each order, unless a scene has so many rows that compiling them takes long.
+  constexpr int kMostRows = 200;
+  std::string text = writeLists(shares);
+  if (SCENE_ROWS <= kMostRows) text += writeOrders(shares);
+  return text + operations + (shares ? "" : kTableData) + kTableFunctions +
+         "\n/* ---- The scene's formulas: coefficients n ---- */\n" + rows_.write(shares) +
+         writeResolution(shares) + kMotion;
+}
+
+std::string MotionProgram::writeOrders(bool in_units) const {
+  std::string each = "#define VS_EACH_ORDER(X)";
+  std::string here = "#define VS_ORDERS_HERE(X)";
+  std::string text;
+  for (int n = 1; n <= SCENE_ORDER; ++n) {
+    const std::string order = std::to_string(n);
+    std::ostringstream own;
+    each += " X(" + order + ")";
+    here += " VS_ORDER_" + order + "(X)";
+    // The last unit has all else to compile.
+    own << "#if UNITS == 1 || " << n << " % (UNITS - 1) == UNIT\n#define VS_ORDER_" << n << "(X) X("
+        << n << ")\n#else\n#define VS_ORDER_" << n << "(X)\n#endif\n";
+    text += own.str();
+  }
+  if (!in_units) return "#ifndef VS_SMALL\n" + each + "\n#endif\n";
+  return each + "\n" + text + here +
+         "\n#define VS_ORDER_STORAGE __attribute__((visibility(\"hidden\")))\n";
+}
+
+std::string MotionProgram::writeKernel() const {
+  return std::string(expression::arithmeticOfCode()) +
+         "#include <float.h>\n#include <math.h>\n#include <string.h>\n" + writeExtents() +
+         kSceneHeader + kTableData + kExchangeData +
+         writeMotion(expression::kOperationsText, true) + kExchange + kCommands + kHost +
+         KernelLibrary::kLastUnit + kHostKernel + KernelLibrary::kEndOfUnit;
+}
+
+}  // namespace variator_sim
