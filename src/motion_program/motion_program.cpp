@@ -276,7 +276,8 @@ void MotionProgram::setHolds(const expression::Graph& graph) {
     const bool differs = !std::equal(C, C + S, formulas_.direction.begin() + m * S);
     has_direction.values.push_back(differs ? 1 : 0);
     for (int i = 0; i < S && differs; ++i)
-      watch(formulas_.direction[static_cast<std::size_t>(m * S + i)]);
+      watch(formulas_.direction[static_cast<std::size_t>(m) * static_cast<std::size_t>(S) +
+                                static_cast<std::size_t>(i)]);
   }
   for (const SceneHold& it : formulas_.holds) {
     for (const Node node : {it.upper, it.lower, it.level}) watch(node);

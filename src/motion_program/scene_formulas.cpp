@@ -147,7 +147,8 @@ void addLosses(const Scene& scene, const Holding& law, int m, int slot, SceneFor
   for (int i = 0; i < scene.shaftCount(); ++i) {
     const Expression C(graph, graph.differentiate(hold.slip, slotOf(Source::kVelocity, i)));
     Node& Q = made.torque[static_cast<std::size_t>(i)];
-    Node& D = made.direction[static_cast<std::size_t>(m * scene.shaftCount() + i)];
+    Node& D = made.direction[static_cast<std::size_t>(m) * scene.shafts.size() +
+                             static_cast<std::size_t>(i)];
     Q = (Expression(graph, Q) - C * base).in(graph);
     D = (Expression(graph, D) - C * slope).in(graph);
   }

@@ -60,7 +60,8 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
     if (status == SCENE_OK && !IS_CLASSICAL) status = vs_settle_accelerations(m, it);
   }
   if (TRANSMITS && m->has_moved && status == SCENE_OK) {
-    m->present = 1 - m->present; /* (it decides in the other series: the last step's is looked at) */
+    m->present =
+        1 - m->present; /* (it decides in the other series: the last step's is looked at) */
     status = vs_decide(m, 0);
     m->present = 1 - m->present;
   }

@@ -237,8 +237,8 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
 }
 
 /* The work, J, of the applied torques over the first `at` s of the last step, for each shaft
- * sum_n p_n tau^(n+1) / (n+1), p_n = sum_k Q_k omega_n-k, up to the degree of the product; *through:
- * the sum of the magnitudes. */
+ * sum_n p_n tau^(n+1) / (n+1), p_n = sum_k Q_k omega_n-k, up to the degree of the product;
+ * *through: the sum of the magnitudes. */
 VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   const scene_series* const it = &h->model.series[h->taken];
   const double tau = seriesSmaller(at, h->made) / it->unit;

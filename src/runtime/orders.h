@@ -247,7 +247,8 @@ VS_FUNCTION_INLINE double vs_log_length(const scene_series* it, int first, int c
  * gauss are an output, whose own tolerance the step's end is asked for (vs_defect). Up to limit,
  * s, no function does what its series does not show. */
 VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
-  const double kept = 6.0; /* part of the tolerance for the last term; those behind it are unknown */
+  const double kept =
+      6.0; /* part of the tolerance for the last term; those behind it are unknown */
   const int last = vs_last(it);
   const double longest_rates =
       vs_log_length(it, ACCELERATION, S, it->order, IS_CLASSICAL ? 0.4 : kept);
