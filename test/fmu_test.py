@@ -25,7 +25,7 @@ SCHEMAS = os.environ.get("VARIATOR_SIM_FMI_SCHEMAS", "/usr/share/fmi")
 PATIENCE = 300.0  # s; only a failure takes as long
 SCENES = {"memory": "test/scenes/c/memory", "slip": "test/fmu/slip", "engine": "test/fmu/engine",
           "vehicle": "test/fmu/vehicle", "locomotive": "config/applications/diesel_locomotive"}
-# What the motion consists of; other quantities round in another order.
+# The quantities of the motion itself; others round in another order.
 MOTION = ("angle", "velocity", "acceleration", "applied_torque", "reaction_torque", "reaction_torque_rate", "residual",
           "multiplier", "slip", "reserve", "heat")
 
@@ -411,7 +411,7 @@ class FmuTest(TestCase):
         for step in (2e-3, 1e-3):
             got = self.run_master([], step)
             errors.append(max(abs(a - b) for a, b in zip(got, expected)))
-        # What is exchanged is constant between communication points: an error of first order.
+        # Exchanged values are constant between communication points: the error is of first order.
         self.assertLess(errors[1], 0.6 * errors[0])
         self.assertLess(errors[1], 0.1)
 

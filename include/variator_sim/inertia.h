@@ -38,8 +38,6 @@ class Inertia {
   void updateValue(const double* phi) {
     if (!isAt(phi)) updateAll(phi);
   }
-  /// Sets J at `phi` from this diagonal, which the caller has computed.
-  void setValue(const double* phi, const double* diagonal);
 
   /// y = J v.
   void multiply(const double* v, double* y) const {

@@ -28,8 +28,6 @@ class Drivetrain {
 
   int shafts() const { return S; }
   const Inertia& inertia() const { return inertia_; }
-  /// See Inertia::setValue.
-  void setInertia(const double* phi, const double* diagonal) { inertia_.setValue(phi, diagonal); }
   /// Returns the ratio of absolute and relative tolerance, against which state values are small.
   double naturalSize() const {
     return scene_.solver.absolute_tolerance / scene_.solver.relative_tolerance;
@@ -161,19 +159,6 @@ class Drivetrain {
   bool shareMachineCode(const Drivetrain& other) {
     return program_.shareMachineCode(other.program_);
   }
-
-  /// Copies f and the row of C of each constraint of order 1, consecutively.
-  void copyVelocityLevel(const StateView& state, double* level) const {
-    std::copy_n(program_.calcVelocityLevel(state),
-                velocity_rows_.size() * (static_cast<std::size_t>(S) + 1), level);
-  }
-  /// Copies psi and the row of C of each constraint of order 1 or 2.
-  void copyAccelerationLevel(const StateView& state, double* level) const {
-    std::copy_n(program_.calcAccelerationLevel(state),
-                acceleration_rows_.size() * (static_cast<std::size_t>(S) + 1), level);
-  }
-  /// The tables that functions of machine code read.
-  const KernelTables* kernelTables() const { return program_.kernelTables(); }
 
   /// The switching functions of all components.
   const std::vector<GuardPtr>& guards() const { return guards_; }

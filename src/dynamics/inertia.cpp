@@ -30,16 +30,6 @@ bool Inertia::isAt(const double* phi) const {
   return true;
 }
 
-void Inertia::setValue(const double* phi, const double* diagonal) {
-  for (int i = 0; i < S; ++i) {
-    if (harmonics_[static_cast<std::size_t>(i)].empty()) continue;
-    angle_[i] = phi[i];
-    matrix_[i][i] = diagonal[i];
-  }
-  has_derivatives_ = false;
-  invert();
-}
-
 void Inertia::updateAll(const double* phi) {
   has_derivatives_ = true;
   for (int i = 0; i < S; ++i) {

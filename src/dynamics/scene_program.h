@@ -83,7 +83,6 @@ class SceneProgram {
   /// Switches to the machine code of `other`, if its scene differs in numbers alone. Not in the
   /// loop.
   bool shareMachineCode(const SceneProgram& other);
-  const KernelTables* kernelTables() const { return &host_; }
   /// Returns the C source; empty if a law reads an opaque function.
   std::string writeSource(const MoreCode& more = {}) const;
 

@@ -4,13 +4,8 @@
 #pragma once
 
 #include <cmath>
-#include <cstring>
 
 #include "expression/series_program.h"
-
-#if defined(__x86_64__)
-#include <immintrin.h>
-#endif
 
 // The functions between require such a processor: only texts (*.inc) may be included there.
 #if defined(__x86_64__) && defined(__clang__)
@@ -35,15 +30,6 @@ bool fusesProducts();
 void fuseProducts(bool on);
 /// Returns the head of the C of kernels, including their arithmetic.
 const char* arithmeticOfCode();
-
-/// Two doubles, added and multiplied by vector instructions.
-using Two = double __attribute__((vector_size(16)));
-
-inline Two loadTwo(const double* from) {
-  Two values;
-  std::memcpy(&values, from, sizeof values);
-  return values;
-}
 
 enum { VS_STRIDE = SeriesProgram::kStride };  // NOLINT: a name of C
 #define VS_ORDER_VARIES
@@ -73,9 +59,6 @@ namespace plain {
 
 using namespace library;  // NOLINT: its functions are many
 
-inline Two fuseTwo(Two a, Two b, Two c) {
-  return a * b + c;
-}
 #include "runtime/operations.h"
 #undef vs_fuse_four
 
@@ -85,16 +68,6 @@ VARIATOR_SIM_BEGIN_FUSED
 namespace fused {
 
 using namespace library;  // NOLINT: its functions are many
-#if defined(__x86_64__)
-inline Two fuseTwo(Two a, Two b, Two c) {
-  return Two(_mm_fmadd_pd(a, b, c));
-}
-#else
-inline Two fuseTwo(Two a, Two b, Two c) {
-  return Two{__builtin_fma(a[0], b[0], c[0]), __builtin_fma(a[1], b[1], c[1])};
-}
-#endif
-
 #define VS_FUSES
 #include "runtime/operations.h"
 #undef VS_FUSES

@@ -36,10 +36,4 @@ const char* arithmeticOfCode() {
                    : "";
 }
 
-std::array<int, 2> SeriesProgram::limitingOperands(const Instruction& it) {
-  if (it.code == Code::kDivide) return {it.operands[1], -1};
-  if (it.code < Code::kExp || it.code > Code::kPower) return {-1, -1};
-  return {it.operands[0], it.code == Code::kAtan2 ? it.operands[1] : -1};
-}
-
 }  // namespace variator_sim::expression

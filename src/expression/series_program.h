@@ -45,11 +45,6 @@ class SeriesProgram {
   /// all with accelerations.
   enum class Part { kGiven, kTrial, kAccelerated };
 
-  /// True when all of `nodes` have series: no function in them is opaque.
-  static bool hasSeries(const Graph& graph, const std::vector<Node>& nodes) {
-    return !graph.hasOpaque(nodes);
-  }
-
   SeriesProgram() = default;
   /// Makes rows of coefficients 0 to `order` for `trial`, then `others`, and for the variables in
   /// `slots`, which have to be all that occur.
@@ -122,8 +117,6 @@ class SeriesProgram {
 
   SeriesOperation operationOf(const Instruction& it) const;
   void listResolved();
-  /// Returns the operands whose overflow brings a function to its limit; -1 for none.
-  static std::array<int, 2> limitingOperands(const Instruction& it);
 
   std::vector<int> degree_;
   std::vector<char> accelerated_;

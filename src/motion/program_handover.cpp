@@ -17,8 +17,8 @@ bool ProgramMotion::stepIntegrated(double end) {
   const double made = std::max(frontTime() - before, std::numeric_limits<double>::min());
   // An input that moves ever so fast has its reason for short steps.
   const double left = motion_->drivetrain.inputSegmentEnd() - motion_->integrator.stepEnd().time;
-  if (left < 1e3 * Progress::leastAt(before)) return is_good;
-  if (!is_good || motion_->isSleeping() || !progress_.isStuck(before, made)) return is_good;
+  const bool may_be_short = motion_->isSleeping() || left < 1e3 * Progress::leastAt(before);
+  if (!is_good || may_be_short || !progress_.isStuck(before, made)) return is_good;
   motion_->integrator.stopStuck();
   return false;
 }

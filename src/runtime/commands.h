@@ -60,8 +60,8 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
     if (status == SCENE_OK && !IS_CLASSICAL) status = vs_settle_accelerations(m, it);
   }
   if (TRANSMITS && m->has_moved && status == SCENE_OK) {
-    m->present =
-        1 - m->present; /* (it decides in the other series: the last step's is looked at) */
+    /* Modes are decided in the other series: that of the last step is still looked at. */
+    m->present = 1 - m->present;
     status = vs_decide(m, 0);
     m->present = 1 - m->present;
   }
@@ -69,6 +69,20 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
   m->is_begun = 0;
   m->crossings = 0;
   return status;
+}
+
+VS_FUNCTION_RARE const char* vs_status_text(scene_status status) {
+  static const char* const texts[] = {"ok",
+                                      "bad argument",
+                                      "singular constraint",
+                                      "no state on the constraints was found",
+                                      "a value is not finite or has no power series",
+                                      "too many steps",
+                                      "chattering",
+                                      "a jump leads to no state on the constraints",
+                                      "the first commands contradict the initial values",
+                                      "no modes of the elements that hold go on"};
+  return status >= SCENE_OK && status <= SCENE_NO_MODES ? texts[status] : "?";
 }
 
 /* The residual of a constraint: f, psi, or C eta + c_0 of order 3. */

@@ -126,12 +126,12 @@ VS_FUNCTION_RARE void vs_lead(const scene_series* it, int h, int s, int line, in
  * than rounding. */
 VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Real* c) {
   const int s = mode > 0 ? 1 : -1, p = load_of[h];
-  const double lambda = it->row[TRANSMITTED + (p < 0 ? 0 : p)][0];
   double mobility = 0.0, size = 0.0;
   int i, n;
-  if (p < 0) return 0; /* no gear */
+  if (p < 0) return 0; /* no losses */
   for (i = 0; i < 2; ++i) {
-    size += fabs(it->row[slope_row[2 * h + i]][0] * lambda) + fabs(it->row[base_row[2 * h + i]][0]);
+    size += fabs(it->row[slope_row[2 * h + i]][0] * it->row[TRANSMITTED + p][0]) +
+            fabs(it->row[base_row[2 * h + i]][0]);
   }
   for (i = 0; i < S; ++i)
     mobility += vs_entry(it, p, i) * vs_entry(it, p, i) / vs_inertia(it, i, i);

@@ -75,7 +75,7 @@ FMI_EXPORT int fmi3EnterStepMode(void* c) {
   return fmu_go(c, FMU_EVENT, FMU_STEPPING, __func__);
 }
 
-/* What inputs and switches change follows at once. */
+/* Values follow inputs and switches at once: there is no second iteration. */
 FMI_EXPORT int fmi3UpdateDiscreteStates(void* c, bool* needs_update, bool* ends, bool* nominals,
                                         bool* values, bool* has_next, double* next) {
   fmu_instance* const f = c;

@@ -354,17 +354,3 @@ static int fmu_set(fmu_motion* m, unsigned reference, double value) {
   m->is_begun = 0;
   return 1;
 }
-
-static const char* fmu_status_text(scene_status status) {
-  static const char* const texts[] = {"ok",
-                                      "bad argument",
-                                      "singular constraint",
-                                      "no state on the constraints was found",
-                                      "a value is not finite or has no power series",
-                                      "too many steps",
-                                      "chattering",
-                                      "a jump leads to no state on the constraints",
-                                      "the start values contradict each other",
-                                      "no modes of the elements that hold go on"};
-  return texts[status];
-}

@@ -74,7 +74,7 @@ static int fmu_check_start(const fmu_instance* f, double start, const char* func
 static int fmu_stop(const fmu_instance* f, int status, const char* function) {
   char why[200];
   snprintf(why, sizeof why, "the motion stops at %.17g s: %s", f->motion.time,
-           fmu_status_text(f->motion.status));
+           vs_status_text(f->motion.status));
   return fmu_fail(f, status, function, why);
 }
 

@@ -151,15 +151,5 @@ double scene_time(const scene_model* m) {
 }
 
 const char* scene_status_text(scene_status status) {
-  static const char* const texts[] = {"ok",
-                                      "bad argument",
-                                      "singular constraint",
-                                      "no state on the constraints was found",
-                                      "a value is not finite or has no power series",
-                                      "too many steps",
-                                      "chattering",
-                                      "a jump leads to no state on the constraints",
-                                      "the first commands contradict the initial values",
-                                      "no modes of the elements that hold go on"};
-  return status >= SCENE_OK && status <= SCENE_NO_MODES ? texts[status] : "?";
+  return vs_status_text(status);
 }

@@ -171,15 +171,6 @@ VS_INLINE Real vs_convolve_self(const Real* a, int n, int low) {
   return sum;
 }
 
-/* sum_{0<j<n} (n - j) c_j x_{n-j}: coefficient n - 1 of c x' without the term c_0 n x_n */
-VS_INLINE Real vs_slopes(const Real* c, const Real* x, int n) {
-  Real sum[4] = {vs_zero, vs_zero, vs_zero, vs_zero};
-  int j;
-  VS_UNROLL
-  for (j = 1; j < n; ++j) sum[j % 4] = vs_fuse((n - j) * c[j], x[n - j], sum[j % 4]);
-  return (sum[0] + sum[2]) + (sum[1] + sum[3]);
-}
-
 /* 1/n sum_{k<n} rate_k w_{n-1-k}, the coefficient n > 0 of the integral of rate w; rate_k is 0 for
  * k > last */
 VS_INLINE Real vs_chain(const Real* rate, const Real* w, int last, int n) {

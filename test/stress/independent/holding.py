@@ -254,7 +254,7 @@ class Solver:
                 found.append((modes, at, self.later(t, at, modes)[1]))
         if not found:
             raise Ambiguous(f"no modes at {t}")
-        # What can stick does, though with static > 1 it might slide, too.
+        # An element that can stick does, though with static > 1 it might slide, too.
         might_stick = [h for h in rest if self.it.elements[h]["static"] > 1.0]
         stuck = lambda one: (-sum(one[0][h] != STUCK for h in might_stick),
                              sum(mode == STUCK for mode in one[0]))
