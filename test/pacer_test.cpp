@@ -119,18 +119,18 @@ TEST(Pacer, TicksTooHeavyForTheirRateFallBehindBounded) {
   EXPECT_GT(pacer.counters().lost_time, 9000 * kMillisecond);
 }
 
-// Ten ticks between two samples are no tenth of a second where each takes 5 ms.
+// Ten ticks take 50 ms where each takes 5 ms: once time is lost, samples come between them.
 TEST(SampleSchedule, OverloadedItKeepsHalfItsRate) {
   ManualClock clock;
   Pacer pacer(clock, 1e6);
   pacer.anchor();
   SampleSchedule samples;
   samples.setRate(100.0, 1000.0);
-  samples.countFrom(pacer.tick(), clock.now());
+  samples.countFrom(pacer, clock.now());
   int count = 0;
-  for (int n = 0; n < 1000; ++n) {
+  for (int n = 0; n < 1100; ++n) {
     waitForTick(pacer);
-    count += samples.isDue(pacer) ? 1 : 0;
+    count += samples.isDue(pacer) && n >= 100 ? 1 : 0;
     clock.pass(5 * kMillisecond);
   }
   EXPECT_GE(count, 240);  // 5 s
@@ -143,9 +143,24 @@ TEST(SampleSchedule, ALateTickMakesNoFurtherSample) {
   pacer.anchor();
   SampleSchedule samples;
   samples.setRate(100.0, 1000.0);
-  samples.countFrom(pacer.tick(), clock.now());
+  samples.countFrom(pacer, clock.now());
   for (int n = 1; n <= 100; ++n) {
     if (n % 10 == 5) clock.pass(9 * kMillisecond);
+    waitForTick(pacer);
+    EXPECT_EQ(samples.isDue(pacer), n % 10 == 0) << n;
+  }
+}
+
+// A burst of late ticks has the samples that it would have had in time, and no other ones.
+TEST(SampleSchedule, TicksThatAreCaughtUpMakeNoFurtherSample) {
+  ManualClock clock;
+  Pacer pacer(clock, 1e6);
+  pacer.anchor();
+  SampleSchedule samples;
+  samples.setRate(100.0, 1000.0);
+  samples.countFrom(pacer, clock.now());
+  for (int n = 1; n <= 1000; ++n) {
+    if (n % 300 == 5) clock.pass(240 * kMillisecond);
     waitForTick(pacer);
     EXPECT_EQ(samples.isDue(pacer), n % 10 == 0) << n;
   }

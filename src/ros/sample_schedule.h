@@ -10,9 +10,10 @@
 namespace variator_sim {
 
 /// Paced, every k-th tick has a sample: publish_rate counts wall time, so the traffic does not grow
-/// with the speed. If ticks come too slowly for that (the scene overloads the node), a tick also
-/// has a sample when the last is twice 1 / publish_rate ago. Unpaced, a tick has one when the last
-/// is 1 / publish_rate ago. [loop]
+/// with the speed. Once the pacer has lost time (the scene overloads the node), a tick also has a
+/// sample when the last is twice 1 / publish_rate ago; before that late ticks are caught up, and
+/// samples stay at the same simulated times. Unpaced, a tick has one when the last is
+/// 1 / publish_rate ago. [loop]
 class SampleSchedule {
  public:
   /// `publish_rate` in Hz; `speed`: ticks per s of the clock, 0 when unpaced. The caller then calls
@@ -22,9 +23,10 @@ class SampleSchedule {
     ticks_per_sample_ = std::max(1.0, speed / publish_rate);
   }
 
-  /// Counts samples from `tick`, which begins at `now`, ns on the clock.
-  void countFrom(std::int64_t tick, std::int64_t now) {
-    base_ = tick;
+  /// Counts samples from the last tick of `pacer`; it is `now`, ns on the clock.
+  void countFrom(const Pacer& pacer, std::int64_t now) {
+    base_ = pacer.tick();
+    lost_time_ = pacer.counters().lost_time;
     count_ = 0;
     next_tick_ = base_ + toCount(ticks_per_sample_);
     next_time_ = now;
@@ -34,8 +36,8 @@ class SampleSchedule {
   /// Returns whether the last tick of `pacer` has a sample. The caller calls it once a tick.
   bool isDue(const Pacer& pacer) {
     if (pacer.isPaced()) {
-      const bool is_overdue =
-          !pacer.isFollowed() && pacer.tickStart() - last_time_ >= 2 * interval_;
+      const bool is_overdue = pacer.counters().lost_time > lost_time_ && !pacer.isFollowed() &&
+                              pacer.tickStart() - last_time_ >= 2 * interval_;
       if (pacer.tick() < next_tick_ && !is_overdue) return false;
       passOver(pacer.tick(), pacer.tickStart());
       return true;
@@ -61,6 +63,7 @@ class SampleSchedule {
   double ticks_per_sample_ = 1.0;
   std::int64_t interval_ = 0;   ///< unpaced, ns
   std::int64_t base_ = 0;       ///< the tick from which samples are counted
+  std::int64_t lost_time_ = 0;  ///< of the pacer at that tick, ns
   std::int64_t count_ = 0;      ///< since then
   std::int64_t next_tick_ = 0;  ///< paced only
   std::int64_t next_time_ = 0;  ///< unpaced only, ns on the clock

@@ -163,7 +163,7 @@ void SteppingLoop::applySettings() {
   if (new_pace) {
     anchor();
   } else {
-    samples_due_.countFrom(pacer_.tick(), clock_.now());
+    samples_due_.countFrom(pacer_, clock_.now());
   }
 }
 
@@ -294,7 +294,7 @@ void SteppingLoop::resetMotion(bool reset_time) {
 void SteppingLoop::anchor() {
   anchor_ = present_;
   pacer_.anchor();
-  samples_due_.countFrom(pacer_.tick(), clock_.now());
+  samples_due_.countFrom(pacer_, clock_.now());
   moment_ = clock_.now();
   lateness_.clear();
   lateness_p50_ = lateness_p99_ = lateness_max_ = 0;
