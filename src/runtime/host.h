@@ -237,22 +237,21 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
 }
 
 /* The work, J, of the applied torques over the first `at` s of the last step, for each shaft
- * sum_n p_n tau^(n+1) / (n+1), p_n = sum_k Q_k omega_n-k, up to the degree of the product;
- * *through: the sum of the magnitudes. */
+ * sum_n p_n tau^(n+1) / (n+1), p_n = sum_k Q_k omega_n-k, as far as both series go; *through: the
+ * sum of the magnitudes. */
 VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   const scene_series* const it = &h->model.series[h->taken];
   const double tau = seriesSmaller(at, h->made) / it->unit;
   double sum = 0.0;
-  const int last = it->order;
   int i, k, n;
   *through = 0.0;
   for (i = 0; i < S; ++i) {
     const double* const Q = it->row[torque_row[i]];
     const double* const omega = it->row[VELOCITY + i];
     double power = it->unit * tau, own = 0.0;
-    for (n = 0; n <= 2 * last; ++n, power *= tau) {
+    for (n = 0; n <= it->order; ++n, power *= tau) {
       double p = 0.0;
-      for (k = n > last ? n - last : 0; k <= n && k <= last; ++k) p += Q[k] * omega[n - k];
+      for (k = 0; k <= n; ++k) p += Q[k] * omega[n - k];
       own += p * power / (n + 1);
     }
     sum += own;
