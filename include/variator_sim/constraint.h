@@ -84,7 +84,7 @@ class Constraint : public Law {
   /// Returns the accelerations that the second-order form reads other than with constant
   /// coefficients, bit i for shaft i: the search for the least reaction varies these alone. If
   /// there are none, C does not depend on epsilon, and a jump is one exact linear projection.
-  unsigned nonlinearAccelerations() const { return nonlinear_; }
+  ShaftSet nonlinearAccelerations() const { return nonlinear_; }
   /// Returns functions of the state at whose zeros psi, though continuous, has a kink in epsilon
   /// (abs, min, max of accelerations), as constraints of order 2. The least reaction may lie there.
   const std::vector<ConstraintPtr>& kinks() const { return kinks_; }
@@ -132,7 +132,7 @@ class Constraint : public Law {
   Dependence dependence_;
   std::set<int> inputs_;  ///< inputs that the law reads
   bool has_constant_jacobian_ = false;
-  unsigned nonlinear_ = 0;
+  ShaftSet nonlinear_;
   std::vector<ConstraintPtr> kinks_;
 };
 

@@ -1,6 +1,7 @@
 /// Switching functions of laws: kinks (abs, min, max), jumps (sign) and the points of tables.
 #pragma once
 
+#include <bitset>
 #include <limits>
 #include <memory>
 #include <vector>
@@ -23,6 +24,9 @@ struct StateBox {
   Interval acceleration[kMaxShafts];  ///< rad/s^2
   const Interval* input = nullptr;    ///< one per input of the scene; null: unknown
 };
+
+/// A set of parts of the state, in the order of LinearValue::state.
+using StateSet = std::bitset<3 * kMaxShafts>;
 
 /// A value that is linear in the state and the time, up to a constant.
 struct LinearValue {
@@ -68,7 +72,7 @@ class Guard {
   virtual Interval bounds(int /*branch*/) const { return {}; }
   /// Returns the components of the state that the guard or its `rate` may read, one bit for each of
   /// those of LinearValue.
-  virtual unsigned reads() const { return ~0U; }
+  virtual StateSet reads() const { return ~StateSet{}; }
   /// True when the mode may change while the shafts do not: the law reads the time or an input.
   virtual bool readsTime() const { return true; }
   /// True when the guard reads a commanded input.

@@ -1,17 +1,21 @@
 /// Sizes, enumerations and the view of a state that plugins read. Units: SI (rad, s, N m, kg m^2).
 #pragma once
 
+#include <bitset>
+
 namespace variator_sim {
 
 /// Largest number of shafts s of one drivetrain.
-constexpr int kMaxShafts = 8;
+constexpr int kMaxShafts = 64;
+/// A set of shafts.
+using ShaftSet = std::bitset<kMaxShafts>;
 /// Largest number of constraints k; k < s.
 constexpr int kMaxConstraints = kMaxShafts - 1;
 /// Largest number of commanded inputs u of one drivetrain.
 constexpr int kMaxInputs = 32;
 /// Largest number of elements of one drivetrain that hold. Formulas read the side that one slides
 /// to as an input: that of number kMaxInputs + n, which is constant between events.
-constexpr int kMaxHolds = 16;
+constexpr int kMaxHolds = 64;
 
 /// An element that holds, at an instant.
 struct HeldElement {

@@ -48,6 +48,7 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Dri
     noteBranches(*constraints_[m], {-1, static_cast<int>(m)});
   }
   std::sort(instants_.begin(), instants_.end());
+  hessians_.resize(constraints_.size() * static_cast<std::size_t>(S * S));
   findColumns();
   signals_.resize(scene.inputs.size());
   saved_signals_.resize(scene.inputs.size());
@@ -157,15 +158,14 @@ bool Drivetrain::calcFormalJerk(const StateView& state, const double* lambda, do
   calcFreeTorqueRate(state, rate);
   double right[kMaxShafts];
   double c0[kMaxRows] = {};
-  double H[kMaxRows * kMaxShafts * kMaxShafts];
   std::copy(rate, rate + S, right);
   for (int m = 0; m < constraintCount(); ++m) {
     double D[kMaxShafts];
     constraint(m).calcRow(state, solver_.row(m), &c0[m]);
-    constraint(m).calcJacobianRate(state, D, H + m * S * S);
+    constraint(m).calcJacobianRate(state, D, hessian(m));
     for (int i = 0; i < S; ++i) right[i] += lambda[m] * D[i];
   }
-  if (!solveFormal(lambda, H, right, c0, eta)) return false;
+  if (!solveFormal(lambda, right, c0, eta)) return false;
   inertia_.multiply(eta, reaction_rate);
   for (int i = 0; i < S; ++i) reaction_rate[i] -= rate[i];
   return true;
@@ -248,8 +248,8 @@ void Drivetrain::findColumns() {
   }
 }
 
-bool Drivetrain::solveFormal(const double* lambda, const double* H, const double* right,
-                             const double* c0, double* x) const {
+bool Drivetrain::solveFormal(const double* lambda, const double* right, const double* c0,
+                             double* x) const {
   const int k = constraintCount();
   DenseMatrix K = DenseMatrix::Zero(S + k, S + k);
   DenseVector b = DenseVector::Zero(S + k);
@@ -258,11 +258,12 @@ bool Drivetrain::solveFormal(const double* lambda, const double* H, const double
     for (int j = 0; j < S; ++j) K(i, j) = inertia_.entry(i, j);
   }
   for (int m = 0; m < k; ++m) {
+    const double* const H = &hessians_[static_cast<std::size_t>(m * S * S)];
     b(S + m) = -c0[m];
     for (int i = 0; i < S; ++i) {
       K(S + m, i) = solver_.row(m)[i];
       K(i, S + m) = -solver_.row(m)[i];
-      for (int j = 0; j < S; ++j) K(i, j) -= lambda[m] * H[(m * S + i) * S + j];
+      for (int j = 0; j < S; ++j) K(i, j) -= lambda[m] * H[i * S + j];
     }
   }
   // y is large where rows of C are nearly dependent, and multiplies the rounding errors of the

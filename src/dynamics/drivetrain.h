@@ -44,7 +44,7 @@ class Drivetrain {
   const std::vector<int>& velocityRows() const { return velocity_rows_; }
   const std::vector<int>& accelerationRows() const { return acceleration_rows_; }
   /// The accelerations that some constraint is not linear in, bit i for shaft i.
-  unsigned nonlinearAccelerations() const { return nonlinear_accelerations_; }
+  ShaftSet nonlinearAccelerations() const { return nonlinear_accelerations_; }
   /// The kinks of psi in epsilon: see Constraint::kinks.
   static constexpr std::size_t kMostKinks = 16;
   const std::vector<const Constraint*>& kinks() const { return kinks_; }
@@ -418,9 +418,11 @@ class Drivetrain {
     return row < 0 ? -1 : rows[static_cast<std::size_t>(row)];
   }
 
-  /// (J - sum lambda_m H_m) x - C^T y = right, C x = -c0, with the rows of C in solver_. Writes x.
-  bool solveFormal(const double* lambda, const double* H, const double* right, const double* c0,
-                   double* x) const;
+  /// H of constraint m, s by s.
+  double* hessian(int m) { return &hessians_[static_cast<std::size_t>(m * S * S)]; }
+  /// (J - sum lambda_m H_m) x - C^T y = right, C x = -c0, with the rows of C in solver_ and H in
+  /// hessians_. Writes x.
+  bool solveFormal(const double* lambda, const double* right, const double* c0, double* x) const;
 
   /// |J^-1 C^T A^-1| times the rounding error of the residuals of some constraints.
   template <class Evaluate>
@@ -442,7 +444,7 @@ class Drivetrain {
   std::vector<const Torque*> torques_;
   std::vector<const Constraint*> constraints_;
   std::vector<const Constraint*> kinks_;
-  unsigned nonlinear_accelerations_ = 0;
+  ShaftSet nonlinear_accelerations_;
   std::vector<int> velocity_rows_;
   std::vector<int> acceleration_rows_;
   std::vector<CommandSignal> signals_;
@@ -455,6 +457,7 @@ class Drivetrain {
   std::vector<GuardPtr> guards_;
   std::vector<GuardOwner> guard_owners_;
   std::vector<double> instants_;  // s, sorted
+  std::vector<double> hessians_;  // of all constraints
   mutable double torque_rate_[kMaxShafts] = {};
   bool has_constant_jacobian_ = false;
   bool reads_column_[kMaxShafts] = {};

@@ -249,17 +249,16 @@ bool Drivetrain::calcFormalJumpRate(const StateView& state, const double* torque
   double torque[kMaxShafts];
   double reaction[kMaxShafts];
   double lambda[kMaxRows] = {};
-  double H[kMaxRows * kMaxShafts * kMaxShafts];
   double c0[kMaxRows] = {};
   calcTorque(state, torque);
   calcReaction(state, torque, reaction);
   calcMultipliers(reaction, lambda);
   for (int m = 0; m < constraintCount(); ++m) {
-    constraint(m).calcHessian(state, H + m * S * S);
+    constraint(m).calcHessian(state, hessian(m));
     // calcJumpRate has just made C d_epsilon = -dpsi/du Delta_u.
     for (int i = 0; i < S; ++i) c0[m] -= solver_.row(m)[i] * rate[i];
   }
-  if (solveFormal(lambda, H, torque_jump, c0, rate)) return true;
+  if (solveFormal(lambda, torque_jump, c0, rate)) return true;
   for (int i = 0; i < S; ++i) rate[i] = std::numeric_limits<double>::quiet_NaN();
   return false;
 }

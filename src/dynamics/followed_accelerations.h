@@ -20,7 +20,7 @@ class FollowedAccelerations {
       : S(drivetrain.shafts()),
         drivetrain_(drivetrain),
         initial_solver_(initial_solver),
-        is_linear_(drivetrain.nonlinearAccelerations() == 0) {}
+        is_linear_(drivetrain.nonlinearAccelerations().none()) {}
 
   /// The accelerations computed last, S values.
   const double* last() const { return epsilon_; }

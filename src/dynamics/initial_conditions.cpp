@@ -44,7 +44,7 @@ InitialResult InitialConditionSolver::findLeastReaction(const StateView& state, 
     std::fill_n(multipliers, S, 0.0);
     is_found = solver_.solve(state, torque, 0, epsilon, multipliers);
   }
-  if (drivetrain_.nonlinearAccelerations() == 0) {
+  if (drivetrain_.nonlinearAccelerations().none()) {
     if (is_found) return InitialResult::kConsistent;
     std::copy_n(free, S, epsilon);
     return explain(state, epsilon);

@@ -58,7 +58,7 @@ bool LeastReactionSolver::solve(const StateView& given, const double* torque, un
       std::uint64_t iterations = 0;
       return projectAccelerations(drivetrain_, state, epsilon, moved, &iterations) ==
                  ProjectionResult::kConverged &&
-             (drivetrain_.nonlinearAccelerations() == 0 || isConsistent(state));
+             (drivetrain_.nonlinearAccelerations().none() || isConsistent(state));
     }
     step = next;
   }

@@ -92,13 +92,13 @@ LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state, c
 }
 
 void LeastReactionSearch::setUp() {
-  const unsigned nonlinear = drivetrain_.nonlinearAccelerations();
+  const ShaftSet nonlinear = drivetrain_.nonlinearAccelerations();
   n_ = 0;
   int which[kMaxShafts];
   J_.resize(S, S);
   inverse_.resize(S, S);
   for (int j = 0; j < S; ++j) {
-    if ((nonlinear >> static_cast<unsigned>(j) & 1U) != 0U) which[n_++] = j;
+    if (nonlinear[static_cast<std::size_t>(j)]) which[n_++] = j;
     const Vector unit = Vector::Unit(S, j);
     drivetrain_.inertia().multiply(unit.data(), J_.col(j).data());
     drivetrain_.inertia().solve(unit.data(), inverse_.col(j).data());

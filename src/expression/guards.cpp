@@ -88,7 +88,9 @@ class FormulaGuard : public Guard {
     return rate_ ? rate_->evaluate(box) : Guard::rate(box);
   }
   const LinearValue* linear() const override { return linear_ ? &*linear_ : nullptr; }
-  unsigned reads() const override { return enclosure_.reads() | (rate_ ? rate_->reads() : 0U); }
+  StateSet reads() const override {
+    return rate_ ? enclosure_.reads() | rate_->reads() : enclosure_.reads();
+  }
   bool readsTime() const override { return enclosure_.readsTime() || enclosure_.readsInputs(); }
   bool readsInputs() const override { return enclosure_.readsInputs(); }
 

@@ -210,7 +210,7 @@ IntervalProgram::IntervalProgram(const Graph& graph, Node node) {
     if (entry.operation != Operation::kVariable) continue;
     const int source = static_cast<int>(sourceOf(entry.slot));
     const int part = kMaxShafts * (source - static_cast<int>(Source::kAngle)) + indexOf(entry.slot);
-    if (part >= 0 && part < 3 * kMaxShafts) reads_ |= 1U << part;
+    if (part >= 0 && part < 3 * kMaxShafts) reads_.set(static_cast<std::size_t>(part));
     reads_time_ = reads_time_ || sourceOf(entry.slot) == Source::kTime;
     reads_inputs_ = reads_inputs_ || sourceOf(entry.slot) == Source::kInput;
   }

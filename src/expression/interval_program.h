@@ -22,7 +22,7 @@ class IntervalProgram {
   /// time, as it keeps its registers. [loop]
   Interval evaluate(const StateBox& box, double rounding = 0.0) const;
   /// The parts of the state that occur, as Guard::reads tells them.
-  unsigned reads() const { return reads_; }
+  StateSet reads() const { return reads_; }
   /// True when the time occurs.
   bool readsTime() const { return reads_time_; }
   /// True when an input occurs.
@@ -39,7 +39,7 @@ class IntervalProgram {
   };
   std::vector<Step> steps_;
   mutable std::vector<Interval> registers_;  ///< one per step; constants are written once
-  unsigned reads_ = 0;
+  StateSet reads_;
   bool reads_time_ = false;
   bool reads_inputs_ = false;
 };

@@ -90,8 +90,7 @@ void GuardSearch::setGuards(std::vector<GuardPtr> guards, View view, InputRange 
   std::size_t most = 1;  // polynomials that one of them needs
   for (const GuardPtr& guard : guards_) {
     has_opaque_ = has_opaque_ || guard->isOpaque();
-    const unsigned reads = guard->reads() & ((1U << 3 * kMaxShafts) - 1U);
-    if (guard->linear() == nullptr) most = std::max(most, std::bitset<32>(reads).count());
+    if (guard->linear() == nullptr) most = std::max(most, guard->reads().count());
     reads_inputs_ = reads_inputs_ || (!guard->isOpaque() && guard->readsInputs());
   }
   parts_.resize((kMostHalvings + 2) * most);
@@ -357,8 +356,9 @@ void GuardSearch::findEnclosed(std::size_t i, const StepCurve& curve, double res
   int part[3 * kMaxShafts];
   double origin[3 * kMaxShafts];
   std::size_t count = 0;
+  const StateSet reads = guard.reads();
   for (int n = 0; n < 3 * kMaxShafts; ++n) {
-    if ((guard.reads() >> n & 1U) == 0 || n % kMaxShafts >= curve.shafts()) continue;
+    if (!reads[static_cast<std::size_t>(n)] || n % kMaxShafts >= curve.shafts()) continue;
     part[count] = n;
     parts_[count] = StepCurve::head(curve.part(n, &origin[count]), finding->clear);
     ++count;

@@ -253,7 +253,7 @@ bool TrialSteps::isFixedStepFine(double norm) {
 
 bool TrialSteps::haveAccelerationsLeapt() {
   // A psi that is linear in them has one branch only.
-  const bool has_branches = drivetrain_.nonlinearAccelerations() != 0;
+  const bool has_branches = drivetrain_.nonlinearAccelerations().any();
   if (integrates_torque_ || !has_branches || step_.choice.isFixed()) return false;
   constexpr double kLeap = 1e-5;
   const double part = std::max(kLeap, 10.0 * step_.settings.relative_tolerance);

@@ -37,14 +37,14 @@ bool isPiecewise(Operation operation) {
 }
 
 /// Returns for every node of the graph the variables of `source` it reads, bit i for shaft i.
-std::vector<unsigned> findReads(const Graph& graph, Source source, int s) {
-  std::vector<unsigned> reads(static_cast<std::size_t>(graph.size()), 0U);
+std::vector<ShaftSet> findReads(const Graph& graph, Source source, int s) {
+  std::vector<ShaftSet> reads(static_cast<std::size_t>(graph.size()));
   for (int n = 0; n < graph.size(); ++n) {
     const Graph::Entry& entry = graph.entry({n});
-    unsigned& mask = reads[static_cast<std::size_t>(n)];
+    ShaftSet& mask = reads[static_cast<std::size_t>(n)];
     if (entry.operation == Operation::kVariable && expression::sourceOf(entry.slot) == source &&
         expression::indexOf(entry.slot) < s) {
-      mask = 1U << static_cast<unsigned>(expression::indexOf(entry.slot));
+      mask.set(static_cast<std::size_t>(expression::indexOf(entry.slot)));
     }
     // Operands precede their users.
     for (int p = 0; p < operandCount(entry.operation); ++p) {
@@ -56,8 +56,8 @@ std::vector<unsigned> findReads(const Graph& graph, Source source, int s) {
 
 /// Returns the part of `reads` that abs, min, max, sign and comparisons in `node` read: there it is
 /// at best piecewise linear, although its second derivatives are zero.
-unsigned findPiecewise(const Graph& graph, const std::vector<unsigned>& reads, Node node) {
-  unsigned mask = 0;
+ShaftSet findPiecewise(const Graph& graph, const std::vector<ShaftSet>& reads, Node node) {
+  ShaftSet mask;
   for (const int n : graph.listReachable({node})) {
     const Graph::Entry& entry = graph.entry({n});
     if (!isPiecewise(entry.operation)) continue;
@@ -72,11 +72,11 @@ unsigned findPiecewise(const Graph& graph, const std::vector<unsigned>& reads, N
 constexpr std::size_t kMostKinks = 16;
 
 /// Returns functions at whose zeros `given` has a kink in the accelerations but does not jump.
-std::vector<Node> findKinks(Graph& graph, const std::vector<unsigned>& reads, Node given, int s) {
+std::vector<Node> findKinks(Graph& graph, const std::vector<ShaftSet>& reads, Node given, int s) {
   std::vector<Node> kinks;
   const std::vector<bool> reachable = graph.findReachable({given});
   for (std::size_t n = 0; n < reachable.size() && kinks.size() < kMostKinks; ++n) {
-    if (!reachable[n] || reads[n] == 0U) continue;
+    if (!reachable[n] || reads[n].none()) continue;
     const Graph::Entry entry = graph.entry({static_cast<int>(n)});
     Node found;
     if (entry.operation == Operation::kAbs) {
@@ -124,7 +124,7 @@ void Constraint::derive(const LawContext& law, const ComponentContext& context) 
     direction_[static_cast<std::size_t>(shaft)] = D.in(graph);
   }
   if (order != 2) return;
-  const std::vector<unsigned> reads = findReads(graph, Source::kAcceleration, s);
+  const std::vector<ShaftSet> reads = findReads(graph, Source::kAcceleration, s);
   for (const Node kink : findKinks(graph, reads, given, s)) {
     kinks_.push_back(std::make_shared<Kink>(*this, kink));
   }
@@ -219,15 +219,15 @@ void Constraint::noteNonlinear(const Formulas& formulas) {
   const Graph& graph = Law::graph();
   const int s = shaftCount();
   if (order_ > 1) {
-    const std::vector<unsigned> reads = findReads(graph, Source::kAcceleration, s);
+    const std::vector<ShaftSet> reads = findReads(graph, Source::kAcceleration, s);
     nonlinear_ = findPiecewise(graph, reads, function());
     for (int i = 0; i < s; ++i) {
-      bool is_constant = findPiecewise(graph, reads, formulas.C[static_cast<std::size_t>(i)]) == 0U;
+      bool is_constant = findPiecewise(graph, reads, formulas.C[static_cast<std::size_t>(i)]).none();
       const auto row = formulas.hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
       is_constant = is_constant && std::all_of(row, row + s, [&graph](Node node) {
                       return graph.isConstant(node, 0.0);
                     });
-      if (!is_constant) nonlinear_ |= 1U << static_cast<unsigned>(i);
+      if (!is_constant) nonlinear_.set(static_cast<std::size_t>(i));
     }
   }
 }

@@ -140,13 +140,13 @@ void ProgramMotion::noteEnergy() {
   const double work = host_->calcWork(it_.made, &through_);
   applied_ += work;
   if (motion_ == nullptr) return;
-  double entry[kMaxConstraints * kMaxShafts] = {};
-  double rows[kMaxConstraints][kMaxShafts] = {};
   if (motion_->energy_meter.isWatched()) {
-    host_->look(entry);
-    for (int m = 0; m < scene.constraintCount(); ++m) std::copy_n(entry + S * m, S, rows[m]);
+    host_->look(entries_.data());
+    for (int m = 0; m < scene.constraintCount(); ++m) {
+      std::copy_n(&entries_[static_cast<std::size_t>(S * m)], S, rows_[m]);
+    }
   }
-  motion_->energy_meter.noteStepElsewhere(frontTime(), work, through_, state_, rows);
+  motion_->energy_meter.noteStepElsewhere(frontTime(), work, through_, state_, rows_.get());
 }
 
 void ProgramMotion::cutEnergy(double at) {

@@ -56,6 +56,8 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgra
   it_.input = input_;
   if (motion_ != nullptr) {
     motion_->integrator.choice().letProgramStep();
+    entries_.resize(static_cast<std::size_t>(program_->K * program_->S));
+    rows_ = std::make_unique<double[][kMaxShafts]>(static_cast<std::size_t>(program_->K));
   }
   it_.hold = hold_;
   if (program_->HOLDS > 0 || program_->EVENTS > 0) events_.resize(kMostEvents);

@@ -212,6 +212,8 @@ class ProgramMotion final : public MotionBase {
   double applied_before_ = 0.0;  ///< J, at its start
   double kinetic_ = 0.0;         ///< J, of the last sample
   double through_ = 0.0;         ///< J, that the last step has brought and taken
+  std::vector<double> entries_;  ///< of C at the end of the last step, by rows
+  std::unique_ptr<double[][kMaxShafts]> rows_;  ///< the same, each in its place
 };
 
 }  // namespace variator_sim

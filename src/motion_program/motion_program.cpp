@@ -161,7 +161,6 @@ void MotionProgram::setSizes(const Scene& scene) {
                           [&](Node node) { return !scene.graph->isConstant(node, 0.0); });
   IS_COUPLED = isDiagonal(scene.inertia) ? 0 : 1;
   INERTIA_VARIES = formulas_.inertia_varies ? 1 : 0;
-  ENTRIES_VARY = anyEntry([this](int row) { return !program_.isConstant(row); });
   ENTRIES_TURN = anyEntry([this](int row) { return program_.isAccelerated(row); });
   HAS_ORDER_1 = HOLDS > 0 || hasOrder(scene, 1, 1) ? 1 : 0;
   HAS_RESIDUAL = HOLDS > 0 || hasOrder(scene, 1, 2) ? 1 : 0;
@@ -171,7 +170,7 @@ void MotionProgram::setSizes(const Scene& scene) {
   // projection (jump_map.h).
   JUMPS_STRAIGHT =
       std::all_of(scene.constraints.begin(), scene.constraints.end(), [](const ConstraintPtr& it) {
-        return it->nonlinearAccelerations() == 0 && !it->readsInputs();
+        return it->nonlinearAccelerations().none() && !it->readsInputs();
       });
   COMPONENTS = IS_CLASSICAL != 0 ? 2 * S : 3 * S;
   INPUT_ROW_COUNT = static_cast<int>(input_row.values.size());
@@ -186,6 +185,8 @@ void MotionProgram::setSizes(const Scene& scene) {
   SCENE_STRIDE = (std::max(SCENE_ORDER, SeriesProgram::kAlong) + 4) / 4 * 4 + 4;
   SCENE_MODES = std::max(1, rows_.modes());
   SCENE_PIECES = std::max(1, rows_.pieces());
+  SCENE_MOBILITY = IS_COUPLED != 0 ? S * S : S;
+  SCENE_MATRIX = std::max(1, IS_CURVED != 0 ? SIZE * SIZE : K * K);
   const double tolerance = scene.solver.relative_tolerance;
   RELATIVE_TOLERANCE = tolerance;
   ABSOLUTE_TOLERANCE = scene.solver.absolute_tolerance;
@@ -221,6 +222,7 @@ void MotionProgram::setLists(const Scene& scene) {
   velocity_residual_row = rowsOf(formulas_.velocity_residual);
   entry_row = rowsOf(formulas_.entry);
   direction_row = rowsOf(formulas_.direction);
+  listEntries(*scene.graph);
   curvature_row = rowsOf(formulas_.curvature);
   input_slope_row = rowsOf(formulas_.input_slope);
   inertia_row = rowsOf(formulas_.inertia);
@@ -248,6 +250,22 @@ void MotionProgram::setLists(const Scene& scene) {
   TABLES = static_cast<int>(passages.size());
   CONSTANTS = static_cast<int>(constant_row.values.size());
   RESOLVED = static_cast<int>(resolved.values.size());
+}
+
+/// The shafts of each constraint: those on which C or D is not zero everywhere.
+void MotionProgram::listEntries(const expression::Graph& graph) {
+  std::size_t n = 0;
+  for (int p = 0; p < K; ++p) {
+    entry_begin.values.push_back(static_cast<int>(entry_shaft.values.size()));
+    for (int i = 0; i < S; ++i, ++n) {
+      const Node C = formulas_.entry[n];
+      const Node D = formulas_.direction[n];
+      if (graph.isConstant(C, 0.0) && graph.isConstant(D, 0.0)) continue;
+      entry_shaft.values.push_back(i);
+      entry_varies.values.push_back(graph.isConstant(C) && graph.isConstant(D) ? 0 : 1);
+    }
+  }
+  entry_begin.values.push_back(static_cast<int>(entry_shaft.values.size()));
 }
 
 void MotionProgram::setInputs(const Scene& scene) {

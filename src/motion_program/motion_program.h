@@ -48,6 +48,7 @@ class MotionProgram : public MotionData {
   std::vector<int> listSlots(const Scene& scene);
   void setSizes(const Scene& scene);
   void setLists(const Scene& scene);
+  void listEntries(const expression::Graph& graph);
   void setInputs(const Scene& scene);
   void setHolds(const expression::Graph& graph);
   void setMemory(const Scene& scene);

@@ -39,8 +39,7 @@ std::string MotionProgram::writeExtents() const {
   std::string text = "enum {\n  SCENE_SHAFTS = " + std::to_string(S) +
                      ",\n  SCENE_CONSTRAINTS = " + std::to_string(CONSTRAINTS) +
                      ",\n  SCENE_INPUTS = " + std::to_string(INPUTS) +
-                     ",\n  SCENE_HOLDS = " + std::to_string(HOLDS) +
-                     ",\n  SCENE_MATRIX = " + std::to_string(SIZE) + ",\n  SCENE_MOST_EVENTS = " +
+                     ",\n  SCENE_HOLDS = " + std::to_string(HOLDS) + ",\n  SCENE_MOST_EVENTS = " +
                      std::to_string(HOLDS > 0 || EVENTS > 0 ? 64 : 1) +
                      ",\n  SCENE_STATES = " + std::to_string(STATES) +
                      ",\n  SCENE_VARIABLES = " + std::to_string(VARIABLES) +
@@ -156,10 +155,11 @@ std::string MotionProgram::writeHiding() const {
 }
 
 std::string MotionProgram::writeMotion(const std::string& operations, bool shares) const {
-  // A function for each order, unless a scene has so many rows that compiling them takes long.
+  // A function for each order, unless a scene has so many rows that compiling them takes long: then
+  // one of loops.
   constexpr int kMostRows = 200;
   std::string text = writeLists(shares);
-  if (SCENE_ROWS <= kMostRows) text += writeOrders(shares);
+  text += SCENE_ROWS <= kMostRows ? writeOrders(shares) : "#define VS_ORDER_VARIES\n";
   return text + operations + (shares ? "" : kTableData) + kTableFunctions +
          "\n/* ---- The scene's formulas: coefficients n ---- */\n" + rows_.write(shares) +
          writeResolution(shares) + kMotion;

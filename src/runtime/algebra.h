@@ -76,24 +76,27 @@ VS_FUNCTION int vs_is_counted(const scene_series* it, int constraint, int low, i
   return order_of[constraint] >= low && order_of[constraint] <= high && vs_is_on(it, constraint);
 }
 
-/* Inverts an n x n matrix in place by Gauss and Jordan's elimination, with row pivots where it is
- * `curved`. Without, the rows from S on become C J^-1 D', whose diagonal is kept in `size`: its
- * pivots tell the rank. False where that is lost. *distance: the least pivot as a part of its
- * diagonal element, the square of how far apart the rows are. */
-VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved, Real* distance) {
+/* Pivots of an elimination: above 0, as those of an inertia are; above a part of the diagonal that
+ * the matrix began with; or sought in their columns. */
+enum { VS_POSITIVE, VS_RANKED, VS_SOUGHT };
+
+/* Inverts an n x n matrix in place by Gauss and Jordan's elimination. *distance: the least pivot as
+ * a part of its diagonal element, where they are ranked, the square of how far apart rows are. */
+VS_FUNCTION_INLINE int vs_invert(Real* M, int n, int pivots, const Real* size, Real* distance) {
   int best[MOST_SIZE], i, j, p;
-  *distance = 1.0;
   for (p = 0; p < n; ++p) {
-    Real pivot, least = curved ? 1e-14 : 0.0;
+    Real pivot;
     best[p] = p;
-    for (i = p + 1; i < n && curved; ++i) {
+    for (i = p + 1; i < n && pivots == VS_SOUGHT; ++i) {
       if (fabs(M[n * i + p]) > fabs(M[n * best[p] + p])) best[p] = i;
     }
-    for (i = S; i < n && p == S && !curved; ++i) size[i - S] = M[n * i + i];
-    if (p >= S && !curved) least = 1e-12 * fabs(size[p - S]);
     pivot = M[n * best[p] + p];
-    if (!((curved || p >= S ? fabs(pivot) : pivot) > least)) return 0;
-    if (p >= S && !curved) *distance = seriesSmaller(*distance, fabs(pivot / size[p - S]));
+    if (pivots == VS_POSITIVE && !(pivot > 0.0)) return 0;
+    if (pivots == VS_SOUGHT && !(fabs(pivot) > 1e-14)) return 0;
+    if (pivots == VS_RANKED) {
+      if (!(fabs(pivot) > 1e-12 * fabs(size[p]))) return 0;
+      *distance = seriesSmaller(*distance, fabs(pivot / size[p]));
+    }
     M[n * best[p] + p] = M[n * p + p];
     M[n * p + p] = 1.0;
     for (j = 0; j < n; ++j) {
@@ -103,12 +106,12 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved, Real* d
     }
     for (i = 0; i < n; ++i) {
       const Real factor = M[n * i + p];
-      if (i == p) continue;
+      if (i == p || factor == 0.0) continue;
       M[n * i + p] = 0.0;
       for (j = 0; j < n; ++j) M[n * i + j] -= factor * M[n * p + j];
     }
   }
-  for (p = n - 1; p >= 0 && curved; --p) {
+  for (p = n - 1; p >= 0 && pivots == VS_SOUGHT; --p) {
     for (i = 0; i < n; ++i) {
       const Real kept = M[n * i + p];
       M[n * i + p] = M[n * i + best[p]];
@@ -118,93 +121,139 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, Real* size, int curved, Real* d
   return 1;
 }
 
-/* [J -D'; C 0] with the rows of the constraints of orders low to high; mu_p = g_p for others. */
-VS_FUNCTION void vs_write_matrix(scene_series* it, int low, int high) {
-  int i, j, p;
-  for (i = 0; i < SIZE; ++i) {
-    for (j = 0; j < SIZE; ++j)
-      it->inverse[SIZE * i + j] = i < S && j < S ? vs_inertia(it, i, j) : 0.0;
+/* J^-1, which a constant inertia has once. */
+VS_FUNCTION int vs_factor_inertia(scene_series* it) {
+  Real unused;
+  int i, j;
+  if (it->has_mobility && !INERTIA_VARIES) return 1;
+  for (i = 0; i < S; ++i) {
+    if (!IS_COUPLED && !(vs_inertia(it, i, i) > 0.0)) return 0;
+    if (!IS_COUPLED) it->mobility[i] = 1.0 / vs_inertia(it, i, i);
+    for (j = 0; j < S && IS_COUPLED; ++j) it->mobility[S * i + j] = vs_inertia(it, i, j);
+  }
+  it->has_mobility = !IS_COUPLED || vs_invert(it->mobility, S, VS_POSITIVE, 0, &unused);
+  return it->has_mobility;
+}
+
+/* y = J^-1 f */
+VS_FUNCTION_INLINE void vs_move(const scene_series* it, const Real* f, Real* y) {
+  int i, j;
+  for (i = 0; i < S; ++i) {
+    y[i] = (IS_COUPLED ? it->mobility[S * i] * f[0] : it->mobility[i] * f[i]);
+    for (j = 1; j < S && IS_COUPLED; ++j) y[i] += it->mobility[S * i + j] * f[j];
+  }
+}
+
+/* A^-1 with A = C J^-1 D' of the constraints of orders low to high; mu_p = g_p for others. False
+ * where C has lost rank. */
+VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
+  Real D[MOST_SHAFTS], y[MOST_SHAFTS];
+  int e, i, p, q;
+  if (!vs_factor_inertia(it)) return 0;
+  for (q = 0; q < K; ++q) it->is_in[q] = vs_is_counted(it, q, low, high);
+  for (q = 0; q < K; ++q) {
+    for (i = 0; i < S; ++i) D[i] = 0.0;
+    for (e = entry_begin[q]; e < entry_begin[q + 1]; ++e)
+      D[entry_shaft[e]] = vs_direction(it, q, entry_shaft[e]);
+    vs_move(it, D, y);
+    for (p = 0; p < K; ++p) {
+      Real sum = 0.0;
+      for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
+        sum += vs_entry(it, p, entry_shaft[e]) * y[entry_shaft[e]];
+      it->inverse[K * p + q] = it->is_in[p] && it->is_in[q] ? sum : p == q;
+    }
+    it->size[q] = it->inverse[K * q + q];
+  }
+  it->distance = 1.0;
+  it->is_whole = 0;
+  return vs_invert(it->inverse, K, VS_RANKED, it->size, &it->distance);
+}
+
+/* mu = A^-1 (g - C J^-1 a), epsilon = J^-1 (a + D' mu), in the place of a and g */
+VS_FUNCTION_INLINE void vs_eliminate(const scene_series* it, Real* x) {
+  Real y[MOST_SHAFTS], rest[MOST_CONSTRAINTS + 1];
+  int e, i, p, q;
+  vs_move(it, x, y);
+  for (p = 0; p < K; ++p) {
+    rest[p] = x[S + p];
+    for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e)
+      rest[p] -= vs_entry(it, p, entry_shaft[e]) * y[entry_shaft[e]];
   }
   for (p = 0; p < K; ++p) {
-    const int is_in = vs_is_counted(it, p, low, high);
-    if (!is_in) it->inverse[SIZE * (S + p) + S + p] = 1.0;
-    for (i = 0; i < S && is_in; ++i) {
-      it->inverse[SIZE * (S + p) + i] = vs_entry(it, p, i);
-      it->inverse[SIZE * i + S + p] = -vs_direction(it, p, i);
+    x[S + p] = it->inverse[K * p] * rest[0];
+    for (q = 1; q < K; ++q) x[S + p] += it->inverse[K * p + q] * rest[q];
+    for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e)
+      x[entry_shaft[e]] += vs_direction(it, p, entry_shaft[e]) * x[S + p];
+  }
+  vs_move(it, x, y);
+  for (i = 0; i < S; ++i) x[i] = y[i];
+}
+
+/* What a solution leaves of a and g. */
+VS_FUNCTION void vs_find_left(const scene_series* it, const Real* b, const Real* x, Real* left) {
+  int e, i, j, p;
+  for (i = 0; i < S; ++i) {
+    left[i] = b[i];
+    for (j = 0; j < S; ++j) {
+      if (i == j || IS_COUPLED) left[i] -= vs_inertia(it, i, j) * x[j];
+    }
+  }
+  for (p = 0; p < K; ++p) {
+    left[S + p] = it->is_in[p] ? b[S + p] : 0.0;
+    for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e) {
+      left[S + p] -= vs_entry(it, p, entry_shaft[e]) * x[entry_shaft[e]];
+      left[entry_shaft[e]] += vs_direction(it, p, entry_shaft[e]) * x[S + p];
     }
   }
 }
 
-/* X <- X + X (1 - M X), twice: elimination knows the inverse of rows that are a part d of their
- * length apart to rounding / d^2, of which this leaves rounding / d. */
-VS_FUNCTION_RARE void vs_improve_inverse(scene_series* it, int low, int high) {
-  double X[MOST_SIZE * MOST_SIZE], left[MOST_SIZE * MOST_SIZE];
-  const double* const M = it->inverse;
-  int round, i, j, k;
-  for (i = 0; i < SIZE * SIZE; ++i) X[i] = it->inverse[i];
-  vs_write_matrix(it, low, high);
-  for (round = 0; round < 2; ++round) {
-    for (i = 0; i < SIZE; ++i) {
-      for (j = 0; j < SIZE; ++j) {
-        double sum = i == j ? 1.0 : 0.0;
-        for (k = 0; k < SIZE; ++k) sum -= M[SIZE * i + k] * X[SIZE * k + j];
-        left[SIZE * i + j] = sum;
-      }
-    }
-    for (i = 0; i < SIZE; ++i) {
-      double row[MOST_SIZE];
-      for (j = 0; j < SIZE; ++j) {
-        row[j] = X[SIZE * i + j];
-        for (k = 0; k < SIZE; ++k) row[j] += X[SIZE * i + k] * left[SIZE * k + j];
-      }
-      for (j = 0; j < SIZE; ++j) X[SIZE * i + j] = row[j];
-    }
-  }
-  for (i = 0; i < SIZE * SIZE; ++i) it->inverse[i] = X[i];
-}
-
-/* Its inverse. False where C has lost rank. */
-VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
-  const double near = 1e-4;
-  double distance;
-  vs_write_matrix(it, low, high);
-  if (!vs_invert(it->inverse, SIZE, it->size, 0, &distance)) return 0;
-  if (distance < near) vs_improve_inverse(it, low, high);
-  return 1;
-}
-
-/* x = [J -D'; C 0]^-1 x; 0 for constraints that are off. */
-VS_FUNCTION_INLINE void vs_solve(const scene_series* it, double* x) {
-  double b[MOST_SIZE];
-  int i, j;
-  for (i = 0; i < SIZE; ++i) b[i] = i < S || vs_is_on(it, i - S) ? x[i] : 0.0;
-  for (i = 0; i < SIZE; ++i) {
+/* x = [J -D'; C 0]^-1 x; 0 for constraints that are off. Elimination knows the solution for rows
+ * that are a part d of their length apart to rounding / d^2, of which two corrections leave
+ * rounding / d. */
+VS_FUNCTION_INLINE void vs_solve(const scene_series* it, Real* x) {
+  const Real near = 1e-4;
+  Real b[MOST_SIZE], left[MOST_SIZE];
+  int i, j, round;
+  for (i = 0; i < SIZE; ++i) b[i] = x[i] = i < S || vs_is_on(it, i - S) ? x[i] : 0.0;
+  for (i = 0; i < SIZE && IS_CURVED && it->is_whole; ++i) {
     x[i] = it->inverse[SIZE * i] * b[0];
     for (j = 1; j < SIZE; ++j) x[i] += it->inverse[SIZE * i + j] * b[j];
   }
+  if (IS_CURVED && it->is_whole) return;
+  vs_eliminate(it, x);
+  for (round = 0; round < 2 && it->distance < near; ++round) {
+    vs_find_left(it, b, x, left);
+    vs_eliminate(it, left);
+    for (i = 0; i < SIZE; ++i) x[i] += left[i];
+  }
 }
 
-/* The same where psi is not linear in the accelerations: J less the sum of lambda d2psi/depsilon2
- * in the place of J. The system is scaled by 1/sqrt(J_ii) and 1/sqrt(C J^-1 C'). */
+/* The whole inverse where psi is not linear in the accelerations: J less the sum of lambda
+ * d2psi/depsilon2 in the place of J. The system is scaled by 1/sqrt(J_ii) and 1/sqrt(C J^-1 C'). */
 VS_FUNCTION int vs_factor_curved(scene_series* it, const double* lambda, int low, int high) {
-  double* const M = it->inverse;
-  double scale[MOST_SIZE], unused;
+  Real* const M = it->inverse;
+  Real scale[MOST_SIZE], unused;
   int i, j, p;
   if (!vs_factor(it, low, high)) return 0;
   if (!IS_CURVED) return 1;
   vs_at_once(it, 0);
-  vs_write_matrix(it, low, high);
+  for (i = 0; i < SIZE * SIZE; ++i) M[i] = 0.0;
   for (i = 0; i < SIZE; ++i) {
     scale[i] = 1.0 / sqrt(i < S ? vs_inertia(it, i, i) : it->size[i - S]);
-    for (j = 0; j < S && i < S; ++j) {
-      for (p = 0; p < K; ++p) {
-        if (!vs_is_counted(it, p, low, high)) continue;
-        it->inverse[SIZE * i + j] -= lambda[p] * it->row[curvature_row[S * S * p + S * i + j]][0];
-      }
+    if (i >= S) M[SIZE * i + i] = !it->is_in[i - S];
+    for (j = 0; j < S && i < S; ++j) M[SIZE * i + j] = vs_inertia(it, i, j);
+  }
+  for (p = 0; p < K; ++p) {
+    for (i = 0; i < S && it->is_in[p]; ++i) {
+      M[SIZE * (S + p) + i] = vs_entry(it, p, i);
+      M[SIZE * i + S + p] = -vs_direction(it, p, i);
+      for (j = 0; j < S; ++j)
+        M[SIZE * i + j] -= lambda[p] * it->row[curvature_row[S * S * p + S * i + j]][0];
     }
   }
   for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
-  if (!vs_invert(M, SIZE, 0, 1, &unused)) return 0;
+  if (!vs_invert(M, SIZE, VS_SOUGHT, 0, &unused)) return 0;
   for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
+  it->is_whole = 1;
   return 1;
 }

@@ -52,7 +52,8 @@ typedef struct {
   double value[FMU_VALUES];
   vs_exchange it; /* its arrays are those below */
   double state[3 * SCENE_SHAFTS], reaction[SCENE_SHAFTS];
-  double multiplier[SCENE_MATRIX + 1], longest[SCENE_MATRIX + 1];
+  double multiplier[SCENE_CONSTRAINTS + SCENE_HOLDS + 1];
+  double longest[SCENE_CONSTRAINTS + SCENE_HOLDS + 1];
   vs_exchanged_signal input[SCENE_INPUTS + 1];
   vs_exchanged_hold hold[SCENE_HOLDS + 1];
   int armed[SCENE_EVENTS + 1];

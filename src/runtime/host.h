@@ -243,17 +243,14 @@ VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   const scene_series* const it = &h->model.series[h->taken];
   const double tau = seriesSmaller(at, h->made) / it->unit;
   double sum = 0.0;
-  int i, k, n;
+  int i, n;
   *through = 0.0;
   for (i = 0; i < S; ++i) {
     const double* const Q = it->row[torque_row[i]];
     const double* const omega = it->row[VELOCITY + i];
     double power = it->unit * tau, own = 0.0;
-    for (n = 0; n <= it->order; ++n, power *= tau) {
-      double p = 0.0;
-      for (k = 0; k <= n; ++k) p += Q[k] * omega[n - k];
-      own += p * power / (n + 1);
-    }
+    for (n = 0; n <= it->order; ++n, power *= tau)
+      own += vs_convolve(Q, omega, n, 0, 0) * power / (n + 1);
     sum += own;
     *through += fabs(own);
   }

@@ -11,23 +11,29 @@
 VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
   const vs_row* const r = it->row;
   Real sum = r[torque_row[i]][n];
-  Real rest = 0.0;
-  int p;
   if (INERTIA_VARIES) {
     sum -= r[inertial_row[i]][n] + vs_convolve(r[inertia_row[i]], r[ACCELERATION + i], n, 1, 0);
   }
-  for (p = 0; p < K && ENTRIES_VARY; ++p) {
-    const Real* const D = r[direction_row[S * p + i]];
-    if (IS_CLASSICAL)
-      rest += vs_convolve(D, r[MULTIPLIER + p], n, 1, 0);
-    else if (has_direction[p])
-      sum += vs_convolve(D, r[TRANSMITTED + p], n, 1, 0);
-    else
-      rest += vs_convolve(D, r[MULTIPLIER + p], n - 1, 1, 0);
-  }
   if (!IS_CLASSICAL && INERTIA_VARIES)
-    rest += vs_convolve(r[connection_row[i]], r[PULL + i], n - 1, 0, 0);
-  return sum + (IS_CLASSICAL ? rest : it->unit * (1.0 / n) * rest);
+    sum += it->unit * (1.0 / n) * vs_convolve(r[connection_row[i]], r[PULL + i], n - 1, 0, 0);
+  return sum;
+}
+
+/* What the lower coefficients of the multipliers of constraint p add to a_n, where D turns */
+VS_FUNCTION_INLINE void vs_add_pulls(const scene_series* it, int p, int n, Real* a) {
+  const vs_row* const r = it->row;
+  int e;
+  for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+    const Real* const D = r[direction_row[S * p + entry_shaft[e]]];
+    Real* const sum = a + entry_shaft[e];
+    if (!entry_varies[e]) continue;
+    if (IS_CLASSICAL)
+      *sum += vs_convolve(D, r[MULTIPLIER + p], n, 1, 0);
+    else if (has_direction[p])
+      *sum += vs_convolve(D, r[TRANSMITTED + p], n, 1, 0);
+    else
+      *sum += it->unit * (1.0 / n) * vs_convolve(D, r[MULTIPLIER + p], n - 1, 1, 0);
+  }
 }
 
 /* g_n: -psi_n, and of order 3, where C eta + c_0 = 0, -1/n (unit c_0,n-1 + sum_j (n-j) C_j
@@ -35,12 +41,13 @@ VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
 VS_FUNCTION_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n) {
   const vs_row* const r = it->row;
   Real sum;
-  int i, j;
+  int e, j;
   if (order_of[p] < 3) return -r[residual_row[p]][n];
   sum = it->unit * r[residual_row[p]][n - 1];
-  for (i = 0; i < S; ++i) {
+  for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+    const int i = entry_shaft[e];
     const Real* const C = r[entry_row[S * p + i]];
-    for (j = 1; j < n; ++j) sum += (n - j) * C[j] * r[ACCELERATION + i][n - j];
+    for (j = 1; j < n && entry_varies[e]; ++j) sum += (n - j) * C[j] * r[ACCELERATION + i][n - j];
   }
   return -sum * (1.0 / n);
 }
@@ -48,22 +55,18 @@ VS_FUNCTION_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n)
 /* b = J^-1 R of order n, of the connection 1/2 J' omega b in R' */
 VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   vs_row* const r = it->row;
-  double b[MOST_SHAFTS], J_inverse[MOST_SHAFTS * MOST_SHAFTS], unused;
+  double b[MOST_SHAFTS], y[MOST_SHAFTS];
   int i, j;
   for (i = 0; i < S; ++i) {
     const Real* const J = r[inertia_row[i]];
     b[i] = r[inertial_row[i]][n] - r[torque_row[i]][n];
     for (j = 0; j < S; ++j) {
-      J_inverse[S * i + j] = vs_inertia(it, i, j);
       b[i] += vs_inertia(it, i, j) * r[ACCELERATION + j][n];
     }
     for (j = 1; j <= n; ++j) b[i] += J[j] * (r[ACCELERATION + i][n - j] - r[PULL + i][n - j]);
   }
-  (void)vs_invert(J_inverse, S, 0, 0, &unused);
-  for (i = 0; i < S; ++i) {
-    r[PULL + i][n] = 0.0;
-    for (j = 0; j < S; ++j) r[PULL + i][n] += J_inverse[S * i + j] * b[j];
-  }
+  vs_move(it, b, y);
+  for (i = 0; i < S; ++i) r[PULL + i][n] = y[i];
 }
 
 /* Coefficients n of all rows. */
@@ -82,7 +85,10 @@ VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
   vs_given(it, n);
   vs_tried(it, n);
   for (i = 0; i < S; ++i) x[i] = vs_force_rest(it, i, n);
-  for (i = 0; i < K; ++i) x[S + i] = vs_constraint_rest(it, i, n);
+  for (i = 0; i < K; ++i) {
+    vs_add_pulls(it, i, n, x);
+    x[S + i] = vs_constraint_rest(it, i, n);
+  }
   vs_solve(it, x);
   for (i = 0; i < S; ++i) r[ACCELERATION + i][n] = x[i];
   for (i = 0; i < K; ++i) {

@@ -47,7 +47,7 @@ enum {
 VS_FUNCTION void vs_find_rest(const scene_model* m, const scene_series* it, int what,
                               const double* lambda, double* x) {
   double R[MOST_SHAFTS];
-  int i, p;
+  int e, i, p;
   if (what != VS_ONTO_CONSTRAINTS) vs_reaction(it, R);
   for (i = 0; i < S; ++i) {
     x[i] = 0.0;
@@ -59,11 +59,11 @@ VS_FUNCTION void vs_find_rest(const scene_model* m, const scene_series* it, int 
   }
   for (p = 0; p < K; ++p) {
     x[S + p] = order_of[p] < 3 ? -it->row[residual_row[p]][0] : 0.0;
-    for (i = 0; i < S; ++i) {
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
       const int is_base =
-          TRANSMITS && (what == VS_DECIDED || (what == VS_RESTORES && is_neutral[i]));
+          TRANSMITS && (what == VS_DECIDED || (what == VS_RESTORES && is_neutral[entry_shaft[e]]));
       if (is_base || (what == VS_LEAST_REACTION && order_of[p] < 3))
-        x[i] += vs_direction(it, p, i) * lambda[p];
+        x[entry_shaft[e]] += vs_direction(it, p, entry_shaft[e]) * lambda[p];
     }
   }
 }

@@ -87,11 +87,12 @@ VS_FUNCTION double vs_defect(const scene_model* m, const scene_series* it, const
 /* No row of C has vanished, nor turned by more than a right angle in J^-1: then it vanished on the
  * way. */
 VS_FUNCTION int vs_keeps_rank(scene_model* m, const scene_series* it, const scene_series* next) {
-  int i, p;
+  int e, p;
   for (p = 0; p < K; ++p) {
     double product = 0.0, length = 0.0, before = 0.0;
     if (!vs_is_on(next, p)) continue;
-    for (i = 0; i < S; ++i) {
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+      const int i = entry_shaft[e];
       const double entry = vs_entry(next, p, i) / vs_inertia(next, i, i);
       product += vs_entry(it, p, i) * entry;
       length += vs_entry(next, p, i) * entry;

@@ -40,7 +40,6 @@ enum {
   IS_CURVED = 0,
   IS_COUPLED = 0,
   INERTIA_VARIES = 0,
-  ENTRIES_VARY = 0,
   ENTRIES_TURN = 0,
   HAS_ORDER_1 = 0,
   HAS_RESIDUAL = 1,
@@ -86,6 +85,7 @@ static const double initial_acceleration[] = {-0.84147098480789650665, -1.682941
 static const int order_of[] = {2}, is_neutral[] = {0, 0};
 static const double coupling[] = {0.0, 0.0, 0.0, 0.0};
 static const int torque_row[] = {14, ZERO}, residual_row[] = {15}, velocity_residual_row[] = {ZERO};
+static const int entry_begin[] = {0, 2}, entry_shaft[] = {0, 1}, entry_varies[] = {0, 0};
 static const int entry_row[] = {18, 17}, direction_row[] = {18, 17}, has_direction[] = {0},
                  load_of[] = {-1}, slope_row[] = {0}, base_row[] = {0},
                  curvature_row[] = {ZERO, ZERO, ZERO, ZERO}, input_slope_row[] = {ZERO};
