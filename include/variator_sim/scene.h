@@ -115,7 +115,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory,
 /// Reads anew inertias, initial conditions and the solver's settings, which no formula depends on,
 /// from a tree that differs from that of `scene` in nothing else; empties `scene->resolved`. Much
 /// faster than readScene. Throws SceneError as readScene does; `scene` is then invalid.
-void rereadNumbers(const ParameterTree& tree, Scene* scene);
+void rereadNumbers(const ParameterTree& tree, const NodeNames& node, Scene* scene);
 /// True for a path that rereadNumbers reads.
 bool isOutsideFormulas(const std::string& path, const Scene& scene);
 

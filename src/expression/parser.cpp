@@ -125,7 +125,7 @@ class Parser : private FormulaText {
     const std::size_t begin = position_;
     if (beginsNumber(begin)) return number();
     if (begin < text_.size() && isNameStart(text_[begin])) {
-      const std::size_t end = endOfName(begin);
+      const std::size_t end = endOfPath(begin);
       moveTo(end);
       const std::string name = text_.substr(begin, end - begin);
       return isAt(position_, '(') ? call(name, begin) : variable(name, begin);
@@ -135,6 +135,19 @@ class Parser : private FormulaText {
     const Node value = sum();
     endParenthesis();
     return value;
+  }
+
+  /// Returns the end of the longest name at `begin` that the scene has: those of parts have slashes
+  /// in them.
+  std::size_t endOfPath(std::size_t begin) const {
+    std::size_t end = endOfName(begin);
+    for (std::size_t last = end;
+         isAt(last, '/') && last + 1 < text_.size() && isNameStart(text_[last + 1]);) {
+      last = endOfName(last + 1);
+      const std::string path = text_.substr(begin, last - begin);
+      if (symbols_.count(path) != 0 || tables_.count(path) != 0) end = last;
+    }
+    return end;
   }
 
   Node number() {

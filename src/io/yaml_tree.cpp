@@ -19,6 +19,7 @@
 #include "model/number_text.h"
 #include "model/tree_bounds.h"
 #include "text_file.h"
+#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {
@@ -380,13 +381,70 @@ void placeFiles(const std::string& scene, ParameterTree* tree) {
   }
 }
 
-ParameterTree readYamlFile(const std::string& path) {
+namespace {
+
+ParameterTree readFile(const std::string& path, const std::vector<std::string>& within);
+
+/// Puts `over` over `tree`: dictionaries key by key, other values as a whole.
+void putOver(const ParameterTree& over, ParameterTree* tree) {
+  const bool are_dictionaries = over.kind() == ParameterTree::Kind::kDictionary &&
+                                tree->kind() == ParameterTree::Kind::kDictionary;
+  if (!are_dictionaries) {
+    *tree = over;
+    return;
+  }
+  for (const auto& [key, value] : over.asDictionary()) putOver(value, &tree->asDictionary()[key]);
+}
+
+/// Puts the scene of each part's file into its dictionary, whose other keys count before those of
+/// the file. `within`: the files around `tree`, the outermost first.
+void loadParts(ParameterTree* tree, const std::vector<std::string>& within) {
+  const auto parts = tree->asDictionary().find("parts");
+  if (parts == tree->asDictionary().end()) return;
+  const ParameterTree::List names = parts->second.asList();
+  for (const ParameterTree& name : names) {
+    const auto found = tree->asDictionary().find(name.asText());
+    if (found == tree->asDictionary().end()) continue;
+    ParameterTree own = found->second;
+    if (own.asDictionary().count("file") == 0) continue;
+    const std::string file = own.asDictionary().at("file").asText();
+    std::vector<std::string> chain = within;
+    chain.push_back(file);
+    if (std::find(within.begin(), within.end(), file) != within.end()) {
+      throw SceneError(name.asText() + "/file",
+                       "a scene cannot be a part of itself: " + joinNames(chain));
+    }
+    own.asDictionary().erase("file");
+    ParameterTree content;
+    try {
+      content = readFile(file, chain);
+    } catch (const SceneError& error) {
+      throw SceneError(name.asText() + (error.keyPath().empty() ? "/file" : "/" + error.keyPath()),
+                       error.message());
+    }
+    putOver(own, &content);
+    found->second = std::move(content);
+  }
+}
+
+ParameterTree readFile(const std::string& path, const std::vector<std::string>& within) {
   std::string text;
   const std::string failure = readTextFile(path, &text, kLongestFile);
   if (!failure.empty()) throw SceneError("", path + ":1:1: cannot be read: " + failure);
   ParameterTree tree = readYamlText(text, path);
   placeFiles(path, &tree);
+  loadParts(&tree, within);
   return tree;
+}
+
+}  // namespace
+
+ParameterTree readYamlFile(const std::string& path) {
+  return readFile(path, {std::filesystem::absolute(path).lexically_normal().string()});
+}
+
+void loadParts(ParameterTree* tree) {
+  loadParts(tree, {});
 }
 
 }  // namespace variator_sim

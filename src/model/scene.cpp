@@ -15,6 +15,7 @@
 #include "model/scene_inertia.h"
 #include "model/scene_memory.h"
 #include "model/scene_names.h"
+#include "model/scene_parts.h"
 #include "model/scene_symbols.h"
 #include "variator_sim/nearest_name.h"
 
@@ -390,7 +391,8 @@ bool isFixedStep(StepperKind kind) {
   return kind == StepperKind::kRk4 || kind == StepperKind::kTaylorFixed;
 }
 
-Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const NodeNames& node) {
+Scene readScene(const ParameterTree& given, ComponentFactory& factory, const NodeNames& node) {
+  const ParameterTree tree = mergeParts(given, node.keys);
   ParameterReader root(tree, "");
   const SceneNames names = readSceneNames(tree, root, node.keys);
   Scene scene;
@@ -450,7 +452,8 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   return scene;
 }
 
-void rereadNumbers(const ParameterTree& tree, Scene* scene) {
+void rereadNumbers(const ParameterTree& given, const NodeNames& node, Scene* scene) {
+  const ParameterTree tree = mergeParts(given, node.keys);
   ParameterReader root(tree, "");
   scene->extreme_numbers = describeExtremeNumbers(tree);
   scene->inertia_harmonics.clear();

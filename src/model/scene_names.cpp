@@ -14,13 +14,10 @@ constexpr std::size_t kLongestName = 100;
 
 /// Returns the keys at the scene's root that are not names in one of its lists.
 const std::vector<std::string>& sceneKeys() {
-  static const std::vector<std::string> keys{"shafts",    "inertia_coupling",
-                                             "torques",   "constraints",
-                                             "inputs",    "tables",
-                                             "variables", "states",
-                                             "events",    "outputs",
-                                             "principle", "initial",
-                                             "solver",    "verify_derivatives"};
+  static const std::vector<std::string> keys{
+      "shafts",  "parts",     "inertia_coupling", "torques", "constraints",
+      "inputs",  "tables",    "variables",        "states",  "events",
+      "outputs", "principle", "initial",          "solver",  "verify_derivatives"};
   return keys;
 }
 
@@ -34,6 +31,13 @@ std::vector<std::string> joined(std::vector<std::string> first,
   return first;
 }
 
+/// True for a name, or those of parts before it, with slashes between.
+bool isPathOfNames(const std::string& path) {
+  const std::size_t end = path.find('/');
+  if (end == path.npos) return isName(path);
+  return isName(path.substr(0, end)) && isPathOfNames(path.substr(end + 1));
+}
+
 /// Rejects invalid and repeated names, and keys of the scene or of the node.
 void checkNames(const SceneNames& lists, const std::vector<std::string>& node_keys) {
   std::map<std::string, std::string> listed_in;
@@ -41,7 +45,7 @@ void checkNames(const SceneNames& lists, const std::vector<std::string>& node_ke
     for (std::size_t i = 0; i < names.size(); ++i) {
       const std::string path = elementPath(list, i);
       const std::string& name = names[i];
-      if (!isName(name)) {
+      if (!isPathOfNames(name)) {
         throw SceneError(path, inQuotes(name) +
                                    " is not a valid name; allowed: letters, digits and '_', "
                                    "starting with a letter, " +
@@ -131,6 +135,10 @@ std::vector<std::string> SceneNames::all() const {
   std::vector<std::string> names;
   for (const SceneList& list : kSceneLists) names = joined(names, this->*list.names);
   return names;
+}
+
+bool isSceneKey(const std::string& key) {
+  return contains(sceneKeys(), key);
 }
 
 bool isName(const std::string& name) {

@@ -43,4 +43,7 @@ SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,
 /// True for ^[A-Za-z][A-Za-z0-9_]*$.
 bool isName(const std::string& name);
 
+/// True for a key at a scene's root that is no name in one of its lists.
+bool isSceneKey(const std::string& key);
+
 }  // namespace variator_sim

@@ -120,7 +120,7 @@ class RowMachines {
     if (uses_left_ > 0) {
       --uses_left_;
       Scene scene = model_;
-      rereadNumbers(tree, &scene);
+      rereadNumbers(tree, nodeNames(), &scene);
       return scene;
     }
     Scene scene = readScene(tree, factory_, nodeNames());

@@ -12,8 +12,11 @@ namespace variator_sim {
 /// which the readers take as a number. Quoted scalars are texts. Anchors, aliases and merge keys
 /// (`<<`) work; a key twice in one mapping is an error. Throws SceneError that starts with
 /// "file:line:column". Relative paths at the key `file` of its dictionaries become absolute ones,
-/// from the folder of the scene.
+/// from the folder of the scene, and the scenes in the files of `parts` come into their places.
 ParameterTree readYamlFile(const std::string& path);
+
+/// Does the last to a tree from elsewhere. Throws SceneError.
+void loadParts(ParameterTree* tree);
 
 /// Reads `text` as readYamlFile does; `source_name` stands for the file in messages.
 ParameterTree readYamlText(const std::string& text, const std::string& source_name);
