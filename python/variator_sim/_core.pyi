@@ -38,7 +38,10 @@ class Sample:
         """N m"""
     @property
     def reaction_torque_rate(self) -> Array:
-        """N m/s"""
+        """R', N m/s"""
+    @property
+    def reaction_torque_covariant_rate(self) -> Array:
+        """G, N m/s; R' where the inertias are constant"""
     @property
     def residual(self) -> Array:
         """What is left of each constraint, its own unit."""

@@ -432,11 +432,11 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
     });
   }
   faults.collect([&] { readMemory(root, names, &scene); });
+  const SceneSymbols observed = Output::nameObserved(scene.symbols, scene.shafts, *scene.graph);
   for (const std::string& name : names.outputs) {
     faults.collect([&] {
       ParameterReader reader = root.section(name);
-      ComponentContext context(name, reader, scene.shafts, scene.inputs, scene.symbols,
-                               scene.graph);
+      ComponentContext context(name, reader, scene.shafts, scene.inputs, observed, scene.graph);
       scene.outputs.emplace_back(context);
       reader.finish();
     });

@@ -316,6 +316,7 @@ void ProgramMotion::takeSample(Sample* sample) {
                   sample->applied_torque,
                   sample->reaction_torque,
                   sample->reaction_torque_rate,
+                  sample->reaction_torque_covariant_rate,
                   sample->residual,
                   sample->multiplier,
                   0.0,

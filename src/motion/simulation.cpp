@@ -150,7 +150,8 @@ const std::vector<std::string>& Simulation::quantityNames(QuantityGroup group) c
 }
 void Simulation::calcQuantities(QuantityGroup group, double* values) {
   motion_->settle();
-  motion_->quantities.calc(group, motion_->view(), values);
+  const StateView state = motion_->view();
+  motion_->quantities.calc(group, state, motion_->sample(), values);
 }
 
 void Simulation::trackEnergy(bool on) {
