@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
 #include "analysis/decompositions.h"
@@ -43,6 +44,8 @@ VectorXd solve(const MatrixXd& M, const VectorXd& right) {
 }
 
 constexpr double kRank = 1e-12;
+/// (1e-12 N m/s)^2 or (1e-12 N m)^2 on 1 kg m^2: less is rounding of torques around 1.
+constexpr double kSmallestScale = 1e-24;
 
 }  // namespace
 
@@ -227,13 +230,49 @@ LeastChange PrincipleCheck::compare(const PrincipleSystem& system, const VectorX
     made.least = 0.5 * solveLeastSquares(B, d, kRank).squaredNorm();
     made.off = solveLeastSquares(B, B * y - d, kRank).norm();
   }
-  made.scale += made.least;
+  made.scale += made.least + kSmallestScale;
+  made.difference = std::abs(made.measure - made.least);
   return made;
 }
 
+double PrincipleCheck::calcRounding(const OperatingPoint& point) {
+  const auto shortest = [this](const OperatingPoint& at) -> VectorXd {
+    const PrincipleSystem system = calc(at);
+    const MatrixXd L = factor(system.J);
+    const MatrixXd B = solveLower(L, system.C.transpose()).transpose();
+    if (B.rows() == 0) return VectorXd::Zero(L.rows());
+    return solveLeastSquares(B, B * solveLower(L, system.g) - system.c, kRank);
+  };
+  constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
+  const VectorXd y = shortest(point);
+  OperatingPoint moved = point;
+  double sum = 0.0;
+  const auto move = [&](double& value) {
+    const double kept = value;
+    value += kUlps * std::abs(value);
+    sum += (shortest(moved) - y).norm();
+    value = kept;
+  };
+  move(moved.time);
+  for (auto* values : {&moved.angle, &moved.velocity, &moved.acceleration, &moved.input,
+                       &moved.input_rate, &moved.input_second_rate}) {
+    for (double& value : *values) move(value);
+  }
+  return sum;
+}
+
 double LeastChange::excess() const {
-  const double difference = std::abs(measure - least);
-  return difference == 0.0 ? 0.0 : difference / scale;
+  return difference / scale;
+}
+
+double LeastChange::distance() const {
+  return off / std::sqrt(2.0 * scale);
+}
+
+void LeastChange::forgive(double rounding) {
+  const double length = std::sqrt(2.0 * measure) + std::sqrt(2.0 * least);
+  difference = std::max(0.0, difference - rounding * (length + rounding));
+  off = std::max(0.0, off - rounding);
 }
 
 }  // namespace variator_sim

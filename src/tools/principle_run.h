@@ -29,13 +29,13 @@ class MinimumWatch {
   /// Returns Z along the admissible directions as a CSV: time, direction, step, Z.
   const std::string& curves() const { return curves_; }
   /// Returns the largest difference of the jerks (gauss: accelerations) by [10], [16] and, for two
-  /// shafts, [15] from those of the motion, as a part of the largest of them.
+  /// shafts, [15] from those of the motion, in the metric J, as a part of the scale.
   double largestDerivationDifference() const { return derivation_difference_; }
 
  private:
   void addCurves(double time, const PrincipleSystem& system, const Eigen::VectorXd& own,
                  const LeastChange& change);
-  void compareDerivations(const PrincipleSystem& system, const Eigen::VectorXd& own);
+  void compareDerivations(const PrincipleSystem& system, const Eigen::VectorXd& own, double scale);
 
   Simulation& simulation_;
   PrincipleCheck check_;
