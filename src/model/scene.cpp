@@ -261,6 +261,7 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
   for (int i = 0; i < scene.shaftCount(); ++i) {
     const auto n = static_cast<std::size_t>(i);
     if (!scene.inertia_harmonics.empty() && !scene.inertia_harmonics[n].empty()) continue;
+    if (!scene.inertia_formulas.empty()) continue;
     root[scene.shafts[n]] =
         ParameterTree::dictionary({{"inertia", ParameterTree::real(scene.inertia(i, i))}});
   }
@@ -411,6 +412,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
     scene.symbols = readSceneSymbols(root, names, scene.inputs, &scene.warnings);
     declareMemory(root, names, &scene);
     has_symbols = true;
+    readInertiaFormulas(root, &scene);
   });
   // Without these names formulas would be blamed for other faults.
   if (!has_symbols) faults.tell();
@@ -462,6 +464,7 @@ void rereadNumbers(const ParameterTree& tree, Scene* scene) {
 
 bool isOutsideFormulas(const std::string& path, const Scene& scene) {
   const std::string first = path.substr(0, path.find_first_of("/["));
+  if (!scene.inertia_formulas.empty()) return first == "solver";
   return first == "initial" || first == "solver" ||
          std::find(scene.shafts.begin(), scene.shafts.end(), first) != scene.shafts.end();
 }

@@ -221,6 +221,7 @@ double ProgramMotion::lastInside() const {
 void ProgramMotion::stop(scene_status status) {
   stop(reasonOf(status));
   status_.time = frontTime();
+  if (quantities.isInertiaLost(view())) status_.reason = StopReason::kIndefiniteInertia;
 }
 
 // --- commands --------------------------------------------------------------------------------

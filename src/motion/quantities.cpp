@@ -12,6 +12,9 @@ const char* toString(QuantityGroup group) {
 
 Quantities::Quantities(const Scene& scene)
     : scene_(scene), inertia_(scene.inertia, scene.inertia_harmonics) {
+  if (!scene.inertia_formulas.empty()) {
+    general_inertia_ = expression::Tape(*scene.graph, scene.inertia_formulas);
+  }
   auto& [names, inputs, outputs, states, variables, principle] = names_;
   for (const CommandInputSettings& input : scene.inputs) {
     (input.kind == InputKind::kState      ? states
@@ -76,7 +79,7 @@ void Quantities::calc(QuantityGroup group, const StateView& state, const Sample&
       calcOutputs(state, sample, values);
       break;
     case QuantityGroup::kPrinciple:
-      calcPrinciple(sample, values);
+      calcPrinciple(state, sample, values);
       break;
   }
 }
@@ -87,25 +90,45 @@ void Quantities::calcOutputs(const StateView& state, const Sample& sample, doubl
   if (reads_principle_) {
     const std::size_t known = scene_.inputs.size();
     std::copy_n(state.input, state.held != nullptr ? kFirstObserved : known, input);
-    calcPrinciple(sample, input + kFirstObserved);
+    calcPrinciple(state, sample, input + kFirstObserved);
     observed.input = input;
   }
   for (const Output& output : scene_.outputs) *values++ = output.calcValue(observed);
 }
 
-void Quantities::calcPrinciple(const Sample& sample, double* values) const {
+void Quantities::calcPrinciple(const StateView& state, const Sample& sample, double* values) const {
   const int S = scene_.shaftCount();
+  const bool is_general = !scene_.inertia_formulas.empty();
+  DenseMatrix J;
+  if (is_general) J = calcGeneralInertia(state);
   const auto measure = [&](const double* torque) {
-    double by_inertia[kMaxShafts];
-    inertia_.solve(torque, by_inertia);
+    DenseVector by_inertia = Eigen::Map<const Eigen::VectorXd>(torque, S);
+    if (is_general) {
+      solveSymmetric(J, 0.0, &by_inertia);
+    } else {
+      inertia_.solve(torque, by_inertia.data());
+    }
     double sum = 0.0;
-    for (int i = 0; i < S; ++i) sum += 0.5 * torque[i] * by_inertia[i];
+    for (int i = 0; i < S; ++i) sum += 0.5 * torque[i] * by_inertia(i);
     return sum;
   };
-  if (!inertia_.isConstant()) inertia_.updateValue(sample.angle);
+  if (!is_general && !inertia_.isConstant()) inertia_.updateValue(sample.angle);
   values = std::copy_n(sample.reaction_torque_covariant_rate, S, values);
   *values++ = measure(sample.reaction_torque_covariant_rate);
   *values = measure(sample.reaction_torque);
+}
+
+DenseMatrix Quantities::calcGeneralInertia(const StateView& state) const {
+  const int S = scene_.shaftCount();
+  return Eigen::Map<const Eigen::MatrixXd>(general_inertia_.evaluate(state), S, S);
+}
+
+bool Quantities::isInertiaLost(const StateView& state) const {
+  if (scene_.inertia_formulas.empty()) return false;
+  const DenseMatrix J = calcGeneralInertia(state);
+  constexpr double kLost = 1e-6;  // of the largest entry: accelerations grow as its inverse
+  DenseVector unused = DenseVector::Zero(J.rows());
+  return !solveSymmetric(J, kLost * J.cwiseAbs().maxCoeff(), &unused);
 }
 
 void Quantities::calcInputs(InputKind kind, const StateView& state, double* values) const {

@@ -13,7 +13,11 @@ VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
   Real sum = r[torque_row[i]][n];
   Real rest = 0.0;
   int p;
-  if (INERTIA_VARIES) {
+  if (IS_GENERAL) {
+    sum -= r[inertial_row[i]][n];
+    for (p = 0; p < S; ++p)
+      sum -= vs_convolve(r[pair_row[S * i + p]], r[ACCELERATION + p], n, 1, 0);
+  } else if (INERTIA_VARIES) {
     sum -= r[inertial_row[i]][n] + vs_convolve(r[inertia_row[i]], r[ACCELERATION + i], n, 1, 0);
   }
   for (p = 0; p < K && ENTRIES_VARY; ++p) {
@@ -25,7 +29,9 @@ VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
     else
       rest += vs_convolve(D, r[MULTIPLIER + p], n - 1, 1, 0);
   }
-  if (!IS_CLASSICAL && INERTIA_VARIES)
+  for (p = 0; p < S && IS_GENERAL && !IS_CLASSICAL; ++p)
+    rest += vs_convolve(r[turn_row[S * i + p]], r[PULL + p], n - 1, 0, 0);
+  if (!IS_CLASSICAL && INERTIA_VARIES && !IS_GENERAL)
     rest += vs_convolve(r[connection_row[i]], r[PULL + i], n - 1, 0, 0);
   return sum + (IS_CLASSICAL ? rest : it->unit * (1.0 / n) * rest);
 }
@@ -45,19 +51,21 @@ VS_FUNCTION_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n)
   return -sum * (1.0 / n);
 }
 
-/* b = J^-1 R of order n, of the connection 1/2 J' omega b in R' */
+/* b = J^-1 R of order n, of the connection 1/2 J' omega b, or B b, in R' */
 VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   vs_row* const r = it->row;
   double b[MOST_SHAFTS], J_inverse[MOST_SHAFTS * MOST_SHAFTS], unused;
-  int i, j;
+  int i, j, k;
   for (i = 0; i < S; ++i) {
-    const Real* const J = r[inertia_row[i]];
     b[i] = r[inertial_row[i]][n] - r[torque_row[i]][n];
     for (j = 0; j < S; ++j) {
       J_inverse[S * i + j] = vs_inertia(it, i, j);
       b[i] += vs_inertia(it, i, j) * r[ACCELERATION + j][n];
     }
-    for (j = 1; j <= n; ++j) b[i] += J[j] * (r[ACCELERATION + i][n - j] - r[PULL + i][n - j]);
+    for (k = IS_GENERAL ? 0 : i; k < (IS_GENERAL ? S : i + 1); ++k) {
+      const Real* const J = r[IS_GENERAL ? pair_row[S * i + k] : inertia_row[i]];
+      for (j = 1; j <= n; ++j) b[i] += J[j] * (r[ACCELERATION + k][n - j] - r[PULL + k][n - j]);
+    }
   }
   (void)vs_invert(J_inverse, S, 0, 0, &unused);
   for (i = 0; i < S; ++i) {
