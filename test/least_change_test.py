@@ -7,6 +7,7 @@ of the stationarity conditions of the least 1/2 G' J^-1 G (gauss: of R = C' lamb
 """
 
 import csv
+import functools
 import os
 import pathlib
 import random
@@ -15,6 +16,7 @@ import numpy as np
 import roslib.packages
 import rosunit
 import sympy as sp
+from scipy.integrate import solve_ivp
 
 from support.simulate import SimulateTestCase
 
@@ -44,7 +46,25 @@ class System:
     def number(self, low=-1.0, high=1.0):
         return round(self.rng.uniform(low, high), 3)
 
+    def make_general_inertia(self):
+        """Entries that are formulas of all angles and the time."""
+        phi, s = self.levels[0], self.s
+        J, lines, couplings = sp.zeros(s, s), [], []
+        for i in range(s):
+            other = phi[self.rng.randrange(s)]
+            J[i, i] = (self.number(1.5, 3.0) + self.number(-0.3, 0.3) * sp.cos(phi[i] - other)
+                       * sp.sin(self.number(0.5, 2) * T)
+                       + self.number(-0.3, 0.3) * sp.sin(other) ** 2)
+            lines.append(f'shaft{i + 1}: {{inertia: "{self.written(J[i, i])}"}}')
+        for i, j in ((i, j) for i in range(s) for j in range(i)):
+            turned = phi[i] - self.number(0.5, 2) * phi[j]
+            J[i, j] = J[j, i] = self.number(-0.2, 0.2) * sp.cos(turned)
+            couplings.append(f'[shaft{i + 1}, shaft{j + 1}, "{self.written(J[i, j])}"]')
+        return J, "\n".join(lines + [f"inertia_coupling: [{', '.join(couplings)}]"])
+
     def make_inertia(self):
+        if self.rng.random() < 0.5:
+            return self.make_general_inertia()
         phi, s = self.levels[0], self.s
         J, lines = sp.zeros(s, s), []
         for i in range(s):
@@ -125,41 +145,54 @@ class System:
         return (np.einsum("abc,a,c->b", first, raised, w)
                 + 0.5 * dJ[s] @ raised)
 
-    def at(self, values):
-        """G, Z and R at a state, from the equations alone."""
+    @functools.cached_property
+    def formulas(self):
+        """Functions of (t, phi, w, e): those of the numbers that the equations are made of."""
         phi, w, e, j = self.levels
-        known = [T, *phi, *w, *e]
         zero = {symbol: 0 for symbol in j}
-
-        def number(expressions):
-            return np.array(sp.lambdify(known, expressions, "numpy")(*values), dtype=float)
-
-        R = self.reaction()
-        rates = [self.rate(it) for it in R]
         third = []
         for psi, order in zip(self.constraints, self.orders):
             for _ in range(3 - order):
                 psi = self.rate(psi)
             third.append(psi)
+        R = self.reaction()
         C = [[sp.diff(psi, symbol) for symbol in j] for psi in third]
-        J = number(self.inertia.tolist())
-        dJ = [number(sp.diff(self.inertia, q).tolist()) for q in [*phi, T]]
-        R_now = number(R)
-        rest = number([it.subs(zero) for it in rates])  # R' = J eta + rest
-        C_now, c0 = number(C), number([psi.subs(zero) for psi in third])
-        turn = self.connection(J, dJ, R_now, np.array(values[1 + self.s:1 + 2 * self.s]))
+        formulas = {
+            "J": self.inertia.tolist(), "R": R, "C": C,
+            "dJ": [sp.diff(self.inertia, q).tolist() for q in [*phi, T]],
+            "rest": [self.rate(it).subs(zero) for it in R],  # R' = J eta + rest
+            "c0": [psi.subs(zero) for psi in third],
+            "C_rest": [[self.rate(it).subs(zero) for it in row] for row in C],
+            "C_by_jerk": [[[sp.diff(self.rate(it), symbol) for symbol in j] for it in row]
+                          for row in C]}
+        return {name: sp.lambdify([T, *phi, *w, *e], it, "numpy") for name, it in formulas.items()}
+
+    def solve(self, values):
+        """G, R, J and the jerk at a state, from the equations alone."""
+        now = {name: np.array(of(*values), dtype=float) for name, of in self.formulas.items()}
+        w = np.array(values[1 + self.s:1 + 2 * self.s])
+        turn = self.connection(now["J"], now["dJ"], now["R"], w)
         if self.principle == "generalized_gauss":
-            matrix, right = self.saddle(J, -C_now.T, C_now), np.concatenate([turn - rest, -c0])
+            matrix, right = now["J"], turn - now["rest"]
         else:  # R = C' lambda, and so is its rate
-            lam = np.linalg.lstsq(C_now.T, R_now, rcond=None)[0]
-            turning = [sum(lam[m] * self.rate(C[m][i]) for m in range(self.k))
-                       for i in range(self.s)]
-            curved = number([[sp.diff(it, symbol) for symbol in j] for it in turning])
-            matrix = self.saddle(J - curved, -C_now.T, C_now)
-            right = np.concatenate([number([it.subs(zero) for it in turning]) - rest, -c0])
-        eta = np.linalg.solve(matrix, right)[:self.s]
-        G = J @ eta + rest - turn
-        return G, 0.5 * G @ np.linalg.solve(J, G), 0.5 * R_now @ np.linalg.solve(J, R_now)
+            lam = np.linalg.lstsq(now["C"].T, now["R"], rcond=None)[0]
+            matrix = now["J"] - np.einsum("m,mij->ij", lam, now["C_by_jerk"])
+            right = lam @ now["C_rest"] - now["rest"]
+        saddle = self.saddle(matrix, -now["C"].T, now["C"])
+        eta = np.linalg.solve(saddle, np.concatenate([right, -now["c0"]]))[:self.s]
+        return now["J"] @ eta + now["rest"] - turn, now["R"], now["J"], eta
+
+    def at(self, values):
+        """G, Z and the constraint measure."""
+        G, R, J, _ = self.solve(values)
+        return G, 0.5 * G @ np.linalg.solve(J, G), 0.5 * R @ np.linalg.solve(J, R)
+
+    def move(self, values, end):
+        """The state at `end`, by DOP853."""
+        def rates(t, x):
+            return np.concatenate([x[self.s:], self.solve([t, *x])[3]])
+        solution = solve_ivp(rates, (values[0], end), values[1:], "DOP853", rtol=1e-11, atol=1e-11)
+        return solution.y[:, -1]
 
     @staticmethod
     def saddle(J, upper, lower):
@@ -175,11 +208,13 @@ class LeastChangeTest(SimulateTestCase):
         if result.returncode == 1:
             return False  # the motion ends
         self.assertEqual(result.returncode, 0, result.stderr)
-        for row in csv.DictReader(result.stdout.splitlines()):
-            names = [f"shaft{i + 1}/" for i in range(system.s)]
+        rows, states = list(csv.DictReader(result.stdout.splitlines())), []
+        names = [f"shaft{i + 1}/" for i in range(system.s)]
+        for row in rows:
             values = [float(row["time"])] + [float(row[name + of]) for of in
                                              ("angle", "velocity", "acceleration")
                                              for name in names]
+            states.append(values)
             G, Z, constraint_measure = system.at(values)
             scale = max(1.0, np.abs(G).max())
             for name, expected in zip(names, G):
@@ -190,6 +225,8 @@ class LeastChangeTest(SimulateTestCase):
                             1e-10 * max(1.0, constraint_measure))
             self.assertEqual(row["outputs/z"], row["principle/Z"])
             self.assertAlmostEqual(float(row["outputs/length"]), (2 * Z) ** 0.5, delta=1e-9 * scale)
+        moved = system.move(states[0], 0.4)
+        np.testing.assert_allclose(states[1][1:], moved, rtol=1e-7, atol=1e-7)
         checked = self.simulate(scene, "--duration", "0.4", "--check-minimum", "--set",
                                 "solver/machine_code=never")
         self.assertEqual(checked.returncode, 0, checked.stdout + checked.stderr)
@@ -208,7 +245,8 @@ class LeastChangeTest(SimulateTestCase):
                                      "--check-minimum", "--curves", str(curves))
         self.assertIn("generalized_gauss", result.stdout)
         with open(curves, encoding="utf-8") as file:
-            rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+            rows = [{key: float(value) for key, value in row.items()}
+                    for row in csv.DictReader(file)]
         self.assertEqual({row["time"] for row in rows}, {0.0, 1.0, 2.5})
         for time in {row["time"] for row in rows}:
             here = [row for row in rows if row["time"] == time]

@@ -1,8 +1,6 @@
 #include "analysis/principle_check.h"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 #include <tuple>
 
 #include "analysis/decompositions.h"
@@ -44,8 +42,6 @@ VectorXd solve(const MatrixXd& M, const VectorXd& right) {
 }
 
 constexpr double kRank = 1e-12;
-/// (1e-12 N m/s)^2 or (1e-12 N m)^2 on 1 kg m^2: less is rounding of torques around 1.
-constexpr double kSmallestScale = 1e-24;
 
 }  // namespace
 
@@ -78,15 +74,6 @@ VectorXd PrincipleSystem::solveByStationarity() const {
   VectorXd right(s + k);
   right << -g, -c;
   return solve(M, right).head(s);
-}
-
-VectorXd PrincipleSystem::solveByElimination() const {
-  if (J.rows() != 2 || C.rows() != 1 || C(0, 1) == 0.0) return {};
-  // F1 - (c1/c2) F2 = 0
-  MatrixXd M(2, 2);
-  const double ratio = C(0, 0) / C(0, 1);
-  M << J.row(0) - ratio * J.row(1), C;
-  return solve(M, VectorXd{{ratio * g(1) - g(0), -c(0)}});
 }
 
 MatrixXd PrincipleSystem::admissibleDirections() const {
@@ -230,49 +217,8 @@ LeastChange PrincipleCheck::compare(const PrincipleSystem& system, const VectorX
     made.least = 0.5 * solveLeastSquares(B, d, kRank).squaredNorm();
     made.off = solveLeastSquares(B, B * y - d, kRank).norm();
   }
-  made.scale += made.least + kSmallestScale;
-  made.difference = std::abs(made.measure - made.least);
+  made.scale += made.least;
   return made;
-}
-
-double PrincipleCheck::calcRounding(const OperatingPoint& point) {
-  const auto shortest = [this](const OperatingPoint& at) -> VectorXd {
-    const PrincipleSystem system = calc(at);
-    const MatrixXd L = factor(system.J);
-    const MatrixXd B = solveLower(L, system.C.transpose()).transpose();
-    if (B.rows() == 0) return VectorXd::Zero(L.rows());
-    return solveLeastSquares(B, B * solveLower(L, system.g) - system.c, kRank);
-  };
-  constexpr double kUlps = 8.0 * std::numeric_limits<double>::epsilon();
-  const VectorXd y = shortest(point);
-  OperatingPoint moved = point;
-  double sum = 0.0;
-  const auto move = [&](double& value) {
-    const double kept = value;
-    value += kUlps * std::abs(value);
-    sum += (shortest(moved) - y).norm();
-    value = kept;
-  };
-  move(moved.time);
-  for (auto* values : {&moved.angle, &moved.velocity, &moved.acceleration, &moved.input,
-                       &moved.input_rate, &moved.input_second_rate}) {
-    for (double& value : *values) move(value);
-  }
-  return sum;
-}
-
-double LeastChange::excess() const {
-  return difference / scale;
-}
-
-double LeastChange::distance() const {
-  return off / std::sqrt(2.0 * scale);
-}
-
-void LeastChange::forgive(double rounding) {
-  const double length = std::sqrt(2.0 * measure) + std::sqrt(2.0 * least);
-  difference = std::max(0.0, difference - rounding * (length + rounding));
-  off = std::max(0.0, off - rounding);
 }
 
 }  // namespace variator_sim

@@ -35,24 +35,16 @@ struct PrincipleSystem {
   /// Returns x by [16]: S1 = 1/2 x^T J x + g.x is stationary over all x with C x + c = 0, with
   /// multipliers.
   Eigen::VectorXd solveByStationarity() const;
-  /// Returns x by [15], for two shafts and one constraint with c2 != 0; else none.
-  Eigen::VectorXd solveByElimination() const;
   /// Returns unit directions h, h^T J h = 1, with C h = 0, one per column.
   Eigen::MatrixXd admissibleDirections() const;
 };
 
 /// A motion's Z beside the least one.
 struct LeastChange {
-  double measure = 0.0;     ///< Z of the motion's own F
-  double difference = 0.0;  ///< of these two
-  double least = 0.0;       ///< the least Z over all x that the constraints allow
-  double scale = 0.0;       ///< `least` and Z(0), the measure of x = 0: these are compared
-  double off = 0.0;         ///< the distance, in sqrt(2 Z), of the motion's x from C x + c = 0
-  /// Return the excess, and the distance, as a part of the scale.
-  double excess() const;
-  double distance() const;
-  /// Takes away what errors of y by `rounding` may make.
-  void forgive(double rounding);
+  double measure = 0.0;  ///< Z of the motion's own F
+  double least = 0.0;    ///< the least Z over all x that the constraints allow
+  double scale = 0.0;    ///< `least` and Z(0), the measure of x = 0: these are compared
+  double off = 0.0;      ///< the distance, in sqrt(2 Z), of the motion's x from C x + c = 0
 };
 
 class PrincipleCheck {
@@ -67,8 +59,6 @@ class PrincipleCheck {
   /// Returns F of the motion itself.
   Eigen::VectorXd ownOf(const Sample& sample) const;
   static LeastChange compare(const PrincipleSystem& system, const Eigen::VectorXd& own);
-  /// Returns what the rounding of the time, the state and the inputs makes of the least y.
-  double calcRounding(const OperatingPoint& point);
 
   /// Returns sentences about what the check cannot tell in this scene.
   std::vector<std::string> limits() const;

@@ -61,6 +61,19 @@ inline expression::Node addHarmonics(expression::Graph& graph, const Scene& scen
   return sum;
 }
 
+/// The entries of J, row by row.
+inline std::vector<expression::Node> inertiaOf(expression::Graph& graph, const Scene& scene) {
+  if (!scene.inertia_formulas.empty()) return scene.inertia_formulas;
+  std::vector<expression::Node> J;
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    for (int j = 0; j < scene.shaftCount(); ++j) {
+      const expression::Node number = graph.constant(scene.inertia(i, j));
+      J.push_back(i == j ? addHarmonics(graph, scene, i, number) : number);
+    }
+  }
+  return J;
+}
+
 /// 1/2 J_i' omega_i of the inertia J_i of shaft i.
 inline expression::Node connectionOf(expression::Graph& graph, expression::Node inertia, int i) {
   const expression::Node omega = graph.variable(slotOf(expression::Source::kVelocity, i));

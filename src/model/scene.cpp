@@ -401,7 +401,11 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   scene.graph->limitOperands(kMostOperands);
   Faults faults;
   bool verify_derivatives = true;
-  faults.collect([&] { readInertia(root, &scene); });
+  bool has_inertia = false;
+  faults.collect([&] {
+    readInertia(root, &scene);
+    has_inertia = true;
+  });
   faults.collect(
       [&] { scene.principle = readWord(root, "principle", kPrinciples, scene.principle); });
   faults.collect([&] { scene.initial = readInitial(root, scene.shafts.size()); });
@@ -412,7 +416,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
     scene.symbols = readSceneSymbols(root, names, scene.inputs, &scene.warnings);
     declareMemory(root, names, &scene);
     has_symbols = true;
-    readInertiaFormulas(root, &scene);
+    if (has_inertia) readInertiaFormulas(root, &scene);
   });
   // Without these names formulas would be blamed for other faults.
   if (!has_symbols) faults.tell();

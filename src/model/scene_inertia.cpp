@@ -332,13 +332,7 @@ Node readEntry(ParameterReader& reader, const std::string& name, const std::stri
 void readInertiaFormulas(ParameterReader& root, Scene* scene) {
   Graph& graph = *scene->graph;
   const int S = scene->shaftCount();
-  std::vector<Node> J;
-  for (int i = 0; i < S; ++i) {
-    for (int j = 0; j < S; ++j) {
-      const Node number = graph.constant(scene->inertia(i, j));
-      J.push_back(i == j ? addHarmonics(graph, *scene, i, number) : number);
-    }
-  }
+  std::vector<Node> J = inertiaOf(graph, *scene);
   bool are_constant = true;
   const auto set = [&](int i, int j, Node entry) {
     J[static_cast<std::size_t>(S * i + j)] = J[static_cast<std::size_t>(S * j + i)] = entry;

@@ -221,7 +221,15 @@ double ProgramMotion::lastInside() const {
 void ProgramMotion::stop(scene_status status) {
   stop(reasonOf(status));
   status_.time = frontTime();
-  if (quantities.isInertiaLost(view())) status_.reason = StopReason::kIndefiniteInertia;
+  double input[kMaxInputs];
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    input[i] = signal_[i].value(signal_origin_.relative(frontTime()));
+  }
+  StateView front{};
+  front.time = frontTime();
+  front.angle = state_;
+  front.input = input;
+  if (quantities.isInertiaLost(front)) status_.reason = StopReason::kIndefiniteInertia;
 }
 
 // --- commands --------------------------------------------------------------------------------

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "model/formula_laws.h"
+
 namespace variator_sim {
 
 const char* toString(QuantityGroup group) {
@@ -11,10 +13,7 @@ const char* toString(QuantityGroup group) {
 }
 
 Quantities::Quantities(const Scene& scene)
-    : scene_(scene), inertia_(scene.inertia, scene.inertia_harmonics) {
-  if (!scene.inertia_formulas.empty()) {
-    general_inertia_ = expression::Tape(*scene.graph, scene.inertia_formulas);
-  }
+    : scene_(scene), inertia_(*scene.graph, inertiaOf(*scene.graph, scene)) {
   auto& [names, inputs, outputs, states, variables, principle] = names_;
   for (const CommandInputSettings& input : scene.inputs) {
     (input.kind == InputKind::kState      ? states
@@ -98,34 +97,26 @@ void Quantities::calcOutputs(const StateView& state, const Sample& sample, doubl
 
 void Quantities::calcPrinciple(const StateView& state, const Sample& sample, double* values) const {
   const int S = scene_.shaftCount();
-  const bool is_general = !scene_.inertia_formulas.empty();
-  DenseMatrix J;
-  if (is_general) J = calcGeneralInertia(state);
+  const DenseMatrix J = calcInertia(state);
   const auto measure = [&](const double* torque) {
-    DenseVector by_inertia = Eigen::Map<const Eigen::VectorXd>(torque, S);
-    if (is_general) {
-      solveSymmetric(J, 0.0, &by_inertia);
-    } else {
-      inertia_.solve(torque, by_inertia.data());
-    }
-    double sum = 0.0;
-    for (int i = 0; i < S; ++i) sum += 0.5 * torque[i] * by_inertia(i);
-    return sum;
+    const Eigen::Map<const Eigen::VectorXd> F(torque, S);
+    DenseVector by_inertia = F;
+    solveSymmetric(J, 0.0, &by_inertia);
+    return 0.5 * F.dot(by_inertia);
   };
-  if (!is_general && !inertia_.isConstant()) inertia_.updateValue(sample.angle);
   values = std::copy_n(sample.reaction_torque_covariant_rate, S, values);
   *values++ = measure(sample.reaction_torque_covariant_rate);
   *values = measure(sample.reaction_torque);
 }
 
-DenseMatrix Quantities::calcGeneralInertia(const StateView& state) const {
+DenseMatrix Quantities::calcInertia(const StateView& state) const {
   const int S = scene_.shaftCount();
-  return Eigen::Map<const Eigen::MatrixXd>(general_inertia_.evaluate(state), S, S);
+  return Eigen::Map<const Eigen::MatrixXd>(inertia_.evaluate(state), S, S);
 }
 
 bool Quantities::isInertiaLost(const StateView& state) const {
   if (scene_.inertia_formulas.empty()) return false;
-  const DenseMatrix J = calcGeneralInertia(state);
+  const DenseMatrix J = calcInertia(state);
   constexpr double kLost = 1e-6;  // of the largest entry: accelerations grow as its inverse
   DenseVector unused = DenseVector::Zero(J.rows());
   return !solveSymmetric(J, kLost * J.cwiseAbs().maxCoeff(), &unused);

@@ -7,7 +7,6 @@
 
 #include "dynamics/dense.h"
 #include "variator_sim/expression/tape.h"
-#include "variator_sim/inertia.h"
 #include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
@@ -36,14 +35,13 @@ class Quantities {
   void calcOutputs(const StateView& state, const Sample& sample, double* values) const;
   /// Writes G, Z = 1/2 G^T J^-1 G and 1/2 R^T J^-1 R.
   void calcPrinciple(const StateView& state, const Sample& sample, double* values) const;
-  DenseMatrix calcGeneralInertia(const StateView& state) const;
+  DenseMatrix calcInertia(const StateView& state) const;
   void calcElements(const StateView& state, double* values) const;
   void calcInputs(InputKind kind, const StateView& state, double* values) const;
 
   const Scene& scene_;
-  mutable Inertia inertia_;           ///< at the angles of the last sample
-  expression::Tape general_inertia_;  ///< J by formulas, where there are any
-  bool reads_principle_ = false;      ///< some output does
+  expression::Tape inertia_;      ///< J
+  bool reads_principle_ = false;  ///< some output does
   std::array<std::vector<std::string>, kQuantityGroups.size()> names_;
   /// Shafts per torque and per constraint.
   std::vector<std::vector<int>> shafts_;

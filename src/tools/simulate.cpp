@@ -396,9 +396,10 @@ int runChecked(Simulation& simulation, OfflineRun& offline_run, const SimulateOp
   MinimumWatch watch(simulation, !options.curves_path.empty());
   offline_run.lookAt([&watch](const Sample& sample) { watch.look(sample); });
   const int status = run(simulation, offline_run, *makeWriter(simulation, options), options, span);
-  writeOutput("", watch.describe());
+  bool is_least = true;
+  writeOutput("", watch.describe(&is_least));
   if (!options.curves_path.empty()) writeOutput(options.curves_path, watch.curves());
-  if (watch.isLeast()) return status;
+  if (is_least) return status;
   std::fputs("simulate: the motion is not the one of least Z\n", stderr);
   return status == kSuccess ? kNotLeast : status;
 }

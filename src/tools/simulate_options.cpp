@@ -210,6 +210,9 @@ void completeOptions(const OptionParser& given, SimulateOptions& options) {
     throw UsageError("--until-rest needs a --duration, after which it gives up");
   }
   options.format = formatOf(options.output_path);
+  if (options.compare_principles && !endsWith(options.output_path, ".csv")) {
+    throw UsageError("--compare-principles needs an --output FILE.csv");
+  }
   refuseOverwriting(options);
 }
 
@@ -329,9 +332,9 @@ usage: simulate SCENE.yaml --duration S [options]
                           Z = 1/2 G^T J^-1 G (gauss: 1/2 R^T J^-1 R) that the constraints allow,
                           found without the solver; samples are written with --output only
   --curves FILE.csv       of --check-minimum: Z along the admissible directions at each sample
-  --compare-principles    run the scene under generalized_gauss [15], gauss [17] and [18], and print
-                          the largest difference of each column; --output FILE.csv writes
-                          FILE_generalized_gauss.csv, FILE_gauss.csv and FILE_formal.csv
+  --compare-principles    run the scene under generalized_gauss [15], gauss [17] and [18] into
+                          FILE_generalized_gauss.csv, FILE_gauss.csv and FILE_formal.csv, beside
+                          the --output FILE.csv, for `plot --compare`
   --explain               print the scene's equations of motion instead of running it: its laws
                           simplified, what they have in common, what is not computed and why
   --latex                 of --explain: as a LaTeX document
