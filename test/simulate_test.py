@@ -176,7 +176,8 @@ class SimulateTest(SimulateTestCase):
         self.check_refused([SHIP, "--duration", "1", "--columns"], "needs a value")
         self.check_refused([SHIP, "--duration", "1", "--columns", "state,enrgy"], "'enrgy'",
                            "did you mean 'energy'",
-                           "allowed: state, elements, inputs, outputs, states, variables, energy")
+                           "allowed: state, elements, inputs, outputs, states, variables, "
+                           "principle, energy")
         self.check_refused([SHIP, "--duration", "1", "--columns", "element"],
                            "did you mean 'elements'")
         self.check_refused([SHIP, "--duration", "1", "--columns", "state,"], "''")

@@ -237,6 +237,9 @@ class Simulation:
     def variables(self) -> Dict[str, float]:
         """The scene's variables at the present."""
     @property
+    def principle(self) -> Dict[str, float]:
+        """G of each shaft, N m/s, its measure Z and the constraint measure."""
+    @property
     def inputs(self) -> Dict[str, float]:
         """Commanded inputs in force, after hold and clamp."""
     @property

@@ -318,9 +318,10 @@ usage: simulate SCENE.yaml --duration S [options]
                           elements (the torques and powers of each torque element, and what
                           elements tell beside: slip, ratio, modes), inputs (commanded inputs in
                           force), outputs (the scene's own), states (the scene's own),
-                          variables (the scene's own), energy (kinetic energy, energies of the
-                          applied torques and of the reactions since the start, J, and their
-                          powers, W)
+                          variables (the scene's own), principle (the covariant rate G of the
+                          reactions, and 1/2 G^T J^-1 G and 1/2 R^T J^-1 R), energy (kinetic
+                          energy, energies of the applied torques and of the reactions since the
+                          start, J, and their powers, W)
   --energy                adds energy to the columns: --columns state,energy
   --error                 an estimate of the global error behind each angle, velocity and
                           acceleration (columns .../estimated_error), by a second, finer motion;
@@ -361,8 +362,8 @@ usage: simulate SCENE.yaml --duration S [options]
 A sample at the instant of a command shows the state after it. A bag holds the topics `state`
 (variator_sim/DrivetrainState), `joint_states` (sensor_msgs/JointState) and `scene`
 (variator_sim/SceneInfo), with these groups `elements`, `inputs`, `outputs`, `states`,
-`variables` (variator_sim/NamedValues) and `energy` (variator_sim/DrivetrainEnergy), stamped with
-simulated time.
+`variables`, `principle` (variator_sim/NamedValues) and `energy`
+(variator_sim/DrivetrainEnergy), stamped with simulated time.
 
 Exit status: 0 the end was reached, or the reader of standard output went away
              1 the motion stopped: reason, time and last good state are on standard error;
