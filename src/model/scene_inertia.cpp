@@ -356,8 +356,12 @@ void readInertiaFormulas(ParameterReader& root, Scene* scene) {
     const ParameterTree value = valueOf(coupling);
     ParameterReader reader(value, path);
     if (!isFormula(reader, "value")) continue;
-    set(i, j, readEntry(reader, path, "value", *scene, scene->inputs));
     is_any = true;
+    try {
+      set(i, j, readEntry(reader, path, "value", *scene, scene->inputs));
+    } catch (const SceneError& error) {
+      throw SceneError(elementPath(path, 2), error.message());
+    }
   }
   if (!is_any) return;
   takeFormulas(std::move(J), are_constant, scene);
