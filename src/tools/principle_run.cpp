@@ -61,7 +61,7 @@ void MinimumWatch::addCurves(double time, const PrincipleSystem& system, const V
 
 std::string MinimumWatch::describe(bool* is_least) const {
   constexpr double kAllowed = 1e-9;
-  constexpr double kQuiet = 1e-9;  // of the largest scale: less is rounding of what has passed
+  constexpr double kQuiet = 1e-7;  // of the largest scale: less is rounding of what has passed
   double largest = std::numeric_limits<double>::min();
   for (const Looked& it : looked_) largest = std::max(largest, it.change.scale);
   double excess = 0.0;

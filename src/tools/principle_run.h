@@ -21,8 +21,8 @@ class MinimumWatch {
   /// Compares at the simulation's current time, whose sample this is.
   void look(const Sample& sample);
   /// Returns the result in sentences. `is_least` tells that excess and distance from the
-  /// constraints are within 1e-9 of the scale of Z: that of the instant, or a billionth of the
-  /// largest of the run where that is more.
+  /// constraints are within 1e-9 of the scale of Z: that of the instant, or a ten-millionth of
+  /// the largest of the run where that is more.
   std::string describe(bool* is_least) const;
   /// Returns Z along the admissible directions as a CSV: time, direction, step, Z.
   const std::string& curves() const { return curves_; }
